@@ -1,0 +1,24 @@
+"""Parameters: frozen dataclasses that cannot be wrong, filled from YAML, from ROS or in tests."""
+
+from smart_tire.parameters.files import load_files
+from smart_tire.parameters.hardware import ImuDriverParams, MotorDriverParams, TireReceiverParams
+from smart_tire.parameters.robot import RobotParams
+from smart_tire.parameters.simulation import SimulatorParams
+from smart_tire.parameters.spec import build, known_names, Spec, specs
+from smart_tire.parameters.tuning import (
+    FrictionEstimatorParams, SlipEstimatorParams, WheelControllerParams)
+
+NODE_PARAMS = {
+    'tire_receiver': TireReceiverParams,
+    'imu_driver': ImuDriverParams,
+    'motor_driver': MotorDriverParams,
+    'slip_estimator': SlipEstimatorParams,
+    'friction_estimator': FrictionEstimatorParams,
+    'wheel_controller': WheelControllerParams,
+    'robot_simulator': SimulatorParams,
+}
+
+__all__ = [
+    'build', 'FrictionEstimatorParams', 'ImuDriverParams', 'known_names', 'load_files',
+    'MotorDriverParams', 'NODE_PARAMS', 'RobotParams', 'SimulatorParams', 'SlipEstimatorParams',
+    'Spec', 'specs', 'TireReceiverParams', 'WheelControllerParams']

@@ -1,0 +1,83 @@
+"""ROS parameter files: YAML with ``<node>: {ros__parameters: {...}}``, read without ROS."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from smart_tire.errors import ParameterError
+from smart_tire.parameters.spec import unknown_name
+
+ROS_NAMES = ('use_sim_time', 'start_type_description_service')  # every ROS node has these
+
+
+def load_files(paths: Iterable[str | Path], node: str, known: Iterable[str],
+               wanted: Iterable[str]) -> dict[str, Any]:
+    """
+    Return the flat parameters that ``paths`` give to ``node``; later files and blocks win.
+
+    ``known`` are the names that any node of this package has: another one is an error, for it
+    is most likely misspelt. ``wanted`` are the names that this node takes; the rest is for its
+    neighbours. Raises ParameterError if a file is missing or is no parameter file.
+    """
+    known, wanted = set(known), set(wanted)
+    values: dict[str, Any] = {}
+    for path in paths:
+        for block, parameters in _blocks(Path(path)):
+            check_names(parameters, known, f'{path}: ')
+            if _matches(block, node):
+                values.update((name, value) for name, value in parameters.items()
+                              if name in wanted)
+    return values
+
+
+def check_names(names: Iterable[str], known: Iterable[str], where: str = '') -> None:
+    """Raise ParameterError for the first of ``names`` that no node of this package has."""
+    known = set(known)
+    for name in names:
+        if name not in known and name not in ROS_NAMES and not name.startswith('qos_overrides.'):
+            raise unknown_name(name, known, where)
+
+
+def _blocks(path: Path) -> list[tuple[str, dict[str, Any]]]:
+    try:
+        document = yaml.safe_load(path.read_text(encoding='utf-8'))
+    except OSError as error:
+        raise ParameterError(f'{path}: cannot be read ({error.strerror})') from error
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise ParameterError(f'{path}: not a YAML file: {error}') from error
+    if not isinstance(document, Mapping):
+        raise ParameterError(f'{path}: expected "<node>: ros__parameters: ..." at the top')
+    return [block for key, value in document.items() for block in _walk(path, str(key), value)]
+
+
+def _walk(path: Path, name: str, value: Any) -> list[tuple[str, dict[str, Any]]]:
+    if not isinstance(value, Mapping):
+        raise ParameterError(f'{path}: {name} has no ros__parameters')
+    if 'ros__parameters' in value:
+        inner = value['ros__parameters'] or {}
+        if not isinstance(inner, Mapping):
+            raise ParameterError(f'{path}: ros__parameters of {name} is no mapping')
+        return [(name, flatten(inner))]
+    return [block for key, deeper in value.items()
+            for block in _walk(path, f'{name.rstrip("/")}/{key}', deeper)]
+
+
+def flatten(tree: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:
+    """Return a nested mapping with its keys joined by dots."""
+    flat: dict[str, Any] = {}
+    for key, value in tree.items():
+        if isinstance(value, Mapping):
+            flat.update(flatten(value, f'{prefix}{key}.'))
+        else:
+            flat[f'{prefix}{key}'] = value
+    return flat
+
+
+def _matches(block: str, node: str) -> bool:
+    pattern = block.rsplit('/', 1)[-1]
+    return pattern == '**' or fnmatchcase(node, pattern)

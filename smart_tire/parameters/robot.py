@@ -1,0 +1,111 @@
+"""The robot: geometry, mass, tire, films and sensors (``config/robot.yaml``)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from smart_tire.parameters.spec import group, param
+from smart_tire.samples import WHEELS
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImuParams:
+    """Mounting and errors of the inertial unit."""
+
+    position: tuple[float, ...] = param(
+        (0.05, 0.02, 0.10), 'm', 'position of imu_link in base_link', length=3)
+    rotation: tuple[float, ...] = param(
+        (0.0, 0.0, 0.0), 'rad', 'roll, pitch, yaw of imu_link in base_link', length=3)
+    gyro_noise: float = param(0.01, 'rad/s', 'standard deviation of one sample', low=1e-6)
+    accel_noise: float = param(0.05, 'm/s2', 'standard deviation of one sample', low=1e-6)
+    gyro_bias: float = param(0.01, 'rad/s', 'standard deviation of the turn-on bias', low=0.0)
+    accel_bias: float = param(0.05, 'm/s2', 'standard deviation of the turn-on bias', low=0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class EncoderParams:
+    """Wheel encoders."""
+
+    counts_per_revolution: float = param(2000.0, '-', 'counts per turn of a wheel', low=1.0)
+    stamp_jitter: float = param(0.001, 's', 'standard deviation of the stamps', low=0.0)
+    latency: float = param(0.0, 's', 'how late wheel_states stamps are', low=-1.0, high=1.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TireParams:
+    """Contact patch and stiffness of a tire."""
+
+    contact_length: float = param(0.046, 'm', 'length L of the contact patch', low=1e-3)
+    contact_width: float = param(0.089, 'm', 'width B of the contact patch', low=1e-3)
+    longitudinal_stiffness: float = param(
+        52.7, 'N', 'C_x, per unit slip and wheel, of tire and ground', low=1e-3)
+    longitudinal_stiffness_sigma: float = param(
+        0.1, '-', 'relative one sigma of the stiffness', low=0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FilmParams:
+    """The PVDF films and their signal chain; lists hold two per wheel, or two for all."""
+
+    wheels: tuple[str, ...] = param(
+        ('front_right',), '-', 'instrumented wheels', choices=WHEELS)
+    length: float = param(0.020, 'm', 'length l of a film', low=1e-3)
+    width: float = param(0.003, 'm', 'width b of a film', low=1e-4)
+    spacing: float = param(0.030, 'm', 'between film centres along the circumference', low=0.0)
+    stretch_gain: tuple[float, ...] = param(
+        (307.5, 242.5), 'V/m', 'volts per metre of the overlap integral, per film', low=1e-3)
+    stretch_gain_tolerance: float = param(0.03, '-', 'relative one sigma of the gains', low=0.0)
+    bending_peak: tuple[float, ...] = param((0.83, 0.66), 'V', 'q_bm, per film', low=0.0)
+    bending_alpha: float = param(67.0, '1/m', 'shape of the bending charge, B(15)', low=1e-3)
+    release: str = param('fig8', '-', 'what happens at release', choices=('fig8', 'state'))
+    noise: float = param(0.005, 'V', 'standard deviation of one sample', low=0.0)
+    rest_voltage: float = param(1.65, 'V', 'output without deformation', low=0.0)
+    voltage_range: float = param(3.3, 'V', 'full scale of the converter', low=1e-3)
+    bits: int = param(10, '-', 'resolution of the converter', low=1, high=24)
+    sample_rate: float = param(400.0, 'Hz', 'samples per second of a wheel unit', low=1.0)
+
+    def __post_init__(self) -> None:
+        for name in ('stretch_gain', 'bending_peak'):
+            count = len(getattr(self, name))
+            if count not in (2, 2 * len(self.wheels)):
+                raise ValueError(f'film.{name} has {count} values, expected 2 for all wheels or '
+                                 f'2 for each of {len(self.wheels)} in film.wheels')
+        if len(set(self.wheels)) != len(self.wheels):
+            raise ValueError(f'film.wheels names a wheel twice: {list(self.wheels)}')
+
+    def gains(self, wheel: str) -> tuple[float, float]:
+        """Return the stretch gains [V/m] of the two films of ``wheel``."""
+        return self._pair(self.stretch_gain, wheel)
+
+    def bending(self, wheel: str) -> tuple[float, float]:
+        """Return the bending peaks [V] of the two films of ``wheel``."""
+        return self._pair(self.bending_peak, wheel)
+
+    def _pair(self, values: tuple[float, ...], wheel: str) -> tuple[float, float]:
+        start = 0 if len(values) == 2 else 2 * self.wheels.index(wheel)
+        return values[start], values[start + 1]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SlipParams:
+    """When slip is defined."""
+
+    standstill_speed: float = param(
+        0.05, 'm/s', 'slip is undefined where wheel and robot are slower', low=1e-4)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotParams:
+    """The robot as all nodes see it; defaults are paper B's robot where the paper has them."""
+
+    wheel_radius: float = param(0.087, 'm', 'effective rolling radius', low=1e-3)
+    track_width: float = param(0.38, 'm', 'between left and right wheel centres', low=1e-2)
+    wheelbase: float = param(0.26, 'm', 'between front and rear wheel centres', low=1e-2)
+    mass: float = param(10.9, 'kg', 'of the whole robot', low=1e-2)
+    yaw_inertia: float = param(0.35, 'kg m2', 'about the vertical axis', low=1e-4)
+    center_of_mass: tuple[float, ...] = param((0.0, 0.0, 0.11), 'm', 'in base_link', length=3)
+    imu: ImuParams = group(ImuParams)
+    encoder: EncoderParams = group(EncoderParams)
+    tire: TireParams = group(TireParams)
+    film: FilmParams = group(FilmParams)
+    slip: SlipParams = group(SlipParams)

@@ -1,0 +1,47 @@
+"""The estimators and the controller (``config/tuning.yaml``)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from smart_tire.parameters.robot import RobotParams
+from smart_tire.parameters.spec import param, part
+
+RELIABILITIES = ('reliable', 'best_effort')
+
+
+@dataclass(frozen=True, kw_only=True)
+class SlipEstimatorParams:
+    """Slip estimator: an extended Kalman filter on IMU and wheels."""
+
+    reorder_window: float = param(
+        0.03, 's', 'how far message stamps may be out of order', low=0.0, high=1.0)
+    constraint: str = param('plain', '-', 'slips in B(7): plain, or as printed',
+                            choices=('plain', 'printed'))
+    reliability: str = param('reliable', '-', 'of the input subscriptions', choices=RELIABILITIES)
+    robot: RobotParams = part(RobotParams)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrictionEstimatorParams:
+    """Friction estimator: two peaks per passage."""
+
+    reorder_window: float = param(
+        0.06, 's', 'how far message stamps may be out of order', low=0.0, high=1.0)
+    map: str = param('exact', '-', 'peak interval to adhesion length: exact, or as printed',
+                     choices=('exact', 'printed'))
+    reliability: str = param('reliable', '-', 'of the input subscriptions', choices=RELIABILITIES)
+    robot: RobotParams = part(RobotParams)
+
+
+@dataclass(frozen=True, kw_only=True)
+class WheelControllerParams:
+    """Wheel controller: one PID per wheel on its speed."""
+
+    rate: float = param(16.0, 'Hz', 'control steps per second', low=1.0, high=200.0)
+    cmd_vel_timeout: float = param(
+        0.5, 's', 'stop when no cmd_vel came for so long', low=0.02, high=60.0)
+    effective_track: float = param(
+        0.38, 'm', 'track that a differential drive of the same yaw rate would have', low=1e-2)
+    reliability: str = param('reliable', '-', 'of the input subscriptions', choices=RELIABILITIES)
+    robot: RobotParams = part(RobotParams)

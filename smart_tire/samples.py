@@ -1,0 +1,144 @@
+"""
+Frozen records in SI units that flow between all parts of the package.
+
+Time is an integer of nanoseconds. Axes are those of REP-103: x forward, y left, z up.
+Wheels are always in the order of ``WHEELS``, the paper's wheels 1 to 4.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+
+NS_PER_S = 1_000_000_000
+WHEELS = ('front_left', 'front_right', 'rear_left', 'rear_right')
+LEFT = (0, 2)   # indices into WHEELS
+RIGHT = (1, 3)  # indices into WHEELS
+NAN = math.nan
+
+Vector3 = tuple[float, float, float]
+Four = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class ImuSample:
+    """One reading of the inertial unit, in ``imu_link``."""
+
+    stamp_ns: int
+    acceleration: Vector3  # m/s2, specific force: +g on z at rest
+    rate: Vector3          # rad/s
+    orientation: tuple[float, float, float, float] | None = None  # quaternion x, y, z, w
+
+
+@dataclass(frozen=True, slots=True)
+class WheelSample:
+    """One reading of the four wheels; positive rolls the robot forward on both sides."""
+
+    stamp_ns: int
+    velocity: Four                 # rad/s, mean over the period that ends at the stamp
+    position: Four | None = None   # rad, unwrapped, at the stamp
+    effort: Four | None = None     # applied duty, -1 to 1
+
+
+@dataclass(frozen=True, slots=True)
+class TireSample:
+    """One conversion of the amplifiers of one wheel's films."""
+
+    stamp_ns: int              # instant of the conversion
+    wheel: str                 # one of WHEELS
+    volts: tuple[float, ...]   # V, one per film, film 1 enters the patch first rolling forward
+
+
+@dataclass(frozen=True, slots=True)
+class BatterySample:
+    """State of a wheel unit's battery."""
+
+    stamp_ns: int
+    wheel: str
+    volts: float  # V
+
+
+@dataclass(frozen=True, slots=True)
+class VelocityCommand:
+    """Wanted velocity of the body in ``base_link``."""
+
+    stamp_ns: int
+    v_x: float       # m/s, forward
+    yaw_rate: float  # rad/s, counter-clockwise
+
+
+@dataclass(frozen=True, slots=True)
+class WheelCommand:
+    """Set points of the wheel speeds."""
+
+    stamp_ns: int
+    velocity: Four  # rad/s
+
+
+@dataclass(frozen=True, slots=True)
+class MotorCommand:
+    """Duties for the motors."""
+
+    stamp_ns: int
+    duty: Four  # -1 to 1
+
+
+@dataclass(frozen=True, slots=True)
+class Odometry:
+    """
+    Pose of ``base_link`` in ``odom`` and its twist in ``base_link``.
+
+    Covariances are row-major 6x6 in the order of ROS: x, y, z, and rotation about x, y, z.
+    """
+
+    stamp_ns: int
+    position: Vector3                                # m
+    orientation: tuple[float, float, float, float]   # quaternion x, y, z, w
+    linear: Vector3                                  # m/s
+    angular: Vector3                                 # rad/s
+    pose_covariance: tuple[float, ...]               # 36 numbers
+    twist_covariance: tuple[float, ...]              # 36 numbers
+
+
+@dataclass(frozen=True, slots=True)
+class WheelSlip:
+    """Longitudinal slip of the four wheels."""
+
+    stamp_ns: int
+    ratio: Four    # -, B(3) in [-1, 1]; NaN where neither wheel nor robot moves
+    sliding: Four  # m/s, r*omega - v_x of the wheel centre, never clipped
+    sigma: Four    # -, one sigma of the ratio
+
+
+@dataclass(frozen=True, slots=True)
+class Icr:
+    """Instantaneous centre of rotation of the body in ``base_link``."""
+
+    stamp_ns: int
+    x: float  # m, the paper's S
+    y: float  # m
+
+
+FRICTION_QUANTITIES = (
+    'friction_coefficient', 'friction_coefficient_single', 'adhesion_ratio', 'adhesion_length',
+    'stretch_voltage', 'peak_interval', 'slip', 'film_slip', 'total_slip', 'normal_load',
+    'stiffness', 'critical_slip', 'traction_force')
+
+
+@dataclass(frozen=True, slots=True)
+class Friction:
+    """
+    What one passage of a wheel's films through the contact patch tells.
+
+    ``value`` and ``sigma`` map the names of ``FRICTION_QUANTITIES`` to SI values; what the
+    passage can not tell is NaN with an infinite sigma.
+    """
+
+    stamp_ns: int
+    wheel: str
+    value: dict[str, float]
+    sigma: dict[str, float]
+
+
+Sample = (ImuSample | WheelSample | TireSample | BatterySample | VelocityCommand | WheelCommand
+          | MotorCommand | Odometry | WheelSlip | Icr | Friction)
