@@ -1,0 +1,1 @@
+"""Physics in closed form: pure, vectorised functions of numpy arrays."""
