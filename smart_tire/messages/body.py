@@ -1,0 +1,143 @@
+"""Messages made of vectors, quaternions and covariances."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import isfinite, nan
+from typing import Any
+
+from smart_tire.messages.header import refuse, set_header, stamp_of, wheel_of
+from smart_tire.samples import BatterySample, Icr, ImuSample, Odometry, VelocityCommand
+
+UNKNOWN = -1.0  # first element of a covariance whose quantity is not given (REP-145)
+
+
+def _vector(vector: Any, field: str, topic: str) -> tuple[float, float, float]:
+    xyz = (vector.x, vector.y, vector.z)
+    if not all(map(isfinite, xyz)):
+        raise refuse(topic, field, xyz)
+    return xyz
+
+
+def _quaternion(rotation: Any, field: str, topic: str) -> tuple[float, float, float, float]:
+    xyzw = (rotation.x, rotation.y, rotation.z, rotation.w)
+    if not all(map(isfinite, xyzw)):
+        raise refuse(topic, field, xyzw)
+    return xyzw
+
+
+def _covariance(matrix: Any, field: str, topic: str) -> tuple[float, ...]:
+    numbers = tuple(matrix.tolist() if hasattr(matrix, 'tolist') else matrix)
+    if len(numbers) != 36 or not all(map(isfinite, numbers)):
+        raise refuse(topic, field, numbers)
+    return numbers
+
+
+def _set_vector(target: Any, values: Sequence[float]) -> None:
+    target.x, target.y, target.z = values
+
+
+def _set_quaternion(target: Any, values: Sequence[float]) -> None:
+    target.x, target.y, target.z, target.w = values
+
+
+def decode_imu(msg: Any) -> ImuSample:
+    """Return the sample in an Imu; an orientation that is not given or all zero is None."""
+    orientation = None
+    if msg.orientation_covariance[0] != UNKNOWN:
+        orientation = _quaternion(msg.orientation, 'orientation', 'imu/data')
+    return ImuSample(
+        stamp_of(msg), _vector(msg.linear_acceleration, 'linear_acceleration', 'imu/data'),
+        _vector(msg.angular_velocity, 'angular_velocity', 'imu/data'),
+        orientation if orientation is not None and any(orientation) else None)
+
+
+def fill_imu(msg: Any, sample: ImuSample) -> Any:
+    """Write ``sample`` into an empty Imu and return it."""
+    set_header(msg, sample.stamp_ns, 'imu_link')
+    _set_vector(msg.linear_acceleration, sample.acceleration)
+    _set_vector(msg.angular_velocity, sample.rate)
+    if sample.orientation is None:
+        msg.orientation_covariance[0] = UNKNOWN
+    else:
+        _set_quaternion(msg.orientation, sample.orientation)
+    return msg
+
+
+def decode_odometry(msg: Any, topic: str = 'odom') -> Odometry:
+    """Return the pose and twist in an Odometry."""
+    pose, twist = msg.pose.pose, msg.twist.twist
+    return Odometry(
+        stamp_of(msg), _vector(pose.position, 'pose.pose.position', topic),
+        _quaternion(pose.orientation, 'pose.pose.orientation', topic),
+        _vector(twist.linear, 'twist.twist.linear', topic),
+        _vector(twist.angular, 'twist.twist.angular', topic),
+        _covariance(msg.pose.covariance, 'pose.covariance', topic),
+        _covariance(msg.twist.covariance, 'twist.covariance', topic))
+
+
+def fill_odometry(msg: Any, sample: Odometry, frame: str = 'odom') -> Any:
+    """Write ``sample`` into an empty Odometry and return it."""
+    set_header(msg, sample.stamp_ns, frame)
+    msg.child_frame_id = 'base_link'
+    _set_vector(msg.pose.pose.position, sample.position)
+    _set_quaternion(msg.pose.pose.orientation, sample.orientation)
+    _set_vector(msg.twist.twist.linear, sample.linear)
+    _set_vector(msg.twist.twist.angular, sample.angular)
+    msg.pose.covariance = sample.pose_covariance
+    msg.twist.covariance = sample.twist_covariance
+    return msg
+
+
+def fill_transform(msg: Any, sample: Odometry) -> Any:
+    """Write the pose of ``sample`` into an empty TransformStamped, for /tf, and return it."""
+    set_header(msg, sample.stamp_ns, 'odom')
+    msg.child_frame_id = 'base_link'
+    _set_vector(msg.transform.translation, sample.position)
+    _set_quaternion(msg.transform.rotation, sample.orientation)
+    return msg
+
+
+def decode_icr(msg: Any) -> Icr:
+    """Return the centre of rotation in a PointStamped."""
+    x, y, _ = _vector(msg.point, 'point', 'icr')
+    return Icr(stamp_of(msg), x, y)
+
+
+def fill_icr(msg: Any, sample: Icr) -> Any:
+    """Write ``sample`` into an empty PointStamped and return it."""
+    set_header(msg, sample.stamp_ns, 'base_link')
+    _set_vector(msg.point, (sample.x, sample.y, 0.0))
+    return msg
+
+
+def decode_velocity(msg: Any) -> VelocityCommand:
+    """Return the command in a TwistStamped; a skid-steered body can follow no other axes."""
+    linear = _vector(msg.twist.linear, 'twist.linear', 'cmd_vel')
+    angular = _vector(msg.twist.angular, 'twist.angular', 'cmd_vel')
+    return VelocityCommand(stamp_of(msg), linear[0], angular[2])
+
+
+def fill_velocity(msg: Any, sample: VelocityCommand) -> Any:
+    """Write ``sample`` into an empty TwistStamped and return it."""
+    set_header(msg, sample.stamp_ns, 'base_link')
+    msg.twist.linear.x, msg.twist.angular.z = sample.v_x, sample.yaw_rate
+    return msg
+
+
+def decode_battery(msg: Any) -> BatterySample:
+    """Return the state in a BatteryState."""
+    if not isfinite(msg.voltage):
+        raise refuse('tire_battery', 'voltage', (msg.voltage,))
+    return BatterySample(stamp_of(msg), wheel_of(msg, 'tire_battery'), msg.voltage)
+
+
+def fill_battery(msg: Any, sample: BatterySample) -> Any:
+    """Write ``sample`` into an empty BatteryState and return it; what is not measured is NaN."""
+    set_header(msg, sample.stamp_ns, sample.wheel)
+    msg.voltage = sample.volts
+    msg.temperature = msg.current = msg.charge = msg.capacity = nan
+    msg.design_capacity = msg.percentage = nan
+    msg.present = True
+    msg.location = sample.wheel
+    return msg

@@ -1,0 +1,34 @@
+"""What all messages share: the header, and the error for numbers that are not finite."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any, cast
+
+from smart_tire.errors import MessageError
+from smart_tire.samples import NS_PER_S, WHEELS
+
+
+def stamp_of(msg: Any) -> int:
+    """Return the stamp [ns] of the header of ``msg``."""
+    stamp = msg.header.stamp
+    return cast(int, stamp.sec * NS_PER_S + stamp.nanosec)
+
+
+def set_header(msg: Any, stamp_ns: int, frame: str) -> None:
+    """Write stamp [ns] and frame into the header of ``msg``."""
+    header = msg.header
+    header.stamp.sec, header.stamp.nanosec = divmod(stamp_ns, NS_PER_S)
+    header.frame_id = frame
+
+
+def wheel_of(msg: Any, topic: str) -> str:
+    wheel = msg.header.frame_id
+    if wheel not in WHEELS:
+        raise MessageError(f'{topic}: header.frame_id is {wheel!r}, '
+                           f'expected one of {", ".join(WHEELS)}')
+    return cast(str, wheel)
+
+
+def refuse(topic: str, field: str, values: Iterable[float]) -> MessageError:
+    return MessageError(f'{topic}: {field} is {list(values)}, expected finite numbers')

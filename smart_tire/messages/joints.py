@@ -1,0 +1,172 @@
+"""
+JointState messages: the names say which number belongs to which wheel, film or quantity.
+
+A robot sends the same names all the time, so that what they mean is worked out only once.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from math import inf, isfinite, isnan, nan
+from typing import Any, cast
+
+from smart_tire.errors import MessageError
+from smart_tire.messages.header import refuse, set_header, stamp_of, wheel_of
+from smart_tire.samples import (
+    Four, Friction, FRICTION_QUANTITIES, MotorCommand, TireSample, WheelCommand, WHEELS,
+    WheelSample, WheelSlip)
+
+QUANTITIES = frozenset(FRICTION_QUANTITIES)
+LAYOUTS = 64  # lists of names that are remembered; a robot has a handful
+
+
+def _values(msg: Any, field: str, topic: str) -> list[float]:
+    """Return the list of ``field``, one number per name."""
+    values = getattr(msg, field)
+    numbers = cast('list[float]', values.tolist() if hasattr(values, 'tolist') else list(values))
+    if len(numbers) != len(msg.name):
+        raise MessageError(f'{topic}: {field} has {len(numbers)} numbers, '
+                           f'expected one for each of {len(msg.name)} names')
+    return numbers
+
+
+@lru_cache(LAYOUTS)
+def _wheel_places(names: tuple[str, ...], topic: str) -> tuple[int, int, int, int]:
+    if any(names.count(wheel) != 1 for wheel in WHEELS):
+        raise MessageError(f'{topic}: name is {list(names)}, '
+                           f'expected each of {", ".join(WHEELS)} once')
+    a, b, c, d = (names.index(wheel) for wheel in WHEELS)
+    return a, b, c, d
+
+
+def _four(msg: Any, field: str, topic: str) -> Four:
+    a, b, c, d = _wheel_places(tuple(msg.name), topic)
+    values = _values(msg, field, topic)
+    return values[a], values[b], values[c], values[d]
+
+
+def _finite_four(msg: Any, field: str, topic: str) -> Four:
+    four = _four(msg, field, topic)
+    if not all(map(isfinite, four)):
+        raise refuse(topic, field, four)
+    return four
+
+
+def _optional_four(msg: Any, field: str, topic: str) -> Four | None:
+    return _finite_four(msg, field, topic) if len(getattr(msg, field)) else None
+
+
+def decode_wheels(msg: Any, topic: str = 'wheel_states') -> WheelSample:
+    """Return the sample in a JointState; position and effort may be empty."""
+    return WheelSample(
+        stamp_of(msg), _finite_four(msg, 'velocity', topic),
+        _optional_four(msg, 'position', topic), _optional_four(msg, 'effort', topic))
+
+
+def fill_wheels(msg: Any, sample: WheelSample) -> Any:
+    """Write ``sample`` into an empty JointState and return it."""
+    set_header(msg, sample.stamp_ns, 'base_link')
+    msg.name = WHEELS
+    msg.position = sample.position or ()
+    msg.velocity = sample.velocity
+    msg.effort = sample.effort or ()
+    return msg
+
+
+@lru_cache(LAYOUTS)
+def film_names(wheel: str, count: int) -> tuple[str, ...]:
+    """Return the joint names of the first ``count`` films of ``wheel``."""
+    return tuple(f'{wheel}_pvdf_{film}' for film in range(1, count + 1))
+
+
+@lru_cache(LAYOUTS)
+def _film_places(names: tuple[str, ...], wheel: str) -> tuple[int, ...]:
+    ours = [name for name in names if name.startswith(f'{wheel}_pvdf_')]
+    if not ours or sorted(ours) != sorted(film_names(wheel, len(ours))):
+        raise MessageError(f'tire_samples: name is {list(names)}, '
+                           f'expected {wheel}_pvdf_1, {wheel}_pvdf_2 ... once each')
+    return tuple(names.index(name) for name in film_names(wheel, len(ours)))
+
+
+def decode_tire(msg: Any) -> TireSample:
+    """Return the sample in a JointState."""
+    wheel = wheel_of(msg, 'tire_samples')
+    values = _values(msg, 'position', 'tire_samples')
+    volts = tuple([values[place] for place in _film_places(tuple(msg.name), wheel)])
+    if not all(map(isfinite, volts)):
+        raise refuse('tire_samples', 'position', volts)
+    return TireSample(stamp_of(msg), wheel, volts)
+
+
+def fill_tire(msg: Any, sample: TireSample) -> Any:
+    """Write ``sample`` into an empty JointState and return it."""
+    set_header(msg, sample.stamp_ns, sample.wheel)
+    msg.name = film_names(sample.wheel, len(sample.volts))
+    msg.position = sample.volts
+    return msg
+
+
+def decode_wheel_slip(msg: Any, topic: str = 'wheel_slip') -> WheelSlip:
+    """Return the slips in a JointState: a ratio may be NaN, a sigma infinite."""
+    ratio, sigma = _four(msg, 'position', topic), _four(msg, 'effort', topic)
+    if any(map(isnan, sigma)):
+        raise MessageError(f'{topic}: effort is {list(sigma)}, expected one sigma per wheel')
+    return WheelSlip(stamp_of(msg), ratio, _finite_four(msg, 'velocity', topic), sigma)
+
+
+def fill_wheel_slip(msg: Any, sample: WheelSlip) -> Any:
+    """Write ``sample`` into an empty JointState and return it."""
+    set_header(msg, sample.stamp_ns, 'base_link')
+    msg.name = WHEELS
+    msg.position, msg.velocity, msg.effort = sample.ratio, sample.sliding, sample.sigma
+    return msg
+
+
+def decode_friction(msg: Any, topic: str = 'tire_friction') -> Friction:
+    """Return the passage in a JointState; what it does not name is NaN with infinite sigma."""
+    value, sigma = dict.fromkeys(FRICTION_QUANTITIES, nan), dict.fromkeys(FRICTION_QUANTITIES, inf)
+    values, sigmas = _values(msg, 'position', topic), _values(msg, 'effort', topic)
+    for name, number, spread in zip(msg.name, values, sigmas):
+        if name in QUANTITIES:
+            value[name], sigma[name] = number, spread
+    if QUANTITIES.isdisjoint(msg.name):
+        raise MessageError(f'{topic}: name is {list(msg.name)}, '
+                           f'expected {FRICTION_QUANTITIES[0]} and others')
+    return Friction(stamp_of(msg), wheel_of(msg, topic), value, sigma)
+
+
+def fill_friction(msg: Any, sample: Friction) -> Any:
+    """Write ``sample`` into an empty JointState and return it."""
+    if unknown := (sample.value.keys() | sample.sigma.keys()) - QUANTITIES:
+        raise MessageError(f'tire_friction: {sorted(unknown)} are no quantities of a passage')
+    set_header(msg, sample.stamp_ns, sample.wheel)
+    msg.name = FRICTION_QUANTITIES
+    msg.position = [sample.value.get(name, nan) for name in FRICTION_QUANTITIES]
+    msg.effort = [sample.sigma.get(name, inf) for name in FRICTION_QUANTITIES]
+    return msg
+
+
+def decode_wheel_command(msg: Any) -> WheelCommand:
+    """Return the set points in a JointState."""
+    return WheelCommand(stamp_of(msg), _finite_four(msg, 'velocity', 'wheel_commands'))
+
+
+def fill_wheel_command(msg: Any, sample: WheelCommand) -> Any:
+    """Write ``sample`` into an empty JointState and return it."""
+    set_header(msg, sample.stamp_ns, 'base_link')
+    msg.name = WHEELS
+    msg.velocity = sample.velocity
+    return msg
+
+
+def decode_motor_command(msg: Any) -> MotorCommand:
+    """Return the duties in a JointState."""
+    return MotorCommand(stamp_of(msg), _finite_four(msg, 'effort', 'motor_commands'))
+
+
+def fill_motor_command(msg: Any, sample: MotorCommand) -> Any:
+    """Write ``sample`` into an empty JointState and return it."""
+    set_header(msg, sample.stamp_ns, 'base_link')
+    msg.name = WHEELS
+    msg.effort = sample.duty
+    return msg
