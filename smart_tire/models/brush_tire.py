@@ -32,7 +32,8 @@ def slip_vector(rolling_speed: ArrayLike, v_x: ArrayLike, v_y: ArrayLike, *,
 
 def critical_slip(mu: ArrayLike, load: ArrayLike, stiffness: ArrayLike) -> Array:
     """Return the total slip [-] above which the whole patch slides: 3 mu F_z / C_x of B(22)."""
-    return 3.0 * np.asarray(mu, dtype=float) * np.asarray(load) / np.asarray(stiffness)
+    critical: Array = 3.0 * np.asarray(mu, float) * np.asarray(load) / np.asarray(stiffness)
+    return critical
 
 
 def adhesion_ratio(total_slip: ArrayLike, mu: ArrayLike, load: ArrayLike,

@@ -56,7 +56,8 @@ def wheel_speeds(v_x: ArrayLike, yaw_rate: ArrayLike, radius: float,
     """
     speed = np.asarray(v_x, dtype=float)[..., np.newaxis]
     rate = np.asarray(yaw_rate, dtype=float)[..., np.newaxis]
-    return (speed - 0.5 * effective_track * SIDE * rate) / radius
+    speeds: Array = (speed - 0.5 * effective_track * SIDE * rate) / radius
+    return speeds
 
 
 def normal_loads(mass: float, com: Sequence[float], wheelbase: float, track: float,
@@ -73,7 +74,8 @@ def normal_loads(mass: float, com: Sequence[float], wheelbase: float, track: flo
     roll = (GRAVITY * com[1] - height * np.asarray(a_y, dtype=float)) / track
     loads = mass * (0.25 * GRAVITY + 0.5 * pitch[..., np.newaxis] * END
                     + 0.5 * roll[..., np.newaxis] * SIDE)
-    return np.maximum(loads, 0.0)
+    carried: Array = np.maximum(loads, 0.0)
+    return carried
 
 
 def icr(v_x: ArrayLike, v_y: ArrayLike, yaw_rate: ArrayLike) -> tuple[Array, Array]:

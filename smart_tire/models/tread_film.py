@@ -103,7 +103,8 @@ def _displacement_area(xi: Array, magnitude: Array, limit: Array) -> Array:
     # an infinite limit (no sliding at all) has xi_a = 1 and an empty sliding zone
     sliding = np.where(slid > xi_a, limit, 0.0) * (
         0.5 * (slid**2 - xi_a**2) - (slid**3 - xi_a**3) / 3.0)
-    return 0.5 * magnitude * stuck**2 + sliding
+    area: Array = 0.5 * magnitude * stuck**2 + sliding
+    return area
 
 
 def passage(x: ArrayLike, *, slip: ArrayLike, total_slip: ArrayLike, critical_slip: ArrayLike,
@@ -125,7 +126,8 @@ def passage(x: ArrayLike, *, slip: ArrayLike, total_slip: ArrayLike, critical_sl
     stretch = np.asarray(stretch_gain) * stretch_integral(
         x, slip, total_slip, critical_slip, film_length, contact_length)
     bending = bending_passage(x, film_length, contact_length, bending_alpha, release, recovery)
-    return np.asarray(bending_peak) * bending + stretch
+    volts: Array = np.asarray(bending_peak) * bending + stretch
+    return volts
 
 
 def bending_passage(x: ArrayLike, film_length: float, contact_length: float, alpha: float,

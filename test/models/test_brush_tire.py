@@ -1,0 +1,88 @@
+"""Brush tire: what must be true of any tire, and the integrals of B(18) to B(22)."""
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from smart_tire.models import brush_tire
+
+C_X, MU, LOAD, LENGTH = 52.7, 0.47, 26.7, 0.046  # N, -, N, m: paper B, Table I
+
+
+def random_states(count=20_000):
+    rng = np.random.default_rng(11)
+    rolling, v_x, v_y = rng.normal(0.0, 1.0, (3, count)) * rng.choice([0.01, 1.0], (3, count))
+    mu, load = rng.uniform(0.05, 1.2, count), rng.uniform(0.0, 60.0, count)
+    return rolling, v_x, v_y, mu, load
+
+
+def test_the_tire_never_creates_energy():
+    rolling, v_x, v_y, mu, load = random_states()
+    force_x, force_y = brush_tire.brush_force(
+        *brush_tire.slip_vector(rolling, v_x, v_y), mu, load, C_X)
+    assert np.all(force_x * (v_x - rolling) + force_y * v_y <= 0.0)
+    assert np.all(force_x * (v_x - rolling) + force_y * v_y < 0.0, where=load > 0.0)
+
+
+def test_the_force_lies_inside_the_friction_circle_and_reaches_it_when_all_slides():
+    rolling, v_x, v_y, mu, load = random_states()
+    s_x, s_y = brush_tire.slip_vector(rolling, v_x, v_y)
+    force = np.hypot(*brush_tire.brush_force(s_x, s_y, mu, load, C_X))
+    assert np.all(force <= mu * load * (1.0 + 1e-12))
+    sliding = brush_tire.adhesion_ratio(np.hypot(s_x, s_y), mu, load, C_X) == 0.0
+    assert sliding.any() and not sliding.all()
+    np.testing.assert_allclose(force[sliding], (mu * load)[sliding], rtol=1e-12)
+
+
+@pytest.mark.parametrize('share', [0.02, 0.4, 0.99, 1.0, 1.7, 40.0])
+def test_the_force_is_the_integral_of_the_stress_of_b20(share):
+    critical = float(brush_tire.critical_slip(MU, LOAD, C_X))
+    slip = share * critical
+    stiffness = 2.0 * C_X / LENGTH**2  # k_x B of B(19)
+    stress = quad(lambda z: min(slip * z, critical * z * (1.0 - z / LENGTH)), 0.0, LENGTH,
+                  points=[max(0.0, 1.0 - share) * LENGTH], epsabs=1e-12)[0]
+    force_x, force_y = brush_tire.brush_force(0.6 * slip, -0.8 * slip, MU, LOAD, C_X)
+    assert float(force_x) == pytest.approx(0.6 * stiffness * stress, rel=1e-9)
+    assert float(force_y) == pytest.approx(-0.8 * stiffness * stress, rel=1e-9)
+
+
+def test_the_force_starts_with_the_stiffness_as_slope_and_is_smooth_at_the_critical_slip():
+    force, _ = brush_tire.brush_force(1e-7, 0.0, MU, LOAD, C_X)
+    assert float(force) == pytest.approx(C_X * 1e-7, rel=1e-6)
+    critical = float(brush_tire.critical_slip(MU, LOAD, C_X))
+    around, _ = brush_tire.brush_force(critical * np.array([1.0 - 1e-6, 1.0, 1.0 + 1e-6]), 0.0,
+                                       MU, LOAD, C_X)
+    np.testing.assert_allclose(around, MU * LOAD, rtol=1e-12)
+
+
+def test_a_wheel_at_rest_feels_nothing_and_a_locked_one_drags_with_all_its_friction():
+    still = brush_tire.brush_force(*brush_tire.slip_vector(0.0, 0.0, 0.0), MU, LOAD, C_X)
+    assert still == (0.0, 0.0)
+    locked = brush_tire.brush_force(*brush_tire.slip_vector(0.0, 0.3, 0.4), MU, LOAD, C_X)
+    np.testing.assert_allclose(locked, (-0.6 * MU * LOAD, -0.8 * MU * LOAD), rtol=1e-9)
+
+
+def test_a_lifted_wheel_and_ice_feel_nothing():
+    assert brush_tire.brush_force(0.3, 0.1, MU, 0.0, C_X) == (0.0, 0.0)
+    assert brush_tire.brush_force(0.3, 0.1, 0.0, LOAD, C_X) == (0.0, 0.0)
+
+
+def test_driving_backwards_mirrors_driving_forwards():
+    rolling, v_x, v_y, mu, load = random_states()
+    ahead = brush_tire.brush_force(*brush_tire.slip_vector(rolling, v_x, v_y), mu, load, C_X)
+    back = brush_tire.brush_force(*brush_tire.slip_vector(-rolling, -v_x, v_y), mu, load, C_X)
+    np.testing.assert_array_equal(back[0], -ahead[0])
+    np.testing.assert_array_equal(back[1], ahead[1])
+
+
+def test_friction_comes_back_from_the_adhesion_ratio():
+    mu = np.linspace(0.1, 1.2, 23)
+    ratio = brush_tire.adhesion_ratio(-0.12, mu, LOAD, C_X)
+    back = brush_tire.friction_from_adhesion(ratio, -0.12, LOAD, C_X)
+    np.testing.assert_allclose(back, mu, rtol=1e-12)
+
+
+@pytest.mark.parametrize('ratio, slip, load', [
+    (0.0, 0.5, 26.7), (1.0, 0.1, 26.7), (1.2, 0.1, 26.7), (0.8, 0.0, 26.7), (0.8, 0.1, 0.0),
+    (-0.1, 0.1, 26.7), (np.nan, 0.1, 26.7)])
+def test_what_the_adhesion_ratio_does_not_tell_is_nan(ratio, slip, load):
+    assert np.isnan(brush_tire.friction_from_adhesion(ratio, slip, load, C_X))
