@@ -33,6 +33,7 @@ class Spec:
     high: float | None = None     # largest value allowed
     choices: tuple[str, ...] = ()
     length: int | None = None     # of a list, if fixed
+    live: bool = False            # may be changed while the node runs
 
     def check(self, value: Any) -> Any:
         """Return ``value`` as this parameter's kind; raise ParameterError saying what is wrong."""

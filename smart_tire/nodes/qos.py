@@ -1,0 +1,64 @@
+"""Quality of service: what INTERFACES calls reliable streams, estimates and commands."""
+
+from __future__ import annotations
+
+import math
+
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+from smart_tire.messages import TOPICS
+
+SENSOR_SPAN = 2.0     # s of a sensor stream that a publisher keeps for slow readers
+RESERVE = 5           # own subscribers keep SENSOR_SPAN at this multiple of the nominal rate
+ESTIMATE_DEPTH = 250  # 2 s at 125 Hz
+COMMAND_DEPTH = 1     # only the newest command counts
+OTHER_DEPTH = 100     # ground truth, overhead camera, diagnostics
+LATCHED = ('path', 'friction_map', 'tf_static')
+READ_BY_ESTIMATORS = ('imu/data', 'wheel_states', 'tire_samples', 'wheel_slip', 'odom')
+
+
+def _reliable(depth: int) -> QoSProfile:
+    return QoSProfile(depth=depth, reliability=ReliabilityPolicy.RELIABLE,
+                      durability=DurabilityPolicy.VOLATILE)
+
+
+def latched() -> QoSProfile:
+    """Return the profile of what a late subscriber must still get."""
+    return QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
+                      durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def publisher_qos(name: str, *, rate: float = 0.0, wheels: int = 1) -> QoSProfile:
+    """
+    Return the profile with which this package publishes on the topic ``name``.
+
+    ``rate`` [Hz] counts where it is above the nominal one; ``wheels`` is the number of sources
+    that share the topic.
+    """
+    if name.strip('/') in LATCHED:
+        return latched()
+    topic = TOPICS.get(name)
+    if topic is None or topic.quality == 'truth':
+        return _reliable(OTHER_DEPTH)
+    if topic.quality == 'command':
+        return _reliable(COMMAND_DEPTH)
+    if topic.quality == 'estimate':
+        return _reliable(ESTIMATE_DEPTH)
+    return _reliable(max(1, math.ceil(SENSOR_SPAN * max(rate, topic.rate) * wheels)))
+
+
+def subscriber_qos(name: str, *, wheels: int = 1, reliability: str = 'reliable') -> QoSProfile:
+    """
+    Return the profile with which this package, its recorder too, listens to ``name``.
+
+    What is estimated from is kept two seconds at five times its rate (``tire_samples``: 4000 per
+    wheel), for one batch alone overruns the default of 5. ``best_effort`` is for publishers that
+    are not ours and offer no more.
+    """
+    if name in READ_BY_ESTIMATORS:
+        profile = _reliable(math.ceil(SENSOR_SPAN * RESERVE * TOPICS[name].rate * wheels))
+    else:
+        profile = publisher_qos(name, wheels=wheels)
+    if reliability == 'best_effort':
+        profile.reliability = ReliabilityPolicy.BEST_EFFORT
+    return profile
