@@ -1,0 +1,1 @@
+"""Samples in, estimates out: slip, pose, contacts and friction, on message time alone."""
