@@ -1,0 +1,62 @@
+"""Device axes to those of REP-103 (x forward, y left, z up) and back, for vectors and attitude."""
+
+from __future__ import annotations
+
+import math
+
+from smart_tire.errors import FrameError
+from smart_tire.samples import ImuSample, Vector3
+
+Quaternion = tuple[float, float, float, float]  # x, y, z, w; body axes to world axes
+
+_HALF = math.sqrt(0.5)
+
+
+def flip_vector(vector: Vector3) -> Vector3:
+    """Return a vector of forward-right-down axes in forward-left-up axes, or back."""
+    return vector[0], -vector[1], -vector[2]
+
+
+def flip_quaternion(quaternion: Quaternion) -> Quaternion:
+    """
+    Return the attitude of a forward-left-up body in east-north-up from right-down in NED, or back.
+
+    The change of both axes is its own inverse: q' = q(NED to ENU) q q(left-up to right-down).
+    """
+    x, y, z, w = quaternion
+    return _HALF * (x + y), _HALF * (x - y), _HALF * (w - z), _HALF * (w + z)
+
+
+def quaternion_from_euler(yaw: float, pitch: float, roll: float) -> Quaternion:
+    """Return the attitude for angles [rad] that turn about z, then y, then x of the body."""
+    cy, sy = math.cos(yaw / 2.0), math.sin(yaw / 2.0)
+    cp, sp = math.cos(pitch / 2.0), math.sin(pitch / 2.0)
+    cr, sr = math.cos(roll / 2.0), math.sin(roll / 2.0)
+    return (cy * cp * sr - sy * sp * cr, cy * sp * cr + sy * cp * sr,
+            sy * cp * cr - cy * sp * sr, cy * cp * cr + sy * sp * sr)
+
+
+def euler_from_quaternion(quaternion: Quaternion) -> Vector3:
+    """Return yaw, pitch and roll [rad] of ``quaternion_from_euler``."""
+    x, y, z, w = quaternion
+    yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    pitch = math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x))))
+    roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+    return yaw, pitch, roll
+
+
+def checked_sample(stamp_ns: int, acceleration: Vector3, rate: Vector3,
+                   orientation: Quaternion | None) -> ImuSample:
+    """Return the sample; raise FrameError naming what is not a finite number."""
+    for name, values in (('acceleration', acceleration), ('angular rate', rate),
+                         ('orientation', orientation or ())):
+        if not all(map(math.isfinite, values)):
+            raise FrameError(f'{name} is {values}, expected finite numbers')
+    return ImuSample(stamp_ns, acceleration, rate, orientation)
+
+
+def sample_from_flipped(stamp_ns: int, acceleration: Vector3, rate: Vector3,
+                        attitude: Quaternion | None) -> ImuSample:
+    """Return the sample for values in forward-right-down axes and NED, as ``checked_sample``."""
+    return checked_sample(stamp_ns, flip_vector(acceleration), flip_vector(rate),
+                          None if attitude is None else flip_quaternion(attitude))

@@ -1,0 +1,92 @@
+"""
+What a wheel unit sends in one radio packet: a batch of conversions with its own timer.
+
+Little-endian: u8 version | u8 flags | u16 sequence | u32 timer of the first sample [us] |
+u16 sample period [us] | u8 channels | u8 samples n | n * channels u16 | u16 battery [mV].
+Sequence and timer wrap; that is the receiver's business.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import struct
+
+from smart_tire.errors import FrameError
+
+VERSION = 1
+SATURATED = 0x01        # flag: the converter was at its rail in this batch
+MAX_CODE = 1023         # 10-bit converter
+FULL_SCALE = 3.3        # V, at the highest code
+SEQUENCE_WRAP = 1 << 16
+TIMER_WRAP_US = 1 << 32
+
+_HEADER = struct.Struct('<BBHIHBB')
+_BATTERY = struct.Struct('<H')
+
+
+@dataclass(frozen=True, slots=True)
+class TireBatch:
+    """One batch of a wheel unit, as it is on the wire."""
+
+    flags: int
+    sequence: int                       # batches since the start, modulo SEQUENCE_WRAP
+    timer_us: int                       # of the first sample, modulo TIMER_WRAP_US
+    period_us: int                      # between samples, by the unit's timer
+    codes: tuple[tuple[int, ...], ...]  # samples x channels
+    battery_mv: int
+
+    @property
+    def saturated(self) -> bool:
+        """Return whether the converter was at its rail."""
+        return bool(self.flags & SATURATED)
+
+
+def volts(code: int) -> float:
+    """Return the amplifier's output [V] for a reading of the converter."""
+    return code * FULL_SCALE / MAX_CODE
+
+
+def encode_batch(batch: TireBatch) -> bytes:
+    """Return the payload that ``decode_batch`` reads back; raise FrameError if it can not."""
+    samples = len(batch.codes)
+    channels = len(batch.codes[0]) if samples else 0
+    if any(len(row) != channels for row in batch.codes) or samples > 255:
+        raise FrameError(f'tire batch is no table of up to 255 samples: {batch}')
+    codes = [code for row in batch.codes for code in row]
+    _check(channels, samples, batch.period_us, codes)
+    header = _HEADER.pack(VERSION, batch.flags, batch.sequence, batch.timer_us, batch.period_us,
+                          channels, samples)
+    return header + struct.pack(f'<{len(codes)}H', *codes) + _BATTERY.pack(batch.battery_mv)
+
+
+def decode_batch(payload: bytes) -> TireBatch:
+    """Return the batch in ``payload``; raise FrameError naming what is not as expected."""
+    if len(payload) < 1 or payload[0] != VERSION:
+        raise FrameError(f'tire payload has version {payload[:1].hex() or "none"}, '
+                         f'expected {VERSION:02x}')
+    if len(payload) < _HEADER.size + _BATTERY.size:
+        raise FrameError(f'tire payload has {len(payload)} bytes, '
+                         f'expected at least {_HEADER.size + _BATTERY.size}')
+    _, flags, sequence, timer, period, channels, samples = _HEADER.unpack_from(payload)
+    count = samples * channels
+    size = _HEADER.size + 2 * count + _BATTERY.size
+    if len(payload) != size:
+        raise FrameError(f'tire payload has {len(payload)} bytes, expected {size} for '
+                         f'{samples} samples of {channels} channels')
+    codes = struct.unpack_from(f'<{count}H', payload, _HEADER.size)
+    _check(channels, samples, period, codes)
+    (battery,) = _BATTERY.unpack_from(payload, size - _BATTERY.size)
+    rows = tuple(codes[start:start + channels] for start in range(0, count, channels))
+    return TireBatch(flags, sequence, timer, period, rows, battery)
+
+
+def _check(channels: int, samples: int, period_us: int, codes: tuple[int, ...] | list[int]
+           ) -> None:
+    if channels not in (1, 2):
+        raise FrameError(f'tire payload has {channels} channels, expected 1 or 2')
+    if samples == 0 or period_us == 0:
+        raise FrameError(f'tire payload has {samples} samples {period_us} us apart, '
+                         'expected at least 1 of each')
+    if max(codes) > MAX_CODE or min(codes) < 0:
+        raise FrameError(f'tire payload has readings {min(codes)} to {max(codes)}, '
+                         f'expected 0 to {MAX_CODE}')

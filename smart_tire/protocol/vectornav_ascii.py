@@ -1,0 +1,105 @@
+"""
+VectorNav VN-100, ASCII output: the ``$VNYMR`` sentence.
+
+``$``, fields, ``*``, checksum, CR LF; the checksum is the XOR of what stands between ``$`` and
+``*`` as two hexadecimal digits, or its CRC-16 as four. VNYMR: yaw, pitch, roll [deg], magnetic
+x, y, z [G], acceleration x, y, z [m/s2], rate x, y, z [rad/s]. Axes and their conversion are
+those of the binary output. VectorNav, "VN-100 User Manual" UM001, sections 3.8 and 7.2.3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import reduce
+import math
+import operator
+
+from smart_tire.errors import FrameError
+from smart_tire.protocol.axes import (
+    euler_from_quaternion, flip_quaternion, flip_vector, quaternion_from_euler,
+    sample_from_flipped)
+from smart_tire.protocol.crc import crc16
+from smart_tire.protocol.deframer import Deframer
+from smart_tire.samples import ImuSample, Vector3
+
+YMR = b'VNYMR'
+MAX_SENTENCE = 256  # bytes; a VNYMR with counter and status has 147
+
+_START = b'$'
+_END = b'\n'
+_YMR_FORMAT = ','.join(('{:+08.3f}',) * 3 + ('{:+08.4f}',) * 3 + ('{:+07.3f}',) * 3
+                       + ('{:+010.6f}',) * 3)
+
+
+def checksum(body: bytes) -> bytes:
+    """Return the two digits of the 8-bit checksum."""
+    return b'%02X' % reduce(operator.xor, body, 0)
+
+
+def crc_digits(body: bytes) -> bytes:
+    """Return the four digits of the 16-bit CRC."""
+    return b'%04X' % crc16(body)
+
+
+class AsciiDeframer(Deframer):
+    """Cut intact sentences out of a byte stream; a body is what stands between $ and *."""
+
+    def _bodies(self) -> Iterator[bytes]:
+        while (start := self._buffer.find(_START)) >= 0:
+            self._drop(start)
+            ends = [end for end in (self._buffer.find(_START, 1), self._buffer.find(_END) + 1)
+                    if end > 0]
+            if not ends and len(self._buffer) <= MAX_SENTENCE:
+                return  # the rest is still to come
+            end = min(ends, default=len(self._buffer))
+            body = _intact(bytes(self._buffer[1:end]).rstrip())
+            if body is None:
+                self.bad_frames += 1
+                self._drop(end)
+            else:
+                del self._buffer[:end]
+                yield body
+        self._drop(len(self._buffer))
+
+
+def _intact(sentence: bytes) -> bytes | None:
+    body, star, digits = sentence.rpartition(b'*')
+    if not star or digits.upper() not in (checksum(body), crc_digits(body)):
+        return None
+    return body
+
+
+def encode_sentence(body: bytes, *, use_crc: bool = False) -> bytes:
+    """Return the sentence around ``body`` with the 8-bit checksum or the 16-bit CRC."""
+    return _START + body + b'*' + (crc_digits(body) if use_crc else checksum(body)) + b'\r\n'
+
+
+def decode_ymr(body: bytes, stamp_ns: int = 0) -> tuple[None, ImuSample]:
+    """
+    Return None for the device's time, which is not sent, and the sample stamped ``stamp_ns``.
+
+    A counter (T...) and a status (S...) may follow the twelve numbers. Raise FrameError for
+    any other sentence.
+    """
+    header, *fields = body.split(b',')
+    extra = fields[12:]
+    if header != YMR or len(fields) < 12 or any(field[:1] not in (b'T', b'S') for field in extra):
+        raise FrameError(f'sentence is {body[:40]!r} with {len(fields)} fields, '
+                         f'expected {YMR!r} with 12')
+    try:
+        numbers = [float(field) for field in fields[:12]]
+    except ValueError as error:
+        raise FrameError(f'sentence {body!r} has a field that is no number') from error
+    attitude = quaternion_from_euler(*(math.radians(angle) for angle in numbers[:3]))
+    acceleration, rate = numbers[6:9], numbers[9:]
+    return None, sample_from_flipped(
+        stamp_ns, (acceleration[0], acceleration[1], acceleration[2]), (rate[0], rate[1], rate[2]),
+        attitude)
+
+
+def encode_ymr(sample: ImuSample, *, magnetic: Vector3 = (0.0, 0.0, 0.0)) -> bytes:
+    """Return the body that ``decode_ymr`` reads back; ``magnetic`` is in device axes [G]."""
+    attitude = flip_quaternion(sample.orientation or (0.0, 0.0, 0.0, 1.0))
+    angles = (math.degrees(angle) for angle in euler_from_quaternion(attitude))
+    numbers = (*angles, *magnetic, *flip_vector(sample.acceleration), *flip_vector(sample.rate))
+    return YMR + b',' + _YMR_FORMAT.format(*numbers).encode('ascii')

@@ -1,0 +1,102 @@
+"""
+XBee API mode 2 (AP = 2, escaped) and its 0x90 Receive Packet frame.
+
+Frame: 0x7E, length u16, body, checksum; 0xFF minus the low byte of the body's sum. After the
+start byte, 0x7E, 0x7D, 0x11 and 0x13 travel as 0x7D and the byte XOR 0x20, so an 0x7E on the
+wire always starts a frame. Digi, "XBee/XBee-PRO ZigBee RF Modules User Guide", API operation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+import re
+import struct
+
+from smart_tire.errors import FrameError
+from smart_tire.protocol.deframer import Deframer
+
+START = 0x7E
+RECEIVE_PACKET = 0x90
+MAX_BODY = 512  # bytes, above what a ZigBee module sends (12 + 255)
+BROADCAST_OPTION = 0x02
+
+_ESCAPE = 0x7D
+_FLIP = 0x20
+_SPECIAL = re.compile(rb'[\x7e\x7d\x11\x13]')
+_ESCAPED = re.compile(rb'\x7d(.?)', re.DOTALL)
+_HEADER = struct.Struct('>BQHB')  # frame type, 64-bit source, 16-bit source, options
+
+
+@dataclass(frozen=True, slots=True)
+class ReceivePacket:
+    """Data that a remote module sent, 0x90."""
+
+    source: int   # 64-bit address
+    network: int  # 16-bit address, 0xFFFE if unknown
+    options: int  # bit 0 acknowledged, bit 1 broadcast
+    data: bytes
+
+
+def escape(data: bytes) -> bytes:
+    """Return ``data`` as it travels after the start byte."""
+    return _SPECIAL.sub(lambda found: bytes((_ESCAPE, found[0][0] ^ _FLIP)), data)
+
+
+def unescape(raw: bytes) -> bytes:
+    """Return the bytes that ``raw`` stands for; an escape that lacks its byte is left out."""
+    if _ESCAPE not in raw:
+        return raw
+    return _ESCAPED.sub(lambda found: bytes(byte ^ _FLIP for byte in found[1]), raw)
+
+
+def encode_frame(body: bytes) -> bytes:
+    """Return the escaped frame around ``body``."""
+    if not 1 <= len(body) <= MAX_BODY:
+        raise FrameError(f'XBee body has {len(body)} bytes, expected 1 to {MAX_BODY}')
+    checksum = 0xFF - (sum(body) & 0xFF)
+    return bytes((START,)) + escape(struct.pack('>H', len(body)) + body + bytes((checksum,)))
+
+
+def encode_receive_packet(packet: ReceivePacket) -> bytes:
+    """Return the body that ``decode_receive_packet`` reads back."""
+    header = _HEADER.pack(RECEIVE_PACKET, packet.source, packet.network, packet.options)
+    return header + packet.data
+
+
+def decode_receive_packet(body: bytes) -> ReceivePacket:
+    """Return the packet in ``body``; raise FrameError if it is another frame or too short."""
+    if len(body) < _HEADER.size:
+        raise FrameError(f'XBee body has {len(body)} bytes, expected at least {_HEADER.size}')
+    kind, source, network, options = _HEADER.unpack_from(body)
+    if kind != RECEIVE_PACKET:
+        raise FrameError(f'XBee frame type is {kind:#04x}, expected {RECEIVE_PACKET:#04x}')
+    return ReceivePacket(source, network, options, body[_HEADER.size:])
+
+
+class XBeeDeframer(Deframer):
+    """Cut intact API mode 2 frames out of a byte stream; a body starts with its frame type."""
+
+    def _bodies(self) -> Iterator[bytes]:
+        while (start := self._buffer.find(START)) >= 0:
+            self._drop(start)
+            end = self._buffer.find(START, 1)
+            content = unescape(bytes(self._buffer[1:end if end > 0 else None]))
+            length = int.from_bytes(content[:2], 'big') if len(content) >= 2 else 0
+            size = 2 + length + 1
+            if end < 0 and len(content) < size and length <= MAX_BODY:
+                return  # the rest is still to come
+            end = end if end > 0 else len(self._buffer)
+            body = content[2:2 + length]
+            if 1 <= length <= MAX_BODY and _intact(body, content[2 + length:size]):
+                self.skipped_bytes += len(content) - size
+                del self._buffer[:end]
+                yield body
+            else:
+                self.bad_frames += 1
+                self._drop(end)  # no frame starts before the next 0x7E
+        self._drop(len(self._buffer))
+
+
+def _intact(body: bytes, checksum: bytes) -> bool:
+    return len(checksum) == 1 and (sum(body) + checksum[0]) & 0xFF == 0xFF
