@@ -18,6 +18,16 @@ class SlipEstimatorParams:
         0.03, 's', 'how far message stamps may be out of order', low=0.0, high=1.0)
     constraint: str = param('plain', '-', 'slips in B(7): plain, or as printed',
                             choices=('plain', 'printed'))
+    slip_drift: float = param(
+        0.01, '1/sqrt(s)', 'how fast the slip of a side wanders while nothing happens', low=0.0)
+    slip_agility: float = param(
+        0.3, '-', 'change of sliding per change of wheel speed, one sigma', low=0.0, high=1.0)
+    icr_sigma: float = param(0.05, 'm', 'what is known of S at the start, one sigma', low=0.0)
+    icr_drift: float = param(0.01, 'm/sqrt(s)', 'how fast S wanders', low=0.0)
+    lateral_sigma: float = param(
+        0.02, 'm/s', 'lateral speed beyond that of B(8), correlated over 0.1 s', low=1e-5)
+    slope_sigma: float = param(
+        0.0005, 'rad', 'slope of the ground; a laboratory floor, larger outdoors', low=0.0)
     reliability: str = param('reliable', '-', 'of the input subscriptions', choices=RELIABILITIES)
     robot: RobotParams = part(RobotParams)
 

@@ -1,0 +1,232 @@
+"""From IMU and wheel samples to odometry, slip and ICR on the grid of message time."""
+
+from __future__ import annotations
+
+from collections import Counter
+import math
+from typing import Any
+
+import numpy as np
+
+from smart_tire.estimation.gate import Gate
+from smart_tire.estimation.slip_filter import Motion, SlipFilter, State, WheelTravel
+from smart_tire.estimation.standstill import Standstill
+from smart_tire.estimation.travel import TravelLog
+from smart_tire.estimation.wheels import WheelReader
+from smart_tire.models.rotation import matrix, quaternion
+from smart_tire.models.skid_steer import GRAVITY, slip_ratio
+from smart_tire.parameters import SlipEstimatorParams
+from smart_tire.samples import (
+    Four, Icr, ImuSample, LEFT, NS_PER_S, Odometry, WheelSample, WheelSlip)
+
+DROPOUT = 0.1              # s without the inertial unit (or 3 periods): go by the wheels
+GUESSED_RATE_PSD = 0.01    # (rad/s)^2 s, of the yaw rate that the wheels give meanwhile
+GUESSED_ACCEL_PSD = 0.1    # (m/s2)^2 s, of an acceleration that nobody measures
+TURNING = 0.05             # rad/s; slower, the ICR is too far away to be told
+TRUSTED_REST = 1.0         # s; rest that lasts so long overrules a speed that has drifted away
+PLANAR_VARIANCE = 1e-6     # m^2, rad^2 and per s: height and its rate, zero in the plane
+
+Estimate = Odometry | WheelSlip | Icr
+
+
+class SlipEstimator:
+    """
+    Gate, filter and output of ``slip_estimator``: ``update`` with samples in any order.
+
+    Estimates begin with the first grid instant at which both inputs have been seen.
+    """
+
+    def __init__(self, params: SlipEstimatorParams) -> None:
+        self._params = params
+        self._rotation = matrix(*params.robot.imu.rotation)
+        self._gate = Gate(round(params.reorder_window * NS_PER_S))
+        self.dropped: Counter[str] = Counter()  # topic -> duplicates and samples without use
+        self.reset()
+
+    def reset(self) -> None:
+        """Start anew: nothing is known."""
+        robot = self._params.robot
+        self._filter = SlipFilter(self._params)
+        self._wheels = WheelReader(robot)
+        self._standstill = Standstill(robot.imu.gyro_noise, robot.imu.accel_noise)
+        self._log = TravelLog()
+        self._zero_ns: int | None = None  # instant from which seconds are counted
+        self._time = 0.0                  # s, of the filter's state
+        self._imu_time: float | None = None
+        self._imu: tuple[float, float, float] | None = None  # last rate z, force x, y
+        self._imu_period = 0.01           # s, of the IMU, until it is known better
+        self._at_rest = False
+        self._gate_resets = self._gate.resets
+
+    def reset_odometry(self) -> None:
+        """Put the origin of ``odom`` where the robot stands; biases and slips stay."""
+        self._filter.reset_pose()
+
+    @property
+    def late(self) -> Counter[str]:
+        """Return the count of samples per topic that came after their instant had closed."""
+        return self._gate.late
+
+    def status(self) -> dict[str, str | int | float]:
+        """Return what diagnostics should tell."""
+        return {
+            'state': ('waiting for imu/data' if self._imu is None else
+                      'waiting for wheel_states' if not self._wheels.started else
+                      'standing' if self._at_rest else 'moving'),
+            'normalised_innovation_squared': round(self._filter.nis, 3),
+            'gyro_bias': round(self._filter.x[State.GYRO], 6),
+            'clock_jumps': self._gate.resets,
+            'position_jumps': self._wheels.jumps,
+            **{f'dropped.{topic}': count for topic, count in self.dropped.items()},
+        }
+
+    def update(self, sample: ImuSample | WheelSample) -> list[Estimate]:
+        """Take a sample in; return the estimates of the grid instants that it closes."""
+        topic = 'imu/data' if isinstance(sample, ImuSample) else 'wheel_states'
+        closed = self._gate.push(topic, sample.stamp_ns, sample)
+        if self._gate.resets != self._gate_resets:
+            self.reset()
+        estimates: list[Estimate] = []
+        for instant_ns, samples in closed:
+            self._step(instant_ns, samples)
+            if self._imu is not None and self._wheels.started:
+                estimates += self._estimates(instant_ns)
+        return estimates
+
+    def _step(self, instant_ns: int, samples: list[Any]) -> None:
+        if self._zero_ns is None:
+            self._zero_ns = instant_ns
+        imu = [s for s in samples if isinstance(s, ImuSample)]
+        if imu:
+            self._on_imu(imu)
+        now = self._seconds(instant_ns)
+        if self._imu_time is not None and now - self._imu_time > max(
+                DROPOUT, 3.0 * self._imu_period):
+            self._predict_blind(now)
+        for sample in samples:
+            if isinstance(sample, WheelSample):
+                self._on_wheels(sample)
+
+    def _seconds(self, stamp_ns: int) -> float:
+        assert self._zero_ns is not None
+        return (stamp_ns - self._zero_ns) / NS_PER_S
+
+    def _on_imu(self, samples: list[ImuSample]) -> None:
+        """Advance through the samples of one grid step with the mean of their trapezoids."""
+        end, sums, count = self._time, np.zeros(3), 0
+        for sample in samples:
+            time = self._seconds(sample.stamp_ns)
+            if self._imu_time is not None and time <= self._imu_time:
+                self.dropped['imu/data'] += 1
+                continue
+            reading = self._read(sample)
+            self._standstill.push(time, reading)
+            if self._imu is None or self._imu_time is None:
+                self._time = end = time
+                self._log.start(time)
+            elif time > end:
+                sums += 0.5 * (time - end) * (np.array(self._imu) + reading)
+                self._imu_period += 0.02 * (min(time - self._imu_time, 1.0) - self._imu_period)
+                end, count = time, count + 1
+            self._imu, self._imu_time = reading, time
+        if count:
+            self._predict(end, sums, count)
+
+    def _read(self, sample: ImuSample) -> tuple[float, float, float]:
+        rate, force = self._rotation[2] @ sample.rate, self._rotation[:2] @ sample.acceleration
+        return float(rate), float(force[0]), float(force[1])
+
+    def _predict(self, end: float, sums: Any, count: int) -> None:
+        dt, imu = end - self._time, self._params.robot.imu
+        rate, force_x, force_y = (float(value) for value in sums / dt)
+        period = dt / count  # white noise per sample becomes noise density
+        self._advance(end, Motion(rate, force_x, force_y, imu.gyro_noise ** 2 * period,
+                                  imu.accel_noise ** 2 * period))
+
+    def _predict_blind(self, now: float) -> None:
+        """Advance without the inertial unit: yaw rate from the wheels, acceleration unknown."""
+        x, robot = self._filter.x, self._params.robot
+        left, right = self._wheels.side_speeds
+        W = (right - x[State.SLIDE_R] - left + x[State.SLIDE_L]) / robot.track_width
+        rate = W + x[State.GYRO]
+        force_x = x[State.ACCEL_X] - W * x[State.V_Y] - GRAVITY * x[State.PITCH]
+        force_y = x[State.ACCEL_Y] + W * x[State.V_X] + GRAVITY * x[State.ROLL]
+        self._imu = (rate, force_x, force_y)
+        self._advance(now, Motion(rate, force_x, force_y, GUESSED_RATE_PSD, GUESSED_ACCEL_PSD))
+
+    def _advance(self, end: float, motion: Motion) -> None:
+        dt = end - self._time
+        before = self._filter.x
+        self._filter.predict(dt, motion)
+        after = self._filter.x
+        self._log.add(end, 0.5 * (before[State.V_X] + after[State.V_X]),
+                      motion.yaw_rate - after[State.GYRO])
+        self._time = end
+
+    def _on_wheels(self, sample: WheelSample) -> None:
+        time = self._seconds(sample.stamp_ns) - self._params.robot.encoder.latency
+        reading = self._wheels.read(time, sample)
+        if reading is None:
+            self.dropped['wheel_states'] += 1
+            return
+        if self._imu is None:
+            return
+        rest = self._standstill.rest(time, max(map(abs, reading.wheel_speeds)))
+        self._at_rest = rest is not None and (rest[1] > TRUSTED_REST or self._slow())
+        if self._at_rest and rest is not None:
+            sigma = self._params.robot.imu.gyro_noise / math.sqrt(
+                max(1.0, reading.duration / self._imu_period))
+            self._filter.update_standstill(rest[0], sigma)
+        mean = self._log.mean(time - reading.duration, time)
+        if mean is not None:
+            self._filter.update_wheels(WheelTravel(
+                reading.duration, reading.sides, *mean, reading.variance, reading.stamped))
+        self._filter.update_lateral(self._imu[0], reading.duration)
+
+    def _slow(self) -> bool:
+        """Return whether the filter, too, can believe that the robot stands."""
+        x, P = self._filter.x, self._filter.P
+        return all(abs(x[row]) < self._params.robot.slip.standstill_speed
+                   + 3.0 * math.sqrt(P[row, row]) for row in (State.V_X, State.V_Y))
+
+    def _estimates(self, instant_ns: int) -> list[Estimate]:
+        assert self._imu is not None
+        ahead = self._seconds(instant_ns) - self._time
+        twist, covariance = self._filter.base_twist(self._imu[0])
+        estimates: list[Estimate] = [
+            self._odometry(instant_ns, ahead, twist, covariance), self._slip(instant_ns)]
+        if abs(twist[2]) > TURNING:
+            estimates.append(Icr(instant_ns, self._filter.x[State.ICR], twist[0] / twist[2]))
+        return estimates
+
+    def _odometry(self, instant_ns: int, ahead: float, twist: Any, covariance: Any) -> Odometry:
+        """Return the state carried ``ahead`` [s] to the grid instant."""
+        x, P, (v_x, v_y, W) = self._filter.x, self._filter.P, twist
+        yaw = x[State.YAW] + W * ahead
+        mid = yaw - 0.5 * W * ahead
+        position = (x[State.X] + (v_x * math.cos(mid) - v_y * math.sin(mid)) * ahead,
+                    x[State.Y] + (v_x * math.sin(mid) + v_y * math.cos(mid)) * ahead, 0.0)
+        rows = [State.X, State.Y, State.ROLL, State.PITCH, State.YAW]
+        pose = np.diag([PLANAR_VARIANCE] * 6)
+        pose[np.ix_([0, 1, 3, 4, 5], [0, 1, 3, 4, 5])] = P[np.ix_(rows, rows)]
+        rates = np.diag([PLANAR_VARIANCE] * 6)
+        rates[np.ix_([0, 1, 5], [0, 1, 5])] = covariance
+        rates[5, 5] += self._params.robot.imu.gyro_noise ** 2  # of the sample that is shown
+        return Odometry(instant_ns, position, quaternion(x[State.ROLL], x[State.PITCH], yaw),
+                        (v_x, v_y, 0.0), (0.0, 0.0, W),
+                        tuple(pose.ravel().tolist()), tuple(rates.ravel().tolist()))
+
+    def _slip(self, instant_ns: int) -> WheelSlip:
+        assert self._imu is not None
+        x, gyro = self._filter.x, self._imu[0]
+        ground = self._filter.side_speeds(x, gyro)
+        sides, sigmas = self._filter.wheel_speeds(x, gyro), self._filter.slip_sigmas(gyro)
+        rolling = [sides[i % 2] + self._wheels.beyond_side[i] for i in range(4)]
+        over = (ground[0], ground[1], ground[0], ground[1])
+        ratio = slip_ratio(rolling, over, self._params.robot.slip.standstill_speed).tolist()
+        sigma = [1.0 if math.isnan(ratio[i]) else sigmas[i % 2] for i in range(4)]
+        sliding: Four = tuple(r - v for r, v in zip(rolling, over))  # type: ignore[assignment]
+        return WheelSlip(instant_ns, tuple(ratio), sliding, tuple(sigma))
+
+
+assert LEFT == (0, 2)  # wheel i is on side i % 2

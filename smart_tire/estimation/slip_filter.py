@@ -1,0 +1,353 @@
+"""
+Extended Kalman filter for the slip, the pose and the sensor biases of a skid-steered robot.
+
+The state moves with the inertial unit, B(5); wheels, the ICR line and standstill correct it,
+B(6)-(8). Three choices make it robust:
+
+- The slip of a side is carried as its sliding speed ``r w - v_x`` [m/s]. Wheel speeds are then
+  linear in the state, for locked and for spinning wheels too, and no noisy wheel speed enters a
+  Jacobian. The slip ratio B(3) is derived on output.
+- The robot moves in the plane of the ground, so B(6) holds by construction.
+- The stamp errors of the last two wheel readings are states: one late stamp makes one reading
+  too fast and the next one too slow, which averages out if one knows it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+import math
+
+from filterpy.kalman import ExtendedKalmanFilter
+import numpy as np
+from numpy.typing import NDArray
+
+from smart_tire.errors import EstimatorError
+from smart_tire.models.skid_steer import GRAVITY
+from smart_tire.parameters import SlipEstimatorParams
+from smart_tire.samples import Vector3
+
+Array = NDArray[np.float64]
+
+MOUNTING_TILT = 0.009     # rad, one sigma of the unit's unknown tilt: half a degree
+UNKNOWN_SPEED = 0.5       # m/s, one sigma where nothing is known of the speed
+SPEED_DRIFT = 0.005       # m/s per sqrt(s), what the planar model leaves out
+GYRO_BIAS_DRIFT = 1e-4    # rad/s per sqrt(s), in-run stability of a low-cost unit
+ACCEL_BIAS_DRIFT = 5e-4   # m/s2 per sqrt(s), likewise
+SLOPE_LENGTH = 5.0        # m, over which the slope of the ground is forgotten
+SLIDE_TIME = 20.0         # s, over which sliding is forgotten
+SLIDE_FLOOR = 0.02        # m/s, sliding that a wheel shows at any speed
+WHEEL_NOISE = 0.003       # m/s, wheel speed of a side beyond quantisation and stamps
+STILL_SPEED = 0.003       # m/s, one sigma of the speed of a robot that stands
+OUTLIER = 3.0             # sigmas; beyond, a measurement counts less and less
+NIS_MEMORY = 0.05         # share of a new value in the smoothed innovation statistic
+SURPRISE = 2.0            # sigmas; beyond, the sliding is taken to have changed
+
+
+class State(IntEnum):
+    """Rows of the filter state."""
+
+    X = 0          # m, base_link in odom
+    Y = 1          # m
+    YAW = 2        # rad
+    ROLL = 3       # rad, of the ground under the robot
+    PITCH = 4      # rad
+    V_X = 5        # m/s, velocity of the IMU over ground, body axes
+    V_Y = 6        # m/s
+    GYRO = 7       # rad/s, bias about z
+    ACCEL_X = 8    # m/s2, bias, with the tilt of the mounting
+    ACCEL_Y = 9    # m/s2
+    SLIDE_L = 10   # m/s, r w - v_x of the left side
+    SLIDE_R = 11   # m/s
+    ICR = 12       # m, S: x of the instantaneous centres of rotation
+    STAMP = 13     # s, error of the stamp of the last wheel reading
+    STAMP_BEFORE = 14  # s, of the one before
+
+
+N = len(State)
+SLIDES = (State.SLIDE_L, State.SLIDE_R)
+SIDES = (-1.0, 1.0)  # sign of the yaw rate in v_x of the left and of the right side
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """What the inertial unit says of one step: base axes, biases not removed."""
+
+    yaw_rate: float  # rad/s
+    force_x: float   # m/s2, specific force
+    force_y: float   # m/s2
+    gyro_variance: float   # (rad/s)^2 s, of the integral per second
+    accel_variance: float  # (m/s2)^2 s
+
+
+@dataclass(frozen=True, slots=True)
+class WheelTravel:
+    """Mean speeds between two wheel readings and what the state made of the same time."""
+
+    duration: float             # s
+    speed: tuple[float, float]  # m/s, r w of the left and of the right side
+    ground_speed: float         # m/s, mean of V_X as filtered
+    yaw_rate: float             # rad/s, mean as filtered
+    variance: float             # (m/s)^2, of a side's speed by quantisation
+    stamped: bool               # stamps make the speeds: positions were differenced
+
+
+class SlipFilter:
+    """The filter alone: one method per piece of knowledge, time only as durations."""
+
+    def __init__(self, params: SlipEstimatorParams) -> None:
+        self._params = params
+        robot = params.robot
+        self._half_track = 0.5 * robot.track_width
+        self._x_imu, self._y_imu = robot.imu.position[0], robot.imu.position[1]
+        self._ekf = ExtendedKalmanFilter(dim_x=N, dim_z=1)
+        self._F = np.eye(N)
+        self._Q = np.zeros(N)
+        self._last_speed: tuple[float, float] | None = None
+        self.nis = 1.0  # normalised innovation squared of the wheel readings, smoothed
+        sigma = np.zeros(N)
+        sigma[State.ROLL] = sigma[State.PITCH] = params.slope_sigma
+        sigma[State.V_X] = sigma[State.V_Y] = UNKNOWN_SPEED
+        sigma[State.GYRO] = robot.imu.gyro_bias
+        sigma[State.ACCEL_X] = sigma[State.ACCEL_Y] = math.hypot(
+            robot.imu.accel_bias, GRAVITY * MOUNTING_TILT)
+        sigma[State.SLIDE_L] = sigma[State.SLIDE_R] = UNKNOWN_SPEED
+        sigma[State.ICR] = params.icr_sigma
+        sigma[State.STAMP] = sigma[State.STAMP_BEFORE] = robot.encoder.stamp_jitter
+        self._ekf.P = np.diag(sigma ** 2)
+
+    @property
+    def x(self) -> list[float]:
+        """Return the state in the order of ``State``."""
+        values: list[float] = self._ekf.x[:, 0].tolist()
+        return values
+
+    @property
+    def P(self) -> Array:
+        """Return the covariance of the state, shape (N, N)."""
+        covariance: Array = self._ekf.P
+        return covariance
+
+    def reset_pose(self) -> None:
+        """Make the present pose the origin of ``odom``, known without error."""
+        pose = [State.X, State.Y, State.YAW]
+        self._ekf.x[pose] = 0.0
+        self._ekf.P[pose, :] = 0.0
+        self._ekf.P[:, pose] = 0.0
+
+    def predict(self, dt: float, motion: Motion) -> None:
+        """Advance by ``dt`` [s] with B(5) in body axes; biases come from the state."""
+        x = self.x
+        W = motion.yaw_rate - x[State.GYRO]
+        v_x, v_y = x[State.V_X], x[State.V_Y]
+        roll, pitch = x[State.ROLL], x[State.PITCH]
+        a_x = motion.force_x - x[State.ACCEL_X] + W * v_y + GRAVITY * pitch
+        a_y = motion.force_y - x[State.ACCEL_Y] - W * v_x - GRAVITY * roll
+        b_x = v_x + 0.5 * a_x * dt + self._y_imu * W  # of base_link, in the middle of the step
+        b_y = v_y + 0.5 * a_y * dt - self._x_imu * W
+        yaw = x[State.YAW] + 0.5 * W * dt
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        speed = math.hypot(b_x, b_y)
+        fade = math.exp(-speed * dt / SLOPE_LENGTH)
+        keep = math.exp(-dt / SLIDE_TIME) if speed > 0.0 else 1.0
+
+        state = self._ekf.x
+        state[State.X, 0] += (cos * b_x - sin * b_y) * dt
+        state[State.Y, 0] += (sin * b_x + cos * b_y) * dt
+        state[State.YAW, 0] += W * dt
+        state[State.V_X, 0] += a_x * dt
+        state[State.V_Y, 0] += a_y * dt
+        state[State.ROLL, 0] = fade * (roll + W * pitch * dt)
+        state[State.PITCH, 0] = fade * (pitch - W * roll * dt)
+        state[State.SLIDE_L, 0] *= keep
+        state[State.SLIDE_R, 0] *= keep
+        self._fill_jacobian(dt, W, v_x, v_y, b_x, b_y, cos, sin, fade, keep)
+        self._fill_noise(dt, motion, v_x, v_y, fade, x)
+        F = self._F
+        P = F @ self._ekf.P @ F.T
+        P.flat[::N + 1] += self._Q
+        self._ekf.P = P
+
+    def _fill_jacobian(self, dt: float, W: float, v_x: float, v_y: float, b_x: float, b_y: float,
+                       cos: float, sin: float, fade: float, keep: float) -> None:
+        F = self._F
+        F[State.X, State.YAW] = (-sin * b_x - cos * b_y) * dt
+        F[State.X, State.V_X] = cos * dt
+        F[State.X, State.V_Y] = -sin * dt
+        F[State.X, State.GYRO] = (-cos * self._y_imu - sin * self._x_imu) * dt
+        F[State.Y, State.YAW] = (cos * b_x - sin * b_y) * dt
+        F[State.Y, State.V_X] = sin * dt
+        F[State.Y, State.V_Y] = cos * dt
+        F[State.Y, State.GYRO] = (-sin * self._y_imu + cos * self._x_imu) * dt
+        F[State.YAW, State.GYRO] = -dt
+        F[State.V_X, State.V_Y] = W * dt
+        F[State.V_X, State.GYRO] = -v_y * dt
+        F[State.V_X, State.ACCEL_X] = -dt
+        F[State.V_X, State.PITCH] = GRAVITY * dt
+        F[State.V_Y, State.V_X] = -W * dt
+        F[State.V_Y, State.GYRO] = v_x * dt
+        F[State.V_Y, State.ACCEL_Y] = -dt
+        F[State.V_Y, State.ROLL] = -GRAVITY * dt
+        F[State.ROLL, State.ROLL] = F[State.PITCH, State.PITCH] = fade
+        F[State.ROLL, State.PITCH] = fade * W * dt
+        F[State.PITCH, State.ROLL] = -fade * W * dt
+        F[State.SLIDE_L, State.SLIDE_L] = F[State.SLIDE_R, State.SLIDE_R] = keep
+
+    def _fill_noise(self, dt: float, motion: Motion, v_x: float, v_y: float, fade: float,
+                    x: list[float]) -> None:
+        Q, params = self._Q, self._params
+        gyro, accel = motion.gyro_variance * dt, motion.accel_variance * dt
+        Q[State.YAW] = gyro
+        Q[State.ROLL] = Q[State.PITCH] = params.slope_sigma ** 2 * (1.0 - fade ** 2)
+        Q[State.V_X] = accel + gyro * v_y ** 2 + SPEED_DRIFT ** 2 * dt
+        Q[State.V_Y] = accel + gyro * v_x ** 2 + SPEED_DRIFT ** 2 * dt
+        Q[State.GYRO] = GYRO_BIAS_DRIFT ** 2 * dt
+        Q[State.ACCEL_X] = Q[State.ACCEL_Y] = ACCEL_BIAS_DRIFT ** 2 * dt
+        for slide, wheel in zip(SLIDES, self.wheel_speeds(x, motion.yaw_rate)):
+            Q[slide] = params.slip_drift ** 2 * (wheel ** 2 + SLIDE_FLOOR ** 2) * dt
+        Q[State.ICR] = params.icr_drift ** 2 * dt
+
+    def side_speeds(self, x: Sequence[float], gyro_z: float) -> tuple[float, float]:
+        """Return v_x [m/s] of the left and of the right wheel centres, B(2)."""
+        W = gyro_z - x[State.GYRO]
+        v_x = x[State.V_X] + self._y_imu * W
+        return v_x - self._half_track * W, v_x + self._half_track * W
+
+    def wheel_speeds(self, x: Sequence[float], gyro_z: float) -> tuple[float, float]:
+        """Return r w [m/s] of the two sides as the filter has them."""
+        left, right = self.side_speeds(x, gyro_z)
+        return left + x[State.SLIDE_L], right + x[State.SLIDE_R]
+
+    def update_wheels(self, travel: WheelTravel) -> None:
+        """Correct with the wheels' travel between two readings: B(7) and the yaw rate."""
+        self._shift_stamps()
+        H, expected = self._wheel_model(travel)
+        R = np.diag([travel.variance + WHEEL_NOISE ** 2] * 2)
+        if not travel.stamped:
+            jitter = math.sqrt(2.0) * self._params.robot.encoder.stamp_jitter / travel.duration
+            R += np.diag([(jitter * speed) ** 2 for speed in travel.speed])
+        z = np.array(travel.speed)
+        self._widen_sliding(travel, z - expected, np.diag(H @ self._ekf.P @ H.T + R))
+        if self._params.constraint == 'printed':
+            H, z, expected, R = self._printed(H, z, expected, R)
+        self._correct(z, expected, H, R)
+        nis = (self._ekf.y.T @ self._ekf.SI @ self._ekf.y).item() / len(z)
+        self.nis += NIS_MEMORY * (nis - self.nis)
+
+    def _wheel_model(self, travel: WheelTravel) -> tuple[Array, Array]:
+        x, H, expected = self.x, np.zeros((2, N)), np.zeros(2)
+        for row, (side, slide) in enumerate(zip(SIDES, SLIDES)):
+            arm = self._y_imu + side * self._half_track
+            expected[row] = travel.ground_speed + arm * travel.yaw_rate + x[slide]
+            H[row, State.V_X] = H[row, slide] = 1.0
+            H[row, State.GYRO] = -arm
+            if travel.stamped:
+                rate = expected[row] / travel.duration
+                expected[row] -= rate * (x[State.STAMP] - x[State.STAMP_BEFORE])
+                H[row, State.STAMP], H[row, State.STAMP_BEFORE] = -rate, rate
+        return H, expected
+
+    def _shift_stamps(self) -> None:
+        """Make the last reading's stamp the one before; the new one is independent of all."""
+        x, P = self._ekf.x, self._ekf.P
+        x[State.STAMP_BEFORE] = x[State.STAMP]
+        x[State.STAMP] = 0.0
+        P[State.STAMP_BEFORE, :] = P[State.STAMP, :]
+        P[:, State.STAMP_BEFORE] = P[:, State.STAMP]
+        P[State.STAMP_BEFORE, State.STAMP_BEFORE] = P[State.STAMP, State.STAMP]
+        P[State.STAMP, :] = P[:, State.STAMP] = 0.0
+        P[State.STAMP, State.STAMP] = max(self._params.robot.encoder.stamp_jitter, 1e-6) ** 2
+
+    def _widen_sliding(self, travel: WheelTravel, innovation: Array, variance: Array) -> None:
+        """Let the sliding change with the wheel speed and with what surprises."""
+        before, self._last_speed = self._last_speed, travel.speed
+        for row, slide in enumerate(SLIDES):
+            change = 0.0 if before is None else self._params.slip_agility * (
+                travel.speed[row] - before[row])
+            surprise = max(0.0, abs(innovation[row]) - SURPRISE * math.sqrt(variance[row]))
+            self._ekf.P[slide, slide] += change ** 2 + surprise ** 2
+
+    def _printed(self, H: Array, z: Array, expected: Array, R: Array
+                 ) -> tuple[Array, Array, Array, Array]:
+        """
+        Return the sides' model as B(7) has it: their mean with lambda' for lambda, and the yaw.
+
+        Lambda' is 0 for a faster side that brakes and for a slower side that drives.
+        """
+        mix = np.array([[0.5, 0.5], [-1.0, 1.0]])
+        slides = self._ekf.x[list(SLIDES), 0]
+        faster = np.abs(z) >= np.abs(z[::-1])
+        dropped = np.where(faster, slides * z < 0.0, slides * z > 0.0)
+        H, expected = mix @ H, mix @ expected
+        expected[0] -= 0.5 * slides[dropped].sum()
+        H[0, np.array(SLIDES)[dropped]] = 0.0
+        return H, mix @ z, expected, mix @ R @ mix.T
+
+    def update_lateral(self, gyro_z: float, duration: float) -> None:
+        """Correct with B(8): the lateral speed of base_link is -S times the yaw rate."""
+        x = self.x
+        W = gyro_z - x[State.GYRO]
+        H = np.zeros((1, N))
+        H[0, State.V_Y] = 1.0
+        H[0, State.ICR] = W
+        H[0, State.GYRO] = self._x_imu - x[State.ICR]
+        expected = x[State.V_Y] - (self._x_imu - x[State.ICR]) * W
+        variance = self._params.lateral_sigma ** 2 * 0.1 / max(duration, 1e-3)
+        self._correct(np.zeros(1), np.array([expected]), H, np.array([[variance]]))
+
+    def update_standstill(self, gyro_z: float, gyro_sigma: float) -> None:
+        """Correct with zero velocity and zero rate; ``gyro_z`` [rad/s] is a mean at rest."""
+        H = np.zeros((5, N))
+        rows = (State.V_X, State.V_Y, State.SLIDE_L, State.SLIDE_R, State.GYRO)
+        H[range(5), rows] = 1.0
+        R = np.diag([STILL_SPEED ** 2] * 4 + [gyro_sigma ** 2])
+        z = np.array([0.0, 0.0, 0.0, 0.0, gyro_z])
+        self._correct(z, self._ekf.x[list(rows), 0], H, R)
+
+    def _correct(self, z: Array, expected: Array, H: Array, R: Array) -> None:
+        """
+        Update with ``z`` whose model is ``expected`` (shape (m,)) and ``H`` (m, N).
+
+        A row further off than ``OUTLIER`` sigmas counts less in proportion to its square: one
+        bad reading hardly moves the state, a lasting contradiction always wins in the end.
+        """
+        ekf = self._ekf
+        y = z - expected
+        S = H @ ekf.P @ H.T + R
+        excess = np.maximum(y ** 2 / np.diag(S) / OUTLIER ** 2, 1.0)
+        if excess.max() > 1.0:
+            R = R + np.diag((excess - 1.0) * np.diag(S))
+        ekf.update(z[:, None], lambda x: H, lambda x: expected[:, None], R=R)
+        if ekf.x.shape != (N, 1) or ekf.P.shape != (N, N):  # filterpy broadcasts silently
+            raise EstimatorError(f'state {ekf.x.shape}, covariance {ekf.P.shape}, expected {N}')
+        ekf.P = 0.5 * (ekf.P + ekf.P.T)
+
+    def base_twist(self, gyro_z: float) -> tuple[Vector3, Array]:
+        """
+        Return v_x, v_y [m/s] and yaw rate of base_link, and their covariance (3, 3).
+
+        ``gyro_z`` is the rate [rad/s] in base axes, bias not removed.
+        """
+        x = self.x
+        W = gyro_z - x[State.GYRO]
+        J = np.zeros((3, N))
+        J[0, State.V_X] = J[1, State.V_Y] = 1.0
+        J[0, State.GYRO], J[1, State.GYRO], J[2, State.GYRO] = -self._y_imu, self._x_imu, -1.0
+        twist = (x[State.V_X] + self._y_imu * W, x[State.V_Y] - self._x_imu * W, W)
+        return twist, J @ self._ekf.P @ J.T
+
+    def slip_sigmas(self, gyro_z: float) -> tuple[float, float]:
+        """Return one sigma [-] of the slip ratio of the left and of the right side, at most 1."""
+        x, P = self.x, self._ekf.P
+        ground, wheels = self.side_speeds(x, gyro_z), self.wheel_speeds(x, gyro_z)
+        sigmas = []
+        for side, slide, v, u in zip(SIDES, SLIDES, ground, wheels):
+            # lambda = slide / u, u = v + slide
+            by_slide, by_v = v, -x[slide]
+            arm = self._y_imu + side * self._half_track
+            variance = (by_slide ** 2 * P[slide, slide] + by_v ** 2 * (
+                P[State.V_X, State.V_X] - 2.0 * arm * P[State.V_X, State.GYRO])
+                + 2.0 * by_slide * by_v * P[slide, State.V_X])
+            sigmas.append(min(1.0, math.sqrt(max(0.0, variance)) / max(u * u, 1e-9)))
+        return sigmas[0], sigmas[1]

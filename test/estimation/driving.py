@@ -1,0 +1,85 @@
+"""Kinematic runs with exact truth: wheel speeds and sliding are prescribed, the rest follows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from smart_tire.parameters import RobotParams
+from smart_tire.samples import ImuSample, NS_PER_S, WheelSample
+
+START_NS = 1_700_000_000 * NS_PER_S
+STEP = 0.001  # s
+
+
+@dataclass
+class Drive:
+    """A run: samples as a robot would send them, and truth every millisecond."""
+
+    samples: list
+    time: np.ndarray      # s
+    pose: np.ndarray      # (n, 3) x, y, yaw
+    twist: np.ndarray     # (n, 3) v_x, v_y, yaw rate
+    rolling: np.ndarray   # (n, 2) r w of the sides
+
+
+def drive(rolling, sliding, *, icr=0.02, seed=0, robot=None, imu_rate=100.0, wheel_rate=16.0,
+          positions=True, noise=1.0, wheel_latency=0.0, mounting_tilt=0.0):
+    """
+    Return the run for wheel surface speeds ``rolling`` (n, 2) and ``sliding`` (n, 2) [m/s].
+
+    ``noise`` scales the robot's sensor errors; ``mounting_tilt`` [rad] tips the unit forward.
+    """
+    robot = robot or RobotParams()
+    rng = np.random.default_rng(seed)
+    n = len(rolling)
+    time = np.arange(n) * STEP
+    side = rolling - sliding
+    v_x, W = side.mean(axis=1), (side[:, 1] - side[:, 0]) / robot.track_width
+    v_y = -icr * W
+    yaw = np.concatenate([[0.0], np.cumsum(0.5 * (W[1:] + W[:-1]) * STEP)])
+    dx, dy = v_x * np.cos(yaw) - v_y * np.sin(yaw), v_x * np.sin(yaw) + v_y * np.cos(yaw)
+    position = [np.concatenate([[0.0], np.cumsum(0.5 * (d[1:] + d[:-1]) * STEP)])
+                for d in (dx, dy)]
+    r = robot.imu.position
+    m_x, m_y = v_x - r[1] * W, v_y + r[0] * W
+    a_x, a_y = np.gradient(m_x, STEP) - W * m_y, np.gradient(m_y, STEP) + W * m_x
+    gyro_bias = noise * robot.imu.gyro_bias * rng.standard_normal(3)
+    accel_bias = noise * robot.imu.accel_bias * rng.standard_normal(3)
+    samples = []
+    for k in range(round(0.003 / STEP), n, round(1.0 / imu_rate / STEP)):
+        force = np.array([a_x[k] - mounting_tilt * 9.80665, a_y[k], 9.80665])
+        samples.append(ImuSample(
+            START_NS + round(time[k] * NS_PER_S),
+            tuple(force + accel_bias + noise * robot.imu.accel_noise * rng.standard_normal(3)),
+            tuple(np.array([W[k] * mounting_tilt, 0.0, W[k]]) + gyro_bias
+                  + noise * robot.imu.gyro_noise * rng.standard_normal(3))))
+    samples += _wheels(robot, rng, time, rolling, wheel_rate, positions, noise, wheel_latency)
+    samples.sort(key=lambda sample: sample.stamp_ns)
+    return Drive(samples, time, np.stack([*position, yaw], axis=1),
+                 np.stack([v_x, v_y, W], axis=1), rolling)
+
+
+def _wheels(robot, rng, time, rolling, rate, positions, noise, latency):
+    angle = np.cumsum(rolling, axis=0) * STEP / robot.wheel_radius
+    count = 2.0 * np.pi / robot.encoder.counts_per_revolution
+    last = None
+    for instant in np.arange(0.02, time[-1], 1.0 / rate):
+        index = min(round(instant / STEP), len(time) - 1)
+        stamp = instant + latency + noise * robot.encoder.stamp_jitter * rng.standard_normal()
+        position = np.floor(angle[index][[0, 1, 0, 1]] / count
+                            + np.array([0.1, 0.6, 0.3, 0.8])) * count
+        if last is not None:
+            velocity = (position - last[1]) / (stamp - last[0])
+            yield WheelSample(START_NS + round(stamp * NS_PER_S), tuple(velocity),
+                              tuple(position) if positions else None)
+        last = stamp, position
+
+
+def ramp(knots, columns=2):
+    """Return values every millisecond, linear between ``knots`` (time, left, right)."""
+    knots = np.array(knots, dtype=float)
+    time = np.arange(0.0, knots[-1, 0], STEP)
+    return np.stack([np.interp(time, knots[:, 0], knots[:, 1 + c]) for c in range(columns)],
+                    axis=1)
