@@ -1,0 +1,1 @@
+"""The simulated robot: plant and sensors, and the devices that speak their bytes."""
