@@ -1,0 +1,194 @@
+"""What a run shows: series to curves, curves to PNG files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from matplotlib.figure import Figure
+import numpy as np
+
+from smart_tire.analysis import plots
+from smart_tire.analysis.metrics import aligned, SIDES, Spans
+from smart_tire.analysis.passages import column, kind_of, telling
+from smart_tire.analysis.series import at, seconds, Series, Stamps
+from smart_tire.parameters import RobotParams
+from smart_tire.samples import Friction, NS_PER_S, WHEELS
+
+MARGIN = 0.2         # of the range of the slips, for their bands
+MIN_SLIP = 0.1       # margin where the slips hardly differ
+MAX_FRICTION = 1.2   # bars that end above it say only that they are long
+CONTACT_REACH = 1.5  # patch lengths of travel drawn before and after a passage
+
+
+def write_figures(directory: Path, inputs: Series, estimates: Series, truth: Series,
+                  robot: RobotParams, spans: Spans | None = None) -> list[Path]:
+    """
+    Draw slip, path, friction and a contact, as far as there is any, and return the files.
+
+    ``truth`` may be empty; ``spans`` gives each of its stretches a panel of slip.
+    """
+    directory.mkdir(parents=True, exist_ok=True)
+    written = []
+    for name, figure in _figures(inputs, estimates, truth, robot, spans):
+        written.append(directory / f'{name}.png')
+        figure.savefig(written[-1], dpi=plots.DOTS_PER_INCH)
+    return written
+
+
+def _figures(inputs: Series, estimates: Series, truth: Series, robot: RobotParams,
+             spans: Spans | None) -> Iterator[tuple[str, Figure]]:
+    stamps = estimates.slips().stamp_ns
+    if not len(stamps):
+        return
+    origin = int(stamps[0])
+    yield 'slip', slip_figure(estimates, truth, origin, spans)
+    yield 'path', path_figure(estimates, truth)
+    if estimates.passages:
+        yield 'friction', friction_figure(estimates, truth, origin)
+    for passage in typical_passages(estimates.passages):
+        contact = contact_of(passage, inputs, robot)
+        if contact is not None:
+            yield 'contact', contact_figure(contact)
+            return
+
+
+def slip_figure(estimates: Series, truth: Series, origin_ns: int,
+                spans: Spans | None = None) -> Figure:
+    """Return the slips of both sides over time, with a panel for each of ``spans``."""
+    curves = slip_curves(estimates, truth, origin_ns)
+    names = list(spans) if spans else ['whole run']
+    rows = [names[i:i + 2] for i in range(0, len(names), 2)]
+    rows[-1] += ['.'] * (len(rows[0]) - len(rows[-1]))
+    figure, axes = plots.new_figure(rows, height=1.2 + 2.8 * len(rows), share_y=True)
+    for name, ax in axes.items():
+        plots.draw_slip(ax, curves)
+        if spans:
+            edges = [(edge - origin_ns) / NS_PER_S for span in spans[name] for edge in span]
+            ax.set(title=name, xlim=(min(edges), max(edges)))
+    axes[names[0]].set_ylim(*_slip_limits(curves))
+    plots.finish(figure, axes)
+    return figure
+
+
+def slip_curves(estimates: Series, truth: Series, origin_ns: int) -> list[plots.SlipCurve]:
+    """Return the slip of each side: the mean of its wheels."""
+    own, true = estimates.slips(), truth.slips()
+    return [plots.SlipCurve(
+        side, seconds(own.stamp_ns, origin_ns), own.ratio[:, wheels].mean(axis=1),
+        own.sigma[:, wheels].mean(axis=1), seconds(true.stamp_ns, origin_ns),
+        true.ratio[:, wheels].mean(axis=1)) for side, wheels in SIDES.items()]
+
+
+def _slip_limits(curves: Sequence[plots.SlipCurve]) -> tuple[float, float]:
+    slips = np.concatenate([np.append(curve.slip, curve.true_slip) for curve in curves])
+    slips = slips[np.isfinite(slips)]
+    # Single spikes, of wheels that start to turn, must not set the scale.
+    low, high = np.percentile(slips, (1.0, 99.0)) if len(slips) else (0.0, 0.0)
+    margin = max(MARGIN * (high - low), MIN_SLIP)
+    return max(-1.05, low - margin), min(1.05, high + margin)
+
+
+def path_figure(estimates: Series, truth: Series) -> Figure:
+    """Return the path, and with a truth the errors of position and heading over time."""
+    poses = estimates.poses()
+    own = plots.Path('estimate', poses.pose[:, :2])
+    guess, true, stamps = aligned(truth.poses(), poses)
+    if not len(guess):
+        figure, axes = plots.new_figure([['path']], width=6.0, height=5.5)
+        plots.draw_path(axes['path'], own, None)
+    else:
+        figure, axes = plots.new_figure([['path', 'position'], ['path', 'heading']], width=10.0,
+                                        height=5.5)
+        plots.draw_path(axes['path'], own, plots.Path('truth', true[:, :2]))
+        time = seconds(stamps, int(poses.stamp_ns[0]))
+        covariance = at(stamps, poses.stamp_ns, poses.pose_covariance)
+        longest = np.sqrt(np.linalg.eigvalsh(covariance[:, :2, :2])[:, -1])
+        error = guess - true
+        plots.draw_error(axes['position'], time, np.linalg.norm(error[:, :2], axis=1), longest,
+                         'position error [m]')
+        axes['position'].set_ylim(bottom=0.0)
+        plots.draw_error(axes['heading'], time, error[:, 2], np.sqrt(covariance[:, 2, 2]),
+                         'heading error [rad]')
+        axes['position'].legend(frameon=False)
+    axes['path'].legend(frameon=False)
+    return figure
+
+
+def friction_figure(estimates: Series, truth: Series, origin_ns: int) -> Figure:
+    """Return friction per revolution, with a panel for each instrumented wheel."""
+    wheels = [wheel for wheel in WHEELS if any(p.wheel == wheel for p in estimates.passages)]
+    figure, axes = plots.new_figure([[wheel] for wheel in wheels],
+                                    height=1.2 + 2.6 * len(wheels), share_x=True,
+                                    share_y=True)
+    for wheel, ax in axes.items():
+        plots.draw_friction(ax, friction_curve(wheel, estimates, truth, origin_ns))
+    axes[wheels[0]].set_ylim(0.0, MAX_FRICTION)
+    plots.finish(figure, axes)
+    return figure
+
+
+def friction_curve(wheel: str, estimates: Series, truth: Series,
+                   origin_ns: int) -> plots.FrictionCurve:
+    """Return the friction of ``wheel``; revolutions that tell nothing by themselves are NaN."""
+    own, true = _of_wheel(estimates.passages, wheel), _of_wheel(truth.passages, wheel)
+    single = column(own, 'friction_coefficient_single')
+    sigma = column(own, 'friction_coefficient_single', sigmas=True)
+    single[~telling(single, sigma)] = np.nan
+    return plots.FrictionCurve(
+        wheel, seconds(_stamps(own), origin_ns), single, sigma,
+        column(own, 'friction_coefficient'),
+        column(own, 'friction_coefficient', sigmas=True),
+        seconds(_stamps(true), origin_ns), column(true, 'friction_coefficient'))
+
+
+def _of_wheel(passages: Sequence[Friction], wheel: str) -> list[Friction]:
+    return sorted((p for p in passages if p.wheel == wheel), key=lambda p: p.stamp_ns)
+
+
+def _stamps(passages: Sequence[Friction]) -> Stamps:
+    return np.array([passage.stamp_ns for passage in passages], np.int64)
+
+
+def typical_passages(passages: Sequence[Friction]) -> list[Friction]:
+    """Return the passages that show most first: traction in the order of its median slip."""
+    pulling = [p for p in passages if kind_of(p) == 'traction'] or [
+        p for p in passages if np.isfinite(p.value.get('slip', np.nan))]
+    if not pulling:
+        return []
+    slips = column(pulling, 'slip')
+    return [pulling[i] for i in np.argsort(np.abs(slips - np.median(slips)))]
+
+
+def contact_of(passage: Friction, inputs: Series, robot: RobotParams) -> plots.Contact | None:
+    """Return the voltages around ``passage``; None where samples or the wheel speed miss."""
+    speeds_ns, speeds = inputs.speeds()
+    stamp = np.array([passage.stamp_ns])
+    omega = at(stamp, speeds_ns, speeds)[0, WHEELS.index(passage.wheel)]
+    if passage.wheel not in inputs.film_wheels() or not abs(omega) > 0.0:
+        return None
+    speed = robot.wheel_radius * omega
+    reach = CONTACT_REACH * robot.tire.contact_length / abs(speed)
+    stamps, volts = inputs.films(passage.wheel)
+    time = seconds(stamps, passage.stamp_ns)
+    near = np.abs(time) <= reach
+    if near.sum() < 0.9 * 2.0 * reach * robot.film.sample_rate:
+        return None  # a lost batch: the waveform would have a hole
+    return plots.Contact(passage.wheel, 1e3 * time[near], volts[near],
+                         _inside(robot, speed, volts.shape[1]))
+
+
+def _inside(robot: RobotParams, speed: float, films: int) -> list[tuple[float, float]]:
+    """Return when [ms] any part of each film is in the patch, rolling at ``speed`` [m/s]."""
+    half = 0.5 * (robot.tire.contact_length + robot.film.length) / abs(speed)
+    # Film 1 leads when rolling forward: its middle passes half a spacing before the stamp.
+    middles = [(film - 0.5) * robot.film.spacing / speed for film in range(films)]
+    return [(1e3 * (middle - half), 1e3 * (middle + half)) for middle in middles]
+
+
+def contact_figure(contact: plots.Contact) -> Figure:
+    """Return the voltages of one contact."""
+    figure, axes = plots.new_figure([['contact']])
+    plots.draw_contact(axes['contact'], contact)
+    plots.finish(figure, axes)
+    return figure

@@ -1,0 +1,170 @@
+"""Samples of a run collected into arrays, one row per stamp, in order of the stamps."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smart_tire.samples import (
+    Friction, NS_PER_S, Odometry, Sample, TireSample, WheelSample, WheelSlip)
+
+Floats = NDArray[np.float64]
+Stamps = NDArray[np.int64]
+# Rows and columns of x, y and yaw in the 6x6 covariances of ROS.
+PLANAR = (0, 1, 5)
+PLANAR_COVARIANCE = tuple(6 * row + column for row in PLANAR for column in PLANAR)
+PLANAR_VARIANCE = tuple(7 * row for row in PLANAR)
+
+
+class Table:
+    """Rows of numbers, each with a stamp, that grow without keeping an object per row."""
+
+    def __init__(self, width: int) -> None:
+        self._width = width
+        self._stamps = array('q')
+        self._values = array('d')
+
+    def __len__(self) -> int:
+        return len(self._stamps)
+
+    def add(self, stamp_ns: int, row: Sequence[float]) -> None:
+        """Append one row; its length must be the table's width."""
+        self._stamps.append(stamp_ns)
+        self._values.extend(row)
+
+    def arrays(self) -> tuple[Stamps, Floats]:
+        """Return stamps (n,) and values (n, width), by stamp; of equal stamps the last row."""
+        stamps = np.array(self._stamps, np.int64)
+        values = np.array(self._values, np.float64).reshape(-1, self._width)
+        order = np.argsort(stamps, kind='stable')
+        stamps, values = stamps[order], values[order]
+        last = np.append(np.diff(stamps) > 0, True)[:len(stamps)]
+        return stamps[last], values[last]
+
+
+@dataclass(frozen=True)
+class PoseSeries:
+    """Poses and twists in the plane; yaw runs on over a full turn."""
+
+    stamp_ns: Stamps
+    pose: Floats             # (n, 3) m, m, rad: x, y, yaw
+    twist: Floats            # (n, 3) m/s, m/s, rad/s: v_x, v_y, yaw rate; NaN where not known
+    pose_covariance: Floats  # (n, 3, 3) of x, y, yaw
+    twist_variance: Floats   # (n, 3)
+
+
+@dataclass(frozen=True)
+class SlipSeries:
+    """Slips of the four wheels in the order of ``WHEELS``; NaN where nothing moves."""
+
+    stamp_ns: Stamps
+    ratio: Floats  # (n, 4)
+    sigma: Floats  # (n, 4)
+
+
+class Series:
+    """What a run holds: poses, slips, passages, film voltages and wheel speeds."""
+
+    def __init__(self) -> None:
+        self._poses = Table(18)
+        self._slips = Table(8)
+        self._speeds = Table(4)
+        self._films: dict[tuple[str, int], Table] = {}
+        self.passages: list[Friction] = []
+        self._takers: dict[type, Callable[[Any], None]] = {
+            Odometry: self._add_odometry, WheelSlip: self._add_slip, Friction: self._add_friction,
+            TireSample: self._add_films, WheelSample: self._add_wheels}
+
+    def add(self, sample: Sample) -> None:
+        """Take what is needed of one sample; a kind that no figure needs is passed over."""
+        taker = self._takers.get(type(sample))
+        if taker is not None:
+            taker(sample)
+
+    def poses(self) -> PoseSeries:
+        """Return poses and twists."""
+        stamps, rows = self._poses.arrays()
+        pose = rows[:, :3].copy()
+        pose[:, 2] = np.unwrap(pose[:, 2])
+        return PoseSeries(stamps, pose, rows[:, 3:6], rows[:, 6:15].reshape(-1, 3, 3),
+                          rows[:, 15:])
+
+    def slips(self) -> SlipSeries:
+        """Return the slips of the four wheels."""
+        stamps, rows = self._slips.arrays()
+        return SlipSeries(stamps, rows[:, :4], rows[:, 4:])
+
+    def speeds(self) -> tuple[Stamps, Floats]:
+        """Return stamps and the four wheel speeds [rad/s]."""
+        return self._speeds.arrays()
+
+    def film_wheels(self) -> list[str]:
+        """Return the wheels whose films were sampled."""
+        return sorted({wheel for wheel, _ in self._films})
+
+    def films(self, wheel: str) -> tuple[Stamps, Floats]:
+        """Return stamps and voltages (n, films) of ``wheel``, of its most complete channels."""
+        tables = [table for (name, _), table in self._films.items() if name == wheel]
+        return max(tables, key=len).arrays()
+
+    def _add_odometry(self, sample: Odometry) -> None:
+        pose, twist = sample.pose_covariance, sample.twist_covariance
+        known = twist[0] != -1.0
+        rate = sample.angular[2]
+        self._poses.add(sample.stamp_ns, (
+            *sample.position[:2], yaw_of(sample.orientation),
+            *((*sample.linear[:2], rate) if known else (math.nan,) * 3),
+            *(pose[i] for i in PLANAR_COVARIANCE),
+            *(twist[i] if known else math.nan for i in PLANAR_VARIANCE)))
+
+    def _add_slip(self, sample: WheelSlip) -> None:
+        self._slips.add(sample.stamp_ns, sample.ratio + sample.sigma)
+
+    def _add_friction(self, sample: Friction) -> None:
+        self.passages.append(sample)
+
+    def _add_films(self, sample: TireSample) -> None:
+        key = sample.wheel, len(sample.volts)
+        if key not in self._films:
+            self._films[key] = Table(len(sample.volts))
+        self._films[key].add(sample.stamp_ns, sample.volts)
+
+    def _add_wheels(self, sample: WheelSample) -> None:
+        self._speeds.add(sample.stamp_ns, sample.velocity)
+
+
+def yaw_of(quaternion: Sequence[float]) -> float:
+    """Return the yaw [rad] of a quaternion x, y, z, w."""
+    x, y, z, w = quaternion
+    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+
+
+def seconds(stamp_ns: Stamps, origin_ns: int) -> Floats:
+    """Return stamps as seconds after ``origin_ns``; differences are taken before rounding."""
+    return (stamp_ns - origin_ns) / NS_PER_S
+
+
+def at(wanted_ns: Stamps, stamp_ns: Stamps, values: Floats, max_gap: float = 0.5) -> Floats:
+    """
+    Return ``values`` (n, ...) between their stamps, linearly, at ``wanted_ns``.
+
+    NaN outside of the stamps, in gaps longer than ``max_gap`` [s], and next to a NaN.
+    """
+    result = np.full((len(wanted_ns), *values.shape[1:]), math.nan)
+    if len(stamp_ns) < 2:
+        return result
+    right = np.clip(np.searchsorted(stamp_ns, wanted_ns), 1, len(stamp_ns) - 1)
+    left = right - 1
+    gap = stamp_ns[right] - stamp_ns[left]
+    inside = ((stamp_ns[left] <= wanted_ns) & (wanted_ns <= stamp_ns[right])
+              & (gap <= max_gap * NS_PER_S))
+    share = ((wanted_ns - stamp_ns[left]) / gap).reshape(-1, *(1,) * (values.ndim - 1))
+    between = (1.0 - share) * values[left] + share * values[right]
+    result[inside] = between[inside]
+    return result

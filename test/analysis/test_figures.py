@@ -1,0 +1,151 @@
+"""Figures show what there is, with units, and leave out what would mislead."""
+
+import math
+
+import numpy as np
+import pytest
+
+from smart_tire.analysis import figures
+from smart_tire.analysis.series import Series
+from smart_tire.parameters import RobotParams
+from smart_tire.samples import Friction, NS_PER_S, Odometry, TireSample, WheelSample, WheelSlip
+
+EPOCH = 1_700_000_000 * NS_PER_S
+ROBOT = RobotParams()
+OMEGA = 2.0 * math.pi  # rad/s, 60 rpm
+SPREAD = tuple(0.01 if i % 7 == 0 else 0.0 for i in range(36))
+
+
+def ns(time_s):
+    return EPOCH + round(time_s * NS_PER_S)
+
+
+def driven():
+    """Return four seconds of poses and slips, and passages at 1, 2 and 3 s."""
+    series = Series()
+    for i in range(400):
+        series.add(Odometry(ns(0.01 * i), (0.005 * i, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0),
+                            (0.5, 0.0, 0.0), (0.0, 0.0, 0.0), SPREAD, SPREAD))
+        series.add(WheelSlip(ns(0.01 * i), (0.1, -0.1) * 2, (0.0,) * 4, (0.02,) * 4))
+    for time, slip, sigma in ((1.0, 0.10, 0.05), (2.0, 0.12, 0.9), (3.0, 0.2, 0.05)):
+        series.add(Friction(ns(time), 'front_left', {
+            'friction_coefficient': 0.47, 'friction_coefficient_single': 0.5, 'slip': slip},
+            {'friction_coefficient': 0.03, 'friction_coefficient_single': sigma}))
+    return series
+
+
+def measured(lost=(9.0, 9.0)):
+    """Return four seconds of film voltages and wheel speeds, without those that were lost."""
+    series = Series()
+    for i in range(1600):
+        if not lost[0] <= i / 400 <= lost[1]:
+            series.add(TireSample(ns(i / 400), 'front_left', (1.65 + 0.001 * i, 1.65)))
+    for i in range(64):
+        series.add(WheelSample(ns(i / 16), (OMEGA,) * 4))
+    return series
+
+
+def texts(ax):
+    return ax.get_xlabel(), ax.get_ylabel()
+
+
+def test_all_figures_are_written_where_there_is_everything(tmp_path):
+    written = figures.write_figures(tmp_path / 'new', measured(), driven(), driven(), ROBOT)
+    assert [path.name for path in written] == [
+        'slip.png', 'path.png', 'friction.png', 'contact.png']
+    assert all(path.read_bytes().startswith(b'\x89PNG') for path in written)
+
+
+def test_only_what_was_estimated_is_drawn(tmp_path):
+    bare = driven()
+    bare.passages.clear()
+    written = figures.write_figures(tmp_path, Series(), bare, Series(), ROBOT)
+    assert [path.name for path in written] == ['slip.png', 'path.png']
+    assert figures.write_figures(tmp_path, measured(), Series(), Series(), ROBOT) == []
+
+
+def test_every_axis_has_a_unit():
+    all_figures = [
+        figures.slip_figure(driven(), driven(), EPOCH), figures.path_figure(driven(), driven()),
+        figures.friction_figure(driven(), driven(), EPOCH),
+        figures.contact_figure(figures.contact_of(driven().passages[0], measured(), ROBOT))]
+    for figure in all_figures:
+        for ax in figure.axes:
+            assert all(text.endswith(']') and '[' in text for text in texts(ax)), texts(ax)
+
+
+def test_each_span_has_its_own_panel_of_slip():
+    spans = {name: [(ns(start), ns(start + 1.0))] for name, start in
+             (('concrete', 0.0), ('sand', 1.0), ('sand again', 2.0))}
+    figure = figures.slip_figure(driven(), driven(), EPOCH, spans)
+    assert [ax.get_title() for ax in figure.axes] == ['concrete', 'sand', 'sand again']
+    assert [ax.get_xlim() for ax in figure.axes] == [(0.0, 1.0), (1.0, 2.0), (2.0, 3.0)]
+
+
+def test_the_truth_is_drawn_only_where_there_is_one():
+    with_truth, without = (figures.slip_figure(driven(), truth, EPOCH).axes[0]
+                           for truth in (driven(), Series()))
+    assert len(with_truth.lines) == 4 and len(without.lines) == 2
+
+
+def test_a_single_spike_does_not_set_the_scale_of_slip():
+    spiky = driven()
+    spiky.add(WheelSlip(ns(4.0), (1.0,) * 4, (0.0,) * 4, (0.02,) * 4))
+    low, high = figures.slip_figure(spiky, Series(), EPOCH).axes[0].get_ylim()
+    assert -0.3 < low < -0.1 and 0.1 < high < 0.3
+
+
+def test_slip_that_is_never_defined_still_has_a_scale():
+    standing = Series()
+    for i in range(10):
+        standing.add(WheelSlip(ns(i), (math.nan,) * 4, (0.0,) * 4, (1.0,) * 4))
+    low, high = figures.slip_figure(standing, Series(), EPOCH).axes[0].get_ylim()
+    assert low < 0.0 < high
+
+
+def test_a_revolution_that_tells_nothing_is_not_drawn():
+    curve = figures.friction_curve('front_left', driven(), Series(), EPOCH)
+    assert np.isnan(curve.single).tolist() == [False, True, False]
+    assert curve.time_s.tolist() == [1.0, 2.0, 3.0]
+
+
+def test_the_contact_shown_is_one_in_traction_of_middling_slip():
+    passages = driven().passages
+    passages.append(Friction(ns(3.5), 'front_left', {'slip': -0.12}, {}))
+    assert figures.typical_passages(passages)[0].value['slip'] == 0.12
+
+
+def test_without_traction_any_passage_of_known_slip_is_shown():
+    passages = [Friction(ns(1.0), 'front_left', {'slip': slip}, {}) for slip in (math.nan, -0.1)]
+    assert [p.value['slip'] for p in figures.typical_passages(passages)] == [-0.1]
+    assert figures.typical_passages([]) == []
+
+
+def test_a_contact_spans_the_passage_and_says_when_each_film_is_in_the_patch():
+    contact = figures.contact_of(driven().passages[0], measured(), ROBOT)
+    speed = ROBOT.wheel_radius * OMEGA
+    first, second = contact.inside_ms
+    assert first[1] - first[0] == pytest.approx(1e3 * 0.066 / speed)  # patch and film
+    assert second[0] - first[0] == pytest.approx(1e3 * 0.030 / speed)  # spacing of the films
+    assert first[0] + second[1] == pytest.approx(0.0)
+    assert contact.time_ms[0] < first[0] and second[1] < contact.time_ms[-1]
+
+
+def test_in_reverse_film_two_comes_first():
+    inputs = Series()
+    for i in range(1600):
+        inputs.add(TireSample(ns(i / 400), 'front_left', (1.65, 1.65)))
+    for i in range(64):
+        inputs.add(WheelSample(ns(i / 16), (-OMEGA,) * 4))
+    first, second = figures.contact_of(driven().passages[0], inputs, ROBOT).inside_ms
+    assert second[0] < first[0]
+
+
+def test_a_contact_with_a_lost_batch_is_not_shown():
+    assert figures.contact_of(driven().passages[0], measured((0.98, 1.02)), ROBOT) is None
+
+
+@pytest.mark.parametrize('inputs', [Series(), measured()])
+def test_a_contact_needs_samples_of_its_wheel_and_the_wheel_s_speed(inputs):
+    elsewhere = Friction(ns(1.0), 'rear_left', {'slip': 0.1}, {})
+    assert figures.contact_of(elsewhere, inputs, ROBOT) is None

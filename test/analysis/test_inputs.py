@@ -1,0 +1,58 @@
+"""Rates and gaps are read off the stamps alone."""
+
+import numpy as np
+import pytest
+
+from smart_tire.analysis.inputs import StampLog, stream_stats
+from smart_tire.samples import ImuSample, TireSample
+
+EPOCH = 1_700_000_000_000_000_000
+PERIOD = 2_500_000  # ns, 400 Hz
+
+
+def stamps(indices):
+    return EPOCH + np.asarray(indices, np.int64) * PERIOD
+
+
+def test_a_regular_stream_has_its_rate_and_no_gaps():
+    found = stream_stats(stamps(range(400)))
+    assert found.messages == 400
+    assert found.rate_hz == pytest.approx(400.0)
+    assert (found.gaps, found.missing, found.longest_gap_s) == (0, 0, 0.0)
+
+
+def test_a_lost_batch_is_one_gap_of_sixteen_samples():
+    found = stream_stats(stamps([*range(100), *range(116, 200)]))
+    assert (found.gaps, found.missing) == (1, 16)
+    assert found.longest_gap_s == pytest.approx(17 * 2.5e-3)
+    assert found.rate_hz == pytest.approx(400.0)
+
+
+def test_jitter_is_no_gap():
+    rng = np.random.default_rng(1)
+    jittered = stamps(range(1000)) + rng.normal(0.0, 0.05 * PERIOD, 1000).astype(np.int64)
+    assert stream_stats(jittered).gaps == 0
+
+
+def test_the_order_of_arrival_makes_no_gap():
+    shuffled = stamps(np.random.default_rng(1).permutation(200))
+    assert stream_stats(shuffled) == stream_stats(stamps(range(200)))
+
+
+@pytest.mark.parametrize('indices', [[0], [0, 0, 0]])
+def test_stamps_that_never_differ_have_no_rate(indices):
+    assert stream_stats(stamps(indices)).rate_hz == 0.0
+
+
+def test_wheels_that_share_a_topic_are_judged_apart():
+    log = StampLog()
+    for i, stamp in enumerate(stamps(range(100)).tolist()):
+        log.add('tire_samples', TireSample(stamp, 'front_left', (1.65, 1.65)))
+        if i not in (50, 51):
+            log.add('tire_samples', TireSample(stamp + 700_000, 'front_right', (1.65, 1.65)))
+        log.add('imu/data', ImuSample(stamp, (0.0, 0.0, 9.8), (0.0, 0.0, 0.0)))
+    found = log.stats()
+    assert found['tire_samples'].messages == 198
+    assert found['tire_samples'].rate_hz == pytest.approx(400.0)
+    assert (found['tire_samples'].gaps, found['tire_samples'].missing) == (1, 2)
+    assert found['imu/data'].gaps == 0

@@ -1,0 +1,202 @@
+"""Scores find the errors that are put in, and nothing else."""
+
+import math
+
+from hypothesis import given, settings, strategies as st
+import numpy as np
+import pytest
+
+from smart_tire.analysis.metrics import (
+    distance, pose_score, score, slip_scores, stamp_score)
+from smart_tire.analysis.series import PoseSeries, SlipSeries
+
+EPOCH = 1_700_000_000_000_000_000
+
+
+def ticks(count, rate=100.0):
+    return EPOCH + np.round(np.arange(count) * 1e9 / rate).astype(np.int64)
+
+
+def poses(pose, twist=None, sigma=0.1, rate=100.0):
+    count = len(pose)
+    return PoseSeries(
+        ticks(count, rate), np.asarray(pose, float),
+        np.full((count, 3), math.nan) if twist is None else np.asarray(twist, float),
+        np.broadcast_to(np.eye(3) * sigma ** 2, (count, 3, 3)), np.full((count, 3), sigma ** 2))
+
+
+def circle(count=1000, radius=2.0, turn=3.0):
+    yaw = np.linspace(0.0, turn, count)
+    return np.column_stack([radius * np.sin(yaw), radius * (1.0 - np.cos(yaw)), yaw])
+
+
+def straight(length=10.0, count=1001):
+    return np.column_stack([np.linspace(0.0, length, count), np.zeros(count), np.zeros(count)])
+
+
+def moved(pose, x, y, angle):
+    cos, sin = math.cos(angle), math.sin(angle)
+    return np.column_stack([x + cos * pose[:, 0] - sin * pose[:, 1],
+                            y + sin * pose[:, 0] + cos * pose[:, 1], pose[:, 2] + angle])
+
+
+def test_gaussian_errors_with_their_own_sigma_score_as_gaussian():
+    sigma = np.random.default_rng(1).uniform(0.1, 2.0, 20_000)
+    error = np.random.default_rng(2).normal(0.0, sigma)
+    found = score(error, sigma)
+    assert found.normalised_rms == pytest.approx(1.0, abs=0.02)
+    assert found.within_one == pytest.approx(0.683, abs=0.01)
+    assert found.within_two == pytest.approx(0.954, abs=0.01)
+
+
+def test_an_error_that_is_not_finite_is_not_counted():
+    found = score(np.array([1.0, math.nan, -1.0]), np.array([1.0, 1.0, 1.0]))
+    assert (found.count, found.mean, found.rms) == (2, 0.0, 1.0)
+
+
+def test_an_error_without_sigma_is_outside_of_every_band_but_a_perfect_value_is_inside():
+    assert score(np.array([1.0]), np.array([0.0])).within_two == 0.0
+    assert score(np.array([0.0]), np.array([0.0])).within_one == 1.0
+
+
+def test_a_score_of_nothing_is_nan():
+    found = score(np.empty(0), np.empty(0))
+    assert found.count == 0 and math.isnan(found.rms) and math.isnan(found.within_one)
+
+
+@settings(max_examples=30, deadline=None)
+@given(x=st.floats(-1e3, 1e3), y=st.floats(-1e3, 1e3), angle=st.floats(-7.0, 7.0))
+def test_the_frame_of_the_truth_does_not_matter(x, y, angle):
+    found = pose_score(poses(circle()), poses(moved(circle(), x, y, angle)))
+    assert found.position_rms_m == pytest.approx(0.0, abs=1e-8)
+    assert found.yaw.rms == pytest.approx(0.0, abs=1e-9)
+    assert found.distance_m == pytest.approx(6.0, abs=0.06)
+
+
+def test_a_radius_one_percent_too_large_is_one_percent_of_the_distance():
+    found = pose_score(poses(1.01 * straight()), poses(straight()))
+    assert found.position_end_m == found.position_max_m == pytest.approx(0.1)
+    assert found.end_percent_of_distance == pytest.approx(1.0, rel=1e-2)
+    assert found.position_rms_m == pytest.approx(0.1 / math.sqrt(3.0), rel=1e-2)
+    assert found.step_position_rms_m == pytest.approx(0.01, rel=1e-6)  # at 1 m/s
+    assert found.duration_s == pytest.approx(10.0)
+
+
+def test_heading_that_drifts_shows_in_yaw_and_its_steps():
+    truth = straight()
+    drifting = truth + np.column_stack([np.zeros((1001, 2)), np.linspace(0.0, 0.5, 1001)])
+    found = pose_score(poses(drifting), poses(truth))
+    assert found.yaw_end_rad == pytest.approx(0.5)
+    assert found.step_yaw_rms_rad == pytest.approx(0.05)
+    assert found.position_end_m == 0.0
+
+
+def test_steps_do_not_carry_an_old_heading_error_on():
+    """After a turn on the spot was misjudged the way ahead is judged right again."""
+    truth = np.vstack([np.zeros((100, 3)), straight()])
+    wrong = np.vstack([np.zeros((100, 3)), moved(straight(), 0.0, 0.0, 0.3)])
+    found = pose_score(poses(wrong), poses(truth))
+    assert found.position_end_m == pytest.approx(2.0 * 10.0 * math.sin(0.15), rel=1e-3)
+    after = pose_score(poses(wrong[200:]), poses(truth[200:]))
+    assert after.step_position_rms_m == pytest.approx(0.0, abs=1e-9)
+
+
+def test_covariances_that_are_right_normalise_the_errors_to_one():
+    rng = np.random.default_rng(3)
+    truth = circle(5000)
+    noisy = truth + rng.normal(0.0, 0.1, truth.shape)
+    noisy[0] = truth[0]  # both are brought together there
+    found = pose_score(poses(noisy, sigma=0.1), poses(truth))
+    assert found.position_normalised_rms == pytest.approx(1.0, abs=0.03)
+    assert found.yaw.normalised_rms == pytest.approx(1.0, abs=0.03)
+
+
+def test_a_standing_robot_goes_nowhere_however_noisy_its_reference_is():
+    noise = np.random.default_rng(4).normal(0.0, 0.005, (5000, 2))
+    assert distance(noise) == 0.0
+    assert distance(straight()[:, :2] + noise[:1001]) == pytest.approx(10.0, rel=0.03)
+
+
+def test_a_truth_without_twist_says_nothing_about_speed():
+    assert pose_score(poses(circle()), poses(circle())).twist is None
+
+
+def test_errors_of_the_twist_are_found_in_each_component():
+    count = 1000
+    truth = poses(circle(), twist=np.tile([0.6, 0.0, 0.3], (count, 1)))
+    estimate = poses(circle(), twist=np.tile([0.7, -0.1, 0.5], (count, 1)), sigma=0.1)
+    twist = pose_score(estimate, truth).twist
+    assert [twist[name].mean for name in ('v_x', 'v_y', 'yaw_rate')] == pytest.approx(
+        [0.1, -0.1, 0.2])
+    assert twist['yaw_rate'].normalised_rms == pytest.approx(2.0)
+
+
+def test_different_rates_are_brought_to_the_truth_s_stamps():
+    fine = circle(10_000)
+    found = pose_score(poses(fine, rate=1000.0), poses(fine[::10], rate=100.0))
+    assert found.position_rms_m < 1e-6
+
+
+def test_poses_that_never_overlap_have_no_score():
+    late = poses(circle())
+    late = PoseSeries(late.stamp_ns + 60_000_000_000, late.pose, late.twist,
+                      late.pose_covariance, late.twist_variance)
+    assert pose_score(late, poses(circle())) is None
+    assert pose_score(poses(circle()[:0]), poses(circle())) is None
+
+
+def slips(ratio, sigma=0.1):
+    ratio = np.asarray(ratio, float)
+    return SlipSeries(ticks(len(ratio)), ratio, np.full(ratio.shape, sigma))
+
+
+def test_the_slip_of_a_side_is_the_mean_of_its_wheels():
+    truth = slips(np.tile([0.1, -0.2, 0.3, 0.0], (50, 1)), 0.0)
+    found = slip_scores(slips(np.tile([0.2, -0.2, 0.4, 0.1], (50, 1))), truth)
+    assert found['left'].estimated_mean == pytest.approx(0.3)
+    assert found['left'].true_mean == pytest.approx(0.2)
+    assert found['left'].error.normalised_rms == pytest.approx(1.0)
+    assert found['right'].error.mean == pytest.approx(0.05)
+    assert found['front_right'].error.rms == pytest.approx(0.0, abs=1e-12)
+    assert found['rear_right'].error.mean == pytest.approx(0.1)
+
+
+def test_slip_counts_only_where_both_know_it():
+    ratio = np.full((100, 4), 0.1)
+    truth, estimate = ratio.copy(), ratio + 0.1
+    truth[:20] = math.nan
+    estimate[90:] = math.nan
+    found = slip_scores(slips(estimate), slips(truth))['left'].error
+    assert found.count == 70 and found.mean == pytest.approx(0.1)
+
+
+def test_slip_is_judged_within_the_spans_only():
+    truth, estimate = np.zeros((100, 4)), np.zeros((100, 4))
+    estimate[50:] = 0.2
+    stamps = ticks(100)
+    calm = slip_scores(slips(estimate), slips(truth), [(stamps[0], stamps[49])])
+    wrong = slip_scores(slips(estimate), slips(truth), [(stamps[60], stamps[79])])
+    assert calm['left'].error.rms == 0.0
+    assert (wrong['left'].error.count, wrong['left'].error.mean) == (20, pytest.approx(0.2))
+
+
+def test_slip_of_a_robot_that_never_moves_has_no_score():
+    never = slips(np.full((10, 4), math.nan))
+    assert slip_scores(never, never)['left'].error.count == 0
+
+
+def test_stamps_are_judged_against_the_nearest_instant():
+    true = ticks(400, rate=400.0)
+    rng = np.random.default_rng(5)
+    kept = rng.random(400) > 0.2  # lost batches leave instants without a sample
+    stamped = true[kept] + rng.normal(2e5, 3e5, kept.sum()).astype(np.int64)
+    found = stamp_score(stamped, true, sigma=0.5e-3)
+    assert found.mean == pytest.approx(2e-4, abs=5e-5)
+    assert math.sqrt(found.rms ** 2 - found.mean ** 2) == pytest.approx(3e-4, rel=0.1)
+    assert found.within_two > 0.99
+
+
+@pytest.mark.parametrize('instants', [0, 1])
+def test_stamps_are_judged_against_few_instants_too(instants):
+    found = stamp_score(ticks(1) + 1000, ticks(instants), sigma=1e-3)
+    assert found.count == instants

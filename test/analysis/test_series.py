@@ -1,0 +1,113 @@
+"""Collecting samples into arrays keeps what the figures need, in order of the stamps."""
+
+import math
+
+import numpy as np
+import pytest
+
+from smart_tire.analysis.series import at, seconds, Series, Table, yaw_of
+from smart_tire.samples import ImuSample, Odometry, TireSample, WheelSample, WheelSlip
+
+EPOCH = 1_700_000_000_000_000_000
+
+
+def odometry(stamp_ns, yaw=0.0, twist_known=True):
+    half = 0.5 * yaw
+    twist_covariance = tuple(float(i) for i in range(36)) if twist_known else (-1.0,) * 36
+    return Odometry(stamp_ns, (1.0, 2.0, 0.0), (0.0, 0.0, math.sin(half), math.cos(half)),
+                    (0.5, 0.1, 0.0), (0.0, 0.0, 0.3), tuple(float(i) for i in range(36)),
+                    twist_covariance)
+
+
+def test_a_table_orders_its_rows_and_keeps_the_last_of_equal_stamps():
+    table = Table(2)
+    for stamp, row in ((30, (3.0, 3.0)), (10, (1.0, 1.0)), (30, (4.0, 4.0)), (20, (2.0, 2.0))):
+        table.add(stamp, row)
+    stamps, values = table.arrays()
+    assert stamps.tolist() == [10, 20, 30]
+    assert values.tolist() == [[1.0, 1.0], [2.0, 2.0], [4.0, 4.0]]
+
+
+def test_an_empty_series_has_empty_arrays():
+    series = Series()
+    assert series.poses().pose.shape == (0, 3)
+    assert series.slips().ratio.shape == (0, 4)
+    assert series.film_wheels() == []
+
+
+def test_planar_parts_are_taken_out_of_the_covariances_of_ros():
+    series = Series()
+    series.add(odometry(EPOCH))
+    poses = series.poses()
+    assert poses.pose_covariance[0].tolist() == [[0, 1, 5], [6, 7, 11], [30, 31, 35]]
+    assert poses.twist_variance[0].tolist() == [0, 7, 35]
+    assert poses.twist[0].tolist() == [0.5, 0.1, 0.3]
+
+
+def test_a_twist_that_is_not_given_is_nan():
+    series = Series()
+    series.add(odometry(EPOCH, twist_known=False))
+    assert np.isnan(series.poses().twist).all()
+    assert np.isfinite(series.poses().pose).all()
+
+
+def test_yaw_runs_on_over_full_turns():
+    series = Series()
+    turns = np.arange(0.0, 30.0, 0.5)
+    for i, yaw in enumerate(turns):
+        series.add(odometry(EPOCH + i, yaw))
+    assert series.poses().pose[:, 2] == pytest.approx(turns)
+
+
+def test_yaw_of_a_tilted_quaternion_is_that_of_its_heading():
+    roll, yaw = 0.2, 1.0
+    quaternion = (math.sin(roll / 2) * math.cos(yaw / 2), math.sin(roll / 2) * math.sin(yaw / 2),
+                  math.cos(roll / 2) * math.sin(yaw / 2), math.cos(roll / 2) * math.cos(yaw / 2))
+    assert yaw_of(quaternion) == pytest.approx(yaw)
+
+
+def test_films_of_different_wheels_stay_apart_and_other_samples_are_passed_over():
+    series = Series()
+    series.add(TireSample(EPOCH, 'front_left', (1.0, 2.0)))
+    series.add(TireSample(EPOCH, 'front_right', (3.0, 4.0)))
+    series.add(ImuSample(EPOCH, (0.0, 0.0, 9.8), (0.0, 0.0, 0.0)))
+    assert series.film_wheels() == ['front_left', 'front_right']
+    assert series.films('front_right')[1].tolist() == [[3.0, 4.0]]
+
+
+def test_a_film_that_drops_out_leaves_the_samples_with_both():
+    series = Series()
+    for i in range(3):
+        series.add(TireSample(EPOCH + i, 'front_left', (1.0, 2.0)))
+    series.add(TireSample(EPOCH + 3, 'front_left', (1.0,)))
+    assert series.films('front_left')[1].shape == (3, 2)
+
+
+def test_speeds_and_slips_come_back_as_rows():
+    series = Series()
+    series.add(WheelSample(EPOCH, (1.0, 2.0, 3.0, 4.0)))
+    series.add(WheelSlip(EPOCH, (0.1, 0.2, 0.3, math.nan), (0.0,) * 4, (0.01, 0.02, 0.03, 1.0)))
+    assert series.speeds()[1].tolist() == [[1.0, 2.0, 3.0, 4.0]]
+    assert series.slips().ratio[0, :3].tolist() == [0.1, 0.2, 0.3]
+    assert series.slips().sigma[0].tolist() == [0.01, 0.02, 0.03, 1.0]
+
+
+def test_seconds_keep_nanoseconds_though_the_epoch_is_far():
+    stamps = np.array([EPOCH + 1, EPOCH + 2], np.int64)
+    assert seconds(stamps, EPOCH).tolist() == [1e-9, 2e-9]
+
+
+def test_interpolation_is_exact_on_lines_far_from_the_epoch():
+    stamps = EPOCH + np.array([0, 100, 300], np.int64)
+    values = np.array([[0.0, 1.0], [100.0, 2.0], [300.0, 4.0]])
+    found = at(EPOCH + np.array([50, 200, 300], np.int64), stamps, values)
+    assert found.tolist() == [[50.0, 1.5], [200.0, 3.0], [300.0, 4.0]]
+
+
+def test_interpolation_invents_nothing_outside_in_gaps_or_next_to_a_nan():
+    second = 1_000_000_000
+    stamps = EPOCH + np.array([0, 1, 2, 3, 10], np.int64) * (second // 10)
+    values = np.array([0.0, 1.0, math.nan, 3.0, 10.0])
+    wanted = EPOCH + np.array([-5, 5, 15, 25, 65, 101], np.int64) * (second // 100)
+    assert np.isnan(at(wanted, stamps, values)).tolist() == [True, False, True, True, True, True]
+    assert not np.isnan(at(wanted, stamps, values, max_gap=1.0))[4]
