@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+import math
 import struct
 
 from smart_tire.errors import FrameError
@@ -122,7 +123,8 @@ def duty_from_code(code: int) -> float:
 
 def timeout_code(seconds: float) -> int:
     """Return the value of ``SET_TIMEOUT`` for at least ``seconds``, never 0 (no time-out)."""
-    return max(1, min(255, -int(-seconds // TIMEOUT_UNIT)))
+    units = round(seconds / TIMEOUT_UNIT, 6)  # 1.1 s is 11 units and not a little more
+    return max(1, min(255, math.ceil(units)))
 
 
 class RequestDeframer:

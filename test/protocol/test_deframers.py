@@ -1,0 +1,158 @@
+"""All deframers: any split, hostile neighbours, bounded memory, honest counts."""
+
+from hypothesis import assume, given, settings, strategies as st
+import pytest
+from smart_tire.protocol import vectornav, vectornav_ascii, xbee, xsens
+
+ASCII = st.text('ABCVNYMR0123456789.,+-', max_size=60).map(str.encode)
+
+
+class Protocol:
+    """A deframer, the encoder that goes with it, and bodies it can carry."""
+
+    def __init__(self, deframer, encode, bodies, start, limit):
+        self.deframer, self.encode, self.bodies = deframer, encode, bodies
+        self.start, self.limit = start, limit
+
+    def __repr__(self):
+        return self.deframer.__name__
+
+
+def vectornav_body(payload):
+    """Return a body with rate (12), acceleration (12) and time (8), filled from ``payload``."""
+    return b'\x01\x21\x01' + (payload + bytes(32))[:32]
+
+
+PROTOCOLS = [
+    Protocol(xbee.XBeeDeframer, xbee.encode_frame, st.binary(min_size=1, max_size=300),
+             b'\x7e', 2 * xbee.MAX_BODY + 10),
+    Protocol(vectornav.BinaryDeframer, vectornav.encode_frame,
+             st.binary(max_size=32).map(vectornav_body), b'\xfa', 1500),
+    Protocol(vectornav_ascii.AsciiDeframer, vectornav_ascii.encode_sentence, ASCII,
+             b'$', vectornav_ascii.MAX_SENTENCE),
+    Protocol(xsens.XsensDeframer, xsens.encode_message, st.binary(min_size=1, max_size=300),
+             b'\xfa', xsens.MAX_DATA + 8),
+]
+each = pytest.mark.parametrize('protocol', PROTOCOLS, ids=repr)
+quick = settings(max_examples=60, deadline=None, derandomize=True)
+
+
+def damaged(frame, index, flip):
+    """Return ``frame`` with one byte changed."""
+    changed = bytearray(frame)
+    changed[index % len(frame)] ^= flip
+    return bytes(changed)
+
+
+@each
+@quick
+@given(data=st.data())
+def test_frames_survive_any_split(protocol, data):
+    bodies = data.draw(st.lists(protocol.bodies, min_size=1, max_size=5))
+    stream = b''.join(map(protocol.encode, bodies))
+    cuts = sorted(data.draw(st.lists(st.integers(0, len(stream)), max_size=12)))
+    deframer, found = protocol.deframer(), []
+    for start, end in zip([0, *cuts], [*cuts, len(stream)]):
+        found += deframer.feed(stream[start:end])
+    assert found == bodies
+    assert (deframer.bad_frames, deframer.skipped_bytes) == (0, 0)
+
+
+@each
+@quick
+@given(data=st.data())
+def test_a_frame_comes_with_its_last_byte(protocol, data):
+    body = data.draw(protocol.bodies)
+    frame = protocol.encode(body)
+    deframer = protocol.deframer()
+    for byte in frame[:-1]:
+        assert list(deframer.feed(bytes((byte,)))) == []
+    assert list(deframer.feed(frame[-1:])) == [body]
+
+
+@each
+@quick
+@given(data=st.data())
+def test_no_intact_frame_next_to_a_damaged_one_is_lost(protocol, data):
+    """The damage is one changed byte anywhere, a frame cut short, or a frame that lost a part."""
+    bodies = data.draw(st.lists(protocol.bodies, min_size=3, max_size=3))
+    before, victim, after = map(protocol.encode, bodies)
+    index = data.draw(st.integers(0, len(victim) - 1))
+    hostile = data.draw(st.sampled_from([
+        damaged(victim, index, data.draw(st.integers(1, 255))), victim[:index],
+        victim[:index // 2] + victim[index:]]))
+    size = data.draw(st.integers(1, 40))
+    stream = before + hostile + after + protocol.encode(bodies[0])
+    deframer, found = protocol.deframer(), []
+    for start in range(0, len(stream), size):
+        found += deframer.feed(stream[start:start + size])
+    assert found[0] == bodies[0]
+    assert found[-2:] == [bodies[2], bodies[0]]
+    assert len(found) <= 4
+
+
+@each
+@quick
+@given(data=st.data())
+def test_noise_between_frames_is_skipped_and_counted(protocol, data):
+    body = data.draw(protocol.bodies)
+    noise = data.draw(st.binary(max_size=80)).replace(protocol.start, b'')
+    noise = noise.replace(b'\x7d', b'')
+    deframer = protocol.deframer()
+    frame = protocol.encode(body)
+    assert list(deframer.feed(noise + frame + noise + frame)) == [body, body]
+    assert deframer.skipped_bytes == 2 * len(noise)
+    assert deframer.bad_frames == 0
+
+
+@each
+@quick
+@given(data=st.data())
+def test_a_damaged_frame_counts_once(protocol, data):
+    body = data.draw(protocol.bodies)
+    frame = bytearray(protocol.encode(body))
+    frame[-3 if protocol.deframer is vectornav_ascii.AsciiDeframer else -1] ^= 0x01
+    assume(protocol.start not in bytes(frame[1:]))  # that may count as a further one
+    deframer = protocol.deframer()
+    good = protocol.encode(body)
+    assert list(deframer.feed(good + bytes(frame) + good)) == [body, body]
+    assert deframer.bad_frames == 1
+    assert deframer.skipped_bytes == len(frame)
+
+
+@each
+@settings(max_examples=30, deadline=None, derandomize=True)
+@given(chunks=st.lists(st.binary(max_size=400), max_size=30))
+def test_noise_never_fills_the_memory(protocol, chunks):
+    deframer, fed = protocol.deframer(), 0
+    for chunk in chunks:
+        fed += len(chunk) + 1
+        assert list(deframer.feed(chunk + protocol.start)) == []
+        assert fed - deframer.skipped_bytes <= protocol.limit
+
+
+@each
+def test_a_stream_of_start_bytes_ends_with_the_first_frame(protocol):
+    deframer = protocol.deframer()
+    assert list(deframer.feed(protocol.start * 3000)) == []
+    body = vectornav_body(b'') if protocol.deframer is vectornav.BinaryDeframer else b'ABC'
+    assert list(deframer.feed(protocol.encode(body))) == [body]
+
+
+@pytest.mark.parametrize('protocol, claim', [
+    (PROTOCOLS[0], '7e ffff'), (PROTOCOLS[0], '7e 01ff'), (PROTOCOLS[1], 'fa 7f' + 7 * 'ff07'),
+    (PROTOCOLS[1], 'fa 01 ff7f'), (PROTOCOLS[2], '24 56 4e 59'), (PROTOCOLS[3], 'fa ff 36 fe'),
+    (PROTOCOLS[3], 'fa ff 36 ff 0800'), (PROTOCOLS[3], 'fa ff 36 ff ffff')])
+def test_a_claim_of_an_absurd_length_does_not_hold_up_the_next_frame(protocol, claim):
+    body = vectornav_body(b'') if protocol is PROTOCOLS[1] else b'ABC'
+    deframer = protocol.deframer()
+    assert list(deframer.feed(bytes.fromhex(claim))) == []
+    assert list(deframer.feed(protocol.encode(body))) == [body]
+
+
+@each
+def test_frames_that_nobody_took_come_with_the_next_feed(protocol):
+    body = vectornav_body(b'') if protocol.deframer is vectornav.BinaryDeframer else b'ABC'
+    deframer = protocol.deframer()
+    deframer.feed(protocol.encode(body))
+    assert list(deframer.feed(b'')) == [body]
