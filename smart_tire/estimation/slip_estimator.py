@@ -11,7 +11,7 @@ import numpy as np
 from smart_tire.estimation.gate import Gate
 from smart_tire.estimation.slip_filter import Motion, SlipFilter, State, WheelTravel
 from smart_tire.estimation.standstill import Standstill
-from smart_tire.estimation.travel import TravelLog
+from smart_tire.estimation.travel_log import TravelLog
 from smart_tire.estimation.wheels import WheelReader
 from smart_tire.models.rotation import matrix, quaternion
 from smart_tire.models.skid_steer import GRAVITY, slip_ratio
@@ -225,7 +225,7 @@ class SlipEstimator:
         over = (ground[0], ground[1], ground[0], ground[1])
         ratio = slip_ratio(rolling, over, self._params.robot.slip.standstill_speed).tolist()
         sigma = [1.0 if math.isnan(ratio[i]) else sigmas[i % 2] for i in range(4)]
-        sliding: Four = tuple(r - v for r, v in zip(rolling, over))  # type: ignore[assignment]
+        sliding: Four = tuple(float(r - v) for r, v in zip(rolling, over))  # type: ignore[assignment]
         return WheelSlip(instant_ns, tuple(ratio), sliding, tuple(sigma))
 
 

@@ -36,13 +36,13 @@ SPEED_DRIFT = 0.005       # m/s per sqrt(s), what the planar model leaves out
 GYRO_BIAS_DRIFT = 1e-4    # rad/s per sqrt(s), in-run stability of a low-cost unit
 ACCEL_BIAS_DRIFT = 5e-4   # m/s2 per sqrt(s), likewise
 SLOPE_LENGTH = 5.0        # m, over which the slope of the ground is forgotten
-SLIDE_TIME = 20.0         # s, over which sliding is forgotten
 SLIDE_FLOOR = 0.02        # m/s, sliding that a wheel shows at any speed
 WHEEL_NOISE = 0.003       # m/s, wheel speed of a side beyond quantisation and stamps
 STILL_SPEED = 0.003       # m/s, one sigma of the speed of a robot that stands
 OUTLIER = 3.0             # sigmas; beyond, a measurement counts less and less
 NIS_MEMORY = 0.05         # share of a new value in the smoothed innovation statistic
-SURPRISE = 2.0            # sigmas; beyond, the sliding is taken to have changed
+CHANGE = 2.0              # sigmas of a change of wheel speed by stamps alone; more is real
+SURPRISE = 3.5            # sigmas; beyond, the sliding is taken to have changed
 
 
 class State(IntEnum):
@@ -105,6 +105,8 @@ class SlipFilter:
         self._F = np.eye(N)
         self._Q = np.zeros(N)
         self._last_speed: tuple[float, float] | None = None
+        # a wandering slip with this memory spreads over slip_sigma in the long run
+        self._slip_time = 2.0 * (params.slip_sigma / max(params.slip_drift, 1e-6)) ** 2
         self.nis = 1.0  # normalised innovation squared of the wheel readings, smoothed
         sigma = np.zeros(N)
         sigma[State.ROLL] = sigma[State.PITCH] = params.slope_sigma
@@ -150,7 +152,7 @@ class SlipFilter:
         cos, sin = math.cos(yaw), math.sin(yaw)
         speed = math.hypot(b_x, b_y)
         fade = math.exp(-speed * dt / SLOPE_LENGTH)
-        keep = math.exp(-dt / SLIDE_TIME) if speed > 0.0 else 1.0
+        keep = math.exp(-dt / self._slip_time)
 
         state = self._ekf.x
         state[State.X, 0] += (cos * b_x - sin * b_y) * dt
@@ -167,7 +169,7 @@ class SlipFilter:
         F = self._F
         P = F @ self._ekf.P @ F.T
         P.flat[::N + 1] += self._Q
-        self._ekf.P = P
+        self._ekf.P = 0.5 * (P + P.T)
 
     def _fill_jacobian(self, dt: float, W: float, v_x: float, v_y: float, b_x: float, b_y: float,
                        cos: float, sin: float, fade: float, keep: float) -> None:
@@ -232,6 +234,8 @@ class SlipFilter:
         if self._params.constraint == 'printed':
             H, z, expected, R = self._printed(H, z, expected, R)
         self._correct(z, expected, H, R)
+        if max(map(abs, travel.speed)) < self._params.robot.slip.standstill_speed:
+            return  # wheels at rest are exact, and say nothing of the noise
         nis = (self._ekf.y.T @ self._ekf.SI @ self._ekf.y).item() / len(z)
         self.nis += NIS_MEMORY * (nis - self.nis)
 
@@ -262,9 +266,15 @@ class SlipFilter:
     def _widen_sliding(self, travel: WheelTravel, innovation: Array, variance: Array) -> None:
         """Let the sliding change with the wheel speed and with what surprises."""
         before, self._last_speed = self._last_speed, travel.speed
+        jitter = math.sqrt(6.0) * self._params.robot.encoder.stamp_jitter / travel.duration
         for row, slide in enumerate(SLIDES):
-            change = 0.0 if before is None else self._params.slip_agility * (
-                travel.speed[row] - before[row])
+            speed = travel.speed[row]
+            if before is None:  # until now nothing was known of the wheels
+                self._ekf.P[slide, slide] = (self._params.slip_sigma * speed) ** 2 + (
+                    SLIDE_FLOOR ** 2)
+                continue
+            change = self._params.slip_agility * max(
+                0.0, abs(speed - before[row]) - CHANGE * abs(speed) * jitter)
             surprise = max(0.0, abs(innovation[row]) - SURPRISE * math.sqrt(variance[row]))
             self._ekf.P[slide, slide] += change ** 2 + surprise ** 2
 
@@ -335,7 +345,8 @@ class SlipFilter:
         J[0, State.V_X] = J[1, State.V_Y] = 1.0
         J[0, State.GYRO], J[1, State.GYRO], J[2, State.GYRO] = -self._y_imu, self._x_imu, -1.0
         twist = (x[State.V_X] + self._y_imu * W, x[State.V_Y] - self._x_imu * W, W)
-        return twist, J @ self._ekf.P @ J.T
+        covariance = J @ self._ekf.P @ J.T
+        return twist, 0.5 * (covariance + covariance.T)
 
     def slip_sigmas(self, gyro_z: float) -> tuple[float, float]:
         """Return one sigma [-] of the slip ratio of the left and of the right side, at most 1."""

@@ -18,6 +18,8 @@ class SlipEstimatorParams:
         0.03, 's', 'how far message stamps may be out of order', low=0.0, high=1.0)
     constraint: str = param('plain', '-', 'slips in B(7): plain, or as printed',
                             choices=('plain', 'printed'))
+    slip_sigma: float = param(
+        0.15, '-', 'spread of the slip of a side of which nothing is known', low=1e-3, high=1.0)
     slip_drift: float = param(
         0.01, '1/sqrt(s)', 'how fast the slip of a side wanders while nothing happens', low=0.0)
     slip_agility: float = param(
