@@ -1,0 +1,68 @@
+# "make demo" and "make test" are all that a fresh machine needs: Python 3.10 to 3.13 with venv
+# and no ROS. Where a ROS distribution is sourced, its rclpy, messages and Python are used.
+
+ifdef ROS_DISTRO
+PYTHON ?= python3
+VENV := .venv-$(ROS_DISTRO)
+else
+SUITS := import ensurepip, sys, venv; sys.exit(not (3, 10) <= sys.version_info < (3, 14))
+PYTHON ?= $(firstword $(shell for python in python3 python3.13 python3.12 python3.11 python3.10; \
+	do "$$python" -c '$(SUITS)' 2> /dev/null && echo "$$python"; done))
+VENV := .venv
+endif
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+READY := $(VENV)/ready
+
+# Set inside a Python that has the rclpy wheels; one that starts anew must find its own.
+unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
+
+.PHONY: help setup demo test lint bench config clean
+help:
+	@echo 'make demo    run the simulated robot and all nodes; results in demo_output/'
+	@echo 'make test    check style and types, run the tests'
+	@echo 'make lint    check style and types only'
+	@echo 'make bench   measure CPU load, latency and offline speed'
+	@echo 'make config  write config/*.yaml anew from the descriptions of the parameters'
+	@echo 'make clean   remove what was installed and built'
+
+setup: $(READY)
+
+$(READY): constraints.txt requirements.txt setup.py setup.cfg pyproject.toml
+ifdef ROS_DISTRO
+	$(PYTHON) -m venv --system-site-packages $(VENV)
+	$(PIP) -r requirements.txt
+	$(PIP) --editable '.[test]'
+else
+	@test -n '$(PYTHON)' || { echo 'no Python 3.10 to 3.13 with venv found: install one (on' \
+		'Debian: python3-venv) or name it: make PYTHON=...' >&2; exit 1; }
+	@echo 'Installing into $(VENV), once'
+	$(PYTHON) -m venv $(VENV)
+	$(PIP) --constraint constraints.txt setuptools
+	$(PIP) --constraint constraints.txt --no-build-isolation --editable '.[ros,test,lint]'
+endif
+	@touch $@
+
+demo: $(READY)
+	$(BIN)/smart_tire demo
+
+bench: $(READY)
+	$(BIN)/smart_tire bench
+
+# Style and types are checked with the pinned tools and versions only.
+lint: $(READY)
+ifndef ROS_DISTRO
+	$(BIN)/ruff check --quiet .
+	$(BIN)/mypy --no-error-summary
+endif
+
+test: lint
+	$(BIN)/python -m pytest
+
+config: $(READY)
+	$(BIN)/python -m smart_tire.parameters.text config
+
+clean:
+	rm -rf .venv .venv-* build install log *.egg-info .hypothesis .mypy_cache .pytest_cache \
+		.ruff_cache
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

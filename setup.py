@@ -1,0 +1,48 @@
+"""Build and install the package, with colcon (ament_python) or with pip."""
+
+from glob import glob
+
+from setuptools import find_packages, setup
+
+PACKAGE = 'smart_tire'
+NODES = (
+    'tire_receiver', 'imu_driver', 'motor_driver', 'slip_estimator', 'friction_estimator',
+    'wheel_controller', 'robot_simulator')
+
+setup(
+    name=PACKAGE,
+    version='0.1.0',
+    description='Slip, friction and localization of a robot that feels the ground with its tires',
+    license='Apache-2.0',
+    maintainer='The smart_tire maintainers',
+    maintainer_email='maintainers@smart-tire.example',
+    packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
+        (f'share/{PACKAGE}', ['package.xml']),
+        (f'share/{PACKAGE}/launch', sorted(glob('launch/*.launch.py'))),
+        (f'share/{PACKAGE}/config', sorted(glob('config/*.yaml'))),
+    ],
+    python_requires='>=3.10',
+    install_requires=[
+        'filterpy>=2.0', 'matplotlib', 'mcap', 'numpy', 'pyserial', 'pyyaml', 'rich', 'rosbags',
+        'scipy',
+    ],
+    extras_require={
+        # rclpy and the messages for machines without a ROS distribution
+        'ros': [
+            'ros-rclpy[fastrtps]', 'ros-builtin-interfaces', 'ros-diagnostic-msgs',
+            'ros-geometry-msgs', 'ros-nav-msgs', 'ros-rcl-interfaces', 'ros-rosgraph-msgs',
+            'ros-sensor-msgs', 'ros-std-msgs', 'ros-std-srvs',
+        ],
+        'test': ['hypothesis', 'pytest'],
+        'lint': ['mypy==2.4.1', 'ruff==0.17.5'],
+    },
+    zip_safe=True,
+    entry_points={
+        'console_scripts': [
+            *(f'{node} = {PACKAGE}.nodes.{node}:main' for node in NODES),
+            f'{PACKAGE} = {PACKAGE}.cli.main:main',
+        ],
+    },
+)

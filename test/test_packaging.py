@@ -1,0 +1,166 @@
+"""What is installed is what is there: one version, every node a command, every import declared."""
+
+from __future__ import annotations
+
+import ast
+import configparser
+from pathlib import Path
+import re
+import runpy
+from xml.etree import ElementTree
+
+import pytest
+import setuptools
+
+import smart_tire
+from smart_tire.messages import TOPICS
+from smart_tire.parameters import NODE_PARAMS
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = ROOT / 'smart_tire'
+MANIFEST = ElementTree.parse(ROOT / 'package.xml').getroot()
+ROSDEP_KEYS = {  # top-level module -> its key in rosdep's python.yaml
+    'matplotlib': 'python3-matplotlib', 'numpy': 'python3-numpy', 'rich': 'python3-rich',
+    'scipy': 'python3-scipy', 'serial': 'python3-serial', 'yaml': 'python3-yaml',
+}
+PIP_NAMES = {'serial': 'pyserial', 'yaml': 'pyyaml'}  # where module and distribution differ
+WITHOUT_KEY = {'filterpy', 'mcap', 'rosbags'}
+OPTIONAL = {'tf2_msgs'}  # not among the wheels; used where it is installed
+ROS_SUFFIXES = ('_msgs', '_srvs', '_interfaces')
+
+
+@pytest.fixture(scope='module')
+def setup_arguments() -> dict:
+    """Return what setup.py hands to setuptools."""
+    captured: dict = {}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(ROOT)
+        patch.setattr(setuptools, 'setup', lambda **arguments: captured.update(arguments))
+        runpy.run_path(str(ROOT / 'setup.py'))
+    return captured
+
+
+def pins(name: str) -> dict[str, set[str]]:
+    """Return distribution -> versions of a requirements file."""
+    found: dict[str, set[str]] = {}
+    for line in (ROOT / name).read_text(encoding='utf-8').splitlines():
+        if line and not line.startswith('#'):
+            match = re.fullmatch(r"([a-z0-9.-]+)==([0-9.]+)(; python_version .*)?", line)
+            assert match, line
+            found.setdefault(match[1], set()).add(match[2])
+    return found
+
+
+def distribution(requirement: str) -> str:
+    """Return the bare name in a requirement."""
+    return re.split(r'[\[<>=~!;\s]', requirement)[0]
+
+
+def imported_roots() -> set[str]:
+    """Return the top-level modules that the package imports."""
+    roots: set[str] = set()
+    for path in PACKAGE.rglob('*.py'):
+        for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+            if isinstance(node, ast.Import):
+                roots.update(alias.name.split('.')[0] for alias in node.names)
+            elif isinstance(node, ast.ImportFrom):
+                roots.add((node.module or '').split('.')[0])
+    return roots
+
+
+def ros_packages() -> set[str]:
+    """Return the message packages that are imported, or looked up for a topic."""
+    topics = {topic.type.split('/')[0] for topic in TOPICS.values()}
+    return topics | {root for root in imported_roots() if root.endswith(ROS_SUFFIXES)}
+
+
+def depends() -> set[str]:
+    """Return what package.xml needs at run time."""
+    return {item.text or '' for tag in ('exec_depend', 'depend') for item in MANIFEST.iter(tag)}
+
+
+def test_there_is_one_version(setup_arguments):
+    changes = (ROOT / 'CHANGELOG.rst').read_text(encoding='utf-8')
+    version = MANIFEST.findtext('version')
+    assert setup_arguments['version'] == version == smart_tire.__version__
+    assert 'Forthcoming\n-----------\n' in changes or f'\n{version} (' in changes
+
+
+def test_it_is_an_ament_python_package_of_format_3(setup_arguments):
+    assert MANIFEST.get('format') == '3'
+    assert MANIFEST.findtext('export/build_type') == 'ament_python'
+    assert setup_arguments['name'] == MANIFEST.findtext('name') == 'smart_tire'
+
+
+def test_the_licence_is_the_same_everywhere(setup_arguments):
+    assert setup_arguments['license'] == MANIFEST.findtext('license') == 'Apache-2.0'
+    assert 'Apache License' in (ROOT / 'LICENSE').read_text(encoding='utf-8')
+
+
+def test_every_node_and_the_command_are_executables(setup_arguments):
+    scripts = dict(re.split(r'\s*=\s*', script)
+                   for script in setup_arguments['entry_points']['console_scripts'])
+    assert scripts == {'smart_tire': 'smart_tire.cli.main:main',
+                       **{node: f'smart_tire.nodes.{node}:main' for node in NODE_PARAMS}}
+
+
+def test_every_executable_leads_to_a_function(setup_arguments):
+    for script in setup_arguments['entry_points']['console_scripts']:
+        module, _, function = script.partition('= ')[2].partition(':')
+        path = ROOT.joinpath(*module.split('.')).with_suffix('.py')
+        names = {node.name for node in ast.parse(path.read_text(encoding='utf-8')).body
+                 if isinstance(node, ast.FunctionDef)}
+        assert function in names, script
+
+
+def test_every_folder_of_the_package_is_installed(setup_arguments):
+    folders = {path.parent.relative_to(ROOT) for path in PACKAGE.rglob('*.py')}
+    assert {'.'.join(folder.parts) for folder in folders} == set(setup_arguments['packages'])
+
+
+def test_marker_manifest_launch_files_and_parameters_are_installed(setup_arguments):
+    installed = {f'{target}/{Path(source).name}'
+                 for target, sources in setup_arguments['data_files'] for source in sources}
+    share = 'share/smart_tire'
+    assert installed == {
+        'share/ament_index/resource_index/packages/smart_tire', f'{share}/package.xml',
+        *(f'{share}/launch/{path.name}' for path in (ROOT / 'launch').glob('*.launch.py')),
+        *(f'{share}/config/{path.name}' for path in (ROOT / 'config').glob('*.yaml'))}
+    assert (ROOT / 'resource' / 'smart_tire').is_file()
+
+
+def test_scripts_go_where_ros2_run_looks_and_use_the_active_python():
+    config = configparser.ConfigParser()
+    config.read(ROOT / 'setup.cfg')
+    assert config['develop']['script_dir'] == config['install']['install_scripts'] \
+        == '$base/lib/smart_tire'
+    assert config['build_scripts']['executable'] == '/usr/bin/env python3'
+
+
+def test_every_message_package_is_declared_twice(setup_arguments):
+    assert ros_packages() <= depends()
+    wheels = {distribution(item) for item in setup_arguments['extras_require']['ros']}
+    assert {f'ros-{name.replace("_", "-")}' for name in ros_packages() - OPTIONAL} <= wheels
+
+
+def test_every_library_is_declared_with_a_key_or_as_having_none(setup_arguments):
+    used = imported_roots() & (ROSDEP_KEYS.keys() | WITHOUT_KEY)
+    assert {ROSDEP_KEYS[name] for name in used - WITHOUT_KEY} <= depends()
+    assert used & WITHOUT_KEY <= pins('requirements.txt').keys()
+    required = {distribution(item) for item in setup_arguments['install_requires']}
+    assert {PIP_NAMES.get(name, name) for name in used} <= required
+
+
+def test_every_requirement_has_its_exact_version(setup_arguments):
+    wanted = [*setup_arguments['install_requires'],
+              *(item for extra in setup_arguments['extras_require'].values() for item in extra)]
+    assert {distribution(item) for item in wanted} <= pins('constraints.txt').keys()
+
+
+def test_versions_are_the_same_wherever_they_are_written(setup_arguments):
+    constraints = pins('constraints.txt')
+    for name, versions in pins('requirements.txt').items():
+        assert constraints[name] == versions
+    for item in setup_arguments['extras_require']['lint']:
+        name, _, version = item.partition('==')
+        assert constraints[name] == {version}
