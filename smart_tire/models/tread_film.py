@@ -110,7 +110,7 @@ def _displacement_area(xi: Array, magnitude: Array, limit: Array) -> Array:
 def passage(x: ArrayLike, *, slip: ArrayLike, total_slip: ArrayLike, critical_slip: ArrayLike,
             film_length: float, contact_length: float, bending_peak: ArrayLike,
             bending_alpha: float, stretch_gain: ArrayLike, release: str = 'fig8',
-            recovery: float = RECOVERY, reverse: bool = False) -> Array:
+            recovery: float = RECOVERY, reverse: npt.ArrayLike = False) -> Array:
     """
     Return the amplifier's output above rest [V] at the positions ``x`` of a film.
 
@@ -121,8 +121,7 @@ def passage(x: ArrayLike, *, slip: ArrayLike, total_slip: ArrayLike, critical_sl
     enters at the other edge: ``x -> L - l - x``.
     """
     x = np.asarray(x, dtype=float)
-    if reverse:
-        x = contact_length - film_length - x
+    x = np.where(reverse, contact_length - film_length - x, x)
     stretch = np.asarray(stretch_gain) * stretch_integral(
         x, slip, total_slip, critical_slip, film_length, contact_length)
     bending = bending_passage(x, film_length, contact_length, bending_alpha, release, recovery)

@@ -20,9 +20,9 @@ class GroundParams:
     friction: tuple[float, ...] = param(
         (0.47, 0.35), '-', 'friction coefficient mu of each surface', low=0.0)
     stiffness: tuple[float, ...] = param(
-        (52.7, 40.0), 'N', 'C_x of a tire on each surface, per unit slip', low=1e-3)
+        (52.7, 30.0), 'N', 'C_x of a tire on each surface, per unit slip', low=1e-3)
     drag: tuple[float, ...] = param(
-        (0.015, 0.15), '-', 'rolling drag of a wheel over its load on each surface', low=0.0)
+        (0.015, 0.16), '-', 'rolling drag of a wheel over its load on each surface', low=0.0)
     base: str = param('sand', '-', 'surface outside all patches')
     patches: tuple[str, ...] = param(
         ('concrete=-3,-3,3,3',), 'm', 'surface=x from, y from, x to, y to; later ones on top')

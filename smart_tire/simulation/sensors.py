@@ -1,0 +1,64 @@
+"""Inertial unit and encoders of the simulated robot, with their errors."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from smart_tire.models import rotation
+from smart_tire.models.skid_steer import GRAVITY
+from smart_tire.parameters.robot import RobotParams
+from smart_tire.parameters.simulation import SensorErrorParams
+from smart_tire.samples import Four, Vector3
+from smart_tire.simulation.plant import Plant
+
+
+class InertialUnit:
+    """Accelerometer and gyro; the turn-on bias and the mounting tilt are drawn once."""
+
+    def __init__(self, robot: RobotParams, errors: SensorErrorParams,
+                 rng: np.random.Generator) -> None:
+        imu = robot.imu
+        self._rng = rng
+        self._arm_x = imu.position[0] - robot.center_of_mass[0]
+        self._arm_y = imu.position[1] - robot.center_of_mass[1]
+        roll, pitch = rng.normal(0.0, errors.imu_tilt, 2)
+        mounting = rotation.matrix(*imu.rotation) @ rotation.matrix(roll, pitch, 0.0)
+        self._from_base = mounting.T
+        self._accel_bias = rng.normal(0.0, imu.accel_bias, 3)
+        self._gyro_bias = rng.normal(0.0, imu.gyro_bias, 3)
+        self._accel_noise, self._gyro_noise = imu.accel_noise, imu.gyro_noise
+
+    def read(self, plant: Plant) -> tuple[Vector3, Vector3]:
+        """Return specific force [m/s2] and angular rate [rad/s] in ``imu_link``."""
+        force = self._from_base @ self._specific_force(plant) + self._accel_bias
+        rate = self._from_base[:, 2] * plant.yaw_rate + self._gyro_bias
+        noise = self._rng.standard_normal((2, 3))
+        return (_vector(force + self._accel_noise * noise[0]),
+                _vector(rate + self._gyro_noise * noise[1]))
+
+    def _specific_force(self, plant: Plant) -> Vector3:
+        a_x, a_y = plant.acceleration
+        spin, rate2 = plant.yaw_acceleration, plant.yaw_rate**2
+        return (a_x - spin * self._arm_y - rate2 * self._arm_x,
+                a_y + spin * self._arm_x - rate2 * self._arm_y, GRAVITY)
+
+
+def encoder_counts(plant: Plant, counts_per_revolution: float) -> tuple[int, int, int, int]:
+    """Return what the four encoders have counted since the start."""
+    scale = counts_per_revolution / math.tau
+    fl, fr, rl, rr = (math.floor(angle * scale) for angle in plant.wheel_angle)
+    return fl, fr, rl, rr
+
+
+def wheel_angles(counts: tuple[int, int, int, int], counts_per_revolution: float) -> Four:
+    """Return the angles [rad] that ``counts`` stand for."""
+    scale = math.tau / counts_per_revolution
+    return counts[0] * scale, counts[1] * scale, counts[2] * scale, counts[3] * scale
+
+
+def _vector(values: npt.NDArray[np.float64]) -> Vector3:
+    x, y, z = values.tolist()
+    return x, y, z
