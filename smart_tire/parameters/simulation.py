@@ -71,7 +71,7 @@ class RadioParams:
     jitter: float = param(0.003, 's', 'mean of the delay beyond the shortest', low=0.0, high=1.0)
     loss: float = param(0.005, '-', 'share of packets that get lost', low=0.0, high=1.0)
     clock_error: float = param(
-        50e-6, '-', 'standard deviation of the rate of a wheel unit\'s clock', low=0.0, high=0.01)
+        50e-6, '-', 'standard deviation of the clock rate of a wheel unit', low=0.0, high=0.01)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,7 +79,7 @@ class SensorErrorParams:
     """Errors that nobody calibrates; all others are those of ``RobotParams``."""
 
     imu_tilt: float = param(
-        0.0087, 'rad', 'standard deviation of roll and pitch of the IMU\'s mounting', low=0.0)
+        0.0087, 'rad', 'standard deviation of the tilt (roll, pitch) of the IMU', low=0.0)
     bending_variation: float = param(
         0.15, '-', 'half range of the bending peak from cycle to cycle', low=0.0, high=1.0)
     bumps: tuple[float, ...] = param(
@@ -102,7 +102,7 @@ class SimulatorParams:
 
     seed: int = param(1, '-', 'of every random number', low=0)
     start: tuple[float, ...] = param(
-        (0.0, 0.0, 0.0), 'm, m, rad', 'x, y, yaw of the robot in the world of the ground', length=3)
+        (0.0, 0.0, 0.0), 'm, m, rad', 'x, y, yaw of odom in the world of the ground', length=3)
     imu_rate: float = param(100.0, 'Hz', 'samples per second of the IMU', low=1.0, high=1000.0)
     units: tuple[str, ...] = param(
         ('0013A20040A1B2C2=front_left', '0013A20040A1B2C3=front_right',

@@ -9,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 
 from smart_tire.models import brush_tire, tread_film
-from smart_tire.parameters.robot import RobotParams
 from smart_tire.parameters.simulation import SimulatorParams
 from smart_tire.samples import NS_PER_S, WHEELS
 from smart_tire.simulation.plant import Plant

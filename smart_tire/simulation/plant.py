@@ -34,7 +34,8 @@ class Plant:
                  start: Sequence[float] = (0.0, 0.0, 0.0)) -> None:
         self._robot, self._drive, self._ground = robot, drive, ground
         self.steps = 0
-        self.x, self.y, self.yaw = start                # m, m, rad
+        self.start = tuple(start)                       # m, m, rad: odom in the world
+        self.x, self.y, self.yaw = start                # m, m, rad: in the world
         self.v_x = self.v_y = self.yaw_rate = 0.0       # m/s, m/s, rad/s
         self.acceleration = (0.0, 0.0)                  # m/s2, of the centre of mass over ground
         self.yaw_acceleration = 0.0                     # rad/s2

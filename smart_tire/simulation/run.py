@@ -9,10 +9,9 @@ import math
 import numpy as np
 
 from smart_tire.parameters.simulation import SimulatorParams
-from smart_tire.samples import (
-    Four, ImuSample, NS_PER_S, Sample, TireSample, WheelSample)
+from smart_tire.samples import Four, ImuSample, NS_PER_S, Sample, TireSample, WheelSample
 from smart_tire.simulation.films import FilmBatch, WheelUnit
-from smart_tire.simulation.plant import Plant, STEP, STEP_NS
+from smart_tire.simulation.plant import Plant, STEP
 from smart_tire.simulation.sensors import encoder_counts, InertialUnit, wheel_angles
 from smart_tire.simulation.surfaces import Ground
 from smart_tire.simulation.truth import PassageTruth, true_odometry, true_slip

@@ -21,8 +21,12 @@ MEANS = ('rolling_speed', 'slip', 'total_slip', 'friction', 'load', 'stiffness',
 
 
 def true_odometry(plant: Plant, stamp_ns: int) -> Odometry:
-    """Return pose and twist of the plant, in the world of its ground."""
-    return Odometry(stamp_ns, (plant.x, plant.y, 0.0), rotation.quaternion(0.0, 0.0, plant.yaw),
+    """Return pose and twist of the plant; ``odom`` is where it started."""
+    x, y, yaw = plant.start
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    position = (cos * (plant.x - x) + sin * (plant.y - y),
+                cos * (plant.y - y) - sin * (plant.x - x), 0.0)
+    return Odometry(stamp_ns, position, rotation.quaternion(0.0, 0.0, plant.yaw - yaw),
                     (plant.v_x, plant.v_y, 0.0), (0.0, 0.0, plant.yaw_rate), EXACT, EXACT)
 
 
