@@ -3,8 +3,8 @@ Samples to messages and back, by attribute access and without ROS.
 
 Messages of rclpy, of rosbags (numpy arrays) and plain namespaces (lists) all work. A decoder
 raises MessageError, naming topic and field, for what the contract does not allow; it maps joints
-by name, in any order, and takes more of them than ours. A filler writes a sample into an empty
-message and returns it.
+by name, in any order, and takes more of them than ours. A filler writes a sample into a message
+that is empty, or was filled by it before, and returns it.
 """
 
 from smart_tire.messages.body import (

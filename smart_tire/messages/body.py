@@ -57,10 +57,8 @@ def fill_imu(msg: Any, sample: ImuSample) -> Any:
     set_header(msg, sample.stamp_ns, 'imu_link')
     _set_vector(msg.linear_acceleration, sample.acceleration)
     _set_vector(msg.angular_velocity, sample.rate)
-    if sample.orientation is None:
-        msg.orientation_covariance[0] = UNKNOWN
-    else:
-        _set_quaternion(msg.orientation, sample.orientation)
+    msg.orientation_covariance[0] = UNKNOWN if sample.orientation is None else 0.0
+    _set_quaternion(msg.orientation, sample.orientation or (0.0, 0.0, 0.0, 1.0))
     return msg
 
 

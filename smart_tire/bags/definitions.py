@@ -1,0 +1,86 @@
+"""Types of messages, without ROS: their full texts, their hashes, empty ones and their bytes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from rosbags.interfaces import Nodetype
+from rosbags.typesys import get_typestore, Stores, TypesysError
+from rosbags.typesys.store import Typestore
+
+SCALARS: dict[str, Any] = {'string': '', 'bool': False, 'float32': 0.0, 'float64': 0.0}
+
+
+@cache
+def typestore() -> Typestore:
+    """Return the types of ROS 2 Jazzy; those of the contract are the same in all distributions."""
+    return get_typestore(Stores.ROS2_JAZZY)
+
+
+@cache
+def definition(type_name: str) -> tuple[str, str]:
+    """Return the full text of a message type and its hash; two empty strings if unknown."""
+    if type_name not in typestore().fielddefs:
+        return '', ''
+    try:
+        text, _ = typestore().generate_msgdef(type_name, ros_version=2)
+        return text, typestore().hash_rihs01(type_name)
+    except TypesysError:
+        return '', ''
+
+
+def empty(type_name: str) -> Any:
+    """Return an empty message of a type: a namespace in which each field has its zero."""
+    return SimpleNamespace(**{name: _zero(kind) for name, kind in _fields(type_name)})
+
+
+def _fields(type_name: str) -> Any:
+    return typestore().fielddefs[type_name][1]
+
+
+def _zero(kind: Any) -> Any:
+    node, what = kind
+    if node == Nodetype.NAME:
+        return empty(what)
+    if node == Nodetype.BASE:
+        return SCALARS.get(what[0], 0)
+    if node == Nodetype.ARRAY:
+        return [_zero(what[0]) for _ in range(what[1])]
+    return []
+
+
+class Encoder:
+    """Makes the bytes of messages of one type."""
+
+    def __init__(self, type_name: str) -> None:
+        self._type = type_name
+        self._numbers = list(_number_fields(type_name, lambda msg: msg))
+
+    def __call__(self, msg: Any) -> bytes:
+        """Return ``msg`` in CDR; its lists of numbers become the arrays that rosbags wants."""
+        for owner, name, dtype in self._numbers:
+            part = owner(msg)
+            setattr(part, name, np.asarray(getattr(part, name), dtype))
+        return bytes(typestore().serialize_cdr(msg, self._type))
+
+
+Path = Callable[[Any], Any]
+
+
+def _number_fields(type_name: str, owner: Path) -> Any:
+    """Yield who has it, its name and its kind, for each list of numbers in a message type."""
+    for name, (node, what) in _fields(type_name):
+        if node == Nodetype.NAME:
+            yield from _number_fields(what, _deeper(owner, name))
+        elif node in (Nodetype.ARRAY, Nodetype.SEQUENCE):
+            inner, _ = what
+            if inner[0] == Nodetype.BASE and inner[1][0] != 'string':
+                yield owner, name, np.dtype(inner[1][0])
+
+
+def _deeper(owner: Path, name: str) -> Path:
+    return lambda msg: getattr(owner(msg), name)

@@ -1,0 +1,44 @@
+"""A whole bag out of a broken one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from smart_tire.bags.reader import Bag
+from smart_tire.bags.storage import Channel
+from smart_tire.bags.writer import BagWriter, channel_of
+
+
+@dataclass(frozen=True)
+class Recovery:
+    """What was saved and what was not."""
+
+    counts: dict[str, int]  # messages by topic
+    losses: list[str]
+    span_ns: tuple[int, int]
+
+
+def recover(path: str | Path, out: str | Path) -> Recovery:
+    """
+    Write all that can be read of the bag at ``path`` into a whole, indexed one at ``out``.
+
+    Raises BagError if nothing can be read, or if ``out`` exists.
+    """
+    with Bag(path) as bag:
+        topics = [topic.channel for topic in bag.topics.values()]
+        with BagWriter(out) as writer:
+            for channel in topics:
+                writer.add_topic(_completed(channel))
+            for receive_ns, channel, data in bag.raw():
+                writer.write(channel.topic, receive_ns, data)
+            return Recovery(writer.counts, bag.losses, bag.span_ns)
+
+
+def _completed(channel: Channel) -> Channel:
+    """Return ``channel`` with the definition of its type, which sqlite3 bags may lack."""
+    known = channel_of(channel.topic, channel.type)
+    if channel.definition or not known.definition:
+        return channel
+    return replace(channel, definition=known.definition, type_hash=known.type_hash,
+                   definition_encoding=known.definition_encoding)

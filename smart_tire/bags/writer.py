@@ -1,0 +1,144 @@
+"""Crash-safe writing of rosbag2 directories: what was written half a second ago stays."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from mcap.writer import CompressionType, Writer
+
+from smart_tire.bags.definitions import definition, empty, Encoder
+from smart_tire.bags.metadata import Contents, metadata_text, Qos, qos_text, write_metadata
+from smart_tire.bags.storage import Channel
+from smart_tire.errors import BagError
+from smart_tire.messages import Topic, TOPICS
+from smart_tire.samples import Sample
+
+FLUSH = 250_000_000       # ns of message time between chunks, half of what may be lost
+DESCRIBE = 5_000_000_000  # ns of message time between updates of metadata.yaml
+
+
+def channel_of(topic: str, type_name: str, profiles: tuple[Qos, ...] = ()) -> Channel:
+    """Return the channel for a topic; without definition if the type is none of ROS 2 Jazzy."""
+    text, type_hash = definition(type_name)
+    return Channel('/' + topic.lstrip('/'), type_name, 'cdr', text, 'ros2msg' if text else '',
+                   qos_text(list(profiles)), type_hash)
+
+
+class BagWriter:
+    """
+    Writes an mcap bag that `ros2 bag` opens; also one that was killed while it wrote.
+
+    It has no clock: chunks end by the times of the messages, so where messages may stay away,
+    call ``flush`` from time to time.
+    """
+
+    def __init__(self, directory: str | Path, *, ros_distro: str = '') -> None:
+        self.directory = Path(directory)
+        name = f'{self.directory.resolve().name}_0.mcap'
+        try:
+            self.directory.mkdir(parents=True)
+            self._file = (self.directory / name).open('xb')
+        except OSError as error:
+            raise BagError(f'{directory}: cannot be written ({error.strerror})') from error
+        self._contents = Contents(name, {}, ros_distro=ros_distro)
+        self._channels: dict[str, tuple[int, Channel]] = {}
+        self._schemas: dict[str, int] = {}
+        self._encoders: dict[str, _SampleEncoder] = {}
+        self._flushed_ns = self._described_ns = 0
+        self._mcap = Writer(self._file, compression=CompressionType.ZSTD)
+        self._mcap.start(profile='ros2', library='smart_tire')
+        self._file.flush()
+        self._describe()
+
+    def __enter__(self) -> BagWriter:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 trace: TracebackType | None) -> None:
+        self.close()
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Return the number of messages written, by topic."""
+        return {channel.topic: count for channel, count in self._contents.counts.items()}
+
+    def add_topic(self, channel: Channel) -> None:
+        """Prepare for messages of a topic; nothing happens if it was added before."""
+        if channel.topic in self._channels:
+            return
+        if channel.type not in self._schemas:
+            self._schemas[channel.type] = self._mcap.register_schema(
+                channel.type, channel.definition_encoding, channel.definition.encode())
+        number = self._mcap.register_channel(
+            channel.topic, channel.encoding, self._schemas[channel.type],
+            {'offered_qos_profiles': channel.qos, 'topic_type_hash': channel.type_hash})
+        self._channels[channel.topic] = number, channel
+        self._contents.counts[channel] = 0
+        self._describe()
+
+    def write(self, topic: str, receive_ns: int, data: bytes) -> None:
+        """Write the bytes of a message of a topic that was added."""
+        number, channel = self._channels[topic]
+        contents = self._contents
+        self._mcap.add_message(number, receive_ns, data, receive_ns)
+        contents.counts[channel] += 1
+        contents.start_ns = min(contents.start_ns, receive_ns)
+        contents.end_ns = max(contents.end_ns, receive_ns)
+        if abs(receive_ns - self._flushed_ns) >= FLUSH:
+            self._flushed_ns = receive_ns
+            self.flush()
+        if abs(receive_ns - self._described_ns) >= DESCRIBE:
+            self._described_ns = receive_ns
+            self._describe()
+
+    def write_sample(self, topic: str, receive_ns: int, sample: Sample) -> None:
+        """Write a sample on a topic of the contract, such as ``odom``."""
+        encoder = self._encoders.get(topic)
+        if encoder is None:
+            encoder = self._encoders[topic] = _SampleEncoder(TOPICS[topic])
+            self.add_topic(encoder.channel)
+        self.write(encoder.channel.topic, receive_ns, encoder(sample))
+
+    def flush(self) -> None:
+        """Hand over to the operating system all that was written."""
+        try:
+            self._mcap.flush()  # type: ignore[no-untyped-call]
+        except OSError as error:
+            raise self._failed(error) from error
+
+    def close(self) -> None:
+        """Finish the bag; nothing happens the second time."""
+        if self._file.closed:
+            return
+        try:
+            with self._file:
+                self._mcap.add_metadata(
+                    'rosbag2', {'serialized_metadata': metadata_text(self._contents)})
+                self._mcap.finish()  # type: ignore[no-untyped-call]
+        except OSError as error:
+            raise self._failed(error) from error
+        self._describe()
+
+    def _describe(self) -> None:
+        try:
+            write_metadata(self.directory, self._contents)
+        except OSError as error:
+            raise self._failed(error) from error
+
+    def _failed(self, error: OSError) -> BagError:
+        return BagError(f'{self.directory}: cannot be written ({error.strerror})')
+
+
+class _SampleEncoder:
+    """Makes the bytes of the samples of one topic, in one message over and over."""
+
+    def __init__(self, topic: Topic) -> None:
+        self.channel = channel_of(topic.name, topic.type)
+        self._fill = topic.fill
+        self._msg: Any = empty(topic.type)
+        self._encode = Encoder(topic.type)
+
+    def __call__(self, sample: Sample) -> bytes:
+        return self._encode(self._fill(self._msg, sample))
