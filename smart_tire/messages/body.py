@@ -10,6 +10,8 @@ from smart_tire.messages.header import refuse, set_header, stamp_of, wheel_of
 from smart_tire.samples import BatterySample, Icr, ImuSample, Odometry, VelocityCommand
 
 UNKNOWN = -1.0  # first element of a covariance whose quantity is not given (REP-145)
+ABSENT = (UNKNOWN, *[0.0] * 8)
+PRESENT = (0.0,) * 9  # all zero: nobody said how good it is
 
 
 def _vector(vector: Any, field: str, topic: str) -> tuple[float, float, float]:
@@ -57,7 +59,7 @@ def fill_imu(msg: Any, sample: ImuSample) -> Any:
     set_header(msg, sample.stamp_ns, 'imu_link')
     _set_vector(msg.linear_acceleration, sample.acceleration)
     _set_vector(msg.angular_velocity, sample.rate)
-    msg.orientation_covariance[0] = UNKNOWN if sample.orientation is None else 0.0
+    msg.orientation_covariance = ABSENT if sample.orientation is None else PRESENT
     _set_quaternion(msg.orientation, sample.orientation or (0.0, 0.0, 0.0, 1.0))
     return msg
 

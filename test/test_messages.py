@@ -1,0 +1,269 @@
+"""Samples to messages and back, with every kind of message object there is."""
+
+from __future__ import annotations
+
+from importlib import import_module
+import math
+from typing import get_args
+
+from hypothesis import given
+from hypothesis import strategies as st
+import pytest
+
+from smart_tire.bags.definitions import empty, Encoder, typestore
+from smart_tire.errors import MessageError
+from smart_tire.messages import (
+    decode_friction, decode_imu, decode_odometry, decode_tire, decode_wheel_slip, decode_wheels,
+    fill_friction, fill_imu, fill_odometry, fill_tire, fill_transform, fill_wheel_slip,
+    fill_wheels, find_topic, stamp_of, topic_of, TOPICS)
+from smart_tire.samples import (
+    BatterySample, Friction, FRICTION_QUANTITIES, Icr, ImuSample, MotorCommand, Odometry, Sample,
+    TireSample, VelocityCommand, WheelCommand, WheelSample, WheelSlip)
+
+STAMP = 1_700_000_000_123_456_789
+JOINTS = 'sensor_msgs/msg/JointState'
+FOUR = (1.5, -2.25, 3.0, 0.125)
+COVARIANCE = tuple(0.5 * number for number in range(36))
+SAMPLES = [
+    ImuSample(STAMP, (0.1, -0.2, 9.81), (0.01, 0.02, -0.5), (0.0, 0.6, 0.0, 0.8)),
+    ImuSample(STAMP, (0.1, -0.2, 9.81), (0.01, 0.02, -0.5)),
+    WheelSample(STAMP, FOUR, (10.0, 20.0, 30.0, 40.0), (0.5, -0.5, 1.0, 0.0)),
+    WheelSample(STAMP, FOUR),
+    TireSample(STAMP, 'rear_left', (1.65, 2.5)),
+    TireSample(STAMP, 'front_right', (0.0,)),
+    BatterySample(STAMP, 'front_left', 3.75),
+    VelocityCommand(STAMP, 0.8, -0.25),
+    WheelCommand(STAMP, FOUR),
+    MotorCommand(STAMP, FOUR),
+    Odometry(STAMP, (1.0, 2.0, 0.0), (0.0, 0.0, 0.6, 0.8), (0.5, 0.0, 0.0), (0.0, 0.0, 0.25),
+             COVARIANCE, COVARIANCE[::-1]),
+    WheelSlip(STAMP, (0.1, -1.0, 0.0, 1.0), FOUR, (0.01, 0.02, 1.0, math.inf)),
+    Icr(STAMP, 0.02, -1.5),
+    Friction(STAMP, 'rear_right', dict.fromkeys(FRICTION_QUANTITIES, 0.5),
+             dict.fromkeys(FRICTION_QUANTITIES, math.inf)),
+]
+
+
+def as_namespace(type_name):
+    """Return an empty message of lists and numbers."""
+    return empty(type_name)
+
+
+def as_rosbags(type_name):
+    """Return an empty message as rosbags reads it, of numpy arrays."""
+    return typestore().deserialize_cdr(Encoder(type_name)(empty(type_name)), type_name)
+
+
+def as_rclpy(type_name):
+    """Return an empty message of rclpy."""
+    package, kind, name = type_name.split('/')
+    try:
+        return getattr(import_module(f'{package}.{kind}'), name)()
+    except ModuleNotFoundError:
+        pytest.skip(f'{package} is not installed')
+
+
+every_kind = pytest.mark.parametrize('new', [as_namespace, as_rosbags, as_rclpy])
+
+
+def joints(**fields):
+    """Return a JointState with these fields, of front_right where no frame is given."""
+    msg = empty(JOINTS)
+    msg.header.frame_id = 'front_right'
+    vars(msg).update(fields)
+    return msg
+
+
+@every_kind
+@pytest.mark.parametrize('sample', SAMPLES, ids=lambda sample: type(sample).__name__)
+def test_what_is_filled_in_is_decoded(new, sample):
+    topic = TOPICS[topic_of(sample)]
+    assert topic.decode(topic.fill(new(topic.type), sample)) == sample
+
+
+@pytest.mark.parametrize('name', TOPICS)
+def test_every_topic_carries_its_sample_with_its_frame(name):
+    topic = TOPICS[name]
+    sample = next(sample for sample in SAMPLES if isinstance(sample, topic.sample))
+    msg = topic.fill(empty(topic.type), sample)
+    assert msg.header.frame_id == (topic.frame or sample.wheel)
+    assert topic.decode(msg) == sample
+
+
+def test_every_sample_has_a_topic():
+    assert {TOPICS[topic_of(sample)].sample for sample in SAMPLES} == set(get_args(Sample))
+
+
+@every_kind
+def test_one_message_serves_again_and_again(new):
+    msg = new('sensor_msgs/msg/Imu')
+    for sample in (SAMPLES[1], SAMPLES[0], SAMPLES[1], SAMPLES[0]):
+        assert decode_imu(fill_imu(msg, sample)) == sample
+    msg = new(JOINTS)
+    for sample in (SAMPLES[2], SAMPLES[3], SAMPLES[2]):
+        assert decode_wheels(fill_wheels(msg, sample)) == sample
+
+
+@given(st.integers(0, 2**31 * 10**9 - 1))
+def test_a_stamp_keeps_each_nanosecond(stamp_ns):
+    assert stamp_of(fill_tire(empty(JOINTS), TireSample(stamp_ns, 'rear_left', (1.0,)))) \
+        == stamp_ns
+
+
+@given(st.permutations(['rear_right', 'arm', 'front_left', 'rear_left', 'front_right', 'lamp']))
+def test_wheels_are_found_by_name_in_any_order_among_other_joints(names):
+    speeds = {'front_left': 1.0, 'front_right': 2.0, 'rear_left': 3.0, 'rear_right': 4.0}
+    velocity = [speeds.get(name, math.nan) for name in names]  # a foreign joint may be anything
+    assert decode_wheels(joints(name=names, velocity=velocity)).velocity == (1.0, 2.0, 3.0, 4.0)
+
+
+def test_films_are_found_by_number_in_any_order_among_other_joints():
+    msg = joints(name=['front_right_pvdf_2', 'thermometer', 'front_right_pvdf_1'],
+                 position=[2.0, 40.0, 1.0])
+    assert decode_tire(msg).volts == (1.0, 2.0)
+
+
+def wheel_joints(**fields):
+    """Return wheel states that are right but for ``fields``."""
+    return joints(**{'name': ['front_left', 'front_right', 'rear_left', 'rear_right'],
+                     'velocity': [1.0, 2.0, 3.0, 4.0], **fields})
+
+
+@pytest.mark.parametrize(('fields', 'named'), [
+    ({'velocity': []}, 'velocity'),
+    ({'velocity': [1.0, 2.0, 3.0]}, 'velocity'),
+    ({'velocity': [1.0, 2.0, 3.0, math.nan]}, 'velocity'),
+    ({'position': [1.0, 2.0]}, 'position'),
+    ({'position': [1.0, math.inf, 3.0, 4.0]}, 'position'),
+    ({'effort': [math.nan] * 4}, 'effort'),
+    ({'name': ['front_left', 'front_right', 'rear_left', 'left_rear']}, 'name'),
+    ({'name': ['front_left', 'front_right', 'rear_left', 'rear_left']}, 'name'),
+    ({'name': []}, 'name'),
+])
+def test_wheel_states_that_break_the_contract_are_refused_by_field(fields, named):
+    with pytest.raises(MessageError, match=f'^wheel_states: {named} '):
+        decode_wheels(wheel_joints(**fields))
+
+
+@pytest.mark.parametrize(('fields', 'named'), [
+    ({'position': [1.0, math.nan]}, 'position'),
+    ({'position': [1.0]}, 'position'),
+    ({'name': ['front_right_pvdf_2', 'front_right_pvdf_3']}, 'name'),
+    ({'name': ['front_right_pvdf_1', 'front_right_pvdf_1']}, 'name'),
+    ({'name': ['rear_left_pvdf_1', 'rear_left_pvdf_2']}, 'name'),
+    ({'name': ['front_right_pvdf_1', 'front_right_pvdf_x']}, 'name'),
+])
+def test_tire_samples_that_break_the_contract_are_refused_by_field(fields, named):
+    right = {'name': ['front_right_pvdf_1', 'front_right_pvdf_2'], 'position': [1.0, 2.0]}
+    assert decode_tire(joints(**right)).volts == (1.0, 2.0)
+    with pytest.raises(MessageError, match=f'^tire_samples: {named} '):
+        decode_tire(joints(**{**right, **fields}))
+
+
+def test_an_unknown_wheel_is_refused_by_name():
+    msg = fill_tire(empty(JOINTS), TireSample(STAMP, 'rear_left', (1.0, 2.0)))
+    msg.header.frame_id = 'spare_wheel'
+    with pytest.raises(MessageError, match="tire_samples: header.frame_id is 'spare_wheel'"):
+        decode_tire(msg)
+
+
+@pytest.mark.parametrize(('sample', 'path'), [
+    (SAMPLES[1], 'linear_acceleration.y'),
+    (SAMPLES[1], 'angular_velocity.z'),
+    (SAMPLES[0], 'orientation.w'),
+    (SAMPLES[10], 'pose.pose.position.x'),
+    (SAMPLES[10], 'twist.twist.angular.z'),
+    (SAMPLES[7], 'twist.linear.x'),
+    (SAMPLES[12], 'point.x'),
+    (SAMPLES[6], 'voltage'),
+])
+@pytest.mark.parametrize('value', [math.nan, math.inf])
+def test_a_number_that_is_not_finite_is_refused_by_topic_and_field(sample, path, value):
+    topic = TOPICS[topic_of(sample)]
+    msg = topic.fill(empty(topic.type), sample)
+    *owners, leaf = path.split('.')
+    owner = msg
+    for name in owners:
+        owner = getattr(owner, name)
+    setattr(owner, leaf, value)
+    with pytest.raises(MessageError, match=rf'^{topic.name}: {owners[0] if owners else leaf}'):
+        topic.decode(msg)
+
+
+def test_a_covariance_of_the_wrong_size_is_refused():
+    msg = fill_odometry(empty('nav_msgs/msg/Odometry'), SAMPLES[10])
+    msg.twist.covariance = msg.twist.covariance[:35]
+    with pytest.raises(MessageError, match='^odom: twist.covariance'):
+        decode_odometry(msg)
+
+
+def test_truth_is_refused_under_its_own_name():
+    topic = TOPICS['ground_truth/odom']
+    msg = topic.fill(empty(topic.type), SAMPLES[10])
+    msg.pose.pose.position.x = math.nan
+    with pytest.raises(MessageError, match='^ground_truth/odom: '):
+        topic.decode(msg)
+
+
+@pytest.mark.parametrize('orientation', [None, (0.0, 0.0, 0.0, 0.0)])
+def test_an_orientation_that_was_never_set_is_none(orientation):
+    msg = fill_imu(empty('sensor_msgs/msg/Imu'), SAMPLES[0])
+    if orientation is None:
+        msg.orientation_covariance[0] = -1.0
+    else:
+        msg.orientation.x, msg.orientation.y, msg.orientation.z, msg.orientation.w = orientation
+    assert decode_imu(msg).orientation is None
+
+
+@every_kind
+def test_a_slip_may_be_undefined_but_not_its_sigma(new):
+    slip = WheelSlip(STAMP, (math.nan, 0.1, 0.2, 0.3), FOUR, (1.0, 0.1, 0.1, 0.1))
+    msg = fill_wheel_slip(new(JOINTS), slip)
+    assert [math.isnan(ratio) for ratio in decode_wheel_slip(msg).ratio] == [True, *[False] * 3]
+    msg.effort = [1.0, 0.1, math.nan, 0.1]
+    with pytest.raises(MessageError, match='^wheel_slip: effort'):
+        decode_wheel_slip(msg)
+
+
+def test_what_a_passage_does_not_name_is_unknown():
+    msg = joints(name=['adhesion_ratio', 'smell'], position=[0.7, 5.0], effort=[0.1, 1.0])
+    passage = decode_friction(msg)
+    assert passage.value['adhesion_ratio'] == 0.7
+    assert passage.sigma['adhesion_ratio'] == 0.1
+    assert math.isnan(passage.value['friction_coefficient'])
+    assert passage.sigma['friction_coefficient'] == math.inf
+    assert set(passage.value) == set(passage.sigma) == set(FRICTION_QUANTITIES)
+
+
+def test_a_passage_without_any_quantity_is_refused():
+    with pytest.raises(MessageError, match='^tire_friction: name '):
+        decode_friction(joints(name=['smell'], position=[5.0], effort=[1.0]))
+
+
+def test_a_misspelt_quantity_is_not_published():
+    with pytest.raises(MessageError, match='frictoin'):
+        fill_friction(empty(JOINTS), Friction(STAMP, 'rear_left', {'frictoin': 0.5}, {}))
+
+
+def test_the_transform_is_the_pose():
+    msg = fill_transform(empty('geometry_msgs/msg/TransformStamped'), SAMPLES[10])
+    assert (msg.header.frame_id, msg.child_frame_id) == ('odom', 'base_link')
+    assert (msg.transform.translation.x, msg.transform.translation.y) == (1.0, 2.0)
+    assert (msg.transform.rotation.z, msg.transform.rotation.w) == (0.6, 0.8)
+
+
+@pytest.mark.parametrize(('name', 'meant'), [
+    ('imu/data', 'imu/data'),
+    ('/imu/data', 'imu/data'),
+    ('/field/robot_1/imu/data', 'imu/data'),
+    ('/robot_1/odom', 'odom'),
+    ('/robot_1/ground_truth/odom', 'ground_truth/odom'),
+    ('overhead/wheel_slip', 'overhead/wheel_slip'),
+])
+def test_a_namespace_does_not_hide_a_topic(name, meant):
+    assert find_topic(name) is TOPICS[meant]
+
+
+@pytest.mark.parametrize('name', ['/imu', '/data', '/imu/data_raw', '/my_odom', '/', ''])
+def test_a_name_that_only_looks_alike_is_no_topic_of_ours(name):
+    assert find_topic(name) is None
