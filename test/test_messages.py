@@ -209,7 +209,7 @@ def test_truth_is_refused_under_its_own_name():
 def test_an_orientation_that_was_never_set_is_none(orientation):
     msg = fill_imu(empty('sensor_msgs/msg/Imu'), SAMPLES[0])
     if orientation is None:
-        msg.orientation_covariance[0] = -1.0
+        msg.orientation_covariance = [-1.0, *[0.0] * 8]
     else:
         msg.orientation.x, msg.orientation.y, msg.orientation.z, msg.orientation.w = orientation
     assert decode_imu(msg).orientation is None
