@@ -1,4 +1,4 @@
-"""Wheel units of the simulated robot: two films in the tread, amplifiers and converter."""
+"""Films of the simulated robot: two in the tread of a wheel, with amplifiers and converter."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy.typing as npt
 from smart_tire.models import brush_tire, tread_film
 from smart_tire.parameters.simulation import SimulatorParams
 from smart_tire.samples import NS_PER_S, WHEELS
+from smart_tire.simulation.devices import WheelUnit
 from smart_tire.simulation.plant import Plant
 
 Array = npt.NDArray[np.float64]
@@ -44,7 +45,7 @@ class FilmBatch:
     """One batch of conversions of a wheel unit."""
 
     wheel: str
-    first: int                          # conversions of this unit before the batch
+    first: int                          # conversions of the unit before the batch
     codes: tuple[tuple[int, ...], ...]  # samples x films
     trace: Trace                        # the true instants, and what made the codes
 
@@ -62,25 +63,24 @@ def locate(angle: Array, place: npt.ArrayLike, radius: float) -> tuple[Array, Ar
     return past, cycle
 
 
-class WheelUnit:
-    """Samples the films of one wheel, by its own clock, and hands over full batches."""
+class FilmSampler:
+    """Samples the films of one wheel when its unit does, and hands over full batches."""
 
-    def __init__(self, wheel: str, params: SimulatorParams, rng: np.random.Generator) -> None:
-        film = params.robot.film
-        self.wheel, self._robot, self._rng = wheel, params.robot, rng
+    def __init__(self, wheel: str, unit: WheelUnit, params: SimulatorParams,
+                 rng: np.random.Generator) -> None:
+        self.wheel = wheel
+        self._unit, self._robot, self._rng = unit, params.robot, rng
         self._index = WHEELS.index(wheel)
         first_place = rng.uniform(0.0, math.tau)
         # rad, wheel angles at which film 1 and film 2 stand over the middle of the patch
-        self.places = (first_place, first_place + film.spacing / params.robot.wheel_radius)
-        rate_error = rng.normal(0.0, params.radio.clock_error)
-        self._period_ns = NS_PER_S / film.sample_rate * (1.0 + rate_error)
-        self._phase_ns = rng.uniform(0.0, self._period_ns)
+        self.places = (first_place,
+                       first_place + params.robot.film.spacing / params.robot.wheel_radius)
         self._films = _Films(wheel, params, self.places, rng)
         self._batch = params.radio.batch
         self._count = 0
         self._rows: list[tuple[float, ...]] = []
         self._stamps: list[int] = []
-        self.due_ns = round(self._phase_ns)  # instant of the next conversion
+        self.due_ns = unit.instant_ns(0)  # instant of the next conversion
 
     def observe(self, plant: Plant) -> list[FilmBatch]:
         """Sample what is due up to the plant's time; return the batches that are now full."""
@@ -89,7 +89,7 @@ class WheelUnit:
             self._rows.append(self._sample(plant))
             self._stamps.append(self.due_ns)
             self._count += 1
-            self.due_ns = round(self._phase_ns + self._count * self._period_ns)
+            self.due_ns = self._unit.instant_ns(self._count)
             if len(self._rows) == self._batch:
                 batches.append(self._close(plant.slip_floor))
         return batches

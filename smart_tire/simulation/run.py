@@ -9,25 +9,29 @@ import math
 import numpy as np
 
 from smart_tire.parameters.simulation import SimulatorParams
-from smart_tire.samples import Four, ImuSample, NS_PER_S, Sample, TireSample, WheelSample
-from smart_tire.simulation.films import FilmBatch, WheelUnit
+from smart_tire.samples import (
+    Four, Friction, ImuSample, NS_PER_S, Odometry, Sample, TireSample, WheelSample, WheelSlip)
+from smart_tire.simulation.films import FilmBatch
 from smart_tire.simulation.plant import Plant, STEP
-from smart_tire.simulation.sensors import encoder_counts, InertialUnit, wheel_angles
-from smart_tire.simulation.surfaces import Ground
-from smart_tire.simulation.truth import PassageTruth, true_odometry, true_slip
+from smart_tire.simulation.robot import Observation, Periodic, Robot
+from smart_tire.simulation.sensors import encoder_counts, wheel_angles
 
 Event = tuple[int, str, Sample]  # receive time [ns], topic, sample
 Schedule = Callable[[float], tuple[float, float]] | Sequence[tuple[float, float, float]]
 
 RPM = math.tau / 60.0       # rad/s
-TRUTH_NS = 10_000_000       # ns, period of the ground truth
 EPOCH_NS = 1_700_000_000 * NS_PER_S  # ns, when a simulation starts unless told
 IMU_DELAY_NS = 2_000_000    # ns, from the stamp to the reception: a frame at 115200 baud
 WHEEL_DELAY_NS = 3_000_000  # ns, likewise: two boards are polled
 STAMP_NOISE_NS = 100_000    # ns, one sigma of a batch's stamps after the receiver's clock fit
+HOST_STREAM = 1             # random numbers of the host, beside those of the robot
 CONTROL_STEPS = 20          # plant steps between two steps of the speed control: 50 Hz
 SPEED_RAMP = 20.0           # rad/s2, how fast the set points of the wheel speeds change
 KP, KI = 0.1, 0.5           # per rad/s, per rad: duty of the speed control
+
+TOPIC_OF: dict[type, str] = {
+    ImuSample: 'imu/data', Odometry: 'ground_truth/odom', WheelSlip: 'ground_truth/wheel_slip',
+    Friction: 'ground_truth/tire_friction'}
 
 
 def simulate(params: SimulatorParams, schedule: Schedule, duration: float, *,
@@ -40,16 +44,16 @@ def simulate(params: SimulatorParams, schedule: Schedule, duration: float, *,
     ``wheel_rate`` [Hz], ``tire_samples`` in batches over the lossy radio, and ``ground_truth/*``.
     The same seed gives the same events.
     """
-    run = _Run(params, wheel_rate, start_ns)
+    robot, host = Robot(params), _Host(params, wheel_rate, start_ns)
     control = _SpeedControl(_as_function(schedule), params.drive.free_speed)
     duty: Four = (0.0, 0.0, 0.0, 0.0)
     for step in range(round(duration / STEP)):
         if step % CONTROL_STEPS == 0:
-            duty = control.update(run.plant)
-        run.plant.step(duty)
-        run.read(duty)
-    run.events.sort(key=lambda event: event[0])
-    return run.events
+            duty = control.update(robot.plant)
+        for observation in robot.step(duty):
+            host.receive(observation)
+        host.poll_wheels(robot.plant, duty)
+    return sorted(host.events, key=lambda event: event[0])
 
 
 def _as_function(schedule: Schedule) -> Callable[[float], tuple[float, float]]:
@@ -90,92 +94,58 @@ class _SpeedControl:
         return min(max(duty, -1.0), 1.0)
 
 
-class _Run:
-    """The plant with its sensors, and the events so far."""
+class _Host:
+    """Where the drivers would run: keeps what they would publish, and when."""
 
     def __init__(self, params: SimulatorParams, wheel_rate: float, start_ns: int) -> None:
-        robot = params.robot
-        seeds = np.random.SeedSequence(params.seed).spawn(2 + len(robot.film.wheels))
-        self._rng, imu_rng, *unit_rngs = map(np.random.default_rng, seeds)
         self._params, self._start_ns = params, start_ns
-        self.plant = Plant(robot, params.drive, Ground(params.ground), params.start)
-        self._imu = InertialUnit(robot, params.errors, imu_rng)
-        self._units = [WheelUnit(wheel, params, rng)
-                       for wheel, rng in zip(robot.film.wheels, unit_rngs)]
-        self._truths = [PassageTruth(unit, robot) for unit in self._units]
-        self._imu_due = Periodic(NS_PER_S / params.imu_rate)
+        self._rng = np.random.default_rng([params.seed, HOST_STREAM])
         self._wheels_due = Periodic(NS_PER_S / wheel_rate)
-        self._truth_due = Periodic(TRUTH_NS)
         self._reading: tuple[int, Four] | None = None  # stamp and angles of the last reading
-        self._radio_ns = [0] * len(self._units)  # when the last packet of a unit came
+        self._radio_ns: dict[str, int] = {}  # when the last packet of a unit came
         self.events: list[Event] = []
 
-    def read(self, duty: Four) -> None:
-        """Let every sensor that is due look at the plant."""
-        plant, now_ns = self.plant, self._start_ns + self.plant.time_ns
-        if self._imu_due.passed(plant.time_ns):
-            self._add(now_ns + IMU_DELAY_NS, 'imu/data', ImuSample(now_ns, *self._imu.read(plant)))
-        if self._wheels_due.passed(plant.time_ns):
-            self._read_wheels(now_ns, duty)
-        if self._truth_due.passed(plant.time_ns):
-            self._add(now_ns, 'ground_truth/odom', true_odometry(plant, now_ns))
-            self._add(now_ns, 'ground_truth/wheel_slip',
-                      true_slip(plant, self._params.robot, now_ns))
-        for i, unit in enumerate(self._units):
-            if unit.due_ns <= plant.time_ns:
-                for batch in unit.observe(plant):
-                    self._send(i, batch)
-                    self._tell_passages(i, batch)
+    def receive(self, seen: Observation) -> None:
+        """Take what a device has sent."""
+        if isinstance(seen, FilmBatch):
+            self._receive_batch(seen)
+            return
+        stamp_ns = self._start_ns + seen.stamp_ns
+        delay_ns = IMU_DELAY_NS if isinstance(seen, ImuSample) else 0
+        self.events.append((stamp_ns + delay_ns, TOPIC_OF[type(seen)],
+                            replace(seen, stamp_ns=stamp_ns)))
 
-    def _add(self, receive_ns: int, topic: str, sample: Sample) -> None:
-        self.events.append((receive_ns, topic, sample))
-
-    def _read_wheels(self, now_ns: int, duty: Four) -> None:
-        encoder = self._params.robot.encoder
+    def poll_wheels(self, plant: Plant, duty: Four) -> None:
+        """Read the encoders when it is time."""
+        if not self._wheels_due.passed(plant.time_ns):
+            return
+        encoder, now_ns = self._params.robot.encoder, self._start_ns + plant.time_ns
         error = encoder.latency + self._rng.normal(0.0, encoder.stamp_jitter)
         stamp_ns = now_ns + round(error * NS_PER_S)
-        counts = encoder_counts(self.plant, encoder.counts_per_revolution)
+        counts = encoder_counts(plant, encoder.counts_per_revolution)
         angles = wheel_angles(counts, encoder.counts_per_revolution)
         last, self._reading = self._reading, (stamp_ns, angles)
         if last is None or stamp_ns <= last[0]:
             return
         dt = (stamp_ns - last[0]) / NS_PER_S
         fl, fr, rl, rr = ((new - old) / dt for new, old in zip(angles, last[1]))
-        self._add(now_ns + WHEEL_DELAY_NS, 'wheel_states',
-                  WheelSample(stamp_ns, (fl, fr, rl, rr), angles, duty))
+        self.events.append((now_ns + WHEEL_DELAY_NS, 'wheel_states',
+                            WheelSample(stamp_ns, (fl, fr, rl, rr), angles, duty)))
 
-    def _send(self, i: int, batch: FilmBatch) -> None:
-        """Put a batch on the radio: late, in order, or lost."""
+    def _receive_batch(self, batch: FilmBatch) -> None:
+        """Take a batch from the radio: late, in order, or lost."""
         radio, film = self._params.radio, self._params.robot.film
         delay = radio.delay + self._rng.exponential(radio.jitter)
         lost = self._rng.random() < radio.loss
-        error_ns = round(self._rng.normal(0.0, STAMP_NOISE_NS))
+        stamp_error_ns = round(self._rng.normal(0.0, STAMP_NOISE_NS))
         if lost:
             return
-        last_ns = self._start_ns + batch.trace.stamps_ns[-1]
-        receive_ns = max(last_ns + round(delay * NS_PER_S), self._radio_ns[i])
-        self._radio_ns[i] = receive_ns
+        sent_ns = self._start_ns + batch.trace.stamps_ns[-1]
+        receive_ns = max(sent_ns + round(delay * NS_PER_S), self._radio_ns.get(batch.wheel, 0))
+        self._radio_ns[batch.wheel] = receive_ns
         scale = film.voltage_range / ((1 << film.bits) - 1)
         for stamp_ns, codes in zip(batch.trace.stamps_ns, batch.codes):
             volts = tuple(code * scale for code in codes)
-            self._add(receive_ns, 'tire_samples',
-                      TireSample(self._start_ns + stamp_ns + error_ns, batch.wheel, volts))
-
-    def _tell_passages(self, i: int, batch: FilmBatch) -> None:
-        for passage in self._truths[i].update(batch.trace):
-            told = replace(passage, stamp_ns=self._start_ns + passage.stamp_ns)
-            self._add(self._start_ns + self.plant.time_ns, 'ground_truth/tire_friction', told)
-
-
-class Periodic:
-    """Tells when a period [ns] has passed, without drift."""
-
-    def __init__(self, period_ns: float) -> None:
-        self._period_ns, self._count = period_ns, 1
-
-    def passed(self, time_ns: int) -> bool:
-        """Return whether the next instant of the grid has come."""
-        if time_ns < self._count * self._period_ns:
-            return False
-        self._count += 1
-        return True
+            stamp_ns += self._start_ns + stamp_error_ns
+            self.events.append((receive_ns, 'tire_samples',
+                                TireSample(stamp_ns, batch.wheel, volts)))

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from smart_tire.models import brush_tire, rotation, skid_steer, tread_film
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import Four, Friction, FRICTION_QUANTITIES, NAN, Odometry, WheelSlip
-from smart_tire.simulation.films import locate, Trace, WheelUnit
+from smart_tire.simulation.films import FilmSampler, locate, Trace
 from smart_tire.simulation.plant import Plant
 
 Array = npt.NDArray[np.float64]
@@ -47,9 +47,9 @@ def _four(values: Array) -> Four:
 class PassageTruth:
     """Finds the passages of one wheel's film pair through the whole patch."""
 
-    def __init__(self, unit: WheelUnit, robot: RobotParams) -> None:
-        self._wheel, self._places, self._robot = unit.wheel, unit.places, robot
-        self._gain = robot.film.gains(unit.wheel)[0]
+    def __init__(self, films: FilmSampler, robot: RobotParams) -> None:
+        self._wheel, self._places, self._robot = films.wheel, films.places, robot
+        self._gain = robot.film.gains(films.wheel)[0]
         # m, from the patch's middle to where the pair is completely outside
         self._half = 0.5 * (robot.film.spacing + robot.film.length + robot.tire.contact_length)
         self._last: tuple[int, float] | None = None  # stamp and place of the pair before
