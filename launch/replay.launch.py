@@ -1,0 +1,34 @@
+"""Start the estimators on a bag: ``ros2 launch smart_tire replay.launch.py bag:=DIR rate:=5``."""
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, ExecuteProcess, Shutdown, TimerAction
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch_ros.actions import Node
+from launch_ros.substitutions import ExecutableInPackage, FindPackageShare
+
+NODES = ('slip_estimator', 'friction_estimator')
+FILES = {
+    'robot': 'geometry, tires, films and sensors',
+    'tuning': 'estimators',
+}
+LAST_ESTIMATES = 1.0  # s, from the end of the bag to the end of the estimators
+
+
+def generate_launch_description():
+    """Return the estimators and the player; all end when the bag has ended."""
+    config = PathJoinSubstitution([FindPackageShare('smart_tire'), 'config'])
+    end = TimerAction(period=LAST_ESTIMATES, actions=[Shutdown(reason='the bag has ended')])
+    return LaunchDescription([
+        DeclareLaunchArgument('bag', description='rosbag2 directory'),
+        DeclareLaunchArgument('rate', default_value='1', description='times real time'),
+        *(DeclareLaunchArgument(name, description=f'parameter file: {about}',
+                                default_value=PathJoinSubstitution([config, f'{name}.yaml']))
+          for name, about in FILES.items()),
+        *(Node(package='smart_tire', executable=node, output='screen',
+               parameters=[LaunchConfiguration(name) for name in FILES])
+          for node in NODES),
+        ExecuteProcess(
+            cmd=[ExecutableInPackage('smart_tire', 'smart_tire'), 'replay',
+                 LaunchConfiguration('bag'), '--rate', LaunchConfiguration('rate')],
+            output='screen', on_exit=[end]),
+    ])
