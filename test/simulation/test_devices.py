@@ -1,0 +1,252 @@
+"""The simulated devices: what they say is what the hardware would say, at the right time."""
+
+import itertools
+
+import numpy as np
+import pytest
+from smart_tire.protocol import roboclaw, tire_payload, vectornav, vectornav_ascii, xbee, xsens
+from smart_tire.samples import ImuSample, NS_PER_S
+from smart_tire.simulation import devices
+from smart_tire.simulation.devices import (
+    DriftingClock, ImuDevice, MotorBoards, TireRadio, WheelUnit)
+
+MS = 1_000_000  # ns
+CODES = tuple((500 + k, 510 - k) for k in range(16))
+LEFT, RIGHT = 0x0013A20040A1B2C2, 0x0013A20040A1B2C3
+
+
+# Clocks and wheel units
+
+@pytest.mark.parametrize('error', [0.0, 50e-6, -300e-6])
+def test_a_clock_is_fast_by_its_error_and_can_be_inverted(error):
+    clock = DriftingClock(error, start_ns=12345)
+    assert clock.read(0) == 12345
+    assert clock.read(100 * NS_PER_S) - 12345 == 100 * NS_PER_S + round(100 * NS_PER_S * error)
+    for true_ns in (0, 7, 999_999_999, 3600 * NS_PER_S + 1):
+        assert abs(clock.instant(clock.read(true_ns)) - true_ns) <= 1
+
+
+def test_the_timer_in_a_batch_tells_the_true_instants_of_its_conversions():
+    unit = WheelUnit(LEFT, clock_error=40e-6, first_us=1234)
+    for first in (0, 16, 160_000):
+        batch = unit.batch(first, CODES)
+        timer = (batch.timer_us - devices.START_TIMER_US) % tire_payload.TIMER_WRAP_US
+        for k in range(16):
+            shown_ns = 1000 * (timer + k * batch.period_us)
+            assert unit.instant_ns(first + k) == pytest.approx(shown_ns / (1.0 + 40e-6), abs=2.0)
+
+
+def test_sequence_and_timer_wrap_on_the_wire_within_a_demo_run():
+    unit = WheelUnit(LEFT)
+    batches = [tire_payload.decode_batch(tire_payload.encode_batch(unit.batch(16 * n, CODES)))
+               for n in range(1000)]  # 40 s
+    for one, following in itertools.pairwise(batches):
+        assert (following.sequence - one.sequence) % tire_payload.SEQUENCE_WRAP == 1
+        assert (following.timer_us - one.timer_us) % tire_payload.TIMER_WRAP_US == 16 * 2500
+    assert batches[-1].sequence < batches[0].sequence
+    assert batches[-1].timer_us < batches[0].timer_us
+
+
+@pytest.mark.parametrize('code, flags', [(0, 1), (1, 0), (1022, 0), (1023, 1)])
+def test_a_batch_at_the_rail_is_flagged(code, flags):
+    assert WheelUnit(LEFT).batch(0, [(512, 512), (512, code)]).flags == flags
+
+
+# Radio
+
+def drive(radio, batches, wheels=('front_left',), period_ns=40 * MS):
+    """Send ``batches`` per wheel; return (arrival within 1 ms, address, batch) of what came."""
+    arrived, deframer = [], xbee.XBeeDeframer()
+    sent = {}
+    for now in range(0, batches * period_ns + 100 * MS, MS):
+        n, rest = divmod(now, period_ns)
+        if rest == 0 and n < batches:
+            for wheel in wheels:
+                sent[wheel, radio.send(wheel, 16 * n, CODES, now)] = now
+        for body in deframer.feed(radio.due(now)):
+            packet = xbee.decode_receive_packet(body)
+            arrived.append((now, packet.source, tire_payload.decode_batch(packet.data)))
+    assert deframer.bad_frames == deframer.skipped_bytes == 0
+    return sent, arrived
+
+
+def test_without_loss_every_batch_arrives_once_in_order_and_in_time():
+    units = {'front_left': WheelUnit(LEFT), 'front_right': WheelUnit(RIGHT)}
+    radio = TireRadio(units, np.random.default_rng(1), delay=0.005, jitter=0.003, longest=0.020)
+    sent, arrived = drive(radio, 300, tuple(units))
+    assert radio.dropped == {'front_left': 0, 'front_right': 0}
+    for wheel, unit in units.items():
+        own = [(now, batch) for now, source, batch in arrived if source == unit.address]
+        assert [batch.sequence for _, batch in own] == [
+            sequence for sender, sequence in sent if sender == wheel]
+        delays = [now - sent[wheel, batch.sequence] for now, batch in own]
+        assert min(delays) >= 5 * MS
+        assert max(delays) <= 20 * MS
+        assert np.std(delays) > 1.5 * MS
+        assert all(batch.codes == CODES and batch.battery_mv == 3900 for _, batch in own)
+
+
+def test_packets_of_a_unit_do_not_overtake_each_other_even_if_they_are_sent_at_once():
+    radio = TireRadio({'front_left': WheelUnit(LEFT)}, np.random.default_rng(2))
+    wanted = [radio.send('front_left', 16 * n, CODES, 0) for n in range(50)]
+    bodies = xbee.XBeeDeframer().feed(radio.due(NS_PER_S))
+    found = [tire_payload.decode_batch(xbee.decode_receive_packet(body).data).sequence
+             for body in bodies]
+    assert found == wanted
+
+
+def test_lost_batches_are_gaps_in_the_sequence_and_counted():
+    radio = TireRadio({'front_left': WheelUnit(LEFT)}, np.random.default_rng(3), loss=0.1)
+    sent, arrived = drive(radio, 1000)
+    dropped = radio.dropped['front_left']
+    assert len(arrived) == 1000 - dropped
+    assert 70 < dropped < 130  # three sigma
+    missing = {sequence for _, sequence in sent} - {batch.sequence for *_, batch in arrived}
+    assert len(missing) == dropped
+    assert radio.units['front_left'].batches == 1000
+
+
+def test_nothing_comes_before_it_is_due_and_nothing_twice():
+    radio = TireRadio({'front_left': WheelUnit(LEFT)}, np.random.default_rng(4), jitter=0.0)
+    radio.send('front_left', 0, CODES, 40 * MS)
+    assert radio.due(45 * MS - 1) == b''
+    assert len(radio.due(45 * MS)) >= 94
+    assert radio.due(10 * NS_PER_S) == b''
+
+
+# Inertial unit
+
+SAMPLE = ImuSample(2 * NS_PER_S, (0.5, -0.25, 9.75), (0.125, 0.25, -0.5))
+DECODE = {'vectornav_binary': (vectornav.BinaryDeframer, vectornav.decode_binary),
+          'vectornav_ascii': (vectornav_ascii.AsciiDeframer, vectornav_ascii.decode_ymr),
+          'xsens': (xsens.XsensDeframer, xsens.decode_imu)}
+
+
+@pytest.mark.parametrize('protocol', DECODE)
+def test_every_protocol_tells_the_same_sample(protocol):
+    deframer, decode = DECODE[protocol]
+    (body,) = deframer().feed(ImuDevice(protocol).frame(SAMPLE))
+    _, decoded = decode(body, SAMPLE.stamp_ns)
+    assert decoded.acceleration == SAMPLE.acceleration
+    assert decoded.rate == SAMPLE.rate
+
+
+@pytest.mark.parametrize('protocol, resolution', [('vectornav_binary', 1), ('xsens', 100_000)])
+def test_the_time_is_that_of_the_device_with_its_drift(protocol, resolution):
+    deframer, decode = DECODE[protocol]
+    device, times = ImuDevice(protocol, clock_error=100e-6), []
+    for seconds in (0, 10, 60):
+        sample = ImuSample(seconds * NS_PER_S, (0.0, 0.0, 9.8), (0.0, 0.0, 0.0))
+        times += [decode(body)[0] for body in deframer().feed(device.frame(sample))]
+    wrap = xsens.SAMPLE_TIME_WRAP_NS if protocol == 'xsens' else 1 << 64
+    assert (times[1] - times[0]) % wrap == pytest.approx(10_001_000_000, abs=resolution)
+    assert (times[2] - times[0]) % wrap == pytest.approx(60_006_000_000, abs=resolution)
+    assert (times[2] < times[0]) == (protocol == 'xsens')
+
+
+def test_xsens_messages_are_numbered():
+    device = ImuDevice('xsens')
+    stream = b''.join(device.frame(SAMPLE) for _ in range(3))
+    assert [xsens.packet_counter(body) for body in xsens.XsensDeframer().feed(stream)] == [0, 1, 2]
+
+
+# Motor boards
+
+COUNTS, SPEEDS = (100, -1, 3000, 2**33 + 5), (10.4, -20.6, 0.0, 4000.0)
+
+
+def ask(boards, address, command, *values, now_ns=0, counts=COUNTS):
+    """Return the values of the answer to one request."""
+    request = roboclaw.encode_request(address, command, *values)
+    return roboclaw.decode_reply(address, command, boards.feed(request, now_ns, counts, SPEEDS))
+
+
+def test_each_board_tells_counts_and_speeds_of_its_own_wheels():
+    boards = MotorBoards((128, 129))
+    assert ask(boards, 128, roboclaw.READ_ENCODERS) == (100, 2**32 - 1)
+    assert ask(boards, 129, roboclaw.READ_ENCODERS) == (3000, 5)
+    assert ask(boards, 128, roboclaw.READ_SPEEDS) == (10, -21)
+    assert ask(boards, 129, roboclaw.READ_SPEEDS) == (0, 4000)
+
+
+def test_both_boards_answer_in_the_order_of_the_requests():
+    boards = MotorBoards()
+    stream = (roboclaw.encode_request(129, roboclaw.READ_BATTERY)
+              + roboclaw.encode_request(128, roboclaw.READ_STATUS))
+    assert boards.feed(stream, 0, COUNTS, SPEEDS) == (
+        roboclaw.encode_reply(129, roboclaw.READ_BATTERY, 148)
+        + roboclaw.encode_reply(128, roboclaw.READ_STATUS, 0))
+
+
+def test_counters_can_be_reset_and_set_and_count_on_from_there():
+    boards = MotorBoards()
+    ask(boards, 128, roboclaw.RESET_ENCODERS)
+    assert ask(boards, 128, roboclaw.READ_ENCODERS) == (0, 0)
+    ask(boards, 128, roboclaw.SET_ENCODER_2, 2**32 - 1)
+    moved = (107, 1, 0, 0)
+    assert ask(boards, 128, roboclaw.READ_ENCODERS, counts=moved) == (7, 1)
+    ask(boards, 129, roboclaw.SET_ENCODER_1, 50)
+    assert ask(boards, 129, roboclaw.READ_ENCODERS) == (50, 5)
+
+
+def test_duties_reach_the_motors_of_the_board():
+    boards = MotorBoards()
+    assert boards.duty(0) == (0.0, 0.0, 0.0, 0.0)
+    ask(boards, 128, roboclaw.SET_DUTY, 32767, -32768)
+    ask(boards, 129, roboclaw.SET_DUTY, 16384, 0)
+    assert boards.duty(0) == pytest.approx((1.0, -1.0, 0.5, 0.0), abs=2e-5)
+
+
+def test_a_board_that_hears_nothing_stops_its_motors_and_needs_a_new_duty():
+    boards = MotorBoards()
+    for address in (128, 129):
+        ask(boards, address, roboclaw.SET_TIMEOUT, roboclaw.timeout_code(0.3))
+        ask(boards, address, roboclaw.SET_DUTY, 1000, 2000)
+    assert ask(boards, 128, roboclaw.READ_TIMEOUT) == (3,)
+    ask(boards, 128, roboclaw.READ_ENCODERS, now_ns=200 * MS)  # board 1 hears something
+    assert boards.duty(300 * MS)[2:] == pytest.approx((1000 / 32767, 2000 / 32767))
+    assert boards.duty(301 * MS) == pytest.approx((1000 / 32767, 2000 / 32767, 0.0, 0.0))
+    assert boards.duty(501 * MS) == (0.0, 0.0, 0.0, 0.0)
+    ask(boards, 128, roboclaw.READ_ENCODERS, now_ns=502 * MS)
+    assert boards.duty(502 * MS) == (0.0, 0.0, 0.0, 0.0)
+    ask(boards, 128, roboclaw.SET_DUTY, 3000, 4000, now_ns=503 * MS)
+    assert boards.duty(503 * MS) == pytest.approx((3000 / 32767, 4000 / 32767, 0.0, 0.0))
+
+
+def test_motors_stop_although_nobody_looks_between_the_timeout_and_the_next_question():
+    boards = MotorBoards()
+    ask(boards, 128, roboclaw.SET_TIMEOUT, 1)
+    ask(boards, 128, roboclaw.SET_DUTY, 1000, 1000)
+    ask(boards, 128, roboclaw.READ_ENCODERS, now_ns=NS_PER_S)
+    assert boards.duty(NS_PER_S) == (0.0, 0.0, 0.0, 0.0)
+
+
+def test_without_timeout_a_duty_stays():
+    boards = MotorBoards()
+    ask(boards, 128, roboclaw.SET_DUTY, 1000, 1000)
+    assert boards.duty(3600 * NS_PER_S)[0] == pytest.approx(1000 / 32767)
+
+
+def test_a_wrong_crc_is_neither_obeyed_nor_answered():
+    boards = MotorBoards()
+    request = bytearray(roboclaw.encode_request(128, roboclaw.SET_DUTY, 1000, 1000))
+    request[-1] ^= 1
+    assert boards.feed(bytes(request), 0, COUNTS, SPEEDS) == b''
+    assert boards.duty(0) == (0.0, 0.0, 0.0, 0.0)
+    assert boards.bad_frames == 1
+
+
+def test_a_request_to_nobody_is_not_answered():
+    request = roboclaw.encode_request(130, roboclaw.READ_ENCODERS)
+    assert MotorBoards().feed(request, 0, COUNTS, SPEEDS) == b''
+
+
+def test_a_packet_may_come_in_parts_but_not_with_a_pause():
+    boards = MotorBoards()
+    request = roboclaw.encode_request(128, roboclaw.SET_DUTY, 1000, 1000)
+    assert boards.feed(request[:3], 0, COUNTS, SPEEDS) == b''
+    assert boards.feed(b'', 9 * MS, COUNTS, SPEEDS) == b''
+    assert boards.feed(request[3:], 10 * MS, COUNTS, SPEEDS) == b'\xff'
+    assert boards.feed(request[:3], 50 * MS, COUNTS, SPEEDS) == b''
+    assert boards.feed(request[3:], 61 * MS, COUNTS, SPEEDS) == b''
+    assert boards.feed(request, 80 * MS, COUNTS, SPEEDS) == b'\xff'

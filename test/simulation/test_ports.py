@@ -1,0 +1,136 @@
+"""Pseudo-terminals as serial ports, opened as drivers open them."""
+
+import os
+import select
+import time
+
+import pytest
+import serial
+from smart_tire.errors import LinkError
+from smart_tire.simulation.ports import PtyPort
+
+ALL_BYTES = bytes(range(256))
+PATIENCE = 10.0  # s, only a failing test waits so long
+
+
+@pytest.fixture
+def link(tmp_path):
+    return str(tmp_path / 'ports' / 'tire_radio')
+
+
+@pytest.fixture
+def port(link):
+    with PtyPort(link) as port:
+        yield port
+
+
+def open_host(link):
+    return serial.serial_for_url(link, baudrate=115200, timeout=PATIENCE)
+
+
+def receive(port, size):
+    """Return ``size`` bytes from the device's end."""
+    data, chunk = b'', b'?'
+    while len(data) < size and chunk:
+        port.wait(PATIENCE)
+        chunk = port.read()
+        data += chunk
+    return data
+
+
+def test_every_byte_passes_unchanged_in_both_directions(port, link):
+    with open_host(link) as host:
+        port.write(ALL_BYTES)
+        assert host.read(256) == ALL_BYTES
+        host.write(ALL_BYTES)
+        assert receive(port, 256) == ALL_BYTES
+        assert port.read() == b''  # no echo
+    assert port.lost_bytes == 0
+
+
+def test_output_is_lost_while_nobody_has_the_line_open(port, link):
+    port.write(b'old')
+    assert port.lost_bytes == 3
+    with open_host(link) as host:
+        port.write(b'new')
+        assert host.read(3) == b'new'
+    assert port.lost_bytes == 3
+
+
+def test_waiting_without_a_host_is_no_busy_loop(port, link):
+    open_host(link).close()
+    start = time.monotonic()
+    port.wait(0.05)
+    assert time.monotonic() - start >= 0.05
+
+
+def test_reading_without_a_host_is_nothing_and_no_error(port, link):
+    assert port.read() == b''
+    open_host(link).close()
+    assert port.read() == b''
+
+
+def test_a_host_that_does_not_read_blocks_nobody_and_gets_a_cut_stream(port, link):
+    with open_host(link) as host:
+        for _ in range(2000):
+            port.write(b'x' * 100)
+        assert port.lost_bytes > 0
+        kept = 200_000 - port.lost_bytes
+        assert host.read(kept) == b'x' * kept
+        port.write(b'after')
+        assert host.read(5) == b'after'
+
+
+def test_what_one_host_left_unread_does_not_reach_the_next(port, link):
+    with open_host(link) as host:
+        port.write(b'stale' * 100)
+        assert host.read(5) == b'stale'
+    port.write(b'lost')
+    descriptor = os.open(link, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)  # flushes nothing itself
+    try:
+        port.write(b'fresh')
+        assert select.select([descriptor], [], [], PATIENCE)[0]
+        assert os.read(descriptor, 1000) == b'fresh'
+    finally:
+        os.close(descriptor)
+
+
+def test_unplugging_hangs_up_and_a_new_port_takes_the_same_name(link):
+    first = PtyPort(link)
+    host = open_host(link)
+    first.close()
+    assert not os.path.lexists(link)
+    with pytest.raises(serial.SerialException):
+        host.read(1)
+    host.close()
+    with PtyPort(link) as second, open_host(link) as host:
+        second.write(b'again')
+        assert host.read(5) == b'again'
+
+
+def test_a_link_that_another_run_left_behind_is_replaced(link):
+    os.makedirs(os.path.dirname(link))
+    os.symlink('/dev/pts/nothing', link)
+    with PtyPort(link) as port, open_host(link) as host:
+        port.write(b'hello')
+        assert host.read(5) == b'hello'
+
+
+def test_a_link_that_has_become_another_ports_is_left_alone(link):
+    first = PtyPort(link)
+    with PtyPort(link):
+        first.close()
+        assert os.path.islink(link)
+    assert not os.path.lexists(link)
+
+
+def test_a_file_is_never_replaced(link):
+    os.makedirs(os.path.dirname(link))
+    with open(link, 'w', encoding='ascii') as file:
+        file.write('precious')
+    descriptors = len(os.listdir('/proc/self/fd'))
+    with pytest.raises(LinkError, match='tire_radio: is there and is no link'):
+        PtyPort(link)
+    assert len(os.listdir('/proc/self/fd')) == descriptors
+    with open(link, encoding='ascii') as file:
+        assert file.read() == 'precious'
