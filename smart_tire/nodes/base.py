@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 import signal
+import threading
 from typing import Any, Generic, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import SetParametersResult
 import rclpy
-from rclpy.clock import Clock, ClockType
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -28,7 +30,7 @@ Params = TypeVar('Params')
 DIAGNOSTICS_PERIOD = 1.0  # s, INTERFACES
 SILENCE = 2.0             # s after which an input that should flow is worth a warning
 POLL = 0.1                # s, how long a signal may wait to be seen
-EXIT_OK, EXIT_REFUSED = 0, 2
+EXIT_OK, EXIT_DEFECT, EXIT_REFUSED = 0, 1, 2
 
 
 class SmartTireNode(Node, Generic[Params]):
@@ -160,22 +162,31 @@ def run(node_class: Callable[[], SmartTireNode[Any]]) -> int:
     Run a node until SIGINT or SIGTERM and return the exit status for ``sys.exit``.
 
     The handlers only raise a flag, so that neither a callback nor the clean-up is ever cut in
-    two, however often the signal comes.
+    two, however often the signal comes. A thread that dies of a defect takes the node with it.
     """
-    stopped: list[int] = []
+    stopped: list[int] = []  # exit statuses, the first one counts
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda number, _: stopped.append(number))
+        signal.signal(number, lambda *_: stopped.append(EXIT_OK))
     try:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:  # rcl: arguments or a parameter file that it can not parse
         get_logger('smart_tire').fatal(plain(error))
         return EXIT_REFUSED
+    threading.excepthook = _ending(threading.excepthook, stopped)
     try:
         return _spin(node_class, stopped)
     finally:
         rclpy.try_shutdown()
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, signal.SIG_IGN)  # the interpreter's own end is not the place
+
+
+def _ending(hook: Callable[[Any], Any], stopped: list[int]) -> Callable[[Any], None]:
+    def report(arguments: Any) -> None:
+        hook(arguments)
+        stopped.append(EXIT_DEFECT)
+
+    return report
 
 
 def _spin(node_class: Callable[[], SmartTireNode[Any]], stopped: list[int]) -> int:
@@ -195,4 +206,4 @@ def _spin(node_class: Callable[[], SmartTireNode[Any]], stopped: list[int]) -> i
         executor.remove_node(node)
         executor.shutdown()
         node.destroy_node()
-    return EXIT_OK
+    return stopped[0]

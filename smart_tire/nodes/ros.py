@@ -6,27 +6,23 @@ from importlib import import_module
 import re
 from typing import Any, cast
 
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-
-try:
-    from rclpy.experimental import EventsExecutor
-except ImportError:  # Jazzy
-    EventsExecutor = None
-
-__all__ = ['ExternalShutdownException', 'message_class', 'new_executor', 'plain', 'transforms',
-           'given_parameters']
 
 
 def new_executor() -> Any:
     """
     Return an executor for one thread.
 
-    Where it exists, the one that is told of events instead of building a wait set for each: a
-    message costs a third of the time. Its ``spin`` waits in C++ and never sees a signal, so
-    call ``spin_once`` with a time-out.
+    Where it exists (Kilted and later), the one that is told of events instead of building a wait
+    set for each: a message costs a third of the time. Its ``spin`` waits in C++ and never sees a
+    signal, so call ``spin_once`` with a time-out.
     """
-    return SingleThreadedExecutor() if EventsExecutor is None else EventsExecutor()
+    try:
+        experimental = import_module('rclpy.experimental')
+    except ModuleNotFoundError:
+        return SingleThreadedExecutor()
+    return experimental.EventsExecutor()
 
 
 def message_class(type_name: str) -> type[Any]:

@@ -65,8 +65,13 @@ class MotorDriverParams:
     rate: float = param(16.0, 'Hz', 'encoder polls per second', low=1.0, high=200.0)
     command_timeout: float = param(
         0.25, 's', 'zero duty when no command came for so long', low=0.02, high=2.5)
+    signs: tuple[int, ...] = param(
+        (1, 1, 1, 1), '-', '-1 for a wheel whose motor and encoder count backwards', low=-1,
+        high=1, length=4)
     robot: RobotParams = part(RobotParams)
 
     def __post_init__(self) -> None:
+        if 0 in self.signs:
+            raise ValueError(f'signs: {list(self.signs)}, expected 1 or -1 for each wheel')
         if self.addresses[0] == self.addresses[1]:
             raise ValueError(f'addresses are the same: {list(self.addresses)}')

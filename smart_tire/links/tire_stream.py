@@ -1,0 +1,133 @@
+"""From the bytes of the tire radio to samples that carry the instant of their conversion."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator, Mapping
+
+from smart_tire.errors import FrameError
+from smart_tire.links.device_clock import DeviceClock
+from smart_tire.protocol.tire_payload import (
+    decode_batch, MAX_CODE, SEQUENCE_WRAP, TIMER_WRAP_US, TireBatch, volts)
+from smart_tire.protocol.xbee import decode_receive_packet, XBeeDeframer
+from smart_tire.samples import BatterySample, NS_PER_S, TireSample
+
+VOLTS = tuple(volts(code) for code in range(MAX_CODE + 1))
+NS_PER_US = 1000
+REMEMBERED = 16           # batches, for what a radio might send twice
+BATTERY_NS = NS_PER_S     # between two reports of a battery
+
+
+class TireUnit:
+    """
+    One wheel unit: follows its sequence and its timer.
+
+    Stamps are earlier than the arrival by the constant ``latency_ns``, which is the least time
+    from the conversion of a batch's last sample to the arrival of its last byte.
+    """
+
+    def __init__(self, wheel: str, latency_ns: int = 0) -> None:
+        self.wheel = wheel
+        self.clock = DeviceClock()
+        self.batches = 0     # that carried something new
+        self.lost = 0        # by sequence
+        self.duplicates = 0
+        self.resets = 0      # of the unit, or of the clocks
+        self.saturated = 0   # batches with a converter at its rail
+        self._latency_ns = latency_ns
+        self._timer_us = 0   # of the last batch, unwrapped
+        self._last: TireBatch | None = None
+        self._recent: deque[TireBatch] = deque(maxlen=REMEMBERED)
+        self._battery_due_ns = 0
+
+    def update(self, batch: TireBatch, receive_ns: int) -> list[TireSample]:
+        """Return the samples of ``batch``, none if it came before."""
+        if self._known(batch):
+            self.duplicates += 1
+            return []
+        self._follow(batch, receive_ns)
+        self._last = batch
+        self._recent.append(batch)
+        self.batches += 1
+        self.saturated += batch.saturated
+        start = self._timer_us * NS_PER_US
+        period = batch.period_us * NS_PER_US
+        return [TireSample(self.clock.host_ns(start + index * period) - self._latency_ns,
+                           self.wheel, tuple([VOLTS[code] for code in row]))
+                for index, row in enumerate(batch.codes)]
+
+    def battery(self, batch: TireBatch, receive_ns: int) -> BatterySample | None:
+        """Return the state of the battery if it is time to report it again."""
+        if abs(receive_ns - self._battery_due_ns) < BATTERY_NS:
+            return None
+        self._battery_due_ns = receive_ns
+        return BatterySample(receive_ns, self.wheel, batch.battery_mv * 1e-3)
+
+    def _known(self, batch: TireBatch) -> bool:
+        return batch in self._recent or self._last is not None and (
+            (batch.sequence, batch.timer_us) == (self._last.sequence, self._last.timer_us))
+
+    def _follow(self, batch: TireBatch, receive_ns: int) -> None:
+        """Unwrap the timer, count what was lost, and start anew if the unit did."""
+        last = self._last
+        if last is None:
+            self._restart(batch)
+        elif batch.sequence < last.sequence and batch.timer_us < last.timer_us:
+            self.resets += 1
+            self._restart(batch)
+        else:
+            self._timer_us += (batch.timer_us - last.timer_us) % TIMER_WRAP_US
+            if self.clock.fits(_end_ns(self._timer_us, batch), receive_ns):
+                self.lost += (batch.sequence - last.sequence - 1) % SEQUENCE_WRAP
+            else:  # off for so long that its sequence has passed the old one again
+                self.resets += 1
+                self._restart(batch)
+        self.clock.update(_end_ns(self._timer_us, batch), receive_ns)
+
+    def _restart(self, batch: TireBatch) -> None:
+        self.clock.reset()
+        self._timer_us = batch.timer_us
+
+
+def _end_ns(timer_us: int, batch: TireBatch) -> int:
+    """Return the unit's time [ns] of the last sample: a batch can not leave before it."""
+    return (timer_us + (len(batch.codes) - 1) * batch.period_us) * NS_PER_US
+
+
+class TireStream:
+    """All wheel units behind one coordinator, by their 64-bit addresses."""
+
+    def __init__(self, wheel_of: Mapping[int, str], latency_ns: int = 0) -> None:
+        self.units = {address: TireUnit(wheel, latency_ns)
+                      for address, wheel in wheel_of.items()}
+        self.frames_ok = 0
+        self.rejected = 0      # intact frames that are none of ours, or say what they must not
+        self.last_error = ''   # why the latest one was rejected
+        self._deframer = XBeeDeframer()
+
+    @property
+    def frames_bad(self) -> int:
+        """Return how many frames were damaged or rejected."""
+        return self._deframer.bad_frames + self.rejected
+
+    def feed(self, chunk: bytes, receive_ns: int) -> Iterator[TireSample | BatterySample]:
+        """Take bytes that arrived at ``receive_ns`` and yield what they complete."""
+        for body in self._deframer.feed(chunk):
+            try:
+                unit, batch = self._decode(body)
+            except FrameError as error:
+                self.rejected += 1
+                self.last_error = str(error)
+                continue
+            self.frames_ok += 1
+            yield from unit.update(batch, receive_ns)
+            if (battery := unit.battery(batch, receive_ns)) is not None:
+                yield battery
+
+    def _decode(self, body: bytes) -> tuple[TireUnit, TireBatch]:
+        packet = decode_receive_packet(body)
+        unit = self.units.get(packet.source)
+        if unit is None:
+            known = ', '.join(f'{address:016X}' for address in self.units)
+            raise FrameError(f'unknown wheel unit {packet.source:016X}, expected one of {known}')
+        return unit, decode_batch(packet.data)

@@ -1,0 +1,60 @@
+"""Receive the wheel units' batches from the XBee coordinator and publish ``tire_samples``."""
+
+from __future__ import annotations
+
+import threading
+from typing import Any
+
+from smart_tire.links.serial_link import pump
+from smart_tire.links.tire_stream import TireStream
+from smart_tire.nodes.base import run
+from smart_tire.nodes.diagnostics import Status
+from smart_tire.nodes.driver import DriverNode, nanoseconds
+from smart_tire.parameters import TireReceiverParams
+from smart_tire.samples import TireSample
+
+
+class TireReceiver(DriverNode[TireReceiverParams]):
+    """Radio bytes in, one message per conversion out, stamped by the unit's own timer."""
+
+    def __init__(self) -> None:
+        super().__init__('tire_receiver', TireReceiverParams)
+        wheel_of = self.params.wheel_of()
+        self._stream = TireStream(wheel_of, nanoseconds(self.params.radio_latency))
+        self._publish_sample = self.advertise('tire_samples', wheels=len(wheel_of))
+        self._publish_battery = self.advertise('tire_battery', wheels=len(wheel_of))
+        self.connect(self._stream, self._work)
+
+    def _work(self, port: Any, stopping: threading.Event) -> None:
+        pump(port, stopping, self._on_bytes)
+
+    def _on_bytes(self, chunk: bytes, receive_ns: int) -> None:
+        for sample in self._stream.feed(chunk, receive_ns):
+            if isinstance(sample, TireSample):
+                self._publish_sample(sample)
+            else:
+                self._publish_battery(sample)
+
+    def fill_status(self, status: Status) -> None:
+        """Add what was lost on the way from each unit."""
+        super().fill_status(status)
+        units = self._stream.units.values()
+        status.values.update(
+            batches_ok=sum(unit.batches for unit in units),
+            batches_lost=sum(unit.lost for unit in units),
+            batches_duplicate=sum(unit.duplicates for unit in units),
+            batches_saturated=sum(unit.saturated for unit in units),
+            unit_resets=sum(unit.resets for unit in units))
+        for unit in units:
+            status.values.update({
+                f'{unit.wheel}.batches_ok': unit.batches,
+                f'{unit.wheel}.batches_lost': unit.lost,
+                f'{unit.wheel}.timer_drift_ppm': unit.clock.drift * 1e6,
+                f'{unit.wheel}.radio_jitter': unit.clock.jitter})
+            if not unit.batches:
+                status.warn(f'nothing from {unit.wheel} yet')
+
+
+def main() -> int:
+    """Run the node."""
+    return run(TireReceiver)
