@@ -73,19 +73,26 @@ class Plant:
         self.steps += 1
 
     def _turn_wheel(self, i: int, duty: float) -> tuple[float, float]:
-        """Advance wheel ``i`` and return the force [N] of the ground on the robot there."""
+        """
+        Advance wheel ``i`` and return the force [N] of the ground on the robot there.
+
+        Implicit in the wheel's speed, for the tire holds a light wheel too stiffly for a step.
+        """
         drive, radius, surface = self._drive, self._robot.wheel_radius, self.surface[i]
         speed, load = self.wheel_speed[i], self.load[i]
         v_x, v_y = self.wheel_v_x[i], self.wheel_v_y[i]
         scale = 1.0 / max(abs(radius * speed), self.slip_floor)
-        s_x, s_y = (radius * speed - v_x) * scale, -v_y * scale
-        slope = force_slope(math.hypot(s_x, s_y), surface.friction, load, surface.stiffness)
-        torque = (drive.stall_torque * (duty - speed / drive.free_speed)
-                  - drive.friction * _dry(radius * speed) - radius * slope * s_x)
-        self.wheel_speed[i] = new_speed = speed + STEP * torque / drive.inertia
+        slip = math.hypot(radius * speed - v_x, v_y) * scale
+        grip = scale * force_slope(slip, surface.friction, load, surface.stiffness)  # N s/m
+        resistance = (drive.stall_torque / drive.free_speed
+                      + drive.friction / max(abs(speed), REST_SPEED / radius))  # N m s
+        new_speed = ((drive.inertia * speed + STEP * (drive.stall_torque * duty
+                                                      + radius * grip * v_x))
+                     / (drive.inertia + STEP * (resistance + radius * radius * grip)))
+        self.wheel_speed[i] = new_speed
         self.wheel_angle[i] += 0.5 * STEP * (speed + new_speed)
-        drag = surface.drag * load / max(math.hypot(v_x, v_y), REST_SPEED)
-        return slope * s_x - drag * v_x, slope * s_y - drag * v_y
+        drag = surface.drag * load / max(math.hypot(v_x, v_y), REST_SPEED)  # N s/m
+        return grip * (radius * new_speed - v_x) - drag * v_x, -(grip + drag) * v_y
 
     def _move(self) -> None:
         """Advance velocity and pose; exact for a body without forces."""
@@ -133,9 +140,7 @@ class Plant:
         stiffness = max(surface.stiffness for surface in self._ground.surfaces.values())
         com_x, com_y, _ = robot.center_of_mass
         arms = sum((x - com_x)**2 + (y - com_y)**2 for x, y in zip(self._wheel_x, self._wheel_y))
-        mobility = (robot.wheel_radius**2 / self._drive.inertia + 4.0 / robot.mass
-                    + arms / robot.yaw_inertia)
-        return STEP * stiffness * mobility
+        return STEP * stiffness * (4.0 / robot.mass + arms / robot.yaw_inertia)
 
 
 def force_slope(total_slip: float, mu: float, load: float, stiffness: float) -> float:
@@ -147,6 +152,3 @@ def force_slope(total_slip: float, mu: float, load: float, stiffness: float) -> 
         return stiffness * (1.0 - t + t * t / 3.0)
     return limit / total_slip if total_slip > 0.0 else 0.0
 
-
-def _dry(speed: float) -> float:
-    return min(max(speed / REST_SPEED, -1.0), 1.0)

@@ -74,4 +74,4 @@ def _wheel_unit(wheel: str, params: SimulatorParams, rng: np.random.Generator) -
     period_us = round(1e6 / params.robot.film.sample_rate)
     return WheelUnit(params.address_of()[wheel], period_us=period_us,
                      clock_error=rng.normal(0.0, params.radio.clock_error),
-                     first_ns=int(rng.integers(1000 * period_us)))
+                     first_us=int(rng.integers(period_us)))
