@@ -112,6 +112,15 @@ class TireRadio:
         self._sent += 1
         return batch.sequence
 
+    def next_ns(self) -> int | None:
+        """
+        Return the true time at which the next packet arrives, None if none is on the air.
+
+        Who asks only every millisecond rounds the delays up to the millisecond; that beats
+        with the units' clocks and no receiver can filter it out.
+        """
+        return self._in_air[0][0] if self._in_air else None
+
     def due(self, now_ns: int) -> bytes:
         """Return what the coordinator has put on its serial port up to true time ``now_ns``."""
         frames = []

@@ -109,9 +109,11 @@ def test_lost_batches_are_gaps_in_the_sequence_and_counted():
 def test_nothing_comes_before_it_is_due_and_nothing_twice():
     radio = TireRadio({'front_left': WheelUnit(LEFT)}, np.random.default_rng(4), jitter=0.0)
     radio.send('front_left', 0, CODES, 40 * MS)
+    assert radio.next_ns() == 45 * MS
     assert radio.due(45 * MS - 1) == b''
     assert len(radio.due(45 * MS)) >= 94
     assert radio.due(10 * NS_PER_S) == b''
+    assert radio.next_ns() is None
 
 
 # Inertial unit
