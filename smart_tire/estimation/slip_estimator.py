@@ -23,7 +23,7 @@ DROPOUT = 0.1              # s without the inertial unit (or 3 periods): go by t
 GUESSED_RATE_PSD = 0.01    # (rad/s)^2 s, of the yaw rate that the wheels give meanwhile
 GUESSED_ACCEL_PSD = 0.1    # (m/s2)^2 s, of an acceleration that nobody measures
 TURNING = 0.05             # rad/s; slower, the ICR is too far away to be told
-TRUSTED_REST = 1.0         # s; rest that lasts so long overrules a speed that has drifted away
+TRUSTED_REST = 3.0         # s; rest that lasts so long overrules a state that has drifted away
 PLANAR_VARIANCE = 1e-6     # m^2, rad^2 and per s: height and its rate, zero in the plane
 
 Estimate = Odometry | WheelSlip | Icr
@@ -172,11 +172,14 @@ class SlipEstimator:
         if self._imu is None:
             return
         rest = self._standstill.rest(time, max(map(abs, reading.wheel_speeds)))
-        self._at_rest = rest is not None and (rest[1] > TRUSTED_REST or self._slow())
-        if self._at_rest and rest is not None:
-            sigma = self._params.robot.imu.gyro_noise / math.sqrt(
-                max(1.0, reading.duration / self._imu_period))
-            self._filter.update_standstill(rest[0], sigma)
+        self._at_rest = rest is not None and (
+            rest.duration > TRUSTED_REST or self._slow())
+        if rest is not None and self._at_rest:
+            self._filter.update_standstill()
+            if rest.settled:  # overlapping means: one of them is worth its new part only
+                sigma = self._params.robot.imu.gyro_noise * math.sqrt(
+                    self._imu_period / reading.duration)
+                self._filter.update_gyro_bias(rest.rate, max(sigma, rest.sigma))
         mean = self._log.mean(time - reading.duration, time)
         if mean is not None:
             self._filter.update_wheels(WheelTravel(
@@ -186,8 +189,9 @@ class SlipEstimator:
     def _slow(self) -> bool:
         """Return whether the filter, too, can believe that the robot stands."""
         x, P = self._filter.x, self._filter.P
-        return all(abs(x[row]) < self._params.robot.slip.standstill_speed
-                   + 3.0 * math.sqrt(P[row, row]) for row in (State.V_X, State.V_Y))
+        limit = self._params.robot.slip.standstill_speed
+        return all(abs(x[row]) < limit + 3.0 * math.sqrt(P[row, row])
+                   for row in (State.V_X, State.V_Y))
 
     def _estimates(self, instant_ns: int) -> list[Estimate]:
         assert self._imu is not None

@@ -41,7 +41,9 @@ WHEEL_NOISE = 0.003       # m/s, wheel speed of a side beyond quantisation and s
 STILL_SPEED = 0.003       # m/s, one sigma of the speed of a robot that stands
 OUTLIER = 3.0             # sigmas; beyond, a measurement counts less and less
 NIS_MEMORY = 0.05         # share of a new value in the smoothed innovation statistic
-CHANGE = 2.0              # sigmas of a change of wheel speed by stamps alone; more is real
+CHANGE = 2.5              # sigmas of a change of wheel speed by stamps alone; more is real
+GROUND_CHANGE = 0.01      # m/s; a larger change of the speed over ground changes the slip
+CHANGE_TIME = 0.3         # s, that slip takes to settle after a change of wheel speed
 SURPRISE = 3.5            # sigmas; beyond, the sliding is taken to have changed
 
 
@@ -104,7 +106,8 @@ class SlipFilter:
         self._ekf = ExtendedKalmanFilter(dim_x=N, dim_z=1)
         self._F = np.eye(N)
         self._Q = np.zeros(N)
-        self._last_speed: tuple[float, float] | None = None
+        # m/s, of a side's wheels and of the ground under it, of late
+        self._usual: list[tuple[float, float] | None] = [None, None]
         # a wandering slip with this memory spreads over slip_sigma in the long run
         self._slip_time = 2.0 * (params.slip_sigma / max(params.slip_drift, 1e-6)) ** 2
         self.nis = 1.0  # normalised innovation squared of the wheel readings, smoothed
@@ -264,19 +267,27 @@ class SlipFilter:
         P[State.STAMP, State.STAMP] = max(self._params.robot.encoder.stamp_jitter, 1e-6) ** 2
 
     def _widen_sliding(self, travel: WheelTravel, innovation: Array, variance: Array) -> None:
-        """Let the sliding change with the wheel speed and with what surprises."""
-        before, self._last_speed = self._last_speed, travel.speed
-        jitter = math.sqrt(6.0) * self._params.robot.encoder.stamp_jitter / travel.duration
-        for row, slide in enumerate(SLIDES):
-            speed = travel.speed[row]
-            if before is None:  # until now nothing was known of the wheels
-                self._ekf.P[slide, slide] = (self._params.slip_sigma * speed) ** 2 + (
+        """Let the sliding change while the wheel speed does, and with what surprises."""
+        keep = math.exp(-travel.duration / CHANGE_TIME)
+        jitter = math.sqrt(2.0) * self._params.robot.encoder.stamp_jitter / travel.duration
+        for row, (side, slide) in enumerate(zip(SIDES, SLIDES)):
+            wheel = travel.speed[row]
+            ground = travel.ground_speed + (
+                self._y_imu + side * self._half_track) * travel.yaw_rate
+            usual = self._usual[row]
+            if usual is None:  # until now nothing was known of the wheels
+                self._usual[row] = wheel, ground
+                self._ekf.P[slide, slide] = (self._params.slip_sigma * wheel) ** 2 + (
                     SLIDE_FLOOR ** 2)
                 continue
-            change = self._params.slip_agility * max(
-                0.0, abs(speed - before[row]) - CHANGE * abs(speed) * jitter)
+            self._usual[row] = (keep * usual[0] + (1.0 - keep) * wheel,
+                                keep * usual[1] + (1.0 - keep) * ground)
+            change = self._params.slip_agility * (
+                max(0.0, abs(wheel - usual[0]) - CHANGE * abs(wheel) * jitter)
+                + max(0.0, abs(ground - usual[1]) - GROUND_CHANGE))
             surprise = max(0.0, abs(innovation[row]) - SURPRISE * math.sqrt(variance[row]))
-            self._ekf.P[slide, slide] += change ** 2 + surprise ** 2
+            self._ekf.P[slide, slide] += change ** 2 * travel.duration / CHANGE_TIME + (
+                surprise ** 2)
 
     def _printed(self, H: Array, z: Array, expected: Array, R: Array
                  ) -> tuple[Array, Array, Array, Array]:
@@ -306,14 +317,20 @@ class SlipFilter:
         variance = self._params.lateral_sigma ** 2 * 0.1 / max(duration, 1e-3)
         self._correct(np.zeros(1), np.array([expected]), H, np.array([[variance]]))
 
-    def update_standstill(self, gyro_z: float, gyro_sigma: float) -> None:
-        """Correct with zero velocity and zero rate; ``gyro_z`` [rad/s] is a mean at rest."""
-        H = np.zeros((5, N))
-        rows = (State.V_X, State.V_Y, State.SLIDE_L, State.SLIDE_R, State.GYRO)
-        H[range(5), rows] = 1.0
-        R = np.diag([STILL_SPEED ** 2] * 4 + [gyro_sigma ** 2])
-        z = np.array([0.0, 0.0, 0.0, 0.0, gyro_z])
-        self._correct(z, self._ekf.x[list(rows), 0], H, R)
+    def update_standstill(self) -> None:
+        """Correct with zero velocity over ground and of the wheels."""
+        rows = [State.V_X, State.V_Y, State.SLIDE_L, State.SLIDE_R]
+        self._observe(rows, np.zeros(4), np.full(4, STILL_SPEED ** 2))
+
+    def update_gyro_bias(self, rate: float, sigma: float) -> None:
+        """Correct with the unit's ``rate`` [rad/s] about z, a mean at rest."""
+        self._observe([State.GYRO], np.array([rate]), np.array([sigma ** 2]))
+
+    def _observe(self, rows: list[State], z: Array, variances: Array) -> None:
+        """Correct with states that are seen directly."""
+        H = np.zeros((len(rows), N))
+        H[range(len(rows)), rows] = 1.0
+        self._correct(z, self._ekf.x[rows, 0], H, np.diag(variances))
 
     def _correct(self, z: Array, expected: Array, H: Array, R: Array) -> None:
         """

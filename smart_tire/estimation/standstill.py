@@ -3,14 +3,28 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
 import math
 
-WINDOW = 0.4        # s that the inertial unit must have been quiet
-MIN_SAMPLES = 4     # in the window
+QUIET = 0.4         # s that the inertial unit must have been quiet
+SETTLED = 1.0       # s over which its rate must not have changed to count as its bias
+MIN_SAMPLES = 4     # in the quiet time
 NOISE_FACTOR = 3.0  # times the unit's own noise counts as quiet
+TREND = 2.5         # sigmas between the two halves of a rate that does not change
 STILL_WHEEL = 0.01  # m/s of wheel surface; less is a count of the encoder
 
 Reading = tuple[float, float, float]  # rate about z [rad/s], specific force x, y [m/s2]
+
+
+@dataclass(frozen=True, slots=True)
+class Rest:
+    """A robot at rest."""
+
+    rate: float      # rad/s, mean of the unit's rate about z
+    sigma: float     # rad/s, of that mean, by noise
+    duration: float  # s of rest so far
+    settled: bool    # whether the rate is steady, too: after a stop the body still turns a little
 
 
 class Standstill:
@@ -22,11 +36,8 @@ class Standstill:
     """
 
     def __init__(self, gyro_noise: float, accel_noise: float) -> None:
+        self._noise = gyro_noise
         self._limits = (NOISE_FACTOR * gyro_noise, *(NOISE_FACTOR * accel_noise,) * 2)
-        self.reset()
-
-    def reset(self) -> None:
-        """Forget all readings."""
         self._window: deque[tuple[float, Reading]] = deque()
         self._quiet_since: float | None = None
 
@@ -34,33 +45,41 @@ class Standstill:
         """Take in a reading of the inertial unit at ``time`` [s]."""
         window = self._window
         window.append((time, reading))
-        while window[0][0] < time - WINDOW:
+        while window[0][0] < time - SETTLED:
             window.popleft()
 
-    def rest(self, time: float, wheel_speed: float) -> tuple[float, float] | None:
+    def rest(self, time: float, wheel_speed: float) -> Rest | None:
         """
-        Return (mean rate about z [rad/s], seconds of rest so far), or None if something moves.
+        Return the rest at ``time`` [s], None if something moves.
 
         ``wheel_speed`` [m/s] is the fastest wheel's; to be called at each wheel reading.
         """
-        quiet = wheel_speed < STILL_WHEEL and self._is_quiet()
-        if not quiet:
+        if wheel_speed >= STILL_WHEEL or not self._is_quiet():
             self._quiet_since = None
             return None
         if self._quiet_since is None:
             self._quiet_since = time
-        rate = sum(reading[0] for _, reading in self._window) / len(self._window)
-        return rate, time - self._quiet_since
+        duration = time - self._quiet_since
+        rates = [reading[0] for _, reading in self._window]
+        half = len(rates) // 2
+        drift = abs(_mean(rates[half:]) - _mean(rates[:half]))
+        settled = duration >= SETTLED - QUIET and (
+            drift < TREND * 2.0 * self._noise / math.sqrt(len(rates)))
+        return Rest(_mean(rates), self._noise / math.sqrt(len(rates)), duration, settled)
 
     def _is_quiet(self) -> bool:
-        count = len(self._window)
-        if count < MIN_SAMPLES or self._window[-1][0] - self._window[0][0] < 0.75 * WINDOW:
+        newest = self._window[-1][0] if self._window else 0.0
+        recent = [reading for time, reading in self._window if time >= newest - QUIET]
+        if len(recent) < MIN_SAMPLES or newest - self._window[0][0] < 0.75 * QUIET:
             return False
-        columns = zip(*(reading for _, reading in self._window))
-        return all(_spread(column, count) < limit
-                   for column, limit in zip(columns, self._limits))
+        return all(_spread(column) < limit
+                   for column, limit in zip(zip(*recent), self._limits))
 
 
-def _spread(values: tuple[float, ...], count: int) -> float:
-    mean = sum(values) / count
-    return math.sqrt(sum((value - mean) ** 2 for value in values) / count)
+def _mean(values: Sequence[float]) -> float:
+    return sum(values) / len(values)
+
+
+def _spread(values: Sequence[float]) -> float:
+    mean = _mean(values)
+    return math.sqrt(sum((value - mean) ** 2 for value in values) / len(values))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from smart_tire.parameters.robot import RobotParams
-from smart_tire.parameters.spec import param, part
+from smart_tire.parameters.spec import group, param, part
 
 RELIABILITIES = ('reliable', 'best_effort')
 
@@ -23,7 +23,7 @@ class SlipEstimatorParams:
     slip_drift: float = param(
         0.01, '1/sqrt(s)', 'how fast the slip of a side wanders while nothing happens', low=0.0)
     slip_agility: float = param(
-        0.3, '-', 'change of sliding per change of wheel speed, one sigma', low=0.0, high=1.0)
+        1.0, '-', 'change of sliding per change of wheel or ground speed, one sigma', low=0.0)
     icr_sigma: float = param(0.05, 'm', 'what is known of S at the start, one sigma', low=0.0)
     icr_drift: float = param(0.01, 'm/sqrt(s)', 'how fast S wanders', low=0.0)
     lateral_sigma: float = param(
@@ -47,6 +47,22 @@ class FrictionEstimatorParams:
 
 
 @dataclass(frozen=True, kw_only=True)
+class PidParams:
+    """Speed control of one wheel; the feed-forward alone brings an unloaded motor to speed."""
+
+    feed_forward: float = param(
+        0.05, 's/rad', 'duty per wanted wheel speed: 1 / free speed', low=0.0, live=True)
+    proportional: float = param(0.05, 's/rad', 'duty per error', low=0.0, live=True)
+    integral: float = param(
+        0.3, '1/rad', 'duty per error and second', low=0.0, live=True)
+    derivative: float = param(
+        0.0, 's2/rad', 'duty per change of the wheel speed', low=0.0, live=True)
+    limit: float = param(1.0, '-', 'largest duty', low=0.0, high=1.0, live=True)
+    rate_limit: float = param(
+        8.0, '1/s', 'largest change of the duty per second', low=1e-2, live=True)
+
+
+@dataclass(frozen=True, kw_only=True)
 class WheelControllerParams:
     """Wheel controller: one PID per wheel on its speed."""
 
@@ -55,5 +71,10 @@ class WheelControllerParams:
         0.5, 's', 'stop when no cmd_vel came for so long', low=0.02, high=60.0)
     effective_track: float = param(
         0.38, 'm', 'track that a differential drive of the same yaw rate would have', low=1e-2)
+    wheel_states_timeout: float = param(
+        0.5, 's', 'no duty when no wheel_states came for so long', low=0.02, high=60.0)
+    max_wheel_speed: float = param(
+        20.0, 'rad/s', 'fastest set point; all wheels are slowed alike', low=0.1)
+    pid: PidParams = group(PidParams)
     reliability: str = param('reliable', '-', 'of the input subscriptions', choices=RELIABILITIES)
     robot: RobotParams = part(RobotParams)
