@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import threading
 from typing import Any
 
@@ -41,3 +42,7 @@ class ImuDriver(DriverNode[ImuDriverParams]):
 def main() -> int:
     """Run the node."""
     return run(ImuDriver)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

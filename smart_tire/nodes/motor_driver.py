@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+
 from smart_tire.links.motor_boards import MotorBoards
 from smart_tire.nodes.base import run
 from smart_tire.nodes.diagnostics import Status
@@ -38,3 +40,7 @@ class MotorDriver(DriverNode[MotorDriverParams]):
 def main() -> int:
     """Run the node."""
     return run(MotorDriver)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import threading
 from typing import Any
 
@@ -58,3 +59,7 @@ class TireReceiver(DriverNode[TireReceiverParams]):
 def main() -> int:
     """Run the node."""
     return run(TireReceiver)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""From wanted motion to duties; time is an argument."""
