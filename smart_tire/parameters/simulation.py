@@ -69,6 +69,7 @@ class RadioParams:
     batch: int = param(16, '-', 'samples per packet', low=1, high=255)
     delay: float = param(0.005, 's', 'shortest from last sample to receiver', low=0.0, high=1.0)
     jitter: float = param(0.003, 's', 'mean of the delay beyond the shortest', low=0.0, high=1.0)
+    longest: float = param(0.020, 's', 'longest delay of a packet that arrives', low=0.0, high=1.0)
     loss: float = param(0.005, '-', 'share of packets that get lost', low=0.0, high=1.0)
     clock_error: float = param(
         50e-6, '-', 'standard deviation of the clock rate of a wheel unit', low=0.0, high=0.01)

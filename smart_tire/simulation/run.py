@@ -135,7 +135,7 @@ class _Host:
     def _receive_batch(self, batch: FilmBatch) -> None:
         """Take a batch from the radio: late, in order, or lost."""
         radio, film = self._params.radio, self._params.robot.film
-        delay = radio.delay + self._rng.exponential(radio.jitter)
+        delay = min(radio.delay + self._rng.exponential(radio.jitter), radio.longest)
         lost = self._rng.random() < radio.loss
         stamp_error_ns = round(self._rng.normal(0.0, STAMP_NOISE_NS))
         if lost:

@@ -1,0 +1,74 @@
+"""Inertial unit and encoders against the motion of the plant."""
+
+import math
+
+import numpy as np
+import pytest
+from smart_tire.models import rotation
+from smart_tire.models.skid_steer import GRAVITY
+from smart_tire.parameters import build, SimulatorParams
+from smart_tire.simulation.plant import Plant, STEP
+from smart_tire.simulation.sensors import encoder_counts, InertialUnit, wheel_angles
+from smart_tire.simulation.surfaces import Ground
+
+PERFECT = {'imu.gyro_noise': 1e-6, 'imu.accel_noise': 1e-6, 'imu.gyro_bias': 0.0,
+           'imu.accel_bias': 0.0, 'errors.imu_tilt': 0.0}
+
+
+def new(seed=4, **values):
+    params = build(SimulatorParams, values)
+    plant = Plant(params.robot, params.drive, Ground(params.ground))
+    return plant, InertialUnit(params.robot, params.errors, np.random.default_rng(seed))
+
+
+def test_at_rest_the_unit_feels_gravity_upwards():
+    plant, imu = new(**PERFECT)
+    force, rate = imu.read(plant)
+    assert force == pytest.approx((0.0, 0.0, GRAVITY), abs=1e-4)
+    assert rate == pytest.approx((0.0, 0.0, 0.0), abs=1e-4)
+
+
+def test_the_mounting_turns_what_is_felt_into_imu_link():
+    angles = [0.3, -0.2, 1.1]
+    plant, imu = new(**PERFECT, **{'imu.rotation': angles})
+    plant.yaw_rate = 0.7
+    force, rate = imu.read(plant)
+    in_base = rotation.matrix(*angles) @ np.array([force, rate]).T
+    np.testing.assert_allclose(in_base[:, 1], [0.0, 0.0, 0.7], atol=1e-4)
+    assert in_base[2, 0] == pytest.approx(GRAVITY, abs=1e-4)
+
+
+def test_the_readings_integrate_to_the_velocity_of_the_unit():
+    position = (0.15, -0.1)
+    plant, imu = new(**PERFECT, **{'imu.position': [*position, 0.1],
+                                   'center_of_mass': [0.02, 0.01, 0.11]})
+    v_x = v_y = yaw = 0.0
+    for step in range(2000):
+        plant.step((0.8, 0.1, 0.8, 0.1) if step < 1200 else (0.0, 0.3, 0.0, 0.3))
+        (f_x, f_y, _), (_, _, rate) = imu.read(plant)
+        v_x, v_y = (v_x + STEP * (f_x + rate * v_y), v_y + STEP * (f_y - rate * v_x))
+        yaw += STEP * rate
+    assert yaw == pytest.approx(plant.yaw, abs=2e-3) and abs(yaw) > 0.5
+    assert v_x == pytest.approx(plant.v_x - plant.yaw_rate * position[1], abs=5e-3)
+    assert v_y == pytest.approx(plant.v_y + plant.yaw_rate * position[0], abs=5e-3)
+
+
+def test_errors_have_the_sizes_of_the_parameters():
+    readings = np.array([[new(seed=seed)[1].read(new()[0]) for _ in range(1)]
+                         for seed in range(200)])
+    force_x, rate_z = readings[:, 0, 0, 0], readings[:, 0, 1, 2]
+    assert force_x.std() == pytest.approx(math.hypot(0.05, 0.05, GRAVITY * 0.0087), rel=0.2)
+    assert rate_z.std() == pytest.approx(math.hypot(0.01, 0.01), rel=0.2)
+    plant, imu = new(seed=1)
+    noise = np.array([imu.read(plant) for _ in range(2000)])
+    np.testing.assert_allclose(noise[:, 0].std(axis=0), 0.05, rtol=0.1)
+    np.testing.assert_allclose(noise[:, 1].std(axis=0), 0.01, rtol=0.1)
+
+
+def test_encoders_count_whole_steps_down_as_well_as_up():
+    plant, _ = new()
+    plant.wheel_angle = [0.0, 0.0011, -0.0011, 3.0 * math.tau + 1e-6]
+    counts = encoder_counts(plant, 5000.0)
+    assert counts == (0, 0, -1, 15000)
+    assert wheel_angles(counts, 5000.0) == pytest.approx(
+        (0.0, 0.0, -math.tau / 5000.0, 3.0 * math.tau))
