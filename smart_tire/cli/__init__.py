@@ -1,0 +1,1 @@
+"""The command ``smart_tire``: one verb per file."""

@@ -1,0 +1,30 @@
+"""``smart_tire record``: topics into a bag."""
+
+from __future__ import annotations
+
+import argparse
+from datetime import datetime
+from pathlib import Path
+
+from smart_tire.cli.listing import print_counts
+
+NAME = 'record'
+HELP = 'record topics into a rosbag2 bag, until Ctrl-C'
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the arguments of this verb."""
+    parser.add_argument('--out', type=Path, metavar='DIR',
+                        help='new folder for the bag (default: rosbag2_<date and time>)')
+    parser.add_argument('--topics', nargs='+', default=[], metavar='T',
+                        help='topics to record (default: all, also those that come later)')
+
+
+def run(args: argparse.Namespace) -> int:
+    """Record until the end; print the messages by topic."""
+    from smart_tire.nodes.recorder import record
+    directory = args.out or Path(f'rosbag2_{datetime.now():%Y_%m_%d-%H_%M_%S}')
+    status, counts = record(directory, args.topics)
+    print(f'{directory}:')
+    print_counts(counts)
+    return status

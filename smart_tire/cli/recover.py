@@ -1,0 +1,33 @@
+"""``smart_tire recover``: a whole bag out of a broken one."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from smart_tire.cli.listing import print_counts, print_losses
+
+NAME = 'recover'
+HELP = 'write a whole, indexed bag from one that was cut off or damaged'
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the arguments of this verb."""
+    parser.add_argument('bag', type=Path, metavar='BAG', help='rosbag2 folder, or a file of one')
+    parser.add_argument('--out', type=Path, metavar='DIR',
+                        help='new folder for the whole bag (default: BAG_recovered)')
+
+
+def run(args: argparse.Namespace) -> int:
+    """Write the whole bag; print what is in it and what was lost."""
+    from smart_tire.bags import recover
+    bag = args.bag.resolve()
+    out = args.out or bag.with_name(f'{bag.stem if bag.is_file() else bag.name}_recovered')
+    result = recover(args.bag, out)
+    start_ns, end_ns = result.span_ns
+    print(f'{out}: {sum(result.counts.values())} messages, {(end_ns - start_ns) * 1e-9:.1f} s')
+    print_counts(result.counts)
+    print_losses(result.losses)
+    if not result.losses:
+        print('nothing was lost')
+    return 0
