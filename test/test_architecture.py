@@ -11,7 +11,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / 'smart_tire'
 FILES = sorted(PACKAGE.rglob('*.py'))
 LEVEL = {
-    'errors': 0, 'samples': 0, 'parameters': 0,
+    'errors': 0, 'samples': 0, 'rotation': 0, 'parameters': 0,
     'protocol': 1, 'messages': 1, 'models': 1,
     'control': 2, 'links': 2, 'estimation': 2, 'bags': 2, 'vision': 2,
     'simulation': 3, 'analysis': 3,
@@ -27,7 +27,7 @@ ONLY_IN = {
 }
 ROS_SUFFIXES = ('_msgs', '_srvs', '_interfaces')
 LAUNCH = {'launch', 'launch_ros', 'ament_index_python'}
-TIMELESS = {'errors', 'samples', 'parameters', 'protocol', 'messages', 'models', 'control',
+TIMELESS = {'errors', 'samples', 'rotation', 'parameters', 'protocol', 'messages', 'models', 'control',
             'estimation'}
 BROAD = {'Exception', 'BaseException'}
 

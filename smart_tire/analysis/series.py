@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from smart_tire.rotation import euler
 from smart_tire.samples import (
     Friction, NS_PER_S, Odometry, Sample, TireSample, WheelSample, WheelSlip)
 
@@ -118,7 +119,7 @@ class Series:
         known = twist[0] != -1.0
         rate = sample.angular[2]
         self._poses.add(sample.stamp_ns, (
-            *sample.position[:2], yaw_of(sample.orientation),
+            *sample.position[:2], euler(sample.orientation)[2],
             *((*sample.linear[:2], rate) if known else (math.nan,) * 3),
             *(pose[i] for i in PLANAR_COVARIANCE),
             *(twist[i] if known else math.nan for i in PLANAR_VARIANCE)))
@@ -137,12 +138,6 @@ class Series:
 
     def _add_wheels(self, sample: WheelSample) -> None:
         self._speeds.add(sample.stamp_ns, sample.velocity)
-
-
-def yaw_of(quaternion: Sequence[float]) -> float:
-    """Return the yaw [rad] of a quaternion x, y, z, w."""
-    x, y, z, w = quaternion
-    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
 def seconds(stamp_ns: Stamps, origin_ns: int) -> Floats:

@@ -13,9 +13,9 @@ from smart_tire.estimation.slip_filter import Motion, SlipFilter, State, WheelTr
 from smart_tire.estimation.standstill import Standstill
 from smart_tire.estimation.travel_log import TravelLog
 from smart_tire.estimation.wheels import WheelReader
-from smart_tire.models.rotation import matrix, quaternion
 from smart_tire.models.skid_steer import GRAVITY, slip_ratio
 from smart_tire.parameters import SlipEstimatorParams
+from smart_tire.rotation import matrix, quaternion
 from smart_tire.samples import (
     Four, Icr, ImuSample, LEFT, NS_PER_S, Odometry, WheelSample, WheelSlip)
 

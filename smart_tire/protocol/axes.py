@@ -27,24 +27,6 @@ def flip_quaternion(quaternion: Quaternion) -> Quaternion:
     return _HALF * (x + y), _HALF * (x - y), _HALF * (w - z), _HALF * (w + z)
 
 
-def quaternion_from_euler(yaw: float, pitch: float, roll: float) -> Quaternion:
-    """Return the attitude for angles [rad] that turn about z, then y, then x of the body."""
-    cy, sy = math.cos(yaw / 2.0), math.sin(yaw / 2.0)
-    cp, sp = math.cos(pitch / 2.0), math.sin(pitch / 2.0)
-    cr, sr = math.cos(roll / 2.0), math.sin(roll / 2.0)
-    return (cy * cp * sr - sy * sp * cr, cy * sp * cr + sy * cp * sr,
-            sy * cp * cr - cy * sp * sr, cy * cp * cr + sy * sp * sr)
-
-
-def euler_from_quaternion(quaternion: Quaternion) -> Vector3:
-    """Return yaw, pitch and roll [rad] of ``quaternion_from_euler``."""
-    x, y, z, w = quaternion
-    yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-    pitch = math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x))))
-    roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
-    return yaw, pitch, roll
-
-
 def checked_sample(stamp_ns: int, acceleration: Vector3, rate: Vector3,
                    orientation: Quaternion | None) -> ImuSample:
     """Return the sample; raise FrameError naming what is not a finite number."""

@@ -15,11 +15,10 @@ import math
 import operator
 
 from smart_tire.errors import FrameError
-from smart_tire.protocol.axes import (
-    euler_from_quaternion, flip_quaternion, flip_vector, quaternion_from_euler,
-    sample_from_flipped)
+from smart_tire.protocol.axes import flip_quaternion, flip_vector, sample_from_flipped
 from smart_tire.protocol.crc import crc16
 from smart_tire.protocol.deframer import Deframer
+from smart_tire.rotation import euler, quaternion
 from smart_tire.samples import ImuSample, Vector3
 
 YMR = b'VNYMR'
@@ -90,16 +89,16 @@ def decode_ymr(body: bytes, stamp_ns: int = 0) -> tuple[None, ImuSample]:
         numbers = [float(field) for field in fields[:12]]
     except ValueError as error:
         raise FrameError(f'sentence {body!r} has a field that is no number') from error
-    attitude = quaternion_from_euler(*(math.radians(angle) for angle in numbers[:3]))
+    yaw, pitch, roll = (math.radians(angle) for angle in numbers[:3])
     acceleration, rate = numbers[6:9], numbers[9:]
     return None, sample_from_flipped(
         stamp_ns, (acceleration[0], acceleration[1], acceleration[2]), (rate[0], rate[1], rate[2]),
-        attitude)
+        quaternion(roll, pitch, yaw))
 
 
 def encode_ymr(sample: ImuSample, *, magnetic: Vector3 = (0.0, 0.0, 0.0)) -> bytes:
     """Return the body that ``decode_ymr`` reads back; ``magnetic`` is in device axes [G]."""
     attitude = flip_quaternion(sample.orientation or (0.0, 0.0, 0.0, 1.0))
-    angles = (math.degrees(angle) for angle in euler_from_quaternion(attitude))
+    angles = (math.degrees(angle) for angle in reversed(euler(attitude)))
     numbers = (*angles, *magnetic, *flip_vector(sample.acceleration), *flip_vector(sample.rate))
     return YMR + b',' + _YMR_FORMAT.format(*numbers).encode('ascii')

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from smart_tire.analysis.series import at, seconds, Series, Table, yaw_of
+from smart_tire.analysis.series import at, seconds, Series, Table
 from smart_tire.samples import ImuSample, Odometry, TireSample, WheelSample, WheelSlip
 
 EPOCH = 1_700_000_000_000_000_000
@@ -57,13 +57,6 @@ def test_yaw_runs_on_over_full_turns():
     for i, yaw in enumerate(turns):
         series.add(odometry(EPOCH + i, yaw))
     assert series.poses().pose[:, 2] == pytest.approx(turns)
-
-
-def test_yaw_of_a_tilted_quaternion_is_that_of_its_heading():
-    roll, yaw = 0.2, 1.0
-    quaternion = (math.sin(roll / 2) * math.cos(yaw / 2), math.sin(roll / 2) * math.sin(yaw / 2),
-                  math.cos(roll / 2) * math.sin(yaw / 2), math.cos(roll / 2) * math.cos(yaw / 2))
-    assert yaw_of(quaternion) == pytest.approx(yaw)
 
 
 def test_films_of_different_wheels_stay_apart_and_other_samples_are_passed_over():

@@ -1,7 +1,8 @@
-"""Rotations by roll, pitch and yaw (REP-103: fixed axes x, y, z)."""
+"""Rotations by roll, pitch and yaw: about the fixed axes x, y, z in this order (REP-103)."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 import math
 
 import numpy as np
@@ -27,7 +28,10 @@ def quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, flo
             cr * cp * sy - sr * sp * cy, cr * cp * cy + sr * sp * sy)
 
 
-def yaw_of(quaternion: tuple[float, float, float, float]) -> float:
-    """Return the yaw [rad] in (-pi, pi] of a quaternion (x, y, z, w)."""
+def euler(quaternion: Sequence[float]) -> tuple[float, float, float]:
+    """Return roll, pitch and yaw [rad] of a quaternion (x, y, z, w); yaw in (-pi, pi]."""
     x, y, z, w = quaternion
-    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+    pitch = math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x))))
+    yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    return roll, pitch, yaw
