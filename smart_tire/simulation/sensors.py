@@ -7,7 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from smart_tire.models import rotation
+from smart_tire import rotation
 from smart_tire.models.skid_steer import GRAVITY
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.parameters.simulation import SensorErrorParams
@@ -46,10 +46,12 @@ class InertialUnit:
                 a_y + spin * self._arm_x - rate2 * self._arm_y, GRAVITY)
 
 
-def encoder_counts(plant: Plant, counts_per_revolution: float) -> tuple[int, int, int, int]:
-    """Return what the four encoders have counted since the start."""
+def encoder_counts(plant: Plant, counts_per_revolution: float,
+                   ahead: float = 0.0) -> tuple[int, int, int, int]:
+    """Return what the encoders have counted since the start, ``ahead`` [s] of the plant."""
     scale = counts_per_revolution / math.tau
-    fl, fr, rl, rr = (math.floor(angle * scale) for angle in plant.wheel_angle)
+    fl, fr, rl, rr = (math.floor((angle + ahead * speed) * scale)
+                      for angle, speed in zip(plant.wheel_angle, plant.wheel_speed))
     return fl, fr, rl, rr
 
 

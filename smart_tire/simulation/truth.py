@@ -8,7 +8,9 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from smart_tire.models import brush_tire, rotation, skid_steer, tread_film
+from smart_tire import rotation
+from smart_tire.messages import topic_of
+from smart_tire.models import brush_tire, skid_steer, tread_film
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import Four, Friction, FRICTION_QUANTITIES, NAN, Odometry, WheelSlip
 from smart_tire.simulation.films import FilmSampler, locate, Trace
@@ -16,8 +18,15 @@ from smart_tire.simulation.plant import Plant
 
 Array = npt.NDArray[np.float64]
 
+Truth = Odometry | WheelSlip | Friction
+
 EXACT = (0.0,) * 36
 MEANS = ('rolling_speed', 'slip', 'total_slip', 'friction', 'load', 'stiffness', 'force')
+
+
+def truth_topic(truth: Truth) -> str:
+    """Return the name of the topic that ``truth`` travels on."""
+    return f'ground_truth/{topic_of(truth)}'
 
 
 def true_odometry(plant: Plant, stamp_ns: int) -> Odometry:

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from smart_tire.models import rotation
+from smart_tire import rotation
 from smart_tire.models.skid_steer import GRAVITY
 from smart_tire.parameters import build, SimulatorParams
 from smart_tire.simulation.plant import Plant, STEP
