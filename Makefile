@@ -7,7 +7,7 @@ VENV := .venv-$(ROS_DISTRO)
 else
 SUITS := import ensurepip, sys, venv; sys.exit(not (3, 10) <= sys.version_info < (3, 14))
 PYTHON ?= $(firstword $(shell for python in python3 python3.13 python3.12 python3.11 python3.10; \
-	do "$$python" -c '$(SUITS)' 2> /dev/null && echo "$$python"; done))
+	do "$$python" -c '$(SUITS)' 2> /dev/null && echo "$$python"; done; true))
 VENV := .venv
 endif
 BIN := $(VENV)/bin
@@ -30,16 +30,18 @@ setup: $(READY)
 
 $(READY): constraints.txt requirements.txt setup.py setup.cfg pyproject.toml
 ifdef ROS_DISTRO
-	$(PYTHON) -m venv --system-site-packages $(VENV)
-	$(PIP) -r requirements.txt
-	$(PIP) --editable '.[test]'
+	@echo 'Installing into $(VENV), beside ROS $(ROS_DISTRO)'
+	@$(PYTHON) -m venv --system-site-packages $(VENV)
+	@$(PIP) -r requirements.txt
+	@$(PIP) --editable '.[test]'
 else
 	@test -n '$(PYTHON)' || { echo 'no Python 3.10 to 3.13 with venv found: install one (on' \
 		'Debian: python3-venv) or name it: make PYTHON=...' >&2; exit 1; }
-	@echo 'Installing into $(VENV), once'
-	$(PYTHON) -m venv $(VENV)
-	$(PIP) --constraint constraints.txt setuptools
-	$(PIP) --constraint constraints.txt --no-build-isolation --editable '.[ros,test,lint]'
+	@echo 'Installing into $(VENV)'
+	@$(PYTHON) -m venv $(VENV)
+	@$(PIP) --constraint constraints.txt setuptools
+	@$(PIP) --constraint constraints.txt --no-build-isolation --use-pep517 \
+		--editable '.[ros,test,lint]'
 endif
 	@touch $@
 
