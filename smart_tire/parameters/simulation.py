@@ -81,6 +81,8 @@ class SensorErrorParams:
 
     imu_tilt: float = param(
         0.0087, 'rad', 'standard deviation of the tilt (roll, pitch) of the IMU', low=0.0)
+    imu_clock: float = param(
+        20e-6, '-', 'standard deviation of the clock rate of the IMU', low=0.0, high=0.01)
     bending_variation: float = param(
         0.15, '-', 'half range of the bending peak from cycle to cycle', low=0.0, high=1.0)
     bumps: tuple[float, ...] = param(
@@ -90,7 +92,7 @@ class SensorErrorParams:
 
 @dataclass(frozen=True, kw_only=True)
 class PortsParams:
-    """Where the simulator's pseudo-terminals appear, as links; '' leaves a device out."""
+    """Where the simulator's pseudo-terminals appear, as links."""
 
     tire_radio: str = param('/tmp/smart_tire/tire_radio', '-', 'link to the XBee coordinator')
     imu: str = param('/tmp/smart_tire/imu', '-', 'link to the IMU')
@@ -113,7 +115,8 @@ class SimulatorParams:
                           choices=('vectornav_binary', 'vectornav_ascii', 'xsens'))
     addresses: tuple[int, ...] = param(
         (128, 129), '-', 'packet serial addresses, front and rear', low=128, high=135, length=2)
-    truth_log: str = param('', '-', 'CSV file for the true conversion instants of each batch')
+    truth_log: str = param(
+        '', '-', 'CSV file for wheel, sequence and true conversion instants [ns] of each batch')
     ground: GroundParams = group(GroundParams)
     drive: DriveParams = group(DriveParams)
     radio: RadioParams = group(RadioParams)

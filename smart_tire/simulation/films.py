@@ -82,6 +82,11 @@ class FilmSampler:
         self._stamps: list[int] = []
         self.due_ns = unit.instant_ns(0)  # instant of the next conversion
 
+    @property
+    def full_ns(self) -> int:
+        """Return the instant of the conversion that fills the present batch."""
+        return self._unit.instant_ns(self._count - len(self._rows) + self._batch - 1)
+
     def observe(self, plant: Plant) -> list[FilmBatch]:
         """Sample what is due up to the plant's time; return the batches that are now full."""
         batches = []

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+import math
 
 import numpy as np
 
 from smart_tire.parameters.simulation import SimulatorParams
-from smart_tire.samples import Friction, ImuSample, NS_PER_S, Odometry, WheelSlip
+from smart_tire.samples import ImuSample, NS_PER_S
 from smart_tire.simulation.devices import WheelUnit
 from smart_tire.simulation.films import FilmBatch, FilmSampler
-from smart_tire.simulation.plant import Plant
+from smart_tire.simulation.plant import Plant, STEP_NS
 from smart_tire.simulation.sensors import InertialUnit
 from smart_tire.simulation.surfaces import Ground
-from smart_tire.simulation.truth import PassageTruth, true_odometry, true_slip
+from smart_tire.simulation.truth import PassageTruth, true_odometry, true_slip, Truth
 
-Observation = ImuSample | FilmBatch | Odometry | WheelSlip | Friction
+Observation = ImuSample | FilmBatch | Truth
 
 TRUTH_RATE = 100.0  # Hz, INTERFACES
 
@@ -26,9 +27,14 @@ class Periodic:
     def __init__(self, period_ns: float) -> None:
         self._period_ns, self._count = period_ns, 1
 
+    @property
+    def next_ns(self) -> float:
+        """Return the next instant of the grid."""
+        return self._count * self._period_ns
+
     def passed(self, time_ns: int) -> bool:
         """Return whether the next instant of the grid has come."""
-        if time_ns < self._count * self._period_ns:
+        if time_ns < self.next_ns:
             return False
         self._count += 1
         return True
@@ -51,6 +57,13 @@ class Robot:
         self._passages = [PassageTruth(films, robot) for films in self._films]
         self._imu_due = Periodic(NS_PER_S / params.imu_rate)
         self._truth_due = Periodic(NS_PER_S / TRUTH_RATE)
+
+    @property
+    def next_ns(self) -> int:
+        """Return the first step at which something will be observed."""
+        due = min(self._imu_due.next_ns, self._truth_due.next_ns,
+                  *(films.full_ns for films in self._films))
+        return math.ceil(due / STEP_NS) * STEP_NS
 
     def step(self, duty: Sequence[float]) -> list[Observation]:
         """Advance by one step of the plant; return what was observed in it."""

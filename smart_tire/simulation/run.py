@@ -9,12 +9,12 @@ import math
 import numpy as np
 
 from smart_tire.parameters.simulation import SimulatorParams
-from smart_tire.samples import (
-    Four, Friction, ImuSample, NS_PER_S, Odometry, Sample, TireSample, WheelSample, WheelSlip)
+from smart_tire.samples import Four, ImuSample, NS_PER_S, Sample, TireSample, WheelSample
 from smart_tire.simulation.films import FilmBatch
 from smart_tire.simulation.plant import Plant, STEP
 from smart_tire.simulation.robot import Observation, Periodic, Robot
 from smart_tire.simulation.sensors import encoder_counts, wheel_angles
+from smart_tire.simulation.truth import truth_topic
 
 Event = tuple[int, str, Sample]  # receive time [ns], topic, sample
 Schedule = Callable[[float], tuple[float, float]] | Sequence[tuple[float, float, float]]
@@ -28,10 +28,6 @@ HOST_STREAM = 1             # random numbers of the host, beside those of the ro
 CONTROL_STEPS = 20          # plant steps between two steps of the speed control: 50 Hz
 SPEED_RAMP = 20.0           # rad/s2, how fast the set points of the wheel speeds change
 KP, KI = 0.1, 0.5           # per rad/s, per rad: duty of the speed control
-
-TOPIC_OF: dict[type, str] = {
-    ImuSample: 'imu/data', Odometry: 'ground_truth/odom', WheelSlip: 'ground_truth/wheel_slip',
-    Friction: 'ground_truth/tire_friction'}
 
 
 def simulate(params: SimulatorParams, schedule: Schedule, duration: float, *,
@@ -110,10 +106,11 @@ class _Host:
         if isinstance(seen, FilmBatch):
             self._receive_batch(seen)
             return
-        stamp_ns = self._start_ns + seen.stamp_ns
-        delay_ns = IMU_DELAY_NS if isinstance(seen, ImuSample) else 0
-        self.events.append((stamp_ns + delay_ns, TOPIC_OF[type(seen)],
-                            replace(seen, stamp_ns=stamp_ns)))
+        told = replace(seen, stamp_ns=self._start_ns + seen.stamp_ns)
+        if isinstance(seen, ImuSample):
+            self.events.append((told.stamp_ns + IMU_DELAY_NS, 'imu/data', told))
+        else:
+            self.events.append((told.stamp_ns, truth_topic(seen), told))
 
     def poll_wheels(self, plant: Plant, duty: Four) -> None:
         """Read the encoders when it is time."""

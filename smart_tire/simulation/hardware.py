@@ -1,0 +1,149 @@
+"""The simulated robot's devices on their ports: bytes in and out, in step with the host."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import replace
+import math
+import threading
+from typing import TextIO
+
+import numpy as np
+
+from smart_tire.errors import LinkError, ParameterError
+from smart_tire.parameters.simulation import SimulatorParams
+from smart_tire.protocol import tire_payload
+from smart_tire.samples import ImuSample, NS_PER_S
+from smart_tire.simulation.devices import ImuDevice, MotorBoards, TireRadio
+from smart_tire.simulation.films import FilmBatch
+from smart_tire.simulation.plant import STEP, STEP_NS
+from smart_tire.simulation.ports import PtyPort
+from smart_tire.simulation.robot import Observation, Robot
+from smart_tire.simulation.sensors import encoder_counts
+from smart_tire.simulation.truth import Truth
+
+DEVICE_STREAM = 2             # random numbers of the devices, beside those of the robot
+SLICE_NS = 50_000_000         # simulated at a stretch while catching up, and the longest wait
+BEHIND_NS = 5 * NS_PER_S      # the host's clock has jumped if the plant is further behind it
+AHEAD_NS = 500_000_000        # or further ahead
+
+
+class Hardware:
+    """
+    Robot, radio, inertial unit and motor boards on pseudo-terminals, until ``close``.
+
+    Outside, all time is the host's [ns]; the plant starts at ``host_ns``. ``tell`` gets the
+    ground truth. Where the host's clock jumps, the robot goes on as if it had not.
+    """
+
+    def __init__(self, params: SimulatorParams, tell: Callable[[Truth], None],
+                 host_ns: int) -> None:
+        _check_payload(params)
+        self.clock_jumps = 0
+        self._robot = Robot(params)
+        self._tell, self._epoch_ns = tell, host_ns
+        self._counts_per_revolution = params.robot.encoder.counts_per_revolution
+        rng, radio = np.random.default_rng([params.seed, DEVICE_STREAM]), params.radio
+        self._imu = ImuDevice(params.protocol,
+                              clock_error=rng.normal(0.0, params.errors.imu_clock))
+        self._boards = MotorBoards(params.addresses)
+        self._radio = TireRadio(self._robot.units, rng, delay=radio.delay, jitter=radio.jitter,
+                                longest=radio.longest, loss=radio.loss)
+        self._open(params)
+
+    def _open(self, params: SimulatorParams) -> None:
+        with ExitStack() as opened:
+            self._imu_port, self._radio_port, self._motor_port = (
+                opened.enter_context(PtyPort(link))
+                for link in (params.ports.imu, params.ports.tire_radio, params.ports.motors))
+            self._log: TextIO | None = None
+            if params.truth_log:
+                self._log = opened.enter_context(_create(params.truth_log))
+                self._log.write('wheel,sequence,stamps_ns\n')
+            self._opened = opened.pop_all()
+
+    def close(self) -> None:
+        """Unplug everything."""
+        self._opened.close()
+
+    @property
+    def dropped(self) -> dict[str, int]:
+        """Return how many batches of each wheel the radio has lost."""
+        return self._radio.dropped
+
+    @property
+    def bad_requests(self) -> int:
+        """Return how many requests to the motor boards were damaged."""
+        return self._boards.bad_frames
+
+    @property
+    def lost_bytes(self) -> int:
+        """Return how many bytes nobody has taken from the ports."""
+        return sum(port.lost_bytes
+                   for port in (self._imu_port, self._radio_port, self._motor_port))
+
+    def run(self, clock: Callable[[], int], stopping: threading.Event) -> None:
+        """Follow the host's ``clock`` [ns] until told to stop."""
+        while not stopping.is_set():
+            next_ns = self.advance(clock())
+            self._motor_port.wait(max(next_ns - clock(), 0) / NS_PER_S)
+
+    def advance(self, host_ns: int) -> int:
+        """Let everything happen up to ``host_ns``; return when there is more to do."""
+        now_ns = self._true_time(host_ns)
+        plant, end_ns = self._robot.plant, min(now_ns, self._robot.plant.time_ns + SLICE_NS)
+        while plant.time_ns + STEP_NS <= end_ns:
+            for seen in self._robot.step(self._boards.duty(plant.time_ns)):
+                self._deliver(seen)
+        if packets := self._radio.due(now_ns):
+            self._radio_port.write(packets)
+        if requests := self._motor_port.read():
+            self._motor_port.write(self._answer(requests, now_ns))
+        arrival_ns = self._radio.next_ns()
+        next_ns = self._robot.next_ns if arrival_ns is None else min(
+            self._robot.next_ns, arrival_ns)
+        return self._epoch_ns + min(next_ns, now_ns + SLICE_NS)
+
+    def _true_time(self, host_ns: int) -> int:
+        """Return the time since the start of the plant, which no jump of the host's moves."""
+        behind_ns = host_ns - self._epoch_ns - self._robot.plant.time_ns
+        if not -AHEAD_NS < behind_ns < BEHIND_NS:
+            self._epoch_ns += behind_ns
+            self.clock_jumps += 1
+        return host_ns - self._epoch_ns
+
+    def _deliver(self, seen: Observation) -> None:
+        if isinstance(seen, FilmBatch):
+            stamps_ns = seen.trace.stamps_ns
+            sequence = self._radio.send(seen.wheel, seen.first, seen.codes, stamps_ns[-1])
+            if self._log:
+                stamps = ' '.join(str(self._epoch_ns + stamp_ns) for stamp_ns in stamps_ns)
+                self._log.write(f'{seen.wheel},{sequence},{stamps}\n')
+        elif isinstance(seen, ImuSample):
+            self._imu_port.write(self._imu.frame(seen))
+        else:
+            self._tell(replace(seen, stamp_ns=self._epoch_ns + seen.stamp_ns))
+
+    def _answer(self, requests: bytes, now_ns: int) -> bytes:
+        plant = self._robot.plant
+        ahead = min((now_ns - plant.time_ns) / NS_PER_S, STEP)
+        counts = encoder_counts(plant, self._counts_per_revolution, ahead)
+        scale = self._counts_per_revolution / math.tau
+        return self._boards.feed(requests, now_ns, counts,
+                                 [speed * scale for speed in plant.wheel_speed])
+
+
+def _check_payload(params: SimulatorParams) -> None:
+    film = params.robot.film
+    if (film.bits, film.voltage_range) != (10, tire_payload.FULL_SCALE):
+        raise ParameterError(f'film.bits {film.bits} and film.voltage_range '
+                             f'{film.voltage_range:g} V: the payload of the wheel units has 10 '
+                             f'bits of {tire_payload.FULL_SCALE:g} V')
+
+
+def _create(path: str) -> TextIO:
+    try:
+        return open(path, 'w', encoding='utf-8')
+    except OSError as error:
+        raise LinkError(f'truth_log: cannot write {path}: {error.strerror}') from error
