@@ -23,6 +23,7 @@ MAX_EARLY = 0.1          # s: earlier than the envelope by more is no message of
 MAX_LATE = 5.0           # s: later by more is none either
 JUMP = 0.1               # s: one of the clocks was set if a row of messages is later by more
 JUMP_MESSAGES = 50       # in a row
+CLIP = 5.0               # mean jitters: what is later counts as that, for a pause is no jitter
 BELIEVED_SIGMAS = 2.0    # a drift beyond is punished no harder, so that it is found in seconds
 
 
@@ -123,7 +124,8 @@ class DeviceClock:
 
     def _learn(self, device_ns: int, receive_ns: int) -> None:
         time, lag = self._relative(device_ns, receive_ns)
-        message = _Bin(1, time, lag, time, lag)
+        most = self._floor + self.drift * time + CLIP * self._jitter
+        message = _Bin(1, time, min(lag, most), time, lag)
         if self._bins and self._bins[-1].count < self._per_bin:
             if not self._bins[-1].merge(message, self.drift):
                 return

@@ -44,7 +44,7 @@ def publisher_qos(name: str, *, rate: float = 0.0, wheels: int = 1) -> QoSProfil
         return _reliable(COMMAND_DEPTH)
     if topic.quality == 'estimate':
         return _reliable(ESTIMATE_DEPTH)
-    return _reliable(max(1, math.ceil(SENSOR_SPAN * max(rate, topic.rate) * wheels)))
+    return _reliable(math.ceil(SENSOR_SPAN * max(rate, topic.rate) * max(wheels, 1)))
 
 
 def subscriber_qos(name: str, *, wheels: int = 1, reliability: str = 'reliable') -> QoSProfile:
@@ -56,7 +56,8 @@ def subscriber_qos(name: str, *, wheels: int = 1, reliability: str = 'reliable')
     are not ours and offer no more.
     """
     if name in READ_BY_ESTIMATORS:
-        profile = _reliable(math.ceil(SENSOR_SPAN * RESERVE * TOPICS[name].rate * wheels))
+        profile = _reliable(
+            math.ceil(SENSOR_SPAN * RESERVE * TOPICS[name].rate * max(wheels, 1)))
     else:
         profile = publisher_qos(name, wheels=wheels)
     if reliability == 'best_effort':

@@ -52,14 +52,14 @@ class PidParams:
 
     feed_forward: float = param(
         0.05, 's/rad', 'duty per wanted wheel speed: 1 / free speed', low=0.0, live=True)
-    proportional: float = param(0.05, 's/rad', 'duty per error', low=0.0, live=True)
+    proportional: float = param(0.04, 's/rad', 'duty per error', low=0.0, live=True)
     integral: float = param(
-        0.3, '1/rad', 'duty per error and second', low=0.0, live=True)
+        0.15, '1/rad', 'duty per error and second', low=0.0, live=True)
     derivative: float = param(
-        0.0, 's2/rad', 'duty per change of the wheel speed', low=0.0, live=True)
+        0.002, 's2/rad', 'duty per change of the wheel speed', low=0.0, live=True)
     limit: float = param(1.0, '-', 'largest duty', low=0.0, high=1.0, live=True)
     rate_limit: float = param(
-        8.0, '1/s', 'largest change of the duty per second', low=1e-2, live=True)
+        4.0, '1/s', 'largest change of the duty per second', low=1e-2, live=True)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,0 +1,142 @@
+"""The device clock: delays of any shape must not reach the stamps."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from smart_tire.links.device_clock import DeviceClock, lower_hull
+
+HOST_NS = 1_700_000_000_000_000_000
+DEVICE_NS = 4_000_000_000_000
+BATCH, PERIOD_NS = 16, 2_500_000  # a wheel unit: 25 batches per second
+SEEDS = range(12)
+
+JITTER = {  # s, above the constant delay
+    'exponential': lambda rng: rng.exponential(3e-3),
+    'uniform': lambda rng: rng.uniform(0.0, 8e-3),
+    'two hops': lambda rng: rng.gamma(2.0, 1.5e-3),
+    'half normal': lambda rng: abs(rng.normal(0.0, 4e-3)),
+    'retries': lambda rng: rng.exponential(2e-3) + (rng.random() < 0.1) * rng.uniform(0.01, 0.04),
+}
+
+
+def batches(seed, jitter, seconds=10.0, drift=40e-6, loss=0.02, latency=0.0):
+    """Yield the device's times of a batch, the true host times, and its arrival."""
+    rng = np.random.default_rng(seed)
+    rate = 1.0 + drift * rng.uniform(-1.0, 1.0)
+    for start in range(0, round(seconds * 1e9), BATCH * PERIOD_NS):
+        if rng.random() >= loss:
+            device = [DEVICE_NS + start + i * PERIOD_NS for i in range(BATCH)]
+            host = [HOST_NS + round((time - DEVICE_NS) * rate) for time in device]
+            yield device, host, host[-1] + round((latency + jitter(rng)) * 1e9)
+
+
+def errors(clock, stream):
+    """Return the times [s] since the start and the errors of the stamps [s], per sample."""
+    rows = []
+    for device, host, arrival in stream:
+        clock.update(device[-1], arrival)
+        rows += [((time - DEVICE_NS) * 1e-9, (clock.host_ns(time) - true) * 1e-9)
+                 for time, true in zip(device, host)]
+    return np.array(rows).T
+
+
+@pytest.mark.parametrize('name', JITTER)
+def test_after_a_second_stamps_are_within_half_a_millisecond(name):
+    found = [errors(DeviceClock(), batches(seed, JITTER[name])) for seed in SEEDS]
+    late = np.concatenate([error[time > 1.0] for time, error in found])
+    assert math.sqrt(np.mean(late**2)) < 0.5e-3
+    settled = np.concatenate([error[time > 5.0] for time, error in found])
+    assert math.sqrt(np.mean(settled**2)) < 0.3e-3
+
+
+@pytest.mark.parametrize('name', JITTER)
+def test_stamps_ascend_without_steps(name):
+    for seed in SEEDS:
+        clock, last = DeviceClock(), None
+        for device, _, arrival in batches(seed, JITTER[name]):
+            clock.update(device[-1], arrival)
+            for time in device:
+                if last is not None:
+                    elapsed, step = time - last[0], clock.host_ns(time) - last[1]
+                    assert abs(step - elapsed) <= 0.11 * elapsed
+                last = time, clock.host_ns(time)
+
+
+def test_the_constant_delay_is_what_remains():
+    error = errors(DeviceClock(), batches(1, JITTER['exponential'], latency=0.005))[1]
+    assert np.median(error[-1000:]) == pytest.approx(0.005, abs=0.2e-3)
+
+
+def test_without_jitter_the_stamps_are_exact():
+    time, error = errors(DeviceClock(), batches(3, lambda rng: 0.0, loss=0.0))
+    assert np.abs(error[time > 1.0]).max() < 20e-6
+
+
+@pytest.mark.parametrize('drift', [-3e-3, 500e-6, 3e-3])
+def test_a_poor_oscillator_is_believed_in_the_end(drift):
+    rate = 1.0 + drift
+    clock, rng = DeviceClock(), np.random.default_rng(5)
+    for start in range(0, 15_000_000_000, 40_000_000):
+        clock.update(DEVICE_NS + start,
+                     HOST_NS + round(start * rate + rng.exponential(3e-3) * 1e9))
+    assert clock.drift == pytest.approx(drift, abs=20e-6)
+    assert clock.jitter == pytest.approx(3e-3, rel=0.2)
+
+
+def test_a_device_that_starts_anew_is_followed_at_once():
+    clock = DeviceClock()
+    for device, _, arrival in batches(2, JITTER['exponential'], seconds=2.0):
+        clock.update(device[-1], arrival)
+    assert not clock.fits(0, arrival + 1_000_000_000)
+    assert clock.update(0, arrival + 1_000_000_000) == arrival + 1_000_000_000
+    assert clock.restarts == 1
+
+
+@pytest.mark.parametrize('jump', [-30_000_000_000, -1_000_000_000, 30_000_000_000])
+def test_a_host_clock_that_was_set_is_followed_at_once(jump):
+    clock = DeviceClock()
+    for device, _, arrival in batches(2, JITTER['exponential'], seconds=2.0):
+        clock.update(device[-1], arrival)
+    arrival += jump + 40_000_000
+    assert clock.update(device[-1] + 40_000_000, arrival) == arrival
+
+
+def test_a_host_clock_that_was_set_forward_a_little_is_followed_in_a_few_seconds():
+    clock = DeviceClock()
+    for device, true, arrival in batches(2, JITTER['exponential'], seconds=20.0):
+        late = 500_000_000 if true[0] - HOST_NS > 10_000_000_000 else 0
+        clock.update(device[-1], arrival + late)
+    assert clock.host_ns(device[-1]) - true[-1] == pytest.approx(500e6, abs=1e6)
+
+
+def test_a_pause_of_the_reader_does_not_move_the_stamps():
+    clock, worst = DeviceClock(), 0.0
+    for device, host, arrival in batches(4, JITTER['exponential'], seconds=20.0, loss=0.0):
+        paused = 8_000_000_000 <= arrival - HOST_NS < 10_000_000_000
+        clock.update(device[-1], HOST_NS + 10_000_000_000 if paused else arrival)
+        if device[0] - DEVICE_NS > 2_000_000_000:
+            worst = max(worst, abs(clock.host_ns(device[-1]) - host[-1]))
+    assert worst < 0.5e6
+    assert clock.restarts == 0
+
+
+def test_a_message_told_twice_changes_nothing():
+    clock = DeviceClock()
+    first = clock.update(DEVICE_NS, HOST_NS)
+    assert clock.update(DEVICE_NS, HOST_NS + 5_000_000) == first
+
+
+def test_the_hull_has_no_point_below_it():
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        points = sorted((float(x), float(y)) for x, y in rng.normal(size=(20, 2)))
+        corners = lower_hull(points)
+        assert corners[0] == points[0]
+        assert corners[-1] == points[-1]
+        xs, ys = zip(*corners)
+        assert all(y >= np.interp(x, xs, ys) - 1e-12 for x, y in points)
+        assert np.all(np.diff(np.diff(ys) / np.diff(xs)) > 0.0)

@@ -1,0 +1,103 @@
+"""Bytes of an inertial unit to stamped samples, for all it may speak."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from smart_tire.links.imu_stream import ImuStream
+from smart_tire.protocol import vectornav, vectornav_ascii, xsens
+from smart_tire.samples import ImuSample
+
+HOST_NS = 1_700_000_000_000_000_000
+PERIOD_NS = 10_000_000
+SAMPLE = ImuSample(0, (0.5, -0.25, 9.8125), (0.125, 0.0, -0.5))
+DEVICE_NS = {'vectornav_binary': 123_456_789_000, 'xsens': xsens.SAMPLE_TIME_WRAP_NS - 10**9}
+
+
+def frame(protocol, index):
+    """Return the bytes of the sample ``index``."""
+    device_ns = DEVICE_NS.get(protocol, 0) + index * PERIOD_NS
+    if protocol == 'vectornav_binary':
+        return vectornav.encode_frame(vectornav.encode_binary(device_ns, SAMPLE))
+    if protocol == 'xsens':
+        return xsens.encode_message(xsens.encode_imu(device_ns, SAMPLE))
+    return vectornav_ascii.encode_sentence(vectornav_ascii.encode_ymr(SAMPLE))
+
+
+every_protocol = pytest.mark.parametrize(
+    'protocol', ['vectornav_binary', 'vectornav_ascii', 'xsens'])
+
+
+@every_protocol
+def test_samples_are_in_our_axes_and_at_their_instants(protocol):
+    stream, rng, rows = ImuStream(protocol, latency_ns=2_000_000), np.random.default_rng(1), []
+    for index in range(600):  # Xsens: its time wraps in the first second
+        true_ns = HOST_NS + index * PERIOD_NS
+        arrival_ns = true_ns + 2_000_000 + round(rng.exponential(1e6))
+        for sample in stream.feed(frame(protocol, index), arrival_ns):
+            assert sample.acceleration == pytest.approx(SAMPLE.acceleration, abs=1e-3)
+            assert sample.rate == pytest.approx(SAMPLE.rate, abs=1e-3)
+            rows.append(sample.stamp_ns - true_ns)
+    assert len(rows) == 600
+    assert np.abs(rows[200:]).max() < 0.5e6
+    assert stream.frames_ok == 600
+    assert stream.frames_bad == 0
+
+
+@every_protocol
+def test_frames_are_found_however_they_are_cut(protocol):
+    stream, data = ImuStream(protocol), b''.join(frame(protocol, index) for index in range(6))
+    samples = [sample for start in range(0, len(data), 7)
+               for sample in stream.feed(data[start:start + 7], HOST_NS + start)]
+    assert len(samples) == 6
+
+
+def test_the_stream_says_where_its_stamps_come_from():
+    stamped_by = {}
+    for protocol in ('vectornav_binary', 'vectornav_ascii'):
+        stream = ImuStream(protocol)
+        list(stream.feed(frame(protocol, 0), HOST_NS))
+        stamped_by[protocol] = stream.stamped_by
+    assert stamped_by['vectornav_binary'] == 'device clock'
+    assert 'arrival' in stamped_by['vectornav_ascii']
+
+
+def test_a_binary_frame_without_time_is_stamped_by_its_arrival():
+    stream = ImuStream('vectornav_binary')
+    fields = vectornav.Field.ANGULAR_RATE | vectornav.Field.ACCEL
+    body = vectornav.encode_binary(0, SAMPLE, fields)
+    (sample,) = stream.feed(vectornav.encode_frame(body), HOST_NS)
+    assert sample.stamp_ns == HOST_NS
+    assert 'arrival' in stream.stamped_by
+
+
+def test_numbers_that_are_none_are_rejected():
+    stream = ImuStream('vectornav_binary')
+    body = vectornav.encode_binary(0, ImuSample(0, (float('nan'), 0.0, 0.0), (0.0, 0.0, 0.0)))
+    chunk = vectornav.encode_frame(body) + frame('vectornav_binary', 1)
+    assert len(list(stream.feed(chunk, HOST_NS))) == 1
+    assert stream.frames_bad == 1
+    assert 'expected finite numbers' in stream.last_error
+
+
+def test_damaged_sentences_keep_their_place_in_the_count():
+    stream, stamps = ImuStream('vectornav_ascii'), []
+    for index in range(400):
+        data = frame('vectornav_ascii', index)
+        if index % 10 == 9:
+            data = data.replace(b'VNYMR', b'VNYMX')
+        stamps += [sample.stamp_ns - HOST_NS - index * PERIOD_NS
+                   for sample in stream.feed(data, HOST_NS + index * PERIOD_NS)]
+    assert stream.frames_bad == 40
+    assert np.abs(stamps).max() < 0.1e6
+
+
+def test_a_port_that_was_closed_meanwhile_starts_new_clocks():
+    stream = ImuStream('vectornav_ascii')
+    for index in range(50):
+        list(stream.feed(frame('vectornav_ascii', index), HOST_NS + index * PERIOD_NS))
+    stream.reopened()
+    later = HOST_NS + 3_333_333_333
+    (sample,) = stream.feed(frame('vectornav_ascii', 60), later)
+    assert sample.stamp_ns == later

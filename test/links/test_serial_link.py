@@ -1,0 +1,113 @@
+"""Ports that are absent, busy, unplugged and plugged in again."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import pytest
+import serial
+from support.pty_port import PtyPort
+from support.waiting import wait_for
+
+from smart_tire.errors import LinkError
+from smart_tire.links.serial_link import open_port, pump, SerialLink
+
+
+@pytest.fixture
+def port(tmp_path):
+    device = PtyPort(tmp_path / 'device')
+    yield device
+    device.unplug()
+
+
+@pytest.fixture
+def link(port):
+    """Return a link whose chunks and reports can be read as ``received`` and ``reports``."""
+    received, reports = bytearray(), []
+    made = SerialLink(
+        str(port.path), 115200,
+        lambda open_port, stopping: pump(open_port, stopping, lambda chunk, _: received.extend(
+            chunk)), reports.append)
+    made.received, made.reports = received, reports
+    yield made
+    made.stop()
+
+
+def test_a_chunk_carries_the_time_after_its_last_byte():
+    end, stopping, chunks = serial.serial_for_url('loop://', timeout=0.1), threading.Event(), []
+
+    def deliver(chunk, stamp_ns):
+        chunks.append((chunk, stamp_ns))
+        if b''.join(chunk for chunk, _ in chunks) == b'hello':
+            stopping.set()
+
+    before = time.time_ns()
+    end.write(b'hello')
+    pump(end, stopping, deliver)
+    stamps = [stamp_ns for _, stamp_ns in chunks]
+    assert before <= stamps[0] <= stamps[-1] <= time.time_ns()
+
+
+@pytest.mark.parametrize(('url', 'reason'), [
+    ('/no/such/port', 'there is no such port'),
+    ('bogus://port', "protocol 'bogus' not known"),
+    ('/dev/null', 'Inappropriate ioctl'),
+])
+def test_a_port_that_can_not_be_opened_is_refused_with_the_reason(url, reason):
+    with pytest.raises(LinkError, match=f'cannot open {url} at 9600 baud: .*{reason}'):
+        open_port(url, 9600)
+
+
+def test_a_port_that_is_in_use_is_refused(port):
+    first = open_port(str(port.plug_in().path), 115200)
+    with pytest.raises(LinkError, match='busy'):
+        open_port(str(port.path), 115200)
+    first.close()
+    open_port(str(port.path), 115200).close()
+
+
+def test_bytes_from_before_the_opening_are_not_delivered(port):
+    port.plug_in().write(b'old')
+    opened = open_port(str(port.path), 115200, timeout=0.0)
+    assert opened.read(10) == b''
+    opened.close()
+
+
+def test_a_missing_port_is_opened_when_it_appears(port, link):
+    link.start()
+    wait_for(lambda: link.refused >= 2)
+    assert 'no such port' in link.problem
+    port.plug_in()
+    wait_for(lambda: link.opened)
+    port.write(b'data')
+    wait_for(lambda: link.received == b'data')
+    assert link.problem == ''
+    assert len(link.reports) == 2  # absent, open: one line each, however often it was tried
+
+
+def test_a_port_that_is_unplugged_is_opened_again(port, link):
+    port.plug_in()
+    link.start()
+    for times in (1, 2, 3):
+        wait_for(lambda times=times: link.opened == times)
+        port.write(b'x')
+        wait_for(lambda times=times: link.received == b'x' * times)
+        port.unplug()
+        wait_for(lambda: link.problem)
+        port.plug_in()
+    assert any(report.startswith('lost ') for report in link.reports)
+
+
+def test_a_link_stops_while_the_port_is_silent_or_missing(port, link):
+    link.start()
+    wait_for(lambda: link.refused)
+    link.stop()
+    opened = link.opened
+    port.plug_in()
+    assert link.opened == opened
+    open_port(str(port.path), 115200).close()  # nobody holds it
+
+
+def test_a_link_that_was_never_started_stops():
+    SerialLink('/no/such/port', 9600, lambda port, stopping: None, lambda report: None).stop()

@@ -1,0 +1,157 @@
+"""Radio bytes to stamped samples: sequences, timers, duplicates, resets, strangers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from smart_tire.links.tire_stream import TireStream, TireUnit
+from smart_tire.protocol.tire_payload import encode_batch, SATURATED, TireBatch
+from smart_tire.protocol.xbee import encode_frame, encode_receive_packet, ReceivePacket
+from smart_tire.samples import BatterySample, TireSample
+
+ADDRESS, STRANGER = 0x0013A20040A1B2C3, 0x0013A200DEADBEEF
+HOST_NS = 1_700_000_000_000_000_000
+BATCH = TireBatch(flags=0, sequence=100, timer_us=5_000_000, period_us=2500,
+                  codes=((0, 512),) * 15 + ((1023, 511),), battery_mv=3700)
+SPAN_US = 40_000  # between batches of 16 samples
+
+
+def batch(count, **changes):
+    """Return the batch ``count`` places after ``BATCH``, wrapped as on the wire."""
+    changed = replace(BATCH, **changes)
+    return replace(changed, sequence=(changed.sequence + count) % 65536,
+                   timer_us=(changed.timer_us + count * SPAN_US) % 2**32)
+
+
+def arrival(count):
+    """Return when the batch ``count`` arrives over a radio that takes 5 ms."""
+    return HOST_NS + count * SPAN_US * 1000 + 15 * 2_500_000 + 5_000_000
+
+
+def packet(payload, source=ADDRESS):
+    """Return the bytes of the coordinator for a payload."""
+    return encode_frame(encode_receive_packet(ReceivePacket(source, 0xFFFE, 1, payload)))
+
+
+def feed(unit, *batches):
+    """Feed (count, batch) pairs and return all samples."""
+    return [sample for count, one in batches for sample in unit.update(one, arrival(count))]
+
+
+@pytest.fixture
+def unit():
+    return TireUnit('front_right', latency_ns=5_000_000)
+
+
+def test_every_conversion_gets_its_instant_and_its_volts(unit):
+    samples = feed(unit, *((count, batch(count)) for count in range(50)))
+    assert len(samples) == 50 * 16
+    late = samples[-320:]
+    assert [sample.stamp_ns for sample in late] == [
+        pytest.approx(HOST_NS + index * 2_500_000, abs=20_000) for index in range(480, 800)]
+    assert {sample.wheel for sample in samples} == {'front_right'}
+    assert late[0].volts == pytest.approx((0.0, 512 * 3.3 / 1023))
+    assert late[-1].volts == pytest.approx((3.3, 511 * 3.3 / 1023))  # clipped: at the rail
+    assert unit.lost == unit.duplicates == unit.resets == 0
+
+
+def test_a_single_channel_gives_one_voltage(unit):
+    samples = feed(unit, (0, replace(BATCH, codes=((0,), (1023,)))))
+    assert [sample.volts for sample in samples] == [(0.0,), (3.3,)]
+
+
+def test_lost_batches_are_counted_and_leave_a_gap(unit):
+    samples = feed(unit, *((count, batch(count)) for count in (0, 1, 2, 5, 6, 10)))
+    assert unit.lost == 5
+    assert unit.batches == 6
+    gap = samples[48].stamp_ns - samples[47].stamp_ns
+    assert gap == pytest.approx(2_500_000 + 2 * SPAN_US * 1000, rel=0.01)
+
+
+@pytest.mark.parametrize('changes', [{'sequence': 65530}, {'timer_us': 2**32 - 200_000},
+                                     {'sequence': 65530, 'timer_us': 2**32 - 100_000}])
+def test_sequence_and_timer_may_wrap(unit, changes):
+    samples = feed(unit, *((count, batch(count, **changes)) for count in range(20)))
+    steps = [b.stamp_ns - a.stamp_ns for a, b in zip(samples, samples[1:])]
+    assert steps == [pytest.approx(2_500_000, rel=0.01)] * len(steps)
+    assert unit.lost == unit.resets == 0
+
+
+def test_what_the_radio_sends_twice_is_counted_and_dropped(unit):
+    samples = feed(unit, (0, batch(0)), (0, batch(0)), (1, batch(1)), (1, batch(0)),
+                   (1, batch(1)), (2, batch(2)))
+    assert len(samples) == 3 * 16
+    assert unit.duplicates == 3
+    assert unit.lost == unit.resets == 0
+
+
+def test_a_unit_that_starts_anew_loses_nothing(unit):
+    feed(unit, *((count, batch(count)) for count in range(30)))
+    anew = replace(BATCH, sequence=0, timer_us=1000)
+    samples = feed(unit, (60, anew), (61, replace(anew, sequence=1, timer_us=1000 + SPAN_US)))
+    assert unit.resets == 1
+    assert unit.lost == 0
+    assert samples[15].stamp_ns == arrival(60) - 5_000_000
+
+
+def test_a_unit_that_was_off_and_has_counted_further_is_recognised(unit):
+    feed(unit, *((count, batch(count)) for count in range(30)))
+    samples = feed(unit, (10_000, batch(40)))
+    assert unit.resets == 1
+    assert unit.lost == 0
+    assert samples[-1].stamp_ns == arrival(10_000) - 5_000_000
+
+
+def test_saturated_batches_are_counted(unit):
+    feed(unit, (0, replace(BATCH, flags=SATURATED)), (1, batch(1)))
+    assert unit.saturated == 1
+
+
+def test_the_battery_is_told_once_a_second():
+    stream = TireStream({ADDRESS: 'front_right'})
+    reports = [sample for count in range(100)
+               for sample in stream.feed(packet(encode_batch(batch(count))), arrival(count))
+               if isinstance(sample, BatterySample)]
+    assert [report.stamp_ns for report in reports] == [arrival(count) for count in
+                                                       (0, 25, 50, 75)]
+    assert {(report.wheel, report.volts) for report in reports} == {('front_right', 3.7)}
+
+
+def test_each_unit_has_its_own_wheel_sequence_and_clock():
+    stream = TireStream({ADDRESS: 'front_right', STRANGER: 'rear_left'})
+    wheels = [sample.wheel
+              for source, count in ((ADDRESS, 0), (STRANGER, 7), (ADDRESS, 1), (STRANGER, 9))
+              for sample in stream.feed(packet(encode_batch(batch(count)), source),
+                                        arrival(count))
+              if isinstance(sample, TireSample)]
+    assert wheels == ['front_right'] * 16 + ['rear_left'] * 16 + ['front_right'] * 16 + [
+        'rear_left'] * 16
+    assert [unit.lost for unit in stream.units.values()] == [0, 1]
+
+
+@pytest.mark.parametrize(('bad', 'error'), [
+    (packet(encode_batch(BATCH), STRANGER), 'unknown wheel unit 0013A200DEADBEEF'),
+    (packet(b'\x02' + encode_batch(BATCH)[1:]), 'version 02'),
+    (packet(encode_batch(BATCH)[:-1]), 'expected 78'),
+    (encode_frame(b'\x8a\x06'), 'XBee'),
+])
+def test_what_is_not_ours_is_rejected_and_the_rest_goes_on(bad, error):
+    stream = TireStream({ADDRESS: 'front_right'})
+    chunk = packet(encode_batch(batch(0))) + bad + packet(encode_batch(batch(1)))
+    samples = [sample for sample in stream.feed(chunk, arrival(1))
+               if isinstance(sample, TireSample)]
+    assert len(samples) == 2 * 16
+    assert (stream.frames_ok, stream.frames_bad) == (2, 1)
+    assert error in stream.last_error
+
+
+def test_damage_is_counted_and_costs_its_own_frame_only():
+    stream = TireStream({ADDRESS: 'front_right'})
+    good = [packet(encode_batch(batch(count))) for count in range(3)]
+    damaged = good[1][:40] + bytes((good[1][40] ^ 1,)) + good[1][41:]
+    samples = list(stream.feed(good[0] + damaged + good[2], arrival(2)))
+    assert len(samples) == 2 * 16 + 1
+    assert (stream.frames_ok, stream.frames_bad) == (2, 1)
+    assert stream.units[ADDRESS].lost == 1
