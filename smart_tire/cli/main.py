@@ -15,7 +15,7 @@ from typing import Any
 
 from smart_tire.errors import BagError, ParameterError, SmartTireError
 
-VERBS = ('record', 'replay', 'recover')
+VERBS = ('demo', 'record', 'replay', 'recover', 'analyze')
 FAILED, USAGE, INTERRUPTED = 1, 2, 130
 ROS_ARGUMENTS = '--ros-args'  # from here on they are for rclpy, which finds them by itself
 ROS_HINT = 'source a ROS 2 distribution, or install smart_tire[ros]'

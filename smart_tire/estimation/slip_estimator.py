@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 import math
 from typing import Any
 
@@ -228,9 +229,14 @@ class SlipEstimator:
         rolling = [sides[i % 2] + self._wheels.beyond_side[i] for i in range(4)]
         over = (ground[0], ground[1], ground[0], ground[1])
         ratio = slip_ratio(rolling, over, self._params.robot.slip.standstill_speed).tolist()
+        sliding = [float(r - v) for r, v in zip(rolling, over)]
         sigma = [1.0 if math.isnan(ratio[i]) else sigmas[i % 2] for i in range(4)]
-        sliding: Four = tuple(float(r - v) for r, v in zip(rolling, over))  # type: ignore[assignment]
-        return WheelSlip(instant_ns, tuple(ratio), sliding, tuple(sigma))
+        return WheelSlip(instant_ns, *(_four(values) for values in (ratio, sliding, sigma)))
+
+
+def _four(values: Sequence[float]) -> Four:
+    a, b, c, d = values
+    return a, b, c, d
 
 
 assert LEFT == (0, 2)  # wheel i is on side i % 2

@@ -1,0 +1,116 @@
+"""What nodes estimated while they ran, read from the bag of the run and held against truth."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+import csv
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from smart_tire.analysis.figures import write_figures
+from smart_tire.analysis.metrics import stamp_score
+from smart_tire.analysis.pipeline import ESTIMATES, EstimatorParams, INPUTS, TRUTHS
+from smart_tire.analysis.series import Series, Stamps
+from smart_tire.analysis.summary import estimates_tree, plain, Tree, truth_tree
+from smart_tire.bags import Bag
+
+WANTED_STAMP_SIGMA = 0.5e-3  # s
+
+Spans = dict[str, list[tuple[int, int]]]  # name -> stretches of time [ns]
+
+
+def judge(bag_path: Path, params: Path, spans: Spans, expected: Sequence[str], conversions: Path,
+          figures: Path) -> Tree:
+    """
+    Return the summary of a recorded run of the whole stack and draw its figures.
+
+    ``spans`` are the stretches to be judged by themselves, ``expected`` the topics that must not
+    be silent, ``conversions`` the simulator's log of the true conversion instants.
+    """
+    inputs, estimates, truth = Series(), Series(), Series()
+    with Bag(bag_path) as bag:
+        begin, end = bag.span_ns
+        counts = {name.lstrip('/'): topic.messages for name, topic in bag.topics.items()}
+        for _, topic, sample in bag.samples((*INPUTS, *ESTIMATES, *TRUTHS)):
+            series = truth if topic in TRUTHS else estimates if topic in ESTIMATES else inputs
+            series.add(sample)
+    robot = EstimatorParams.load([params]).robot
+    write_figures(figures, inputs, estimates, truth, robot, spans)
+    return plain({
+        'bag': str(bag_path), 'duration_s': (end - begin) * 1e-9,
+        'messages': counts,
+        'silent': [name for name in expected if not counts.get(name.lstrip('/'))],
+        'stamps': _stamps(inputs, conversions),
+        'estimates': estimates_tree(estimates),
+        'against_truth': truth_tree(estimates, truth, spans)})
+
+
+def _stamps(inputs: Series, conversions: Path) -> Tree:
+    """Return wheel -> how far the stamps of its samples are from the true instants."""
+    true = _conversions(conversions)
+    return {wheel: stamp_score(inputs.films(wheel)[0], true[wheel], WANTED_STAMP_SIGMA)
+            for wheel in inputs.film_wheels() if wheel in true}
+
+
+def _conversions(path: Path) -> dict[str, Stamps]:
+    """Return wheel -> sorted instants [ns] from the simulator's log."""
+    found: dict[str, list[int]] = {}
+    with path.open(newline='', encoding='utf-8') as file:
+        for row in csv.DictReader(file):
+            found.setdefault(row['wheel'], []).extend(map(int, row['stamps_ns'].split()))
+    return {wheel: np.array(sorted(instants), np.int64) for wheel, instants in found.items()}
+
+
+def lines(tree: Tree) -> Iterator[str]:
+    """Yield the summary of ``judge`` as lines to read."""
+    truth: dict[str, Any] = tree['against_truth'] or {}
+    yield f'recorded {tree["duration_s"]:.0f} s, {sum(tree["messages"].values())} messages'
+    if 'radio' in tree:
+        yield ('radio batches: {received} received, {lost} missed by the receiver, '
+               '{dropped} dropped by the radio'.format(**tree['radio']))
+    for wheel, score in tree['stamps'].items():
+        yield (f'stamps of {wheel} samples: {1e3 * score["rms"]:.2f} ms rms from the true '
+               f'conversions, mean {1e3 * score["mean"]:+.2f} ms')
+    if 'pose' in truth:
+        pose = truth['pose']
+        yield (f'odom after {pose["distance_m"]:.1f} m: {pose["position_end_m"]:.2f} m, '
+               f'{pose["yaw_end_rad"]:+.3f} rad off')
+    yield ''
+    yield from _slip_lines(truth.get('slip', {}))
+    yield ''
+    yield from _friction_lines(truth.get('friction', {}))
+
+
+def _slip_lines(slips: Tree) -> Iterator[str]:
+    yield (f'{"mean slip":18}{"side":>6}{"estimate":>10}{"truth":>8}{"error":>8}{"rms":>8}'
+           f'{"in 2 sigma":>12}')
+    for name, sides in slips.items():
+        for side in ('left', 'right'):
+            score = sides.get(side)
+            if score is None or score['estimated_mean'] is None:
+                continue
+            error = score['error']
+            yield (f'{name:18}{side:>6}{score["estimated_mean"]:10.3f}{score["true_mean"]:8.3f}'
+                   f'{error["mean"]:+8.3f}{error["rms"]:8.3f}{error["within_two"]:12.0%}')
+
+
+def _friction_lines(friction: Tree) -> Iterator[str]:
+    yield (f'{"friction":18}{"kind":>9}{"passages":>10}{"found":>7}{"telling":>9}{"|error|":>9}'
+           f'{"bias":>8}{"1 sigma":>9}{"2 sigma":>9}{"fused":>8}')
+    for name, kinds in friction.items():
+        if name in ('false_passages', 'stamp'):
+            continue
+        for kind, score in kinds.items():
+            yield (f'{name:18}{kind:>9}{score["passages"]:10}{score["found"]:7}'
+                   + _percent(score['telling_share'], 9)
+                   + _percent(score['median_relative_error'], 9)
+                   + _percent(score['median_bias'], 8, '+') + _percent(score['within_one'], 9)
+                   + _percent(score['within_two'], 9)
+                   + _percent(score['fused_median_relative_error'], 8))
+    yield f'false passages: {friction.get("false_passages", 0)}'
+
+
+def _percent(value: float | None, width: int, sign: str = '') -> str:
+    return f'{"-":>{width}}' if value is None else f'{value:{sign}{width}.0%}'
