@@ -23,7 +23,7 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel as ChannelRecord
-from mcap.records import ChunkIndex, Schema, Statistics
+from mcap.records import ChunkIndex, McapRecord, Schema, Statistics
 from mcap.stream_reader import StreamReader
 import zstandard
 
@@ -107,31 +107,48 @@ class McapFile:
         data = self._data
         if len(data) < len(MAGIC) + FOOTER.size:
             return []
-        opcode, _, start, _, _, magic = FOOTER.unpack_from(data, len(data) - FOOTER.size)
+        opcode, _, start, _, checksum, magic = FOOTER.unpack_from(data, len(data) - FOOTER.size)
         if opcode != Opcode.FOOTER or magic != MAGIC or not 0 < start < len(data):
             return []
-        blocks: list[Block] = []
-        counts: dict[int, int] | None = None
         try:
-            for record in StreamReader(BytesIO(data[start:]), skip_magic=True).records:
-                if isinstance(record, ChunkIndex):
-                    blocks.append(Block(
-                        record.message_start_time, record.message_end_time,
-                        record.chunk_start_offset, record.chunk_length,
-                        frozenset(record.message_index_offsets), packed=True))
-                elif isinstance(record, Statistics):
-                    counts = record.channel_message_counts
-                elif isinstance(record, (Schema, ChannelRecord)):
-                    self._define(record)
+            if checksum and crc32(data[start:-len(MAGIC) - 4]) != checksum:
+                raise ValueError('its checksum is another')
+            summary = list(StreamReader(BytesIO(data[start:]), skip_magic=True).records)
+            blocks = [self._indexed(entry) for entry in summary if isinstance(entry, ChunkIndex)]
         except BROKEN as error:
             note(self.losses, f'{self.path.name}: the index is damaged ({error})')
             return []
-        if not all(number in self._channels for block in blocks for number in block.channels):
-            return []
-        if blocks and counts is not None:
-            self._counts = Counter({
-                channel: counts.get(number, 0) for number, channel in self._channels.items()})
-        return blocks
+        return blocks if self._describe(summary, blocks) else []
+
+    def _indexed(self, entry: ChunkIndex) -> Block:
+        """Return the block for an entry of the index; raise ValueError if none is there."""
+        opcode, length = RECORD.unpack_from(self._data, entry.chunk_start_offset)
+        start_ns, end_ns, *_ = CHUNK.unpack_from(
+            self._data, entry.chunk_start_offset + RECORD.size)
+        if (opcode, RECORD.size + length, start_ns, end_ns) != (
+                Opcode.CHUNK, entry.chunk_length, entry.message_start_time,
+                entry.message_end_time):
+            raise ValueError(f'no such chunk at byte {entry.chunk_start_offset}')
+        return Block(start_ns, end_ns, entry.chunk_start_offset, entry.chunk_length,
+                     frozenset(entry.message_index_offsets), packed=True)
+
+    def _describe(self, summary: list[McapRecord], blocks: list[Block]) -> bool:
+        """Take channels and counts from the summary; return whether it has all of them."""
+        schemas = {entry.id for entry in summary if isinstance(entry, Schema)} | {0}
+        channels = {entry.id: entry for entry in summary if isinstance(entry, ChannelRecord)}
+        if not all(entry.schema_id in schemas for entry in channels.values()) or not all(
+                block.channels <= channels.keys() for block in blocks):
+            return False
+        for entry in summary:
+            if isinstance(entry, (Schema, ChannelRecord)):
+                self._define(entry)
+        for entry in summary:
+            if isinstance(entry, Statistics) and blocks:
+                counts = entry.channel_message_counts
+                self._counts = Counter({channel: counts.get(number, 0)
+                                        for number, channel in self._channels.items()})
+                return entry.chunk_count == len(blocks)
+        return True
 
     def _walk(self) -> Iterator[Block]:
         """Yield the blocks from the first record on, as far as whole records go."""

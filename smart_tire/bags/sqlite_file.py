@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
+from contextlib import closing, ExitStack
 from pathlib import Path
+import shutil
 import sqlite3
+import tempfile
 from urllib.parse import quote
+
+import zstandard
 
 from smart_tire.bags.storage import Channel, Message, note
 from smart_tire.errors import BagError
+
+ZSTD = b'\x28\xb5\x2f\xfd'                  # begins what is packed, and no message
+PAGE_SIZE, CHANGES, VALID_FOR = 16, 24, 92  # where they stand in the file's header
 
 
 class SqliteFile:
@@ -17,16 +25,17 @@ class SqliteFile:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.losses: list[str] = []
-        self._connection = _connected(path)
+        self._stack = ExitStack()
         try:
+            self._connection = self._stack.enter_context(closing(self._open()))
             self._channels = self._read_channels()
-        except sqlite3.DatabaseError as error:
+        except (sqlite3.DatabaseError, OSError) as error:
             self.close()
             raise BagError(f'{path}: is no sqlite3 bag ({error})') from error
 
     def close(self) -> None:
         """Give the file back."""
-        self._connection.close()
+        self._stack.close()
 
     def span(self) -> tuple[int, int] | None:
         """Return when the first and the last message were received [ns]; None without any."""
@@ -61,10 +70,20 @@ class SqliteFile:
                     'SELECT topic_id, timestamp, data FROM messages ORDER BY timestamp, id'):
                 if (channel := wanted.get(number)) is not None:
                     last = ns
-                    yield ns, channel, data
+                    yield ns, channel, _plain(data)
         except sqlite3.DatabaseError as error:
             note(self.losses, f'{self.path.name}: is damaged ({error})')
             yield from self._rest(wanted, last)
+
+    def _open(self) -> sqlite3.Connection:
+        try:
+            return _connected(self.path)
+        except sqlite3.DatabaseError as error:
+            note(self.losses, f'{self.path.name}: is damaged ({error})')
+        folder = self._stack.enter_context(tempfile.TemporaryDirectory(prefix='smart_tire_'))
+        copy = Path(folder) / self.path.name
+        _mend(self.path, copy)
+        return _connected(copy)
 
     def _rest(self, wanted: dict[int, Channel], last: int) -> Iterator[Message]:
         """Yield what is newer than ``last`` and can be had without the index of times."""
@@ -72,8 +91,8 @@ class SqliteFile:
         try:
             for number, ns, data in self._connection.execute(
                     'SELECT topic_id, timestamp, data FROM messages NOT INDEXED ORDER BY id'):
-                if ns > last and number in wanted:
-                    found.append((ns, wanted[number], data))
+                if isinstance(data, bytes) and number in wanted and ns > last:
+                    found.append((ns, wanted[number], _plain(data)))
         except sqlite3.DatabaseError:
             pass  # noted by the caller; what was found up to here counts
         yield from sorted(found, key=lambda message: message[0])
@@ -96,6 +115,11 @@ class SqliteFile:
             'SELECT topic_type, encoded_message_definition, encoding FROM message_definitions')}
 
 
+def _plain(data: bytes) -> bytes:
+    """Return ``data`` unpacked if it is packed, as rosbag2's message compression leaves it."""
+    return zstandard.decompress(data) if data.startswith(ZSTD) else data
+
+
 def _connected(path: Path) -> sqlite3.Connection:
     """
     Return a connection that changes nothing.
@@ -103,17 +127,34 @@ def _connected(path: Path) -> sqlite3.Connection:
     Without right to write beside the file, sqlite opens one with a write-ahead log only as
     immutable, which leaves the log unread; so that is the second choice.
     """
-    if not path.is_file():
-        raise BagError(f'{path}: cannot be read (no such file)')
     for mode in ('mode=ro', 'immutable=1'):
         connection = sqlite3.connect(f'file:{quote(str(path))}?{mode}', uri=True)
         try:
             connection.execute('SELECT count(*) FROM sqlite_master')
         except sqlite3.OperationalError:
             connection.close()
-        except sqlite3.DatabaseError as error:
+        except sqlite3.DatabaseError:
             connection.close()
-            raise BagError(f'{path}: is no sqlite3 file ({error})') from error
+            raise
         else:
             return connection
-    raise BagError(f'{path}: cannot be read')
+    raise sqlite3.OperationalError('cannot be opened')
+
+
+def _mend(path: Path, copy: Path) -> None:
+    """
+    Copy a file that was cut off so that sqlite opens the copy.
+
+    Sqlite refuses a file that is shorter than its header says, unless the header says that
+    its size is out of date (file format, 1.3.8: "version-valid-for" is not the change counter).
+    """
+    shutil.copyfile(path, copy)
+    with copy.open('r+b') as file:
+        file.seek(PAGE_SIZE)
+        page = int.from_bytes(file.read(2), 'big')
+        page = 65536 if page == 1 else max(page, 512)
+        file.truncate(path.stat().st_size // page * page)  # half a page would be read as zeros
+        file.seek(CHANGES)
+        changes = int.from_bytes(file.read(4), 'big')
+        file.seek(VALID_FOR)
+        file.write(((changes + 1) & 0xFFFFFFFF).to_bytes(4, 'big'))

@@ -1,0 +1,46 @@
+"""What is written without ROS is what ROS reads."""
+
+from __future__ import annotations
+
+from importlib import import_module
+
+import pytest
+
+from smart_tire.bags.definitions import definition, empty, Encoder
+from smart_tire.messages import topic_of, TOPICS
+from smart_tire.samples import Friction, FRICTION_QUANTITIES, Icr, TireSample
+
+SAMPLES = [
+    TireSample(1_700_000_000_123_456_789, 'rear_left', (1.65, 2.5)),
+    Icr(5, 0.02, -1.5),
+    Friction(7, 'rear_right', dict.fromkeys(FRICTION_QUANTITIES, 0.5),
+             dict.fromkeys(FRICTION_QUANTITIES, 0.25)),
+]
+
+
+@pytest.mark.parametrize('sample', SAMPLES, ids=lambda sample: type(sample).__name__)
+def test_rclpy_reads_our_bytes(sample):
+    serialization = pytest.importorskip('rclpy.serialization')
+    topic = TOPICS[topic_of(sample)]
+    package, kind, name = topic.type.split('/')
+    cls = getattr(import_module(f'{package}.{kind}'), name)
+    raw = Encoder(topic.type)(topic.fill(empty(topic.type), sample))
+    assert topic.decode(serialization.deserialize_message(raw, cls)) == sample
+
+
+@pytest.mark.parametrize('type_name', sorted({topic.type for topic in TOPICS.values()}))
+def test_a_definition_holds_all_that_the_type_is_made_of(type_name):
+    text, type_hash = definition(type_name)
+    assert type_hash.startswith('RIHS01_')
+    assert 'MSG: std_msgs/Header' in text
+    assert 'MSG: builtin_interfaces/Time' in text
+
+
+def test_the_hash_is_that_of_the_distributions():
+    # As `ros2 topic info -v` of Jazzy prints it.
+    assert definition('builtin_interfaces/msg/Time')[1] == (
+        'RIHS01_b106235e25a4c5ed35098aa0a61a3ee9c9b18d197f398b0e4206cea9acf9c197')
+
+
+def test_a_type_that_nobody_knows_has_no_definition():
+    assert definition('strange_msgs/msg/Thing') == ('', '')

@@ -1,0 +1,47 @@
+"""A short run as a robot records it, and bags of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from smart_tire.bags import BagWriter
+from smart_tire.samples import ImuSample, NS_PER_S, Odometry, TireSample, WheelSample
+
+START_NS = 1_700_000_000 * NS_PER_S
+INPUTS = ('imu/data', 'wheel_states', 'tire_samples')
+BATCH = 16  # tire samples that arrive together
+
+
+def stream(seconds=2.0, wheels=('front_left', 'front_right')):
+    """Return (receive_ns, topic, sample) of a run, in the order of reception."""
+    events = []
+    for k in range(round(seconds * 100)):
+        stamp = START_NS + k * 10_000_000
+        events.append((stamp + 1_000_000, 'imu/data',
+                       ImuSample(stamp, (0.01 * k, 0.0, 9.81), (0.0, 0.0, -0.001 * k))))
+    for k in range(round(seconds * 16)):
+        stamp = START_NS + k * 62_500_000
+        events.append((stamp + 2_000_000, 'wheel_states', WheelSample(
+            stamp, (1.0, 2.0, 3.0, 4.0), (k * 1.0, k * 2.0, k * 3.0, k * 4.0),
+            (0.1, 0.2, 0.3, 0.4))))
+    for k in range(round(seconds * 400)):
+        stamp = START_NS + k * 2_500_000
+        batch_ns = START_NS + (k // BATCH + 1) * BATCH * 2_500_000
+        events += [(batch_ns + 5_000_000 + k % BATCH, 'tire_samples',
+                    TireSample(stamp, wheel, (1.65 + 0.001 * k, 1.65 - 0.001 * k)))
+                   for wheel in wheels]
+    for k in range(round(seconds * 125)):
+        stamp = START_NS + k * 8_000_000
+        events.append((stamp + 30_000_000, 'odom', Odometry(
+            stamp, (0.01 * k, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), (0.5, 0.0, 0.0), (0.0,) * 3,
+            (0.01,) * 36, (0.02,) * 36)))
+    events.sort(key=lambda event: event[0])
+    return events
+
+
+def write_bag(path: Path, events) -> Path:
+    """Write ``events`` into a bag at ``path`` and return it."""
+    with BagWriter(path) as writer:
+        for event in events:
+            writer.write_sample(event[1], event[0], event[2])
+    return path
