@@ -27,6 +27,7 @@ from smart_tire.samples import Sample
 SUFFIXES = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
 ZSTD = b'\x28\xb5\x2f\xfd'
 SQLITE = b'SQLite format 3\x00'
+UNZIP = 1 << 20  # bytes at a time
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,7 @@ class Bag:
         self._unzipped = tempfile.TemporaryDirectory(prefix='smart_tire_')
         self._files: list[Storage] = []
         try:
-            self._files = list(self._open_files())
+            self._open_all()
         except BagError:
             self.close()
             raise
@@ -145,9 +146,16 @@ class Bag:
         topic, channel = find_topic(name), self.topics[name].channel
         return topic is None or channel.type != topic.type or channel.encoding != 'cdr'
 
-    def _open_files(self) -> Iterator[Storage]:
+    def _open_all(self) -> None:
+        errors: list[BagError] = []
         for path in self._paths():
-            yield self._open(path)
+            try:
+                self._files.append(self._open(path))
+            except BagError as error:
+                errors.append(error)
+        if not self._files:
+            raise errors[0]
+        self._losses += map(str, errors)
 
     def _paths(self) -> list[Path]:
         if not self.path.exists():
@@ -173,27 +181,32 @@ class Bag:
         return paths
 
     def _open(self, path: Path) -> Storage:
-        try:
-            with path.open('rb') as file:
-                head = file.read(len(SQLITE))
-        except OSError as error:
-            raise BagError(f'{path}: cannot be read ({error.strerror})') from error
-        if head.startswith(ZSTD):
-            return self._open(self._unzip(path))
+        plain = self._unzip(path) if _head(path).startswith(ZSTD) else path
+        head = _head(plain)
         if head.startswith(MCAP):
-            return McapFile(path)
+            return McapFile(plain)
         if head == SQLITE:
-            return SqliteFile(path)
+            return SqliteFile(plain)
         raise BagError(f'{path}: is no bag (neither mcap nor sqlite3)')
 
     def _unzip(self, path: Path) -> Path:
         plain = Path(self._unzipped.name) / path.stem
         with path.open('rb') as packed, plain.open('wb') as file:
+            unzipper = zstandard.ZstdDecompressor().decompressobj()
             try:
-                zstandard.ZstdDecompressor().copy_stream(packed, file)
+                while part := packed.read(UNZIP):
+                    file.write(unzipper.decompress(part))
             except zstandard.ZstdError as error:
                 self._losses.append(f'{path.name}: is damaged ({error})')
         return plain
+
+
+def _head(path: Path) -> bytes:
+    try:
+        with path.open('rb') as file:
+            return file.read(len(SQLITE))
+    except OSError as error:
+        raise BagError(f'{path}: cannot be read ({error.strerror})') from error
 
 
 def _namespace(name: str, contract: str) -> str:

@@ -73,6 +73,18 @@ def test_a_bag_without_metadata_is_read_and_that_is_said(tmp_path, mode):
         assert any('metadata.yaml is missing' in loss for loss in bag.losses)
 
 
+@pytest.mark.parametrize('plugin', [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
+def test_of_a_packed_file_that_was_cut_off_the_beginning_is_read(tmp_path, plugin):
+    events = stream(8.0)
+    path = write(tmp_path / 'bag', events, plugin=plugin, mode=CompressionMode.FILE)
+    file, = path.glob('*.zstd')
+    file.write_bytes(file.read_bytes()[:file.stat().st_size * 2 // 3])
+    with Bag(path) as bag:
+        read = list(bag.samples(TOPICS))
+        assert bag.losses
+    assert 100 < len(read) < len(events)
+
+
 def test_a_plain_file_is_a_bag(tmp_path):
     events = stream(0.2)
     file, = write(tmp_path / 'bag', events).glob('*.db3')

@@ -1,0 +1,196 @@
+"""Bags as users bring them: namespaces, several files, bad messages, and no bags at all."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+import math
+from pathlib import Path
+import shutil
+
+import pytest
+from support.recordings import INPUTS, START_NS, stream, write_bag
+
+from smart_tire.bags import Bag, BagWriter, channel_of
+from smart_tire.bags.definitions import empty, Encoder
+from smart_tire.errors import BagError
+from smart_tire.messages import TOPICS
+from smart_tire.samples import ImuSample, WheelSample
+
+SHARED = Path(__file__).resolve().parents[3] / 'shared' / 'data'
+
+
+def write_raw(path, messages):
+    """Write (receive_ns, topic, type, bytes) into a bag and return its path."""
+    with BagWriter(path) as writer:
+        for receive_ns, topic, type_name, data in messages:
+            writer.add_topic(channel_of(topic, type_name))
+            writer.write('/' + topic.lstrip('/'), receive_ns, data)
+    return path
+
+
+def imu_bytes(number=0):
+    """Return the bytes of an IMU message that carries ``number``."""
+    topic = TOPICS['imu/data']
+    sample = ImuSample(START_NS, (float(number), 0.0, 9.81), (0.0, 0.0, 0.0))
+    return Encoder(topic.type)(topic.fill(empty(topic.type), sample))
+
+
+IMU = TOPICS['imu/data'].type
+
+
+@pytest.mark.parametrize('name', ['imu/data', '/imu/data', '/field/robot_1/imu/data'])
+def test_a_topic_is_found_with_or_without_namespace(tmp_path, name):
+    with Bag(write_raw(tmp_path / 'bag', [(5, name, IMU, imu_bytes())])) as bag:
+        assert bag.match(INPUTS) == {'imu/data': '/' + name.lstrip('/')}
+        assert [(ns, topic) for ns, topic, _ in bag.samples(INPUTS)] == [(5, 'imu/data')]
+
+
+def test_two_robots_in_a_bag_are_never_mixed(tmp_path):
+    joints = TOPICS['wheel_states']
+    wheels = Encoder(joints.type)(joints.fill(
+        empty(joints.type), WheelSample(START_NS, (1.0, 2.0, 3.0, 4.0))))
+    messages = [(1, '/a/imu/data', IMU, imu_bytes(1)),
+                (2, '/robot_b/imu/data', IMU, imu_bytes(2)),
+                (3, '/robot_b/wheel_states', joints.type, wheels)]
+    with Bag(write_raw(tmp_path / 'bag', messages)) as bag:
+        assert bag.match(INPUTS) == {'imu/data': '/robot_b/imu/data',
+                                     'wheel_states': '/robot_b/wheel_states'}
+        assert [ns for ns, _, _ in bag.samples(INPUTS)] == [2, 3]
+
+
+def test_an_estimate_is_not_taken_for_the_truth_nor_the_other_way(tmp_path):
+    kind = TOPICS['odom'].type
+    data = Encoder(kind)(empty(kind))
+    messages = [(1, '/odom', kind, data), (2, '/ground_truth/odom', kind, data)]
+    with Bag(write_raw(tmp_path / 'bag', messages)) as bag:
+        assert bag.match(['odom']) == {'odom': '/odom'}
+        assert bag.match(['ground_truth/odom']) == {'ground_truth/odom': '/ground_truth/odom'}
+
+
+def test_our_name_with_a_foreign_type_is_left_out_and_said(tmp_path):
+    messages = [(1, '/imu/data', 'geometry_msgs/msg/Twist', bytes(52))]
+    with Bag(write_raw(tmp_path / 'bag', messages)) as bag:
+        assert bag.match(INPUTS) == {}
+        assert list(bag.samples(INPUTS)) == []
+        assert bag.misfits() == ['/imu/data is geometry_msgs/msg/Twist']
+
+
+def test_bad_messages_are_counted_and_their_neighbours_kept(tmp_path):
+    topic = TOPICS['imu/data']
+    nan = Encoder(IMU)(topic.fill(
+        empty(IMU), ImuSample(START_NS, (math.nan, 0.0, 0.0), (0.0, 0.0, 0.0))))
+    bad = [nan, b'', b'\x00\x01\x00\x00', imu_bytes()[:100], b'\x00\x09\x00\x00' + bytes(400)]
+    messages = []
+    for number, data in enumerate(bad):
+        messages += [(2 * number, '/imu/data', IMU, imu_bytes(number)),
+                     (2 * number + 1, '/imu/data', IMU, data)]
+    with Bag(write_raw(tmp_path / 'bag', messages)) as bag:
+        samples = [sample for _, _, sample in bag.samples(INPUTS)]
+        assert [sample.acceleration[0] for sample in samples] == [0.0, 1.0, 2.0, 3.0, 4.0]
+        assert bag.rejected == {'imu/data': len(bad)}
+        assert 'linear_acceleration' in bag.reasons['imu/data']
+
+
+def split(tmp_path, parts=3):
+    """Return a bag in several files, as rosbag2 splits it, and its events."""
+    events, bag = stream(2.0), tmp_path / 'split'
+    bag.mkdir()
+    size = len(events) // parts + 1
+    for number in range(parts):
+        part = write_bag(tmp_path / f'part_{number}', events[number * size:(number + 1) * size])
+        shutil.copy(part / f'part_{number}_0.mcap', bag / f'split_{number + 8}.mcap')
+    return bag, events
+
+
+def test_a_bag_of_several_files_is_one(tmp_path):
+    path, events = split(tmp_path)
+    with Bag(path) as bag:
+        assert list(bag.samples(TOPICS)) == events
+        assert bag.topics['/imu/data'].messages == 200
+        assert bag.span_ns == (events[0][0], events[-1][0])
+
+
+def test_a_listed_file_that_is_missing_is_said(tmp_path):
+    path, events = split(tmp_path)
+    names = [f'split_{number}.mcap' for number in (8, 9, 10)]
+    (path / 'metadata.yaml').write_text(
+        f'rosbag2_bagfile_information: {{version: 4, relative_file_paths: {names}}}')
+    (path / names[1]).unlink()
+    with Bag(path) as bag:
+        read = list(bag.samples(TOPICS))
+        assert any('split_9.mcap: is missing' in loss for loss in bag.losses)
+    assert 0 < len(read) < len(events)
+    assert all(event in events for event in read[::100])
+
+
+@pytest.mark.parametrize('text', ['', 'a: [', 'rosbag2_bagfile_information: 3', '\x00', '- a'])
+def test_metadata_that_cannot_be_understood_are_done_without(tmp_path, text):
+    events = stream(0.3)
+    path = write_bag(tmp_path / 'bag', events)
+    (path / 'metadata.yaml').write_text(text)
+    with Bag(path) as bag:
+        assert list(bag.samples(TOPICS)) == events
+        assert any('metadata.yaml' in loss for loss in bag.losses)
+
+
+def test_a_broken_file_beside_a_whole_one_does_not_hide_it(tmp_path):
+    path, events = split(tmp_path)
+    (path / 'split_9.mcap').write_bytes(b'')
+    with Bag(path) as bag:
+        assert 0 < len(list(bag.samples(TOPICS))) < len(events)
+        assert any('split_9.mcap' in loss for loss in bag.losses)
+
+
+def test_a_bag_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(BagError, match='nowhere: no such file or directory'):
+        Bag(tmp_path / 'nowhere')
+
+
+@pytest.mark.parametrize('content', [b'', b'hello, world', b'\x28\xb5\x2f\xfd\x00\x00'])
+def test_a_file_that_is_no_bag_is_named(tmp_path, content):
+    path = tmp_path / 'letter.mcap'
+    path.write_bytes(content)
+    with pytest.raises(BagError, match=r'letter\.mcap'):
+        Bag(path)
+
+
+def test_a_folder_without_files_of_a_bag_is_named(tmp_path):
+    (tmp_path / 'notes.txt').write_text('none')
+    with pytest.raises(BagError, match=r'is no bag \(no \.mcap or \.db3 file in it\)'):
+        Bag(tmp_path)
+
+
+def test_a_bag_gives_its_samples_as_often_as_one_likes(tmp_path):
+    with Bag(write_bag(tmp_path / 'bag', stream(0.3))) as bag:
+        assert list(bag.samples(INPUTS)) == list(bag.samples(INPUTS))
+
+
+def test_messages_that_were_received_out_of_order_come_in_order(tmp_path):
+    events = stream(1.0)
+    late = [replace_time(event, event[0] + 40_000_000) if event[1] == 'imu/data' else event
+            for event in events]
+    with Bag(write_bag(tmp_path / 'bag', late)) as bag:
+        times = [ns for ns, _, _ in bag.samples(TOPICS)]
+    assert times == sorted(event[0] for event in late)
+
+
+def replace_time(event, receive_ns):
+    """Return ``event`` as if it had been received at another time."""
+    return (receive_ns, event[1], replace(event[2]))
+
+
+@pytest.mark.parametrize(('name', 'counts'), [
+    ('warthog_asphalt', {'imu/data': 8746, 'wheel_states': 2246, 'ground_truth/odom': 4164}),
+    ('husky_rectangle', {'imu/data': 4875, 'wheel_states': 488, 'ground_truth/odom': 1948})])
+def test_recordings_of_real_robots_are_read(name, counts):
+    if not SHARED.is_dir():
+        pytest.skip(f'{SHARED} is not there: the recordings are not part of the project')
+    with Bag(SHARED / name) as bag:
+        read = dict.fromkeys(counts, 0)
+        for _, topic, sample in bag.samples(TOPICS):
+            read[topic] += 1
+            if topic == 'wheel_states':
+                assert sample.position is None
+        assert read == counts
+        assert not bag.losses
+        assert not bag.rejected

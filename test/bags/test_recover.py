@@ -1,0 +1,73 @@
+"""A whole bag out of a broken one."""
+
+from __future__ import annotations
+
+from mcap.reader import make_reader
+import pytest
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import StoragePlugin, Writer
+from support.recordings import stream, write_bag
+
+from smart_tire.bags import Bag, recover
+from smart_tire.errors import BagError
+from smart_tire.messages import TOPICS
+
+
+@pytest.fixture
+def broken(tmp_path):
+    """Return a bag without metadata whose file was cut in the middle."""
+    path = write_bag(tmp_path / 'broken', stream(2.0))
+    file = path / 'broken_0.mcap'
+    file.write_bytes(file.read_bytes()[:-60_000])
+    (path / 'metadata.yaml').unlink()
+    return path
+
+
+def test_what_is_left_is_whole_again(tmp_path, broken):
+    result = recover(broken, tmp_path / 'whole')
+    with Bag(broken) as before, Bag(tmp_path / 'whole') as after:
+        left = list(before.samples(TOPICS))
+        assert list(after.samples(TOPICS)) == left == stream(2.0)[:len(left)]
+        assert not after.losses
+        assert result.losses == before.losses
+        assert result.counts == {name: topic.messages for name, topic in after.topics.items()}
+    assert len(left) > 500
+    assert any('cut off' in loss for loss in result.losses)
+    assert any('metadata.yaml' in loss for loss in result.losses)
+
+
+def test_others_read_what_was_recovered(tmp_path, broken):
+    counts = recover(broken, tmp_path / 'whole').counts
+    with AnyReader([tmp_path / 'whole']) as reader:
+        assert {topic: info.msgcount for topic, info in reader.topics.items()} == counts
+        assert sum(1 for _ in reader.messages()) == sum(counts.values())
+    with (tmp_path / 'whole' / 'whole_0.mcap').open('rb') as file:
+        assert make_reader(file, validate_crcs=True).get_summary().chunk_indexes
+
+
+def test_nothing_is_lost_of_a_whole_bag(tmp_path):
+    events = stream(0.5)
+    assert recover(write_bag(tmp_path / 'bag', events), tmp_path / 'copy').losses == []
+    with Bag(tmp_path / 'copy') as bag:
+        assert list(bag.samples(TOPICS)) == events
+
+
+def test_a_definition_that_the_bag_lacks_is_added(tmp_path):
+    with Writer(tmp_path / 'bag', version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
+        writer.add_connection('/odom', 'nav_msgs/msg/Odometry', msgdef='', rihs01='RIHS01_0')
+    recover(tmp_path / 'bag', tmp_path / 'whole')
+    with Bag(tmp_path / 'whole') as bag:
+        channel = bag.topics['/odom'].channel
+        assert 'geometry_msgs/PoseWithCovariance pose' in channel.definition
+        assert channel.definition_encoding == 'ros2msg'
+
+
+def test_what_exists_is_not_overwritten(tmp_path, broken):
+    with pytest.raises(BagError, match='File exists'):
+        recover(broken, broken)
+
+
+def test_nothing_is_made_of_nothing(tmp_path):
+    with pytest.raises(BagError, match='no such file'):
+        recover(tmp_path / 'nowhere', tmp_path / 'whole')
+    assert not (tmp_path / 'whole').exists()
