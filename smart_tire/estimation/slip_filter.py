@@ -44,7 +44,7 @@ NIS_MEMORY = 0.05         # share of a new value in the smoothed innovation stat
 CHANGE = 2.5              # sigmas of a change of wheel speed by stamps alone; more is real
 GROUND_CHANGE = 0.01      # m/s; a larger change of the speed over ground changes the slip
 CHANGE_TIME = 0.3         # s, that slip takes to settle after a change of wheel speed
-SURPRISE = 3.5            # sigmas; beyond, the sliding is taken to have changed
+SURPRISE = 2.0            # sigmas; beyond, twice in a row, the sliding has changed
 
 
 class State(IntEnum):
@@ -110,6 +110,7 @@ class SlipFilter:
         self._usual: list[tuple[float, float] | None] = [None, None]
         # a wandering slip with this memory spreads over slip_sigma in the long run
         self._slip_time = 2.0 * (params.slip_sigma / max(params.slip_drift, 1e-6)) ** 2
+        self._innovation = [0.0, 0.0]  # m/s, of the last wheel reading
         self.nis = 1.0  # normalised innovation squared of the wheel readings, smoothed
         sigma = np.zeros(N)
         sigma[State.ROLL] = sigma[State.PITCH] = params.slope_sigma
@@ -285,9 +286,15 @@ class SlipFilter:
             change = self._params.slip_agility * (
                 max(0.0, abs(wheel - usual[0]) - CHANGE * abs(wheel) * jitter)
                 + max(0.0, abs(ground - usual[1]) - GROUND_CHANGE))
-            surprise = max(0.0, abs(innovation[row]) - SURPRISE * math.sqrt(variance[row]))
+            surprise = max(0.0, self._lasting(row, innovation[row])
+                           - SURPRISE * math.sqrt(variance[row]))
             self._ekf.P[slide, slide] += change ** 2 * travel.duration / CHANGE_TIME + (
                 surprise ** 2)
+
+    def _lasting(self, row: int, innovation: float) -> float:
+        """Return how much of an innovation there was before: a bad reading comes alone."""
+        before, self._innovation[row] = self._innovation[row], innovation
+        return min(abs(before), abs(innovation)) if before * innovation > 0.0 else 0.0
 
     def _printed(self, H: Array, z: Array, expected: Array, R: Array
                  ) -> tuple[Array, Array, Array, Array]:
