@@ -2,7 +2,7 @@
 The command ``smart_tire VERB ...``.
 
 A verb is a module of this folder with ``NAME``, ``HELP``, ``add_arguments(parser)`` and
-``run(args)``, which returns the exit status. What is slow to import it imports in ``run``.
+``run(args)``, which returns the exit status. Only the one that is asked for is imported.
 """
 
 from __future__ import annotations
@@ -15,26 +15,31 @@ from typing import Any
 
 from smart_tire.errors import BagError, ParameterError, SmartTireError
 
-VERBS = ('demo', 'record', 'replay', 'recover', 'analyze')
+VERBS = {
+    'demo': 'the whole stack on a simulated robot',
+    'record': 'topics into a bag',
+    'replay': 'a bag onto topics',
+    'recover': 'a whole bag out of a broken one',
+    'analyze': 'estimates and figures out of bags',
+}
 FAILED, USAGE, INTERRUPTED = 1, 2, 130
 ROS_ARGUMENTS = '--ros-args'  # from here on they are for rclpy, which finds them by itself
 ROS_HINT = 'source a ROS 2 distribution, or install smart_tire[ros]'
 
 
-def load(verb: str) -> Any:
-    """Return the module of a verb."""
-    return import_module(f'smart_tire.cli.{verb}')
-
-
-def new_parser(verbs: Sequence[str]) -> argparse.ArgumentParser:
-    """Return the parser for ``verbs``."""
+def new_parser(asked: str | None) -> argparse.ArgumentParser:
+    """Return the parser for the verb that is ``asked`` for, or for an overview of all."""
     parser = argparse.ArgumentParser(
-        prog='smart_tire', description='Slip, friction and localization from tires that feel.')
+        prog='smart_tire', description='Slip, friction and localization from tires that feel.',
+        epilog='"smart_tire VERB --help" tells more.')
     choices = parser.add_subparsers(dest='verb', metavar='VERB', required=True)
-    for module in map(load, verbs):
-        verb = choices.add_parser(module.NAME, help=module.HELP, description=module.HELP)
-        module.add_arguments(verb)
-        verb.set_defaults(run=module.run)
+    for name, summary in VERBS.items():
+        verb = choices.add_parser(name, help=summary)
+        if name == asked:
+            module: Any = import_module(f'smart_tire.cli.{name}')
+            verb.description = module.HELP
+            module.add_arguments(verb)
+            verb.set_defaults(run=module.run)
     return parser
 
 
@@ -43,8 +48,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if argv is None else argv)
     if ROS_ARGUMENTS in words:
         words = words[:words.index(ROS_ARGUMENTS)]
-    asked = [verb for verb in VERBS if words and words[0] == verb]
-    args = new_parser(asked or VERBS).parse_args(words)
+    args = new_parser(words[0] if words else None).parse_args(words)
     try:
         return int(args.run(args))
     except (BagError, ParameterError) as error:

@@ -1,0 +1,88 @@
+"""The command line as a whole: verbs, help, and one clear line for what goes wrong."""
+
+from __future__ import annotations
+
+from importlib import import_module
+import subprocess
+import sys
+
+import pytest
+
+from smart_tire.cli.main import main, VERBS
+from smart_tire.errors import BagError, EstimatorError, ParameterError
+
+SLOW = ('numpy', 'scipy', 'matplotlib', 'rosbags', 'mcap', 'rclpy', 'yaml')
+
+
+@pytest.fixture
+def verb(monkeypatch):
+    """Return a function that makes ``recover`` run something else."""
+    def replace(run):
+        monkeypatch.setattr(import_module('smart_tire.cli.recover'), 'run', run)
+        return main(['recover', 'some_bag'])
+    return replace
+
+
+def raising(error):
+    """Return a verb's ``run`` that fails with ``error``."""
+    def run(args):
+        raise error
+    return run
+
+
+@pytest.mark.parametrize('name', VERBS)
+def test_every_verb_is_a_module_that_describes_itself(name, capsys):
+    module = import_module(f'smart_tire.cli.{name}')
+    assert name == module.NAME
+    with pytest.raises(SystemExit) as ended:
+        main([name, '--help'])
+    assert ended.value.code == 0
+    assert ' '.join(module.HELP.split()) in ' '.join(capsys.readouterr().out.split())
+
+
+def test_help_names_all_verbs_and_imports_nothing_slow():
+    code = ('import sys; from smart_tire.cli.main import main\n'
+            'try: main(["--help"])\n'
+            f'finally: print([name for name in {SLOW} if name in sys.modules], file=sys.stderr)')
+    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True,
+                          check=True, env={'PYTHONPATH': ':'.join(filter(None, sys.path))})
+    assert done.stderr.strip() == '[]'
+    assert all(f'  {name} ' in done.stdout for name in VERBS)
+
+
+@pytest.mark.parametrize('words', [[], ['fly'], ['recover'], ['replay', 'bag', '--rate', '-1'],
+                                   ['replay', 'bag', '--rate', 'nan'], ['record', '--loud']])
+def test_a_wrong_command_line_is_a_usage_error(words, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(words)
+    assert ended.value.code == 2
+    assert 'usage: smart_tire' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(('error', 'status', 'said'), [
+    (BagError('x: is no bag'), 2, 'x: is no bag'),
+    (ParameterError('wheel_radius: -1'), 2, 'wheel_radius: -1'),
+    (EstimatorError('diverged'), 1, 'diverged'),
+    (ModuleNotFoundError("No module named 'rclpy'", name='rclpy'), 1, 'rclpy is not installed'),
+    (KeyboardInterrupt(), 130, 'interrupted')])
+def test_what_goes_wrong_is_said_in_one_line(verb, capsys, error, status, said):
+    assert verb(raising(error)) == status
+    out, err = capsys.readouterr()
+    assert out == ''
+    assert err.startswith('smart_tire recover: ')
+    assert said in err
+    assert err.count('\n') == 1
+
+
+@pytest.mark.parametrize('error', [ModuleNotFoundError('us', name='smart_tire.odd'), KeyError(3)])
+def test_a_fault_of_ours_is_not_hidden(verb, error):
+    with pytest.raises(type(error)):
+        verb(raising(error))
+
+
+def test_arguments_for_ros_are_left_to_ros(monkeypatch):
+    seen = []
+    monkeypatch.setattr(import_module('smart_tire.cli.record'), 'run',
+                        lambda args: seen.append(args.topics) or 0)
+    assert main(['record', '--topics', 'odom', '--ros-args', '-r', '__ns:=/robot']) == 0
+    assert seen == [['odom']]

@@ -1,0 +1,51 @@
+"""``smart_tire recover`` on the command line."""
+
+from __future__ import annotations
+
+import pytest
+from support.recordings import stream, write_bag
+
+from smart_tire.bags import Bag
+from smart_tire.cli.main import main
+
+
+@pytest.fixture
+def cut(tmp_path):
+    """Return a bag whose file was cut off."""
+    path = write_bag(tmp_path / 'cut', stream(1.0))
+    file = path / 'cut_0.mcap'
+    file.write_bytes(file.read_bytes()[:-30_000])
+    return path
+
+
+def test_it_says_what_it_saved_and_what_was_lost(cut, tmp_path, capsys):
+    assert main(['recover', str(cut)]) == 0
+    said = capsys.readouterr().out
+    with Bag(tmp_path / 'cut_recovered') as bag:
+        assert not bag.losses
+        for name, topic in bag.topics.items():
+            assert f'{topic.messages} {name}' in said
+    assert 'lost: cut_0.mcap: the recording was cut off' in said
+
+
+def test_a_single_file_is_recovered_into_a_folder(cut, tmp_path, capsys):
+    assert main(['recover', str(cut / 'cut_0.mcap'), '--out', str(tmp_path / 'whole')]) == 0
+    assert (tmp_path / 'whole' / 'metadata.yaml').exists()
+    assert str(tmp_path / 'whole') in capsys.readouterr().out
+
+
+def test_it_says_when_nothing_was_lost(tmp_path, capsys):
+    bag = write_bag(tmp_path / 'bag', stream(0.2))
+    assert main(['recover', str(bag)]) == 0
+    assert 'nothing was lost' in capsys.readouterr().out
+
+
+def test_a_bag_that_is_not_there_is_a_usage_error(tmp_path, capsys):
+    assert main(['recover', str(tmp_path / 'nowhere')]) == 2
+    assert 'nowhere: no such file or directory' in capsys.readouterr().err
+
+
+def test_what_is_there_is_not_overwritten(cut, capsys):
+    assert main(['recover', str(cut)]) == 0
+    assert main(['recover', str(cut)]) == 2
+    assert 'cut_recovered: cannot be written (File exists)' in capsys.readouterr().err
