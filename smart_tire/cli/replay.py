@@ -44,7 +44,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Publish the bag; print the messages by topic."""
     from smart_tire.bags import Bag
-    from smart_tire.nodes.replayer import replay
     with Bag(args.bag) as bag:
         names = {name: found for name in args.topics or ([] if args.all else INPUTS)
                  for found in [find(bag, name)]}
@@ -59,6 +58,7 @@ def run(args: argparse.Namespace) -> int:
             print(f'smart_tire replay: {args.bag} has none of {", ".join(INPUTS)}; it has '
                   f'{", ".join(bag.topics) or "no topics"}', file=sys.stderr)
             return FAILED
+        from smart_tire.nodes.replayer import replay
         result = replay(bag, wanted, rate=args.rate, clock=args.clock, wait=args.wait)
         print_losses(bag.losses)
     print(f'{args.bag}: published' + ('' if result.complete else ', not all of it'))

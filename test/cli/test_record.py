@@ -1,0 +1,120 @@
+"""``smart_tire record`` over DDS, with ``smart_tire replay`` as the robot."""
+
+from __future__ import annotations
+
+from pathlib import Path
+import signal
+import textwrap
+
+import pytest
+from support.command import command, Python, wait_until
+from support.recordings import stream, write_bag
+import yaml
+
+from smart_tire.bags import Bag
+
+pytest.importorskip('rclpy')
+READY = 'recording /diagnostics'  # its own: then it looks for others' topics too
+
+
+@pytest.fixture(scope='module')
+def source(tmp_path_factory):
+    """Return a bag of two seconds, in which nothing is to be lost."""
+    return write_bag(tmp_path_factory.mktemp('source') / 'bag', stream(2.0))
+
+
+def contents(path: Path):
+    """Return topic -> the messages in a bag."""
+    found: dict[str, list[bytes]] = {}
+    with Bag(path) as bag:
+        for _, channel, data in bag.raw():
+            found.setdefault(channel.topic, []).append(data)
+    return found
+
+
+def test_every_message_of_topics_that_appear_later_is_recorded(dds, source, tmp_path):
+    with command(dds, 'record', '--out', tmp_path / 'bag') as recorder:
+        recorder.wait_for(READY)
+        with command(dds, 'replay', source, '--all', '--wait', 20) as player:
+            assert player.end() == 0
+        recorder.signal(signal.SIGINT)
+        assert recorder.end() == 0
+    recorded, played = contents(tmp_path / 'bag'), contents(source)
+    assert {name: recorded[name] for name in played} == played
+    with Bag(tmp_path / 'bag') as bag:
+        assert not bag.losses
+        for name, topic in bag.topics.items():
+            assert f'{topic.messages} {name}' in recorder.said
+
+
+def test_a_recorder_that_is_killed_leaves_a_bag(dds, source, tmp_path):
+    file = tmp_path / 'bag' / 'bag_0.mcap'
+    with command(dds, 'record', '--out', tmp_path / 'bag') as recorder:
+        recorder.wait_for(READY)
+        with command(dds, 'replay', source, '--all', '--rate', 0.5, '--wait', 20):
+            wait_until(lambda: file.stat().st_size > 20_000, 'the bag to grow')
+            recorder.signal(signal.SIGKILL)
+            assert recorder.end() == -signal.SIGKILL
+    assert (tmp_path / 'bag' / 'metadata.yaml').exists()
+    with Bag(tmp_path / 'bag') as bag:
+        assert len(list(bag.raw(['/tire_samples']))) > 100
+        assert any('cut off' in loss for loss in bag.losses)
+    recorded, played = contents(tmp_path / 'bag'), contents(source)
+    for name, messages in played.items():
+        assert recorded[name] == messages[:len(recorded[name])]
+
+
+def test_only_the_topics_that_are_named_are_recorded(dds, source, tmp_path):
+    with command(dds, 'record', '--out', tmp_path / 'bag', '--topics', 'imu/data', '/odom',
+                 '--ros-args', '-r', '__node:=clerk') as recorder:
+        with command(dds, 'replay', source, '--all', '--rate', 4, '--wait', 3) as player:
+            assert player.end() == 0
+        recorder.signal(signal.SIGTERM)
+        assert recorder.end() == 0
+    recorded, played = contents(tmp_path / 'bag'), contents(source)
+    assert recorded == {name: played[name] for name in ('/imu/data', '/odom')}
+
+
+LATCHED = textwrap.dedent("""
+    import rclpy
+    from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+    from nav_msgs.msg import Path
+    from geometry_msgs.msg import PoseStamped
+    rclpy.init()
+    node = rclpy.create_node('planner')
+    path = node.create_publisher(Path, 'path', QoSProfile(
+        depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+    path.publish(Path())
+    goal = node.create_publisher(PoseStamped, 'goal_pose', QoSProfile(
+        depth=1, reliability=ReliabilityPolicy.BEST_EFFORT))
+    node.create_timer(0.05, lambda: goal.publish(PoseStamped()))
+    print('ready', flush=True)
+    rclpy.spin(node)
+    """)
+
+
+def test_what_was_published_before_and_what_is_not_reliable_is_recorded(dds, tmp_path):
+    file = tmp_path / 'bag' / 'bag_0.mcap'
+    with Python(dds, '-c', LATCHED) as planner:
+        planner.wait_for('ready')
+        with command(dds, 'record', '--out', tmp_path / 'bag') as recorder:
+            recorder.wait_for('recording /path')
+            recorder.wait_for('recording /goal_pose')
+            size = file.stat().st_size
+            wait_until(lambda: file.stat().st_size > size + 1000, 'the bag to grow')
+            recorder.signal(signal.SIGINT)
+            assert recorder.end() == 0
+    recorded = contents(tmp_path / 'bag')
+    assert len(recorded['/path']) == 1
+    assert recorded['/goal_pose']
+    said = yaml.safe_load((tmp_path / 'bag' / 'metadata.yaml').read_text())
+    profiles = {entry['topic_metadata']['name']: entry['topic_metadata']['offered_qos_profiles'][0]
+                for entry in said['rosbag2_bagfile_information']['topics_with_message_count']}
+    assert profiles['/path']['durability'] == 'transient_local'
+    assert profiles['/goal_pose']['reliability'] == 'best_effort'
+
+
+def test_a_folder_that_exists_is_a_usage_error(dds, tmp_path):
+    with command(dds, 'record', '--out', tmp_path) as recorder:
+        assert recorder.end() == 2
+    assert recorder.lines == [f'smart_tire record: {tmp_path}: cannot be written (File exists)']

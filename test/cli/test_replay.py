@@ -1,0 +1,140 @@
+"""``smart_tire replay``: what is published, what is not, and when."""
+
+from __future__ import annotations
+
+import signal
+
+import pytest
+from support.command import command
+from support.recordings import INPUTS, START_NS, stream, write_bag
+
+from smart_tire.bags import Bag, BagWriter, channel_of, Qos
+from smart_tire.bags.definitions import empty, Encoder
+from smart_tire.cli.main import main
+from smart_tire.cli.replay import find, harmless
+from smart_tire.messages import TOPICS
+from smart_tire.samples import MotorCommand, VelocityCommand, WheelCommand
+
+COMMANDS = {'cmd_vel': VelocityCommand(START_NS, 1.0, 0.0),
+            'wheel_commands': WheelCommand(START_NS, (1.0,) * 4),
+            'motor_commands': MotorCommand(START_NS, (1.0,) * 4)}
+PATH = 'nav_msgs/msg/Path'
+STRANGE = 'strange_msgs/msg/Thing'
+
+
+@pytest.fixture(scope='module')
+def source(tmp_path_factory):
+    """Return a bag with inputs, estimates, commands, a path and a type that nobody has."""
+    path = tmp_path_factory.mktemp('source') / 'bag'
+    with BagWriter(path) as writer:
+        latched = (Qos('reliable', 'transient_local', 1),)
+        writer.add_topic(channel_of('/robot/path', PATH, latched))
+        writer.add_topic(channel_of('/strange', STRANGE))
+        for receive_ns, topic, sample in stream(1.0):
+            writer.write_sample(topic, receive_ns, sample)
+            if topic == 'wheel_states':
+                for name, order in COMMANDS.items():
+                    writer.write_sample(name, receive_ns, order)
+        writer.write('/robot/path', START_NS + 10**9, Encoder(PATH)(empty(PATH)))
+        writer.write('/strange', START_NS + 10**9, b'\x00\x01\x00\x00strange!')
+    return path
+
+
+def played(dds, source, tmp_path, *options):
+    """Return topic -> messages that a recorder heard of a replay, and what the replay said."""
+    with command(dds, 'record', '--out', tmp_path / 'heard') as recorder:
+        recorder.wait_for('recording /diagnostics')
+        with command(dds, 'replay', source, '--wait', 20, *options) as player:
+            assert player.end() == 0
+        recorder.signal(signal.SIGINT)
+        assert recorder.end() == 0
+    with Bag(tmp_path / 'heard') as bag:
+        return list(bag.raw()), player.said
+
+
+def names(messages):
+    """Return the topics of messages, but those that every node has."""
+    return {channel.topic for _, channel, _ in messages} - {
+        '/diagnostics', '/rosout', '/parameter_events'}
+
+
+def test_by_default_only_what_is_estimated_from_is_published(dds, source, tmp_path):
+    pytest.importorskip('rclpy')
+    heard, said = played(dds, source, tmp_path)
+    assert names(heard) == {f'/{name}' for name in INPUTS}
+    with Bag(source) as bag:
+        for name in INPUTS:
+            sent = [data for _, _, data in bag.raw([f'/{name}'])]
+            assert [data for _, channel, data in heard if channel.topic == f'/{name}'] == sent
+            assert f'{len(sent)} /{name}' in said
+
+
+def test_all_is_all_but_commands_and_the_clock_runs_with_it(dds, source, tmp_path):
+    pytest.importorskip('rclpy')
+    heard, said = played(dds, source, tmp_path, '--all', '--clock', '--rate', 2)
+    assert names(heard) == {'/imu/data', '/wheel_states', '/tire_samples', '/odom', '/robot/path',
+                            '/clock'}
+    assert f'left out: /strange, for {STRANGE} is not installed' in said
+    clock = [int.from_bytes(data[4:8], 'little') * 10**9 + int.from_bytes(data[8:12], 'little')
+             for _, channel, data in heard if channel.topic == '/clock']
+    assert clock == sorted(set(clock))
+    assert START_NS <= clock[0] < clock[-1] <= START_NS + 1.1e9
+    assert len(clock) > 20
+
+
+def test_commands_are_published_when_they_are_named(dds, source, tmp_path):
+    pytest.importorskip('rclpy')
+    heard, _ = played(dds, source, tmp_path, '--topics', 'cmd_vel', 'path')
+    assert names(heard) == {'/cmd_vel', '/robot/path'}
+
+
+def test_a_replay_ends_when_it_is_told_to(dds, source):
+    pytest.importorskip('rclpy')
+    with command(dds, 'replay', source, '--rate', 0.001, '--wait', 0) as player:
+        player.wait_for('nobody listens to /tire_samples')
+        player.signal(signal.SIGINT)
+        assert player.end() == 0
+    assert 'not all of it' in player.said
+
+
+@pytest.mark.parametrize('name', ['imu/data', '/imu/data', 'path', 'robot/path', '/robot/path'])
+def test_a_topic_is_found_with_or_without_its_namespace(source, name):
+    with Bag(source) as bag:
+        assert find(bag, name) in ('/imu/data', '/robot/path')
+
+
+def test_odometry_is_not_found_in_the_truth(tmp_path):
+    kind = TOPICS['odom'].type
+    with BagWriter(tmp_path / 'bag') as writer:
+        writer.add_topic(channel_of('/ground_truth/odom', kind))
+    with Bag(tmp_path / 'bag') as bag:
+        assert find(bag, 'odom') is None
+        assert find(bag, 'ground_truth/odom') == '/ground_truth/odom'
+
+
+def test_no_command_is_harmless_whatever_its_type_and_namespace(tmp_path):
+    with BagWriter(tmp_path / 'bag') as writer:
+        for name in ('/robot/cmd_vel', '/cmd_vel', '/robot/motor_commands', '/odom', '/clock'):
+            writer.add_topic(channel_of(name, 'geometry_msgs/msg/Twist'))
+    with Bag(tmp_path / 'bag') as bag:
+        assert harmless(bag, clock=False) == ['/odom', '/clock']
+        assert harmless(bag, clock=True) == ['/odom']
+
+
+def test_a_topic_that_the_bag_has_not_is_a_usage_error(source, capsys):
+    assert main(['replay', str(source), '--topics', 'imu/data', 'smell']) == 2
+    said = capsys.readouterr().err
+    assert 'has no smell; it has ' in said
+    assert '/robot/path' in said
+
+
+def test_a_bag_without_inputs_is_not_replayed(tmp_path, capsys):
+    events = [event for event in stream(0.2) if event[1] == 'odom']
+    assert main(['replay', str(write_bag(tmp_path / 'bag', events))]) == 1
+    assert 'has none of imu/data, wheel_states, tire_samples; it has /odom' \
+        in capsys.readouterr().err
+
+
+def test_a_bag_that_is_not_there_is_a_usage_error(tmp_path, capsys):
+    assert main(['replay', str(tmp_path / 'nowhere')]) == 2
+    assert capsys.readouterr().err.endswith('nowhere: no such file or directory\n')
