@@ -48,6 +48,7 @@ class ImuStream:
     def __init__(self, protocol: str, latency_ns: int = 0) -> None:
         self.protocol = PROTOCOLS[protocol]
         self.frames_ok = 0
+        self.last_ok_ns = 0       # host clock, when the latest good frame came
         self.rejected = 0         # intact frames that say what they must not
         self.last_error = ''      # why the latest one was rejected
         self.stamped_by = 'nothing yet'
@@ -77,6 +78,7 @@ class ImuStream:
                 self.last_error = str(error)
                 continue
             self.frames_ok += 1
+            self.last_ok_ns = receive_ns
             stamp_ns = self._stamp(device_ns, receive_ns) - self._latency_ns
             yield ImuSample(stamp_ns, sample.acceleration, sample.rate, sample.orientation)
 

@@ -15,7 +15,7 @@ from smart_tire.protocol.roboclaw import (
     SET_DUTY, SET_TIMEOUT, timeout_code)
 from smart_tire.samples import Four, NS_PER_S, WheelSample
 
-REPLY_TIMEOUT = 0.05  # s; a board answers within a few ms, a busy host reads later
+REPLY_TIMEOUT = 0.1   # s; a board answers within a few ms, a busy host reads later
 MAX_SPEED = 100.0     # rad/s; a count that went further means that the board lost its counts
 MAX_PERIODS = 4       # a mean speed over more of them is none of now and not worth telling
 NEVER_NS = -1 << 62
@@ -76,6 +76,7 @@ class MotorBoards:
         self._command: tuple[Four, int] = (STOPPED, NEVER_NS)  # duty, steady clock [ns]
         self._silent = True
         self.frames_ok = 0
+        self.last_ok_ns = 0   # host clock, when the latest good reply came
         self.frames_bad = 0   # replies that did not come or were damaged
         self.timeouts = 0     # times that the commands ceased
         self.last_error = ''
@@ -172,6 +173,7 @@ class MotorBoards:
             board.prepared = False
             return None
         self.frames_ok += 1
+        self.last_ok_ns = time.time_ns()
         return answer
 
 

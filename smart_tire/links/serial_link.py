@@ -45,7 +45,7 @@ def open_port(url: str, baud_rate: int, timeout: float = READ_TIMEOUT) -> Any:
 
 
 def _reason(error: Exception) -> str:
-    number = getattr(error, 'errno', None)
+    number = error.args[0] if isinstance(error, termios.error) else getattr(error, 'errno', None)
     if number is None and 'exclusively lock' in str(error):  # pyserial gives no number here
         number = errno.EBUSY
     return REASONS.get(number or 0) or (os.strerror(number) if number else str(error))

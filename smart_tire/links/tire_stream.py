@@ -101,6 +101,7 @@ class TireStream:
         self.units = {address: TireUnit(wheel, latency_ns)
                       for address, wheel in wheel_of.items()}
         self.frames_ok = 0
+        self.last_ok_ns = 0    # host clock, when the latest good frame came
         self.rejected = 0      # intact frames that are none of ours, or say what they must not
         self.last_error = ''   # why the latest one was rejected
         self._deframer = XBeeDeframer()
@@ -120,6 +121,7 @@ class TireStream:
                 self.last_error = str(error)
                 continue
             self.frames_ok += 1
+            self.last_ok_ns = receive_ns
             yield from unit.update(batch, receive_ns)
             if (battery := unit.battery(batch, receive_ns)) is not None:
                 yield battery

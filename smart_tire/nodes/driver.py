@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+import math
 import threading
+import time
 from typing import Any, Protocol, TypeVar
 
 from smart_tire.links.serial_link import SerialLink
 from smart_tire.nodes.base import SILENCE, SmartTireNode
-from smart_tire.nodes.diagnostics import Status, Tally
+from smart_tire.nodes.diagnostics import Status
+from smart_tire.samples import NS_PER_S
 
 Params = TypeVar('Params')
 
@@ -19,6 +22,10 @@ class Source(Protocol):
     @property
     def frames_ok(self) -> int:
         """Return how many frames or replies were good."""
+
+    @property
+    def last_ok_ns(self) -> int:
+        """Return the host's time when the latest good one came, 0 if none did."""
 
     @property
     def frames_bad(self) -> int:
@@ -39,8 +46,8 @@ class DriverNode(SmartTireNode[Params]):
 
     def __init__(self, name: str, params_class: type[Params]) -> None:
         super().__init__(name, params_class)
-        self._frames = Tally()
-        self._log_at = 1  # bad frames
+        self._bad_before = 0  # bad frames at the last report
+        self._log_at = 1      # bad frames that are worth a line
 
     def connect(self, source: Source, work: Callable[[Any, threading.Event], None]) -> None:
         """Let ``work`` go on with the port of the parameters once the node starts."""
@@ -65,25 +72,24 @@ class DriverNode(SmartTireNode[Params]):
 
     def fill_status(self, status: Status) -> None:
         """Add the state of the port and the counts of frames."""
-        now_ns, frames = self.steady_ns(), self._frames
-        if self._source.frames_ok > frames.ok:
-            frames.good(now_ns, self._source.frames_ok - frames.ok)
-        frames.bad = self._source.frames_bad
+        source, link = self._source, self._link
+        age = (time.time_ns() - source.last_ok_ns) / NS_PER_S if source.frames_ok else math.inf
         status.values.update(
-            frames_ok=frames.ok, frames_bad=frames.bad, last_message_age=frames.age(now_ns),
-            port_opened=self._link.opened, port_refused=self._link.refused)
-        if self._link.problem:
-            status.error(self._link.problem)
-        elif frames.age(now_ns) > SILENCE:
+            frames_ok=source.frames_ok, frames_bad=source.frames_bad, last_message_age=age,
+            port_opened=link.opened, port_refused=link.refused)
+        if link.problem:
+            status.error(link.problem)
+        elif age > SILENCE:
             status.error('the port is open, but nothing intelligible comes')
-        if new := frames.newly_bad():
-            status.warn(f'{new} bad frames, latest: {self._source.last_error or "damaged"}')
-        if frames.bad >= self._log_at:  # at the 1st, 2nd, 4th, 8th ... as far as 1 Hz sees them
-            self._log_at = 1 << frames.bad.bit_length()
-            self.get_logger().warning(
-                f'{frames.bad} bad frames, latest: {self._source.last_error or "damaged"}')
+        bad, latest = source.frames_bad, source.last_error or 'damaged'
+        if bad > self._bad_before:
+            status.warn(f'{bad - self._bad_before} bad frames, latest: {latest}')
+        if bad >= self._log_at:  # at the 1st, 2nd, 4th, 8th ... as far as 1 Hz sees them
+            self._log_at = 1 << bad.bit_length()
+            self.get_logger().warning(f'{bad} bad frames, latest: {latest}')
+        self._bad_before = bad
 
 
 def nanoseconds(seconds: float) -> int:
     """Return a parameter's seconds as the links count them."""
-    return round(seconds * 1e9)
+    return round(seconds * NS_PER_S)
