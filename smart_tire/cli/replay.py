@@ -9,6 +9,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from smart_tire.cli.listing import print_counts, print_losses
+from smart_tire.errors import BagError
 
 if TYPE_CHECKING:
     from smart_tire.bags import Bag
@@ -17,7 +18,7 @@ NAME = 'replay'
 HELP = 'publish what the estimators need from a bag, at the pace at which it was received'
 INPUTS = ('imu/data', 'wheel_states', 'tire_samples')
 CLOCK = '/clock'
-FAILED, USAGE = 1, 2
+FAILED = 1
 
 
 def positive(text: str) -> float:
@@ -45,21 +46,13 @@ def run(args: argparse.Namespace) -> int:
     """Publish the bag; print the messages by topic."""
     from smart_tire.bags import Bag
     with Bag(args.bag) as bag:
-        names = {name: found for name in args.topics or ([] if args.all else INPUTS)
-                 for found in [find(bag, name)]}
-        absent = [name for name, found in names.items() if found is None]
-        if args.topics and absent:
-            print(f'smart_tire replay: {args.bag} has no {", ".join(absent)}; it has '
-                  f'{", ".join(bag.topics)}', file=sys.stderr)
-            return USAGE
-        wanted = [found for found in names.values() if found is not None]
-        wanted += [name for name in harmless(bag, args.clock) if args.all and name not in wanted]
-        if not wanted:
+        names = chosen(bag, args.topics, everything=args.all, clock=args.clock)
+        if not names:
             print(f'smart_tire replay: {args.bag} has none of {", ".join(INPUTS)}; it has '
-                  f'{", ".join(bag.topics) or "no topics"}', file=sys.stderr)
+                  f'{listed(bag)}', file=sys.stderr)
             return FAILED
         from smart_tire.nodes.replayer import replay
-        result = replay(bag, wanted, rate=args.rate, clock=args.clock, wait=args.wait)
+        result = replay(bag, names, rate=args.rate, clock=args.clock, wait=args.wait)
         print_losses(bag.losses)
     print(f'{args.bag}: published' + ('' if result.complete else ', not all of it'))
     print_counts(result.counts)
@@ -68,21 +61,48 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def find(bag: Bag, wanted: str) -> str | None:
-    """Return the name in ``bag`` of a topic, with or without its namespace; None if none."""
+def chosen(bag: Bag, topics: Sequence[str], *, everything: bool, clock: bool) -> list[str]:
+    """
+    Return the names in ``bag`` of the topics to publish, the inputs if no others are asked for.
+
+    Raises BagError if one of ``topics`` is not there.
+    """
+    found = {topic: find(bag, topic, topics) for topic in topics}
+    if absent := [topic for topic, name in found.items() if name is None]:
+        raise BagError(f'{bag.path} has no {", ".join(absent)}; it has {listed(bag)}')
+    names = [name for name in found.values() if name is not None]
+    if everything:
+        names += harmless(bag, clock=clock)
+    elif not topics:
+        names += bag.match(INPUTS).values()
+    return list(dict.fromkeys(names))
+
+
+def find(bag: Bag, wanted: str, together: Sequence[str] = ()) -> str | None:
+    """
+    Return the name in ``bag`` of a topic, with or without its namespace; None if none.
+
+    Topics of the contract that are wanted ``together`` are those of one robot.
+    """
     from smart_tire.messages import TOPICS
     name = wanted.strip('/')
     for found in bag.topics:
         if found.strip('/') == name:
             return found
     if name in TOPICS:
-        return bag.match([name]).get(name)
+        return bag.match({name, *TOPICS.keys() & {topic.strip('/') for topic in together}}).get(
+            name)
     return min((found for found in bag.topics if found.endswith(f'/{name}')), key=len,
                default=None)
 
 
-def harmless(bag: Bag, clock: bool) -> Sequence[str]:
+def harmless(bag: Bag, *, clock: bool) -> list[str]:
     """Return all topics but commands: what was ordered once must not move a robot again."""
     from smart_tire.messages import find_topic
     return [name for name in bag.topics if not (clock and name == CLOCK)
             and ((topic := find_topic(name)) is None or topic.quality != 'command')]
+
+
+def listed(bag: Bag) -> str:
+    """Return the topics of ``bag`` as a list for the user."""
+    return ', '.join(bag.topics) or 'no topics'
