@@ -1,0 +1,22 @@
+"""The nodes need rclpy; where it is missing, their tests are left out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+if find_spec('rclpy') is None:
+    collect_ignore_glob = ['test_*.py']
+
+
+@pytest.fixture
+def graph(tmp_path: Path, isolated_ros: None) -> Iterator[Any]:
+    """Return the test's own node in the ROS graph, which can start others."""
+    from support.graph import Graph
+
+    with Graph(tmp_path) as made:
+        yield made

@@ -1,0 +1,64 @@
+"""How nodes start, refuse to start, and end."""
+
+from __future__ import annotations
+
+import signal
+
+import pytest
+
+from smart_tire.parameters import NODE_PARAMS
+
+DRIVERS = ('tire_receiver', 'imu_driver', 'motor_driver')
+
+
+@pytest.mark.parametrize('name', NODE_PARAMS)
+def test_a_node_tells_how_it_is_and_ends_cleanly_however_often_it_is_told(name, graph, tmp_path):
+    ports = {f'ports__{port}': tmp_path / port for port in ('tire_radio', 'imu', 'motors')} \
+        if name == 'robot_simulator' else {}
+    with graph.start(name, **ports) as node:
+        graph.until(lambda: name in graph.health)
+        assert node.end(signal.SIGINT, signal.SIGINT, signal.SIGTERM) == 0
+        assert 'Traceback' not in node.output
+
+
+def test_sigterm_is_a_clean_end_too(graph):
+    with graph.start('wheel_controller') as node:
+        graph.until(lambda: graph.health)
+        assert node.end(signal.SIGTERM) == 0
+        assert node.output == ''
+
+
+@pytest.mark.parametrize(('parameters', 'complaint'), [
+    ({'ratee': 16.0}, 'unknown parameter ratee, did you mean rate?'),
+    ({'rate': 'fast'}, "parameter rate: 'fast', expected a float"),
+    ({'rate': 1000}, 'parameter rate: 1000.0, expected 1 to 200 Hz'),
+    ({'imu__position': '[1, 2]'}, 'parameter imu.position: '),
+])
+def test_a_bad_parameter_is_refused_in_one_line_that_names_it(parameters, complaint, graph):
+    with graph.start('wheel_controller', **parameters) as node:
+        assert node.ended() == 2
+        assert complaint in node.output
+        assert node.output.count('\n') == 1
+
+
+@pytest.mark.parametrize(('text', 'complaint'), [
+    ('/**:\n  ros__parameters:\n    wheel_radios: 0.1\n', 'did you mean wheel_radius?'),
+    ('/**:\n  ros__parameters:\n    units: [broken]\n', "units: 'broken', expected 16 hex digits"),
+    ('/**: [', 'params.yaml'),
+])
+def test_a_bad_parameter_file_is_refused(text, complaint, graph, tmp_path):
+    from support.graph import Process
+
+    path = tmp_path / 'params.yaml'
+    path.write_text(text)
+    with Process('tire_receiver', tmp_path / 'log', '--ros-args', '--params-file',
+                 str(path)) as node:
+        assert node.ended() == 2
+        assert complaint in node.output
+        assert 'Traceback' not in node.output
+
+
+def test_whole_numbers_do_where_numbers_are_wanted(graph):
+    with graph.start('wheel_controller', rate=20, imu__position='[0, 0, 1]') as node:
+        graph.until(lambda: graph.health)
+        assert node.end() == 0
