@@ -1,0 +1,105 @@
+"""``smart_tire analyze``: recorded inputs through the estimators, faster than real time."""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+import sys
+from typing import TYPE_CHECKING
+
+from smart_tire.errors import BagError
+
+if TYPE_CHECKING:
+    from smart_tire.analysis.offline import Progress
+    from smart_tire.analysis.pipeline import EstimatorParams
+
+NAME = 'analyze'
+HELP = 'estimate slip, friction and path from bags, as fast as it can'
+ESTIMATED, NOTHING, USAGE = 0, 1, 2
+STEP = 0.25  # of a bag, between two lines of progress where there is no terminal
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the arguments of this verb."""
+    parser.add_argument('bags', type=Path, nargs='+', metavar='BAG',
+                        help='rosbag2 folder, or a file of one')
+    parser.add_argument('--params', type=Path, action='append', default=[], metavar='FILE',
+                        help='ROS parameter file; may be repeated, later ones win')
+    parser.add_argument('--out', type=Path, required=True, metavar='DIR',
+                        help='folder for estimates, summary.json and figures')
+    parser.add_argument('--no-figures', action='store_true', help='draw nothing')
+
+
+def run(args: argparse.Namespace) -> int:
+    """Analyze the bags one after the other; the worst of them gives the exit status."""
+    from smart_tire.analysis.pipeline import EstimatorParams
+    params = EstimatorParams.load(args.params)
+    names = [folder_name(bag) for bag in args.bags]
+    for name, count in Counter(names).items():
+        if count > 1:
+            print(f'smart_tire analyze: {count} bags are named {name}', file=sys.stderr)
+            return USAGE
+    status = ESTIMATED
+    for bag, name in zip(args.bags, names):
+        out = args.out if len(args.bags) == 1 else args.out / name
+        try:
+            status = max(status, analyze_one(bag, out, params, not args.no_figures))
+        except BagError as error:
+            print(f'smart_tire analyze: {error}', file=sys.stderr)
+            status = USAGE
+    return status
+
+
+def folder_name(bag: Path) -> str:
+    """Return the name of a bag: that of its folder, or of its file without suffix."""
+    bag = bag.resolve()
+    return bag.name if bag.is_dir() else bag.stem
+
+
+def analyze_one(bag: Path, out: Path, params: EstimatorParams, figures: bool) -> int:
+    """Analyze one bag into ``out`` and print what it tells; return the exit status."""
+    from smart_tire.analysis.offline import analyze
+    from smart_tire.analysis.report import lines
+    with shown_progress(folder_name(bag)) as progress:
+        result = analyze(bag, out, params, progress)
+    if result.summary is None:
+        print(f'{bag}: nothing to estimate')
+        for text in result.left_out:
+            print(f'  left out: {text}')
+        return NOTHING
+    for line in lines(result.summary):
+        print(line)
+    if figures:
+        from smart_tire.analysis.figures import write_figures
+        write_figures(out, result.inputs, result.estimates, result.truth, params.robot)
+    print(f'  written to {out}')
+    return ESTIMATED
+
+
+@contextmanager
+def shown_progress(name: str) -> Iterator[Progress]:
+    """Give a function that shows the share that is done: a bar on a terminal, else lines."""
+    from rich.progress import Progress as Bars
+    if not sys.stdout.isatty():
+        yield Lines(name).show
+        return
+    with Bars(transient=True) as bars:
+        bar = bars.add_task(name, total=1.0)
+        yield lambda share: bars.update(bar, completed=share)
+
+
+class Lines:
+    """Progress where nothing can be drawn over: a line now and then."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._next = STEP
+
+    def show(self, share: float) -> None:
+        """Print a line if enough was done since the last one."""
+        if share >= self._next:
+            print(f'{self._name}: {100.0 * share:.0f} %', flush=True)
+            self._next = share - share % STEP + STEP

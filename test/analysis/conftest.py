@@ -1,0 +1,48 @@
+"""One simulated drive for all tests of this folder, in memory and as a bag."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from smart_tire.bags import BagWriter, channel_of
+from smart_tire.bags.definitions import empty, Encoder
+from smart_tire.messages import TOPICS
+from smart_tire.parameters import build, SimulatorParams
+from smart_tire.simulation.run import simulate
+
+LEGS = [(0.0, 0.0, 0.0), (1.0, 120.0, 60.0), (7.0, 60.0, 120.0), (11.5, 0.0, 0.0)]  # s, rpm, rpm
+
+
+@pytest.fixture(scope='session')
+def drive():
+    """Return the events of twelve seconds on concrete with two instrumented wheels."""
+    params = build(SimulatorParams, {'film.wheels': ['front_left', 'front_right'], 'seed': 5})
+    return simulate(params, LEGS, 12.0)
+
+
+@pytest.fixture(scope='session')
+def drive_bag(drive, tmp_path_factory):
+    """Return the bag of the drive."""
+    return write_bag(tmp_path_factory.mktemp('recorded') / 'drive', drive)
+
+
+@pytest.fixture(scope='session')
+def bag_of():
+    """Return the function that writes events to a bag, under names of one's choice."""
+    return write_bag
+
+
+def write_bag(path, events, rename=lambda topic: topic):
+    """Write ``events`` and return ``path``; ``rename`` gives the topics other names."""
+    encoders = {}
+    with BagWriter(path) as writer:
+        for receive_ns, topic, sample in events:
+            name = rename(topic)
+            if name not in encoders:
+                encoders[name] = Encoder(TOPICS[topic].type)
+                writer.add_topic(replace(channel_of(topic, TOPICS[topic].type), topic=name))
+            message = TOPICS[topic].fill(empty(TOPICS[topic].type), sample)
+            writer.write(name, receive_ns, encoders[name](message))
+    return path

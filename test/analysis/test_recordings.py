@@ -1,0 +1,70 @@
+"""Real recordings of other robots: no film, few channels, poses as truth."""
+
+from pathlib import Path
+
+import pytest
+
+from smart_tire.analysis.offline import analyze
+from smart_tire.analysis.pipeline import EstimatorParams
+
+RECORDINGS = Path(__file__).resolve().parents[3] / 'shared' / 'data'
+# What is known of the robots: geometry, late wheels, firm ground, and that their frames shake by
+# 1 m/s2 rms while they drive, correlated over some samples.
+COMMON = """
+    imu: {position: [0.0, 0.0, 0.0], accel_noise: 3.0, accel_bias: 0.5}
+    slip_sigma: 0.02
+    slip_agility: 0.1
+    slope_sigma: 0.02
+"""
+WARTHOG = f"""
+/**:
+  ros__parameters:
+    wheel_radius: 0.285
+    track_width: 1.08
+    wheelbase: 1.05
+    encoder: {{latency: 0.17, stamp_jitter: 0.02}}
+{COMMON}"""
+HUSKY = f"""
+/**:
+  ros__parameters:
+    wheel_radius: 0.1651
+    track_width: 0.555
+    wheelbase: 0.540
+{COMMON}"""
+
+
+def analyzed(name, text, tmp_path):
+    """Return the run on a recording; skip where it is not at hand."""
+    if not (RECORDINGS / name).exists():
+        pytest.skip(f'the recording {RECORDINGS / name} is not on this machine')
+    path = tmp_path / 'robot.yaml'
+    path.write_text(text)
+    return analyze(RECORDINGS / name, tmp_path / 'out', EstimatorParams.load([path]))
+
+
+def test_the_warthog_on_asphalt_is_followed_where_wheel_odometry_is_lost(tmp_path):
+    """The recording's own figures: wheels alone 22.7 m rms and 9.4 rad off after 153 m."""
+    run = analyzed('warthog_asphalt', WARTHOG, tmp_path)
+    pose = run.summary['against_truth']['pose']
+    assert pose['distance_m'] == pytest.approx(153.0, rel=0.03)
+    assert pose['position_rms_m'] < 1.5
+    assert abs(pose['yaw_end_rad']) < 0.1 and pose['yaw']['rms'] < 0.05
+    assert run.summary['inputs']['imu/data']['rate_hz'] == pytest.approx(20.0, rel=0.01)
+    assert run.summary['inputs']['wheel_states']['rate_hz'] == pytest.approx(4.0, rel=0.01)
+
+
+def test_the_husky_is_followed_though_only_its_mean_wheel_speed_is_known(tmp_path):
+    run = analyzed('husky_rectangle', HUSKY, tmp_path)
+    pose = run.summary['against_truth']['pose']
+    assert pose['distance_m'] == pytest.approx(20.4, rel=0.03)
+    assert pose['position_rms_m'] < 1.5
+    assert abs(pose['yaw_end_rad']) < 0.05 and pose['yaw']['rms'] < 0.02
+
+
+def test_what_a_recording_lacks_is_said(tmp_path):
+    run = analyzed('husky_rectangle', HUSKY, tmp_path)
+    told = '\n'.join(run.left_out)
+    assert 'tire_samples is not in the bag' in told
+    assert 'positions of wheel_states: 488 messages have none' in told
+    assert 'twist of ground_truth/odom is not given' in told
+    assert run.summary['against_truth']['pose']['twist'] is None

@@ -1,0 +1,112 @@
+"""The command line of ``smart_tire analyze``: grammar, files and exit status."""
+
+import json
+
+import pytest
+
+from smart_tire.bags import BagWriter
+from smart_tire.cli.main import main
+from smart_tire.parameters import build, SimulatorParams
+from smart_tire.simulation.run import simulate
+
+ONE_WHEEL = {'film.wheels': ['front_left'], 'seed': 2}
+
+
+@pytest.fixture(scope='module')
+def bag(tmp_path_factory):
+    """Return the bag of a short drive."""
+    path = tmp_path_factory.mktemp('recorded') / 'drive'
+    with BagWriter(path) as writer:
+        for receive_ns, topic, sample in simulate(
+                build(SimulatorParams, ONE_WHEEL), [(0.5, 100.0, 60.0)], 4.0):
+            writer.write_sample(topic, receive_ns, sample)
+    return path
+
+
+@pytest.fixture
+def robot(tmp_path):
+    """Return a parameter file that fits the drive."""
+    path = tmp_path / 'robot.yaml'
+    path.write_text('/**: {ros__parameters: {film: {wheels: [front_left]}}}')
+    return path
+
+
+def analyze(*words):
+    return main(['analyze', *map(str, words)])
+
+
+def test_one_bag_is_written_straight_into_the_folder(bag, robot, tmp_path, capsys):
+    out = tmp_path / 'out'
+    assert analyze(bag, '--params', robot, '--out', out) == 0
+    assert {path.name for path in out.iterdir()} >= {
+        'estimates', 'summary.json', 'slip.png', 'path.png', 'friction.png'}
+    assert json.loads((out / 'summary.json').read_text())['bag'] == str(bag)
+    told = capsys.readouterr().out
+    assert 'drive: 100 %' in told and 'position error' in told
+
+
+def test_several_bags_have_a_folder_each(bag, tmp_path):
+    other = tmp_path / 'again'
+    other.symlink_to(bag / 'drive_0.mcap')
+    out = tmp_path / 'out'
+    copy = tmp_path / 'copy'
+    copy.mkdir()
+    (copy / 'copy_0.mcap').write_bytes((bag / 'drive_0.mcap').read_bytes())
+    assert analyze(bag, copy, '--no-figures', '--out', out) == 0
+    assert sorted(path.name for path in out.iterdir()) == ['copy', 'drive']
+    assert sorted(path.name for path in (out / 'copy').iterdir()) == ['estimates', 'summary.json']
+
+
+def test_two_bags_of_one_name_are_refused_before_anything_is_written(bag, tmp_path, capsys):
+    assert analyze(bag, bag, '--out', tmp_path / 'out') == 2
+    assert '2 bags are named drive' in capsys.readouterr().err
+    assert not (tmp_path / 'out').exists()
+
+
+def test_a_bag_without_inputs_is_status_one_and_the_others_go_on(bag, tmp_path, capsys):
+    empty = tmp_path / 'empty'
+    with BagWriter(empty):
+        pass
+    assert analyze(empty, bag, '--no-figures', '--out', tmp_path / 'out') == 1
+    told = capsys.readouterr().out
+    assert f'{empty}: nothing to estimate' in told
+    assert 'imu/data is not in the bag' in told
+    assert (tmp_path / 'out' / 'drive' / 'summary.json').exists()
+
+
+def test_a_bag_that_is_not_there_is_status_two_and_the_others_go_on(bag, tmp_path, capsys):
+    out = tmp_path / 'out'
+    assert analyze(tmp_path / 'nowhere', bag, '--no-figures', '--out', out) == 2
+    assert 'nowhere: no such file' in capsys.readouterr().err
+    assert (out / 'drive' / 'summary.json').exists()
+
+
+@pytest.mark.parametrize('text, message', [
+    ('/**: {ros__parameters: {wheel_radius: -1.0}}', 'wheel_radius'),
+    ('/**: {ros__parameters: {wheel_radios: 1.0}}', 'did you mean wheel_radius'),
+    ('nonsense', 'ros__parameters')])
+def test_a_bad_parameter_file_is_status_two(bag, tmp_path, capsys, text, message):
+    path = tmp_path / 'bad.yaml'
+    path.write_text(text)
+    assert analyze(bag, '--params', path, '--out', tmp_path / 'out') == 2
+    assert message in capsys.readouterr().err
+    assert not (tmp_path / 'out').exists()
+
+
+def test_later_parameter_files_win(bag, robot, tmp_path):
+    slips = []
+    for radius in (0.087, 0.174):
+        last = tmp_path / 'last.yaml'
+        last.write_text(f'/**: {{ros__parameters: {{wheel_radius: {radius}}}}}')
+        out = tmp_path / str(radius)
+        assert analyze(bag, '--params', robot, '--params', last, '--no-figures', '--out', out) == 0
+        summary = json.loads((out / 'summary.json').read_text())
+        slips.append(summary['estimates']['wheel_slip']['left']['mean'])
+    assert slips[0] < 0.2 and slips[1] > 0.4  # wheels twice as large would have to slip
+
+
+@pytest.mark.parametrize('words', [[], ['bag'], ['--out', 'out']])
+def test_a_command_line_that_lacks_something_is_status_two(words):
+    with pytest.raises(SystemExit) as exit_info:
+        analyze(*words)
+    assert exit_info.value.code == 2
