@@ -68,8 +68,8 @@ def _header(now: float, what: str, felt: Felt) -> Text:
 
 
 def _table(felt: Felt) -> Table:
-    table = Table('wheel', box=None, pad_edge=False)
-    for column in ('speed [rpm]', 'slip', 'friction, fused', 'this revolution', 'passages'):
+    table = Table('wheel', box=None, pad_edge=False)  # a bracket would be markup
+    for column in ('speed, rpm', 'slip', 'friction, fused', 'this revolution', 'passages'):
         table.add_column(column, justify='right', min_width=len(column) + 2)
     for index, wheel in enumerate(WHEELS):
         table.add_row(wheel, *_row(index, wheel, felt))

@@ -1,0 +1,157 @@
+"""The whole stack as real processes over DDS: every topic for type, rate, frame and stamps."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+
+import numpy as np
+import pytest
+import yaml
+
+from smart_tire.bags import Bag, BagWriter
+from smart_tire.bags.cdr import Decoder
+from smart_tire.cli.demo import EXPECTED, UNITS
+from smart_tire.cli.stack import isolated_environment, NODES, Stack
+from smart_tire.messages import TOPICS
+from smart_tire.samples import NS_PER_S, VelocityCommand
+from support.stack import count, parameter_file
+from support.waiting import wait_for
+
+DRIVE = 8.0     # s
+WHEELS = ['front_left', 'front_right']
+FILMS = {'front_left': ['front_left_pvdf_1', 'front_left_pvdf_2'],
+         'front_right': ['front_right_pvdf_1', 'front_right_pvdf_2']}
+
+
+@pytest.fixture(scope='module')
+def run(tmp_path_factory):
+    """Return the bag of a short drive, exit states, and logs of the whole stack."""
+    folder = tmp_path_factory.mktemp('stack')
+    bag, orders = folder / 'bag', folder / 'orders'
+    with BagWriter(orders) as writer:
+        for k in range(round(10 * DRIVE)):
+            stamp = 1_700_000_000 * NS_PER_S + k * NS_PER_S // 10
+            writer.write_sample('cmd_vel', stamp, VelocityCommand(stamp, 0.8, -1.4))
+    ports = {name: str(folder / name) for name in ('tire_radio', 'imu', 'motors')}
+    params = parameter_file(folder / 'stack.yaml', {
+        '/**': {'film.wheels': WHEELS},
+        'robot_simulator': {'ground.base': 'concrete', 'units': list(UNITS), 'ports': ports},
+        'tire_receiver': {'port': ports['tire_radio'], 'units': list(UNITS)},
+        'imu_driver': {'port': ports['imu']}, 'motor_driver': {'port': ports['motors']}})
+    with Stack(folder / 'logs', isolated_environment()) as stack:
+        stack.start('recorder', 'smart_tire.cli.main', 'record', '--out', str(bag))
+        for node in NODES:
+            stack.node(node, [params])
+        wait_for(lambda: not stack.died() and count(bag, 'odom') > 200)
+        stack.start('orders', 'smart_tire.cli.main', 'replay', str(orders), '--topics', 'cmd_vel')
+        stack.processes['orders'].wait(60.0)
+        assert stack.stop('orders') == {'orders': 0}, stack.log('orders')
+        died = dict(stack.died())
+        died.pop('orders')
+        states = stack.stop(*NODES[1:]) | stack.stop(NODES[0]) | stack.stop('recorder')
+        logs = {name: stack.log(name) for name in stack.processes}
+    return bag, died, states, logs
+
+
+@pytest.fixture(scope='module')
+def messages(run):
+    """Return topic -> list of (receive_ns, stamp_ns, frame, names) and the counts."""
+    found = defaultdict(list)
+    with Bag(run[0]) as bag:
+        names = bag.match(TOPICS)
+        contract = {name: topic for topic, name in names.items()}
+        readers = {name: Decoder(TOPICS[topic].type) for name, topic in contract.items()}
+        for receive_ns, channel, data in bag.raw(readers):
+            msg = readers[channel.topic](data)
+            stamp = msg.header.stamp.sec * NS_PER_S + msg.header.stamp.nanosec
+            found[contract[channel.topic]].append(
+                (receive_ns, stamp, msg.header.frame_id, list(getattr(msg, 'name', []))))
+    return found
+
+
+def test_every_process_lived_and_ended_cleanly(run):
+    _, died, states, logs = run
+    assert died == {}
+    assert states == {name: 0 for name in states}, logs
+    assert not any('Traceback' in log for log in logs.values()), logs
+
+
+def test_no_topic_was_silent_and_each_has_the_type_of_the_contract(run):
+    with Bag(run[0]) as bag:
+        topics = {name.lstrip('/'): topic for name, topic in bag.topics.items()}
+    for name in EXPECTED:
+        assert topics[name.lstrip('/')].messages > 0, name
+        if name in TOPICS:
+            assert topics[name].channel.type == TOPICS[name].type
+    assert topics['diagnostics'].channel.type == 'diagnostic_msgs/msg/DiagnosticArray'
+
+
+@pytest.mark.parametrize('topic', [topic for topic in EXPECTED if topic in TOPICS])
+def test_frames_are_those_of_the_contract(messages, topic):
+    frames = {frame for _, _, frame, _ in messages[topic]}
+    assert frames == ({TOPICS[topic].frame} if TOPICS[topic].frame else set(WHEELS))
+
+
+@pytest.mark.parametrize('topic, rate', [
+    ('imu/data', 100.0), ('wheel_states', 16.0), ('odom', 125.0), ('wheel_slip', 125.0),
+    ('wheel_commands', 16.0), ('motor_commands', 16.0), ('ground_truth/odom', 100.0),
+    ('ground_truth/wheel_slip', 100.0), ('cmd_vel', 10.0)])
+def test_stamps_advance_at_the_rate_of_the_contract(messages, topic, rate):
+    stamps = np.array([stamp for _, stamp, _, _ in messages[topic]])
+    assert np.all(np.diff(stamps) > 0)
+    assert NS_PER_S / np.median(np.diff(stamps)) == pytest.approx(rate, rel=0.05)
+
+
+def test_tire_samples_come_at_400_hz_per_wheel_with_the_names_of_their_films(messages):
+    for wheel in WHEELS:
+        own = [(stamp, names) for _, stamp, frame, names in messages['tire_samples']
+               if frame == wheel]
+        steps = np.diff([stamp for stamp, _ in own])
+        assert np.median(steps) == pytest.approx(2.5e6, rel=0.01)
+        assert np.all(steps > 1.0e6)
+        assert all(names == FILMS[wheel] for _, names in own)
+
+
+@pytest.mark.parametrize('topic', ['odom', 'wheel_slip', 'icr'])
+def test_estimates_lie_on_the_grid_of_8_ms(messages, topic):
+    assert all(stamp % 8_000_000 == 0 for _, stamp, _, _ in messages[topic])
+
+
+@pytest.mark.parametrize('topic', [topic for topic in EXPECTED
+                                   if topic in TOPICS and topic != 'cmd_vel'])
+def test_stamps_lie_in_the_recent_past_of_their_arrival(messages, topic):
+    ages = np.array([receive - stamp for receive, stamp, _, _ in messages[topic]]) / NS_PER_S
+    assert np.all(ages > -0.02)
+    assert np.median(ages) < 0.5
+
+
+def test_wheels_are_named_in_the_order_of_the_contract(messages):
+    wheels = ['front_left', 'front_right', 'rear_left', 'rear_right']
+    for topic in ('wheel_states', 'wheel_slip', 'wheel_commands', 'motor_commands',
+                  'ground_truth/wheel_slip'):
+        assert all(names == wheels for _, _, _, names in messages[topic])
+
+
+def test_the_robot_turned_and_its_friction_was_felt(run):
+    slips, frictions = [], []
+    with Bag(run[0]) as bag:
+        for _, topic, sample in bag.samples(['wheel_slip', 'tire_friction']):
+            (slips if topic == 'wheel_slip' else frictions).append(sample)
+    moving = [slip.ratio for slip in slips if np.all(np.isfinite(slip.ratio))]
+    assert np.median(moving, axis=0)[0] == pytest.approx(0.11, abs=0.04)
+    assert len({friction.wheel for friction in frictions}) == 2
+
+
+def test_diagnostics_of_every_node_were_recorded(run):
+    with Bag(run[0]) as bag:
+        read = Decoder('diagnostic_msgs/msg/DiagnosticArray')
+        names = {status.name for _, _, data in bag.raw(['/diagnostics'])
+                 for status in read(data).status}
+    assert set(NODES) <= names
+
+
+def test_metadata_is_that_of_rosbag2(run):
+    metadata = yaml.safe_load((run[0] / 'metadata.yaml').read_text())
+    information = metadata['rosbag2_bagfile_information']
+    assert information['storage_identifier'] == 'mcap'
+    assert information['message_count'] > 5000

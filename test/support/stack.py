@@ -1,0 +1,25 @@
+"""A stack of real processes, for tests that need one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import yaml
+
+from smart_tire.bags import Bag
+
+
+def parameter_file(path: Path, nodes) -> Path:
+    """Write a ROS parameter file for ``nodes`` (name -> parameters) and return it."""
+    path.write_text(yaml.safe_dump({name: {'ros__parameters': values}
+                                    for name, values in nodes.items()}), encoding='utf-8')
+    return path
+
+
+def count(bag: Path, topic: str) -> int:
+    """Return the messages of ``topic`` that a bag, also one being written, holds so far."""
+    if not bag.is_dir():
+        return 0
+    with Bag(bag) as reader:
+        found = reader.topics.get(f'/{topic}')
+        return 0 if found is None else found.messages
