@@ -1,4 +1,9 @@
-"""Bags of rosbag2: directories or single files, mcap or sqlite3, whole or broken."""
+"""
+Bags of rosbag2: directories or single files, mcap or sqlite3, whole or broken.
+
+The files are read here and not by rosbags, which wants each of them whole, and yields nothing
+where metadata.yaml and the file tell the offered profiles in different words.
+"""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ VERBS = {
 }
 FAILED, USAGE, INTERRUPTED = 1, 2, 130
 ROS_ARGUMENTS = '--ros-args'  # from here on they are for rclpy, which finds them by itself
-ROS_HINT = 'source a ROS 2 distribution, or install smart_tire[ros]'
+OF_ROS = ('rclpy', '_msgs', '_srvs', '_interfaces')  # ends of the names of its packages
 
 
 def new_parser(asked: str | None) -> argparse.ArgumentParser:
@@ -58,9 +58,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     except ModuleNotFoundError as error:
         if error.name is None or error.name.startswith('smart_tire'):
             raise
-        return complain(args.verb, f'{error.name} is not installed ({ROS_HINT})', FAILED)
+        return complain(args.verb, f'{error.name} is not installed ({hint(error.name)})', FAILED)
     except KeyboardInterrupt:
         return complain(args.verb, 'interrupted', INTERRUPTED)
+
+
+def hint(module: str) -> str:
+    """Return where a missing module comes from."""
+    if module.split('.')[0].endswith(OF_ROS):
+        return 'source a ROS 2 distribution, or pip install smart_tire[ros]'
+    return 'pip install smart_tire brings all it needs'
 
 
 def complain(verb: str, error: object, status: int) -> int:
