@@ -1,10 +1,10 @@
 """Start the estimators on a bag: ``ros2 launch smart_tire replay.launch.py bag:=DIR rate:=5``."""
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, ExecuteProcess, Shutdown, TimerAction
+from launch.actions import DeclareLaunchArgument, Shutdown, TimerAction
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
-from launch_ros.substitutions import ExecutableInPackage, FindPackageShare
+from launch_ros.substitutions import FindPackageShare
 
 NODES = ('slip_estimator', 'friction_estimator')
 FILES = {
@@ -19,16 +19,20 @@ def generate_launch_description():
     config = PathJoinSubstitution([FindPackageShare('smart_tire'), 'config'])
     end = TimerAction(period=LAST_ESTIMATES, actions=[Shutdown(reason='the bag has ended')])
     return LaunchDescription([
+        DeclareLaunchArgument('namespace', default_value='',
+                              description='of the topics in the bag'),
         DeclareLaunchArgument('bag', description='rosbag2 directory'),
         DeclareLaunchArgument('rate', default_value='1', description='times real time'),
         *(DeclareLaunchArgument(name, description=f'parameter file: {about}',
                                 default_value=PathJoinSubstitution([config, f'{name}.yaml']))
           for name, about in FILES.items()),
         *(Node(package='smart_tire', executable=node, output='screen',
+               namespace=LaunchConfiguration('namespace'),
                parameters=[LaunchConfiguration(name) for name in FILES])
           for node in NODES),
-        ExecuteProcess(
-            cmd=[ExecutableInPackage('smart_tire', 'smart_tire'), 'replay',
-                 LaunchConfiguration('bag'), '--rate', LaunchConfiguration('rate')],
-            output='screen', on_exit=[end]),
+        Node(package='smart_tire', executable='smart_tire', output='screen',
+             namespace=LaunchConfiguration('namespace'),
+             arguments=['replay', LaunchConfiguration('bag'),
+                        '--rate', LaunchConfiguration('rate')],
+             on_exit=[end]),
     ])

@@ -107,7 +107,9 @@ def test_default_files_exist(path, described):
 def test_each_node_gets_the_robot_and_its_own_parameters(path, described):
     own = {'slip_estimator': 'tuning', 'friction_estimator': 'tuning',
            'wheel_controller': 'tuning', 'robot_simulator': 'simulation'}
-    for node in of_kind(described(path), 'Node'):
+    nodes = [node for node in of_kind(described(path), 'Node')
+             if node.options['executable'] != 'smart_tire']
+    for node in nodes:
         files = {call.args[0] for call in node.options['parameters']}
         assert {'robot', own.get(node.options['executable'], 'hardware')} <= files
 
@@ -133,12 +135,14 @@ def test_a_simulation_is_the_simulator_and_the_robot_plugged_into_it(described):
 
 def test_a_replay_is_the_estimators_and_the_bag_which_has_no_default(described):
     found = described(LAUNCH / 'replay.launch.py')
-    assert set(executables(found)) == ESTIMATORS
+    assert set(executables(found)) == ESTIMATORS | {'smart_tire'}
     bag, = (call for call in of_kind(found, 'DeclareLaunchArgument') if call.args[0] == 'bag')
     assert 'default_value' not in bag.options
-    player, = of_kind(found, 'ExecuteProcess')
-    command = [item if isinstance(item, str) else item.args[0] for item in player.options['cmd']]
-    assert command == ['smart_tire', 'replay', 'bag', '--rate', 'rate']
+    player, = (node for node in of_kind(found, 'Node') if 'arguments' in node.options)
+    assert player.options['executable'] == 'smart_tire'
+    words = [word if isinstance(word, str) else word.args[0]
+             for word in player.options['arguments']]
+    assert words == ['replay', 'bag', '--rate', 'rate']
 
 
 @every_file
