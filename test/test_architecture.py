@@ -27,8 +27,8 @@ ONLY_IN = {
 }
 ROS_SUFFIXES = ('_msgs', '_srvs', '_interfaces')
 LAUNCH = {'launch', 'launch_ros', 'ament_index_python'}
-TIMELESS = {'errors', 'samples', 'rotation', 'parameters', 'protocol', 'messages', 'models', 'control',
-            'estimation'}
+TIMELESS = {'errors', 'samples', 'rotation', 'parameters', 'protocol', 'messages', 'models',
+            'control', 'estimation'}
 BROAD = {'Exception', 'BaseException'}
 
 every_file = pytest.mark.parametrize(
