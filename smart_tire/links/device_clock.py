@@ -19,6 +19,8 @@ MAX_BINS = 64            # points that the envelope is drawn through
 DRIFT_SIGMA = 50e-6      # crystals of wheel units and IMUs are within some tens of ppm
 LEAST_JITTER = 20e-6     # s, keeps the weights finite on a link that does not jitter at all
 MAX_SLEW = 0.1           # of elapsed time: how quickly corrections reach the stamps
+FUTURE = 0.05            # s after the reception: jitter puts no stamp there, a held up start does
+LEAST_RATE = 0.1         # of elapsed time that stamps still advance while the future waits
 MAX_EARLY = 0.1          # s: earlier than the envelope by more is no message of this clock
 MAX_LATE = 5.0           # s: later by more is none either
 JUMP = 0.1               # s: one of the clocks was set if a row of messages is later by more
@@ -92,7 +94,7 @@ class DeviceClock:
         late = self.excess(device_ns, receive_ns) > JUMP
         self._late_row = self._late_row + 1 if late else 0
         self._learn(device_ns, receive_ns)
-        self._advance(device_ns)
+        self._advance(device_ns, receive_ns)
         return self._anchors[1][1]
 
     def fits(self, device_ns: int, receive_ns: int) -> bool:
@@ -158,7 +160,13 @@ class DeviceClock:
         # The quickest of n messages is still late, by the mean delay / n on average.
         self._floor = envelope - above / count
 
-    def _advance(self, device_ns: int) -> None:
+    def _advance(self, device_ns: int, receive_ns: int) -> None:
+        """
+        Move the stamps on towards the line, without a step.
+
+        Only where they would lie well after the reception they wait: what was held up before
+        the first reading came all at once, and nobody could know then how old it was.
+        """
         device_0, host_0 = self._anchors[1]
         time = (device_ns - self._origin[0]) * NS
         wanted = self._origin[1] + (device_ns - self._origin[0]) + round(
@@ -166,7 +174,11 @@ class DeviceClock:
         step = device_ns - device_0
         if step > 0:
             slack = round(MAX_SLEW * step)
-            wanted = min(max(wanted, host_0 + step - slack), host_0 + step + slack)
+            least = host_0 + step - slack
+            latest = receive_ns + round(FUTURE / NS)
+            if least > latest:
+                least = max(host_0 + round(LEAST_RATE * step), latest)
+            wanted = min(max(wanted, least), host_0 + step + slack)
             self._anchors = (self._anchors[1], (device_ns, wanted))
 
 

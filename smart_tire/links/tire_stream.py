@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Iterator, Mapping
 
 from smart_tire.errors import FrameError
-from smart_tire.links.device_clock import DeviceClock
+from smart_tire.links.device_clock import DeviceClock, MAX_LATE
 from smart_tire.protocol.tire_payload import (
     decode_batch, MAX_CODE, SEQUENCE_WRAP, TIMER_WRAP_US, TireBatch, volts)
 from smart_tire.protocol.xbee import decode_receive_packet, XBeeDeframer
@@ -77,11 +77,11 @@ class TireUnit:
             self._restart(batch)
         else:
             self._timer_us += (batch.timer_us - last.timer_us) % TIMER_WRAP_US
-            if self.clock.fits(_end_ns(self._timer_us, batch), receive_ns):
-                self.lost += (batch.sequence - last.sequence - 1) % SEQUENCE_WRAP
-            else:  # off for so long that its sequence has passed the old one again
-                self.resets += 1
+            if self.clock.excess(_end_ns(self._timer_us, batch), receive_ns) > MAX_LATE:
+                self.resets += 1  # off for so long that its sequence has passed the old one
                 self._restart(batch)
+            else:
+                self.lost += (batch.sequence - last.sequence - 1) % SEQUENCE_WRAP
         self.clock.update(_end_ns(self._timer_us, batch), receive_ns)
 
     def _restart(self, batch: TireBatch) -> None:

@@ -140,3 +140,18 @@ def test_the_hull_has_no_point_below_it():
         xs, ys = zip(*corners)
         assert all(y >= np.interp(x, xs, ys) - 1e-12 for x, y in points)
         assert np.all(np.diff(np.diff(ys) / np.diff(xs)) > 0.0)
+
+
+def test_what_was_held_up_before_the_first_reading_does_not_stay_in_the_future():
+    """Half a second waits in the buffer while the reader starts, and comes all at once."""
+    for seed in SEEDS:
+        clock, rows = DeviceClock(), []
+        for device, host, arrival in batches(seed, JITTER['exponential'], seconds=3.0):
+            arrival = max(arrival, HOST_NS + 500_000_000)
+            clock.update(device[-1], arrival)
+            rows.append((arrival - HOST_NS, clock.host_ns(device[-1]) - arrival,
+                         clock.host_ns(device[-1]) - host[-1]))
+        time, ahead, error = (np.array(column) * 1e-9 for column in zip(*rows))
+        assert np.all(ahead < 0.11)
+        assert np.all(ahead[time > 0.6] < 0.051)
+        assert np.all(np.abs(error[time > 2.0]) < 3e-3)

@@ -7,18 +7,10 @@ import time
 
 import pytest
 import serial
-from support.pty_port import PtyPort
 from support.waiting import wait_for
 
 from smart_tire.errors import LinkError
 from smart_tire.links.serial_link import open_port, pump, SerialLink
-
-
-@pytest.fixture
-def port(tmp_path):
-    device = PtyPort(tmp_path / 'device')
-    yield device
-    device.unplug()
 
 
 @pytest.fixture

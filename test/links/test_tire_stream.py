@@ -104,6 +104,14 @@ def test_a_unit_that_was_off_and_has_counted_further_is_recognised(unit):
     assert samples[-1].stamp_ns == arrival(10_000) - 5_000_000
 
 
+def test_batches_that_come_quicker_than_they_can_are_counted_all_the_same(unit):
+    samples = [sample for count in (0, 1, 2, 30, 31, 40)
+               for sample in unit.update(batch(count), HOST_NS + count * 1_000_000)]
+    assert len(samples) == 6 * 16
+    assert unit.lost == 27 + 8
+    assert unit.resets == 0
+
+
 def test_saturated_batches_are_counted(unit):
     feed(unit, (0, replace(BATCH, flags=SATURATED)), (1, batch(1)))
     assert unit.saturated == 1

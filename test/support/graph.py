@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Callable
 from pathlib import Path
 import signal
 import subprocess
@@ -86,9 +87,10 @@ class Graph:
         """Handle what comes next."""
         self._executor.spin_once(timeout_sec=0.02)
 
-    def until(self, condition: Any) -> None:
-        """Handle what comes until ``condition`` is true."""
-        wait_for(condition, self.turn)
+    def until(self, condition: Callable[[], object],
+              do: Callable[[], object] = lambda: None) -> None:
+        """Handle what comes until ``condition`` is true, and ``do`` something all the time."""
+        wait_for(condition, lambda: (do(), self.turn()))
 
     def start(self, name: str, **parameters: Any) -> Process:
         """Start a node with parameters; a double underscore stands for the dot of a name."""
