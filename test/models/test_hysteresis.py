@@ -1,0 +1,139 @@
+"""Duhem's operator against its differential equation and by what must be true of it."""
+
+from __future__ import annotations
+
+import math
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from smart_tire.errors import ParameterError
+from smart_tire.models.hysteresis import Duhem, DuhemParams, respond, TABLE_I, TABLE_I_GAIN
+
+NC = 1e-9  # C
+PARAMS = st.builds(
+    lambda alpha, a, share: DuhemParams(alpha=alpha, a=a, b=share * a),
+    st.floats(0.01, 10.0), st.floats(0.1, 10.0), st.floats(0.5, 0.99))
+INPUTS = st.lists(st.floats(-20.0, 20.0), min_size=1, max_size=60).map(np.array)
+
+
+def sine(periods, per_period=400, amplitude=0.25 * TABLE_I_GAIN):
+    """Return the charge of a film that is pressed and released, from the flat state."""
+    return -0.5 * amplitude * (1.0 - np.cos(np.linspace(0.0, math.tau * periods,
+                                                        per_period * periods + 1)))
+
+
+def test_it_solves_its_differential_equation():
+    alpha, a, b = 0.15, 0.54, 0.28  # Table I in nC
+
+    def slope(t, y):
+        u, du = 8.0 * math.sin(t), 8.0 * math.cos(t)
+        return alpha * abs(du) * (a * u - y) + b * du
+    operator, y = Duhem(TABLE_I, 0.0, 1.0 * NC), np.array([1.0])
+    # from turning point to turning point: the right-hand side has a kink there
+    corners = [0.0, 0.5 * math.pi, 1.5 * math.pi, 2.5 * math.pi, 3.2 * math.pi]
+    for begin, end in zip(corners, corners[1:]):
+        y = solve_ivp(slope, (begin, end), y, method='DOP853', rtol=1e-12, atol=1e-13).y[:, -1]
+        got = operator.update(8.0 * NC * np.sin(np.linspace(begin, end, 50)))
+        assert got[-1] / NC == pytest.approx(y[0], abs=1e-10)
+
+
+@given(PARAMS, INPUTS, st.lists(st.integers(0, 60), max_size=8), st.floats(-9.0, 9.0))
+def test_any_chunks_give_the_same_output(params, u, cuts, y):
+    operator = Duhem(params, 0.5, y)
+    chunks = [operator.update(part) for part in np.split(u, sorted(min(c, u.size) for c in cuts))]
+    np.testing.assert_array_equal(np.concatenate(chunks), respond(u, params, start=(0.5, y)))
+
+
+@given(PARAMS, INPUTS, st.integers(2, 5))
+def test_only_the_way_matters_and_not_its_speed(params, u, times):
+    path = np.concatenate([[0.0], u])
+    slow = np.interp(np.arange(times * u.size + 1) / times, np.arange(path.size), path)[1:]
+    np.testing.assert_allclose(respond(slow, params)[times - 1::times], respond(u, params),
+                               rtol=0.0, atol=1e-11 * params.a * 20.0)
+
+
+@given(PARAMS, INPUTS)
+def test_it_is_odd(params, u):
+    np.testing.assert_array_equal(respond(-u, params), -respond(u, params))
+
+
+@given(PARAMS, INPUTS, st.floats(-9.0, 9.0), st.floats(-9.0, 9.0))
+def test_every_initial_state_is_forgotten_along_the_way(params, u, one, other):
+    path = np.abs(np.diff(u, prepend=0.0)).cumsum()
+    apart = respond(u, params, start=(0.0, one)) - respond(u, params, start=(0.0, other))
+    np.testing.assert_allclose(apart, (one - other) * np.exp(-params.alpha * path),
+                               rtol=0.0, atol=1e-12 * (20.0 + params.a * 20.0))
+
+
+@given(PARAMS, INPUTS, st.floats(-1.0, 1.0))
+def test_the_band_keeps_its_states_and_there_no_branch_falls(params, u, share):
+    start = (0.0, share * params.band)
+    y = respond(u, params, start=start)
+    assert np.all(np.abs(y - params.a * u) <= params.band * (1.0 + 1e-9) + 1e-12 * params.a)
+    du, dy = np.diff(u, prepend=0.0), np.diff(y, prepend=start[1])
+    assert np.all(dy * np.sign(du) >= -1e-12 * params.a * 20.0)
+
+
+def test_small_ways_have_the_slope_b_and_large_ones_a():
+    small, large = 1e-4 * NC, 1e4 * NC
+    assert respond([small], TABLE_I)[0] / small == pytest.approx(TABLE_I.b, rel=1e-4)
+    assert respond([large], TABLE_I)[0] / large == pytest.approx(TABLE_I.a, rel=1e-3)
+
+
+def test_a_cycle_loses_energy_and_the_steady_loop_turns_counter_clockwise():
+    u = sine(12)
+    y = respond(u, TABLE_I)
+    last = slice(-400, None)
+    # half-sum over the loop of (y du - u dy): positive for a loop that runs clockwise
+    area = 0.5 * np.sum(y[last] * np.diff(u)[-400:] - u[last] * np.diff(y)[-400:])
+    assert area < 0.0
+    np.testing.assert_allclose(y[-400:], y[-800:-400], rtol=0.0, atol=2e-2 * NC)
+
+
+def test_a_way_back_inside_the_dead_band_turns_nothing():
+    u = sine(3)
+    noise = 1e-3 * NC * np.random.default_rng(4).standard_normal(u.size)
+    calm = respond(u + noise, TABLE_I, dead_band=0.02 * NC)
+    np.testing.assert_allclose(calm, respond(u, TABLE_I), rtol=0.0, atol=5e-3 * NC)
+    many = respond(u + 100.0 * noise, TABLE_I)
+    assert np.abs(many - respond(u, TABLE_I)).max() > 0.3 * NC
+
+
+def test_reset_forgets_the_way_and_nothing_comes_of_nothing():
+    operator = Duhem(TABLE_I)
+    first = operator.update(sine(1))
+    assert operator.update([]).shape == (0,)
+    operator.reset()
+    np.testing.assert_array_equal(operator.update(sine(1)), first)
+    at_rest = Duhem(TABLE_I, 2.0 * NC, 1.5 * NC).update([2.0 * NC, 2.0 * NC])
+    np.testing.assert_allclose(at_rest, 1.5 * NC)
+
+
+@pytest.mark.parametrize('values, name', [
+    ((0.0, 0.54, 0.28), 'alpha is 0'), ((1.0, -0.54, 0.28), 'a is -0.54'),
+    ((1.0, 0.54, 0.54), 'b is 0.54'), ((1.0, 0.54, 0.26), 'b is 0.26'),
+    ((math.nan, 0.54, 0.28), 'alpha is nan'), ((1.0, math.inf, 0.28), 'a is inf')])
+def test_parameters_outside_their_range_are_refused(values, name):
+    with pytest.raises(ParameterError, match=name):
+        DuhemParams(alpha=values[0], a=values[1], b=values[2])
+
+
+def test_an_input_that_is_not_finite_is_refused_and_changes_nothing():
+    operator = Duhem(TABLE_I)
+    operator.update(sine(1))
+    with pytest.raises(ParameterError, match=r'u\[1\] is nan'):
+        operator.update([0.0, math.nan])
+    np.testing.assert_array_equal(operator.update(sine(1)), respond(
+        np.concatenate([sine(1), sine(1)]), TABLE_I)[401:])
+
+
+@settings(max_examples=30)
+@given(st.floats(1e-12, 1e12), PARAMS, INPUTS)
+def test_units_are_free(unit, params, u):
+    other = DuhemParams(alpha=params.alpha / unit, a=params.a, b=params.b)
+    np.testing.assert_allclose(respond(u * unit, other), unit * respond(u, params),
+                               rtol=1e-9, atol=1e-11 * unit * params.a * 20.0)
