@@ -7,8 +7,10 @@ import signal
 import textwrap
 
 import pytest
-from support.command import command, Python, wait_until
+from support.command import command, Python
 from support.recordings import stream, write_bag
+from support.stack import count
+from support.waiting import wait_for
 import yaml
 
 from smart_tire.bags import Bag
@@ -32,10 +34,10 @@ def contents(path: Path):
     return found
 
 
-def test_every_message_of_topics_that_appear_later_is_recorded(dds, source, tmp_path):
-    with command(dds, 'record', '--out', tmp_path / 'bag') as recorder:
+def test_every_message_of_topics_that_appear_later_is_recorded(source, tmp_path):
+    with command('record', '--out', tmp_path / 'bag') as recorder:
         recorder.wait_for(READY)
-        with command(dds, 'replay', source, '--all', '--wait', 20) as player:
+        with command('replay', source, '--all', '--wait', 20) as player:
             assert player.end() == 0
         recorder.signal(signal.SIGINT)
         assert recorder.end() == 0
@@ -47,12 +49,12 @@ def test_every_message_of_topics_that_appear_later_is_recorded(dds, source, tmp_
             assert f'{topic.messages} {name}' in recorder.said
 
 
-def test_a_recorder_that_is_killed_leaves_a_bag(dds, source, tmp_path):
+def test_a_recorder_that_is_killed_leaves_a_bag(source, tmp_path):
     file = tmp_path / 'bag' / 'bag_0.mcap'
-    with command(dds, 'record', '--out', tmp_path / 'bag') as recorder:
+    with command('record', '--out', tmp_path / 'bag') as recorder:
         recorder.wait_for(READY)
-        with command(dds, 'replay', source, '--all', '--rate', 0.5, '--wait', 20):
-            wait_until(lambda: file.stat().st_size > 20_000, 'the bag to grow')
+        with command('replay', source, '--all', '--rate', 0.5, '--wait', 20):
+            wait_for(lambda: file.stat().st_size > 20_000)
             recorder.signal(signal.SIGKILL)
             assert recorder.end() == -signal.SIGKILL
     assert (tmp_path / 'bag' / 'metadata.yaml').exists()
@@ -64,10 +66,10 @@ def test_a_recorder_that_is_killed_leaves_a_bag(dds, source, tmp_path):
         assert recorded[name] == messages[:len(recorded[name])]
 
 
-def test_only_the_topics_that_are_named_are_recorded(dds, source, tmp_path):
-    with command(dds, 'record', '--out', tmp_path / 'bag', '--topics', 'imu/data', '/odom',
+def test_only_the_topics_that_are_named_are_recorded(source, tmp_path):
+    with command('record', '--out', tmp_path / 'bag', '--topics', 'imu/data', '/odom',
                  '--ros-args', '-r', '__node:=clerk') as recorder:
-        with command(dds, 'replay', source, '--all', '--rate', 4, '--wait', 3) as player:
+        with command('replay', source, '--all', '--rate', 4, '--wait', 3) as player:
             assert player.end() == 0
         recorder.signal(signal.SIGTERM)
         assert recorder.end() == 0
@@ -93,28 +95,27 @@ LATCHED = textwrap.dedent("""
     """)
 
 
-def test_what_was_published_before_and_what_is_not_reliable_is_recorded(dds, tmp_path):
-    file = tmp_path / 'bag' / 'bag_0.mcap'
-    with Python(dds, '-c', LATCHED) as planner:
+def test_what_was_published_before_and_what_is_not_reliable_is_recorded(tmp_path):
+    bag = tmp_path / 'bag'
+    with Python('-c', LATCHED) as planner:
         planner.wait_for('ready')
-        with command(dds, 'record', '--out', tmp_path / 'bag') as recorder:
+        with command('record', '--out', bag) as recorder:
             recorder.wait_for('recording /path')
             recorder.wait_for('recording /goal_pose')
-            size = file.stat().st_size
-            wait_until(lambda: file.stat().st_size > size + 1000, 'the bag to grow')
+            wait_for(lambda: count(bag, 'path') and count(bag, 'goal_pose'))
             recorder.signal(signal.SIGINT)
             assert recorder.end() == 0
-    recorded = contents(tmp_path / 'bag')
+    recorded = contents(bag)
     assert len(recorded['/path']) == 1
     assert recorded['/goal_pose']
-    said = yaml.safe_load((tmp_path / 'bag' / 'metadata.yaml').read_text())
+    said = yaml.safe_load((bag / 'metadata.yaml').read_text())
     profiles = {entry['topic_metadata']['name']: entry['topic_metadata']['offered_qos_profiles'][0]
                 for entry in said['rosbag2_bagfile_information']['topics_with_message_count']}
     assert profiles['/path']['durability'] == 'transient_local'
     assert profiles['/goal_pose']['reliability'] == 'best_effort'
 
 
-def test_a_folder_that_exists_is_a_usage_error(dds, tmp_path):
-    with command(dds, 'record', '--out', tmp_path) as recorder:
+def test_a_folder_that_exists_is_a_usage_error(tmp_path):
+    with command('record', '--out', tmp_path) as recorder:
         assert recorder.end() == 2
     assert recorder.lines == [f'smart_tire record: {tmp_path}: cannot be written (File exists)']

@@ -40,11 +40,11 @@ def source(tmp_path_factory):
     return path
 
 
-def played(dds, source, tmp_path, *options):
+def played(source, tmp_path, *options):
     """Return topic -> messages that a recorder heard of a replay, and what the replay said."""
-    with command(dds, 'record', '--out', tmp_path / 'heard') as recorder:
+    with command('record', '--out', tmp_path / 'heard') as recorder:
         recorder.wait_for('recording /diagnostics')
-        with command(dds, 'replay', source, '--wait', 20, *options) as player:
+        with command('replay', source, '--wait', 20, *options) as player:
             assert player.end() == 0
         recorder.signal(signal.SIGINT)
         assert recorder.end() == 0
@@ -58,9 +58,9 @@ def names(messages):
         '/diagnostics', '/rosout', '/parameter_events'}
 
 
-def test_by_default_only_what_is_estimated_from_is_published(dds, source, tmp_path):
+def test_by_default_only_what_is_estimated_from_is_published(source, tmp_path):
     pytest.importorskip('rclpy')
-    heard, said = played(dds, source, tmp_path)
+    heard, said = played(source, tmp_path)
     assert names(heard) == {f'/{name}' for name in INPUTS}
     with Bag(source) as bag:
         for name in INPUTS:
@@ -69,9 +69,9 @@ def test_by_default_only_what_is_estimated_from_is_published(dds, source, tmp_pa
             assert f'{len(sent)} /{name}' in said
 
 
-def test_all_is_all_but_commands_and_the_clock_runs_with_it(dds, source, tmp_path):
+def test_all_is_all_but_commands_and_the_clock_runs_with_it(source, tmp_path):
     pytest.importorskip('rclpy')
-    heard, said = played(dds, source, tmp_path, '--all', '--clock', '--rate', 2)
+    heard, said = played(source, tmp_path, '--all', '--clock', '--rate', 2)
     assert names(heard) == {'/imu/data', '/wheel_states', '/tire_samples', '/odom', '/robot/path',
                             '/clock'}
     assert f'left out: /strange, for {STRANGE} is not installed' in said
@@ -82,15 +82,15 @@ def test_all_is_all_but_commands_and_the_clock_runs_with_it(dds, source, tmp_pat
     assert len(clock) > 20
 
 
-def test_commands_are_published_when_they_are_named(dds, source, tmp_path):
+def test_commands_are_published_when_they_are_named(source, tmp_path):
     pytest.importorskip('rclpy')
-    heard, _ = played(dds, source, tmp_path, '--topics', 'cmd_vel', 'path')
+    heard, _ = played(source, tmp_path, '--topics', 'cmd_vel', 'path')
     assert names(heard) == {'/cmd_vel', '/robot/path'}
 
 
-def test_a_replay_ends_when_it_is_told_to(dds, source):
+def test_a_replay_ends_when_it_is_told_to(source):
     pytest.importorskip('rclpy')
-    with command(dds, 'replay', source, '--rate', 0.001, '--wait', 0) as player:
+    with command('replay', source, '--rate', 0.001, '--wait', 0) as player:
         player.wait_for('nobody listens to /tire_samples')
         player.signal(signal.SIGINT)
         assert player.end() == 0

@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 import os
 import subprocess
 import sys
 import threading
-import time
+
+from support.waiting import PATIENCE, wait_for
 
 
 class Python:
     """A running Python with ``words`` on its command line; a context that ends it."""
 
-    def __init__(self, environment: Mapping[str, str], *words: object) -> None:
+    def __init__(self, *words: object) -> None:
         self.lines: list[str] = []
         self._process = subprocess.Popen(
             [sys.executable, *map(str, words)], text=True, stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT, env={
-                **environment, 'PYTHONUNBUFFERED': '1', 'PYTHONPATH': os.pathsep.join(
-                    [entry for entry in sys.path if entry])})
+            stderr=subprocess.STDOUT, env={**os.environ, 'PYTHONUNBUFFERED': '1'})
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
 
@@ -38,17 +36,18 @@ class Python:
         """Return all that it printed."""
         return '\n'.join(self.lines)
 
-    def wait_for(self, text: str, seconds: float = 20.0) -> None:
-        """Wait until it has printed ``text``."""
-        wait_until(lambda: text in self.said, f'{text!r} in\n{self.said}', seconds)
+    def wait_for(self, text: str) -> None:
+        """Wait until it has printed ``text``; fail with what it printed if it ended before."""
+        wait_for(lambda: text in self.said or self._process.poll() is not None)
+        assert text in self.said, self.said
 
     def signal(self, number: int) -> None:
         """Send it a signal."""
         self._process.send_signal(number)
 
-    def end(self, seconds: float = 30.0) -> int:
+    def end(self) -> int:
         """Wait until it ends by itself and return its exit status."""
-        status = self._process.wait(seconds)
+        status = self._process.wait(PATIENCE)
         self._reader.join()
         return status
 
@@ -57,14 +56,6 @@ class Python:
             self.lines.append(line.rstrip())
 
 
-def command(environment: Mapping[str, str], *words: object) -> Python:
+def command(*words: object) -> Python:
     """Return a running ``smart_tire VERB ...``."""
-    return Python(environment, '-m', 'smart_tire.cli.main', *words)
-
-
-def wait_until(true: Callable[[], bool], what: str, seconds: float = 20.0) -> None:
-    """Wait until ``true``; fail with ``what`` was waited for."""
-    end = time.monotonic() + seconds
-    while not true():
-        assert time.monotonic() < end, f'waited in vain for {what}'
-        time.sleep(0.02)
+    return Python('-m', 'smart_tire.cli.main', *words)
