@@ -21,6 +21,7 @@ VERBS = {
     'replay': 'a bag onto topics',
     'recover': 'a whole bag out of a broken one',
     'analyze': 'estimates and figures out of bags',
+    'bench': 'what the stack costs on this machine',
 }
 FAILED, USAGE, INTERRUPTED = 1, 2, 130
 ROS_ARGUMENTS = '--ros-args'  # from here on they are for rclpy, which finds them by itself

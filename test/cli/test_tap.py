@@ -8,7 +8,7 @@ import pytest
 
 from smart_tire.cli.tap import RadioTap
 from smart_tire.protocol.tire_payload import encode_batch, TireBatch, volts
-from smart_tire.protocol.xbee import encode_receive_packet, ReceivePacket
+from smart_tire.protocol.xbee import encode_frame, encode_receive_packet, ReceivePacket
 from smart_tire.samples import TireSample
 from smart_tire.simulation.ports import PtyPort
 
@@ -21,7 +21,8 @@ def batch(number):
 
 
 def frame(number):
-    return encode_receive_packet(ReceivePacket(7, 0xFFFE, 1, encode_batch(batch(number))))
+    packet = ReceivePacket(7, 0xFFFE, 1, encode_batch(batch(number)))
+    return encode_frame(encode_receive_packet(packet))
 
 
 def samples(number):
