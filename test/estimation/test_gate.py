@@ -90,6 +90,30 @@ def test_a_jump_of_the_clock_starts_anew_without_losing_a_sample(jump):
     assert not gate.late
 
 
+def test_an_awaited_topic_is_awaited_while_it_flows():
+    gate = Gate(30 * MS, awaited=['odom'])
+    feed(gate, [('odom', 8 * MS), ('tire', 8 * MS)])
+    assert feed(gate, [('tire', 500 * MS)]) == [(START + 8 * MS, [('odom', 8 * MS),
+                                                                 ('tire', 8 * MS)])]
+    closed = feed(gate, [('odom', 16 * MS), ('odom', 24 * MS)])
+    assert closed == [(START + 16 * MS, [('odom', 16 * MS)]), (START + 24 * MS, [('odom', 24 * MS)])]
+    assert not gate.late
+
+
+def test_an_awaited_topic_that_fell_silent_is_not_waited_for():
+    gate = Gate(30 * MS, awaited=['odom'])
+    feed(gate, [('odom', 8 * MS), ('tire', 500 * MS)])
+    assert feed(gate, [('tire', 960 * MS)])[-1][0] == START + 928 * MS
+    feed(gate, [('odom', 100 * MS)])
+    assert gate.late == {'odom': 1}
+
+
+def test_waiting_changes_nothing_where_nothing_is_late():
+    messages = [message for k in range(1, 200) for message in (
+        ('odom', 8 * MS * k), ('tire', 8 * MS * k + 31 * MS))]
+    assert feed(Gate(30 * MS, awaited=['odom']), messages) == feed(Gate(30 * MS), messages)
+
+
 def test_a_stream_with_a_wrong_clock_does_not_disturb_the_others():
     gate = Gate(30 * MS)
     good = [('imu', 10 * MS * k) for k in range(300)]

@@ -18,6 +18,7 @@ from support.stack import count, parameter_file
 from support.waiting import wait_for
 
 DRIVE = 8.0     # s
+STARTUP = 2.0   # s: what was held up while the drivers started has ages that nobody can know
 WHEELS = ['front_left', 'front_right']
 FILMS = {'front_left': ['front_left_pvdf_1', 'front_left_pvdf_2'],
          'front_right': ['front_right_pvdf_1', 'front_right_pvdf_2']}
@@ -120,7 +121,8 @@ def test_estimates_lie_on_the_grid_of_8_ms(messages, topic):
 @pytest.mark.parametrize('topic', [topic for topic in EXPECTED
                                    if topic in TOPICS and topic != 'cmd_vel'])
 def test_stamps_lie_in_the_recent_past_of_their_arrival(messages, topic):
-    ages = np.array([receive - stamp for receive, stamp, _, _ in messages[topic]]) / NS_PER_S
+    receive, stamp = np.array([message[:2] for message in messages[topic]]).T / NS_PER_S
+    ages = (receive - stamp)[receive > receive[0] + STARTUP]
     assert np.all(ages > -0.02)
     assert np.median(ages) < 0.5
 
