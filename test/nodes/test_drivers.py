@@ -46,7 +46,8 @@ def test_a_batch_becomes_a_message_for_every_conversion(graph, port):
     port.plug_in()
     graph.listen('tire_samples', 'tire_battery')
     with graph.start('tire_receiver', port=port.path, units=UNITS_TEXT) as node:
-        graph.until(lambda: graph.value('tire_receiver', 'port_opened') == '1')
+        graph.until(lambda: graph.value('tire_receiver', 'port_opened') == '1'
+                    and graph.is_fed())
         before = time.time_ns()
         lost, stranger = {5, 6}, 0x0013A200DEADBEEF
         for count in range(10):
@@ -82,7 +83,8 @@ def test_the_imu_speaks_in_our_axes_whatever_its_protocol(protocol, graph, port)
     port.plug_in()
     graph.listen('imu/data')
     with graph.start('imu_driver', port=port.path, protocol=protocol) as node:
-        graph.until(lambda: graph.value('imu_driver', 'port_opened') == '1')
+        graph.until(lambda: graph.value('imu_driver', 'port_opened') == '1'
+                    and graph.is_fed())
         for index in range(20):
             port.write(imu_frame(protocol, index))
             graph.turn()

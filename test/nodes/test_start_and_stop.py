@@ -5,10 +5,11 @@ from __future__ import annotations
 import signal
 
 import pytest
+from support.graph import node_arguments, Process
 
 from smart_tire.parameters import NODE_PARAMS
 
-DRIVERS = ('tire_receiver', 'imu_driver', 'motor_driver')
+
 
 
 @pytest.mark.parametrize('name', NODE_PARAMS)
@@ -47,12 +48,10 @@ def test_a_bad_parameter_is_refused_in_one_line_that_names_it(parameters, compla
     ('/**: [', 'params.yaml'),
 ])
 def test_a_bad_parameter_file_is_refused(text, complaint, graph, tmp_path):
-    from support.graph import Process
-
     path = tmp_path / 'params.yaml'
     path.write_text(text)
-    with Process('tire_receiver', tmp_path / 'log', '--ros-args', '--params-file',
-                 str(path)) as node:
+    with Process([*node_arguments('tire_receiver'), '--params-file', str(path)],
+                 tmp_path / 'log') as node:
         assert node.ended() == 2
         assert complaint in node.output
         assert 'Traceback' not in node.output

@@ -21,15 +21,20 @@ from smart_tire.nodes.qos import publisher_qos, subscriber_qos
 from smart_tire.nodes.ros import message_class
 
 
-class Process:
-    """A node of this package in a process of its own; a context that ends it by its id."""
+def node_arguments(name: str) -> list[str]:
+    """Return Python's arguments for a node of this package; ROS arguments may follow."""
+    return ['-m', f'smart_tire.nodes.{name}', '--ros-args']
 
-    def __init__(self, name: str, log: Path, *arguments: str) -> None:
+
+class Process:
+    """Python in a process of its own; a context that ends it by its id."""
+
+    def __init__(self, arguments: list[str], log: Path) -> None:
         self._log = log
         with log.open('wb') as output:
             self.popen = subprocess.Popen(
-                [sys.executable, '-m', f'smart_tire.nodes.{name}', *arguments],
-                stdout=output, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL)
+                [sys.executable, *arguments], stdout=output, stderr=subprocess.STDOUT,
+                stdin=subprocess.DEVNULL)
 
     def __enter__(self) -> Process:
         return self
@@ -96,7 +101,7 @@ class Graph:
         """Start a node with parameters; a double underscore stands for the dot of a name."""
         files = [part for key, value in parameters.items()
                  for part in ('-p', f'{key.replace("__", ".")}:={value}')]
-        return Process(name, self._folder / f'{name}.log', '--ros-args', *files)
+        return Process([*node_arguments(name), *files], self._folder / f'{name}.log')
 
     def listen(self, *names: str) -> None:
         """Collect the messages of topics of the contract in ``heard``."""
@@ -104,6 +109,10 @@ class Graph:
             self.node.create_subscription(
                 message_class(TOPICS[name].type), name, self.heard[name].append,
                 subscriber_qos(name, wheels=4))
+
+    def is_fed(self) -> bool:
+        """Return whether somebody publishes everything that is listened to."""
+        return all(map(self.node.count_publishers, self.heard))
 
     def samples(self, name: str) -> list[Any]:
         """Return what has been heard on a topic, decoded."""

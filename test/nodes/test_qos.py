@@ -1,0 +1,57 @@
+"""Quality of service: what INTERFACES promises to subscribers and asks of publishers."""
+
+from __future__ import annotations
+
+import pytest
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, ReliabilityPolicy
+
+from smart_tire.messages import TOPICS
+from smart_tire.nodes.qos import publisher_qos, subscriber_qos
+
+
+@pytest.mark.parametrize('name', [*TOPICS, '/diagnostics', '/tf'])
+def test_every_publisher_suits_every_subscriber(name):
+    profile = publisher_qos(name)
+    assert profile.reliability == ReliabilityPolicy.RELIABLE
+    assert profile.durability == DurabilityPolicy.VOLATILE
+    assert profile.history == HistoryPolicy.KEEP_LAST
+
+
+@pytest.mark.parametrize(('name', 'depth'), [
+    ('imu/data', 200), ('wheel_states', 32), ('tire_samples', 800), ('odom', 250), ('icr', 250),
+    ('tire_friction', 250), ('motor_commands', 1), ('cmd_vel', 1), ('ground_truth/odom', 100),
+    ('/diagnostics', 100)])
+def test_publishers_keep_what_their_kind_of_topic_needs(name, depth):
+    assert publisher_qos(name).depth == depth
+
+
+def test_publishers_keep_more_for_more_sources_and_higher_rates():
+    assert publisher_qos('tire_samples', wheels=4).depth == 3200
+    assert publisher_qos('wheel_states', rate=100.0).depth == 200
+    assert publisher_qos('wheel_states', rate=4.0).depth == 32
+
+
+@pytest.mark.parametrize(('name', 'depth'), [
+    ('imu/data', 1000), ('wheel_states', 160), ('tire_samples', 4000), ('wheel_slip', 1250),
+    ('odom', 1250), ('cmd_vel', 1)])
+def test_own_subscribers_outlast_a_burst(name, depth):
+    profile = subscriber_qos(name)
+    assert profile.depth == depth
+    assert profile.reliability == ReliabilityPolicy.RELIABLE
+
+
+def test_a_robot_without_instrumented_wheels_still_listens():
+    assert subscriber_qos('tire_samples', wheels=0).depth == 4000
+
+
+def test_foreign_publishers_may_be_less_reliable():
+    profile = subscriber_qos('imu/data', reliability='best_effort')
+    assert profile.reliability == ReliabilityPolicy.BEST_EFFORT
+    assert profile.depth == 1000
+
+
+@pytest.mark.parametrize('name', ['path', 'friction_map', '/tf_static'])
+def test_what_is_published_on_change_reaches_those_who_come_late(name):
+    profile = publisher_qos(name)
+    assert profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+    assert profile.depth == 1
