@@ -9,14 +9,14 @@ from smart_tire.nodes.diagnostics import Status, Tally
 from smart_tire.nodes.ros import message_class, plain
 
 
-OLD_DISTRIBUTION = '''
+OLD_DISTRIBUTION = """
 import sys
 
 sys.modules['rclpy.experimental'] = None
 from smart_tire.nodes import wheel_controller
 
 sys.exit(wheel_controller.main())
-'''
+"""
 
 
 def test_a_distribution_without_the_events_executor_does_as_well(graph, tmp_path):
@@ -93,7 +93,7 @@ def test_names_can_be_put_into_a_namespace(graph, tmp_path):
         assert node.end() == 0
 
 
-DEFECT = '''
+DEFECT = """
 import sys, threading
 from smart_tire.nodes.base import run, SmartTireNode
 from smart_tire.parameters import WheelControllerParams
@@ -108,7 +108,7 @@ class Defective(SmartTireNode):
 
 
 sys.exit(run(Defective))
-'''
+"""
 
 
 def test_a_thread_that_dies_of_a_defect_takes_the_node_with_it(graph, tmp_path):
