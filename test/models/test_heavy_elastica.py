@@ -1,0 +1,149 @@
+"""The heavy elastica against another solver, its limits, its energy and the printed series."""
+
+from __future__ import annotations
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from scipy.integrate import solve_bvp, trapezoid
+from scipy.optimize import minimize_scalar
+
+from smart_tire.errors import ParameterError
+from smart_tire.models import elastica, printed_elastica
+from smart_tire.models.heavy_elastica import NODES, solve, WHOLE
+
+
+def by_solve_bvp(stroke, weight):
+    """Return s, (x, y, theta, m) and f of A(7), A(8), from the printed solution as a guess."""
+    def slopes(s, v, p):
+        return [np.cos(v[2]), np.sin(v[2]), v[3],
+                weight * s * np.cos(v[2]) - p[0] * np.sin(v[2])]
+
+    def ends(left, right, p):
+        return [left[0], left[1], left[2], right[0] - 1.0 + stroke, right[2]]
+    s = np.linspace(0.0, 1.0, 61)
+    guess = printed_elastica.shape(stroke, s, weight)
+    solution = solve_bvp(slopes, ends, s, [guess.x, guess.y, guess.theta, guess.curvature],
+                         p=[float(printed_elastica.load(stroke, weight))], tol=1e-9,
+                         max_nodes=20_000)
+    assert solution.success
+    return solution
+
+
+@pytest.mark.parametrize('stroke, weight', [
+    (0.001, 0.02), (0.05, 0.3), (0.3, 1.0), (0.6, 4.0), (0.2, -0.5), (0.6, -3.0)])
+def test_another_solver_finds_the_same_film(stroke, weight):
+    other, film = by_solve_bvp(stroke, weight), solve(stroke, weight)
+    assert float(film.load) == pytest.approx(other.p[0], rel=1e-7)
+    s = np.linspace(0.0, 1.0, 33)
+    got, expected = film.at(s), other.sol(s)
+    for values, row in zip((got.x, got.y, got.theta, got.curvature), expected):
+        np.testing.assert_allclose(values, row, rtol=0.0, atol=1e-6)
+    assert float(film.height) == pytest.approx(expected[1, -1], abs=1e-7)
+
+
+@given(st.floats(1e-6, 0.98))
+def test_without_weight_it_is_the_closed_form(stroke):
+    closed = elastica.shape(stroke, NODES)
+    # solved for a weight that is nothing, so that Newton has run
+    film = solve(stroke, 1e-13 * np.sqrt(stroke))
+    assert float(film.load) == pytest.approx(float(elastica.load(stroke)), rel=1e-10)
+    assert float(film.charge) == pytest.approx(float(elastica.charge(stroke)), abs=1e-10)
+    for name in ('x', 'y', 'theta', 'curvature'):
+        np.testing.assert_allclose(getattr(film.shape, name), getattr(closed, name),
+                                   rtol=0.0, atol=1e-9)
+
+
+@settings(max_examples=40)
+@given(st.floats(0.02, 0.9), st.floats(-5.0, 5.0))
+def test_the_ends_are_where_a8_puts_them_and_the_ends_balance(stroke, weight):
+    film = solve(max(stroke, 1e-3 * weight**2), weight)
+    got = film.shape
+    assert got.x[-1] == pytest.approx(1.0 - float(film.stroke), abs=1e-12)
+    assert got.theta[[0, -1]] == pytest.approx(0.0, abs=1e-12)
+    # moments about the clamp: curvature at the ends, load times height, weight times arm
+    arm = weight * (got.x[-1] - got.x @ WHOLE)
+    moments = got.curvature[-1] - got.curvature[0] + float(film.load) * got.y[-1]
+    assert moments == pytest.approx(arm, abs=1e-9 * (1.0 + abs(float(film.load))))
+
+
+@pytest.mark.parametrize('stroke, weight', [(0.05, 0.5), (0.4, 2.0), (0.4, -2.0), (0.7, 5.0)])
+def test_the_work_of_the_load_is_stored_as_bending_and_lifting(stroke, weight):
+    def energy(stroke):
+        film = solve(stroke, weight)
+        return 0.5 * film.shape.curvature**2 @ WHOLE + weight * (
+            (NODES * np.sin(film.theta)) @ WHOLE)
+    step = 1e-5 * stroke
+    slope = (energy(stroke + step) - energy(stroke - step)) / (2.0 * step)
+    assert slope == pytest.approx(float(solve(stroke, weight).load), rel=1e-6)
+
+
+def test_an_arched_film_needs_more_load_and_a_hanging_one_less():
+    strokes = np.linspace(0.01, 0.5, 20)
+    free = elastica.load(strokes)
+    assert np.all(solve(strokes, 0.05).load > free)
+    assert np.all(solve(strokes, -0.05).load < free)
+    # to first order the two are mirror images
+    np.testing.assert_allclose(solve(strokes, 1e-5).load + solve(strokes, -1e-5).load,
+                               2.0 * free, rtol=1e-9)
+
+
+def test_small_strokes_show_the_charge_of_the_weight_that_a15_drops():
+    # with w = 0.01 sqrt(delta)^3 all other terms are of higher order
+    stroke = np.array([1e-5, 1e-4, 1e-3])
+    weight = 0.01 * stroke**1.5
+    extra = (solve(stroke, weight).charge - elastica.charge(stroke)) / weight
+    np.testing.assert_allclose(extra * np.pi**3 * np.sqrt(stroke), 1.0, rtol=3e-3)
+    np.testing.assert_allclose(
+        solve(0.01, 0.005).load, printed_elastica.load(0.01, 0.005), rtol=2e-4)
+
+
+@pytest.mark.parametrize('weight', [0.02, 0.5, 2.0])
+def test_a_film_can_be_arched_from_the_stroke_on_where_two_solutions_meet(weight):
+    # small angles: theta = w / f (s - sin(r s) / sin(r)), r = sqrt(f), with the least stroke
+    s = np.linspace(0.0, 1.0, 2001)
+
+    def stroke(r):
+        return 0.5 * trapezoid(((s - np.sin(r * s) / np.sin(r)) / r**2)**2, s)
+    fold = minimize_scalar(stroke, bounds=(3.3, 6.2), method='bounded').fun * weight**2
+    assert np.isfinite(solve(1.02 * fold, weight).load)
+    with pytest.raises(ParameterError, match='too flat to be arched'):
+        solve(0.98 * fold, weight)
+
+
+def test_a_hanging_film_becomes_a_cable():
+    # theta = w s / f almost everywhere, so the stroke is w^2 / (6 f^2): the stiff ends take
+    # less and less of it
+    strokes, weight = np.array([1e-6, 1e-7, 1e-8]), -0.5
+    share = solve(strokes, weight).load / (weight / np.sqrt(6.0 * strokes))
+    assert np.all(np.diff(share) > 0.0)
+    assert 0.9 < share[-1] < 1.0
+
+
+def test_many_films_are_solved_at_once_as_each_by_itself():
+    stroke, weight = np.meshgrid(np.linspace(0.01, 0.8, 20), [-0.5, 0.0, 0.02, 1.0])
+    film = solve(stroke, weight)
+    assert film.load.shape == film.charge.shape == film.height.shape == (4, 20)
+    assert film.at([0.25, 0.5]).theta.shape == (4, 20, 2)
+    assert float(film.load[3, 7]) == pytest.approx(
+        float(solve(stroke[3, 7], weight[3, 7]).load), rel=1e-12)
+    np.testing.assert_allclose(film.load[1], elastica.load(stroke[1]), rtol=1e-14)
+
+
+def test_points_on_the_shape_and_between_them_agree():
+    film = solve(0.4, 1.0)
+    np.testing.assert_allclose(film.at(NODES).theta, film.theta, rtol=0.0, atol=1e-13)
+
+
+@pytest.mark.parametrize('stroke, weight, why', [
+    (-0.1, 0.0, 'stroke is -0.1'), (1.0, 0.1, 'clamps have met'), (0.1, np.nan, 'weight is nan'),
+    (0.0, 0.1, 'flat'), (1e-6, -1e4, 'sharply|balance')])
+def test_films_that_can_not_be_are_refused_with_the_reason(stroke, weight, why):
+    with pytest.raises(ParameterError, match=why):
+        solve(stroke, weight)
+
+
+def test_an_arc_length_outside_the_film_is_refused():
+    with pytest.raises(ParameterError, match='expected 0 to 1'):
+        solve(0.1, 0.1).at([1.5])
