@@ -12,6 +12,7 @@ import numpy as np
 from smart_tire.analysis.figures import write_figures
 from smart_tire.analysis.metrics import stamp_score
 from smart_tire.analysis.pipeline import ESTIMATES, EstimatorParams, INPUTS, TRUTHS
+from smart_tire.analysis.report import table_lines
 from smart_tire.analysis.series import Series, Stamps
 from smart_tire.analysis.summary import estimates_tree, plain, Tree, truth_tree
 from smart_tire.bags import Bag
@@ -78,39 +79,4 @@ def lines(tree: Tree) -> Iterator[str]:
         yield (f'odom after {pose["distance_m"]:.1f} m: {pose["position_end_m"]:.2f} m, '
                f'{pose["yaw_end_rad"]:+.3f} rad off')
     yield ''
-    yield from _slip_lines(truth.get('slip', {}))
-    yield ''
-    yield from _friction_lines(truth.get('friction', {}))
-
-
-def _slip_lines(slips: Tree) -> Iterator[str]:
-    yield (f'{"mean slip":18}{"side":>6}{"estimate":>10}{"truth":>8}{"error":>8}{"rms":>8}'
-           f'{"in 2 sigma":>12}')
-    for name, sides in slips.items():
-        for side in ('left', 'right'):
-            score = sides.get(side)
-            if score is None or score['estimated_mean'] is None:
-                continue
-            error = score['error']
-            yield (f'{name:18}{side:>6}{score["estimated_mean"]:10.3f}{score["true_mean"]:8.3f}'
-                   f'{error["mean"]:+8.3f}{error["rms"]:8.3f}{error["within_two"]:12.0%}')
-
-
-def _friction_lines(friction: Tree) -> Iterator[str]:
-    yield (f'{"friction":18}{"kind":>9}{"passages":>10}{"found":>7}{"telling":>9}{"|error|":>9}'
-           f'{"bias":>8}{"1 sigma":>9}{"2 sigma":>9}{"fused":>8}')
-    for name, kinds in friction.items():
-        if name in ('false_passages', 'stamp'):
-            continue
-        for kind, score in kinds.items():
-            yield (f'{name:18}{kind:>9}{score["passages"]:10}{score["found"]:7}'
-                   + _percent(score['telling_share'], 9)
-                   + _percent(score['median_relative_error'], 9)
-                   + _percent(score['median_bias'], 8, '+') + _percent(score['within_one'], 9)
-                   + _percent(score['within_two'], 9)
-                   + _percent(score['fused_median_relative_error'], 8))
-    yield f'false passages: {friction.get("false_passages", 0)}'
-
-
-def _percent(value: float | None, width: int, sign: str = '') -> str:
-    return f'{"-":>{width}}' if value is None else f'{value:{sign}{width}.0%}'
+    yield from table_lines(truth)

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack
+from contextlib import closing, ExitStack
 from dataclasses import asdict, dataclass, field
+from functools import partial
 import json
 from pathlib import Path
 
 import numpy as np
 
+from smart_tire.analysis.ahead import ahead
 from smart_tire.analysis.inputs import StampLog
-from smart_tire.analysis.pipeline import ESTIMATES, EstimatorParams, INPUTS, Pipeline, TRUTHS
+from smart_tire.analysis.pipeline import (
+    ESTIMATES, EstimatorParams, FrictionStage, INPUTS, SlipStage, TRUTHS)
 from smart_tire.analysis.series import Series
 from smart_tire.analysis.summary import estimates_tree, plain, Tree, truth_tree
 from smart_tire.bags import Bag, BagWriter
@@ -19,7 +23,7 @@ from smart_tire.errors import BagError
 from smart_tire.messages import find_topic, topic_of
 from smart_tire.samples import NS_PER_S, Sample, WheelSample
 
-REPORT_EVERY = 500  # messages between two reports of progress
+BATCH = 500  # messages that go from one stage to the next together
 NEEDED_FOR = {'imu/data': 'no odom, wheel_slip and icr', 'tire_samples': 'no tire_friction',
               'wheel_states': 'no odom, wheel_slip, icr and tire_friction'}
 COMPARED = dict(zip(TRUTHS, ('poses', 'slips', 'friction values')))
@@ -28,16 +32,17 @@ Progress = Callable[[float], None]  # takes the share that is done, 0 to 1
 
 
 @dataclass
-class Run:
-    """What went into the estimators and what came out."""
+class Intake:
+    """What the bag held."""
 
     inputs: Series = field(default_factory=Series)
-    estimates: Series = field(default_factory=Series)
     truth: Series = field(default_factory=Series)
     stamps: StampLog = field(default_factory=StampLog)
     without_positions: int = 0  # wheel samples
+    late: Counter[str] = field(default_factory=Counter)
+    rejected: Counter[str] = field(default_factory=Counter)
     left_out: list[str] = field(default_factory=list)
-    summary: Tree | None = None  # None where nothing could be estimated
+    duration_s: float = 0.0
 
     def take(self, topic: str, sample: Sample) -> None:
         """Note an input."""
@@ -45,6 +50,23 @@ class Run:
         self.inputs.add(sample)
         if isinstance(sample, WheelSample) and sample.position is None:
             self.without_positions += 1
+
+
+@dataclass
+class Batch:
+    """What the slip stage made of some messages."""
+
+    share: float                      # of the bag that is done
+    passed: list[tuple[int, Sample]]  # received at [ns], for the friction stage
+
+
+@dataclass
+class Run:
+    """What went into the estimators and what came out."""
+
+    intake: Intake = field(default_factory=Intake)
+    estimates: Series = field(default_factory=Series)
+    summary: Tree | None = None  # None where nothing could be estimated
 
 
 def analyze(path: Path, out: Path, params: EstimatorParams,
@@ -58,33 +80,46 @@ def analyze(path: Path, out: Path, params: EstimatorParams,
     folder = out / 'estimates'
     if folder.resolve() in (path.resolve(), path.resolve().parent):
         raise BagError(f'{folder}: is the bag that is read; choose another --out')
-    run, pipeline = Run(), Pipeline(params)
-    with Bag(path) as bag, ExitStack() as stack:
-        writer: BagWriter | None = None
-        for receive_ns, topic, sample in _reporting(bag, progress):
-            if topic in TRUTHS:
-                run.truth.add(sample)
+    run, stage = Run(), FrictionStage(params)
+    writer: BagWriter | None = None
+    with ExitStack() as stack:
+        for item in stack.enter_context(closing(ahead(partial(_read, path, params)))):
+            if isinstance(item, Intake):
+                run.intake = item
                 continue
-            run.take(topic, sample)
-            for estimate in pipeline.update(sample):
-                if writer is None:
-                    writer = stack.enter_context(BagWriter(_cleared(folder)))
-                writer.write_sample(topic_of(estimate), receive_ns, estimate)
-                run.estimates.add(estimate)
-        run.left_out = _left_out(bag, run, params.friction.robot.film.wheels)
-        if writer is not None:
-            run.summary = _summary(bag, run, pipeline)
-            _write(out / 'summary.json', run.summary)
+            progress(item.share)
+            for receive_ns, sample in item.passed:
+                for estimate in stage.update(sample):
+                    if writer is None:
+                        writer = stack.enter_context(BagWriter(_cleared(folder)))
+                    writer.write_sample(topic_of(estimate), receive_ns, estimate)
+                    run.estimates.add(estimate)
+    if writer is not None:
+        run.summary = _summary(path, run, stage)
+        _write(out / 'summary.json', run.summary)
     return run
 
 
-def _reporting(bag: Bag, progress: Progress) -> Iterator[tuple[int, str, Sample]]:
-    start, end = bag.span_ns
-    for count, message in enumerate(bag.samples((*INPUTS, *TRUTHS))):
-        if count % REPORT_EVERY == 0:
-            progress((message[0] - start) / max(1, end - start))
-        yield message
-    progress(1.0)
+def _read(path: Path, params: EstimatorParams) -> Iterator[Batch | Intake]:
+    """Yield the bag's messages, through the slip stage, and at last what the bag held."""
+    intake, stage = Intake(), SlipStage(params)
+    with Bag(path) as bag:
+        start, end = bag.span_ns
+        passed: list[tuple[int, Sample]] = []
+        for count, (receive_ns, topic, sample) in enumerate(bag.samples((*INPUTS, *TRUTHS))):
+            if topic in TRUTHS:
+                intake.truth.add(sample)
+            else:
+                intake.take(topic, sample)
+                passed += [(receive_ns, item) for item in stage.update(sample)]
+            if count % BATCH == 0:
+                yield Batch((receive_ns - start) / max(1, end - start), passed)
+                passed = []
+        yield Batch(1.0, passed)
+        intake.late, intake.rejected = stage.late, bag.rejected
+        intake.duration_s = (end - start) / NS_PER_S
+        intake.left_out = _left_out(bag, intake, params.friction.robot.film.wheels)
+    yield intake
 
 
 def _cleared(folder: Path) -> Path:
@@ -100,33 +135,33 @@ def _cleared(folder: Path) -> Path:
     return folder
 
 
-def _summary(bag: Bag, run: Run, pipeline: Pipeline) -> Tree:
-    start, end = bag.span_ns
-    inputs = {topic: {**asdict(stats), 'late': pipeline.late[topic],
-                      'rejected': bag.rejected[topic]}
-              for topic, stats in run.stamps.stats().items()}
-    return {'bag': str(bag.path), 'duration_s': plain((end - start) / NS_PER_S),
-            'inputs': plain(inputs), 'left_out': run.left_out,
+def _summary(path: Path, run: Run, stage: FrictionStage) -> Tree:
+    intake = run.intake
+    late = intake.late | stage.late  # the greater one where both stages take a topic
+    inputs = {topic: {**asdict(stats), 'late': late[topic], 'rejected': intake.rejected[topic]}
+              for topic, stats in intake.stamps.stats().items()}
+    return {'bag': str(path), 'duration_s': plain(intake.duration_s),
+            'inputs': plain(inputs), 'left_out': intake.left_out,
             'estimates': estimates_tree(run.estimates),
-            'against_truth': truth_tree(run.estimates, run.truth)}
+            'against_truth': truth_tree(run.estimates, intake.truth)}
 
 
-def _left_out(bag: Bag, run: Run, film_wheels: Sequence[str]) -> list[str]:
+def _left_out(bag: Bag, intake: Intake, film_wheels: Sequence[str]) -> list[str]:
     """Return what was not read, not used or not estimated, each with the reason."""
     there = bag.match((*INPUTS, *TRUTHS))
     lines = [f'{name} is not in the bag: {lost}' for name, lost in NEEDED_FOR.items()
              if name not in there]
-    if run.without_positions:
-        lines.append(f'positions of wheel_states: {run.without_positions} messages have none, '
+    if intake.without_positions:
+        lines.append(f'positions of wheel_states: {intake.without_positions} messages have none, '
                      'their velocities are used')
     lines += [f'tire_samples of {wheel}: it is not among film.wheels'
-              for wheel in run.inputs.film_wheels() if wheel not in film_wheels]
+              for wheel in intake.inputs.film_wheels() if wheel not in film_wheels]
     if not there.keys() & set(TRUTHS):
         lines.append('ground truth is not in the bag: nothing is compared')
     else:
         lines += [f'{name} is not in the bag: {what} are not compared'
                   for name, what in COMPARED.items() if name not in there]
-    if np.isnan(run.truth.poses().twist).any():
+    if np.isnan(intake.truth.poses().twist).any():
         lines.append('twist of ground_truth/odom is not given: speeds are not compared')
     return lines + _unread(bag, there)
 

@@ -44,26 +44,55 @@ class EstimatorParams:
         return self.slip.robot
 
 
-class Pipeline:
-    """Slip estimator and friction estimator in a row: inputs in, estimates out."""
+class SlipStage:
+    """The slip estimator: inputs in; its estimates, and what the friction estimator needs, out."""
 
     def __init__(self, params: EstimatorParams) -> None:
         self._slip = SlipEstimator(params.slip)
+
+    def update(self, sample: Sample) -> list[Sample]:
+        """Take an input in the order of reception."""
+        passed: list[Sample] = []
+        if isinstance(sample, (ImuSample, WheelSample)):
+            passed += self._slip.update(sample)
+        if isinstance(sample, (TireSample, WheelSample)):
+            passed.append(sample)
+        return passed
+
+    @property
+    def late(self) -> Counter[str]:
+        """Return topic -> samples that came too late."""
+        return self._slip.late
+
+
+class FrictionStage:
+    """The friction estimator behind the slip estimator: what that passes in, estimates out."""
+
+    def __init__(self, params: EstimatorParams) -> None:
         self._friction = FrictionEstimator(params.friction)
 
     def update(self, sample: Sample) -> list[Estimate]:
-        """Take an input in the order of reception; return what can be told since."""
+        """Take what the slip stage passes on, in order."""
         estimates: list[Estimate] = []
-        if isinstance(sample, (ImuSample, WheelSample)):
-            for estimate in self._slip.update(sample):
-                estimates.append(estimate)
-                if isinstance(estimate, (Odometry, WheelSlip)):
-                    estimates += self._friction.update(estimate)
-        if isinstance(sample, (TireSample, WheelSample)):
+        if isinstance(sample, (Odometry, WheelSlip, Icr)):
+            estimates.append(sample)
+        if not isinstance(sample, Icr):
             estimates += self._friction.update(sample)
         return estimates
 
     @property
     def late(self) -> Counter[str]:
-        """Return topic -> samples that came too late for an estimator."""
-        return self._slip.late | self._friction.late  # the greater one where both take a topic
+        """Return topic -> samples that came too late."""
+        return self._friction.late
+
+
+class Pipeline:
+    """Both stages in one: inputs in, estimates out."""
+
+    def __init__(self, params: EstimatorParams) -> None:
+        self._slip, self._friction = SlipStage(params), FrictionStage(params)
+
+    def update(self, sample: Sample) -> list[Estimate]:
+        """Take an input in the order of reception; return what can be told since."""
+        return [estimate for passed in self._slip.update(sample)
+                for estimate in self._friction.update(passed)]

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Any
 
-from smart_tire.analysis.passages import KINDS
+from smart_tire.analysis.metrics import SIDES
 from smart_tire.analysis.summary import Tree
 
-UNKNOWN = '?'
+UNKNOWN = '-'
 
 
 def lines(summary: Tree) -> Iterator[str]:
@@ -30,7 +30,7 @@ def estimate_lines(tree: Tree) -> Iterator[str]:
         yield (f'  odom: {number(tree["odom"]["distance_m"], 1)} m, ends at '
                + ', '.join(f'{name.split("_")[0]} {number(end[name], 2)} '
                            f'± {number(sigma[name], 2)} {name.split("_")[1]}' for name in end))
-    for side in ('left', 'right'):
+    for side in SIDES:
         if side in tree.get('wheel_slip', {}):
             slip = tree['wheel_slip'][side]
             yield (f'  slip {side}: mean {number(slip["mean"], 3)}, '
@@ -43,18 +43,19 @@ def estimate_lines(tree: Tree) -> Iterator[str]:
 
 def truth_lines(tree: Tree | None) -> Iterator[str]:
     """Yield how far the estimates are from the truth; nothing without one."""
-    tree = tree or {}
-    if 'pose' in tree:
+    if tree and 'pose' in tree:
         yield from _pose_lines(tree['pose'])
-    for span, sides in tree.get('slip', {}).items():
-        for side in ('left', 'right'):
-            yield f'  slip {side}, {span}: {_slip_line(sides[side])}'
-    for span, kinds in tree.get('friction', {}).items():
-        for kind in KINDS:
-            if isinstance(kinds, Mapping) and kind in kinds:
-                yield f'  friction {kind}, {span}: {_friction_line(kinds[kind])}'
+    yield from table_lines(tree or {})
+
+
+def table_lines(tree: Tree) -> Iterator[str]:
+    """Yield one table of slips and one of friction, of each stretch that was judged by itself."""
+    if 'slip' in tree:
+        yield ''
+        yield from _slip_table(tree['slip'])
     if 'friction' in tree:
-        yield f'  friction: {tree["friction"]["false_passages"]} passages that were none'
+        yield ''
+        yield from _friction_table(tree['friction'])
 
 
 def _pose_lines(pose: Tree) -> Iterator[str]:
@@ -74,25 +75,39 @@ def _pose_lines(pose: Tree) -> Iterator[str]:
                    f'{number(score["normalised_rms"], 2)} sigma')
 
 
-def _slip_line(slip: Tree) -> str:
-    error = slip['error']
-    return (f'mean {number(slip["estimated_mean"], 3)}, in truth {number(slip["true_mean"], 3)}; '
-            f'error {number(error["rms"], 3)} rms, {number(error["normalised_rms"], 2)} sigma, '
-            f'{percent(error["within_two"])} within two')
+def _slip_table(slips: Tree) -> Iterator[str]:
+    yield (f'{"mean slip":18}{"side":>6}{"estimate":>10}{"truth":>8}{"error":>8}{"rms":>8}'
+           f'{"in 2 sigma":>12}')
+    for name, sides in slips.items():
+        for side in SIDES:
+            score, error = sides[side], sides[side]['error']
+            if error['count']:
+                yield (f'{name:18}{side:>6}{score["estimated_mean"]:10.3f}'
+                       f'{score["true_mean"]:8.3f}{error["mean"]:+8.3f}{error["rms"]:8.3f}'
+                       f'{percent(error["within_two"]):>12}')
 
 
-def _friction_line(score: Tree) -> str:
-    return (f'{score["passages"]} passages, {score["found"]} found, {score["telling"]} tell it '
-            f'({percent(score["telling_share"])}); median error '
-            f'{percent(score["median_relative_error"])}, {percent(score["within_one"])} within '
-            f'one sigma, {percent(score["within_two"])} within two')
+def _friction_table(friction: Tree) -> Iterator[str]:
+    yield (f'{"friction":18}{"kind":>9}{"passages":>10}{"found":>7}{"telling":>9}{"|error|":>9}'
+           f'{"bias":>8}{"1 sigma":>9}{"2 sigma":>9}{"fused":>8}')
+    for name, kinds in friction.items():
+        if name in ('false_passages', 'stamp'):
+            continue
+        for kind, score in kinds.items():
+            yield (f'{name:18}{kind:>9}{score["passages"]:10}{score["found"]:7}'
+                   f'{percent(score["telling_share"]):>9}'
+                   f'{percent(score["median_relative_error"]):>9}'
+                   f'{percent(score["median_bias"], "+"):>8}{percent(score["within_one"]):>9}'
+                   f'{percent(score["within_two"]):>9}'
+                   f'{percent(score["fused_median_relative_error"]):>8}')
+    yield f'false passages: {friction["false_passages"]}'
 
 
 def number(value: Any, digits: int) -> str:
-    """Return a number with so many decimals; a question mark for what is not known."""
+    """Return a number with so many decimals; a dash for what is not known."""
     return UNKNOWN if value is None else f'{value:.{digits}f}'
 
 
-def percent(share: Any) -> str:
-    """Return a share, 0 to 1, in percent."""
-    return UNKNOWN if share is None else f'{100.0 * share:.0f} %'
+def percent(share: Any, sign: str = '') -> str:
+    """Return a share, 0 to 1, in percent; a dash for what is not known."""
+    return UNKNOWN if share is None else f'{share:{sign}.0%}'

@@ -67,14 +67,15 @@ def analyze_one(bag: Path, out: Path, params: EstimatorParams, figures: bool) ->
         result = analyze(bag, out, params, progress)
     if result.summary is None:
         print(f'{bag}: nothing to estimate')
-        for text in result.left_out:
+        for text in result.intake.left_out:
             print(f'  left out: {text}')
         return NOTHING
     for line in lines(result.summary):
         print(line)
     if figures:
         from smart_tire.analysis.figures import write_figures
-        write_figures(out, result.inputs, result.estimates, result.truth, params.robot)
+        write_figures(out, result.intake.inputs, result.estimates, result.intake.truth,
+                      params.robot)
     print(f'  written to {out}')
     return ESTIMATED
 
@@ -86,9 +87,10 @@ def shown_progress(name: str) -> Iterator[Progress]:
     if not sys.stdout.isatty():
         yield Lines(name).show
         return
-    with Bars(transient=True) as bars:
+    # No thread of its own that redraws it: the analysis forks.
+    with Bars(transient=True, auto_refresh=False) as bars:
         bar = bars.add_task(name, total=1.0)
-        yield lambda share: bars.update(bar, completed=share)
+        yield lambda share: bars.update(bar, completed=share, refresh=True)
 
 
 class Lines:

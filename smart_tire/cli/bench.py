@@ -162,7 +162,8 @@ def print_speed(folder: Path) -> None:
     result = analyze(folder / 'drive', out, params)
     estimated = time.perf_counter() - begin
     from smart_tire.analysis.figures import write_figures
-    write_figures(out, result.inputs, result.estimates, result.truth, params.robot)
+    write_figures(out, result.intake.inputs, result.estimates, result.intake.truth,
+                  params.robot)
     drawn = time.perf_counter() - begin
     print(f'offline: {OFFLINE / estimated:.0f} times faster than real time, '
           f'{OFFLINE / drawn:.0f} times with figures')

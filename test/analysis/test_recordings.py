@@ -63,7 +63,7 @@ def test_the_husky_is_followed_though_only_its_mean_wheel_speed_is_known(tmp_pat
 
 def test_what_a_recording_lacks_is_said(tmp_path):
     run = analyzed('husky_rectangle', HUSKY, tmp_path)
-    told = '\n'.join(run.left_out)
+    told = '\n'.join(run.intake.left_out)
     assert 'tire_samples is not in the bag' in told
     assert 'positions of wheel_states: 488 messages have none' in told
     assert 'twist of ground_truth/odom is not given' in told

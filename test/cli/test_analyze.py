@@ -102,7 +102,7 @@ def test_later_parameter_files_win(bag, robot, tmp_path):
         assert analyze(bag, '--params', robot, '--params', last, '--no-figures', '--out', out) == 0
         summary = json.loads((out / 'summary.json').read_text())
         slips.append(summary['estimates']['wheel_slip']['left']['mean'])
-    assert slips[0] < 0.2 and slips[1] > 0.4  # wheels twice as large would have to slip
+    assert slips[1] > slips[0] + 0.1  # wheels twice as large would have to slip
 
 
 @pytest.mark.parametrize('words', [[], ['bag'], ['--out', 'out']])
