@@ -33,13 +33,19 @@ HUSKY = f"""
 {COMMON}"""
 
 
-def analyzed(name, text, tmp_path):
+def analyzed(name, text, folder):
     """Return the run on a recording; skip where it is not at hand."""
     if not (RECORDINGS / name).exists():
         pytest.skip(f'the recording {RECORDINGS / name} is not on this machine')
-    path = tmp_path / 'robot.yaml'
+    path = folder / 'robot.yaml'
     path.write_text(text)
-    return analyze(RECORDINGS / name, tmp_path / 'out', EstimatorParams.load([path]))
+    return analyze(RECORDINGS / name, folder / 'out', EstimatorParams.load([path]))
+
+
+@pytest.fixture(scope='module')
+def husky(tmp_path_factory):
+    """Return the run on the Husky's recording."""
+    return analyzed('husky_rectangle', HUSKY, tmp_path_factory.mktemp('husky'))
 
 
 def test_the_warthog_on_asphalt_is_followed_where_wheel_odometry_is_lost(tmp_path):
@@ -53,18 +59,16 @@ def test_the_warthog_on_asphalt_is_followed_where_wheel_odometry_is_lost(tmp_pat
     assert run.summary['inputs']['wheel_states']['rate_hz'] == pytest.approx(4.0, rel=0.01)
 
 
-def test_the_husky_is_followed_though_only_its_mean_wheel_speed_is_known(tmp_path):
-    run = analyzed('husky_rectangle', HUSKY, tmp_path)
-    pose = run.summary['against_truth']['pose']
+def test_the_husky_is_followed_though_only_its_mean_wheel_speed_is_known(husky):
+    pose = husky.summary['against_truth']['pose']
     assert pose['distance_m'] == pytest.approx(20.4, rel=0.03)
     assert pose['position_rms_m'] < 1.5
     assert abs(pose['yaw_end_rad']) < 0.05 and pose['yaw']['rms'] < 0.02
 
 
-def test_what_a_recording_lacks_is_said(tmp_path):
-    run = analyzed('husky_rectangle', HUSKY, tmp_path)
-    told = '\n'.join(run.intake.left_out)
+def test_what_a_recording_lacks_is_said(husky):
+    told = '\n'.join(husky.intake.left_out)
     assert 'tire_samples is not in the bag' in told
     assert 'positions of wheel_states: 488 messages have none' in told
     assert 'twist of ground_truth/odom is not given' in told
-    assert run.summary['against_truth']['pose']['twist'] is None
+    assert husky.summary['against_truth']['pose']['twist'] is None
