@@ -170,7 +170,7 @@ def run(node_class: Callable[[], SmartTireNode[Any]]) -> int:
     try:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:  # rcl: arguments or a parameter file that it can not parse
-        get_logger('smart_tire').fatal(plain(error))
+        get_logger('smart_tire').fatal(f'ROS arguments: {plain(error)}')
         return EXIT_REFUSED
     threading.excepthook = _ending(threading.excepthook, stopped)
     try:
