@@ -30,6 +30,7 @@ class TireUnit:
         self.wheel = wheel
         self.clock = DeviceClock()
         self.batches = 0     # that carried something new
+        self.last_ns = 0     # host clock, when the latest of them came
         self.lost = 0        # by sequence
         self.duplicates = 0
         self.resets = 0      # of the unit, or of the clocks
@@ -49,6 +50,7 @@ class TireUnit:
         self._last = batch
         self._recent.append(batch)
         self.batches += 1
+        self.last_ns = receive_ns
         self.saturated += batch.saturated
         start = self._timer_us * NS_PER_US
         period = batch.period_us * NS_PER_US

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import sys
 import threading
+import time
 from typing import Any
 
 from smart_tire.links.serial_link import pump
 from smart_tire.links.tire_stream import TireStream
-from smart_tire.nodes.base import run
+from smart_tire.nodes.base import run, SILENCE
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.driver import DriverNode, nanoseconds
 from smart_tire.parameters import TireReceiverParams
-from smart_tire.samples import TireSample
+from smart_tire.samples import NS_PER_S, TireSample
 
 
 class TireReceiver(DriverNode[TireReceiverParams]):
@@ -52,8 +53,8 @@ class TireReceiver(DriverNode[TireReceiverParams]):
                 f'{unit.wheel}.batches_lost': unit.lost,
                 f'{unit.wheel}.timer_drift_ppm': unit.clock.drift * 1e6,
                 f'{unit.wheel}.radio_jitter': unit.clock.jitter})
-            if not unit.batches:
-                status.warn(f'nothing from {unit.wheel} yet')
+            if time.time_ns() - unit.last_ns > SILENCE * NS_PER_S:
+                status.warn(f'nothing from {unit.wheel}')
 
 
 def main() -> int:

@@ -59,6 +59,8 @@ def test_a_batch_becomes_a_message_for_every_conversion(graph, port):
         graph.until(lambda: len(graph.heard['tire_samples']) == (10 + 8) * 16
                     and len(graph.heard['tire_battery']) == 2
                     and graph.value('tire_receiver', 'frames_bad') == '2')
+        graph.until(lambda: 'nothing from front_left; nothing from front_right'
+                    in graph.complaint('tire_receiver'))
         counts = {key: graph.value('tire_receiver', key) for key in (
             'frames_ok', 'batches_ok', 'batches_lost', 'batches_duplicate',
             'front_left.batches_lost', 'front_right.batches_lost')}
