@@ -25,8 +25,7 @@ JUMP_NS = NS_PER_S        # a stamp further than this from the others is suspect
 AHEAD_RUN_NS = 100_000_000  # suspects spanning this, undisturbed, are the new present ...
 STALE_RUN_NS = 500_000_000  # ... or a clock that was set back, or a bag that was started again
 LONGEST_GAP_NS = 60 * NS_PER_S  # a longer silence starts anew instead of being predicted through
-
-PATIENCE_NS = 900_000_000  # of message time that an awaited topic may lag; then it counts as silent
+PATIENCE_NS = 900_000_000  # an awaited topic may lag so much; beyond, it counts as silent
 
 Closed = tuple[int, list[Any]]
 

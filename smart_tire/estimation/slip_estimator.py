@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from smart_tire.estimation.gate import Gate
+from smart_tire.estimation.shaking import Shaking
 from smart_tire.estimation.slip_filter import Motion, SlipFilter, State, WheelTravel
 from smart_tire.estimation.standstill import Standstill
 from smart_tire.estimation.travel_log import TravelLog
@@ -23,6 +24,7 @@ from smart_tire.samples import (
 DROPOUT = 0.1              # s without the inertial unit (or 3 periods): go by the wheels
 GUESSED_RATE_PSD = 0.01    # (rad/s)^2 s, of the yaw rate that the wheels give meanwhile
 GUESSED_ACCEL_PSD = 0.1    # (m/s2)^2 s, of an acceleration that nobody measures
+SLOW_SHAKING = 0.25        # share of the shaking that is pitch and roll; assumed
 TURNING = 0.05             # rad/s; slower, the ICR is too far away to be told
 TRUSTED_REST = 3.0         # s; rest that lasts so long overrules a state that has drifted away
 PLANAR_VARIANCE = 1e-6     # m^2, rad^2 and per s: height and its rate, zero in the plane
@@ -56,6 +58,7 @@ class SlipEstimator:
         self._imu_time: float | None = None
         self._imu: tuple[float, float, float] | None = None  # last rate z, force x, y
         self._imu_period = 0.01           # s, of the IMU, until it is known better
+        self._shaking = Shaking(robot.imu.accel_noise)
         self._at_rest = False
         self._gate_resets = self._gate.resets
 
@@ -122,6 +125,7 @@ class SlipEstimator:
                 continue
             reading = self._read(sample)
             self._standstill.push(time, reading)
+            self._shaking.push(time, sample.acceleration[2])
             if self._imu is None or self._imu_time is None:
                 self._time = end = time
                 self._log.start(time)
@@ -141,8 +145,13 @@ class SlipEstimator:
         dt, imu = end - self._time, self._params.robot.imu
         rate, force_x, force_y = (float(value) for value in sums / dt)
         period = dt / count  # white noise per sample becomes noise density
-        self._advance(end, Motion(rate, force_x, force_y, imu.gyro_noise ** 2 * period,
-                                  imu.accel_noise ** 2 * period))
+        shaking = self._shaking.sigma
+        self._advance(end, Motion(
+            rate, force_x, force_y, imu.gyro_noise ** 2 * period,
+            (imu.accel_noise ** 2 + shaking ** 2) * period, self._slope_sigma(shaking)))
+
+    def _slope_sigma(self, shaking: float) -> float:
+        return math.hypot(self._params.slope_sigma, SLOW_SHAKING * shaking / GRAVITY)
 
     def _predict_blind(self, now: float) -> None:
         """Advance without the inertial unit: yaw rate from the wheels, acceleration unknown."""
@@ -153,7 +162,8 @@ class SlipEstimator:
         force_x = x[State.ACCEL_X] - W * x[State.V_Y] - GRAVITY * x[State.PITCH]
         force_y = x[State.ACCEL_Y] + W * x[State.V_X] + GRAVITY * x[State.ROLL]
         self._imu = (rate, force_x, force_y)
-        self._advance(now, Motion(rate, force_x, force_y, GUESSED_RATE_PSD, GUESSED_ACCEL_PSD))
+        self._advance(now, Motion(rate, force_x, force_y, GUESSED_RATE_PSD, GUESSED_ACCEL_PSD,
+                                  self._slope_sigma(self._shaking.sigma)))
 
     def _advance(self, end: float, motion: Motion) -> None:
         dt = end - self._time

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smart_tire.errors import EstimatorError
+from smart_tire.estimation.sliding import SLIDE_FLOOR, SlidingChange
 from smart_tire.models.skid_steer import GRAVITY
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.samples import Vector3
@@ -36,15 +37,10 @@ SPEED_DRIFT = 0.005       # m/s per sqrt(s), what the planar model leaves out
 GYRO_BIAS_DRIFT = 1e-4    # rad/s per sqrt(s), in-run stability of a low-cost unit
 ACCEL_BIAS_DRIFT = 5e-4   # m/s2 per sqrt(s), likewise
 SLOPE_LENGTH = 5.0        # m, over which the slope of the ground is forgotten
-SLIDE_FLOOR = 0.02        # m/s, sliding that a wheel shows at any speed
 WHEEL_NOISE = 0.003       # m/s, wheel speed of a side beyond quantisation and stamps
 STILL_SPEED = 0.003       # m/s, one sigma of the speed of a robot that stands
 OUTLIER = 3.0             # sigmas; beyond, a measurement counts less and less
 NIS_MEMORY = 0.05         # share of a new value in the smoothed innovation statistic
-CHANGE = 2.5              # sigmas of a change of wheel speed by stamps alone; more is real
-GROUND_CHANGE = 0.01      # m/s; a larger change of the speed over ground changes the slip
-CHANGE_TIME = 0.3         # s, that slip takes to settle after a change of wheel speed
-SURPRISE = 2.0            # sigmas; beyond, twice in a row, the sliding has changed
 
 
 class State(IntEnum):
@@ -81,6 +77,7 @@ class Motion:
     force_y: float   # m/s2
     gyro_variance: float   # (rad/s)^2 s, of the integral per second
     accel_variance: float  # (m/s2)^2 s
+    slope_sigma: float     # rad, of the ground, or of a body that pitches and rolls on it
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,11 +103,9 @@ class SlipFilter:
         self._ekf = ExtendedKalmanFilter(dim_x=N, dim_z=1)
         self._F = np.eye(N)
         self._Q = np.zeros(N)
-        # m/s, of a side's wheels and of the ground under it, of late
-        self._usual: list[tuple[float, float] | None] = [None, None]
+        self._changes = [SlidingChange(params) for _ in SIDES]
         # a wandering slip with this memory spreads over slip_sigma in the long run
         self._slip_time = 2.0 * (params.slip_sigma / max(params.slip_drift, 1e-6)) ** 2
-        self._innovation = [0.0, 0.0]  # m/s, of the last wheel reading
         self.nis = 1.0  # normalised innovation squared of the wheel readings, smoothed
         sigma = np.zeros(N)
         sigma[State.ROLL] = sigma[State.PITCH] = params.slope_sigma
@@ -205,7 +200,7 @@ class SlipFilter:
         Q, params = self._Q, self._params
         gyro, accel = motion.gyro_variance * dt, motion.accel_variance * dt
         Q[State.YAW] = gyro
-        Q[State.ROLL] = Q[State.PITCH] = params.slope_sigma ** 2 * (1.0 - fade ** 2)
+        Q[State.ROLL] = Q[State.PITCH] = motion.slope_sigma ** 2 * (1.0 - fade ** 2)
         Q[State.V_X] = accel + gyro * v_y ** 2 + SPEED_DRIFT ** 2 * dt
         Q[State.V_Y] = accel + gyro * v_x ** 2 + SPEED_DRIFT ** 2 * dt
         Q[State.GYRO] = GYRO_BIAS_DRIFT ** 2 * dt
@@ -234,7 +229,8 @@ class SlipFilter:
             jitter = math.sqrt(2.0) * self._params.robot.encoder.stamp_jitter / travel.duration
             R += np.diag([(jitter * speed) ** 2 for speed in travel.speed])
         z = np.array(travel.speed)
-        self._widen_sliding(travel, z - expected, np.diag(H @ self._ekf.P @ H.T + R))
+        self._let_sliding_change(travel, z - expected, np.diag(H @ self._ekf.P @ H.T + R))
+        H, expected = self._wheel_model(travel)
         if self._params.constraint == 'printed':
             H, z, expected, R = self._printed(H, z, expected, R)
         self._correct(z, expected, H, R)
@@ -267,34 +263,28 @@ class SlipFilter:
         P[State.STAMP, :] = P[:, State.STAMP] = 0.0
         P[State.STAMP, State.STAMP] = max(self._params.robot.encoder.stamp_jitter, 1e-6) ** 2
 
-    def _widen_sliding(self, travel: WheelTravel, innovation: Array, variance: Array) -> None:
-        """Let the sliding change while the wheel speed does, and with what surprises."""
-        keep = math.exp(-travel.duration / CHANGE_TIME)
-        jitter = math.sqrt(2.0) * self._params.robot.encoder.stamp_jitter / travel.duration
-        for row, (side, slide) in enumerate(zip(SIDES, SLIDES)):
-            wheel = travel.speed[row]
+    def _let_sliding_change(self, travel: WheelTravel, innovation: Array, variance: Array) -> None:
+        """Forget the sliding as far as wheels and ground change their speeds, or surprise."""
+        for row, (side, slide, change) in enumerate(zip(SIDES, SLIDES, self._changes)):
             ground = travel.ground_speed + (
                 self._y_imu + side * self._half_track) * travel.yaw_rate
-            usual = self._usual[row]
-            if usual is None:  # until now nothing was known of the wheels
-                self._usual[row] = wheel, ground
-                self._ekf.P[slide, slide] = (self._params.slip_sigma * wheel) ** 2 + (
-                    SLIDE_FLOOR ** 2)
-                continue
-            self._usual[row] = (keep * usual[0] + (1.0 - keep) * wheel,
-                                keep * usual[1] + (1.0 - keep) * ground)
-            change = self._params.slip_agility * (
-                max(0.0, abs(wheel - usual[0]) - CHANGE * abs(wheel) * jitter)
-                + max(0.0, abs(ground - usual[1]) - GROUND_CHANGE))
-            surprise = max(0.0, self._lasting(row, innovation[row])
-                           - SURPRISE * math.sqrt(variance[row]))
-            self._ekf.P[slide, slide] += change ** 2 * travel.duration / CHANGE_TIME + (
-                surprise ** 2)
+            self._forget(slide, *change.update(
+                travel.duration, travel.speed[row], ground, float(innovation[row]),
+                math.sqrt(variance[row])))
 
-    def _lasting(self, row: int, innovation: float) -> float:
-        """Return how much of an innovation there was before: a bad reading comes alone."""
-        before, self._innovation[row] = self._innovation[row], innovation
-        return min(abs(before), abs(innovation)) if before * innovation > 0.0 else 0.0
+    def _forget(self, slide: State, variance: float, spread: float) -> None:
+        """
+        Let ``variance`` [m2/s2] into the sliding, of which ``spread`` is what is known at worst.
+
+        It fades towards zero as it becomes unknown: were it only widened, nothing would tie the
+        speed to the wheels on a robot that shakes, and the accelerometer would carry it away.
+        """
+        keep = math.sqrt(max(0.0, 1.0 - variance / spread))
+        x, P = self._ekf.x, self._ekf.P
+        x[slide] *= keep
+        P[slide, :] *= keep
+        P[:, slide] *= keep
+        P[slide, slide] += (1.0 - keep ** 2) * spread
 
     def _printed(self, H: Array, z: Array, expected: Array, R: Array
                  ) -> tuple[Array, Array, Array, Array]:

@@ -9,7 +9,7 @@ from smart_tire.parameters import RobotParams
 from smart_tire.samples import Four, WheelSample
 
 LONGEST = 2.0         # s between readings; beyond, only the newest period is used
-JUMP_SPEED = 3.0      # rad/s by which positions may contradict velocities before they count as reset
+JUMP_SPEED = 3.0      # rad/s by which positions may contradict velocities, reset beyond
 BEYOND_MEMORY = 0.5   # share of a new reading in a wheel's difference from its side
 
 

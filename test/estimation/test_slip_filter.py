@@ -9,7 +9,7 @@ from smart_tire.estimation.slip_filter import Motion, N, SlipFilter, State, Whee
 from smart_tire.models.skid_steer import GRAVITY
 from smart_tire.parameters import build, SlipEstimatorParams
 
-MOTION = Motion(0.8, 0.4, 0.9, 1e-6, 2.5e-5)
+MOTION = Motion(0.8, 0.4, 0.9, 1e-6, 2.5e-5, 1e-3)
 TRAVEL = WheelTravel(0.0625, (1.1, 0.6), 0.8, 0.9, 1e-6, stamped=True)
 
 
@@ -59,7 +59,7 @@ def test_a_robot_at_rest_on_a_slope_feels_gravity_not_speed():
     state = np.zeros(N)
     state[State.PITCH] = 0.02  # nose down: specific force has a backward part
     slip_filter = new_filter(state)
-    slip_filter.predict(0.1, Motion(0.0, -GRAVITY * 0.02, 0.0, 1e-6, 1e-6))
+    slip_filter.predict(0.1, Motion(0.0, -GRAVITY * 0.02, 0.0, 1e-6, 1e-6, 1e-3))
     assert slip_filter.x[State.V_X] == pytest.approx(0.0, abs=1e-12)
 
 
@@ -68,7 +68,7 @@ def test_steady_turning_needs_the_centripetal_force():
     state[State.V_X] = 0.8
     slip_filter = new_filter(state, **{'imu.position': [0.0, 0.0, 0.0]})
     for _ in range(100):
-        slip_filter.predict(0.01, Motion(0.5, 0.0, 0.4, 1e-6, 1e-6))
+        slip_filter.predict(0.01, Motion(0.5, 0.0, 0.4, 1e-6, 1e-6, 1e-3))
     x = slip_filter.x
     assert x[State.V_X] == pytest.approx(0.8, abs=1e-3)
     assert x[State.YAW] == pytest.approx(0.5)
