@@ -164,3 +164,9 @@ def test_versions_are_the_same_wherever_they_are_written(setup_arguments):
     for item in setup_arguments['extras_require']['lint']:
         name, _, version = item.partition('==')
         assert constraints[name] == {version}
+
+
+def test_the_readme_names_every_node_and_launch_file():
+    text = (ROOT / 'README.md').read_text(encoding='utf-8')
+    for name in [*NODE_PARAMS, *(path.name for path in (ROOT / 'launch').glob('*.launch.py'))]:
+        assert f'`{name}`' in text
