@@ -38,12 +38,13 @@ def write_figures(directory: Path, inputs: Series, estimates: Series, truth: Ser
 
 def _figures(inputs: Series, estimates: Series, truth: Series, robot: RobotParams,
              spans: Spans | None) -> Iterator[tuple[str, Figure]]:
-    stamps = estimates.slips().stamp_ns
-    if not len(stamps):
-        return
-    origin = int(stamps[0])
-    yield 'slip', slip_figure(estimates, truth, origin, spans)
-    yield 'path', path_figure(estimates, truth)
+    slips, poses = estimates.slips().stamp_ns, estimates.poses().stamp_ns
+    stamps = np.concatenate([slips, poses, _stamps(estimates.passages)])
+    origin = int(stamps.min(initial=np.iinfo(np.int64).max))
+    if len(slips):
+        yield 'slip', slip_figure(estimates, truth, origin, spans)
+    if len(poses):
+        yield 'path', path_figure(estimates, truth)
     if estimates.passages:
         yield 'friction', friction_figure(estimates, truth, origin)
     for passage in typical_passages(estimates.passages):

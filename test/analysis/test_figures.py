@@ -64,6 +64,13 @@ def test_only_what_was_estimated_is_drawn(tmp_path):
     assert figures.write_figures(tmp_path, measured(), Series(), Series(), ROBOT) == []
 
 
+def test_friction_is_drawn_without_slip_and_path(tmp_path):
+    alone = Series()
+    alone.passages = driven().passages
+    written = figures.write_figures(tmp_path, measured(), alone, Series(), ROBOT)
+    assert [path.name for path in written] == ['friction.png', 'contact.png']
+
+
 def test_every_axis_has_a_unit():
     all_figures = [
         figures.slip_figure(driven(), driven(), EPOCH), figures.path_figure(driven(), driven()),

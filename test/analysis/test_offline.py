@@ -201,6 +201,15 @@ def test_messages_that_break_the_contract_are_counted_with_the_reason(bag_of, dr
     assert f'{broken} messages of imu/data: refused' in left_out(run)
 
 
+def test_without_an_imu_the_films_tell_alone(bag_of, drive, params, tmp_path):
+    events = of_topics(drive, 'wheel_states', 'tire_samples', *TRUTHS)
+    run = analyze(bag_of(tmp_path / 'bag', events), tmp_path / 'out', params)
+    assert 'imu/data is not in the bag: no odom, wheel_slip and icr' in run.intake.left_out
+    assert list(run.summary['estimates']) == ['tire_friction']
+    assert run.summary['against_truth']['friction'][WHOLE]['traction']['found'] > 5
+    assert run.summary['against_truth']['slip'][WHOLE]['left']['error']['count'] == 0
+
+
 @pytest.mark.parametrize('kept', [('imu/data',), TRUTHS, ()])
 def test_where_nothing_can_be_estimated_nothing_is_written(bag_of, drive, params, tmp_path, kept):
     run = analyze(bag_of(tmp_path / 'bag', of_topics(drive, *kept)), tmp_path / 'out', params)
