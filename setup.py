@@ -25,8 +25,8 @@ setup(
     ],
     python_requires='>=3.10',
     install_requires=[
-        'filterpy>=2.0', 'matplotlib', 'mcap', 'numpy', 'pyserial', 'pyyaml', 'rich', 'rosbags',
-        'scipy',
+        'filterpy>=2.0', 'lz4', 'matplotlib', 'mcap', 'numpy', 'pyserial', 'pyyaml', 'rich',
+        'rosbags', 'scipy', 'zstandard',
     ],
     extras_require={
         # rclpy and the messages for machines without a ROS distribution

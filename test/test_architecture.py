@@ -22,7 +22,8 @@ BESIDE = {  # the imports that stay on their level
     ('cli', 'nodes'),  # the command may start nodes
 }
 ONLY_IN = {
-    'serial': 'links', 'filterpy': 'estimation', 'rosbags': 'bags', 'mcap': 'bags',
+    'serial': 'links', 'filterpy': 'estimation',
+    'rosbags': 'bags', 'mcap': 'bags', 'lz4': 'bags', 'zstandard': 'bags',
     'cv2': 'vision', 'matplotlib': 'analysis', 'rich': 'cli', 'rclpy': 'nodes',
 }
 ROS_SUFFIXES = ('_msgs', '_srvs', '_interfaces')
