@@ -45,6 +45,12 @@ class FrictionEstimatorParams:
     reliability: str = param('reliable', '-', 'of the input subscriptions', choices=RELIABILITIES)
     robot: RobotParams = part(RobotParams)
 
+    def __post_init__(self) -> None:
+        film, patch = self.robot.film.length, self.robot.tire.contact_length
+        if self.map == 'printed' and film >= patch:
+            raise ValueError(f'map: printed needs a film.length ({film} m) below '
+                             f'tire.contact_length ({patch} m)')
+
 
 @dataclass(frozen=True, kw_only=True)
 class PidParams:

@@ -1,0 +1,265 @@
+"""
+Rolled distance of one wheel, from samples of its angle or of its mean speed.
+
+A coarse course between the samples is enough to find contacts. To measure one, the course is
+smoothed: 1 ms of stamp jitter is 1 mm at 1 m/s, as large as what the friction shows.
+"""
+
+from __future__ import annotations
+
+from array import array
+from dataclasses import dataclass
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solveh_banded
+
+from smart_tire.samples import NS_PER_S
+
+Array = NDArray[np.float64]
+Instants = NDArray[np.int64]
+
+LEAST_DENSITY = 1e-12  # rad^2 s, of angles without noise
+JERK_DENSITY = 3.0     # (rad/s3)^2 s, how a controlled wheel's acceleration wanders
+MEMORY = 1024             # samples kept, standstill aside
+BEFORE_NS = 400_000_000   # samples that support the smoothing, before ...
+AFTER_NS = 300_000_000    # ... and after the stretch that is asked for
+LONGEST_EXTRAPOLATION = 1.0  # s, beyond the newest sample
+IMPLAUSIBLE_STEP = 1.0       # rad, more than the speed explains: the counter was reset
+KEPT_TURNS = 16
+ROLL_POINTS = 200
+PARTS = 8              # of a roll, between whose speeds the change is looked for
+
+
+class WheelCourse:
+    """
+    Course of one wheel: distance [m] that its tread has rolled over instants [ns].
+
+    The distance grows forward and starts at zero. ``latency`` [s] is how late stamps are,
+    ``counts`` the encoder's counts per turn and ``jitter`` [s] the noise of the stamps.
+    """
+
+    def __init__(self, radius: float, counts: float, jitter: float, latency: float = 0.0) -> None:
+        self._radius = radius
+        self._quantum = 2.0 * math.pi / counts / math.sqrt(12.0)
+        self._jitter = jitter
+        self._latency_ns = round(latency * NS_PER_S)
+        self._stamps = array('q')
+        self._angles = array('d')
+        self._speeds = array('d')
+        self._position: float | None = None
+
+    @property
+    def newest_ns(self) -> int | None:
+        """Instant of the newest sample, None before the first."""
+        return self._stamps[-1] if self._stamps else None
+
+    def add(self, stamp_ns: int, speed: float, position: float | None) -> None:
+        """Take in the mean speed [rad/s] up to ``stamp_ns`` and, where known, the angle [rad]."""
+        stamp_ns -= self._latency_ns
+        angle = 0.0
+        if self._stamps:
+            dt = (stamp_ns - self._stamps[-1]) / NS_PER_S
+            if dt <= 0.0:
+                return
+            angle = self._angles[-1] + self._step(speed, position, dt)
+        self._position = position
+        if len(self._angles) > 1 and self._angles[-2] == self._angles[-1] == angle:
+            self._stamps[-1] = stamp_ns  # of a wheel that stands, begin and end are enough
+            return
+        self._stamps.append(stamp_ns)
+        self._angles.append(angle)
+        self._speeds.append(speed)
+        if len(self._stamps) > 2 * MEMORY:
+            for history in (self._stamps, self._angles, self._speeds):
+                del history[:MEMORY]
+
+    def _step(self, speed: float, position: float | None, dt: float) -> float:
+        rolled = speed * dt
+        if position is None or self._position is None:
+            return rolled
+        step = position - self._position
+        return step if abs(step - rolled) < IMPLAUSIBLE_STEP + abs(rolled) else rolled
+
+    def coarse(self, instants: Instants) -> Array:
+        """Return the distance [m] at ``instants`` by straight lines between the samples."""
+        distance = np.interp(instants, np.array(self._stamps), np.array(self._angles))
+        beyond = np.clip((instants - self._stamps[-1]) / NS_PER_S, 0.0, LONGEST_EXTRAPOLATION)
+        rolled: Array = self._radius * (distance + self._speeds[-1] * beyond)
+        return rolled
+
+    def roll(self, begin: float, end: float, until_ns: int) -> Roll:
+        """Return the course of the last roll from one distance [m] to another."""
+        stamps = np.minimum(np.append(np.array(self._stamps), until_ns), until_ns)
+        direction = 1 if end > begin else -1
+        way = direction * (self.coarse(stamps) - begin)
+        behind = np.flatnonzero(way < 0.0)
+        start = int(behind[-1]) if len(behind) else 0
+        rolled = np.maximum.accumulate(way[start:])
+        # evenly spread over the way, so that a stop on it takes no points
+        even = np.linspace(0.0, abs(end - begin), ROLL_POINTS)
+        instants = np.interp(even, rolled, stamps[start:]).astype(np.int64)
+        course = self.smooth(int(instants[0]), int(instants[-1]))
+        smooth = np.maximum.accumulate(direction * (course.at(instants) - begin))
+        return Roll(instants, smooth, course.speed_sigma)
+
+    def smooth(self, begin_ns: int, end_ns: int) -> SmoothCourse:
+        """Return the smoothed course between two instants."""
+        stamps = np.array(self._stamps)
+        low = int(np.searchsorted(stamps, begin_ns - BEFORE_NS))
+        high = int(np.searchsorted(stamps, end_ns + AFTER_NS))
+        low = max(min(low, high - 4), 0)
+        times = (stamps[low:high] - begin_ns) / NS_PER_S
+        angles = np.array(self._angles[low:high])
+        speeds = np.abs(np.array(self._speeds[low:high]))
+        sigma = np.hypot(self._quantum, self._jitter * speeds)
+        smoothed = _least_jerk(times, angles, sigma)
+        # the smoothing is a low-pass filter against white noise of this density [rad^2 s]
+        interval = (times[-1] - times[0]) / max(len(times) - 1, 1)
+        density = float(np.mean(sigma**2)) * interval
+        return SmoothCourse(begin_ns, times, self._radius * smoothed, self._radius,
+                            max(density, LEAST_DENSITY))
+
+
+class SmoothCourse:
+    """
+    Smoothed distance [m] over instants [ns], and what is uncertain in it.
+
+    ``density`` [rad^2 s] is that of the white noise of the angles that were smoothed.
+    """
+
+    def __init__(self, origin_ns: int, times: Array, distance: Array, radius: float,
+                 density: float) -> None:
+        self._origin_ns = origin_ns
+        self._times, self._distance = times, distance
+        self._slopes = _slopes(times, distance)
+        self._radius, self._density = radius, density
+        self._cutoff = (JERK_DENSITY / density)**(1.0 / 6.0)  # rad/s, of the low-pass filter
+
+    @property
+    def speed_sigma(self) -> float:
+        """One sigma of the speed [m/s]."""
+        return self._radius * (self._density * JERK_DENSITY)**0.25
+
+    def warp_density(self, duration: float) -> float:
+        """
+        Return the density [m^2 s] of what neither shift nor scale explain in ``duration`` [s].
+
+        This is noise that passes the filter and is faster than the duration.
+        """
+        lowest = 2.0 * math.pi / duration / self._cutoff
+        share = 0.2 / (0.2 + lowest**5)  # of the filter's band; exact for small and large ones
+        return self._radius**2 * self._density * share
+
+    def at(self, instants: Instants) -> Array:
+        """Return the distance [m] at ``instants`` [ns]; past the ends the speed stays."""
+        knots, values, slopes = self._times, self._distance, self._slopes
+        times = (instants - self._origin_ns) / NS_PER_S
+        inner = np.clip(times, knots[0], knots[-1])
+        if len(knots) < 2:
+            return np.full(len(times), values[0])
+        i = np.clip(np.searchsorted(knots, inner, side='right') - 1, 0, len(knots) - 2)
+        step = knots[i + 1] - knots[i]
+        t = (inner - knots[i]) / step
+        rise = values[i + 1] - values[i]
+        # cubic between two knots with the slopes there
+        distance: Array = values[i] + t * (rise + (1.0 - t) * (
+            (1.0 - t) * (step * slopes[i] - rise) - t * (step * slopes[i + 1] - rise)))
+        beyond = np.clip(times - inner, -LONGEST_EXTRAPOLATION, LONGEST_EXTRAPOLATION)
+        return distance + np.where(beyond > 0.0, slopes[-1], slopes[0]) * beyond
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Roll:
+    """Course over a stretch of way [m], which begins at 0, by the way instead of the time."""
+
+    instants: Instants
+    way: Array
+    speed_sigma: float  # m/s
+
+    def when(self, way: float) -> int:
+        """Return the instant [ns] at which ``way`` had been rolled."""
+        return int(np.interp(way, self.way, self.instants))
+
+    def at(self, instant: int) -> float:
+        """Return the way that had been rolled at ``instant`` [ns]."""
+        return float(np.interp(instant, self.instants, self.way))
+
+    def speed_change(self) -> float:
+        """Return the relative change of the speed on the way."""
+        edges = np.linspace(0.0, self.way[-1], PARTS + 1)
+        durations = np.diff(np.interp(edges, self.way, self.instants))
+        speeds = 1.0 / np.maximum(durations, 1.0)
+        return float(np.ptp(speeds) / np.mean(speeds))
+
+
+def _slopes(times: Array, distance: Array) -> Array:
+    """Return slopes at the knots with which a cubic does not overshoot (harmonic means)."""
+    if len(times) < 2:
+        return np.zeros(len(times))
+    step = np.diff(times)
+    secant = np.diff(distance) / step
+    before, after = secant[:-1], secant[1:]
+    near, far = 2.0 * step[1:] + step[:-1], step[1:] + 2.0 * step[:-1]
+    same = before * after > 0.0
+    with np.errstate(divide='ignore', invalid='ignore'):
+        inner = np.where(same, (near + far) / (near / before + far / after), 0.0)
+    return np.concatenate([secant[:1], inner, secant[-1:]])
+
+
+def _least_jerk(times: Array, angles: Array, sigma: Array) -> Array:
+    """Return ``angles`` smoothed: least squares against white jerk of ``JERK_DENSITY``."""
+    n = len(times)
+    if n < 4:
+        return angles
+    # jerk over each run of four samples: six times its third divided difference
+    rows = np.ones((n - 3, 4))
+    for j in range(4):
+        for k in range(4):
+            if k != j:
+                rows[:, j] /= times[j:n - 3 + j] - times[k:n - 3 + k]
+    spans = (times[3:] - times[:-3]) / 3.0
+    rows *= (6.0 * np.sqrt(spans / JERK_DENSITY))[:, np.newaxis]
+    banded = np.zeros((4, n))  # upper form: row 3 - k holds the k-th superdiagonal
+    for j in range(4):
+        for k in range(j, 4):
+            banded[3 - (k - j), k:n - 3 + k] += rows[:, j] * rows[:, k]
+    banded[3] += 1.0 / sigma**2
+    smoothed: Array = angles[0] + solveh_banded(banded, (angles - angles[0]) / sigma**2)
+    return smoothed
+
+
+class Path:
+    """
+    Turning points of a rolled distance: the last of them tells where the present run began.
+
+    Rolling back by less than ``least`` [m] is no turn.
+    """
+
+    def __init__(self, least: float) -> None:
+        self._least = least
+        self.direction = 0  # of the present run: +1 forward, -1 backward, 0 before the first
+        self.turns: list[tuple[int, float]] = []  # instant [ns] and distance [m], begin first
+        self._extreme: tuple[int, float] | None = None
+
+    def advance(self, instants: Instants, distance: Array) -> list[tuple[int, float]]:
+        """Follow the course; return the turning points (instant, distance) that it shows."""
+        if not len(instants):
+            return []
+        if self._extreme is None:
+            self._extreme = (int(instants[0]), float(distance[0]))
+            self.turns = [self._extreme]
+        found = []
+        for instant, place in zip(instants.tolist(), distance.tolist()):
+            moved = place - self._extreme[1]
+            if self.direction * moved < -self._least or (
+                    not self.direction and abs(moved) > self._least):
+                if self.direction:
+                    found.append(self._extreme)
+                self.direction = 1 if moved > 0.0 else -1
+                self._extreme = (instant, place)
+            elif self.direction * moved > 0.0:
+                self._extreme = (instant, place)
+        self.turns = (self.turns + found)[-KEPT_TURNS:]
+        return found

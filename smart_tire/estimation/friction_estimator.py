@@ -1,0 +1,113 @@
+"""
+Friction estimator: one record for each passage of a wheel's films through the contact patch.
+
+All inputs pass one gate, so live, replayed and recorded data give the same numbers.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+
+from smart_tire.errors import EstimatorError
+from smart_tire.estimation.gate import Gate
+from smart_tire.estimation.motion import MotionHistory
+from smart_tire.estimation.passage_report import PassageReporter
+from smart_tire.estimation.wheel_films import WheelFilms
+from smart_tire.parameters import FrictionEstimatorParams
+from smart_tire.samples import (
+    Friction, NS_PER_S, Odometry, Sample, TireSample, WheelSample, WheelSlip)
+
+BLOCK_NS = 48_000_000  # of message time, six grid steps, in which samples are worked off together
+TOPICS: dict[type, str] = {TireSample: 'tire_samples', WheelSample: 'wheel_states',
+                           Odometry: 'odom', WheelSlip: 'wheel_slip'}
+
+
+class FrictionEstimator:
+    """
+    Friction from the films of all instrumented wheels.
+
+    Needs tire and wheel samples; without odometry or slip the passages are still found, and told
+    is what the films tell alone.
+    """
+
+    def __init__(self, params: FrictionEstimatorParams) -> None:
+        self._params = params
+        self._gate = Gate(round(params.reorder_window * NS_PER_S),
+                          awaited=(TOPICS[Odometry], TOPICS[WheelSlip]))
+        self._resets = 0
+        self.passages = 0
+        self.passages_lost = 0     # passages without any film
+        self.foreign_samples = 0   # of wheels that are not instrumented
+        self._start()
+
+    def _start(self) -> None:
+        robot = self._params.robot
+        self._motion = MotionHistory(robot)
+        self._films = {wheel: WheelFilms(wheel, robot) for wheel in robot.film.wheels}
+        self._reporters = {wheel: PassageReporter(wheel, self._params)
+                           for wheel in robot.film.wheels}
+
+    @property
+    def late(self) -> Counter[str]:
+        """Samples per topic that came after their grid instant had closed."""
+        return self._gate.late
+
+    def reset(self) -> None:
+        """Forget all samples, all that was learned and the time; keep the counters."""
+        self._gate.reset()
+        self._start()
+
+    def update(self, sample: Sample) -> list[Friction]:
+        """Take in a sample of one of the four inputs; return the passages that it completes."""
+        topic = TOPICS.get(type(sample))
+        if topic is None:
+            raise EstimatorError(f'friction estimator was fed a {type(sample).__name__}, expected '
+                                 + ', '.join(kind.__name__ for kind in TOPICS))
+        closed = self._gate.push(topic, sample.stamp_ns, sample)
+        if self._gate.resets != self._resets:
+            self._resets = self._gate.resets
+            self._start()
+        found = []
+        for instant, samples in closed:
+            for item in samples:
+                self._take(item)
+            if instant % BLOCK_NS == 0:  # a fixed phase, whenever the first sample came
+                found += self._advance(instant)
+        return found
+
+    def _take(self, sample: TireSample | WheelSample | Odometry | WheelSlip) -> None:
+        if isinstance(sample, TireSample):
+            films = self._films.get(sample.wheel)
+            if films is None:
+                self.foreign_samples += 1
+            else:
+                films.add_films(sample)
+        elif isinstance(sample, WheelSample):
+            for films in self._films.values():
+                films.add_wheels(sample)
+        elif isinstance(sample, Odometry):
+            self._motion.add_odometry(sample)
+        else:
+            self._motion.add_slip(sample)
+
+    def _advance(self, instant: int) -> list[Friction]:
+        found = []
+        for wheel, films in self._films.items():
+            for passage in films.advance(instant):
+                motion = self._motion.mean(wheel, passage.begin_ns, passage.end_ns)
+                found.append(self._reporters[wheel].report(passage, motion))
+                self.passages += 1
+                self.passages_lost += not passage.shapes
+        return found
+
+    def status(self) -> dict[str, str | int | float]:
+        """Return what diagnostics should show."""
+        shown: dict[str, str | int | float] = {
+            'passages': self.passages, 'passages_lost': self.passages_lost,
+            'foreign_samples': self.foreign_samples, 'clock_resets': self._gate.resets}
+        for wheel, films in self._films.items():
+            mu, sigma = self._reporters[wheel].fusion.estimate()
+            shown[f'{wheel}_friction'] = f'{mu:.3f} +- {sigma:.3f}' if mu == mu else 'unknown'
+            shown[f'{wheel}_contacts_unmeasured'] = films.unmeasured
+            shown[f'{wheel}_ground_changes'] = self._reporters[wheel].fusion.changes
+        return shown

@@ -1,0 +1,140 @@
+"""
+What the slip estimator said about the robot while a wheel's films were in the patch.
+
+Means over a stretch of time, with the sigma of one sample: the errors of a filter last longer
+than a passage and do not average out in it.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass
+import math
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smart_tire.models.skid_steer import normal_loads, wheel_velocities
+from smart_tire.parameters.robot import RobotParams
+from smart_tire.samples import NS_PER_S, Odometry, WHEELS, WheelSlip
+
+Array = NDArray[np.float64]
+
+MEMORY = 1024             # samples of each stream: 8 s at 125 Hz
+NEAR_NS = 50_000_000      # a sample further from the stretch does not stand for it
+POINTS = 5                # of a stretch, whose mean is taken
+SLOPE_NS = 100_000_000    # on either side of the stretch, to tell the acceleration
+FEWEST_FOR_SLOPE = 6      # samples
+LOAD_SIGMA = 0.02         # relative: uneven ground, unequal suspension; assumed
+ACCELERATION_SIGMA = 0.1  # m/s2, of the slope of a filtered velocity; assumed
+V_Y, V_Y_RATE, RATE = 7, 11, 35  # in the row-major 6x6 covariance of the twist
+
+Estimate = tuple[float, float]  # value and one sigma
+UNKNOWN: Estimate = (math.nan, math.inf)
+Stamped = TypeVar('Stamped', Odometry, WheelSlip)
+
+
+@dataclass(frozen=True, slots=True)
+class WheelMotion:
+    """Mean motion and load of one wheel; ``UNKNOWN`` where the streams do not tell."""
+
+    slip: Estimate = UNKNOWN     # -, B(3)'s lambda
+    lateral: Estimate = UNKNOWN  # m/s, v_y of the wheel's centre
+    load: Estimate = UNKNOWN     # N, F_z
+    slip_rate: float = 0.0       # 1/s, at which the slip changes
+
+
+class MotionHistory:
+    """Recent odometry and slip of the robot; stamps must not run backwards."""
+
+    def __init__(self, robot: RobotParams) -> None:
+        self._robot = robot
+        self._odometry: list[Odometry] = []
+        self._slips: list[WheelSlip] = []
+
+    def add_odometry(self, sample: Odometry) -> None:
+        """Take in a sample."""
+        self._odometry.append(sample)
+        if len(self._odometry) > 2 * MEMORY:
+            del self._odometry[:MEMORY]
+
+    def add_slip(self, sample: WheelSlip) -> None:
+        """Take in a sample."""
+        self._slips.append(sample)
+        if len(self._slips) > 2 * MEMORY:
+            del self._slips[:MEMORY]
+
+    def mean(self, wheel: str, begin_ns: int, end_ns: int) -> WheelMotion:
+        """Return the mean motion of ``wheel`` between two instants."""
+        index = WHEELS.index(wheel)
+        slips = _between(self._slips, begin_ns - NEAR_NS, end_ns + NEAR_NS)
+        slip = _mean(slips, [(s.ratio[index], s.sigma[index]) for s in slips], begin_ns, end_ns)
+        near = _between(self._odometry, begin_ns - NEAR_NS, end_ns + NEAR_NS)
+        lateral = _mean(near, [self._lateral(o, index) for o in near], begin_ns, end_ns)
+        rate = _slope([s.stamp_ns for s in slips], [s.ratio[index] for s in slips])
+        rate = rate if math.isfinite(slip[0]) else 0.0
+        if math.isnan(lateral[0]):
+            return WheelMotion(slip, slip_rate=rate)
+        wide = _between(self._odometry, begin_ns - SLOPE_NS, end_ns + SLOPE_NS)
+        return WheelMotion(slip, lateral, self._load(wide, index), rate)
+
+    def _lateral(self, odometry: Odometry, index: int) -> Estimate:
+        robot, covariance = self._robot, odometry.twist_covariance
+        lateral = wheel_velocities(odometry.linear[0], odometry.linear[1], odometry.angular[2],
+                                   robot.wheelbase, robot.track_width)[1][index]
+        arm = 0.5 * robot.wheelbase * (1.0 if index < 2 else -1.0)
+        variance = covariance[V_Y] + 2.0 * arm * covariance[V_Y_RATE] + arm**2 * covariance[RATE]
+        return float(lateral), math.sqrt(max(variance, 0.0))
+
+    def _load(self, odometry: list[Odometry], index: int) -> Estimate:
+        """Return the wheel's load from the velocities around a passage."""
+        robot = self._robot
+        v_x, v_y = np.array([o.linear[:2] for o in odometry]).T
+        rate = np.array([o.angular[2] for o in odometry])
+        stamps = [o.stamp_ns for o in odometry]
+        com_x, com_y, _ = robot.center_of_mass
+        a_x = _slope(stamps, v_x) - np.mean(rate * v_y) - com_x * np.mean(rate**2)
+        a_y = _slope(stamps, v_y) + np.mean(rate * v_x) - com_y * np.mean(rate**2)
+
+        def load(by_x: float, by_y: float) -> float:
+            loads = normal_loads(robot.mass, robot.center_of_mass, robot.wheelbase,
+                                 robot.track_width, a_x + by_x, a_y + by_y,
+                                 radius=robot.wheel_radius)
+            return float(loads[index])
+
+        here = load(0.0, 0.0)
+        sigma = math.hypot(load(ACCELERATION_SIGMA, 0.0) - here,
+                           load(0.0, ACCELERATION_SIGMA) - here)
+        return here, math.hypot(sigma, LOAD_SIGMA * here)
+
+
+def _between(samples: list[Stamped], begin_ns: int, end_ns: int) -> list[Stamped]:
+    low = bisect_left(samples, begin_ns, key=_stamp)
+    return samples[low:bisect_right(samples, end_ns, key=_stamp)]
+
+
+def _stamp(sample: Odometry | WheelSlip) -> int:
+    return sample.stamp_ns
+
+
+def _mean(samples: Sequence[Odometry | WheelSlip], estimates: list[Estimate], begin_ns: int,
+          end_ns: int) -> Estimate:
+    """Return the mean of ``estimates`` between two instants; UNKNOWN where one is NaN."""
+    if not samples:
+        return UNKNOWN
+    points = np.linspace(begin_ns, end_ns, POINTS)
+    stamps = [sample.stamp_ns for sample in samples]
+    value, sigma = (float(np.mean(np.interp(points, stamps, column)))
+                    for column in zip(*estimates))
+    return (value, sigma) if math.isfinite(value) and math.isfinite(sigma) else UNKNOWN
+
+
+def _slope(stamps: list[int], values: Array | list[float]) -> float:
+    """Return the slope [1/s] of the straight line through ``values``, 0 if too few tell."""
+    if len(stamps) < FEWEST_FOR_SLOPE:
+        return 0.0
+    times = (np.array(stamps) - stamps[0]) / NS_PER_S
+    times -= times.mean()
+    return float(times @ np.asarray(values) / (times @ times))

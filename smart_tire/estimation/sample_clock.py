@@ -1,0 +1,44 @@
+"""
+Stamps of one wheel unit as regular as its conversions.
+
+A unit converts on its own steady timer, but each batch of stamps is off by what the receiver did
+not know of the radio's delay: 0.5 ms between two batches is half a millimetre of travel within
+one contact, more than the friction shows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+MEMORY = 200         # samples, over which the stamps' errors average out
+STEP_NS = 3_000_000  # of a stamp beyond the regular one, after which the unit was reset
+
+
+class SampleClock:
+    """Follows stamps [ns] that should be multiples of a period apart."""
+
+    def __init__(self, period_ns: int) -> None:
+        self._period_ns = period_ns
+        self._last: float | None = None  # regular stamp of the newest sample
+        self._count = 0
+
+    def regular(self, stamps: Sequence[int]) -> NDArray[np.int64]:
+        """Return ``stamps``, which follow those of earlier calls, made regular."""
+        out = np.empty(len(stamps), dtype=np.int64)
+        for i, stamp in enumerate(stamps):
+            out[i] = self._next(stamp)
+        return out
+
+    def _next(self, stamp: int) -> int:
+        if self._last is not None:
+            steps = max(round((stamp - self._last) / self._period_ns), 1)
+            regular = self._last + steps * self._period_ns
+            if abs(stamp - regular) < min(STEP_NS, self._period_ns):
+                self._count = min(self._count + 1, MEMORY)
+                self._last = regular + (stamp - regular) / self._count
+                return round(self._last)
+        self._last, self._count = float(stamp), 1
+        return stamp

@@ -1,0 +1,281 @@
+"""
+One instrumented wheel: from its samples and its angle to measured passages of its films.
+
+Work is done in blocks, when the wheel's angle is known up to some instant with samples beyond
+it: a single sample costs no more than its place in a list.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections import deque
+from dataclasses import dataclass
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smart_tire.estimation.contacts import Contact, FilmRecord
+from smart_tire.estimation.course import Path, Roll, SmoothCourse, WheelCourse
+from smart_tire.estimation.passes import FilmPlace, Pass, Point
+from smart_tire.estimation.peaks import PassageMeter, Shape
+from smart_tire.estimation.sample_clock import SampleClock
+from smart_tire.parameters.robot import RobotParams
+from smart_tire.samples import NS_PER_S, TireSample, WHEELS, WheelSample
+
+Array = NDArray[np.float64]
+
+SETTLE_NS = 100_000_000   # the wheel's angle is smooth that long before its newest sample
+SILENCE_NS = 500_000_000  # after which a silent wheel is predicted instead of waited for
+TURN = 0.003              # m, rolled back before it counts as a turn: more than jitter feigns
+PATH_STEP_NS = 8_000_000  # of the course in which passes are looked for
+LONGEST_PATH = 1000       # such steps at once
+ACTIVE = 0.25             # of the bending peak; bumps stay below half of that
+ACTIVE_NOISE = 6.0        # sigmas, likewise
+SCATTER = 0.008           # m, around the place where a film that is expected is looked for
+BEFORE_ACTIVE = 0.018     # m from a film's entry to its first active sample, at most
+WHOLE = 0.7               # coverage of a passage that is believed without being expected
+SCRAP = 0.3               # coverage below which not even an expected one is
+NEAR = 0.012              # m, between a film's passage and the pass that it belongs to
+WAIT = 0.030              # m of travel beyond a pass, after which no film is waited for
+LONGEST_WAIT = 0.100      # m, likewise, if a film is still active for want of samples
+REST_NS = 200_000_000     # of standing, after which nothing is waited for either
+REST_TRAVEL = 5e-4        # m in that time: two counts of the encoder
+STEADY = 0.3              # largest relative change of speed in a pass that can be measured
+PARTLY_GONE = 0.15        # lost share of a film's passage, of which a part was seen ...
+GONE = 0.5                # ... and of one that explains that nothing was seen
+SHORTEST = 1e-3           # s, of a film's way while inside: no division by zero
+SHORTEST_WAY = 1e-3       # m, likewise, with a film as long as the patch
+SIGHTINGS = 16            # contacts and film passages remembered
+
+
+@dataclass(frozen=True, slots=True)
+class FilmPassage:
+    """One film, seen to pass."""
+
+    film: int
+    place: float     # m, rolled distance when its middle is at the patch's middle ...
+    instant_ns: int  # ... and the instant
+    begin_ns: int    # when it became active
+    direction: int   # +1 forward, -1 backward
+    shape: Shape
+
+
+@dataclass(frozen=True, slots=True)
+class WheelPassage:
+    """
+    All films of a wheel went through the patch; ``shapes`` holds those that were measured.
+
+    Slip and load are meant from ``begin_ns`` to ``end_ns``, while film 1 was fully inside.
+    """
+
+    stamp_ns: int       # films' common middle at the patch's middle
+    direction: int      # +1 forward, -1 backward
+    speed: float        # m/s, r |omega|
+    speed_sigma: float  # m/s
+    speed_change: float  # relative, while any film was in the patch
+    begin_ns: int
+    end_ns: int
+    shapes: dict[int, Shape]
+
+
+class WheelFilms:
+    """Finds and measures the passages of one wheel's films."""
+
+    def __init__(self, wheel: str, robot: RobotParams) -> None:
+        film, encoder = robot.film, robot.encoder
+        circumference = 2.0 * math.pi * robot.wheel_radius
+        self._index = WHEELS.index(wheel)
+        self._gains, self._bending = film.gains(wheel), film.bending(wheel)
+        self._offsets = (-0.5 * film.spacing, 0.5 * film.spacing)  # m, of films 1 and 2
+        self._inside = max(0.5 * abs(robot.tire.contact_length - film.length), SHORTEST_WAY)
+        half = 0.5 * (robot.tire.contact_length + film.length)
+        self._reach = half + 0.5 * film.spacing
+        self._half = half
+        self._rate = film.sample_rate
+        step = film.voltage_range / (2**film.bits - 1)
+        self._rails = 0.5 * step, film.voltage_range - 0.5 * step
+        self._course = WheelCourse(robot.wheel_radius, encoder.counts_per_revolution,
+                                   encoder.stamp_jitter, encoder.latency)
+        self._path = Path(max(TURN, 2.0 * circumference / encoder.counts_per_revolution))
+        self._record = FilmRecord(
+            [max(ACTIVE * peak, ACTIVE_NOISE * film.noise) for peak in self._bending],
+            film.rest_voltage, round(NS_PER_S / film.sample_rate), 2.0 * half)
+        self._place = FilmPlace(circumference, self._reach)
+        self._meter = PassageMeter(robot)
+        self._clock = SampleClock(round(NS_PER_S / film.sample_rate))
+        self._stamps: list[int] = []
+        self._volts: list[tuple[float, float]] = []
+        self._contacts: deque[Contact] = deque(maxlen=SIGHTINGS)
+        self._seen: deque[FilmPassage] = deque(maxlen=SIGHTINGS)
+        self._passes: list[Pass] = []
+        self._horizon_ns: int | None = None
+        self.unmeasured = 0  # contacts in which no passage could be recognised
+
+    def add_wheels(self, sample: WheelSample) -> None:
+        """Take in the wheels' angles."""
+        position = None if sample.position is None else sample.position[self._index]
+        self._course.add(sample.stamp_ns, sample.velocity[self._index], position)
+
+    def add_films(self, sample: TireSample) -> None:
+        """Take in one conversion of this wheel's films; the second film may be absent."""
+        self._stamps.append(sample.stamp_ns)
+        self._volts.append((sample.volts[0], sample.volts[-1]) if len(sample.volts) > 1
+                           else (sample.volts[0], math.nan))
+
+    def advance(self, now_ns: int) -> list[WheelPassage]:
+        """Work up to where the wheel's angle is known; return the passages that were completed."""
+        newest = self._course.newest_ns
+        if newest is None:
+            del self._stamps[:], self._volts[:]
+            return []
+        horizon = max(newest - SETTLE_NS, now_ns - SILENCE_NS)
+        if self._horizon_ns is not None and horizon <= self._horizon_ns:
+            return []
+        course, turns = self._follow(horizon)
+        self._recognise(self._take(horizon, turns))
+        for point in [*turns, course]:
+            self._passes += self._place.advance(point)
+        if self._passes and self._resting(course):
+            self._recognise(self._record.finish())
+        ready = [p for p in self._passes if self._complete(p, course)]
+        self._passes = [p for p in self._passes if p not in ready]
+        passages = [passage for p in ready if (passage := self._passage(p)) is not None]
+        for turn_ns, _ in turns[-1:]:
+            self._seen = deque((s for s in self._seen if s.begin_ns >= turn_ns), SIGHTINGS)
+        return passages
+
+    def _follow(self, horizon: int) -> tuple[Point, list[Point]]:
+        """Follow the wheel to ``horizon``; return where it is and where it turned round."""
+        begin = horizon if self._horizon_ns is None else max(
+            self._horizon_ns + PATH_STEP_NS, horizon - LONGEST_PATH * PATH_STEP_NS)
+        self._horizon_ns = horizon
+        instants = np.append(np.arange(begin, horizon, PATH_STEP_NS), horizon)
+        places = self._course.coarse(instants)
+        return (horizon, float(places[-1])), self._path.advance(instants, places)
+
+    def _take(self, horizon: int, turns: list[Point]) -> list[Contact]:
+        """Move the samples up to ``horizon`` to the record; return the contacts that ended."""
+        count = bisect_right(self._stamps, horizon)
+        instants = self._clock.regular(self._stamps[:count])
+        volts = np.array(self._volts[:count]).reshape(count, 2)
+        del self._stamps[:count], self._volts[:count]
+        places = self._course.coarse(instants)
+        return self._record.add(instants, places, volts, [instant for instant, _ in turns])
+
+    def _recognise(self, contacts: list[Contact]) -> None:
+        for contact in contacts:
+            self._contacts.append(contact)
+            self._see(contact)
+
+    def _see(self, contact: Contact) -> None:
+        """Measure the passage in a contact, if there is one, and learn from it."""
+        course = self._course.smooth(int(contact.instants[0]), int(contact.instants[-1]))
+        begin, end = course.at(np.array([contact.begin_ns, contact.end_ns]))
+        direction = 1 if end >= begin else -1
+        offset = self._offsets[contact.film]
+        expected = self._place.expected(0.5 * (begin + end) - offset) + offset
+        shape = None
+        if math.isfinite(expected):
+            shape = self._measure(contact, course, direction, SCRAP, (
+                direction * expected - SCATTER, direction * expected + SCATTER))
+        if shape is None:
+            lead = direction * begin + self._inside
+            shape = self._measure(contact, course, direction, WHOLE, (
+                lead - 2.0 * self._half, lead + BEFORE_ACTIVE))
+        if shape is None:
+            self.unmeasured += 1
+            return
+        place = direction * shape.middle
+        way = np.maximum.accumulate(direction * course.at(contact.instants))
+        instant = int(np.interp(shape.middle, way, contact.instants))
+        self._seen.append(FilmPassage(
+            contact.film, place, instant, contact.begin_ns, direction, shape))
+        if shape.coverage >= WHOLE:
+            before = [point for point in self._path.turns if point[0] < contact.begin_ns]
+            moved, passes = self._place.sight(
+                place - offset, [*before, (contact.begin_ns, float(begin))])
+            if moved:
+                self._passes = [p for p in self._passes if self._films_of(p)]
+            self._passes += passes
+
+    def _measure(self, contact: Contact, course: SmoothCourse, direction: int, coverage: float,
+                 between: tuple[float, float]) -> Shape | None:
+        distance = direction * course.at(contact.instants)
+        usable = (contact.volts > self._rails[0]) & (contact.volts < self._rails[1])
+        span = max(abs(float(distance[-1] - distance[0])), 1e-3)
+        seconds = max((contact.end_ns - contact.begin_ns) / NS_PER_S, 1e-3)
+        shape = self._meter.measure(
+            distance[usable], contact.volts[usable] - contact.rest,
+            bending=self._bending[contact.film], gain=self._gains[contact.film],
+            scale_sigma=course.speed_sigma * seconds / span,
+            warp_sigma=math.sqrt(course.warp_density(seconds) * self._rate), between=between)
+        return shape if shape is not None and shape.coverage >= coverage else None
+
+    def _films_of(self, p: Pass) -> dict[int, FilmPassage]:
+        """Return the best sighting of each film in a pass."""
+        films: dict[int, FilmPassage] = {}
+        for seen in self._seen:
+            off = seen.place - self._offsets[seen.film] - p.place
+            best = films.get(seen.film)
+            if seen.direction == p.direction and abs(off) < NEAR and (
+                    best is None or seen.shape.coverage >= best.shape.coverage):
+                films[seen.film] = seen
+        return films
+
+    def _complete(self, p: Pass, here: Point) -> bool:
+        """Return whether nothing more can become known about a pass."""
+        beyond = p.direction * (here[1] - p.place) - self._reach
+        return (len(self._films_of(p)) == len(self._offsets)
+                or self._path.direction != p.direction or self._resting(here)
+                or beyond > (LONGEST_WAIT if self._record.active else WAIT))
+
+    def _resting(self, here: Point) -> bool:
+        """Return whether the wheel has been standing for some time."""
+        before = self._course.coarse(np.array([here[0] - REST_NS]))
+        return abs(here[1] - float(before[0])) < REST_TRAVEL
+
+    def _passage(self, p: Pass) -> WheelPassage | None:
+        """Return the passage of all films, None if nothing but the wheel's angle speaks for it."""
+        films = self._films_of(p)
+        for film in films.values():
+            self._seen.remove(film)
+        ahead = p.direction * self._reach
+        roll = self._course.roll(p.place - ahead, p.place + ahead, p.end_ns)
+        # where the films' common, and film 1's own middle is at the patch's middle
+        common = self._middle(p, films, roll)
+        first = common + p.direction * self._offsets[0]
+        if not films and not self._explained(p, roll):
+            return None
+        begin, end = roll.when(first - self._inside), roll.when(first + self._inside)
+        speed = 2.0 * self._inside / max((end - begin) / NS_PER_S, SHORTEST)
+        turned = any(roll.instants[0] < instant < roll.instants[-1]
+                     for instant, _ in self._path.turns)
+        change = math.inf if turned else roll.speed_change()
+        return WheelPassage(
+            roll.when(common), p.direction, speed, roll.speed_sigma, change, begin, end,
+            {f.film: f.shape for f in films.values()} if change < STEADY else {})
+
+    def _middle(self, p: Pass, films: dict[int, FilmPassage], roll: Roll) -> float:
+        """Return the way at which the films' common middle is at the patch's middle."""
+        if not films:
+            return self._reach
+        ways = [roll.at(film.instant_ns) - p.direction * self._offsets[film.film]
+                for film in films.values()]
+        weights = [1.0 / float(film.shape.covariance[0, 0]) for film in films.values()]
+        return float(np.average(ways, weights=weights))
+
+    def _explained(self, p: Pass, roll: Roll) -> bool:
+        """Return whether a pass that was not seen has contacts or lost samples behind it."""
+        gone = 0
+        for film, offset in enumerate(self._offsets):
+            place = self._reach + p.direction * offset
+            begin, middle, end = (roll.when(place + off) for off in (-self._half, 0.0, self._half))
+            lost = self._record.lost(begin, end)
+            gone += lost > GONE
+            for contact in self._contacts:
+                if contact.film == film and (
+                        contact.begin_ns < middle < contact.end_ns or lost > PARTLY_GONE
+                        and contact.begin_ns < end and contact.end_ns > begin):
+                    return True
+        return self._place.trusted and gone == len(self._offsets)
