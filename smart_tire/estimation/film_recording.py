@@ -1,0 +1,99 @@
+"""Recordings of a film on a bench: deflection and charge over time, and their CSV files."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from smart_tire.errors import ParameterError
+from smart_tire.models.branches import Array, series
+
+COLUMNS = ('time_s', 'deflection_m', 'charge_C')
+FEWEST = 20  # samples from which anything can be told
+
+
+@dataclass(frozen=True)
+class FilmRecording:
+    """Samples of one experiment, in SI units unless other columns were named."""
+
+    time: Array    # s, rising
+    input: Array   # m, deflection from the flat film
+    output: Array  # C
+
+    def __post_init__(self) -> None:
+        sizes = [series(name, getattr(self, name)).size for name in ('time', 'input', 'output')]
+        if len(set(sizes)) > 1:
+            raise ParameterError(f'time, input and output have {sizes} samples')
+        if sizes[0] < FEWEST:
+            raise ParameterError(f'{sizes[0]} samples, expected {FEWEST} at least')
+        late = np.flatnonzero(np.diff(self.time) <= 0.0)
+        if late.size:
+            row = int(late[0]) + 1
+            raise ParameterError(f'time[{row}] is {self.time[row]} after {self.time[row - 1]}, '
+                                 'expected rising times')
+
+
+def read_columns(path: Path, columns: Sequence[str], only: bool) -> list[Array]:
+    """Return the named columns of a CSV file; ``only`` them must be in it."""
+    try:
+        with path.open(encoding='utf-8', newline='') as file:
+            rows = csv.reader(file)
+            header = [name.strip() for name in next(rows, [])]
+            places = _places(path, header, columns, only)
+            table = [_numbers(path, rows.line_num, row, len(header)) for row in rows if row]
+    except OSError as error:
+        raise ParameterError(f'{path}: cannot be read ({error.strerror})') from error
+    except UnicodeDecodeError as error:
+        raise ParameterError(f'{path}: is no text ({error.reason})') from error
+    values = np.array(table, dtype=float).reshape(-1, len(header))
+    return [np.ascontiguousarray(values[:, place]) for place in places]
+
+
+def read_recording(path: Path, columns: Sequence[str] = COLUMNS) -> FilmRecording:
+    """Return the recording in a CSV file; other columns than COLUMNS may have company."""
+    if len(columns) != len(COLUMNS):
+        raise ParameterError(f'columns are {",".join(columns)}, expected time, input and output')
+    values = read_columns(path, columns, only=tuple(columns) == COLUMNS)
+    try:
+        return FilmRecording(*values)
+    except ParameterError as error:
+        raise ParameterError(f'{path}: {error}') from error
+
+
+def write_columns(path: Path, columns: Sequence[str], values: Sequence[Array]) -> None:
+    """Write arrays (n,) as the columns of a CSV file, with nine digits."""
+    try:
+        np.savetxt(path, np.column_stack(list(values)), fmt='%.9g', delimiter=',',
+                   header=','.join(columns), comments='')
+    except OSError as error:
+        raise ParameterError(f'{path}: cannot be written ({error.strerror})') from error
+
+
+def write_recording(path: Path, recording: FilmRecording) -> None:
+    """Write the file that ``read_recording`` reads."""
+    write_columns(path, COLUMNS, (recording.time, recording.input, recording.output))
+
+
+def _places(path: Path, header: list[str], columns: Sequence[str], only: bool) -> list[int]:
+    missing = [name for name in columns if header.count(name) != 1]
+    if missing:
+        raise ParameterError(f'{path}: has columns {",".join(header) or "none"}, expected '
+                             f'{missing[0]} once')
+    extra = [name for name in header if name not in columns]
+    if extra and only:
+        raise ParameterError(f'{path}: has column {extra[0]} beside {",".join(columns)}; '
+                             'name the columns that are meant')
+    return [header.index(name) for name in columns]
+
+
+def _numbers(path: Path, line: int, row: list[str], width: int) -> list[float]:
+    if len(row) != width:
+        raise ParameterError(f'{path}: line {line} has {len(row)} fields, expected {width}')
+    try:
+        return [float(field) for field in row]
+    except ValueError as error:
+        raise ParameterError(f'{path}: line {line}: {error}') from error

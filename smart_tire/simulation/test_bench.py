@@ -1,0 +1,111 @@
+"""
+The paper's testing kit (III-A), simulated: stage, film, charge amplifier, laser and sampling.
+
+One stage moves a clamp of the film; a laser reads the deflection; a charge amplifier passes the
+charge between its two corner frequencies; both are sampled together. The recording is what
+``identify film`` reads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+import math
+
+import numpy as np
+from scipy.signal import lfilter
+
+from smart_tire.errors import ParameterError
+from smart_tire.estimation.film_recording import FilmRecording
+from smart_tire.models.branches import Array, ArrayLike, series
+from smart_tire.models.buckling_film import BucklingFilm, FILMS
+from smart_tire.models.hysteresis import DuhemParams, respond, TABLE_I, TABLE_I_GAIN
+
+OVERSAMPLING = 8  # steps of the amplifier per sample
+MAY_BE_ZERO = ('low_corner', 'charge_noise', 'laser_noise')
+
+
+@dataclass(frozen=True, kw_only=True)
+class TestBench:
+    """A bench with a film in it; errors of the instruments are assumed, the paper gives none."""
+
+    __test__ = False  # for pytest, which takes the name for its own
+
+    film: BucklingFilm = field(default_factory=lambda: FILMS['25x3'])
+    hysteresis: DuhemParams = TABLE_I
+    gain: float = TABLE_I_GAIN     # C, K
+    rate: float = 1000.0           # Hz
+    low_corner: float = 0.001      # Hz of the amplifier, which forgets a constant charge
+    high_corner: float = 20_000.0  # Hz
+    charge_noise: float = 0.02e-9  # C, standard deviation of a sample
+    laser_noise: float = 5e-6      # m, likewise
+    full_scale: float = 50e-9      # C, range of the converter to both sides
+    bits: int = 16                 # of the converter
+
+    def __post_init__(self) -> None:
+        for name in ('gain', 'rate', 'high_corner', 'full_scale', *MAY_BE_ZERO):
+            value = getattr(self, name)
+            if not (0.0 < value < math.inf or value == 0.0 and name in MAY_BE_ZERO):
+                raise ParameterError(f'{name} is {value}, expected a positive number')
+        if not 1 <= self.bits <= 32:
+            raise ParameterError(f'bits is {self.bits}, expected 1 to 32')
+
+    def run(self, deflection: ArrayLike, seed: int) -> FilmRecording:
+        """
+        Move through ``deflection`` [m] (n,), one value per sample, from a flat and fresh film.
+
+        Between two samples the stage moves evenly.
+        """
+        path = series('deflection', deflection)
+        rng = np.random.default_rng(seed)
+        fine = np.interp(np.arange((path.size - 1) * OVERSAMPLING + 1) / OVERSAMPLING,
+                         np.arange(path.size), path)
+        charge = respond(self.gain * self.film.normalised_charge(fine), self.hysteresis)
+        output = self._amplified(charge)[::OVERSAMPLING]
+        output = output + self.charge_noise * rng.standard_normal(path.size)
+        return FilmRecording(np.arange(path.size) / self.rate,
+                             path + self.laser_noise * rng.standard_normal(path.size),
+                             self._converted(output))
+
+    def _amplified(self, charge: Array) -> Array:
+        step = 2.0 * math.pi / (OVERSAMPLING * self.rate)
+        fast, slow = (-math.expm1(-corner * step) for corner in (self.high_corner,
+                                                                 self.low_corner))
+        passed = lfilter([fast], [1.0, fast - 1.0], charge)
+        # what the feedback resistor has drained since the beginning
+        drained = lfilter([0.0, slow], [1.0, slow - 1.0], passed)
+        amplified: Array = passed - drained
+        return amplified
+
+    def _converted(self, charge: Array) -> Array:
+        lsb = 2.0 * self.full_scale / 2**self.bits
+        return np.clip(np.round(charge / lsb) * lsb, -self.full_scale, self.full_scale - lsb)
+
+
+def sine(top: float, frequency: float, duration: float, rate: float) -> Array:
+    """Return deflections from 0 to ``top`` [m] and back, like the paper's, from rest at 0."""
+    time = _times(duration, rate)
+    return 0.5 * top * (1.0 - np.cos(2.0 * math.pi * frequency * time))
+
+
+def ramps(corners: Sequence[float], speed: float, rate: float) -> Array:
+    """Return deflections [m] from 0 to each of ``corners`` in turn at ``speed`` [m/s]."""
+    if not 0.0 < speed < math.inf:
+        raise ParameterError(f'speed is {speed}, expected a positive number')
+    way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff([0.0, *corners])))])
+    time = _times(float(way[-1]) / speed, rate)
+    return np.interp(time * speed, way, [0.0, *corners])
+
+
+def sines(tops: Sequence[float], frequency: float, cycles: int, rate: float) -> Array:
+    """Return ``cycles`` of ``sine`` for each amplitude in ``tops`` [m], one after the other."""
+    time = _times(len(tops) * cycles / frequency, rate)
+    turn = np.minimum((time * frequency / cycles).astype(int), len(tops) - 1)
+    return 0.5 * np.asarray(tops)[turn] * (1.0 - np.cos(2.0 * math.pi * frequency * time))
+
+
+def _times(duration: float, rate: float) -> Array:
+    if not (0.0 < duration < math.inf and 0.0 < rate < math.inf):
+        raise ParameterError(f'duration {duration} s, rate {rate} Hz: expected positive numbers')
+    times: Array = np.arange(round(duration * rate) + 1) / rate
+    return times

@@ -1,0 +1,24 @@
+"""Recordings of the film of paper A's Table I on a simulated bench."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+from smart_tire.models.hysteresis import TABLE_I, TABLE_I_GAIN
+from smart_tire.simulation.test_bench import sine, sines, TestBench
+
+TRUE = {'alpha_gain': TABLE_I.alpha * TABLE_I_GAIN, 'a_gain': TABLE_I.a * TABLE_I_GAIN,
+        'b_gain': TABLE_I.b * TABLE_I_GAIN}
+RATE = 500.0  # Hz
+
+
+@lru_cache
+def several_loops(seed=1):
+    """Return loops of 12, 6 and 3 mm at 2 Hz."""
+    return TestBench(rate=RATE).run(sines([0.012, 0.006, 0.003], 2.0, 4, RATE), seed)
+
+
+@lru_cache
+def one_loop(top=0.012, frequency=5.0, seed=1):
+    """Return the paper's Fig. 8, or a loop of another size."""
+    return TestBench(rate=RATE).run(sine(top, frequency, 4.0, RATE), seed)
