@@ -1,0 +1,49 @@
+"""Measured signals made fit for an operator that remembers every turn: spikes and noise."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.ndimage import median_filter
+from scipy.signal import savgol_coeffs, savgol_filter
+
+from smart_tire.models.branches import Array, lasting_branches
+
+NORMAL_MAD = 1.4826         # standard deviation over median absolute deviation
+THIRD_DIFFERENCE = 20**0.5  # its noise over that of a sample: 1 + 9 + 9 + 1 squares
+DEAD_BAND = 10.0            # of the noise: white noise of 1e5 samples spans 9
+SPIKE_WIDTH = 2             # samples, the widest that is seen as a spike
+SPIKE = 4.0                 # of the signal's own fast motion
+WINDOWS = (81, 61, 41, 31, 21, 15, 11, 7)
+LARGEST_BIAS = 0.3          # of the noise, at the turns: smoothing must not blunt them
+
+
+def noise_level(signal: Array) -> float:
+    """Return the standard deviation of the noise on a smooth signal, or somewhat more."""
+    third = np.diff(signal, 3)
+    return float(NORMAL_MAD * np.median(np.abs(third)) / THIRD_DIFFERENCE)
+
+
+def without_spikes(signal: Array) -> tuple[Array, int]:
+    """Return the signal with spikes replaced by the median around them, and their number."""
+    width = 2 * SPIKE_WIDTH + 1
+    calm = median_filter(signal, width, mode='nearest')
+    fast = np.quantile(np.abs(signal[width:] - signal[:-width]), 0.95)
+    spikes = np.abs(signal - calm) > SPIKE * fast
+    return np.where(spikes, calm, signal), int(spikes.sum())
+
+
+def smoothed(signal: Array) -> tuple[Array, float]:
+    """Return the signal smoothed as much as its turns allow, and the noise that is left."""
+    noise = noise_level(signal)
+    turns = lasting_branches(signal, DEAD_BAND * noise)
+    at, signs = turns.starts, turns.signs[1:]
+    for window in WINDOWS:
+        if window > signal.size // 4:
+            continue
+        calm: Array = savgol_filter(signal, window, 2, mode='interp')
+        # what smoothing took off the turns, on the average over all of them
+        third = window // 3
+        left = np.convolve(signal - calm, np.full(third, 1.0 / third), 'same')
+        if not at.size or abs(np.mean(left[at] * signs)) <= LARGEST_BIAS * noise:
+            return calm, noise * float(savgol_coeffs(window, 2)[window // 2])**0.5
+    return signal, noise
