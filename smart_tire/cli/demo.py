@@ -25,6 +25,7 @@ NAME = 'demo'
 HELP = 'drive the simulated robot on concrete and sand, record it and judge the estimates'
 
 UNITS = ('0013A20040A1B2C2=front_left', '0013A20040A1B2C3=front_right')
+RADIO_LATENCY = 0.005     # s, radio.delay of the simulator
 FAST, SLOW = 120.0, 60.0  # rpm, paper B Fig. 10
 LEG = 9.0                 # s of each turn
 SETTLE = 1.0              # s at the start of a leg that its means leave out
@@ -74,9 +75,9 @@ def run(args: argparse.Namespace) -> int:
     out: Path = args.out
     try:
         params = _prepare(out, args.seed)
-        spans, radio = _drive(out, params, Cockpit)
+        spans = _drive(out, params, Cockpit)
         judged = judge(out / 'bag', params, spans, EXPECTED, out / 'conversions.csv',
-                       out / 'figures') | {'radio': radio}
+                       out / 'figures')
     except KeyboardInterrupt:
         print('interrupted', file=sys.stderr)
         return 130
@@ -98,7 +99,8 @@ def _prepare(out: Path, seed: int) -> Path:
         'robot_simulator': {'seed': seed, 'units': list(UNITS),
                             'truth_log': str((out / 'conversions.csv').resolve()),
                             **{f'ports.{name}': link for name, link in links.items()}},
-        'tire_receiver': {'port': links['tire_radio'], 'units': list(UNITS), 'radio_latency': 0.005},
+        'tire_receiver': {'port': links['tire_radio'], 'units': list(UNITS),
+                          'radio_latency': RADIO_LATENCY},
         'imu_driver': {'port': links['imu']},
         'motor_driver': {'port': links['motors']}}
     file = out / 'demo.yaml'
@@ -107,9 +109,8 @@ def _prepare(out: Path, seed: int) -> Path:
     return file
 
 
-def _drive(out: Path, params: Path, cockpit_class: Callable[[list[str]], Any]
-           ) -> tuple[Spans, Tree]:
-    """Start all, drive the legs, end all; return when each leg was, and the radio's counts."""
+def _drive(out: Path, params: Path, cockpit_class: Callable[[list[str]], Any]) -> Spans:
+    """Start all, drive the legs, end all; return when each leg was."""
     environment = isolated_environment()
     os.environ.update(environment)  # the cockpit lives in this process
     with Stack(out / 'logs', environment) as stack:
@@ -120,7 +121,6 @@ def _drive(out: Path, params: Path, cockpit_class: Callable[[list[str]], Any]
             _await_nodes(stack, cockpit)
             with Dashboard() as dashboard:
                 spans = _legs(stack, cockpit, dashboard)
-            radio = _radio(cockpit.pilot.health)
         _check_alive(stack)
         # from the listeners to the ports' owner; the recorder last: it hears them to the end
         for names in (NODES[1:], NODES[:1], ('recorder',)):
@@ -128,13 +128,7 @@ def _drive(out: Path, params: Path, cockpit_class: Callable[[list[str]], Any]
                 if status:
                     raise DemoError(f'{name} ended with status {status}\n{stack.tail(name)}')
     shutil.rmtree(out / 'ports', ignore_errors=True)
-    return spans, radio
-
-
-def _radio(health: dict[str, dict[str, str]]) -> Tree:
-    receiver, simulator = health['tire_receiver'], health['robot_simulator']
-    return {'received': int(receiver['batches_ok']), 'lost': int(receiver['batches_lost']),
-            'dropped': int(simulator['batches_dropped'])}
+    return spans
 
 
 def _await_nodes(stack: Stack, cockpit: Any) -> None:

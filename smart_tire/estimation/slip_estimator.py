@@ -29,6 +29,10 @@ TURNING = 0.05             # rad/s; slower, the ICR is too far away to be told
 TRUSTED_REST = 3.0         # s; rest that lasts so long overrules a state that has drifted away
 PLANAR_VARIANCE = 1e-6     # m^2, rad^2 and per s: height and its rate, zero in the plane
 
+PLANAR = PLANAR_VARIANCE * np.eye(6)
+POSE_TO, TWIST_TO = np.ix_([0, 1, 3, 4, 5], [0, 1, 3, 4, 5]), np.ix_([0, 1, 5], [0, 1, 5])
+POSE_FROM = np.ix_(*[[State.X, State.Y, State.ROLL, State.PITCH, State.YAW]] * 2)
+
 Estimate = Odometry | WheelSlip | Icr
 
 
@@ -221,11 +225,9 @@ class SlipEstimator:
         mid = yaw - 0.5 * W * ahead
         position = (x[State.X] + (v_x * math.cos(mid) - v_y * math.sin(mid)) * ahead,
                     x[State.Y] + (v_x * math.sin(mid) + v_y * math.cos(mid)) * ahead, 0.0)
-        rows = [State.X, State.Y, State.ROLL, State.PITCH, State.YAW]
-        pose = np.diag([PLANAR_VARIANCE] * 6)
-        pose[np.ix_([0, 1, 3, 4, 5], [0, 1, 3, 4, 5])] = P[np.ix_(rows, rows)]
-        rates = np.diag([PLANAR_VARIANCE] * 6)
-        rates[np.ix_([0, 1, 5], [0, 1, 5])] = covariance
+        pose, rates = PLANAR.copy(), PLANAR.copy()
+        pose[POSE_TO] = P[POSE_FROM]
+        rates[TWIST_TO] = covariance
         rates[5, 5] += self._params.robot.imu.gyro_noise ** 2  # of the sample that is shown
         return Odometry(instant_ns, position, quaternion(x[State.ROLL], x[State.PITCH], yaw),
                         (v_x, v_y, 0.0), (0.0, 0.0, W),

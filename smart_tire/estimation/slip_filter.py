@@ -102,6 +102,9 @@ class SlipFilter:
         self._x_imu, self._y_imu = robot.imu.position[0], robot.imu.position[1]
         self._ekf = ExtendedKalmanFilter(dim_x=N, dim_z=1)
         self._F = np.eye(N)
+        self._base_jacobian = J = np.zeros((3, N))  # of the twist of base_link
+        J[0, State.V_X] = J[1, State.V_Y] = 1.0
+        J[0, State.GYRO], J[1, State.GYRO], J[2, State.GYRO] = -self._y_imu, self._x_imu, -1.0
         self._Q = np.zeros(N)
         self._changes = [SlidingChange(params) for _ in SIDES]
         # a wandering slip with this memory spreads over slip_sigma in the long run
@@ -355,9 +358,7 @@ class SlipFilter:
         """
         x = self.x
         W = gyro_z - x[State.GYRO]
-        J = np.zeros((3, N))
-        J[0, State.V_X] = J[1, State.V_Y] = 1.0
-        J[0, State.GYRO], J[1, State.GYRO], J[2, State.GYRO] = -self._y_imu, self._x_imu, -1.0
+        J = self._base_jacobian
         twist = (x[State.V_X] + self._y_imu * W, x[State.V_Y] - self._x_imu * W, W)
         covariance = J @ self._ekf.P @ J.T
         return twist, 0.5 * (covariance + covariance.T)

@@ -29,11 +29,11 @@ def slip_ratio(rolling_speed: ArrayLike, ground_speed: ArrayLike,
     both are below ``standstill_speed``; a wheel below it that turns against the motion, or not
     at all, counts as locked: -1.
     """
-    rolling, ground = np.broadcast_arrays(
-        np.asarray(rolling_speed, dtype=float), np.asarray(ground_speed, dtype=float))
+    rolling = np.asarray(rolling_speed, dtype=float)
+    ground = np.asarray(ground_speed, dtype=float)
     slow = np.abs(rolling) < standstill_speed
     locked = slow & (rolling * ground <= 0.0)
-    ratio = np.clip(1.0 - ground / np.where(locked, 1.0, rolling), -1.0, 1.0)
+    ratio = np.minimum(np.maximum(1.0 - ground / np.where(locked, 1.0, rolling), -1.0), 1.0)
     still = slow & (np.abs(ground) < standstill_speed)
     return np.where(still, np.nan, np.where(locked, -1.0, ratio))
 

@@ -19,6 +19,7 @@ from smart_tire.samples import (
 
 COMMAND_PERIOD = 0.1  # s
 
+
 class Pilot(SmartTireNode[WheelControllerParams]):
     """Publishes ``cmd_vel`` until told otherwise; what it hears is there to be read."""
 
@@ -60,6 +61,7 @@ class Pilot(SmartTireNode[WheelControllerParams]):
         for status in msg.status:
             self.health[status.name.rsplit('/', 1)[-1]] = {
                 item.key: item.value for item in status.values}
+
 
 class Cockpit:
     """A pilot with its executor, to be turned by the owner's own loop; a context."""

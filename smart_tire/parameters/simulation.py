@@ -116,7 +116,7 @@ class SimulatorParams:
     addresses: tuple[int, ...] = param(
         (128, 129), '-', 'packet serial addresses, front and rear', low=128, high=135, length=2)
     truth_log: str = param(
-        '', '-', 'CSV file for wheel, sequence and true conversion instants [ns] of each batch')
+        '', '-', 'CSV file for wheel, sequence, loss and true instants [ns] of each batch')
     ground: GroundParams = group(GroundParams)
     drive: DriveParams = group(DriveParams)
     radio: RadioParams = group(RadioParams)

@@ -60,7 +60,7 @@ class Hardware:
             self._log: TextIO | None = None
             if params.truth_log:
                 self._log = opened.enter_context(_create(params.truth_log))
-                self._log.write('wheel,sequence,stamps_ns\n')
+                self._log.write('wheel,sequence,dropped,stamps_ns\n')
             self._opened = opened.pop_all()
 
     def close(self) -> None:
@@ -115,11 +115,12 @@ class Hardware:
 
     def _deliver(self, seen: Observation) -> None:
         if isinstance(seen, FilmBatch):
-            stamps_ns = seen.trace.stamps_ns
+            stamps_ns, before = seen.trace.stamps_ns, self._radio.dropped[seen.wheel]
             sequence = self._radio.send(seen.wheel, seen.first, seen.codes, stamps_ns[-1])
             if self._log:
                 stamps = ' '.join(str(self._epoch_ns + stamp_ns) for stamp_ns in stamps_ns)
-                self._log.write(f'{seen.wheel},{sequence},{stamps}\n')
+                dropped = self._radio.dropped[seen.wheel] - before
+                self._log.write(f'{seen.wheel},{sequence},{dropped},{stamps}\n')
         elif isinstance(seen, ImuSample):
             self._imu_port.write(self._imu.frame(seen))
         else:

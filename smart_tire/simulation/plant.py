@@ -151,4 +151,3 @@ def force_slope(total_slip: float, mu: float, load: float, stiffness: float) -> 
         t = share / (3.0 * limit)
         return stiffness * (1.0 - t + t * t / 3.0)
     return limit / total_slip if total_slip > 0.0 else 0.0
-

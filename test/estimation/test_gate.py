@@ -96,7 +96,7 @@ def test_an_awaited_topic_is_awaited_while_it_flows():
     assert feed(gate, [('tire', 500 * MS)]) == [(START + 8 * MS, [('odom', 8 * MS),
                                                                  ('tire', 8 * MS)])]
     closed = feed(gate, [('odom', 16 * MS), ('odom', 24 * MS)])
-    assert closed == [(START + 16 * MS, [('odom', 16 * MS)]), (START + 24 * MS, [('odom', 24 * MS)])]
+    assert closed == [(START + k * MS, [('odom', k * MS)]) for k in (16, 24)]
     assert not gate.late
 
 

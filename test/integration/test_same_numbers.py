@@ -112,10 +112,10 @@ def compare(live, offline, exact):
     """Check that two estimates are the same; after late messages, within one sigma."""
     sigmas = map(max, one_sigma(live), one_sigma(offline))
     for own, other, sigma in zip(numbers(live), numbers(offline), sigmas):
-        if not (own == other or math.isnan(own) and math.isnan(other)):
-            if exact or math.isfinite(sigma):  # one that knows nothing can not contradict
-                limit = 1e-9 * max(1.0, abs(other)) if exact else sigma
-                assert abs(own - other) <= limit, (live, offline)
+        same = own == other or math.isnan(own) and math.isnan(other)
+        if not same and (exact or math.isfinite(sigma)):  # what knows nothing can not contradict
+            limit = 1e-9 * max(1.0, abs(other)) if exact else sigma
+            assert abs(own - other) <= limit, (live, offline)
 
 
 def one_sigma(sample):

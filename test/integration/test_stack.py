@@ -73,7 +73,7 @@ def messages(run):
 def test_every_process_lived_and_ended_cleanly(run):
     _, died, states, logs = run
     assert died == {}
-    assert states == {name: 0 for name in states}, logs
+    assert states == dict.fromkeys(states, 0), logs
     assert not any('Traceback' in log for log in logs.values()), logs
 
 

@@ -10,8 +10,6 @@ from support.graph import node_arguments, Process
 from smart_tire.parameters import NODE_PARAMS
 
 
-
-
 @pytest.mark.parametrize('name', NODE_PARAMS)
 def test_a_node_tells_how_it_is_and_ends_cleanly_however_often_it_is_told(name, graph, tmp_path):
     ports = {f'ports__{port}': tmp_path / port for port in ('tire_radio', 'imu', 'motors')} \

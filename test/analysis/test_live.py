@@ -1,0 +1,51 @@
+"""Judging a recorded run: what the radio dropped, what was lost, how good the stamps are."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from smart_tire.analysis.live import radio_counts, read_conversions, stamp_errors
+from smart_tire.analysis.series import Series
+from smart_tire.samples import TireSample
+
+PERIOD = 2_500_000  # ns
+START = 1_700_000_000_000_000_000
+
+
+@pytest.fixture
+def log(tmp_path):
+    """Return the log of 20 batches of 16 conversions, of which two were dropped."""
+    rows = ['wheel,sequence,dropped,stamps_ns']
+    for k in range(20):
+        stamps = ' '.join(str(START + (16 * k + i) * PERIOD) for i in range(16))
+        rows.append(f'front_left,{k},{int(k in (5, 11))},{stamps}')
+    path = tmp_path / 'log.csv'
+    path.write_text('\n'.join(rows) + '\nfront_left,20,0')  # cut off in the middle
+    return path
+
+
+def received(log, offset_ns=0, lost=()):
+    series = Series()
+    for k, batch in enumerate(read_conversions(log)):
+        if not batch.dropped and k not in lost:
+            for stamp in batch.stamp_ns:
+                series.add(TireSample(int(stamp) + offset_ns, 'front_left', (1.65, 1.65)))
+    return series
+
+
+def test_what_the_radio_dropped_is_no_loss(log):
+    counts = radio_counts(received(log), read_conversions(log))
+    assert counts == {'sent': 20, 'dropped': 2, 'missing': 0}
+
+
+def test_what_was_lost_otherwise_is_seen(log):
+    counts = radio_counts(received(log, lost=(7, 8)), read_conversions(log))
+    assert counts == {'sent': 20, 'dropped': 2, 'missing': 2}
+
+
+def test_the_error_of_the_stamps_is_that_against_the_true_instants(log):
+    score = stamp_errors(received(log, 300_000), read_conversions(log))['front_left']
+    assert score.mean == pytest.approx(0.3e-3)
+    assert score.rms == pytest.approx(0.3e-3)
+    assert np.isclose(score.within_one, 1.0)

@@ -1,0 +1,53 @@
+"""The dashboard: a table on a terminal, plain lines elsewhere, and nothing that is not known."""
+
+from __future__ import annotations
+
+import io
+from types import SimpleNamespace
+
+from rich.console import Console
+
+from smart_tire.cli.dashboard import Dashboard
+from smart_tire.samples import Friction, FRICTION_QUANTITIES, NAN, WheelSample, WheelSlip
+
+
+def felt(**known):
+    return SimpleNamespace(**{'odometry': None, 'wheels': None, 'slip': None, 'friction': {},
+                              'passages': {}, 'health': {}, **known})
+
+
+def moving():
+    value = dict.fromkeys(FRICTION_QUANTITIES, NAN) | {'friction_coefficient': 0.47}
+    sigma = dict.fromkeys(FRICTION_QUANTITIES, 1.0) | {'friction_coefficient': 0.05}
+    return felt(
+        wheels=WheelSample(0, (12.566, 6.283, 12.566, 6.283)),
+        slip=WheelSlip(0, (0.11, -0.1, 0.11, NAN), (0.1,) * 4, (0.01,) * 4),
+        friction={'front_left': Friction(0, 'front_left', value, sigma)},
+        passages={'front_left': 7}, health={'tire_receiver': {'batches_ok': '99'}})
+
+
+def shown(what, terminal):
+    text = io.StringIO()
+    console = Console(file=text, force_terminal=terminal, width=120, color_system=None)
+    with Dashboard(console) as dashboard:
+        dashboard.show('concrete', what)
+    return text.getvalue()
+
+
+def test_a_terminal_gets_a_table_with_a_row_per_wheel():
+    text = shown(moving(), terminal=True)
+    assert 'speed, rpm' in text
+    assert '+0.47 ± 0.05' in text and '120.0' in text and '+0.11 ± 0.01' in text
+    assert '99 received' in text
+    assert all(wheel in text for wheel in ('front_left', 'front_right', 'rear_left', 'rear_right'))
+
+
+def test_elsewhere_plain_lines_come_now_and_then():
+    text = shown(moving(), terminal=False)
+    assert text.count('\n') == 1 and '\x1b' not in text
+    assert 'left  120.0 rpm' in text and 'mu front_left +0.47' in text
+
+
+def test_what_is_not_known_yet_is_left_out():
+    for terminal in (True, False):
+        assert 'concrete' in shown(felt(), terminal)

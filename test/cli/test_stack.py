@@ -1,0 +1,80 @@
+"""The stack of processes: logs, deaths, CPU time, and an end for all of them."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from smart_tire.cli.stack import isolated_environment, Stack
+from support.waiting import wait_for
+
+SLEEPER = 'import signal, sys, time\nprint("ready", flush=True)\n'
+POLITE = SLEEPER + 'signal.signal(signal.SIGINT, lambda *_: sys.exit(0))\ntime.sleep(60)\n'
+
+
+@pytest.fixture
+def module(tmp_path, monkeypatch):
+    """Return a function that makes an importable module of some text."""
+    monkeypatch.setenv('PYTHONPATH', str(tmp_path))
+
+    def make(name, text):
+        (tmp_path / f'{name}.py').write_text(text)
+        return name
+    return make
+
+
+def test_processes_end_by_interrupt_when_the_context_does(tmp_path, module):
+    with Stack(tmp_path / 'logs', isolated_environment()) as stack:
+        stack.start('one', module('one', POLITE))
+        stack.start('two', module('two', POLITE))
+        wait_for(lambda: 'ready' in stack.log('one') and 'ready' in stack.log('two'))
+        assert stack.died() == {}
+        assert set(stack.cpu_seconds()) == {'one', 'two'}
+        assert stack.stop('one') == {'one': 0}
+    assert stack.died() == {'one': 0, 'two': 0}
+
+
+def test_a_process_that_dies_is_told_with_its_last_words(tmp_path, module):
+    with Stack(tmp_path / 'logs', isolated_environment()) as stack:
+        stack.start('bad', module('bad', 'raise SystemExit("no such port")'))
+        wait_for(stack.died)
+        assert stack.died() == {'bad': 1}
+        assert stack.tail('bad') == 'no such port'
+
+
+def test_children_end_with_a_parent_that_is_killed(tmp_path, module):
+    module('polite', POLITE)
+    parent = module('parent', (
+        'import pathlib, sys, time\n'
+        'from smart_tire.cli.stack import Stack, isolated_environment\n'
+        f'stack = Stack(pathlib.Path({str(tmp_path / "logs")!r}), isolated_environment())\n'
+        'stack.start("child", "polite")\n'
+        'print(stack.processes["child"].pid, flush=True)\n'
+        'time.sleep(60)\n'))
+    root = Path(__file__).resolve().parents[2]
+    process = subprocess.Popen(
+        [sys.executable, '-m', parent], stdout=subprocess.PIPE, text=True,
+        env={**os.environ, 'PYTHONPATH': os.pathsep.join([str(tmp_path), str(root)])})
+    child = int(process.stdout.readline())
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    process.stdout.close()
+
+    def gone():
+        try:
+            state = Path(f'/proc/{child}/stat').read_text().rsplit(')', 1)[1].split()[0]
+        except FileNotFoundError:
+            return True
+        return state in 'ZX'  # nobody may be there to bury it
+    wait_for(gone)
+
+
+def test_dds_stays_on_this_machine_in_a_domain_of_its_own():
+    environment = isolated_environment()
+    assert environment['ROS_AUTOMATIC_DISCOVERY_RANGE'] == 'LOCALHOST'
+    assert 0 < int(environment['ROS_DOMAIN_ID']) <= 101
