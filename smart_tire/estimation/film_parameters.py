@@ -36,6 +36,7 @@ class FilmParams:
     b_gain: float
     covariance: Array          # (3, 3) of the three
     low_corner: float          # Hz, 0 where the amplifier showed none
+    low_corner_sigma: float    # Hz
     noise: float               # C, of one sample
     misfit: float              # C, rms of what the operator leaves beside noise
 
@@ -78,6 +79,7 @@ def identify_film(recording: FilmRecording, film: BucklingFilm | None
         film=film, alpha_gain=fit.alpha_gain.value, a_gain=fit.a_gain.value,
         b_gain=fit.b_gain.value, covariance=fit.covariance, noise=fit.noise,
         low_corner=corner.value if corner.determined else 0.0,
+        low_corner_sigma=corner.sigma if corner.determined else 0.0,
         misfit=math.sqrt(max(fit.rms**2 - fit.noise**2, 0.0)))
     return params, fit, notes + _judged(fit)
 
@@ -109,7 +111,8 @@ def write_params(path: Path, params: FilmParams, fit: FilmFit, notes: list[str],
             'thickness_m': params.film.thickness, 'convention': params.film.convention},
         'products': {name: _entry(getattr(fit, name)) for name in PRODUCTS},
         'covariance': [[float(value) for value in row] for row in params.covariance],
-        'low_corner_hz': params.low_corner, 'noise': params.noise, 'misfit': params.misfit,
+        'low_corner_hz': params.low_corner, 'low_corner_sigma_hz': params.low_corner_sigma,
+        'noise': params.noise, 'misfit': params.misfit,
         'residual': {'rms': fit.rms, 'share_of_half_range': fit.share,
                      'correlated_samples': fit.correlation},
         'notes': notes}
@@ -145,14 +148,15 @@ def read_params(path: Path) -> FilmParams:
 def _params(tree: Mapping[str, Any]) -> FilmParams:
     film = tree['film']
     values = [float(tree['products'][name]['value']) for name in PRODUCTS]
-    others = [float(tree[name]) for name in ('low_corner_hz', 'noise', 'misfit')]
+    others = [float(tree[name]) for name in (
+        'low_corner_hz', 'low_corner_sigma_hz', 'noise', 'misfit')]
     covariance = np.array(tree['covariance'], dtype=float)
     if covariance.shape != (3, 3) or not np.isfinite([*values, *others, *covariance.flat]).all():
-        raise ParameterError('products, covariance (3 x 3), low_corner_hz, noise and misfit must '
-                             'be finite numbers')
+        raise ParameterError('products, covariance (3 x 3), low_corner_hz, low_corner_sigma_hz, '
+                             'noise and misfit must be finite numbers')
     return FilmParams(
         film=None if film is None else BucklingFilm(
             length=film['length_m'], width=film['width_m'], thickness=film['thickness_m'],
             convention=film['convention']),
         **dict(zip(PRODUCTS, values)), covariance=covariance,
-        low_corner=others[0], noise=others[1], misfit=others[2])
+        low_corner=others[0], low_corner_sigma=others[1], noise=others[2], misfit=others[3])

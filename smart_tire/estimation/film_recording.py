@@ -25,30 +25,42 @@ class FilmRecording:
     output: Array  # C
 
     def __post_init__(self) -> None:
-        sizes = [series(name, getattr(self, name)).size for name in ('time', 'input', 'output')]
-        if len(set(sizes)) > 1:
-            raise ParameterError(f'time, input and output have {sizes} samples')
-        if sizes[0] < FEWEST:
-            raise ParameterError(f'{sizes[0]} samples, expected {FEWEST} at least')
-        late = np.flatnonzero(np.diff(self.time) <= 0.0)
-        if late.size:
-            row = int(late[0]) + 1
-            raise ParameterError(f'time[{row}] is {self.time[row]} after {self.time[row - 1]}, '
-                                 'expected rising times')
+        check_series(self.time, input=self.input, output=self.output)
 
 
-def read_columns(path: Path, columns: Sequence[str], only: bool) -> list[Array]:
-    """Return the named columns of a CSV file; ``only`` them must be in it."""
+def check_series(time: Array, **others: Array) -> None:
+    """Raise ParameterError unless ``time`` rises and all are finite and of one length."""
+    sizes = {name: series(name, values).size for name, values in {'time': time, **others}.items()}
+    if len(set(sizes.values())) > 1:
+        raise ParameterError(f'the numbers of samples differ: {sizes}')
+    if sizes['time'] < FEWEST:
+        raise ParameterError(f'{sizes["time"]} samples, expected {FEWEST} at least')
+    late = np.flatnonzero(np.diff(time) <= 0.0)
+    if late.size:
+        row = int(late[0]) + 1
+        raise ParameterError(f'time[{row}] is {time[row]} after {time[row - 1]}, '
+                             'expected rising times')
+
+
+def header_of(path: Path) -> list[str]:
+    """Return the names of the columns of a CSV file."""
     try:
         with path.open(encoding='utf-8', newline='') as file:
-            rows = csv.reader(file)
-            header = [name.strip() for name in next(rows, [])]
-            places = _places(path, header, columns, only)
-            table = [_numbers(path, rows.line_num, row, len(header)) for row in rows if row]
+            return [name.strip() for name in next(csv.reader(file), [])]
     except OSError as error:
         raise ParameterError(f'{path}: cannot be read ({error.strerror})') from error
     except UnicodeDecodeError as error:
         raise ParameterError(f'{path}: is no text ({error.reason})') from error
+
+
+def read_columns(path: Path, columns: Sequence[str], only: bool) -> list[Array]:
+    """Return the named columns of a CSV file; ``only`` them must be in it."""
+    header = header_of(path)
+    places = _places(path, header, columns, only)
+    with path.open(encoding='utf-8', newline='') as file:
+        rows = csv.reader(file)
+        next(rows)
+        table = [_numbers(path, rows.line_num, row, len(header)) for row in rows if row]
     values = np.array(table, dtype=float).reshape(-1, len(header))
     return [np.ascontiguousarray(values[:, place]) for place in places]
 

@@ -15,6 +15,7 @@ SPIKE_WIDTH = 2             # samples, the widest that is seen as a spike
 SPIKE = 4.0                 # of the signal's own fast motion
 WINDOWS = (81, 61, 41, 31, 21, 15, 11, 7)
 LARGEST_BIAS = 0.3          # of the noise, at the turns: smoothing must not blunt them
+LARGEST_EXCESS = 1.2        # of the power of slow residuals over that of noise alone
 
 
 def noise_level(signal: Array) -> float:
@@ -33,17 +34,21 @@ def without_spikes(signal: Array) -> tuple[Array, int]:
 
 
 def smoothed(signal: Array) -> tuple[Array, float]:
-    """Return the signal smoothed as much as its turns allow, and the noise that is left."""
+    """Return the signal smoothed as much as its shape allows, and the noise that is left."""
     noise = noise_level(signal)
     turns = lasting_branches(signal, DEAD_BAND * noise)
-    at, signs = turns.starts, turns.signs[1:]
     for window in WINDOWS:
         if window > signal.size // 4:
             continue
         calm: Array = savgol_filter(signal, window, 2, mode='interp')
-        # what smoothing took off the turns, on the average over all of them
-        third = window // 3
-        left = np.convolve(signal - calm, np.full(third, 1.0 / third), 'same')
-        if not at.size or abs(np.mean(left[at] * signs)) <= LARGEST_BIAS * noise:
-            return calm, noise * float(savgol_coeffs(window, 2)[window // 2])**0.5
+        kernel = savgol_coeffs(window, 2)
+        # what is left and lasts a third of the window is noise, or a bend that was smoothed away
+        third = np.full(window // 3, 1.0 / (window // 3))
+        left = np.convolve(signal - calm, third, 'same')
+        alone = np.convolve((np.arange(window) == window // 2) - kernel, third)
+        if (np.mean(left**2) <= LARGEST_EXCESS * noise**2 * np.sum(alone**2)
+                and all(abs(np.mean(left[turns.starts[turns.signs[1:] == sign]]))
+                        <= LARGEST_BIAS * noise
+                        for sign in (-1.0, 1.0) if sign in turns.signs[1:])):
+            return calm, noise * float(kernel[window // 2])**0.5
     return signal, noise

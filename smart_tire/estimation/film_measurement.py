@@ -1,0 +1,106 @@
+"""
+Measuring with a film: charge -> inverse hysteresis -> stroke -> deflection, each with its sigma.
+
+The recording begins with the film flat and at rest and the amplifier settled, as zeroing a sensor
+does. A fresh film carries no charge then; that of a used one is unknown within the band, and so
+its zero stays unknown by as much: the sigma shows it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+
+import numpy as np
+from scipy.integrate import cumulative_trapezoid
+
+from smart_tire.errors import ParameterError
+from smart_tire.estimation.film_parameters import FilmParams
+from smart_tire.estimation.film_recording import check_series
+from smart_tire.estimation.film_signal import DEAD_BAND, smoothed, without_spikes
+from smart_tire.models import elastica
+from smart_tire.models.branches import Array, lasting_branches
+from smart_tire.models.hysteresis import DuhemParams
+from smart_tire.models.hysteresis_inverse import invert
+
+PULLED = 4.0      # sigmas on the other side of flat: no buckled film
+EDGE = 2.0        # noise of a smoothed signal at its first sample over that in its middle
+PAIR = 2.0**0.5   # a branch is measured from its turning point, which has the same noise
+
+
+@dataclass(frozen=True)
+class FilmMeasurement:
+    """What a film has measured, NaN with infinite sigma where no buckled film gives the charge."""
+
+    time: Array   # s
+    value: Array  # m, deflection; of a film without geometry the operator's input
+    sigma: Array  # likewise
+
+    @property
+    def told(self) -> int:
+        """Return the number of samples with a value."""
+        return int(np.isfinite(self.value).sum())
+
+
+def measure(time: Array, charge: Array, params: FilmParams, *, used: bool = False
+            ) -> FilmMeasurement:
+    """Return the deflection behind ``charge`` [C] (n,); ``used``: of a film that is not fresh."""
+    check_series(time, charge=charge)
+    operator = params.operator
+    calm, noise = smoothed(without_spikes(charge)[0])
+    calm = calm - calm[0]
+    drained = 2.0 * math.pi * cumulative_trapezoid(calm, time, initial=0.0)
+    y, band = calm + params.low_corner * drained, DEAD_BAND * noise
+    v = invert(y, operator, dead_band=band)
+    spread = math.hypot(PAIR * noise, params.misfit)
+    variance = (spread / _slope(y, v, operator, band))**2
+    # everything else is the same error for all samples: each once more with it
+    for other in _neighbours(params):
+        variance += (invert(y, other, dead_band=band) - v)**2
+    for shift in (EDGE * noise, params.low_corner_sigma * drained):
+        variance += (invert(y + shift, operator, dead_band=band) - v)**2
+    if used:
+        # evenly spread over the band: a standard deviation of its half width over sqrt(3)
+        z = operator.band / 3.0**0.5
+        variance += (invert(y + z, operator, start=(0.0, z), dead_band=band) - v)**2
+    return _converted(time, v, np.sqrt(variance), params)
+
+
+def _slope(y: Array, v: Array, operator: DuhemParams, band: float) -> Array:
+    """Return dy / dv on the branch of every sample: b - s alpha z of A(17)."""
+    branches = lasting_branches(np.concatenate([[0.0], y]), band)
+    slope: Array = operator.b - branches.signs[branches.numbers] * operator.alpha * (
+        y - operator.a * v)
+    return np.maximum(slope, 2.0 * operator.b - operator.a)
+
+
+def _neighbours(params: FilmParams) -> list[DuhemParams]:
+    """Return operators one sigma away, along the axes of the covariance."""
+    values = np.array([params.alpha_gain, params.a_gain, params.b_gain])
+    # in relative units, for the products differ by nine orders of magnitude
+    variances, axes = np.linalg.eigh(params.covariance / np.outer(values, values))
+    found = []
+    for variance, axis in zip(np.maximum(variances, 0.0), axes.T):
+        away = math.sqrt(float(variance)) * axis
+        for side in (away, -away):
+            try:
+                alpha, a, b = (float(value) for value in values * (1.0 + side))
+                found.append(DuhemParams(alpha=alpha, a=a, b=b))
+                break
+            except ParameterError:
+                continue
+        else:
+            raise ParameterError('the products are too uncertain: operators within one sigma of '
+                                 'them have no inverse (a > b >= a / 2)')
+    return found
+
+
+def _converted(time: Array, v: Array, sigma: Array, params: FilmParams) -> FilmMeasurement:
+    if params.film is None:
+        return FilmMeasurement(time, v, sigma)
+    told = (v < PULLED * sigma) & (v > -1.0)
+    stroke = elastica.stroke_from_charge(np.where(told, np.minimum(v, 0.0), 0.0))
+    per_stroke = float(params.film.deflection(0.5)) / 0.5
+    sigma = sigma / np.abs(elastica.charge_slope(stroke)) * per_stroke
+    return FilmMeasurement(time, np.where(told, params.film.deflection(stroke), np.nan),
+                           np.where(told, sigma, np.inf))

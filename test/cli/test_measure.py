@@ -1,0 +1,68 @@
+"""``smart_tire measure film`` on the command line."""
+
+from __future__ import annotations
+
+import argparse
+
+import numpy as np
+import pytest
+from support.film_bench import several_loops
+
+from smart_tire.cli import measure
+from smart_tire.errors import ParameterError
+from smart_tire.estimation.film_parameters import identify_film, write_params
+from smart_tire.estimation.film_recording import read_columns, write_columns, write_recording
+from smart_tire.models.buckling_film import FILMS
+
+
+def command(*words):
+    parser = argparse.ArgumentParser()
+    measure.add_arguments(parser)
+    return measure.run(parser.parse_args([str(word) for word in words]))
+
+
+@pytest.fixture(scope='module')
+def params(tmp_path_factory):
+    path = tmp_path_factory.mktemp('params') / 'film.yaml'
+    write_params(path, *identify_film(several_loops(), FILMS['25x3']))
+    return path
+
+
+def test_it_measures_and_compares_with_the_laser(params, tmp_path, capsys):
+    recording = several_loops(2)
+    write_recording(tmp_path / 'data.csv', recording)
+    assert command('film', tmp_path / 'data.csv', '--params', params) == 0
+    said = capsys.readouterr().out
+    assert f'of {recording.time.size} samples measured' in said
+    assert 'against deflection_m: ' in said
+    time, value, sigma = read_columns(
+        tmp_path / 'data_measured.csv', ['time_s', 'deflection_m', 'sigma_m'], only=True)
+    np.testing.assert_allclose(time, recording.time)
+    assert np.nanstd(value - recording.input) < 1e-4
+    assert np.nanmedian(sigma) < 1e-4
+    assert (tmp_path / 'data_measured.png').read_bytes().startswith(b'\x89PNG')
+
+
+def test_charge_alone_under_other_names_will_do(params, tmp_path, capsys):
+    recording = several_loops(2)
+    write_columns(tmp_path / 'data.csv', ('t', 'q'), (recording.time, recording.output))
+    out = tmp_path / 'felt.csv'
+    assert command('film', tmp_path / 'data.csv', '--params', params, '--columns', 't,q',
+                   '--out', out, '--used') == 0
+    assert 'against' not in capsys.readouterr().out
+    assert out.exists() and out.with_suffix('.png').exists()
+
+
+@pytest.mark.parametrize('columns, why', [('t', 'expected two names'), ('t,q,r', 'expected r')])
+def test_columns_that_are_not_there_are_refused(params, tmp_path, columns, why):
+    recording = several_loops(2)
+    write_columns(tmp_path / 'data.csv', ('t', 'q'), (recording.time, recording.output))
+    with pytest.raises(ParameterError, match=why):
+        command('film', tmp_path / 'data.csv', '--params', params, '--columns', columns)
+
+
+def test_a_broken_recording_is_refused_with_its_name(params, tmp_path):
+    write_columns(tmp_path / 'data.csv', ('time_s', 'charge_C'),
+                  (np.arange(30.0), np.full(30, np.nan)))
+    with pytest.raises(ParameterError, match=r'data.csv: charge\[0\] is nan'):
+        command('film', tmp_path / 'data.csv', '--params', params)
