@@ -16,6 +16,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from smart_tire.estimation.force_balance import ForceBalance
 from smart_tire.models.skid_steer import normal_loads, wheel_velocities
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import NS_PER_S, Odometry, WHEELS, WheelSlip
@@ -44,6 +45,7 @@ class WheelMotion:
     lateral: Estimate = UNKNOWN  # m/s, v_y of the wheel's centre
     load: Estimate = UNKNOWN     # N, F_z
     slip_rate: float = 0.0       # 1/s, at which the slip changes
+    stiffness_sigma: float | None = None  # relative, of C_x; None where the streams do not tell
 
 
 class MotionHistory:
@@ -51,6 +53,7 @@ class MotionHistory:
 
     def __init__(self, robot: RobotParams) -> None:
         self._robot = robot
+        self._balance = ForceBalance(robot)
         self._odometry: list[Odometry] = []
         self._slips: list[WheelSlip] = []
 
@@ -78,7 +81,9 @@ class MotionHistory:
         if math.isnan(lateral[0]):
             return WheelMotion(slip, slip_rate=rate)
         wide = _between(self._odometry, begin_ns - SLOPE_NS, end_ns + SLOPE_NS)
-        return WheelMotion(slip, lateral, self._load(wide, index), rate)
+        a_x, a_y = self._acceleration(wide)
+        return WheelMotion(slip, lateral, self._load(a_x, a_y, index), rate,
+                           self._stiffness_sigma(slips, a_x))
 
     def _lateral(self, odometry: Odometry, index: int) -> Estimate:
         robot, covariance = self._robot, odometry.twist_covariance
@@ -88,15 +93,28 @@ class MotionHistory:
         variance = covariance[V_Y] + 2.0 * arm * covariance[V_Y_RATE] + arm**2 * covariance[RATE]
         return float(lateral), math.sqrt(max(variance, 0.0))
 
-    def _load(self, odometry: list[Odometry], index: int) -> Estimate:
-        """Return the wheel's load from the velocities around a passage."""
-        robot = self._robot
+    def _acceleration(self, odometry: list[Odometry]) -> tuple[float, float]:
+        """Return the acceleration [m/s2] of the centre of mass from velocities, body axes."""
         v_x, v_y = np.array([o.linear[:2] for o in odometry]).T
         rate = np.array([o.angular[2] for o in odometry])
         stamps = [o.stamp_ns for o in odometry]
-        com_x, com_y, _ = robot.center_of_mass
-        a_x = _slope(stamps, v_x) - np.mean(rate * v_y) - com_x * np.mean(rate**2)
-        a_y = _slope(stamps, v_y) + np.mean(rate * v_x) - com_y * np.mean(rate**2)
+        com_x, com_y, _ = self._robot.center_of_mass
+        return (float(_slope(stamps, v_x) - np.mean(rate * v_y) - com_x * np.mean(rate**2)),
+                float(_slope(stamps, v_y) + np.mean(rate * v_x) - com_y * np.mean(rate**2)))
+
+    def _stiffness_sigma(self, slips: list[WheelSlip], a_x: float) -> float | None:
+        """Return the relative sigma of C_x with the middle one of ``slips``."""
+        if not slips:
+            return None
+        middle = slips[len(slips) // 2]
+        pushing = [math.copysign(ratio, sliding)
+                   for ratio, sliding in zip(middle.ratio, middle.sliding)]
+        # what the wheels' slips share is the error of the robot's speed
+        return self._balance.stiffness_sigma(pushing, min(middle.sigma), a_x)
+
+    def _load(self, a_x: float, a_y: float, index: int) -> Estimate:
+        """Return the wheel's load under the accelerations around a passage."""
+        robot = self._robot
 
         def load(by_x: float, by_y: float) -> float:
             loads = normal_loads(robot.mass, robot.center_of_mass, robot.wheelbase,

@@ -40,7 +40,9 @@ class PassageReporter:
         """Return what ``passage`` tells of a wheel that moved as ``motion`` says."""
         found = dict.fromkeys(FRICTION_QUANTITIES, UNKNOWN)
         stiffness = self._tire.longitudinal_stiffness
-        found['stiffness'] = stiffness, self._tire.longitudinal_stiffness_sigma * stiffness
+        relative = (self._tire.longitudinal_stiffness_sigma if motion.stiffness_sigma is None
+                    else motion.stiffness_sigma)
+        found['stiffness'] = stiffness, relative * stiffness
         found['normal_load'] = motion.load
         lateral = -motion.lateral[0] / passage.speed, motion.lateral[1] / passage.speed
         change = self._slip_change(passage, motion)
