@@ -1,11 +1,11 @@
-"""Four wheel speeds from a body velocity, four duties from wheel speeds, and when to stop."""
+"""Four duties from wanted and measured wheel speeds, and when to stop."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 import math
 
 from smart_tire.control.pid import Pid
-from smart_tire.models.skid_steer import wheel_speeds
 from smart_tire.parameters.tuning import WheelControllerParams
 from smart_tire.samples import Four, NS_PER_S
 
@@ -18,14 +18,14 @@ class WheelControl:
     """
     The control loop without its clock: all times are nanoseconds of one steady clock.
 
-    Without a velocity command for ``cmd_vel_timeout`` the wheels are brought to a stop. Without
+    Without a command for ``cmd_vel_timeout`` the wheels are brought to a stop. Without
     wheel speeds for ``wheel_states_timeout``, and while the emergency stop is latched, the
     motors get no duty at all.
     """
 
     def __init__(self, params: WheelControllerParams) -> None:
         self._pids = [Pid(params.pid) for _ in STOPPED]
-        self._command: tuple[float, float] = (0.0, 0.0)  # m/s, rad/s
+        self._command = STOPPED
         self._commanded_ns: int | None = None
         self._measured = STOPPED
         self._measured_ns: int | None = None
@@ -39,9 +39,11 @@ class WheelControl:
         for pid in self._pids:
             pid.params = params.pid
 
-    def command(self, v_x: float, yaw_rate: float, now_ns: int) -> None:
-        """Take the wanted velocity of the body [m/s, rad/s]."""
-        self._command, self._commanded_ns = (v_x, yaw_rate), now_ns
+    def command(self, velocity: Sequence[float], now_ns: int) -> None:
+        """Take the wanted speeds of the wheels [rad/s]; where one is too fast, all are slowed."""
+        fastest = max(max(map(abs, velocity)) / self._params.max_wheel_speed, 1.0)
+        a, b, c, d = (speed / fastest for speed in velocity)
+        self._command, self._commanded_ns = (a, b, c, d), now_ns
 
     def measure(self, velocity: Four, now_ns: int) -> None:
         """Take the speeds of the wheels [rad/s]."""
@@ -53,7 +55,7 @@ class WheelControl:
         self._commanded_ns = None
 
     def commanded(self, now_ns: int) -> bool:
-        """Return whether a velocity command is in force."""
+        """Return whether a command is in force."""
         return not self.stopped and _fresh(
             self._commanded_ns, now_ns, self._params.cmd_vel_timeout)
 
@@ -64,7 +66,7 @@ class WheelControl:
     def step(self, now_ns: int) -> tuple[Four, Four]:
         """Return the set points of the wheel speeds [rad/s] and the duties [-1, 1]."""
         dt = self._elapsed(now_ns)
-        wanted = self._set_points() if self.commanded(now_ns) else STOPPED
+        wanted = self._command if self.commanded(now_ns) else STOPPED
         if self.stopped or not self.measured(now_ns):
             for pid in self._pids:
                 pid.reset()
@@ -78,14 +80,6 @@ class WheelControl:
         if before is None or now_ns <= before:
             return period
         return min((now_ns - before) / NS_PER_S, MAX_STEPS * period)
-
-    def _set_points(self) -> Four:
-        """Return the wheel speeds of the command, slowed alike where one would be too fast."""
-        params = self._params
-        speeds = wheel_speeds(*self._command, params.robot.wheel_radius, params.effective_track)
-        fastest = max(abs(speeds).max() / params.max_wheel_speed, 1.0)
-        a, b, c, d = (speeds / fastest).tolist()
-        return a, b, c, d
 
 
 def _duty(pid: Pid, wanted: float, measured: float, dt: float) -> float:

@@ -7,6 +7,7 @@ import sys
 from std_srvs.srv import SetBool
 
 from smart_tire.control.wheel_control import WheelControl
+from smart_tire.models.skid_steer import wheel_speeds
 from smart_tire.nodes.base import run, SmartTireNode
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.parameters import WheelControllerParams
@@ -32,7 +33,9 @@ class WheelController(SmartTireNode[WheelControllerParams]):
         self._control.retune(self.params)
 
     def _on_velocity(self, command: VelocityCommand) -> None:
-        self._control.command(command.v_x, command.yaw_rate, self.steady_ns())
+        speeds = wheel_speeds(command.v_x, command.yaw_rate, self.params.robot.wheel_radius,
+                              self.params.effective_track)
+        self._control.command(speeds.tolist(), self.steady_ns())
 
     def _on_wheels(self, sample: WheelSample) -> None:
         self._control.measure(sample.velocity, self.steady_ns())
