@@ -10,7 +10,9 @@ operator falls before it rises, two inputs give one output, and the inverse is r
 
 from __future__ import annotations
 
+from collections.abc import Callable
 import math
+from typing import Any
 
 import numpy as np
 from scipy.special import lambertw
@@ -82,11 +84,13 @@ def inside_band(params: DuhemParams, u: float, y: float) -> float:
 
 def way(r: Array, m: Array) -> Array:
     """Return x >= 0 of ``x - m (1 - exp(-x)) = r`` for r >= 0 and 0 <= m <= 1."""
-    x = np.maximum(r + m + lambertw(-m * np.exp(-(r + m))).real, r)
-    # r + m + W cancels; two steps of Newton on the equation itself bring the digits back
-    for _ in range(2):
-        decay = np.expm1(-x)
-        x = np.maximum(x - (x + m * decay - r) / np.maximum(1.0 - m - m * decay, 1e-300), r)
+    with np.errstate(divide='ignore', invalid='ignore'):
+        # scipy's W is not a number at -1 / e itself, where fmax and max take the other one
+        x = np.fmax(_shortest(r, m, np.sqrt), r + m + lambertw(-m * np.exp(-(r + m))).real)
+        # r + m + W cancels; two steps of Newton on the equation itself bring the digits back
+        for _ in range(2):
+            decay = np.expm1(-x)
+            x = np.maximum(x - (x + m * decay - r) / (1.0 - m - m * decay), r)
     return np.where(r > 0.0, x, 0.0)
 
 
@@ -94,11 +98,17 @@ def _way(r: float, m: float) -> float:
     """Return what ``way`` returns, for numbers."""
     if r <= 0.0:
         return 0.0
-    x = max(r + m + float(lambertw(-m * math.exp(-(r + m))).real), r)
+    x = max(_shortest(r, m, math.sqrt), r + m + float(lambertw(-m * math.exp(-(r + m))).real))
     for _ in range(2):
         decay = math.expm1(-x)
-        x = max(x - (x + m * decay - r) / max(1.0 - m - m * decay, 1e-300), r)
+        x = max(x - (x + m * decay - r) / (1.0 - m - m * decay), r)
     return x
+
+
+def _shortest(r: Any, m: Any, root: Callable[[Any], Any]) -> Any:
+    """Return less than the way: of ``(1 - m) x + m x^2 / 2 = r``, where W itself is lost."""
+    rest = 1.0 - m
+    return 2.0 * r / (rest + root(rest * rest + 2.0 * m * r))
 
 
 def _at_starts(path: Array, branches: Branches, params: DuhemParams, z: float,

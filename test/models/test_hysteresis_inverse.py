@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
@@ -41,6 +41,8 @@ def test_any_chunks_give_the_same_input(params, y, cuts):
     np.testing.assert_array_equal(np.concatenate(chunks), invert(y, params))
 
 
+@example(1e-311, 1.0)
+@example(1e-18, 1.0)
 @given(st.floats(0.0, 1e3), st.floats(0.0, 1.0))
 def test_the_way_solves_its_equation(r, m):
     x = float(way(np.array(r), np.array(m)))
@@ -53,6 +55,22 @@ def test_the_way_solves_its_equation(r, m):
 def test_the_way_is_the_root_that_bisection_finds(r, m):
     root = brentq(lambda x: x + m * np.expm1(-x) - r, 0.0, r + 1.0, xtol=1e-16, rtol=1e-15)
     assert float(way(np.array(r), np.array(m))) == pytest.approx(root, rel=1e-7, abs=1e-15)
+
+
+@pytest.mark.parametrize('r', [1e-300, 1e-20, 1e-14])
+def test_a_short_way_after_a_turn_at_the_edge_of_the_validity_is_a_root(r):
+    # b = a / 2 and m = 1: the output starts with a slope of zero, r = x^2 / 2
+    assert float(way(np.array(r), np.array(1.0))) == pytest.approx((2.0 * r)**0.5, rel=1e-6)
+
+
+@pytest.mark.parametrize('step', [1e-16, 1e-9, 1e-3])
+def test_a_saturated_film_at_the_edge_of_the_validity_turns_without_a_fault(step):
+    params = DuhemParams(alpha=1.0, a=2.0, b=1.0)
+    start = (0.0, -params.band)  # as after a long way up
+    y = start[1] - np.array([1.0, 2.0]) * step
+    u = invert(y, params, start=start)
+    assert np.all(np.diff(u, prepend=0.0) <= 0.0)
+    np.testing.assert_allclose(respond(u, params, start=start), y, rtol=0.0, atol=1e-15)
 
 
 def test_table_i_is_inverted_over_large_and_small_loops():
