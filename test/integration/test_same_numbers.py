@@ -73,6 +73,7 @@ def test_nodes_on_a_replayed_bag_give_the_numbers_of_the_offline_run(
                     *OUTPUTS, '/diagnostics')
         for node in ESTIMATORS:
             stack.node(node, [params])
+        wait_for(lambda: all(f'recording /{topic}' in stack.log('recorder') for topic in OUTPUTS))
         stack.start('replay', 'smart_tire.cli.main', 'replay', str(bag_path), '--rate', str(rate),
                     '--wait', '20')
         stack.processes['replay'].wait(60.0)

@@ -7,6 +7,7 @@ from pathlib import Path
 import yaml
 
 from smart_tire.bags import Bag
+from smart_tire.errors import BagError
 
 
 def parameter_file(path: Path, nodes) -> Path:
@@ -18,8 +19,9 @@ def parameter_file(path: Path, nodes) -> Path:
 
 def count(bag: Path, topic: str) -> int:
     """Return the messages of ``topic`` that a bag, also one being written, holds so far."""
-    if not bag.is_dir():
+    try:
+        with Bag(bag) as reader:
+            found = reader.topics.get(f'/{topic}')
+            return 0 if found is None else found.messages
+    except BagError:  # not yet there, or still without its first bytes
         return 0
-    with Bag(bag) as reader:
-        found = reader.topics.get(f'/{topic}')
-        return 0 if found is None else found.messages
