@@ -20,7 +20,7 @@ from smart_tire.samples import NS_PER_S
 Array = NDArray[np.float64]
 Instants = NDArray[np.int64]
 
-QUIET = 0.010         # m of watched rest that end a contact: more than braking can feign
+QUIET = 0.035         # m of watched rest that end a contact; hard braking feigns it for 26 mm
 LEAD = 0.015          # m of travel kept before and after a contact: entry, bumps
 STANDING = 0.002      # m/s; below, the wheel stands and a sample tells nothing new
 STUCK = 2.5           # contact lengths of activity that no contact explains: the rest has moved
@@ -51,7 +51,7 @@ class _Activity:
     end_ns: int
     begin: float   # m, watched travel at the first active sample
     end: float     # m, likewise at the last
-    since_ns: int  # a turn before which the samples belong to another contact
+    since_ns: int  # the last turn; what came before belongs to another contact
 
 
 class FilmRecord:
@@ -77,6 +77,7 @@ class FilmRecord:
         self._activities: list[_Activity | None] = [None] * films
         self._gaps: list[tuple[int, int]] = []
         self._last: tuple[int, float] | None = None  # instant and place of the newest sample
+        self._turn_ns = 0  # newest turn of the wheel
         self.stuck = 0  # times that a film was active for longer than a contact is
 
     def add(self, instants: Instants, places: Array, volts: Array,
@@ -136,14 +137,15 @@ class FilmRecord:
         instants, volts, watched = instants[rolling], volts[rolling], watched[rolling]
         if not len(instants):
             return []
-        self._keep(instants, volts, watched)
-        return self._follow(instants, volts, watched)
-
-    def _keep(self, instants: Instants, volts: Array, watched: Array) -> None:
         self._instants = np.concatenate([self._instants, instants])
         self._volts = np.concatenate([self._volts, volts])
         self._watched = np.concatenate([self._watched, watched])
-        old = int(np.searchsorted(self._watched, watched[-1] - KEPT * self._contact))
+        contacts = self._follow(instants, volts, watched)
+        self._forget(float(watched[-1]) - KEPT * self._contact)
+        return contacts
+
+    def _forget(self, before: float) -> None:
+        old = int(np.searchsorted(self._watched, before))
         self._instants, self._volts = self._instants[old:], self._volts[old:]
         self._watched = self._watched[old:]
 
@@ -169,7 +171,8 @@ class FilmRecord:
     def _extend(self, film: int, instant: int, watched: float) -> None:
         activity = self._activities[film]
         if activity is None:
-            self._activities[film] = _Activity(instant, instant, watched, watched, 0)
+            self._activities[film] = _Activity(
+                instant, instant, watched, watched, self._turn_ns)
             return
         activity.end_ns, activity.end = instant, watched
         if watched - activity.begin > STUCK * self._contact:
@@ -189,6 +192,7 @@ class FilmRecord:
     def _turn(self, turn_ns: int) -> list[Contact]:
         """End every contact where the wheel turned round; what was active later is another."""
         contacts = []
+        self._turn_ns = turn_ns
         at = int(np.searchsorted(self._instants, turn_ns, side='right')) - 1
         if at < 0:
             return []

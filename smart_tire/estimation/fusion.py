@@ -44,11 +44,20 @@ class _Average:
         self.variance *= 1.0 - gain
         self.count += other.count
 
+    def spread(self, other: _Average) -> float:
+        """Return one sigma of the difference; what errs alike in both does not count."""
+        return math.hypot(math.sqrt(self.variance + other.variance), self.slip * self.inverse,
+                          other.slip * other.inverse)
+
     def distance(self, other: _Average) -> float:
-        """Return by how many sigmas the two differ; what errs alike in both does not count."""
-        slips = math.hypot(self.slip * self.inverse, other.slip * other.inverse)
-        return abs(self.inverse - other.inverse) / math.sqrt(
-            self.variance + other.variance + slips**2)
+        """Return by how many sigmas the two differ."""
+        return abs(self.inverse - other.inverse) / self.spread(other)
+
+    def estimate(self) -> Estimate:
+        """Return mu and one sigma."""
+        return friction_estimate(
+            self.inverse, math.hypot(math.sqrt(self.variance), self.slip * self.inverse),
+            self.constant)
 
 
 class FrictionFusion:
@@ -90,11 +99,19 @@ class FrictionFusion:
         average = self._average
         if average is None:
             return UNKNOWN
-        mu, sigma = friction_estimate(
-            average.inverse,
-            math.hypot(math.sqrt(average.variance), average.slip * average.inverse),
-            average.constant)
+        mu, sigma = average.estimate()
         unseen = SPREAD * math.sqrt(1.0 - (1.0 - CHANGE_RATE)**self._silent)
-        rival = mu - 1.0 / self._rival.inverse if self._rival is not None else 0.0
-        sigma = math.hypot(sigma, unseen, rival)
+        sigma = math.hypot(sigma, unseen, self._doubt(average, mu))
         return (mu, sigma) if sigma < mu else UNKNOWN
+
+    def _doubt(self, average: _Average, mu: float) -> float:
+        """Return one sigma for the chance that the ground is the rival's already."""
+        if self._rival is None:
+            return 0.0
+        # densities of what the rival saw, on the old ground and on any other
+        spread = average.spread(self._rival)
+        old = math.exp(-0.5 * average.distance(self._rival)**2) / spread
+        new = 1.0 / math.hypot(spread, SPREAD * average.inverse**2)
+        chance = CHANGE_RATE * new / (CHANGE_RATE * new + (1.0 - CHANGE_RATE) * old)
+        other = self._rival.estimate()[0]
+        return math.sqrt(chance) * (abs(mu - other) if math.isfinite(other) else SPREAD)

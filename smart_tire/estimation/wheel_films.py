@@ -38,7 +38,7 @@ WHOLE = 0.7               # coverage of a passage that is believed without being
 SCRAP = 0.3               # coverage below which not even an expected one is
 NEAR = 0.012              # m, between a film's passage and the pass that it belongs to
 WAIT = 0.030              # m of travel beyond a pass, after which no film is waited for
-LONGEST_WAIT = 0.100      # m, likewise, if a film is still active for want of samples
+LONGEST_WAIT = 0.100      # m, likewise, if a film seems active for want of samples
 REST_NS = 200_000_000     # of standing, after which nothing is waited for either
 REST_TRAVEL = 5e-4        # m in that time: two counts of the encoder
 STEADY = 0.3              # largest relative change of speed in a pass that can be measured
@@ -136,7 +136,8 @@ class WheelFilms:
         self._recognise(self._take(horizon, turns))
         for point in [*turns, course]:
             self._passes += self._place.advance(point)
-        if self._passes and self._resting(course):
+        if self._passes and (self._resting(course) or any(
+                self._beyond(p, course) > LONGEST_WAIT for p in self._passes)):
             self._recognise(self._record.finish())
         ready = [p for p in self._passes if self._complete(p, course)]
         self._passes = [p for p in self._passes if p not in ready]
@@ -165,8 +166,9 @@ class WheelFilms:
 
     def _recognise(self, contacts: list[Contact]) -> None:
         for contact in contacts:
-            self._contacts.append(contact)
-            self._see(contact)
+            if len(contact.instants):
+                self._contacts.append(contact)
+                self._see(contact)
 
     def _see(self, contact: Contact) -> None:
         """Measure the passage in a contact, if there is one, and learn from it."""
@@ -225,10 +227,13 @@ class WheelFilms:
 
     def _complete(self, p: Pass, here: Point) -> bool:
         """Return whether nothing more can become known about a pass."""
-        beyond = p.direction * (here[1] - p.place) - self._reach
         return (len(self._films_of(p)) == len(self._offsets)
                 or self._path.direction != p.direction or self._resting(here)
-                or beyond > (LONGEST_WAIT if self._record.active else WAIT))
+                or not self._record.active and self._beyond(p, here) > WAIT)
+
+    def _beyond(self, p: Pass, here: Point) -> float:
+        """Return how far the films are beyond the end of a pass [m]."""
+        return p.direction * (here[1] - p.place) - self._reach
 
     def _resting(self, here: Point) -> bool:
         """Return whether the wheel has been standing for some time."""

@@ -1,0 +1,110 @@
+"""A wheel with two films that rolls by script: samples with an exactly known truth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+import math
+
+import numpy as np
+
+from smart_tire.models import tread_film
+from smart_tire.parameters import RobotParams
+from smart_tire.samples import (
+    NS_PER_S, Odometry, Sample, TireSample, WHEELS, WheelSample, WheelSlip)
+
+START_NS = 1_700_000_000 * NS_PER_S
+ROBOT = RobotParams()
+WHEEL = 'front_right'
+CRITICAL = 0.7       # -, critical slip of the ground
+LOAD = 26.72         # N, a quarter of the robot's weight
+PLACE = 0.30         # m, rolled distance at which the films' middle is first at the patch's
+ROUND = 2.0 * math.pi * ROBOT.wheel_radius
+QUIET = (1.65, 1.65)
+
+Course = Callable[[np.ndarray], np.ndarray]  # s -> m, rolled
+
+
+def steady(rpm: float, begin: float = 0.5) -> Course:
+    """Return the course of a wheel that stands and from ``begin`` [s] rolls steadily."""
+    speed = rpm / 60.0 * ROUND
+    return lambda time: speed * np.maximum(time - begin, 0.0)
+
+
+def along(knots: Sequence[tuple[float, float]]) -> Course:
+    """Return the course through (time [s], distance [m]) with smooth starts and stops."""
+    times, places = np.array(knots).T
+
+    def course(time: np.ndarray) -> np.ndarray:
+        i = np.clip(np.searchsorted(times, time, side='right') - 1, 0, len(times) - 2)
+        share = np.clip((time - times[i]) / (times[i + 1] - times[i]), 0.0, 1.0)
+        return places[i] + (places[i + 1] - places[i]) * share**2 * (3.0 - 2.0 * share)
+    return course
+
+
+def films(course: Course, duration: float, *, slip: float = 0.1, total: float = 0.13,
+          noise: float = 0.005, seed: int = 0, release: str = 'fig8', spread: float = 0.15,
+          reverse: bool = False) -> list[TireSample]:
+    """Return the film samples of a wheel that rolls along ``course``."""
+    rng = np.random.default_rng(seed)
+    film, patch = ROBOT.film, ROBOT.tire.contact_length
+    time = np.arange(0.0, duration, 1.0 / film.sample_rate)
+    place = course(time)
+    volts = []
+    for i, offset in enumerate((-0.5 * film.spacing, 0.5 * film.spacing)):
+        past = place - PLACE - offset
+        turn = np.floor(past / ROUND + 0.5)
+        x = past - turn * ROUND + 0.5 * (patch - film.length)
+        peak = film.bending(WHEEL)[i] * (1.0 + rng.uniform(-spread, spread, 1000)[
+            turn.astype(int) % 1000])
+        clean = tread_film.passage(
+            x, slip=slip, total_slip=total, critical_slip=CRITICAL, film_length=film.length,
+            contact_length=patch, bending_peak=peak, bending_alpha=film.bending_alpha,
+            stretch_gain=film.gains(WHEEL)[i], release=release, reverse=reverse)
+        volts.append(clean - 0.12 * peak * tread_film.contact_bumps(x, film.length, patch)
+                     + rng.normal(0.0, noise, len(x)) + film.rest_voltage)
+    codes = np.clip(np.rint(np.array(volts).T * 1023.0 / 3.3), 0, 1023)
+    return [TireSample(stamp(t), WHEEL, tuple(row)) for t, row in zip(time, codes * 3.3 / 1023.0)]
+
+
+def surroundings(course: Course, duration: float, *, slip: float = 0.1, total: float = 0.13,
+                 slip_sigma: float = 0.003, wheel_rate: float = 16.0,
+                 positions: bool = True) -> list[Sample]:
+    """Return wheel angles, slip and odometry beside the films of ``course``."""
+    out: list[Sample] = []
+    time = np.arange(0.0, duration, 1.0 / wheel_rate)
+    angle = course(time) / ROBOT.wheel_radius
+    speed = np.diff(angle, prepend=angle[0]) * wheel_rate
+    for t, a, w in zip(time, angle, speed):
+        out.append(WheelSample(stamp(t), (w,) * 4, (a,) * 4 if positions else None))
+    for t in np.arange(0.0, duration, 0.008):
+        rolling = float(course(t + 0.001) - course(t - 0.001)) / 0.002
+        lateral = -math.copysign(math.sqrt(total**2 - slip**2), rolling) * abs(rolling)
+        ratio = slip if abs(rolling) > 0.05 else math.nan
+        # the other side slips the other way: the robot does not accelerate
+        out.append(WheelSlip(stamp(t), (-ratio, ratio) * 2, (-slip * rolling, slip * rolling) * 2,
+                             (slip_sigma if ratio == ratio else 1.0,) * 4))
+        out.append(Odometry(stamp(t), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0),
+                            ((1.0 - slip) * rolling, lateral, 0.0), (0.0, 0.0, 0.0),
+                            (0.0,) * 36, (1e-6,) + (0.0,) * 6 + (1e-6,) + (0.0,) * 28))
+    return out
+
+
+def stamp(time: float) -> int:
+    """Return the stamp [ns] of a time [s]."""
+    return START_NS + round(float(time) * 1e9)
+
+
+def passes(course: Course, duration: float) -> list[float]:
+    """Return the times [s] at which the films' middle crosses the middle of the patch."""
+    time = np.arange(0.0, duration, 1e-4)
+    turns = np.floor((course(time) - PLACE) / ROUND)
+    return [float(t) for t in time[1:][np.diff(turns) != 0]]
+
+
+def in_order(*streams: Sequence[Sample]) -> list[Sample]:
+    """Return samples of several streams in the order of their stamps."""
+    return sorted((sample for stream in streams for sample in stream),
+                  key=lambda sample: sample.stamp_ns)
+
+
+assert WHEEL in WHEELS
