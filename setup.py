@@ -25,7 +25,7 @@ setup(
     ],
     python_requires='>=3.10',
     install_requires=[
-        'filterpy>=2.0', 'lz4', 'matplotlib', 'mcap', 'numpy', 'pyserial', 'pyyaml', 'rich',
+        'filterpy>=2.0', 'lz4', 'matplotlib', 'mcap>=1.6', 'numpy', 'pyserial', 'pyyaml', 'rich',
         'rosbags', 'scipy', 'zstandard',
     ],
     extras_require={

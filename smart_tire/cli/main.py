@@ -21,6 +21,8 @@ VERBS = {
     'replay': 'a bag onto topics',
     'recover': 'a whole bag out of a broken one',
     'analyze': 'estimates and figures out of bags',
+    'identify': 'the constants of a film out of a recording',
+    'measure': 'deflections out of the charge of an identified film',
     'bench': 'what the stack costs on this machine',
 }
 FAILED, USAGE, INTERRUPTED = 1, 2, 130
