@@ -110,5 +110,4 @@ def lines(tree: Tree) -> Iterator[str]:
         pose = truth['pose']
         yield (f'odom after {pose["distance_m"]:.1f} m: {pose["position_end_m"]:.2f} m, '
                f'{pose["yaw_end_rad"]:+.3f} rad off')
-    yield ''
     yield from table_lines(truth)
