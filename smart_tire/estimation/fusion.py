@@ -53,11 +53,11 @@ class _Average:
         """Return by how many sigmas the two differ."""
         return abs(self.inverse - other.inverse) / self.spread(other)
 
-    def estimate(self) -> Estimate:
-        """Return mu and one sigma."""
+    def estimate(self, constant: bool = True) -> Estimate:
+        """Return mu and one sigma, with or without that of stiffness and load."""
         return friction_estimate(
             self.inverse, math.hypot(math.sqrt(self.variance), self.slip * self.inverse),
-            self.constant)
+            self.constant if constant else 0.0)
 
 
 class FrictionFusion:
@@ -94,12 +94,16 @@ class FrictionFusion:
             self._average, self._rival = self._rival, None
             self.changes += 1
 
-    def estimate(self) -> Estimate:
-        """Return mu and one sigma; UNKNOWN before anything was told."""
+    def estimate(self, constant: bool = True) -> Estimate:
+        """
+        Return mu and one sigma; UNKNOWN before anything was told.
+
+        Without ``constant`` the sigma is that of what uses the same stiffness and load again.
+        """
         average = self._average
         if average is None:
             return UNKNOWN
-        mu, sigma = average.estimate()
+        mu, sigma = average.estimate(constant)
         unseen = SPREAD * math.sqrt(1.0 - (1.0 - CHANGE_RATE)**self._silent)
         sigma = math.hypot(sigma, unseen, self._doubt(average, mu))
         return (mu, sigma) if sigma < mu else UNKNOWN

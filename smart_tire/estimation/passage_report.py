@@ -118,5 +118,7 @@ class PassageReporter:
             found['friction_coefficient_single'] = single.estimate()
         if math.isfinite(mu[0]) and math.isfinite(load[0]):
             critical = 3.0 * load[0] / stiffness[0]
-            found['critical_slip'] = critical * mu[0], critical * mu[1]
+            # wrong by the same factor as mu, stiffness and load cancel
+            found['critical_slip'] = (critical * mu[0],
+                                      critical * self.fusion.estimate(constant=False)[1])
         return found

@@ -32,9 +32,9 @@ SLIDING_RANGE = (0.01, 3.0)  # -, of total slip / critical slip
 ITERATIONS = 10
 SHORTER = 0.4          # times a step that makes things worse ...
 HALVINGS = 6           # ... so often
-CONVERGED_SLIDING = 1e-3  # -, likewise
+CONVERGED_SLIDING = 5e-3  # -, likewise
 LARGEST_STEP = 0.003   # m, of the place in one iteration
-CONVERGED = 1e-5       # m, of the place
+CONVERGED = 5e-5       # m, of the place; the next step would be its square
 SLOPE_STEP = 1e-5      # m, for slopes, against 20 mm of film
 SLIDING_STEP = 1e-3    # relative, likewise
 OUTLIER = 3.0          # sigmas, beyond which a sample counts less
@@ -198,31 +198,31 @@ class PassageMeter:
                                     + np.diag(known.precision))
             step = inverse @ (jacobian.T @ (weight * residual)
                               + known.precision * (known.value - p))
-            last, p = p, self._descend(used, weight, known, p, step)
+            last, p = p, self._descend(used, weight, known, p, step, residual)
             if abs(last[0] - p[0]) < CONVERGED and abs(last[5] - p[5]) < CONVERGED_SLIDING:
                 break
-        return self._judge(self._place(used.distance, last), last, residual, jacobian, weight,
-                           inverse)
+        return self._judge(used, p, residual, jacobian, weight, inverse)
 
-    def _descend(self, track: _Track, weight: Array, known: _Known, p: Array,
-                 step: Array) -> Array:
+    def _descend(self, track: _Track, weight: Array, known: _Known, p: Array, step: Array,
+                 residual: Array) -> Array:
         """Return ``p`` after so much of ``step`` that the misfit does not grow."""
-        def misfit(q: Array) -> float:
-            left = track.volts - self._model(track.distance, q)
+        def misfit(q: Array, left: Array) -> float:
             return float(weight @ left**2 + known.precision @ (q - known.value)**2)
 
         step = step * min(1.0, LARGEST_STEP / max(abs(step[0]), CONVERGED))
-        before = misfit(p)
+        before = misfit(p, residual)
         for _ in range(HALVINGS):
             moved: Array = p + step
             moved[5] = min(max(moved[5], SLIDING_RANGE[0]), SLIDING_RANGE[1])
-            if misfit(moved) <= before:
+            if misfit(moved, track.volts - self._model(track.distance, moved)) <= before:
                 return moved
             step = SHORTER * step
         return p
 
-    def _judge(self, x: Array, p: Array, residual: Array, jacobian: Array, weight: Array,
+    def _judge(self, track: _Track, p: Array, residual: Array, jacobian: Array, weight: Array,
                inverse: Array) -> Shape:
+        """Return what was fitted, with its covariance."""
+        x = self._place(track.distance, p)
         freedom = max(len(x) - 6, 1)
         excess = max(1.0, float(weight @ residual**2) / freedom)
         # slip that grows linearly adds this to the model, per unit of ``Shape.drift``

@@ -31,6 +31,13 @@ def test_noise_averages_out_and_what_lasts_does_not():
     assert sigma / mu == pytest.approx(math.hypot(0.02, 0.1), rel=0.03)
 
 
+def test_what_uses_the_same_stiffness_again_is_sharper():
+    fusion = FrictionFusion()
+    mu, sigma = feed(fusion, *[single(0.47)] * 400)
+    assert fusion.estimate(constant=False) == (mu, pytest.approx(0.02 * mu, rel=0.1))
+    assert sigma > 4.0 * fusion.estimate(constant=False)[1]
+
+
 def test_the_average_is_right_and_its_sigma_too():
     rng = np.random.default_rng(0)
     normalised = []
