@@ -14,7 +14,7 @@ from typing import Any
 from smart_tire.errors import SmartTireError
 
 NAME = 'bench'
-HELP = 'measure CPU load, latency, filter step time and offline speed'
+HELP = 'measure CPU load, latency, filter step time, offline speed and the models'
 WHEEL = 'front_right'           # the instrumented one, as on the paper's robot
 UNIT = f'0013A20040A1B2C3={WHEEL}'
 RADIO_DELAY = 0.005             # s, of the simulated radio
@@ -30,16 +30,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the arguments of this verb."""
     parser.add_argument('--seconds', type=float, default=30.0, metavar='S',
                         help='of driving, live (default: %(default)s)')
+    parser.add_argument('--models', action='store_true', help='only the figures on the models')
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print all figures."""
+    """Print all figures, or those on the models only."""
+    from smart_tire.cli.bench_models import print_models
+    if args.models:
+        print(machine())
+        print_models()
+        return 0
     # Importing rclpy may start Python anew, so it must come before any child is started.
     from smart_tire.nodes.pilot import Cockpit
     print(machine())
     with tempfile.TemporaryDirectory(prefix='smart_tire_bench_') as folder:
         measure_live(Path(folder), args.seconds, Cockpit)
         measure_offline(Path(folder))
+    print_models()
     return 0
 
 

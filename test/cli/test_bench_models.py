@@ -1,0 +1,29 @@
+"""The bench of the models: its two ways must solve the same problem, whatever time they take."""
+
+import pytest
+from smart_tire.cli import bench_models
+from smart_tire.cli.main import main
+
+
+@pytest.fixture(autouse=True)
+def _short(monkeypatch):
+    for name, value in (('BUDGET', 0.0), ('PERIODS', 2), ('FILMS', 6), ('BVP_FILMS', 3),
+                        ('PASSAGES', 2)):
+        monkeypatch.setattr(bench_models, name, value)
+
+
+@pytest.mark.parametrize('measure, agree', [
+    ('duhem', 1e-3), ('weightless_film', 1e-6), ('heavy_film', 1e-6), ('passages', 1e-12)])
+def test_both_ways_come_to_the_same_result(measure, agree):
+    for figure in getattr(bench_models, measure)():
+        assert figure.difference < agree, figure
+        assert figure.rate > 0.0 and figure.general_rate > 0.0
+
+
+def test_bench_models_prints_a_line_for_each_figure_and_nothing_of_the_robot(capsys):
+    assert main(['bench', '--models']) == 0
+    lines = capsys.readouterr().out.splitlines()
+    for what in ('Duhem samples', 'elastica, charges', 'heavy elastica, solutions',
+                 'heavy elastica, one by one', 'film passages of 93 samples', 'at once'):
+        assert sum(what in line and ' times, ' in line for line in lines) == 1, what
+    assert 'simulator' not in '\n'.join(lines)
