@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from smart_tire.models import brush_tire, tread_film
+from smart_tire.models.signal_chain import SignalChain
 from smart_tire.parameters.simulation import SimulatorParams
 from smart_tire.samples import NS_PER_S, WHEELS
 from smart_tire.simulation.devices import WheelUnit
@@ -71,10 +72,13 @@ class FilmSampler:
         self.wheel = wheel
         self._unit, self._robot, self._rng = unit, params.robot, rng
         self._index = WHEELS.index(wheel)
+        film = params.robot.film
+        self._chain = SignalChain(bits=film.bits, voltage_range=film.voltage_range,
+                                  rest_voltage=film.rest_voltage)
         first_place = rng.uniform(0.0, math.tau)
         # rad, wheel angles at which film 1 and film 2 stand over the middle of the patch
         self.places = (first_place,
-                       first_place + params.robot.film.spacing / params.robot.wheel_radius)
+                       first_place + film.spacing / params.robot.wheel_radius)
         self._films = _Films(wheel, params, self.places, rng)
         self._batch = params.radio.batch
         self._count = 0
@@ -117,11 +121,8 @@ class FilmSampler:
         return FilmBatch(self.wheel, self._count - len(codes), codes, trace)
 
     def _convert(self, volts: Array) -> tuple[tuple[int, ...], ...]:
-        film = self._robot.film
-        top = (1 << film.bits) - 1
-        noisy = film.rest_voltage + volts + film.noise * self._rng.standard_normal(volts.shape)
-        codes = np.clip(np.rint(noisy * (top / film.voltage_range)), 0, top).astype(int)
-        return tuple(tuple(row) for row in codes.T.tolist())
+        noise = self._robot.film.noise * self._rng.standard_normal(volts.shape)
+        return tuple(tuple(row) for row in self._chain.counts(volts + noise).T.tolist())
 
 
 class _Films:
