@@ -1,0 +1,58 @@
+"""The experiments behind the figures; who asks for a reproduction brings them along."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+from smart_tire.estimation.film_recording import FilmRecording
+from smart_tire.models.branches import Array
+from smart_tire.models.buckling_film import BucklingFilm, FILMS
+from smart_tire.models.hysteresis import DuhemParams, TABLE_I, TABLE_I_GAIN
+from smart_tire.parameters import SimulatorParams
+from smart_tire.samples import Sample
+
+Leg = tuple[float, float, float]   # s, rpm, rpm: time from which, left, right
+Schedule = Callable[[float], tuple[float, float]] | Sequence[Leg]
+Event = tuple[int, str, Sample]    # receive time [ns], topic, sample
+
+
+@dataclass(frozen=True)
+class Specimen:
+    """A film on the bench, with the sensor that it makes."""
+
+    film: BucklingFilm
+    gain: float              # C, K
+    hysteresis: DuhemParams
+
+    def charge(self, deflection: Array, model: str = 'exact') -> Array:
+        """Return Q_en [C] at ``deflection`` [m], before hysteresis."""
+        charge: Array = self.gain * self.film.normalised_charge(deflection, model)
+        return charge
+
+
+# specimen, deflection [m] (n,), rate [Hz], seed -> recording
+Bench = Callable[[Specimen, Array, float, int], FilmRecording]
+# parameters, wheel speeds, duration [s] -> events in the order of reception
+Drive = Callable[[SimulatorParams, Schedule, float], Iterable[Event]]
+
+
+@dataclass(frozen=True)
+class Laboratory:
+    """A test bench for films and a robot to drive."""
+
+    bench: Bench
+    drive: Drive
+
+
+def specimen(name: str) -> Specimen:
+    """
+    Return one of paper A's films by its key in FILMS.
+
+    Table I holds for one film. For the others K goes with the geometry as in A(15), and the loop
+    has the same shape at the same stroke (alpha K is kept): assumptions, the paper gives neither.
+    """
+    film = FILMS[name]
+    gain = TABLE_I_GAIN * film.gain / FILMS['25x3'].gain
+    alpha = TABLE_I.alpha * TABLE_I_GAIN / gain
+    return Specimen(film, gain, DuhemParams(alpha=alpha, a=TABLE_I.a, b=TABLE_I.b))
