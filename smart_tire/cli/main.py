@@ -24,6 +24,7 @@ VERBS = {
     'identify': 'the constants of a film out of a recording',
     'measure': 'deflections out of the charge of an identified film',
     'bench': 'what the stack costs on this machine',
+    'reproduce': 'figures and tables of the papers, computed anew',
 }
 FAILED, USAGE, INTERRUPTED = 1, 2, 130
 ROS_ARGUMENTS = '--ros-args'  # from here on they are for rclpy, which finds them by itself

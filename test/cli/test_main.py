@@ -47,7 +47,7 @@ def test_help_names_all_verbs_and_imports_nothing_slow():
     done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True,
                           check=True, env={'PYTHONPATH': ':'.join(filter(None, sys.path))})
     assert done.stderr.strip() == '[]'
-    assert all(f'  {name} ' in done.stdout for name in VERBS)
+    assert all(f'  {name}' in done.stdout for name in VERBS)
 
 
 @pytest.mark.parametrize('words', [[], ['fly'], ['recover'], ['replay', 'bag', '--rate', '-1'],

@@ -1,0 +1,70 @@
+"""``smart_tire reproduce``: the figures and tables of both papers, from models and simulation."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+import sys
+from typing import TYPE_CHECKING
+
+from smart_tire.errors import ParameterError
+
+if TYPE_CHECKING:
+    from smart_tire.analysis.reproduction.laboratory import Laboratory
+    from smart_tire.analysis.reproduction.study import Progress
+
+NAME = 'reproduce'
+HELP = 'compute every figure and table of the papers anew, as PNG files and one HTML report'
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the arguments of this verb."""
+    parser.add_argument('--out', type=Path, default=Path('reproduction'), metavar='DIR',
+                        help='folder for the figures and report.html (default: %(default)s)')
+
+
+def run(args: argparse.Namespace) -> int:
+    """Make the experiments, draw, and write; return the exit status."""
+    from smart_tire.analysis.reproduction.study import reproduce
+    try:
+        with shown_progress() as progress:
+            report = reproduce(laboratory(), args.out, progress)
+    except OSError as error:
+        raise ParameterError(f'{args.out}: cannot be written ({error.strerror})') from error
+    print(f'written to {report}')
+    return 0
+
+
+def laboratory() -> Laboratory:
+    """Return the simulated test bench and robot."""
+    from smart_tire.analysis.reproduction.laboratory import Laboratory, Specimen
+    from smart_tire.estimation.film_recording import FilmRecording
+    from smart_tire.models.branches import Array
+    from smart_tire.models.hysteresis import TABLE_I_GAIN
+    from smart_tire.simulation.run import simulate
+    from smart_tire.simulation.test_bench import TestBench
+
+    def bench(specimen: Specimen, deflection: Array, rate: float, seed: int) -> FilmRecording:
+        # the amplifier's range is chosen to fit the film, and its noise goes with the range
+        share = specimen.gain / TABLE_I_GAIN
+        return TestBench(
+            film=specimen.film, hysteresis=specimen.hysteresis, gain=specimen.gain, rate=rate,
+            charge_noise=TestBench.charge_noise * share,
+            full_scale=TestBench.full_scale * share).run(deflection, seed)
+    return Laboratory(bench, simulate)
+
+
+@contextmanager
+def shown_progress() -> Iterator[Progress]:
+    """Give a function that shows what is being done: a bar on a terminal, else a line for each."""
+    if not sys.stdout.isatty():
+        yield lambda done, total, what: print(f'{done:3}/{total}  {what}', flush=True)
+        return
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress as Bars, TextColumn
+    columns = BarColumn(), MofNCompleteColumn(), TextColumn('{task.description}')
+    with Bars(*columns, transient=True, auto_refresh=False) as bars:
+        bar = bars.add_task('', total=None)
+        yield lambda done, total, what: bars.update(
+            bar, completed=done, total=total, description=what, refresh=True)

@@ -1,0 +1,98 @@
+"""``smart_tire reproduce`` on the command line, with short drives."""
+
+from __future__ import annotations
+
+import base64
+from contextlib import redirect_stdout
+from html.parser import HTMLParser
+import io
+import re
+
+import pytest
+
+from smart_tire.analysis.reproduction import study
+from smart_tire.cli.main import main
+from smart_tire.cli.reproduce import shown_progress
+
+PAGES = (
+    *(f'paper_a_{name}' for name in ('fig_4', 'fig_6', 'fig_7', 'fig_8', 'fig_9', 'table_1')),
+    *(f'paper_b_{name}' for name in ('fig_8', 'fig_10', 'fig_11', 'fig_12', 'fig_13', 'table_1')))
+MARKS = ('src', 'href', 'srcset', 'data', 'action', 'poster')
+
+
+@pytest.fixture(scope='module')
+def written(tmp_path_factory):
+    """Return the folder of a run with fewer and shorter drives; what it printed is beside it."""
+    out = tmp_path_factory.mktemp('reproduced') / 'deeper' / 'report'
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(study, 'OTHERS', (20.0, 60.0, 100.0))
+        patch.setattr(study, 'SWEEP_DURATION', 6.0)
+        patch.setattr(study, 'SLIP_DURATION', 6.0)
+        patch.setattr(study, 'SIGNAL_DURATION', 6.0)
+        patch.setattr(study, 'STIFFNESS_DURATION', 6.0)
+        with redirect_stdout(io.StringIO()) as said:
+            assert main(['reproduce', '--out', str(out)]) == 0
+    out.with_suffix('.txt').write_text(said.getvalue(), encoding='utf-8')
+    return out
+
+
+class Collector(HTMLParser):
+    """Collects elements and what they refer to."""
+
+    def __init__(self):
+        super().__init__()
+        self.tags, self.references = [], []
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        self.references += [value for name, value in attrs if name in MARKS]
+
+
+def test_every_figure_and_table_is_a_png_file_and_there_is_one_report(written):
+    assert {path.name for path in written.iterdir()} == {
+        'report.html', *(f'{name}.png' for name in PAGES)}
+    for name in PAGES:
+        assert (written / f'{name}.png').read_bytes().startswith(b'\x89PNG')
+
+
+def test_the_report_needs_no_other_file(written):
+    text = (written / 'report.html').read_text(encoding='utf-8')
+    collector = Collector()
+    collector.feed(text)
+    assert not {'script', 'link', 'iframe', 'object'} & set(collector.tags)
+    assert all(reference.startswith(('#', 'data:image/png;base64,'))
+               for reference in collector.references)
+    assert '@import' not in text and 'url(' not in text
+
+
+def test_the_report_holds_every_picture_with_its_words(written):
+    text = (written / 'report.html').read_text(encoding='utf-8')
+    sections = re.findall(r'<section id="(\w+)">(.*?)</section>', text, re.DOTALL)
+    assert [name for name, _ in sections] == list(PAGES)
+    for name, section in sections:
+        (picture,) = re.findall(r'base64,([^"]+)"', section)
+        assert base64.b64decode(picture) == (written / f'{name}.png').read_bytes()
+        assert 'class="differs"' in section  # no figure can be matched in all
+        assert section.count('<p>') >= 2
+        assert 'nan' not in re.sub(r'base64,[^"]+', '', section).split()
+
+
+def test_progress_is_plain_lines_without_a_terminal_and_ends_complete(written):
+    *lines, last = written.with_suffix('.txt').read_text(encoding='utf-8').splitlines()
+    steps = [re.fullmatch(r' *(\d+)/18  (.+)', line).groups() for line in lines]
+    assert [int(done) for done, _ in steps] == list(range(19))
+    assert steps[-1][1] == 'done'
+    assert last == f'written to {written / "report.html"}'
+
+
+def test_progress_on_a_terminal_is_a_bar(capsys, monkeypatch):
+    monkeypatch.setattr('sys.stdout.isatty', lambda: True, raising=False)
+    with shown_progress() as progress:
+        progress(1, 2, 'one')
+    assert '  1/2  one' not in capsys.readouterr().out
+
+
+def test_a_folder_that_cannot_be_made_is_said_in_one_line(tmp_path, capsys):
+    (tmp_path / 'file').write_text('')
+    assert main(['reproduce', '--out', str(tmp_path / 'file')]) == 2
+    assert 'file' in capsys.readouterr().err
