@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from smart_tire.analysis.reproduction.film_fit import Identification
+from smart_tire.analysis.reproduction.film_fit import FREQUENCY, Identification
 from smart_tire.analysis.reproduction.film_loops import (
     FREQUENCIES, Proportionality, RateIndependence, Trace)
 from smart_tire.analysis.reproduction.page import Page
@@ -110,11 +110,11 @@ def fit_page(found: Identification) -> Page:
     told = found.first
     page.row('film and motion', '25 x 3 mm, 110 um; 5 Hz, 6 mm', 'the same')
     page.row('estimate forgets its start after', 'the first few cycles',
-             f'{told.settled:.2f} s = {told.settled * 5.0:.1f} cycles')
+             f'{told.settled:.2f} s = {told.settled * FREQUENCY:.1f} cycles')
     page.row('rms of measured minus estimated, then', 'graph', f'{told.rms * 1e9:.3f} nC')
     page.claim(told.settled > 0.0,
                f'From a zero initial condition the estimate starts off the loop and joins it '
-               f'within {told.settled * 5.0:.1f} cycles.',
+               f'within {told.settled * FREQUENCY:.1f} cycles.',
                'The estimate is on the loop from the start.')
     page.claim(told.determination > 0.99,
                'From then on measured and estimated loop lie on each other.',
