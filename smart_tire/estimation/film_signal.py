@@ -14,6 +14,7 @@ DEAD_BAND = 10.0            # of the noise: white noise of 1e5 samples spans 9
 SPIKE_WIDTH = 2             # samples, the widest that is seen as a spike
 SPIKE = 4.0                 # of the signal's own fast motion
 WINDOWS = (81, 61, 41, 31, 21, 15, 11, 7)
+ORDER = 3                   # the same as 2 but at the ends, where 2 would bend a start from rest
 LARGEST_BIAS = 0.3          # of the noise, at the turns: smoothing must not blunt them
 LARGEST_EXCESS = 1.2        # of the power of slow residuals over that of noise alone
 
@@ -40,8 +41,8 @@ def smoothed(signal: Array) -> tuple[Array, float]:
     for window in WINDOWS:
         if window > signal.size // 4:
             continue
-        calm: Array = savgol_filter(signal, window, 2, mode='interp')
-        kernel = savgol_coeffs(window, 2)
+        calm: Array = savgol_filter(signal, window, ORDER, mode='interp')
+        kernel = savgol_coeffs(window, ORDER)
         # what is left and lasts a third of the window is noise, or a bend that was smoothed away
         third = np.full(window // 3, 1.0 / (window // 3))
         left = np.convolve(signal - calm, third, 'same')
