@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -67,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
         estimate = getattr(fit, name)
         print(f'{name:11}{estimate.value:12.5g} ± {estimate.sigma:.2g}'
               + ('' if estimate.determined else '  not determined'))
-    if params.low_corner:
+    if math.isfinite(fit.low_corner.sigma):
         print(f'low_corner {fit.low_corner.value:12.5g} ± {fit.low_corner.sigma:.2g} Hz')
     print(f'residual   {fit.rms:12.5g} rms, {fit.share:.2%} of half the range')
     for note in notes:

@@ -6,11 +6,14 @@ gain K, alpha, a and b can not be told apart from v and Q_e, but their products 
 ``Q_e = b K h + a K (v - h) + ...`` with ``dh = dv - alpha K |dv| h``. For a given alpha K all else
 is linear: a K, b K, the state before the recording, an offset, a drift, and the integral of the
 output, whose factor is the lower corner of a charge amplifier, exactly.
+
+A loop that repeats itself drains evenly, just like a drift: the two are then told together only,
+and nothing but their covariance knows it.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import math
 
 import numpy as np
@@ -32,8 +35,9 @@ SETTLED = 1e-5       # of alpha K: a smaller change ends the search
 UNDETERMINED = 0.2   # of a value: a larger standard error tells nothing
 LEAST_BRANCH = 0.05  # of the range of the input: shorter ones do not make a loop
 FAINT = 1e-9         # of the largest singular value: directions that the data do not see
+NEGATIVE = 3.0       # sigmas below zero: no corner, whose estimate noise has moved, lies there
 
-A, B, LOW_CORNER, OFFSET = 0, 1, 5, 3  # columns of the linear part
+A, B, OFFSET, DRIFT, LOW_CORNER = 0, 1, 3, 4, 5  # columns of the linear part
 
 
 @dataclass(frozen=True)
@@ -57,14 +61,26 @@ class FilmFit:
     a_gain: Estimate        # a K, unit of the output / unit of v
     b_gain: Estimate        # b K, likewise
     low_corner: Estimate    # Hz, of the amplifier; infinite sigma where none is assumed
+    drift: Estimate         # unit of the output / s, beside what the amplifier drains
     offset: float           # output where v is zero
-    covariance: Array       # (3, 3) of alpha K, a K, b K
+    covariance: Array       # (5, 5) of alpha K, a K, b K, lower corner, drift
     fitted: Array           # output (n,)
     residual: Array         # measured minus fitted (n,)
     counted: npt.NDArray[np.bool_]  # samples that are no outliers (n,)
     correlation: float      # samples that the noise of the residual lasts
     span: float             # range of v
     noise: float            # of the output, from sample to sample
+
+    @property
+    def values(self) -> Array:
+        """Return alpha K, a K, b K, lower corner and drift."""
+        return np.array([estimate.value for estimate in (
+            self.alpha_gain, self.a_gain, self.b_gain, self.low_corner, self.drift)])
+
+    @property
+    def determined(self) -> bool:
+        """Return whether the recording tells all three products."""
+        return all(product.determined for product in (self.alpha_gain, self.a_gain, self.b_gain))
 
     @property
     def rms(self) -> float:
@@ -91,7 +107,8 @@ class _Model:
         self._branches = lasting_branches(self._path, dead_band)
         _check_loop(self._path, self._branches)
         since = time - time[0]
-        integral = cumulative_trapezoid(output - np.median(output), since, initial=0.0)
+        self.middle = float(np.median(output))  # around which the integral tells most
+        integral = cumulative_trapezoid(output - self.middle, since, initial=0.0)
         drained = -2.0 * math.pi * integral if amplifier else np.zeros(v.size)
         self._slow = np.column_stack([np.ones(v.size), since, drained])
 
@@ -120,8 +137,8 @@ def identify(time: Array, v: Array, output: Array, *, dead_band: float | None = 
 
     Ways back of ``v`` up to ``dead_band`` are noise (default: ten standard deviations of it).
     Samples that are not ``trusted`` move the operator but are not compared with. An ``amplifier``
-    is looked for between operator and output, and not assumed where its corner would be negative.
-    Raises EstimatorError where there is no loop.
+    is looked for between operator and output; a corner that comes out negative is zero, and not
+    assumed where noise does not explain it. Raises EstimatorError where there is no loop.
     """
     if not (time.size == v.size == output.size):
         raise ParameterError(f'{time.size} times, {v.size} inputs, {output.size} outputs')
@@ -130,9 +147,26 @@ def identify(time: Array, v: Array, output: Array, *, dead_band: float | None = 
     trusted = np.ones(v.size, dtype=bool) if trusted is None else trusted
     band = DEAD_BAND * noise_level(v) if dead_band is None else dead_band
     fit = _identified(_Model(time, v, output, band, amplifier), output, trusted, float(np.ptp(v)))
-    if fit.low_corner.value < 0.0:
-        return identify(time, v, output, dead_band=band, trusted=trusted, amplifier=False)
-    return fit
+    corner = fit.low_corner
+    if not amplifier or corner.value >= 0.0 and fit.determined:
+        return fit
+    none = identify(time, v, output, dead_band=band, trusted=trusted, amplifier=False)
+    if corner.value < -NEGATIVE * corner.sigma:
+        return none
+    if corner.value < 0.0:  # zero is as sure as the corner below it was
+        return _with(none, 0.0, fit.covariance)
+    # the losses of a small loop and of an amplifier look alike, all the way from one to the other
+    way = fit.values - none.values
+    return _with(fit, corner.value, fit.covariance + np.outer(way, way))
+
+
+def _with(fit: FilmFit, low_corner: float, covariance: Array) -> FilmFit:
+    """Return the fit with this corner, and standard errors of the covariance."""
+    values = np.where(np.arange(5) == 3, low_corner, fit.values)
+    alpha_gain, a_gain, b_gain, corner, drift = map(
+        Estimate, values.tolist(), np.sqrt(np.diag(covariance)).tolist())
+    return replace(fit, alpha_gain=alpha_gain, a_gain=a_gain, b_gain=b_gain, low_corner=corner,
+                   drift=drift, covariance=covariance)
 
 
 def _identified(model: _Model, output: Array, trusted: npt.NDArray[np.bool_],
@@ -213,18 +247,35 @@ def _fit(model: _Model, output: Array, alpha_gain: float, factors: Array, weight
     # the derivative of the model: log(alpha K) first, then the linear part
     jacobian = np.column_stack([model.slope(alpha_gain, factors), columns])
     correlation = _correlation(weights * residual)
-    covariance = _covariance(jacobian, weights, residual) * correlation
+    told = _told(alpha_gain, factors, model.middle)
+    covariance = told @ _covariance(jacobian, weights, residual) @ told.T * correlation
+    # an offset may be the converter's, or what the amplifier had drained before: then it recovers
+    covariance[4, 4] += (2.0 * math.pi * factors[OFFSET])**2 * (
+        factors[LOW_CORNER]**2 + covariance[3, 3])
     sigma = np.sqrt(np.diag(covariance))
-    to_products = np.diag([alpha_gain, 1.0, 1.0])
-    rows = np.array([0, 1 + A, 1 + B])
+    drained = 2.0 * math.pi * factors[LOW_CORNER] * (model.middle - factors[OFFSET])
+    values = [alpha_gain, factors[A], factors[B], factors[LOW_CORNER], factors[DRIFT] + drained]
+    alpha, a, b, corner, drift = (
+        Estimate(float(value), float(error)) for value, error in zip(values, sigma))
+    if not columns[:, LOW_CORNER].any():
+        corner = Estimate(0.0, math.inf)
     return FilmFit(
-        Estimate(alpha_gain, alpha_gain * float(sigma[0])),
-        Estimate(float(factors[A]), float(sigma[1 + A])),
-        Estimate(float(factors[B]), float(sigma[1 + B])),
-        Estimate(float(factors[LOW_CORNER]),
-                 float(sigma[1 + LOW_CORNER]) if columns[:, LOW_CORNER].any() else math.inf),
-        float(factors[OFFSET]), to_products @ covariance[np.ix_(rows, rows)] @ to_products,
-        fitted, residual, weights > 0.0, correlation, span, noise_level(output))
+        alpha, a, b, corner, drift, float(factors[OFFSET]), covariance, fitted, residual,
+        weights > 0.0, correlation, span, noise_level(output))
+
+
+def _told(alpha_gain: float, factors: Array, middle: float) -> Array:
+    """Return the derivative (5, 7) of the fit's values: of log(alpha K) and the factors."""
+    told = np.zeros((5, 1 + factors.size))
+    told[0, 0] = alpha_gain
+    told[1, 1 + A] = told[2, 1 + B] = 1.0
+    if factors[LOW_CORNER] != 0.0:
+        told[3, 1 + LOW_CORNER] = 1.0
+        # the amplifier drains what differs from the offset, the model what differs from the middle
+        told[4, 1 + LOW_CORNER] = 2.0 * math.pi * (middle - factors[OFFSET])
+        told[4, 1 + OFFSET] = -2.0 * math.pi * factors[LOW_CORNER]
+    told[4, 1 + DRIFT] = 1.0
+    return told
 
 
 def _covariance(jacobian: Array, weights: Array, residual: Array) -> Array:

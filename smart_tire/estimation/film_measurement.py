@@ -24,13 +24,13 @@ from smart_tire.models.hysteresis import DuhemParams
 from smart_tire.models.hysteresis_inverse import invert
 
 PULLED = 4.0      # sigmas on the other side of flat: no buckled film
-EDGE = 2.0        # noise of a smoothed signal at its first sample over that in its middle
+EDGE = 2.67       # noise of a smoothed signal at its first sample over that in its middle
 PAIR = 2.0**0.5   # a branch is measured from its turning point, which has the same noise
 
 
 @dataclass(frozen=True)
 class FilmMeasurement:
-    """What a film has measured, NaN with infinite sigma where no buckled film gives the charge."""
+    """What a film has measured, NaN with infinite sigma where that can not be told."""
 
     time: Array   # s
     value: Array  # m, deflection; of a film without geometry the operator's input
@@ -46,24 +46,33 @@ def measure(time: Array, charge: Array, params: FilmParams, *, used: bool = Fals
             ) -> FilmMeasurement:
     """Return the deflection behind ``charge`` [C] (n,); ``used``: of a film that is not fresh."""
     check_series(time, charge=charge)
-    operator = params.operator
     calm, noise = smoothed(without_spikes(charge)[0])
-    calm = calm - calm[0]
-    drained = 2.0 * math.pi * cumulative_trapezoid(calm, time, initial=0.0)
-    y, band = calm + params.low_corner * drained, DEAD_BAND * noise
+    calm, since = calm - calm[0], time - time[0]
+    drained = 2.0 * math.pi * cumulative_trapezoid(calm, since, initial=0.0)
+    band = DEAD_BAND * noise
+
+    def passed(amplifier: Array) -> Array:
+        """Return the charge that an amplifier with this lower corner and drift makes ``calm``."""
+        corrected: Array = calm + amplifier[0] * drained - amplifier[1] * since
+        return corrected
+
+    operator, y = params.operator, passed(np.array([params.low_corner, params.drift]))
     v = invert(y, operator, dead_band=band)
     spread = math.hypot(PAIR * noise, params.misfit)
     variance = (spread / _slope(y, v, operator, band))**2
     # everything else is the same error for all samples: each once more with it
-    for other in _neighbours(params):
-        variance += (invert(y, other, dead_band=band) - v)**2
-    for shift in (EDGE * noise, params.low_corner_sigma * drained):
-        variance += (invert(y + shift, operator, dead_band=band) - v)**2
+    for other, amplifier in _neighbours(params):
+        variance += (invert(passed(amplifier), other, dead_band=band) - v)**2
+    zero = EDGE * noise * (1.0 + 2.0 * math.pi * params.low_corner * since)
+    variance += (invert(y + zero, operator, dead_band=band) - v)**2
     if used:
         # evenly spread over the band: a standard deviation of its half width over sqrt(3)
         z = operator.band / 3.0**0.5
         variance += (invert(y + z, operator, start=(0.0, z), dead_band=band) - v)**2
-    return _converted(time, v, np.sqrt(variance), params)
+    # once beyond the reach, the way back is unknown too
+    beyond = np.maximum.accumulate(np.abs(v) > params.reach)
+    return _converted(time, np.where(beyond, np.nan, v),
+                      np.where(beyond, np.inf, np.sqrt(variance)), params)
 
 
 def _slope(y: Array, v: Array, operator: DuhemParams, band: float) -> Array:
@@ -74,18 +83,22 @@ def _slope(y: Array, v: Array, operator: DuhemParams, band: float) -> Array:
     return np.maximum(slope, 2.0 * operator.b - operator.a)
 
 
-def _neighbours(params: FilmParams) -> list[DuhemParams]:
-    """Return operators one sigma away, along the axes of the covariance."""
-    values = np.array([params.alpha_gain, params.a_gain, params.b_gain])
-    # in relative units, for the products differ by nine orders of magnitude
-    variances, axes = np.linalg.eigh(params.covariance / np.outer(values, values))
+def _neighbours(params: FilmParams) -> list[tuple[DuhemParams, Array]]:
+    """Return operators and amplifiers one sigma away, along the axes of the covariance."""
+    values = np.array([params.alpha_gain, params.a_gain, params.b_gain, params.low_corner,
+                       params.drift])
+    # in relative units, for they differ by many orders of magnitude
+    sigmas = np.sqrt(np.diag(params.covariance))
+    units = np.where(sigmas > 0.0, sigmas, 1.0)
+    units[:3] = values[:3]
+    variances, axes = np.linalg.eigh(params.covariance / np.outer(units, units))
     found = []
     for variance, axis in zip(np.maximum(variances, 0.0), axes.T):
-        away = math.sqrt(float(variance)) * axis
+        away = units * math.sqrt(float(variance)) * axis
         for side in (away, -away):
             try:
-                alpha, a, b = (float(value) for value in values * (1.0 + side))
-                found.append(DuhemParams(alpha=alpha, a=a, b=b))
+                alpha, a, b = (values + side)[:3].tolist()
+                found.append((DuhemParams(alpha=alpha, a=a, b=b), (values + side)[3:]))
                 break
             except ParameterError:
                 continue

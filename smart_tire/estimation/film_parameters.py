@@ -12,7 +12,7 @@ import numpy as np
 import yaml
 
 from smart_tire.errors import EstimatorError, ParameterError
-from smart_tire.estimation.film_identification import Estimate, FilmFit, identify
+from smart_tire.estimation.film_identification import Estimate, FilmFit, identify, UNDETERMINED
 from smart_tire.estimation.film_recording import FilmRecording
 from smart_tire.estimation.film_signal import noise_level, smoothed, without_spikes
 from smart_tire.models.branches import Array
@@ -21,8 +21,10 @@ from smart_tire.models.elastica import TOUCHING_STROKE
 from smart_tire.models.hysteresis import DuhemParams
 
 PRODUCTS = ('alpha_gain', 'a_gain', 'b_gain')
+AMPLIFIER = ('low_corner', 'drift')  # Hz, C/s
 PULLED = 5.0  # of the laser's noise: a film longer than flat by more is pulled
 MOST_PULLED = 0.5  # of the samples
+REACH = 1.5   # of the range: chosen; linear errors of undetermined products end there
 POOR = 3.0    # of the noise: larger residuals come from another law
 
 
@@ -34,11 +36,19 @@ class FilmParams:
     alpha_gain: float          # 1 / unit of the input
     a_gain: float              # C / unit of the input
     b_gain: float
-    covariance: Array          # (3, 3) of the three
     low_corner: float          # Hz, 0 where the amplifier showed none
-    low_corner_sigma: float    # Hz
+    drift: float               # C/s, beside what the amplifier drains
+    covariance: Array          # (5, 5) of the five
+    span: float                # range of the input that they come from
     noise: float               # C, of one sample
     misfit: float              # C, rms of what the operator leaves beside noise
+
+    @property
+    def reach(self) -> float:
+        """Return the largest input that they hold for: little beyond a loop that is too small."""
+        products = np.array([self.alpha_gain, self.a_gain, self.b_gain])
+        determined = np.sqrt(np.diag(self.covariance)[:3]) <= UNDETERMINED * np.abs(products)
+        return math.inf if determined.all() else REACH * self.span
 
     @property
     def operator(self) -> DuhemParams:
@@ -74,12 +84,10 @@ def identify_film(recording: FilmRecording, film: BucklingFilm | None
                         (int((trusted & ~fit.counted).sum()), 'outputs were outliers')):
         if count:
             notes.append(f'{count} {what}')
-    corner = fit.low_corner
     params = FilmParams(
         film=film, alpha_gain=fit.alpha_gain.value, a_gain=fit.a_gain.value,
-        b_gain=fit.b_gain.value, covariance=fit.covariance, noise=fit.noise,
-        low_corner=corner.value if corner.determined else 0.0,
-        low_corner_sigma=corner.sigma if corner.determined else 0.0,
+        b_gain=fit.b_gain.value, low_corner=fit.low_corner.value, drift=fit.drift.value,
+        covariance=fit.covariance, span=fit.span, noise=fit.noise,
         misfit=math.sqrt(max(fit.rms**2 - fit.noise**2, 0.0)))
     return params, fit, notes + _judged(fit)
 
@@ -93,6 +101,12 @@ def _judged(fit: FilmFit) -> list[str]:
             f'not determined: {", ".join(unknown)}: the loop is too small (range {fit.span:.3g} '
             f'times alpha_gain is {fit.span * fit.alpha_gain.value:.2g}); small loops show b_gain '
             'only')
+    corner = fit.low_corner
+    if math.isfinite(corner.sigma) and not corner.determined:
+        notes.append(
+            f'not determined: low_corner ({corner.value:.2g} ± {corner.sigma:.2g} Hz): what the '
+            'amplifier drains can not be told from a drift of the output; measured with it, the '
+            'sigma of other motions grows with time')
     if not fit.valid:
         notes.append('not a > b >= a / 2: no branch-wise inverse, the film can not measure')
     if fit.rms > POOR * fit.noise:
@@ -111,8 +125,8 @@ def write_params(path: Path, params: FilmParams, fit: FilmFit, notes: list[str],
             'thickness_m': params.film.thickness, 'convention': params.film.convention},
         'products': {name: _entry(getattr(fit, name)) for name in PRODUCTS},
         'covariance': [[float(value) for value in row] for row in params.covariance],
-        'low_corner_hz': params.low_corner, 'low_corner_sigma_hz': params.low_corner_sigma,
-        'noise': params.noise, 'misfit': params.misfit,
+        'amplifier': {name: _entry(getattr(fit, name)) for name in AMPLIFIER},
+        'span': params.span, 'noise': params.noise, 'misfit': params.misfit,
         'residual': {'rms': fit.rms, 'share_of_half_range': fit.share,
                      'correlated_samples': fit.correlation},
         'notes': notes}
@@ -147,16 +161,16 @@ def read_params(path: Path) -> FilmParams:
 
 def _params(tree: Mapping[str, Any]) -> FilmParams:
     film = tree['film']
-    values = [float(tree['products'][name]['value']) for name in PRODUCTS]
-    others = [float(tree[name]) for name in (
-        'low_corner_hz', 'low_corner_sigma_hz', 'noise', 'misfit')]
+    values = {name: float(tree[group][name]['value'])
+              for group, names in (('products', PRODUCTS), ('amplifier', AMPLIFIER))
+              for name in names}
+    values.update({name: float(tree[name]) for name in ('span', 'noise', 'misfit')})
     covariance = np.array(tree['covariance'], dtype=float)
-    if covariance.shape != (3, 3) or not np.isfinite([*values, *others, *covariance.flat]).all():
-        raise ParameterError('products, covariance (3 x 3), low_corner_hz, low_corner_sigma_hz, '
-                             'noise and misfit must be finite numbers')
+    if covariance.shape != (5, 5) or not np.isfinite([*values.values(), *covariance.flat]).all():
+        raise ParameterError('products, amplifier, covariance (5 x 5), span, noise and misfit '
+                             'must be finite numbers')
     return FilmParams(
         film=None if film is None else BucklingFilm(
             length=film['length_m'], width=film['width_m'], thickness=film['thickness_m'],
             convention=film['convention']),
-        **dict(zip(PRODUCTS, values)), covariance=covariance,
-        low_corner=others[0], low_corner_sigma=others[1], noise=others[2], misfit=others[3])
+        covariance=covariance, **values)

@@ -15,7 +15,7 @@ from smart_tire.models.buckling_film import FILMS
 from smart_tire.simulation.test_bench import ramps, sine, TestBench
 
 FILM = FILMS['25x3']
-EXACT = FilmParams(film=FILM, covariance=np.zeros((3, 3)), low_corner=0.0, low_corner_sigma=0.0,
+EXACT = FilmParams(film=FILM, covariance=np.zeros((5, 5)), low_corner=0.0, drift=0.0, span=1.0,
                    noise=0.0, misfit=0.0, **TRUE)
 QUIET = TestBench(rate=1000.0, low_corner=0.0, high_corner=1e6, charge_noise=0.0, bits=32)
 MICRON = 1e-6  # m
@@ -49,6 +49,59 @@ def test_an_identified_film_measures_within_its_sigma(identified, top, frequency
     assert np.sqrt(np.mean(error**2)) < 70.0 * MICRON
     assert np.mean(np.abs(error) <= 2.0 * result.sigma) > 0.9
     assert np.median(result.sigma) < 120.0 * MICRON
+
+
+@pytest.mark.parametrize('learnt', [
+    (0.006, 2.0, 10.0), (0.012, 5.0, 5.0), (0.002, 3.0, 20.0), (0.012, 1.0, 100.0)])
+def test_sigma_is_honest_over_motions_durations_and_seeds(learnt):
+    pulls, inside = [], []
+    others = [learnt, (0.006, 2.0, 10.0), (0.0005, 5.0, 5.0), (0.002, 10.0, 20.0),
+              (0.012, 1.0, 60.0)]
+    for seed in range(6):
+        own = TestBench(rate=RATE).run(sine(*learnt, RATE), seed)
+        params = identify_film(own, FILM)[0]
+        for number, motion in enumerate(others):
+            moved = sine(*motion, RATE)
+            recording = own if number == 0 else TestBench(rate=RATE).run(moved, 100 + seed)
+            result = measure(recording.time, recording.output, params)
+            told = np.isfinite(result.value)
+            pull = ((result.value - moved) / result.sigma)[told]
+            pulls.append(np.mean(pull**2))
+            inside.append(np.mean(np.abs(pull) <= 2.0))
+    assert np.mean(inside) > 0.9
+    assert 0.3 < np.sqrt(np.mean(pulls)) < 1.3
+
+
+def test_a_loop_that_is_too_small_is_honest_in_its_range_and_tells_nothing_beyond():
+    small, large = sine(0.0005, 5.0, 5.0, RATE), sine(0.012, 2.0, 5.0, RATE)
+    refused = 0
+    for seed in range(8):
+        own = TestBench(rate=RATE).run(small, seed)
+        params = identify_film(own, FILM)[0]
+        try:
+            result = measure(own.time, own.output, params)
+        except ParameterError:  # operators within one sigma have no inverse
+            refused += 1
+            continue
+        assert np.mean(np.abs(result.value - small) <= 2.0 * result.sigma) > 0.9
+        other = TestBench(rate=RATE).run(large, 100 + seed)
+        result = measure(other.time, other.output, params)
+        assert np.nanmax(result.value) < 0.001 and result.told < 0.05 * large.size
+    assert refused < 8
+
+
+def test_an_amplifier_that_can_not_be_told_from_a_drift_makes_sigma_grow():
+    recording = TestBench().run(sine(0.006, 2.0, 10.0, 1000.0), 1)
+    params, fit, notes = identify_film(recording, FILM)
+    assert any('not determined: low_corner' in note for note in notes)
+    assert fit.low_corner.sigma > 0.5 * 0.001
+    own = measure(recording.time, recording.output, params)
+    # what both do to the same motion is known, to another motion it is not
+    assert np.median(own.sigma) < 50.0 * MICRON
+    assert np.mean(np.abs(own.value - recording.input) <= 2.0 * own.sigma) > 0.9
+    other = TestBench(rate=RATE).run(sine(0.002, 2.0, 40.0, RATE), 2)
+    sigma = measure(other.time, other.output, params).sigma
+    assert np.median(sigma[-2000:]) > 3.0 * np.median(sigma[:2000])
 
 
 def test_without_the_inverse_the_same_film_is_off_by_far_more(identified):
@@ -103,7 +156,7 @@ def test_a_film_without_geometry_measures_the_input_of_its_operator(identified):
 
 @pytest.mark.parametrize('change, why', [
     ({'b_gain': 0.4 * TRUE['a_gain']}, 'a > b >= a / 2'),
-    ({'covariance': np.diag([0.0, (0.5 * TRUE['a_gain'])**2, 0.0])}, 'too uncertain')])
+    ({'covariance': np.diag([0.0, (0.5 * TRUE['a_gain'])**2, 0.0, 0.0, 0.0])}, 'too uncertain')])
 def test_an_operator_without_inverse_is_refused(change, why):
     recording = several_loops()
     with pytest.raises(ParameterError, match=why):

@@ -40,8 +40,8 @@ def test_the_file_holds_what_measuring_needs(identified, tmp_path):
     again = read_params(tmp_path / 'film.yaml')
     np.testing.assert_array_equal(again.covariance, params.covariance)
     assert again.film == params.film and again.operator == params.operator
-    assert (again.low_corner, again.noise, again.misfit) == (
-        params.low_corner, params.noise, params.misfit)
+    assert (again.low_corner, again.drift, again.noise, again.misfit) == (
+        params.low_corner, params.drift, params.noise, params.misfit)
     at_gain = yaml.safe_load((tmp_path / 'film.yaml').read_text())['at_gain']
     assert [at_gain[name] for name in ('alpha', 'a', 'b')] == pytest.approx(
         [0.15e9, 0.54, 0.28], rel=0.02)
@@ -89,8 +89,9 @@ def test_a_real_piezo_stage_is_described_to_a_few_percent():
 @pytest.mark.parametrize('change, why', [
     (lambda tree: tree.pop('products'), 'products is missing'),
     (lambda tree: tree['products'].pop('a_gain'), 'a_gain is missing'),
+    (lambda tree: tree['amplifier'].pop('drift'), 'drift is missing'),
     (lambda tree: tree.update(noise='much'), 'much'),
-    (lambda tree: tree.update(covariance=[[1.0]]), '3 x 3'),
+    (lambda tree: tree.update(covariance=[[1.0]]), '5 x 5'),
     (lambda tree: tree['film'].update(length_m=-1.0), 'length is -1'),
     (lambda tree: tree['products'].update(a_gain=3.0), 'a_gain|float')])
 def test_a_broken_file_is_refused_with_the_reason(identified, tmp_path, change, why):
