@@ -13,7 +13,7 @@ from smart_tire.errors import ParameterError
 from smart_tire.parameters import (
     build, FrictionEstimatorParams, known_names, load_files, MotorDriverParams, NODE_PARAMS,
     RobotParams, SimulatorParams, SlipEstimatorParams, Spec, specs, TireReceiverParams)
-from smart_tire.parameters.files import check_names, flatten
+from smart_tire.parameters.files import check_names, flatten, from_arguments
 from smart_tire.parameters.spec import group, param, part
 
 SPEED = Spec('speed', 'float', 1.0, 'm/s', 'how fast', low=0.0, high=3.0)
@@ -280,3 +280,39 @@ def test_names_that_every_ros_node_has_are_known():
 
 def test_flattening_joins_names_with_dots():
     assert flatten({'a': {'b': {'c': 1}}, 'd': [2]}) == {'a.b.c': 1, 'd': [2]}
+
+
+def test_on_a_command_line_what_stands_later_wins(tmp_path):
+    robot, tuned = tmp_path / 'robot.yaml', tmp_path / 'tuned.yaml'
+    robot.write_text('/**: {ros__parameters: {wheel_radius: 0.1}}\n'
+                     'slip_estimator: {ros__parameters: {wheel_radius: 0.2, mass: 9}}')
+    tuned.write_text('/**: {ros__parameters: {wheel_radius: 0.3}}')
+    words = ['node', '--ros-args', '--params-file', str(robot), '--params-file', str(tuned)]
+    assert from_arguments(words, '/slip_estimator') == {'wheel_radius': 0.3, 'mass': 9}
+    words += ['-r', '__ns:=/', '-p', 'wheel_radius:=4e-1', '-p', 'film.wheels:=[rear_left]',
+              '-p', 'imu_driver:port:=other', '-p', 'slip_estimator:mass:=8', '--', '-p', 'x:=1']
+    assert from_arguments(words, '/slip_estimator') == {
+        'wheel_radius': 0.4, 'mass': 8, 'film.wheels': ['rear_left']}
+
+
+@pytest.mark.parametrize('block, node, meant', [
+    ('/**', '/robot1/slip_estimator', True), ('/**', '/slip_estimator', True),
+    ('slip_estimator', '/slip_estimator', True),
+    ('slip_estimator', '/robot1/slip_estimator', False),
+    ('/robot1/slip_estimator', '/robot1/slip_estimator', True),
+    ('/robot2/slip_estimator', '/robot1/slip_estimator', False),
+    ('/*/slip_estimator', '/robot1/slip_estimator', True),
+    ('/**/slip_estimator', '/a/b/slip_estimator', True),
+    ('/robot1/**', '/robot1/imu_driver', True), ('/robot1/*', '/robot2/imu_driver', False)])
+def test_the_namespace_of_a_block_counts_for_a_node_that_has_one(tmp_path, block, node, meant):
+    path = tmp_path / 'some.yaml'
+    path.write_text(f'{block}: {{ros__parameters: {{mass: 7}}}}')
+    words = ['node', '--ros-args', '--params-file', str(path)]
+    assert from_arguments(words, node) == ({'mass': 7} if meant else {})
+
+
+def test_numbers_may_be_written_without_a_point(tmp_path):
+    path = tmp_path / 'some.yaml'
+    path.write_text('/**: {ros__parameters: {mass: 1e1, film.noise: 5E-3, film.bits: 10}}')
+    words = ['node', '--ros-args', '--params-file', str(path)]
+    assert from_arguments(words, '/x') == {'mass': 10.0, 'film.noise': 0.005, 'film.bits': 10}

@@ -12,7 +12,7 @@ import numpy as np
 from smart_tire.estimation.gate import Gate
 from smart_tire.estimation.shaking import Shaking
 from smart_tire.estimation.slip_filter import Motion, SlipFilter, State, WheelTravel
-from smart_tire.estimation.standstill import Standstill
+from smart_tire.estimation.standstill import Reading, Standstill
 from smart_tire.estimation.travel_log import TravelLog
 from smart_tire.estimation.wheels import WheelReader
 from smart_tire.models.skid_steer import GRAVITY, slip_ratio
@@ -24,6 +24,9 @@ from smart_tire.samples import (
 DROPOUT = 0.1              # s without the inertial unit (or 3 periods): go by the wheels
 GUESSED_RATE_PSD = 0.01    # (rad/s)^2 s, of the yaw rate that the wheels give meanwhile
 GUESSED_ACCEL_PSD = 0.1    # (m/s2)^2 s, of an acceleration that nobody measures
+SPIKE_RATE = 5.0           # rad/s between two readings; no robot starts to turn so hard
+SPIKE_FORCE = 20.0         # m/s2 between two readings, beyond what its shaking explains
+SPIKE_SIGMAS = 8.0         # of the shaking
 SLOW_SHAKING = 0.25        # share of the shaking that is pitch and roll; assumed
 TURNING = 0.05             # rad/s; slower, the ICR is too far away to be told
 TRUSTED_REST = 3.0         # s; rest that lasts so long overrules a state that has drifted away
@@ -48,6 +51,7 @@ class SlipEstimator:
         self._rotation = matrix(*params.robot.imu.rotation)
         self._gate = Gate(round(params.reorder_window * NS_PER_S))
         self.dropped: Counter[str] = Counter()  # topic -> duplicates and samples without use
+        self.spikes = 0  # readings of the inertial unit that no robot can have felt
         self.reset()
 
     def reset(self) -> None:
@@ -60,9 +64,10 @@ class SlipEstimator:
         self._zero_ns: int | None = None  # instant from which seconds are counted
         self._time = 0.0                  # s, of the filter's state
         self._imu_time: float | None = None
-        self._imu: tuple[float, float, float] | None = None  # last rate z, force x, y
+        self._imu: Reading | None = None  # last rate z, force x, y
         self._imu_period = 0.01           # s, of the IMU, until it is known better
         self._shaking = Shaking(robot.imu.accel_noise)
+        self._spiked = False              # whether the last reading was held to be a spike
         self._at_rest = False
         self._gate_resets = self._gate.resets
 
@@ -85,6 +90,7 @@ class SlipEstimator:
             'gyro_bias': round(self._filter.x[State.GYRO], 6),
             'clock_jumps': self._gate.resets,
             'position_jumps': self._wheels.jumps,
+            'imu_spikes': self.spikes,
             **{f'dropped.{topic}': count for topic, count in self.dropped.items()},
         }
 
@@ -127,7 +133,7 @@ class SlipEstimator:
             if self._imu_time is not None and time <= self._imu_time:
                 self.dropped['imu/data'] += 1
                 continue
-            reading = self._read(sample)
+            reading = self._despiked(self._read(sample))
             self._standstill.push(time, reading)
             self._shaking.push(time, sample.acceleration[2])
             if self._imu is None or self._imu_time is None:
@@ -141,7 +147,24 @@ class SlipEstimator:
         if count:
             self._predict(end, sums, count)
 
-    def _read(self, sample: ImuSample) -> tuple[float, float, float]:
+    def _despiked(self, reading: Reading) -> Reading:
+        """
+        Return ``reading``, or the one before where this one is a single spike.
+
+        A knock that is real lasts: a second such reading in a row is believed.
+        """
+        last = self._imu
+        spike = last is not None and not self._spiked and (
+            abs(reading[0] - last[0]) > SPIKE_RATE
+            or max(abs(reading[1] - last[1]), abs(reading[2] - last[2]))
+            > SPIKE_FORCE + SPIKE_SIGMAS * self._shaking.sigma)
+        self._spiked = spike
+        if last is None or not spike:
+            return reading
+        self.spikes += 1
+        return last
+
+    def _read(self, sample: ImuSample) -> Reading:
         rate, force = self._rotation[2] @ sample.rate, self._rotation[:2] @ sample.acceleration
         return float(rate), float(force[0]), float(force[1])
 

@@ -32,6 +32,7 @@ from smart_tire.samples import Vector3
 Array = NDArray[np.float64]
 
 MOUNTING_TILT = 0.009     # rad, one sigma of the unit's unknown tilt: half a degree
+POSE_FLOOR = 1e-4         # m, rad: an origin is by definition, yet no covariance may be singular
 UNKNOWN_SPEED = 0.5       # m/s, one sigma where nothing is known of the speed
 SPEED_DRIFT = 0.005       # m/s per sqrt(s), what the planar model leaves out
 GYRO_BIAS_DRIFT = 1e-4    # rad/s per sqrt(s), in-run stability of a low-cost unit
@@ -110,7 +111,7 @@ class SlipFilter:
         # a wandering slip with this memory spreads over slip_sigma in the long run
         self._slip_time = 2.0 * (params.slip_sigma / max(params.slip_drift, 1e-6)) ** 2
         self.nis = 1.0  # normalised innovation squared of the wheel readings, smoothed
-        sigma = np.zeros(N)
+        sigma = np.full(N, POSE_FLOOR)
         sigma[State.ROLL] = sigma[State.PITCH] = params.slope_sigma
         sigma[State.V_X] = sigma[State.V_Y] = UNKNOWN_SPEED
         sigma[State.GYRO] = robot.imu.gyro_bias
@@ -134,11 +135,12 @@ class SlipFilter:
         return covariance
 
     def reset_pose(self) -> None:
-        """Make the present pose the origin of ``odom``, known without error."""
+        """Make the present pose the origin of ``odom``."""
         pose = [State.X, State.Y, State.YAW]
         self._ekf.x[pose] = 0.0
         self._ekf.P[pose, :] = 0.0
         self._ekf.P[:, pose] = 0.0
+        self._ekf.P[pose, pose] = POSE_FLOOR ** 2
 
     def predict(self, dt: float, motion: Motion) -> None:
         """Advance by ``dt`` [s] with B(5) in body axes; biases come from the state."""

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from importlib import import_module
 import re
+import sys
 from typing import Any, cast
 
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+
+from smart_tire.parameters.files import from_arguments
 
 
 def new_executor() -> Any:
@@ -45,7 +48,8 @@ def given_parameters(node: Node) -> dict[str, Any]:
 
     The public way, declaring them all automatically, fails on an empty list without naming it.
     """
-    return {name: given.value for name, given in node._parameter_overrides.items()}
+    given = {name: given.value for name, given in node._parameter_overrides.items()}
+    return given | from_arguments(sys.argv, node.get_fully_qualified_name())
 
 
 def plain(error: Exception) -> str:

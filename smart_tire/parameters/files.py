@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
+import re
 from typing import Any
 
 import yaml
@@ -12,7 +13,16 @@ import yaml
 from smart_tire.errors import ParameterError
 from smart_tire.parameters.spec import unknown_name
 
+WILDCARDS = {'**': '(?:/[^/]+)*', '*': '/[^/]+'}
+NUMBER = re.compile(r'[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?$')
 ROS_NAMES = ('use_sim_time', 'start_type_description_service')  # every ROS node has these
+
+
+class Loader(yaml.SafeLoader):
+    """Reads 1e-3 as a number, as rcl does and YAML 1.2 says."""
+
+
+Loader.add_implicit_resolver('tag:yaml.org,2002:float', NUMBER, list('-+.0123456789'))
 
 
 def load_files(paths: Iterable[str | Path], node: str, known: Iterable[str],
@@ -35,6 +45,38 @@ def load_files(paths: Iterable[str | Path], node: str, known: Iterable[str],
     return values
 
 
+def from_arguments(words: Sequence[str], node: str) -> dict[str, Any]:
+    """
+    Return the flat parameters that a ROS command line gives to ``node`` (with its namespace).
+
+    What stands later wins, file or value, whatever the block: rcl itself lets the block of a
+    node in an early file win over ``/**`` in a late one and over ``-p``.
+    """
+    values: dict[str, Any] = {}
+    inside, flags = False, iter(words)
+    for word in flags:
+        if word in ('--ros-args', '--'):
+            inside = word == '--ros-args'
+        elif inside and word == '--params-file':
+            for block, parameters in _blocks(Path(next(flags, ''))):
+                if _matches(block, node):
+                    values.update(parameters)
+        elif inside and word in ('-p', '--param'):
+            name, _, text = next(flags, '').partition(':=')
+            owner, _, name = name.rpartition(':')
+            if name and owner in ('', node.rsplit('/', 1)[-1]):
+                values[name] = _load(text)
+    return values
+
+
+def _load(text: str) -> Any:
+    """Return the value of a piece of YAML, the text itself if it is none."""
+    try:
+        return yaml.load(text, Loader)
+    except yaml.YAMLError:
+        return text
+
+
 def check_names(names: Iterable[str], known: Iterable[str], where: str = '') -> None:
     """Raise ParameterError for the first of ``names`` that no node of this package has."""
     known = set(known)
@@ -45,7 +87,7 @@ def check_names(names: Iterable[str], known: Iterable[str], where: str = '') -> 
 
 def _blocks(path: Path) -> list[tuple[str, dict[str, Any]]]:
     try:
-        document = yaml.safe_load(path.read_text(encoding='utf-8'))
+        document = yaml.load(path.read_text(encoding='utf-8'), Loader)
     except OSError as error:
         raise ParameterError(f'{path}: cannot be read ({error.strerror})') from error
     except (yaml.YAMLError, UnicodeDecodeError) as error:
@@ -79,5 +121,10 @@ def flatten(tree: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:
 
 
 def _matches(block: str, node: str) -> bool:
-    pattern = block.rsplit('/', 1)[-1]
-    return pattern == '**' or fnmatchcase(node, pattern)
+    """Return whether a block is for ``node``, whose namespace counts if it has one."""
+    if not node.startswith('/'):
+        pattern = block.rsplit('/', 1)[-1]
+        return pattern == '**' or fnmatchcase(node, pattern)
+    tokens = (WILDCARDS.get(token, '/' + re.escape(token))
+              for token in block.strip('/').split('/'))
+    return re.fullmatch(''.join(tokens), node) is not None

@@ -178,6 +178,33 @@ def test_single_bad_samples_hardly_move_the_estimate():
     assert np.sqrt(np.mean((ratio - truth)[steady] ** 2)) < 0.05
 
 
+@pytest.mark.parametrize('rate, force', [(0.0, 50.0), (0.0, 900.0), (90.0, 0.0)])
+def test_a_spike_of_the_inertial_unit_is_passed_over_and_counted(rate, force):
+    run = turning(9)
+    index = next(k for k, s in enumerate(run.samples)
+                 if isinstance(s, ImuSample) and s.stamp_ns > START_NS + 8 * NS_PER_S)
+    bad = run.samples[index]
+    spoilt = list(run.samples)
+    spoilt[index] = ImuSample(bad.stamp_ns, (force, *bad.acceleration[1:]),
+                              (*bad.rate[:2], bad.rate[2] + rate))
+    estimator, out = estimate(spoilt)
+    assert estimator.status()['imu_spikes'] == 1
+    _, ratio, _, _ = slips(run, out)
+    _, clean, _, _ = slips(run, estimate(run.samples)[1])
+    assert np.nanmax(np.abs(ratio - clean)) < 0.02
+
+
+def test_a_knock_that_lasts_is_believed():
+    rolling = ramp([(0, 0, 0), (5, 0, 0)])
+    run = drive(rolling, rolling, noise=0.0)
+    knocked = [s if not (isinstance(s, ImuSample) and 4.0 < (s.stamp_ns - START_NS) / NS_PER_S
+                         < 4.05) else ImuSample(s.stamp_ns, (30.0, 0.0, 9.81), s.rate)
+               for s in run.samples]
+    estimator, out = estimate(knocked)
+    assert estimator.status()['imu_spikes'] == 2  # the first of the knock and of its end
+    assert max(o.linear[0] for o in of(Odometry, out)) > 0.5
+
+
 def test_nothing_is_estimated_before_both_inputs_have_been_seen():
     run = turning(1)
     for kind, missing in ((ImuSample, 'wheel_states'), (WheelSample, 'imu/data')):

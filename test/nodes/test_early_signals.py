@@ -1,0 +1,33 @@
+"""A signal while the modules of a node still load: an end without a traceback."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+SENT = """
+import os, signal, sys
+sys.argv = [{started!r}]
+import smart_tire.nodes
+os.kill(os.getpid(), signal.{name})
+print('still here')
+"""
+
+
+def run(started, name):
+    return subprocess.run([sys.executable, '-c', SENT.format(started=started, name=name)],
+                          capture_output=True, text=True, timeout=60)
+
+
+@pytest.mark.parametrize('started', ['-m', '/opt/lib/smart_tire/imu_driver'])
+@pytest.mark.parametrize('name', ['SIGINT', 'SIGTERM'])
+def test_a_node_that_still_loads_ends_at_once_and_cleanly(started, name):
+    result = run(started, name)
+    assert (result.returncode, result.stdout, result.stderr) == (0, '', '')
+
+
+def test_other_programs_keep_their_own_way_with_signals():
+    result = run('/usr/bin/some_program', 'SIGINT')
+    assert result.returncode != 0 and 'KeyboardInterrupt' in result.stderr
