@@ -18,7 +18,7 @@ class ParameterError(SmartTireError, ValueError):
 
 
 class MessageError(SmartTireError, ValueError):
-    """A message breaks the contract: wrong names, lengths, or a value that is not finite."""
+    """A message breaks the contract: wrong names, lengths, or a value that can not be."""
 
 
 class EstimatorError(SmartTireError, ArithmeticError):

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from importlib import import_module
 import math
+import re
 from typing import get_args
 
 from hypothesis import given
@@ -135,7 +137,7 @@ def wheel_joints(**fields):
     ({'velocity': [1.0, 2.0, 3.0, math.nan]}, 'velocity'),
     ({'position': [1.0, 2.0]}, 'position'),
     ({'position': [1.0, math.inf, 3.0, 4.0]}, 'position'),
-    ({'effort': [math.nan] * 4}, 'effort'),
+    ({'velocity': [math.nan] * 4}, 'velocity'),
     ({'name': ['front_left', 'front_right', 'rear_left', 'left_rear']}, 'name'),
     ({'name': ['front_left', 'front_right', 'rear_left', 'rear_left']}, 'name'),
     ({'name': []}, 'name'),
@@ -170,7 +172,6 @@ def test_an_unknown_wheel_is_refused_by_name():
 @pytest.mark.parametrize(('sample', 'path'), [
     (SAMPLES[1], 'linear_acceleration.y'),
     (SAMPLES[1], 'angular_velocity.z'),
-    (SAMPLES[0], 'orientation.w'),
     (SAMPLES[10], 'pose.pose.position.x'),
     (SAMPLES[10], 'twist.twist.angular.z'),
     (SAMPLES[7], 'twist.linear.x'),
@@ -205,7 +206,38 @@ def test_truth_is_refused_under_its_own_name():
         topic.decode(msg)
 
 
-@pytest.mark.parametrize('orientation', [None, (0.0, 0.0, 0.0, 0.0)])
+@every_kind
+@pytest.mark.parametrize('field', ['position', 'effort'])
+@pytest.mark.parametrize('unknown', [(math.nan,) * 4, (1.0, math.nan, 3.0, 4.0)])
+def test_what_a_wheel_state_does_not_know_costs_only_its_own_field(new, field, unknown):
+    msg = fill_wheels(new(JOINTS), SAMPLES[2])
+    setattr(msg, field, unknown)
+    assert decode_wheels(msg) == replace(SAMPLES[2], **{field: None})
+
+
+@pytest.mark.parametrize(('sample', 'field', 'limit'), [
+    (SAMPLES[1], 'linear_acceleration', r'1000 m/s2'),
+    (SAMPLES[1], 'angular_velocity', r'100 rad/s'),
+])
+@pytest.mark.parametrize('value', [1001.0, -1e300])
+def test_what_no_inertial_unit_measures_is_refused_with_value_and_limit(
+        sample, field, limit, value):
+    msg = fill_imu(empty('sensor_msgs/msg/Imu'), sample)
+    getattr(msg, field).y = value
+    found = re.escape(str(value))
+    with pytest.raises(MessageError, match=f'^imu/data: {field} is .*{found}.*most {limit}'):
+        decode_imu(msg)
+
+
+@pytest.mark.parametrize('value', [1001.0, -1e300])
+def test_what_no_wheel_turns_is_refused_with_value_and_limit(value):
+    found = re.escape(str(value))
+    with pytest.raises(MessageError, match=f'^wheel_states: velocity is .*{found}.*1000 rad/s'):
+        decode_wheels(wheel_joints(velocity=[1.0, value, 3.0, 4.0]))
+
+
+@pytest.mark.parametrize('orientation', [
+    None, (0.0, 0.0, 0.0, 0.0), (math.nan,) * 4, (0.0, math.nan, 0.0, 1.0)])
 def test_an_orientation_that_was_never_set_is_none(orientation):
     msg = fill_imu(empty('sensor_msgs/msg/Imu'), SAMPLES[0])
     if orientation is None:
@@ -213,6 +245,13 @@ def test_an_orientation_that_was_never_set_is_none(orientation):
     else:
         msg.orientation.x, msg.orientation.y, msg.orientation.z, msg.orientation.w = orientation
     assert decode_imu(msg).orientation is None
+
+
+def test_an_infinite_orientation_is_refused():
+    msg = fill_imu(empty('sensor_msgs/msg/Imu'), SAMPLES[0])
+    msg.orientation.w = math.inf
+    with pytest.raises(MessageError, match='^imu/data: orientation'):
+        decode_imu(msg)
 
 
 @every_kind

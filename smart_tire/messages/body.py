@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import isfinite, nan
+from math import isfinite, isnan, nan
 from typing import Any
 
-from smart_tire.messages.header import refuse, set_header, stamp_of, wheel_of
-from smart_tire.samples import BatterySample, Icr, ImuSample, Odometry, VelocityCommand
+from smart_tire.messages.header import check_size, refuse, set_header, stamp_of, wheel_of
+from smart_tire.samples import (
+    BatterySample, Icr, ImuSample, MAX_FORCE, MAX_RATE, Odometry, Vector3, VelocityCommand)
 
 UNKNOWN = -1.0  # first element of a covariance whose quantity is not given (REP-145)
 ABSENT = (UNKNOWN, *[0.0] * 8)
@@ -44,14 +45,27 @@ def _set_quaternion(target: Any, values: Sequence[float]) -> None:
 
 
 def decode_imu(msg: Any) -> ImuSample:
-    """Return the sample in an Imu; an orientation that is not given or all zero is None."""
-    orientation = None
-    if msg.orientation_covariance[0] != UNKNOWN:
-        orientation = _quaternion(msg.orientation, 'orientation', 'imu/data')
+    """Return the sample in an Imu; an orientation that is not given, NaN or all zero is None."""
     return ImuSample(
-        stamp_of(msg), _vector(msg.linear_acceleration, 'linear_acceleration', 'imu/data'),
-        _vector(msg.angular_velocity, 'angular_velocity', 'imu/data'),
-        orientation if orientation is not None and any(orientation) else None)
+        stamp_of(msg),
+        _measured(msg.linear_acceleration, 'linear_acceleration', MAX_FORCE, 'm/s2'),
+        _measured(msg.angular_velocity, 'angular_velocity', MAX_RATE, 'rad/s'),
+        _orientation(msg))
+
+
+def _measured(vector: Any, field: str, limit: float, unit: str) -> Vector3:
+    xyz = _vector(vector, field, 'imu/data')
+    check_size('imu/data', field, xyz, limit, unit)
+    return xyz
+
+
+def _orientation(msg: Any) -> tuple[float, float, float, float] | None:
+    given = msg.orientation
+    if msg.orientation_covariance[0] == UNKNOWN or any(
+            map(isnan, (given.x, given.y, given.z, given.w))):
+        return None
+    xyzw = _quaternion(given, 'orientation', 'imu/data')
+    return xyzw if any(xyzw) else None
 
 
 def fill_imu(msg: Any, sample: ImuSample) -> Any:

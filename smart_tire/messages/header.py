@@ -1,8 +1,8 @@
-"""What all messages share: the header, and the error for numbers that are not finite."""
+"""What all messages share: the header, and the errors for numbers that can not be."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, cast
 
 from smart_tire.errors import MessageError
@@ -32,3 +32,9 @@ def wheel_of(msg: Any, topic: str) -> str:
 
 def refuse(topic: str, field: str, values: Iterable[float]) -> MessageError:
     return MessageError(f'{topic}: {field} is {list(values)}, expected finite numbers')
+
+
+def check_size(topic: str, field: str, values: Sequence[float], limit: float, unit: str) -> None:
+    if max(map(abs, values)) > limit:
+        raise MessageError(f'{topic}: {field} is {list(values)}, '
+                           f'expected at most {limit:g} {unit} either way')

@@ -11,10 +11,10 @@ from math import inf, isfinite, isnan, nan
 from typing import Any, cast
 
 from smart_tire.errors import MessageError
-from smart_tire.messages.header import refuse, set_header, stamp_of, wheel_of
+from smart_tire.messages.header import check_size, refuse, set_header, stamp_of, wheel_of
 from smart_tire.samples import (
-    Four, Friction, FRICTION_QUANTITIES, MotorCommand, TireSample, WheelCommand, WHEELS,
-    WheelSample, WheelSlip)
+    Four, Friction, FRICTION_QUANTITIES, MAX_WHEEL_SPEED, MotorCommand, TireSample, WheelCommand,
+    WHEELS, WheelSample, WheelSlip)
 
 QUANTITIES = frozenset(FRICTION_QUANTITIES)
 LAYOUTS = 64  # lists of names that are remembered; a robot has a handful
@@ -53,13 +53,18 @@ def _finite_four(msg: Any, field: str, topic: str) -> Four:
 
 
 def _optional_four(msg: Any, field: str, topic: str) -> Four | None:
-    return _finite_four(msg, field, topic) if len(getattr(msg, field)) else None
+    """Return the numbers of ``field``, None if it is empty or NaN says that they are unknown."""
+    if not len(getattr(msg, field)) or any(map(isnan, _four(msg, field, topic))):
+        return None
+    return _finite_four(msg, field, topic)
 
 
 def decode_wheels(msg: Any, topic: str = 'wheel_states') -> WheelSample:
-    """Return the sample in a JointState; position and effort may be empty."""
+    """Return the sample in a JointState; position and effort may be empty or NaN."""
+    velocity = _finite_four(msg, 'velocity', topic)
+    check_size(topic, 'velocity', velocity, MAX_WHEEL_SPEED, 'rad/s')
     return WheelSample(
-        stamp_of(msg), _finite_four(msg, 'velocity', topic),
+        stamp_of(msg), velocity,
         _optional_four(msg, 'position', topic), _optional_four(msg, 'effort', topic))
 
 
