@@ -7,6 +7,7 @@ All inputs pass one gate, so live, replayed and recorded data give the same numb
 from __future__ import annotations
 
 from collections import Counter
+from math import inf, isfinite
 
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.gate import Gate
@@ -15,11 +16,13 @@ from smart_tire.estimation.passage_report import PassageReporter
 from smart_tire.estimation.wheel_films import WheelFilms
 from smart_tire.parameters import FrictionEstimatorParams
 from smart_tire.samples import (
-    Friction, NS_PER_S, Odometry, Sample, TireSample, WheelSample, WheelSlip)
+    Friction, MAX_WHEEL_SPEED, NS_PER_S, Odometry, Sample, TireSample, WheelSample, WheelSlip)
 
 BLOCK_NS = 48_000_000  # of message time, six grid steps, in which samples are worked off together
 TOPICS: dict[type, str] = {TireSample: 'tire_samples', WheelSample: 'wheel_states',
                            Odometry: 'odom', WheelSlip: 'wheel_slip'}
+WIDEST_SLIP_SIGMA = 1e3  # of a ratio within +-1; a finite one beyond is an accident
+Input = TireSample | WheelSample | Odometry | WheelSlip
 
 
 class FrictionEstimator:
@@ -38,10 +41,12 @@ class FrictionEstimator:
         self.passages = 0
         self.passages_lost = 0     # passages without any film
         self.foreign_samples = 0   # of wheels that are not instrumented
+        self.dropped: Counter[str] = Counter()  # topic -> duplicates and impossible samples
         self._start()
 
     def _start(self) -> None:
         robot = self._params.robot
+        self._newest: dict[tuple[str, str], int] = {}  # topic and wheel -> stamp
         self._motion = MotionHistory(robot)
         self._films = {wheel: WheelFilms(wheel, robot) for wheel in robot.film.wheels}
         self._reporters = {wheel: PassageReporter(wheel, self._params)
@@ -75,13 +80,28 @@ class FrictionEstimator:
                 found += self._advance(instant)
         return found
 
-    def _take(self, sample: TireSample | WheelSample | Odometry | WheelSlip) -> None:
+    def _take(self, sample: Input) -> None:
+        if isinstance(sample, TireSample) and sample.wheel not in self._films:
+            self.foreign_samples += 1
+        elif self._is_new(sample):
+            self._add(sample)
+        else:
+            self.dropped[TOPICS[type(sample)]] += 1
+
+    def _is_new(self, sample: Input) -> bool:
+        """Return whether ``sample`` can be, and is younger than its stream."""
+        if not _is_possible(sample):
+            return False
+        stream = TOPICS[type(sample)], sample.wheel if isinstance(sample, TireSample) else ''
+        newest = self._newest.get(stream)
+        if newest is not None and sample.stamp_ns <= newest:
+            return False
+        self._newest[stream] = sample.stamp_ns
+        return True
+
+    def _add(self, sample: Input) -> None:
         if isinstance(sample, TireSample):
-            films = self._films.get(sample.wheel)
-            if films is None:
-                self.foreign_samples += 1
-            else:
-                films.add_films(sample)
+            self._films[sample.wheel].add_films(sample)
         elif isinstance(sample, WheelSample):
             for films in self._films.values():
                 films.add_wheels(sample)
@@ -104,10 +124,23 @@ class FrictionEstimator:
         """Return what diagnostics should show."""
         shown: dict[str, str | int | float] = {
             'passages': self.passages, 'passages_lost': self.passages_lost,
-            'foreign_samples': self.foreign_samples, 'clock_resets': self._gate.resets}
+            'foreign_samples': self.foreign_samples, 'clock_resets': self._gate.resets,
+            **{f'dropped.{topic}': count for topic, count in self.dropped.items()}}
         for wheel, films in self._films.items():
             mu, sigma = self._reporters[wheel].fusion.estimate()
             shown[f'{wheel}_friction'] = f'{mu:.3f} +- {sigma:.3f}' if mu == mu else 'unknown'
             shown[f'{wheel}_contacts_unmeasured'] = films.unmeasured
             shown[f'{wheel}_ground_changes'] = self._reporters[wheel].fusion.changes
         return shown
+
+
+def _is_possible(sample: Input) -> bool:
+    """Return whether a robot and its sensors can have given ``sample``."""
+    if isinstance(sample, TireSample):
+        return all(map(isfinite, sample.volts))
+    if isinstance(sample, WheelSample):
+        return all(abs(speed) <= MAX_WHEEL_SPEED for speed in sample.velocity)
+    if isinstance(sample, Odometry):
+        return all(map(isfinite, (*sample.linear, *sample.angular)))
+    return not any(abs(ratio) > 1.0 for ratio in sample.ratio) and all(
+        0.0 <= sigma <= WIDEST_SLIP_SIGMA or sigma == inf for sigma in sample.sigma)

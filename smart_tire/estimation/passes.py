@@ -16,6 +16,7 @@ LEARNING = 0.2        # least share of a new sighting in the films' place
 TOLERANCE = 0.010     # m, between a sighting and the place: more than a fit from scraps is wrong
 TRUSTED = 2           # sightings that agree, after which the place is trusted
 RECENT = 2.5          # turns of the wheel, in which a first sighting finds earlier passes
+MOST_PASSES = 100     # the latest ones between two points: no wheel is followed for longer
 MARGIN = 0.001        # m, that the films must be out of the patch: the jitter of the coarse course
 
 Point = tuple[int, float]  # instant [ns] and rolled distance [m]
@@ -95,8 +96,10 @@ class FilmPlace:
         if self._turn is None:
             self._turn = _begin(before, forward, backward)
             return []
-        passes = ([self._pass(n, 1, instant) for n in range(self._turn, forward)]
-                  + [self._pass(n, -1, instant) for n in range(self._turn - 1, backward - 1, -1)])
+        first, last = max(self._turn, forward - MOST_PASSES), min(
+            self._turn, backward + MOST_PASSES)
+        passes = ([self._pass(n, 1, instant) for n in range(first, forward)]
+                  + [self._pass(n, -1, instant) for n in range(last - 1, backward - 1, -1)])
         self._turn = min(max(self._turn, forward), backward)
         return passes
 

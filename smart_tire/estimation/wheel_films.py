@@ -136,11 +136,14 @@ class WheelFilms:
         self._recognise(self._take(horizon, turns))
         for point in [*turns, course]:
             self._passes += self._place.advance(point)
-        if self._passes and (self._resting(course) or any(
-                self._beyond(p, course) > LONGEST_WAIT for p in self._passes)):
+        resting = bool(self._passes) and self._resting(course)
+        if resting or any(self._beyond(p, course) > LONGEST_WAIT for p in self._passes):
             self._recognise(self._record.finish())
-        ready = [p for p in self._passes if self._complete(p, course)]
-        self._passes = [p for p in self._passes if p not in ready]
+        ready: list[Pass] = []
+        waiting: list[Pass] = []
+        for p in self._passes:
+            (ready if resting or self._complete(p, course) else waiting).append(p)
+        self._passes = waiting
         passages = [passage for p in ready if (passage := self._passage(p)) is not None]
         for turn_ns, _ in turns[-1:]:
             self._seen = deque((s for s in self._seen if s.begin_ns >= turn_ns), SIGHTINGS)
@@ -226,9 +229,9 @@ class WheelFilms:
         return films
 
     def _complete(self, p: Pass, here: Point) -> bool:
-        """Return whether nothing more can become known about a pass."""
+        """Return whether nothing more can become known about a pass while the wheel rolls."""
         return (len(self._films_of(p)) == len(self._offsets)
-                or self._path.direction != p.direction or self._resting(here)
+                or self._path.direction != p.direction
                 or not self._record.active and self._beyond(p, here) > WAIT)
 
     def _beyond(self, p: Pass, here: Point) -> float:

@@ -11,6 +11,7 @@ import pytest
 
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.friction_estimator import FrictionEstimator
+from smart_tire.estimation.passes import MOST_PASSES
 from smart_tire.parameters import build, FrictionEstimatorParams, SimulatorParams
 from smart_tire.samples import (
     FRICTION_QUANTITIES, ImuSample, Odometry, TireSample, WheelSample, WheelSlip)
@@ -214,6 +215,50 @@ def test_samples_that_come_too_late_are_counted():
     old = [s for s in samples if isinstance(s, TireSample)][-200]
     _, estimator = estimate([*samples, old])
     assert estimator.late == {'tire_samples': 1}
+
+
+def test_what_comes_twice_is_counted_and_changes_nothing():
+    samples = rolled(steady(120.0), 4.0)
+    once, plain = estimate(samples)
+    twice, estimator = estimate([sample for sample in samples for _ in range(2)])
+    assert len(once) > 4
+    assert repr(twice) == repr(once)
+    assert sum(estimator.late.values()) == sum(plain.late.values()) == 0
+    settled = estimator.dropped.total() / len(samples)
+    assert 0.95 < settled <= 1.0  # the newest ones still wait in the gate
+    assert set(estimator.dropped) == {'tire_samples', 'wheel_states', 'odom', 'wheel_slip'}
+    assert estimator.status()['dropped.odom'] == estimator.dropped['odom']
+    assert not plain.dropped
+
+
+@pytest.mark.parametrize(('kind', 'change'), [
+    (WheelSample, {'velocity': (1e6,) * 4}), (WheelSample, {'velocity': (1e9,) * 4}),
+    (WheelSample, {'velocity': (-1e300,) * 4}), (WheelSample, {'velocity': (math.nan,) * 4}),
+    (WheelSlip, {'ratio': (1e300,) * 4}), (WheelSlip, {'sigma': (1e300,) * 4}),
+    (Odometry, {'linear': (math.nan,) * 3}), (TireSample, {'volts': (math.nan,) * 2}),
+], ids=str)
+@pytest.mark.parametrize('positions', [True, False])
+def test_impossible_samples_are_counted_and_do_no_harm(kind, change, positions):
+    samples = rolled(steady(120.0), 5.0, positions=positions)
+    places = [i for i, sample in enumerate(samples) if isinstance(sample, kind)][20::20]
+    hostile = list(samples)
+    for i in places[:2]:
+        hostile[i] = replace(hostile[i], **change)
+    once, _ = estimate(samples)
+    found, estimator = estimate(hostile)
+    assert estimator.dropped.total() == 2
+    assert len(found) == len(once) > 6
+    assert seconds(found) == pytest.approx(seconds(once), abs=0.01)
+
+
+def test_a_wheel_that_is_said_to_spin_for_a_minute_takes_no_longer_than_the_gate():
+    samples = rolled(steady(120.0), 4.0, positions=False)
+    late = [replace(s, stamp_ns=s.stamp_ns + 50 * 10**9) for s in samples]
+    spin = WheelSample(stamp(53.9), (999.0,) * 4)
+    found, estimator = estimate([*samples, *in_order([spin], late)])
+    again, _ = estimate(late)
+    assert not estimator.dropped
+    assert len(found) < 2 * len(again) + MOST_PASSES + 5
 
 
 def test_a_second_run_of_the_same_bag_is_estimated_anew():

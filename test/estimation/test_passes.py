@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from smart_tire.estimation.passes import FilmPlace
+from smart_tire.estimation.passes import FilmPlace, MOST_PASSES
 
 ROUND, REACH = 0.5466, 0.048
 PLACE = 0.30
@@ -31,6 +31,16 @@ def test_each_turn_of_the_wheel_is_one_pass_in_either_direction():
 def test_a_long_step_passes_several_times():
     films = learned([(0, 0.0)])
     assert run(films, 3.3 * ROUND + PLACE) == [(0, 1), (1, 1), (2, 1), (3, 1)]
+
+
+@pytest.mark.parametrize('direction', [1, -1])
+def test_of_a_million_turns_only_the_latest_are_told(direction):
+    films = learned([(0, 0.1)])
+    films.advance((0, 0.1))
+    told = run(films, direction * (10**6 + 0.1) * ROUND)
+    assert len(told) == MOST_PASSES
+    assert told == [(told[0][0] + direction * i, direction) for i in range(MOST_PASSES)]
+    assert abs(told[-1][0]) == pytest.approx(10**6, abs=2)
 
 
 @pytest.mark.parametrize('inside', [0.26, 0.30, 0.34])
