@@ -68,6 +68,11 @@ class ImuStream:
         """Return how many frames were damaged or rejected."""
         return self._deframer.bad_frames + self.rejected
 
+    @property
+    def bytes_skipped(self) -> int:
+        """Return how many bytes belonged to no intact frame."""
+        return self._deframer.skipped_bytes
+
     def feed(self, chunk: bytes, receive_ns: int) -> Iterator[ImuSample]:
         """Take bytes that arrived at ``receive_ns`` and yield the samples they complete."""
         for body in self._deframer.feed(chunk):

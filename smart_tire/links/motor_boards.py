@@ -78,6 +78,7 @@ class MotorBoards:
         self.frames_ok = 0
         self.last_ok_ns = 0   # host clock, when the latest good reply came
         self.frames_bad = 0   # replies that did not come or were damaged
+        self.bytes_skipped = 0  # that were no good reply, or came too late for one
         self.timeouts = 0     # times that the commands ceased
         self.last_error = ''
 
@@ -163,12 +164,15 @@ class MotorBoards:
     def _exchange(self, port: Any, board: _Board, command: Command,
                   *values: int) -> tuple[int, ...] | None:
         """Return what the board answers, None if it does not answer well."""
+        self.bytes_skipped += port.in_waiting
         port.reset_input_buffer()  # a reply that came too late would be taken for this one
         port.write(encode_request(board.address, command, *values))
+        reply = port.read(command.reply_size)
         try:
-            answer = decode_reply(board.address, command, port.read(command.reply_size))
+            answer = decode_reply(board.address, command, reply)
         except FrameError as error:
             self.frames_bad += 1
+            self.bytes_skipped += len(reply)
             self.last_error = str(error)
             board.prepared = False
             return None

@@ -113,6 +113,11 @@ class TireStream:
         """Return how many frames were damaged or rejected."""
         return self._deframer.bad_frames + self.rejected
 
+    @property
+    def bytes_skipped(self) -> int:
+        """Return how many bytes belonged to no intact frame."""
+        return self._deframer.skipped_bytes
+
     def feed(self, chunk: bytes, receive_ns: int) -> Iterator[TireSample | BatterySample]:
         """Take bytes that arrived at ``receive_ns`` and yield what they complete."""
         for body in self._deframer.feed(chunk):

@@ -32,6 +32,10 @@ class Source(Protocol):
         """Return how many were damaged, rejected or did not come."""
 
     @property
+    def bytes_skipped(self) -> int:
+        """Return how many bytes were part of nothing intact."""
+
+    @property
     def last_error(self) -> str:
         """Return what was wrong with the latest one that was intact."""
 
@@ -47,6 +51,7 @@ class DriverNode(SmartTireNode[Params]):
     def __init__(self, name: str, params_class: type[Params]) -> None:
         super().__init__(name, params_class)
         self._bad_before = 0  # bad frames at the last report
+        self._skipped_before = 0  # bytes, likewise
         self._log_at = 1      # bad frames that are worth a line
 
     def connect(self, source: Source, work: Callable[[Any, threading.Event], None]) -> None:
@@ -75,12 +80,17 @@ class DriverNode(SmartTireNode[Params]):
         source, link = self._source, self._link
         age = (time.time_ns() - source.last_ok_ns) / NS_PER_S if source.frames_ok else math.inf
         status.values.update(
-            frames_ok=source.frames_ok, frames_bad=source.frames_bad, last_message_age=age,
+            frames_ok=source.frames_ok, frames_bad=source.frames_bad,
+            bytes_skipped=source.bytes_skipped, last_message_age=age,
             port_opened=link.opened, port_refused=link.refused)
         if link.problem:
             status.error(link.problem)
         elif age > SILENCE:
             status.error('the port is open, but nothing intelligible comes')
+        self._fill_damage(status)
+
+    def _fill_damage(self, status: Status) -> None:
+        source = self._source
         bad, latest = source.frames_bad, source.last_error or 'damaged'
         if bad > self._bad_before:
             status.warn(f'{bad - self._bad_before} bad frames, latest: {latest}')
@@ -88,6 +98,10 @@ class DriverNode(SmartTireNode[Params]):
             self._log_at = 1 << bad.bit_length()
             self.get_logger().warning(f'{bad} bad frames, latest: {latest}')
         self._bad_before = bad
+        skipped = source.bytes_skipped
+        if skipped > self._skipped_before:
+            status.warn(f'{skipped - self._skipped_before} bytes skipped')
+        self._skipped_before = skipped
 
 
 def nanoseconds(seconds: float) -> int:

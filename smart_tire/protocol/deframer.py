@@ -32,6 +32,9 @@ class Deframer(ABC):
         del self._buffer[:size]
 
 
+NO_CLAIM, IMPOSSIBLE = 0, -1  # instead of a size
+
+
 class HeaderDeframer(Deframer):
     """
     Deframer for frames whose header tells their size and whose start byte may occur as data.
@@ -51,7 +54,12 @@ class HeaderDeframer(Deframer):
 
     @abstractmethod
     def _size(self, start: int) -> int | None:
-        """Return the size of the claim at ``start``, 0 if it is none, None if too early."""
+        """
+        Return the size of the claim at ``start``, None if it is too early to tell.
+
+        ``NO_CLAIM`` says that no frame starts here, ``IMPOSSIBLE`` that one does whose header is
+        complete and can not be true.
+        """
 
     @abstractmethod
     def _body(self, frame: bytes) -> bytes | None:
@@ -79,7 +87,10 @@ class HeaderDeframer(Deframer):
             else:
                 self._scanned = start + 1
             size = self._size(start)
-            if size == 0:
+            if size == NO_CLAIM:
+                continue
+            if size == IMPOSSIBLE:
+                self._blame(start, start + 1)
                 continue
             if size is None or start + size > len(self._buffer):
                 self._waiting.append(start)
@@ -92,8 +103,12 @@ class HeaderDeframer(Deframer):
         return None
 
     def _blame(self, start: int, end: int) -> None:
-        """Count one bad frame; what fails inside it is a part of the same damage."""
-        if start >= self._blamed:
+        """
+        Count one bad frame; what fails inside it is a part of the same damage.
+
+        What fails behind a claim that still waits may be data of that one.
+        """
+        if start >= self._blamed and (not self._waiting or start <= self._waiting[0]):
             self.bad_frames += 1
             self._blamed = end
 

@@ -18,7 +18,7 @@ import struct
 from smart_tire.errors import FrameError
 from smart_tire.protocol.axes import flip_quaternion, flip_vector, sample_from_flipped
 from smart_tire.protocol.crc import crc16
-from smart_tire.protocol.deframer import HeaderDeframer
+from smart_tire.protocol.deframer import HeaderDeframer, IMPOSSIBLE, NO_CLAIM
 from smart_tire.samples import ImuSample
 
 SYNC = 0xFA
@@ -87,12 +87,12 @@ class BinaryDeframer(HeaderDeframer):
         if groups is None:
             return None
         if groups == 0 or groups & 0x80:  # nothing, or groups that a VN-100 does not have
-            return 0
+            return NO_CLAIM
         header_end = start + 2 + 2 * groups.bit_count()
         if header_end > len(self._buffer):
             return None
         size = payload_size(bytes(self._buffer[start + 1:header_end]))
-        return header_end - start + size + 2 if size else 0
+        return header_end - start + size + 2 if size else IMPOSSIBLE
 
     def _body(self, frame: bytes) -> bytes | None:
         return frame[1:-2] if crc16(frame[1:]) == 0 else None

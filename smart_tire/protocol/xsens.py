@@ -16,7 +16,7 @@ import struct
 
 from smart_tire.errors import FrameError
 from smart_tire.protocol.axes import checked_sample
-from smart_tire.protocol.deframer import HeaderDeframer
+from smart_tire.protocol.deframer import HeaderDeframer, IMPOSSIBLE, NO_CLAIM
 from smart_tire.samples import ImuSample
 
 PREAMBLE = 0xFA
@@ -54,13 +54,13 @@ class XsensDeframer(HeaderDeframer):
     def _size(self, start: int) -> int | None:
         header = bytes(self._buffer[start + 1:start + 6])
         if header and header[0] != BUS:
-            return 0
+            return NO_CLAIM
         if len(header) < 3 or header[2] == 0xFF and len(header) < 5:
             return None
         if header[2] < 0xFF:
             return 5 + header[2]
         size = int.from_bytes(header[3:5], 'big')
-        return 7 + size if 0xFF <= size <= MAX_DATA else 0
+        return 7 + size if 0xFF <= size <= MAX_DATA else IMPOSSIBLE
 
     def _body(self, frame: bytes) -> bytes | None:
         if sum(frame[1:]) & 0xFF:

@@ -81,6 +81,15 @@ def test_numbers_that_are_none_are_rejected():
     assert 'expected finite numbers' in stream.last_error
 
 
+@every_protocol
+def test_garbage_between_frames_leaves_a_trace(protocol):
+    stream = ImuStream(protocol)
+    garbage = np.random.default_rng(2).bytes(500)
+    chunk = frame(protocol, 0) + garbage + frame(protocol, 1) + frame(protocol, 2)
+    assert len(list(stream.feed(chunk, HOST_NS))) == 3
+    assert stream.bytes_skipped == 500
+
+
 def test_damaged_sentences_keep_their_place_in_the_count():
     stream, stamps = ImuStream('vectornav_ascii'), []
     for index in range(400):

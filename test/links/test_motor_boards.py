@@ -136,6 +136,7 @@ def test_a_damaged_reply_is_counted_and_asked_for_again(boards):
     with Running(boards.path) as running:
         running.wait(1)
         assert running.motors.frames_bad == 3
+        assert running.motors.bytes_skipped == 3 * 10  # two counts and their CRC each
         assert 'wrong CRC' in running.motors.last_error
 
 

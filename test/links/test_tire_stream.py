@@ -163,3 +163,4 @@ def test_damage_is_counted_and_costs_its_own_frame_only():
     assert len(samples) == 2 * 16 + 1
     assert (stream.frames_ok, stream.frames_bad) == (2, 1)
     assert stream.units[ADDRESS].lost == 1
+    assert stream.bytes_skipped == len(damaged)

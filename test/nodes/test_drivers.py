@@ -92,6 +92,10 @@ def test_the_imu_speaks_in_our_axes_whatever_its_protocol(protocol, graph, port)
             graph.turn()
         graph.until(lambda: len(graph.heard['imu/data']) == 20
                     and graph.value('imu_driver', 'frames_ok') == '20')
+        port.write(bytes(500))
+        graph.until(lambda: '500 bytes skipped' in graph.complaint('imu_driver'))
+        assert graph.value('imu_driver', 'bytes_skipped') == '500'
+        graph.until(lambda: 'skipped' not in graph.complaint('imu_driver'))
         source = 'arrival' if protocol == 'vectornav_ascii' else 'device clock'
         assert source in graph.value('imu_driver', 'stamps')
         assert node.end() == 0

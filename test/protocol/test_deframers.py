@@ -141,13 +141,36 @@ def test_a_stream_of_start_bytes_ends_with_the_first_frame(protocol):
 
 @pytest.mark.parametrize('protocol, claim', [
     (PROTOCOLS[0], '7e ffff'), (PROTOCOLS[0], '7e 01ff'), (PROTOCOLS[1], 'fa 7f' + 7 * 'ff07'),
-    (PROTOCOLS[1], 'fa 01 ff7f'), (PROTOCOLS[2], '24 56 4e 59'), (PROTOCOLS[3], 'fa ff 36 fe'),
+    (PROTOCOLS[1], 'fa 01 ff7f'), (PROTOCOLS[1], 'fa 01 ffff'),
+    (PROTOCOLS[2], '24 56 4e 59'), (PROTOCOLS[3], 'fa ff 36 fe'),
     (PROTOCOLS[3], 'fa ff 36 ff 0800'), (PROTOCOLS[3], 'fa ff 36 ff ffff')])
 def test_a_claim_of_an_absurd_length_does_not_hold_up_the_next_frame(protocol, claim):
     body = vectornav_body(b'') if protocol is PROTOCOLS[1] else b'ABC'
     deframer = protocol.deframer()
     assert list(deframer.feed(bytes.fromhex(claim))) == []
     assert list(deframer.feed(protocol.encode(body))) == [body]
+    assert deframer.bad_frames == 1
+    assert deframer.skipped_bytes == len(bytes.fromhex(claim))
+
+
+@pytest.mark.parametrize('protocol, claim', [
+    (PROTOCOLS[0], '7e ffff'), (PROTOCOLS[1], 'fa 01 ffff'), (PROTOCOLS[3], 'fa ff 36 ff ffff')])
+def test_a_length_that_can_not_be_is_a_bad_frame_at_once(protocol, claim):
+    deframer = protocol.deframer()
+    assert list(deframer.feed(bytes.fromhex(claim))) == []
+    assert deframer.bad_frames == 1
+
+
+@pytest.mark.parametrize('protocol, claim', [
+    (PROTOCOLS[1], 'fa 01 ffff'), (PROTOCOLS[1], 'fa 01 0080'), (PROTOCOLS[3], 'fa ff 36 ffffff'),
+    (PROTOCOLS[3], 'fa ff 36 00 00')])
+def test_what_looks_like_a_bad_frame_inside_one_that_is_not_complete_is_data(protocol, claim):
+    data = bytes.fromhex(claim)
+    body = vectornav_body(data) if protocol is PROTOCOLS[1] else b'\x36' + data + bytes(20)
+    frame, deframer = protocol.encode(body), protocol.deframer()
+    assert list(deframer.feed(frame[:-4])) == []
+    assert list(deframer.feed(frame[-4:])) == [body]
+    assert (deframer.bad_frames, deframer.skipped_bytes) == (0, 0)
 
 
 @each
