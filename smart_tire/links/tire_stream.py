@@ -14,13 +14,18 @@ from smart_tire.samples import BatterySample, NS_PER_S, TireSample
 
 VOLTS = tuple(volts(code) for code in range(MAX_CODE + 1))
 NS_PER_US = 1000
-REMEMBERED = 16           # batches, for what a radio might send twice
+REMEMBERED = 16           # batches, for what a radio might send twice or later than the next
+OVERTAKEN_NS = 200_000_000  # a late batch comes while others flow; a unit takes longer to start
 BATTERY_NS = NS_PER_S     # between two reports of a battery
 
 
 class TireUnit:
     """
     One wheel unit: follows its sequence and its timer.
+
+    The timer decides: where it goes on as the host's clock does, nothing has happened but the
+    loss of what fits into the time between. A batch that was overtaken by the next ones is told
+    when it comes, with the stamps that it always had.
 
     Stamps are earlier than the arrival by the constant ``latency_ns``, which is the least time
     from the conversion of a batch's last sample to the arrival of its last byte.
@@ -31,13 +36,15 @@ class TireUnit:
         self.clock = DeviceClock()
         self.batches = 0     # that carried something new
         self.last_ns = 0     # host clock, when the latest of them came
-        self.lost = 0        # by sequence
+        self.lost = 0        # by sequence, as many as the timer allows
+        self.late = 0        # that came after a younger one
         self.duplicates = 0
         self.resets = 0      # of the unit, or of the clocks
         self.saturated = 0   # batches with a converter at its rail
         self._latency_ns = latency_ns
-        self._timer_us = 0   # of the last batch, unwrapped
-        self._last: TireBatch | None = None
+        self._timer_us = 0   # of the youngest batch, unwrapped
+        self._last: TireBatch | None = None  # the youngest
+        self._missing: dict[int, int] = {}   # sequence that may still come -> 1 if it is in lost
         self._recent: deque[TireBatch] = deque(maxlen=REMEMBERED)
         self._battery_due_ns = 0
 
@@ -46,13 +53,17 @@ class TireUnit:
         if self._known(batch):
             self.duplicates += 1
             return []
-        self._follow(batch, receive_ns)
-        self._last = batch
+        behind_us = self._behind(batch, receive_ns)
+        if behind_us:
+            self.late += 1
+            self.lost -= self._missing.pop(batch.sequence)
+        else:
+            self._follow(batch, receive_ns)
         self._recent.append(batch)
         self.batches += 1
         self.last_ns = receive_ns
         self.saturated += batch.saturated
-        start = self._timer_us * NS_PER_US
+        start = (self._timer_us - behind_us) * NS_PER_US
         period = batch.period_us * NS_PER_US
         return [TireSample(self.clock.host_ns(start + index * period) - self._latency_ns,
                            self.wheel, tuple([VOLTS[code] for code in row]))
@@ -69,26 +80,52 @@ class TireUnit:
         return batch in self._recent or self._last is not None and (
             (batch.sequence, batch.timer_us) == (self._last.sequence, self._last.timer_us))
 
+    def _behind(self, batch: TireBatch, receive_ns: int) -> int:
+        """Return how far ``batch`` is behind the youngest one [us], 0 if it is none of before."""
+        last = self._last
+        if (last is None or batch.sequence not in self._missing
+                or receive_ns - self.last_ns > OVERTAKEN_NS):
+            return 0
+        behind_us = (last.timer_us - batch.timer_us) % TIMER_WRAP_US
+        return behind_us if behind_us <= REMEMBERED * _span_us(last, batch) else 0
+
     def _follow(self, batch: TireBatch, receive_ns: int) -> None:
         """Unwrap the timer, count what was lost, and start anew if the unit did."""
-        last = self._last
+        last, self._last = self._last, batch
         if last is None:
             self._restart(batch)
-        elif batch.sequence < last.sequence and batch.timer_us < last.timer_us:
-            self.resets += 1
-            self._restart(batch)
         else:
-            self._timer_us += (batch.timer_us - last.timer_us) % TIMER_WRAP_US
-            if self.clock.excess(_end_ns(self._timer_us, batch), receive_ns) > MAX_LATE:
-                self.resets += 1  # off for so long that its sequence has passed the old one
+            elapsed_us = (batch.timer_us - last.timer_us) % TIMER_WRAP_US
+            excess = self.clock.excess(_end_ns(self._timer_us + elapsed_us, batch), receive_ns)
+            # off for long, so that its timer has passed the old one; or back at its beginning
+            if excess > MAX_LATE or excess < -MAX_LATE and batch.timer_us < last.timer_us:
+                self.resets += 1
                 self._restart(batch)
             else:
-                self.lost += (batch.sequence - last.sequence - 1) % SEQUENCE_WRAP
+                self._timer_us += elapsed_us
+                most = max(round(elapsed_us / _span_us(last, batch)) - 1, 0)
+                self._miss(batch, min((batch.sequence - last.sequence - 1) % SEQUENCE_WRAP, most))
         self.clock.update(_end_ns(self._timer_us, batch), receive_ns)
+
+    def _miss(self, batch: TireBatch, lost: int) -> None:
+        self.lost += lost
+        kept = {}
+        for back in range(1, REMEMBERED + 1):
+            sequence = (batch.sequence - back) % SEQUENCE_WRAP
+            if back <= lost or sequence in self._missing:
+                kept[sequence] = 1 if back <= lost else self._missing[sequence]
+        self._missing = kept
 
     def _restart(self, batch: TireBatch) -> None:
         self.clock.reset()
         self._timer_us = batch.timer_us
+        self._missing = {(batch.sequence - back) % SEQUENCE_WRAP: 0
+                         for back in range(1, REMEMBERED + 1)}
+
+
+def _span_us(last: TireBatch, batch: TireBatch) -> int:
+    """Return the unit's time [us] from a batch to the next one, of the shorter of two."""
+    return min(len(one.codes) * one.period_us for one in (last, batch))
 
 
 def _end_ns(timer_us: int, batch: TireBatch) -> int:

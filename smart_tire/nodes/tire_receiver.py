@@ -45,6 +45,7 @@ class TireReceiver(DriverNode[TireReceiverParams]):
             batches_ok=sum(unit.batches for unit in units),
             batches_lost=sum(unit.lost for unit in units),
             batches_duplicate=sum(unit.duplicates for unit in units),
+            batches_late=sum(unit.late for unit in units),
             batches_saturated=sum(unit.saturated for unit in units),
             unit_resets=sum(unit.resets for unit in units))
         for unit in units:

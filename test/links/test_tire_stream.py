@@ -87,6 +87,60 @@ def test_what_the_radio_sends_twice_is_counted_and_dropped(unit):
     assert unit.lost == unit.resets == 0
 
 
+def test_sequence_and_timer_may_wrap_with_the_same_batch(unit):
+    changes = {'sequence': 65536 - 10, 'timer_us': 2**32 - 10 * SPAN_US}
+    samples = feed(unit, *((count, batch(count, **changes)) for count in range(20)))
+    steps = [b.stamp_ns - a.stamp_ns for a, b in zip(samples, samples[1:])]
+    assert steps == [pytest.approx(2_500_000, rel=0.01)] * len(steps)
+    assert unit.lost == unit.resets == 0
+
+
+@pytest.mark.parametrize('jump', [-90, 1000, 40_000])
+def test_a_sequence_that_jumps_counts_no_more_losses_than_fit_into_the_time(unit, jump):
+    changes = {'sequence': BATCH.sequence + jump}
+    samples = feed(unit, *((count, batch(count)) for count in range(20)),
+                   *((count, batch(count, **changes)) for count in range(23, 40)))
+    assert unit.resets == 0
+    assert unit.lost == 3
+    stamps = [sample.stamp_ns for sample in samples]
+    assert stamps == sorted(stamps)
+
+
+@pytest.mark.parametrize('changes', [
+    {}, {'sequence': 65536 - 10, 'timer_us': 2**32 - 10 * SPAN_US}, {'sequence': 0}])
+@pytest.mark.parametrize('first', [0, 5, 9, 10])
+@pytest.mark.parametrize('by', [1, 3])
+def test_batches_that_overtake_each_other_are_neither_reset_nor_lost(unit, changes, first, by):
+    order = [*range(first), *range(first + 1, first + 1 + by), first, *range(first + 1 + by, 20)]
+    samples = feed(unit, *((max(count, slot), batch(count, **changes))
+                           for slot, count in enumerate(order)))
+    assert len(samples) == 20 * 16
+    assert (unit.resets, unit.lost, unit.duplicates, unit.late) == (0, 0, 0, 1)
+    place = {count: slot for slot, count in enumerate(order)}
+    stamps = [sample.stamp_ns for count in range(20)
+              for sample in samples[16 * place[count]:16 * (place[count] + 1)]]
+    assert stamps == sorted(set(stamps))
+    assert stamps[-1] - stamps[0] == pytest.approx((20 * 16 - 1) * 2_500_000, abs=1_000_000)
+
+
+def test_a_late_batch_that_comes_twice_is_told_once(unit):
+    samples = feed(unit, (0, batch(0)), (2, batch(2)), (2, batch(1)), (3, batch(1)),
+                   (3, batch(3)))
+    assert len(samples) == 4 * 16
+    assert (unit.lost, unit.late, unit.duplicates, unit.resets) == (0, 1, 1, 0)
+
+
+def test_a_unit_that_falls_back_in_its_first_second_has_been_reset(unit):
+    young = replace(BATCH, sequence=0, timer_us=1000)
+    feed(unit, *((count, batch(count, sequence=0, timer_us=1000)) for count in range(5, 12)))
+    samples = feed(unit, *((count, replace(young, sequence=count - 40,
+                                           timer_us=1000 + (count - 40) * SPAN_US,
+                                           codes=((7, 7),) * 16)) for count in range(40, 50)))
+    assert unit.resets == 1
+    assert unit.lost == 0
+    assert samples[15].stamp_ns == arrival(40) - 5_000_000
+
+
 def test_a_unit_that_starts_anew_loses_nothing(unit):
     feed(unit, *((count, batch(count)) for count in range(30)))
     anew = replace(BATCH, sequence=0, timer_us=1000)
