@@ -24,6 +24,7 @@ LOST = (OSError, termios.error)  # how pyserial says that a port is gone
 REASONS = {
     errno.ENOENT: 'there is no such port; is it plugged in?',
     errno.EACCES: 'no permission; is the user in the group of the port (dialout)?',
+    errno.ENOTTY: 'it is no serial port; is the path right?',
     errno.EBUSY: 'it is busy; does another program use it?',
     errno.EAGAIN: 'it is busy; does another program use it?',
 }
@@ -45,7 +46,9 @@ def open_port(url: str, baud_rate: int, timeout: float = READ_TIMEOUT) -> Any:
 
 
 def _reason(error: Exception) -> str:
-    number = error.args[0] if isinstance(error, termios.error) else getattr(error, 'errno', None)
+    # pyserial raises some of its errors, without a number, while it handles those of the system
+    told = error.__context__ if isinstance(error.__context__, termios.error) else error
+    number = told.args[0] if isinstance(told, termios.error) else getattr(told, 'errno', None)
     if number is None and 'exclusively lock' in str(error):  # pyserial gives no number here
         number = errno.EBUSY
     return REASONS.get(number or 0) or (os.strerror(number) if number else str(error))

@@ -44,11 +44,19 @@ def test_a_chunk_carries_the_time_after_its_last_byte():
 @pytest.mark.parametrize(('url', 'reason'), [
     ('/no/such/port', 'there is no such port'),
     ('bogus://port', "protocol 'bogus' not known"),
-    ('/dev/null', 'Inappropriate ioctl'),
+    ('/dev/null', 'it is no serial port'),
 ])
 def test_a_port_that_can_not_be_opened_is_refused_with_the_reason(url, reason):
     with pytest.raises(LinkError, match=f'cannot open {url} at 9600 baud: .*{reason}'):
         open_port(url, 9600)
+
+
+def test_a_plain_file_is_refused_with_a_reason_and_left_as_it_is(tmp_path):
+    path = tmp_path / 'notes.txt'
+    path.write_text('hello')
+    with pytest.raises(LinkError, match='notes.txt at 115200 baud: it is no serial port'):
+        open_port(str(path), 115200)
+    assert path.read_text() == 'hello'
 
 
 def test_a_port_that_is_in_use_is_refused(port):
