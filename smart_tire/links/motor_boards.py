@@ -19,6 +19,7 @@ REPLY_TIMEOUT = 0.1   # s; a board answers within a few ms, a busy host reads la
 MAX_SPEED = 100.0     # rad/s; a count that went further means that the board lost its counts
 MAX_PERIODS = 4       # a mean speed over more of them is none of now and not worth telling
 NEVER_NS = -1 << 62
+AXLES = ('front', 'rear')
 STOPPED: Four = (0.0, 0.0, 0.0, 0.0)
 
 
@@ -75,6 +76,7 @@ class MotorBoards:
         self._changed = threading.Event()
         self._command: tuple[Four, int] = (STOPPED, NEVER_NS)  # duty, steady clock [ns]
         self._silent = True
+        self._since_ns = time.monotonic_ns()  # when the boards were first asked
         self.frames_ok = 0
         self.last_ok_ns = 0   # host clock, when the latest good reply came
         self.frames_bad = 0   # replies that did not come or were damaged
@@ -92,7 +94,7 @@ class MotorBoards:
         port.timeout = REPLY_TIMEOUT
         for board in self._boards:
             board.prepared = False
-        due_ns = time.monotonic_ns()
+        self._since_ns = due_ns = time.monotonic_ns()
         while not stopping.is_set():
             self._cycle(port)
             due_ns = max(due_ns + self._period_ns, time.monotonic_ns())
@@ -102,6 +104,13 @@ class MotorBoards:
                     self._drive(port)
         self._command = (STOPPED, NEVER_NS)
         self._drive(port)
+
+    def unread(self) -> dict[str, float]:
+        """Return for how long each board has not told its encoders [s], by its name."""
+        now_ns = time.monotonic_ns()
+        return {f'{axle} board {board.address} (0x{board.address:x})':
+                (now_ns - max(board.read_ns or self._since_ns, self._since_ns)) / NS_PER_S
+                for axle, board in zip(AXLES, self._boards)}
 
     def _expired(self) -> bool:
         return time.monotonic_ns() > self._command[1] + self._timeout_ns

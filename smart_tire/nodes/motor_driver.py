@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 
 from smart_tire.links.motor_boards import MotorBoards
-from smart_tire.nodes.base import run
+from smart_tire.nodes.base import run, SILENCE
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.driver import DriverNode
 from smart_tire.parameters import MotorDriverParams
@@ -32,9 +32,14 @@ class MotorDriver(DriverNode[MotorDriverParams]):
         self.get_logger().warning(text)
 
     def fill_status(self, status: Status) -> None:
-        """Add how often the commands ceased."""
+        """Add what became of the commands, and which board keeps the wheel states away."""
         super().fill_status(status)
         status.values['command_timeouts'] = self._boards.timeouts
+        status.values['motor_commands.rejected'] = self.inputs['motor_commands'].bad
+        if not self._link.problem:
+            for board, age in self._boards.unread().items():
+                if age > SILENCE:
+                    status.error(f'no wheel_states, for the {board} does not answer')
 
 
 def main() -> int:

@@ -126,9 +126,13 @@ def test_a_silent_board_is_counted_and_does_not_stop_the_other(boards):
         wait_for(lambda: boards.duty.get(128) == (DUTY_MAX, DUTY_MAX))
         wait_for(lambda: running.motors.frames_bad >= 3)
         assert 'reply of 0x81 to command 14 has 0 bytes' in running.motors.last_error
+        rear = 'rear board 129 (0x81)'
+        wait_for(lambda: running.motors.unread()[rear] > 0.2)
+        assert running.motors.unread()['front board 128 (0x80)'] < running.motors.unread()[rear]
         assert not running.samples  # half of the wheels are no wheel state
         boards.answering = {128, 129}
         running.wait(1)
+        wait_for(lambda: running.motors.unread()[rear] < 0.2)
 
 
 def test_a_damaged_reply_is_counted_and_asked_for_again(boards):

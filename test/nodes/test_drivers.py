@@ -161,8 +161,27 @@ def test_the_motors_follow_commands_and_stop_without_them(graph, port):
                              effort=[1.0, math.nan, 1.0, 1.0])
             graph.say_message('motor_commands', bad)
             graph.until(lambda: '1 bad on motor_commands' in graph.complaint('motor_driver'))
+            short = JointState(name=['front_left'], effort=[1.0])
+            graph.say_message('motor_commands', short)
+            graph.until(lambda: graph.value('motor_driver', 'motor_commands.rejected') == '2')
             assert boards.duty == {128: (0, 0), 129: (0, 0)}
             assert node.end() == 0
             assert 'motors stopped' in node.output
             assert 'effort is [1.0, nan' in node.output
     assert boards.timeout == {128: 10, 129: 10}
+
+
+def test_a_silent_board_is_an_error_with_its_name(graph, port):
+    with Boards(port.plug_in()) as boards:
+        boards.answering = {128}
+        graph.listen('wheel_states')
+        with graph.start('motor_driver', port=port.path) as node:
+            graph.until(lambda: 'no wheel_states, for the rear board 129 (0x81) does not answer'
+                        in graph.complaint('motor_driver'))
+            assert graph.health['motor_driver'].level == DiagnosticStatus.ERROR
+            assert 'front board' not in graph.complaint('motor_driver')
+            assert not graph.heard['wheel_states']
+            boards.answering = {128, 129}
+            graph.until(lambda: graph.complaint('motor_driver') == 'ok')
+            assert graph.heard['wheel_states']
+            assert node.end() == 0
