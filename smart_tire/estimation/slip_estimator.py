@@ -11,7 +11,8 @@ import numpy as np
 
 from smart_tire.estimation.gate import Gate
 from smart_tire.estimation.shaking import Shaking
-from smart_tire.estimation.slip_filter import Motion, SlipFilter, State, WheelTravel
+from smart_tire.estimation.slip_filter import SlipFilter
+from smart_tire.estimation.slip_state import Motion, State, WheelTravel
 from smart_tire.estimation.standstill import Reading, Standstill
 from smart_tire.estimation.travel_log import TravelLog
 from smart_tire.estimation.wheels import WheelReader
@@ -19,7 +20,8 @@ from smart_tire.models.skid_steer import GRAVITY, slip_ratio
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.rotation import matrix, quaternion
 from smart_tire.samples import (
-    Four, Icr, ImuSample, LEFT, NS_PER_S, Odometry, WheelSample, WheelSlip)
+    Four, Icr, ImuSample, MAX_FORCE, MAX_RATE, MAX_WHEEL_SPEED, NS_PER_S, Odometry, WheelSample,
+    WheelSlip)
 
 DROPOUT = 0.1              # s without the inertial unit (or 3 periods): go by the wheels
 GUESSED_RATE_PSD = 0.01    # (rad/s)^2 s, of the yaw rate that the wheels give meanwhile
@@ -97,6 +99,9 @@ class SlipEstimator:
     def update(self, sample: ImuSample | WheelSample) -> list[Estimate]:
         """Take a sample in; return the estimates of the grid instants that it closes."""
         topic = 'imu/data' if isinstance(sample, ImuSample) else 'wheel_states'
+        if not _possible(sample):
+            self.dropped[topic] += 1
+            return []
         closed = self._gate.push(topic, sample.stamp_ns, sample)
         if self._gate.resets != self._gate_resets:
             self.reset()
@@ -261,6 +266,7 @@ class SlipEstimator:
         x, gyro = self._filter.x, self._imu[0]
         ground = self._filter.side_speeds(x, gyro)
         sides, sigmas = self._filter.wheel_speeds(x, gyro), self._filter.slip_sigmas(gyro)
+        # wheel i is on side i % 2: left, right, left, right
         rolling = [sides[i % 2] + self._wheels.beyond_side[i] for i in range(4)]
         over = (ground[0], ground[1], ground[0], ground[1])
         ratio = slip_ratio(rolling, over, self._params.robot.slip.standstill_speed).tolist()
@@ -274,4 +280,9 @@ def _four(values: Sequence[float]) -> Four:
     return a, b, c, d
 
 
-assert LEFT == (0, 2)  # wheel i is on side i % 2
+def _possible(sample: ImuSample | WheelSample) -> bool:
+    """Return whether a robot can have felt this; NaN is not possible either."""
+    if isinstance(sample, ImuSample):
+        return (all(abs(force) <= MAX_FORCE for force in sample.acceleration)
+                and all(abs(rate) <= MAX_RATE for rate in sample.rate))
+    return all(abs(speed) <= MAX_WHEEL_SPEED for speed in sample.velocity)

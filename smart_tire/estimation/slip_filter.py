@@ -15,8 +15,6 @@ B(6)-(8). Three choices make it robust:
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from enum import IntEnum
 import math
 
 from filterpy.kalman import ExtendedKalmanFilter
@@ -25,6 +23,7 @@ from numpy.typing import NDArray
 
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.sliding import SLIDE_FLOOR, SlidingChange
+from smart_tire.estimation.slip_state import Motion, N, SIDES, SLIDES, State, WheelTravel
 from smart_tire.models.skid_steer import GRAVITY
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.samples import Vector3
@@ -42,55 +41,6 @@ WHEEL_NOISE = 0.003       # m/s, wheel speed of a side beyond quantisation and s
 STILL_SPEED = 0.003       # m/s, one sigma of the speed of a robot that stands
 OUTLIER = 3.0             # sigmas; beyond, a measurement counts less and less
 NIS_MEMORY = 0.05         # share of a new value in the smoothed innovation statistic
-
-
-class State(IntEnum):
-    """Rows of the filter state."""
-
-    X = 0          # m, base_link in odom
-    Y = 1          # m
-    YAW = 2        # rad
-    ROLL = 3       # rad, of the ground under the robot
-    PITCH = 4      # rad
-    V_X = 5        # m/s, velocity of the IMU over ground, body axes
-    V_Y = 6        # m/s
-    GYRO = 7       # rad/s, bias about z
-    ACCEL_X = 8    # m/s2, bias, with the tilt of the mounting
-    ACCEL_Y = 9    # m/s2
-    SLIDE_L = 10   # m/s, r w - v_x of the left side
-    SLIDE_R = 11   # m/s
-    ICR = 12       # m, S: x of the instantaneous centres of rotation
-    STAMP = 13     # s, error of the stamp of the last wheel reading
-    STAMP_BEFORE = 14  # s, of the one before
-
-
-N = len(State)
-SLIDES = (State.SLIDE_L, State.SLIDE_R)
-SIDES = (-1.0, 1.0)  # sign of the yaw rate in v_x of the left and of the right side
-
-
-@dataclass(frozen=True, slots=True)
-class Motion:
-    """What the inertial unit says of one step: base axes, biases not removed."""
-
-    yaw_rate: float  # rad/s
-    force_x: float   # m/s2, specific force
-    force_y: float   # m/s2
-    gyro_variance: float   # (rad/s)^2 s, of the integral per second
-    accel_variance: float  # (m/s2)^2 s
-    slope_sigma: float     # rad, of the ground, or of a body that pitches and rolls on it
-
-
-@dataclass(frozen=True, slots=True)
-class WheelTravel:
-    """Mean speeds between two wheel readings and what the state made of the same time."""
-
-    duration: float             # s
-    speed: tuple[float, float]  # m/s, r w of the left and of the right side
-    ground_speed: float         # m/s, mean of V_X as filtered
-    yaw_rate: float             # rad/s, mean as filtered
-    variance: float             # (m/s)^2, of a side's speed by quantisation
-    stamped: bool               # stamps make the speeds: positions were differenced
 
 
 class SlipFilter:

@@ -194,6 +194,17 @@ def test_a_spike_of_the_inertial_unit_is_passed_over_and_counted(rate, force):
     assert np.nanmax(np.abs(ratio - clean)) < 0.02
 
 
+@pytest.mark.parametrize('absurd', [1e300, 1e6, math.nan, math.inf])
+def test_what_no_robot_can_feel_is_dropped_and_counted(absurd):
+    run = turning(9)
+    stamp = START_NS + 8 * NS_PER_S + 1
+    extra = [ImuSample(stamp, (absurd, 0.0, 9.8), (0.0,) * 3), WheelSample(stamp, (absurd,) * 4)]
+    samples = sorted(run.samples + extra, key=lambda sample: sample.stamp_ns)
+    estimator, out = estimate(samples)
+    assert repr(out) == repr(estimate(run.samples)[1])
+    assert estimator.dropped == {'imu/data': 1, 'wheel_states': 1}
+
+
 def test_a_knock_that_lasts_is_believed():
     rolling = ramp([(0, 0, 0), (5, 0, 0)])
     run = drive(rolling, rolling, noise=0.0)

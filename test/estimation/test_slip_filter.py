@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from smart_tire.estimation.slip_filter import Motion, N, SlipFilter, State, WheelTravel
+from smart_tire.estimation.slip_filter import SlipFilter
+from smart_tire.estimation.slip_state import Motion, N, State, WheelTravel
 from smart_tire.models.skid_steer import GRAVITY
 from smart_tire.parameters import build, SlipEstimatorParams
 
