@@ -7,6 +7,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from smart_tire.cli.arguments import positive
 from smart_tire.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -17,14 +18,6 @@ NAME = 'identify'
 HELP = 'fit a sensor model to a recording'
 LENGTH = 25.0     # mm, the film of paper A's Table I
 UNITS = ('1/v', 'C', 'C')
-
-
-def positive(text: str) -> float:
-    """Return the number in ``text``; raise ValueError unless it is above zero and finite."""
-    number = float(text)
-    if not 0.0 < number < float('inf'):
-        raise ValueError(text)
-    return number
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

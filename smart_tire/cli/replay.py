@@ -8,6 +8,7 @@ from pathlib import Path
 import sys
 from typing import TYPE_CHECKING
 
+from smart_tire.cli.arguments import positive
 from smart_tire.cli.listing import print_counts, print_losses
 from smart_tire.errors import BagError
 
@@ -19,14 +20,6 @@ HELP = 'publish what the estimators need from a bag, at the pace at which it was
 INPUTS = ('imu/data', 'wheel_states', 'tire_samples')
 CLOCK = '/clock'
 FAILED = 1
-
-
-def positive(text: str) -> float:
-    """Return the number in ``text``; raise ValueError unless it is above zero and finite."""
-    number = float(text)
-    if not 0.0 < number < float('inf'):
-        raise ValueError(text)
-    return number
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
