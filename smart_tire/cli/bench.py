@@ -35,10 +35,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print all figures, or those on the models only."""
+    from smart_tire.cli.bench_film import print_measuring
     from smart_tire.cli.bench_models import print_models
     if args.models:
         print(machine())
         print_models()
+        print_measuring()
         return 0
     # Importing rclpy may start Python anew, so it must come before any child is started.
     from smart_tire.nodes.pilot import Cockpit
@@ -47,6 +49,7 @@ def run(args: argparse.Namespace) -> int:
         measure_live(Path(folder), args.seconds, Cockpit)
         measure_offline(Path(folder))
     print_models()
+    print_measuring()
     return 0
 
 
