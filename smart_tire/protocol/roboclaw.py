@@ -24,7 +24,6 @@ PACKET_GAP_NS = 10_000_000  # silence after which a board discards a packet
 COUNT_WRAP = 1 << 32
 DUTY_MAX = 32767            # +-100 %
 TIMEOUT_UNIT = 0.1          # s
-TIMEOUT_MAX = 25.5          # s
 
 _CRC = struct.Struct('>H')
 

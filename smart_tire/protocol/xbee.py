@@ -19,7 +19,6 @@ from smart_tire.protocol.deframer import Deframer
 START = 0x7E
 RECEIVE_PACKET = 0x90
 MAX_BODY = 512  # bytes, above what a ZigBee module sends (12 + 255)
-BROADCAST_OPTION = 0x02
 
 _ESCAPE = 0x7D
 _FLIP = 0x20
