@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
 import math
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from smart_tire.estimation.gate import Gate
 from smart_tire.estimation.shaking import Shaking
-from smart_tire.estimation.slip_filter import SlipFilter
+from smart_tire.estimation.slip_filter import SlipFilter, Tape
+from smart_tire.estimation.slip_report import Estimate, Seen, SlipReport
 from smart_tire.estimation.slip_state import Motion, State, WheelTravel
 from smart_tire.estimation.standstill import Reading, Standstill
 from smart_tire.estimation.travel_log import TravelLog
 from smart_tire.estimation.wheels import WheelReader
-from smart_tire.models.skid_steer import GRAVITY, slip_ratio
+from smart_tire.models.skid_steer import GRAVITY
 from smart_tire.parameters import SlipEstimatorParams
-from smart_tire.rotation import matrix, quaternion
+from smart_tire.rotation import matrix
 from smart_tire.samples import (
-    Four, Icr, ImuSample, MAX_FORCE, MAX_RATE, MAX_WHEEL_SPEED, NS_PER_S, Odometry, WheelSample,
-    WheelSlip)
+    ImuSample, MAX_FORCE, MAX_RATE, MAX_WHEEL_SPEED, NS_PER_S, WheelSample)
 
 DROPOUT = 0.1              # s without the inertial unit (or 3 periods): go by the wheels
 GUESSED_RATE_PSD = 0.01    # (rad/s)^2 s, of the yaw rate that the wheels give meanwhile
@@ -30,26 +29,31 @@ SPIKE_RATE = 5.0           # rad/s between two readings; no robot starts to turn
 SPIKE_FORCE = 20.0         # m/s2 between two readings, beyond what its shaking explains
 SPIKE_SIGMAS = 8.0         # of the shaking
 SLOW_SHAKING = 0.25        # share of the shaking that is pitch and roll; assumed
-TURNING = 0.05             # rad/s; slower, the ICR is too far away to be told
 TRUSTED_REST = 3.0         # s; rest that lasts so long overrules a state that has drifted away
-PLANAR_VARIANCE = 1e-6     # m^2, rad^2 and per s: height and its rate, zero in the plane
 
-PLANAR = PLANAR_VARIANCE * np.eye(6)
-POSE_TO, TWIST_TO = np.ix_([0, 1, 3, 4, 5], [0, 1, 3, 4, 5]), np.ix_([0, 1, 5], [0, 1, 5])
-POSE_FROM = np.ix_(*[[State.X, State.Y, State.ROLL, State.PITCH, State.YAW]] * 2)
 
-Estimate = Odometry | WheelSlip | Icr
+class EstimatorTape(Tape, Protocol):
+    """Takes down, too, where on the way the estimates were made, and where all starts anew."""
+
+    def start(self) -> None:
+        """Note that nothing of what was before leads to what comes now."""
+
+    def mark(self, seen: Seen) -> None:
+        """Note that the state after the last move was reported with ``seen``."""
 
 
 class SlipEstimator:
     """
     Gate, filter and output of ``slip_estimator``: ``update`` with samples in any order.
 
-    Estimates begin with the first grid instant at which both inputs have been seen.
+    Estimates begin with the first grid instant at which both inputs have been seen. All that a
+    smoother needs goes to the ``tape`` if there is one.
     """
 
-    def __init__(self, params: SlipEstimatorParams) -> None:
+    def __init__(self, params: SlipEstimatorParams, tape: EstimatorTape | None = None) -> None:
         self._params = params
+        self._tape = tape
+        self._report = SlipReport(params.robot)
         self._rotation = matrix(*params.robot.imu.rotation)
         self._gate = Gate(round(params.reorder_window * NS_PER_S))
         self.dropped: Counter[str] = Counter()  # topic -> duplicates and samples without use
@@ -58,8 +62,10 @@ class SlipEstimator:
 
     def reset(self) -> None:
         """Start anew: nothing is known."""
+        if self._tape is not None:
+            self._tape.start()
         robot = self._params.robot
-        self._filter = SlipFilter(self._params)
+        self._filter = SlipFilter(self._params, self._tape)
         self._wheels = WheelReader(robot)
         self._standstill = Standstill(robot.imu.gyro_noise, robot.imu.accel_noise)
         self._log = TravelLog()
@@ -239,45 +245,10 @@ class SlipEstimator:
     def _estimates(self, instant_ns: int) -> list[Estimate]:
         assert self._imu is not None
         ahead = self._seconds(instant_ns) - self._time
-        twist, covariance = self._filter.base_twist(self._imu[0])
-        estimates: list[Estimate] = [
-            self._odometry(instant_ns, ahead, twist, covariance), self._slip(instant_ns)]
-        if abs(twist[2]) > TURNING:
-            estimates.append(Icr(instant_ns, self._filter.x[State.ICR], twist[0] / twist[2]))
-        return estimates
-
-    def _odometry(self, instant_ns: int, ahead: float, twist: Any, covariance: Any) -> Odometry:
-        """Return the state carried ``ahead`` [s] to the grid instant."""
-        x, P, (v_x, v_y, W) = self._filter.x, self._filter.P, twist
-        yaw = x[State.YAW] + W * ahead
-        mid = yaw - 0.5 * W * ahead
-        position = (x[State.X] + (v_x * math.cos(mid) - v_y * math.sin(mid)) * ahead,
-                    x[State.Y] + (v_x * math.sin(mid) + v_y * math.cos(mid)) * ahead, 0.0)
-        pose, rates = PLANAR.copy(), PLANAR.copy()
-        pose[POSE_TO] = P[POSE_FROM]
-        rates[TWIST_TO] = covariance
-        rates[5, 5] += self._params.robot.imu.gyro_noise ** 2  # of the sample that is shown
-        return Odometry(instant_ns, position, quaternion(x[State.ROLL], x[State.PITCH], yaw),
-                        (v_x, v_y, 0.0), (0.0, 0.0, W),
-                        tuple(pose.ravel().tolist()), tuple(rates.ravel().tolist()))
-
-    def _slip(self, instant_ns: int) -> WheelSlip:
-        assert self._imu is not None
-        x, gyro = self._filter.x, self._imu[0]
-        ground = self._filter.side_speeds(x, gyro)
-        sides, sigmas = self._filter.wheel_speeds(x, gyro), self._filter.slip_sigmas(gyro)
-        # wheel i is on side i % 2: left, right, left, right
-        rolling = [sides[i % 2] + self._wheels.beyond_side[i] for i in range(4)]
-        over = (ground[0], ground[1], ground[0], ground[1])
-        ratio = slip_ratio(rolling, over, self._params.robot.slip.standstill_speed).tolist()
-        sliding = [float(r - v) for r, v in zip(rolling, over)]
-        sigma = [1.0 if math.isnan(ratio[i]) else sigmas[i % 2] for i in range(4)]
-        return WheelSlip(instant_ns, *(_four(values) for values in (ratio, sliding, sigma)))
-
-
-def _four(values: Sequence[float]) -> Four:
-    a, b, c, d = values
-    return a, b, c, d
+        seen = Seen(instant_ns, ahead, self._imu[0], self._wheels.beyond_side)
+        if self._tape is not None:
+            self._tape.mark(seen)
+        return self._report.estimates(seen, self._filter.x, self._filter.P)
 
 
 def _possible(sample: ImuSample | WheelSample) -> bool:

@@ -14,8 +14,8 @@ B(6)-(8). Three choices make it robust:
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 import math
+from typing import Protocol
 
 from filterpy.kalman import ExtendedKalmanFilter
 import numpy as np
@@ -23,10 +23,10 @@ from numpy.typing import NDArray
 
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.sliding import SLIDE_FLOOR, SlidingChange
+from smart_tire.estimation.slip_kinematics import SlipKinematics
 from smart_tire.estimation.slip_state import Motion, N, SIDES, SLIDES, State, WheelTravel
 from smart_tire.models.skid_steer import GRAVITY
 from smart_tire.parameters import SlipEstimatorParams
-from smart_tire.samples import Vector3
 
 Array = NDArray[np.float64]
 
@@ -40,22 +40,38 @@ SLOPE_LENGTH = 5.0        # m, over which the slope of the ground is forgotten
 WHEEL_NOISE = 0.003       # m/s, wheel speed of a side beyond quantisation and stamps
 STILL_SPEED = 0.003       # m/s, one sigma of the speed of a robot that stands
 OUTLIER = 3.0             # sigmas; beyond, a measurement counts less and less
+SHORTEST_JITTER = 1e-6    # s, one sigma of stamps that are said to be exact
 NIS_MEMORY = 0.05         # share of a new value in the smoothed innovation statistic
+
+SHIFT = np.eye(N)         # makes the last reading's stamp the one before
+SHIFT[State.STAMP_BEFORE, State.STAMP_BEFORE] = SHIFT[State.STAMP, State.STAMP] = 0.0
+SHIFT[State.STAMP_BEFORE, State.STAMP] = 1.0
+
+
+class Tape(Protocol):
+    """Takes down how the state moves, for a smoother that goes back along the same way."""
+
+    def move(self, x: Array, P: Array, F: Array, moved_x: Array, moved_P: Array) -> None:
+        """Note that ``x`` (N,), ``P`` (N, N) went by ``F`` to ``moved_x``, ``moved_P``."""
 
 
 class SlipFilter:
-    """The filter alone: one method per piece of knowledge, time only as durations."""
+    """
+    The filter alone: one method per piece of knowledge, time only as durations.
 
-    def __init__(self, params: SlipEstimatorParams) -> None:
+    All that is not a measurement goes through ``_move``: a linear map and noise, noted on the
+    ``tape`` if there is one.
+    """
+
+    def __init__(self, params: SlipEstimatorParams, tape: Tape | None = None) -> None:
         self._params = params
         robot = params.robot
+        self._tape = tape
+        self._kinematics = SlipKinematics(robot)
         self._half_track = 0.5 * robot.track_width
         self._x_imu, self._y_imu = robot.imu.position[0], robot.imu.position[1]
         self._ekf = ExtendedKalmanFilter(dim_x=N, dim_z=1)
         self._F = np.eye(N)
-        self._base_jacobian = J = np.zeros((3, N))  # of the twist of base_link
-        J[0, State.V_X] = J[1, State.V_Y] = 1.0
-        J[0, State.GYRO], J[1, State.GYRO], J[2, State.GYRO] = -self._y_imu, self._x_imu, -1.0
         self._Q = np.zeros(N)
         self._changes = [SlidingChange(params) for _ in SIDES]
         # a wandering slip with this memory spreads over slip_sigma in the long run
@@ -70,6 +86,7 @@ class SlipFilter:
         sigma[State.SLIDE_L] = sigma[State.SLIDE_R] = UNKNOWN_SPEED
         sigma[State.ICR] = params.icr_sigma
         sigma[State.STAMP] = sigma[State.STAMP_BEFORE] = robot.encoder.stamp_jitter
+        self._ekf.x[State.ICR] = params.icr
         self._ekf.P = np.diag(sigma ** 2)
 
     @property
@@ -108,7 +125,7 @@ class SlipFilter:
         fade = math.exp(-speed * dt / SLOPE_LENGTH)
         keep = math.exp(-dt / self._slip_time)
 
-        state = self._ekf.x
+        state = self._ekf.x.copy()
         state[State.X, 0] += (cos * b_x - sin * b_y) * dt
         state[State.Y, 0] += (sin * b_x + cos * b_y) * dt
         state[State.YAW, 0] += W * dt
@@ -120,10 +137,17 @@ class SlipFilter:
         state[State.SLIDE_R, 0] *= keep
         self._fill_jacobian(dt, W, v_x, v_y, b_x, b_y, cos, sin, fade, keep)
         self._fill_noise(dt, motion, v_x, v_y, fade, x)
-        F = self._F
-        P = F @ self._ekf.P @ F.T
-        P.flat[::N + 1] += self._Q
-        self._ekf.P = 0.5 * (P + P.T)
+        self._move(state, self._F, self._Q)
+
+    def _move(self, moved: Array, F: Array, Q: Array) -> None:
+        """Replace the state by ``moved`` (N, 1), where ``F`` leads; ``Q`` (N,) are variances."""
+        ekf = self._ekf
+        P = F @ ekf.P @ F.T
+        P.flat[::N + 1] += Q
+        P = 0.5 * (P + P.T)
+        if self._tape is not None:
+            self._tape.move(ekf.x[:, 0], ekf.P, F, moved[:, 0], P)
+        ekf.x, ekf.P = moved, P
 
     def _fill_jacobian(self, dt: float, W: float, v_x: float, v_y: float, b_x: float, b_y: float,
                        cos: float, sin: float, fade: float, keep: float) -> None:
@@ -160,20 +184,10 @@ class SlipFilter:
         Q[State.V_Y] = accel + gyro * v_x ** 2 + SPEED_DRIFT ** 2 * dt
         Q[State.GYRO] = GYRO_BIAS_DRIFT ** 2 * dt
         Q[State.ACCEL_X] = Q[State.ACCEL_Y] = ACCEL_BIAS_DRIFT ** 2 * dt
-        for slide, wheel in zip(SLIDES, self.wheel_speeds(x, motion.yaw_rate)):
+        for slide, wheel in zip(
+                SLIDES, self._kinematics.wheel_speeds(x, motion.yaw_rate)):
             Q[slide] = params.slip_drift ** 2 * (wheel ** 2 + SLIDE_FLOOR ** 2) * dt
         Q[State.ICR] = params.icr_drift ** 2 * dt
-
-    def side_speeds(self, x: Sequence[float], gyro_z: float) -> tuple[float, float]:
-        """Return v_x [m/s] of the left and of the right wheel centres, B(2)."""
-        W = gyro_z - x[State.GYRO]
-        v_x = x[State.V_X] + self._y_imu * W
-        return v_x - self._half_track * W, v_x + self._half_track * W
-
-    def wheel_speeds(self, x: Sequence[float], gyro_z: float) -> tuple[float, float]:
-        """Return r w [m/s] of the two sides as the filter has them."""
-        left, right = self.side_speeds(x, gyro_z)
-        return left + x[State.SLIDE_L], right + x[State.SLIDE_R]
 
     def update_wheels(self, travel: WheelTravel) -> None:
         """Correct with the wheels' travel between two readings: B(7) and the yaw rate."""
@@ -208,15 +222,10 @@ class SlipFilter:
         return H, expected
 
     def _shift_stamps(self) -> None:
-        """Make the last reading's stamp the one before; the new one is independent of all."""
-        x, P = self._ekf.x, self._ekf.P
-        x[State.STAMP_BEFORE] = x[State.STAMP]
-        x[State.STAMP] = 0.0
-        P[State.STAMP_BEFORE, :] = P[State.STAMP, :]
-        P[:, State.STAMP_BEFORE] = P[:, State.STAMP]
-        P[State.STAMP_BEFORE, State.STAMP_BEFORE] = P[State.STAMP, State.STAMP]
-        P[State.STAMP, :] = P[:, State.STAMP] = 0.0
-        P[State.STAMP, State.STAMP] = max(self._params.robot.encoder.stamp_jitter, 1e-6) ** 2
+        """Make room for a new reading's stamp, whose error is independent of all."""
+        Q = np.zeros(N)
+        Q[State.STAMP] = max(self._params.robot.encoder.stamp_jitter, SHORTEST_JITTER) ** 2
+        self._move(SHIFT @ self._ekf.x, SHIFT, Q)
 
     def _let_sliding_change(self, travel: WheelTravel, innovation: Array, variance: Array) -> None:
         """Forget the sliding as far as wheels and ground change their speeds, or surprise."""
@@ -235,11 +244,10 @@ class SlipFilter:
         speed to the wheels on a robot that shakes, and the accelerometer would carry it away.
         """
         keep = math.sqrt(max(0.0, 1.0 - variance / spread))
-        x, P = self._ekf.x, self._ekf.P
-        x[slide] *= keep
-        P[slide, :] *= keep
-        P[:, slide] *= keep
-        P[slide, slide] += (1.0 - keep ** 2) * spread
+        F, Q = np.eye(N), np.zeros(N)
+        F[slide, slide] = keep
+        Q[slide] = (1.0 - keep ** 2) * spread
+        self._move(F @ self._ekf.x, F, Q)
 
     def _printed(self, H: Array, z: Array, expected: Array, R: Array
                  ) -> tuple[Array, Array, Array, Array]:
@@ -301,31 +309,3 @@ class SlipFilter:
         if ekf.x.shape != (N, 1) or ekf.P.shape != (N, N):  # filterpy broadcasts silently
             raise EstimatorError(f'state {ekf.x.shape}, covariance {ekf.P.shape}, expected {N}')
         ekf.P = 0.5 * (ekf.P + ekf.P.T)
-
-    def base_twist(self, gyro_z: float) -> tuple[Vector3, Array]:
-        """
-        Return v_x, v_y [m/s] and yaw rate of base_link, and their covariance (3, 3).
-
-        ``gyro_z`` is the rate [rad/s] in base axes, bias not removed.
-        """
-        x = self.x
-        W = gyro_z - x[State.GYRO]
-        J = self._base_jacobian
-        twist = (x[State.V_X] + self._y_imu * W, x[State.V_Y] - self._x_imu * W, W)
-        covariance = J @ self._ekf.P @ J.T
-        return twist, 0.5 * (covariance + covariance.T)
-
-    def slip_sigmas(self, gyro_z: float) -> tuple[float, float]:
-        """Return one sigma [-] of the slip ratio of the left and of the right side, at most 1."""
-        x, P = self.x, self._ekf.P
-        ground, wheels = self.side_speeds(x, gyro_z), self.wheel_speeds(x, gyro_z)
-        sigmas = []
-        for side, slide, v, u in zip(SIDES, SLIDES, ground, wheels):
-            # lambda = slide / u, u = v + slide
-            by_slide, by_v = v, -x[slide]
-            arm = self._y_imu + side * self._half_track
-            variance = (by_slide ** 2 * P[slide, slide] + by_v ** 2 * (
-                P[State.V_X, State.V_X] - 2.0 * arm * P[State.V_X, State.GYRO])
-                + 2.0 * by_slide * by_v * P[slide, State.V_X])
-            sigmas.append(min(1.0, math.sqrt(max(0.0, variance)) / max(u * u, 1e-9)))
-        return sigmas[0], sigmas[1]

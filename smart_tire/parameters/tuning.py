@@ -24,6 +24,7 @@ class SlipEstimatorParams:
         0.01, '1/sqrt(s)', 'how fast the slip of a side wanders while nothing happens', low=0.0)
     slip_agility: float = param(
         1.0, '-', 'change of sliding per change of wheel or ground speed, one sigma', low=0.0)
+    icr: float = param(0.0, 'm', 'S at the start: x of the centre of rotation in base_link')
     icr_sigma: float = param(0.05, 'm', 'what is known of S at the start, one sigma', low=0.0)
     icr_drift: float = param(0.01, 'm/sqrt(s)', 'how fast S wanders', low=0.0)
     lateral_sigma: float = param(

@@ -1,0 +1,87 @@
+"""From a state of the slip filter, or of its smoother, to odometry, slip and ICR."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smart_tire.estimation.slip_kinematics import SlipKinematics
+from smart_tire.estimation.slip_state import State
+from smart_tire.models.skid_steer import slip_ratio
+from smart_tire.parameters import RobotParams
+from smart_tire.rotation import quaternion
+from smart_tire.samples import Four, Icr, Odometry, Vector3, WheelSlip
+
+TURNING = 0.05          # rad/s; slower, the ICR is too far away to be told
+PLANAR_VARIANCE = 1e-6  # m^2, rad^2 and per s: height and its rate, zero in the plane
+
+PLANAR = PLANAR_VARIANCE * np.eye(6)
+POSE_TO, TWIST_TO = np.ix_([0, 1, 3, 4, 5], [0, 1, 3, 4, 5]), np.ix_([0, 1, 5], [0, 1, 5])
+POSE_FROM = np.ix_(*[[State.X, State.Y, State.ROLL, State.PITCH, State.YAW]] * 2)
+
+Array = NDArray[np.float64]
+Estimate = Odometry | WheelSlip | Icr
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What was known besides the state when an estimate was made."""
+
+    instant_ns: int    # of the grid
+    ahead: float       # s, from the time of the state to the instant
+    gyro_z: float      # rad/s, rate of the last sample in base axes, bias not removed
+    beyond_side: Four  # m/s, speed of each wheel beyond its side's mean
+
+
+class SlipReport:
+    """Writes the messages of the slip estimator."""
+
+    def __init__(self, robot: RobotParams) -> None:
+        self._robot = robot
+        self._kinematics = SlipKinematics(robot)
+
+    def estimates(self, seen: Seen, x: Sequence[float], P: Array) -> list[Estimate]:
+        """Return what a state ``x`` (N numbers) and its covariance ``P`` (N, N) tell."""
+        twist, covariance = self._kinematics.base_twist(x, P, seen.gyro_z)
+        estimates: list[Estimate] = [
+            self._odometry(seen, x, P, twist, covariance), self._slip(seen, x, P)]
+        if abs(twist[2]) > TURNING:
+            estimates.append(Icr(seen.instant_ns, x[State.ICR], twist[0] / twist[2]))
+        return estimates
+
+    def _odometry(self, seen: Seen, x: Sequence[float], P: Array, twist: Vector3,
+                  covariance: Array) -> Odometry:
+        """Return the state carried ahead to the grid instant."""
+        (v_x, v_y, W), ahead = twist, seen.ahead
+        yaw = x[State.YAW] + W * ahead
+        mid = yaw - 0.5 * W * ahead
+        position = (x[State.X] + (v_x * math.cos(mid) - v_y * math.sin(mid)) * ahead,
+                    x[State.Y] + (v_x * math.sin(mid) + v_y * math.cos(mid)) * ahead, 0.0)
+        pose, rates = PLANAR.copy(), PLANAR.copy()
+        pose[POSE_TO] = P[POSE_FROM]
+        rates[TWIST_TO] = covariance
+        rates[5, 5] += self._robot.imu.gyro_noise ** 2  # of the sample that is shown
+        return Odometry(seen.instant_ns, position, quaternion(x[State.ROLL], x[State.PITCH], yaw),
+                        (v_x, v_y, 0.0), (0.0, 0.0, W),
+                        tuple(pose.ravel().tolist()), tuple(rates.ravel().tolist()))
+
+    def _slip(self, seen: Seen, x: Sequence[float], P: Array) -> WheelSlip:
+        ground = self._kinematics.side_speeds(x, seen.gyro_z)
+        sides = self._kinematics.wheel_speeds(x, seen.gyro_z)
+        sigmas = self._kinematics.slip_sigmas(x, P, seen.gyro_z)
+        # wheel i is on side i % 2: left, right, left, right
+        rolling = [sides[i % 2] + seen.beyond_side[i] for i in range(4)]
+        over = (ground[0], ground[1], ground[0], ground[1])
+        ratio = slip_ratio(rolling, over, self._robot.slip.standstill_speed).tolist()
+        sliding = [float(r - v) for r, v in zip(rolling, over)]
+        sigma = [1.0 if math.isnan(ratio[i]) else sigmas[i % 2] for i in range(4)]
+        return WheelSlip(seen.instant_ns, *(_four(values) for values in (ratio, sliding, sigma)))
+
+
+def _four(values: Sequence[float]) -> Four:
+    a, b, c, d = values
+    return a, b, c, d
