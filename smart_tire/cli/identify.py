@@ -1,87 +1,30 @@
-"""``smart_tire identify film``: the parameters of a film from a recording on the bench."""
+"""
+``smart_tire identify KIND``: parameters out of recordings, with standard errors.
+
+A kind is a module ``identify_<kind>`` of this folder, made like a verb.
+"""
 
 from __future__ import annotations
 
 import argparse
-import math
-from pathlib import Path
-from typing import TYPE_CHECKING
-
-from smart_tire.cli.arguments import positive
-from smart_tire.errors import ParameterError
-
-if TYPE_CHECKING:
-    from smart_tire.estimation.film_recording import FilmRecording
-    from smart_tire.models.buckling_film import BucklingFilm
+from importlib import import_module
+from typing import Any
 
 NAME = 'identify'
-HELP = 'fit a sensor model to a recording'
-LENGTH = 25.0     # mm, the film of paper A's Table I
-UNITS = ('1/v', 'C', 'C')
+HELP = 'parameters of film or robot out of recordings, with standard errors'
+KINDS = ('film',)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Describe the arguments of this verb."""
-    kinds = parser.add_subparsers(dest='kind', metavar='KIND', required=True)
-    film = kinds.add_parser('film', help='buckled film: elastica and Duhem hysteresis')
-    film.add_argument('data', type=Path, metavar='DATA.csv',
-                      help='recording with the columns time_s,deflection_m,charge_C')
-    film.add_argument('--columns', metavar='T,IN,OUT', help='names of other columns to read')
-    film.add_argument('--out', type=Path, metavar='FILE',
-                      help='parameter file to write, and a figure of its name beside it '
-                           '(default: DATA_film.yaml)')
-    film.add_argument('--length', type=positive, default=LENGTH, metavar='MM',
-                      help='of the film between its clamps (default: %(default)s)')
-    film.add_argument('--convention', choices=('exact', 'printed'), default='exact',
-                      help='normalisation of the stroke: delta = Delta / 2L, or the printed one')
-    film.add_argument('--raw', action='store_true',
-                      help='the input drives the hysteresis itself; also taken so where named '
-                           'columns hold what no film of this length can do')
-    film.add_argument('--gain', type=positive, metavar='NC',
-                      help='a gain K [nC], to tell alpha, a and b for')
+    """Describe the arguments of every kind."""
+    choices = parser.add_subparsers(dest='kind', metavar='KIND', required=True)
+    for name in KINDS:
+        module: Any = import_module(f'smart_tire.cli.identify_{name}')
+        kind = choices.add_parser(name, help=module.HELP, description=module.HELP)
+        module.add_arguments(kind)
+        kind.set_defaults(run_kind=module.run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Fit, print, and write parameters and figure."""
-    from smart_tire.analysis.film_plots import write_fit
-    from smart_tire.estimation.film_parameters import identify_film, PRODUCTS, write_params
-    from smart_tire.estimation.film_recording import COLUMNS, read_recording
-    columns = args.columns.split(',') if args.columns else list(COLUMNS)
-    recording = read_recording(args.data, columns)
-    film = _film(args, recording)
-    params, fit, notes = identify_film(recording, film)
-    if film is None:
-        notes.insert(0, f'{columns[1]} is taken as the input of the hysteresis itself')
-    out = args.out or args.data.with_name(f'{args.data.stem}_film.yaml')
-    write_params(out, params, fit, notes, None if args.gain is None else args.gain * 1e-9)
-    figure = out.with_suffix('.png')
-    write_fit(figure, recording.time, recording.input, recording.output, fit.fitted,
-              input_label=columns[1], output_label=columns[2])
-    for name in PRODUCTS:
-        estimate = getattr(fit, name)
-        print(f'{name:11}{estimate.value:12.5g} ± {estimate.sigma:.2g}'
-              + ('' if estimate.determined else '  not determined'))
-    if math.isfinite(fit.low_corner.sigma):
-        print(f'low_corner {fit.low_corner.value:12.5g} ± {fit.low_corner.sigma:.2g} Hz')
-    print(f'residual   {fit.rms:12.5g} rms, {fit.share:.2%} of half the range')
-    for note in notes:
-        print(f'note: {note}')
-    print(f'written to {out} and {figure}')
-    return 0
-
-
-def _film(args: argparse.Namespace, recording: FilmRecording) -> BucklingFilm | None:
-    """Return the film on the bench, None where the input is no deflection."""
-    from smart_tire.models.buckling_film import BucklingFilm, FILMS
-    if args.raw:
-        return None
-    film = BucklingFilm(length=args.length * 1e-3, width=FILMS['25x3'].width,
-                        thickness=FILMS['25x3'].thickness, convention=args.convention)
-    most = float(recording.input.max())
-    try:
-        film.stroke(max(most, 0.0))
-    except ParameterError as error:
-        if args.columns:
-            return None
-        raise ParameterError(f'deflection of {most} m: {error}') from error
-    return film
+    """Run the kind that the command line names; return the exit status."""
+    return int(args.run_kind(args))

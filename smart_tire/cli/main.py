@@ -21,7 +21,7 @@ VERBS = {
     'replay': 'a bag onto topics',
     'recover': 'a whole bag out of a broken one',
     'analyze': 'estimates and figures out of bags',
-    'identify': 'the constants of a film out of a recording',
+    'identify': 'parameters out of recordings, with standard errors',
     'measure': 'deflections out of the charge of an identified film',
     'bench': 'what the stack costs on this machine',
     'reproduce': 'figures and tables of the papers, computed anew',

@@ -1,0 +1,58 @@
+"""``smart_tire identify film`` on the command line."""
+
+from __future__ import annotations
+
+import argparse
+
+import pytest
+from support.film_bench import one_loop, several_loops
+
+from smart_tire.cli import identify
+from smart_tire.errors import ParameterError
+from smart_tire.estimation.film_parameters import read_params
+from smart_tire.estimation.film_recording import write_columns, write_recording
+
+
+def command(*words):
+    parser = argparse.ArgumentParser()
+    identify.add_arguments(parser)
+    return identify.run(parser.parse_args([str(word) for word in words]))
+
+
+@pytest.fixture
+def data(tmp_path):
+    write_recording(tmp_path / 'data.csv', several_loops())
+    return tmp_path / 'data.csv'
+
+
+def test_it_prints_the_products_and_writes_parameters_and_figure(data, capsys):
+    assert command('film', data, '--gain', '34.47') == 0
+    said = capsys.readouterr().out
+    for name in ('alpha_gain', 'a_gain', 'b_gain', 'low_corner'):
+        assert f'{name} ' in said
+    assert 'not determined' not in said
+    assert read_params(data.with_name('data_film.yaml')).film.length == 0.025
+    assert data.with_name('data_film.png').read_bytes().startswith(b'\x89PNG')
+
+
+def test_other_columns_and_places_can_be_named(tmp_path, capsys):
+    recording = one_loop()
+    write_columns(tmp_path / 'data.csv', ('t', 'volts', 'q'),
+                  (recording.time, 300.0 * recording.input, recording.output))
+    out = tmp_path / 'stage.yaml'
+    assert command('film', tmp_path / 'data.csv', '--columns', 't,volts,q', '--out', out) == 0
+    assert 'volts is taken as the input of the hysteresis itself' in capsys.readouterr().out
+    assert read_params(out).film is None
+    assert out.with_suffix('.png').exists()
+
+
+def test_a_deflection_that_no_film_can_have_is_refused(data):
+    with pytest.raises(ParameterError, match='deflection of 0.012.* clamps have met'):
+        command('film', data, '--length', '10')
+
+
+def test_a_length_that_is_no_number_is_a_usage_error(data, capsys):
+    with pytest.raises(SystemExit) as left:
+        command('film', data, '--length', '-3')
+    assert left.value.code == 2
+    assert '--length' in capsys.readouterr().err
