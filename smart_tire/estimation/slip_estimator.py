@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 import math
 from typing import Any, Protocol
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from smart_tire.estimation.gate import Gate
 from smart_tire.estimation.shaking import Shaking
-from smart_tire.estimation.slip_filter import SlipFilter, Tape
+from smart_tire.estimation.slip_filter import Array, SlipFilter, Tape
 from smart_tire.estimation.slip_report import Estimate, Seen, SlipReport
 from smart_tire.estimation.slip_state import Motion, State, WheelTravel
 from smart_tire.estimation.standstill import Reading, Standstill
@@ -38,8 +39,8 @@ class EstimatorTape(Tape, Protocol):
     def start(self) -> None:
         """Note that nothing of what was before leads to what comes now."""
 
-    def mark(self, seen: Seen) -> None:
-        """Note that the state after the last move was reported with ``seen``."""
+    def mark(self, seen: Seen, x: Sequence[float], P: Array) -> None:
+        """Note that the state after the last move, by now ``x``, ``P``, was reported so."""
 
 
 class SlipEstimator:
@@ -247,7 +248,7 @@ class SlipEstimator:
         ahead = self._seconds(instant_ns) - self._time
         seen = Seen(instant_ns, ahead, self._imu[0], self._wheels.beyond_side)
         if self._tape is not None:
-            self._tape.mark(seen)
+            self._tape.mark(seen, self._filter.x, self._filter.P)
         return self._report.estimates(seen, self._filter.x, self._filter.P)
 
 
