@@ -1,0 +1,1 @@
+"""How well slip and localization are told: estimates, rivals, scores and figures of a run."""

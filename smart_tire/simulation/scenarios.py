@@ -1,0 +1,159 @@
+"""
+The simulated runs by which slip and localization are judged.
+
+Each is a full simulation with the sensor errors of the simulator and begins with standstill.
+Grounds without a word on it are flat concrete of the simulator. The speeds are chosen so that
+the true slips resemble those of the runs of the published targets.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from itertools import accumulate
+
+from smart_tire.parameters import RobotParams, SimulatorParams
+from smart_tire.parameters.robot import EncoderParams, FilmParams
+from smart_tire.parameters.simulation import GroundParams
+from smart_tire.simulation.faults import delayed, shuffled, silenced
+from smart_tire.simulation.run import Event, simulate
+
+Leg = tuple[float, float, float]  # s from which on, rpm left, rpm right
+Spoil = Callable[[list[Event], int], list[Event]]  # events and seed to events
+
+STANDSTILL = 3.0  # s, before the robot drives
+LATENCY = 0.2     # s, of late wheel speeds
+SILENCES = {      # topic -> from when to when [s]
+    'imu/data': ((20.0, 22.0), (55.0, 58.0), (90.0, 91.0), (130.0, 132.0)),
+    'wheel_states': ((40.0, 42.0), (110.0, 113.0))}
+
+CONCRETE = GroundParams(base='concrete', patches=())
+SAND = GroundParams(base='sand', patches=())
+# mu .47, .20 and .60 in turn along a circle to the left, all as stiff as concrete
+JUMPS = GroundParams(
+    names=('concrete', 'slippery', 'rough'), friction=(0.47, 0.20, 0.60),
+    stiffness=(52.7, 52.7, 52.7), drag=(0.015, 0.015, 0.015), base='concrete',
+    patches=('slippery=0,0.9,50,50', 'rough=-50,0.9,0,50'))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scenario:
+    """A run: what the robot does, on what ground, and how its sensors are worse than usual."""
+
+    name: str
+    title: str
+    legs: tuple[Leg, ...]
+    duration: float                  # s
+    ground: GroundParams = CONCRETE
+    wheel_rate: float = 16.0         # Hz
+    bias_scale: float = 1.0          # of the turn-on biases; the estimator is not told
+    latency: float = 0.0             # s, of the wheel speeds; the estimator is told
+    spoil: Spoil | None = field(default=None, compare=False)
+    averaged: bool = False           # judged at all times, by truth averaged over 125 ms
+
+    @property
+    def robot(self) -> RobotParams:
+        """Return the robot as the estimator is told."""
+        return RobotParams(encoder=EncoderParams(latency=self.latency))
+
+    def simulator(self, seed: int) -> SimulatorParams:
+        """Return the robot as it is, and its ground; no film is simulated."""
+        robot = self.robot
+        imu = replace(robot.imu, gyro_bias=self.bias_scale * robot.imu.gyro_bias,
+                      accel_bias=self.bias_scale * robot.imu.accel_bias)
+        return SimulatorParams(seed=seed, ground=self.ground,
+                               robot=replace(robot, imu=imu, film=FilmParams(wheels=())))
+
+    def events(self, seed: int) -> list[Event]:
+        """Return what is received, with ``ground_truth/*``, in the order of reception."""
+        events = simulate(self.simulator(seed), self.legs, self.duration,
+                          wheel_rate=self.wheel_rate)
+        # a message that is late comes after its stamp, not before
+        events = delayed(events, 'wheel_states', self.latency)
+        return self.spoil(events, seed) if self.spoil else events
+
+
+def sequence(*parts: Leg) -> tuple[tuple[Leg, ...], float]:
+    """Return legs from ``parts`` (for how long [s], left, right [rpm]), and the end [s]."""
+    times = list(accumulate((length for length, _, _ in parts), initial=STANDSTILL))
+    return tuple((t, left, right) for t, (_, left, right) in zip(times, parts)), times[-1]
+
+
+def _sweep(right: float) -> Scenario:
+    legs, duration = sequence(*((5.0, left, right) for left in range(20, 141, 20)))
+    return Scenario(name=f'sweep_{right:.0f}', title=f'sweep, right {right:.0f} rpm', legs=legs,
+                    duration=duration)
+
+
+def _figure_eight() -> tuple[tuple[Leg, ...], float]:
+    """Return 180 s of loops to the right and to the left, standing after every third."""
+    lobes: list[Leg] = []
+    for loop in range(14):
+        lobes.append((11.3, 98.0, 62.0) if loop % 2 == 0 else (11.3, 62.0, 98.0))
+        if loop % 3 == 2:
+            lobes.append((4.0, 0.0, 0.0))
+    legs, _ = sequence(*lobes)
+    return legs, 180.0
+
+
+def _stop_and_go() -> Scenario:
+    moves = ((4.0, 90.0, 90.0), (3.0, 100.0, 50.0), (3.0, -60.0, -60.0), (3.0, 50.0, 100.0),
+             (2.0, 140.0, 140.0), (4.0, 40.0, 40.0))
+    rest = 1.5, 0.0, 0.0
+    legs, duration = sequence(*(part for move in moves * 2 for part in (move, rest)))
+    return Scenario(name='stop_and_go', title='stop and go', legs=legs, duration=duration)
+
+
+def _straight() -> Scenario:
+    starts = [(1.0, 140.0, 140.0), (0.6, 0.0, 0.0)] * 4
+    pulses = [(0.9, speed, speed) for speed in (140.0, 20.0)] * 4
+    back = [(1.0, -140.0, -140.0), (0.6, 0.0, 0.0)] * 4
+    legs, duration = sequence(*starts, *pulses, (0.6, 0.0, 0.0), *back)
+    return Scenario(name='straight', title='straight accelerate / brake', legs=legs,
+                    duration=duration, averaged=True)
+
+
+def _spin() -> Scenario:
+    rest = 1.5, 0.0, 0.0
+    legs, duration = sequence(
+        (6.0, -50.0, 50.0), rest, (6.0, 60.0, -60.0), rest, (6.0, -60.0, -60.0), rest,
+        (7.0, -80.0, -50.0), rest)
+    return Scenario(name='spin_reverse', title='spin in place, reverse', legs=legs,
+                    duration=duration)
+
+
+def _gaps(events: list[Event], seed: int) -> list[Event]:
+    """Drop the IMU four times and the wheels twice, repeat and disorder what is left."""
+    for topic, spans in SILENCES.items():
+        events = silenced(events, topic, spans)
+    return shuffled(events, tuple(SILENCES), twice=0.05, held_back=0.1, longest=0.025, seed=seed)
+
+
+def _all() -> tuple[Scenario, ...]:
+    turn, turn_end = sequence((30.0, 120.0, 60.0))
+    curve, curve_end = sequence((60.0, 60.0, 90.0))
+    eight, eight_end = _figure_eight()
+    loops = partial(Scenario, legs=eight, duration=eight_end)
+    return (
+        Scenario(name='concrete', title='concrete, 120/60 rpm', legs=turn, duration=turn_end),
+        Scenario(name='sand', title='sand, 120/60 rpm', legs=turn, duration=turn_end, ground=SAND),
+        _sweep(60.0), _sweep(80.0),
+        Scenario(name='mu_jumps', title='mu jumps .47/.20/.60 on a curve', legs=curve,
+                 duration=curve_end, ground=JUMPS),
+        loops(name='figure_eight', title='figure-eight with stops'),
+        _stop_and_go(),
+        loops(name='degraded', title='degraded: wheels at 4 Hz, biases x3', wheel_rate=4.0,
+              bias_scale=3.0),
+        loops(name='late_wheels', title='degraded: wheels at 4 Hz, 0.2 s late', wheel_rate=4.0,
+              latency=LATENCY),
+        loops(name='gaps', title='degraded: drop-outs, duplicates, disorder', spoil=_gaps),
+        _straight(), _spin())
+
+
+SCENARIOS: Mapping[str, Scenario] = {scenario.name: scenario for scenario in _all()}
+
+
+def chosen(names: Sequence[str]) -> list[Scenario]:
+    """Return the scenarios of ``names``, all of them for none; raise KeyError for others."""
+    return [SCENARIOS[name] for name in names or SCENARIOS]
