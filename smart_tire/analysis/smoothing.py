@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from smart_tire.analysis.series import Series
+from smart_tire.estimation.slide_timing import timed
 from smart_tire.estimation.slip_estimator import SlipEstimator
 from smart_tire.estimation.slip_report import Estimate, SlipReport
 from smart_tire.estimation.slip_state import N
@@ -34,7 +35,7 @@ class SmoothedSlip:
 
     def smoothed(self) -> Iterator[list[Estimate]]:
         """Yield the smoothed estimates of one instant after the other: those of ``update``."""
-        for state in self._smoother.states():
+        for state in timed(self._smoother.states()):
             yield self._report.estimates(state.seen, state.x, state.P)
 
     def close(self) -> None:

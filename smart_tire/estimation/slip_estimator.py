@@ -72,6 +72,7 @@ class SlipEstimator:
         self._log = TravelLog()
         self._zero_ns: int | None = None  # instant from which seconds are counted
         self._time = 0.0                  # s, of the filter's state
+        self._wheels_at = 0.0             # s, middle of what the last wheel reading describes
         self._imu_time: float | None = None
         self._imu: Reading | None = None  # last rate z, force x, y
         self._imu_period = 0.01           # s, of the IMU, until it is known better
@@ -221,6 +222,7 @@ class SlipEstimator:
             return
         if self._imu is None:
             return
+        self._wheels_at = time - 0.5 * reading.duration
         rest = self._standstill.rest(time, max(map(abs, reading.wheel_speeds)))
         self._at_rest = rest is not None and (
             rest.duration > TRUSTED_REST or self._slow())
@@ -246,7 +248,8 @@ class SlipEstimator:
     def _estimates(self, instant_ns: int) -> list[Estimate]:
         assert self._imu is not None
         ahead = self._seconds(instant_ns) - self._time
-        seen = Seen(instant_ns, ahead, self._imu[0], self._wheels.beyond_side)
+        seen = Seen(instant_ns, ahead, self._imu[0], self._wheels.beyond_side, self._time,
+                    self._wheels_at)
         if self._tape is not None:
             self._tape.mark(seen, self._filter.x, self._filter.P)
         return self._report.estimates(seen, self._filter.x, self._filter.P)

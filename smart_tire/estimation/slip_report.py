@@ -35,6 +35,8 @@ class Seen:
     ahead: float       # s, from the time of the state to the instant
     gyro_z: float      # rad/s, rate of the last sample in base axes, bias not removed
     beyond_side: Four  # m/s, speed of each wheel beyond its side's mean
+    time: float        # s, of the state
+    wheels_at: float   # s, middle of the time that the last wheel reading describes
 
 
 class SlipReport:

@@ -44,6 +44,7 @@ class Links(NamedTuple):
 class Smoothed:
     """A state in the light of the whole run, and what was seen besides when it was reported."""
 
+    stretch: int    # counts the starts
     seen: Seen
     x: list[float]  # (N,)
     P: Array        # (N, N)
@@ -134,10 +135,12 @@ class Smoother:
         """Yield the smoothed state of each mark, in the order of the marks."""
         self.start()
         self._go_back()
+        stretch = 0
         for block in self._blocks:
             x, P = self._unpack(self._read(block.place, block.links + 1, self._packed))
             for number, seen in self._spool.items(block.marks):
-                yield Smoothed(seen, x[number].tolist(), P[number])
+                yield Smoothed(stretch, seen, x[number].tolist(), P[number])
+            stretch += block.end is not None
 
     def _go_back(self) -> None:
         """Replace all links by states, from the last to the first."""
