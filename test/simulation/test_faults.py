@@ -11,11 +11,11 @@ from smart_tire.simulation.faults import delayed, shuffled, silenced
 @pytest.fixture
 def events():
     """Return 10 s of an inertial unit at 100 Hz and wheels at 10 Hz."""
-    imu = [(n * NS_PER_S // 100, 'imu/data', ImuSample(n * NS_PER_S // 100, (0.0,) * 3, (0.0,) * 3))
+    imu = [('imu/data', ImuSample(n * NS_PER_S // 100, (0.0,) * 3, (0.0,) * 3))
            for n in range(1000)]
-    wheels = [(n * NS_PER_S // 10, 'wheel_states', WheelSample(n * NS_PER_S // 10, (0.0,) * 4))
-              for n in range(100)]
-    return sorted(imu + wheels, key=lambda event: event[0])
+    wheels = [('wheel_states', WheelSample(n * NS_PER_S // 10, (0.0,) * 4)) for n in range(100)]
+    return sorted(((sample.stamp_ns, topic, sample) for topic, sample in imu + wheels),
+                  key=lambda event: event[0])
 
 
 def of(events, topic):

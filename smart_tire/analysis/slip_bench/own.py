@@ -1,4 +1,4 @@
-"""The slip estimator under test, run as the node runs it."""
+"""The slip estimator under test: as the node runs it, and smoothed afterwards."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import time
 
 from smart_tire.analysis.series import Table
 from smart_tire.analysis.slip_bench.tracks import as_estimate, Estimate, Statistic
+from smart_tire.analysis.smoothing import SmoothedSlip
 from smart_tire.estimation.slip_estimator import SlipEstimator
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.samples import ImuSample, NS_PER_S, Odometry, Sample, WheelSample
@@ -33,3 +34,15 @@ def live_estimate(samples: Iterable[Sample], params: SlipEstimatorParams) -> Est
             statistic.add(estimates[0].stamp_ns, (nis,))
     stamps, values = statistic.arrays()
     return as_estimate(records, Statistic(stamps, values[:, 0]), 1e6 * spent / max(steps, 1))
+
+
+def smoothed_estimate(samples: Iterable[Sample], params: SlipEstimatorParams) -> Estimate:
+    """Return what the smoother tells when all ``samples`` are in."""
+    slip = SmoothedSlip(params)
+    try:
+        for sample in samples:
+            if isinstance(sample, (ImuSample, WheelSample)):
+                slip.update(sample)
+        return as_estimate(record for records in slip.smoothed() for record in records)
+    finally:
+        slip.close()

@@ -26,7 +26,7 @@ APART = 0.4          # s from any fast change
 FAST = 1.5           # rad/s2, of a wheel; the four numbers are those of the published targets
 SMOOTHED = 0.05      # s, over which dw/dt is taken: longer than the control's step of 0.02 s
 AVERAGED = 0.125     # s, over which the truth is averaged where all times count
-MAX_GAP = 0.1        # s between two estimates; the grid has 0.008 s, the slowest wheels 0.25 s
+MAX_GAP = 0.5        # s between two estimates; longer, nothing is known in between
 ELLIPSE = -2.0 * math.log(0.05)  # squared distance with 95 % of a plane's normal errors inside
 TURNING = 0.1        # rad/s, above which the centre of rotation is judged
 
@@ -205,8 +205,9 @@ def path_score(estimate: Estimate, truth: Truth) -> PathScore:
 
 def _squares(error: Floats, covariance: Floats) -> Floats:
     """Return squares of errors (n, 2) over their covariances, where these are solid."""
-    determinant = np.linalg.det(covariance)
-    solid = np.isfinite(determinant) & (determinant > 0.0)
+    known = np.isfinite(covariance).all(axis=(1, 2)) & np.isfinite(error).all(axis=1)
+    error, covariance = error[known], covariance[known]
+    solid = np.linalg.det(covariance) > 0.0
     error, covariance = error[solid], covariance[solid]
     squares: Floats = np.einsum(
         'ni,ni->n', error, np.linalg.solve(covariance, error[..., np.newaxis])[..., 0])
