@@ -73,6 +73,16 @@ class FilmParams:
         if len(set(self.wheels)) != len(self.wheels):
             raise ValueError(f'film.wheels names a wheel twice: {list(self.wheels)}')
 
+    @property
+    def code(self) -> float:
+        """Return what one step of the converter means [V]."""
+        return self.voltage_range / (2**self.bits - 1)
+
+    @property
+    def sample_variance(self) -> float:
+        """Return the variance of one sample [V^2]: noise, and rounding to a code."""
+        return self.noise**2 + self.code**2 / 12.0
+
     def gains(self, wheel: str) -> tuple[float, float]:
         """Return the stretch gains [V/m] of the two films of ``wheel``."""
         return self._pair(self.stretch_gain, wheel)

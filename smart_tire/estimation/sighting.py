@@ -1,0 +1,130 @@
+"""
+First look at a contact: whether it is a film's passage, and roughly where.
+
+The waveform from entry to release is laid over the samples at places a few millimetres apart, and
+amplitudes are solved for; a parabola through the best three places gives a fraction of a
+millimetre. A fit of the whole waveform starts from here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smart_tire.models import tread_film
+from smart_tire.parameters.robot import RobotParams
+
+Array = NDArray[np.float64]
+
+STEP = 0.0025          # m, between the places that are tried
+FINE = 1e-4            # m, between entries of the table
+TAIL = 12.0 * tread_film.RECOVERY  # m, after which the release has died away
+MOST = 60              # samples that a search takes; more are thinned out
+SLIDINGS = np.array([0.15, 0.5, 1.0])  # -, of total slip / critical slip, that are tried
+ENTRY = 0.75           # of the film's length: before, the charge is small and bumps disturb it
+BENDING_SIGMA = 0.5    # relative, of the bending peak: cycle to cycle, and badly known
+SLIP_SIGMA = 1.0       # -, weakest possible knowledge of the slip
+FEWEST = 8             # samples from entry to release
+PLAUSIBLE_BENDING = (0.3, 3.0)  # of the nominal bending peak
+LARGEST_RESIDUAL = 0.2  # of the bending peak, rms
+LONG_STEP = 2.5         # of the median step between samples: a longer one is a gap
+
+
+@dataclass(frozen=True, slots=True)
+class Sighting:
+    """A film's passage, as far as a first look tells."""
+
+    middle: float    # m, rolled distance at which film's and patch's middle coincide
+    bending: float   # V
+    slip: float      # -, B(3)'s lambda
+    sliding: float   # -, total slip / critical slip, one of ``SLIDINGS``
+    coverage: float  # share of the way from entry to release that was sampled, 0 to 1
+
+
+class Sighter:
+    """Looks for passages of a robot's films."""
+
+    def __init__(self, robot: RobotParams) -> None:
+        film, patch = robot.film, robot.tire.contact_length
+        self._film_length, self._patch = film.length, patch
+        self._lead = 0.5 * (patch - film.length)  # x where the middles coincide
+        self._variance = film.sample_variance
+        # bending, and stretch per slip for each of SLIDINGS, read off a table
+        self._first = -film.length - FINE
+        x = np.arange(self._first, patch + TAIL, FINE)
+        w = SLIDINGS[:, np.newaxis]
+        self._table = np.concatenate([
+            tread_film.bending_passage(x, film.length, patch, film.bending_alpha,
+                                       film.release)[np.newaxis],
+            tread_film.stretch_integral(x, w, w, 1.0, film.length, patch) / w])
+        self._table[:, -1] = 0.0
+
+    def look(self, distance: Array, volts: Array, *, bending: float, gain: float,
+             between: tuple[float, float]) -> Sighting | None:
+        """
+        Return the passage in ``volts`` above rest, None if there is none.
+
+        ``distance`` (n,) [m] is rolled in the direction of motion, up to a constant; the middle
+        is looked for ``between`` two distances. ``bending`` [V] and ``gain`` [V/m] are nominal.
+        """
+        if len(distance) < FEWEST:
+            return None
+        middles = np.arange(between[0], between[1] + STEP, STEP)
+        thin = max(len(distance) // MOST, 1)
+        explained = self._solve(distance[::thin], volts[::thin], middles, bending, gain)[0]
+        j, i = np.unravel_index(int(np.argmax(explained)), explained.shape)
+        middle = float(middles[i]) + STEP * _vertex(explained[j], int(i))
+        x = distance - middle + self._lead
+        inside = (x > -ENTRY * self._film_length) & (x < self._patch)
+        if np.count_nonzero(inside) < FEWEST:
+            return None
+        _, amplitude, stretch = self._solve(
+            distance[inside], volts[inside], np.array([middle]), bending, gain)
+        found = Sighting(middle, float(amplitude[j, 0]), float(stretch[j, 0]) / gain,
+                         float(SLIDINGS[j]), self._coverage(x[inside]))
+        bend, *stretches = self._parts(x[inside])
+        left = volts[inside] - found.bending * bend - float(stretch[j, 0]) * stretches[j]
+        low, high = PLAUSIBLE_BENDING
+        plausible = (low * bending < found.bending < high * bending
+                     and math.sqrt(float(np.mean(left**2))) < LARGEST_RESIDUAL * found.bending)
+        return found if plausible else None
+
+    def _solve(self, distance: Array, volts: Array, middles: Array, bending: float,
+               gain: float) -> tuple[Array, Array, Array]:
+        """Return the explained part [V^2], bending [V] and stretch [V/m], (slidings, places)."""
+        parts = self._parts(distance - middles[:, np.newaxis] + self._lead)
+        b, s = parts[0], parts[1:]
+        # normal equations for all places at once, weakly regularised
+        weak = self._variance
+        bb = np.einsum('ij,ij->i', b, b) + weak / (BENDING_SIGMA * bending)**2
+        ss = np.einsum('kij,kij->ki', s, s) + weak / (SLIP_SIGMA * gain)**2
+        bs = np.einsum('ij,kij->ki', b, s)
+        bv = b @ volts + weak / (BENDING_SIGMA**2 * bending)
+        sv = s @ volts
+        determinant = bb * ss - bs**2
+        amplitude = (ss * bv - bs * sv) / determinant
+        stretch = (bb * sv - bs * bv) / determinant
+        return amplitude * bv + stretch * sv, amplitude, stretch
+
+    def _parts(self, x: Array) -> Array:
+        """Return bending and stretches per slip, (1 + slidings, ...), at places x."""
+        index = ((x - self._first) * (1.0 / FINE) + 0.5).astype(np.intp)
+        found: Array = self._table[:, np.clip(index, 0, self._table.shape[1] - 1)]
+        return found
+
+    def _coverage(self, x: Array) -> float:
+        steps = np.diff(np.sort(x))
+        seen = float(np.sum(np.minimum(steps, LONG_STEP * np.median(steps))))
+        return min(seen / (self._patch + ENTRY * self._film_length), 1.0)
+
+
+def _vertex(values: Array, i: int) -> float:
+    """Return by how many steps the top of the parabola around the ``i``-th value is off it."""
+    if not 0 < i < len(values) - 1:
+        return 0.0
+    below, top, above = values[i - 1:i + 2].tolist()
+    bend = below - 2.0 * top + above
+    return min(max(0.5 * (below - above) / bend, -0.5), 0.5) if bend < 0.0 else 0.0

@@ -1,0 +1,293 @@
+"""
+Fit of the whole waveform of a passage: all films of a wheel together.
+
+Least squares with priors, by Gauss-Newton with Levenberg's damping: slip and sliding share are
+those of all films, the rest belongs to each. Samples far off count less, clipped ones only where
+the fit stays short of the rail.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smart_tire.estimation.motion import Estimate
+from smart_tire.estimation.sighting import Sighting
+from smart_tire.estimation.waveform_model import FilmSamples, Own, own, Shared, WaveformModel
+from smart_tire.parameters.robot import RobotParams
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+FEWEST = 8               # samples of a film; priors stand for what they do not tell
+PLACE_SIGMA = 0.005      # m, of the place where a film was sighted
+OFFSET_SIGMA = 0.01      # V, of the tracked rest voltage
+BENDING_SIGMA = 0.5      # relative, of the bending peak: cycle to cycle, and badly known
+BUMP, BUMP_SIGMA = 0.12, 0.12  # of the bending peak; 0.10 to 0.15 in Fig. 11(b)
+RECOVERY_SIGMA = 0.5     # of the logarithm: some millimetres of travel
+ALPHA_SIGMA = 0.03       # likewise, of the bending shape: assumed
+SLIP_SIGMA = 1.0         # -, weakest possible knowledge of the slip
+TYPICAL_SLIDING = 0.3    # -, of total slip / critical slip ...
+SLIDING_SIGMA = 1.0      # -, ... and the weakest possible knowledge of it
+LEAST_SLIP = 0.02        # -, below which a relative change of slip means nothing
+LEAST_TOLERANCE = 1e-6   # relative, of gains that are said to be exact
+LARGEST_STEP = 0.003     # m, of a place in one iteration
+SLIDING_RANGE = (-5.0, 10.0)  # -, far beyond all that can be told
+ITERATIONS = 15
+DAMPED, GROWS, SHRINKS = 1e-4, 10.0, 0.1  # Levenberg's damping: first, after failure and success
+MOST_DAMPED = 1e6
+CONVERGED = 0.01         # of the misfit, which is chi-squared: a tenth of a sigma
+OUTLIER = 3.0            # sigmas, beyond which a sample counts less
+MEDIAN_TO_SIGMA = 1.4826  # of the absolute values of Gaussian noise
+
+
+@dataclass(frozen=True, slots=True)
+class CourseErrors:
+    """One sigma of what is uncertain in the distances of a passage."""
+
+    scale: float = 0.0  # -, relative, of the scale
+    drift: float = 0.0  # -, of its change over a contact length
+    warp: float = 0.0   # m, of each sample, as if independent
+
+
+@dataclass(frozen=True, slots=True)
+class SlipKnowledge:
+    """What is known of the slip without the films."""
+
+    slip: Estimate = (0.0, SLIP_SIGMA)  # -, at the reference
+    change: Estimate = (0.0, 0.0)       # -, of the slip over a contact length
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Passage:
+    """
+    Samples of the films of a wheel in one passage, film by film, and where each was sighted.
+
+    ``reference`` [m] is the distance for which slip and sliding are told.
+    """
+
+    films: tuple[FilmSamples, ...]
+    sightings: tuple[Sighting, ...]
+    reference: float
+    errors: CourseErrors = field(default_factory=CourseErrors)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WaveformFit:
+    """
+    What was fitted to one passage.
+
+    ``parameters`` and their ``covariance`` have the order of ``Shared`` and, film by film, of
+    ``Own``; ``noise`` and ``lasting`` split the covariance (2, 2) of slip and sliding into what is
+    new in every passage and what gains and the slip from elsewhere leave.
+    """
+
+    passage: Passage
+    parameters: Array
+    covariance: Array
+    noise: Array
+    lasting: Array
+    residual: float  # V, rms
+    excess: float    # mean square of residuals over that of the noise, at least 1
+
+    @property
+    def slip(self) -> Estimate:
+        """Return the longitudinal slip ratio with one sigma."""
+        return self._estimate(Shared.SLIP)
+
+    @property
+    def sliding(self) -> Estimate:
+        """Return total slip / critical slip with one sigma; noise may make it negative."""
+        return self._estimate(Shared.SLIDING)
+
+    def shared(self, which: Shared) -> Estimate:
+        """Return a parameter that the films share, with one sigma."""
+        return self._estimate(which)
+
+    def own(self, position: int, which: Own) -> Estimate:
+        """Return a parameter of the film at ``position`` in the passage, with one sigma."""
+        return self._estimate(own(position, which))
+
+    def _estimate(self, index: int) -> Estimate:
+        return (float(self.parameters[index]),
+                math.sqrt(max(float(self.covariance[index, index]), 0.0)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Prior:
+    """What is known before a passage is seen; a sigma of 0 fixes a parameter."""
+
+    value: Array
+    precision: Array  # 1 / variance, 0 of fixed parameters
+    free: Indices     # of the parameters that are fitted
+    lasting: Indices  # of those whose error is the same in other passages
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Point:
+    """Parameters and what the model makes of them."""
+
+    p: Array
+    residual: Array  # V, (n,)
+    slopes: Array    # (m, n), by the free parameters
+    by_place: Array  # V/m, (n,)
+    strain: float    # by how many sigmas, squared, the priors are off
+
+
+class WaveformFitter:
+    """
+    Fits ``WaveformModel`` to the passages of one wheel.
+
+    ``gains`` [V/m] and ``bending`` [V] are the nominal ones of all films of the wheel;
+    ``gain_sigma`` (that of the robot's description by default) and ``length_sigma`` are relative
+    sigmas of gains and contact length; the latter is taken for known where its sigma is 0.
+    """
+
+    def __init__(self, robot: RobotParams, gains: Sequence[float], bending: Sequence[float], *,
+                 gain_sigma: float | None = None, length_sigma: float = 0.0) -> None:
+        self._robot, film = robot, robot.film
+        self._gains, self._bending = tuple(gains), tuple(bending)
+        tolerance = film.stretch_gain_tolerance if gain_sigma is None else gain_sigma
+        self._gain_sigma = max(tolerance, LEAST_TOLERANCE)
+        self._length_sigma = length_sigma
+        self._variance = film.sample_variance
+
+    def fit(self, passage: Passage, known: SlipKnowledge = SlipKnowledge(),
+            start: WaveformFit | None = None) -> WaveformFit | None:
+        """
+        Return the fit of ``passage``, None where a film has too few samples.
+
+        A fit of the same passage with other knowledge of the slip is a good ``start``.
+        """
+        if min(len(one.distance) for one in passage.films) < FEWEST:
+            return None
+        p = self._start(passage) if start is None else start.parameters
+        prior = self._prior(passage, known, float(p[Shared.SLIP]))
+        model = WaveformModel(self._robot, self._gains, passage.films, passage.reference)
+        return _Descent(model, passage, prior, self._variance).run(p)
+
+    def _start(self, passage: Passage) -> Array:
+        p = np.zeros(own(len(passage.films), Own.PLACE))
+        for i, (one, seen) in enumerate(zip(passage.films, passage.sightings)):
+            bump = BUMP * self._bending[one.film]
+            p[own(i, Own.PLACE):own(i, Own.GAIN)] = seen.middle, 0.0, seen.bending, bump, bump
+        p[Shared.SLIP], p[Shared.SLIDING] = np.mean(
+            [(seen.slip, seen.sliding) for seen in passage.sightings], axis=0)
+        return p
+
+    def _prior(self, passage: Passage, known: SlipKnowledge, slip: float) -> _Prior:
+        count, errors = len(passage.films), passage.errors
+        value, sigma = np.zeros((2, own(count, Own.PLACE)))
+        scale = math.copysign(max(abs(slip), LEAST_SLIP), slip)  # GROWTH is relative to the slip
+        value[:len(Shared)] = (
+            known.slip[0], TYPICAL_SLIDING, known.change[0] / scale, 0.0, 0.0, 0.0, 0.0)
+        sigma[:len(Shared)] = (
+            known.slip[1], SLIDING_SIGMA, known.change[1] / abs(scale), errors.scale,
+            errors.drift, ALPHA_SIGMA, self._length_sigma)
+        recovery = RECOVERY_SIGMA if self._robot.film.release == 'fig8' else 0.0
+        for i, (one, seen) in enumerate(zip(passage.films, passage.sightings)):
+            peak, block = self._bending[one.film], slice(own(i, Own.PLACE), own(i + 1, Own.PLACE))
+            value[block] = seen.middle, 0.0, peak, BUMP * peak, BUMP * peak, 0.0, 0.0
+            sigma[block] = (PLACE_SIGMA, OFFSET_SIGMA, BENDING_SIGMA * peak, BUMP_SIGMA * peak,
+                            BUMP_SIGMA * peak, self._gain_sigma, recovery)
+        free = np.flatnonzero(sigma > 0.0)
+        precision = np.zeros_like(sigma)
+        precision[free] = sigma[free]**-2
+        lasting = [Shared.SLIP, *(own(i, Own.GAIN) for i in range(count))]
+        return _Prior(value, precision, free, np.array(lasting, dtype=np.intp))
+
+
+class _Descent:
+    """One fit, from a start to the least misfit."""
+
+    def __init__(self, model: WaveformModel, passage: Passage, prior: _Prior,
+                 variance: float) -> None:
+        self._model, self._passage, self._prior = model, passage, prior
+        self._variance = variance
+        self._volts = np.concatenate([one.volts for one in passage.films])
+        self._rail = np.concatenate([one.rail for one in passage.films])
+        self._clips = bool(self._rail.any())
+
+    def run(self, p: Array) -> WaveformFit:
+        prior = self._prior
+        fixed = np.ones(len(p), dtype=bool)
+        fixed[prior.free] = False
+        point = self._at(np.where(fixed, prior.value, p))
+        damping = DAMPED
+        for _ in range(ITERATIONS):
+            weight = self._weights(point)
+            hessian = (point.slopes * weight) @ point.slopes.T
+            np.fill_diagonal(hessian, hessian.diagonal() + prior.precision[prior.free])
+            gradient = point.slopes @ (weight * point.residual) + (
+                prior.precision * (prior.value - point.p))[prior.free]
+            moved = self._step(point, weight, hessian, gradient, damping)
+            if moved is None:
+                break
+            point, damping = moved
+        return self._judge(point, weight, np.linalg.inv(hessian))
+
+    def _at(self, p: Array) -> _Point:
+        output, slopes, by_place = self._model.linearised(p)
+        prior = self._prior
+        strain = float(prior.precision @ (p - prior.value)**2)
+        return _Point(p, self._volts - output, slopes[prior.free], by_place, strain)
+
+    def _step(self, point: _Point, weight: Array, hessian: Array, gradient: Array,
+              damping: float) -> tuple[_Point, float] | None:
+        """Return a better point and the damping after it, None where none is much better."""
+        before = self._misfit(point, weight)
+        diagonal = np.diag(hessian.diagonal())
+        while damping < MOST_DAMPED:
+            step = np.linalg.solve(hessian + damping * diagonal, gradient)
+            if float(gradient @ step) < CONVERGED:
+                return None
+            trial = self._at(self._moved(point.p, step))
+            if self._misfit(trial, weight) <= before:
+                return trial, SHRINKS * damping
+            damping *= GROWS
+        return None
+
+    def _moved(self, p: Array, step: NDArray[np.floating]) -> Array:
+        """Return ``p`` after ``step``, shortened where a place would jump."""
+        whole = np.zeros_like(p)
+        whole[self._prior.free] = step
+        farthest = float(np.max(np.abs(whole[own(0, Own.PLACE)::len(Own)])))
+        moved: Array = p + whole * min(1.0, LARGEST_STEP / max(farthest, LARGEST_STEP))
+        low, high = SLIDING_RANGE
+        moved[Shared.SLIDING] = min(max(float(moved[Shared.SLIDING]), low), high)
+        return moved
+
+    def _misfit(self, point: _Point, weight: Array) -> float:
+        if self._clips:
+            weight = np.where(self._rail * point.residual < 0.0, 0.0, weight)
+        return float(weight @ point.residual**2) + point.strain
+
+    def _weights(self, point: _Point) -> Array:
+        """Return 1 / variance, less for outliers (Huber), none for what is beyond its rail."""
+        variance = self._variance + (self._passage.errors.warp * point.by_place)**2
+        size = np.abs(point.residual) / np.sqrt(variance)
+        spread = max(1.0, MEDIAN_TO_SIGMA * float(np.median(size)))
+        weight: Array = 1.0 / (variance * np.maximum(size / (OUTLIER * spread), 1.0))
+        return np.where(self._rail * point.residual < 0.0, 0.0, weight) if self._clips else weight
+
+    def _judge(self, point: _Point, weight: Array, inverse: Array) -> WaveformFit:
+        """Return what was fitted, with its covariance."""
+        prior, p = self._prior, point.p
+        counted = weight > 0.0
+        freedom = max(int(np.count_nonzero(counted)) - len(prior.free), 1)
+        # stray samples count as far as they weigh, a model that does not hold as much as it fails
+        size = weight * point.residual**2
+        excess = max(1.0, float(np.sum(np.minimum(size, OUTLIER**2))) / freedom,
+                     float(np.median(size[counted])) * MEDIAN_TO_SIGMA**2)
+        covariance = np.zeros((len(p), len(p)))
+        covariance[np.ix_(prior.free, prior.free)] = inverse
+        both = covariance[[Shared.SLIP, Shared.SLIDING]]
+        through = both[:, prior.lasting]
+        lasting = (through * prior.precision[prior.lasting]) @ through.T
+        noise = excess * (both[:, [Shared.SLIP, Shared.SLIDING]] - lasting)
+        return WaveformFit(self._passage, p, excess * covariance, noise, lasting,
+                           math.sqrt(float(np.mean(point.residual[counted]**2))), excess)

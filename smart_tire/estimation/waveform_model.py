@@ -1,0 +1,133 @@
+"""
+The output of all films of a wheel in one passage, and its Jacobian.
+
+Samples lie over the rolled distance, in the direction of motion and up to a constant. What the
+films share comes first in the parameters, then a block of each film.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smart_tire.models import passage_waveform, tread_film
+from smart_tire.parameters.robot import RobotParams
+
+Array = NDArray[np.float64]
+
+LEAST_SLIDING = 0.01  # -, below, the model goes on linearly: noise may make a sliding negative
+
+
+class Shared(IntEnum):
+    """Parameters that all films of a wheel share."""
+
+    SLIP = 0     # -, B(3)'s lambda where the distance is the reference
+    SLIDING = 1  # -, total slip / critical slip there
+    GROWTH = 2   # -, relative change of both over a contact length
+    SCALE = 3    # -, relative error of the distances' scale at the reference ...
+    DRIFT = 4    # -, ... and its change over a contact length
+    ALPHA = 5    # -, ln of B(15)'s alpha over the nominal one
+    LENGTH = 6   # -, ln of the contact length over the nominal one
+
+
+class Own(IntEnum):
+    """Parameters of one film."""
+
+    PLACE = 0     # m, distance at which film's and patch's middle coincide
+    OFFSET = 1    # V
+    BENDING = 2   # V, q_bm
+    BEFORE = 3    # V, height of the bump before the contact ...
+    AFTER = 4     # V, ... and behind it
+    GAIN = 5      # -, relative error of the stretch gain
+    RECOVERY = 6  # -, ln of the recovery over the nominal one
+
+
+def own(film: int, which: Own) -> int:
+    """Return the index of a parameter of the ``film``-th film of a passage."""
+    return len(Shared) + len(Own) * film + which
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FilmSamples:
+    """Samples of one film around a passage."""
+
+    film: int        # index of the film on the wheel, 0 for film 1
+    distance: Array  # m, (n,), rolled in the direction of motion
+    volts: Array     # V, (n,), above rest
+    rail: NDArray[np.int8]  # (n,), 1 where clipped at the upper rail, -1 at the lower, else 0
+
+
+class WaveformModel:
+    """
+    ``tread_film.passage`` with bumps for films of a wheel in one passage.
+
+    ``gains`` [V/m] are the nominal ones of all films of the wheel; ``reference`` [m] is the
+    distance for which slip and sliding of ``Shared`` are told.
+    """
+
+    def __init__(self, robot: RobotParams, gains: Sequence[float], films: Sequence[FilmSamples],
+                 reference: float) -> None:
+        self._film, self._patch = robot.film, robot.tire.contact_length
+        self._ends = np.cumsum([0, *(len(one.distance) for one in films)]).tolist()
+        self._index = np.repeat(np.arange(len(films)), np.diff(self._ends))
+        self._gain = np.array([gains[one.film] for one in films])[self._index]
+        self._distance = np.concatenate([one.distance for one in films])
+        self._reference = reference
+        self._far = (self._distance - reference) / self._patch
+
+    def linearised(self, p: Array) -> tuple[Array, Array, Array]:
+        """
+        Return the output above rest [V], its slopes, and its slope by the place [V/m].
+
+        Shapes are (n,), (m, n) and (n,) for n samples of all films and m parameters.
+        """
+        place, offset, bending, before, after, gain, recovery = (
+            p[len(Shared):].reshape(-1, len(Own)).T[:, self._index])
+        slip, sliding, growth, scale, drift, alpha, length = p[:len(Shared)].tolist()
+        alpha, patch = self._film.bending_alpha * math.exp(alpha), self._patch * math.exp(length)
+        tail = tread_film.RECOVERY * np.exp(recovery)
+        way = self._distance - place
+        bend_way = (0.5 / self._patch) * (self._distance + place - 2.0 * self._reference)
+        x = way * (1.0 + scale + drift * bend_way) + 0.5 * (patch - self._film.length)
+
+        bend = passage_waveform.bending(x, self._film.length, patch, alpha, self._film.release,
+                                        tail)
+        bump, behind = passage_waveform.bumps(x, self._film.length, patch)
+        height = np.where(behind, after, before)
+        grown = 1.0 + growth * self._far
+        local = sliding * grown
+        inside = np.maximum(local, LEAST_SLIDING)
+        strain = passage_waveform.stretch(x, inside, self._film.length, patch)
+        unit = strain.value + (local - inside) * strain.by_sliding
+
+        volts_per = self._gain * grown  # per metre of strain and unit of SLIP, but for GAIN
+        per_gain = slip * volts_per * unit
+        volts_per = volts_per * (1.0 + gain)
+        by_slip = volts_per * unit
+        pull = slip * volts_per  # V/m
+        by_sliding = pull * strain.by_sliding
+        by_place = (bending * bend.by_place + pull * strain.by_place
+                    - height * bump.by_place)
+        by_scale = by_place * way
+
+        slopes = np.zeros((len(p), len(x)))
+        slopes[Shared.SLIP] = by_slip
+        slopes[Shared.SLIDING] = by_sliding * grown
+        slopes[Shared.GROWTH] = self._far * (slip * by_slip / grown + sliding * by_sliding)
+        slopes[Shared.SCALE] = by_scale
+        slopes[Shared.DRIFT] = by_scale * bend_way
+        slopes[Shared.ALPHA] = alpha * bending * bend.by_alpha
+        slopes[Shared.LENGTH] = patch * (bending * bend.by_length + pull * strain.by_length
+                                         - height * bump.by_length + 0.5 * by_place)
+        at_place = 1.0 + scale + (drift / self._patch) * (place - self._reference)
+        each = np.stack([-by_place * at_place, np.ones_like(x), bend.value, -bump.value * ~behind,
+                         -bump.value * behind, per_gain, bending * bend.by_recovery * tail])
+        for i, (low, high) in enumerate(zip(self._ends, self._ends[1:])):
+            slopes[own(i, Own.PLACE):own(i + 1, Own.PLACE), low:high] = each[:, low:high]
+        output = offset + bending * bend.value + slip * by_slip - height * bump.value
+        return output, slopes, by_place

@@ -1,0 +1,67 @@
+"""Passages of a wheel's films, drawn from the passage model with all that varies and errs."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from smart_tire.estimation.sighting import Sighter
+from smart_tire.estimation.waveform_fit import CourseErrors, Passage
+from smart_tire.estimation.waveform_model import FilmSamples
+from smart_tire.models import tread_film
+from smart_tire.parameters import RobotParams
+
+WHEEL = 'front_right'
+MARGIN = 0.028  # m, before and after the contact
+
+
+def passage(rng: np.random.Generator, robot: RobotParams, *, slip: float, sliding: float,
+            rpm: float = 60.0, films: tuple[int, ...] = (0, 1), gain_error: float = 0.03,
+            growth: float = 0.0, scale: float = 0.0, errors: CourseErrors | None = None,
+            other_sliding: float | None = None, bending: float = 1.0) -> Passage:
+    """
+    Return one passage of the wheel's films as they were sighted.
+
+    ``growth`` is the relative change of the slip over a contact length, ``scale`` the error of the
+    distances, ``other_sliding`` the sliding share that films behind the first one meet;
+    ``gain_error`` is the spread of the gains.
+    """
+    speed = rpm / 60.0 * 2.0 * math.pi * robot.wheel_radius
+    samples = [_film(rng, robot, one, i, slip, sliding if not i or other_sliding is None
+                     else other_sliding, speed, gain_error, growth, scale, bending)
+               for i, one in enumerate(films)]
+    sighter = Sighter(robot)
+    sightings = []
+    for i, one in enumerate(samples):
+        seen, middle = one.rail == 0, i * robot.film.spacing
+        sightings.append(sighter.look(
+            one.distance[seen], one.volts[seen], bending=robot.film.bending(WHEEL)[one.film],
+            gain=robot.film.gains(WHEEL)[one.film], between=(middle - 0.02, middle + 0.018)))
+    return Passage(tuple(samples), tuple(sightings), 0.0, errors or CourseErrors())
+
+
+def _film(rng: np.random.Generator, robot: RobotParams, index: int, position: int, slip: float,
+          sliding: float, speed: float, gain_error: float, growth: float, scale: float,
+          bending: float) -> FilmSamples:
+    film, patch = robot.film, robot.tire.contact_length
+    reach, step = 0.5 * (patch + film.length) + MARGIN, speed / film.sample_rate
+    way = np.arange(-reach + step * rng.uniform(), reach, step)
+    x = way + 0.5 * (patch - film.length)
+    middle = position * film.spacing
+    grown = 1.0 + growth * (way + middle) / patch
+    total = 1.3 * abs(slip)
+    peak = bending * film.bending(WHEEL)[index] * (1.0 + rng.uniform(-0.15, 0.15))
+    volts = tread_film.passage(
+        x, slip=slip * grown, total_slip=total * grown,
+        critical_slip=total / sliding if slip else 0.5, film_length=film.length,
+        contact_length=patch, bending_peak=peak, bending_alpha=film.bending_alpha,
+        stretch_gain=film.gains(WHEEL)[index] * (1.0 + gain_error * rng.standard_normal()),
+        release=film.release)
+    heights = np.where(way < 0.0, *rng.uniform(0.10, 0.15, 2))
+    volts = volts - heights * peak * tread_film.contact_bumps(x, film.length, patch)
+    volts = volts + film.noise * rng.standard_normal(len(x)) + film.rest_voltage
+    codes = np.clip(np.rint(volts / film.code), 0, 2**film.bits - 1)
+    rail = np.where(codes == 0, -1, np.where(codes == 2**film.bits - 1, 1, 0))
+    return FilmSamples(index, middle + way * (1.0 + scale), codes * film.code - film.rest_voltage,
+                       rail.astype(np.int8))
