@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 import numpy as np
 
@@ -19,34 +20,47 @@ MARGIN = 0.2         # of the range of the slips, for their bands
 MIN_SLIP = 0.1       # margin where the slips hardly differ
 MAX_FRICTION = 1.2   # bars that end above it say only that they are long
 CONTACT_REACH = 1.5  # patch lengths of travel drawn before and after a passage
+FILTERED = 'filtered'
+PATH_COLORS = {FILTERED: plots.ORANGE}  # beside what is smoothed
+
+Shown = Mapping[str, Series]  # way of estimating -> its estimates; the filter's come first
 
 
 def write_figures(directory: Path, inputs: Series, estimates: Series, truth: Series,
-                  robot: RobotParams, spans: Spans | None = None) -> list[Path]:
+                  robot: RobotParams, spans: Spans | None = None,
+                  smoothed: Series | None = None) -> list[Path]:
     """
     Draw slip, path, friction and a contact, as far as there is any, and return the files.
 
-    ``truth`` may be empty; ``spans`` gives each of its stretches a panel of slip.
+    ``truth`` may be empty; ``spans`` gives each of its stretches a panel of slip; what is
+    ``smoothed`` is drawn beside the estimates of the filter.
     """
     directory.mkdir(parents=True, exist_ok=True)
     written = []
-    for name, figure in _figures(inputs, estimates, truth, robot, spans):
+    for name, figure in _figures(inputs, shown(estimates, smoothed), truth, robot, spans):
         written.append(directory / f'{name}.png')
         figure.savefig(written[-1], dpi=plots.DOTS_PER_INCH)
     return written
 
 
-def _figures(inputs: Series, estimates: Series, truth: Series, robot: RobotParams,
+def shown(estimates: Series, smoothed: Series | None = None) -> Shown:
+    """Return the names by which estimates are told apart, and them."""
+    return {'estimate': estimates} if smoothed is None else {
+        FILTERED: estimates, 'smoothed': smoothed}
+
+
+def _figures(inputs: Series, ways: Shown, truth: Series, robot: RobotParams,
              spans: Spans | None) -> Iterator[tuple[str, Figure]]:
+    estimates = next(iter(ways.values()))
     slips, poses = estimates.slips().stamp_ns, estimates.poses().stamp_ns
     stamps = np.concatenate([slips, poses, _stamps(estimates.passages)])
     origin = int(stamps.min(initial=np.iinfo(np.int64).max))
     if len(slips):
-        yield 'slip', slip_figure(estimates, truth, origin, spans)
+        yield 'slip', slip_figure(ways, truth, origin, spans)
     if len(poses):
-        yield 'path', path_figure(estimates, truth)
+        yield 'path', path_figure(ways, truth)
     if estimates.passages:
-        yield 'friction', friction_figure(estimates, truth, origin)
+        yield 'friction', friction_figure(ways, truth, origin)
     for passage in typical_passages(estimates.passages):
         contact = contact_of(passage, inputs, robot)
         if contact is not None:
@@ -54,22 +68,29 @@ def _figures(inputs: Series, estimates: Series, truth: Series, robot: RobotParam
             return
 
 
-def slip_figure(estimates: Series, truth: Series, origin_ns: int,
-                spans: Spans | None = None) -> Figure:
-    """Return the slips of both sides over time, with a panel for each of ``spans``."""
-    curves = slip_curves(estimates, truth, origin_ns)
-    names = list(spans) if spans else ['whole run']
-    rows = [names[i:i + 2] for i in range(0, len(names), 2)]
+def slip_figure(ways: Shown, truth: Series, origin_ns: int, spans: Spans | None = None) -> Figure:
+    """Return the slips of both sides over time, with panels for each way and for each span."""
+    curves = {way: slip_curves(series, truth, origin_ns) for way, series in ways.items()}
+    panels = {_title(ways, way, name): (own, name)
+              for name in spans or [''] for way, own in curves.items()}
+    names, columns = list(panels), 2 if spans else 1
+    rows = [names[i:i + columns] for i in range(0, len(names), columns)]
     rows[-1] += ['.'] * (len(rows[0]) - len(rows[-1]))
     figure, axes = plots.new_figure(rows, height=1.2 + 2.8 * len(rows), share_y=True)
-    for name, ax in axes.items():
-        plots.draw_slip(ax, curves)
+    for title, (own, name) in panels.items():
+        plots.draw_slip(axes[title], own)
+        axes[title].set(title=title)
         if spans:
             edges = [(edge - origin_ns) / NS_PER_S for span in spans[name] for edge in span]
-            ax.set(title=name, xlim=(min(edges), max(edges)))
-    axes[names[0]].set_ylim(*_slip_limits(curves))
+            axes[title].set(xlim=(min(edges), max(edges)))
+    axes[names[0]].set_ylim(*_slip_limits([curve for own in curves.values() for curve in own]))
     plots.finish(figure, axes)
     return figure
+
+
+def _title(ways: Shown, way: str, name: str) -> str:
+    """Return the title of a panel; the only way needs no name."""
+    return ', '.join(word for word in (name, way if len(ways) > 1 else '') if word)
 
 
 def slip_curves(estimates: Series, truth: Series, origin_ns: int) -> list[plots.SlipCurve]:
@@ -90,41 +111,51 @@ def _slip_limits(curves: Sequence[plots.SlipCurve]) -> tuple[float, float]:
     return max(-1.05, low - margin), min(1.05, high + margin)
 
 
-def path_figure(estimates: Series, truth: Series) -> Figure:
+def path_figure(ways: Shown, truth: Series) -> Figure:
     """Return the path, and with a truth the errors of position and heading over time."""
-    poses = estimates.poses()
-    own = plots.Path('estimate', poses.pose[:, :2])
-    guess, true, stamps = aligned(truth.poses(), poses)
-    if not len(guess):
+    paths = [plots.Path(way, series.poses().pose[:, :2], PATH_COLORS.get(way, plots.BLUE))
+             for way, series in ways.items()]
+    _, true, _ = aligned(truth.poses(), next(iter(ways.values())).poses())
+    if not len(true):
         figure, axes = plots.new_figure([['path']], width=6.0, height=5.5)
-        plots.draw_path(axes['path'], own, None)
+        plots.draw_path(axes['path'], paths, None)
     else:
         figure, axes = plots.new_figure([['path', 'position'], ['path', 'heading']], width=10.0,
                                         height=5.5)
-        plots.draw_path(axes['path'], own, plots.Path('truth', true[:, :2]))
-        time = seconds(stamps, int(poses.stamp_ns[0]))
-        covariance = at(stamps, poses.stamp_ns, poses.pose_covariance)
-        longest = np.sqrt(np.linalg.eigvalsh(covariance[:, :2, :2])[:, -1])
-        error = guess - true
-        plots.draw_error(axes['position'], time, np.linalg.norm(error[:, :2], axis=1), longest,
-                         'position error [m]')
+        plots.draw_path(axes['path'], paths, true[:, :2])
+        for path, series in zip(paths, ways.values()):
+            _draw_errors(axes, path, series, truth)
         axes['position'].set_ylim(bottom=0.0)
-        plots.draw_error(axes['heading'], time, error[:, 2], np.sqrt(covariance[:, 2, 2]),
-                         'heading error [rad]')
         axes['position'].legend(frameon=False)
     axes['path'].legend(frameon=False)
     return figure
 
 
-def friction_figure(estimates: Series, truth: Series, origin_ns: int) -> Figure:
-    """Return friction per revolution, with a panel for each instrumented wheel."""
-    wheels = [wheel for wheel in WHEELS if any(p.wheel == wheel for p in estimates.passages)]
-    figure, axes = plots.new_figure([[wheel] for wheel in wheels],
-                                    height=1.2 + 2.6 * len(wheels), share_x=True,
+def _draw_errors(axes: dict[str, Axes], path: plots.Path, estimates: Series,
+                 truth: Series) -> None:
+    poses = estimates.poses()
+    guess, true, stamps = aligned(truth.poses(), poses)
+    time, error = seconds(stamps, int(poses.stamp_ns[0])), guess - true
+    covariance = at(stamps, poses.stamp_ns, poses.pose_covariance)
+    longest = np.sqrt(np.linalg.eigvalsh(covariance[:, :2, :2])[:, -1])
+    plots.draw_error(axes['position'], time, np.linalg.norm(error[:, :2], axis=1), longest,
+                     'position error [m]', path)
+    plots.draw_error(axes['heading'], time, error[:, 2], np.sqrt(covariance[:, 2, 2]),
+                     'heading error [rad]', path)
+
+
+def friction_figure(ways: Shown, truth: Series, origin_ns: int) -> Figure:
+    """Return friction per revolution, with panels for each instrumented wheel and each way."""
+    wheels = [wheel for wheel in WHEELS
+              if any(p.wheel == wheel for series in ways.values() for p in series.passages)]
+    rows = [[_title(ways, way, wheel.replace('_', ' ')) for way in ways] for wheel in wheels]
+    figure, axes = plots.new_figure(rows, height=1.2 + 2.6 * len(wheels), share_x=True,
                                     share_y=True)
-    for wheel, ax in axes.items():
-        plots.draw_friction(ax, friction_curve(wheel, estimates, truth, origin_ns))
-    axes[wheels[0]].set_ylim(0.0, MAX_FRICTION)
+    for wheel, titles in zip(wheels, rows):
+        for title, series in zip(titles, ways.values()):
+            plots.draw_friction(axes[title], friction_curve(wheel, series, truth, origin_ns))
+            axes[title].set(title=title)
+    axes[rows[0][0]].set_ylim(0.0, MAX_FRICTION)
     plots.finish(figure, axes)
     return figure
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from array import array
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing, ExitStack
 from dataclasses import asdict, dataclass, field
 from functools import partial
+import heapq
 import json
+from operator import itemgetter
 from pathlib import Path
 
 import numpy as np
@@ -17,11 +20,13 @@ from smart_tire.analysis.inputs import StampLog
 from smart_tire.analysis.pipeline import (
     ESTIMATES, EstimatorParams, FrictionStage, INPUTS, SlipStage, TRUTHS)
 from smart_tire.analysis.series import Series
+from smart_tire.analysis.smoothing import SmoothedSlip
 from smart_tire.analysis.summary import estimates_tree, plain, Tree, truth_tree
 from smart_tire.bags import Bag, BagWriter
 from smart_tire.errors import BagError
+from smart_tire.estimation.slip_estimator import SlipEstimator
 from smart_tire.messages import find_topic, topic_of
-from smart_tire.samples import NS_PER_S, Sample, WheelSample
+from smart_tire.samples import NS_PER_S, Odometry, Sample, WheelSample
 
 BATCH = 500  # messages that go from one stage to the next together
 NEEDED_FOR = {'imu/data': 'no odom, wheel_slip and icr', 'tire_samples': 'no tire_friction',
@@ -29,6 +34,7 @@ NEEDED_FOR = {'imu/data': 'no odom, wheel_slip and icr', 'tire_samples': 'no tir
 COMPARED = dict(zip(TRUTHS, ('poses', 'slips', 'friction values')))
 
 Progress = Callable[[float], None]  # takes the share that is done, 0 to 1
+Received = tuple[int, Sample]       # at [ns]
 
 
 @dataclass
@@ -54,10 +60,11 @@ class Intake:
 
 @dataclass
 class Batch:
-    """What the slip stage made of some messages."""
+    """What the slip stage made of some messages, for the friction stage."""
 
-    share: float                      # of the bag that is done
-    passed: list[tuple[int, Sample]]  # received at [ns], for the friction stage
+    share: float            # of the bag that is done
+    passed: list[Received]
+    smoothed: bool = False  # in the light of the whole bag
 
 
 @dataclass
@@ -66,60 +73,108 @@ class Run:
 
     intake: Intake = field(default_factory=Intake)
     estimates: Series = field(default_factory=Series)
-    summary: Tree | None = None  # None where nothing could be estimated
+    smoothed: Series | None = None  # None where it was not asked for
+    summary: Tree | None = None     # None where nothing could be estimated
+
+
+class Outlet:
+    """The friction stage behind slip estimates: into a bag and a series, what both tell."""
+
+    def __init__(self, folder: Path, params: EstimatorParams, bags: ExitStack) -> None:
+        self.estimates = Series()
+        self.stage = FrictionStage(params)
+        self._folder, self._bags = folder, bags
+        self._writer: BagWriter | None = None
+
+    def take(self, passed: Iterable[Received]) -> None:
+        """Estimate from what the slip stage passes; the first estimate opens the bag."""
+        for receive_ns, sample in passed:
+            for estimate in self.stage.update(sample):
+                if self._writer is None:
+                    self._writer = self._bags.enter_context(BagWriter(_cleared(self._folder)))
+                self._writer.write_sample(topic_of(estimate), receive_ns, estimate)
+                self.estimates.add(estimate)
+
+    @property
+    def empty(self) -> bool:
+        """Return whether nothing could be estimated."""
+        return self._writer is None
 
 
 def analyze(path: Path, out: Path, params: EstimatorParams,
-            progress: Progress = lambda share: None) -> Run:
+            progress: Progress = lambda share: None, *, smooth: bool = False) -> Run:
     """
     Write what the bag at ``path`` tells: a bag ``out``/estimates and ``out``/summary.json.
 
-    Nothing is written where nothing can be estimated; estimates of a former run are replaced.
-    Raises BagError if the bag can not be read or ``out`` not be written.
+    With ``smooth`` there is a bag ``out``/smoothed, too, of what the whole of the bag tells of
+    each instant. Nothing is written where nothing can be estimated; estimates of a former run
+    are replaced. Raises BagError if the bag can not be read or ``out`` not be written.
     """
-    folder = out / 'estimates'
-    if folder.resolve() in (path.resolve(), path.resolve().parent):
-        raise BagError(f'{folder}: is the bag that is read; choose another --out')
-    run, stage = Run(), FrictionStage(params)
-    writer: BagWriter | None = None
+    folders = [out / 'estimates', out / 'smoothed'][:1 + smooth]
+    for folder in folders:
+        if folder.resolve() in (path.resolve(), path.resolve().parent):
+            raise BagError(f'{folder}: is the bag that is read; choose another --out')
+    run = Run()
     with ExitStack() as stack:
-        for item in stack.enter_context(closing(ahead(partial(_read, path, params)))):
+        outlets = [Outlet(folder, params, stack) for folder in folders]
+        for item in stack.enter_context(closing(ahead(partial(_read, path, params, smooth)))):
             if isinstance(item, Intake):
                 run.intake = item
                 continue
             progress(item.share)
-            for receive_ns, sample in item.passed:
-                for estimate in stage.update(sample):
-                    if writer is None:
-                        writer = stack.enter_context(BagWriter(_cleared(folder)))
-                    writer.write_sample(topic_of(estimate), receive_ns, estimate)
-                    run.estimates.add(estimate)
-    if writer is not None:
-        run.summary = _summary(path, run, stage)
+            outlets[item.smoothed].take(item.passed)
+    run.estimates = outlets[0].estimates
+    run.smoothed = outlets[1].estimates if smooth else None
+    if not outlets[0].empty:
+        run.summary = _summary(path, run, outlets[0].stage)
         _write(out / 'summary.json', run.summary)
     return run
 
 
-def _read(path: Path, params: EstimatorParams) -> Iterator[Batch | Intake]:
+def _read(path: Path, params: EstimatorParams, smooth: bool) -> Iterator[Batch | Intake]:
     """Yield the bag's messages, through the slip stage, and at last what the bag held."""
-    intake, stage = Intake(), SlipStage(params)
+    intake, received = Intake(), array('q')
+    slip = SmoothedSlip(params.slip) if smooth else SlipEstimator(params.slip)
+    stage = SlipStage(slip)
     with Bag(path) as bag:
         start, end = bag.span_ns
-        passed: list[tuple[int, Sample]] = []
+        work = (1 + smooth) * max(1, end - start)
+        passed: list[Received] = []
         for count, (receive_ns, topic, sample) in enumerate(bag.samples((*INPUTS, *TRUTHS))):
             if topic in TRUTHS:
                 intake.truth.add(sample)
             else:
                 intake.take(topic, sample)
-                passed += [(receive_ns, item) for item in stage.update(sample)]
+                made = stage.update(sample)
+                passed += [(receive_ns, item) for item in made]
+                received.extend(receive_ns for item in made if isinstance(item, Odometry))
             if count % BATCH == 0:
-                yield Batch((receive_ns - start) / max(1, end - start), passed)
+                yield Batch((receive_ns - start) / work, passed)
                 passed = []
-        yield Batch(1.0, passed)
+        yield Batch(1.0 / (1 + smooth), passed)
         intake.late, intake.rejected = stage.late, bag.rejected
         intake.duration_s = (end - start) / NS_PER_S
         intake.left_out = _left_out(bag, intake, params.friction.robot.film.wheels)
+    if isinstance(slip, SmoothedSlip):
+        yield from _read_again(path, slip, received)
     yield intake
+
+
+def _read_again(path: Path, slip: SmoothedSlip, received: Sequence[int]) -> Iterator[Batch]:
+    """Yield what the friction stage needs, with smoothed slip where there was filtered slip."""
+    with Bag(path) as bag, closing(slip):
+        start, end = bag.span_ns
+        smoothed = ((receive_ns, estimate) for receive_ns, estimates
+                    in zip(received, slip.smoothed()) for estimate in estimates)
+        inputs = ((receive_ns, sample) for receive_ns, _, sample
+                  in bag.samples(('wheel_states', 'tire_samples')))
+        passed: list[Received] = []
+        for item in heapq.merge(smoothed, inputs, key=itemgetter(0)):
+            passed.append(item)
+            if len(passed) == BATCH:
+                yield Batch(0.5 + 0.5 * (item[0] - start) / max(1, end - start), passed, True)
+                passed = []
+        yield Batch(1.0, passed, True)
 
 
 def _cleared(folder: Path) -> Path:
@@ -140,10 +195,16 @@ def _summary(path: Path, run: Run, stage: FrictionStage) -> Tree:
     late = intake.late | stage.late  # the greater one where both stages take a topic
     inputs = {topic: {**asdict(stats), 'late': late[topic], 'rejected': intake.rejected[topic]}
               for topic, stats in intake.stamps.stats().items()}
-    return {'bag': str(path), 'duration_s': plain(intake.duration_s),
-            'inputs': plain(inputs), 'left_out': intake.left_out,
-            'estimates': estimates_tree(run.estimates),
-            'against_truth': truth_tree(run.estimates, intake.truth)}
+    tree = {'bag': str(path), 'duration_s': plain(intake.duration_s),
+            'inputs': plain(inputs), 'left_out': intake.left_out, **_told(run.estimates, intake)}
+    if run.smoothed is not None:
+        tree['smoothed'] = _told(run.smoothed, intake)
+    return tree
+
+
+def _told(estimates: Series, intake: Intake) -> Tree:
+    return {'estimates': estimates_tree(estimates),
+            'against_truth': truth_tree(estimates, intake.truth)}
 
 
 def _left_out(bag: Bag, intake: Intake, film_wheels: Sequence[str]) -> list[str]:

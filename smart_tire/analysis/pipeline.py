@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from smart_tire.analysis.smoothing import SmoothedSlip
 from smart_tire.estimation.friction_estimator import FrictionEstimator
 from smart_tire.estimation.slip_estimator import SlipEstimator
 from smart_tire.parameters import (
@@ -47,8 +48,8 @@ class EstimatorParams:
 class SlipStage:
     """The slip estimator: inputs in; its estimates, and what the friction estimator needs, out."""
 
-    def __init__(self, params: EstimatorParams) -> None:
-        self._slip = SlipEstimator(params.slip)
+    def __init__(self, slip: SlipEstimator | SmoothedSlip) -> None:
+        self._slip = slip
 
     def update(self, sample: Sample) -> list[Sample]:
         """Take an input in the order of reception."""
@@ -90,7 +91,8 @@ class Pipeline:
     """Both stages in one: inputs in, estimates out."""
 
     def __init__(self, params: EstimatorParams) -> None:
-        self._slip, self._friction = SlipStage(params), FrictionStage(params)
+        self._slip = SlipStage(SlipEstimator(params.slip))
+        self._friction = FrictionStage(params)
 
     def update(self, sample: Sample) -> list[Estimate]:
         """Take an input in the order of reception; return what can be told since."""

@@ -62,6 +62,7 @@ class Path:
 
     name: str
     position: Floats  # (n, 2) m
+    color: str = BLUE
 
 
 def new_figure(panels: Sequence[Sequence[str]], *, width: float = 9.0, height: float = 4.0,
@@ -135,20 +136,21 @@ def draw_friction(ax: Axes, curve: FrictionCurve) -> None:
            title=curve.wheel.replace('_', ' '))
 
 
-def draw_path(ax: Axes, estimate: Path, truth: Path | None) -> None:
-    """Draw the estimated way, and the true one dashed, with a dot at the start."""
-    ax.plot(*estimate.position.T, color=BLUE, linewidth=1.6, label=estimate.name)
+def draw_path(ax: Axes, estimates: Sequence[Path], truth: Floats | None) -> None:
+    """Draw the estimated ways, and the true one (n, 2) dashed, with a dot at the start."""
+    for path in estimates:
+        ax.plot(*path.position.T, color=path.color, linewidth=1.6, label=path.name)
     if truth is not None:
-        ax.plot(*truth.position.T, **TRUTH, label=truth.name)
-    ax.plot(*estimate.position[0], color=INK, marker='o', markersize=6, linestyle='none',
+        ax.plot(*truth.T, **TRUTH, label='truth')
+    ax.plot(*estimates[0].position[0], color=INK, marker='o', markersize=6, linestyle='none',
             label='start')
     ax.set(xlabel='x [m]', ylabel='y [m]')
     ax.set_aspect('equal', adjustable='datalim')
 
 
-def draw_error(ax: Axes, time_s: Floats, error: Floats, sigma: Floats, label: str) -> None:
-    """Draw an error over time against the two-sigma band around zero."""
-    ax.fill_between(time_s, -2.0 * sigma, 2.0 * sigma, color=BLUE, alpha=0.2, linewidth=0.0,
-                    label='± 2σ')
-    ax.plot(time_s, error, color=BLUE, linewidth=1.2, label='error')
+def draw_error(ax: Axes, time_s: Floats, error: Floats, sigma: Floats, label: str,
+               path: Path) -> None:
+    """Draw an error of ``path`` over time against the two-sigma band around zero."""
+    ax.fill_between(time_s, -2.0 * sigma, 2.0 * sigma, color=path.color, alpha=0.2, linewidth=0.0)
+    ax.plot(time_s, error, color=path.color, linewidth=1.2, label=f'{path.name}: error and 2σ')
     ax.set(xlabel='time [s]', ylabel=label)

@@ -21,6 +21,11 @@ def lines(summary: Tree) -> Iterator[str]:
         yield f'  left out: {text}'
     yield from estimate_lines(summary['estimates'])
     yield from truth_lines(summary['against_truth'])
+    if 'smoothed' in summary:
+        yield ''
+        yield '  smoothed, in the light of the whole bag:'
+        yield from estimate_lines(summary['smoothed']['estimates'])
+        yield from truth_lines(summary['smoothed']['against_truth'])
 
 
 def estimate_lines(tree: Tree) -> Iterator[str]:

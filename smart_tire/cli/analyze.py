@@ -30,6 +30,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help='ROS parameter file; may be repeated, later ones win')
     parser.add_argument('--out', type=Path, required=True, metavar='DIR',
                         help='folder for estimates, summary.json and figures')
+    parser.add_argument('--smooth', action='store_true',
+                        help='also say what the whole bag tells of each instant: DIR/smoothed')
     parser.add_argument('--no-figures', action='store_true', help='draw nothing')
 
 
@@ -46,7 +48,8 @@ def run(args: argparse.Namespace) -> int:
     for bag, name in zip(args.bags, names):
         out = args.out if len(args.bags) == 1 else args.out / name
         try:
-            status = max(status, analyze_one(bag, out, params, not args.no_figures))
+            status = max(status, analyze_one(
+                bag, out, params, figures=not args.no_figures, smooth=args.smooth))
         except BagError as error:
             print(f'smart_tire analyze: {error}', file=sys.stderr)
             status = USAGE
@@ -59,12 +62,13 @@ def folder_name(bag: Path) -> str:
     return bag.name if bag.is_dir() else bag.stem
 
 
-def analyze_one(bag: Path, out: Path, params: EstimatorParams, figures: bool) -> int:
+def analyze_one(bag: Path, out: Path, params: EstimatorParams, *, figures: bool,
+                smooth: bool) -> int:
     """Analyze one bag into ``out`` and print what it tells; return the exit status."""
     from smart_tire.analysis.offline import analyze
     from smart_tire.analysis.report import lines
     with shown_progress(folder_name(bag)) as progress:
-        result = analyze(bag, out, params, progress)
+        result = analyze(bag, out, params, progress, smooth=smooth)
     if result.summary is None:
         print(f'{bag}: nothing to estimate')
         for text in result.intake.left_out:
@@ -75,7 +79,7 @@ def analyze_one(bag: Path, out: Path, params: EstimatorParams, figures: bool) ->
     if figures:
         from smart_tire.analysis.figures import write_figures
         write_figures(out, result.intake.inputs, result.estimates, result.intake.truth,
-                      params.robot)
+                      params.robot, smoothed=result.smoothed)
     print(f'  written to {out}')
     return ESTIMATED
 

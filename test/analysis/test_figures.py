@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from smart_tire.analysis import figures
+from smart_tire.analysis.figures import shown
 from smart_tire.analysis.series import Series
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import Friction, NS_PER_S, Odometry, TireSample, WheelSample, WheelSlip
@@ -73,8 +74,9 @@ def test_friction_is_drawn_without_slip_and_path(tmp_path):
 
 def test_every_axis_has_a_unit():
     all_figures = [
-        figures.slip_figure(driven(), driven(), EPOCH), figures.path_figure(driven(), driven()),
-        figures.friction_figure(driven(), driven(), EPOCH),
+        figures.slip_figure(shown(driven()), driven(), EPOCH),
+        figures.path_figure(shown(driven()), driven()),
+        figures.friction_figure(shown(driven()), driven(), EPOCH),
         figures.contact_figure(figures.contact_of(driven().passages[0], measured(), ROBOT))]
     for figure in all_figures:
         for ax in figure.axes:
@@ -84,13 +86,27 @@ def test_every_axis_has_a_unit():
 def test_each_span_has_its_own_panel_of_slip():
     spans = {name: [(ns(start), ns(start + 1.0))] for name, start in
              (('concrete', 0.0), ('sand', 1.0), ('sand again', 2.0))}
-    figure = figures.slip_figure(driven(), driven(), EPOCH, spans)
+    figure = figures.slip_figure(shown(driven()), driven(), EPOCH, spans)
     assert [ax.get_title() for ax in figure.axes] == ['concrete', 'sand', 'sand again']
     assert [ax.get_xlim() for ax in figure.axes] == [(0.0, 1.0), (1.0, 2.0), (2.0, 3.0)]
 
 
+def test_what_is_smoothed_is_drawn_beside_what_is_filtered():
+    ways, truth = shown(driven(), driven()), driven()
+    slip, friction = (draw(ways, truth, EPOCH)
+                      for draw in (figures.slip_figure, figures.friction_figure))
+    assert [ax.get_title() for ax in slip.axes] == ['filtered', 'smoothed']
+    assert [ax.get_title() for ax in friction.axes] == [
+        'front left, filtered', 'front left, smoothed']
+    path, *errors = figures.path_figure(ways, truth).axes
+    assert [line.get_label() for line in path.lines] == ['filtered', 'smoothed', 'truth', 'start']
+    for ax in errors:
+        colors = [line.get_color() for line in ax.lines]
+        assert len(set(colors)) == len(colors) == 2
+
+
 def test_the_truth_is_drawn_only_where_there_is_one():
-    with_truth, without = (figures.slip_figure(driven(), truth, EPOCH).axes[0]
+    with_truth, without = (figures.slip_figure(shown(driven()), truth, EPOCH).axes[0]
                            for truth in (driven(), Series()))
     assert len(with_truth.lines) == 4 and len(without.lines) == 2
 
@@ -98,7 +114,7 @@ def test_the_truth_is_drawn_only_where_there_is_one():
 def test_a_single_spike_does_not_set_the_scale_of_slip():
     spiky = driven()
     spiky.add(WheelSlip(ns(4.0), (1.0,) * 4, (0.0,) * 4, (0.02,) * 4))
-    low, high = figures.slip_figure(spiky, Series(), EPOCH).axes[0].get_ylim()
+    low, high = figures.slip_figure(shown(spiky), Series(), EPOCH).axes[0].get_ylim()
     assert -0.3 < low < -0.1 and 0.1 < high < 0.3
 
 
@@ -106,7 +122,7 @@ def test_slip_that_is_never_defined_still_has_a_scale():
     standing = Series()
     for i in range(10):
         standing.add(WheelSlip(ns(i), (math.nan,) * 4, (0.0,) * 4, (1.0,) * 4))
-    low, high = figures.slip_figure(standing, Series(), EPOCH).axes[0].get_ylim()
+    low, high = figures.slip_figure(shown(standing), Series(), EPOCH).axes[0].get_ylim()
     assert low < 0.0 < high
 
 

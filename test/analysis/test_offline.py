@@ -32,6 +32,13 @@ def analyzed(drive_bag, params, tmp_path_factory):
     return out, analyze(drive_bag, out, params)
 
 
+@pytest.fixture(scope='module')
+def smoothed(drive_bag, params, tmp_path_factory):
+    """Return folder and run of the whole drive with the smoother, and the shares of progress."""
+    out, shares = tmp_path_factory.mktemp('smoothed') / 'out', []
+    return out, analyze(drive_bag, out, params, shares.append, smooth=True), shares
+
+
 def of_topics(events, *topics):
     return [event for event in events if event[1] in topics]
 
@@ -243,6 +250,73 @@ def test_the_bag_that_is_read_is_never_written_over(bag_of, drive, params, tmp_p
             analyze(path, tmp_path, params)
     with Bag(bag) as kept:
         assert sum(topic.messages for topic in kept.topics.values()) == 500
+
+
+def test_smoothing_tells_of_the_same_instants_in_a_bag_of_its_own(smoothed):
+    told = []
+    for folder in ('estimates', 'smoothed'):
+        with Bag(smoothed[0] / folder) as bag:
+            told.append([(receive_ns, topic, sample.stamp_ns)
+                         for receive_ns, topic, sample in bag.samples(ESTIMATES)
+                         if topic in ('odom', 'wheel_slip')])
+            assert set(bag.topics) == {f'/{name}' for name in ESTIMATES}
+    assert told[0] == told[1] and len(told[0]) > 2000
+
+
+def test_smoothing_leaves_what_the_filter_tells_as_it_is(smoothed, analyzed):
+    with_smoothed, without = smoothed[1].summary, analyzed[1].summary
+    assert {**without, 'smoothed': with_smoothed['smoothed']} == with_smoothed
+    assert list(with_smoothed['smoothed']) == ['estimates', 'against_truth']
+    assert 'smoothed' not in without and not (analyzed[0] / 'smoothed').exists()
+    assert json.loads((smoothed[0] / 'summary.json').read_text()) == with_smoothed
+
+
+def test_what_is_smoothed_is_nearer_to_the_truth(smoothed):
+    filtered, better = (tree['against_truth'] for tree in (
+        smoothed[1].summary, smoothed[1].summary['smoothed']))
+    for side in ('left', 'right'):
+        errors = [tree['slip'][WHOLE][side]['error'] for tree in (filtered, better)]
+        assert errors[1]['rms'] < 0.8 * errors[0]['rms']
+        assert errors[1]['within_two'] > 0.9
+    speeds = [tree['pose']['twist']['v_x']['rms'] for tree in (filtered, better)]
+    assert speeds[1] < speeds[0]
+
+
+def test_friction_is_estimated_again_from_the_smoothed_slip(smoothed):
+    run = smoothed[1]
+    assert [p.stamp_ns for p in run.smoothed.passages] == [
+        p.stamp_ns for p in run.estimates.passages]
+    used = [[p.value['slip'] for p in series.passages]
+            for series in (run.estimates, run.smoothed)]
+    assert used[0] != used[1]
+    traction = run.summary['smoothed']['against_truth']['friction'][WHOLE]['traction']
+    assert traction['median_relative_error'] < 0.1
+
+
+def test_progress_counts_the_way_back_too(smoothed):
+    shares = smoothed[2]
+    assert shares == sorted(shares)
+    assert shares[0] < 0.01 and 0.5 in shares and shares[-1] == 1.0
+
+
+def test_smoothing_without_an_imu_changes_nothing(bag_of, drive, params, tmp_path):
+    events = of_topics(drive, 'wheel_states', 'tire_samples')
+    run = analyze(bag_of(tmp_path / 'bag', events), tmp_path / 'out', params, smooth=True)
+    assert run.summary['smoothed']['estimates'] == run.summary['estimates']
+
+
+@pytest.mark.parametrize('kept', [('imu/data',), ()])
+def test_where_nothing_can_be_estimated_nothing_is_smoothed(bag_of, drive, params, tmp_path, kept):
+    bag = bag_of(tmp_path / 'bag', of_topics(drive, *kept))
+    assert analyze(bag, tmp_path / 'out', params, smooth=True).summary is None
+    assert not (tmp_path / 'out').exists()
+
+
+def test_a_bag_that_would_be_smoothed_over_is_left_alone(bag_of, drive, params, tmp_path):
+    bag = bag_of(tmp_path / 'smoothed', of_topics(drive, 'imu/data', 'wheel_states')[:500])
+    with pytest.raises(BagError, match='choose another'):
+        analyze(bag, tmp_path, params, smooth=True)
+    assert analyze(bag, tmp_path, params).summary is not None
 
 
 def test_progress_runs_from_nothing_to_all(drive_bag, params, tmp_path):

@@ -45,6 +45,16 @@ def test_one_bag_is_written_straight_into_the_folder(bag, robot, tmp_path, capsy
     assert 'drive: 100 %' in told and 'position error' in told
 
 
+def test_the_smoother_has_a_bag_and_a_report_of_its_own(bag, robot, tmp_path, capsys):
+    out = tmp_path / 'out'
+    assert analyze(bag, '--params', robot, '--out', out, '--smooth') == 0
+    assert {path.name for path in out.iterdir()} >= {
+        'estimates', 'smoothed', 'summary.json', 'slip.png', 'path.png', 'friction.png'}
+    told = capsys.readouterr().out
+    assert told.count('position error') == 2 and 'smoothed, in the light of' in told
+    assert 'drive: 100 %' in told
+
+
 def test_several_bags_have_a_folder_each(bag, tmp_path):
     other = tmp_path / 'again'
     other.symlink_to(bag / 'drive_0.mcap')
