@@ -21,6 +21,7 @@ import numpy.typing as npt
 from scipy.integrate import cumulative_trapezoid
 
 from smart_tire.errors import EstimatorError, ParameterError
+from smart_tire.estimation.estimate import Estimate
 from smart_tire.estimation.film_signal import DEAD_BAND, noise_level, NORMAL_MAD
 from smart_tire.models.branches import (
     Array, Branches, lasting_branches, relaxation, relaxation_at_starts)
@@ -32,25 +33,11 @@ LONGEST_STEP = 0.7   # of log(alpha K)
 HUBER, TUKEY = 1.345, 4.685  # standard deviations, both with 95 % efficiency
 ROUNDS, FIRST_ROUNDS = 40, 4  # of reweighting; the first ones after Huber, which has no traps
 SETTLED = 1e-5       # of alpha K: a smaller change ends the search
-UNDETERMINED = 0.2   # of a value: a larger standard error tells nothing
 LEAST_BRANCH = 0.05  # of the range of the input: shorter ones do not make a loop
 FAINT = 1e-9         # of the largest singular value: directions that the data do not see
 NEGATIVE = 3.0       # sigmas below zero: no corner, whose estimate noise has moved, lies there
 
 A, B, OFFSET, DRIFT, LOW_CORNER = 0, 1, 3, 4, 5  # columns of the linear part
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """A number and its standard error."""
-
-    value: float
-    sigma: float
-
-    @property
-    def determined(self) -> bool:
-        """Return whether the recording tells the value."""
-        return self.sigma <= UNDETERMINED * abs(self.value)
 
 
 @dataclass(frozen=True)

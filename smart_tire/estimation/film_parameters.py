@@ -12,13 +12,15 @@ import numpy as np
 import yaml
 
 from smart_tire.errors import EstimatorError, ParameterError
-from smart_tire.estimation.film_identification import Estimate, FilmFit, identify, UNDETERMINED
+from smart_tire.estimation.estimate import Estimate, UNDETERMINED
+from smart_tire.estimation.film_identification import FilmFit, identify
 from smart_tire.estimation.film_recording import FilmRecording
 from smart_tire.estimation.film_signal import noise_level, smoothed, without_spikes
 from smart_tire.models.branches import Array
 from smart_tire.models.buckling_film import BucklingFilm
 from smart_tire.models.elastica import TOUCHING_STROKE
 from smart_tire.models.hysteresis import DuhemParams
+from smart_tire.parameters.identified import write_text
 
 PRODUCTS = ('alpha_gain', 'a_gain', 'b_gain')
 AMPLIFIER = ('low_corner', 'drift')  # Hz, C/s
@@ -133,10 +135,7 @@ def write_params(path: Path, params: FilmParams, fit: FilmFit, notes: list[str],
     if gain is not None:
         tree['at_gain'] = {'K': gain, 'alpha': params.alpha_gain / gain,
                            'a': params.a_gain / gain, 'b': params.b_gain / gain}
-    try:
-        path.write_text(yaml.safe_dump(tree, sort_keys=False), encoding='utf-8')
-    except OSError as error:
-        raise ParameterError(f'{path}: cannot be written ({error.strerror})') from error
+    write_text(path, yaml.safe_dump(tree, sort_keys=False))
 
 
 def _entry(estimate: Estimate) -> dict[str, float | bool]:

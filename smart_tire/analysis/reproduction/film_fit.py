@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from smart_tire.analysis.reproduction.laboratory import Laboratory, Specimen, specimen
-from smart_tire.estimation.film_identification import Estimate
+from smart_tire.estimation.estimate import Estimate
 from smart_tire.estimation.film_parameters import FilmParams, identify_film
 from smart_tire.estimation.film_recording import FilmRecording
 from smart_tire.models.branches import Array

@@ -1,0 +1,40 @@
+"""``smart_tire identify geometry``: latency, track, radius and mounting out of bags."""
+
+from __future__ import annotations
+
+import argparse
+
+from smart_tire.cli.arguments import add_recordings, out_beside
+
+NAME = 'geometry'
+HELP = 'wheel latency, effective track, rolling radius and IMU of a robot, out of bags'
+FOUND, NOTHING = 0, 1
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the arguments of this kind."""
+    add_recordings(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Identify, print a table, and write what was told."""
+    from smart_tire.analysis.identification import identified, identify_geometry, load_robot
+    from smart_tire.estimation.geometry_identification import together
+    from smart_tire.parameters.identified import identified_text, write_text
+    robot = load_robot(args.params)
+    found = together([identify_geometry(bag, robot, since=args.since, until=args.until,
+                                        reference=args.reference) for bag in args.bags])
+    for item in found.quantities:
+        print(f'{item.name:24}{item.estimate.value:12.6g} ± {item.estimate.sigma:<8.2g} '
+              f'{item.unit:6}{item.note}')
+    for name, why in found.refused.items():
+        print(f'{name:24}not told: {why}')
+    parameters = identified(found.quantities)
+    if not parameters:
+        print('nothing can be told')
+        return NOTHING
+    out = out_beside(args, NAME)
+    write_text(out, identified_text(
+        [f'Identified from {", ".join(map(str, args.bags))}.'], parameters))
+    print(f'written to {out}')
+    return FOUND

@@ -1,0 +1,218 @@
+"""
+Least squares over a delay and linear coefficients, with noise as recordings have it.
+
+The noise may be correlated from row to row, of different size in each row, and have outliers.
+Rows are divided by the size of their noise, differenced by its correlation, and weighted after
+Huber; standard errors come from the residuals themselves (a sandwich, after Newey and West), so
+that they hold where the assumptions do not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from smart_tire.errors import EstimatorError
+from smart_tire.estimation.film_signal import NORMAL_MAD
+
+Array = NDArray[np.float64]
+
+HUBER = 2.0        # sigmas; residuals beyond it count less
+ROUNDS = 5         # of noise, then delay; more change nothing
+MOST_LINKED = 0.999  # correlation of neighbouring rows
+LAGS = 3           # rows over which residuals are correlated beyond what was removed
+NUDGE = 1e-3       # s, for the derivative with respect to the delay
+PRECISION = 1e-5   # s, to which the delay is searched
+DISTINCT = 9.0     # of chi-square by which every other minimum must be worse: three sigmas
+UNSEEN = 1e-12      # weight of a prior that says nothing
+FEW = 12           # rows, below which residuals tell nothing of their noise
+
+
+@dataclass(frozen=True)
+class Rows:
+    """A linear problem ``wanted = matrix @ coefficients`` at one delay."""
+
+    matrix: Array  # (n, p)
+    wanted: Array  # (n,)
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Rows as a function of the delay [s], and what is known beforehand."""
+
+    rows: Callable[[float], Rows]
+    doubt: Callable[[float], Array]  # delay -> (n,) noise by what the model leaves out
+    time: Array                      # (n,) s; correlation fades with the time between rows
+    prior_mean: Array                # (p,) of the coefficients
+    prior_sigma: Array               # (p,), inf where nothing is known
+
+
+@dataclass(frozen=True)
+class DelayFit:
+    """Delay and coefficients; the delay is the last row of the covariance."""
+
+    delay: float            # s
+    coefficients: Array     # (p,)
+    covariance: Array       # (p + 1, p + 1)
+    noise: float            # of a row, one sigma beside the doubts
+    correlation: float      # of neighbouring rows
+    residuals: Array        # (n,), wanted minus model
+
+    @property
+    def sigma(self) -> float:
+        """Return the standard error of the delay [s]."""
+        return float(np.sqrt(self.covariance[-1, -1]))
+
+    def coefficient_sigma(self, index: int) -> float:
+        """Return the standard error of a coefficient."""
+        return float(np.sqrt(self.covariance[index, index]))
+
+
+@dataclass(frozen=True)
+class _Noise:
+    size: Array         # (n,) one sigma of each row
+    correlation: float
+    weight: Array       # (n,) of the rows after they have been whitened
+    level: float        # one sigma beside the doubts
+
+
+def fit_delay(problem: Problem, delays: Array) -> DelayFit:
+    """
+    Return the best delay near one of ``delays`` [s, evenly spaced] and its coefficients.
+
+    Raises EstimatorError where there are too few rows, where the best delay is at an end of the
+    range, or where another one is as good.
+    """
+    n = len(problem.time)
+    if n < FEW:
+        raise EstimatorError(f'{n} readings in motion, expected at least {FEW}')
+    noise = _Noise(np.ones(n), 0.0, np.ones(n), 1.0)
+    costs = _scan(problem, delays, noise)
+    delay = float(delays[int(np.argmin(costs))])
+    for count in range(ROUNDS):
+        noise = _noise(problem, delay, noise)
+        if count < ROUNDS // 2:
+            costs = _scan(problem, delays, noise)
+            delay = float(delays[int(np.argmin(costs))])
+        delay = _refined(problem, delay, float(delays[1] - delays[0]), noise)
+    _check(delays, _scan(problem, delays, noise), _cost(problem, delay, noise), delay)
+    return _result(problem, delay, noise)
+
+
+def _scan(problem: Problem, delays: Array, noise: _Noise) -> Array:
+    return np.array([_cost(problem, float(delay), noise) for delay in delays])
+
+
+def _refined(problem: Problem, delay: float, step: float, noise: _Noise) -> float:
+    found = minimize_scalar(
+        lambda x: _cost(problem, x, noise), bounds=(delay - step, delay + step),
+        method='bounded', options={'xatol': PRECISION})
+    return float(found.x)
+
+
+def _check(delays: Array, costs: Array, best: float, delay: float) -> None:
+    step = delays[1] - delays[0]
+    if not delays[0] + step <= delay <= delays[-1] - step:
+        raise EstimatorError(f'the best delay lies outside of {delays[0]:g} to {delays[-1]:g} s')
+    inner = costs[1:-1]
+    minima = (inner <= costs[:-2]) & (inner <= costs[2:]) & (np.abs(delays[1:-1] - delay) > step)
+    rivals = delays[1:-1][minima & (inner < best + DISTINCT)]
+    if len(rivals):
+        raise EstimatorError(f'delays of {delay:.3f} s and {rivals[0]:.3f} s fit alike')
+
+
+def _whitened(values: Array, problem: Problem, noise: _Noise) -> Array:
+    """Return rows (n,) or (n, p) over their noise, without its correlation, weighted."""
+    shape = (-1,) + (1,) * (values.ndim - 1)
+    scaled = values / noise.size.reshape(shape)
+    if noise.correlation > 0.0:
+        steps = np.diff(problem.time)
+        link = (noise.correlation ** (steps / np.median(steps))).reshape(shape)
+        scaled = np.concatenate(
+            [scaled[:1], (scaled[1:] - link * scaled[:-1]) / np.sqrt(1.0 - link ** 2)])
+    return np.asarray(scaled * np.sqrt(noise.weight).reshape(shape))
+
+
+def _solve(problem: Problem, delay: float, noise: _Noise) -> tuple[Array, float]:
+    """Return coefficients and the sum of squares."""
+    rows = problem.rows(delay)
+    weight = 1.0 / problem.prior_sigma
+    matrix = np.vstack([_whitened(rows.matrix, problem, noise), np.diag(weight)])
+    wanted = np.concatenate([_whitened(rows.wanted, problem, noise), problem.prior_mean * weight])
+    coefficients, *_ = np.linalg.lstsq(matrix, wanted, rcond=None)
+    return coefficients, float(np.sum((matrix @ coefficients - wanted) ** 2))
+
+
+def _cost(problem: Problem, delay: float, noise: _Noise) -> float:
+    return _solve(problem, delay, noise)[1]
+
+
+def _residuals(problem: Problem, delay: float, coefficients: Array) -> Array:
+    rows = problem.rows(delay)
+    return rows.wanted - rows.matrix @ coefficients
+
+
+def _noise(problem: Problem, delay: float, before: _Noise) -> _Noise:
+    """Return what the residuals at ``delay`` tell about their noise."""
+    coefficients, _ = _solve(problem, delay, before)
+    residuals, doubt = _residuals(problem, delay, coefficients), problem.doubt(delay)
+    level = noise_beside(residuals, doubt)
+    size = np.hypot(level, doubt)
+    linked = np.clip(residuals / size, -HUBER, HUBER)
+    steps = np.diff(problem.time)
+    near = steps < 1.5 * np.median(steps)
+    correlation = float(np.sum((linked[1:] * linked[:-1])[near]) / np.sum(linked ** 2))
+    plain = _Noise(size, min(max(correlation, 0.0), MOST_LINKED), np.ones(len(size)), level)
+    white = np.abs(_whitened(residuals, problem, plain))
+    # what is left may be smaller than what was: correlation explains a part of it
+    scale = max(NORMAL_MAD * float(np.median(white)), 1e-12)
+    weight = np.minimum(1.0, HUBER * scale / np.maximum(white, 1e-12))
+    return _Noise(size * scale, plain.correlation, weight, level * scale)
+
+
+def noise_beside(residuals: Array, doubt: Array) -> float:
+    """Return the noise that, together with a ``doubt`` for each, explains the residuals."""
+    size = np.abs(residuals)
+    low, high = 0.0, NORMAL_MAD * float(np.median(size))
+    for _ in range(40):  # halvings: more than a double can hold
+        middle = 0.5 * (low + high)
+        ratio = float(np.median(size / np.maximum(np.hypot(middle, doubt), 1e-300)))
+        low, high = (middle, high) if NORMAL_MAD * ratio > 1.0 else (low, middle)
+    return max(high, 1e-9)
+
+
+def _result(problem: Problem, delay: float, noise: _Noise) -> DelayFit:
+    coefficients, _ = _solve(problem, delay, noise)
+    later, sooner = (problem.rows(delay + nudge) for nudge in (NUDGE, -NUDGE))
+    slope = ((later.matrix - sooner.matrix) @ coefficients - later.wanted + sooner.wanted) / (
+        2.0 * NUDGE)
+    jacobian = np.column_stack([problem.rows(delay).matrix, slope])
+    residuals = _residuals(problem, delay, coefficients)
+    prior = np.append(problem.prior_sigma, np.inf)
+    covariance = sandwich(_whitened(jacobian, problem, noise),
+                          _whitened(residuals, problem, noise), prior, LAGS)
+    return DelayFit(delay, coefficients, covariance, noise.level, noise.correlation, residuals)
+
+
+def sandwich(jacobian: Array, residuals: Array, prior_sigma: Array, lags: int) -> Array:
+    """
+    Return the covariance (p, p) of a weighted fit from its own residuals (n,).
+
+    ``jacobian`` is (n, p); residuals up to ``lags`` rows apart may be correlated; of a prior,
+    its own sigma counts.
+    """
+    n, p = jacobian.shape
+    # a direction that no row sees must come out as unknown, not as exact
+    known = np.diag(1.0 / prior_sigma ** 2 + UNSEEN)
+    scores = jacobian * residuals[:, None]
+    middle = scores.T @ scores
+    for lag in range(1, min(lags, n - 1) + 1):
+        product = scores[lag:].T @ scores[:-lag]
+        middle += (1.0 - lag / (lags + 1.0)) * (product + product.T)
+    middle = middle * n / max(n - p, 1) + known
+    inverse = np.linalg.inv(jacobian.T @ jacobian + known)
+    return np.asarray(inverse @ middle @ inverse)

@@ -1,0 +1,161 @@
+"""
+How late the stamps of ``wheel_states`` are, and the effective track, from wheels and gyro.
+
+The sides' speed difference follows the yaw rate: ``r (w_R - w_L) = B W`` with the effective track
+B. It runs ahead of it, too, for a force takes slip: the yaw inertia holds back the body in
+proportion to the wheels' speed (``I u / (4 C_x (h^2 + l^2))`` for a brush tire in its linear
+range, h and l half of track and wheelbase), which alone would look like stamps that are early.
+That lag is fitted with the delay, from what the parameters say of it; where it may be large the
+readings count less, and a share of it stays in the standard error.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smart_tire.errors import EstimatorError
+from smart_tire.estimation.delay_fit import (
+    DelayFit, fit_delay, LAGS, noise_beside, Problem, Rows, sandwich)
+from smart_tire.estimation.estimate import Estimate
+from smart_tire.estimation.motion_record import (
+    period, Recording, Signal, wheel_intervals, WheelIntervals)
+from smart_tire.parameters import RobotParams
+
+Array = NDArray[np.float64]
+
+SHORTEST = 0.05        # s; shorter stretches would show the noise of the gyro only
+REACH = 1.0            # s, of the delays that are tried: as the parameter allows
+FINEST = 0.02          # s, of their grid, or a quarter of the wheels' period
+LAG_PRIOR = 1.0        # relative sigma of what the parameters say of the lag: C_x is of the ground
+LAG_LEFT = 0.5         # share of the lag that stays unknown: sliding tires are not linear
+UNEQUAL = 0.05         # relative sigma of the difference of the sides' radii, assumed
+LATENCY_LIMIT = 0.03   # s, standard error above which a latency is not given: half of 16 Hz
+MISFIT_TIME = 2.0      # s over which slip, and so the track, stays what it is
+SLOPE, LAG, HELD, UNLIKE, OFFSET = range(5)  # coefficients
+
+
+@dataclass(frozen=True)
+class TurnFit:
+    """What the wheels' difference against the gyro tells, and what it looks like."""
+
+    latency: Estimate    # s
+    slope: Estimate      # rad of the wheels' difference per rad of yaw: track over radius
+    unlike: Estimate     # (r_R - r_L) / r
+    time: Array          # (n,) s, middles of the stretches by the stamps
+    turning: Array       # (n,) rad/s, gyro over the stretches, moved by the latency
+    difference: Array    # (n,) rad/s, of the sides
+    modelled: Array      # (n,) rad/s
+
+
+def fit_turns(recording: Recording, robot: RobotParams) -> TurnFit:
+    """Return latency and slope; raise EstimatorError with the reason where they do not show."""
+    turns = _Turns(recording, robot)
+    step = min(FINEST, 0.25 * period(recording.wheels.time))
+    fit = fit_delay(turns.problem(), np.arange(-REACH, REACH + step, step))
+    latency = Estimate(fit.delay, math.hypot(fit.sigma, LAG_LEFT * turns.lag(fit)))
+    if not latency.sigma <= LATENCY_LIMIT:
+        raise EstimatorError(
+            f'standard error of {latency.sigma:.2g} s, expected at most {LATENCY_LIMIT:g} s: the '
+            "wheels' difference hardly changes together with the yaw rate")
+    return turns.result(fit, latency)
+
+
+class _Turns:
+    """The stretches of a recording in which it moves, as a problem for ``fit_delay``."""
+
+    def __init__(self, recording: Recording, robot: RobotParams) -> None:
+        imu = recording.imu
+        self._gyro = Signal(imu.time, imu.rate[:, 2])
+        self._robot = robot
+        stretches = wheel_intervals(recording.wheels, SHORTEST)
+        still = robot.slip.standstill_speed / robot.wheel_radius
+        stretches = stretches.where(stretches.around_motion(still) & (
+            stretches.begin > imu.time[0] + REACH) & (stretches.end < imu.time[-1] - REACH))
+        if len(stretches.end) < 2:
+            raise EstimatorError('the wheels do not turn')
+        self._set_rows(stretches, 2.0 * period(imu.time))
+
+    def _set_rows(self, stretches: WheelIntervals, shortest_reach: float) -> None:
+        robot = self._robot
+        self._begin, self._end = stretches.begin, stretches.end
+        self.time = 0.5 * (stretches.begin + stretches.end)
+        self._reach = max(0.5 * float(np.median(stretches.duration)), shortest_reach)
+        sides = stretches.sides
+        self.difference, self._mean = sides[:, 1] - sides[:, 0], sides.mean(axis=1)
+        self._pace = robot.wheel_radius * np.abs(sides).mean(axis=1)  # m/s
+        gained = np.gradient(robot.wheel_radius * self._mean, self.time)  # m/s2
+        self._held = (np.abs(sides[:, 1]) - np.abs(sides[:, 0])) * gained
+        self._nominal = robot.track_width / robot.wheel_radius
+        half_track, half_base = 0.5 * robot.track_width, 0.5 * robot.wheelbase
+        stiffness = 4.0 * robot.tire.longitudinal_stiffness
+        self._lag = robot.yaw_inertia / (stiffness * (half_track ** 2 + half_base ** 2))
+        self._hold = robot.mass / stiffness  # s2/m: slip per acceleration
+
+    def rows(self, delay: float) -> Rows:
+        """Return the regression of the wheels' difference on the gyro at a ``delay`` [s]."""
+        begin, end = self._begin - delay, self._end - delay
+        turning = self._gyro.mean(begin, end)
+        matrix = np.column_stack([
+            turning, self._nominal * self._pace * self._spin(delay), self._held, self._mean,
+            np.ones(len(turning))])
+        return Rows(matrix, self.difference)
+
+    def _spin(self, delay: float) -> Array:
+        """Return the angular acceleration [rad/s2] over the stretches."""
+        begin, end = self._begin - delay, self._end - delay
+        return (self._gyro.around(end, self._reach) - self._gyro.around(begin, self._reach)) / (
+            end - begin)
+
+    def doubt(self, delay: float) -> Array:
+        """Return how much [rad/s] of each row may be slip that the lag does not describe."""
+        return np.hypot(self._nominal * self._lag * self._pace * self._spin(delay),
+                        self._hold * self._held)
+
+    def problem(self) -> Problem:
+        """Return the rows and what is known beforehand."""
+        mean = np.array([0.0, self._lag, self._hold, 0.0, 0.0])
+        sigma = np.array([np.inf, LAG_PRIOR * self._lag, LAG_PRIOR * self._hold, UNEQUAL,
+                          self._robot.imu.gyro_bias * self._nominal])
+        return Problem(self.rows, self.doubt, self.time, mean, sigma)
+
+    def lag(self, fit: DelayFit) -> float:
+        """Return the lag [s] in the readings that the delay comes from."""
+        weight = (self._spin(fit.delay) / np.hypot(fit.noise, self.doubt(fit.delay))) ** 2
+        share = fit.coefficients[LAG] * self._nominal / fit.coefficients[SLOPE]
+        return abs(float(share * np.sum(weight * self._pace) / np.sum(weight)))
+
+    def result(self, fit: DelayFit, latency: Estimate) -> TurnFit:
+        """Return what the fit tells; the slope with its changes over the run in its error."""
+        rows = self.rows(fit.delay)
+        slope, unlike = self._steady(fit, rows)
+        return TurnFit(latency, slope, unlike, self.time, rows.matrix[:, SLOPE], rows.wanted,
+                       rows.matrix @ fit.coefficients)
+
+    def _steady(self, fit: DelayFit, rows: Rows) -> tuple[Estimate, Estimate]:
+        """
+        Return slope and inequality of the radii over whole turns.
+
+        The delay shows in changes; the track is that of lasting turns, so here rows count as
+        they are, and their errors may last for ``MISFIT_TIME``.
+        """
+        problem, size = self.problem(), np.hypot(fit.noise, self.doubt(fit.delay))
+        coefficients = fit.coefficients
+        for _ in range(5):
+            residuals = rows.wanted - rows.matrix @ coefficients
+            size = np.hypot(noise_beside(residuals, self.doubt(fit.delay)),
+                            self.doubt(fit.delay))
+            weight = np.sqrt(np.minimum(1.0, 2.0 * size / np.maximum(np.abs(residuals), 1e-12)))
+            scaled = rows.matrix * (weight / size)[:, None]
+            matrix = np.vstack([scaled, np.diag(1.0 / problem.prior_sigma)])
+            wanted = np.concatenate([rows.wanted * weight / size,
+                                     problem.prior_mean / problem.prior_sigma])
+            coefficients, *_ = np.linalg.lstsq(matrix, wanted, rcond=None)
+        lags = max(LAGS, math.ceil(MISFIT_TIME / float(np.median(np.diff(self.time)))))
+        covariance = sandwich(scaled, residuals * weight / size, problem.prior_sigma, lags)
+        sigma = np.sqrt(np.diag(covariance))
+        return (Estimate(float(coefficients[SLOPE]), float(sigma[SLOPE])),
+                Estimate(-float(coefficients[UNLIKE]), float(sigma[UNLIKE])))
