@@ -248,8 +248,9 @@ class SlipEstimator:
     def _estimates(self, instant_ns: int) -> list[Estimate]:
         assert self._imu is not None
         ahead = self._seconds(instant_ns) - self._time
-        seen = Seen(instant_ns, ahead, self._imu[0], self._wheels.beyond_side, self._time,
-                    self._wheels_at)
+        rate, *force = self._imu
+        seen = Seen(instant_ns, ahead, rate, (force[0], force[1]), self._shaking.sigma,
+                    self._wheels.beyond_side, self._time, self._wheels_at)
         if self._tape is not None:
             self._tape.mark(seen, self._filter.x, self._filter.P)
         return self._report.estimates(seen, self._filter.x, self._filter.P)

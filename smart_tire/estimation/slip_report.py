@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 
 from smart_tire.estimation.slip_kinematics import SlipKinematics
 from smart_tire.estimation.slip_state import State
-from smart_tire.models.skid_steer import slip_ratio
+from smart_tire.models.skid_steer import GRAVITY, slip_ratio
 from smart_tire.parameters import RobotParams
 from smart_tire.rotation import quaternion
 from smart_tire.samples import Four, Icr, Odometry, Vector3, WheelSlip
 
 TURNING = 0.05          # rad/s; slower, the ICR is too far away to be told
+DRIVEN = 1.0            # m/s2, by which robots change their speed; shaking beyond hides it
 PLANAR_VARIANCE = 1e-6  # m^2, rad^2 and per s: height and its rate, zero in the plane
 
 PLANAR = PLANAR_VARIANCE * np.eye(6)
@@ -34,6 +35,8 @@ class Seen:
     instant_ns: int    # of the grid
     ahead: float       # s, from the time of the state to the instant
     gyro_z: float      # rad/s, rate of the last sample in base axes, bias not removed
+    force: tuple[float, float]  # m/s2, specific force x, y, likewise
+    shaking: float     # m/s2, one sigma of what is in it beside the unit's noise
     beyond_side: Four  # m/s, speed of each wheel beyond its side's mean
     time: float        # s, of the state
     wheels_at: float   # s, middle of the time that the last wheel reading describes
@@ -45,9 +48,11 @@ class SlipReport:
     def __init__(self, robot: RobotParams) -> None:
         self._robot = robot
         self._kinematics = SlipKinematics(robot)
+        self._x_imu, self._y_imu = robot.imu.position[0], robot.imu.position[1]
 
     def estimates(self, seen: Seen, x: Sequence[float], P: Array) -> list[Estimate]:
         """Return what a state ``x`` (N numbers) and its covariance ``P`` (N, N) tell."""
+        x = self._carried(seen, x)
         twist, covariance = self._kinematics.base_twist(x, P, seen.gyro_z)
         estimates: list[Estimate] = [
             self._odometry(seen, x, P, twist, covariance), self._slip(seen, x, P)]
@@ -55,21 +60,35 @@ class SlipReport:
             estimates.append(Icr(seen.instant_ns, x[State.ICR], twist[0] / twist[2]))
         return estimates
 
+    def _carried(self, seen: Seen, x: Sequence[float]) -> list[float]:
+        """Return the state carried ahead to the grid instant, as far as shaking lets one see."""
+        dt, W = seen.ahead, seen.gyro_z - x[State.GYRO]
+        v_x, v_y, yaw = x[State.V_X], x[State.V_Y], x[State.YAW] + 0.5 * W * dt
+        share = 1.0 / (1.0 + (seen.shaking / DRIVEN) ** 2)
+        a_x = share * (seen.force[0] - x[State.ACCEL_X] + W * v_y + GRAVITY * x[State.PITCH])
+        a_y = share * (seen.force[1] - x[State.ACCEL_Y] - W * v_x - GRAVITY * x[State.ROLL])
+        b_x = v_x + 0.5 * a_x * dt + self._y_imu * W
+        b_y = v_y + 0.5 * a_y * dt - self._x_imu * W
+        carried = list(x)
+        carried[State.X] += (b_x * math.cos(yaw) - b_y * math.sin(yaw)) * dt
+        carried[State.Y] += (b_x * math.sin(yaw) + b_y * math.cos(yaw)) * dt
+        carried[State.YAW] += W * dt
+        carried[State.V_X] += a_x * dt
+        carried[State.V_Y] += a_y * dt
+        return carried
+
     def _odometry(self, seen: Seen, x: Sequence[float], P: Array, twist: Vector3,
                   covariance: Array) -> Odometry:
-        """Return the state carried ahead to the grid instant."""
-        (v_x, v_y, W), ahead = twist, seen.ahead
-        yaw = x[State.YAW] + W * ahead
-        mid = yaw - 0.5 * W * ahead
-        position = (x[State.X] + (v_x * math.cos(mid) - v_y * math.sin(mid)) * ahead,
-                    x[State.Y] + (v_x * math.sin(mid) + v_y * math.cos(mid)) * ahead, 0.0)
+        v_x, v_y, W = twist
         pose, rates = PLANAR.copy(), PLANAR.copy()
         pose[POSE_TO] = P[POSE_FROM]
         rates[TWIST_TO] = covariance
         rates[5, 5] += self._robot.imu.gyro_noise ** 2  # of the sample that is shown
-        return Odometry(seen.instant_ns, position, quaternion(x[State.ROLL], x[State.PITCH], yaw),
-                        (v_x, v_y, 0.0), (0.0, 0.0, W),
-                        tuple(pose.ravel().tolist()), tuple(rates.ravel().tolist()))
+        return Odometry(
+            seen.instant_ns, (x[State.X], x[State.Y], 0.0),
+            quaternion(x[State.ROLL], x[State.PITCH], x[State.YAW]),
+            (v_x, v_y, 0.0), (0.0, 0.0, W),
+            tuple(pose.ravel().tolist()), tuple(rates.ravel().tolist()))
 
     def _slip(self, seen: Seen, x: Sequence[float], P: Array) -> WheelSlip:
         ground = self._kinematics.side_speeds(x, seen.gyro_z)
