@@ -31,10 +31,36 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--seconds', type=float, default=30.0, metavar='S',
                         help='of driving, live (default: %(default)s)')
     parser.add_argument('--models', action='store_true', help='only the figures on the models')
+    slip = parser.add_argument_group('slip and localization')
+    slip.add_argument('--slip', action='store_true',
+                      help='only how well slip and pose are told, beside other methods')
+    slip.add_argument('--seeds', type=count, default=3, metavar='N',
+                      help='of each simulated run (default: %(default)s)')
+    slip.add_argument('--quick', action='store_true', help='one seed of each')
+    slip.add_argument('--runs', nargs='+', default=[], metavar='RUN',
+                      help='only these scenarios and recordings')
+    slip.add_argument('--data', type=Path, default=Path('../shared/data'), metavar='DIR',
+                      help='folder with real recordings (default: %(default)s)')
+    slip.add_argument('--out', type=Path, default=Path('bench_output/slip'), metavar='DIR',
+                      help='folder for figures and results.json (default: %(default)s)')
+
+
+def count(text: str) -> int:
+    """Return the whole number in ``text``; raise ValueError unless it is above zero."""
+    number = int(text)
+    if number < 1:
+        raise ValueError(text)
+    return number
 
 
 def run(args: argparse.Namespace) -> int:
     """Print all figures, or those on the models only."""
+    if args.slip:
+        from smart_tire.cli.bench_slip import bench_slip, Wish
+        print(machine())
+        bench_slip(Wish(1 if args.quick else args.seeds, args.runs, args.data, args.out),
+                   machine())
+        return 0
     from smart_tire.cli.bench_film import print_measuring
     from smart_tire.cli.bench_models import print_models
     if args.models:

@@ -8,7 +8,7 @@ the true slips resemble those of the runs of the published targets.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import accumulate
@@ -152,8 +152,3 @@ def _all() -> tuple[Scenario, ...]:
 
 
 SCENARIOS: Mapping[str, Scenario] = {scenario.name: scenario for scenario in _all()}
-
-
-def chosen(names: Sequence[str]) -> list[Scenario]:
-    """Return the scenarios of ``names``, all of them for none; raise KeyError for others."""
-    return [SCENARIOS[name] for name in names or SCENARIOS]

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from smart_tire.samples import NS_PER_S, WheelSlip
-from smart_tire.simulation.scenarios import chosen, Scenario, SCENARIOS, STANDSTILL
+from smart_tire.simulation.scenarios import Scenario, SCENARIOS, STANDSTILL
 
 every_scenario = pytest.mark.parametrize('scenario', SCENARIOS.values(), ids=list(SCENARIOS))
 
@@ -44,13 +44,6 @@ def test_the_friction_jumps_between_the_three_values_and_the_stiffness_does_not(
     ground = SCENARIOS['mu_jumps'].simulator(1).ground
     assert sorted(ground.friction) == [0.20, 0.47, 0.60]
     assert set(ground.stiffness) == {52.7}
-
-
-def test_no_names_mean_all_scenarios_and_a_wrong_one_is_an_error():
-    assert chosen([]) == list(SCENARIOS.values())
-    assert chosen(['sand']) == [SCENARIOS['sand']]
-    with pytest.raises(KeyError):
-        chosen(['moon'])
 
 
 def test_the_same_seed_gives_the_same_events_and_another_one_others():

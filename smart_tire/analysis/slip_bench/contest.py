@@ -16,8 +16,8 @@ from smart_tire.samples import Sample
 
 LIVE, SMOOTHED = 'live', 'smoothed'
 METHODS = {
-    LIVE: 'smart_tire, live',
-    SMOOTHED: 'smart_tire, smoothed',
+    LIVE: 'live',
+    SMOOTHED: 'smoothed',
     'wheels': 'wheels, geometric track',
     'wheels_fitted': 'wheels, best-fit track',
     'gyro': 'gyro + wheels',

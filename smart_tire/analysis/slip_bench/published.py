@@ -33,8 +33,7 @@ class Target:
     balance: Published   # with force balance
 
 
-TITLES = {'plain': 'published: IMU + wheels + constraints',
-          'balance': 'published: with force balance'}
+TITLES = {'plain': 'published: with constraints', 'balance': 'published: force balance'}
 
 _SWEEP = Target(Published(.114, .096), Published(.024, .023, .012), Published(.010, .008, .0024))
 

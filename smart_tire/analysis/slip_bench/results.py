@@ -6,18 +6,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 import math
 
-from smart_tire.analysis.slip_bench.scoring import RunScore
+from smart_tire.analysis.metrics import Score
+from smart_tire.analysis.slip_bench.scoring import PathScore, RunScore
 
 Figures = dict[str, float]
 
 ERRORS = (  # combined by their root mean square
     'slip_left', 'slip_right', 'slip_left_always', 'slip_right_always', 'speed', 'speed_always',
     'position_rms', 'position_end', 'position_rms_percent', 'position_end_percent',
-    'heading_rms', 'heading_end', 'icr_x')
-STATISTICS = (  # combined by their mean
-    *(f'{kind}_{what}' for kind in ('nees', 'within_two')
-      for what in ('slip_left', 'slip_right', 'speed', 'position', 'heading')),
-    'nis', 'step_us', 'distance')
+    'heading_rms', 'heading_end', 'icr_x')  # all others by their mean
 
 
 @dataclass(frozen=True)
@@ -37,27 +34,38 @@ def figures_of(score: RunScore) -> Figures:
     times. ``nees`` is a mean of normalised squared errors, ``within_two`` a share within two
     sigma (position: within the 95 % ellipse).
     """
-    path, sides = score.path, {'slip_left': score.left, 'slip_right': score.right}
+    sides = {'slip_left': score.left, 'slip_right': score.right}
     figures = {'speed': score.speed.judged.rms, 'speed_always': score.speed.always.rms}
     for name, parts in sides.items():
         figures |= {name: parts.judged.rms, f'{name}_always': parts.always.rms}
     for name, judged in {**{name: parts.judged for name, parts in sides.items()},
-                         'speed': score.speed.judged, 'heading': path.heading}.items():
-        figures |= {f'nees_{name}': judged.normalised_rms ** 2,
-                    f'within_two_{name}': (math.nan if math.isnan(judged.normalised_rms)
-                                           else judged.within_two)}
-    return figures | {
+                         'speed': score.speed.judged}.items():
+        figures |= _statistics(name, judged)
+    return figures | path_figures(score.path) | {
+        'icr_x': score.icr_x, 'nis': score.nis, 'step_us': score.step_us}
+
+
+def path_figures(path: PathScore) -> Figures:
+    """Return the figures of a path alone."""
+    return _statistics('heading', path.heading) | {
         'position_rms': path.rms_m, 'position_end': path.end_m,
         'position_rms_percent': path.rms_percent, 'position_end_percent': path.end_percent,
         'heading_rms': path.heading.rms, 'heading_end': abs(path.heading_end),
-        'nees_position': path.nees, 'within_two_position': path.inside, 'icr_x': score.icr_x,
-        'nis': score.nis, 'step_us': score.step_us, 'distance': path.distance_m}
+        'nees_position': path.nees, 'within_two_position': path.inside,
+        'distance': path.distance_m}
+
+
+def _statistics(name: str, judged: Score) -> Figures:
+    """Return mean square and share within two of normalised errors; NaN without sigmas."""
+    known = math.isfinite(judged.normalised_rms)
+    return {f'nees_{name}': judged.normalised_rms ** 2,
+            f'within_two_{name}': judged.within_two if known else math.nan}
 
 
 def combined(seeds: Sequence[Mapping[str, float]]) -> Figures:
     """Return the figures of several seeds as one: errors by rms, statistics by mean."""
-    figures = {name: math.sqrt(_mean([one[name] ** 2 for one in seeds])) for name in ERRORS}
-    return figures | {name: _mean([one[name] for one in seeds]) for name in STATISTICS}
+    return {name: (math.sqrt(_mean([one[name] ** 2 for one in seeds])) if name in ERRORS
+                   else _mean([one[name] for one in seeds])) for name in seeds[0]}
 
 
 def by_run(results: Sequence[RunResult]) -> dict[str, dict[str, Figures]]:

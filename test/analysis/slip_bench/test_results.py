@@ -9,7 +9,7 @@ import pytest
 from smart_tire.analysis.metrics import Score
 from smart_tire.analysis.slip_bench.published import TARGETS
 from smart_tire.analysis.slip_bench.results import (
-    by_run, combined, ERRORS, figures_of, RunResult, STATISTICS)
+    by_run, combined, ERRORS, figures_of, path_figures, RunResult)
 from smart_tire.analysis.slip_bench.scoring import Parts, PathScore, RunScore
 from smart_tire.simulation.scenarios import SCENARIOS
 
@@ -25,7 +25,8 @@ def a_score(slip=0.02, normalised=1.5):
 
 def test_a_score_fills_every_figure():
     figures = figures_of(a_score())
-    assert set(figures) == {*ERRORS, *STATISTICS}
+    assert figures.keys() >= set(ERRORS)
+    assert figures.keys() > path_figures(a_score().path).keys()
     assert figures['slip_left'] == 0.02
     assert figures['slip_left_always'] == 0.3
     assert figures['nees_slip_right'] == pytest.approx(2.25)

@@ -1,0 +1,162 @@
+"""
+The part of ``smart_tire bench`` on slip and localization: how far off, and how honest.
+
+Simulated scenarios over several seeds and real recordings go through the slip estimator, its
+smoother and their rivals; tables are printed, figures and ``results.json`` written.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import as_completed, ProcessPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+import json
+from multiprocessing import get_context
+from pathlib import Path
+import sys
+from typing import Any
+
+from rich.table import Table
+from smart_tire.analysis.metrics import aligned
+from smart_tire.analysis.slip_bench.contest import contest, LIVE, METHODS
+from smart_tire.analysis.slip_bench.figures import path_figure, save, slip_figure
+from smart_tire.analysis.slip_bench.published import TARGETS
+from smart_tire.analysis.slip_bench.recordings import found, RECORDINGS, run_recording
+from smart_tire.analysis.slip_bench.results import (
+    by_run, figures_of, path_figures, RunResult)
+from smart_tire.analysis.slip_bench.scoring import score_run
+from smart_tire.analysis.slip_bench.tracks import as_truth
+from smart_tire.analysis.summary import plain
+from smart_tire.cli.bench_slip_tables import (
+    errors_table, new_console, print_tables, recordings_table, Runs, statistics_table,
+    targets_table)
+from smart_tire.errors import ParameterError
+from smart_tire.parameters import SlipEstimatorParams
+from smart_tire.simulation.scenarios import SCENARIOS
+
+WORKERS = 2      # processes at once; each runs one scenario
+DRAWN_SEED = 1   # the seed whose run is drawn
+
+KNOWN = {recording.name: recording for recording in RECORDINGS}
+TITLES = {**{name: scenario.title for name, scenario in SCENARIOS.items()},
+          **{name: recording.title for name, recording in KNOWN.items()}}
+
+Job = Callable[[], RunResult]
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What is asked for."""
+
+    seeds: int
+    runs: Sequence[str]  # scenarios and recordings; none means all
+    data: Path           # folder of the recordings
+    out: Path
+
+
+def bench_slip(wish: Wish, machine: str) -> None:
+    """Run all, print tables, write figures and results; raise ParameterError if they can't be."""
+    unknown = [name for name in wish.runs if name not in TITLES]
+    if unknown:
+        raise ParameterError(f'{", ".join(unknown)}: no such run, expected of '
+                             f'{", ".join(TITLES)}')
+    jobs, absent = _jobs(wish)
+    for name in absent:
+        print(f'{name}: not in {wish.data}, left out (--data DIR)')
+    try:
+        results = sorted(_done(jobs), key=lambda one: (list(TITLES).index(one.run), one.seed))
+        _write(wish.out / 'results.json', results, absent, machine)
+    except OSError as error:
+        raise ParameterError(f'{wish.out}: cannot be written ({error.strerror})') from error
+    runs = by_run(results)
+    print_tables(new_console(), _tables(runs))
+    print(f'{len(results)} runs; figures and results.json in {wish.out}')
+
+
+def _jobs(wish: Wish) -> tuple[list[Job], list[str]]:
+    """Return what is to be done, the longest first, and the recordings that are not there."""
+    wanted = wish.runs or list(TITLES)
+    paths, absent = found(wish.data)
+    jobs: list[Job] = [partial(run_recorded, name, path, wish.out)
+                       for name, path in paths.items() if name in wanted]
+    scenarios = [SCENARIOS[name] for name in wanted if name in SCENARIOS]
+    scenarios.sort(key=lambda scenario: -scenario.duration)
+    jobs += [partial(run_scenario, scenario.name, seed, wish.out)
+             for scenario in scenarios for seed in range(1, wish.seeds + 1)]
+    return jobs, [name for name in absent if name in wanted]
+
+
+def run_scenario(name: str, seed: int, out: Path) -> RunResult:
+    """Simulate one run, score all methods on it; draw it if it is the first seed."""
+    scenario = SCENARIOS[name]
+    events = scenario.events(seed)
+    truth = as_truth((sample for _, topic, sample in events
+                      if topic.startswith('ground_truth/')), scenario.robot)
+    samples = [sample for _, topic, sample in events if not topic.startswith('ground_truth/')]
+    estimates = contest(samples, SlipEstimatorParams(robot=scenario.robot), truth.poses)
+    if seed == DRAWN_SEED:
+        save(slip_figure(scenario.title, estimates, truth), out / f'{name}_slip.png')
+        save(path_figure(scenario.title, estimates,
+                         {method: aligned(truth.poses, estimate.poses)
+                          for method, estimate in estimates.items()}), out / f'{name}_path.png')
+    return RunResult(name, seed, {
+        method: figures_of(score_run(estimate, truth, averaged=scenario.averaged))
+        for method, estimate in estimates.items()})
+
+
+def run_recorded(name: str, path: Path, out: Path) -> RunResult:
+    """Run all methods over a real recording, score and draw their paths."""
+    run = run_recording(path, KNOWN[name])
+    save(path_figure(TITLES[name], run.estimates, run.tracks), out / f'{name}_path.png')
+    return RunResult(name, DRAWN_SEED, {method: path_figures(score)
+                                        for method, score in run.scores().items()})
+
+
+def _done(jobs: Sequence[Job]) -> Iterator[RunResult]:
+    """Yield the results of ``jobs`` as they come, and say so."""
+    if len(jobs) == 1:
+        yield jobs[0]()
+        return
+    # a process that starts anew, for this one may have threads
+    with ProcessPoolExecutor(WORKERS, get_context('spawn')) as pool:
+        futures = [pool.submit(job) for job in jobs]
+        try:
+            for count, future in enumerate(as_completed(futures), 1):
+                result = future.result()
+                print(f'{count:3}/{len(jobs)}  {TITLES[result.run]}, seed {result.seed}',
+                      file=sys.stderr, flush=True)
+                yield result
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def _tables(runs: Runs) -> Iterator[Table]:
+    simulated = {run: methods for run, methods in runs.items() if run in SCENARIOS}
+    for run, methods in simulated.items():
+        scenario = SCENARIOS[run]
+        way = methods[LIVE]['distance']
+        yield errors_table(f'{scenario.title}: {scenario.duration:.0f} s, {way:.0f} m', methods,
+                           TARGETS.get(run), scenario.averaged)
+    for run, methods in runs.items():
+        if run in KNOWN:
+            yield recordings_table(TITLES[run], methods)
+    if simulated:
+        yield statistics_table(simulated, TITLES)
+    if simulated.keys() & TARGETS.keys():
+        yield targets_table(simulated, TITLES, TARGETS)
+
+
+def _write(path: Path, results: Sequence[RunResult], absent: Sequence[str],
+           machine: str) -> None:
+    """Write all figures: per run and method over the seeds, and of each seed."""
+    runs = by_run(results)
+    tree: dict[str, Any] = {
+        'machine': machine, 'left_out': list(absent), 'methods': METHODS,
+        'units': 'SI; _percent: of the distance; step_us: CPU time in microseconds',
+        'runs': {run: {
+            'title': TITLES[run], 'over_seeds': methods,
+            'seeds': {result.seed: result.figures for result in results if result.run == run},
+            'published': TARGETS.get(run)} for run, methods in runs.items()}}
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(plain(tree), indent=2, allow_nan=False) + '\n', encoding='utf-8')

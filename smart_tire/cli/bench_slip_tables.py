@@ -1,0 +1,163 @@
+"""The tables of ``smart_tire bench --slip``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+import math
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+from smart_tire.analysis.slip_bench.contest import LIVE, METHODS, SMOOTHED
+from smart_tire.analysis.slip_bench.published import Published, Target, TITLES
+from smart_tire.analysis.slip_bench.results import Figures
+
+WIDTH = 160           # columns where there is no terminal; no table needs so many
+LIVE_LIMIT = 1.5      # of the published errors, in steady parts; the smoother must equal them
+SMOOTHED_LIMIT = 1.0
+WITH_SIGMAS = (LIVE, SMOOTHED, 'plain_ekf')
+
+Runs = Mapping[str, Mapping[str, Figures]]  # run -> method -> figures
+
+
+NOTES = """\
+steady: |r w| > 0.1 m/s, t > 3 s, more than 0.4 s from any |dw/dt| > 1.5 rad/s2; averaged: all
+times, by the truth averaged over 125 ms; a NaN where the true slip is defined counts as 1.
+position: error in per cent of the way. Tracks and radii that are fitted are fitted to the truth
+of each run, the EKF has such a track too. published: a reference filter on such runs with IMU,
+wheels and constraints, and with a force balance that takes C_x 52.7 N and mu 0.47 for granted.
+"""
+
+
+def new_console() -> Console:
+    """Return the terminal, or standard output with room for the tables."""
+    console = Console()
+    return console if console.is_terminal else Console(width=WIDTH)
+
+
+def errors_table(title: str, methods: Mapping[str, Figures], target: Target | None,
+                 averaged: bool) -> Table:
+    """Return the errors of all methods on one run, the published ones between them."""
+    judged = 'averaged' if averaged else 'steady'
+    table = _table(title, '', f'slip L / R\n{judged}', 'slip L / R\nall times',
+                   f'v [mm/s]\n{judged}', '\nall', 'position [%]\nrms   end',
+                   'heading [deg]\nrms    end')
+    for name, figures in methods.items():
+        table.add_row(METHODS[name], *_errors(figures), style='bold' if name == LIVE else None)
+        if name == SMOOTHED and target is not None:
+            for kind in TITLES:
+                table.add_row(TITLES[kind], *_published(
+                    getattr(target, kind), methods[LIVE]['distance']), style='italic')
+    return table
+
+
+def _errors(figures: Figures) -> list[str]:
+    return [_pair(figures['slip_left'], figures['slip_right']),
+            _pair(figures['slip_left_always'], figures['slip_right_always']),
+            _number(1e3 * figures['speed'], 1), _number(1e3 * figures['speed_always'], 1),
+            _two(figures['position_rms_percent'], figures['position_end_percent'], 2),
+            _two(math.degrees(figures['heading_rms']), math.degrees(figures['heading_end']), 2)]
+
+
+def _published(one: Published, way: float) -> list[str]:
+    return [_pair(one.left, one.right), '', _number(1e3 * one.speed, 1), '',
+            _two(math.nan, 100.0 * one.end / way, 2), _two(math.nan, one.heading_end, 2)]
+
+
+def targets_table(runs: Runs, titles: Mapping[str, str],
+                  targets: Mapping[str, Target]) -> Table:
+    """Return ours over the published errors of IMU + wheels + constraints, run by run."""
+    table = _table(
+        f'{TITLES["plain"]}, and ours over it (! beyond {LIVE_LIMIT:g} times live, '
+        f'{SMOOTHED_LIMIT:g} smoothed)', '', 'published\nslip L / R', 'live\nL / R',
+        'over it\nL     R', 'smoothed\nL / R', 'over it\nL     R', 'published\nv [mm/s]',
+        'live', 'smoothed')
+    for run, target in targets.items():
+        if run not in runs:
+            continue
+        plain, cells = target.plain, list[Text | str]()
+        for method, limit in ((LIVE, LIVE_LIMIT), (SMOOTHED, SMOOTHED_LIMIT)):
+            figures = runs[run][method]
+            times = figures['slip_left'] / plain.left, figures['slip_right'] / plain.right
+            cells += [_pair(figures['slip_left'], figures['slip_right']),
+                      _kept(_two(*times, 2), max(times) <= limit)]
+        speeds = [_kept(_number(1e3 * runs[run][method]['speed'], 1),
+                        runs[run][method]['speed'] <= limit * plain.speed)
+                  for method, limit in ((LIVE, LIVE_LIMIT), (SMOOTHED, SMOOTHED_LIMIT))]
+        table.add_row(titles[run], _pair(plain.left, plain.right), *cells,
+                      _number(1e3 * plain.speed, 1), *speeds)
+    return table
+
+
+def _kept(text: str, kept: bool) -> Text:
+    return Text(text) if kept else Text(f'{text} !', style='red')
+
+
+def statistics_table(runs: Runs, titles: Mapping[str, str]) -> Table:
+    """Return normalised errors, shares within two sigma, innovations, S and time per step."""
+    table = _table(
+        'Mean normalised squared errors (NEES, 1 is right), shares within two sigma (0.95), '
+        'innovations (NIS, 1), error of S', '', 'NEES:\nslip L  R', '\nv', 'posi-\ntion',
+        'head-\ning', 'within:\nslip L  R', '\nv', 'posi-\ntion', 'head-\ning', '\nNIS',
+        'S\n[mm]', 'step\n[us]')
+    for run, methods in runs.items():
+        table.add_section()
+        for name in (name for name in WITH_SIGMAS if name in methods):
+            one = methods[name]
+            cells = [f'{titles[run]}' if name == LIVE else f'  {METHODS[name]}']
+            for kind in ('nees', 'within_two'):
+                sides = one[f'{kind}_slip_left'], one[f'{kind}_slip_right']
+                cells += [_two(*sides, 2), *(_number(one[f'{kind}_{what}'], 2)
+                                             for what in ('speed', 'position', 'heading'))]
+            table.add_row(*cells, _number(one['nis'], 2), _number(1e3 * one['icr_x'], 1),
+                          _number(one['step_us'], 0))
+    return table
+
+
+def recordings_table(title: str, methods: Mapping[str, Figures]) -> Table:
+    """Return the errors of the path of one real recording."""
+    way = methods[LIVE]['distance']
+    table = _table(f'{title}: {way:.0f} m scored', '', 'position rms\n[m]', '[%]',
+                   'position end\n[%]', 'heading rms\n[deg]', 'heading end\n[deg]')
+    for name, one in methods.items():
+        table.add_row(METHODS[name], _number(one['position_rms'], 3), *(
+            _number(one[key], 2) for key in ('position_rms_percent', 'position_end_percent')),
+            *(_number(math.degrees(one[key]), 2) for key in ('heading_rms', 'heading_end')),
+            style='bold' if name == LIVE else None)
+    return table
+
+
+def print_tables(console: Console, tables: Iterable[Table]) -> None:
+    """Print what the tables mean, and them one below the other."""
+    console.print(Text(NOTES))
+    for table in tables:
+        console.print(table)
+
+
+def _table(title: str, first: str, *columns: str) -> Table:
+    table = Table(title=Text(title), title_justify='left', title_style='bold', box=SIMPLE_HEAD,
+                  pad_edge=False, padding=(0, 1, 0, 0))
+    table.add_column(first, no_wrap=True)
+    for column in columns:
+        table.add_column(Text(column, justify='right'), justify='right', no_wrap=True)
+    return table
+
+
+def _pair(left: float, right: float) -> str:
+    return f'{_slip(left)} / {_slip(right)}'
+
+
+def _slip(value: float) -> str:
+    """Return a slip error as the published table has it, with one more digit: .0123."""
+    text = _number(value, 4)
+    return text[1:] if text.startswith('0.') else text
+
+
+def _two(first: float, second: float, digits: int) -> str:
+    texts: Sequence[str] = [_number(value, digits) for value in (first, second)]
+    return '  '.join(f'{text:>{3 + digits}}' for text in texts)
+
+
+def _number(value: float, digits: int) -> str:
+    return f'{value:.{digits}f}' if math.isfinite(value) else '-'
