@@ -1,0 +1,144 @@
+"""Filter and smoother over kinematic runs with exact truth, many seeds."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from smart_tire.analysis.smoothing import smooth, SmoothedSlip
+from smart_tire.estimation.slip_estimator import SlipEstimator
+from smart_tire.estimation.slip_state import N, State
+from smart_tire.estimation.smoother import Smoother
+from smart_tire.parameters import build, SlipEstimatorParams
+from smart_tire.samples import NS_PER_S, Odometry, TireSample
+from support.driving import drive, ramp, START_NS, STEP
+
+FAST, SLOW = 1.093, 0.547  # m/s, 120 and 60 rpm
+# to the left, to the right, a stop, and away again
+KNOTS = [(0, 0, 0), (3, 0, 0), (3.4, SLOW, FAST), (9, SLOW, FAST), (9.4, FAST, SLOW),
+         (14, FAST, SLOW), (14.5, 0, 0), (17, 0, 0), (17.4, 0.8, 0.8), (21, 0.8, 0.8)]
+SEEDS = range(8)
+
+
+def driven(seed, **options):
+    """Return a run whose slips change with the wheel speeds, slowly enough to be seen."""
+    rolling = ramp(KNOTS)
+    slower = np.minimum(rolling[:, :1], rolling[:, 1:])
+    slip = np.where(rolling > slower + 0.1, 0.11, -0.08)
+    lag = 0.1  # s
+    sliding, held = np.empty_like(rolling), np.zeros(2)
+    for k, wanted in enumerate(slip * rolling):
+        held = held + STEP / lag * (wanted - held)
+        sliding[k] = held
+    return drive(rolling, sliding, seed=seed, **options), rolling - sliding
+
+
+def errors(run, ground, series):
+    """Return normalised and plain errors of slips (n, 2), of v_x and of x and y (n, 3)."""
+    poses, slips = series.poses(), series.slips()
+    index = np.round((poses.stamp_ns - START_NS) / NS_PER_S / STEP).astype(int)
+    with np.errstate(divide='ignore', invalid='ignore'):
+        true = np.clip(1.0 - ground / run.rolling, -1.0, 1.0)[index]
+    true[np.abs(run.rolling[index]) < 0.2] = np.nan  # a slip of nearly nothing over nearly nothing
+    slip = slips.ratio[:, :2] - true
+    speed = poses.twist[:, 0] - run.twist[index, 0]
+    place = poses.pose[:, :2] - run.pose[index, :2]
+    return {'slip': (slip, slips.sigma[:, :2]),
+            'speed': (speed, np.sqrt(poses.twist_variance[:, 0])),
+            'place': (place, np.sqrt(poses.pose_covariance[:, (0, 1), (0, 1)]))}
+
+
+@pytest.fixture(scope='module')
+def judged():
+    """Return filtered and smoothed errors of all seeds, as pairs by name."""
+    params, found = build(SlipEstimatorParams, {}), []
+    for seed in SEEDS:
+        run, ground = driven(seed)
+        both = smooth(params, run.samples)
+        found.append([errors(run, ground, series) for series in (both.filtered, both.smoothed)])
+    return found
+
+
+def rms(values):
+    return np.sqrt(np.nanmean(np.square(values)))
+
+
+@pytest.mark.parametrize('name', ['slip', 'speed', 'place'])
+def test_over_many_runs_the_smoother_is_better_than_the_filter(judged, name):
+    filtered, smoothed = (rms([run[way][name][0] for run in judged]) for way in (0, 1))
+    assert smoothed < filtered
+
+
+@pytest.mark.parametrize('name', ['slip', 'speed', 'place'])
+def test_its_sigmas_cover_its_errors(judged, name):
+    normalised = [error / sigma for run in judged for error, sigma in [run[1][name]]]
+    assert rms(normalised) < 1.2
+
+
+def test_slips_do_not_lag_where_wheels_are_slow_and_late():
+    params = build(SlipEstimatorParams, {'encoder.latency': 0.2})
+    found = []
+    for seed in range(3):
+        run, ground = driven(seed, wheel_rate=4.0, wheel_latency=0.2)
+        both = smooth(params, run.samples)
+        found.append([errors(run, ground, series)['slip']
+                      for series in (both.filtered, both.smoothed)])
+    assert rms([run[1][0] for run in found]) < 0.5 * rms([run[0][0] for run in found])
+    assert rms([run[1][0] / run[1][1] for run in found]) < 1.2
+
+
+def test_biases_are_known_from_the_first_instant():
+    run, _ = driven(1)
+    filtered, tape = [], Smoother(N)
+    estimator = SlipEstimator(build(SlipEstimatorParams, {}), tape)
+    for sample in run.samples:
+        filtered += [e for e in estimator.update(sample) if isinstance(e, Odometry)]
+    smoothed = list(tape.states())
+    first, last = smoothed[0], smoothed[-1]
+    for row in (State.GYRO, State.ACCEL_X, State.ACCEL_Y):
+        assert first.P[row, row] < 2.0 * last.P[row, row]
+        assert abs(first.x[row] - last.x[row]) < 3.0 * np.sqrt(first.P[row, row])
+    start = [first.x[State.GYRO] - state.seen.gyro_z for state in smoothed[:100]]
+    assert abs(np.mean(start)) < 0.003  # the robot stands: all that is felt is the bias
+    assert np.sqrt(first.P[State.GYRO, State.GYRO]) < 0.1 * np.sqrt(
+        filtered[0].twist_covariance[-1])
+
+
+def test_no_variance_is_ever_larger_than_the_filters():
+    class Both(Smoother):
+        def __init__(self):
+            super().__init__(N)
+            self.filtered = []
+
+        def mark(self, seen, x, P):
+            self.filtered.append(P)
+            super().mark(seen, x, P)
+    run, _ = driven(2)
+    tape = Both()
+    estimator = SlipEstimator(build(SlipEstimatorParams, {}), tape)
+    for sample in run.samples:
+        estimator.update(sample)
+    for state, P in zip(tape.states(), tape.filtered, strict=True):
+        assert np.all(np.diag(state.P) <= np.diag(P) * (1.0 + 1e-9))
+        scale = np.sqrt(np.outer(np.diag(state.P), np.diag(state.P)))
+        assert np.linalg.eigvalsh(state.P / scale).min() > -1e-12
+
+
+def test_a_clock_that_is_set_back_starts_anew():
+    run, _ = driven(3)
+    back = [type(s)(**{**{name: getattr(s, name) for name in s.__dataclass_fields__},
+                       'stamp_ns': s.stamp_ns - 10 * NS_PER_S}) for s in run.samples]
+    slip = SmoothedSlip(build(SlipEstimatorParams, {}))
+    stamps = [e.stamp_ns for sample in run.samples[:1500] + back[:1500]
+              for e in slip.update(sample) if isinstance(e, Odometry)]
+    smoothed = [e for estimates in slip.smoothed() for e in estimates if isinstance(e, Odometry)]
+    assert [e.stamp_ns for e in smoothed] == stamps
+    assert stamps != sorted(stamps)
+    start = next(i for i, (a, b) in enumerate(zip(stamps, stamps[1:])) if b < a) + 1
+    assert smoothed[start].position[:2] == pytest.approx((0.0, 0.0), abs=1e-3)
+    slip.close()
+
+
+def test_without_samples_there_is_nothing_and_others_are_passed_over():
+    both = smooth(build(SlipEstimatorParams, {}), [TireSample(0, 'front_left', (1.65, 1.65))])
+    assert len(both.filtered.poses().stamp_ns) == len(both.smoothed.poses().stamp_ns) == 0
