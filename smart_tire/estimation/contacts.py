@@ -21,7 +21,8 @@ Array = NDArray[np.float64]
 Instants = NDArray[np.int64]
 
 QUIET = 0.035         # m of watched rest that end a contact; hard braking feigns it for 26 mm
-LEAD = 0.015          # m of travel kept before and after a contact: entry, bumps
+BEFORE = 0.050        # m of travel kept before a contact's first active sample: entry, bump ...
+AFTER = 0.030         # m ... and behind the last: bump, recovery
 STANDING = 0.002      # m/s; below, the wheel stands and a sample tells nothing new
 STUCK = 2.5           # contact lengths of activity that no contact explains: the rest has moved
 REST_MEMORY = 0.1     # share of a new median in the tracked rest voltage
@@ -161,7 +162,7 @@ class FilmRecord:
             for i in indices:
                 contacts += self._settle(film, float(watched[i]), QUIET)
                 self._extend(film, int(instants[i]), float(watched[i]))
-            contacts += self._settle(film, float(watched[-1]), max(QUIET, LEAD))
+            contacts += self._settle(film, float(watched[-1]), QUIET)
         return contacts
 
     def _track_rest(self, film: int, charge: Array) -> None:
@@ -187,7 +188,7 @@ class FilmRecord:
         if activity is None or watched - activity.end <= quiet:
             return []
         self._activities[film] = None
-        return [self._contact_of(film, activity, activity.end + LEAD)]
+        return [self._contact_of(film, activity, activity.end + AFTER)]
 
     def _turn(self, turn_ns: int) -> list[Contact]:
         """End every contact where the wheel turned round; what was active later is another."""
@@ -209,7 +210,7 @@ class FilmRecord:
         return contacts
 
     def _contact_of(self, film: int, activity: _Activity, until: float) -> Contact:
-        low, high = np.searchsorted(self._watched, [activity.begin - LEAD, until + 1e-9])
+        low, high = np.searchsorted(self._watched, [activity.begin - BEFORE, until + 1e-9])
         low = max(int(low), int(np.searchsorted(self._instants, activity.since_ns)))
         return Contact(film, activity.begin_ns, activity.end_ns, self._instants[low:high],
                        self._volts[low:high, film], float(self._rest[film]))

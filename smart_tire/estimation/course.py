@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
+from smart_tire.estimation.course_errors import CourseErrors, warps
 from smart_tire.samples import NS_PER_S
 
 Array = NDArray[np.float64]
@@ -28,6 +29,8 @@ AFTER_NS = 300_000_000    # ... and after the stretch that is asked for
 LONGEST_EXTRAPOLATION = 1.0  # s, beyond the newest sample
 IMPLAUSIBLE_STEP = 1.0       # rad, more than the speed explains: the counter was reset
 KEPT_TURNS = 16
+SHORTEST = 1e-3          # s, of a stretch of course ...
+SHORTEST_WAY = 1e-3      # m, ... and of its way: no division by zero
 ROLL_POINTS = 200
 PARTS = 8              # of a roll, between whose speeds the change is looked for
 
@@ -142,15 +145,13 @@ class SmoothCourse:
         """One sigma of the speed [m/s]."""
         return self._radius * (self._density * JERK_DENSITY)**0.25
 
-    def warp_density(self, duration: float) -> float:
-        """
-        Return the density [m^2 s] of what neither shift nor scale explain in ``duration`` [s].
-
-        This is noise that passes the filter and is faster than the duration.
-        """
-        lowest = 2.0 * math.pi / duration / self._cutoff
-        share = 0.2 / (0.2 + lowest**5)  # of the filter's band; exact for small and large ones
-        return self._radius**2 * self._density * share
+    def errors(self, begin_ns: int, end_ns: int) -> CourseErrors:
+        """Return what is uncertain in the distances between two instants."""
+        seconds = max((end_ns - begin_ns) / NS_PER_S, SHORTEST)
+        begin, end = self.at(np.array([begin_ns, end_ns]))
+        speed = max(abs(float(end - begin)), SHORTEST_WAY) / seconds
+        return CourseErrors(self.speed_sigma / speed, warps(
+            self._radius**2 * self._density, self._cutoff, seconds))
 
     def at(self, instants: Instants) -> Array:
         """Return the distance [m] at ``instants`` [ns]; past the ends the speed stays."""

@@ -58,7 +58,7 @@ def _variance(robot: RobotParams, wheel: str, films: Sequence[int], slip: float,
         p[own(i, Own.BENDING):own(i, Own.GAIN)] = peak, BUMP * peak, BUMP * peak
         precision[own(i, Own.GAIN)] = max(film.stretch_gain_tolerance, LEAST_GAIN_SIGMA)**-2
     free = [Shared.SLIDING, *(own(i, which) for i in range(len(films)) for which in FREE)]
-    _, slopes, _ = WaveformModel(robot, film.gains(wheel), samples, 0.0).linearised(p)
+    _, slopes = WaveformModel(robot, film.gains(wheel), samples, 0.0).linearised(p)
     information = slopes[free] @ slopes[free].T / film.sample_variance + np.diag(precision[free])
     try:
         return max(float(np.linalg.inv(information)[0, 0]), 0.0)

@@ -117,7 +117,7 @@ class FrictionEstimator:
                 motion = self._motion.mean(wheel, passage.begin_ns, passage.end_ns)
                 found.append(self._reporters[wheel].report(passage, motion))
                 self.passages += 1
-                self.passages_lost += not passage.shapes
+                self.passages_lost += passage.samples is None
         return found
 
     def status(self) -> dict[str, str | int | float]:

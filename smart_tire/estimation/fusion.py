@@ -24,30 +24,29 @@ SPREAD = 0.3         # -, one sigma of mu among grounds; assumed
 
 @dataclass(slots=True)
 class _Average:
-    """Weighted mean of 1 / mu; ``slip`` and ``constant`` are mean relative lasting sigmas."""
+    """Weighted mean of 1 / mu; ``lasting`` and ``constant`` are mean sigmas as of ``Single``."""
 
     inverse: float
     variance: float
-    slip: float
+    lasting: float
     constant: float
     count: int = 1
 
     @staticmethod
     def of(single: Single) -> _Average:
-        return _Average(single.inverse, single.noise**2, single.slip, single.constant)
+        return _Average(single.inverse, single.noise**2, single.lasting, single.constant)
 
     def join(self, other: _Average) -> None:
         gain = self.variance / (self.variance + other.variance)
         self.inverse += gain * (other.inverse - self.inverse)
-        self.slip += gain * (other.slip - self.slip)
+        self.lasting += gain * (other.lasting - self.lasting)
         self.constant += gain * (other.constant - self.constant)
         self.variance *= 1.0 - gain
         self.count += other.count
 
     def spread(self, other: _Average) -> float:
         """Return one sigma of the difference; what errs alike in both does not count."""
-        return math.hypot(math.sqrt(self.variance + other.variance), self.slip * self.inverse,
-                          other.slip * other.inverse)
+        return math.sqrt(self.variance + other.variance + self.lasting**2 + other.lasting**2)
 
     def distance(self, other: _Average) -> float:
         """Return by how many sigmas the two differ."""
@@ -56,7 +55,7 @@ class _Average:
     def estimate(self, constant: bool = True) -> Estimate:
         """Return mu and one sigma, with or without that of stiffness and load."""
         return friction_estimate(
-            self.inverse, math.hypot(math.sqrt(self.variance), self.slip * self.inverse),
+            self.inverse, math.sqrt(self.variance + self.lasting**2),
             self.constant if constant else 0.0)
 
 

@@ -44,7 +44,8 @@ class WheelMotion:
     slip: Estimate = UNKNOWN     # -, B(3)'s lambda
     lateral: Estimate = UNKNOWN  # m/s, v_y of the wheel's centre
     load: Estimate = UNKNOWN     # N, F_z
-    slip_rate: float = 0.0       # 1/s, at which the slip changes
+    slip_rate: float = 0.0       # 1/s, at which the slip changes ...
+    slip_bend: float = 0.0       # -, how far it strays from that in the passage, rms
     stiffness_sigma: float | None = None  # relative, of C_x; None where the streams do not tell
 
 
@@ -72,17 +73,18 @@ class MotionHistory:
     def mean(self, wheel: str, begin_ns: int, end_ns: int) -> WheelMotion:
         """Return the mean motion of ``wheel`` between two instants."""
         index = WHEELS.index(wheel)
-        slips = _between(self._slips, begin_ns - NEAR_NS, end_ns + NEAR_NS)
+        # while film 1 comes, and the others go
+        around_ns = max(NEAR_NS, end_ns - begin_ns)
+        slips = _between(self._slips, begin_ns - around_ns, end_ns + around_ns)
         slip = _mean(slips, [(s.ratio[index], s.sigma[index]) for s in slips], begin_ns, end_ns)
         near = _between(self._odometry, begin_ns - NEAR_NS, end_ns + NEAR_NS)
         lateral = _mean(near, [self._lateral(o, index) for o in near], begin_ns, end_ns)
-        rate = _slope([s.stamp_ns for s in slips], [s.ratio[index] for s in slips])
-        rate = rate if math.isfinite(slip[0]) else 0.0
+        rate, bend = _line([s for s in slips if math.isfinite(s.ratio[index])], index)
         if math.isnan(lateral[0]):
-            return WheelMotion(slip, slip_rate=rate)
+            return WheelMotion(slip, slip_rate=rate, slip_bend=bend)
         wide = _between(self._odometry, begin_ns - SLOPE_NS, end_ns + SLOPE_NS)
         a_x, a_y = self._acceleration(wide)
-        return WheelMotion(slip, lateral, self._load(a_x, a_y, index), rate,
+        return WheelMotion(slip, lateral, self._load(a_x, a_y, index), rate, bend,
                            self._stiffness_sigma(slips, a_x))
 
     def _lateral(self, odometry: Odometry, index: int) -> Estimate:
@@ -147,6 +149,16 @@ def _mean(samples: Sequence[Odometry | WheelSlip], estimates: list[Estimate], be
     value, sigma = (float(np.mean(np.interp(points, stamps, column)))
                     for column in zip(*estimates))
     return (value, sigma) if math.isfinite(value) and math.isfinite(sigma) else UNKNOWN
+
+
+def _line(slips: list[WheelSlip], index: int) -> tuple[float, float]:
+    """Return the slope [1/s] of the straight line through a wheel's slips, and the rms off it."""
+    stamps, ratios = [s.stamp_ns for s in slips], np.array([s.ratio[index] for s in slips])
+    slope = _slope(stamps, ratios)
+    if not slope:
+        return 0.0, 0.0
+    off = ratios - slope * (np.array(stamps) - stamps[0]) / NS_PER_S
+    return slope, float(np.std(off))
 
 
 def _slope(stamps: list[int], values: Array | list[float]) -> float:

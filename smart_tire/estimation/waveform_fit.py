@@ -15,6 +15,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from smart_tire.estimation.course_errors import CourseErrors
 from smart_tire.estimation.motion import Estimate
 from smart_tire.estimation.sighting import Sighting
 from smart_tire.estimation.waveform_model import FilmSamples, Own, own, Shared, WaveformModel
@@ -33,6 +34,9 @@ ALPHA_SIGMA = 0.03       # likewise, of the bending shape: assumed
 SLIP_SIGMA = 1.0         # -, weakest possible knowledge of the slip
 TYPICAL_SLIDING = 0.3    # -, of total slip / critical slip ...
 SLIDING_SIGMA = 1.0      # -, ... and the weakest possible knowledge of it
+TYPICAL_SLIP = 0.08      # -, at which a start takes the sliding for typical at most
+LEAST_START = 0.1        # -, smallest sliding that a start takes
+SUSPECT = 1.5            # mean square of normalised residuals, from which another start is tried
 LEAST_SLIP = 0.02        # -, below which a relative change of slip means nothing
 LEAST_TOLERANCE = 1e-6   # relative, of gains that are said to be exact
 LARGEST_STEP = 0.003     # m, of a place in one iteration
@@ -43,15 +47,6 @@ MOST_DAMPED = 1e6
 CONVERGED = 0.01         # of the misfit, which is chi-squared: a tenth of a sigma
 OUTLIER = 3.0            # sigmas, beyond which a sample counts less
 MEDIAN_TO_SIGMA = 1.4826  # of the absolute values of Gaussian noise
-
-
-@dataclass(frozen=True, slots=True)
-class CourseErrors:
-    """One sigma of what is uncertain in the distances of a passage."""
-
-    scale: float = 0.0  # -, relative, of the scale
-    drift: float = 0.0  # -, of its change over a contact length
-    warp: float = 0.0   # m, of each sample, as if independent
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,9 +76,9 @@ class WaveformFit:
     """
     What was fitted to one passage.
 
-    ``parameters`` and their ``covariance`` have the order of ``Shared`` and, film by film, of
-    ``Own``; ``noise`` and ``lasting`` split the covariance (2, 2) of slip and sliding into what is
-    new in every passage and what gains and the slip from elsewhere leave.
+    ``parameters`` and their ``covariance`` have the order of ``WaveformModel``; ``noise`` and
+    ``lasting`` split the covariance (2, 2) of slip and sliding into what is new in every passage
+    and what gains and the slip from elsewhere leave.
     """
 
     passage: Passage
@@ -134,7 +129,6 @@ class _Point:
     p: Array
     residual: Array  # V, (n,)
     slopes: Array    # (m, n), by the free parameters
-    by_place: Array  # V/m, (n,)
     strain: float    # by how many sigmas, squared, the priors are off
 
 
@@ -166,28 +160,41 @@ class WaveformFitter:
         if min(len(one.distance) for one in passage.films) < FEWEST:
             return None
         p = self._start(passage) if start is None else start.parameters
+        found = self._descend(passage, known, p)
+        if start is None and found.excess > SUSPECT:
+            p = p.copy()
+            p[Shared.SLIP] *= -1.0
+            found = min(found, self._descend(passage, known, p), key=lambda fit: fit.excess)
+        return found
+
+    def _descend(self, passage: Passage, known: SlipKnowledge, p: Array) -> WaveformFit:
         prior = self._prior(passage, known, float(p[Shared.SLIP]))
-        model = WaveformModel(self._robot, self._gains, passage.films, passage.reference)
+        model = WaveformModel(self._robot, self._gains, passage.films, passage.reference,
+                              len(passage.errors.warps))
         return _Descent(model, passage, prior, self._variance).run(p)
 
     def _start(self, passage: Passage) -> Array:
-        p = np.zeros(own(len(passage.films), Own.PLACE))
+        p = np.zeros(own(len(passage.films), Own.PLACE) + len(passage.errors.warps))
         for i, (one, seen) in enumerate(zip(passage.films, passage.sightings)):
             bump = BUMP * self._bending[one.film]
             p[own(i, Own.PLACE):own(i, Own.GAIN)] = seen.middle, 0.0, seen.bending, bump, bump
-        p[Shared.SLIP], p[Shared.SLIDING] = np.mean(
-            [(seen.slip, seen.sliding) for seen in passage.sightings], axis=0)
+        slip, sliding = np.mean(
+            [(seen.slip, seen.sliding) for seen in passage.sightings], axis=0).tolist()
+        # a small slip shows no sliding, and is likely far from the critical one
+        likely = max(TYPICAL_SLIDING * abs(slip) / TYPICAL_SLIP, LEAST_START)
+        p[Shared.SLIP], p[Shared.SLIDING] = slip, min(sliding, likely)
         return p
 
     def _prior(self, passage: Passage, known: SlipKnowledge, slip: float) -> _Prior:
         count, errors = len(passage.films), passage.errors
-        value, sigma = np.zeros((2, own(count, Own.PLACE)))
+        value, sigma = np.zeros((2, own(count, Own.PLACE) + len(errors.warps)))
         scale = math.copysign(max(abs(slip), LEAST_SLIP), slip)  # GROWTH is relative to the slip
         value[:len(Shared)] = (
-            known.slip[0], TYPICAL_SLIDING, known.change[0] / scale, 0.0, 0.0, 0.0, 0.0)
+            known.slip[0], TYPICAL_SLIDING, known.change[0] / scale, 0.0, 0.0, 0.0)
         sigma[:len(Shared)] = (
             known.slip[1], SLIDING_SIGMA, known.change[1] / abs(scale), errors.scale,
-            errors.drift, ALPHA_SIGMA, self._length_sigma)
+            ALPHA_SIGMA, self._length_sigma)
+        sigma[own(count, Own.PLACE):] = errors.warps
         recovery = RECOVERY_SIGMA if self._robot.film.release == 'fig8' else 0.0
         for i, (one, seen) in enumerate(zip(passage.films, passage.sightings)):
             peak, block = self._bending[one.film], slice(own(i, Own.PLACE), own(i + 1, Own.PLACE))
@@ -231,10 +238,10 @@ class _Descent:
         return self._judge(point, weight, np.linalg.inv(hessian))
 
     def _at(self, p: Array) -> _Point:
-        output, slopes, by_place = self._model.linearised(p)
+        output, slopes = self._model.linearised(p)
         prior = self._prior
         strain = float(prior.precision @ (p - prior.value)**2)
-        return _Point(p, self._volts - output, slopes[prior.free], by_place, strain)
+        return _Point(p, self._volts - output, slopes[prior.free], strain)
 
     def _step(self, point: _Point, weight: Array, hessian: Array, gradient: Array,
               damping: float) -> tuple[_Point, float] | None:
@@ -255,7 +262,8 @@ class _Descent:
         """Return ``p`` after ``step``, shortened where a place would jump."""
         whole = np.zeros_like(p)
         whole[self._prior.free] = step
-        farthest = float(np.max(np.abs(whole[own(0, Own.PLACE)::len(Own)])))
+        places = slice(own(0, Own.PLACE), own(len(self._passage.films), Own.PLACE), len(Own))
+        farthest = float(np.max(np.abs(whole[places])))
         moved: Array = p + whole * min(1.0, LARGEST_STEP / max(farthest, LARGEST_STEP))
         low, high = SLIDING_RANGE
         moved[Shared.SLIDING] = min(max(float(moved[Shared.SLIDING]), low), high)
@@ -268,10 +276,9 @@ class _Descent:
 
     def _weights(self, point: _Point) -> Array:
         """Return 1 / variance, less for outliers (Huber), none for what is beyond its rail."""
-        variance = self._variance + (self._passage.errors.warp * point.by_place)**2
-        size = np.abs(point.residual) / np.sqrt(variance)
+        size = np.abs(point.residual) / math.sqrt(self._variance)
         spread = max(1.0, MEDIAN_TO_SIGMA * float(np.median(size)))
-        weight: Array = 1.0 / (variance * np.maximum(size / (OUTLIER * spread), 1.0))
+        weight: Array = 1.0 / (self._variance * np.maximum(size / (OUTLIER * spread), 1.0))
         return np.where(self._rail * point.residual < 0.0, 0.0, weight) if self._clips else weight
 
     def _judge(self, point: _Point, weight: Array, inverse: Array) -> WaveformFit:

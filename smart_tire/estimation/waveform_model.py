@@ -2,7 +2,8 @@
 The output of all films of a wheel in one passage, and its Jacobian.
 
 Samples lie over the rolled distance, in the direction of motion and up to a constant. What the
-films share comes first in the parameters, then a block of each film.
+films share comes first in the parameters, then a block of each film, and at last the errors of the
+distances [m] that Legendre polynomials of order 2, 3, ... over all samples describe.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from enum import IntEnum
 import math
 
 import numpy as np
+from numpy.polynomial.legendre import legvander
 from numpy.typing import NDArray
 
 from smart_tire.models import passage_waveform, tread_film
@@ -29,10 +31,9 @@ class Shared(IntEnum):
     SLIP = 0     # -, B(3)'s lambda where the distance is the reference
     SLIDING = 1  # -, total slip / critical slip there
     GROWTH = 2   # -, relative change of both over a contact length
-    SCALE = 3    # -, relative error of the distances' scale at the reference ...
-    DRIFT = 4    # -, ... and its change over a contact length
-    ALPHA = 5    # -, ln of B(15)'s alpha over the nominal one
-    LENGTH = 6   # -, ln of the contact length over the nominal one
+    SCALE = 3    # -, relative error of the distances' scale
+    ALPHA = 4    # -, ln of B(15)'s alpha over the nominal one
+    LENGTH = 5   # -, ln of the contact length over the nominal one
 
 
 class Own(IntEnum):
@@ -67,33 +68,37 @@ class WaveformModel:
     ``tread_film.passage`` with bumps for films of a wheel in one passage.
 
     ``gains`` [V/m] are the nominal ones of all films of the wheel; ``reference`` [m] is the
-    distance for which slip and sliding of ``Shared`` are told.
+    distance for which slip and sliding of ``Shared`` are told, ``warps`` how many polynomials
+    describe the errors of the distances.
     """
 
     def __init__(self, robot: RobotParams, gains: Sequence[float], films: Sequence[FilmSamples],
-                 reference: float) -> None:
+                 reference: float, warps: int = 0) -> None:
         self._film, self._patch = robot.film, robot.tire.contact_length
         self._ends = np.cumsum([0, *(len(one.distance) for one in films)]).tolist()
         self._index = np.repeat(np.arange(len(films)), np.diff(self._ends))
         self._gain = np.array([gains[one.film] for one in films])[self._index]
         self._distance = np.concatenate([one.distance for one in films])
-        self._reference = reference
         self._far = (self._distance - reference) / self._patch
+        self._own = slice(len(Shared), own(len(films), Own.PLACE))
+        low, high = float(self._distance.min()), float(self._distance.max())
+        even = (2.0 * self._distance - low - high) / max(high - low, self._patch)
+        self._warps: Array = legvander(even, warps + 1).T[2:].copy()
 
-    def linearised(self, p: Array) -> tuple[Array, Array, Array]:
+    def linearised(self, p: Array) -> tuple[Array, Array]:
         """
-        Return the output above rest [V], its slopes, and its slope by the place [V/m].
+        Return the output above rest [V] and its slopes.
 
-        Shapes are (n,), (m, n) and (n,) for n samples of all films and m parameters.
+        Shapes are (n,) and (m, n) for n samples of all films and m parameters.
         """
         place, offset, bending, before, after, gain, recovery = (
-            p[len(Shared):].reshape(-1, len(Own)).T[:, self._index])
-        slip, sliding, growth, scale, drift, alpha, length = p[:len(Shared)].tolist()
+            p[self._own].reshape(-1, len(Own)).T[:, self._index])
+        slip, sliding, growth, scale, alpha, length = p[:len(Shared)].tolist()
         alpha, patch = self._film.bending_alpha * math.exp(alpha), self._patch * math.exp(length)
         tail = tread_film.RECOVERY * np.exp(recovery)
         way = self._distance - place
-        bend_way = (0.5 / self._patch) * (self._distance + place - 2.0 * self._reference)
-        x = way * (1.0 + scale + drift * bend_way) + 0.5 * (patch - self._film.length)
+        x = (way * (1.0 + scale) + p[self._own.stop:] @ self._warps
+             + 0.5 * (patch - self._film.length))
 
         bend = passage_waveform.bending(x, self._film.length, patch, alpha, self._film.release,
                                         tail)
@@ -113,21 +118,20 @@ class WaveformModel:
         by_sliding = pull * strain.by_sliding
         by_place = (bending * bend.by_place + pull * strain.by_place
                     - height * bump.by_place)
-        by_scale = by_place * way
 
         slopes = np.zeros((len(p), len(x)))
         slopes[Shared.SLIP] = by_slip
         slopes[Shared.SLIDING] = by_sliding * grown
         slopes[Shared.GROWTH] = self._far * (slip * by_slip / grown + sliding * by_sliding)
-        slopes[Shared.SCALE] = by_scale
-        slopes[Shared.DRIFT] = by_scale * bend_way
+        slopes[Shared.SCALE] = by_place * way
         slopes[Shared.ALPHA] = alpha * bending * bend.by_alpha
         slopes[Shared.LENGTH] = patch * (bending * bend.by_length + pull * strain.by_length
                                          - height * bump.by_length + 0.5 * by_place)
-        at_place = 1.0 + scale + (drift / self._patch) * (place - self._reference)
-        each = np.stack([-by_place * at_place, np.ones_like(x), bend.value, -bump.value * ~behind,
-                         -bump.value * behind, per_gain, bending * bend.by_recovery * tail])
+        slopes[self._own.stop:] = by_place * self._warps
+        each = np.stack([by_place * (-1.0 - scale), np.ones_like(x), bend.value,
+                         -bump.value * ~behind, -bump.value * behind, per_gain,
+                         bending * bend.by_recovery * tail])
         for i, (low, high) in enumerate(zip(self._ends, self._ends[1:])):
             slopes[own(i, Own.PLACE):own(i + 1, Own.PLACE), low:high] = each[:, low:high]
         output = offset + bending * bend.value + slip * by_slip - height * bump.value
-        return output, slopes, by_place
+        return output, slopes

@@ -1,5 +1,5 @@
 """
-One instrumented wheel: from its samples and its angle to measured passages of its films.
+One instrumented wheel: from its samples and its angle to passages of its films.
 
 Work is done in blocks, when the wheel's angle is known up to some instant with samples beyond
 it: a single sample costs no more than its place in a list.
@@ -9,17 +9,19 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import math
 
 import numpy as np
 from numpy.typing import NDArray
 
 from smart_tire.estimation.contacts import Contact, FilmRecord
-from smart_tire.estimation.course import Path, Roll, SmoothCourse, WheelCourse
+from smart_tire.estimation.course import Path, Roll, WheelCourse
 from smart_tire.estimation.passes import FilmPlace, Pass, Point
-from smart_tire.estimation.peaks import PassageMeter, Shape
 from smart_tire.estimation.sample_clock import SampleClock
+from smart_tire.estimation.sighting import Sighter, Sighting
+from smart_tire.estimation.waveform_fit import Passage
+from smart_tire.estimation.waveform_model import FilmSamples
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import NS_PER_S, TireSample, WHEELS, WheelSample
 
@@ -46,6 +48,7 @@ PARTLY_GONE = 0.15        # lost share of a film's passage, of which a part was 
 GONE = 0.5                # ... and of one that explains that nothing was seen
 SHORTEST = 1e-3           # s, of a film's way while inside: no division by zero
 SHORTEST_WAY = 1e-3       # m, likewise, with a film as long as the patch
+MARGIN = 0.030            # m of travel before and after a contact: bumps, recovery, some rest
 SIGHTINGS = 16            # contacts and film passages remembered
 
 
@@ -53,56 +56,55 @@ SIGHTINGS = 16            # contacts and film passages remembered
 class FilmPassage:
     """One film, seen to pass."""
 
-    film: int
     place: float     # m, rolled distance when its middle is at the patch's middle ...
     instant_ns: int  # ... and the instant
-    begin_ns: int    # when it became active
     direction: int   # +1 forward, -1 backward
-    shape: Shape
+    sighting: Sighting
+    contact: Contact
 
 
 @dataclass(frozen=True, slots=True)
 class WheelPassage:
     """
-    All films of a wheel went through the patch; ``shapes`` holds those that were measured.
+    All films of a wheel went through the patch; ``samples`` are those of the films that were seen.
 
-    Slip and load are meant from ``begin_ns`` to ``end_ns``, while film 1 was fully inside.
+    Slip and load are meant from ``begin_ns`` to ``end_ns``, while film 1 was fully inside, and
+    ``samples.reference`` is the middle of that.
     """
 
-    stamp_ns: int       # films' common middle at the patch's middle
-    direction: int      # +1 forward, -1 backward
-    speed: float        # m/s, r |omega|
-    speed_sigma: float  # m/s
-    speed_change: float  # relative, while any film was in the patch
+    stamp_ns: int        # films' common middle at the patch's middle, as it was sighted
+    direction: int       # +1 forward, -1 backward
+    speed: float         # m/s, r |omega|
+    speed_sigma: float   # m/s
+    speed_change: float  # relative, while any film was in the patch ...
+    way: float           # m, rolled meanwhile
     begin_ns: int
     end_ns: int
-    shapes: dict[int, Shape]
+    samples: Passage | None  # None where no film was seen, or the speed changed too much
 
 
 class WheelFilms:
-    """Finds and measures the passages of one wheel's films."""
+    """Finds the passages of one wheel's films, and what was sampled in them."""
 
     def __init__(self, wheel: str, robot: RobotParams) -> None:
-        film, encoder = robot.film, robot.encoder
+        film, encoder, patch = robot.film, robot.encoder, robot.tire.contact_length
         circumference = 2.0 * math.pi * robot.wheel_radius
-        self._index = WHEELS.index(wheel)
+        self._index, self._patch = WHEELS.index(wheel), patch
         self._gains, self._bending = film.gains(wheel), film.bending(wheel)
         self._offsets = (-0.5 * film.spacing, 0.5 * film.spacing)  # m, of films 1 and 2
-        self._inside = max(0.5 * abs(robot.tire.contact_length - film.length), SHORTEST_WAY)
-        half = 0.5 * (robot.tire.contact_length + film.length)
-        self._reach = half + 0.5 * film.spacing
-        self._half = half
+        self._inside = max(0.5 * abs(patch - film.length), SHORTEST_WAY)
+        self._half = 0.5 * (patch + film.length)
+        self._reach = self._half + 0.5 * film.spacing
         self._rate = film.sample_rate
-        step = film.voltage_range / (2**film.bits - 1)
-        self._rails = 0.5 * step, film.voltage_range - 0.5 * step
+        self._rails = 0.5 * film.code, film.voltage_range - 0.5 * film.code
         self._course = WheelCourse(robot.wheel_radius, encoder.counts_per_revolution,
                                    encoder.stamp_jitter, encoder.latency)
         self._path = Path(max(TURN, 2.0 * circumference / encoder.counts_per_revolution))
         self._record = FilmRecord(
             [max(ACTIVE * peak, ACTIVE_NOISE * film.noise) for peak in self._bending],
-            film.rest_voltage, round(NS_PER_S / film.sample_rate), 2.0 * half)
+            film.rest_voltage, round(NS_PER_S / film.sample_rate), 2.0 * self._half)
         self._place = FilmPlace(circumference, self._reach)
-        self._meter = PassageMeter(robot)
+        self._sighter = Sighter(robot)
         self._clock = SampleClock(round(NS_PER_S / film.sample_rate))
         self._stamps: list[int] = []
         self._volts: list[tuple[float, float]] = []
@@ -146,7 +148,8 @@ class WheelFilms:
         self._passes = waiting
         passages = [passage for p in ready if (passage := self._passage(p)) is not None]
         for turn_ns, _ in turns[-1:]:
-            self._seen = deque((s for s in self._seen if s.begin_ns >= turn_ns), SIGHTINGS)
+            self._seen = deque((s for s in self._seen if s.contact.begin_ns >= turn_ns),
+                               SIGHTINGS)
         return passages
 
     def _follow(self, horizon: int) -> tuple[Point, list[Point]]:
@@ -174,29 +177,28 @@ class WheelFilms:
                 self._see(contact)
 
     def _see(self, contact: Contact) -> None:
-        """Measure the passage in a contact, if there is one, and learn from it."""
+        """Look for the passage in a contact, and learn from it where the films sit."""
         course = self._course.smooth(int(contact.instants[0]), int(contact.instants[-1]))
         begin, end = course.at(np.array([contact.begin_ns, contact.end_ns]))
         direction = 1 if end >= begin else -1
         offset = self._offsets[contact.film]
         expected = self._place.expected(0.5 * (begin + end) - offset) + offset
-        shape = None
+        distance = direction * course.at(contact.instants)
+        found = None
         if math.isfinite(expected):
-            shape = self._measure(contact, course, direction, SCRAP, (
+            found = self._look(contact, distance, SCRAP, (
                 direction * expected - SCATTER, direction * expected + SCATTER))
-        if shape is None:
+        if found is None:
             lead = direction * begin + self._inside
-            shape = self._measure(contact, course, direction, WHOLE, (
+            found = self._look(contact, distance, WHOLE, (
                 lead - 2.0 * self._half, lead + BEFORE_ACTIVE))
-        if shape is None:
+        if found is None:
             self.unmeasured += 1
             return
-        place = direction * shape.middle
-        way = np.maximum.accumulate(direction * course.at(contact.instants))
-        instant = int(np.interp(shape.middle, way, contact.instants))
-        self._seen.append(FilmPassage(
-            contact.film, place, instant, contact.begin_ns, direction, shape))
-        if shape.coverage >= WHOLE:
+        place, way = direction * found.middle, np.maximum.accumulate(distance)
+        instant = int(np.interp(found.middle, way, contact.instants))
+        self._seen.append(FilmPassage(place, instant, direction, found, contact))
+        if found.coverage >= WHOLE:
             before = [point for point in self._path.turns if point[0] < contact.begin_ns]
             moved, passes = self._place.sight(
                 place - offset, [*before, (contact.begin_ns, float(begin))])
@@ -204,28 +206,24 @@ class WheelFilms:
                 self._passes = [p for p in self._passes if self._films_of(p)]
             self._passes += passes
 
-    def _measure(self, contact: Contact, course: SmoothCourse, direction: int, coverage: float,
-                 between: tuple[float, float]) -> Shape | None:
-        distance = direction * course.at(contact.instants)
+    def _look(self, contact: Contact, distance: Array, coverage: float,
+              between: tuple[float, float]) -> Sighting | None:
         usable = (contact.volts > self._rails[0]) & (contact.volts < self._rails[1])
-        span = max(abs(float(distance[-1] - distance[0])), 1e-3)
-        seconds = max((contact.end_ns - contact.begin_ns) / NS_PER_S, 1e-3)
-        shape = self._meter.measure(
+        seen = self._sighter.look(
             distance[usable], contact.volts[usable] - contact.rest,
-            bending=self._bending[contact.film], gain=self._gains[contact.film],
-            scale_sigma=course.speed_sigma * seconds / span,
-            warp_sigma=math.sqrt(course.warp_density(seconds) * self._rate), between=between)
-        return shape if shape is not None and shape.coverage >= coverage else None
+            bending=self._bending[contact.film], gain=self._gains[contact.film], between=between)
+        return seen if seen is not None and seen.coverage >= coverage else None
 
     def _films_of(self, p: Pass) -> dict[int, FilmPassage]:
         """Return the best sighting of each film in a pass."""
         films: dict[int, FilmPassage] = {}
         for seen in self._seen:
-            off = seen.place - self._offsets[seen.film] - p.place
-            best = films.get(seen.film)
+            film = seen.contact.film
+            off = seen.place - self._offsets[film] - p.place
+            best = films.get(film)
             if seen.direction == p.direction and abs(off) < NEAR and (
-                    best is None or seen.shape.coverage >= best.shape.coverage):
-                films[seen.film] = seen
+                    best is None or seen.sighting.coverage >= best.sighting.coverage):
+                films[film] = seen
         return films
 
     def _complete(self, p: Pass, here: Point) -> bool:
@@ -260,18 +258,36 @@ class WheelFilms:
         turned = any(roll.instants[0] < instant < roll.instants[-1]
                      for instant, _ in self._path.turns)
         change = math.inf if turned else roll.speed_change()
-        return WheelPassage(
-            roll.when(common), p.direction, speed, roll.speed_sigma, change, begin, end,
-            {f.film: f.shape for f in films.values()} if change < STEADY else {})
+        samples = (self._samples(p.direction, list(films.values()), roll.when(first))
+                   if films and change < STEADY else None)
+        return WheelPassage(roll.when(common), p.direction, speed, roll.speed_sigma, change,
+                            2.0 * self._reach, begin, end, samples)
+
+    def _samples(self, direction: int, films: list[FilmPassage], reference_ns: int) -> Passage:
+        """Return the samples of ``films`` over one course of the wheel."""
+        begin = min(int(film.contact.instants[0]) for film in films)
+        end = max(int(film.contact.instants[-1]) for film in films)
+        course = self._course.smooth(begin, end)
+        samples, sightings = [], []
+        for film in sorted(films, key=lambda film: film.contact.film):
+            contact = film.contact
+            middle = direction * float(course.at(np.array([film.instant_ns]))[0])
+            distance = direction * course.at(contact.instants)
+            near = np.abs(distance - middle) < self._half + MARGIN
+            volts = contact.volts[near]
+            rail = (volts > self._rails[1]).astype(np.int8) - (volts < self._rails[0])
+            samples.append(FilmSamples(contact.film, distance[near], volts - contact.rest, rail))
+            sightings.append(replace(film.sighting, middle=middle))
+        reference = direction * float(course.at(np.array([reference_ns]))[0])
+        return Passage(tuple(samples), tuple(sightings), reference, course.errors(begin, end))
 
     def _middle(self, p: Pass, films: dict[int, FilmPassage], roll: Roll) -> float:
         """Return the way at which the films' common middle is at the patch's middle."""
         if not films:
             return self._reach
-        ways = [roll.at(film.instant_ns) - p.direction * self._offsets[film.film]
+        ways = [roll.at(film.instant_ns) - p.direction * self._offsets[film.contact.film]
                 for film in films.values()]
-        weights = [1.0 / float(film.shape.covariance[0, 0]) for film in films.values()]
-        return float(np.average(ways, weights=weights))
+        return float(np.average(ways, weights=[f.sighting.coverage for f in films.values()]))
 
     def _explained(self, p: Pass, roll: Roll) -> bool:
         """Return whether a pass that was not seen has contacts or lost samples behind it."""

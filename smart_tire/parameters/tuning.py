@@ -37,20 +37,25 @@ class SlipEstimatorParams:
 
 @dataclass(frozen=True, kw_only=True)
 class FrictionEstimatorParams:
-    """Friction estimator: two peaks per passage."""
+    """Friction estimator: one record per passage of a wheel's films."""
 
     reorder_window: float = param(
         0.06, 's', 'how far message stamps may be out of order', low=0.0, high=1.0)
-    map: str = param('exact', '-', 'peak interval to adhesion length: exact, or as printed',
+    method: str = param('waveform', '-', "a fit of the whole waveform, or the paper's peaks",
+                        choices=('waveform', 'two_peaks'))
+    map: str = param('exact', '-', 'of two_peaks, interval to adhesion length: exact, or printed',
                      choices=('exact', 'printed'))
     reliability: str = param('reliable', '-', 'of the input subscriptions', choices=RELIABILITIES)
     robot: RobotParams = part(RobotParams)
 
     def __post_init__(self) -> None:
-        film, patch = self.robot.film.length, self.robot.tire.contact_length
-        if self.map == 'printed' and film >= patch:
-            raise ValueError(f'map: printed needs a film.length ({film} m) below '
+        film, patch = self.robot.film, self.robot.tire.contact_length
+        if self.method == 'two_peaks' and film.length >= patch:
+            raise ValueError(f'method: two_peaks needs a film.length ({film.length} m) below '
                              f'tire.contact_length ({patch} m)')
+        if self.method == 'two_peaks' and film.release != 'fig8':
+            raise ValueError(f'method: two_peaks needs film.release fig8, not {film.release}: '
+                             'without an opposite peak there are no two')
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,22 +8,13 @@ import numpy as np
 import pytest
 
 from smart_tire.estimation.friction import (
-    Evidence, FilmReading, friction_estimate, join_slip, map_sliding, single_friction, total_slip,
-    traction_force, weigh)
+    disagreement, Evidence, friction_estimate, single_friction, total_slip, traction_force,
+    where_all_slides)
 from smart_tire.estimation.motion import UNKNOWN
-from smart_tire.models import brush_tire, tread_film
+from smart_tire.models import brush_tire
 
-L, FILM = 0.046, 0.020
 LOAD, STIFFNESS = (26.7, 0.5), (52.7, 5.27)
-GAINS = (307.5, 242.5)
 NONE = np.zeros((2, 2))
-
-
-def reading(slip, sliding, gain=307.5, slip_sigma=0.002, sliding_sigma=0.006, tied=0.1,
-            drift=(0.0, 0.0)):
-    covariance = np.array([[(gain * slip_sigma)**2, tied * gain * slip_sigma * sliding_sigma],
-                           [tied * gain * slip_sigma * sliding_sigma, sliding_sigma**2]])
-    return FilmReading(gain * slip, sliding, covariance, gain, np.array(drift))
 
 
 def evidence(slip=0.11, sliding=0.19, slip_sigma=0.002, sliding_sigma=0.005):
@@ -83,60 +74,45 @@ def test_the_estimate_covers_the_grounds_that_there_are():
     assert abs(np.median(told)) < 0.1
 
 
-def test_two_films_are_sharper_than_one_but_not_than_their_gains():
-    one, two = weigh([reading(0.11, 0.19)], 0.03), weigh(
-        [reading(0.11, 0.19, gain) for gain in GAINS], 0.03)
-    assert two.sliding_sigma == pytest.approx(one.sliding_sigma / math.sqrt(2.0))
-    assert two.slip_sigma < one.slip_sigma
-    endless = weigh([reading(0.11, 0.19, gain, slip_sigma=1e-6) for gain in GAINS], 0.03)
-    assert endless.slip_sigma == pytest.approx(0.03 * 0.11 / math.sqrt(2.0), rel=0.02)
+def test_a_negative_sliding_is_noise_and_pulls_down_the_inverse():
+    single = single_friction(evidence(sliding=-0.01, sliding_sigma=0.05), (0.0, 0.0), LOAD,
+                             STIFFNESS)
+    assert single.inverse < 0.0 < single.noise
+    assert math.isnan(single.estimate()[0]) or single.estimate()[1] > 0.3 * single.estimate()[0]
 
 
-def test_films_that_contradict_each_other_are_trusted_less():
-    agree = weigh([reading(0.11, 0.19), reading(0.11, 0.19)], 0.03)
-    differ = weigh([reading(0.11, 0.10), reading(0.11, 0.30)], 0.03)
-    assert differ.sliding_sigma > 3.0 * agree.sliding_sigma
+def test_what_lasts_is_apart_from_noise():
+    told = Evidence(0.11, 0.19, np.diag([0.0, 0.0019**2]), np.diag([0.0011**2, 0.0]))
+    single = single_friction(told, (0.0, 0.0), LOAD, STIFFNESS)
+    assert single.noise / single.inverse == pytest.approx(0.01)
+    assert single.lasting / single.inverse == pytest.approx(0.01)
 
 
-def test_a_slip_that_changed_in_the_passage_is_noise():
-    calm, rough = (weigh([reading(0.11, 0.19, drift=drift)], 0.03)
-                   for drift in ((0.0, 0.0), (10.0, 0.05)))
-    assert rough.sliding_sigma > 5.0 * calm.sliding_sigma
-    assert rough.slip_sigma > 5.0 * calm.slip_sigma
+def tied(sliding=0.85):
+    """Return evidence of a ridge: slip and sliding may both be larger."""
+    slip = 0.4
+    both = np.array([slip, sliding])
+    return Evidence(slip, sliding, 0.06**2 * np.outer(both, both) + np.diag([1e-6, 1e-5]), NONE)
 
 
 def test_where_the_whole_patch_may_slide_only_the_ratio_shows():
-    films = [reading(0.4, 0.85, gain, slip_sigma=0.03, sliding_sigma=0.06, tied=0.98)
-             for gain in GAINS]
-    alone = weigh(films, 0.03)
-    assert alone.slip_sigma > 0.3
-    joined = join_slip(alone, (0.8, 0.01))
-    assert joined.sliding == pytest.approx(0.8 * 0.85 / 0.4, rel=0.1)
+    wide = where_all_slides(tied())
+    assert wide.slip_sigma > 0.3
+    # what a slip from elsewhere makes of it
+    sliding = 0.85 + wide.noise[0, 1] / wide.noise[0, 0] * (0.8 - 0.4)
+    assert sliding == pytest.approx(0.8 * 0.85 / 0.4, rel=0.05)
 
 
-def test_the_slip_estimator_sharpens_the_slip_and_disagreement_widens_it():
-    alone = weigh([reading(0.11, 0.19, gain) for gain in GAINS], 0.03)
-    joined, odd = join_slip(alone, (0.112, 0.002)), join_slip(alone, (0.15, 0.002))
-    assert joined.slip_sigma < min(alone.slip_sigma, 0.002)
-    assert odd.slip_sigma > 3.0 * joined.slip_sigma
-    assert join_slip(alone, UNKNOWN) is alone
-    assert joined.sliding == pytest.approx(alone.sliding, rel=0.02)
+def test_where_little_slides_the_slip_is_what_it_is():
+    for told in (evidence(), tied(sliding=0.3)):
+        assert where_all_slides(told) is told
 
 
-def test_the_printed_map_overestimates_mu_by_two():
-    for mu in (0.3, 0.47, 0.8):
-        sliding = 0.13 / float(brush_tire.critical_slip(mu, LOAD[0], STIFFNESS[0]))
-        exact, printed = (single_friction(
-            map_sliding(evidence(sliding=sliding), FILM, L, method), (0.0, 0.0), LOAD, STIFFNESS)
-            for method in ('exact', 'printed'))
-        assert 1.7 < exact.inverse / printed.inverse < 2.3
-
-
-def test_the_printed_map_is_the_one_of_the_models():
-    x_m = float(tread_film.peak_position((1.0 - 0.19) * L, FILM, L))
-    printed = map_sliding(evidence(), FILM, L, 'printed')
-    length = float(tread_film.adhesion_length(x_m, FILM, L, 'printed'))
-    assert printed.sliding == pytest.approx(1.0 - length / L)
+def test_slips_that_agree_change_nothing_and_others_widen():
+    assert disagreement(evidence(), (0.112, 0.002)) == disagreement(evidence(), UNKNOWN) == 1.0
+    scale = disagreement(evidence(), (0.15, 0.002))
+    assert scale > 10.0
+    assert evidence().widened(scale).slip_sigma == pytest.approx(0.002 * math.sqrt(scale))
 
 
 @pytest.mark.parametrize('direction', [1, -1])

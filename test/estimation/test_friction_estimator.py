@@ -132,16 +132,31 @@ def test_a_passage_tells_all_that_it_can_with_sigmas():
     assert passage.value['stretch_voltage'] == pytest.approx(0.36, rel=0.1)
 
 
-def test_braking_says_nothing_of_friction_but_keeps_what_is_known():
-    found, _ = estimate(rolled(steady(120.0), 4.0, slip=-0.1))
-    for passage in found:
-        for name in ('friction_coefficient', 'friction_coefficient_single', 'adhesion_ratio',
-                     'adhesion_length', 'stretch_voltage', 'peak_interval', 'critical_slip'):
+def test_braking_tells_friction_as_driving_does_but_has_no_two_peaks():
+    found, _ = estimate(rolled(steady(120.0), 6.0, slip=-0.1))
+    assert len(found) > 8
+    for passage in found[-5:]:
+        for name in ('stretch_voltage', 'peak_interval'):
             assert math.isnan(passage.value[name]), name
             assert passage.sigma[name] == math.inf, name
         assert passage.value['film_slip'] == pytest.approx(-0.1, abs=0.01)
         assert passage.value['slip'] == pytest.approx(-0.1, abs=0.01)
         assert passage.value['traction_force'] < -3.0
+        assert passage.value['normal_load'] == pytest.approx(26.72, rel=0.01)
+        for name, truth in {'friction_coefficient': MU, 'friction_coefficient_single': MU,
+                            'adhesion_ratio': 1.0 - 0.13 / CRITICAL, 'critical_slip': CRITICAL,
+                            'adhesion_length': 0.046 * (1.0 - 0.13 / CRITICAL)}.items():
+            assert passage.sigma[name] < 0.15 * truth, name
+            assert abs(passage.value[name] - truth) < 3.0 * passage.sigma[name], name
+
+
+def test_the_two_peaks_tell_nothing_when_braking_but_keep_what_is_known():
+    found, _ = estimate(rolled(steady(120.0), 4.0, slip=-0.1), method='two_peaks')
+    for passage in found:
+        for name in ('friction_coefficient', 'friction_coefficient_single', 'adhesion_ratio',
+                     'stretch_voltage', 'peak_interval', 'critical_slip'):
+            assert math.isnan(passage.value[name]), name
+        assert passage.value['slip'] == pytest.approx(-0.1, abs=0.01)
         assert passage.value['normal_load'] == pytest.approx(26.72, rel=0.01)
 
 
@@ -307,12 +322,20 @@ def test_a_single_channel_is_enough():
     assert found[-1].value['friction_coefficient_single'] == pytest.approx(MU, rel=0.2)
 
 
-def test_the_printed_map_reads_twice_the_friction():
-    samples = rolled(steady(60.0), 10.0)
-    exact, printed = (estimate(samples, map=name)[0] for name in ('exact', 'printed'))
-    ratio = np.median([p.value['friction_coefficient_single'] / e.value[
-        'friction_coefficient_single'] for p, e in zip(printed, exact)])
+def test_the_printed_map_reads_twice_the_friction_and_two_peaks_scatter():
+    samples = rolled(steady(60.0), 20.0)
+    exact, printed = (estimate(samples, method='two_peaks', map=name)[0]
+                      for name in ('exact', 'printed'))
+    fitted, _ = estimate(samples)
+    name = 'adhesion_ratio'
+    ratio = np.median([(1.0 - e.value[name]) / (1.0 - p.value[name])
+                       for p, e in zip(printed, exact)])
     assert 1.7 < ratio < 2.3
+    true = 1.0 - 0.13 / CRITICAL
+    off, good = (np.array([f.value[name] - true for f in found]) for found in (exact, fitted))
+    assert np.nanstd(off) > 5.0 * np.std(good)
+    sigma = np.array([f.sigma[name] for f in exact])
+    assert 0.5 < np.sqrt(np.nanmean((off / sigma)**2)) < 2.0
 
 
 def test_wheels_without_films_and_other_kinds_of_samples_are_told_apart():
@@ -323,9 +346,11 @@ def test_wheels_without_films_and_other_kinds_of_samples_are_told_apart():
         estimator.update(ImuSample(START_NS, (0.0,) * 3, (0.0,) * 3))
 
 
-def test_the_printed_map_is_refused_for_a_film_longer_than_the_patch():
-    with pytest.raises(ValueError, match='printed'):
-        build(FrictionEstimatorParams, {'map': 'printed', 'film.length': 0.05})
+@pytest.mark.parametrize('values', [{'film.length': 0.05}, {'film.release': 'state'}], ids=str)
+def test_two_peaks_are_refused_where_there_are_none(values):
+    build(FrictionEstimatorParams, values)
+    with pytest.raises(ValueError, match='two_peaks'):
+        build(FrictionEstimatorParams, {'method': 'two_peaks', **values})
 
 
 def simulated(seed, schedule, duration, **values):

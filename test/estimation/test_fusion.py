@@ -12,8 +12,8 @@ from smart_tire.estimation.fusion import FrictionFusion
 
 
 def single(mu, noise=0.1, slip=0.02, constant=0.1):
-    """Return a passage with ``noise`` relative to mu."""
-    return Single(1.0 / mu, noise / mu, slip, constant)
+    """Return a passage with sigmas relative to mu."""
+    return Single(1.0 / mu, noise / mu, slip / mu, constant)
 
 
 def feed(fusion, *passages):

@@ -36,6 +36,16 @@ def test_means_are_taken_over_the_passage():
     assert seen.slip_rate == pytest.approx(0.2, rel=0.01)
 
 
+def test_a_slip_that_bends_is_told_from_one_that_only_changes():
+    straight = history(slip=lambda t: 0.1 + 0.2 * (t - 0.5))
+    bent = history(slip=lambda t: 0.1 + 5.0 * (t - 0.51)**2)
+    straight, bent = (motion.mean('front_left', stamp(0.49), stamp(0.53))
+                      for motion in (straight, bent))
+    assert straight.slip_bend < 1e-6
+    assert bent.slip_bend == pytest.approx(5.0 * 0.07**2 * 0.298, rel=0.15)  # of a parabola
+    assert bent.slip_rate == pytest.approx(0.0, abs=0.02)
+
+
 def test_the_lateral_speed_is_that_of_the_wheel_with_its_sigma():
     seen = history().mean('rear_right', stamp(0.5), stamp(0.54))
     assert seen.lateral[0] == pytest.approx(0.05 - 0.13 * 0.8)

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from smart_tire.estimation.course_errors import CourseErrors
 from smart_tire.estimation.friction_bound import friction_bound
-from smart_tire.estimation.waveform_fit import (
-    CourseErrors, SlipKnowledge, WaveformFitter)
+from smart_tire.estimation.waveform_fit import SlipKnowledge, WaveformFitter
 from smart_tire.estimation.waveform_model import FilmSamples, Own, Shared
 from smart_tire.parameters import build, RobotParams
 from support.passages import passage, WHEEL
@@ -215,7 +215,7 @@ def test_a_slip_that_grows_in_the_passage_is_allowed_for():
 def test_a_wrong_scale_of_the_distances_is_found_within_its_sigma():
     here = robot()
     found = fits(here, 60, 0.1, sliding=0.18, known=KNOWN, scale=0.01,
-                 errors=CourseErrors(scale=0.01, drift=0.005))
+                 errors=CourseErrors(0.01, (5e-5, 2e-5)))
     value, sigma = columns(found, Shared.SLIDING)
     assert abs(np.median(value) / 0.18 - 1.0) < 0.02
     assert np.median(sigma) < 1.2 * np.median(

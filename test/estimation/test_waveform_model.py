@@ -45,7 +45,7 @@ def expected(one, middle, slip, sliding, peak, gain):
 @pytest.mark.parametrize('slip', [0.1, -0.2])
 def test_the_output_is_that_of_the_passage_model(slip):
     model = WaveformModel(ROBOT, GAINS, FILMS, 0.0)
-    output, _, _ = model.linearised(parameters(SLIP=slip))
+    output, _ = model.linearised(parameters(SLIP=slip))
     volts = [expected(one, 0.03 * i, slip, 0.2, PEAKS[i], GAINS[i]) for i, one in enumerate(FILMS)]
     np.testing.assert_allclose(output, np.concatenate(volts), atol=1e-12)
 
@@ -55,9 +55,9 @@ def test_the_output_is_that_of_the_passage_model(slip):
 def test_the_slopes_are_those_of_the_output(release, sliding):
     robot = build(RobotParams, {'film.release': release})
     model = WaveformModel(robot, GAINS, FILMS, 0.011)
-    p = parameters(SLIDING=sliding, GROWTH=0.04, SCALE=0.01, DRIFT=0.02, ALPHA=0.03, LENGTH=-0.04)
+    p = parameters(SLIDING=sliding, GROWTH=0.04, SCALE=0.01, ALPHA=0.03, LENGTH=-0.04)
     p[own(0, Own.OFFSET)], p[own(1, Own.GAIN)], p[own(1, Own.RECOVERY)] = 0.01, -0.02, 0.2
-    _, slopes, by_place = model.linearised(p)
+    _, slopes = model.linearised(p)
     for k in range(len(p)):
         if sliding < 0.0 and k == Shared.LENGTH:
             continue  # where no tire can be, that of the contact length is a rough one
@@ -67,7 +67,6 @@ def test_the_slopes_are_those_of_the_output(release, sliding):
         size = max(np.abs(slopes[k]).max(), 0.1)
         # slopes jump where the film begins and ceases to leave
         assert np.mean(np.abs(found - slopes[k]) > 1e-4 * size) < 0.01, k
-    assert np.abs(by_place).max() > 10.0
 
 
 def test_growth_is_the_change_of_the_slip_over_a_contact_length():

@@ -6,8 +6,9 @@ import math
 
 import numpy as np
 
+from smart_tire.estimation.course_errors import CourseErrors
 from smart_tire.estimation.sighting import Sighter
-from smart_tire.estimation.waveform_fit import CourseErrors, Passage
+from smart_tire.estimation.waveform_fit import Passage
 from smart_tire.estimation.waveform_model import FilmSamples
 from smart_tire.models import tread_film
 from smart_tire.parameters import RobotParams

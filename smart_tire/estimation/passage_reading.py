@@ -1,0 +1,154 @@
+"""
+What the waveforms of a passage tell: slip and sliding share, from the films alone and with slip.
+
+The films alone are read first, for ``film_slip`` must not know what the slip estimator says; then
+the same fit goes on with the estimated slip as a prior.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smart_tire.estimation.friction import disagreement, Evidence, where_all_slides
+from smart_tire.estimation.motion import Estimate, WheelMotion
+from smart_tire.estimation.waveform_fit import SlipKnowledge, WaveformFit, WaveformFitter
+from smart_tire.estimation.waveform_model import Own, own, Shared
+from smart_tire.estimation.wheel_films import WheelPassage
+from smart_tire.models import passage_waveform, tread_film
+from smart_tire.parameters.robot import RobotParams
+
+Array = NDArray[np.float64]
+
+PLAUSIBLE_BENDING = (0.3, 3.0)  # of the nominal bending peak
+LARGEST_RESIDUAL = 0.2          # of the bending peak, rms
+PLACE_SIGMA = 0.003      # m, beyond which the place is not known
+KNOWN_PEAK = 0.3         # of the contact length, one sigma of x_m above which it is not known
+CHANGE_NOISE = 0.001     # -, change of slip over a contact length while nothing changes ...
+UNSEEN_CHANGE = 0.01     # -, ... and as long as nobody tells whether it does
+CHANGE_ERROR = 0.5       # share of a change that the slip estimator may have wrong
+MISSED = 0.1             # share of a wheel's change of speed that the slip estimator may miss
+UNSEEN = 0.5             # likewise, of one that nobody tells where it goes: slip or robot
+TRANSIENT = 0.15         # share of a wheel's change of speed by which its slip strays from a line
+CURVED = 0.5             # of the square of the slip's relative change, which a line leaves out
+SMALL_SLIP = 0.01        # -, below which a relative change means nothing
+SPEED_NOISE = 0.05       # relative change of speed that a jittering angle shows in one pass
+MISFIT = 1.5             # mean square of normalised residuals from which films are compared
+DIFFERENT = 3.0          # sigmas between two films that are two grounds
+STEP = 1e-3              # -, of the sliding share, for a slope
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """What a passage tells before load and stiffness come in."""
+
+    alone: Evidence   # from the films
+    joined: Evidence  # with what the slip estimator says
+    shift: float      # m, by which the passage was later than it was sighted
+    peaks: dict[str, Estimate]  # ``stretch_voltage`` and ``peak_interval``, where they exist
+
+
+class WaveformReader:
+    """Reads the passages of one wheel by fits of the whole waveform."""
+
+    def __init__(self, wheel: str, robot: RobotParams) -> None:
+        self._film, self._patch = robot.film, robot.tire.contact_length
+        self._gains, self._bending = robot.film.gains(wheel), robot.film.bending(wheel)
+        self._fitter = WaveformFitter(robot, self._gains, self._bending)
+
+    def read(self, passage: WheelPassage, motion: WheelMotion) -> Reading | None:
+        """Return what ``passage`` tells, None if it does not look like one."""
+        samples = passage.samples
+        if samples is None:
+            return None
+        # change of the wheel's speed over a contact length
+        turned = max(passage.speed_change - SPEED_NOISE, 0.0) * self._patch / passage.way
+        unknown = SlipKnowledge(change=(0.0, math.hypot(UNSEEN_CHANGE, UNSEEN * turned)))
+        first = self._fitter.fit(samples, unknown)
+        if first is None or not self._plausible(first):
+            return None
+        stray = TRANSIENT * max(passage.speed_change - SPEED_NOISE, 0.0)
+        alone = where_all_slides(_strayed(first, stray))
+        best, joined = first, alone
+        if math.isfinite(motion.slip[0]):
+            change = motion.slip_rate * self._patch / passage.speed
+            sigma = math.hypot(CHANGE_NOISE, CHANGE_ERROR * change, MISSED * turned)
+            known = SlipKnowledge(motion.slip, (change, sigma))
+            best = self._fitter.fit(samples, known, first) or first
+            joined = self._compared(best, known, motion.slip_bend).widened(
+                disagreement(alone, motion.slip))
+        return Reading(alone, joined, self._shift(first), self._peaks(best, passage))
+
+    def _plausible(self, fit: WaveformFit) -> bool:
+        low, high = PLAUSIBLE_BENDING
+        for i, one in enumerate(fit.passage.films):
+            bending = fit.own(i, Own.BENDING)[0]
+            if not (low < bending / self._bending[one.film] < high
+                    and fit.residual < LARGEST_RESIDUAL * bending
+                    and fit.own(i, Own.PLACE)[1] < PLACE_SIGMA):
+                return False
+        return True
+
+    def _compared(self, fit: WaveformFit, known: SlipKnowledge, stray: float) -> Evidence:
+        """Return what ``fit`` tells, less sharply where the films met two grounds."""
+        evidence, passage = _strayed(fit, stray), fit.passage
+        if fit.excess < MISFIT or len(passage.films) < 2:
+            return evidence
+        parts = [self._fitter.fit(replace(passage, films=(one,), sightings=(seen,)), known)
+                 for one, seen in zip(passage.films, passage.sightings)]
+        slidings = np.array([part.sliding for part in parts if part is not None])
+        off = slidings[:, 0] - fit.sliding[0]
+        if not np.any(np.abs(off) > DIFFERENT * slidings[:, 1]):
+            return evidence
+        return replace(evidence, noise=evidence.noise + np.diag([0.0, float(np.mean(off**2))]))
+
+    @staticmethod
+    def _shift(fit: WaveformFit) -> float:
+        """Return how much later [m] the films passed than they were sighted."""
+        sightings = fit.passage.sightings
+        return float(np.average(
+            [fit.own(i, Own.PLACE)[0] - seen.middle for i, seen in enumerate(sightings)],
+            weights=[seen.coverage for seen in sightings]))
+
+    def _peaks(self, fit: WaveformFit, passage: WheelPassage) -> dict[str, Estimate]:
+        """Return the two peaks of film 1 as Fig. 8 draws them; none when braking."""
+        length = self._film.length
+        slip, sliding = fit.slip[0], fit.sliding[0]
+        if fit.passage.films[0].film or length >= self._patch or slip <= 0.0 or sliding <= 0.0:
+            return {}
+
+        def position(share: float) -> float:
+            stuck = max(1.0 - share, 0.0) * self._patch
+            return float(tread_film.peak_position(stuck, length, self._patch))
+
+        x_m = position(sliding)
+        by_sliding = (position(sliding + STEP) - position(sliding - STEP)) / (2.0 * STEP)
+        if by_sliding * fit.sliding[1] > KNOWN_PEAK * self._patch:
+            return {}
+        part = passage_waveform.stretch(np.array([x_m]), sliding, length, self._patch)
+        unit, gain = float(part.value[0]), self._gains[0] * (1.0 + fit.own(0, Own.GAIN)[0])
+        chosen = [Shared.SLIP, Shared.SLIDING, own(0, Own.GAIN)]
+        slope = np.array([gain * unit, gain * slip * float(part.by_sliding[0]),
+                          self._gains[0] * slip * unit])
+        covariance = fit.covariance[np.ix_(chosen, chosen)]
+        scale, scale_sigma = fit.shared(Shared.SCALE)
+        interval = (self._patch - x_m) / (passage.speed * (1.0 + scale))
+        spread = math.hypot(by_sliding * fit.sliding[1] / passage.speed, scale_sigma * interval)
+        return {'stretch_voltage': (gain * slip * unit, math.sqrt(slope @ covariance @ slope)),
+                'peak_interval': (interval, spread)}
+
+
+def _strayed(fit: WaveformFit, stray: float) -> Evidence:
+    """
+    Return what ``fit`` tells of a slip that strayed by so much [-] from a straight line.
+
+    Where the slip changes by much of itself a straight line does not hold either.
+    """
+    slip, sliding = fit.slip[0], fit.sliding[0]
+    growth = math.hypot(*fit.shared(Shared.GROWTH))
+    relative = math.hypot(CURVED * growth**2, stray / max(abs(slip), SMALL_SLIP))
+    off = relative * np.array([max(abs(slip), SMALL_SLIP), sliding])
+    return Evidence(slip, sliding, fit.noise + np.diag(off**2), fit.lasting)
