@@ -76,7 +76,8 @@ def slip_figure(ways: Shown, truth: Series, origin_ns: int, spans: Spans | None 
     names, columns = list(panels), 2 if spans else 1
     rows = [names[i:i + columns] for i in range(0, len(names), columns)]
     rows[-1] += ['.'] * (len(rows[0]) - len(rows[-1]))
-    figure, axes = plots.new_figure(rows, height=1.2 + 2.8 * len(rows), share_y=True)
+    figure, axes = plots.new_figure(rows, height=1.2 + 2.8 * len(rows), share_x=not spans,
+                                    share_y=True)
     for title, (own, name) in panels.items():
         plots.draw_slip(axes[title], own)
         axes[title].set(title=title)
