@@ -22,7 +22,7 @@ from smart_tire.analysis.metrics import aligned
 from smart_tire.analysis.slip_bench.contest import contest, LIVE, METHODS
 from smart_tire.analysis.slip_bench.figures import path_figure, save, slip_figure
 from smart_tire.analysis.slip_bench.published import TARGETS
-from smart_tire.analysis.slip_bench.recordings import found, RECORDINGS, run_recording
+from smart_tire.analysis.slip_bench.recordings import bags, RECORDINGS, run_recording
 from smart_tire.analysis.slip_bench.results import (
     by_run, figures_of, path_figures, RunResult)
 from smart_tire.analysis.slip_bench.scoring import score_run
@@ -77,7 +77,7 @@ def bench_slip(wish: Wish, machine: str) -> None:
 def _jobs(wish: Wish) -> tuple[list[Job], list[str]]:
     """Return what is to be done, the longest first, and the recordings that are not there."""
     wanted = wish.runs or list(TITLES)
-    paths, absent = found(wish.data)
+    paths, absent = bags(wish.data)
     jobs: list[Job] = [partial(run_recorded, name, path, wish.out)
                        for name, path in paths.items() if name in wanted]
     scenarios = [SCENARIOS[name] for name in wanted if name in SCENARIOS]

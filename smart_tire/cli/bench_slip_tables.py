@@ -67,31 +67,41 @@ def _published(one: Published, way: float) -> list[str]:
 
 def targets_table(runs: Runs, titles: Mapping[str, str],
                   targets: Mapping[str, Target]) -> Table:
-    """Return ours over the published errors of IMU + wheels + constraints, run by run."""
+    """Return ours beside the published errors of IMU + wheels + constraints, run by run."""
     table = _table(
-        f'{TITLES["plain"]}, and ours over it (! beyond {LIVE_LIMIT:g} times live, '
-        f'{SMOOTHED_LIMIT:g} smoothed)', '', 'published\nslip L / R', 'live\nL / R',
-        'over it\nL     R', 'smoothed\nL / R', 'over it\nL     R', 'published\nv [mm/s]',
-        'live', 'smoothed')
+        f'Over the published errors with constraints, the worse side (! beyond {LIVE_LIMIT:g} '
+        f'live, {SMOOTHED_LIMIT:g} smoothed)', '', 'published\nslip L / R', '\nlive', '\nover',
+        '\nsmoothed', '\nover', 'v [mm/s]\npublished', '\nlive', '\nsmoothed')
     for run, target in targets.items():
-        if run not in runs:
-            continue
-        plain, cells = target.plain, list[Text | str]()
-        for method, limit in ((LIVE, LIVE_LIMIT), (SMOOTHED, SMOOTHED_LIMIT)):
-            figures = runs[run][method]
-            times = figures['slip_left'] / plain.left, figures['slip_right'] / plain.right
-            cells += [_pair(figures['slip_left'], figures['slip_right']),
-                      _kept(_two(*times, 2), max(times) <= limit)]
-        speeds = [_kept(_number(1e3 * runs[run][method]['speed'], 1),
-                        runs[run][method]['speed'] <= limit * plain.speed)
-                  for method, limit in ((LIVE, LIVE_LIMIT), (SMOOTHED, SMOOTHED_LIMIT))]
-        table.add_row(titles[run], _pair(plain.left, plain.right), *cells,
-                      _number(1e3 * plain.speed, 1), *speeds)
+        if run in runs:
+            live, smoothed = runs[run][LIVE], runs[run][SMOOTHED]
+            plain = target.plain
+            table.add_row(
+                titles[run], _pair(plain.left, plain.right), *_over(live, plain, LIVE_LIMIT),
+                *_over(smoothed, plain, SMOOTHED_LIMIT), _number(1e3 * plain.speed, 1),
+                _kept(_number(1e3 * live['speed'], 1), live['speed'] / plain.speed, LIVE_LIMIT),
+                _kept(_number(1e3 * smoothed['speed'], 1), smoothed['speed'] / plain.speed,
+                      SMOOTHED_LIMIT))
+            for name, unit, of_end, ends in (
+                    ('position', 'm', plain.end, 'position_end'),
+                    ('heading', 'rad', math.radians(plain.heading_end), 'heading_end')):
+                if math.isfinite(of_end):
+                    table.add_row(f'  {name} at the end [{unit}]', _number(of_end, 3), *(
+                        cell for figures, limit in ((live, LIVE_LIMIT),
+                                                    (smoothed, SMOOTHED_LIMIT))
+                        for cell in (_number(figures[ends], 3), _kept(
+                            _number(figures[ends] / of_end, 2), figures[ends] / of_end, limit))))
     return table
 
 
-def _kept(text: str, kept: bool) -> Text:
-    return Text(text) if kept else Text(f'{text} !', style='red')
+def _over(figures: Figures, plain: Published, limit: float) -> tuple[str, Text]:
+    """Return the slip errors of both sides, and the larger one of their ratios."""
+    over = max(figures['slip_left'] / plain.left, figures['slip_right'] / plain.right)
+    return _pair(figures['slip_left'], figures['slip_right']), _kept(_number(over, 2), over, limit)
+
+
+def _kept(text: str, over: float, limit: float) -> Text:
+    return Text(text) if over <= limit else Text(f'{text} !', style='red')
 
 
 def statistics_table(runs: Runs, titles: Mapping[str, str]) -> Table:

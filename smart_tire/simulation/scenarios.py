@@ -139,15 +139,15 @@ def _all() -> tuple[Scenario, ...]:
         Scenario(name='concrete', title='concrete, 120/60 rpm', legs=turn, duration=turn_end),
         Scenario(name='sand', title='sand, 120/60 rpm', legs=turn, duration=turn_end, ground=SAND),
         _sweep(60.0), _sweep(80.0),
-        Scenario(name='mu_jumps', title='mu jumps .47/.20/.60 on a curve', legs=curve,
+        Scenario(name='mu_jumps', title='mu jumps on a curve', legs=curve,
                  duration=curve_end, ground=JUMPS),
         loops(name='figure_eight', title='figure-eight with stops'),
         _stop_and_go(),
-        loops(name='degraded', title='degraded: wheels at 4 Hz, biases x3', wheel_rate=4.0,
+        loops(name='degraded', title='degraded: 4 Hz, biases x3', wheel_rate=4.0,
               bias_scale=3.0),
-        loops(name='late_wheels', title='degraded: wheels at 4 Hz, 0.2 s late', wheel_rate=4.0,
+        loops(name='late_wheels', title='degraded: 4 Hz, 0.2 s late', wheel_rate=4.0,
               latency=LATENCY),
-        loops(name='gaps', title='degraded: drop-outs, duplicates, disorder', spoil=_gaps),
+        loops(name='gaps', title='degraded: gaps, disorder', spoil=_gaps),
         _straight(), _spin())
 
 

@@ -42,11 +42,11 @@ def test_a_run_is_told_in_tables_figures_and_numbers(tiny, tmp_path, capsys):
 
 
 def test_absent_recordings_are_left_out_with_a_word(tiny, tmp_path, capsys):
-    assert main(['bench', '--slip', '--quick', '--runs', 'concrete', 'warthog_asphalt',
+    assert main(['bench', '--slip', '--quick', '--runs', 'concrete', 'warthog_120',
                  '--out', str(tmp_path / 'out'), '--data', str(tmp_path)]) == 0
-    assert f'warthog_asphalt: not in {tmp_path}, left out (--data DIR)' in capsys.readouterr().out
+    assert f'warthog_120: not in {tmp_path}, left out (--data DIR)' in capsys.readouterr().out
     results = json.loads((tmp_path / 'out' / 'results.json').read_text())
-    assert results['left_out'] == ['warthog_asphalt']
+    assert results['left_out'] == ['warthog_120']
 
 
 def test_an_unknown_run_is_a_usage_error_that_names_the_known_ones(tmp_path, capsys):

@@ -1,9 +1,9 @@
 """
 Real recordings: poses by lidar or motion capture are the truth, and there is none of the slip.
 
-Nothing is learnt from what is scored: a recording's beginning is for learning parameters and for
-the filter to settle, the rest is judged. There, the true path is laid over each estimate by the
-mean differences of heading and position over the last ``ALIGNED_OVER`` of the beginning: one
+Nothing is learnt from what is scored: a recording's beginning is for identifying parameters and
+for the filter to settle, the rest is judged. There, the true path is laid over each estimate by
+the mean differences of heading and position over the last ``ALIGNED_OVER`` of the beginning: one
 pose alone would carry its own noise along the whole path. Only the fitted constants of the
 rivals are fitted to the very stretch that is scored.
 """
@@ -18,13 +18,15 @@ from typing import Any
 
 import numpy as np
 
+from smart_tire.analysis.identification import identify_geometry
 from smart_tire.analysis.metrics import distance, rms, rotated, score
 from smart_tire.analysis.series import at, Floats, PoseSeries, Series, Stamps
 from smart_tire.analysis.slip_bench.contest import contest
 from smart_tire.analysis.slip_bench.scoring import PathScore
 from smart_tire.analysis.slip_bench.tracks import Estimate
 from smart_tire.bags import Bag
-from smart_tire.parameters import build, SlipEstimatorParams
+from smart_tire.estimation.geometry_identification import parameters
+from smart_tire.parameters import build, SlipEstimatorParams, specs
 from smart_tire.samples import NS_PER_S, Sample
 
 TRUTH = 'ground_truth/odom'
@@ -39,22 +41,29 @@ class Recording:
     """A recording, and what is known of its robot beforehand."""
 
     name: str
+    folder: str
     title: str
     beginning: float        # s, not scored
     known: dict[str, Any]   # parameters, flat
+    identified: bool        # whether parameters are identified from the beginning
 
 
-# Geometry as measured, wheels that roll over a radius a little less than that, units whose
-# place in the robot is not told, ground that is firm and not quite level; Warthog's wheel
-# messages are late.
+# Geometry as measured, units whose place in the robot is not told, ground that is firm and not
+# quite level, stamps by a network.
 _COMMON = {'imu.position': [0.0, 0.0, 0.0], 'imu.accel_bias': 0.5, 'slip_sigma': 0.05,
            'slope_sigma': 0.02}
+_WARTHOG = {**_COMMON, 'wheel_radius': 0.30, 'track_width': 1.08, 'wheelbase': 1.05,
+            'encoder.stamp_jitter': 0.02}
+_HUSKY = {**_COMMON, 'wheel_radius': 0.1651, 'track_width': 0.555, 'wheelbase': 0.540}
 RECORDINGS = (
-    Recording('warthog_asphalt', 'Warthog on asphalt', 120.0, {
-        **_COMMON, 'wheel_radius': 0.285, 'track_width': 1.08, 'wheelbase': 1.05,
-        'encoder.latency': 0.17, 'encoder.stamp_jitter': 0.02}),
-    Recording('husky_rectangle', 'Husky, only the mean wheel speed known', ALIGNED_OVER, {
-        **_COMMON, 'wheel_radius': 0.1651, 'track_width': 0.555, 'wheelbase': 0.540}),
+    # It stands still until 134 s: the first 120 s tell no more than biases and noise. At 240 s
+    # it stands again.
+    Recording('warthog_120', 'warthog_asphalt', 'Warthog on asphalt, identified from 120 s',
+              120.0, _WARTHOG, True),
+    Recording('warthog_240', 'warthog_asphalt', 'Warthog on asphalt, identified from 240 s',
+              240.0, _WARTHOG, True),
+    Recording('husky', 'husky_rectangle', 'Husky, only the mean wheel speed known',
+              ALIGNED_OVER, _HUSKY, False),
 )
 
 
@@ -71,16 +80,24 @@ class RecordedRun:
 
 
 def learned(path: Path, recording: Recording) -> SlipEstimatorParams:
-    """Return the parameters of the robot: known beforehand, or learnt from the beginning."""
-    return build(SlipEstimatorParams, recording.known)
+    """Return what is known of the robot, bettered by what the beginning of the bag tells."""
+    known = build(SlipEstimatorParams, recording.known)
+    if not recording.identified:
+        return known
+    found = identify_geometry(path, known.robot, until=recording.beginning)
+    names = specs(SlipEstimatorParams).keys()
+    told = {item.name: item.value for item in parameters(found, known.robot)
+            if item.name in names}
+    return build(SlipEstimatorParams, {**recording.known, **told})
 
 
 def run_recording(path: Path, recording: Recording) -> RecordedRun:
     """Return what each method makes of the bag at ``path``; raise BagError if it is none."""
+    params = learned(path, recording)
     samples, truth = read(path)
     begin_ns = int(truth.stamp_ns[0]) + round(recording.beginning * NS_PER_S)
     rest = stretch(truth, begin_ns)
-    estimates = contest(samples, learned(path, recording), rest)
+    estimates = contest(samples, params, rest)
     tracks = {name: track_after(estimate.poses, truth, begin_ns)
               for name, estimate in estimates.items()}
     return RecordedRun(estimates, tracks)
@@ -129,8 +146,8 @@ def rest_score(track: Aligned) -> PathScore:
                      score(error[:, 2], np.full(len(error), math.nan)), float(error[-1, 2]))
 
 
-def found(folder: Path) -> tuple[dict[str, Path], list[str]]:
+def bags(folder: Path) -> tuple[dict[str, Path], list[str]]:
     """Return name -> bag of the recordings in ``folder``, and the names of the absent ones."""
-    paths: Mapping[str, Path] = {one.name: folder / one.name for one in RECORDINGS}
+    paths: Mapping[str, Path] = {one.name: folder / one.folder for one in RECORDINGS}
     return ({name: path for name, path in paths.items() if path.exists()},
             [name for name, path in paths.items() if not path.exists()])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,9 +11,11 @@ import pytest
 from smart_tire.analysis.metrics import rotated
 from smart_tire.analysis.series import PoseSeries
 from smart_tire.analysis.slip_bench.recordings import (
-    found, learned, RECORDINGS, rest_score, stretch, track_after)
+    bags, learned, RECORDINGS, rest_score, stretch, track_after)
+from smart_tire.parameters import RobotParams
 from smart_tire.samples import NS_PER_S
 
+SHARED = Path(__file__).resolve().parents[4] / 'shared' / 'data'
 BEGIN_NS = 20 * NS_PER_S
 
 
@@ -67,12 +70,21 @@ def test_without_truth_to_align_with_there_is_no_score(circle):
 
 
 def test_recordings_that_are_not_there_are_named(tmp_path):
-    first, *rest = (recording.name for recording in RECORDINGS)
-    (tmp_path / first).mkdir()
-    assert found(tmp_path) == ({first: tmp_path / first}, rest)
+    there = RECORDINGS[0].folder
+    (tmp_path / there).mkdir()
+    assert bags(tmp_path) == (
+        {recording.name: tmp_path / there for recording in RECORDINGS
+         if recording.folder == there},
+        [recording.name for recording in RECORDINGS if recording.folder != there])
 
 
 @pytest.mark.parametrize('recording', RECORDINGS, ids=lambda recording: recording.name)
-def test_what_is_known_of_a_robot_makes_parameters(recording, tmp_path):
-    params = learned(tmp_path / recording.name, recording)
-    assert params.robot.wheel_radius == recording.known['wheel_radius']
+def test_what_is_known_of_a_robot_stands_unless_the_beginning_tells_more(recording):
+    path = SHARED / recording.folder
+    if not path.exists():
+        pytest.skip(f'the recording {path} is not on this machine')
+    params, known = learned(path, recording), recording.known
+    assert params.robot.track_width == known['track_width']
+    assert params.slip_sigma == known['slip_sigma']
+    told = params.robot.imu.gyro_noise != RobotParams().imu.gyro_noise
+    assert told == recording.identified
