@@ -56,7 +56,7 @@ class Wish:
 
 
 def bench_slip(wish: Wish, machine: str) -> None:
-    """Run all, print tables, write figures and results; raise ParameterError if they can't be."""
+    """Run all, print tables, write figures and results; raise ParameterError for a bad wish."""
     unknown = [name for name in wish.runs if name not in TITLES]
     if unknown:
         raise ParameterError(f'{", ".join(unknown)}: no such run, expected of '
@@ -65,10 +65,11 @@ def bench_slip(wish: Wish, machine: str) -> None:
     for name in absent:
         print(f'{name}: not in {wish.data}, left out (--data DIR)')
     try:
-        results = sorted(_done(jobs), key=lambda one: (list(TITLES).index(one.run), one.seed))
-        _write(wish.out / 'results.json', results, absent, machine)
+        wish.out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ParameterError(f'{wish.out}: cannot be written ({error.strerror})') from error
+    results = sorted(_done(jobs), key=lambda one: (list(TITLES).index(one.run), one.seed))
+    _write(wish.out / 'results.json', results, absent, machine)
     runs = by_run(results)
     print_tables(new_console(), _tables(runs))
     print(f'{len(results)} runs; figures and results.json in {wish.out}')
@@ -158,5 +159,4 @@ def _write(path: Path, results: Sequence[RunResult], absent: Sequence[str],
             'title': TITLES[run], 'over_seeds': methods,
             'seeds': {result.seed: result.figures for result in results if result.run == run},
             'published': TARGETS.get(run)} for run, methods in runs.items()}}
-    path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(plain(tree), indent=2, allow_nan=False) + '\n', encoding='utf-8')

@@ -9,6 +9,7 @@ import numpy as np
 
 from smart_tire.analysis.series import Floats, Stamps, Table
 from smart_tire.analysis.slip_bench.tracks import side_means
+from smart_tire.errors import EstimatorError
 from smart_tire.parameters import RobotParams
 from smart_tire.rotation import matrix
 from smart_tire.samples import ImuSample, NS_PER_S, Sample, WheelSample
@@ -38,7 +39,7 @@ class Inputs:
 
 
 def as_inputs(samples: Iterable[Sample], robot: RobotParams) -> Inputs:
-    """Return the inputs among ``samples``; raise ValueError for too few of them."""
+    """Return the inputs among ``samples``; raise EstimatorError for too few of them."""
     imu, wheels = Table(6), Table(8)
     without_angles = False
     for sample in samples:
@@ -49,7 +50,7 @@ def as_inputs(samples: Iterable[Sample], robot: RobotParams) -> Inputs:
             wheels.add(sample.stamp_ns, (*(sample.position or (0.0,) * 4), *sample.velocity))
     (imu_ns, readings), (wheel_ns, rows) = imu.arrays(), wheels.arrays()
     if len(imu_ns) < 2 or len(wheel_ns) < 3:
-        raise ValueError('too few samples of the inertial unit or the wheels')
+        raise EstimatorError('too few samples of the inertial unit or the wheels')
     wheel_ns = wheel_ns - round(robot.encoder.latency * NS_PER_S)
     angles = _summed(wheel_ns, rows[:, 4:]) if without_angles else rows[:, :4]
     travel = robot.wheel_radius * side_means(angles)

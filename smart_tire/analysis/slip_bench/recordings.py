@@ -25,6 +25,7 @@ from smart_tire.analysis.slip_bench.contest import contest
 from smart_tire.analysis.slip_bench.scoring import PathScore
 from smart_tire.analysis.slip_bench.tracks import Estimate
 from smart_tire.bags import Bag
+from smart_tire.errors import EstimatorError
 from smart_tire.estimation.geometry_identification import parameters
 from smart_tire.parameters import build, SlipEstimatorParams, specs
 from smart_tire.samples import NS_PER_S, Sample
@@ -92,9 +93,15 @@ def learned(path: Path, recording: Recording) -> SlipEstimatorParams:
 
 
 def run_recording(path: Path, recording: Recording) -> RecordedRun:
-    """Return what each method makes of the bag at ``path``; raise BagError if it is none."""
+    """
+    Return what each method makes of the bag at ``path``.
+
+    Raises BagError if it can not be read, EstimatorError if it lacks inputs or the truth.
+    """
     params = learned(path, recording)
     samples, truth = read(path)
+    if not len(truth.stamp_ns):
+        raise EstimatorError(f'{path}: has no {TRUTH}')
     begin_ns = int(truth.stamp_ns[0]) + round(recording.beginning * NS_PER_S)
     rest = stretch(truth, begin_ns)
     estimates = contest(samples, params, rest)
@@ -123,13 +130,17 @@ def stretch(poses: PoseSeries, begin_ns: int) -> PoseSeries:
 
 
 def track_after(estimate: PoseSeries, truth: PoseSeries, begin_ns: int) -> Aligned:
-    """Return estimated and true poses after ``begin_ns``, the truth laid over the estimate."""
+    """
+    Return estimated and true poses after ``begin_ns``, the truth laid over the estimate.
+
+    Raises EstimatorError where nothing is known of either just before.
+    """
     guess = at(truth.stamp_ns, estimate.stamp_ns, estimate.pose)
     known = np.isfinite(guess[:, 0])
     guess, true, stamps = guess[known], truth.pose[known], truth.stamp_ns[known]
     window = (stamps <= begin_ns) & (stamps >= begin_ns - round(ALIGNED_OVER * NS_PER_S))
     if not window.any():
-        raise ValueError('no true pose within the time over which paths are aligned')
+        raise EstimatorError('no pose within the time over which paths are aligned')
     turn = float(np.mean((guess - true)[window, 2]))
     moved = rotated(true[:, :2], turn)
     moved += np.mean(guess[window, :2] - moved[window], axis=0)

@@ -12,6 +12,7 @@ from smart_tire.analysis.metrics import rotated
 from smart_tire.analysis.series import PoseSeries
 from smart_tire.analysis.slip_bench.recordings import (
     bags, learned, RECORDINGS, rest_score, stretch, track_after)
+from smart_tire.errors import EstimatorError
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import NS_PER_S
 
@@ -65,7 +66,7 @@ def test_errors_of_the_beginning_do_not_count_and_those_after_it_do(circle):
 
 def test_without_truth_to_align_with_there_is_no_score(circle):
     late = stretch(poses(circle), BEGIN_NS + 1)
-    with pytest.raises(ValueError, match='no true pose'):
+    with pytest.raises(EstimatorError, match='no pose'):
         track_after(poses(circle), late, BEGIN_NS)
 
 

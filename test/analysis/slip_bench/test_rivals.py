@@ -15,6 +15,7 @@ from smart_tire.analysis.slip_bench.inputs import as_inputs
 from smart_tire.analysis.slip_bench.odometry import (
     fitted_scale, fitted_track, gyro_odometry, wheel_odometry)
 from smart_tire.analysis.slip_bench.plain_ekf import plain_ekf
+from smart_tire.errors import EstimatorError
 from smart_tire.parameters import RobotParams, SlipEstimatorParams
 from smart_tire.parameters.robot import EncoderParams, ImuParams
 from smart_tire.samples import ImuSample, NS_PER_S, WheelSample
@@ -142,7 +143,7 @@ def test_a_tilted_unit_is_turned_into_the_axes_of_the_robot():
 
 
 def test_too_few_samples_are_refused():
-    with pytest.raises(ValueError, match='too few samples'):
+    with pytest.raises(EstimatorError, match='too few samples'):
         as_inputs([], ROBOT)
 
 
