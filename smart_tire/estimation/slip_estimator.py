@@ -14,7 +14,8 @@ from smart_tire.estimation.shaking import Shaking
 from smart_tire.estimation.slip_filter import Array, SlipFilter, Tape
 from smart_tire.estimation.slip_report import Estimate, Seen, SlipReport
 from smart_tire.estimation.slip_state import Motion, State, WheelTravel
-from smart_tire.estimation.standstill import Reading, Standstill
+from smart_tire.estimation.standstill import Reading, Standstill, UNWINDING_TIME
+from smart_tire.estimation.steering import Steering
 from smart_tire.estimation.travel_log import TravelLog
 from smart_tire.estimation.wheels import WheelReader
 from smart_tire.models.skid_steer import GRAVITY
@@ -24,7 +25,7 @@ from smart_tire.samples import (
     ImuSample, MAX_FORCE, MAX_RATE, MAX_WHEEL_SPEED, NS_PER_S, WheelSample)
 
 DROPOUT = 0.1              # s without the inertial unit (or 3 periods): go by the wheels
-GUESSED_RATE_PSD = 0.01    # (rad/s)^2 s, of the yaw rate that the wheels give meanwhile
+GUESS_TIME = 2.0           # s, for which a yaw rate that the wheels give errs to one side
 GUESSED_ACCEL_PSD = 0.1    # (m/s2)^2 s, of an acceleration that nobody measures
 SPIKE_RATE = 5.0           # rad/s between two readings; no robot starts to turn so hard
 SPIKE_FORCE = 20.0         # m/s2 between two readings, beyond what its shaking explains
@@ -70,6 +71,8 @@ class SlipEstimator:
         self._wheels = WheelReader(robot)
         self._standstill = Standstill(robot.imu.gyro_noise, robot.imu.accel_noise)
         self._log = TravelLog()
+        self._steering = Steering()
+        self._blind = False               # whether the unit is silent
         self._zero_ns: int | None = None  # instant from which seconds are counted
         self._time = 0.0                  # s, of the filter's state
         self._wheels_at = 0.0             # s, middle of what the last wheel reading describes
@@ -140,7 +143,7 @@ class SlipEstimator:
 
     def _on_imu(self, samples: list[ImuSample]) -> None:
         """Advance through the samples of one grid step with the mean of their trapezoids."""
-        end, sums, count = self._time, np.zeros(3), 0
+        end, sums, count, jumps = self._time, np.zeros(3), 0, 0.0
         for sample in samples:
             time = self._seconds(sample.stamp_ns)
             if self._imu_time is not None and time <= self._imu_time:
@@ -154,11 +157,15 @@ class SlipEstimator:
                 self._log.start(time)
             elif time > end:
                 sums += 0.5 * (time - end) * (np.array(self._imu) + reading)
+                # where between the two samples it changed is anybody's guess
+                jumps += (time - end) ** 2 / 12.0 * max(
+                    (reading[1] - self._imu[1]) ** 2, (reading[2] - self._imu[2]) ** 2)
                 self._imu_period += 0.02 * (min(time - self._imu_time, 1.0) - self._imu_period)
                 end, count = time, count + 1
             self._imu, self._imu_time = reading, time
         if count:
-            self._predict(end, sums, count)
+            self._blind = False
+            self._predict(end, sums, count, jumps)
 
     def _despiked(self, reading: Reading) -> Reading:
         """
@@ -181,29 +188,36 @@ class SlipEstimator:
         rate, force = self._rotation[2] @ sample.rate, self._rotation[:2] @ sample.acceleration
         return float(rate), float(force[0]), float(force[1])
 
-    def _predict(self, end: float, sums: Any, count: int) -> None:
+    def _predict(self, end: float, sums: Any, count: int, jumps: float) -> None:
+        """Advance to ``end`` [s]; ``jumps`` [m2/s2] is the variance of speed by jerks."""
         dt, imu = end - self._time, self._params.robot.imu
         rate, force_x, force_y = (float(value) for value in sums / dt)
         period = dt / count  # white noise per sample becomes noise density
         shaking = self._shaking.sigma
         self._advance(end, Motion(
             rate, force_x, force_y, imu.gyro_noise ** 2 * period,
-            (imu.accel_noise ** 2 + shaking ** 2) * period, self._slope_sigma(shaking)))
+            (imu.accel_noise ** 2 + shaking ** 2) * period + jumps / dt,
+            self._slope_sigma(shaking)))
 
     def _slope_sigma(self, shaking: float) -> float:
         return math.hypot(self._params.slope_sigma, SLOW_SHAKING * shaking / GRAVITY)
 
     def _predict_blind(self, now: float) -> None:
         """Advance without the inertial unit: yaw rate from the wheels, acceleration unknown."""
-        x, robot = self._filter.x, self._params.robot
-        left, right = self._wheels.side_speeds
-        W = (right - x[State.SLIDE_R] - left + x[State.SLIDE_L]) / robot.track_width
+        x = self._filter.x
+        W, sigma = self._steering.predict(self._by_wheels(self._wheels.side_speeds))
         rate = W + x[State.GYRO]
         force_x = x[State.ACCEL_X] - W * x[State.V_Y] - GRAVITY * x[State.PITCH]
         force_y = x[State.ACCEL_Y] + W * x[State.V_X] + GRAVITY * x[State.ROLL]
         self._imu = (rate, force_x, force_y)
-        self._advance(now, Motion(rate, force_x, force_y, GUESSED_RATE_PSD, GUESSED_ACCEL_PSD,
-                                  self._slope_sigma(self._shaking.sigma)))
+        self._blind = True
+        self._advance(now, Motion(
+            rate, force_x, force_y, 2.0 * sigma ** 2 * GUESS_TIME, GUESSED_ACCEL_PSD,
+            self._slope_sigma(self._shaking.sigma)))
+
+    def _by_wheels(self, sides: tuple[float, float]) -> float:
+        """Return the yaw rate [rad/s] of these sides [m/s] if there were no slip."""
+        return (sides[1] - sides[0]) / self._params.robot.track_width
 
     def _advance(self, end: float, motion: Motion) -> None:
         dt = end - self._time
@@ -231,11 +245,17 @@ class SlipEstimator:
             if rest.settled:  # overlapping means: one of them is worth its new part only
                 sigma = self._params.robot.imu.gyro_noise * math.sqrt(
                     self._imu_period / reading.duration)
-                self._filter.update_gyro_bias(rest.rate, max(sigma, rest.sigma))
+                creep = rest.unwinding * math.sqrt(UNWINDING_TIME / reading.duration)
+                self._filter.update_gyro_bias(
+                    rest.rate, math.hypot(max(sigma, rest.sigma), creep))
         mean = self._log.mean(time - reading.duration, time)
         if mean is not None:
+            if not self._blind:
+                self._steering.update(self._by_wheels(reading.sides), mean[1], reading.duration)
             self._filter.update_wheels(WheelTravel(
                 reading.duration, reading.sides, *mean, reading.variance, reading.stamped))
+            if not self._at_rest:
+                self._filter.update_rolling(reading.duration, self._imu[0])
         self._filter.update_lateral(self._imu[0], reading.duration)
 
     def _slow(self) -> bool:

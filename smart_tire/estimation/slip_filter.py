@@ -22,9 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smart_tire.errors import EstimatorError
-from smart_tire.estimation.sliding import SLIDE_FLOOR, SlidingChange
+from smart_tire.estimation.sliding import SLIDE_FLOOR, SlidingChange, SlidingSpread
 from smart_tire.estimation.slip_kinematics import SlipKinematics
-from smart_tire.estimation.slip_state import Motion, N, SIDES, SLIDES, State, WheelTravel
+from smart_tire.estimation.slip_state import (
+    Motion, N, SIDES, SLIDES, SLIDING, State, WheelTravel)
 from smart_tire.models.skid_steer import GRAVITY
 from smart_tire.parameters import SlipEstimatorParams
 
@@ -33,12 +34,15 @@ Array = NDArray[np.float64]
 MOUNTING_TILT = 0.009     # rad, one sigma of the unit's unknown tilt: half a degree
 POSE_FLOOR = 1e-4         # m, rad: an origin is by definition, yet no covariance may be singular
 UNKNOWN_SPEED = 0.5       # m/s, one sigma where nothing is known of the speed
-SPEED_DRIFT = 0.005       # m/s per sqrt(s), what the planar model leaves out
-GYRO_BIAS_DRIFT = 1e-4    # rad/s per sqrt(s), in-run stability of a low-cost unit
+SPEED_DRIFT = 0.002       # m/s per sqrt(s), what the planar model leaves out
+GYRO_BIAS_DRIFT = 2e-5    # rad/s per sqrt(s): 10 degrees per hour after five minutes
 ACCEL_BIAS_DRIFT = 5e-4   # m/s2 per sqrt(s), likewise
 SLOPE_LENGTH = 5.0        # m, over which the slope of the ground is forgotten
 WHEEL_NOISE = 0.003       # m/s, wheel speed of a side beyond quantisation and stamps
+DOUBT = 0.1               # of the wheels' speed, per normalised innovation squared above one
 STILL_SPEED = 0.003       # m/s, one sigma of the speed of a robot that stands
+ROLLING_MEMORY = 2.0      # s, over which the slip of rolling wheels stays the same
+LEAST_WEIGHT = 1e-6       # below, what is usual is not worth an update
 OUTLIER = 3.0             # sigmas; beyond, a measurement counts less and less
 SHORTEST_JITTER = 1e-6    # s, one sigma of stamps that are said to be exact
 NIS_MEMORY = 0.05         # share of a new value in the smoothed innovation statistic
@@ -74,6 +78,8 @@ class SlipFilter:
         self._F = np.eye(N)
         self._Q = np.zeros(N)
         self._changes = [SlidingChange(params) for _ in SIDES]
+        self._spread = SlidingSpread(params)
+        self._accel_density = 0.0  # (m/s2)^2 s, of the last step
         # a wandering slip with this memory spreads over slip_sigma in the long run
         self._slip_time = 2.0 * (params.slip_sigma / max(params.slip_drift, 1e-6)) ** 2
         self.nis = 1.0  # normalised innovation squared of the wheel readings, smoothed
@@ -84,7 +90,7 @@ class SlipFilter:
         sigma[State.ACCEL_X] = sigma[State.ACCEL_Y] = math.hypot(
             robot.imu.accel_bias, GRAVITY * MOUNTING_TILT)
         sigma[State.SLIDE_L] = sigma[State.SLIDE_R] = UNKNOWN_SPEED
-        sigma[State.ICR] = params.icr_sigma
+        sigma[State.ICR] = params.icr_sigma * robot.wheelbase
         sigma[State.STAMP] = sigma[State.STAMP_BEFORE] = robot.encoder.stamp_jitter
         self._ekf.x[State.ICR] = params.icr
         self._ekf.P = np.diag(sigma ** 2)
@@ -111,6 +117,7 @@ class SlipFilter:
 
     def predict(self, dt: float, motion: Motion) -> None:
         """Advance by ``dt`` [s] with B(5) in body axes; biases come from the state."""
+        self._accel_density = motion.accel_variance
         x = self.x
         W = motion.yaw_rate - x[State.GYRO]
         v_x, v_y = x[State.V_X], x[State.V_Y]
@@ -139,11 +146,18 @@ class SlipFilter:
         self._fill_noise(dt, motion, v_x, v_y, fade, x)
         self._move(state, self._F, self._Q)
 
-    def _move(self, moved: Array, F: Array, Q: Array) -> None:
-        """Replace the state by ``moved`` (N, 1), where ``F`` leads; ``Q`` (N,) are variances."""
+    def _move(self, moved: Array, F: Array, Q: Array, sliding: Array | None = None) -> None:
+        """
+        Replace the state by ``moved`` (N, 1), where ``F`` leads.
+
+        ``Q`` (N,) are the variances of what is added; ``sliding`` (2, 2) the covariance of what
+        is added to the two slides.
+        """
         ekf = self._ekf
         P = F @ ekf.P @ F.T
         P.flat[::N + 1] += Q
+        if sliding is not None:
+            P[SLIDING, SLIDING] += sliding
         P = 0.5 * (P + P.T)
         if self._tape is not None:
             self._tape.move(ekf.x[:, 0], ekf.P, F, moved[:, 0], P)
@@ -184,16 +198,15 @@ class SlipFilter:
         Q[State.V_Y] = accel + gyro * v_x ** 2 + SPEED_DRIFT ** 2 * dt
         Q[State.GYRO] = GYRO_BIAS_DRIFT ** 2 * dt
         Q[State.ACCEL_X] = Q[State.ACCEL_Y] = ACCEL_BIAS_DRIFT ** 2 * dt
-        for slide, wheel in zip(
-                SLIDES, self._kinematics.wheel_speeds(x, motion.yaw_rate)):
+        for slide, wheel in zip(SLIDES, self._kinematics.wheel_speeds(x, motion.yaw_rate)):
             Q[slide] = params.slip_drift ** 2 * (wheel ** 2 + SLIDE_FLOOR ** 2) * dt
-        Q[State.ICR] = params.icr_drift ** 2 * dt
+        Q[State.ICR] = (params.icr_drift * params.robot.wheelbase) ** 2 * dt
 
     def update_wheels(self, travel: WheelTravel) -> None:
         """Correct with the wheels' travel between two readings: B(7) and the yaw rate."""
         self._shift_stamps()
         H, expected = self._wheel_model(travel)
-        R = np.diag([travel.variance + WHEEL_NOISE ** 2] * 2)
+        R = np.diag([travel.variance + WHEEL_NOISE ** 2 + self._doubt(travel)] * 2)
         if not travel.stamped:
             jitter = math.sqrt(2.0) * self._params.robot.encoder.stamp_jitter / travel.duration
             R += np.diag([(jitter * speed) ** 2 for speed in travel.speed])
@@ -207,6 +220,14 @@ class SlipFilter:
             return  # wheels at rest are exact, and say nothing of the noise
         nis = (self._ekf.y.T @ self._ekf.SI @ self._ekf.y).item() / len(z)
         self.nis += NIS_MEMORY * (nis - self.nis)
+
+    def _doubt(self, travel: WheelTravel) -> float:
+        """
+        Return variance [m2/s2] of wheel speeds that have contradicted their sigmas of late.
+
+        Foreign recordings have stamps and latencies that nobody knows well.
+        """
+        return (DOUBT * max(0.0, self.nis - 1.0) * max(map(abs, travel.speed))) ** 2
 
     def _wheel_model(self, travel: WheelTravel) -> tuple[Array, Array]:
         x, H, expected = self.x, np.zeros((2, N)), np.zeros(2)
@@ -228,26 +249,26 @@ class SlipFilter:
         self._move(SHIFT @ self._ekf.x, SHIFT, Q)
 
     def _let_sliding_change(self, travel: WheelTravel, innovation: Array, variance: Array) -> None:
-        """Forget the sliding as far as wheels and ground change their speeds, or surprise."""
-        for row, (side, slide, change) in enumerate(zip(SIDES, SLIDES, self._changes)):
-            ground = travel.ground_speed + (
-                self._y_imu + side * self._half_track) * travel.yaw_rate
-            self._forget(slide, *change.update(
-                travel.duration, travel.speed[row], ground, float(innovation[row]),
-                math.sqrt(variance[row])))
-
-    def _forget(self, slide: State, variance: float, spread: float) -> None:
         """
-        Let ``variance`` [m2/s2] into the sliding, of which ``spread`` is what is known at worst.
+        Forget the sliding as far as wheels and ground change their speeds, or surprise.
 
         It fades towards zero as it becomes unknown: were it only widened, nothing would tie the
         speed to the wheels on a robot that shakes, and the accelerometer would carry it away.
         """
-        keep = math.sqrt(max(0.0, 1.0 - variance / spread))
-        F, Q = np.eye(N), np.zeros(N)
-        F[slide, slide] = keep
-        Q[slide] = (1.0 - keep ** 2) * spread
-        self._move(F @ self._ekf.x, F, Q)
+        changes = []
+        for row, (side, change) in enumerate(zip(SIDES, self._changes)):
+            ground = travel.ground_speed + (
+                self._y_imu + side * self._half_track) * travel.yaw_rate
+            changes.append(change.update(
+                travel.duration, travel.speed[row], ground, float(innovation[row]),
+                math.sqrt(variance[row]), self._accel_density))
+        spread = self._spread.of(changes)
+        share = min(1.0, max(change.variance / spread[row, row]
+                             for row, change in enumerate(changes)))
+        F = np.eye(N)
+        for slide in SLIDES:
+            F[slide, slide] = math.sqrt(1.0 - share)
+        self._move(F @ self._ekf.x, F, np.zeros(N), share * spread)
 
     def _printed(self, H: Array, z: Array, expected: Array, R: Array
                  ) -> tuple[Array, Array, Array, Array]:
@@ -264,6 +285,27 @@ class SlipFilter:
         expected[0] -= 0.5 * slides[dropped].sum()
         H[0, np.array(SLIDES)[dropped]] = 0.0
         return H, mix @ z, expected, mix @ R @ mix.T
+
+    def update_rolling(self, duration: float, gyro_z: float) -> None:
+        """
+        Correct with what is usual: on firm ground, wheels that only roll hardly slip.
+
+        Driving straight, nothing else tells the slip that both sides share. Soft ground is as
+        possible: the more the slip speaks for it, the less this counts, so that slip that was
+        seen (when starting, in a turn, on other ground) is kept.
+        """
+        x, P = self.x, self._ekf.P
+        left, right = self._kinematics.wheel_speeds(x, gyro_z)
+        speed = 0.5 * (abs(left) + abs(right))
+        if speed < self._params.robot.slip.standstill_speed:
+            return
+        H = np.zeros((1, N))
+        H[0, SLIDING] = 0.5 / speed
+        slip = float(H[0] @ self._ekf.x[:, 0])
+        share = self._spread.rolling(slip, float(H[0] @ P @ H[0]), (right - left) / speed)
+        if share.weight > LEAST_WEIGHT:
+            variance = share.variance * ROLLING_MEMORY / (share.weight * duration)
+            self._correct(np.zeros(1), np.array([slip]), H, np.array([[variance]]))
 
     def update_lateral(self, gyro_z: float, duration: float) -> None:
         """Correct with B(8): the lateral speed of base_link is -S times the yaw rate."""

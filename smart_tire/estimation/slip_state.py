@@ -28,6 +28,7 @@ class State(IntEnum):
 
 N = len(State)
 SLIDES = (State.SLIDE_L, State.SLIDE_R)
+SLIDING = slice(State.SLIDE_L, State.SLIDE_R + 1)
 SIDES = (-1.0, 1.0)  # sign of the yaw rate in v_x of the left and of the right side
 
 

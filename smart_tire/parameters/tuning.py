@@ -19,18 +19,25 @@ class SlipEstimatorParams:
     constraint: str = param('plain', '-', 'slips in B(7): plain, or as printed',
                             choices=('plain', 'printed'))
     slip_sigma: float = param(
-        0.15, '-', 'spread of the slip of a side of which nothing is known', low=1e-3, high=1.0)
+        0.15, '-', 'spread of slip by which the two sides differ, where nothing is known of it',
+        low=1e-3, high=1.0)
+    common_slip_sigma: float = param(
+        0.07, '-', 'spread of slip that both sides share, at constant speed', low=1e-3, high=1.0)
+    rolling_slip_sigma: float = param(
+        0.015, '-', 'spread of the slip of wheels that only roll, on firm ground', low=1e-4)
     slip_drift: float = param(
-        0.01, '1/sqrt(s)', 'how fast the slip of a side wanders while nothing happens', low=0.0)
+        0.005, '1/sqrt(s)', 'how fast the slip of a side wanders while nothing happens', low=0.0)
     slip_agility: float = param(
         1.0, '-', 'change of sliding per change of wheel or ground speed, one sigma', low=0.0)
     icr: float = param(0.0, 'm', 'S at the start: x of the centre of rotation in base_link')
-    icr_sigma: float = param(0.05, 'm', 'what is known of S at the start, one sigma', low=0.0)
-    icr_drift: float = param(0.01, 'm/sqrt(s)', 'how fast S wanders', low=0.0)
+    icr_sigma: float = param(
+        0.2, '-', 'what is known of S at the start, one sigma over the wheelbase', low=0.0)
+    icr_drift: float = param(
+        0.02, '1/sqrt(s)', 'how fast S wanders, over the wheelbase', low=0.0)
     lateral_sigma: float = param(
         0.02, 'm/s', 'lateral speed beyond that of B(8), correlated over 0.1 s', low=1e-5)
     slope_sigma: float = param(
-        0.0005, 'rad', 'slope of the ground; a laboratory floor, larger outdoors', low=0.0)
+        0.0002, 'rad', 'slope of the ground; a laboratory floor, larger outdoors', low=0.0)
     reliability: str = param('reliable', '-', 'of the input subscriptions', choices=RELIABILITIES)
     robot: RobotParams = part(RobotParams)
 

@@ -66,3 +66,26 @@ def test_rest_begins_anew_after_a_movement():
     assert detector.rest(time, 0.0).duration == pytest.approx(1.0)
     detector.rest(time, 0.5)
     assert detector.rest(time, 0.0).duration == 0.0
+
+
+def test_after_a_turn_the_rate_may_be_of_tires_that_unwind_and_at_the_start_it_is_not():
+    detector = Standstill(GYRO, ACCEL)
+    time = feed(detector, 2.0)
+    assert detector.rest(time, 0.0).unwinding == 0.0
+    time = feed(detector, 1.0, rate=lambda t: 0.6, start=time)
+    detector.rest(time, 0.5)
+    time = feed(detector, 1.5, start=time)
+    first = detector.rest(time, 0.0).unwinding
+    assert 0.01 < first < 0.06
+    time = feed(detector, 6.0, start=time)
+    assert detector.rest(time, 0.0).unwinding < 0.05 * first
+
+
+def test_wheels_that_slow_down_do_not_hide_the_turn_before():
+    detector = Standstill(GYRO, ACCEL)
+    time = feed(detector, 1.0, rate=lambda t: 0.6)
+    detector.rest(time, 0.5)
+    time = feed(detector, 0.2, start=time)
+    detector.rest(time, 0.02)
+    time = feed(detector, 1.0, start=time)
+    assert detector.rest(time, 0.0).unwinding > 0.01
