@@ -189,7 +189,8 @@ class Roll:
 
     def speed_change(self) -> float:
         """Return the relative change of the speed on the way."""
-        edges = np.linspace(0.0, self.way[-1], PARTS + 1)
+        # smoothing moved the ends as well
+        edges = np.linspace(self.way[0], self.way[-1], PARTS + 1)
         durations = np.diff(np.interp(edges, self.way, self.instants))
         speeds = 1.0 / np.maximum(durations, 1.0)
         return float(np.ptp(speeds) / np.mean(speeds))

@@ -12,10 +12,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 import math
 
+from smart_tire.models.skid_steer import GRAVITY
 from smart_tire.parameters.robot import RobotParams
 
 LEAST_SHARE = 0.5    # of the force without sliding that a brush tire still has below t = 0.63
 NOISE_FACTOR = 2.0   # sigmas of force that are no contradiction
+FIRM_DRAG = 0.02     # of the weight, rolling drag of tires on firm ground: none either
 GROUND_SPREAD = 0.6  # relative, one sigma of C_x on a ground that is not the calibrated one
 
 
@@ -40,7 +42,8 @@ class ForceBalance:
             return self._tolerance
         low, high = sorted((LEAST_SHARE * sum(forces), sum(forces)))
         needed = self._mass * acceleration
-        noise = NOISE_FACTOR * self._stiffness * len(forces) * sigma
+        noise = (NOISE_FACTOR * self._stiffness * len(forces) * sigma
+                 + FIRM_DRAG * self._mass * GRAVITY)
         contradiction = max(low - needed, needed - high, 0.0) - noise
         doubt = min(max(contradiction / scale, 0.0), 1.0)
         return math.hypot(self._tolerance, GROUND_SPREAD * doubt)

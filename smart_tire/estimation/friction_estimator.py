@@ -47,7 +47,7 @@ class FrictionEstimator:
     def _start(self) -> None:
         robot = self._params.robot
         self._newest: dict[tuple[str, str], int] = {}  # topic and wheel -> stamp
-        self._motion = MotionHistory(robot)
+        self._motion = MotionHistory(robot, self._params.load_sigma)
         self._films = {wheel: WheelFilms(wheel, robot) for wheel in robot.film.wheels}
         self._reporters = {wheel: PassageReporter(wheel, self._params)
                            for wheel in robot.film.wheels}

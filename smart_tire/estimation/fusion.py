@@ -1,120 +1,91 @@
 """
 One friction coefficient from many revolutions, that notices when the ground changes.
 
-What a passage measures with Gaussian noise is 1 / mu, so that is what is averaged. On one surface
-nothing is forgotten; a change forgets everything. Revolutions that tell nothing leave the value
-and widen its sigma, for the ground may have changed unseen.
+A Bayesian filter over the grounds that there are: between two revolutions the ground stays, or,
+rarely, is any other. So nothing is forgotten on one surface and everything at a change, a single
+passage that misleads moves little, and revolutions that tell nothing widen the sigma, for the
+ground may have changed unseen. What a passage measures with Gaussian noise is 1 / mu; where slip
+is too small to see mu, that still bounds it from below.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 import math
 
-from smart_tire.estimation.friction import friction_estimate, Single, TYPICAL
+import numpy as np
+
+from smart_tire.estimation.friction import Array, GROUNDS, PRIOR, Single
 from smart_tire.estimation.motion import Estimate, UNKNOWN
 
-CHANGE = 3.0         # sigmas between passage and average that make a change likely ...
-SURE_CHANGE = 6.0    # ... and certain
-CONFIRMATIONS = 2    # likely ones in a row, agreeing, that are believed
 CHANGE_RATE = 0.02   # chance per revolution that the ground changes; assumed
-TELLING = 0.5 / TYPICAL  # noise of 1 / mu, above which its mean is biased, for w is positive
-SPREAD = 0.3         # -, one sigma of mu among grounds; assumed
-
-
-@dataclass(slots=True)
-class _Average:
-    """Weighted mean of 1 / mu; ``lasting`` and ``constant`` are mean sigmas as of ``Single``."""
-
-    inverse: float
-    variance: float
-    lasting: float
-    constant: float
-    count: int = 1
-
-    @staticmethod
-    def of(single: Single) -> _Average:
-        return _Average(single.inverse, single.noise**2, single.lasting, single.constant)
-
-    def join(self, other: _Average) -> None:
-        gain = self.variance / (self.variance + other.variance)
-        self.inverse += gain * (other.inverse - self.inverse)
-        self.lasting += gain * (other.lasting - self.lasting)
-        self.constant += gain * (other.constant - self.constant)
-        self.variance *= 1.0 - gain
-        self.count += other.count
-
-    def spread(self, other: _Average) -> float:
-        """Return one sigma of the difference; what errs alike in both does not count."""
-        return math.sqrt(self.variance + other.variance + self.lasting**2 + other.lasting**2)
-
-    def distance(self, other: _Average) -> float:
-        """Return by how many sigmas the two differ."""
-        return abs(self.inverse - other.inverse) / self.spread(other)
-
-    def estimate(self, constant: bool = True) -> Estimate:
-        """Return mu and one sigma, with or without that of stiffness and load."""
-        return friction_estimate(
-            self.inverse, math.sqrt(self.variance + self.lasting**2),
-            self.constant if constant else 0.0)
+MISLEADING = 0.01    # share of passages that tell of no ground, such as those over two; assumed
+CHANGING = 0.3       # share of what lasts that is new in each revolution after all
+SHARPEST = 0.004     # relative noise below which the grid of grounds is too coarse
+FORGETS = 0.05       # least share of a new revolution in what is said to last
+CHANGED = 3.0        # sigmas between what was known and what is, that make a new ground ...
+IN_DOUBT = 2.0       # ... and growth of the sigma while it is not yet clear
 
 
 class FrictionFusion:
     """Recursive estimate of a wheel's friction coefficient; ``changes`` counts new grounds."""
 
     def __init__(self) -> None:
-        self._average: _Average | None = None
-        self._rival: _Average | None = None
-        self._silent = 0  # revolutions since the last that told something
+        self._chance: Array = PRIOR / PRIOR.sum()
+        self._ground: Estimate = UNKNOWN  # mu and spread of the ground that was last clear
+        self._told = 0.0      # information, 1 / variance of 1 / mu, on the present ground
+        self._lasting = 0.0   # relative sigma of mu that the revolutions share ...
+        self._constant = 0.0  # ... and from stiffness and load
         self.changes = 0
 
     def update(self, single: Single | None) -> Estimate:
         """Take in one revolution, None if it tells nothing; return mu and one sigma."""
-        if single is None or single.noise > TELLING:
-            self._silent += 1
+        chance = self._chance + CHANGE_RATE * (PRIOR / PRIOR.sum() - self._chance)
+        if single is None:
+            self._chance = chance
             return self.estimate()
-        self._silent = 0
-        new = _Average.of(single)
-        if self._average is None:
-            self._average = new
-        elif (distance := self._average.distance(new)) < CHANGE:
-            self._average.join(new)
-            self._rival = None
-        else:
-            self._contradict(new, distance)
+        noise = math.hypot(single.noise, CHANGING * single.lasting,
+                           SHARPEST * abs(single.inverse))
+        likely = np.exp(-0.5 * ((1.0 / GROUNDS - single.inverse) / noise)**2)
+        # one that misleads could have told of any ground
+        likely += MISLEADING * (float(PRIOR @ likely) / float(PRIOR.sum()) - likely)
+        chance *= likely
+        total = float(chance.sum())
+        if total > 0.0:
+            self._chance = chance / total
+            self._count_change()
+            self._remember(single, noise)
         return self.estimate()
 
-    def _contradict(self, new: _Average, distance: float) -> None:
-        if self._rival is not None and self._rival.distance(new) < CHANGE:
-            self._rival.join(new)
-        else:
-            self._rival = new
-        if self._rival.count >= CONFIRMATIONS or distance > SURE_CHANGE:
-            self._average, self._rival = self._rival, None
+    def _count_change(self) -> None:
+        mu, spread = self._median()
+        before, certain = self._ground
+        if abs(mu - before) > CHANGED * math.hypot(spread, certain):
             self.changes += 1
+            self._told = 0.0
+        elif spread > IN_DOUBT * certain:
+            return
+        self._ground = mu, spread
+
+    def _remember(self, single: Single, noise: float) -> None:
+        information = noise**-2
+        self._told += information
+        share = max(information / self._told, FORGETS)
+        mu = 1.0 / max(single.inverse, single.noise)
+        self._lasting += share * (single.lasting * mu - self._lasting)
+        self._constant += share * (single.constant - self._constant)
+
+    def _median(self) -> Estimate:
+        """Return the median of mu, and the deviation from it, from what is new only."""
+        share = np.cumsum(self._chance) - 0.5 * self._chance
+        mu = float(np.interp(0.5, share, GROUNDS))
+        return mu, math.sqrt(float(self._chance @ (GROUNDS - mu)**2))
 
     def estimate(self, constant: bool = True) -> Estimate:
         """
-        Return mu and one sigma; UNKNOWN before anything was told.
+        Return mu and one sigma; UNKNOWN while little more is known than what grounds there are.
 
         Without ``constant`` the sigma is that of what uses the same stiffness and load again.
         """
-        average = self._average
-        if average is None:
-            return UNKNOWN
-        mu, sigma = average.estimate(constant)
-        unseen = SPREAD * math.sqrt(1.0 - (1.0 - CHANGE_RATE)**self._silent)
-        sigma = math.hypot(sigma, unseen, self._doubt(average, mu))
-        return (mu, sigma) if sigma < mu else UNKNOWN
-
-    def _doubt(self, average: _Average, mu: float) -> float:
-        """Return one sigma for the chance that the ground is the rival's already."""
-        if self._rival is None:
-            return 0.0
-        # densities of what the rival saw, on the old ground and on any other
-        spread = average.spread(self._rival)
-        old = math.exp(-0.5 * average.distance(self._rival)**2) / spread
-        new = 1.0 / math.hypot(spread, SPREAD * average.inverse**2)
-        chance = CHANGE_RATE * new / (CHANGE_RATE * new + (1.0 - CHANGE_RATE) * old)
-        other = self._rival.estimate()[0]
-        return math.sqrt(chance) * (abs(mu - other) if math.isfinite(other) else SPREAD)
+        mu, spread = self._median()
+        sigma = math.hypot(spread, mu * self._lasting, mu * self._constant * constant)
+        return (mu, sigma) if self._told > 0.0 and sigma < mu else UNKNOWN

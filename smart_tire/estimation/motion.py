@@ -28,8 +28,7 @@ NEAR_NS = 50_000_000      # a sample further from the stretch does not stand for
 POINTS = 5                # of a stretch, whose mean is taken
 SLOPE_NS = 100_000_000    # on either side of the stretch, to tell the acceleration
 FEWEST_FOR_SLOPE = 6      # samples
-LOAD_SIGMA = 0.02         # relative: uneven ground, unequal suspension; assumed
-ACCELERATION_SIGMA = 0.1  # m/s2, of the slope of a filtered velocity; assumed
+ACCELERATION_SIGMA = 0.03  # m/s2, of the slope of a filtered velocity; 0.17 % of load in turns
 V_Y, V_Y_RATE, RATE = 7, 11, 35  # in the row-major 6x6 covariance of the twist
 
 Estimate = tuple[float, float]  # value and one sigma
@@ -50,10 +49,14 @@ class WheelMotion:
 
 
 class MotionHistory:
-    """Recent odometry and slip of the robot; stamps must not run backwards."""
+    """
+    Recent odometry and slip of the robot; stamps must not run backwards.
 
-    def __init__(self, robot: RobotParams) -> None:
-        self._robot = robot
+    ``load_sigma`` is the relative one of a wheel's load beside that of the accelerations.
+    """
+
+    def __init__(self, robot: RobotParams, load_sigma: float) -> None:
+        self._robot, self._load_sigma = robot, load_sigma
         self._balance = ForceBalance(robot)
         self._odometry: list[Odometry] = []
         self._slips: list[WheelSlip] = []
@@ -127,7 +130,7 @@ class MotionHistory:
         here = load(0.0, 0.0)
         sigma = math.hypot(load(ACCELERATION_SIGMA, 0.0) - here,
                            load(0.0, ACCELERATION_SIGMA) - here)
-        return here, math.hypot(sigma, LOAD_SIGMA * here)
+        return here, math.hypot(sigma, self._load_sigma * here)
 
 
 def _between(samples: list[Stamped], begin_ns: int, end_ns: int) -> list[Stamped]:

@@ -30,12 +30,11 @@ KNOWN_PEAK = 0.3         # of the contact length, one sigma of x_m above which i
 CHANGE_NOISE = 0.001     # -, change of slip over a contact length while nothing changes ...
 UNSEEN_CHANGE = 0.01     # -, ... and as long as nobody tells whether it does
 CHANGE_ERROR = 0.5       # share of a change that the slip estimator may have wrong
-MISSED = 0.1             # share of a wheel's change of speed that the slip estimator may miss
-UNSEEN = 0.5             # likewise, of one that nobody tells where it goes: slip or robot
-TRANSIENT = 0.15         # share of a wheel's change of speed by which its slip strays from a line
+UNSEEN = 0.5             # share of a wheel's change of speed that may go into its slip
+TRANSIENT = 0.05         # share of a wheel's change of speed by which its slip strays from a line
 CURVED = 0.5             # of the square of the slip's relative change, which a line leaves out
 SMALL_SLIP = 0.01        # -, below which a relative change means nothing
-SPEED_NOISE = 0.05       # relative change of speed that a jittering angle shows in one pass
+SPEED_NOISE = 0.01       # relative change of speed that a jittering angle shows in one pass
 MISFIT = 1.5             # mean square of normalised residuals from which films are compared
 DIFFERENT = 3.0          # sigmas between two films that are two grounds
 STEP = 1e-3              # -, of the sliding share, for a slope
@@ -64,22 +63,22 @@ class WaveformReader:
         samples = passage.samples
         if samples is None:
             return None
-        # change of the wheel's speed over a contact length
-        turned = max(passage.speed_change - SPEED_NOISE, 0.0) * self._patch / passage.way
-        unknown = SlipKnowledge(change=(0.0, math.hypot(UNSEEN_CHANGE, UNSEEN * turned)))
+        turned = max(passage.speed_change - SPEED_NOISE, 0.0)
+        unseen, stray = UNSEEN * turned * self._patch / passage.way, TRANSIENT * turned
+        unknown = SlipKnowledge(change=(0.0, math.hypot(UNSEEN_CHANGE, unseen)))
         first = self._fitter.fit(samples, unknown)
         if first is None or not self._plausible(first):
             return None
-        stray = TRANSIENT * max(passage.speed_change - SPEED_NOISE, 0.0)
         alone = where_all_slides(_strayed(first, stray))
         best, joined = first, alone
         if math.isfinite(motion.slip[0]):
             change = motion.slip_rate * self._patch / passage.speed
-            sigma = math.hypot(CHANGE_NOISE, CHANGE_ERROR * change, MISSED * turned)
+            sigma = math.hypot(CHANGE_NOISE, CHANGE_ERROR * change, unseen)
             known = SlipKnowledge(motion.slip, (change, sigma))
             best = self._fitter.fit(samples, known, first) or first
-            joined = self._compared(best, known, motion.slip_bend).widened(
-                disagreement(alone, motion.slip))
+            joined = self._compared(
+                best, known, math.hypot(motion.slip_bend, stray)).widened(
+                    disagreement(alone, motion.slip))
         return Reading(alone, joined, self._shift(first), self._peaks(best, passage))
 
     def _plausible(self, fit: WaveformFit) -> bool:

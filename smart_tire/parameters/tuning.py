@@ -52,6 +52,8 @@ class FrictionEstimatorParams:
                         choices=('waveform', 'two_peaks'))
     map: str = param('exact', '-', 'of two_peaks, interval to adhesion length: exact, or printed',
                      choices=('exact', 'printed'))
+    load_sigma: float = param(
+        0.02, '-', "relative sigma of a wheel's load: uneven ground, suspension", low=0.0)
     reliability: str = param('reliable', '-', 'of the input subscriptions', choices=RELIABILITIES)
     robot: RobotParams = part(RobotParams)
 

@@ -17,6 +17,7 @@ TOLERANCE = ROBOT.tire.longitudinal_stiffness_sigma
     ((0.11, -0.11, 0.11, -0.11), 0.0),                              # a steady turn
     ((0.05,) * 4, 0.9 * 4 * 0.05 * 52.7 / 10.9),                    # starting, hardly sliding
     ((-0.1,) * 4, -0.6 * 4 * 0.1 * 52.7 / 10.9),                    # braking, half sliding
+    ((0.01,) * 4, 0.0), ((0.06, -0.05, 0.06, -0.05), 0.0),          # against a rolling drag
     ((0.0,) * 4, 0.0)])
 def test_forces_that_fit_the_acceleration_raise_no_doubt(slips, acceleration):
     assert ForceBalance(ROBOT).stiffness_sigma(slips, 0.01, acceleration) == TOLERANCE

@@ -19,7 +19,7 @@ TWIST[7], TWIST[11], TWIST[31], TWIST[35] = 4e-6, 1e-6, 1e-6, 1e-4
 
 
 def history(*, v_x=lambda t: 1.0, v_y=0.05, rate=0.8, slip=lambda t: 0.11, until=1.0):
-    motion = MotionHistory(ROBOT)
+    motion = MotionHistory(ROBOT, 0.02)
     for t in np.arange(0.0, until, 0.008):
         motion.add_odometry(Odometry(
             stamp(t), (0.0,) * 3, (0.0, 0.0, 0.0, 1.0), (v_x(t), v_y, 0.0), (0.0, 0.0, rate),
@@ -62,7 +62,7 @@ def test_the_load_follows_acceleration_and_turning():
 
 
 def test_what_the_streams_do_not_tell_is_unknown():
-    assert MotionHistory(ROBOT).mean('front_left', stamp(0.5), stamp(0.6)).slip == UNKNOWN
+    assert MotionHistory(ROBOT, 0.02).mean('front_left', stamp(0.5), stamp(0.6)).slip == UNKNOWN
     silent = history(until=0.3).mean('front_left', stamp(0.5), stamp(0.54))
     assert silent.slip == silent.lateral == silent.load == UNKNOWN
     standing = history(slip=lambda t: math.nan if t < 0.51 else 0.1)
