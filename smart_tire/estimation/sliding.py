@@ -34,10 +34,13 @@ class Change:
 
 @dataclass(frozen=True, slots=True)
 class Rolling:
-    """What is expected of the slip that both sides share while they roll straight ahead."""
+    """The slip that both sides share while they roll, and what is to be expected of it."""
 
-    variance: float  # -
-    weight: float    # -, 0 to 1, how much that applies
+    slip: float      # -, forward force over that of unit slip, of the state
+    variance: float  # -, of it
+    usual: float     # -, variance of what is usual on firm ground
+    firm: float      # -, 0 to 1, how likely this is firm ground and a straight way
+    weight: float    # -, 0 to 1, how much what is usual should count
 
 
 class SlidingChange:
@@ -113,18 +116,21 @@ class SlidingSpread:
                for change in changes]
         return np.array([[own[0], shared], [shared, own[1]]])
 
-    def rolling(self, slip: float, variance: float, turn: float) -> Rolling:
+    def rolling(self, slip: float, variance: float, turn: float, unsure: float = 0.0) -> Rolling:
         """
         Return what to expect of the ``slip`` [-] that both sides share, known with ``variance``.
 
         ``turn`` [-] is the difference of the sides' speeds over their mean. The weight is the
         probability of firm ground, Bayes' rule with two kinds of ground that are as common. What
         was seen a while ago is better than what is usual: that counts once the slip is lost.
+        ``unsure`` [-] is the variance of slip that a wrong wheel radius feigns.
         """
         driving = (self._slip_per_accel * self._acceleration) ** 2
         firm = self._firm + driving
-        near, far = variance + firm, variance + firm + self._apart
+        near = variance + firm + unsure
+        far = near + self._apart
         odds = math.sqrt(far / near) * math.exp(-0.5 * slip ** 2 * (1.0 / near - 1.0 / far))
         straight = math.exp(-(turn / STRAIGHT) ** 2)
         lost = 1.0 / (1.0 + (self._lost / max(variance, 1e-12)) ** 2)
-        return Rolling(firm, straight * lost * odds / (1.0 + odds))
+        likely = straight * odds / (1.0 + odds)
+        return Rolling(slip, variance, firm + unsure, likely, lost * likely)

@@ -10,6 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from smart_tire.estimation.gate import Gate
+from smart_tire.estimation.radius_learning import RadiusLearner
 from smart_tire.estimation.shaking import Shaking
 from smart_tire.estimation.slip_filter import Array, SlipFilter, Tape
 from smart_tire.estimation.slip_report import Estimate, Seen, SlipReport
@@ -17,7 +18,7 @@ from smart_tire.estimation.slip_state import Motion, State, WheelTravel
 from smart_tire.estimation.standstill import Reading, Standstill, UNWINDING_TIME
 from smart_tire.estimation.steering import Steering
 from smart_tire.estimation.travel_log import TravelLog
-from smart_tire.estimation.wheels import WheelReader
+from smart_tire.estimation.wheels import WheelReader, WheelReading
 from smart_tire.models.skid_steer import GRAVITY
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.rotation import matrix
@@ -72,6 +73,7 @@ class SlipEstimator:
         self._standstill = Standstill(robot.imu.gyro_noise, robot.imu.accel_noise)
         self._log = TravelLog()
         self._steering = Steering()
+        self._radius = RadiusLearner(robot)
         self._blind = False               # whether the unit is silent
         self._zero_ns: int | None = None  # instant from which seconds are counted
         self._time = 0.0                  # s, of the filter's state
@@ -101,6 +103,7 @@ class SlipEstimator:
                       'standing' if self._at_rest else 'moving'),
             'normalised_innovation_squared': round(self._filter.nis, 3),
             'gyro_bias': round(self._filter.x[State.GYRO], 6),
+            'rolling_radius': round(self._radius.radius, 6),
             'clock_jumps': self._gate.resets,
             'position_jumps': self._wheels.jumps,
             'imu_spikes': self.spikes,
@@ -255,8 +258,19 @@ class SlipEstimator:
             self._filter.update_wheels(WheelTravel(
                 reading.duration, reading.sides, *mean, reading.variance, reading.stamped))
             if not self._at_rest:
-                self._filter.update_rolling(reading.duration, self._imu[0])
+                self._roll(reading)
         self._filter.update_lateral(self._imu[0], reading.duration)
+
+    def _roll(self, reading: WheelReading) -> None:
+        """Use what is usual of rolling wheels, for their slip and for their radius."""
+        assert self._imu is not None
+        seen = self._filter.update_rolling(
+            reading.duration, self._imu[0], self._radius.variance)
+        if seen is not None:
+            forward = math.copysign(1.0, sum(reading.sides))
+            self._radius.update(forward * seen.slip, seen.variance + seen.usual, seen.firm,
+                                reading.duration)
+            self._wheels.radius = self._radius.radius
 
     def _slow(self) -> bool:
         """Return whether the filter, too, can believe that the robot stands."""

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smart_tire.errors import EstimatorError
-from smart_tire.estimation.sliding import SLIDE_FLOOR, SlidingChange, SlidingSpread
+from smart_tire.estimation.sliding import Rolling, SLIDE_FLOOR, SlidingChange, SlidingSpread
 from smart_tire.estimation.slip_kinematics import SlipKinematics
 from smart_tire.estimation.slip_state import (
     Motion, N, SIDES, SLIDES, SLIDING, State, WheelTravel)
@@ -286,26 +286,30 @@ class SlipFilter:
         H[0, np.array(SLIDES)[dropped]] = 0.0
         return H, mix @ z, expected, mix @ R @ mix.T
 
-    def update_rolling(self, duration: float, gyro_z: float) -> None:
+    def update_rolling(self, duration: float, gyro_z: float,
+                       unsure: float = 0.0) -> Rolling | None:
         """
         Correct with what is usual: on firm ground, wheels that only roll hardly slip.
 
         Driving straight, nothing else tells the slip that both sides share. Soft ground is as
         possible: the more the slip speaks for it, the less this counts, so that slip that was
-        seen (when starting, in a turn, on other ground) is kept.
+        seen (when starting, in a turn, on other ground) is kept. ``unsure`` [-] is the variance
+        of slip that a wrong radius feigns. Return what was seen; None where the wheels stand.
         """
         x, P = self.x, self._ekf.P
         left, right = self._kinematics.wheel_speeds(x, gyro_z)
         speed = 0.5 * (abs(left) + abs(right))
         if speed < self._params.robot.slip.standstill_speed:
-            return
+            return None
         H = np.zeros((1, N))
         H[0, SLIDING] = 0.5 / speed
         slip = float(H[0] @ self._ekf.x[:, 0])
-        share = self._spread.rolling(slip, float(H[0] @ P @ H[0]), (right - left) / speed)
-        if share.weight > LEAST_WEIGHT:
-            variance = share.variance * ROLLING_MEMORY / (share.weight * duration)
+        seen = self._spread.rolling(
+            slip, float(H[0] @ P @ H[0]), (right - left) / speed, unsure)
+        if seen.weight > LEAST_WEIGHT:
+            variance = seen.usual * ROLLING_MEMORY / (seen.weight * duration)
             self._correct(np.zeros(1), np.array([slip]), H, np.array([[variance]]))
+        return seen
 
     def update_lateral(self, gyro_z: float, duration: float) -> None:
         """Correct with B(8): the lateral speed of base_link is -S times the yaw rate."""

@@ -33,7 +33,7 @@ class WheelReader:
     """
 
     def __init__(self, robot: RobotParams) -> None:
-        self._radius = robot.wheel_radius
+        self.radius = robot.wheel_radius  # m, effective rolling radius; its owner may learn it
         self._count = 2.0 * math.pi / robot.encoder.counts_per_revolution * robot.wheel_radius
         self._last: tuple[float, WheelSample] | None = None
         self._period: float | None = None
@@ -70,10 +70,10 @@ class WheelReader:
                for rate, velocity in zip(rates, sample.velocity)):
             self.jumps += 1
             return None
-        return tuple(self._radius * rate for rate in rates)  # type: ignore[return-value]
+        return tuple(self.radius * rate for rate in rates)  # type: ignore[return-value]
 
     def _from_velocity(self, sample: WheelSample, duration: float) -> WheelReading:
-        speeds: Four = tuple(self._radius * w for w in sample.velocity)  # type: ignore[assignment]
+        speeds: Four = tuple(self.radius * w for w in sample.velocity)  # type: ignore[assignment]
         return self._reading(duration, speeds, stamped=False)
 
     def _reading(self, duration: float, speeds: Four, stamped: bool) -> WheelReading:

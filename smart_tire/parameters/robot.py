@@ -109,6 +109,9 @@ class RobotParams:
     """The robot as all nodes see it; defaults are paper B's robot where the paper has them."""
 
     wheel_radius: float = param(0.087, 'm', 'effective rolling radius', low=1e-3)
+    wheel_radius_sigma: float = param(
+        0.002, '-', 'relative one sigma of the wheel radius; the slip filter learns the rest',
+        low=0.0, high=0.3)
     track_width: float = param(0.38, 'm', 'between left and right wheel centres', low=1e-2)
     wheelbase: float = param(0.26, 'm', 'between front and rear wheel centres', low=1e-2)
     mass: float = param(10.9, 'kg', 'of the whole robot', low=1e-2)
