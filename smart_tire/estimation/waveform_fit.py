@@ -46,6 +46,7 @@ DAMPED, GROWS, SHRINKS = 1e-4, 10.0, 0.1  # Levenberg's damping: first, after fa
 MOST_DAMPED = 1e6
 CONVERGED = 0.01         # of the misfit, which is chi-squared: a tenth of a sigma
 OUTLIER = 3.0            # sigmas, beyond which a sample counts less
+PART = 128               # samples that are multiplied at once
 MEDIAN_TO_SIGMA = 1.4826  # of the absolute values of Gaussian noise
 
 
@@ -227,7 +228,7 @@ class _Descent:
         damping = DAMPED
         for _ in range(ITERATIONS):
             weight = self._weights(point)
-            hessian = (point.slopes * weight) @ point.slopes.T
+            hessian = _product(point.slopes, weight)
             np.fill_diagonal(hessian, hessian.diagonal() + prior.precision[prior.free])
             gradient = point.slopes @ (weight * point.residual) + (
                 prior.precision * (prior.value - point.p))[prior.free]
@@ -277,11 +278,12 @@ class _Descent:
     def _weights(self, point: _Point) -> Array:
         """Return 1 / variance, less for outliers (Huber), none for what is beyond its rail."""
         size = np.abs(point.residual) / math.sqrt(self._variance)
-        spread = max(1.0, MEDIAN_TO_SIGMA * float(np.median(size)))
+        spread = max(1.0, MEDIAN_TO_SIGMA * _middle(size))
         weight: Array = 1.0 / (self._variance * np.maximum(size / (OUTLIER * spread), 1.0))
         return np.where(self._rail * point.residual < 0.0, 0.0, weight) if self._clips else weight
 
-    def _judge(self, point: _Point, weight: Array, inverse: Array) -> WaveformFit:
+    def _judge(self, point: _Point, weight: Array,
+               inverse: NDArray[np.floating]) -> WaveformFit:
         """Return what was fitted, with its covariance."""
         prior, p = self._prior, point.p
         counted = weight > 0.0
@@ -289,7 +291,7 @@ class _Descent:
         # stray samples count as far as they weigh, a model that does not hold as much as it fails
         size = weight * point.residual**2
         excess = max(1.0, float(np.sum(np.minimum(size, OUTLIER**2))) / freedom,
-                     float(np.median(size[counted])) * MEDIAN_TO_SIGMA**2)
+                     _middle(size[counted]) * MEDIAN_TO_SIGMA**2)
         covariance = np.zeros((len(p), len(p)))
         covariance[np.ix_(prior.free, prior.free)] = inverse
         both = covariance[[Shared.SLIP, Shared.SLIDING]]
@@ -298,3 +300,21 @@ class _Descent:
         noise = excess * (both[:, [Shared.SLIP, Shared.SLIDING]] - lasting)
         return WaveformFit(self._passage, p, excess * covariance, noise, lasting,
                            math.sqrt(float(np.mean(point.residual[counted]**2))), excess)
+
+
+def _product(slopes: Array, weight: Array) -> Array:
+    """
+    Return slopes @ diag(weight) @ slopes.T, for (m, n) slopes.
+
+    In parts so small that no library spreads them over threads, which takes ten times as long.
+    """
+    weighted = slopes * weight
+    total = weighted[:, :PART] @ slopes[:, :PART].T
+    for i in range(PART, len(weight), PART):
+        total += weighted[:, i:i + PART] @ slopes[:, i:i + PART].T
+    return total
+
+
+def _middle(values: Array) -> float:
+    """Return the median, the upper one of two: sorted by hand, which is ten times as fast."""
+    return float(np.sort(values)[len(values) // 2])
