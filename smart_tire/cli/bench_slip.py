@@ -8,13 +8,10 @@ smoother and their rivals; tables are printed, figures and ``results.json`` writ
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import as_completed, ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 import json
-from multiprocessing import get_context
 from pathlib import Path
-import sys
 from typing import Any
 
 from rich.table import Table
@@ -28,14 +25,14 @@ from smart_tire.analysis.slip_bench.results import (
 from smart_tire.analysis.slip_bench.scoring import score_run
 from smart_tire.analysis.slip_bench.tracks import as_truth
 from smart_tire.analysis.summary import plain
+from smart_tire.cli.bench_jobs import done, make_folder
 from smart_tire.cli.bench_slip_tables import (
-    errors_table, new_console, print_tables, recordings_table, Runs, statistics_table,
-    targets_table)
+    errors_table, print_tables, recordings_table, Runs, statistics_table, targets_table)
+from smart_tire.cli.bench_tables import new_console
 from smart_tire.errors import ParameterError
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.simulation.scenarios import SCENARIOS
 
-WORKERS = 2      # processes at once; each runs one scenario
 DRAWN_SEED = 1   # the seed whose run is drawn
 
 KNOWN = {recording.name: recording for recording in RECORDINGS}
@@ -64,11 +61,8 @@ def bench_slip(wish: Wish, machine: str) -> None:
     jobs, absent = _jobs(wish)
     for name in absent:
         print(f'{name}: not in {wish.data}, left out (--data DIR)')
-    try:
-        wish.out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ParameterError(f'{wish.out}: cannot be written ({error.strerror})') from error
-    results = sorted(_done(jobs), key=lambda one: (list(TITLES).index(one.run), one.seed))
+    make_folder(wish.out)
+    results = sorted(done(jobs, label), key=lambda one: (list(TITLES).index(one.run), one.seed))
     _write(wish.out / 'results.json', results, absent, machine)
     runs = by_run(results)
     print_tables(new_console(), _tables(runs))
@@ -86,6 +80,11 @@ def _jobs(wish: Wish) -> tuple[list[Job], list[str]]:
     jobs += [partial(run_scenario, scenario.name, seed, wish.out)
              for scenario in scenarios for seed in range(1, wish.seeds + 1)]
     return jobs, [name for name in absent if name in wanted]
+
+
+def label(result: RunResult) -> str:
+    """Return what ``result`` is of."""
+    return f'{TITLES[result.run]}, seed {result.seed}'
 
 
 def run_scenario(name: str, seed: int, out: Path) -> RunResult:
@@ -112,24 +111,6 @@ def run_recorded(name: str, path: Path, out: Path) -> RunResult:
     save(path_figure(TITLES[name], run.estimates, run.tracks), out / f'{name}_path.png')
     return RunResult(name, DRAWN_SEED, {method: path_figures(score)
                                         for method, score in run.scores().items()})
-
-
-def _done(jobs: Sequence[Job]) -> Iterator[RunResult]:
-    """Yield the results of ``jobs`` as they come, and say so."""
-    if len(jobs) == 1:
-        yield jobs[0]()
-        return
-    # a process that starts anew, for this one may have threads
-    with ProcessPoolExecutor(WORKERS, get_context('spawn')) as pool:
-        futures = [pool.submit(job) for job in jobs]
-        try:
-            for count, future in enumerate(as_completed(futures), 1):
-                result = future.result()
-                print(f'{count:3}/{len(jobs)}  {TITLES[result.run]}, seed {result.seed}',
-                      file=sys.stderr, flush=True)
-                yield result
-        finally:
-            pool.shutdown(cancel_futures=True)
 
 
 def _tables(runs: Runs) -> Iterator[Table]:

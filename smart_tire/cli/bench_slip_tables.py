@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 import math
 
-from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 from smart_tire.analysis.slip_bench.contest import LIVE, METHODS, SMOOTHED
 from smart_tire.analysis.slip_bench.published import Published, Target, TITLES
 from smart_tire.analysis.slip_bench.results import Figures
+from smart_tire.cli.bench_tables import new_table, number, print_all
 
-WIDTH = 160           # columns where there is no terminal; no table needs so many
 LIVE_LIMIT = 1.5      # of the published errors, in steady parts; the smoother must equal them
 SMOOTHED_LIMIT = 1.0
 WITH_SIGMAS = (LIVE, SMOOTHED, 'plain_ekf')
@@ -30,19 +29,13 @@ wheels and constraints, and with a force balance that takes C_x 52.7 N and mu 0.
 """
 
 
-def new_console() -> Console:
-    """Return the terminal, or standard output with room for the tables."""
-    console = Console()
-    return console if console.is_terminal else Console(width=WIDTH)
-
-
 def errors_table(title: str, methods: Mapping[str, Figures], target: Target | None,
                  averaged: bool) -> Table:
     """Return the errors of all methods on one run, the published ones between them."""
     judged = 'averaged' if averaged else 'steady'
-    table = _table(title, '', f'slip L / R\n{judged}', 'slip L / R\nall times',
-                   f'v [mm/s]\n{judged}', '\nall', 'position [%]\nrms   end',
-                   'heading [deg]\nrms    end')
+    table = new_table(title, '', f'slip L / R\n{judged}', 'slip L / R\nall times',
+                      f'v [mm/s]\n{judged}', '\nall', 'position [%]\nrms   end',
+                      'heading [deg]\nrms    end')
     for name, figures in methods.items():
         table.add_row(METHODS[name], *_errors(figures), style='bold' if name == LIVE else None)
         if name == SMOOTHED and target is not None:
@@ -55,20 +48,20 @@ def errors_table(title: str, methods: Mapping[str, Figures], target: Target | No
 def _errors(figures: Figures) -> list[str]:
     return [_pair(figures['slip_left'], figures['slip_right']),
             _pair(figures['slip_left_always'], figures['slip_right_always']),
-            _number(1e3 * figures['speed'], 1), _number(1e3 * figures['speed_always'], 1),
+            number(1e3 * figures['speed'], 1), number(1e3 * figures['speed_always'], 1),
             _two(figures['position_rms_percent'], figures['position_end_percent'], 2),
             _two(math.degrees(figures['heading_rms']), math.degrees(figures['heading_end']), 2)]
 
 
 def _published(one: Published, way: float) -> list[str]:
-    return [_pair(one.left, one.right), '', _number(1e3 * one.speed, 1), '',
+    return [_pair(one.left, one.right), '', number(1e3 * one.speed, 1), '',
             _two(math.nan, 100.0 * one.end / way, 2), _two(math.nan, one.heading_end, 2)]
 
 
 def targets_table(runs: Runs, titles: Mapping[str, str],
                   targets: Mapping[str, Target]) -> Table:
     """Return ours beside the published errors of IMU + wheels + constraints, run by run."""
-    table = _table(
+    table = new_table(
         f'Over the published errors with constraints, the worse side (! beyond {LIVE_LIMIT:g} '
         f'live, {SMOOTHED_LIMIT:g} smoothed)', '', 'published\nslip L / R', '\nlive', '\nover',
         '\nsmoothed', '\nover', 'v [mm/s]\npublished', '\nlive', '\nsmoothed')
@@ -78,26 +71,26 @@ def targets_table(runs: Runs, titles: Mapping[str, str],
             plain = target.plain
             table.add_row(
                 titles[run], _pair(plain.left, plain.right), *_over(live, plain, LIVE_LIMIT),
-                *_over(smoothed, plain, SMOOTHED_LIMIT), _number(1e3 * plain.speed, 1),
-                _kept(_number(1e3 * live['speed'], 1), live['speed'] / plain.speed, LIVE_LIMIT),
-                _kept(_number(1e3 * smoothed['speed'], 1), smoothed['speed'] / plain.speed,
+                *_over(smoothed, plain, SMOOTHED_LIMIT), number(1e3 * plain.speed, 1),
+                _kept(number(1e3 * live['speed'], 1), live['speed'] / plain.speed, LIVE_LIMIT),
+                _kept(number(1e3 * smoothed['speed'], 1), smoothed['speed'] / plain.speed,
                       SMOOTHED_LIMIT))
             for name, unit, of_end, ends in (
                     ('position', 'm', plain.end, 'position_end'),
                     ('heading', 'rad', math.radians(plain.heading_end), 'heading_end')):
                 if math.isfinite(of_end):
-                    table.add_row(f'  {name} at the end [{unit}]', _number(of_end, 3), *(
+                    table.add_row(f'  {name} at the end [{unit}]', number(of_end, 3), *(
                         cell for figures, limit in ((live, LIVE_LIMIT),
                                                     (smoothed, SMOOTHED_LIMIT))
-                        for cell in (_number(figures[ends], 3), _kept(
-                            _number(figures[ends] / of_end, 2), figures[ends] / of_end, limit))))
+                        for cell in (number(figures[ends], 3), _kept(
+                            number(figures[ends] / of_end, 2), figures[ends] / of_end, limit))))
     return table
 
 
 def _over(figures: Figures, plain: Published, limit: float) -> tuple[str, Text]:
     """Return the slip errors of both sides, and the larger one of their ratios."""
     over = max(figures['slip_left'] / plain.left, figures['slip_right'] / plain.right)
-    return _pair(figures['slip_left'], figures['slip_right']), _kept(_number(over, 2), over, limit)
+    return _pair(figures['slip_left'], figures['slip_right']), _kept(number(over, 2), over, limit)
 
 
 def _kept(text: str, over: float, limit: float) -> Text:
@@ -106,7 +99,7 @@ def _kept(text: str, over: float, limit: float) -> Text:
 
 def statistics_table(runs: Runs, titles: Mapping[str, str]) -> Table:
     """Return normalised errors, shares within two sigma, innovations, S and time per step."""
-    table = _table(
+    table = new_table(
         'Mean normalised squared errors (NEES, 1 is right), shares within two sigma (0.95), '
         'innovations (NIS, 1), error of S', '', 'NEES:\nslip L  R', '\nv', 'posi-\ntion',
         'head-\ning', 'within:\nslip L  R', '\nv', 'posi-\ntion', 'head-\ning', '\nNIS',
@@ -118,40 +111,29 @@ def statistics_table(runs: Runs, titles: Mapping[str, str]) -> Table:
             cells = [f'{titles[run]}' if name == LIVE else f'  {METHODS[name]}']
             for kind in ('nees', 'within_two'):
                 sides = one[f'{kind}_slip_left'], one[f'{kind}_slip_right']
-                cells += [_two(*sides, 2), *(_number(one[f'{kind}_{what}'], 2)
+                cells += [_two(*sides, 2), *(number(one[f'{kind}_{what}'], 2)
                                              for what in ('speed', 'position', 'heading'))]
-            table.add_row(*cells, _number(one['nis'], 2), _number(1e3 * one['icr_x'], 1),
-                          _number(one['step_us'], 0))
+            table.add_row(*cells, number(one['nis'], 2), number(1e3 * one['icr_x'], 1),
+                          number(one['step_us'], 0))
     return table
 
 
 def recordings_table(title: str, methods: Mapping[str, Figures]) -> Table:
     """Return the errors of the path of one real recording."""
     way = methods[LIVE]['distance']
-    table = _table(f'{title}: {way:.0f} m scored', '', 'position rms\n[m]', '[%]',
-                   'position end\n[%]', 'heading rms\n[deg]', 'heading end\n[deg]')
+    table = new_table(f'{title}: {way:.0f} m scored', '', 'position rms\n[m]', '[%]',
+                      'position end\n[%]', 'heading rms\n[deg]', 'heading end\n[deg]')
     for name, one in methods.items():
-        table.add_row(METHODS[name], _number(one['position_rms'], 3), *(
-            _number(one[key], 2) for key in ('position_rms_percent', 'position_end_percent')),
-            *(_number(math.degrees(one[key]), 2) for key in ('heading_rms', 'heading_end')),
+        table.add_row(METHODS[name], number(one['position_rms'], 3), *(
+            number(one[key], 2) for key in ('position_rms_percent', 'position_end_percent')),
+            *(number(math.degrees(one[key]), 2) for key in ('heading_rms', 'heading_end')),
             style='bold' if name == LIVE else None)
     return table
 
 
 def print_tables(console: Console, tables: Iterable[Table]) -> None:
     """Print what the tables mean, and them one below the other."""
-    console.print(Text(NOTES))
-    for table in tables:
-        console.print(table)
-
-
-def _table(title: str, first: str, *columns: str) -> Table:
-    table = Table(title=Text(title), title_justify='left', title_style='bold', box=SIMPLE_HEAD,
-                  pad_edge=False, padding=(0, 1, 0, 0))
-    table.add_column(first, no_wrap=True)
-    for column in columns:
-        table.add_column(Text(column, justify='right'), justify='right', no_wrap=True)
-    return table
+    print_all(console, NOTES, tables)
 
 
 def _pair(left: float, right: float) -> str:
@@ -160,14 +142,10 @@ def _pair(left: float, right: float) -> str:
 
 def _slip(value: float) -> str:
     """Return a slip error as the published table has it, with one more digit: .0123."""
-    text = _number(value, 4)
+    text = number(value, 4)
     return text[1:] if text.startswith('0.') else text
 
 
 def _two(first: float, second: float, digits: int) -> str:
-    texts: Sequence[str] = [_number(value, digits) for value in (first, second)]
+    texts: Sequence[str] = [number(value, digits) for value in (first, second)]
     return '  '.join(f'{text:>{3 + digits}}' for text in texts)
-
-
-def _number(value: float, digits: int) -> str:
-    return f'{value:.{digits}f}' if math.isfinite(value) else '-'

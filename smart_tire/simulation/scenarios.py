@@ -2,6 +2,7 @@
 The simulated runs by which slip and localization are judged.
 
 Each is a full simulation with the sensor errors of the simulator and begins with standstill.
+Those by which friction is judged (``friction_scenarios``) are made of the same.
 Grounds without a word on it are flat concrete of the simulator. The speeds are chosen so that
 the true slips resemble those of the runs of the published targets.
 """
@@ -13,9 +14,11 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import accumulate
 
+import numpy as np
+
 from smart_tire.parameters import RobotParams, SimulatorParams
-from smart_tire.parameters.robot import EncoderParams, FilmParams
-from smart_tire.parameters.simulation import GroundParams
+from smart_tire.parameters.robot import EncoderParams, FilmParams, TireParams
+from smart_tire.parameters.simulation import GroundParams, RadioParams
 from smart_tire.simulation.faults import delayed, shuffled, silenced
 from smart_tire.simulation.run import Event, simulate
 
@@ -27,6 +30,7 @@ LATENCY = 0.2     # s, of late wheel speeds
 SILENCES = {      # topic -> from when to when [s]
     'imu/data': ((20.0, 22.0), (55.0, 58.0), (90.0, 91.0), (130.0, 132.0)),
     'wheel_states': ((40.0, 42.0), (110.0, 113.0))}
+GAIN_STREAM = 3  # random numbers of the gains, beside those of the robot and its host
 
 CONCRETE = GroundParams(base='concrete', patches=())
 SAND = GroundParams(base='sand', patches=())
@@ -49,21 +53,30 @@ class Scenario:
     wheel_rate: float = 16.0         # Hz
     bias_scale: float = 1.0          # of the turn-on biases; the estimator is not told
     latency: float = 0.0             # s, of the wheel speeds; the estimator is told
+    film: FilmParams = FilmParams(wheels=())  # that are simulated; the estimator is told
+    gain_error: float = 0.0          # relative one sigma of the gains; the estimator is not told
+    tire: TireParams = TireParams()  # as the estimator is told; the true C_x is the ground's
+    radio: RadioParams = RadioParams()
     spoil: Spoil | None = field(default=None, compare=False)
     averaged: bool = False           # judged at all times, by truth averaged over 125 ms
 
     @property
     def robot(self) -> RobotParams:
         """Return the robot as the estimator is told."""
-        return RobotParams(encoder=EncoderParams(latency=self.latency))
+        return RobotParams(encoder=EncoderParams(latency=self.latency), film=self.film,
+                           tire=self.tire)
 
     def simulator(self, seed: int) -> SimulatorParams:
-        """Return the robot as it is, and its ground; no film is simulated."""
+        """Return the robot as it is, and its ground."""
         robot = self.robot
         imu = replace(robot.imu, gyro_bias=self.bias_scale * robot.imu.gyro_bias,
                       accel_bias=self.bias_scale * robot.imu.accel_bias)
-        return SimulatorParams(seed=seed, ground=self.ground,
-                               robot=replace(robot, imu=imu, film=FilmParams(wheels=())))
+        off = np.random.default_rng([seed, GAIN_STREAM]).standard_normal(
+            len(self.film.stretch_gain))
+        gains = np.array(self.film.stretch_gain) * (1.0 + self.gain_error * off)
+        film = replace(robot.film, stretch_gain=tuple(gains.tolist()))
+        return SimulatorParams(seed=seed, ground=self.ground, radio=self.radio,
+                               robot=replace(robot, imu=imu, film=film))
 
     def events(self, seed: int) -> list[Event]:
         """Return what is received, with ``ground_truth/*``, in the order of reception."""
