@@ -13,6 +13,7 @@ from smart_tire.estimation.gate import Gate
 from smart_tire.estimation.radius_learning import RadiusLearner
 from smart_tire.estimation.shaking import Shaking
 from smart_tire.estimation.slip_filter import Array, SlipFilter, Tape
+from smart_tire.estimation.slip_kinematics import SlipKinematics
 from smart_tire.estimation.slip_report import Estimate, Seen, SlipReport
 from smart_tire.estimation.slip_state import Motion, State, WheelTravel
 from smart_tire.estimation.standstill import Reading, Standstill, UNWINDING_TIME
@@ -32,6 +33,8 @@ SPIKE_RATE = 5.0           # rad/s between two readings; no robot starts to turn
 SPIKE_FORCE = 20.0         # m/s2 between two readings, beyond what its shaking explains
 SPIKE_SIGMAS = 8.0         # of the shaking
 SLOW_SHAKING = 0.25        # share of the shaking that is pitch and roll; assumed
+UNSEEN = 0.3               # of a change of speed over ground goes into sliding, one sigma
+UNSEEN_CHANGE = 0.03       # m/s; a smaller change is noise
 TRUSTED_REST = 3.0         # s; rest that lasts so long overrules a state that has drifted away
 
 
@@ -57,6 +60,7 @@ class SlipEstimator:
         self._params = params
         self._tape = tape
         self._report = SlipReport(params.robot)
+        self._kinematics = SlipKinematics(params.robot)
         self._rotation = matrix(*params.robot.imu.rotation)
         self._gate = Gate(round(params.reorder_window * NS_PER_S))
         self.dropped: Counter[str] = Counter()  # topic -> duplicates and samples without use
@@ -72,6 +76,7 @@ class SlipEstimator:
         self._wheels = WheelReader(robot)
         self._standstill = Standstill(robot.imu.gyro_noise, robot.imu.accel_noise)
         self._log = TravelLog()
+        self._at_reading = (0.0, 0.0)     # m/s, of the sides over ground, when wheels were read
         self._steering = Steering()
         self._radius = RadiusLearner(robot)
         self._blind = False               # whether the unit is silent
@@ -255,6 +260,9 @@ class SlipEstimator:
         if mean is not None:
             if not self._blind:
                 self._steering.update(self._by_wheels(reading.sides), mean[1], reading.duration)
+            half = 0.5 * self._params.robot.track_width * mean[1]
+            middle = mean[0] + self._params.robot.imu.position[1] * mean[1]
+            self._at_reading = middle - half, middle + half
             self._filter.update_wheels(WheelTravel(
                 reading.duration, reading.sides, *mean, reading.variance, reading.stamped))
             if not self._at_rest:
@@ -287,7 +295,15 @@ class SlipEstimator:
                     self._wheels.beyond_side, self._time, self._wheels_at)
         if self._tape is not None:
             self._tape.mark(seen, self._filter.x, self._filter.P)
-        return self._report.estimates(seen, self._filter.x, self._filter.P)
+        return self._report.estimates(seen, self._filter.x, self._filter.P, self._unseen())
+
+    def _unseen(self) -> tuple[float, float]:
+        """Return by how much the sides' sliding [m/s] may have changed since wheels were read."""
+        assert self._imu is not None
+        now = self._kinematics.side_speeds(self._filter.x, self._imu[0])
+        left, right = (UNSEEN * max(0.0, abs(new - old) - UNSEEN_CHANGE)
+                       for new, old in zip(now, self._at_reading))
+        return left, right
 
 
 def _possible(sample: ImuSample | WheelSample) -> bool:

@@ -50,12 +50,18 @@ class SlipReport:
         self._kinematics = SlipKinematics(robot)
         self._x_imu, self._y_imu = robot.imu.position[0], robot.imu.position[1]
 
-    def estimates(self, seen: Seen, x: Sequence[float], P: Array) -> list[Estimate]:
-        """Return what a state ``x`` (N numbers) and its covariance ``P`` (N, N) tell."""
+    def estimates(self, seen: Seen, x: Sequence[float], P: Array,
+                  unseen: tuple[float, float] = (0.0, 0.0)) -> list[Estimate]:
+        """
+        Return what a state ``x`` (N numbers) and its covariance ``P`` (N, N) tell.
+
+        ``unseen`` [m/s] is one sigma of each side's sliding beyond that, by which it may have
+        changed since the wheels were read.
+        """
         x = self._carried(seen, x)
         twist, covariance = self._kinematics.base_twist(x, P, seen.gyro_z)
         estimates: list[Estimate] = [
-            self._odometry(seen, x, P, twist, covariance), self._slip(seen, x, P)]
+            self._odometry(seen, x, P, twist, covariance), self._slip(seen, x, P, unseen)]
         if abs(twist[2]) > TURNING:
             estimates.append(Icr(seen.instant_ns, x[State.ICR], twist[0] / twist[2]))
         return estimates
@@ -90,15 +96,19 @@ class SlipReport:
             (v_x, v_y, 0.0), (0.0, 0.0, W),
             tuple(pose.ravel().tolist()), tuple(rates.ravel().tolist()))
 
-    def _slip(self, seen: Seen, x: Sequence[float], P: Array) -> WheelSlip:
+    def _slip(self, seen: Seen, x: Sequence[float], P: Array,
+              unseen: tuple[float, float]) -> WheelSlip:
         ground = self._kinematics.side_speeds(x, seen.gyro_z)
         sides = self._kinematics.wheel_speeds(x, seen.gyro_z)
-        sigmas = self._kinematics.slip_sigmas(x, P, seen.gyro_z)
+        sigmas: Sequence[float] = self._kinematics.slip_sigmas(x, P, seen.gyro_z)
+        standstill = self._robot.slip.standstill_speed
         # wheel i is on side i % 2: left, right, left, right
         rolling = [sides[i % 2] + seen.beyond_side[i] for i in range(4)]
         over = (ground[0], ground[1], ground[0], ground[1])
-        ratio = slip_ratio(rolling, over, self._robot.slip.standstill_speed).tolist()
+        ratio = slip_ratio(rolling, over, standstill).tolist()
         sliding = [float(r - v) for r, v in zip(rolling, over)]
+        sigmas = [min(1.0, math.hypot(sigma, more / max(abs(speed), standstill)))
+                  for sigma, more, speed in zip(sigmas, unseen, sides)]
         sigma = [1.0 if math.isnan(ratio[i]) else sigmas[i % 2] for i in range(4)]
         return WheelSlip(seen.instant_ns, *(_four(values) for values in (ratio, sliding, sigma)))
 

@@ -64,3 +64,14 @@ def test_the_centre_of_rotation_shows_only_while_the_robot_turns():
         centres = [estimate for estimate in estimates if isinstance(estimate, Icr)]
         assert bool(centres) == shown
         assert all(math.isclose(centre.x, 0.03) for centre in centres)
+
+
+def test_what_the_wheels_may_do_unseen_widens_the_slip_but_never_beyond_one():
+    x = [0.0] * N
+    x[State.V_X] = 0.5
+    sigmas = [REPORT.estimates(SEEN, x, 1e-6 * np.eye(N), unseen)[1].sigma
+              for unseen in ((0.0, 0.0), (0.05, 0.0), (9.0, 0.0))]
+    assert sigmas[1][1] == sigmas[0][1]
+    speed = 0.5 + SEEN.gyro_z * (RobotParams().imu.position[1] - 0.19) + SEEN.force[0] * 0.008
+    assert sigmas[1][0] == pytest.approx(math.hypot(sigmas[0][0], 0.05 / speed), rel=0.02)
+    assert sigmas[2][0] == 1.0
