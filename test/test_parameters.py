@@ -160,6 +160,10 @@ def test_estimators_wait_as_long_as_their_slowest_input():
 
 @pytest.mark.parametrize(('cls', 'values', 'complaint'), [
     (RobotParams, {'film.stretch_gain': [1.0, 2.0, 3.0]}, 'film.stretch_gain has 3 values'),
+    (RobotParams, {'film.positions': [0.0, 0.03, 0.06]}, 'film.stretch_gain has 2 values'),
+    (RobotParams, {'film.positions': [0.03, 0.0]}, 'film.positions'),
+    (RobotParams, {'film.positions': [-0.1, 0.0]}, 'film.positions'),
+    (RobotParams, {'film.positions': [0.0, 0.6]}, 'more than the circumference'),
     (RobotParams, {'film.wheels': ['front_left', 'front_left']}, 'names a wheel twice'),
     (RobotParams, {'film.wheels': ['middle']}, 'one of front_left'),
     (TireReceiverParams, {'units': ['0013A20040A1B2C3']}, 'expected 16 hex digits'),
@@ -197,6 +201,28 @@ def test_two_values_serve_all_wheels_and_four_serve_two():
     own = replace(both, stretch_gain=(1.0, 2.0, 3.0, 4.0), bending_peak=(5.0, 6.0, 7.0, 8.0))
     assert own.gains('rear_right') == (3.0, 4.0)
     assert own.bending('front_left') == (5.0, 6.0)
+
+
+def test_two_films_are_a_spacing_apart_unless_their_positions_are_given():
+    film = build(RobotParams, {'film.spacing': 0.04}).film
+    assert (film.count, film.places) == (2, (0.0, 0.04))
+    three = build(RobotParams, {
+        'film.positions': [0, 0.03, 0.3], 'film.wheels': ['front_left', 'front_right'],
+        'film.stretch_gain': [1, 2, 3], 'film.bending_peak': [1, 2, 3, 4, 5, 6]}).film
+    assert (three.count, three.places) == (3, (0.0, 0.03, 0.3))
+    assert three.gains('front_right') == (1.0, 2.0, 3.0)
+    assert three.bending('front_right') == (4.0, 5.0, 6.0)
+
+
+@pytest.mark.parametrize(('positions', 'groups'), [
+    ([0.0], [(0,)]), ([-1.0], [(0, 1)]), ([0.0, 0.03, 0.06], [(0, 1, 2)]),
+    ([0.1, 0.13, 0.3, 0.33], [(0, 1), (2, 3)]), ([0.0, 0.18, 0.36], [(0,), (1,), (2,)]),
+    ([0.06 * i for i in range(9)], [(0, 1, 2, 3), (4, 5, 6, 7), (8,)])])
+def test_films_that_are_near_each_other_pass_together(positions, groups):
+    count = 2 if positions == [-1.0] else len(positions)
+    robot = build(RobotParams, {'film.positions': positions, 'film.stretch_gain': [300] * count,
+                                'film.bending_peak': [0.8] * count})
+    assert robot.film_groups == groups
 
 
 # Files

@@ -214,8 +214,9 @@ def contact_of(passage: Friction, inputs: Series, robot: RobotParams) -> plots.C
 def _inside(robot: RobotParams, speed: float, films: int) -> list[tuple[float, float]]:
     """Return when [ms] any part of each film is in the patch, rolling at ``speed`` [m/s]."""
     half = 0.5 * (robot.tire.contact_length + robot.film.length) / abs(speed)
-    # Film 1 leads when rolling forward: its middle passes half a spacing before the stamp.
-    middles = [(film - 0.5) * robot.film.spacing / speed for film in range(films)]
+    # Film 1 leads when rolling forward: its middle passes half their extent before the stamp.
+    places = [robot.film.places[film] for film in robot.film_groups[0][:films]]
+    middles = [(place - 0.5 * (places[0] + places[-1])) / speed for place in places]
     return [(1e3 * (middle - half), 1e3 * (middle + half)) for middle in middles]
 
 

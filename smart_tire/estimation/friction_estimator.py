@@ -7,6 +7,7 @@ All inputs pass one gate, so live, replayed and recorded data give the same numb
 from __future__ import annotations
 
 from collections import Counter
+from itertools import chain
 from math import inf, isfinite
 
 from smart_tire.errors import EstimatorError
@@ -48,7 +49,8 @@ class FrictionEstimator:
         robot = self._params.robot
         self._newest: dict[tuple[str, str], int] = {}  # topic and wheel -> stamp
         self._motion = MotionHistory(robot, self._params.load_sigma)
-        self._films = {wheel: WheelFilms(wheel, robot) for wheel in robot.film.wheels}
+        self._films = {wheel: [WheelFilms(wheel, robot, films) for films in robot.film_groups]
+                       for wheel in robot.film.wheels}
         self._reporters = {wheel: PassageReporter(wheel, self._params)
                            for wheel in robot.film.wheels}
 
@@ -101,9 +103,10 @@ class FrictionEstimator:
 
     def _add(self, sample: Input) -> None:
         if isinstance(sample, TireSample):
-            self._films[sample.wheel].add_films(sample)
+            for films in self._films[sample.wheel]:
+                films.add_films(sample)
         elif isinstance(sample, WheelSample):
-            for films in self._films.values():
+            for films in chain(*self._films.values()):
                 films.add_wheels(sample)
         elif isinstance(sample, Odometry):
             self._motion.add_odometry(sample)
@@ -112,8 +115,9 @@ class FrictionEstimator:
 
     def _advance(self, instant: int) -> list[Friction]:
         found = []
-        for wheel, films in self._films.items():
-            for passage in films.advance(instant):
+        for wheel, groups in self._films.items():
+            passages = [passage for films in groups for passage in films.advance(instant)]
+            for passage in sorted(passages, key=lambda passage: passage.stamp_ns):
                 motion = self._motion.mean(wheel, passage.begin_ns, passage.end_ns)
                 found.append(self._reporters[wheel].report(passage, motion))
                 self.passages += 1
@@ -126,10 +130,10 @@ class FrictionEstimator:
             'passages': self.passages, 'passages_lost': self.passages_lost,
             'foreign_samples': self.foreign_samples, 'clock_resets': self._gate.resets,
             **{f'dropped.{topic}': count for topic, count in self.dropped.items()}}
-        for wheel, films in self._films.items():
+        for wheel, groups in self._films.items():
             mu, sigma = self._reporters[wheel].fusion.estimate()
             shown[f'{wheel}_friction'] = f'{mu:.3f} +- {sigma:.3f}' if mu == mu else 'unknown'
-            shown[f'{wheel}_contacts_unmeasured'] = films.unmeasured
+            shown[f'{wheel}_contacts_unmeasured'] = sum(films.unmeasured for films in groups)
             shown[f'{wheel}_ground_changes'] = self._reporters[wheel].fusion.changes
         return shown
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 import math
 
@@ -49,7 +50,7 @@ GONE = 0.5                # ... and of one that explains that nothing was seen
 SHORTEST = 1e-3           # s, of a film's way while inside: no division by zero
 SHORTEST_WAY = 1e-3       # m, likewise, with a film as long as the patch
 MARGIN = 0.030            # m of travel before and after a contact: bumps, recovery, some rest
-SIGHTINGS = 16            # contacts and film passages remembered
+SIGHTINGS = 16            # contacts and film passages remembered, per film
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,8 +69,8 @@ class WheelPassage:
     """
     All films of a wheel went through the patch; ``samples`` are those of the films that were seen.
 
-    Slip and load are meant from ``begin_ns`` to ``end_ns``, while film 1 was fully inside, and
-    ``samples.reference`` is the middle of that.
+    Slip and load are meant from ``begin_ns`` to ``end_ns``, while the first film was fully inside,
+    and ``samples.reference`` is the middle of that.
     """
 
     stamp_ns: int        # films' common middle at the patch's middle, as it was sighted
@@ -84,17 +85,29 @@ class WheelPassage:
 
 
 class WheelFilms:
-    """Finds the passages of one wheel's films, and what was sampled in them."""
+    """
+    Finds the passages of a group of one wheel's films, and what was sampled in them.
 
-    def __init__(self, wheel: str, robot: RobotParams) -> None:
+    ``films`` are indices, those of the first group by default; the films of other groups have
+    passages of their own.
+    """
+
+    def __init__(self, wheel: str, robot: RobotParams,
+                 films: Sequence[int] | None = None) -> None:
         film, encoder, patch = robot.film, robot.encoder, robot.tire.contact_length
         circumference = 2.0 * math.pi * robot.wheel_radius
         self._index, self._patch = WHEELS.index(wheel), patch
-        self._gains, self._bending = film.gains(wheel), film.bending(wheel)
-        self._offsets = (-0.5 * film.spacing, 0.5 * film.spacing)  # m, of films 1 and 2
+        # of the wheel's films, those in the group; from here on films are numbered within it
+        self._group = tuple(robot.film_groups[0] if films is None else films)
+        self._gains, self._bending = ([values[i] for i in self._group]
+                                      for values in (film.gains(wheel), film.bending(wheel)))
+        places = [film.places[i] for i in self._group]
+        extent = places[-1] - places[0]
+        # m, from the films' common middle
+        self._offsets = [place - places[0] - 0.5 * extent for place in places]
         self._inside = max(0.5 * abs(patch - film.length), SHORTEST_WAY)
         self._half = 0.5 * (patch + film.length)
-        self._reach = self._half + 0.5 * film.spacing
+        self._reach = self._half + 0.5 * extent
         self._rate = film.sample_rate
         self._rails = 0.5 * film.code, film.voltage_range - 0.5 * film.code
         self._course = WheelCourse(robot.wheel_radius, encoder.counts_per_revolution,
@@ -107,9 +120,10 @@ class WheelFilms:
         self._sighter = Sighter(robot)
         self._clock = SampleClock(round(NS_PER_S / film.sample_rate))
         self._stamps: list[int] = []
-        self._volts: list[tuple[float, float]] = []
-        self._contacts: deque[Contact] = deque(maxlen=SIGHTINGS)
-        self._seen: deque[FilmPassage] = deque(maxlen=SIGHTINGS)
+        self._volts: list[list[float]] = []
+        sightings = SIGHTINGS * len(self._group)
+        self._contacts: deque[Contact] = deque(maxlen=sightings)
+        self._seen: deque[FilmPassage] = deque(maxlen=sightings)
         self._passes: list[Pass] = []
         self._horizon_ns: int | None = None
         self.unmeasured = 0  # contacts in which no passage could be recognised
@@ -120,10 +134,10 @@ class WheelFilms:
         self._course.add(sample.stamp_ns, sample.velocity[self._index], position)
 
     def add_films(self, sample: TireSample) -> None:
-        """Take in one conversion of this wheel's films; the second film may be absent."""
+        """Take in one conversion of this wheel's films; the last ones may be absent."""
         self._stamps.append(sample.stamp_ns)
-        self._volts.append((sample.volts[0], sample.volts[-1]) if len(sample.volts) > 1
-                           else (sample.volts[0], math.nan))
+        volts = sample.volts
+        self._volts.append([volts[i] if i < len(volts) else math.nan for i in self._group])
 
     def advance(self, now_ns: int) -> list[WheelPassage]:
         """Work up to where the wheel's angle is known; return the passages that were completed."""
@@ -149,7 +163,7 @@ class WheelFilms:
         passages = [passage for p in ready if (passage := self._passage(p)) is not None]
         for turn_ns, _ in turns[-1:]:
             self._seen = deque((s for s in self._seen if s.contact.begin_ns >= turn_ns),
-                               SIGHTINGS)
+                               self._seen.maxlen)
         return passages
 
     def _follow(self, horizon: int) -> tuple[Point, list[Point]]:
@@ -165,7 +179,7 @@ class WheelFilms:
         """Move the samples up to ``horizon`` to the record; return the contacts that ended."""
         count = bisect_right(self._stamps, horizon)
         instants = self._clock.regular(self._stamps[:count])
-        volts = np.array(self._volts[:count]).reshape(count, 2)
+        volts = np.array(self._volts[:count]).reshape(count, len(self._group))
         del self._stamps[:count], self._volts[:count]
         places = self._course.coarse(instants)
         return self._record.add(instants, places, volts, [instant for instant, _ in turns])
@@ -248,7 +262,7 @@ class WheelFilms:
             self._seen.remove(film)
         ahead = p.direction * self._reach
         roll = self._course.roll(p.place - ahead, p.place + ahead, p.end_ns)
-        # where the films' common, and film 1's own middle is at the patch's middle
+        # where the films' common, and the first one's own middle is at the patch's middle
         common = self._middle(p, films, roll)
         first = common + p.direction * self._offsets[0]
         if not films and not self._explained(p, roll):
@@ -276,7 +290,8 @@ class WheelFilms:
             near = np.abs(distance - middle) < self._half + MARGIN
             volts = contact.volts[near]
             rail = (volts > self._rails[1]).astype(np.int8) - (volts < self._rails[0])
-            samples.append(FilmSamples(contact.film, distance[near], volts - contact.rest, rail))
+            samples.append(FilmSamples(
+                self._group[contact.film], distance[near], volts - contact.rest, rail))
             sightings.append(replace(film.sighting, middle=middle))
         reference = direction * float(course.at(np.array([reference_ns]))[0])
         return Passage(tuple(samples), tuple(sightings), reference, course.errors(begin, end))

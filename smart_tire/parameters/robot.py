@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+import math
 
 from smart_tire.parameters.spec import group, param
 from smart_tire.samples import WHEELS
+
+WIDEST = 0.5  # of the circumference, within which the films of one group go in and out
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,13 +48,16 @@ class TireParams:
 
 @dataclass(frozen=True, kw_only=True)
 class FilmParams:
-    """The PVDF films and their signal chain; lists hold two per wheel, or two for all."""
+    """The PVDF films and their signal chain; lists hold one value per film, or those for all."""
 
     wheels: tuple[str, ...] = param(
         ('front_right',), '-', 'instrumented wheels', choices=WHEELS)
     length: float = param(0.020, 'm', 'length l of a film', low=1e-3)
     width: float = param(0.003, 'm', 'width b of a film', low=1e-4)
     spacing: float = param(0.030, 'm', 'between film centres along the circumference', low=0.0)
+    positions: tuple[float, ...] = param(
+        (-1.0,), 'm', 'film centres along the circumference; -1: two, film.spacing apart',
+        low=-1.0)
     stretch_gain: tuple[float, ...] = param(
         (307.5, 242.5), 'V/m', 'volts per metre of the overlap integral, per film', low=1e-3)
     stretch_gain_tolerance: float = param(0.03, '-', 'relative one sigma of the gains', low=0.0)
@@ -65,13 +71,28 @@ class FilmParams:
     sample_rate: float = param(400.0, 'Hz', 'samples per second of a wheel unit', low=1.0)
 
     def __post_init__(self) -> None:
+        films = self.count
         for name in ('stretch_gain', 'bending_peak'):
             count = len(getattr(self, name))
-            if count not in (2, 2 * len(self.wheels)):
-                raise ValueError(f'film.{name} has {count} values, expected 2 for all wheels or '
-                                 f'2 for each of {len(self.wheels)} in film.wheels')
+            if count not in (films, films * len(self.wheels)):
+                raise ValueError(f'film.{name} has {count} values, expected {films} for all '
+                                 f'wheels or {films} for each of {len(self.wheels)} in '
+                                 'film.wheels')
+        if list(self.places) != sorted(self.places) or self.places[0] < 0.0:
+            raise ValueError(f'film.positions: {list(self.positions)}, expected numbers from 0 on '
+                             'in the order in which the films enter the patch')
         if len(set(self.wheels)) != len(self.wheels):
             raise ValueError(f'film.wheels names a wheel twice: {list(self.wheels)}')
+
+    @property
+    def places(self) -> tuple[float, ...]:
+        """Return the centres of a wheel's films [m] along the circumference, film 1 first."""
+        return (0.0, self.spacing) if self.positions == (-1.0,) else self.positions
+
+    @property
+    def count(self) -> int:
+        """Return how many films a wheel has."""
+        return len(self.places)
 
     @property
     def code(self) -> float:
@@ -83,17 +104,18 @@ class FilmParams:
         """Return the variance of one sample [V^2]: noise, and rounding to a code."""
         return self.noise**2 + self.code**2 / 12.0
 
-    def gains(self, wheel: str) -> tuple[float, float]:
-        """Return the stretch gains [V/m] of the two films of ``wheel``."""
-        return self._pair(self.stretch_gain, wheel)
+    def gains(self, wheel: str) -> tuple[float, ...]:
+        """Return the stretch gains [V/m] of the films of ``wheel``."""
+        return self._own(self.stretch_gain, wheel)
 
-    def bending(self, wheel: str) -> tuple[float, float]:
-        """Return the bending peaks [V] of the two films of ``wheel``."""
-        return self._pair(self.bending_peak, wheel)
+    def bending(self, wheel: str) -> tuple[float, ...]:
+        """Return the bending peaks [V] of the films of ``wheel``."""
+        return self._own(self.bending_peak, wheel)
 
-    def _pair(self, values: tuple[float, ...], wheel: str) -> tuple[float, float]:
-        start = 0 if len(values) == 2 else 2 * self.wheels.index(wheel)
-        return values[start], values[start + 1]
+    def _own(self, values: tuple[float, ...], wheel: str) -> tuple[float, ...]:
+        count = self.count
+        start = 0 if len(values) == count else count * self.wheels.index(wheel)
+        return values[start:start + count]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,3 +144,28 @@ class RobotParams:
     tire: TireParams = group(TireParams)
     film: FilmParams = group(FilmParams)
     slip: SlipParams = group(SlipParams)
+
+    def __post_init__(self) -> None:
+        circumference, places = 2.0 * math.pi * self.wheel_radius, self.film.places
+        if places[-1] - places[0] >= circumference:
+            raise ValueError(f'film.positions: {list(places)} span more than the circumference of '
+                             f'{circumference:.3f} m')
+
+    @property
+    def film_groups(self) -> list[tuple[int, ...]]:
+        """
+        Return the films of a wheel, by index, that pass together.
+
+        Films further apart than a contact is long have passages of their own, and so have those
+        that would come again before the others have left.
+        """
+        contact, places = self.tire.contact_length + self.film.length, self.film.places
+        widest = WIDEST * 2.0 * math.pi * self.wheel_radius - contact
+        groups: list[tuple[int, ...]] = []
+        for film, place in enumerate(places):
+            if groups and place - places[groups[-1][-1]] <= contact and (
+                    place - places[groups[-1][0]] <= widest):
+                groups[-1] += (film,)
+            else:
+                groups.append((film,))
+        return groups

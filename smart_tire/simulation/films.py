@@ -1,4 +1,4 @@
-"""Films of the simulated robot: two in the tread of a wheel, with amplifiers and converter."""
+"""Films of the simulated robot: in the tread of a wheel, with amplifiers and converter."""
 
 from __future__ import annotations
 
@@ -76,9 +76,9 @@ class FilmSampler:
         self._chain = SignalChain(bits=film.bits, voltage_range=film.voltage_range,
                                   rest_voltage=film.rest_voltage)
         first_place = rng.uniform(0.0, math.tau)
-        # rad, wheel angles at which film 1 and film 2 stand over the middle of the patch
-        self.places = (first_place,
-                       first_place + film.spacing / params.robot.wheel_radius)
+        # rad, wheel angles at which films 1, 2, ... stand over the middle of the patch
+        self.places = tuple(first_place + (place - film.places[0]) / params.robot.wheel_radius
+                            for place in film.places)
         self._films = _Films(wheel, params, self.places, rng)
         self._batch = params.radio.batch
         self._count = 0
@@ -126,20 +126,20 @@ class FilmSampler:
 
 
 class _Films:
-    """The two films of one wheel: volts above rest, with what varies from cycle to cycle."""
+    """The films of one wheel: volts above rest, with what varies from cycle to cycle."""
 
-    def __init__(self, wheel: str, params: SimulatorParams, places: tuple[float, float],
+    def __init__(self, wheel: str, params: SimulatorParams, places: tuple[float, ...],
                  rng: np.random.Generator) -> None:
         self._robot, film, tire = params.robot, params.robot.film, params.robot.tire
         self._places = np.array(places)[:, np.newaxis]
         self._gain = np.array(film.gains(wheel))[:, np.newaxis]
         spread = params.errors.bending_variation
         self._peaks = (np.array(film.bending(wheel))[:, np.newaxis]
-                       * (1.0 + rng.uniform(-spread, spread, (2, CYCLES))))
+                       * (1.0 + rng.uniform(-spread, spread, (len(places), CYCLES))))
         low, high = params.errors.bumps
-        self._bumps = rng.uniform(low, high, (2, 2, CYCLES))  # sides x films x cycles
+        self._bumps = rng.uniform(low, high, (2, len(places), CYCLES))  # sides x films x cycles
         self._reach = 0.5 * (tire.contact_length + film.length) + TAIL * tread_film.RECOVERY
-        self._reverse = np.zeros((2, 1), dtype=bool)
+        self._reverse = np.zeros((len(places), 1), dtype=bool)
 
     def volts(self, trace: Trace) -> Array:
         """Return the outputs above rest [V], shape (films, n)."""

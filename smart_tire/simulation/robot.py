@@ -54,7 +54,8 @@ class Robot:
         self._imu = InertialUnit(robot, params.errors, imu_rng)
         self._films = [FilmSampler(wheel, unit, params, rng)
                        for (wheel, unit), rng in zip(self.units.items(), film_rngs)]
-        self._passages = [PassageTruth(films, robot) for films in self._films]
+        self._passages = [[PassageTruth(films, robot, group) for group in robot.film_groups]
+                          for films in self._films]
         self._imu_due = Periodic(NS_PER_S / params.imu_rate)
         self._truth_due = Periodic(NS_PER_S / TRUTH_RATE)
 
@@ -74,11 +75,12 @@ class Robot:
             seen.append(ImuSample(now_ns, *self._imu.read(plant)))
         if self._truth_due.passed(now_ns):
             seen += true_odometry(plant, now_ns), true_slip(plant, self._params, now_ns)
-        for films, passages in zip(self._films, self._passages):
+        for films, groups in zip(self._films, self._passages):
             if films.due_ns <= now_ns:
                 for batch in films.observe(plant):
                     seen.append(batch)
-                    seen += passages.update(batch.trace)
+                    for passages in groups:
+                        seen += passages.update(batch.trace)
         return seen
 
 

@@ -54,22 +54,32 @@ def _four(values: Array) -> Four:
 
 
 class PassageTruth:
-    """Finds the passages of one wheel's film pair through the whole patch."""
+    """
+    Finds the passages of a group of one wheel's films, a pair, say, through the whole patch.
 
-    def __init__(self, films: FilmSampler, robot: RobotParams) -> None:
-        self._wheel, self._places, self._robot = films.wheel, films.places, robot
-        self._gain = robot.film.gains(films.wheel)[0]
-        # m, from the patch's middle to where the pair is completely outside
-        self._half = 0.5 * (robot.film.spacing + robot.film.length + robot.tire.contact_length)
-        self._last: tuple[int, float] | None = None  # stamp and place of the pair before
+    ``group`` are the films' indices, those of the first group by default.
+    """
+
+    def __init__(self, films: FilmSampler, robot: RobotParams,
+                 group: tuple[int, ...] | None = None) -> None:
+        group = robot.film_groups[0] if group is None else group
+        self._wheel, self._robot = films.wheel, robot
+        self._first, last = films.places[group[0]], films.places[group[-1]]
+        self._middle = 0.5 * (self._first + last)  # rad
+        # film 1 is in the first group only
+        self._gain = robot.film.gains(films.wheel)[0] if group[0] == 0 else NAN
+        # m, from the patch's middle to where the films are completely outside
+        self._half = 0.5 * (robot.wheel_radius * (last - self._first) + robot.film.length
+                            + robot.tire.contact_length)
+        self._last: tuple[int, float] | None = None  # stamp and place of the films before
         self._entry = 0.0      # -1 or 1: where the present passage began; 0: none
         self._middle_ns = 0
-        self._sums = np.zeros((2, len(MEANS)))  # sums and counts while film 1 is inside
+        self._sums = np.zeros((2, len(MEANS)))  # sums and counts while the first is inside
 
     def update(self, trace: Trace) -> list[Friction]:
         """Return the passages that ended in ``trace``; traces come one after the other."""
         radius = self._robot.wheel_radius
-        pair, _ = locate(trace.angle, 0.5 * sum(self._places), radius)
+        pair, _ = locate(trace.angle, self._middle, radius)
         if self._last is not None and not self._entry and np.all(np.abs(pair) >= self._half):
             self._last = trace.stamps_ns[-1], float(pair[-1])
             return []
@@ -97,7 +107,7 @@ class PassageTruth:
     def _table(self, trace: Trace) -> Array:
         """Return values and weights of ``MEANS``, shape (n, 2, means)."""
         tire, robot = self._robot.tire, self._robot
-        past, _ = locate(trace.angle, self._places[0], robot.wheel_radius)
+        past, _ = locate(trace.angle, self._first, robot.wheel_radius)
         inside = np.abs(past) <= 0.5 * (tire.contact_length - robot.film.length)
         s_x, s_y = trace.slip_vector()
         force, _ = brush_tire.brush_force(s_x, s_y, trace.friction, trace.load, trace.stiffness)
@@ -123,7 +133,7 @@ class PassageTruth:
         critical = float(brush_tire.critical_slip(friction, load, stiffness))
         ratio = float(brush_tire.adhesion_ratio(total_slip, friction, load, stiffness))
         stretch = interval = NAN
-        if slip > 0.0:  # two peaks exist in traction only
+        if slip > 0.0 and not math.isnan(self._gain):  # two peaks exist in traction only
             x_m = float(tread_film.peak_position(ratio * length, film, length))
             stretch = self._gain * float(tread_film.stretch_integral(
                 x_m, slip, total_slip, critical, film, length))

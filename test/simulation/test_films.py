@@ -155,6 +155,30 @@ def test_a_passage_is_stamped_when_the_pair_is_in_the_middle(direction):
     np.testing.assert_allclose(gaps, math.tau * RADIUS / 0.5, rtol=1e-6)
 
 
+def test_films_far_from_each_other_have_passages_of_their_own():
+    three = {'film.positions': [0.0, 0.03, 0.3], 'film.stretch_gain': [300.0] * 3,
+             'film.bending_peak': [0.8] * 3}
+    films, near, robot = new_films(**three)
+    far = PassageTruth(films, robot, (2,))
+    seen, batches = {0: [], 2: []}, []
+    plant = Rolling(lambda t: 0.5)
+    for _ in range(3000):
+        plant.step()
+        for batch in films.observe(plant):
+            batches.append(batch)
+            seen[0] += near.update(batch.trace)
+            seen[2] += far.update(batch.trace)
+    stamps, volts, angle = signals(batches)
+    assert volts.shape[1] == 3
+    for first, middle in ((0, films.places[0] + 0.015 / RADIUS), (2, films.places[2])):
+        assert len(seen[first]) in (2, 3)
+        angles = np.interp([p.stamp_ns * 1e-9 for p in seen[first]], stamps, angle)
+        np.testing.assert_allclose(locate(angles, middle, RADIUS)[0], 0.0, atol=1e-6)
+    # the stretch of film 1 is that of the group that it is in
+    assert math.isfinite(seen[0][0].value['stretch_voltage'])
+    assert math.isnan(seen[2][0].value['stretch_voltage'])
+
+
 def test_the_true_quantities_belong_together():
     films, truth, robot = new_films()
     _, passages = roll(films, truth, Rolling(lambda t: 0.5), 3.0)
