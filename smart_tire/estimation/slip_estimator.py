@@ -7,8 +7,6 @@ from collections.abc import Sequence
 import math
 from typing import Any, Protocol
 
-import numpy as np
-
 from smart_tire.estimation.gate import Gate
 from smart_tire.estimation.radius_learning import RadiusLearner
 from smart_tire.estimation.shaking import Shaking
@@ -61,7 +59,7 @@ class SlipEstimator:
         self._tape = tape
         self._report = SlipReport(params.robot)
         self._kinematics = SlipKinematics(params.robot)
-        self._rotation = matrix(*params.robot.imu.rotation)
+        self._rotation: list[list[float]] = matrix(*params.robot.imu.rotation).tolist()
         self._gate = Gate(round(params.reorder_window * NS_PER_S))
         self.dropped: Counter[str] = Counter()  # topic -> duplicates and samples without use
         self.spikes = 0  # readings of the inertial unit that no robot can have felt
@@ -151,7 +149,8 @@ class SlipEstimator:
 
     def _on_imu(self, samples: list[ImuSample]) -> None:
         """Advance through the samples of one grid step with the mean of their trapezoids."""
-        end, sums, count, jumps = self._time, np.zeros(3), 0, 0.0
+        end, count, jumps = self._time, 0, 0.0
+        sums = [0.0, 0.0, 0.0]
         for sample in samples:
             time = self._seconds(sample.stamp_ns)
             if self._imu_time is not None and time <= self._imu_time:
@@ -164,7 +163,9 @@ class SlipEstimator:
                 self._time = end = time
                 self._log.start(time)
             elif time > end:
-                sums += 0.5 * (time - end) * (np.array(self._imu) + reading)
+                half = 0.5 * (time - end)
+                sums = [total + half * (old + new)
+                        for total, old, new in zip(sums, self._imu, reading)]
                 # where between the two samples it changed is anybody's guess
                 jumps += (time - end) ** 2 / 12.0 * max(
                     (reading[1] - self._imu[1]) ** 2, (reading[2] - self._imu[2]) ** 2)
@@ -193,13 +194,15 @@ class SlipEstimator:
         return last
 
     def _read(self, sample: ImuSample) -> Reading:
-        rate, force = self._rotation[2] @ sample.rate, self._rotation[:2] @ sample.acceleration
-        return float(rate), float(force[0]), float(force[1])
+        (f_x, f_y, f_z), (w_x, w_y, w_z) = sample.acceleration, sample.rate
+        x, y, z = self._rotation
+        return (z[0] * w_x + z[1] * w_y + z[2] * w_z,
+                x[0] * f_x + x[1] * f_y + x[2] * f_z, y[0] * f_x + y[1] * f_y + y[2] * f_z)
 
-    def _predict(self, end: float, sums: Any, count: int, jumps: float) -> None:
+    def _predict(self, end: float, sums: Sequence[float], count: int, jumps: float) -> None:
         """Advance to ``end`` [s]; ``jumps`` [m2/s2] is the variance of speed by jerks."""
         dt, imu = end - self._time, self._params.robot.imu
-        rate, force_x, force_y = (float(value) for value in sums / dt)
+        rate, force_x, force_y = (total / dt for total in sums)
         period = dt / count  # white noise per sample becomes noise density
         shaking = self._shaking.sigma
         self._advance(end, Motion(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from smart_tire.estimation.slip_kinematics import SlipKinematics
 from smart_tire.estimation.slip_state import State
-from smart_tire.models.skid_steer import GRAVITY, slip_ratio
+from smart_tire.models.skid_steer import GRAVITY, wheel_slip_ratio
 from smart_tire.parameters import RobotParams
 from smart_tire.rotation import quaternion
 from smart_tire.samples import Four, Icr, Odometry, Vector3, WheelSlip
@@ -105,8 +105,8 @@ class SlipReport:
         # wheel i is on side i % 2: left, right, left, right
         rolling = [sides[i % 2] + seen.beyond_side[i] for i in range(4)]
         over = (ground[0], ground[1], ground[0], ground[1])
-        ratio = slip_ratio(rolling, over, standstill).tolist()
-        sliding = [float(r - v) for r, v in zip(rolling, over)]
+        ratio = [wheel_slip_ratio(r, v, standstill) for r, v in zip(rolling, over)]
+        sliding = [r - v for r, v in zip(rolling, over)]
         sigmas = [min(1.0, math.hypot(sigma, more / max(abs(speed), standstill)))
                   for sigma, more, speed in zip(sigmas, unseen, sides)]
         sigma = [1.0 if math.isnan(ratio[i]) else sigmas[i % 2] for i in range(4)]
