@@ -19,6 +19,13 @@ def matrix(roll: float, pitch: float, yaw: float) -> NDArray[np.float64]:
                      [-sp, cp * sr, cp * cr]])
 
 
+def angles(rotation: NDArray[np.float64]) -> tuple[float, float, float]:
+    """Return roll, pitch and yaw [rad] of a ``matrix`` (3, 3)."""
+    return (math.atan2(rotation[2, 1], rotation[2, 2]),
+            -math.asin(max(-1.0, min(1.0, rotation[2, 0]))),
+            math.atan2(rotation[1, 0], rotation[0, 0]))
+
+
 def quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
     """Return the unit quaternion (x, y, z, w)."""
     cr, sr = math.cos(0.5 * roll), math.sin(0.5 * roll)

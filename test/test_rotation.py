@@ -8,7 +8,7 @@ from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 
-from smart_tire.rotation import euler, matrix, quaternion
+from smart_tire.rotation import angles as angles_of, euler, matrix, quaternion
 
 angles = st.tuples(st.floats(-3.1, 3.1), st.floats(-1.5, 1.5), st.floats(-3.1, 3.1))
 
@@ -33,3 +33,8 @@ def test_matrix_and_quaternion_turn_alike(rpy):
 ])
 def test_positive_angles_are_those_of_rep_103(rpy, vector, turned):
     assert matrix(*rpy) @ vector == pytest.approx(np.array(turned), abs=1e-15)
+
+
+@given(angles)
+def test_a_matrix_gives_its_angles_back(rpy):
+    assert angles_of(matrix(*rpy)) == pytest.approx(rpy, abs=1e-6)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 import math
 from pathlib import Path
@@ -13,11 +13,10 @@ from smart_tire.analysis.series import PoseSeries, seconds, Series, Stamps, Tabl
 from smart_tire.bags import Bag
 from smart_tire.errors import BagError, EstimatorError
 from smart_tire.estimation import geometry_identification
-from smart_tire.estimation.geometry_identification import Geometry, Quantity
+from smart_tire.estimation.geometry_identification import Geometry
 from smart_tire.estimation.motion_record import ImuRecord, PoseRecord, Recording, WheelRecord
 from smart_tire.parameters import (
     build, known_names, load_files, NODE_PARAMS, RobotParams, specs)
-from smart_tire.parameters.identified import Identified
 from smart_tire.rotation import matrix
 from smart_tire.samples import ImuSample, Odometry, WheelSample
 
@@ -127,9 +126,3 @@ def _pose_record(poses: PoseSeries, origin: int, span: Span) -> PoseRecord | Non
         return None
     return PoseRecord(seconds(poses.stamp_ns[chosen], origin), poses.pose[chosen, :2],
                       poses.pose[chosen, 2])
-
-
-def identified(quantities: Sequence[Quantity]) -> list[Identified]:
-    """Return those quantities that are parameters."""
-    return [Identified(item.parameter, item.estimate.value, item.estimate.sigma, item.note)
-            for item in quantities if item.parameter]

@@ -18,8 +18,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Identify, print a table, and write what was told."""
-    from smart_tire.analysis.identification import identified, identify_geometry, load_robot
-    from smart_tire.estimation.geometry_identification import together
+    from smart_tire.analysis.geometry_plots import write_geometry
+    from smart_tire.analysis.identification import identify_geometry, load_robot
+    from smart_tire.estimation.geometry_identification import parameters, together
     from smart_tire.parameters.identified import identified_text, write_text
     robot = load_robot(args.params)
     found = together([identify_geometry(bag, robot, since=args.since, until=args.until,
@@ -29,12 +30,14 @@ def run(args: argparse.Namespace) -> int:
               f'{item.unit:6}{item.note}')
     for name, why in found.refused.items():
         print(f'{name:24}not told: {why}')
-    parameters = identified(found.quantities)
-    if not parameters:
+    told = parameters(found, robot)
+    if not told:
         print('nothing can be told')
         return NOTHING
     out = out_beside(args, NAME)
     write_text(out, identified_text(
-        [f'Identified from {", ".join(map(str, args.bags))}.'], parameters))
-    print(f'written to {out}')
+        [f'Identified from {", ".join(map(str, args.bags))}.'], told))
+    figure = out.with_suffix('.png')
+    drawn = write_geometry(figure, found)
+    print(f'written to {out}' + (f' and {figure}' if drawn else ''))
     return FOUND

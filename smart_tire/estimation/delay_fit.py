@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,10 +25,10 @@ Array = NDArray[np.float64]
 HUBER = 2.0        # sigmas; residuals beyond it count less
 ROUNDS = 5         # of noise, then delay; more change nothing
 MOST_LINKED = 0.999  # correlation of neighbouring rows
-LAGS = 3           # rows over which residuals are correlated beyond what was removed
-NUDGE = 1e-3       # s, for the derivative with respect to the delay
+LASTING = 1.0      # s over which residuals are correlated beyond what was removed
 PRECISION = 1e-5   # s, to which the delay is searched
 DISTINCT = 9.0     # of chi-square by which every other minimum must be worse: three sigmas
+APART = 5.0        # sigmas, within which another minimum is the same one
 UNSEEN = 1e-12      # weight of a prior that says nothing
 FEW = 12           # rows, below which residuals tell nothing of their noise
 
@@ -49,6 +50,7 @@ class Problem:
     time: Array                      # (n,) s; correlation fades with the time between rows
     prior_mean: Array                # (p,) of the coefficients
     prior_sigma: Array               # (p,), inf where nothing is known
+    overlapping: bool = False        # whether neighbouring rows share what they are made of
 
 
 @dataclass(frozen=True)
@@ -99,8 +101,10 @@ def fit_delay(problem: Problem, delays: Array) -> DelayFit:
             costs = _scan(problem, delays, noise)
             delay = float(delays[int(np.argmin(costs))])
         delay = _refined(problem, delay, float(delays[1] - delays[0]), noise)
-    _check(delays, _scan(problem, delays, noise), _cost(problem, delay, noise), delay)
-    return _result(problem, delay, noise)
+    result, inflation = _result(problem, delay, noise)
+    _check(result, delays, _scan(problem, delays, noise) / inflation,
+           _cost(problem, delay, noise) / inflation)
+    return result
 
 
 def _scan(problem: Problem, delays: Array, noise: _Noise) -> Array:
@@ -114,12 +118,13 @@ def _refined(problem: Problem, delay: float, step: float, noise: _Noise) -> floa
     return float(found.x)
 
 
-def _check(delays: Array, costs: Array, best: float, delay: float) -> None:
-    step = delays[1] - delays[0]
+def _check(fit: DelayFit, delays: Array, costs: Array, best: float) -> None:
+    step, delay = delays[1] - delays[0], fit.delay
     if not delays[0] + step <= delay <= delays[-1] - step:
         raise EstimatorError(f'the best delay lies outside of {delays[0]:g} to {delays[-1]:g} s')
     inner = costs[1:-1]
-    minima = (inner <= costs[:-2]) & (inner <= costs[2:]) & (np.abs(delays[1:-1] - delay) > step)
+    away = np.abs(delays[1:-1] - delay) > step + APART * fit.sigma
+    minima = (inner <= costs[:-2]) & (inner <= costs[2:]) & away
     rivals = delays[1:-1][minima & (inner < best + DISTINCT)]
     if len(rivals):
         raise EstimatorError(f'delays of {delay:.3f} s and {rivals[0]:.3f} s fit alike')
@@ -166,6 +171,8 @@ def _noise(problem: Problem, delay: float, before: _Noise) -> _Noise:
     steps = np.diff(problem.time)
     near = steps < 1.5 * np.median(steps)
     correlation = float(np.sum((linked[1:] * linked[:-1])[near]) / np.sum(linked ** 2))
+    if problem.overlapping:
+        correlation = 0.0  # rows that overlap would be undone by it
     plain = _Noise(size, min(max(correlation, 0.0), MOST_LINKED), np.ones(len(size)), level)
     white = np.abs(_whitened(residuals, problem, plain))
     # what is left may be smaller than what was: correlation explains a part of it
@@ -175,27 +182,28 @@ def _noise(problem: Problem, delay: float, before: _Noise) -> _Noise:
 
 
 def noise_beside(residuals: Array, doubt: Array) -> float:
-    """Return the noise that, together with a ``doubt`` for each, explains the residuals."""
-    size = np.abs(residuals)
-    low, high = 0.0, NORMAL_MAD * float(np.median(size))
-    for _ in range(40):  # halvings: more than a double can hold
-        middle = 0.5 * (low + high)
-        ratio = float(np.median(size / np.maximum(np.hypot(middle, doubt), 1e-300)))
-        low, high = (middle, high) if NORMAL_MAD * ratio > 1.0 else (low, middle)
-    return max(high, 1e-9)
+    """Return the noise beside the ``doubt``: that of the half of the rows that have least."""
+    calm = np.abs(residuals[doubt <= np.median(doubt)])
+    return max(NORMAL_MAD * float(np.median(calm)), 1e-9)
 
 
-def _result(problem: Problem, delay: float, noise: _Noise) -> DelayFit:
+def _result(problem: Problem, delay: float, noise: _Noise) -> tuple[DelayFit, float]:
+    """Return the fit, and how much larger the delay's variance is than without correlations."""
     coefficients, _ = _solve(problem, delay, noise)
-    later, sooner = (problem.rows(delay + nudge) for nudge in (NUDGE, -NUDGE))
+    # as far as half a row: over less, noise of the signal would look like knowledge of the delay
+    nudge = 0.5 * float(np.median(np.diff(problem.time)))
+    later, sooner = problem.rows(delay + nudge), problem.rows(delay - nudge)
     slope = ((later.matrix - sooner.matrix) @ coefficients - later.wanted + sooner.wanted) / (
-        2.0 * NUDGE)
+        2.0 * nudge)
     jacobian = np.column_stack([problem.rows(delay).matrix, slope])
     residuals = _residuals(problem, delay, coefficients)
     prior = np.append(problem.prior_sigma, np.inf)
-    covariance = sandwich(_whitened(jacobian, problem, noise),
-                          _whitened(residuals, problem, noise), prior, LAGS)
-    return DelayFit(delay, coefficients, covariance, noise.level, noise.correlation, residuals)
+    matrix, left = _whitened(jacobian, problem, noise), _whitened(residuals, problem, noise)
+    lags = math.ceil(LASTING / float(np.median(np.diff(problem.time))))
+    covariance = sandwich(matrix, left, prior, lags)
+    plain = sandwich(matrix, left, prior, 0)
+    fit = DelayFit(delay, coefficients, covariance, noise.level, noise.correlation, residuals)
+    return fit, max(1.0, float(covariance[-1, -1] / plain[-1, -1]))
 
 
 def sandwich(jacobian: Array, residuals: Array, prior_sigma: Array, lags: int) -> Array:

@@ -15,6 +15,8 @@ Array = NDArray[np.float64]
 
 BRIDGED = 2.0    # s, a gap between positions over which their difference still is a mean speed
 STRETCHED = 1.5  # periods; a longer gap between velocities has lost a message
+SPIKE = 3.0      # rad/s by which one reading may stand out of its neighbours and their difference
+SPIKE_FACTOR = 8.0  # times what readings usually stand out, beyond that
 NEAR = 0.5       # s around motion that belongs to it: wheels may be late, bodies sway
 
 
@@ -43,6 +45,16 @@ class PoseRecord:
     time: Array      # (n,) s
     position: Array  # (n, 2) m
     yaw: Array       # (n,) rad, runs on over a full turn
+
+    def stretches(self, length: float, longest_gap: float) -> Iterator[tuple[int, int]]:
+        """Yield first and last index of stretches of ``length`` [s] without longer gaps [s]."""
+        first, time = 0, self.time.tolist()
+        for index in range(1, len(time)):
+            if time[index] - time[index - 1] > longest_gap:
+                first = index
+            elif time[index] - time[first] >= length:
+                yield first, index
+                first = index
 
 
 @dataclass(frozen=True)
@@ -118,12 +130,22 @@ def angles_between(wheels: WheelRecord) -> tuple[Array, NDArray[np.bool_]]:
     Return the turns [rad] (n - 1, 4) between readings, and which of them were really seen.
 
     Where a message is missing, positions bridge the gap; a velocity describes its own period
-    only.
+    only. What no wheel can have done, there and back within two readings, was not seen either.
     """
     gap = np.diff(wheels.time)
     if wheels.position is not None:
-        return np.diff(wheels.position, axis=0), gap <= BRIDGED
-    return wheels.velocity[1:] * gap[:, None], gap <= STRETCHED * float(np.median(gap))
+        angle, whole = np.diff(wheels.position, axis=0), gap <= BRIDGED
+    else:
+        angle = wheels.velocity[1:] * gap[:, None]
+        whole = gap <= STRETCHED * float(np.median(gap))
+    speed = angle / gap[:, None]
+    before, after = np.roll(speed, 1, axis=0), np.roll(speed, -1, axis=0)
+    aside = np.abs(speed - 0.5 * (before + after))
+    moving = aside[aside > 0.0]  # where rounding and stamps alone do much at high rates
+    usual = float(np.median(moving)) if moving.size else 0.0
+    beyond = aside - np.abs(after - before) - SPIKE - SPIKE_FACTOR * usual
+    beyond[[0, -1]] = 0.0  # they have one neighbour only
+    return angle, whole & (beyond <= 0.0).all(axis=1)
 
 
 def wheel_intervals(wheels: WheelRecord, shortest: float) -> WheelIntervals:

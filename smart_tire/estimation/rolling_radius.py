@@ -77,7 +77,8 @@ def fit_radius(wheels: WheelRecord, reference: PoseRecord, latency: float,
     """
     Return the mean rolling radius; raise EstimatorError where the ways do not tell it.
 
-    ``latency`` [s] is how late the stamps of the wheels are, ``turn_slip`` the k above.
+    ``latency`` [s] is how much later the stamps of the wheels are than those of the reference,
+    ``turn_slip`` the k above.
     """
     ways = _ways(wheels, reference, latency, robot)
     if len(ways.end) < FEW:
@@ -115,18 +116,13 @@ def _ways(wheels: WheelRecord, reference: PoseRecord, latency: float,
     gone = np.concatenate([[0.0], np.cumsum(forward)])
     wheel, still = RolledWheels(wheels), robot.slip.standstill_speed / robot.wheel_radius
     time = reference.time + latency
-    rows, first = [], 0
-    for index in range(1, len(time)):
-        if time[index] - time[index - 1] > LONGEST_GAP:
-            first = index
-        elif time[index] - time[first] >= STRETCH:
-            rolled = wheel.between(time[first], time[index])
-            if rolled is not None and abs(rolled.angle) > max(
-                    still * STRETCH, rolled.pivoted / PIVOTED):
-                rows.append((time[first], time[index], rolled.angle, rolled.lost, rolled.gained,
-                             gone[index] - gone[first], reference.yaw[index]
-                             - reference.yaw[first]))
-            first = index
+    rows = []
+    for first, last in reference.stretches(STRETCH, LONGEST_GAP):
+        rolled = wheel.between(time[first], time[last])
+        if rolled is not None and abs(rolled.angle) > max(
+                still * STRETCH, rolled.pivoted / PIVOTED):
+            rows.append((time[first], time[last], rolled.angle, rolled.lost, rolled.gained,
+                         gone[last] - gone[first], reference.yaw[last] - reference.yaw[first]))
     return _Ways(*np.array(rows).reshape(-1, 7).T)
 
 

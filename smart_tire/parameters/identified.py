@@ -48,7 +48,8 @@ def _body(found: Iterable[Identified]) -> Iterator[str]:
         error = '' if item.sigma is None else f'standard error {_text(item.sigma)} '
         unit = '' if known[item.name].unit == '-' else known[item.name].unit
         comment = ', '.join(part for part in (f'{error}{unit}'.strip(), item.note) if part)
-        yield f'    {"  " if group else ""}{name}: {_text(item.value, 7)}  # {comment}'
+        yield f'    {"  " if group else ""}{name}: {_text(item.value, 7)}' + (
+            f'  # {comment}' if comment else '')
 
 
 def _text(value: Value, digits: int = 2) -> str:

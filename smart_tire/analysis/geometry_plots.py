@@ -1,0 +1,76 @@
+"""Figure of an identified geometry: the delay, the effective track and the rolling radius."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from matplotlib.axes import Axes
+import numpy as np
+
+from smart_tire.analysis import plots
+from smart_tire.estimation.geometry_identification import Geometry
+from smart_tire.estimation.rolling_radius import WayFit
+from smart_tire.estimation.wheel_latency import TurnFit
+
+SHOWN = 20.0  # s of the run in which most turning changes, to see a delay by eye
+
+
+def write_geometry(path: Path, found: Geometry) -> bool:
+    """Draw what fits there are to ``path``; return whether there are any."""
+    turns, ways = found.turns, found.ways
+    rows = ([['delay', 'delay']] if turns else []) + [
+        (['track'] if turns else ['radius']) + (['radius'] if ways else ['track'])]
+    if turns is None and ways is None:
+        return False
+    figure, axes = plots.new_figure(rows, width=10.0, height=3.8 * len(rows))
+    if turns is not None:
+        draw_delay(axes['delay'], turns)
+        draw_track(axes['track'], turns)
+    if ways is not None:
+        draw_radius(axes['radius'], ways)
+    for ax in axes.values():
+        ax.legend(frameon=False, fontsize='small')
+    figure.savefig(path, dpi=plots.DOTS_PER_INCH)
+    return True
+
+
+def draw_delay(ax: Axes, turns: TurnFit) -> None:
+    """Draw the wheels' difference at its stamps, moved by the latency, and what the gyro says."""
+    near = _busiest(turns)
+    late, slope = turns.latency, turns.slope.value
+    time = turns.time[near]
+    ax.plot(time, turns.difference[near], color=plots.SHADE, linewidth=0.9,
+            label='right minus left, at its stamps')
+    ax.plot(time - late.value, turns.difference[near], color=plots.ORANGE, linewidth=1.6,
+            label=f'moved by {1e3 * late.value:.1f} ± {1e3 * late.sigma:.1f} ms')
+    ax.plot(time - late.value, slope * turns.turning[near], color=plots.INK, linewidth=0.9,
+            label='gyro, times track over radius')
+    ax.set(xlabel='time [s]', ylabel='speed of the wheels [rad/s]')
+
+
+def _busiest(turns: TurnFit) -> slice:
+    """Return the ``SHOWN`` seconds in which the yaw rate changes most."""
+    changed = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(turns.turning)))])
+    last = np.searchsorted(turns.time, turns.time + SHOWN)
+    first = int(np.argmax(changed[last - 1] - changed))
+    return slice(first, int(last[first]))
+
+
+def draw_track(ax: Axes, turns: TurnFit) -> None:
+    """Draw the wheels' difference over the yaw rate with the line whose slope is the track."""
+    slope = turns.slope
+    ax.plot(turns.turning, turns.difference, '.', color=plots.SKY, markersize=3,
+            label='stretches')
+    ends = np.array([turns.turning.min(), turns.turning.max()])
+    ax.plot(ends, slope.value * ends, color=plots.INK, linewidth=1.2,
+            label=f'{slope.value:.3f} ± {slope.sigma:.3f} rad of wheels per rad of yaw')
+    ax.set(xlabel='yaw rate [rad/s]', ylabel='right minus left [rad/s]')
+
+
+def draw_radius(ax: Axes, ways: WayFit) -> None:
+    """Draw how far the ways of reference and wheels differ, over the run."""
+    radius = ways.radius
+    ax.axhline(0.0, color=plots.INK, linewidth=1.0)
+    ax.plot(ways.time, 1e3 * (ways.way - ways.rolled), 'o', color=plots.VERMILLION, markersize=3.5,
+            label=f'stretches; radius {1e3 * radius.value:.1f} ± {1e3 * radius.sigma:.1f} mm')
+    ax.set(xlabel='time [s]', ylabel='reference minus wheels [mm]')

@@ -1,0 +1,77 @@
+"""A delay and a slope from a signal and its echo: right within their own errors, or refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter1d
+
+from smart_tire.errors import EstimatorError
+from smart_tire.estimation.delay_fit import fit_delay, Problem, Rows, sandwich
+from smart_tire.estimation.motion_record import Signal
+
+DELAYS = np.arange(-1.0, 1.01, 0.02)
+STEP = 0.1  # s between rows
+
+
+def echo(seed, *, delay=0.13, slope=2.0, noise=0.05, linked=0.0, outliers=0, seconds=60.0,
+         signal=None):
+    """Return the problem of a signal and its echo, ``delay`` later, ``slope`` times as large."""
+    rng = np.random.default_rng(seed)
+    fine = np.arange(-2.0, seconds + 2.0, 0.01)
+    if signal is None:
+        signal = gaussian_filter1d(rng.standard_normal(len(fine)), 30.0)
+        signal = signal / signal.std()
+    source = Signal(fine, signal)
+    begin = np.arange(0.0, seconds, STEP)
+    end = begin + STEP
+    errors = rng.standard_normal(len(begin))
+    for index in range(1, len(errors)):
+        errors[index] = linked * errors[index - 1] + np.sqrt(1.0 - linked ** 2) * errors[index]
+    heard = slope * source.mean(begin - delay, end - delay) + noise * errors
+    heard[rng.integers(len(heard), size=outliers)] += 30.0 * noise
+
+    def rows(delay):
+        said = source.mean(begin - delay, end - delay)
+        return Rows(np.column_stack([said, np.ones(len(said))]), heard)
+
+    return Problem(rows, lambda delay: np.zeros(len(begin)), end, np.zeros(2),
+                   np.full(2, np.inf))
+
+
+@pytest.mark.parametrize('options', [
+    {}, {'linked': 0.8}, {'outliers': 20}, {'noise': 0.5}], ids=str)
+def test_errors_are_as_large_as_the_fit_says(options):
+    fits = [fit_delay(echo(seed, **options), DELAYS) for seed in range(40)]
+    delays = np.array([(fit.delay - 0.13) / fit.sigma for fit in fits])
+    slopes = np.array([(fit.coefficients[0] - 2.0) / fit.coefficient_sigma(0) for fit in fits])
+    for errors in (delays, slopes):
+        assert 0.7 < np.sqrt(np.mean(errors ** 2)) < 1.4
+        assert abs(errors.mean()) < 0.6
+
+
+@pytest.mark.parametrize('linked', [0.0, 0.5, 0.9])
+def test_the_correlation_of_the_noise_is_found(linked):
+    assert fit_delay(echo(1, linked=linked), DELAYS).correlation == pytest.approx(linked, abs=0.08)
+
+
+def test_a_periodic_signal_has_no_delay_of_its_own():
+    fine = np.arange(-2.0, 62.0, 0.01)
+    with pytest.raises(EstimatorError, match='fit alike'):
+        fit_delay(echo(0, signal=np.sin(4.0 * np.pi * fine), seconds=60.0), DELAYS)
+
+
+def test_a_delay_beyond_the_range_is_refused():
+    with pytest.raises(EstimatorError, match='outside of -1 to 1 s'):
+        fit_delay(echo(0, delay=1.15), DELAYS)
+
+
+def test_few_rows_are_refused():
+    with pytest.raises(EstimatorError, match='10 readings in motion, expected at least 12'):
+        fit_delay(echo(0, seconds=1.0), DELAYS)
+
+
+def test_what_no_row_sees_is_unknown_and_not_exact():
+    jacobian = np.column_stack([np.ones(50), np.zeros(50)])
+    covariance = sandwich(jacobian, np.full(50, 0.1), np.full(2, np.inf), 0)
+    assert covariance[0, 0] < 0.01 and covariance[1, 1] > 1e6

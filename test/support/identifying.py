@@ -1,0 +1,82 @@
+"""Kinematic runs as the identifications read them, with exact truth."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+from support.driving import drive, START_NS, STEP
+
+from smart_tire.bags import BagWriter
+from smart_tire.estimation.motion_record import ImuRecord, PoseRecord, Recording, WheelRecord
+from smart_tire.parameters import RobotParams
+from smart_tire.rotation import quaternion
+from smart_tire.samples import ImuSample, NS_PER_S, Odometry, WheelSample
+
+TRACK = 0.57  # m, effective; the geometric one is 0.38 m
+PAUSE = 3.0   # s at rest at both ends
+
+
+def wandering(rng, seconds, size, time):
+    """Return a smooth random signal of standard deviation ``size``, every millisecond."""
+    noise = gaussian_filter1d(rng.standard_normal(round(seconds / STEP)), time / STEP)
+    return size * noise / noise.std()
+
+
+def turning_run(seed, seconds=60.0, *, track=TRACK, slip=0.01, turn=0.25, robot=None, **options):
+    """
+    Return a run of ``drive`` whose sides change their speeds at random, at rest at both ends.
+
+    ``slip`` [m/s] is how much the sides' sliding wanders, ``turn`` [m/s] the size of their
+    difference.
+    """
+    robot = robot or RobotParams()
+    rng = np.random.default_rng([seed, 7])
+    n = round(seconds / STEP)
+    mean = 0.6 + wandering(rng, seconds, 0.15, 1.0)
+    apart = wandering(rng, seconds, turn, 0.5)
+    time = np.arange(n) * STEP
+    gate = np.clip(np.minimum(time - PAUSE, seconds - PAUSE - time), 0.0, 1.0)[:, None]
+    rolling = gate * np.stack([mean - 0.5 * apart, mean + 0.5 * apart], axis=1)
+    lost = 0.5 * (rolling[:, 1] - rolling[:, 0]) * (1.0 - robot.track_width / track)
+    sliding = np.stack([-lost, lost], axis=1) + gate * np.stack(
+        [wandering(rng, seconds, slip, 0.7) for _ in range(2)], axis=1)
+    return drive(rolling, sliding, seed=seed, robot=robot, **options)
+
+
+def recorded(run, reference_noise=None, seed=0):
+    """Return the recording of a run; with a reference if it is to have any noise [m, rad]."""
+    imu = [s for s in run.samples if isinstance(s, ImuSample)]
+    wheels = [s for s in run.samples if isinstance(s, WheelSample)]
+    rng = np.random.default_rng([seed, 8])
+    poses = None
+    if reference_noise is not None:
+        some = slice(None, None, 50)  # 20 Hz
+        noisy = run.pose[some] + reference_noise * rng.standard_normal(run.pose[some].shape)
+        poses = PoseRecord(run.time[some], noisy[:, :2], noisy[:, 2])
+    return Recording(
+        ImuRecord(seconds_of(imu), np.array([s.rate for s in imu]),
+                  np.array([s.acceleration for s in imu])),
+        WheelRecord(seconds_of(wheels), np.array([s.velocity for s in wheels]),
+                    None if wheels[0].position is None else
+                    np.array([s.position for s in wheels])), poses)
+
+
+def seconds_of(samples):
+    """Return the stamps of samples in seconds after the start of a run."""
+    return np.array([(s.stamp_ns - START_NS) / NS_PER_S for s in samples])
+
+
+def write_run(path, run, reference=None):
+    """Write a run into a bag at ``path``; its poses, 20 Hz, under the topic ``reference``."""
+    unknown = (-1.0,) + (0.0,) * 35
+    events = [('imu/data' if isinstance(s, ImuSample) else 'wheel_states', s)
+              for s in run.samples]
+    if reference is not None:
+        events += [(reference, Odometry(
+            START_NS + round(time * NS_PER_S), (x, y, 0.0), quaternion(0.0, 0.0, yaw), (0.0,) * 3,
+            (0.0,) * 3, (1e-4,) * 36, unknown))
+            for time, (x, y, yaw) in zip(run.time[::50], run.pose[::50])]
+    with BagWriter(path) as writer:
+        for topic, sample in sorted(events, key=lambda event: event[1].stamp_ns):
+            writer.write_sample(topic, sample.stamp_ns, sample)
+    return path
