@@ -1,4 +1,4 @@
-"""Figure of an identified geometry: the delay, the effective track and the rolling radius."""
+"""Figures of what was identified: the delay, effective track, rolling radius, and S."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from smart_tire.analysis import plots
 from smart_tire.estimation.geometry_identification import Geometry
+from smart_tire.estimation.icr_identification import IcrFit
 from smart_tire.estimation.rolling_radius import WayFit
 from smart_tire.estimation.wheel_latency import TurnFit
 
@@ -74,3 +75,39 @@ def draw_radius(ax: Axes, ways: WayFit) -> None:
     ax.plot(ways.time, 1e3 * (ways.way - ways.rolled), 'o', color=plots.VERMILLION, markersize=3.5,
             label=f'stretches; radius {1e3 * radius.value:.1f} ± {1e3 * radius.sigma:.1f} mm')
     ax.set(xlabel='time [s]', ylabel='reference minus wheels [mm]')
+
+
+def write_icr(path: Path, fit: IcrFit) -> None:
+    """Draw the fit of S and its values turn by turn to ``path``."""
+    figure, axes = plots.new_figure([['fit', 'turns']], width=10.0, height=4.0)
+    draw_icr_fit(axes['fit'], fit)
+    draw_icr_turns(axes['turns'], fit)
+    for ax in axes.values():
+        ax.legend(frameon=False, fontsize='small')
+    figure.savefig(path, dpi=plots.DOTS_PER_INCH)
+
+
+def draw_icr_fit(ax: Axes, fit: IcrFit) -> None:
+    """Draw lateral motion over what S times gives it."""
+    x, y = fit.regressor, fit.explained
+    ax.plot(x, y, '.', color=plots.SKY, markersize=3, label='stretches in turns')
+    ends = np.array([x.min(), x.max()])
+    ax.plot(ends, fit.icr.value * ends, color=plots.INK, linewidth=1.2,
+            label=f'S = {1e3 * fit.icr.value:.1f} ± {1e3 * fit.icr.sigma:.1f} mm')
+    low, high = np.quantile(y, (0.01, 0.99))
+    margin = 0.3 * (high - low)
+    ax.set_ylim(low - margin, high + margin)
+    what = 'lateral way' if fit.unit == 'm' else 'lateral acceleration'
+    ax.set(xlabel='minus turn [rad]' if fit.unit == 'm' else 'minus yaw acceleration [rad/s2]',
+           ylabel=f'{what} [{fit.unit}]')
+
+
+def draw_icr_turns(ax: Axes, fit: IcrFit) -> None:
+    """Draw S of each turn with its error, and that of the run with its spread."""
+    icr, spread = fit.icr.value, fit.start_sigma
+    ax.axhspan(1e3 * (icr - spread), 1e3 * (icr + spread), color=plots.BLUE, alpha=0.2,
+               linewidth=0.0, label='S and what is known of it, ± 1σ')
+    ax.axhline(1e3 * icr, color=plots.BLUE, linewidth=1.4)
+    ax.errorbar(fit.turn_time, 1e3 * fit.turn_icr, yerr=1e3 * fit.turn_sigma, fmt='o',
+                color=plots.ORANGE, markersize=4, elinewidth=0.9, label='turns ± 1σ')
+    ax.set(xlabel='time [s]', ylabel='S [mm]')

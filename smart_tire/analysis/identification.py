@@ -12,8 +12,9 @@ import numpy as np
 from smart_tire.analysis.series import PoseSeries, seconds, Series, Stamps, Table
 from smart_tire.bags import Bag
 from smart_tire.errors import BagError, EstimatorError
-from smart_tire.estimation import geometry_identification
+from smart_tire.estimation import geometry_identification, icr_identification
 from smart_tire.estimation.geometry_identification import Geometry
+from smart_tire.estimation.icr_identification import IcrFit
 from smart_tire.estimation.motion_record import ImuRecord, PoseRecord, Recording, WheelRecord
 from smart_tire.parameters import (
     build, known_names, load_files, NODE_PARAMS, RobotParams, specs)
@@ -49,6 +50,13 @@ def identify_geometry(path: Path, robot: RobotParams, *, since: float = 0.0,
     """
     recording = read_recording(path, robot, Span(since, until), reference)
     return geometry_identification.identify_geometry(recording, robot)
+
+
+def identify_icr(path: Path, robot: RobotParams, *, since: float = 0.0, until: float = math.inf,
+                 reference: str | None = None) -> IcrFit:
+    """Return S from the bag at ``path``; as ``identify_geometry``, EstimatorError if untold."""
+    recording = read_recording(path, robot, Span(since, until), reference)
+    return icr_identification.identify_icr(recording, robot)
 
 
 def read_recording(path: Path, robot: RobotParams, span: Span,

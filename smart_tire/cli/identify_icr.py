@@ -1,0 +1,38 @@
+"""``smart_tire identify icr``: S, the x of the centres of rotation, out of bags."""
+
+from __future__ import annotations
+
+import argparse
+
+from smart_tire.cli.arguments import add_recordings, out_beside
+
+NAME = 'icr'
+HELP = 'S, the x of the centres of rotation, by the curve fit of paper B, out of bags'
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the arguments of this kind."""
+    add_recordings(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Fit, print S with its spread, and write parameters and figure; EstimatorError if untold."""
+    from smart_tire.analysis.geometry_plots import write_icr
+    from smart_tire.analysis.identification import identify_icr, load_robot
+    from smart_tire.estimation.icr_identification import together
+    from smart_tire.parameters.identified import identified_text, write_text
+    robot = load_robot(args.params)
+    fit = together([identify_icr(bag, robot, since=args.since, until=args.until,
+                                 reference=args.reference) for bag in args.bags])
+    for time, value, sigma in zip(fit.turn_time, fit.turn_icr, fit.turn_sigma):
+        print(f'turn at {time:7.1f} s     {value:10.4f} ± {sigma:<7.2g} m')
+    print(f'S                      {fit.icr.value:10.4f} ± {fit.icr.sigma:<7.2g} m  from '
+          f'{fit.source}')
+    print(f'spread over the turns  {fit.spread:10.4f}           m')
+    out = out_beside(args, NAME)
+    figure = out.with_suffix('.png')
+    write_text(out, identified_text(
+        [f'Identified from {", ".join(map(str, args.bags))}.'], fit.parameters(robot)))
+    write_icr(figure, fit)
+    print(f'written to {out} and {figure}')
+    return 0

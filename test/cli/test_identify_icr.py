@@ -1,0 +1,40 @@
+"""``smart_tire identify icr`` on the command line."""
+
+from __future__ import annotations
+
+import pytest
+from support.identifying import turning_run, write_run
+
+from smart_tire.cli.main import main
+from smart_tire.parameters import load_files, SlipEstimatorParams, specs
+
+
+@pytest.fixture(scope='module')
+def bag(tmp_path_factory):
+    run = turning_run(14, 40.0, icr=0.05, turn=0.4)
+    return write_run(tmp_path_factory.mktemp('identified') / 'run', run, 'ground_truth/odom')
+
+
+def test_it_prints_s_with_its_turns_and_writes_what_params_takes(bag, tmp_path, capsys):
+    out = tmp_path / 'icr.yaml'
+    assert main(['identify', 'icr', str(bag), '--out', str(out)]) == 0
+    said = capsys.readouterr().out
+    assert 'turn at' in said and 'spread over the turns' in said
+    known = specs(SlipEstimatorParams)
+    values = load_files([out], 'slip_estimator', known, known)
+    assert values['icr'] == pytest.approx(0.05, abs=0.01)
+    assert 0.0 < values['icr_sigma'] < 0.2
+    assert out.with_suffix('.png').read_bytes().startswith(b'\x89PNG')
+
+
+def test_without_a_reference_it_is_the_unit_that_tells(bag, tmp_path, capsys):
+    out = tmp_path / 'icr.yaml'
+    assert main(['identify', 'icr', str(bag), '--reference', 'none', '--out', str(out)]) == 0
+    assert 'from the lateral acceleration of the unit' in capsys.readouterr().out
+
+
+def test_a_run_without_turns_fails_with_the_reason(bag, tmp_path, capsys):
+    out = tmp_path / 'icr.yaml'
+    assert main(['identify', 'icr', str(bag), '--until', '4', '--out', str(out)]) == 1
+    assert 'expected at least 2' in capsys.readouterr().err
+    assert not out.exists()
