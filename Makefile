@@ -17,15 +17,16 @@ READY := $(VENV)/ready
 # Set inside a Python that has the rclpy wheels; one that starts anew must find its own.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help setup demo test lint bench bench-slip config clean
+.PHONY: help setup demo test lint bench bench-slip bench-friction config clean
 help:
-	@echo 'make demo        run the simulated robot and all nodes; results in demo_output/'
-	@echo 'make test        check style and types, run the tests'
-	@echo 'make lint        check style and types only'
-	@echo 'make bench       measure CPU load, latency and offline speed'
-	@echo 'make bench-slip  measure slip and localization; results in bench_output/slip/'
-	@echo 'make config      write config/*.yaml anew from the descriptions of the parameters'
-	@echo 'make clean       remove what was installed and built'
+	@echo 'make demo            run the simulated robot and all nodes; results in demo_output/'
+	@echo 'make test            check style and types, run the tests'
+	@echo 'make lint            check style and types only'
+	@echo 'make bench           measure CPU load, latency and offline speed'
+	@echo 'make bench-slip      measure slip and localization; results in bench_output/slip/'
+	@echo 'make bench-friction  measure friction; results in bench_output/friction/'
+	@echo 'make config          write config/*.yaml anew from the descriptions of the parameters'
+	@echo 'make clean           remove what was installed and built'
 
 setup: $(READY)
 
@@ -54,6 +55,9 @@ bench: $(READY)
 
 bench-slip: $(READY)
 	$(BIN)/smart_tire bench --slip
+
+bench-friction: $(READY)
+	$(BIN)/smart_tire bench --friction
 
 # Style and types are checked with the pinned tools and versions only.
 lint: $(READY)

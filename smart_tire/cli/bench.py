@@ -23,6 +23,7 @@ WARM_UP = 3.0                   # s of driving that are not measured
 LEFT, RIGHT = 120.0, 60.0       # rpm
 LEGS = [(1.0, LEFT, RIGHT)]     # the same drive in memory
 SEED = 1
+OUT = Path('bench_output')
 OFFLINE = 120.0                 # s of the drive that is analyzed
 
 
@@ -31,18 +32,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--seconds', type=float, default=30.0, metavar='S',
                         help='of driving, live (default: %(default)s)')
     parser.add_argument('--models', action='store_true', help='only the figures on the models')
-    slip = parser.add_argument_group('slip and localization')
-    slip.add_argument('--slip', action='store_true',
-                      help='only how well slip and pose are told, beside other methods')
-    slip.add_argument('--seeds', type=count, default=3, metavar='N',
-                      help='of each simulated run (default: %(default)s)')
-    slip.add_argument('--quick', action='store_true', help='one seed of each')
-    slip.add_argument('--runs', nargs='+', default=[], metavar='RUN',
-                      help='only these scenarios and recordings')
-    slip.add_argument('--data', type=Path, default=Path('../shared/data'), metavar='DIR',
-                      help='folder with real recordings (default: %(default)s)')
-    slip.add_argument('--out', type=Path, default=Path('bench_output/slip'), metavar='DIR',
-                      help='folder for figures and results.json (default: %(default)s)')
+    truth = parser.add_argument_group('accuracy, by simulation and recordings')
+    which = truth.add_mutually_exclusive_group()
+    which.add_argument('--slip', action='store_true',
+                       help='only how well slip and pose are told, beside other methods')
+    which.add_argument('--friction', action='store_true',
+                       help="only how well friction is told, beside the paper's method")
+    truth.add_argument('--seeds', type=count, default=3, metavar='N',
+                       help='of each simulated run (default: %(default)s)')
+    truth.add_argument('--quick', action='store_true', help='one seed of each')
+    truth.add_argument('--runs', nargs='+', default=[], metavar='RUN',
+                       help='only these scenarios and recordings')
+    truth.add_argument('--data', type=Path, default=Path('../shared/data'), metavar='DIR',
+                       help='folder with real recordings, for --slip (default: %(default)s)')
+    truth.add_argument('--out', type=Path, metavar='DIR',
+                       help='folder for figures and results.json (default: bench_output/slip or '
+                            'bench_output/friction)')
 
 
 def count(text: str) -> int:
@@ -58,8 +63,14 @@ def run(args: argparse.Namespace) -> int:
     if args.slip:
         from smart_tire.cli.bench_slip import bench_slip, Wish
         print(machine())
-        bench_slip(Wish(1 if args.quick else args.seeds, args.runs, args.data, args.out),
-                   machine())
+        bench_slip(Wish(1 if args.quick else args.seeds, args.runs, args.data,
+                        args.out or OUT / 'slip'), machine())
+        return 0
+    if args.friction:
+        from smart_tire.cli.bench_friction import bench_friction, Wish as FrictionWish
+        print(machine())
+        bench_friction(FrictionWish(1 if args.quick else args.seeds, args.quick, args.runs,
+                                    args.out or OUT / 'friction'), machine())
         return 0
     from smart_tire.cli.bench_film import print_measuring
     from smart_tire.cli.bench_models import print_models

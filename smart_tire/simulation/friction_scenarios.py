@@ -34,7 +34,7 @@ def _of(base: str, *, film: FilmParams = FILM, **changes: Any) -> Scenario:
 
 def _all() -> tuple[Scenario, ...]:
     curve, curve_end = sequence((40.0, 60.0, 80.0))
-    tight, tight_end = sequence((40.0, 60.0, 120.0))
+    tight, tight_end = sequence((50.0, 30.0, 90.0))
     pulses = (1.2, 140.0, 140.0), (1.2, 50.0, 50.0)
     back = (1.2, -140.0, -140.0), (1.2, -50.0, -50.0)
     rest = 1.0, 0.0, 0.0
@@ -46,7 +46,7 @@ def _all() -> tuple[Scenario, ...]:
             duration=curve_end),
         _of('sweep_60'),
         _of('mu_jumps'),
-        _of('concrete', name='mu_jumps_fast', title='mu jumps .47/.20, 60/120 rpm', legs=tight,
+        _of('concrete', name='mu_jumps_fast', title='mu jumps .47/.20, 30/90 rpm', legs=tight,
             duration=tight_end, ground=HALVES),
         _of('figure_eight'),
         _of('figure_eight', name='noisy', title='20 mV, 7.5 % lost, 4 Hz',

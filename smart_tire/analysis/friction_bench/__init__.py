@@ -1,0 +1,1 @@
+"""How well friction is told: synthesised passages, whole runs, rivals, scores and figures."""

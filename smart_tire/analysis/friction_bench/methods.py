@@ -1,0 +1,72 @@
+"""The friction estimator by the methods that are compared, and what it tells of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+import math
+import time
+
+from smart_tire.analysis.pipeline import SlipStage
+from smart_tire.estimation.friction_estimator import FrictionEstimator
+from smart_tire.estimation.slip_estimator import SlipEstimator
+from smart_tire.parameters import FrictionEstimatorParams, RobotParams, SlipEstimatorParams
+from smart_tire.samples import Friction, Icr, Odometry, Sample, TireSample, WheelSample, WheelSlip
+
+WAVEFORM, EXACT_MAP, PRINTED_MAP = 'waveform', 'two_peaks_exact', 'two_peaks_printed'
+METHODS = {WAVEFORM: 'waveform', EXACT_MAP: 'two peaks, exact map',
+           PRINTED_MAP: 'two peaks, printed map'}
+TRUE, ESTIMATED = 'true', 'estimated'
+SOURCES = {TRUE: 'true slip', ESTIMATED: 'slip of slip_estimator'}
+EXACT = 1e-4  # -, sigma of a true slip, which is read between two samples of 100 Hz
+
+Event = tuple[int, str, Sample]  # receive time [ns], topic, sample
+
+
+@dataclass(frozen=True)
+class Told:
+    """What the estimator said, and CPU time per passage [ms], finding it included."""
+
+    passages: list[Friction]
+    ms: float
+
+
+def estimator_params(method: str, robot: RobotParams) -> FrictionEstimatorParams:
+    """Return the parameters of the friction estimator by one of ``METHODS``."""
+    if method == WAVEFORM:
+        return FrictionEstimatorParams(robot=robot)
+    return FrictionEstimatorParams(
+        method='two_peaks', map='exact' if method == EXACT_MAP else 'printed', robot=robot)
+
+
+def inputs(events: Iterable[Event], source: str, robot: RobotParams) -> list[Sample]:
+    """Return what the friction estimator is fed, with slip and motion of one of ``SOURCES``."""
+    if source == TRUE:
+        return [_exact(sample) for _, topic, sample in events
+                if isinstance(sample, (TireSample, WheelSample))
+                or topic in ('ground_truth/odom', 'ground_truth/wheel_slip')]
+    stage = SlipStage(SlipEstimator(SlipEstimatorParams(robot=robot)))
+    return [passed for _, topic, sample in events if not topic.startswith('ground_truth/')
+            for passed in stage.update(sample) if not isinstance(passed, Icr)]
+
+
+def _exact(sample: Sample) -> Sample:
+    """Return a true slip with the sigma of one that is exact."""
+    if not isinstance(sample, WheelSlip):
+        return sample
+    fl, fr, rl, rr = (1.0 if math.isnan(ratio) else EXACT for ratio in sample.ratio)
+    return replace(sample, sigma=(fl, fr, rl, rr))
+
+
+def tell(samples: Sequence[Sample], params: FrictionEstimatorParams) -> Told:
+    """Return what the estimator makes of ``samples``, in their order."""
+    estimator = FrictionEstimator(params)
+    begin = time.thread_time()
+    found = [passage for sample in samples for passage in estimator.update(sample)]
+    return Told(found, 1e3 * (time.thread_time() - begin) / max(len(found), 1))
+
+
+def truth_of(events: Iterable[Event]) -> list[Sample]:
+    """Return the ground truth among ``events``."""
+    return [sample for _, topic, sample in events if topic.startswith('ground_truth/')
+            and isinstance(sample, (Odometry, WheelSlip, Friction))]

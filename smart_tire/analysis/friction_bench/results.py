@@ -1,0 +1,83 @@
+"""What one run gave, and the figures of all its seeds together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from smart_tire.analysis.friction_bench.methods import (
+    estimator_params, Event, EXACT_MAP, inputs, METHODS, PRINTED_MAP, SOURCES, tell,
+    truth_of)
+
+from smart_tire.analysis.friction_bench.rivals import friction_read_off
+from smart_tire.analysis.friction_bench.rows import Rows, rows_of, together, true_passages
+from smart_tire.analysis.friction_bench.scoring import (
+    Change, changes, Figures, figures_of, reading_figures)
+from smart_tire.analysis.series import Floats
+from smart_tire.parameters import RobotParams
+
+Key = tuple[str, str, str]  # wheel, source of the slip, method
+
+
+@dataclass(frozen=True)
+class Part:
+    """One wheel by one method."""
+
+    rows: Rows
+    grounds: list[Change]
+    read_off: Floats | None  # mu as the paper reads it, (n,); None by the waveform
+    ms: float                # CPU time per passage
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """All that one run gave."""
+
+    run: str
+    seed: int
+    parts: dict[Key, Part]
+
+
+def run_all(name: str, seed: int, events: Sequence[Event], robot: RobotParams) -> RunResult:
+    """Return what all methods make of a run, with the true slip and with the estimated one."""
+    records = truth_of(events)
+    truths = {wheel: true_passages(records, robot, wheel) for wheel in robot.film.wheels}
+    parts: dict[Key, Part] = {}
+    for source in SOURCES:
+        samples = inputs(events, source, robot)
+        for method in METHODS:
+            told = tell(samples, estimator_params(method, robot))
+            for wheel, truth in truths.items():
+                rows = rows_of(truth, told.passages, wheel)
+                parts[wheel, source, method] = Part(
+                    rows, changes(rows), _read_off(rows, robot, method), told.ms)
+    return RunResult(name, seed, parts)
+
+
+def _read_off(rows: Rows, robot: RobotParams, method: str) -> Floats | None:
+    if method not in (EXACT_MAP, PRINTED_MAP):
+        return None
+    return friction_read_off(rows.value['peak_interval'], rows.speed, rows.value['total_slip'],
+                             rows.value['normal_load'], robot, method)
+
+
+def by_run(results: Iterable[RunResult]) -> dict[str, dict[Key, Figures]]:
+    """Return run -> wheel, source and method -> figures of the passages of all seeds."""
+    runs: dict[str, list[RunResult]] = {}
+    for result in results:
+        runs.setdefault(result.run, []).append(result)
+    return {run: {key: figures_over([seed.parts[key] for seed in seeds])
+                  for key in seeds[0].parts} for run, seeds in runs.items()}
+
+
+def figures_over(parts: Sequence[Part]) -> Figures:
+    """Return the figures of the passages of ``parts`` as of those of one run."""
+    figures = figures_of(together([part.rows for part in parts]),
+                         [change for part in parts for change in part.grounds],
+                         sum(part.ms for part in parts) / len(parts))
+    for part in parts:
+        if part.read_off is None:
+            return figures
+    return figures | reading_figures(
+        [part.read_off for part in parts if part.read_off is not None],
+        [part.rows for part in parts])
