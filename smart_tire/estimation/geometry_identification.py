@@ -9,7 +9,7 @@ from typing import TypeVar
 
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.estimate import Estimate, weighted_mean
-from smart_tire.estimation.gyro_check import check_gyro, GyroCheck
+from smart_tire.estimation.gyro_check import check_gyro, GyroCheck, usable_reference
 from smart_tire.estimation.motion_record import Recording
 from smart_tire.estimation.rest_identification import fit_rest, HELD, RestFit
 from smart_tire.estimation.rolling_radius import fit_radius, TURN_SLIP, WayFit
@@ -126,15 +126,14 @@ def _add_radius(found: Geometry, recording: Recording, robot: RobotParams,
 
 def _ways(found: Geometry, recording: Recording, robot: RobotParams,
           gyro: GyroCheck | None) -> WayFit:
-    if recording.reference is None:
-        raise EstimatorError('there is no reference of the pose')
+    poses = usable_reference(recording)
     latency = found.get(LATENCY) or Estimate(robot.encoder.latency, math.inf)
     ahead = gyro.latency.value if gyro is not None else 0.0
     turn_slip = TURN_SLIP
     if found.turns is not None:
         track = found.turns.slope.value * robot.wheel_radius
         turn_slip = min(max(1.0 - robot.track_width / track, 0.0), 1.0)
-    return fit_radius(recording.wheels, recording.reference, latency.value - ahead, robot,
+    return fit_radius(recording.wheels, poses, latency.value - ahead, robot,
                       turn_slip)
 
 

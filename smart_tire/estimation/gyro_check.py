@@ -19,6 +19,7 @@ LONGEST_GAP = 0.5    # s between poses
 REACH = 1.0          # s, of the delays of the reference that are tried
 STEP = 0.05          # s, of their grid
 TURNING = 0.05       # rad/s; slower stretches tell nothing of a scale
+CLEAR_TURN = 1.0     # rad, beyond what a bias of the gyro makes of a run
 SCALE_LIMIT = 0.05   # standard error above which a scale is not told
 
 
@@ -32,9 +33,7 @@ class GyroCheck:
 
 def check_gyro(recording: Recording) -> GyroCheck:
     """Return the gyro's scale; EstimatorError where reference or turns are missing."""
-    if recording.reference is None:
-        raise EstimatorError('there is no reference of the pose')
-    begin, end, turned = _turns(recording.reference)
+    begin, end, turned = _turns(usable_reference(recording))
     imu = recording.imu
     gyro = Signal(imu.time, imu.rate[:, 2])
     inside = (begin > imu.time[0] + REACH) & (end < imu.time[-1] - REACH)
@@ -56,6 +55,18 @@ def check_gyro(recording: Recording) -> GyroCheck:
         raise EstimatorError(f'standard error of {scale.sigma:.2g}, expected at most '
                              f'{SCALE_LIMIT:g}: the robot hardly turns')
     return GyroCheck(scale, Estimate(fit.delay, fit.sigma))
+
+
+def usable_reference(recording: Recording) -> PoseRecord:
+    """Return the reference; EstimatorError without one, or where its yaw stays while it turns."""
+    poses, imu = recording.reference, recording.imu
+    if poses is None:
+        raise EstimatorError('there is no reference of the pose')
+    turned = Signal(imu.time, imu.rate[:, 2]).integral(poses.time)
+    if np.ptp(turned) > CLEAR_TURN and np.ptp(poses.yaw) < 0.5 * np.ptp(turned):
+        raise EstimatorError(f'the reference turns by {np.ptp(poses.yaw):.2g} rad while the gyro '
+                             f'turns by {np.ptp(turned):.2g} rad: it has no yaw')
+    return poses
 
 
 def _turns(reference: PoseRecord) -> tuple[Array, Array, Array]:

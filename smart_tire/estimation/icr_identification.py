@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.delay_fit import noise_beside, sandwich
 from smart_tire.estimation.estimate import Estimate, weighted_mean
+from smart_tire.estimation.gyro_check import usable_reference
 from smart_tire.estimation.motion_record import (
     period, PoseRecord, Recording, Signal, wheel_intervals)
 from smart_tire.estimation.wheel_latency import shortest_stretch
@@ -129,9 +130,7 @@ def _turns(recording: Recording) -> list[tuple[float, float]]:
 
 def _by_reference(recording: Recording, robot: RobotParams) -> _Rows:
     """Return the rows: ways to the left of a reference over its turns."""
-    poses = recording.reference
-    if poses is None:
-        raise EstimatorError('there is no reference of the pose')
+    poses = usable_reference(recording)
     ends = np.array(list(poses.stretches(STRETCH, LONGEST_GAP)), int).reshape(-1, 2)
     if not len(ends):
         raise EstimatorError('the reference is too short')

@@ -9,7 +9,7 @@ import pytest
 from support.identifying import recorded, turning_run
 
 from smart_tire.errors import EstimatorError
-from smart_tire.estimation.gyro_check import check_gyro
+from smart_tire.estimation.gyro_check import check_gyro, usable_reference
 
 
 def test_scale_and_delay_are_right_within_their_errors():
@@ -29,6 +29,13 @@ def test_scale_and_delay_are_right_within_their_errors():
 def test_it_needs_a_reference():
     with pytest.raises(EstimatorError, match='no reference'):
         check_gyro(recorded(turning_run(0, 20.0)))
+
+
+def test_a_reference_without_yaw_is_refused():
+    recording = recorded(turning_run(0), 0.01)
+    poses = replace(recording.reference, yaw=0.0 * recording.reference.yaw)
+    with pytest.raises(EstimatorError, match='it has no yaw'):
+        usable_reference(replace(recording, reference=poses))
 
 
 def test_it_needs_turns():
