@@ -85,8 +85,8 @@ class WheelIntervals:
         speed = self.angle / self.duration[:, None]
         return np.stack([speed[:, LEFT].mean(axis=1), speed[:, RIGHT].mean(axis=1)], axis=1)
 
-    def where(self, chosen: NDArray[np.bool_]) -> WheelIntervals:
-        """Return the ``chosen`` stretches."""
+    def where(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> WheelIntervals:
+        """Return the ``chosen`` stretches, by mask or by index."""
         return WheelIntervals(self.begin[chosen], self.end[chosen], self.angle[chosen])
 
     def around_motion(self, least_speed: float) -> NDArray[np.bool_]:

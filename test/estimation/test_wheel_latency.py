@@ -6,12 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.driving import Drive, START_NS
 from support.identifying import recorded, TRACK, turning_run
 
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.motion_record import ImuRecord, Recording, WheelRecord
 from smart_tire.estimation.wheel_latency import fit_turns, LATENCY_LIMIT
-from smart_tire.parameters import RobotParams
+from smart_tire.parameters import build, RobotParams, SimulatorParams
+from smart_tire.simulation.run import simulate
 
 ROBOT = RobotParams()
 SEEDS = range(8)
@@ -42,6 +44,21 @@ def test_latency_and_track_are_right_within_their_errors(options):
                                  for _, fit in found]) < 1.6
     assert 0.4 < normalised_rms([(0.0, fit.unlike) for _, fit in found]) < 1.6
     assert np.median([fit.latency.sigma for _, fit in found]) < 0.012
+
+
+@pytest.mark.parametrize('seed', [1, 2])
+def test_tires_that_lag_are_not_taken_for_late_stamps(seed):
+    """On the simulated robot, whose soft tires alone would hide 10 to 25 ms of a latency."""
+    params = build(SimulatorParams, {
+        'seed': seed, 'ground.base': 'concrete', 'ground.patches': [''], 'encoder.latency': 0.05})
+    legs = [(0.0, 0.0, 0.0)] + [
+        (3.0 + 2.5 * k, *np.random.default_rng([seed, k]).choice(
+            [40.0, 60.0, 80.0, 100.0], 2).tolist()) for k in range(14)]
+    run = Drive([sample for _, topic, sample in simulate(params, legs, 40.0, start_ns=START_NS)
+                 if topic in ('imu/data', 'wheel_states')], *(np.empty(0),) * 4)
+    fit = fit_turns(recorded(run), ROBOT)
+    assert fit.latency.value == pytest.approx(0.05, abs=2.5 * fit.latency.sigma)
+    assert fit.latency.sigma < 0.015
 
 
 def test_a_larger_right_wheel_shows_and_leaves_the_track_alone():
