@@ -48,6 +48,7 @@ class Reading:
     joined: Evidence  # with what the slip estimator says
     shift: float      # m, by which the passage was later than it was sighted
     peaks: dict[str, Estimate]  # ``stretch_voltage`` and ``peak_interval``, where they exist
+    fit: WaveformFit | None = None  # that of ``joined``, where the method is a fit
 
 
 class WaveformReader:
@@ -79,7 +80,7 @@ class WaveformReader:
             joined = self._compared(
                 best, known, math.hypot(motion.slip_bend, stray)).widened(
                     disagreement(alone, motion.slip))
-        return Reading(alone, joined, self._shift(first), self._peaks(best, passage))
+        return Reading(alone, joined, self._shift(first), self._peaks(best, passage), best)
 
     def _plausible(self, fit: WaveformFit) -> bool:
         low, high = PLAUSIBLE_BENDING

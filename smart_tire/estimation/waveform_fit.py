@@ -33,7 +33,7 @@ RECOVERY_SIGMA = 0.5     # of the logarithm: some millimetres of travel
 ALPHA_SIGMA = 0.03       # likewise, of the bending shape: assumed
 SLIP_SIGMA = 1.0         # -, weakest possible knowledge of the slip
 TYPICAL_SLIDING = 0.3    # -, of total slip / critical slip ...
-SLIDING_SIGMA = 1.0      # -, ... and the weakest possible knowledge of it
+SLIDING_SIGMA = 3.0      # -, ... and the weakest possible knowledge of it
 TYPICAL_SLIP = 0.08      # -, at which a start takes the sliding for typical at most
 LEAST_START = 0.1        # -, smallest sliding that a start takes
 SUSPECT = 1.5            # mean square of normalised residuals, from which another start is tried
@@ -170,9 +170,18 @@ class WaveformFitter:
 
     def _descend(self, passage: Passage, known: SlipKnowledge, p: Array) -> WaveformFit:
         prior = self._prior(passage, known, float(p[Shared.SLIP]))
-        model = WaveformModel(self._robot, self._gains, passage.films, passage.reference,
-                              len(passage.errors.warps))
-        return _Descent(model, passage, prior, self._variance).run(p)
+        return _Descent(self._model(passage), passage, prior, self._variance).run(p)
+
+    def volts(self, fit: WaveformFit) -> list[Array]:
+        """Return what the fit says of each sample [V] above rest, film by film."""
+        passage = fit.passage
+        output, _ = self._model(passage).linearised(fit.parameters)
+        ends = np.cumsum([len(one.distance) for one in passage.films])[:-1]
+        return np.split(output, ends)
+
+    def _model(self, passage: Passage) -> WaveformModel:
+        return WaveformModel(self._robot, self._gains, passage.films, passage.reference,
+                             len(passage.errors.warps))
 
     def _start(self, passage: Passage) -> Array:
         p = np.zeros(own(len(passage.films), Own.PLACE) + len(passage.errors.warps))

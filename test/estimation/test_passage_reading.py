@@ -45,6 +45,7 @@ def test_a_slip_from_elsewhere_sharpens_and_a_contradiction_widens():
     without, near, far = (read(one, slip=slip) for slip in (UNKNOWN, (0.1, 0.002), (0.15, 0.002)))
     assert near.joined.slip_sigma < min(without.alone.slip_sigma, 0.002)
     assert far.joined.slip_sigma > 3.0 * near.joined.slip_sigma
+    assert near.fit is not None and near.fit.slip[0] == near.joined.slip
 
 
 def test_slip_and_sliding_are_right_within_their_sigmas():

@@ -261,6 +261,15 @@ def test_the_place_is_told_to_some_hundredths_of_a_millimetre():
         assert np.std(value - 0.03 * position) < 1e-4
 
 
+def test_the_fitted_curve_is_as_near_the_samples_as_their_noise():
+    here = robot()
+    fit = fits(here, 1, 0.1, sliding=0.18)[0]
+    curves = fitter(here).volts(fit)
+    assert [len(curve) for curve in curves] == [len(one.volts) for one in fit.passage.films]
+    for curve, one in zip(curves, fit.passage.films):
+        assert np.std(one.volts - curve) == pytest.approx(0.005, rel=0.25)
+
+
 def test_too_few_samples_are_no_fit():
     here = robot()
     seen = passage(np.random.default_rng(8), here, slip=0.1, sliding=0.18)
