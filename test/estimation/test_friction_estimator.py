@@ -383,20 +383,21 @@ def test_on_the_simulated_robot_friction_is_right_and_its_sigma_honest(values):
                                  **values)
         pairs += paired(truth, found)
         assert len(found) <= len(truth)
-    traction = [(t, f) for t, f in pairs if t.value['slip'] > 0.05]
+    slipping = [(t, f) for t, f in pairs if abs(t.value['slip']) > 0.05]  # driving and braking
     name = 'friction_coefficient_single'
-    assert len(traction) > 40
-    told = [(t.value[name], f.value[name], f.sigma[name]) for t, f in traction
+    assert len(slipping) > 60
+    told = [(t.value[name], f.value[name], f.sigma[name]) for t, f in slipping
             if f is not None and f.sigma[name] < 0.6 * f.value[name]]
-    assert len(told) >= 0.9 * len(traction)
+    assert len(told) >= 0.9 * len(slipping)
     true, value, sigma = np.array(told).T
-    assert np.median(np.abs(value / true - 1.0)) < 0.08
+    assert np.median(np.abs(value / true - 1.0)) < (0.08 if 'film.noise' in values else 0.04)
+    assert abs(np.median(value / true) - 1.0) < 0.02
     assert np.mean(np.abs(value - true) < 2.0 * sigma) >= 0.9
     assert np.mean(np.abs(value - true) < sigma) >= 0.6
     ratio = 'adhesion_ratio'  # what rests on the waveform alone is judged sharply
-    off = np.array([(f.value[ratio] - t.value[ratio]) / f.sigma[ratio] for t, f in traction
+    off = np.array([(f.value[ratio] - t.value[ratio]) / f.sigma[ratio] for t, f in slipping
                     if f is not None and f.sigma[ratio] < 0.1])
-    assert 0.6 < np.sqrt(np.mean(off**2)) < 1.5
+    assert 0.7 < np.mean(off**2) < 1.4
     assert sum(f is None for _, f in pairs) <= 1
 
 
