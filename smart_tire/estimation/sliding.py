@@ -18,6 +18,7 @@ CHANGE = 2.5          # sigmas of a change of wheel speed by stamps alone; more 
 GROUND_CHANGE = 0.01  # m/s; a larger change of the speed over ground changes the slip
 CHANGE_TIME = 0.3     # s, that slip takes to settle after a change of speed
 LOST = 0.05           # -, one sigma of slip that was seen too long ago; assumed
+GROUND_TIME = 3.0     # s, over which the kind of ground is remembered
 STRAIGHT = 0.15       # -, difference of the sides' speeds over their mean; assumed
 SURPRISE = 2.0        # sigmas; beyond, twice in a row, the sliding has changed
 
@@ -102,6 +103,7 @@ class SlidingSpread:
         self._common = params.common_slip_sigma ** 2
         self._firm = params.rolling_slip_sigma ** 2
         self._lost = LOST ** 2
+        self._soft = 0.0          # -, mean square of common slip that was seen of late
         self._acceleration = 0.0  # m/s2, of late
         # s2/m, of a robot whose wheels are all below their critical slip
         self._slip_per_accel = robot.mass / (4.0 * robot.tire.longitudinal_stiffness)
@@ -109,12 +111,21 @@ class SlidingSpread:
     def of(self, changes: Sequence[Change]) -> Array:
         """Return it [m2/s2], shape (2, 2), for what is seen of the two sides."""
         self._acceleration = 0.5 * sum(change.acceleration for change in changes)
-        common = self._common + (self._slip_per_accel * self._acceleration) ** 2
+        common = self._common + self._soft + (self._slip_per_accel * self._acceleration) ** 2
         left, right = changes
         shared = (common - self._apart) * left.speed * right.speed
         own = [(common + self._apart) * change.speed ** 2 + SLIDE_FLOOR ** 2 + change.beyond
                for change in changes]
         return np.array([[own[0], shared], [shared, own[1]]])
+
+    def watch(self, slip: float, variance: float, duration: float) -> None:
+        """
+        Take note of a ``slip`` [-] that both sides shared for ``duration`` [s].
+
+        Soft ground stays soft: where much slip was seen, much slip is likely after a change, too.
+        """
+        share = 1.0 - math.exp(-duration / GROUND_TIME)
+        self._soft += share * (max(0.0, slip ** 2 - variance) - self._soft)
 
     def rolling(self, slip: float, variance: float, turn: float, unsure: float = 0.0) -> Rolling:
         """

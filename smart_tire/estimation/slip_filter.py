@@ -304,11 +304,12 @@ class SlipFilter:
         H = np.zeros((1, N))
         H[0, SLIDING] = 0.5 / speed
         slip = float(H[0] @ self._ekf.x[:, 0])
-        seen = self._spread.rolling(
-            slip, float(H[0] @ P @ H[0]), (right - left) / speed, unsure)
+        variance = float(H[0] @ P @ H[0])
+        self._spread.watch(slip, variance, duration)
+        seen = self._spread.rolling(slip, variance, (right - left) / speed, unsure)
         if seen.weight > LEAST_WEIGHT:
-            variance = seen.usual * ROLLING_MEMORY / (seen.weight * duration)
-            self._correct(np.zeros(1), np.array([slip]), H, np.array([[variance]]))
+            R = seen.usual * ROLLING_MEMORY / (seen.weight * duration)
+            self._correct(np.zeros(1), np.array([slip]), H, np.array([[R]]))
         return seen
 
     def update_lateral(self, gyro_z: float, duration: float) -> None:

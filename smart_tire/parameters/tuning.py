@@ -35,7 +35,7 @@ class SlipEstimatorParams:
     icr_drift: float = param(
         0.02, '1/sqrt(s)', 'how fast S wanders, over the wheelbase', low=0.0)
     lateral_sigma: float = param(
-        0.02, 'm/s', 'lateral speed beyond that of B(8), correlated over 0.1 s', low=1e-5)
+        0.012, 'm/s', 'lateral speed beyond that of B(8), correlated over 0.1 s', low=1e-5)
     slope_sigma: float = param(
         0.0002, 'rad', 'slope of the ground; a laboratory floor, larger outdoors', low=0.0)
     reliability: str = param('reliable', '-', 'of the input subscriptions', choices=RELIABILITIES)

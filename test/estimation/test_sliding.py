@@ -96,3 +96,14 @@ def test_small_slip_means_firm_ground_and_large_slip_that_was_seen_does_not():
     assert spread.rolling(0.15, 0.15 ** 2, 0.0).weight > 0.3  # not seen, only guessed
     assert spread.rolling(0.0, 0.08 ** 2, 0.5).weight < 1e-3  # a turn tells by itself
     assert spread.rolling(0.0, 0.01 ** 2, 0.0).weight < 0.01  # and so does what was just seen
+
+
+def test_ground_that_was_soft_stays_soft_for_a_while():
+    spread = SlidingSpread(SlipEstimatorParams())
+    firm = sigmas(spread.of([Change(0.0, 1.0, 0.0, 0.0)] * 2))[0]
+    for _ in range(100):
+        spread.watch(0.2, 0.01 ** 2, 0.0625)
+    assert sigmas(spread.of([Change(0.0, 1.0, 0.0, 0.0)] * 2))[0] > 2.0 * firm
+    for _ in range(400):
+        spread.watch(0.0, 0.01 ** 2, 0.0625)
+    assert sigmas(spread.of([Change(0.0, 1.0, 0.0, 0.0)] * 2))[0] == pytest.approx(firm, rel=0.01)
