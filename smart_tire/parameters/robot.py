@@ -132,7 +132,7 @@ class RobotParams:
 
     wheel_radius: float = param(0.087, 'm', 'effective rolling radius', low=1e-3)
     wheel_radius_sigma: float = param(
-        0.002, '-', 'relative one sigma of the wheel radius; the slip filter learns the rest',
+        0.002, '-', 'relative one sigma of the wheel radius, which is learned',
         low=0.0, high=0.3)
     track_width: float = param(0.38, 'm', 'between left and right wheel centres', low=1e-2)
     wheelbase: float = param(0.26, 'm', 'between front and rear wheel centres', low=1e-2)
