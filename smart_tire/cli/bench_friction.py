@@ -35,7 +35,7 @@ from smart_tire.errors import ParameterError
 from smart_tire.simulation.friction_scenarios import FRICTION_SCENARIOS
 
 PASSAGES = 'passages'          # the name of the synthesised ones among the runs
-COUNT, QUICK_COUNT = 500, 150  # passages of a case: 5 and 10 % for a deviation off quartiles
+COUNT, QUICK_COUNT = 400, 150  # passages of a case: 6 and 9 % for a deviation off quartiles
 DRAWN_SEED = 1                 # the seed whose run is drawn
 TITLES = {PASSAGES: 'synthesised passages',
           **{name: scenario.title for name, scenario in FRICTION_SCENARIOS.items()}}

@@ -20,6 +20,7 @@ FILM = FilmParams(wheels=INSTRUMENTED)
 NOISE = 0.02   # V, of the noisy run
 LOSS = 0.075   # of the batches, in it
 RATE = 4.0     # Hz, of its wheels
+HALF = 90.0    # s, of the figure-eight: enough for it
 
 # half of a circle each, so that a wheel turns five times on each ground
 HALVES = GroundParams(
@@ -50,7 +51,8 @@ def _all() -> tuple[Scenario, ...]:
             duration=tight_end, ground=HALVES),
         _of('figure_eight'),
         _of('figure_eight', name='noisy', title='20 mV, 7.5 % lost, 4 Hz',
-            film=replace(FILM, noise=NOISE), wheel_rate=RATE, radio=RadioParams(loss=LOSS)),
+            duration=HALF, film=replace(FILM, noise=NOISE), wheel_rate=RATE,
+            radio=RadioParams(loss=LOSS)),
         _of('sand', title=f'{sand}, C_x of concrete'),
         _of('sand', name='sand_given', title=f'{sand}, C_x given',
             tire=TireParams(longitudinal_stiffness=_stiffness(SAND))),

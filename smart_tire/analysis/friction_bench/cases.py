@@ -16,11 +16,11 @@ ROBOT = RobotParams()  # paper B's Table I
 LOAD = 0.25 * ROBOT.mass * GRAVITY  # N, F_z of every wheel
 
 SLIPS = (0.02, 0.03, 0.05, 0.1, 0.15, 0.2, 0.3)
-SPEEDS = (60.0, 80.0)         # rpm, of the paper
+FEW_SLIPS = (0.05, 0.1, 0.2)    # of the cases that vary something else
+FASTER = 80.0                   # rpm, beside 60: the paper's two speeds
 EXTREME_SPEEDS = (15.0, 120.0, 200.0)
 NOISES = (0.002, 0.010, 0.020)  # V, beside the usual one
 FRICTIONS = (0.1, 0.2, 0.9)     # beside concrete's
-FEW_SLIPS = (0.05, 0.1, 0.2)    # of the cases that vary something else
 CONCRETE = 0.47                 # -, mu, Table I
 
 
@@ -65,20 +65,22 @@ class Case:
 
 def all_cases() -> dict[str, list[Case]]:
     """Return the cases by what they vary."""
-    signed = [sign * slip for slip in SLIPS for sign in (1.0, -1.0)]
-    few = [sign * slip for slip in FEW_SLIPS for sign in (1.0, -1.0)]
+    signed, few = ([sign * slip for slip in slips for sign in (1.0, -1.0)]
+                   for slips in (SLIPS, FEW_SLIPS))
     return {
-        **{f'slip, {rpm:.0f} rpm': [Case(slip=slip, rpm=rpm) for slip in signed]
-           for rpm in SPEEDS},
-        'noise': [Case(slip=slip, noise=noise) for noise in NOISES for slip in few],
+        'slip': [Case(slip=slip) for slip in signed],
+        'slip, faster': [Case(slip=slip, rpm=FASTER) for slip in (*few, 0.3)],
+        'noise': [Case(slip=slip, noise=noise) for noise in NOISES for slip in FEW_SLIPS],
+        'noise, braking': [Case(slip=-slip, noise=max(NOISES)) for slip in FEW_SLIPS],
         'friction': [Case(slip=slip, mu=mu) for mu in FRICTIONS for slip in few],
-        'turning, 1.3 times the slip': [Case(slip=slip, turning=1.3) for slip in few],
+        'turning: total slip 1.3 times the longitudinal one': [
+            Case(slip=slip, turning=1.3) for slip in few],
         'speed': [Case(slip=0.1, rpm=rpm) for rpm in EXTREME_SPEEDS],
         'release as a state': [Case(slip=slip, release='state') for slip in (0.1, -0.1)]}
 
 
 def quick_cases() -> dict[str, list[Case]]:
     """Return a few of the cases."""
-    return {'slip, 60 rpm': [Case(slip=slip) for slip in (0.03, 0.05, 0.1, 0.3, -0.1)],
+    return {'slip': [Case(slip=slip) for slip in (0.03, 0.05, 0.1, 0.3, -0.1)],
             'noise': [Case(slip=0.1, noise=0.020)],
             'friction': [Case(slip=0.1, mu=mu) for mu in (0.1, 0.9)]}

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 import numpy as np
 
 from smart_tire.analysis import plots
-from smart_tire.analysis.friction_bench.cases import SPEEDS
+from smart_tire.analysis.friction_bench.cases import FASTER
 from smart_tire.analysis.friction_bench.examples import Example, example
 from smart_tire.analysis.friction_bench.methods import (
     EXACT_MAP, METHODS, PRINTED_MAP, SOURCES, WAVEFORM)
@@ -23,7 +23,7 @@ from smart_tire.analysis.series import Floats, seconds
 
 EXAMPLES = {'driving': 0.1, 'braking': -0.1}  # -, slips of the passages that are drawn
 MM, MV = 1e3, 1e3
-SPEED_COLORS = dict(zip(SPEEDS, (plots.BLUE, plots.ORANGE)))
+SPEED_COLORS = {60.0: plots.BLUE, FASTER: plots.ORANGE}  # rpm, of the paper
 MAP_COLORS = {EXACT_MAP: plots.SKY, PRINTED_MAP: plots.VERMILLION}
 RAW = '#b4b4b4'
 ALLOWED = 1.3        # standard deviations over the bound, the most that is asked for
@@ -168,7 +168,7 @@ def adhesion_figure() -> Figure:
     """Return Fig. 13: the adhesion ratio over slip, fitted and as read off raw samples."""
     panels = {'waveform': 'the whole waveform', 'peaks': 'two peaks of raw samples'}
     figure, axes = plots.new_figure([list(panels)], width=13.0, height=5.2, share_y=True)
-    for rpm, marker in zip(SPEEDS, ('o', '^')):
+    for rpm, marker in zip(SPEED_COLORS, ('o', '^')):
         found = paper_points(rpm)
         axes['waveform'].errorbar(found.slip, found.ratio, yerr=2.0 * found.ratio_sigma,
                                   fmt=marker, markersize=3.5, elinewidth=0.8,

@@ -18,6 +18,7 @@ METHODS = {WAVEFORM: 'waveform', EXACT_MAP: 'two peaks, exact map',
            PRINTED_MAP: 'two peaks, printed map'}
 TRUE, ESTIMATED = 'true', 'estimated'
 SOURCES = {TRUE: 'true slip', ESTIMATED: 'slip of slip_estimator'}
+COMPARED = {TRUE: (WAVEFORM,), ESTIMATED: tuple(METHODS)}  # in whole runs
 EXACT = 1e-4  # -, sigma of a true slip, which is read between two samples of 100 Hz
 
 Event = tuple[int, str, Sample]  # receive time [ns], topic, sample

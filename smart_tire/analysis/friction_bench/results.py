@@ -6,9 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from smart_tire.analysis.friction_bench.methods import (
-    estimator_params, Event, EXACT_MAP, inputs, METHODS, PRINTED_MAP, SOURCES, tell,
-    truth_of)
-
+    COMPARED, estimator_params, Event, EXACT_MAP, inputs, PRINTED_MAP, tell, truth_of)
 from smart_tire.analysis.friction_bench.rivals import friction_read_off
 from smart_tire.analysis.friction_bench.rows import Rows, rows_of, together, true_passages
 from smart_tire.analysis.friction_bench.scoring import (
@@ -39,13 +37,13 @@ class RunResult:
 
 
 def run_all(name: str, seed: int, events: Sequence[Event], robot: RobotParams) -> RunResult:
-    """Return what all methods make of a run, with the true slip and with the estimated one."""
+    """Return what is made of a run with the true slip, and by all methods with the estimated."""
     records = truth_of(events)
     truths = {wheel: true_passages(records, robot, wheel) for wheel in robot.film.wheels}
     parts: dict[Key, Part] = {}
-    for source in SOURCES:
+    for source, methods in COMPARED.items():
         samples = inputs(events, source, robot)
-        for method in METHODS:
+        for method in methods:
             told = tell(samples, estimator_params(method, robot))
             for wheel, truth in truths.items():
                 rows = rows_of(truth, told.passages, wheel)
