@@ -23,8 +23,12 @@ def not_negative(text: str) -> float:
     return number
 
 
-def add_recordings(parser: argparse.ArgumentParser) -> None:
-    """Ask for bags, which part of them to read, and where to write what they tell."""
+def add_recordings(parser: argparse.ArgumentParser, *, reference: bool = True) -> None:
+    """
+    Ask for bags, which part of them to read, and where to write what they tell.
+
+    Without ``reference`` poses to compare with are not asked for.
+    """
     parser.add_argument('bags', type=Path, nargs='+', metavar='BAG',
                         help='rosbag2 folder, or a file of one')
     parser.add_argument('--params', type=Path, action='append', default=[], metavar='FILE',
@@ -33,8 +37,9 @@ def add_recordings(parser: argparse.ArgumentParser) -> None:
                         help='seconds after the start of each bag to read from')
     parser.add_argument('--until', type=positive, default=math.inf, metavar='S',
                         help='seconds after the start of each bag to read up to')
-    parser.add_argument('--reference', metavar='TOPIC',
-                        help='poses to compare with, or none; found by itself unless given')
+    if reference:
+        parser.add_argument('--reference', metavar='TOPIC',
+                            help='poses to compare with, or none; found by itself unless given')
     parser.add_argument('--out', type=Path, metavar='FILE',
                         help='parameter file to write, and a figure of its name beside it '
                              '(default: <bag>_KIND.yaml here)')

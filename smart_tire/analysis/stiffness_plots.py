@@ -1,0 +1,31 @@
+"""Figure of an identified stiffness: the force of a wheel over its slip."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from matplotlib.axes import Axes
+import numpy as np
+
+from smart_tire.analysis import plots
+from smart_tire.estimation.stiffness_identification import StiffnessFit
+
+
+def write_stiffness(path: Path, found: StiffnessFit) -> None:
+    """Draw the fit to ``path``."""
+    figure, axes = plots.new_figure([['force']], width=7.0, height=5.0)
+    draw_stiffness(axes['force'], found)
+    axes['force'].legend(frameon=False, fontsize='small')
+    figure.savefig(path, dpi=plots.DOTS_PER_INCH)
+
+
+def draw_stiffness(ax: Axes, found: StiffnessFit) -> None:
+    """Draw force over slip of each stretch between wheel readings, the fit and its slope C_x."""
+    told = found.stiffness
+    ax.plot(found.slip, found.force, '.', color=plots.SKY, markersize=4,
+            label='stretches between wheel readings')
+    ax.plot(*found.curve, color=plots.INK, linewidth=1.2, label='fit, with drag as force')
+    ends = np.array([found.force.min(), found.force.max()])
+    ax.plot(ends / told.value, ends, color=plots.VERMILLION, linewidth=1.2, linestyle='--',
+            label=f'C_x = {told.value:.1f} ± {told.sigma:.1f} N')
+    ax.set(xlabel='slip ratio [-]', ylabel='force of one wheel, positive when driving [N]')

@@ -1,0 +1,42 @@
+"""``smart_tire identify stiffness`` on the command line."""
+
+from __future__ import annotations
+
+import pytest
+
+from smart_tire.bags import BagWriter
+from smart_tire.cli.main import main
+from smart_tire.parameters import load_files, SlipEstimatorParams, specs
+from smart_tire.simulation.scenarios import SCENARIOS
+
+INPUTS = ('imu/data', 'wheel_states')
+
+
+def written(name, seed, folder):
+    with BagWriter(folder / 'run') as writer:
+        for receive_ns, topic, sample in SCENARIOS[name].events(seed):
+            if topic in INPUTS:
+                writer.write_sample(topic, receive_ns, sample)
+    return folder / 'run'
+
+
+def test_starts_and_stops_tell_the_stiffness_with_its_error(tmp_path, capsys):
+    out = tmp_path / 'tire.yaml'
+    bag = written('straight', 21, tmp_path)
+    assert main(['identify', 'stiffness', str(bag), '--out', str(out)]) == 0
+    assert 'straight runs' in capsys.readouterr().out
+    known = specs(SlipEstimatorParams)
+    values = load_files([out], 'slip_estimator', known, known)
+    stiffness = values['tire.longitudinal_stiffness']
+    sigma = values['tire.longitudinal_stiffness_sigma'] * stiffness
+    assert sigma < 0.2 * stiffness
+    assert stiffness == pytest.approx(52.7, abs=3.0 * sigma)
+    assert out.with_suffix('.png').read_bytes().startswith(b'\x89PNG')
+
+
+def test_a_run_that_only_turns_is_refused_with_the_reason(tmp_path, capsys):
+    out = tmp_path / 'tire.yaml'
+    assert main(['identify', 'stiffness', str(written('concrete', 21, tmp_path)),
+                 '--out', str(out)]) == 1
+    assert 'straight' in capsys.readouterr().err
+    assert not out.exists()
