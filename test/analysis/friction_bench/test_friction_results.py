@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from smart_tire.analysis.friction_bench.cases import Case
 from smart_tire.analysis.friction_bench.figures import (
     adhesion_figure, bound_figure, friction_figure, stretch_figure, waveform_figure)
 from smart_tire.analysis.friction_bench.methods import COMPARED, ESTIMATED, SOURCES, TRUE, WAVEFORM
-from smart_tire.analysis.friction_bench.cases import Case
 from smart_tire.analysis.friction_bench.published import PUBLISHED
 from smart_tire.analysis.friction_bench.results import by_run, run_all
 from smart_tire.analysis.friction_bench.trials import run_case
