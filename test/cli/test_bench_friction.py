@@ -78,8 +78,9 @@ def test_slip_and_friction_are_asked_for_one_at_a_time(capsys):
 
 
 @pytest.mark.parametrize(('bound', 'trial', 'marks'), [
-    (0.02, Trial(1.0, 0.01, 0.02, 1.0, 3.0), 0), (0.02, Trial(1.0, -0.03, 0.03, 1.5, 6.0), 4),
-    (0.2, Trial(1.0, 0.1, 0.3, 0.2, 3.0), 0), (0.2, Trial(0.0, *(math.nan,) * 3, 6.0), 1)])
+    (0.02, Trial(1.0, 0.01, 0.02, 0.03, 1.0, 3.0), 0),
+    (0.02, Trial(1.0, -0.03, 0.03, 0.05, 1.5, 6.0), 4),
+    (0.2, Trial(1.0, 0.1, 0.3, 0.5, 0.2, 3.0), 0), (0.2, Trial(0.0, *(math.nan,) * 4, 6.0), 1)])
 def test_what_misses_the_aim_is_marked_where_one_passage_tells_much(bound, trial, marks):
     one = CaseResult('slip', Case(slip=0.1), bound, 100, 1.0, {WAVEFORM: trial})
     console = Console(width=160)

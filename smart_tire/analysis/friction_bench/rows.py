@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 import math
 
 import numpy as np
@@ -20,7 +20,7 @@ SINGLE, FUSED = 'friction_coefficient_single', 'friction_coefficient'
 QUANTITIES = (SINGLE, FUSED, 'critical_slip', 'adhesion_ratio', 'slip', 'total_slip', 'film_slip',
               'normal_load', 'stiffness', 'stretch_voltage', 'peak_interval')
 LEAST_SLIP = 1e-3  # -, below it there is no bound
-SAME_PLACE = 0.02  # m, rolled between the stamps of one passage; half of what jitter may do
+STAYS = 0.05       # m, to either side, within which a wheel is still in the same passage
 
 Columns = dict[str, Floats]
 Mask = NDArray[np.bool_]
@@ -34,7 +34,7 @@ class Truths:
     speed: Floats   # m/s, |r w|
     bound: Floats   # least relative sigma of mu from this passage, NaN where nothing slips
     clock_ns: Stamps  # (m,) instants ...
-    way: Floats       # ... and how far the wheel has rolled then [m], in either direction
+    way: Floats       # ... and how far the wheel has rolled forward then [m]
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ def _stamps(passages: Sequence[Friction]) -> Stamps:
 
 
 def _way(motion: Truth, index: int) -> Floats:
-    speed = np.abs(motion.rolling[:, index])
+    speed = motion.rolling[:, index]
     steps = 0.5 * (speed[1:] + speed[:-1]) * np.diff(motion.stamp_ns) / NS_PER_S
     return np.concatenate([[0.0], np.cumsum(steps)])
 
@@ -87,29 +87,30 @@ def rows_of(truths: Truths, estimates: Sequence[Friction], wheel: str) -> Rows:
     """
     Return what ``estimates`` tell of the true passages of ``wheel``.
 
-    The two belong together by where the wheel has rolled to: while it stands in the middle of a
-    passage, its instant may be any.
+    Where the wheel stands or turns back in the middle of a passage, its instant may be any.
     """
-    own = [one for one in estimates if one.wheel == wheel and one.stamp_ns <= truths.clock_ns[-1]]
-    placed, true = ([replace(one, stamp_ns=place) for one, place in zip(
-        passages, _places(truths, passages))] for passages in (own, truths.passages))
-    found = match(placed, true, SAME_PLACE)
-    told = [estimate for _, estimate in found.pairs]
-    end = max(_places(truths, truths.passages), default=0)
+    last = max((one.stamp_ns for one in truths.passages), default=0)
+    found = match([one for one in estimates if one.wheel == wheel], truths.passages)
+    false = [one for one in found.false if one.stamp_ns <= last]
+    told = []
+    for true, estimate in found.pairs:
+        if estimate is None:
+            estimate = next((one for one in false if _stayed(truths, true, one)), None)
+            false = [one for one in false if one is not estimate]
+        told.append(estimate)
     return Rows(
         _stamps(truths.passages), truths.speed, truths.bound,
         np.array([one is not None for one in told], bool),
         {name: column(truths.passages, name) for name in QUANTITIES},
         {name: column(told, name) for name in QUANTITIES},
-        {name: column(told, name, sigmas=True) for name in QUANTITIES},
-        sum(one.stamp_ns <= end for one in found.false))
+        {name: column(told, name, sigmas=True) for name in QUANTITIES}, len(false))
 
 
-def _places(truths: Truths, passages: Sequence[Friction]) -> list[int]:
-    """Return how far the wheel had rolled at the passages, in units of 1 nm."""
-    ways = np.interp(_stamps(passages), truths.clock_ns, truths.way)
-    places: list[int] = np.rint(ways * NS_PER_S).astype(np.int64).tolist()
-    return places
+def _stayed(truths: Truths, one: Friction, other: Friction) -> bool:
+    """Return whether the wheel stayed in the same passage between two stamps."""
+    begin, end = sorted((one.stamp_ns, other.stamp_ns))
+    within = (truths.clock_ns >= begin) & (truths.clock_ns <= end)
+    return bool(within.any()) and float(np.ptp(truths.way[within])) < STAYS
 
 
 def together(parts: Sequence[Rows]) -> Rows:

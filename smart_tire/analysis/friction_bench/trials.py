@@ -30,6 +30,7 @@ class Trial:
     told: float    # share of the passages
     bias: float    # median error
     spread: float  # standard deviation, from the interquartile range
+    large: float   # size that 90 % of the errors stay below
     nees: float    # mean normalised squared error: 1 is right; NaN without sigmas
     ms: float      # CPU time per passage, without that for finding it
 
@@ -84,7 +85,8 @@ def trial(value: Floats, truth: float, ms: float, sigma: Floats | None = None) -
     told = np.isfinite(value)
     error = value[told] / truth - 1.0
     if not len(error):
-        return Trial(0.0, math.nan, math.nan, math.nan, ms)
+        return Trial(0.0, math.nan, math.nan, math.nan, math.nan, ms)
     nees = (math.nan if sigma is None
             else float(np.mean(((value[told] - truth) / sigma[told])**2)))
-    return Trial(float(np.mean(told)), float(np.median(error)), spread(error), nees, ms)
+    return Trial(float(np.mean(told)), float(np.median(error)), spread(error),
+                 float(np.quantile(np.abs(error), 0.9)), nees, ms)

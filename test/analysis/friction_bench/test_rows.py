@@ -1,4 +1,4 @@
-"""True passages of a made-up run and what is told of them: paired by where the wheel is."""
+"""True passages of a made-up run and what is told of them: paired by instant and place."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_passages_at_the_very_end_are_not_asked_for():
     assert len(truth([2.0, 4.0, 11.6]).passages) == 2
 
 
-def test_an_estimate_belongs_to_the_passage_at_its_place():
+def test_an_estimate_belongs_to_the_passage_at_its_instant():
     rows = rows_of(truth([2.0, 4.0, 6.0]), [passage(4.01, 0.5), passage(6.02, 0.6)], WHEEL)
     assert rows.found.tolist() == [False, True, True]
     assert rows.value[FUSED][1:].tolist() == [0.5, 0.6]
@@ -66,6 +66,9 @@ def test_where_the_wheel_stands_in_a_passage_its_instant_may_be_any():
     rows = rows_of(run, [passage(2.0), passage(5.005)], WHEEL)
     assert rows.found.all()
     assert rows.false == 0
+    elsewhere = rows_of(run, [passage(2.0), passage(4.5)], WHEEL)
+    assert elsewhere.found.tolist() == [True, False]
+    assert elsewhere.false == 1
 
 
 def test_what_is_told_where_nothing_passed_is_false_but_not_after_the_last_passage():

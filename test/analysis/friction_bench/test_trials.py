@@ -20,7 +20,8 @@ def test_errors_are_relative_and_normalised_by_their_sigmas():
     assert found.told == 1.0
     assert found.bias == pytest.approx(0.02, abs=0.002)
     assert found.spread == pytest.approx(0.04, rel=0.03)
-    assert found.nees == pytest.approx(1.25, rel=0.05)
+    assert found.large == pytest.approx(0.075, rel=0.05)  # Gaussian, off by half a sigma
+    assert found.nees == pytest.approx((0.04**2 + 0.02**2) / 0.04**2, rel=0.05)
 
 
 def test_what_is_not_told_counts_as_that_and_nothing_else():
