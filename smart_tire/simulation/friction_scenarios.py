@@ -51,6 +51,7 @@ def _all() -> tuple[Scenario, ...]:
             duration=tight_end, ground=HALVES),
         _of('figure_eight'),
         _of('figure_eight', name='noisy', title='20 mV, 7.5 % lost, 4 Hz',
+            legs=tuple(leg for leg in SCENARIOS['figure_eight'].legs if leg[0] < HALF),
             duration=HALF, film=replace(FILM, noise=NOISE), wheel_rate=RATE,
             radio=RadioParams(loss=LOSS)),
         _of('sand', title=f'{sand}, C_x of concrete'),
