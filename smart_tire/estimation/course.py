@@ -8,13 +8,15 @@ smoothed: 1 ms of stamp jitter is 1 mm at 1 m/s, as large as what the friction s
 from __future__ import annotations
 
 from array import array
+from bisect import bisect_left, bisect_right
 from dataclasses import dataclass
 import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solveh_banded
+from scipy.linalg.lapack import dpbsv
 
+from smart_tire.errors import EstimatorError
 from smart_tire.estimation.course_errors import CourseErrors, warps
 from smart_tire.samples import NS_PER_S
 
@@ -87,33 +89,37 @@ class WheelCourse:
 
     def coarse(self, instants: Instants) -> Array:
         """Return the distance [m] at ``instants`` by straight lines between the samples."""
-        distance = np.interp(instants, np.array(self._stamps), np.array(self._angles))
-        beyond = np.clip((instants - self._stamps[-1]) / NS_PER_S, 0.0, LONGEST_EXTRAPOLATION)
-        rolled: Array = self._radius * (distance + self._speeds[-1] * beyond)
+        if not len(instants):
+            return np.empty(0)
+        low = max(bisect_right(self._stamps, int(instants.min())) - 1, 0)
+        distance = np.interp(instants, np.array(self._stamps[low:]), np.array(self._angles[low:]))
+        beyond = (instants - self._stamps[-1]) / NS_PER_S
+        if beyond.max() > 0.0:
+            distance += self._speeds[-1] * np.minimum(
+                np.maximum(beyond, 0.0), LONGEST_EXTRAPOLATION)
+        rolled: Array = self._radius * distance
         return rolled
 
     def roll(self, begin: float, end: float, until_ns: int) -> Roll:
         """Return the course of the last roll from one distance [m] to another."""
-        stamps = np.minimum(np.append(np.array(self._stamps), until_ns), until_ns)
         direction = 1 if end > begin else -1
-        way = direction * (self.coarse(stamps) - begin)
-        behind = np.flatnonzero(way < 0.0)
-        start = int(behind[-1]) if len(behind) else 0
-        rolled = np.maximum.accumulate(way[start:])
+        start = last = bisect_right(self._stamps, until_ns)
+        while start > 0 and direction * (self._radius * self._angles[start - 1] - begin) >= 0.0:
+            start -= 1
+        stamps = np.append(np.array(self._stamps[max(start - 1, 0):last]), until_ns)
+        rolled = np.maximum.accumulate(direction * (self.coarse(stamps) - begin))
         # evenly spread over the way, so that a stop on it takes no points
         even = np.linspace(0.0, abs(end - begin), ROLL_POINTS)
-        instants = np.interp(even, rolled, stamps[start:]).astype(np.int64)
+        instants = np.interp(even, rolled, stamps).astype(np.int64)
         course = self.smooth(int(instants[0]), int(instants[-1]))
         smooth = np.maximum.accumulate(direction * (course.at(instants) - begin))
         return Roll(instants, smooth, course.speed_sigma)
 
     def smooth(self, begin_ns: int, end_ns: int) -> SmoothCourse:
         """Return the smoothed course between two instants."""
-        stamps = np.array(self._stamps)
-        low = int(np.searchsorted(stamps, begin_ns - BEFORE_NS))
-        high = int(np.searchsorted(stamps, end_ns + AFTER_NS))
-        low = max(min(low, high - 4), 0)
-        times = (stamps[low:high] - begin_ns) / NS_PER_S
+        high = bisect_left(self._stamps, end_ns + AFTER_NS)
+        low = max(min(bisect_left(self._stamps, begin_ns - BEFORE_NS), high - 4), 0)
+        times = (np.array(self._stamps[low:high]) - begin_ns) / NS_PER_S
         angles = np.array(self._angles[low:high])
         speeds = np.abs(np.array(self._speeds[low:high]))
         sigma = np.hypot(self._quantum, self._jitter * speeds)
@@ -136,7 +142,7 @@ class SmoothCourse:
                  density: float) -> None:
         self._origin_ns = origin_ns
         self._times, self._distance = times, distance
-        self._slopes = _slopes(times, distance)
+        self._slopes, self._cubics = _cubics(times, distance)
         self._radius, self._density = radius, density
         self._cutoff = (JERK_DENSITY / density)**(1.0 / 6.0)  # rad/s, of the low-pass filter
 
@@ -155,20 +161,21 @@ class SmoothCourse:
 
     def at(self, instants: Instants) -> Array:
         """Return the distance [m] at ``instants`` [ns]; past the ends the speed stays."""
-        knots, values, slopes = self._times, self._distance, self._slopes
+        knots, slopes = self._times, self._slopes
         times = (instants - self._origin_ns) / NS_PER_S
-        inner = np.clip(times, knots[0], knots[-1])
         if len(knots) < 2:
-            return np.full(len(times), values[0])
-        i = np.clip(np.searchsorted(knots, inner, side='right') - 1, 0, len(knots) - 2)
-        step = knots[i + 1] - knots[i]
-        t = (inner - knots[i]) / step
-        rise = values[i + 1] - values[i]
-        # cubic between two knots with the slopes there
-        distance: Array = values[i] + t * (rise + (1.0 - t) * (
-            (1.0 - t) * (step * slopes[i] - rise) - t * (step * slopes[i + 1] - rise)))
-        beyond = np.clip(times - inner, -LONGEST_EXTRAPOLATION, LONGEST_EXTRAPOLATION)
-        return distance + np.where(beyond > 0.0, slopes[-1], slopes[0]) * beyond
+            return np.full(len(times), self._distance[0])
+        inner = np.minimum(np.maximum(times, knots[0]), knots[-1])
+        knot, value, per_second, rise, begin, end = self._cubics[
+            :, knots[1:-1].searchsorted(inner, side='right')]
+        t = (inner - knot) * per_second
+        left = 1.0 - t
+        distance: Array = value + t * (rise + left * (left * begin - t * end))
+        beyond = times - inner
+        if beyond.any():
+            beyond = np.clip(beyond, -LONGEST_EXTRAPOLATION, LONGEST_EXTRAPOLATION)
+            distance += np.where(beyond > 0.0, slopes[-1], slopes[0]) * beyond
+        return distance
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -196,18 +203,25 @@ class Roll:
         return float(np.ptp(speeds) / np.mean(speeds))
 
 
-def _slopes(times: Array, distance: Array) -> Array:
-    """Return slopes at the knots with which a cubic does not overshoot (harmonic means)."""
+def _cubics(times: Array, distance: Array) -> tuple[Array, Array]:
+    """
+    Return slopes at the knots with which a cubic does not overshoot, and the cubics.
+
+    Of each cubic: time and distance where it begins, 1 / duration, its rise, and by how much more
+    it would rise with the slope of its begin and of its end.
+    """
     if len(times) < 2:
-        return np.zeros(len(times))
-    step = np.diff(times)
-    secant = np.diff(distance) / step
+        return np.zeros(len(times)), np.empty((6, 0))
+    step, rise = times[1:] - times[:-1], distance[1:] - distance[:-1]
+    secant = rise / step
     before, after = secant[:-1], secant[1:]
     near, far = 2.0 * step[1:] + step[:-1], step[1:] + 2.0 * step[:-1]
-    same = before * after > 0.0
-    with np.errstate(divide='ignore', invalid='ignore'):
-        inner = np.where(same, (near + far) / (near / before + far / after), 0.0)
-    return np.concatenate([secant[:1], inner, secant[-1:]])
+    product = before * after
+    # harmonic means
+    inner = (near + far) * product / np.where(product > 0.0, near * after + far * before, np.inf)
+    slopes = np.concatenate([secant[:1], inner, secant[-1:]])
+    return slopes, np.stack([times[:-1], distance[:-1], 1.0 / step, rise,
+                             step * slopes[:-1] - rise, step * slopes[1:] - rise])
 
 
 def _least_jerk(times: Array, angles: Array, sigma: Array) -> Array:
@@ -216,20 +230,24 @@ def _least_jerk(times: Array, angles: Array, sigma: Array) -> Array:
     if n < 4:
         return angles
     # jerk over each run of four samples: six times its third divided difference
-    rows = np.ones((n - 3, 4))
+    rows = np.ones((4, n - 3))
     for j in range(4):
-        for k in range(4):
-            if k != j:
-                rows[:, j] /= times[j:n - 3 + j] - times[k:n - 3 + k]
-    spans = (times[3:] - times[:-3]) / 3.0
-    rows *= (6.0 * np.sqrt(spans / JERK_DENSITY))[:, np.newaxis]
+        for k in range(j + 1, 4):
+            apart = times[j:n - 3 + j] - times[k:n - 3 + k]
+            rows[j] /= apart
+            rows[k] /= -apart
+    rows *= np.sqrt((12.0 / JERK_DENSITY) * (times[3:] - times[:-3]))
     banded = np.zeros((4, n))  # upper form: row 3 - k holds the k-th superdiagonal
     for j in range(4):
         for k in range(j, 4):
-            banded[3 - (k - j), k:n - 3 + k] += rows[:, j] * rows[:, k]
-    banded[3] += 1.0 / sigma**2
-    smoothed: Array = angles[0] + solveh_banded(banded, (angles - angles[0]) / sigma**2)
-    return smoothed
+            banded[3 - (k - j), k:n - 3 + k] += rows[j] * rows[k]
+    weight = 1.0 / sigma**2
+    banded[3] += weight
+    _, smoothed, failed = dpbsv(banded, (angles - angles[0]) * weight)
+    if failed:
+        raise EstimatorError(f'the angles of a wheel at {times} s cannot be smoothed')
+    found: Array = angles[0] + smoothed
+    return found
 
 
 class Path:

@@ -47,7 +47,7 @@ class FrictionEstimator:
 
     def _start(self) -> None:
         robot = self._params.robot
-        self._newest: dict[tuple[str, str], int] = {}  # topic and wheel -> stamp
+        self._newest: dict[tuple[type, str], int] = {}  # stream, of films by wheel -> stamp
         self._motion = MotionHistory(robot, self._params.load_sigma)
         self._films = {wheel: [WheelFilms(wheel, robot, films) for films in robot.film_groups]
                        for wheel in robot.film.wheels}
@@ -83,34 +83,32 @@ class FrictionEstimator:
         return found
 
     def _take(self, sample: Input) -> None:
-        if isinstance(sample, TireSample) and sample.wheel not in self._films:
-            self.foreign_samples += 1
-        elif self._is_new(sample):
+        if isinstance(sample, TireSample):
+            groups = self._films.get(sample.wheel)
+            if groups is None:
+                self.foreign_samples += 1
+            elif self._is_new(sample.wheel, sample):
+                for films in groups:
+                    films.add_films(sample)
+        elif self._is_new('', sample):
             self._add(sample)
-        else:
-            self.dropped[TOPICS[type(sample)]] += 1
 
-    def _is_new(self, sample: Input) -> bool:
-        """Return whether ``sample`` can be, and is younger than its stream."""
-        if not _is_possible(sample):
-            return False
-        stream = TOPICS[type(sample)], sample.wheel if isinstance(sample, TireSample) else ''
-        newest = self._newest.get(stream)
-        if newest is not None and sample.stamp_ns <= newest:
-            return False
-        self._newest[stream] = sample.stamp_ns
-        return True
+    def _is_new(self, wheel: str, sample: Input) -> bool:
+        """Return whether ``sample`` can be, and is younger than its stream; count it if not."""
+        kind, stamp_ns = type(sample), sample.stamp_ns
+        if _is_possible(sample) and stamp_ns > self._newest.get((kind, wheel), -inf):
+            self._newest[kind, wheel] = stamp_ns
+            return True
+        self.dropped[TOPICS[kind]] += 1
+        return False
 
     def _add(self, sample: Input) -> None:
-        if isinstance(sample, TireSample):
-            for films in self._films[sample.wheel]:
-                films.add_films(sample)
-        elif isinstance(sample, WheelSample):
+        if isinstance(sample, WheelSample):
             for films in chain(*self._films.values()):
                 films.add_wheels(sample)
         elif isinstance(sample, Odometry):
             self._motion.add_odometry(sample)
-        else:
+        elif isinstance(sample, WheelSlip):
             self._motion.add_slip(sample)
 
     def _advance(self, instant: int) -> list[Friction]:
@@ -145,6 +143,6 @@ def _is_possible(sample: Input) -> bool:
     if isinstance(sample, WheelSample):
         return all(abs(speed) <= MAX_WHEEL_SPEED for speed in sample.velocity)
     if isinstance(sample, Odometry):
-        return all(map(isfinite, (*sample.linear, *sample.angular)))
+        return all(map(isfinite, sample.linear)) and all(map(isfinite, sample.angular))
     return not any(abs(ratio) > 1.0 for ratio in sample.ratio) and all(
         0.0 <= sigma <= WIDEST_SLIP_SIGMA or sigma == inf for sigma in sample.sigma)

@@ -80,9 +80,11 @@ class Gate:
         heap, closed = self._heap, []
         if self._newest is None or not heap and self._closed is None:
             return []
-        limit = min([self._newest - self._window_ns, *(
-            stamp for stamp in self._reached.values() if self._newest - stamp < PATIENCE_NS)])
-        instant = self._next_instant()
+        instant, limit = self._next_instant(), self._newest - self._window_ns
+        if limit < instant:
+            return []
+        limit = min([limit, *(stamp for stamp in self._reached.values()
+                              if self._newest - stamp < PATIENCE_NS)])
         while instant <= limit:
             samples = []
             while heap and heap[0][0] <= instant:

@@ -27,18 +27,18 @@ class SampleClock:
 
     def regular(self, stamps: Sequence[int]) -> NDArray[np.int64]:
         """Return ``stamps``, which follow those of earlier calls, made regular."""
-        out = np.empty(len(stamps), dtype=np.int64)
-        for i, stamp in enumerate(stamps):
-            out[i] = self._next(stamp)
-        return out
-
-    def _next(self, stamp: int) -> int:
-        if self._last is not None:
-            steps = max(round((stamp - self._last) / self._period_ns), 1)
-            regular = self._last + steps * self._period_ns
-            if abs(stamp - regular) < min(STEP_NS, self._period_ns):
-                self._count = min(self._count + 1, MEMORY)
-                self._last = regular + (stamp - regular) / self._count
-                return round(self._last)
-        self._last, self._count = float(stamp), 1
-        return stamp
+        period, last, count = self._period_ns, self._last, self._count
+        farthest, out = min(STEP_NS, period), []
+        for stamp in stamps:
+            if last is not None:
+                regular = last + period * max(round((stamp - last) / period), 1)
+                off = stamp - regular
+                if abs(off) < farthest:
+                    count = min(count + 1, MEMORY)
+                    last = regular + off / count
+                    out.append(round(last))
+                    continue
+            last, count = float(stamp), 1
+            out.append(stamp)
+        self._last, self._count = last, count
+        return np.array(out, dtype=np.int64)

@@ -73,29 +73,29 @@ class Sighter:
         if len(distance) < FEWEST:
             return None
         middles = np.arange(between[0], between[1] + STEP, STEP)
-        thin = max(len(distance) // MOST, 1)
-        explained = self._solve(distance[::thin], volts[::thin], middles, bending, gain)[0]
-        j, i = np.unravel_index(int(np.argmax(explained)), explained.shape)
-        middle = float(middles[i]) + STEP * _vertex(explained[j], int(i))
-        x = distance - middle + self._lead
+        thin, lead = max(len(distance) // MOST, 1), distance + self._lead
+        explained = self._solve(self._parts(lead[::thin] - middles[:, np.newaxis]),
+                                volts[::thin], bending, gain)[0]
+        j, i = divmod(int(explained.argmax()), len(middles))
+        middle = float(middles[i]) + STEP * _vertex(explained[j], i)
+        x = lead - middle
         inside = (x > -ENTRY * self._film_length) & (x < self._patch)
-        if np.count_nonzero(inside) < FEWEST:
+        x, volts = x[inside], volts[inside]
+        if len(x) < FEWEST:
             return None
-        _, amplitude, stretch = self._solve(
-            distance[inside], volts[inside], np.array([middle]), bending, gain)
-        found = Sighting(middle, float(amplitude[j, 0]), float(stretch[j, 0]) / gain,
-                         float(SLIDINGS[j]), self._coverage(x[inside]))
-        bend, *stretches = self._parts(x[inside])
-        left = volts[inside] - found.bending * bend - float(stretch[j, 0]) * stretches[j]
+        parts = self._parts(x)[:, np.newaxis]
+        amplitude, stretch = (float(found[j, 0]) for found in self._solve(
+            parts, volts, bending, gain)[1:])
+        left = volts - amplitude * parts[0, 0] - stretch * parts[1 + j, 0]
         low, high = PLAUSIBLE_BENDING
-        plausible = (low * bending < found.bending < high * bending
-                     and math.sqrt(float(np.mean(left**2))) < LARGEST_RESIDUAL * found.bending)
-        return found if plausible else None
+        if not (low * bending < amplitude < high * bending
+                and math.sqrt(left @ left / len(left)) < LARGEST_RESIDUAL * amplitude):
+            return None
+        return Sighting(middle, amplitude, stretch / gain, float(SLIDINGS[j]), self._coverage(x))
 
-    def _solve(self, distance: Array, volts: Array, middles: Array, bending: float,
+    def _solve(self, parts: Array, volts: Array, bending: float,
                gain: float) -> tuple[Array, Array, Array]:
         """Return the explained part [V^2], bending [V] and stretch [V/m], (slidings, places)."""
-        parts = self._parts(distance - middles[:, np.newaxis] + self._lead)
         b, s = parts[0], parts[1:]
         # normal equations for all places at once, weakly regularised
         weak = self._variance
@@ -112,12 +112,14 @@ class Sighter:
     def _parts(self, x: Array) -> Array:
         """Return bending and stretches per slip, (1 + slidings, ...), at places x."""
         index = ((x - self._first) * (1.0 / FINE) + 0.5).astype(np.intp)
-        found: Array = self._table[:, np.clip(index, 0, self._table.shape[1] - 1)]
+        found: Array = self._table.take(index, axis=1, mode='clip')
         return found
 
     def _coverage(self, x: Array) -> float:
-        steps = np.diff(np.sort(x))
-        seen = float(np.sum(np.minimum(steps, LONG_STEP * np.median(steps))))
+        x = np.sort(x)
+        steps = x[1:] - x[:-1]
+        middle = float(np.sort(steps)[len(steps) // 2])
+        seen = float(np.minimum(steps, LONG_STEP * middle).sum())
         return min(seen / (self._patch + ENTRY * self._film_length), 1.0)
 
 

@@ -120,7 +120,7 @@ class WheelFilms:
         self._sighter = Sighter(robot)
         self._clock = SampleClock(round(NS_PER_S / film.sample_rate))
         self._stamps: list[int] = []
-        self._volts: list[list[float]] = []
+        self._volts: list[tuple[float, ...]] = []
         sightings = SIGHTINGS * len(self._group)
         self._contacts: deque[Contact] = deque(maxlen=sightings)
         self._seen: deque[FilmPassage] = deque(maxlen=sightings)
@@ -136,8 +136,7 @@ class WheelFilms:
     def add_films(self, sample: TireSample) -> None:
         """Take in one conversion of this wheel's films; the last ones may be absent."""
         self._stamps.append(sample.stamp_ns)
-        volts = sample.volts
-        self._volts.append([volts[i] if i < len(volts) else math.nan for i in self._group])
+        self._volts.append(sample.volts)
 
     def advance(self, now_ns: int) -> list[WheelPassage]:
         """Work up to where the wheel's angle is known; return the passages that were completed."""
@@ -171,7 +170,7 @@ class WheelFilms:
         begin = horizon if self._horizon_ns is None else max(
             self._horizon_ns + PATH_STEP_NS, horizon - LONGEST_PATH * PATH_STEP_NS)
         self._horizon_ns = horizon
-        instants = np.append(np.arange(begin, horizon, PATH_STEP_NS), horizon)
+        instants = np.array([*range(begin, horizon, PATH_STEP_NS), horizon])
         places = self._course.coarse(instants)
         return (horizon, float(places[-1])), self._path.advance(instants, places)
 
@@ -179,10 +178,19 @@ class WheelFilms:
         """Move the samples up to ``horizon`` to the record; return the contacts that ended."""
         count = bisect_right(self._stamps, horizon)
         instants = self._clock.regular(self._stamps[:count])
-        volts = np.array(self._volts[:count]).reshape(count, len(self._group))
+        volts = self._columns(self._volts[:count])
         del self._stamps[:count], self._volts[:count]
         places = self._course.coarse(instants)
         return self._record.add(instants, places, volts, [instant for instant, _ in turns])
+
+    def _columns(self, volts: list[tuple[float, ...]]) -> Array:
+        """Return ``volts`` as an array (n, films of the group), NaN where a film is absent."""
+        films, lengths = max(self._group) + 1, set(map(len, volts))
+        if len(lengths) != 1 or min(lengths) < films:
+            volts = [(row + (math.nan,) * films)[:films] for row in volts]
+        columns = len(volts[0]) if volts else films
+        found: Array = np.array(volts).reshape(len(volts), columns)[:, self._group]
+        return found
 
     def _recognise(self, contacts: list[Contact]) -> None:
         for contact in contacts:
