@@ -14,6 +14,7 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.lapack import dposv
 
 from smart_tire.estimation.course_errors import CourseErrors
 from smart_tire.estimation.motion import Estimate
@@ -44,7 +45,7 @@ SLIDING_RANGE = (-5.0, 10.0)  # -, far beyond all that can be told
 ITERATIONS = 15
 DAMPED, GROWS, SHRINKS = 1e-4, 10.0, 0.1  # Levenberg's damping: first, after failure and success
 MOST_DAMPED = 1e6
-CONVERGED = 0.01         # of the misfit, which is chi-squared: a tenth of a sigma
+CONVERGED = 0.03         # of the misfit, chi-squared: a step that saves less is the last
 OUTLIER = 3.0            # sigmas, beyond which a sample counts less
 PART = 128               # samples that are multiplied at once
 MEDIAN_TO_SIGMA = 1.4826  # of the absolute values of Gaussian noise
@@ -129,8 +130,7 @@ class _Point:
 
     p: Array
     residual: Array  # V, (n,)
-    slopes: Array    # (m, n), by the free parameters
-    strain: float    # by how many sigmas, squared, the priors are off
+    slopes: Array    # (m, n), by all parameters
 
 
 class WaveformFitter:
@@ -150,6 +150,7 @@ class WaveformFitter:
         self._gain_sigma = max(tolerance, LEAST_TOLERANCE)
         self._length_sigma = length_sigma
         self._variance = film.sample_variance
+        self._descent: _Descent | None = None  # of the passage that was fitted last
 
     def fit(self, passage: Passage, known: SlipKnowledge = SlipKnowledge(),
             start: WaveformFit | None = None) -> WaveformFit | None:
@@ -160,17 +161,19 @@ class WaveformFitter:
         """
         if min(len(one.distance) for one in passage.films) < FEWEST:
             return None
+        descent = self._descent
+        if descent is None or descent.passage is not passage:
+            descent = self._descent = _Descent(self._model(passage), passage, self._variance)
         p = self._start(passage) if start is None else start.parameters
-        found = self._descend(passage, known, p)
+        if start is not None and start is descent.found:
+            p = descent.point.p  # where the model is known already
+        found = descent.run(p, self._prior(passage, known, float(p[Shared.SLIP])))
         if start is None and found.excess > SUSPECT:
             p = p.copy()
             p[Shared.SLIP] *= -1.0
-            found = min(found, self._descend(passage, known, p), key=lambda fit: fit.excess)
+            found = min(found, descent.run(p, self._prior(passage, known, float(p[Shared.SLIP]))),
+                        key=lambda fit: fit.excess)
         return found
-
-    def _descend(self, passage: Passage, known: SlipKnowledge, p: Array) -> WaveformFit:
-        prior = self._prior(passage, known, float(p[Shared.SLIP]))
-        return _Descent(self._model(passage), passage, prior, self._variance).run(p)
 
     def volts(self, fit: WaveformFit) -> list[Array]:
         """Return what the fit says of each sample [V] above rest, film by film."""
@@ -219,96 +222,120 @@ class WaveformFitter:
 
 
 class _Descent:
-    """One fit, from a start to the least misfit."""
+    """
+    Fits of one passage, from a start to the least misfit.
 
-    def __init__(self, model: WaveformModel, passage: Passage, prior: _Prior,
-                 variance: float) -> None:
-        self._model, self._passage, self._prior = model, passage, prior
+    The last fit is kept as ``found``, with the ``point`` at which the model was last evaluated for
+    it: a fit with other knowledge goes on from there.
+    """
+
+    def __init__(self, model: WaveformModel, passage: Passage, variance: float) -> None:
+        self._model, self.passage = model, passage
         self._variance = variance
         self._volts = np.concatenate([one.volts for one in passage.films])
         self._rail = np.concatenate([one.rail for one in passage.films])
         self._clips = bool(self._rail.any())
+        self.found: WaveformFit | None = None
+        self.point: _Point
 
-    def run(self, p: Array) -> WaveformFit:
-        prior = self._prior
-        fixed = np.ones(len(p), dtype=bool)
-        fixed[prior.free] = False
-        point = self._at(np.where(fixed, prior.value, p))
+    def run(self, p: Array, prior: _Prior) -> WaveformFit:
+        """Return the fit from the start ``p``; what is fixed takes the value of ``prior``."""
+        start = prior.value.copy()
+        start[prior.free] = p[prior.free]
+        point = self._at(start) if self.found is None or p is not self.point.p or np.any(
+            start != p) else self.point
         damping = DAMPED
         for _ in range(ITERATIONS):
             weight = self._weights(point)
-            hessian = _product(point.slopes, weight)
-            np.fill_diagonal(hessian, hessian.diagonal() + prior.precision[prior.free])
-            gradient = point.slopes @ (weight * point.residual) + (
+            slopes = point.slopes.take(prior.free, axis=0)
+            hessian = _product(slopes, weight)
+            hessian.reshape(-1)[::len(hessian) + 1] += prior.precision[prior.free]
+            gradient = slopes @ (weight * point.residual) + (
                 prior.precision * (prior.value - point.p))[prior.free]
-            moved = self._step(point, weight, hessian, gradient, damping)
+            last, moved, damping = self._step(point, prior, weight, hessian, gradient, damping)
             if moved is None:
                 break
-            point, damping = moved
-        return self._judge(point, weight, np.linalg.inv(hessian))
+            point = moved
+        self.point = point
+        self.found = self._judge(point, last, prior, weight, hessian)
+        return self.found
 
     def _at(self, p: Array) -> _Point:
         output, slopes = self._model.linearised(p)
-        prior = self._prior
-        strain = float(prior.precision @ (p - prior.value)**2)
-        return _Point(p, self._volts - output, slopes[prior.free], strain)
+        return _Point(p, self._volts - output, slopes)
 
-    def _step(self, point: _Point, weight: Array, hessian: Array, gradient: Array,
-              damping: float) -> tuple[_Point, float] | None:
-        """Return a better point and the damping after it, None where none is much better."""
-        before = self._misfit(point, weight)
-        diagonal = np.diag(hessian.diagonal())
+    def _step(self, point: _Point, prior: _Prior, weight: Array, hessian: Array, gradient: Array,
+              damping: float) -> tuple[Array, _Point | None, float]:
+        """
+        Return the parameters after a step, the point there, and the damping after it.
+
+        No point where the step saves little or none saves anything: then it is the last.
+        """
+        before = self._misfit(point, prior, weight)
         while damping < MOST_DAMPED:
-            step = np.linalg.solve(hessian + damping * diagonal, gradient)
+            damped = hessian.copy()
+            damped.reshape(-1)[::len(damped) + 1] *= 1.0 + damping
+            step = _solved(damped, gradient)
+            p = self._moved(point.p, prior, step)
             if float(gradient @ step) < CONVERGED:
-                return None
-            trial = self._at(self._moved(point.p, step))
-            if self._misfit(trial, weight) <= before:
-                return trial, SHRINKS * damping
+                return p, None, damping
+            trial = self._at(p)
+            if self._misfit(trial, prior, weight) <= before:
+                return p, trial, SHRINKS * damping
             damping *= GROWS
-        return None
+        return point.p, None, damping
 
-    def _moved(self, p: Array, step: NDArray[np.floating]) -> Array:
+    def _moved(self, p: Array, prior: _Prior, step: NDArray[np.floating]) -> Array:
         """Return ``p`` after ``step``, shortened where a place would jump."""
         whole = np.zeros_like(p)
-        whole[self._prior.free] = step
-        places = slice(own(0, Own.PLACE), own(len(self._passage.films), Own.PLACE), len(Own))
-        farthest = float(np.max(np.abs(whole[places])))
+        whole[prior.free] = step
+        places = whole[own(0, Own.PLACE):own(len(self.passage.films), Own.PLACE):len(Own)]
+        farthest = max(map(abs, places.tolist()))
         moved: Array = p + whole * min(1.0, LARGEST_STEP / max(farthest, LARGEST_STEP))
         low, high = SLIDING_RANGE
         moved[Shared.SLIDING] = min(max(float(moved[Shared.SLIDING]), low), high)
         return moved
 
-    def _misfit(self, point: _Point, weight: Array) -> float:
+    def _misfit(self, point: _Point, prior: _Prior, weight: Array) -> float:
         if self._clips:
             weight = np.where(self._rail * point.residual < 0.0, 0.0, weight)
-        return float(weight @ point.residual**2) + point.strain
+        off = point.p - prior.value
+        return float(weight @ (point.residual * point.residual) + prior.precision @ (off * off))
 
     def _weights(self, point: _Point) -> Array:
         """Return 1 / variance, less for outliers (Huber), none for what is beyond its rail."""
-        size = np.abs(point.residual) / math.sqrt(self._variance)
-        spread = max(1.0, MEDIAN_TO_SIGMA * _middle(size))
-        weight: Array = 1.0 / (self._variance * np.maximum(size / (OUTLIER * spread), 1.0))
+        size = np.abs(point.residual)
+        spread = max(math.sqrt(self._variance), MEDIAN_TO_SIGMA * _middle(size))
+        edge = OUTLIER * spread
+        weight: Array = (edge / self._variance) / np.maximum(size, edge)
         return np.where(self._rail * point.residual < 0.0, 0.0, weight) if self._clips else weight
 
-    def _judge(self, point: _Point, weight: Array,
-               inverse: NDArray[np.floating]) -> WaveformFit:
-        """Return what was fitted, with its covariance."""
-        prior, p = self._prior, point.p
+    def _judge(self, point: _Point, p: Array, prior: _Prior, weight: Array,
+               hessian: Array) -> WaveformFit:
+        """Return what was fitted, with its covariance; ``p`` is a small step from ``point``."""
         counted = weight > 0.0
-        freedom = max(int(np.count_nonzero(counted)) - len(prior.free), 1)
+        residual, weight = (point.residual[counted], weight[counted]) if self._clips else (
+            point.residual, weight)
+        freedom = max(len(residual) - len(prior.free), 1)
         # stray samples count as far as they weigh, a model that does not hold as much as it fails
-        size = weight * point.residual**2
-        excess = max(1.0, float(np.sum(np.minimum(size, OUTLIER**2))) / freedom,
-                     _middle(size[counted]) * MEDIAN_TO_SIGMA**2)
+        squares = residual * residual
+        size = weight * squares
+        excess = max(1.0, float(np.minimum(size, OUTLIER**2).sum()) / freedom,
+                     _middle(size) * MEDIAN_TO_SIGMA**2)
         covariance = np.zeros((len(p), len(p)))
-        covariance[np.ix_(prior.free, prior.free)] = inverse
+        covariance[prior.free[:, np.newaxis], prior.free] = _solved(hessian, np.eye(len(hessian)))
         both = covariance[[Shared.SLIP, Shared.SLIDING]]
         through = both[:, prior.lasting]
         lasting = (through * prior.precision[prior.lasting]) @ through.T
         noise = excess * (both[:, [Shared.SLIP, Shared.SLIDING]] - lasting)
-        return WaveformFit(self._passage, p, excess * covariance, noise, lasting,
-                           math.sqrt(float(np.mean(point.residual[counted]**2))), excess)
+        return WaveformFit(self.passage, p, excess * covariance, noise, lasting,
+                           math.sqrt(float(squares.sum()) / len(squares)), excess)
+
+
+def _solved(matrix: Array, right: Array) -> NDArray[np.floating]:
+    """Return matrix^-1 @ right of a positive definite matrix; without the detours of NumPy."""
+    _, found, failed = dposv(matrix, right)
+    return np.linalg.solve(matrix, right) if failed else found
 
 
 def _product(slopes: Array, weight: Array) -> Array:

@@ -91,11 +91,11 @@ class WaveformModel:
 
         Shapes are (n,) and (m, n) for n samples of all films and m parameters.
         """
-        place, offset, bending, before, after, gain, recovery = (
-            p[self._own].reshape(-1, len(Own)).T[:, self._index])
+        films = p[self._own].reshape(-1, len(Own)).copy()
+        films[:, Own.RECOVERY] = tread_film.RECOVERY * np.exp(films[:, Own.RECOVERY])
+        place, offset, bending, before, after, gain, tail = films.take(self._index, axis=0).T
         slip, sliding, growth, scale, alpha, length = p[:len(Shared)].tolist()
         alpha, patch = self._film.bending_alpha * math.exp(alpha), self._patch * math.exp(length)
-        tail = tread_film.RECOVERY * np.exp(recovery)
         way = self._distance - place
         x = (way * (1.0 + scale) + p[self._own.stop:] @ self._warps
              + 0.5 * (patch - self._film.length))
@@ -110,28 +110,31 @@ class WaveformModel:
         strain = passage_waveform.stretch(x, inside, self._film.length, patch)
         unit = strain.value + (local - inside) * strain.by_sliding
 
+        slopes = np.zeros((len(p), len(x)))
         volts_per = self._gain * grown  # per metre of strain and unit of SLIP, but for GAIN
         per_gain = slip * volts_per * unit
-        volts_per = volts_per * (1.0 + gain)
-        by_slip = volts_per * unit
+        volts_per *= 1.0 + gain
+        by_slip = np.multiply(volts_per, unit, out=slopes[Shared.SLIP])
         pull = slip * volts_per  # V/m
+        stretched = slip * by_slip
         by_sliding = pull * strain.by_sliding
         by_place = (bending * bend.by_place + pull * strain.by_place
                     - height * bump.by_place)
-
-        slopes = np.zeros((len(p), len(x)))
-        slopes[Shared.SLIP] = by_slip
-        slopes[Shared.SLIDING] = by_sliding * grown
-        slopes[Shared.GROWTH] = self._far * (slip * by_slip / grown + sliding * by_sliding)
-        slopes[Shared.SCALE] = by_place * way
-        slopes[Shared.ALPHA] = alpha * bending * bend.by_alpha
-        slopes[Shared.LENGTH] = patch * (bending * bend.by_length + pull * strain.by_length
-                                         - height * bump.by_length + 0.5 * by_place)
-        slopes[self._own.stop:] = by_place * self._warps
-        each = np.stack([by_place * (-1.0 - scale), np.ones_like(x), bend.value,
-                         -bump.value * ~behind, -bump.value * behind, per_gain,
-                         bending * bend.by_recovery * tail])
+        np.multiply(by_sliding, grown, out=slopes[Shared.SLIDING])
+        np.multiply(self._far, stretched / grown + sliding * by_sliding,
+                    out=slopes[Shared.GROWTH])
+        np.multiply(by_place, way, out=slopes[Shared.SCALE])
+        np.multiply(alpha * bending, bend.by_alpha, out=slopes[Shared.ALPHA])
+        np.multiply(patch, bending * bend.by_length + pull * strain.by_length
+                    - height * bump.by_length + 0.5 * by_place, out=slopes[Shared.LENGTH])
+        np.multiply(by_place, self._warps, out=slopes[self._own.stop:])
+        each = np.empty((len(Own), len(x)))
+        np.multiply(by_place, -1.0 - scale, out=each[Own.PLACE])
+        each[Own.OFFSET], each[Own.BENDING], each[Own.GAIN] = 1.0, bend.value, per_gain
+        np.multiply(bump.value, behind - 1.0, out=each[Own.BEFORE])
+        np.multiply(bump.value, -1.0 * behind, out=each[Own.AFTER])
+        np.multiply(bending * bend.by_recovery, tail, out=each[Own.RECOVERY])
         for i, (low, high) in enumerate(zip(self._ends, self._ends[1:])):
             slopes[own(i, Own.PLACE):own(i + 1, Own.PLACE), low:high] = each[:, low:high]
-        output = offset + bending * bend.value + slip * by_slip - height * bump.value
+        output = offset + bending * bend.value + stretched - height * bump.value
         return output, slopes
