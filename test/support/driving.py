@@ -47,14 +47,15 @@ def drive(rolling, sliding, *, icr=0.02, seed=0, robot=None, imu_rate=100.0, whe
     a_x, a_y = np.gradient(m_x, STEP) - W * m_y, np.gradient(m_y, STEP) + W * m_x
     gyro_bias = noise * robot.imu.gyro_bias * rng.standard_normal(3)
     accel_bias = noise * robot.imu.accel_bias * rng.standard_normal(3)
-    samples = []
-    for k in range(round(0.003 / STEP), n, round(1.0 / imu_rate / STEP)):
-        force = np.array([a_x[k] - mounting_tilt * 9.80665, a_y[k], 9.80665])
-        samples.append(ImuSample(
-            START_NS + round(time[k] * NS_PER_S),
-            tuple(force + accel_bias + noise * robot.imu.accel_noise * rng.standard_normal(3)),
-            tuple(np.array([W[k] * mounting_tilt, 0.0, W[k]]) + gyro_bias
-                  + noise * robot.imu.gyro_noise * rng.standard_normal(3))))
+    rows = np.arange(round(0.003 / STEP), n, round(1.0 / imu_rate / STEP))
+    errors = noise * rng.standard_normal((len(rows), 2, 3))
+    still = np.zeros(len(rows))
+    force = np.stack([a_x[rows] - mounting_tilt * 9.80665, a_y[rows], still + 9.80665], axis=1)
+    rate = np.stack([W[rows] * mounting_tilt, still, W[rows]], axis=1)
+    force += accel_bias + robot.imu.accel_noise * errors[:, 0]
+    rate += gyro_bias + robot.imu.gyro_noise * errors[:, 1]
+    samples = [ImuSample(stamp, tuple(a), tuple(w))
+               for stamp, a, w in zip(_stamps(time[rows]), force.tolist(), rate.tolist())]
     samples += _wheels(robot, rng, time, rolling, wheel_rate, positions, noise, wheel_latency)
     samples.sort(key=lambda sample: sample.stamp_ns)
     return Drive(samples, time, np.stack([*position, yaw], axis=1),
@@ -64,17 +65,20 @@ def drive(rolling, sliding, *, icr=0.02, seed=0, robot=None, imu_rate=100.0, whe
 def _wheels(robot, rng, time, rolling, rate, positions, noise, latency):
     angle = np.cumsum(rolling, axis=0) * STEP / robot.wheel_radius
     count = 2.0 * np.pi / robot.encoder.counts_per_revolution
-    last = None
-    for instant in np.arange(0.02, time[-1], 1.0 / rate):
-        index = min(round(instant / STEP), len(time) - 1)
-        stamp = instant + latency + noise * robot.encoder.stamp_jitter * rng.standard_normal()
-        position = np.floor(angle[index][[0, 1, 0, 1]] / count
-                            + np.array([0.1, 0.6, 0.3, 0.8])) * count
-        if last is not None:
-            velocity = (position - last[1]) / (stamp - last[0])
-            yield WheelSample(START_NS + round(stamp * NS_PER_S), tuple(velocity),
-                              tuple(position) if positions else None)
-        last = stamp, position
+    instants = np.arange(0.02, time[-1], 1.0 / rate)
+    rows = np.minimum(np.rint(instants / STEP).astype(int), len(time) - 1)
+    stamps = instants + latency + noise * robot.encoder.stamp_jitter * rng.standard_normal(
+        len(instants))
+    position = np.floor(angle[rows][:, [0, 1, 0, 1]] / count
+                        + np.array([0.1, 0.6, 0.3, 0.8])) * count
+    velocity = np.diff(position, axis=0) / np.diff(stamps)[:, None]
+    return [WheelSample(stamp, tuple(speeds), tuple(angles) if positions else None)
+            for stamp, speeds, angles in zip(
+                _stamps(stamps[1:]), velocity.tolist(), position[1:].tolist())]
+
+
+def _stamps(time):
+    return [START_NS + stamp for stamp in np.rint(time * NS_PER_S).astype(np.int64).tolist()]
 
 
 def ramp(knots, columns=2):
