@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from array import array
 from bisect import bisect_left, bisect_right
+from collections.abc import Sequence
 from dataclasses import dataclass
 import math
 
@@ -100,8 +101,13 @@ class WheelCourse:
         rolled: Array = self._radius * distance
         return rolled
 
-    def roll(self, begin: float, end: float, until_ns: int) -> Roll:
-        """Return the course of the last roll from one distance [m] to another."""
+    def roll(self, begin: float, end: float, until_ns: int,
+             also: Sequence[int] = ()) -> Roll:
+        """
+        Return the course of the last roll from one distance [m] to another.
+
+        Its smoothed course also holds the instants ``also`` [ns].
+        """
         direction = 1 if end > begin else -1
         start = last = bisect_right(self._stamps, until_ns)
         while start > 0 and direction * (self._radius * self._angles[start - 1] - begin) >= 0.0:
@@ -111,9 +117,9 @@ class WheelCourse:
         # evenly spread over the way, so that a stop on it takes no points
         even = np.linspace(0.0, abs(end - begin), ROLL_POINTS)
         instants = np.interp(even, rolled, stamps).astype(np.int64)
-        course = self.smooth(int(instants[0]), int(instants[-1]))
+        course = self.smooth(min([int(instants[0]), *also]), max([int(instants[-1]), *also]))
         smooth = np.maximum.accumulate(direction * (course.at(instants) - begin))
-        return Roll(instants, smooth, course.speed_sigma)
+        return Roll(instants, smooth, course)
 
     def smooth(self, begin_ns: int, end_ns: int) -> SmoothCourse:
         """Return the smoothed course between two instants."""
@@ -184,7 +190,7 @@ class Roll:
 
     instants: Instants
     way: Array
-    speed_sigma: float  # m/s
+    course: SmoothCourse
 
     def when(self, way: float) -> int:
         """Return the instant [ns] at which ``way`` had been rolled."""

@@ -30,7 +30,7 @@ class FrictionFusion:
     """Recursive estimate of a wheel's friction coefficient; ``changes`` counts new grounds."""
 
     def __init__(self) -> None:
-        self._chance: Array = PRIOR / PRIOR.sum()
+        self._know(PRIOR / PRIOR.sum())
         self._ground: Estimate = UNKNOWN  # mu and spread of the ground that was last clear
         self._told = 0.0      # information, 1 / variance of 1 / mu, on the present ground
         self._lasting = 0.0   # relative sigma of mu that the revolutions share ...
@@ -41,7 +41,7 @@ class FrictionFusion:
         """Take in one revolution, None if it tells nothing; return mu and one sigma."""
         chance = self._chance + CHANGE_RATE * (PRIOR / PRIOR.sum() - self._chance)
         if single is None:
-            self._chance = chance
+            self._know(chance)
             return self.estimate()
         noise = math.hypot(single.noise, CHANGING * single.lasting,
                            SHARPEST * abs(single.inverse))
@@ -51,13 +51,13 @@ class FrictionFusion:
         chance *= likely
         total = float(chance.sum())
         if total > 0.0:
-            self._chance = chance / total
+            self._know(chance / total)
             self._count_change()
             self._remember(single, noise)
         return self.estimate()
 
     def _count_change(self) -> None:
-        mu, spread = self._median()
+        mu, spread = self._new
         before, certain = self._ground
         if abs(mu - before) > CHANGED * math.hypot(spread, certain):
             self.changes += 1
@@ -74,11 +74,11 @@ class FrictionFusion:
         self._lasting += share * (single.lasting * mu - self._lasting)
         self._constant += share * (single.constant - self._constant)
 
-    def _median(self) -> Estimate:
-        """Return the median of mu, and the deviation from it, from what is new only."""
-        share = np.cumsum(self._chance) - 0.5 * self._chance
+    def _know(self, chance: Array) -> None:
+        """Take over the chance of each ground, with the median of mu and the deviation from it."""
+        self._chance, share = chance, np.cumsum(chance) - 0.5 * chance
         mu = float(np.interp(0.5, share, GROUNDS))
-        return mu, math.sqrt(float(self._chance @ (GROUNDS - mu)**2))
+        self._new = mu, math.sqrt(float(chance @ (GROUNDS - mu)**2))  # of what does not last
 
     def estimate(self, constant: bool = True) -> Estimate:
         """
@@ -86,6 +86,6 @@ class FrictionFusion:
 
         Without ``constant`` the sigma is that of what uses the same stiffness and load again.
         """
-        mu, spread = self._median()
+        mu, spread = self._new
         sigma = math.hypot(spread, mu * self._lasting, mu * self._constant * constant)
         return (mu, sigma) if self._told > 0.0 and sigma < mu else UNKNOWN

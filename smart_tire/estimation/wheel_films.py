@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smart_tire.estimation.contacts import Contact, FilmRecord
-from smart_tire.estimation.course import Path, Roll, WheelCourse
+from smart_tire.estimation.course import Path, Roll, SmoothCourse, WheelCourse
 from smart_tire.estimation.passes import FilmPlace, Pass, Point
 from smart_tire.estimation.sample_clock import SampleClock
 from smart_tire.estimation.sighting import Sighter, Sighting
@@ -28,6 +28,7 @@ from smart_tire.samples import NS_PER_S, TireSample, WHEELS, WheelSample
 
 Array = NDArray[np.float64]
 
+BLOCK_NS = 100_000_000    # of the wheel's course that is worked off at once, at least
 SETTLE_NS = 100_000_000   # the wheel's angle is smooth that long before its newest sample
 SILENCE_NS = 500_000_000  # after which a silent wheel is predicted instead of waited for
 TURN = 0.003              # m, rolled back before it counts as a turn: more than jitter feigns
@@ -145,7 +146,7 @@ class WheelFilms:
             del self._stamps[:], self._volts[:]
             return []
         horizon = max(newest - SETTLE_NS, now_ns - SILENCE_NS)
-        if self._horizon_ns is not None and horizon <= self._horizon_ns:
+        if self._horizon_ns is not None and horizon < self._horizon_ns + BLOCK_NS:
             return []
         course, turns = self._follow(horizon)
         self._recognise(self._take(horizon, turns))
@@ -269,7 +270,8 @@ class WheelFilms:
         for film in films.values():
             self._seen.remove(film)
         ahead = p.direction * self._reach
-        roll = self._course.roll(p.place - ahead, p.place + ahead, p.end_ns)
+        sampled = [int(film.contact.instants[i]) for film in films.values() for i in (0, -1)]
+        roll = self._course.roll(p.place - ahead, p.place + ahead, p.end_ns, sampled)
         # where the films' common, and the first one's own middle is at the patch's middle
         common = self._middle(p, films, roll)
         first = common + p.direction * self._offsets[0]
@@ -280,16 +282,16 @@ class WheelFilms:
         turned = any(roll.instants[0] < instant < roll.instants[-1]
                      for instant, _ in self._path.turns)
         change = math.inf if turned else roll.speed_change()
-        samples = (self._samples(p.direction, list(films.values()), roll.when(first))
+        samples = (self._samples(p.direction, list(films.values()), roll.course, roll.when(first))
                    if films and change < STEADY else None)
-        return WheelPassage(roll.when(common), p.direction, speed, roll.speed_sigma, change,
+        return WheelPassage(roll.when(common), p.direction, speed, roll.course.speed_sigma, change,
                             2.0 * self._reach, begin, end, samples)
 
-    def _samples(self, direction: int, films: list[FilmPassage], reference_ns: int) -> Passage:
+    def _samples(self, direction: int, films: list[FilmPassage], course: SmoothCourse,
+                 reference_ns: int) -> Passage:
         """Return the samples of ``films`` over one course of the wheel."""
         begin = min(int(film.contact.instants[0]) for film in films)
         end = max(int(film.contact.instants[-1]) for film in films)
-        course = self._course.smooth(begin, end)
         samples, sightings = [], []
         for film in sorted(films, key=lambda film: film.contact.film):
             contact = film.contact

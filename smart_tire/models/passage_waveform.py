@@ -99,16 +99,16 @@ def stretch(x: Array, sliding: Array | float, film_length: float,
     integral per unit slip falls as its inverse: then the two show in their ratio only.
     """
     edges = np.empty((2, len(x)))
-    edges[0] = x / contact_length
-    edges[1] = edges[0] + film_length / contact_length
+    np.divide(x, contact_length, out=edges[0])
+    np.add(edges[0], film_length / contact_length, out=edges[1])
     xi = np.minimum(np.maximum(edges, 0.0), 1.0)
-    inverse = 1.0 / sliding
-    stuck = np.maximum(1.0 - sliding, 0.0)
-    below, above = np.minimum(xi, stuck), np.maximum(xi, stuck)
-    # integrals of the displacement per slip: z where the tread sticks, z (1 - z) / w behind
-    slid = inverse * (above * above * (0.5 - above / 3.0) - stuck * stuck * (0.5 - stuck / 3.0))
-    whole = 0.5 * below * below + slid
-    displaced = np.minimum(xi, xi * (1.0 - xi) * inverse)  # 0 at both ends of the patch
+    inverse, left = 1.0 / sliding, 1.0 - xi
+    # the displacement per slip is z where the tread sticks, z (1 - z) / w behind; its integrals
+    # up to xi, each but for a constant that the two edges share
+    slides, sticks = np.minimum(left, sliding), 1.0 - np.maximum(left, sliding)
+    slid = slides * slides * (slides * (1.0 / 3.0) - 0.5) * inverse
+    whole = 0.5 * sticks * sticks + slid
+    displaced = np.minimum(xi, xi * left * inverse)  # 0 at both ends of the patch
     area = whole[1] - whole[0]
     moment = xi * displaced
     return Stretch(contact_length * area, displaced[1] - displaced[0],
