@@ -166,12 +166,10 @@ class FilmRecord:
             if not seen and self._activities[film] is None:
                 self._track_rest(film, charge[:, film])
                 continue
-            indices = active[:, film].nonzero()[0].tolist() if seen else []
-            if seen and watched[indices[-1]] - watched[indices[0]] <= QUIET:
-                indices = indices[::max(len(indices) - 1, 1)]  # no contact ends between them
-            for i in indices:
-                contacts += self._settle(film, float(watched[i]), QUIET)
-                self._extend(film, int(instants[i]), float(watched[i]))
+            for first, last in _runs(active[:, film].nonzero()[0], watched) if seen else ():
+                contacts += self._settle(film, float(watched[first]), QUIET)
+                self._extend(film, int(instants[first]), float(watched[first]))
+                self._extend(film, int(instants[last]), float(watched[last]))
             contacts += self._settle(film, float(watched[-1]), QUIET)
         return contacts
 
@@ -228,3 +226,12 @@ class FilmRecord:
         low = max(int(low), int(np.searchsorted(self._instants, activity.since_ns)))
         return Contact(film, activity.begin_ns, activity.end_ns, self._instants[low:high],
                        self._volts[low:high, film], float(self._rest[film]))
+
+
+def _runs(indices: NDArray[np.intp], watched: Array) -> list[tuple[int, int]]:
+    """Return first and last of the ``indices`` (n,) of active samples that no rest divides."""
+    places = watched[indices]
+    rests = (places[1:] - places[:-1] > QUIET).nonzero()[0]
+    firsts = indices[[0, *(rests + 1)]]
+    lasts = indices[[*rests, -1]]
+    return list(zip(firsts.tolist(), lasts.tolist()))

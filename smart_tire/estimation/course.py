@@ -94,8 +94,8 @@ class WheelCourse:
             return np.empty(0)
         low = max(bisect_right(self._stamps, int(instants.min())) - 1, 0)
         distance = np.interp(instants, np.array(self._stamps[low:]), np.array(self._angles[low:]))
-        beyond = (instants - self._stamps[-1]) / NS_PER_S
-        if beyond.max() > 0.0:
+        if instants.max() > self._stamps[-1]:
+            beyond = (instants - self._stamps[-1]) / NS_PER_S
             distance += self._speeds[-1] * np.minimum(
                 np.maximum(beyond, 0.0), LONGEST_EXTRAPOLATION)
         rolled: Array = self._radius * distance

@@ -28,17 +28,20 @@ class SampleClock:
     def regular(self, stamps: Sequence[int]) -> NDArray[np.int64]:
         """Return ``stamps``, which follow those of earlier calls, made regular."""
         period, last, count = self._period_ns, self._last, self._count
-        farthest, out = min(STEP_NS, period), []
+        half, farthest, out = period / 2, min(STEP_NS, period), []
         for stamp in stamps:
             if last is not None:
-                regular = last + period * max(round((stamp - last) / period), 1)
+                regular = last + period
                 off = stamp - regular
-                if abs(off) < farthest:
-                    count = min(count + 1, MEMORY)
-                    last = regular + off / count
-                    out.append(round(last))
-                    continue
-            last, count = float(stamp), 1
-            out.append(stamp)
+                if not -half < off < half:
+                    regular = last + period * max(round((stamp - last) / period), 1)
+                    off = stamp - regular
+            if last is None or not -farthest < off < farthest:
+                last, count = float(stamp), 1
+            else:
+                if count < MEMORY:
+                    count += 1
+                last = regular + off / count
+            out.append(last)
         self._last, self._count = last, count
-        return np.array(out, dtype=np.int64)
+        return np.rint(out).astype(np.int64)
