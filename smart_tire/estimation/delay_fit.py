@@ -9,7 +9,7 @@ that they hold where the assumptions do not.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 import math
 
@@ -78,6 +78,7 @@ class DelayFit:
 class _Noise:
     size: Array         # (n,) one sigma of each row
     correlation: float
+    link: Array         # (n - 1,) of each row to the one before
     weight: Array       # (n,) of the rows after they have been whitened
     level: float        # one sigma beside the doubts
 
@@ -92,28 +93,29 @@ def fit_delay(problem: Problem, delays: Array) -> DelayFit:
     n = len(problem.time)
     if n < FEW:
         raise EstimatorError(f'{n} readings in motion, expected at least {FEW}')
-    noise = _Noise(np.ones(n), 0.0, np.ones(n), 1.0)
-    costs = _scan(problem, delays, noise)
+    noise = _Noise(np.ones(n), 0.0, np.zeros(n - 1), np.ones(n), 1.0)
+    table = [problem.rows(float(delay)) for delay in delays]
+    costs = _scan(problem, table, noise)
     delay = float(delays[int(np.argmin(costs))])
     for count in range(ROUNDS):
         noise = _noise(problem, delay, noise)
         if count < ROUNDS // 2:
-            costs = _scan(problem, delays, noise)
+            costs = _scan(problem, table, noise)
             delay = float(delays[int(np.argmin(costs))])
         delay = _refined(problem, delay, float(delays[1] - delays[0]), noise)
     result, inflation = _result(problem, delay, noise)
-    _check(result, delays, _scan(problem, delays, noise) / inflation,
-           _cost(problem, delay, noise) / inflation)
+    _check(result, delays, _scan(problem, table, noise) / inflation,
+           _cost(problem, problem.rows(delay), noise) / inflation)
     return result
 
 
-def _scan(problem: Problem, delays: Array, noise: _Noise) -> Array:
-    return np.array([_cost(problem, float(delay), noise) for delay in delays])
+def _scan(problem: Problem, table: Sequence[Rows], noise: _Noise) -> Array:
+    return np.array([_cost(problem, rows, noise) for rows in table])
 
 
 def _refined(problem: Problem, delay: float, step: float, noise: _Noise) -> float:
     found = minimize_scalar(
-        lambda x: _cost(problem, x, noise), bounds=(delay - step, delay + step),
+        lambda x: _cost(problem, problem.rows(x), noise), bounds=(delay - step, delay + step),
         method='bounded', options={'xatol': PRECISION})
     return float(found.x)
 
@@ -130,41 +132,36 @@ def _check(fit: DelayFit, delays: Array, costs: Array, best: float) -> None:
         raise EstimatorError(f'delays of {delay:.3f} s and {rivals[0]:.3f} s fit alike')
 
 
-def _whitened(values: Array, problem: Problem, noise: _Noise) -> Array:
+def _whitened(values: Array, noise: _Noise) -> Array:
     """Return rows (n,) or (n, p) over their noise, without its correlation, weighted."""
     shape = (-1,) + (1,) * (values.ndim - 1)
     scaled = values / noise.size.reshape(shape)
     if noise.correlation > 0.0:
-        steps = np.diff(problem.time)
-        link = (noise.correlation ** (steps / np.median(steps))).reshape(shape)
-        scaled = np.concatenate(
-            [scaled[:1], (scaled[1:] - link * scaled[:-1]) / np.sqrt(1.0 - link ** 2)])
-    return np.asarray(scaled * np.sqrt(noise.weight).reshape(shape))
+        link = noise.link.reshape(shape)
+        scaled[1:] = (scaled[1:] - link * scaled[:-1]) / np.sqrt(1.0 - link ** 2)
+    scaled *= np.sqrt(noise.weight).reshape(shape)
+    return scaled
 
 
-def _solve(problem: Problem, delay: float, noise: _Noise) -> tuple[Array, float]:
+def _solve(problem: Problem, rows: Rows, noise: _Noise) -> tuple[Array, float]:
     """Return coefficients and the sum of squares."""
-    rows = problem.rows(delay)
     weight = 1.0 / problem.prior_sigma
-    matrix = np.vstack([_whitened(rows.matrix, problem, noise), np.diag(weight)])
-    wanted = np.concatenate([_whitened(rows.wanted, problem, noise), problem.prior_mean * weight])
+    white = _whitened(np.column_stack([rows.matrix, rows.wanted]), noise)
+    matrix = np.vstack([white[:, :-1], np.diag(weight)])
+    wanted = np.concatenate([white[:, -1], problem.prior_mean * weight])
     coefficients, *_ = np.linalg.lstsq(matrix, wanted, rcond=None)
     return coefficients, float(np.sum((matrix @ coefficients - wanted) ** 2))
 
 
-def _cost(problem: Problem, delay: float, noise: _Noise) -> float:
-    return _solve(problem, delay, noise)[1]
-
-
-def _residuals(problem: Problem, delay: float, coefficients: Array) -> Array:
-    rows = problem.rows(delay)
-    return rows.wanted - rows.matrix @ coefficients
+def _cost(problem: Problem, rows: Rows, noise: _Noise) -> float:
+    return _solve(problem, rows, noise)[1]
 
 
 def _noise(problem: Problem, delay: float, before: _Noise) -> _Noise:
     """Return what the residuals at ``delay`` tell about their noise."""
-    coefficients, _ = _solve(problem, delay, before)
-    residuals, doubt = _residuals(problem, delay, coefficients), problem.doubt(delay)
+    rows = problem.rows(delay)
+    coefficients, _ = _solve(problem, rows, before)
+    residuals, doubt = rows.wanted - rows.matrix @ coefficients, problem.doubt(delay)
     level = noise_beside(residuals, doubt)
     size = np.hypot(level, doubt)
     linked = np.clip(residuals / size, -HUBER, HUBER)
@@ -173,12 +170,14 @@ def _noise(problem: Problem, delay: float, before: _Noise) -> _Noise:
     correlation = float(np.sum((linked[1:] * linked[:-1])[near]) / np.sum(linked ** 2))
     if problem.overlapping:
         correlation = 0.0  # rows that overlap would be undone by it
-    plain = _Noise(size, min(max(correlation, 0.0), MOST_LINKED), np.ones(len(size)), level)
-    white = np.abs(_whitened(residuals, problem, plain))
+    correlation = min(max(correlation, 0.0), MOST_LINKED)
+    link = correlation ** (steps / np.median(steps))
+    plain = _Noise(size, correlation, link, np.ones(len(size)), level)
+    white = np.abs(_whitened(residuals, plain))
     # what is left may be smaller than what was: correlation explains a part of it
     scale = max(NORMAL_MAD * float(np.median(white)), 1e-12)
     weight = np.minimum(1.0, HUBER * scale / np.maximum(white, 1e-12))
-    return _Noise(size * scale, plain.correlation, weight, level * scale)
+    return _Noise(size * scale, correlation, link, weight, level * scale)
 
 
 def noise_beside(residuals: Array, doubt: Array) -> float:
@@ -189,16 +188,17 @@ def noise_beside(residuals: Array, doubt: Array) -> float:
 
 def _result(problem: Problem, delay: float, noise: _Noise) -> tuple[DelayFit, float]:
     """Return the fit, and how much larger the delay's variance is than without correlations."""
-    coefficients, _ = _solve(problem, delay, noise)
+    rows = problem.rows(delay)
+    coefficients, _ = _solve(problem, rows, noise)
     # as far as half a row: over less, noise of the signal would look like knowledge of the delay
     nudge = 0.5 * float(np.median(np.diff(problem.time)))
     later, sooner = problem.rows(delay + nudge), problem.rows(delay - nudge)
     slope = ((later.matrix - sooner.matrix) @ coefficients - later.wanted + sooner.wanted) / (
         2.0 * nudge)
-    jacobian = np.column_stack([problem.rows(delay).matrix, slope])
-    residuals = _residuals(problem, delay, coefficients)
+    jacobian = np.column_stack([rows.matrix, slope])
+    residuals = rows.wanted - rows.matrix @ coefficients
     prior = np.append(problem.prior_sigma, np.inf)
-    matrix, left = _whitened(jacobian, problem, noise), _whitened(residuals, problem, noise)
+    matrix, left = _whitened(jacobian, noise), _whitened(residuals, noise)
     lags = math.ceil(LASTING / float(np.median(np.diff(problem.time))))
     covariance = sandwich(matrix, left, prior, lags)
     plain = sandwich(matrix, left, prior, 0)

@@ -111,7 +111,7 @@ class Signal:
 
     def integral(self, time: Array) -> Array:
         """Return the integral from the first sample to ``time`` [s]; the ends go on straight."""
-        left = np.clip(np.searchsorted(self.time, time) - 1, 0, len(self.time) - 2)
+        left = np.searchsorted(self.time[1:-1], time)
         gone, step = time - self.time[left], self.time[left + 1] - self.time[left]
         slope = (self._value[left + 1] - self._value[left]) / step
         return np.asarray(self._integral[left] + gone * (self._value[left] + 0.5 * slope * gone))
