@@ -13,6 +13,7 @@ endif
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 READY := $(VENV)/ready
+WORKERS := 2  # that run the tests; test/conftest.py says what they share out
 
 # Set inside a Python that has the rclpy wheels; one that starts anew must find its own.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
@@ -67,7 +68,7 @@ ifndef ROS_DISTRO
 endif
 
 test: lint
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n $(WORKERS) --dist loadgroup --no-loadscope-reorder
 
 config: $(READY)
 	$(BIN)/python -m smart_tire.parameters.text config
