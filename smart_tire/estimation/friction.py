@@ -24,7 +24,7 @@ SLIDES = 0.8              # of the critical slip: above, the waveform no longer 
 SLIDES_SIGMAS = 4.0       # within which of it noise may hide that ...
 TIED = 0.5                # ... if slip and sliding are so correlated that both may be larger
 DISAGREEMENT = 4.0        # square of a normalised difference that is believed
-KNOWN = 0.5               # relative sigma of mu above which it is not known
+KNOWN = 0.35              # sigma of 1 / mu, over 1 / mu of a likely ground, above which it is not
 TYPICAL, FACTOR = 0.45, 2.0  # mu of the grounds that there are, and one sigma; assumed
 SHARP = 0.12              # relative sigma of mu below which other grounds do not matter
 SMALLEST_SLIDING = 0.005  # of the critical slip
@@ -74,28 +74,33 @@ class Single:
     lasting: float   # sigma of it
     constant: float  # relative
 
-    def estimate(self) -> Estimate:
-        """Return mu and one sigma."""
+    def estimate(self, likely: float = math.nan) -> Estimate:
+        """Return mu and one sigma; ``likely`` is mu as it was before this passage, if known."""
         return friction_estimate(
-            self.inverse, math.hypot(self.noise, self.lasting), self.constant)
+            self.inverse, math.hypot(self.noise, self.lasting), self.constant, likely)
 
 
-def friction_estimate(inverse: float, sigma: float, relative: float) -> Estimate:
+def friction_estimate(inverse: float, sigma: float, relative: float,
+                      likely: float = math.nan) -> Estimate:
     """
     Return mu and one sigma from 1 / mu and its sigma, and a ``relative`` sigma of mu on top.
 
     Median and deviation over the grounds that there are: a noisy 1 / mu alone would make large
-    or tiny mu out of nothing. UNKNOWN where the passage says little beyond them.
+    or tiny mu out of nothing. UNKNOWN where the passage would say little beyond them on a typical
+    ground and on the ``likely`` one: whatever it says, for of noisy ones to tell those only that
+    came out low would tell too low a friction.
     """
     if sigma < SHARP * inverse:
         return 1.0 / inverse, math.hypot(sigma / inverse, relative) / inverse
+    if not sigma * min(TYPICAL, likely if math.isfinite(likely) else TYPICAL) < KNOWN:
+        return UNKNOWN
     weight = PRIOR * np.exp(-0.5 * ((1.0 / GROUNDS - inverse) / sigma)**2)
     share = np.cumsum(weight)
     if not share[-1] > 0.0:
         return UNKNOWN
     mu = float(GROUNDS[np.searchsorted(share, 0.5 * share[-1])])
     spread = math.sqrt(float(weight @ (GROUNDS - mu)**2) / float(share[-1]))
-    return (mu, math.hypot(spread, mu * relative)) if spread < KNOWN * mu else UNKNOWN
+    return mu, math.hypot(spread, mu * relative)
 
 
 def where_all_slides(evidence: Evidence) -> Evidence:

@@ -70,10 +70,11 @@ class PassageReporter:
 
     def _friction(self, single: Single | None, load: Estimate,
                   stiffness: Estimate) -> dict[str, Estimate]:
+        likely = self.fusion.estimate()[0]
         mu = self.fusion.update(single)
         found = {'friction_coefficient': mu}
         if single is not None:
-            found['friction_coefficient_single'] = single.estimate()
+            found['friction_coefficient_single'] = single.estimate(likely)
         if math.isfinite(mu[0]) and math.isfinite(load[0]):
             critical = 3.0 * load[0] / stiffness[0]
             # wrong by the same factor as mu, stiffness and load cancel

@@ -64,14 +64,35 @@ def test_a_passage_that_says_little_is_unknown_and_a_sharp_one_is_taken_as_it_is
 def test_the_estimate_covers_the_grounds_that_there_are():
     rng = np.random.default_rng(0)
     told = []
-    for mu in 0.45 * 2.0**rng.standard_normal(4000):
-        noise = rng.uniform(0.05, 1.0) / 0.45
+    for mu in 0.45 * 2.0**rng.standard_normal(10000):
+        noise = rng.uniform(0.05, 0.35) / 0.45
         value, sigma = friction_estimate(1.0 / mu + noise * rng.standard_normal(), noise, 0.0)
         if math.isfinite(value):
             told.append((mu - value) / sigma)
     assert 0.6 < np.mean(np.abs(told) < 1.0) < 0.8
     assert np.mean(np.abs(told) < 2.0) > 0.92
     assert abs(np.median(told)) < 0.1
+
+
+@pytest.mark.parametrize('mu', [0.2, 0.47, 0.7])
+@pytest.mark.parametrize('noise', [0.2, 0.5, 0.75, 0.8, 1.0, 2.0])
+def test_whether_a_passage_is_told_does_not_hang_on_what_it_says(mu, noise):
+    rng = np.random.default_rng(1)
+    told = np.array([friction_estimate(1.0 / mu + noise * rng.standard_normal(), noise, 0.0)[0]
+                     for _ in range(400)])
+    share = np.mean(np.isfinite(told))
+    if noise * mu > 0.3:  # also one that came out low is not told
+        assert share in (0.0, 1.0)
+    if share == 1.0 and mu < 0.5:
+        assert abs(np.median(told) / mu - 1.0) < 0.1
+
+
+def test_on_a_slippery_ground_that_is_known_less_slip_is_enough():
+    assert friction_estimate(5.0, 1.0, 0.0) == UNKNOWN
+    mu, sigma = friction_estimate(5.0, 1.0, 0.0, likely=0.2)
+    assert 0.2 < mu < 0.25  # the prior knows other grounds
+    assert 0.15 < sigma / mu < 0.5
+    assert friction_estimate(2.0, 1.0, 0.0, likely=2.0) == UNKNOWN  # a typical one is possible
 
 
 def test_a_negative_sliding_is_noise_and_pulls_down_the_inverse():
