@@ -44,19 +44,36 @@ class Rolling:
     weight: float    # -, 0 to 1, how much what is usual should count
 
 
+class Surprise:
+    """
+    Tells a change from bad readings by innovations that contradict the state twice in a row.
+
+    A single bad reading errs the other way the next time.
+    """
+
+    def __init__(self) -> None:
+        self._innovation = 0.0
+
+    def update(self, innovation: float, sigma: float) -> float:
+        """Return the variance of a change that explains what ``sigma`` does not."""
+        before, self._innovation = self._innovation, innovation
+        lasting = min(abs(before), abs(innovation)) if before * innovation > 0.0 else 0.0
+        return lasting ** 2 if lasting > SURPRISE * sigma else 0.0
+
+
 class SlidingChange:
     """
     Watches one side's wheel and ground speeds for signs that its slip is no longer what it was.
 
     Slip stays while nothing happens. It changes with the wheels' speed, with the speed over
     ground (another surface shows as a braking or pushing of the body), and where readings
-    contradict the state twice in a row: a single bad reading errs the other way the next time.
+    surprise.
     """
 
     def __init__(self, params: SlipEstimatorParams) -> None:
         self._params = params
         self._usual: tuple[float, float] | None = None  # m/s, of wheels and ground of late
-        self._innovation = 0.0                          # m/s, of the last reading
+        self._surprise = Surprise()
 
     def update(self, duration: float, wheel: float, ground: float, innovation: float,
                sigma: float, accel_density: float) -> Change:
@@ -68,7 +85,7 @@ class SlidingChange:
         is that of the noise by which the ground's speed seems to change.
         """
         speed = max(abs(wheel), abs(ground))
-        surprise = max(0.0, self._lasting(innovation) - SURPRISE * sigma) ** 2
+        surprise = self._surprise.update(innovation, sigma)
         if self._usual is None:  # until now nothing was known of the wheels
             self._usual = wheel, ground
             return Change(math.inf, speed, 0.0, 0.0)
@@ -82,11 +99,6 @@ class SlidingChange:
                 GROUND_CHANGE, CHANGE * math.sqrt(accel_density * CHANGE_TIME))))
         return Change(change ** 2 * duration / CHANGE_TIME + surprise, speed,
                       ground_step / CHANGE_TIME, (ground_step - wheel_step) ** 2 + surprise)
-
-    def _lasting(self, innovation: float) -> float:
-        """Return how much of an innovation there was before: a bad reading comes alone."""
-        before, self._innovation = self._innovation, innovation
-        return min(abs(before), abs(innovation)) if before * innovation > 0.0 else 0.0
 
 
 class SlidingSpread:

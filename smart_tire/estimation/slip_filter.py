@@ -22,7 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smart_tire.errors import EstimatorError
-from smart_tire.estimation.sliding import Rolling, SLIDE_FLOOR, SlidingChange, SlidingSpread
+from smart_tire.estimation.sliding import (
+    Rolling, SLIDE_FLOOR, SlidingChange, SlidingSpread, Surprise)
 from smart_tire.estimation.slip_kinematics import SlipKinematics
 from smart_tire.estimation.slip_state import (
     Motion, N, SIDES, SLIDES, SLIDING, State, WheelTravel)
@@ -40,9 +41,11 @@ ACCEL_BIAS_DRIFT = 5e-4   # m/s2 per sqrt(s), likewise
 SLOPE_LENGTH = 5.0        # m, over which the slope of the ground is forgotten
 WHEEL_NOISE = 0.003       # m/s, wheel speed of a side beyond quantisation and stamps
 DOUBT = 0.1               # of the wheels' speed, per normalised innovation squared above one
+ICR_CHANGE = 0.1          # of the wheelbase, by which S changes where slips do, one sigma
 STILL_SPEED = 0.003       # m/s, one sigma of the speed of a robot that stands
 ROLLING_MEMORY = 2.0      # s, over which the slip of rolling wheels stays the same
 LEAST_WEIGHT = 1e-6       # below, what is usual is not worth an update
+STRAIGHT_RATE = 0.1       # rad/s, below which S hardly shows
 OUTLIER = 3.0             # sigmas; beyond, a measurement counts less and less
 SHORTEST_JITTER = 1e-6    # s, one sigma of stamps that are said to be exact
 NIS_MEMORY = 0.05         # share of a new value in the smoothed innovation statistic
@@ -79,6 +82,7 @@ class SlipFilter:
         self._Q = np.zeros(N)
         self._changes = [SlidingChange(params) for _ in SIDES]
         self._spread = SlidingSpread(params)
+        self._sideways = Surprise()
         self._accel_density = 0.0  # (m/s2)^2 s, of the last step
         # a wandering slip with this memory spreads over slip_sigma in the long run
         self._slip_time = 2.0 * (params.slip_sigma / max(params.slip_drift, 1e-6)) ** 2
@@ -265,10 +269,11 @@ class SlipFilter:
         spread = self._spread.of(changes)
         share = min(1.0, max(change.variance / spread[row, row]
                              for row, change in enumerate(changes)))
-        F = np.eye(N)
+        F, Q = np.eye(N), np.zeros(N)
         for slide in SLIDES:
             F[slide, slide] = math.sqrt(1.0 - share)
-        self._move(F @ self._ekf.x, F, np.zeros(N), share * spread)
+        Q[State.ICR] = share * (ICR_CHANGE * self._params.robot.wheelbase) ** 2
+        self._move(F @ self._ekf.x, F, Q, share * spread)
 
     def _printed(self, H: Array, z: Array, expected: Array, R: Array
                  ) -> tuple[Array, Array, Array, Array]:
@@ -322,6 +327,13 @@ class SlipFilter:
         H[0, State.GYRO] = self._x_imu - x[State.ICR]
         expected = x[State.V_Y] - (self._x_imu - x[State.ICR]) * W
         variance = self._params.lateral_sigma ** 2 * 0.1 / max(duration, 1e-3)
+        surprise = self._sideways.update(
+            expected, math.sqrt(float((H @ self._ekf.P @ H.T)[0, 0]) + variance))
+        if surprise > 0.0:  # S has changed, or, driving straight, the robot drifts sideways
+            Q = np.zeros(N)
+            Q[State.ICR] = surprise / (W ** 2 + STRAIGHT_RATE ** 2)
+            self._move(self._ekf.x, np.eye(N), Q)
+            variance += surprise / (1.0 + (W / STRAIGHT_RATE) ** 2)
         self._correct(np.zeros(1), np.array([expected]), H, np.array([[variance]]))
 
     def update_standstill(self) -> None:

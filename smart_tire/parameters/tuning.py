@@ -33,9 +33,9 @@ class SlipEstimatorParams:
     icr_sigma: float = param(
         0.2, '-', 'what is known of S at the start, one sigma over the wheelbase', low=0.0)
     icr_drift: float = param(
-        0.02, '1/sqrt(s)', 'how fast S wanders, over the wheelbase', low=0.0)
+        0.005, '1/sqrt(s)', 'how fast S wanders, over the wheelbase', low=0.0)
     lateral_sigma: float = param(
-        0.012, 'm/s', 'lateral speed beyond that of B(8), correlated over 0.1 s', low=1e-5)
+        0.006, 'm/s', 'lateral speed beyond that of B(8), correlated over 0.1 s', low=1e-5)
     slope_sigma: float = param(
         0.0002, 'rad', 'slope of the ground; a laboratory floor, larger outdoors', low=0.0)
     reliability: str = param('reliable', '-', 'of the input subscriptions', choices=RELIABILITIES)

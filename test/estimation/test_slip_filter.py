@@ -93,6 +93,25 @@ def test_the_lateral_constraint_moves_towards_minus_s_times_the_yaw_rate():
     assert slip_filter.x[State.V_Y] == pytest.approx(-0.05, abs=2e-3)
 
 
+def test_centres_of_rotation_that_jump_are_followed_at_once():
+    slip_filter = new_filter(**{'imu.position': [0.0, 0.0, 0.0], 'imu.accel_bias': 0.001})
+    W, v_x, dt, S = 1.0, 0.8, 0.01, 0.03
+    slip_filter._ekf.x[[State.V_X, State.V_Y, State.ICR], 0] = v_x, -S * W, S
+    for step in range(600):
+        before, S = S, 0.03 if step < 500 else min(S + 0.003, 0.10)  # in a quarter of a second
+        slip_filter.predict(dt, Motion(
+            W, S * W ** 2, W * v_x - W * (S - before) / dt, 1e-6, 2.5e-5, 1e-4))
+        if step % 6 == 0:
+            slip_filter.update_lateral(W, 6 * dt)
+        if step == 499:
+            settled = np.sqrt(slip_filter.P[State.ICR, State.ICR])
+            assert abs(slip_filter.x[State.ICR] - 0.03) < 2.0 * settled
+    sigma = np.sqrt(slip_filter.P[State.ICR, State.ICR])
+    assert abs(slip_filter.x[State.ICR] - 0.10) < min(2.0 * sigma, 0.03)
+    assert abs(slip_filter.x[State.V_Y] + 0.10 * W) < 2.0 * np.sqrt(
+        slip_filter.P[State.V_Y, State.V_Y])
+
+
 def test_an_outlier_moves_the_state_less_than_a_reading_at_the_limit():
     moved = []
     for speed in (0.5, 1e3):
