@@ -12,7 +12,7 @@ from typing import Any
 
 NAME = 'identify'
 HELP = 'parameters of film or robot out of recordings, with standard errors'
-KINDS = ('film', 'geometry', 'icr', 'stiffness')
+KINDS = ('film', 'gains', 'geometry', 'icr', 'stiffness')
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

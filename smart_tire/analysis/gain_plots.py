@@ -1,0 +1,56 @@
+"""Figure of identified gains: stretch over slip of each film, and a passage with its fit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from matplotlib.axes import Axes
+import numpy as np
+
+from smart_tire.analysis import plots
+from smart_tire.estimation.gain_results import FilmTold, GainFit, Waveform
+
+MM = 1e3
+
+
+def write_gains(path: Path, found: GainFit) -> bool:
+    """Draw the gains that were told to ``path``; return whether there are any."""
+    wheels = list(dict.fromkeys(one.wheel for one in found.films if one.gain is not None))
+    if not wheels:
+        return False
+    panels = [*wheels, *(['waveform'] if found.example is not None else [])]
+    figure, axes = plots.new_figure([panels], width=5.0 * len(panels), height=4.4)
+    for wheel in wheels:
+        draw_gains(axes[wheel], [one for one in found.films if one.wheel == wheel])
+        axes[wheel].set(title=wheel.replace('_', ' '))
+    if found.example is not None:
+        draw_waveform(axes['waveform'], found.example)
+    for ax in axes.values():
+        ax.legend(frameon=False, fontsize='small')
+    figure.savefig(path, dpi=plots.DOTS_PER_INCH)
+    return True
+
+
+def draw_gains(ax: Axes, films: list[FilmTold]) -> None:
+    """Draw what the films of a wheel stretch, over the slip, with the line that is their gain."""
+    for one, color in zip(films, plots.FILM_COLORS * len(films)):
+        if one.per_slip is None:
+            continue
+        volts = one.per_slip
+        ax.errorbar(one.slip, one.stretch, xerr=one.slip_sigma, yerr=one.stretch_sigma, fmt='.',
+                    color=color, markersize=4, elinewidth=0.6, alpha=0.55)
+        ends = np.array([min(one.slip.min(), 0.0), max(one.slip.max(), 0.0)])
+        ax.plot(ends, volts.value * ends, color=color, linewidth=1.4,
+                label=f'film {one.film + 1}: {volts.value:.3f} ± {volts.sigma:.3f} V per unit')
+    ax.set(xlabel='slip ratio ± 1σ [-]', ylabel='stretch voltage if all stuck, ± 1σ [V]')
+
+
+def draw_waveform(ax: Axes, example: Waveform) -> None:
+    """Draw the samples of one passage with the waveform that was fitted."""
+    for i, (film, color) in enumerate(zip(example.films, plots.FILM_COLORS * len(example.films))):
+        ax.plot(MM * example.way[i], example.volts[i], '.', color=color, markersize=5,
+                label=f'film {film + 1}, samples')
+        ax.plot(MM * example.way[i], example.fitted[i], color=color, linewidth=1.1,
+                label=f'film {film + 1}, fit')
+    ax.set(title=f'{example.wheel.replace("_", " ")}, slip {example.slip:+.3f}',
+           xlabel='rolled [mm]', ylabel='above rest [V]')

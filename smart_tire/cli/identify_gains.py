@@ -1,0 +1,72 @@
+"""``smart_tire identify gains``: gains, contact length and places of films, out of bags."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from smart_tire.cli.arguments import add_recordings, out_beside
+
+if TYPE_CHECKING:
+    from smart_tire.estimation.estimate import Estimate
+    from smart_tire.estimation.gain_results import GainFit
+
+NAME = 'gains'
+HELP = 'volts per unit slip of each film, contact length, spacing and angle of films, out of bags'
+FOUND, NOTHING = 0, 1
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the arguments of this kind."""
+    add_recordings(parser, reference=False)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Identify, print a table, and write what was told, and a figure."""
+    from smart_tire.analysis.gain_plots import write_gains
+    from smart_tire.analysis.identification import load_robot, Span
+    from smart_tire.analysis.tire_identification import gain_parameters, identify_gains
+    from smart_tire.parameters.identified import identified_text, write_text
+    robot = load_robot(args.params)
+    found = identify_gains(args.bags, robot, Span(args.since, args.until))
+    for line in _lines(found, [bag.name for bag in args.bags]):
+        print(line)
+    told = gain_parameters(found, robot)
+    if not told:
+        print('nothing can be told')
+        return NOTHING
+    out = out_beside(args, NAME)
+    write_text(out, identified_text(
+        [f'Identified from {", ".join(map(str, args.bags))}.'], told))
+    figure = out.with_suffix('.png')
+    drawn = write_gains(figure, found)
+    print(f'written to {out}' + (f' and {figure}' if drawn else ''))
+    return FOUND
+
+
+def _lines(found: GainFit, bags: list[str]) -> list[str]:
+    """Return the table."""
+    lines = []
+    for one in found.films:
+        name = f'film {one.film + 1}, {one.wheel}'
+        if one.gain is not None and one.per_slip is not None:
+            lines.append(_line(f'gain of {name}', one.gain, 'V/m', f'{len(one.slip)} passages'))
+            lines.append(_line('', one.per_slip, 'V', 'per unit of slip, while all of the patch '
+                                                      'sticks'))
+        lines.append(_line(f'bending of {name}', one.bending, 'V', 'peak'))
+    if found.length is not None:
+        lines.append(_line('contact length', found.length, 'm', 'with the wheel_radius given'))
+    lines += [_line(f'place of film {film + 1}', place, 'm', 'along the tread, from film 1')
+              for film, place in sorted(found.places.items())]
+    lines += [_line(f'angle of film 1, {wheel}', angle, 'rad', 'wheel_states.position over the '
+                    'middle of the patch' + (f', {bags[run]}' if len(bags) > 1 else ''))
+              for (run, wheel), angle in found.angles.items()]
+    lines += [f'{name:32}not told: {why}' for name, why in found.refused.items()]
+    lines.append(f'{found.telling} of {found.passages} passages tell gains, in '
+                 f'{found.manoeuvres} stretches of like slip; their slips stray '
+                 f'{found.excess ** 0.5:.2g} times as far as expected')
+    return lines
+
+
+def _line(name: str, told: Estimate, unit: str, note: str) -> str:
+    return f'{name:32}{told.value:10.5g} ± {told.sigma:<8.2g} {unit:4}{note}'
