@@ -27,6 +27,8 @@ EXACT = 1e-5             # -, sigma of a slip whose error is dealt with later
 UNKNOWN_SLIP = 1.0       # -, sigma where nothing is known
 LARGEST_EXCESS = 9.0     # mean square of normalised residuals of a waveform that was understood
 PLAUSIBLE_BENDING = (0.2, 5.0)  # of the nominal bending peak
+STRAYED = 0.0025         # -, by which slip strays from a line for a waveform to be as wrong as its
+#                          noise: where speeds change, of simulated runs
 LEAST_INFORMATION = 1e-9  # relative eigenvalue: a prior that was taken out again leaves noise
 
 
@@ -86,7 +88,7 @@ class EvidenceReader:
         by_scale = rows @ raw[:, Shared.SCALE] / scale ** 2 if scale else np.zeros(len(value))
         return Told(
             known, tuple(one.film for one in passage.films), gains, estimate,
-            _held(precision) / fit.excess, by_scale,
+            _held(precision) / (fit.excess * (1.0 + (known.stray / STRAYED) ** 2)), by_scale,
             tuple(fit.own(i, Own.BENDING)[0] for i in range(count)),
             known.direction * fit.own(0, Own.PLACE)[0], fit)
 
