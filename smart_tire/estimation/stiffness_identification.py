@@ -22,7 +22,7 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
+from scipy.optimize import least_squares, OptimizeResult
 
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.estimate import Estimate, UNDETERMINED, weighted_mean
@@ -46,6 +46,7 @@ SIZES = (0.3, 0.02, 0.3, 1e-3, 0.01)  # of steps, in the order of ``Common``
 RUN_SIZE = 0.02         # m/s and m/s2, likewise
 SLIDES = 0.85           # of the force that wheels can hold, from which front or rear ones slide
 MISFIT, HARD = 2.0, 0.7  # excess of a fit that sliding explains, and share of the force to drop
+SUSPECT = 1.5           # excess, from which another start is tried
 OUTLIER = 3.0           # sigmas, beyond which a reading counts less
 MOST_STEPS = 60         # of the fit
 
@@ -74,13 +75,33 @@ def identify_stiffness(recordings: Sequence[Recording], robot: RobotParams) -> S
     where they do not tell it.
     """
     parts = [_below_sliding(recording, robot) for recording in recordings]
-    fit = parts[0][0]
-    if len(parts) > 1:
-        fit = _fit([model for _, model in parts], robot)
-        fit = replace(fit, stiffness=_widened(
-            fit.stiffness, [alone.stiffness for alone, _ in parts]))
-    _check(fit)
+    fit = parts[0][0] if len(parts) == 1 else _fit([model for _, model in parts], robot)
+    together, alone = fit.stiffness, [part.stiffness for part, _ in parts]
+    fit = replace(fit, stiffness=_widened(together, alone))
+    if not (fit.stiffness.value > 0.0 and fit.stiffness.determined):
+        raise EstimatorError(_reason(fit.stiffness, alone if together.determined else ()))
     return fit
+
+
+def _widened(together: Estimate, alone: Sequence[Estimate]) -> Estimate:
+    """Return ``together`` with a sigma that explains how ``alone`` scatter."""
+    told = [item for item in alone if item.determined]
+    if len(told) < 2:
+        return together
+    expected = sum(item.sigma ** -2 for item in told) ** -0.5
+    return replace(together, sigma=together.sigma * weighted_mean(told).sigma / expected)
+
+
+def _reason(told: Estimate, alone: Sequence[Estimate]) -> str:
+    """Return why a stiffness is refused; of recordings that differ, what they tell ``alone``."""
+    if len(alone) > 1:
+        values = ', '.join(f'{item.value:.3g} ± {item.sigma:.2g}' for item in alone)
+        return f'the recordings tell {values} N: they are not of one tire on one ground'
+    if told.determined:
+        return (f'it comes out as {told.value:.3g} ± {told.sigma:.2g} N: wheels turn slower the '
+                'harder they drive; is the inertial unit mounted the other way round?')
+    return (f'standard error of {told.sigma / abs(told.value):.0%}, expected at most '
+            f'{UNDETERMINED:.0%}: speed changes too little on straight lines, below critical slip')
 
 
 def _below_sliding(recording: Recording, robot: RobotParams) -> tuple[StiffnessFit,
@@ -108,23 +129,6 @@ def _slides(fit: StiffnessFit, robot: RobotParams) -> NDArray[np.bool_]:
     if fit.excess > MISFIT:  # friction is as wrong as all the rest: begin with the hardest
         most = min(most, HARD * float(np.max(np.abs(fit.force))))
     return np.abs(fit.force) > most
-
-
-def _widened(together: Estimate, alone: Sequence[Estimate]) -> Estimate:
-    """Return ``together`` with a sigma that explains how ``alone`` scatter."""
-    told = [item for item in alone if item.determined]
-    if len(told) < 2:
-        return together
-    expected = sum(item.sigma ** -2 for item in told) ** -0.5
-    return replace(together, sigma=together.sigma * weighted_mean(told).sigma / expected)
-
-
-def _check(fit: StiffnessFit) -> None:
-    stiffness = fit.stiffness
-    if not (stiffness.value > 0.0 and stiffness.determined):
-        raise EstimatorError(
-            f'standard error of {stiffness.sigma / abs(stiffness.value):.0%}, expected at most '
-            f'{UNDETERMINED:.0%}: speed changes too little on straight lines, below critical slip')
 
 
 class _Problem:
@@ -176,17 +180,19 @@ class _Problem:
 
 def _fit(models: Sequence[StiffnessModel], robot: RobotParams) -> StiffnessFit:
     problem = _Problem(models)
-    results = []
+    rows = sum(len(model.runs.speed) for model in models)
+    free = max(rows - 2 * problem.runs - len(Common), 1)
+    results: list[OptimizeResult] = []
     for friction in FRICTIONS:
+        if results and 2.0 * results[0].cost < SUSPECT * free:
+            break
         start = problem.mean.copy()
         start[Common.FRICTION] = math.log(friction)
         results.append(least_squares(
             problem.residuals, start, problem.jacobian, x_scale=problem.size, loss='huber',
             f_scale=OUTLIER, max_nfev=MOST_STEPS))
     best = min(results, key=lambda result: float(result.cost))
-    rows = sum(len(model.runs.speed) for model in models)
-    free = rows - 2 * problem.runs - len(Common)
-    excess = max(1.0, 2.0 * float(best.cost) / max(free, 1))
+    excess = max(1.0, 2.0 * float(best.cost) / free)
     covariance = excess * np.linalg.inv(best.jac.T @ best.jac)
     return _told(problem, best.x, np.sqrt(np.diag(covariance)), excess, robot)
 

@@ -27,8 +27,9 @@ def stiff_slip(force: npt.ArrayLike, friction: float, loads: npt.ArrayLike) -> A
     slip = wanted / len(limits)
     for _ in range(ITERATIONS):
         xi = _sticking(slip, limits)
-        missing = wanted - (limits * (1.0 - xi**3)).sum(axis=0)
-        slip = slip + missing / np.maximum((xi * xi).sum(axis=0), 1e-12)
+        square = xi * xi  # many times faster than a power of three
+        missing = wanted - (limits * (1.0 - square * xi)).sum(axis=0)
+        slip = slip + missing / np.maximum(square.sum(axis=0), 1e-12)
         if np.all(missing <= PRECISION * np.maximum(wanted, PRECISION)):
             break
     return np.asarray(np.copysign(slip, force))
