@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from smart_tire.estimation.friction import disagreement, Evidence, where_all_slides
 from smart_tire.estimation.motion import Estimate, WheelMotion
-from smart_tire.estimation.waveform_fit import SlipKnowledge, WaveformFit, WaveformFitter
+from smart_tire.estimation.waveform_fit import (
+    LEAST_SLIP, SlipKnowledge, WaveformFit, WaveformFitter)
 from smart_tire.estimation.waveform_model import Own, own, Shared
 from smart_tire.estimation.wheel_films import WheelPassage
 from smart_tire.models import passage_waveform, tread_film
@@ -27,7 +28,7 @@ PLAUSIBLE_BENDING = (0.3, 3.0)  # of the nominal bending peak
 LARGEST_RESIDUAL = 0.2          # of the bending peak, rms
 PLACE_SIGMA = 0.003      # m, beyond which the place is not known
 KNOWN_PEAK = 0.3         # of the contact length, one sigma of x_m above which it is not known
-CHANGE_NOISE = 0.001     # -, change of slip over a contact length while nothing changes ...
+CHANGE_NOISE = 0.0007   # -, change of slip over a contact length while nothing changes ...
 UNSEEN_CHANGE = 0.01     # -, ... and as long as nobody tells whether it does
 CHANGE_ERROR = 0.5       # share of a change that the slip estimator may have wrong
 UNSEEN = 0.5             # share of a wheel's change of speed that may go into its slip
@@ -37,6 +38,7 @@ SMALL_SLIP = 0.01        # -, below which a relative change means nothing
 SPEED_NOISE = 0.01       # relative change of speed that a jittering angle shows in one pass
 MISFIT = 1.5             # mean square of normalised residuals from which films are compared
 DIFFERENT = 3.0          # sigmas between two films that are two grounds
+UNKNOWN_GAIN = 1.0       # relative sigma of gains of which nothing is used
 STEP = 1e-3              # -, of the sliding share, for a slope
 
 
@@ -58,6 +60,9 @@ class WaveformReader:
         self._film, self._patch = robot.film, robot.tire.contact_length
         self._gains, self._bending = robot.film.gains(wheel), robot.film.bending(wheel)
         self._fitter = WaveformFitter(robot, self._gains, self._bending)
+        # the films' slip is in the estimated one already: their gains must not tell it twice
+        self._joining = self._fitter if not robot.slip.film_aided else WaveformFitter(
+            robot, self._gains, self._bending, gain_sigma=UNKNOWN_GAIN)
 
     def read(self, passage: WheelPassage, motion: WheelMotion) -> Reading | None:
         """Return what ``passage`` tells, None if it does not look like one."""
@@ -75,8 +80,9 @@ class WaveformReader:
         if math.isfinite(motion.slip[0]):
             change = motion.slip_rate * self._patch / passage.speed
             sigma = math.hypot(CHANGE_NOISE, CHANGE_ERROR * change, unseen)
-            known = SlipKnowledge(motion.slip, (change, sigma))
-            best = self._fitter.fit(samples, known, first) or first
+            known = SlipKnowledge(motion.slip, (change, sigma), _spread(
+                motion, passage.speed, (change, sigma)))
+            best = self._joining.fit(samples, known, first) or first
             joined = self._compared(
                 best, known, math.hypot(motion.slip_bend, stray)).widened(
                     disagreement(alone, motion.slip))
@@ -97,7 +103,7 @@ class WaveformReader:
         evidence, passage = _strayed(fit, stray), fit.passage
         if fit.excess < MISFIT or len(passage.films) < 2:
             return evidence
-        parts = [self._fitter.fit(replace(passage, films=(one,), sightings=(seen,)), known)
+        parts = [self._joining.fit(replace(passage, films=(one,), sightings=(seen,)), known)
                  for one, seen in zip(passage.films, passage.sightings)]
         slidings = np.array([part.sliding for part in parts if part is not None])
         off = slidings[:, 0] - fit.sliding[0]
@@ -141,6 +147,21 @@ class WaveformReader:
                 'peak_interval': (interval, spread)}
 
 
+def _spread(motion: WheelMotion, speed: float, change: Estimate) -> Estimate:
+    """
+    Return the relative change of the sliding share for a ``change`` of the slip.
+
+    The share follows the total slip, so what the lateral slip does counts by its square; while
+    the one changes the other may as well, or not.
+    """
+    slip, scale = motion.slip[0]**2, max(abs(motion.slip[0]), LEAST_SLIP)
+    lateral = (motion.lateral[0] / speed)**2
+    share = slip / (slip + lateral) if math.isfinite(lateral) and slip > 0.0 else UNSEEN
+    own, other = share / scale, (1.0 - share) / scale
+    return (own * change[0] * math.copysign(1.0, motion.slip[0]),
+            math.hypot(own * change[1], other * math.hypot(*change)))
+
+
 def _strayed(fit: WaveformFit, stray: float) -> Evidence:
     """
     Return what ``fit`` tells of a slip that strayed by so much [-] from a straight line.
@@ -148,7 +169,12 @@ def _strayed(fit: WaveformFit, stray: float) -> Evidence:
     Where the slip changes by much of itself a straight line does not hold either.
     """
     slip, sliding = fit.slip[0], fit.sliding[0]
-    growth = math.hypot(*fit.shared(Shared.GROWTH))
-    relative = math.hypot(CURVED * growth**2, stray / max(abs(slip), SMALL_SLIP))
-    off = relative * np.array([max(abs(slip), SMALL_SLIP), sliding])
+    size = max(abs(slip), SMALL_SLIP)
+    growth, spread = (math.hypot(CURVED * sum(map(_squared, fit.shared(which))), stray / size)
+                      for which in (Shared.GROWTH, Shared.SPREAD))
+    off = np.array([growth * size, spread * sliding])
     return Evidence(slip, sliding, fit.noise + np.diag(off**2), fit.lasting)
+
+
+def _squared(value: float) -> float:
+    return value * value

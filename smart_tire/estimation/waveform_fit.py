@@ -57,6 +57,8 @@ class SlipKnowledge:
 
     slip: Estimate = (0.0, SLIP_SIGMA)  # -, at the reference
     change: Estimate = (0.0, 0.0)       # -, of the slip over a contact length
+    # -, relative, of the sliding share over a contact length; None: as that of the slip
+    spread: Estimate | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -202,11 +204,13 @@ class WaveformFitter:
         count, errors = len(passage.films), passage.errors
         value, sigma = np.zeros((2, own(count, Own.PLACE) + len(errors.warps)))
         scale = math.copysign(max(abs(slip), LEAST_SLIP), slip)  # GROWTH is relative to the slip
+        growth = known.change[0] / scale, known.change[1] / abs(scale)
+        spread = growth if known.spread is None else known.spread
         value[:len(Shared)] = (
-            known.slip[0], TYPICAL_SLIDING, known.change[0] / scale, 0.0, 0.0, 0.0)
+            known.slip[0], TYPICAL_SLIDING, growth[0], spread[0], 0.0, 0.0, 0.0)
         sigma[:len(Shared)] = (
-            known.slip[1], SLIDING_SIGMA, known.change[1] / abs(scale), errors.scale,
-            ALPHA_SIGMA, self._length_sigma)
+            known.slip[1], SLIDING_SIGMA, growth[1], spread[1], errors.scale, ALPHA_SIGMA,
+            self._length_sigma)
         sigma[own(count, Own.PLACE):] = errors.warps
         recovery = RECOVERY_SIGMA if self._robot.film.release == 'fig8' else 0.0
         for i, (one, seen) in enumerate(zip(passage.films, passage.sightings)):

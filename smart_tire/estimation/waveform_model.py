@@ -30,10 +30,11 @@ class Shared(IntEnum):
 
     SLIP = 0     # -, B(3)'s lambda where the distance is the reference
     SLIDING = 1  # -, total slip / critical slip there
-    GROWTH = 2   # -, relative change of both over a contact length
-    SCALE = 3    # -, relative error of the distances' scale
-    ALPHA = 4    # -, ln of B(15)'s alpha over the nominal one
-    LENGTH = 5   # -, ln of the contact length over the nominal one
+    GROWTH = 2   # -, relative change of the slip over a contact length ...
+    SPREAD = 3   # -, ... and of the sliding share: the lateral slip changes as it likes
+    SCALE = 4    # -, relative error of the distances' scale
+    ALPHA = 5    # -, ln of B(15)'s alpha over the nominal one
+    LENGTH = 6   # -, ln of the contact length over the nominal one
 
 
 class Own(IntEnum):
@@ -94,7 +95,7 @@ class WaveformModel:
         films = p[self._own].reshape(-1, len(Own)).copy()
         films[:, Own.RECOVERY] = tread_film.RECOVERY * np.exp(films[:, Own.RECOVERY])
         place, offset, bending, before, after, gain, tail = films.take(self._index, axis=0).T
-        slip, sliding, growth, scale, alpha, length = p[:len(Shared)].tolist()
+        slip, sliding, growth, spread, scale, alpha, length = p[:len(Shared)].tolist()
         alpha, patch = self._film.bending_alpha * math.exp(alpha), self._patch * math.exp(length)
         way = self._distance - place
         x = (way * (1.0 + scale) + p[self._own.stop:] @ self._warps
@@ -104,8 +105,8 @@ class WaveformModel:
                                         tail)
         bump, behind = passage_waveform.bumps(x, self._film.length, patch)
         height = np.where(behind, after, before)
-        grown = 1.0 + growth * self._far
-        local = sliding * grown
+        grown, spreads = 1.0 + growth * self._far, 1.0 + spread * self._far
+        local = sliding * spreads
         inside = np.maximum(local, LEAST_SLIDING)
         strain = passage_waveform.stretch(x, inside, self._film.length, patch)
         unit = strain.value + (local - inside) * strain.by_sliding
@@ -120,9 +121,9 @@ class WaveformModel:
         by_sliding = pull * strain.by_sliding
         by_place = (bending * bend.by_place + pull * strain.by_place
                     - height * bump.by_place)
-        np.multiply(by_sliding, grown, out=slopes[Shared.SLIDING])
-        np.multiply(self._far, stretched / grown + sliding * by_sliding,
-                    out=slopes[Shared.GROWTH])
+        np.multiply(by_sliding, spreads, out=slopes[Shared.SLIDING])
+        np.multiply(self._far, stretched / grown, out=slopes[Shared.GROWTH])
+        np.multiply(self._far, sliding * by_sliding, out=slopes[Shared.SPREAD])
         np.multiply(by_place, way, out=slopes[Shared.SCALE])
         np.multiply(alpha * bending, bend.by_alpha, out=slopes[Shared.ALPHA])
         np.multiply(patch, bending * bend.by_length + pull * strain.by_length

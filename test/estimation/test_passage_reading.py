@@ -137,6 +137,17 @@ def test_a_slip_that_changes_as_told_biases_nothing():
     assert np.mean(np.square(off)) < 1.5
 
 
+@pytest.mark.parametrize(('growth', 'spread'), [(0.15, 0.05), (0.15, 0.15), (-0.15, 0.1)])
+def test_a_lateral_slip_that_changes_otherwise_biases_nothing(growth, spread):
+    rng, off = np.random.default_rng(15), []
+    lateral = (0.083 * SPEED, 1e-4)  # total slip 1.3 times the longitudinal one
+    for _ in range(60):
+        told = read(seen(rng, growth=growth, spread=spread), slip=(0.1, 1e-4), lateral=lateral,
+                    slip_rate=0.1 * growth * SPEED / L).joined
+        off.append((told.sliding - 0.18) / told.sliding_sigma)
+    assert np.mean(np.square(off)) < 1.5
+
+
 def test_what_does_not_look_like_a_passage_is_not_read():
     rng = np.random.default_rng(11)
     one = seen(rng, films=(0,)).samples

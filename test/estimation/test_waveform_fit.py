@@ -212,6 +212,19 @@ def test_a_slip_that_grows_in_the_passage_is_allowed_for():
     assert 0.6 < np.mean(((value - 0.18) / sigma)**2) < 1.4
 
 
+def test_a_sliding_share_that_grows_otherwise_than_the_slip_is_allowed_for():
+    here, rng = robot(), np.random.default_rng(16)
+    one, found = fitter(here), []
+    for _ in range(100):
+        seen = passage(rng, here, slip=0.1, sliding=0.18, growth=0.05,
+                       spread=0.06 * rng.standard_normal())
+        found.append(one.fit(seen, SlipKnowledge((0.1, KNOWN), (0.005, 1e-4), (0.0, 0.06))))
+    value, sigma = columns(found, Shared.SLIDING)
+    assert 0.6 < np.mean(((value - 0.18) / sigma)**2) < 1.4
+    changes = np.array([fit.shared(Shared.SPREAD) for fit in found])
+    assert np.median(changes[:, 1]) < 0.05  # the films tell as well
+
+
 def test_a_wrong_scale_of_the_distances_is_found_within_its_sigma():
     here = robot()
     found = fits(here, 60, 0.1, sliding=0.18, known=KNOWN, scale=0.01,
