@@ -4,7 +4,8 @@ All passages of a recording together: one set of gains, contact length and film 
 Weighted least squares over what each passage tells. The error of the slip multiplies the gains; it
 is taken apart in what is new in every passage and what lasts through a manoeuvre, that is as long
 as a wheel goes on with the same slip: passages of one steady turn do not tell more than the slip
-estimator knows of that turn. Errors of the wheel radius and of the films' length, the two rulers
+estimator knows of that turn. A wheel radius that is wrong adds the same to all slips, which runs
+with both signs of it tell. Errors of the wheel radius and of the films' length, the two rulers
 that there are, stretch all that is measured in metres. Passages and manoeuvres that stray count
 less (Huber), and where manoeuvres scatter more than expected, all of them are widened.
 """
@@ -84,11 +85,8 @@ class Combination:
     layout: Layout
     value: Array       # (n,), in the order of ``layout``
     covariance: Array  # (n, n)
-    weight: Array      # (passages,), 1 but for outliers
-    manoeuvre: NDArray[np.intp]  # (passages,), number of it, -1 where no gains are told
     manoeuvres: int
-    excess: float      # of passages: typical square of their normalised residuals, at least 1
-    spread: float      # of the slip's errors in manoeuvres: likewise
+    spread: float      # mean square of the slip's errors in them over that expected, at least 1
 
     def estimate(self, index: int) -> tuple[float, float]:
         """Return a parameter with its standard error."""
@@ -117,50 +115,67 @@ def manoeuvres(told: Sequence[Told], runs: Sequence[int]) -> NDArray[np.intp]:
     return found
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Row:
+    """What one passage tells, by all parameters but those of manoeuvres, and by its own."""
+
+    by_common: Array  # (k, n)
+    by_slip: Array    # (k,), per sigma of what lasts through the manoeuvre
+    value: Array      # (k,), relative to what is nominal
+    precision: Array  # (k, k)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Solution:
+    common: Array      # (n,)
+    covariance: Array  # (n, n)
+    strayed: Array     # (manoeuvres,) sigmas, of what lasts
+    variance: Array    # (manoeuvres,)
+
+
 class _Combiner:
     def __init__(self, told: Sequence[Told], runs: Sequence[int], robot: RobotParams) -> None:
-        self._told, self._layout = told, Layout(robot.film.wheels, robot.film.count)
+        self._told, self._runs = told, runs
+        self._layout = layout = Layout(robot.film.wheels, robot.film.count)
         self._places = robot.film.places
         self._manoeuvre = manoeuvres(told, runs)
         self._count = int(self._manoeuvre.max(initial=-1)) + 1
-        layout = self._layout
-        sigma = np.full(layout.size, GAIN_SIGMA)
-        sigma[layout.length:layout.place(0)] = (
-            LENGTH_SIGMA, ALPHA_SIGMA, max(robot.wheel_radius_sigma, LEAST_SIGMA),
-            FILM_LENGTH_SIGMA)
-        sigma[layout.place(0):] = PLACE_SIGMA
-        self._prior = sigma
+        radius = max(robot.wheel_radius_sigma, LEAST_SIGMA)
+        # behind what ``layout`` names, what is added to the slips of each recording
+        sigma = np.full(layout.size + max(runs, default=-1) + 1, radius)
+        sigma[:layout.length] = GAIN_SIGMA
+        sigma[layout.length:layout.place(0)] = LENGTH_SIGMA, ALPHA_SIGMA, radius, FILM_LENGTH_SIGMA
+        sigma[layout.place(0):layout.size] = PLACE_SIGMA
+        self._prior = sigma ** -2.0
         relative = np.array([one.known.slip[1] / abs(one.known.slip[0]) for one in told])
         self._relative = [float(np.median(relative[self._manoeuvre == number]))
                           for number in range(self._count)]  # sigma of slip, by manoeuvre
-        self._rows = [self._passage(i) for i in range(len(told))]
+        self._rows = [self._row(i) for i in range(len(told))]
 
-    def _passage(self, i: int) -> tuple[Array, Array, Array]:
-        """Return slopes by all parameters, what is told relative to them, and its precision."""
+    def _row(self, i: int) -> _Row:
         one, layout = self._told[i], self._layout
-        rows = np.zeros((len(one.value), layout.size + self._count))
-        value, precision = one.value.copy(), one.precision
-        shared = len(one.films) if one.gains else 0
+        rows, gains = np.zeros((len(one.value), len(self._prior))), np.zeros(len(one.value))
+        value, precision, count = one.value.copy(), one.precision, len(one.films) * one.gains
+        length, alpha = count, count + 1
         # distances that are too short, or a film that is too long: the fit must not know
         rows[:, layout.radius], rows[:, layout.film] = -one.by_scale, one.by_scale
-        rows[[shared, shared + 1], [layout.length, layout.alpha]] = 1.0
-        rows[[shared, shared + 1], layout.film] += -1.0, 1.0
+        rows[length, [layout.length, layout.film]] += 1.0, -1.0
+        rows[alpha, [layout.alpha, layout.film]] += 1.0, 1.0
         first = one.films[0]
-        for row, film in enumerate(one.films[1:], shared + 2):
+        for row, film in enumerate(one.films[1:], count + 2):
             apart = self._places[film] - self._places[first]
-            rows[row, [layout.place(film), layout.place(first)]] = 1.0, -1.0
-            rows[row, layout.film] -= apart
+            rows[row, [layout.place(film), layout.place(first), layout.film]] += 1.0, -1.0, -apart
             value[row] -= apart
-        if one.gains:
-            lasting, new = self._slip_errors(i)
-            gains = np.zeros(len(value))
-            gains[:shared] = 1.0
-            for row, film in enumerate(one.films):
-                rows[row, layout.gain(one.known.wheel, film)] = 1.0
-            rows[:, layout.size + self._manoeuvre[i]] = lasting * gains
-            through = precision @ (new * gains)
-            precision = precision - np.outer(through, through) / (1.0 + new * gains @ through)
-        return rows, value, precision
+        if not one.gains:
+            return _Row(rows, gains, value, precision)
+        slip, (lasting, new) = one.known.slip[0], self._slip_errors(i)
+        gains[:count] = 1.0
+        for row, film in enumerate(one.films):
+            rows[row, layout.gain(one.known.wheel, film)] = 1.0
+        rows[:, layout.size + self._runs[i]] = gains * (1.0 - slip) / slip
+        through = precision @ (new * gains)
+        return _Row(rows, lasting * gains, value, precision - np.outer(through, through) / (
+            1.0 + new * gains @ through))
 
     def _slip_errors(self, i: int) -> tuple[float, float]:
         """
@@ -177,46 +192,66 @@ class _Combiner:
         return LASTING * lasting, math.hypot(new, beyond)
 
     def run(self) -> Combination:
-        layout, size = self._layout, self._layout.size
+        """Solve and weigh until outliers are known."""
+        size = self._layout.size
         weight, held = np.ones(len(self._told)), np.ones(self._count)
         excess = spread = 1.0
+        freedom = np.array([len(row.value) for row in self._rows])
         for _ in range(ROUNDS):
-            prior = np.concatenate([self._prior ** -2.0, held / spread])
-            normal, right = np.diag(prior), np.zeros(len(prior))
-            for w, (rows, value, precision) in zip(weight, self._rows):
-                weighted = rows.T @ (w / excess * precision)
-                normal += weighted @ rows
-                right += weighted @ value
-            covariance = np.linalg.inv(normal)
-            found = covariance @ right
-            squares = np.array([self._square(one, found) for one in self._rows])
-            freedom = np.array([len(value) for _, value, _ in self._rows])
+            found = self._solve(weight / excess, held / spread)
+            squares = self._squares(found)
             excess = max(1.0, float(np.median(squares / freedom)) / _middle(freedom))
-            weight = np.minimum(1.0, OUTLIER * np.sqrt(freedom * excess / np.maximum(
-                squares, np.finfo(float).tiny)))
-            strayed = found[size:]
-            spread = self._spread(strayed, np.diag(covariance)[size:], spread)
-            held = np.minimum(1.0, OUTLIER * math.sqrt(spread) / np.maximum(
-                np.abs(strayed), np.finfo(float).tiny))
-        return Combination(layout, found[:size], covariance[:size, :size], weight,
-                           self._manoeuvre, self._count, excess, spread)
+            weight = _huber(np.sqrt(squares / (freedom * excess)))
+            spread = _spread(found, spread)
+            held = _huber(np.abs(found.strayed) / math.sqrt(spread))
+        return Combination(self._layout, found.common[:size], found.covariance[:size, :size],
+                           self._count, spread)
 
-    @staticmethod
-    def _square(passage: tuple[Array, Array, Array], found: Array) -> float:
-        rows, value, precision = passage
-        left = value - rows @ found
-        return float(left @ precision @ left)
+    def _solve(self, weight: Array, held: Array) -> _Solution:
+        """Return the least squares, where manoeuvres are solved for one by one."""
+        n = len(self._prior)
+        normal, right = np.diag(self._prior), np.zeros(n)
+        across, own, own_right = np.zeros((n, self._count)), held.copy(), np.zeros(self._count)
+        for w, row, number in zip(weight, self._rows, self._manoeuvre):
+            weighted = row.by_common.T @ (w * row.precision)
+            normal += weighted @ row.by_common
+            right += weighted @ row.value
+            if number >= 0:
+                through = w * row.precision @ row.by_slip
+                across[:, number] += row.by_common.T @ through
+                own[number] += row.by_slip @ through
+                own_right[number] += row.value @ through
+        share = across / own
+        covariance = np.linalg.inv(normal - share @ across.T)
+        common = covariance @ (right - share @ own_right)
+        return _Solution(common, covariance, own_right / own - share.T @ common,
+                         1.0 / own + np.sum(share * (covariance @ share), axis=0))
 
-    @staticmethod
-    def _spread(strayed: Array, variance: Array, before: float) -> float:
-        """Return the variance of what lasts through manoeuvres, in that expected; at least 1."""
-        freedom = float(np.sum(1.0 - variance / before))
-        if freedom < 1.0:
-            return before
-        return max(1.0, float(np.sum(np.minimum(strayed ** 2, OUTLIER ** 2 * before))) / freedom)
+    def _squares(self, found: _Solution) -> Array:
+        """Return the squared normalised residual of each passage."""
+        squares = np.zeros(len(self._rows))
+        for i, (row, number) in enumerate(zip(self._rows, self._manoeuvre)):
+            left = row.value - row.by_common @ found.common
+            if number >= 0:
+                left = left - row.by_slip * found.strayed[number]
+            squares[i] = left @ row.precision @ left
+        return squares
+
+
+def _huber(size: Array) -> Array:
+    """Return the weights of residuals of so many sigmas."""
+    weights: Array = OUTLIER / np.maximum(size, OUTLIER)
+    return weights
+
+
+def _spread(found: _Solution, before: float) -> float:
+    """Return the variance of what lasts through manoeuvres, in that expected; at least 1."""
+    freedom = float(np.sum(1.0 - found.variance / before))
+    if freedom < 1.0:
+        return before
+    return max(1.0, float(np.sum(np.minimum(found.strayed ** 2, OUTLIER ** 2 * before))) / freedom)
 
 
 def _middle(freedom: NDArray[np.intp]) -> float:
     """Return the median of chi-squared over its degrees of freedom, about."""
-    typical = float(np.median(freedom)) if len(freedom) else 1.0
-    return (1.0 - 2.0 / (9.0 * typical)) ** 3
+    return float((1.0 - 2.0 / (9.0 * np.median(freedom))) ** 3)

@@ -8,7 +8,7 @@ for they must count once and not once in each passage; all else belongs to the p
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,7 +73,8 @@ class EvidenceReader:
         fitter, passage = self._fitters[known.wheel], known.films
         fit = fitter.fit(passage, SlipKnowledge((known.slip[0], UNKNOWN_SLIP), known.change))
         if fit is not None and gains:
-            fit = fitter.fit(passage, SlipKnowledge((known.slip[0], EXACT), known.change), fit)
+            fit = fitter.fit(passage, SlipKnowledge((known.slip[0], EXACT), known.change),
+                             _with_slip(fit, known.slip[0]))
         if fit is None or not self._plausible(fit, known.wheel):
             return None
         count = len(passage.films)
@@ -82,13 +83,13 @@ class EvidenceReader:
         prior = np.zeros(len(value))
         prior[:count * gains] = self._sigmas[0] ** -2
         prior[count * gains:count * gains + 2] = self._sigmas[1] ** -2, ALPHA_SIGMA ** -2
-        precision = np.linalg.inv(rows @ raw @ rows.T) - np.diag(prior)
-        estimate = value + np.linalg.solve(_held(precision), prior * value)
+        precision = _without(np.linalg.inv(rows @ raw @ rows.T), prior)
+        estimate = value + np.linalg.solve(precision, prior * value)
         scale = passage.errors.scale
         by_scale = rows @ raw[:, Shared.SCALE] / scale ** 2 if scale else np.zeros(len(value))
         return Told(
             known, tuple(one.film for one in passage.films), gains, estimate,
-            _held(precision) / (fit.excess * (1.0 + (known.stray / STRAYED) ** 2)), by_scale,
+            precision / (fit.excess * (1.0 + (known.stray / STRAYED) ** 2)), by_scale,
             tuple(fit.own(i, Own.BENDING)[0] for i in range(count)),
             known.direction * fit.own(0, Own.PLACE)[0], fit)
 
@@ -101,6 +102,15 @@ class EvidenceReader:
         return fit.excess < LARGEST_EXCESS and all(
             low < fit.own(i, Own.BENDING)[0] / self._bending[wheel][one.film] < high
             for i, one in enumerate(fit.passage.films))
+
+
+def _with_slip(fit: WaveformFit, slip: float) -> WaveformFit:
+    """Return a fit with another slip and the gains that make up for it, as a start."""
+    p = fit.parameters.copy()
+    gains = [own(i, Own.GAIN) for i in range(len(fit.passage.films))]
+    p[gains] = (1.0 + p[gains]) * p[Shared.SLIP] / slip - 1.0
+    p[Shared.SLIP] = slip
+    return replace(fit, parameters=p)
 
 
 def _rows(fit: WaveformFit, direction: int, gains: bool) -> tuple[Array, Array]:
@@ -120,10 +130,10 @@ def _rows(fit: WaveformFit, direction: int, gains: bool) -> tuple[Array, Array]:
     return rows, value
 
 
-def _held(precision: NDArray[np.floating]) -> Array:
-    """Return a precision without directions of which nothing is told, or less than that."""
-    size = np.sqrt(np.maximum(np.diag(precision), np.finfo(float).tiny))
-    values, vectors = np.linalg.eigh(precision / np.outer(size, size))
+def _without(whole: NDArray[np.floating], prior: Array) -> Array:
+    """Return a precision without that of the priors; never less than nearly nothing is left."""
+    size = np.sqrt(np.diag(whole))
+    values, vectors = np.linalg.eigh((whole - np.diag(prior)) / np.outer(size, size))
     held = np.maximum(values, LEAST_INFORMATION)
     found: Array = np.outer(size, size) * ((vectors * held) @ vectors.T)
     return found

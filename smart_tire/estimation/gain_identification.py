@@ -13,15 +13,18 @@ from dataclasses import replace
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from smart_tire.errors import EstimatorError
-from smart_tire.estimation.gain_combination import combine
+from smart_tire.estimation.gain_combination import combine, Combination
 from smart_tire.estimation.gain_evidence import EvidenceReader, Told
 from smart_tire.estimation.gain_results import (
     apart, bendings, FEWEST, Found, GainFit, LEAST_SLIP, middle, Results, SIGNIFICANT,
     WORST_PLACE)
 from smart_tire.estimation.passage_collector import KnownPassage
 from smart_tire.parameters import RobotParams
+
+Array = NDArray[np.float64]
 
 MOST_ROUNDS = 5      # of fits, each with what the one before found
 SETTLED = 0.3        # standard errors, below which the next one changes nothing
@@ -54,9 +57,9 @@ def _unfolded(robot: RobotParams) -> RobotParams:
 def _settle(runs: Sequence[Sequence[KnownPassage]],
             robot: RobotParams) -> tuple[list[Told], list[int], Found]:
     """Fit all passages until what they have in common stays the same."""
-    groups = robot.film_groups
-    for number in range(MOST_ROUNDS):
-        reader = EvidenceReader(robot, near=number > 0)
+    groups, near = robot.film_groups, False
+    for _ in range(MOST_ROUNDS):
+        reader = EvidenceReader(robot, near=near)
         read = [(one, i) for i, passages in enumerate(runs) for known in passages
                 if (one := reader.read(known, gains=_tells(known))) is not None]
         told, run = [one for one, _ in read], [i for _, i in read]
@@ -68,8 +71,9 @@ def _settle(runs: Sequence[Sequence[KnownPassage]],
         found = Found(robot, groups, reader, result)
         moved = result.value / np.sqrt(np.diag(result.covariance))
         robot = _moved(found, told)
-        if number and np.max(np.abs(moved[:result.layout.radius])) < SETTLED:
+        if near and np.max(np.abs(moved[:result.layout.radius])) < SETTLED:
             break
+        near = bool(np.all(_factors(result) > 0.0))  # of films the right way round
     return told, run, found
 
 
@@ -83,7 +87,8 @@ def _moved(found: Found, told: Sequence[Told]) -> RobotParams:
     robot, result = found.robot, found.result
     film, layout = robot.film, result.layout
     most, longest = LARGEST_CHANGE
-    factor = np.clip(1.0 + result.value[:layout.length], 1.0 / most, most)
+    factor = _factors(result)
+    factor = np.where(factor > 0.0, np.clip(factor, 1.0 / most, most), 1.0)
     length, alpha = np.exp(np.clip(result.value[[layout.length, layout.alpha]],
                                    -math.log(longest), math.log(longest))).tolist()
     bending = [middle(values).value if values else nominal for values, nominal in zip(
@@ -96,6 +101,12 @@ def _moved(found: Found, told: Sequence[Told]) -> RobotParams:
                    bending_peak=tuple(bending), bending_alpha=alpha * film.bending_alpha, **where)
     return replace(robot, film=film, tire=replace(
         robot.tire, contact_length=length * robot.tire.contact_length))
+
+
+def _factors(result: Combination) -> Array:
+    """Return gains over the nominal ones."""
+    factors: Array = 1.0 + result.value[:result.layout.length]
+    return factors
 
 
 def _offsets(found: Found) -> list[float]:

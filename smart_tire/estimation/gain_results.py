@@ -24,7 +24,7 @@ FEWEST = 5           # passages of a film, below which none can be told for an o
 WORST = 0.1          # relative standard error above which a gain or the contact length is refused
 WORST_PLACE = 0.003  # m, likewise of the place of a film
 MEDIAN_TO_SIGMA = 1.4826   # of the absolute values of Gaussian noise
-MEDIAN_ERROR = 1.2533      # standard error of a median over that of a mean
+OUTLIER = 3.0              # sigmas, to which bending peaks beyond are drawn
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +35,7 @@ class FilmTold:
     film: int                # index, 0 for film 1
     gain: Estimate | None    # V/m, film.stretch_gain; None where it was refused
     per_slip: Estimate | None  # V per unit of slip, see ``volts_per_slip``
-    bending: Estimate        # V, film.bending_peak: middle, and its own standard error
+    bending: Estimate        # V, film.bending_peak: mean, and its own standard error
     slip: Array              # (n,) -, of each passage ...
     slip_sigma: Array        # (n,)
     stretch: Array           # (n,) V, ... and the gain in it times slip, as ``per_slip`` ...
@@ -265,10 +265,12 @@ def bendings(told: Sequence[Told], wheel: str, film: int) -> list[float]:
 
 
 def middle(values: Sequence[float]) -> Estimate:
-    """Return the median with its standard error."""
-    middle = float(np.median(values))
-    spread = MEDIAN_TO_SIGMA * float(np.median(np.abs(np.asarray(values) - middle)))
-    return Estimate(middle, MEDIAN_ERROR * spread / math.sqrt(len(values)))
+    """Return the mean with its standard error; values far off count as if they were nearer."""
+    median = float(np.median(values))
+    spread = MEDIAN_TO_SIGMA * float(np.median(np.abs(np.asarray(values) - median)))
+    near = np.clip(values, median - OUTLIER * spread, median + OUTLIER * spread)
+    return Estimate(float(np.mean(near)), float(np.std(near, ddof=1)) / math.sqrt(len(near))
+                    if len(near) > 1 else math.inf)
 
 
 def apart(result: Combination, film: int, first: int) -> Estimate:
