@@ -135,7 +135,7 @@ def _read(path: Path, params: EstimatorParams, smooth: bool) -> Iterator[Batch |
     """Yield the bag's messages, through the slip stage, and at last what the bag held."""
     intake, received = Intake(), array('q')
     slip = SmoothedSlip(params.slip) if smooth else SlipEstimator(params.slip)
-    stage = SlipStage(slip)
+    stage = SlipStage.of(params, slip)
     with Bag(path) as bag:
         start, end = bag.span_ns
         work = (1 + smooth) * max(1, end - start)

@@ -46,10 +46,22 @@ class EstimatorParams:
 
 
 class SlipStage:
-    """The slip estimator: inputs in; its estimates, and what the friction estimator needs, out."""
+    """
+    The slip estimator: inputs in; its estimates, and what the friction estimator needs, out.
 
-    def __init__(self, slip: SlipEstimator | SmoothedSlip) -> None:
-        self._slip = slip
+    ``films`` is a friction estimator of its own, for one that is aided by the films: what it says
+    goes back into it.
+    """
+
+    def __init__(self, slip: SlipEstimator | SmoothedSlip,
+                 films: FrictionEstimator | None = None) -> None:
+        self._slip, self._films = slip, films
+
+    @classmethod
+    def of(cls, params: EstimatorParams, slip: SlipEstimator | SmoothedSlip) -> SlipStage:
+        """Return the stage with all that ``params`` ask for."""
+        aided = params.slip.robot.slip.film_aided
+        return cls(slip, FrictionEstimator(params.friction) if aided else None)
 
     def update(self, sample: Sample) -> list[Sample]:
         """Take an input in the order of reception."""
@@ -58,7 +70,15 @@ class SlipStage:
             passed += self._slip.update(sample)
         if isinstance(sample, (TireSample, WheelSample)):
             passed.append(sample)
+        if self._films is not None:
+            self._aid(self._films, passed)
         return passed
+
+    def _aid(self, films: FrictionEstimator, passed: list[Sample]) -> None:
+        for item in passed:
+            if not isinstance(item, Icr):
+                for passage in films.update(item):
+                    self._slip.update(passage)
 
     @property
     def late(self) -> Counter[str]:
@@ -91,7 +111,7 @@ class Pipeline:
     """Both stages in one: inputs in, estimates out."""
 
     def __init__(self, params: EstimatorParams) -> None:
-        self._slip = SlipStage(SlipEstimator(params.slip))
+        self._slip = SlipStage.of(params, SlipEstimator(params.slip))
         self._friction = FrictionStage(params)
 
     def update(self, sample: Sample) -> list[Estimate]:

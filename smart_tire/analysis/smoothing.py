@@ -13,7 +13,7 @@ from smart_tire.estimation.slip_report import Estimate, SlipReport
 from smart_tire.estimation.slip_state import N
 from smart_tire.estimation.smoother import Smoother
 from smart_tire.parameters import SlipEstimatorParams
-from smart_tire.samples import ImuSample, Sample, WheelSample
+from smart_tire.samples import Friction, ImuSample, Sample, WheelSample
 
 
 class SmoothedSlip:
@@ -24,7 +24,7 @@ class SmoothedSlip:
         self._estimator = SlipEstimator(params, self._smoother)
         self._report = SlipReport(params.robot)
 
-    def update(self, sample: ImuSample | WheelSample) -> list[Estimate]:
+    def update(self, sample: ImuSample | WheelSample | Friction) -> list[Estimate]:
         """Take a sample in; return the filter's estimates of the instants that it closes."""
         return self._estimator.update(sample)
 

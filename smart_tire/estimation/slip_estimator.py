@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import math
 from typing import Any, Protocol
 
+from smart_tire.estimation.film_aid import FilmAid
 from smart_tire.estimation.gate import Gate
 from smart_tire.estimation.radius_learning import RadiusLearner
 from smart_tire.estimation.shaking import Shaking
@@ -22,7 +23,7 @@ from smart_tire.models.skid_steer import GRAVITY
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.rotation import matrix
 from smart_tire.samples import (
-    ImuSample, MAX_FORCE, MAX_RATE, MAX_WHEEL_SPEED, NS_PER_S, WheelSample)
+    Friction, ImuSample, MAX_FORCE, MAX_RATE, MAX_WHEEL_SPEED, NS_PER_S, WheelSample)
 
 DROPOUT = 0.1              # s without the inertial unit (or 3 periods): go by the wheels
 GUESS_TIME = 2.0           # s, for which a yaw rate that the wheels give errs to one side
@@ -50,8 +51,9 @@ class SlipEstimator:
     """
     Gate, filter and output of ``slip_estimator``: ``update`` with samples in any order.
 
-    Estimates begin with the first grid instant at which both inputs have been seen. All that a
-    smoother needs goes to the ``tape`` if there is one.
+    Estimates begin with the first grid instant at which both inputs have been seen. Where the
+    robot's slip is ``film_aided``, the films' slip in passages is used, too. All that a smoother
+    needs goes to the ``tape`` if there is one.
     """
 
     def __init__(self, params: SlipEstimatorParams, tape: EstimatorTape | None = None) -> None:
@@ -63,6 +65,7 @@ class SlipEstimator:
         self._gate = Gate(round(params.reorder_window * NS_PER_S))
         self.dropped: Counter[str] = Counter()  # topic -> duplicates and samples without use
         self.spikes = 0  # readings of the inertial unit that no robot can have felt
+        self.films_used = 0  # passages whose slip was used
         self.reset()
 
     def reset(self) -> None:
@@ -77,8 +80,10 @@ class SlipEstimator:
         self._at_reading = (0.0, 0.0)     # m/s, of the sides over ground, when wheels were read
         self._steering = Steering()
         self._radius = RadiusLearner(robot)
+        self._films = FilmAid(robot) if robot.slip.film_aided else None
         self._blind = False               # whether the unit is silent
-        self._zero_ns: int | None = None  # instant from which seconds are counted
+        self._zero_ns: int | None = None  # instant from which seconds are counted ...
+        self._closed_ns = 0               # ... and the last one that was closed
         self._time = 0.0                  # s, of the filter's state
         self._wheels_at = 0.0             # s, middle of what the last wheel reading describes
         self._imu_time: float | None = None
@@ -110,11 +115,15 @@ class SlipEstimator:
             'clock_jumps': self._gate.resets,
             'position_jumps': self._wheels.jumps,
             'imu_spikes': self.spikes,
+            **({} if self._films is None else {'films_used': self.films_used}),
             **{f'dropped.{topic}': count for topic, count in self.dropped.items()},
         }
 
-    def update(self, sample: ImuSample | WheelSample) -> list[Estimate]:
+    def update(self, sample: ImuSample | WheelSample | Friction) -> list[Estimate]:
         """Take a sample in; return the estimates of the grid instants that it closes."""
+        if isinstance(sample, Friction):
+            self._on_friction(sample)
+            return []
         topic = 'imu/data' if isinstance(sample, ImuSample) else 'wheel_states'
         if not _possible(sample):
             self.dropped[topic] += 1
@@ -142,6 +151,20 @@ class SlipEstimator:
         for sample in samples:
             if isinstance(sample, WheelSample):
                 self._on_wheels(sample)
+        if self._films is not None:
+            self._use_films(self._films, instant_ns)
+        self._closed_ns = instant_ns
+
+    def _on_friction(self, sample: Friction) -> None:
+        if self._films is not None and not self._films.push(sample, self._closed_ns):
+            self._gate.late['tire_friction'] += 1
+
+    def _use_films(self, films: FilmAid, instant_ns: int) -> None:
+        for film in films.due(instant_ns):
+            past = films.speed(film, self._seconds(film.stamp_ns))
+            if past is not None:
+                self._filter.update_past_speed(past)
+                self.films_used += 1
 
     def _seconds(self, stamp_ns: int) -> float:
         assert self._zero_ns is not None
@@ -235,8 +258,13 @@ class SlipEstimator:
         before = self._filter.x
         self._filter.predict(dt, motion)
         after = self._filter.x
-        self._log.add(end, 0.5 * (before[State.V_X] + after[State.V_X]),
-                      motion.yaw_rate - after[State.GYRO])
+        rate = motion.yaw_rate - after[State.GYRO]
+        self._log.add(end, 0.5 * (before[State.V_X] + after[State.V_X]), rate)
+        if self._films is not None:
+            self._films.note(end, after[State.V_X] - before[State.V_X],
+                             motion.accel_variance * dt, rate * dt, motion.yaw_rate,
+                             self._kinematics.wheel_speeds(after, motion.yaw_rate),
+                             self._unseen(motion.yaw_rate))
         self._time = end
 
     def _on_wheels(self, sample: WheelSample) -> None:
@@ -298,12 +326,11 @@ class SlipEstimator:
                     self._wheels.beyond_side, self._time, self._wheels_at)
         if self._tape is not None:
             self._tape.mark(seen, self._filter.x, self._filter.P)
-        return self._report.estimates(seen, self._filter.x, self._filter.P, self._unseen())
+        return self._report.estimates(seen, self._filter.x, self._filter.P, self._unseen(rate))
 
-    def _unseen(self) -> tuple[float, float]:
+    def _unseen(self, gyro_z: float) -> tuple[float, float]:
         """Return by how much the sides' sliding [m/s] may have changed since wheels were read."""
-        assert self._imu is not None
-        now = self._kinematics.side_speeds(self._filter.x, self._imu[0])
+        now = self._kinematics.side_speeds(self._filter.x, gyro_z)
         left, right = (UNSEEN * max(0.0, abs(new - old) - UNSEEN_CHANGE)
                        for new, old in zip(now, self._at_reading))
         return left, right

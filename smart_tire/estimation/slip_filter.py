@@ -26,7 +26,7 @@ from smart_tire.estimation.sliding import (
     Rolling, SLIDE_FLOOR, SlidingChange, SlidingSpread, Surprise)
 from smart_tire.estimation.slip_kinematics import SlipKinematics
 from smart_tire.estimation.slip_state import (
-    Motion, N, SIDES, SLIDES, SLIDING, State, WheelTravel)
+    Motion, N, PastSpeed, SIDES, SLIDES, SLIDING, State, WheelTravel)
 from smart_tire.models.skid_steer import GRAVITY
 from smart_tire.parameters import SlipEstimatorParams
 
@@ -335,6 +335,16 @@ class SlipFilter:
             self._move(self._ekf.x, np.eye(N), Q)
             variance += surprise / (1.0 + (W / STRAIGHT_RATE) ** 2)
         self._correct(np.zeros(1), np.array([expected]), H, np.array([[variance]]))
+
+    def update_past_speed(self, past: PastSpeed) -> None:
+        """Correct with a speed over ground of a while ago, such as the films tell of it."""
+        x, H = self.x, np.zeros((1, N))
+        arm = self._y_imu + SIDES[past.side] * self._half_track
+        expected = x[State.V_X] - past.gained + arm * (past.gyro_z - x[State.GYRO])
+        H[0, State.V_X], H[0, State.GYRO] = 1.0, -arm
+        H[0, State.V_Y], H[0, State.ACCEL_X] = -past.turned, past.since  # by which it was gained
+        self._correct(np.array([past.speed]), np.array([expected]), H,
+                      np.array([[past.variance]]))
 
     def update_standstill(self) -> None:
         """Correct with zero velocity over ground and of the wheels."""

@@ -45,6 +45,19 @@ class Motion:
 
 
 @dataclass(frozen=True, slots=True)
+class PastSpeed:
+    """The speed over ground of one side at an earlier time, and what has happened since."""
+
+    side: int        # 0 left, 1 right
+    speed: float     # m/s, v_x of the wheel centres
+    variance: float  # m2/s2, with that of ``gained``
+    since: float     # s
+    gained: float    # m/s, by which the state's V_X was moved by the inertial unit since
+    turned: float    # rad, since
+    gyro_z: float    # rad/s, then, bias not removed
+
+
+@dataclass(frozen=True, slots=True)
 class WheelTravel:
     """Mean speeds between two wheel readings and what the state made of the same time."""
 

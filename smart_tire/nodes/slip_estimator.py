@@ -27,6 +27,8 @@ class SlipEstimatorNode(EstimatorNode[SlipEstimatorParams]):
                          ('odom', 'wheel_slip', 'icr'))
         for name in ('imu/data', 'wheel_states'):
             self.subscribe(name, self.feed, reliability=self.params.reliability, required=True)
+        if self.params.robot.slip.film_aided:
+            self.subscribe('tire_friction', self.feed, wheels=len(self.params.robot.film.wheels))
         self.create_service(Trigger, 'reset_odometry', self._on_reset_odometry)
         self._tf = transforms()
         if self._tf is not None:

@@ -124,6 +124,8 @@ class SlipParams:
 
     standstill_speed: float = param(
         0.05, 'm/s', 'slip is undefined where wheel and robot are slower', low=1e-4)
+    film_aided: bool = param(
+        False, '-', "slip_estimator uses the films' slip too; for gains that are calibrated")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -71,10 +71,10 @@ class Scenario:
         robot = self.robot
         imu = replace(robot.imu, gyro_bias=self.bias_scale * robot.imu.gyro_bias,
                       accel_bias=self.bias_scale * robot.imu.accel_bias)
-        off = np.random.default_rng([seed, GAIN_STREAM]).standard_normal(
-            len(self.film.stretch_gain))
-        gains = np.array(self.film.stretch_gain) * (1.0 + self.gain_error * off)
-        film = replace(robot.film, stretch_gain=tuple(gains.tolist()))
+        told = np.array([gain for wheel in self.film.wheels for gain in self.film.gains(wheel)])
+        off = np.random.default_rng([seed, GAIN_STREAM]).standard_normal(len(told))
+        gains = told * (1.0 + self.gain_error * off)
+        film = replace(robot.film, stretch_gain=tuple(gains.tolist()) or self.film.stretch_gain)
         return SimulatorParams(seed=seed, ground=self.ground, radio=self.radio,
                                robot=replace(robot, imu=imu, film=film))
 
