@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smart_tire.errors import EstimatorError
-from smart_tire.estimation.gain_combination import combine, Combination
+from smart_tire.estimation.gain_combination import Combination, combine
 from smart_tire.estimation.gain_evidence import EvidenceReader, Told
 from smart_tire.estimation.gain_results import (
     apart, bendings, FEWEST, Found, GainFit, LEAST_SLIP, middle, Results, SIGNIFICANT,
