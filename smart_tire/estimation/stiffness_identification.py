@@ -97,9 +97,6 @@ def _reason(told: Estimate, alone: Sequence[Estimate]) -> str:
     if len(alone) > 1:
         values = ', '.join(f'{item.value:.3g} ± {item.sigma:.2g}' for item in alone)
         return f'the recordings tell {values} N: they are not of one tire on one ground'
-    if told.determined:
-        return (f'it comes out as {told.value:.3g} ± {told.sigma:.2g} N: wheels turn slower the '
-                'harder they drive; is the inertial unit mounted the other way round?')
     return (f'standard error of {told.sigma / abs(told.value):.0%}, expected at most '
             f'{UNDETERMINED:.0%}: speed changes too little on straight lines, below critical slip')
 
