@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 from smart_tire.analysis.identification import NO_REFERENCE, read_recording, Span
@@ -52,7 +53,8 @@ def identify_gains(bags: Sequence[Path], robot: RobotParams, span: Span) -> Gain
 
 
 def read_passages(path: Path, robot: RobotParams, span: Span) -> list[KnownPassage]:
-    """Return the passages in a bag with the slips that the whole of it tells."""
+    """Return the passages in a bag with the slips that the whole of it tells without films."""
+    robot = replace(robot, slip=replace(robot.slip, film_aided=False))
     collector = PassageCollector(robot, FrictionEstimatorParams(robot=robot).reorder_window)
     with closing(SmoothedSlip(SlipEstimatorParams(robot=robot))) as slip:
         for sample in _inputs(path, span):

@@ -185,7 +185,9 @@ class Results:
                 way = one.place - (places[one.films[0]] - places[members[0]])
                 angles.append(known.origin + way / radius)
                 speeds.append(known.direction * known.speed / radius)
-        return film_angle(angles, speeds)
+        found = film_angle(angles, speeds)
+        count = math.tau / self._robot.encoder.counts_per_revolution  # rad; a count begins or ends
+        return replace(found, sigma=math.hypot(found.sigma, count / math.sqrt(12.0)))
 
     def _places(self) -> None:
         """Tell places within groups from single passages, between groups from their angles."""
