@@ -5,10 +5,12 @@ from dataclasses import replace
 import json
 import math
 
+import numpy as np
 import pytest
 
 from smart_tire.analysis.offline import analyze
 from smart_tire.analysis.pipeline import ESTIMATES, EstimatorParams, INPUTS, Pipeline, TRUTHS
+from smart_tire.analysis.series import Series
 from smart_tire.analysis.summary import WHOLE
 from smart_tire.bags import Bag
 from smart_tire.errors import BagError, ParameterError
@@ -60,6 +62,26 @@ def test_the_estimates_in_the_bag_are_those_of_the_estimators(analyzed, drive, p
             sorted(expected, key=lambda event: (event[0], event[1], event[2].stamp_ns))):
         assert receive_ns == wanted_ns
         assert repr(sample) == repr(wanted), topic  # NaN equals NaN there
+
+
+def test_films_that_aid_the_slip_are_heard_alike_offline(bag_of, drive, params, tmp_path):
+    aided = EstimatorParams(*(replace(part, robot=replace(part.robot, slip=replace(
+        part.robot.slip, film_aided=True))) for part in (params.slip, params.friction)))
+    some = [event for event in drive if event[0] < drive[0][0] + 12 * NS_PER_S]
+    run = analyze(bag_of(tmp_path / 'bag', some), tmp_path / 'out', aided)
+    with_films, without = (slips_of(some, which) for which in (aided, params))
+    assert np.array_equal(run.estimates.slips().ratio, with_films, equal_nan=True)
+    assert np.nanmax(np.abs(with_films - without)) > 1e-4
+
+
+def slips_of(events, params):
+    """Return the slips that the estimators, one feeding the other, make of ``events``."""
+    pipeline, series = Pipeline(params), Series()
+    for _, topic, sample in events:
+        if topic in INPUTS:
+            for estimate in pipeline.update(sample):
+                series.add(estimate)
+    return series.slips().ratio
 
 
 def test_estimates_stand_on_the_grid_with_nothing_left_out(analyzed):

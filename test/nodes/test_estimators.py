@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 import math
 
 import pytest
 from sensor_msgs.msg import JointState
 
-from smart_tire.samples import FRICTION_QUANTITIES, ImuSample, NS_PER_S, TireSample, WheelSample
+from smart_tire.samples import (
+    Friction, FRICTION_QUANTITIES, ImuSample, NS_PER_S, TireSample, WheelSample)
 
 START_NS = 1_700_000_000 * NS_PER_S
 REST = (0.0, 0.0, 9.81)
@@ -89,6 +91,21 @@ def test_what_is_late_or_no_number_is_counted_and_the_rest_goes_on(graph, slip):
 
 def test_silent_inputs_are_named(graph, slip):
     graph.until(lambda: 'no imu/data; no wheel_states' in graph.complaint('slip_estimator'))
+
+
+def test_passages_are_heard_where_films_aid_the_slip(graph):
+    told = Friction(START_NS, 'front_right', {'film_slip': 0.1}, {'film_slip': 0.01})
+    graph.listen('odom')
+    with graph.start('slip_estimator', slip__film_aided='true') as node:
+        connect(graph, 'slip_estimator', wheel_states=WheelSample(START_NS, (0.0,) * 4),
+                imu__data=ImuSample(START_NS, REST, (0.0, 0.0, 0.0)), tire_friction=told)
+        standing(graph, 1.5)
+        graph.until(lambda: len(graph.heard['odom']) > 150)
+        graph.say('tire_friction', replace(told, stamp_ns=START_NS + 1))  # too late by now
+        graph.until(lambda: graph.value('slip_estimator', 'tire_friction.late_messages') == '1')
+        assert graph.value('slip_estimator', 'films_used') == '0'  # for the wheel stood
+        assert node.end() == 0
+        assert 'Traceback' not in node.output
 
 
 def passage(time, wheel_speed=6.0, radius=0.087, peak=0.8):
