@@ -170,24 +170,28 @@ class Results:
         for run in sorted(set(self._runs)):
             for wheel in self._robot.film.wheels:
                 try:
-                    self._fit.angles[run, wheel] = self._angle(run, wheel, 0)
+                    self._fit.angles[run, wheel] = self._angle(run, wheel)
                 except EstimatorError as error:
                     self._fit.refused[f'angle of film 1, {wheel}'] = str(error)
 
-    def _angle(self, run: int, wheel: str, group: int) -> Estimate:
-        """Return the angle of the first film of a group; EstimatorError."""
+    def _angle(self, run: int, wheel: str) -> Estimate:
+        """Return the angle of film 1; EstimatorError."""
+        seen = self._seen(run, wheel, 0)
+        found = film_angle([angle for _, angle, _ in seen], [speed for _, _, speed in seen])
+        count = math.tau / self._robot.encoder.counts_per_revolution  # rad; a count begins or ends
+        return replace(found, sigma=math.hypot(found.sigma, count / math.sqrt(12.0)))
+
+    def _seen(self, run: int, wheel: str, group: int) -> list[tuple[int, float, float]]:
+        """Return stamp [ns], angle of a group's first film [rad] and speed [rad/s] of passages."""
         radius, places = self._robot.wheel_radius, self._robot.film.places
-        members = self._groups[group]
-        angles, speeds = [], []
+        members, found = self._groups[group], []
         for one, number in zip(self._told, self._runs):
             known = one.known
             if number == run and known.wheel == wheel and one.films[0] in members:
                 way = one.place - (places[one.films[0]] - places[members[0]])
-                angles.append(known.origin + way / radius)
-                speeds.append(known.direction * known.speed / radius)
-        found = film_angle(angles, speeds)
-        count = math.tau / self._robot.encoder.counts_per_revolution  # rad; a count begins or ends
-        return replace(found, sigma=math.hypot(found.sigma, count / math.sqrt(12.0)))
+                found.append((known.stamp_ns, known.origin + way / radius,
+                              known.direction * known.speed / radius))
+        return found
 
     def _places(self) -> None:
         """Tell places within groups from single passages, between groups from their angles."""
@@ -198,13 +202,13 @@ class Results:
                 try:
                     begin = self._between(number)
                 except EstimatorError as error:
-                    self._fit.refused[f'place of film {group[0] + 1}'] = str(error)
+                    self._fit.refused[f'spacing, film 1 to {group[0] + 1}'] = str(error)
                     continue
                 self._fit.places[group[0]] = begin
             for film in group[1:]:
                 off = apart(self._result, film, group[0])
                 if off.sigma > WORST_PLACE:
-                    self._fit.refused[f'place of film {film + 1}'] = (
+                    self._fit.refused[f'spacing, film 1 to {film + 1}'] = (
                         f'never seen together with film {group[0] + 1} in a passage')
                     continue
                 inside = robot.film.places[film] - robot.film.places[group[0]]
@@ -215,9 +219,13 @@ class Results:
         """Return how far [m] a group's first film is from film 1; EstimatorError."""
         radius, parts = self._robot.wheel_radius, []
         for run, wheel in self._fit.angles:
-            here, first = self._angle(run, wheel, group), self._fit.angles[run, wheel]
-            parts.append(Estimate(radius * ((here.value - first.value) % math.tau),
-                                  radius * math.hypot(here.sigma, first.sigma)))
+            firsts = self._seen(run, wheel, 0)
+            # from the passage next to each: lateness of stamps is the same in both
+            pairs = [(one, min(firsts, key=lambda first: abs(first[0] - one[0])))
+                     for one in self._seen(run, wheel, group)]
+            apart = film_angle([one[1] - first[1] for one, first in pairs],
+                               [one[2] - first[2] for one, first in pairs])
+            parts.append(Estimate(radius * apart.value, radius * apart.sigma))
         if not parts:
             raise EstimatorError('needs the angle of film 1')
         mean = weighted_mean(parts)

@@ -116,6 +116,40 @@ def test_a_single_film_has_a_gain_and_no_spacing():
     assert not found.refused
 
 
+def test_films_that_pass_apart_are_placed_by_their_angles():
+    rng, films = np.random.default_rng(9), {
+        'stretch_gain': (*GAINS, 280.0), 'bending_peak': (0.83, 0.66, 0.7)}
+    true = robot(positions=(0.0, SPACING, 0.203), **films)
+    behind = [replace(one, origin=ANGLE + 0.203 / true.wheel_radius)
+              for one in recording(rng, true, films=(2,))]
+    found = identify_gains([[*recording(rng, true), *behind]],
+                           told(positions=(0.0, 0.03, 0.2), **films))
+    for film, place in ((1, SPACING), (2, 0.203)):
+        assert found.places[film].value == pytest.approx(place, abs=3.0 * found.places[film].sigma)
+        assert found.places[film].sigma < 0.001
+    assert gains(found)[WHEEL, 2].value == pytest.approx(
+        280.0, abs=3.0 * gains(found)[WHEEL, 2].sigma)
+
+
+def test_a_film_that_is_never_seen_is_refused_and_the_other_is_told():
+    found = identify_gains([recording(np.random.default_rng(4), robot(), films=(0,))], NOMINAL)
+    assert list(gains(found)) == [(WHEEL, 0)]
+    assert '0 passages' in found.refused[f'gain of film 2, {WHEEL}']
+    assert 'never seen together' in found.refused['spacing, film 1 to 2']
+
+
+def test_recordings_together_tell_more_and_each_has_an_angle():
+    runs = [recording(np.random.default_rng([seed, 12]), robot(), each=2) for seed in range(3)]
+    runs[2] = [replace(one, origin=one.origin + 1.0) for one in runs[2]]
+    one, all_three = identify_gains(runs[:1], NOMINAL), identify_gains(runs, NOMINAL)
+    for film, true in enumerate(GAINS):
+        gain = gains(all_three)[WHEEL, film]
+        assert gain.value == pytest.approx(true, abs=3.0 * gain.sigma)
+        assert gain.sigma < 0.75 * gains(one)[WHEEL, film].sigma
+    assert all_three.angles[2, WHEEL].value - all_three.angles[0, WHEEL].value == pytest.approx(
+        1.0, abs=0.01)
+
+
 def test_each_wheel_has_gains_of_its_own_and_all_share_the_contact():
     rng, wheels = np.random.default_rng(6), ('front_left', WHEEL)
     stronger = tuple(1.2 * gain for gain in GAINS)
