@@ -36,8 +36,8 @@ TRANSIENT = 0.05         # share of a wheel's change of speed by which its slip 
 CURVED = 0.5             # of the square of the slip's relative change, which a line leaves out
 SMALL_SLIP = 0.01        # -, below which a relative change means nothing
 SPEED_NOISE = 0.01       # relative change of speed that a jittering angle shows in one pass
-MISFIT = 1.5             # mean square of normalised residuals from which films are compared
-DIFFERENT = 3.0          # sigmas between two films that are two grounds
+MISFIT = 1.25            # mean square of normalised residuals from which films are compared
+DIFFERENT = 2.0          # sigmas between two films that are two grounds
 UNKNOWN_GAIN = 1.0       # relative sigma of gains of which nothing is used
 STEP = 1e-3              # -, of the sliding share, for a slope
 
@@ -151,15 +151,15 @@ def _spread(motion: WheelMotion, speed: float, change: Estimate) -> Estimate:
     """
     Return the relative change of the sliding share for a ``change`` of the slip.
 
-    The share follows the total slip, so what the lateral slip does counts by its square; while
-    the one changes the other may as well, or not.
+    The share follows the total slip, in which the longitudinal and the lateral slip count by
+    their squares; while the one changes the other may as much, either way.
     """
     slip, scale = motion.slip[0]**2, max(abs(motion.slip[0]), LEAST_SLIP)
     lateral = (motion.lateral[0] / speed)**2
-    share = slip / (slip + lateral) if math.isfinite(lateral) and slip > 0.0 else UNSEEN
-    own, other = share / scale, (1.0 - share) / scale
-    return (own * change[0] * math.copysign(1.0, motion.slip[0]),
-            math.hypot(own * change[1], other * math.hypot(*change)))
+    own = slip / (slip + lateral) if math.isfinite(lateral) and slip > 0.0 else UNSEEN
+    other = (1.0 - own) * math.hypot(change[0], CHANGE_NOISE)
+    return (own * change[0] / math.copysign(scale, motion.slip[0]),
+            math.hypot(own * change[1], other) / scale)
 
 
 def _strayed(fit: WaveformFit, stray: float) -> Evidence:

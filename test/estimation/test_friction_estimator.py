@@ -404,21 +404,22 @@ def test_on_the_simulated_robot_friction_is_right_and_its_sigma_honest(values):
 @pytest.mark.parametrize(('positions', 'turns'), [
     ((0.0,), 1), ((0.0, 0.03, 0.06), 1), ((0.0, 0.03, 0.27, 0.30), 2), ((0.0, 0.18, 0.36), 3)])
 def test_any_number_of_films_anywhere_on_the_wheel(positions, turns):
-    count = len(positions)
-    truth, found = simulated(73, [(0, 0, 0), (1, 100, 60), (5, -80, -120)], 9.0, **{
-        'film.positions': positions, 'film.stretch_gain': (300.0,) * count,
-        'film.bending_peak': (0.8,) * count})
-    ends = {f.wheel: f.stamp_ns + 20_000_000 for f in found}
-    truth = [t for t in truth if t.stamp_ns < ends[t.wheel]]
-    pairs = paired(truth, found)
-    assert len(truth) > 16 * turns
-    assert len(found) == len(truth)
-    assert all(f is not None for _, f in pairs)
-    off = np.array([(f.value['adhesion_ratio'] - t.value['adhesion_ratio'])
-                    / f.sigma['adhesion_ratio'] for t, f in pairs
-                    if math.isfinite(f.value['adhesion_ratio'])])
-    assert len(off) > 0.8 * len(pairs)
-    assert 0.5 < np.mean(off**2) < 1.8
+    count, off = len(positions), []
+    for seed in (73, 74):
+        truth, found = simulated(seed, [(0, 0, 0), (1, 100, 60), (5, -80, -120)], 9.0, **{
+            'film.positions': positions, 'film.stretch_gain': (300.0,) * count,
+            'film.bending_peak': (0.8,) * count})
+        ends = {f.wheel: f.stamp_ns + 20_000_000 for f in found}
+        truth = [t for t in truth if t.stamp_ns < ends[t.wheel]]
+        pairs = paired(truth, found)
+        assert len(truth) > 16 * turns
+        assert len(found) == len(truth)
+        assert all(f is not None for _, f in pairs)
+        told = [(t, f) for t, f in pairs if math.isfinite(f.value['adhesion_ratio'])]
+        assert len(told) > 0.8 * len(pairs)
+        off += [(f.value['adhesion_ratio'] - t.value['adhesion_ratio'])
+                / f.sigma['adhesion_ratio'] for t, f in told]
+    assert 0.5 < np.mean(np.square(off)) < 1.8
 
 
 def test_in_rough_driving_no_passage_is_missed_and_none_invented():

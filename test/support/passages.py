@@ -21,20 +21,20 @@ def passage(rng: np.random.Generator, robot: RobotParams, *, slip: float, slidin
             rpm: float = 60.0, films: tuple[int, ...] = (0, 1), gain_error: float = 0.03,
             growth: float = 0.0, spread: float | None = None, scale: float = 0.0,
             errors: CourseErrors | None = None, other_sliding: float | None = None,
-            bending: float = 1.0) -> Passage:
+            edge: float | None = None, bending: float = 1.0) -> Passage:
     """
     Return one passage of the wheel's films as they were sighted.
 
     ``growth`` is the relative change of the slip over a contact length, ``spread`` that of the
     sliding share if it is another, ``scale`` the error of the distances, ``other_sliding`` the
-    sliding share that films behind the first one meet; ``gain_error`` is the spread of the gains.
+    sliding share that films behind the first one meet, or all of them from the distance ``edge``
+    [m] on; ``gain_error`` is the spread of the gains.
     """
     spread = growth if spread is None else spread
     speed = rpm / 60.0 * 2.0 * math.pi * robot.wheel_radius
-    samples = [_film(rng, robot, one, i, slip, sliding if not i or other_sliding is None
-                     else other_sliding, speed, gain_error, growth, spread, scale,
-                     bending)
-               for i, one in enumerate(films)]
+    other = sliding if other_sliding is None else other_sliding
+    samples = [_film(rng, robot, one, i, slip, (sliding, other, edge), speed, gain_error, growth,
+                     spread, scale, bending) for i, one in enumerate(films)]
     sighter = Sighter(robot)
     sightings = []
     for i, one in enumerate(samples):
@@ -46,19 +46,21 @@ def passage(rng: np.random.Generator, robot: RobotParams, *, slip: float, slidin
 
 
 def _film(rng: np.random.Generator, robot: RobotParams, index: int, position: int, slip: float,
-          sliding: float, speed: float, gain_error: float, growth: float, spread: float,
-          scale: float, bending: float) -> FilmSamples:
+          slidings: tuple[float, float, float | None], speed: float, gain_error: float,
+          growth: float, spread: float, scale: float, bending: float) -> FilmSamples:
     film, patch = robot.film, robot.tire.contact_length
     reach, step = 0.5 * (patch + film.length) + MARGIN, speed / film.sample_rate
     way = np.arange(-reach + step * rng.uniform(), reach, step)
     x = way + 0.5 * (patch - film.length)
     middle = position * film.spacing
     grown, spreads = (1.0 + change * (way + middle) / patch for change in (growth, spread))
+    sliding, other, edge = slidings
+    share = np.where((position > 0) if edge is None else (way + middle > edge), other, sliding)
     total = 1.3 * abs(slip)
     peak = bending * film.bending(WHEEL)[index] * (1.0 + rng.uniform(-0.15, 0.15))
     volts = tread_film.passage(
         x, slip=slip * grown, total_slip=total * spreads,
-        critical_slip=total / sliding if slip else 0.5, film_length=film.length,
+        critical_slip=total / share if slip else 0.5, film_length=film.length,
         contact_length=patch, bending_peak=peak, bending_alpha=film.bending_alpha,
         stretch_gain=film.gains(WHEEL)[index] * (1.0 + gain_error * rng.standard_normal()),
         release=film.release)
