@@ -56,7 +56,7 @@ def _lines(found: GainFit, bags: list[str]) -> list[str]:
         lines.append(_line(f'bending of {name}', one.bending, 'V', 'peak'))
     if found.length is not None:
         lines.append(_line('contact length', found.length, 'm', 'with the wheel_radius given'))
-    lines += [_line(f'spacing, film 1 to {film + 1}', place, 'm', 'between middles, along the tread')
+    lines += [_line(f'spacing, film 1 to {film + 1}', place, 'm', 'from middle to middle')
               for film, place in sorted(found.places.items())]
     lines += [_line(f'angle of film 1, {wheel}', angle, 'rad', 'wheel_states.position over the '
                     'middle of the patch' + (f', {bags[run]}' if len(bags) > 1 else ''))
