@@ -22,13 +22,15 @@ from smart_tire.analysis.friction_bench.figures import (
 from smart_tire.analysis.friction_bench.methods import METHODS, SOURCES
 from smart_tire.analysis.friction_bench.published import (
     PRINTED_EXCESS, PUBLISHED, PUBLISHED_BOUNDS)
-from smart_tire.analysis.friction_bench.results import by_run, Key, run_all, RunResult
+from smart_tire.analysis.friction_bench.results import (
+    by_run, Key, run_all, RunResult, slips_by_run)
 from smart_tire.analysis.friction_bench.scoring import Figures
 from smart_tire.analysis.friction_bench.trials import CaseResult, run_case
+from smart_tire.analysis.metrics import Score
 from smart_tire.analysis.slip_bench.figures import save
 from smart_tire.analysis.summary import plain
 from smart_tire.cli.bench_friction_tables import (
-    cases_table, errors_table, NOTES, rivals_table, statistics_table)
+    aided_table, cases_table, errors_table, NOTES, rivals_table, statistics_table)
 from smart_tire.cli.bench_jobs import done, make_folder
 from smart_tire.cli.bench_tables import new_console, print_all
 from smart_tire.errors import ParameterError
@@ -66,11 +68,11 @@ def bench_friction(wish: Wish, machine: str) -> None:
              if isinstance(one, CaseResult) and (one.group, one.case) == (name, case)]
     runs = sorted((one for one in results if isinstance(one, RunResult)),
                   key=lambda one: (list(TITLES).index(one.run), one.seed))
-    scored = by_run(runs)
+    scored, slips = by_run(runs), slips_by_run(runs)
     if cases:
         _draw_passages(cases, wish.out)
     _write(wish.out / 'results.json', cases, runs, scored, machine)
-    print_all(new_console(), NOTES, _tables(cases, scored))
+    print_all(new_console(), NOTES, _tables(cases, scored, slips))
     print(f'{len(cases)} cases and {len(runs)} runs; figures and results.json in {wish.out}')
 
 
@@ -114,18 +116,22 @@ def _draw_passages(cases: Sequence[CaseResult], out: Path) -> None:
         save(figure, out / f'{name}.png')
 
 
-def _tables(cases: Sequence[CaseResult], runs: dict[str, dict[Key, Figures]]) -> Iterator[Table]:
+def _tables(cases: Sequence[CaseResult], runs: dict[str, dict[Key, Figures]],
+            slips: dict[str, dict[str, Score]]) -> Iterator[Table]:
     if cases:
         yield cases_table(cases)
     if runs:
         yield errors_table(runs, TITLES, PUBLISHED)
         yield statistics_table(runs, TITLES)
         yield rivals_table(runs, TITLES)
+        yield aided_table(runs, slips, TITLES)
 
 
 def _write(path: Path, cases: Sequence[CaseResult], results: Sequence[RunResult],
            runs: dict[str, dict[Key, Figures]], machine: str) -> None:
     """Write all figures: of each case, and of each run over its seeds."""
+    slips = {run: {source: asdict(one) for source, one in sources.items()}
+             for run, sources in slips_by_run(results).items()}
     tree: dict[str, Any] = {
         'machine': machine, 'methods': METHODS, 'slips': SOURCES,
         'units': 'errors of mu and bounds are relative; slips and ratios as they are; ms: CPU '
@@ -133,7 +139,7 @@ def _write(path: Path, cases: Sequence[CaseResult], results: Sequence[RunResult]
         PASSAGES: [{**asdict(one), 'sliding': one.case.sliding} for one in cases],
         'runs': {run: {
             'title': TITLES[run], 'seeds': [one.seed for one in results if one.run == run],
-            'wheels': _nested(figures), 'published': PUBLISHED.get(run)}
+            'slips': slips[run], 'wheels': _nested(figures), 'published': PUBLISHED.get(run)}
             for run, figures in runs.items()},
         'published_bounds': PUBLISHED_BOUNDS, 'published_printed_excess': PRINTED_EXCESS}
     path.write_text(json.dumps(plain(tree), indent=2, allow_nan=False) + '\n', encoding='utf-8')

@@ -36,6 +36,7 @@ def _of(base: str, *, film: FilmParams = FILM, **changes: Any) -> Scenario:
 def _all() -> tuple[Scenario, ...]:
     curve, curve_end = sequence((40.0, 60.0, 80.0))
     tight, tight_end = sequence((50.0, 30.0, 90.0))
+    cruise, cruise_end = sequence((40.0, 90.0, 90.0))
     pulses = (1.2, 140.0, 140.0), (1.2, 50.0, 50.0)
     back = (1.2, -140.0, -140.0), (1.2, -50.0, -50.0)
     rest = 1.0, 0.0, 0.0
@@ -57,6 +58,10 @@ def _all() -> tuple[Scenario, ...]:
         _of('sand', title=f'{sand}, C_x of concrete'),
         _of('sand', name='sand_given', title=f'{sand}, C_x given',
             tire=TireParams(longitudinal_stiffness=_stiffness(SAND))),
+        _of('concrete', name='cruise', title='straight, 90 rpm', legs=cruise,
+            duration=cruise_end),
+        _of('sand', name='cruise_sand', title='straight on sand, 90 rpm', legs=cruise,
+            duration=cruise_end),
         _of('concrete', name='braking', title='straight, drive and brake', legs=braking,
             duration=braking_end))
 

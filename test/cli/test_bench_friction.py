@@ -33,7 +33,7 @@ def test_a_run_is_told_in_tables_a_figure_and_numbers(tiny, tmp_path, capsys):
                  '--out', str(out)]) == 0
     said = capsys.readouterr().out
     for words in (FRICTION_SCENARIOS['concrete'].title, 'published', 'NEES', 'exact map',
-                  'printed map', 'estimated slip', 'true slip', 'front left'):
+                  'printed map', 'estimated slip', 'true slip', 'front left', 'aided'):
         assert words in said
     assert '[%]' in said and '…' not in said  # units are shown, nothing is cut off
     assert {path.name for path in out.iterdir()} == {'concrete.png', 'results.json'}

@@ -12,7 +12,7 @@ from smart_tire.analysis import plots
 from smart_tire.analysis.friction_bench.cases import FASTER
 from smart_tire.analysis.friction_bench.examples import Example, example
 from smart_tire.analysis.friction_bench.methods import (
-    EXACT_MAP, METHODS, PRINTED_MAP, SOURCES, WAVEFORM)
+    ESTIMATED, EXACT_MAP, METHODS, PRINTED_MAP, SOURCES, TRUE, WAVEFORM)
 from smart_tire.analysis.friction_bench.paper_points import paper_points
 from smart_tire.analysis.friction_bench.results import Part, RunResult
 from smart_tire.analysis.friction_bench.rows import FUSED, SINGLE
@@ -21,6 +21,7 @@ from smart_tire.analysis.friction_bench.trials import CaseResult
 from smart_tire.analysis.reproduction import tire_maps
 from smart_tire.analysis.series import Floats, seconds
 
+DRAWN = TRUE, ESTIMATED  # slips with which friction is drawn
 EXAMPLES = {'driving': 0.1, 'braking': -0.1}  # -, slips of the passages that are drawn
 MM, MV = 1e3, 1e3
 SPEED_COLORS = {60.0: plots.BLUE, FASTER: plots.ORANGE}  # rpm, of the paper
@@ -68,15 +69,15 @@ def _draw_residual(ax: Axes, found: Example) -> None:
 
 
 def friction_figure(title: str, result: RunResult) -> Figure:
-    """Return mu per revolution with bands, for each wheel and with both slips."""
+    """Return mu per revolution with bands, for each wheel, with true and estimated slip."""
     wheels = list(dict.fromkeys(wheel for wheel, _, _ in result.parts))
-    panels = [[f'{wheel.replace("_", " ")}, {name}' for name in SOURCES.values()]
+    panels = [[f'{wheel.replace("_", " ")}, {SOURCES[source]}' for source in DRAWN]
               for wheel in wheels]
     figure, axes = plots.new_figure(panels, width=13.0, height=1.0 + 3.0 * len(wheels),
                                     share_x=True, share_y=True)
     top = 0.0
     for wheel, row in zip(wheels, panels):
-        for source, panel in zip(SOURCES, row):
+        for source, panel in zip(DRAWN, row):
             part = result.parts[wheel, source, WAVEFORM]
             _draw_run(axes[panel], wheel, part)
             axes[panel].set(title=f'{title}: {panel}')

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import math
 import time
 
-from smart_tire.analysis.pipeline import SlipStage
+from smart_tire.analysis.pipeline import EstimatorParams, SlipStage
 from smart_tire.estimation.friction_estimator import FrictionEstimator
 from smart_tire.estimation.slip_estimator import SlipEstimator
 from smart_tire.parameters import FrictionEstimatorParams, RobotParams, SlipEstimatorParams
@@ -16,9 +16,10 @@ from smart_tire.samples import Friction, Icr, Odometry, Sample, TireSample, Whee
 WAVEFORM, EXACT_MAP, PRINTED_MAP = 'waveform', 'two_peaks_exact', 'two_peaks_printed'
 METHODS = {WAVEFORM: 'waveform', EXACT_MAP: 'two peaks, exact map',
            PRINTED_MAP: 'two peaks, printed map'}
-TRUE, ESTIMATED = 'true', 'estimated'
-SOURCES = {TRUE: 'true slip', ESTIMATED: 'slip of slip_estimator'}
-COMPARED = {TRUE: (WAVEFORM,), ESTIMATED: tuple(METHODS)}  # in whole runs
+TRUE, ESTIMATED, AIDED = 'true', 'estimated', 'aided'
+SOURCES = {TRUE: 'true slip', ESTIMATED: 'slip of slip_estimator',
+           AIDED: 'slip of slip_estimator, aided by the films'}
+COMPARED = {TRUE: (WAVEFORM,), ESTIMATED: tuple(METHODS), AIDED: (WAVEFORM,)}  # in whole runs
 EXACT = 1e-4  # -, sigma of a true slip, which is read between two samples of 100 Hz
 
 Event = tuple[int, str, Sample]  # receive time [ns], topic, sample
@@ -40,13 +41,20 @@ def estimator_params(method: str, robot: RobotParams) -> FrictionEstimatorParams
         method='two_peaks', map='exact' if method == EXACT_MAP else 'printed', robot=robot)
 
 
+def robot_of(source: str, robot: RobotParams) -> RobotParams:
+    """Return ``robot`` as the estimators are told of it for one of ``SOURCES``."""
+    return replace(robot, slip=replace(robot.slip, film_aided=source == AIDED))
+
+
 def inputs(events: Iterable[Event], source: str, robot: RobotParams) -> list[Sample]:
     """Return what the friction estimator is fed, with slip and motion of one of ``SOURCES``."""
     if source == TRUE:
         return [_exact(sample) for _, topic, sample in events
                 if isinstance(sample, (TireSample, WheelSample))
                 or topic in ('ground_truth/odom', 'ground_truth/wheel_slip')]
-    stage = SlipStage(SlipEstimator(SlipEstimatorParams(robot=robot)))
+    params = EstimatorParams(
+        SlipEstimatorParams(robot=robot), FrictionEstimatorParams(robot=robot))
+    stage = SlipStage.of(params, SlipEstimator(params.slip))
     return [passed for _, topic, sample in events if not topic.startswith('ground_truth/')
             for passed in stage.update(sample) if not isinstance(passed, Icr)]
 

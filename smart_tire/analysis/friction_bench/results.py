@@ -5,13 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from smart_tire.analysis.friction_bench.methods import (
-    COMPARED, estimator_params, Event, EXACT_MAP, inputs, PRINTED_MAP, tell, truth_of)
+    COMPARED, estimator_params, Event, EXACT_MAP, inputs, PRINTED_MAP, robot_of, tell, TRUE,
+    truth_of)
 from smart_tire.analysis.friction_bench.rivals import friction_read_off
 from smart_tire.analysis.friction_bench.rows import Rows, rows_of, together, true_passages
 from smart_tire.analysis.friction_bench.scoring import (
     Change, changes, Figures, figures_of, reading_figures)
+from smart_tire.analysis.metrics import score, Score
 from smart_tire.analysis.series import Floats
+from smart_tire.analysis.slip_bench.scoring import steady_slips
+from smart_tire.analysis.slip_bench.tracks import as_estimate, as_truth
 from smart_tire.parameters import RobotParams
 
 Key = tuple[str, str, str]  # wheel, source of the slip, method
@@ -29,11 +35,12 @@ class Part:
 
 @dataclass(frozen=True)
 class RunResult:
-    """All that one run gave."""
+    """All that one run gave; ``slips`` are errors and sigmas (n,) by the source of the slip."""
 
     run: str
     seed: int
     parts: dict[Key, Part]
+    slips: dict[str, tuple[Floats, Floats]]
 
 
 def run_all(name: str, seed: int, events: Sequence[Event], robot: RobotParams) -> RunResult:
@@ -41,15 +48,19 @@ def run_all(name: str, seed: int, events: Sequence[Event], robot: RobotParams) -
     records = truth_of(events)
     truths = {wheel: true_passages(records, robot, wheel) for wheel in robot.film.wheels}
     parts: dict[Key, Part] = {}
+    slips: dict[str, tuple[Floats, Floats]] = {}
     for source, methods in COMPARED.items():
-        samples = inputs(events, source, robot)
+        own = robot_of(source, robot)
+        samples = inputs(events, source, own)
+        if source != TRUE:
+            slips[source] = steady_slips(as_estimate(samples), as_truth(records, robot))
         for method in methods:
-            told = tell(samples, estimator_params(method, robot))
+            told = tell(samples, estimator_params(method, own))
             for wheel, truth in truths.items():
                 rows = rows_of(truth, told.passages, wheel)
                 parts[wheel, source, method] = Part(
                     rows, changes(rows), _read_off(rows, robot, method), told.ms)
-    return RunResult(name, seed, parts)
+    return RunResult(name, seed, parts, slips)
 
 
 def _read_off(rows: Rows, robot: RobotParams, method: str) -> Floats | None:
@@ -66,6 +77,16 @@ def by_run(results: Iterable[RunResult]) -> dict[str, dict[Key, Figures]]:
         runs.setdefault(result.run, []).append(result)
     return {run: {key: figures_over([seed.parts[key] for seed in seeds])
                   for key in seeds[0].parts} for run, seeds in runs.items()}
+
+
+def slips_by_run(results: Iterable[RunResult]) -> dict[str, dict[str, Score]]:
+    """Return run -> source of the slip -> scores of the slips of both sides of all seeds."""
+    runs: dict[str, dict[str, list[tuple[Floats, Floats]]]] = {}
+    for result in results:
+        for source, slips in result.slips.items():
+            runs.setdefault(result.run, {}).setdefault(source, []).append(slips)
+    return {run: {source: score(*(np.concatenate(part) for part in zip(*parts)))
+                  for source, parts in sources.items()} for run, sources in runs.items()}
 
 
 def figures_over(parts: Sequence[Part]) -> Figures:

@@ -102,6 +102,13 @@ def score_run(estimate: Estimate, truth: Truth, *, averaged: bool = False) -> Ru
                     estimate.step_us)
 
 
+def steady_slips(estimate: Estimate, truth: Truth) -> tuple[Floats, Floats]:
+    """Return errors and sigmas (n,) of the slips of both sides while these are steady."""
+    steady = steady_sides(truth)
+    error, sigma = _slip_errors(estimate, truth)
+    return error[steady], sigma[steady]
+
+
 def steady_sides(truth: Truth) -> Mask:
     """Return when each side is steady, shape (n, 2)."""
     time = (truth.stamp_ns - truth.stamp_ns[0]) / NS_PER_S

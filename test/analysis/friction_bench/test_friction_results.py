@@ -10,9 +10,10 @@ import pytest
 from smart_tire.analysis.friction_bench.cases import Case
 from smart_tire.analysis.friction_bench.figures import (
     adhesion_figure, bound_figure, friction_figure, stretch_figure, waveform_figure)
-from smart_tire.analysis.friction_bench.methods import COMPARED, ESTIMATED, SOURCES, TRUE, WAVEFORM
+from smart_tire.analysis.friction_bench.methods import (
+    AIDED, COMPARED, ESTIMATED, SOURCES, TRUE, WAVEFORM)
 from smart_tire.analysis.friction_bench.published import PUBLISHED
-from smart_tire.analysis.friction_bench.results import by_run, run_all
+from smart_tire.analysis.friction_bench.results import by_run, run_all, slips_by_run
 from smart_tire.analysis.friction_bench.trials import run_case
 from smart_tire.simulation.friction_scenarios import FRICTION_SCENARIOS, INSTRUMENTED
 
@@ -40,6 +41,15 @@ def test_the_true_slip_is_what_the_estimator_was_fed(result):
     error = np.abs(true.value['slip'] - true.true['slip'])
     assert error.max() < 1e-3
     assert np.abs(estimated.value['slip'] - true.true['slip']).max() > error.max()
+
+
+def test_the_estimated_slip_is_scored_with_and_without_the_films(result):
+    scores = slips_by_run([result, result])['concrete']
+    assert scores.keys() == {ESTIMATED, AIDED}
+    for source, score in scores.items():
+        assert score.count == 2 * len(result.slips[source][0]) > 1000
+        assert 0.0 < score.rms < 0.03
+    assert scores[AIDED].rms != scores[ESTIMATED].rms
 
 
 def test_seeds_are_pooled_by_their_passages(result):
