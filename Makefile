@@ -68,7 +68,7 @@ ifndef ROS_DISTRO
 endif
 
 test: lint
-	$(BIN)/python -m pytest -n $(WORKERS) --dist loadgroup --no-loadscope-reorder
+	$(BIN)/python -m pytest -n $(WORKERS)
 
 config: $(READY)
 	$(BIN)/python -m smart_tire.parameters.text config

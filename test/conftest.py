@@ -2,7 +2,8 @@
 What tests share: a ROS domain, ports to plug in, and the order in which two workers take them.
 
 A worker takes all tests of a file, so that what they share is made once. Tests that start nodes or
-wait for devices all go to one worker, one after the other, while the other one computes.
+wait for devices all go to one worker, one after the other, while the other one computes. Groups
+of xdist itself are no help: with this pytest it does not see them.
 """
 
 from __future__ import annotations
@@ -13,19 +14,26 @@ import os
 from pathlib import Path
 import signal
 import tempfile
-from typing import IO
+from typing import Any, IO
 
 import pytest
+from support.machine import beside_others
 from support.pty_port import PtyPort
 
 # Matrices are small: threads would only wait for each other, and for the other worker's.
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
-TESTS = Path(__file__).parent
 WITH_PROCESSES = (
-    'integration', 'nodes', 'links', 'cli/test_record.py', 'cli/test_replay.py',
-    'cli/test_stack.py', 'simulation/test_hardware.py')
-LONG = ()
+    'test/integration/', 'test/nodes/', 'test/links/', 'test/cli/test_record.py',
+    'test/cli/test_replay.py', 'test/cli/test_stack.py', 'test/simulation/test_hardware.py')
+LONG = (  # ten seconds and more
+    'test/analysis/test_offline.py', 'test/analysis/test_recordings.py',
+    'test/estimation/test_slip_consistency.py', 'test/estimation/test_slip_estimator.py',
+    'test/estimation/test_friction_estimator.py', 'test/analysis/test_smoothing.py',
+    'test/analysis/test_reproduction_tires.py', 'test/cli/test_reproduce.py',
+    'test/estimation/test_film_measurement.py', 'test/estimation/test_waveform_fit.py',
+    'test/estimation/test_stiffness_identification.py', 'test/estimation/test_delay_fit.py',
+    'test/estimation/test_wheel_latency.py')
 
 DOMAINS = range(1, 102)  # above, DDS ports meet those that the system hands out
 
@@ -43,20 +51,39 @@ def _take_domain() -> tuple[int, IO[str]]:
     raise RuntimeError('all domains are in use by other tests')
 
 
-@pytest.hookimpl(tryfirst=True)  # before xdist reads the groups
+def _turn(file: str) -> int:
+    """Return the place of a file of tests among those that come first, the same for all others."""
+    firsts = (*WITH_PROCESSES, *LONG)
+    return next((turn for turn, name in enumerate(firsts) if name in file), len(firsts))
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Say which tests go to one worker, and put those first that take longest."""
-    turns = {path: _turn(path.relative_to(TESTS)) for path in {item.path for item in items}}
+    """Put those tests first that take longest."""
+    turns = {path: _turn(path.as_posix()) for path in {item.path for item in items}}
     items.sort(key=lambda item: turns[item.path])
-    for item in items:
-        together = turns[item.path] < len(WITH_PROCESSES)
-        item.add_marker(pytest.mark.xdist_group('processes' if together else str(item.path)))
 
 
-def _turn(file: Path) -> int:
-    """Return the place of a file among those that come first, the same for all others."""
-    firsts, names = (*WITH_PROCESSES, *LONG), {str(file), *map(str, file.parents)}
-    return next((turn for turn, name in enumerate(firsts) if name in names), len(firsts))
+@pytest.hookimpl(optionalhook=True)  # of xdist, where it is installed
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Return who shares out the files among the workers."""
+    from xdist.scheduler import LoadFileScheduling
+
+    class Scheduling(LoadFileScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            file = super()._split_scope(nodeid)
+            return 'with processes' if _turn(file) < len(WITH_PROCESSES) else file
+
+    config.option.loadscopereorder = False  # they are in order
+    return Scheduling(config, log)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
+    """Leave the machine to those who need all of it."""
+    if _turn(item.path.as_posix()) < len(WITH_PROCESSES):
+        return (yield)  # they come one after the other, and some ask for it
+    with beside_others():
+        return (yield)
 
 
 @pytest.fixture(scope='session', autouse=True)
