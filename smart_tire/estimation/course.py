@@ -34,8 +34,8 @@ IMPLAUSIBLE_STEP = 1.0       # rad, more than the speed explains: the counter wa
 KEPT_TURNS = 16
 SHORTEST = 1e-3          # s, of a stretch of course ...
 SHORTEST_WAY = 1e-3      # m, ... and of its way: no division by zero
-ROLL_POINTS = 200
-PARTS = 8              # of a roll, between whose speeds the change is looked for
+EVEN = np.linspace(0.0, 1.0, 200)  # share of a roll, where its course is told
+PARTS = np.linspace(0.0, 1.0, 9)  # share of a roll, between whose speeds the change is looked for
 
 
 class WheelCourse:
@@ -112,10 +112,10 @@ class WheelCourse:
         start = last = bisect_right(self._stamps, until_ns)
         while start > 0 and direction * (self._radius * self._angles[start - 1] - begin) >= 0.0:
             start -= 1
-        stamps = np.append(np.array(self._stamps[max(start - 1, 0):last]), until_ns)
+        stamps = np.array([*self._stamps[max(start - 1, 0):last], until_ns])
         rolled = np.maximum.accumulate(direction * (self.coarse(stamps) - begin))
         # evenly spread over the way, so that a stop on it takes no points
-        even = np.linspace(0.0, abs(end - begin), ROLL_POINTS)
+        even = EVEN * abs(end - begin)
         instants = np.interp(even, rolled, stamps).astype(np.int64)
         course = self.smooth(min([int(instants[0]), *also]), max([int(instants[-1]), *also]))
         smooth = np.maximum.accumulate(direction * (course.at(instants) - begin))
@@ -132,7 +132,7 @@ class WheelCourse:
         smoothed = _least_jerk(times, angles, sigma)
         # the smoothing is a low-pass filter against white noise of this density [rad^2 s]
         interval = (times[-1] - times[0]) / max(len(times) - 1, 1)
-        density = float(np.mean(sigma**2)) * interval
+        density = float(sigma @ sigma) / len(sigma) * interval
         return SmoothCourse(begin_ns, times, self._radius * smoothed, self._radius,
                             max(density, LEAST_DENSITY))
 
@@ -203,10 +203,10 @@ class Roll:
     def speed_change(self) -> float:
         """Return the relative change of the speed on the way."""
         # smoothing moved the ends as well
-        edges = np.linspace(self.way[0], self.way[-1], PARTS + 1)
-        durations = np.diff(np.interp(edges, self.way, self.instants))
-        speeds = 1.0 / np.maximum(durations, 1.0)
-        return float(np.ptp(speeds) / np.mean(speeds))
+        edges = self.way[0] + PARTS * (self.way[-1] - self.way[0])
+        passed = np.interp(edges, self.way, self.instants)
+        speeds = 1.0 / np.maximum(passed[1:] - passed[:-1], 1.0)
+        return float((speeds.max() - speeds.min()) / speeds.mean())
 
 
 def _cubics(times: Array, distance: Array) -> tuple[Array, Array]:
@@ -226,8 +226,12 @@ def _cubics(times: Array, distance: Array) -> tuple[Array, Array]:
     # harmonic means
     inner = (near + far) * product / np.where(product > 0.0, near * after + far * before, np.inf)
     slopes = np.concatenate([secant[:1], inner, secant[-1:]])
-    return slopes, np.stack([times[:-1], distance[:-1], 1.0 / step, rise,
-                             step * slopes[:-1] - rise, step * slopes[1:] - rise])
+    cubics = np.empty((6, len(step)))
+    cubics[0], cubics[1], cubics[3] = times[:-1], distance[:-1], rise
+    np.divide(1.0, step, out=cubics[2])
+    np.subtract(step * slopes[:-1], rise, out=cubics[4])
+    np.subtract(step * slopes[1:], rise, out=cubics[5])
+    return slopes, cubics
 
 
 def _least_jerk(times: Array, angles: Array, sigma: Array) -> Array:
@@ -236,17 +240,16 @@ def _least_jerk(times: Array, angles: Array, sigma: Array) -> Array:
     if n < 4:
         return angles
     # jerk over each run of four samples: six times its third divided difference
-    rows = np.ones((4, n - 3))
-    for j in range(4):
-        for k in range(j + 1, 4):
-            apart = times[j:n - 3 + j] - times[k:n - 3 + k]
-            rows[j] /= apart
-            rows[k] /= -apart
-    rows *= np.sqrt((12.0 / JERK_DENSITY) * (times[3:] - times[:-3]))
+    first, second, third, fourth = (times[j:n - 3 + j] for j in range(4))
+    early, middle, late = second - first, third - second, fourth - third
+    begin, end, whole = third - first, fourth - second, fourth - first
+    rows = np.sqrt(12.0 / JERK_DENSITY * whole) / np.stack([
+        -early * begin * whole, early * middle * end, -begin * middle * late, whole * end * late])
+    products = rows[:, np.newaxis] * rows
     banded = np.zeros((4, n))  # upper form: row 3 - k holds the k-th superdiagonal
     for j in range(4):
         for k in range(j, 4):
-            banded[3 - (k - j), k:n - 3 + k] += rows[j] * rows[k]
+            banded[3 - (k - j), k:n - 3 + k] += products[j, k]
     weight = 1.0 / sigma**2
     banded[3] += weight
     _, smoothed, failed = dpbsv(banded, (angles - angles[0]) * weight)

@@ -74,8 +74,8 @@ class Sighter:
             return None
         middles = np.arange(between[0], between[1] + STEP, STEP)
         thin, lead = max(len(distance) // MOST, 1), distance + self._lead
-        explained = self._solve(self._parts(lead[::thin] - middles[:, np.newaxis]),
-                                volts[::thin], bending, gain)[0]
+        explained = self._explained(self._parts(lead[::thin] - middles[:, np.newaxis]),
+                                    volts[::thin], bending, gain)
         j, i = divmod(int(explained.argmax()), len(middles))
         middle = float(middles[i]) + STEP * _vertex(explained[j], i)
         x = lead - middle
@@ -83,31 +83,40 @@ class Sighter:
         x, volts = x[inside], volts[inside]
         if len(x) < FEWEST:
             return None
-        parts = self._parts(x)[:, np.newaxis]
-        amplitude, stretch = (float(found[j, 0]) for found in self._solve(
-            parts, volts, bending, gain)[1:])
-        left = volts - amplitude * parts[0, 0] - stretch * parts[1 + j, 0]
+        parts = self._parts(x)
+        bend, strain = parts[0], parts[1 + j]
+        amplitude, stretch = map(float, self._amplitudes(
+            bend @ bend, strain @ strain, bend @ strain, bend @ volts, strain @ volts, bending,
+            gain))
+        left = volts - amplitude * bend - stretch * strain
         low, high = PLAUSIBLE_BENDING
         if not (low * bending < amplitude < high * bending
                 and math.sqrt(left @ left / len(left)) < LARGEST_RESIDUAL * amplitude):
             return None
         return Sighting(middle, amplitude, stretch / gain, float(SLIDINGS[j]), self._coverage(x))
 
-    def _solve(self, parts: Array, volts: Array, bending: float,
-               gain: float) -> tuple[Array, Array, Array]:
-        """Return the explained part [V^2], bending [V] and stretch [V/m], (slidings, places)."""
+    def _explained(self, parts: Array, volts: Array, bending: float, gain: float) -> Array:
+        """Return how much [V^2] of ``volts`` each place of each sliding explains."""
         b, s = parts[0], parts[1:]
-        # normal equations for all places at once, weakly regularised
-        weak = self._variance
-        bb = np.einsum('ij,ij->i', b, b) + weak / (BENDING_SIGMA * bending)**2
-        ss = np.einsum('kij,kij->ki', s, s) + weak / (SLIP_SIGMA * gain)**2
-        bs = np.einsum('ij,kij->ki', b, s)
-        bv = b @ volts + weak / (BENDING_SIGMA**2 * bending)
-        sv = s @ volts
-        determinant = bb * ss - bs**2
-        amplitude = (ss * bv - bs * sv) / determinant
-        stretch = (bb * sv - bs * bv) / determinant
-        return amplitude * bv + stretch * sv, amplitude, stretch
+        bv, sv = b @ volts, s @ volts
+        amplitude, stretch = self._amplitudes(
+            np.einsum('ij,ij->i', b, b), np.einsum('kij,kij->ki', s, s),
+            np.einsum('ij,kij->ki', b, s), bv, sv, bending, gain)
+        bv = bv + self._variance / (BENDING_SIGMA**2 * bending)
+        return amplitude * bv + stretch * sv
+
+    def _amplitudes(self, bb: Array, ss: Array, bs: Array, bv: Array, sv: Array, bending: float,
+                    gain: float) -> tuple[Array, Array]:
+        """
+        Return bending [V] and stretch [V/m] from the products of both parts and of the samples.
+
+        Normal equations, for all places at once, weakly regularised.
+        """
+        weak = self._variance / (BENDING_SIGMA * bending)**2
+        bb, ss = bb + weak, ss + self._variance / (SLIP_SIGMA * gain)**2
+        bv = bv + weak * bending
+        determinant = bb * ss - bs * bs
+        return (ss * bv - bs * sv) / determinant, (bb * sv - bs * bv) / determinant
 
     def _parts(self, x: Array) -> Array:
         """Return bending and stretches per slip, (1 + slidings, ...), at places x."""

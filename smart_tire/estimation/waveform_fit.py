@@ -47,7 +47,7 @@ DAMPED, GROWS, SHRINKS = 1e-4, 10.0, 0.1  # Levenberg's damping: first, after fa
 MOST_DAMPED = 1e6
 CONVERGED = 0.03         # of the misfit, chi-squared: a step that saves less is the last
 OUTLIER = 3.0            # sigmas, beyond which a sample counts less
-PART = 128               # samples that are multiplied at once
+AT_ONCE = 200_000        # multiplications in a product; OpenBLAS uses threads from 4 * 65536 on
 MEDIAN_TO_SIGMA = 1.4826  # of the absolute values of Gaussian noise
 
 
@@ -348,10 +348,10 @@ def _product(slopes: Array, weight: Array) -> Array:
 
     In parts so small that no library spreads them over threads, which takes ten times as long.
     """
-    weighted = slopes * weight
-    total = weighted[:, :PART] @ slopes[:, :PART].T
-    for i in range(PART, len(weight), PART):
-        total += weighted[:, i:i + PART] @ slopes[:, i:i + PART].T
+    weighted, part = slopes * weight, max(AT_ONCE // len(slopes)**2, 1)
+    total = weighted[:, :part] @ slopes[:, :part].T
+    for i in range(part, len(weight), part):
+        total += weighted[:, i:i + part] @ slopes[:, i:i + part].T
     return total
 
 
