@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+import math
+
 import numpy as np
 import pytest
 
@@ -73,6 +76,32 @@ def test_a_gap_is_lost_time_and_no_rest():
     assert record.lost(begin, end) > 0.9
     assert record.lost(START_NS, begin) < 0.05
     assert record.lost(START_NS - 10**9, START_NS) > 0.99
+
+
+@pytest.mark.parametrize('rpm', [15.0, 60.0, 200.0])
+def test_contacts_do_not_hang_on_the_blocks_in_which_samples_come(rpm):
+    course = steady(rpm)
+    samples = films(course, 0.5 + 3.0 * 60.0 / rpm, slip=0.1, total=0.13)
+    whole, single, few = (contacts_of(samples, course, block)[0]
+                          for block in (len(samples), 1, 37))
+    spans = [np.array(sorted((c.film, c.begin_ns, c.end_ns) for c in found))
+             for found in (whole, single, few)]
+    assert len(spans[0]) == 6
+    for other in spans[1:]:
+        assert np.array_equal(other[:, 0], spans[0][:, 0])
+        # the rest voltage is followed from block to block: a millimetre or two of travel
+        apart = np.max(np.abs(other[:, 1:] - spans[0][:, 1:]))
+        assert apart <= PERIOD_NS + 0.002 / ROUND * 60e9 / rpm
+
+
+def test_a_film_that_was_absent_for_a_while_is_seen_again():
+    course = steady(60.0)
+    samples = films(course, 6.0)
+    gone = [replace(s, volts=(s.volts[0], math.nan))
+            if START_NS + 10**9 < s.stamp_ns < START_NS + 2 * 10**9 else s for s in samples]
+    found, _ = contacts_of(gone, course)
+    assert sum(c.film == 0 for c in found) == 5
+    assert sum(c.film == 1 for c in found) == 4
 
 
 def test_a_rest_voltage_that_is_not_the_described_one_is_learned():

@@ -225,6 +225,19 @@ def test_a_sliding_share_that_grows_otherwise_than_the_slip_is_allowed_for():
     assert np.median(changes[:, 1]) < 0.05  # the films tell as well
 
 
+def test_a_fit_that_goes_on_from_another_ends_where_one_from_its_values_does():
+    here, rng = robot(), np.random.default_rng(18)
+    for _ in range(15):
+        one, seen = fitter(here), passage(rng, here, slip=0.1, sliding=0.18)
+        alone, known = one.fit(seen), SlipKnowledge((0.1, 0.002), (0.0, 0.001))
+        onward, anew = one.fit(seen, known, alone), fitter(here).fit(seen, known, alone)
+        for which in (Shared.SLIP, Shared.SLIDING):
+            (value, sigma), (other, other_sigma) = onward.shared(which), anew.shared(which)
+            assert value == pytest.approx(other, abs=0.1 * sigma)
+            assert sigma == pytest.approx(other_sigma, rel=0.03)
+        assert one.fit(seen).parameters == pytest.approx(alone.parameters)
+
+
 def test_a_wrong_scale_of_the_distances_is_found_within_its_sigma():
     here = robot()
     found = fits(here, 60, 0.1, sliding=0.18, known=KNOWN, scale=0.01,
