@@ -29,17 +29,17 @@ OUTLIER = 3.0              # sigmas, to which bending peaks beyond are drawn
 
 @dataclass(frozen=True, eq=False)
 class FilmTold:
-    """What was found of one film; what its passages say is for figures."""
+    """What was found of one film; what each of its n passages tells is for figures."""
 
     wheel: str
     film: int                # index, 0 for film 1
     gain: Estimate | None    # V/m, film.stretch_gain; None where it was refused
     per_slip: Estimate | None  # V per unit of slip, see ``volts_per_slip``
     bending: Estimate        # V, film.bending_peak: mean, and its own standard error
-    slip: Array              # (n,) -, of each passage ...
+    slip: Array              # (n,) -, of the slip estimator ...
     slip_sigma: Array        # (n,)
-    stretch: Array           # (n,) V, ... and the gain in it times slip, as ``per_slip`` ...
-    stretch_sigma: Array     # (n,) V, ... with that of the film alone
+    stretch: Array           # (n,) V, ... and by what ``per_slip`` times slip should be, as seen
+    stretch_sigma: Array     # (n,) V, of the waveform alone
 
 
 @dataclass(frozen=True, eq=False)
