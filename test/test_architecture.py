@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+from functools import lru_cache
 from pathlib import Path
 
 import pytest
@@ -41,7 +42,8 @@ def part_of(path: Path) -> str:
     return path.relative_to(PACKAGE).parts[0].removesuffix('.py')
 
 
-def imported(path: Path) -> set[str]:
+@lru_cache(maxsize=None)
+def imported(path: Path) -> frozenset[str]:
     """Return the full names that ``path`` imports, wherever in the file."""
     names: set[str] = set()
     for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
@@ -50,7 +52,7 @@ def imported(path: Path) -> set[str]:
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f'{path}: a relative import hides where it goes'
             names.update(f'{node.module}.{alias.name}' for alias in node.names)
-    return names
+    return frozenset(names)
 
 
 def imported_parts(path: Path) -> set[str]:

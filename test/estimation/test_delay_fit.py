@@ -10,7 +10,7 @@ from smart_tire.errors import EstimatorError
 from smart_tire.estimation.delay_fit import fit_delay, Problem, Rows, sandwich
 from smart_tire.estimation.motion_record import Signal
 
-DELAYS = np.arange(-1.0, 1.01, 0.02)
+DELAYS = np.arange(-1.0, 1.01, 0.05)
 STEP = 0.1  # s between rows
 
 
@@ -58,7 +58,8 @@ def test_the_correlation_of_the_noise_is_found(linked):
 def test_a_periodic_signal_has_no_delay_of_its_own():
     fine = np.arange(-2.0, 62.0, 0.01)
     with pytest.raises(EstimatorError, match='fit alike'):
-        fit_delay(echo(0, signal=np.sin(4.0 * np.pi * fine), seconds=60.0), DELAYS)
+        fit_delay(echo(0, signal=np.sin(4.0 * np.pi * fine), seconds=60.0),
+                  np.arange(-1.0, 1.01, 0.02))
 
 
 def test_a_delay_beyond_the_range_is_refused():

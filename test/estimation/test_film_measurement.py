@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 import pytest
@@ -24,6 +25,13 @@ MICRON = 1e-6  # m
 @pytest.fixture(scope='module')
 def identified():
     return identify_film(several_loops(), FILM)[0]
+
+
+@lru_cache(maxsize=None)
+def run(top, frequency, duration, seed):
+    """Return the motion of a bench and its recording."""
+    moved = sine(top, frequency, duration, RATE)
+    return moved, TestBench(rate=RATE).run(moved, seed)
 
 
 def rested(motion):
@@ -58,11 +66,9 @@ def test_sigma_is_honest_over_motions_durations_and_seeds(learnt):
     others = [learnt, (0.006, 2.0, 10.0), (0.0005, 5.0, 5.0), (0.002, 10.0, 20.0),
               (0.012, 1.0, 60.0)]
     for seed in range(6):
-        own = TestBench(rate=RATE).run(sine(*learnt, RATE), seed)
-        params = identify_film(own, FILM)[0]
+        params = identify_film(run(*learnt, seed)[1], FILM)[0]
         for number, motion in enumerate(others):
-            moved = sine(*motion, RATE)
-            recording = own if number == 0 else TestBench(rate=RATE).run(moved, 100 + seed)
+            moved, recording = run(*motion, seed if number == 0 else 100 + seed)
             result = measure(recording.time, recording.output, params)
             told = np.isfinite(result.value)
             pull = ((result.value - moved) / result.sigma)[told]
