@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ast
-from functools import lru_cache
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -42,7 +42,7 @@ def part_of(path: Path) -> str:
     return path.relative_to(PACKAGE).parts[0].removesuffix('.py')
 
 
-@lru_cache(maxsize=None)
+@cache
 def imported(path: Path) -> frozenset[str]:
     """Return the full names that ``path`` imports, wherever in the file."""
     names: set[str] = set()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import lru_cache
+from functools import cache
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ def identified():
     return identify_film(several_loops(), FILM)[0]
 
 
-@lru_cache(maxsize=None)
+@cache
 def run(top, frequency, duration, seed):
     """Return the motion of a bench and its recording."""
     moved = sine(top, frequency, duration, RATE)
