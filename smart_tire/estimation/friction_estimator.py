@@ -74,7 +74,7 @@ class FrictionEstimator:
         if self._gate.resets != self._resets:
             self._resets = self._gate.resets
             self._start()
-        found = []
+        found: list[Friction] = []
         for instant, samples in closed:
             for item in samples:
                 self._take(item)

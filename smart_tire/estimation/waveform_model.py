@@ -14,7 +14,6 @@ from enum import IntEnum
 import math
 
 import numpy as np
-from numpy.polynomial.legendre import legvander
 from numpy.typing import NDArray
 
 from smart_tire.models import passage_waveform, tread_film
@@ -84,7 +83,7 @@ class WaveformModel:
         self._own = slice(len(Shared), own(len(films), Own.PLACE))
         low, high = float(self._distance.min()), float(self._distance.max())
         even = (2.0 * self._distance - low - high) / max(high - low, self._patch)
-        self._warps: Array = legvander(even, warps + 1).T[2:].copy()
+        self._warps = _legendre(even, warps)
 
     def linearised(self, p: Array) -> tuple[Array, Array]:
         """
@@ -139,3 +138,12 @@ class WaveformModel:
             slopes[own(i, Own.PLACE):own(i + 1, Own.PLACE), low:high] = each[:, low:high]
         output = offset + bending * bend.value + stretched - height * bump.value
         return output, slopes
+
+
+def _legendre(x: Array, count: int) -> Array:
+    """Return the Legendre polynomials of order 2 to ``count`` + 1 at ``x``, (count, n)."""
+    found = np.empty((count + 2, len(x)))
+    found[0], found[1] = 1.0, x
+    for k in range(2, count + 2):
+        found[k] = ((2 * k - 1) / k) * x * found[k - 1] - ((k - 1) / k) * found[k - 2]
+    return found[2:]

@@ -202,11 +202,12 @@ class WheelFilms:
     def _see(self, contact: Contact) -> None:
         """Look for the passage in a contact, and learn from it where the films sit."""
         course = self._course.smooth(int(contact.instants[0]), int(contact.instants[-1]))
-        begin, end = course.at(np.array([contact.begin_ns, contact.end_ns]))
+        rolled = course.at(contact.instants)
+        begin, end = np.interp((contact.begin_ns, contact.end_ns), contact.instants, rolled)
         direction = 1 if end >= begin else -1
         offset = self._offsets[contact.film]
         expected = self._place.expected(0.5 * (begin + end) - offset) + offset
-        distance = direction * course.at(contact.instants)
+        distance = direction * rolled
         found = None
         if math.isfinite(expected):
             found = self._look(contact, distance, SCRAP, (
@@ -293,9 +294,10 @@ class WheelFilms:
         begin = min(int(film.contact.instants[0]) for film in films)
         end = max(int(film.contact.instants[-1]) for film in films)
         samples, sightings = [], []
-        for film in sorted(films, key=lambda film: film.contact.film):
+        *middles, reference = (direction * course.at(np.array(
+            [*(film.instant_ns for film in films), reference_ns]))).tolist()
+        for film, middle in sorted(zip(films, middles), key=lambda both: both[0].contact.film):
             contact = film.contact
-            middle = direction * float(course.at(np.array([film.instant_ns]))[0])
             distance = direction * course.at(contact.instants)
             near = np.abs(distance - middle) < self._half + MARGIN
             volts = contact.volts[near]
@@ -303,7 +305,6 @@ class WheelFilms:
             samples.append(FilmSamples(
                 self._group[contact.film], distance[near], volts - contact.rest, rail))
             sightings.append(replace(film.sighting, middle=middle))
-        reference = direction * float(course.at(np.array([reference_ns]))[0])
         return Passage(tuple(samples), tuple(sightings), reference, course.errors(begin, end))
 
     def _middle(self, p: Pass, films: dict[int, FilmPassage], roll: Roll) -> float:
