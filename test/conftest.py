@@ -16,12 +16,18 @@ import signal
 import tempfile
 from typing import Any, IO
 
+from hypothesis import HealthCheck, settings
 import pytest
 from support.machine import beside_others
 from support.pty_port import PtyPort
 
 # Matrices are small: threads would only wait for each other, and for the other worker's.
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+
+# How long an example takes is a matter of what else runs; what fails must fail again.
+settings.register_profile('anywhere', deadline=None, derandomize=True,
+                          suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile('anywhere')
 
 WITH_PROCESSES = (
     'test/integration/', 'test/nodes/', 'test/links/', 'test/cli/test_record.py',
