@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 import fcntl
+import os
 from pathlib import Path
 import tempfile
 
 
 @contextmanager
 def _locked(name: str, how: int) -> Iterator[None]:
-    with (Path(tempfile.gettempdir()) / f'smart_tire_test_{name}').open('a') as lock:
+    with (Path(tempfile.gettempdir()) / f'smart_tire_test_{name}_{os.getuid()}').open('a') as lock:
         fcntl.flock(lock, how)  # ends with the file
         yield
 
