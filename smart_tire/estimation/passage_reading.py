@@ -82,7 +82,9 @@ class WaveformReader:
             sigma = math.hypot(CHANGE_NOISE, CHANGE_ERROR * change, unseen)
             known = SlipKnowledge(motion.slip, (change, sigma), _spread(
                 motion, passage.speed, (change, sigma)))
-            best = self._joining.fit(samples, known, first) or first
+            found = self._joining.fit(samples, known, first)
+            assert found is not None  # as the first was not
+            best = found
             joined = self._compared(
                 best, known, math.hypot(motion.slip_bend, stray)).widened(
                     disagreement(alone, motion.slip))
@@ -101,15 +103,22 @@ class WaveformReader:
     def _compared(self, fit: WaveformFit, known: SlipKnowledge, stray: float) -> Evidence:
         """Return what ``fit`` tells, less sharply where the films met two grounds."""
         evidence, passage = _strayed(fit, stray), fit.passage
-        if fit.excess < MISFIT or len(passage.films) < 2:
+        if fit.excess < MISFIT or len(passage.films) < 2 or not self._differ(
+                self._joining.apart(fit), fit):
             return evidence
         parts = [self._joining.fit(replace(passage, films=(one,), sightings=(seen,)), known)
                  for one, seen in zip(passage.films, passage.sightings)]
-        slidings = np.array([part.sliding for part in parts if part is not None])
-        off = slidings[:, 0] - fit.sliding[0]
-        if not np.any(np.abs(off) > DIFFERENT * slidings[:, 1]):
+        slidings = [part.sliding for part in parts if part is not None]
+        if not self._differ(slidings, fit):
             return evidence
+        off = np.array([sliding for sliding, _ in slidings]) - fit.sliding[0]
         return replace(evidence, noise=evidence.noise + np.diag([0.0, float(np.mean(off**2))]))
+
+    @staticmethod
+    def _differ(slidings: list[Estimate], fit: WaveformFit) -> bool:
+        """Return whether one of ``slidings`` is another one than that of ``fit``."""
+        return any(abs(sliding - fit.sliding[0]) > DIFFERENT * sigma
+                   for sliding, sigma in slidings)
 
     @staticmethod
     def _shift(fit: WaveformFit) -> float:

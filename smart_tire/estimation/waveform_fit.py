@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dposv
 
+from smart_tire.errors import EstimatorError
 from smart_tire.estimation.course_errors import CourseErrors
 from smart_tire.estimation.motion import Estimate
 from smart_tire.estimation.sighting import Sighting
@@ -177,6 +178,16 @@ class WaveformFitter:
                         key=lambda fit: fit.excess)
         return found
 
+    def apart(self, fit: WaveformFit) -> list[Estimate]:
+        """
+        Return the sliding share as each film alone would tell it, to first order.
+
+        ``fit`` must be the last one of this fitter.
+        """
+        if self._descent is None or self._descent.found is not fit:
+            raise EstimatorError('films can be told apart in the last fit only')
+        return self._descent.apart()
+
     def volts(self, fit: WaveformFit) -> list[Array]:
         """Return what the fit says of each sample [V] above rest, film by film."""
         passage = fit.passage
@@ -241,6 +252,7 @@ class _Descent:
         self._clips = bool(self._rail.any())
         self.found: WaveformFit | None = None
         self.point: _Point
+        self._known: _Prior  # of the last fit
 
     def run(self, p: Array, prior: _Prior) -> WaveformFit:
         """Return the fit from the start ``p``; what is fixed takes the value of ``prior``."""
@@ -260,9 +272,29 @@ class _Descent:
             if moved is None:
                 break
             point = moved
-        self.point = point
+        self.point, self._known = point, prior
         self.found = self._judge(point, last, prior, weight, hessian)
         return self.found
+
+    def apart(self) -> list[Estimate]:
+        """Return the sliding share by one step from the last point with each film's samples."""
+        prior, point = self._known, self.point
+        weight, slopes = self._weights(point), point.slopes.take(prior.free, axis=0)
+        sliding = int(np.searchsorted(prior.free, Shared.SLIDING))
+        pull = (prior.precision * (prior.value - point.p))[prior.free]
+        right = np.zeros((len(prior.free), 2))
+        right[sliding, 1] = 1.0
+        found, begin = [], 0
+        for one in self.passage.films:
+            own_part = slice(begin, begin + len(one.distance))
+            begin = own_part.stop
+            hessian = _product(slopes[:, own_part], weight[own_part])
+            hessian.reshape(-1)[::len(hessian) + 1] += prior.precision[prior.free]
+            right[:, 0] = slopes[:, own_part] @ (
+                weight[own_part] * point.residual[own_part]) + pull
+            step, inverse = _solved(hessian, right)[sliding].tolist()
+            found.append((float(point.p[Shared.SLIDING]) + step, math.sqrt(inverse)))
+        return found
 
     def _at(self, p: Array) -> _Point:
         output, slopes = self._model.linearised(p)

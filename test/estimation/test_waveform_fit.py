@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from smart_tire.errors import EstimatorError
 from smart_tire.estimation.course_errors import CourseErrors
 from smart_tire.estimation.friction_bound import friction_bound
 from smart_tire.estimation.waveform_fit import SlipKnowledge, WaveformFitter
@@ -192,6 +193,22 @@ def test_two_grounds_in_one_passage_are_seen_to_fit_no_model():
     assert (np.median(columns(both, Shared.SLIDING)[1])
             > 1.8 * np.median(columns(same, Shared.SLIDING)[1]))
     assert all(0.18 < fit.sliding[0] < 0.45 for fit in both)
+
+
+@pytest.mark.parametrize('other', [0.18, 0.195])
+def test_each_film_apart_tells_to_first_order_what_a_fit_of_it_alone_does(other):
+    here, known, rng = robot(), SlipKnowledge((0.1, 0.001)), np.random.default_rng(19)
+    for _ in range(15):
+        one, seen = fitter(here), passage(rng, here, slip=0.1, sliding=0.18, other_sliding=other)
+        joined = one.fit(seen, known)
+        apart = one.apart(joined)
+        for i, (value, sigma) in enumerate(apart):
+            part = replace(seen, films=seen.films[i:i + 1], sightings=seen.sightings[i:i + 1])
+            alone, alone_sigma = one.fit(part, known).sliding
+            assert value == pytest.approx(alone, abs=0.5 * sigma)
+            assert sigma == pytest.approx(alone_sigma, rel=0.3)
+        with pytest.raises(EstimatorError, match='last fit'):
+            one.apart(joined)
 
 
 @pytest.mark.parametrize('length', [0.046, 0.05, 0.07])
