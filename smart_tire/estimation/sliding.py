@@ -48,17 +48,18 @@ class Surprise:
     """
     Tells a change from bad readings by innovations that contradict the state twice in a row.
 
-    A single bad reading errs the other way the next time.
+    A single bad reading errs the other way the next time. Innovations up to ``least`` sigmas tell
+    nothing.
     """
 
-    def __init__(self) -> None:
-        self._innovation = 0.0
+    def __init__(self, least: float) -> None:
+        self._least, self._innovation = least, 0.0
 
     def update(self, innovation: float, sigma: float) -> float:
         """Return the variance of a change that explains what ``sigma`` does not."""
         before, self._innovation = self._innovation, innovation
         lasting = min(abs(before), abs(innovation)) if before * innovation > 0.0 else 0.0
-        return lasting ** 2 if lasting > SURPRISE * sigma else 0.0
+        return lasting ** 2 if lasting > self._least * sigma else 0.0
 
 
 class SlidingChange:
@@ -73,7 +74,7 @@ class SlidingChange:
     def __init__(self, params: SlipEstimatorParams) -> None:
         self._params = params
         self._usual: tuple[float, float] | None = None  # m/s, of wheels and ground of late
-        self._surprise = Surprise()
+        self._surprise = Surprise(SURPRISE)
 
     def update(self, duration: float, wheel: float, ground: float, innovation: float,
                sigma: float, accel_density: float) -> Change:

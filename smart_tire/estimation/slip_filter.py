@@ -42,6 +42,7 @@ SLOPE_LENGTH = 5.0        # m, over which the slope of the ground is forgotten
 WHEEL_NOISE = 0.003       # m/s, wheel speed of a side beyond quantisation and stamps
 DOUBT = 0.1               # of the wheels' speed, per normalised innovation squared above one
 ICR_CHANGE = 0.1          # of the wheelbase, by which S changes where slips do, one sigma
+SIDEWAYS = 1.5            # sigmas; beyond, twice in a row, S has changed
 STILL_SPEED = 0.003       # m/s, one sigma of the speed of a robot that stands
 ROLLING_MEMORY = 2.0      # s, over which the slip of rolling wheels stays the same
 LEAST_WEIGHT = 1e-6       # below, what is usual is not worth an update
@@ -82,7 +83,7 @@ class SlipFilter:
         self._Q = np.zeros(N)
         self._changes = [SlidingChange(params) for _ in SIDES]
         self._spread = SlidingSpread(params)
-        self._sideways = Surprise()
+        self._sideways = Surprise(SIDEWAYS)
         self._accel_density = 0.0  # (m/s2)^2 s, of the last step
         # a wandering slip with this memory spreads over slip_sigma in the long run
         self._slip_time = 2.0 * (params.slip_sigma / max(params.slip_drift, 1e-6)) ** 2
