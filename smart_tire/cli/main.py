@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from importlib import import_module
+import os
 import sys
 from typing import Any
 
@@ -26,7 +27,7 @@ VERBS = {
     'bench': 'what the stack costs on this machine',
     'reproduce': 'figures and tables of the papers, computed anew',
 }
-FAILED, USAGE, INTERRUPTED = 1, 2, 130
+FAILED, USAGE, INTERRUPTED, UNREAD = 1, 2, 130, 141
 ROS_ARGUMENTS = '--ros-args'  # from here on they are for rclpy, which finds them by itself
 OF_ROS = ('rclpy', '_msgs', '_srvs', '_interfaces')  # ends of the names of its packages
 
@@ -54,7 +55,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         words = words[:words.index(ROS_ARGUMENTS)]
     args = new_parser(words[0] if words else None).parse_args(words)
     try:
-        return int(args.run(args))
+        status = int(args.run(args))
+        sys.stdout.flush()
+        return status
     except (BagError, ParameterError) as error:
         return complain(args.verb, error, USAGE)
     except SmartTireError as error:
@@ -65,6 +68,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         return complain(args.verb, f'{error.name} is not installed ({hint(error.name)})', FAILED)
     except KeyboardInterrupt:
         return complain(args.verb, 'interrupted', INTERRUPTED)
+    except BrokenPipeError:  # whoever reads has had enough, as "head" has
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return UNREAD
 
 
 def hint(module: str) -> str:

@@ -86,3 +86,15 @@ def test_arguments_for_ros_are_left_to_ros(monkeypatch):
                         lambda args: seen.append(args.topics) or 0)
     assert main(['record', '--topics', 'odom', '--ros-args', '-r', '__ns:=/robot']) == 0
     assert seen == [['odom']]
+
+
+def test_a_reader_that_has_had_enough_is_no_fault():
+    code = ('import sys; from smart_tire.cli import main, recover\n'
+            'recover.run = lambda args: [print(line) for line in range(100_000)] and 0\n'
+            'sys.exit(main.main(["recover", "some_bag"]))')
+    with subprocess.Popen([sys.executable, '-c', code], stdout=subprocess.PIPE,
+                          stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout.readline() == '0\n'
+        process.stdout.close()
+        assert process.stderr.read() == ''
+    assert process.returncode == 141  # as of a program that SIGPIPE ended
