@@ -13,7 +13,6 @@ endif
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 READY := $(VENV)/ready
-WORKERS := 2  # that run the tests; test/conftest.py says what they share out
 
 # Set inside a Python that has the rclpy wheels; one that starts anew must find its own.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
@@ -67,8 +66,9 @@ ifndef ROS_DISTRO
 	$(BIN)/mypy --no-error-summary
 endif
 
+# Two workers, one for tests that start nodes and one that computes: see test/conftest.py.
 test: lint
-	$(BIN)/python -m pytest -n $(WORKERS)
+	$(BIN)/python -m pytest -n 2
 
 config: $(READY)
 	$(BIN)/python -m smart_tire.parameters.text config
