@@ -80,8 +80,8 @@ class WaveformReader:
         if math.isfinite(motion.slip[0]):
             change = motion.slip_rate * self._patch / passage.speed
             sigma = math.hypot(CHANGE_NOISE, CHANGE_ERROR * change, unseen)
-            known = SlipKnowledge(motion.slip, (change, sigma), _spread(
-                motion, passage.speed, (change, sigma)))
+            known = SlipKnowledge(motion.slip, (change, sigma), *_spread(
+                motion, passage.speed, change))
             found = self._joining.fit(samples, known, first)
             assert found is not None  # as the first was not
             best = found
@@ -156,19 +156,17 @@ class WaveformReader:
                 'peak_interval': (interval, spread)}
 
 
-def _spread(motion: WheelMotion, speed: float, change: Estimate) -> Estimate:
+def _spread(motion: WheelMotion, speed: float, change: float) -> tuple[float, float]:
     """
-    Return the relative change of the sliding share for a ``change`` of the slip.
+    Return which share of a relative change of slip the sliding makes, and sigma of what else.
 
-    The share follows the total slip, in which the longitudinal and the lateral slip count by
-    their squares; while the one changes the other may as much, either way.
+    The sliding share follows the total slip, in which the longitudinal and the lateral slip count
+    by their squares; while the one changes the other may as much, either way.
     """
     slip, scale = motion.slip[0]**2, max(abs(motion.slip[0]), LEAST_SLIP)
     lateral = (motion.lateral[0] / speed)**2
     own = slip / (slip + lateral) if math.isfinite(lateral) and slip > 0.0 else UNSEEN
-    other = (1.0 - own) * math.hypot(change[0], CHANGE_NOISE)
-    return (own * change[0] / math.copysign(scale, motion.slip[0]),
-            math.hypot(own * change[1], other) / scale)
+    return own, (1.0 - own) * math.hypot(change, CHANGE_NOISE) / scale
 
 
 def _strayed(fit: WaveformFit, stray: float) -> Evidence:

@@ -36,7 +36,7 @@ class Prior:
     """What is known before a passage is seen; a sigma of 0 fixes a parameter."""
 
     value: Array
-    precision: Array  # 1 / variance, 0 of fixed parameters
+    precision: Array  # inverse covariance (free, free) of those that are fitted
     free: Indices     # of the parameters that are fitted
     lasting: Indices  # of those whose error is the same in other passages
 
@@ -90,9 +90,9 @@ class Descent:
             weight = self._weights(point)
             slopes = point.slopes.take(prior.free, axis=0)
             hessian = product(slopes, weight)
-            hessian.reshape(-1)[::len(hessian) + 1] += prior.precision[prior.free]
-            gradient = slopes @ (weight * point.residual) + (
-                prior.precision * (prior.value - point.p))[prior.free]
+            hessian += prior.precision
+            gradient = slopes @ (weight * point.residual) + prior.precision @ (
+                prior.value - point.p)[prior.free]
             last, moved, damping = self._step(point, prior, weight, hessian, gradient, damping)
             if moved is None:
                 break
@@ -105,7 +105,7 @@ class Descent:
         prior, point = end.prior, end.point
         weight, slopes = self._weights(point), point.slopes.take(prior.free, axis=0)
         sliding = int(np.searchsorted(prior.free, Shared.SLIDING))
-        pull = (prior.precision * (prior.value - point.p))[prior.free]
+        pull = prior.precision @ (prior.value - point.p)[prior.free]
         right = np.zeros((len(prior.free), 2))
         right[sliding, 1] = 1.0
         found, begin = [], 0
@@ -113,7 +113,7 @@ class Descent:
             own_part = slice(begin, begin + count)
             begin = own_part.stop
             hessian = product(slopes[:, own_part], weight[own_part])
-            hessian.reshape(-1)[::len(hessian) + 1] += prior.precision[prior.free]
+            hessian += prior.precision
             right[:, 0] = slopes[:, own_part] @ (
                 weight[own_part] * point.residual[own_part]) + pull
             step, inverse = solved(hessian, right)[sliding].tolist()
@@ -159,8 +159,8 @@ class Descent:
     def _misfit(self, point: Point, prior: Prior, weight: Array) -> float:
         if self._clips:
             weight = np.where(self._rail * point.residual < 0.0, 0.0, weight)
-        off = point.p - prior.value
-        return float(weight @ (point.residual * point.residual) + prior.precision @ (off * off))
+        off = (point.p - prior.value)[prior.free]
+        return float(weight @ (point.residual * point.residual) + off @ prior.precision @ off)
 
     def _weights(self, point: Point) -> Array:
         """Return 1 / variance, less for outliers (Huber), none for what is beyond its rail."""

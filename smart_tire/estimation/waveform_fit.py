@@ -39,6 +39,7 @@ TYPICAL_SLIP = 0.08      # -, at which a start takes the sliding for typical at 
 LEAST_START = 0.1        # -, smallest sliding that a start takes
 SUSPECT = 1.5            # mean square of normalised residuals, from which another start is tried
 LEAST_SLIP = 0.02        # -, below which a relative change of slip means nothing
+LEAST_STRAYS = 1e-4      # -, smallest sigma of a change of the sliding share beside the slip's
 LEAST_TOLERANCE = 1e-6   # relative, of gains that are said to be exact
 
 
@@ -48,8 +49,8 @@ class SlipKnowledge:
 
     slip: Estimate = (0.0, SLIP_SIGMA)  # -, at the reference
     change: Estimate = (0.0, 0.0)       # -, of the slip over a contact length
-    # -, relative, of the sliding share over a contact length; None: as that of the slip
-    spread: Estimate | None = None
+    follows: float = 1.0  # share of a relative change of the slip that the sliding share makes ...
+    strays: float = 0.0   # -, ... and one sigma of what it changes beside, over a contact length
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -196,13 +197,12 @@ class WaveformFitter:
         count, errors = len(passage.films), passage.errors
         value, sigma = np.zeros((2, own(count, Own.PLACE) + len(errors.warps)))
         scale = math.copysign(max(abs(slip), LEAST_SLIP), slip)  # GROWTH is relative to the slip
-        growth = known.change[0] / scale, known.change[1] / abs(scale)
-        spread = growth if known.spread is None else known.spread
+        growth, strays = known.change[0] / scale, max(known.strays, LEAST_STRAYS)
         value[:len(Shared)] = (
-            known.slip[0], TYPICAL_SLIDING, growth[0], spread[0], 0.0, 0.0, 0.0)
+            known.slip[0], TYPICAL_SLIDING, growth, known.follows * growth, 0.0, 0.0, 0.0)
         sigma[:len(Shared)] = (
-            known.slip[1], SLIDING_SIGMA, growth[1], spread[1], errors.scale, ALPHA_SIGMA,
-            self._length_sigma)
+            known.slip[1], SLIDING_SIGMA, known.change[1] / abs(scale), strays, errors.scale,
+            ALPHA_SIGMA, self._length_sigma)
         sigma[own(count, Own.PLACE):] = errors.warps
         recovery = RECOVERY_SIGMA if self._robot.film.release == 'fig8' else 0.0
         for i, (one, seen) in enumerate(zip(passage.films, passage.sightings)):
@@ -211,8 +211,12 @@ class WaveformFitter:
             sigma[block] = (PLACE_SIGMA, OFFSET_SIGMA, BENDING_SIGMA * peak, BUMP_SIGMA * peak,
                             BUMP_SIGMA * peak, self._gain_sigma, recovery)
         free = np.flatnonzero(sigma > 0.0)
-        precision = np.zeros_like(sigma)
-        precision[free] = sigma[free]**-2
+        precision = np.diag(sigma[free]**-2)
+        if known.change[1] > 0.0:  # what is known of SPREAD is how it differs from that of GROWTH
+            tie = np.array([-known.follows, 1.0])
+            both = np.searchsorted(free, [Shared.GROWTH, Shared.SPREAD])
+            precision[both[:, np.newaxis], both] += np.outer(tie, tie) / strays**2
+            precision[both[1], both[1]] -= 1.0 / strays**2
         lasting = [Shared.SLIP, *(own(i, Own.GAIN) for i in range(count))]
         return Prior(value, precision, free, np.array(lasting, dtype=np.intp))
 
@@ -232,7 +236,8 @@ def _judged(passage: Passage, end: End) -> WaveformFit:
         end.hessian, np.eye(len(end.hessian)))
     both = covariance[[Shared.SLIP, Shared.SLIDING]]
     through = both[:, prior.lasting]
-    lasting = (through * prior.precision[prior.lasting]) @ through.T
+    lasts = np.searchsorted(prior.free, prior.lasting)
+    lasting = (through * prior.precision[lasts, lasts]) @ through.T
     noise = excess * (both[:, [Shared.SLIP, Shared.SLIDING]] - lasting)
     return WaveformFit(passage, p, excess * covariance, noise, lasting,
                        math.sqrt(float(squares.sum()) / len(squares)), excess)

@@ -37,9 +37,7 @@ def known(count, slip_sigma=1e-3):
         value[block] = i * ROBOT.film.spacing, 0.0, peak, 0.12 * peak, 0.12 * peak, 0.0, 0.0
         sigma[block] = 0.005, 0.01, 0.5, 0.1, 0.1, 0.03, 0.5
     free = np.flatnonzero(sigma)
-    precision = np.zeros_like(sigma)
-    precision[free] = sigma[free]**-2
-    return Prior(value, precision, free, np.array([Shared.SLIP]))
+    return Prior(value, np.diag(sigma[free]**-2), free, np.array([Shared.SLIP]))
 
 
 def way(seed):

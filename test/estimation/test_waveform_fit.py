@@ -235,7 +235,7 @@ def test_a_sliding_share_that_grows_otherwise_than_the_slip_is_allowed_for():
     for _ in range(100):
         seen = passage(rng, here, slip=0.1, sliding=0.18, growth=0.05,
                        spread=0.06 * rng.standard_normal())
-        found.append(one.fit(seen, SlipKnowledge((0.1, KNOWN), (0.005, 1e-4), (0.0, 0.06))))
+        found.append(one.fit(seen, SlipKnowledge((0.1, KNOWN), (0.005, 1e-4), 0.0, 0.06)))
     value, sigma = columns(found, Shared.SLIDING)
     assert 0.6 < np.mean(((value - 0.18) / sigma)**2) < 1.4
     changes = np.array([fit.shared(Shared.SPREAD) for fit in found])
