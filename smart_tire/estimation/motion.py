@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smart_tire.estimation.force_balance import ForceBalance
-from smart_tire.models.skid_steer import normal_loads, wheel_velocities
+from smart_tire.models.skid_steer import normal_loads
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import NS_PER_S, Odometry, WHEELS, WheelSlip
 
@@ -91,12 +91,11 @@ class MotionHistory:
                            self._stiffness_sigma(slips, a_x))
 
     def _lateral(self, odometry: Odometry, index: int) -> Estimate:
-        robot, covariance = self._robot, odometry.twist_covariance
-        lateral = wheel_velocities(odometry.linear[0], odometry.linear[1], odometry.angular[2],
-                                   robot.wheelbase, robot.track_width)[1][index]
-        arm = 0.5 * robot.wheelbase * (1.0 if index < 2 else -1.0)
+        covariance = odometry.twist_covariance
+        arm = 0.5 * self._robot.wheelbase * (1.0 if index < 2 else -1.0)
+        lateral = odometry.linear[1] + arm * odometry.angular[2]
         variance = covariance[V_Y] + 2.0 * arm * covariance[V_Y_RATE] + arm**2 * covariance[RATE]
-        return float(lateral), math.sqrt(max(variance, 0.0))
+        return lateral, math.sqrt(max(variance, 0.0))
 
     def _acceleration(self, odometry: list[Odometry]) -> tuple[float, float]:
         """Return the acceleration [m/s2] of the centre of mass from velocities, body axes."""
@@ -104,8 +103,10 @@ class MotionHistory:
         rate = np.array([o.angular[2] for o in odometry])
         stamps = [o.stamp_ns for o in odometry]
         com_x, com_y, _ = self._robot.center_of_mass
-        return (float(_slope(stamps, v_x) - np.mean(rate * v_y) - com_x * np.mean(rate**2)),
-                float(_slope(stamps, v_y) + np.mean(rate * v_x) - com_y * np.mean(rate**2)))
+        n = len(stamps)
+        square = float(rate @ rate) / n
+        return (_slope(stamps, v_x) - float(rate @ v_y) / n - com_x * square,
+                _slope(stamps, v_y) + float(rate @ v_x) / n - com_y * square)
 
     def _stiffness_sigma(self, slips: list[WheelSlip], a_x: float) -> float | None:
         """Return the relative sigma of C_x with the middle one of ``slips``."""
@@ -147,9 +148,9 @@ def _mean(samples: Sequence[Odometry | WheelSlip], estimates: list[Estimate], be
     """Return the mean of ``estimates`` between two instants; UNKNOWN where one is NaN."""
     if not samples:
         return UNKNOWN
-    points = np.linspace(begin_ns, end_ns, POINTS)
+    points = [begin_ns + i * (end_ns - begin_ns) / (POINTS - 1) for i in range(POINTS)]
     stamps = [sample.stamp_ns for sample in samples]
-    value, sigma = (float(np.mean(np.interp(points, stamps, column)))
+    value, sigma = (sum(np.interp(points, stamps, column).tolist()) / POINTS
                     for column in zip(*estimates))
     return (value, sigma) if math.isfinite(value) and math.isfinite(sigma) else UNKNOWN
 
