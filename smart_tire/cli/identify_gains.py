@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from smart_tire.cli.arguments import add_recordings, out_beside
+from smart_tire.cli.arguments import add_recordings
+from smart_tire.cli.identify_output import put_out
 
 if TYPE_CHECKING:
     from smart_tire.estimation.estimate import Estimate
@@ -13,7 +14,6 @@ if TYPE_CHECKING:
 
 NAME = 'gains'
 HELP = 'volts per unit slip of each film, contact length, spacing and angle of films, out of bags'
-FOUND, NOTHING = 0, 1
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -26,22 +26,12 @@ def run(args: argparse.Namespace) -> int:
     from smart_tire.analysis.gain_plots import write_gains
     from smart_tire.analysis.identification import load_robot, Span
     from smart_tire.analysis.tire_identification import gain_parameters, identify_gains
-    from smart_tire.parameters.identified import identified_text, write_text
     robot = load_robot(args.params)
     found = identify_gains(args.bags, robot, Span(args.since, args.until))
     for line in _lines(found, [bag.name for bag in args.bags]):
         print(line)
-    told = gain_parameters(found, robot)
-    if not told:
-        print('nothing can be told')
-        return NOTHING
-    out = out_beside(args, NAME)
-    write_text(out, identified_text(
-        [f'Identified from {", ".join(map(str, args.bags))}.'], told))
-    figure = out.with_suffix('.png')
-    drawn = write_gains(figure, found)
-    print(f'written to {out}' + (f' and {figure}' if drawn else ''))
-    return FOUND
+    return put_out(args, NAME, gain_parameters(found, robot),
+                   lambda figure: write_gains(figure, found))
 
 
 def _lines(found: GainFit, bags: list[str]) -> list[str]:

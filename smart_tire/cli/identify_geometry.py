@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import argparse
 
-from smart_tire.cli.arguments import add_recordings, out_beside
+from smart_tire.cli.arguments import add_recordings
+from smart_tire.cli.identify_output import put_out
 
 NAME = 'geometry'
 HELP = 'wheel latency, effective track, rolling radius and IMU of a robot, out of bags'
-FOUND, NOTHING = 0, 1
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -21,7 +21,6 @@ def run(args: argparse.Namespace) -> int:
     from smart_tire.analysis.geometry_plots import write_geometry
     from smart_tire.analysis.identification import identify_geometry, load_robot
     from smart_tire.estimation.geometry_identification import parameters, together
-    from smart_tire.parameters.identified import identified_text, write_text
     robot = load_robot(args.params)
     found = together([identify_geometry(bag, robot, since=args.since, until=args.until,
                                         reference=args.reference) for bag in args.bags])
@@ -30,14 +29,5 @@ def run(args: argparse.Namespace) -> int:
               f'{item.unit:6}{item.note}')
     for name, why in found.refused.items():
         print(f'{name:24}not told: {why}')
-    told = parameters(found, robot)
-    if not told:
-        print('nothing can be told')
-        return NOTHING
-    out = out_beside(args, NAME)
-    write_text(out, identified_text(
-        [f'Identified from {", ".join(map(str, args.bags))}.'], told))
-    figure = out.with_suffix('.png')
-    drawn = write_geometry(figure, found)
-    print(f'written to {out}' + (f' and {figure}' if drawn else ''))
-    return FOUND
+    return put_out(args, NAME, parameters(found, robot),
+                   lambda figure: write_geometry(figure, found))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import argparse
 
-from smart_tire.cli.arguments import add_recordings, out_beside
+from smart_tire.cli.arguments import add_recordings
+from smart_tire.cli.identify_output import put_out
 
 NAME = 'icr'
 HELP = 'S, the x of the centres of rotation, by the curve fit of paper B, out of bags'
@@ -20,7 +21,6 @@ def run(args: argparse.Namespace) -> int:
     from smart_tire.analysis.geometry_plots import write_icr
     from smart_tire.analysis.identification import identify_icr, load_robot
     from smart_tire.estimation.icr_identification import together
-    from smart_tire.parameters.identified import identified_text, write_text
     robot = load_robot(args.params)
     fit = together([identify_icr(bag, robot, since=args.since, until=args.until,
                                  reference=args.reference) for bag in args.bags])
@@ -29,10 +29,4 @@ def run(args: argparse.Namespace) -> int:
     print(f'S                      {fit.icr.value:10.4f} ± {fit.icr.sigma:<7.2g} m  from '
           f'{fit.source}')
     print(f'spread over the turns  {fit.spread:10.4f}           m')
-    out = out_beside(args, NAME)
-    figure = out.with_suffix('.png')
-    write_text(out, identified_text(
-        [f'Identified from {", ".join(map(str, args.bags))}.'], fit.parameters(robot)))
-    write_icr(figure, fit)
-    print(f'written to {out} and {figure}')
-    return 0
+    return put_out(args, NAME, fit.parameters(robot), lambda figure: write_icr(figure, fit))

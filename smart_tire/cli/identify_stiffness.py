@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import argparse
 
-from smart_tire.cli.arguments import add_recordings, out_beside
+from smart_tire.cli.arguments import add_recordings
+from smart_tire.cli.identify_output import put_out
 
 NAME = 'stiffness'
 HELP = 'longitudinal stiffness C_x of the tires, from straight acceleration and braking'
@@ -20,7 +21,6 @@ def run(args: argparse.Namespace) -> int:
     from smart_tire.analysis.identification import load_robot, Span
     from smart_tire.analysis.stiffness_plots import write_stiffness
     from smart_tire.analysis.tire_identification import identify_stiffness, stiffness_parameters
-    from smart_tire.parameters.identified import identified_text, write_text
     robot = load_robot(args.params)
     found = identify_stiffness(args.bags, robot, Span(args.since, args.until))
     for name, told, unit, note in (
@@ -33,10 +33,5 @@ def run(args: argparse.Namespace) -> int:
         print(f'{name:14}{told.value:10.5g} ± {told.sigma:<8.2g} {unit:3}{note}')
     print(f'{found.runs} straight runs of {found.duration:.1f} s in all; residuals are '
           f'{found.excess ** 0.5:.2g} times what noise explains')
-    out = out_beside(args, NAME)
-    write_text(out, identified_text(
-        [f'Identified from {", ".join(map(str, args.bags))}.'], stiffness_parameters(found)))
-    figure = out.with_suffix('.png')
-    write_stiffness(figure, found)
-    print(f'written to {out} and {figure}')
-    return 0
+    return put_out(args, NAME, stiffness_parameters(found),
+                   lambda figure: write_stiffness(figure, found))

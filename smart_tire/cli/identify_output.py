@@ -1,0 +1,34 @@
+"""Where the kinds of ``smart_tire identify`` put what bags tell."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from smart_tire.cli.arguments import out_beside
+
+if TYPE_CHECKING:
+    from smart_tire.parameters.identified import Identified
+
+FOUND, NOTHING = 0, 1  # exit statuses
+
+
+def put_out(args: argparse.Namespace, kind: str, told: Sequence[Identified],
+            draw: Callable[[Path], bool | None]) -> int:
+    """
+    Write parameters and, beside them, a figure, and say where; return the exit status.
+
+    ``draw`` writes the figure and returns False where there was nothing to draw.
+    """
+    from smart_tire.parameters.identified import identified_text, write_text
+    if not told:
+        print('nothing can be told')
+        return NOTHING
+    out = out_beside(args, kind)
+    write_text(out, identified_text([f'Identified from {", ".join(map(str, args.bags))}.'], told))
+    figure = out.with_suffix('.png')
+    drawn = draw(figure) is not False
+    print(f'written to {out}' + (f' and {figure}' if drawn else ''))
+    return FOUND
