@@ -103,12 +103,18 @@ def friction_estimate(inverse: float, sigma: float, relative: float,
     return mu, math.hypot(spread, mu * relative)
 
 
-def where_all_slides(evidence: Evidence) -> Evidence:
-    """Return ``evidence`` that knows: if the whole patch may slide, slip / sliding shows only."""
+def where_all_slides(evidence: Evidence, shown: Array | None = None) -> Evidence:
+    """
+    Return ``evidence`` that knows: if the whole patch may slide, slip / sliding shows only.
+
+    Whether the two are tied, the covariance (2, 2) that was ``shown`` tells where what was added
+    to the noise since, by size only, hides it.
+    """
     noise = evidence.noise
-    tied = noise[0, 1] * math.copysign(1.0, evidence.slip)
+    shown = noise if shown is None else shown
+    tied = shown[0, 1] * math.copysign(1.0, evidence.slip)
     if (evidence.sliding + SLIDES_SIGMAS * math.sqrt(noise[1, 1]) < SLIDES
-            or tied < TIED * math.sqrt(noise[0, 0] * noise[1, 1])):
+            or tied < TIED * math.sqrt(shown[0, 0] * shown[1, 1])):
         return evidence
     both = np.array([evidence.slip, evidence.sliding])
     return replace(evidence, noise=noise + np.outer(both, both))

@@ -75,14 +75,16 @@ class WaveformReader:
         first = self._fitter.fit(samples, unknown)
         if first is None or not self._plausible(first):
             return None
-        alone = where_all_slides(_strayed(first, stray))
+        shown = _strayed(first, stray)
+        alone = where_all_slides(shown, first.noise)
         best, joined = first, alone
         if math.isfinite(motion.slip[0]):
             change = motion.slip_rate * self._patch / passage.speed
             sigma = math.hypot(CHANGE_NOISE, CHANGE_ERROR * change, unseen)
             known = SlipKnowledge(motion.slip, (change, sigma), *_spread(
                 motion, passage.speed, change))
-            found = self._joining.fit(samples, known, first)
+            start = first if alone is shown else _along(first, motion.slip[0])
+            found = self._joining.fit(samples, known, start)
             assert found is not None  # as the first was not
             best = found
             joined = self._compared(
@@ -167,6 +169,16 @@ def _spread(motion: WheelMotion, speed: float, change: float) -> tuple[float, fl
     lateral = (motion.lateral[0] / speed)**2
     own = slip / (slip + lateral) if math.isfinite(lateral) and slip > 0.0 else UNSEEN
     return own, (1.0 - own) * math.hypot(change, CHANGE_NOISE) / scale
+
+
+def _along(fit: WaveformFit, slip: float) -> WaveformFit:
+    """Return ``fit`` moved to ``slip`` with slip / sliding as it is: where all slides, a start."""
+    scale = slip / fit.slip[0] if fit.slip[0] else 0.0
+    if not scale > 0.0:
+        return fit
+    parameters = fit.parameters.copy()
+    parameters[[Shared.SLIP, Shared.SLIDING]] *= scale
+    return replace(fit, parameters=parameters)
 
 
 def _strayed(fit: WaveformFit, stray: float) -> Evidence:

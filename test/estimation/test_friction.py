@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 import math
 
 import numpy as np
@@ -122,6 +123,12 @@ def test_where_the_whole_patch_may_slide_only_the_ratio_shows():
     # what a slip from elsewhere makes of it
     sliding = 0.85 + wide.noise[0, 1] / wide.noise[0, 0] * (0.8 - 0.4)
     assert sliding == pytest.approx(0.8 * 0.85 / 0.4, rel=0.05)
+
+
+def test_what_is_added_to_the_noise_does_not_hide_that_only_the_ratio_shows():
+    strayed = replace(tied(), noise=tied().noise + 2.0 * np.diag(np.diag(tied().noise)))
+    assert where_all_slides(strayed) is strayed
+    assert where_all_slides(strayed, tied().noise).slip_sigma > 0.3
 
 
 def test_where_little_slides_the_slip_is_what_it_is():

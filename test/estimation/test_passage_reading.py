@@ -187,6 +187,17 @@ def test_beyond_the_critical_slip_films_alone_do_not_tell_how_far():
     assert abs(told.joined.sliding - 1.5) < 3.0 * told.joined.sliding_sigma < 0.3
 
 
+def test_where_all_slides_the_slip_from_elsewhere_says_how_far():
+    off = []
+    for seed in range(20):
+        one = seen(np.random.default_rng(seed), slip=-0.27, sliding=1.6, change=0.05)
+        told = read(one, slip=(-0.27, 0.02)).joined
+        off.append(((told.slip + 0.27) / told.slip_sigma, (told.sliding - 1.6) / 1.6))
+    slip, sliding = np.array(off).T
+    assert np.sqrt(np.mean(slip**2)) < 1.5
+    assert np.median(np.abs(sliding)) < 0.1
+
+
 def test_a_sighting_that_is_a_little_off_does_not_matter():
     one = seen(np.random.default_rng(13)).samples
     shifted = tuple(Sighting(s.middle + 0.002, s.bending, -s.slip, s.sliding, s.coverage)
