@@ -17,7 +17,7 @@ from smart_tire.simulation.ports import PtyPort
 CHUNK = 4096    # bytes per read
 POLL = 0.1      # s between two looks at whether to stop
 PATIENCE = 10.0  # s until the radio's port must be there
-KEY = 4         # samples at the end of a batch that tell it from others, thanks to their noise
+KEY = 8         # samples at the end of a batch that tell it from others, thanks to their noise
 
 Key = tuple[tuple[float, ...], ...]
 
