@@ -23,10 +23,9 @@ from smart_tire.analysis.friction_bench.methods import METHODS, SOURCES
 from smart_tire.analysis.friction_bench.published import (
     PRINTED_EXCESS, PUBLISHED, PUBLISHED_BOUNDS)
 from smart_tire.analysis.friction_bench.results import (
-    by_run, Key, run_all, RunResult, slips_by_run)
+    by_run, Key, run_all, RunResult, slips_by_run, SteadySlip)
 from smart_tire.analysis.friction_bench.scoring import Figures
 from smart_tire.analysis.friction_bench.trials import CaseResult, run_case
-from smart_tire.analysis.metrics import Score
 from smart_tire.analysis.slip_bench.figures import save
 from smart_tire.analysis.summary import plain
 from smart_tire.cli.bench_friction_tables import (
@@ -117,7 +116,7 @@ def _draw_passages(cases: Sequence[CaseResult], out: Path) -> None:
 
 
 def _tables(cases: Sequence[CaseResult], runs: dict[str, dict[Key, Figures]],
-            slips: dict[str, dict[str, Score]]) -> Iterator[Table]:
+            slips: dict[str, dict[str, SteadySlip]]) -> Iterator[Table]:
     if cases:
         yield cases_table(cases)
     if runs:

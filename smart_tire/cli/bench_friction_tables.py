@@ -11,10 +11,9 @@ from smart_tire.analysis.friction_bench.cases import Case
 from smart_tire.analysis.friction_bench.methods import (
     AIDED, ESTIMATED, EXACT_MAP, PRINTED_MAP, TRUE, WAVEFORM)
 from smart_tire.analysis.friction_bench.published import Published
-from smart_tire.analysis.friction_bench.results import Key
+from smart_tire.analysis.friction_bench.results import Key, SteadySlip
 from smart_tire.analysis.friction_bench.scoring import Figures, JUDGED_BOUND
 from smart_tire.analysis.friction_bench.trials import CaseResult, Trial
-from smart_tire.analysis.metrics import Score
 from smart_tire.cli.bench_tables import new_table, number
 
 Runs = Mapping[str, Mapping[Key, Figures]]  # run -> wheel, source and method -> figures
@@ -188,20 +187,20 @@ def rivals_table(runs: Runs, titles: Mapping[str, str]) -> Table:
     return table
 
 
-def aided_table(runs: Runs, slips: Mapping[str, Mapping[str, Score]],
+def aided_table(runs: Runs, slips: Mapping[str, Mapping[str, SteadySlip]],
                 titles: Mapping[str, str]) -> Table:
     """Return the slip that films aid, and friction with it, beside those without."""
     table = new_table(
         'Slip of slip_estimator, steady, without the films and aided by them; relative error of '
-        'mu with it [%]', 'without:\nrms', '\nNEES', 'one rev.', 'fused', 'aided:\nrms',
-        '\nNEES', 'one rev.', 'fused')
+        'mu with it [%]', '', 'without:\nrms', '\ntold', '\nNEES', '\none rev.', '\nfused',
+        'aided:\nrms', '\ntold', '\nNEES', '\none rev.', '\nfused')
     for run, figures in runs.items():
         _head(table, titles[run])
         for wheel in _wheels(figures):
             cells: list[str | Text] = []
             for source in (ESTIMATED, AIDED):
                 own, slip = figures[wheel, source, WAVEFORM], slips[run][source]
-                cells += [number(slip.rms, 4), number(slip.normalised_rms**2, 2),
+                cells += [number(slip.rms, 4), number(slip.told, 4), number(slip.nees, 2),
                           _pair(own['single_median'], own['single_90']),
                           _pair(own['fused_median'], own['fused_90'])]
             table.add_row(f'  {wheel.replace("_", " ")}', *cells)

@@ -14,7 +14,7 @@ from smart_tire.analysis.friction_bench.rivals import friction_read_off
 from smart_tire.analysis.friction_bench.rows import Rows, rows_of, together, true_passages
 from smart_tire.analysis.friction_bench.scoring import (
     Change, changes, Figures, figures_of, reading_figures)
-from smart_tire.analysis.metrics import score, Score
+from smart_tire.analysis.metrics import rms, score
 from smart_tire.analysis.series import Floats
 from smart_tire.analysis.slip_bench.scoring import steady_slips
 from smart_tire.analysis.slip_bench.tracks import as_estimate, as_truth
@@ -79,14 +79,29 @@ def by_run(results: Iterable[RunResult]) -> dict[str, dict[Key, Figures]]:
                   for key in seeds[0].parts} for run, seeds in runs.items()}
 
 
-def slips_by_run(results: Iterable[RunResult]) -> dict[str, dict[str, Score]]:
-    """Return run -> source of the slip -> scores of the slips of both sides of all seeds."""
+@dataclass(frozen=True)
+class SteadySlip:
+    """How far off the slips of both sides are while they are steady; NaN where they never are."""
+
+    count: int
+    rms: float
+    told: float  # rms of the sigmas
+    nees: float  # mean normalised squared error: 1 is right
+
+
+def slips_by_run(results: Iterable[RunResult]) -> dict[str, dict[str, SteadySlip]]:
+    """Return run -> source of the slip -> scores over all seeds."""
     runs: dict[str, dict[str, list[tuple[Floats, Floats]]]] = {}
     for result in results:
         for source, slips in result.slips.items():
             runs.setdefault(result.run, {}).setdefault(source, []).append(slips)
-    return {run: {source: score(*(np.concatenate(part) for part in zip(*parts)))
+    return {run: {source: _steady(*(np.concatenate(part) for part in zip(*parts)))
                   for source, parts in sources.items()} for run, sources in runs.items()}
+
+
+def _steady(error: Floats, sigma: Floats) -> SteadySlip:
+    found = score(error, sigma)
+    return SteadySlip(found.count, found.rms, rms(sigma), found.normalised_rms**2)
 
 
 def figures_over(parts: Sequence[Part]) -> Figures:
