@@ -43,6 +43,7 @@ def draw_gains(ax: Axes, films: list[FilmTold]) -> None:
         ax.plot(ends, volts.value * ends, color=color, linewidth=1.4,
                 label=f'film {one.film + 1}: {volts.value:.3f} ± {volts.sigma:.3f} V per unit')
     ax.set(xlabel='slip ratio ± 1σ [-]', ylabel='stretch voltage if all stuck, ± 1σ [V]')
+    ax.locator_params(axis='x', nbins=5)  # more labels would touch
 
 
 def draw_waveform(ax: Axes, example: Waveform) -> None:
