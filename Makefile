@@ -59,11 +59,14 @@ bench-slip: $(READY)
 bench-friction: $(READY)
 	$(BIN)/smart_tire bench --friction
 
-# Style and types are checked with the pinned tools and versions only.
+# Style and types are checked with the pinned tools and versions only; the last numpy for Python
+# 3.10 describes its types otherwise.
 lint: $(READY)
 ifndef ROS_DISTRO
 	$(BIN)/ruff check --quiet .
-	$(BIN)/mypy --no-error-summary
+	@if $(BIN)/python -c 'import sys; sys.exit(sys.version_info < (3, 11))'; \
+	then echo $(BIN)/mypy --no-error-summary; $(BIN)/mypy --no-error-summary; \
+	else echo 'types are not checked by Python 3.10'; fi
 endif
 
 # Two workers, one for tests that start nodes and one that computes: see test/conftest.py.
