@@ -2,9 +2,10 @@
 Slip that the films tell, as a measurement of the robot's speed at an earlier time.
 
 A passage is told some tenths of a second after it happened, sooner or later as other programs
-let it. It is applied a fixed time after its stamp, so that live, replayed and recorded data give
-the same numbers. From then to now the inertial unit has seen how the speed changed, so what the
-films say of the past corrects the present, whatever the slip has done since.
+let it. It is applied at an instant that only its stamp and the wheel's speed then decide, so that
+live, replayed and recorded data give the same numbers. From then to now the inertial unit has
+seen how the speed changed, so what the films say of the past corrects the present, whatever the
+slip has done since.
 """
 
 from __future__ import annotations
@@ -20,9 +21,10 @@ from smart_tire.estimation.slip_state import PastSpeed
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import Friction, NS_PER_S, WHEELS
 
-DELAY_NS = 750_000_000   # from a passage to its use: told after 0.3 s at 60 rpm, 0.7 s at 20 rpm
-MEMORY = 2.0             # s
-FARTHEST_NS = 5 * NS_PER_S  # by which a stamp may lie ahead: beyond, the clock has jumped
+# From a passage to its use. It is told after 0.4 s at 60 rpm, 0.8 s at 20 rpm, 0.1 s later with
+# wheels at 4 Hz: once the wheel has rolled on and its angle is smooth.
+DELAY, ROLL = 0.55, 0.08  # s, and m
+MEMORY = 3.0             # s
 WHEEL_NOISE = 0.003      # m/s, one sigma of a side's wheel speed as the filter has it
 
 
@@ -72,15 +74,26 @@ class FilmAid:
         self._newest: dict[int, int] = {}  # wheel -> stamp
         self._points: list[Point] = []
 
-    def push(self, sample: Friction, now_ns: int) -> bool:
-        """Take a passage at the grid instant ``now_ns``; return False if it came too late."""
+    def push(self, sample: Friction, time: float, now_ns: int) -> bool:
+        """
+        Take a passage of ``time`` [s] at the grid instant ``now_ns``; return False if too late.
+
+        What tells nothing is passed over: NaN, a wheel that stood, a time before the memory.
+        """
         slip, sigma = sample.value['film_slip'], sample.sigma['film_slip']
-        due_ns, wheel = sample.stamp_ns + DELAY_NS, WHEELS.index(sample.wheel)
-        if due_ns <= now_ns or sample.stamp_ns <= self._newest.get(wheel, 0):
+        wheel, then = WHEELS.index(sample.wheel), self._at(time)
+        if sample.stamp_ns <= self._newest.get(wheel, 0):
             return False
-        if due_ns < now_ns + FARTHEST_NS and abs(slip) <= 1.0 and 0.0 < sigma < 1.0:
-            self._newest[wheel] = sample.stamp_ns
-            heapq.heappush(self._waiting, FilmSlip(due_ns, wheel, sample.stamp_ns, slip, sigma))
+        if then is None or not (abs(slip) <= 1.0 and 0.0 < sigma < 1.0):
+            return True
+        speed = abs(then.wheels[wheel % 2])
+        if speed < self._slowest:
+            return True
+        due_ns = sample.stamp_ns + round((DELAY + ROLL / speed) * NS_PER_S)
+        if due_ns <= now_ns:
+            return False
+        self._newest[wheel] = sample.stamp_ns
+        heapq.heappush(self._waiting, FilmSlip(due_ns, wheel, sample.stamp_ns, slip, sigma))
         return True
 
     def due(self, instant_ns: int) -> list[FilmSlip]:

@@ -156,7 +156,9 @@ class SlipEstimator:
         self._closed_ns = instant_ns
 
     def _on_friction(self, sample: Friction) -> None:
-        if self._films is not None and not self._films.push(sample, self._closed_ns):
+        if self._films is None or self._zero_ns is None:
+            return
+        if not self._films.push(sample, self._seconds(sample.stamp_ns), self._closed_ns):
             self._gate.late['tire_friction'] += 1
 
     def _use_films(self, films: FilmAid, instant_ns: int) -> None:

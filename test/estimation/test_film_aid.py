@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from smart_tire.estimation.film_aid import DELAY_NS, FilmAid
+from smart_tire.estimation.film_aid import DELAY, FilmAid, ROLL
 from smart_tire.estimation.slip_estimator import SlipEstimator
 from smart_tire.parameters import build, SlipEstimatorParams
 from smart_tire.samples import Friction, NS_PER_S, Odometry, WheelSlip
@@ -24,47 +24,58 @@ def friction(stamp_ns, slip, sigma=0.004, wheel='front_right'):
     return Friction(stamp_ns, wheel, {'film_slip': slip}, {'film_slip': sigma})
 
 
-def aid():
-    return FilmAid(build(SlipEstimatorParams, {'slip.film_aided': True}).robot)
+def aid(speed=0.8, duration=2.0):
+    """Return one that knows of wheels at an even speed, from 0 s on, at ``START_NS``."""
+    films = FilmAid(build(SlipEstimatorParams, {'slip.film_aided': True}).robot)
+    for step in range(round(100 * duration)):
+        films.note(0.01 * step, 0.0, 0.0, 0.0, 0.0, (speed, speed), (0.0, 0.0))
+    return films
 
 
-def test_a_passage_is_used_a_fixed_time_after_its_stamp_whenever_it_comes():
-    films = aid()
+def push(films, told, now_ns):
+    return films.push(told, (told.stamp_ns - START_NS) / NS_PER_S, now_ns)
+
+
+@pytest.mark.parametrize('speed', [0.2, 0.8, -0.8])
+def test_a_passage_is_used_when_its_stamp_and_the_speed_say_whenever_it_comes(speed):
+    due_ns = START_NS + round((0.5 + DELAY + ROLL / abs(speed)) * NS_PER_S)
+    pair = friction(START_NS + 500 * MS, 0.1), friction(
+        START_NS + 501 * MS, 0.2, wheel='front_left')
     for order in (0, 1), (1, 0):
-        films = aid()
-        pair = friction(START_NS, 0.1), friction(START_NS + MS, 0.2, wheel='front_left')
+        films = aid(speed)
         for i in order:
-            assert films.push(pair[i], START_NS + 300 * MS)
-        assert films.due(START_NS + DELAY_NS - MS) == []
-        assert [film.slip for film in films.due(START_NS + DELAY_NS + MS)] == [0.1, 0.2]
-        assert films.due(START_NS + 2 * DELAY_NS) == []
+            assert push(films, pair[i], START_NS + 800 * MS)
+        assert films.due(due_ns - MS) == []
+        assert [film.slip for film in films.due(due_ns + 2 * MS)] == [0.1, 0.2]
+        assert films.due(due_ns + NS_PER_S) == []
 
 
 def test_what_comes_too_late_or_twice_is_refused():
-    films = aid()
-    assert not films.push(friction(START_NS, 0.1), START_NS + DELAY_NS)
-    assert films.push(friction(START_NS, 0.1), START_NS + DELAY_NS - MS)
-    assert not films.push(friction(START_NS, 0.1), START_NS + DELAY_NS - MS)
-    assert films.push(friction(START_NS, 0.1, wheel='front_left'), START_NS)
+    films, told = aid(), friction(START_NS + 500 * MS, 0.1)
+    due_ns = START_NS + round((0.5 + DELAY + ROLL / 0.8) * NS_PER_S)
+    assert not push(films, told, due_ns + MS)
+    assert push(films, told, due_ns - MS)
+    assert not push(films, told, due_ns - MS)
+    assert push(films, friction(told.stamp_ns, 0.1, wheel='front_left'), due_ns - MS)
 
 
-@pytest.mark.parametrize(('stamp_ns', 'slip', 'sigma'), [
-    (START_NS, math.nan, math.inf), (START_NS, 0.1, math.nan), (START_NS, 1.5, 0.1),
-    (START_NS + 60 * NS_PER_S, 0.1, 0.01)])
-def test_what_tells_nothing_is_passed_over(stamp_ns, slip, sigma):
-    films = aid()
-    films.push(friction(stamp_ns, slip, sigma), START_NS)
+@pytest.mark.parametrize(('time', 'slip', 'sigma', 'speed'), [
+    (0.5, math.nan, math.inf, 0.8), (0.5, 0.1, math.nan, 0.8), (0.5, 1.5, 0.1, 0.8),
+    (60.0, 0.1, 0.01, 0.8), (-1.0, 0.1, 0.01, 0.8), (0.5, 0.1, 0.01, 0.02)])
+def test_what_tells_nothing_is_passed_over(time, slip, sigma, speed):
+    films = aid(speed)
+    assert push(films, friction(START_NS + round(time * NS_PER_S), slip, sigma), START_NS)
     assert films.due(START_NS + 120 * NS_PER_S) == []
 
 
 @pytest.mark.parametrize('direction', [1.0, -1.0])
 def test_the_speed_is_that_of_film_1_and_what_was_gained_since_is_told(direction):
-    films = aid()
+    films = aid(duration=0.0)
     for step in range(101):  # wheels get faster by 1 m/s2 from 0.5 m/s on
         films.note(0.01 * step, direction * 0.009, 1e-6, 0.002, 0.2,
                    (0.0, direction * (0.5 + 0.01 * step)), (0.0, 0.0))
-    (film,) = (films.push(friction(START_NS, 0.1, 0.01), START_NS)
-               and films.due(START_NS + DELAY_NS))
+    told = friction(START_NS + 400 * MS, 0.1, 0.01)
+    (film,) = push(films, told, START_NS) and films.due(START_NS + 2 * NS_PER_S)
     past = films.speed(film, 0.4)
     earlier = direction * LEAD / 0.9  # rolling back it passes last
     assert past.side == 1 and past.gyro_z == pytest.approx(0.2)
@@ -76,7 +87,7 @@ def test_the_speed_is_that_of_film_1_and_what_was_gained_since_is_told(direction
 
 
 def test_a_wheel_that_stands_or_a_time_that_is_forgotten_tells_nothing():
-    films = aid()
+    films = aid(duration=0.0)
     for step in range(1000):
         films.note(0.01 * step, 0.0, 0.0, 0.0, 0.0, (0.8, 0.01), (0.0, 0.0))
     left, right = (SimpleNamespace(wheel=wheel, slip=0.1, sigma=0.01) for wheel in (0, 1))
@@ -167,7 +178,7 @@ def test_numbers_do_not_depend_on_when_a_passage_comes():
     slip = np.full(2, 0.1)
     run = cruising(0, slip, duration=10.0)
     early = passages(run, slip, 0)
-    late = [(at + 200 * MS, sample) for at, sample in early]
+    late = [(at + 120 * MS, sample) for at, sample in early]
     results = [estimates(run, extra, **{'slip.film_aided': True}) for extra in (early, late)]
     assert results[0][1] == results[1][1]
     assert all(estimator.films_used > 10 for estimator, _ in results)

@@ -16,13 +16,14 @@ REST = (0.0, 0.0, 9.81)
 GRID_NS = 8_000_000
 
 
-def standing(graph, seconds=1.0, start_ns=START_NS):
-    """Publish what a robot feels that stands for some seconds."""
+def standing(graph, seconds=1.0, start_ns=START_NS, wheel_speed=0.0):
+    """Publish what a robot feels that stands for some seconds, its wheels spinning or not."""
     for tick in range(1, round(100 * seconds)):
         stamp_ns = start_ns + tick * 10_000_000
         graph.say('imu/data', ImuSample(stamp_ns, REST, (0.0, 0.0, 0.0)))
         if tick % 5 == 0:
-            graph.say('wheel_states', WheelSample(stamp_ns, (0.0,) * 4, (0.0,) * 4))
+            angle = wheel_speed * tick * 0.01
+            graph.say('wheel_states', WheelSample(stamp_ns, (wheel_speed,) * 4, (angle,) * 4))
         if tick % 2 == 0:
             graph.turn()  # about the pace of a robot
 
@@ -99,11 +100,15 @@ def test_passages_are_heard_where_films_aid_the_slip(graph):
     with graph.start('slip_estimator', slip__film_aided='true') as node:
         connect(graph, 'slip_estimator', wheel_states=WheelSample(START_NS, (0.0,) * 4),
                 imu__data=ImuSample(START_NS, REST, (0.0, 0.0, 0.0)), tire_friction=told)
-        standing(graph, 1.5)
+        standing(graph, 1.5, wheel_speed=6.0)
         graph.until(lambda: len(graph.heard['odom']) > 150)
-        graph.say('tire_friction', replace(told, stamp_ns=START_NS + 1))  # too late by now
+        in_time, too_late = (replace(told, stamp_ns=START_NS + after * 1_000_000)
+                             for after in (1300, 200))
+        graph.say('tire_friction', too_late)
+        graph.say('tire_friction', in_time)
         graph.until(lambda: graph.value('slip_estimator', 'tire_friction.late_messages') == '1')
-        assert graph.value('slip_estimator', 'films_used') == '0'  # for the wheel stood
+        standing(graph, 1.5, START_NS + 3 * NS_PER_S // 2, 6.0)
+        graph.until(lambda: graph.value('slip_estimator', 'films_used') == '1')
         assert node.end() == 0
         assert 'Traceback' not in node.output
 
