@@ -17,6 +17,7 @@ import heapq
 import math
 from typing import NamedTuple
 
+from smart_tire.estimation.slip_filter import WHEEL_NOISE
 from smart_tire.estimation.slip_state import PastSpeed
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import Friction, NS_PER_S, WHEELS
@@ -25,7 +26,6 @@ from smart_tire.samples import Friction, NS_PER_S, WHEELS
 # wheels at 4 Hz: once the wheel has rolled on and its angle is smooth.
 DELAY, ROLL = 0.55, 0.08  # s, and m
 MEMORY = 3.0             # s
-WHEEL_NOISE = 0.003      # m/s, one sigma of a side's wheel speed as the filter has it
 
 
 class Point(NamedTuple):
@@ -120,10 +120,10 @@ class FilmAid:
         """
         Return what ``film`` that passed at ``time`` [s] says of the speed over ground.
 
-        None where the wheel stood, or before the memory.
+        None where that is no longer remembered.
         """
         side, then = film.wheel % 2, self._at(time)
-        if then is None or abs(then.wheels[side]) < self._slowest:
+        if then is None:
             return None
         # the slip is that of film 1, which passes before the middle of all films
         then = self._at(time - self._lead / then.wheels[side]) or then
