@@ -21,6 +21,10 @@ class MessageError(SmartTireError, ValueError):
     """A message breaks the contract: wrong names, lengths, or a value that can not be."""
 
 
+class CommandError(SmartTireError, ValueError):
+    """A command is not from the present, or not from the one publisher that may command."""
+
+
 class EstimatorError(SmartTireError, ArithmeticError):
     """An estimator was fed what it can not use, or its state broke."""
 

@@ -19,6 +19,7 @@ NAN = math.nan
 # Beyond these a number is no measurement, on any robot with wheels and whatever its sensors:
 MAX_WHEEL_SPEED = 1e3  # rad/s, 10 000 rpm; the paper's wheel would roll at 87 m/s
 MAX_FORCE = 1e3        # m/s2, 100 g; inertial units for robots end at 16 g or less
+MAX_SPEED = 1e2        # m/s, of any ground vehicle
 MAX_RATE = 1e2         # rad/s; their gyroscopes end at 35 rad/s (2000 deg/s)
 
 Vector3 = tuple[float, float, float]

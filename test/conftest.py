@@ -30,7 +30,7 @@ settings.register_profile('anywhere', deadline=None, derandomize=True,
 settings.load_profile('anywhere')
 
 WITH_PROCESSES = (
-    'test/integration/', 'test/nodes/', 'test/links/', 'test/cli/test_record.py',
+    'test/integration/', 'test/safety/', 'test/nodes/', 'test/links/', 'test/cli/test_record.py',
     'test/cli/test_replay.py', 'test/cli/test_stack.py', 'test/simulation/test_hardware.py')
 LONG = (  # ten seconds and more
     'test/analysis/test_offline.py', 'test/analysis/test_recordings.py',

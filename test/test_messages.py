@@ -6,6 +6,7 @@ from dataclasses import replace
 from importlib import import_module
 import math
 import re
+from types import SimpleNamespace
 from typing import get_args
 
 from hypothesis import given
@@ -15,12 +16,13 @@ import pytest
 from smart_tire.bags.definitions import empty, Encoder, typestore
 from smart_tire.errors import MessageError
 from smart_tire.messages import (
-    decode_friction, decode_imu, decode_odometry, decode_tire, decode_wheel_slip, decode_wheels,
-    fill_friction, fill_imu, fill_odometry, fill_tire, fill_transform, fill_wheel_slip,
-    fill_wheels, find_topic, stamp_of, topic_of, TOPICS)
+    decode_friction, decode_imu, decode_motor_command, decode_odometry, decode_tire,
+    decode_velocity, decode_wheel_slip, decode_wheels, fill_friction, fill_imu, fill_odometry,
+    fill_tire, fill_transform, fill_wheel_slip, fill_wheels, find_topic, stamp_of, topic_of,
+    TOPICS)
 from smart_tire.samples import (
     BatterySample, Friction, FRICTION_QUANTITIES, Icr, ImuSample, MotorCommand, Odometry, Sample,
-    TireSample, VelocityCommand, WheelCommand, WheelSample, WheelSlip)
+    TireSample, VelocityCommand, WheelCommand, WHEELS, WheelSample, WheelSlip)
 
 STAMP = 1_700_000_000_123_456_789
 JOINTS = 'sensor_msgs/msg/JointState'
@@ -36,7 +38,7 @@ SAMPLES = [
     BatterySample(STAMP, 'front_left', 3.75),
     VelocityCommand(STAMP, 0.8, -0.25),
     WheelCommand(STAMP, FOUR),
-    MotorCommand(STAMP, FOUR),
+    MotorCommand(STAMP, (0.5, -0.25, 1.0, -1.0)),
     Odometry(STAMP, (1.0, 2.0, 0.0), (0.0, 0.0, 0.6, 0.8), (0.5, 0.0, 0.0), (0.0, 0.0, 0.25),
              COVARIANCE, COVARIANCE[::-1]),
     WheelSlip(STAMP, (0.1, -1.0, 0.0, 1.0), FOUR, (0.01, 0.02, 1.0, math.inf)),
@@ -306,3 +308,27 @@ def test_a_namespace_does_not_hide_a_topic(name, meant):
 @pytest.mark.parametrize('name', ['/imu', '/data', '/imu/data_raw', '/my_odom', '/', ''])
 def test_a_name_that_only_looks_alike_is_no_topic_of_ours(name):
     assert find_topic(name) is None
+
+
+HEADER = SimpleNamespace(stamp=SimpleNamespace(sec=1, nanosec=0), frame_id='base_link')
+
+
+@pytest.mark.parametrize('duty', [1.0001, -1.0001, 1e308])
+def test_a_duty_beyond_full_is_refused(duty):
+    with pytest.raises(MessageError, match='motor_commands: effort is .*expected at most 1'):
+        decode_motor_command(SimpleNamespace(
+            header=HEADER, name=list(WHEELS), effort=[0.0, 0.0, 0.0, duty]))
+
+
+@pytest.mark.parametrize(('linear', 'angular', 'text'), [
+    (100.1, 0.0, 'twist.linear is .*at most 100 m/s'), (1e308, 0.0, 'twist.linear'),
+    (-100.1, 0.0, 'twist.linear'), (0.0, 100.1, 'twist.angular is .*at most 100 rad/s'),
+    (math.inf, 0.0, 'finite'), (0.0, math.nan, 'finite')])
+def test_a_velocity_that_no_robot_has_is_refused(linear, angular, text):
+    message = SimpleNamespace(header=HEADER, twist=SimpleNamespace(
+        linear=SimpleNamespace(x=linear, y=0.0, z=0.0),
+        angular=SimpleNamespace(x=0.0, y=0.0, z=angular)))
+    with pytest.raises(MessageError, match=text):
+        decode_velocity(message)
+    message.twist.linear.x, message.twist.angular.z = 100.0, -100.0
+    assert decode_velocity(message).v_x == 100.0

@@ -18,19 +18,17 @@ class WheelControl:
     """
     The control loop without its clock: all times are nanoseconds of one steady clock.
 
-    Without a command for ``cmd_vel_timeout`` the wheels are brought to a stop. Without
-    wheel speeds for ``wheel_states_timeout``, and while the emergency stop is latched, the
-    motors get no duty at all.
+    The motors get no duty at all without set points, without wheel speeds for
+    ``wheel_states_timeout``, and while the emergency stop is engaged.
     """
 
     def __init__(self, params: WheelControllerParams) -> None:
         self._pids = [Pid(params.pid) for _ in STOPPED]
-        self._command = STOPPED
-        self._commanded_ns: int | None = None
         self._measured = STOPPED
         self._measured_ns: int | None = None
         self._stepped_ns: int | None = None
         self.stopped = False  # by the emergency stop
+        self.applied = True   # whether the duties reach the motors
         self.retune(params)
 
     def retune(self, params: WheelControllerParams) -> None:
@@ -39,40 +37,47 @@ class WheelControl:
         for pid in self._pids:
             pid.params = params.pid
 
-    def command(self, velocity: Sequence[float], now_ns: int) -> None:
-        """Take the wanted speeds of the wheels [rad/s]; where one is too fast, all are slowed."""
-        fastest = max(max(map(abs, velocity)) / self._params.max_wheel_speed, 1.0)
-        a, b, c, d = (speed / fastest for speed in velocity)
-        self._command, self._commanded_ns = (a, b, c, d), now_ns
-
     def measure(self, velocity: Four, now_ns: int) -> None:
         """Take the speeds of the wheels [rad/s]."""
         self._measured, self._measured_ns = velocity, now_ns
 
-    def emergency_stop(self, engaged: bool) -> None:
-        """Latch or release the emergency stop; what was commanded before it is forgotten."""
-        self.stopped = engaged
-        self._commanded_ns = None
-
-    def commanded(self, now_ns: int) -> bool:
-        """Return whether a command is in force."""
-        return not self.stopped and _fresh(
-            self._commanded_ns, now_ns, self._params.cmd_vel_timeout)
+    def forget_measurement(self) -> None:
+        """Count the speeds of the wheels as unknown."""
+        self._measured_ns = None
 
     def measured(self, now_ns: int) -> bool:
         """Return whether the speeds of the wheels are known."""
-        return _fresh(self._measured_ns, now_ns, self._params.wheel_states_timeout)
+        return (self._measured_ns is not None
+                and now_ns - self._measured_ns
+                <= math.ceil(self._params.wheel_states_timeout * NS_PER_S))
 
-    def step(self, now_ns: int) -> tuple[Four, Four]:
-        """Return the set points of the wheel speeds [rad/s] and the duties [-1, 1]."""
+    def step(self, velocity: Sequence[float] | None, now_ns: int) -> tuple[Four, Four]:
+        """
+        Return the set points of the wheel speeds [rad/s] and the duties [-1, 1].
+
+        ``velocity`` [rad/s] are the wanted speeds, None if there is no command in force; where
+        one is too fast, all are slowed alike. While the duties are not applied, the controllers
+        start over in every step, so that no integral winds up meanwhile.
+        """
         dt = self._elapsed(now_ns)
-        wanted = self._command if self.commanded(now_ns) else STOPPED
-        if self.stopped or not self.measured(now_ns):
-            for pid in self._pids:
-                pid.reset()
+        driven = velocity is not None and not self.stopped
+        wanted = self._limited(velocity) if velocity is not None and driven else STOPPED
+        if not driven or not self.measured(now_ns):
+            self._reset()
             return wanted, STOPPED
+        if not self.applied:
+            self._reset()
         a, b, c, d = (_duty(*wheel, dt) for wheel in zip(self._pids, wanted, self._measured))
         return wanted, (a, b, c, d)
+
+    def _reset(self) -> None:
+        for pid in self._pids:
+            pid.reset()
+
+    def _limited(self, velocity: Sequence[float]) -> Four:
+        fastest = max(max(map(abs, velocity)) / self._params.max_wheel_speed, 1.0)
+        a, b, c, d = (speed / fastest for speed in velocity)
+        return a, b, c, d
 
     def _elapsed(self, now_ns: int) -> float:
         period = 1.0 / self._params.rate
@@ -87,7 +92,3 @@ def _duty(pid: Pid, wanted: float, measured: float, dt: float) -> float:
         pid.reset()
         return 0.0
     return pid.update(wanted, measured, dt)
-
-
-def _fresh(stamp_ns: int | None, now_ns: int, timeout: float) -> bool:
-    return stamp_ns is not None and now_ns - stamp_ns <= math.ceil(timeout * NS_PER_S)

@@ -1,193 +1,330 @@
-"""Two RoboClaws on one port: encoders in, duties out, and a stop when nobody commands."""
+"""
+Two RoboClaws on one line: encoders in, duties out, zero duty whenever anything is in doubt.
+
+```
+            +---- every reply good ----> serving ----- a reply is missing or wrong ----+
+        preparing                           ^                                          v
+            ^  +----------------------------+                               zero to both boards,
+            |                                                               unanswered, 0.2 s
+            |                          both answer                                     |
+            +------------------------- probing <--- silence: board time-out + 0.1 s ---+
+```
+
+While the line is silent the boards' own time-out stops the motors, whatever they did not
+understand: any byte on the line could restart it.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+import itertools
 import math
 import threading
 import time
 from typing import Any
 
+from smart_tire.control.duty_gate import DutyGate, STOPPED
 from smart_tire.errors import FrameError
+from smart_tire.links.roboclaw_line import Line
+from smart_tire.links.wheel_encoder import MotionCheck, WheelEncoder
+from smart_tire.parameters.hardware import MotorDriverParams
 from smart_tire.protocol.roboclaw import (
-    Command, count_step, decode_reply, duty_code, duty_from_code, encode_request, READ_ENCODERS,
-    SET_DUTY, SET_TIMEOUT, timeout_code)
-from smart_tire.samples import Four, NS_PER_S, WheelSample
+    ACKNOWLEDGE, BATTERY_UNIT, duty_code, duty_from_code, READ_BATTERY, READ_ENCODERS, READ_STATUS,
+    READ_TIMEOUT, SET_DUTY, SET_TIMEOUT, STATUS_NORMAL, timeout_code, TIMEOUT_UNIT)
+from smart_tire.samples import Four, NS_PER_S, WHEELS, WheelSample
 
-REPLY_TIMEOUT = 0.1   # s; a board answers within a few ms, a busy host reads later
-MAX_SPEED = 100.0     # rad/s; a count that went further means that the board lost its counts
-MAX_PERIODS = 4       # a mean speed over more of them is none of now and not worth telling
-NEVER_NS = -1 << 62
+MAX_POLL = 0.0625            # s between readings for the checks, however slow the sample rate
+KEEP_ALIVE_NS = 30_000_000   # between duties, a fraction of any time-out of a board
+HEALTH_NS = 75_000_000       # between checks of status, time-out and supply, of one board each
+LOW_READINGS = 2             # of the supply in a row: one may be a dip of a starting motor
+ZERO_TIME = 0.2              # s for which zero duty is repeated when a board does not answer
+ZERO_PERIOD = 0.01           # s between two of these requests
+SILENCE_MARGIN = 0.1         # s of silence beyond the boards' time-out
+MAX_PERIODS = 4              # a mean speed over more of them is not that of the present
+ZERO_REPLIES = 2             # in a row confirm a stop: one may be late, of another duty
 AXLES = ('front', 'rear')
-STOPPED: Four = (0.0, 0.0, 0.0, 0.0)
+LINE = 'line'                # name of the hold while the boards are not served
+NOT_READY = 'motor boards are not ready'
 
 
 @dataclass
-class _Wheel:
-    """One encoder, unwrapped."""
-
-    sign: int
-    radians_per_count: float
-    count: int | None = None
-    position: float = 0.0  # rad
-    velocity: float = 0.0  # rad/s, mean over the last period
-
-    def update(self, count: int, elapsed: float) -> None:
-        """Follow the encoder to ``count``, ``elapsed`` seconds after the last one."""
-        if self.count is not None and elapsed > 0.0:
-            step = self.sign * count_step(count, self.count) * self.radians_per_count
-            if abs(step) <= MAX_SPEED * elapsed:
-                self.position += step
-                self.velocity = step / elapsed
-        self.count = count
-
-
 class _Board:
-    """One board: the wheels of an axle, and what was said to it."""
+    """One board with the encoders of its axle, and what it answered last."""
 
-    def __init__(self, address: int, left: _Wheel, right: _Wheel) -> None:
-        self.address = address
-        self.wheels = (left, right)
-        self.prepared = False    # the serial time-out is set
-        self.read_ns: int | None = None
-        self.duty = (0.0, 0.0)   # that the board acknowledged
+    address: int
+    name: str
+    encoders: list[WheelEncoder]
+    checks: list[MotionCheck]
+    read_ns: int | None = None   # steady clock, when its encoders were read
+    elapsed_ns: int = 0          # between the two latest readings
+    turned: list[float] = field(default_factory=lambda: [0.0, 0.0])  # rad since the last sample
+    span_ns: int = 0             # since the last sample
+    duty: tuple[float, float] = (0.0, 0.0)  # at the motors' terminals, as acknowledged
+    zero_replies: int = 0        # to zero duties in a row
+    low_readings: int = 0        # of the supply, in a row
+    supply: float = math.nan     # V
+
+    def reset(self) -> None:
+        """Forget readings from before a pause."""
+        self.read_ns, self.turned, self.span_ns = None, [0.0, 0.0], 0
+        for check in self.checks:
+            check.reset()
 
 
 class MotorBoards:
     """
-    Poll both boards at a fixed rate and pass duties on at once.
+    Polls both boards, passes on the duties that ``gate`` allows, and supervises boards and wheels.
 
-    ``run`` is the work of a link; ``command`` may be called from any thread. A board that does
-    not answer, or answers with a wrong CRC, is counted and asked again in the next cycle.
+    ``run`` is the work of a link; all other methods may be called from any thread. ``deliver``
+    gets a sample per period. A fault stops the motors by way of ``gate``, which reports it.
     """
 
-    def __init__(self, addresses: tuple[int, ...], signs: tuple[int, ...],
-                 counts_per_revolution: float, rate: float, command_timeout: float,
-                 deliver: Callable[[WheelSample], None], report: Callable[[str], None]) -> None:
-        wheels = [_Wheel(sign, math.tau / counts_per_revolution) for sign in signs]
-        self._boards = [_Board(address, *wheels[2 * axle:2 * axle + 2])
-                        for axle, address in enumerate(addresses)]
-        self._wheels = wheels
-        self._period_ns = round(NS_PER_S / rate)
-        self._timeout = command_timeout
-        self._timeout_ns = round(command_timeout * NS_PER_S)
-        self._deliver, self._report = deliver, report
+    def __init__(self, params: MotorDriverParams, gate: DutyGate,
+                 deliver: Callable[[WheelSample], None]) -> None:
+        self._params, self._gate, self._deliver = params, gate, deliver
+        encoders = [WheelEncoder(sign, params.robot.encoder.counts_per_revolution)
+                    for sign in params.signs]
+        checks = [MotionCheck(encoder.resolution, params.free_speed, params.stall_duty,
+                              params.stall_time) for encoder in encoders]
+        self._boards = [
+            _Board(address, f'{name} board {address} (0x{address:x})',
+                   encoders[2 * axle:2 * axle + 2], checks[2 * axle:2 * axle + 2])
+            for axle, (name, address) in enumerate(zip(AXLES, params.addresses))]
+        self._encoders = encoders
+        self._period_ns = round(NS_PER_S / params.rate)
+        self._poll_ns = self._period_ns // math.ceil(self._period_ns / (MAX_POLL * NS_PER_S))
+        self._timeout_code = timeout_code(params.board_timeout)
+        self._silence = self._timeout_code * TIMEOUT_UNIT + SILENCE_MARGIN
+        self._next_to_check = itertools.cycle(self._boards)
         self._changed = threading.Event()
-        self._command: tuple[Four, int] = (STOPPED, NEVER_NS)  # duty, steady clock [ns]
-        self._silent = True
-        self._since_ns = time.monotonic_ns()  # when the boards were first asked
-        self.frames_ok = 0
-        self.last_ok_ns = 0   # host clock, when the latest good reply came
-        self.frames_bad = 0   # replies that did not come or were damaged
-        self.bytes_skipped = 0  # that were no good reply, or came too late for one
-        self.timeouts = 0     # times that the commands ceased
-        self.last_error = ''
+        self._stopped = threading.Condition()  # signalled when a board acknowledged zero
+        self._since_ns = time.monotonic_ns()   # when the boards were first asked
+        self._sample_ns = 0                    # when the next sample is due
+        self.line = Line()
+        self.faults = 0  # times that a board did not answer, or not as it should
+        gate.hold(LINE, NOT_READY, report=False)
 
-    def command(self, duty: Four) -> None:
-        """Apply ``duty`` now and until ``command_timeout`` has passed without another one."""
-        self._command = (duty, time.monotonic_ns())
+    def wake(self) -> None:
+        """Act at once on what has changed at the gate."""
         self._changed.set()
+
+    def await_zero(self, seconds: float) -> list[str]:
+        """Return the boards that did not acknowledge zero duty within ``seconds`` from now."""
+        with self._stopped:
+            for board in self._boards:
+                board.zero_replies = 0
+            self._changed.set()
+            self._stopped.wait_for(lambda: not self._unconfirmed(), seconds)
+            return self._unconfirmed()
+
+    def unread(self) -> dict[str, float]:
+        """Return for how long each board's encoders have not been read [s], by its name."""
+        now_ns = time.monotonic_ns()
+        return {board.name: (now_ns - max(board.read_ns or 0, self._since_ns)) / NS_PER_S
+                for board in self._boards}
+
+    def supply(self) -> float:
+        """Return the lower supply voltage of the boards [V], NaN before both were read."""
+        readings = [board.supply for board in self._boards]
+        return math.nan if any(map(math.isnan, readings)) else min(readings)
 
     def run(self, port: Any, stopping: threading.Event) -> None:
         """Work on an open port until told to stop; the motors are stopped before it returns."""
-        port.timeout = REPLY_TIMEOUT
+        self.line.use(port)
+        self._since_ns = time.monotonic_ns()
+        try:
+            while not stopping.is_set():
+                try:
+                    self._prepare()
+                    self._gate.clear(LINE)
+                    self._serve(stopping)
+                except FrameError as error:
+                    self.faults += 1
+                    self._gate.hold(LINE, str(error))
+                    self._make_safe(stopping)
+        finally:  # told to stop, or the port went away
+            self._gate.hold(LINE, NOT_READY, report=False)
+        self._repeat_zero()
+
+    def _prepare(self) -> None:
+        """Stop both boards, set their own time-outs, and see that these are set."""
         for board in self._boards:
-            board.prepared = False
-        self._since_ns = due_ns = time.monotonic_ns()
+            self.line.exchange(board.address, SET_DUTY, 0, 0)
+            board.duty = (0.0, 0.0)
+        for board in self._boards:
+            self.line.exchange(board.address, SET_TIMEOUT, self._timeout_code)
+            for _ in range(LOW_READINGS):
+                self._check_health(board)
+            board.reset()
+        self._sample_ns = time.monotonic_ns()
+
+    def _serve(self, stopping: threading.Event) -> None:
+        poll_ns = health_ns = drive_ns = time.monotonic_ns()
         while not stopping.is_set():
-            self._cycle(port)
-            due_ns = max(due_ns + self._period_ns, time.monotonic_ns())
-            while not stopping.is_set() and time.monotonic_ns() < due_ns:
-                self._changed.wait((self._next_ns(due_ns) - time.monotonic_ns()) / NS_PER_S)
-                if self._changed.is_set() or self._expired() != self._silent:
-                    self._drive(port)
-        self._command = (STOPPED, NEVER_NS)
-        self._drive(port)
+            now_ns = time.monotonic_ns()
+            if self._changed.is_set() or now_ns >= self._drive_due(drive_ns):
+                self._drive()
+                drive_ns = now_ns + KEEP_ALIVE_NS
+            elif now_ns >= poll_ns:
+                self._poll(now_ns)
+                poll_ns = max(poll_ns + self._poll_ns, now_ns)
+            elif now_ns >= health_ns:
+                self._check_health(next(self._next_to_check))
+                health_ns = now_ns + HEALTH_NS
+            else:
+                next_ns = min(poll_ns, health_ns, self._drive_due(drive_ns))
+                self._changed.wait((next_ns - now_ns) / NS_PER_S)
 
-    def unread(self) -> dict[str, float]:
-        """Return for how long each board has not told its encoders [s], by its name."""
-        now_ns = time.monotonic_ns()
-        return {f'{axle} board {board.address} (0x{board.address:x})':
-                (now_ns - max(board.read_ns or self._since_ns, self._since_ns)) / NS_PER_S
-                for axle, board in zip(AXLES, self._boards)}
+    def _drive_due(self, drive_ns: int) -> int:
+        """Return when a duty must go out: to keep the boards going, or to stop them."""
+        expiry_ns = self._gate.expiry_ns
+        return drive_ns if expiry_ns is None else min(drive_ns, expiry_ns + 1)
 
-    def _expired(self) -> bool:
-        return time.monotonic_ns() > self._command[1] + self._timeout_ns
+    def _drive(self) -> None:
+        self._changed.clear()
+        duty = self._gate.output(time.monotonic_ns())
+        codes = [duty_code(encoder.sign * value)
+                 for encoder, value in zip(self._encoders, duty)]
+        for axle, board in enumerate(self._boards):
+            first, second = codes[2 * axle:2 * axle + 2]
+            self.line.exchange(board.address, SET_DUTY, first, second)
+            board.duty = duty_from_code(first), duty_from_code(second)
+            self._count_zero(board, first == second == 0)
+        if duty == STOPPED and self._unconfirmed():
+            self._changed.set()
 
-    def _next_ns(self, due_ns: int) -> int:
-        """Return when to look again if no command comes: the next cycle, or to stop the motors."""
-        return due_ns if self._silent else min(due_ns, self._command[1] + self._timeout_ns + 1)
+    def _count_zero(self, board: _Board, acknowledged: bool) -> None:
+        with self._stopped:
+            board.zero_replies = board.zero_replies + 1 if acknowledged else 0
+            self._stopped.notify_all()
 
-    def _cycle(self, port: Any) -> None:
-        read = [self._prepare(port, board) and self._read(port, board) for board in self._boards]
-        if all(read):
+    def _unconfirmed(self) -> list[str]:
+        return [board.name for board in self._boards if board.zero_replies < ZERO_REPLIES]
+
+    def _poll(self, now_ns: int) -> None:
+        """Read the encoders, check the wheels, and deliver a sample when one is due."""
+        read = [self._read(board) for board in self._boards]  # both, whatever the first gives
+        if not all(read):
+            return
+        self._check_motion()
+        if now_ns >= self._sample_ns - self._poll_ns // 2:
+            self._sample_ns = max(self._sample_ns + self._period_ns, now_ns)
             self._deliver(self._sample())
-        self._drive(port)
 
-    def _prepare(self, port: Any, board: _Board) -> bool:
-        """Set the board's own time-out, which stops it when this program does not."""
-        if not board.prepared:
-            answer = self._exchange(port, board, SET_TIMEOUT, timeout_code(self._timeout))
-            board.prepared = answer is not None
-        return board.prepared
-
-    def _read(self, port: Any, board: _Board) -> bool:
+    def _read(self, board: _Board) -> bool:
+        """Read the encoders of ``board``; return whether they give a speed."""
         asked_ns = time.monotonic_ns()
-        counts = self._exchange(port, board, READ_ENCODERS)
-        if counts is None:
+        counts = self.line.exchange(board.address, READ_ENCODERS)
+        if self.line.retried:  # either request may have been answered: when, is uncertain
             return False
         middle_ns = (asked_ns + time.monotonic_ns()) // 2
         elapsed_ns = 0 if board.read_ns is None else middle_ns - board.read_ns
-        board.read_ns = middle_ns
-        for wheel, count in zip(board.wheels, counts):
-            wheel.update(count, elapsed_ns / NS_PER_S)
-        return 0 < elapsed_ns <= MAX_PERIODS * self._period_ns
+        board.read_ns, board.elapsed_ns = middle_ns, elapsed_ns
+        board.span_ns += elapsed_ns
+        for index, (encoder, count) in enumerate(zip(board.encoders, counts)):
+            encoder.update(count, elapsed_ns / NS_PER_S)
+            board.turned[index] += encoder.step
+        if any(encoder.jumped for encoder in board.encoders):
+            self._check_timeout(board)  # a board that restarted has lost its counts
+        if elapsed_ns > MAX_PERIODS * self._poll_ns:
+            board.reset()
+            return False
+        return elapsed_ns > 0
+
+    def _check_motion(self) -> None:
+        for axle, board in enumerate(self._boards):
+            for side, (encoder, check) in enumerate(zip(board.encoders, board.checks)):
+                problem = check.update(encoder.sign * board.duty[side], encoder.step,
+                                       board.elapsed_ns / NS_PER_S)
+                if problem:
+                    self._gate.trip(f'{WHEELS[2 * axle + side]} {problem}')
+                    self._changed.set()
+                    check.reset()
+
+    def _check_health(self, board: _Board) -> None:
+        """Stop the motors while a board reports a fault, and start over if it restarted."""
+        (status,) = self.line.exchange(board.address, READ_STATUS)
+        abnormal = status & ~self._params.tolerated_status
+        self._hold_if(abnormal != STATUS_NORMAL, f'status of {board.name}',
+                      f'{board.name} reports status {status:#06x}, expected 0 (normal)')
+        self._check_timeout(board)
+        self._check_supply(board)
+
+    def _check_timeout(self, board: _Board) -> None:
+        (code,) = self.line.exchange(board.address, READ_TIMEOUT)
+        if code != self._timeout_code:
+            raise FrameError(f'{board.name} has restarted: its time-out is '
+                             f'{code * TIMEOUT_UNIT:.1f} s, expected '
+                             f'{self._timeout_code * TIMEOUT_UNIT:.1f} s')
+
+    def _check_supply(self, board: _Board) -> None:
+        (code,) = self.line.exchange(board.address, READ_BATTERY)
+        board.supply, lowest = code * BATTERY_UNIT, self._params.low_battery
+        board.low_readings = board.low_readings + 1 if board.supply < lowest else 0
+        self._hold_if(board.low_readings >= LOW_READINGS, f'supply of {board.name}',
+                      f'supply of {board.name} is low: {board.supply:.1f} V, '
+                      f'expected at least {lowest:g} V')
+
+    def _hold_if(self, wrong: bool, name: str, reason: str) -> None:
+        if wrong:
+            self._gate.hold(name, reason, latch=True)
+            self._changed.set()
+        else:
+            self._gate.clear(name)
+
+    def _make_safe(self, stopping: threading.Event) -> None:
+        """Stop both boards, by their own time-outs if they do not answer; wait until they do."""
+        self.line.discard()
+        if not self._repeat_zero():
+            stopping.wait(self._silence)
+            self._probe(stopping)
+
+    def _repeat_zero(self) -> bool:
+        """Send zero duty for ``ZERO_TIME``; return whether both acknowledged the last of it."""
+        for board in self._boards:
+            self.line.post(board.address, SET_DUTY, 0, 0)
+            board.duty = (0.0, 0.0)
+        acknowledged = False
+        end_ns = time.monotonic_ns() + round(ZERO_TIME * NS_PER_S)
+        while time.monotonic_ns() < end_ns:
+            replies = [self._post_zero(board) for board in self._boards]
+            acknowledged = all(replies)
+        return acknowledged
+
+    def _post_zero(self, board: _Board) -> bool:
+        time.sleep(ZERO_PERIOD)  # for what still comes in answer to the request before
+        self.line.receive()
+        self.line.post(board.address, SET_DUTY, 0, 0)
+        time.sleep(ZERO_PERIOD)
+        acknowledged = self.line.receive() == ACKNOWLEDGE
+        self._count_zero(board, acknowledged)
+        return acknowledged
+
+    def _probe(self, stopping: threading.Event) -> None:
+        """Ask one board at a time, more rarely than their time-out, until both answer."""
+        answered: dict[int, bool] = {}
+        for board in itertools.cycle(self._boards):
+            answered[board.address] = self.line.probe(board.address, READ_TIMEOUT)
+            if stopping.is_set() or len(answered) == len(self._boards) and all(answered.values()):
+                return
+            stopping.wait(self._silence)
 
     def _sample(self) -> WheelSample:
         """Return the wheels at the middle between the boards' readings."""
-        times = [board.read_ns or 0 for board in self._boards for _ in board.wheels]
-        middle_ns = sum(times) // len(times)
-        position = [wheel.position + wheel.velocity * (middle_ns - read_ns) / NS_PER_S
-                    for wheel, read_ns in zip(self._wheels, times)]
-        velocity = [wheel.velocity for wheel in self._wheels]
-        duty = [value for board in self._boards for value in board.duty]
-        effort = [wheel.sign * value for wheel, value in zip(self._wheels, duty)]
+        read_ns = [board.read_ns or 0 for board in self._boards]
+        middle_ns = sum(read_ns) // len(read_ns)
+        position, velocity, effort = list[float](), list[float](), list[float]()
+        for board in self._boards:
+            late = (middle_ns - (board.read_ns or 0)) / NS_PER_S
+            for encoder, turned, duty in zip(board.encoders, board.turned, board.duty):
+                speed = turned / (board.span_ns / NS_PER_S)
+                velocity.append(speed)
+                position.append(encoder.position + speed * late)
+                effort.append(encoder.sign * duty)
+            board.turned, board.span_ns = [0.0, 0.0], 0
         stamp_ns = time.time_ns() - (time.monotonic_ns() - middle_ns)
         return WheelSample(stamp_ns, _four(velocity), _four(position), _four(effort))
-
-    def _drive(self, port: Any) -> None:
-        self._changed.clear()
-        duty, silent = self._command[0], self._expired()
-        if silent and not self._silent:
-            self.timeouts += 1
-            self._report(f'no motor command for {self._timeout:g} s: motors stopped')
-        self._silent = silent
-        codes = [duty_code(wheel.sign * value)
-                 for wheel, value in zip(self._wheels, STOPPED if silent else duty)]
-        for axle, board in enumerate(self._boards):
-            pair = codes[2 * axle:2 * axle + 2]
-            if board.prepared and self._exchange(port, board, SET_DUTY, *pair) is not None:
-                board.duty = (duty_from_code(pair[0]), duty_from_code(pair[1]))
-
-    def _exchange(self, port: Any, board: _Board, command: Command,
-                  *values: int) -> tuple[int, ...] | None:
-        """Return what the board answers, None if it does not answer well."""
-        self.bytes_skipped += port.in_waiting
-        port.reset_input_buffer()  # a reply that came too late would be taken for this one
-        port.write(encode_request(board.address, command, *values))
-        reply = port.read(command.reply_size)
-        try:
-            answer = decode_reply(board.address, command, reply)
-        except FrameError as error:
-            self.frames_bad += 1
-            self.bytes_skipped += len(reply)
-            self.last_error = str(error)
-            board.prepared = False
-            return None
-        self.frames_ok += 1
-        self.last_ok_ns = time.time_ns()
-        return answer
 
 
 def _four(values: list[float]) -> Four:

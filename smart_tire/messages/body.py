@@ -8,7 +8,8 @@ from typing import Any
 
 from smart_tire.messages.header import check_size, refuse, set_header, stamp_of, wheel_of
 from smart_tire.samples import (
-    BatterySample, Icr, ImuSample, MAX_FORCE, MAX_RATE, Odometry, Vector3, VelocityCommand)
+    BatterySample, Icr, ImuSample, MAX_FORCE, MAX_RATE, MAX_SPEED, Odometry, Vector3,
+    VelocityCommand)
 
 UNKNOWN = -1.0  # first element of a covariance whose quantity is not given (REP-145)
 ABSENT = (UNKNOWN, *[0.0] * 8)
@@ -129,6 +130,8 @@ def decode_velocity(msg: Any) -> VelocityCommand:
     """Return the command in a TwistStamped; a skid-steered body can follow no other axes."""
     linear = _vector(msg.twist.linear, 'twist.linear', 'cmd_vel')
     angular = _vector(msg.twist.angular, 'twist.angular', 'cmd_vel')
+    check_size('cmd_vel', 'twist.linear', linear, MAX_SPEED, 'm/s')
+    check_size('cmd_vel', 'twist.angular', angular, MAX_RATE, 'rad/s')
     return VelocityCommand(stamp_of(msg), linear[0], angular[2])
 
 

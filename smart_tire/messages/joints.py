@@ -165,8 +165,10 @@ def fill_wheel_command(msg: Any, sample: WheelCommand) -> Any:
 
 
 def decode_motor_command(msg: Any) -> MotorCommand:
-    """Return the duties in a JointState."""
-    return MotorCommand(stamp_of(msg), _finite_four(msg, 'effort', 'motor_commands'))
+    """Return the duties in a JointState, each -1 to 1."""
+    duty = _finite_four(msg, 'effort', 'motor_commands')
+    check_size('motor_commands', 'effort', duty, 1.0, '(full duty)')
+    return MotorCommand(stamp_of(msg), duty)
 
 
 def fill_motor_command(msg: Any, sample: MotorCommand) -> Any:

@@ -42,6 +42,7 @@ class SmartTireNode(Node, Generic[Params]):
     """
 
     hardware_id = ''
+    needs_message_info = False  # whether a subscription asks for it
 
     def __init__(self, name: str, params_class: type[Params]) -> None:
         super().__init__(name)
@@ -78,26 +79,36 @@ class SmartTireNode(Node, Generic[Params]):
         """Return the time for time-outs and ages [ns]."""
         return int(self._steady.now().nanoseconds)
 
-    def subscribe(self, name: str, handle: Callable[[Any], None], *, wheels: int = 1,
-                  reliability: str = 'reliable', required: bool = False) -> None:
+    def subscribe(self, topic_name: str, handle: Callable[..., None], *, name: str | None = None,
+                  wheels: int = 1, reliability: str = 'reliable', required: bool = False,
+                  with_info: bool = False) -> None:
         """
-        Give each sample of the topic ``name`` to ``handle``; count and survive bad ones.
+        Give each sample of a topic of the contract to ``handle``; count and survive bad ones.
 
-        The silence of a ``required`` topic is worth a warning.
+        ``name`` is where it is published, if elsewhere. ``with_info`` adds rclpy's message info
+        to the arguments, for nodes that set ``needs_message_info``. The silence of a ``required``
+        topic is worth a warning.
         """
-        topic, tally = TOPICS[name], Tally(required=required)
+        topic, tally, name = TOPICS[topic_name], Tally(required=required), name or topic_name
         self.inputs[name] = tally
 
-        def on_message(msg: Any) -> None:
+        def take(msg: Any, *info: Any) -> None:
             try:
-                handle(topic.decode(msg))
+                handle(topic.decode(msg), *info)
             except SmartTireError as error:
                 self.reject(tally, error)
             else:
                 tally.good(self.steady_ns())
 
-        self.create_subscription(message_class(topic.type), name, on_message,
-                                 subscriber_qos(name, wheels=wheels, reliability=reliability))
+        def on_message(msg: Any) -> None:
+            take(msg)
+
+        def on_message_and_info(msg: Any, info: Any) -> None:  # rclpy counts the arguments
+            take(msg, info)
+
+        self.create_subscription(
+            message_class(topic.type), name, on_message_and_info if with_info else on_message,
+            subscriber_qos(topic_name, wheels=wheels, reliability=reliability))
 
     def reject(self, tally: Tally, error: Exception) -> None:
         """Count a bad input and log the 1st, 2nd, 4th, 8th ... of its stream."""
@@ -195,7 +206,7 @@ def _spin(node_class: Callable[[], SmartTireNode[Any]], stopped: list[int]) -> i
     except ParameterError as error:
         get_logger('smart_tire').fatal(str(error))
         return EXIT_REFUSED
-    executor = new_executor()
+    executor = new_executor(message_info=node.needs_message_info)
     executor.add_node(node)
     try:
         node.start()

@@ -13,14 +13,17 @@ from rclpy.node import Node
 from smart_tire.parameters.files import from_arguments
 
 
-def new_executor() -> Any:
+def new_executor(*, message_info: bool = False) -> Any:
     """
     Return an executor for one thread.
 
-    Where it exists (Kilted and later), the one that is told of events instead of building a wait
+    Where it exists (Kilted and later), the one that reacts to events instead of building a wait
     set for each: a message costs a third of the time. Its ``spin`` waits in C++ and never sees a
-    signal, so call ``spin_once`` with a time-out.
+    signal, so call ``spin_once`` with a time-out. It fails on callbacks that take the message
+    info; who needs that gets the classic one.
     """
+    if message_info:
+        return SingleThreadedExecutor()
     try:
         experimental = import_module('rclpy.experimental')
     except ModuleNotFoundError:
@@ -50,6 +53,12 @@ def given_parameters(node: Node) -> dict[str, Any]:
     """
     given = {name: given.value for name, given in node._parameter_overrides.items()}
     return given | from_arguments(sys.argv, node.get_fully_qualified_name())
+
+
+def endpoint_names(node: Node, topic: str) -> dict[bytes, str]:
+    """Return the identifier and the node's name of each endpoint that publishes ``topic``."""
+    return {bytes(info.endpoint_gid): f'{info.node_namespace.rstrip("/")}/{info.node_name}'
+            for info in node.get_publishers_info_by_topic(topic)}
 
 
 def plain(error: Exception) -> str:

@@ -2,55 +2,100 @@
 
 from __future__ import annotations
 
+from functools import partial
 import sys
 
-from std_srvs.srv import SetBool
+from std_msgs.msg import Bool
 
+from smart_tire.control.velocity_mux import VelocityMux
 from smart_tire.control.wheel_control import WheelControl
 from smart_tire.models.skid_steer import wheel_speeds
 from smart_tire.nodes.base import run, SmartTireNode
+from smart_tire.nodes.command_input import CommandInput
 from smart_tire.nodes.diagnostics import Status
+from smart_tire.nodes.qos import latched
 from smart_tire.parameters import WheelControllerParams
 from smart_tire.samples import MotorCommand, VelocityCommand, WheelCommand, WheelSample
 
+WATCH = 0.025     # s between looks whether a command has expired, however slow the control
+STATE_DEPTH = 10  # states of the emergency stop; none of a quick on and off must be missed
+
 
 class WheelController(SmartTireNode[WheelControllerParams]):
-    """The wheel control with its clock, its topics and its emergency stop."""
+    """The wheel control with its clock and its topics."""
+
+    needs_message_info = True
 
     def __init__(self) -> None:
         super().__init__('wheel_controller', WheelControllerParams)
-        self._control = WheelControl(self.params)
+        params = self.params
+        self._control = WheelControl(params)
+        self._mux = VelocityMux(params.inputs())
+        self._driving = False
         self._publish_wheels = self.advertise('wheel_commands')
         self._publish_motors = self.advertise('motor_commands')
-        self.subscribe('cmd_vel', self._on_velocity)
-        self.subscribe('wheel_states', self._on_wheels, required=True,
-                       reliability=self.params.reliability)
-        self.create_service(SetBool, 'emergency_stop', self._on_emergency_stop)
-        self.every(1.0 / self.params.rate, self._step)
+        self._inputs = [
+            CommandInput(self, 'cmd_vel', partial(self._on_velocity, name),
+                         partial(self._on_rivals, name), timeout=timeout,
+                         max_age=params.cmd_vel_max_age, name=name)
+            for name, _, timeout in params.inputs()]
+        self._wheels = CommandInput(
+            self, 'wheel_states', self._on_wheels, self._on_wheel_rivals,
+            timeout=params.wheel_states_timeout, required=True, reliability=params.reliability)
+        profile = latched()
+        profile.depth = STATE_DEPTH
+        self.create_subscription(Bool, 'emergency_stop_active', self._on_emergency_stop, profile)
+        self.create_subscription(Bool, 'motors_enabled', self._on_motors_enabled, latched())
+        self.every(1.0 / params.rate, self._step)
+        self.every(WATCH, self._watch)
 
     def retune(self) -> None:
         """Use the new gains."""
         self._control.retune(self.params)
 
-    def _on_velocity(self, command: VelocityCommand) -> None:
-        speeds = wheel_speeds(command.v_x, command.yaw_rate, self.params.robot.wheel_radius,
-                              self.params.effective_track)
-        self._control.command(speeds.tolist(), self.steady_ns())
+    def _on_velocity(self, name: str, command: VelocityCommand, received_ns: int) -> None:
+        self._mux.take(name, command, received_ns)
 
-    def _on_wheels(self, sample: WheelSample) -> None:
-        self._control.measure(sample.velocity, self.steady_ns())
+    def _on_rivals(self, name: str, reason: str) -> None:
+        if reason:
+            self._mux.block(name)
+            self._watch()
+        else:
+            self._mux.unblock(name)
 
-    def _on_emergency_stop(self, request: SetBool.Request,
-                           response: SetBool.Response) -> SetBool.Response:
-        self._control.emergency_stop(request.data)
-        self._step()
-        response.success = True
-        response.message = 'stopped until released' if request.data else 'released'
-        self.get_logger().warning(f'emergency stop: {response.message}')
-        return response
+    def _on_wheels(self, sample: WheelSample, received_ns: int) -> None:
+        self._control.measure(sample.velocity, received_ns)
+
+    def _on_wheel_rivals(self, reason: str) -> None:
+        if reason:
+            self._control.forget_measurement()
+            self._step()
+
+    def _on_emergency_stop(self, state: Bool) -> None:
+        if state.data or self._control.stopped:
+            self._mux.discard()
+        if state.data != self._control.stopped:
+            self._control.stopped = state.data
+            self._step()
+
+    def _on_motors_enabled(self, state: Bool) -> None:
+        self._control.applied = state.data
+
+    def _watch(self) -> None:
+        """Stop at once when the command in force has expired."""
+        if self._driving and self._mux.selected(self.steady_ns()) is None:
+            self._step()
 
     def _step(self) -> None:
-        velocity, duty = self._control.step(self.steady_ns())
+        now_ns = self.steady_ns()
+        selected = self._mux.selected(now_ns)
+        self._driving = selected is not None
+        wanted = None
+        if selected is not None:
+            _, command = selected
+            wanted = wheel_speeds(command.v_x, command.yaw_rate, self.params.robot.wheel_radius,
+                                  self.params.effective_track).tolist()
+        velocity, duty = self._control.step(wanted, now_ns)
         stamp_ns = self.now_ns()
         self._publish_wheels(WheelCommand(stamp_ns, velocity))
         self._publish_motors(MotorCommand(stamp_ns, duty))
@@ -58,12 +103,17 @@ class WheelController(SmartTireNode[WheelControllerParams]):
     def fill_status(self, status: Status) -> None:
         """Add whether and why the robot stands."""
         now_ns = self.steady_ns()
+        selected = self._mux.selected(now_ns)
         status.values.update(
-            emergency_stop=self._control.stopped, commanded=self._control.commanded(now_ns))
+            emergency_stop=self._control.stopped,
+            commanded=selected is not None and not self._control.stopped,
+            command_input=selected[0] if selected else '')
         if self._control.stopped:
             status.warn('emergency stop')
         if not self._control.measured(now_ns):
             status.error('wheel speeds are unknown: no duty')
+        for item in (*self._inputs, self._wheels):
+            item.fill_status(status)
 
 
 def main() -> int:

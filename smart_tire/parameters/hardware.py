@@ -65,6 +65,25 @@ class MotorDriverParams:
     rate: float = param(16.0, 'Hz', 'encoder polls per second', low=1.0, high=200.0)
     command_timeout: float = param(
         0.25, 's', 'zero duty when no command came for so long', low=0.02, high=2.5)
+    command_max_age: float = param(
+        0.5, 's', 'motor_commands older or further ahead are refused', low=0.02, high=60.0)
+    board_timeout: float = param(
+        0.2, 's', 'time-out of the boards themselves, in steps of 0.1 s', low=0.2, high=2.5)
+    start_stopped: bool = param(
+        False, '-', 'begin with the emergency stop latched; for a restart by a supervisor')
+    require_arming: bool = param(
+        False, '-', 'no duty before the service arm was called')
+    low_battery: float = param(
+        10.5, 'V', 'zero duty when the supply of a board is lower', low=0.0, high=40.0)
+    tolerated_status: int = param(
+        0, '-', 'bits of the board status (command 90) that do not stop the motors', low=0,
+        high=65535)
+    free_speed: float = param(
+        20.0, 'rad/s', 'of a wheel, unloaded at full duty', low=0.1)
+    stall_duty: float = param(
+        0.3, '-', 'duty at which every wheel turns that is not blocked', low=0.05, high=1.0)
+    stall_time: float = param(
+        0.2, 's', 'zero duty when a wheel contradicts its duty for so long', low=0.05, high=5.0)
     signs: tuple[int, ...] = param(
         (1, 1, 1, 1), '-', '-1 for a wheel whose motor and encoder count backwards', low=-1,
         high=1, length=4)

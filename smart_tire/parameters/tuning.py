@@ -88,8 +88,17 @@ class WheelControllerParams:
     """Wheel controller: one PID per wheel on its speed."""
 
     rate: float = param(16.0, 'Hz', 'control steps per second', low=1.0, high=200.0)
+    cmd_vel_inputs: tuple[str, ...] = param(
+        ('cmd_vel',), '-', 'topics that command a velocity, each from one publisher')
+    cmd_vel_priorities: tuple[int, ...] = param(
+        (0,), '-', 'of each of cmd_vel_inputs; a higher number wins')
+    cmd_vel_timeouts: tuple[float, ...] = param(
+        (0.0,), 's', 'of each of cmd_vel_inputs; 0 stands for cmd_vel_timeout', low=0.0,
+        high=60.0)
     cmd_vel_timeout: float = param(
-        0.5, 's', 'stop when no cmd_vel came for so long', low=0.02, high=60.0)
+        0.25, 's', 'zero duty when no cmd_vel came for so long', low=0.02, high=60.0)
+    cmd_vel_max_age: float = param(
+        0.5, 's', 'cmd_vel older or further ahead is refused', low=0.02, high=60.0)
     effective_track: float = param(
         0.38, 'm', 'track that a differential drive of the same yaw rate would have', low=1e-2)
     wheel_states_timeout: float = param(
@@ -99,3 +108,18 @@ class WheelControllerParams:
     pid: PidParams = group(PidParams)
     reliability: str = param('reliable', '-', 'of the input subscriptions', choices=RELIABILITIES)
     robot: RobotParams = part(RobotParams)
+
+    def __post_init__(self) -> None:
+        if not self.cmd_vel_inputs or len(set(self.cmd_vel_inputs)) < len(self.cmd_vel_inputs):
+            raise ValueError(f'cmd_vel_inputs: {list(self.cmd_vel_inputs)}, '
+                             'expected one topic or more, each once')
+        for name in ('cmd_vel_priorities', 'cmd_vel_timeouts'):
+            if len(getattr(self, name)) != len(self.cmd_vel_inputs):
+                raise ValueError(f'{name}: {list(getattr(self, name))}, expected one for each of '
+                                 f'{list(self.cmd_vel_inputs)}')
+
+    def inputs(self) -> list[tuple[str, int, float]]:
+        """Return (topic, priority, time-out [s]) of each source of velocity commands."""
+        return [(name, priority, timeout or self.cmd_vel_timeout)
+                for name, priority, timeout in zip(
+                    self.cmd_vel_inputs, self.cmd_vel_priorities, self.cmd_vel_timeouts)]

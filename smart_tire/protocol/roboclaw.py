@@ -24,6 +24,8 @@ PACKET_GAP_NS = 10_000_000  # silence after which a board discards a packet
 COUNT_WRAP = 1 << 32
 DUTY_MAX = 32767            # +-100 %
 TIMEOUT_UNIT = 0.1          # s
+BATTERY_UNIT = 0.1          # V
+STATUS_NORMAL = 0
 
 _CRC = struct.Struct('>H')
 
@@ -111,7 +113,9 @@ def count_step(new: int, old: int) -> int:
 
 
 def duty_code(duty: float) -> int:
-    """Return the value on the wire for a duty, clipped to [-1, 1]."""
+    """Return the value on the wire for a duty, clipped to [-1, 1]; raise ValueError for NaN."""
+    if math.isnan(duty):
+        raise ValueError('duty is NaN')
     return round(max(-1.0, min(1.0, duty)) * DUTY_MAX)
 
 

@@ -1,51 +1,87 @@
-"""Two motor boards on one port: polled, driven, and stopped when nobody commands."""
+"""Two motor boards on one line: polled, driven, supervised, and stopped when in doubt."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+import itertools
 import math
 import threading
+import time
 
+import numpy as np
 import pytest
-from support.boards import Boards
-from support.pty_port import PtyPort
+from support.motor_rig import MotorRig
 from support.waiting import wait_for
 
+from smart_tire.control.duty_gate import DutyGate
 from smart_tire.links.motor_boards import MotorBoards
 from smart_tire.links.serial_link import open_port
-from smart_tire.protocol.roboclaw import COUNT_WRAP, DUTY_MAX
+from smart_tire.parameters import build, MotorDriverParams
+from smart_tire.protocol.roboclaw import (
+    READ_BATTERY, READ_ENCODERS, READ_STATUS, READ_TIMEOUT, SET_DUTY, SET_TIMEOUT)
+from smart_tire.samples import NS_PER_S
 
-COUNTS = 2000
+ADDRESSES = (128, 129)
+SLACK = 0.05  # s, for the scheduler of a busy machine
 
 
-@pytest.fixture
-def boards(tmp_path):
-    port = PtyPort(tmp_path / 'motors').plug_in()
-    with Boards(port) as served:
-        served.path = str(port.path)
-        yield served
-    port.unplug()
+@pytest.fixture(scope='module')
+def rig(tmp_path_factory) -> Iterator[MotorRig]:
+    with MotorRig(tmp_path_factory.mktemp('boards') / 'motors') as boards:
+        yield boards
 
 
 class Running:
-    """Motor boards at work on a port; a context."""
+    """Motor boards at work on a port; a context that commands by itself if asked to."""
 
-    def __init__(self, path, *, signs=(1, 1, 1, 1), rate=100.0, command_timeout=2.0):
-        self.samples, self.reports = [], []
-        self.motors = MotorBoards((128, 129), signs, COUNTS, rate, command_timeout,
-                                  self.samples.append, self.reports.append)
-        self._port = open_port(path, 115200)
-        self._stopping = threading.Event()
-        self._thread = threading.Thread(
-            target=self.motors.run, args=(self._port, self._stopping))
+    def __init__(self, rig, **parameters):
+        params = build(MotorDriverParams, {key.replace('__', '.'): value
+                                           for key, value in parameters.items()})
+        self.rig, self.samples, self.reports = rig, [], []
+        self.gate = DutyGate(params.command_timeout, self.reports.append)
+        self.motors = MotorBoards(params, self.gate, self.samples.append)
+        self.duty = None
+        self._port = open_port(str(rig.path), 115200)
+        self._stopping, self._quiet = threading.Event(), threading.Event()
+        self._thread = threading.Thread(target=self.motors.run,
+                                        args=(self._port, self._stopping))
+        self._commander = threading.Thread(target=self._command)
 
     def __enter__(self):
+        self.rig.fail()
+        self.began = time.monotonic()
         self._thread.start()
+        self._commander.start()
+        wait_for(lambda: self.gate.enabled)
         return self
 
     def __exit__(self, *_):
+        self._quiet.set()
+        self._commander.join()
+        self.end()
+        self._port.close()
+
+    def end(self):
+        """End the work on the port."""
         self._stopping.set()
         self._thread.join()
-        self._port.close()
+
+    def _command(self):
+        while not self._quiet.wait(0.06):
+            if self.duty is not None:
+                self.gate.command(self.duty, time.monotonic_ns())
+                self.motors.wake()
+
+    def drive(self, *duty):
+        """Command from now on, and wait until the motors have it and the wheels turn."""
+        self.duty = duty if len(duty) == 4 else duty * 4
+        wait_for(lambda: np.allclose(self.rig.state().duty, self.duty, atol=1e-4)
+                 and np.allclose(self.rig.state().speeds, np.multiply(self.duty, 20.0), atol=2.0))
+
+    def stopped(self, since):
+        """Return after how many seconds the motors had zero duty."""
+        wait_for(lambda: self.rig.state().still)
+        return self.rig.state().changed - since
 
     def wait(self, count):
         """Wait until ``count`` more samples have come and return the last one."""
@@ -54,101 +90,293 @@ class Running:
         return self.samples[-1]
 
 
-def test_positions_follow_the_counts_of_each_wheel_and_across_the_wrap(boards):
-    boards.counts = {128: (10, COUNT_WRAP - 100), 129: (COUNT_WRAP // 2 - 1, 0)}
-    with Running(boards.path) as running:
-        start = running.wait(1).position
-        boards.counts = {128: (30, 100), 129: (COUNT_WRAP // 2 + 49, COUNT_WRAP - 40)}
-        end = running.wait(3).position
-    turned = [round((b - a) * COUNTS / math.tau, 3) for a, b in zip(start, end)]
-    assert turned == [20.0, 200.0, 50.0, -40.0]
+def pause(seconds):
+    """Let time pass while the motors are observed."""
+    threading.Event().wait(seconds)
 
 
-def test_speed_is_the_step_over_the_time_between_the_stamps(boards):
-    with Running(boards.path) as running:
-        running.wait(3)
-        boards.counts = {128: (100, 100), 129: (100, 100)}
-        running.wait(3)
-    for before, after in zip(running.samples, running.samples[1:]):
-        elapsed = (after.stamp_ns - before.stamp_ns) * 1e-9
-        steps = [b - a for a, b in zip(before.position, after.position)]
-        if min(steps) > 0.15:  # the whole step, seen by all wheels in the same cycle
-            assert after.velocity == pytest.approx([step / elapsed for step in steps], rel=0.5)
-    assert max(max(sample.velocity) for sample in running.samples) > 1.0
-    assert running.samples[-1].velocity == (0.0, 0.0, 0.0, 0.0)
+def test_samples_tell_speeds_angles_and_duties(rig):
+    with Running(rig) as running:
+        running.drive(0.5, 0.3, -0.4, 0.2)
+        running.wait(8)
+        sample = running.wait(1)
+        assert sample.velocity == pytest.approx(rig.state().speeds, rel=0.1, abs=0.2)
+        assert sample.effort == pytest.approx((0.5, 0.3, -0.4, 0.2), abs=1e-4)
+        late, early = running.samples[-1], running.samples[-5]
+        elapsed = (late.stamp_ns - early.stamp_ns) / NS_PER_S
+        turned = np.subtract(late.position, early.position)
+        assert turned / elapsed == pytest.approx(rig.state().speeds, rel=0.1, abs=0.2)
+        assert abs(late.stamp_ns - time.time_ns()) < 0.2 * NS_PER_S
 
 
-def test_mirrored_wheels_count_and_drive_backwards(boards):
-    with Running(boards.path, signs=(1, -1, 1, -1)) as running:
-        start = running.wait(1).position
-        boards.counts = {128: (20, COUNT_WRAP - 20), 129: (20, COUNT_WRAP - 20)}
-        end = running.wait(3).position
-        running.motors.command((0.5, 0.5, 0.25, 0.25))
-        wait_for(lambda: running.samples[-1].effort[3] > 0.0)
-        assert running.samples[-1].effort == pytest.approx((0.5, 0.5, 0.25, 0.25), abs=1e-3)
-        assert boards.duty.get(128) == (round(DUTY_MAX / 2), -round(DUTY_MAX / 2))
-    assert [round((b - a) * COUNTS / math.tau) for a, b in zip(start, end)] == [20] * 4
+@pytest.mark.parametrize('rate', [4.0, 16.0, 50.0])
+def test_samples_come_at_the_rate_and_hold_the_mean_speed_of_their_period(rig, rate):
+    with Running(rig, rate=rate) as running:
+        running.duty = (0.3,) * 4
+        running.wait(round(1.5 * rate))
+        samples = running.samples
+        steps = np.diff([sample.stamp_ns for sample in samples]) / NS_PER_S
+        assert np.median(steps) == pytest.approx(1.0 / rate, rel=0.1)
+        errors = []
+        for early, late in itertools.pairwise(samples[1:]):
+            elapsed = (late.stamp_ns - early.stamp_ns) / NS_PER_S
+            mean = np.subtract(late.position, early.position) / elapsed
+            errors.append(np.max(np.abs(np.subtract(late.velocity, mean))))
+        assert np.median(errors) < 0.3
+        assert max(sample.velocity[0] for sample in samples) > 5.0
 
 
-def test_a_command_goes_out_at_once_and_ends_with_the_commands(boards):
-    with Running(boards.path, rate=1.0) as running:  # it does not wait for the next cycle
-        wait_for(lambda: boards.duty == {128: (0, 0), 129: (0, 0)})
-        running.motors.command((1.0, -1.0, 2.0, 0.0))
-        wait_for(lambda: boards.duty == {128: (DUTY_MAX, -DUTY_MAX), 129: (DUTY_MAX, 0)})
-        wait_for(lambda: boards.duty == {128: (0, 0), 129: (0, 0)})
-        assert running.motors.timeouts == 1
-        assert 'motors stopped' in running.reports[0]
+def test_wheels_are_checked_16_times_a_second_however_rarely_samples_come(rig):
+    with Running(rig, rate=1.0) as running:
+        running.wait(2)
+        record = rig.record(running.began)
+        for address in ADDRESSES:
+            times = record.times(READ_ENCODERS, address)
+            assert np.max(np.diff(times)) < 0.0625 + SLACK
 
 
-def test_the_motors_stop_with_the_program(boards):
-    with Running(boards.path) as running:
-        running.motors.command((1.0, 1.0, 1.0, 1.0))
-        wait_for(lambda: boards.duty.get(129) == (DUTY_MAX, DUTY_MAX))
-    assert boards.duty == {128: (0, 0), 129: (0, 0)}
-
-
-def test_each_board_gets_its_own_time_out_and_again_after_a_silence(boards):
-    with Running(boards.path, command_timeout=0.25) as running:
+def test_mirrored_wheels_count_and_drive_backwards(rig):
+    with Running(rig, signs=[1, -1, 1, -1]) as running:
+        running.duty = (0.4, 0.4, 0.2, 0.2)
+        wait_for(lambda: np.allclose(rig.state().duty, (0.4, -0.4, 0.2, -0.2), atol=1e-4))
         running.wait(1)
-        assert boards.timeout == {128: 3, 129: 3}  # in units of 0.1 s, rounded up
-        boards.answering = {128}
-        bad = running.motors.frames_bad
-        wait_for(lambda: running.motors.frames_bad > bad)
-        boards.timeout[129] = 0
-        boards.answering = {128, 129}
-        wait_for(lambda: boards.timeout[129] == 3)
+        wait_for(lambda: running.samples[-1].velocity[3] > 2.0)
+        assert running.wait(1).effort == pytest.approx((0.4, 0.4, 0.2, 0.2), abs=1e-4)
+        assert min(running.samples[-1].velocity) > 0.0
 
 
-def test_a_silent_board_is_counted_and_does_not_stop_the_other(boards):
-    boards.answering = {128}
-    with Running(boards.path) as running:
-        running.motors.command((1.0, 1.0, 1.0, 1.0))
-        wait_for(lambda: boards.duty.get(128) == (DUTY_MAX, DUTY_MAX))
-        wait_for(lambda: running.motors.frames_bad >= 3)
-        assert 'reply of 0x81 to command 14 has 0 bytes' in running.motors.last_error
-        rear = 'rear board 129 (0x81)'
-        wait_for(lambda: running.motors.unread()[rear] > 0.2)
-        assert running.motors.unread()['front board 128 (0x80)'] < running.motors.unread()[rear]
-        assert not running.samples  # half of the wheels are no wheel state
-        boards.answering = {128, 129}
-        running.wait(1)
-        wait_for(lambda: running.motors.unread()[rear] < 0.2)
+def test_a_command_goes_out_at_once_and_ends_at_its_time_out(rig):
+    with Running(rig, rate=1.0) as running:
+        pause(0.1)
+        asked = time.monotonic()
+        running.gate.command((1.0, -1.0, 0.5, 0.0), time.monotonic_ns())
+        running.motors.wake()
+        wait_for(lambda: not rig.state().still)
+        record = rig.record(asked)
+        assert record.first_duty() - asked < 0.03
+        assert 0.24 < running.stopped(asked) < 0.25 + SLACK
+        assert running.reports == ['motors stopped: no motor command for 0.25 s']
 
 
-def test_a_damaged_reply_is_counted_and_asked_for_again(boards):
-    boards.damaged = 3
-    with Running(boards.path) as running:
-        running.wait(1)
-        assert running.motors.frames_bad == 3
-        assert running.motors.bytes_skipped == 3 * 10  # two counts and their CRC each
-        assert 'wrong CRC' in running.motors.last_error
+def test_zero_goes_out_at_once_when_the_gate_stops(rig):
+    with Running(rig, rate=1.0) as running:
+        running.drive(0.5)
+        asked = time.monotonic()
+        running.gate.engage()
+        running.motors.wake()
+        assert running.stopped(asked) < 0.03
 
 
-def test_a_board_that_loses_its_counts_does_not_throw_the_wheels(boards):
-    boards.counts = {128: (1_000_000, 1_000_000), 129: (0, 0)}
-    with Running(boards.path) as running:
-        start = running.wait(2)
-        boards.counts = {128: (0, 0), 129: (0, 0)}
-        end = running.wait(4)
-    assert end.position == start.position
-    assert all(speed == 0.0 for sample in running.samples for speed in sample.velocity)
+def test_the_motors_stop_with_the_program(rig):
+    with Running(rig) as running:
+        running.drive(0.5)
+        ended = time.monotonic()
+        running.end()
+        assert rig.state().still
+        assert running.stopped(ended) < 0.1
+        assert not running.gate.enabled
+
+
+def test_the_boards_get_their_time_out_before_any_duty(rig):
+    with Running(rig, board_timeout=0.25) as running:
+        running.drive(0.3)
+        record = rig.record(running.began)
+        for address in ADDRESSES:
+            for command in (SET_TIMEOUT, READ_TIMEOUT, READ_STATUS, READ_BATTERY):
+                assert record.times(command, address)[0] < record.first_duty()
+        assert rig.state().timeouts == (3, 3)  # in units of 0.1 s, rounded up
+
+
+def test_the_line_is_never_silent_for_long_while_all_is_well(rig):
+    with Running(rig, rate=1.0) as running:
+        pause(1.0)
+        record = rig.record(running.began)
+        for address in ADDRESSES:
+            assert np.max(np.diff(record.times(SET_DUTY, address))) < 0.03 + SLACK
+
+
+def test_status_time_out_and_supply_are_read_several_times_a_second(rig):
+    with Running(rig) as running:
+        pause(1.0)
+        record = rig.record(running.began)
+        for address in ADDRESSES:
+            for command in (READ_STATUS, READ_TIMEOUT, READ_BATTERY):
+                assert np.max(np.diff(record.times(command, address))) < 0.15 + 2 * SLACK
+        assert running.motors.supply() == pytest.approx(14.8)
+
+
+@pytest.mark.parametrize('faults', [
+    {'mute': {128, 129}}, {'mute': {128}}, {'garbled': {129}}, {'flood': True}], ids=str)
+def test_a_board_without_a_good_reply_stops_both(rig, faults):
+    with Running(rig) as running:
+        running.drive(0.4)
+        assert running.motors.faults == 0
+        failed = rig.fail(**faults)
+        assert running.stopped(failed) < 0.15 + SLACK
+        pause(1.5)
+        record = rig.record(failed)
+        assert not record.after(record.first_zero()).driven()
+        assert running.motors.faults == 1
+        assert len(running.reports) == 1
+        zeros = [when for address in ADDRESSES for when in record.times(SET_DUTY, address)
+                 if when >= record.first_zero() - 0.01]
+        quiet = [when for when in record.bytes_at if when > max(zeros)]
+        assert 0.15 < max(zeros) - min(zeros) < 0.25 + SLACK
+        assert quiet[0] - max(zeros) > 0.29
+        assert np.min(np.diff(quiet)) > 0.29
+        assert {request.address for when, request in record.requests
+                if when > max(zeros)} == set(ADDRESSES)
+        assert {request.command for when, request in record.requests
+                if when > max(zeros)} == {READ_TIMEOUT}
+        rig.fail()
+        running.drive(0.4)
+
+
+def test_zero_is_tried_on_both_boards_at_once_in_a_fault(rig):
+    with Running(rig) as running:
+        running.drive(0.4)
+        failed = rig.fail(mute={128})
+        running.stopped(failed)
+        record = rig.record(failed)
+        first = [min(when for when, request in record.requests if request.command == SET_DUTY
+                     and request.address == address and request.values == (0, 0))
+                 for address in ADDRESSES]
+        assert abs(first[0] - first[1]) < 0.005
+
+
+def test_a_damaged_line_that_heals_at_once_is_used_again_without_the_silence(rig):
+    with Running(rig) as running:
+        running.drive(0.4)
+        failed = rig.fail(drop=2)  # a request and its repetition
+        running.stopped(failed)
+        running.drive(0.4)
+        record = rig.record(failed)
+        back = record.after(record.first_zero()).first_duty()
+        assert 0.2 < back - failed < 0.45
+        assert running.motors.faults == 1
+
+
+def test_a_reply_that_had_to_be_repeated_makes_no_sample(rig):
+    with Running(rig) as running:
+        running.drive(0.3)
+        count = len(running.samples)
+        for _ in range(10):
+            rig.fail(drop=1)
+            running.wait(3)
+        assert running.motors.line.frames_bad >= 10
+        speeds = [sample.velocity for sample in running.samples[count:]]
+        assert np.ptp(speeds) < 3.0
+
+
+def test_a_board_that_restarts_is_prepared_again(rig):
+    with Running(rig) as running:
+        running.drive(0.4)
+        position = running.wait(1).position
+        restarted = rig.restart(129)
+        wait_for(lambda: rig.state().timeouts == (2, 2))
+        running.drive(0.4)
+        record = rig.record(restarted)
+        assert record.first_zero() - restarted < 0.3
+        assert 'rear board 129 (0x81) has restarted: its time-out is 0.0 s, expected 0.2 s' in (
+            running.reports[0])
+        assert np.all(np.abs(np.subtract(running.wait(1).position, position)) < 20.0)
+
+
+@pytest.mark.parametrize(('faults', 'text'), [
+    ({'status': {128: 0x0001}}, 'front board 128 (0x80) reports status 0x0001, expected 0'),
+    ({'supply': {129: 104}}, 'supply of rear board 129 (0x81) is low: 10.4 V, expected at least'),
+])
+def test_a_board_that_is_not_well_stops_both_until_it_is_and_commands_paused(rig, faults, text):
+    with Running(rig) as running:
+        running.drive(0.4)
+        failed = rig.fail(**faults)
+        assert running.stopped(failed) < 0.4
+        assert text in running.reports[0]
+        running.duty = (0.0,) * 4
+        pause(0.2)
+        assert not running.gate.enabled  # the cause is still there
+        rig.fail()
+        wait_for(lambda: running.gate.enabled)
+        running.drive(0.4)
+
+
+def test_a_single_low_reading_of_the_supply_stops_nothing(rig):
+    with Running(rig) as running:
+        running.drive(0.4)
+        for _ in range(3):
+            failed = rig.fail(supply={128: 50})
+            wait_for(lambda: rig.record(failed).times(READ_BATTERY, 128))  # noqa: B023
+            rig.fail()
+            pause(0.2)
+        assert running.reports == []
+
+
+def test_status_bits_may_be_tolerated(rig):
+    with Running(rig, tolerated_status=0x0003) as running:
+        running.drive(0.4)
+        rig.fail(status={128: 0x0002})
+        pause(0.4)
+        assert running.reports == []
+        rig.fail(status={128: 0x0006})
+        wait_for(lambda: running.reports)
+
+
+@pytest.mark.parametrize(('faults', 'text'), [
+    ({'frozen': {0}}, 'front_left no encoder counts'),
+    ({'frozen': {3}}, 'rear_right no encoder counts'),
+    ({'reversed': {1}}, 'front_right turns against duty'),
+    ({'reversed': {2}}, 'rear_left turns against duty')])
+def test_a_wheel_that_contradicts_its_duty_stops_all(rig, faults, text):
+    with Running(rig) as running:
+        running.drive(0.4)
+        failed = rig.fail(**faults)
+        assert running.stopped(failed) < 0.5
+        assert text in running.reports[0]
+        rig.fail()
+        pause(0.4)
+        assert rig.state().still  # commands went on all the time
+        running.duty = (0.0,) * 4
+        wait_for(lambda: running.gate.enabled)
+        running.drive(0.4)
+
+
+def test_a_stop_is_confirmed_by_both_boards(rig):
+    with Running(rig) as running:
+        running.drive(0.4)
+        running.gate.engage()
+        asked = time.monotonic()
+        assert running.motors.await_zero(0.4) == []
+        assert time.monotonic() - asked < 0.1
+        for address in ADDRESSES:
+            assert len(rig.record(asked).times(SET_DUTY, address)) >= 2
+
+
+@pytest.mark.parametrize('mute', [{128}, {129}, {128, 129}])
+def test_a_stop_that_is_not_confirmed_names_the_boards(rig, mute):
+    with Running(rig) as running:
+        running.drive(0.4)
+        rig.fail(mute=mute)
+        running.gate.engage()
+        asked = time.monotonic()
+        silent = running.motors.await_zero(0.4)
+        assert time.monotonic() - asked == pytest.approx(0.4, abs=0.1)
+        names = {128: 'front board 128 (0x80)', 129: 'rear board 129 (0x81)'}
+        assert silent == [names[address] for address in sorted(mute)]
+
+
+def test_a_silent_board_is_named_with_the_time_since_it_was_read(rig):
+    with Running(rig) as running:
+        running.wait(2)
+        assert max(running.motors.unread().values()) < 0.2
+        failed = rig.fail(mute={129})
+        pause(0.6)
+        ages = running.motors.unread()
+        assert list(ages) == ['front board 128 (0x80)', 'rear board 129 (0x81)']
+        assert ages['rear board 129 (0x81)'] == pytest.approx(time.monotonic() - failed, abs=0.2)
+
+
+def test_before_the_boards_were_read_nothing_is_known_of_them():
+    motors = MotorBoards(MotorDriverParams(), DutyGate(0.25, print), print)
+    assert math.isnan(motors.supply())
+    assert max(motors.unread().values()) < 1.0
+    assert motors.await_zero(0.01) == ['front board 128 (0x80)', 'rear board 129 (0x81)']

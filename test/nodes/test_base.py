@@ -13,17 +13,17 @@ OLD_DISTRIBUTION = """
 import sys
 
 sys.modules['rclpy.experimental'] = None
-from smart_tire.nodes import wheel_controller
+from smart_tire.nodes import motor_driver
 
-sys.exit(wheel_controller.main())
+sys.exit(motor_driver.main())
 """
 
 
 def test_a_distribution_without_the_events_executor_does_as_well(graph, tmp_path):
     with Process(['-c', OLD_DISTRIBUTION], tmp_path / 'log') as node:
-        graph.until(lambda: 'wheel_controller' in graph.health)
-        assert graph.call('std_srvs/srv/SetBool', 'emergency_stop', data=True).success
-        graph.until(lambda: 'emergency stop' in graph.complaint('wheel_controller'))
+        graph.until(lambda: 'motor_driver' in graph.health)
+        assert not graph.call('std_srvs/srv/SetBool', 'emergency_stop', data=True).success
+        graph.until(lambda: 'emergency stop' in graph.complaint('motor_driver'))
         assert node.end() == 0
         assert 'Traceback' not in node.output
 

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
-import math
 import time
 
 from diagnostic_msgs.msg import DiagnosticStatus
 import numpy as np
 import pytest
 from sensor_msgs.msg import JointState
-from support.boards import Boards
+from std_msgs.msg import Bool
+from support.robot_rig import RobotRig
 
 from smart_tire.links.serial_link import open_port
+from smart_tire.nodes.qos import latched
 from smart_tire.protocol import vectornav, vectornav_ascii, xsens
-from smart_tire.protocol.roboclaw import DUTY_MAX
 from smart_tire.protocol.tire_payload import encode_batch, TireBatch
 from smart_tire.protocol.xbee import encode_frame, encode_receive_packet, ReceivePacket
 from smart_tire.samples import ImuSample, MotorCommand
@@ -140,48 +140,51 @@ def test_a_port_on_which_nothing_comes_is_an_error(graph, port):
         assert node.end() == 0
 
 
-def test_the_motors_follow_commands_and_stop_without_them(graph, port):
-    with Boards(port.plug_in()) as boards:
-        graph.listen('wheel_states')
-        with graph.start('motor_driver', port=port.path, rate=50.0,
-                         command_timeout=1.0) as node:
-            graph.until(lambda: graph.heard['wheel_states'])
-            start = graph.samples('wheel_states')[0].position
-            boards.counts = {128: (20, 40), 129: (60, 2**32 - 80)}
-            graph.say('motor_commands', MotorCommand(1, (0.5, 1.0, -1.0, 0.0)))
-            graph.until(lambda: boards.duty == {128: (round(DUTY_MAX / 2), DUTY_MAX),
-                                                129: (-DUTY_MAX, 0)})
-            graph.until(lambda: graph.samples('wheel_states')[-1].effort
-                        == pytest.approx((0.5, 1.0, -1.0, 0.0), abs=1e-4))
-            graph.until(lambda: boards.duty == {128: (0, 0), 129: (0, 0)})
-            end = graph.samples('wheel_states')[-1].position
-            turned = [(b - a) * 2000 / math.tau for a, b in zip(start, end)]
-            assert turned == pytest.approx([20, 40, 60, -80], abs=1e-6)
-            bad = JointState(name=['front_left', 'front_right', 'rear_left', 'rear_right'],
-                             effort=[1.0, math.nan, 1.0, 1.0])
-            graph.say_message('motor_commands', bad)
-            graph.until(lambda: '1 bad on motor_commands' in graph.complaint('motor_driver'))
-            short = JointState(name=['front_left'], effort=[1.0])
-            graph.say_message('motor_commands', short)
-            graph.until(lambda: graph.value('motor_driver', 'motor_commands.rejected') == '2')
-            assert boards.duty == {128: (0, 0), 129: (0, 0)}
-            assert node.end() == 0
-            assert 'motors stopped' in node.output
-            assert 'effort is [1.0, nan' in node.output
-    assert boards.timeout == {128: 10, 129: 10}
+def test_the_motors_follow_commands_and_their_state_is_published(tmp_path, isolated_ros):
+    with RobotRig(tmp_path, controller=False, rate=50.0) as robot:
+        graph = robot.graph
+        graph.until(lambda: graph.value('motor_driver', 'supply') == '14.8')
+        graph.until(lambda: np.allclose(graph.samples('wheel_states')[-1].velocity,
+                                        (10.0, 6.0, -8.0, 0.0), atol=1.0),
+                    lambda: graph.say('motor_commands', MotorCommand(
+                        time.time_ns(), (0.5, 0.3, -0.4, 0.0))))
+        sample = graph.samples('wheel_states')[-1]
+        assert sample.effort == pytest.approx((0.5, 0.3, -0.4, 0.0), abs=1e-4)
+        graph.until(lambda: robot.rig.state().still)
+        short = JointState(name=['front_left'], effort=[1.0])
+        graph.say_message('motor_commands', short)
+        graph.until(lambda: graph.value('motor_driver', 'motor_commands.rejected') == '1')
+        graph.until(lambda: graph.value('motor_driver', 'command_timeouts') == '1')
+        assert graph.value('motor_driver', 'emergency_stop') == 'False'
+        assert graph.value('motor_driver', 'armed') == 'True'
+        assert graph.value('motor_driver', 'board_faults') == '0'
+        assert robot.processes['motor_driver'].end() == 0
+        assert robot.processes['motor_driver'].output.count(
+            'motors stopped: no motor command for 0.25 s') == 1
 
 
-def test_a_silent_board_is_an_error_with_its_name(graph, port):
-    with Boards(port.plug_in()) as boards:
-        boards.answering = {128}
-        graph.listen('wheel_states')
-        with graph.start('motor_driver', port=port.path) as node:
-            graph.until(lambda: 'no wheel_states, for the rear board 129 (0x81) does not answer'
-                        in graph.complaint('motor_driver'))
-            assert graph.health['motor_driver'].level == DiagnosticStatus.ERROR
-            assert 'front board' not in graph.complaint('motor_driver')
-            assert not graph.heard['wheel_states']
-            boards.answering = {128, 129}
-            graph.until(lambda: graph.complaint('motor_driver') == 'ok')
-            assert graph.heard['wheel_states']
-            assert node.end() == 0
+def test_a_silent_board_is_an_error_with_its_name(tmp_path, isolated_ros):
+    with RobotRig(tmp_path, controller=False) as robot:
+        graph = robot.graph
+        robot.rig.fail(mute={129})
+        graph.until(lambda: 'no wheel_states: the rear board 129 (0x81) does not answer'
+                    in graph.complaint('motor_driver'))
+        assert graph.health['motor_driver'].level == DiagnosticStatus.ERROR
+        assert graph.value('motor_driver', 'board_faults') == '1'
+        seen = len(graph.heard['wheel_states'])
+        robot.rig.fail()
+        graph.until(lambda: graph.complaint('motor_driver') == 'ok')
+        assert len(graph.heard['wheel_states']) > seen
+        assert robot.processes['motor_driver'].end() == 0
+
+
+def test_disabled_motors_say_so_on_a_topic_of_their_own(tmp_path, isolated_ros):
+    with RobotRig(tmp_path, controller=False) as robot:
+        states = []
+        robot.graph.node.create_subscription(
+            Bool, 'motors_enabled', lambda message: states.append(message.data), latched())
+        robot.graph.until(lambda: states and states[-1])
+        robot.rig.fail(mute={128})
+        robot.graph.until(lambda: not states[-1])
+        robot.rig.fail()
+        robot.graph.until(lambda: states[-1])

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+import time
 
 from geometry_msgs.msg import TwistStamped
 import pytest
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from std_msgs.msg import Bool
 
+from smart_tire.nodes.qos import latched
 from smart_tire.samples import VelocityCommand, WheelSample
 
 NOTHING = (0.0, 0.0, 0.0, 0.0)
@@ -16,17 +19,17 @@ NOTHING = (0.0, 0.0, 0.0, 0.0)
 @pytest.fixture
 def controller(graph):
     graph.listen('wheel_commands', 'motor_commands')
-    with graph.start('wheel_controller', cmd_vel_timeout=2.0, wheel_states_timeout=2.0) as node:
+    with graph.start('wheel_controller', wheel_states_timeout=2.0) as node:
         graph.until(lambda: 'wheel_controller' in graph.health)
         yield node
         assert node.end() == 0
 
 
-def driving(graph, v_x=0.5, yaw_rate=0.0):
+def driving(graph, v_x=0.5, yaw_rate=0.0, speed=1.0):
     """Return what keeps the robot driving: a command and wheel speeds."""
     def say():
-        graph.say('cmd_vel', VelocityCommand(1, v_x, yaw_rate))
-        graph.say('wheel_states', WheelSample(1, (1.0, 1.0, 1.0, 1.0)))
+        graph.say('cmd_vel', VelocityCommand(time.time_ns(), v_x, yaw_rate))
+        graph.say('wheel_states', WheelSample(time.time_ns(), (speed,) * 4))
 
     return say
 
@@ -43,18 +46,54 @@ def test_a_velocity_becomes_set_points_and_duties_until_it_ceases(graph, control
     assert latest(graph)[0] == pytest.approx([(0.5 - 0.19) / 0.087, (0.5 + 0.19) / 0.087] * 2)
     graph.until(lambda: latest(graph) == (NOTHING, NOTHING))
     graph.until(lambda: 'wheel speeds are unknown' in graph.complaint('wheel_controller'))
+    assert graph.value('wheel_controller', 'commanded') == 'False'
 
 
-def test_the_emergency_stop_holds_until_it_is_released(graph, controller):
-    graph.until(lambda: latest(graph)[0] != NOTHING, driving(graph))
-    assert graph.call('std_srvs/srv/SetBool', 'emergency_stop', data=True).success
-    graph.until(lambda: latest(graph) == (NOTHING, NOTHING))
+def test_the_zero_of_a_command_that_ceased_does_not_wait_for_the_next_step(graph):
+    graph.listen('motor_commands')
+    with graph.start('wheel_controller', rate=1.0, wheel_states_timeout=5.0,
+                     cmd_vel_timeout=1.5) as node:
+        graph.until(lambda: latest(graph)[1] != NOTHING, driving(graph))
+        ended = time.monotonic()
+        graph.until(lambda: latest(graph)[1] == NOTHING)
+        assert 1.3 < time.monotonic() - ended < 1.5 + 0.15
+        assert node.end() == 0
+
+
+def state(graph, topic, value):
+    """Publish a state of motor_driver, which is latched."""
+    publisher = graph.node.create_publisher(Bool, topic, latched())
+    publisher.publish(Bool(data=value))
+    return publisher
+
+
+def test_it_follows_the_emergency_stop_of_the_driver_and_then_needs_a_new_command(graph):
+    graph.listen('wheel_commands', 'motor_commands')
+    with graph.start('wheel_controller', wheel_states_timeout=5.0, cmd_vel_timeout=5.0) as node:
+        graph.until(lambda: latest(graph)[1] != NOTHING, driving(graph))
+        stop = state(graph, 'emergency_stop_active', True)
+        graph.until(lambda: latest(graph) == (NOTHING, NOTHING))
+        seen = len(graph.heard['motor_commands'])
+        graph.until(lambda: len(graph.heard['motor_commands']) >= seen + 8, driving(graph))
+        assert {sample.duty for sample in graph.samples('motor_commands')[seen:]} == {NOTHING}
+        graph.until(lambda: 'emergency stop' in graph.complaint('wheel_controller'))
+        stop.publish(Bool(data=False))
+        seen = len(graph.heard['motor_commands'])
+        graph.until(lambda: len(graph.heard['motor_commands']) >= seen + 8)
+        assert {sample.duty for sample in graph.samples('motor_commands')[seen:]} == {NOTHING}
+        graph.until(lambda: latest(graph)[1] != NOTHING, driving(graph))
+        assert node.end() == 0
+
+
+def test_nothing_winds_up_while_the_motors_are_disabled(graph, controller):
+    disabled = state(graph, 'motors_enabled', False)
+    graph.until(lambda: latest(graph)[1] != NOTHING, driving(graph, speed=0.0))
     seen = len(graph.heard['motor_commands'])
-    graph.until(lambda: len(graph.heard['motor_commands']) >= seen + 8, driving(graph))
-    assert {sample.duty for sample in graph.samples('motor_commands')[seen:]} == {NOTHING}
-    graph.until(lambda: 'emergency stop' in graph.complaint('wheel_controller'))
-    assert graph.call('std_srvs/srv/SetBool', 'emergency_stop', data=False).success
-    graph.until(lambda: latest(graph)[0] != NOTHING, driving(graph))
+    graph.until(lambda: len(graph.heard['motor_commands']) >= seen + 24,
+                driving(graph, speed=0.0))
+    assert max(sample.duty[0] for sample in graph.samples('motor_commands')[seen + 8:]) < 0.5
+    disabled.publish(Bool(data=True))
+    graph.until(lambda: latest(graph)[1][0] > 0.6, driving(graph, speed=0.0))
 
 
 def test_a_command_that_is_no_number_is_counted_and_ignored(graph, controller):
@@ -65,6 +104,28 @@ def test_a_command_that_is_no_number_is_counted_and_ignored(graph, controller):
     assert graph.value('wheel_controller', 'commanded') == 'False'
     assert 'twist.linear is [nan' in controller.output
     graph.until(lambda: latest(graph)[0] != NOTHING, driving(graph))
+    graph.until(lambda: graph.value('wheel_controller', 'commanded') == 'True', driving(graph))
+    assert graph.value('wheel_controller', 'command_input') == 'cmd_vel'
+
+
+def test_slow_wheel_readings_of_another_clock_are_used(graph, controller):
+    """The stamps of wheel_states are not checked: time-outs go by their arrival."""
+    def say():
+        graph.say('cmd_vel', VelocityCommand(time.time_ns(), 0.5, 0.0))
+        graph.say('wheel_states', WheelSample(1, (1.0,) * 4))
+
+    graph.until(lambda: latest(graph)[1] != NOTHING, say)
+
+
+@pytest.mark.parametrize(('parameters', 'text'), [
+    ({'cmd_vel_inputs': '[a, a]'}, 'expected one topic or more, each once'),
+    ({'cmd_vel_inputs': '[a, b]'}, 'cmd_vel_priorities: [0], expected one for each of'),
+    ({'cmd_vel_timeouts': '[1.0, 2.0]'}, 'cmd_vel_timeouts: [1.0, 2.0], expected one for each'),
+])
+def test_inputs_that_do_not_fit_are_refused(graph, parameters, text):
+    with graph.start('wheel_controller', **parameters) as node:
+        assert node.ended() == 2
+        assert text in node.output
 
 
 def set_parameter(graph, name, value):

@@ -124,6 +124,11 @@ class Graph:
             topic = TOPICS[name]
             self.say_message(name, topic.fill(message_class(topic.type)(), sample))
 
+    def say_on(self, name: str, topic_name: str, sample: Any) -> None:
+        """Publish a sample of a topic of the contract under another name."""
+        topic = TOPICS[topic_name]
+        self.say_message(name, topic.fill(message_class(topic.type)(), sample))
+
     def say_message(self, name: str, message: Any) -> None:
         """Publish a message, be it good or bad."""
         if name not in self._publishers:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 import os
 from pathlib import Path
 import select
@@ -23,6 +24,7 @@ class PtyPort:
         """Let the port appear."""
         device, host = os.openpty()
         tty.setraw(device)
+        os.set_blocking(device, False)
         self._ends = device, host
         self.path.symlink_to(os.ttyname(host))
         return self
@@ -36,9 +38,10 @@ class PtyPort:
             self._ends = None
 
     def write(self, data: bytes) -> None:
-        """Send bytes to the host."""
+        """Send bytes to the host; what does not fit into a full buffer is lost."""
         assert self._ends is not None
-        os.write(self._ends[0], data)
+        with suppress(BlockingIOError):
+            os.write(self._ends[0], data)
 
     def read(self, timeout: float) -> bytes:
         """Return what the host has sent, empty if there is nothing within ``timeout`` seconds."""

@@ -1,0 +1,68 @@
+"""Several sources of velocity commands: priorities, time-outs, and sources in conflict."""
+
+from __future__ import annotations
+
+import pytest
+
+from smart_tire.control.velocity_mux import VelocityMux
+from smart_tire.samples import NS_PER_S, VelocityCommand
+
+SLOW = VelocityCommand(0, 0.1, 0.0)
+FAST = VelocityCommand(0, 0.9, 0.0)
+
+
+@pytest.fixture
+def mux():
+    return VelocityMux([('nav', 5, 1.0), ('joystick', 10, 0.5)])
+
+
+def test_without_a_command_nothing_is_selected(mux):
+    assert mux.selected(0) is None
+
+
+def test_a_command_is_selected_until_its_own_time_out(mux):
+    mux.take('nav', SLOW, 0)
+    assert mux.selected(NS_PER_S) == ('nav', SLOW)
+    assert mux.selected(NS_PER_S + 1) is None
+
+
+@pytest.mark.parametrize('order', [('nav', 'joystick'), ('joystick', 'nav')])
+def test_the_higher_number_wins_while_it_is_fresh(mux, order):
+    commands = {'nav': FAST, 'joystick': SLOW}
+    for name in order:
+        mux.take(name, commands[name], 0)
+    assert mux.selected(NS_PER_S // 2) == ('joystick', SLOW)
+    assert mux.selected(NS_PER_S // 2 + 1) == ('nav', FAST)
+
+
+def test_an_input_in_conflict_stops_the_robot_although_a_lower_one_commands(mux):
+    mux.take('joystick', SLOW, 0)
+    mux.take('nav', FAST, 0)
+    mux.block('joystick')
+    assert mux.selected(0) is None
+    mux.unblock('joystick')
+    assert mux.selected(0) == ('nav', FAST)
+
+
+def test_an_input_in_conflict_is_of_no_account_below_one_in_use(mux):
+    mux.take('joystick', SLOW, 0)
+    mux.block('nav')
+    assert mux.selected(0) == ('joystick', SLOW)
+    assert mux.selected(NS_PER_S) is None
+
+
+def test_a_conflict_discards_the_command_and_ends_with_the_next_one(mux):
+    mux.take('nav', FAST, 0)
+    mux.block('nav')
+    mux.unblock('nav')
+    assert mux.selected(0) is None
+    mux.block('nav')
+    mux.take('nav', SLOW, 1)
+    assert mux.selected(1) == ('nav', SLOW)
+
+
+def test_all_commands_can_be_discarded(mux):
+    mux.take('joystick', SLOW, 0)
+    mux.take('nav', FAST, 0)
+    mux.discard()
+    assert mux.selected(0) is None

@@ -1,0 +1,159 @@
+"""Requests and replies: retried once, never mistaken for each other, never trusted in a flood."""
+
+from __future__ import annotations
+
+import os
+import time
+
+import pytest
+from serial import SerialTimeoutException
+from support.pty_port import PtyPort
+
+from smart_tire.errors import FrameError
+from smart_tire.links.roboclaw_line import Line, MAX_STRAY, REPLY_TIMEOUT
+from smart_tire.links.serial_link import open_port
+from smart_tire.protocol.roboclaw import (
+    encode_reply, encode_request, READ_TIMEOUT, SET_DUTY)
+
+GOOD = encode_reply(128, READ_TIMEOUT, 2)
+BAD = GOOD[:-1] + bytes((GOOD[-1] ^ 1,))
+
+
+class ScriptedPort:
+    """A port that gives one of ``replies`` after each request."""
+
+    def __init__(self, *replies):
+        self.replies = list(replies)
+        self.written = []
+        self.pending = b''
+        self.unsent = b''
+
+    @property
+    def in_waiting(self):
+        return len(self.pending)
+
+    def write(self, data):
+        self.written.append(data)
+        self.unsent += data
+        self.pending += self.replies.pop(0) if self.replies else b''
+
+    def read(self, size):
+        data, self.pending = self.pending[:size], self.pending[size:]
+        return data
+
+    def reset_input_buffer(self):
+        self.pending = b''
+
+    def reset_output_buffer(self):
+        self.unsent = b''
+
+
+def line_on(*replies):
+    line, port = Line(), ScriptedPort(*replies)
+    line.use(port)
+    return line, port
+
+
+def test_a_good_reply_is_returned_and_counted():
+    line, port = line_on(GOOD)
+    before = time.time_ns()
+    assert line.exchange(128, READ_TIMEOUT) == (2,)
+    assert (line.frames_ok, line.frames_bad, line.bytes_skipped) == (1, 0, 0)
+    assert before <= line.last_ok_ns <= time.time_ns()
+    assert not line.retried
+    assert port.written == [encode_request(128, READ_TIMEOUT)]
+
+
+@pytest.mark.parametrize('first', [BAD, b'', GOOD[:2]])
+def test_one_bad_reply_is_asked_for_again(first):
+    line, port = line_on(first, GOOD)
+    assert line.exchange(128, READ_TIMEOUT) == (2,)
+    assert line.retried
+    assert (line.frames_ok, line.frames_bad) == (1, 1)
+    assert line.bytes_skipped == len(first)
+    assert len(port.written) == 2
+    port.replies = [GOOD]
+    line.exchange(128, READ_TIMEOUT)
+    assert not line.retried
+
+
+def test_two_bad_replies_are_an_error():
+    line, port = line_on(BAD, BAD, GOOD)
+    with pytest.raises(FrameError, match='wrong CRC'):
+        line.exchange(128, READ_TIMEOUT)
+    assert len(port.written) == 2
+    assert line.frames_bad == 2
+    assert 'wrong CRC' in line.last_error
+
+
+def test_a_late_reply_is_not_taken_for_the_next_one():
+    line, port = line_on(GOOD)
+    port.pending = encode_reply(128, READ_TIMEOUT, 9)
+    assert line.exchange(128, READ_TIMEOUT) == (2,)
+    assert line.bytes_skipped == len(GOOD)
+
+
+def test_a_flood_is_an_error_whatever_the_reply():
+    line, port = line_on(GOOD)
+    port.pending = bytes(MAX_STRAY + 1)
+    with pytest.raises(FrameError, match=f'{MAX_STRAY + 1} bytes came without a request'):
+        line.exchange(128, READ_TIMEOUT)
+    assert port.written == []
+    assert line.frames_bad == 1
+    port.pending = bytes(MAX_STRAY)
+    assert line.exchange(128, READ_TIMEOUT) == (2,)
+
+
+def test_a_probe_is_one_request_and_wants_a_quiet_line():
+    line, port = line_on(GOOD, BAD, b'', GOOD)
+    assert line.probe(128, READ_TIMEOUT) is True
+    assert line.probe(128, READ_TIMEOUT) is False
+    assert line.probe(128, READ_TIMEOUT) is False
+    port.pending = b'\x00'
+    assert line.probe(128, READ_TIMEOUT) is False
+    assert len(port.written) == 4
+
+
+def test_a_post_does_not_wait():
+    line, port = line_on()
+    line.post(129, SET_DUTY, 0, 0)
+    assert port.written == [encode_request(129, SET_DUTY, 0, 0)]
+    assert line.receive() == b''
+    port.pending = b'\xff\xff'
+    assert line.receive() == b'\xff\xff'
+
+
+def test_what_waits_to_be_sent_can_be_discarded():
+    line, port = line_on()
+    line.post(128, SET_DUTY, 100, 100)
+    port.pending = b'\xff'
+    line.discard()
+    assert (port.unsent, port.pending) == (b'', b'')
+
+
+@pytest.fixture
+def port(tmp_path):
+    plugged = PtyPort(tmp_path / 'line').plug_in()
+    yield plugged
+    plugged.unplug()
+
+
+def test_a_missing_reply_is_noticed_before_the_next_period(port):
+    line = Line()
+    line.use(open_port(str(port.path), 115200))
+    began = time.monotonic()
+    with pytest.raises(FrameError, match='has 0 bytes'):
+        line.exchange(128, READ_TIMEOUT)
+    assert 2 * REPLY_TIMEOUT <= time.monotonic() - began < 0.0625 + 0.05
+
+
+def test_a_line_that_takes_nothing_is_an_error_at_once(port):
+    line = Line()
+    opened = open_port(str(port.path), 115200)
+    line.use(opened)
+    os.set_blocking(opened.fileno(), False)
+    with pytest.raises(SerialTimeoutException):
+        for _ in range(10_000):  # nobody reads: the kernel's buffer fills
+            began = time.monotonic()
+            line.post(128, SET_DUTY, 0, 0)
+    assert 0.1 < time.monotonic() - began < 0.3

@@ -1,0 +1,173 @@
+"""Encoder counts to angles, and wheels that contradict their duty."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from smart_tire.links.wheel_encoder import MotionCheck, WheelEncoder
+from smart_tire.protocol.roboclaw import COUNT_WRAP
+
+DT = 1.0 / 16.0
+RESOLUTION = math.tau / 2000
+
+
+def test_counts_become_angles_across_the_wrap():
+    encoder = WheelEncoder(1, 2000)
+    encoder.update(COUNT_WRAP - 100, 0.0)
+    assert (encoder.position, encoder.step) == (0.0, 0.0)
+    encoder.update(100, 0.1)
+    assert encoder.step == pytest.approx(200 * RESOLUTION)
+    encoder.update(50, 0.1)
+    assert encoder.step == pytest.approx(-50 * RESOLUTION)
+    assert encoder.position == pytest.approx(150 * RESOLUTION)
+
+
+def test_a_mirrored_encoder_counts_backwards():
+    encoder = WheelEncoder(-1, 2000)
+    encoder.update(0, 0.0)
+    encoder.update(100, 0.1)
+    assert encoder.position == pytest.approx(-100 * RESOLUTION)
+
+
+def test_a_step_without_elapsed_time_moves_nothing():
+    encoder = WheelEncoder(1, 2000)
+    encoder.update(0, 0.0)
+    encoder.update(100, 0.0)
+    assert encoder.position == 0.0
+    encoder.update(110, 0.1)
+    assert encoder.position == pytest.approx(10 * RESOLUTION)
+
+
+@pytest.mark.parametrize(('counts', 'jumped'), [(3183, False), (3184, True), (-3184, True)])
+def test_a_step_beyond_any_wheel_is_a_jump_and_moves_nothing(counts, jumped):
+    encoder = WheelEncoder(1, 2000)  # 100 rad/s are 3183.1 counts in 0.1 s
+    encoder.update(0, 0.0)
+    encoder.update(counts % COUNT_WRAP, 0.1)
+    assert encoder.jumped == jumped
+    assert (encoder.position == 0.0) == jumped
+    encoder.update((counts + 10) % COUNT_WRAP, 0.1)
+    assert not encoder.jumped
+    assert encoder.step == pytest.approx(10 * RESOLUTION)
+
+
+@pytest.fixture
+def check():
+    return MotionCheck(RESOLUTION, 20.0, 0.3, 0.2)
+
+
+def run(check, duty, speed, seconds):
+    """Return what is found within ``seconds`` and when."""
+    for tick in range(1, round(seconds / DT) + 1):
+        if problem := check.update(duty, speed * DT, DT):
+            return problem, tick * DT
+    return '', seconds
+
+
+def found(check, duty, speed, seconds=1.0):
+    return run(check, duty, speed, seconds)[0]
+
+
+def test_a_wheel_that_follows_its_duty_is_right(check):
+    for duty in (0.05, 0.3, 1.0, -0.3, -1.0):
+        assert found(check, duty, 20.0 * duty) == ''
+
+
+def test_a_wheel_without_duty_may_do_what_it_likes(check):
+    for speed in (0.0, 5.0, -5.0, 0.0):
+        assert found(check, 0.0, speed) == ''
+
+
+@pytest.mark.parametrize('sign', [1, -1])
+def test_a_rolling_wheel_that_stands_still_under_duty_is_a_fault(check, sign):
+    run(check, sign * 0.05, sign * 1.0, 0.5)
+    problem, after = run(check, sign * 0.05, 0.0, 1.0)
+    assert 'no encoder counts' in problem
+    assert f'{sign * 0.05:.2f}' in problem
+    assert 0.2 <= after < 0.27
+
+
+def test_a_rolling_wheel_may_stop_below_the_duty_that_drives_it(check):
+    run(check, 0.1, 2.0, 0.5)
+    assert found(check, 0.049, 0.0) == ''
+    assert found(check, 0.29, 0.0) == ''  # it has stopped: now it has to start again
+
+
+def test_a_wheel_that_stands_has_to_start_at_the_stall_duty_only(check):
+    assert found(check, 0.299, 0.0, 10.0) == ''
+    problem, after = run(check, 0.3, 0.0, 1.0)
+    assert 'no encoder counts' in problem
+    assert 0.2 <= after < 0.27
+
+
+def test_a_single_count_shows_that_the_encoder_lives(check):
+    run(check, 0.5, 0.0, 0.19)
+    assert check.update(0.5, RESOLUTION, DT) == ''
+    assert run(check, 0.5, 0.0, 1.0)[1] >= 0.2
+
+
+def test_a_creeping_wheel_that_stops_is_none_that_rolled(check):
+    run(check, 0.2, 0.4, 0.5)
+    assert found(check, 0.2, 0.0) == ''
+
+
+def test_a_coarse_encoder_may_be_silent_between_two_counts():
+    coarse = MotionCheck(math.tau / 48, 20.0, 0.3, 0.2)
+    assert coarse.update(0.2, math.tau / 48, DT) == ''  # 2.1 rad/s, if it were even
+    assert found(coarse, 0.2, 0.0) == ''
+    run(coarse, 0.2, 4.0, 0.5)
+    assert found(coarse, 0.2, 0.0) != ''
+
+
+def test_a_wheel_that_stops_before_it_reverses_is_right(check):
+    run(check, 0.2, 4.0, 0.5)
+    assert found(check, -0.2, 0.0) == ''  # static friction may hold it
+
+
+@pytest.mark.parametrize('sign', [1, -1])
+def test_a_wheel_that_turns_against_its_duty_and_does_not_slow_down_is_a_fault(check, sign):
+    problem, after = run(check, sign * 0.5, sign * -6.0, 1.0)
+    assert 'reversed' in problem
+    assert 0.2 < after < 0.33
+
+
+def test_a_wheel_that_runs_away_against_its_duty_is_a_fault(check):
+    problem, total = '', 0.0
+    for tick in range(16):
+        duty, speed = min(0.1 * tick, 1.0), -2.0 * tick
+        problem, total = check.update(duty, speed * DT, DT), tick * DT
+        if problem:
+            break
+    assert 'reversed' in problem
+    assert total <= 0.5
+
+
+def test_a_braking_wheel_turns_against_its_duty_and_slows_down(check):
+    speed = 12.0
+    while speed > 0.1:
+        assert check.update(-0.5, speed * DT, DT) == ''
+        speed *= 0.84 ** (DT / 0.2)
+        speed -= 0.1
+
+
+def test_the_ground_may_keep_a_wheel_turning_against_a_small_torque(check):
+    assert found(check, -0.25, 4.9, 5.0) == ''  # 0.25 + 4.9 / 20 of the stall torque
+    assert found(check, -0.25, 5.1, 5.0) != ''
+
+
+def test_a_wheel_that_hardly_turns_is_not_reversed(check):
+    assert found(check, -1.0, 0.49, 5.0) == ''
+    assert found(check, -1.0, 0.51, 5.0) != ''
+
+
+def test_reset_forgets_what_was_seen(check):
+    run(check, 0.5, 0.0, 0.19)
+    run(check, -0.5, 8.0, 0.19)
+    check.reset()
+    assert run(check, 0.5, 0.0, 1.0)[1] >= 0.2
+    check.reset()
+    assert run(check, -0.5, 8.0, 1.0)[1] > 0.2
+    run(check, 0.5, 8.0, 0.5)
+    check.reset()
+    assert found(check, 0.2, 0.0) == ''

@@ -1,0 +1,129 @@
+"""The emergency stop at the output stage: latched, confirmed by the boards, never bypassed."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+from support.robot_rig import RobotRig, Stranger
+
+from smart_tire.protocol.roboclaw import SET_DUTY
+from smart_tire.samples import MotorCommand
+
+
+@pytest.fixture
+def robot(tmp_path, isolated_ros):
+    with RobotRig(tmp_path) as started:
+        started.drive()
+        yield started
+
+
+def test_the_stop_is_immediate_confirmed_and_latched(robot):
+    asked = time.monotonic()
+    response = robot.emergency_stop(True)
+    answered = time.monotonic()
+    assert response.success
+    record = robot.rig.record(asked)
+    assert record.first_zero() < answered
+    assert record.first_zero() - asked < 0.1
+    for address in (128, 129):
+        assert len(record.times(SET_DUTY, address)) >= 2
+    robot.stay_stopped(1.0)
+    robot.graph.until(lambda: 'emergency stop' in robot.complaint(), robot.command)
+    robot.graph.until(lambda: 'emergency stop' in robot.complaint('wheel_controller'),
+                      robot.command)
+
+
+def test_after_the_release_it_takes_a_new_velocity_command(robot):
+    assert robot.emergency_stop(True).success
+    robot.hold(0.1, robot.command)
+    robot.hold(0.06)
+    robot.command()
+    assert robot.emergency_stop(False).success
+    robot.stay_stopped(0.5, lambda: None)
+    robot.drive()
+
+
+def test_a_stop_that_is_released_at_once_forgets_the_command_too(robot):
+    robot.processes['wheel_controller'].end()
+    with robot.start('wheel_controller', cmd_vel_timeout=5.0):
+        robot.drive()
+        assert robot.emergency_stop(True).success
+        assert robot.emergency_stop(False).success
+        robot.stay_stopped(1.0, lambda: None)
+
+
+def test_the_state_is_latched_for_those_who_come_later_and_repeated(robot):
+    assert robot.emergency_stop(True).success
+    states = robot.listen_state()
+    robot.graph.until(lambda: states)
+    assert states == [True]
+    robot.graph.until(lambda: len(states) >= 2)
+    robot.emergency_stop(False)
+    robot.graph.until(lambda: not states[-1])
+
+
+def test_the_stop_survives_a_restart_of_the_controller(robot):
+    assert robot.emergency_stop(True).success
+    robot.processes['wheel_controller'].popen.kill()
+    robot.start('wheel_controller')
+    robot.stay_stopped(2.0)
+    assert robot.emergency_stop(False).success
+    robot.drive()
+
+
+def test_nobody_else_bypasses_the_stop(robot, tmp_path):
+    robot.processes['wheel_controller'].popen.kill()
+    assert robot.emergency_stop(True).success
+    with Stranger(tmp_path, 'motor_commands') as stranger:
+        robot.stay_stopped(1.0, lambda: stranger.say(
+            MotorCommand(time.time_ns(), (1.0, 1.0, 1.0, 1.0))))
+
+
+@pytest.mark.parametrize('mute', [{128}, {129}, {128, 129}])
+def test_a_stop_that_a_board_did_not_acknowledge_is_no_success_and_latched(robot, mute):
+    robot.rig.fail(mute=mute)
+    response = robot.emergency_stop(True)
+    assert not response.success
+    for address, name in ((128, 'front board 128'), (129, 'rear board 129')):
+        assert (name in response.message) == (address in mute)
+    robot.rig.fail()
+    robot.stay_stopped(2.0)
+
+
+def test_a_stop_without_a_port_is_no_success_and_latched(robot):
+    robot.rig.unplug()
+    robot.graph.until(lambda: 'lost' in robot.processes['motor_driver'].output, robot.command)
+    assert not robot.emergency_stop(True).success
+    plugged = robot.rig.plug_in()
+    robot.graph.until(lambda: robot.rig.record(plugged).times(SET_DUTY, 129), robot.command)
+    robot.stay_stopped(1.0)
+
+
+def test_a_driver_that_a_supervisor_restarted_begins_stopped(robot):
+    robot.processes['motor_driver'].popen.kill()
+    robot.start('motor_driver', start_stopped=True)
+    states = robot.listen_state()
+    robot.graph.until(lambda: states and states[-1], robot.command)
+    robot.stay_stopped(1.5)
+    assert robot.emergency_stop(False).success
+    robot.drive()
+
+
+def test_a_driver_that_requires_arming_drives_only_armed(tmp_path, isolated_ros):
+    with RobotRig(tmp_path, require_arming=True) as robot:
+        robot.stay_stopped(0.5)
+        assert robot.arm(True).success
+        robot.drive()
+        asked = time.monotonic()
+        assert robot.arm(False).success
+        assert robot.until_stopped(asked) < 0.2
+        robot.stay_stopped(0.5)
+        assert robot.emergency_stop(True).success
+        response = robot.arm(True)
+        assert not response.success
+        assert 'emergency stop' in response.message
+        assert robot.emergency_stop(False).success
+        robot.stay_stopped(0.5)  # the stop has disarmed it
+        assert robot.arm(True).success
+        robot.drive()

@@ -1,0 +1,65 @@
+"""Processes that are killed or stopped, a cable that is pulled: bounds at the boards."""
+
+from __future__ import annotations
+
+import signal
+import time
+
+import pytest
+from support.robot_rig import RobotRig
+
+nodes = pytest.mark.parametrize('name', ['motor_driver', 'wheel_controller'])
+
+
+@pytest.fixture
+def robot(tmp_path, isolated_ros):
+    with RobotRig(tmp_path) as started:
+        started.drive()
+        yield started
+
+
+@nodes
+@pytest.mark.parametrize('number', [signal.SIGKILL, signal.SIGSTOP])
+def test_the_wheels_stop_when_a_process_does(robot, name, number):
+    stopped = time.monotonic()
+    robot.processes[name].popen.send_signal(number)
+    assert robot.until_stopped(stopped) < 0.5
+    robot.stay_stopped(1.0)
+
+
+@nodes
+def test_the_wheels_stop_when_a_process_is_ended(robot, name):
+    ended = time.monotonic()
+    robot.processes[name].popen.send_signal(signal.SIGINT)
+    assert robot.until_stopped(ended) < 0.5
+    assert robot.processes[name].ended() == 0
+
+
+def test_the_wheels_stop_when_all_processes_freeze(robot):
+    stopped = time.monotonic()
+    for process in robot.processes.values():
+        process.popen.send_signal(signal.SIGSTOP)
+    assert robot.until_stopped(stopped, lambda: None) < 0.5
+
+
+def test_the_wheels_stop_when_the_cable_is_pulled_and_wait_for_a_command_afterwards(robot):
+    pulled = robot.rig.unplug()
+    assert robot.until_stopped(pulled) < 0.5
+    robot.graph.until(lambda: 'lost' in robot.processes['motor_driver'].output)
+    robot.pause()
+    robot.rig.plug_in()
+    robot.stay_stopped(1.0, lambda: None)
+    robot.drive()
+
+
+def test_the_reason_of_a_stop_is_logged_once_per_event(robot):
+    robot.hold(1.0)
+    assert robot.rig.state().still
+    robot.drive()
+    robot.hold(1.0)
+    output = robot.processes['motor_driver'].output
+    assert output.count('motors stopped') == 0  # the controller commands zero in time
+    robot.drive()
+    robot.processes['wheel_controller'].popen.kill()
+    robot.hold(1.0)
+    assert robot.processes['motor_driver'].output.count('motors stopped') == 1

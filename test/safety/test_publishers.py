@@ -1,0 +1,76 @@
+"""Messages of a second publisher on a topic that only one may command."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+from support.robot_rig import RobotRig, Stranger
+
+from smart_tire.samples import MotorCommand, VelocityCommand, WheelSample
+
+SECOND = {
+    'motor_commands': lambda: MotorCommand(time.time_ns(), (1.0, 1.0, 1.0, 1.0)),
+    'wheel_states': lambda: WheelSample(time.time_ns(), (0.0, 0.0, 0.0, 0.0)),
+    'cmd_vel': lambda: VelocityCommand(time.time_ns(), 1.4, 0.0),
+}
+READER = {'motor_commands': 'motor_driver', 'wheel_states': 'wheel_controller',
+          'cmd_vel': 'wheel_controller'}
+OWNER = {'motor_commands': '/wheel_controller', 'wheel_states': '/motor_driver',
+         'cmd_vel': '/test'}
+topics = pytest.mark.parametrize('topic', SECOND)
+
+
+@pytest.fixture
+def robot(tmp_path, isolated_ros):
+    with RobotRig(tmp_path) as started:
+        started.drive()
+        yield started
+
+
+@topics
+def test_a_second_publisher_means_zero_duty_until_it_is_silent(robot, topic, tmp_path):
+    with Stranger(tmp_path, topic) as stranger:
+        def both():
+            robot.command()
+            stranger.say(SECOND[topic]())
+
+        robot.drive()  # while the other one only exists
+        began = time.monotonic()
+        both()
+        assert robot.until_stopped(began, both) < 0.3
+        robot.stay_stopped(1.0, both)
+        robot.graph.until(lambda: OWNER[topic] in robot.complaint(READER[topic])
+                          and '/stranger' in robot.complaint(READER[topic])
+                          and f'2 publishers on {topic}' in robot.complaint(READER[topic]), both)
+    robot.drive()
+
+
+@topics
+def test_a_second_endpoint_that_sends_nothing_is_a_warning(robot, topic, tmp_path):
+    with Stranger(tmp_path, topic):
+        robot.drive()
+        since = time.monotonic()
+        robot.graph.until(lambda: f'2 publishers exist on {topic}: '
+                          in robot.complaint(READER[topic]), robot.command)
+        assert '/stranger' in robot.complaint(READER[topic])
+        assert robot.rig.record(since).always_driven()
+
+
+def test_a_controller_that_was_killed_and_started_again_drives(robot):
+    robot.processes['wheel_controller'].popen.kill()
+    killed = time.monotonic()
+    assert robot.until_stopped(killed) < 0.5
+    robot.start('wheel_controller')
+    robot.drive()
+    assert time.monotonic() - killed < 15.0  # the dead one stays listed for 20 s
+
+
+def test_a_second_message_now_and_then_is_never_obeyed(robot, tmp_path):
+    with Stranger(tmp_path, 'motor_commands') as stranger:
+        for _ in range(3):
+            robot.drive(0.3)
+            since = time.monotonic()
+            stranger.say(SECOND['motor_commands']())
+            robot.hold(0.5, lambda: robot.command(0.3))
+            assert max(max(duty) for _, duty in robot.rig.record(since).duties) < 0.9

@@ -1,0 +1,158 @@
+"""Motor driver and wheel controller as processes, with motor boards that can fail."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+import time
+from typing import Any
+
+from geometry_msgs.msg import TwistStamped
+from std_msgs.msg import Bool
+from support.graph import Graph, Process
+from support.motor_rig import MotorRig, STILL
+from support.waiting import wait_for
+
+from smart_tire.messages import TOPICS
+from smart_tire.nodes.qos import latched
+from smart_tire.nodes.ros import message_class
+from smart_tire.samples import VelocityCommand
+
+SPEED = 0.7      # m/s, 8 rad/s at the wheels
+PERIOD = 0.05    # s between commands
+PAUSE = 0.6      # s without commands, longer than their time-out
+MOVING = 0.2     # duty at which a test counts the robot as driving
+
+
+class RobotRig:
+    """The output half of the robot: boards, motor_driver, wheel_controller; a context."""
+
+    def __init__(self, folder: Path, *, controller: bool = True, **driver: Any) -> None:
+        self._folder, self._controller, self._driver = folder, controller, driver
+        self._commanded = 0.0
+        self.processes: dict[str, Process] = {}
+
+    def __enter__(self) -> RobotRig:
+        with ExitStack() as stack:
+            self.rig = stack.enter_context(MotorRig(self._folder / 'motors'))
+            self.graph = stack.enter_context(Graph(self._folder))
+            self._stack = stack.pop_all()
+        self.graph.listen('wheel_states')
+        self.start('motor_driver', **self._driver)
+        if self._controller:
+            self.start('wheel_controller')
+            self.graph.until(lambda: 'wheel_controller' in self.graph.health)
+        self.graph.until(lambda: self.graph.heard['wheel_states'])
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stack.close()
+        for name, process in self.processes.items():  # pytest shows it where a test fails
+            print(f'--- {name}\n{process.output}')
+
+    def start(self, name: str, **parameters: Any) -> Process:
+        """Start a node, again if it ran before."""
+        if name == 'motor_driver':
+            parameters['port'] = self.rig.path
+        self.processes[name] = self._stack.enter_context(self.graph.start(name, **parameters))
+        return self.processes[name]
+
+    def command(self, v_x: float = SPEED, stamp_ns: int | None = None) -> None:
+        """Publish cmd_vel, at most every ``PERIOD``."""
+        now = time.monotonic()
+        if now - self._commanded >= PERIOD:
+            self._commanded = now
+            self.graph.say('cmd_vel', self.velocity(v_x, stamp_ns))
+
+    @staticmethod
+    def velocity(v_x: float, stamp_ns: int | None = None) -> VelocityCommand:
+        """Return a command of now, or of another time."""
+        return VelocityCommand(time.time_ns() if stamp_ns is None else stamp_ns, v_x, 0.0)
+
+    def drive(self, v_x: float = SPEED) -> None:
+        """Command until the wheels turn at the wanted speed."""
+        def driving() -> bool:
+            state = self.rig.state()
+            return min(state.speeds) > 0.8 * v_x / 0.087 and min(state.duty) > MOVING
+
+        self.hold(2.0 * PERIOD, lambda: self.command(v_x))  # a command in force, at any rate
+        self.graph.until(driving, lambda: self.command(v_x))
+
+    def until_stopped(self, since: float, do: Callable[[], object] | None = None) -> float:
+        """
+        Go on commanding until the motors have zero duty; return the seconds ``since`` then.
+
+        They must have been driven at ``since``: what stood before proves nothing.
+        """
+        assert self.rig.record(since).duties[0][1] != STILL
+        self.graph.until(lambda: self.rig.state().still, do or self.command)
+        return max(self.rig.state().changed - since, 0.0)
+
+    def hold(self, seconds: float, do: Callable[[], object] = lambda: None) -> None:
+        """Let time pass, and ``do`` something all the time."""
+        end = time.monotonic() + seconds
+        self.graph.until(lambda: time.monotonic() > end, do)
+
+    def stay_stopped(self, seconds: float, do: Callable[[], object] | None = None) -> None:
+        """Go on commanding for ``seconds``; fail if a motor gets a duty."""
+        since = time.monotonic()
+        self.hold(seconds, do or self.command)
+        record = self.rig.record(since)
+        assert not record.driven(), record.duties
+
+    def pause(self) -> None:
+        """Stop commanding for as long as an operator would to start over."""
+        self.hold(PAUSE)
+
+    def emergency_stop(self, engaged: bool) -> Any:
+        """Call the service."""
+        return self.graph.call('std_srvs/srv/SetBool', 'emergency_stop', data=engaged)
+
+    def arm(self, armed: bool) -> Any:
+        """Call the service."""
+        return self.graph.call('std_srvs/srv/SetBool', 'arm', data=armed)
+
+    def listen_state(self) -> list[bool]:
+        """Return a list that gets the state of the emergency stop as it is published."""
+        states: list[bool] = []
+        self.graph.node.create_subscription(
+            Bool, 'emergency_stop_active', lambda message: states.append(message.data), latched())
+        return states
+
+    def complaint(self, node: str = 'motor_driver') -> str:
+        """Return the sentence of the diagnostics of ``node``."""
+        return self.graph.complaint(node)
+
+    def say_twist(self, v_x: float) -> None:
+        """Publish any number as cmd_vel, which no sample of ours could hold."""
+        message = TwistStamped()
+        message.header.stamp = self.graph.node.get_clock().now().to_msg()
+        message.twist.linear.x = v_x
+        self.graph.say_message('cmd_vel', message)
+
+
+class Stranger:
+    """A node of somebody else that publishes on a topic of the contract; a context."""
+
+    def __init__(self, folder: Path, topic: str, name: str = 'stranger') -> None:
+        import rclpy
+        from rclpy.context import Context
+        self._context = Context()
+        rclpy.init(args=[], context=self._context)
+        self._node = rclpy.create_node(name, context=self._context)
+        self._topic = TOPICS[topic]
+        self._class = message_class(self._topic.type)
+        self._publisher = self._node.create_publisher(self._class, topic, 10)
+
+    def __enter__(self) -> Stranger:
+        wait_for(self._publisher.get_subscription_count)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._node.destroy_node()
+        self._context.shutdown()
+
+    def say(self, sample: Any) -> None:
+        """Publish a sample."""
+        self._publisher.publish(self._topic.fill(self._class(), sample))
