@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections import defaultdict
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 import os
 from pathlib import Path
@@ -16,12 +17,43 @@ from smart_tire.messages import find_topic
 from smart_tire.nodes.base import run, SmartTireNode
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.qos import subscriber_qos
-from smart_tire.nodes.ros import message_class
+from smart_tire.nodes.ros import message_class, with_info
 from smart_tire.samples import WHEELS
 
 LOOK = 0.2           # s between looks at what is published
 FLUSH = 0.25         # s between chunks, half of what a crash may cost
 OTHER_DEPTH = 1000   # messages kept of a topic that is not ours while the disk is busy
+
+
+class SequenceGaps:
+    """
+    Counts messages of a topic that its publishers sent but that never came.
+
+    By the sequence numbers of the publishers, for the event ``message_lost`` of DDS does not occur
+    where a queue of the subscriber overruns. What was sent before the first message that came,
+    or after the last one, is not known.
+    """
+
+    def __init__(self) -> None:
+        self.lost = 0
+        self.reported = 0              # ``lost`` at the last report
+        self._last: dict[bytes, int] = {}  # publisher -> newest sequence number
+
+    def add(self, info: Mapping[str, Any]) -> bool:
+        """Take a message in; return whether losses have reached 1, 2, 4, 8 ... with it."""
+        number = info.get('publication_sequence_number')
+        if number is None:  # older distributions, and middlewares that do not number
+            return False
+        publisher = bytes(info['publisher_gid']['data'])
+        last = self._last.get(publisher, number - 1)
+        self._last[publisher] = max(last, number)
+        before, self.lost = self.lost, self.lost + max(0, number - last - 1)
+        return before.bit_length() < self.lost.bit_length()
+
+    def newly_lost(self) -> int:
+        """Return how many were lost since this was last asked."""
+        new, self.reported = self.lost - self.reported, self.lost
+        return new
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,6 +70,12 @@ class Recorder(SmartTireNode[RecorderParams]):
         self._names = {self.resolve_topic_name(topic) for topic in topics}
         self._taken: dict[str, tuple[QoSProfile, Any]] = {}
         self._refused: set[str] = set()
+        self._gaps: defaultdict[str, SequenceGaps] = defaultdict(SequenceGaps)
+
+    @property
+    def lost(self) -> dict[str, int]:
+        """Return topic -> messages that were published but did not come, where there are any."""
+        return {name: gaps.lost for name, gaps in self._gaps.items() if gaps.lost}
 
     def start(self) -> None:
         """Begin with what is there, and go on looking."""
@@ -46,10 +84,16 @@ class Recorder(SmartTireNode[RecorderParams]):
         self.every(FLUSH, self._writer.flush)
 
     def fill_status(self, status: Status) -> None:
-        """Tell how much has been written."""
+        """Add how much has been written and how much was lost."""
         counts = self._writer.counts
         status.values['topics'] = len(counts)
         status.values['messages'] = sum(counts.values())
+        status.values['messages_lost'] = sum(self.lost.values())
+        for name, gaps in self._gaps.items():
+            if gaps.lost:
+                status.values[f'{name}.messages_lost'] = gaps.lost
+            if new := gaps.newly_lost():
+                status.warn(f'lost {new} messages of {name}')
         for name in sorted(self._names - counts.keys()):
             status.warn(f'no {name}')
 
@@ -83,11 +127,17 @@ class Recorder(SmartTireNode[RecorderParams]):
             self._writer.add_topic(channel_of(name, type_name, tuple(map(offered, offers))))
             self.get_logger().info(f'recording {name}')
         self._taken[name] = wanted, self.create_subscription(
-            message_class(type_name), name, self._keeper(name), wanted, raw=True)
+            message_class(type_name), name, with_info(self._keeper(name)), wanted, raw=True)
 
-    def _keeper(self, name: str) -> Callable[[Any], None]:
-        write, now_ns = self._writer.write, time.time_ns
-        return lambda data: write(name, now_ns(), data)
+    def _keeper(self, name: str) -> Callable[[Any, Mapping[str, Any]], None]:
+        write, now_ns, gaps = self._writer.write, time.time_ns, self._gaps[name]
+
+        def keep(data: bytes, info: Mapping[str, Any]) -> None:
+            write(name, now_ns(), data)
+            if gaps.add(info):
+                self.get_logger().warning(f'lost {gaps.lost} messages of {name} so far')
+
+        return keep
 
     def _refuse(self, name: str, reason: str) -> None:
         if name not in self._refused:
@@ -123,7 +173,24 @@ def offered(profile: QoSProfile) -> Qos:
         else 'volatile', profile.depth or Qos().depth)
 
 
-def record(directory: Path, topics: Collection[str] = ()) -> tuple[int, dict[str, int]]:
-    """Record until SIGINT or SIGTERM; return the exit status and the messages by topic."""
+@dataclass
+class Recording:
+    """What became of a recording."""
+
+    status: int             # for ``sys.exit``
+    counts: dict[str, int]  # messages by topic
+    lost: dict[str, int]    # messages by topic that were published but did not come
+
+
+def record(directory: Path, topics: Collection[str] = ()) -> Recording:
+    """Record until SIGINT or SIGTERM."""
+    recorders: list[Recorder] = []
+
+    def new() -> Recorder:
+        recorders.append(Recorder(writer, topics))
+        return recorders[-1]
+
     with BagWriter(directory, ros_distro=os.environ.get('ROS_DISTRO', '')) as writer:
-        return run(lambda: Recorder(writer, topics)), writer.counts
+        status = run(new)
+        lost = recorders[0].lost if recorders else {}
+        return Recording(status, writer.counts, lost)
