@@ -96,8 +96,12 @@ class SmartTireNode(Node, Generic[Params]):
             else:
                 tally.good(self.steady_ns())
 
-        self.create_subscription(message_class(topic.type), name, on_message,
+        self.create_subscription(message_class(topic.type), name, self.intake(name, on_message),
                                  subscriber_qos(name, wheels=wheels, reliability=reliability))
+
+    def intake(self, name: str, handle: Callable[[Any], None]) -> Callable[[Any], None]:
+        """Return what the subscription to ``name`` calls; it may call ``handle`` later."""
+        return handle
 
     def reject(self, tally: Tally, error: Exception) -> None:
         """Count a bad input and log the 1st, 2nd, 4th, 8th ... of its stream."""
