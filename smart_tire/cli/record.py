@@ -31,6 +31,6 @@ def run(args: argparse.Namespace) -> int:
     recording = record(directory, args.topics)
     print(f'{directory}:')
     print_counts(recording.counts)
-    for topic, lost in sorted(recording.lost.items()):
-        print(f'lost {lost} messages of {topic}')
+    for line in recording.losses:
+        print(line)
     return recording.status

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Container, Mapping
 from dataclasses import dataclass
 import os
 from pathlib import Path
@@ -22,6 +21,7 @@ from smart_tire.samples import WHEELS
 
 LOOK = 0.2           # s between looks at what is published
 FLUSH = 0.25         # s between chunks, half of what a crash may cost
+DISCOVERY_NS = 2_000_000_000  # ns from the start, in which publishers are found that were there
 OTHER_DEPTH = 1000   # messages kept of a topic that is not ours while the disk is busy
 
 
@@ -30,13 +30,15 @@ class SequenceGaps:
     Counts messages of a topic that its publishers sent but that never came.
 
     By the sequence numbers of the publishers, for the event ``message_lost`` of DDS does not occur
-    where a queue of the subscriber overruns. What was sent before the first message that came,
-    or after the last one, is not known.
+    where a queue of the subscriber overruns. ``missed`` are the first ones of publishers that are
+    not among ``old``, sent before they and the subscriber were connected; with None they do not
+    count. What was sent after the last message that came is not known.
     """
 
-    def __init__(self) -> None:
-        self.lost = 0
-        self.reported = 0              # ``lost`` at the last report
+    def __init__(self, old: Container[bytes] | None = None) -> None:
+        self.lost = self.missed = 0
+        self.reported = 0  # of both, at the last report
+        self._old = old
         self._last: dict[bytes, int] = {}  # publisher -> newest sequence number
 
     def add(self, info: Mapping[str, Any]) -> bool:
@@ -44,16 +46,25 @@ class SequenceGaps:
         number = info.get('publication_sequence_number')
         if number is None:  # older distributions, and middlewares that do not number
             return False
-        publisher = bytes(info['publisher_gid']['data'])
-        last = self._last.get(publisher, number - 1)
-        self._last[publisher] = max(last, number)
-        before, self.lost = self.lost, self.lost + max(0, number - last - 1)
-        return before.bit_length() < self.lost.bit_length()
+        publisher, before = bytes(info['publisher_gid']['data']), self.lost + self.missed
+        last = self._last.get(publisher)
+        if last is not None:
+            self.lost += max(0, number - last - 1)
+        elif self._old is not None and publisher not in self._old:
+            self.missed += number - 1
+        self._last[publisher] = max(last or 0, number)
+        return before.bit_length() < (self.lost + self.missed).bit_length()
 
     def newly_lost(self) -> int:
-        """Return how many were lost since this was last asked."""
-        new, self.reported = self.lost - self.reported, self.lost
+        """Return how many were lost or missed since this was last asked."""
+        total = self.lost + self.missed
+        new, self.reported = total - self.reported, total
         return new
+
+    def __str__(self) -> str:
+        if self.missed and self.lost:
+            return f'the first {self.missed} and {self.lost} later'
+        return f'the first {self.missed}' if self.missed else str(self.lost)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,12 +81,15 @@ class Recorder(SmartTireNode[RecorderParams]):
         self._names = {self.resolve_topic_name(topic) for topic in topics}
         self._taken: dict[str, tuple[QoSProfile, Any]] = {}
         self._refused: set[str] = set()
-        self._gaps: defaultdict[str, SequenceGaps] = defaultdict(SequenceGaps)
+        self._old: set[bytes] = set()  # publishers that were there before
+        self._old_until_ns = self.steady_ns() + DISCOVERY_NS
+        self._gaps: dict[str, SequenceGaps] = {}
 
     @property
-    def lost(self) -> dict[str, int]:
-        """Return topic -> messages that were published but did not come, where there are any."""
-        return {name: gaps.lost for name, gaps in self._gaps.items() if gaps.lost}
+    def losses(self) -> list[str]:
+        """Return a line for each topic of which messages were published but did not come."""
+        return [f'lost {gaps} messages of {name}' for name, gaps in sorted(self._gaps.items())
+                if gaps.lost or gaps.missed]
 
     def start(self) -> None:
         """Begin with what is there, and go on looking."""
@@ -88,10 +102,11 @@ class Recorder(SmartTireNode[RecorderParams]):
         counts = self._writer.counts
         status.values['topics'] = len(counts)
         status.values['messages'] = sum(counts.values())
-        status.values['messages_lost'] = sum(self.lost.values())
+        lost = {name: gaps.lost + gaps.missed for name, gaps in self._gaps.items()}
+        status.values['messages_lost'] = sum(lost.values())
         for name, gaps in self._gaps.items():
-            if gaps.lost:
-                status.values[f'{name}.messages_lost'] = gaps.lost
+            if lost[name]:
+                status.values[f'{name}.messages_lost'] = lost[name]
             if new := gaps.newly_lost():
                 status.warn(f'lost {new} messages of {name}')
         for name in sorted(self._names - counts.keys()):
@@ -109,7 +124,10 @@ class Recorder(SmartTireNode[RecorderParams]):
                 self._refuse(name, f'has several types: {", ".join(types)}')
 
     def _take(self, name: str, type_name: str) -> None:
-        offers = [info.qos_profile for info in self.get_publishers_info_by_topic(name)]
+        publishers = self.get_publishers_info_by_topic(name)
+        if self.steady_ns() < self._old_until_ns:
+            self._old.update(bytes(info.endpoint_gid) for info in publishers)
+        offers = [info.qos_profile for info in publishers]
         if not offers or name in self._refused:
             return
         wanted = adapted(name, offers)
@@ -127,15 +145,19 @@ class Recorder(SmartTireNode[RecorderParams]):
             self._writer.add_topic(channel_of(name, type_name, tuple(map(offered, offers))))
             self.get_logger().info(f'recording {name}')
         self._taken[name] = wanted, self.create_subscription(
-            message_class(type_name), name, with_info(self._keeper(name)), wanted, raw=True)
+            message_class(type_name), name, with_info(self._keeper(name, wanted)), wanted,
+            raw=True)
 
-    def _keeper(self, name: str) -> Callable[[Any, Mapping[str, Any]], None]:
-        write, now_ns, gaps = self._writer.write, time.time_ns, self._gaps[name]
+    def _keeper(self, name: str,
+                profile: QoSProfile) -> Callable[[Any, Mapping[str, Any]], None]:
+        latched = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+        gaps = self._gaps.setdefault(name, SequenceGaps(None if latched else self._old))
+        write, now_ns = self._writer.write, time.time_ns
 
         def keep(data: bytes, info: Mapping[str, Any]) -> None:
             write(name, now_ns(), data)
             if gaps.add(info):
-                self.get_logger().warning(f'lost {gaps.lost} messages of {name} so far')
+                self.get_logger().warning(f'lost {gaps} messages of {name} so far')
 
         return keep
 
@@ -179,7 +201,7 @@ class Recording:
 
     status: int             # for ``sys.exit``
     counts: dict[str, int]  # messages by topic
-    lost: dict[str, int]    # messages by topic that were published but did not come
+    losses: list[str]       # a line for each topic of which messages did not come
 
 
 def record(directory: Path, topics: Collection[str] = ()) -> Recording:
@@ -192,5 +214,4 @@ def record(directory: Path, topics: Collection[str] = ()) -> Recording:
 
     with BagWriter(directory, ros_distro=os.environ.get('ROS_DISTRO', '')) as writer:
         status = run(new)
-        lost = recorders[0].lost if recorders else {}
-        return Recording(status, writer.counts, lost)
+        return Recording(status, writer.counts, recorders[0].losses if recorders else [])

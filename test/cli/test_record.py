@@ -155,8 +155,25 @@ def test_what_overruns_the_queue_of_a_busy_recorder_is_counted(tmp_path):
     numbers = [int.from_bytes(data[4:12], 'little') for data in contents(bag)['/flood']]
     lost = numbers[-1] - numbers[0] + 1 - len(numbers)
     assert lost > 0
-    assert f'lost {lost} messages of /flood' in recorder.lines
+    assert numbers[0] == 1 or f'the first {numbers[0] - 1}' in recorder.said
+    line, = (line for line in recorder.lines if line.startswith('lost '))
+    assert f'{lost} ' in line
     assert 0 < recorder.said.count('messages of /flood so far') < 15
+
+
+def test_what_was_published_before_the_recorder_had_connected_is_counted(tmp_path):
+    with command('record', '--out', tmp_path / 'bag') as recorder:
+        wait_for(lambda: count(tmp_path / 'bag', 'diagnostics') >= 4)  # one per second: what it
+        # finds in the first two seconds may be older than itself
+        with Python('-c', FLOOD) as flood:
+            flood.write(500)
+            flood.wait_for('published 500')
+            wait_for(lambda: count(tmp_path / 'bag', 'flood'), lambda: slowly(flood))
+        recorder.signal(signal.SIGINT)
+        assert recorder.end() == 0
+    first = int.from_bytes(contents(tmp_path / 'bag')['/flood'][0][4:12], 'little')
+    assert first > 100
+    assert f'lost the first {first - 1} messages of /flood' in recorder.lines
 
 
 def test_a_folder_that_exists_is_a_usage_error(tmp_path):

@@ -62,6 +62,16 @@ def test_gaps_in_the_numbers_of_each_publisher_are_lost_messages():
     assert (gaps.newly_lost(), gaps.newly_lost()) == (6, 0)
 
 
+def test_the_first_messages_of_a_new_publisher_are_lost_and_those_of_an_old_one_are_not():
+    gaps = SequenceGaps(old={bytes([1])})
+    assert not gaps.add(info(1000, publisher=1))
+    assert gaps.add(info(4, publisher=2))
+    assert (gaps.missed, gaps.lost, str(gaps)) == (3, 0, 'the first 3')
+    gaps.add(info(1002, publisher=1))
+    assert (gaps.missed, gaps.lost, str(gaps)) == (3, 1, 'the first 3 and 1 later')
+    assert gaps.newly_lost() == 4
+
+
 def test_a_middleware_without_sequence_numbers_reports_no_losses():
     gaps = SequenceGaps()
     assert not gaps.add(info(None))
