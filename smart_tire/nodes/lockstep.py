@@ -219,7 +219,8 @@ class Follower:
                 if message is None:
                     return False
                 given.handle(message)
-            self._passed.append((topic, stamp_ns))  # behind what it made the node publish
+            if topic not in self._outputs:  # else it was passed on when it was published
+                self._passed.append((topic, stamp_ns))  # behind what it made the node publish
             self._next += 1
         return True
 
@@ -323,6 +324,8 @@ def stamp_of(message: Any) -> int:
 
 
 def stamp_in(data: bytes) -> int:
-    """Return the stamp [ns] in the header with which a serialized message begins."""
+    """Return the stamp [ns] in the header with which a serialized message begins, 0 if cut off."""
+    if len(data) < 12:
+        return 0
     sec, nanosec = struct.unpack_from('<iI' if data[1] & 1 else '>iI', data, 4)
     return int(sec * NS_PER_S + nanosec)

@@ -79,6 +79,7 @@ class Replayer:
                 self.result.counts[name] = 0
         self._topics = {name: publisher.topic_name for name, publisher in self._publishers.items()}
         self._awaited = [resolved(node, name) for name in awaited]
+        self._inputs: set[str] = set()  # names in the bag of what estimators take
         self._leader = Leader(node)
         self._executor = new_executor()
         self._executor.add_node(node)
@@ -159,6 +160,8 @@ class Replayer:
         """Publish everything, and wait until it has arrived; return early when stopped."""
         if self._leader.followers:
             self._leader.begin()
+        inputs = self._leader.inputs()
+        self._inputs = {name for name, topic in self._topics.items() if topic in inputs}
         start_ns, started_ns, number, bag_ns = None, time.monotonic_ns(), -1, 0
         for number, step in enumerate(self._steps()):
             if not self._lead(number, step):
@@ -198,10 +201,8 @@ class Replayer:
             return True
         if not self._await_step(number - AHEAD):
             return False
-        inputs = self._leader.inputs()
         self._leader.step(number, [(self._topics[name], stamp_in(data))
-                                   for _, name, data in step
-                                   if name and self._topics[name] in inputs])
+                                   for _, name, data in step if name in self._inputs])
         return True
 
     def _await_step(self, number: int) -> bool:
@@ -220,15 +221,26 @@ class Replayer:
         return True
 
     def _steps(self) -> Iterator[list[Event]]:
-        """Yield the messages in steps, which are never empty."""
+        """
+        Yield the messages in steps, which are never empty.
+
+        Neither the time of reception nor that of the stamps advances by more than STEP_NS in one:
+        after a recorder has stalled, much of the latter passes in little of the former, and what
+        an estimator gets back from one further down must not be late by more than a few steps.
+        """
         step: list[Event] = []
         sizes: Counter[str] = Counter()
+        newest_ns = last_ns = 0  # stamps: now, and at the end of the step before
         for event in self._events():
-            if step and (event[0] - step[0][0] > STEP_NS or sizes[event[1]] == STEP_SIZE):
+            receive_ns, name, data = event
+            if name in self._inputs:
+                newest_ns = max(newest_ns, stamp_in(data))
+            if step and (receive_ns - step[0][0] > STEP_NS or newest_ns - last_ns > STEP_NS
+                         or sizes[name] == STEP_SIZE):
                 yield step
-                step, sizes = [], Counter()
+                step, sizes, last_ns = [], Counter(), newest_ns
             step.append(event)
-            sizes[event[1]] += 1
+            sizes[name] += 1
         if step:
             yield step
 

@@ -56,6 +56,13 @@ def overloaded(events, params, tmp_path_factory):
     return bag_path, offline_estimates(bag_path, params)
 
 
+@pytest.fixture(scope='module')
+def aided(tmp_path_factory):
+    """Return the parameter file of the robot with the films' slip in its slip estimator."""
+    return parameter_file(tmp_path_factory.mktemp('aided') / 'robot.yaml', {
+        '/**': {'film.wheels': WHEELS, 'slip.film_aided': True}})
+
+
 @pytest.mark.parametrize('rate', [1.0, 5.0])
 def test_nodes_on_a_replayed_bag_give_the_numbers_of_the_offline_run(
         recording, params, tmp_path, rate):
@@ -78,3 +85,13 @@ def test_two_replays_of_an_overloaded_recording_and_the_offline_run_give_the_sam
         [estimate.value['friction_coefficient'] for estimate in estimates.values()
          if isinstance(estimate, Friction)] for estimates in (found, recording[1]))
     assert frictions != pytest.approx(in_time, abs=1e-3)  # lateness does matter here
+
+
+def test_estimators_that_feed_each_other_give_the_numbers_of_the_offline_run(
+        overloaded, aided, tmp_path):
+    bag_path, unaided = overloaded
+    offline = offline_estimates(bag_path, aided)
+    found, _ = replayed(bag_path, aided, tmp_path, 5.0, offline)
+    assert_same(found, offline)
+    with pytest.raises(AssertionError):  # the films do matter here
+        assert_same(found, unaided)

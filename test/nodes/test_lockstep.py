@@ -24,7 +24,7 @@ class Station:
 
     def __init__(self, name, inputs, outputs=(), feedback=()):
         self.node = rclpy.create_node(name)
-        self.handled, self.restarts = [], 0
+        self.handled, self.restarts, self.feedback = [], 0, feedback
         self.follower = Follower(self.node, self._restart)
         for topic in inputs:
             callback = self.follower.add_input(
@@ -42,6 +42,8 @@ class Station:
 
     def _handle(self, topic, message):
         self.handled.append((topic, stamp_of(message)))
+        if topic in self.feedback:
+            return
         for output, publisher in self.outputs.items():
             publisher.publish(message)
             self.follower.published(output, stamp_of(message))
@@ -164,13 +166,18 @@ def test_feedback_is_handled_at_the_same_place_each_time(bench):
     bench.station('b', ['/made'], outputs=['/back'])
     publisher = bench.publishers('/x')['/x']
     bench.begin(['/x'], '/a', '/b')
-    for number in range(AHEAD + 2):
+    steps = 3 * AHEAD + 2
+    for number in range(steps):
         bench.worked_off(number - AHEAD)
         bench.leader.step(number, [('/x', number)])
         publisher.publish(imu(number))
-    bench.worked_off(AHEAD + 1)
-    assert above.handled == [('/x', 0), ('/x', 1), ('/back', 0), ('/x', 2), ('/back', 1),
-                             ('/x', 3)]
+    bench.worked_off(steps - 1)
+    assert [handled for handled in above.handled if handled[0] == '/x'] == [
+        ('/x', number) for number in range(steps)]
+    for number in range(AHEAD, steps):
+        place = above.handled.index(('/x', number))
+        assert above.handled[place - 1] == ('/back', number - AHEAD)
+    assert len(above.handled) == 2 * steps - AHEAD
 
 
 def test_messages_that_are_not_of_the_replay_are_left_out_and_counted(bench):
