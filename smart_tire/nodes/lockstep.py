@@ -36,6 +36,7 @@ from smart_tire.samples import NS_PER_S
 TOPIC = '/_replay_lockstep'
 DEPTH = 1000  # notes; a leader that is AHEAD of two followers has less than ten on the way
 LAST = Duration(seconds=2)  # for what is on the way at the end
+UNKNOWN = '_NODE_NAME_UNKNOWN_'  # rmw's name of a node of which only an endpoint is discovered
 AHEAD = 2     # steps that are published before the first of them is acknowledged
 
 Entry = tuple[str, int]  # topic, stamp [ns] of a message
@@ -314,6 +315,8 @@ class Leader:
 
 def full_name(info: Any) -> str:
     """Return the fully qualified name of the node of an endpoint in the graph."""
+    if info.node_name == UNKNOWN:
+        return 'a node whose name is not known yet'
     return f'{info.node_namespace.rstrip("/")}/{info.node_name}'
 
 

@@ -16,8 +16,6 @@ from smart_tire.samples import Friction, Odometry, WheelSlip
 from support.stack import count
 from support.waiting import PATIENCE, wait_for
 
-GRID_NS = 8_000_000
-
 
 def key(estimate) -> tuple[str, int, str]:
     """Return what tells an estimate from others of the same run."""
@@ -49,8 +47,9 @@ def replayed(bag_path: Path, params: Path, folder: Path, rate: float,
     """
     Return the estimates of the nodes on a replay, and node -> messages that came too late.
 
-    ``expected`` is how many there should be. The estimators start last, when the replayer and a
-    recorder of all topics, the inputs too, have long been there.
+    ``expected`` is how many there should be. The estimators start when the replayer and a recorder
+    of all topics, the inputs too, are there. The replay waits for another node, ``last``, which
+    starts when the estimates are recorded.
     """
     out = folder / 'estimates'
     with Stack(folder / 'logs', isolated_environment()) as stack:
@@ -58,12 +57,14 @@ def replayed(bag_path: Path, params: Path, folder: Path, rate: float,
         stack.start('recorder', 'smart_tire.cli.main', 'record', '--out', str(out), '--topics',
                     *ESTIMATES, '/diagnostics')
         stack.start('replay', 'smart_tire.cli.main', 'replay', str(bag_path), '--rate', str(rate),
-                    '--wait', str(PATIENCE), '--wait-for', *ESTIMATORS)
+                    '--wait', str(PATIENCE), '--wait-for', *ESTIMATORS, 'last')
         wait_for(lambda: all(f'recording /{topic}' in stack.log('other') for topic in INPUTS))
-        stack.node('slip_estimator', [params])
+        for node in ESTIMATORS:
+            stack.node(node, [params])
         wait_for(lambda: all(f'recording /{topic}' in stack.log('recorder')
-                             for topic in ('odom', 'wheel_slip', 'icr')))
-        stack.node('friction_estimator', [params])
+                             for topic in ESTIMATES))
+        stack.start('last', 'smart_tire.cli.main', 'record', '--out', str(folder / 'last'),
+                    '--topics', 'imu/data', '--ros-args', '-r', '__node:=last')
         stack.processes['replay'].wait(PATIENCE)
         assert stack.stop('replay') == {'replay': 0}, stack.log('replay')
         wanted = Counter(topic for topic, _, _ in expected)
