@@ -12,12 +12,20 @@ FILES = {
     'tuning': 'estimators',
 }
 LAST_ESTIMATES = 1.0  # s, from the end of the bag to the end of the estimators
+LONGEST_START = 30.0  # s for the estimators to start and to be matched
+
+
+def end(event, context):
+    """End all; a replay that failed ends the launch with an error, so that its status says so."""
+    if event.returncode and not context.is_shutdown:
+        raise RuntimeError(f'replay failed with status {event.returncode}, its log says why: '
+                           'there are no estimates, or not all of them')
+    return [TimerAction(period=LAST_ESTIMATES, actions=[Shutdown(reason='the bag has ended')])]
 
 
 def generate_launch_description():
-    """Return the estimators and the player; all end when the bag has ended."""
+    """Return the estimators and the player, which waits for them; all end when the bag ends."""
     config = PathJoinSubstitution([FindPackageShare('smart_tire'), 'config'])
-    end = TimerAction(period=LAST_ESTIMATES, actions=[Shutdown(reason='the bag has ended')])
     return LaunchDescription([
         DeclareLaunchArgument('namespace', default_value='',
                               description='of the topics in the bag'),
@@ -33,6 +41,7 @@ def generate_launch_description():
         Node(package='smart_tire', executable='smart_tire', output='screen',
              namespace=LaunchConfiguration('namespace'),
              arguments=['replay', LaunchConfiguration('bag'),
-                        '--rate', LaunchConfiguration('rate')],
-             on_exit=[end]),
+                        '--rate', LaunchConfiguration('rate'),
+                        '--wait', str(LONGEST_START), '--wait-for', *NODES],
+             on_exit=end),
     ])

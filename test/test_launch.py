@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 import runpy
 import sys
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import pytest
@@ -142,7 +142,22 @@ def test_a_replay_is_the_estimators_and_the_bag_which_has_no_default(described):
     assert player.options['executable'] == 'smart_tire'
     words = [word if isinstance(word, str) else word.args[0]
              for word in player.options['arguments']]
-    assert words == ['replay', 'bag', '--rate', 'rate']
+    assert words[:5] == ['replay', 'bag', '--rate', 'rate', '--wait']
+    assert float(words[5]) >= 10.0
+    assert (words[6], set(words[7:])) == ('--wait-for', ESTIMATORS)
+
+
+@pytest.mark.parametrize(('status', 'ending', 'fails'), [
+    (0, False, False), (1, False, True), (-9, False, True), (-2, True, False)])
+def test_a_replay_that_fails_ends_the_launch_with_an_error(described, status, ending, fails):
+    found = described(LAUNCH / 'replay.launch.py')
+    player, = (node for node in of_kind(found, 'Node') if 'on_exit' in node.options)
+    event, context = SimpleNamespace(returncode=status), SimpleNamespace(is_shutdown=ending)
+    if fails:
+        with pytest.raises(RuntimeError, match=f'replay failed with status {status}'):
+            player.options['on_exit'](event, context)
+    else:
+        assert of_kind(list(calls(player.options['on_exit'](event, context))), 'Shutdown')
 
 
 @every_file

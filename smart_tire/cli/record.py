@@ -21,10 +21,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Record until the end; print the messages by topic."""
+    """
+    Record until the end; print the messages by topic.
+
+    Lost messages do not change the status: the bag is good for all that does not need them.
+    """
     from smart_tire.nodes.recorder import record
     directory = args.out or Path(f'rosbag2_{datetime.now():%Y_%m_%d-%H_%M_%S}')
-    status, counts = record(directory, args.topics)
+    recording = record(directory, args.topics)
     print(f'{directory}:')
-    print_counts(counts)
-    return status
+    print_counts(recording.counts)
+    for line in recording.losses:
+        print(line)
+    return recording.status

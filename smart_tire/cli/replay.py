@@ -20,6 +20,7 @@ HELP = 'publish what the estimators need from a bag, at the pace at which it was
 INPUTS = ('imu/data', 'wheel_states', 'tire_samples')
 CLOCK = '/clock'
 FAILED = 1
+NOTABLY_SLOWER = 0.9  # of the rate that was asked for
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -33,10 +34,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--clock', action='store_true', help='publish /clock too')
     parser.add_argument('--wait', type=float, default=5.0, metavar='S',
                         help='longest wait for subscribers of all topics [s] (default: 5)')
+    parser.add_argument('--wait-for', nargs='+', default=[], metavar='NODE',
+                        help='wait for these nodes instead; without them nothing is published')
 
 
 def run(args: argparse.Namespace) -> int:
-    """Publish the bag; print the messages by topic."""
+    """
+    Publish the bag; print the messages by topic.
+
+    The status is 1 where a node or an estimator was not ready, or did not take all messages. That
+    nobody listens to a topic is only a warning.
+    """
     from smart_tire.bags import Bag
     with Bag(args.bag) as bag:
         names = chosen(bag, args.topics, everything=args.all, clock=args.clock)
@@ -45,13 +53,22 @@ def run(args: argparse.Namespace) -> int:
                   f'{listed(bag)}', file=sys.stderr)
             return FAILED
         from smart_tire.nodes.replayer import replay
-        result = replay(bag, names, rate=args.rate, clock=args.clock, wait=args.wait)
+        result = replay(bag, names, rate=args.rate, clock=args.clock, wait=args.wait,
+                        wait_for=args.wait_for)
         print_losses(bag.losses)
-    print(f'{args.bag}: published' + ('' if result.complete else ', not all of it'))
-    print_counts(result.counts)
+    if any(result.counts.values()) or not result.failures:
+        print(f'{args.bag}: published' + ('' if result.complete else ', not all of it'))
+        print_counts(result.counts)
     for name, type_name in result.missing.items():
         print(f'left out: {name}, for {type_name} is not installed')
-    return 0
+    if result.complete:
+        for name in result.followers:
+            print(f'{name} took all of it in the order of reception')
+    if result.complete and result.rate < NOTABLY_SLOWER * args.rate:
+        print(f'{result.rate:.2g} times as fast as recorded: the estimators take no more')
+    for failure in result.failures:
+        print(f'smart_tire replay: {failure}', file=sys.stderr)
+    return FAILED if result.failures else 0
 
 
 def chosen(bag: Bag, topics: Sequence[str], *, everything: bool, clock: bool) -> list[str]:

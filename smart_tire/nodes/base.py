@@ -23,7 +23,7 @@ from smart_tire.messages import TOPICS
 from smart_tire.nodes.diagnostics import diagnostic_array, Status, Tally
 from smart_tire.nodes.parameters import declare
 from smart_tire.nodes.qos import publisher_qos, subscriber_qos
-from smart_tire.nodes.ros import message_class, new_executor, plain
+from smart_tire.nodes.ros import message_class, new_executor, plain, with_info
 from smart_tire.parameters import build, specs
 
 Params = TypeVar('Params')
@@ -42,7 +42,6 @@ class SmartTireNode(Node, Generic[Params]):
     """
 
     hardware_id = ''
-    needs_message_info = False  # whether a subscription asks for it
 
     def __init__(self, name: str, params_class: type[Params]) -> None:
         super().__init__(name)
@@ -81,13 +80,12 @@ class SmartTireNode(Node, Generic[Params]):
 
     def subscribe(self, topic_name: str, handle: Callable[..., None], *, name: str | None = None,
                   wheels: int = 1, reliability: str = 'reliable', required: bool = False,
-                  with_info: bool = False) -> None:
+                  info: bool = False) -> None:
         """
         Give each sample of a topic of the contract to ``handle``; count and survive bad ones.
 
-        ``name`` is where it is published, if elsewhere. ``with_info`` adds rclpy's message info
-        to the arguments, for nodes that set ``needs_message_info``. The silence of a ``required``
-        topic is worth a warning.
+        ``name`` is where it is published, if elsewhere. ``info`` adds rclpy's message info to the
+        arguments. The silence of a ``required`` topic is worth a warning.
         """
         topic, tally, name = TOPICS[topic_name], Tally(required=required), name or topic_name
         self.inputs[name] = tally
@@ -103,16 +101,21 @@ class SmartTireNode(Node, Generic[Params]):
         def on_message(msg: Any) -> None:
             take(msg)
 
-        def on_message_and_info(msg: Any, info: Any) -> None:  # rclpy counts the arguments
-            take(msg, info)
+        def take_with_info(msg: Any, message_info: Any) -> None:  # rclpy counts the arguments
+            take(msg, message_info)
 
+        callback = with_info(take_with_info) if info else self.intake(name, on_message)
         self.create_subscription(
-            message_class(topic.type), name, on_message_and_info if with_info else on_message,
+            message_class(topic.type), name, callback,
             subscriber_qos(topic_name, wheels=wheels, reliability=reliability))
+
+    def intake(self, name: str, handle: Callable[[Any], None]) -> Callable[[Any], None]:
+        """Return what the subscription to ``name`` calls; it may call ``handle`` later."""
+        return handle
 
     def reject(self, tally: Tally, error: Exception) -> None:
         """Count a bad input and log the 1st, 2nd, 4th, 8th ... of its stream."""
-        if tally.fail():
+        if tally.fail(str(error)):
             self.get_logger().warning(f'{tally.bad} rejected, latest: {error}')
 
     def advertise(self, name: str, *, rate: float = 0.0,
@@ -144,7 +147,7 @@ class SmartTireNode(Node, Generic[Params]):
         for name, tally in self.inputs.items():
             status.values[f'{name}.last_message_age'] = ages[name]
             if new := tally.newly_bad():
-                status.warn(f'{new} bad on {name}')
+                status.warn(f'{new} bad on {name}, latest: {tally.latest}')
             if tally.required and ages[name] > SILENCE:
                 status.warn(f'no {name}')
         self.fill_status(status)
@@ -206,7 +209,7 @@ def _spin(node_class: Callable[[], SmartTireNode[Any]], stopped: list[int]) -> i
     except ParameterError as error:
         get_logger('smart_tire').fatal(str(error))
         return EXIT_REFUSED
-    executor = new_executor(message_info=node.needs_message_info)
+    executor = new_executor()
     executor.add_node(node)
     try:
         node.start()

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
-from dataclasses import dataclass
+from collections.abc import Callable, Hashable, Mapping
 import time
 from typing import Any
 
@@ -18,14 +17,6 @@ from smart_tire.samples import NS_PER_S
 TICK = 0.025       # s between looks at the clock, a tenth of the shortest stall
 MIN_WINDOW = 1.0   # s after its latest message for which a publisher counts
 WINDOWS = 2.0      # time-outs, likewise: one that is slow but in force must not be overlooked
-
-
-@dataclass(frozen=True)
-class Arrival:
-    """How a message came: from whom, and when on the steady clock [ns]."""
-
-    publisher: Hashable
-    received_ns: int
 
 
 class CommandInput:
@@ -49,7 +40,7 @@ class CommandInput:
         self._stalls = StallDetector(node.steady_ns())
         self._conflict = ''
         self._unstamped = False
-        node.subscribe(topic, self._on_message, name=name, with_info=True, required=required,
+        node.subscribe(topic, self._on_message, name=name, info=True, required=required,
                        reliability=reliability)
         node.every(TICK, self.tick)
 
@@ -61,7 +52,7 @@ class CommandInput:
             self._conflict = ''
             self._on_conflict('')
 
-    def _on_message(self, command: Any, info: dict[str, Any]) -> None:
+    def _on_message(self, command: Any, info: Mapping[str, Any]) -> None:
         now_ns = self._node.steady_ns()
         self._stalls.tick(now_ns)
         waited_ns = max(time.time_ns() - info['received_timestamp'], 0)
@@ -77,7 +68,7 @@ class CommandInput:
                 f'{self._name} has no stamp: its age is taken from its arrival')
         self._handle(command, now_ns - waited_ns)
 
-    def _check_publisher(self, info: dict[str, Any], now_ns: int) -> None:
+    def _check_publisher(self, info: Mapping[str, Any], now_ns: int) -> None:
         """Raise CommandError while more than one publisher sends."""
         self._claims.heard(self._publisher(info), now_ns)
         if rivals := self._claims.rivals(now_ns):
@@ -86,7 +77,7 @@ class CommandInput:
             self._on_conflict(text)
             raise CommandError(text)
 
-    def _publisher(self, info: dict[str, Any]) -> Hashable:
+    def _publisher(self, info: Mapping[str, Any]) -> Hashable:
         """Return what identifies the publisher; Jazzy's rclpy gives the message's number only."""
         identifier = info.get('publisher_gid')
         if identifier is not None:

@@ -19,6 +19,7 @@ class Tally:
     ok: int = 0
     bad: int = 0
     last_ns: int | None = None  # steady clock, when the last good one came
+    latest: str = ''            # what was wrong with the latest bad one
     reported: int = 0           # ``bad`` at the last report
 
     def good(self, now_ns: int, count: int = 1) -> None:
@@ -26,9 +27,10 @@ class Tally:
         self.ok += count
         self.last_ns = now_ns
 
-    def fail(self) -> bool:
+    def fail(self, reason: str = '') -> bool:
         """Count a bad one; return whether it is the 1st, 2nd, 4th, 8th ... and worth a line."""
         self.bad += 1
+        self.latest = reason
         return self.bad.bit_count() == 1
 
     def age(self, now_ns: int) -> float:

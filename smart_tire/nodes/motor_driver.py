@@ -31,8 +31,6 @@ class MotorDriver(DriverNode[MotorDriverParams]):
     ``docs/safety.md``.
     """
 
-    needs_message_info = True
-
     def __init__(self) -> None:
         super().__init__('motor_driver', MotorDriverParams)
         params = self.params

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from importlib import import_module
+import inspect
 import re
 import sys
 from typing import Any, cast
@@ -13,17 +15,14 @@ from rclpy.node import Node
 from smart_tire.parameters.files import from_arguments
 
 
-def new_executor(*, message_info: bool = False) -> Any:
+def new_executor() -> Any:
     """
     Return an executor for one thread.
 
     Where it exists (Kilted and later), the one that reacts to events instead of building a wait
     set for each: a message costs a third of the time. Its ``spin`` waits in C++ and never sees a
-    signal, so call ``spin_once`` with a time-out. It fails on callbacks that take the message
-    info; who needs that gets the classic one.
+    signal, so call ``spin_once`` with a time-out.
     """
-    if message_info:
-        return SingleThreadedExecutor()
     try:
         experimental = import_module('rclpy.experimental')
     except ModuleNotFoundError:
@@ -35,6 +34,32 @@ def message_class(type_name: str) -> type[Any]:
     """Return the class of a message or service type such as ``sensor_msgs/msg/Imu``."""
     package, kind, name = type_name.split('/')
     return cast('type[Any]', getattr(import_module(f'{package}.{kind}'), name))
+
+
+def with_info(handle: Callable[[Any, Mapping[str, Any]], None]) -> Callable[..., None]:
+    """
+    Return the callback of a subscription that gives ``handle`` the message and its DDS info.
+
+    The events executor passes both as one tuple, the others as two arguments. rclpy decides by the
+    signature whether a callback wants both.
+    """
+    def callback(*given: Any) -> None:
+        handle(*(given if len(given) == 2 else given[0]))
+
+    callback.__signature__ = inspect.signature(handle)  # type: ignore[attr-defined]
+    return callback
+
+
+def has_matched(node: Node, topic: str) -> bool:
+    """
+    Return whether the subscription of ``node`` to ``topic`` has matched all publishers.
+
+    As the subscriber sees it, where rclpy can say it (Kilted and later), else in the graph.
+    """
+    publishers = node.count_publishers(topic)
+    counts = [subscription.get_publisher_count() for subscription in node.subscriptions
+              if subscription.topic_name == topic and hasattr(subscription, 'get_publisher_count')]
+    return publishers > 0 and all(count >= publishers for count in counts)
 
 
 def transforms() -> type[Any] | None:

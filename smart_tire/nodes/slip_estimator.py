@@ -21,6 +21,7 @@ class SlipEstimatorNode(EstimatorNode[SlipEstimatorParams]):
     """The slip estimator with its topics, /tf where there is one, and its service."""
 
     core: SlipEstimator
+    feedback = ('tire_friction',)
 
     def __init__(self) -> None:
         super().__init__('slip_estimator', SlipEstimatorParams, SlipEstimator,

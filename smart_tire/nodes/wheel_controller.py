@@ -24,8 +24,6 @@ STATE_DEPTH = 10  # states of the emergency stop; none of a quick on and off mus
 class WheelController(SmartTireNode[WheelControllerParams]):
     """The wheel control with its clock and its topics."""
 
-    needs_message_info = True
-
     def __init__(self) -> None:
         super().__init__('wheel_controller', WheelControllerParams)
         params = self.params

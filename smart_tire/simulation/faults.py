@@ -48,5 +48,23 @@ def shuffled(events: Sequence[Event], topics: Sequence[str], *, twice: float, he
     return _in_order(result)
 
 
+def stalled(events: Sequence[Event], spans: Sequence[tuple[float, float]]) -> list[Event]:
+    """
+    Return ``events`` as an overloaded recorder has them that takes nothing in ``spans`` [s].
+
+    What has come meanwhile it takes at the end of the span, topic by topic: one queue after the
+    other. So whole topics are late against others.
+    """
+    start = min(received for received, _, _ in events)
+
+    def taken(event: Event) -> tuple[int, bool, str]:
+        time = (event[0] - start) / NS_PER_S
+        for begin, end in spans:
+            if begin <= time < end:
+                return start + round(end * NS_PER_S), False, event[1]
+        return event[0], True, ''  # behind what has waited
+    return [(taken(event)[0], *event[1:]) for event in sorted(events, key=taken)]
+
+
 def _in_order(events: list[Event]) -> list[Event]:
     return sorted(events, key=lambda event: event[0])

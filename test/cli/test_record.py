@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 import signal
 import textwrap
+import time
 
 import pytest
 from support.command import command, Python
@@ -113,6 +114,66 @@ def test_what_was_published_before_and_what_is_not_reliable_is_recorded(tmp_path
                 for entry in said['rosbag2_bagfile_information']['topics_with_message_count']}
     assert profiles['/path']['durability'] == 'transient_local'
     assert profiles['/goal_pose']['reliability'] == 'best_effort'
+
+
+FLOOD = textwrap.dedent("""
+    import sys
+    import rclpy
+    from rclpy.qos import QoSProfile
+    from std_msgs.msg import Int64
+    rclpy.init()
+    node = rclpy.create_node('flood')
+    publisher = node.create_publisher(Int64, 'flood', QoSProfile(depth=100))
+    print('ready', flush=True)
+    count = 0
+    for line in sys.stdin:  # how many to publish
+        for count in range(count + 1, count + 1 + int(line)):
+            publisher.publish(Int64(data=count))
+        print(f'published {count}', flush=True)
+    """)
+
+
+def slowly(flood: Python) -> None:
+    """Publish one message, and leave others the time to do something."""
+    flood.write(1)
+    time.sleep(0.01)
+
+
+def test_what_overruns_the_queue_of_a_busy_recorder_is_counted(tmp_path):
+    bag = tmp_path / 'bag'
+    with Python('-c', FLOOD) as flood, command('record', '--out', bag) as recorder:
+        flood.wait_for('ready')
+        recorder.wait_for('recording /flood')
+        wait_for(lambda: count(bag, 'flood'), lambda: slowly(flood))
+        recorder.signal(signal.SIGSTOP)
+        flood.write(3000)
+        wait_for(lambda: any(int(line.split()[1]) > 3000 for line in flood.lines[1:]))
+        recorder.signal(signal.SIGCONT)
+        wait_for(lambda: 'lost' in recorder.said, lambda: slowly(flood))
+        recorder.signal(signal.SIGINT)
+        assert recorder.end() == 0
+    numbers = [int.from_bytes(data[4:12], 'little') for data in contents(bag)['/flood']]
+    lost = numbers[-1] - numbers[0] + 1 - len(numbers)
+    assert lost > 0
+    assert numbers[0] == 1 or f'the first {numbers[0] - 1}' in recorder.said
+    line, = (line for line in recorder.lines if line.startswith('lost '))
+    assert f'{lost} ' in line
+    assert 0 < recorder.said.count('messages of /flood so far') < 15
+
+
+def test_what_was_published_before_the_recorder_had_connected_is_counted(tmp_path):
+    with command('record', '--out', tmp_path / 'bag') as recorder:
+        wait_for(lambda: count(tmp_path / 'bag', 'diagnostics') >= 4)  # one per second: what it
+        # finds in the first two seconds may be older than itself
+        with Python('-c', FLOOD) as flood:
+            flood.write(500)
+            flood.wait_for('published 500')
+            wait_for(lambda: count(tmp_path / 'bag', 'flood'), lambda: slowly(flood))
+        recorder.signal(signal.SIGINT)
+        assert recorder.end() == 0
+    first = int.from_bytes(contents(tmp_path / 'bag')['/flood'][0][4:12], 'little')
+    assert first > 100
+    assert f'lost the first {first - 1} messages of /flood' in recorder.lines
 
 
 def test_a_folder_that_exists_is_a_usage_error(tmp_path):

@@ -5,7 +5,8 @@ from __future__ import annotations
 import signal
 
 import pytest
-from support.command import command
+from support.command import command, Python
+from support.graph import node_arguments
 from support.recordings import INPUTS, START_NS, stream, write_bag
 
 from smart_tire.bags import Bag, BagWriter, channel_of, Qos
@@ -95,6 +96,74 @@ def test_a_replay_ends_when_it_is_told_to(source):
         player.signal(signal.SIGINT)
         assert player.end() == 0
     assert 'not all of it' in player.said
+
+
+def node(name):
+    """Return a running node of this package."""
+    return Python(*node_arguments(name))
+
+
+def test_nothing_is_published_when_a_node_is_not_there(source):
+    pytest.importorskip('rclpy')
+    with node('slip_estimator'), command(
+            'replay', source, '--wait', 4, '--wait-for', 'slip_estimator',
+            'friction_estimator') as player:
+        assert player.end() == 1
+    assert 'smart_tire replay: /friction_estimator is not there' in player.lines
+    assert 'published' not in player.said
+
+
+def test_a_node_is_awaited_in_the_namespace_of_the_replayer(source):
+    pytest.importorskip('rclpy')
+    with node('slip_estimator'), command(
+            'replay', source, '--wait', 3, '--wait-for', 'slip_estimator',
+            '--ros-args', '-r', '__ns:=/robot') as player:
+        assert player.end() == 1
+    assert 'smart_tire replay: /robot/slip_estimator is not there' in player.lines
+
+
+def test_a_node_that_listens_to_nothing_of_the_bag_is_not_ready(source, tmp_path):
+    pytest.importorskip('rclpy')
+    with command('record', '--out', tmp_path / 'bag', '--topics', '/diagnostics') as recorder:
+        recorder.wait_for('recording /diagnostics')
+        with command('replay', source, '--wait', 8, '--topics', 'imu/data', '--wait-for',
+                     '/recorder') as player:
+            assert player.end() == 1
+    assert 'smart_tire replay: /recorder listens to none of /imu/data' in player.lines
+
+
+def test_a_node_that_is_no_estimator_is_awaited_too(source, tmp_path):
+    pytest.importorskip('rclpy')
+    with command('replay', source, '--wait', 40, '--wait-for', 'recorder') as player:
+        player.wait_for('waiting: /recorder is not there')
+        with command('record', '--out', tmp_path / 'heard', '--topics', 'imu/data') as recorder:
+            assert player.end() == 0
+            recorder.signal(signal.SIGINT)
+            assert recorder.end() == 0
+    assert f'{len([1 for event in stream(1.0) if event[1] == "imu/data"])} /imu/data' \
+        in recorder.said
+
+
+def test_an_estimator_that_ends_before_the_bag_does_fails_the_replay(source):
+    pytest.importorskip('rclpy')
+    with node('slip_estimator') as estimator, command(
+            'replay', source, '--rate', 0.02, '--wait', 30, '--wait-for',
+            'slip_estimator') as player:
+        player.wait_for('nobody listens to /tire_samples')
+        estimator.signal(signal.SIGINT)
+        assert estimator.end() == 0
+        assert player.end() == 1
+    assert 'smart_tire replay: /slip_estimator is gone' in player.lines
+    assert 'not all of it' in player.said
+
+
+def test_an_estimator_that_comes_after_the_start_fails_the_replay(source):
+    pytest.importorskip('rclpy')
+    with command('replay', source, '--rate', 0.1, '--wait', 0) as player:
+        player.wait_for('nobody listens to /tire_samples')
+        with node('slip_estimator'):
+            assert player.end() == 1
+    assert 'smart_tire replay: /slip_estimator came after the replay had begun' in player.lines
 
 
 @pytest.mark.parametrize('name', ['imu/data', '/imu/data', 'path', 'robot/path', '/robot/path'])

@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import pytest
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from std_msgs.msg import Int64
+from support.waiting import wait_for
 
-from smart_tire.nodes.recorder import adapted, offered, weaker
+from smart_tire.nodes.recorder import adapted, offered, SequenceGaps, weaker
+from smart_tire.nodes.ros import new_executor, with_info
 
 RELIABLE = QoSProfile(depth=5)
 BEST_EFFORT = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -40,3 +45,76 @@ def test_the_bag_tells_what_was_offered():
     assert offered(BEST_EFFORT).reliability == 'best_effort'
     assert (offered(RELIABLE).reliability, offered(RELIABLE).durability) == (
         'reliable', 'volatile')
+
+
+def info(number, publisher=1):
+    return {'publication_sequence_number': number, 'publisher_gid': {'data': bytes([publisher])}}
+
+
+def test_gaps_in_the_numbers_of_each_publisher_are_lost_messages():
+    gaps = SequenceGaps()
+    worth_a_line = [gaps.add(info(number)) for number in (7, 8, 10, 11, 13, 14, 16, 17, 21)]
+    assert gaps.lost == 1 + 1 + 1 + 3
+    assert worth_a_line == [False, False, True, False, True, False, False, False, True]
+    assert not gaps.add(info(100, publisher=2))
+    assert not gaps.add(info(101, publisher=2))
+    assert not gaps.add(info(22))
+    assert (gaps.newly_lost(), gaps.newly_lost()) == (6, 0)
+
+
+def test_the_first_messages_of_a_new_publisher_are_lost_and_those_of_an_old_one_are_not():
+    gaps = SequenceGaps(old={bytes([1])})
+    assert not gaps.add(info(1000, publisher=1))
+    assert gaps.add(info(4, publisher=2))
+    assert (gaps.missed, gaps.lost, str(gaps)) == (3, 0, 'the first 3')
+    gaps.add(info(1002, publisher=1))
+    assert (gaps.missed, gaps.lost, str(gaps)) == (3, 1, 'the first 3 and 1 later')
+    assert gaps.newly_lost() == 4
+
+
+def test_a_middleware_without_sequence_numbers_reports_no_losses():
+    gaps = SequenceGaps()
+    assert not gaps.add(info(None))
+    assert not gaps.add({'source_timestamp': 5})
+    assert gaps.lost == 0
+
+
+@pytest.fixture
+def node():
+    """Return a node in the default context, as executors that know no other one want it."""
+    rclpy.init(args=[])
+    node = rclpy.create_node('test')
+    yield node
+    node.destroy_node()
+    rclpy.try_shutdown()
+
+
+@pytest.mark.parametrize('executor', [new_executor, SingleThreadedExecutor])
+def test_what_overruns_the_queue_of_a_subscriber_shows_in_the_sequence_numbers(node, executor):
+    gaps, numbers = SequenceGaps(), []
+
+    def keep(data, info):
+        gaps.add(info)
+        numbers.append(data[4])
+
+    subscription = node.create_subscription(
+        Int64, 'flood', with_info(keep), QoSProfile(depth=5), raw=True)
+    publisher = node.create_publisher(Int64, 'flood', QoSProfile(depth=100))
+    spinner = executor()
+    spinner.add_node(node)
+
+    def publish(first, count):
+        for number in range(first, first + count):
+            publisher.publish(Int64(data=number))
+        wait_for(lambda: numbers[-1:] == [first + count - 1],
+                 lambda: spinner.spin_once(timeout_sec=0.02))
+
+    wait_for(publisher.get_subscription_count)
+    publish(1, 1)
+    publish(2, 50)
+    publish(52, 1)
+    assert numbers == [1, 47, 48, 49, 50, 51, 52]
+    assert gaps.lost == 45
+    spinner.remove_node(node)
+    spinner.shutdown()
+    node.destroy_subscription(subscription)

@@ -64,7 +64,8 @@ def test_a_command_that_is_no_velocity_is_refused_and_the_last_good_one_expires(
 def test_a_command_from_another_time_moves_nothing(robot, stamp_ns):
     robot.pause()
     robot.stay_stopped(0.6, lambda: robot.command(stamp_ns=time.time_ns() + stamp_ns))
-    assert 'expected at most 0.5 s' in robot.processes['wheel_controller'].output
+    robot.graph.until(lambda: 'expected at most 0.5 s' in robot.complaint('wheel_controller'),
+                      lambda: robot.command(stamp_ns=time.time_ns() + stamp_ns))
 
 
 def test_a_command_with_a_negative_stamp_moves_nothing(robot):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from smart_tire.samples import ImuSample, NS_PER_S, WheelSample
-from smart_tire.simulation.faults import delayed, shuffled, silenced
+from smart_tire.simulation.faults import delayed, shuffled, silenced, stalled
 
 
 @pytest.fixture
@@ -50,3 +50,15 @@ def test_shuffling_loses_nothing_repeats_some_and_lets_some_overtake(events, see
     assert stamps != sorted(stamps)
     assert mixed == shuffled(events, ('imu/data',), twice=0.1, held_back=0.2, longest=0.025,
                              seed=seed)
+
+
+def test_an_overloaded_recorder_takes_one_queue_after_the_other(events):
+    mixed = stalled(events, ((2.0, 2.5),))
+    received = [event[0] for event in mixed]
+    assert received == sorted(received)
+    burst = [event for event in mixed if event[0] == 5 * NS_PER_S // 2][:55]
+    assert [topic for _, topic, _ in burst] == ['imu/data'] * 50 + ['wheel_states'] * 5
+    assert [sample.stamp_ns for _, _, sample in burst[:50]] == [
+        2 * NS_PER_S + n * 10_000_000 for n in range(50)]
+    others = [event for event in mixed if event not in burst]
+    assert others == [event for event in events if not 2 * NS_PER_S <= event[0] < 2.5 * NS_PER_S]

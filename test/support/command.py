@@ -16,8 +16,9 @@ class Python:
     def __init__(self, *words: object) -> None:
         self.lines: list[str] = []
         self._process = subprocess.Popen(
-            [sys.executable, *map(str, words)], text=True, stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT, env={**os.environ, 'PYTHONUNBUFFERED': '1'})
+            [sys.executable, *map(str, words)], text=True, stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+            env={**os.environ, 'PYTHONUNBUFFERED': '1'})
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
 
@@ -30,6 +31,7 @@ class Python:
         self._process.wait()
         self._reader.join()
         self._process.stdout.close()
+        self._process.stdin.close()
 
     @property
     def said(self) -> str:
@@ -40,6 +42,11 @@ class Python:
         """Wait until it has printed ``text``; fail with what it printed if it ended before."""
         wait_for(lambda: text in self.said or self._process.poll() is not None)
         assert text in self.said, self.said
+
+    def write(self, line: object) -> None:
+        """Write a line to its standard input."""
+        self._process.stdin.write(f'{line}\n')
+        self._process.stdin.flush()
 
     def signal(self, number: int) -> None:
         """Send it a signal."""
