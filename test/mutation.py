@@ -8,7 +8,7 @@ Mutation test of the safety path: change its sources, one place at a time, and s
 from __future__ import annotations
 
 import argparse
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import as_completed, ThreadPoolExecutor
 from pathlib import Path
@@ -145,24 +145,30 @@ def judge_all(root: Path, todo: list[Mutant], plan: Mapping[str, list[Tests]],
               options: argparse.Namespace) -> list[Verdict]:
     """Return what became of the mutants; the tests must pass without them."""
     verdicts: list[Verdict] = []
+    killers: defaultdict[object, Counter[str]] = defaultdict(Counter)
     with tempfile.TemporaryDirectory(prefix='mutants-') as folder:
         places = [Workplace(root, Path(folder, str(index))) for index in range(options.jobs)]
         free: queue.SimpleQueue[Workplace] = queue.SimpleQueue()
         pool = ThreadPoolExecutor(options.jobs)
         try:
-            needed = {tests for mutant in todo for tests in plan[mutant.file]}
-            times = baseline(pool, places, sorted(needed), sorted({m.file for m in todo}))
+            sources = sorted({mutant.file for mutant in todo})
+            times = baseline(pool, places, sources,
+                             sorted({tests for file in sources for tests in plan[file]}))
             for place in places:
                 free.put(place)
 
             def judge(mutant: Mutant) -> Verdict:
-                place = free.get()
+                place, here = free.get(), (mutant.file, mutant.function)
+                likely = dict(killers[here].most_common(2) + killers[mutant.file].most_common(2))
                 try:
-                    return place.judge(
-                        mutant, stages({tests: times[tests] for tests in plan[mutant.file]}),
-                        options.grace)
+                    needed = {tests: times[tests] for tests in plan[mutant.file]}
+                    verdict = place.judge(mutant, stages(needed, likely), options.grace)
                 finally:
                     free.put(place)
+                if '::' in verdict.killer:
+                    killers[here][verdict.killer] += 1
+                    killers[mutant.file][verdict.killer] += 1
+                return verdict
 
             begin = time.monotonic()
             for done in as_completed([pool.submit(judge, mutant) for mutant in todo]):
@@ -176,8 +182,8 @@ def judge_all(root: Path, todo: list[Mutant], plan: Mapping[str, list[Tests]],
     return verdicts
 
 
-def baseline(pool: ThreadPoolExecutor, places: list[Workplace], needed: list[Tests],
-             sources: list[str]) -> dict[Tests, float]:
+def baseline(pool: ThreadPoolExecutor, places: list[Workplace], sources: list[str],
+             needed: list[Tests]) -> dict[Tests, float]:
     """Run the tests without a mutant, in all copies at once; return how long they take [s]."""
     def run(place: Workplace) -> list[float]:
         for root in {source.split('/')[0] for source in sources}:

@@ -9,7 +9,7 @@ import textwrap
 
 import mutation
 import pytest
-from support.mutant_runs import Workplace
+from support.mutant_runs import stages, Workplace
 from support.mutants import mutants, sample
 
 CHANGES = [  # body of a function, operator, what is in the place of the line that is changed
@@ -169,6 +169,9 @@ def test_files_and_operators_have_their_share_of_a_sample():
     assert len(chosen) == len(set(chosen)) == 30
     per_file = Counter(mutant.file for mutant in chosen)
     assert 5 <= per_file['small.py'] <= 6
+    both = [*mutants('a.py', LARGE), *mutants('b.py', LARGE.partition('def f20')[0])]
+    shares = Counter(mutant.file for mutant in sample(both, 30, seed=1))
+    assert 19 <= shares['a.py'] <= 21
     operators = Counter(mutant.operator for mutant in chosen if mutant.file == 'large.py')
     assert operators.keys() == {'comparison', 'arithmetic', 'constant', 'return'}
     assert max(operators.values()) - min(operators.values()) <= 1
@@ -186,7 +189,8 @@ import sys
 def test_a_process_of_its_own():
     subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(600)'],
                      start_new_session=True)
-    said = subprocess.run([sys.executable, '-m', 'toy.main', '3', '2'], capture_output=True)
+    said = subprocess.run([sys.executable, '-m', 'toy.main', '3', '2'], capture_output=True,
+                          cwd='/')
     assert said.stdout == b'True\\n'
 """,
     'test/test_loop.py': """
@@ -247,6 +251,22 @@ def test_a_mutant_that_hangs_is_killed_by_time_out(toy, capsys):
     assert '(test/test_loop.py::test_drain)' in output
     assert ' 0 survived' in output
     assert not left_behind(toy)
+
+
+def test_the_original_is_back_after_a_mutant(toy, tmp_path):
+    place = Workplace(toy, tmp_path / 'place')
+    mutant = mutants('toy/clock.py', TOY['toy/clock.py'])[0]
+    verdict = place.judge(mutant, [(('test/test_loop.py',), 1.0)], 20.0)
+    assert verdict.result == 'survived'  # that test does not import it
+    assert (place.tree / 'toy/clock.py').read_text() == TOY['toy/clock.py']
+
+
+def test_fast_files_come_first_and_together_then_tests_that_killed_others():
+    times = {('b.py',): 1.0, ('slow.py',): 9.0, ('a.py',): 2.0, ('c.py', '-k', 'x'): 2.5}
+    assert stages(times, ['slow.py::test_1', 'a.py::test_2']) == [
+        (('a.py', 'b.py'), 3.0), (('slow.py::test_1',), 11.5), (('c.py', '-k', 'x'), 2.5),
+        (('slow.py',), 9.0)]
+    assert stages({('slow.py',): 9.0}) == [(('slow.py',), 9.0)]
 
 
 def test_a_mutant_that_fills_the_memory_is_stopped(toy, tmp_path):

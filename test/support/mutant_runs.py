@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 import compileall
 from dataclasses import dataclass
 import os
@@ -136,10 +137,17 @@ class Workplace:
         return True
 
 
-def stages(times: dict[Tests, float]) -> list[tuple[Tests, float]]:
-    """Return test runs with their times [s], fast ones first and together."""
+def stages(times: dict[Tests, float], likely: Iterable[str] = ()) -> list[tuple[Tests, float]]:
+    """
+    Return test runs with their times [s]: fast files together, ``likely`` tests, slow files.
+
+    Likely are tests of slow files that killed similar mutants; they only save time.
+    """
     fast = {tests: seconds for tests, seconds in times.items()
             if seconds < FAST and len(tests) == 1}
-    together = [(tuple(sorted(name for name, in fast)), sum(fast.values()))] if fast else []
-    return together + sorted(((tests, seconds) for tests, seconds in times.items()
-                              if tests not in fast), key=lambda stage: stage[1])
+    slow = sorted((item for item in times.items() if item[0] not in fast),
+                  key=lambda item: item[1])
+    early = tuple(test for test in likely if any(test.startswith(tests[0]) for tests, _ in slow))
+    runs = [(tuple(sorted(name for name, in fast)), sum(fast.values())),
+            (early, sum(seconds for _, seconds in slow)), *slow]
+    return [(tests, seconds) for tests, seconds in runs if tests]
