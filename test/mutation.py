@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import as_completed, ThreadPoolExecutor
+from concurrent import futures
 from pathlib import Path
 import queue
 import re
@@ -69,9 +69,11 @@ def main(words: Sequence[str] | None = None, root: Path = ROOT,
     except MutationError as error:
         print(f'error: {error}', file=sys.stderr)
         return 2
+    complete = len(verdicts) == len(todo)
     verdicts += [Verdict(mutant, 'equivalent', 0.0, known[key(mutant)])
                  for mutant in chosen if key(mutant) in known]
-    return conclude(verdicts, time.monotonic() - begin, options.report)
+    score = conclude(verdicts, time.monotonic() - begin, options.report)
+    return 2 if not complete else int(score < REQUIRED_SCORE)
 
 
 def arguments(words: Sequence[str] | None) -> argparse.Namespace:
@@ -86,6 +88,8 @@ def arguments(words: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument('--report', type=Path, metavar='FILE', help='write a table in Markdown')
     parser.add_argument('--rerun', type=Path, metavar='FILE',
                         help='run the survivors of this report only')
+    parser.add_argument('--minutes', type=float, default=60.0,
+                        help='after which to stop (%(default)s); the exit status is 2 then')
     parser.add_argument('--grace', type=float, default=20.0, metavar='SECONDS',
                         help='beyond three times the time of the tests (%(default)s)')
     return parser.parse_args(words)
@@ -143,13 +147,13 @@ def equivalents(path: Path, plan: set[str], keys: set[Key]) -> dict[Key, str]:
 
 def judge_all(root: Path, todo: list[Mutant], plan: Mapping[str, list[Tests]],
               options: argparse.Namespace) -> list[Verdict]:
-    """Return what became of the mutants; the tests must pass without them."""
+    """Return what became of the mutants, of fewer if it takes too long."""
     verdicts: list[Verdict] = []
     killers: defaultdict[object, Counter[str]] = defaultdict(Counter)
     with tempfile.TemporaryDirectory(prefix='mutants-') as folder:
         places = [Workplace(root, Path(folder, str(index))) for index in range(options.jobs)]
         free: queue.SimpleQueue[Workplace] = queue.SimpleQueue()
-        pool = ThreadPoolExecutor(options.jobs)
+        pool = futures.ThreadPoolExecutor(options.jobs)
         try:
             sources = sorted({mutant.file for mutant in todo})
             times = baseline(pool, places, sources,
@@ -171,9 +175,12 @@ def judge_all(root: Path, todo: list[Mutant], plan: Mapping[str, list[Tests]],
                 return verdict
 
             begin = time.monotonic()
-            for done in as_completed([pool.submit(judge, mutant) for mutant in todo]):
+            jobs = [pool.submit(judge, mutant) for mutant in todo]
+            for done in futures.as_completed(jobs, options.minutes * 60.0):
                 verdicts.append(done.result())
                 print(progress(verdicts, len(todo), time.monotonic() - begin), flush=True)
+        except (KeyboardInterrupt, futures.TimeoutError):
+            print(f'stopped: {len(todo) - len(verdicts)} mutants have no result', file=sys.stderr)
         finally:
             pool.shutdown(wait=False, cancel_futures=True)
             for place in places:
@@ -182,7 +189,7 @@ def judge_all(root: Path, todo: list[Mutant], plan: Mapping[str, list[Tests]],
     return verdicts
 
 
-def baseline(pool: ThreadPoolExecutor, places: list[Workplace], sources: list[str],
+def baseline(pool: futures.ThreadPoolExecutor, places: list[Workplace], sources: list[str],
              needed: list[Tests]) -> dict[Tests, float]:
     """Run the tests without a mutant, in all copies at once; return how long they take [s]."""
     def run(place: Workplace) -> list[float]:
@@ -218,22 +225,22 @@ def where(mutant: Mutant) -> str:
     return f'{mutant.file}:{mutant.line}'
 
 
-def conclude(verdicts: list[Verdict], elapsed: float, report: Path | None) -> int:
-    """Print survivors and totals and return the exit status."""
+def conclude(verdicts: list[Verdict], elapsed: float, report: Path | None) -> float:
+    """Print survivors and totals and return the score."""
     verdicts.sort(key=lambda verdict: (verdict.mutant.file, verdict.mutant.line))
     for verdict in verdicts:
         if verdict.result == 'survived':
             print(f'\nsurvived: {where(verdict.mutant)}\n{block(verdict.mutant)}', end='')
     count = Counter(verdict.result for verdict in verdicts)
     killed = count['killed'] + count['timed out']
-    score = killed / max(killed + count['survived'], 1)
+    score = killed / (killed + count['survived']) if killed + count['survived'] else 1.0
     totals = (f'{killed} killed ({count["timed out"]} by time-out), {count["survived"]} survived, '
               f'{count["equivalent"]} equivalent; score {score:.1%}, '
               f'required {REQUIRED_SCORE:.0%}; {elapsed / 60:.1f} min')
     print(f'\n{totals}')
     if report:
         report.write_text('\n'.join([f'{totals}\n', *table_rows(verdicts), '']), encoding='utf-8')
-    return int(score < REQUIRED_SCORE and killed + count['survived'] > 0)
+    return score
 
 
 def table_rows(verdicts: Iterable[Verdict]) -> Iterator[str]:

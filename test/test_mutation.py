@@ -283,6 +283,14 @@ def test_tests_that_fail_without_a_mutant_and_wrong_tables_are_errors(toy, capsy
     assert 'no file matches test/test_none.py' in capsys.readouterr().err
 
 
+def test_a_run_that_takes_too_long_is_stopped_with_what_it_found(toy, capsys):
+    assert mutation.main(['--only', 'loop.py', '--minutes', '0'], toy, TABLE) == 2
+    said = capsys.readouterr()
+    assert re.search(r'stopped: \d mutants have no result', said.err)
+    assert 'score' in said.out
+    assert not left_behind(toy)
+
+
 def test_an_equivalent_mutant_that_does_not_exist_any_more_is_named(toy, capsys):
     (toy / 'test/equivalent_mutants.txt').write_text(
         'toy/clock.py late: comparison\n- return age < limit\n+ return age <= limit\n= no\n')
