@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+import os
 import time
 
-PATIENCE = 60.0  # s, only ever used up by a failure
+# s, only ever used up by a failure; the mutation test, where failures are the rule, sets less
+PATIENCE = float(os.environ.get('TEST_PATIENCE', '60'))
 
 
 def wait_for(condition: Callable[[], object], do: Callable[[], object] | None = None) -> None:

@@ -1,0 +1,270 @@
+"""
+Mutation test of the safety path: change its sources, one place at a time, and see the tests fail.
+
+``make mutants`` runs it. Known-equivalent mutants are listed, with the reason, in
+``test/equivalent_mutants.txt``, in the format in which survivors are printed.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from concurrent import futures
+from pathlib import Path
+import queue
+import re
+import shlex
+import signal
+import sys
+import tempfile
+import time
+
+from support.mutant_runs import stages, Tests, Verdict, Workplace
+from support.mutants import Mutant, mutants, sample
+
+# Source files -> the test files that are to kill their mutants. Both are glob patterns; options
+# of pytest may follow a test file. A mutant that survives costs the time of all of them: about a
+# minute per source file is what fits into an hour.
+SAFETY_PATH: Mapping[str, tuple[str, ...]] = {
+    'smart_tire/protocol/crc.py': ('test/protocol/test_crc.py', 'test/protocol/test_roboclaw.py'),
+    'smart_tire/protocol/roboclaw.py': (
+        'test/protocol/test_roboclaw.py', 'test/links/test_motor_boards.py',
+        'test/simulation/test_devices.py'),
+    'smart_tire/control/*.py': ('test/control/*.py', 'test/nodes/test_wheel_controller.py'),
+    'smart_tire/links/motor_boards.py': (
+        'test/links/test_motor_boards.py', 'test/nodes/test_drivers.py -k "motor or board"'),
+    'smart_tire/nodes/motor_driver.py': ('test/nodes/test_drivers.py -k "motor or board"',),
+    'smart_tire/nodes/wheel_controller.py': ('test/nodes/test_wheel_controller.py',),
+}
+ROOT = Path(__file__).resolve().parents[1]
+EQUIVALENT = 'test/equivalent_mutants.txt'
+REQUIRED_SCORE = 0.9  # killed, of those that are not equivalent
+
+Key = tuple[str, str, str, str, str]
+
+
+class MutationError(Exception):
+    """The mutation test cannot be carried out."""
+
+
+def main(words: Sequence[str] | None = None, root: Path = ROOT,
+         table: Mapping[str, tuple[str, ...]] = SAFETY_PATH) -> int:
+    """Run the mutation test; return 1 if too many mutants survive, 2 if it cannot be run."""
+    options = arguments(words)
+    begin = time.monotonic()
+    try:
+        plan = {file: tests for file, tests in test_plan(root, table).items()
+                if not options.only or any(Path(file).match(name) for name in options.only)}
+        found = [mutant for file in plan
+                 for mutant in mutants(file, (root / file).read_text(encoding='utf-8'))]
+        chosen = survivors_of(options.rerun, found) if options.rerun else \
+            sample(found, options.limit, options.seed)
+        known = equivalents(root / EQUIVALENT, set(plan), {key(mutant) for mutant in found})
+        print(f'{len(chosen)} of {len(found)} mutants in {len(plan)} files', flush=True)
+        if options.list:
+            print('\n'.join(f'{mutant.id} {block(mutant)}' for mutant in chosen))
+            return 0
+        todo = [mutant for mutant in chosen if key(mutant) not in known]
+        verdicts = judge_all(root, todo, plan, options)
+    except MutationError as error:
+        print(f'error: {error}', file=sys.stderr)
+        return 2
+    complete = len(verdicts) == len(todo)
+    verdicts += [Verdict(mutant, 'equivalent', 0.0, known[key(mutant)])
+                 for mutant in chosen if key(mutant) in known]
+    score = conclude(verdicts, time.monotonic() - begin, options.report)
+    return 2 if not complete else int(score < REQUIRED_SCORE)
+
+
+def arguments(words: Sequence[str] | None) -> argparse.Namespace:
+    """Return the options on the command line."""
+    parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
+    parser.add_argument('--limit', type=int, default=300, help='mutants at most (%(default)s)')
+    parser.add_argument('--seed', type=int, default=1, help='of the choice (%(default)s)')
+    parser.add_argument('--jobs', type=int, default=2, help='at the same time (%(default)s)')
+    parser.add_argument('--only', metavar='FILE', action='append',
+                        help='mutants of this source file, or pattern, only; may be repeated')
+    parser.add_argument('--list', action='store_true', help='print the mutants and run nothing')
+    parser.add_argument('--report', type=Path, metavar='FILE', help='write a table in Markdown')
+    parser.add_argument('--rerun', type=Path, metavar='FILE',
+                        help='run the survivors of this report only')
+    parser.add_argument('--minutes', type=float, default=60.0,
+                        help='after which to stop (%(default)s); the exit status is 2 then')
+    parser.add_argument('--grace', type=float, default=20.0, metavar='SECONDS',
+                        help='beyond three times the time of the tests (%(default)s)')
+    return parser.parse_args(words)
+
+
+def test_plan(root: Path, table: Mapping[str, tuple[str, ...]]) -> dict[str, list[Tests]]:
+    """Return source file -> arguments of pytest for each of its test files."""
+    plan: dict[str, list[Tests]] = {}
+    for pattern, entries in table.items():
+        tests = []
+        for entry in entries:
+            name, *options = shlex.split(entry)
+            tests += [(file, *options) for file in files(root, name)
+                      if Path(file).name.startswith('test_')]
+        for file in files(root, pattern):
+            plan[file] = list(dict.fromkeys([*plan.get(file, []), *tests]))
+    return plan
+
+
+def files(root: Path, pattern: str) -> list[str]:
+    """Return the files that match, relative to ``root``."""
+    found = sorted(path.relative_to(root).as_posix() for path in root.glob(pattern))
+    if not found:
+        raise MutationError(f'no file matches {pattern}')
+    return found
+
+
+def key(mutant: Mutant) -> Key:
+    """Return what identifies a mutant in the list of equivalent ones."""
+    return mutant.file, mutant.function, mutant.operator, mutant.old, mutant.new
+
+
+def block(mutant: Mutant) -> str:
+    """Return a mutant as it stands in the list of equivalent ones."""
+    place = ' '.join(filter(None, [mutant.file, mutant.function]))
+    return f'{place}: {mutant.operator}\n- {mutant.old}\n+ {mutant.new}\n'
+
+
+def equivalents(path: Path, plan: set[str], keys: set[Key]) -> dict[Key, str]:
+    """Return equivalent mutants with their reasons; report those that do not exist any more."""
+    known: dict[Key, str] = {}
+    text = path.read_text(encoding='utf-8') if path.exists() else ''
+    for entry in re.split(r'\n\s*\n', re.sub(r'(?m)^#.*\n', '', text).strip()):
+        match = re.fullmatch(r'(\S+?)(?: (.*))?: (\w+)\n- (.*)\n\+ (.*)\n= (.*(?:\n  .*)*)', entry)
+        if match:
+            file, function, operator, old, new, reason = match.groups('')
+            known[file, function, operator, old, new] = ' '.join(reason.split())
+        elif entry:
+            raise MutationError(f'{path.name}: expected place, -, +, = reason:\n{entry}')
+    for file, *rest in known.keys() - keys:
+        if file in plan:
+            print(f'{path.name}: no such mutant any more: {file} {" ".join(rest)}')
+    return known
+
+
+def judge_all(root: Path, todo: list[Mutant], plan: Mapping[str, list[Tests]],
+              options: argparse.Namespace) -> list[Verdict]:
+    """Return what became of the mutants, of fewer if it takes too long."""
+    verdicts: list[Verdict] = []
+    killers: defaultdict[object, Counter[str]] = defaultdict(Counter)
+    with tempfile.TemporaryDirectory(prefix='mutants-') as folder:
+        places = [Workplace(root, Path(folder, str(index))) for index in range(options.jobs)]
+        free: queue.SimpleQueue[Workplace] = queue.SimpleQueue()
+        pool = futures.ThreadPoolExecutor(options.jobs)
+        try:
+            sources = sorted({mutant.file for mutant in todo})
+            times = baseline(pool, places, sources,
+                             sorted({tests for file in sources for tests in plan[file]}))
+            for place in places:
+                free.put(place)
+
+            def judge(mutant: Mutant) -> Verdict:
+                place, here = free.get(), (mutant.file, mutant.function)
+                likely = dict(killers[here].most_common(2) + killers[mutant.file].most_common(2))
+                try:
+                    needed = {tests: times[tests] for tests in plan[mutant.file]}
+                    verdict = place.judge(mutant, stages(needed, likely), options.grace)
+                finally:
+                    free.put(place)
+                if '::' in verdict.killer:
+                    killers[here][verdict.killer] += 1
+                    killers[mutant.file][verdict.killer] += 1
+                return verdict
+
+            begin = time.monotonic()
+            jobs = [pool.submit(judge, mutant) for mutant in todo]
+            for done in futures.as_completed(jobs, options.minutes * 60.0):
+                verdicts.append(done.result())
+                print(progress(verdicts, len(todo), time.monotonic() - begin), flush=True)
+        except (KeyboardInterrupt, futures.TimeoutError):
+            print(f'stopped: {len(todo) - len(verdicts)} mutants have no result', file=sys.stderr)
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+            for place in places:
+                place.close()
+            pool.shutdown()
+    return verdicts
+
+
+def baseline(pool: futures.ThreadPoolExecutor, places: list[Workplace], sources: list[str],
+             needed: list[Tests]) -> dict[Tests, float]:
+    """Run the tests without a mutant, in all copies at once; return how long they take [s]."""
+    def run(place: Workplace) -> list[float]:
+        for root in {source.split('/')[0] for source in sources}:
+            shown = place.run(('-c', f'import {root}; print({root}.__path__[0])')).output.strip()
+            if Path(shown) != place.tree / root:
+                raise MutationError(f'tests would import {root} from {shown}')
+        times = []
+        for tests in needed:
+            run = place.test(tests)
+            if run.status != 0:
+                raise MutationError(f'{shlex.join(tests)} fails without a mutant:\n{run.output}')
+            times.append(run.seconds)
+        return times
+
+    times = dict(zip(needed, map(max, zip(*pool.map(run, places)))))
+    for tests, seconds in sorted(times.items(), key=lambda item: item[1]):
+        print(f'{seconds:7.1f} s  {shlex.join(tests)}', flush=True)
+    return times
+
+
+def progress(verdicts: Sequence[Verdict], total: int, elapsed: float) -> str:
+    """Return a line on the latest verdict and on the time that the other mutants will take."""
+    latest, done = verdicts[-1], len(verdicts)
+    left = elapsed / done * (total - done)
+    killer = f' ({latest.killer})' if latest.killer else ''
+    return (f'[{done:3}/{total}, {left / 60:4.1f} min left] {latest.result:9} '
+            f'{latest.seconds:6.1f} s  {where(latest.mutant)} {latest.mutant.operator}{killer}')
+
+
+def where(mutant: Mutant) -> str:
+    """Return file and line."""
+    return f'{mutant.file}:{mutant.line}'
+
+
+def conclude(verdicts: list[Verdict], elapsed: float, report: Path | None) -> float:
+    """Print survivors and totals and return the score."""
+    verdicts.sort(key=lambda verdict: (verdict.mutant.file, verdict.mutant.line))
+    for verdict in verdicts:
+        if verdict.result == 'survived':
+            print(f'\nsurvived: {where(verdict.mutant)}\n{block(verdict.mutant)}', end='')
+    count = Counter(verdict.result for verdict in verdicts)
+    killed = count['killed'] + count['timed out']
+    score = killed / (killed + count['survived']) if killed + count['survived'] else 1.0
+    totals = (f'{killed} killed ({count["timed out"]} by time-out), {count["survived"]} survived, '
+              f'{count["equivalent"]} equivalent; score {score:.1%}, '
+              f'required {REQUIRED_SCORE:.0%}; {elapsed / 60:.1f} min')
+    print(f'\n{totals}')
+    if report:
+        report.write_text('\n'.join([f'{totals}\n', *table_rows(verdicts), '']), encoding='utf-8')
+    return score
+
+
+def table_rows(verdicts: Iterable[Verdict]) -> Iterator[str]:
+    """Yield the lines of a table in Markdown."""
+    yield '| id | result | place | operator | original | mutant | killed by, or reason |'
+    yield '|---|---|---|---|---|---|---|'
+    for verdict in verdicts:
+        mutant = verdict.mutant
+        cells = (mutant.id, verdict.result, f'{where(mutant)} {mutant.function}', mutant.operator,
+                 f'`{mutant.old}`', f'`{mutant.new}`', verdict.killer)
+        yield '| ' + ' | '.join(cell.replace('|', '\\|') for cell in cells) + ' |'
+
+
+def survivors_of(report: Path, found: Iterable[Mutant]) -> list[Mutant]:
+    """Return the mutants that survived according to a report."""
+    ids = set(re.findall(r'(?m)^\| (\w+) \| survived \|', report.read_text(encoding='utf-8')))
+    chosen = [mutant for mutant in found if mutant.id in ids]
+    for missing in sorted(ids - {mutant.id for mutant in chosen}):
+        print(f'{report.name}: no such mutant any more: {missing}')
+    return chosen
+
+
+if __name__ == '__main__':
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # clean up as after Ctrl-C
+    signal.signal(signal.SIGINT, signal.default_int_handler)   # ignored in the background
+    sys.exit(main())

@@ -1,0 +1,153 @@
+"""Copies of the checkout in which tests run against a mutant, and what becomes of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+import compileall
+from dataclasses import dataclass
+import os
+from pathlib import Path
+from py_compile import PycInvalidationMode
+import re
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+from support.mutants import Mutant
+
+NOT_COPIED = ('.*', '__pycache__', '*.egg-info', '*_output', 'build', 'install', 'log')
+OPTIONS = ('-x', '-q', '-rfE', '--tb=line', '-p', 'no:cacheprovider', '-p', 'no:randomly')
+FAST = 3.0      # s; test files that take less share one process
+FACTOR = 3.0    # a mutant's tests may take so many times as long as without it
+PATIENCE = '15'  # s, of the tests (support/waiting.py): most mutants make a test wait in vain
+MEMORY = 2 << 30  # bytes of a process; an endless loop may fill a list
+FAILED = re.compile(r'^(?:FAILED|ERROR) (.*?)(?: - .*)?$', re.MULTILINE)
+
+Tests = tuple[str, ...]  # arguments of pytest
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run of pytest."""
+
+    status: int | None  # of the process, None if it took too long
+    seconds: float
+    output: str
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What the tests found out about a mutant."""
+
+    mutant: Mutant
+    result: str  # killed, timed out, survived
+    seconds: float
+    killer: str = ''  # the first test that failed
+
+
+class Workplace:
+    """A copy of the checkout at ``root`` in ``folder``, for one run of tests at a time."""
+
+    def __init__(self, root: Path, folder: Path) -> None:
+        self.tree = folder / 'tree'
+        self._folder = folder
+        self._closed = False
+        self._mark = f'MUTANT_TREE={self.tree}'
+        shutil.copytree(root, self.tree, ignore=shutil.ignore_patterns(*NOT_COPIED))
+        # Mutants may be as long as the original and written in the same second: only a hash of
+        # the source shows that the bytecode is not theirs.
+        compileall.compile_dir(self.tree, quiet=2,
+                               invalidation_mode=PycInvalidationMode.CHECKED_HASH)
+
+    def run(self, arguments: Tests, timeout: float | None = None) -> Run:
+        """Run Python with ``arguments`` in the copy, and end what it leaves behind."""
+        name, _, value = self._mark.partition('=')
+        path = os.pathsep.join(filter(None, [str(self.tree), os.environ.get('PYTHONPATH')]))
+        environment = {**os.environ, name: value, 'PYTHONPATH': path, 'TEST_PATIENCE': PATIENCE,
+                       'PYTHONDONTWRITEBYTECODE': '1'}
+        log = self._folder / 'output'
+        begin = time.monotonic()
+        with log.open('wb') as output:
+            process = subprocess.Popen(
+                [sys.executable, *arguments], cwd=self.tree, env=environment,
+                stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT,
+                start_new_session=True)
+        resource.prlimit(process.pid, resource.RLIMIT_DATA, (MEMORY, MEMORY))
+        if self._closed:
+            self.end_processes()
+        status: int | None = None
+        try:
+            status = process.wait(timeout)
+        except subprocess.TimeoutExpired:
+            pass
+        finally:
+            self.end_processes()
+            process.wait()
+        return Run(status, time.monotonic() - begin, log.read_text(errors='replace'))
+
+    def test(self, tests: Tests, timeout: float | None = None) -> Run:
+        """Run pytest in the copy."""
+        return self.run(('-m', 'pytest', *OPTIONS, f'--basetemp={self._folder / "tmp"}', *tests),
+                        timeout)
+
+    def judge(self, mutant: Mutant, stages: list[tuple[Tests, float]], grace: float) -> Verdict:
+        """Run the tests, one stage after the other, until one fails because of the mutant."""
+        path = self.tree / mutant.file
+        original = path.read_bytes()
+        begin = time.monotonic()
+        path.write_text(mutant.source, encoding='utf-8')
+        try:
+            for tests, seconds in stages:
+                run = self.test(tests, FACTOR * seconds + grace)
+                if run.status != 0:
+                    failed = FAILED.search(run.output)
+                    return Verdict(mutant, 'timed out' if run.status is None else 'killed',
+                                   time.monotonic() - begin,
+                                   failed[1] if failed else f'{tests[0]}: exit {run.status}')
+            return Verdict(mutant, 'survived', time.monotonic() - begin)
+        finally:
+            path.write_bytes(original)
+
+    def end_processes(self) -> None:
+        """End all processes that were started here, also those with a session of their own."""
+        while sum(self._end(path) for path in Path('/proc').iterdir() if path.name.isdigit()):
+            time.sleep(0.01)
+
+    def close(self) -> None:
+        """End the tests that run here, and those that a thread is about to start."""
+        self._closed = True
+        self.end_processes()
+
+    def _end(self, path: Path) -> bool:
+        try:
+            process = os.pidfd_open(int(path.name))  # the id cannot be reused before the signal
+        except OSError:
+            return False
+        try:
+            if self._mark.encode() not in (path / 'environ').read_bytes().split(b'\0'):
+                return False
+            signal.pidfd_send_signal(process, signal.SIGKILL)
+        except OSError:
+            return False  # ended, or of another user
+        finally:
+            os.close(process)
+        return True
+
+
+def stages(times: dict[Tests, float], likely: Iterable[str] = ()) -> list[tuple[Tests, float]]:
+    """
+    Return test runs with their times [s]: fast files together, ``likely`` tests, slow files.
+
+    Likely are tests of slow files that killed similar mutants; they only save time.
+    """
+    fast = {tests: seconds for tests, seconds in times.items()
+            if seconds < FAST and len(tests) == 1}
+    slow = sorted((item for item in times.items() if item[0] not in fast),
+                  key=lambda item: item[1])
+    early = tuple(test for test in likely if any(test.startswith(tests[0]) for tests, _ in slow))
+    runs = [(tuple(sorted(name for name, in fast)), sum(fast.values())),
+            (early, sum(seconds for _, seconds in slow)), *slow]
+    return [(tests, seconds) for tests, seconds in runs if tests]
