@@ -1,0 +1,173 @@
+"""
+Measure how long the wheels take to stop for each hazard of docs/safety.md; print a table.
+
+``make stop-times`` runs it: real processes against the emulated motor boards, on an idle machine
+and beside one busy process per core. Times are from the fault to zero duty at the motors.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+import os
+from pathlib import Path
+import signal
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from support.robot_rig import RobotRig, Stranger
+
+from smart_tire.cli.stack import isolated_environment
+from smart_tire.samples import MotorCommand, VelocityCommand, WheelSample
+
+Scenario = Callable[[RobotRig, Path], float]  # returns the seconds from the fault to zero duty
+
+
+def fails(**faults: object) -> Scenario:
+    """Return a scenario in which the boards get ``faults``."""
+    return lambda robot, _: robot.until_stopped(robot.rig.fail(**faults))
+
+
+def restarts(robot: RobotRig, _: Path) -> float:
+    """Let the rear board start over."""
+    restarted = robot.rig.restart(129)
+    robot.graph.until(lambda: robot.rig.state().timeouts == (2, 2), robot.command)
+    return robot.rig.record(restarted).first_zero() - restarted
+
+
+def commands_end(robot: RobotRig, _: Path) -> float:
+    """Stop commanding."""
+    robot.hold(0.06)
+    robot.command()
+    return robot.until_stopped(time.monotonic(), lambda: None)
+
+
+def commands_are_nan(robot: RobotRig, _: Path) -> float:
+    """Command NaN instead of a velocity."""
+    robot.hold(0.06)
+    robot.command()
+    return robot.until_stopped(time.monotonic(), lambda: robot.say_twist(float('nan')))
+
+
+def stop(robot: RobotRig, _: Path) -> float:
+    """Call the emergency stop."""
+    asked = time.monotonic()
+    assert robot.emergency_stop(True).success
+    return robot.rig.record(asked).first_zero() - asked
+
+
+def second(topic: str, make: Callable[[], object]) -> Scenario:
+    """Return a scenario in which another node publishes on ``topic`` too."""
+    def run(robot: RobotRig, folder: Path) -> float:
+        with Stranger(folder, topic) as stranger:
+            robot.drive()
+
+            def both() -> None:
+                robot.command()
+                stranger.say(make())
+
+            began = time.monotonic()
+            both()
+            return robot.until_stopped(began, both)
+    return run
+
+
+def signals(number: signal.Signals, *names: str) -> Scenario:
+    """Return a scenario in which processes get a signal."""
+    def run(robot: RobotRig, _: Path) -> float:
+        began = time.monotonic()
+        for name in names:
+            robot.processes[name].popen.send_signal(number)
+        return robot.until_stopped(began)
+    return run
+
+
+def unplugged(robot: RobotRig, _: Path) -> float:
+    """Pull the cable."""
+    return robot.until_stopped(robot.rig.unplug())
+
+
+SCENARIOS: Mapping[str, tuple[float, Scenario]] = {  # name -> bound [s], scenario
+    'replies of both boards lost': (0.3, fails(mute={128, 129})),
+    'replies of one board lost': (0.3, fails(mute={129})),
+    'replies garbled': (0.3, fails(garbled={128, 129})),
+    'line flooded towards the host': (0.3, fails(flood=True)),
+    'requests garbled': (0.55, fails(deaf=True)),
+    'encoder frozen': (0.5, fails(frozen={1})),
+    'encoder or motor reversed': (0.5, fails(reversed={2})),
+    'board restarted': (0.5, restarts),
+    'board status not normal': (0.5, fails(status={128: 4})),
+    'supply low': (0.5, fails(supply={129: 90})),
+    'cmd_vel ends': (0.35, commands_end),
+    'cmd_vel becomes NaN': (0.35, commands_are_nan),
+    'emergency stop': (0.3, stop),
+    'second publisher on motor_commands': (0.3, second('motor_commands', lambda: MotorCommand(
+        time.time_ns(), (1.0, 1.0, 1.0, 1.0)))),
+    'second publisher on wheel_states': (0.3, second('wheel_states', lambda: WheelSample(
+        time.time_ns(), (0.0, 0.0, 0.0, 0.0)))),
+    'second publisher on cmd_vel': (0.3, second('cmd_vel', lambda: VelocityCommand(
+        time.time_ns(), 1.4, 0.0))),
+    'motor_driver killed': (0.5, signals(signal.SIGKILL, 'motor_driver')),
+    'motor_driver stopped': (0.5, signals(signal.SIGSTOP, 'motor_driver')),
+    'wheel_controller killed': (0.5, signals(signal.SIGKILL, 'wheel_controller')),
+    'wheel_controller stopped': (0.5, signals(signal.SIGSTOP, 'wheel_controller')),
+    'host frozen': (0.5, signals(signal.SIGSTOP, 'motor_driver', 'wheel_controller')),
+    'cable pulled': (0.5, unplugged),
+}
+
+
+@contextmanager
+def load(busy: bool) -> Iterator[None]:
+    """Keep every core busy meanwhile, if asked to."""
+    spin = [sys.executable, '-c', 'while True: pass']
+    children = [subprocess.Popen(spin) for _ in range((os.cpu_count() or 1) * busy)]
+    try:
+        yield
+    finally:
+        for child in children:
+            child.kill()
+            child.wait()
+
+
+def measure(scenario: Scenario, runs: int) -> list[float]:
+    """Return the stop times of ``runs`` runs, each with processes of its own."""
+    times = []
+    for _ in range(runs):
+        with tempfile.TemporaryDirectory() as folder, RobotRig(Path(folder)) as robot:
+            robot.drive()
+            times.append(scenario(robot, Path(folder)))
+    return times
+
+
+def main() -> int:
+    """Measure and print; return 1 if a bound was missed."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('--runs', type=int, default=5, help='per hazard (default: %(default)s)')
+    parser.add_argument('--only', default='', help='hazards that contain this text')
+    args = parser.parse_args()
+    os.environ.update(isolated_environment())
+    os.environ['PYTHONPATH'] = str(Path(__file__).resolve().parents[2])
+    os.environ.pop('_ROS_WHEELS_BOOTSTRAP_COMPLETE', None)
+    missed = 0
+    print('| hazard | bound [s] | idle: median, longest [s] | cores loaded [s] |\n|' + '---|' * 4)
+    for name, (bound, scenario) in SCENARIOS.items():
+        if args.only not in name:
+            continue
+        cells = []
+        for busy in (False, True):
+            with load(busy):
+                times = measure(scenario, args.runs)
+            cells.append(f'{statistics.median(times):.3f}, {max(times):.3f}')
+            missed += max(times) > bound
+        print(f'| {name} | {bound:g} | {" | ".join(cells)} |', flush=True)
+    return int(missed > 0)
+
+
+if __name__ == '__main__':
+    sys.exit(main())
