@@ -75,6 +75,7 @@ test: lint
 
 config: $(READY)
 	$(BIN)/python -m smart_tire.parameters.text config
+	$(BIN)/python -m smart_tire.nodes.qos config/rosbag2_qos.yaml
 
 clean:
 	rm -rf .venv .venv-* build install log *.egg-info .hypothesis .mypy_cache .pytest_cache \
