@@ -16,7 +16,7 @@ import time
 
 from smart_tire.samples import TireSample
 
-SPACING_NS = 1_000_000   # between two samples while there is time for it
+SPACING_NS = 1_000_000   # between two samples, of whatever wheels, while there is time for it
 SPREAD_SHARE = 0.8       # of the sampling period: the most between two samples of one wheel, so
 #                          that a batch is out before the next one comes and no sample gets older
 #                          than the first one of its batch
@@ -38,7 +38,7 @@ class PacingQueue:
 
     def __init__(self, wheels: int) -> None:
         self.overruns = 0   # times at which more than MAX_PENDING samples waited
-        self._wheels = max(1, wheels)
+        self._wheels = wheels
         self._slots: list[tuple[int, str]] = []  # a heap: when, and a sample of which wheel
         self._waiting: dict[str, deque[TireSample]] = {}
         self._next_tick_ns = 0
