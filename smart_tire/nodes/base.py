@@ -23,7 +23,7 @@ from smart_tire.messages import TOPICS
 from smart_tire.nodes.diagnostics import diagnostic_array, Status, Tally
 from smart_tire.nodes.parameters import declare
 from smart_tire.nodes.qos import publisher_qos, subscriber_qos
-from smart_tire.nodes.ros import message_class, new_executor, plain
+from smart_tire.nodes.ros import message_class, new_executor, plain, RCLError
 from smart_tire.parameters import build, specs
 
 Params = TypeVar('Params')
@@ -47,6 +47,7 @@ class SmartTireNode(Node, Generic[Params]):
         super().__init__(name)
         self.params: Params = declare(self, params_class)
         self.inputs: dict[str, Tally] = {}
+        self.outputs: dict[str, Tally] = {'/diagnostics': Tally()}
         self._params_class = params_class
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._diagnostics = self.create_publisher(
@@ -109,18 +110,29 @@ class SmartTireNode(Node, Generic[Params]):
         """
         Return a function that publishes a sample on the topic ``name``.
 
-        It uses one message over and over, so call it from one thread only.
+        It uses one message over and over, so call it from one thread only. A message that ROS
+        refuses to publish is counted and reported; the caller goes on.
         """
         topic = TOPICS[name]
         cls = message_class(topic.type)
         publisher = self.create_publisher(
             cls, name, publisher_qos(name, rate=rate, wheels=wheels))
         msg, fill = cls(), topic.fill
+        self.outputs[name] = Tally()
 
         def publish(sample: Any) -> None:
-            publisher.publish(fill(msg, sample))
+            try:
+                publisher.publish(fill(msg, sample))
+            except RCLError as error:
+                self._not_published(name, error)
 
         return publish
+
+    def _not_published(self, name: str, error: RuntimeError) -> None:
+        tally = self.outputs[name]
+        if tally.fail():
+            self.get_logger().error(
+                f'{tally.bad} messages on {name} not published, latest: {plain(error)}')
 
     def status(self) -> Status:
         """Return how the node is: its inputs' counts and ages, then what it adds itself."""
@@ -136,13 +148,20 @@ class SmartTireNode(Node, Generic[Params]):
                 status.warn(f'{new} bad on {name}')
             if tally.required and ages[name] > SILENCE:
                 status.warn(f'no {name}')
+        status.values['publish_errors'] = sum(tally.bad for tally in self.outputs.values())
+        for name, tally in self.outputs.items():
+            if new := tally.newly_bad():
+                status.error(f'{new} messages on {name} not published')
         self.fill_status(status)
         return status
 
     def _report(self) -> None:
         name = self.get_fully_qualified_name().lstrip('/')  # two robots need two names
         message = self.status().message(name, self.hardware_id)
-        self._diagnostics.publish(diagnostic_array(self.get_clock().now().to_msg(), message))
+        try:
+            self._diagnostics.publish(diagnostic_array(self.get_clock().now().to_msg(), message))
+        except RCLError as error:
+            self._not_published('/diagnostics', error)
 
     def _on_set_parameters(self, changes: list[Parameter[Any]]) -> SetParametersResult:
         described = specs(self._params_class)
