@@ -173,7 +173,7 @@ def print_latency(latencies: Sequence[float]) -> None:
     if not latencies:
         raise SmartTireError('no radio batch reached tire_samples')
     middle, late, worst = 1e3 * np.percentile(latencies, (50.0, 99.0, 100.0))
-    print(f'last byte of a radio batch to tire_samples, {len(latencies)} batches: '
+    print(f'last byte of a radio batch to its last tire_samples, {len(latencies)} batches: '
           f'p50 {middle:.1f} ms, p99 {late:.1f} ms, worst {worst:.1f} ms')
 
 
