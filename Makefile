@@ -49,16 +49,16 @@ endif
 	@touch $@
 
 demo: $(READY)
-	$(BIN)/smart_tire demo
+	$(BIN)/smart_tire demo --force
 
 bench: $(READY)
 	$(BIN)/smart_tire bench
 
 bench-slip: $(READY)
-	$(BIN)/smart_tire bench --slip
+	$(BIN)/smart_tire bench --slip --force
 
 bench-friction: $(READY)
-	$(BIN)/smart_tire bench --friction
+	$(BIN)/smart_tire bench --friction --force
 
 # Style and types are checked with the pinned tools and versions only; the last numpy for Python
 # 3.10 describes its types otherwise.
@@ -80,6 +80,7 @@ mutants: $(READY)
 
 config: $(READY)
 	$(BIN)/python -m smart_tire.parameters.text config
+	$(BIN)/python -m smart_tire.nodes.qos config/rosbag2_qos.yaml
 
 clean:
 	rm -rf .venv .venv-* build install log *.egg-info .hypothesis .mypy_cache .pytest_cache \

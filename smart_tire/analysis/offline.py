@@ -111,9 +111,10 @@ def analyze(path: Path, out: Path, params: EstimatorParams,
     are replaced. Raises BagError if the bag can not be read or ``out`` not be written.
     """
     folders = [out / 'estimates', out / 'smoothed'][:1 + smooth]
-    for folder in folders:
-        if folder.resolve() in (path.resolve(), path.resolve().parent):
-            raise BagError(f'{folder}: is the bag that is read; choose another --out')
+    bag_folder = path.resolve() if path.is_dir() else path.resolve().parent
+    for folder in (out, *folders):
+        if folder.resolve() == bag_folder:
+            raise BagError(f'{folder}: is the folder of the bag that is read; choose another')
     run = Run()
     with ExitStack() as stack:
         outlets = [Outlet(folder, params, stack) for folder in folders]

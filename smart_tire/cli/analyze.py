@@ -10,6 +10,8 @@ from pathlib import Path
 import sys
 from typing import TYPE_CHECKING
 
+from smart_tire.cli.outputs import (
+    add_force, FIGURES, refuse_existing, refuse_existing_bag, refuse_folder_of_bag)
 from smart_tire.errors import BagError
 
 if TYPE_CHECKING:
@@ -33,20 +35,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--smooth', action='store_true',
                         help='also say what the whole bag tells of each instant: DIR/smoothed')
     parser.add_argument('--no-figures', action='store_true', help='draw nothing')
+    add_force(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Analyze the bags one after the other; the worst of them gives the exit status."""
-    from smart_tire.analysis.pipeline import EstimatorParams
-    params = EstimatorParams.load(args.params)
     names = [folder_name(bag) for bag in args.bags]
     for name, count in Counter(names).items():
         if count > 1:
             print(f'smart_tire analyze: {count} bags are named {name}', file=sys.stderr)
             return USAGE
+    outs = [args.out] if len(args.bags) == 1 else [args.out / name for name in names]
+    for out in outs:
+        check_out(out, args)
+    from smart_tire.analysis.pipeline import EstimatorParams
+    params = EstimatorParams.load(args.params)
     status = ESTIMATED
-    for bag, name in zip(args.bags, names):
-        out = args.out if len(args.bags) == 1 else args.out / name
+    for bag, out in zip(args.bags, outs):
         try:
             status = max(status, analyze_one(
                 bag, out, params, figures=not args.no_figures, smooth=args.smooth))
@@ -54,6 +59,16 @@ def run(args: argparse.Namespace) -> int:
             print(f'smart_tire analyze: {error}', file=sys.stderr)
             status = USAGE
     return status
+
+
+def check_out(out: Path, args: argparse.Namespace) -> None:
+    """Raise ParameterError if ``out`` holds results or belongs to a bag that is read."""
+    refuse_folder_of_bag(out, args.bags)
+    for folder in ('estimates', 'smoothed')[:1 + args.smooth]:
+        refuse_folder_of_bag(out / folder, args.bags)
+        refuse_existing_bag(out / folder, force=args.force)
+    figures = () if args.no_figures else FIGURES
+    refuse_existing([out / name for name in ('summary.json', *figures)], force=args.force)
 
 
 def folder_name(bag: Path) -> str:

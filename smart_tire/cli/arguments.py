@@ -6,6 +6,8 @@ import argparse
 import math
 from pathlib import Path
 
+from smart_tire.cli.outputs import add_force
+
 
 def positive(text: str) -> float:
     """Return the number in ``text``; raise ValueError unless it is above zero and finite."""
@@ -43,6 +45,7 @@ def add_recordings(parser: argparse.ArgumentParser, *, reference: bool = True) -
     parser.add_argument('--out', type=Path, metavar='FILE',
                         help='parameter file to write, and a figure of its name beside it '
                              '(default: <bag>_KIND.yaml here)')
+    add_force(parser)
 
 
 def out_beside(args: argparse.Namespace, kind: str) -> Path:

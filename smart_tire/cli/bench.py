@@ -11,6 +11,7 @@ import tempfile
 import time
 from typing import Any
 
+from smart_tire.cli.outputs import add_force, refuse_existing
 from smart_tire.errors import SmartTireError
 
 NAME = 'bench'
@@ -48,6 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     truth.add_argument('--out', type=Path, metavar='DIR',
                        help='folder for figures and results.json (default: bench_output/slip or '
                             'bench_output/friction)')
+    add_force(parser)
 
 
 def count(text: str) -> int:
@@ -60,17 +62,20 @@ def count(text: str) -> int:
 
 def run(args: argparse.Namespace) -> int:
     """Print all figures, or those on the models only."""
+    if args.slip or args.friction:
+        out = args.out or OUT / ('slip' if args.slip else 'friction')
+        refuse_existing([out / 'results.json', *sorted(out.glob('*.png'))], force=args.force)
     if args.slip:
         from smart_tire.cli.bench_slip import bench_slip, Wish
         print(machine())
-        bench_slip(Wish(1 if args.quick else args.seeds, args.runs, args.data,
-                        args.out or OUT / 'slip'), machine())
+        bench_slip(Wish(1 if args.quick else args.seeds, args.runs, args.data, out),
+                   machine())
         return 0
     if args.friction:
         from smart_tire.cli.bench_friction import bench_friction, Wish as FrictionWish
         print(machine())
-        bench_friction(FrictionWish(1 if args.quick else args.seeds, args.quick, args.runs,
-                                    args.out or OUT / 'friction'), machine())
+        bench_friction(FrictionWish(1 if args.quick else args.seeds, args.quick, args.runs, out),
+                       machine())
         return 0
     from smart_tire.cli.bench_film import print_measuring
     from smart_tire.cli.bench_models import print_models
@@ -168,7 +173,7 @@ def print_latency(latencies: Sequence[float]) -> None:
     if not latencies:
         raise SmartTireError('no radio batch reached tire_samples')
     middle, late, worst = 1e3 * np.percentile(latencies, (50.0, 99.0, 100.0))
-    print(f'last byte of a radio batch to tire_samples, {len(latencies)} batches: '
+    print(f'last byte of a radio batch to its last tire_samples, {len(latencies)} batches: '
           f'p50 {middle:.1f} ms, p99 {late:.1f} ms, worst {worst:.1f} ms')
 
 

@@ -8,18 +8,21 @@ from dataclasses import dataclass
 import json
 import os
 from pathlib import Path
-import shutil
 import signal
 import sys
 import time
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 import yaml
 
-from smart_tire.analysis.live import judge, lines, Spans
-from smart_tire.analysis.summary import Tree
 from smart_tire.cli.dashboard import Dashboard
+from smart_tire.cli.outputs import (
+    add_force, FIGURES, refuse_existing, refuse_existing_bag, remove, remove_bag)
 from smart_tire.cli.stack import isolated_environment, NODES, Stack
+
+if TYPE_CHECKING:
+    from smart_tire.analysis.live import Spans
+    from smart_tire.analysis.summary import Tree
 
 NAME = 'demo'
 HELP = 'drive the simulated robot on concrete and sand, record it and judge the estimates'
@@ -38,6 +41,10 @@ EXPECTED = ('imu/data', 'wheel_states', 'tire_samples', 'tire_battery', 'odom', 
             'icr', 'tire_friction', 'cmd_vel', 'wheel_commands', 'motor_commands',
             'ground_truth/odom', 'ground_truth/wheel_slip', 'ground_truth/tire_friction',
             '/diagnostics')
+
+
+PORTS = ('tire_radio', 'imu', 'motors')
+FILES = ('demo.yaml', 'conversions.csv', 'summary.json')
 
 
 class DemoError(Exception):
@@ -65,14 +72,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--out', type=Path, default=Path('demo_output'),
                         help='folder for bag, figures and summary (default: %(default)s)')
     parser.add_argument('--seed', type=int, default=1, help='of the simulation')
+    add_force(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Run the demo; return 0 if every node lived, every topic spoke."""
+    out: Path = args.out
+    refuse_existing_bag(out / 'bag', force=args.force)
+    refuse_existing([out / name for name in (*FILES, 'figures', 'logs')], force=args.force)
     # Importing rclpy may start Python anew, so it must come before any child is started.
+    from smart_tire.analysis.live import judge
     from smart_tire.nodes.pilot import Cockpit
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    out: Path = args.out
     try:
         params = _prepare(out, args.seed)
         spans = _drive(out, params, Cockpit)
@@ -88,12 +99,15 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _prepare(out: Path, seed: int) -> Path:
-    """Empty the folder of an earlier demo and write this one's parameter file."""
-    for name in ('bag', 'figures', 'logs', 'ports'):
-        shutil.rmtree(out / name, ignore_errors=True)
+    """Delete the files of an earlier demo and write this one's parameter file."""
+    remove_bag(out / 'bag')
+    remove(out / 'figures', FIGURES)
+    remove(out / 'logs', [f'{name}.log' for name in (*NODES, 'recorder')])
+    remove(out / 'ports', PORTS)
+    remove(out, FILES)
     out.mkdir(parents=True, exist_ok=True)
     ports = (out / 'ports').resolve()
-    links = {name: str(ports / name) for name in ('tire_radio', 'imu', 'motors')}
+    links = {name: str(ports / name) for name in PORTS}
     nodes: dict[str, dict[str, Any]] = {
         '/**': {'film.wheels': ['front_left', 'front_right']},
         'robot_simulator': {'seed': seed, 'units': list(UNITS),
@@ -127,7 +141,7 @@ def _drive(out: Path, params: Path, cockpit_class: Callable[[list[str]], Any]) -
             for name, status in stack.stop(*names).items():
                 if status:
                     raise DemoError(f'{name} ended with status {status}\n{stack.tail(name)}')
-    shutil.rmtree(out / 'ports', ignore_errors=True)
+    remove(out / 'ports', PORTS)
     return spans
 
 
@@ -173,6 +187,7 @@ def _hold(stack: Stack, cockpit: Any, dashboard: Dashboard, leg: Leg, duration: 
 
 def _conclude(out: Path, judged: Tree) -> int:
     """Write and print the summary; return 1 if a topic stayed silent."""
+    from smart_tire.analysis.live import lines
     (out / 'summary.json').write_text(json.dumps(judged, indent=2) + '\n', encoding='utf-8')
     print('\n'.join(lines(judged)))
     print(f'\nbag, figures and summary.json are in {out}/')

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from smart_tire.cli.arguments import positive
+from smart_tire.cli.outputs import add_force, refuse_existing
 from smart_tire.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -36,10 +37,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                              'columns hold what no film of this length can do')
     parser.add_argument('--gain', type=positive, metavar='NC',
                         help='a gain K [nC], to tell alpha, a and b for')
+    add_force(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Fit, print, and write parameters and figure."""
+    out = args.out or args.data.with_name(f'{args.data.stem}_film.yaml')
+    figure = out.with_suffix('.png')
+    refuse_existing([out, figure], force=args.force, inputs=[args.data])
     from smart_tire.analysis.film_plots import write_fit
     from smart_tire.estimation.film_parameters import identify_film, PRODUCTS, write_params
     from smart_tire.estimation.film_recording import COLUMNS, read_recording
@@ -49,9 +54,7 @@ def run(args: argparse.Namespace) -> int:
     params, fit, notes = identify_film(recording, film)
     if film is None:
         notes.insert(0, f'{columns[1]} is taken as the input of the hysteresis itself')
-    out = args.out or args.data.with_name(f'{args.data.stem}_film.yaml')
     write_params(out, params, fit, notes, None if args.gain is None else args.gain * 1e-9)
-    figure = out.with_suffix('.png')
     write_fit(figure, recording.time, recording.input, recording.output, fit.fitted,
               input_label=columns[1], output_label=columns[2])
     for name in PRODUCTS:

@@ -6,7 +6,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 from smart_tire.cli.arguments import add_recordings
-from smart_tire.cli.identify_output import put_out
+from smart_tire.cli.identify_output import check_out, put_out
 
 if TYPE_CHECKING:
     from smart_tire.estimation.estimate import Estimate
@@ -23,6 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Identify, print a table, and write what was told, and a figure."""
+    check_out(args, NAME)
     from smart_tire.analysis.gain_plots import write_gains
     from smart_tire.analysis.identification import load_robot, Span
     from smart_tire.analysis.tire_identification import gain_parameters, identify_gains

@@ -8,11 +8,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from smart_tire.cli.arguments import out_beside
+from smart_tire.cli.outputs import refuse_existing
 
 if TYPE_CHECKING:
     from smart_tire.parameters.identified import Identified
 
 FOUND, NOTHING = 0, 1  # exit statuses
+
+
+def check_out(args: argparse.Namespace, kind: str) -> None:
+    """Raise ParameterError if a file that ``put_out`` would write exists."""
+    out = out_beside(args, kind)
+    refuse_existing([out, out.with_suffix('.png')], force=args.force,
+                    inputs=[*args.bags, *args.params])
 
 
 def put_out(args: argparse.Namespace, kind: str, told: Sequence[Identified],

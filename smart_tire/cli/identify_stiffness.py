@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from smart_tire.cli.arguments import add_recordings
-from smart_tire.cli.identify_output import put_out
+from smart_tire.cli.identify_output import check_out, put_out
 
 NAME = 'stiffness'
 HELP = 'longitudinal stiffness C_x of the tires, from straight acceleration and braking'
@@ -18,6 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Identify, print, and write parameters and figure."""
+    check_out(args, NAME)
     from smart_tire.analysis.identification import load_robot, Span
     from smart_tire.analysis.stiffness_plots import write_stiffness
     from smart_tire.analysis.tire_identification import identify_stiffness, stiffness_parameters

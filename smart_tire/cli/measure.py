@@ -5,8 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-import numpy as np
-
+from smart_tire.cli.outputs import add_force, refuse_existing
 from smart_tire.errors import ParameterError
 
 NAME = 'measure'
@@ -29,10 +28,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     film.add_argument('--out', type=Path, metavar='FILE',
                       help='CSV file to write, and a figure of its name beside it (default: '
                            'DATA_measured.csv)')
+    add_force(film)
 
 
 def run(args: argparse.Namespace) -> int:
     """Measure, print, and write values and figure."""
+    out = args.out or args.data.with_name(f'{args.data.stem}_measured.csv')
+    figure = out.with_suffix('.png')
+    refuse_existing([out, figure], force=args.force, inputs=[args.data, args.params])
+    import numpy as np
     from smart_tire.analysis.film_plots import write_measurement
     from smart_tire.estimation.film_measurement import measure
     from smart_tire.estimation.film_parameters import read_params
@@ -43,10 +47,8 @@ def run(args: argparse.Namespace) -> int:
         result = measure(time, charge, params, used=args.used)
     except ParameterError as error:
         raise ParameterError(f'{args.data}: {error}') from error
-    out = args.out or args.data.with_name(f'{args.data.stem}_measured.csv')
     quantity = ('input', 'sigma') if params.film is None else ('deflection_m', 'sigma_m')
     write_columns(out, ('time_s', *quantity), (result.time, result.value, result.sigma))
-    figure = out.with_suffix('.png')
     write_measurement(figure, result.time, result.value, result.sigma,
                       rest[0] if rest else None, label=quantity[0])
     told = np.isfinite(result.value)

@@ -7,6 +7,7 @@ from datetime import datetime
 from pathlib import Path
 
 from smart_tire.cli.listing import print_counts
+from smart_tire.cli.outputs import add_force, refuse_existing_bag, remove_bag
 
 NAME = 'record'
 HELP = 'record topics into a rosbag2 bag, until Ctrl-C'
@@ -18,6 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help='new folder for the bag (default: rosbag2_<date and time>)')
     parser.add_argument('--topics', nargs='+', default=[], metavar='T',
                         help='topics to record (default: all, also those that come later)')
+    add_force(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -26,8 +28,10 @@ def run(args: argparse.Namespace) -> int:
 
     Lost messages do not change the status: the bag is good for all that does not need them.
     """
-    from smart_tire.nodes.recorder import record
     directory = args.out or Path(f'rosbag2_{datetime.now():%Y_%m_%d-%H_%M_%S}')
+    refuse_existing_bag(directory, force=args.force)
+    from smart_tire.nodes.recorder import record
+    remove_bag(directory)
     recording = record(directory, args.topics)
     print(f'{directory}:')
     print_counts(recording.counts)

@@ -6,6 +6,8 @@ import argparse
 from pathlib import Path
 
 from smart_tire.cli.listing import print_counts, print_losses
+from smart_tire.cli.outputs import (
+    add_force, refuse_existing_bag, refuse_folder_of_bag, remove_bag)
 
 NAME = 'recover'
 HELP = 'write a whole, indexed bag from one that was cut off or damaged'
@@ -16,13 +18,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('bag', type=Path, metavar='BAG', help='rosbag2 folder, or a file of one')
     parser.add_argument('--out', type=Path, metavar='DIR',
                         help='new folder for the whole bag (default: BAG_recovered)')
+    add_force(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Write the whole bag; print what is in it and what was lost."""
-    from smart_tire.bags import recover
     bag = args.bag.resolve()
     out = args.out or bag.with_name(f'{bag.stem if bag.is_file() else bag.name}_recovered')
+    refuse_folder_of_bag(out, [bag])
+    refuse_existing_bag(out, force=args.force)
+    from smart_tire.bags import recover
+    remove_bag(out)
     result = recover(args.bag, out)
     start_ns, end_ns = result.span_ns
     print(f'{out}: {sum(result.counts.values())} messages, {(end_ns - start_ns) * 1e-9:.1f} s')

@@ -9,6 +9,7 @@ from pathlib import Path
 import sys
 from typing import TYPE_CHECKING
 
+from smart_tire.cli.outputs import add_force, refuse_existing
 from smart_tire.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -23,10 +24,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the arguments of this verb."""
     parser.add_argument('--out', type=Path, default=Path('reproduction'), metavar='DIR',
                         help='folder for the figures and report.html (default: %(default)s)')
+    add_force(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Make the experiments, draw, and write; return the exit status."""
+    refuse_existing([args.out / 'report.html', *sorted(args.out.glob('paper_*.png'))],
+                    force=args.force)
     from smart_tire.analysis.reproduction.study import reproduce
     try:
         with shown_progress() as progress:

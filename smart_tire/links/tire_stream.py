@@ -155,8 +155,8 @@ class TireStream:
         """Return how many bytes belonged to no intact frame."""
         return self._deframer.skipped_bytes
 
-    def feed(self, chunk: bytes, receive_ns: int) -> Iterator[TireSample | BatterySample]:
-        """Take bytes that arrived at ``receive_ns`` and yield what they complete."""
+    def feed(self, chunk: bytes, receive_ns: int) -> Iterator[list[TireSample] | BatterySample]:
+        """Take bytes that arrived at ``receive_ns`` and yield the batches they complete."""
         for body in self._deframer.feed(chunk):
             try:
                 unit, batch = self._decode(body)
@@ -166,7 +166,8 @@ class TireStream:
                 continue
             self.frames_ok += 1
             self.last_ok_ns = receive_ns
-            yield from unit.update(batch, receive_ns)
+            if samples := unit.update(batch, receive_ns):
+                yield samples
             if (battery := unit.battery(batch, receive_ns)) is not None:
                 yield battery
 

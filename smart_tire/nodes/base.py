@@ -15,6 +15,7 @@ from rclpy.clock_type import ClockType
 from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from rclpy.timer import Timer
 
@@ -23,7 +24,7 @@ from smart_tire.messages import TOPICS
 from smart_tire.nodes.diagnostics import diagnostic_array, Status, Tally
 from smart_tire.nodes.parameters import declare
 from smart_tire.nodes.qos import publisher_qos, subscriber_qos
-from smart_tire.nodes.ros import message_class, new_executor, plain, with_info
+from smart_tire.nodes.ros import message_class, new_executor, plain, RCLError, with_info
 from smart_tire.parameters import build, specs
 
 Params = TypeVar('Params')
@@ -47,9 +48,10 @@ class SmartTireNode(Node, Generic[Params]):
         super().__init__(name)
         self.params: Params = declare(self, params_class)
         self.inputs: dict[str, Tally] = {}
+        self.outputs: dict[str, Tally] = {}
         self._params_class = params_class
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._diagnostics = self.create_publisher(
+        self._diagnostics = self.guarded_publisher(
             DiagnosticArray, '/diagnostics', publisher_qos('/diagnostics'))
         self.every(DIAGNOSTICS_PERIOD, self._report)
         self.add_on_set_parameters_callback(self._on_set_parameters)
@@ -127,14 +129,33 @@ class SmartTireNode(Node, Generic[Params]):
         """
         topic = TOPICS[name]
         cls = message_class(topic.type)
-        publisher = self.create_publisher(
-            cls, name, publisher_qos(name, rate=rate, wheels=wheels))
+        send = self.guarded_publisher(cls, name, publisher_qos(name, rate=rate, wheels=wheels))
         msg, fill = cls(), topic.fill
+        return lambda sample: send(fill(msg, sample))
 
-        def publish(sample: Any) -> None:
-            publisher.publish(fill(msg, sample))
+    def guarded_publisher(self, cls: type[Any], name: str,
+                          profile: QoSProfile) -> Callable[[Any], None]:
+        """
+        Return a function that publishes a message on the topic ``name``.
+
+        A message that ROS refuses to publish is counted and reported; the caller goes on.
+        """
+        publisher = self.create_publisher(cls, name, profile)
+        self.outputs[name] = Tally()
+
+        def publish(msg: Any) -> None:
+            try:
+                publisher.publish(msg)
+            except RCLError as error:
+                self._not_published(name, error)
 
         return publish
+
+    def _not_published(self, name: str, error: RuntimeError) -> None:
+        tally = self.outputs[name]
+        if tally.fail():
+            self.get_logger().error(
+                f'{tally.bad} messages on {name} not published, latest: {plain(error)}')
 
     def status(self) -> Status:
         """Return how the node is: its inputs' counts and ages, then what it adds itself."""
@@ -150,13 +171,17 @@ class SmartTireNode(Node, Generic[Params]):
                 status.warn(f'{new} bad on {name}, latest: {tally.latest}')
             if tally.required and ages[name] > SILENCE:
                 status.warn(f'no {name}')
+        status.values['publish_errors'] = sum(tally.bad for tally in self.outputs.values())
+        for name, tally in self.outputs.items():
+            if new := tally.newly_bad():
+                status.error(f'{new} messages on {name} not published')
         self.fill_status(status)
         return status
 
     def _report(self) -> None:
         name = self.get_fully_qualified_name().lstrip('/')  # two robots need two names
         message = self.status().message(name, self.hardware_id)
-        self._diagnostics.publish(diagnostic_array(self.get_clock().now().to_msg(), message))
+        self._diagnostics(diagnostic_array(self.get_clock().now().to_msg(), message))
 
     def _on_set_parameters(self, changes: list[Parameter[Any]]) -> SetParametersResult:
         described = specs(self._params_class)

@@ -41,8 +41,8 @@ class MotorDriver(DriverNode[MotorDriverParams]):
         self._commands = CommandInput(
             self, 'motor_commands', self._on_command, self._on_conflict,
             timeout=params.command_timeout, max_age=params.command_max_age)
-        self._state = self.create_publisher(Bool, 'emergency_stop_active', latched())
-        self._enabled = self.create_publisher(Bool, 'motors_enabled', latched())
+        self._send_stopped = self.guarded_publisher(Bool, 'emergency_stop_active', latched())
+        self._send_enabled = self.guarded_publisher(Bool, 'motors_enabled', latched())
         self._was_enabled = False
         self.create_service(SetBool, 'emergency_stop', self._on_emergency_stop)
         if params.require_arming:
@@ -95,8 +95,8 @@ class MotorDriver(DriverNode[MotorDriverParams]):
 
     def _publish_state(self) -> None:
         self._was_enabled = self._gate.enabled
-        self._state.publish(Bool(data=self._gate.emergency))
-        self._enabled.publish(Bool(data=self._was_enabled))
+        self._send_stopped(Bool(data=self._gate.emergency))
+        self._send_enabled(Bool(data=self._was_enabled))
 
     def _watch(self) -> None:
         if self._gate.enabled != self._was_enabled:

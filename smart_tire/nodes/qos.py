@@ -1,12 +1,21 @@
-"""Quality of service: what INTERFACES calls reliable streams, estimates and commands."""
+"""
+Quality of service: what INTERFACES calls reliable streams, estimates and commands.
+
+``python -m smart_tire.nodes.qos FILE`` writes the same as a file for ``ros2 bag record``; a test
+compares.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 import math
+from pathlib import Path
+import sys
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from smart_tire.messages import TOPICS
+from smart_tire.samples import WHEELS
 
 SENSOR_SPAN = 2.0     # s of a sensor stream that a publisher keeps for slow readers
 RESERVE = 5           # own subscribers keep SENSOR_SPAN at this multiple of the nominal rate
@@ -63,3 +72,33 @@ def subscriber_qos(name: str, *, wheels: int = 1, reliability: str = 'reliable')
     if reliability == 'best_effort':
         profile.reliability = ReliabilityPolicy.BEST_EFFORT
     return profile
+
+
+def rosbag2_overrides() -> str:
+    """
+    Return the file for ``ros2 bag record --qos-profile-overrides-path``.
+
+    Topics that latch are left out: rosbag2 adapts to their durability by itself.
+    """
+    return '\n'.join((*OVERRIDES_HEADER, *_overrides())) + '\n'
+
+
+OVERRIDES_HEADER = (
+    '# For "ros2 bag record --qos-profile-overrides-path FILE": queues deep enough that a busy',
+    '# disk costs no message; rosbag2 keeps 10 messages of a topic by default.',
+    '# In a namespace, put it in front of each name. Where a publisher offers best effort only,',
+    '# change the reliability: a reliable subscription does not connect to it.',
+    '# Depths come from smart_tire/nodes/qos.py; "make config" writes this file.')
+
+
+def _overrides() -> Iterator[str]:
+    for name in (*TOPICS, 'tf', 'diagnostics'):
+        profile = subscriber_qos(name, wheels=len(WHEELS))
+        yield from (
+            f'/{name}:', '  history: keep_last', f'  depth: {max(profile.depth, OTHER_DEPTH)}',
+            f'  reliability: {profile.reliability.short_key}',
+            f'  durability: {profile.durability.short_key}')
+
+
+if __name__ == '__main__':
+    Path(sys.argv[1]).write_text(rosbag2_overrides(), encoding='utf-8')

@@ -10,9 +10,12 @@ import sys
 from typing import Any, cast
 
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 
 from smart_tire.parameters.files import from_arguments
+
+RCLError: type[RuntimeError] = rclpy_implementation.RCLError  # ``publish`` raises it; not exported
 
 
 def new_executor() -> Any:

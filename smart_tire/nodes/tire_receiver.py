@@ -7,13 +7,14 @@ import threading
 import time
 from typing import Any
 
+from smart_tire.links.pacing import PacedSender
 from smart_tire.links.serial_link import pump
 from smart_tire.links.tire_stream import TireStream
 from smart_tire.nodes.base import run, SILENCE
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.driver import DriverNode, nanoseconds
 from smart_tire.parameters import TireReceiverParams
-from smart_tire.samples import NS_PER_S, TireSample
+from smart_tire.samples import BatterySample, NS_PER_S
 
 
 class TireReceiver(DriverNode[TireReceiverParams]):
@@ -23,19 +24,30 @@ class TireReceiver(DriverNode[TireReceiverParams]):
         super().__init__('tire_receiver', TireReceiverParams)
         wheel_of = self.params.wheel_of()
         self._stream = TireStream(wheel_of, nanoseconds(self.params.radio_latency))
-        self._publish_sample = self.advertise('tire_samples', wheels=len(wheel_of))
+        self._sender = PacedSender(
+            self.advertise('tire_samples', wheels=len(wheel_of)), len(wheel_of))
         self._publish_battery = self.advertise('tire_battery', wheels=len(wheel_of))
         self.connect(self._stream, self._work)
+
+    def start(self) -> None:
+        """Begin to open the port and to send what comes."""
+        self._sender.start()
+        super().start()
+
+    def stop(self) -> None:
+        """Close the port, then send what came before."""
+        super().stop()
+        self._sender.stop()
 
     def _work(self, port: Any, stopping: threading.Event) -> None:
         pump(port, stopping, self._on_bytes)
 
     def _on_bytes(self, chunk: bytes, receive_ns: int) -> None:
-        for sample in self._stream.feed(chunk, receive_ns):
-            if isinstance(sample, TireSample):
-                self._publish_sample(sample)
+        for item in self._stream.feed(chunk, receive_ns):
+            if isinstance(item, BatterySample):
+                self._publish_battery(item)
             else:
-                self._publish_battery(sample)
+                self._sender.put(item)
 
     def fill_status(self, status: Status) -> None:
         """Add what was lost on the way from each unit."""
@@ -47,7 +59,8 @@ class TireReceiver(DriverNode[TireReceiverParams]):
             batches_duplicate=sum(unit.duplicates for unit in units),
             batches_late=sum(unit.late for unit in units),
             batches_saturated=sum(unit.saturated for unit in units),
-            unit_resets=sum(unit.resets for unit in units))
+            unit_resets=sum(unit.resets for unit in units),
+            pacing_overruns=self._sender.overruns)
         for unit in units:
             status.values.update({
                 f'{unit.wheel}.batches_ok': unit.batches,

@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 
 from smart_tire.errors import FrameError
-from smart_tire.samples import ImuSample, Vector3
+from smart_tire.samples import ImuSample, MAX_FORCE, MAX_RATE, Vector3
 
 Quaternion = tuple[float, float, float, float]  # x, y, z, w; body axes to world axes
+
+MAX_COMPONENT = 1.1  # of a quaternion: 1, and a device's rounding and lack of normalisation
 
 _HALF = math.sqrt(0.5)
 
@@ -29,11 +31,14 @@ def flip_quaternion(quaternion: Quaternion) -> Quaternion:
 
 def checked_sample(stamp_ns: int, acceleration: Vector3, rate: Vector3,
                    orientation: Quaternion | None) -> ImuSample:
-    """Return the sample; raise FrameError naming what is not a finite number."""
-    for name, values in (('acceleration', acceleration), ('angular rate', rate),
-                         ('orientation', orientation or ())):
+    """Return the sample; raise FrameError naming what is not finite or beyond any sensor."""
+    for name, values, limit in (('acceleration', acceleration, MAX_FORCE),
+                                ('angular rate', rate, MAX_RATE),
+                                ('orientation', orientation or (), MAX_COMPONENT)):
         if not all(map(math.isfinite, values)):
             raise FrameError(f'{name} is {values}, expected finite numbers')
+        if max(map(abs, values), default=0.0) > limit:
+            raise FrameError(f'{name} is {values}, expected at most {limit:g} either way')
     return ImuSample(stamp_ns, acceleration, rate, orientation)
 
 

@@ -22,6 +22,7 @@ from smart_tire.rotation import euler, quaternion
 from smart_tire.samples import ImuSample, Vector3
 
 YMR = b'VNYMR'
+MAX_ANGLE = 360.0   # deg; a VN-100 sends -180 to 180
 MAX_SENTENCE = 256  # bytes; a VNYMR with counter and status has 147
 
 _START = b'$'
@@ -89,6 +90,11 @@ def decode_ymr(body: bytes, stamp_ns: int = 0) -> tuple[None, ImuSample]:
         numbers = [float(field) for field in fields[:12]]
     except ValueError as error:
         raise FrameError(f'sentence {body!r} has a field that is no number') from error
+    if not all(map(math.isfinite, numbers)):
+        raise FrameError(f'sentence {body!r} has other fields than finite numbers')
+    if max(map(abs, numbers[:3])) > MAX_ANGLE:
+        raise FrameError(f'yaw, pitch and roll are {numbers[:3]}, '
+                         f'expected at most {MAX_ANGLE:g} deg either way')
     yaw, pitch, roll = (math.radians(angle) for angle in numbers[:3])
     acceleration, rate = numbers[6:9], numbers[9:]
     return None, sample_from_flipped(

@@ -67,6 +67,30 @@ def test_several_bags_have_a_folder_each(bag, tmp_path):
     assert sorted(path.name for path in (out / 'copy').iterdir()) == ['estimates', 'summary.json']
 
 
+def test_results_are_replaced_by_force_only_and_other_files_stay(bag, robot, tmp_path, capsys):
+    out, words = tmp_path / 'out', [bag, '--params', robot, '--out', tmp_path / 'out']
+    assert analyze(*words) == 0
+    written = {path: path.stat().st_mtime_ns for path in out.rglob('*.*')}
+    (out / 'notes.txt').write_text('mine')
+    assert analyze(*words) == 2
+    assert 'out/estimates exists' in capsys.readouterr().err
+    assert {path: path.stat().st_mtime_ns for path in written} == written
+    assert analyze(*words, '--force') == 0
+    assert all(path.stat().st_mtime_ns > before for path, before in written.items())
+    assert (out / 'notes.txt').read_text() == 'mine'
+
+
+@pytest.mark.parametrize('force', [[], ['--force']])
+@pytest.mark.parametrize('out', ['', 'results'])
+def test_nothing_is_ever_written_into_the_folder_of_a_bag(bag, out, force, capsys):
+    before = sorted(bag.rglob('*'))
+    assert analyze(bag, '--out', bag / out, *force) == 2
+    assert 'is in the folder of the bag' in capsys.readouterr().err
+    assert analyze(bag / 'drive_0.mcap', '--out', bag / out, *force) == 2
+    assert analyze(bag, 'other', '--out', bag.parent, *force) == 2  # bag.parent / 'drive'
+    assert sorted(bag.rglob('*')) == before
+
+
 def test_two_bags_of_one_name_are_refused_before_anything_is_written(bag, tmp_path, capsys):
     assert analyze(bag, bag, '--out', tmp_path / 'out') == 2
     assert '2 bags are named drive' in capsys.readouterr().err

@@ -179,4 +179,5 @@ def test_what_was_published_before_the_recorder_had_connected_is_counted(tmp_pat
 def test_a_folder_that_exists_is_a_usage_error(tmp_path):
     with command('record', '--out', tmp_path) as recorder:
         assert recorder.end() == 2
-    assert recorder.lines == [f'smart_tire record: {tmp_path}: cannot be written (File exists)']
+    assert recorder.lines == [f'smart_tire record: {tmp_path} exists: choose another --out, '
+                              'or --force to replace it']

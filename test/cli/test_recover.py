@@ -48,4 +48,12 @@ def test_a_bag_that_is_not_there_is_a_usage_error(tmp_path, capsys):
 def test_what_is_there_is_not_overwritten(cut, capsys):
     assert main(['recover', str(cut)]) == 0
     assert main(['recover', str(cut)]) == 2
-    assert 'cut_recovered: cannot be written (File exists)' in capsys.readouterr().err
+    assert 'cut_recovered exists' in capsys.readouterr().err
+    assert main(['recover', str(cut), '--force']) == 0
+
+
+def test_the_bag_itself_is_not_replaced_even_by_force(cut, capsys):
+    content = (cut / 'cut_0.mcap').read_bytes()
+    assert main(['recover', str(cut), '--out', str(cut), '--force']) == 2
+    assert 'is in the folder of the bag' in capsys.readouterr().err
+    assert (cut / 'cut_0.mcap').read_bytes() == content

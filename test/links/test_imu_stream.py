@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -79,6 +81,32 @@ def test_numbers_that_are_none_are_rejected():
     assert len(list(stream.feed(chunk, HOST_NS))) == 1
     assert stream.frames_bad == 1
     assert 'expected finite numbers' in stream.last_error
+
+
+NASTY = (math.nan, math.inf, -math.inf, 1e30, -3e30, 0.0)
+
+
+def nasty_frame(protocol, rng):
+    """Return an intact frame with numbers that no unit should send."""
+    numbers = [float(number) for number in rng.choice(NASTY, 10)]
+    sample = ImuSample(0, tuple(numbers[:3]), tuple(numbers[3:6]), tuple(numbers[6:]))
+    device_ns = int(rng.integers(0, 2**63))
+    if protocol == 'vectornav_binary':
+        fields = vectornav.DEFAULT_FIELDS | vectornav.Field.QUATERNION
+        return vectornav.encode_frame(vectornav.encode_binary(device_ns, sample, fields))
+    if protocol == 'xsens':
+        return xsens.encode_message(xsens.encode_imu(device_ns, sample))
+    return vectornav_ascii.encode_sentence(
+        b'VNYMR,' + b','.join(f'{number}'.encode() for number in rng.choice(NASTY, 12)))
+
+
+@every_protocol
+def test_no_intact_frame_ends_the_stream_whatever_its_numbers(protocol):
+    stream, rng = ImuStream(protocol), np.random.default_rng(3)
+    for index in range(300):
+        assert list(stream.feed(nasty_frame(protocol, rng), HOST_NS + index)) == []
+    assert (stream.frames_ok, stream.frames_bad) == (0, 300)
+    assert len(list(stream.feed(frame(protocol, 0), HOST_NS + 300))) == 1
 
 
 @every_protocol

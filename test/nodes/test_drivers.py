@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import count
 import time
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
+from support.graph import Process
 from support.robot_rig import RobotRig
 
 from smart_tire.links.serial_link import open_port
@@ -26,9 +28,9 @@ BATCH = TireBatch(flags=0, sequence=0, timer_us=0, period_us=2500,
 IMU = ImuSample(0, (0.5, -0.25, 9.8125), (0.125, 0.0, -0.5))
 
 
-def packet(count, address, payload=b''):
-    """Return the bytes of a unit's batch ``count``, or of another payload."""
-    batch = replace(BATCH, sequence=count, timer_us=40_000 * count)
+def packet(number, address, payload=b''):
+    """Return the bytes of a unit's batch of that number, or of another payload."""
+    batch = replace(BATCH, sequence=number, timer_us=40_000 * number)
     return encode_frame(encode_receive_packet(
         ReceivePacket(address, 0xFFFE, 1, payload or encode_batch(batch))))
 
@@ -50,9 +52,9 @@ def test_a_batch_becomes_a_message_for_every_conversion(graph, port):
                     and graph.is_fed())
         before = time.time_ns()
         lost, stranger = {5, 6}, 0x0013A200DEADBEEF
-        for count in range(10):
-            port.write(b''.join(packet(count, address) for address in UNITS
-                                if count not in lost or address != 0x0013A20040A1B2C2))
+        for number in range(10):
+            port.write(b''.join(packet(number, address) for address in UNITS
+                                if number not in lost or address != 0x0013A20040A1B2C2))
             graph.turn()
         port.write(packet(9, 0x0013A20040A1B2C3) + packet(0, stranger)
                    + packet(0, 0x0013A20040A1B2C3, b'\x02' + bytes(80)))
@@ -131,6 +133,87 @@ def test_a_port_may_be_missing_busy_unplugged_and_plugged_in_again(graph, port):
         graph.until(lambda: graph.value('imu_driver', 'port_opened') == '2')
         assert node.end() == 0
         assert 'Traceback' not in node.output
+
+
+def test_a_sentence_with_infinity_is_counted_and_the_driver_goes_on(graph, port):
+    port.plug_in()
+    graph.listen('imu/data')
+    good = vectornav_ascii.encode_ymr(IMU)
+    header, *fields = good.split(b',')
+    with graph.start('imu_driver', port=port.path, protocol='vectornav_ascii') as node:
+        graph.until(lambda: graph.value('imu_driver', 'port_opened') == '1'
+                    and graph.is_fed())
+        for place in range(12):
+            bad = [*fields[:place], b'inf', *fields[place + 1:]]
+            port.write(vectornav_ascii.encode_sentence(b','.join([header, *bad])))
+        port.write(vectornav_ascii.encode_sentence(good))
+        graph.until(lambda: graph.heard['imu/data']
+                    and graph.value('imu_driver', 'frames_bad') == '12')
+        assert graph.value('imu_driver', 'frames_ok') == '1'
+        assert node.end() == 0
+        assert 'bad frames, latest: ' in node.output
+        assert 'Traceback' not in node.output
+
+
+FAILING_PUBLISHER = """
+import sys
+
+from rclpy.publisher import Publisher
+from smart_tire.nodes.ros import RCLError
+
+publish, failures = Publisher.publish, []
+
+
+def fail_five_times(self, message):
+    if self.topic_name == '/{topic}' and len(failures) < 5:
+        failures.append(message)
+        raise RCLError('Failed to publish: no memory, at /project/src/rcl/publisher.c:246')
+    publish(self, message)
+
+
+Publisher.publish = fail_five_times
+from smart_tire.nodes import {node}
+
+sys.exit({node}.main())
+"""
+
+
+@pytest.mark.parametrize('topic', ['imu/data', 'diagnostics'])
+def test_a_message_that_ros_does_not_publish_is_reported_and_the_imu_driver_goes_on(
+        topic, graph, port, tmp_path):
+    port.plug_in()
+    graph.listen('imu/data')
+    script = FAILING_PUBLISHER.format(topic=topic, node='imu_driver')
+    with Process(['-c', script, '--ros-args', '-p', f'port:={port.path}'],
+                 tmp_path / 'log') as node:
+        numbers = count()
+        graph.until(lambda: len(graph.heard['imu/data']) >= 20
+                    and graph.value('imu_driver', 'publish_errors') == '5',
+                    lambda: port.write(imu_frame('vectornav_binary', next(numbers))))
+        assert node.end() == 0
+        said = [line for line in node.output.splitlines() if 'not published' in line]
+        assert [line.partition(': ')[2].split()[0] for line in said] == ['1', '2', '4']
+        assert all('no memory' in line and '/project' not in line for line in said)
+        assert 'Traceback' not in node.output
+
+
+def test_a_message_that_ros_does_not_publish_is_an_error_in_the_diagnostics_of_the_tire_receiver(
+        graph, port, tmp_path):
+    port.plug_in()
+    graph.listen('tire_samples')
+    script = FAILING_PUBLISHER.format(topic='tire_samples', node='tire_receiver')
+    with Process(['-c', script, '--ros-args', '-p', f'port:={port.path}'],
+                 tmp_path / 'log') as node:
+        graph.until(lambda: graph.value('tire_receiver', 'port_opened') == '1'
+                    and graph.is_fed())
+        port.write(packet(0, 0x0013A20040A1B2C3))
+        graph.until(lambda: '5 messages on tire_samples not published'
+                    in graph.complaint('tire_receiver'))
+        assert graph.health['tire_receiver'].level == DiagnosticStatus.ERROR
+        graph.until(lambda: len(graph.heard['tire_samples']) == 11)
+        graph.until(lambda: 'not published' not in graph.complaint('tire_receiver'))
+        assert graph.value('tire_receiver', 'publish_errors') == '5'
+        assert node.end() == 0
 
 
 def test_a_port_on_which_nothing_comes_is_an_error(graph, port):

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, ReliabilityPolicy
+from rclpy.qos import (
+    DurabilityPolicy, HistoryPolicy, qos_check_compatible, QoSCompatibility, QoSProfile,
+    ReliabilityPolicy)
+import yaml
 
 from smart_tire.messages import TOPICS
-from smart_tire.nodes.qos import publisher_qos, subscriber_qos
+from smart_tire.nodes.qos import LATCHED, publisher_qos, rosbag2_overrides, subscriber_qos
+
+OVERRIDES = Path(__file__).resolve().parents[2] / 'config' / 'rosbag2_qos.yaml'
 
 
 @pytest.mark.parametrize('name', [*TOPICS, '/diagnostics', '/tf'])
@@ -55,3 +62,31 @@ def test_what_is_published_on_change_reaches_those_who_come_late(name):
     profile = publisher_qos(name)
     assert profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
     assert profile.depth == 1
+
+
+def test_the_file_for_rosbag2_is_what_the_code_says():
+    assert OVERRIDES.read_text(encoding='utf-8') == rosbag2_overrides(), 'run: make config'
+
+
+def test_rosbag2_gets_a_complete_profile_of_every_topic_that_does_not_latch():
+    overrides = yaml.safe_load(OVERRIDES.read_text(encoding='utf-8'))
+    assert overrides.keys() == {f'/{name}' for name in (*TOPICS, 'tf', 'diagnostics')}
+    assert not overrides.keys() & {f'/{name}' for name in LATCHED}
+    for name, policies in overrides.items():
+        # as ros2bag reads it: short keys of policies, a number for the depth
+        profile = QoSProfile(
+            history=HistoryPolicy.get_from_short_key(policies.pop('history')),
+            depth=policies.pop('depth'),
+            reliability=ReliabilityPolicy.get_from_short_key(policies.pop('reliability')),
+            durability=DurabilityPolicy.get_from_short_key(policies.pop('durability')))
+        assert not policies
+        offer = publisher_qos(name.lstrip('/'))
+        assert qos_check_compatible(offer, profile)[0] != QoSCompatibility.ERROR
+        assert profile.depth >= subscriber_qos(name.lstrip('/')).depth
+        assert profile.depth >= 100
+
+
+def test_rosbag2_keeps_two_seconds_of_four_wheels_at_five_times_their_rate():
+    overrides = yaml.safe_load(OVERRIDES.read_text(encoding='utf-8'))
+    assert overrides['/tire_samples']['depth'] == 16000
+    assert overrides['/imu/data']['depth'] >= 1000

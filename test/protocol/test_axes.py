@@ -61,3 +61,16 @@ def test_what_is_not_finite_is_refused_by_name(name, bad, value):
     parts[bad] = (value, *parts[bad][1:])
     with pytest.raises(FrameError, match=name):
         checked_sample(0, *parts)
+
+
+@pytest.mark.parametrize('name, bad, limit', [
+    ('acceleration', 0, 1000.0), ('angular rate', 1, 100.0), ('orientation', 2, 1.1)])
+@pytest.mark.parametrize('place', [0, 2])
+@pytest.mark.parametrize('sign', [1.0, -1.0])
+def test_what_no_sensor_measures_is_refused_by_name(name, bad, limit, place, sign):
+    parts = [[0.0, 0.0, 9.8], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
+    parts[bad][place] = sign * limit
+    assert checked_sample(0, *map(tuple, parts)).stamp_ns == 0
+    parts[bad][place] = sign * math.nextafter(limit, math.inf)
+    with pytest.raises(FrameError, match=f'{name} is .* expected at most {limit:g}'):
+        checked_sample(0, *map(tuple, parts))

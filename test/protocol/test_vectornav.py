@@ -1,6 +1,7 @@
 """VectorNav binary output, against the examples in the VN-100 manual."""
 
 from dataclasses import replace
+import math
 import struct
 
 from hypothesis import given, settings, strategies as st
@@ -101,9 +102,14 @@ def test_a_body_that_can_not_be_decoded_is_refused_with_its_reason(body, message
         decode_binary(body)
 
 
-def test_not_a_number_is_refused():
-    body = encode_binary(0, replace(SAMPLE, rate=(float('nan'), 0.0, 0.0)))
-    with pytest.raises(FrameError, match='angular rate'):
+@pytest.mark.parametrize('value', [math.nan, math.inf, -math.inf, 3e38])
+@pytest.mark.parametrize('part, name', [
+    ('acceleration', 'acceleration'), ('rate', 'angular rate'), ('orientation', 'orientation')])
+@pytest.mark.parametrize('fields', [Field.ACCEL | Field.ANGULAR_RATE, Field.IMU])
+def test_what_is_no_measurement_is_refused_by_name(value, part, name, fields):
+    numbers = (value, *getattr(SAMPLE, part)[1:])
+    body = encode_binary(0, replace(SAMPLE, **{part: numbers}), fields | Field.QUATERNION)
+    with pytest.raises(FrameError, match=name):
         decode_binary(body)
 
 

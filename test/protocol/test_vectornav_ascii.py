@@ -91,11 +91,25 @@ def test_another_sentence_is_refused_by_name(body):
         decode_ymr(body)
 
 
-@pytest.mark.parametrize('field, message', [(b'abc', 'no number'), (b'', 'no number'),
-                                            (b'nan', 'acceleration'), (b'inf', 'acceleration')])
-def test_a_field_that_is_no_finite_number_is_refused(field, message):
+@pytest.mark.parametrize('place', range(12))
+@pytest.mark.parametrize('field, message', [
+    (b'abc', 'no number'), (b'', 'no number'), (b'nan', 'finite'), (b'inf', 'finite'),
+    (b'-inf', 'finite'), (b'1e999', 'finite')])
+def test_a_field_that_is_no_finite_number_is_refused_wherever_it_is(place, field, message):
+    header, *fields = YMR[1:-5].split(b',')
+    fields[place] = field
     with pytest.raises(FrameError, match=message):
-        decode_ymr(YMR[1:-5].replace(b'-01.258', field))
+        decode_ymr(b','.join([header, *fields]))
+
+
+@pytest.mark.parametrize('place, field, message', [
+    (0, b'+1e308', 'yaw, pitch and roll'), (2, b'-361', 'yaw, pitch and roll'),
+    (6, b'1001', 'acceleration'), (11, b'1e30', 'angular rate')])
+def test_a_number_beyond_any_sensor_is_refused_by_name(place, field, message):
+    header, *fields = YMR[1:-5].split(b',')
+    fields[place] = field
+    with pytest.raises(FrameError, match=message):
+        decode_ymr(b','.join([header, *fields]))
 
 
 def test_a_line_without_end_is_bounded():

@@ -1,6 +1,7 @@
 """Xsens MTData2, against the example of the manufacturer's protocol documentation."""
 
 from dataclasses import replace
+import math
 
 from hypothesis import given, settings, strategies as st
 import pytest
@@ -61,7 +62,8 @@ def test_a_published_fixed_point_number_decodes_and_encodes():
     (Precision.FP16_32, 2.0**-32)])
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(st.integers(0, 2**32 - 1), st.integers(0, 65535),
-       *[st.tuples(*[st.floats(-1000.0, 1000.0, width=32)] * count) for count in (3, 3, 4)])
+       *[st.tuples(*[st.floats(-limit, limit, width=32)] * count)
+         for count, limit in ((3, 1000.0), (3, 100.0), (4, 1.0))])
 def test_samples_survive_the_round_trip(precision, step, ticks, counter, acceleration, rate,
                                         orientation):
     sample = ImuSample(5, acceleration, rate, orientation)
@@ -137,3 +139,14 @@ def test_a_packet_of_the_wrong_content_is_refused_by_name(identifier, content, m
 def test_numbers_that_do_not_fit_are_not_encoded(precision, number):
     with pytest.raises(FrameError, match=precision.name):
         xsens.encode_numbers((number,), precision)
+
+
+@pytest.mark.parametrize('value', [math.nan, math.inf, -math.inf, 3e38])
+@pytest.mark.parametrize('precision', [Precision.FLOAT32, Precision.FLOAT64])
+@pytest.mark.parametrize('part, name', [
+    ('acceleration', 'acceleration'), ('rate', 'angular rate'), ('orientation', 'orientation')])
+def test_what_is_no_measurement_is_refused_by_name(value, precision, part, name):
+    numbers = (value, *getattr(SAMPLE, part)[1:])
+    body = encode_imu(0, replace(SAMPLE, **{part: numbers}), 0, precision)
+    with pytest.raises(FrameError, match=name):
+        decode_imu(body)

@@ -1,0 +1,182 @@
+"""No verb replaces a result without being asked to, and none deletes what is not its own."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+from smart_tire.bags import BagWriter
+from smart_tire.cli import demo
+from smart_tire.cli.main import main
+from smart_tire.cli.outputs import (
+    FIGURES, refuse_existing, refuse_existing_bag, refuse_folder_of_bag, remove, remove_bag)
+from smart_tire.errors import ParameterError
+
+SLOW = ('numpy', 'scipy', 'matplotlib', 'rosbags', 'mcap', 'rclpy')
+# Words of the command line, and what exists below --out or instead of it; inputs do not exist,
+# so that a verb that looks at them first says something else.
+CASES = {
+    'demo, bag': (['demo', '--out', 'OUT'], 'OUT/bag/bag_0.mcap', 'OUT/bag'),
+    'demo, figures': (['demo', '--out', 'OUT'], 'OUT/figures/slip.png', 'OUT/figures'),
+    'demo, summary': (['demo', '--out', 'OUT'], 'OUT/summary.json', 'OUT/summary.json'),
+    'analyze, estimates': (['analyze', 'BAG', '--out', 'OUT'],
+                           'OUT/estimates/estimates_0.mcap', 'OUT/estimates'),
+    'analyze, smoothed': (['analyze', 'BAG', '--smooth', '--out', 'OUT'],
+                          'OUT/smoothed/smoothed_0.mcap', 'OUT/smoothed'),
+    'analyze, summary': (['analyze', 'BAG', '--no-figures', '--out', 'OUT'],
+                         'OUT/summary.json', 'OUT/summary.json'),
+    'analyze, figure': (['analyze', 'BAG', '--out', 'OUT'], 'OUT/path.png', 'OUT/path.png'),
+    'analyze, one of two': (['analyze', 'BAG', 'OTHER', '--out', 'OUT'],
+                            'OUT/OTHER/summary.json', 'OUT/OTHER/summary.json'),
+    **{f'identify {kind}, {name}': (['identify', kind, 'BAG', '--out', 'OUT.yaml'], name, name)
+       for kind in ('film', 'gains', 'geometry', 'icr', 'stiffness')
+       for name in ('OUT.yaml', 'OUT.png')},
+    'identify film, default': (['identify', 'film', 'DATA.csv'], 'DATA_film.yaml',
+                               'DATA_film.yaml'),
+    'identify icr, default': (['identify', 'icr', 'BAG'], 'BAG_icr.yaml', 'BAG_icr.yaml'),
+    'measure': (['measure', 'film', 'DATA.csv', '--params', 'P', '--out', 'OUT.csv'],
+                'OUT.csv', 'OUT.csv'),
+    'measure, default': (['measure', 'film', 'DATA.csv', '--params', 'P'],
+                         'DATA_measured.png', 'DATA_measured.png'),
+    'reproduce, report': (['reproduce', '--out', 'OUT'], 'OUT/report.html', 'OUT/report.html'),
+    'reproduce, figure': (['reproduce', '--out', 'OUT'], 'OUT/paper_a_fig_4.png',
+                          'OUT/paper_a_fig_4.png'),
+    'bench slip': (['bench', '--slip', '--out', 'OUT'], 'OUT/results.json', 'OUT/results.json'),
+    'bench friction': (['bench', '--friction', '--out', 'OUT'], 'OUT/bound.png',
+                       'OUT/bound.png'),
+    'bench, default': (['bench', '--slip'], 'bench_output/slip/results.json',
+                       'bench_output/slip/results.json'),
+    'record': (['record', '--out', 'OUT'], 'OUT/OUT_0.mcap', 'OUT'),
+    'recover': (['recover', 'BAG', '--out', 'OUT'], 'OUT/OUT_0.mcap', 'OUT'),
+    'recover, default': (['recover', 'BAG'], 'BAG_recovered/BAG_recovered_0.mcap',
+                         'BAG_recovered'),
+}
+
+every_case = pytest.mark.parametrize(('words', 'file', 'named'), CASES.values(), ids=CASES)
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    """Return the working directory, which is empty."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def make(path, text='mine'):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text)
+    return path
+
+
+@every_case
+def test_a_result_that_exists_is_kept_and_named_in_one_line(words, file, named, here, capsys):
+    make(here / file)
+    before = sorted(here.rglob('*'))
+    assert main(words) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f'smart_tire {words[0]}: ')
+    assert f'{named} exists' in line and '--force' in line
+    assert sorted(here.rglob('*')) == before
+    assert (here / file).read_text() == 'mine'
+
+
+@pytest.mark.parametrize('case', [
+    'demo, bag', 'analyze, summary', 'identify film, OUT.yaml', 'identify gains, OUT.yaml',
+    'measure', 'reproduce, report', 'bench slip', 'bench friction', 'record', 'recover'])
+def test_the_refusal_comes_before_anything_slow_is_imported(case, here):
+    words, file, _ = CASES[case]
+    make(here / file)
+    code = ('import sys; from smart_tire.cli.main import main\n'
+            f'assert main({words}) == 2\n'
+            f'assert not {set(SLOW)} & set(sys.modules), set(sys.modules)')
+    subprocess.run([sys.executable, '-c', code], check=True, cwd=here,
+                   env={'PYTHONPATH': ':'.join(filter(None, sys.path))})
+
+
+def test_what_was_read_is_not_replaced_even_by_force(here):
+    data = make(here / 'data.csv')
+    with pytest.raises(ParameterError, match='is what is read'):
+        refuse_existing([here / 'new', here / 'sub' / '..' / 'data.csv'], force=True,
+                        inputs=[data])
+    refuse_existing([here / 'new'], force=False, inputs=[data])
+
+
+def test_a_link_that_leads_nowhere_exists(here):
+    (here / 'link').symlink_to(here / 'nowhere')
+    with pytest.raises(ParameterError, match='link exists'):
+        refuse_existing([here / 'link'], force=False)
+
+
+def test_a_bag_is_removed_as_a_whole(here):
+    with BagWriter(here / 'bag'):
+        pass
+    refuse_existing_bag(here / 'bag', force=True)
+    remove_bag(here / 'bag')
+    assert not (here / 'bag').exists()
+    remove_bag(here / 'bag')  # nothing to do
+
+
+@pytest.mark.parametrize('name', ['notes.txt', 'bag_1.mcap', 'bag_0.db3', 'other_0.mcap'])
+def test_a_folder_with_other_files_than_a_bag_is_refused_even_with_force(name, here):
+    with BagWriter(here / 'bag'):
+        pass
+    make(here / 'bag' / name)
+    with pytest.raises(ParameterError, match=f'holds {name}'):
+        refuse_existing_bag(here / 'bag', force=True)
+
+
+def test_a_file_in_the_place_of_a_bag_is_refused_even_with_force(here):
+    with pytest.raises(ParameterError, match='is a file'):
+        refuse_existing_bag(make(here / 'bag'), force=True)
+
+
+def test_only_named_files_are_deleted_and_the_folder_only_if_it_is_empty_then(here):
+    make(here / 'figures' / 'slip.png')
+    notes = make(here / 'figures' / 'notes.txt')
+    remove(here / 'figures', FIGURES)
+    assert sorted(here.rglob('*.*')) == [notes]
+    notes.unlink()
+    remove(here / 'figures', FIGURES)
+    assert not (here / 'figures').exists()
+
+
+def test_a_folder_in_the_place_of_a_file_is_an_error_in_one_line(here):
+    (here / 'figures' / 'slip.png').mkdir(parents=True)
+    with pytest.raises(ParameterError, match='cannot be replaced'):
+        remove(here / 'figures', FIGURES)
+
+
+@pytest.mark.parametrize(('bag', 'out'), [
+    ('drive', 'drive'), ('drive', 'drive/results'), ('drive', 'drive/../drive/a/b'),
+    ('drive/drive_0.mcap', 'drive'), ('drive/drive_0.mcap', 'drive/results'),
+    ('lone/file.mcap', 'lone')])
+def test_a_folder_of_a_bag_is_refused(bag, out, here):
+    make(here / 'drive' / 'drive_0.mcap')
+    make(here / 'drive' / 'metadata.yaml')
+    make(here / 'lone' / 'file.mcap')
+    with pytest.raises(ParameterError, match='is in the folder of the bag'):
+        refuse_folder_of_bag(here / out, [here / 'lone' / 'nowhere', here / bag])
+
+
+@pytest.mark.parametrize(('bag', 'out'), [
+    ('drive', 'results'), ('drive', 'drive2'), ('lone/file.mcap', 'lone/results')])
+def test_a_folder_beside_a_bag_is_not_refused(bag, out, here):
+    make(here / 'drive' / 'metadata.yaml')
+    make(here / 'lone' / 'file.mcap')
+    refuse_folder_of_bag(here / out, [here / bag])
+
+
+def test_a_demo_deletes_its_own_files_only(here):
+    own = [make(here / 'out' / name) for name in (
+        'summary.json', 'conversions.csv', 'demo.yaml', 'figures/slip.png', 'figures/contact.png',
+        'logs/recorder.log', 'logs/imu_driver.log', 'ports/imu', 'bag/bag_0.mcap',
+        'bag/metadata.yaml')]
+    others = [make(here / 'out' / name) for name in (
+        'notes.txt', 'figures/mine.png', 'logs/mine.log', 'more/summary.json')]
+    params = demo._prepare(here / 'out', 1)
+    assert 'seed: 1' in params.read_text()
+    assert {path for path in own if path.exists()} == {params}
+    assert all(path.read_text() == 'mine' for path in others)
+    assert not (here / 'out' / 'bag').exists()

@@ -1,0 +1,51 @@
+"""A subscriber with the default depth of 10 gets every sample of the radio's bursts."""
+
+from __future__ import annotations
+
+from itertools import count
+from pathlib import Path
+import time
+
+import pytest
+from support import keep_last
+from support.graph import Process
+from support.waiting import PATIENCE
+
+from smart_tire.protocol.tire_payload import encode_batch, TireBatch
+from smart_tire.protocol.xbee import encode_frame, encode_receive_packet, ReceivePacket
+
+BATCH_PERIOD = 0.04  # s, 16 samples at 400 Hz
+UNBROKEN = 25        # batches; without pacing each of them loses about 5 of its 16 samples
+UNITS = {0x0013A20040A1B2C2: 'front_left', 0x0013A20040A1B2C3: 'front_right'}
+
+
+def packet(number, address):
+    """Return the bytes of a unit's batch of that number."""
+    batch = TireBatch(flags=0, sequence=number, timer_us=40_000 * number, period_us=2500,
+                      codes=((500, 512),) * 16, battery_mv=3700)
+    return encode_frame(encode_receive_packet(
+        ReceivePacket(address, 0xFFFE, 1, encode_batch(batch))))
+
+
+@pytest.mark.parametrize('wheels', [1, 2])
+def test_a_subscriber_in_a_process_of_its_own_that_keeps_the_last_10_loses_nothing(
+        wheels, graph, port, tmp_path):
+    port.plug_in()
+    units = list(UNITS)[:wheels]
+    text = '[' + ', '.join(f'"{unit:016X}={UNITS[unit]}"' for unit in units) + ']'
+    listener = [str(Path(keep_last.__file__)), str(16 * UNBROKEN)]
+    with graph.start('tire_receiver', port=port.path, units=text) as node, \
+            Process(listener, tmp_path / 'listener.log') as subscriber:
+        graph.until(lambda: graph.value('tire_receiver', 'port_opened') == '1')
+        begin = time.monotonic()
+        for number in count():
+            if subscriber.popen.poll() is not None:
+                break
+            assert time.monotonic() - begin < PATIENCE, 'samples are lost all the time'
+            port.write(b''.join(packet(number, unit) for unit in units))
+            # The radio's own pace: batches come at their instants, whoever listens.
+            time.sleep(max(0.0, begin + (number + 1) * BATCH_PERIOD - time.monotonic()))
+        assert subscriber.ended() == 0, subscriber.output
+        graph.until(lambda: graph.value('tire_receiver', 'frames_ok') == str(wheels * number))
+        assert graph.value('tire_receiver', 'pacing_overruns') == '0'
+        assert node.end() == 0
