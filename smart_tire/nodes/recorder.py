@@ -126,4 +126,4 @@ def offered(profile: QoSProfile) -> Qos:
 def record(directory: Path, topics: Collection[str] = ()) -> tuple[int, dict[str, int]]:
     """Record until SIGINT or SIGTERM; return the exit status and the messages by topic."""
     with BagWriter(directory, ros_distro=os.environ.get('ROS_DISTRO', '')) as writer:
-        return run(lambda: Recorder(writer, topics)), writer.counts
+        return run(lambda: Recorder(writer, topics), own_arguments=True), writer.counts
