@@ -76,3 +76,19 @@ def test_whole_numbers_do_where_numbers_are_wanted(graph):
     with graph.start('wheel_controller', rate=20, imu__position='[0, 0, 1]') as node:
         graph.until(lambda: graph.health)
         assert node.end() == 0
+
+
+def test_the_simulator_takes_its_ports_away_after_the_drivers_that_use_them(graph, tmp_path):
+    """Ctrl-C ends all of them at the same time: a port that vanishes first would be an error."""
+    ports = {name: tmp_path / name for name in ('tire_radio', 'imu', 'motors')}
+    graph.listen('imu/data')
+    with graph.start('robot_simulator', **{f'ports__{name}': path for name, path in ports.items()}
+                     ) as simulator, graph.start('imu_driver', port=ports['imu']) as driver:
+        graph.until(lambda: graph.heard['imu/data'])
+        simulator.popen.send_signal(signal.SIGINT)
+        heard = len(graph.heard['imu/data'])
+        graph.until(lambda: len(graph.heard['imu/data']) > heard + 60)  # 0.6 s at 100 Hz
+        assert driver.end() == 0
+        assert simulator.ended() == 0
+        assert 'lost' not in driver.output
+    assert not ports['imu'].exists()
