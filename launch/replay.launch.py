@@ -1,23 +1,39 @@
 """Start the estimators on a bag: ``ros2 launch smart_tire replay.launch.py bag:=DIR rate:=5``."""
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, Shutdown, TimerAction
+from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown, TimerAction
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
+
+from smart_tire.launching import check_arguments, file, hold_interrupts, path, positive, text
 
 NODES = ('slip_estimator', 'friction_estimator')
 FILES = {
     'robot': 'geometry, tires, films and sensors',
     'tuning': 'estimators',
 }
+ARGUMENTS = {'namespace': text, 'bag': path, 'rate': positive, **dict.fromkeys(FILES, file)}
 LAST_ESTIMATES = 1.0  # s, from the end of the bag to the end of the estimators
+
+
+def end(event, context):
+    """Return what ends the launch after the player, with an error if that failed."""
+    if context.is_shutdown:
+        return []
+    last = OpaqueFunction(function=fail) if event.returncode else Shutdown(
+        reason='the bag has ended')
+    return [TimerAction(period=LAST_ESTIMATES, actions=[last])]
+
+
+def fail(context):
+    """End the launch with an error."""
+    raise RuntimeError('the bag was not replayed')
 
 
 def generate_launch_description():
     """Return the estimators and the player; all end when the bag has ended."""
     config = PathJoinSubstitution([FindPackageShare('smart_tire'), 'config'])
-    end = TimerAction(period=LAST_ESTIMATES, actions=[Shutdown(reason='the bag has ended')])
     return LaunchDescription([
         DeclareLaunchArgument('namespace', default_value='',
                               description='of the topics in the bag'),
@@ -26,6 +42,8 @@ def generate_launch_description():
         *(DeclareLaunchArgument(name, description=f'parameter file: {about}',
                                 default_value=PathJoinSubstitution([config, f'{name}.yaml']))
           for name, about in FILES.items()),
+        OpaqueFunction(function=check_arguments, args=[ARGUMENTS]),
+        OpaqueFunction(function=hold_interrupts),
         *(Node(package='smart_tire', executable=node, output='screen',
                namespace=LaunchConfiguration('namespace'),
                parameters=[LaunchConfiguration(name) for name in FILES])
@@ -34,5 +52,5 @@ def generate_launch_description():
              namespace=LaunchConfiguration('namespace'),
              arguments=['replay', LaunchConfiguration('bag'),
                         '--rate', LaunchConfiguration('rate')],
-             on_exit=[end]),
+             on_exit=end),
     ])
