@@ -1,26 +1,35 @@
 """Start the estimators on a bag: ``ros2 launch smart_tire replay.launch.py bag:=DIR rate:=5``."""
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, Shutdown, TimerAction
+from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown, TimerAction
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
+
+from smart_tire.launching import check_arguments, file, hold_interrupts, path, positive, text
 
 NODES = ('slip_estimator', 'friction_estimator')
 FILES = {
     'robot': 'geometry, tires, films and sensors',
     'tuning': 'estimators',
 }
+ARGUMENTS = {'namespace': text, 'bag': path, 'rate': positive, **dict.fromkeys(FILES, file)}
 LAST_ESTIMATES = 1.0  # s, from the end of the bag to the end of the estimators
 LONGEST_START = 30.0  # s for the estimators to start and to be matched
 
 
 def end(event, context):
-    """End all; a replay that failed ends the launch with an error, so that its status says so."""
-    if event.returncode and not context.is_shutdown:
-        raise RuntimeError(f'replay failed with status {event.returncode}, its log says why: '
-                           'there are no estimates, or not all of them')
-    return [TimerAction(period=LAST_ESTIMATES, actions=[Shutdown(reason='the bag has ended')])]
+    """Return what ends the launch after the player, with an error if that failed."""
+    if context.is_shutdown:
+        return []
+    last = OpaqueFunction(function=fail) if event.returncode else Shutdown(
+        reason='the bag has ended')
+    return [TimerAction(period=LAST_ESTIMATES, actions=[last])]
+
+
+def fail(context):
+    """End the launch with an error."""
+    raise RuntimeError('the replay failed, its log says why: there are no estimates, or not all')
 
 
 def generate_launch_description():
@@ -34,6 +43,8 @@ def generate_launch_description():
         *(DeclareLaunchArgument(name, description=f'parameter file: {about}',
                                 default_value=PathJoinSubstitution([config, f'{name}.yaml']))
           for name, about in FILES.items()),
+        OpaqueFunction(function=check_arguments, args=[ARGUMENTS]),
+        OpaqueFunction(function=hold_interrupts),
         *(Node(package='smart_tire', executable=node, output='screen',
                namespace=LaunchConfiguration('namespace'),
                parameters=[LaunchConfiguration(name) for name in FILES])

@@ -1,19 +1,38 @@
 """Start the drivers, the estimators and the controller of one robot."""
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument
+from launch.actions import DeclareLaunchArgument, OpaqueFunction, TimerAction
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
-NODES = ('tire_receiver', 'imu_driver', 'motor_driver', 'slip_estimator', 'friction_estimator',
+from smart_tire.launching import check_arguments, file, hold_interrupts, switch, text
+
+NODES = ('tire_receiver', 'imu_driver', 'slip_estimator', 'friction_estimator',
          'wheel_controller')
 FILES = {
     'robot': 'geometry, tires, films and sensors',
     'hardware': 'ports',
     'tuning': 'estimators and controller',
 }
+ARGUMENTS = {'namespace': text, 'respawn': switch, **dict.fromkeys(FILES, file)}
 RESPAWN_DELAY = 2.0  # s, for a port to come back and a glance at the log
+
+
+def new_node(executable, *parameters, **options):
+    """Return a node with the parameter files and ``parameters`` over them."""
+    return Node(package='smart_tire', executable=executable, output='screen',
+                namespace=LaunchConfiguration('namespace'),
+                parameters=[*map(LaunchConfiguration, FILES), *parameters], **options)
+
+
+def restart_stopped(event, context):
+    """Return a motor_driver in place of one that died: the robot must not drive off by itself."""
+    if context.is_shutdown or not switch(context.launch_configurations['respawn']):
+        return []
+    again = new_node('motor_driver', {'start_stopped': True},
+                     respawn=True, respawn_delay=RESPAWN_DELAY)
+    return [TimerAction(period=RESPAWN_DELAY, actions=[again])]
 
 
 def generate_launch_description():
@@ -22,13 +41,14 @@ def generate_launch_description():
     return LaunchDescription([
         DeclareLaunchArgument('namespace', default_value='', description='of all nodes'),
         DeclareLaunchArgument('respawn', default_value='false',
-                              description='start a node anew when it dies'),
+                              description='start a node again when it dies; motor_driver with '
+                                          'the emergency stop engaged'),
         *(DeclareLaunchArgument(name, description=f'parameter file: {about}',
                                 default_value=PathJoinSubstitution([config, f'{name}.yaml']))
           for name, about in FILES.items()),
-        *(Node(package='smart_tire', executable=node, output='screen',
-               namespace=LaunchConfiguration('namespace'),
-               parameters=[LaunchConfiguration(name) for name in FILES],
-               respawn=LaunchConfiguration('respawn'), respawn_delay=RESPAWN_DELAY)
-          for node in NODES),
+        OpaqueFunction(function=check_arguments, args=[ARGUMENTS]),
+        OpaqueFunction(function=hold_interrupts),
+        new_node('motor_driver', on_exit=restart_stopped),
+        *(new_node(name, respawn=LaunchConfiguration('respawn'), respawn_delay=RESPAWN_DELAY)
+          for name in NODES),
     ])

@@ -1,30 +1,48 @@
 """Start the simulated robot and everything that runs on the real one, plugged into it."""
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
+from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
+from smart_tire.launching import check_arguments, file, hold_interrupts, switch, text
+
+FILES = {
+    'robot': 'geometry, tires, films and sensors',
+    'simulation': 'ground, drive, radio and ports',
+    'tuning': 'estimators and controller',
+}
+ARGUMENTS = {'namespace': text, 'respawn': switch, **dict.fromkeys(FILES, file)}
+
+
+def robot(context):
+    """
+    Return ``robot.launch.py``, whose drivers open the simulator's ports.
+
+    ``ros2 launch --show-args`` does not look inside of a function: ``hardware``, which is set
+    here, is not offered.
+    """
+    same = {name: LaunchConfiguration(name) for name in ARGUMENTS if name != 'simulation'}
+    return [IncludeLaunchDescription(
+        PathJoinSubstitution([FindPackageShare('smart_tire'), 'launch', 'robot.launch.py']),
+        launch_arguments={**same, 'hardware': LaunchConfiguration('simulation')}.items())]
+
 
 def generate_launch_description():
-    """Return the simulator and ``robot.launch.py``, whose drivers open the simulator's ports."""
-    share = FindPackageShare('smart_tire')
-    robot, simulation, tuning = (
-        LaunchConfiguration(name) for name in ('robot', 'simulation', 'tuning'))
+    """Return the simulator and the robot."""
+    config = PathJoinSubstitution([FindPackageShare('smart_tire'), 'config'])
     return LaunchDescription([
         DeclareLaunchArgument('namespace', default_value='', description='of all nodes'),
+        DeclareLaunchArgument('respawn', default_value='false',
+                              description='as in robot.launch.py'),
         *(DeclareLaunchArgument(name, description=f'parameter file: {about}',
-                                default_value=PathJoinSubstitution(
-                                    [share, 'config', f'{name}.yaml']))
-          for name, about in (('robot', 'geometry, tires, films and sensors'),
-                              ('simulation', 'ground, drive, radio and ports'),
-                              ('tuning', 'estimators and controller'))),
+                                default_value=PathJoinSubstitution([config, f'{name}.yaml']))
+          for name, about in FILES.items()),
+        OpaqueFunction(function=check_arguments, args=[ARGUMENTS]),
+        OpaqueFunction(function=hold_interrupts),
         Node(package='smart_tire', executable='robot_simulator', output='screen',
-             namespace=LaunchConfiguration('namespace'), parameters=[robot, simulation]),
-        IncludeLaunchDescription(
-            PathJoinSubstitution([share, 'launch', 'robot.launch.py']),
-            launch_arguments={
-                'namespace': LaunchConfiguration('namespace'),
-                'robot': robot, 'hardware': simulation, 'tuning': tuning}.items()),
+             namespace=LaunchConfiguration('namespace'),
+             parameters=[LaunchConfiguration('robot'), LaunchConfiguration('simulation')]),
+        OpaqueFunction(function=robot),
     ])

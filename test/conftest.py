@@ -31,7 +31,8 @@ settings.load_profile('anywhere')
 
 WITH_PROCESSES = (
     'test/integration/', 'test/safety/', 'test/nodes/', 'test/links/', 'test/cli/test_record.py',
-    'test/cli/test_replay.py', 'test/cli/test_stack.py', 'test/simulation/test_hardware.py')
+    'test/cli/test_replay.py', 'test/cli/test_stack.py', 'test/simulation/test_hardware.py',
+    'test/test_launch.py')
 LONG = (  # ten seconds and more
     'test/analysis/test_offline.py', 'test/analysis/test_recordings.py',
     'test/estimation/test_slip_consistency.py', 'test/estimation/test_slip_estimator.py',

@@ -13,7 +13,7 @@ PACKAGE = ROOT / 'smart_tire'
 FILES = sorted(PACKAGE.rglob('*.py'))
 LEVEL = {
     'errors': 0, 'samples': 0, 'rotation': 0, 'parameters': 0,
-    'protocol': 1, 'messages': 1, 'models': 1, 'control': 1,
+    'launching': 1, 'protocol': 1, 'messages': 1, 'models': 1, 'control': 1,
     'links': 2, 'estimation': 2, 'bags': 2, 'vision': 2,
     'simulation': 3, 'analysis': 3,
     'nodes': 4, 'cli': 4,

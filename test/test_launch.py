@@ -1,17 +1,28 @@
-"""The launch files start what is installed with what is configured; needs no launch system."""
+"""
+The launch files start what is installed with what is configured.
+
+Stand-ins take the place of the launch system where it is not installed; where it is, the last
+tests run ``ros2 launch``.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from importlib.util import find_spec
+import os
 from pathlib import Path
+import re
 import runpy
+import signal
+import subprocess
 import sys
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import pytest
 
+from smart_tire.launching import check_arguments, hold_interrupts
 from smart_tire.parameters import NODE_PARAMS
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -57,15 +68,28 @@ def calls(value: Any) -> Iterator[Call]:
 
 
 @pytest.fixture
-def described(monkeypatch):
-    """Return a function that gives all calls that a launch file makes."""
+def stand_ins(monkeypatch):
+    """Let the launch system be one that records its calls."""
     for name in MODULES:
         monkeypatch.setitem(sys.modules, name, Recorder(name))
 
+
+@pytest.fixture
+def described(stand_ins):
+    """Return a function that gives all calls that a launch file makes."""
     def describe(path: Path) -> list[Call]:
-        return list(calls(runpy.run_path(str(path))['generate_launch_description']()))
+        return list(described_by(runpy.run_path(str(path))['generate_launch_description']()))
 
     return describe
+
+
+def described_by(value: Any) -> Iterator[Call]:
+    """Yield the calls in ``value``, and those that its functions return when they are visited."""
+    for call in calls(value):
+        yield call
+        if call.kind == 'OpaqueFunction' and not call.options.get('args') \
+                and call.options['function'] is not hold_interrupts:
+            yield from described_by(call.options['function'](None))
 
 
 def of_kind(found: list[Call], kind: str) -> list[Call]:
@@ -91,6 +115,18 @@ def test_arguments_that_are_used_are_declared_and_described(path, described):
     declared = {call.args[0]: call.options for call in of_kind(found, 'DeclareLaunchArgument')}
     assert used(found) == declared.keys()
     assert all(options['description'] for options in declared.values())
+
+
+@every_file
+def test_all_arguments_are_checked_before_any_process_starts(path, described):
+    found = described(path)
+    declared = {call.args[0] for call in of_kind(found, 'DeclareLaunchArgument')}
+    check, hold = of_kind(found, 'OpaqueFunction')[:2]
+    assert check.options['function'] is check_arguments
+    assert check.options['args'][0].keys() == declared
+    assert hold.options['function'] is hold_interrupts
+    first = next(call for call in found if call.kind == 'Node')
+    assert found.index(check) < found.index(hold) < found.index(first)
 
 
 @every_file
@@ -126,11 +162,32 @@ def test_a_simulation_is_the_simulator_and_the_robot_plugged_into_it(described):
     place, = include.args
     assert (LAUNCH / place.args[0][-1]).name == 'robot.launch.py'
     given = {name: call.args[0] for name, call in include.options['launch_arguments']}
-    assert given == {'namespace': 'namespace', 'robot': 'robot', 'hardware': 'simulation',
-                     'tuning': 'tuning'}
     taken = {call.args[0] for call in of_kind(described(LAUNCH / 'robot.launch.py'),
                                               'DeclareLaunchArgument')}
-    assert given.keys() <= taken
+    assert given == {**{name: name for name in taken}, 'hardware': 'simulation'}
+
+
+@pytest.mark.parametrize(('respawn', 'shutdown', 'restarted'), [
+    ('true', False, True), ('false', False, False), ('true', True, False)])
+def test_a_motor_driver_that_died_starts_again_with_the_stop_engaged(
+        respawn, shutdown, restarted, stand_ins):
+    robot = runpy.run_path(str(LAUNCH / 'robot.launch.py'))
+    first, = (node for node in of_kind(list(calls(robot['generate_launch_description']())), 'Node')
+              if node.options['executable'] == 'motor_driver')
+    assert 'respawn' not in first.options
+    assert not any('start_stopped' in part for part in first.options['parameters']
+                   if isinstance(part, dict))
+    context = SimpleNamespace(is_shutdown=shutdown, launch_configurations={'respawn': respawn})
+    actions = first.options['on_exit'](SimpleNamespace(returncode=-9), context)
+    if not restarted:
+        assert actions == []
+        return
+    timer, = actions  # ended by launch when it shuts down
+    assert timer.kind == 'TimerAction' and timer.options['period'] == robot['RESPAWN_DELAY']
+    again, = timer.options['actions']
+    assert again.options['executable'] == 'motor_driver' and again.options['respawn'] is True
+    assert again.options['parameters'][-1] == {'start_stopped': True}
+    assert again.options['parameters'][:-1] == first.options['parameters']
 
 
 def test_a_replay_is_the_estimators_and_the_bag_which_has_no_default(described):
@@ -160,10 +217,126 @@ def test_a_replay_that_fails_ends_the_launch_with_an_error(described, status, en
         assert of_kind(list(calls(player.options['on_exit'](event, context))), 'Shutdown')
 
 
+@pytest.mark.parametrize(('status', 'shutdown', 'actions'), [
+    (0, False, ['Shutdown']), (1, False, ['OpaqueFunction']), (1, True, [])])
+def test_a_replay_ends_with_its_player_and_with_an_error_if_that_failed(
+        status, shutdown, actions, stand_ins):
+    replay = runpy.run_path(str(LAUNCH / 'replay.launch.py'))
+    player, = (node for node in of_kind(list(calls(replay['generate_launch_description']())),
+                                        'Node') if 'on_exit' in node.options)
+    timers = player.options['on_exit'](SimpleNamespace(returncode=status),
+                                       SimpleNamespace(is_shutdown=shutdown))
+    found = [action for timer in timers for action in timer.options['actions']]
+    assert [action.kind for action in found] == actions
+    for action in of_kind(found, 'OpaqueFunction'):
+        with pytest.raises(RuntimeError, match='the bag was not replayed'):
+            action.options['function'](None)
+
+
+real = pytest.mark.skipif(find_spec('launch_ros') is None or find_spec('ros2launch') is None,
+                          reason='no ROS distribution is sourced')
+
+
+@real
 @every_file
 def test_the_launch_system_itself_accepts_the_file(path):
-    pytest.importorskip('launch_ros.actions', reason='no ROS distribution is sourced')
     from launch import LaunchDescription
     description = runpy.run_path(str(path))['generate_launch_description']()
     assert isinstance(description, LaunchDescription)
     assert all(argument.description for argument in description.get_launch_arguments())
+    assert {argument.name for argument in description.get_launch_arguments()} == \
+        runpy.run_path(str(path))['ARGUMENTS'].keys()
+
+
+class Launch:
+    """A running ``ros2 launch`` of one of the files, in a process group as of a terminal."""
+
+    def __init__(self, name: str, *arguments: str) -> None:
+        self._process = subprocess.Popen(
+            [sys.executable, '-c', 'import sys; from ros2cli.cli import main; sys.exit(main())',
+             'launch', str(LAUNCH / name), *arguments], stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True,
+            env={**os.environ, 'PYTHONUNBUFFERED': '1'})
+        self.lines: list[str] = []
+
+    def __enter__(self) -> Launch:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._process.poll() is None:
+            os.killpg(self._process.pid, signal.SIGKILL)
+        self._process.wait()
+        self._process.stdout.close()
+
+    def until(self, pattern: str) -> None:
+        """Read until a line has ``pattern``."""
+        for line in self._process.stdout:
+            self.lines.append(line)
+            if re.search(pattern, line):
+                return
+        raise AssertionError(f'no {pattern} in:\n' + ''.join(self.lines))
+
+    def interrupt(self) -> None:
+        """Do what Ctrl-C does: SIGINT to launch and all its children."""
+        os.killpg(self._process.pid, signal.SIGINT)
+
+    def end(self) -> int:
+        """Read until the end; return the exit status."""
+        self.lines += self._process.stdout
+        return self._process.wait()
+
+
+def given_files(name: str) -> list[str]:
+    """Return arguments for all files, so that the package need not be installed."""
+    return [f'{kind}:={ROOT / "config" / kind}.yaml'
+            for kind in runpy.run_path(str(LAUNCH / name))['FILES']]
+
+
+@real
+@pytest.mark.parametrize(('name', 'word', 'complaint'), [
+    ('simulation', 'simulation:=/no/such.yaml', 'no such file'),
+    ('simulation', 'robot:=robott.yaml', 'robot:=robott.yaml: no such file'),
+    ('robot', 'hardware:=/no/such.yaml', 'no such file'),
+    ('robot', 'tuning:=/tmp', 'is a directory, expected a file'),
+    ('replay', 'tuning:=/no/such.yaml', 'no such file'),
+    ('replay', 'bag:=/no/such/bag', 'bag:=/no/such/bag: no such file'),
+    ('replay', 'rate:=fast', 'expected a positive number'),
+    ('simulation', 'simulaton:=x', 'did you mean simulation:=?'),
+    ('simulation', 'hardware:=x', 'unknown argument hardware:='),
+    ('robot', 'use_sim_time:=maybe', 'unknown argument use_sim_time:='),
+    ('robot', 'respawn:=maybe', 'respawn:=maybe: expected true or false'),
+])
+def test_a_wrong_argument_ends_the_launch_in_one_line(name, word, complaint, isolated_ros):
+    file = f'{name}.launch.py'
+    bag = ['bag:=/tmp'] if name == 'replay' else []
+    with Launch(file, *given_files(file), *bag, word) as launch:
+        assert launch.end() == 1
+    said = [line for line in launch.lines if not line.startswith('[INFO] [launch]')]
+    assert len(said) == 1 and complaint in said[0], launch.lines
+
+
+@pytest.fixture
+def simulation(tmp_path):
+    """Return the arguments of a simulation with ports of its own, where all is installed."""
+    index = pytest.importorskip('ament_index_python', reason='no ROS distribution is sourced')
+    try:
+        index.get_package_prefix('smart_tire')
+    except index.PackageNotFoundError:
+        pytest.skip('smart_tire is not installed in a workspace')
+    described = (ROOT / 'config' / 'simulation.yaml').read_text()
+    assert '/tmp/smart_tire/' in described
+    (tmp_path / 'simulation.yaml').write_text(
+        described.replace('/tmp/smart_tire/', f'{tmp_path}/'))
+    return f'simulation:={tmp_path}/simulation.yaml'
+
+
+@real
+@pytest.mark.parametrize('moment', ['wheel_controller.*process started', 'motors is open'])
+def test_ctrl_c_of_a_simulation_prints_no_errors(moment, simulation, isolated_ros):
+    with Launch('simulation.launch.py', simulation) as launch:
+        launch.until(moment)
+        launch.interrupt()
+        assert launch.end() == 0
+    said = ''.join(launch.lines)
+    assert not re.search(r'ERROR|FATAL|Traceback|KeyboardInterrupt|has died', said), said
+    assert len(re.findall('has finished cleanly', said)) == 7, said

@@ -11,6 +11,7 @@ import argparse
 from collections.abc import Sequence
 from importlib import import_module
 import os
+import signal
 import sys
 from typing import Any
 
@@ -50,6 +51,7 @@ def new_parser(asked: str | None) -> argparse.ArgumentParser:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the verb that the command line names; return the exit status."""
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # see smart_tire.launching
     words = list(sys.argv[1:] if argv is None else argv)
     if ROS_ARGUMENTS in words:
         words = words[:words.index(ROS_ARGUMENTS)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 import signal
+import sys
 import threading
 from typing import Any, Generic, TypeVar
 
@@ -12,6 +13,7 @@ from rcl_interfaces.msg import SetParametersResult
 import rclpy
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
+from rclpy.exceptions import InvalidParameterTypeException
 from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -24,7 +26,8 @@ from smart_tire.messages import TOPICS
 from smart_tire.nodes.diagnostics import diagnostic_array, Status, Tally
 from smart_tire.nodes.parameters import declare
 from smart_tire.nodes.qos import publisher_qos, subscriber_qos
-from smart_tire.nodes.ros import message_class, new_executor, plain, RCLError, with_info
+from smart_tire.nodes.ros import (
+    foreign_arguments, message_class, new_executor, plain, RCLError, with_info, wrong_type)
 from smart_tire.parameters import build, specs
 
 Params = TypeVar('Params')
@@ -45,7 +48,10 @@ class SmartTireNode(Node, Generic[Params]):
     hardware_id = ''
 
     def __init__(self, name: str, params_class: type[Params]) -> None:
-        super().__init__(name)
+        try:
+            super().__init__(name)
+        except InvalidParameterTypeException as error:  # use_sim_time, which every node has
+            raise ParameterError(wrong_type(error)) from error
         self.params: Params = declare(self, params_class)
         self.inputs: dict[str, Tally] = {}
         self.outputs: dict[str, Tally] = {}
@@ -196,16 +202,21 @@ class SmartTireNode(Node, Generic[Params]):
         return SetParametersResult(successful=True)
 
 
-def run(node_class: Callable[[], SmartTireNode[Any]]) -> int:
+def run(node_class: Callable[[], SmartTireNode[Any]], *, own_arguments: bool = False) -> int:
     """
     Run a node until SIGINT or SIGTERM and return the exit status for ``sys.exit``.
 
     The handlers only raise a flag, so that neither a callback nor the clean-up is ever cut in
     two, however often the signal comes. A thread that dies of a defect takes the node with it.
+    Arguments that are none of ROS are refused, unless the caller has ``own_arguments``.
     """
     stopped: list[int] = []  # exit statuses, the first one counts
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stopped.append(EXIT_OK))
+    if not own_arguments and (words := foreign_arguments(sys.argv)):
+        get_logger('smart_tire').fatal(
+            f'unknown arguments: {" ".join(words)} (ROS arguments come after --ros-args)')
+        return EXIT_REFUSED
     try:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:  # rcl: arguments or a parameter file that it can not parse

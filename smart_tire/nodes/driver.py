@@ -14,6 +14,8 @@ from smart_tire.nodes.diagnostics import Status
 from smart_tire.samples import NS_PER_S
 
 Params = TypeVar('Params')
+PORT_GRACE_NS = 2 * NS_PER_S  # that a port may be away without a line: a simulator starts in 1 s
+PORT_LOOK = 0.2               # s between looks whether that has passed
 
 
 class Source(Protocol):
@@ -40,6 +42,50 @@ class Source(Protocol):
         """Return what was wrong with the latest one that was intact."""
 
 
+class PortLog:
+    """
+    The log of a port: a problem is logged when it has lasted for PORT_GRACE_NS.
+
+    Ctrl-C ends a simulated device together with its driver, and both start together: neither is
+    an error. A shorter loss is logged when the port is open again. The diagnostics report every
+    problem at once. The methods may be called from different threads.
+    """
+
+    def __init__(self, logger: Any, clock: Callable[[], int]) -> None:
+        self._logger, self._clock = logger, clock  # ns, steady
+        self._lock = threading.Lock()
+        self._pending: list[str] = []
+        self._since_ns: int | None = None  # of a problem
+        self._was_open = False
+
+    def trouble(self, text: str) -> None:
+        """Take a new problem of the port."""
+        with self._lock:
+            self._pending.append(text)
+            if self._since_ns is None:
+                self._since_ns = self._clock()
+
+    def opened(self, text: str) -> None:
+        """Log that the port is open, after the trouble that it had."""
+        with self._lock:
+            if self._was_open:
+                self._flush()
+            self._pending.clear()
+            self._since_ns, self._was_open = None, True
+        self._logger.info(text)
+
+    def look(self) -> None:
+        """Log a problem that has lasted; call this regularly."""
+        with self._lock:
+            if self._since_ns is not None and self._clock() - self._since_ns >= PORT_GRACE_NS:
+                self._flush()
+
+    def _flush(self) -> None:
+        for text in self._pending:
+            self._logger.error(text)
+        self._pending.clear()
+
+
 class DriverNode(SmartTireNode[Params]):
     """
     A node with a device on a serial port.
@@ -53,6 +99,8 @@ class DriverNode(SmartTireNode[Params]):
         self._bad_before = 0  # bad frames at the last report
         self._skipped_before = 0  # bytes, likewise
         self._log_at = 1      # bad frames that are worth a line
+        self._port_log = PortLog(self.get_logger(), self.steady_ns)
+        self.every(PORT_LOOK, self._port_log.look)
 
     def connect(self, source: Source, work: Callable[[Any, threading.Event], None]) -> None:
         """Let ``work`` go on with the port of the parameters once the node starts."""
@@ -71,9 +119,9 @@ class DriverNode(SmartTireNode[Params]):
 
     def _on_link(self, text: str) -> None:
         if self._link.problem:
-            self.get_logger().error(text)
+            self._port_log.trouble(text)
         else:
-            self.get_logger().info(text)
+            self._port_log.opened(text)
 
     def fill_status(self, status: Status) -> None:
         """Add the state of the port and the counts of frames."""

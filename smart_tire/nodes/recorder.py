@@ -213,5 +213,5 @@ def record(directory: Path, topics: Collection[str] = ()) -> Recording:
         return recorders[-1]
 
     with BagWriter(directory, ros_distro=os.environ.get('ROS_DISTRO', '')) as writer:
-        status = run(new)
+        status = run(new, own_arguments=True)
         return Recording(status, writer.counts, recorders[0].losses if recorders else [])

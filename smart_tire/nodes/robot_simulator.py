@@ -14,7 +14,9 @@ from smart_tire.parameters import SimulatorParams
 from smart_tire.simulation.hardware import Hardware
 from smart_tire.simulation.truth import Truth, truth_topic
 
-STOP_TIMEOUT = 5.0  # s
+STOP_TIMEOUT = 5.0   # s
+HOST_PATIENCE = 2.0  # s that drivers may take to close the ports; launch waits 5 s in all
+HOST_POLL = 0.02     # s
 
 
 class RobotSimulator(SmartTireNode[SimulatorParams]):
@@ -43,7 +45,14 @@ class RobotSimulator(SmartTireNode[SimulatorParams]):
         self._thread.start()
 
     def stop(self) -> None:
-        """Take the ports away."""
+        """
+        Take the ports away, after the drivers have closed them.
+
+        Ctrl-C ends both at the same time, and a device does not vanish before its driver.
+        """
+        end = time.monotonic() + HOST_PATIENCE
+        while self._thread.is_alive() and self._hardware.in_use and time.monotonic() < end:
+            time.sleep(HOST_POLL)
         self._stopping.set()
         self._thread.join(STOP_TIMEOUT)
         self._hardware.close()

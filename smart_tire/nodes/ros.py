@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 import inspect
 import re
@@ -16,6 +16,7 @@ from rclpy.node import Node
 from smart_tire.parameters.files import from_arguments
 
 RCLError: type[RuntimeError] = rclpy_implementation.RCLError  # ``publish`` raises it; not exported
+ROS_ARGS, END_OF_ROS_ARGS = '--ros-args', '--'  # on a command line
 
 
 def new_executor() -> Any:
@@ -91,4 +92,26 @@ def endpoint_names(node: Node, topic: str) -> dict[bytes, str]:
 
 def plain(error: Exception) -> str:
     """Return what rcl says of a failure, without the places in its own sources."""
-    return re.sub(r', at [^ ,]+:\d+', '', str(error)).removeprefix('failed to initialize rcl: ')
+    text = re.sub(r', at [^ ,]+:\d+', '', str(error)).removeprefix('failed to initialize rcl: ')
+    return re.sub(r'^\[(.*)\]$', r'unknown \1', text)  # it lists the ones that it does not know
+
+
+def wrong_type(error: Exception) -> str:
+    """Return what rclpy says of a parameter of its own as this package says it of others."""
+    text = str(error)
+    found = re.search(r"parameter '(.+?)' to '(.*)' of type .+, expecting type '(\w+)'", text)
+    if found is None:
+        return text
+    name, value, kind = found.groups()
+    return f'parameter {name}: {value!r}, expected a {kind.lower()}'
+
+
+def foreign_arguments(words: Sequence[str]) -> list[str]:
+    """Return the arguments of a command line that are none of ROS; rclpy ignores most of them."""
+    inside, foreign = False, []
+    for word in words[1:]:
+        if word in (ROS_ARGS, END_OF_ROS_ARGS):
+            inside = word == ROS_ARGS
+        elif not inside:
+            foreign.append(word)  # also ``from:=to``, which rcl takes for an old remapping
+    return foreign

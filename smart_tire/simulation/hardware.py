@@ -68,6 +68,11 @@ class Hardware:
         self._opened.close()
 
     @property
+    def in_use(self) -> bool:
+        """Return whether a host has one of the ports open."""
+        return any(port.connected for port in self._ports())
+
+    @property
     def dropped(self) -> dict[str, int]:
         """Return how many batches of each wheel the radio has lost."""
         return self._radio.dropped
@@ -80,8 +85,10 @@ class Hardware:
     @property
     def lost_bytes(self) -> int:
         """Return how many bytes nobody has taken from the ports."""
-        return sum(port.lost_bytes
-                   for port in (self._imu_port, self._radio_port, self._motor_port))
+        return sum(port.lost_bytes for port in self._ports())
+
+    def _ports(self) -> tuple[PtyPort, PtyPort, PtyPort]:
+        return self._imu_port, self._radio_port, self._motor_port
 
     def run(self, clock: Callable[[], int], stopping: threading.Event) -> None:
         """Follow the host's ``clock`` [ns] until told to stop."""

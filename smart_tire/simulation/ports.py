@@ -47,6 +47,11 @@ class PtyPort:
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    @property
+    def connected(self) -> bool:
+        """Return whether a host had the line open when it was last written to or waited for."""
+        return self._connected
+
     def write(self, data: bytes) -> None:
         """Send ``data`` as far as there is somebody to take it."""
         if self._hung_up():

@@ -132,6 +132,7 @@ def test_a_port_may_be_missing_busy_unplugged_and_plugged_in_again(graph, port):
         graph.until(lambda: graph.heard['imu/data'], send)
         graph.until(lambda: graph.value('imu_driver', 'port_opened') == '2')
         assert node.end() == 0
+        assert f'lost {port.path}: ' in node.output
         assert 'Traceback' not in node.output
 
 

@@ -1,0 +1,123 @@
+"""What the launch files check before they start a process; needs no launch system."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+import subprocess
+import sys
+from types import SimpleNamespace
+
+import pytest
+
+from smart_tire.errors import ParameterError
+from smart_tire.launching import check_arguments, file, path, positive, switch, text
+
+LAUNCHED = '/opt/share/smart_tire/launch/robot.launch.py'
+KINDS = {'namespace': text, 'respawn': switch}
+
+
+def context(configurations=None, command_line=(), launched=LAUNCHED):
+    """Return a launch context as it is when ``ros2 launch`` visits ``robot.launch.py``."""
+    source = SimpleNamespace(location=launched)
+    root = SimpleNamespace(entities=[SimpleNamespace(launch_description_source=source)])
+    known = {'current_launch_file_path': LAUNCHED, 'event': SimpleNamespace(
+        launch_description=root)}
+    return SimpleNamespace(
+        argv=command_line, get_locals_as_dict=lambda: known,
+        launch_configurations={'namespace': '', 'respawn': 'false', **(configurations or {})})
+
+
+@pytest.mark.parametrize(('name', 'complaint'), [
+    ('respwan', 'unknown argument respwan:=, did you mean respawn:=?'),
+    ('use_sim_time', 'unknown argument use_sim_time:=, expected one of namespace, respawn'),
+])
+def test_an_argument_that_launch_would_ignore_is_refused(name, complaint):
+    with pytest.raises(ParameterError) as error:
+        check_arguments(context(command_line=[f'{name}:=true']), KINDS)
+    assert str(error.value) == complaint
+
+
+@pytest.mark.parametrize('word', ['respawn:=false', 'namespace:=a:=b', 'launch-prefix:=gdb',
+                                  'sigterm_timeout:=9'])
+def test_arguments_of_the_file_and_of_launch_itself_are_accepted(word):
+    check_arguments(context(command_line=[word]), KINDS)
+
+
+def test_a_file_that_includes_this_one_has_arguments_of_its_own():
+    check_arguments(context(command_line=['speed:=3'], launched='/home/me/my.launch.py'), KINDS)
+
+
+def test_a_description_that_no_command_line_has_launched_is_not_refused():
+    bare = context(command_line=['speed:=3'])
+    bare.get_locals_as_dict = dict
+    check_arguments(bare, KINDS)
+
+
+def test_the_line_names_the_argument_its_value_and_what_is_wrong():
+    with pytest.raises(ParameterError) as error:
+        check_arguments(context({'respawn': 'maybe'}), KINDS)
+    assert str(error.value) == 'respawn:=maybe: expected true or false'
+
+
+@pytest.mark.parametrize(('kind', 'value', 'complaint'), [
+    (file, '/no/such.yaml', 'no such file or directory'),
+    (file, '/tmp', 'is a directory, expected a file'),
+    (path, '/no/such/bag', 'no such file or directory'),
+    (switch, '1', 'expected true or false'),
+    (positive, 'fast', 'expected a positive number'),
+    (positive, '0', 'expected a positive number'),
+    (positive, 'inf', 'expected a positive number'),
+    (positive, 'nan', 'expected a positive number'),
+])
+def test_a_bad_value_is_refused_with_the_reason(kind, value, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        kind(value)
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason='root may read everything')
+def test_a_file_that_may_not_be_read_is_refused(tmp_path):
+    secret = tmp_path / 'secret.yaml'
+    secret.touch(mode=0)
+    with pytest.raises(ValueError, match='no permission'):
+        file(str(secret))
+
+
+def test_good_values_are_accepted():
+    assert (switch('True'), switch('false'), positive('2.5'), text('')) == (True, False, 2.5, '')
+    assert file(__file__) == Path(__file__)
+    assert path('/tmp') == Path('/tmp')
+
+
+HOLD = """
+import asyncio, os, signal, subprocess, sys
+from types import SimpleNamespace
+from smart_tire.launching import hold_interrupts
+
+CHILD = "import os, signal; os.kill(os.getpid(), signal.SIGINT); print('alive', flush=True)"
+
+async def launch():
+    loop, children = asyncio.get_running_loop(), []
+
+    async def start():
+        children.append(subprocess.Popen([sys.executable, '-c', CHILD]))
+
+    hold_interrupts(SimpleNamespace(asyncio_loop=loop, launch_configurations={prefix!r}))
+    tasks = [loop.create_task(start()) for _ in range(2)]
+    await asyncio.gather(*tasks)
+    await asyncio.sleep(0)
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+    print([child.wait() for child in children], flush=True)
+
+asyncio.run(launch())
+"""
+
+
+@pytest.mark.parametrize(('configurations', 'survivors'), [
+    ({}, 2), ({'launch-prefix': 'gdb'}, 0)])  # a debugger needs the signal
+def test_processes_start_with_sigint_blocked_and_launch_itself_receives_it_again(
+        configurations, survivors):
+    result = subprocess.run([sys.executable, '-c', HOLD.format(prefix=configurations)],
+                            capture_output=True, text=True, timeout=60)
+    assert result.stdout.count('alive') == survivors
+    assert result.returncode == 0, result.stderr
