@@ -17,11 +17,12 @@ READY := $(VENV)/ready
 # Set inside a Python that has the rclpy wheels; one that starts anew must find its own.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help setup demo test lint mutants bench bench-slip bench-friction config clean
+.PHONY: help setup demo test lint mutants stop-times bench bench-slip bench-friction config clean
 help:
 	@echo 'make demo            run the simulated robot and all nodes; results in demo_output/'
 	@echo 'make test            check style and types, run the tests'
 	@echo 'make lint            check style and types only'
+	@echo 'make stop-times      measure how long the wheels take to stop, for each hazard'
 	@echo 'make mutants         mutation test of the safety path; survivors in mutants_output.md'
 	@echo 'make bench           measure CPU load, latency and offline speed'
 	@echo 'make bench-slip      measure slip and localization; results in bench_output/slip/'
@@ -73,6 +74,10 @@ endif
 # Two workers, one for tests that start nodes and one that computes: see test/conftest.py.
 test: lint
 	$(BIN)/python -m pytest -n 2
+
+# Real processes, emulated motor boards with faults; see docs/safety.md.
+stop-times: $(READY)
+	$(BIN)/python test/safety/stop_times.py
 
 # At most 300 mutants of the sources that must stop the wheels; see test/mutation.py.
 mutants: $(READY)

@@ -29,13 +29,20 @@ from support.mutants import Mutant, mutants, sample
 SAFETY_PATH: Mapping[str, tuple[str, ...]] = {
     'smart_tire/protocol/crc.py': ('test/protocol/test_crc.py', 'test/protocol/test_roboclaw.py'),
     'smart_tire/protocol/roboclaw.py': (
-        'test/protocol/test_roboclaw.py', 'test/links/test_motor_boards.py',
-        'test/simulation/test_devices.py'),
-    'smart_tire/control/*.py': ('test/control/*.py', 'test/nodes/test_wheel_controller.py'),
-    'smart_tire/links/motor_boards.py': (
-        'test/links/test_motor_boards.py', 'test/nodes/test_drivers.py -k "motor or board"'),
-    'smart_tire/nodes/motor_driver.py': ('test/nodes/test_drivers.py -k "motor or board"',),
-    'smart_tire/nodes/wheel_controller.py': ('test/nodes/test_wheel_controller.py',),
+        'test/protocol/test_roboclaw.py', 'test/simulation/test_devices.py',
+        'test/links/test_motor_boards.py -k "duties or low or restarts"'),
+    'smart_tire/control/*.py': ('test/control/*.py',),
+    'smart_tire/links/roboclaw_line.py': ('test/links/test_roboclaw_line.py',),
+    'smart_tire/links/wheel_encoder.py': ('test/links/test_wheel_encoder.py',),
+    'smart_tire/links/motor_boards.py': ('test/links/test_motor_boards.py',),
+    'smart_tire/nodes/command_input.py': (
+        'test/safety/test_commands.py', 'test/safety/test_publishers.py -k "motor_commands"'),
+    'smart_tire/nodes/motor_driver.py': (
+        'test/nodes/test_drivers.py -k "motor or board"', 'test/safety/test_emergency_stop.py',
+        'test/safety/test_publishers.py -k "motor_commands"'),
+    'smart_tire/nodes/wheel_controller.py': (
+        'test/nodes/test_wheel_controller.py',
+        'test/safety/test_publishers.py -k "wheel_states or cmd_vel"'),
 }
 ROOT = Path(__file__).resolve().parents[1]
 EQUIVALENT = 'test/equivalent_mutants.txt'

@@ -22,6 +22,7 @@ from smart_tire.samples import WHEELS
 LOOK = 0.2           # s between looks at what is published
 FLUSH = 0.25         # s between chunks, half of what a crash may cost
 DISCOVERY_NS = 2_000_000_000  # ns from the start, in which publishers are found that were there
+MIN_DEPTH = 100      # messages kept of any topic: a bag wants every command, not the newest
 OTHER_DEPTH = 1000   # messages kept of a topic that is not ours while the disk is busy
 
 
@@ -172,6 +173,7 @@ def adapted(name: str, offers: list[QoSProfile]) -> QoSProfile:
     topic = find_topic(name)
     profile = (QoSProfile(depth=OTHER_DEPTH) if topic is None
                else subscriber_qos(topic.name, wheels=len(WHEELS)))
+    profile.depth = max(profile.depth, MIN_DEPTH)
     reliable = all(offer.reliability == ReliabilityPolicy.RELIABLE for offer in offers)
     latched = all(offer.durability == DurabilityPolicy.TRANSIENT_LOCAL for offer in offers)
     profile.reliability = (

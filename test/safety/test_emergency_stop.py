@@ -93,7 +93,7 @@ def test_a_stop_that_a_board_did_not_acknowledge_is_no_success_and_latched(robot
 
 def test_a_stop_without_a_port_is_no_success_and_latched(robot):
     robot.rig.unplug()
-    robot.graph.until(lambda: 'lost' in robot.complaint(), robot.command)
+    robot.graph.until(lambda: 'no such port' in robot.complaint(), robot.command)
     assert not robot.emergency_stop(True).success
     plugged = robot.rig.plug_in()
     robot.graph.until(lambda: robot.rig.record(plugged).times(SET_DUTY, 129), robot.command)

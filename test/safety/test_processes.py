@@ -45,7 +45,7 @@ def test_the_wheels_stop_when_all_processes_freeze(robot):
 def test_the_wheels_stop_when_the_cable_is_pulled_and_wait_for_a_command_afterwards(robot):
     pulled = robot.rig.unplug()
     assert robot.until_stopped(pulled) < 0.5
-    robot.graph.until(lambda: 'lost' in robot.complaint())
+    robot.graph.until(lambda: 'no such port' in robot.complaint())
     robot.pause()
     robot.rig.plug_in()
     robot.stay_stopped(1.0, lambda: None)
