@@ -209,6 +209,7 @@ class _Boards:
                 self._boards[value] = _Board()
                 first = 2 * ADDRESSES.index(value)
                 self._shown[first] = self._shown[first + 1] = 0.0
+                self._note(answer)
             elif what == 'unplug':
                 self._port.unplug()
                 self._plugged = False
