@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from support.replaying import assert_same, offline_estimates, replayed
+from support.replaying import (
+    assert_same, normalised_errors, offline_estimates, played_live, replayed)
 from support.stack import parameter_file
 
 from smart_tire.analysis.pipeline import INPUTS
@@ -95,3 +96,13 @@ def test_estimators_that_feed_each_other_give_the_numbers_of_the_offline_run(
     assert_same(found, offline)
     with pytest.raises(AssertionError):  # the films do matter here
         assert_same(found, unaided)
+
+
+def test_live_estimates_with_late_messages_are_within_one_sigma_of_the_offline_run(
+        overloaded, params, tmp_path):
+    bag_path, offline = overloaded
+    found = played_live(bag_path, params, tmp_path)
+    errors = normalised_errors(found, offline)
+    assert min(map(len, errors.values())) >= 10
+    for topic, values in errors.items():
+        assert max(values) < 1.0, (topic, max(values))

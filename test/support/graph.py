@@ -88,9 +88,9 @@ class Graph:
         for status in array.status:
             self.health[status.name] = status
 
-    def turn(self) -> None:
-        """Handle what comes next."""
-        self._executor.spin_once(timeout_sec=0.02)
+    def turn(self, longest: float = 0.02) -> None:
+        """Handle what comes next, within ``longest`` [s]."""
+        self._executor.spin_once(timeout_sec=longest)
 
     def until(self, condition: Callable[[], object],
               do: Callable[[], object] = lambda: None) -> None:
@@ -131,12 +131,15 @@ class Graph:
 
     def say_message(self, name: str, message: Any) -> None:
         """Publish a message, be it good or bad."""
-        if name not in self._publishers:
-            publisher = self.node.create_publisher(
-                type(message), name, publisher_qos(name, wheels=4))
-            self._publishers[name] = publisher
-            self.until(publisher.get_subscription_count)
+        self.connect(name, type(message))
         self._publishers[name].publish(message)
+
+    def connect(self, name: str, cls: type[Any], readers: int = 1) -> None:
+        """Prepare to publish on a topic: return when so many listen to it."""
+        if name not in self._publishers:
+            publisher = self.node.create_publisher(cls, name, publisher_qos(name, wheels=4))
+            self._publishers[name] = publisher
+            self.until(lambda: publisher.get_subscription_count() >= readers)
 
     def call(self, type_name: str, name: str, **fields: Any) -> Any:
         """Call a service and return its response."""

@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 from collections import Counter
+from contextlib import ExitStack
 import math
 from pathlib import Path
+import time
 from typing import Any
 
 from smart_tire.analysis.pipeline import ESTIMATES, EstimatorParams, INPUTS, Pipeline
 from smart_tire.bags import Bag
 from smart_tire.bags.cdr import Decoder
 from smart_tire.cli.stack import ESTIMATORS, isolated_environment, Stack
-from smart_tire.messages import topic_of
+from smart_tire.messages import topic_of, TOPICS
+from smart_tire.nodes.ros import message_class
 from smart_tire.samples import Friction, Odometry, WheelSlip
+from support.graph import Graph, node_arguments, Process
 from support.stack import count
 from support.waiting import PATIENCE, wait_for
+
+START_NS = 200_000_000  # before the first message
+LAST_NS = 100_000_000   # of estimates at the end that may be missing
 
 
 def key(estimate) -> tuple[str, int, str]:
@@ -96,3 +103,67 @@ def assert_same(found: dict[Any, Any], expected: dict[Any, Any]) -> None:
             same = own == other or math.isnan(own) and math.isnan(other)
             assert same or abs(own - other) <= 1e-9 * max(1.0, abs(other)), (
                 estimate, expected[name])
+
+
+def played_live(bag_path: Path, params: Path, folder: Path) -> dict[Any, Any]:
+    """
+    Return the estimates of the nodes on messages that are published as any driver would.
+
+    A thread publishes them at the recorded pace; DDS and the executors decide on the order.
+    """
+    found: dict[Any, Any] = {}
+    with ExitStack() as stack:
+        graph = stack.enter_context(Graph(folder))
+        for node in ESTIMATORS:
+            stack.enter_context(Process([*node_arguments(node), '--params-file', str(params)],
+                                        folder / f'{node}.log'))
+        graph.listen(*ESTIMATES)
+        graph.until(lambda: graph.is_fed() and set(ESTIMATORS) <= graph.health.keys())
+        for topic, readers in (('imu/data', 1), ('wheel_states', 2), ('tire_samples', 1)):
+            graph.connect(topic, message_class(TOPICS[topic].type), readers)
+        with Bag(bag_path) as bag:
+            messages = list(bag.samples(INPUTS))
+        begin, first = time.monotonic_ns() + START_NS, messages[0][0]
+        for receive_ns, topic, sample in messages:
+            while time.monotonic_ns() - begin < receive_ns - first:
+                graph.turn(0.001)
+            graph.say(topic, sample)
+        newest = max(stamp for _, stamp, _ in offline_estimates(bag_path, params))
+        graph.until(lambda: any(sample.stamp_ns >= newest - LAST_NS
+                                for sample in graph.samples('odom')[-5:]))
+        settled = time.monotonic() + 1.0
+        graph.until(lambda: time.monotonic() > settled)
+        for topic in ESTIMATES:
+            found.update((key(sample), sample) for sample in graph.samples(topic))
+    return found
+
+
+def nearest(found: dict[Any, Any], passage: Any) -> Any:
+    """Return the passage of ``found`` that is ``passage``: late messages may shift its stamp."""
+    same = [other for other in found.values() if isinstance(other, Friction)
+            and isinstance(passage, Friction) and other.wheel == passage.wheel
+            and abs(other.stamp_ns - passage.stamp_ns) < LAST_NS]
+    return same[0] if same else None
+
+
+def normalised_errors(found: dict[Any, Any], expected: dict[Any, Any]) -> dict[str, list[float]]:
+    """Return topic -> differences of its main quantities over their standard deviations."""
+    errors: dict[str, list[float]] = {'odom': [], 'wheel_slip': [], 'tire_friction': []}
+    for name, other in expected.items():
+        live = found.get(name) or nearest(found, other)
+        if live is None:
+            continue
+        pairs: list[tuple[float, float, float]] = []
+        if isinstance(other, Odometry):
+            pairs = [(live.linear[0], other.linear[0], math.sqrt(other.twist_covariance[0])),
+                     (live.position[0], other.position[0], math.sqrt(other.pose_covariance[0])),
+                     (live.position[1], other.position[1], math.sqrt(other.pose_covariance[7]))]
+        elif isinstance(other, WheelSlip):
+            pairs = list(zip(live.ratio, other.ratio, other.sigma))
+        elif isinstance(other, Friction):
+            quantity = 'friction_coefficient'
+            pairs = [(live.value[quantity], other.value[quantity], other.sigma[quantity])]
+        errors.get(name[0], []).extend(
+            abs(a - b) / sigma for a, b, sigma in pairs
+            if math.isfinite(a) and math.isfinite(b) and sigma > 0.0)
+    return errors
