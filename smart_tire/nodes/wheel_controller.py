@@ -8,7 +8,7 @@ import sys
 from std_msgs.msg import Bool
 
 from smart_tire.control.velocity_mux import VelocityMux
-from smart_tire.control.wheel_control import WheelControl
+from smart_tire.control.wheel_control import STOPPED, WheelControl
 from smart_tire.models.skid_steer import wheel_speeds
 from smart_tire.nodes.base import run, SmartTireNode
 from smart_tire.nodes.command_input import CommandInput
@@ -18,6 +18,7 @@ from smart_tire.parameters import WheelControllerParams
 from smart_tire.samples import MotorCommand, VelocityCommand, WheelCommand, WheelSample
 
 WATCH = 0.025     # s between looks whether a command has expired, however slow the control
+REPEAT_NS = 100_000_000  # after which a duty is sent again: motor_driver's time-out is longer
 STATE_DEPTH = 10  # states of the emergency stop; none of a quick on and off must be missed
 
 
@@ -29,7 +30,7 @@ class WheelController(SmartTireNode[WheelControllerParams]):
         params = self.params
         self._control = WheelControl(params)
         self._mux = VelocityMux(params.inputs())
-        self._driving = False
+        self._duty, self._sent_ns = STOPPED, 0
         self._publish_wheels = self.advertise('wheel_commands')
         self._publish_motors = self.advertise('motor_commands')
         self._inputs = [
@@ -80,23 +81,29 @@ class WheelController(SmartTireNode[WheelControllerParams]):
         self._control.applied = state.data
 
     def _watch(self) -> None:
-        """Stop at once when the command in force has expired."""
-        if self._driving and self._mux.selected(self.steady_ns()) is None:
+        """Stop at once when command or wheel speeds have expired; until then repeat the duty."""
+        now_ns = self.steady_ns()
+        if self._duty != STOPPED and not (
+                self._mux.selected(now_ns) and self._control.measured(now_ns)):
             self._step()
+        elif now_ns - self._sent_ns > REPEAT_NS:
+            self._send_duty(now_ns)
 
     def _step(self) -> None:
         now_ns = self.steady_ns()
         selected = self._mux.selected(now_ns)
-        self._driving = selected is not None
         wanted = None
         if selected is not None:
             _, command = selected
             wanted = wheel_speeds(command.v_x, command.yaw_rate, self.params.robot.wheel_radius,
                                   self.params.effective_track).tolist()
-        velocity, duty = self._control.step(wanted, now_ns)
-        stamp_ns = self.now_ns()
-        self._publish_wheels(WheelCommand(stamp_ns, velocity))
-        self._publish_motors(MotorCommand(stamp_ns, duty))
+        velocity, self._duty = self._control.step(wanted, now_ns)
+        self._publish_wheels(WheelCommand(self.now_ns(), velocity))
+        self._send_duty(now_ns)
+
+    def _send_duty(self, now_ns: int) -> None:
+        self._publish_motors(MotorCommand(self.now_ns(), self._duty))
+        self._sent_ns = now_ns
 
     def fill_status(self, status: Status) -> None:
         """Add whether and why the robot stands."""

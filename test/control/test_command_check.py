@@ -104,6 +104,10 @@ def test_a_number_that_is_repeated_or_far_away_is_another_stream():
     assert streams.publisher(6 + MAX_SEQUENCE_GAP) == 2
 
 
+def test_hundreds_of_messages_may_be_lost_but_not_minutes_of_them():
+    assert 200 <= MAX_SEQUENCE_GAP <= 2000  # of 16 to 200 per second
+
+
 def test_of_two_streams_the_nearer_one_goes_on():
     streams = SequenceStreams()
     assert [streams.publisher(number) for number in (100, 50, 101, 51, 103)] == [0, 1, 0, 1, 0]

@@ -175,6 +175,40 @@ def test_the_motors_stop_with_the_program(rig):
         assert rig.state().still
         assert running.stopped(ended) < 0.1
         assert not running.gate.enabled
+        assert running.reports == []  # an end is not an event
+
+
+def test_boards_that_somebody_left_driving_are_stopped_first(rig):
+    with Running(rig) as running:
+        requests = rig.record(running.began).requests
+        for address in ADDRESSES:
+            first = next(request for _, request in requests if request.address == address)
+            assert (first.command, first.values) == (SET_DUTY, (0, 0))
+
+
+def test_waiting_costs_no_cpu_time(rig):
+    with Running(rig, rate=4.0) as running:
+        running.wait(1)
+        before = time.process_time()
+        pause(1.0)
+        assert time.process_time() - before < 0.5
+
+
+def test_after_the_port_was_opened_again_the_ages_of_readings_start_over(rig):
+    with Running(rig) as running:
+        running.wait(1)
+        running.end()
+        pause(1.0)
+        port = open_port(str(rig.path), 115200)
+        stopping = threading.Event()
+        rig.fail(mute={128, 129})
+        thread = threading.Thread(target=running.motors.run, args=(port, stopping))
+        thread.start()
+        pause(0.3)
+        assert max(running.motors.unread().values()) < 0.8
+        stopping.set()
+        thread.join()
+        port.close()
 
 
 def test_the_boards_get_their_time_out_before_any_duty(rig):
@@ -195,13 +229,25 @@ def test_the_line_is_never_silent_for_long_while_all_is_well(rig):
             assert np.max(np.diff(record.times(SET_DUTY, address))) < 0.03 + SLACK
 
 
+def test_the_duty_is_repeated_while_a_command_is_in_force(rig):
+    with Running(rig, rate=1.0, command_timeout=1.0) as running:
+        running.gate.command((0.2,) * 4, time.monotonic_ns())
+        asked = time.monotonic()
+        running.motors.wake()
+        pause(0.8)
+        for address in ADDRESSES:
+            assert np.max(np.diff(rig.record(asked).times(SET_DUTY, address))) < 0.03 + SLACK
+
+
 def test_status_time_out_and_supply_are_read_several_times_a_second(rig):
     with Running(rig) as running:
         pause(1.0)
         record = rig.record(running.began)
         for address in ADDRESSES:
             for command in (READ_STATUS, READ_TIMEOUT, READ_BATTERY):
-                assert np.max(np.diff(record.times(command, address))) < 0.15 + 2 * SLACK
+                times = record.times(command, address)
+                assert np.max(np.diff(times)) < 0.15 + 2 * SLACK
+                assert len(times) < 15  # the line has other work
         assert running.motors.supply() == pytest.approx(14.8)
 
 
@@ -222,6 +268,7 @@ def test_a_board_without_a_good_reply_stops_both(rig, faults):
                  if when >= record.first_zero() - 0.01]
         quiet = [when for when in record.bytes_at if when > max(zeros)]
         assert 0.15 < max(zeros) - min(zeros) < 0.25 + SLACK
+        assert len(zeros) < 40
         assert quiet[0] - max(zeros) > 0.29
         assert np.min(np.diff(quiet)) > 0.29
         assert {request.address for when, request in record.requests
@@ -378,5 +425,9 @@ def test_a_silent_board_is_named_with_the_time_since_it_was_read(rig):
 def test_before_the_boards_were_read_nothing_is_known_of_them():
     motors = MotorBoards(MotorDriverParams(), DutyGate(0.25, print), print)
     assert math.isnan(motors.supply())
+    motors._boards[0].supply = 12.0
+    assert math.isnan(motors.supply())
+    motors._boards[1].supply = 11.0
+    assert motors.supply() == 11.0
     assert max(motors.unread().values()) < 1.0
     assert motors.await_zero(0.01) == ['front board 128 (0x80)', 'rear board 129 (0x81)']

@@ -54,6 +54,18 @@ def test_the_zero_of_a_command_that_ceased_does_not_wait_for_the_next_step(graph
     with graph.start('wheel_controller', rate=1.0, wheel_states_timeout=5.0,
                      cmd_vel_timeout=1.5) as node:
         graph.until(lambda: latest(graph)[1] != NOTHING, driving(graph))
+        ended, seen = time.monotonic(), len(graph.heard['motor_commands'])
+        graph.until(lambda: latest(graph)[1] == NOTHING)
+        assert len(graph.heard['motor_commands']) - seen >= 8  # a driver's time-out is 0.25 s
+        assert 1.3 < time.monotonic() - ended < 1.5 + 0.15
+        assert node.end() == 0
+
+
+def test_the_zero_for_lost_wheel_speeds_does_not_wait_for_the_next_step(graph):
+    graph.listen('motor_commands')
+    with graph.start('wheel_controller', rate=1.0, wheel_states_timeout=1.5,
+                     cmd_vel_timeout=9.0) as node:
+        graph.until(lambda: latest(graph)[1] != NOTHING, driving(graph))
         ended = time.monotonic()
         graph.until(lambda: latest(graph)[1] == NOTHING)
         assert 1.3 < time.monotonic() - ended < 1.5 + 0.15
