@@ -301,6 +301,17 @@ def test_a_damaged_line_that_heals_at_once_is_used_again_without_the_silence(rig
         back = record.after(record.first_zero()).first_duty()
         assert 0.2 < back - failed < 0.45
         assert running.motors.faults == 1
+        assert all(min(sample.velocity) > 0.0 for sample in running.samples[-4:])
+
+
+def test_the_first_reading_after_a_fault_gives_no_speed(rig):
+    with Running(rig) as running:
+        running.drive(0.4)
+        seen = len(running.samples)
+        rig.fail(drop=2)
+        wait_for(lambda: running.motors.faults == 1)
+        running.wait(2)
+        assert all(min(sample.velocity) > 0.1 for sample in running.samples[seen:])  # they coast
 
 
 def test_a_reply_that_had_to_be_repeated_makes_no_sample(rig):
