@@ -71,7 +71,8 @@ ifndef ROS_DISTRO
 	else echo 'types are not checked by Python 3.10'; fi
 endif
 
-# Two workers, one for tests that start nodes and one that computes: see test/conftest.py.
+# Two workers, each with tests that start nodes and then with those that compute: see
+# test/conftest.py.
 test: lint
 	$(BIN)/python -m pytest -n 2
 

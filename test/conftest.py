@@ -1,9 +1,10 @@
 """
 What tests share: a ROS domain, ports to plug in, and the order in which two workers take them.
 
-A worker takes all tests of a file, so that what they share is made once. Tests that start nodes or
-wait for devices all go to one worker, one after the other, while the other one computes. Groups
-of xdist itself are no help: with this pytest it does not see them.
+A worker takes all tests of a file, so that what they share is made once. Tests that start nodes
+or wait for devices are two groups, each for one worker, one test after the other: those of the
+wheels' safety, which mostly wait, and all others. Then both workers compute. Groups of xdist
+itself are no help: with this pytest it does not see them.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ WITH_PROCESSES = (
     'test/integration/', 'test/safety/', 'test/nodes/', 'test/links/', 'test/cli/test_record.py',
     'test/cli/test_replay.py', 'test/cli/test_stack.py', 'test/simulation/test_hardware.py',
     'test/test_launch.py')
+OF_THE_WHEELS = ('test/safety/', 'test/links/')  # mostly waiting: a group of their own
 LONG = (  # ten seconds and more
     'test/analysis/test_offline.py', 'test/analysis/test_recordings.py',
     'test/estimation/test_slip_consistency.py', 'test/estimation/test_slip_estimator.py',
@@ -78,6 +80,8 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     class Scheduling(LoadFileScheduling):
         def _split_scope(self, nodeid: str) -> str:
             file = super()._split_scope(nodeid)
+            if any(name in file for name in OF_THE_WHEELS):
+                return 'of the wheels'
             return 'with processes' if _turn(file) < len(WITH_PROCESSES) else file
 
     config.option.loadscopereorder = False  # they are in order

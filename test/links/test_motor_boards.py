@@ -41,10 +41,10 @@ class Running:
         self.gate = DutyGate(params.command_timeout, self.reports.append)
         self.motors = MotorBoards(params, self.gate, self.samples.append)
         self.duty = None
-        self._port = open_port(str(rig.path), 115200)
+        self.port = open_port(str(rig.path), 115200)
         self._stopping, self._quiet = threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self.motors.run,
-                                        args=(self._port, self._stopping))
+                                        args=(self.port, self._stopping))
         self._commander = threading.Thread(target=self._command)
 
     def __enter__(self):
@@ -59,7 +59,7 @@ class Running:
         self._quiet.set()
         self._commander.join()
         self.end()
-        self._port.close()
+        self.port.close()
 
     def end(self):
         """End the work on the port."""
@@ -198,6 +198,7 @@ def test_after_the_port_was_opened_again_the_ages_of_readings_start_over(rig):
     with Running(rig) as running:
         running.wait(1)
         running.end()
+        running.port.close()
         pause(1.0)
         port = open_port(str(rig.path), 115200)
         stopping = threading.Event()

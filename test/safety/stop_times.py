@@ -67,6 +67,9 @@ def second(topic: str, make: Callable[[], object]) -> Scenario:
     def run(robot: RobotRig, folder: Path) -> float:
         with Stranger(folder, topic) as stranger:
             robot.drive()
+            robot.graph.until(  # that it exists is a warning
+                lambda: any('publishers exist' in robot.complaint(node)
+                            for node in ('motor_driver', 'wheel_controller')), robot.command)
 
             def both() -> None:
                 robot.command()

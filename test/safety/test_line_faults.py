@@ -34,22 +34,26 @@ LOST = {
     'rear mute': {'mute': {129}}, 'both garbled': {'garbled': {128, 129}},
     'rear garbled': {'garbled': {129}}, 'flooded': {'flood': True},
 }
-lost = pytest.mark.parametrize('faults', LOST.values(), ids=LOST)
 
 
-@lost
-def test_lost_replies_mean_zero_duty_at_both_boards_within_300_ms(robot, faults):
+@pytest.mark.parametrize('faults', LOST.values(), ids=LOST)
+def test_lost_replies_mean_zero_then_silence_and_duty_only_once_all_is_well(robot, faults):
     failed = robot.rig.fail(**faults)
     assert robot.until_stopped(failed) < 0.3
-    robot.stay_stopped(0.8)
+    robot.hold(1.4, robot.command)
+    check_silence(robot.rig.record(failed))
+    repaired = robot.rig.fail()
+    robot.drive()
+    record = robot.rig.record(repaired)
+    for address in (128, 129):
+        for command in (SET_TIMEOUT, READ_TIMEOUT):
+            assert record.times(command, address)[0] < record.first_duty()
+    assert robot.rig.state().timeouts == (2, 2)
 
 
-@lost
-def test_zero_is_repeated_then_the_line_is_silent_for_longer_than_the_boards_wait(robot, faults):
-    failed = robot.rig.fail(**faults)
-    robot.until_stopped(failed)
-    robot.hold(1.6, robot.command)
-    record = robot.rig.record(failed)
+def check_silence(record):
+    """Check that zero was repeated, that the line was silent then, and only probed after that."""
+    assert not record.after(record.first_zero()).driven()
     stopped = record.first_zero() - 0.01
     zeros = [[when for when in record.times(SET_DUTY, address) if when >= stopped]
              for address in (128, 129)]
@@ -64,20 +68,6 @@ def test_zero_is_repeated_then_the_line_is_silent_for_longer_than_the_boards_wai
     probes = [request for when, request in record.requests if when > ended]
     assert {request.command for request in probes} == {READ_TIMEOUT}
     assert {request.address for request in probes} == {128, 129}
-
-
-@lost
-def test_duty_comes_back_only_after_both_boards_have_their_time_out_again(robot, faults):
-    failed = robot.rig.fail(**faults)
-    robot.until_stopped(failed)
-    robot.hold(0.4, robot.command)
-    repaired = robot.rig.fail()
-    robot.drive()
-    record = robot.rig.record(repaired)
-    for address in (128, 129):
-        for command in (SET_TIMEOUT, READ_TIMEOUT):
-            assert record.times(command, address)[0] < record.first_duty()
-    assert robot.rig.state().timeouts == (2, 2)
 
 
 def test_boards_that_ignore_zero_are_stopped_by_their_own_time_out(robot):
@@ -144,7 +134,7 @@ def test_a_supply_at_the_limit_is_enough(robot):
 BROKEN = {'frozen': 'no encoder counts', 'reversed': 'encoder or motor reversed'}
 
 
-@pytest.mark.parametrize('wheel', range(4))
+@pytest.mark.parametrize('wheel', [1, 2])
 @pytest.mark.parametrize('kind', BROKEN)
 def test_an_encoder_that_breaks_means_zero_duty_until_commands_paused(robot, kind, wheel):
     failed = robot.rig.fail(**{kind: {wheel}})

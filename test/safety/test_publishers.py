@@ -36,6 +36,8 @@ def test_a_second_publisher_means_zero_duty_until_it_is_silent(robot, topic, tmp
             stranger.say(SECOND[topic]())
 
         robot.drive()  # while the other one only exists
+        robot.graph.until(lambda: f'2 publishers exist on {topic}: '
+                          in robot.complaint(READER[topic]), robot.command)
         began = time.monotonic()
         both()
         assert robot.until_stopped(began, both) < 0.3
@@ -69,8 +71,8 @@ def test_a_controller_that_was_killed_and_started_again_drives(robot):
 def test_a_second_message_now_and_then_is_never_obeyed(robot, tmp_path):
     with Stranger(tmp_path, 'motor_commands') as stranger:
         for _ in range(3):
-            robot.drive(0.3)
+            robot.drive(0.5)
             since = time.monotonic()
             stranger.say(SECOND['motor_commands']())
-            robot.hold(0.5, lambda: robot.command(0.3))
+            robot.hold(0.5, lambda: robot.command(0.5))
             assert max(max(duty) for _, duty in robot.rig.record(since).duties) < 0.9

@@ -1,0 +1,27 @@
+"""Several sources of velocity commands, with priorities and time-outs of their own."""
+
+from __future__ import annotations
+
+import time
+
+from support.robot_rig import RobotRig
+
+
+def test_the_input_of_higher_priority_wins_while_it_is_fresh(tmp_path, isolated_ros):
+    with RobotRig(tmp_path, controller=False) as robot:
+        robot.start('wheel_controller', cmd_vel_inputs='[teleop/cmd_vel, nav/cmd_vel]',
+                    cmd_vel_priorities='[10, 5]', cmd_vel_timeouts='[0.5, 0.2]')
+        graph = robot.graph
+
+        def both(teleop, nav):
+            if teleop is not None:
+                graph.say_on('teleop/cmd_vel', 'cmd_vel', robot.velocity(teleop))
+            graph.say_on('nav/cmd_vel', 'cmd_vel', robot.velocity(nav))
+
+        graph.until(lambda: min(robot.rig.state().speeds) > 3.0, lambda: both(None, 0.5))
+        graph.until(lambda: max(robot.rig.state().speeds) < -3.0, lambda: both(-0.5, 0.5))
+        ended = time.monotonic()
+        graph.until(lambda: min(robot.rig.state().speeds) > 3.0, lambda: both(None, 0.5))
+        assert time.monotonic() - ended > 0.5
+        ended = time.monotonic()
+        assert robot.until_stopped(ended, lambda: None) < 0.2 + 0.1
