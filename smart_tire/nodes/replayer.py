@@ -98,7 +98,7 @@ class Replayer:
         topic. A topic without any is no failure, an estimator that is not ready is one.
         """
         now = settled = called = time.monotonic()
-        end, told, before = now + seconds, now + SILENT, -1
+        end, report_at, before = now + seconds, now + SILENT, -1
         while not self._stop.is_set() and (now := time.monotonic()) < end:
             matched = [publisher.get_subscription_count()
                        for publisher in self._publishers.values()]
@@ -109,10 +109,10 @@ class Replayer:
             if now >= called:
                 self._leader.call(list(self._topics.values()))
                 called = now + CALL
-            if now >= told and (unready := self._unready()):
+            if now >= report_at and (unready := self._unready()):
                 self._node.get_logger().info('waiting: ' + '; '.join(
                     f'{name} {why}' for name, why in unready.items()))
-                told = math.inf
+                report_at = math.inf
             self._executor.spin_once(timeout_sec=POLL)
         self.result.unheard = [name for name, publisher in self._publishers.items()
                                if not publisher.get_subscription_count()]

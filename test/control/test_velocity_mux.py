@@ -66,3 +66,12 @@ def test_all_commands_can_be_discarded(mux):
     mux.take('nav', FAST, 0)
     mux.discard()
     assert mux.selected(0) is None
+
+
+@pytest.mark.parametrize('names', [('a', 'b'), ('b', 'a')])
+def test_priority_goes_by_the_number_not_by_the_name(names):
+    low, high = names
+    mux = VelocityMux([(low, 1, 1.0), (high, 2, 1.0)])
+    mux.take(high, FAST, 0)
+    mux.take(low, SLOW, 0)
+    assert mux.selected(0) == (high, FAST)
