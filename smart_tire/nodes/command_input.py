@@ -15,7 +15,7 @@ from smart_tire.nodes.ros import endpoint_names
 from smart_tire.samples import NS_PER_S
 
 TICK = 0.025       # s between looks at the clock, a tenth of the shortest stall
-MIN_WINDOW = 1.0   # s after its latest message for which a publisher counts
+MIN_WINDOW = 1.5   # s after its latest message for which a publisher counts, above a line fault
 WINDOWS = 2.0      # time-outs, likewise: one that is slow but in force must not be overlooked
 
 
