@@ -40,7 +40,6 @@ class Line:
     def exchange(self, address: int, command: Command, *values: int) -> tuple[int, ...]:
         """Return the reply of the board at ``address``; raise FrameError if there is none."""
         self._refuse_flood()
-        self.retried = False
         for attempt in range(ATTEMPTS):
             self.retried = attempt > 0
             try:

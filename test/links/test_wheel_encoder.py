@@ -15,8 +15,9 @@ RESOLUTION = math.tau / 2000
 
 def test_counts_become_angles_across_the_wrap():
     encoder = WheelEncoder(1, 2000)
-    encoder.update(COUNT_WRAP - 100, 0.0)
-    assert (encoder.position, encoder.step) == (0.0, 0.0)
+    assert encoder.resolution == RESOLUTION
+    encoder.update(COUNT_WRAP - 100, 0.1)
+    assert (encoder.position, encoder.step, encoder.jumped) == (0.0, 0.0, False)
     encoder.update(100, 0.1)
     assert encoder.step == pytest.approx(200 * RESOLUTION)
     encoder.update(50, 0.1)
