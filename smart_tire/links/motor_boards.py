@@ -143,7 +143,7 @@ class MotorBoards:
                     self.faults += 1
                     self._gate.hold(LINE, str(error))
                     self._make_safe(stopping)
-        finally:  # told to stop, or the port went away
+        finally:  # at the end, or when the port went away
             self._gate.hold(LINE, NOT_READY, report=False)
         self._repeat_zero()
 
