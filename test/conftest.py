@@ -41,7 +41,7 @@ LONG = (  # ten seconds and more
     'test/estimation/test_friction_estimator.py', 'test/analysis/test_smoothing.py',
     'test/analysis/test_reproduction_tires.py', 'test/cli/test_reproduce.py',
     'test/estimation/test_film_measurement.py', 'test/estimation/test_waveform_fit.py',
-    'test/estimation/test_stiffness_identification.py', 'test/estimation/test_delay_fit.py',
+    'test/estimation/test_stiffness_identification.py', 'test/numerics/test_delay_regression.py',
     'test/estimation/test_wheel_latency.py')
 
 DOMAINS = range(1, 102)  # above, DDS ports meet those that the system hands out

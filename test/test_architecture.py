@@ -12,14 +12,16 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / 'smart_tire'
 FILES = sorted(PACKAGE.rglob('*.py'))
 LEVEL = {
-    'errors': 0, 'samples': 0, 'rotation': 0, 'parameters': 0,
+    'arrays': 0, 'errors': 0, 'numerics': 0, 'parameters': 0, 'rotation': 0, 'samples': 0,
+    'uncertain': 0,
     'launching': 1, 'protocol': 1, 'messages': 1, 'models': 1, 'control': 1,
     'links': 2, 'estimation': 2, 'bags': 2, 'vision': 2,
     'simulation': 3, 'analysis': 3,
     'nodes': 4, 'cli': 4,
 }
 BESIDE = {  # the imports that stay on their level
-    ('parameters', 'errors'), ('parameters', 'samples'),
+    ('numerics', 'arrays'), ('numerics', 'errors'), ('parameters', 'errors'),
+    ('parameters', 'samples'),
     ('cli', 'nodes'),  # the command may start nodes
 }
 ONLY_IN = {
@@ -29,8 +31,8 @@ ONLY_IN = {
 }
 ROS_SUFFIXES = ('_msgs', '_srvs', '_interfaces')
 LAUNCH = {'launch', 'launch_ros', 'ament_index_python'}
-TIMELESS = {'errors', 'samples', 'rotation', 'parameters', 'protocol', 'messages', 'models',
-            'control', 'estimation'}
+TIMELESS = {'errors', 'samples', 'rotation', 'numerics', 'parameters', 'protocol', 'messages',
+            'models', 'control', 'estimation'}
 BROAD = {'Exception', 'BaseException'}
 
 every_file = pytest.mark.parametrize(

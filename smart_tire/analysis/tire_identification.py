@@ -13,14 +13,13 @@ from smart_tire.analysis.smoothing import SmoothedSlip
 from smart_tire.bags import Bag
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation import gain_identification, stiffness_identification
-from smart_tire.estimation.estimate import Estimate
 from smart_tire.estimation.gain_results import GainFit
 from smart_tire.estimation.passage_collector import KnownPassage, PassageCollector
 from smart_tire.estimation.stiffness_identification import StiffnessFit
 from smart_tire.parameters import FrictionEstimatorParams, RobotParams, SlipEstimatorParams
 from smart_tire.parameters.identified import Identified
-from smart_tire.samples import (
-    ImuSample, NS_PER_S, Sample, TireSample, WheelSample, WheelSlip)
+from smart_tire.samples import ImuSample, NS_PER_S, Sample, TireSample, WheelSample, WheelSlip
+from smart_tire.uncertain import Estimate
 
 
 def identify_stiffness(bags: Sequence[Path], robot: RobotParams,

@@ -8,14 +8,13 @@ frequencies, each over several seeds of the bench's noise.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from smart_tire.arrays import Array
 from smart_tire.estimation.film_measurement import measure
 from smart_tire.estimation.film_parameters import identify_film
 from smart_tire.models.buckling_film import FILMS
 from smart_tire.simulation.test_bench import sine, TestBench
 
-Array = npt.NDArray[np.float64]
 
 RATE = 500.0                                   # Hz
 IDENTIFIED = (0.012, 1.0, 60.0)                # m peak to peak, Hz, s

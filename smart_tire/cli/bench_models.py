@@ -14,12 +14,11 @@ import time
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from scipy.integrate import fixed_quad, quad, solve_bvp, solve_ivp
+from smart_tire.arrays import Array
 from smart_tire.errors import SmartTireError
 from smart_tire.models import brush_tire, elastica, heavy_elastica, hysteresis, tread_film
 
-Array = npt.NDArray[np.float64]
 
 BUDGET = 0.4        # s for the repetitions of a model; scipy's way is timed once
 PERIODS = 20        # of the input of the hysteresis, in three amplitudes

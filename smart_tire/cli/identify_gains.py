@@ -9,8 +9,8 @@ from smart_tire.cli.arguments import add_recordings
 from smart_tire.cli.identify_output import check_out, put_out
 
 if TYPE_CHECKING:
-    from smart_tire.estimation.estimate import Estimate
     from smart_tire.estimation.gain_results import GainFit
+    from smart_tire.uncertain import Estimate
 
 NAME = 'gains'
 HELP = 'volts per unit slip of each film, contact length, spacing and angle of films, out of bags'

@@ -15,9 +15,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from smart_tire.arrays import Array
 from smart_tire.samples import NS_PER_S
 
-Array = NDArray[np.float64]
 Instants = NDArray[np.int64]
 
 QUIET = 0.035         # m of watched rest that end a contact; hard braking feigns it for 26 mm

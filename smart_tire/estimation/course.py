@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dpbsv
 
+from smart_tire.arrays import Array
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.course_errors import CourseErrors, warps
 from smart_tire.samples import NS_PER_S
 
-Array = NDArray[np.float64]
 Instants = NDArray[np.int64]
 
 LEAST_DENSITY = 1e-12  # rad^2 s, of angles without noise

@@ -12,10 +12,10 @@ from functools import cache
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import spherical_jn
 
-Array = NDArray[np.float64]
+from smart_tire.arrays import Array
+
 
 ORDERS = np.arange(2, 14)  # of the Legendre polynomials; 0 is a shift, 1 a scale
 LEAST = 1e-5               # m, below which a polynomial does not matter: 1 mV at the steepest

@@ -13,19 +13,18 @@ from collections.abc import Sequence
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smart_tire.arrays import Array
 from smart_tire.errors import EstimatorError
-from smart_tire.estimation.estimate import Estimate
+from smart_tire.numerics.robust import MAD_TO_SIGMA
+from smart_tire.uncertain import Estimate
 
-Array = NDArray[np.float64]
 
 FEWEST = 3             # passages
 LATENESS_SIGMA = 0.003  # s, of what is known of the latencies between films and wheels; assumed
 LARGEST_SCATTER = 0.1  # rad, 9 mm of the paper's wheel: more than any fit is off
 LEAST_SCATTER = 1e-3   # rad, below which passages do not scatter; a tenth of a millimetre
 OUTLIER = 3.0          # scatters, beyond which a passage does not count
-MEDIAN_TO_SIGMA = 1.4826  # of the absolute values of Gaussian noise
 
 
 def film_angle(angles: Sequence[float], speeds: Sequence[float]) -> Estimate:
@@ -41,7 +40,7 @@ def film_angle(angles: Sequence[float], speeds: Sequence[float]) -> Estimate:
     first = _commonest(np.asarray(angles))
     off = np.angle(np.exp(1j * (np.asarray(angles) - first)))
     middle = float(np.median(off))
-    scatter = max(MEDIAN_TO_SIGMA * float(np.median(np.abs(off - middle))), LEAST_SCATTER)
+    scatter = max(MAD_TO_SIGMA * float(np.median(np.abs(off - middle))), LEAST_SCATTER)
     if scatter > LARGEST_SCATTER:
         raise EstimatorError(f'passages at angles that scatter by {scatter:.2f} rad: positions '
                              'of wheel_states begin anew within the recording')

@@ -20,11 +20,12 @@ import numpy as np
 import numpy.typing as npt
 from scipy.integrate import cumulative_trapezoid
 
+from smart_tire.arrays import Array
 from smart_tire.errors import EstimatorError, ParameterError
-from smart_tire.estimation.estimate import Estimate
-from smart_tire.estimation.film_signal import DEAD_BAND, noise_level, NORMAL_MAD
-from smart_tire.models.branches import (
-    Array, Branches, lasting_branches, relaxation, relaxation_at_starts)
+from smart_tire.estimation.film_signal import DEAD_BAND
+from smart_tire.models.branches import Branches, lasting_branches, relaxation, relaxation_at_starts
+from smart_tire.numerics.robust import MAD_TO_SIGMA, noise_level
+from smart_tire.uncertain import Estimate
 
 GRID = np.geomspace(0.03, 100.0, 24)  # of alpha K times the range of the input
 FEW = 2000           # samples that do for the coarse search
@@ -191,7 +192,7 @@ def _solved(columns: Array, output: Array, weights: Array) -> Array:
 
 
 def _weights(residual: Array, trusted: npt.NDArray[np.bool_], huber: bool) -> Array:
-    size = NORMAL_MAD * float(np.median(np.abs(residual[trusted])))
+    size = MAD_TO_SIGMA * float(np.median(np.abs(residual[trusted])))
     ratio = np.abs(residual) / max(size, np.finfo(float).tiny)
     weights = (HUBER / np.maximum(ratio, HUBER) if huber
                else np.maximum(1.0 - (ratio / TUKEY)**2, 0.0)**2)

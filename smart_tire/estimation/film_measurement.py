@@ -14,12 +14,13 @@ import math
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
+from smart_tire.arrays import Array
 from smart_tire.errors import ParameterError
 from smart_tire.estimation.film_parameters import FilmParams
 from smart_tire.estimation.film_recording import check_series
 from smart_tire.estimation.film_signal import DEAD_BAND, smoothed, without_spikes
 from smart_tire.models import elastica
-from smart_tire.models.branches import Array, lasting_branches
+from smart_tire.models.branches import lasting_branches
 from smart_tire.models.hysteresis import DuhemParams
 from smart_tire.models.hysteresis_inverse import invert
 

@@ -9,8 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
+from smart_tire.arrays import Array
 from smart_tire.errors import ParameterError
-from smart_tire.models.branches import Array, series
+from smart_tire.models.branches import series
 
 COLUMNS = ('time_s', 'deflection_m', 'charge_C')
 FEWEST = 20  # samples from which anything can be told

@@ -6,10 +6,10 @@ import numpy as np
 from scipy.ndimage import median_filter
 from scipy.signal import savgol_coeffs, savgol_filter
 
-from smart_tire.models.branches import Array, lasting_branches
+from smart_tire.arrays import Array
+from smart_tire.models.branches import lasting_branches
+from smart_tire.numerics.robust import noise_level
 
-NORMAL_MAD = 1.4826         # standard deviation over median absolute deviation
-THIRD_DIFFERENCE = 20**0.5  # its noise over that of a sample: 1 + 9 + 9 + 1 squares
 DEAD_BAND = 10.0            # of the noise: white noise of 1e5 samples spans 9
 SPIKE_WIDTH = 2             # samples, the widest that is seen as a spike
 SPIKE = 4.0                 # of the signal's own fast motion
@@ -17,12 +17,6 @@ WINDOWS = (81, 61, 41, 31, 21, 15, 11, 7)
 ORDER = 3                   # the same as 2 but at the ends, where 2 would bend a start from rest
 LARGEST_BIAS = 0.3          # of the noise, at the turns: smoothing must not blunt them
 LARGEST_EXCESS = 1.2        # of the power of slow residuals over that of noise alone
-
-
-def noise_level(signal: Array) -> float:
-    """Return the standard deviation of the noise on a smooth signal, or somewhat more."""
-    third = np.diff(signal, 3)
-    return float(NORMAL_MAD * np.median(np.abs(third)) / THIRD_DIFFERENCE)
 
 
 def without_spikes(signal: Array) -> tuple[Array, int]:

@@ -13,12 +13,11 @@ from dataclasses import dataclass, replace
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smart_tire.arrays import Array
 from smart_tire.estimation.motion import Estimate, UNKNOWN
 from smart_tire.models import brush_tire
 
-Array = NDArray[np.float64]
 
 SLIDES = 0.8              # of the critical slip: above, the waveform no longer shows how far
 SLIDES_SIGMAS = 4.0       # within which of it noise may hide that ...

@@ -11,12 +11,10 @@ from collections.abc import Sequence
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from smart_tire.estimation.waveform_model import FilmSamples, Own, own, Shared, WaveformModel
 from smart_tire.parameters.robot import RobotParams
 
-Array = NDArray[np.float64]
 
 MARGIN = 0.028     # m of travel before and after the contact: bumps, and some rest
 BUMP = 0.12        # of the bending peak, Fig. 11(b)

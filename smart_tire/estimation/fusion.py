@@ -14,7 +14,8 @@ import math
 
 import numpy as np
 
-from smart_tire.estimation.friction import Array, GROUNDS, PRIOR, Single
+from smart_tire.arrays import Array
+from smart_tire.estimation.friction import GROUNDS, PRIOR, Single
 from smart_tire.estimation.motion import Estimate, UNKNOWN
 
 CHANGE_RATE = 0.02   # chance per revolution that the ground changes; assumed

@@ -19,11 +19,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from smart_tire.arrays import Array
 from smart_tire.estimation.gain_evidence import Told
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import NS_PER_S
 
-Array = NDArray[np.float64]
 
 # shares of the smoothed slip's sigma, from simulated runs with default sensors: 0.55 of it lasts
 # through a manoeuvre and hardly any longer; 0.2 is new in every passage while steady, 0.6 else

@@ -13,13 +13,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from smart_tire.arrays import Array
 from smart_tire.estimation.passage_collector import KnownPassage
 from smart_tire.estimation.waveform_fit import (
     ALPHA_SIGMA, SlipKnowledge, WaveformFit, WaveformFitter)
 from smart_tire.estimation.waveform_model import Own, own, Shared
 from smart_tire.parameters import RobotParams
 
-Array = NDArray[np.float64]
 
 GAIN_SIGMA, LENGTH_SIGMA = 0.5, 0.1  # relative, of a first fit: as good as nothing is known ...
 NEAR_GAIN, NEAR_LENGTH = 0.2, 0.05   # ... and of the next ones, which begin near the truth

@@ -13,8 +13,8 @@ from dataclasses import replace
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smart_tire.arrays import Array
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.gain_combination import Combination, combine
 from smart_tire.estimation.gain_evidence import EvidenceReader, Told
@@ -24,7 +24,6 @@ from smart_tire.estimation.gain_results import (
 from smart_tire.estimation.passage_collector import KnownPassage
 from smart_tire.parameters import RobotParams
 
-Array = NDArray[np.float64]
 
 MOST_ROUNDS = 5      # of fits, each with what the one before found
 SETTLED = 0.3        # standard errors, below which the next one changes nothing

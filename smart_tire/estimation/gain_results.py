@@ -7,23 +7,22 @@ from dataclasses import dataclass, field, replace
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smart_tire.arrays import Array
 from smart_tire.errors import EstimatorError
-from smart_tire.estimation.estimate import Estimate, weighted_mean
 from smart_tire.estimation.film_angles import film_angle
 from smart_tire.estimation.gain_combination import Combination
 from smart_tire.estimation.gain_evidence import EvidenceReader, Told
+from smart_tire.numerics.robust import MAD_TO_SIGMA
 from smart_tire.parameters import RobotParams
+from smart_tire.uncertain import Estimate, weighted_mean
 
-Array = NDArray[np.float64]
 
 LEAST_SLIP = 0.03    # -, below which the stretch of a passage is lost in that of the bending
 SIGNIFICANT = 3.0    # sigmas, that a slip must differ from 0
 FEWEST = 5           # passages of a film, below which none can be told for an outlier
 WORST = 0.1          # relative standard error above which a gain or the contact length is refused
 WORST_PLACE = 0.003  # m, likewise of the place of a film
-MEDIAN_TO_SIGMA = 1.4826   # of the absolute values of Gaussian noise
 OUTLIER = 3.0              # sigmas, to which bending peaks beyond are drawn
 
 
@@ -277,7 +276,7 @@ def bendings(told: Sequence[Told], wheel: str, film: int) -> list[float]:
 def middle(values: Sequence[float]) -> Estimate:
     """Return the mean with its standard error; values far off count as if they were nearer."""
     median = float(np.median(values))
-    spread = MEDIAN_TO_SIGMA * float(np.median(np.abs(np.asarray(values) - median)))
+    spread = MAD_TO_SIGMA * float(np.median(np.abs(np.asarray(values) - median)))
     near = np.clip(values, median - OUTLIER * spread, median + OUTLIER * spread)
     return Estimate(float(np.mean(near)), float(np.std(near, ddof=1)) / math.sqrt(len(near))
                     if len(near) > 1 else math.inf)

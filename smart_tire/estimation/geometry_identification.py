@@ -8,7 +8,6 @@ import math
 from typing import TypeVar
 
 from smart_tire.errors import EstimatorError
-from smart_tire.estimation.estimate import Estimate, weighted_mean
 from smart_tire.estimation.gyro_check import check_gyro, GyroCheck, usable_reference
 from smart_tire.estimation.motion_record import Recording
 from smart_tire.estimation.rest_identification import fit_rest, HELD, RestFit
@@ -19,6 +18,7 @@ from smart_tire.estimation.wheel_latency import fit_turns, TurnFit
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.identified import Identified
 from smart_tire.rotation import angles, matrix
+from smart_tire.uncertain import Estimate, weighted_mean
 
 LATENCY, JITTER, TRACK = 'wheel latency', 'stamp jitter', 'effective track'
 RADIUS, GYRO_SCALE, REST = 'rolling radius', 'gyro scale', 'inertial unit'

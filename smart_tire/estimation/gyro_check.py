@@ -5,14 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smart_tire.arrays import Array
 from smart_tire.errors import EstimatorError
-from smart_tire.estimation.delay_fit import fit_delay, Problem, Rows
-from smart_tire.estimation.estimate import Estimate
 from smart_tire.estimation.motion_record import PoseRecord, Recording, Signal
+from smart_tire.numerics.delay_regression import fit_delay, Problem, Rows
+from smart_tire.uncertain import Estimate
 
-Array = NDArray[np.float64]
 
 STRETCH = 1.0        # s over which yaw is taken: as long as a turn, against noise of the poses
 LONGEST_GAP = 0.5    # s between poses

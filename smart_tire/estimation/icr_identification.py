@@ -21,17 +21,17 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from smart_tire.arrays import Array
 from smart_tire.errors import EstimatorError
-from smart_tire.estimation.delay_fit import noise_beside, sandwich
-from smart_tire.estimation.estimate import Estimate, weighted_mean
 from smart_tire.estimation.gyro_check import usable_reference
 from smart_tire.estimation.motion_record import (
     period, PoseRecord, Recording, Signal, wheel_intervals)
 from smart_tire.estimation.wheel_latency import shortest_stretch
+from smart_tire.numerics.delay_regression import noise_beside, sandwich
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.identified import Identified
+from smart_tire.uncertain import Estimate, weighted_mean
 
-Array = NDArray[np.float64]
 
 STRETCH = 0.5       # s over which a reference's way is taken: shorter than a turn
 LONGEST_GAP = 0.5   # s between poses within a stretch

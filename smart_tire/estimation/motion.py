@@ -14,14 +14,13 @@ import math
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smart_tire.arrays import Array
 from smart_tire.estimation.force_balance import ForceBalance
 from smart_tire.models.skid_steer import normal_loads
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import NS_PER_S, Odometry, WHEELS, WheelSlip
 
-Array = NDArray[np.float64]
 
 MEMORY = 1024             # samples of each stream: 8 s at 125 Hz
 NEAR_NS = 50_000_000      # a sample further from the stretch does not stand for it

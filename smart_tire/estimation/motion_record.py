@@ -9,9 +9,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from smart_tire.arrays import Array
 from smart_tire.samples import LEFT, RIGHT
 
-Array = NDArray[np.float64]
 
 BRIDGED = 2.0    # s, a gap between positions over which their difference still is a mean speed
 STRETCHED = 1.5  # periods; a longer gap between velocities has lost a message

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from smart_tire.estimation.friction import disagreement, Evidence, where_all_slides
 from smart_tire.estimation.motion import Estimate, WheelMotion
@@ -22,7 +21,6 @@ from smart_tire.estimation.wheel_films import WheelPassage
 from smart_tire.models import passage_waveform, tread_film
 from smart_tire.parameters.robot import RobotParams
 
-Array = NDArray[np.float64]
 
 PLAUSIBLE_BENDING = (0.3, 3.0)  # of the nominal bending peak
 LARGEST_RESIDUAL = 0.2          # of the bending peak, rms

@@ -12,7 +12,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from smart_tire.estimation.friction import Evidence
 from smart_tire.estimation.motion import Estimate, WheelMotion
@@ -22,7 +21,6 @@ from smart_tire.estimation.wheel_films import WheelPassage
 from smart_tire.models import tread_film
 from smart_tire.parameters.robot import RobotParams
 
-Array = NDArray[np.float64]
 
 MARGIN = 0.005         # m of travel beyond which no peak is
 COVERED = 0.9          # share of that way that must have been sampled

@@ -15,14 +15,14 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from smart_tire.arrays import Array
 from smart_tire.errors import EstimatorError
-from smart_tire.estimation.estimate import Estimate
 from smart_tire.estimation.motion_record import ImuRecord, Recording, WheelRecord
 from smart_tire.estimation.standstill import NOISE_FACTOR, SETTLED, STILL_WHEEL
 from smart_tire.models.skid_steer import GRAVITY
 from smart_tire.parameters import RobotParams
+from smart_tire.uncertain import Estimate
 
-Array = NDArray[np.float64]
 
 BEFORE_MOTION = 0.5  # s before the wheels are seen to move: they may be late
 WINDOW = 1.0         # s over which noise is taken

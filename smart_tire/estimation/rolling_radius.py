@@ -22,15 +22,15 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from smart_tire.arrays import Array
 from smart_tire.errors import EstimatorError
-from smart_tire.estimation.delay_fit import noise_beside, sandwich
-from smart_tire.estimation.estimate import Estimate
-from smart_tire.estimation.film_signal import noise_level
 from smart_tire.estimation.motion_record import PoseRecord, WheelRecord
 from smart_tire.estimation.wheel_travel import RolledWheels
+from smart_tire.numerics.delay_regression import noise_beside, sandwich
+from smart_tire.numerics.robust import noise_level
 from smart_tire.parameters import RobotParams
+from smart_tire.uncertain import Estimate
 
-Array = NDArray[np.float64]
 
 STRETCH = 2.0        # s of motion that make a stretch: several lengths of a robot
 LONGEST_GAP = 0.5    # s between poses within a stretch

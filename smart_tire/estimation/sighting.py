@@ -12,12 +12,11 @@ from dataclasses import dataclass
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smart_tire.arrays import Array
 from smart_tire.models import tread_film
 from smart_tire.parameters.robot import RobotParams
 
-Array = NDArray[np.float64]
 
 STEP = 0.0025          # m, between the places that are tried
 FINE = 1e-4            # m, between entries of the table

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smart_tire.arrays import Array
 from smart_tire.parameters import SlipEstimatorParams
 
-Array = NDArray[np.float64]
 
 SLIDE_FLOOR = 0.02    # m/s, sliding that a wheel shows at any speed
 CHANGE = 2.5          # sigmas of a change of wheel speed by stamps alone; more is real

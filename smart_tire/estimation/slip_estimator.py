@@ -7,11 +7,12 @@ from collections.abc import Sequence
 import math
 from typing import Any, Protocol
 
+from smart_tire.arrays import Array
 from smart_tire.estimation.film_aid import FilmAid
 from smart_tire.estimation.gate import Gate
 from smart_tire.estimation.radius_learning import RadiusLearner
 from smart_tire.estimation.shaking import Shaking
-from smart_tire.estimation.slip_filter import Array, SlipFilter, Tape
+from smart_tire.estimation.slip_filter import SlipFilter, Tape
 from smart_tire.estimation.slip_kinematics import SlipKinematics
 from smart_tire.estimation.slip_report import Estimate, Seen, SlipReport
 from smart_tire.estimation.slip_state import Motion, State, WheelTravel

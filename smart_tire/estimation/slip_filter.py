@@ -19,8 +19,8 @@ from typing import Protocol
 
 from filterpy.kalman import ExtendedKalmanFilter
 import numpy as np
-from numpy.typing import NDArray
 
+from smart_tire.arrays import Array
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.sliding import (
     Rolling, SLIDE_FLOOR, SlidingChange, SlidingSpread, Surprise)
@@ -30,7 +30,6 @@ from smart_tire.estimation.slip_state import (
 from smart_tire.models.skid_steer import GRAVITY
 from smart_tire.parameters import SlipEstimatorParams
 
-Array = NDArray[np.float64]
 
 MOUNTING_TILT = 0.009     # rad, one sigma of the unit's unknown tilt: half a degree
 POSE_FLOOR = 1e-4         # m, rad: an origin is by definition, yet no covariance may be singular

@@ -6,13 +6,11 @@ from collections.abc import Sequence
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smart_tire.arrays import Array
 from smart_tire.estimation.slip_state import N, SIDES, SLIDES, State
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import Vector3
-
-Array = NDArray[np.float64]
 
 
 class SlipKinematics:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smart_tire.arrays import Array
 from smart_tire.estimation.slip_kinematics import SlipKinematics
 from smart_tire.estimation.slip_state import State
 from smart_tire.models.skid_steer import GRAVITY, wheel_slip_ratio
@@ -24,7 +24,6 @@ PLANAR = PLANAR_VARIANCE * np.eye(6)
 POSE_TO, TWIST_TO = np.ix_([0, 1, 3, 4, 5], [0, 1, 3, 4, 5]), np.ix_([0, 1, 5], [0, 1, 5])
 POSE_FROM = np.ix_(*[[State.X, State.Y, State.ROLL, State.PITCH, State.YAW]] * 2)
 
-Array = NDArray[np.float64]
 Estimate = Odometry | WheelSlip | Icr
 
 

@@ -23,10 +23,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from smart_tire.arrays import Array
 from smart_tire.estimation.slip_report import Seen
 from smart_tire.estimation.spool import Spool
 
-Array = NDArray[np.float64]
 
 BLOCK = 1024       # moves that become links together
 SOFTENING = 1e-13  # share of each variance: states that are one stay apart for the solver

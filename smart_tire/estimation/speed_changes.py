@@ -17,17 +17,16 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from smart_tire.arrays import Array
 from smart_tire.errors import EstimatorError
-from smart_tire.estimation.delay_fit import DelayFit, fit_delay, Problem, Rows
-from smart_tire.estimation.estimate import Estimate
-from smart_tire.estimation.motion_record import (
-    Recording, Signal, wheel_intervals, WheelIntervals)
+from smart_tire.estimation.motion_record import Recording, Signal, wheel_intervals, WheelIntervals
 from smart_tire.estimation.rolling_radius import TURN_SLIP
 from smart_tire.estimation.wheel_latency import (
     delay_grid, LAG_PRIOR, LATENCY_LIMIT, REACH, shortest_stretch)
+from smart_tire.numerics.delay_regression import DelayFit, fit_delay, Problem, Rows
 from smart_tire.parameters import RobotParams
+from smart_tire.uncertain import Estimate
 
-Array = NDArray[np.float64]
 
 CHANGE = 1.0    # s over which changes are taken: as long as a robot takes to change its speed
 LEANING = 0.1   # relative error by a body that pitches as it gains speed: 0.6 degrees at 1 m/s2

@@ -10,16 +10,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smart_tire.arrays import Array
 from smart_tire.errors import EstimatorError
-from smart_tire.estimation.estimate import Estimate
-from smart_tire.estimation.film_signal import NORMAL_MAD
 from smart_tire.estimation.motion_record import WheelRecord
+from smart_tire.numerics.robust import MAD_TO_SIGMA
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import LEFT, RIGHT
+from smart_tire.uncertain import Estimate
 
-Array = NDArray[np.float64]
 
 # Savitzky and Golay, five readings: what remains of the middle one beside a parabola, and slope.
 BESIDE = np.array([3.0, -12.0, 18.0, -12.0, 3.0]) / 35.0
@@ -64,7 +63,7 @@ def _filtered(values: Array, kernel: Array) -> Array:
 
 def _shared(errors: Array) -> Estimate:
     """Return the standard deviation of what two columns of errors (n, 2) share."""
-    both, apart = (NORMAL_MAD * np.median(np.abs(errors @ sign)) for sign in ((1, 1), (1, -1)))
+    both, apart = (MAD_TO_SIGMA * np.median(np.abs(errors @ sign)) for sign in ((1, 1), (1, -1)))
     variance = float(both ** 2 - apart ** 2) / 4.0 / KEPT
     # standard error of a variance by the median absolute deviation of n / 2 independent errors
     doubt = float(both ** 2 + apart ** 2) / 4.0 / KEPT * 2.0 * math.sqrt(2.7 / len(errors))

@@ -24,15 +24,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares, OptimizeResult
 
+from smart_tire.arrays import Array
 from smart_tire.errors import EstimatorError
-from smart_tire.estimation.estimate import Estimate, UNDETERMINED, weighted_mean
 from smart_tire.estimation.motion_record import Recording, Signal
 from smart_tire.estimation.stiffness_model import Common, StiffnessModel
 from smart_tire.estimation.straight_runs import FEWEST, LEAST_SPEED, straight_runs
 from smart_tire.models.skid_steer import GRAVITY
 from smart_tire.parameters import RobotParams
+from smart_tire.uncertain import Estimate, UNDETERMINED, weighted_mean
 
-Array = NDArray[np.float64]
 
 TYPICAL_FRICTION, FRICTION_FACTOR = 0.45, 2.0  # of the grounds that there are; assumed
 TYPICAL_DRAG, DRAG_SIGMA = 0.015, 0.15  # of the weight: firm ground, and up to deep sand

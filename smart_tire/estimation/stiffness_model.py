@@ -12,15 +12,14 @@ from enum import IntEnum
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smart_tire.arrays import Array
 from smart_tire.estimation.motion_record import Signal
 from smart_tire.estimation.straight_runs import StraightRuns
 from smart_tire.models.common_slip import stiff_slip
 from smart_tire.models.skid_steer import GRAVITY, normal_loads
 from smart_tire.parameters import RobotParams
 
-Array = NDArray[np.float64]
 
 LARGEST_SLIP = 0.5  # -, either way; beyond, wheels slide and speeds mean nothing
 RUN_STEP = 0.01     # m/s and m/s2, for derivatives by what belongs to a run

@@ -16,10 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular
 
+from smart_tire.arrays import Array
 from smart_tire.estimation.motion_record import Recording, Signal, wheel_intervals, WheelIntervals
+from smart_tire.numerics.robust import MAD_TO_SIGMA
 from smart_tire.parameters import RobotParams
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 SHORTEST = 0.05     # s, of a stretch; of wheels that are read more often, several go together
@@ -29,7 +30,6 @@ FEWEST = 6          # stretches of a run
 LONGEST = 400       # stretches, after which a run goes on as another: their errors are all linked
 GAP = 0.05          # s between readings of the inertial unit, over which speed is not integrated
 ROUGHNESS = 0.001   # m/s, of a stretch beyond stamps and counts: uneven ground; assumed
-NORMAL_MAD = 1.4826  # standard deviation over median absolute deviation of a normal distribution
 
 
 @dataclass(frozen=True)
@@ -167,4 +167,4 @@ def white_noise(signal: Array) -> float:
     """Return one sigma of the white noise in a signal, from its second differences."""
     if len(signal) < 3:
         return 0.0
-    return NORMAL_MAD * float(np.median(np.abs(np.diff(signal, 2)))) / math.sqrt(6.0)
+    return MAD_TO_SIGMA * float(np.median(np.abs(np.diff(signal, 2)))) / math.sqrt(6.0)

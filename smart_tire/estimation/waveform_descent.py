@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dposv
 
+from smart_tire.arrays import Array
 from smart_tire.estimation.motion import Estimate
 from smart_tire.estimation.waveform_model import FilmSamples, Own, own, Shared, WaveformModel
+from smart_tire.numerics.robust import MAD_TO_SIGMA
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 LARGEST_STEP = 0.003     # m, of a place in one iteration
@@ -28,7 +29,6 @@ MOST_DAMPED = 1e6
 CONVERGED = 0.03         # of the misfit, chi-squared: a step that saves less is the last
 OUTLIER = 3.0            # sigmas, beyond which a sample counts less
 AT_ONCE = 200_000        # multiplications in a product; OpenBLAS uses threads from 4 * 65536 on
-MEDIAN_TO_SIGMA = 1.4826  # of the absolute values of Gaussian noise
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -165,7 +165,7 @@ class Descent:
     def _weights(self, point: Point) -> Array:
         """Return 1 / variance, less for outliers (Huber), none for what is beyond its rail."""
         size = np.abs(point.residual)
-        spread = max(math.sqrt(self._variance), MEDIAN_TO_SIGMA * middle(size))
+        spread = max(math.sqrt(self._variance), MAD_TO_SIGMA * middle(size))
         edge = OUTLIER * spread
         weight: Array = (edge / self._variance) / np.maximum(size, edge)
         return np.where(self._rail * point.residual < 0.0, 0.0, weight) if self._clips else weight

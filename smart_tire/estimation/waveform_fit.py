@@ -12,18 +12,17 @@ from dataclasses import dataclass, field
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smart_tire.arrays import Array
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.course_errors import CourseErrors
 from smart_tire.estimation.motion import Estimate
 from smart_tire.estimation.sighting import Sighting
-from smart_tire.estimation.waveform_descent import (
-    Descent, End, MEDIAN_TO_SIGMA, middle, OUTLIER, Prior, solved)
+from smart_tire.estimation.waveform_descent import Descent, End, middle, OUTLIER, Prior, solved
 from smart_tire.estimation.waveform_model import FilmSamples, Own, own, Shared, WaveformModel
+from smart_tire.numerics.robust import MAD_TO_SIGMA
 from smart_tire.parameters.robot import RobotParams
 
-Array = NDArray[np.float64]
 
 FEWEST = 8               # samples of a film; priors stand for what they do not tell
 PLACE_SIGMA = 0.005      # m, of the place where a film was sighted
@@ -230,7 +229,7 @@ def _judged(passage: Passage, end: End) -> WaveformFit:
     squares = residual * residual
     size = weight * squares
     excess = max(1.0, float(np.minimum(size, OUTLIER**2).sum()) / freedom,
-                 middle(size) * MEDIAN_TO_SIGMA**2)
+                 middle(size) * MAD_TO_SIGMA**2)
     covariance = np.zeros((len(p), len(p)))
     covariance[prior.free[:, np.newaxis], prior.free] = solved(
         end.hessian, np.eye(len(end.hessian)))

@@ -16,10 +16,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from smart_tire.arrays import Array
 from smart_tire.models import passage_waveform, tread_film
 from smart_tire.parameters.robot import RobotParams
 
-Array = NDArray[np.float64]
 
 LEAST_SLIDING = 0.01  # -, below, the model goes on linearly: noise may make a sliding negative
 

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smart_tire.arrays import Array
 from smart_tire.estimation.contacts import Contact, FilmRecord
 from smart_tire.estimation.course import Path, Roll, SmoothCourse, WheelCourse
 from smart_tire.estimation.passes import FilmPlace, Pass, Point
@@ -26,7 +26,6 @@ from smart_tire.estimation.waveform_model import FilmSamples
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import NS_PER_S, TireSample, WHEELS, WheelSample
 
-Array = NDArray[np.float64]
 
 BLOCK_NS = 100_000_000    # of the wheel's course that is worked off at once, at least
 SETTLE_NS = 100_000_000   # the wheel's angle is smooth that long before its newest sample

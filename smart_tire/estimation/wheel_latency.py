@@ -16,17 +16,16 @@ from dataclasses import dataclass
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smart_tire.arrays import Array
 from smart_tire.errors import EstimatorError
-from smart_tire.estimation.delay_fit import (
-    DelayFit, fit_delay, noise_beside, Problem, Rows, sandwich)
-from smart_tire.estimation.estimate import Estimate
 from smart_tire.estimation.motion_record import (
     period, Recording, Signal, wheel_intervals, WheelIntervals)
+from smart_tire.numerics.delay_regression import (
+    DelayFit, fit_delay, noise_beside, Problem, Rows, sandwich)
 from smart_tire.parameters import RobotParams
+from smart_tire.uncertain import Estimate
 
-Array = NDArray[np.float64]
 
 SHORTEST = 0.15        # s; within less robots hardly change how they turn, and noise prevails
 READINGS = 3.0         # of the inertial unit in a stretch: between them it is guessed

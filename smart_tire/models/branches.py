@@ -13,10 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from smart_tire.arrays import Array, ArrayLike
 from smart_tire.errors import ParameterError
 
-Array = npt.NDArray[np.float64]
-ArrayLike = npt.ArrayLike
 Indices = npt.NDArray[np.intp]
 
 

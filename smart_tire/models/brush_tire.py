@@ -9,10 +9,9 @@ Arguments broadcast against each other. The tire is isotropic (C_y = C_x), an as
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
-ArrayLike = npt.ArrayLike
+from smart_tire.arrays import Array, ArrayLike
+
 
 MIN_ROLLING_SPEED = 1e-6  # m/s, keeps the slip of a locked wheel finite; far above critical
 

@@ -14,9 +14,9 @@ import math
 
 import numpy as np
 
+from smart_tire.arrays import Array, ArrayLike
 from smart_tire.errors import ParameterError
 from smart_tire.models import elastica, heavy_elastica, printed_elastica
-from smart_tire.models.elastica import Array, ArrayLike
 
 GRAVITY = 9.80665  # m/s2, standard
 

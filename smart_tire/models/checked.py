@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from smart_tire.arrays import Array, ArrayLike
 from smart_tire.errors import ParameterError
-
-Array = npt.NDArray[np.float64]
-ArrayLike = npt.ArrayLike
 
 
 def numbers(name: str, value: ArrayLike) -> Array:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from smart_tire.arrays import Array
+
 
 MOST_FORCE = 0.995  # of what the wheels can hold; closer, slip says nothing of the force
 ITERATIONS = 30     # at most, of Newton's method, which comes from below

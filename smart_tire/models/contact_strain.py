@@ -17,8 +17,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from smart_tire.arrays import Array, ArrayLike
 from smart_tire.models import brush_tire, checked
-from smart_tire.models.checked import Array, ArrayLike
 
 METHODS = ('exact', 'printed')
 

@@ -17,10 +17,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import ellipe, ellipj, ellipk, elliprd
 
+from smart_tire.arrays import Array, ArrayLike
 from smart_tire.errors import ParameterError
 
-Array = npt.NDArray[np.float64]
-ArrayLike = npt.ArrayLike
 Flags = npt.NDArray[np.bool_]
 
 EULER_LOAD = np.pi**2           # of the flat film

@@ -15,10 +15,10 @@ import math
 
 import numpy as np
 
+from smart_tire.arrays import Array, ArrayLike
 from smart_tire.errors import ParameterError
 from smart_tire.models.branches import (
-    Array, ArrayLike, lasting_branches, monotone_branches, relaxation, relaxation_at_starts,
-    series)
+    lasting_branches, monotone_branches, relaxation, relaxation_at_starts, series)
 
 
 @dataclass(frozen=True, kw_only=True)

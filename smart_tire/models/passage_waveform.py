@@ -15,9 +15,9 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from smart_tire.arrays import Array
 from smart_tire.models import tread_film
 
-Array = npt.NDArray[np.float64]
 
 SERIES_BELOW = 0.02  # of alpha l / 2, where 1 - tanh(z) / z loses more than its series leaves out
 LARGEST_PAST = 700.0  # lengths of recovery, whose exponential is still a number

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from smart_tire.arrays import Array, ArrayLike
 from smart_tire.errors import ParameterError
 from smart_tire.models import checked
-from smart_tire.models.checked import Array, ArrayLike
 
 Counts = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]

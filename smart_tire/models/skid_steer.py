@@ -11,10 +11,9 @@ from collections.abc import Sequence
 import math
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
-ArrayLike = npt.ArrayLike
+from smart_tire.arrays import Array, ArrayLike
+
 
 GRAVITY = 9.80665  # m/s2, standard
 SIDE = np.array([1.0, -1.0, 1.0, -1.0])  # +1 for the wheels on the left

@@ -14,9 +14,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from smart_tire.arrays import Array, ArrayLike
 from smart_tire.errors import ParameterError
 from smart_tire.models import checked, tread_film
-from smart_tire.models.checked import Array, ArrayLike
 
 Flags = npt.NDArray[np.bool_]
 METHODS = ('exact', 'printed')

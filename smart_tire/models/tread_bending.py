@@ -21,9 +21,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from smart_tire.arrays import Array, ArrayLike
 from smart_tire.errors import ParameterError
 from smart_tire.models import checked
-from smart_tire.models.checked import Array, ArrayLike
 
 CONVENTIONS = ('exact', 'printed', 'neutral')
 SMALL = 1.0  # h up to which the forms without cancellation are used, above those that stay finite

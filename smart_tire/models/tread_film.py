@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
-ArrayLike = npt.ArrayLike
+from smart_tire.arrays import Array, ArrayLike
+
 
 RECOVERY = 0.005        # m, travel in which the fig8 release decays by e; seen in Fig. 11(b)
 BUMP_DISTANCE = 0.01    # m, from the contact's begin or end to the middle of a bump; Fig. 11(b)

@@ -8,7 +8,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-NS_PER_S = 1e9
+from smart_tire.samples import NS_PER_S
 
 
 @dataclass

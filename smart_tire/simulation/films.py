@@ -8,6 +8,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from smart_tire.arrays import Array
 from smart_tire.models import brush_tire, tread_film
 from smart_tire.models.signal_chain import SignalChain
 from smart_tire.parameters.simulation import SimulatorParams
@@ -15,7 +16,6 @@ from smart_tire.samples import NS_PER_S, WHEELS
 from smart_tire.simulation.devices import WheelUnit
 from smart_tire.simulation.plant import Plant
 
-Array = npt.NDArray[np.float64]
 
 CYCLES = 1021  # turns of a wheel after which the variation from cycle to cycle repeats
 TAIL = 12.0    # lengths of recovery after which the release has died away, to microvolts

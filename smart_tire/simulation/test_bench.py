@@ -15,9 +15,10 @@ import math
 import numpy as np
 from scipy.signal import lfilter
 
+from smart_tire.arrays import Array, ArrayLike
 from smart_tire.errors import ParameterError
 from smart_tire.estimation.film_recording import FilmRecording
-from smart_tire.models.branches import Array, ArrayLike, series
+from smart_tire.models.branches import series
 from smart_tire.models.buckling_film import BucklingFilm, FILMS
 from smart_tire.models.hysteresis import DuhemParams, respond, TABLE_I, TABLE_I_GAIN
 

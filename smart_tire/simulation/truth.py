@@ -6,9 +6,9 @@ from collections.abc import Iterator
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from smart_tire import rotation
+from smart_tire.arrays import Array
 from smart_tire.messages import topic_of
 from smart_tire.models import brush_tire, skid_steer, tread_film
 from smart_tire.parameters.robot import RobotParams
@@ -16,7 +16,6 @@ from smart_tire.samples import Four, Friction, FRICTION_QUANTITIES, NAN, Odometr
 from smart_tire.simulation.films import FilmSampler, locate, Trace
 from smart_tire.simulation.plant import Plant
 
-Array = npt.NDArray[np.float64]
 
 Truth = Odometry | WheelSlip | Friction
 

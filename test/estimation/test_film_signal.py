@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from smart_tire.estimation.film_signal import noise_level, smoothed, without_spikes
+from smart_tire.estimation.film_signal import smoothed, without_spikes
+from smart_tire.numerics.robust import noise_level
 
 TIME = np.arange(4000) * 1e-3
 SINE = 1.0 - np.cos(2.0 * np.pi * 2.0 * TIME)

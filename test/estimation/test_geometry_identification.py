@@ -7,11 +7,11 @@ from dataclasses import replace
 import pytest
 from support.identifying import recorded, TRACK, turning_run
 
-from smart_tire.estimation.estimate import Estimate, weighted_mean
 from smart_tire.estimation.geometry_identification import (
     Geometry, identify_geometry, JITTER, LATENCY, parameters, PITCH, RADIUS, REST, ROLL, together,
     TRACK as TRACK_NAME)
 from smart_tire.parameters import build, RobotParams
+from smart_tire.uncertain import Estimate, weighted_mean
 
 ROBOT = RobotParams()
 BELIEVED = build(RobotParams, {'wheel_radius': 0.1, 'encoder.latency': 0.0})

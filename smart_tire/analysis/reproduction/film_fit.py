@@ -8,12 +8,12 @@ import math
 import numpy as np
 
 from smart_tire.analysis.reproduction.laboratory import Laboratory, Specimen, specimen
-from smart_tire.estimation.estimate import Estimate
+from smart_tire.arrays import Array
 from smart_tire.estimation.film_parameters import FilmParams, identify_film
 from smart_tire.estimation.film_recording import FilmRecording
-from smart_tire.models.branches import Array
 from smart_tire.models.elastica import TOUCHING_STROKE
 from smart_tire.models.hysteresis import respond, TABLE_I_GAIN
+from smart_tire.uncertain import Estimate
 
 RATE, FREQUENCY, AMPLITUDE = 500.0, 5.0, 6e-3  # Hz, Hz, m: Fig. 8
 DURATION = 4.0    # s

@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from smart_tire.analysis.reproduction.laboratory import Laboratory, Specimen, specimen
-from smart_tire.models.branches import Array
+from smart_tire.arrays import Array
 from smart_tire.models.hysteresis import respond
 
 SAMPLES = 200          # per cycle, at every frequency

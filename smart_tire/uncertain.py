@@ -1,4 +1,4 @@
-"""A number and how well it is known: what every identification returns."""
+"""A number with its standard error: what every calibration returns."""
 
 from __future__ import annotations
 

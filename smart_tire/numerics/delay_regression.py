@@ -14,13 +14,12 @@ from dataclasses import dataclass
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
+from smart_tire.arrays import Array
 from smart_tire.errors import EstimatorError
-from smart_tire.estimation.film_signal import NORMAL_MAD
+from smart_tire.numerics.robust import MAD_TO_SIGMA
 
-Array = NDArray[np.float64]
 
 HUBER = 2.0        # sigmas; residuals beyond it count less
 ROUNDS = 5         # of noise, then delay; more change nothing
@@ -175,7 +174,7 @@ def _noise(problem: Problem, delay: float, before: _Noise) -> _Noise:
     plain = _Noise(size, correlation, link, np.ones(len(size)), level)
     white = np.abs(_whitened(residuals, plain))
     # what is left may be smaller than what was: correlation explains a part of it
-    scale = max(NORMAL_MAD * float(np.median(white)), 1e-12)
+    scale = max(MAD_TO_SIGMA * float(np.median(white)), 1e-12)
     weight = np.minimum(1.0, HUBER * scale / np.maximum(white, 1e-12))
     return _Noise(size * scale, correlation, link, weight, level * scale)
 
@@ -183,7 +182,7 @@ def _noise(problem: Problem, delay: float, before: _Noise) -> _Noise:
 def noise_beside(residuals: Array, doubt: Array) -> float:
     """Return the noise beside the ``doubt``: that of the half of the rows that have least."""
     calm = np.abs(residuals[doubt <= np.median(doubt)])
-    return max(NORMAL_MAD * float(np.median(calm)), 1e-9)
+    return max(MAD_TO_SIGMA * float(np.median(calm)), 1e-9)
 
 
 def _result(problem: Problem, delay: float, noise: _Noise) -> tuple[DelayFit, float]:

@@ -1,0 +1,9 @@
+"""Aliases of array types; shapes and units are stated where they are used."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+ArrayLike = npt.ArrayLike

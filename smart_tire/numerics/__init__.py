@@ -1,0 +1,1 @@
+"""Numerical methods that know nothing of robots: robust statistics and regression."""
