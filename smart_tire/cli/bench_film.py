@@ -12,7 +12,7 @@ import numpy as np
 from smart_tire.arrays import Array
 from smart_tire.estimation.film_measurement import measure
 from smart_tire.estimation.film_parameters import identify_film
-from smart_tire.models.buckling_film import FILMS
+from smart_tire.models.film.buckling_film import FILMS
 from smart_tire.simulation.test_bench import sine, TestBench
 
 

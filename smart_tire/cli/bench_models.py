@@ -17,7 +17,8 @@ import numpy as np
 from scipy.integrate import fixed_quad, quad, solve_bvp, solve_ivp
 from smart_tire.arrays import Array
 from smart_tire.errors import SmartTireError
-from smart_tire.models import brush_tire, elastica, heavy_elastica, hysteresis, tread_film
+from smart_tire.models.film import elastica, elastica_with_weight, hysteresis
+from smart_tire.models.tire import brush_tire, tread_film
 
 
 BUDGET = 0.4        # s for the repetitions of a model; scipy's way is timed once
@@ -99,9 +100,9 @@ def heavy_film() -> list[Figure]:
     some = strokes[::FILMS // BVP_FILMS]
     seconds, general = timed(
         lambda: np.array([charge_by_bvp(stroke, WEIGHT) for stroke in some]))
-    best, whole = best_of(lambda: heavy_elastica.solve(strokes, WEIGHT).charge)
-    single, one = best_of(lambda: np.array([float(heavy_elastica.solve(stroke, WEIGHT).charge)
-                                            for stroke in some]))
+    best, whole = best_of(lambda: elastica_with_weight.solve(strokes, WEIGHT).charge)
+    single, one = best_of(lambda: np.array(
+        [float(elastica_with_weight.solve(stroke, WEIGHT).charge) for stroke in some]))
     return [Figure('heavy elastica, solutions', FILMS / best, 'solve_bvp', some.size / seconds,
                    difference(general, whole[::FILMS // BVP_FILMS])),
             Figure('heavy elastica, one by one', some.size / single, 'solve_bvp',

@@ -13,7 +13,7 @@ from smart_tire.errors import ParameterError
 
 if TYPE_CHECKING:
     from smart_tire.estimation.film_recording import FilmRecording
-    from smart_tire.models.buckling_film import BucklingFilm
+    from smart_tire.models.film.buckling_film import BucklingFilm
 
 NAME = 'film'
 HELP = 'a film on the test bench: elastica and Duhem hysteresis, out of a CSV file'
@@ -72,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _film(args: argparse.Namespace, recording: FilmRecording) -> BucklingFilm | None:
     """Return the film on the bench, None where the input is no deflection."""
-    from smart_tire.models.buckling_film import BucklingFilm, FILMS
+    from smart_tire.models.film.buckling_film import BucklingFilm, FILMS
     if args.raw:
         return None
     film = BucklingFilm(length=args.length * 1e-3, width=FILMS['25x3'].width,

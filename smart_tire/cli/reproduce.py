@@ -46,7 +46,7 @@ def laboratory() -> Laboratory:
     from smart_tire.analysis.reproduction.laboratory import Laboratory, Specimen
     from smart_tire.arrays import Array
     from smart_tire.estimation.film_recording import FilmRecording
-    from smart_tire.models.hysteresis import TABLE_I_GAIN
+    from smart_tire.models.film.hysteresis import TABLE_I_GAIN
     from smart_tire.simulation.run import simulate
     from smart_tire.simulation.test_bench import TestBench
 

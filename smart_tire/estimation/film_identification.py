@@ -23,7 +23,8 @@ from scipy.integrate import cumulative_trapezoid
 from smart_tire.arrays import Array
 from smart_tire.errors import EstimatorError, ParameterError
 from smart_tire.estimation.film_signal import DEAD_BAND
-from smart_tire.models.branches import Branches, lasting_branches, relaxation, relaxation_at_starts
+from smart_tire.models.film.monotone_branches import (
+    Branches, lasting_branches, relaxation, relaxation_at_starts)
 from smart_tire.numerics.robust import MAD_TO_SIGMA, noise_level
 from smart_tire.uncertain import Estimate
 

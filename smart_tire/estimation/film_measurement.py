@@ -19,10 +19,10 @@ from smart_tire.errors import ParameterError
 from smart_tire.estimation.film_parameters import FilmParams
 from smart_tire.estimation.film_recording import check_series
 from smart_tire.estimation.film_signal import DEAD_BAND, smoothed, without_spikes
-from smart_tire.models import elastica
-from smart_tire.models.branches import lasting_branches
-from smart_tire.models.hysteresis import DuhemParams
-from smart_tire.models.hysteresis_inverse import invert
+from smart_tire.models.film import elastica
+from smart_tire.models.film.hysteresis import DuhemParams
+from smart_tire.models.film.hysteresis_inverse import invert
+from smart_tire.models.film.monotone_branches import lasting_branches
 
 PULLED = 4.0      # sigmas on the other side of flat: no buckled film
 EDGE = 2.67       # noise of a smoothed signal at its first sample over that in its middle

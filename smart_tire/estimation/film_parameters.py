@@ -16,9 +16,9 @@ from smart_tire.errors import EstimatorError, ParameterError
 from smart_tire.estimation.film_identification import FilmFit, identify
 from smart_tire.estimation.film_recording import FilmRecording
 from smart_tire.estimation.film_signal import smoothed, without_spikes
-from smart_tire.models.buckling_film import BucklingFilm
-from smart_tire.models.elastica import TOUCHING_STROKE
-from smart_tire.models.hysteresis import DuhemParams
+from smart_tire.models.film.buckling_film import BucklingFilm
+from smart_tire.models.film.elastica import TOUCHING_STROKE
+from smart_tire.models.film.hysteresis import DuhemParams
 from smart_tire.numerics.robust import noise_level
 from smart_tire.parameters.identified import write_text
 from smart_tire.uncertain import Estimate, UNDETERMINED

@@ -11,7 +11,7 @@ import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.errors import ParameterError
-from smart_tire.models.branches import series
+from smart_tire.models.film.monotone_branches import series
 
 COLUMNS = ('time_s', 'deflection_m', 'charge_C')
 FEWEST = 20  # samples from which anything can be told

@@ -7,7 +7,7 @@ from scipy.ndimage import median_filter
 from scipy.signal import savgol_coeffs, savgol_filter
 
 from smart_tire.arrays import Array
-from smart_tire.models.branches import lasting_branches
+from smart_tire.models.film.monotone_branches import lasting_branches
 from smart_tire.numerics.robust import noise_level
 
 DEAD_BAND = 10.0            # of the noise: white noise of 1e5 samples spans 9

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 import math
 
-from smart_tire.models.skid_steer import GRAVITY
+from smart_tire.models.vehicle.skid_steer import GRAVITY
 from smart_tire.parameters.robot import RobotParams
 
 LEAST_SHARE = 0.5    # of the force without sliding that a brush tire still has below t = 0.63

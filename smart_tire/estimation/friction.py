@@ -16,7 +16,7 @@ import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.estimation.motion import Estimate, UNKNOWN
-from smart_tire.models import brush_tire
+from smart_tire.models.tire import brush_tire
 
 
 SLIDES = 0.8              # of the critical slip: above, the waveform no longer shows how far

@@ -17,7 +17,7 @@ import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.estimation.force_balance import ForceBalance
-from smart_tire.models.skid_steer import normal_loads
+from smart_tire.models.vehicle.skid_steer import normal_loads
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import NS_PER_S, Odometry, WHEELS, WheelSlip
 

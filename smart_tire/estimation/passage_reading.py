@@ -18,7 +18,7 @@ from smart_tire.estimation.waveform_fit import (
     LEAST_SLIP, SlipKnowledge, WaveformFit, WaveformFitter)
 from smart_tire.estimation.waveform_model import Own, own, Shared
 from smart_tire.estimation.wheel_films import WheelPassage
-from smart_tire.models import passage_waveform, tread_film
+from smart_tire.models.tire import crossing_jacobian, tread_film
 from smart_tire.parameters.robot import RobotParams
 
 
@@ -143,7 +143,7 @@ class WaveformReader:
         by_sliding = (position(sliding + STEP) - position(sliding - STEP)) / (2.0 * STEP)
         if by_sliding * fit.sliding[1] > KNOWN_PEAK * self._patch:
             return {}
-        part = passage_waveform.stretch(np.array([x_m]), sliding, length, self._patch)
+        part = crossing_jacobian.stretch(np.array([x_m]), sliding, length, self._patch)
         unit, gain = float(part.value[0]), self._gains[0] * (1.0 + fit.own(0, Own.GAIN)[0])
         chosen = [Shared.SLIP, Shared.SLIDING, own(0, Own.GAIN)]
         slope = np.array([gain * unit, gain * slip * float(part.by_sliding[0]),

@@ -18,7 +18,7 @@ from smart_tire.estimation.motion import Estimate, WheelMotion
 from smart_tire.estimation.passage_reading import Reading
 from smart_tire.estimation.waveform_model import FilmSamples
 from smart_tire.estimation.wheel_films import WheelPassage
-from smart_tire.models import tread_film
+from smart_tire.models.tire import tread_film
 from smart_tire.parameters.robot import RobotParams
 
 

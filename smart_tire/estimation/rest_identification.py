@@ -19,7 +19,7 @@ from smart_tire.arrays import Array
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.motion_record import ImuRecord, Recording, WheelRecord
 from smart_tire.estimation.standstill import NOISE_FACTOR, SETTLED, STILL_WHEEL
-from smart_tire.models.skid_steer import GRAVITY
+from smart_tire.models.vehicle.skid_steer import GRAVITY
 from smart_tire.parameters import RobotParams
 from smart_tire.uncertain import Estimate
 

@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.models import tread_film
+from smart_tire.models.tire import tread_film
 from smart_tire.parameters.robot import RobotParams
 
 

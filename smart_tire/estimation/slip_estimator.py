@@ -20,7 +20,7 @@ from smart_tire.estimation.standstill import Reading, Standstill, UNWINDING_TIME
 from smart_tire.estimation.steering import Steering
 from smart_tire.estimation.travel_log import TravelLog
 from smart_tire.estimation.wheels import WheelReader, WheelReading
-from smart_tire.models.skid_steer import GRAVITY
+from smart_tire.models.vehicle.skid_steer import GRAVITY
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.rotation import matrix
 from smart_tire.samples import (

@@ -27,7 +27,7 @@ from smart_tire.estimation.sliding import (
 from smart_tire.estimation.slip_kinematics import SlipKinematics
 from smart_tire.estimation.slip_state import (
     Motion, N, PastSpeed, SIDES, SLIDES, SLIDING, State, WheelTravel)
-from smart_tire.models.skid_steer import GRAVITY
+from smart_tire.models.vehicle.skid_steer import GRAVITY
 from smart_tire.parameters import SlipEstimatorParams
 
 

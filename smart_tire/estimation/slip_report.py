@@ -11,7 +11,7 @@ import numpy as np
 from smart_tire.arrays import Array
 from smart_tire.estimation.slip_kinematics import SlipKinematics
 from smart_tire.estimation.slip_state import State
-from smart_tire.models.skid_steer import GRAVITY, wheel_slip_ratio
+from smart_tire.models.vehicle.skid_steer import GRAVITY, wheel_slip_ratio
 from smart_tire.parameters import RobotParams
 from smart_tire.rotation import quaternion
 from smart_tire.samples import Four, Icr, Odometry, Vector3, WheelSlip

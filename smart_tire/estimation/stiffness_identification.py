@@ -29,7 +29,7 @@ from smart_tire.errors import EstimatorError
 from smart_tire.estimation.motion_record import Recording, Signal
 from smart_tire.estimation.stiffness_model import Common, StiffnessModel
 from smart_tire.estimation.straight_runs import FEWEST, LEAST_SPEED, straight_runs
-from smart_tire.models.skid_steer import GRAVITY
+from smart_tire.models.vehicle.skid_steer import GRAVITY
 from smart_tire.parameters import RobotParams
 from smart_tire.uncertain import Estimate, UNDETERMINED, weighted_mean
 

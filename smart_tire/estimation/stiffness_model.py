@@ -16,8 +16,8 @@ import numpy as np
 from smart_tire.arrays import Array
 from smart_tire.estimation.motion_record import Signal
 from smart_tire.estimation.straight_runs import StraightRuns
-from smart_tire.models.common_slip import stiff_slip
-from smart_tire.models.skid_steer import GRAVITY, normal_loads
+from smart_tire.models.tire.shared_slip import stiff_slip
+from smart_tire.models.vehicle.skid_steer import GRAVITY, normal_loads
 from smart_tire.parameters import RobotParams
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smart_tire.arrays import Array
-from smart_tire.models import passage_waveform, tread_film
+from smart_tire.models.tire import crossing_jacobian, tread_film
 from smart_tire.parameters.robot import RobotParams
 
 
@@ -100,14 +100,14 @@ class WaveformModel:
         x = (way * (1.0 + scale) + p[self._own.stop:] @ self._warps
              + 0.5 * (patch - self._film.length))
 
-        bend = passage_waveform.bending(x, self._film.length, patch, alpha, self._film.release,
+        bend = crossing_jacobian.bending(x, self._film.length, patch, alpha, self._film.release,
                                         tail)
-        bump, behind = passage_waveform.bumps(x, self._film.length, patch)
+        bump, behind = crossing_jacobian.bumps(x, self._film.length, patch)
         height = np.where(behind, after, before)
         grown, spreads = 1.0 + growth * self._far, 1.0 + spread * self._far
         local = sliding * spreads
         inside = np.maximum(local, LEAST_SLIDING)
-        strain = passage_waveform.stretch(x, inside, self._film.length, patch)
+        strain = crossing_jacobian.stretch(x, inside, self._film.length, patch)
         unit = strain.value + (local - inside) * strain.by_sliding
 
         slopes = np.zeros((len(p), len(x)))

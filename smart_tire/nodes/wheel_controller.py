@@ -9,7 +9,7 @@ from std_msgs.msg import Bool
 
 from smart_tire.control.velocity_mux import VelocityMux
 from smart_tire.control.wheel_control import STOPPED, WheelControl
-from smart_tire.models.skid_steer import wheel_speeds
+from smart_tire.models.vehicle.skid_steer import wheel_speeds
 from smart_tire.nodes.base import run, SmartTireNode
 from smart_tire.nodes.command_input import CommandInput
 from smart_tire.nodes.diagnostics import Status

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from smart_tire.arrays import Array
-from smart_tire.models import brush_tire, tread_film
-from smart_tire.models.signal_chain import SignalChain
+from smart_tire.models.film.signal_chain import SignalChain
+from smart_tire.models.tire import brush_tire, tread_film
 from smart_tire.parameters.simulation import SimulatorParams
 from smart_tire.samples import NS_PER_S, WHEELS
 from smart_tire.simulation.devices import WheelUnit

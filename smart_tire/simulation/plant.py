@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 import math
 
-from smart_tire.models.skid_steer import END, normal_loads, SIDE
+from smart_tire.models.vehicle.skid_steer import END, normal_loads, SIDE
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.parameters.simulation import DriveParams
 from smart_tire.samples import WHEELS

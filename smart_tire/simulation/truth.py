@@ -10,7 +10,8 @@ import numpy as np
 from smart_tire import rotation
 from smart_tire.arrays import Array
 from smart_tire.messages import topic_of
-from smart_tire.models import brush_tire, skid_steer, tread_film
+from smart_tire.models.tire import brush_tire, tread_film
+from smart_tire.models.vehicle import skid_steer
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import Four, Friction, FRICTION_QUANTITIES, NAN, Odometry, WheelSlip
 from smart_tire.simulation.films import FilmSampler, locate, Trace

@@ -11,7 +11,7 @@ import pytest
 from smart_tire.analysis.reproduction import film_fit, film_loops, film_words
 from smart_tire.analysis.reproduction.laboratory import specimen
 from smart_tire.cli.reproduce import laboratory
-from smart_tire.models.hysteresis import DuhemParams, TABLE_I, TABLE_I_GAIN
+from smart_tire.models.film.hysteresis import DuhemParams, TABLE_I, TABLE_I_GAIN
 
 
 @pytest.fixture(scope='module')

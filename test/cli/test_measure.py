@@ -12,7 +12,7 @@ from smart_tire.cli import measure
 from smart_tire.errors import ParameterError
 from smart_tire.estimation.film_parameters import identify_film, write_params
 from smart_tire.estimation.film_recording import read_columns, write_columns, write_recording
-from smart_tire.models.buckling_film import FILMS
+from smart_tire.models.film.buckling_film import FILMS
 
 
 def command(*words):

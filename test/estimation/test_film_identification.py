@@ -9,8 +9,8 @@ from support.film_bench import several_loops, TRUE
 from smart_tire.errors import EstimatorError, ParameterError
 from smart_tire.estimation.film_identification import identify
 from smart_tire.estimation.film_signal import smoothed
-from smart_tire.models.buckling_film import FILMS
-from smart_tire.models.hysteresis import DuhemParams, respond
+from smart_tire.models.film.buckling_film import FILMS
+from smart_tire.models.film.hysteresis import DuhemParams, respond
 
 PRODUCTS = ('alpha_gain', 'a_gain', 'b_gain')
 OPERATOR = DuhemParams(alpha=5.0, a=2.0, b=1.1)

@@ -12,7 +12,7 @@ from support.film_bench import RATE, several_loops, TRUE
 from smart_tire.errors import ParameterError
 from smart_tire.estimation.film_measurement import measure
 from smart_tire.estimation.film_parameters import FilmParams, identify_film
-from smart_tire.models.buckling_film import FILMS
+from smart_tire.models.film.buckling_film import FILMS
 from smart_tire.simulation.test_bench import ramps, sine, TestBench
 
 FILM = FILMS['25x3']

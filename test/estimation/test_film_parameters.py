@@ -14,7 +14,7 @@ from smart_tire.errors import EstimatorError, ParameterError
 from smart_tire.estimation.film_parameters import (
     identify_film, PRODUCTS, read_params, write_params)
 from smart_tire.estimation.film_recording import FilmRecording, read_recording
-from smart_tire.models.buckling_film import FILMS
+from smart_tire.models.film.buckling_film import FILMS
 
 FILM = FILMS['25x3']
 PIEZO = Path(__file__).resolve().parents[3] / 'shared' / 'data' / 'piezo_loop' / 'loop.csv'

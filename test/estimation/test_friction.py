@@ -12,7 +12,7 @@ from smart_tire.estimation.friction import (
     disagreement, Evidence, friction_estimate, single_friction, total_slip, traction_force,
     where_all_slides)
 from smart_tire.estimation.motion import UNKNOWN
-from smart_tire.models import brush_tire
+from smart_tire.models.tire import brush_tire
 
 LOAD, STIFFNESS = (26.7, 0.5), (52.7, 5.27)
 NONE = np.zeros((2, 2))

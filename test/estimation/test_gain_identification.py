@@ -13,7 +13,7 @@ from support.passages import WHEEL
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.gain_identification import identify_gains
 from smart_tire.estimation.gain_results import volts_per_slip
-from smart_tire.models import tread_film
+from smart_tire.models.tire import tread_film
 from smart_tire.parameters import RobotParams
 
 NOMINAL = RobotParams()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from smart_tire.estimation.motion import MotionHistory, UNKNOWN
-from smart_tire.models.skid_steer import normal_loads
+from smart_tire.models.vehicle.skid_steer import normal_loads
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import Odometry, WheelSlip
 from support.rolling import stamp

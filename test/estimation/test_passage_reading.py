@@ -12,7 +12,7 @@ from smart_tire.estimation.passage_reading import WaveformReader
 from smart_tire.estimation.sighting import Sighting
 from smart_tire.estimation.waveform_fit import Passage
 from smart_tire.estimation.wheel_films import WheelPassage
-from smart_tire.models import tread_film
+from smart_tire.models.tire import tread_film
 from smart_tire.parameters import build, RobotParams
 from support.passages import passage, WHEEL
 

@@ -10,7 +10,7 @@ import pytest
 from smart_tire.estimation.motion import WheelMotion
 from smart_tire.estimation.peaks import TwoPeakReader
 from smart_tire.estimation.wheel_films import WheelPassage
-from smart_tire.models import tread_film
+from smart_tire.models.tire import tread_film
 from smart_tire.parameters import RobotParams
 from support.passages import passage, WHEEL
 

@@ -11,7 +11,7 @@ import pytest
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.motion_record import ImuRecord, Recording, WheelRecord
 from smart_tire.estimation.rest_identification import fit_rest, rests
-from smart_tire.models.skid_steer import GRAVITY
+from smart_tire.models.vehicle.skid_steer import GRAVITY
 from smart_tire.parameters import build, RobotParams
 from smart_tire.rotation import matrix
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from smart_tire.estimation.sighting import Sighter
-from smart_tire.models import tread_film
+from smart_tire.models.tire import tread_film
 from smart_tire.parameters import build, RobotParams
 from support.passages import passage, WHEEL
 

@@ -7,7 +7,7 @@ import pytest
 
 from smart_tire.estimation.slip_filter import SlipFilter
 from smart_tire.estimation.slip_state import Motion, N, State, WheelTravel
-from smart_tire.models.skid_steer import GRAVITY
+from smart_tire.models.vehicle.skid_steer import GRAVITY
 from smart_tire.parameters import build, SlipEstimatorParams
 
 MOTION = Motion(0.8, 0.4, 0.9, 1e-6, 2.5e-5, 1e-3)

@@ -11,7 +11,7 @@ import pytest
 from smart_tire.estimation.slip_filter import SlipFilter
 from smart_tire.estimation.slip_report import Seen, SlipReport
 from smart_tire.estimation.slip_state import Motion, N, State
-from smart_tire.models.skid_steer import GRAVITY
+from smart_tire.models.vehicle.skid_steer import GRAVITY
 from smart_tire.parameters import build, RobotParams, SlipEstimatorParams
 from smart_tire.samples import Icr
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from smart_tire.estimation.waveform_model import FilmSamples, Own, own, Shared, WaveformModel
-from smart_tire.models import tread_film
+from smart_tire.models.tire import tread_film
 from smart_tire.parameters import build, RobotParams
 
 ROBOT = RobotParams()

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from smart_tire.models import tread_film
+from smart_tire.models.tire import tread_film
 from smart_tire.parameters import build, SimulatorParams
 from smart_tire.simulation.devices import WheelUnit
 from smart_tire.simulation.films import FilmSampler, locate, Trace

@@ -4,7 +4,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from smart_tire.models import skid_steer
+from smart_tire.models.vehicle import skid_steer
 from smart_tire.parameters import build, SimulatorParams
 from smart_tire.samples import NS_PER_S, WHEELS
 from smart_tire.simulation.run import EPOCH_NS, simulate

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-from smart_tire.models.hysteresis import TABLE_I, TABLE_I_GAIN
+from smart_tire.models.film.hysteresis import TABLE_I, TABLE_I_GAIN
 from smart_tire.simulation.test_bench import sine, sines, TestBench
 
 TRUE = {'alpha_gain': TABLE_I.alpha * TABLE_I_GAIN, 'a_gain': TABLE_I.a * TABLE_I_GAIN,

@@ -10,7 +10,7 @@ from smart_tire.estimation.course_errors import CourseErrors
 from smart_tire.estimation.sighting import Sighter
 from smart_tire.estimation.waveform_fit import Passage
 from smart_tire.estimation.waveform_model import FilmSamples
-from smart_tire.models import tread_film
+from smart_tire.models.tire import tread_film
 from smart_tire.parameters import RobotParams
 
 WHEEL = 'front_right'

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from smart_tire.models import tread_film
+from smart_tire.models.tire import tread_film
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import (
     NS_PER_S, Odometry, Sample, TireSample, WHEELS, WheelSample, WheelSlip)

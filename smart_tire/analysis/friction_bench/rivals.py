@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from smart_tire.analysis.friction_bench.methods import EXACT_MAP, PRINTED_MAP
 from smart_tire.analysis.series import Floats
-from smart_tire.models import brush_tire, tread_film
+from smart_tire.models.tire import brush_tire, tread_film
 from smart_tire.parameters import RobotParams
 
 MAPS = {EXACT_MAP: 'exact', PRINTED_MAP: 'printed'}

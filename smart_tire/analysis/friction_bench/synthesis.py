@@ -13,8 +13,8 @@ from smart_tire.estimation.sighting import Sighter, Sighting
 from smart_tire.estimation.waveform_fit import Passage
 from smart_tire.estimation.waveform_model import FilmSamples
 from smart_tire.estimation.wheel_films import MARGIN, WheelPassage
-from smart_tire.models import tread_film
-from smart_tire.models.signal_chain import SignalChain
+from smart_tire.models.film.signal_chain import SignalChain
+from smart_tire.models.tire import tread_film
 from smart_tire.parameters.simulation import SensorErrorParams
 from smart_tire.samples import NS_PER_S
 

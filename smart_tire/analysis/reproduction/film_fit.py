@@ -11,8 +11,8 @@ from smart_tire.analysis.reproduction.laboratory import Laboratory, Specimen, sp
 from smart_tire.arrays import Array
 from smart_tire.estimation.film_parameters import FilmParams, identify_film
 from smart_tire.estimation.film_recording import FilmRecording
-from smart_tire.models.elastica import TOUCHING_STROKE
-from smart_tire.models.hysteresis import respond, TABLE_I_GAIN
+from smart_tire.models.film.elastica import TOUCHING_STROKE
+from smart_tire.models.film.hysteresis import respond, TABLE_I_GAIN
 from smart_tire.uncertain import Estimate
 
 RATE, FREQUENCY, AMPLITUDE = 500.0, 5.0, 6e-3  # Hz, Hz, m: Fig. 8

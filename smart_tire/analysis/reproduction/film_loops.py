@@ -9,7 +9,7 @@ import numpy as np
 
 from smart_tire.analysis.reproduction.laboratory import Laboratory, Specimen, specimen
 from smart_tire.arrays import Array
-from smart_tire.models.hysteresis import respond
+from smart_tire.models.film.hysteresis import respond
 
 SAMPLES = 200          # per cycle, at every frequency
 SETTLING, KEPT = 24, 12  # cycles: those of the smallest loops forget their past slowly

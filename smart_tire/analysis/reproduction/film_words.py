@@ -10,8 +10,8 @@ from smart_tire.analysis.reproduction.film_fit import FREQUENCY, Identification
 from smart_tire.analysis.reproduction.film_loops import (
     FREQUENCIES, Proportionality, RateIndependence, Trace)
 from smart_tire.analysis.reproduction.page import Page
-from smart_tire.models.elastica import TOUCHING_STROKE
-from smart_tire.models.hysteresis import TABLE_I, TABLE_I_GAIN
+from smart_tire.models.film.elastica import TOUCHING_STROKE
+from smart_tire.models.film.hysteresis import TABLE_I, TABLE_I_GAIN
 
 NO_DATA = ('The paper gives its measurements as graphs only, so the curves can be compared by '
            'their kind and not point by point.')

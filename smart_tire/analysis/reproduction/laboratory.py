@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from smart_tire.arrays import Array
 from smart_tire.estimation.film_recording import FilmRecording
-from smart_tire.models.buckling_film import BucklingFilm, FILMS
-from smart_tire.models.hysteresis import DuhemParams, TABLE_I, TABLE_I_GAIN
+from smart_tire.models.film.buckling_film import BucklingFilm, FILMS
+from smart_tire.models.film.hysteresis import DuhemParams, TABLE_I, TABLE_I_GAIN
 from smart_tire.parameters import SimulatorParams
 from smart_tire.samples import Sample
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from smart_tire.analysis.reproduction.tire_runs import (
-    Passages, ROBOT, RPM, Run, WHEEL)
+from smart_tire.analysis.reproduction.tire_runs import Passages, ROBOT, RPM, Run, WHEEL
 from smart_tire.analysis.series import Floats
-from smart_tire.models import brush_tire, skid_steer, tread_film
+from smart_tire.models.tire import brush_tire, tread_film
+from smart_tire.models.vehicle import skid_steer
 from smart_tire.parameters import SimulatorParams
 from smart_tire.samples import NS_PER_S
 

@@ -13,7 +13,8 @@ from smart_tire.analysis.passages import column, match
 from smart_tire.analysis.pipeline import EstimatorParams, Pipeline
 from smart_tire.analysis.reproduction.laboratory import Laboratory, Schedule
 from smart_tire.analysis.series import at, Floats, Series, Stamps
-from smart_tire.models import brush_tire, skid_steer
+from smart_tire.models.tire import brush_tire
+from smart_tire.models.vehicle import skid_steer
 from smart_tire.parameters import build, RobotParams, SimulatorParams
 from smart_tire.samples import Friction, ImuSample, NS_PER_S, WHEELS
 

@@ -16,7 +16,7 @@ from smart_tire.analysis.metrics import aligned
 from smart_tire.analysis.series import at, Floats, PoseSeries, SlipSeries, Stamps
 from smart_tire.analysis.slip_bench.inputs import Inputs
 from smart_tire.analysis.slip_bench.tracks import Estimate
-from smart_tire.models.skid_steer import slip_ratio
+from smart_tire.models.vehicle.skid_steer import slip_ratio
 from smart_tire.samples import NS_PER_S
 
 LEAST_TURN = 0.1  # m that one side rolls further than the other: less fits no track

@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from smart_tire.analysis.series import Floats, PoseSeries, Series, SlipSeries, Stamps, Table
-from smart_tire.models.skid_steer import icr, SIDE
+from smart_tire.models.vehicle.skid_steer import icr, SIDE
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import Icr, LEFT, NS_PER_S, Odometry, RIGHT, Sample, WheelSlip
 

@@ -8,7 +8,7 @@ import pytest
 from smart_tire.analysis.friction_bench.cases import Case, LOAD
 from smart_tire.analysis.friction_bench.methods import EXACT_MAP, PRINTED_MAP
 from smart_tire.analysis.friction_bench.rivals import friction_read_off, ratio_read_off
-from smart_tire.models import tread_film
+from smart_tire.models.tire import tread_film
 
 
 def exact_interval(case):

@@ -11,7 +11,7 @@ from smart_tire.analysis.friction_bench.cases import all_cases, Case, LOAD, quic
 from smart_tire.analysis.friction_bench.synthesis import Synthesiser
 from smart_tire.estimation.waveform_fit import WaveformFitter
 from smart_tire.estimation.waveform_model import Shared
-from smart_tire.models import brush_tire
+from smart_tire.models.tire import brush_tire
 
 
 def volts(passage):

@@ -16,7 +16,7 @@ import numpy as np
 
 from smart_tire.arrays import Array, ArrayLike
 from smart_tire.errors import ParameterError
-from smart_tire.models import elastica, heavy_elastica, printed_elastica
+from smart_tire.models.film import elastica, elastica_with_weight, printed_elastica
 
 GRAVITY = 9.80665  # m/s2, standard
 
@@ -98,7 +98,7 @@ class BucklingFilm:
         stroke = self.stroke(deflection)
         if model in ('arched', 'hanging'):
             weight = self.weight if model == 'arched' else -self.weight
-            return heavy_elastica.solve(stroke, weight).charge
+            return elastica_with_weight.solve(stroke, weight).charge
         if model not in CHARGE_MODELS:
             raise ParameterError(f'model is {model!r}, expected one of '
                                  f'{", ".join([*CHARGE_MODELS, "arched", "hanging"])}')

@@ -6,8 +6,8 @@ from hypothesis import given, settings, strategies as st
 import numpy as np
 import pytest
 from scipy.integrate import fixed_quad, quad, solve_bvp
-from smart_tire.models import tread_bending, tread_film
-from smart_tire.models.tread_bending import CONVENTIONS, Laminate
+from smart_tire.models.tire import tread_bending, tread_film
+from smart_tire.models.tire.tread_bending import CONVENTIONS, Laminate
 
 FILM = 0.02              # m, paper B, Table I
 LOAD = 26.7 / 0.046      # N/m, p_0 = F_z / L

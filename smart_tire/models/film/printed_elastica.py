@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from smart_tire.arrays import Array, ArrayLike
-from smart_tire.models.elastica import checked_stroke, EULER_LOAD, Shape
+from smart_tire.models.film.elastica import checked_stroke, EULER_LOAD, Shape
 
 
 def load(stroke: ArrayLike, weight: ArrayLike = 0.0) -> Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from smart_tire.models import elastica, heavy_elastica, printed_elastica
+from smart_tire.models.film import elastica, elastica_with_weight, printed_elastica
 
 
 def order(errors, small):
@@ -37,7 +37,7 @@ def test_the_second_order_of_a15_is_wrong_and_only_that():
 
 def test_the_weight_enters_load_and_angle_to_first_order():
     stroke, weight, s = 1e-4, 1e-5, np.linspace(0.0, 1.0, 11)
-    film, bare = heavy_elastica.solve(stroke, weight), elastica.shape(stroke, s)
+    film, bare = elastica_with_weight.solve(stroke, weight), elastica.shape(stroke, s)
     sag = film.at(s).theta - bare.theta
     load = printed_elastica.load(stroke, weight) - printed_elastica.load(stroke)
     assert load == pytest.approx(float(film.load - elastica.load(stroke)), rel=0.01)

@@ -18,7 +18,8 @@ import numpy as np
 import numpy.typing as npt
 
 from smart_tire.arrays import Array, ArrayLike
-from smart_tire.models import brush_tire, checked
+from smart_tire.models import validation
+from smart_tire.models.tire import brush_tire
 
 METHODS = ('exact', 'printed')
 
@@ -31,11 +32,11 @@ def pressure(zeta: ArrayLike, load: ArrayLike, contact_length: ArrayLike,
     The paper says "per unit length", but its P_m is a pressure: over length and width it carries
     the load.
     """
-    length = checked.positive('contact_length', contact_length)
-    width = checked.positive('contact_width', contact_width)
-    load = checked.not_negative('load', load)
-    zeta = checked.finite('zeta', zeta)
-    checked.fitting(zeta=zeta, load=load, contact_length=length, contact_width=width)
+    length = validation.positive('contact_length', contact_length)
+    width = validation.positive('contact_width', contact_width)
+    load = validation.not_negative('load', load)
+    zeta = validation.finite('zeta', zeta)
+    validation.fitting(zeta=zeta, load=load, contact_length=length, contact_width=width)
     peak = 1.5 * load / (width * length)
     inside: Array = 4.0 * peak * _parabola(zeta / length)
     return inside
@@ -44,10 +45,10 @@ def pressure(zeta: ArrayLike, load: ArrayLike, contact_length: ArrayLike,
 def tread_stiffness(stiffness: ArrayLike, contact_length: ArrayLike,
                     contact_width: ArrayLike) -> Array:
     """Return k_x [N/m3] of B(19), traction per displacement, from C_x [N]."""
-    length = checked.positive('contact_length', contact_length)
-    width = checked.positive('contact_width', contact_width)
-    stiffness = checked.positive('stiffness', stiffness)
-    checked.fitting(stiffness=stiffness, contact_length=length, contact_width=width)
+    length = validation.positive('contact_length', contact_length)
+    width = validation.positive('contact_width', contact_width)
+    stiffness = validation.positive('stiffness', stiffness)
+    validation.fitting(stiffness=stiffness, contact_length=length, contact_width=width)
     k_x: Array = 2.0 * stiffness / (width * length**2)
     return k_x
 
@@ -62,13 +63,13 @@ def traction(zeta: ArrayLike, s_x: ArrayLike, s_y: ArrayLike, mu: ArrayLike, loa
     """
     k_x = tread_stiffness(stiffness, contact_length, contact_width)
     grip = pressure(zeta, load, contact_length, contact_width)
-    limit = brush_tire.critical_slip(checked.not_negative('mu', mu), load, stiffness)
-    s_x, s_y = checked.finite('s_x', s_x), checked.finite('s_y', s_y)
-    checked.fitting(zeta=zeta, s_x=s_x, s_y=s_y, mu=mu, load=load, stiffness=stiffness,
+    limit = brush_tire.critical_slip(validation.not_negative('mu', mu), load, stiffness)
+    s_x, s_y = validation.finite('s_x', s_x), validation.finite('s_y', s_y)
+    validation.fitting(zeta=zeta, s_x=s_x, s_y=s_y, mu=mu, load=load, stiffness=stiffness,
                     contact_length=contact_length, contact_width=contact_width)
     scale = k_x * np.asarray(contact_length, dtype=float)
     xi = np.asarray(zeta, dtype=float) / np.asarray(contact_length)
-    if checked.one_of('method', method, METHODS) == 'printed':
+    if validation.one_of('method', method, METHODS) == 'printed':
         along = scale * strain(xi, s_x, s_x, limit, method='printed')
         return along, np.zeros_like(along)
     total = np.hypot(s_x, s_y)
@@ -88,7 +89,7 @@ def strain(xi: ArrayLike, slip: ArrayLike, total_slip: ArrayLike, critical_slip:
     xi, slip, total, limit = _arguments(xi, slip, total_slip, critical_slip)
     inside = (xi >= 0.0) & (xi <= 1.0)
     extent, sign = total, _share(slip, total)
-    if checked.one_of('method', method, METHODS) == 'printed':
+    if validation.one_of('method', method, METHODS) == 'printed':
         extent, sign = slip, np.ones_like(slip)
     sliding = np.where(np.isinf(limit), 0.0, limit) * _parabola(xi)
     displacement = np.where(_sticks(xi, extent, limit), extent * xi, sliding)
@@ -111,10 +112,10 @@ def displacement_gradient(xi: ArrayLike, slip: ArrayLike, total_slip: ArrayLike,
 
 def _arguments(xi: ArrayLike, slip: ArrayLike, total_slip: ArrayLike, critical_slip: ArrayLike
                ) -> tuple[Array, Array, Array, Array]:
-    xi, slip = checked.finite('xi', xi), checked.finite('slip', slip)
-    total = checked.not_negative('total_slip', np.abs(checked.finite('total_slip', total_slip)))
-    limit = checked.not_negative('critical_slip', critical_slip, infinite=True)
-    checked.fitting(xi=xi, slip=slip, total_slip=total, critical_slip=limit)
+    xi, slip = validation.finite('xi', xi), validation.finite('slip', slip)
+    total = np.abs(validation.finite('total_slip', total_slip))
+    limit = validation.not_negative('critical_slip', critical_slip, infinite=True)
+    validation.fitting(xi=xi, slip=slip, total_slip=total, critical_slip=limit)
     return xi, slip, np.maximum(total, np.abs(slip)), limit
 
 

@@ -18,8 +18,8 @@ from numpy.polynomial import chebyshev
 
 from smart_tire.arrays import Array, ArrayLike
 from smart_tire.errors import ParameterError
-from smart_tire.models import elastica
-from smart_tire.models.elastica import EULER_LOAD, Flags, Shape
+from smart_tire.models.film import elastica
+from smart_tire.models.film.elastica import EULER_LOAD, Flags, Shape
 
 POINTS = 40
 BLOCK = 256            # films that are solved together, for the size of their matrices

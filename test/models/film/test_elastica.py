@@ -10,7 +10,7 @@ from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 
 from smart_tire.errors import ParameterError
-from smart_tire.models import elastica
+from smart_tire.models.film import elastica
 
 STROKES = st.floats(0.0, 0.999)
 

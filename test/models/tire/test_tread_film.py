@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scipy.integrate import quad
-from smart_tire.models import brush_tire, tread_film
+from smart_tire.models.tire import brush_tire, tread_film
 
 L, FILM = 0.046, 0.020  # m, paper B, Table I
 CRITICAL = 3.0 * 0.47 * 26.7 / 52.7

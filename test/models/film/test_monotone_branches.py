@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from smart_tire.errors import ParameterError
-from smart_tire.models.branches import lasting_branches, monotone_branches, series
+from smart_tire.models.film.monotone_branches import lasting_branches, monotone_branches, series
 
 PATHS = st.lists(st.integers(-5, 5).map(float), min_size=1, max_size=40).map(np.array)
 

@@ -23,7 +23,7 @@ import numpy as np
 
 from smart_tire.arrays import Array, ArrayLike
 from smart_tire.errors import ParameterError
-from smart_tire.models import checked
+from smart_tire.models import validation
 
 CONVENTIONS = ('exact', 'printed', 'neutral')
 SMALL = 1.0  # h up to which the forms without cancellation are used, above those that stay finite
@@ -64,7 +64,7 @@ class Laminate:
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
-            if checked.positive(field.name, value).ndim:
+            if validation.positive(field.name, value).ndim:
                 raise ParameterError(f'{field.name} is {value}, expected one number')
 
     @property
@@ -75,7 +75,7 @@ class Laminate:
 
     def stiffness(self, convention: str = 'exact') -> Stiffness:
         """Return A_1, A_2, A_3 of B(12)."""
-        checked.one_of('convention', convention, CONVENTIONS)
+        validation.one_of('convention', convention, CONVENTIONS)
         b, t_T, t_S = self.width, self.tread_thickness, self.film_thickness
         tread, film = self.tread_modulus * t_T, self.film_modulus * t_S
         A_1, A_2 = b * (tread + film), 0.5 * b * film * t_T
@@ -90,7 +90,7 @@ class Laminate:
 
     def lever(self, convention: str = 'exact') -> float:
         """Return the film's distance [m] from the axis: B(15) has t_T, the film is half as far."""
-        checked.one_of('convention', convention, CONVENTIONS)
+        validation.one_of('convention', convention, CONVENTIONS)
         if convention == 'printed':
             return self.tread_thickness
         middle = 0.5 * (self.tread_thickness + self.film_thickness)
@@ -128,7 +128,7 @@ def slope(x: ArrayLike, flat_length: ArrayLike, line_load: ArrayLike, laminate: 
 def largest_deflection(flat_length: ArrayLike, line_load: ArrayLike, laminate: Laminate,
                        convention: str = 'exact') -> Array:
     """Return w(l_x / 2) [m], ``5 p_0 l_x^4 / (384 A_3)`` for a stiff tread."""
-    length = checked.not_negative('flat_length', flat_length)
+    length = validation.not_negative('flat_length', flat_length)
     return deflection(0.5 * length, length, line_load, laminate, convention)
 
 
@@ -158,10 +158,10 @@ def charge_slope(flat_length: ArrayLike, line_load: ArrayLike, laminate: Laminat
 def _beam(x: ArrayLike, flat_length: ArrayLike, line_load: ArrayLike, laminate: Laminate,
           convention: str) -> tuple[Array, Array, Array, Array]:
     """Return xi, l_x, h and p_0 / A_3."""
-    length = checked.not_negative('flat_length', flat_length)
-    load = checked.finite('line_load', line_load)
-    x = checked.within('x', x, 0.0, length, 'expected within the flattened length')
-    checked.fitting(x=x, flat_length=length, line_load=load)
+    length = validation.not_negative('flat_length', flat_length)
+    load = validation.finite('line_load', line_load)
+    x = validation.within('x', x, 0.0, length, 'expected within the flattened length')
+    validation.fitting(x=x, flat_length=length, line_load=load)
     xi = x / np.where(length > 0.0, length, 1.0)
     half = 0.5 * laminate.alpha(convention) * length
     return xi, length, half, load / laminate.stiffness(convention).A_3
@@ -170,9 +170,9 @@ def _beam(x: ArrayLike, flat_length: ArrayLike, line_load: ArrayLike, laminate: 
 def _electrode(flat_length: ArrayLike, line_load: ArrayLike, laminate: Laminate,
                convention: str) -> tuple[Array, Array, Array]:
     """Return l_x, h and b d31 c_211 lever p_0 / A_3."""
-    length = checked.not_negative('flat_length', flat_length)
-    load = checked.finite('line_load', line_load)
-    checked.fitting(flat_length=length, line_load=load)
+    length = validation.not_negative('flat_length', flat_length)
+    load = validation.finite('line_load', line_load)
+    validation.fitting(flat_length=length, line_load=load)
     sensitivity = (laminate.width * laminate.d31 * laminate.film_modulus
                    * laminate.lever(convention) / laminate.stiffness(convention).A_3)
     return length, 0.5 * laminate.alpha(convention) * length, sensitivity * load

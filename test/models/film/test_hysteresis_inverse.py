@@ -9,8 +9,8 @@ import pytest
 from scipy.optimize import brentq
 
 from smart_tire.errors import ParameterError
-from smart_tire.models.hysteresis import DuhemParams, respond, TABLE_I
-from smart_tire.models.hysteresis_inverse import InverseDuhem, invert, way
+from smart_tire.models.film.hysteresis import DuhemParams, respond, TABLE_I
+from smart_tire.models.film.hysteresis_inverse import InverseDuhem, invert, way
 
 NC = 1e-9  # C
 # b well above a / 2: at a / 2 itself the slope after a turn is zero, and so is the inverse's sense

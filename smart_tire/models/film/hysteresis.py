@@ -17,7 +17,7 @@ import numpy as np
 
 from smart_tire.arrays import Array, ArrayLike
 from smart_tire.errors import ParameterError
-from smart_tire.models.branches import (
+from smart_tire.models.film.monotone_branches import (
     lasting_branches, monotone_branches, relaxation, relaxation_at_starts, series)
 
 

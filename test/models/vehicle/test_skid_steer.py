@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from smart_tire.models import skid_steer
+from smart_tire.models.vehicle import skid_steer
 
 WHEELBASE, TRACK, RADIUS, MASS = 0.26, 0.38, 0.087, 10.9
 COM = (0.02, -0.01, 0.11)

@@ -4,7 +4,7 @@ from hypothesis import given, settings, strategies as st
 import numpy as np
 import pytest
 from scipy.integrate import quad
-from smart_tire.models import brush_tire, contact_strain, tread_film
+from smart_tire.models.tire import brush_tire, contact_strain, tread_film
 
 C_X, MU, LOAD, L, B = 52.7, 0.47, 26.7, 0.046, 0.089  # N, -, N, m, m: paper B, Table I
 CRITICAL = 3.0 * MU * LOAD / C_X

@@ -3,7 +3,7 @@
 from hypothesis import given, strategies as st
 import numpy as np
 import pytest
-from smart_tire.models.signal_chain import SignalChain
+from smart_tire.models.film.signal_chain import SignalChain
 from smart_tire.protocol import tire_payload
 
 CHAIN = SignalChain()

@@ -10,8 +10,8 @@ from scipy.integrate import solve_bvp, trapezoid
 from scipy.optimize import minimize_scalar
 
 from smart_tire.errors import ParameterError
-from smart_tire.models import elastica, printed_elastica
-from smart_tire.models.heavy_elastica import NODES, solve, WHOLE
+from smart_tire.models.film import elastica, printed_elastica
+from smart_tire.models.film.elastica_with_weight import NODES, solve, WHOLE
 
 
 def by_solve_bvp(stroke, weight):

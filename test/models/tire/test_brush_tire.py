@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scipy.integrate import quad
-from smart_tire.models import brush_tire
+from smart_tire.models.tire import brush_tire
 
 C_X, MU, LOAD, LENGTH = 52.7, 0.47, 26.7, 0.046  # N, -, N, m: paper B, Table I
 

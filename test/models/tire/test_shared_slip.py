@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from smart_tire.models.brush_tire import brush_force
-from smart_tire.models.common_slip import MOST_FORCE, stiff_slip
+from smart_tire.models.tire.brush_tire import brush_force
+from smart_tire.models.tire.shared_slip import MOST_FORCE, stiff_slip
 
 STIFFNESS = 52.7  # N
 LOADS = np.array([18.0, 18.0, 35.0, 35.0])[:, np.newaxis]  # N, of a robot that speeds up

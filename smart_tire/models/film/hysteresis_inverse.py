@@ -19,8 +19,9 @@ from scipy.special import lambertw
 
 from smart_tire.arrays import Array, ArrayLike
 from smart_tire.errors import ParameterError
-from smart_tire.models.branches import Branches, lasting_branches, monotone_branches, series
-from smart_tire.models.hysteresis import DuhemParams
+from smart_tire.models.film.hysteresis import DuhemParams
+from smart_tire.models.film.monotone_branches import (
+    Branches, lasting_branches, monotone_branches, series)
 
 ROUNDING = 1e-9  # of the band: how far outside a state may lie that was computed to be inside
 

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from smart_tire.arrays import Array, ArrayLike
 from smart_tire.errors import ParameterError
-from smart_tire.models import checked
+from smart_tire.models import validation
 
 Counts = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
@@ -35,10 +35,10 @@ class SignalChain:
                 1 <= self.bits <= MOST_BITS):
             raise ParameterError(f'bits is {self.bits!r}, expected a whole number of 1 to '
                                  f'{MOST_BITS}')
-        checked.positive('voltage_range', self.voltage_range)
-        checked.within('rest_voltage', self.rest_voltage, 0.0, self.voltage_range,
+        validation.positive('voltage_range', self.voltage_range)
+        validation.within('rest_voltage', self.rest_voltage, 0.0, self.voltage_range,
                        f'expected 0 to the range of {self.voltage_range} V')
-        if checked.finite('amplifier', self.amplifier) == 0.0:
+        if validation.finite('amplifier', self.amplifier) == 0.0:
             raise ParameterError('amplifier is 0, expected a number that is not zero')
 
     @property
@@ -53,12 +53,12 @@ class SignalChain:
 
     def amplified(self, charge: ArrayLike) -> Array:
         """Return the amplifier's output above rest [V] for a charge [C]."""
-        volts: Array = self.amplifier * checked.finite('charge', charge)
+        volts: Array = self.amplifier * validation.finite('charge', charge)
         return volts
 
     def counts(self, volts: ArrayLike) -> Counts:
         """Return the counts for an output ``volts`` above rest; clipped to the range."""
-        output = self.rest_voltage + checked.finite('volts', volts)
+        output = self.rest_voltage + validation.finite('volts', volts)
         scale = self.highest / self.voltage_range
         return np.clip(np.rint(output * scale), 0, self.highest).astype(np.int64)
 
@@ -74,7 +74,7 @@ class SignalChain:
         return flags
 
     def _checked(self, counts: ArrayLike) -> Array:
-        array = checked.within('counts', counts, 0.0, float(self.highest),
+        array = validation.within('counts', counts, 0.0, float(self.highest),
                                f'expected 0 to {self.highest}')
         if (broken := array != np.rint(array)).any():
             raise ParameterError(f'counts holds {array[broken].flat[0]}, expected whole numbers')

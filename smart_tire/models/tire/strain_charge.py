@@ -16,7 +16,8 @@ import numpy.typing as npt
 
 from smart_tire.arrays import Array, ArrayLike
 from smart_tire.errors import ParameterError
-from smart_tire.models import checked, tread_film
+from smart_tire.models import validation
+from smart_tire.models.tire import tread_film
 
 Flags = npt.NDArray[np.bool_]
 METHODS = ('exact', 'printed')
@@ -37,8 +38,8 @@ def transfer(width: ArrayLike, d31: ArrayLike, c11: ArrayLike) -> Array:
     With constants of PVDF and the paper's amplifier of 0.5 mV/pC the range of 3.3 V would be
     clipped a hundred times over: what reaches a film is little of B(21), so its gain is fitted.
     """
-    product: Array = (checked.positive('width', width) * checked.positive('d31', d31)
-                      * checked.positive('c11', c11))
+    product: Array = (validation.positive('width', width) * validation.positive('d31', d31)
+                      * validation.positive('c11', c11))
     return product
 
 
@@ -53,12 +54,12 @@ def peak(slip: ArrayLike, total_slip: ArrayLike, critical_slip: ArrayLike, film_
     for them: it feels the whole patch, ``L F_x / (2 C_x)``. ``printed`` is B(25) with
     ``x_m = L_a - l``, tells where it is inside the patch, and takes the slip with its sign.
     """
-    checked.one_of('method', method, METHODS)
+    validation.one_of('method', method, METHODS)
     _check_lengths(film_length, contact_length)
-    slip = checked.finite('slip', slip)
-    total = np.abs(checked.finite('total_slip', total_slip))
-    limit = checked.not_negative('critical_slip', critical_slip, infinite=True)
-    checked.fitting(slip=slip, total_slip=total, critical_slip=limit)
+    slip = validation.finite('slip', slip)
+    total = np.abs(validation.finite('total_slip', total_slip))
+    limit = validation.not_negative('critical_slip', critical_slip, infinite=True)
+    validation.fitting(slip=slip, total_slip=total, critical_slip=limit)
     slip, total, limit = np.broadcast_arrays(slip, np.maximum(total, np.abs(slip)), limit)
     if method == 'printed':
         return _printed_peak(slip, limit, film_length, contact_length)
@@ -137,8 +138,8 @@ def _printed_arguments(x: ArrayLike, slip: ArrayLike, adhesion_length: ArrayLike
                        ) -> tuple[Array, Array, Array]:
     """Return L_a, l and L; raise ParameterError where B(23) was not derived."""
     stuck, film, length = _lengths(adhesion_length, film_length, contact_length)
-    x, slip = checked.finite('x', x), checked.finite('slip', slip)
-    checked.fitting(x=x, slip=slip, adhesion_length=stuck, film_length=film,
+    x, slip = validation.finite('x', x), validation.finite('slip', slip)
+    validation.fitting(x=x, slip=slip, adhesion_length=stuck, film_length=film,
                     contact_length=length)
     if np.any(stuck >= length):
         raise ParameterError(f'adhesion_length is {stuck.max()}, expected below the contact '
@@ -156,14 +157,14 @@ def _printed_arguments(x: ArrayLike, slip: ArrayLike, adhesion_length: ArrayLike
 
 def _lengths(adhesion_length: ArrayLike, film_length: ArrayLike, contact_length: ArrayLike
              ) -> tuple[Array, Array, Array]:
-    stuck = checked.not_negative('adhesion_length', adhesion_length)
-    film = checked.positive('film_length', film_length)
-    length = checked.positive('contact_length', contact_length)
-    checked.fitting(adhesion_length=stuck, film_length=film, contact_length=length)
+    stuck = validation.not_negative('adhesion_length', adhesion_length)
+    film = validation.positive('film_length', film_length)
+    length = validation.positive('contact_length', contact_length)
+    validation.fitting(adhesion_length=stuck, film_length=film, contact_length=length)
     return stuck, film, length
 
 
 def _check_lengths(film_length: float, contact_length: float) -> None:
     for name, value in (('film_length', film_length), ('contact_length', contact_length)):
-        if checked.positive(name, value).ndim:
+        if validation.positive(name, value).ndim:
             raise ParameterError(f'{name} has shape {np.shape(value)}, expected one number')

@@ -11,7 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from smart_tire.errors import ParameterError
-from smart_tire.models.hysteresis import Duhem, DuhemParams, respond, TABLE_I, TABLE_I_GAIN
+from smart_tire.models.film.hysteresis import Duhem, DuhemParams, respond, TABLE_I, TABLE_I_GAIN
 
 NC = 1e-9  # C
 PARAMS = st.builds(

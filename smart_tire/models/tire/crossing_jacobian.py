@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from smart_tire.arrays import Array
-from smart_tire.models import tread_film
+from smart_tire.models.tire import tread_film
 
 
 SERIES_BELOW = 0.02  # of alpha l / 2, where 1 - tanh(z) / z loses more than its series leaves out

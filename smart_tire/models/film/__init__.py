@@ -1,0 +1,1 @@
+"""The film of paper A: elastica, buckled film, hysteresis and signal chain."""

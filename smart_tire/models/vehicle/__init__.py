@@ -1,0 +1,1 @@
+"""The skid-steered vehicle: kinematics and wheel loads."""
