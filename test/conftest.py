@@ -31,10 +31,10 @@ settings.register_profile('anywhere', deadline=None, derandomize=True,
 settings.load_profile('anywhere')
 
 WITH_PROCESSES = (
-    'test/integration/', 'test/safety/', 'test/nodes/', 'test/links/', 'test/cli/test_record.py',
+    'test/integration/', 'test/safety/', 'test/nodes/', 'test/drivers/', 'test/cli/test_record.py',
     'test/cli/test_replay.py', 'test/cli/test_stack.py', 'test/simulation/test_hardware.py',
     'test/test_launch.py')
-OF_THE_WHEELS = ('test/safety/', 'test/links/')  # mostly waiting: a group of their own
+OF_THE_WHEELS = ('test/safety/', 'test/drivers/')  # mostly waiting: a group of their own
 LONG = (  # ten seconds and more
     'test/analysis/test_offline.py', 'test/analysis/test_recordings.py',
     'test/estimation/test_slip_consistency.py', 'test/estimation/test_slip_estimator.py',

@@ -30,11 +30,11 @@ SAFETY_PATH: Mapping[str, tuple[str, ...]] = {
     'smart_tire/protocol/crc.py': ('test/protocol/test_crc.py', 'test/protocol/test_roboclaw.py'),
     'smart_tire/protocol/roboclaw.py': (
         'test/protocol/test_roboclaw.py', 'test/simulation/test_devices.py',
-        'test/links/test_motor_boards.py -k "duties or low or restarts"'),
+        'test/drivers/test_roboclaw_pair.py -k "duties or low or restarts"'),
     'smart_tire/control/*.py': ('test/control/*.py',),
-    'smart_tire/links/roboclaw_line.py': ('test/links/test_roboclaw_line.py',),
-    'smart_tire/links/wheel_encoder.py': ('test/links/test_wheel_encoder.py',),
-    'smart_tire/links/motor_boards.py': ('test/links/test_motor_boards.py',),
+    'smart_tire/drivers/roboclaw_line.py': ('test/drivers/test_roboclaw_line.py',),
+    'smart_tire/drivers/wheel_encoder.py': ('test/drivers/test_wheel_encoder.py',),
+    'smart_tire/drivers/roboclaw_pair.py': ('test/drivers/test_roboclaw_pair.py',),
     'smart_tire/nodes/command_input.py': (
         'test/safety/test_commands.py', 'test/safety/test_publishers.py -k "motor_commands"'),
     'smart_tire/nodes/motor_driver.py': (

@@ -15,7 +15,7 @@ LEVEL = {
     'arrays': 0, 'errors': 0, 'numerics': 0, 'parameters': 0, 'rotation': 0, 'samples': 0,
     'uncertain': 0,
     'launching': 1, 'protocol': 1, 'messages': 1, 'models': 1, 'control': 1,
-    'links': 2, 'estimation': 2, 'bags': 2, 'vision': 2,
+    'drivers': 2, 'estimation': 2, 'bags': 2, 'vision': 2,
     'simulation': 3, 'analysis': 3,
     'nodes': 4, 'cli': 4,
 }
@@ -25,7 +25,7 @@ BESIDE = {  # the imports that stay on their level
     ('cli', 'nodes'),  # the command may start nodes
 }
 ONLY_IN = {
-    'serial': 'links', 'filterpy': 'estimation',
+    'serial': 'drivers', 'filterpy': 'estimation',
     'rosbags': 'bags', 'mcap': 'bags', 'lz4': 'bags', 'zstandard': 'bags',
     'cv2': 'vision', 'matplotlib': 'analysis', 'rich': 'cli', 'rclpy': 'nodes',
 }

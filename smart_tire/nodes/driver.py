@@ -8,7 +8,7 @@ import threading
 import time
 from typing import Any, Protocol, TypeVar
 
-from smart_tire.links.serial_link import SerialLink
+from smart_tire.drivers.serial_port import SerialLink
 from smart_tire.nodes.base import SILENCE, SmartTireNode
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.samples import NS_PER_S

@@ -6,8 +6,8 @@ import sys
 import threading
 from typing import Any
 
-from smart_tire.links.imu_stream import ImuStream
-from smart_tire.links.serial_link import pump
+from smart_tire.drivers.imu_receiver import ImuStream
+from smart_tire.drivers.serial_port import pump
 from smart_tire.nodes.base import run
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.driver import DriverNode, nanoseconds

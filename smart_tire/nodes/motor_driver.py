@@ -8,7 +8,7 @@ from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
 
 from smart_tire.control.duty_gate import DutyGate
-from smart_tire.links.motor_boards import MotorBoards
+from smart_tire.drivers.roboclaw_pair import MotorBoards
 from smart_tire.nodes.base import run, SILENCE
 from smart_tire.nodes.command_input import CommandInput
 from smart_tire.nodes.diagnostics import Status

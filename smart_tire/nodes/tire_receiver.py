@@ -7,9 +7,9 @@ import threading
 import time
 from typing import Any
 
-from smart_tire.links.pacing import PacedSender
-from smart_tire.links.serial_link import pump
-from smart_tire.links.tire_stream import TireStream
+from smart_tire.drivers.pacing import PacedSender
+from smart_tire.drivers.serial_port import pump
+from smart_tire.drivers.tire_receiver import TireStream
 from smart_tire.nodes.base import run, SILENCE
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.driver import DriverNode, nanoseconds

@@ -14,7 +14,7 @@ from std_msgs.msg import Bool
 from support.graph import Process
 from support.robot_rig import RobotRig
 
-from smart_tire.links.serial_link import open_port
+from smart_tire.drivers.serial_port import open_port
 from smart_tire.nodes.qos import latched
 from smart_tire.protocol import vectornav, vectornav_ascii, xsens
 from smart_tire.protocol.tire_payload import encode_batch, TireBatch

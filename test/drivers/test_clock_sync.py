@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from smart_tire.links.device_clock import DeviceClock, lower_hull
+from smart_tire.drivers.clock_sync import DeviceClock, lower_hull
 
 HOST_NS = 1_700_000_000_000_000_000
 DEVICE_NS = 4_000_000_000_000

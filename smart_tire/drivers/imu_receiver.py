@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
+from smart_tire.drivers.arrival_timestamps import ArrivalClock
+from smart_tire.drivers.clock_sync import DeviceClock
 from smart_tire.errors import FrameError
-from smart_tire.links.arrival_clock import ArrivalClock
-from smart_tire.links.device_clock import DeviceClock
 from smart_tire.protocol import vectornav, vectornav_ascii, xsens
 from smart_tire.protocol.deframer import Deframer
 from smart_tire.samples import ImuSample

@@ -8,7 +8,7 @@ import time
 import pytest
 from support.waiting import PATIENCE
 
-from smart_tire.links.pacing import (
+from smart_tire.drivers.pacing import (
     MAX_AT_ONCE, MAX_PENDING, PacedSender, PacingQueue, SPACING_NS, TICK_NS)
 from smart_tire.samples import TireSample, WHEELS
 

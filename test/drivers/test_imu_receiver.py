@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from smart_tire.links.imu_stream import ImuStream
+from smart_tire.drivers.imu_receiver import ImuStream
 from smart_tire.protocol import vectornav, vectornav_ascii, xsens
 from smart_tire.samples import ImuSample
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from smart_tire.links.arrival_clock import ArrivalClock
+from smart_tire.drivers.arrival_timestamps import ArrivalClock
 
 HOST_NS = 1_700_000_000_000_000_000
 JITTER = {

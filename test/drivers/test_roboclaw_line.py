@@ -9,11 +9,10 @@ import pytest
 from serial import SerialTimeoutException
 from support.pty_port import PtyPort
 
+from smart_tire.drivers.roboclaw_line import Line, MAX_STRAY, REPLY_TIMEOUT
+from smart_tire.drivers.serial_port import open_port
 from smart_tire.errors import FrameError
-from smart_tire.links.roboclaw_line import Line, MAX_STRAY, REPLY_TIMEOUT
-from smart_tire.links.serial_link import open_port
-from smart_tire.protocol.roboclaw import (
-    encode_reply, encode_request, READ_TIMEOUT, SET_DUTY)
+from smart_tire.protocol.roboclaw import encode_reply, encode_request, READ_TIMEOUT, SET_DUTY
 
 GOOD = encode_reply(128, READ_TIMEOUT, 2)
 BAD = GOOD[:-1] + bytes((GOOD[-1] ^ 1,))

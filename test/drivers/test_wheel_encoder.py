@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from smart_tire.links.wheel_encoder import MotionCheck, WheelEncoder
+from smart_tire.drivers.wheel_encoder import MotionCheck, WheelEncoder
 from smart_tire.protocol.roboclaw import COUNT_WRAP
 
 DT = 1.0 / 16.0

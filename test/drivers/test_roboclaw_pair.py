@@ -14,8 +14,8 @@ from support.motor_rig import MotorRig
 from support.waiting import wait_for
 
 from smart_tire.control.duty_gate import DutyGate
-from smart_tire.links.motor_boards import MotorBoards
-from smart_tire.links.serial_link import open_port
+from smart_tire.drivers.roboclaw_pair import MotorBoards
+from smart_tire.drivers.serial_port import open_port
 from smart_tire.parameters import build, MotorDriverParams
 from smart_tire.protocol.roboclaw import (
     READ_BATTERY, READ_ENCODERS, READ_STATUS, READ_TIMEOUT, SET_DUTY, SET_TIMEOUT)

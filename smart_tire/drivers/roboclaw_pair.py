@@ -25,9 +25,9 @@ import time
 from typing import Any
 
 from smart_tire.control.duty_gate import DutyGate, STOPPED
+from smart_tire.drivers.roboclaw_line import Line
+from smart_tire.drivers.wheel_encoder import MotionCheck, WheelEncoder
 from smart_tire.errors import FrameError
-from smart_tire.links.roboclaw_line import Line
-from smart_tire.links.wheel_encoder import MotionCheck, WheelEncoder
 from smart_tire.parameters.hardware import MotorDriverParams
 from smart_tire.protocol.roboclaw import (
     ACKNOWLEDGE, BATTERY_UNIT, duty_code, duty_from_code, READ_BATTERY, READ_ENCODERS, READ_STATUS,

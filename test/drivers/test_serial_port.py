@@ -9,8 +9,8 @@ import pytest
 import serial
 from support.waiting import wait_for
 
+from smart_tire.drivers.serial_port import open_port, pump, SerialLink
 from smart_tire.errors import LinkError
-from smart_tire.links.serial_link import open_port, pump, SerialLink
 
 
 @pytest.fixture

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator, Mapping
 
+from smart_tire.drivers.clock_sync import DeviceClock, MAX_LATE
 from smart_tire.errors import FrameError
-from smart_tire.links.device_clock import DeviceClock, MAX_LATE
 from smart_tire.protocol.tire_payload import (
     decode_batch, MAX_CODE, SEQUENCE_WRAP, TIMER_WRAP_US, TireBatch, volts)
 from smart_tire.protocol.xbee import decode_receive_packet, XBeeDeframer

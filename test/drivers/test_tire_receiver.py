@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from smart_tire.links.tire_stream import TireStream, TireUnit
+from smart_tire.drivers.tire_receiver import TireStream, TireUnit
 from smart_tire.protocol.tire_payload import encode_batch, SATURATED, TireBatch
 from smart_tire.protocol.xbee import encode_frame, encode_receive_packet, ReceivePacket
 from smart_tire.samples import BatterySample

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import statistics
 
-from smart_tire.links.device_clock import DeviceClock
+from smart_tire.drivers.clock_sync import DeviceClock
 
 LEARN = 32            # arrivals that the period is first measured from
 PERIOD_SIGMA = 0.01   # relative, of a period measured from so many jittering arrivals
