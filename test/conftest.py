@@ -37,12 +37,12 @@ WITH_PROCESSES = (
 OF_THE_WHEELS = ('test/safety/', 'test/drivers/')  # mostly waiting: a group of their own
 LONG = (  # ten seconds and more
     'test/analysis/test_offline.py', 'test/analysis/test_recordings.py',
-    'test/estimation/test_slip_consistency.py', 'test/estimation/test_slip_estimator.py',
-    'test/estimation/test_friction_estimator.py', 'test/analysis/test_smoothing.py',
+    'test/estimation/slip/test_consistency.py', 'test/estimation/slip/test_estimator.py',
+    'test/estimation/friction/test_estimator.py', 'test/analysis/test_smoothing.py',
     'test/analysis/test_reproduction_tires.py', 'test/cli/test_reproduce.py',
-    'test/estimation/test_film_measurement.py', 'test/estimation/test_waveform_fit.py',
-    'test/estimation/test_stiffness_identification.py', 'test/numerics/test_delay_regression.py',
-    'test/estimation/test_wheel_latency.py')
+    'test/estimation/film/test_measure.py', 'test/estimation/friction/test_waveform_fit.py',
+    'test/calibration/tire/test_stiffness.py', 'test/numerics/test_delay_regression.py',
+    'test/calibration/robot/test_wheel_latency.py')
 
 DOMAINS = range(1, 102)  # above, DDS ports meet those that the system hands out
 

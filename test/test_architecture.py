@@ -16,13 +16,14 @@ LEVEL = {
     'uncertain': 0,
     'launching': 1, 'protocol': 1, 'messages': 1, 'models': 1, 'control': 1,
     'drivers': 2, 'estimation': 2, 'bags': 2, 'vision': 2,
-    'simulation': 3, 'analysis': 3,
-    'nodes': 4, 'cli': 4,
+    'calibration': 3, 'simulation': 3,
+    'analysis': 4,
+    'nodes': 5,
+    'cli': 6,
 }
 BESIDE = {  # the imports that stay on their level
     ('numerics', 'arrays'), ('numerics', 'errors'), ('parameters', 'errors'),
     ('parameters', 'samples'),
-    ('cli', 'nodes'),  # the command may start nodes
 }
 ONLY_IN = {
     'serial': 'drivers', 'filterpy': 'estimation',

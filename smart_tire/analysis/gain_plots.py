@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 import numpy as np
 
 from smart_tire.analysis import plots
-from smart_tire.estimation.gain_results import FilmTold, GainFit, Waveform
+from smart_tire.calibration.film.results import FilmTold, GainFit, Waveform
 
 MM = 1e3
 

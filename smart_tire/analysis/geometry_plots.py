@@ -8,10 +8,10 @@ from matplotlib.axes import Axes
 import numpy as np
 
 from smart_tire.analysis import plots
-from smart_tire.estimation.geometry_identification import Geometry
-from smart_tire.estimation.icr_identification import IcrFit
-from smart_tire.estimation.rolling_radius import WayFit
-from smart_tire.estimation.wheel_latency import TurnFit
+from smart_tire.calibration.robot.geometry import Geometry
+from smart_tire.calibration.robot.icr import IcrFit
+from smart_tire.calibration.robot.rolling_radius import WayFit
+from smart_tire.calibration.robot.wheel_latency import TurnFit
 
 SHOWN = 20.0  # s of the run in which most turning changes, to see a delay by eye
 

@@ -11,13 +11,12 @@ import numpy as np
 
 from smart_tire.analysis.series import PoseSeries, seconds, Series, Stamps, Table
 from smart_tire.bags import Bag
+from smart_tire.calibration.recording import ImuRecord, PoseRecord, Recording, WheelRecord
+from smart_tire.calibration.robot import geometry, icr
+from smart_tire.calibration.robot.geometry import Geometry
+from smart_tire.calibration.robot.icr import IcrFit
 from smart_tire.errors import BagError, EstimatorError
-from smart_tire.estimation import geometry_identification, icr_identification
-from smart_tire.estimation.geometry_identification import Geometry
-from smart_tire.estimation.icr_identification import IcrFit
-from smart_tire.estimation.motion_record import ImuRecord, PoseRecord, Recording, WheelRecord
-from smart_tire.parameters import (
-    build, known_names, load_files, NODE_PARAMS, RobotParams, specs)
+from smart_tire.parameters import build, known_names, load_files, NODE_PARAMS, RobotParams, specs
 from smart_tire.rotation import matrix
 from smart_tire.samples import ImuSample, Odometry, WheelSample
 
@@ -49,14 +48,14 @@ def identify_geometry(path: Path, robot: RobotParams, *, since: float = 0.0,
     Raises BagError if the bag can not be read, EstimatorError if it lacks the inputs.
     """
     recording = read_recording(path, robot, Span(since, until), reference)
-    return geometry_identification.identify_geometry(recording, robot)
+    return geometry.identify_geometry(recording, robot)
 
 
 def identify_icr(path: Path, robot: RobotParams, *, since: float = 0.0, until: float = math.inf,
                  reference: str | None = None) -> IcrFit:
     """Return S from the bag at ``path``; as ``identify_geometry``, EstimatorError if untold."""
     recording = read_recording(path, robot, Span(since, until), reference)
-    return icr_identification.identify_icr(recording, robot)
+    return icr.identify_icr(recording, robot)
 
 
 def read_recording(path: Path, robot: RobotParams, span: Span,

@@ -24,7 +24,7 @@ from smart_tire.analysis.smoothing import SmoothedSlip
 from smart_tire.analysis.summary import estimates_tree, plain, Tree, truth_tree
 from smart_tire.bags import Bag, BagWriter
 from smart_tire.errors import BagError
-from smart_tire.estimation.slip_estimator import SlipEstimator
+from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.messages import find_topic, topic_of
 from smart_tire.samples import NS_PER_S, Odometry, Sample, WheelSample
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from smart_tire.analysis.smoothing import SmoothedSlip
-from smart_tire.estimation.friction_estimator import FrictionEstimator
-from smart_tire.estimation.slip_estimator import SlipEstimator
+from smart_tire.estimation.friction.estimator import FrictionEstimator
+from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.parameters import (
     build, FrictionEstimatorParams, known_names, load_files, NODE_PARAMS, RobotParams,
     SlipEstimatorParams, specs)

@@ -7,11 +7,11 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from smart_tire.analysis.series import Series
-from smart_tire.estimation.slide_timing import timed
-from smart_tire.estimation.slip_estimator import SlipEstimator
-from smart_tire.estimation.slip_report import Estimate, SlipReport
-from smart_tire.estimation.slip_state import N
-from smart_tire.estimation.smoother import Smoother
+from smart_tire.estimation.slip.estimator import SlipEstimator
+from smart_tire.estimation.slip.lag_compensation import timed
+from smart_tire.estimation.slip.output import Estimate, SlipReport
+from smart_tire.estimation.slip.rts_smoother import Smoother
+from smart_tire.estimation.slip.state import N
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.samples import Friction, ImuSample, Sample, WheelSample
 

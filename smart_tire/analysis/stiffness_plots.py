@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 import numpy as np
 
 from smart_tire.analysis import plots
-from smart_tire.estimation.stiffness_identification import StiffnessFit
+from smart_tire.calibration.tire.stiffness import StiffnessFit
 
 
 def write_stiffness(path: Path, found: StiffnessFit) -> None:

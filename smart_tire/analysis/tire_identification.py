@@ -11,11 +11,12 @@ from smart_tire.analysis.identification import NO_REFERENCE, read_recording, Spa
 from smart_tire.analysis.pipeline import INPUTS
 from smart_tire.analysis.smoothing import SmoothedSlip
 from smart_tire.bags import Bag
+from smart_tire.calibration.film import gains
+from smart_tire.calibration.film.crossing_collector import KnownPassage, PassageCollector
+from smart_tire.calibration.film.results import GainFit
+from smart_tire.calibration.tire import stiffness
+from smart_tire.calibration.tire.stiffness import StiffnessFit
 from smart_tire.errors import EstimatorError
-from smart_tire.estimation import gain_identification, stiffness_identification
-from smart_tire.estimation.gain_results import GainFit
-from smart_tire.estimation.passage_collector import KnownPassage, PassageCollector
-from smart_tire.estimation.stiffness_identification import StiffnessFit
 from smart_tire.parameters import FrictionEstimatorParams, RobotParams, SlipEstimatorParams
 from smart_tire.parameters.identified import Identified
 from smart_tire.samples import ImuSample, NS_PER_S, Sample, TireSample, WheelSample, WheelSlip
@@ -29,7 +30,7 @@ def identify_stiffness(bags: Sequence[Path], robot: RobotParams,
 
     Raises BagError if one can not be read, EstimatorError with the reason where they do not tell.
     """
-    return stiffness_identification.identify_stiffness(
+    return stiffness.identify_stiffness(
         [read_recording(bag, robot, span, NO_REFERENCE) for bag in bags], robot)
 
 
@@ -47,7 +48,7 @@ def identify_gains(bags: Sequence[Path], robot: RobotParams, span: Span) -> Gain
 
     Raises BagError if one can not be read, EstimatorError with the reason where they do not tell.
     """
-    return gain_identification.identify_gains(
+    return gains.identify_gains(
         [read_passages(bag, robot, span) for bag in bags], robot)
 
 

@@ -194,7 +194,7 @@ def measure_offline(folder: Path) -> None:
 def print_steps(samples: Sequence[Any]) -> None:
     """Print the time of one filter step: prediction, updates and output."""
     import numpy as np
-    from smart_tire.estimation.slip_estimator import SlipEstimator
+    from smart_tire.estimation.slip.estimator import SlipEstimator
     from smart_tire.parameters import SlipEstimatorParams
     estimator, times = SlipEstimator(SlipEstimatorParams()), []
     for sample in samples:

@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.estimation.film_measurement import measure
-from smart_tire.estimation.film_parameters import identify_film
+from smart_tire.calibration.bench.film_parameters import identify_film
+from smart_tire.estimation.film.measure import measure
 from smart_tire.models.film.buckling_film import FILMS
 from smart_tire.simulation.test_bench import sine, TestBench
 

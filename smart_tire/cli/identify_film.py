@@ -12,7 +12,7 @@ from smart_tire.cli.outputs import add_force, refuse_existing
 from smart_tire.errors import ParameterError
 
 if TYPE_CHECKING:
-    from smart_tire.estimation.film_recording import FilmRecording
+    from smart_tire.estimation.film.recording import FilmRecording
     from smart_tire.models.film.buckling_film import BucklingFilm
 
 NAME = 'film'
@@ -46,8 +46,9 @@ def run(args: argparse.Namespace) -> int:
     figure = out.with_suffix('.png')
     refuse_existing([out, figure], force=args.force, inputs=[args.data])
     from smart_tire.analysis.film_plots import write_fit
-    from smart_tire.estimation.film_parameters import identify_film, PRODUCTS, write_params
-    from smart_tire.estimation.film_recording import COLUMNS, read_recording
+    from smart_tire.calibration.bench.film_parameters import identify_film, write_params
+    from smart_tire.estimation.film.film_file import PRODUCTS
+    from smart_tire.estimation.film.recording import COLUMNS, read_recording
     columns = args.columns.split(',') if args.columns else list(COLUMNS)
     recording = read_recording(args.data, columns)
     film = _film(args, recording)

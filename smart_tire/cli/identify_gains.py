@@ -9,7 +9,7 @@ from smart_tire.cli.arguments import add_recordings
 from smart_tire.cli.identify_output import check_out, put_out
 
 if TYPE_CHECKING:
-    from smart_tire.estimation.gain_results import GainFit
+    from smart_tire.calibration.film.results import GainFit
     from smart_tire.uncertain import Estimate
 
 NAME = 'gains'

@@ -21,7 +21,7 @@ def run(args: argparse.Namespace) -> int:
     check_out(args, NAME)
     from smart_tire.analysis.geometry_plots import write_geometry
     from smart_tire.analysis.identification import identify_geometry, load_robot
-    from smart_tire.estimation.geometry_identification import parameters, together
+    from smart_tire.calibration.robot.geometry import parameters, together
     robot = load_robot(args.params)
     found = together([identify_geometry(bag, robot, since=args.since, until=args.until,
                                         reference=args.reference) for bag in args.bags])

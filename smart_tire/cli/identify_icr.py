@@ -21,7 +21,7 @@ def run(args: argparse.Namespace) -> int:
     check_out(args, NAME)
     from smart_tire.analysis.geometry_plots import write_icr
     from smart_tire.analysis.identification import identify_icr, load_robot
-    from smart_tire.estimation.icr_identification import together
+    from smart_tire.calibration.robot.icr import together
     robot = load_robot(args.params)
     fit = together([identify_icr(bag, robot, since=args.since, until=args.until,
                                  reference=args.reference) for bag in args.bags])

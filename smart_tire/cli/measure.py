@@ -38,9 +38,9 @@ def run(args: argparse.Namespace) -> int:
     refuse_existing([out, figure], force=args.force, inputs=[args.data, args.params])
     import numpy as np
     from smart_tire.analysis.film_plots import write_measurement
-    from smart_tire.estimation.film_measurement import measure
-    from smart_tire.estimation.film_parameters import read_params
-    from smart_tire.estimation.film_recording import read_columns, write_columns
+    from smart_tire.estimation.film.film_file import read_params
+    from smart_tire.estimation.film.measure import measure
+    from smart_tire.estimation.film.recording import read_columns, write_columns
     params = read_params(args.params)
     time, charge, *rest = read_columns(args.data, _columns(args), only=False)
     try:
@@ -66,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _columns(args: argparse.Namespace) -> list[str]:
-    from smart_tire.estimation.film_recording import header_of
+    from smart_tire.estimation.film.recording import header_of
     if args.columns is None:
         return NEEDED + [REFERENCE] * (REFERENCE in header_of(args.data))
     columns: list[str] = args.columns.split(',')

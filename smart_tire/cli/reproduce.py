@@ -45,7 +45,7 @@ def laboratory() -> Laboratory:
     """Return the simulated test bench and robot."""
     from smart_tire.analysis.reproduction.laboratory import Laboratory, Specimen
     from smart_tire.arrays import Array
-    from smart_tire.estimation.film_recording import FilmRecording
+    from smart_tire.estimation.film.recording import FilmRecording
     from smart_tire.models.film.hysteresis import TABLE_I_GAIN
     from smart_tire.simulation.run import simulate
     from smart_tire.simulation.test_bench import TestBench

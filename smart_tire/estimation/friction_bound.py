@@ -12,7 +12,8 @@ import math
 
 import numpy as np
 
-from smart_tire.estimation.waveform_model import FilmSamples, Own, own, Shared, WaveformModel
+from smart_tire.estimation.contact.records import FilmSamples
+from smart_tire.estimation.friction.waveform_model import Own, own, Shared, WaveformModel
 from smart_tire.parameters.robot import RobotParams
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from smart_tire.estimation.friction_estimator import FrictionEstimator
+from smart_tire.estimation.friction.estimator import FrictionEstimator
 from smart_tire.nodes.base import run
 from smart_tire.nodes.estimator import EstimatorNode
 from smart_tire.parameters import FrictionEstimatorParams

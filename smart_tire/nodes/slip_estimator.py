@@ -7,7 +7,7 @@ import sys
 from geometry_msgs.msg import TransformStamped
 from std_srvs.srv import Trigger
 
-from smart_tire.estimation.slip_estimator import SlipEstimator
+from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.messages import fill_transform
 from smart_tire.nodes.base import run
 from smart_tire.nodes.estimator import EstimatorNode

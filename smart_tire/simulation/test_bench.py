@@ -17,7 +17,7 @@ from scipy.signal import lfilter
 
 from smart_tire.arrays import Array, ArrayLike
 from smart_tire.errors import ParameterError
-from smart_tire.estimation.film_recording import FilmRecording
+from smart_tire.estimation.film.recording import FilmRecording
 from smart_tire.models.film.buckling_film import BucklingFilm, FILMS
 from smart_tire.models.film.hysteresis import DuhemParams, respond, TABLE_I, TABLE_I_GAIN
 from smart_tire.models.film.monotone_branches import series

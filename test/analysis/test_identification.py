@@ -7,10 +7,9 @@ import pytest
 from support.identifying import turning_run, write_run
 
 from smart_tire.analysis.geometry_plots import write_geometry
-from smart_tire.analysis.identification import (
-    identify_geometry, load_robot, read_recording, Span)
+from smart_tire.analysis.identification import identify_geometry, load_robot, read_recording, Span
+from smart_tire.calibration.robot.geometry import Geometry, LATENCY, RADIUS
 from smart_tire.errors import BagError, EstimatorError
-from smart_tire.estimation.geometry_identification import Geometry, LATENCY, RADIUS
 from smart_tire.parameters import build, RobotParams
 
 ROBOT = RobotParams()

@@ -7,9 +7,8 @@ from pathlib import Path
 import pytest
 
 from smart_tire.analysis.identification import identify_geometry, identify_icr
+from smart_tire.calibration.robot.geometry import LATENCY, parameters, RADIUS, REST, TRACK
 from smart_tire.errors import EstimatorError
-from smart_tire.estimation.geometry_identification import (
-    LATENCY, parameters, RADIUS, REST, TRACK)
 from smart_tire.parameters import build, RobotParams
 
 RECORDINGS = Path(__file__).resolve().parents[3] / 'shared' / 'data'

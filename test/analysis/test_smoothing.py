@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from smart_tire.analysis.smoothing import smooth, SmoothedSlip
-from smart_tire.estimation.slip_estimator import SlipEstimator
-from smart_tire.estimation.slip_state import N, State
-from smart_tire.estimation.smoother import Smoother
+from smart_tire.estimation.slip.estimator import SlipEstimator
+from smart_tire.estimation.slip.rts_smoother import Smoother
+from smart_tire.estimation.slip.state import N, State
 from smart_tire.parameters import build, SlipEstimatorParams
 from smart_tire.samples import NS_PER_S, Odometry, TireSample
 from support.driving import drive, ramp, START_NS, STEP

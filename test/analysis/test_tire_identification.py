@@ -9,7 +9,7 @@ import pytest
 from support.gains import recording
 
 from smart_tire.analysis.tire_identification import gain_parameters
-from smart_tire.estimation.gain_identification import identify_gains
+from smart_tire.calibration.film.gains import identify_gains
 from smart_tire.parameters import build, RobotParams
 from smart_tire.parameters.identified import identified_text
 

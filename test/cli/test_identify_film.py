@@ -9,8 +9,8 @@ from support.film_bench import one_loop, several_loops
 
 from smart_tire.cli import identify
 from smart_tire.errors import ParameterError
-from smart_tire.estimation.film_parameters import read_params
-from smart_tire.estimation.film_recording import write_columns, write_recording
+from smart_tire.estimation.film.film_file import read_params
+from smart_tire.estimation.film.recording import write_columns, write_recording
 
 
 def command(*words):

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
+from smart_tire.calibration.recording import Signal
 from smart_tire.errors import EstimatorError
-from smart_tire.estimation.motion_record import Signal
 from smart_tire.numerics.delay_regression import fit_delay, Problem, Rows, sandwich
 
 DELAYS = np.arange(-1.0, 1.01, 0.05)

@@ -7,8 +7,8 @@ import math
 import numpy as np
 from support.passages import passage, WHEEL
 
-from smart_tire.estimation.course_errors import CourseErrors
-from smart_tire.estimation.passage_collector import KnownPassage
+from smart_tire.calibration.film.crossing_collector import KnownPassage
+from smart_tire.estimation.contact.trajectory_error import CourseErrors
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import NS_PER_S
 

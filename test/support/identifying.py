@@ -7,7 +7,7 @@ from scipy.signal import oaconvolve
 from support.driving import drive, START_NS, STEP
 
 from smart_tire.bags import BagWriter
-from smart_tire.estimation.motion_record import ImuRecord, PoseRecord, Recording, WheelRecord
+from smart_tire.calibration.recording import ImuRecord, PoseRecord, Recording, WheelRecord
 from smart_tire.parameters import RobotParams
 from smart_tire.rotation import quaternion
 from smart_tire.samples import ImuSample, NS_PER_S, Odometry, WheelSample

@@ -6,10 +6,9 @@ import math
 
 import numpy as np
 
-from smart_tire.estimation.course_errors import CourseErrors
-from smart_tire.estimation.sighting import Sighter
-from smart_tire.estimation.waveform_fit import Passage
-from smart_tire.estimation.waveform_model import FilmSamples
+from smart_tire.estimation.contact.detection import Sighter
+from smart_tire.estimation.contact.records import FilmSamples, Passage
+from smart_tire.estimation.contact.trajectory_error import CourseErrors
 from smart_tire.models.tire import tread_film
 from smart_tire.parameters import RobotParams
 

@@ -12,9 +12,10 @@ from smart_tire.analysis.friction_bench.rows import SINGLE
 from smart_tire.analysis.friction_bench.synthesis import EXACT, Synthesiser
 from smart_tire.analysis.series import Floats
 from smart_tire.errors import EstimatorError
-from smart_tire.estimation.passage_report import PassageReporter
-from smart_tire.estimation.waveform_fit import Passage, SlipKnowledge, WaveformFitter
-from smart_tire.estimation.waveform_model import FilmSamples, WaveformModel
+from smart_tire.estimation.contact.records import FilmSamples, Passage
+from smart_tire.estimation.friction.output import PassageReporter
+from smart_tire.estimation.friction.waveform_fit import SlipKnowledge, WaveformFitter
+from smart_tire.estimation.friction.waveform_model import WaveformModel
 from smart_tire.parameters import RobotParams
 
 FINE = 1e-4  # m, between points of a drawn curve

@@ -8,8 +8,8 @@ import math
 import time
 
 from smart_tire.analysis.pipeline import EstimatorParams, SlipStage
-from smart_tire.estimation.friction_estimator import FrictionEstimator
-from smart_tire.estimation.slip_estimator import SlipEstimator
+from smart_tire.estimation.friction.estimator import FrictionEstimator
+from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.parameters import FrictionEstimatorParams, RobotParams, SlipEstimatorParams
 from smart_tire.samples import Friction, Icr, Odometry, Sample, TireSample, WheelSample, WheelSlip
 

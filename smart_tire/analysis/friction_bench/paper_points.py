@@ -12,7 +12,7 @@ from smart_tire.analysis.friction_bench.methods import (
 from smart_tire.analysis.friction_bench.rivals import ratio_read_off
 from smart_tire.analysis.friction_bench.synthesis import Synthesiser
 from smart_tire.analysis.series import Floats
-from smart_tire.estimation.passage_report import PassageReporter
+from smart_tire.estimation.friction.output import PassageReporter
 from smart_tire.samples import Friction
 
 SLIPS = np.linspace(0.01, 0.3, 59)  # -, of either sign

@@ -8,11 +8,10 @@ import numpy as np
 
 from smart_tire.analysis.friction_bench.cases import Case, LOAD, WHEEL
 from smart_tire.analysis.series import Floats
-from smart_tire.estimation.motion import WheelMotion
-from smart_tire.estimation.sighting import Sighter, Sighting
-from smart_tire.estimation.waveform_fit import Passage
-from smart_tire.estimation.waveform_model import FilmSamples
-from smart_tire.estimation.wheel_films import MARGIN, WheelPassage
+from smart_tire.estimation.contact.detection import Sighter
+from smart_tire.estimation.contact.records import FilmSamples, Passage, Sighting, WheelPassage
+from smart_tire.estimation.contact.tracker import MARGIN
+from smart_tire.estimation.friction.motion_history import WheelMotion
 from smart_tire.models.film.signal_chain import SignalChain
 from smart_tire.models.tire import tread_film
 from smart_tire.parameters.simulation import SensorErrorParams

@@ -16,10 +16,10 @@ from smart_tire.analysis.friction_bench.rows import SINGLE
 from smart_tire.analysis.friction_bench.scoring import spread
 from smart_tire.analysis.friction_bench.synthesis import Synthesiser
 from smart_tire.analysis.series import Floats
+from smart_tire.estimation.contact.records import WheelPassage
+from smart_tire.estimation.friction.motion_history import WheelMotion
+from smart_tire.estimation.friction.output import PassageReporter
 from smart_tire.estimation.friction_bound import friction_bound
-from smart_tire.estimation.motion import WheelMotion
-from smart_tire.estimation.passage_report import PassageReporter
-from smart_tire.estimation.wheel_films import WheelPassage
 from smart_tire.samples import Friction
 
 

@@ -9,8 +9,9 @@ import numpy as np
 
 from smart_tire.analysis.reproduction.laboratory import Laboratory, Specimen, specimen
 from smart_tire.arrays import Array
-from smart_tire.estimation.film_parameters import FilmParams, identify_film
-from smart_tire.estimation.film_recording import FilmRecording
+from smart_tire.calibration.bench.film_parameters import identify_film
+from smart_tire.estimation.film.film_file import FilmParams
+from smart_tire.estimation.film.recording import FilmRecording
 from smart_tire.models.film.elastica import TOUCHING_STROKE
 from smart_tire.models.film.hysteresis import respond, TABLE_I_GAIN
 from smart_tire.uncertain import Estimate

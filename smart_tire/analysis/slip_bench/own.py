@@ -8,7 +8,7 @@ import time
 from smart_tire.analysis.series import Table
 from smart_tire.analysis.slip_bench.tracks import as_estimate, Estimate, Statistic
 from smart_tire.analysis.smoothing import SmoothedSlip
-from smart_tire.estimation.slip_estimator import SlipEstimator
+from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.samples import ImuSample, NS_PER_S, Odometry, Sample, WheelSample
 

@@ -25,8 +25,8 @@ from smart_tire.analysis.slip_bench.contest import contest
 from smart_tire.analysis.slip_bench.scoring import PathScore
 from smart_tire.analysis.slip_bench.tracks import Estimate
 from smart_tire.bags import Bag
+from smart_tire.calibration.robot.geometry import parameters
 from smart_tire.errors import EstimatorError
-from smart_tire.estimation.geometry_identification import parameters
 from smart_tire.parameters import build, SlipEstimatorParams, specs
 from smart_tire.samples import NS_PER_S, Sample
 

@@ -9,8 +9,8 @@ import pytest
 
 from smart_tire.analysis.friction_bench.cases import all_cases, Case, LOAD, quick_cases
 from smart_tire.analysis.friction_bench.synthesis import Synthesiser
-from smart_tire.estimation.waveform_fit import WaveformFitter
-from smart_tire.estimation.waveform_model import Shared
+from smart_tire.estimation.friction.waveform_fit import WaveformFitter
+from smart_tire.estimation.friction.waveform_model import Shared
 from smart_tire.models.tire import brush_tire
 
 

@@ -1,0 +1,1 @@
+"""Parameters from recordings, with standard errors: nothing here runs live."""

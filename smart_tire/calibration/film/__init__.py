@@ -1,0 +1,1 @@
+"""Calibration of film gains, contact length and mounting angles from patch crossings."""

@@ -1,0 +1,1 @@
+"""Calibration of encoders, IMU, geometry and ICR of the robot."""

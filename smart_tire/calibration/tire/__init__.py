@@ -1,0 +1,1 @@
+"""Calibration of the tire: longitudinal stiffness from straight-line driving."""

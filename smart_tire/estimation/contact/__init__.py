@@ -1,0 +1,1 @@
+"""Film samples to patch crossings: segment, detect, predict, associate."""

@@ -1,0 +1,1 @@
+"""Patch crossings to friction: waveform fit, brush inversion, Bayes filter over crossings."""

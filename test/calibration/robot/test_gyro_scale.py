@@ -1,0 +1,43 @@
+"""The gyro's scale against a reference."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.identifying import recorded, turning_run
+
+from smart_tire.calibration.robot.gyro_scale import check_gyro, usable_reference
+from smart_tire.errors import EstimatorError
+
+
+def test_scale_and_delay_are_right_within_their_errors():
+    scales, delays = [], []
+    for seed in range(10):
+        recording = recorded(turning_run(seed), 0.01, seed)
+        imu = replace(recording.imu, rate=0.97 * recording.imu.rate)
+        late = replace(recording.reference, time=recording.reference.time + 0.1)
+        check = check_gyro(replace(recording, imu=imu, reference=late))
+        scales.append((check.scale.value - 0.97) / check.scale.sigma)
+        delays.append((check.latency.value - 0.1) / check.latency.sigma)
+        assert check.scale.sigma < 0.01
+    for errors in (scales, delays):
+        assert 0.4 < np.sqrt(np.mean(np.square(errors))) < 1.6
+
+
+def test_it_needs_a_reference():
+    with pytest.raises(EstimatorError, match='no reference'):
+        check_gyro(recorded(turning_run(0, 20.0)))
+
+
+def test_a_reference_without_yaw_is_refused():
+    recording = recorded(turning_run(0), 0.01)
+    poses = replace(recording.reference, yaw=0.0 * recording.reference.yaw)
+    with pytest.raises(EstimatorError, match='it has no yaw'):
+        usable_reference(replace(recording, reference=poses))
+
+
+def test_it_needs_turns():
+    with pytest.raises(EstimatorError):
+        check_gyro(recorded(turning_run(0, turn=1e-4), 0.01))

@@ -1,0 +1,57 @@
+"""Stretches of recordings: nothing is counted twice, nothing is made up in holes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from smart_tire.calibration.recording import PoseRecord, Signal, wheel_intervals, WheelRecord
+
+
+def wheels(time, speed=2.0, positions=True):
+    time = np.asarray(time)
+    angle = speed * (time - time[0])[:, None] * np.ones(4)
+    return WheelRecord(time, np.full((len(time), 4), speed), angle if positions else None)
+
+
+@pytest.mark.parametrize('rate, shortest', [(200.0, 0.05), (16.0, 0.05), (4.0, 0.05)])
+@pytest.mark.parametrize('positions', [True, False])
+def test_stretches_follow_on_each_other_and_are_long_enough(rate, shortest, positions):
+    time = np.arange(0.0, 10.0, 1.0 / rate)
+    stretches = wheel_intervals(wheels(time, positions=positions), shortest)
+    assert np.all(stretches.duration > 0.99 * shortest)
+    assert np.all(stretches.duration < shortest + 1.01 / rate)
+    assert stretches.end[:-1] == pytest.approx(stretches.begin[1:])
+    assert stretches.sides == pytest.approx(np.full((len(stretches.end), 2), 2.0))
+
+
+def test_positions_bridge_a_lost_message_and_velocities_do_not():
+    time = np.delete(np.arange(0.0, 5.0, 0.1), 20)
+    bridged = wheel_intervals(wheels(time), 0.05)
+    assert bridged.duration.max() == pytest.approx(0.2)
+    assert wheel_intervals(wheels(time, positions=False), 0.05).duration.max() < 0.11
+
+
+def test_motion_is_found_with_what_is_around_it():
+    time = np.arange(0.0, 10.0, 0.1)
+    speed = np.where((time > 4.95) & (time < 6.0), 1.0, 0.0)[:, None] * np.ones(4)
+    stretches = wheel_intervals(WheelRecord(time, speed, None), 0.05)
+    near = stretches.end[stretches.around_motion(0.5)]
+    assert near.min() == pytest.approx(4.5) and near.max() == pytest.approx(6.4)
+    assert not stretches.around_motion(2.0).any()
+
+
+def test_means_of_a_signal_are_those_of_its_straight_pieces():
+    time = np.array([0.0, 1.0, 3.0])
+    signal = Signal(time, np.array([0.0, 2.0, 2.0]))
+    assert signal.mean(np.array([0.0, 0.0, 1.5]), np.array([1.0, 3.0, 2.0])) == pytest.approx(
+        [1.0, 5.0 / 3.0, 2.0])
+    assert signal.around(np.array([0.5]), 0.5) == pytest.approx([1.0])
+
+
+def test_stretches_of_poses_begin_anew_after_a_gap():
+    time = np.concatenate([np.arange(0.0, 3.05, 0.1), np.arange(5.0, 8.05, 0.1)])
+    record = PoseRecord(time, np.zeros((len(time), 2)), np.zeros(len(time)))
+    ends = [(time[a], time[b]) for a, b in record.stretches(1.45, 0.5)]
+    assert np.array(ends) == pytest.approx(np.array(
+        [(0.0, 1.5), (1.5, 3.0), (5.0, 6.5), (6.5, 8.0)]))

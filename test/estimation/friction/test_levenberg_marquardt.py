@@ -1,0 +1,80 @@
+"""The way to the least misfit: it ends there, and evaluates the model no more than it must."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from smart_tire.estimation.friction.levenberg_marquardt import Descent, Prior
+from smart_tire.estimation.friction.waveform_model import Own, own, Shared, WaveformModel
+from smart_tire.parameters import RobotParams
+from support.passages import passage, WHEEL
+
+ROBOT = RobotParams()
+SLIP, SLIDING = 0.1, 0.18
+
+
+class Counting:
+    """A model that counts how often it is evaluated."""
+
+    def __init__(self, seen):
+        self._model = WaveformModel(ROBOT, ROBOT.film.gains(WHEEL), seen.films, seen.reference)
+        self.evaluations = 0
+
+    def linearised(self, p):
+        self.evaluations += 1
+        return self._model.linearised(p)
+
+
+def known(count, slip_sigma=1e-3):
+    """Return a prior on ``count`` films, with contact length and shape of the bending fixed."""
+    value, sigma = np.zeros(own(count, Own.PLACE)), np.zeros(own(count, Own.PLACE))
+    value[[Shared.SLIP, Shared.SLIDING]] = SLIP, 0.3
+    sigma[[Shared.SLIP, Shared.SLIDING]] = slip_sigma, 3.0
+    for i in range(count):
+        block = slice(own(i, Own.PLACE), own(i + 1, Own.PLACE))
+        peak = ROBOT.film.bending(WHEEL)[i]
+        value[block] = i * ROBOT.film.spacing, 0.0, peak, 0.12 * peak, 0.12 * peak, 0.0, 0.0
+        sigma[block] = 0.005, 0.01, 0.5, 0.1, 0.1, 0.03, 0.5
+    free = np.flatnonzero(sigma)
+    return Prior(value, np.diag(sigma[free]**-2), free, np.array([Shared.SLIP]))
+
+
+def way(seed):
+    seen = passage(np.random.default_rng(seed), ROBOT, slip=SLIP, sliding=SLIDING)
+    model = Counting(seen)
+    return Descent(model, seen.films, ROBOT.film.sample_variance), model, seen
+
+
+@pytest.mark.parametrize('seed', range(8))
+def test_it_ends_at_the_least_misfit_after_few_evaluations(seed):
+    descent, model, _ = way(seed)
+    prior = known(2)
+    end = descent.run(prior.value, prior)
+    assert model.evaluations <= 7
+    sigma = np.sqrt(np.diag(np.linalg.inv(end.hessian)))
+    assert abs(end.p[Shared.SLIDING] - SLIDING) < 4.0 * sigma[list(prior.free).index(
+        Shared.SLIDING)]
+    again = descent.run(end.p.copy(), prior)
+    assert np.all(np.abs(again.p - end.p)[prior.free] < 0.1 * sigma)
+
+
+def test_what_is_fixed_stays_and_what_is_known_is_not_evaluated_again():
+    descent, model, _ = way(10)
+    end = descent.run(known(2).value, known(2))
+    assert end.p[Shared.LENGTH] == end.p[Shared.ALPHA] == 0.0
+    before = model.evaluations
+    other = descent.run(end.point.p, known(2, 2e-3))
+    assert model.evaluations - before <= 2
+    assert other.p[Shared.SLIDING] == pytest.approx(end.p[Shared.SLIDING], abs=0.01)
+
+
+def test_each_film_apart_tells_less_than_both():
+    descent, _, seen = way(11)
+    end = descent.run(known(2).value, known(2))
+    sigma = float(np.sqrt(np.linalg.inv(end.hessian)[1, 1]))
+    apart = descent.apart(end)
+    assert len(apart) == len(seen.films)
+    for value, wider in apart:
+        assert wider > sigma
+        assert abs(value - end.p[Shared.SLIDING]) < 4.0 * wider

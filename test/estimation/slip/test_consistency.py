@@ -1,0 +1,50 @@
+"""Over many simulated runs, errors are as large as the sigmas say, at all times."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from smart_tire.estimation.slip.estimator import SlipEstimator
+from smart_tire.parameters import build, SlipEstimatorParams
+from smart_tire.samples import Odometry, WheelSlip
+from smart_tire.simulation.scenarios import SCENARIOS
+
+SEEDS = range(11, 15)  # of no benchmark
+
+
+def errors(name, seed):
+    """Return normalised errors of the slips (n, 2) and of the forward speed (n,)."""
+    scenario = SCENARIOS[name]
+    estimator = SlipEstimator(build(SlipEstimatorParams, {'encoder.latency': scenario.latency}))
+    slips, speeds, truth = {}, {}, []
+    for _, topic, sample in scenario.events(seed):
+        if topic in ('imu/data', 'wheel_states'):
+            for estimate in estimator.update(sample):
+                if isinstance(estimate, WheelSlip):
+                    slips[estimate.stamp_ns] = estimate.ratio[:2], estimate.sigma[:2]
+                elif isinstance(estimate, Odometry):
+                    speeds[estimate.stamp_ns] = estimate.linear[0], estimate.twist_covariance[0]
+        elif topic.startswith('ground_truth') and isinstance(sample, (Odometry, WheelSlip)):
+            truth.append(sample)
+    slip, speed = [], []
+    for sample in truth:
+        at = sample.stamp_ns
+        if isinstance(sample, WheelSlip) and at in slips:
+            ratio, sigma = (np.array(values) for values in slips[at])
+            slip.append((ratio - np.mean([sample.ratio[:2], sample.ratio[2:]], axis=0)) / sigma)
+        elif isinstance(sample, Odometry) and at in speeds:
+            speed.append((speeds[at][0] - sample.linear[0]) / np.sqrt(speeds[at][1]))
+    slip = np.array(slip)
+    return slip[np.isfinite(slip).all(axis=1)], np.array(speed)
+
+
+@pytest.mark.parametrize('name', ['concrete', 'sand', 'sweep_60', 'straight', 'spin_reverse'])
+def test_errors_are_as_large_as_the_sigmas_say(name):
+    slips, speeds = zip(*(errors(name, seed) for seed in SEEDS))
+    slip, speed = np.concatenate(slips), np.concatenate(speeds)
+    assert len(slip) > 200 * len(SEEDS) and len(speed) > 200 * len(SEEDS)
+    # never overconfident by much, never idle: squares of normalised errors near one
+    assert 0.05 < np.mean(slip ** 2) < 2.0
+    assert 0.05 < np.mean(speed ** 2) < 2.0
+    assert np.mean(np.abs(slip) < 2.0) > 0.9

@@ -1,0 +1,134 @@
+"""The filter's Jacobians against finite differences, and what its constraints must do."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from smart_tire.estimation.slip.ekf import SlipFilter
+from smart_tire.estimation.slip.state import Motion, N, State, WheelTravel
+from smart_tire.models.vehicle.skid_steer import GRAVITY
+from smart_tire.parameters import build, SlipEstimatorParams
+
+MOTION = Motion(0.8, 0.4, 0.9, 1e-6, 2.5e-5, 1e-3)
+TRAVEL = WheelTravel(0.0625, (1.1, 0.6), 0.8, 0.9, 1e-6, stamped=True)
+
+
+def new_filter(state=None, **values):
+    slip_filter = SlipFilter(build(SlipEstimatorParams, values))
+    if state is not None:
+        slip_filter._ekf.x = np.array(state, dtype=float)[:, None]
+    return slip_filter
+
+
+def some_state(seed):
+    rng = np.random.default_rng(seed)
+    return rng.normal(0.0, [1, 1, 1, .01, .01, .8, .1, .01, .05, .05, .1, .1, .05, .001, .001])
+
+
+@pytest.mark.parametrize('seed', range(3))
+def test_the_jacobian_of_the_motion_is_its_derivative(seed):
+    state, dt, step = some_state(seed), 0.01, 1e-6
+    centre = new_filter(state)
+    centre.predict(dt, MOTION)
+    F = centre._F.copy()
+    for column in range(N):
+        ends = []
+        for sign in (1.0, -1.0):
+            moved = state.copy()
+            moved[column] += sign * step
+            slip_filter = new_filter(moved)
+            slip_filter.predict(dt, MOTION)
+            ends.append(np.array(slip_filter.x))
+        derivative = (ends[0] - ends[1]) / (2.0 * step)
+        # terms of second order in the step of time are left out of F on purpose
+        assert derivative == pytest.approx(F[:, column], abs=10.0 * dt ** 2)
+
+
+@pytest.mark.parametrize('seed', range(3))
+def test_the_jacobian_of_the_wheels_is_their_derivative(seed):
+    state, step = some_state(seed), 1e-6
+    H, expected = new_filter(state)._wheel_model(TRAVEL)
+    for column in (State.SLIDE_L, State.SLIDE_R, State.STAMP, State.STAMP_BEFORE):
+        moved = state.copy()
+        moved[column] += step
+        derivative = (new_filter(moved)._wheel_model(TRAVEL)[1] - expected) / step
+        assert derivative == pytest.approx(H[:, column], abs=0.3)
+
+
+def test_a_robot_at_rest_on_a_slope_feels_gravity_not_speed():
+    state = np.zeros(N)
+    state[State.PITCH] = 0.02  # nose down: specific force has a backward part
+    slip_filter = new_filter(state)
+    slip_filter.predict(0.1, Motion(0.0, -GRAVITY * 0.02, 0.0, 1e-6, 1e-6, 1e-3))
+    assert slip_filter.x[State.V_X] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_steady_turning_needs_the_centripetal_force():
+    state = np.zeros(N)
+    state[State.V_X] = 0.8
+    slip_filter = new_filter(state, **{'imu.position': [0.0, 0.0, 0.0]})
+    for _ in range(100):
+        slip_filter.predict(0.01, Motion(0.5, 0.0, 0.4, 1e-6, 1e-6, 1e-3))
+    x = slip_filter.x
+    assert x[State.V_X] == pytest.approx(0.8, abs=1e-3)
+    assert x[State.YAW] == pytest.approx(0.5)
+    assert np.hypot(x[State.X], x[State.Y] - 1.6) == pytest.approx(1.6, rel=1e-3)  # a circle
+
+
+def test_the_wheels_tell_the_speed_where_no_sliding_is_possible():
+    slip_filter = new_filter(slip_sigma=1e-3)
+    for _ in range(20):
+        slip_filter.update_wheels(WheelTravel(
+            0.0625, (0.5, 0.5), slip_filter.x[State.V_X], 0.0, 1e-8, stamped=True))
+    assert slip_filter.x[State.V_X] == pytest.approx(0.5, abs=0.02)
+
+
+def test_the_lateral_constraint_moves_towards_minus_s_times_the_yaw_rate():
+    state = np.zeros(N)
+    state[State.ICR] = 0.05
+    slip_filter = new_filter(state, icr_sigma=1e-6, **{'imu.position': [0.0, 0.0, 0.0]})
+    for _ in range(50):
+        slip_filter.update_lateral(1.0, 0.0625)
+    assert slip_filter.x[State.V_Y] == pytest.approx(-0.05, abs=2e-3)
+
+
+def test_centres_of_rotation_that_jump_are_followed_at_once():
+    slip_filter = new_filter(**{'imu.position': [0.0, 0.0, 0.0], 'imu.accel_bias': 0.001})
+    W, v_x, dt, S = 1.0, 0.8, 0.01, 0.03
+    slip_filter._ekf.x[[State.V_X, State.V_Y, State.ICR], 0] = v_x, -S * W, S
+    for step in range(600):
+        before, S = S, 0.03 if step < 500 else min(S + 0.003, 0.10)  # in a quarter of a second
+        slip_filter.predict(dt, Motion(
+            W, S * W ** 2, W * v_x - W * (S - before) / dt, 1e-6, 2.5e-5, 1e-4))
+        if step % 6 == 0:
+            slip_filter.update_lateral(W, 6 * dt)
+        if step == 499:
+            settled = np.sqrt(slip_filter.P[State.ICR, State.ICR])
+            assert abs(slip_filter.x[State.ICR] - 0.03) < 2.0 * settled
+    sigma = np.sqrt(slip_filter.P[State.ICR, State.ICR])
+    assert abs(slip_filter.x[State.ICR] - 0.10) < min(2.0 * sigma, 0.03)
+    assert abs(slip_filter.x[State.V_Y] + 0.10 * W) < 2.0 * np.sqrt(
+        slip_filter.P[State.V_Y, State.V_Y])
+
+
+def test_an_outlier_moves_the_state_less_than_a_reading_at_the_limit():
+    moved = []
+    for speed in (0.5, 1e3):
+        slip_filter = new_filter()
+        slip_filter.update_standstill()
+        slip_filter.update_gyro_bias(speed, 0.01)
+        moved.append(abs(slip_filter.x[State.GYRO]))
+    assert moved[1] < moved[0]
+
+
+def test_reset_pose_forgets_where_but_not_how_fast():
+    slip_filter = new_filter(some_state(1))
+    slip_filter.predict(0.1, MOTION)
+    speed = slip_filter.x[State.V_X]
+    slip_filter.reset_pose()
+    pose = [State.X, State.Y, State.YAW]
+    assert [slip_filter.x[row] for row in pose] == [0.0, 0.0, 0.0]
+    assert np.all(slip_filter.P[pose, pose] < 1e-7)
+    assert np.count_nonzero(slip_filter.P[pose, :]) == 3
+    assert slip_filter.x[State.V_X] == speed

@@ -1,0 +1,280 @@
+"""Slip and pose against exact truth, over seeds, regimes and sensor faults."""
+
+from __future__ import annotations
+
+from functools import cache
+import math
+import random
+
+import numpy as np
+import pytest
+
+from smart_tire.estimation.slip.estimator import SlipEstimator
+from smart_tire.parameters import build, SlipEstimatorParams
+from smart_tire.samples import Icr, ImuSample, NS_PER_S, Odometry, WheelSample, WheelSlip
+from support.driving import drive, ramp, START_NS, STEP
+
+FAST, SLOW = 1.093, 0.547  # m/s, 120 and 60 rpm
+CIRCLE = [(0, 0, 0), (3, 0, 0), (3.4, FAST, SLOW), (15, FAST, SLOW)]
+
+
+def estimate(samples, **values):
+    estimator = SlipEstimator(build(SlipEstimatorParams, values))
+    out = [estimate for sample in samples for estimate in estimator.update(sample)]
+    return estimator, out
+
+
+def of(kind, out):
+    return [item for item in out if isinstance(item, kind)]
+
+
+def seconds(items):
+    return np.array([(item.stamp_ns - START_NS) / NS_PER_S for item in items])
+
+
+def slips(run, out):
+    """Return time, estimated ratio, sigma and true ratio of the two sides."""
+    slip = of(WheelSlip, out)
+    time = seconds(slip)
+    index = np.round(time / STEP).astype(int)
+    ground = run.twist[:, :1] + np.array([-0.19, 0.19]) * run.twist[:, 2:]
+    with np.errstate(divide='ignore', invalid='ignore'):
+        truth = np.clip(1.0 - ground / run.rolling, -1.0, 1.0)[index]
+    return (time, np.array([s.ratio[:2] for s in slip]), np.array([s.sigma[:2] for s in slip]),
+            truth)
+
+
+def turning(seed=0, slip=(0.11, -0.11), knots=CIRCLE, **options):
+    rolling = ramp(knots)
+    return drive(rolling, rolling * np.array(slip), seed=seed, **options)
+
+
+@cache
+def turned(seed, slip):
+    """Return a run of ``turning`` on a unit that tips forward a little, and its estimates."""
+    run = turning(seed, slip, mounting_tilt=0.005)
+    return run, estimate(run.samples)[1]
+
+
+@pytest.mark.parametrize('slip', [(0.11, -0.11), (0.28, 0.08), (0.0, 0.0)])
+def test_both_sides_slip_is_found_in_a_turn_and_its_sigma_covers_it(slip):
+    errors, normalised = [], []
+    for seed in range(6):
+        time, ratio, sigma, truth = slips(*turned(seed, slip))
+        steady = time > 5.0
+        errors.append((ratio - truth)[steady])
+        normalised.append(((ratio - truth) / sigma)[steady])
+    assert np.sqrt(np.mean(np.square(errors))) < 0.02
+    assert np.all(np.abs(np.mean(errors, axis=1)) < 0.03)
+    assert np.mean(np.square(normalised)) < 1.2
+
+
+@pytest.mark.parametrize('options', [
+    {'imu_rate': 20.0}, {'imu_rate': 400.0}, {'wheel_rate': 4.0}, {'wheel_rate': 100.0},
+    {'positions': False}])
+def test_any_rate_and_missing_positions_still_give_the_slip(options):
+    run = turning(3, **options)
+    time, ratio, sigma, truth = slips(run, estimate(run.samples)[1])
+    steady = time > 6.0
+    assert np.all(np.abs(np.mean((ratio - truth)[steady], axis=0)) < 0.03)
+    assert np.all(np.abs((ratio - truth)[steady]) < 4.0 * sigma[steady] + 0.02)
+
+
+def test_reverse_has_the_same_signs_as_forward():
+    knots = [(t, -left, -right) for t, left, right in CIRCLE]
+    run = turning(1, knots=knots)
+    time, ratio, _, truth = slips(run, estimate(run.samples)[1])
+    assert truth[-1] == pytest.approx([0.11, -0.11])
+    assert np.mean((ratio - truth)[time > 5.0], axis=0) == pytest.approx([0.0, 0.0], abs=0.03)
+
+
+def test_slip_is_undefined_if_and_only_if_robot_and_wheel_stand():
+    run = turning(2)
+    time, ratio, sigma, _ = slips(run, estimate(run.samples)[1])
+    assert np.all(np.isnan(ratio[time < 3.0]))
+    assert np.all(sigma[time < 3.0] == 1.0)
+    assert np.all(np.isfinite(ratio[time > 3.3]))
+
+
+def test_a_pushed_robot_with_locked_wheels_slips_minus_one():
+    rolling = ramp([(0, 0, 0), (8.0, 0, 0)])
+    ground = ramp([(0, 0, 0), (4, 0, 0), (4.5, 0.8, 0.8), (7.0, 0.8, 0.8), (8.0, 0, 0)])
+    run = drive(rolling, -ground, seed=5)
+    time, ratio, _, _ = slips(run, estimate(run.samples)[1])
+    assert np.all(ratio[(time > 4.6) & (time < 6.0)] == -1.0)
+
+
+def test_wheels_that_spin_under_a_standing_robot_slip_one():
+    rolling = ramp([(0, 0, 0), (4, 0, 0), (4.3, 0.8, 0.8), (7.0, 0.8, 0.8)])
+    run = drive(rolling, rolling, seed=6)
+    time, ratio, sigma, _ = slips(run, estimate(run.samples)[1])
+    spinning = (time > 4.5) & (time < 6.0)
+    assert np.all(ratio[spinning] > 0.9)
+    assert np.all(np.abs(ratio[spinning] - 1.0) < 4.0 * sigma[spinning] + 0.01)
+
+
+def test_steady_straight_driving_is_admitted_to_be_unobservable():
+    rolling = ramp([(0, 0, 0), (3, 0, 0), (4, 0.8, 0.8), (24, 0.8, 0.8)])
+    run = drive(rolling, 0.05 * rolling, seed=7)
+    time, ratio, sigma, truth = slips(run, estimate(run.samples)[1])
+    early, late = sigma[np.searchsorted(time, 5.0)], sigma[-1]
+    assert np.all(late > 1.5 * early)
+    assert np.all(np.abs(ratio - truth)[time > 4.5] < 3.0 * sigma[time > 4.5])
+
+
+def test_pose_follows_and_its_covariance_covers_it():
+    normalised = []
+    for seed in range(6):
+        run, out = turned(seed, (0.11, -0.11))
+        odometry = of(Odometry, out)[-1]
+        index = round((odometry.stamp_ns - START_NS) / NS_PER_S / STEP)
+        error = np.array(odometry.position[:2]) - run.pose[index, :2]
+        assert np.hypot(*error) < 0.15
+        covariance = np.array(odometry.pose_covariance).reshape(6, 6)[:2, :2]
+        normalised.append(error @ np.linalg.solve(covariance, error) / 2.0)
+    assert np.mean(normalised) < 2.0
+
+
+def test_estimates_lie_on_the_grid_and_the_icr_shows_only_in_turns():
+    run = turning(1)
+    _, out = estimate(run.samples)
+    stamps = [item.stamp_ns for item in of(Odometry, out)]
+    assert set(np.diff(stamps)) == {8_000_000} and stamps[0] % 8_000_000 == 0
+    icr = of(Icr, out)
+    assert min(seconds(icr)) > 3.0
+    assert np.mean([item.x for item in icr[-500:]]) == pytest.approx(0.02, abs=0.03)
+    radius = run.twist[-1, 0] / run.twist[-1, 2]
+    assert np.mean([item.y for item in icr[-500:]]) == pytest.approx(radius, rel=0.03)
+
+
+def test_the_order_of_arrival_does_not_matter_within_the_window():
+    run = turning(4)
+    rng = random.Random(4)
+    shuffled = sorted(run.samples, key=lambda s: s.stamp_ns + rng.randrange(29_000_000))
+    assert repr(estimate(shuffled)[1]) == repr(estimate(run.samples)[1])  # NaN equals NaN
+
+
+def test_duplicates_change_nothing_and_are_counted():
+    run = turning(4)
+    doubled = [sample for sample in run.samples for _ in range(2)]
+    estimator, out = estimate(doubled)
+    assert of(Odometry, out)[-1].position == pytest.approx(
+        of(Odometry, estimate(run.samples)[1])[-1].position, abs=1e-9)
+    assert estimator.dropped['imu/data'] > 1000 and estimator.dropped['wheel_states'] > 100
+
+
+@pytest.mark.parametrize('lost', [ImuSample, WheelSample])
+def test_a_silence_of_seconds_is_bridged_with_a_growing_sigma(lost):
+    run = turning(8)
+    kept = [s for s in run.samples if not (
+        isinstance(s, lost) and 8.0 < (s.stamp_ns - START_NS) / NS_PER_S < 10.0)]
+    _, out = estimate(kept)
+    time, ratio, sigma, truth = slips(run, out)
+    assert len(time) == len(slips(run, estimate(run.samples)[1])[0])
+    assert np.all(sigma[np.searchsorted(time, 9.9)] > sigma[np.searchsorted(time, 7.9)])
+    recovered = time > 12.5
+    assert np.all(np.abs(np.mean((ratio - truth)[recovered], axis=0)) < 0.04)
+
+
+def test_single_bad_samples_hardly_move_the_estimate():
+    run = turning(9)
+    spoilt = [WheelSample(s.stamp_ns, (400.0,) * 4) if isinstance(s, WheelSample) and k % 400 == 0
+              else s for k, s in enumerate(run.samples)]
+    time, ratio, _, truth = slips(run, estimate(spoilt)[1])
+    steady = time > 6.0
+    assert np.sqrt(np.mean((ratio - truth)[steady] ** 2)) < 0.05
+
+
+@pytest.mark.parametrize('rate, force', [(0.0, 50.0), (0.0, 900.0), (90.0, 0.0)])
+def test_a_spike_of_the_inertial_unit_is_passed_over_and_counted(rate, force):
+    run = turning(9)
+    index = next(k for k, s in enumerate(run.samples)
+                 if isinstance(s, ImuSample) and s.stamp_ns > START_NS + 8 * NS_PER_S)
+    bad = run.samples[index]
+    spoilt = list(run.samples)
+    spoilt[index] = ImuSample(bad.stamp_ns, (force, *bad.acceleration[1:]),
+                              (*bad.rate[:2], bad.rate[2] + rate))
+    estimator, out = estimate(spoilt)
+    assert estimator.status()['imu_spikes'] == 1
+    _, ratio, _, _ = slips(run, out)
+    _, clean, _, _ = slips(run, estimate(run.samples)[1])
+    assert np.nanmax(np.abs(ratio - clean)) < 0.02
+
+
+@pytest.mark.parametrize('absurd', [1e300, 1e6, math.nan, math.inf])
+def test_what_no_robot_can_feel_is_dropped_and_counted(absurd):
+    run = turning(9)
+    stamp = START_NS + 8 * NS_PER_S + 1
+    extra = [ImuSample(stamp, (absurd, 0.0, 9.8), (0.0,) * 3), WheelSample(stamp, (absurd,) * 4)]
+    samples = sorted(run.samples + extra, key=lambda sample: sample.stamp_ns)
+    estimator, out = estimate(samples)
+    assert repr(out) == repr(estimate(run.samples)[1])
+    assert estimator.dropped == {'imu/data': 1, 'wheel_states': 1}
+
+
+def test_a_knock_that_lasts_is_believed():
+    rolling = ramp([(0, 0, 0), (5, 0, 0)])
+    run = drive(rolling, rolling, noise=0.0)
+    knocked = [s if not (isinstance(s, ImuSample) and 4.0 < (s.stamp_ns - START_NS) / NS_PER_S
+                         < 4.05) else ImuSample(s.stamp_ns, (30.0, 0.0, 9.81), s.rate)
+               for s in run.samples]
+    estimator, out = estimate(knocked)
+    assert estimator.status()['imu_spikes'] == 2  # the first of the knock and of its end
+    assert max(o.linear[0] for o in of(Odometry, out)) > 0.5
+
+
+def test_nothing_is_estimated_before_both_inputs_have_been_seen():
+    run = turning(1)
+    for kind, missing in ((ImuSample, 'wheel_states'), (WheelSample, 'imu/data')):
+        estimator, out = estimate([s for s in run.samples if isinstance(s, kind)])
+        assert out == []
+        assert missing in str(estimator.status()['state'])
+
+
+def test_a_clock_that_jumps_starts_the_estimate_anew():
+    run = turning(1)
+    later = [type(s)(s.stamp_ns - 3600 * NS_PER_S, *(
+        getattr(s, field) for field in s.__slots__[1:])) for s in run.samples]
+    estimator, out = estimate(run.samples + later)
+    first = of(Odometry, out)
+    assert estimator.status()['clock_jumps'] == 1
+    assert first[-1].position == pytest.approx(of(Odometry, estimate(later)[1])[-1].position)
+
+
+def test_the_printed_constraint_drops_slip_that_both_sides_share():
+    run = turning(2, (0.28, 0.08))
+    _, ratio, _, truth = slips(run, estimate(run.samples)[1])
+    time, printed, _, _ = slips(run, estimate(run.samples, constraint='printed')[1])
+    steady = time > 6.0
+    assert np.abs(np.mean((ratio - truth)[steady])) < np.abs(np.mean((printed - truth)[steady]))
+
+
+def test_the_mounting_of_the_unit_does_not_matter():
+    base = turning(3, noise=0.0)
+    turned = [s if isinstance(s, WheelSample) else ImuSample(
+        s.stamp_ns, (-s.acceleration[0], -s.acceleration[1], s.acceleration[2]),
+        (-s.rate[0], -s.rate[1], s.rate[2])) for s in base.samples]
+    _, out = estimate(turned, **{'imu.rotation': [0.0, 0.0, math.pi]})
+    assert of(Odometry, out)[-1].position == pytest.approx(
+        of(Odometry, estimate(base.samples)[1])[-1].position, abs=1e-9)
+
+
+def test_reset_odometry_puts_the_origin_here():
+    run = turning(1)
+    half = len(run.samples) // 2
+    estimator, _ = estimate(run.samples[:half])
+    estimator.reset_odometry()
+    out = [e for sample in run.samples[half:half + 20] for e in estimator.update(sample)]
+    assert np.hypot(*of(Odometry, out)[0].position[:2]) < 0.05
+
+
+def test_the_covariance_stays_symmetric_and_positive_over_a_long_run():
+    knots = [(0, 0, 0)] + [(10 * k + 10, *((FAST, SLOW) if k % 2 else (0.0, 0.0)))
+                           for k in range(12)]
+    run = turning(1, knots=knots)
+    estimator, out = estimate(run.samples)
+    for odometry in of(Odometry, out)[::100]:
+        for covariance in (odometry.pose_covariance, odometry.twist_covariance):
+            matrix = np.array(covariance).reshape(6, 6)
+            assert np.array_equal(matrix, matrix.T)
+            assert np.linalg.eigvalsh(matrix).min() >= -1e-12
