@@ -24,7 +24,7 @@ help:
 	@echo 'make lint            check style and types only'
 	@echo 'make stop-times      measure how long the wheels take to stop, for each hazard'
 	@echo 'make mutants         mutation test of the safety path; survivors in mutants_output.md'
-	@echo 'make bench           measure CPU load, latency and offline speed'
+	@echo 'make bench           measure CPU load, latency, offline speed and models'
 	@echo 'make bench-slip      measure slip and localization; results in bench_output/slip/'
 	@echo 'make bench-friction  measure friction; results in bench_output/friction/'
 	@echo 'make config          write config/*.yaml anew from the descriptions of the parameters'
@@ -53,13 +53,15 @@ demo: $(READY)
 	$(BIN)/smart_tire demo --force
 
 bench: $(READY)
-	$(BIN)/smart_tire bench
+	$(BIN)/python -m benchmarks.load
+	$(BIN)/python -m benchmarks.models
+	$(BIN)/python -m benchmarks.film
 
 bench-slip: $(READY)
-	$(BIN)/smart_tire bench --slip --force
+	$(BIN)/python -m benchmarks.slip --force
 
 bench-friction: $(READY)
-	$(BIN)/smart_tire bench --friction --force
+	$(BIN)/python -m benchmarks.friction --force
 
 # Style and types are checked with the pinned tools and versions only; the last numpy for Python
 # 3.10 describes its types otherwise.

@@ -39,7 +39,7 @@ LONG = (  # ten seconds and more
     'test/analysis/test_offline.py', 'test/analysis/test_recordings.py',
     'test/estimation/slip/test_consistency.py', 'test/estimation/slip/test_estimator.py',
     'test/estimation/friction/test_estimator.py', 'test/analysis/test_smoothing.py',
-    'test/analysis/test_reproduction_tires.py', 'test/cli/test_reproduce.py',
+    'test/reproduction/test_tire_reports.py', 'test/cli/test_reproduce.py',
     'test/estimation/film/test_measure.py', 'test/estimation/friction/test_waveform_fit.py',
     'test/calibration/tire/test_stiffness.py', 'test/numerics/test_delay_regression.py',
     'test/calibration/robot/test_wheel_latency.py')

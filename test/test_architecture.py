@@ -18,7 +18,7 @@ LEVEL = {
     'drivers': 2, 'estimation': 2, 'bags': 2, 'vision': 2,
     'calibration': 3, 'simulation': 3,
     'analysis': 4,
-    'nodes': 5,
+    'nodes': 5, 'reproduction': 5,
     'cli': 6,
 }
 BESIDE = {  # the imports that stay on their level
@@ -26,9 +26,10 @@ BESIDE = {  # the imports that stay on their level
     ('parameters', 'samples'),
 }
 ONLY_IN = {
-    'serial': 'drivers', 'filterpy': 'estimation',
-    'rosbags': 'bags', 'mcap': 'bags', 'lz4': 'bags', 'zstandard': 'bags',
-    'cv2': 'vision', 'matplotlib': 'analysis', 'rich': 'cli', 'rclpy': 'nodes',
+    'serial': ('drivers',), 'filterpy': ('estimation',),
+    'rosbags': ('bags',), 'mcap': ('bags',), 'lz4': ('bags',), 'zstandard': ('bags',),
+    'cv2': ('vision',), 'matplotlib': ('analysis', 'reproduction'), 'rich': ('cli',),
+    'rclpy': ('nodes',),
 }
 ROS_SUFFIXES = ('_msgs', '_srvs', '_interfaces')
 LAUNCH = {'launch', 'launch_ros', 'ament_index_python'}
@@ -89,7 +90,7 @@ def test_nodes_and_analysis_never_import_each_other(path):
 @every_file
 def test_each_library_is_imported_in_its_own_folder_only(path):
     for library in imported_roots(path) & ONLY_IN.keys():
-        assert ONLY_IN[library] == part_of(path), f'{part_of(path)} imports {library}'
+        assert part_of(path) in ONLY_IN[library], f'{part_of(path)} imports {library}'
 
 
 @every_file

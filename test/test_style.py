@@ -10,10 +10,11 @@ import sys
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-FOLDERS = ('smart_tire', 'test', 'launch')
+FOLDERS = ('smart_tire', 'benchmarks', 'test', 'launch')
 FILES = [ROOT / 'setup.py', *(path for folder in FOLDERS
                               for path in sorted((ROOT / folder).rglob('*.py')))]
 
+OWN = {'smart_tire', 'benchmarks'}
 SUPPORT = 'support.'  # what several tests share: third party to some, own to others
 
 Import = ast.Import | ast.ImportFrom
@@ -43,7 +44,7 @@ def group(name: str) -> int:
     """Return the group of a module: future, standard library, third party, own."""
     root = name.split('.')[0]
     return 0 if root == '__future__' else 1 if root in sys.stdlib_module_names else \
-        3 if root == 'smart_tire' else 2
+        3 if root in OWN else 2
 
 
 @every_file

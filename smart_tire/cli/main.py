@@ -25,7 +25,6 @@ VERBS = {
     'analyze': 'estimates and figures out of bags',
     'identify': 'parameters out of recordings, with standard errors',
     'measure': 'deflections out of the charge of an identified film',
-    'bench': 'what the stack costs on this machine',
     'reproduce': 'figures and tables of the papers, computed anew',
 }
 FAILED, USAGE, INTERRUPTED, UNREAD = 1, 2, 130, 141

@@ -13,8 +13,8 @@ from smart_tire.cli.outputs import add_force, refuse_existing
 from smart_tire.errors import ParameterError
 
 if TYPE_CHECKING:
-    from smart_tire.analysis.reproduction.laboratory import Laboratory
-    from smart_tire.analysis.reproduction.study import Progress
+    from smart_tire.reproduction.experiments import Laboratory
+    from smart_tire.reproduction.runner import Progress
 
 NAME = 'reproduce'
 HELP = 'compute every figure and table of the papers anew, as PNG files and one HTML report'
@@ -31,7 +31,7 @@ def run(args: argparse.Namespace) -> int:
     """Make the experiments, draw, and write; return the exit status."""
     refuse_existing([args.out / 'report.html', *sorted(args.out.glob('paper_*.png'))],
                     force=args.force)
-    from smart_tire.analysis.reproduction.study import reproduce
+    from smart_tire.reproduction.runner import reproduce
     try:
         with shown_progress() as progress:
             report = reproduce(laboratory(), args.out, progress)
@@ -43,10 +43,10 @@ def run(args: argparse.Namespace) -> int:
 
 def laboratory() -> Laboratory:
     """Return the simulated test bench and robot."""
-    from smart_tire.analysis.reproduction.laboratory import Laboratory, Specimen
     from smart_tire.arrays import Array
     from smart_tire.estimation.film.recording import FilmRecording
     from smart_tire.models.film.hysteresis import TABLE_I_GAIN
+    from smart_tire.reproduction.experiments import Laboratory, Specimen
     from smart_tire.simulation.run import simulate
     from smart_tire.simulation.test_bench import TestBench
 

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import pytest
 
+from benchmarks.scenarios import CONCRETE, sequence
 from smart_tire.analysis.identification import load_robot
 from smart_tire.bags import BagWriter
 from smart_tire.cli.main import main
 from smart_tire.parameters import load_files, RobotParams, SimulatorParams, specs
 from smart_tire.simulation.run import simulate
-from smart_tire.simulation.scenarios import CONCRETE, sequence
 
 LENGTH, SPACING, GAINS = 0.048, 0.031, (290.0, 255.0)
 INPUTS = ('imu/data', 'wheel_states', 'tire_samples')

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
+from benchmarks.scenarios import SCENARIOS
 from smart_tire.bags import BagWriter
 from smart_tire.cli.main import main
 from smart_tire.parameters import load_files, SlipEstimatorParams, specs
-from smart_tire.simulation.scenarios import SCENARIOS
 
 INPUTS = ('imu/data', 'wheel_states')
 

@@ -43,11 +43,6 @@ CASES = {
     'reproduce, report': (['reproduce', '--out', 'OUT'], 'OUT/report.html', 'OUT/report.html'),
     'reproduce, figure': (['reproduce', '--out', 'OUT'], 'OUT/paper_a_fig_4.png',
                           'OUT/paper_a_fig_4.png'),
-    'bench slip': (['bench', '--slip', '--out', 'OUT'], 'OUT/results.json', 'OUT/results.json'),
-    'bench friction': (['bench', '--friction', '--out', 'OUT'], 'OUT/bound.png',
-                       'OUT/bound.png'),
-    'bench, default': (['bench', '--slip'], 'bench_output/slip/results.json',
-                       'bench_output/slip/results.json'),
     'record': (['record', '--out', 'OUT'], 'OUT/OUT_0.mcap', 'OUT'),
     'recover': (['recover', 'BAG', '--out', 'OUT'], 'OUT/OUT_0.mcap', 'OUT'),
     'recover, default': (['recover', 'BAG'], 'BAG_recovered/BAG_recovered_0.mcap',
@@ -84,7 +79,7 @@ def test_a_result_that_exists_is_kept_and_named_in_one_line(words, file, named, 
 
 @pytest.mark.parametrize('case', [
     'demo, bag', 'analyze, summary', 'identify film, OUT.yaml', 'identify gains, OUT.yaml',
-    'measure', 'reproduce, report', 'bench slip', 'bench friction', 'record', 'recover'])
+    'measure', 'reproduce, report', 'record', 'recover'])
 def test_the_refusal_comes_before_anything_slow_is_imported(case, here):
     words, file, _ = CASES[case]
     make(here / file)

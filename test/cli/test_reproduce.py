@@ -10,9 +10,9 @@ import re
 
 import pytest
 
-from smart_tire.analysis.reproduction import study
 from smart_tire.cli.main import main
 from smart_tire.cli.reproduce import shown_progress
+from smart_tire.reproduction import runner
 
 PAGES = (
     *(f'paper_a_{name}' for name in ('fig_4', 'fig_6', 'fig_7', 'fig_8', 'fig_9', 'table_1')),
@@ -25,11 +25,11 @@ def written(tmp_path_factory):
     """Return the folder of a run with fewer and shorter drives; what it printed is beside it."""
     out = tmp_path_factory.mktemp('reproduced') / 'deeper' / 'report'
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(study, 'OTHERS', (20.0, 60.0, 100.0))
-        patch.setattr(study, 'SWEEP_DURATION', 6.0)
-        patch.setattr(study, 'SLIP_DURATION', 6.0)
-        patch.setattr(study, 'SIGNAL_DURATION', 6.0)
-        patch.setattr(study, 'STIFFNESS_DURATION', 6.0)
+        patch.setattr(runner, 'OTHERS', (20.0, 60.0, 100.0))
+        patch.setattr(runner, 'SWEEP_DURATION', 6.0)
+        patch.setattr(runner, 'SLIP_DURATION', 6.0)
+        patch.setattr(runner, 'SIGNAL_DURATION', 6.0)
+        patch.setattr(runner, 'STIFFNESS_DURATION', 6.0)
         with redirect_stdout(io.StringIO()) as said:
             assert main(['reproduce', '--out', str(out)]) == 0
     out.with_suffix('.txt').write_text(said.getvalue(), encoding='utf-8')

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.friction.cramer_rao import friction_bound
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.contact.records import FilmSamples
 from smart_tire.estimation.contact.trajectory_error import CourseErrors
 from smart_tire.estimation.friction.waveform_fit import SlipKnowledge, WaveformFitter
 from smart_tire.estimation.friction.waveform_model import Own, Shared
-from smart_tire.estimation.friction_bound import friction_bound
 from smart_tire.parameters import build, RobotParams
 from support.passages import passage, WHEEL
 

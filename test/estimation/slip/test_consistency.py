@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.scenarios import SCENARIOS
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.parameters import build, SlipEstimatorParams
 from smart_tire.samples import Odometry, WheelSlip
-from smart_tire.simulation.scenarios import SCENARIOS
 
 SEEDS = range(11, 15)  # of no benchmark
 

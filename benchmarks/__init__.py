@@ -1,0 +1,1 @@
+"""Benchmarks: accuracy, load and latency of the package; not installed with it."""

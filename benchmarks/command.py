@@ -1,0 +1,70 @@
+"""What the command lines of the benchmarks share: arguments, error lines and the machine."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Sequence
+import os
+from pathlib import Path
+import platform
+import sys
+
+from smart_tire.cli.outputs import add_force, refuse_existing
+from smart_tire.errors import ParameterError, SmartTireError
+
+FAILED, USAGE = 1, 2  # exit statuses
+DATA = Path('../shared/data')  # where the project keeps recordings of real robots
+DEFAULT_SEEDS = 3  # of each simulated scenario
+
+
+def positive(text: str) -> int:
+    """Return the integer in ``text``; raise ValueError unless it is above zero."""
+    number = int(text)
+    if number < 1:
+        raise ValueError(text)
+    return number
+
+
+def accuracy_parser(name: str, description: str) -> argparse.ArgumentParser:
+    """Return the parser of a benchmark that simulates over several seeds and writes figures."""
+    parser = argparse.ArgumentParser(prog=f'python -m benchmarks.{name}', description=description)
+    parser.add_argument('--seeds', type=positive, default=DEFAULT_SEEDS, metavar='N',
+                        help='of each simulated scenario (default: %(default)s)')
+    parser.add_argument('--quick', action='store_true', help='one seed of each')
+    parser.add_argument('--runs', nargs='+', default=[], metavar='RUN',
+                        help='only these scenarios and recordings')
+    parser.add_argument('--out', type=Path, default=Path('bench_output', name), metavar='DIR',
+                        help='folder for figures and results.json (default: %(default)s)')
+    add_force(parser)
+    return parser
+
+
+def refuse_existing_results(out: Path, *, force: bool) -> None:
+    """Raise ParameterError if ``out`` holds results of an earlier run."""
+    refuse_existing([out / 'results.json', *sorted(out.glob('*.png'))], force=force)
+
+
+def reported(name: str, work: Callable[[], None]) -> int:
+    """Run ``work`` and return the exit status; an error of this project is one line."""
+    try:
+        work()
+    except SmartTireError as error:
+        print(f'benchmarks.{name}: {error}', file=sys.stderr)
+        return USAGE if isinstance(error, ParameterError) else FAILED
+    return 0
+
+
+def no_arguments(name: str, description: str, argv: Sequence[str] | None) -> None:
+    """Answer ``--help``; refuse arguments."""
+    argparse.ArgumentParser(
+        prog=f'python -m benchmarks.{name}', description=description).parse_args(argv)
+
+
+def machine() -> str:
+    """Return processor, number of cores, Python version and load average."""
+    models = [line.partition(':')[2].strip()
+              for line in Path('/proc/cpuinfo').read_text(encoding='utf-8').splitlines()
+              if line.startswith('model name')]
+    return (f'{models[0] if models else platform.machine()}, '
+            f'{len(os.sched_getaffinity(0))} cores, Python {platform.python_version()}, '
+            f'load {os.getloadavg()[0]:.1f} before')

@@ -1,0 +1,93 @@
+"""Passages drawn from the exact model, with all that varies and errs, and what is true of them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from benchmarks.friction.grid import Case, LOAD, WHEEL
+from smart_tire.analysis.series import Floats
+from smart_tire.estimation.contact.detection import Sighter
+from smart_tire.estimation.contact.records import FilmSamples, Passage, Sighting, WheelPassage
+from smart_tire.estimation.contact.tracker import MARGIN
+from smart_tire.estimation.friction.motion_history import WheelMotion
+from smart_tire.models.film.signal_chain import SignalChain
+from smart_tire.models.tire import tread_film
+from smart_tire.parameters.simulation import SensorErrorParams
+from smart_tire.samples import NS_PER_S
+
+ERRORS = SensorErrorParams()  # bending and bumps vary as the simulator's do
+BUMPS = min(ERRORS.bumps), max(ERRORS.bumps)
+EXACT = 1e-6                  # -, sigma of a slip that is true
+LOOK = 0.019                  # m, around a film's place where it is looked for
+
+
+class Synthesiser:
+    """
+    Draws passages of a case.
+
+    ``gain_error`` is the relative spread of the gains from one passage to the next, by default
+    the tolerance to which they are known.
+    """
+
+    def __init__(self, case: Case, seed: int, gain_error: float | None = None) -> None:
+        self._case, self._robot = case, case.robot
+        film = self._robot.film
+        self._gain_error = film.stretch_gain_tolerance if gain_error is None else gain_error
+        self._rng = np.random.default_rng(seed)
+        self._sighter = Sighter(self._robot)
+        self._chain = SignalChain(bits=film.bits, voltage_range=film.voltage_range,
+                                  rest_voltage=film.rest_voltage)
+
+    def passage(self) -> WheelPassage:
+        """Return the next passage; its middle is at 1 s, the reference at a distance of 0."""
+        film, patch = self._robot.film, self._robot.tire.contact_length
+        half, speed = 0.5 * (patch + film.length), self._case.speed
+        step = speed / film.sample_rate
+        way = np.arange(-half - MARGIN + step * self._rng.uniform(),
+                        half + MARGIN + film.spacing, step)
+        places = (0.0, film.spacing)  # of the films' middles, film 1 comes first
+        samples = [self._film(i, way, place, half) for i, place in enumerate(places)]
+        sightings = [self._look(one, place) for one, place in zip(samples, places)]
+        seen = [(one, sighting) for one, sighting in zip(samples, sightings)
+                if sighting is not None]
+        inside = round(0.5 * (patch - film.length) / speed * NS_PER_S)
+        first = NS_PER_S - round(0.5 * film.spacing / speed * NS_PER_S)
+        return WheelPassage(
+            NS_PER_S, 1, speed, 0.0, 0.0, 2.0 * half + film.spacing, first - inside,
+            first + inside, Passage(tuple(one for one, _ in seen),
+                                    tuple(look for _, look in seen), 0.0) if seen else None)
+
+    def _film(self, film: int, way: Floats, place: float, half: float) -> FilmSamples:
+        case, params, rng = self._case, self._robot.film, self._rng
+        patch = self._robot.tire.contact_length
+        past = way - place
+        past = past[np.abs(past) < half + MARGIN]
+        x = past + 0.5 * (patch - params.length)
+        spread = ERRORS.bending_variation
+        peak = params.bending(WHEEL)[film] * (1.0 + rng.uniform(-spread, spread))
+        gain = params.gains(WHEEL)[film] * (1.0 + self._gain_error * rng.standard_normal())
+        before, after = rng.uniform(*BUMPS, 2).tolist()
+        bumps = np.where(past < 0.0, before, after)
+        volts = tread_film.passage(
+            x, slip=case.slip, total_slip=case.total_slip, critical_slip=case.critical_slip,
+            film_length=params.length, contact_length=patch, bending_peak=peak,
+            bending_alpha=params.bending_alpha, stretch_gain=gain, release=params.release)
+        volts = (volts - peak * bumps * tread_film.contact_bumps(x, params.length, patch)
+                 + params.noise * rng.standard_normal(len(x)))
+        counts = self._chain.counts(volts)
+        rail = (counts == self._chain.highest).astype(np.int8) - (counts == 0)
+        return FilmSamples(film, place + past, self._chain.volts(counts), rail)
+
+    def _look(self, one: FilmSamples, place: float) -> Sighting | None:
+        film, usable = self._robot.film, one.rail == 0
+        return self._sighter.look(
+            one.distance[usable], one.volts[usable], bending=film.bending(WHEEL)[one.film],
+            gain=film.gains(WHEEL)[one.film], between=(place - LOOK, place + LOOK))
+
+    def motion(self) -> WheelMotion:
+        """Return the true motion of the wheel; load and stiffness are exact."""
+        case = self._case
+        sideways = case.speed * math.sqrt(max(case.total_slip**2 - case.slip**2, 0.0))
+        return WheelMotion((case.slip, EXACT), (-sideways, 0.0), (LOAD, 0.0), stiffness_sigma=0.0)

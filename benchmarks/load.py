@@ -1,0 +1,163 @@
+"""CPU load and latency of the running stack, time of a filter step, offline speed."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Sequence
+import os
+from pathlib import Path
+import sys
+import tempfile
+import time
+from typing import Any
+
+from benchmarks.command import machine, reported
+from smart_tire.errors import SmartTireError
+
+DESCRIPTION = 'measure CPU load, latency, filter step time and offline speed'
+WHEEL = 'front_right'           # the instrumented one, as on the paper's robot
+UNIT = f'0013A20040A1B2C3={WHEEL}'
+RADIO_DELAY = 0.005             # s, of the simulated radio
+START_TIMEOUT = 30.0            # s for all nodes to be there
+WARM_UP = 3.0                   # s of driving that are not measured
+LEFT, RIGHT = 120.0, 60.0       # rpm
+LEGS = [(1.0, LEFT, RIGHT)]     # the same drive in memory
+SEED = 1
+OFFLINE = 120.0                 # s of the drive that is analyzed
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Measure the running stack, then the estimators offline; return the exit status."""
+    parser = argparse.ArgumentParser(prog='python -m benchmarks.load', description=DESCRIPTION)
+    parser.add_argument('--seconds', type=float, default=30.0, metavar='S',
+                        help='of driving, live (default: %(default)s)')
+    args = parser.parse_args(argv)
+    # Importing rclpy may start Python again, so it must come before any child is started.
+    from smart_tire.nodes.pilot import Cockpit
+    print(machine())
+
+    def measure() -> None:
+        with tempfile.TemporaryDirectory(prefix='smart_tire_bench_') as folder:
+            measure_live(Path(folder), args.seconds, Cockpit)
+            measure_offline(Path(folder))
+    return reported('load', measure)
+
+
+def measure_live(folder: Path, seconds: float, cockpit_class: Callable[[list[str]], Any]) -> None:
+    """Run all nodes as in the demo; print their CPU time and the latency of tire samples."""
+    from benchmarks.latency_probe import RadioTap
+    from smart_tire.cli.stack import isolated_environment, NODES, Stack
+    environment = isolated_environment()
+    os.environ.update(environment)  # the cockpit lives in this process
+    source, link = str(folder / 'radio'), str(folder / 'tapped_radio')
+    params = write_params(folder, source, link)
+    with Stack(folder / 'logs', environment) as stack, RadioTap(source, link) as tap:
+        for node in NODES:
+            stack.node(node, [params])
+        with cockpit_class(['--ros-args', '--params-file', str(params)]) as cockpit:
+            await_nodes(stack, cockpit, NODES)
+            cockpit.pilot.drive(LEFT, RIGHT)
+            cockpit.turn(WARM_UP)
+            cockpit.pilot.subscribe('tire_samples', tap.heard)
+            before, begin = stack.cpu_seconds(), time.monotonic()
+            cockpit.turn(seconds)
+            elapsed, after = time.monotonic() - begin, stack.cpu_seconds()
+        if died := stack.died():
+            raise SmartTireError(f'{", ".join(died)} died')
+        print_cpu({name: (after[name] - before[name]) / elapsed for name in NODES})
+        print_latency(tap.latencies)
+
+
+def write_params(folder: Path, source: str, link: str) -> Path:
+    """Return the parameter file of the live run, with one instrumented wheel."""
+    import yaml
+    imu, motors = str(folder / 'imu'), str(folder / 'motors')
+    nodes: dict[str, dict[str, Any]] = {
+        '/**': {'film.wheels': [WHEEL]},
+        'robot_simulator': {'seed': SEED, 'units': [UNIT], 'ports.tire_radio': source,
+                            'ports.imu': imu, 'ports.motors': motors},
+        'tire_receiver': {'port': link, 'units': [UNIT], 'radio_latency': RADIO_DELAY},
+        'imu_driver': {'port': imu}, 'motor_driver': {'port': motors}}
+    path = folder / 'bench.yaml'
+    path.write_text(yaml.safe_dump({name: {'ros__parameters': values}
+                                    for name, values in nodes.items()}), encoding='utf-8')
+    return path
+
+
+def await_nodes(stack: Any, cockpit: Any, names: Sequence[str]) -> None:
+    """Wait until every node has reported and estimates flow; raise SmartTireError if not."""
+    deadline = time.monotonic() + START_TIMEOUT
+    while cockpit.pilot.slip is None or set(names) - cockpit.pilot.health.keys():
+        for name, status in stack.died().items():
+            raise SmartTireError(f'{name} ended with status {status}\n{stack.log(name)}')
+        if time.monotonic() > deadline:
+            raise SmartTireError(f'not all of {", ".join(names)} began within '
+                                 f'{START_TIMEOUT:.0f} s')
+        cockpit.turn(0.25)
+
+
+def print_cpu(shares: dict[str, float]) -> None:
+    """Print the CPU seconds per second of robot time."""
+    print('CPU seconds per second of robot time, one instrumented wheel:')
+    for name, share in shares.items():
+        print(f'  {name:20} {share:6.3f}')
+    robot = sum(share for name, share in shares.items() if name != 'robot_simulator')
+    print(f'  {"all but simulator":20} {robot:6.3f}')
+
+
+def print_latency(latencies: Sequence[float]) -> None:
+    """Print how long batches take from the last byte to the topic."""
+    import numpy as np
+    if not latencies:
+        raise SmartTireError('no radio batch reached tire_samples')
+    middle, late, worst = 1e3 * np.percentile(latencies, (50.0, 99.0, 100.0))
+    print(f'last byte of a radio batch to its last tire_samples, {len(latencies)} batches: '
+          f'p50 {middle:.1f} ms, p99 {late:.1f} ms, worst {worst:.1f} ms')
+
+
+def measure_offline(folder: Path) -> None:
+    """Simulate the same drive in memory; print filter step time and offline speed."""
+    from smart_tire.bags import BagWriter
+    from smart_tire.parameters import build, SimulatorParams
+    from smart_tire.simulation.run import simulate
+    events = simulate(build(SimulatorParams, {'film.wheels': [WHEEL], 'seed': SEED}),
+                      LEGS, OFFLINE)
+    with BagWriter(folder / 'drive') as writer:
+        for receive_ns, topic, sample in events:
+            writer.write_sample(topic, receive_ns, sample)
+    print_steps([sample for _, topic, sample in events if topic in ('imu/data', 'wheel_states')])
+    print_speed(folder)
+
+
+def print_steps(samples: Sequence[Any]) -> None:
+    """Print the time of one filter step: prediction, updates and output."""
+    import numpy as np
+    from smart_tire.estimation.slip.estimator import SlipEstimator
+    from smart_tire.parameters import SlipEstimatorParams
+    estimator, times = SlipEstimator(SlipEstimatorParams()), []
+    for sample in samples:
+        begin = time.perf_counter()
+        if estimator.update(sample):
+            times.append(time.perf_counter() - begin)
+    print(f'slip filter step (predict, updates, output): mean {1e6 * np.mean(times):.0f} us, '
+          f'p99 {1e6 * np.percentile(times, 99.0):.0f} us, of 8000 us')
+
+
+def print_speed(folder: Path) -> None:
+    """Print how much faster than real time a bag is analyzed."""
+    from smart_tire.analysis.offline import analyze
+    from smart_tire.analysis.pipeline import EstimatorParams
+    params, out = EstimatorParams.load([]), folder / 'analyzed'
+    begin = time.perf_counter()
+    result = analyze(folder / 'drive', out, params)
+    estimated = time.perf_counter() - begin
+    from smart_tire.analysis.figures import write_figures
+    write_figures(out, result.intake.inputs, result.estimates, result.intake.truth,
+                  params.robot)
+    drawn = time.perf_counter() - begin
+    print(f'offline: {OFFLINE / estimated:.0f} times faster than real time, '
+          f'{OFFLINE / drawn:.0f} times with figures')
+
+
+if __name__ == '__main__':
+    sys.exit(main())

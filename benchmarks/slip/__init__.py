@@ -1,0 +1,1 @@
+"""Accuracy of slip and pose against reference methods, simulated and on recordings."""

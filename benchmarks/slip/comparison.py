@@ -1,0 +1,44 @@
+"""One run through the estimator under test and through its rivals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from benchmarks.slip.candidates import live_estimate, smoothed_estimate
+from benchmarks.slip.inputs import as_inputs
+from benchmarks.slip.odometry import fitted_scale, fitted_track, gyro_odometry, wheel_odometry
+from benchmarks.slip.plain_ekf import plain_ekf
+from benchmarks.slip.series import Estimate
+from smart_tire.analysis.series import PoseSeries
+from smart_tire.parameters import SlipEstimatorParams
+from smart_tire.samples import Sample
+
+LIVE, SMOOTHED = 'live', 'smoothed'
+METHODS = {
+    LIVE: 'live',
+    SMOOTHED: 'smoothed',
+    'wheels': 'wheels, geometric track',
+    'wheels_fitted': 'wheels, best-fit track',
+    'gyro': 'gyro + wheels',
+    'gyro_fitted': 'gyro + wheels, best-fit radius',
+    'plain_ekf': 'EKF as robot_localization',
+}
+
+
+def contest(samples: Sequence[Sample], params: SlipEstimatorParams,
+            truth: PoseSeries) -> dict[str, Estimate]:
+    """
+    Return what each of ``METHODS`` makes of ``samples``, in the order of reception.
+
+    The constants of the rivals that are fitted are fitted to ``truth``.
+    """
+    inputs = as_inputs(samples, params.robot)
+    track = fitted_track(inputs, truth)
+    return {
+        LIVE: live_estimate(samples, params),
+        SMOOTHED: smoothed_estimate(samples, params),
+        'wheels': wheel_odometry(inputs, params.robot.track_width),
+        'wheels_fitted': wheel_odometry(inputs, track),
+        'gyro': gyro_odometry(inputs),
+        'gyro_fitted': gyro_odometry(inputs, fitted_scale(inputs, truth)),
+        'plain_ekf': plain_ekf(inputs, track)}

@@ -1,0 +1,76 @@
+"""The inputs of a run as arrays, as the rivals of the slip estimator take them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from benchmarks.slip.series import side_means
+from smart_tire.analysis.series import Floats, Stamps, Table
+from smart_tire.errors import EstimatorError
+from smart_tire.parameters import RobotParams
+from smart_tire.rotation import matrix
+from smart_tire.samples import ImuSample, NS_PER_S, Sample, WheelSample
+
+REST_MARGIN = 0.3   # s, before the first movement that no longer counts as rest
+SHORTEST_REST = 0.5  # s; shorter, nothing is learnt from it
+STILL = 0.01        # m/s, rolling speed of a wheel that stands
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What the sensors said, in the order of the stamps and without repetitions."""
+
+    robot: RobotParams
+    imu_ns: Stamps
+    rate: Floats         # (n,) rad/s about z of base_link
+    force: Floats        # (n, 2) m/s2, specific force along x and y of base_link
+    wheel_ns: Stamps     # without the latency that is known
+    travel: Floats       # (m, 2) m, rolled by the left and by the right side
+    resting: int         # samples of the inertial unit before the robot first moves
+
+    @property
+    def rolling(self) -> Floats:
+        """Return r w [m/s] of the sides (m, 2): central differences over the two periods."""
+        time = (self.wheel_ns - self.wheel_ns[0]) / NS_PER_S
+        return np.asarray(np.gradient(self.travel, time, axis=0))
+
+
+def as_inputs(samples: Iterable[Sample], robot: RobotParams) -> Inputs:
+    """Return the inputs among ``samples``; raise EstimatorError for too few of them."""
+    imu, wheels = Table(6), Table(8)
+    without_angles = False
+    for sample in samples:
+        if isinstance(sample, ImuSample):
+            imu.add(sample.stamp_ns, (*sample.acceleration, *sample.rate))
+        elif isinstance(sample, WheelSample):
+            without_angles |= sample.position is None
+            wheels.add(sample.stamp_ns, (*(sample.position or (0.0,) * 4), *sample.velocity))
+    (imu_ns, readings), (wheel_ns, rows) = imu.arrays(), wheels.arrays()
+    if len(imu_ns) < 2 or len(wheel_ns) < 3:
+        raise EstimatorError('too few samples of the inertial unit or the wheels')
+    wheel_ns = wheel_ns - round(robot.encoder.latency * NS_PER_S)
+    angles = _summed(wheel_ns, rows[:, 4:]) if without_angles else rows[:, :4]
+    travel = robot.wheel_radius * side_means(angles)
+    rotation = matrix(*robot.imu.rotation)
+    force, rate = readings[:, :3] @ rotation.T, readings[:, 3:] @ rotation.T
+    return Inputs(robot, imu_ns, rate[:, 2], force[:, :2], wheel_ns, travel,
+                  _resting(imu_ns, wheel_ns, travel))
+
+
+def _summed(stamp_ns: Stamps, velocity: Floats) -> Floats:
+    """Return angles [rad] from velocities that are means over the period before their stamp."""
+    time = np.diff(stamp_ns) / NS_PER_S
+    return np.concatenate([np.zeros((1, velocity.shape[1])),
+                           np.cumsum(velocity[1:] * time[:, np.newaxis], axis=0)])
+
+
+def _resting(imu_ns: Stamps, wheel_ns: Stamps, travel: Floats) -> int:
+    speed = np.abs(np.diff(travel, axis=0)).max(axis=1) / np.diff(wheel_ns) * NS_PER_S
+    moving = np.flatnonzero(speed > STILL)
+    end = wheel_ns[moving[0]] if len(moving) else wheel_ns[-1]
+    count = int(np.searchsorted(imu_ns, end - round(REST_MARGIN * NS_PER_S)))
+    long_enough = count and imu_ns[count - 1] - imu_ns[0] >= SHORTEST_REST * NS_PER_S
+    return count if long_enough else 0

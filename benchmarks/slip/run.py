@@ -1,0 +1,161 @@
+"""
+Benchmark of slip and pose: errors and their consistency with the reported covariance.
+
+Simulated scenarios over several seeds and real recordings go through the slip estimator, its
+smoother and their rivals; tables are printed, figures and ``results.json`` written.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+import json
+from pathlib import Path
+from typing import Any
+
+from rich.table import Table
+
+from benchmarks.command import (
+    accuracy_parser, DATA, machine, refuse_existing_results, reported)
+from benchmarks.jobs import done, make_folder
+from benchmarks.scenarios import SCENARIOS
+from benchmarks.slip.comparison import contest, LIVE, METHODS
+from benchmarks.slip.figures import path_figure, save, slip_figure
+from benchmarks.slip.recordings import bags, RECORDINGS, run_recording
+from benchmarks.slip.reference_results import TARGETS
+from benchmarks.slip.results import by_run, figures_of, path_figures, RunResult
+from benchmarks.slip.scoring import score_run
+from benchmarks.slip.series import as_truth
+from benchmarks.slip.tables import (
+    errors_table, print_tables, recordings_table, Runs, statistics_table, targets_table)
+from benchmarks.tables import new_console
+from smart_tire.analysis.metrics import aligned
+from smart_tire.analysis.summary import plain
+from smart_tire.errors import ParameterError
+from smart_tire.parameters import SlipEstimatorParams
+
+DRAWN_SEED = 1   # the seed whose run is drawn
+
+KNOWN = {recording.name: recording for recording in RECORDINGS}
+TITLES = {**{name: scenario.title for name, scenario in SCENARIOS.items()},
+          **{name: recording.title for name, recording in KNOWN.items()}}
+
+Job = Callable[[], RunResult]
+
+
+@dataclass(frozen=True)
+class BenchOptions:
+    """What is asked for."""
+
+    seeds: int
+    runs: Sequence[str]  # scenarios and recordings; none means all
+    data: Path           # folder of the recordings
+    out: Path
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the benchmark that the command line asks for; return the exit status."""
+    parser = accuracy_parser('slip', 'measure slip and pose against other methods')
+    parser.add_argument('--data', type=Path, default=DATA, metavar='DIR',
+                        help='folder with real recordings (default: %(default)s)')
+    args = parser.parse_args(argv)
+
+    def work() -> None:
+        refuse_existing_results(args.out, force=args.force)
+        on = machine()
+        print(on)
+        seeds = 1 if args.quick else args.seeds
+        benchmark(BenchOptions(seeds, args.runs, args.data, args.out), on)
+    return reported('slip', work)
+
+
+def benchmark(options: BenchOptions, machine_name: str) -> None:
+    """Run all, print tables, write figures and results; raise ParameterError if a run is unknown."""
+    unknown = [name for name in options.runs if name not in TITLES]
+    if unknown:
+        raise ParameterError(f'{", ".join(unknown)}: no such run, expected of '
+                             f'{", ".join(TITLES)}')
+    jobs, absent = _jobs(options)
+    for name in absent:
+        print(f'{name}: not in {options.data}, left out (--data DIR)')
+    make_folder(options.out)
+    results = sorted(done(jobs, label), key=lambda one: (list(TITLES).index(one.run), one.seed))
+    _write(options.out / 'results.json', results, absent, machine_name)
+    runs = by_run(results)
+    print_tables(new_console(), _tables(runs))
+    print(f'{len(results)} runs; figures and results.json in {options.out}')
+
+
+def _jobs(options: BenchOptions) -> tuple[list[Job], list[str]]:
+    """Return what is to be done, the longest first, and the recordings that are not there."""
+    wanted = options.runs or list(TITLES)
+    paths, absent = bags(options.data)
+    jobs: list[Job] = [partial(run_recorded, name, path, options.out)
+                       for name, path in paths.items() if name in wanted]
+    scenarios = [SCENARIOS[name] for name in wanted if name in SCENARIOS]
+    scenarios.sort(key=lambda scenario: -scenario.duration)
+    jobs += [partial(run_scenario, scenario.name, seed, options.out)
+             for scenario in scenarios for seed in range(1, options.seeds + 1)]
+    return jobs, [name for name in absent if name in wanted]
+
+
+def label(result: RunResult) -> str:
+    """Return what ``result`` is of."""
+    return f'{TITLES[result.run]}, seed {result.seed}'
+
+
+def run_scenario(name: str, seed: int, out: Path) -> RunResult:
+    """Simulate one run, score all methods on it; draw it if it is the first seed."""
+    scenario = SCENARIOS[name]
+    events = scenario.events(seed)
+    truth = as_truth((sample for _, topic, sample in events
+                      if topic.startswith('ground_truth/')), scenario.robot)
+    samples = [sample for _, topic, sample in events if not topic.startswith('ground_truth/')]
+    estimates = contest(samples, SlipEstimatorParams(robot=scenario.robot), truth.poses)
+    if seed == DRAWN_SEED:
+        save(slip_figure(scenario.title, estimates, truth), out / f'{name}_slip.png')
+        save(path_figure(scenario.title, estimates,
+                         {method: aligned(truth.poses, estimate.poses)
+                          for method, estimate in estimates.items()}), out / f'{name}_path.png')
+    return RunResult(name, seed, {
+        method: figures_of(score_run(estimate, truth, averaged=scenario.averaged))
+        for method, estimate in estimates.items()})
+
+
+def run_recorded(name: str, path: Path, out: Path) -> RunResult:
+    """Run all methods over a real recording, score and draw their paths."""
+    run = run_recording(path, KNOWN[name])
+    save(path_figure(TITLES[name], run.estimates, run.tracks), out / f'{name}_path.png')
+    return RunResult(name, DRAWN_SEED, {method: path_figures(score)
+                                        for method, score in run.scores().items()})
+
+
+def _tables(runs: Runs) -> Iterator[Table]:
+    simulated = {run: methods for run, methods in runs.items() if run in SCENARIOS}
+    for run, methods in simulated.items():
+        scenario = SCENARIOS[run]
+        way = methods[LIVE]['distance']
+        yield errors_table(f'{scenario.title}: {scenario.duration:.0f} s, {way:.0f} m', methods,
+                           TARGETS.get(run), scenario.averaged)
+    for run, methods in runs.items():
+        if run in KNOWN:
+            yield recordings_table(TITLES[run], methods)
+    if simulated:
+        yield statistics_table(simulated, TITLES)
+    if simulated.keys() & TARGETS.keys():
+        yield targets_table(simulated, TITLES, TARGETS)
+
+
+def _write(path: Path, results: Sequence[RunResult], absent: Sequence[str],
+           machine: str) -> None:
+    """Write all figures: per run and method over the seeds, and of each seed."""
+    runs = by_run(results)
+    tree: dict[str, Any] = {
+        'machine': machine, 'left_out': list(absent), 'methods': METHODS,
+        'units': 'SI; _percent: of the distance; step_us: CPU time in microseconds',
+        'runs': {run: {
+            'title': TITLES[run], 'over_seeds': methods,
+            'seeds': {result.seed: result.figures for result in results if result.run == run},
+            'published': TARGETS.get(run)} for run, methods in runs.items()}}
+    path.write_text(json.dumps(plain(tree), indent=2, allow_nan=False) + '\n', encoding='utf-8')

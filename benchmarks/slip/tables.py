@@ -1,0 +1,151 @@
+"""Tables of the slip benchmark."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+import math
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+from benchmarks.slip.comparison import LIVE, METHODS, SMOOTHED
+from benchmarks.slip.reference_results import Published, Target, TITLES
+from benchmarks.slip.results import Figures
+from benchmarks.tables import new_table, number, print_all
+
+LIVE_LIMIT = 1.5      # of the published errors, in steady parts; the smoother must equal them
+SMOOTHED_LIMIT = 1.0
+WITH_SIGMAS = (LIVE, SMOOTHED, 'plain_ekf')
+
+Runs = Mapping[str, Mapping[str, Figures]]  # run -> method -> figures
+
+
+NOTES = """\
+steady: |r w| > 0.1 m/s, t > 3 s, more than 0.4 s from any |dw/dt| > 1.5 rad/s2; averaged: all
+times, by the truth averaged over 125 ms; a NaN where the true slip is defined counts as 1.
+position: error in per cent of the way. Tracks and radii that are fitted are fitted to the truth
+of each run, the EKF has such a track too. published: a reference filter on such runs with IMU,
+wheels and constraints, and with a force balance that takes C_x 52.7 N and mu 0.47 for granted.
+"""
+
+
+def errors_table(title: str, methods: Mapping[str, Figures], target: Target | None,
+                 averaged: bool) -> Table:
+    """Return the errors of all methods on one run, the published ones between them."""
+    judged = 'averaged' if averaged else 'steady'
+    table = new_table(title, '', f'slip L / R\n{judged}', 'slip L / R\nall times',
+                      f'v [mm/s]\n{judged}', '\nall', 'position [%]\nrms   end',
+                      'heading [deg]\nrms    end')
+    for name, figures in methods.items():
+        table.add_row(METHODS[name], *_errors(figures), style='bold' if name == LIVE else None)
+        if name == SMOOTHED and target is not None:
+            for kind in TITLES:
+                table.add_row(TITLES[kind], *_published(
+                    getattr(target, kind), methods[LIVE]['distance']), style='italic')
+    return table
+
+
+def _errors(figures: Figures) -> list[str]:
+    return [_pair(figures['slip_left'], figures['slip_right']),
+            _pair(figures['slip_left_always'], figures['slip_right_always']),
+            number(1e3 * figures['speed'], 1), number(1e3 * figures['speed_always'], 1),
+            _two(figures['position_rms_percent'], figures['position_end_percent'], 2),
+            _two(math.degrees(figures['heading_rms']), math.degrees(figures['heading_end']), 2)]
+
+
+def _published(one: Published, way: float) -> list[str]:
+    return [_pair(one.left, one.right), '', number(1e3 * one.speed, 1), '',
+            _two(math.nan, 100.0 * one.end / way, 2), _two(math.nan, one.heading_end, 2)]
+
+
+def targets_table(runs: Runs, titles: Mapping[str, str],
+                  targets: Mapping[str, Target]) -> Table:
+    """Return ours beside the published errors of IMU + wheels + constraints, run by run."""
+    table = new_table(
+        f'Over the published errors with constraints, the worse side (! beyond {LIVE_LIMIT:g} '
+        f'live, {SMOOTHED_LIMIT:g} smoothed)', '', 'published\nslip L / R', '\nlive', '\nover',
+        '\nsmoothed', '\nover', 'v [mm/s]\npublished', '\nlive', '\nsmoothed')
+    for run, target in targets.items():
+        if run in runs:
+            live, smoothed = runs[run][LIVE], runs[run][SMOOTHED]
+            plain = target.plain
+            table.add_row(
+                titles[run], _pair(plain.left, plain.right), *_over(live, plain, LIVE_LIMIT),
+                *_over(smoothed, plain, SMOOTHED_LIMIT), number(1e3 * plain.speed, 1),
+                _kept(number(1e3 * live['speed'], 1), live['speed'] / plain.speed, LIVE_LIMIT),
+                _kept(number(1e3 * smoothed['speed'], 1), smoothed['speed'] / plain.speed,
+                      SMOOTHED_LIMIT))
+            for name, unit, of_end, ends in (
+                    ('position', 'm', plain.end, 'position_end'),
+                    ('heading', 'rad', math.radians(plain.heading_end), 'heading_end')):
+                if math.isfinite(of_end):
+                    table.add_row(f'  {name} at the end [{unit}]', number(of_end, 3), *(
+                        cell for figures, limit in ((live, LIVE_LIMIT),
+                                                    (smoothed, SMOOTHED_LIMIT))
+                        for cell in (number(figures[ends], 3), _kept(
+                            number(figures[ends] / of_end, 2), figures[ends] / of_end, limit))))
+    return table
+
+
+def _over(figures: Figures, plain: Published, limit: float) -> tuple[str, Text]:
+    """Return the slip errors of both sides, and the larger one of their ratios."""
+    over = max(figures['slip_left'] / plain.left, figures['slip_right'] / plain.right)
+    return _pair(figures['slip_left'], figures['slip_right']), _kept(number(over, 2), over, limit)
+
+
+def _kept(text: str, over: float, limit: float) -> Text:
+    return Text(text) if over <= limit else Text(f'{text} !', style='red')
+
+
+def statistics_table(runs: Runs, titles: Mapping[str, str]) -> Table:
+    """Return normalised errors, shares within two sigma, innovations, S and time per step."""
+    table = new_table(
+        'Mean normalised squared errors (NEES, 1 is right), shares within two sigma (0.95), '
+        'innovations (NIS, 1), error of S', '', 'NEES:\nslip L  R', '\nv', 'posi-\ntion',
+        'head-\ning', 'within:\nslip L  R', '\nv', 'posi-\ntion', 'head-\ning', '\nNIS',
+        'S\n[mm]', 'step\n[us]')
+    for run, methods in runs.items():
+        table.add_section()
+        for name in (name for name in WITH_SIGMAS if name in methods):
+            one = methods[name]
+            cells = [f'{titles[run]}' if name == LIVE else f'  {METHODS[name]}']
+            for kind in ('nees', 'within_two'):
+                sides = one[f'{kind}_slip_left'], one[f'{kind}_slip_right']
+                cells += [_two(*sides, 2), *(number(one[f'{kind}_{what}'], 2)
+                                             for what in ('speed', 'position', 'heading'))]
+            table.add_row(*cells, number(one['nis'], 2), number(1e3 * one['icr_x'], 1),
+                          number(one['step_us'], 0))
+    return table
+
+
+def recordings_table(title: str, methods: Mapping[str, Figures]) -> Table:
+    """Return the errors of the path of one real recording."""
+    way = methods[LIVE]['distance']
+    table = new_table(f'{title}: {way:.0f} m scored', '', 'position rms\n[m]', '[%]',
+                      'position end\n[%]', 'heading rms\n[deg]', 'heading end\n[deg]')
+    for name, one in methods.items():
+        table.add_row(METHODS[name], number(one['position_rms'], 3), *(
+            number(one[key], 2) for key in ('position_rms_percent', 'position_end_percent')),
+            *(number(math.degrees(one[key]), 2) for key in ('heading_rms', 'heading_end')),
+            style='bold' if name == LIVE else None)
+    return table
+
+
+def print_tables(console: Console, tables: Iterable[Table]) -> None:
+    """Print what the tables mean, and them one below the other."""
+    print_all(console, NOTES, tables)
+
+
+def _pair(left: float, right: float) -> str:
+    return f'{_slip(left)} / {_slip(right)}'
+
+
+def _slip(value: float) -> str:
+    """Return a slip error as the published table has it, with one more digit: .0123."""
+    text = number(value, 4)
+    return text[1:] if text.startswith('0.') else text
+
+
+def _two(first: float, second: float, digits: int) -> str:
+    texts: Sequence[str] = [number(value, digits) for value in (first, second)]
+    return '  '.join(f'{text:>{3 + digits}}' for text in texts)

@@ -1,1 +1,0 @@
-"""Both papers' figures and tables, computed anew: records first, then drawings, then pages."""

@@ -1,1 +1,0 @@
-"""How well slip and localization are told: estimates, rivals, scores and figures of a run."""

@@ -1,0 +1,1 @@
+"""Figures and tables of papers A and B, computed by the models and estimators of this package."""

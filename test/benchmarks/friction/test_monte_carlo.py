@@ -1,0 +1,55 @@
+"""Trials of synthesised passages: scores of made-up estimates, and one case of each kind."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from benchmarks.friction.grid import Case
+from benchmarks.friction.methods import EXACT_MAP, PRINTED_MAP, WAVEFORM
+from benchmarks.friction.monte_carlo import run_case, trial
+from benchmarks.friction.reference_results import PUBLISHED_BOUNDS
+
+
+def test_errors_are_relative_and_normalised_by_their_sigmas():
+    rng = np.random.default_rng(1)
+    value = 0.5 * (1.02 + 0.04 * rng.standard_normal(20_000))
+    found = trial(value, 0.5, 1.0, sigma=np.full(len(value), 0.02))
+    assert found.told == 1.0
+    assert found.bias == pytest.approx(0.02, abs=0.002)
+    assert found.spread == pytest.approx(0.04, rel=0.03)
+    assert found.large == pytest.approx(0.075, rel=0.05)  # Gaussian, off by half a sigma
+    assert found.nees == pytest.approx((0.04**2 + 0.02**2) / 0.04**2, rel=0.05)
+
+
+def test_what_is_not_told_counts_as_that_and_nothing_else():
+    value = np.array([0.5, math.nan, 0.5, math.nan])
+    found = trial(value, 0.5, 1.0)
+    assert (found.told, found.bias, found.spread) == (0.5, 0.0, 0.0)
+    assert math.isnan(found.nees)
+    nothing = trial(value[1:2], 0.5, 1.0)
+    assert nothing.told == 0.0
+    assert math.isnan(nothing.bias)
+
+
+def test_the_waveform_is_near_the_bound_and_two_peaks_are_not():
+    found = run_case('slip', Case(slip=0.15), 60)
+    own, exact, printed = (found.trials[name] for name in (WAVEFORM, EXACT_MAP, PRINTED_MAP))
+    assert (found.passages, found.found, own.told) == (60, 1.0, 1.0)
+    assert abs(own.bias) < 0.02
+    assert 0.6 < own.spread / found.bound < 1.5
+    assert exact.spread > 5.0 * own.spread
+    assert printed.bias > 0.4
+
+
+@pytest.mark.parametrize('case', [Case(slip=-0.1), Case(slip=0.1, release='state')])
+def test_where_there_are_no_two_peaks_nothing_is_read_off_them(case):
+    assert run_case('some', case, 3).trials.keys() == {WAVEFORM}
+
+
+@pytest.mark.parametrize('slip', list(PUBLISHED_BOUNDS))
+def test_the_bound_is_the_published_one_but_for_the_rounding_to_codes(slip):
+    bound = run_case('slip', Case(slip=slip), 1).bound
+    assert bound == pytest.approx(PUBLISHED_BOUNDS[slip], rel=0.08)

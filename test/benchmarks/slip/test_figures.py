@@ -1,0 +1,81 @@
+"""Figures of the benchmark: every panel has its curves, whoever gets lost leaves the picture."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.scenarios import SCENARIOS
+from benchmarks.slip.comparison import contest, METHODS
+from benchmarks.slip.figures import path_figure, save, slip_figure
+from benchmarks.slip.series import as_truth
+from smart_tire.analysis.metrics import aligned
+from smart_tire.parameters import SlipEstimatorParams
+
+
+def ran(name, duration):
+    """Return estimates and truth of the start of a scenario."""
+    scenario = replace(SCENARIOS[name], duration=duration)
+    events = scenario.events(1)
+    truth = as_truth((sample for _, topic, sample in events if 'truth' in topic), scenario.robot)
+    samples = [sample for _, topic, sample in events if 'truth' not in topic]
+    return contest(samples, SlipEstimatorParams(robot=scenario.robot), truth.poses), truth
+
+
+@pytest.fixture(scope='module')
+def turning():
+    """Return a short turn."""
+    return ran('concrete', 8.0)
+
+
+@pytest.fixture(scope='module')
+def straight():
+    """Return a short way straight on."""
+    return ran('straight', 6.0)
+
+
+def panel(figure, label):
+    """Return the axes whose y label contains ``label``; None if there are none."""
+    return next((ax for ax in figure.axes if label in ax.get_ylabel()), None)
+
+
+def test_slips_are_shown_with_bands_truth_and_units(turning):
+    figure = slip_figure('turn', *turning)
+    for side in ('left', 'right'):
+        ax = panel(figure, f'slip of the {side} side')
+        assert '[-]' in ax.get_ylabel()
+        assert len(ax.collections) == 2  # bands of live and smoothed
+        assert [line.get_label() for line in ax.lines][-1] == 'truth'
+        low, high = ax.get_ylim()
+        true = ax.lines[-1].get_ydata()
+        assert np.mean((true[np.isfinite(true)] > low) & (true[np.isfinite(true)] < high)) > 0.9
+
+
+def test_the_centre_of_rotation_has_a_panel_only_if_the_robot_turns(turning, straight):
+    assert panel(slip_figure('turn', *turning), 'ICR') is not None
+    assert panel(slip_figure('straight', *straight), 'ICR') is None
+    assert panel(slip_figure('straight', *straight), 'innovation') is not None
+
+
+def test_the_path_shows_all_methods_in_the_frame_of_the_first(turning, tmp_path):
+    estimates, truth = turning
+    tracks = {name: aligned(truth.poses, one.poses) for name, one in estimates.items()}
+    figure = path_figure('turn', estimates, tracks)
+    ax = panel(figure, 'y [m]')
+    labels = {line.get_label() for line in ax.lines}
+    assert labels == {*METHODS.values(), 'truth', 'start'}
+    starts = [line.get_xydata()[0] for line in ax.lines]
+    assert np.ptp(starts, axis=0) == pytest.approx(0.0, abs=0.02)
+    assert save(figure, tmp_path / 'new' / 'path.png').stat().st_size > 10_000
+
+
+def test_who_gets_lost_does_not_set_the_scale(turning):
+    estimates, truth = turning
+    tracks = {name: aligned(truth.poses, one.poses) for name, one in estimates.items()}
+    guess, true, stamps = tracks['wheels']
+    calm = path_figure('turn', estimates, tracks)
+    lost = path_figure('turn', estimates, {**tracks, 'wheels': (guess + 1000.0, true, stamps)})
+    for label in ('position error', 'heading error'):
+        assert panel(lost, label).get_ylim()[1] <= panel(calm, label).get_ylim()[1]

@@ -1,0 +1,155 @@
+"""The rivals on kinematic runs: exact where their assumptions hold, and no better than that."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+import math
+
+import numpy as np
+import pytest
+from support.driving import drive, ramp, START_NS
+
+from benchmarks.slip.comparison import contest, LIVE, METHODS
+from benchmarks.slip.inputs import as_inputs
+from benchmarks.slip.odometry import fitted_scale, fitted_track, gyro_odometry, wheel_odometry
+from benchmarks.slip.plain_ekf import plain_ekf
+from smart_tire.analysis.series import at, PoseSeries
+from smart_tire.errors import EstimatorError
+from smart_tire.parameters import RobotParams, SlipEstimatorParams
+from smart_tire.parameters.robot import EncoderParams, ImuParams
+from smart_tire.samples import ImuSample, NS_PER_S, WheelSample
+
+# Encoders as good as exact, read at whole milliseconds: what is tested is the arithmetic.
+ROBOT = RobotParams(encoder=EncoderParams(counts_per_revolution=1e7))
+WINDING = ramp([(0, 0, 0), (2, 0, 0), (3, .5, .5), (6, .6, .4), (9, .3, .6), (12, .5, .5),
+                (14, -.2, .2), (16, 0, 0), (17, 0, 0)])
+
+
+def truth_of(run):
+    """Return the poses of a kinematic run as a series without any sigma."""
+    stamps = START_NS + np.round(run.time * NS_PER_S).astype(np.int64)
+    return PoseSeries(stamps, run.pose, run.twist, np.zeros((len(stamps), 3, 3)),
+                      np.zeros((len(stamps), 3)))
+
+
+def without_slip(**options):
+    """Return a run without slip, and its inputs; without noise unless told."""
+    run = drive(WINDING, np.zeros_like(WINDING), icr=0.0,
+                **{'robot': ROBOT, 'noise': 0.0, 'wheel_rate': 20.0, **options})
+    return run, as_inputs(run.samples, options.get('robot', ROBOT))
+
+
+def pose_errors(estimate, run):
+    """Return errors of x, y, yaw (n, 3) of an estimate."""
+    truth = truth_of(run)
+    error = estimate.poses.pose - at(estimate.poses.stamp_ns, truth.stamp_ns, truth.pose)
+    return error[np.isfinite(error[:, 0])]
+
+
+@pytest.mark.parametrize('positions', [True, False], ids=['by angles', 'by speeds'])
+def test_wheel_odometry_is_exact_without_slip(positions):
+    run, inputs = without_slip(positions=positions)
+    estimate = wheel_odometry(inputs, ROBOT.track_width)
+    assert np.abs(pose_errors(estimate, run)).max() < 1e-3
+    slips = estimate.slips.ratio
+    assert np.nanmax(np.abs(slips)) < 1e-9
+    still = np.abs(inputs.rolling).max(axis=1) < 0.05
+    assert np.isnan(slips[still]).all() and np.isfinite(slips[~still]).any()
+
+
+def test_gyro_and_wheels_are_exact_without_slip():
+    run, inputs = without_slip()
+    estimate = gyro_odometry(inputs)
+    assert np.abs(pose_errors(estimate, run)).max() < 1e-3
+    assert fitted_scale(inputs, truth_of(run)) == pytest.approx(1.0, abs=1e-3)
+
+
+def test_the_fitted_track_is_that_of_the_robot_and_a_wrong_radius_shows_in_the_scale():
+    run, _ = without_slip()
+    wrong = as_inputs(run.samples, replace(ROBOT, wheel_radius=0.1))
+    assert fitted_scale(wrong, truth_of(run)) == pytest.approx(0.87, abs=1e-3)
+    assert fitted_track(wrong, truth_of(run)) == pytest.approx(0.38 / 0.87, rel=1e-3)
+
+
+def test_a_run_that_never_turns_fits_no_track_and_one_that_never_moves_no_scale():
+    straight = ramp([(0, 0, 0), (2, 0, 0), (3, .5, .5), (6, .5, .5)])
+    run = drive(straight, np.zeros_like(straight), robot=ROBOT, noise=0.0)
+    assert fitted_track(as_inputs(run.samples, ROBOT), truth_of(run)) == ROBOT.track_width
+    still = drive(0.0 * straight, 0.0 * straight, robot=ROBOT, noise=0.0)
+    assert fitted_scale(as_inputs(still.samples, ROBOT), truth_of(still)) == 1.0
+
+
+def test_the_filter_follows_a_run_without_slip_and_settles_on_its_speeds():
+    run, inputs = without_slip()
+    estimate = plain_ekf(inputs, ROBOT.track_width)
+    errors = np.abs(pose_errors(estimate, run))
+    assert errors[:, :2].max() < 0.05 and errors[:, 2].max() < 0.02
+    truth = truth_of(run)
+    speed = at(estimate.poses.stamp_ns, truth.stamp_ns, truth.twist)[:, 0]
+    assert np.nanmax(np.abs(estimate.poses.twist[:, 0] - speed)) < 0.06
+    assert np.isfinite(estimate.poses.pose_covariance).all()
+    assert np.linalg.eigvalsh(estimate.poses.pose_covariance[50:]).min() > 0.0
+
+
+@pytest.mark.parametrize('seed', range(3))
+def test_the_bias_is_learnt_from_the_standstill_at_the_start(seed):
+    gyro = ImuParams(gyro_bias=0.05)
+    run, inputs = without_slip(robot=replace(ROBOT, imu=gyro), noise=1.0, seed=seed)
+    assert 150 < inputs.resting < 200
+    for estimate in (gyro_odometry(inputs), plain_ekf(inputs, 0.38)):
+        assert np.abs(pose_errors(estimate, run)[:, 2]).max() < 0.06
+
+
+def test_the_slip_that_the_wheels_alone_see_is_none_and_the_gyroscope_sees_the_difference():
+    slip = np.where(WINDING != 0.0, [0.1, 0.3], 0.0)
+    run = drive(WINDING, slip * WINDING, icr=0.0, robot=ROBOT, noise=0.0)
+    inputs = as_inputs(run.samples, ROBOT)
+    rolling = ramp([(0, .5, .5), (1, .5, .5)])[0]
+    ground = rolling * [0.9, 0.7]
+    steady = (inputs.wheel_ns - START_NS) / NS_PER_S
+    middle = np.argmin(np.abs(steady - 3.0))  # both sides at 0.5 m/s
+    blind = wheel_odometry(inputs, ROBOT.track_width).slips.ratio[middle]
+    assert blind == pytest.approx(np.zeros(4), abs=1e-6)
+    seen = gyro_odometry(inputs)
+    ratio = at(inputs.wheel_ns[[middle]], seen.slips.stamp_ns, seen.slips.ratio)[0]
+    half_difference = 0.5 * (ground[0] - ground[1]) / 0.5
+    assert ratio[:2] == pytest.approx([-half_difference, half_difference], abs=0.03)
+
+
+def test_repetitions_and_disorder_change_nothing():
+    run, inputs = without_slip()
+    rng = np.random.default_rng(1)
+    mixed = [run.samples[i] for i in rng.permutation(len(run.samples))] + run.samples[::3]
+    again = as_inputs(mixed, ROBOT)
+    for name in ('imu_ns', 'rate', 'force', 'wheel_ns', 'travel'):
+        assert np.array_equal(getattr(inputs, name), getattr(again, name))
+
+
+def test_a_latency_that_is_known_is_taken_out():
+    late = replace(ROBOT, encoder=replace(ROBOT.encoder, latency=0.2))
+    run, inputs = without_slip(robot=late, wheel_latency=0.2)
+    assert np.abs(pose_errors(gyro_odometry(inputs), run)).max() < 1e-3
+
+
+def test_a_tilted_unit_is_turned_into_the_axes_of_the_robot():
+    turned = replace(ROBOT, imu=ImuParams(rotation=(math.pi, 0.0, 0.0)))
+    stamps = range(0, NS_PER_S, NS_PER_S // 100)
+    samples = [ImuSample(stamp, (1.0, 2.0, -9.8), (0.0, 0.1, -0.5)) for stamp in stamps]
+    samples += [WheelSample(stamp, (0.0,) * 4, (0.0,) * 4) for stamp in stamps]
+    inputs = as_inputs(samples, turned)
+    assert inputs.rate == pytest.approx(np.full(100, 0.5))
+    assert inputs.force == pytest.approx(np.tile([1.0, -2.0], (100, 1)))
+
+
+def test_too_few_samples_are_refused():
+    with pytest.raises(EstimatorError, match='too few samples'):
+        as_inputs([], ROBOT)
+
+
+def test_every_method_takes_part():
+    run, _ = without_slip(noise=1.0)
+    estimates = contest(run.samples, SlipEstimatorParams(robot=ROBOT), truth_of(run))
+    assert list(estimates) == list(METHODS)
+    assert all(len(estimate.poses.stamp_ns) > 200 for estimate in estimates.values())
+    assert 0.0 < estimates[LIVE].step_us < math.inf
+    assert np.isfinite(estimates[LIVE].innovations.value).all()

@@ -1,0 +1,62 @@
+"""Figures of seeds and runs: errors add up as squares, statistics as means."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from benchmarks.scenarios import SCENARIOS
+from benchmarks.slip.reference_results import TARGETS
+from benchmarks.slip.results import by_run, combined, ERRORS, figures_of, path_figures, RunResult
+from benchmarks.slip.scoring import Parts, PathScore, RunScore
+from smart_tire.analysis.metrics import Score
+
+UNKNOWN = Score(10, 0.0, 0.3, math.nan, 0.0, 0.0)
+
+
+def a_score(slip=0.02, normalised=1.5):
+    """Return a score whose slips are as told."""
+    part = Parts(Score(10, 0.0, slip, normalised, 0.6, 0.9), UNKNOWN)
+    return RunScore(part, part, part, PathScore(50.0, 0.1, 0.2, 1.2, 0.94, part.judged, -0.03),
+                    0.01, 1.1, 90.0)
+
+
+def test_a_score_fills_every_figure():
+    figures = figures_of(a_score())
+    assert figures.keys() >= set(ERRORS)
+    assert figures.keys() > path_figures(a_score().path).keys()
+    assert figures['slip_left'] == 0.02
+    assert figures['slip_left_always'] == 0.3
+    assert figures['nees_slip_right'] == pytest.approx(2.25)
+    assert figures['within_two_heading'] == 0.9
+    assert figures['position_rms_percent'] == pytest.approx(0.2)
+    assert figures['position_end_percent'] == pytest.approx(0.4)
+    assert figures['heading_end'] == 0.03
+
+
+def test_a_method_without_sigmas_has_no_share_within_them():
+    figures = figures_of(a_score(normalised=math.nan))
+    assert math.isnan(figures['nees_slip_left']) and math.isnan(figures['within_two_slip_left'])
+
+
+def test_seeds_are_combined_by_rms_of_errors_and_mean_of_statistics():
+    figures = combined([figures_of(a_score(slip=0.03)), figures_of(a_score(slip=0.04))])
+    assert figures['slip_left'] == pytest.approx(math.sqrt(0.00125))
+    assert figures['nees_slip_left'] == pytest.approx(2.25)
+    assert figures['distance'] == 50.0
+
+
+def test_runs_keep_their_order_and_methods():
+    figures = figures_of(a_score())
+    results = [RunResult('b', 1, {'x': figures, 'y': figures}), RunResult('a', 1, {'x': figures}),
+               RunResult('b', 2, {'x': figures, 'y': figures})]
+    runs = by_run(results)
+    assert {run: list(methods) for run, methods in runs.items()} == {'b': ['x', 'y'], 'a': ['x']}
+    assert list(runs) == ['b', 'a']
+
+
+def test_every_published_target_has_its_scenario():
+    assert TARGETS.keys() <= SCENARIOS.keys()
+    for target in TARGETS.values():
+        assert target.balance.left < target.plain.left < target.no_slip.left
