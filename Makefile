@@ -87,7 +87,7 @@ mutants: $(READY)
 	$(BIN)/python test/mutation.py --report mutants_output.md
 
 config: $(READY)
-	$(BIN)/python -m smart_tire.parameters.text config
+	$(BIN)/python -m smart_tire.parameters.yaml_writer config
 	$(BIN)/python -m smart_tire.nodes.qos config/rosbag2_qos.yaml
 
 clean:

@@ -17,7 +17,7 @@ from smart_tire.arrays import Array
 from smart_tire.calibration.bench.film_parameters import identify_film
 from smart_tire.estimation.film.measure import measure
 from smart_tire.models.film.buckling_film import FILMS
-from smart_tire.simulation.test_bench import sine, TestBench
+from smart_tire.simulation.film_test_stand import sine, TestBench
 
 RATE = 500.0                                   # Hz
 IDENTIFIED = (0.012, 1.0, 60.0)                # m peak to peak, Hz, s

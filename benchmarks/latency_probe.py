@@ -12,7 +12,7 @@ from types import TracebackType
 from smart_tire.protocol.tire_payload import decode_batch, volts
 from smart_tire.protocol.xbee import decode_receive_packet, XBeeDeframer
 from smart_tire.samples import NS_PER_S, TireSample
-from smart_tire.simulation.ports import PtyPort
+from smart_tire.simulation.pty import PtyPort
 
 CHUNK = 4096    # bytes per read
 POLL = 0.1      # s between two looks at whether to stop

@@ -33,7 +33,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                         help='of driving, live (default: %(default)s)')
     args = parser.parse_args(argv)
     # Importing rclpy may start Python again, so it must come before any child is started.
-    from smart_tire.nodes.pilot import Cockpit
+    from smart_tire.nodes.demo_driver import Cockpit
     print(machine())
 
     def measure() -> None:
@@ -46,7 +46,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def measure_live(folder: Path, seconds: float, cockpit_class: Callable[[list[str]], Any]) -> None:
     """Run all nodes as in the demo; print their CPU time and the latency of tire samples."""
     from benchmarks.latency_probe import RadioTap
-    from smart_tire.cli.stack import isolated_environment, NODES, Stack
+    from smart_tire.cli._processes import isolated_environment, NODES, Stack
     environment = isolated_environment()
     os.environ.update(environment)  # the cockpit lives in this process
     source, link = str(folder / 'radio'), str(folder / 'tapped_radio')
@@ -119,7 +119,7 @@ def measure_offline(folder: Path) -> None:
     """Simulate the same drive in memory; print filter step time and offline speed."""
     from smart_tire.bags import BagWriter
     from smart_tire.parameters import build, SimulatorParams
-    from smart_tire.simulation.run import simulate
+    from smart_tire.simulation.offline import simulate
     events = simulate(build(SimulatorParams, {'film.wheels': [WHEEL], 'seed': SEED}),
                       LEGS, OFFLINE)
     with BagWriter(folder / 'drive') as writer:

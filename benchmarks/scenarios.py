@@ -20,7 +20,7 @@ from smart_tire.parameters import RobotParams, SimulatorParams
 from smart_tire.parameters.robot import EncoderParams, FilmParams, TireParams
 from smart_tire.parameters.simulation import GroundParams, RadioParams
 from smart_tire.simulation.faults import delayed, shuffled, silenced
-from smart_tire.simulation.run import Event, simulate
+from smart_tire.simulation.offline import Event, simulate
 
 Leg = tuple[float, float, float]  # s from which on, rpm left, rpm right
 Spoil = Callable[[list[Event], int], list[Event]]  # events and seed to events

@@ -32,7 +32,7 @@ settings.load_profile('anywhere')
 
 WITH_PROCESSES = (
     'test/integration/', 'test/safety/', 'test/nodes/', 'test/drivers/', 'test/cli/test_record.py',
-    'test/cli/test_replay.py', 'test/cli/test_stack.py', 'test/simulation/test_hardware.py',
+    'test/cli/test_replay.py', 'test/cli/test_processes.py', 'test/simulation/test_realtime.py',
     'test/test_launch.py')
 OF_THE_WHEELS = ('test/safety/', 'test/drivers/')  # mostly waiting: a group of their own
 LONG = (  # ten seconds and more

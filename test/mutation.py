@@ -29,7 +29,7 @@ from support.mutants import Mutant, mutants, sample
 SAFETY_PATH: Mapping[str, tuple[str, ...]] = {
     'smart_tire/protocol/crc.py': ('test/protocol/test_crc.py', 'test/protocol/test_roboclaw.py'),
     'smart_tire/protocol/roboclaw.py': (
-        'test/protocol/test_roboclaw.py', 'test/simulation/test_devices.py',
+        'test/protocol/test_roboclaw.py', 'test/simulation/test_device_emulators.py',
         'test/drivers/test_roboclaw_pair.py -k "duties or low or restarts"'),
     'smart_tire/control/*.py': ('test/control/*.py',),
     'smart_tire/drivers/roboclaw_line.py': ('test/drivers/test_roboclaw_line.py',),

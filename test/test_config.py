@@ -8,9 +8,8 @@ import re
 import pytest
 import yaml
 
-from smart_tire.parameters import (
-    build, known_names, load_files, NODE_PARAMS, RobotParams, specs)
-from smart_tire.parameters.text import file_text, FILES, PLUGGED, write_files
+from smart_tire.parameters import build, known_names, load_files, NODE_PARAMS, RobotParams, specs
+from smart_tire.parameters.yaml_writer import file_text, FILES, PLUGGED, write_files
 
 OTHERS = {'rosbag2_qos.yaml'}  # no parameters in it: test/nodes/test_qos.py
 CONFIG = Path(__file__).resolve().parents[1] / 'config'

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from benchmarks.friction.cramer_rao import friction_bound
 from benchmarks.slip.series import as_truth, TAIL, Truth
-from smart_tire.analysis.passages import column, match
+from smart_tire.analysis.friction_metrics import column, match
 from smart_tire.analysis.series import at, Floats, Stamps
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import Friction, NS_PER_S, Sample, WHEELS

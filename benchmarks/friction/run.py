@@ -70,7 +70,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def benchmark(options: BenchOptions, machine_name: str) -> None:
-    """Run all, print tables, write figures and results; raise ParameterError if a run is unknown."""
+    """Run all, write tables, figures and results; raise ParameterError if a run is unknown."""
     unknown = [name for name in options.runs if name not in TITLES]
     if unknown:
         raise ParameterError(f'{", ".join(unknown)}: no such run, expected of '

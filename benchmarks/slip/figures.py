@@ -13,15 +13,15 @@ import numpy as np
 
 from benchmarks.slip.comparison import LIVE, METHODS, SMOOTHED
 from benchmarks.slip.series import Estimate, side_means, Truth
-from smart_tire.analysis import plots
+from smart_tire.analysis import drawing
 from smart_tire.analysis.series import at, Floats, PoseSeries, seconds, Stamps
 
 Estimates = Mapping[str, Estimate]
 Aligned = tuple[Floats, Floats, Stamps]  # estimated poses, true poses in their frame, stamps
 
 GREEN, PURPLE = '#009e73', '#cc79a7'  # the rest of the palette of plots
-COLORS = {LIVE: plots.BLUE, SMOOTHED: plots.VERMILLION, 'wheels': plots.SHADE,
-          'wheels_fitted': plots.ORANGE, 'gyro': GREEN, 'gyro_fitted': plots.SKY,
+COLORS = {LIVE: drawing.BLUE, SMOOTHED: drawing.VERMILLION, 'wheels': drawing.SHADE,
+          'wheels_fitted': drawing.ORANGE, 'gyro': GREEN, 'gyro_fitted': drawing.SKY,
           'plain_ekf': PURPLE}
 SHOWN = 98.0       # %, of the true values that an axis must hold; spikes need not fit
 MARGIN = 0.35      # of their range, on either side
@@ -35,7 +35,7 @@ LOST = 5.0         # times the own error: others' beyond are not shown
 def save(figure: Figure, path: Path) -> Path:
     """Write ``figure`` as PNG and return its path."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=plots.DOTS_PER_INCH)
+    figure.savefig(path, dpi=drawing.DOTS_PER_INCH)
     return path
 
 
@@ -43,7 +43,7 @@ def slip_figure(title: str, estimates: Estimates, truth: Truth) -> Figure:
     """Return slips with two-sigma bands, the innovations and, in turns, S over time."""
     turns = bool(np.isfinite(truth.icr.place).any())
     rows = ['left', 'right', *['icr'] * turns, 'nis']
-    figure, axes = plots.new_figure([[row] for row in rows], width=11.0,
+    figure, axes = drawing.new_figure([[row] for row in rows], width=11.0,
                                     height=2.5 * len(rows), share_x=True)
     origin = int(truth.stamp_ns[0])
     for side, name in enumerate(('left', 'right')):
@@ -53,7 +53,7 @@ def slip_figure(title: str, estimates: Estimates, truth: Truth) -> Figure:
         _draw_icr(axes['icr'], estimates, truth, origin)
     _draw_innovations(axes['nis'], estimates[LIVE], origin)
     axes['left'].set(title=title)
-    plots.finish(figure, axes)
+    drawing.finish(figure, axes)
     return figure
 
 
@@ -64,7 +64,7 @@ def _draw_slip(ax: Axes, side: int, estimates: Estimates, truth: Truth, origin: 
         value, sigma = side_means(slips.ratio)[:, side], side_means(slips.sigma)[:, side]
         _draw_band(ax, time, value, sigma, COLORS[name], METHODS[name])
     true = side_means(truth.ratio)[:, side]
-    ax.plot(seconds(truth.stamp_ns, origin), true, **plots.TRUTH, label='truth')
+    ax.plot(seconds(truth.stamp_ns, origin), true, **drawing.TRUTH, label='truth')
     ax.set_ylim(*_limits(true, LEAST_SLIP))
 
 
@@ -81,7 +81,7 @@ def _draw_icr(ax: Axes, estimates: Estimates, truth: Truth, origin: int) -> None
         time, place = _with_gaps(seconds(centres.stamp_ns, origin), centres.place[:, 0])
         ax.plot(time, place, color=COLORS[name], linewidth=1.1)
     true = truth.icr.place[:, 0]
-    ax.plot(seconds(truth.stamp_ns, origin), true, **plots.TRUTH)
+    ax.plot(seconds(truth.stamp_ns, origin), true, **drawing.TRUTH)
     ax.set_ylim(*_limits(true, LEAST_ICR))
     ax.set(ylabel='S, x of the ICR [m]')
 
@@ -89,7 +89,7 @@ def _draw_icr(ax: Axes, estimates: Estimates, truth: Truth, origin: int) -> None
 def _draw_innovations(ax: Axes, estimate: Estimate, origin: int) -> None:
     own = estimate.innovations
     ax.plot(seconds(own.stamp_ns, origin), own.value, color=COLORS[LIVE], linewidth=1.0)
-    ax.axhline(1.0, color=plots.INK, linewidth=1.1, linestyle=(0, (4, 2)))
+    ax.axhline(1.0, color=drawing.INK, linewidth=1.1, linestyle=(0, (4, 2)))
     ax.set_ylim(0.0, max(TOP_NIS, 1.1 * float(own.value.max(initial=0.0))))
     ax.set(xlabel='time [s]', ylabel='innovation squared,\nnormalised [-]')
 
@@ -116,7 +116,7 @@ def path_figure(title: str, estimates: Estimates, tracks: Mapping[str, Aligned])
 
     ``tracks`` holds poses of each method beside the true ones in the frame of the method.
     """
-    figure, axes = plots.new_figure([['path', 'position'], ['path', 'heading']], width=13.0,
+    figure, axes = drawing.new_figure([['path', 'position'], ['path', 'heading']], width=13.0,
                                     height=6.5)
     frame, origin = tracks[LIVE][1], int(tracks[LIVE][2][0])
     for name, (guess, true, stamps) in reversed(list(tracks.items())):
@@ -127,8 +127,8 @@ def path_figure(title: str, estimates: Estimates, tracks: Mapping[str, Aligned])
         time, off = seconds(stamps, origin), _off(guess, true)
         for ax, error in zip((axes['position'], axes['heading']), off):
             ax.plot(time, error, **style)
-    axes['path'].plot(*frame[:, :2].T, **plots.TRUTH, label='truth')
-    axes['path'].plot(*frame[0, :2], color=plots.INK, marker='o', markersize=6,
+    axes['path'].plot(*frame[:, :2].T, **drawing.TRUTH, label='truth')
+    axes['path'].plot(*frame[0, :2], color=drawing.INK, marker='o', markersize=6,
                       linestyle='none', label='start')
     _frame_path(axes['path'], frame)
     axes['path'].set(title=title, xlabel='x [m]', ylabel='y [m]')

@@ -21,7 +21,7 @@ import numpy as np
 from benchmarks.slip.comparison import contest
 from benchmarks.slip.scoring import PathScore
 from benchmarks.slip.series import Estimate
-from smart_tire.analysis.identification import identify_geometry
+from smart_tire.analysis.calibrate_robot import identify_geometry
 from smart_tire.analysis.metrics import distance, rms, rotated, score
 from smart_tire.analysis.series import at, Floats, PoseSeries, Series, Stamps
 from smart_tire.bags import Bag

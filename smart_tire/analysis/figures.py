@@ -9,9 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 import numpy as np
 
-from smart_tire.analysis import plots
+from smart_tire.analysis import drawing
+from smart_tire.analysis.friction_metrics import column, kind_of, telling
 from smart_tire.analysis.metrics import aligned, SIDES, Spans
-from smart_tire.analysis.passages import column, kind_of, telling
 from smart_tire.analysis.series import at, seconds, Series, Stamps
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import Friction, NS_PER_S, WHEELS
@@ -21,7 +21,7 @@ MIN_SLIP = 0.1       # margin where the slips hardly differ
 MAX_FRICTION = 1.2   # bars that end above it say only that they are long
 CONTACT_REACH = 1.5  # patch lengths of travel drawn before and after a passage
 FILTERED = 'filtered'
-PATH_COLORS = {FILTERED: plots.ORANGE}  # beside what is smoothed
+PATH_COLORS = {FILTERED: drawing.ORANGE}  # beside what is smoothed
 
 Shown = Mapping[str, Series]  # way of estimating -> its estimates; the filter's come first
 
@@ -39,7 +39,7 @@ def write_figures(directory: Path, inputs: Series, estimates: Series, truth: Ser
     written = []
     for name, figure in _figures(inputs, shown(estimates, smoothed), truth, robot, spans):
         written.append(directory / f'{name}.png')
-        figure.savefig(written[-1], dpi=plots.DOTS_PER_INCH)
+        figure.savefig(written[-1], dpi=drawing.DOTS_PER_INCH)
     return written
 
 
@@ -76,16 +76,16 @@ def slip_figure(ways: Shown, truth: Series, origin_ns: int, spans: Spans | None 
     names, columns = list(panels), 2 if spans else 1
     rows = [names[i:i + columns] for i in range(0, len(names), columns)]
     rows[-1] += ['.'] * (len(rows[0]) - len(rows[-1]))
-    figure, axes = plots.new_figure(rows, height=1.2 + 2.8 * len(rows), share_x=not spans,
+    figure, axes = drawing.new_figure(rows, height=1.2 + 2.8 * len(rows), share_x=not spans,
                                     share_y=True)
     for title, (own, name) in panels.items():
-        plots.draw_slip(axes[title], own)
+        drawing.draw_slip(axes[title], own)
         axes[title].set(title=title)
         if spans:
             edges = [(edge - origin_ns) / NS_PER_S for span in spans[name] for edge in span]
             axes[title].set(xlim=(min(edges), max(edges)))
     axes[names[0]].set_ylim(*_slip_limits([curve for own in curves.values() for curve in own]))
-    plots.finish(figure, axes)
+    drawing.finish(figure, axes)
     return figure
 
 
@@ -94,16 +94,16 @@ def _title(ways: Shown, way: str, name: str) -> str:
     return ', '.join(word for word in (name, way if len(ways) > 1 else '') if word)
 
 
-def slip_curves(estimates: Series, truth: Series, origin_ns: int) -> list[plots.SlipCurve]:
+def slip_curves(estimates: Series, truth: Series, origin_ns: int) -> list[drawing.SlipCurve]:
     """Return the slip of each side: the mean of its wheels."""
     own, true = estimates.slips(), truth.slips()
-    return [plots.SlipCurve(
+    return [drawing.SlipCurve(
         side, seconds(own.stamp_ns, origin_ns), own.ratio[:, wheels].mean(axis=1),
         own.sigma[:, wheels].mean(axis=1), seconds(true.stamp_ns, origin_ns),
         true.ratio[:, wheels].mean(axis=1)) for side, wheels in SIDES.items()]
 
 
-def _slip_limits(curves: Sequence[plots.SlipCurve]) -> tuple[float, float]:
+def _slip_limits(curves: Sequence[drawing.SlipCurve]) -> tuple[float, float]:
     slips = np.concatenate([np.append(curve.slip, curve.true_slip) for curve in curves])
     slips = slips[np.isfinite(slips)]
     # Single spikes, of wheels that start to turn, must not set the scale.
@@ -114,16 +114,16 @@ def _slip_limits(curves: Sequence[plots.SlipCurve]) -> tuple[float, float]:
 
 def path_figure(ways: Shown, truth: Series) -> Figure:
     """Return the path, and with a truth the errors of position and heading over time."""
-    paths = [plots.Path(way, series.poses().pose[:, :2], PATH_COLORS.get(way, plots.BLUE))
+    paths = [drawing.Path(way, series.poses().pose[:, :2], PATH_COLORS.get(way, drawing.BLUE))
              for way, series in ways.items()]
     _, true, _ = aligned(truth.poses(), next(iter(ways.values())).poses())
     if not len(true):
-        figure, axes = plots.new_figure([['path']], width=6.0, height=5.5)
-        plots.draw_path(axes['path'], paths, None)
+        figure, axes = drawing.new_figure([['path']], width=6.0, height=5.5)
+        drawing.draw_path(axes['path'], paths, None)
     else:
-        figure, axes = plots.new_figure([['path', 'position'], ['path', 'heading']], width=10.0,
+        figure, axes = drawing.new_figure([['path', 'position'], ['path', 'heading']], width=10.0,
                                         height=5.5)
-        plots.draw_path(axes['path'], paths, true[:, :2])
+        drawing.draw_path(axes['path'], paths, true[:, :2])
         for path, series in zip(paths, ways.values()):
             _draw_errors(axes, path, series, truth)
         axes['position'].set_ylim(bottom=0.0)
@@ -132,16 +132,16 @@ def path_figure(ways: Shown, truth: Series) -> Figure:
     return figure
 
 
-def _draw_errors(axes: dict[str, Axes], path: plots.Path, estimates: Series,
+def _draw_errors(axes: dict[str, Axes], path: drawing.Path, estimates: Series,
                  truth: Series) -> None:
     poses = estimates.poses()
     guess, true, stamps = aligned(truth.poses(), poses)
     time, error = seconds(stamps, int(poses.stamp_ns[0])), guess - true
     covariance = at(stamps, poses.stamp_ns, poses.pose_covariance)
     longest = np.sqrt(np.linalg.eigvalsh(covariance[:, :2, :2])[:, -1])
-    plots.draw_error(axes['position'], time, np.linalg.norm(error[:, :2], axis=1), longest,
+    drawing.draw_error(axes['position'], time, np.linalg.norm(error[:, :2], axis=1), longest,
                      'position error [m]', path)
-    plots.draw_error(axes['heading'], time, error[:, 2], np.sqrt(covariance[:, 2, 2]),
+    drawing.draw_error(axes['heading'], time, error[:, 2], np.sqrt(covariance[:, 2, 2]),
                      'heading error [rad]', path)
 
 
@@ -150,25 +150,25 @@ def friction_figure(ways: Shown, truth: Series, origin_ns: int) -> Figure:
     wheels = [wheel for wheel in WHEELS
               if any(p.wheel == wheel for series in ways.values() for p in series.passages)]
     rows = [[_title(ways, way, wheel.replace('_', ' ')) for way in ways] for wheel in wheels]
-    figure, axes = plots.new_figure(rows, height=1.2 + 2.6 * len(wheels), share_x=True,
+    figure, axes = drawing.new_figure(rows, height=1.2 + 2.6 * len(wheels), share_x=True,
                                     share_y=True)
     for wheel, titles in zip(wheels, rows):
         for title, series in zip(titles, ways.values()):
-            plots.draw_friction(axes[title], friction_curve(wheel, series, truth, origin_ns))
+            drawing.draw_friction(axes[title], friction_curve(wheel, series, truth, origin_ns))
             axes[title].set(title=title)
     axes[rows[0][0]].set_ylim(0.0, MAX_FRICTION)
-    plots.finish(figure, axes)
+    drawing.finish(figure, axes)
     return figure
 
 
 def friction_curve(wheel: str, estimates: Series, truth: Series,
-                   origin_ns: int) -> plots.FrictionCurve:
+                   origin_ns: int) -> drawing.FrictionCurve:
     """Return the friction of ``wheel``; revolutions that tell nothing by themselves are NaN."""
     own, true = _of_wheel(estimates.passages, wheel), _of_wheel(truth.passages, wheel)
     single = column(own, 'friction_coefficient_single')
     sigma = column(own, 'friction_coefficient_single', sigmas=True)
     single[~telling(single, sigma)] = np.nan
-    return plots.FrictionCurve(
+    return drawing.FrictionCurve(
         wheel, seconds(_stamps(own), origin_ns), single, sigma,
         column(own, 'friction_coefficient'),
         column(own, 'friction_coefficient', sigmas=True),
@@ -193,7 +193,7 @@ def typical_passages(passages: Sequence[Friction]) -> list[Friction]:
     return [pulling[i] for i in np.argsort(np.abs(slips - np.median(slips)))]
 
 
-def contact_of(passage: Friction, inputs: Series, robot: RobotParams) -> plots.Contact | None:
+def contact_of(passage: Friction, inputs: Series, robot: RobotParams) -> drawing.Contact | None:
     """Return the voltages around ``passage``; None where samples or the wheel speed miss."""
     speeds_ns, speeds = inputs.speeds()
     stamp = np.array([passage.stamp_ns])
@@ -207,7 +207,7 @@ def contact_of(passage: Friction, inputs: Series, robot: RobotParams) -> plots.C
     near = np.abs(time) <= reach
     if near.sum() < 0.9 * 2.0 * reach * robot.film.sample_rate:
         return None  # a lost batch: the waveform would have a hole
-    return plots.Contact(passage.wheel, 1e3 * time[near], volts[near],
+    return drawing.Contact(passage.wheel, 1e3 * time[near], volts[near],
                          _inside(robot, speed, volts.shape[1]))
 
 
@@ -220,9 +220,9 @@ def _inside(robot: RobotParams, speed: float, films: int) -> list[tuple[float, f
     return [(1e3 * (middle - half), 1e3 * (middle + half)) for middle in middles]
 
 
-def contact_figure(contact: plots.Contact) -> Figure:
+def contact_figure(contact: drawing.Contact) -> Figure:
     """Return the voltages of one contact."""
-    figure, axes = plots.new_figure([['contact']])
-    plots.draw_contact(axes['contact'], contact)
-    plots.finish(figure, axes)
+    figure, axes = drawing.new_figure([['contact']])
+    drawing.draw_contact(axes['contact'], contact)
+    drawing.finish(figure, axes)
     return figure

@@ -15,12 +15,12 @@ from pathlib import Path
 
 import numpy as np
 
-from smart_tire.analysis.ahead import ahead
-from smart_tire.analysis.inputs import StampLog
 from smart_tire.analysis.pipeline import (
     ESTIMATES, EstimatorParams, FrictionStage, INPUTS, SlipStage, TRUTHS)
+from smart_tire.analysis.prefetch import ahead
 from smart_tire.analysis.series import Series
 from smart_tire.analysis.smoothing import SmoothedSlip
+from smart_tire.analysis.stream_statistics import StampLog
 from smart_tire.analysis.summary import estimates_tree, plain, Tree, truth_tree
 from smart_tire.bags import Bag, BagWriter
 from smart_tire.errors import BagError

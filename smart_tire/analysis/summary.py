@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from smart_tire.analysis.metrics import (
-    distance, pose_score, SIDES, slip_scores, Spans, within)
-from smart_tire.analysis.passages import column, friction_scores, match, Matches, telling
+from smart_tire.analysis.friction_metrics import column, friction_scores, match, Matches, telling
+from smart_tire.analysis.metrics import distance, pose_score, SIDES, slip_scores, Spans, within
 from smart_tire.analysis.series import Floats, Series
 from smart_tire.samples import Friction, WHEELS
 

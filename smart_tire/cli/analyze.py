@@ -10,7 +10,7 @@ from pathlib import Path
 import sys
 from typing import TYPE_CHECKING
 
-from smart_tire.cli.outputs import (
+from smart_tire.cli._overwrite import (
     add_force, FIGURES, refuse_existing, refuse_existing_bag, refuse_folder_of_bag)
 from smart_tire.errors import BagError
 

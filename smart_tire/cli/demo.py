@@ -15,13 +15,13 @@ from typing import Any, TYPE_CHECKING
 
 import yaml
 
-from smart_tire.cli.dashboard import Dashboard
-from smart_tire.cli.outputs import (
+from smart_tire.cli._dashboard import Dashboard
+from smart_tire.cli._overwrite import (
     add_force, FIGURES, refuse_existing, refuse_existing_bag, remove, remove_bag)
-from smart_tire.cli.stack import isolated_environment, NODES, Stack
+from smart_tire.cli._processes import isolated_environment, NODES, Stack
 
 if TYPE_CHECKING:
-    from smart_tire.analysis.live import Spans
+    from smart_tire.analysis.demo_report import Spans
     from smart_tire.analysis.summary import Tree
 
 NAME = 'demo'
@@ -81,8 +81,8 @@ def run(args: argparse.Namespace) -> int:
     refuse_existing_bag(out / 'bag', force=args.force)
     refuse_existing([out / name for name in (*FILES, 'figures', 'logs')], force=args.force)
     # Importing rclpy may start Python anew, so it must come before any child is started.
-    from smart_tire.analysis.live import judge
-    from smart_tire.nodes.pilot import Cockpit
+    from smart_tire.analysis.demo_report import judge
+    from smart_tire.nodes.demo_driver import Cockpit
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         params = _prepare(out, args.seed)
@@ -187,7 +187,7 @@ def _hold(stack: Stack, cockpit: Any, dashboard: Dashboard, leg: Leg, duration: 
 
 def _conclude(out: Path, judged: Tree) -> int:
     """Write and print the summary; return 1 if a topic stayed silent."""
-    from smart_tire.analysis.live import lines
+    from smart_tire.analysis.demo_report import lines
     (out / 'summary.json').write_text(json.dumps(judged, indent=2) + '\n', encoding='utf-8')
     print('\n'.join(lines(judged)))
     print(f'\nbag, figures and summary.json are in {out}/')

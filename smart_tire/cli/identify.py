@@ -1,7 +1,7 @@
 """
 ``smart_tire identify KIND``: parameters out of recordings, with standard errors.
 
-A kind is a module ``identify_<kind>`` of this folder, made like a verb.
+A kind is a module ``_identify_<kind>`` of this folder, made like a verb.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the arguments of every kind."""
     choices = parser.add_subparsers(dest='kind', metavar='KIND', required=True)
     for name in KINDS:
-        module: Any = import_module(f'smart_tire.cli.identify_{name}')
+        module: Any = import_module(f'smart_tire.cli._identify_{name}')
         kind = choices.add_parser(name, help=module.HELP, description=module.HELP)
         module.add_arguments(kind)
         kind.set_defaults(run_kind=module.run)

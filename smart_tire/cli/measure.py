@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from smart_tire.cli.outputs import add_force, refuse_existing
+from smart_tire.cli._overwrite import add_force, refuse_existing
 from smart_tire.errors import ParameterError
 
 NAME = 'measure'
@@ -37,7 +37,7 @@ def run(args: argparse.Namespace) -> int:
     figure = out.with_suffix('.png')
     refuse_existing([out, figure], force=args.force, inputs=[args.data, args.params])
     import numpy as np
-    from smart_tire.analysis.film_plots import write_measurement
+    from smart_tire.analysis.film_figures import write_measurement
     from smart_tire.estimation.film.film_file import read_params
     from smart_tire.estimation.film.measure import measure
     from smart_tire.estimation.film.recording import read_columns, write_columns

@@ -6,8 +6,8 @@ import argparse
 from datetime import datetime
 from pathlib import Path
 
-from smart_tire.cli.listing import print_counts
-from smart_tire.cli.outputs import add_force, refuse_existing_bag, remove_bag
+from smart_tire.cli._output import print_counts
+from smart_tire.cli._overwrite import add_force, refuse_existing_bag, remove_bag
 
 NAME = 'record'
 HELP = 'record topics into a rosbag2 bag, until Ctrl-C'

@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from smart_tire.cli.listing import print_counts, print_losses
-from smart_tire.cli.outputs import (
+from smart_tire.cli._output import print_counts, print_losses
+from smart_tire.cli._overwrite import (
     add_force, refuse_existing_bag, refuse_folder_of_bag, remove_bag)
 
 NAME = 'recover'

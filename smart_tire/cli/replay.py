@@ -8,8 +8,8 @@ from pathlib import Path
 import sys
 from typing import TYPE_CHECKING
 
-from smart_tire.cli.arguments import positive
-from smart_tire.cli.listing import print_counts, print_losses
+from smart_tire.cli._arguments import positive
+from smart_tire.cli._output import print_counts, print_losses
 from smart_tire.errors import BagError
 
 if TYPE_CHECKING:

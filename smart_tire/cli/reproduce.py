@@ -9,7 +9,7 @@ from pathlib import Path
 import sys
 from typing import TYPE_CHECKING
 
-from smart_tire.cli.outputs import add_force, refuse_existing
+from smart_tire.cli._overwrite import add_force, refuse_existing
 from smart_tire.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -47,8 +47,8 @@ def laboratory() -> Laboratory:
     from smart_tire.estimation.film.recording import FilmRecording
     from smart_tire.models.film.hysteresis import TABLE_I_GAIN
     from smart_tire.reproduction.experiments import Laboratory, Specimen
-    from smart_tire.simulation.run import simulate
-    from smart_tire.simulation.test_bench import TestBench
+    from smart_tire.simulation.film_test_stand import TestBench
+    from smart_tire.simulation.offline import simulate
 
     def bench(specimen: Specimen, deflection: Array, rate: float, seed: int) -> FilmRecording:
         # the amplifier's range is chosen to fit the film, and its noise goes with the range

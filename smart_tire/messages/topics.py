@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from smart_tire.messages.body import (
-    decode_battery, decode_icr, decode_imu, decode_odometry, decode_velocity, fill_battery,
-    fill_icr, fill_imu, fill_odometry, fill_velocity)
-from smart_tire.messages.joints import (
+from smart_tire.messages.joint_state import (
     decode_friction, decode_motor_command, decode_tire, decode_wheel_command, decode_wheel_slip,
     decode_wheels, fill_friction, fill_motor_command, fill_tire, fill_wheel_command,
     fill_wheel_slip, fill_wheels)
+from smart_tire.messages.odometry_imu import (
+    decode_battery, decode_icr, decode_imu, decode_odometry, decode_velocity, fill_battery,
+    fill_icr, fill_imu, fill_odometry, fill_velocity)
 from smart_tire.samples import (
     BatterySample, Friction, Icr, ImuSample, MotorCommand, Odometry, Sample, TireSample,
     VelocityCommand, WheelCommand, WheelSample, WheelSlip)

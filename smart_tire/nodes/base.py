@@ -23,11 +23,11 @@ from rclpy.timer import Timer
 
 from smart_tire.errors import ParameterError, SmartTireError
 from smart_tire.messages import TOPICS
+from smart_tire.nodes.compat import (
+    foreign_arguments, message_class, new_executor, plain, RCLError, with_info, wrong_type)
 from smart_tire.nodes.diagnostics import diagnostic_array, Status, Tally
 from smart_tire.nodes.parameters import declare
 from smart_tire.nodes.qos import publisher_qos, subscriber_qos
-from smart_tire.nodes.ros import (
-    foreign_arguments, message_class, new_executor, plain, RCLError, with_info, wrong_type)
 from smart_tire.parameters import build, specs
 
 Params = TypeVar('Params')

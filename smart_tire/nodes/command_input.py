@@ -10,8 +10,8 @@ from smart_tire.control.command_check import (
     check_age, PublisherClaims, SequenceStreams, StallDetector)
 from smart_tire.errors import CommandError
 from smart_tire.nodes.base import SmartTireNode
+from smart_tire.nodes.compat import endpoint_names
 from smart_tire.nodes.diagnostics import Status
-from smart_tire.nodes.ros import endpoint_names
 from smart_tire.samples import NS_PER_S
 
 TICK = 0.025       # s between looks at the clock, a tenth of the shortest stall

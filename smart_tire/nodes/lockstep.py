@@ -30,7 +30,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from std_msgs.msg import String
 
-from smart_tire.nodes.ros import has_matched
+from smart_tire.nodes.compat import has_matched
 from smart_tire.samples import NS_PER_S
 
 TOPIC = '/_replay_lockstep'

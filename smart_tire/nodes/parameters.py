@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.node import Node
 
-from smart_tire.nodes.ros import given_parameters
+from smart_tire.nodes.compat import given_parameters
 from smart_tire.parameters import build, known_names, NODE_PARAMS, Spec, specs
 from smart_tire.parameters.files import check_names
 

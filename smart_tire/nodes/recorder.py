@@ -14,9 +14,9 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from smart_tire.bags import BagWriter, channel_of, Qos
 from smart_tire.messages import find_topic
 from smart_tire.nodes.base import run, SmartTireNode
+from smart_tire.nodes.compat import message_class, with_info
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.qos import subscriber_qos
-from smart_tire.nodes.ros import message_class, with_info
 from smart_tire.samples import WHEELS
 
 LOOK = 0.2           # s between looks at what is published

@@ -21,9 +21,9 @@ from rosgraph_msgs.msg import Clock
 
 from smart_tire.bags import Bag, BagTopic
 from smart_tire.messages import find_topic
+from smart_tire.nodes.compat import message_class, new_executor
 from smart_tire.nodes.lockstep import AHEAD, full_name, Leader, stamp_in
 from smart_tire.nodes.qos import latched, publisher_qos
-from smart_tire.nodes.ros import message_class, new_executor
 from smart_tire.samples import NS_PER_S, WHEELS
 
 CLOCK_RATE = 100.0                  # Hz, of /clock

@@ -11,7 +11,7 @@ from smart_tire.messages import TOPICS
 from smart_tire.nodes.base import run, SmartTireNode
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.parameters import SimulatorParams
-from smart_tire.simulation.hardware import Hardware
+from smart_tire.simulation.realtime import Hardware
 from smart_tire.simulation.truth import Truth, truth_topic
 
 STOP_TIMEOUT = 5.0   # s

@@ -10,9 +10,9 @@ from std_srvs.srv import Trigger
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.messages import fill_transform
 from smart_tire.nodes.base import run
+from smart_tire.nodes.compat import transforms
 from smart_tire.nodes.estimator import EstimatorNode
 from smart_tire.nodes.qos import publisher_qos
-from smart_tire.nodes.ros import transforms
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.samples import Odometry, Sample
 

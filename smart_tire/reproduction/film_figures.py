@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 import numpy as np
 
-from smart_tire.analysis import plots
+from smart_tire.analysis import drawing
 from smart_tire.reproduction.film_fit import FREQUENCY, Identification, PRODUCTS
 from smart_tire.reproduction.film_loops import Loop, Proportionality, RateIndependence, Trace
 
@@ -17,88 +17,88 @@ SYMBOLS = {'alpha_gain': r'$\alpha K$', 'a_gain': '$aK$', 'b_gain': '$bK$'}
 MODEL_LABELS = {'exact': 'exact elastica and Duhem operator',
                 'printed': 'A(15) as printed and Duhem operator',
                 'linear': 'A(16) and Duhem operator'}
-MODEL_STYLES = {'exact': (plots.INK, '-'), 'printed': (plots.VERMILLION, '--'),
-                'linear': (plots.SHADE, ':')}
+MODEL_STYLES = {'exact': (drawing.INK, '-'), 'printed': (drawing.VERMILLION, '--'),
+                'linear': (drawing.SHADE, ':')}
 
 
 def trace_figure(trace: Trace) -> Figure:
     """Return Fig. 4: charge and deflection over time, and the loop."""
-    figure, axes = plots.new_figure([['time', 'loop']], width=11.0, height=4.4)
+    figure, axes = drawing.new_figure([['time', 'loop']], width=11.0, height=4.4)
     ax = axes['time']
-    ax.plot(trace.time, NC * (trace.charge - trace.charge.mean()), color=plots.BLUE,
+    ax.plot(trace.time, NC * (trace.charge - trace.charge.mean()), color=drawing.BLUE,
             label='charge')
     ax.set(xlabel='time [s]', ylabel=f'{CHARGE}, without its mean')
     other = ax.twinx()
     other.spines['top'].set_visible(False)
-    other.plot(trace.time, -MM * trace.deflection, color=plots.ORANGE, linestyle='--',
+    other.plot(trace.time, -MM * trace.deflection, color=drawing.ORANGE, linestyle='--',
                label='deflection (right)')
     other.set_ylabel(DELTA)
     handles = [*ax.get_legend_handles_labels()[0], *other.get_legend_handles_labels()[0]]
     ax.legend(handles=handles, frameon=False, loc='lower center', bbox_to_anchor=(0.5, 1.0),
               ncols=2)
-    _draw_loop(axes['loop'], trace.loop, plots.BLUE, '5 Hz')
+    _draw_loop(axes['loop'], trace.loop, drawing.BLUE, '5 Hz')
     axes['loop'].set(ylabel=f'{CHARGE}, without its mean')
     return figure
 
 
 def rate_figure(found: RateIndependence) -> Figure:
     """Return Fig. 6: loops at two frequencies, and the peak over frequency."""
-    figure, axes = plots.new_figure([['loops', 'peaks'], ['loops', 'rest']], width=11.0,
+    figure, axes = drawing.new_figure([['loops', 'peaks'], ['loops', 'rest']], width=11.0,
                                     height=5.0)
-    for (frequency, loop), color, style in zip(found.loops.items(), (plots.SKY, plots.INK),
+    for (frequency, loop), color, style in zip(found.loops.items(), (drawing.SKY, drawing.INK),
                                                ({'linewidth': 4.0}, {'linewidth': 1.1})):
         _draw_loop(axes['loops'], loop, color, f'{frequency:.0f} Hz', **style)
     axes['loops'].legend(frameon=False)
     axes['loops'].set(ylabel=f'{CHARGE}, without its mean', title='film 32 x 3 mm, amplitude 8 mm')
     ax = axes['peaks']
     mean = PC * float(found.peak.mean())
-    ax.axhline(mean, color=plots.SHADE, linewidth=1.0, label='mean of all')
+    ax.axhline(mean, color=drawing.SHADE, linewidth=1.0, label='mean of all')
     ax.errorbar(found.frequency, PC * found.peak, yerr=2.0 * PC * found.sigma, fmt='o',
-                color=plots.BLUE, label='peak ± 2σ')
+                color=drawing.BLUE, label='peak ± 2σ')
     ax.set(ylabel='charge peak [pC]', ylim=(0.0, 1.3 * mean),
            title='film 10 x 1 mm, amplitude 2 mm')
     ax.legend(frameon=False, loc='lower right')
     ax = axes['rest']
-    ax.axhline(0.0, color=plots.SHADE, linewidth=1.0)
+    ax.axhline(0.0, color=drawing.SHADE, linewidth=1.0)
     ax.errorbar(found.frequency, 100.0 * (PC * found.peak / mean - 1.0),
-                yerr=200.0 * PC * found.sigma / mean, fmt='o', color=plots.BLUE)
+                yerr=200.0 * PC * found.sigma / mean, fmt='o', color=drawing.BLUE)
     ax.set(xlabel='frequency [Hz]', ylabel='off the mean [%]')
     return figure
 
 
 def amplitude_figure(found: Proportionality) -> Figure:
     """Return Fig. 7: peaks over amplitude, and how far they are from a straight line."""
-    figure, axes = plots.new_figure([['peaks', 'rest']], width=11.0, height=4.6)
+    figure, axes = drawing.new_figure([['peaks', 'rest']], width=11.0, height=4.6)
     x = MM * found.amplitude
     ax = axes['peaks']
-    ax.errorbar(x, PC * found.peak, yerr=2.0 * PC * found.sigma, fmt='o', color=plots.BLUE,
+    ax.errorbar(x, PC * found.peak, yerr=2.0 * PC * found.sigma, fmt='o', color=drawing.BLUE,
                 label='bench ± 2σ')
     line = np.polyval(found.line, found.amplitude)
-    ax.plot(x, PC * line, color=plots.BLUE, linewidth=1.0, label='best straight line')
+    ax.plot(x, PC * line, color=drawing.BLUE, linewidth=1.0, label='best straight line')
     for name, (color, style) in MODEL_STYLES.items():
         ax.plot(x, PC * found.models[name], color=color, linestyle=style, linewidth=1.2,
                 label=MODEL_LABELS[name])
     ax.set(xlabel='amplitude [mm]', ylabel='charge peak [pC]')
     ax.legend(frameon=False, fontsize='small')
     ax = axes['rest']
-    ax.axhline(0.0, color=plots.BLUE, linewidth=1.0)
+    ax.axhline(0.0, color=drawing.BLUE, linewidth=1.0)
     ax.errorbar(x, PC * (found.peak - line), yerr=2.0 * PC * found.sigma, fmt='o',
-                color=plots.BLUE)
-    ax.plot(x, PC * (found.models['exact'] - line), color=plots.INK, linewidth=1.2)
+                color=drawing.BLUE)
+    ax.plot(x, PC * (found.models['exact'] - line), color=drawing.INK, linewidth=1.2)
     ax.set(xlabel='amplitude [mm]', ylabel='off the straight line [pC]')
     return figure
 
 
 def fit_figure(found: Identification) -> Figure:
     """Return Fig. 8: measured and estimated loops, with the estimate's transient."""
-    figure, axes = plots.new_figure([['loop']], width=7.5, height=5.2)
+    figure, axes = drawing.new_figure([['loop']], width=7.5, height=5.2)
     told, ax = found.first, axes['loop']
     shown = told.time < CYCLES
     x = -MM * told.deflection[shown]
-    ax.plot(x, NC * told.measured[shown], color=plots.SKY, linewidth=3.0, label='bench')
-    ax.plot(x, NC * told.estimated[shown], color=plots.INK, linewidth=0.9,
+    ax.plot(x, NC * told.measured[shown], color=drawing.SKY, linewidth=3.0, label='bench')
+    ax.plot(x, NC * told.estimated[shown], color=drawing.INK, linewidth=0.9,
             label='estimated from the deflection')
-    ax.plot(x[0], NC * told.estimated[0], color=plots.VERMILLION, marker='o', linestyle='none',
+    ax.plot(x[0], NC * told.estimated[0], color=drawing.VERMILLION, marker='o', linestyle='none',
             label='zero initial condition')
     ax.set(xlabel=DELTA, ylabel=CHARGE)
     ax.legend(frameon=False)
@@ -107,24 +107,24 @@ def fit_figure(found: Identification) -> Figure:
 
 def comparison_figure(found: Identification) -> Figure:
     """Return Fig. 9: charge over time, and measured over estimated charge."""
-    figure, axes = plots.new_figure([['time', 'both'], ['rest', 'both']], width=11.0, height=5.0)
+    figure, axes = drawing.new_figure([['time', 'both'], ['rest', 'both']], width=11.0, height=5.0)
     told = found.first
     shown = told.time < CYCLES
     time, measured, estimated = (values[shown] for values in (
         told.time, NC * told.measured, NC * told.estimated))
-    axes['time'].plot(time, measured, color=plots.SKY, linewidth=3.0, label='bench')
-    axes['time'].plot(time, estimated, color=plots.INK, linewidth=0.9, label='estimated')
+    axes['time'].plot(time, measured, color=drawing.SKY, linewidth=3.0, label='bench')
+    axes['time'].plot(time, estimated, color=drawing.INK, linewidth=0.9, label='estimated')
     axes['time'].set(ylabel=CHARGE)
     axes['time'].legend(frameon=False, loc='lower center', bbox_to_anchor=(0.5, 1.0), ncols=2)
-    axes['rest'].plot(time, measured - estimated, color=plots.VERMILLION, linewidth=0.8)
-    axes['rest'].axvline(told.settled, color=plots.SHADE, linewidth=1.0, linestyle=':')
+    axes['rest'].plot(time, measured - estimated, color=drawing.VERMILLION, linewidth=0.8)
+    axes['rest'].axvline(told.settled, color=drawing.SHADE, linewidth=1.0, linestyle=':')
     axes['rest'].set(xlabel='time [s]', ylabel='difference [nC]')
     settled = told.time >= told.settled
     x = NC * told.estimated[settled]
-    axes['both'].plot(x, NC * told.measured[settled], '.', color=plots.SKY, markersize=3,
+    axes['both'].plot(x, NC * told.measured[settled], '.', color=drawing.SKY, markersize=3,
                       label='samples')
     ends = np.array([x.min(), x.max()])
-    axes['both'].plot(ends, ends, color=plots.INK, linewidth=0.9, label='slope 1')
+    axes['both'].plot(ends, ends, color=drawing.INK, linewidth=0.9, label='slope 1')
     axes['both'].set(xlabel='estimated charge [nC]', ylabel='bench charge [nC]')
     axes['both'].legend(frameon=False)
     return figure
@@ -132,15 +132,15 @@ def comparison_figure(found: Identification) -> Figure:
 
 def table_figure(found: Identification) -> Figure:
     """Return Table I as a drawing: errors of the products over their standard errors."""
-    figure, axes = plots.new_figure([list(PRODUCTS)], width=11.0, height=3.8, share_y=True)
+    figure, axes = drawing.new_figure([list(PRODUCTS)], width=11.0, height=3.8, share_y=True)
     seeds = np.arange(1, len(found.estimates) + 1)
     for name, ax in axes.items():
         true = found.true[name]
         value, sigma = (np.array([getattr(told[name], part) for told in found.estimates])
                         for part in ('value', 'sigma'))
-        ax.axhline(0.0, color=plots.INK, linewidth=1.0)
+        ax.axhline(0.0, color=drawing.INK, linewidth=1.0)
         ax.errorbar(seeds, 100.0 * (value / true - 1.0), yerr=100.0 * sigma / true, fmt='o',
-                    color=plots.BLUE, capsize=3)
+                    color=drawing.BLUE, capsize=3)
         ax.set(title=SYMBOLS[name], xlabel='recording', ylabel='off the true value [%], ± 1σ')
     axes[PRODUCTS[1]].set_ylabel('')
     axes[PRODUCTS[2]].set_ylabel('')

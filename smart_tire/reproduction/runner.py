@@ -7,7 +7,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from smart_tire.analysis import plots
+from smart_tire.analysis import drawing
 from smart_tire.reproduction import (
     film_figures, film_fit, film_loops, paper_a_report, paper_b_report, tire_figures, tire_maps,
     tire_runs)
@@ -43,7 +43,7 @@ def reproduce(laboratory: Laboratory, directory: Path, progress: Progress) -> Pa
     written = []
     for page, figure in [*film_pages(laboratory, steps), *tire_pages(laboratory, steps)]:
         path = directory / f'{page.name}.png'
-        figure.savefig(path, dpi=plots.DOTS_PER_INCH)
+        figure.savefig(path, dpi=drawing.DOTS_PER_INCH)
         written.append((page, path))
     report = directory / 'report.html'
     write_report(report, INTRODUCTION, written)

@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 import numpy as np
 
-from smart_tire.analysis import plots
+from smart_tire.analysis import drawing
 from smart_tire.analysis.figures import contact_of, slip_curves, typical_passages
 from smart_tire.reproduction import tire_maps
 from smart_tire.reproduction.tire_maps import CRITICAL, MU, Outline, Signals, Sweep, WAYS
@@ -14,22 +14,22 @@ from smart_tire.reproduction.tire_runs import ROBOT, Run, StiffnessFit
 
 MS = 1e3
 POINTS = 60  # of a curve
-SPEED_COLORS = {60.0: plots.BLUE, 80.0: plots.ORANGE}
-WAY_COLORS = {'exact': plots.BLUE, 'printed': plots.ORANGE, 'paper': plots.SHADE}
+SPEED_COLORS = {60.0: drawing.BLUE, 80.0: drawing.ORANGE}
+WAY_COLORS = {'exact': drawing.BLUE, 'printed': drawing.ORANGE, 'paper': drawing.SHADE}
 WAY_LABELS = {'exact': 'exact map', 'printed': 'printed map',
               'paper': 'printed map, raw peaks, longitudinal slip'}
 
 
 def outline_figure(found: Outline) -> Figure:
     """Return Fig. 8: the parts of one passage and their sum, in both release conventions."""
-    figure, axes = plots.new_figure([['fig8', 'state']], width=11.0, height=5.0, share_y=True)
+    figure, axes = drawing.new_figure([['fig8', 'state']], width=11.0, height=5.0, share_y=True)
     time = MS * found.time
     for release, ax in axes.items():
-        ax.plot(time, found.bending[release], color=plots.ORANGE, linestyle='--', linewidth=1.2,
+        ax.plot(time, found.bending[release], color=drawing.ORANGE, linestyle='--', linewidth=1.2,
                 label='bending')
-        ax.plot(time, found.stretch, color=plots.SKY, linestyle='--', linewidth=1.2,
+        ax.plot(time, found.stretch, color=drawing.SKY, linestyle='--', linewidth=1.2,
                 label='stretching')
-        ax.plot(time, found.bending[release] + found.stretch, color=plots.INK, linewidth=1.6,
+        ax.plot(time, found.bending[release] + found.stretch, color=drawing.INK, linewidth=1.6,
                 label='sum')
         ax.set(xlabel='time since the film is all in the patch [ms]', title={
             'fig8': 'release as drawn in Fig. 8', 'state': 'release of a charge that is a state'
@@ -49,27 +49,27 @@ def _spans(ax: Axes, found: Outline) -> None:
             (found.printed_interval, r'$\Delta t_a$ printed'))):
         level = low - 0.15 * (number + 1)
         ax.annotate('', (end, level), (end - MS * length, level), arrowprops={
-            'arrowstyle': '<->', 'color': plots.SHADE, 'shrinkA': 0.0, 'shrinkB': 0.0})
+            'arrowstyle': '<->', 'color': drawing.SHADE, 'shrinkA': 0.0, 'shrinkB': 0.0})
         ax.text(end + 2.0, level, label, va='center', fontsize='small')
     ax.set_ylim(bottom=low - 0.62)
 
 
 def slip_figure(runs: dict[str, Run]) -> Figure:
     """Return Fig. 10: slips of both sides on two grounds, with the truth."""
-    figure, axes = plots.new_figure([list(runs)], width=11.0, height=4.4, share_y=True)
+    figure, axes = drawing.new_figure([list(runs)], width=11.0, height=4.4, share_y=True)
     for ground, ax in axes.items():
         run = runs[ground]
-        plots.draw_slip(ax, slip_curves(run.estimates, run.truth, run.origin_ns))
+        drawing.draw_slip(ax, slip_curves(run.estimates, run.truth, run.origin_ns))
         ax.set(title=ground, xlim=(0.0, (run.end_ns - run.origin_ns) / 1e9), ylim=(-0.3, 0.5))
-    plots.finish(figure, axes)
+    drawing.finish(figure, axes)
     return figure
 
 
 def signal_figure(found: Signals, run: Run) -> Figure:
     """Return Fig. 11: the films' voltages over the drive, and through one contact."""
-    figure, axes = plots.new_figure([['film 1', 'contact'], ['film 2', 'contact']], width=12.0,
+    figure, axes = drawing.new_figure([['film 1', 'contact'], ['film 2', 'contact']], width=12.0,
                                     height=5.4)
-    for film, color in enumerate(plots.FILM_COLORS):
+    for film, color in enumerate(drawing.FILM_COLORS):
         ax = axes[f'film {film + 1}']
         ax.plot(found.time, found.volts[:, film], color=color, linewidth=0.6)
         ax.set(ylabel=f'film {film + 1} [V]', xlim=(0.0, 18.0), ylim=(0.0, 3.3))
@@ -78,7 +78,7 @@ def signal_figure(found: Signals, run: Run) -> Figure:
     for passage in typical_passages(run.estimates.passages):
         contact = contact_of(passage, run.inputs, ROBOT)
         if contact is not None:
-            plots.draw_contact(axes['contact'], contact)
+            drawing.draw_contact(axes['contact'], contact)
             break
     axes['contact'].legend(frameon=False, fontsize='small', loc='lower left')
     return figure
@@ -86,7 +86,7 @@ def signal_figure(found: Signals, run: Run) -> Figure:
 
 def stretch_figure(found: Sweep) -> Figure:
     """Return Fig. 12: q_sm over slip for two wheel speeds."""
-    figure, axes = plots.new_figure([['stretch']], width=8.0, height=5.2)
+    figure, axes = drawing.new_figure([['stretch']], width=8.0, height=5.2)
     ax, told = axes['stretch'], found.passages
     ax.plot(told.slip, told.raw_stretch, '.', color='#c4c4c4', markersize=5,
             label='off raw samples')
@@ -99,9 +99,9 @@ def stretch_figure(found: Sweep) -> Figure:
         ends = np.array([0.0, float(told.slip.max()) * 1.1])
         ax.plot(ends, line.slope * ends + line.offset, color=color, linewidth=1.0)
     slips = np.linspace(0.0, 1.1 * float(told.slip.max()), POINTS)
-    ax.plot(slips, tire_maps.highest_stretch(slips), color=plots.INK, linewidth=1.2,
+    ax.plot(slips, tire_maps.highest_stretch(slips), color=drawing.INK, linewidth=1.2,
             label='exact, slip straight ahead')
-    ax.plot(slips, tire_maps.printed_stretch(slips), color=plots.VERMILLION, linestyle='--',
+    ax.plot(slips, tire_maps.printed_stretch(slips), color=drawing.VERMILLION, linestyle='--',
             linewidth=1.2, label='B(25) with its $L_a$')
     ax.set(xlabel='slip ratio [-]', ylabel='$q_{sm}$ [V]', ylim=(-0.05, None))
     ax.legend(frameon=False, fontsize='small')
@@ -110,7 +110,7 @@ def stretch_figure(found: Sweep) -> Figure:
 
 def adhesion_figure(found: Sweep) -> Figure:
     """Return Fig. 13: adhesion ratio over slip, exact, printed, and as the paper reads it."""
-    figure, axes = plots.new_figure([['paper', 'maps']], width=12.0, height=5.0, share_y=True)
+    figure, axes = drawing.new_figure([['paper', 'maps']], width=12.0, height=5.0, share_y=True)
     told = found.passages
     for speed, color in SPEED_COLORS.items():
         chosen = told.speed == speed
@@ -125,9 +125,9 @@ def adhesion_figure(found: Sweep) -> Figure:
     reach = 1.1 * float(told.total_slip.max())
     slips = np.linspace(0.0, reach, POINTS)
     for ax in axes.values():
-        ax.plot(slips, 1.0 - slips / CRITICAL, color=plots.INK, linewidth=1.2,
+        ax.plot(slips, 1.0 - slips / CRITICAL, color=drawing.INK, linewidth=1.2,
                 label=f'B(22), μ = {MU}')
-        ax.plot(slips, tire_maps.printed_ratio(slips), color=plots.VERMILLION, linestyle='--',
+        ax.plot(slips, tire_maps.printed_ratio(slips), color=drawing.VERMILLION, linestyle='--',
                 linewidth=1.2, label='printed map of exact peaks')
         ax.set(xlim=(0.0, reach), ylim=(0.6, 1.1))
         ax.legend(frameon=False, fontsize='small', loc='lower left')
@@ -136,11 +136,11 @@ def adhesion_figure(found: Sweep) -> Figure:
 
 def table_figure(found: Sweep, fit: StiffnessFit) -> Figure:
     """Return Table I as drawings: forces for C_x, and friction by way."""
-    figure, axes = plots.new_figure([['force', 'friction']], width=11.0, height=4.6)
+    figure, axes = drawing.new_figure([['force', 'friction']], width=11.0, height=4.6)
     ax = axes['force']
-    ax.plot(fit.effective, fit.force, '.', color=plots.SKY, label='straight run')
+    ax.plot(fit.effective, fit.force, '.', color=drawing.SKY, label='straight run')
     ends = np.array([fit.effective.min(), fit.effective.max()])
-    ax.plot(ends, fit.stiffness * ends, color=plots.INK, linewidth=1.2,
+    ax.plot(ends, fit.stiffness * ends, color=drawing.INK, linewidth=1.2,
             label=f'$C_x$ = {fit.stiffness:.1f} N')
     ax.set(xlabel='slip times brush shape, without mean [-]', ylabel='force per wheel [N]')
     ax.legend(frameon=False)
@@ -149,8 +149,8 @@ def table_figure(found: Sweep, fit: StiffnessFit) -> Figure:
     for place, (way, values) in enumerate(zip(WAYS, told)):
         spread = 0.25 * np.linspace(-1.0, 1.0, values.size)
         ax.plot(place + spread, values, '.', color=WAY_COLORS[way], alpha=0.6)
-        ax.plot([place - 0.35, place + 0.35], [np.median(values)] * 2, color=plots.INK)
-    ax.axhline(MU, **plots.TRUTH)
+        ax.plot([place - 0.35, place + 0.35], [np.median(values)] * 2, color=drawing.INK)
+    ax.axhline(MU, **drawing.TRUTH)
     ax.text(2.85, MU + 0.02, 'truth', ha='right', va='bottom')
     ax.set_xticks(range(len(WAYS)), [WAY_LABELS[way].replace(', ', ',\n') for way in WAYS],
                   fontsize='small')

@@ -8,8 +8,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from smart_tire.analysis.friction_metrics import column, match
 from smart_tire.analysis.metrics import SIDES, slip_scores, SlipScore
-from smart_tire.analysis.passages import column, match
 from smart_tire.analysis.pipeline import EstimatorParams, Pipeline
 from smart_tire.analysis.series import at, Floats, Series, Stamps
 from smart_tire.models.tire import brush_tire

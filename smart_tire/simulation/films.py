@@ -13,7 +13,7 @@ from smart_tire.models.film.signal_chain import SignalChain
 from smart_tire.models.tire import brush_tire, tread_film
 from smart_tire.parameters.simulation import SimulatorParams
 from smart_tire.samples import NS_PER_S, WHEELS
-from smart_tire.simulation.devices import WheelUnit
+from smart_tire.simulation.device_emulators import WheelUnit
 from smart_tire.simulation.plant import Plant
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from smart_tire.parameters.simulation import SimulatorParams
 from smart_tire.samples import ImuSample, NS_PER_S
-from smart_tire.simulation.devices import WheelUnit
+from smart_tire.simulation.device_emulators import WheelUnit
 from smart_tire.simulation.films import FilmBatch, FilmSampler
 from smart_tire.simulation.plant import Plant, STEP_NS
 from smart_tire.simulation.sensors import InertialUnit

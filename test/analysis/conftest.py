@@ -10,7 +10,7 @@ from smart_tire.bags import BagWriter, channel_of
 from smart_tire.bags.definitions import empty, Encoder
 from smart_tire.messages import TOPICS
 from smart_tire.parameters import build, SimulatorParams
-from smart_tire.simulation.run import simulate
+from smart_tire.simulation.offline import simulate
 
 LEGS = [(0.0, 0.0, 0.0), (1.0, 120.0, 60.0), (7.0, 60.0, 120.0), (11.5, 0.0, 0.0)]  # s, rpm, rpm
 

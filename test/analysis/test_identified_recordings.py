@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from smart_tire.analysis.identification import identify_geometry, identify_icr
+from smart_tire.analysis.calibrate_robot import identify_geometry, identify_icr
 from smart_tire.calibration.robot.geometry import LATENCY, parameters, RADIUS, REST, TRACK
 from smart_tire.errors import EstimatorError
 from smart_tire.parameters import build, RobotParams

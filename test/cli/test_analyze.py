@@ -7,7 +7,7 @@ import pytest
 from smart_tire.bags import BagWriter
 from smart_tire.cli.main import main
 from smart_tire.parameters import build, SimulatorParams
-from smart_tire.simulation.run import simulate
+from smart_tire.simulation.offline import simulate
 
 ONE_WHEEL = {'film.wheels': ['front_left'], 'seed': 2}
 

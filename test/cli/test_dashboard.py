@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 from rich.console import Console
 
-from smart_tire.cli.dashboard import Dashboard
+from smart_tire.cli._dashboard import Dashboard
 from smart_tire.samples import Friction, FRICTION_QUANTITIES, NAN, WheelSample, WheelSlip
 
 

@@ -18,7 +18,7 @@ def parsed(*words):
 
 @pytest.mark.parametrize('kind', identify.KINDS)
 def test_a_kind_is_a_module_that_bears_its_name(kind):
-    module = import_module(f'smart_tire.cli.identify_{kind}')
+    module = import_module(f'smart_tire.cli._identify_{kind}')
     assert kind == module.NAME
     assert parsed(kind, 'some_recording').run_kind is module.run
 

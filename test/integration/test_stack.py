@@ -10,8 +10,8 @@ import yaml
 
 from smart_tire.bags import Bag, BagWriter
 from smart_tire.bags.cdr import Decoder
+from smart_tire.cli._processes import isolated_environment, NODES, Stack
 from smart_tire.cli.demo import EXPECTED, UNITS
-from smart_tire.cli.stack import isolated_environment, NODES, Stack
 from smart_tire.messages import TOPICS
 from smart_tire.samples import NS_PER_S, VelocityCommand
 from support.machine import alone

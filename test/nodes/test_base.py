@@ -5,8 +5,8 @@ from __future__ import annotations
 from rosgraph_msgs.msg import Clock
 from support.graph import node_arguments, Process
 
+from smart_tire.nodes.compat import message_class, plain
 from smart_tire.nodes.diagnostics import Status, Tally
-from smart_tire.nodes.ros import message_class, plain
 
 
 OLD_DISTRIBUTION = """

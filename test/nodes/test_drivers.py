@@ -160,7 +160,7 @@ FAILING_PUBLISHER = """
 import sys
 
 from rclpy.publisher import Publisher
-from smart_tire.nodes.ros import RCLError
+from smart_tire.nodes.compat import RCLError
 
 publish, failures = Publisher.publish, []
 

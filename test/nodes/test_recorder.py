@@ -9,8 +9,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Int64
 from support.waiting import wait_for
 
+from smart_tire.nodes.compat import new_executor, with_info
 from smart_tire.nodes.recorder import adapted, offered, SequenceGaps, weaker
-from smart_tire.nodes.ros import new_executor, with_info
 
 RELIABLE = QoSProfile(depth=5)
 BEST_EFFORT = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)

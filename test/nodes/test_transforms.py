@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import rclpy
 
-from smart_tire.nodes import ros, slip_estimator
+from smart_tire.nodes import compat, slip_estimator
 from smart_tire.samples import Odometry
 
 ODOMETRY = Odometry(1_500_000_000, (1.0, 2.0, 0.0), (0.0, 0.0, 0.6, 0.8), (0.0, 0.0, 0.0),
@@ -42,4 +42,4 @@ def test_the_pose_is_a_transform_where_tf_exists(monkeypatch, isolated_ros):
 
 def test_without_tf2_msgs_there_is_no_tf(monkeypatch):
     monkeypatch.setitem(sys.modules, 'tf2_msgs', None)
-    assert ros.transforms() is None
+    assert compat.transforms() is None

@@ -23,7 +23,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from support.robot_rig import RobotRig, Stranger
 
-from smart_tire.cli.stack import isolated_environment
+from smart_tire.cli._processes import isolated_environment
 from smart_tire.samples import MotorCommand, VelocityCommand, WheelSample
 
 Scenario = Callable[[RobotRig, Path], float]  # returns the seconds from the fault to zero duty

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from smart_tire.models.tire import tread_film
 from smart_tire.parameters import build, SimulatorParams
-from smart_tire.simulation.devices import WheelUnit
+from smart_tire.simulation.device_emulators import WheelUnit
 from smart_tire.simulation.films import FilmSampler, locate, Trace
 from smart_tire.simulation.truth import PassageTruth
 

@@ -17,8 +17,8 @@ from rclpy.executors import SingleThreadedExecutor
 from support.waiting import PATIENCE, wait_for
 
 from smart_tire.messages import TOPICS
+from smart_tire.nodes.compat import message_class
 from smart_tire.nodes.qos import publisher_qos, subscriber_qos
-from smart_tire.nodes.ros import message_class
 
 
 def node_arguments(name: str) -> list[str]:

@@ -15,8 +15,8 @@ from support.motor_rig import MotorRig, STILL
 from support.waiting import wait_for
 
 from smart_tire.messages import TOPICS
+from smart_tire.nodes.compat import message_class
 from smart_tire.nodes.qos import latched
-from smart_tire.nodes.ros import message_class
 from smart_tire.samples import VelocityCommand
 
 SPEED = 0.7      # m/s, 8 rad/s at the wheels

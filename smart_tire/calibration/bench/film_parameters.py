@@ -17,7 +17,7 @@ from smart_tire.estimation.film.recording import FilmRecording
 from smart_tire.models.film.buckling_film import BucklingFilm
 from smart_tire.models.film.elastica import TOUCHING_STROKE
 from smart_tire.numerics.robust import noise_level
-from smart_tire.parameters.identified import write_text
+from smart_tire.parameters.calibration_file import write_text
 from smart_tire.uncertain import Estimate
 PULLED = 5.0  # of the laser's noise: a film longer than flat by more is pulled
 MOST_PULLED = 0.5  # of the samples

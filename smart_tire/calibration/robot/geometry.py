@@ -16,7 +16,7 @@ from smart_tire.calibration.robot.timestamp_jitter import fit_jitter
 from smart_tire.calibration.robot.wheel_latency import fit_turns, TurnFit
 from smart_tire.errors import EstimatorError
 from smart_tire.parameters import RobotParams
-from smart_tire.parameters.identified import Identified
+from smart_tire.parameters.calibration_file import Identified
 from smart_tire.rotation import angles, matrix
 from smart_tire.uncertain import Estimate, weighted_mean
 

@@ -28,7 +28,7 @@ from smart_tire.calibration.robot.wheel_latency import shortest_stretch
 from smart_tire.errors import EstimatorError
 from smart_tire.numerics.delay_regression import noise_beside, sandwich
 from smart_tire.parameters import RobotParams
-from smart_tire.parameters.identified import Identified
+from smart_tire.parameters.calibration_file import Identified
 from smart_tire.uncertain import Estimate, weighted_mean
 
 

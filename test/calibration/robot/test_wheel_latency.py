@@ -13,7 +13,7 @@ from smart_tire.calibration.recording import ImuRecord, Recording, WheelRecord
 from smart_tire.calibration.robot.wheel_latency import fit_turns, LATENCY_LIMIT
 from smart_tire.errors import EstimatorError
 from smart_tire.parameters import build, RobotParams, SimulatorParams
-from smart_tire.simulation.run import simulate
+from smart_tire.simulation.offline import simulate
 
 ROBOT = RobotParams()
 SEEDS = range(8)

@@ -14,7 +14,7 @@ from smart_tire.errors import ParameterError
 from smart_tire.estimation.film.film_file import FilmParams
 from smart_tire.estimation.film.measure import measure
 from smart_tire.models.film.buckling_film import FILMS
-from smart_tire.simulation.test_bench import ramps, sine, TestBench
+from smart_tire.simulation.film_test_stand import ramps, sine, TestBench
 
 FILM = FILMS['25x3']
 EXACT = FilmParams(film=FILM, covariance=np.zeros((5, 5)), low_corner=0.0, drift=0.0, span=1.0,

@@ -15,7 +15,7 @@ from smart_tire.estimation.friction.estimator import FrictionEstimator
 from smart_tire.parameters import build, FrictionEstimatorParams, SimulatorParams
 from smart_tire.samples import (
     FRICTION_QUANTITIES, ImuSample, Odometry, TireSample, WheelSample, WheelSlip)
-from smart_tire.simulation.run import simulate
+from smart_tire.simulation.offline import simulate
 from support.rolling import (
     along, CRITICAL, films, in_order, passes, ROBOT, ROUND, stamp, START_NS, steady,
     surroundings, WHEEL)

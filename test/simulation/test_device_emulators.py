@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from smart_tire.protocol import roboclaw, tire_payload, vectornav, vectornav_ascii, xbee, xsens
 from smart_tire.samples import ImuSample, NS_PER_S
-from smart_tire.simulation import devices
-from smart_tire.simulation.devices import (
+from smart_tire.simulation import device_emulators
+from smart_tire.simulation.device_emulators import (
     DriftingClock, ImuDevice, MotorBoards, TireRadio, WheelUnit)
 
 MS = 1_000_000  # ns
@@ -30,7 +30,7 @@ def test_the_timer_in_a_batch_tells_the_true_instants_of_its_conversions():
     unit = WheelUnit(LEFT, clock_error=40e-6, first_us=1234)
     for first in (0, 16, 160_000):
         batch = unit.batch(first, CODES)
-        timer = (batch.timer_us - devices.START_TIMER_US) % tire_payload.TIMER_WRAP_US
+        timer = (batch.timer_us - device_emulators.START_TIMER_US) % tire_payload.TIMER_WRAP_US
         for k in range(16):
             shown_ns = 1000 * (timer + k * batch.period_us)
             assert unit.instant_ns(first + k) == pytest.approx(shown_ns / (1.0 + 40e-6), abs=2.0)

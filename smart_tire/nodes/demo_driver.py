@@ -11,11 +11,10 @@ import rclpy
 from rclpy.signals import SignalHandlerOptions
 
 from smart_tire.nodes.base import SmartTireNode
+from smart_tire.nodes.compat import new_executor
 from smart_tire.nodes.qos import subscriber_qos
-from smart_tire.nodes.ros import new_executor
 from smart_tire.parameters import WheelControllerParams
-from smart_tire.samples import (
-    Friction, Odometry, VelocityCommand, WheelSample, WheelSlip)
+from smart_tire.samples import Friction, Odometry, VelocityCommand, WheelSample, WheelSlip
 
 COMMAND_PERIOD = 0.1  # s
 

@@ -6,7 +6,7 @@ import argparse
 import math
 from pathlib import Path
 
-from smart_tire.cli.outputs import add_force
+from smart_tire.cli._overwrite import add_force
 
 
 def positive(text: str) -> float:

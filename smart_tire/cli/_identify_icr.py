@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import argparse
 
-from smart_tire.cli.arguments import add_recordings
-from smart_tire.cli.identify_output import check_out, put_out
+from smart_tire.cli._arguments import add_recordings
+from smart_tire.cli._output import check_out, put_out
 
 NAME = 'icr'
 HELP = 'S, the x of the centres of rotation, by the curve fit of paper B, out of bags'
@@ -19,8 +19,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Fit, print S with its spread, and write parameters and figure; EstimatorError if untold."""
     check_out(args, NAME)
-    from smart_tire.analysis.geometry_plots import write_icr
-    from smart_tire.analysis.identification import identify_icr, load_robot
+    from smart_tire.analysis.calibrate_robot import identify_icr, load_robot
+    from smart_tire.analysis.geometry_figures import write_icr
     from smart_tire.calibration.robot.icr import together
     robot = load_robot(args.params)
     fit = together([identify_icr(bag, robot, since=args.since, until=args.until,

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from support.identifying import turning_run, write_run
 
-from smart_tire.analysis.geometry_plots import write_geometry
-from smart_tire.analysis.identification import identify_geometry, load_robot, read_recording, Span
+from smart_tire.analysis.calibrate_robot import identify_geometry, load_robot, read_recording, Span
+from smart_tire.analysis.geometry_figures import write_geometry
 from smart_tire.calibration.robot.geometry import Geometry, LATENCY, RADIUS
 from smart_tire.errors import BagError, EstimatorError
 from smart_tire.parameters import build, RobotParams

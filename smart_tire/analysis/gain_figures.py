@@ -7,7 +7,7 @@ from pathlib import Path
 from matplotlib.axes import Axes
 import numpy as np
 
-from smart_tire.analysis import plots
+from smart_tire.analysis import drawing
 from smart_tire.calibration.film.results import FilmTold, GainFit, Waveform
 
 MM = 1e3
@@ -19,7 +19,7 @@ def write_gains(path: Path, found: GainFit) -> bool:
     if not wheels:
         return False
     panels = [*wheels, *(['waveform'] if found.example is not None else [])]
-    figure, axes = plots.new_figure([panels], width=5.0 * len(panels), height=4.4)
+    figure, axes = drawing.new_figure([panels], width=5.0 * len(panels), height=4.4)
     for wheel in wheels:
         draw_gains(axes[wheel], [one for one in found.films if one.wheel == wheel])
         axes[wheel].set(title=wheel.replace('_', ' '))
@@ -27,13 +27,13 @@ def write_gains(path: Path, found: GainFit) -> bool:
         draw_waveform(axes['waveform'], found.example)
     for ax in axes.values():
         ax.legend(frameon=False, fontsize='small')
-    figure.savefig(path, dpi=plots.DOTS_PER_INCH)
+    figure.savefig(path, dpi=drawing.DOTS_PER_INCH)
     return True
 
 
 def draw_gains(ax: Axes, films: list[FilmTold]) -> None:
     """Draw what the films of a wheel stretch, over the slip, with the line that is their gain."""
-    for one, color in zip(films, plots.FILM_COLORS * len(films)):
+    for one, color in zip(films, drawing.FILM_COLORS * len(films)):
         if one.per_slip is None:
             continue
         volts = one.per_slip
@@ -48,7 +48,8 @@ def draw_gains(ax: Axes, films: list[FilmTold]) -> None:
 
 def draw_waveform(ax: Axes, example: Waveform) -> None:
     """Draw the samples of one passage with the waveform that was fitted."""
-    for i, (film, color) in enumerate(zip(example.films, plots.FILM_COLORS * len(example.films))):
+    colors = drawing.FILM_COLORS * len(example.films)
+    for i, (film, color) in enumerate(zip(example.films, colors)):
         ax.plot(MM * example.way[i], example.volts[i], '.', color=color, markersize=5,
                 label=f'film {film + 1}, samples')
         ax.plot(MM * example.way[i], example.fitted[i], color=color, linewidth=1.1,

@@ -7,8 +7,8 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from smart_tire.cli.arguments import positive
-from smart_tire.cli.outputs import add_force, refuse_existing
+from smart_tire.cli._arguments import positive
+from smart_tire.cli._overwrite import add_force, refuse_existing
 from smart_tire.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
     out = args.out or args.data.with_name(f'{args.data.stem}_film.yaml')
     figure = out.with_suffix('.png')
     refuse_existing([out, figure], force=args.force, inputs=[args.data])
-    from smart_tire.analysis.film_plots import write_fit
+    from smart_tire.analysis.film_figures import write_fit
     from smart_tire.calibration.bench.film_parameters import identify_film, write_params
     from smart_tire.estimation.film.film_file import PRODUCTS
     from smart_tire.estimation.film.recording import COLUMNS, read_recording

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from support.gains import recording
 
-from smart_tire.analysis.tire_identification import gain_parameters
+from smart_tire.analysis.calibrate_tire import gain_parameters
 from smart_tire.calibration.film.gains import identify_gains
 from smart_tire.parameters import build, RobotParams
-from smart_tire.parameters.identified import identified_text
+from smart_tire.parameters.calibration_file import identified_text
 
 NOMINAL = RobotParams()
 WHEELS = ('front_left', 'front_right')

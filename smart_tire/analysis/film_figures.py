@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from smart_tire.analysis import plots
+from smart_tire.analysis import drawing
 from smart_tire.analysis.series import Floats
 
 MOST_POINTS = 20_000  # of a line: more only make the file large
@@ -20,13 +20,14 @@ def _thinned(*series: Floats) -> list[Floats]:
 def write_fit(path: Path, time: Floats, moved: Floats, measured: Floats, fitted: Floats, *,
               input_label: str, output_label: str) -> None:
     """Draw measured and fitted output over the input and over time, and their difference."""
-    figure, axes = plots.new_figure([['loop', 'time'], ['loop', 'residual']], width=11.0,
+    figure, axes = drawing.new_figure([['loop', 'time'], ['loop', 'residual']], width=11.0,
                                     height=5.0)
     time, moved, measured, fitted = _thinned(time, moved, measured, fitted)
     for name, x in (('loop', moved), ('time', time)):
-        axes[name].plot(x, measured, color=plots.SKY, linewidth=1.6, label='measured')
-        axes[name].plot(x, fitted, color=plots.INK, linewidth=0.9, label='Duhem operator, fitted')
-    axes['residual'].plot(time, measured - fitted, color=plots.VERMILLION, linewidth=0.8)
+        axes[name].plot(x, measured, color=drawing.SKY, linewidth=1.6, label='measured')
+        axes[name].plot(x, fitted, color=drawing.INK, linewidth=0.9,
+                        label='Duhem operator, fitted')
+    axes['residual'].plot(time, measured - fitted, color=drawing.VERMILLION, linewidth=0.8)
     size = 5.0 * float(np.quantile(np.abs(measured - fitted), 0.9))
     axes['residual'].set(xlabel='time [s]', ylabel=f'residual, {output_label}')
     if size > 0.0:
@@ -34,20 +35,20 @@ def write_fit(path: Path, time: Floats, moved: Floats, measured: Floats, fitted:
     axes['loop'].set(xlabel=input_label, ylabel=output_label)
     axes['time'].set(xlabel='time [s]', ylabel=output_label)
     axes['loop'].legend(frameon=False)
-    figure.savefig(path, dpi=plots.DOTS_PER_INCH)
+    figure.savefig(path, dpi=drawing.DOTS_PER_INCH)
 
 
 def write_measurement(path: Path, time: Floats, value: Floats, sigma: Floats,
                       reference: Floats | None, *, label: str) -> None:
     """Draw what the film measures with two sigma, and the reference if there is one."""
-    figure, axes = plots.new_figure([['value']], width=9.0)
+    figure, axes = drawing.new_figure([['value']], width=9.0)
     time, value, sigma = _thinned(time, value, sigma)
     ax = axes['value']
-    ax.fill_between(time, value - 2.0 * sigma, value + 2.0 * sigma, color=plots.BLUE, alpha=0.25,
+    ax.fill_between(time, value - 2.0 * sigma, value + 2.0 * sigma, color=drawing.BLUE, alpha=0.25,
                     linewidth=0.0)
-    ax.plot(time, value, color=plots.BLUE, linewidth=1.2, label='film ± 2σ')
+    ax.plot(time, value, color=drawing.BLUE, linewidth=1.2, label='film ± 2σ')
     if reference is not None:
-        ax.plot(time, *_thinned(reference), label='reference', **plots.TRUTH)
+        ax.plot(time, *_thinned(reference), label='reference', **drawing.TRUTH)
     ax.set(xlabel='time [s]', ylabel=label)
     ax.legend(frameon=False)
-    figure.savefig(path, dpi=plots.DOTS_PER_INCH)
+    figure.savefig(path, dpi=drawing.DOTS_PER_INCH)

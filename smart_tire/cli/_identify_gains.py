@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from smart_tire.cli.arguments import add_recordings
-from smart_tire.cli.identify_output import check_out, put_out
+from smart_tire.cli._arguments import add_recordings
+from smart_tire.cli._output import check_out, put_out
 
 if TYPE_CHECKING:
     from smart_tire.calibration.film.results import GainFit
@@ -24,9 +24,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Identify, print a table, and write what was told, and a figure."""
     check_out(args, NAME)
-    from smart_tire.analysis.gain_plots import write_gains
-    from smart_tire.analysis.identification import load_robot, Span
-    from smart_tire.analysis.tire_identification import gain_parameters, identify_gains
+    from smart_tire.analysis.calibrate_robot import load_robot, Span
+    from smart_tire.analysis.calibrate_tire import gain_parameters, identify_gains
+    from smart_tire.analysis.gain_figures import write_gains
     robot = load_robot(args.params)
     found = identify_gains(args.bags, robot, Span(args.since, args.until))
     for line in _lines(found, [bag.name for bag in args.bags]):

@@ -7,7 +7,7 @@ from pathlib import Path
 from matplotlib.axes import Axes
 import numpy as np
 
-from smart_tire.analysis import plots
+from smart_tire.analysis import drawing
 from smart_tire.calibration.robot.geometry import Geometry
 from smart_tire.calibration.robot.icr import IcrFit
 from smart_tire.calibration.robot.rolling_radius import WayFit
@@ -23,7 +23,7 @@ def write_geometry(path: Path, found: Geometry) -> bool:
         (['track'] if turns else ['radius']) + (['radius'] if ways else ['track'])]
     if turns is None and ways is None:
         return False
-    figure, axes = plots.new_figure(rows, width=10.0, height=3.8 * len(rows))
+    figure, axes = drawing.new_figure(rows, width=10.0, height=3.8 * len(rows))
     if turns is not None:
         draw_delay(axes['delay'], turns)
         draw_track(axes['track'], turns)
@@ -31,7 +31,7 @@ def write_geometry(path: Path, found: Geometry) -> bool:
         draw_radius(axes['radius'], ways)
     for ax in axes.values():
         ax.legend(frameon=False, fontsize='small')
-    figure.savefig(path, dpi=plots.DOTS_PER_INCH)
+    figure.savefig(path, dpi=drawing.DOTS_PER_INCH)
     return True
 
 
@@ -40,11 +40,11 @@ def draw_delay(ax: Axes, turns: TurnFit) -> None:
     near = _busiest(turns)
     late, slope = turns.latency, turns.slope.value
     time = turns.time[near]
-    ax.plot(time, turns.difference[near], color=plots.SHADE, linewidth=0.9,
+    ax.plot(time, turns.difference[near], color=drawing.SHADE, linewidth=0.9,
             label='right minus left, at its stamps')
-    ax.plot(time - late.value, turns.difference[near], color=plots.ORANGE, linewidth=1.6,
+    ax.plot(time - late.value, turns.difference[near], color=drawing.ORANGE, linewidth=1.6,
             label=f'moved by {1e3 * late.value:.1f} ± {1e3 * late.sigma:.1f} ms')
-    ax.plot(time - late.value, slope * turns.turning[near], color=plots.INK, linewidth=0.9,
+    ax.plot(time - late.value, slope * turns.turning[near], color=drawing.INK, linewidth=0.9,
             label='gyro, times track over radius')
     ax.set(xlabel='time [s]', ylabel='speed of the wheels [rad/s]')
 
@@ -60,10 +60,10 @@ def _busiest(turns: TurnFit) -> slice:
 def draw_track(ax: Axes, turns: TurnFit) -> None:
     """Draw the wheels' difference over the yaw rate with the line whose slope is the track."""
     slope = turns.slope
-    ax.plot(turns.turning, turns.difference, '.', color=plots.SKY, markersize=3,
+    ax.plot(turns.turning, turns.difference, '.', color=drawing.SKY, markersize=3,
             label='stretches')
     ends = np.array([turns.turning.min(), turns.turning.max()])
-    ax.plot(ends, slope.value * ends, color=plots.INK, linewidth=1.2,
+    ax.plot(ends, slope.value * ends, color=drawing.INK, linewidth=1.2,
             label=f'{slope.value:.3f} ± {slope.sigma:.3f} rad of wheels per rad of yaw')
     ax.set(xlabel='yaw rate [rad/s]', ylabel='right minus left [rad/s]')
 
@@ -71,28 +71,29 @@ def draw_track(ax: Axes, turns: TurnFit) -> None:
 def draw_radius(ax: Axes, ways: WayFit) -> None:
     """Draw how far the ways of reference and wheels differ, over the run."""
     radius = ways.radius
-    ax.axhline(0.0, color=plots.INK, linewidth=1.0)
-    ax.plot(ways.time, 1e3 * (ways.way - ways.rolled), 'o', color=plots.VERMILLION, markersize=3.5,
+    ax.axhline(0.0, color=drawing.INK, linewidth=1.0)
+    ax.plot(ways.time, 1e3 * (ways.way - ways.rolled), 'o', color=drawing.VERMILLION,
+            markersize=3.5,
             label=f'stretches; radius {1e3 * radius.value:.1f} ± {1e3 * radius.sigma:.1f} mm')
     ax.set(xlabel='time [s]', ylabel='reference minus wheels [mm]')
 
 
 def write_icr(path: Path, fit: IcrFit) -> None:
     """Draw the fit of S and its values turn by turn to ``path``."""
-    figure, axes = plots.new_figure([['fit', 'turns']], width=10.0, height=4.0)
+    figure, axes = drawing.new_figure([['fit', 'turns']], width=10.0, height=4.0)
     draw_icr_fit(axes['fit'], fit)
     draw_icr_turns(axes['turns'], fit)
     for ax in axes.values():
         ax.legend(frameon=False, fontsize='small')
-    figure.savefig(path, dpi=plots.DOTS_PER_INCH)
+    figure.savefig(path, dpi=drawing.DOTS_PER_INCH)
 
 
 def draw_icr_fit(ax: Axes, fit: IcrFit) -> None:
     """Draw lateral motion over what S times gives it."""
     x, y = fit.regressor, fit.explained
-    ax.plot(x, y, '.', color=plots.SKY, markersize=3, label='stretches in turns')
+    ax.plot(x, y, '.', color=drawing.SKY, markersize=3, label='stretches in turns')
     ends = np.array([x.min(), x.max()])
-    ax.plot(ends, fit.icr.value * ends, color=plots.INK, linewidth=1.2,
+    ax.plot(ends, fit.icr.value * ends, color=drawing.INK, linewidth=1.2,
             label=f'S = {1e3 * fit.icr.value:.1f} ± {1e3 * fit.icr.sigma:.1f} mm')
     low, high = np.quantile(y, (0.01, 0.99))
     margin = 0.3 * (high - low)
@@ -105,9 +106,9 @@ def draw_icr_fit(ax: Axes, fit: IcrFit) -> None:
 def draw_icr_turns(ax: Axes, fit: IcrFit) -> None:
     """Draw S of each turn with its error, and that of the run with its spread."""
     icr, spread = fit.icr.value, fit.start_sigma
-    ax.axhspan(1e3 * (icr - spread), 1e3 * (icr + spread), color=plots.BLUE, alpha=0.2,
+    ax.axhspan(1e3 * (icr - spread), 1e3 * (icr + spread), color=drawing.BLUE, alpha=0.2,
                linewidth=0.0, label='S and what is known of it, ± 1σ')
-    ax.axhline(1e3 * icr, color=plots.BLUE, linewidth=1.4)
+    ax.axhline(1e3 * icr, color=drawing.BLUE, linewidth=1.4)
     ax.errorbar(fit.turn_time, 1e3 * fit.turn_icr, yerr=1e3 * fit.turn_sigma, fmt='o',
-                color=plots.ORANGE, markersize=4, elinewidth=0.9, label='turns ± 1σ')
+                color=drawing.ORANGE, markersize=4, elinewidth=0.9, label='turns ± 1σ')
     ax.set(xlabel='time [s]', ylabel='S [mm]')

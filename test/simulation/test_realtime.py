@@ -12,7 +12,7 @@ from smart_tire.errors import LinkError, ParameterError
 from smart_tire.parameters import build, SimulatorParams
 from smart_tire.protocol import roboclaw, tire_payload, vectornav, xbee
 from smart_tire.samples import Friction, NS_PER_S, Odometry, WheelSlip
-from smart_tire.simulation.hardware import Hardware
+from smart_tire.simulation.realtime import Hardware
 
 START_NS = 1_700_000_000 * NS_PER_S
 TICK_NS = 10_000_000

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from smart_tire.analysis.inputs import StampLog, stream_stats
+from smart_tire.analysis.stream_statistics import StampLog, stream_stats
 from smart_tire.samples import ImuSample, TireSample
 
 EPOCH = 1_700_000_000_000_000_000

@@ -9,9 +9,9 @@ import pytest
 
 from smart_tire.bags import BagWriter
 from smart_tire.cli import demo
-from smart_tire.cli.main import main
-from smart_tire.cli.outputs import (
+from smart_tire.cli._overwrite import (
     FIGURES, refuse_existing, refuse_existing_bag, refuse_folder_of_bag, remove, remove_bag)
+from smart_tire.cli.main import main
 from smart_tire.errors import ParameterError
 
 SLOW = ('numpy', 'scipy', 'matplotlib', 'rosbags', 'mcap', 'rclpy')

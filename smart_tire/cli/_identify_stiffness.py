@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import argparse
 
-from smart_tire.cli.arguments import add_recordings
-from smart_tire.cli.identify_output import check_out, put_out
+from smart_tire.cli._arguments import add_recordings
+from smart_tire.cli._output import check_out, put_out
 
 NAME = 'stiffness'
 HELP = 'longitudinal stiffness C_x of the tires, from straight acceleration and braking'
@@ -19,9 +19,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Identify, print, and write parameters and figure."""
     check_out(args, NAME)
-    from smart_tire.analysis.identification import load_robot, Span
-    from smart_tire.analysis.stiffness_plots import write_stiffness
-    from smart_tire.analysis.tire_identification import identify_stiffness, stiffness_parameters
+    from smart_tire.analysis.calibrate_robot import load_robot, Span
+    from smart_tire.analysis.calibrate_tire import identify_stiffness, stiffness_parameters
+    from smart_tire.analysis.stiffness_figures import write_stiffness
     robot = load_robot(args.params)
     found = identify_stiffness(args.bags, robot, Span(args.since, args.until))
     for name, told, unit, note in (

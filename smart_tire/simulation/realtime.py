@@ -15,10 +15,10 @@ from smart_tire.errors import LinkError, ParameterError
 from smart_tire.parameters.simulation import SimulatorParams
 from smart_tire.protocol import tire_payload
 from smart_tire.samples import ImuSample, NS_PER_S
-from smart_tire.simulation.devices import ImuDevice, MotorBoards, TireRadio
+from smart_tire.simulation.device_emulators import ImuDevice, MotorBoards, TireRadio
 from smart_tire.simulation.films import FilmBatch
 from smart_tire.simulation.plant import STEP, STEP_NS
-from smart_tire.simulation.ports import PtyPort
+from smart_tire.simulation.pty import PtyPort
 from smart_tire.simulation.robot import Observation, Robot
 from smart_tire.simulation.sensors import encoder_counts
 from smart_tire.simulation.truth import Truth

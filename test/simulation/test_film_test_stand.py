@@ -10,7 +10,7 @@ import pytest
 from smart_tire.errors import ParameterError
 from smart_tire.models.film.buckling_film import FILMS
 from smart_tire.models.film.hysteresis import respond, TABLE_I, TABLE_I_GAIN
-from smart_tire.simulation.test_bench import ramps, sine, sines, TestBench
+from smart_tire.simulation.film_test_stand import ramps, sine, sines, TestBench
 
 IDEAL = TestBench(low_corner=0.0, high_corner=1e6, charge_noise=0.0, laser_noise=0.0, bits=32)
 STEP = 100  # samples

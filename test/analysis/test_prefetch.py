@@ -5,7 +5,7 @@ import os
 
 import pytest
 
-from smart_tire.analysis.ahead import ahead
+from smart_tire.analysis.prefetch import ahead
 from smart_tire.errors import BagError, EstimatorError
 
 

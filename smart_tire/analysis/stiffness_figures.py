@@ -7,25 +7,25 @@ from pathlib import Path
 from matplotlib.axes import Axes
 import numpy as np
 
-from smart_tire.analysis import plots
+from smart_tire.analysis import drawing
 from smart_tire.calibration.tire.stiffness import StiffnessFit
 
 
 def write_stiffness(path: Path, found: StiffnessFit) -> None:
     """Draw the fit to ``path``."""
-    figure, axes = plots.new_figure([['force']], width=7.0, height=5.0)
+    figure, axes = drawing.new_figure([['force']], width=7.0, height=5.0)
     draw_stiffness(axes['force'], found)
     axes['force'].legend(frameon=False, fontsize='small')
-    figure.savefig(path, dpi=plots.DOTS_PER_INCH)
+    figure.savefig(path, dpi=drawing.DOTS_PER_INCH)
 
 
 def draw_stiffness(ax: Axes, found: StiffnessFit) -> None:
     """Draw force over slip of each stretch between wheel readings, the fit and its slope C_x."""
     told = found.stiffness
-    ax.plot(found.slip, found.force, '.', color=plots.SKY, markersize=4,
+    ax.plot(found.slip, found.force, '.', color=drawing.SKY, markersize=4,
             label='stretches between wheel readings')
-    ax.plot(*found.curve, color=plots.INK, linewidth=1.2, label='fit, with drag as force')
+    ax.plot(*found.curve, color=drawing.INK, linewidth=1.2, label='fit, with drag as force')
     ends = np.array([found.force.min(), found.force.max()])
-    ax.plot(ends / told.value, ends, color=plots.VERMILLION, linewidth=1.2, linestyle='--',
+    ax.plot(ends / told.value, ends, color=drawing.VERMILLION, linewidth=1.2, linestyle='--',
             label=f'C_x = {told.value:.1f} ± {told.sigma:.1f} N')
     ax.set(xlabel='slip ratio [-]', ylabel='force of one wheel, positive when driving [N]')

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import argparse
 
-from smart_tire.cli.arguments import add_recordings
-from smart_tire.cli.identify_output import check_out, put_out
+from smart_tire.cli._arguments import add_recordings
+from smart_tire.cli._output import check_out, put_out
 
 NAME = 'geometry'
 HELP = 'wheel latency, effective track, rolling radius and IMU of a robot, out of bags'
@@ -19,8 +19,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Identify, print a table, and write what was told."""
     check_out(args, NAME)
-    from smart_tire.analysis.geometry_plots import write_geometry
-    from smart_tire.analysis.identification import identify_geometry, load_robot
+    from smart_tire.analysis.calibrate_robot import identify_geometry, load_robot
+    from smart_tire.analysis.geometry_figures import write_geometry
     from smart_tire.calibration.robot.geometry import parameters, together
     robot = load_robot(args.params)
     found = together([identify_geometry(bag, robot, since=args.since, until=args.until,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from smart_tire.analysis.live import radio_counts, read_conversions, stamp_errors
+from smart_tire.analysis.demo_report import radio_counts, read_conversions, stamp_errors
 from smart_tire.analysis.series import Series
 from smart_tire.samples import TireSample
 

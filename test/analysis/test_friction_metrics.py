@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from smart_tire.analysis.passages import friction_score, friction_scores, kind_of, match
+from smart_tire.analysis.friction_metrics import friction_score, friction_scores, kind_of, match
 from smart_tire.samples import Friction
 
 EPOCH = 1_700_000_000_000_000_000

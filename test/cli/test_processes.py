@@ -10,7 +10,7 @@ import sys
 
 import pytest
 
-from smart_tire.cli.stack import isolated_environment, Stack
+from smart_tire.cli._processes import isolated_environment, Stack
 from support.waiting import wait_for
 
 SLEEPER = 'import signal, sys, time\nprint("ready", flush=True)\n'
@@ -51,7 +51,7 @@ def test_children_end_with_a_parent_that_is_killed(tmp_path, module):
     module('polite', POLITE)
     parent = module('parent', (
         'import pathlib, sys, time\n'
-        'from smart_tire.cli.stack import Stack, isolated_environment\n'
+        'from smart_tire.cli._processes import Stack, isolated_environment\n'
         f'stack = Stack(pathlib.Path({str(tmp_path / "logs")!r}), isolated_environment())\n'
         'stack.start("child", "polite")\n'
         'print(stack.processes["child"].pid, flush=True)\n'

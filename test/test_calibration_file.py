@@ -6,7 +6,7 @@ import pytest
 
 from smart_tire.errors import ParameterError
 from smart_tire.parameters import build, known_names, load_files, NODE_PARAMS, RobotParams, specs
-from smart_tire.parameters.identified import Identified, identified_text, write_text
+from smart_tire.parameters.calibration_file import Identified, identified_text, write_text
 
 FOUND = [Identified('encoder.latency', 0.07833513, 0.0024, 'by turns'),
          Identified('wheel_radius', 0.28993, 0.0023),

@@ -1,7 +1,7 @@
 """
 The files in ``config/``, written from the descriptions of the parameters.
 
-``python -m smart_tire.parameters.text FOLDER`` writes them; a test compares.
+``python -m smart_tire.parameters.yaml_writer FOLDER`` writes them; a test compares.
 """
 
 from __future__ import annotations
