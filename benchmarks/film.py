@@ -17,7 +17,7 @@ from smart_tire.arrays import Array
 from smart_tire.calibration.bench.film_parameters import identify_film
 from smart_tire.estimation.film.measure import measure
 from smart_tire.models.film.buckling_film import FILMS
-from smart_tire.simulation.film_test_stand import sine, TestBench
+from smart_tire.simulation.film_test_stand import FilmTestStand, sine
 
 RATE = 500.0                                   # Hz
 IDENTIFIED = (0.012, 1.0, 60.0)                # m peak to peak, Hz, s
@@ -36,7 +36,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def print_measuring() -> None:
     """Print error and normalised error of the deflection for each size and frequency."""
-    bench = TestBench(rate=RATE)
+    bench = FilmTestStand(rate=RATE)
     top, frequency, duration = IDENTIFIED
     params = identify_film(bench.run(sine(top, frequency, duration, RATE), 1), FILMS['25x3'])[0]
     print(f'deflection by the film, rms error in um (over its sigma), {len(SEEDS)} seeds:')

@@ -33,12 +33,12 @@ def main(argv: Sequence[str] | None = None) -> int:
                         help='of driving, live (default: %(default)s)')
     args = parser.parse_args(argv)
     # Importing rclpy may start Python again, so it must come before any child is started.
-    from smart_tire.nodes.demo_driver import Cockpit
+    from smart_tire.nodes.demo_driver import NodeRunner
     print(machine())
 
     def measure() -> None:
         with tempfile.TemporaryDirectory(prefix='smart_tire_bench_') as folder:
-            measure_live(Path(folder), args.seconds, Cockpit)
+            measure_live(Path(folder), args.seconds, NodeRunner)
             measure_offline(Path(folder))
     return reported('load', measure)
 

@@ -12,8 +12,8 @@ from benchmarks.friction.records import SINGLE
 from benchmarks.friction.synthesis import EXACT, Synthesiser
 from smart_tire.analysis.series import Floats
 from smart_tire.errors import EstimatorError
-from smart_tire.estimation.contact.records import FilmSamples, Passage
-from smart_tire.estimation.friction.output import PassageReporter
+from smart_tire.estimation.contact.records import CrossingSamples, FilmSamples
+from smart_tire.estimation.friction.output import OutputBuilder
 from smart_tire.estimation.friction.waveform_fit import SlipKnowledge, WaveformFitter
 from smart_tire.estimation.friction.waveform_model import WaveformModel
 from smart_tire.parameters import RobotParams
@@ -48,7 +48,7 @@ def example(slip: float, seed: int = 1) -> Example:
     case = Case(slip=slip)
     source, robot = Synthesiser(case, seed), case.robot
     passage = source.passage()
-    told = PassageReporter(WHEEL, estimator_params(WAVEFORM, robot)).report(
+    told = OutputBuilder(WHEEL, estimator_params(WAVEFORM, robot)).report(
         passage, source.motion())
     fitter = WaveformFitter(robot, robot.film.gains(WHEEL), robot.film.bending(WHEEL))
     fit = None if passage.samples is None else fitter.fit(
@@ -60,7 +60,7 @@ def example(slip: float, seed: int = 1) -> Example:
                    float(np.sqrt(robot.film.sample_variance)))
 
 
-def _films(robot: RobotParams, passage: Passage, parameters: Floats) -> list[FilmExample]:
+def _films(robot: RobotParams, passage: CrossingSamples, parameters: Floats) -> list[FilmExample]:
     fine = []
     for one in passage.films:
         way = np.arange(one.distance[0], one.distance[-1], FINE)
@@ -73,7 +73,7 @@ def _films(robot: RobotParams, passage: Passage, parameters: Floats) -> list[Fil
             for one, value, dense, curve in zip(passage.films, fitted, fine, curves)]
 
 
-def _output(robot: RobotParams, passage: Passage, films: list[FilmSamples],
+def _output(robot: RobotParams, passage: CrossingSamples, films: list[FilmSamples],
             parameters: Floats) -> list[Floats]:
     """Return the model's output at the places of ``films``, film by film."""
     model = WaveformModel(robot, robot.film.gains(WHEEL), films, passage.reference)

@@ -16,9 +16,9 @@ from benchmarks.friction.records import SINGLE
 from benchmarks.friction.scoring import spread
 from benchmarks.friction.synthesis import Synthesiser
 from smart_tire.analysis.series import Floats
-from smart_tire.estimation.contact.records import WheelPassage
+from smart_tire.estimation.contact.records import PatchCrossing
 from smart_tire.estimation.friction.motion_history import WheelMotion
-from smart_tire.estimation.friction.output import PassageReporter
+from smart_tire.estimation.friction.output import OutputBuilder
 from smart_tire.samples import Friction
 
 
@@ -66,10 +66,10 @@ def run_case(group: str, case: Case, count: int, seed: int = 1) -> CaseResult:
         float(np.mean(whole)), trials)
 
 
-def _report(passages: list[WheelPassage], motion: WheelMotion, case: Case,
+def _report(passages: list[PatchCrossing], motion: WheelMotion, case: Case,
             method: str) -> tuple[list[Friction], float]:
     """Return what one method says, and CPU time per passage [ms]."""
-    reporter = PassageReporter(WHEEL, estimator_params(method, case.robot))
+    reporter = OutputBuilder(WHEEL, estimator_params(method, case.robot))
     begin = time.thread_time()
     told = [reporter.report(passage, motion) for passage in passages]
     return told, 1e3 * (time.thread_time() - begin) / len(passages)

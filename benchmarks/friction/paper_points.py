@@ -11,7 +11,7 @@ from benchmarks.friction.methods import estimator_params, EXACT_MAP, PRINTED_MAP
 from benchmarks.friction.paper_method import ratio_read_off
 from benchmarks.friction.synthesis import Synthesiser
 from smart_tire.analysis.series import Floats
-from smart_tire.estimation.friction.output import PassageReporter
+from smart_tire.estimation.friction.output import OutputBuilder
 from smart_tire.samples import Friction
 
 SLIPS = np.linspace(0.01, 0.3, 59)  # -, of either sign
@@ -34,7 +34,7 @@ def paper_points(rpm: float, seed: int = 1) -> Points:
     """Return the passages of a wheel at ``rpm`` on concrete, with exact gains and true slip."""
     slips = np.concatenate([-SLIPS[::-1], SLIPS])
     fitted, raw, case = [], [], Case(slip=0.1, rpm=rpm)
-    reporters = {method: PassageReporter(WHEEL, estimator_params(method, case.robot))
+    reporters = {method: OutputBuilder(WHEEL, estimator_params(method, case.robot))
                  for method in (WAVEFORM, PRINTED_MAP)}
     for i, slip in enumerate(slips.tolist()):
         source = Synthesiser(Case(slip=slip, rpm=rpm), seed + i, gain_error=0.0)

@@ -8,8 +8,9 @@ import numpy as np
 
 from benchmarks.friction.grid import Case, LOAD, WHEEL
 from smart_tire.analysis.series import Floats
-from smart_tire.estimation.contact.detection import Sighter
-from smart_tire.estimation.contact.records import FilmSamples, Passage, Sighting, WheelPassage
+from smart_tire.estimation.contact.detection import CrossingDetector
+from smart_tire.estimation.contact.records import (
+    CrossingSamples, Detection, FilmSamples, PatchCrossing)
 from smart_tire.estimation.contact.tracker import MARGIN
 from smart_tire.estimation.friction.motion_history import WheelMotion
 from smart_tire.models.film.signal_chain import SignalChain
@@ -36,11 +37,11 @@ class Synthesiser:
         film = self._robot.film
         self._gain_error = film.stretch_gain_tolerance if gain_error is None else gain_error
         self._rng = np.random.default_rng(seed)
-        self._sighter = Sighter(self._robot)
+        self._sighter = CrossingDetector(self._robot)
         self._chain = SignalChain(bits=film.bits, voltage_range=film.voltage_range,
                                   rest_voltage=film.rest_voltage)
 
-    def passage(self) -> WheelPassage:
+    def passage(self) -> PatchCrossing:
         """Return the next passage; its middle is at 1 s, the reference at a distance of 0."""
         film, patch = self._robot.film, self._robot.tire.contact_length
         half, speed = 0.5 * (patch + film.length), self._case.speed
@@ -54,9 +55,9 @@ class Synthesiser:
                 if sighting is not None]
         inside = round(0.5 * (patch - film.length) / speed * NS_PER_S)
         first = NS_PER_S - round(0.5 * film.spacing / speed * NS_PER_S)
-        return WheelPassage(
+        return PatchCrossing(
             NS_PER_S, 1, speed, 0.0, 0.0, 2.0 * half + film.spacing, first - inside,
-            first + inside, Passage(tuple(one for one, _ in seen),
+            first + inside, CrossingSamples(tuple(one for one, _ in seen),
                                     tuple(look for _, look in seen), 0.0) if seen else None)
 
     def _film(self, film: int, way: Floats, place: float, half: float) -> FilmSamples:
@@ -80,7 +81,7 @@ class Synthesiser:
         rail = (counts == self._chain.highest).astype(np.int8) - (counts == 0)
         return FilmSamples(film, place + past, self._chain.volts(counts), rail)
 
-    def _look(self, one: FilmSamples, place: float) -> Sighting | None:
+    def _look(self, one: FilmSamples, place: float) -> Detection | None:
         film, usable = self._robot.film, one.rail == 0
         return self._sighter.look(
             one.distance[usable], one.volts[usable], bending=film.bending(WHEEL)[one.film],

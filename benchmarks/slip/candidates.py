@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 import time
 
-from benchmarks.slip.series import as_estimate, Estimate, Statistic
+from benchmarks.slip.series import as_estimate, EstimateSeries, Statistic
 from smart_tire.analysis.series import Table
 from smart_tire.analysis.smoothing import SmoothedSlip
 from smart_tire.estimation.slip.estimator import SlipEstimator
@@ -15,7 +15,7 @@ from smart_tire.samples import ImuSample, NS_PER_S, Odometry, Sample, WheelSampl
 STATUS_EVERY = 0.1  # s, between two readings of the innovation statistic
 
 
-def live_estimate(samples: Iterable[Sample], params: SlipEstimatorParams) -> Estimate:
+def live_estimate(samples: Iterable[Sample], params: SlipEstimatorParams) -> EstimateSeries:
     """Return what the estimator tells while ``samples`` come in, in the order of reception."""
     estimator, records, statistic = SlipEstimator(params), list[Sample](), Table(1)
     spent, steps, next_ns = 0.0, 0, 0
@@ -36,7 +36,7 @@ def live_estimate(samples: Iterable[Sample], params: SlipEstimatorParams) -> Est
     return as_estimate(records, Statistic(stamps, values[:, 0]), 1e6 * spent / max(steps, 1))
 
 
-def smoothed_estimate(samples: Iterable[Sample], params: SlipEstimatorParams) -> Estimate:
+def smoothed_estimate(samples: Iterable[Sample], params: SlipEstimatorParams) -> EstimateSeries:
     """Return what the smoother tells when all ``samples`` are in."""
     slip = SmoothedSlip(params)
     try:

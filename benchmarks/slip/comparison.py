@@ -8,7 +8,7 @@ from benchmarks.slip.candidates import live_estimate, smoothed_estimate
 from benchmarks.slip.inputs import as_inputs
 from benchmarks.slip.odometry import fitted_scale, fitted_track, gyro_odometry, wheel_odometry
 from benchmarks.slip.plain_ekf import plain_ekf
-from benchmarks.slip.series import Estimate
+from benchmarks.slip.series import EstimateSeries
 from smart_tire.analysis.series import PoseSeries
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.samples import Sample
@@ -25,8 +25,8 @@ METHODS = {
 }
 
 
-def contest(samples: Sequence[Sample], params: SlipEstimatorParams,
-            truth: PoseSeries) -> dict[str, Estimate]:
+def compare_methods(samples: Sequence[Sample], params: SlipEstimatorParams,
+            truth: PoseSeries) -> dict[str, EstimateSeries]:
     """
     Return what each of ``METHODS`` makes of ``samples``, in the order of reception.
 

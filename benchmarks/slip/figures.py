@@ -12,11 +12,11 @@ from matplotlib.figure import Figure
 import numpy as np
 
 from benchmarks.slip.comparison import LIVE, METHODS, SMOOTHED
-from benchmarks.slip.series import Estimate, side_means, Truth
+from benchmarks.slip.series import EstimateSeries, side_means, Truth
 from smart_tire.analysis import drawing
 from smart_tire.analysis.series import at, Floats, PoseSeries, seconds, Stamps
 
-Estimates = Mapping[str, Estimate]
+Estimates = Mapping[str, EstimateSeries]
 Aligned = tuple[Floats, Floats, Stamps]  # estimated poses, true poses in their frame, stamps
 
 GREEN, PURPLE = '#009e73', '#cc79a7'  # the rest of the palette of plots
@@ -86,7 +86,7 @@ def _draw_icr(ax: Axes, estimates: Estimates, truth: Truth, origin: int) -> None
     ax.set(ylabel='S, x of the ICR [m]')
 
 
-def _draw_innovations(ax: Axes, estimate: Estimate, origin: int) -> None:
+def _draw_innovations(ax: Axes, estimate: EstimateSeries, origin: int) -> None:
     own = estimate.innovations
     ax.plot(seconds(own.stamp_ns, origin), own.value, color=COLORS[LIVE], linewidth=1.0)
     ax.axhline(1.0, color=drawing.INK, linewidth=1.1, linestyle=(0, (4, 2)))

@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from benchmarks.slip.inputs import Inputs
-from benchmarks.slip.series import Estimate
+from benchmarks.slip.series import EstimateSeries
 from smart_tire.analysis.metrics import aligned
 from smart_tire.analysis.series import at, Floats, PoseSeries, SlipSeries, Stamps
 from smart_tire.models.vehicle.skid_steer import slip_ratio
@@ -23,7 +23,7 @@ LEAST_TURN = 0.1  # m that one side rolls further than the other: less fits no t
 GAP = 5.0         # s of silence that are bridged by a straight line
 
 
-def wheel_odometry(inputs: Inputs, track: float) -> Estimate:
+def wheel_odometry(inputs: Inputs, track: float) -> EstimateSeries:
     """Return the way of a differential drive of ``track`` [m] with these wheels."""
     travel, rolling = inputs.travel, inputs.rolling
     yaw = _heading(inputs, track)
@@ -43,7 +43,7 @@ def fitted_track(inputs: Inputs, truth: PoseSeries) -> float:
     return float(apart @ apart / (apart @ turned))
 
 
-def gyro_odometry(inputs: Inputs, scale: float = 1.0) -> Estimate:
+def gyro_odometry(inputs: Inputs, scale: float = 1.0) -> EstimateSeries:
     """Return the way by the gyroscope's heading and the wheels' mean, ``scale`` times as long."""
     stamps = inputs.imu_ns
     bias = inputs.rate[:inputs.resting].mean() if inputs.resting else 0.0
@@ -74,7 +74,7 @@ def _heading(inputs: Inputs, track: float) -> Floats:
 
 
 def _reckoned(inputs: Inputs, stamps: Stamps, yaw: Floats, way: Floats, rate: Floats,
-              rolling: Floats, scale: float = 1.0) -> Estimate:
+              rolling: Floats, scale: float = 1.0) -> EstimateSeries:
     """Return the estimate of a robot that goes ``way`` [m] along ``yaw`` [rad] in arcs."""
     turn = np.diff(yaw)
     chord = np.diff(way) * np.sinc(0.5 * turn / math.pi)
@@ -85,7 +85,7 @@ def _reckoned(inputs: Inputs, stamps: Stamps, yaw: Floats, way: Floats, rate: Fl
     unknown = np.full((len(yaw), 3, 3), math.nan)
     poses = PoseSeries(stamps, np.column_stack([x, y, yaw]), twist, unknown, unknown[:, 0])
     half = 0.5 * inputs.robot.track_width
-    return Estimate(poses, side_slips(stamps, rolling, np.column_stack(
+    return EstimateSeries(poses, side_slips(stamps, rolling, np.column_stack(
         [v_x - half * rate, v_x + half * rate]), inputs.robot.slip.standstill_speed))
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from benchmarks.slip.inputs import Inputs
 from benchmarks.slip.odometry import side_slips
-from benchmarks.slip.series import Estimate
+from benchmarks.slip.series import EstimateSeries
 from smart_tire.analysis.series import at, Floats, PoseSeries, Stamps
 from smart_tire.samples import NS_PER_S
 
@@ -80,7 +80,7 @@ class PlainEkf:
         self.P = rest @ self.P @ rest.T + K @ R @ K.T
 
 
-def plain_ekf(inputs: Inputs, track: float) -> Estimate:
+def plain_ekf(inputs: Inputs, track: float) -> EstimateSeries:
     """Return what the filter tells, with the wheels' yaw rate by ``track`` [m]."""
     robot, ekf = inputs.robot, PlainEkf()
     readings = np.column_stack([inputs.rate, inputs.force])
@@ -107,7 +107,8 @@ def plain_ekf(inputs: Inputs, track: float) -> Estimate:
     return _as_estimate(inputs, stamps[order][last], states[last], covariances[last])
 
 
-def _as_estimate(inputs: Inputs, stamps: Stamps, states: Floats, covariances: Floats) -> Estimate:
+def _as_estimate(inputs: Inputs, stamps: Stamps, states: Floats, covariances: Floats
+                 ) -> EstimateSeries:
     pose, twist = [State.X, State.Y, State.YAW], TWIST
     diagonal = np.diagonal(covariances, axis1=1, axis2=2)
     poses = PoseSeries(stamps, states[:, pose], states[:, twist],
@@ -121,6 +122,6 @@ def _as_estimate(inputs: Inputs, stamps: Stamps, states: Floats, covariances: Fl
         sigma.append(np.sqrt(diagonal[:, State.V_X] + half ** 2 * diagonal[:, State.RATE]
                              + 2.0 * side * half * mixed))
     rolling = at(stamps, inputs.wheel_ns, inputs.rolling)
-    return Estimate(poses, side_slips(
+    return EstimateSeries(poses, side_slips(
         stamps, rolling, np.column_stack(ground), inputs.robot.slip.standstill_speed,
         np.column_stack(sigma)))

@@ -18,9 +18,9 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.slip.comparison import contest
+from benchmarks.slip.comparison import compare_methods
 from benchmarks.slip.scoring import PathScore
-from benchmarks.slip.series import Estimate
+from benchmarks.slip.series import EstimateSeries
 from smart_tire.analysis.calibrate_robot import identify_geometry
 from smart_tire.analysis.metrics import distance, rms, rotated, score
 from smart_tire.analysis.series import at, Floats, PoseSeries, Series, Stamps
@@ -72,7 +72,7 @@ RECORDINGS = (
 class RecordedRun:
     """What came of a recording: estimates, and the poses after the beginning beside the truth."""
 
-    estimates: dict[str, Estimate]
+    estimates: dict[str, EstimateSeries]
     tracks: dict[str, Aligned]
 
     def scores(self) -> dict[str, PathScore]:
@@ -104,7 +104,7 @@ def run_recording(path: Path, recording: Recording) -> RecordedRun:
         raise EstimatorError(f'{path}: has no {TRUTH}')
     begin_ns = int(truth.stamp_ns[0]) + round(recording.beginning * NS_PER_S)
     rest = stretch(truth, begin_ns)
-    estimates = contest(samples, params, rest)
+    estimates = compare_methods(samples, params, rest)
     tracks = {name: track_after(estimate.poses, truth, begin_ns)
               for name, estimate in estimates.items()}
     return RecordedRun(estimates, tracks)

@@ -20,7 +20,7 @@ from benchmarks.command import (
     accuracy_parser, DATA, machine, refuse_existing_results, reported)
 from benchmarks.jobs import done, make_folder
 from benchmarks.scenarios import SCENARIOS
-from benchmarks.slip.comparison import contest, LIVE, METHODS
+from benchmarks.slip.comparison import compare_methods, LIVE, METHODS
 from benchmarks.slip.figures import path_figure, save, slip_figure
 from benchmarks.slip.recordings import bags, RECORDINGS, run_recording
 from benchmarks.slip.reference_results import TARGETS
@@ -112,7 +112,7 @@ def run_scenario(name: str, seed: int, out: Path) -> RunResult:
     truth = as_truth((sample for _, topic, sample in events
                       if topic.startswith('ground_truth/')), scenario.robot)
     samples = [sample for _, topic, sample in events if not topic.startswith('ground_truth/')]
-    estimates = contest(samples, SlipEstimatorParams(robot=scenario.robot), truth.poses)
+    estimates = compare_methods(samples, SlipEstimatorParams(robot=scenario.robot), truth.poses)
     if seed == DRAWN_SEED:
         save(slip_figure(scenario.title, estimates, truth), out / f'{name}_slip.png')
         save(path_figure(scenario.title, estimates,

@@ -15,7 +15,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.slip.series import Estimate, side_means, Truth
+from benchmarks.slip.series import EstimateSeries, side_means, Truth
 from smart_tire.analysis.metrics import aligned, distance, rms, Score, score
 from smart_tire.analysis.series import at, Floats, Stamps
 from smart_tire.samples import NS_PER_S
@@ -77,7 +77,7 @@ class RunScore:
     step_us: float
 
 
-def score_run(estimate: Estimate, truth: Truth, *, averaged: bool = False) -> RunScore:
+def score_run(estimate: EstimateSeries, truth: Truth, *, averaged: bool = False) -> RunScore:
     """
     Return the scores of ``estimate``.
 
@@ -102,7 +102,7 @@ def score_run(estimate: Estimate, truth: Truth, *, averaged: bool = False) -> Ru
                     estimate.step_us)
 
 
-def steady_slips(estimate: Estimate, truth: Truth) -> tuple[Floats, Floats]:
+def steady_slips(estimate: EstimateSeries, truth: Truth) -> tuple[Floats, Floats]:
     """Return errors and sigmas (n,) of the slips of both sides while these are steady."""
     steady = steady_sides(truth)
     error, sigma = _slip_errors(estimate, truth)
@@ -171,7 +171,8 @@ def estimated_at(wanted_ns: Stamps, stamp_ns: Stamps, values: Floats) -> Floats:
     return np.where(np.isnan(between) & close[:, np.newaxis], near, between)
 
 
-def _slip_errors(estimate: Estimate, truth: Truth, width: float = 0.0) -> tuple[Floats, Floats]:
+def _slip_errors(estimate: EstimateSeries, truth: Truth, width: float = 0.0
+                 ) -> tuple[Floats, Floats]:
     """Return errors and sigmas (n, 2) of the sides' slips; NaN where no slip is defined."""
     true = side_means(truth.ratio)
     if width:
@@ -183,7 +184,7 @@ def _slip_errors(estimate: Estimate, truth: Truth, width: float = 0.0) -> tuple[
     return np.where(missed, 1.0, error), np.where(missed, 1.0, sigma)
 
 
-def _speed_errors(estimate: Estimate, truth: Truth, true: Floats) -> tuple[Floats, Floats]:
+def _speed_errors(estimate: EstimateSeries, truth: Truth, true: Floats) -> tuple[Floats, Floats]:
     poses = estimate.poses
     error = estimated_at(truth.stamp_ns, poses.stamp_ns, poses.twist[:, :1])[:, 0] - true
     variance = at(truth.stamp_ns, poses.stamp_ns, poses.twist_variance[:, 0])
@@ -195,7 +196,7 @@ def _score(errors: tuple[Floats, Floats], side: int, when: Mask | None = None) -
     return score(error, sigma) if when is None else score(error[when], sigma[when])
 
 
-def path_score(estimate: Estimate, truth: Truth) -> PathScore:
+def path_score(estimate: EstimateSeries, truth: Truth) -> PathScore:
     """Return the errors of the pose where both are known."""
     guess, true, stamps = aligned(truth.poses, estimate.poses)
     if not len(guess):
@@ -221,7 +222,7 @@ def _squares(error: Floats, covariance: Floats) -> Floats:
     return squares
 
 
-def _icr_error(estimate: Estimate, truth: Truth, when: Mask) -> float:
+def _icr_error(estimate: EstimateSeries, truth: Truth, when: Mask) -> float:
     turning = when & (np.abs(truth.poses.twist[:, 2]) > TURNING)
     own, true = estimate.icr, truth.icr.place[turning, 0]
     error = at(truth.stamp_ns[turning], own.stamp_ns, own.place)[:, 0] - true

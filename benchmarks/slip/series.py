@@ -36,7 +36,7 @@ class Statistic:
 
 
 @dataclass(frozen=True)
-class Estimate:
+class EstimateSeries:
     """
     What one method made of a run.
 
@@ -80,10 +80,11 @@ def collected(records: Iterable[Sample]) -> tuple[Series, IcrSeries]:
 
 
 def as_estimate(records: Iterable[Sample], innovations: Statistic | None = None,
-                step_us: float = math.nan) -> Estimate:
+                step_us: float = math.nan) -> EstimateSeries:
     """Return what ``records`` (Odometry, WheelSlip, Icr) tell."""
     series, centres = collected(records)
-    return Estimate(series.poses(), series.slips(), centres, innovations or Statistic(), step_us)
+    return EstimateSeries(
+        series.poses(), series.slips(), centres, innovations or Statistic(), step_us)
 
 
 def as_truth(records: Iterable[Sample], robot: RobotParams) -> Truth:

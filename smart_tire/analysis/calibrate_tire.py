@@ -12,7 +12,7 @@ from smart_tire.analysis.pipeline import INPUTS
 from smart_tire.analysis.smoothing import SmoothedSlip
 from smart_tire.bags import Bag
 from smart_tire.calibration.film import gains
-from smart_tire.calibration.film.crossing_collector import KnownPassage, PassageCollector
+from smart_tire.calibration.film.crossing_collector import CrossingWithSlip, PassageCollector
 from smart_tire.calibration.film.results import GainFit
 from smart_tire.calibration.tire import stiffness
 from smart_tire.calibration.tire.stiffness import StiffnessFit
@@ -20,7 +20,7 @@ from smart_tire.errors import EstimatorError
 from smart_tire.parameters import FrictionEstimatorParams, RobotParams, SlipEstimatorParams
 from smart_tire.parameters.calibration_file import Identified
 from smart_tire.samples import ImuSample, NS_PER_S, Sample, TireSample, WheelSample, WheelSlip
-from smart_tire.uncertain import Estimate
+from smart_tire.uncertain import Uncertain
 
 
 def identify_stiffness(bags: Sequence[Path], robot: RobotParams,
@@ -52,7 +52,7 @@ def identify_gains(bags: Sequence[Path], robot: RobotParams, span: Span) -> Gain
         [read_passages(bag, robot, span) for bag in bags], robot)
 
 
-def read_passages(path: Path, robot: RobotParams, span: Span) -> list[KnownPassage]:
+def read_passages(path: Path, robot: RobotParams, span: Span) -> list[CrossingWithSlip]:
     """Return the passages in a bag with the slips that the whole of it tells without films."""
     robot = replace(robot, slip=replace(robot.slip, film_aided=False))
     collector = PassageCollector(robot, FrictionEstimatorParams(robot=robot).reorder_window)
@@ -110,10 +110,10 @@ def _film_lists(found: GainFit, given: RobotParams) -> list[Identified]:
     for wheel in film.wheels:
         for i, (gain, bending) in enumerate(zip(film.gains(wheel), film.bending(wheel))):
             one = told.get((wheel, i))
-            bendings.append(Estimate(bending, 0.0) if one is None else one.bending)
+            bendings.append(Uncertain(bending, 0.0) if one is None else one.bending)
             if one is None or one.gain is None:
                 kept.append(f'film {i + 1} of {wheel} as it was')
-                gains.append(Estimate(gain, film.stretch_gain_tolerance * gain))
+                gains.append(Uncertain(gain, film.stretch_gain_tolerance * gain))
             else:
                 gains.append(one.gain)
     items = []
@@ -126,6 +126,6 @@ def _film_lists(found: GainFit, given: RobotParams) -> list[Identified]:
     return items
 
 
-def _of_films(name: str, values: Sequence[Estimate], note: str) -> Identified:
+def _of_films(name: str, values: Sequence[Uncertain], note: str) -> Identified:
     return Identified(name, tuple(item.value for item in values),
                       tuple(item.sigma for item in values), note)

@@ -38,7 +38,7 @@ Received = tuple[int, Sample]       # at [ns]
 
 
 @dataclass
-class Intake:
+class BagContents:
     """What the bag held."""
 
     inputs: Series = field(default_factory=Series)
@@ -59,7 +59,7 @@ class Intake:
 
 
 @dataclass
-class Batch:
+class StageBatch:
     """What the slip stage made of some messages, for the friction stage."""
 
     share: float            # of the bag that is done
@@ -71,13 +71,13 @@ class Batch:
 class Run:
     """What went into the estimators and what came out."""
 
-    intake: Intake = field(default_factory=Intake)
+    intake: BagContents = field(default_factory=BagContents)
     estimates: Series = field(default_factory=Series)
     smoothed: Series | None = None  # None where it was not asked for
     summary: Tree | None = None     # None where nothing could be estimated
 
 
-class Outlet:
+class EstimateWriter:
     """The friction stage behind slip estimates: into a bag and a series, what both tell."""
 
     def __init__(self, folder: Path, params: EstimatorParams, bags: ExitStack) -> None:
@@ -117,9 +117,9 @@ def analyze(path: Path, out: Path, params: EstimatorParams,
             raise BagError(f'{folder}: is the folder of the bag that is read; choose another')
     run = Run()
     with ExitStack() as stack:
-        outlets = [Outlet(folder, params, stack) for folder in folders]
+        outlets = [EstimateWriter(folder, params, stack) for folder in folders]
         for item in stack.enter_context(closing(ahead(partial(_read, path, params, smooth)))):
-            if isinstance(item, Intake):
+            if isinstance(item, BagContents):
                 run.intake = item
                 continue
             progress(item.share)
@@ -132,9 +132,9 @@ def analyze(path: Path, out: Path, params: EstimatorParams,
     return run
 
 
-def _read(path: Path, params: EstimatorParams, smooth: bool) -> Iterator[Batch | Intake]:
+def _read(path: Path, params: EstimatorParams, smooth: bool) -> Iterator[StageBatch | BagContents]:
     """Yield the bag's messages, through the slip stage, and at last what the bag held."""
-    intake, received = Intake(), array('q')
+    intake, received = BagContents(), array('q')
     slip = SmoothedSlip(params.slip) if smooth else SlipEstimator(params.slip)
     stage = SlipStage.of(params, slip)
     with Bag(path) as bag:
@@ -150,9 +150,9 @@ def _read(path: Path, params: EstimatorParams, smooth: bool) -> Iterator[Batch |
                 passed += [(receive_ns, item) for item in made]
                 received.extend(receive_ns for item in made if isinstance(item, Odometry))
             if count % BATCH == 0:
-                yield Batch((receive_ns - start) / work, passed)
+                yield StageBatch((receive_ns - start) / work, passed)
                 passed = []
-        yield Batch(1.0 / (1 + smooth), passed)
+        yield StageBatch(1.0 / (1 + smooth), passed)
         intake.late, intake.rejected = stage.late, bag.rejected
         intake.duration_s = (end - start) / NS_PER_S
         intake.left_out = _left_out(bag, intake, params.friction.robot.film.wheels)
@@ -161,7 +161,7 @@ def _read(path: Path, params: EstimatorParams, smooth: bool) -> Iterator[Batch |
     yield intake
 
 
-def _read_again(path: Path, slip: SmoothedSlip, received: Sequence[int]) -> Iterator[Batch]:
+def _read_again(path: Path, slip: SmoothedSlip, received: Sequence[int]) -> Iterator[StageBatch]:
     """Yield what the friction stage needs, with smoothed slip where there was filtered slip."""
     with Bag(path) as bag, closing(slip):
         start, end = bag.span_ns
@@ -173,9 +173,9 @@ def _read_again(path: Path, slip: SmoothedSlip, received: Sequence[int]) -> Iter
         for item in heapq.merge(smoothed, inputs, key=itemgetter(0)):
             passed.append(item)
             if len(passed) == BATCH:
-                yield Batch(0.5 + 0.5 * (item[0] - start) / max(1, end - start), passed, True)
+                yield StageBatch(0.5 + 0.5 * (item[0] - start) / max(1, end - start), passed, True)
                 passed = []
-        yield Batch(1.0, passed, True)
+        yield StageBatch(1.0, passed, True)
 
 
 def _cleared(folder: Path) -> Path:
@@ -203,12 +203,12 @@ def _summary(path: Path, run: Run, stage: FrictionStage) -> Tree:
     return tree
 
 
-def _told(estimates: Series, intake: Intake) -> Tree:
+def _told(estimates: Series, intake: BagContents) -> Tree:
     return {'estimates': estimates_tree(estimates),
             'against_truth': truth_tree(estimates, intake.truth)}
 
 
-def _left_out(bag: Bag, intake: Intake, film_wheels: Sequence[str]) -> list[str]:
+def _left_out(bag: Bag, intake: BagContents, film_wheels: Sequence[str]) -> list[str]:
     """Return what was not read, not used or not estimated, each with the reason."""
     there = bag.match((*INPUTS, *TRUTHS))
     lines = [f'{name} is not in the bag: {lost}' for name, lost in NEEDED_FOR.items()

@@ -10,7 +10,7 @@ from smart_tire.analysis.series import Series
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.estimation.slip.lag_compensation import timed
 from smart_tire.estimation.slip.output import Estimate, SlipReport
-from smart_tire.estimation.slip.rts_smoother import Smoother
+from smart_tire.estimation.slip.rts_smoother import RtsSmoother
 from smart_tire.estimation.slip.state import N
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.samples import Friction, ImuSample, Sample, WheelSample
@@ -20,7 +20,7 @@ class SmoothedSlip:
     """A slip estimator whose estimates can be had again in the light of the whole run."""
 
     def __init__(self, params: SlipEstimatorParams) -> None:
-        self._smoother = Smoother(N)
+        self._smoother = RtsSmoother(N)
         self._estimator = SlipEstimator(params, self._smoother)
         self._report = SlipReport(params.robot)
 

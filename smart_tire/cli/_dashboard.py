@@ -18,7 +18,7 @@ RPM = 60.0 / math.tau
 PLAIN_PERIOD = 2.0  # s between two plain lines
 
 
-class Felt(Protocol):
+class RobotStatus(Protocol):
     """What a pilot has heard of the robot."""
 
     odometry: Odometry | None
@@ -48,7 +48,7 @@ class Dashboard:
         if self._console.is_terminal:
             self._live.stop()
 
-    def show(self, what: str, felt: Felt) -> None:
+    def show(self, what: str, felt: RobotStatus) -> None:
         """Show what is felt while the robot does ``what``."""
         now = time.monotonic() - self._start
         if self._console.is_terminal:
@@ -59,7 +59,7 @@ class Dashboard:
             self._console.print(_line(now, what, felt), soft_wrap=True, highlight=False)
 
 
-def _header(now: float, what: str, felt: Felt) -> Text:
+def _header(now: float, what: str, felt: RobotStatus) -> Text:
     text = Text(f'{now:5.1f} s  {what:16}', style='bold')
     if felt.odometry is not None:
         v, W = felt.odometry.linear[0], felt.odometry.angular[2]
@@ -67,7 +67,7 @@ def _header(now: float, what: str, felt: Felt) -> Text:
     return text
 
 
-def _table(felt: Felt) -> Table:
+def _table(felt: RobotStatus) -> Table:
     table = Table('wheel', box=None, pad_edge=False)  # a bracket would be markup
     for column in ('speed, rpm', 'slip', 'friction, fused', 'this revolution', 'passages'):
         table.add_column(column, justify='right', min_width=len(column) + 2)
@@ -76,7 +76,7 @@ def _table(felt: Felt) -> Table:
     return table
 
 
-def _row(index: int, wheel: str, felt: Felt) -> tuple[str, ...]:
+def _row(index: int, wheel: str, felt: RobotStatus) -> tuple[str, ...]:
     speed = '' if felt.wheels is None else f'{felt.wheels.velocity[index] * RPM:.1f}'
     slip = '' if felt.slip is None else _value(felt.slip.ratio[index], felt.slip.sigma[index])
     friction = felt.friction.get(wheel)
@@ -91,7 +91,7 @@ def _value(value: float, sigma: float) -> str:
     return '-' if math.isnan(value) else f'{value:+.2f} ± {sigma:.2f}'
 
 
-def _losses(felt: Felt) -> Text:
+def _losses(felt: RobotStatus) -> Text:
     receiver = felt.health.get('tire_receiver', {})
     simulator = felt.health.get('robot_simulator', {})
     return Text(f'radio batches: {receiver.get("batches_ok", "-")} received, '
@@ -99,7 +99,7 @@ def _losses(felt: Felt) -> Text:
                 f'{simulator.get("batches_dropped", "-")} dropped by the radio', style='dim')
 
 
-def _line(now: float, what: str, felt: Felt) -> str:
+def _line(now: float, what: str, felt: RobotStatus) -> str:
     parts = [f'{now:5.1f} s  {what:16}']
     if felt.wheels is not None and felt.slip is not None:
         for side, index in (('left', 0), ('right', 1)):

@@ -10,7 +10,7 @@ from smart_tire.cli._output import check_out, put_out
 
 if TYPE_CHECKING:
     from smart_tire.calibration.film.results import GainFit
-    from smart_tire.uncertain import Estimate
+    from smart_tire.uncertain import Uncertain
 
 NAME = 'gains'
 HELP = 'volts per unit slip of each film, contact length, spacing and angle of films, out of bags'
@@ -59,5 +59,5 @@ def _lines(found: GainFit, bags: list[str]) -> list[str]:
     return lines
 
 
-def _line(name: str, told: Estimate, unit: str, note: str) -> str:
+def _line(name: str, told: Uncertain, unit: str, note: str) -> str:
     return f'{name:32}{told.value:10.5g} ± {told.sigma:<8.2g} {unit:4}{note}'

@@ -82,11 +82,11 @@ def run(args: argparse.Namespace) -> int:
     refuse_existing([out / name for name in (*FILES, 'figures', 'logs')], force=args.force)
     # Importing rclpy may start Python anew, so it must come before any child is started.
     from smart_tire.analysis.demo_report import judge
-    from smart_tire.nodes.demo_driver import Cockpit
+    from smart_tire.nodes.demo_driver import NodeRunner
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         params = _prepare(out, args.seed)
-        spans = _drive(out, params, Cockpit)
+        spans = _drive(out, params, NodeRunner)
         judged = judge(out / 'bag', params, spans, EXPECTED, out / 'conversions.csv',
                        out / 'figures')
     except KeyboardInterrupt:

@@ -47,16 +47,16 @@ def laboratory() -> Laboratory:
     from smart_tire.estimation.film.recording import FilmRecording
     from smart_tire.models.film.hysteresis import TABLE_I_GAIN
     from smart_tire.reproduction.experiments import Laboratory, Specimen
-    from smart_tire.simulation.film_test_stand import TestBench
+    from smart_tire.simulation.film_test_stand import FilmTestStand
     from smart_tire.simulation.offline import simulate
 
     def bench(specimen: Specimen, deflection: Array, rate: float, seed: int) -> FilmRecording:
         # the amplifier's range is chosen to fit the film, and its noise goes with the range
         share = specimen.gain / TABLE_I_GAIN
-        return TestBench(
+        return FilmTestStand(
             film=specimen.film, hysteresis=specimen.hysteresis, gain=specimen.gain, rate=rate,
-            charge_noise=TestBench.charge_noise * share,
-            full_scale=TestBench.full_scale * share).run(deflection, seed)
+            charge_noise=FilmTestStand.charge_noise * share,
+            full_scale=FilmTestStand.full_scale * share).run(deflection, seed)
     return Laboratory(bench, simulate)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import statistics
 
-from smart_tire.drivers.clock_sync import DeviceClock
+from smart_tire.drivers.clock_sync import ClockSync
 
 LEARN = 32            # arrivals that the period is first measured from
 PERIOD_SIGMA = 0.01   # relative, of a period measured from so many jittering arrivals
@@ -15,7 +15,7 @@ LATE_ROW = (8, 64)
 LATE_ROW_PER_JITTER = 50  # per period of mean delay
 
 
-class ArrivalClock:
+class ArrivalTimestamps:
     """
     Count messages and let the count be the device's clock.
 
@@ -25,7 +25,7 @@ class ArrivalClock:
     """
 
     def __init__(self) -> None:
-        self._clock = DeviceClock(PERIOD_SIGMA)
+        self._clock = ClockSync(PERIOD_SIGMA)
         self._arrivals: list[tuple[int, int]] = []  # count, host time
         self._count = 0
         self._period_ns = 0.0

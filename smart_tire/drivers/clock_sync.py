@@ -50,7 +50,7 @@ class _Bin:
         return quicker
 
 
-class DeviceClock:
+class ClockSync:
     """
     Map from a device's clock to the host's: fitted line, continuous and monotonic stamps.
 

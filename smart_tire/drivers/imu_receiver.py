@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from smart_tire.drivers.arrival_timestamps import ArrivalClock
-from smart_tire.drivers.clock_sync import DeviceClock
+from smart_tire.drivers.arrival_timestamps import ArrivalTimestamps
+from smart_tire.drivers.clock_sync import ClockSync
 from smart_tire.errors import FrameError
 from smart_tire.protocol import vectornav, vectornav_ascii, xsens
 from smart_tire.protocol.deframer import Deframer
@@ -59,8 +59,8 @@ class ImuStream:
 
     def reopened(self) -> None:
         """Forget the times of a port that was closed meanwhile."""
-        self._device_clock = DeviceClock()
-        self._arrival_clock = ArrivalClock()
+        self._device_clock = ClockSync()
+        self._arrival_clock = ArrivalTimestamps()
         self._device_ns = 0  # of the last frame, unwrapped
 
     @property

@@ -72,7 +72,7 @@ class _Board:
             check.reset()
 
 
-class MotorBoards:
+class RoboclawPair:
     """
     Polls both boards, passes on the duties that ``gate`` allows, and supervises boards and wheels.
 

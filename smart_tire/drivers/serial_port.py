@@ -63,7 +63,7 @@ def pump(port: Any, stopping: threading.Event, deliver: Callable[[bytes, int], N
             deliver(chunk, clock())
 
 
-class SerialLink:
+class SerialPort:
     """
     Keep a port open and ``work(port, stopping)`` going on it, in a thread of its own.
 

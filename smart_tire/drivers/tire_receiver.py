@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator, Mapping
 
-from smart_tire.drivers.clock_sync import DeviceClock, MAX_LATE
+from smart_tire.drivers.clock_sync import ClockSync, MAX_LATE
 from smart_tire.errors import FrameError
 from smart_tire.protocol.tire_payload import (
     decode_batch, MAX_CODE, SEQUENCE_WRAP, TIMER_WRAP_US, TireBatch, volts)
@@ -19,7 +19,7 @@ OVERTAKEN_NS = 200_000_000  # a late batch comes while others flow; a unit takes
 BATTERY_NS = NS_PER_S     # between two reports of a battery
 
 
-class TireUnit:
+class SensorNode:
     """
     One wheel unit: follows its sequence and its timer.
 
@@ -33,7 +33,7 @@ class TireUnit:
 
     def __init__(self, wheel: str, latency_ns: int = 0) -> None:
         self.wheel = wheel
-        self.clock = DeviceClock()
+        self.clock = ClockSync()
         self.batches = 0     # that carried something new
         self.last_ns = 0     # host clock, when the latest of them came
         self.lost = 0        # by sequence, as many as the timer allows
@@ -137,7 +137,7 @@ class TireStream:
     """All wheel units behind one coordinator, by their 64-bit addresses."""
 
     def __init__(self, wheel_of: Mapping[int, str], latency_ns: int = 0) -> None:
-        self.units = {address: TireUnit(wheel, latency_ns)
+        self.units = {address: SensorNode(wheel, latency_ns)
                       for address, wheel in wheel_of.items()}
         self.frames_ok = 0
         self.last_ok_ns = 0    # host clock, when the latest good frame came
@@ -171,7 +171,7 @@ class TireStream:
             if (battery := unit.battery(batch, receive_ns)) is not None:
                 yield battery
 
-    def _decode(self, body: bytes) -> tuple[TireUnit, TireBatch]:
+    def _decode(self, body: bytes) -> tuple[SensorNode, TireBatch]:
         packet = decode_receive_packet(body)
         unit = self.units.get(packet.source)
         if unit is None:

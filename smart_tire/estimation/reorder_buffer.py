@@ -30,7 +30,7 @@ PATIENCE_NS = 900_000_000  # an awaited topic may lag so much; beyond, it counts
 Closed = tuple[int, list[Any]]
 
 
-class Gate:
+class ReorderBuffer:
     """
     Reorders samples of several topics on a grid of message time.
 

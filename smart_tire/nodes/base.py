@@ -25,7 +25,7 @@ from smart_tire.errors import ParameterError, SmartTireError
 from smart_tire.messages import TOPICS
 from smart_tire.nodes.compat import (
     foreign_arguments, message_class, new_executor, plain, RCLError, with_info, wrong_type)
-from smart_tire.nodes.diagnostics import diagnostic_array, Status, Tally
+from smart_tire.nodes.diagnostics import diagnostic_array, InputCounter, Status
 from smart_tire.nodes.parameters import declare
 from smart_tire.nodes.qos import publisher_qos, subscriber_qos
 from smart_tire.parameters import build, specs
@@ -53,8 +53,8 @@ class SmartTireNode(Node, Generic[Params]):
         except InvalidParameterTypeException as error:  # use_sim_time, which every node has
             raise ParameterError(wrong_type(error)) from error
         self.params: Params = declare(self, params_class)
-        self.inputs: dict[str, Tally] = {}
-        self.outputs: dict[str, Tally] = {}
+        self.inputs: dict[str, InputCounter] = {}
+        self.outputs: dict[str, InputCounter] = {}
         self._params_class = params_class
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._diagnostics = self.guarded_publisher(
@@ -95,7 +95,8 @@ class SmartTireNode(Node, Generic[Params]):
         ``name`` is where it is published, if elsewhere. ``info`` adds rclpy's message info to the
         arguments. The silence of a ``required`` topic is worth a warning.
         """
-        topic, tally, name = TOPICS[topic_name], Tally(required=required), name or topic_name
+        topic, name = TOPICS[topic_name], name or topic_name
+        tally = InputCounter(required=required)
         self.inputs[name] = tally
 
         def take(msg: Any, *info: Any) -> None:
@@ -121,7 +122,7 @@ class SmartTireNode(Node, Generic[Params]):
         """Return what the subscription to ``name`` calls; it may call ``handle`` later."""
         return handle
 
-    def reject(self, tally: Tally, error: Exception) -> None:
+    def reject(self, tally: InputCounter, error: Exception) -> None:
         """Count a bad input and log the 1st, 2nd, 4th, 8th ... of its stream."""
         if tally.fail(str(error)):
             self.get_logger().warning(f'{tally.bad} rejected, latest: {error}')
@@ -147,7 +148,7 @@ class SmartTireNode(Node, Generic[Params]):
         A message that ROS refuses to publish is counted and reported; the caller goes on.
         """
         publisher = self.create_publisher(cls, name, profile)
-        self.outputs[name] = Tally()
+        self.outputs[name] = InputCounter()
 
         def publish(msg: Any) -> None:
             try:

@@ -19,7 +19,7 @@ from smart_tire.samples import Friction, Odometry, VelocityCommand, WheelSample,
 COMMAND_PERIOD = 0.1  # s
 
 
-class Pilot(SmartTireNode[WheelControllerParams]):
+class DemoDriver(SmartTireNode[WheelControllerParams]):
     """Publishes ``cmd_vel`` until told otherwise; what it hears is there to be read."""
 
     def __init__(self) -> None:
@@ -62,16 +62,16 @@ class Pilot(SmartTireNode[WheelControllerParams]):
                 item.key: item.value for item in status.values}
 
 
-class Cockpit:
+class NodeRunner:
     """A pilot with its executor, to be turned by the owner's own loop; a context."""
 
     def __init__(self, arguments: list[str]) -> None:
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
-        self.pilot = Pilot()
+        self.pilot = DemoDriver()
         self._executor = new_executor()
         self._executor.add_node(self.pilot)
 
-    def __enter__(self) -> Cockpit:
+    def __enter__(self) -> NodeRunner:
         return self
 
     def __exit__(self, *_: object) -> None:

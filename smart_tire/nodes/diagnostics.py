@@ -12,7 +12,7 @@ from smart_tire.samples import NS_PER_S
 
 
 @dataclass
-class Tally:
+class InputCounter:
     """What became of the messages, frames or replies of one stream."""
 
     required: bool = False      # whether its silence is a fault

@@ -8,7 +8,7 @@ import threading
 import time
 from typing import Any, Protocol, TypeVar
 
-from smart_tire.drivers.serial_port import SerialLink
+from smart_tire.drivers.serial_port import SerialPort
 from smart_tire.nodes.base import SILENCE, SmartTireNode
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.samples import NS_PER_S
@@ -106,7 +106,7 @@ class DriverNode(SmartTireNode[Params]):
         """Let ``work`` go on with the port of the parameters once the node starts."""
         params: Any = self.params
         self._source = source
-        self._link = SerialLink(params.port, params.baud_rate, work, self._on_link)
+        self._link = SerialPort(params.port, params.baud_rate, work, self._on_link)
         self.hardware_id = params.port
 
     def start(self) -> None:

@@ -8,7 +8,7 @@ from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
 
 from smart_tire.control.duty_gate import DutyGate
-from smart_tire.drivers.roboclaw_pair import MotorBoards
+from smart_tire.drivers.roboclaw_pair import RoboclawPair
 from smart_tire.nodes.base import run, SILENCE
 from smart_tire.nodes.command_input import CommandInput
 from smart_tire.nodes.diagnostics import Status
@@ -36,7 +36,7 @@ class MotorDriver(DriverNode[MotorDriverParams]):
         params = self.params
         self._gate = DutyGate(params.command_timeout, self._on_trouble,
                               stopped=params.start_stopped, require_arming=params.require_arming)
-        self._boards = MotorBoards(
+        self._boards = RoboclawPair(
             params, self._gate, self.advertise('wheel_states', rate=params.rate))
         self._commands = CommandInput(
             self, 'motor_commands', self._on_command, self._on_conflict,

@@ -14,7 +14,7 @@ from smart_tire.estimation.film.recording import FilmRecording
 from smart_tire.models.film.elastica import TOUCHING_STROKE
 from smart_tire.models.film.hysteresis import respond, TABLE_I_GAIN
 from smart_tire.reproduction.experiments import Laboratory, Specimen, specimen
-from smart_tire.uncertain import Estimate
+from smart_tire.uncertain import Uncertain
 
 RATE, FREQUENCY, AMPLITUDE = 500.0, 5.0, 6e-3  # Hz, Hz, m: Fig. 8
 DURATION = 4.0    # s
@@ -44,7 +44,7 @@ class Identification:
     """Table I, identified from several noisy recordings."""
 
     true: dict[str, float]             # products that the bench was given
-    estimates: list[dict[str, Estimate]]  # one per seed
+    estimates: list[dict[str, Uncertain]]  # one per seed
     geometric_gain: float              # C, K of A(15) from geometry and usual constants
     printed_stroke: float              # the printed normalisation's of Fig. 8's deflection
     first: Estimated                   # the first recording

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from html import escape
 from pathlib import Path
 
-from smart_tire.reproduction.report_section import Page
+from smart_tire.reproduction.report_section import Section
 
 STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; color: #222; max-width: 60rem; margin: 2rem auto;
@@ -25,13 +25,13 @@ nav a { margin-right: .9rem; white-space: nowrap; }
 """
 
 
-def write_report(path: Path, introduction: Sequence[str], pages: Sequence[tuple[Page, Path]]
+def write_report(path: Path, introduction: Sequence[str], pages: Sequence[tuple[Section, Path]]
                  ) -> None:
     """Write the pages, each with its PNG file, into one file that needs no other."""
     path.write_text('\n'.join(_document(introduction, pages)) + '\n', encoding='utf-8')
 
 
-def _document(introduction: Sequence[str], pages: Sequence[tuple[Page, Path]]) -> Iterator[str]:
+def _document(introduction: Sequence[str], pages: Sequence[tuple[Section, Path]]) -> Iterator[str]:
     yield '<!DOCTYPE html>'
     yield '<html lang="en"><head><meta charset="utf-8">'
     yield '<meta name="viewport" content="width=device-width, initial-scale=1">'
@@ -47,7 +47,7 @@ def _document(introduction: Sequence[str], pages: Sequence[tuple[Page, Path]]) -
     yield '</body></html>'
 
 
-def _section(page: Page, picture: Path) -> Iterator[str]:
+def _section(page: Section, picture: Path) -> Iterator[str]:
     image = base64.b64encode(picture.read_bytes()).decode('ascii')
     yield f'<section id="{page.name}"><h2>{escape(page.title)}</h2>'
     yield f'<img alt="{escape(page.title)}" src="data:image/png;base64,{image}">'

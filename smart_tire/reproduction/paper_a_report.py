@@ -11,7 +11,7 @@ from smart_tire.models.film.hysteresis import TABLE_I, TABLE_I_GAIN
 from smart_tire.reproduction.film_fit import FREQUENCY, Identification
 from smart_tire.reproduction.film_loops import (
     FREQUENCIES, Proportionality, RateIndependence, Trace)
-from smart_tire.reproduction.report_section import Page
+from smart_tire.reproduction.report_section import Section
 
 NO_DATA = ('The paper gives its measurements as graphs only, so the curves can be compared by '
            'their kind and not point by point.')
@@ -24,9 +24,9 @@ LINE = 0.95        # R^2 that passes for a straight line on a graph
 EXPECTED = {1: 0.683, 2: 0.954}  # shares within so many sigmas
 
 
-def trace_page(trace: Trace) -> Page:
+def trace_page(trace: Trace) -> Section:
     """Return the words for Fig. 4."""
-    page = Page('paper_a_fig_4', 'Paper A, Fig. 4: a buckling test at 5 Hz')
+    page = Section('paper_a_fig_4', 'Paper A, Fig. 4: a buckling test at 5 Hz')
     loop = trace.loop
     page.row('motion', '4 (-1 + sin 10 pi t) mm', 'the same')
     page.row('film', '32 x 3 mm, 110 um', 'the same')
@@ -44,9 +44,9 @@ def trace_page(trace: Trace) -> Page:
     return page
 
 
-def rate_page(found: RateIndependence) -> Page:
+def rate_page(found: RateIndependence) -> Section:
     """Return the words for Fig. 6."""
-    page = Page('paper_a_fig_6', 'Paper A, Fig. 6: loops and peaks over frequency')
+    page = Section('paper_a_fig_6', 'Paper A, Fig. 6: loops and peaks over frequency')
     low, high = FREQUENCIES[0], FREQUENCIES[-1]
     page.row('(a) 5 against 10 Hz: rms difference', 'one pattern (graph)',
              f'{found.difference:.2f} of its standard error')
@@ -71,9 +71,9 @@ def rate_page(found: RateIndependence) -> Page:
     return page
 
 
-def amplitude_page(found: Proportionality) -> Page:
+def amplitude_page(found: Proportionality) -> Section:
     """Return the words for Fig. 7."""
-    page = Page('paper_a_fig_7', 'Paper A, Fig. 7: peaks over amplitude at 2 Hz')
+    page = Section('paper_a_fig_7', 'Paper A, Fig. 7: peaks over amplitude at 2 Hz')
     rise, sigma = found.rise
     first, last = found.amplitude[[0, -1]] * 1e3
     excess = found.models['printed'][-1] / found.models['exact'][-1] - 1.0
@@ -104,9 +104,9 @@ def amplitude_page(found: Proportionality) -> Page:
     return page
 
 
-def fit_page(found: Identification) -> Page:
+def fit_page(found: Identification) -> Section:
     """Return the words for Fig. 8."""
-    page = Page('paper_a_fig_8', 'Paper A, Fig. 8: measured and estimated loops')
+    page = Section('paper_a_fig_8', 'Paper A, Fig. 8: measured and estimated loops')
     told = found.first
     page.row('film and motion', '25 x 3 mm, 110 um; 5 Hz, 6 mm', 'the same')
     page.row('estimate forgets its start after', 'the first few cycles',
@@ -129,9 +129,9 @@ def fit_page(found: Identification) -> Page:
     return page
 
 
-def comparison_page(found: Identification) -> Page:
+def comparison_page(found: Identification) -> Section:
     """Return the words for Fig. 9."""
-    page = Page('paper_a_fig_9', 'Paper A, Fig. 9: measured against estimated charge')
+    page = Section('paper_a_fig_9', 'Paper A, Fig. 9: measured against estimated charge')
     told = found.first
     page.row('slope of measured over estimated', '1', f'{told.slope:.4f}')
     page.row('R^2', 'graph', f'{told.determination:.4f}')
@@ -146,9 +146,9 @@ def comparison_page(found: Identification) -> Page:
     return page
 
 
-def table_page(found: Identification) -> Page:
+def table_page(found: Identification) -> Section:
     """Return the words for Table I."""
-    page = Page('paper_a_table_1', 'Paper A, Table I: identified parameters')
+    page = Section('paper_a_table_1', 'Paper A, Table I: identified parameters')
     alpha, a, b = found.constants(0)
     first = found.estimates[0]
     for name, symbol, unit, scale in (

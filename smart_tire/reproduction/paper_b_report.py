@@ -6,7 +6,7 @@ import numpy as np
 
 from smart_tire.analysis.metrics import SlipScore
 from smart_tire.reproduction import tire_maps
-from smart_tire.reproduction.report_section import Page
+from smart_tire.reproduction.report_section import Section
 from smart_tire.reproduction.tire_maps import (
     CRITICAL, LEAST_SLIP, MU, Outline, OUTLINE_SLIP, Signals, SLIPS, STIFFNESS, Sweep, WAYS)
 from smart_tire.reproduction.tire_runs import ROBOT, StiffnessFit
@@ -23,9 +23,9 @@ ALIKE = 0.1           # relative
 PAPER_STIFFNESS, PAPER_FRICTION = 52.7, 0.47  # N, -: Table I
 
 
-def outline_page(found: Outline) -> Page:
+def outline_page(found: Outline) -> Section:
     """Return the words for Fig. 8."""
-    page = Page('paper_b_fig_8', 'Paper B, Fig. 8: one passage of a film')
+    page = Section('paper_b_fig_8', 'Paper B, Fig. 8: one passage of a film')
     read, state = found.read_height('fig8'), found.read_height('state')
     dropped = 1e3 * tire_maps.OUTLINE_SPEED * (found.printed_interval - found.interval)
     shift = 1e3 * (tire_maps.OUTLINE_SPEED * found.interval - tire_maps.LENGTH)
@@ -51,9 +51,9 @@ def outline_page(found: Outline) -> Page:
     return page
 
 
-def slip_page(found: dict[str, dict[str, SlipScore]]) -> Page:
+def slip_page(found: dict[str, dict[str, SlipScore]]) -> Section:
     """Return the words for Fig. 10."""
-    page = Page('paper_b_fig_10', 'Paper B, Fig. 10: slips at 120/60 rpm on concrete and sand')
+    page = Section('paper_b_fig_10', 'Paper B, Fig. 10: slips at 120/60 rpm on concrete and sand')
     for ground, sides in found.items():
         for side, told in sides.items():
             page.row(f'{ground}, {side} side', 'graph',
@@ -79,9 +79,9 @@ def slip_page(found: dict[str, dict[str, SlipScore]]) -> Page:
     return page
 
 
-def signal_page(found: Signals) -> Page:
+def signal_page(found: Signals) -> Section:
     """Return the words for Fig. 11."""
-    page = Page('paper_b_fig_11', "Paper B, Fig. 11: the films' signals at 60/80 rpm")
+    page = Section('paper_b_fig_11', "Paper B, Fig. 11: the films' signals at 60/80 rpm")
     one, two = found.variation
     mean = found.peaks.mean(axis=0)
     page.row('highest voltage above rest, films 1 and 2', 'graph',
@@ -103,9 +103,9 @@ def signal_page(found: Signals) -> Page:
     return page
 
 
-def stretch_page(found: Sweep) -> Page:
+def stretch_page(found: Sweep) -> Section:
     """Return the words for Fig. 12."""
-    page = Page('paper_b_fig_12', 'Paper B, Fig. 12: stretch charge over slip')
+    page = Section('paper_b_fig_12', 'Paper B, Fig. 12: stretch charge over slip')
     told = found.passages
     for speed, line in found.lines.items():
         page.row(f'{speed:.0f} rpm: slope of q_sm over slip', 'graph',
@@ -143,9 +143,9 @@ def stretch_page(found: Sweep) -> Page:
     return page
 
 
-def adhesion_page(found: Sweep) -> Page:
+def adhesion_page(found: Sweep) -> Section:
     """Return the words for Fig. 13."""
-    page = Page('paper_b_fig_13', 'Paper B, Fig. 13: adhesion ratio over slip')
+    page = Section('paper_b_fig_13', 'Paper B, Fig. 13: adhesion ratio over slip')
     exact, printed, paper = (found.slopes[way] for way in WAYS)
     excess = tire_maps.printed_excess(SLIPS)
     page.row('slope of B(22)', 'small, negative', f'{-1.0 / CRITICAL:.2f} per unit slip')
@@ -174,9 +174,9 @@ def adhesion_page(found: Sweep) -> Page:
     return page
 
 
-def table_page(found: Sweep, fit: StiffnessFit) -> Page:
+def table_page(found: Sweep, fit: StiffnessFit) -> Section:
     """Return the words for Table I."""
-    page = Page('paper_b_table_1', 'Paper B, Table I: stiffness and friction')
+    page = Section('paper_b_table_1', 'Paper B, Table I: stiffness and friction')
     tire, film = ROBOT.tire, ROBOT.film
     for name, paper, here in (('l', 20, film.length), ('b', 3, film.width),
                               ('B', 89, tire.contact_width), ('L', 46, tire.contact_length),

@@ -8,7 +8,7 @@ Row = tuple[str, str, str]  # quantity, in the paper, here
 
 
 @dataclass
-class Page:
+class Section:
     """What is said of one figure or table."""
 
     name: str   # of the PNG file

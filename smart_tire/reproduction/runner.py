@@ -13,11 +13,11 @@ from smart_tire.reproduction import (
     tire_runs)
 from smart_tire.reproduction.experiments import Laboratory
 from smart_tire.reproduction.html import write_report
-from smart_tire.reproduction.report_section import Page
+from smart_tire.reproduction.report_section import Section
 from smart_tire.reproduction.tire_runs import drive, Passages, passages, steady
 
 Progress = Callable[[int, int, str], None]  # steps done, steps in all, what comes next
-Drawn = tuple[Page, Figure]
+Drawn = tuple[Section, Figure]
 
 SWEPT = (60.0, 80.0)                            # rpm, of the side with the films
 OTHERS = tuple(float(rpm) for rpm in range(20, 141, 20))  # rpm, of the other side

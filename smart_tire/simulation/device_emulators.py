@@ -40,7 +40,7 @@ class DriftingClock:
         return elapsed - round(elapsed * self._error / (1.0 + self._error))
 
 
-class WheelUnit:
+class SensorNodeEmulator:
     """
     A wheel unit: converts every ``period_us`` by its own timer, counts batches, has an address.
 
@@ -81,7 +81,7 @@ class TireRadio:
     other. A share ``loss`` of them is lost.
     """
 
-    def __init__(self, units: Mapping[str, WheelUnit], rng: np.random.Generator, *,
+    def __init__(self, units: Mapping[str, SensorNodeEmulator], rng: np.random.Generator, *,
                  delay: float = 0.005, jitter: float = 0.003, longest: float = 0.020,
                  loss: float = 0.0) -> None:
         self.units = dict(units)
@@ -129,7 +129,7 @@ class TireRadio:
         return b''.join(frames)
 
 
-def _frame(unit: WheelUnit, batch: TireBatch) -> bytes:
+def _frame(unit: SensorNodeEmulator, batch: TireBatch) -> bytes:
     packet = xbee.ReceivePacket(unit.address, unit.address & 0x7FFF, 0x01,
                                 tire_payload.encode_batch(batch))
     return xbee.encode_frame(xbee.encode_receive_packet(packet))
@@ -161,7 +161,7 @@ class ImuDevice:
         return xsens.encode_message(xsens.encode_imu(device_ns, sample, self._frames))
 
 
-class MotorBoards:
+class RoboclawEmulator:
     """
     The RoboClaws on one line: board 1 drives the front wheels, board 2 the rear, M1 is left.
 

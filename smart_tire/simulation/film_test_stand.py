@@ -27,7 +27,7 @@ MAY_BE_ZERO = ('low_corner', 'charge_noise', 'laser_noise')
 
 
 @dataclass(frozen=True, kw_only=True)
-class TestBench:
+class FilmTestStand:
     """A bench with a film in it; errors of the instruments are assumed, the paper gives none."""
 
     __test__ = False  # for pytest, which takes the name for its own

@@ -13,7 +13,7 @@ from smart_tire.models.film.signal_chain import SignalChain
 from smart_tire.models.tire import brush_tire, tread_film
 from smart_tire.parameters.simulation import SimulatorParams
 from smart_tire.samples import NS_PER_S, WHEELS
-from smart_tire.simulation.device_emulators import WheelUnit
+from smart_tire.simulation.device_emulators import SensorNodeEmulator
 from smart_tire.simulation.plant import Plant
 
 
@@ -67,7 +67,7 @@ def locate(angle: Array, place: npt.ArrayLike, radius: float) -> tuple[Array, Ar
 class FilmSampler:
     """Samples the films of one wheel when its unit does, and hands over full batches."""
 
-    def __init__(self, wheel: str, unit: WheelUnit, params: SimulatorParams,
+    def __init__(self, wheel: str, unit: SensorNodeEmulator, params: SimulatorParams,
                  rng: np.random.Generator) -> None:
         self.wheel = wheel
         self._unit, self._robot, self._rng = unit, params.robot, rng

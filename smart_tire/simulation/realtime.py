@@ -15,7 +15,7 @@ from smart_tire.errors import LinkError, ParameterError
 from smart_tire.parameters.simulation import SimulatorParams
 from smart_tire.protocol import tire_payload
 from smart_tire.samples import ImuSample, NS_PER_S
-from smart_tire.simulation.device_emulators import ImuDevice, MotorBoards, TireRadio
+from smart_tire.simulation.device_emulators import ImuDevice, RoboclawEmulator, TireRadio
 from smart_tire.simulation.films import FilmBatch
 from smart_tire.simulation.plant import STEP, STEP_NS
 from smart_tire.simulation.pty import PtyPort
@@ -47,7 +47,7 @@ class Hardware:
         rng, radio = np.random.default_rng([params.seed, DEVICE_STREAM]), params.radio
         self._imu = ImuDevice(params.protocol,
                               clock_error=rng.normal(0.0, params.errors.imu_clock))
-        self._boards = MotorBoards(params.addresses)
+        self._boards = RoboclawEmulator(params.addresses)
         self._radio = TireRadio(self._robot.units, rng, delay=radio.delay, jitter=radio.jitter,
                                 longest=radio.longest, loss=radio.loss)
         self._open(params)

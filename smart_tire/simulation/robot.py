@@ -9,7 +9,7 @@ import numpy as np
 
 from smart_tire.parameters.simulation import SimulatorParams
 from smart_tire.samples import ImuSample, NS_PER_S
-from smart_tire.simulation.device_emulators import WheelUnit
+from smart_tire.simulation.device_emulators import SensorNodeEmulator
 from smart_tire.simulation.films import FilmBatch, FilmSampler
 from smart_tire.simulation.plant import Plant, STEP_NS
 from smart_tire.simulation.sensors import InertialUnit
@@ -48,7 +48,7 @@ class Robot:
         seeds = np.random.SeedSequence(params.seed).spawn(1 + len(robot.film.wheels))
         imu_rng, *film_rngs = map(np.random.default_rng, seeds)
         self.plant = Plant(robot, params.drive, Ground(params.ground), params.start)
-        self.units = {wheel: _wheel_unit(wheel, params, rng)
+        self.units = {wheel: _sensor_node(wheel, params, rng)
                       for wheel, rng in zip(robot.film.wheels, film_rngs)}
         self._params = robot
         self._imu = InertialUnit(robot, params.errors, imu_rng)
@@ -84,9 +84,10 @@ class Robot:
         return seen
 
 
-def _wheel_unit(wheel: str, params: SimulatorParams, rng: np.random.Generator) -> WheelUnit:
+def _sensor_node(wheel: str, params: SimulatorParams,
+                 rng: np.random.Generator) -> SensorNodeEmulator:
     """Return the unit of ``wheel`` with a clock of its own."""
     period_us = round(1e6 / params.robot.film.sample_rate)
-    return WheelUnit(params.address_of()[wheel], period_us=period_us,
+    return SensorNodeEmulator(params.address_of()[wheel], period_us=period_us,
                      clock_error=rng.normal(0.0, params.radio.clock_error),
                      first_us=int(rng.integers(period_us)))

@@ -7,7 +7,7 @@ import pytest
 
 from smart_tire.analysis.smoothing import smooth, SmoothedSlip
 from smart_tire.estimation.slip.estimator import SlipEstimator
-from smart_tire.estimation.slip.rts_smoother import Smoother
+from smart_tire.estimation.slip.rts_smoother import RtsSmoother
 from smart_tire.estimation.slip.state import N, State
 from smart_tire.parameters import build, SlipEstimatorParams
 from smart_tire.samples import NS_PER_S, Odometry, TireSample
@@ -89,23 +89,23 @@ def test_slips_do_not_lag_where_wheels_are_slow_and_late():
 
 def test_biases_are_known_from_the_first_instant():
     run, _ = driven(1)
-    filtered, tape = [], Smoother(N)
+    filtered, tape = [], RtsSmoother(N)
     estimator = SlipEstimator(build(SlipEstimatorParams, {}), tape)
     for sample in run.samples:
         filtered += [e for e in estimator.update(sample) if isinstance(e, Odometry)]
     smoothed = list(tape.states())
     first, last = smoothed[0], smoothed[-1]
-    for row in (State.GYRO, State.ACCEL_X, State.ACCEL_Y):
+    for row in (State.GYRO_BIAS_Z, State.ACCEL_BIAS_X, State.ACCEL_BIAS_Y):
         assert first.P[row, row] < 2.0 * last.P[row, row]
         assert abs(first.x[row] - last.x[row]) < 3.0 * np.sqrt(first.P[row, row])
-    start = [first.x[State.GYRO] - state.seen.gyro_z for state in smoothed[:100]]
+    start = [first.x[State.GYRO_BIAS_Z] - state.seen.gyro_z for state in smoothed[:100]]
     assert abs(np.mean(start)) < 0.003  # the robot stands: all that is felt is the bias
-    assert np.sqrt(first.P[State.GYRO, State.GYRO]) < 0.1 * np.sqrt(
+    assert np.sqrt(first.P[State.GYRO_BIAS_Z, State.GYRO_BIAS_Z]) < 0.1 * np.sqrt(
         filtered[0].twist_covariance[-1])
 
 
 def test_no_variance_is_ever_larger_than_the_filters():
-    class Both(Smoother):
+    class Both(RtsSmoother):
         def __init__(self):
             super().__init__(N)
             self.filtered = []

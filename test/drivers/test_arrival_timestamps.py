@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from smart_tire.drivers.arrival_timestamps import ArrivalClock
+from smart_tire.drivers.arrival_timestamps import ArrivalTimestamps
 
 HOST_NS = 1_700_000_000_000_000_000
 JITTER = {
@@ -19,7 +19,7 @@ def errors(seed, jitter, period, seconds=8.0, damaged=0.0, lost_at=()):
     """Return the times [s] and the errors [s] of the stamps."""
     rng = np.random.default_rng(seed)
     period *= 1.0 + rng.uniform(-1e-3, 1e-3)
-    clock, missed, arrival, rows = ArrivalClock(), 0, 0.0, []
+    clock, missed, arrival, rows = ArrivalTimestamps(), 0, 0.0, []
     for count in range(round(seconds / period)):
         time = count * period
         if any(abs(time - at) < period / 2.0 for at in lost_at):

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from smart_tire.drivers.clock_sync import DeviceClock, lower_hull
+from smart_tire.drivers.clock_sync import ClockSync, lower_hull
 
 HOST_NS = 1_700_000_000_000_000_000
 DEVICE_NS = 4_000_000_000_000
@@ -46,7 +46,7 @@ def errors(clock, stream):
 
 @pytest.mark.parametrize('name', JITTER)
 def test_after_a_second_stamps_are_within_half_a_millisecond(name):
-    found = [errors(DeviceClock(), batches(seed, JITTER[name])) for seed in SEEDS]
+    found = [errors(ClockSync(), batches(seed, JITTER[name])) for seed in SEEDS]
     late = np.concatenate([error[time > 1.0] for time, error in found])
     assert math.sqrt(np.mean(late**2)) < 0.5e-3
     settled = np.concatenate([error[time > 5.0] for time, error in found])
@@ -56,7 +56,7 @@ def test_after_a_second_stamps_are_within_half_a_millisecond(name):
 @pytest.mark.parametrize('name', JITTER)
 def test_stamps_ascend_without_steps(name):
     for seed in SEEDS:
-        clock, last = DeviceClock(), None
+        clock, last = ClockSync(), None
         for device, _, arrival in batches(seed, JITTER[name]):
             clock.update(device[-1], arrival)
             for time in device:
@@ -67,19 +67,19 @@ def test_stamps_ascend_without_steps(name):
 
 
 def test_the_constant_delay_is_what_remains():
-    error = errors(DeviceClock(), batches(1, JITTER['exponential'], latency=0.005))[1]
+    error = errors(ClockSync(), batches(1, JITTER['exponential'], latency=0.005))[1]
     assert np.median(error[-1000:]) == pytest.approx(0.005, abs=0.2e-3)
 
 
 def test_without_jitter_the_stamps_are_exact():
-    time, error = errors(DeviceClock(), batches(3, lambda rng: 0.0, loss=0.0))
+    time, error = errors(ClockSync(), batches(3, lambda rng: 0.0, loss=0.0))
     assert np.abs(error[time > 1.0]).max() < 20e-6
 
 
 @pytest.mark.parametrize('drift', [-3e-3, 500e-6, 3e-3])
 def test_a_poor_oscillator_is_believed_in_the_end(drift):
     rate = 1.0 + drift
-    clock, rng = DeviceClock(), np.random.default_rng(5)
+    clock, rng = ClockSync(), np.random.default_rng(5)
     for start in range(0, 15_000_000_000, 40_000_000):
         clock.update(DEVICE_NS + start,
                      HOST_NS + round(start * rate + rng.exponential(3e-3) * 1e9))
@@ -88,7 +88,7 @@ def test_a_poor_oscillator_is_believed_in_the_end(drift):
 
 
 def test_a_device_that_starts_anew_is_followed_at_once():
-    clock = DeviceClock()
+    clock = ClockSync()
     for device, _, arrival in batches(2, JITTER['exponential'], seconds=2.0):
         clock.update(device[-1], arrival)
     assert not clock.fits(0, arrival + 1_000_000_000)
@@ -98,7 +98,7 @@ def test_a_device_that_starts_anew_is_followed_at_once():
 
 @pytest.mark.parametrize('jump', [-30_000_000_000, -1_000_000_000, 30_000_000_000])
 def test_a_host_clock_that_was_set_is_followed_at_once(jump):
-    clock = DeviceClock()
+    clock = ClockSync()
     for device, _, arrival in batches(2, JITTER['exponential'], seconds=2.0):
         clock.update(device[-1], arrival)
     arrival += jump + 40_000_000
@@ -106,7 +106,7 @@ def test_a_host_clock_that_was_set_is_followed_at_once(jump):
 
 
 def test_a_host_clock_that_was_set_forward_a_little_is_followed_in_a_few_seconds():
-    clock = DeviceClock()
+    clock = ClockSync()
     for device, true, arrival in batches(2, JITTER['exponential'], seconds=20.0):
         late = 500_000_000 if true[0] - HOST_NS > 10_000_000_000 else 0
         clock.update(device[-1], arrival + late)
@@ -114,7 +114,7 @@ def test_a_host_clock_that_was_set_forward_a_little_is_followed_in_a_few_seconds
 
 
 def test_a_pause_of_the_reader_does_not_move_the_stamps():
-    clock, worst = DeviceClock(), 0.0
+    clock, worst = ClockSync(), 0.0
     for device, host, arrival in batches(4, JITTER['exponential'], seconds=20.0, loss=0.0):
         paused = 8_000_000_000 <= arrival - HOST_NS < 10_000_000_000
         clock.update(device[-1], HOST_NS + 10_000_000_000 if paused else arrival)
@@ -125,7 +125,7 @@ def test_a_pause_of_the_reader_does_not_move_the_stamps():
 
 
 def test_a_message_told_twice_changes_nothing():
-    clock = DeviceClock()
+    clock = ClockSync()
     first = clock.update(DEVICE_NS, HOST_NS)
     assert clock.update(DEVICE_NS, HOST_NS + 5_000_000) == first
 
@@ -145,7 +145,7 @@ def test_the_hull_has_no_point_below_it():
 def test_what_was_held_up_before_the_first_reading_does_not_stay_in_the_future():
     """Half a second waits in the buffer while the reader starts, and comes all at once."""
     for seed in SEEDS:
-        clock, rows = DeviceClock(), []
+        clock, rows = ClockSync(), []
         for device, host, arrival in batches(seed, JITTER['exponential'], seconds=3.0):
             arrival = max(arrival, HOST_NS + 500_000_000)
             clock.update(device[-1], arrival)

@@ -14,7 +14,7 @@ from support.motor_rig import MotorRig
 from support.waiting import wait_for
 
 from smart_tire.control.duty_gate import DutyGate
-from smart_tire.drivers.roboclaw_pair import MotorBoards
+from smart_tire.drivers.roboclaw_pair import RoboclawPair
 from smart_tire.drivers.serial_port import open_port
 from smart_tire.parameters import build, MotorDriverParams
 from smart_tire.protocol.roboclaw import (
@@ -39,7 +39,7 @@ class Running:
                                            for key, value in parameters.items()})
         self.rig, self.samples, self.reports = rig, [], []
         self.gate = DutyGate(params.command_timeout, self.reports.append)
-        self.motors = MotorBoards(params, self.gate, self.samples.append)
+        self.motors = RoboclawPair(params, self.gate, self.samples.append)
         self.duty = None
         self.port = open_port(str(rig.path), 115200)
         self._stopping, self._quiet = threading.Event(), threading.Event()
@@ -435,7 +435,7 @@ def test_a_silent_board_is_named_with_the_time_since_it_was_read(rig):
 
 
 def test_before_the_boards_were_read_nothing_is_known_of_them():
-    motors = MotorBoards(MotorDriverParams(), DutyGate(0.25, print), print)
+    motors = RoboclawPair(MotorDriverParams(), DutyGate(0.25, print), print)
     assert math.isnan(motors.supply())
     motors._boards[0].supply = 12.0
     assert math.isnan(motors.supply())

@@ -9,7 +9,7 @@ import pytest
 import serial
 from support.waiting import wait_for
 
-from smart_tire.drivers.serial_port import open_port, pump, SerialLink
+from smart_tire.drivers.serial_port import open_port, pump, SerialPort
 from smart_tire.errors import LinkError
 
 
@@ -17,7 +17,7 @@ from smart_tire.errors import LinkError
 def link(port):
     """Return a link whose chunks and reports can be read as ``received`` and ``reports``."""
     received, reports = bytearray(), []
-    made = SerialLink(
+    made = SerialPort(
         str(port.path), 115200,
         lambda open_port, stopping: pump(open_port, stopping, lambda chunk, _: received.extend(
             chunk)), reports.append)
@@ -110,4 +110,4 @@ def test_a_link_stops_while_the_port_is_silent_or_missing(port, link):
 
 
 def test_a_link_that_was_never_started_stops():
-    SerialLink('/no/such/port', 9600, lambda port, stopping: None, lambda report: None).stop()
+    SerialPort('/no/such/port', 9600, lambda port, stopping: None, lambda report: None).stop()

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from smart_tire.drivers.tire_receiver import TireStream, TireUnit
+from smart_tire.drivers.tire_receiver import SensorNode, TireStream
 from smart_tire.protocol.tire_payload import encode_batch, SATURATED, TireBatch
 from smart_tire.protocol.xbee import encode_frame, encode_receive_packet, ReceivePacket
 from smart_tire.samples import BatterySample
@@ -48,7 +48,7 @@ def samples_of(stream, chunk, receive_ns):
 
 @pytest.fixture
 def unit():
-    return TireUnit('front_right', latency_ns=5_000_000)
+    return SensorNode('front_right', latency_ns=5_000_000)
 
 
 def test_every_conversion_gets_its_instant_and_its_volts(unit):

@@ -6,7 +6,7 @@ from rosgraph_msgs.msg import Clock
 from support.graph import node_arguments, Process
 
 from smart_tire.nodes.compat import message_class, plain
-from smart_tire.nodes.diagnostics import Status, Tally
+from smart_tire.nodes.diagnostics import InputCounter, Status
 
 
 OLD_DISTRIBUTION = """
@@ -42,13 +42,13 @@ def test_what_rcl_says_is_cut_to_what_a_user_can_use():
 
 
 def test_only_the_first_second_fourth_and_eighth_failure_are_worth_a_line():
-    tally = Tally()
+    tally = InputCounter()
     assert [count for count in range(1, 20) if tally.fail()] == [1, 2, 4, 8, 16]
     assert (tally.newly_bad(), tally.newly_bad()) == (19, 0)
 
 
 def test_ages_are_counted_from_the_last_good_one():
-    tally = Tally()
+    tally = InputCounter()
     assert tally.age(5_000_000_000) == float('inf')
     tally.good(3_000_000_000)
     tally.fail()

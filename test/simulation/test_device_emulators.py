@@ -8,7 +8,7 @@ from smart_tire.protocol import roboclaw, tire_payload, vectornav, vectornav_asc
 from smart_tire.samples import ImuSample, NS_PER_S
 from smart_tire.simulation import device_emulators
 from smart_tire.simulation.device_emulators import (
-    DriftingClock, ImuDevice, MotorBoards, TireRadio, WheelUnit)
+    DriftingClock, ImuDevice, RoboclawEmulator, SensorNodeEmulator, TireRadio)
 
 MS = 1_000_000  # ns
 CODES = tuple((500 + k, 510 - k) for k in range(16))
@@ -27,7 +27,7 @@ def test_a_clock_is_fast_by_its_error_and_can_be_inverted(error):
 
 
 def test_the_timer_in_a_batch_tells_the_true_instants_of_its_conversions():
-    unit = WheelUnit(LEFT, clock_error=40e-6, first_us=1234)
+    unit = SensorNodeEmulator(LEFT, clock_error=40e-6, first_us=1234)
     for first in (0, 16, 160_000):
         batch = unit.batch(first, CODES)
         timer = (batch.timer_us - device_emulators.START_TIMER_US) % tire_payload.TIMER_WRAP_US
@@ -37,7 +37,7 @@ def test_the_timer_in_a_batch_tells_the_true_instants_of_its_conversions():
 
 
 def test_sequence_and_timer_wrap_on_the_wire_within_a_demo_run():
-    unit = WheelUnit(LEFT)
+    unit = SensorNodeEmulator(LEFT)
     batches = [tire_payload.decode_batch(tire_payload.encode_batch(unit.batch(16 * n, CODES)))
                for n in range(1000)]  # 40 s
     for one, following in itertools.pairwise(batches):
@@ -49,7 +49,7 @@ def test_sequence_and_timer_wrap_on_the_wire_within_a_demo_run():
 
 @pytest.mark.parametrize('code, flags', [(0, 1), (1, 0), (1022, 0), (1023, 1)])
 def test_a_batch_at_the_rail_is_flagged(code, flags):
-    assert WheelUnit(LEFT).batch(0, [(512, 512), (512, code)]).flags == flags
+    assert SensorNodeEmulator(LEFT).batch(0, [(512, 512), (512, code)]).flags == flags
 
 
 # Radio
@@ -71,7 +71,7 @@ def drive(radio, batches, wheels=('front_left',), period_ns=40 * MS):
 
 
 def test_without_loss_every_batch_arrives_once_in_order_and_in_time():
-    units = {'front_left': WheelUnit(LEFT), 'front_right': WheelUnit(RIGHT)}
+    units = {'front_left': SensorNodeEmulator(LEFT), 'front_right': SensorNodeEmulator(RIGHT)}
     radio = TireRadio(units, np.random.default_rng(1), delay=0.005, jitter=0.003, longest=0.020)
     sent, arrived = drive(radio, 300, tuple(units))
     assert radio.dropped == {'front_left': 0, 'front_right': 0}
@@ -87,7 +87,7 @@ def test_without_loss_every_batch_arrives_once_in_order_and_in_time():
 
 
 def test_packets_of_a_unit_do_not_overtake_each_other_even_if_they_are_sent_at_once():
-    radio = TireRadio({'front_left': WheelUnit(LEFT)}, np.random.default_rng(2))
+    radio = TireRadio({'front_left': SensorNodeEmulator(LEFT)}, np.random.default_rng(2))
     wanted = [radio.send('front_left', 16 * n, CODES, 0) for n in range(50)]
     bodies = xbee.XBeeDeframer().feed(radio.due(NS_PER_S))
     found = [tire_payload.decode_batch(xbee.decode_receive_packet(body).data).sequence
@@ -96,7 +96,7 @@ def test_packets_of_a_unit_do_not_overtake_each_other_even_if_they_are_sent_at_o
 
 
 def test_lost_batches_are_gaps_in_the_sequence_and_counted():
-    radio = TireRadio({'front_left': WheelUnit(LEFT)}, np.random.default_rng(3), loss=0.1)
+    radio = TireRadio({'front_left': SensorNodeEmulator(LEFT)}, np.random.default_rng(3), loss=0.1)
     sent, arrived = drive(radio, 1000)
     dropped = radio.dropped['front_left']
     assert len(arrived) == 1000 - dropped
@@ -107,7 +107,8 @@ def test_lost_batches_are_gaps_in_the_sequence_and_counted():
 
 
 def test_nothing_comes_before_it_is_due_and_nothing_twice():
-    radio = TireRadio({'front_left': WheelUnit(LEFT)}, np.random.default_rng(4), jitter=0.0)
+    nodes = {'front_left': SensorNodeEmulator(LEFT)}
+    radio = TireRadio(nodes, np.random.default_rng(4), jitter=0.0)
     radio.send('front_left', 0, CODES, 40 * MS)
     assert radio.next_ns() == 45 * MS
     assert radio.due(45 * MS - 1) == b''
@@ -164,7 +165,7 @@ def ask(boards, address, command, *values, now_ns=0, counts=COUNTS):
 
 
 def test_each_board_tells_counts_and_speeds_of_its_own_wheels():
-    boards = MotorBoards((128, 129))
+    boards = RoboclawEmulator((128, 129))
     assert ask(boards, 128, roboclaw.READ_ENCODERS) == (100, 2**32 - 1)
     assert ask(boards, 129, roboclaw.READ_ENCODERS) == (3000, 5)
     assert ask(boards, 128, roboclaw.READ_SPEEDS) == (10, -21)
@@ -172,7 +173,7 @@ def test_each_board_tells_counts_and_speeds_of_its_own_wheels():
 
 
 def test_both_boards_answer_in_the_order_of_the_requests():
-    boards = MotorBoards()
+    boards = RoboclawEmulator()
     stream = (roboclaw.encode_request(129, roboclaw.READ_BATTERY)
               + roboclaw.encode_request(128, roboclaw.READ_STATUS))
     assert boards.feed(stream, 0, COUNTS, SPEEDS) == (
@@ -181,7 +182,7 @@ def test_both_boards_answer_in_the_order_of_the_requests():
 
 
 def test_counters_can_be_reset_and_set_and_count_on_from_there():
-    boards = MotorBoards()
+    boards = RoboclawEmulator()
     ask(boards, 128, roboclaw.RESET_ENCODERS)
     assert ask(boards, 128, roboclaw.READ_ENCODERS) == (0, 0)
     ask(boards, 128, roboclaw.SET_ENCODER_2, 2**32 - 1)
@@ -192,7 +193,7 @@ def test_counters_can_be_reset_and_set_and_count_on_from_there():
 
 
 def test_duties_reach_the_motors_of_the_board():
-    boards = MotorBoards()
+    boards = RoboclawEmulator()
     assert boards.duty(0) == (0.0, 0.0, 0.0, 0.0)
     ask(boards, 128, roboclaw.SET_DUTY, 32767, -32768)
     ask(boards, 129, roboclaw.SET_DUTY, 16384, 0)
@@ -200,7 +201,7 @@ def test_duties_reach_the_motors_of_the_board():
 
 
 def test_a_board_that_hears_nothing_stops_its_motors_and_needs_a_new_duty():
-    boards = MotorBoards()
+    boards = RoboclawEmulator()
     for address in (128, 129):
         ask(boards, address, roboclaw.SET_TIMEOUT, roboclaw.timeout_code(0.3))
         ask(boards, address, roboclaw.SET_DUTY, 1000, 2000)
@@ -216,7 +217,7 @@ def test_a_board_that_hears_nothing_stops_its_motors_and_needs_a_new_duty():
 
 
 def test_motors_stop_although_nobody_looks_between_the_timeout_and_the_next_question():
-    boards = MotorBoards()
+    boards = RoboclawEmulator()
     ask(boards, 128, roboclaw.SET_TIMEOUT, 1)
     ask(boards, 128, roboclaw.SET_DUTY, 1000, 1000)
     ask(boards, 128, roboclaw.READ_ENCODERS, now_ns=NS_PER_S)
@@ -224,13 +225,13 @@ def test_motors_stop_although_nobody_looks_between_the_timeout_and_the_next_ques
 
 
 def test_without_timeout_a_duty_stays():
-    boards = MotorBoards()
+    boards = RoboclawEmulator()
     ask(boards, 128, roboclaw.SET_DUTY, 1000, 1000)
     assert boards.duty(3600 * NS_PER_S)[0] == pytest.approx(1000 / 32767)
 
 
 def test_a_wrong_crc_is_neither_obeyed_nor_answered():
-    boards = MotorBoards()
+    boards = RoboclawEmulator()
     request = bytearray(roboclaw.encode_request(128, roboclaw.SET_DUTY, 1000, 1000))
     request[-1] ^= 1
     assert boards.feed(bytes(request), 0, COUNTS, SPEEDS) == b''
@@ -240,11 +241,11 @@ def test_a_wrong_crc_is_neither_obeyed_nor_answered():
 
 def test_a_request_to_nobody_is_not_answered():
     request = roboclaw.encode_request(130, roboclaw.READ_ENCODERS)
-    assert MotorBoards().feed(request, 0, COUNTS, SPEEDS) == b''
+    assert RoboclawEmulator().feed(request, 0, COUNTS, SPEEDS) == b''
 
 
 def test_a_packet_may_come_in_parts_but_not_with_a_pause():
-    boards = MotorBoards()
+    boards = RoboclawEmulator()
     request = roboclaw.encode_request(128, roboclaw.SET_DUTY, 1000, 1000)
     assert boards.feed(request[:3], 0, COUNTS, SPEEDS) == b''
     assert boards.feed(b'', 9 * MS, COUNTS, SPEEDS) == b''

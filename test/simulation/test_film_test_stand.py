@@ -10,9 +10,9 @@ import pytest
 from smart_tire.errors import ParameterError
 from smart_tire.models.film.buckling_film import FILMS
 from smart_tire.models.film.hysteresis import respond, TABLE_I, TABLE_I_GAIN
-from smart_tire.simulation.film_test_stand import ramps, sine, sines, TestBench
+from smart_tire.simulation.film_test_stand import FilmTestStand, ramps, sine, sines
 
-IDEAL = TestBench(low_corner=0.0, high_corner=1e6, charge_noise=0.0, laser_noise=0.0, bits=32)
+IDEAL = FilmTestStand(low_corner=0.0, high_corner=1e6, charge_noise=0.0, laser_noise=0.0, bits=32)
 STEP = 100  # samples
 
 
@@ -28,7 +28,7 @@ def test_without_errors_it_is_the_film():
 
 def test_the_same_seed_gives_the_same_recording_and_another_one_other_noise():
     moved = np.full(20_000, 0.003)
-    runs = [TestBench().run(moved, seed) for seed in (1, 1, 2)]
+    runs = [FilmTestStand().run(moved, seed) for seed in (1, 1, 2)]
     np.testing.assert_array_equal(runs[0].output, runs[1].output)
     assert np.any(runs[0].output != runs[2].output)
     assert (runs[0].input - moved).std() == pytest.approx(5e-6, rel=0.03)
@@ -62,7 +62,7 @@ def test_the_converter_has_steps_and_rails():
 
 def test_the_peaks_do_not_depend_on_the_frequency():
     # Fig. 6(b): 10 mm x 1 mm x 28 um, 2 mm peak amplitude, 1 to 10 Hz
-    bench = replace(TestBench(), film=FILMS['10x1'])
+    bench = replace(FilmTestStand(), film=FILMS['10x1'])
     peaks = [-bench.run(sine(0.004, frequency, 4.0, 1000.0), 3).output[-2000:].min()
              for frequency in (1.0, 2.0, 5.0, 10.0)]
     assert max(peaks) / min(peaks) < 1.05
@@ -84,12 +84,12 @@ def test_motions_go_where_they_should():
     {'low_corner': -0.1}])
 def test_a_bench_that_can_not_be_is_refused(change):
     with pytest.raises(ParameterError, match=next(iter(change))):
-        TestBench(**change)
+        FilmTestStand(**change)
 
 
 def test_motions_that_can_not_be_are_refused():
     with pytest.raises(ParameterError, match='stretched'):
-        TestBench().run(np.full(50, -1e-3), 1)
+        FilmTestStand().run(np.full(50, -1e-3), 1)
     with pytest.raises(ParameterError, match='speed is 0'):
         ramps([0.01], 0.0, 100.0)
     with pytest.raises(ParameterError, match='rate nan'):

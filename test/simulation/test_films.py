@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from smart_tire.models.tire import tread_film
 from smart_tire.parameters import build, SimulatorParams
-from smart_tire.simulation.device_emulators import WheelUnit
+from smart_tire.simulation.device_emulators import SensorNodeEmulator
 from smart_tire.simulation.films import FilmSampler, locate, Trace
 from smart_tire.simulation.truth import PassageTruth
 
@@ -49,7 +49,7 @@ class Surface:
 def new_films(seed=5, **values):
     quiet = {'film.noise': 0.0, 'errors.bending_variation': 0.0, 'errors.bumps': [0.0, 0.0]}
     params = build(SimulatorParams, {**quiet, **values})
-    films = FilmSampler('front_right', WheelUnit(1), params, np.random.default_rng(seed))
+    films = FilmSampler('front_right', SensorNodeEmulator(1), params, np.random.default_rng(seed))
     return films, PassageTruth(films, params.robot), params.robot
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 
 from smart_tire.models.film.hysteresis import TABLE_I, TABLE_I_GAIN
-from smart_tire.simulation.film_test_stand import sine, sines, TestBench
+from smart_tire.simulation.film_test_stand import FilmTestStand, sine, sines
 
 TRUE = {'alpha_gain': TABLE_I.alpha * TABLE_I_GAIN, 'a_gain': TABLE_I.a * TABLE_I_GAIN,
         'b_gain': TABLE_I.b * TABLE_I_GAIN}
@@ -15,10 +15,10 @@ RATE = 500.0  # Hz
 @lru_cache
 def several_loops(seed=1):
     """Return loops of 12, 6 and 3 mm at 2 Hz."""
-    return TestBench(rate=RATE).run(sines([0.012, 0.006, 0.003], 2.0, 4, RATE), seed)
+    return FilmTestStand(rate=RATE).run(sines([0.012, 0.006, 0.003], 2.0, 4, RATE), seed)
 
 
 @lru_cache
 def one_loop(top=0.012, frequency=5.0, seed=1):
     """Return the paper's Fig. 8, or a loop of another size."""
-    return TestBench(rate=RATE).run(sine(top, frequency, 4.0, RATE), seed)
+    return FilmTestStand(rate=RATE).run(sine(top, frequency, 4.0, RATE), seed)

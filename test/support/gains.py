@@ -7,8 +7,8 @@ import math
 import numpy as np
 from support.passages import passage, WHEEL
 
-from smart_tire.calibration.film.crossing_collector import KnownPassage
-from smart_tire.estimation.contact.trajectory_error import CourseErrors
+from smart_tire.calibration.film.crossing_collector import CrossingWithSlip
+from smart_tire.estimation.contact.trajectory_error import TrajectoryErrors
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import NS_PER_S
 
@@ -23,7 +23,7 @@ ANGLE = 4.5       # rad, of film 1
 
 def recording(rng: np.random.Generator, true: RobotParams, *, turns=TURNS, each=4,
               slip_sigma=0.006, radius_error=0.0, wheel=WHEEL, rpm=60.0,
-              films=(0, 1)) -> list[KnownPassage]:
+              films=(0, 1)) -> list[CrossingWithSlip]:
     """
     Return the passages of a wheel in ``turns`` with their slips, ``each`` of so many turns.
 
@@ -40,8 +40,8 @@ def recording(rng: np.random.Generator, true: RobotParams, *, turns=TURNS, each=
             seen = passage(
                 rng, true, slip=slip, sliding=max(1.2 * abs(slip), 0.02) / CRITICAL, rpm=rpm,
                 films=films, gain_error=0.0, scale=scale - radius_error,
-                errors=CourseErrors(COURSE))
-            found.append(KnownPassage(
+                errors=TrajectoryErrors(COURSE))
+            found.append(CrossingWithSlip(
                 wheel, round(time * NS_PER_S), 1, rpm * math.tau / 60.0 * true.wheel_radius, seen,
                 (told, slip_sigma), 0.0002, (0.0, 0.001), ANGLE))
     return found

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from smart_tire.estimation.contact.detection import Sighter
-from smart_tire.estimation.contact.records import FilmSamples, Passage
-from smart_tire.estimation.contact.trajectory_error import CourseErrors
+from smart_tire.estimation.contact.detection import CrossingDetector
+from smart_tire.estimation.contact.records import CrossingSamples, FilmSamples
+from smart_tire.estimation.contact.trajectory_error import TrajectoryErrors
 from smart_tire.models.tire import tread_film
 from smart_tire.parameters import RobotParams
 
@@ -19,8 +19,8 @@ MARGIN = 0.028  # m, before and after the contact
 def passage(rng: np.random.Generator, robot: RobotParams, *, slip: float, sliding: float,
             rpm: float = 60.0, films: tuple[int, ...] = (0, 1), gain_error: float = 0.03,
             growth: float = 0.0, spread: float | None = None, scale: float = 0.0,
-            errors: CourseErrors | None = None, other_sliding: float | None = None,
-            edge: float | None = None, bending: float = 1.0) -> Passage:
+            errors: TrajectoryErrors | None = None, other_sliding: float | None = None,
+            edge: float | None = None, bending: float = 1.0) -> CrossingSamples:
     """
     Return one passage of the wheel's films as they were sighted.
 
@@ -34,14 +34,14 @@ def passage(rng: np.random.Generator, robot: RobotParams, *, slip: float, slidin
     other = sliding if other_sliding is None else other_sliding
     samples = [_film(rng, robot, one, i, slip, (sliding, other, edge), speed, gain_error, growth,
                      spread, scale, bending) for i, one in enumerate(films)]
-    sighter = Sighter(robot)
+    sighter = CrossingDetector(robot)
     sightings = []
     for i, one in enumerate(samples):
         seen, middle = one.rail == 0, i * robot.film.spacing
         sightings.append(sighter.look(
             one.distance[seen], one.volts[seen], bending=robot.film.bending(WHEEL)[one.film],
             gain=robot.film.gains(WHEEL)[one.film], between=(middle - 0.02, middle + 0.018)))
-    return Passage(tuple(samples), tuple(sightings), 0.0, errors or CourseErrors())
+    return CrossingSamples(tuple(samples), tuple(sightings), 0.0, errors or TrajectoryErrors())
 
 
 def _film(rng: np.random.Generator, robot: RobotParams, index: int, position: int, slip: float,

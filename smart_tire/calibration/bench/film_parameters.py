@@ -18,7 +18,7 @@ from smart_tire.models.film.buckling_film import BucklingFilm
 from smart_tire.models.film.elastica import TOUCHING_STROKE
 from smart_tire.numerics.robust import noise_level
 from smart_tire.parameters.calibration_file import write_text
-from smart_tire.uncertain import Estimate
+from smart_tire.uncertain import Uncertain
 PULLED = 5.0  # of the laser's noise: a film longer than flat by more is pulled
 MOST_PULLED = 0.5  # of the samples
 POOR = 3.0    # of the noise: larger residuals come from another law
@@ -104,5 +104,5 @@ def write_params(path: Path, params: FilmParams, fit: FilmFit, notes: list[str],
     write_text(path, yaml.safe_dump(tree, sort_keys=False))
 
 
-def _entry(estimate: Estimate) -> dict[str, float | bool]:
+def _entry(estimate: Uncertain) -> dict[str, float | bool]:
     return {'value': estimate.value, 'sigma': estimate.sigma, 'determined': estimate.determined}

@@ -26,7 +26,7 @@ from smart_tire.estimation.film.denoise import DEAD_BAND
 from smart_tire.models.film.monotone_branches import (
     Branches, lasting_branches, relaxation, relaxation_at_starts)
 from smart_tire.numerics.robust import MAD_TO_SIGMA, noise_level
-from smart_tire.uncertain import Estimate
+from smart_tire.uncertain import Uncertain
 
 GRID = np.geomspace(0.03, 100.0, 24)  # of alpha K times the range of the input
 FEW = 2000           # samples that do for the coarse search
@@ -46,11 +46,11 @@ A, B, OFFSET, DRIFT, LOW_CORNER = 0, 1, 3, 4, 5  # columns of the linear part
 class FilmFit:
     """What a recording tells about a Duhem operator behind a known input v."""
 
-    alpha_gain: Estimate    # alpha K, 1 / unit of v
-    a_gain: Estimate        # a K, unit of the output / unit of v
-    b_gain: Estimate        # b K, likewise
-    low_corner: Estimate    # Hz, of the amplifier; infinite sigma where none is assumed
-    drift: Estimate         # unit of the output / s, beside what the amplifier drains
+    alpha_gain: Uncertain    # alpha K, 1 / unit of v
+    a_gain: Uncertain        # a K, unit of the output / unit of v
+    b_gain: Uncertain        # b K, likewise
+    low_corner: Uncertain    # Hz, of the amplifier; infinite sigma where none is assumed
+    drift: Uncertain         # unit of the output / s, beside what the amplifier drains
     offset: float           # output where v is zero
     covariance: Array       # (5, 5) of alpha K, a K, b K, lower corner, drift
     fitted: Array           # output (n,)
@@ -153,7 +153,7 @@ def _with(fit: FilmFit, low_corner: float, covariance: Array) -> FilmFit:
     """Return the fit with this corner, and standard errors of the covariance."""
     values = np.where(np.arange(5) == 3, low_corner, fit.values)
     alpha_gain, a_gain, b_gain, corner, drift = map(
-        Estimate, values.tolist(), np.sqrt(np.diag(covariance)).tolist())
+        Uncertain, values.tolist(), np.sqrt(np.diag(covariance)).tolist())
     return replace(fit, alpha_gain=alpha_gain, a_gain=a_gain, b_gain=b_gain, low_corner=corner,
                    drift=drift, covariance=covariance)
 
@@ -245,9 +245,9 @@ def _fit(model: _Model, output: Array, alpha_gain: float, factors: Array, weight
     drained = 2.0 * math.pi * factors[LOW_CORNER] * (model.middle - factors[OFFSET])
     values = [alpha_gain, factors[A], factors[B], factors[LOW_CORNER], factors[DRIFT] + drained]
     alpha, a, b, corner, drift = (
-        Estimate(float(value), float(error)) for value, error in zip(values, sigma))
+        Uncertain(float(value), float(error)) for value, error in zip(values, sigma))
     if not columns[:, LOW_CORNER].any():
-        corner = Estimate(0.0, math.inf)
+        corner = Uncertain(0.0, math.inf)
     return FilmFit(
         alpha, a, b, corner, drift, float(factors[OFFSET]), covariance, fitted, residual,
         weights > 0.0, correlation, span, noise_level(output))

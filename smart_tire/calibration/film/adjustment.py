@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smart_tire.arrays import Array
-from smart_tire.calibration.film.observations import Told
+from smart_tire.calibration.film.observations import GainObservation
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import NS_PER_S
 
@@ -38,7 +38,7 @@ FILM_LENGTH_SIGMA = 0.005  # relative, of film.length: a tenth of a millimetre o
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Layout:
+class ParameterIndex:
     """Where the parameters stand that all passages share."""
 
     wheels: tuple[str, ...]
@@ -79,10 +79,10 @@ class Layout:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Combination:
+class Adjustment:
     """What all passages tell together."""
 
-    layout: Layout
+    layout: ParameterIndex
     value: Array       # (n,), in the order of ``layout``
     covariance: Array  # (n, n)
     manoeuvres: int
@@ -93,12 +93,13 @@ class Combination:
         return float(self.value[index]), math.sqrt(float(self.covariance[index, index]))
 
 
-def combine(told: Sequence[Told], runs: Sequence[int], robot: RobotParams) -> Combination:
+def combine(told: Sequence[GainObservation], runs: Sequence[int], robot: RobotParams
+            ) -> Adjustment:
     """Return what passages tell together; ``runs`` says of which recording each is."""
     return _Combiner(told, runs, robot).run()
 
 
-def manoeuvres(told: Sequence[Told], runs: Sequence[int]) -> NDArray[np.intp]:
+def manoeuvres(told: Sequence[GainObservation], runs: Sequence[int]) -> NDArray[np.intp]:
     """Return for each passage the number of its manoeuvre, -1 where it tells no gains."""
     found = np.full(len(told), -1, dtype=np.intp)
     number, last = -1, None
@@ -134,9 +135,10 @@ class _Solution:
 
 
 class _Combiner:
-    def __init__(self, told: Sequence[Told], runs: Sequence[int], robot: RobotParams) -> None:
+    def __init__(self, told: Sequence[GainObservation], runs: Sequence[int],
+                 robot: RobotParams) -> None:
         self._told, self._runs = told, runs
-        self._layout = layout = Layout(robot.film.wheels, robot.film.count)
+        self._layout = layout = ParameterIndex(robot.film.wheels, robot.film.count)
         self._places = robot.film.places
         self._manoeuvre = manoeuvres(told, runs)
         self._count = int(self._manoeuvre.max(initial=-1)) + 1
@@ -191,7 +193,7 @@ class _Combiner:
         beyond = LASTING * max(sigma / abs(slip) - lasting, 0.0)
         return LASTING * lasting, math.hypot(new, beyond)
 
-    def run(self) -> Combination:
+    def run(self) -> Adjustment:
         """Solve and weigh until outliers are known."""
         size = self._layout.size
         weight, held = np.ones(len(self._told)), np.ones(self._count)
@@ -204,7 +206,7 @@ class _Combiner:
             weight = _huber(np.sqrt(squares / (freedom * excess)))
             spread = _spread(found, spread)
             held = _huber(np.abs(found.strayed) / math.sqrt(spread))
-        return Combination(self._layout, found.common[:size], found.covariance[:size, :size],
+        return Adjustment(self._layout, found.common[:size], found.covariance[:size, :size],
                            self._count, spread)
 
     def _solve(self, weight: Array, held: Array) -> _Solution:

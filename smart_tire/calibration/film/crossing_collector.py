@@ -11,13 +11,13 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 import math
 
-from smart_tire.estimation.contact.records import Passage, WheelPassage
-from smart_tire.estimation.contact.tracker import WheelFilms
+from smart_tire.estimation.contact.records import CrossingSamples, PatchCrossing
+from smart_tire.estimation.contact.tracker import ContactTracker
 from smart_tire.estimation.friction.estimator import BLOCK_NS, TOPICS
-from smart_tire.estimation.friction.motion_history import Estimate, MotionHistory
+from smart_tire.estimation.friction.motion_history import MotionHistory, ValueSigma
 from smart_tire.estimation.friction.waveform_method import (
     CHANGE_ERROR, CHANGE_NOISE, SPEED_NOISE, TRANSIENT, UNSEEN)
-from smart_tire.estimation.reorder_buffer import Gate
+from smart_tire.estimation.reorder_buffer import ReorderBuffer
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import (
     MAX_WHEEL_SPEED, NS_PER_S, TireSample, WHEELS, WheelSample, WheelSlip)
@@ -26,24 +26,24 @@ AFTER_NS = 500_000_000  # of slips behind a passage, from which its mean and slo
 
 
 @dataclass(frozen=True, slots=True)
-class KnownPassage:
+class CrossingWithSlip:
     """A passage whose films were seen, and the slip in it."""
 
     wheel: str
     stamp_ns: int
     direction: int     # +1 forward, -1 backward
     speed: float       # m/s, r |omega|
-    films: Passage
-    slip: Estimate     # -, B(3)'s lambda at the reference
+    films: CrossingSamples
+    slip: ValueSigma     # -, B(3)'s lambda at the reference
     stray: float       # -, by which it may stray from a straight line in this passage
-    change: Estimate   # -, of the slip over a contact length
+    change: ValueSigma   # -, of the slip over a contact length
     origin: float      # rad, ``wheel_states.position`` where distances are 0; NaN without
 
 
 @dataclass(frozen=True, slots=True)
 class _Found:
     wheel: str
-    passage: WheelPassage
+    passage: PatchCrossing
     origin: float
 
 
@@ -51,7 +51,7 @@ class _Found:
 class _Wheel:
     """The films of one wheel, group by group."""
 
-    films: list[WheelFilms]
+    films: list[ContactTracker]
     origin: float = math.nan
     begun: bool = False
     newest_ns: int = 0
@@ -68,13 +68,13 @@ class PassageCollector:
     _found: list[_Found] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self._gate = Gate(round(self.reorder_window * NS_PER_S))
+        self._gate = ReorderBuffer(round(self.reorder_window * NS_PER_S))
         self._resets = 0
         self._start()
 
     def _start(self) -> None:
         self._wheels_ns = 0
-        self._wheels = {wheel: _Wheel([WheelFilms(wheel, self.robot, group)
+        self._wheels = {wheel: _Wheel([ContactTracker(wheel, self.robot, group)
                                        for group in self.robot.film_groups])
                         for wheel in self.robot.film.wheels}
 
@@ -123,7 +123,7 @@ class PassageCollector:
                     if passage.samples is not None:
                         self._found.append(_Found(name, passage, wheel.origin))
 
-    def known(self, slips: Iterable[WheelSlip]) -> Iterator[KnownPassage]:
+    def known(self, slips: Iterable[WheelSlip]) -> Iterator[CrossingWithSlip]:
         """Yield the passages whose slip is among ``slips``, which come in the order of stamps."""
         waiting = sorted(self._found, key=lambda found: found.passage.end_ns, reverse=True)
         motion = MotionHistory(self.robot, 0.0)
@@ -134,7 +134,7 @@ class PassageCollector:
         while waiting:
             yield from self._known(waiting.pop(), motion)
 
-    def _known(self, found: _Found, motion: MotionHistory) -> Iterator[KnownPassage]:
+    def _known(self, found: _Found, motion: MotionHistory) -> Iterator[CrossingWithSlip]:
         passage = found.passage
         told = motion.mean(found.wheel, passage.begin_ns, passage.end_ns)
         if passage.samples is None or not math.isfinite(told.slip[0]):
@@ -144,7 +144,7 @@ class PassageCollector:
         change = told.slip_rate * patch / passage.speed
         sigma = math.hypot(CHANGE_NOISE, CHANGE_ERROR * change,
                            UNSEEN * turned * patch / passage.way)
-        yield KnownPassage(
+        yield CrossingWithSlip(
             found.wheel, passage.stamp_ns, passage.direction, passage.speed, passage.samples,
             told.slip, math.hypot(told.slip_bend, TRANSIENT * turned), (change, sigma),
             found.origin)

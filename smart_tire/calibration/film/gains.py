@@ -15,9 +15,9 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.calibration.film.adjustment import Combination, combine
-from smart_tire.calibration.film.crossing_collector import KnownPassage
-from smart_tire.calibration.film.observations import EvidenceReader, Told
+from smart_tire.calibration.film.adjustment import Adjustment, combine
+from smart_tire.calibration.film.crossing_collector import CrossingWithSlip
+from smart_tire.calibration.film.observations import EvidenceReader, GainObservation
 from smart_tire.calibration.film.results import (
     apart, bendings, FEWEST, Found, GainFit, LEAST_SLIP, middle, Results, SIGNIFICANT, WORST_PLACE)
 from smart_tire.errors import EstimatorError
@@ -29,7 +29,7 @@ SETTLED = 0.3        # standard errors, below which the next one changes nothing
 LARGEST_CHANGE = 3.0, 1.3  # factor of gains and contact length in one round
 
 
-def identify_gains(runs: Sequence[Sequence[KnownPassage]], robot: RobotParams) -> GainFit:
+def identify_gains(runs: Sequence[Sequence[CrossingWithSlip]], robot: RobotParams) -> GainFit:
     """
     Return what the passages of one or more recordings tell together.
 
@@ -52,8 +52,8 @@ def _unfolded(robot: RobotParams) -> RobotParams:
                                        bending_peak=tuple(bending)))
 
 
-def _settle(runs: Sequence[Sequence[KnownPassage]],
-            robot: RobotParams) -> tuple[list[Told], list[int], Found]:
+def _settle(runs: Sequence[Sequence[CrossingWithSlip]],
+            robot: RobotParams) -> tuple[list[GainObservation], list[int], Found]:
     """Fit all passages until what they have in common stays the same."""
     groups, near = robot.film_groups, False
     for _ in range(MOST_ROUNDS):
@@ -75,12 +75,12 @@ def _settle(runs: Sequence[Sequence[KnownPassage]],
     return told, run, found
 
 
-def _tells(known: KnownPassage) -> bool:
+def _tells(known: CrossingWithSlip) -> bool:
     slip, sigma = known.slip
     return abs(slip) > max(LEAST_SLIP, SIGNIFICANT * sigma)
 
 
-def _moved(found: Found, told: Sequence[Told]) -> RobotParams:
+def _moved(found: Found, told: Sequence[GainObservation]) -> RobotParams:
     """Return the robot with what was found, as far as it can be."""
     robot, result = found.robot, found.result
     film, layout = robot.film, result.layout
@@ -101,7 +101,7 @@ def _moved(found: Found, told: Sequence[Told]) -> RobotParams:
         robot.tire, contact_length=length * robot.tire.contact_length))
 
 
-def _factors(result: Combination) -> Array:
+def _factors(result: Adjustment) -> Array:
     """Return gains over the nominal ones."""
     factors: Array = 1.0 + result.value[:result.layout.length]
     return factors

@@ -17,7 +17,7 @@ import numpy as np
 from smart_tire.arrays import Array
 from smart_tire.errors import EstimatorError
 from smart_tire.numerics.robust import MAD_TO_SIGMA
-from smart_tire.uncertain import Estimate
+from smart_tire.uncertain import Uncertain
 
 
 FEWEST = 3             # passages
@@ -27,7 +27,7 @@ LEAST_SCATTER = 1e-3   # rad, below which passages do not scatter; a tenth of a 
 OUTLIER = 3.0          # scatters, beyond which a passage does not count
 
 
-def film_angle(angles: Sequence[float], speeds: Sequence[float]) -> Estimate:
+def film_angle(angles: Sequence[float], speeds: Sequence[float]) -> Uncertain:
     """
     Return the angle [rad], 0 to 2 pi, of which ``angles`` are readings at ``speeds`` [rad/s].
 
@@ -49,7 +49,7 @@ def film_angle(angles: Sequence[float], speeds: Sequence[float]) -> Estimate:
     normal = slopes @ slopes.T / scatter ** 2 + np.diag([0.0, LATENESS_SIGMA ** -2])
     covariance = np.linalg.inv(normal)
     angle = float((covariance @ (slopes @ off[near]))[0]) / scatter ** 2
-    return Estimate((first + angle) % math.tau, math.sqrt(float(covariance[0, 0])))
+    return Uncertain((first + angle) % math.tau, math.sqrt(float(covariance[0, 0])))
 
 
 def _commonest(angles: Array) -> float:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smart_tire.arrays import Array
-from smart_tire.calibration.film.crossing_collector import KnownPassage
+from smart_tire.calibration.film.crossing_collector import CrossingWithSlip
 from smart_tire.estimation.friction.waveform_fit import (
     ALPHA_SIGMA, SlipKnowledge, WaveformFit, WaveformFitter)
 from smart_tire.estimation.friction.waveform_model import Own, own, Shared
@@ -33,7 +33,7 @@ LEAST_INFORMATION = 1e-9  # relative eigenvalue: a prior that was taken out agai
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Told:
+class GainObservation:
     """
     What a passage tells, in ``value`` with its ``precision`` and without any prior.
 
@@ -42,7 +42,7 @@ class Told:
     on the circumference of the films behind the first that was seen, from that one.
     """
 
-    known: KnownPassage
+    known: CrossingWithSlip
     films: tuple[int, ...]  # indices, of those that were seen
     gains: bool
     value: Array      # (k,)
@@ -64,7 +64,7 @@ class EvidenceReader:
             robot, film.gains(wheel), film.bending(wheel), gain_sigma=self._sigmas[0],
             length_sigma=self._sigmas[1]) for wheel in film.wheels}
 
-    def read(self, known: KnownPassage, *, gains: bool) -> Told | None:
+    def read(self, known: CrossingWithSlip, *, gains: bool) -> GainObservation | None:
         """
         Return what a passage tells, None if it is not understood.
 
@@ -87,13 +87,13 @@ class EvidenceReader:
         estimate = value + np.linalg.solve(precision, prior * value)
         scale = passage.errors.scale
         by_scale = rows @ raw[:, Shared.SCALE] / scale ** 2 if scale else np.zeros(len(value))
-        return Told(
+        return GainObservation(
             known, tuple(one.film for one in passage.films), gains, estimate,
             precision / (fit.excess * (1.0 + (known.stray / STRAYED) ** 2)), by_scale,
             tuple(fit.own(i, Own.BENDING)[0] for i in range(count)),
             known.direction * fit.own(0, Own.PLACE)[0], fit)
 
-    def volts(self, told: Told) -> list[Array]:
+    def volts(self, told: GainObservation) -> list[Array]:
         """Return what the fit says of each sample [V] above rest, film by film."""
         return self._fitters[told.known.wheel].volts(told.fit)
 

@@ -9,13 +9,13 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.calibration.film.adjustment import Combination
+from smart_tire.calibration.film.adjustment import Adjustment
 from smart_tire.calibration.film.mounting_angle import film_angle
-from smart_tire.calibration.film.observations import EvidenceReader, Told
+from smart_tire.calibration.film.observations import EvidenceReader, GainObservation
 from smart_tire.errors import EstimatorError
 from smart_tire.numerics.robust import MAD_TO_SIGMA
 from smart_tire.parameters import RobotParams
-from smart_tire.uncertain import Estimate, weighted_mean
+from smart_tire.uncertain import Uncertain, weighted_mean
 
 
 LEAST_SLIP = 0.03    # -, below which the stretch of a passage is lost in that of the bending
@@ -32,9 +32,9 @@ class FilmTold:
 
     wheel: str
     film: int                # index, 0 for film 1
-    gain: Estimate | None    # V/m, film.stretch_gain; None where it was refused
-    per_slip: Estimate | None  # V per unit of slip, see ``volts_per_slip``
-    bending: Estimate        # V, film.bending_peak: mean, and its own standard error
+    gain: Uncertain | None    # V/m, film.stretch_gain; None where it was refused
+    per_slip: Uncertain | None  # V per unit of slip, see ``volts_per_slip``
+    bending: Uncertain        # V, film.bending_peak: mean, and its own standard error
     slip: Array              # (n,) -, of the slip estimator ...
     slip_sigma: Array        # (n,)
     stretch: Array           # (n,) V, ... and by what ``per_slip`` times slip should be, as seen
@@ -60,9 +60,9 @@ class GainFit:
     robot: RobotParams  # with all that was found
     films: list[FilmTold] = field(default_factory=list)
     refused: dict[str, str] = field(default_factory=dict)
-    length: Estimate | None = None  # m, of the contact
-    places: dict[int, Estimate] = field(default_factory=dict)  # m, film index -> from film 1
-    angles: dict[tuple[int, str], Estimate] = field(default_factory=dict)  # run, wheel -> rad
+    length: Uncertain | None = None  # m, of the contact
+    places: dict[int, Uncertain] = field(default_factory=dict)  # m, film index -> from film 1
+    angles: dict[tuple[int, str], Uncertain] = field(default_factory=dict)  # run, wheel -> rad
     passages: int = 0    # that were understood ...
     telling: int = 0     # ... those that tell gains ...
     manoeuvres: int = 0  # ... and in how many stretches of like slip
@@ -88,13 +88,13 @@ class Found:
     robot: RobotParams   # to which ``result`` is relative
     groups: list[tuple[int, ...]]  # of films that pass together
     reader: EvidenceReader
-    result: Combination
+    result: Adjustment
 
 
 class Results:
     """From what passages have in common to what is told, and what is not."""
 
-    def __init__(self, fit: GainFit, told: Sequence[Told], runs: Sequence[int],
+    def __init__(self, fit: GainFit, told: Sequence[GainObservation], runs: Sequence[int],
                  found: Found) -> None:
         self._fit, self._told, self._runs, self._groups = fit, told, runs, found.groups
         self._robot, self._reader, self._result = found.robot, found.reader, found.result
@@ -115,7 +115,7 @@ class Results:
         value, sigma = self._result.estimate(layout.length)
         length = self._robot.tire.contact_length * math.exp(value)
         if sigma < WORST:
-            fit.length = Estimate(length, sigma * length)
+            fit.length = Uncertain(length, sigma * length)
         else:
             fit.refused['contact length'] = _too_wide(sigma)
 
@@ -130,7 +130,7 @@ class Results:
         index = self._layout.gain(wheel, film)
         value, sigma = self._result.estimate(index)
         nominal = self._robot.film.gains(wheel)[film]
-        gain = Estimate(nominal * (1.0 + value), nominal * sigma)
+        gain = Uncertain(nominal * (1.0 + value), nominal * sigma)
         why = _untold(all_seen, telling, gain)
         if why:
             self._fit.refused[name] = why
@@ -139,7 +139,7 @@ class Results:
             wheel, film, None if why else gain, None if why else self._per_slip(gain, index),
             middle(bendings(self._told, wheel, film)), *arms))
 
-    def _per_slip(self, gain: Estimate, index: int) -> Estimate:
+    def _per_slip(self, gain: Uncertain, index: int) -> Uncertain:
         """Return the volts per unit of slip with what gain and contact length leave open."""
         robot, length = self._robot, self._layout.length
         film, patch = robot.film.length, robot.tire.contact_length * math.exp(
@@ -148,9 +148,9 @@ class Results:
         slopes = np.array([1.0, 0.5 * film / patch / (1.0 - 0.5 * film / patch)
                            if film < patch else 0.0])
         covariance = self._result.covariance[np.ix_([index, length], [index, length])]
-        return Estimate(value, value * math.sqrt(float(slopes @ covariance @ slopes)))
+        return Uncertain(value, value * math.sqrt(float(slopes @ covariance @ slopes)))
 
-    def _stretch(self, one: Told, film: int) -> tuple[float, float, float, float]:
+    def _stretch(self, one: GainObservation, film: int) -> tuple[float, float, float, float]:
         """Return slip, its sigma, and the stretch voltage with the sigma of the film alone."""
         layout, i, shared = self._layout, one.films.index(film), len(one.films)
         others = np.zeros(len(one.value))
@@ -173,7 +173,7 @@ class Results:
                 except EstimatorError as error:
                     self._fit.refused[f'angle of film 1, {wheel}'] = str(error)
 
-    def _angle(self, run: int, wheel: str) -> Estimate:
+    def _angle(self, run: int, wheel: str) -> Uncertain:
         """Return the angle of film 1; EstimatorError."""
         seen = self._seen(run, wheel, 0)
         found = film_angle([angle for _, angle, _ in seen], [speed for _, _, speed in seen])
@@ -196,7 +196,7 @@ class Results:
         """Tell places within groups from single passages, between groups from their angles."""
         robot = self._robot
         for number, group in enumerate(self._groups):
-            begin = Estimate(0.0, 0.0)
+            begin = Uncertain(0.0, 0.0)
             if number:
                 try:
                     begin = self._between(number)
@@ -211,10 +211,10 @@ class Results:
                         f'never seen together with film {group[0] + 1} in a passage')
                     continue
                 inside = robot.film.places[film] - robot.film.places[group[0]]
-                self._fit.places[film] = Estimate(
+                self._fit.places[film] = Uncertain(
                     begin.value + inside + off.value, math.hypot(begin.sigma, off.sigma))
 
-    def _between(self, group: int) -> Estimate:
+    def _between(self, group: int) -> Uncertain:
         """Return how far [m] a group's first film is from film 1; EstimatorError."""
         radius, parts = self._robot.wheel_radius, []
         for run, wheel in self._fit.angles:
@@ -224,7 +224,7 @@ class Results:
                      for one in self._seen(run, wheel, group)]
             apart = film_angle([one[1] - first[1] for one, first in pairs],
                                [one[2] - first[2] for one, first in pairs])
-            parts.append(Estimate(radius * apart.value, radius * apart.sigma))
+            parts.append(Uncertain(radius * apart.value, radius * apart.sigma))
         if not parts:
             raise EstimatorError('needs the angle of film 1')
         mean = weighted_mean(parts)
@@ -252,7 +252,8 @@ def _too_wide(sigma: float) -> str:
     return f'standard error of {sigma:.0%}, expected at most {WORST:.0%}'
 
 
-def _untold(seen: Sequence[Told], telling: Sequence[Told], gain: Estimate) -> str:
+def _untold(seen: Sequence[GainObservation], telling: Sequence[GainObservation],
+            gain: Uncertain) -> str:
     """Return why a gain is refused, '' where it is not."""
     if len(telling) < FEWEST:
         slip, sigma = max((one.known.slip for one in seen), key=lambda slip: abs(slip[0]))
@@ -268,23 +269,23 @@ def _untold(seen: Sequence[Told], telling: Sequence[Told], gain: Estimate) -> st
     return ''
 
 
-def bendings(told: Sequence[Told], wheel: str, film: int) -> list[float]:
+def bendings(told: Sequence[GainObservation], wheel: str, film: int) -> list[float]:
     return [one.bending[one.films.index(film)] for one in told
             if one.known.wheel == wheel and film in one.films]
 
 
-def middle(values: Sequence[float]) -> Estimate:
+def middle(values: Sequence[float]) -> Uncertain:
     """Return the mean with its standard error; values far off count as if they were nearer."""
     median = float(np.median(values))
     spread = MAD_TO_SIGMA * float(np.median(np.abs(np.asarray(values) - median)))
     near = np.clip(values, median - OUTLIER * spread, median + OUTLIER * spread)
-    return Estimate(float(np.mean(near)), float(np.std(near, ddof=1)) / math.sqrt(len(near))
+    return Uncertain(float(np.mean(near)), float(np.std(near, ddof=1)) / math.sqrt(len(near))
                     if len(near) > 1 else math.inf)
 
 
-def apart(result: Combination, film: int, first: int) -> Estimate:
+def apart(result: Adjustment, film: int, first: int) -> Uncertain:
     """Return the place of a film beyond the nominal one [m], seen from another."""
     both = [result.layout.place(film), result.layout.place(first)]
     variance = np.array([1.0, -1.0]) @ result.covariance[np.ix_(both, both)] @ [1.0, -1.0]
-    return Estimate(float(result.value[both[0]] - result.value[both[1]]),
+    return Uncertain(float(result.value[both[0]] - result.value[both[1]]),
                     math.sqrt(max(float(variance), 0.0)))

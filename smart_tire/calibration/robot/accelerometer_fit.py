@@ -25,7 +25,7 @@ from smart_tire.calibration.robot.wheel_latency import (
 from smart_tire.errors import EstimatorError
 from smart_tire.numerics.delay_regression import DelayFit, fit_delay, Problem, Rows
 from smart_tire.parameters import RobotParams
-from smart_tire.uncertain import Estimate
+from smart_tire.uncertain import Uncertain
 
 
 CHANGE = 1.0    # s over which changes are taken: as long as a robot takes to change its speed
@@ -37,8 +37,8 @@ RADIUS, LAG = 0, 1  # coefficients
 class SpeedFit:
     """What changes of the wheels' mean speed against the accelerometer tell."""
 
-    latency: Estimate  # s
-    radius: Estimate   # m, mean of the sides
+    latency: Uncertain  # s
+    radius: Uncertain   # m, mean of the sides
     time: Array        # (n,) s, between neighbouring stretches
     gained: Array      # (n,) m/s, by the accelerometer, moved by the latency, without its bias
     rolled: Array      # (n,) m/s, by the wheels, without what they slip
@@ -48,12 +48,12 @@ def fit_speed_changes(recording: Recording, robot: RobotParams) -> SpeedFit:
     """Return latency and radius; raise EstimatorError with the reason where they do not show."""
     changes = _Changes(recording, robot)
     fit = fit_delay(changes.problem(), delay_grid(recording))
-    latency = Estimate(fit.delay, math.hypot(fit.sigma, changes.lag(fit)))
+    latency = Uncertain(fit.delay, math.hypot(fit.sigma, changes.lag(fit)))
     if not latency.sigma <= LATENCY_LIMIT:
         raise EstimatorError(f'standard error of {latency.sigma:.2g} s, expected at most '
                              f'{LATENCY_LIMIT:g} s: the speed hardly changes')
-    share = Estimate(float(fit.coefficients[RADIUS]), fit.coefficient_sigma(RADIUS))
-    radius = Estimate(robot.wheel_radius * share.value, robot.wheel_radius * math.hypot(
+    share = Uncertain(float(fit.coefficients[RADIUS]), fit.coefficient_sigma(RADIUS))
+    radius = Uncertain(robot.wheel_radius * share.value, robot.wheel_radius * math.hypot(
         share.sigma, LEANING * share.value))
     rows = changes.rows(fit.delay)
     known = rows.matrix[:, RADIUS + 1:] @ fit.coefficients[RADIUS + 1:]

@@ -18,7 +18,7 @@ from smart_tire.errors import EstimatorError
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.calibration_file import Identified
 from smart_tire.rotation import angles, matrix
-from smart_tire.uncertain import Estimate, weighted_mean
+from smart_tire.uncertain import Uncertain, weighted_mean
 
 LATENCY, JITTER, TRACK = 'wheel latency', 'stamp jitter', 'effective track'
 RADIUS, GYRO_SCALE, REST = 'rolling radius', 'gyro scale', 'inertial unit'
@@ -34,7 +34,7 @@ class Quantity:
     """One line of what was found."""
 
     name: str
-    estimate: Estimate
+    estimate: Uncertain
     unit: str
     note: str = ''
     parameter: str = ''  # that takes the value, '' where there is none
@@ -50,11 +50,11 @@ class Geometry:
     speeds: SpeedFit | None = None
     ways: WayFit | None = None
 
-    def get(self, name: str) -> Estimate | None:
+    def get(self, name: str) -> Uncertain | None:
         """Return the estimate of the quantity ``name``, None if it was refused."""
         return next((item.estimate for item in self.quantities if item.name == name), None)
 
-    def add(self, name: str, estimate: Estimate, unit: str, note: str = '',
+    def add(self, name: str, estimate: Uncertain, unit: str, note: str = '',
             parameter: str = '') -> None:
         """Append a quantity."""
         self.quantities.append(Quantity(name, estimate, unit, note, parameter))
@@ -121,13 +121,13 @@ def _add_radius(found: Geometry, recording: Recording, robot: RobotParams,
         sigma = math.hypot(radius.sigma, 0.5 * radius.value * unlike.sigma)
         for side, sign in (('left', -1.0), ('right', 1.0)):
             value = radius.value * (1.0 + 0.5 * sign * unlike.value)
-            found.add(f'{RADIUS}, {side}', Estimate(value, sigma), 'm')
+            found.add(f'{RADIUS}, {side}', Uncertain(value, sigma), 'm')
 
 
 def _ways(found: Geometry, recording: Recording, robot: RobotParams,
           gyro: GyroCheck | None) -> WayFit:
     poses = usable_reference(recording)
-    latency = found.get(LATENCY) or Estimate(robot.encoder.latency, math.inf)
+    latency = found.get(LATENCY) or Uncertain(robot.encoder.latency, math.inf)
     ahead = gyro.latency.value if gyro is not None else 0.0
     turn_slip = TURN_SLIP
     if found.turns is not None:
@@ -142,8 +142,8 @@ def _add_track(found: Geometry, robot: RobotParams) -> None:
         found.refused[TRACK] = f'as little as the latency by turns ({LATENCY})'
         return
     slope = found.turns.slope
-    radius = found.get(RADIUS) or Estimate(robot.wheel_radius, 0.0)
-    track = Estimate(slope.value * radius.value, math.hypot(
+    radius = found.get(RADIUS) or Uncertain(robot.wheel_radius, 0.0)
+    track = Uncertain(slope.value * radius.value, math.hypot(
         slope.sigma * radius.value, slope.value * radius.sigma))
     if track.sigma > TRACK_LIMIT * track.value:
         found.refused[TRACK] = (f'standard error of {track.sigma / track.value:.0%}, expected at '

@@ -10,7 +10,7 @@ from smart_tire.arrays import Array
 from smart_tire.calibration.recording import PoseRecord, Recording, Signal
 from smart_tire.errors import EstimatorError
 from smart_tire.numerics.delay_regression import fit_delay, Problem, Rows
-from smart_tire.uncertain import Estimate
+from smart_tire.uncertain import Uncertain
 
 
 STRETCH = 1.0        # s over which yaw is taken: as long as a turn, against noise of the poses
@@ -26,8 +26,8 @@ SCALE_LIMIT = 0.05   # standard error above which a scale is not told
 class GyroCheck:
     """The gyro against the reference."""
 
-    scale: Estimate    # what the gyro reads over the true rate
-    latency: Estimate  # s, how late the stamps of the reference are against the gyro
+    scale: Uncertain    # what the gyro reads over the true rate
+    latency: Uncertain  # s, how late the stamps of the reference are against the gyro
 
 
 def check_gyro(recording: Recording) -> GyroCheck:
@@ -49,11 +49,11 @@ def check_gyro(recording: Recording) -> GyroCheck:
 
     fit = fit_delay(Problem(rows, lambda delay: np.zeros(len(end)), end, np.zeros(2),
                             np.full(2, np.inf)), np.arange(-REACH, REACH + STEP, STEP))
-    scale = Estimate(float(fit.coefficients[0]), fit.coefficient_sigma(0))
+    scale = Uncertain(float(fit.coefficients[0]), fit.coefficient_sigma(0))
     if scale.sigma > SCALE_LIMIT:
         raise EstimatorError(f'standard error of {scale.sigma:.2g}, expected at most '
                              f'{SCALE_LIMIT:g}: the robot hardly turns')
-    return GyroCheck(scale, Estimate(fit.delay, fit.sigma))
+    return GyroCheck(scale, Uncertain(fit.delay, fit.sigma))
 
 
 def usable_reference(recording: Recording) -> PoseRecord:

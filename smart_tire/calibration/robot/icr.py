@@ -29,7 +29,7 @@ from smart_tire.errors import EstimatorError
 from smart_tire.numerics.delay_regression import noise_beside, sandwich
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.calibration_file import Identified
-from smart_tire.uncertain import Estimate, weighted_mean
+from smart_tire.uncertain import Uncertain, weighted_mean
 
 
 STRETCH = 0.5       # s over which a reference's way is taken: shorter than a turn
@@ -50,7 +50,7 @@ HUBER, ROUNDS = 2.0, 8  # sigmas, and rounds of reweighting
 class IcrFit:
     """S over the run, and turn by turn."""
 
-    icr: Estimate         # m, in base_link
+    icr: Uncertain         # m, in base_link
     source: str           # what it comes from
     spread: float         # m, standard deviation from turn to turn, beyond the errors
     turn_time: Array      # (k,) s, middles of the turns
@@ -185,7 +185,7 @@ def _fit(rows: _Rows, turns: list[tuple[float, float]], robot: RobotParams) -> I
         raise EstimatorError(f'{rows.source}: {int(chosen.sum())} stretches in turns')
     matrix, wanted = rows.matrix[chosen], rows.wanted[chosen]
     coefficients, sigma, size = _regression(rows, matrix, wanted, chosen)
-    icr = Estimate(float(coefficients[0]), math.hypot(sigma, rows.lasting))
+    icr = Uncertain(float(coefficients[0]), math.hypot(sigma, rows.lasting))
     limit = ICR_LIMIT * robot.wheelbase
     if not icr.sigma <= limit:
         raise EstimatorError(f'{rows.source}: standard error of {icr.sigma:.2g} m, expected at '

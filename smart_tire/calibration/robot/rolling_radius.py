@@ -29,7 +29,7 @@ from smart_tire.errors import EstimatorError
 from smart_tire.numerics.delay_regression import noise_beside, sandwich
 from smart_tire.numerics.robust import noise_level
 from smart_tire.parameters import RobotParams
-from smart_tire.uncertain import Estimate
+from smart_tire.uncertain import Uncertain
 
 
 STRETCH = 2.0        # s of motion that make a stretch: several lengths of a robot
@@ -50,7 +50,7 @@ ROUNDS = 8           # of reweighting
 class WayFit:
     """The rolling radius and the stretches that tell it."""
 
-    radius: Estimate   # m, mean of both sides
+    radius: Uncertain   # m, mean of both sides
     time: Array        # (n,) s, middles of the stretches by the stamps of the wheels
     rolled: Array      # (n,) m, of the wheels with that radius, without what they slid
     way: Array         # (n,) m, of the reference along its heading
@@ -93,12 +93,12 @@ def fit_radius(wheels: WheelRecord, reference: PoseRecord, latency: float,
     doubt = np.linalg.norm([TURN_SLIP * lost, SLIP * ways.way, np.full(
         len(lost), math.sqrt(2.0) * _noise(reference))], axis=0)
     coefficients, covariance = _regression(matrix, ways, doubt, mean, prior)
-    found = Estimate(float(coefficients[0]), float(np.sqrt(covariance[0, 0])))
+    found = Uncertain(float(coefficients[0]), float(np.sqrt(covariance[0, 0])))
     _check(found)
     return WayFit(found, 0.5 * (ways.begin + ways.end), matrix @ coefficients, ways.way)
 
 
-def _check(radius: Estimate) -> None:
+def _check(radius: Uncertain) -> None:
     if not radius.value > 0.0:
         raise EstimatorError('the reference moves against the wheels')
     if radius.sigma > RADIUS_LIMIT * radius.value:

@@ -21,7 +21,7 @@ from smart_tire.errors import EstimatorError
 from smart_tire.estimation.slip.zero_velocity import NOISE_FACTOR, SETTLED, STILL_WHEEL
 from smart_tire.models.vehicle.skid_steer import GRAVITY
 from smart_tire.parameters import RobotParams
-from smart_tire.uncertain import Estimate
+from smart_tire.uncertain import Uncertain
 
 
 BEFORE_MOTION = 0.5  # s before the wheels are seen to move: they may be late
@@ -39,11 +39,11 @@ class RestFit:
 
     seconds: float             # of rest
     places: int                # rests with motion between them
-    gyro_bias: list[Estimate]  # rad/s, about x, y, z
-    roll: Estimate             # rad, of the mounting beyond what the parameters say
-    pitch: Estimate            # rad
-    gyro_noise: Estimate       # rad/s, of a reading about z
-    accel_noise: Estimate      # m/s2, of a reading along x and y
+    gyro_bias: list[Uncertain]  # rad/s, about x, y, z
+    roll: Uncertain             # rad, of the mounting beyond what the parameters say
+    pitch: Uncertain            # rad
+    gyro_noise: Uncertain       # rad/s, of a reading about z
+    accel_noise: Uncertain      # m/s2, of a reading along x and y
     repeated: float            # share of readings that only repeat the one before
 
 
@@ -69,7 +69,7 @@ def fit_rest(recording: Recording, robot: RobotParams) -> RestFit:
     tilts = np.array([_tilt(_mean(windows, 'force', place)) for place in places])
     slope = float(tilts.std(axis=0, ddof=1).max()) if len(places) >= ENOUGH else SLOPE
     sigma = math.hypot(robot.imu.accel_bias / GRAVITY, slope / math.sqrt(len(places)))
-    roll, pitch = (Estimate(float(value), sigma) for value in tilts.mean(axis=0))
+    roll, pitch = (Uncertain(float(value), sigma) for value in tilts.mean(axis=0))
     return RestFit(WINDOW * len(windows), len(places), _biases(windows, places), roll, pitch,
                    gyro, accel, float(1.0 - fresh.mean()))
 
@@ -107,13 +107,13 @@ def _quiet(windows: list[_Window]) -> list[_Window]:
     return [window for window, calm in zip(windows, (spread <= limit).all(axis=1)) if calm]
 
 
-def _noise(windows: list[_Window], name: str, axes: list[int]) -> Estimate:
+def _noise(windows: list[_Window], name: str, axes: list[int]) -> Uncertain:
     """Return the standard deviation of a reading along ``axes``."""
     values = [getattr(window, name)[:, axes] for window in windows]
     freedom = sum(value.size - len(axes) for value in values)
     squares = sum(float(np.sum((value - value.mean(axis=0)) ** 2)) for value in values)
     noise = math.sqrt(squares / freedom)
-    return Estimate(noise, noise / math.sqrt(2.0 * freedom))
+    return Uncertain(noise, noise / math.sqrt(2.0 * freedom))
 
 
 def _mean(windows: list[_Window], name: str, place: int) -> Array:
@@ -121,7 +121,7 @@ def _mean(windows: list[_Window], name: str, place: int) -> Array:
                     if window.place == place], axis=0)
 
 
-def _biases(windows: list[_Window], places: list[int]) -> list[Estimate]:
+def _biases(windows: list[_Window], places: list[int]) -> list[Uncertain]:
     """Return the gyro's biases; their errors have noise and what changes from rest to rest."""
     means = np.array([window.rate.mean(axis=0) for window in windows])
     count = sum(len(window.rate) for window in windows)
@@ -131,7 +131,7 @@ def _biases(windows: list[_Window], places: list[int]) -> list[Estimate]:
     if len(places) >= ENOUGH:
         rested = np.array([_mean(windows, 'rate', place) for place in places])
         error = np.maximum(error, rested.std(axis=0, ddof=1) / math.sqrt(len(places)))
-    return [Estimate(float(mean), float(sigma)) for mean, sigma in zip(means.mean(axis=0), error)]
+    return [Uncertain(float(mean), float(sigma)) for mean, sigma in zip(means.mean(axis=0), error)]
 
 
 def _tilt(force: Array) -> tuple[float, float]:

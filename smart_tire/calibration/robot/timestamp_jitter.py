@@ -17,7 +17,7 @@ from smart_tire.errors import EstimatorError
 from smart_tire.numerics.robust import MAD_TO_SIGMA
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import LEFT, RIGHT
-from smart_tire.uncertain import Estimate
+from smart_tire.uncertain import Uncertain
 
 
 # Savitzky and Golay, five readings: what remains of the middle one beside a parabola, and slope.
@@ -31,7 +31,7 @@ FEW = 30             # readings, below which their scatter tells nothing
 SIGNIFICANT = 3.0    # sigmas
 
 
-def fit_jitter(wheels: WheelRecord, robot: RobotParams) -> Estimate:
+def fit_jitter(wheels: WheelRecord, robot: RobotParams) -> Uncertain:
     """Return the standard deviation of a stamp [s]; EstimatorError where it does not show."""
     if wheels.position is None:
         raise EstimatorError('wheel_states have no positions')
@@ -61,7 +61,7 @@ def _filtered(values: Array, kernel: Array) -> Array:
     return np.asarray(np.convolve(values, kernel[::-1], 'valid'))
 
 
-def _shared(errors: Array) -> Estimate:
+def _shared(errors: Array) -> Uncertain:
     """Return the standard deviation of what two columns of errors (n, 2) share."""
     both, apart = (MAD_TO_SIGMA * np.median(np.abs(errors @ sign)) for sign in ((1, 1), (1, -1)))
     variance = float(both ** 2 - apart ** 2) / 4.0 / KEPT
@@ -70,4 +70,4 @@ def _shared(errors: Array) -> Estimate:
     if variance < SIGNIFICANT * doubt:
         limit = math.sqrt(max(variance, 0.0) + SIGNIFICANT * doubt)
         raise EstimatorError(f'the speeds fluctuate more than the stamps (below {limit:.2g} s)')
-    return Estimate(math.sqrt(variance), 0.5 * doubt / math.sqrt(variance))
+    return Uncertain(math.sqrt(variance), 0.5 * doubt / math.sqrt(variance))

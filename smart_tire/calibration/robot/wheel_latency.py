@@ -24,7 +24,7 @@ from smart_tire.errors import EstimatorError
 from smart_tire.numerics.delay_regression import (
     DelayFit, fit_delay, noise_beside, Problem, Rows, sandwich)
 from smart_tire.parameters import RobotParams
-from smart_tire.uncertain import Estimate
+from smart_tire.uncertain import Uncertain
 
 
 SHORTEST = 0.15        # s; within less robots hardly change how they turn, and noise prevails
@@ -44,9 +44,9 @@ SLOPE, LAG, HELD, UNLIKE, OFFSET = range(5)  # coefficients
 class TurnFit:
     """What the wheels' difference against the gyro tells, and what it looks like."""
 
-    latency: Estimate    # s
-    slope: Estimate      # rad of the wheels' difference per rad of yaw: track over radius
-    unlike: Estimate     # (r_R - r_L) / r
+    latency: Uncertain    # s
+    slope: Uncertain      # rad of the wheels' difference per rad of yaw: track over radius
+    unlike: Uncertain     # (r_R - r_L) / r
     time: Array          # (n,) s, middles of the stretches by the stamps
     turning: Array       # (n,) rad/s, gyro, moved by the latency, without bias and lag
     difference: Array    # (n,) rad/s, of the sides
@@ -56,7 +56,7 @@ def fit_turns(recording: Recording, robot: RobotParams) -> TurnFit:
     """Return latency and slope; raise EstimatorError with the reason where they do not show."""
     turns = _Turns(recording, robot)
     fit = fit_delay(turns.problem(), delay_grid(recording))
-    latency = Estimate(fit.delay, math.hypot(fit.sigma, LAG_LEFT * turns.lag(fit)))
+    latency = Uncertain(fit.delay, math.hypot(fit.sigma, LAG_LEFT * turns.lag(fit)))
     if not latency.sigma <= LATENCY_LIMIT:
         raise EstimatorError(
             f'standard error of {latency.sigma:.2g} s, expected at most {LATENCY_LIMIT:g} s: the '
@@ -137,20 +137,20 @@ class _Turns:
         weight = (self._spin(fit.delay) / np.hypot(fit.noise, self.doubt(fit.delay))) ** 2
         return abs(float(fit.coefficients[LAG] * np.sum(weight * self._pace) / np.sum(weight)))
 
-    def result(self, fit: DelayFit, latency: Estimate) -> TurnFit:
+    def result(self, fit: DelayFit, latency: Uncertain) -> TurnFit:
         """Return what the fit tells; the slope with its changes over the run in its error."""
         rows = self.rows(fit.delay)
         share, aside = self._steady(fit, rows)
         if not share.value > UNRELATED * share.sigma:
             raise EstimatorError("the yaw rate does not follow the wheels' difference: are left "
                                  'and right swapped?')
-        slope = Estimate(1.0 / share.value, share.sigma / share.value ** 2)
+        slope = Uncertain(1.0 / share.value, share.sigma / share.value ** 2)
         scale = slope.value / self._nominal
-        unlike = Estimate(scale * aside.value, scale * aside.sigma)
+        unlike = Uncertain(scale * aside.value, scale * aside.sigma)
         beside = rows.matrix[:, SLOPE + 1:] @ fit.coefficients[SLOPE + 1:]
         return TurnFit(latency, slope, unlike, self.time, rows.wanted - beside, self.difference)
 
-    def _steady(self, fit: DelayFit, rows: Rows) -> tuple[Estimate, Estimate]:
+    def _steady(self, fit: DelayFit, rows: Rows) -> tuple[Uncertain, Uncertain]:
         """
         Return yaw per wheels' difference, and per mean over the nominal slope, over whole turns.
 
@@ -172,5 +172,5 @@ class _Turns:
         lags = math.ceil(MISFIT_TIME / float(np.median(np.diff(self.time))))
         covariance = sandwich(scaled, residuals * weight / size, problem.prior_sigma, lags)
         sigma = np.sqrt(np.diag(covariance))
-        return (Estimate(float(coefficients[SLOPE]), float(sigma[SLOPE])),
-                Estimate(float(coefficients[UNLIKE]), float(sigma[UNLIKE])))
+        return (Uncertain(float(coefficients[SLOPE]), float(sigma[SLOPE])),
+                Uncertain(float(coefficients[UNLIKE]), float(sigma[UNLIKE])))

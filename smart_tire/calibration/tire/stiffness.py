@@ -31,7 +31,7 @@ from smart_tire.calibration.tire.straight_segments import FEWEST, LEAST_SPEED, s
 from smart_tire.errors import EstimatorError
 from smart_tire.models.vehicle.skid_steer import GRAVITY
 from smart_tire.parameters import RobotParams
-from smart_tire.uncertain import Estimate, UNDETERMINED, weighted_mean
+from smart_tire.uncertain import Uncertain, UNDETERMINED, weighted_mean
 
 
 TYPICAL_FRICTION, FRICTION_FACTOR = 0.45, 2.0  # of the grounds that there are; assumed
@@ -55,10 +55,10 @@ MOST_STEPS = 60         # of the fit
 class StiffnessFit:
     """What straight runs tell."""
 
-    stiffness: Estimate  # N, C_x of one wheel
-    friction: Estimate   # -, mu, as far as it bends the curve
-    drag: Estimate       # N, of all wheels
-    lateness: Estimate   # s, by which the wheels' stamps seem later than known
+    stiffness: Uncertain  # N, C_x of one wheel
+    friction: Uncertain   # -, mu, as far as it bends the curve
+    drag: Uncertain       # N, of all wheels
+    lateness: Uncertain   # s, by which the wheels' stamps seem later than known
     runs: int
     duration: float      # s, of all runs
     slip: Array          # (n,) -, of each stretch between wheel readings, as seen
@@ -83,7 +83,7 @@ def identify_stiffness(recordings: Sequence[Recording], robot: RobotParams) -> S
     return fit
 
 
-def _widened(together: Estimate, alone: Sequence[Estimate]) -> Estimate:
+def _widened(together: Uncertain, alone: Sequence[Uncertain]) -> Uncertain:
     """Return ``together`` with a sigma that explains how ``alone`` scatter."""
     told = [item for item in alone if item.determined]
     if len(told) < 2:
@@ -92,7 +92,7 @@ def _widened(together: Estimate, alone: Sequence[Estimate]) -> Estimate:
     return replace(together, sigma=together.sigma * weighted_mean(told).sigma / expected)
 
 
-def _reason(told: Estimate, alone: Sequence[Estimate]) -> str:
+def _reason(told: Uncertain, alone: Sequence[Uncertain]) -> str:
     """Return why a stiffness is refused; of recordings that differ, what they tell ``alone``."""
     if len(alone) > 1:
         values = ', '.join(f'{item.value:.3g} ± {item.sigma:.2g}' for item in alone)
@@ -196,9 +196,9 @@ def _fit(models: Sequence[StiffnessModel], robot: RobotParams) -> StiffnessFit:
 
 def _told(problem: _Problem, values: Array, sigma: Array, excess: float,
           robot: RobotParams) -> StiffnessFit:
-    def told(which: Common, value: float, by: float) -> Estimate:
+    def told(which: Common, value: float, by: float) -> Uncertain:
         """Return an estimate that changes so much ``by`` a parameter."""
-        return Estimate(value, abs(by) * float(sigma[which]))
+        return Uncertain(value, abs(by) * float(sigma[which]))
 
     compliance, drag, friction, lateness, _ = values[:len(Common)].tolist()
     stiffness, weight = robot.tire.longitudinal_stiffness / compliance, robot.mass * GRAVITY

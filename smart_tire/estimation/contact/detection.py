@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.estimation.contact.records import Sighting
+from smart_tire.estimation.contact.records import Detection
 from smart_tire.models.tire import tread_film
 from smart_tire.parameters.robot import RobotParams
 
@@ -32,7 +32,7 @@ LARGEST_RESIDUAL = 0.2  # of the bending peak, rms
 LONG_STEP = 2.5         # of the median step between samples: a longer one is a gap
 
 
-class Sighter:
+class CrossingDetector:
     """Looks for passages of a robot's films."""
 
     def __init__(self, robot: RobotParams) -> None:
@@ -51,7 +51,7 @@ class Sighter:
         self._table[:, -1] = 0.0
 
     def look(self, distance: Array, volts: Array, *, bending: float, gain: float,
-             between: tuple[float, float]) -> Sighting | None:
+             between: tuple[float, float]) -> Detection | None:
         """
         Return the passage in ``volts`` above rest, None if there is none.
 
@@ -81,7 +81,7 @@ class Sighter:
         if not (low * bending < amplitude < high * bending
                 and math.sqrt(left @ left / len(left)) < LARGEST_RESIDUAL * amplitude):
             return None
-        return Sighting(middle, amplitude, stretch / gain, float(SLIDINGS[j]), self._coverage(x))
+        return Detection(middle, amplitude, stretch / gain, float(SLIDINGS[j]), self._coverage(x))
 
     def _explained(self, parts: Array, volts: Array, bending: float, gain: float) -> Array:
         """Return how much [V^2] of ``volts`` each place of each sliding explains."""

@@ -23,7 +23,7 @@ Point = tuple[int, float]  # instant [ns] and rolled distance [m]
 
 
 @dataclass(frozen=True, slots=True)
-class Pass:
+class PredictedCrossing:
     """All films of a wheel went through the whole patch."""
 
     place: float    # m, rolled distance when the films' common middle is at the patch's middle
@@ -31,7 +31,7 @@ class Pass:
     end_ns: int     # not before the last film left
 
 
-class FilmPlace:
+class MountPosition:
     """
     Where on the wheel the films sit, learned from sightings, and their passes.
 
@@ -59,7 +59,7 @@ class FilmPlace:
             return math.nan
         return self._place + self._round * round((near - self._place) / self._round)
 
-    def sight(self, place: float, path: Sequence[Point]) -> tuple[bool, list[Pass]]:
+    def sight(self, place: float, path: Sequence[Point]) -> tuple[bool, list[PredictedCrossing]]:
         """
         Learn from a film that was seen to pass: the films' middle passed ``place`` [m].
 
@@ -83,7 +83,7 @@ class FilmPlace:
         recent = RECENT * self._round
         return not first, [p for p in passes if first and abs(p.place - place) < recent]
 
-    def advance(self, point: Point) -> list[Pass]:
+    def advance(self, point: Point) -> list[PredictedCrossing]:
         """Follow the course to ``point``, monotonic since the last one; return the passes."""
         if not self._sightings:
             return []
@@ -103,8 +103,8 @@ class FilmPlace:
         self._turn = min(max(self._turn, forward), backward)
         return passes
 
-    def _pass(self, number: int, direction: int, instant: int) -> Pass:
-        return Pass(self._place + self._round * number, direction, instant)
+    def _pass(self, number: int, direction: int, instant: int) -> PredictedCrossing:
+        return PredictedCrossing(self._place + self._round * number, direction, instant)
 
 
 def _begin(before: tuple[int, int] | None, forward: int, backward: int) -> int | None:

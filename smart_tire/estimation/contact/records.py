@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smart_tire.arrays import Array
-from smart_tire.estimation.contact.segmentation import Contact
-from smart_tire.estimation.contact.trajectory_error import CourseErrors
+from smart_tire.estimation.contact.segmentation import ActiveSegment
+from smart_tire.estimation.contact.trajectory_error import TrajectoryErrors
 
 
 @dataclass(frozen=True, slots=True)
-class Sighting:
+class Detection:
     """A film's passage, as far as a first look tells."""
 
     middle: float    # m, rolled distance at which film's and patch's middle coincide
@@ -24,14 +24,14 @@ class Sighting:
 
 
 @dataclass(frozen=True, slots=True)
-class FilmPassage:
+class FilmCrossing:
     """One film, seen to pass."""
 
     place: float     # m, rolled distance when its middle is at the patch's middle ...
     instant_ns: int  # ... and the instant
     direction: int   # +1 forward, -1 backward
-    sighting: Sighting
-    contact: Contact
+    sighting: Detection
+    contact: ActiveSegment
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,7 +45,7 @@ class FilmSamples:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Passage:
+class CrossingSamples:
     """
     Samples of the films of a wheel in one passage, film by film, and where each was sighted.
 
@@ -53,13 +53,13 @@ class Passage:
     """
 
     films: tuple[FilmSamples, ...]
-    sightings: tuple[Sighting, ...]
+    sightings: tuple[Detection, ...]
     reference: float
-    errors: CourseErrors = field(default_factory=CourseErrors)
+    errors: TrajectoryErrors = field(default_factory=TrajectoryErrors)
 
 
 @dataclass(frozen=True, slots=True)
-class WheelPassage:
+class PatchCrossing:
     """
     All films of a wheel went through the patch; ``samples`` are those of the films that were seen.
 
@@ -75,4 +75,4 @@ class WheelPassage:
     way: float           # m, rolled meanwhile
     begin_ns: int
     end_ns: int
-    samples: Passage | None  # None where no film was seen, or the speed changed too much
+    samples: CrossingSamples | None  # None where no film was seen, or the speed changed too much

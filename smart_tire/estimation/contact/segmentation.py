@@ -33,7 +33,7 @@ KEPT_GAPS = 64
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Contact:
+class ActiveSegment:
     """What one film gave while it was active and the wheel rolled one way."""
 
     film: int           # index, 0 for film 1
@@ -45,7 +45,7 @@ class Contact:
 
 
 @dataclass(slots=True)
-class _Activity:
+class _OpenSegment:
     """A contact that has not ended."""
 
     begin_ns: int
@@ -55,7 +55,7 @@ class _Activity:
     since_ns: int  # the last turn; what came before belongs to another contact
 
 
-class FilmRecord:
+class SegmentExtractor:
     """
     Recent samples of one wheel's films, and the contacts in them.
 
@@ -75,14 +75,14 @@ class FilmRecord:
         self._instants: Instants = np.empty(0, dtype=np.int64)
         self._volts: Array = np.empty((0, films))
         self._watched: Array = np.empty(0)  # m, travel up to each sample without that in gaps
-        self._activities: list[_Activity | None] = [None] * films
+        self._activities: list[_OpenSegment | None] = [None] * films
         self._gaps: list[tuple[int, int]] = []
         self._last: tuple[int, float] | None = None  # instant and place of the newest sample
         self._turn_ns = 0  # newest turn of the wheel
         self.stuck = 0  # times that a film was active for longer than a contact is
 
     def add(self, instants: Instants, places: Array, volts: Array,
-            turns: Sequence[int]) -> list[Contact]:
+            turns: Sequence[int]) -> list[ActiveSegment]:
         """
         Take in samples and return the contacts that end with them.
 
@@ -90,7 +90,7 @@ class FilmRecord:
         (n, films). ``turns`` [ns] are instants when the wheel turned round, up to the last
         sample, and not before the turns of earlier calls.
         """
-        contacts: list[Contact] = []
+        contacts: list[ActiveSegment] = []
         for turn_ns in turns:
             split = int(np.searchsorted(instants, turn_ns, side='right'))
             contacts += self._append(instants[:split], places[:split], volts[:split])
@@ -98,7 +98,7 @@ class FilmRecord:
             contacts += self._turn(turn_ns)
         return contacts + self._append(instants, places, volts)
 
-    def finish(self) -> list[Contact]:
+    def finish(self) -> list[ActiveSegment]:
         """End all contacts: the films are known to have left the patch."""
         contacts = []
         for film in range(len(self._rest)):
@@ -118,7 +118,7 @@ class FilmRecord:
                       for begin, end in [*self._gaps, (self._last[0], end_ns)])
         return missing / max(end_ns - begin_ns, 1)
 
-    def _append(self, instants: Instants, places: Array, volts: Array) -> list[Contact]:
+    def _append(self, instants: Instants, places: Array, volts: Array) -> list[ActiveSegment]:
         if not len(instants):
             return []
         last = self._last
@@ -158,7 +158,7 @@ class FilmRecord:
         self._instants, self._volts = self._instants[old:], self._volts[old:]
         self._watched = self._watched[old:]
 
-    def _follow(self, instants: Instants, volts: Array, watched: Array) -> list[Contact]:
+    def _follow(self, instants: Instants, volts: Array, watched: Array) -> list[ActiveSegment]:
         contacts = []
         charge = volts - self._rest
         active = np.abs(charge) > self._thresholds
@@ -184,7 +184,7 @@ class FilmRecord:
     def _extend(self, film: int, instant: int, watched: float) -> None:
         activity = self._activities[film]
         if activity is None:
-            self._activities[film] = _Activity(
+            self._activities[film] = _OpenSegment(
                 instant, instant, watched, watched, self._turn_ns)
             return
         activity.end_ns, activity.end = instant, watched
@@ -194,7 +194,7 @@ class FilmRecord:
             self._activities[film] = None
             self.stuck += 1
 
-    def _settle(self, film: int, watched: float, quiet: float) -> list[Contact]:
+    def _settle(self, film: int, watched: float, quiet: float) -> list[ActiveSegment]:
         """End the film's contact if it has been at rest for ``quiet`` [m]."""
         activity = self._activities[film]
         if activity is None or watched - activity.end <= quiet:
@@ -202,7 +202,7 @@ class FilmRecord:
         self._activities[film] = None
         return [self._contact_of(film, activity, activity.end + AFTER)]
 
-    def _turn(self, turn_ns: int) -> list[Contact]:
+    def _turn(self, turn_ns: int) -> list[ActiveSegment]:
         """End every contact where the wheel turned round; what was active later is another."""
         contacts = []
         self._turn_ns = turn_ns
@@ -215,16 +215,16 @@ class FilmRecord:
                 continue
             self._activities[film] = None
             if activity.end_ns > turn_ns:
-                self._activities[film] = _Activity(
+                self._activities[film] = _OpenSegment(
                     turn_ns, activity.end_ns, place, activity.end, turn_ns)
                 activity.end_ns, activity.end = turn_ns, place
             contacts.append(self._contact_of(film, activity, place))
         return contacts
 
-    def _contact_of(self, film: int, activity: _Activity, until: float) -> Contact:
+    def _contact_of(self, film: int, activity: _OpenSegment, until: float) -> ActiveSegment:
         low, high = np.searchsorted(self._watched, [activity.begin - BEFORE, until + 1e-9])
         low = max(int(low), int(np.searchsorted(self._instants, activity.since_ns)))
-        return Contact(film, activity.begin_ns, activity.end_ns, self._instants[low:high],
+        return ActiveSegment(film, activity.begin_ns, activity.end_ns, self._instants[low:high],
                        self._volts[low:high, film], float(self._rest[film]))
 
 

@@ -17,7 +17,7 @@ MEMORY = 200         # samples, over which the stamps' errors average out
 STEP_NS = 3_000_000  # of a stamp beyond the regular one, after which the unit was reset
 
 
-class SampleClock:
+class StampRegularizer:
     """Follows stamps [ns] that should be multiples of a period apart."""
 
     def __init__(self, period_ns: int) -> None:

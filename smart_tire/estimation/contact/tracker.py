@@ -16,13 +16,14 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.estimation.contact.detection import Sighter
-from smart_tire.estimation.contact.prediction import FilmPlace, Pass, Point
+from smart_tire.estimation.contact.detection import CrossingDetector
+from smart_tire.estimation.contact.prediction import MountPosition, Point, PredictedCrossing
 from smart_tire.estimation.contact.records import (
-    FilmPassage, FilmSamples, Passage, Sighting, WheelPassage)
-from smart_tire.estimation.contact.segmentation import Contact, FilmRecord
-from smart_tire.estimation.contact.stamp_regularizer import SampleClock
-from smart_tire.estimation.contact.wheel_trajectory import Path, Roll, SmoothCourse, WheelCourse
+    CrossingSamples, Detection, FilmCrossing, FilmSamples, PatchCrossing)
+from smart_tire.estimation.contact.segmentation import ActiveSegment, SegmentExtractor
+from smart_tire.estimation.contact.stamp_regularizer import StampRegularizer
+from smart_tire.estimation.contact.wheel_trajectory import (
+    ReversalDetector, SmoothedTrajectory, TravelSegment, WheelTrajectory)
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import NS_PER_S, TireSample, WHEELS, WheelSample
 
@@ -53,7 +54,7 @@ MARGIN = 0.030            # m of travel before and after a contact: bumps, recov
 SIGHTINGS = 16            # contacts and film passages remembered, per film
 
 
-class WheelFilms:
+class ContactTracker:
     """
     Finds the passages of a group of one wheel's films, and what was sampled in them.
 
@@ -79,21 +80,22 @@ class WheelFilms:
         self._reach = self._half + 0.5 * extent
         self._rate = film.sample_rate
         self._rails = 0.5 * film.code, film.voltage_range - 0.5 * film.code
-        self._course = WheelCourse(robot.wheel_radius, encoder.counts_per_revolution,
+        self._course = WheelTrajectory(robot.wheel_radius, encoder.counts_per_revolution,
                                    encoder.stamp_jitter, encoder.latency)
-        self._path = Path(max(TURN, 2.0 * circumference / encoder.counts_per_revolution))
-        self._record = FilmRecord(
+        self._path = ReversalDetector(
+            max(TURN, 2.0 * circumference / encoder.counts_per_revolution))
+        self._record = SegmentExtractor(
             [max(ACTIVE * peak, ACTIVE_NOISE * film.noise) for peak in self._bending],
             film.rest_voltage, round(NS_PER_S / film.sample_rate), 2.0 * self._half)
-        self._place = FilmPlace(circumference, self._reach)
-        self._sighter = Sighter(robot)
-        self._clock = SampleClock(round(NS_PER_S / film.sample_rate))
+        self._place = MountPosition(circumference, self._reach)
+        self._sighter = CrossingDetector(robot)
+        self._clock = StampRegularizer(round(NS_PER_S / film.sample_rate))
         self._stamps: list[int] = []
         self._volts: list[tuple[float, ...]] = []
         sightings = SIGHTINGS * len(self._group)
-        self._contacts: deque[Contact] = deque(maxlen=sightings)
-        self._seen: deque[FilmPassage] = deque(maxlen=sightings)
-        self._passes: list[Pass] = []
+        self._contacts: deque[ActiveSegment] = deque(maxlen=sightings)
+        self._seen: deque[FilmCrossing] = deque(maxlen=sightings)
+        self._passes: list[PredictedCrossing] = []
         self._horizon_ns: int | None = None
         self.unmeasured = 0  # contacts in which no passage could be recognised
 
@@ -107,7 +109,7 @@ class WheelFilms:
         self._stamps.append(sample.stamp_ns)
         self._volts.append(sample.volts)
 
-    def advance(self, now_ns: int) -> list[WheelPassage]:
+    def advance(self, now_ns: int) -> list[PatchCrossing]:
         """Work up to where the wheel's angle is known; return the passages that were completed."""
         newest = self._course.newest_ns
         if newest is None:
@@ -123,8 +125,8 @@ class WheelFilms:
         resting = bool(self._passes) and self._resting(course)
         if resting or any(self._beyond(p, course) > LONGEST_WAIT for p in self._passes):
             self._recognise(self._record.finish())
-        ready: list[Pass] = []
-        waiting: list[Pass] = []
+        ready: list[PredictedCrossing] = []
+        waiting: list[PredictedCrossing] = []
         for p in self._passes:
             (ready if resting or self._complete(p, course) else waiting).append(p)
         self._passes = waiting
@@ -143,7 +145,7 @@ class WheelFilms:
         places = self._course.coarse(instants)
         return (horizon, float(places[-1])), self._path.advance(instants, places)
 
-    def _take(self, horizon: int, turns: list[Point]) -> list[Contact]:
+    def _take(self, horizon: int, turns: list[Point]) -> list[ActiveSegment]:
         """Move the samples up to ``horizon`` to the record; return the contacts that ended."""
         count = bisect_right(self._stamps, horizon)
         instants = self._clock.regular(self._stamps[:count])
@@ -161,13 +163,13 @@ class WheelFilms:
         found: Array = np.array(volts).reshape(len(volts), columns)[:, self._group]
         return found
 
-    def _recognise(self, contacts: list[Contact]) -> None:
+    def _recognise(self, contacts: list[ActiveSegment]) -> None:
         for contact in contacts:
             if len(contact.instants):
                 self._contacts.append(contact)
                 self._see(contact)
 
-    def _see(self, contact: Contact) -> None:
+    def _see(self, contact: ActiveSegment) -> None:
         """Look for the passage in a contact, and learn from it where the films sit."""
         course = self._course.smooth(int(contact.instants[0]), int(contact.instants[-1]))
         rolled = course.at(contact.instants)
@@ -189,7 +191,7 @@ class WheelFilms:
             return
         place, way = direction * found.middle, np.maximum.accumulate(distance)
         instant = int(np.interp(found.middle, way, contact.instants))
-        self._seen.append(FilmPassage(place, instant, direction, found, contact))
+        self._seen.append(FilmCrossing(place, instant, direction, found, contact))
         if found.coverage >= WHOLE:
             before = [point for point in self._path.turns if point[0] < contact.begin_ns]
             moved, passes = self._place.sight(
@@ -198,17 +200,17 @@ class WheelFilms:
                 self._passes = [p for p in self._passes if self._films_of(p)]
             self._passes += passes
 
-    def _look(self, contact: Contact, distance: Array, coverage: float,
-              between: tuple[float, float]) -> Sighting | None:
+    def _look(self, contact: ActiveSegment, distance: Array, coverage: float,
+              between: tuple[float, float]) -> Detection | None:
         usable = (contact.volts > self._rails[0]) & (contact.volts < self._rails[1])
         seen = self._sighter.look(
             distance[usable], contact.volts[usable] - contact.rest,
             bending=self._bending[contact.film], gain=self._gains[contact.film], between=between)
         return seen if seen is not None and seen.coverage >= coverage else None
 
-    def _films_of(self, p: Pass) -> dict[int, FilmPassage]:
+    def _films_of(self, p: PredictedCrossing) -> dict[int, FilmCrossing]:
         """Return the best sighting of each film in a pass."""
-        films: dict[int, FilmPassage] = {}
+        films: dict[int, FilmCrossing] = {}
         for seen in self._seen:
             film = seen.contact.film
             off = seen.place - self._offsets[film] - p.place
@@ -218,13 +220,13 @@ class WheelFilms:
                 films[film] = seen
         return films
 
-    def _complete(self, p: Pass, here: Point) -> bool:
+    def _complete(self, p: PredictedCrossing, here: Point) -> bool:
         """Return whether nothing more can become known about a pass while the wheel rolls."""
         return (len(self._films_of(p)) == len(self._offsets)
                 or self._path.direction != p.direction
                 or not self._record.active and self._beyond(p, here) > WAIT)
 
-    def _beyond(self, p: Pass, here: Point) -> float:
+    def _beyond(self, p: PredictedCrossing, here: Point) -> float:
         """Return how far the films are beyond the end of a pass [m]."""
         return p.direction * (here[1] - p.place) - self._reach
 
@@ -233,7 +235,7 @@ class WheelFilms:
         before = self._course.coarse(np.array([here[0] - REST_NS]))
         return abs(here[1] - float(before[0])) < REST_TRAVEL
 
-    def _passage(self, p: Pass) -> WheelPassage | None:
+    def _passage(self, p: PredictedCrossing) -> PatchCrossing | None:
         """Return the passage of all films, None if nothing but the wheel's angle speaks for it."""
         films = self._films_of(p)
         for film in films.values():
@@ -253,11 +255,12 @@ class WheelFilms:
         change = math.inf if turned else roll.speed_change()
         samples = (self._samples(p.direction, list(films.values()), roll.course, roll.when(first))
                    if films and change < STEADY else None)
-        return WheelPassage(roll.when(common), p.direction, speed, roll.course.speed_sigma, change,
-                            2.0 * self._reach, begin, end, samples)
+        return PatchCrossing(
+            roll.when(common), p.direction, speed, roll.course.speed_sigma, change,
+            2.0 * self._reach, begin, end, samples)
 
-    def _samples(self, direction: int, films: list[FilmPassage], course: SmoothCourse,
-                 reference_ns: int) -> Passage:
+    def _samples(self, direction: int, films: list[FilmCrossing], course: SmoothedTrajectory,
+                 reference_ns: int) -> CrossingSamples:
         """Return the samples of ``films`` over one course of the wheel."""
         begin = min(int(film.contact.instants[0]) for film in films)
         end = max(int(film.contact.instants[-1]) for film in films)
@@ -273,9 +276,11 @@ class WheelFilms:
             samples.append(FilmSamples(
                 self._group[contact.film], distance[near], volts - contact.rest, rail))
             sightings.append(replace(film.sighting, middle=middle))
-        return Passage(tuple(samples), tuple(sightings), reference, course.errors(begin, end))
+        return CrossingSamples(
+            tuple(samples), tuple(sightings), reference, course.errors(begin, end))
 
-    def _middle(self, p: Pass, films: dict[int, FilmPassage], roll: Roll) -> float:
+    def _middle(self, p: PredictedCrossing, films: dict[int, FilmCrossing],
+                roll: TravelSegment) -> float:
         """Return the way at which the films' common middle is at the patch's middle."""
         if not films:
             return self._reach
@@ -283,7 +288,7 @@ class WheelFilms:
                 for film in films.values()]
         return float(np.average(ways, weights=[f.sighting.coverage for f in films.values()]))
 
-    def _explained(self, p: Pass, roll: Roll) -> bool:
+    def _explained(self, p: PredictedCrossing, roll: TravelSegment) -> bool:
         """Return whether a pass that was not seen has contacts or lost samples behind it."""
         gone = 0
         for film, offset in enumerate(self._offsets):

@@ -24,7 +24,7 @@ PHASES = np.linspace(0.0, 240.0, 12001)  # frequency times duration, over which 
 
 
 @dataclass(frozen=True, slots=True)
-class CourseErrors:
+class TrajectoryErrors:
     """
     One sigma of what is uncertain in the distances of a passage.
 

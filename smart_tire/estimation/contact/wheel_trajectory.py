@@ -19,7 +19,7 @@ from scipy.linalg.lapack import dpbsv
 
 from smart_tire.arrays import Array
 from smart_tire.errors import EstimatorError
-from smart_tire.estimation.contact.trajectory_error import CourseErrors, warps
+from smart_tire.estimation.contact.trajectory_error import TrajectoryErrors, warps
 from smart_tire.samples import NS_PER_S
 
 Instants = NDArray[np.int64]
@@ -38,7 +38,7 @@ EVEN = np.linspace(0.0, 1.0, 200)  # share of a roll, where its course is told
 PARTS = np.linspace(0.0, 1.0, 9)  # share of a roll, between whose speeds the change is looked for
 
 
-class WheelCourse:
+class WheelTrajectory:
     """
     Course of one wheel: distance [m] that its tread has rolled over instants [ns].
 
@@ -102,7 +102,7 @@ class WheelCourse:
         return rolled
 
     def roll(self, begin: float, end: float, until_ns: int,
-             also: Sequence[int] = ()) -> Roll:
+             also: Sequence[int] = ()) -> TravelSegment:
         """
         Return the course of the last roll from one distance [m] to another.
 
@@ -119,9 +119,9 @@ class WheelCourse:
         instants = np.interp(even, rolled, stamps).astype(np.int64)
         course = self.smooth(min([int(instants[0]), *also]), max([int(instants[-1]), *also]))
         smooth = np.maximum.accumulate(direction * (course.at(instants) - begin))
-        return Roll(instants, smooth, course)
+        return TravelSegment(instants, smooth, course)
 
-    def smooth(self, begin_ns: int, end_ns: int) -> SmoothCourse:
+    def smooth(self, begin_ns: int, end_ns: int) -> SmoothedTrajectory:
         """Return the smoothed course between two instants."""
         high = bisect_left(self._stamps, end_ns + AFTER_NS)
         low = max(min(bisect_left(self._stamps, begin_ns - BEFORE_NS), high - 4), 0)
@@ -133,11 +133,11 @@ class WheelCourse:
         # the smoothing is a low-pass filter against white noise of this density [rad^2 s]
         interval = (times[-1] - times[0]) / max(len(times) - 1, 1)
         density = float(sigma @ sigma) / len(sigma) * interval
-        return SmoothCourse(begin_ns, times, self._radius * smoothed, self._radius,
+        return SmoothedTrajectory(begin_ns, times, self._radius * smoothed, self._radius,
                             max(density, LEAST_DENSITY))
 
 
-class SmoothCourse:
+class SmoothedTrajectory:
     """
     Smoothed distance [m] over instants [ns], and what is uncertain in it.
 
@@ -157,12 +157,12 @@ class SmoothCourse:
         """One sigma of the speed [m/s]."""
         return self._radius * (self._density * JERK_DENSITY)**0.25
 
-    def errors(self, begin_ns: int, end_ns: int) -> CourseErrors:
+    def errors(self, begin_ns: int, end_ns: int) -> TrajectoryErrors:
         """Return what is uncertain in the distances between two instants."""
         seconds = max((end_ns - begin_ns) / NS_PER_S, SHORTEST)
         begin, end = self.at(np.array([begin_ns, end_ns]))
         speed = max(abs(float(end - begin)), SHORTEST_WAY) / seconds
-        return CourseErrors(self.speed_sigma / speed, warps(
+        return TrajectoryErrors(self.speed_sigma / speed, warps(
             self._radius**2 * self._density, self._cutoff, seconds))
 
     def at(self, instants: Instants) -> Array:
@@ -185,12 +185,12 @@ class SmoothCourse:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Roll:
+class TravelSegment:
     """Course over a stretch of way [m], which begins at 0, by the way instead of the time."""
 
     instants: Instants
     way: Array
-    course: SmoothCourse
+    course: SmoothedTrajectory
 
     def when(self, way: float) -> int:
         """Return the instant [ns] at which ``way`` had been rolled."""
@@ -259,7 +259,7 @@ def _least_jerk(times: Array, angles: Array, sigma: Array) -> Array:
     return found
 
 
-class Path:
+class ReversalDetector:
     """
     Turning points of a rolled distance: the last of them tells where the present run began.
 

@@ -15,11 +15,11 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.estimation.friction.brush_inversion import GROUNDS, PRIOR, Single
-from smart_tire.estimation.friction.motion_history import Estimate, UNKNOWN
+from smart_tire.estimation.friction.brush_inversion import FrictionSample, GROUNDS, PRIOR
+from smart_tire.estimation.friction.motion_history import UNKNOWN, ValueSigma
 
-CHANGE_RATE = 0.02   # chance per revolution that the ground changes; assumed
-MISLEADING = 0.01    # share of passages that tell of no ground, such as those over two; assumed
+CHANGE_PROBABILITY = 0.02   # chance per revolution that the ground changes; assumed
+OUTLIER_PROBABILITY = 0.01  # that a crossing is an outlier (e.g. spans two surfaces); assumed
 CHANGING = 0.3       # share of what lasts that is new in each revolution after all
 SHARPEST = 0.004     # relative noise below which the grid of grounds is too coarse
 FORGETS = 0.05       # least share of a new revolution in what is said to last
@@ -27,20 +27,20 @@ CHANGED = 3.0        # sigmas between what was known and what is, that make a ne
 IN_DOUBT = 2.0       # ... and growth of the sigma while it is not yet clear
 
 
-class FrictionFusion:
+class FrictionFilter:
     """Recursive estimate of a wheel's friction coefficient; ``changes`` counts new grounds."""
 
     def __init__(self) -> None:
         self._know(PRIOR / PRIOR.sum())
-        self._ground: Estimate = UNKNOWN  # mu and spread of the ground that was last clear
+        self._ground: ValueSigma = UNKNOWN  # mu and spread of the ground that was last clear
         self._told = 0.0      # information, 1 / variance of 1 / mu, on the present ground
         self._lasting = 0.0   # relative sigma of mu that the revolutions share ...
         self._constant = 0.0  # ... and from stiffness and load
         self.changes = 0
 
-    def update(self, single: Single | None) -> Estimate:
+    def update(self, single: FrictionSample | None) -> ValueSigma:
         """Take in one revolution, None if it tells nothing; return mu and one sigma."""
-        chance = self._chance + CHANGE_RATE * (PRIOR / PRIOR.sum() - self._chance)
+        chance = self._chance + CHANGE_PROBABILITY * (PRIOR / PRIOR.sum() - self._chance)
         if single is None:
             self._know(chance)
             return self.estimate()
@@ -48,7 +48,7 @@ class FrictionFusion:
                            SHARPEST * abs(single.inverse))
         likely = np.exp(-0.5 * ((1.0 / GROUNDS - single.inverse) / noise)**2)
         # one that misleads could have told of any ground
-        likely += MISLEADING * (float(PRIOR @ likely) / float(PRIOR.sum()) - likely)
+        likely += OUTLIER_PROBABILITY * (float(PRIOR @ likely) / float(PRIOR.sum()) - likely)
         chance *= likely
         total = float(chance.sum())
         if total > 0.0:
@@ -67,7 +67,7 @@ class FrictionFusion:
             return
         self._ground = mu, spread
 
-    def _remember(self, single: Single, noise: float) -> None:
+    def _remember(self, single: FrictionSample, noise: float) -> None:
         information = noise**-2
         self._told += information
         share = max(information / self._told, FORGETS)
@@ -81,7 +81,7 @@ class FrictionFusion:
         mu = float(np.interp(0.5, share, GROUNDS))
         self._new = mu, math.sqrt(float(chance @ (GROUNDS - mu)**2))  # of what does not last
 
-    def estimate(self, constant: bool = True) -> Estimate:
+    def estimate(self, constant: bool = True) -> ValueSigma:
         """
         Return mu and one sigma; UNKNOWN while little more is known than what grounds there are.
 

@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.estimation.friction.motion_history import Estimate, UNKNOWN
+from smart_tire.estimation.friction.motion_history import UNKNOWN, ValueSigma
 from smart_tire.models.tire import brush_tire
 
 
@@ -32,7 +32,7 @@ PRIOR = np.exp(-0.5 * (np.log(GROUNDS / TYPICAL) / math.log(FACTOR))**2)  # per 
 
 
 @dataclass(frozen=True, slots=True)
-class Evidence:
+class SlipFit:
     """
     Slip and sliding share of one passage with covariances (2, 2) of what errs in them.
 
@@ -54,13 +54,13 @@ class Evidence:
         """One sigma of ``sliding``."""
         return math.sqrt(self.noise[1, 1] + self.lasting[1, 1])
 
-    def widened(self, scale: float) -> Evidence:
+    def inflated(self, scale: float) -> SlipFit:
         """Return the same values with covariances ``scale`` times as large."""
         return replace(self, noise=scale * self.noise, lasting=scale * self.lasting)
 
 
 @dataclass(frozen=True, slots=True)
-class Single:
+class FrictionSample:
     """
     Friction from one passage: what is measured with Gaussian noise is 1 / mu.
 
@@ -73,14 +73,14 @@ class Single:
     lasting: float   # sigma of it
     constant: float  # relative
 
-    def estimate(self, likely: float = math.nan) -> Estimate:
+    def estimate(self, likely: float = math.nan) -> ValueSigma:
         """Return mu and one sigma; ``likely`` is mu as it was before this passage, if known."""
         return friction_estimate(
             self.inverse, math.hypot(self.noise, self.lasting), self.constant, likely)
 
 
 def friction_estimate(inverse: float, sigma: float, relative: float,
-                      likely: float = math.nan) -> Estimate:
+                      likely: float = math.nan) -> ValueSigma:
     """
     Return mu and one sigma from 1 / mu and its sigma, and a ``relative`` sigma of mu on top.
 
@@ -102,7 +102,7 @@ def friction_estimate(inverse: float, sigma: float, relative: float,
     return mu, math.hypot(spread, mu * relative)
 
 
-def where_all_slides(evidence: Evidence, shown: Array | None = None) -> Evidence:
+def flag_full_sliding(evidence: SlipFit, shown: Array | None = None) -> SlipFit:
     """
     Return ``evidence`` that knows: if the whole patch may slide, slip / sliding shows only.
 
@@ -119,7 +119,7 @@ def where_all_slides(evidence: Evidence, shown: Array | None = None) -> Evidence
     return replace(evidence, noise=noise + np.outer(both, both))
 
 
-def disagreement(evidence: Evidence, slip: Estimate) -> float:
+def consistency_inflation(evidence: SlipFit, slip: ValueSigma) -> float:
     """
     Return by how much variances must grow for the films' slip and another one to agree.
 
@@ -131,7 +131,7 @@ def disagreement(evidence: Evidence, slip: Estimate) -> float:
     return max(1.0, (slip[0] - evidence.slip)**2 / spread / DISAGREEMENT)
 
 
-def total_slip(slip: Estimate, lateral_slip: Estimate) -> Estimate:
+def total_slip(slip: ValueSigma, lateral_slip: ValueSigma) -> ValueSigma:
     """Return the magnitude of the combined slip."""
     total = math.hypot(slip[0], lateral_slip[0])
     if not total > 0.0:
@@ -139,8 +139,8 @@ def total_slip(slip: Estimate, lateral_slip: Estimate) -> Estimate:
     return total, math.hypot(slip[0] * slip[1], lateral_slip[0] * lateral_slip[1]) / total
 
 
-def single_friction(evidence: Evidence, lateral_slip: Estimate, load: Estimate,
-                    stiffness: Estimate) -> Single | None:
+def single_friction(evidence: SlipFit, lateral_slip: ValueSigma, load: ValueSigma,
+                    stiffness: ValueSigma) -> FrictionSample | None:
     """Return mu of one passage, None where slip, lateral slip or load are not known."""
     total = math.hypot(evidence.slip, lateral_slip[0])
     if not (total > 0.0 and load[0] > 0.0):
@@ -151,12 +151,12 @@ def single_friction(evidence: Evidence, lateral_slip: Estimate, load: Estimate,
     noise, lasting = (math.sqrt(max(float(slope @ part @ slope), 0.0))
                       for part in (evidence.noise, evidence.lasting))
     lateral = inverse * lateral_slip[0] * lateral_slip[1] / total**2
-    return Single(inverse, noise, math.hypot(lasting, lateral),
+    return FrictionSample(inverse, noise, math.hypot(lasting, lateral),
                   math.hypot(load[1] / load[0], stiffness[1] / stiffness[0]))
 
 
-def traction_force(evidence: Evidence, lateral_slip: Estimate, direction: int, load: Estimate,
-                   stiffness: Estimate) -> Estimate:
+def traction_force(evidence: SlipFit, lateral_slip: ValueSigma, direction: int, load: ValueSigma,
+                   stiffness: ValueSigma) -> ValueSigma:
     """
     Return the longitudinal force [N] on the robot, positive forward, from the brush model.
 

@@ -11,10 +11,10 @@ from itertools import chain
 from math import inf, isfinite
 
 from smart_tire.errors import EstimatorError
-from smart_tire.estimation.contact.tracker import WheelFilms
+from smart_tire.estimation.contact.tracker import ContactTracker
 from smart_tire.estimation.friction.motion_history import MotionHistory
-from smart_tire.estimation.friction.output import PassageReporter
-from smart_tire.estimation.reorder_buffer import Gate
+from smart_tire.estimation.friction.output import OutputBuilder
+from smart_tire.estimation.reorder_buffer import ReorderBuffer
 from smart_tire.parameters import FrictionEstimatorParams
 from smart_tire.samples import (
     Friction, MAX_WHEEL_SPEED, NS_PER_S, Odometry, Sample, TireSample, WheelSample, WheelSlip)
@@ -36,7 +36,7 @@ class FrictionEstimator:
 
     def __init__(self, params: FrictionEstimatorParams) -> None:
         self._params = params
-        self._gate = Gate(round(params.reorder_window * NS_PER_S),
+        self._gate = ReorderBuffer(round(params.reorder_window * NS_PER_S),
                           awaited=(TOPICS[Odometry], TOPICS[WheelSlip]))
         self._resets = 0
         self.passages = 0
@@ -49,9 +49,9 @@ class FrictionEstimator:
         robot = self._params.robot
         self._newest: dict[tuple[type, str], int] = {}  # stream, of films by wheel -> stamp
         self._motion = MotionHistory(robot, self._params.load_sigma)
-        self._films = {wheel: [WheelFilms(wheel, robot, films) for films in robot.film_groups]
+        self._films = {wheel: [ContactTracker(wheel, robot, films) for films in robot.film_groups]
                        for wheel in robot.film.wheels}
-        self._reporters = {wheel: PassageReporter(wheel, self._params)
+        self._reporters = {wheel: OutputBuilder(wheel, self._params)
                            for wheel in robot.film.wheels}
 
     @property

@@ -16,7 +16,7 @@ from scipy.linalg.lapack import dposv
 
 from smart_tire.arrays import Array
 from smart_tire.estimation.contact.records import FilmSamples
-from smart_tire.estimation.friction.motion_history import Estimate
+from smart_tire.estimation.friction.motion_history import ValueSigma
 from smart_tire.estimation.friction.waveform_model import Own, own, Shared, WaveformModel
 from smart_tire.numerics.robust import MAD_TO_SIGMA
 
@@ -52,7 +52,7 @@ class Point:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class End:
+class FitResult:
     """Where a way ended: ``p`` is at most a small step from the ``point`` that was evaluated."""
 
     p: Array
@@ -62,7 +62,7 @@ class End:
     hessian: Array  # by the free parameters
 
 
-class Descent:
+class LevenbergMarquardt:
     """
     Ways from a start to the least misfit of the samples of ``films`` in one passage.
 
@@ -79,7 +79,7 @@ class Descent:
         self._clips = bool(self._rail.any())
         self._last: Point | None = None
 
-    def run(self, p: Array, prior: Prior) -> End:
+    def run(self, p: Array, prior: Prior) -> FitResult:
         """Return the end of the way from ``p``; what is fixed takes the value of ``prior``."""
         start = prior.value.copy()
         start[prior.free] = p[prior.free]
@@ -90,7 +90,7 @@ class Descent:
         for _ in range(ITERATIONS):
             weight = self._weights(point)
             slopes = point.slopes.take(prior.free, axis=0)
-            hessian = product(slopes, weight)
+            hessian = gram(slopes, weight)
             hessian += prior.precision
             gradient = slopes @ (weight * point.residual) + prior.precision @ (
                 prior.value - point.p)[prior.free]
@@ -99,9 +99,9 @@ class Descent:
                 break
             point = moved
         self._last = point
-        return End(last, point, prior, weight, hessian)
+        return FitResult(last, point, prior, weight, hessian)
 
-    def apart(self, end: End) -> list[Estimate]:
+    def apart(self, end: FitResult) -> list[ValueSigma]:
         """Return the sliding share by one step from ``end`` with each film's samples only."""
         prior, point = end.prior, end.point
         weight, slopes = self._weights(point), point.slopes.take(prior.free, axis=0)
@@ -113,11 +113,11 @@ class Descent:
         for count in self._counts:
             own_part = slice(begin, begin + count)
             begin = own_part.stop
-            hessian = product(slopes[:, own_part], weight[own_part])
+            hessian = gram(slopes[:, own_part], weight[own_part])
             hessian += prior.precision
             right[:, 0] = slopes[:, own_part] @ (
                 weight[own_part] * point.residual[own_part]) + pull
-            step, inverse = solved(hessian, right)[sliding].tolist()
+            step, inverse = solve_spd(hessian, right)[sliding].tolist()
             found.append((float(point.p[Shared.SLIDING]) + step, math.sqrt(inverse)))
         return found
 
@@ -136,7 +136,7 @@ class Descent:
         while damping < MOST_DAMPED:
             damped = hessian.copy()
             damped.reshape(-1)[::len(damped) + 1] *= 1.0 + damping
-            step = solved(damped, gradient)
+            step = solve_spd(damped, gradient)
             p = self._moved(point.p, prior, step)
             if float(gradient @ step) < CONVERGED:
                 return p, None, damping
@@ -172,13 +172,13 @@ class Descent:
         return np.where(self._rail * point.residual < 0.0, 0.0, weight) if self._clips else weight
 
 
-def solved(matrix: Array, right: Array) -> NDArray[np.floating]:
+def solve_spd(matrix: Array, right: Array) -> NDArray[np.floating]:
     """Return matrix^-1 @ right of a positive definite matrix; without the detours of NumPy."""
     _, found, failed = dposv(matrix, right)
     return np.linalg.solve(matrix, right) if failed else found
 
 
-def product(slopes: Array, weight: Array) -> Array:
+def gram(slopes: Array, weight: Array) -> Array:
     """
     Return slopes @ diag(weight) @ slopes.T, for (m, n) slopes.
 

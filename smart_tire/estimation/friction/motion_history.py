@@ -16,7 +16,7 @@ from typing import TypeVar
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.estimation.friction.stiffness_check import ForceBalance
+from smart_tire.estimation.friction.stiffness_check import StiffnessConsistencyCheck
 from smart_tire.models.vehicle.skid_steer import normal_loads
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import NS_PER_S, Odometry, WHEELS, WheelSlip
@@ -30,8 +30,8 @@ FEWEST_FOR_SLOPE = 6      # samples
 ACCELERATION_SIGMA = 0.03  # m/s2, of the slope of a filtered velocity; 0.17 % of load in turns
 V_Y, V_Y_RATE, RATE = 7, 11, 35  # in the row-major 6x6 covariance of the twist
 
-Estimate = tuple[float, float]  # value and one sigma
-UNKNOWN: Estimate = (math.nan, math.inf)
+ValueSigma = tuple[float, float]  # value and one sigma
+UNKNOWN: ValueSigma = (math.nan, math.inf)
 Stamped = TypeVar('Stamped', Odometry, WheelSlip)
 
 
@@ -39,9 +39,9 @@ Stamped = TypeVar('Stamped', Odometry, WheelSlip)
 class WheelMotion:
     """Mean motion and load of one wheel; ``UNKNOWN`` where the streams do not tell."""
 
-    slip: Estimate = UNKNOWN     # -, B(3)'s lambda
-    lateral: Estimate = UNKNOWN  # m/s, v_y of the wheel's centre
-    load: Estimate = UNKNOWN     # N, F_z
+    slip: ValueSigma = UNKNOWN     # -, B(3)'s lambda
+    lateral: ValueSigma = UNKNOWN  # m/s, v_y of the wheel's centre
+    load: ValueSigma = UNKNOWN     # N, F_z
     slip_rate: float = 0.0       # 1/s, at which the slip changes ...
     slip_bend: float = 0.0       # -, how far it strays from that in the passage, rms
     stiffness_sigma: float | None = None  # relative, of C_x; None where the streams do not tell
@@ -56,7 +56,7 @@ class MotionHistory:
 
     def __init__(self, robot: RobotParams, load_sigma: float) -> None:
         self._robot, self._load_sigma = robot, load_sigma
-        self._balance = ForceBalance(robot)
+        self._balance = StiffnessConsistencyCheck(robot)
         self._odometry: list[Odometry] = []
         self._slips: list[WheelSlip] = []
 
@@ -89,7 +89,7 @@ class MotionHistory:
         return WheelMotion(slip, lateral, self._load(a_x, a_y, index), rate, bend,
                            self._stiffness_sigma(slips, a_x))
 
-    def _lateral(self, odometry: Odometry, index: int) -> Estimate:
+    def _lateral(self, odometry: Odometry, index: int) -> ValueSigma:
         covariance = odometry.twist_covariance
         arm = 0.5 * self._robot.wheelbase * (1.0 if index < 2 else -1.0)
         lateral = odometry.linear[1] + arm * odometry.angular[2]
@@ -117,7 +117,7 @@ class MotionHistory:
         # what the wheels' slips share is the error of the robot's speed
         return self._balance.stiffness_sigma(pushing, min(middle.sigma), a_x)
 
-    def _load(self, a_x: float, a_y: float, index: int) -> Estimate:
+    def _load(self, a_x: float, a_y: float, index: int) -> ValueSigma:
         """Return the wheel's load under the accelerations around a passage."""
         robot = self._robot
 
@@ -142,8 +142,8 @@ def _stamp(sample: Odometry | WheelSlip) -> int:
     return sample.stamp_ns
 
 
-def _mean(samples: Sequence[Odometry | WheelSlip], estimates: list[Estimate], begin_ns: int,
-          end_ns: int) -> Estimate:
+def _mean(samples: Sequence[Odometry | WheelSlip], estimates: list[ValueSigma], begin_ns: int,
+          end_ns: int) -> ValueSigma:
     """Return the mean of ``estimates`` between two instants; UNKNOWN where one is NaN."""
     if not samples:
         return UNKNOWN

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 
-from smart_tire.estimation.contact.records import WheelPassage
-from smart_tire.estimation.friction.bayes_filter import FrictionFusion
+from smart_tire.estimation.contact.records import PatchCrossing
+from smart_tire.estimation.friction.bayes_filter import FrictionFilter
 from smart_tire.estimation.friction.brush_inversion import (
-    Evidence, Single, single_friction, total_slip, traction_force)
-from smart_tire.estimation.friction.motion_history import Estimate, UNKNOWN, WheelMotion
+    FrictionSample, single_friction, SlipFit, total_slip, traction_force)
+from smart_tire.estimation.friction.motion_history import UNKNOWN, ValueSigma, WheelMotion
 from smart_tire.estimation.friction.two_peak_method import TwoPeakReader
-from smart_tire.estimation.friction.waveform_method import Reading, WaveformReader
+from smart_tire.estimation.friction.waveform_method import WaveformReader, WaveformResult
 from smart_tire.parameters import FrictionEstimatorParams
 from smart_tire.samples import Friction, FRICTION_QUANTITIES, NS_PER_S
 
@@ -18,16 +18,16 @@ KNOWN_SLIP = 0.3   # sigma of a slip above which it is not known
 KNOWN_RATIO = 0.3  # sigma of the adhesion ratio above which it is not known
 
 
-class PassageReporter:
+class OutputBuilder:
     """Turns the passages of one wheel into ``Friction``; fuses its revolutions."""
 
     def __init__(self, wheel: str, params: FrictionEstimatorParams) -> None:
         self._wheel, self._tire = wheel, params.robot.tire
         self._reader = (WaveformReader(wheel, params.robot) if params.method == 'waveform'
                         else TwoPeakReader(wheel, params.robot, params.map))
-        self.fusion = FrictionFusion()
+        self.fusion = FrictionFilter()
 
-    def report(self, passage: WheelPassage, motion: WheelMotion) -> Friction:
+    def report(self, passage: PatchCrossing, motion: WheelMotion) -> Friction:
         """Return what ``passage`` tells of a wheel that moved as ``motion`` says."""
         found = dict.fromkeys(FRICTION_QUANTITIES, UNKNOWN)
         stiffness = self._tire.longitudinal_stiffness
@@ -48,8 +48,8 @@ class PassageReporter:
                         {name: value for name, (value, _) in found.items()},
                         {name: sigma for name, (_, sigma) in found.items()})
 
-    def _tell(self, found: dict[str, Estimate], reading: Reading, lateral: Estimate,
-              direction: int) -> Single | None:
+    def _tell(self, found: dict[str, ValueSigma], reading: WaveformResult, lateral: ValueSigma,
+              direction: int) -> FrictionSample | None:
         """Fill in what a passage tells that was read; return its friction."""
         alone, evidence, load = reading.alone, reading.joined, found['normal_load']
         if alone.slip_sigma < KNOWN_SLIP:
@@ -60,7 +60,7 @@ class PassageReporter:
             evidence, lateral, direction, load, found['stiffness'])
         return single_friction(evidence, lateral, load, found['stiffness'])
 
-    def _adhesion(self, evidence: Evidence) -> dict[str, Estimate]:
+    def _adhesion(self, evidence: SlipFit) -> dict[str, ValueSigma]:
         sigma = evidence.sliding_sigma
         if not sigma < KNOWN_RATIO:
             return {}
@@ -68,8 +68,8 @@ class PassageReporter:
         return {'adhesion_ratio': (ratio, sigma),
                 'adhesion_length': (ratio * length, sigma * length)}
 
-    def _friction(self, single: Single | None, load: Estimate,
-                  stiffness: Estimate) -> dict[str, Estimate]:
+    def _friction(self, single: FrictionSample | None, load: ValueSigma,
+                  stiffness: ValueSigma) -> dict[str, ValueSigma]:
         likely = self.fusion.estimate()[0]
         mu = self.fusion.update(single)
         found = {'friction_coefficient': mu}

@@ -21,7 +21,7 @@ FIRM_DRAG = 0.02     # of the weight, rolling drag of tires on firm ground: none
 GROUND_SPREAD = 0.6  # relative, one sigma of C_x on a ground that is not the calibrated one
 
 
-class ForceBalance:
+class StiffnessConsistencyCheck:
     """Compares the forces that slips mean with the acceleration that there is."""
 
     def __init__(self, robot: RobotParams) -> None:

@@ -13,10 +13,10 @@ import math
 
 import numpy as np
 
-from smart_tire.estimation.contact.records import FilmSamples, WheelPassage
-from smart_tire.estimation.friction.brush_inversion import Evidence
-from smart_tire.estimation.friction.motion_history import Estimate, WheelMotion
-from smart_tire.estimation.friction.waveform_method import Reading
+from smart_tire.estimation.contact.records import FilmSamples, PatchCrossing
+from smart_tire.estimation.friction.brush_inversion import SlipFit
+from smart_tire.estimation.friction.motion_history import ValueSigma, WheelMotion
+from smart_tire.estimation.friction.waveform_method import WaveformResult
 from smart_tire.models.tire import tread_film
 from smart_tire.parameters.robot import RobotParams
 
@@ -44,7 +44,7 @@ class TwoPeakReader:
                                           robot.film.bending_alpha)
         self._sharp = float(np.mean(np.abs(np.diff(bend)))) / STEP
 
-    def read(self, passage: WheelPassage, motion: WheelMotion) -> Reading | None:
+    def read(self, passage: PatchCrossing, motion: WheelMotion) -> WaveformResult | None:
         """Return what ``passage`` tells, None if not in traction or where peaks are missing."""
         if passage.samples is None or not motion.slip[0] > 0.0:
             return None
@@ -57,13 +57,13 @@ class TwoPeakReader:
         slip, sliding = table[:, [0, 2]].mean(axis=0).tolist()
         noise = np.diag(np.sum(table[:, [1, 3]]**2, axis=0) / len(found)**2)
         gains = self._film.stretch_gain_tolerance * slip
-        alone = Evidence(slip, sliding, noise, np.diag([gains**2 / len(found), 0.0]))
-        joined = Evidence(motion.slip[0], sliding, np.diag([0.0, noise[1, 1]]),
+        alone = SlipFit(slip, sliding, noise, np.diag([gains**2 / len(found), 0.0]))
+        joined = SlipFit(motion.slip[0], sliding, np.diag([0.0, noise[1, 1]]),
                           np.diag([motion.slip[1]**2, 0.0]))
-        return Reading(alone, joined, 0.0, self._first(passage, found[0][4]))
+        return WaveformResult(alone, joined, 0.0, self._first(passage, found[0][4]))
 
     def _peaks(self, film: FilmSamples, middle: float, slip: float) -> tuple[
-            float, float, float, float, tuple[int, Estimate, Estimate]] | None:
+            float, float, float, float, tuple[int, ValueSigma, ValueSigma]] | None:
         """
         Return slip and sliding of one film with their sigmas, and the peaks themselves.
 
@@ -111,8 +111,8 @@ class TwoPeakReader:
         high = x[volts > volts.max() - UNSEEN_TOP * math.sqrt(self._film.sample_variance)]
         return max(float(np.ptp(high)), step) / math.sqrt(EVENLY)
 
-    def _first(self, passage: WheelPassage,
-               peaks: tuple[int, Estimate, Estimate]) -> dict[str, Estimate]:
+    def _first(self, passage: PatchCrossing,
+               peaks: tuple[int, ValueSigma, ValueSigma]) -> dict[str, ValueSigma]:
         film, height, apart = peaks
         if film:
             return {}

@@ -15,10 +15,10 @@ import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.errors import EstimatorError
-from smart_tire.estimation.contact.records import Passage
+from smart_tire.estimation.contact.records import CrossingSamples
 from smart_tire.estimation.friction.levenberg_marquardt import (
-    Descent, End, middle, OUTLIER, Prior, solved)
-from smart_tire.estimation.friction.motion_history import Estimate
+    FitResult, LevenbergMarquardt, middle, OUTLIER, Prior, solve_spd)
+from smart_tire.estimation.friction.motion_history import ValueSigma
 from smart_tire.estimation.friction.waveform_model import Own, own, Shared, WaveformModel
 from smart_tire.numerics.robust import MAD_TO_SIGMA
 from smart_tire.parameters.robot import RobotParams
@@ -46,8 +46,8 @@ LEAST_TOLERANCE = 1e-6   # relative, of gains that are said to be exact
 class SlipKnowledge:
     """What is known of the slip without the films."""
 
-    slip: Estimate = (0.0, SLIP_SIGMA)  # -, at the reference
-    change: Estimate = (0.0, 0.0)       # -, of the slip over a contact length
+    slip: ValueSigma = (0.0, SLIP_SIGMA)  # -, at the reference
+    change: ValueSigma = (0.0, 0.0)       # -, of the slip over a contact length
     follows: float = 1.0  # share of a relative change of the slip that the sliding share makes ...
     strays: float = 0.0   # -, ... and one sigma of what it changes beside, over a contact length
 
@@ -62,7 +62,7 @@ class WaveformFit:
     and what gains and the slip from elsewhere leave.
     """
 
-    passage: Passage
+    passage: CrossingSamples
     parameters: Array
     covariance: Array
     noise: Array
@@ -71,24 +71,24 @@ class WaveformFit:
     excess: float    # mean square of residuals over that of the noise, at least 1
 
     @property
-    def slip(self) -> Estimate:
+    def slip(self) -> ValueSigma:
         """Return the longitudinal slip ratio with one sigma."""
         return self._estimate(Shared.SLIP)
 
     @property
-    def sliding(self) -> Estimate:
+    def sliding(self) -> ValueSigma:
         """Return total slip / critical slip with one sigma; noise may make it negative."""
         return self._estimate(Shared.SLIDING)
 
-    def shared(self, which: Shared) -> Estimate:
+    def shared(self, which: Shared) -> ValueSigma:
         """Return a parameter that the films share, with one sigma."""
         return self._estimate(which)
 
-    def own(self, position: int, which: Own) -> Estimate:
+    def own(self, position: int, which: Own) -> ValueSigma:
         """Return a parameter of the film at ``position`` in the passage, with one sigma."""
         return self._estimate(own(position, which))
 
-    def _estimate(self, index: int) -> Estimate:
+    def _estimate(self, index: int) -> ValueSigma:
         return (float(self.parameters[index]),
                 math.sqrt(max(float(self.covariance[index, index]), 0.0)))
 
@@ -110,11 +110,11 @@ class WaveformFitter:
         self._gain_sigma = max(tolerance, LEAST_TOLERANCE)
         self._length_sigma = length_sigma
         self._variance = film.sample_variance
-        self._passage: Passage | None = None  # that was fitted last
-        self._descent: Descent
-        self._last: tuple[WaveformFit, End] | None = None
+        self._passage: CrossingSamples | None = None  # that was fitted last
+        self._descent: LevenbergMarquardt
+        self._last: tuple[WaveformFit, FitResult] | None = None
 
-    def fit(self, passage: Passage, known: SlipKnowledge = SlipKnowledge(),
+    def fit(self, passage: CrossingSamples, known: SlipKnowledge = SlipKnowledge(),
             start: WaveformFit | None = None) -> WaveformFit | None:
         """
         Return the fit of ``passage``, None where a film has too few samples.
@@ -124,7 +124,7 @@ class WaveformFitter:
         if min(len(one.distance) for one in passage.films) < FEWEST:
             return None
         if passage is not self._passage:
-            self._descent = Descent(self._model(passage), passage.films, self._variance)
+            self._descent = LevenbergMarquardt(self._model(passage), passage.films, self._variance)
             self._passage, self._last = passage, None
         if start is not None:
             last = self._last
@@ -139,13 +139,13 @@ class WaveformFitter:
             found = min(found, self._descend(passage, known, p), key=lambda fit: fit.excess)
         return found
 
-    def _descend(self, passage: Passage, known: SlipKnowledge, p: Array) -> WaveformFit:
+    def _descend(self, passage: CrossingSamples, known: SlipKnowledge, p: Array) -> WaveformFit:
         end = self._descent.run(p, self._prior(passage, known, float(p[Shared.SLIP])))
         found = _judged(passage, end)
         self._last = found, end
         return found
 
-    def apart(self, fit: WaveformFit) -> list[Estimate]:
+    def apart(self, fit: WaveformFit) -> list[ValueSigma]:
         """
         Return the sliding share as each film alone would tell it, to first order.
 
@@ -162,11 +162,11 @@ class WaveformFitter:
         ends = np.cumsum([len(one.distance) for one in passage.films])[:-1]
         return np.split(output, ends)
 
-    def _model(self, passage: Passage) -> WaveformModel:
+    def _model(self, passage: CrossingSamples) -> WaveformModel:
         return WaveformModel(self._robot, self._gains, passage.films, passage.reference,
                              len(passage.errors.warps))
 
-    def _start(self, passage: Passage) -> Array:
+    def _start(self, passage: CrossingSamples) -> Array:
         p = np.zeros(own(len(passage.films), Own.PLACE) + len(passage.errors.warps))
         for i, (one, seen) in enumerate(zip(passage.films, passage.sightings)):
             bump = BUMP * self._bending[one.film]
@@ -178,7 +178,7 @@ class WaveformFitter:
         p[Shared.SLIP], p[Shared.SLIDING] = slip, min(sliding, likely)
         return p
 
-    def _prior(self, passage: Passage, known: SlipKnowledge, slip: float) -> Prior:
+    def _prior(self, passage: CrossingSamples, known: SlipKnowledge, slip: float) -> Prior:
         count, errors = len(passage.films), passage.errors
         value, sigma = np.zeros((2, own(count, Own.PLACE) + len(errors.warps)))
         scale = math.copysign(max(abs(slip), LEAST_SLIP), slip)  # GROWTH is relative to the slip
@@ -206,7 +206,7 @@ class WaveformFitter:
         return Prior(value, precision, free, np.array(lasting, dtype=np.intp))
 
 
-def _judged(passage: Passage, end: End) -> WaveformFit:
+def _judged(passage: CrossingSamples, end: FitResult) -> WaveformFit:
     """Return what was fitted, with its covariance."""
     p, prior, counted = end.p, end.prior, end.weight > 0.0
     residual, weight = end.point.residual[counted], end.weight[counted]
@@ -217,7 +217,7 @@ def _judged(passage: Passage, end: End) -> WaveformFit:
     excess = max(1.0, float(np.minimum(size, OUTLIER**2).sum()) / freedom,
                  middle(size) * MAD_TO_SIGMA**2)
     covariance = np.zeros((len(p), len(p)))
-    covariance[prior.free[:, np.newaxis], prior.free] = solved(
+    covariance[prior.free[:, np.newaxis], prior.free] = solve_spd(
         end.hessian, np.eye(len(end.hessian)))
     both = covariance[[Shared.SLIP, Shared.SLIDING]]
     through = both[:, prior.lasting]

@@ -12,9 +12,10 @@ import math
 
 import numpy as np
 
-from smart_tire.estimation.contact.records import WheelPassage
-from smart_tire.estimation.friction.brush_inversion import disagreement, Evidence, where_all_slides
-from smart_tire.estimation.friction.motion_history import Estimate, WheelMotion
+from smart_tire.estimation.contact.records import PatchCrossing
+from smart_tire.estimation.friction.brush_inversion import (
+    consistency_inflation, flag_full_sliding, SlipFit)
+from smart_tire.estimation.friction.motion_history import ValueSigma, WheelMotion
 from smart_tire.estimation.friction.waveform_fit import (
     LEAST_SLIP, SlipKnowledge, WaveformFit, WaveformFitter)
 from smart_tire.estimation.friction.waveform_model import Own, own, Shared
@@ -41,13 +42,13 @@ STEP = 1e-3              # -, of the sliding share, for a slope
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class WaveformResult:
     """What a passage tells before load and stiffness come in."""
 
-    alone: Evidence   # from the films
-    joined: Evidence  # with what the slip estimator says
+    alone: SlipFit   # from the films
+    joined: SlipFit  # with what the slip estimator says
     shift: float      # m, by which the passage was later than it was sighted
-    peaks: dict[str, Estimate]  # ``stretch_voltage`` and ``peak_interval``, where they exist
+    peaks: dict[str, ValueSigma]  # ``stretch_voltage`` and ``peak_interval``, where they exist
     fit: WaveformFit | None = None  # that of ``joined``, where the method is a fit
 
 
@@ -62,7 +63,7 @@ class WaveformReader:
         self._joining = self._fitter if not robot.slip.film_aided else WaveformFitter(
             robot, self._gains, self._bending, gain_sigma=UNKNOWN_GAIN)
 
-    def read(self, passage: WheelPassage, motion: WheelMotion) -> Reading | None:
+    def read(self, passage: PatchCrossing, motion: WheelMotion) -> WaveformResult | None:
         """Return what ``passage`` tells, None if it does not look like one."""
         samples = passage.samples
         if samples is None:
@@ -74,7 +75,7 @@ class WaveformReader:
         if first is None or not self._plausible(first):
             return None
         shown = _strayed(first, stray)
-        alone = where_all_slides(shown, first.noise)
+        alone = flag_full_sliding(shown, first.noise)
         best, joined = first, alone
         if math.isfinite(motion.slip[0]):
             change = motion.slip_rate * self._patch / passage.speed
@@ -86,9 +87,9 @@ class WaveformReader:
             assert found is not None  # as the first was not
             best = found
             joined = self._compared(
-                best, known, math.hypot(motion.slip_bend, stray)).widened(
-                    disagreement(alone, motion.slip))
-        return Reading(alone, joined, self._shift(first), self._peaks(best, passage), best)
+                best, known, math.hypot(motion.slip_bend, stray)).inflated(
+                    consistency_inflation(alone, motion.slip))
+        return WaveformResult(alone, joined, self._shift(first), self._peaks(best, passage), best)
 
     def _plausible(self, fit: WaveformFit) -> bool:
         low, high = PLAUSIBLE_BENDING
@@ -100,7 +101,7 @@ class WaveformReader:
                 return False
         return True
 
-    def _compared(self, fit: WaveformFit, known: SlipKnowledge, stray: float) -> Evidence:
+    def _compared(self, fit: WaveformFit, known: SlipKnowledge, stray: float) -> SlipFit:
         """Return what ``fit`` tells, less sharply where the films met two grounds."""
         evidence, passage = _strayed(fit, stray), fit.passage
         if fit.excess < MISFIT or len(passage.films) < 2 or not self._differ(
@@ -115,7 +116,7 @@ class WaveformReader:
         return replace(evidence, noise=evidence.noise + np.diag([0.0, float(np.mean(off**2))]))
 
     @staticmethod
-    def _differ(slidings: list[Estimate], fit: WaveformFit) -> bool:
+    def _differ(slidings: list[ValueSigma], fit: WaveformFit) -> bool:
         """Return whether one of ``slidings`` is another one than that of ``fit``."""
         return any(abs(sliding - fit.sliding[0]) > DIFFERENT * sigma
                    for sliding, sigma in slidings)
@@ -128,7 +129,7 @@ class WaveformReader:
             [fit.own(i, Own.PLACE)[0] - seen.middle for i, seen in enumerate(sightings)],
             weights=[seen.coverage for seen in sightings]))
 
-    def _peaks(self, fit: WaveformFit, passage: WheelPassage) -> dict[str, Estimate]:
+    def _peaks(self, fit: WaveformFit, passage: PatchCrossing) -> dict[str, ValueSigma]:
         """Return the two peaks of film 1 as Fig. 8 draws them; none when braking."""
         length = self._film.length
         slip, sliding = fit.slip[0], fit.sliding[0]
@@ -179,7 +180,7 @@ def _along(fit: WaveformFit, slip: float) -> WaveformFit:
     return replace(fit, parameters=parameters)
 
 
-def _strayed(fit: WaveformFit, stray: float) -> Evidence:
+def _strayed(fit: WaveformFit, stray: float) -> SlipFit:
     """
     Return what ``fit`` tells of a slip that strayed by so much [-] from a straight line.
 
@@ -190,7 +191,7 @@ def _strayed(fit: WaveformFit, stray: float) -> Evidence:
     growth, spread = (math.hypot(CURVED * sum(map(_squared, fit.shared(which))), stray / size)
                       for which in (Shared.GROWTH, Shared.SPREAD))
     off = np.array([growth * size, spread * sliding])
-    return Evidence(slip, sliding, fit.noise + np.diag(off**2), fit.lasting)
+    return SlipFit(slip, sliding, fit.noise + np.diag(off**2), fit.lasting)
 
 
 def _squared(value: float) -> float:

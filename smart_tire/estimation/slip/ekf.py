@@ -24,9 +24,9 @@ from smart_tire.arrays import Array
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.slip.kinematics import SlipKinematics
 from smart_tire.estimation.slip.slip_process import (
-    Rolling, SLIDE_FLOOR, SlidingChange, SlidingSpread, Surprise)
+    FreeRollingPrior, InnovationChangeDetector, SLIDE_FLOOR, SlipChangeDetector, SlipPrior)
 from smart_tire.estimation.slip.state import (
-    Motion, N, PastSpeed, SIDES, SLIDES, SLIDING, State, WheelTravel)
+    DelayedSpeed, ImuStep, N, SIDE_SIGNS, SLIP_VEL_ROWS, SLIP_VELS, State, WheelMeasurement)
 from smart_tire.models.vehicle.skid_steer import GRAVITY
 from smart_tire.parameters import SlipEstimatorParams
 
@@ -51,11 +51,12 @@ SHORTEST_JITTER = 1e-6    # s, one sigma of stamps that are said to be exact
 NIS_MEMORY = 0.05         # share of a new value in the smoothed innovation statistic
 
 SHIFT = np.eye(N)         # makes the last reading's stamp the one before
-SHIFT[State.STAMP_BEFORE, State.STAMP_BEFORE] = SHIFT[State.STAMP, State.STAMP] = 0.0
-SHIFT[State.STAMP_BEFORE, State.STAMP] = 1.0
+SHIFT[State.PREV_STAMP_ERROR, State.PREV_STAMP_ERROR] = 0.0
+SHIFT[State.STAMP_ERROR, State.STAMP_ERROR] = 0.0
+SHIFT[State.PREV_STAMP_ERROR, State.STAMP_ERROR] = 1.0
 
 
-class Tape(Protocol):
+class StateRecorder(Protocol):
     """Takes down how the state moves, for a smoother that goes back along the same way."""
 
     def move(self, x: Array, P: Array, F: Array, moved_x: Array, moved_P: Array) -> None:
@@ -70,7 +71,7 @@ class SlipFilter:
     ``tape`` if there is one.
     """
 
-    def __init__(self, params: SlipEstimatorParams, tape: Tape | None = None) -> None:
+    def __init__(self, params: SlipEstimatorParams, tape: StateRecorder | None = None) -> None:
         self._params = params
         robot = params.robot
         self._tape = tape
@@ -80,9 +81,9 @@ class SlipFilter:
         self._ekf = ExtendedKalmanFilter(dim_x=N, dim_z=1)
         self._F = np.eye(N)
         self._Q = np.zeros(N)
-        self._changes = [SlidingChange(params) for _ in SIDES]
-        self._spread = SlidingSpread(params)
-        self._sideways = Surprise(SIDEWAYS)
+        self._changes = [SlipChangeDetector(params) for _ in SIDE_SIGNS]
+        self._spread = SlipPrior(params)
+        self._sideways = InnovationChangeDetector(SIDEWAYS)
         self._accel_density = 0.0  # (m/s2)^2 s, of the last step
         # a wandering slip with this memory spreads over slip_sigma in the long run
         self._slip_time = 2.0 * (params.slip_sigma / max(params.slip_drift, 1e-6)) ** 2
@@ -90,13 +91,13 @@ class SlipFilter:
         sigma = np.full(N, POSE_FLOOR)
         sigma[State.ROLL] = sigma[State.PITCH] = params.slope_sigma
         sigma[State.V_X] = sigma[State.V_Y] = UNKNOWN_SPEED
-        sigma[State.GYRO] = robot.imu.gyro_bias
-        sigma[State.ACCEL_X] = sigma[State.ACCEL_Y] = math.hypot(
+        sigma[State.GYRO_BIAS_Z] = robot.imu.gyro_bias
+        sigma[State.ACCEL_BIAS_X] = sigma[State.ACCEL_BIAS_Y] = math.hypot(
             robot.imu.accel_bias, GRAVITY * MOUNTING_TILT)
-        sigma[State.SLIDE_L] = sigma[State.SLIDE_R] = UNKNOWN_SPEED
-        sigma[State.ICR] = params.icr_sigma * robot.wheelbase
-        sigma[State.STAMP] = sigma[State.STAMP_BEFORE] = robot.encoder.stamp_jitter
-        self._ekf.x[State.ICR] = params.icr
+        sigma[State.SLIP_VEL_L] = sigma[State.SLIP_VEL_R] = UNKNOWN_SPEED
+        sigma[State.ICR_X] = params.icr_sigma * robot.wheelbase
+        sigma[State.STAMP_ERROR] = sigma[State.PREV_STAMP_ERROR] = robot.encoder.stamp_jitter
+        self._ekf.x[State.ICR_X] = params.icr
         self._ekf.P = np.diag(sigma ** 2)
 
     @property
@@ -119,15 +120,15 @@ class SlipFilter:
         self._ekf.P[:, pose] = 0.0
         self._ekf.P[pose, pose] = POSE_FLOOR ** 2
 
-    def predict(self, dt: float, motion: Motion) -> None:
+    def predict(self, dt: float, motion: ImuStep) -> None:
         """Advance by ``dt`` [s] with B(5) in body axes; biases come from the state."""
         self._accel_density = motion.accel_variance
         x = self.x
-        W = motion.yaw_rate - x[State.GYRO]
+        W = motion.yaw_rate - x[State.GYRO_BIAS_Z]
         v_x, v_y = x[State.V_X], x[State.V_Y]
         roll, pitch = x[State.ROLL], x[State.PITCH]
-        a_x = motion.force_x - x[State.ACCEL_X] + W * v_y + GRAVITY * pitch
-        a_y = motion.force_y - x[State.ACCEL_Y] - W * v_x - GRAVITY * roll
+        a_x = motion.force_x - x[State.ACCEL_BIAS_X] + W * v_y + GRAVITY * pitch
+        a_y = motion.force_y - x[State.ACCEL_BIAS_Y] - W * v_x - GRAVITY * roll
         b_x = v_x + 0.5 * a_x * dt + self._y_imu * W  # of base_link, in the middle of the step
         b_y = v_y + 0.5 * a_y * dt - self._x_imu * W
         yaw = x[State.YAW] + 0.5 * W * dt
@@ -144,8 +145,8 @@ class SlipFilter:
         state[State.V_Y, 0] += a_y * dt
         state[State.ROLL, 0] = fade * (roll + W * pitch * dt)
         state[State.PITCH, 0] = fade * (pitch - W * roll * dt)
-        state[State.SLIDE_L, 0] *= keep
-        state[State.SLIDE_R, 0] *= keep
+        state[State.SLIP_VEL_L, 0] *= keep
+        state[State.SLIP_VEL_R, 0] *= keep
         self._fill_jacobian(dt, W, v_x, v_y, b_x, b_y, cos, sin, fade, keep)
         self._fill_noise(dt, motion, v_x, v_y, fade, x)
         self._move(state, self._F, self._Q)
@@ -161,7 +162,7 @@ class SlipFilter:
         P = F @ ekf.P @ F.T
         P.flat[::N + 1] += Q
         if sliding is not None:
-            P[SLIDING, SLIDING] += sliding
+            P[SLIP_VEL_ROWS, SLIP_VEL_ROWS] += sliding
         P = 0.5 * (P + P.T)
         if self._tape is not None:
             self._tape.move(ekf.x[:, 0], ekf.P, F, moved[:, 0], P)
@@ -173,26 +174,26 @@ class SlipFilter:
         F[State.X, State.YAW] = (-sin * b_x - cos * b_y) * dt
         F[State.X, State.V_X] = cos * dt
         F[State.X, State.V_Y] = -sin * dt
-        F[State.X, State.GYRO] = (-cos * self._y_imu - sin * self._x_imu) * dt
+        F[State.X, State.GYRO_BIAS_Z] = (-cos * self._y_imu - sin * self._x_imu) * dt
         F[State.Y, State.YAW] = (cos * b_x - sin * b_y) * dt
         F[State.Y, State.V_X] = sin * dt
         F[State.Y, State.V_Y] = cos * dt
-        F[State.Y, State.GYRO] = (-sin * self._y_imu + cos * self._x_imu) * dt
-        F[State.YAW, State.GYRO] = -dt
+        F[State.Y, State.GYRO_BIAS_Z] = (-sin * self._y_imu + cos * self._x_imu) * dt
+        F[State.YAW, State.GYRO_BIAS_Z] = -dt
         F[State.V_X, State.V_Y] = W * dt
-        F[State.V_X, State.GYRO] = -v_y * dt
-        F[State.V_X, State.ACCEL_X] = -dt
+        F[State.V_X, State.GYRO_BIAS_Z] = -v_y * dt
+        F[State.V_X, State.ACCEL_BIAS_X] = -dt
         F[State.V_X, State.PITCH] = GRAVITY * dt
         F[State.V_Y, State.V_X] = -W * dt
-        F[State.V_Y, State.GYRO] = v_x * dt
-        F[State.V_Y, State.ACCEL_Y] = -dt
+        F[State.V_Y, State.GYRO_BIAS_Z] = v_x * dt
+        F[State.V_Y, State.ACCEL_BIAS_Y] = -dt
         F[State.V_Y, State.ROLL] = -GRAVITY * dt
         F[State.ROLL, State.ROLL] = F[State.PITCH, State.PITCH] = fade
         F[State.ROLL, State.PITCH] = fade * W * dt
         F[State.PITCH, State.ROLL] = -fade * W * dt
-        F[State.SLIDE_L, State.SLIDE_L] = F[State.SLIDE_R, State.SLIDE_R] = keep
+        F[State.SLIP_VEL_L, State.SLIP_VEL_L] = F[State.SLIP_VEL_R, State.SLIP_VEL_R] = keep
 
-    def _fill_noise(self, dt: float, motion: Motion, v_x: float, v_y: float, fade: float,
+    def _fill_noise(self, dt: float, motion: ImuStep, v_x: float, v_y: float, fade: float,
                     x: list[float]) -> None:
         Q, params = self._Q, self._params
         gyro, accel = motion.gyro_variance * dt, motion.accel_variance * dt
@@ -200,13 +201,13 @@ class SlipFilter:
         Q[State.ROLL] = Q[State.PITCH] = motion.slope_sigma ** 2 * (1.0 - fade ** 2)
         Q[State.V_X] = accel + gyro * v_y ** 2 + SPEED_DRIFT ** 2 * dt
         Q[State.V_Y] = accel + gyro * v_x ** 2 + SPEED_DRIFT ** 2 * dt
-        Q[State.GYRO] = GYRO_BIAS_DRIFT ** 2 * dt
-        Q[State.ACCEL_X] = Q[State.ACCEL_Y] = ACCEL_BIAS_DRIFT ** 2 * dt
-        for slide, wheel in zip(SLIDES, self._kinematics.wheel_speeds(x, motion.yaw_rate)):
+        Q[State.GYRO_BIAS_Z] = GYRO_BIAS_DRIFT ** 2 * dt
+        Q[State.ACCEL_BIAS_X] = Q[State.ACCEL_BIAS_Y] = ACCEL_BIAS_DRIFT ** 2 * dt
+        for slide, wheel in zip(SLIP_VELS, self._kinematics.wheel_speeds(x, motion.yaw_rate)):
             Q[slide] = params.slip_drift ** 2 * (wheel ** 2 + SLIDE_FLOOR ** 2) * dt
-        Q[State.ICR] = (params.icr_drift * params.robot.wheelbase) ** 2 * dt
+        Q[State.ICR_X] = (params.icr_drift * params.robot.wheelbase) ** 2 * dt
 
-    def update_wheels(self, travel: WheelTravel) -> None:
+    def update_wheels(self, travel: WheelMeasurement) -> None:
         """Correct with the wheels' travel between two readings: B(7) and the yaw rate."""
         self._shift_stamps()
         H, expected = self._wheel_model(travel)
@@ -215,7 +216,7 @@ class SlipFilter:
             jitter = math.sqrt(2.0) * self._params.robot.encoder.stamp_jitter / travel.duration
             R += np.diag([(jitter * speed) ** 2 for speed in travel.speed])
         z = np.array(travel.speed)
-        self._let_sliding_change(travel, z - expected, np.diag(H @ self._ekf.P @ H.T + R))
+        self._inflate_slip(travel, z - expected, np.diag(H @ self._ekf.P @ H.T + R))
         H, expected = self._wheel_model(travel)
         if self._params.constraint == 'printed':
             H, z, expected, R = self._printed(H, z, expected, R)
@@ -225,7 +226,7 @@ class SlipFilter:
         nis = (self._ekf.y.T @ self._ekf.SI @ self._ekf.y).item() / len(z)
         self.nis += NIS_MEMORY * (nis - self.nis)
 
-    def _doubt(self, travel: WheelTravel) -> float:
+    def _doubt(self, travel: WheelMeasurement) -> float:
         """
         Return variance [m2/s2] of wheel speeds that have contradicted their sigmas of late.
 
@@ -233,26 +234,27 @@ class SlipFilter:
         """
         return (DOUBT * max(0.0, self.nis - 1.0) * max(map(abs, travel.speed))) ** 2
 
-    def _wheel_model(self, travel: WheelTravel) -> tuple[Array, Array]:
+    def _wheel_model(self, travel: WheelMeasurement) -> tuple[Array, Array]:
         x, H, expected = self.x, np.zeros((2, N)), np.zeros(2)
-        for row, (side, slide) in enumerate(zip(SIDES, SLIDES)):
+        for row, (side, slide) in enumerate(zip(SIDE_SIGNS, SLIP_VELS)):
             arm = self._y_imu + side * self._half_track
             expected[row] = travel.ground_speed + arm * travel.yaw_rate + x[slide]
             H[row, State.V_X] = H[row, slide] = 1.0
-            H[row, State.GYRO] = -arm
+            H[row, State.GYRO_BIAS_Z] = -arm
             if travel.stamped:
                 rate = expected[row] / travel.duration
-                expected[row] -= rate * (x[State.STAMP] - x[State.STAMP_BEFORE])
-                H[row, State.STAMP], H[row, State.STAMP_BEFORE] = -rate, rate
+                expected[row] -= rate * (x[State.STAMP_ERROR] - x[State.PREV_STAMP_ERROR])
+                H[row, State.STAMP_ERROR], H[row, State.PREV_STAMP_ERROR] = -rate, rate
         return H, expected
 
     def _shift_stamps(self) -> None:
         """Make room for a new reading's stamp, whose error is independent of all."""
         Q = np.zeros(N)
-        Q[State.STAMP] = max(self._params.robot.encoder.stamp_jitter, SHORTEST_JITTER) ** 2
+        Q[State.STAMP_ERROR] = max(self._params.robot.encoder.stamp_jitter, SHORTEST_JITTER) ** 2
         self._move(SHIFT @ self._ekf.x, SHIFT, Q)
 
-    def _let_sliding_change(self, travel: WheelTravel, innovation: Array, variance: Array) -> None:
+    def _inflate_slip(self, travel: WheelMeasurement, innovation: Array,
+                      variance: Array) -> None:
         """
         Forget the sliding as far as wheels and ground change their speeds, or surprise.
 
@@ -260,7 +262,7 @@ class SlipFilter:
         speed to the wheels on a robot that shakes, and the accelerometer would carry it away.
         """
         changes = []
-        for row, (side, change) in enumerate(zip(SIDES, self._changes)):
+        for row, (side, change) in enumerate(zip(SIDE_SIGNS, self._changes)):
             ground = travel.ground_speed + (
                 self._y_imu + side * self._half_track) * travel.yaw_rate
             changes.append(change.update(
@@ -270,9 +272,9 @@ class SlipFilter:
         share = min(1.0, max(change.variance / spread[row, row]
                              for row, change in enumerate(changes)))
         F, Q = np.eye(N), np.zeros(N)
-        for slide in SLIDES:
+        for slide in SLIP_VELS:
             F[slide, slide] = math.sqrt(1.0 - share)
-        Q[State.ICR] = share * (ICR_CHANGE * self._params.robot.wheelbase) ** 2
+        Q[State.ICR_X] = share * (ICR_CHANGE * self._params.robot.wheelbase) ** 2
         self._move(F @ self._ekf.x, F, Q, share * spread)
 
     def _printed(self, H: Array, z: Array, expected: Array, R: Array
@@ -283,16 +285,16 @@ class SlipFilter:
         Lambda' is 0 for a faster side that brakes and for a slower side that drives.
         """
         mix = np.array([[0.5, 0.5], [-1.0, 1.0]])
-        slides = self._ekf.x[list(SLIDES), 0]
+        slides = self._ekf.x[list(SLIP_VELS), 0]
         faster = np.abs(z) >= np.abs(z[::-1])
         dropped = np.where(faster, slides * z < 0.0, slides * z > 0.0)
         H, expected = mix @ H, mix @ expected
         expected[0] -= 0.5 * slides[dropped].sum()
-        H[0, np.array(SLIDES)[dropped]] = 0.0
+        H[0, np.array(SLIP_VELS)[dropped]] = 0.0
         return H, mix @ z, expected, mix @ R @ mix.T
 
     def update_rolling(self, duration: float, gyro_z: float,
-                       unsure: float = 0.0) -> Rolling | None:
+                       unsure: float = 0.0) -> FreeRollingPrior | None:
         """
         Correct with what is usual: on firm ground, wheels that only roll hardly slip.
 
@@ -307,7 +309,7 @@ class SlipFilter:
         if speed < self._params.robot.slip.standstill_speed:
             return None
         H = np.zeros((1, N))
-        H[0, SLIDING] = 0.5 / speed
+        H[0, SLIP_VEL_ROWS] = 0.5 / speed
         slip = float(H[0] @ self._ekf.x[:, 0])
         variance = float(H[0] @ P @ H[0])
         self._spread.watch(slip, variance, duration)
@@ -320,40 +322,41 @@ class SlipFilter:
     def update_lateral(self, gyro_z: float, duration: float) -> None:
         """Correct with B(8): the lateral speed of base_link is -S times the yaw rate."""
         x = self.x
-        W = gyro_z - x[State.GYRO]
+        W = gyro_z - x[State.GYRO_BIAS_Z]
         H = np.zeros((1, N))
         H[0, State.V_Y] = 1.0
-        H[0, State.ICR] = W
-        H[0, State.GYRO] = self._x_imu - x[State.ICR]
-        expected = x[State.V_Y] - (self._x_imu - x[State.ICR]) * W
+        H[0, State.ICR_X] = W
+        H[0, State.GYRO_BIAS_Z] = self._x_imu - x[State.ICR_X]
+        expected = x[State.V_Y] - (self._x_imu - x[State.ICR_X]) * W
         variance = self._params.lateral_sigma ** 2 * 0.1 / max(duration, 1e-3)
         surprise = self._sideways.update(
             expected, math.sqrt(float((H @ self._ekf.P @ H.T)[0, 0]) + variance))
         if surprise > 0.0:  # S has changed, or, driving straight, the robot drifts sideways
             Q = np.zeros(N)
-            Q[State.ICR] = surprise / (W ** 2 + STRAIGHT_RATE ** 2)
+            Q[State.ICR_X] = surprise / (W ** 2 + STRAIGHT_RATE ** 2)
             self._move(self._ekf.x, np.eye(N), Q)
             variance += surprise / (1.0 + (W / STRAIGHT_RATE) ** 2)
         self._correct(np.zeros(1), np.array([expected]), H, np.array([[variance]]))
 
-    def update_past_speed(self, past: PastSpeed) -> None:
+    def update_past_speed(self, past: DelayedSpeed) -> None:
         """Correct with a speed over ground of a while ago, such as the films tell of it."""
         x, H = self.x, np.zeros((1, N))
-        arm = self._y_imu + SIDES[past.side] * self._half_track
-        expected = x[State.V_X] - past.gained + arm * (past.gyro_z - x[State.GYRO])
-        H[0, State.V_X], H[0, State.GYRO] = 1.0, -arm
-        H[0, State.V_Y], H[0, State.ACCEL_X] = -past.turned, past.since  # by which it was gained
+        arm = self._y_imu + SIDE_SIGNS[past.side] * self._half_track
+        expected = x[State.V_X] - past.gained + arm * (past.gyro_z - x[State.GYRO_BIAS_Z])
+        H[0, State.V_X], H[0, State.GYRO_BIAS_Z] = 1.0, -arm
+        H[0, State.V_Y] = -past.turned
+        H[0, State.ACCEL_BIAS_X] = past.since
         self._correct(np.array([past.speed]), np.array([expected]), H,
                       np.array([[past.variance]]))
 
     def update_standstill(self) -> None:
         """Correct with zero velocity over ground and of the wheels."""
-        rows = [State.V_X, State.V_Y, State.SLIDE_L, State.SLIDE_R]
+        rows = [State.V_X, State.V_Y, State.SLIP_VEL_L, State.SLIP_VEL_R]
         self._observe(rows, np.zeros(4), np.full(4, STILL_SPEED ** 2))
 
     def update_gyro_bias(self, rate: float, sigma: float) -> None:
         """Correct with the unit's ``rate`` [rad/s] about z, a mean at rest."""
-        self._observe([State.GYRO], np.array([rate]), np.array([sigma ** 2]))
+        self._observe([State.GYRO_BIAS_Z], np.array([rate]), np.array([sigma ** 2]))
 
     def _observe(self, rows: list[State], z: Array, variances: Array) -> None:
         """Correct with states that are seen directly."""

@@ -8,18 +8,18 @@ import math
 from typing import Any, Protocol
 
 from smart_tire.arrays import Array
-from smart_tire.estimation.reorder_buffer import Gate
-from smart_tire.estimation.slip.ekf import SlipFilter, Tape
+from smart_tire.estimation.reorder_buffer import ReorderBuffer
+from smart_tire.estimation.slip.ekf import SlipFilter, StateRecorder
 from smart_tire.estimation.slip.film_slip_update import FilmAid
 from smart_tire.estimation.slip.kinematics import SlipKinematics
-from smart_tire.estimation.slip.odometry_buffer import TravelLog
-from smart_tire.estimation.slip.output import Estimate, Seen, SlipReport
-from smart_tire.estimation.slip.radius_estimator import RadiusLearner
-from smart_tire.estimation.slip.state import Motion, State, WheelTravel
-from smart_tire.estimation.slip.steering_efficiency import Steering
-from smart_tire.estimation.slip.vibration import Shaking
+from smart_tire.estimation.slip.odometry_buffer import OdometryBuffer
+from smart_tire.estimation.slip.output import Estimate, OutputContext, SlipReport
+from smart_tire.estimation.slip.radius_estimator import RadiusEstimator
+from smart_tire.estimation.slip.state import ImuStep, State, WheelMeasurement
+from smart_tire.estimation.slip.steering_efficiency import SteeringEfficiency
+from smart_tire.estimation.slip.vibration import VibrationMonitor
 from smart_tire.estimation.slip.wheel_odometry import WheelReader, WheelReading
-from smart_tire.estimation.slip.zero_velocity import Reading, Standstill, UNWINDING_TIME
+from smart_tire.estimation.slip.zero_velocity import Reading, UNWINDING_TIME, ZeroVelocityDetector
 from smart_tire.models.vehicle.skid_steer import GRAVITY
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.rotation import matrix
@@ -38,13 +38,13 @@ UNSEEN_CHANGE = 0.03       # m/s; a smaller change is noise
 TRUSTED_REST = 3.0         # s; rest that lasts so long overrules a state that has drifted away
 
 
-class EstimatorTape(Tape, Protocol):
+class EstimatorRecorder(StateRecorder, Protocol):
     """Takes down, too, where on the way the estimates were made, and where all starts anew."""
 
     def start(self) -> None:
         """Note that nothing of what was before leads to what comes now."""
 
-    def mark(self, seen: Seen, x: Sequence[float], P: Array) -> None:
+    def mark(self, seen: OutputContext, x: Sequence[float], P: Array) -> None:
         """Note that the state after the last move, by now ``x``, ``P``, was reported so."""
 
 
@@ -57,13 +57,13 @@ class SlipEstimator:
     needs goes to the ``tape`` if there is one.
     """
 
-    def __init__(self, params: SlipEstimatorParams, tape: EstimatorTape | None = None) -> None:
+    def __init__(self, params: SlipEstimatorParams, tape: EstimatorRecorder | None = None) -> None:
         self._params = params
         self._tape = tape
         self._report = SlipReport(params.robot)
         self._kinematics = SlipKinematics(params.robot)
         self._rotation: list[list[float]] = matrix(*params.robot.imu.rotation).tolist()
-        self._gate = Gate(round(params.reorder_window * NS_PER_S))
+        self._gate = ReorderBuffer(round(params.reorder_window * NS_PER_S))
         self.dropped: Counter[str] = Counter()  # topic -> duplicates and samples without use
         self.spikes = 0  # readings of the inertial unit that no robot can have felt
         self.films_used = 0  # passages whose slip was used
@@ -76,11 +76,11 @@ class SlipEstimator:
         robot = self._params.robot
         self._filter = SlipFilter(self._params, self._tape)
         self._wheels = WheelReader(robot)
-        self._standstill = Standstill(robot.imu.gyro_noise, robot.imu.accel_noise)
-        self._log = TravelLog()
+        self._standstill = ZeroVelocityDetector(robot.imu.gyro_noise, robot.imu.accel_noise)
+        self._log = OdometryBuffer()
         self._at_reading = (0.0, 0.0)     # m/s, of the sides over ground, when wheels were read
-        self._steering = Steering()
-        self._radius = RadiusLearner(robot)
+        self._steering = SteeringEfficiency()
+        self._radius = RadiusEstimator(robot)
         self._films = FilmAid(robot) if robot.slip.film_aided else None
         self._blind = False               # whether the unit is silent
         self._zero_ns: int | None = None  # instant from which seconds are counted ...
@@ -90,7 +90,7 @@ class SlipEstimator:
         self._imu_time: float | None = None
         self._imu: Reading | None = None  # last rate z, force x, y
         self._imu_period = 0.01           # s, of the IMU, until it is known better
-        self._shaking = Shaking(robot.imu.accel_noise)
+        self._shaking = VibrationMonitor(robot.imu.accel_noise)
         self._spiked = False              # whether the last reading was held to be a spike
         self._at_rest = False
         self._gate_resets = self._gate.resets
@@ -111,7 +111,7 @@ class SlipEstimator:
                       'waiting for wheel_states' if not self._wheels.started else
                       'standing' if self._at_rest else 'moving'),
             'normalised_innovation_squared': round(self._filter.nis, 3),
-            'gyro_bias': round(self._filter.x[State.GYRO], 6),
+            'gyro_bias': round(self._filter.x[State.GYRO_BIAS_Z], 6),
             'rolling_radius': round(self._radius.radius, 6),
             'clock_jumps': self._gate.resets,
             'position_jumps': self._wheels.jumps,
@@ -231,7 +231,7 @@ class SlipEstimator:
         rate, force_x, force_y = (total / dt for total in sums)
         period = dt / count  # white noise per sample becomes noise density
         shaking = self._shaking.sigma
-        self._advance(end, Motion(
+        self._advance(end, ImuStep(
             rate, force_x, force_y, imu.gyro_noise ** 2 * period,
             (imu.accel_noise ** 2 + shaking ** 2) * period + jumps / dt,
             self._slope_sigma(shaking)))
@@ -243,12 +243,12 @@ class SlipEstimator:
         """Advance without the inertial unit: yaw rate from the wheels, acceleration unknown."""
         x = self._filter.x
         W, sigma = self._steering.predict(self._by_wheels(self._wheels.side_speeds))
-        rate = W + x[State.GYRO]
-        force_x = x[State.ACCEL_X] - W * x[State.V_Y] - GRAVITY * x[State.PITCH]
-        force_y = x[State.ACCEL_Y] + W * x[State.V_X] + GRAVITY * x[State.ROLL]
+        rate = W + x[State.GYRO_BIAS_Z]
+        force_x = x[State.ACCEL_BIAS_X] - W * x[State.V_Y] - GRAVITY * x[State.PITCH]
+        force_y = x[State.ACCEL_BIAS_Y] + W * x[State.V_X] + GRAVITY * x[State.ROLL]
         self._imu = (rate, force_x, force_y)
         self._blind = True
-        self._advance(now, Motion(
+        self._advance(now, ImuStep(
             rate, force_x, force_y, 2.0 * sigma ** 2 * GUESS_TIME, GUESSED_ACCEL_PSD,
             self._slope_sigma(self._shaking.sigma)))
 
@@ -256,12 +256,12 @@ class SlipEstimator:
         """Return the yaw rate [rad/s] of these sides [m/s] if there were no slip."""
         return (sides[1] - sides[0]) / self._params.robot.track_width
 
-    def _advance(self, end: float, motion: Motion) -> None:
+    def _advance(self, end: float, motion: ImuStep) -> None:
         dt = end - self._time
         before = self._filter.x
         self._filter.predict(dt, motion)
         after = self._filter.x
-        rate = motion.yaw_rate - after[State.GYRO]
+        rate = motion.yaw_rate - after[State.GYRO_BIAS_Z]
         self._log.add(end, 0.5 * (before[State.V_X] + after[State.V_X]), rate)
         if self._films is not None:
             self._films.note(end, after[State.V_X] - before[State.V_X],
@@ -297,7 +297,7 @@ class SlipEstimator:
             half = 0.5 * self._params.robot.track_width * mean[1]
             middle = mean[0] + self._params.robot.imu.position[1] * mean[1]
             self._at_reading = middle - half, middle + half
-            self._filter.update_wheels(WheelTravel(
+            self._filter.update_wheels(WheelMeasurement(
                 reading.duration, reading.sides, *mean, reading.variance, reading.stamped))
             if not self._at_rest:
                 self._roll(reading)
@@ -325,7 +325,7 @@ class SlipEstimator:
         assert self._imu is not None
         ahead = self._seconds(instant_ns) - self._time
         rate, *force = self._imu
-        seen = Seen(instant_ns, ahead, rate, (force[0], force[1]), self._shaking.sigma,
+        seen = OutputContext(instant_ns, ahead, rate, (force[0], force[1]), self._shaking.sigma,
                     self._wheels.beyond_side, self._time, self._wheels_at)
         if self._tape is not None:
             self._tape.mark(seen, self._filter.x, self._filter.P)

@@ -18,7 +18,7 @@ import math
 from typing import NamedTuple
 
 from smart_tire.estimation.slip.ekf import WHEEL_NOISE
-from smart_tire.estimation.slip.state import PastSpeed
+from smart_tire.estimation.slip.state import DelayedSpeed
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import Friction, NS_PER_S, WHEELS
 
@@ -116,7 +116,7 @@ class FilmAid:
         if points[0].time < time - 2.0 * MEMORY:
             del points[:bisect_right(points, (time - MEMORY,))]
 
-    def speed(self, film: FilmSlip, time: float) -> PastSpeed | None:
+    def speed(self, film: FilmSlip, time: float) -> DelayedSpeed | None:
         """
         Return what ``film`` that passed at ``time`` [s] says of the speed over ground.
 
@@ -130,7 +130,7 @@ class FilmAid:
         now, rolling = self._points[-1], then.wheels[side]
         wheel = math.hypot(WHEEL_NOISE, then.unseen[side])
         variance = (rolling * film.sigma)**2 + ((1.0 - film.slip) * wheel)**2
-        return PastSpeed(side, rolling * (1.0 - film.slip),
+        return DelayedSpeed(side, rolling * (1.0 - film.slip),
                          variance + now.variance - then.variance, now.time - then.time,
                          now.gained - then.gained, now.angle - then.angle, then.gyro_z)
 

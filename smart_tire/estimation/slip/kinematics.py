@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.estimation.slip.state import N, SIDES, SLIDES, State
+from smart_tire.estimation.slip.state import N, SIDE_SIGNS, SLIP_VELS, State
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import Vector3
 
@@ -25,22 +25,22 @@ class SlipKinematics:
         self._x_imu, self._y_imu = robot.imu.position[0], robot.imu.position[1]
         self._jacobian = J = np.zeros((3, N))  # of the twist of base_link
         J[0, State.V_X] = J[1, State.V_Y] = 1.0
-        J[0, State.GYRO], J[1, State.GYRO], J[2, State.GYRO] = -self._y_imu, self._x_imu, -1.0
+        J[:3, State.GYRO_BIAS_Z] = -self._y_imu, self._x_imu, -1.0
 
     def side_speeds(self, x: Sequence[float], gyro_z: float) -> tuple[float, float]:
         """Return v_x [m/s] of the left and of the right wheel centres, B(2)."""
-        W = gyro_z - x[State.GYRO]
+        W = gyro_z - x[State.GYRO_BIAS_Z]
         v_x = x[State.V_X] + self._y_imu * W
         return v_x - self._half_track * W, v_x + self._half_track * W
 
     def wheel_speeds(self, x: Sequence[float], gyro_z: float) -> tuple[float, float]:
         """Return r w [m/s] of the two sides as the filter has them."""
         left, right = self.side_speeds(x, gyro_z)
-        return left + x[State.SLIDE_L], right + x[State.SLIDE_R]
+        return left + x[State.SLIP_VEL_L], right + x[State.SLIP_VEL_R]
 
     def base_twist(self, x: Sequence[float], P: Array, gyro_z: float) -> tuple[Vector3, Array]:
         """Return v_x, v_y [m/s] and yaw rate [rad/s] of base_link, and their covariance (3, 3)."""
-        W = gyro_z - x[State.GYRO]
+        W = gyro_z - x[State.GYRO_BIAS_Z]
         twist = (x[State.V_X] + self._y_imu * W, x[State.V_Y] - self._x_imu * W, W)
         covariance = self._jacobian @ P @ self._jacobian.T
         return twist, 0.5 * (covariance + covariance.T)
@@ -49,12 +49,12 @@ class SlipKinematics:
         """Return one sigma [-] of the slip ratio of the left and of the right side, at most 1."""
         ground, wheels = self.side_speeds(x, gyro_z), self.wheel_speeds(x, gyro_z)
         sigmas = []
-        for side, slide, v, u in zip(SIDES, SLIDES, ground, wheels):
+        for side, slide, v, u in zip(SIDE_SIGNS, SLIP_VELS, ground, wheels):
             # lambda = slide / u, u = v + slide
             by_slide, by_v = v, -x[slide]
             arm = self._y_imu + side * self._half_track
             variance = (by_slide ** 2 * P[slide, slide] + by_v ** 2 * (
-                P[State.V_X, State.V_X] - 2.0 * arm * P[State.V_X, State.GYRO])
+                P[State.V_X, State.V_X] - 2.0 * arm * P[State.V_X, State.GYRO_BIAS_Z])
                 + 2.0 * by_slide * by_v * P[slide, State.V_X])
             sigmas.append(min(1.0, math.sqrt(max(0.0, variance)) / max(u * u, 1e-9)))
         return sigmas[0], sigmas[1]

@@ -14,11 +14,11 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 from smart_tire.estimation.slip.rts_smoother import Smoothed
-from smart_tire.estimation.slip.state import SLIDES
+from smart_tire.estimation.slip.state import SLIP_VELS
 
 LONGEST = 3.0  # s without a wheel reading; beyond, the sliding stays as the filter has it
 
-ROWS = list(SLIDES)
+ROWS = list(SLIP_VELS)
 Knot = tuple[float, list[float]]  # s, m/s of both sides
 
 

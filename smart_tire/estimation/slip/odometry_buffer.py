@@ -8,7 +8,7 @@ from collections import deque
 MEMORY = 3.0  # s
 
 
-class TravelLog:
+class OdometryBuffer:
     """Integrals of forward speed and yaw rate over time, to be read between any two times."""
 
     def __init__(self) -> None:

@@ -28,7 +28,7 @@ Estimate = Odometry | WheelSlip | Icr
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class OutputContext:
     """What was known besides the state when an estimate was made."""
 
     instant_ns: int    # of the grid
@@ -49,7 +49,7 @@ class SlipReport:
         self._kinematics = SlipKinematics(robot)
         self._x_imu, self._y_imu = robot.imu.position[0], robot.imu.position[1]
 
-    def estimates(self, seen: Seen, x: Sequence[float], P: Array,
+    def estimates(self, seen: OutputContext, x: Sequence[float], P: Array,
                   unseen: tuple[float, float] = (0.0, 0.0)) -> list[Estimate]:
         """
         Return what a state ``x`` (N numbers) and its covariance ``P`` (N, N) tell.
@@ -62,16 +62,16 @@ class SlipReport:
         estimates: list[Estimate] = [
             self._odometry(seen, x, P, twist, covariance), self._slip(seen, x, P, unseen)]
         if abs(twist[2]) > TURNING:
-            estimates.append(Icr(seen.instant_ns, x[State.ICR], twist[0] / twist[2]))
+            estimates.append(Icr(seen.instant_ns, x[State.ICR_X], twist[0] / twist[2]))
         return estimates
 
-    def _carried(self, seen: Seen, x: Sequence[float]) -> list[float]:
+    def _carried(self, seen: OutputContext, x: Sequence[float]) -> list[float]:
         """Return the state carried ahead to the grid instant, as far as shaking lets one see."""
-        dt, W = seen.ahead, seen.gyro_z - x[State.GYRO]
+        dt, W = seen.ahead, seen.gyro_z - x[State.GYRO_BIAS_Z]
         v_x, v_y, yaw = x[State.V_X], x[State.V_Y], x[State.YAW] + 0.5 * W * dt
         share = 1.0 / (1.0 + (seen.shaking / DRIVEN) ** 2)
-        a_x = share * (seen.force[0] - x[State.ACCEL_X] + W * v_y + GRAVITY * x[State.PITCH])
-        a_y = share * (seen.force[1] - x[State.ACCEL_Y] - W * v_x - GRAVITY * x[State.ROLL])
+        a_x = share * (seen.force[0] - x[State.ACCEL_BIAS_X] + W * v_y + GRAVITY * x[State.PITCH])
+        a_y = share * (seen.force[1] - x[State.ACCEL_BIAS_Y] - W * v_x - GRAVITY * x[State.ROLL])
         b_x = v_x + 0.5 * a_x * dt + self._y_imu * W
         b_y = v_y + 0.5 * a_y * dt - self._x_imu * W
         carried = list(x)
@@ -82,7 +82,7 @@ class SlipReport:
         carried[State.V_Y] += a_y * dt
         return carried
 
-    def _odometry(self, seen: Seen, x: Sequence[float], P: Array, twist: Vector3,
+    def _odometry(self, seen: OutputContext, x: Sequence[float], P: Array, twist: Vector3,
                   covariance: Array) -> Odometry:
         v_x, v_y, W = twist
         pose, rates = PLANAR.copy(), PLANAR.copy()
@@ -95,7 +95,7 @@ class SlipReport:
             (v_x, v_y, 0.0), (0.0, 0.0, W),
             tuple(pose.ravel().tolist()), tuple(rates.ravel().tolist()))
 
-    def _slip(self, seen: Seen, x: Sequence[float], P: Array,
+    def _slip(self, seen: OutputContext, x: Sequence[float], P: Array,
               unseen: tuple[float, float]) -> WheelSlip:
         ground = self._kinematics.side_speeds(x, seen.gyro_z)
         sides = self._kinematics.wheel_speeds(x, seen.gyro_z)

@@ -7,7 +7,7 @@ from smart_tire.parameters import RobotParams
 SAME_ROLLING = 5.0  # s, for which what is seen of rolling wheels errs to one side
 
 
-class RadiusLearner:
+class RadiusEstimator:
     """
     Effective rolling radius: speed over ground per wheel speed of wheels that roll freely.
 

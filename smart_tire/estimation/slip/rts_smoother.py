@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from smart_tire.arrays import Array
 from smart_tire.estimation.slip.block_spool import Spool
-from smart_tire.estimation.slip.output import Seen
+from smart_tire.estimation.slip.output import OutputContext
 
 
 BLOCK = 1024       # moves that become links together
@@ -45,7 +45,7 @@ class Smoothed:
     """A state in the light of the whole run, and what was seen besides when it was reported."""
 
     stretch: int    # counts the starts
-    seen: Seen
+    seen: OutputContext
     x: list[float]  # (N,)
     P: Array        # (N, N)
 
@@ -60,7 +60,7 @@ class Block:
     end: tuple[Array, Array] | None  # x, P behind the last link of a stretch; None within one
 
 
-class Smoother:
+class RtsSmoother:
     """
     An ``EstimatorTape`` along which one can go back: fill it, then read ``states``.
 
@@ -84,7 +84,7 @@ class Smoother:
         self._moves = 0
         self._state = 0     # number of the present state in its block
         self._left = False  # whether a move has led on from it
-        self._marks: list[tuple[int, Seen]] = []
+        self._marks: list[tuple[int, OutputContext]] = []
         self._reported: tuple[Array, Array] | None = None  # the present state, if it was
 
     def close(self) -> None:
@@ -109,7 +109,7 @@ class Smoother:
         self._moved_x[i], self._moved_P[i], self._link[i] = moved_x, moved_P, self._state
         self._moves, self._left, self._reported = i + 1, True, None
 
-    def mark(self, seen: Seen, x: Sequence[float], P: Array) -> None:
+    def mark(self, seen: OutputContext, x: Sequence[float], P: Array) -> None:
         """Note that the state after the last move, by now ``x`` and ``P``, was reported."""
         if self._left:
             self._state, self._left = self._state + 1, False

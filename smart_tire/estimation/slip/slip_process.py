@@ -23,7 +23,7 @@ SURPRISE = 2.0        # sigmas; beyond, twice in a row, the sliding has changed
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
+class SlipChange:
     """What is seen of one side at a wheel reading."""
 
     variance: float      # m2/s2, by which its sliding may have changed
@@ -33,7 +33,7 @@ class Change:
 
 
 @dataclass(frozen=True, slots=True)
-class Rolling:
+class FreeRollingPrior:
     """The slip that both sides share while they roll, and what is to be expected of it."""
 
     slip: float      # -, forward force over that of unit slip, of the state
@@ -43,7 +43,7 @@ class Rolling:
     weight: float    # -, 0 to 1, how much what is usual should count
 
 
-class Surprise:
+class InnovationChangeDetector:
     """
     Tells a change from bad readings by innovations that contradict the state twice in a row.
 
@@ -61,7 +61,7 @@ class Surprise:
         return lasting ** 2 if lasting > self._least * sigma else 0.0
 
 
-class SlidingChange:
+class SlipChangeDetector:
     """
     Watches one side's wheel and ground speeds for signs that its slip is no longer what it was.
 
@@ -73,10 +73,10 @@ class SlidingChange:
     def __init__(self, params: SlipEstimatorParams) -> None:
         self._params = params
         self._usual: tuple[float, float] | None = None  # m/s, of wheels and ground of late
-        self._surprise = Surprise(SURPRISE)
+        self._surprise = InnovationChangeDetector(SURPRISE)
 
     def update(self, duration: float, wheel: float, ground: float, innovation: float,
-               sigma: float, accel_density: float) -> Change:
+               sigma: float, accel_density: float) -> SlipChange:
         """
         Return how the sliding may have changed.
 
@@ -88,7 +88,7 @@ class SlidingChange:
         surprise = self._surprise.update(innovation, sigma)
         if self._usual is None:  # until now nothing was known of the wheels
             self._usual = wheel, ground
-            return Change(math.inf, speed, 0.0, 0.0)
+            return SlipChange(math.inf, speed, 0.0, 0.0)
         wheel_step, ground_step = wheel - self._usual[0], ground - self._usual[1]
         share = 1.0 - math.exp(-duration / CHANGE_TIME)
         self._usual = self._usual[0] + share * wheel_step, self._usual[1] + share * ground_step
@@ -97,11 +97,11 @@ class SlidingChange:
             max(0.0, abs(wheel_step) - CHANGE * abs(wheel) * jitter)
             + max(0.0, abs(ground_step) - max(
                 GROUND_CHANGE, CHANGE * math.sqrt(accel_density * CHANGE_TIME))))
-        return Change(change ** 2 * duration / CHANGE_TIME + surprise, speed,
+        return SlipChange(change ** 2 * duration / CHANGE_TIME + surprise, speed,
                       ground_step / CHANGE_TIME, (ground_step - wheel_step) ** 2 + surprise)
 
 
-class SlidingSpread:
+class SlipPrior:
     """
     Covariance of the two sides' sliding where nothing is known of it.
 
@@ -120,7 +120,7 @@ class SlidingSpread:
         # s2/m, of a robot whose wheels are all below their critical slip
         self._slip_per_accel = robot.mass / (4.0 * robot.tire.longitudinal_stiffness)
 
-    def of(self, changes: Sequence[Change]) -> Array:
+    def of(self, changes: Sequence[SlipChange]) -> Array:
         """Return it [m2/s2], shape (2, 2), for what is seen of the two sides."""
         self._acceleration = 0.5 * sum(change.acceleration for change in changes)
         common = self._common + self._soft + (self._slip_per_accel * self._acceleration) ** 2
@@ -139,7 +139,8 @@ class SlidingSpread:
         share = 1.0 - math.exp(-duration / GROUND_TIME)
         self._soft += share * (max(0.0, slip ** 2 - variance) - self._soft)
 
-    def rolling(self, slip: float, variance: float, turn: float, unsure: float = 0.0) -> Rolling:
+    def rolling(self, slip: float, variance: float, turn: float,
+                unsure: float = 0.0) -> FreeRollingPrior:
         """
         Return what to expect of the ``slip`` [-] that both sides share, known with ``variance``.
 
@@ -156,4 +157,4 @@ class SlidingSpread:
         straight = math.exp(-(turn / STRAIGHT) ** 2)
         lost = 1.0 / (1.0 + (self._lost / max(variance, 1e-12)) ** 2)
         likely = straight * odds / (1.0 + odds)
-        return Rolling(slip, variance, firm + unsure, likely, lost * likely)
+        return FreeRollingPrior(slip, variance, firm + unsure, likely, lost * likely)

@@ -16,24 +16,24 @@ class State(IntEnum):
     PITCH = 4      # rad
     V_X = 5        # m/s, velocity of the IMU over ground, body axes
     V_Y = 6        # m/s
-    GYRO = 7       # rad/s, bias about z
-    ACCEL_X = 8    # m/s2, bias, with the tilt of the mounting
-    ACCEL_Y = 9    # m/s2
-    SLIDE_L = 10   # m/s, r w - v_x of the left side
-    SLIDE_R = 11   # m/s
-    ICR = 12       # m, S: x of the instantaneous centres of rotation
-    STAMP = 13     # s, error of the stamp of the last wheel reading
-    STAMP_BEFORE = 14  # s, of the one before
+    GYRO_BIAS_Z = 7       # rad/s, bias about z
+    ACCEL_BIAS_X = 8    # m/s2, bias, with the tilt of the mounting
+    ACCEL_BIAS_Y = 9    # m/s2
+    SLIP_VEL_L = 10   # m/s, r w - v_x of the left side
+    SLIP_VEL_R = 11   # m/s
+    ICR_X = 12       # m, S: x of the instantaneous centres of rotation
+    STAMP_ERROR = 13     # s, error of the stamp of the last wheel reading
+    PREV_STAMP_ERROR = 14  # s, of the one before
 
 
 N = len(State)
-SLIDES = (State.SLIDE_L, State.SLIDE_R)
-SLIDING = slice(State.SLIDE_L, State.SLIDE_R + 1)
-SIDES = (-1.0, 1.0)  # sign of the yaw rate in v_x of the left and of the right side
+SLIP_VELS = (State.SLIP_VEL_L, State.SLIP_VEL_R)
+SLIP_VEL_ROWS = slice(State.SLIP_VEL_L, State.SLIP_VEL_R + 1)
+SIDE_SIGNS = (-1.0, 1.0)  # sign of the yaw rate in v_x of the left and of the right side
 
 
 @dataclass(frozen=True, slots=True)
-class Motion:
+class ImuStep:
     """What the inertial unit says of one step: base axes, biases not removed."""
 
     yaw_rate: float  # rad/s
@@ -45,7 +45,7 @@ class Motion:
 
 
 @dataclass(frozen=True, slots=True)
-class PastSpeed:
+class DelayedSpeed:
     """The speed over ground of one side at an earlier time, and what has happened since."""
 
     side: int        # 0 left, 1 right
@@ -58,7 +58,7 @@ class PastSpeed:
 
 
 @dataclass(frozen=True, slots=True)
-class WheelTravel:
+class WheelMeasurement:
     """Mean speeds between two wheel readings and what the state made of the same time."""
 
     duration: float             # s

@@ -11,7 +11,7 @@ SMALLEST = 0.05      # of the yaw rate, one sigma: the next turn is never quite 
 STRAIGHT_RATE = 0.02  # rad/s, one sigma of the yaw rate while both sides are as fast
 
 
-class Steering:
+class SteeringEfficiency:
     """
     Regression of the yaw rate on the sides' difference of speeds over the track.
 

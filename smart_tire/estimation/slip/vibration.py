@@ -8,7 +8,7 @@ MEMORY = 1.0   # s, of mean and variance
 NOTABLE = 1.5  # times the unit's own noise; less is not told from it
 
 
-class Shaking:
+class VibrationMonitor:
     """
     Standard deviation of the vertical specific force beyond the unit's own noise.
 

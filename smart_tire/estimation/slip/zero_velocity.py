@@ -20,7 +20,7 @@ Reading = tuple[float, float, float]  # rate about z [rad/s], specific force x, 
 
 
 @dataclass(frozen=True, slots=True)
-class Rest:
+class StationaryInterval:
     """A robot at rest."""
 
     rate: float      # rad/s, mean of the unit's rate about z
@@ -30,7 +30,7 @@ class Rest:
     settled: bool    # whether the rate is steady, too: after a stop the body still turns a little
 
 
-class Standstill:
+class ZeroVelocityDetector:
     """
     Tells whether the robot stands: wheels at rest and the inertial unit quiet for a while.
 
@@ -52,7 +52,7 @@ class Standstill:
         while window[0][0] < time - SETTLED:
             window.popleft()
 
-    def rest(self, time: float, wheel_speed: float) -> Rest | None:
+    def rest(self, time: float, wheel_speed: float) -> StationaryInterval | None:
         """
         Return the rest at ``time`` [s], None if something moves.
 
@@ -71,8 +71,8 @@ class Standstill:
         drift = abs(_mean(rates[half:]) - _mean(rates[:half]))
         settled = duration >= SETTLED - QUIET and (
             drift < TREND * 2.0 * self._noise / math.sqrt(len(rates)))
-        return Rest(_mean(rates), self._noise / math.sqrt(len(rates)), self._unwinding(time),
-                    duration, settled)
+        return StationaryInterval(_mean(rates), self._noise / math.sqrt(len(rates)),
+                                  self._unwinding(time), duration, settled)
 
     def _turn(self) -> float:
         """Return the fastest rate [rad/s] of late, of which tires may still be wound up."""

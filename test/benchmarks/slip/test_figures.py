@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.scenarios import SCENARIOS
-from benchmarks.slip.comparison import contest, METHODS
+from benchmarks.slip.comparison import compare_methods, METHODS
 from benchmarks.slip.figures import path_figure, save, slip_figure
 from benchmarks.slip.series import as_truth
 from smart_tire.analysis.metrics import aligned
@@ -21,7 +21,7 @@ def ran(name, duration):
     events = scenario.events(1)
     truth = as_truth((sample for _, topic, sample in events if 'truth' in topic), scenario.robot)
     samples = [sample for _, topic, sample in events if 'truth' not in topic]
-    return contest(samples, SlipEstimatorParams(robot=scenario.robot), truth.poses), truth
+    return compare_methods(samples, SlipEstimatorParams(robot=scenario.robot), truth.poses), truth
 
 
 @pytest.fixture(scope='module')

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from support.driving import drive, ramp, START_NS
 
-from benchmarks.slip.comparison import contest, LIVE, METHODS
+from benchmarks.slip.comparison import compare_methods, LIVE, METHODS
 from benchmarks.slip.inputs import as_inputs
 from benchmarks.slip.odometry import fitted_scale, fitted_track, gyro_odometry, wheel_odometry
 from benchmarks.slip.plain_ekf import plain_ekf
@@ -148,7 +148,7 @@ def test_too_few_samples_are_refused():
 
 def test_every_method_takes_part():
     run, _ = without_slip(noise=1.0)
-    estimates = contest(run.samples, SlipEstimatorParams(robot=ROBOT), truth_of(run))
+    estimates = compare_methods(run.samples, SlipEstimatorParams(robot=ROBOT), truth_of(run))
     assert list(estimates) == list(METHODS)
     assert all(len(estimate.poses.stamp_ns) > 200 for estimate in estimates.values())
     assert 0.0 < estimates[LIVE].step_us < math.inf

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.slip.scoring import estimated_at, moving_mean, score_run, steady_sides
-from benchmarks.slip.series import as_truth, Estimate, IcrSeries, Statistic, Truth
+from benchmarks.slip.series import as_truth, EstimateSeries, IcrSeries, Statistic, Truth
 from smart_tire.analysis.series import PoseSeries, SlipSeries
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import NS_PER_S, Odometry, WheelSlip
@@ -42,7 +42,7 @@ def told(truth, slip_error=0.0, slip_sigma=0.1, shift=(0.0, 0.0, 0.0), speed_err
     """Return an estimate that is off by constants; the pose only after its start."""
     off = np.outer(np.arange(len(truth.stamp_ns)) > 0, shift)
     twist = truth.poses.twist + [speed_error, 0.0, 0.0]
-    return Estimate(
+    return EstimateSeries(
         poses(truth.stamp_ns, truth.poses.pose + off, twist, 0.1, 0.02),
         SlipSeries(truth.stamp_ns, truth.ratio + slip_error,
                    np.full_like(truth.ratio, slip_sigma)))
@@ -65,7 +65,8 @@ def test_a_nan_where_the_truth_is_defined_counts_as_an_error_of_one():
     ratio = truth.ratio.copy()
     late = np.flatnonzero(np.isfinite(ratio[:, 0]))[-200:]
     ratio[late[:50], 0] = math.nan  # of one wheel: then its side is not told either
-    estimate = Estimate(truth.poses, SlipSeries(truth.stamp_ns, ratio, np.full_like(ratio, 0.1)))
+    slips = SlipSeries(truth.stamp_ns, ratio, np.full_like(ratio, 0.1))
+    estimate = EstimateSeries(truth.poses, slips)
     result = score_run(estimate, truth)
     count = result.left.judged.count
     assert result.left.judged.rms == pytest.approx(math.sqrt(50 / count))
@@ -76,14 +77,15 @@ def test_a_nan_where_the_truth_is_defined_counts_as_an_error_of_one():
 def test_an_estimate_that_never_comes_is_wrong_by_one_everywhere():
     truth = straight_run()
     empty = SlipSeries(np.empty(0, np.int64), np.empty((0, 4)), np.empty((0, 4)))
-    result = score_run(Estimate(truth.poses, empty), truth)
+    result = score_run(EstimateSeries(truth.poses, empty), truth)
     assert result.left.judged.rms == result.left.always.rms == 1.0
 
 
 def test_what_is_told_where_the_truth_is_undefined_does_not_count():
     truth = straight_run()
     ratio = np.where(np.isnan(truth.ratio), 0.9, truth.ratio)
-    estimate = Estimate(truth.poses, SlipSeries(truth.stamp_ns, ratio, np.full_like(ratio, 0.1)))
+    slips = SlipSeries(truth.stamp_ns, ratio, np.full_like(ratio, 0.1))
+    estimate = EstimateSeries(truth.poses, slips)
     assert score_run(estimate, truth).left.always.rms == 0.0
 
 
@@ -155,7 +157,7 @@ def test_the_centre_of_rotation_is_judged_where_the_robot_turns():
     truth = straight_run()
     truth.poses.twist[:, 1:] = -0.02 * 0.5, 0.5  # v_y = -S W with S = 0.02 m
     centres = IcrSeries(truth.stamp_ns, np.tile([0.05, 1.0], (len(truth.stamp_ns), 1)))
-    estimate = Estimate(truth.poses, told(truth).slips, centres,
+    estimate = EstimateSeries(truth.poses, told(truth).slips, centres,
                         Statistic(truth.stamp_ns, np.full(len(truth.stamp_ns), 1.5)), 80.0)
     result = score_run(estimate, truth)
     assert result.icr_x == pytest.approx(0.03)

@@ -11,7 +11,7 @@ from smart_tire.calibration.robot.geometry import (
     Geometry, identify_geometry, JITTER, LATENCY, parameters, PITCH, RADIUS, REST, ROLL, together,
     TRACK as TRACK_NAME)
 from smart_tire.parameters import build, RobotParams
-from smart_tire.uncertain import Estimate, weighted_mean
+from smart_tire.uncertain import Uncertain, weighted_mean
 
 ROBOT = RobotParams()
 BELIEVED = build(RobotParams, {'wheel_radius': 0.1, 'encoder.latency': 0.0})
@@ -54,8 +54,8 @@ def test_without_a_reference_the_radius_stays_and_the_track_goes_with_it(recordi
 def test_a_tilt_is_written_only_where_bias_and_slope_can_not_look_like_it():
     for roll, written in ((0.02, False), (0.05, True)):
         found = Geometry()
-        found.add(ROLL, Estimate(roll, 0.01), 'rad')
-        found.add(PITCH, Estimate(0.0, 0.01), 'rad')
+        found.add(ROLL, Uncertain(roll, 0.01), 'rad')
+        found.add(PITCH, Uncertain(0.0, 0.01), 'rad')
         names = [item.name for item in parameters(found, ROBOT)]
         assert ('imu.rotation' in names) is written
 
@@ -63,8 +63,8 @@ def test_a_tilt_is_written_only_where_bias_and_slope_can_not_look_like_it():
 def test_a_tilt_adds_to_the_mounting_that_is_known():
     turned = build(RobotParams, {'imu.rotation': [0.0, 0.0, 3.0]})
     found = Geometry()
-    found.add(ROLL, Estimate(0.1, 0.01), 'rad')
-    found.add(PITCH, Estimate(0.0, 0.01), 'rad')
+    found.add(ROLL, Uncertain(0.1, 0.01), 'rad')
+    found.add(PITCH, Uncertain(0.0, 0.01), 'rad')
     rotation = parameters(found, turned)[-1].value
     assert rotation[2] == pytest.approx(3.0, abs=0.01)
     assert rotation[0] == pytest.approx(-0.1, abs=0.002)  # the unit looks back: its roll is ours
@@ -89,7 +89,7 @@ def test_several_recordings_give_their_weighted_mean():
     parts = []
     for value in (1.0, 2.0):
         parts.append(Geometry())
-        parts[-1].add('thing', Estimate(value, 0.5), 'm')
+        parts[-1].add('thing', Uncertain(value, 0.5), 'm')
     parts[1].refused['thing'] = 'no'
     parts[1].refused['other'] = 'never'
     merged = together(parts)
@@ -98,7 +98,7 @@ def test_several_recordings_give_their_weighted_mean():
 
 
 def test_a_mean_of_values_that_disagree_is_less_certain_than_its_parts_say():
-    agreed = weighted_mean([Estimate(1.0, 0.1), Estimate(1.0, 0.1)])
+    agreed = weighted_mean([Uncertain(1.0, 0.1), Uncertain(1.0, 0.1)])
     assert agreed.sigma == pytest.approx(0.1 / 2 ** 0.5)
-    apart = weighted_mean([Estimate(0.0, 0.1), Estimate(2.0, 0.1)])
+    apart = weighted_mean([Uncertain(0.0, 0.1), Uncertain(2.0, 0.1)])
     assert apart.value == pytest.approx(1.0) and apart.sigma == pytest.approx(1.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from smart_tire.estimation.contact.detection import Sighter
+from smart_tire.estimation.contact.detection import CrossingDetector
 from smart_tire.models.tire import tread_film
 from smart_tire.parameters import build, RobotParams
 from support.passages import passage, WHEEL
@@ -16,7 +16,8 @@ BENDING, GAIN = ROBOT.film.bending(WHEEL)[0], ROBOT.film.gains(WHEEL)[0]
 
 
 def look(distance, volts, robot=ROBOT, between=(-0.02, 0.02)):
-    return Sighter(robot).look(distance, volts, bending=BENDING, gain=GAIN, between=between)
+    return CrossingDetector(robot).look(
+        distance, volts, bending=BENDING, gain=GAIN, between=between)
 
 
 @pytest.mark.parametrize('release', ['fig8', 'state'])

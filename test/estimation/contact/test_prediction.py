@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from smart_tire.estimation.contact.prediction import FilmPlace, MOST_PASSES
+from smart_tire.estimation.contact.prediction import MOST_PASSES, MountPosition
 
 ROUND, REACH = 0.5466, 0.048
 PLACE = 0.30
 
 
 def learned(path, place=PLACE, times=2):
-    films = FilmPlace(ROUND, REACH)
+    films = MountPosition(ROUND, REACH)
     for _ in range(times):
         films.sight(place, path)
     return films
@@ -62,7 +62,7 @@ def test_a_start_inside_is_left_behind_even_if_the_next_point_is_inside_again():
 
 
 def test_the_first_sighting_tells_of_the_passes_just_before():
-    films = FilmPlace(ROUND, REACH)
+    films = MountPosition(ROUND, REACH)
     moved, passes = films.sight(PLACE + ROUND, [(0, 0.0), (9, PLACE + ROUND - 0.03)])
     assert not moved
     assert [round((p.place - PLACE) / ROUND) for p in passes] == [0]
@@ -81,4 +81,4 @@ def test_the_place_is_that_nearest_to_where_the_wheel_is():
     films = learned([(0, 0.0)])
     assert films.expected(7.2 * ROUND) == pytest.approx(PLACE + 7 * ROUND, abs=0.5 * ROUND)
     assert films.trusted
-    assert not FilmPlace(ROUND, REACH).trusted
+    assert not MountPosition(ROUND, REACH).trusted

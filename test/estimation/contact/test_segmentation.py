@@ -8,8 +8,8 @@ import math
 import numpy as np
 import pytest
 
-from smart_tire.estimation.contact.segmentation import FilmRecord
-from smart_tire.estimation.contact.wheel_trajectory import Path
+from smart_tire.estimation.contact.segmentation import SegmentExtractor
+from smart_tire.estimation.contact.wheel_trajectory import ReversalDetector
 from smart_tire.parameters import RobotParams
 from support.rolling import along, films, ROUND, START_NS, steady
 
@@ -21,8 +21,8 @@ THRESHOLDS = (0.2, 0.16)
 
 def contacts_of(samples, course, block=20):
     """Return the contacts in ``samples``, fed in blocks with a perfectly known course."""
-    record = FilmRecord(THRESHOLDS, ROBOT.film.rest_voltage, PERIOD_NS, CONTACT)
-    path, found = Path(0.003), []
+    record = SegmentExtractor(THRESHOLDS, ROBOT.film.rest_voltage, PERIOD_NS, CONTACT)
+    path, found = ReversalDetector(0.003), []
     for start in range(0, len(samples), block):
         chunk = samples[start:start + block]
         instants = np.array([sample.stamp_ns for sample in chunk])

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from smart_tire.estimation.contact.stamp_regularizer import SampleClock
-from smart_tire.estimation.contact.wheel_trajectory import Path, WheelCourse
+from smart_tire.estimation.contact.stamp_regularizer import StampRegularizer
+from smart_tire.estimation.contact.wheel_trajectory import ReversalDetector, WheelTrajectory
 from support.rolling import along, ROBOT, stamp, steady
 
 R = ROBOT.wheel_radius
@@ -15,7 +15,7 @@ JITTER = ROBOT.encoder.stamp_jitter
 
 def followed(course, duration, *, rate=16.0, jitter=0.0, positions=True, seed=0):
     rng = np.random.default_rng(seed)
-    wheel = WheelCourse(R, 2000.0, JITTER)
+    wheel = WheelTrajectory(R, 2000.0, JITTER)
     count, before = 2000.0 / (2.0 * np.pi), 0.0
     for i, time in enumerate(np.arange(0.0, duration, 1.0 / rate)):
         angle = np.floor(float(course(np.array(time + 1e-9))) / R * count) / count
@@ -57,14 +57,14 @@ def test_speeds_alone_give_the_same_course():
 
 
 def test_an_encoder_that_is_reset_does_not_roll_the_wheel():
-    wheel = WheelCourse(R, 2000.0, JITTER)
+    wheel = WheelTrajectory(R, 2000.0, JITTER)
     for i in range(20):
         wheel.add(stamp(0.0625 * i), 10.0, 0.625 * i - (500.0 if i > 10 else 0.0))
     assert wheel.coarse(np.array([stamp(0.0625 * 19)]))[0] == pytest.approx(R * 0.625 * 19)
 
 
 def test_the_latency_of_the_stamps_is_taken_off():
-    late = WheelCourse(R, 2000.0, JITTER, latency=0.02)
+    late = WheelTrajectory(R, 2000.0, JITTER, latency=0.02)
     late.add(stamp(1.0), 0.0, 0.0)
     assert late.newest_ns == stamp(0.98)
 
@@ -87,7 +87,7 @@ def test_a_roll_knows_when_and_how_evenly_it_went():
 
 
 def test_the_path_turns_where_the_wheel_did_and_not_where_it_shook():
-    path = Path(0.003)
+    path = ReversalDetector(0.003)
     time = np.arange(0.0, 4.0, 0.008)
     place = np.where(time < 2.0, 0.2 * time, 0.8 - 0.2 * time)
     place = place + 0.001 * np.sin(40.0 * time)
@@ -101,7 +101,7 @@ def test_stamps_of_batches_become_as_regular_as_the_conversions():
     rng = np.random.default_rng(0)
     true = np.arange(4000) * 2_500_125  # 50 ppm slow
     given = true + np.repeat(rng.normal(0.0, 300_000.0, 250), 16).astype(np.int64)
-    clock = SampleClock(2_500_000)
+    clock = StampRegularizer(2_500_000)
     kept = np.ones(4000, bool)
     kept[1600:1648] = False
     regular = clock.regular(given[kept].tolist())
@@ -112,6 +112,6 @@ def test_stamps_of_batches_become_as_regular_as_the_conversions():
 
 
 def test_a_clock_that_was_set_is_followed_at_once():
-    clock = SampleClock(2_500_000)
+    clock = StampRegularizer(2_500_000)
     clock.regular([i * 2_500_000 for i in range(500)])
     assert clock.regular([10**12])[0] == 10**12

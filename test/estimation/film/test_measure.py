@@ -14,12 +14,12 @@ from smart_tire.errors import ParameterError
 from smart_tire.estimation.film.film_file import FilmParams
 from smart_tire.estimation.film.measure import measure
 from smart_tire.models.film.buckling_film import FILMS
-from smart_tire.simulation.film_test_stand import ramps, sine, TestBench
+from smart_tire.simulation.film_test_stand import FilmTestStand, ramps, sine
 
 FILM = FILMS['25x3']
 EXACT = FilmParams(film=FILM, covariance=np.zeros((5, 5)), low_corner=0.0, drift=0.0, span=1.0,
                    noise=0.0, misfit=0.0, **TRUE)
-QUIET = TestBench(rate=1000.0, low_corner=0.0, high_corner=1e6, charge_noise=0.0, bits=32)
+QUIET = FilmTestStand(rate=1000.0, low_corner=0.0, high_corner=1e6, charge_noise=0.0, bits=32)
 MICRON = 1e-6  # m
 
 
@@ -32,7 +32,7 @@ def identified():
 def run(top, frequency, duration, seed):
     """Return the motion of a bench and its recording."""
     moved = sine(top, frequency, duration, RATE)
-    return moved, TestBench(rate=RATE).run(moved, seed)
+    return moved, FilmTestStand(rate=RATE).run(moved, seed)
 
 
 def rested(motion):
@@ -52,7 +52,7 @@ def test_with_true_parameters_and_no_noise_the_deflection_comes_back():
     (0.012, 1.0), (0.012, 5.0), (0.006, 10.0), (0.002, 2.0), (0.0005, 5.0)])
 def test_an_identified_film_measures_within_its_sigma(identified, top, frequency):
     moved = rested(sine(top, frequency, 3.0, RATE))
-    recording = TestBench(rate=RATE).run(moved, 11)
+    recording = FilmTestStand(rate=RATE).run(moved, 11)
     result = measure(recording.time, recording.output, identified)
     error = result.value - moved
     assert np.sqrt(np.mean(error**2)) < 70.0 * MICRON
@@ -83,7 +83,7 @@ def test_a_loop_that_is_too_small_is_honest_in_its_range_and_tells_nothing_beyon
     small, large = sine(0.0005, 5.0, 5.0, RATE), sine(0.012, 2.0, 5.0, RATE)
     refused = 0
     for seed in range(8):
-        own = TestBench(rate=RATE).run(small, seed)
+        own = FilmTestStand(rate=RATE).run(small, seed)
         params = identify_film(own, FILM)[0]
         try:
             result = measure(own.time, own.output, params)
@@ -91,14 +91,14 @@ def test_a_loop_that_is_too_small_is_honest_in_its_range_and_tells_nothing_beyon
             refused += 1
             continue
         assert np.mean(np.abs(result.value - small) <= 2.0 * result.sigma) > 0.9
-        other = TestBench(rate=RATE).run(large, 100 + seed)
+        other = FilmTestStand(rate=RATE).run(large, 100 + seed)
         result = measure(other.time, other.output, params)
         assert np.nanmax(result.value) < 0.001 and result.told < 0.05 * large.size
     assert refused < 8
 
 
 def test_an_amplifier_that_can_not_be_told_from_a_drift_makes_sigma_grow():
-    recording = TestBench().run(sine(0.006, 2.0, 10.0, 1000.0), 1)
+    recording = FilmTestStand().run(sine(0.006, 2.0, 10.0, 1000.0), 1)
     params, fit, notes = identify_film(recording, FILM)
     assert any('not determined: low_corner' in note for note in notes)
     assert fit.low_corner.sigma > 0.5 * 0.001
@@ -106,14 +106,14 @@ def test_an_amplifier_that_can_not_be_told_from_a_drift_makes_sigma_grow():
     # what both do to the same motion is known, to another motion it is not
     assert np.median(own.sigma) < 50.0 * MICRON
     assert np.mean(np.abs(own.value - recording.input) <= 2.0 * own.sigma) > 0.9
-    other = TestBench(rate=RATE).run(sine(0.002, 2.0, 40.0, RATE), 2)
+    other = FilmTestStand(rate=RATE).run(sine(0.002, 2.0, 40.0, RATE), 2)
     sigma = measure(other.time, other.output, params).sigma
     assert np.median(sigma[-2000:]) > 3.0 * np.median(sigma[:2000])
 
 
 def test_without_the_inverse_the_same_film_is_off_by_far_more(identified):
     moved = rested(sine(0.012, 2.0, 3.0, RATE))
-    recording = TestBench(rate=RATE).run(moved, 12)
+    recording = FilmTestStand(rate=RATE).run(moved, 12)
     result = measure(recording.time, recording.output, identified)
     straight = np.polyval(np.polyfit(recording.output, moved, 3), recording.output)
     assert np.std(straight - moved) > 20.0 * np.std(result.value - moved)
@@ -121,7 +121,7 @@ def test_without_the_inverse_the_same_film_is_off_by_far_more(identified):
 
 def test_corners_and_minor_loops_are_followed(identified):
     moved = rested(ramps([0.01, 0.004, 0.007, 0.002, 0.009, 0.0], 0.02, RATE))
-    recording = TestBench(rate=RATE).run(moved, 13)
+    recording = FilmTestStand(rate=RATE).run(moved, 13)
     result = measure(recording.time, recording.output, identified)
     # corners can not be smoothed, so the noise stays
     assert np.sqrt(np.mean((result.value - moved)**2)) < 200.0 * MICRON

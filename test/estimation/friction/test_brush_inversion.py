@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from smart_tire.estimation.friction.brush_inversion import (
-    disagreement, Evidence, friction_estimate, single_friction, total_slip, traction_force,
-    where_all_slides)
+    consistency_inflation, flag_full_sliding, friction_estimate, single_friction, SlipFit,
+    total_slip, traction_force)
 from smart_tire.estimation.friction.motion_history import UNKNOWN
 from smart_tire.models.tire import brush_tire
 
@@ -19,7 +19,7 @@ NONE = np.zeros((2, 2))
 
 
 def evidence(slip=0.11, sliding=0.19, slip_sigma=0.002, sliding_sigma=0.005):
-    return Evidence(slip, sliding, np.diag([slip_sigma**2, sliding_sigma**2]), NONE)
+    return SlipFit(slip, sliding, np.diag([slip_sigma**2, sliding_sigma**2]), NONE)
 
 
 @pytest.mark.parametrize('mu', [0.1, 0.47, 0.9])
@@ -104,7 +104,7 @@ def test_a_negative_sliding_is_noise_and_pulls_down_the_inverse():
 
 
 def test_what_lasts_is_apart_from_noise():
-    told = Evidence(0.11, 0.19, np.diag([0.0, 0.0019**2]), np.diag([0.0011**2, 0.0]))
+    told = SlipFit(0.11, 0.19, np.diag([0.0, 0.0019**2]), np.diag([0.0011**2, 0.0]))
     single = single_friction(told, (0.0, 0.0), LOAD, STIFFNESS)
     assert single.noise / single.inverse == pytest.approx(0.01)
     assert single.lasting / single.inverse == pytest.approx(0.01)
@@ -114,11 +114,11 @@ def tied(sliding=0.85):
     """Return evidence of a ridge: slip and sliding may both be larger."""
     slip = 0.4
     both = np.array([slip, sliding])
-    return Evidence(slip, sliding, 0.06**2 * np.outer(both, both) + np.diag([1e-6, 1e-5]), NONE)
+    return SlipFit(slip, sliding, 0.06**2 * np.outer(both, both) + np.diag([1e-6, 1e-5]), NONE)
 
 
 def test_where_the_whole_patch_may_slide_only_the_ratio_shows():
-    wide = where_all_slides(tied())
+    wide = flag_full_sliding(tied())
     assert wide.slip_sigma > 0.3
     # what a slip from elsewhere makes of it
     sliding = 0.85 + wide.noise[0, 1] / wide.noise[0, 0] * (0.8 - 0.4)
@@ -127,20 +127,21 @@ def test_where_the_whole_patch_may_slide_only_the_ratio_shows():
 
 def test_what_is_added_to_the_noise_does_not_hide_that_only_the_ratio_shows():
     strayed = replace(tied(), noise=tied().noise + 2.0 * np.diag(np.diag(tied().noise)))
-    assert where_all_slides(strayed) is strayed
-    assert where_all_slides(strayed, tied().noise).slip_sigma > 0.3
+    assert flag_full_sliding(strayed) is strayed
+    assert flag_full_sliding(strayed, tied().noise).slip_sigma > 0.3
 
 
 def test_where_little_slides_the_slip_is_what_it_is():
     for told in (evidence(), tied(sliding=0.3)):
-        assert where_all_slides(told) is told
+        assert flag_full_sliding(told) is told
 
 
 def test_slips_that_agree_change_nothing_and_others_widen():
-    assert disagreement(evidence(), (0.112, 0.002)) == disagreement(evidence(), UNKNOWN) == 1.0
-    scale = disagreement(evidence(), (0.15, 0.002))
+    assert consistency_inflation(evidence(), (0.112, 0.002)) == 1.0
+    assert consistency_inflation(evidence(), UNKNOWN) == 1.0
+    scale = consistency_inflation(evidence(), (0.15, 0.002))
     assert scale > 10.0
-    assert evidence().widened(scale).slip_sigma == pytest.approx(0.002 * math.sqrt(scale))
+    assert evidence().inflated(scale).slip_sigma == pytest.approx(0.002 * math.sqrt(scale))
 
 
 @pytest.mark.parametrize('direction', [1, -1])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from smart_tire.estimation.friction.levenberg_marquardt import Descent, Prior
+from smart_tire.estimation.friction.levenberg_marquardt import LevenbergMarquardt, Prior
 from smart_tire.estimation.friction.waveform_model import Own, own, Shared, WaveformModel
 from smart_tire.parameters import RobotParams
 from support.passages import passage, WHEEL
@@ -43,7 +43,7 @@ def known(count, slip_sigma=1e-3):
 def way(seed):
     seen = passage(np.random.default_rng(seed), ROBOT, slip=SLIP, sliding=SLIDING)
     model = Counting(seen)
-    return Descent(model, seen.films, ROBOT.film.sample_variance), model, seen
+    return LevenbergMarquardt(model, seen.films, ROBOT.film.sample_variance), model, seen
 
 
 @pytest.mark.parametrize('seed', range(8))

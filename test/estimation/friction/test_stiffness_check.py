@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from smart_tire.estimation.friction.stiffness_check import ForceBalance, GROUND_SPREAD
+from smart_tire.estimation.friction.stiffness_check import GROUND_SPREAD, StiffnessConsistencyCheck
 from smart_tire.parameters import build, RobotParams
 
 ROBOT = RobotParams()
@@ -20,28 +20,30 @@ TOLERANCE = ROBOT.tire.longitudinal_stiffness_sigma
     ((0.01,) * 4, 0.0), ((0.06, -0.05, 0.06, -0.05), 0.0),          # against a rolling drag
     ((0.0,) * 4, 0.0)])
 def test_forces_that_fit_the_acceleration_raise_no_doubt(slips, acceleration):
-    assert ForceBalance(ROBOT).stiffness_sigma(slips, 0.01, acceleration) == TOLERANCE
+    assert StiffnessConsistencyCheck(ROBOT).stiffness_sigma(slips, 0.01, acceleration) == TOLERANCE
 
 
 def test_wheels_that_push_without_effect_raise_doubt():
-    sigma = ForceBalance(ROBOT).stiffness_sigma((0.32, 0.08, 0.32, 0.08), 0.01, 0.0)
+    sigma = StiffnessConsistencyCheck(ROBOT).stiffness_sigma((0.32, 0.08, 0.32, 0.08), 0.01, 0.0)
     assert 0.7 * GROUND_SPREAD < sigma < 1.1 * GROUND_SPREAD
 
 
 def test_braking_in_vain_raises_the_same_doubt():
-    balance = ForceBalance(ROBOT)
+    balance = StiffnessConsistencyCheck(ROBOT)
     assert balance.stiffness_sigma((-0.2,) * 4, 0.01, 0.0) == pytest.approx(
         balance.stiffness_sigma((0.2,) * 4, 0.01, 0.0))
 
 
 def test_slips_that_are_not_known_well_raise_none():
-    assert ForceBalance(ROBOT).stiffness_sigma((0.1,) * 4, 0.1, 0.0) == TOLERANCE
+    assert StiffnessConsistencyCheck(ROBOT).stiffness_sigma((0.1,) * 4, 0.1, 0.0) == TOLERANCE
 
 
 def test_nothing_is_concluded_where_a_wheel_stands():
-    assert ForceBalance(ROBOT).stiffness_sigma((math.nan, 0.1, 0.1, 0.1), 0.01, 0.0) == TOLERANCE
+    check = StiffnessConsistencyCheck(ROBOT)
+    assert check.stiffness_sigma((math.nan, 0.1, 0.1, 0.1), 0.01, 0.0) == TOLERANCE
 
 
 def test_the_calibrated_tolerance_is_the_least():
     robot = build(RobotParams, {'tire.longitudinal_stiffness_sigma': 0.3})
-    assert ForceBalance(robot).stiffness_sigma((0.11, -0.11, 0.11, -0.11), 0.01, 0.0) == 0.3
+    check = StiffnessConsistencyCheck(robot)
+    assert check.stiffness_sigma((0.11, -0.11, 0.11, -0.11), 0.01, 0.0) == 0.3

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from smart_tire.estimation.contact.records import WheelPassage
+from smart_tire.estimation.contact.records import PatchCrossing
 from smart_tire.estimation.friction.motion_history import WheelMotion
 from smart_tire.estimation.friction.two_peak_method import TwoPeakReader
 from smart_tire.models.tire import tread_film
@@ -21,7 +21,7 @@ SLIP, SLIDING, SPEED = 0.1, 0.18, 0.546
 
 def seen(rng, slip=SLIP, rpm=60.0, **options):
     samples = passage(rng, ROBOT, slip=slip, sliding=SLIDING, rpm=rpm, gain_error=0.0, **options)
-    return WheelPassage(0, 1, SPEED * rpm / 60.0, 0.001, 0.0, 0.1, 0, 1, samples)
+    return PatchCrossing(0, 1, SPEED * rpm / 60.0, 0.001, 0.0, 0.1, 0, 1, samples)
 
 
 def read(passage, slip=SLIP, name='exact'):
@@ -86,4 +86,4 @@ def test_a_hole_in_the_samples_leaves_no_peaks():
 
 
 def test_without_samples_nothing_is_read():
-    assert read(WheelPassage(0, 1, SPEED, 0.001, 0.0, 0.1, 0, 1, None)) is None
+    assert read(PatchCrossing(0, 1, SPEED, 0.001, 0.0, 0.1, 0, 1, None)) is None

@@ -10,7 +10,7 @@ import pytest
 from benchmarks.friction.cramer_rao import friction_bound
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.contact.records import FilmSamples
-from smart_tire.estimation.contact.trajectory_error import CourseErrors
+from smart_tire.estimation.contact.trajectory_error import TrajectoryErrors
 from smart_tire.estimation.friction.waveform_fit import SlipKnowledge, WaveformFitter
 from smart_tire.estimation.friction.waveform_model import Own, Shared
 from smart_tire.parameters import build, RobotParams
@@ -259,7 +259,7 @@ def test_a_fit_that_goes_on_from_another_ends_where_one_from_its_values_does():
 def test_a_wrong_scale_of_the_distances_is_found_within_its_sigma():
     here = robot()
     found = fits(here, 60, 0.1, sliding=0.18, known=KNOWN, scale=0.01,
-                 errors=CourseErrors(0.01, (5e-5, 2e-5)))
+                 errors=TrajectoryErrors(0.01, (5e-5, 2e-5)))
     value, sigma = columns(found, Shared.SLIDING)
     assert abs(np.median(value) / 0.18 - 1.0) < 0.02
     assert np.median(sigma) < 1.2 * np.median(

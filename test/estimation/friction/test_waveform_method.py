@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from smart_tire.estimation.contact.records import Passage, Sighting, WheelPassage
+from smart_tire.estimation.contact.records import CrossingSamples, Detection, PatchCrossing
 from smart_tire.estimation.friction.motion_history import UNKNOWN, WheelMotion
 from smart_tire.estimation.friction.waveform_method import WaveformReader
 from smart_tire.models.tire import tread_film
@@ -20,7 +20,7 @@ SPEED = 0.546
 
 
 def wheel_passage(samples, change=0.0):
-    return WheelPassage(0, 1, SPEED, 0.001, change, 0.1, 0, 1, samples)
+    return PatchCrossing(0, 1, SPEED, 0.001, change, 0.1, 0, 1, samples)
 
 
 def seen(rng, *, robot=ROBOT, slip=0.1, sliding=0.18, change=0.0, **options):
@@ -198,9 +198,9 @@ def test_where_all_slides_the_slip_from_elsewhere_says_how_far():
 
 def test_a_sighting_that_is_a_little_off_does_not_matter():
     one = seen(np.random.default_rng(13)).samples
-    shifted = tuple(Sighting(s.middle + 0.002, s.bending, -s.slip, s.sliding, s.coverage)
+    shifted = tuple(Detection(s.middle + 0.002, s.bending, -s.slip, s.sliding, s.coverage)
                     for s in one.sightings)
-    near, off = (read(wheel_passage(Passage(one.films, sightings, 0.0)), slip=(0.1, 1e-4))
+    near, off = (read(wheel_passage(CrossingSamples(one.films, sightings, 0.0)), slip=(0.1, 1e-4))
                  for sightings in (one.sightings, shifted))
     assert off.joined.sliding == pytest.approx(near.joined.sliding, rel=0.01)
     assert math.isclose(off.alone.slip, near.alone.slip, rel_tol=0.02)

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from smart_tire.estimation.slip.ekf import SlipFilter
-from smart_tire.estimation.slip.state import Motion, N, State, WheelTravel
+from smart_tire.estimation.slip.state import ImuStep, N, State, WheelMeasurement
 from smart_tire.models.vehicle.skid_steer import GRAVITY
 from smart_tire.parameters import build, SlipEstimatorParams
 
-MOTION = Motion(0.8, 0.4, 0.9, 1e-6, 2.5e-5, 1e-3)
-TRAVEL = WheelTravel(0.0625, (1.1, 0.6), 0.8, 0.9, 1e-6, stamped=True)
+MOTION = ImuStep(0.8, 0.4, 0.9, 1e-6, 2.5e-5, 1e-3)
+TRAVEL = WheelMeasurement(0.0625, (1.1, 0.6), 0.8, 0.9, 1e-6, stamped=True)
 
 
 def new_filter(state=None, **values):
@@ -49,7 +49,7 @@ def test_the_jacobian_of_the_motion_is_its_derivative(seed):
 def test_the_jacobian_of_the_wheels_is_their_derivative(seed):
     state, step = some_state(seed), 1e-6
     H, expected = new_filter(state)._wheel_model(TRAVEL)
-    for column in (State.SLIDE_L, State.SLIDE_R, State.STAMP, State.STAMP_BEFORE):
+    for column in (State.SLIP_VEL_L, State.SLIP_VEL_R, State.STAMP_ERROR, State.PREV_STAMP_ERROR):
         moved = state.copy()
         moved[column] += step
         derivative = (new_filter(moved)._wheel_model(TRAVEL)[1] - expected) / step
@@ -60,7 +60,7 @@ def test_a_robot_at_rest_on_a_slope_feels_gravity_not_speed():
     state = np.zeros(N)
     state[State.PITCH] = 0.02  # nose down: specific force has a backward part
     slip_filter = new_filter(state)
-    slip_filter.predict(0.1, Motion(0.0, -GRAVITY * 0.02, 0.0, 1e-6, 1e-6, 1e-3))
+    slip_filter.predict(0.1, ImuStep(0.0, -GRAVITY * 0.02, 0.0, 1e-6, 1e-6, 1e-3))
     assert slip_filter.x[State.V_X] == pytest.approx(0.0, abs=1e-12)
 
 
@@ -69,7 +69,7 @@ def test_steady_turning_needs_the_centripetal_force():
     state[State.V_X] = 0.8
     slip_filter = new_filter(state, **{'imu.position': [0.0, 0.0, 0.0]})
     for _ in range(100):
-        slip_filter.predict(0.01, Motion(0.5, 0.0, 0.4, 1e-6, 1e-6, 1e-3))
+        slip_filter.predict(0.01, ImuStep(0.5, 0.0, 0.4, 1e-6, 1e-6, 1e-3))
     x = slip_filter.x
     assert x[State.V_X] == pytest.approx(0.8, abs=1e-3)
     assert x[State.YAW] == pytest.approx(0.5)
@@ -79,14 +79,14 @@ def test_steady_turning_needs_the_centripetal_force():
 def test_the_wheels_tell_the_speed_where_no_sliding_is_possible():
     slip_filter = new_filter(slip_sigma=1e-3)
     for _ in range(20):
-        slip_filter.update_wheels(WheelTravel(
+        slip_filter.update_wheels(WheelMeasurement(
             0.0625, (0.5, 0.5), slip_filter.x[State.V_X], 0.0, 1e-8, stamped=True))
     assert slip_filter.x[State.V_X] == pytest.approx(0.5, abs=0.02)
 
 
 def test_the_lateral_constraint_moves_towards_minus_s_times_the_yaw_rate():
     state = np.zeros(N)
-    state[State.ICR] = 0.05
+    state[State.ICR_X] = 0.05
     slip_filter = new_filter(state, icr_sigma=1e-6, **{'imu.position': [0.0, 0.0, 0.0]})
     for _ in range(50):
         slip_filter.update_lateral(1.0, 0.0625)
@@ -96,18 +96,18 @@ def test_the_lateral_constraint_moves_towards_minus_s_times_the_yaw_rate():
 def test_centres_of_rotation_that_jump_are_followed_at_once():
     slip_filter = new_filter(**{'imu.position': [0.0, 0.0, 0.0], 'imu.accel_bias': 0.001})
     W, v_x, dt, S = 1.0, 0.8, 0.01, 0.03
-    slip_filter._ekf.x[[State.V_X, State.V_Y, State.ICR], 0] = v_x, -S * W, S
+    slip_filter._ekf.x[[State.V_X, State.V_Y, State.ICR_X], 0] = v_x, -S * W, S
     for step in range(600):
         before, S = S, 0.03 if step < 500 else min(S + 0.003, 0.10)  # in a quarter of a second
-        slip_filter.predict(dt, Motion(
+        slip_filter.predict(dt, ImuStep(
             W, S * W ** 2, W * v_x - W * (S - before) / dt, 1e-6, 2.5e-5, 1e-4))
         if step % 6 == 0:
             slip_filter.update_lateral(W, 6 * dt)
         if step == 499:
-            settled = np.sqrt(slip_filter.P[State.ICR, State.ICR])
-            assert abs(slip_filter.x[State.ICR] - 0.03) < 2.0 * settled
-    sigma = np.sqrt(slip_filter.P[State.ICR, State.ICR])
-    assert abs(slip_filter.x[State.ICR] - 0.10) < min(2.0 * sigma, 0.03)
+            settled = np.sqrt(slip_filter.P[State.ICR_X, State.ICR_X])
+            assert abs(slip_filter.x[State.ICR_X] - 0.03) < 2.0 * settled
+    sigma = np.sqrt(slip_filter.P[State.ICR_X, State.ICR_X])
+    assert abs(slip_filter.x[State.ICR_X] - 0.10) < min(2.0 * sigma, 0.03)
     assert abs(slip_filter.x[State.V_Y] + 0.10 * W) < 2.0 * np.sqrt(
         slip_filter.P[State.V_Y, State.V_Y])
 
@@ -118,7 +118,7 @@ def test_an_outlier_moves_the_state_less_than_a_reading_at_the_limit():
         slip_filter = new_filter()
         slip_filter.update_standstill()
         slip_filter.update_gyro_bias(speed, 0.01)
-        moved.append(abs(slip_filter.x[State.GYRO]))
+        moved.append(abs(slip_filter.x[State.GYRO_BIAS_Z]))
     assert moved[1] < moved[0]
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from smart_tire.estimation.slip.lag_compensation import LONGEST, timed
-from smart_tire.estimation.slip.output import Seen
+from smart_tire.estimation.slip.output import OutputContext
 from smart_tire.estimation.slip.rts_smoother import Smoothed
-from smart_tire.estimation.slip.state import N, SLIDES, State
+from smart_tire.estimation.slip.state import N, SLIP_VELS, State
 
 STEP = 0.01
 PERIOD = 0.1  # s, of the wheel readings
@@ -16,8 +16,8 @@ PERIOD = 0.1  # s, of the wheel readings
 
 def state(time, wheels_at, slides, stretch=0):
     x = [float(row) for row in range(N)]
-    x[State.SLIDE_L], x[State.SLIDE_R] = slides
-    seen = Seen(round(time * 1e9), 0.0, 0.0, (0.0, 0.0), 0.0, (0.0,) * 4, time, wheels_at)
+    x[State.SLIP_VEL_L], x[State.SLIP_VEL_R] = slides
+    seen = OutputContext(round(time * 1e9), 0.0, 0.0, (0.0, 0.0), 0.0, (0.0,) * 4, time, wheels_at)
     return Smoothed(stretch, seen, x, 1e-4 * np.eye(N))
 
 
@@ -32,7 +32,7 @@ def run(sliding, end=2.0, late=0.0, stretch=0):
 
 
 def slides(states):
-    return np.array([[s.x[row] for row in SLIDES] for s in states])
+    return np.array([[s.x[row] for row in SLIP_VELS] for s in states])
 
 
 def times(states):
@@ -54,12 +54,12 @@ def test_nothing_else_changes_but_the_spread_where_the_sliding_does():
     def step(t):
         return 0.0 if t < 1.0 else 0.2
     for before, after in zip(run(step), timed(run(step)), strict=True):
-        others = [row for row in range(N) if row not in SLIDES]
+        others = [row for row in range(N) if row not in SLIP_VELS]
         assert [before.x[row] for row in others] == [after.x[row] for row in others]
         extra = after.P - before.P
-        assert np.count_nonzero(extra) == np.count_nonzero(np.diag(extra)[list(SLIDES)])
+        assert np.count_nonzero(extra) == np.count_nonzero(np.diag(extra)[list(SLIP_VELS)])
         changing = 0.951 < after.seen.time < 1.049
-        assert np.all(np.diag(extra)[list(SLIDES)] > 0.0) == changing
+        assert np.all(np.diag(extra)[list(SLIP_VELS)] > 0.0) == changing
         assert extra.max() <= 0.25 * 0.2 ** 2 + 1e-12
 
 
@@ -87,5 +87,5 @@ def test_a_long_silence_of_the_wheels_holds_nothing_up():
         taken += 1
         assert given - taken <= LONGEST / STEP + 2
         if item.seen.time > 0.5:
-            assert item.x[State.SLIDE_L] == 0.2
+            assert item.x[State.SLIP_VEL_L] == 0.2
     assert taken == len(states)

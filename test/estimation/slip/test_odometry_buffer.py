@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from smart_tire.estimation.slip.odometry_buffer import MEMORY, TravelLog
+from smart_tire.estimation.slip.odometry_buffer import MEMORY, OdometryBuffer
 
 
 def log():
-    travel = TravelLog()
+    travel = OdometryBuffer()
     travel.start(1.0)
     for k in range(1, 11):
         travel.add(1.0 + 0.01 * k, float(k), 0.5)

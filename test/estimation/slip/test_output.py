@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from smart_tire.estimation.slip.ekf import SlipFilter
-from smart_tire.estimation.slip.output import Seen, SlipReport
-from smart_tire.estimation.slip.state import Motion, N, State
+from smart_tire.estimation.slip.output import OutputContext, SlipReport
+from smart_tire.estimation.slip.state import ImuStep, N, State
 from smart_tire.models.vehicle.skid_steer import GRAVITY
 from smart_tire.parameters import build, RobotParams, SlipEstimatorParams
 from smart_tire.samples import Icr
 
-SEEN = Seen(0, 0.008, 0.8, (1.4, 0.9), 0.0, (0.0,) * 4, 1.0, 0.95)
+SEEN = OutputContext(0, 0.008, 0.8, (1.4, 0.9), 0.0, (0.0,) * 4, 1.0, 0.95)
 REPORT = SlipReport(RobotParams())
 
 
@@ -24,14 +24,14 @@ def filter_at(seed=1):
     moved = SlipFilter(build(SlipEstimatorParams, {}))
     rng = np.random.default_rng(seed)
     for _ in range(200):
-        moved.predict(0.01, Motion(0.5 + 0.1 * rng.normal(), 0.4, 0.2, 1e-6, 2.5e-5, 1e-3))
+        moved.predict(0.01, ImuStep(0.5 + 0.1 * rng.normal(), 0.4, 0.2, 1e-6, 2.5e-5, 1e-3))
     return moved
 
 
 def test_pose_and_speeds_are_those_that_the_filter_would_predict():
     moved = filter_at()
     odometry = REPORT.estimates(SEEN, moved.x, moved.P)[0]
-    moved.predict(SEEN.ahead, Motion(SEEN.gyro_z, *SEEN.force, 1e-6, 2.5e-5, 1e-3))
+    moved.predict(SEEN.ahead, ImuStep(SEEN.gyro_z, *SEEN.force, 1e-6, 2.5e-5, 1e-3))
     expected = REPORT.estimates(replace(SEEN, ahead=0.0), moved.x, moved.P)[0]
     assert odometry.position == pytest.approx(expected.position, abs=1e-6)
     assert odometry.linear == pytest.approx(expected.linear, abs=1e-4)
@@ -49,7 +49,7 @@ def test_a_robot_that_shakes_is_not_carried_away_by_one_reading():
 
 def test_gravity_and_biases_do_not_accelerate():
     x = [0.0] * N
-    x[State.V_X], x[State.ACCEL_X], x[State.PITCH] = 0.5, 0.05, 0.02
+    x[State.V_X], x[State.ACCEL_BIAS_X], x[State.PITCH] = 0.5, 0.05, 0.02
     seen = replace(SEEN, gyro_z=0.0, force=(0.05 - GRAVITY * 0.02, 0.0))
     odometry, slip = REPORT.estimates(seen, x, 1e-4 * np.eye(N))
     assert odometry.linear[0] == pytest.approx(0.5)
@@ -58,7 +58,7 @@ def test_gravity_and_biases_do_not_accelerate():
 
 def test_the_centre_of_rotation_shows_only_while_the_robot_turns():
     x = [0.0] * N
-    x[State.V_X], x[State.ICR] = 0.5, 0.03
+    x[State.V_X], x[State.ICR_X] = 0.5, 0.03
     for rate, shown in ((0.5, True), (0.01, False)):
         estimates = REPORT.estimates(replace(SEEN, gyro_z=rate, ahead=0.0), x, 1e-4 * np.eye(N))
         centres = [estimate for estimate in estimates if isinstance(estimate, Icr)]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from smart_tire.estimation.slip.estimator import SlipEstimator
-from smart_tire.estimation.slip.radius_estimator import RadiusLearner
+from smart_tire.estimation.slip.radius_estimator import RadiusEstimator
 from smart_tire.parameters import build, RobotParams, SlipEstimatorParams
 
 from support.driving import drive, ramp
@@ -14,7 +14,7 @@ from support.driving import drive, ramp
 
 @pytest.mark.parametrize('seed', range(5))
 def test_a_radius_is_learned_as_well_as_its_variance_says(seed):
-    rng, learner = np.random.default_rng(seed), RadiusLearner(build(
+    rng, learner = np.random.default_rng(seed), RadiusEstimator(build(
         RobotParams, {'wheel_radius_sigma': 0.03}))
     truth = 1.0 + 0.03 * rng.standard_normal()
     for _ in range(20):  # starts from standstill, 5 s of rolling each
@@ -26,10 +26,10 @@ def test_a_radius_is_learned_as_well_as_its_variance_says(seed):
 
 
 def test_soft_ground_and_an_exact_radius_teach_nothing():
-    learner = RadiusLearner(build(RobotParams, {'wheel_radius_sigma': 0.03}))
+    learner = RadiusEstimator(build(RobotParams, {'wheel_radius_sigma': 0.03}))
     learner.update(0.1, 0.02 ** 2, 0.0, 1.0)
     assert learner.radius == 0.087
-    exact = RadiusLearner(build(RobotParams, {'wheel_radius_sigma': 0.0}))
+    exact = RadiusEstimator(build(RobotParams, {'wheel_radius_sigma': 0.0}))
     exact.update(0.1, 0.02 ** 2, 1.0, 1.0)
     assert exact.radius == 0.087
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from smart_tire.estimation.slip import block_spool
-from smart_tire.estimation.slip.rts_smoother import BLOCK, Smoother
+from smart_tire.estimation.slip.rts_smoother import BLOCK, RtsSmoother
 
 SIZE = 3
 
@@ -16,7 +16,7 @@ class Chain:
 
     def __init__(self, seed, size=SIZE):
         self.rng = np.random.default_rng(seed)
-        self.tape = Smoother(size)
+        self.tape = RtsSmoother(size)
         self.size = size
         self.begin()
 
@@ -129,7 +129,7 @@ def textbook(moves, marks, end):
 @pytest.mark.parametrize('every', [1, 3, 700])
 def test_many_blocks_are_one_stretch_in_memory_as_on_disk(monkeypatch, every, in_memory):
     monkeypatch.setattr(block_spool, 'IN_MEMORY', in_memory)
-    rng, tape = np.random.default_rng(every), Smoother(2)
+    rng, tape = np.random.default_rng(every), RtsSmoother(2)
     x, P, F, Q = np.zeros(2), np.eye(2), np.array([[0.99, 0.1], [0.0, 0.98]]), 0.01 * np.eye(2)
     moves, marks = [], []
     for i in range(3 * BLOCK + 5):
@@ -162,7 +162,7 @@ def test_covariances_never_exceed_the_filters_and_stay_positive(seed):
 
 
 def test_states_that_are_nearly_one_and_states_without_variance_do_no_harm():
-    tape = Smoother(3)
+    tape = RtsSmoother(3)
     x, P = np.zeros(3), np.array([[1.0, 1.0, 0.0], [1.0, 1.0 + 1e-15, 0.0], [0.0, 0.0, 0.0]])
     tape.mark('first', x.tolist(), P)
     for _ in range(50):

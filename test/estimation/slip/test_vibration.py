@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from smart_tire.estimation.slip.vibration import Shaking
+from smart_tire.estimation.slip.vibration import VibrationMonitor
 
 
 def shaken(sigma, seconds=5.0, rate=100.0, seed=0, noise=0.05):
-    rng, shaking = np.random.default_rng(seed), Shaking(noise)
+    rng, shaking = np.random.default_rng(seed), VibrationMonitor(noise)
     for k in range(round(seconds * rate)):
         shaking.push(k / rate, 9.81 + np.hypot(noise, sigma) * rng.standard_normal())
     return shaking.sigma
@@ -27,7 +27,7 @@ def test_shaking_is_measured_at_any_rate(rate):
 
 
 def test_a_tilted_unit_does_not_shake():
-    shaking = Shaking(0.05)
+    shaking = VibrationMonitor(0.05)
     for k in range(500):
         shaking.push(k / 100.0, 9.0)
     assert shaking.sigma == 0.0

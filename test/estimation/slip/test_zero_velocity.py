@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from smart_tire.estimation.slip.zero_velocity import QUIET, SETTLED, Standstill
+from smart_tire.estimation.slip.zero_velocity import QUIET, SETTLED, ZeroVelocityDetector
 
 GYRO, ACCEL = 0.01, 0.05
 
@@ -21,7 +21,7 @@ def feed(detector, duration, *, rate=lambda t: 0.0, force=lambda t: 0.0, seed=0,
 
 @pytest.mark.parametrize('seed', range(10))
 def test_a_quiet_robot_stands_and_its_mean_rate_is_the_bias(seed):
-    detector = Standstill(GYRO, ACCEL)
+    detector = ZeroVelocityDetector(GYRO, ACCEL)
     time = feed(detector, QUIET + 0.1, rate=lambda t: 0.02, seed=seed)
     assert detector.rest(time, 0.0) is not None
     time = feed(detector, SETTLED, rate=lambda t: 0.02, seed=seed + 100, start=time)
@@ -32,7 +32,7 @@ def test_a_quiet_robot_stands_and_its_mean_rate_is_the_bias(seed):
 
 
 def test_turning_wheels_and_a_moving_unit_are_no_standstill():
-    detector = Standstill(GYRO, ACCEL)
+    detector = ZeroVelocityDetector(GYRO, ACCEL)
     time = feed(detector, 2.0)
     assert detector.rest(time, 0.05) is None
     time = feed(detector, 0.5, force=lambda t: 2.0 * (t - 2.0), start=time)
@@ -40,7 +40,7 @@ def test_turning_wheels_and_a_moving_unit_are_no_standstill():
 
 
 def test_too_little_is_no_standstill():
-    detector = Standstill(GYRO, ACCEL)
+    detector = ZeroVelocityDetector(GYRO, ACCEL)
     assert detector.rest(0.0, 0.0) is None
     assert detector.rest(feed(detector, 0.1), 0.0) is None
 
@@ -48,7 +48,7 @@ def test_too_little_is_no_standstill():
 def test_a_body_that_still_settles_is_not_settled():
     settled = []
     for seed in range(10):
-        detector = Standstill(GYRO, ACCEL)
+        detector = ZeroVelocityDetector(GYRO, ACCEL)
         time = feed(detector, 0.7, rate=lambda t: 0.06 * np.exp(-t / 0.5), seed=seed)
         detector.rest(time, 0.0)
         time = feed(detector, 0.7, rate=lambda t: 0.06 * np.exp(-t / 0.5), seed=seed + 50,
@@ -59,7 +59,7 @@ def test_a_body_that_still_settles_is_not_settled():
 
 
 def test_rest_begins_anew_after_a_movement():
-    detector = Standstill(GYRO, ACCEL)
+    detector = ZeroVelocityDetector(GYRO, ACCEL)
     time = feed(detector, 3.0)
     detector.rest(time, 0.0)
     time = feed(detector, 1.0, start=time)
@@ -69,7 +69,7 @@ def test_rest_begins_anew_after_a_movement():
 
 
 def test_after_a_turn_the_rate_may_be_of_tires_that_unwind_and_at_the_start_it_is_not():
-    detector = Standstill(GYRO, ACCEL)
+    detector = ZeroVelocityDetector(GYRO, ACCEL)
     time = feed(detector, 2.0)
     assert detector.rest(time, 0.0).unwinding == 0.0
     time = feed(detector, 1.0, rate=lambda t: 0.6, start=time)
@@ -82,7 +82,7 @@ def test_after_a_turn_the_rate_may_be_of_tires_that_unwind_and_at_the_start_it_i
 
 
 def test_wheels_that_slow_down_do_not_hide_the_turn_before():
-    detector = Standstill(GYRO, ACCEL)
+    detector = ZeroVelocityDetector(GYRO, ACCEL)
     time = feed(detector, 1.0, rate=lambda t: 0.6)
     detector.rest(time, 0.5)
     time = feed(detector, 0.2, start=time)
