@@ -1,0 +1,75 @@
+"""Byte frames of the devices, read from test/data/frames with the values that they carry."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+FOLDER = Path(__file__).resolve().parents[1] / 'data' / 'frames'
+ORIGINS = ('published', 'recorded', 'computed')
+
+
+@dataclass
+class Frame:
+    """One frame of a file in test/data/frames; see the README there."""
+
+    name: str
+    header: dict[str, str] = field(default_factory=dict)   # origin, device, source, computed
+    values: dict[str, Any] = field(default_factory=dict)   # expected values
+    data: bytes = b''                                      # as on the wire
+
+    def __getitem__(self, key: str) -> Any:
+        """Return the expected value ``key``."""
+        return self.values[key]
+
+    def __str__(self) -> str:
+        return self.name
+
+
+def frames(file: str) -> dict[str, Frame]:
+    """Return name -> frame of test/data/frames/``file``.txt."""
+    found: dict[str, Frame] = {}
+    for line in (FOLDER / f'{file}.txt').read_text(encoding='utf-8').splitlines():
+        text = line.strip()
+        if text.startswith('['):
+            frame = Frame(text.strip('[]'))
+            if frame.name in found:
+                raise ValueError(f'{file}.txt has two frames {frame.name}')
+            found[frame.name] = frame
+        elif text.startswith('"'):
+            frame.data += ast.literal_eval('b' + text.rpartition('"')[0] + '"')
+        elif text and not text.startswith('#'):
+            key, colon, value = text.partition(': ')
+            if key == 'values':
+                frame.values |= _literals(value)
+            elif colon and ' ' not in key:
+                frame.header[key] = value
+            else:
+                frame.data += bytes.fromhex(text.partition('#')[0])
+    return found
+
+
+def each_frame(file: str, *keys: str) -> pytest.MarkDecorator:
+    """Return the parametrization of ``frame`` by the frames of ``file`` that have all ``keys``."""
+    chosen = [frame for frame in frames(file).values() if frame.values.keys() >= set(keys)]
+    if not chosen:
+        raise ValueError(f'{file}.txt has no frame with values {keys}')
+    return pytest.mark.parametrize('frame', chosen, ids=str)
+
+
+def all_frames() -> Iterator[tuple[str, Frame]]:
+    """Yield the file name, without its extension, and the frame of all frames."""
+    for path in sorted(FOLDER.glob('*.txt')):
+        for frame in frames(path.stem).values():
+            yield path.stem, frame
+
+
+def _literals(text: str) -> dict[str, Any]:
+    call = ast.parse(f'dict({text})', mode='eval').body
+    assert isinstance(call, ast.Call)
+    return {str(keyword.arg): ast.literal_eval(keyword.value) for keyword in call.keywords}
