@@ -1,1 +1,1 @@
-"""Bytes to samples and back: no port, no clock, no log; encoder and decoder side by side."""
+"""Device protocols: encoders, decoders and deframers, without ports, clocks or logging."""

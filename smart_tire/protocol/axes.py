@@ -1,4 +1,4 @@
-"""Device axes to those of REP-103 (x forward, y left, z up) and back, for vectors and attitude."""
+"""Conversion of vectors and attitudes between device axes and REP-103 axes (x forward, z up)."""
 
 from __future__ import annotations
 
@@ -9,41 +9,42 @@ from smart_tire.samples import ImuSample, MAX_FORCE, MAX_RATE, Vector3
 
 Quaternion = tuple[float, float, float, float]  # x, y, z, w; body axes to world axes
 
-MAX_COMPONENT = 1.1  # of a quaternion: 1, and a device's rounding and lack of normalisation
+MAX_QUATERNION_COMPONENT = 1.1  # -, 1 with a margin for rounding and missing normalization
 
-_HALF = math.sqrt(0.5)
+_SQRT_HALF = math.sqrt(0.5)
 
 
 def flip_vector(vector: Vector3) -> Vector3:
-    """Return a vector of forward-right-down axes in forward-left-up axes, or back."""
+    """Convert a vector from forward-right-down to forward-left-up axes, or vice versa."""
     return vector[0], -vector[1], -vector[2]
 
 
 def flip_quaternion(quaternion: Quaternion) -> Quaternion:
     """
-    Return the attitude of a forward-left-up body in east-north-up from right-down in NED, or back.
+    Convert an attitude from forward-right-down in NED to forward-left-up in ENU, or vice versa.
 
-    The change of both axes is its own inverse: q' = q(NED to ENU) q q(left-up to right-down).
+    q' = q(NED to ENU) q q(left-up to right-down); this conversion is its own inverse.
     """
     x, y, z, w = quaternion
-    return _HALF * (x + y), _HALF * (x - y), _HALF * (w - z), _HALF * (w + z)
+    return (_SQRT_HALF * (x + y), _SQRT_HALF * (x - y),
+            _SQRT_HALF * (w - z), _SQRT_HALF * (w + z))
 
 
 def checked_sample(stamp_ns: int, acceleration: Vector3, rate: Vector3,
                    orientation: Quaternion | None) -> ImuSample:
-    """Return the sample; raise FrameError naming what is not finite or beyond any sensor."""
+    """Return the sample; raise FrameError if a value is not finite or out of range."""
     for name, values, limit in (('acceleration', acceleration, MAX_FORCE),
                                 ('angular rate', rate, MAX_RATE),
-                                ('orientation', orientation or (), MAX_COMPONENT)):
+                                ('orientation', orientation or (), MAX_QUATERNION_COMPONENT)):
         if not all(map(math.isfinite, values)):
             raise FrameError(f'{name} is {values}, expected finite numbers')
         if max(map(abs, values), default=0.0) > limit:
-            raise FrameError(f'{name} is {values}, expected at most {limit:g} either way')
+            raise FrameError(f'{name} is {values}, expected magnitudes up to {limit:g}')
     return ImuSample(stamp_ns, acceleration, rate, orientation)
 
 
 def sample_from_flipped(stamp_ns: int, acceleration: Vector3, rate: Vector3,
                         attitude: Quaternion | None) -> ImuSample:
-    """Return the sample for values in forward-right-down axes and NED, as ``checked_sample``."""
+    """Return ``checked_sample`` of values in forward-right-down axes, with the attitude in NED."""
     return checked_sample(stamp_ns, flip_vector(acceleration), flip_vector(rate),
                           None if attitude is None else flip_quaternion(attitude))

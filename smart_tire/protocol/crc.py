@@ -1,4 +1,4 @@
-"""The 16-bit cyclic redundancy check that VectorNav and RoboClaw share."""
+"""CRC-16 of the VectorNav and RoboClaw protocols."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ import binascii
 
 def crc16(data: bytes) -> int:
     """
-    Return the CRC-16/XMODEM of ``data``: polynomial 0x1021, start 0, nothing reflected.
+    Return the CRC-16/XMODEM of ``data``: polynomial 0x1021, initial value 0, not reflected.
 
-    A message with its CRC appended, high byte first, has the CRC 0. VectorNav UM001 3.8.3;
+    The CRC of a message followed by its own CRC, high byte first, is 0. VectorNav UM001, 3.8.3;
     RoboClaw user manual, "CRC16 Checksum Calculation".
     """
     return binascii.crc_hqx(data, 0)

@@ -1,11 +1,11 @@
 """
-RoboClaw packet serial with CRC-16: what the host asks, what a board answers.
+RoboClaw packet serial with CRC-16: requests of the host and replies of a board.
 
-Request that sets something: address, command, values, CRC over all of it; answered by 0xFF.
-Request that reads something: address, command and nothing else; answered by the values and a
-CRC over address, command and values. Values and CRC are big-endian. A board discards what it
-has of a packet after 10 ms of silence. Basicmicro, "RoboClaw Series User Manual", "Packet
-Serial", "Advanced Packet Serial" and "Encoders".
+Write request: address, command, values, CRC of all these bytes; reply: 0xFF.
+Read request: address, command; reply: values, CRC of address, command and values.
+Values and CRC are big-endian. A board discards an incomplete packet after 10 ms without a byte.
+Basicmicro, "RoboClaw Series User Manual", sections "Packet Serial", "Advanced Packet Serial" and
+"Encoders".
 """
 
 from __future__ import annotations
@@ -18,21 +18,21 @@ import struct
 from smart_tire.errors import FrameError
 from smart_tire.protocol.crc import crc16
 
-ADDRESSES = range(0x80, 0x88)
-ACKNOWLEDGE = b'\xff'
-PACKET_GAP_NS = 10_000_000  # silence after which a board discards a packet
-COUNT_WRAP = 1 << 32
-DUTY_MAX = 32767            # +-100 %
-TIMEOUT_UNIT = 0.1          # s
-BATTERY_UNIT = 0.1          # V
-STATUS_NORMAL = 0
+ADDRESSES = range(0x80, 0x88)  # packet modes 7 to 14
+ACKNOWLEDGE = b'\xff'          # reply to a valid write request
+PACKET_GAP_NS = 10_000_000  # ns without a byte after which a board discards a packet
+COUNT_WRAP = 1 << 32        # counts, modulus of the encoder counters
+MAX_DUTY_CODE = 32767       # 100 % duty
+TIMEOUT_UNIT = 0.1          # s per count of the serial time-out
+BATTERY_UNIT = 0.1          # V per count of the battery voltage
+STATUS_NORMAL = 0           # status without error or warning bits
 
 _CRC = struct.Struct('>H')
 
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """One command: the values that go and the values that come back, as struct formats."""
+    """One command, with the struct formats of the values in its request and in its reply."""
 
     code: int
     request: str = '>'
@@ -40,30 +40,30 @@ class Command:
 
     @property
     def reads(self) -> bool:
-        """Return whether the board answers with values; else it acknowledges."""
+        """Return whether the reply holds values; otherwise it is an acknowledgement."""
         return self.reply != '>'
 
     @property
     def request_size(self) -> int:
-        """Return the bytes of the whole request."""
+        """Return the size of the whole request in bytes."""
         return 2 + (0 if self.reads else struct.calcsize(self.request) + _CRC.size)
 
     @property
     def reply_size(self) -> int:
-        """Return the bytes of the whole reply."""
+        """Return the size of the whole reply in bytes."""
         return struct.calcsize(self.reply) + _CRC.size if self.reads else len(ACKNOWLEDGE)
 
 
-SET_TIMEOUT = Command(14, request='>B')      # TIMEOUT_UNIT; 0 is never
+SET_TIMEOUT = Command(14, request='>B')      # TIMEOUT_UNIT; 0 disables the time-out
 READ_TIMEOUT = Command(15, reply='>B')
 RESET_ENCODERS = Command(20)
 SET_ENCODER_1 = Command(22, request='>I')    # counts
 SET_ENCODER_2 = Command(23, request='>I')
-READ_BATTERY = Command(24, reply='>H')       # 0.1 V
-SET_DUTY = Command(34, request='>hh')        # M1, M2, DUTY_MAX
+READ_BATTERY = Command(24, reply='>H')       # BATTERY_UNIT
+SET_DUTY = Command(34, request='>hh')        # M1, M2, 100 % is MAX_DUTY_CODE
 READ_ENCODERS = Command(78, reply='>II')     # M1, M2, counts modulo COUNT_WRAP
-READ_SPEEDS = Command(79, reply='>ii')       # M1, M2, counts per second, over 1/300 s
-READ_STATUS = Command(90, reply='>H')        # bits, 0 is normal
+READ_SPEEDS = Command(79, reply='>ii')       # M1, M2, counts per second, averaged over 1/300 s
+READ_STATUS = Command(90, reply='>H')        # bit field, STATUS_NORMAL if no bit is set
 
 COMMANDS = {command.code: command for command in (
     SET_TIMEOUT, READ_TIMEOUT, RESET_ENCODERS, SET_ENCODER_1, SET_ENCODER_2, READ_BATTERY,
@@ -72,7 +72,7 @@ COMMANDS = {command.code: command for command in (
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """One request as a board understands it."""
+    """One decoded request."""
 
     address: int
     command: Command
@@ -80,13 +80,13 @@ class Request:
 
 
 def encode_request(address: int, command: Command, *values: int) -> bytes:
-    """Return the bytes for the board at ``address``."""
+    """Return the request to the board at ``address``."""
     packet = bytes((address, command.code)) + struct.pack(command.request, *values)
     return packet if command.reads else packet + _CRC.pack(crc16(packet))
 
 
 def encode_reply(address: int, command: Command, *values: int) -> bytes:
-    """Return the answer of the board at ``address``."""
+    """Return the reply of the board at ``address``."""
     if not command.reads:
         return ACKNOWLEDGE
     content = struct.pack(command.reply, *values)
@@ -94,7 +94,7 @@ def encode_reply(address: int, command: Command, *values: int) -> bytes:
 
 
 def decode_reply(address: int, command: Command, reply: bytes) -> tuple[int, ...]:
-    """Return the values in ``reply``; raise FrameError if it is no intact answer to this."""
+    """Return the values in ``reply``; raise FrameError if it does not answer ``command``."""
     name = f'reply of {address:#04x} to command {command.code}'
     if len(reply) != command.reply_size:
         raise FrameError(f'{name} has {len(reply)} bytes, expected {command.reply_size}')
@@ -108,47 +108,54 @@ def decode_reply(address: int, command: Command, reply: bytes) -> tuple[int, ...
 
 
 def count_step(new: int, old: int) -> int:
-    """Return how far an encoder went from ``old`` to ``new``, across the wrap of its counter."""
+    """Return the signed difference of two encoder counts, across the wrap of the counter."""
     return (new - old + COUNT_WRAP // 2) % COUNT_WRAP - COUNT_WRAP // 2
 
 
 def duty_code(duty: float) -> int:
-    """Return the value on the wire for a duty, clipped to [-1, 1]; raise ValueError for NaN."""
+    """Return the encoded duty, clipped to [-1, 1]; raise ValueError if it is NaN."""
     if math.isnan(duty):
         raise ValueError('duty is NaN')
-    return round(max(-1.0, min(1.0, duty)) * DUTY_MAX)
+    return round(max(-1.0, min(1.0, duty)) * MAX_DUTY_CODE)
 
 
 def duty_from_code(code: int) -> float:
-    """Return the duty in [-1, 1] for a value on the wire."""
-    return max(-1.0, code / DUTY_MAX)
+    """Return the duty in [-1, 1] of an encoded duty."""
+    return max(-1.0, code / MAX_DUTY_CODE)
 
 
 def timeout_code(seconds: float) -> int:
-    """Return the value of ``SET_TIMEOUT`` for at least ``seconds``, never 0 (no time-out)."""
-    units = round(seconds / TIMEOUT_UNIT, 6)  # 1.1 s is 11 units and not a little more
+    """Return the encoded time-out, rounded up and at least 1, as 0 would disable it."""
+    units = round(seconds / TIMEOUT_UNIT, 6)  # 1.1 / 0.1 exceeds 11 by a rounding error
     return max(1, min(255, math.ceil(units)))
 
 
 class RequestDeframer:
     """
-    What a board does with the bytes on its line: understand requests, to whomever they go.
+    Extracts requests to any address from a byte stream, as a board does.
 
-    A packet with a wrong CRC, an unknown command or an address that none has costs one byte.
+    States::
+
+        +-----------+   address and known command    +------------+
+        | searching | -----------------------------> | incomplete |
+        +-----------+ <----------------------------- +------------+
+                       request yielded, or CRC wrong (bad frame)
+
+    Any other byte while searching, and the first byte of a bad frame, is discarded.
     """
 
     def __init__(self) -> None:
         self._buffer = bytearray()
-        self.bad_frames = 0
-        self.skipped_bytes = 0
+        self.bad_frames = 0     # requests with a wrong CRC
+        self.skipped_bytes = 0  # bytes that belong to no valid request
 
     def clear(self) -> None:
-        """Discard an incomplete packet, as a board does after ``PACKET_GAP_NS`` of silence."""
+        """Discard an incomplete packet, as a board does after ``PACKET_GAP_NS`` without a byte."""
         self.skipped_bytes += len(self._buffer)
         self._buffer.clear()
 
     def feed(self, chunk: bytes) -> Iterator[Request]:
-        """Take ``chunk`` and return an iterator over the requests complete with it."""
+        """Append ``chunk`` and return an iterator over the requests that it completes."""
         self._buffer += chunk
         return self._requests()
 

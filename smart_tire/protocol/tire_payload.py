@@ -1,9 +1,9 @@
 """
-What a wheel unit sends in one radio packet: a batch of conversions with its own timer.
+Payload of one radio packet of a tire sensor node: a batch of samples with the node's timer.
 
 Little-endian: u8 version | u8 flags | u16 sequence | u32 timer of the first sample [us] |
 u16 sample period [us] | u8 channels | u8 samples n | n * channels u16 | u16 battery [mV].
-Sequence and timer wrap; that is the receiver's business.
+Sequence and timer wrap; the receiver unwraps them.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ import struct
 
 from smart_tire.errors import FrameError
 
-VERSION = 1
-SATURATED = 0x01        # flag: the converter was at its rail in this batch
-MAX_CODE = 1023         # 10-bit converter
-FULL_SCALE = 3.3        # V, at the highest code
-SEQUENCE_WRAP = 1 << 16
-TIMER_WRAP_US = 1 << 32
+VERSION = 1             # of this layout
+SATURATED = 0x01        # flag: a sample of this batch is at a limit of the converter
+MAX_CODE = 1023         # highest reading of the 10-bit converter
+FULL_SCALE = 3.3        # V at MAX_CODE
+SEQUENCE_WRAP = 1 << 16  # batches, modulus of the sequence number
+TIMER_WRAP_US = 1 << 32  # us, modulus of the timer
 
 _HEADER = struct.Struct('<BBHIHBB')
 _BATTERY = struct.Struct('<H')
@@ -26,32 +26,32 @@ _BATTERY = struct.Struct('<H')
 
 @dataclass(frozen=True, slots=True)
 class TireBatch:
-    """One batch of a wheel unit, as it is on the wire."""
+    """One batch of a sensor node, in the quantities of the payload."""
 
     flags: int
-    sequence: int                       # batches since the start, modulo SEQUENCE_WRAP
+    sequence: int                       # batches since power-up, modulo SEQUENCE_WRAP
     timer_us: int                       # of the first sample, modulo TIMER_WRAP_US
-    period_us: int                      # between samples, by the unit's timer
+    period_us: int                      # between samples, of the node's timer
     codes: tuple[tuple[int, ...], ...]  # samples x channels
     battery_mv: int
 
     @property
     def saturated(self) -> bool:
-        """Return whether the converter was at its rail."""
+        """Return whether a sample is at a limit of the converter."""
         return bool(self.flags & SATURATED)
 
 
 def volts(code: int) -> float:
-    """Return the amplifier's output [V] for a reading of the converter."""
+    """Return the amplifier output [V] for a reading of the converter."""
     return code * FULL_SCALE / MAX_CODE
 
 
 def encode_batch(batch: TireBatch) -> bytes:
-    """Return the payload that ``decode_batch`` reads back; raise FrameError if it can not."""
+    """Return the payload of ``batch``; raise FrameError if ``decode_batch`` would refuse it."""
     samples = len(batch.codes)
     channels = len(batch.codes[0]) if samples else 0
     if any(len(row) != channels for row in batch.codes) or samples > 255:
-        raise FrameError(f'tire batch is no table of up to 255 samples: {batch}')
+        raise FrameError(f'tire batch is not a table of up to 255 samples: {batch}')
     codes = [code for row in batch.codes for code in row]
     _check(channels, samples, batch.period_us, codes)
     header = _HEADER.pack(VERSION, batch.flags, batch.sequence, batch.timer_us, batch.period_us,
@@ -60,7 +60,7 @@ def encode_batch(batch: TireBatch) -> bytes:
 
 
 def decode_batch(payload: bytes) -> TireBatch:
-    """Return the batch in ``payload``; raise FrameError naming what is not as expected."""
+    """Return the batch in ``payload``; raise FrameError if it does not have the layout."""
     if len(payload) < 1 or payload[0] != VERSION:
         raise FrameError(f'tire payload has version {payload[:1].hex() or "none"}, '
                          f'expected {VERSION:02x}')
@@ -85,8 +85,8 @@ def _check(channels: int, samples: int, period_us: int, codes: tuple[int, ...] |
     if channels not in (1, 2):
         raise FrameError(f'tire payload has {channels} channels, expected 1 or 2')
     if samples == 0 or period_us == 0:
-        raise FrameError(f'tire payload has {samples} samples {period_us} us apart, '
-                         'expected at least 1 of each')
+        raise FrameError(f'tire payload has {samples} samples with a period of {period_us} us, '
+                         'expected at least 1 sample and 1 us')
     if max(codes) > MAX_CODE or min(codes) < 0:
         raise FrameError(f'tire payload has readings {min(codes)} to {max(codes)}, '
                          f'expected 0 to {MAX_CODE}')

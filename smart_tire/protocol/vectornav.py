@@ -1,12 +1,12 @@
 """
-VectorNav VN-100, binary output.
+VectorNav VN-100, binary output messages.
 
-The device measures in x forward, y right, z down, and its accelerometer reads specific force:
-about -9.8 m/s2 on z at rest. The codec turns that into REP-103 axes (x forward, y left, z up;
-+9.8 on z at rest), and its attitude in NED into that of the turned axes in ENU.
+The device axes are x forward, y right, z down; its accelerometer measures specific force, about
+-9.8 m/s2 on z when stationary. Vectors are converted to REP-103 axes (x forward, y left, z up;
++9.8 m/s2 on z when stationary), the attitude from NED to ENU.
 
-Binary frame: 0xFA, groups u8, one u16 of fields per group, payload (little-endian), CRC u16
-(big-endian) over all but the 0xFA. VectorNav, "VN-100 User Manual" UM001, sections 3.8 and 4.3.
+Message: 0xFA, groups u8, one u16 of fields per group, payload (little-endian), CRC u16
+(big-endian) of all but the 0xFA. VectorNav, "VN-100 User Manual" UM001, sections 3.8 and 4.3.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ import struct
 from smart_tire.errors import FrameError
 from smart_tire.protocol.axes import flip_quaternion, flip_vector, sample_from_flipped
 from smart_tire.protocol.crc import crc16
-from smart_tire.protocol.deframer import HeaderDeframer, IMPOSSIBLE, NO_CLAIM
+from smart_tire.protocol.deframer import HeaderDeframer, INVALID_HEADER, NOT_A_FRAME
 from smart_tire.samples import ImuSample
 
 SYNC = 0xFA
 
-# Bytes per field, by group and bit; 0 is no field. UM001, table before 4.3.7.
+# Bytes per field, by group and bit; 0: undefined field. UM001, table before 4.3.7.
 FIELD_SIZES = (
     (8, 8, 8, 12, 16, 12, 24, 12, 12, 24, 20, 28, 2, 4, 8, 0),
     (8, 8, 8, 2, 8, 8, 8, 4, 4, 1, 1, 0, 0, 0, 0, 0),
@@ -36,9 +36,9 @@ FIELD_SIZES = (
 
 
 class Field(IntFlag):
-    """Fields of binary group 1 that matter here."""
+    """Fields of binary group 1 that are decoded."""
 
-    TIME_STARTUP = 1 << 0   # u64 ns since the device started
+    TIME_STARTUP = 1 << 0   # u64, ns since power-up
     QUATERNION = 1 << 4     # float x, y, z, w: body to NED
     ANGULAR_RATE = 1 << 5   # float x, y, z, rad/s, compensated
     ACCEL = 1 << 8          # float x, y, z, m/s2, compensated
@@ -54,7 +54,7 @@ _TIME = struct.Struct('<Q')
 
 @lru_cache(maxsize=64)
 def payload_size(header: bytes) -> int:
-    """Return the bytes that follow ``header`` (groups and fields), 0 if it can not be one."""
+    """Return the payload size of ``header`` (groups and fields) in bytes, 0 if it is invalid."""
     groups = [group for group in range(7) if header[0] >> group & 1]
     size = 0
     for group, (fields,) in zip(groups, struct.iter_unpack('<H', header[1:])):
@@ -67,7 +67,7 @@ def payload_size(header: bytes) -> int:
 
 @lru_cache(maxsize=64)
 def _offsets(fields: int) -> dict[int, int]:
-    """Return field -> offset in the payload of group 1."""
+    """Return the offset of each field in the payload of group 1."""
     offsets: dict[int, int] = {}
     offset = 0
     for bit in range(16):
@@ -78,7 +78,7 @@ def _offsets(fields: int) -> dict[int, int]:
 
 
 class BinaryDeframer(HeaderDeframer):
-    """Cut intact binary frames out of a byte stream; a body is groups, fields and payload."""
+    """Extracts binary messages from a byte stream; a body is groups, fields and payload."""
 
     START = bytes((SYNC,))
 
@@ -86,29 +86,29 @@ class BinaryDeframer(HeaderDeframer):
         groups = self._buffer[start + 1] if start + 1 < len(self._buffer) else None
         if groups is None:
             return None
-        if groups == 0 or groups & 0x80:  # nothing, or groups that a VN-100 does not have
-            return NO_CLAIM
+        if groups == 0 or groups & 0x80:  # no group, or one that a VN-100 does not have
+            return NOT_A_FRAME
         header_end = start + 2 + 2 * groups.bit_count()
         if header_end > len(self._buffer):
             return None
         size = payload_size(bytes(self._buffer[start + 1:header_end]))
-        return header_end - start + size + 2 if size else IMPOSSIBLE
+        return header_end - start + size + 2 if size else INVALID_HEADER
 
     def _body(self, frame: bytes) -> bytes | None:
         return frame[1:-2] if crc16(frame[1:]) == 0 else None
 
 
 def encode_frame(body: bytes) -> bytes:
-    """Return the binary frame around ``body``."""
+    """Return the binary message with ``body``."""
     return bytes((SYNC,)) + body + struct.pack('>H', crc16(body))
 
 
 def decode_binary(body: bytes, stamp_ns: int = 0) -> tuple[int | None, ImuSample]:
     """
-    Return the device's time [ns], None without TimeStartup, and the sample stamped ``stamp_ns``.
+    Return the device time [ns] (None without TimeStartup) and the sample with ``stamp_ns``.
 
-    Acceleration and rate come from the compensated fields, else from the uncompensated pair;
-    raise FrameError if the body has neither or other than finite numbers.
+    Acceleration and angular rate are those of the compensated fields, or else of the uncompensated
+    field Imu. Raise FrameError if the body has neither, or values that no sensor measures.
     """
     if not body or not body[0] & 1:
         raise FrameError(f'VectorNav frame has groups {body[:1].hex()}, expected group 1')
@@ -133,10 +133,10 @@ def decode_binary(body: bytes, stamp_ns: int = 0) -> tuple[int | None, ImuSample
 
 
 def encode_binary(device_time_ns: int, sample: ImuSample, fields: int = DEFAULT_FIELDS) -> bytes:
-    """Return the body that ``decode_binary`` reads back; fields that it ignores are zero."""
+    """Return the body for ``decode_binary``; fields that it does not decode are zero."""
     size = payload_size(struct.pack('<BH', 1, fields))
     if size == 0:
-        raise FrameError(f'VectorNav group 1 has no fields {fields:#06x}')
+        raise FrameError(f'VectorNav group 1 has undefined fields in {fields:#06x}')
     acceleration, rate = flip_vector(sample.acceleration), flip_vector(sample.rate)
     content: dict[int, bytes] = {
         Field.TIME_STARTUP: _TIME.pack(device_time_ns),

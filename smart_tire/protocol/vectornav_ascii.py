@@ -1,10 +1,10 @@
 """
-VectorNav VN-100, ASCII output: the ``$VNYMR`` sentence.
+VectorNav VN-100, ASCII output: the sentence ``$VNYMR``.
 
-``$``, fields, ``*``, checksum, CR LF; the checksum is the XOR of what stands between ``$`` and
-``*`` as two hexadecimal digits, or its CRC-16 as four. VNYMR: yaw, pitch, roll [deg], magnetic
-x, y, z [G], acceleration x, y, z [m/s2], rate x, y, z [rad/s]. Axes and their conversion are
-those of the binary output. VectorNav, "VN-100 User Manual" UM001, sections 3.8 and 7.2.3.
+Sentence: ``$``, fields, ``*``, checksum, CR LF. The checksum is the XOR of the characters between
+``$`` and ``*`` as two hexadecimal digits, or their CRC-16 as four. VNYMR: yaw, pitch, roll [deg],
+magnetic x, y, z [G], acceleration x, y, z [m/s2], angular rate x, y, z [rad/s], in the same axes
+as the binary output. VectorNav, "VN-100 User Manual" UM001, sections 3.8 and 7.2.3.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from smart_tire.rotation import euler, quaternion
 from smart_tire.samples import ImuSample, Vector3
 
 YMR = b'VNYMR'
-MAX_ANGLE = 360.0   # deg; a VN-100 sends -180 to 180
-MAX_SENTENCE = 256  # bytes; a VNYMR with counter and status has 147
+MAX_ANGLE = 360.0          # deg; a VN-100 sends -180 to 180
+MAX_SENTENCE_LENGTH = 256  # bytes; a VNYMR with counter and status has 147
 
 _START = b'$'
 _END = b'\n'
@@ -32,34 +32,46 @@ _YMR_FORMAT = ','.join(('{:+08.3f}',) * 3 + ('{:+08.4f}',) * 3 + ('{:+07.3f}',) 
 
 
 def checksum(body: bytes) -> bytes:
-    """Return the two digits of the 8-bit checksum."""
+    """Return the 8-bit checksum of ``body`` as two hexadecimal digits."""
     return b'%02X' % reduce(operator.xor, body, 0)
 
 
 def crc_digits(body: bytes) -> bytes:
-    """Return the four digits of the 16-bit CRC."""
+    """Return the 16-bit CRC of ``body`` as four hexadecimal digits."""
     return b'%04X' % crc16(body)
 
 
 class AsciiDeframer(Deframer):
-    """Cut intact sentences out of a byte stream; a body is what stands between $ and *."""
+    """
+    Extracts sentences from a byte stream; a body is the text between ``$`` and ``*``.
+
+    States::
+
+        +-----------+               $                +------------+
+        | searching | -----------------------------> | incomplete |
+        +-----------+ <----------------------------- +------------+
+                       body yielded, or bad frame
+
+    A sentence ends at a line feed or before the next ``$``. It is bad if its checksum is wrong, or
+    if no end follows within ``MAX_SENTENCE_LENGTH``.
+    """
 
     def _bodies(self) -> Iterator[bytes]:
         while (start := self._buffer.find(_START)) >= 0:
-            self._drop(start)
+            self._discard(start)
             ends = [end for end in (self._buffer.find(_START, 1), self._buffer.find(_END) + 1)
                     if end > 0]
-            if not ends and len(self._buffer) <= MAX_SENTENCE:
-                return  # the rest is still to come
+            if not ends and len(self._buffer) <= MAX_SENTENCE_LENGTH:
+                return  # incomplete
             end = min(ends, default=len(self._buffer))
             body = _intact(bytes(self._buffer[1:end]).rstrip())
             if body is None:
                 self.bad_frames += 1
-                self._drop(end)
+                self._discard(end)
             else:
                 del self._buffer[:end]
                 yield body
-        self._drop(len(self._buffer))
+        self._discard(len(self._buffer))
 
 
 def _intact(sentence: bytes) -> bytes | None:
@@ -70,16 +82,16 @@ def _intact(sentence: bytes) -> bytes | None:
 
 
 def encode_sentence(body: bytes, *, use_crc: bool = False) -> bytes:
-    """Return the sentence around ``body`` with the 8-bit checksum or the 16-bit CRC."""
+    """Return the sentence with ``body`` and the 8-bit checksum or the 16-bit CRC."""
     return _START + body + b'*' + (crc_digits(body) if use_crc else checksum(body)) + b'\r\n'
 
 
 def decode_ymr(body: bytes, stamp_ns: int = 0) -> tuple[None, ImuSample]:
     """
-    Return None for the device's time, which is not sent, and the sample stamped ``stamp_ns``.
+    Return None, as a sentence gives no device time, and the sample with ``stamp_ns``.
 
-    A counter (T...) and a status (S...) may follow the twelve numbers. Raise FrameError for
-    any other sentence.
+    A counter (T...) and a status (S...) may follow the twelve numbers. Raise FrameError if
+    ``body`` is another sentence or has values that no sensor measures.
     """
     header, *fields = body.split(b',')
     extra = fields[12:]
@@ -89,12 +101,12 @@ def decode_ymr(body: bytes, stamp_ns: int = 0) -> tuple[None, ImuSample]:
     try:
         numbers = [float(field) for field in fields[:12]]
     except ValueError as error:
-        raise FrameError(f'sentence {body!r} has a field that is no number') from error
+        raise FrameError(f'sentence {body!r} has a field that is not a number') from error
     if not all(map(math.isfinite, numbers)):
-        raise FrameError(f'sentence {body!r} has other fields than finite numbers')
+        raise FrameError(f'sentence {body!r} has a field that is not finite')
     if max(map(abs, numbers[:3])) > MAX_ANGLE:
         raise FrameError(f'yaw, pitch and roll are {numbers[:3]}, '
-                         f'expected at most {MAX_ANGLE:g} deg either way')
+                         f'expected magnitudes up to {MAX_ANGLE:g} deg')
     yaw, pitch, roll = (math.radians(angle) for angle in numbers[:3])
     acceleration, rate = numbers[6:9], numbers[9:]
     return None, sample_from_flipped(
@@ -103,7 +115,7 @@ def decode_ymr(body: bytes, stamp_ns: int = 0) -> tuple[None, ImuSample]:
 
 
 def encode_ymr(sample: ImuSample, *, magnetic: Vector3 = (0.0, 0.0, 0.0)) -> bytes:
-    """Return the body that ``decode_ymr`` reads back; ``magnetic`` is in device axes [G]."""
+    """Return the body for ``decode_ymr``; ``magnetic`` [G] is in device axes."""
     attitude = flip_quaternion(sample.orientation or (0.0, 0.0, 0.0, 1.0))
     angles = (math.degrees(angle) for angle in reversed(euler(attitude)))
     numbers = (*angles, *magnetic, *flip_vector(sample.acceleration), *flip_vector(sample.rate))

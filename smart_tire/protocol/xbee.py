@@ -1,9 +1,9 @@
 """
 XBee API mode 2 (AP = 2, escaped) and its 0x90 Receive Packet frame.
 
-Frame: 0x7E, length u16, body, checksum; 0xFF minus the low byte of the body's sum. After the
-start byte, 0x7E, 0x7D, 0x11 and 0x13 travel as 0x7D and the byte XOR 0x20, so an 0x7E on the
-wire always starts a frame. Digi, "XBee/XBee-PRO ZigBee RF Modules User Guide", API operation.
+Frame: 0x7E, length u16 (big-endian), body, checksum: 0xFF minus the low byte of the body's sum.
+After the start byte, 0x7E, 0x7D, 0x11 and 0x13 are sent as 0x7D and the byte XOR 0x20, so 0x7E on
+the wire always starts a frame. Digi, "XBee/XBee-PRO ZigBee RF Modules User Guide", API operation.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from smart_tire.errors import FrameError
 from smart_tire.protocol.deframer import Deframer
 
 START = 0x7E
-RECEIVE_PACKET = 0x90
-MAX_BODY = 512  # bytes, above what a ZigBee module sends (12 + 255)
+RECEIVE_PACKET = 0x90  # frame type
+MAX_BODY_LENGTH = 512  # bytes; a ZigBee module sends up to 12 + 255
 
 _ESCAPE = 0x7D
-_FLIP = 0x20
+_ESCAPE_XOR = 0x20
 _SPECIAL = re.compile(rb'[\x7e\x7d\x11\x13]')
 _ESCAPED = re.compile(rb'\x7d(.?)', re.DOTALL)
 _HEADER = struct.Struct('>BQHB')  # frame type, 64-bit source, 16-bit source, options
@@ -29,7 +29,7 @@ _HEADER = struct.Struct('>BQHB')  # frame type, 64-bit source, 16-bit source, op
 
 @dataclass(frozen=True, slots=True)
 class ReceivePacket:
-    """Data that a remote module sent, 0x90."""
+    """Data received from a remote module, frame type 0x90."""
 
     source: int   # 64-bit address
     network: int  # 16-bit address, 0xFFFE if unknown
@@ -38,33 +38,33 @@ class ReceivePacket:
 
 
 def escape(data: bytes) -> bytes:
-    """Return ``data`` as it travels after the start byte."""
-    return _SPECIAL.sub(lambda found: bytes((_ESCAPE, found[0][0] ^ _FLIP)), data)
+    """Return ``data`` with its special bytes escaped, as sent after the start byte."""
+    return _SPECIAL.sub(lambda found: bytes((_ESCAPE, found[0][0] ^ _ESCAPE_XOR)), data)
 
 
 def unescape(raw: bytes) -> bytes:
-    """Return the bytes that ``raw`` stands for; an escape that lacks its byte is left out."""
+    """Return ``raw`` with its escapes resolved; an escape byte at the end is left out."""
     if _ESCAPE not in raw:
         return raw
-    return _ESCAPED.sub(lambda found: bytes(byte ^ _FLIP for byte in found[1]), raw)
+    return _ESCAPED.sub(lambda found: bytes(byte ^ _ESCAPE_XOR for byte in found[1]), raw)
 
 
 def encode_frame(body: bytes) -> bytes:
-    """Return the escaped frame around ``body``."""
-    if not 1 <= len(body) <= MAX_BODY:
-        raise FrameError(f'XBee body has {len(body)} bytes, expected 1 to {MAX_BODY}')
+    """Return the escaped frame with ``body``; raise FrameError if its length is not allowed."""
+    if not 1 <= len(body) <= MAX_BODY_LENGTH:
+        raise FrameError(f'XBee body has {len(body)} bytes, expected 1 to {MAX_BODY_LENGTH}')
     checksum = 0xFF - (sum(body) & 0xFF)
     return bytes((START,)) + escape(struct.pack('>H', len(body)) + body + bytes((checksum,)))
 
 
 def encode_receive_packet(packet: ReceivePacket) -> bytes:
-    """Return the body that ``decode_receive_packet`` reads back."""
+    """Return the body for ``decode_receive_packet``."""
     header = _HEADER.pack(RECEIVE_PACKET, packet.source, packet.network, packet.options)
     return header + packet.data
 
 
 def decode_receive_packet(body: bytes) -> ReceivePacket:
-    """Return the packet in ``body``; raise FrameError if it is another frame or too short."""
+    """Return the packet in ``body``; raise FrameError if it is too short or of another type."""
     if len(body) < _HEADER.size:
         raise FrameError(f'XBee body has {len(body)} bytes, expected at least {_HEADER.size}')
     kind, source, network, options = _HEADER.unpack_from(body)
@@ -74,27 +74,39 @@ def decode_receive_packet(body: bytes) -> ReceivePacket:
 
 
 class XBeeDeframer(Deframer):
-    """Cut intact API mode 2 frames out of a byte stream; a body starts with its frame type."""
+    """
+    Extracts API mode 2 frames from a byte stream; a body starts with its frame type.
+
+    States::
+
+        +-----------+             0x7E               +------------+
+        | searching | -----------------------------> | incomplete |
+        +-----------+ <----------------------------- +------------+
+                       body yielded, or bad frame
+
+    A frame ends after the bytes that its length demands. It is bad if the length is out of range,
+    the checksum wrong, or if another 0x7E precedes its end; that one starts the next frame.
+    """
 
     def _bodies(self) -> Iterator[bytes]:
         while (start := self._buffer.find(START)) >= 0:
-            self._drop(start)
+            self._discard(start)
             end = self._buffer.find(START, 1)
             content = unescape(bytes(self._buffer[1:end if end > 0 else None]))
             length = int.from_bytes(content[:2], 'big') if len(content) >= 2 else 0
             size = 2 + length + 1
-            if end < 0 and len(content) < size and length <= MAX_BODY:
-                return  # the rest is still to come
+            if end < 0 and len(content) < size and length <= MAX_BODY_LENGTH:
+                return  # incomplete
             end = end if end > 0 else len(self._buffer)
             body = content[2:2 + length]
-            if 1 <= length <= MAX_BODY and _intact(body, content[2 + length:size]):
+            if 1 <= length <= MAX_BODY_LENGTH and _intact(body, content[2 + length:size]):
                 self.skipped_bytes += len(content) - size
                 del self._buffer[:end]
                 yield body
             else:
                 self.bad_frames += 1
-                self._drop(end)  # no frame starts before the next 0x7E
-        self._drop(len(self._buffer))
+                self._discard(end)  # no frame starts before the next 0x7E
+        self._discard(len(self._buffer))
 
 
 def _intact(body: bytes, checksum: bytes) -> bool:

@@ -1,4 +1,4 @@
-"""Axes: what a turn in one frame is in the other."""
+"""Conversion of vectors and attitudes between device axes and REP-103 axes."""
 
 import math
 
@@ -8,44 +8,36 @@ from smart_tire.errors import FrameError
 from smart_tire.protocol.axes import (
     checked_sample, flip_quaternion, flip_vector, sample_from_flipped)
 from smart_tire.rotation import quaternion
+from support.rotations import rotate
 
 H = math.sqrt(0.5)
 angles = st.tuples(st.floats(-3.1, 3.1), st.floats(-1.5, 1.5), st.floats(-3.1, 3.1))
 
 
-def rotate(quaternion, vector):
-    """Return ``vector`` turned from body to world axes."""
-    x, y, z, w = quaternion
-    a, b, c = vector
-    t = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
-    return (a + w * t[0] + y * t[2] - z * t[1], b + w * t[1] + z * t[0] - x * t[2],
-            c + w * t[2] + x * t[1] - y * t[0])
-
-
 @pytest.mark.parametrize('ned, enu', [
-    ((0.0, 0.0, 0.0, 1.0), (0.0, 0.0, H, H)),   # level, to the north: 90 degrees from east
-    ((0.0, 0.0, H, H), (0.0, 0.0, 0.0, 1.0)),   # to the east: no turn at all
+    ((0.0, 0.0, 0.0, 1.0), (0.0, 0.0, H, H)),   # heading north: yaw 90 degrees in ENU
+    ((0.0, 0.0, H, H), (0.0, 0.0, 0.0, 1.0)),   # heading east: yaw 0 in ENU
 ])
-def test_headings_are_counted_from_east_in_enu(ned, enu):
+def test_yaw_is_zero_towards_east_in_enu(ned, enu):
     assert flip_quaternion(ned) == pytest.approx(enu, abs=1e-15)
 
 
 @given(angles, st.tuples(*[st.floats(-10.0, 10.0)] * 3))
-def test_a_vector_takes_the_same_way_in_both_frames(euler, vector):
-    """Body to world in NED, then to ENU, is the same as first to the left-up body."""
+def test_a_vector_has_the_same_world_direction_in_both_conventions(euler, vector):
+    """Body to NED, then to ENU, equals forward-left-up body to ENU."""
     attitude = quaternion(*euler)
     north, east, down = rotate(attitude, vector)
-    turned = rotate(flip_quaternion(attitude), flip_vector(vector))
-    assert turned == pytest.approx((east, north, -down), abs=1e-12)
+    converted = rotate(flip_quaternion(attitude), flip_vector(vector))
+    assert converted == pytest.approx((east, north, -down), abs=1e-12)
     assert flip_quaternion(flip_quaternion(attitude)) == pytest.approx(attitude, abs=1e-15)
 
 
-def test_yaw_to_the_right_turns_the_nose_from_north_to_east():
+def test_positive_yaw_in_ned_points_the_x_axis_from_north_to_east():
     attitude = quaternion(0.0, 0.0, math.pi / 2.0)
     assert rotate(attitude, (1.0, 0.0, 0.0)) == pytest.approx((0.0, 1.0, 0.0), abs=1e-15)
 
 
-def test_gravity_reads_upwards_after_the_flip():
+def test_specific_force_at_rest_is_positive_on_z_in_rep_103():
     sample = sample_from_flipped(7, (0.0, 0.0, -9.81), (0.1, 0.2, 0.3), None)
     assert sample.stamp_ns == 7
     assert sample.acceleration == pytest.approx((0.0, 0.0, 9.81))
@@ -56,7 +48,7 @@ def test_gravity_reads_upwards_after_the_flip():
 @pytest.mark.parametrize('name, bad', [('acceleration', 0), ('angular rate', 1),
                                        ('orientation', 2)])
 @pytest.mark.parametrize('value', [math.nan, math.inf])
-def test_what_is_not_finite_is_refused_by_name(name, bad, value):
+def test_a_value_that_is_not_finite_is_refused_by_name(name, bad, value):
     parts = [(0.0, 0.0, 9.8), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)]
     parts[bad] = (value, *parts[bad][1:])
     with pytest.raises(FrameError, match=name):
@@ -65,12 +57,12 @@ def test_what_is_not_finite_is_refused_by_name(name, bad, value):
 
 @pytest.mark.parametrize('name, bad, limit', [
     ('acceleration', 0, 1000.0), ('angular rate', 1, 100.0), ('orientation', 2, 1.1)])
-@pytest.mark.parametrize('place', [0, 2])
+@pytest.mark.parametrize('index', [0, 2])
 @pytest.mark.parametrize('sign', [1.0, -1.0])
-def test_what_no_sensor_measures_is_refused_by_name(name, bad, limit, place, sign):
+def test_a_value_that_no_sensor_measures_is_refused_by_name(name, bad, limit, index, sign):
     parts = [[0.0, 0.0, 9.8], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
-    parts[bad][place] = sign * limit
+    parts[bad][index] = sign * limit
     assert checked_sample(0, *map(tuple, parts)).stamp_ns == 0
-    parts[bad][place] = sign * math.nextafter(limit, math.inf)
-    with pytest.raises(FrameError, match=f'{name} is .* expected at most {limit:g}'):
+    parts[bad][index] = sign * math.nextafter(limit, math.inf)
+    with pytest.raises(FrameError, match=f'{name} is .* expected magnitudes up to {limit:g}'):
         checked_sample(0, *map(tuple, parts))

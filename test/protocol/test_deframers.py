@@ -1,18 +1,21 @@
-"""All deframers: any split, hostile neighbours, bounded memory, honest counts."""
+"""All deframers: any split, corrupt neighbors, bounded memory and correct counters."""
 
 from hypothesis import assume, given, settings, strategies as st
 import pytest
 from smart_tire.protocol import vectornav, vectornav_ascii, xbee, xsens
+from support.frames import frames
 
 ASCII = st.text('ABCVNYMR0123456789.,+-', max_size=60).map(str.encode)
 
 
 class Protocol:
-    """A deframer, the encoder that goes with it, and bodies it can carry."""
+    """A deframer, its encoder, a strategy for bodies, and the file with its frames."""
 
-    def __init__(self, deframer, encode, bodies, start, limit):
+    def __init__(self, file, deframer, encode, bodies, start, limit):
         self.deframer, self.encode, self.bodies = deframer, encode, bodies
-        self.start, self.limit = start, limit
+        self.start, self.limit = start, limit  # start byte, bytes that may stay in the buffer
+        self.frames = [frame.data for frame in frames(file).values()
+                       if not {'misprint', 'number'} & frame.values.keys()]
 
     def __repr__(self):
         return self.deframer.__name__
@@ -24,28 +27,48 @@ def vectornav_body(payload):
 
 
 PROTOCOLS = [
-    Protocol(xbee.XBeeDeframer, xbee.encode_frame, st.binary(min_size=1, max_size=300),
-             b'\x7e', 2 * xbee.MAX_BODY + 10),
-    Protocol(vectornav.BinaryDeframer, vectornav.encode_frame,
+    Protocol('xbee', xbee.XBeeDeframer, xbee.encode_frame, st.binary(min_size=1, max_size=300),
+             b'\x7e', 2 * xbee.MAX_BODY_LENGTH + 10),
+    Protocol('vectornav_binary', vectornav.BinaryDeframer, vectornav.encode_frame,
              st.binary(max_size=32).map(vectornav_body), b'\xfa', 1500),
-    Protocol(vectornav_ascii.AsciiDeframer, vectornav_ascii.encode_sentence, ASCII,
-             b'$', vectornav_ascii.MAX_SENTENCE),
-    Protocol(xsens.XsensDeframer, xsens.encode_message, st.binary(min_size=1, max_size=300),
-             b'\xfa', xsens.MAX_DATA + 8),
+    Protocol('vectornav_ascii', vectornav_ascii.AsciiDeframer, vectornav_ascii.encode_sentence,
+             ASCII, b'$', vectornav_ascii.MAX_SENTENCE_LENGTH),
+    Protocol('xsens', xsens.XsensDeframer, xsens.encode_message,
+             st.binary(min_size=1, max_size=300), b'\xfa', xsens.MAX_DATA_LENGTH + 8),
 ]
-each = pytest.mark.parametrize('protocol', PROTOCOLS, ids=repr)
-quick = settings(max_examples=60, deadline=None, derandomize=True)
+each_protocol = pytest.mark.parametrize('protocol', PROTOCOLS, ids=repr)
+few_examples = settings(max_examples=60, deadline=None, derandomize=True)
 
 
-def damaged(frame, index, flip):
+def with_changed_byte(frame, index, flip):
     """Return ``frame`` with one byte changed."""
     changed = bytearray(frame)
     changed[index % len(frame)] ^= flip
     return bytes(changed)
 
 
-@each
-@quick
+@each_protocol
+def test_documented_frames_survive_any_split(protocol):
+    stream = b''.join(protocol.frames)
+    expected = list(protocol.deframer().feed(stream))
+    assert len(expected) == len(protocol.frames)
+    for cut in range(len(stream) + 1):
+        deframer = protocol.deframer()
+        assert [*deframer.feed(stream[:cut]), *deframer.feed(stream[cut:])] == expected
+        assert (deframer.bad_frames, deframer.skipped_bytes) == (0, 0)
+
+
+@each_protocol
+def test_a_documented_frame_with_any_changed_byte_does_not_cost_the_next_one(protocol):
+    for frame in protocol.frames:
+        (body,) = protocol.deframer().feed(frame)
+        for index in range(len(frame)):
+            stream = with_changed_byte(frame, index, 0x08) + frame
+            assert list(protocol.deframer().feed(stream))[-1:] == [body]
+
+
+@each_protocol
+@few_examples
 @given(data=st.data())
 def test_frames_survive_any_split(protocol, data):
     bodies = data.draw(st.lists(protocol.bodies, min_size=1, max_size=5))
@@ -58,10 +81,10 @@ def test_frames_survive_any_split(protocol, data):
     assert (deframer.bad_frames, deframer.skipped_bytes) == (0, 0)
 
 
-@each
-@quick
+@each_protocol
+@few_examples
 @given(data=st.data())
-def test_a_frame_comes_with_its_last_byte(protocol, data):
+def test_a_body_is_yielded_with_the_last_byte_of_its_frame(protocol, data):
     body = data.draw(protocol.bodies)
     frame = protocol.encode(body)
     deframer = protocol.deframer()
@@ -70,19 +93,19 @@ def test_a_frame_comes_with_its_last_byte(protocol, data):
     assert list(deframer.feed(frame[-1:])) == [body]
 
 
-@each
-@quick
+@each_protocol
+@few_examples
 @given(data=st.data())
-def test_no_intact_frame_next_to_a_damaged_one_is_lost(protocol, data):
-    """The damage is one changed byte anywhere, a frame cut short, or a frame that lost a part."""
+def test_no_intact_frame_next_to_a_corrupt_one_is_lost(protocol, data):
+    """One byte is changed, or the end or a middle part of the frame is missing."""
     bodies = data.draw(st.lists(protocol.bodies, min_size=3, max_size=3))
-    before, victim, after = map(protocol.encode, bodies)
-    index = data.draw(st.integers(0, len(victim) - 1))
-    hostile = data.draw(st.sampled_from([
-        damaged(victim, index, data.draw(st.integers(1, 255))), victim[:index],
-        victim[:index // 2] + victim[index:]]))
+    before, damaged, after = map(protocol.encode, bodies)
+    index = data.draw(st.integers(0, len(damaged) - 1))
+    corrupt = data.draw(st.sampled_from([
+        with_changed_byte(damaged, index, data.draw(st.integers(1, 255))), damaged[:index],
+        damaged[:index // 2] + damaged[index:]]))
     size = data.draw(st.integers(1, 40))
-    stream = before + hostile + after + protocol.encode(bodies[0])
+    stream = before + corrupt + after + protocol.encode(bodies[0])
     deframer, found = protocol.deframer(), []
     for start in range(0, len(stream), size):
         found += deframer.feed(stream[start:start + size])
@@ -91,8 +114,8 @@ def test_no_intact_frame_next_to_a_damaged_one_is_lost(protocol, data):
     assert len(found) <= 4
 
 
-@each
-@quick
+@each_protocol
+@few_examples
 @given(data=st.data())
 def test_noise_between_frames_is_skipped_and_counted(protocol, data):
     body = data.draw(protocol.bodies)
@@ -105,14 +128,14 @@ def test_noise_between_frames_is_skipped_and_counted(protocol, data):
     assert deframer.bad_frames == 0
 
 
-@each
-@quick
+@each_protocol
+@few_examples
 @given(data=st.data())
-def test_a_damaged_frame_counts_once(protocol, data):
+def test_a_corrupt_frame_is_counted_once(protocol, data):
     body = data.draw(protocol.bodies)
     frame = bytearray(protocol.encode(body))
     frame[-3 if protocol.deframer is vectornav_ascii.AsciiDeframer else -1] ^= 0x01
-    assume(protocol.start not in bytes(frame[1:]))  # that may count as a further one
+    assume(protocol.start not in bytes(frame[1:]))  # it may start another candidate
     deframer = protocol.deframer()
     good = protocol.encode(body)
     assert list(deframer.feed(good + bytes(frame) + good)) == [body, body]
@@ -120,10 +143,10 @@ def test_a_damaged_frame_counts_once(protocol, data):
     assert deframer.skipped_bytes == len(frame)
 
 
-@each
+@each_protocol
 @settings(max_examples=30, deadline=None, derandomize=True)
 @given(chunks=st.lists(st.binary(max_size=400), max_size=30))
-def test_noise_never_fills_the_memory(protocol, chunks):
+def test_noise_does_not_fill_the_buffer(protocol, chunks):
     deframer, fed = protocol.deframer(), 0
     for chunk in chunks:
         fed += len(chunk) + 1
@@ -131,41 +154,41 @@ def test_noise_never_fills_the_memory(protocol, chunks):
         assert fed - deframer.skipped_bytes <= protocol.limit
 
 
-@each
-def test_a_stream_of_start_bytes_ends_with_the_first_frame(protocol):
+@each_protocol
+def test_a_frame_behind_many_start_bytes_is_found(protocol):
     deframer = protocol.deframer()
     assert list(deframer.feed(protocol.start * 3000)) == []
     body = vectornav_body(b'') if protocol.deframer is vectornav.BinaryDeframer else b'ABC'
     assert list(deframer.feed(protocol.encode(body))) == [body]
 
 
-@pytest.mark.parametrize('protocol, claim', [
+@pytest.mark.parametrize('protocol, header', [
     (PROTOCOLS[0], '7e ffff'), (PROTOCOLS[0], '7e 01ff'), (PROTOCOLS[1], 'fa 7f' + 7 * 'ff07'),
     (PROTOCOLS[1], 'fa 01 ff7f'), (PROTOCOLS[1], 'fa 01 ffff'),
     (PROTOCOLS[2], '24 56 4e 59'), (PROTOCOLS[3], 'fa ff 36 fe'),
     (PROTOCOLS[3], 'fa ff 36 ff 0800'), (PROTOCOLS[3], 'fa ff 36 ff ffff')])
-def test_a_claim_of_an_absurd_length_does_not_hold_up_the_next_frame(protocol, claim):
+def test_a_corrupt_length_does_not_delay_the_next_frame(protocol, header):
     body = vectornav_body(b'') if protocol is PROTOCOLS[1] else b'ABC'
     deframer = protocol.deframer()
-    assert list(deframer.feed(bytes.fromhex(claim))) == []
+    assert list(deframer.feed(bytes.fromhex(header))) == []
     assert list(deframer.feed(protocol.encode(body))) == [body]
     assert deframer.bad_frames == 1
-    assert deframer.skipped_bytes == len(bytes.fromhex(claim))
+    assert deframer.skipped_bytes == len(bytes.fromhex(header))
 
 
-@pytest.mark.parametrize('protocol, claim', [
+@pytest.mark.parametrize('protocol, header', [
     (PROTOCOLS[0], '7e ffff'), (PROTOCOLS[1], 'fa 01 ffff'), (PROTOCOLS[3], 'fa ff 36 ff ffff')])
-def test_a_length_that_can_not_be_is_a_bad_frame_at_once(protocol, claim):
+def test_an_invalid_header_is_counted_at_once(protocol, header):
     deframer = protocol.deframer()
-    assert list(deframer.feed(bytes.fromhex(claim))) == []
+    assert list(deframer.feed(bytes.fromhex(header))) == []
     assert deframer.bad_frames == 1
 
 
-@pytest.mark.parametrize('protocol, claim', [
+@pytest.mark.parametrize('protocol, header', [
     (PROTOCOLS[1], 'fa 01 ffff'), (PROTOCOLS[1], 'fa 01 0080'), (PROTOCOLS[3], 'fa ff 36 ffffff'),
     (PROTOCOLS[3], 'fa ff 36 00 00')])
-def test_what_looks_like_a_bad_frame_inside_one_that_is_not_complete_is_data(protocol, claim):
-    data = bytes.fromhex(claim)
+def test_an_invalid_header_inside_an_incomplete_frame_is_data(protocol, header):
+    data = bytes.fromhex(header)
     body = vectornav_body(data) if protocol is PROTOCOLS[1] else b'\x36' + data + bytes(20)
     frame, deframer = protocol.encode(body), protocol.deframer()
     assert list(deframer.feed(frame[:-4])) == []
@@ -173,8 +196,8 @@ def test_what_looks_like_a_bad_frame_inside_one_that_is_not_complete_is_data(pro
     assert (deframer.bad_frames, deframer.skipped_bytes) == (0, 0)
 
 
-@each
-def test_frames_that_nobody_took_come_with_the_next_feed(protocol):
+@each_protocol
+def test_bodies_that_were_not_consumed_are_yielded_by_the_next_feed(protocol):
     body = vectornav_body(b'') if protocol.deframer is vectornav.BinaryDeframer else b'ABC'
     deframer = protocol.deframer()
     deframer.feed(protocol.encode(body))

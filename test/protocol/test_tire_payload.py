@@ -1,4 +1,4 @@
-"""The wheel unit's payload, byte for byte as INTERFACES lays it out."""
+"""Payload of the tire sensor node, against the bytes of test/data/frames/tire_payload.txt."""
 
 from dataclasses import replace
 
@@ -7,17 +7,19 @@ import pytest
 from smart_tire.errors import FrameError
 from smart_tire.protocol import tire_payload
 from smart_tire.protocol.tire_payload import decode_batch, encode_batch, TireBatch
+from support.frames import each_frame, frames
 
-PAYLOAD = bytes.fromhex(
-    '01'           # version
-    '01'           # flags: saturated
-    'fe ff'        # sequence 65534
-    'f0 ff ff ff'  # timer 4294967280 us
-    'c4 09'        # period 2500 us
-    '02 03'        # two channels, three samples
-    '00 02 ff 03  01 02 00 00  02 02 01 00'
-    '74 0e')       # 3700 mV
-BATCH = TireBatch(1, 65534, 4294967280, 2500, ((512, 1023), (513, 0), (514, 1)), 3700)
+FRAMES = frames('tire_payload')
+PAYLOAD = FRAMES['two_channels'].data
+BATCH_VALUES = ('flags', 'sequence', 'timer_us', 'period_us', 'codes', 'battery_mv')
+
+
+def batch_of(frame):
+    """Return the batch that the file gives for ``frame``."""
+    return TireBatch(*(frame[key] for key in BATCH_VALUES))
+
+
+BATCH = batch_of(FRAMES['two_channels'])
 
 
 @st.composite
@@ -30,9 +32,22 @@ def batches(draw):
                      tuple(draw(st.lists(row, min_size=1, max_size=20))), draw(u16))
 
 
-def test_the_layout_is_the_documented_one():
-    assert decode_batch(PAYLOAD) == BATCH
-    assert encode_batch(BATCH) == PAYLOAD
+@each_frame('tire_payload', *BATCH_VALUES)
+def test_payload_and_batch_correspond_byte_by_byte(frame):
+    assert decode_batch(frame.data) == batch_of(frame)
+    assert encode_batch(batch_of(frame)) == frame.data
+
+
+def test_a_batch_of_16_samples_keeps_their_order():
+    frame = FRAMES['default_batch']
+    batch = decode_batch(frame.data)
+    assert len(batch.codes) == frame['samples']
+    assert (batch.codes[0], batch.codes[-1]) == (frame['first'], frame['last'])
+    assert (batch.sequence, batch.timer_us) == (frame['sequence'], frame['timer_us'])
+    assert encode_batch(batch) == frame.data
+
+
+def test_bit_0_of_the_flags_reports_saturation():
     assert BATCH.saturated
     assert not replace(BATCH, flags=0xFE).saturated
 
@@ -43,11 +58,11 @@ def test_batches_survive_the_round_trip(batch):
 
 
 @pytest.mark.parametrize('samples, size', [(16, 78), (17, 82), (20, 94)])
-def test_payload_sizes_are_those_of_the_radio_budget(samples, size):
+def test_two_channels_fit_the_size_budget_of_the_radio(samples, size):
     assert len(encode_batch(replace(BATCH, codes=((0, 0),) * samples))) == size
 
 
-def test_volts_span_the_range_of_the_converter():
+def test_the_converter_range_is_0_to_3_3_volts():
     assert tire_payload.volts(0) == 0.0
     assert tire_payload.volts(1023) == pytest.approx(3.3, rel=1e-15)
     assert tire_payload.volts(1) == pytest.approx(3.3 / 1023.0)
@@ -62,15 +77,15 @@ def test_volts_span_the_range_of_the_converter():
     (lambda b: b[:10] + b'\x00' + b[11:12] + b[-2:], '0 channels'),
     (lambda b: b[:10] + b'\x03\x02' + b[12:], '3 channels, expected 1 or 2'),
     (lambda b: b[:11] + b'\x00' + b[-2:], '0 samples'),
-    (lambda b: b[:8] + b'\0\0' + b[10:], '0 us apart'),
+    (lambda b: b[:8] + b'\0\0' + b[10:], 'period of 0 us'),
     (lambda b: b[:12] + b'\x00\x04' + b[14:], 'readings 0 to 1024, expected 0 to 1023')])
-def test_a_damaged_payload_is_refused_with_its_reason(change, message):
+def test_an_invalid_payload_is_refused_with_the_reason(change, message):
     with pytest.raises(FrameError, match=message):
         decode_batch(change(PAYLOAD))
 
 
 @pytest.mark.parametrize('codes', [(), ((),), ((1, 2, 3),), ((1, 2), (3,)), ((1024,),), ((-1,),),
                                    ((1,),) * 256])
-def test_what_could_not_be_read_back_is_not_written(codes):
+def test_a_batch_that_could_not_be_decoded_is_not_encoded(codes):
     with pytest.raises(FrameError):
         encode_batch(replace(BATCH, codes=codes))

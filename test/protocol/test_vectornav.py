@@ -1,4 +1,4 @@
-"""VectorNav binary output, against the examples in the VN-100 manual."""
+"""VectorNav binary output, against the messages of test/data/frames/vectornav_binary.txt."""
 
 from dataclasses import replace
 import math
@@ -10,51 +10,69 @@ from smart_tire.errors import FrameError
 from smart_tire.protocol import vectornav
 from smart_tire.protocol.vectornav import BinaryDeframer, decode_binary, encode_binary, Field
 from smart_tire.samples import ImuSample
+from support.frames import each_frame, frames
 
-# "VN-100 User Manual" UM001, 4.3.7 "Example Cases": group 1 with yaw, pitch and roll, and then
-# group 3 besides. The second is printed with 0x0001 for the fields of group 3; its CRC is the
-# one of 0x0020, a field of four bytes as is shown.
-EXAMPLE_1 = bytes.fromhex('fa 01 0800 93502e42 833ef13f 48b504bb 9288')
-EXAMPLE_2 = bytes.fromhex('fa 05 0800 2000 a4150242 4ddfeb3f f61a36be bf2da441 a83a')
-# VectorNav's C library, example of its UART protocol: TimeStartup, then yaw, pitch and roll.
-EXAMPLE_3 = bytes.fromhex('fa 01 0900 700500030a000000 480e2c42 084c37c1 10388bc2 d4cb')
-EXAMPLE_2_AS_PRINTED = EXAMPLE_2[:4] + b'\x01' + EXAMPLE_2[5:]
+FRAMES = frames('vectornav_binary')
+SAMPLE_VALUES = ('acceleration', 'rate', 'orientation')
 
 f32 = st.floats(-100.0, 100.0, width=32)
 vectors = st.tuples(f32, f32, f32)
 SAMPLE = ImuSample(5, (0.5, -1.5, 9.75), (0.25, -0.125, 2.0), (0.5, -0.5, 0.5, 0.5))
 
 
-@pytest.mark.parametrize('frame, angles', [
-    (EXAMPLE_1, (43.578686, 1.8847202, -2.0249654e-3)),
-    (EXAMPLE_2, (32.521133, 1.8427521, -1.7783722e-1)),
-    (EXAMPLE_3, (43.0139465, -11.4560623, -69.6095))])
-def test_published_frames_decode_and_encode(frame, angles):
-    (body,) = BinaryDeframer().feed(frame)
-    header = 1 + 2 * body[0].bit_count()
+def body_of(frame):
+    """Return the bytes between sync byte and CRC."""
+    return frame.data[1:-2]
+
+
+@each_frame('vectornav_binary', 'groups')
+def test_a_message_yields_its_body_and_is_reproduced_by_the_encoder(frame):
+    (body,) = BinaryDeframer().feed(frame.data)
+    assert body == body_of(frame)
+    assert body[0] == frame['groups']
+    assert vectornav.encode_frame(body) == frame.data
+
+
+@each_frame('vectornav_binary', 'groups')
+def test_the_header_gives_the_size_of_the_payload(frame):
+    body = body_of(frame)
+    header = 1 + 2 * frame['groups'].bit_count()
     assert vectornav.payload_size(body[:header]) == len(body) - header
-    first = header + (8 if body[1] & Field.TIME_STARTUP else 0)
-    assert struct.unpack_from('<3f', body, first) == pytest.approx(angles, rel=1e-7)
-    assert vectornav.encode_frame(body) == frame
 
 
-def test_the_misprinted_frame_is_refused_and_the_one_behind_it_is_not():
-    bodies = list(BinaryDeframer().feed(EXAMPLE_2_AS_PRINTED + EXAMPLE_1))
-    assert bodies == [EXAMPLE_1[1:-2]]
+@each_frame('vectornav_binary', 'yaw_pitch_roll')
+def test_published_angles_are_where_the_field_table_puts_them(frame):
+    numbers = struct.unpack_from('<3f', body_of(frame), frame['payload_start'])
+    assert numbers == pytest.approx(frame['yaw_pitch_roll'], rel=1e-7)
 
 
-def test_a_frame_without_acceleration_is_refused_by_name():
+@each_frame('vectornav_binary', *SAMPLE_VALUES)
+def test_a_message_decodes_to_the_documented_sample(frame):
+    time, sample = decode_binary(body_of(frame), stamp_ns=42)
+    assert time == frame['time_ns']
+    assert (sample.stamp_ns, sample.acceleration, sample.rate) == (
+        42, frame['acceleration'], frame['rate'])
+    if frame['orientation'] is None:
+        assert sample.orientation is None
+    else:
+        assert sample.orientation == pytest.approx(frame['orientation'], abs=1e-7)
+
+
+@each_frame('vectornav_binary', *SAMPLE_VALUES, 'fields')
+def test_a_documented_sample_encodes_to_the_bytes_of_its_message(frame):
+    sample = ImuSample(0, *(frame[key] for key in SAMPLE_VALUES))
+    assert encode_binary(frame['time_ns'], sample, frame['fields']) == body_of(frame)
+
+
+def test_the_misprinted_message_is_refused_and_the_one_behind_it_is_not():
+    good = FRAMES['manual_example_1']
+    bodies = BinaryDeframer().feed(FRAMES['manual_example_2_as_printed'].data + good.data)
+    assert list(bodies) == [body_of(good)]
+
+
+def test_a_message_without_acceleration_is_refused_with_its_fields():
     with pytest.raises(FrameError, match='fields 0x0008, expected acceleration'):
-        decode_binary(EXAMPLE_1[1:-2])
-
-
-def test_right_and_down_become_left_and_up():
-    body = (b'\x01' + struct.pack('<H', Field.TIME_STARTUP | Field.ANGULAR_RATE | Field.ACCEL)
-            + struct.pack('<Q', 12_345_678_901)
-            + struct.pack('<3f', 0.5, 0.25, -0.125) + struct.pack('<3f', 1.0, 2.0, -9.75))
-    time, sample = decode_binary(body, stamp_ns=42)
-    assert time == 12_345_678_901
-    assert sample == ImuSample(42, (1.0, -2.0, 9.75), (0.5, -0.25, 0.125), None)
+        decode_binary(body_of(FRAMES['manual_example_1']))
 
 
 @settings(max_examples=200, deadline=None, derandomize=True)
@@ -70,11 +88,11 @@ def test_samples_survive_the_round_trip_with_any_mask_of_group_1(time, accelerat
     assert (decoded.orientation is None) == (not mask & Field.QUATERNION)
 
 
-def test_the_uncompensated_pair_serves_where_the_compensated_fields_are_not_sent():
-    body = encode_binary(1, SAMPLE, Field.TIME_STARTUP | Field.IMU)
-    assert decode_binary(body, 5) == (1, replace(SAMPLE, orientation=None))
-    mixed = encode_binary(1, SAMPLE, Field.IMU | Field.ACCEL)
-    assert decode_binary(mixed, 5) == (None, replace(SAMPLE, orientation=None))
+def test_uncompensated_values_fill_in_for_missing_compensated_fields_only():
+    body = encode_binary(1, SAMPLE, Field.IMU | Field.ACCEL)
+    assert decode_binary(body, 5) == (None, replace(SAMPLE, orientation=None))
+    uncompensated = body[:-24] + bytes(12) + body[-12:]  # other acceleration in Imu
+    assert decode_binary(uncompensated, 5) == decode_binary(body, 5)
 
 
 def test_the_attitude_survives_the_round_trip():
@@ -82,22 +100,15 @@ def test_the_attitude_survives_the_round_trip():
     assert decoded.orientation == pytest.approx(SAMPLE.orientation, abs=1e-6)
 
 
-def test_a_frame_with_more_groups_is_read_by_its_group_1():
-    first = encode_binary(77, SAMPLE)
-    body = b'\x05' + first[1:3] + struct.pack('<H', 0x0010) + first[3:] + struct.pack('<f', 20.5)
-    (found,) = BinaryDeframer().feed(vectornav.encode_frame(body))
-    assert decode_binary(found, 5) == (77, replace(SAMPLE, orientation=None))
-
-
 @pytest.mark.parametrize('header', ['01 0080', '02 0008', '08 0000', '05 0100 0040'])
-def test_fields_of_unknown_size_are_no_header(header):
+def test_a_header_with_undefined_fields_is_invalid(header):
     assert vectornav.payload_size(bytes.fromhex(header)) == 0
 
 
 @pytest.mark.parametrize('body, message', [
     (b'', 'groups , expected group 1'), (b'\x02\x01\x00' + bytes(8), 'groups 02'),
-    (encode_binary(0, SAMPLE)[:-1], 'has 34 bytes, expected 35')])
-def test_a_body_that_can_not_be_decoded_is_refused_with_its_reason(body, message):
+    (body_of(FRAMES['default_fields'])[:-1], 'has 34 bytes, expected 35')])
+def test_an_invalid_body_is_refused_with_the_reason(body, message):
     with pytest.raises(FrameError, match=message):
         decode_binary(body)
 
@@ -106,13 +117,13 @@ def test_a_body_that_can_not_be_decoded_is_refused_with_its_reason(body, message
 @pytest.mark.parametrize('part, name', [
     ('acceleration', 'acceleration'), ('rate', 'angular rate'), ('orientation', 'orientation')])
 @pytest.mark.parametrize('fields', [Field.ACCEL | Field.ANGULAR_RATE, Field.IMU])
-def test_what_is_no_measurement_is_refused_by_name(value, part, name, fields):
+def test_a_value_that_no_sensor_measures_is_refused_by_name(value, part, name, fields):
     numbers = (value, *getattr(SAMPLE, part)[1:])
     body = encode_binary(0, replace(SAMPLE, **{part: numbers}), fields | Field.QUATERNION)
     with pytest.raises(FrameError, match=name):
         decode_binary(body)
 
 
-def test_fields_that_do_not_exist_are_not_encoded():
-    with pytest.raises(FrameError, match='0x8000'):
+def test_undefined_fields_are_not_encoded():
+    with pytest.raises(FrameError, match='undefined fields in 0x8000'):
         encode_binary(0, SAMPLE, 0x8000)

@@ -1,4 +1,4 @@
-"""VectorNav sentences, against those that VectorNav publishes."""
+"""VectorNav sentences, against those of test/data/frames/vectornav_ascii.txt."""
 
 from dataclasses import replace
 import math
@@ -10,64 +10,85 @@ from smart_tire.protocol import vectornav_ascii
 from smart_tire.protocol.vectornav_ascii import (
     AsciiDeframer, decode_ymr, encode_sentence, encode_ymr)
 from smart_tire.samples import ImuSample
+from support.frames import each_frame, frames
+from support.rotations import rotate
 
-# VectorNav's C library, example of its UART protocol.
-YMR = (b'$VNYMR,+100.949,-007.330,+000.715,-00.0049,-00.2449,+00.5397,'
-       b'-01.258,-00.100,-09.701,-00.000018,+00.001122,-00.000551*69\r\n')
-# "VN-100 User Manual" UM001: 7.2.3 (register 27 holds the same numbers), 7.2.1; "VN-200 User
-# Manual" UM004: 5.11.1 (without and with a counter), 5.11.7.
-PUBLISHED = [
-    YMR,
-    b'$VNRRG,27,+006.380,+000.023,-001.953,+1.0640,-0.2531,+3.0614,+00.005,+00.344,-09.758,'
-    b'-0.001222,-0.000450,-0.001218*4F\r\n',
-    b'$VNRRG,8,+006.271,+000.031,-002.000*66\r\n',
-    b'$VNYPR,+010.071,+000.278,-002.026*60\r\n',
-    b'$VNYPR,+010.071,+000.278,-002.026,T1162704*2F\r\n',
-    b'$VNERR,03*72\r\n']
+FRAMES = frames('vectornav_ascii')
+YMR = FRAMES['library_ymr'].data
+YMR_VALUES = ('yaw', 'magnetic', 'acceleration', 'rate')
 
 
-@pytest.mark.parametrize('sentence', PUBLISHED)
-def test_published_sentences_decode_and_encode(sentence):
-    (body,) = AsciiDeframer().feed(sentence)
-    assert body == sentence[1:-5]
-    assert encode_sentence(body) == sentence
+def body_of(frame):
+    """Return the characters between ``$`` and ``*``."""
+    return frame.data[1:].partition(b'*')[0]
 
 
-def test_the_published_ymr_decodes_into_rep_103_and_encodes_back():
-    time, sample = decode_ymr(YMR[1:-5], stamp_ns=9)
+BODY = body_of(FRAMES['library_ymr'])
+
+
+@each_frame('vectornav_ascii')
+def test_a_sentence_yields_its_body_and_is_reproduced_by_the_encoder(frame):
+    (body,) = AsciiDeframer().feed(frame.data)
+    assert body == body_of(frame)
+    assert encode_sentence(body, use_crc='check' in frame.values) == frame.data
+
+
+@each_frame('vectornav_ascii', *YMR_VALUES)
+def test_a_ymr_decodes_to_its_numbers_in_rep_103_axes(frame):
+    time, sample = decode_ymr(body_of(frame), stamp_ns=9)
     assert time is None
     assert sample.stamp_ns == 9
-    assert sample.acceleration == (-1.258, 0.100, 9.701)
-    assert sample.rate == (-0.000018, -0.001122, 0.000551)
-    assert encode_ymr(sample, magnetic=(-0.0049, -0.2449, 0.5397)) == YMR[1:-5]
+    assert sample.acceleration == frame['acceleration']
+    assert sample.rate == frame['rate']
 
 
-def test_the_heading_is_turned_from_north_to_east():
-    _, sample = decode_ymr(YMR[1:-5])
-    x, y, z, w = sample.orientation
-    yaw = math.degrees(math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
-    assert yaw == pytest.approx(90.0 - 100.949, abs=1e-9)
+@each_frame('vectornav_ascii', *YMR_VALUES)
+def test_a_decoded_ymr_encodes_to_the_same_characters(frame):
+    _, sample = decode_ymr(body_of(frame))
+    assert encode_ymr(sample, magnetic=frame['magnetic']) == body_of(frame)
 
 
-def test_both_kinds_of_checksum_are_taken_in_either_case():
-    body = YMR[1:-5]
-    with_crc = encode_sentence(body, use_crc=True)
-    assert len(with_crc) == len(YMR) + 2
+@each_frame('vectornav_ascii', *YMR_VALUES)
+def test_the_heading_is_converted_from_north_clockwise_to_east_counterclockwise(frame):
+    _, sample = decode_ymr(body_of(frame))
+    forward = rotate(sample.orientation, (1.0, 0.0, 0.0))
+    yaw = math.degrees(math.atan2(forward[1], forward[0]))
+    assert yaw == pytest.approx(90.0 - frame['yaw'], abs=1e-9)
+
+
+@each_frame('vectornav_ascii', *YMR_VALUES)
+def test_recorded_gravity_is_vertical_in_the_world_frame(frame):
+    """The tilt from the attitude agrees with the one from the accelerometer to 1.5 degrees."""
+    _, sample = decode_ymr(body_of(frame))
+    x, y, z = rotate(sample.orientation, sample.acceleration)
+    assert math.degrees(math.atan2(math.hypot(x, y), z)) < 1.5
+
+
+@each_frame('vectornav_ascii', 'header')
+def test_another_published_sentence_is_not_decoded_as_ymr(frame):
+    assert body_of(frame).split(b',')[0] == frame['header']
+    with pytest.raises(FrameError, match="expected b'VNYMR' with 12"):
+        decode_ymr(body_of(frame))
+
+
+def test_both_kinds_of_checksum_are_accepted_in_either_case():
+    with_crc = FRAMES['library_ymr_with_crc'].data
     lower_case = with_crc[:-6] + with_crc[-6:].lower()
     assert lower_case != with_crc
-    assert list(AsciiDeframer().feed(with_crc + YMR + lower_case)) == [body] * 3
+    assert list(AsciiDeframer().feed(with_crc + YMR + lower_case)) == [BODY] * 3
 
 
 @pytest.mark.parametrize('wrong', [YMR.replace(b'*69', b'*68'), YMR.replace(b'*69', b'*XX'),
                                    YMR.replace(b'*69', b''), YMR.replace(b'100.949', b'100.948')])
 def test_a_wrong_or_missing_checksum_is_refused(wrong):
+    assert wrong != YMR
     deframer = AsciiDeframer()
-    assert list(deframer.feed(wrong + YMR)) == [YMR[1:-5]]
+    assert list(deframer.feed(wrong + YMR)) == [BODY]
     assert deframer.bad_frames == 1
 
 
-def test_a_lost_line_end_costs_nothing():
-    assert list(AsciiDeframer().feed(YMR.rstrip() + YMR)) == [YMR[1:-5]] * 2
+def test_a_sentence_without_line_end_is_accepted():
+    assert list(AsciiDeframer().feed(YMR.rstrip() + YMR)) == [BODY] * 2
 
 
 @settings(max_examples=100, deadline=None, derandomize=True)
@@ -80,40 +101,40 @@ def test_samples_survive_the_round_trip(milli, micro):
 
 
 def test_counter_and_status_may_follow():
-    _, plain = decode_ymr(YMR[1:-5])
-    assert decode_ymr(YMR[1:-5] + b',T1162704,S0') == (None, plain)
+    _, plain = decode_ymr(BODY)
+    assert decode_ymr(BODY + b',T1162704,S0') == (None, plain)
 
 
 @pytest.mark.parametrize('body', [
-    b'VNERR,03', b'VNYMR', b'VNYMR,1,2,3', YMR[1:-5] + b',1.0', YMR[1:-5].replace(b'YMR', b'YPR')])
-def test_another_sentence_is_refused_by_name(body):
+    b'VNYMR', b'VNYMR,1,2,3', BODY + b',1.0', BODY.replace(b'YMR', b'YPR')])
+def test_a_sentence_with_another_layout_is_refused(body):
     with pytest.raises(FrameError, match="expected b'VNYMR' with 12"):
         decode_ymr(body)
 
 
-@pytest.mark.parametrize('place', range(12))
+@pytest.mark.parametrize('index', range(12))
 @pytest.mark.parametrize('field, message', [
-    (b'abc', 'no number'), (b'', 'no number'), (b'nan', 'finite'), (b'inf', 'finite'),
-    (b'-inf', 'finite'), (b'1e999', 'finite')])
-def test_a_field_that_is_no_finite_number_is_refused_wherever_it_is(place, field, message):
-    header, *fields = YMR[1:-5].split(b',')
-    fields[place] = field
+    (b'abc', 'not a number'), (b'', 'not a number'), (b'nan', 'not finite'),
+    (b'inf', 'not finite'), (b'-inf', 'not finite'), (b'1e999', 'not finite')])
+def test_any_field_that_is_not_a_finite_number_is_refused(index, field, message):
+    header, *fields = BODY.split(b',')
+    fields[index] = field
     with pytest.raises(FrameError, match=message):
         decode_ymr(b','.join([header, *fields]))
 
 
-@pytest.mark.parametrize('place, field, message', [
+@pytest.mark.parametrize('index, field, message', [
     (0, b'+1e308', 'yaw, pitch and roll'), (2, b'-361', 'yaw, pitch and roll'),
     (6, b'1001', 'acceleration'), (11, b'1e30', 'angular rate')])
-def test_a_number_beyond_any_sensor_is_refused_by_name(place, field, message):
-    header, *fields = YMR[1:-5].split(b',')
-    fields[place] = field
+def test_a_value_that_no_sensor_measures_is_refused_by_name(index, field, message):
+    header, *fields = BODY.split(b',')
+    fields[index] = field
     with pytest.raises(FrameError, match=message):
         decode_ymr(b','.join([header, *fields]))
 
 
-def test_a_line_without_end_is_bounded():
+def test_a_sentence_without_end_does_not_fill_the_buffer():
     deframer = AsciiDeframer()
-    assert list(deframer.feed(b'$' + b'1' * vectornav_ascii.MAX_SENTENCE)) == []
+    assert list(deframer.feed(b'$' + b'1' * vectornav_ascii.MAX_SENTENCE_LENGTH)) == []
     assert deframer.bad_frames == 1
-    assert deframer.skipped_bytes == 1 + vectornav_ascii.MAX_SENTENCE
+    assert deframer.skipped_bytes == 1 + vectornav_ascii.MAX_SENTENCE_LENGTH

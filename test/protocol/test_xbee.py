@@ -1,58 +1,68 @@
-"""XBee API mode 2 and the 0x90 frame, against the examples in Digi's user guides."""
+"""XBee API mode 2 and the 0x90 frame, against the frames of test/data/frames/xbee.txt."""
 
 from hypothesis import given, strategies as st
 import pytest
 from smart_tire.errors import FrameError
 from smart_tire.protocol import xbee
 from smart_tire.protocol.xbee import ReceivePacket, XBeeDeframer
+from support.frames import each_frame, frames
 
-# "XBee/XBee-PRO ZigBee RF Modules User Guide", "ZigBee Receive Packet" (0x90): RxData from
-# 0x0013A200 40522BAA, network address 0x7D84. The guide prints the length as 0x11; its 18 bytes
-# and its checksum 0x0D say 0x12.
-ZIGBEE = (ReceivePacket(0x0013A20040522BAA, 0x7D84, 0x01, b'RxData'),
-          '7e 0012 90 0013a20040522baa 7d84 01 527844617461 0d',
-          '7e 0012 90 007d33a20040522baa 7d5d84 01 527844617461 0d')
-# "XBee SX 868 RF Module User Guide", "Receive Packet - 0x90", "64-bit unicast".
-SX868 = (ReceivePacket(0x0013A20041AEB54E, 0xFFFE, 0xC1, b'TxData'),
-         '7e 0012 90 0013a20041aeb54e fffe c1 547844617461 c4',
-         '7e 0012 90 007d33a20041aeb54e fffe c1 547844617461 c4')
-# "XBee/XBee-PRO DigiMesh 2.4 User Manual", "Receive Packet".
-DIGIMESH = (ReceivePacket(0x0013A20040522BAA, 0xFFFE, 0x01, b'RxData'),
-            '7e 0012 90 0013a20040522baa fffe 01 527844617461 11',
-            '7e 0012 90 007d33a20040522baa fffe 01 527844617461 7d31')
-PACKETS = [ZIGBEE, SX868, DIGIMESH]
-
-# Whole frames that the guides print with escapes: "API operation with escaped characters", and
-# "XBee-PRO 900HP/XSC RF Modules", "Transmit Request frame - 0x10", with AP = 2.
-ESCAPED = ['7e 0002 23 7d31 cb',
-           '7e 0016 10 01 007d33a200400a0127 fffe 00 00 5478446174613041 7d33']
+GOOD = frames('xbee')['escaped_data'].data
+RECEIVE_PACKET_VALUES = ('source', 'network', 'options', 'data')
 
 
-@pytest.mark.parametrize('packet, plain, escaped', PACKETS)
-def test_published_receive_packets_decode_and_encode(packet, plain, escaped):
-    escaped = bytes.fromhex(escaped)
-    (body,) = XBeeDeframer().feed(escaped)
-    assert body == bytes.fromhex(plain)[3:-1]
-    assert xbee.decode_receive_packet(body) == packet
-    assert xbee.encode_frame(xbee.encode_receive_packet(packet)) == escaped
+def body_of(frame):
+    """Return the body of ``frame``, from its bytes in API mode 1."""
+    return bytes.fromhex(frame['unescaped'])[3:-1]
 
 
-@pytest.mark.parametrize('text', ESCAPED)
-def test_published_escaped_frames_decode_and_encode(text):
-    frame = bytes.fromhex(text)
-    (body,) = XBeeDeframer().feed(frame)
-    assert xbee.encode_frame(body) == frame
+def packet_of(frame):
+    """Return the packet that the file gives for ``frame``."""
+    return ReceivePacket(*(frame[key] for key in RECEIVE_PACKET_VALUES))
 
 
-@pytest.mark.parametrize('packet, plain, escaped', PACKETS)
-def test_xon_and_xoff_that_came_without_escape_are_taken_as_they_are(packet, plain, escaped):
-    unescaped = plain.replace('7d84', '7d5d84')  # the escape character itself has no such way
-    (body,) = XBeeDeframer().feed(bytes.fromhex(unescaped))
-    assert xbee.decode_receive_packet(body) == packet
+@each_frame('xbee')
+def test_a_frame_yields_the_body_that_it_has_in_api_mode_1(frame):
+    deframer = XBeeDeframer()
+    assert list(deframer.feed(frame.data)) == [body_of(frame)]
+    assert body_of(frame)[0] == frame['frame_type']
+    assert (deframer.bad_frames, deframer.skipped_bytes) == (0, 0)
+
+
+@each_frame('xbee')
+def test_the_encoder_reproduces_the_bytes_of_a_frame(frame):
+    assert xbee.encode_frame(body_of(frame)) == frame.data
+
+
+@each_frame('xbee', *RECEIVE_PACKET_VALUES)
+def test_a_receive_packet_decodes_to_its_documented_fields(frame):
+    assert xbee.decode_receive_packet(body_of(frame)) == packet_of(frame)
+    assert xbee.encode_receive_packet(packet_of(frame)) == body_of(frame)
+
+
+@pytest.mark.parametrize('name', [name for name, frame in frames('xbee').items()
+                                  if frame['frame_type'] != 0x90])
+def test_a_frame_of_another_type_is_not_decoded_as_a_receive_packet(name):
+    with pytest.raises(FrameError, match='XBee'):
+        xbee.decode_receive_packet(body_of(frames('xbee')[name]))
+
+
+def test_the_data_of_a_receive_packet_is_the_tire_payload():
+    (body,) = XBeeDeframer().feed(frames('xbee')['receive_packet_tire_batch'].data)
+    payload = frames('tire_payload')['escaped_bytes'].data
+    assert xbee.decode_receive_packet(body).data == payload
+
+
+@each_frame('xbee', *RECEIVE_PACKET_VALUES)
+def test_xon_and_xoff_are_also_accepted_without_escape(frame):
+    partly_escaped = frame.data.replace(b'\x7d\x31', b'\x11').replace(b'\x7d\x33', b'\x13')
+    assert partly_escaped != frame.data
+    (body,) = XBeeDeframer().feed(partly_escaped)
+    assert xbee.decode_receive_packet(body) == packet_of(frame)
 
 
 @given(st.binary(max_size=60))
-def test_escaping_leaves_no_special_byte_and_can_be_undone(data):
+def test_escaped_data_has_no_special_byte_and_can_be_unescaped(data):
     escaped = xbee.escape(data)
     assert not set(escaped) & {0x7E, 0x11, 0x13}
     assert escaped.count(0x7D) == sum(data.count(byte) for byte in b'\x7e\x7d\x11\x13')
@@ -71,29 +81,31 @@ def test_receive_packets_survive_the_round_trip(source, network, options, data):
                                  '7e 0002 23', '7e 00 7d', '7e 0002 23 7d', '00 11 7d'])
 def test_a_good_frame_survives_a_bad_one_in_the_same_read(bad):
     deframer = XBeeDeframer()
-    assert list(deframer.feed(bytes.fromhex(bad + '7e 0002 2311 cb'))) == [b'\x23\x11']
+    assert list(deframer.feed(bytes.fromhex(bad) + GOOD)) == [b'\x23\x11']
     assert deframer.bad_frames == bytes.fromhex(bad).count(0x7E)
     assert deframer.skipped_bytes >= len(bytes.fromhex(bad)) - 1
 
 
-def test_a_frame_that_ends_in_an_escape_waits_for_the_byte_behind_it():
+@pytest.mark.parametrize('name', ['escaped_checksum', 'start_delimiter_as_checksum'])
+def test_a_frame_that_ends_in_an_escape_waits_for_the_escaped_byte(name):
+    frame = frames('xbee')[name]
     deframer = XBeeDeframer()
-    assert list(deframer.feed(bytes.fromhex('7e 0002 2e c0 7d'))) == []
-    assert list(deframer.feed(bytes.fromhex('31'))) == [b'\x2e\xc0']
+    assert list(deframer.feed(frame.data[:-1])) == []
+    assert list(deframer.feed(frame.data[-1:])) == [body_of(frame)]
     assert deframer.bad_frames == 0
 
 
-def test_another_frame_type_is_refused_by_name():
-    with pytest.raises(FrameError, match='type is 0x8b, expected 0x90'):
-        xbee.decode_receive_packet(b'\x8b' + bytes(20))
+def test_another_frame_type_is_named_in_the_error():
+    with pytest.raises(FrameError, match='type is 0x92, expected 0x90'):
+        xbee.decode_receive_packet(body_of(frames('xbee')['io_sample_zigbee']))
 
 
 def test_a_body_that_is_too_short_is_refused():
     with pytest.raises(FrameError, match='has 11 bytes, expected at least 12'):
-        xbee.decode_receive_packet(b'\x90' + bytes(10))
+        xbee.decode_receive_packet(body_of(frames('xbee')['receive_packet_zigbee'])[:11])
 
 
-@pytest.mark.parametrize('size', [0, xbee.MAX_BODY + 1])
-def test_a_body_that_no_deframer_would_take_is_not_encoded(size):
+@pytest.mark.parametrize('size', [0, xbee.MAX_BODY_LENGTH + 1])
+def test_a_body_of_a_length_that_the_deframer_refuses_is_not_encoded(size):
     with pytest.raises(FrameError, match=f'{size} bytes'):
         xbee.encode_frame(bytes(size))

@@ -1,4 +1,4 @@
-"""Xsens MTData2, against the example of the manufacturer's protocol documentation."""
+"""Xsens MTData2, against the messages of test/data/frames/xsens.txt."""
 
 from dataclasses import replace
 import math
@@ -9,52 +9,94 @@ from smart_tire.errors import FrameError
 from smart_tire.protocol import xsens
 from smart_tire.protocol.xsens import decode_imu, encode_imu, Precision, XsensDeframer
 from smart_tire.samples import ImuSample
+from support.frames import each_frame, frames
+from support.rotations import rotate
 
-# Movella, mtidocs.movella.com, "MT low level communication protocol example": packet counter,
-# SampleTimeFine, acceleration, rate of turn and status of an MTi-G-710.
-MTDATA2 = bytes.fromhex(
-    'faff3631 102002dfc5 10600400459da0 40200cbedc9afa3f549f37411cbb70 '
-    '80200cbbaa5c803b8c5501bb813300 e0200400000081 45')
-# The commands and acknowledgements on the same page.
-OTHERS = ['faff3000d1', 'faff3100d0', 'faff18018068', 'faff1900e8', 'faff6402000299',
-          'faff65009c', 'faff1000f1',
-          'faffc028 1020ffff 1060ffff 20100064 40200190 80200190 c0200064 e020ffff 50420064 '
-          '50220064 d0120064 73']
+FRAMES = frames('xsens')
 SAMPLE = ImuSample(5, (0.5, -1.5, 9.75), (0.25, -0.125, 2.0), (0.5, -0.5, 0.25, 0.75))
+PRINTED = 5.1e-9  # half the last digit of eight decimals, and the rounding of that digit
 
 
-def test_the_published_message_decodes():
-    (body,) = XsensDeframer().feed(MTDATA2)
-    time, sample = decode_imu(body, stamp_ns=9)
-    assert xsens.packet_counter(body) == 57285
-    assert time == 0x00459DA0 * 100_000
+def body_of(frame):
+    """Return message identifier and data of a message that is not extended."""
+    return frame.data[2:3] + frame.data[4:-1]
+
+
+MESSAGES = [frame for frame in FRAMES.values() if 'number' not in frame.values]
+each_message = pytest.mark.parametrize('frame', MESSAGES, ids=str)
+
+
+@each_message
+def test_a_message_yields_its_body_and_is_reproduced_by_the_encoder(frame):
+    (body,) = XsensDeframer().feed(frame.data)
+    assert body == body_of(frame)
+    assert xsens.encode_message(body) == frame.data
+
+
+@each_frame('xsens', 'message')
+def test_other_messages_are_not_decoded_as_mtdata2(frame):
+    assert body_of(frame)[0] == frame['message']
+    with pytest.raises(FrameError, match=f"message is {frame['message']:02x}, expected 36"):
+        decode_imu(body_of(frame))
+
+
+@each_frame('xsens', 'acceleration', 'rate')
+def test_a_message_decodes_to_the_documented_sample(frame):
+    time, sample = decode_imu(body_of(frame), stamp_ns=9)
+    assert xsens.packet_counter(body_of(frame)) == frame['counter']
+    assert time == frame['ticks'] * 100_000
     assert sample.stamp_ns == 9
-    assert sample.acceleration == pytest.approx((-0.43086988, 0.83055443, 9.79576111), rel=1e-7)
-    assert sample.rate == pytest.approx((-0.00519902, 0.00428259, -0.00394285), abs=1e-8)
-    assert sample.orientation is None
+    assert sample.acceleration == pytest.approx(frame['acceleration'], rel=0.0, abs=PRINTED)
+    assert sample.rate == pytest.approx(frame['rate'], rel=0.0, abs=PRINTED)
 
 
-def test_the_published_message_encodes_back():
-    (body,) = XsensDeframer().feed(MTDATA2)
+@each_frame('xsens', 'quaternion')
+def test_a_quaternion_decodes_to_the_documented_orientation(frame):
+    _, sample = decode_imu(body_of(frame))
+    w, x, y, z = frame['quaternion']
+    assert sample.orientation == pytest.approx((x, y, z, w), rel=0.0, abs=PRINTED)
+
+
+@each_frame('xsens', 'at_rest')
+def test_recorded_gravity_is_vertical_in_the_world_frame(frame):
+    """The tilt from the attitude agrees with the one from the accelerometer to 1.5 degrees."""
+    _, sample = decode_imu(body_of(frame))
+    x, y, z = rotate(sample.orientation, sample.acceleration)
+    assert math.degrees(math.atan2(math.hypot(x, y), z)) < 1.5
+    assert z == pytest.approx(9.8, abs=0.1)
+
+
+@each_frame('xsens', 'precision')
+def test_a_documented_sample_encodes_to_the_bytes_of_its_message(frame):
+    w, x, y, z = frame['quaternion']
+    sample = ImuSample(0, frame['acceleration'], frame['rate'], (x, y, z, w))
+    body = encode_imu(frame['ticks'] * xsens.TICK_NS, sample, frame['counter'],
+                      Precision[frame['precision']])
+    assert body == body_of(frame)
+
+
+@each_frame('xsens', 'acceleration', 'rate')
+def test_the_packets_of_a_message_encode_to_its_body(frame):
+    assert xsens.encode_packets(xsens.decode_packets(body_of(frame))) == body_of(frame)
+
+
+def test_a_decoded_message_encodes_to_the_published_packets():
+    body = body_of(FRAMES['mtig_710'])
     time, sample = decode_imu(body)
     packets = xsens.decode_packets(encode_imu(time, sample, 57285)) | {0xE020: b'\0\0\0\x81'}
-    assert xsens.encode_message(xsens.encode_packets(packets)) == MTDATA2
+    assert xsens.encode_packets(packets) == body
 
 
-@pytest.mark.parametrize('text', OTHERS)
-def test_other_published_messages_are_framed_alike(text):
-    message = bytes.fromhex(text)
-    (body,) = XsensDeframer().feed(message)
-    assert body[0] == message[2]
-    assert xsens.encode_message(body) == message
+def test_a_recorded_message_with_orientation_only_is_refused():
+    with pytest.raises(FrameError, match='expected acceleration and rate of turn'):
+        decode_imu(body_of(FRAMES['mti_300_orientation_only']))
 
 
-def test_a_published_fixed_point_number_decodes_and_encodes():
-    # A latitude that Xsens MT Manager showed, published with the tests of an Xbus parser.
-    content = bytes.fromhex('64a68aa8001f')
-    (number,) = xsens.decode_numbers(content, Precision.FP16_32)
-    assert number == pytest.approx(31.393166223541, abs=1e-12)
-    assert xsens.encode_numbers((number,), Precision.FP16_32) == content
+def test_a_recorded_fixed_point_number_decodes_and_encodes():
+    frame = FRAMES['fixed_point_latitude']
+    (number,) = xsens.decode_numbers(frame.data, Precision.FP16_32)
+    assert number == pytest.approx(frame['number'], rel=0.0, abs=1e-12)
+    assert xsens.encode_numbers((number,), Precision.FP16_32) == frame.data
 
 
 @pytest.mark.parametrize('precision, step', [
@@ -77,12 +119,12 @@ def test_samples_survive_the_round_trip(precision, step, ticks, counter, acceler
                                                        abs=step / 2.0)
 
 
-def test_the_device_time_wraps_as_a_counter_of_32_bits():
+def test_the_device_time_wraps_like_a_32_bit_counter():
     time, _ = decode_imu(encode_imu(xsens.SAMPLE_TIME_WRAP_NS + 3 * xsens.TICK_NS, SAMPLE))
     assert time == 3 * xsens.TICK_NS
 
 
-@pytest.mark.parametrize('size', [0, 254, 255, 256, xsens.MAX_DATA])
+@pytest.mark.parametrize('size', [0, 254, 255, 256, xsens.MAX_DATA_LENGTH])
 def test_long_messages_use_the_extended_length(size):
     body = b'\x36' + bytes(size)
     message = xsens.encode_message(body)
@@ -92,18 +134,18 @@ def test_long_messages_use_the_extended_length(size):
 
 def test_a_message_that_is_too_long_is_not_encoded():
     with pytest.raises(FrameError, match='2049 bytes'):
-        xsens.encode_message(bytes(2 + xsens.MAX_DATA))
+        xsens.encode_message(bytes(2 + xsens.MAX_DATA_LENGTH))
 
 
-@pytest.mark.parametrize('axes, known', [(0x0, True), (0x4, False), (0x8, False)])
-def test_an_orientation_in_other_axes_than_enu_is_left_out(axes, known):
+@pytest.mark.parametrize('axes, is_enu', [(0x0, True), (0x4, False), (0x8, False)])
+def test_an_orientation_in_axes_other_than_enu_is_left_out(axes, is_enu):
     packets = xsens.decode_packets(encode_imu(0, SAMPLE))
     packets[xsens.QUATERNION | axes] = packets.pop(xsens.QUATERNION)
     _, decoded = decode_imu(xsens.encode_packets(packets), 5)
-    assert decoded == (SAMPLE if known else replace(SAMPLE, orientation=None))
+    assert decoded == (SAMPLE if is_enu else replace(SAMPLE, orientation=None))
 
 
-def test_time_and_counter_may_be_missing():
+def test_time_and_counter_are_optional():
     packets = xsens.decode_packets(encode_imu(0, SAMPLE))
     del packets[xsens.SAMPLE_TIME_FINE], packets[xsens.PACKET_COUNTER]
     body = xsens.encode_packets(packets)
@@ -115,9 +157,9 @@ def test_time_and_counter_may_be_missing():
     (b'', 'message is , expected 36'),
     (b'\x31', 'message is 31, expected 36'),
     (b'\x36\x10', 'packet 10 at 1'),
-    (b'\x36\x10\x20\x02\x00', 'packet 102002 at 1 goes beyond the 5 bytes'),
+    (b'\x36\x10\x20\x02\x00', 'packet 102002 at 1 exceeds the 5 bytes'),
     (b'\x36\x10\x20\x02\x00\x00', 'packets 0x1020, expected acceleration')])
-def test_a_message_that_can_not_be_decoded_is_refused_with_its_reason(body, message):
+def test_an_invalid_message_is_refused_with_the_reason(body, message):
     with pytest.raises(FrameError, match=message):
         decode_imu(body)
 
@@ -127,7 +169,7 @@ def test_a_message_that_can_not_be_decoded_is_refused_with_its_reason(body, mess
     (xsens.RATE_OF_TURN, bytes(24), '0x8020 has 24 bytes, expected 12'),
     (xsens.SAMPLE_TIME_FINE, bytes(2), '0x1060 has 2 bytes, expected 4'),
     (xsens.ACCELERATION, b'\x7f\xc0\0\0' * 3, 'acceleration')])
-def test_a_packet_of_the_wrong_content_is_refused_by_name(identifier, content, message):
+def test_a_packet_with_invalid_content_is_refused_by_name(identifier, content, message):
     packets = xsens.decode_packets(encode_imu(0, SAMPLE)) | {identifier: content}
     with pytest.raises(FrameError, match=message):
         decode_imu(xsens.encode_packets(packets))
@@ -136,7 +178,7 @@ def test_a_packet_of_the_wrong_content_is_refused_by_name(identifier, content, m
 @pytest.mark.parametrize('precision, number', [(Precision.FLOAT32, 1e39),
                                                (Precision.FP12_20, 2048.0),
                                                (Precision.FP16_32, -32769.0)])
-def test_numbers_that_do_not_fit_are_not_encoded(precision, number):
+def test_numbers_out_of_range_are_not_encoded(precision, number):
     with pytest.raises(FrameError, match=precision.name):
         xsens.encode_numbers((number,), precision)
 
@@ -145,7 +187,7 @@ def test_numbers_that_do_not_fit_are_not_encoded(precision, number):
 @pytest.mark.parametrize('precision', [Precision.FLOAT32, Precision.FLOAT64])
 @pytest.mark.parametrize('part, name', [
     ('acceleration', 'acceleration'), ('rate', 'angular rate'), ('orientation', 'orientation')])
-def test_what_is_no_measurement_is_refused_by_name(value, precision, part, name):
+def test_a_value_that_no_sensor_measures_is_refused_by_name(value, precision, part, name):
     numbers = (value, *getattr(SAMPLE, part)[1:])
     body = encode_imu(0, replace(SAMPLE, **{part: numbers}), 0, precision)
     with pytest.raises(FrameError, match=name):
