@@ -59,7 +59,7 @@ def test_documented_frames_survive_any_split(protocol):
 
 
 @each_protocol
-def test_a_documented_frame_with_any_changed_byte_does_not_cost_the_next_one(protocol):
+def test_the_frame_behind_a_documented_frame_with_a_changed_byte_is_found(protocol):
     for frame in protocol.frames:
         (body,) = protocol.deframer().feed(frame)
         for index in range(len(frame)):
@@ -174,6 +174,14 @@ def test_a_corrupt_length_does_not_delay_the_next_frame(protocol, header):
     assert list(deframer.feed(protocol.encode(body))) == [body]
     assert deframer.bad_frames == 1
     assert deframer.skipped_bytes == len(bytes.fromhex(header))
+
+
+def test_a_corrupt_frame_that_contains_another_is_counted_once():
+    inner = bytes.fromhex('fa ff 36 00 00')  # its checksum is wrong
+    outer = xsens.encode_message(b'\x36' + inner + bytes(4))
+    deframer = xsens.XsensDeframer()
+    assert list(deframer.feed(with_changed_byte(outer, -1, 0x01))) == []
+    assert deframer.bad_frames == 1
 
 
 @pytest.mark.parametrize('protocol, header', [
