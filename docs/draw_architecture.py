@@ -1,0 +1,366 @@
+"""
+Draw ``docs/architecture.svg``: the flow of data between nodes, and the imports between rooms.
+
+Imports and topics are read from the source of ``smart_tire/`` with ``ast``; nothing of the package
+is imported. The level of each room and the inputs and outputs of each node come from the tables of
+``docs/architecture.md`` and are checked against the source. Run ``python docs/draw_architecture.py
+[FILE]``; the suffix of FILE selects the format.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import permutations
+import math
+from pathlib import Path
+import sys
+
+import matplotlib
+from matplotlib.axes import Axes
+from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
+import matplotlib.pyplot as plt
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = ROOT / 'smart_tire'
+DOCUMENT = ROOT / 'docs' / 'architecture.md'
+FIGURE_SIZE = (12.5, 13.0)  # in
+PANEL_RATIO = (6.5, 6.5)    # height of the data flow over that of the rooms
+BOX_HEIGHT = 0.62           # of the distance between two rows
+COLORS = {'device': '#d9d9d9', 'driver': '#cfe2f3', 'topic': '#ffffff', 'node': '#d9ead3',
+          'room': '#f3f3f3'}
+FONT = 'DejaVu Sans'
+
+COLUMNS = 6             # of rooms
+ROOM_SIZE = (0.86, 0.56)  # of the distance between columns, and between levels
+CENTERING = 0.05        # cost of a column away from the middle, in columns of arrow length
+CLEARANCE = 0.6         # columns between an arrow and the center of a room that it passes
+
+Edges = dict[str, set[str]]
+Spot = tuple[float, float]  # column and level
+
+
+@dataclass(frozen=True)
+class NodeRow:
+    """One row of the table of nodes: names as in the source."""
+
+    name: str
+    device: str                  # '' where there is none
+    subscribes: tuple[str, ...]  # topics
+    publishes: tuple[str, ...]   # topics
+
+
+@dataclass(frozen=True)
+class Box:
+    """A labelled rectangle: center and size in the units of its axes."""
+
+    x: float
+    y: float
+    width: float
+    height: float
+
+
+def table(text: str, name: str) -> list[list[str]]:
+    """Return the cells of the table between the markers ``name``, without the header."""
+    begin, end = f'<!-- begin {name} -->', f'<!-- end {name} -->'
+    if begin not in text or end not in text:
+        raise ValueError(f'{DOCUMENT.name} has no table between the markers {begin} and {end}')
+    lines = text.partition(begin)[2].partition(end)[0].strip().splitlines()
+    return [[cell.strip() for cell in line.strip('|').split('|')] for line in lines[2:]]
+
+
+def read_levels(text: str) -> dict[str, int]:
+    """Return room -> level."""
+    return {room: int(level) for level, rooms in table(text, 'levels') for room in rooms.split()}
+
+
+def read_nodes(text: str) -> list[NodeRow]:
+    """Return the rows of the table of nodes."""
+    return [NodeRow(name.strip('`'), device, *(tuple(cell.replace('`', '').replace(',', ' ')
+                                                     .split()) for cell in (reads, writes)))
+            for name, device, reads, writes in table(text, 'nodes')]
+
+
+def room_of(path: Path) -> str:
+    """Return the room of a source file: a folder or a module at the top of the package."""
+    return path.relative_to(PACKAGE).parts[0].removesuffix('.py')
+
+
+def source_files() -> list[Path]:
+    """Return all modules of the package, except its own ``__init__``."""
+    return [path for path in sorted(PACKAGE.rglob('*.py')) if path != PACKAGE / '__init__.py']
+
+
+def parse(path: Path) -> ast.Module:
+    """Return the syntax tree of a source file."""
+    return ast.parse(path.read_text(encoding='utf-8'))
+
+
+def imported_rooms(path: Path) -> set[str]:
+    """Return the other rooms that ``path`` imports."""
+    rooms = set()
+    for node in ast.walk(parse(path)):
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            names = [f'{node.module}.{alias.name}' for alias in node.names]
+        else:
+            continue
+        rooms.update(name.split('.')[1] for name in names if name.startswith('smart_tire.'))
+    return rooms - {room_of(path)}
+
+
+def read_imports() -> Edges:
+    """Return room -> rooms that it imports."""
+    found: Edges = {}
+    for path in source_files():
+        found.setdefault(room_of(path), set()).update(imported_rooms(path))
+    return found
+
+
+def reduced(edges: Edges) -> Edges:
+    """Return ``edges`` without those that a longer path implies."""
+    def reach(start: str) -> set[str]:
+        seen: set[str] = set()
+        stack = [start]
+        while stack:
+            for other in edges.get(stack.pop(), set()) - seen:
+                seen.add(other)
+                stack.append(other)
+        return seen
+
+    return {room: {other for other in others
+                   if not any(other in reach(via) for via in others - {other})}
+            for room, others in edges.items()}
+
+
+def string_constants(path: Path) -> set[str]:
+    """Return the string literals in a source file."""
+    return {node.value for node in ast.walk(parse(path))
+            if isinstance(node, ast.Constant) and isinstance(node.value, str)}
+
+
+def contract_topics() -> set[str]:
+    """Return the names of the topics that ``messages/topics.py`` declares."""
+    found = set()
+    for node in ast.walk(parse(PACKAGE / 'messages' / 'topics.py')):
+        if isinstance(node, ast.Call) and getattr(node.func, 'id', '') == 'Topic':
+            name = node.args[0]
+            assert isinstance(name, ast.Constant)
+            found.add(str(name.value))
+    return found
+
+
+def check_rooms(levels: Mapping[str, int], imports: Edges) -> None:
+    """Raise ValueError where a room has no level."""
+    if missing := imports.keys() - levels.keys():
+        raise ValueError(f'{DOCUMENT.name} gives no level for {", ".join(sorted(missing))}')
+
+
+def check_nodes(rows: Iterable[NodeRow]) -> None:
+    """Raise ValueError where the table of nodes and the source of a node disagree."""
+    topics = contract_topics()
+    for row in rows:
+        constants = string_constants(PACKAGE / 'nodes' / f'{row.name}.py')
+        listed = {*row.subscribes, *row.publishes}
+        if unknown := {name for name in listed if name not in constants
+                       and not any(name.startswith(f'{word.rstrip("/")}/') for word in constants
+                                   if word.endswith('/'))}:
+            raise ValueError(f'{row.name} does not mention {", ".join(sorted(unknown))}')
+        if missing := constants & topics - listed:
+            raise ValueError(f'table lacks {", ".join(sorted(missing))} of {row.name}')
+
+
+def is_driver(name: str) -> bool:
+    """Return whether a node is built on the base class of the serial drivers."""
+    return any(isinstance(node, ast.ImportFrom) and node.module == 'smart_tire.nodes.driver'
+               for node in ast.walk(parse(PACKAGE / 'nodes' / f'{name}.py')))
+
+
+def draw_box(ax: Axes, box: Box, label: str, color: str, *, note: str = '',
+             rounded: bool = True) -> None:
+    """Draw a rectangle with a label and a smaller note below it."""
+    ax.add_patch(FancyBboxPatch(
+        (box.x - 0.5 * box.width, box.y - 0.5 * box.height), box.width, box.height,
+        boxstyle='round,pad=0,rounding_size=0.06' if rounded else 'square,pad=0',
+        facecolor=color, edgecolor='#444444', linewidth=0.9, zorder=3))
+    shift = 0.2 * box.height if note else 0.0
+    ax.text(box.x, box.y + shift, label, ha='center', va='center', fontsize=9, zorder=4,
+            fontweight='bold' if note else 'normal')
+    if note:
+        ax.text(box.x, box.y - 0.22 * box.height, note, ha='center', va='center', fontsize=6.8,
+                color='#333333', zorder=4, linespacing=1.15)
+
+
+def draw_arrow(ax: Axes, tail: tuple[float, float], head: tuple[float, float], *,
+               color: str = '#555555', bend: float = 0.0, dashed: bool = False) -> None:
+    """Draw an arrow between two points."""
+    ax.add_patch(FancyArrowPatch(
+        tail, head, arrowstyle='-|>', mutation_scale=9, linewidth=0.9, color=color, zorder=2,
+        shrinkA=0, shrinkB=1, linestyle=(0, (4, 2)) if dashed else 'solid',
+        connectionstyle=f'arc3,rad={bend}'))
+
+
+def columns_of(rows: Iterable[NodeRow]) -> list[list[str]]:
+    """Return devices, drivers, their topics, other nodes, and the topics of these."""
+    rows = list(rows)
+    drivers = [row for row in rows if row.device]
+    others = [row for row in rows if not row.device]
+    inputs = list(dict.fromkeys(topic for row in drivers for topic in row.publishes))
+    outputs = list(dict.fromkeys(topic for row in others for topic in row.publishes))
+    commands = [topic for row in others for topic in row.subscribes
+                if topic not in inputs and topic not in outputs]
+    return [list(dict.fromkeys(row.device for row in drivers)), [row.name for row in drivers],
+            inputs + list(dict.fromkeys(commands)), [row.name for row in others], outputs]
+
+
+def draw_flow(ax: Axes, rows: list[NodeRow]) -> None:
+    """Draw devices, nodes and topics from left to right; feedback is dashed."""
+    columns = columns_of(rows)
+    widths, gap = (1.7, 1.9, 2.45, 2.15, 2.6), 0.95
+    height = float(max(map(len, columns)))
+    boxes: list[dict[str, Box]] = []
+    x = 0.0
+    for column, width in zip(columns, widths):
+        step = height / len(column)
+        boxes.append({name: Box(x + 0.5 * width, height - (i + 0.5) * step, width,
+                                min(BOX_HEIGHT, 0.8 * step)) for i, name in enumerate(column)})
+        x += width + gap
+    colors = ('device', 'driver', 'topic', 'node', 'topic')
+    for placed, color in zip(boxes, colors):
+        for name, box in placed.items():
+            draw_box(ax, box, name, COLORS[color], rounded=color != 'topic')
+    for row in rows:
+        here = 1 if row.device else 3
+        if row.device:
+            join(ax, boxes[0][row.device], boxes[1][row.name])
+        for topic in row.publishes:
+            join(ax, boxes[here][row.name], boxes[here + 1][topic])
+        for topic in row.subscribes:
+            column = next(i for i in (2, 4) if topic in boxes[i])
+            join(ax, boxes[column][topic], boxes[here][row.name], feedback=column > here)
+    for placed, title in zip(boxes, ('devices', 'drivers', 'measurements, commands',
+                                     'estimation, control', 'estimates, commands')):
+        middle = next(iter(placed.values())).x
+        ax.text(middle, height + 0.25, title, ha='center', fontsize=9, color='#666666')
+    draw_offline(ax, [next(iter(placed.values())) for placed in boxes])
+    ax.set(xlim=(-0.3, x - gap + 0.3), ylim=(-1.4, height + 0.7))
+
+
+def draw_offline(ax: Axes, columns: Sequence[Box]) -> None:
+    """Draw what replaces devices and nodes: the simulator, and bags with the analysis."""
+    labels = (('robot_simulator', 'emulates all devices\n(same bytes, on pseudo-terminals)'),
+              ('ground_truth/*', 'exact values of the plant'),
+              ('rosbag2 bag', 'all topics: record, replay, recover'),
+              ('analyze, identify', 'the same estimators on bags;\ncalibration'),
+              ('results', 'estimates as a bag, summary.json,\nfigures, parameter files'))
+    boxes = [Box(box.x, -0.7, box.width + 0.45, 0.9) for box in columns]
+    for box, (label, note), color in zip(boxes, labels, ('node', 'topic', 'topic', 'node',
+                                                         'topic')):
+        draw_box(ax, box, label, COLORS[color], note=note, rounded=color == 'node')
+    for tail, head in zip(boxes, boxes[1:]):
+        draw_arrow(ax, (tail.x + 0.5 * tail.width, tail.y), (head.x - 0.5 * head.width, head.y))
+
+
+def join(ax: Axes, tail: Box, head: Box, *, feedback: bool = False) -> None:
+    """Draw the arrow of a message; ``feedback`` goes from right to left."""
+    if not feedback:
+        draw_arrow(ax, (tail.x + 0.5 * tail.width, tail.y), (head.x - 0.5 * head.width, head.y))
+        return
+    start, end = (tail.x - 0.5 * tail.width, tail.y - 0.2 * tail.height), (
+        head.x + 0.5 * head.width, head.y - 0.2 * head.height)
+    draw_arrow(ax, start, end, color='#b45f06', dashed=True)
+
+
+def contents(room: str) -> str:
+    """Return the folders in a room and how many modules it has, '' for a single module."""
+    folder = PACKAGE / room
+    if not folder.is_dir():
+        return ''
+    inner = sorted(path.name for path in folder.iterdir() if (path / '__init__.py').is_file())
+    count = sum(path.name != '__init__.py' for path in folder.rglob('*.py'))
+    return f'{" ".join(inner)}\n{count} modules' if inner else f'{count} modules'
+
+
+def crossed(tail: Spot, head: Spot, spots: Iterable[Spot]) -> int:
+    """Return over how many other rooms the arrow from ``tail`` to ``head`` runs."""
+    return sum(tail[1] > y > head[1]
+               and abs(tail[0] + (head[0] - tail[0]) * (tail[1] - y) / (tail[1] - head[1]) - x)
+               < CLEARANCE for x, y in spots)
+
+
+def cost(places: Mapping[str, Spot], edges: Edges) -> float:
+    """Return how hard a placement of the rooms is to read: arrows over rooms, long arrows."""
+    total = 0.0
+    for room, others in edges.items():
+        for other in others:
+            tail, head = places[room], places[other]
+            total += 10.0 * crossed(tail, head, places.values()) + abs(tail[0] - head[0])
+    return total + CENTERING * sum(abs(x - 0.5 * (COLUMNS - 1)) for x, _ in places.values())
+
+
+def place_rooms(levels: Mapping[str, int], edges: Edges) -> dict[str, Spot]:
+    """Return room -> (column, level), level by level the cheapest order until none is better."""
+    rows: dict[int, list[str]] = {}
+    for room in edges:
+        rows.setdefault(levels[room], []).append(room)
+    places = {room: (i + 0.5 * (COLUMNS - len(row)), float(level))
+              for level, row in rows.items() for i, room in enumerate(row)}
+    best = math.inf
+    while (now := cost(places, edges)) < best:
+        best = now
+        for level, row in sorted(rows.items()):
+            trials = [{**places, **{room: (float(column), float(level))
+                                    for room, column in zip(row, order)}}
+                      for order in permutations(range(COLUMNS), len(row))]
+            places = min([places, *trials], key=lambda trial: cost(trial, edges))
+    return places
+
+
+def draw_rooms(ax: Axes, levels: Mapping[str, int], imports: Edges) -> None:
+    """Draw the rooms by level, and the imports that no longer path implies."""
+    base = [room for room in levels if levels[room] == 0 and room in imports]
+    edges = {room: {other for other in others if levels[other] > 0}
+             for room, others in reduced(imports).items() if levels[room] > 0}
+    places = place_rooms(levels, edges)
+    for room, (x, y) in places.items():
+        draw_box(ax, Box(x, y, *ROOM_SIZE), room, COLORS['room'], note=contents(room))
+        for other in sorted(edges[room]):
+            head = places[other]
+            shift = max(-0.3, min(0.3, 0.15 * (head[0] - x)))
+            draw_arrow(ax, (x + shift, y - 0.5 * ROOM_SIZE[1]),
+                       (head[0] - shift, head[1] + 0.5 * ROOM_SIZE[1]))
+    middle = 0.5 * (COLUMNS - 1)
+    draw_box(ax, Box(middle, 0.0, COLUMNS - 0.2, ROOM_SIZE[1]), '   '.join(base), COLORS['room'],
+             note='arrows to this level are not drawn')
+    for level in range(max(levels.values()) + 1):
+        ax.text(-0.65, level, str(level), ha='center', va='center', fontsize=10, color='#666666')
+    ax.set(xlim=(-0.8, COLUMNS - 0.4), ylim=(-0.45, max(levels.values()) + 0.45))
+
+
+def draw(output: Path) -> None:
+    """Write the figure to ``output``."""
+    text = DOCUMENT.read_text(encoding='utf-8')
+    levels, rows, imports = read_levels(text), read_nodes(text), read_imports()
+    check_rooms(levels, imports)
+    check_nodes(rows)
+    matplotlib.use('agg')
+    with plt.rc_context({'svg.fonttype': 'none', 'svg.hashsalt': 'smart_tire',
+                         'font.family': FONT}):
+        figure, (flow, rooms) = plt.subplots(
+            2, 1, figsize=FIGURE_SIZE, layout='constrained', height_ratios=PANEL_RATIO)
+        draw_flow(flow, [row for row in rows if row.subscribes or row.device])
+        draw_rooms(rooms, levels, imports)
+        flow.set_title('Data flow: nodes and topics (dashed: feedback)', fontsize=11, loc='left')
+        rooms.set_title('Rooms by level: an arrow is an import; those that a longer path '
+                        'implies are left out', fontsize=11, loc='left')
+        for ax in (flow, rooms):
+            ax.axis('off')
+        metadata = {'Date': None} if output.suffix == '.svg' else None
+        figure.savefig(output, metadata=metadata, dpi=110)
+        plt.close(figure)
+
+
+if __name__ == '__main__':
+    draw(Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / 'docs' / 'architecture.svg')
