@@ -3,8 +3,8 @@ Draw ``docs/architecture.svg``: the flow of data between nodes, and the imports 
 
 Imports and topics are read from the source of ``smart_tire/`` with ``ast``; nothing of the package
 is imported. The level of each room and the inputs and outputs of each node come from the tables of
-``docs/architecture.md`` and are checked against the source. Run ``python docs/draw_architecture.py
-[FILE]``; the suffix of FILE selects the format.
+``docs/architecture.md`` and are checked against the source; the table of imports there is written.
+Run ``python docs/draw_architecture.py [FILE]``; the suffix of FILE selects the format.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ PANEL_RATIO = (6.5, 6.5)    # height of the data flow over that of the rooms
 BOX_HEIGHT = 0.62           # of the distance between two rows
 COLORS = {'device': '#d9d9d9', 'driver': '#cfe2f3', 'topic': '#ffffff', 'node': '#d9ead3',
           'room': '#f3f3f3'}
-FONT = 'DejaVu Sans'
+FONTS = ['DejaVu Sans', 'Verdana', 'Arial', 'Helvetica']  # the first one that a viewer has
 
 COLUMNS = 6             # of rooms
 ROOM_SIZE = (0.86, 0.56)  # of the distance between columns, and between levels
@@ -339,15 +339,29 @@ def draw_rooms(ax: Axes, levels: Mapping[str, int], imports: Edges) -> None:
     ax.set(xlim=(-0.8, COLUMNS - 0.4), ylim=(-0.45, max(levels.values()) + 0.45))
 
 
+def with_imports(text: str, levels: Mapping[str, int], imports: Edges) -> str:
+    """Return ``text`` with the table of imports as the source has them, highest level first."""
+    table(text, 'imports')  # raises ValueError without the markers
+    rows = ['| level | room | imports |', '| --- | --- | --- |']
+    order = sorted(imports, key=lambda room: (-levels[room], room))
+    for room in order:
+        others = sorted(imports[room], key=lambda other: (-levels[other], other))
+        rows.append(f'| {levels[room]} | {room} | {" ".join(others) or "-"} |')
+    begin, end = '<!-- begin imports -->', '<!-- end imports -->'
+    head, tail = text.partition(begin)[0], text.partition(end)[2]
+    return '\n'.join((head + begin, *rows, end + tail))
+
+
 def draw(output: Path) -> None:
-    """Write the figure to ``output``."""
+    """Write the figure to ``output``, and the table of imports to the document."""
     text = DOCUMENT.read_text(encoding='utf-8')
     levels, rows, imports = read_levels(text), read_nodes(text), read_imports()
     check_rooms(levels, imports)
     check_nodes(rows)
+    DOCUMENT.write_text(with_imports(text, levels, imports), encoding='utf-8')
     matplotlib.use('agg')
     with plt.rc_context({'svg.fonttype': 'none', 'svg.hashsalt': 'smart_tire',
-                         'font.family': FONT}):
+                         'font.family': 'sans-serif', 'font.sans-serif': FONTS}):
         figure, (flow, rooms) = plt.subplots(
             2, 1, figsize=FIGURE_SIZE, layout='constrained', height_ratios=PANEL_RATIO)
         draw_flow(flow, [row for row in rows if row.subscribes or row.device])
