@@ -274,13 +274,9 @@ def join(ax: Axes, tail: Box, head: Box, *, feedback: bool = False) -> None:
 
 
 def contents(room: str) -> str:
-    """Return the folders in a room and how many modules it has, '' for a single module."""
+    """Return the folders in a room, '' where there are none."""
     folder = PACKAGE / room
-    if not folder.is_dir():
-        return ''
-    inner = sorted(path.name for path in folder.iterdir() if (path / '__init__.py').is_file())
-    count = sum(path.name != '__init__.py' for path in folder.rglob('*.py'))
-    return f'{" ".join(inner)}\n{count} modules' if inner else f'{count} modules'
+    return ' '.join(sorted(path.parent.name for path in folder.glob('*/__init__.py')))
 
 
 def crossed(tail: Spot, head: Spot, spots: Iterable[Spot]) -> int:
