@@ -27,7 +27,11 @@ PACKAGE = ROOT / 'smart_tire'
 DOCUMENT = ROOT / 'docs' / 'architecture.md'
 FIGURE_SIZE = (12.5, 13.0)  # in
 PANEL_RATIO = (6.5, 6.5)    # height of the data flow over that of the rooms
-BOX_HEIGHT = 0.62           # of the distance between two rows
+BOX_HEIGHT = 0.62           # of the distance between two rows, at most
+COLUMN_WIDTHS, COLUMN_GAP = (1.7, 1.9, 2.45, 2.15, 2.6), 0.95  # in rows
+COLUMN_KINDS = ('device', 'driver', 'topic', 'node', 'topic')
+COLUMN_TITLES = ('devices', 'drivers', 'measurements, commands', 'estimation, control',
+                 'estimates, commands')
 COLORS = {'device': '#d9d9d9', 'driver': '#cfe2f3', 'topic': '#ffffff', 'node': '#d9ead3',
           'room': '#f3f3f3'}
 FONTS = ['DejaVu Sans', 'Verdana', 'Arial', 'Helvetica']  # the first one that a viewer has
@@ -99,7 +103,7 @@ def parse(path: Path) -> ast.Module:
 
 def imported_rooms(path: Path) -> set[str]:
     """Return the other rooms that ``path`` imports."""
-    rooms = set()
+    rooms: set[str] = set()
     for node in ast.walk(parse(path)):
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
@@ -172,12 +176,6 @@ def check_nodes(rows: Iterable[NodeRow]) -> None:
             raise ValueError(f'table lacks {", ".join(sorted(missing))} of {row.name}')
 
 
-def is_driver(name: str) -> bool:
-    """Return whether a node is built on the base class of the serial drivers."""
-    return any(isinstance(node, ast.ImportFrom) and node.module == 'smart_tire.nodes.driver'
-               for node in ast.walk(parse(PACKAGE / 'nodes' / f'{name}.py')))
-
-
 def draw_box(ax: Axes, box: Box, label: str, color: str, *, note: str = '',
              rounded: bool = True) -> None:
     """Draw a rectangle with a label and a smaller note below it."""
@@ -194,12 +192,11 @@ def draw_box(ax: Axes, box: Box, label: str, color: str, *, note: str = '',
 
 
 def draw_arrow(ax: Axes, tail: tuple[float, float], head: tuple[float, float], *,
-               color: str = '#555555', bend: float = 0.0, dashed: bool = False) -> None:
+               color: str = '#555555', dashed: bool = False) -> None:
     """Draw an arrow between two points."""
     ax.add_patch(FancyArrowPatch(
         tail, head, arrowstyle='-|>', mutation_scale=9, linewidth=0.9, color=color, zorder=2,
-        shrinkA=0, shrinkB=1, linestyle=(0, (4, 2)) if dashed else 'solid',
-        connectionstyle=f'arc3,rad={bend}'))
+        shrinkA=0, shrinkB=1, linestyle=(0, (4, 2)) if dashed else 'solid'))
 
 
 def columns_of(rows: Iterable[NodeRow]) -> list[list[str]]:
@@ -215,37 +212,40 @@ def columns_of(rows: Iterable[NodeRow]) -> list[list[str]]:
             inputs + list(dict.fromkeys(commands)), [row.name for row in others], outputs]
 
 
-def draw_flow(ax: Axes, rows: list[NodeRow]) -> None:
+def place_columns(columns: Sequence[Sequence[str]]) -> list[dict[str, Box]]:
+    """Return label -> box for each column, all columns equally high."""
+    height, left = float(max(map(len, columns))), 0.0
+    boxes = []
+    for labels, width in zip(columns, COLUMN_WIDTHS):
+        step = height / len(labels)
+        boxes.append({label: Box(left + 0.5 * width, height - (i + 0.5) * step, width,
+                                 min(BOX_HEIGHT, 0.8 * step)) for i, label in enumerate(labels)})
+        left += width + COLUMN_GAP
+    return boxes
+
+
+def draw_flow(ax: Axes, rows: Sequence[NodeRow]) -> None:
     """Draw devices, nodes and topics from left to right; feedback is dashed."""
     columns = columns_of(rows)
-    widths, gap = (1.7, 1.9, 2.45, 2.15, 2.6), 0.95
-    height = float(max(map(len, columns)))
-    boxes: list[dict[str, Box]] = []
-    x = 0.0
-    for column, width in zip(columns, widths):
-        step = height / len(column)
-        boxes.append({name: Box(x + 0.5 * width, height - (i + 0.5) * step, width,
-                                min(BOX_HEIGHT, 0.8 * step)) for i, name in enumerate(column)})
-        x += width + gap
-    colors = ('device', 'driver', 'topic', 'node', 'topic')
-    for placed, color in zip(boxes, colors):
-        for name, box in placed.items():
-            draw_box(ax, box, name, COLORS[color], rounded=color != 'topic')
+    boxes = place_columns(columns)
+    devices, drivers, inputs, others, outputs = boxes
+    top = float(max(map(len, columns)))
+    for placed, kind, title in zip(boxes, COLUMN_KINDS, COLUMN_TITLES):
+        for label, box in placed.items():
+            draw_box(ax, box, label, COLORS[kind], rounded=kind != 'topic')
+        ax.text(next(iter(placed.values())).x, top + 0.25, title, ha='center', fontsize=9,
+                color='#666666')
     for row in rows:
-        here = 1 if row.device else 3
+        node = (drivers if row.device else others)[row.name]
         if row.device:
-            join(ax, boxes[0][row.device], boxes[1][row.name])
+            join(ax, devices[row.device], node)
         for topic in row.publishes:
-            join(ax, boxes[here][row.name], boxes[here + 1][topic])
+            join(ax, node, (inputs if row.device else outputs)[topic])
         for topic in row.subscribes:
-            column = next(i for i in (2, 4) if topic in boxes[i])
-            join(ax, boxes[column][topic], boxes[here][row.name], feedback=column > here)
-    for placed, title in zip(boxes, ('devices', 'drivers', 'measurements, commands',
-                                     'estimation, control', 'estimates, commands')):
-        middle = next(iter(placed.values())).x
-        ax.text(middle, height + 0.25, title, ha='center', fontsize=9, color='#666666')
+            join(ax, inputs.get(topic) or outputs[topic], node)
     draw_offline(ax, [next(iter(placed.values())) for placed in boxes])
-    ax.set(xlim=(-0.3, x - gap + 0.3), ylim=(-1.4, height + 0.7))
+    right = next(iter(outputs.values()))
+    ax.set(xlim=(-0.3, right.x + 0.5 * right.width + 0.3), ylim=(-1.4, top + 0.7))
 
 
 def draw_offline(ax: Axes, columns: Sequence[Box]) -> None:
@@ -263,14 +263,14 @@ def draw_offline(ax: Axes, columns: Sequence[Box]) -> None:
         draw_arrow(ax, (tail.x + 0.5 * tail.width, tail.y), (head.x - 0.5 * head.width, head.y))
 
 
-def join(ax: Axes, tail: Box, head: Box, *, feedback: bool = False) -> None:
-    """Draw the arrow of a message; ``feedback`` goes from right to left."""
-    if not feedback:
+def join(ax: Axes, tail: Box, head: Box) -> None:
+    """Draw the arrow of a message; one from right to left is feedback, and dashed."""
+    if tail.x < head.x:
         draw_arrow(ax, (tail.x + 0.5 * tail.width, tail.y), (head.x - 0.5 * head.width, head.y))
-        return
-    start, end = (tail.x - 0.5 * tail.width, tail.y - 0.2 * tail.height), (
-        head.x + 0.5 * head.width, head.y - 0.2 * head.height)
-    draw_arrow(ax, start, end, color='#b45f06', dashed=True)
+    else:
+        draw_arrow(ax, (tail.x - 0.5 * tail.width, tail.y - 0.2 * tail.height),
+                   (head.x + 0.5 * head.width, head.y - 0.2 * head.height), color='#b45f06',
+                   dashed=True)
 
 
 def contents(room: str) -> str:
