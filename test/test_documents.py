@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import importlib.util
 from pathlib import Path
 import re
+import sys
+from types import ModuleType
 
-from docs import draw_architecture as drawing
+import pytest
 
 from smart_tire.messages import TOPICS
 from smart_tire.samples import FRICTION_QUANTITIES
@@ -21,6 +24,18 @@ FILE = re.compile(r'(?:[\w.-]+/)+[\w.-]+\.(?:py|md|yaml|rst|txt|svg)')
 EQUATION = re.compile(r'\b([AB])\((\d+)[a-d]?\)')
 EQUATION_RANGE = re.compile(r'\b([AB])\((\d+)[a-d]?\) to [AB]\((\d+)[a-d]?\)')
 ROOMS = {path.name.removesuffix('.py') for path in (ROOT / 'smart_tire').iterdir()}
+
+
+@pytest.fixture(scope='module')
+def drawing() -> ModuleType:
+    """Return docs/draw_architecture.py as a module; a package docs may be installed elsewhere."""
+    name = 'smart_tire_draw_architecture'
+    spec = importlib.util.spec_from_file_location(name, ROOT / 'docs' / 'draw_architecture.py')
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # where its dataclasses look themselves up
+    spec.loader.exec_module(module)
+    return module
 
 
 def text_of(name: str) -> str:
@@ -100,7 +115,7 @@ def test_every_topic_and_quantity_of_the_contract_is_described():
     assert [name for name in [*TOPICS, *FRICTION_QUANTITIES] if f'`{name}`' not in text] == []
 
 
-def test_the_architecture_has_every_room_node_and_import_of_the_source():
+def test_the_architecture_has_every_room_node_and_import_of_the_source(drawing):
     text = text_of('docs/architecture.md')
     levels, imports = drawing.read_levels(text), drawing.read_imports()
     drawing.check_rooms(levels, imports)
