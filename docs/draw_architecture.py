@@ -1,8 +1,8 @@
 """
 Draw ``docs/architecture.svg``: the flow of data between nodes, and the imports between rooms.
 
-Imports and topics are read from the source of ``smart_tire/`` with ``ast``; nothing of the package
-is imported. The level of each room and the inputs and outputs of each node come from the tables of
+Imports and topics are read from the source with ``ast``; nothing of the package is imported. The
+level of each room and the inputs and outputs of each node come from the tables of
 ``docs/architecture.md`` and are checked against the source; the table of imports there is written.
 Run ``python docs/draw_architecture.py [FILE]``; the suffix of FILE selects the format.
 """
@@ -17,16 +17,15 @@ import math
 from pathlib import Path
 import sys
 
+from architecture_tables import DOCUMENT, Edges, PACKAGE, parse, read_imports, read_levels, ROOT, \
+    table
 import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 import matplotlib.pyplot as plt
 
-ROOT = Path(__file__).resolve().parents[1]
-PACKAGE = ROOT / 'smart_tire'
-DOCUMENT = ROOT / 'docs' / 'architecture.md'
-FIGURE_SIZE = (12.5, 13.0)  # in
-PANEL_RATIO = (6.5, 6.5)    # height of the data flow over that of the rooms
+FIGURE_SIZE = (12.5, 13.8)  # in
+PANEL_RATIO = (6.5, 7.3)    # height of the data flow over that of the rooms
 BOX_HEIGHT = 0.62           # of the distance between two rows, at most
 COLUMN_WIDTHS, COLUMN_GAP = (1.7, 1.9, 2.45, 2.15, 2.6), 0.95  # in rows
 COLUMN_KINDS = ('device', 'driver', 'topic', 'node', 'topic')
@@ -41,7 +40,6 @@ ROOM_SIZE = (0.86, 0.56)  # of the distance between columns, and between levels
 CENTERING = 0.05        # cost of a column away from the middle, in columns of arrow length
 CLEARANCE = 0.6         # columns between an arrow and the center of a room that it passes
 
-Edges = dict[str, set[str]]
 Spot = tuple[float, float]  # column and level
 
 
@@ -65,62 +63,11 @@ class Box:
     height: float
 
 
-def table(text: str, name: str) -> list[list[str]]:
-    """Return the cells of the table between the markers ``name``, without the header."""
-    begin, end = f'<!-- begin {name} -->', f'<!-- end {name} -->'
-    if begin not in text or end not in text:
-        raise ValueError(f'{DOCUMENT.name} has no table between the markers {begin} and {end}')
-    lines = text.partition(begin)[2].partition(end)[0].strip().splitlines()
-    return [[cell.strip() for cell in line.strip('|').split('|')] for line in lines[2:]]
-
-
-def read_levels(text: str) -> dict[str, int]:
-    """Return room -> level."""
-    return {room: int(level) for level, rooms in table(text, 'levels') for room in rooms.split()}
-
-
 def read_nodes(text: str) -> list[NodeRow]:
     """Return the rows of the table of nodes."""
     return [NodeRow(name.strip('`'), device, *(tuple(cell.replace('`', '').replace(',', ' ')
                                                      .split()) for cell in (reads, writes)))
             for name, device, reads, writes in table(text, 'nodes')]
-
-
-def room_of(path: Path) -> str:
-    """Return the room of a source file: a folder or a module at the top of the package."""
-    return path.relative_to(PACKAGE).parts[0].removesuffix('.py')
-
-
-def source_files() -> list[Path]:
-    """Return all modules of the package, except its own ``__init__``."""
-    return [path for path in sorted(PACKAGE.rglob('*.py')) if path != PACKAGE / '__init__.py']
-
-
-def parse(path: Path) -> ast.Module:
-    """Return the syntax tree of a source file."""
-    return ast.parse(path.read_text(encoding='utf-8'))
-
-
-def imported_rooms(path: Path) -> set[str]:
-    """Return the other rooms that ``path`` imports."""
-    rooms: set[str] = set()
-    for node in ast.walk(parse(path)):
-        if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):
-            names = [f'{node.module}.{alias.name}' for alias in node.names]
-        else:
-            continue
-        rooms.update(name.split('.')[1] for name in names if name.startswith('smart_tire.'))
-    return rooms - {room_of(path)}
-
-
-def read_imports() -> Edges:
-    """Return room -> rooms that it imports."""
-    found: Edges = {}
-    for path in source_files():
-        found.setdefault(room_of(path), set()).update(imported_rooms(path))
-    return found
 
 
 def reduced(edges: Edges) -> Edges:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import importlib.util
 from pathlib import Path
 import re
-import sys
-from types import ModuleType
 
-import pytest
+from architecture_tables import read_imports, read_levels
+from draw_architecture import check_nodes, check_rooms, read_nodes, with_imports
 
 from smart_tire.messages import TOPICS
 from smart_tire.samples import FRICTION_QUANTITIES
@@ -24,18 +22,6 @@ FILE = re.compile(r'(?:[\w.-]+/)+[\w.-]+\.(?:py|md|yaml|rst|txt|svg)')
 EQUATION = re.compile(r'\b([AB])\((\d+)[a-d]?\)')
 EQUATION_RANGE = re.compile(r'\b([AB])\((\d+)[a-d]?\) to [AB]\((\d+)[a-d]?\)')
 ROOMS = {path.name.removesuffix('.py') for path in (ROOT / 'smart_tire').iterdir()}
-
-
-@pytest.fixture(scope='module')
-def drawing() -> ModuleType:
-    """Return docs/draw_architecture.py as a module; a package docs may be installed elsewhere."""
-    name = 'smart_tire_draw_architecture'
-    spec = importlib.util.spec_from_file_location(name, ROOT / 'docs' / 'draw_architecture.py')
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module  # where its dataclasses look themselves up
-    spec.loader.exec_module(module)
-    return module
 
 
 def text_of(name: str) -> str:
@@ -115,11 +101,11 @@ def test_every_topic_and_quantity_of_the_contract_is_described():
     assert [name for name in [*TOPICS, *FRICTION_QUANTITIES] if f'`{name}`' not in text] == []
 
 
-def test_the_architecture_has_every_room_node_and_import_of_the_source(drawing):
+def test_the_architecture_has_every_room_node_and_import_of_the_source():
     text = text_of('docs/architecture.md')
-    levels, imports = drawing.read_levels(text), drawing.read_imports()
-    drawing.check_rooms(levels, imports)
-    drawing.check_nodes(drawing.read_nodes(text))
-    assert drawing.with_imports(text, levels, imports) == text, 'run docs/draw_architecture.py'
+    levels, imports = read_levels(text), read_imports()
+    check_rooms(levels, imports)
+    check_nodes(read_nodes(text))
+    assert with_imports(text, levels, imports) == text, 'run docs/draw_architecture.py'
     picture = text_of('docs/architecture.svg')
     assert [room for room in imports if room not in picture] == []
