@@ -1,10 +1,10 @@
 """
-What tests share: a ROS domain, ports to plug in, and the order in which two workers take them.
+What tests share: a ROS domain, serial ports, and the order in which workers run the tests.
 
-A worker takes all tests of a file, so that what they share is made once. Tests that start nodes
-or wait for devices are two groups, each for one worker, one test after the other: those of the
-wheels' safety, which mostly wait, and all others. Then both workers compute. Groups of xdist
-itself are no help: with this pytest it does not see them.
+With pytest-xdist, a worker runs all tests of a file, so that its fixtures are made once. Modules
+marked ``safety`` and ``processes`` are two groups, each on one worker, one test after the other:
+those of the first group mostly wait, those of the second start nodes. They come first, then those
+marked ``slow``, then all others. ``pyproject.toml`` declares the markers.
 """
 
 from __future__ import annotations
@@ -19,36 +19,25 @@ from typing import Any, IO
 
 from hypothesis import HealthCheck, settings
 import pytest
+from support.groups import group_of, GROUPS
 from support.machine import beside_others
 from support.pty_port import PtyPort
 
-# Matrices are small: threads would only wait for each other, and for the other worker's.
+# Matrices are small: threads would only compete with each other and with the other worker.
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
-# How long an example takes is a matter of what else runs; what fails must fail again.
+# Durations depend on the load of the machine; a failure must be reproducible.
 settings.register_profile('anywhere', deadline=None, derandomize=True,
                           suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile('anywhere')
 
-WITH_PROCESSES = (
-    'test/integration/', 'test/safety/', 'test/nodes/', 'test/drivers/', 'test/cli/test_record.py',
-    'test/cli/test_replay.py', 'test/cli/test_processes.py', 'test/simulation/test_realtime.py',
-    'test/test_launch.py')
-OF_THE_WHEELS = ('test/safety/', 'test/drivers/')  # mostly waiting: a group of their own
-LONG = (  # ten seconds and more
-    'test/analysis/test_offline.py', 'test/analysis/test_recordings.py',
-    'test/estimation/slip/test_consistency.py', 'test/estimation/slip/test_estimator.py',
-    'test/estimation/friction/test_estimator.py', 'test/analysis/test_smoothing.py',
-    'test/reproduction/test_tire_reports.py', 'test/cli/test_reproduce.py',
-    'test/estimation/film/test_measure.py', 'test/estimation/friction/test_waveform_fit.py',
-    'test/calibration/tire/test_stiffness.py', 'test/numerics/test_delay_regression.py',
-    'test/calibration/robot/test_wheel_latency.py')
+ORDER = (*GROUPS, 'slow')  # markers of the tests that come first
 
-DOMAINS = range(1, 102)  # above, DDS ports meet those that the system hands out
+DOMAINS = range(1, 102)  # above, DDS ports overlap the ephemeral ports
 
 
 def _take_domain() -> tuple[int, IO[str]]:
-    """Return a domain that no other test process on this machine uses, and its lock."""
+    """Return a ROS domain that no other test process on this machine uses, and its lock."""
     for domain in DOMAINS:
         lock = (Path(tempfile.gettempdir()) / f'smart_tire_test_domain_{domain}').open('a')
         try:
@@ -60,46 +49,44 @@ def _take_domain() -> tuple[int, IO[str]]:
     raise RuntimeError('all domains are in use by other tests')
 
 
-def _turn(file: str) -> int:
-    """Return the place of a file of tests among those that come first, the same for all others."""
-    firsts = (*WITH_PROCESSES, *LONG)
-    return next((turn for turn, name in enumerate(firsts) if name in file), len(firsts))
+def _rank(item: pytest.Item) -> int:
+    """Return the position in ``ORDER`` of the first marker of ``item``, or its length."""
+    return next((rank for rank, name in enumerate(ORDER) if item.get_closest_marker(name)),
+                len(ORDER))
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Put those tests first that take longest."""
-    turns = {path: _turn(path.as_posix()) for path in {item.path for item in items}}
-    items.sort(key=lambda item: turns[item.path])
+    items.sort(key=_rank)
 
 
 @pytest.hookimpl(optionalhook=True)  # of xdist, where it is installed
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """Return who shares out the files among the workers."""
+    """Return the scheduler that assigns groups, and files of all other tests, to workers."""
     from xdist.scheduler import LoadFileScheduling
 
-    class Scheduling(LoadFileScheduling):
+    class GroupsAndFiles(LoadFileScheduling):
         def _split_scope(self, nodeid: str) -> str:
+            """Return the group of a test, or its file."""
             file = super()._split_scope(nodeid)
-            if any(name in file for name in OF_THE_WHEELS):
-                return 'of the wheels'
-            return 'with processes' if _turn(file) < len(WITH_PROCESSES) else file
+            return group_of((config.rootpath / file).read_text(encoding='utf-8')) or file
 
     config.option.loadscopereorder = False  # they are in order
-    return Scheduling(config, log)
+    return GroupsAndFiles(config, log)
 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
-    """Leave the machine to those who need all of it."""
-    if _turn(item.path.as_posix()) < len(WITH_PROCESSES):
-        return (yield)  # they come one after the other, and some ask for it
+    """Leave all cores to a test that needs them; see ``support/machine.py``."""
+    if _rank(item) < len(GROUPS):
+        return (yield)  # only these ask for it, and no two of a group run at the same time
     with beside_others():
         return (yield)
 
 
 @pytest.fixture(scope='session', autouse=True)
 def isolated_ros() -> Iterator[None]:
-    """Keep what the tests say on DDS to themselves and their children, which heed signals."""
+    """Isolate the tests and their child processes on DDS; children react to signals."""
     domain, lock = _take_domain()
     with lock, pytest.MonkeyPatch.context() as patch:
         patch.setenv('ROS_DOMAIN_ID', str(domain))
@@ -109,7 +96,7 @@ def isolated_ros() -> Iterator[None]:
         # Set inside a Python that has the rclpy wheels; a child must find its own libraries.
         patch.delenv('_ROS_WHEELS_BOOTSTRAP_COMPLETE', raising=False)
         if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
-            # Shells have programs in the background ignore it, and children inherit that.
+            # A shell ignores it for programs in the background, and children inherit that.
             signal.signal(signal.SIGINT, signal.default_int_handler)
         yield
 

@@ -25,6 +25,8 @@ import pytest
 from smart_tire.launching import check_arguments, hold_interrupts
 from smart_tire.parameters import NODE_PARAMS
 
+pytestmark = pytest.mark.processes
+
 ROOT = Path(__file__).resolve().parents[1]
 LAUNCH = ROOT / 'launch'
 MODULES = ('launch', 'launch.actions', 'launch.substitutions', 'launch_ros',

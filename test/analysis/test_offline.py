@@ -17,6 +17,8 @@ from smart_tire.errors import BagError, ParameterError
 from smart_tire.messages import topic_of
 from smart_tire.samples import NS_PER_S, Odometry, WheelSlip
 
+pytestmark = pytest.mark.slow
+
 GRID_NS = 8_000_000
 
 

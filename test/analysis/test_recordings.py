@@ -7,6 +7,8 @@ import pytest
 from smart_tire.analysis.offline import analyze
 from smart_tire.analysis.pipeline import EstimatorParams
 
+pytestmark = pytest.mark.slow
+
 RECORDINGS = Path(__file__).resolve().parents[3] / 'shared' / 'data'
 # What is known of the robots beforehand: geometry, how they are mounted, firm and not quite
 # level ground, and that the Warthog's wheel messages are late.

@@ -13,6 +13,8 @@ from smart_tire.parameters import build, SlipEstimatorParams
 from smart_tire.samples import NS_PER_S, Odometry, TireSample
 from support.driving import drive, ramp, START_NS, STEP
 
+pytestmark = pytest.mark.slow
+
 FAST, SLOW = 1.093, 0.547  # m/s, 120 and 60 rpm
 # to the left, to the right, a stop, and away again
 KNOTS = [(0, 0, 0), (3, 0, 0), (3.4, SLOW, FAST), (9, SLOW, FAST), (9.4, FAST, SLOW),

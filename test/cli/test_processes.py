@@ -13,6 +13,8 @@ import pytest
 from smart_tire.cli._processes import isolated_environment, Stack
 from support.waiting import wait_for
 
+pytestmark = pytest.mark.processes
+
 SLEEPER = 'import signal, sys, time\nprint("ready", flush=True)\n'
 POLITE = SLEEPER + 'signal.signal(signal.SIGINT, lambda *_: sys.exit(0))\ntime.sleep(60)\n'
 

@@ -16,6 +16,8 @@ import yaml
 
 from smart_tire.bags import Bag
 
+pytestmark = pytest.mark.processes
+
 pytest.importorskip('rclpy')
 READY = 'recording /diagnostics'  # its own: then it looks for others' topics too
 

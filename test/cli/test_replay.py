@@ -16,6 +16,8 @@ from smart_tire.cli.replay import find, harmless
 from smart_tire.messages import TOPICS
 from smart_tire.samples import MotorCommand, VelocityCommand, WheelCommand
 
+pytestmark = pytest.mark.processes
+
 COMMANDS = {'cmd_vel': VelocityCommand(START_NS, 1.0, 0.0),
             'wheel_commands': WheelCommand(START_NS, (1.0,) * 4),
             'motor_commands': MotorCommand(START_NS, (1.0,) * 4)}

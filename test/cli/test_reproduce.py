@@ -14,6 +14,8 @@ from smart_tire.cli.main import main
 from smart_tire.cli.reproduce import shown_progress
 from smart_tire.reproduction import runner
 
+pytestmark = pytest.mark.slow
+
 PAGES = (
     *(f'paper_a_{name}' for name in ('fig_4', 'fig_6', 'fig_7', 'fig_8', 'fig_9', 'table_1')),
     *(f'paper_b_{name}' for name in ('fig_8', 'fig_10', 'fig_11', 'fig_12', 'fig_13', 'table_1')))

@@ -12,6 +12,8 @@ from smart_tire.drivers.pacing import (
     MAX_AT_ONCE, MAX_PENDING, PacedSender, PacingQueue, SPACING_NS, TICK_NS)
 from smart_tire.samples import TireSample, WHEELS
 
+pytestmark = pytest.mark.processes
+
 PERIOD_NS = 2_500_000           # of the conversions, 400 Hz
 BATCH_NS = 16 * PERIOD_NS       # from a batch to the next one
 RADIO_NS = 5_000_000            # from the last conversion to the arrival

@@ -14,6 +14,8 @@ from smart_tire.drivers.serial_port import open_port
 from smart_tire.errors import FrameError
 from smart_tire.protocol.roboclaw import encode_reply, encode_request, READ_TIMEOUT, SET_DUTY
 
+pytestmark = pytest.mark.safety
+
 GOOD = encode_reply(128, READ_TIMEOUT, 2)
 BAD = GOOD[:-1] + bytes((GOOD[-1] ^ 1,))
 

@@ -21,6 +21,8 @@ from smart_tire.protocol.roboclaw import (
     READ_BATTERY, READ_ENCODERS, READ_STATUS, READ_TIMEOUT, SET_DUTY, SET_TIMEOUT)
 from smart_tire.samples import NS_PER_S
 
+pytestmark = pytest.mark.safety
+
 ADDRESSES = (128, 129)
 SLACK = 0.05  # s, for the scheduler of a busy machine
 

@@ -12,6 +12,8 @@ from support.waiting import wait_for
 from smart_tire.drivers.serial_port import open_port, pump, SerialPort
 from smart_tire.errors import LinkError
 
+pytestmark = pytest.mark.safety
+
 
 @pytest.fixture
 def link(port):

@@ -14,6 +14,8 @@ from smart_tire.samples import Friction
 from smart_tire.simulation.faults import shuffled, stalled
 from smart_tire.simulation.offline import simulate
 
+pytestmark = pytest.mark.processes
+
 WHEELS = ['front_left', 'front_right']
 STALLS = ((2.0, 2.15), (3.0, 3.1), (4.0, 4.5), (5.2, 5.25))  # s, of an overloaded recorder
 

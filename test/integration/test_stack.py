@@ -18,6 +18,8 @@ from support.machine import alone
 from support.stack import count, parameter_file
 from support.waiting import wait_for
 
+pytestmark = pytest.mark.processes
+
 DRIVE = 8.0     # s
 STARTUP = 2.0   # s: what was held up while the drivers started has ages that nobody can know
 WHEELS = ['front_left', 'front_right']

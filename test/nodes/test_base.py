@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import pytest
 from rosgraph_msgs.msg import Clock
 from support.graph import node_arguments, Process
 
 from smart_tire.nodes.compat import message_class, plain
 from smart_tire.nodes.diagnostics import InputCounter, Status
+
+pytestmark = pytest.mark.processes
 
 
 OLD_DISTRIBUTION = """

@@ -21,6 +21,8 @@ from smart_tire.protocol.tire_payload import encode_batch, TireBatch
 from smart_tire.protocol.xbee import encode_frame, encode_receive_packet, ReceivePacket
 from smart_tire.samples import ImuSample, MotorCommand
 
+pytestmark = pytest.mark.processes
+
 UNITS = {0x0013A20040A1B2C2: 'front_left', 0x0013A20040A1B2C3: 'front_right'}
 UNITS_TEXT = '[' + ', '.join(f'"{address:016X}={wheel}"' for address, wheel in UNITS.items()) + ']'
 BATCH = TireBatch(flags=0, sequence=0, timer_us=0, period_us=2500,

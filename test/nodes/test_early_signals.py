@@ -8,6 +8,8 @@ import sys
 
 import pytest
 
+pytestmark = pytest.mark.processes
+
 SENT = """
 import os, signal, sys
 sys.argv = [{started!r}]

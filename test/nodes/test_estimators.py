@@ -11,6 +11,8 @@ from sensor_msgs.msg import JointState
 from smart_tire.samples import (
     Friction, FRICTION_QUANTITIES, ImuSample, NS_PER_S, TireSample, WheelSample)
 
+pytestmark = pytest.mark.processes
+
 START_NS = 1_700_000_000 * NS_PER_S
 REST = (0.0, 0.0, 9.81)
 GRID_NS = 8_000_000

@@ -11,6 +11,8 @@ from support.waiting import wait_for
 
 from smart_tire.nodes.lockstep import AHEAD, Follower, Leader, Note, stamp_in, stamp_of, TOPIC
 
+pytestmark = pytest.mark.processes
+
 
 def imu(stamp_ns):
     """Return a message with a stamp."""

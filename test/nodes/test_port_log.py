@@ -6,6 +6,8 @@ import pytest
 
 from smart_tire.nodes.driver import PORT_GRACE_NS, PortLog
 
+pytestmark = pytest.mark.processes
+
 
 class Lines:
     """A logger and a clock: what was logged, and the time [ns]."""

@@ -13,6 +13,8 @@ import yaml
 from smart_tire.messages import TOPICS
 from smart_tire.nodes.qos import LATCHED, publisher_qos, rosbag2_overrides, subscriber_qos
 
+pytestmark = pytest.mark.processes
+
 OVERRIDES = Path(__file__).resolve().parents[2] / 'config' / 'rosbag2_qos.yaml'
 
 

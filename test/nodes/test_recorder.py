@@ -12,6 +12,8 @@ from support.waiting import wait_for
 from smart_tire.nodes.compat import new_executor, with_info
 from smart_tire.nodes.recorder import adapted, offered, SequenceGaps, weaker
 
+pytestmark = pytest.mark.processes
+
 RELIABLE = QoSProfile(depth=5)
 BEST_EFFORT = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)

@@ -9,6 +9,8 @@ from support.graph import node_arguments, Process
 
 from smart_tire.parameters import NODE_PARAMS
 
+pytestmark = pytest.mark.processes
+
 
 @pytest.mark.parametrize('name', NODE_PARAMS)
 def test_a_node_tells_how_it_is_and_ends_cleanly_however_often_it_is_told(name, graph, tmp_path):

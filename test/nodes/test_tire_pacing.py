@@ -14,6 +14,8 @@ from support.waiting import PATIENCE
 from smart_tire.protocol.tire_payload import encode_batch, TireBatch
 from smart_tire.protocol.xbee import encode_frame, encode_receive_packet, ReceivePacket
 
+pytestmark = pytest.mark.processes
+
 BATCH_PERIOD = 0.04  # s, 16 samples at 400 Hz
 UNBROKEN = 25        # batches; without pacing each of them loses about 5 of its 16 samples
 UNITS = {0x0013A20040A1B2C2: 'front_left', 0x0013A20040A1B2C3: 'front_right'}

@@ -5,10 +5,13 @@ from __future__ import annotations
 import sys
 from types import SimpleNamespace
 
+import pytest
 import rclpy
 
 from smart_tire.nodes import compat, slip_estimator
 from smart_tire.samples import Odometry
+
+pytestmark = pytest.mark.processes
 
 ODOMETRY = Odometry(1_500_000_000, (1.0, 2.0, 0.0), (0.0, 0.0, 0.6, 0.8), (0.0, 0.0, 0.0),
                     (0.0, 0.0, 0.0), (0.0,) * 36, (0.0,) * 36)

@@ -13,6 +13,8 @@ from std_msgs.msg import Bool
 from smart_tire.nodes.qos import latched
 from smart_tire.samples import VelocityCommand, WheelSample
 
+pytestmark = pytest.mark.processes
+
 NOTHING = (0.0, 0.0, 0.0, 0.0)
 
 

@@ -10,6 +10,8 @@ from smart_tire.calibration.recording import Signal
 from smart_tire.errors import EstimatorError
 from smart_tire.numerics.delay_regression import fit_delay, Problem, Rows, sandwich
 
+pytestmark = pytest.mark.slow
+
 DELAYS = np.arange(-1.0, 1.01, 0.05)
 STEP = 0.1  # s between rows
 

@@ -11,6 +11,8 @@ from smart_tire.cli.reproduce import laboratory
 from smart_tire.reproduction import paper_b_report, tire_maps, tire_runs
 from smart_tire.reproduction.tire_maps import MU, STIFFNESS
 
+pytestmark = pytest.mark.slow
+
 DURATION = 12.0
 
 

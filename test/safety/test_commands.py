@@ -12,6 +12,8 @@ from support.robot_rig import RobotRig
 
 from smart_tire.samples import NS_PER_S
 
+pytestmark = pytest.mark.safety
+
 CMD_VEL_TIMEOUT = 0.25  # s, the default
 COMMAND_TIMEOUT = 0.25  # s, the default of motor_driver
 HOUR = 3600 * NS_PER_S

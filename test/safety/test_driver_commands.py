@@ -13,6 +13,8 @@ from support.robot_rig import RobotRig
 
 from smart_tire.samples import MotorCommand, NS_PER_S, WHEELS
 
+pytestmark = pytest.mark.safety
+
 HOUR = 3600 * NS_PER_S
 
 

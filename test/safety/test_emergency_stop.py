@@ -10,6 +10,8 @@ from support.robot_rig import RobotRig, Stranger
 from smart_tire.protocol.roboclaw import SET_DUTY
 from smart_tire.samples import MotorCommand
 
+pytestmark = pytest.mark.safety
+
 
 @pytest.fixture
 def robot(tmp_path, isolated_ros):

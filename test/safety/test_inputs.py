@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import time
 
+import pytest
 from support.robot_rig import RobotRig
+
+pytestmark = pytest.mark.safety
 
 
 def test_the_input_of_higher_priority_wins_while_it_is_fresh(tmp_path, isolated_ros):

@@ -11,6 +11,8 @@ from support.robot_rig import RobotRig
 from smart_tire.protocol.roboclaw import (
     READ_TIMEOUT, SET_DUTY, SET_TIMEOUT)
 
+pytestmark = pytest.mark.safety
+
 BOARD_TIMEOUT = 0.2  # s, the default
 SLACK = 0.05         # s, for the scheduler of a busy machine
 

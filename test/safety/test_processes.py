@@ -8,6 +8,8 @@ import time
 import pytest
 from support.robot_rig import RobotRig
 
+pytestmark = pytest.mark.safety
+
 nodes = pytest.mark.parametrize('name', ['motor_driver', 'wheel_controller'])
 
 

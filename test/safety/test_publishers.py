@@ -9,6 +9,8 @@ from support.robot_rig import RobotRig, Stranger
 
 from smart_tire.samples import MotorCommand, VelocityCommand, WheelSample
 
+pytestmark = pytest.mark.safety
+
 SECOND = {
     'motor_commands': lambda: MotorCommand(time.time_ns(), (1.0, 1.0, 1.0, 1.0)),
     'wheel_states': lambda: WheelSample(time.time_ns(), (0.0, 0.0, 0.0, 0.0)),

@@ -14,6 +14,8 @@ from smart_tire.protocol import roboclaw, tire_payload, vectornav, xbee
 from smart_tire.samples import Friction, NS_PER_S, Odometry, WheelSlip
 from smart_tire.simulation.realtime import Hardware
 
+pytestmark = pytest.mark.processes
+
 START_NS = 1_700_000_000 * NS_PER_S
 TICK_NS = 10_000_000
 PORTS = ('tire_radio', 'imu', 'motors')

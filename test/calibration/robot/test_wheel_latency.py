@@ -15,6 +15,8 @@ from smart_tire.errors import EstimatorError
 from smart_tire.parameters import build, RobotParams, SimulatorParams
 from smart_tire.simulation.offline import simulate
 
+pytestmark = pytest.mark.slow
+
 ROBOT = RobotParams()
 SEEDS = range(8)
 

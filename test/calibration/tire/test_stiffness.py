@@ -13,6 +13,8 @@ from smart_tire.calibration.tire.stiffness import identify_stiffness
 from smart_tire.errors import EstimatorError
 from smart_tire.parameters import build, RobotParams
 
+pytestmark = pytest.mark.slow
+
 ROBOT = RobotParams()
 LATENESS = 0.003  # s, one sigma of what is not known of the wheels' stamps
 RADIUS = 0.02     # relative, one sigma of what is not known of the rolling radius

@@ -16,6 +16,8 @@ from smart_tire.estimation.film.measure import measure
 from smart_tire.models.film.buckling_film import FILMS
 from smart_tire.simulation.film_test_stand import FilmTestStand, ramps, sine
 
+pytestmark = pytest.mark.slow
+
 FILM = FILMS['25x3']
 EXACT = FilmParams(film=FILM, covariance=np.zeros((5, 5)), low_corner=0.0, drift=0.0, span=1.0,
                    noise=0.0, misfit=0.0, **TRUE)

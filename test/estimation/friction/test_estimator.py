@@ -20,6 +20,8 @@ from support.rolling import (
     along, CRITICAL, films, in_order, passes, ROBOT, ROUND, stamp, START_NS, steady,
     surroundings, WHEEL)
 
+pytestmark = pytest.mark.slow
+
 MU = CRITICAL * 52.7 / (3.0 * 0.25 * ROBOT.mass * 9.80665)
 
 

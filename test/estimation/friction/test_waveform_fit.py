@@ -16,6 +16,8 @@ from smart_tire.estimation.friction.waveform_model import Own, Shared
 from smart_tire.parameters import build, RobotParams
 from support.passages import passage, WHEEL
 
+pytestmark = pytest.mark.slow
+
 KNOWN = 1e-6  # sigma of a slip that is true
 
 

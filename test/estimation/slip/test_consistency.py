@@ -10,6 +10,8 @@ from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.parameters import build, SlipEstimatorParams
 from smart_tire.samples import Odometry, WheelSlip
 
+pytestmark = pytest.mark.slow
+
 SEEDS = range(11, 15)  # of no benchmark
 
 

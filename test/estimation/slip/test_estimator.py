@@ -14,6 +14,8 @@ from smart_tire.parameters import build, SlipEstimatorParams
 from smart_tire.samples import Icr, ImuSample, NS_PER_S, Odometry, WheelSample, WheelSlip
 from support.driving import drive, ramp, START_NS, STEP
 
+pytestmark = pytest.mark.slow
+
 FAST, SLOW = 1.093, 0.547  # m/s, 120 and 60 rpm
 CIRCLE = [(0, 0, 0), (3, 0, 0), (3.4, FAST, SLOW), (15, FAST, SLOW)]
 
