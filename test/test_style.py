@@ -1,25 +1,52 @@
-"""What the ament linters ask for and ruff does not check."""
+"""
+The rules of style that ruff and mypy do not check.
+
+Each rule yields its offenses, one ``file:line: what`` each; its test lists those of all files. The
+last test shows for each rule a source that it refuses.
+"""
 
 from __future__ import annotations
 
 import ast
 from collections.abc import Iterator
-from pathlib import Path
+import re
 import sys
 
 import pytest
+from support.groups import group_of, GROUPS
+from support.sources import assert_kept, read_sources, Rule, Source
 
-ROOT = Path(__file__).resolve().parents[1]
-FOLDERS = ('smart_tire', 'benchmarks', 'test', 'launch')
-FILES = [ROOT / 'setup.py', *(path for folder in FOLDERS
-                              for path in sorted((ROOT / folder).rglob('*.py')))]
+PRODUCT = read_sources('smart_tire', 'benchmarks')
+TESTS = read_sources('test')
+PYTHON = [*PRODUCT, *TESTS, *read_sources('setup.py', 'launch', 'docs')]
+SUFFIXES = ('.py', '.yaml', '.md', '.txt', '.toml')
+THIS = 'test/test_style.py'
+PROSE = [source for source in read_sources(
+    'README.md', 'CONTRIBUTING.md', 'Makefile', 'pyproject.toml', 'smart_tire', 'benchmarks',
+    'config', 'docs', 'launch', 'test', suffixes=SUFFIXES) if source.name != THIS]
 
+WITH_PROCESSES = {'test/nodes', 'test/safety', 'test/integration'}
 OWN = {'smart_tire', 'benchmarks'}
-SUPPORT = 'support.'  # what several tests share: third party to some, own to others
+# Modules of test/ and docs/: third party to some, own to others; linters do not agree.
+ON_PYTHONPATH = ('support.', 'architecture_tables', 'draw_architecture')
+
+# Names of constants that say neither which quantity nor which role.
+SUPERLATIVES = {
+    'ALIKE', 'BIGGEST', 'DOUBT', 'FEW', 'FEWEST', 'GREATEST', 'HIGHEST', 'LARGEST', 'LEAST',
+    'LONGEST', 'LOST', 'LOWEST', 'MARGIN', 'MEMORY', 'MOST', 'OUTLIER', 'SETTLED', 'SHORTEST',
+    'SIDEWAYS', 'SMALLEST', 'STEP', 'STRETCH', 'TURNING', 'UNSEEN'}
+
+# Words of an older dialect of this repository; the standard term of the field replaces them.
+DIALECT = (
+    'told', 'tell', 'tells', 'telling', 'anew', 'of late', 'likewise', 'misfit', 'misfits',
+    'what is usual', 'what was usual', 'inertial unit', 'inertial units', 'can not',
+    'nobody knows', 'feign', 'feigns', 'one sigma', 'goes by', 'go by', 'as far as',
+    'sighting', 'sightings', 'sighter', 'wander', 'wanders', 'errs', 'beside')
+DIALECT_WORD = re.compile(  # an underscore ends a word; a line may end within a phrase
+    r'(?<![A-Za-z])(' + '|'.join(words.replace(' ', r'\s+(?:#\s*)?') for words in DIALECT)
+    + r')(?![A-Za-z])', re.IGNORECASE)
 
 Import = ast.Import | ast.ImportFrom
-every_file = pytest.mark.parametrize(
-    'path', FILES, ids=[str(path.relative_to(ROOT)) for path in FILES])
 
 
 def blocks(tree: ast.Module) -> Iterator[list[Import]]:
@@ -35,7 +62,7 @@ def blocks(tree: ast.Module) -> Iterator[list[Import]]:
         yield block
 
 
-def module(node: Import) -> str:
+def imported(node: Import) -> str:
     """Return the name of the module that ``node`` imports or imports from."""
     return node.names[0].name if isinstance(node, ast.Import) else node.module or ''
 
@@ -47,17 +74,114 @@ def group(name: str) -> int:
         3 if root in OWN else 2
 
 
-@every_file
-def test_imports_are_in_the_order_of_the_google_style(path):
-    for block in blocks(ast.parse(path.read_text(encoding='utf-8'))):
-        order = [(group(module(node)), module(node).lower()) for node in block
-                 if not module(node).startswith(SUPPORT)]
-        assert order == sorted(order)
+def unsorted_imports(source: Source) -> Iterator[str]:
+    """Yield imports that are not in the order of the Google style."""
+    for block in blocks(source.tree):
+        last = (0, '')
         for node in block:
             names = [alias.name.lower() for alias in node.names]
-            assert names == sorted(names), f'line {node.lineno}'
+            if names != sorted(names):
+                yield source.at(node.lineno, 'names are not sorted')
+            if not imported(node).startswith(ON_PYTHONPATH):
+                now = (group(imported(node)), imported(node).lower())
+                if now < last:
+                    yield source.at(node.lineno, f'import of {imported(node)} comes too late')
+                last = now
 
 
-@every_file
-def test_a_module_says_what_it_is_for(path):
-    assert ast.get_docstring(ast.parse(path.read_text(encoding='utf-8')))
+def missing_docstring(source: Source) -> Iterator[str]:
+    """Yield a module that does not say what it is for."""
+    if not ast.get_docstring(source.tree):
+        yield source.at(1, 'no docstring')
+
+
+def numeric_constants(tree: ast.Module) -> Iterator[tuple[int, str]]:
+    """Yield line and name of the constants of a module whose value is made of numbers."""
+    for node in tree.body:
+        targets = node.targets if isinstance(node, ast.Assign) else \
+            [node.target] if isinstance(node, ast.AnnAssign) and node.value else []
+        for target in targets:
+            for one in target.elts if isinstance(target, ast.Tuple) else [target]:
+                if isinstance(one, ast.Name) and one.id.isupper() and _is_numeric(node.value):
+                    yield node.lineno, one.id
+
+
+def _is_numeric(value: ast.expr) -> bool:
+    """Return whether an expression has numbers, and no strings, sets or mappings."""
+    nodes = list(ast.walk(value))
+    return any(isinstance(node, ast.Constant) and type(node.value) in (int, float)
+               for node in nodes) and not any(
+        isinstance(node, ast.Dict | ast.Set) or isinstance(node, ast.Constant)
+        and isinstance(node.value, str) for node in nodes)
+
+
+def ungrouped_tests(source: Source) -> Iterator[str]:
+    """Yield tests of processes without the marker of a group, or with one on single tests."""
+    folder, _, file = source.name.rpartition('/')
+    marks = set(re.findall(rf'\bmark\.({"|".join(GROUPS)})\b', source.text))
+    if folder in WITH_PROCESSES and file.startswith('test_') and not group_of(source.text):
+        yield source.at(1, f'no pytestmark of {" or ".join(GROUPS)}')
+    elif marks - {group_of(source.text)}:
+        yield source.at(1, f'{", ".join(sorted(marks))}: mark the module, with one group')
+
+
+def bare_superlatives(source: Source) -> Iterator[str]:
+    """Yield numeric constants whose name is a superlative alone."""
+    for line, name in numeric_constants(source.tree):
+        if name.strip('_') in SUPERLATIVES:
+            yield source.at(line, f'{name}: name quantity and role')
+
+
+def dialect(source: Source) -> Iterator[str]:
+    """Yield words that are not the field's."""
+    for match in DIALECT_WORD.finditer(source.text):
+        line = source.text.count('\n', 0, match.start()) + 1
+        yield source.at(line, ' '.join(match[1].replace('#', ' ').split()).lower())
+
+
+def test_imports_are_in_the_order_of_the_google_style():
+    assert_kept(unsorted_imports, PYTHON)
+
+
+def test_every_module_has_a_docstring():
+    assert_kept(missing_docstring, PYTHON)
+
+
+def test_tests_of_processes_are_in_a_group():
+    assert_kept(ungrouped_tests, [source for source in TESTS if source.name != THIS])
+
+
+@pytest.mark.parametrize(('rule', 'text', 'offense'), [
+    (unsorted_imports, '"""A."""\nimport sys\nimport os', '3: import of os comes too late'),
+    (unsorted_imports, 'import smart_tire\nimport numpy', '2: import of numpy comes too late'),
+    (unsorted_imports, 'from os import sep, path', '1: names are not sorted'),
+    (missing_docstring, 'import os', '1: no docstring'),
+    (bare_superlatives, 'MOST = 3', '1: MOST: name quantity and role'),
+    (bare_superlatives, '\n_MEMORY: float = 2.0 * math.pi', '2: _MEMORY: name quantity and role'),
+    (bare_superlatives, 'MIN_SPEED, STEP = 1.0, 2.0', '1: STEP: name quantity and role'),
+    (dialect, 'as nobody\n# knows', '1: nobody knows'),
+    (dialect, '\nslip_told = 1', '2: told'),
+    (dialect, 'Likewise, it is.', '1: likewise'),
+])
+def test_a_rule_finds_its_offense(rule: Rule, text: str, offense: str):
+    assert list(rule(Source('x.py', text))) == [f'x.py:{offense}']
+
+
+@pytest.mark.parametrize(('name', 'text', 'offense'), [
+    ('test/nodes/test_x.py', 'import pytest', 'no pytestmark of processes or safety'),
+    ('test/x/test_x.py', '@pytest.mark.safety\ndef test_a(): pass',
+     'safety: mark the module, with one group'),
+])
+def test_an_ungrouped_test_is_found(name: str, text: str, offense: str):
+    assert list(ungrouped_tests(Source(name, text))) == [f'{name}:1: {offense}']
+
+
+@pytest.mark.parametrize(('rule', 'text'), [
+    (unsorted_imports, 'import os\nimport sys\n\nimport numpy\n\nimport smart_tire'),
+    (missing_docstring, '"""What it is for."""'),
+    (ungrouped_tests, 'pytestmark = [pytest.mark.slow, pytest.mark.safety]'),
+    (bare_superlatives, "MIN_SPEED = 1.0\nMOST = 'a word'\nSTEP = {1: 2.0}"),
+    (dialect, 'intellect, besides, untold'),
+])
+def test_a_rule_accepts_what_is_allowed(rule: Rule, text: str):
+    assert list(rule(Source('x.py', text))) == []
