@@ -111,7 +111,6 @@ class HeaderDeframer(Deframer):
                 continue
             body = self._body(bytes(self._buffer[start:start + size]))
             if body is not None:
-                self._incomplete += pending
                 return start, start + size, body
             self._count_bad_frame(start, start + size)
         return None
