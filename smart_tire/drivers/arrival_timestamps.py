@@ -1,4 +1,4 @@
-"""Stamps for a stream that is regular at its source but tells no time, such as ASCII output."""
+"""Timestamps for a periodic stream without device time, such as ASCII output of an IMU."""
 
 from __future__ import annotations
 
@@ -7,21 +7,21 @@ import statistics
 
 from smart_tire.drivers.clock_sync import ClockSync
 
-LEARN = 32            # arrivals that the period is first measured from
-PERIOD_SIGMA = 0.01   # relative, of a period measured from so many jittering arrivals
-# So many messages in a row, all late by half a period, mean that one was lost before them. Chance
-# is ruled out: with an exponential delay they are as many that its likelihood is below e^-25.
-LATE_ROW = (8, 64)
-LATE_ROW_PER_JITTER = 50  # per period of mean delay
+PERIOD_FIT_ARRIVALS = 32       # arrivals from which the period is first estimated
+PERIOD_SIGMA = 0.01            # -, relative standard deviation of that estimate
+# Consecutive messages, all late by more than half a period, that indicate an undetected loss. With
+# an exponential delay the probability of a false alarm is below e^-25.
+MIN_LATE_MESSAGES, MAX_LATE_MESSAGES = 8, 64
+LATE_MESSAGES_PER_JITTER = 50  # messages per period of mean delay
 
 
 class ArrivalTimestamps:
     """
-    Count messages and let the count be the device's clock.
+    Synchronizes the message count, used as the device clock, with the host clock.
 
-    The first ``LEARN`` are stamped with their arrival; the others with the regular instant that
-    lies the link's constant delay, ``latency``, before their smoothed arrival. Messages that are
-    known to be lost are given as ``missed``; unknown losses show in a row of late messages.
+    The first ``PERIOD_FIT_ARRIVALS`` messages get their arrival times, all others regular
+    timestamps from the fitted period; the constant delay of the link remains in them. Known losses
+    are passed as ``missed``; unknown losses are detected by consecutive late messages.
     """
 
     def __init__(self) -> None:
@@ -34,19 +34,19 @@ class ArrivalTimestamps:
 
     @property
     def period(self) -> float:
-        """Return the period [s] by the host's clock, 0 until it is known."""
+        """Return the period [s] by the host clock, 0 before it is estimated."""
         return self._period_ns * 1e-9 * (1.0 + self._clock.drift)
 
     def update(self, receive_ns: int, missed: int = 0) -> int:
-        """Return the stamp of a message that came at ``receive_ns``, later than the last one."""
+        """Return the timestamp of a message received at ``receive_ns``; timestamps ascend."""
         self._count += 1 + missed
-        stamp_ns = self._regular(receive_ns) if self._period_ns else self._learn(receive_ns)
+        stamp_ns = self._regular(receive_ns) if self._period_ns else self._fit(receive_ns)
         self._last_ns = max(stamp_ns, self._last_ns + 1)
         return self._last_ns
 
-    def _learn(self, receive_ns: int) -> int:
+    def _fit(self, receive_ns: int) -> int:
         self._arrivals.append((self._count, receive_ns))
-        if len(self._arrivals) == LEARN:
+        if len(self._arrivals) == PERIOD_FIT_ARRIVALS:
             counts, times = zip(*self._arrivals)
             start = times[0]
             self._period_ns = statistics.linear_regression(
@@ -56,13 +56,13 @@ class ArrivalTimestamps:
         return receive_ns
 
     def _regular(self, receive_ns: int) -> int:
-        excess = self._clock.excess(round(self._count * self._period_ns), receive_ns)
+        excess = self._clock.excess_delay(round(self._count * self._period_ns), receive_ns)
         period = self._period_ns * 1e-9
-        least, most = LATE_ROW
-        row = min(max(math.ceil(LATE_ROW_PER_JITTER * self._clock.jitter / period), least), most)
-        self._late = [*self._late, excess][-row:]
+        needed = math.ceil(LATE_MESSAGES_PER_JITTER * self._clock.jitter / period)
+        needed = min(max(needed, MIN_LATE_MESSAGES), MAX_LATE_MESSAGES)
+        self._late = [*self._late, excess][-needed:]
         periods = round(min(self._late) / period)
-        if periods < 0 or len(self._late) == row and periods > 0:
+        if periods < 0 or len(self._late) == needed and periods > 0:
             self._count = max(self._count + periods, 1)
             self._late.clear()
         return self._clock.update(round(self._count * self._period_ns), receive_ns)

@@ -1,11 +1,11 @@
 """
-A device's own clock told by the host's, in spite of a link that delays every message anew.
+Clock synchronization over a link with varying delay: maps device time to host time.
 
-A message takes a constant time and, on top of it, one that varies and is never negative: so the
-quickest messages lie on a line, host time against device time, and all others above it. The
-lower envelope of the arrivals is that line. Its height contains the constant delay, which can
-not be observed: ``latency`` everywhere means that constant, the least time from the instant on
-the device's clock to the arrival of the last byte.
+The delay of a message is a constant plus a variable part that is never negative. In a plot of host
+time against device time, the messages with minimum delay therefore lie on a line, and all others
+above it: the line is the lower convex hull of the arrivals. Its offset contains the constant
+delay, which is not observable. The parameters named ``latency`` are this constant: the minimum
+time from the instant on the device clock to the arrival of the last byte.
 """
 
 from __future__ import annotations
@@ -13,131 +13,132 @@ from __future__ import annotations
 from dataclasses import dataclass
 import math
 
-NS = 1e-9
-WINDOW = 60.0            # s that are remembered: a crystal's drift changes within minutes
-MAX_BINS = 64            # points that the envelope is drawn through
-DRIFT_SIGMA = 50e-6      # crystals of wheel units and IMUs are within some tens of ppm
-LEAST_JITTER = 20e-6     # s, keeps the weights finite on a link that does not jitter at all
-MAX_SLEW = 0.1           # of elapsed time: how quickly corrections reach the stamps
-FUTURE = 0.05            # s after the reception: jitter puts no stamp there, a held up start does
-LEAST_RATE = 0.1         # of elapsed time that stamps still advance while the future waits
-MAX_EARLY = 0.1          # s: earlier than the envelope by more is no message of this clock
-MAX_LATE = 5.0           # s: later by more is none either
-JUMP = 0.1               # s: one of the clocks was set if a row of messages is later by more
-JUMP_MESSAGES = 50       # in a row
-CLIP = 5.0               # mean jitters: what is later counts as that, for a pause is no jitter
-BELIEVED_SIGMAS = 2.0    # a drift beyond is punished no harder, so that it is found in seconds
+S_PER_NS = 1e-9
+FIT_WINDOW = 60.0           # s of arrivals in the fit; crystal drift changes within minutes
+MAX_BINS = 64               # bins of arrivals in the fit
+DRIFT_SIGMA = 50e-6         # -, crystals of sensor nodes and IMUs: some tens of ppm
+MIN_JITTER = 20e-6          # s, keeps the weights finite on a link without jitter
+MAX_TIMESTAMP_SLEW = 0.1    # share of elapsed time by which corrections may change timestamps
+MAX_TIMESTAMP_LEAD = 0.05   # s after reception; exceeded only if the first messages were delayed
+MIN_TIMESTAMP_RATE = 0.1    # share of elapsed time by which timestamps beyond that lead advance
+MAX_EARLY_ARRIVAL = 0.1     # s before the line; an earlier message cannot be of this clock
+MAX_LATE_ARRIVAL = 5.0      # s after the line; a later message cannot be of this clock
+CLOCK_STEP_THRESHOLD = 0.1  # s after the line; exceeded consecutively if a clock was set
+CLOCK_STEP_MESSAGES = 50    # consecutive messages that indicate a clock step
+DELAY_CLIP_JITTERS = 5.0    # mean delays at which a delay is clipped: a pause is not jitter
+DRIFT_HUBER_SIGMAS = 2.0    # sigmas of drift above which the prior is linear, not quadratic
 
 
 @dataclass
 class _Bin:
-    """Neighbouring messages, relative to the origin [s]."""
+    """Consecutive messages; times are relative to the origin [s]."""
 
     count: int
     sum_time: float
     sum_lag: float
-    low_time: float  # of the quickest message, seen along the present drift
+    low_time: float  # of the message with minimum delay at the present drift
     low_lag: float
 
     def merge(self, other: _Bin, drift: float) -> bool:
-        """Take in ``other``; return whether its quickest message is the quicker one."""
+        """Merge ``other`` into this bin; return whether it has the message of minimum delay."""
         self.count += other.count
         self.sum_time += other.sum_time
         self.sum_lag += other.sum_lag
-        quicker = other.low_lag - self.low_lag < drift * (other.low_time - self.low_time)
-        if quicker:
+        lower = other.low_lag - self.low_lag < drift * (other.low_time - self.low_time)
+        if lower:
             self.low_time, self.low_lag = other.low_time, other.low_lag
-        return quicker
+        return lower
 
 
 class ClockSync:
     """
-    Map from a device's clock to the host's: fitted line, continuous and monotonic stamps.
+    Maps the time of a device clock to host time: fitted line, continuous monotonic timestamps.
 
-    The line is the most probable one for delays that are exponentially distributed and a drift
-    that is normally distributed: the drift starts at zero and is believed as far as the arrivals
-    insist. What a new message teaches reaches the stamps at ``MAX_SLEW`` at most, so they have
-    no steps.
+    The line is the maximum a posteriori estimate for exponentially distributed delays and a
+    normally distributed drift with zero mean. Corrections from new messages change the timestamps
+    by at most ``MAX_TIMESTAMP_SLEW``, so they have no steps.
     """
 
     def __init__(self, drift_sigma: float = DRIFT_SIGMA) -> None:
         self._drift_sigma = drift_sigma
-        self.restarts = 0  # not counting those that were asked for
+        self.restarts = 0  # detected restarts, without calls of reset
         self._restart(0, 0)
 
     def _restart(self, device_ns: int, receive_ns: int) -> None:
         self._origin = (device_ns, receive_ns)
         self._bins: list[_Bin] = []
         self._per_bin = 1         # messages
-        self.drift = 0.0          # of the device's clock: host seconds per device second, minus 1
+        self.drift = 0.0          # -, host seconds per device second, minus 1
         self._floor = 0.0         # s, lag of the line at the origin
-        self._jitter = LEAST_JITTER
-        self._late_row = 0
+        self._jitter = MIN_JITTER
+        self._late_messages = 0   # consecutive
         self._anchors = ((device_ns, receive_ns), (device_ns, receive_ns))
 
     def reset(self) -> None:
-        """Forget everything: the device has started anew."""
+        """Discard the fit, as after a restart of the device."""
         self._bins.clear()
 
     def update(self, device_ns: int, receive_ns: int) -> int:
         """
-        Learn that a message of ``device_ns`` came at ``receive_ns``; return its host time.
+        Update the fit with a message of ``device_ns`` received at ``receive_ns``.
 
-        ``device_ns`` must not wrap. The fit starts anew with a message that can not be of this
-        clock: it is older than the one before, came earlier than it could or much too late.
+        Returns the host time of ``device_ns``, which must not wrap. The fit restarts if the
+        message is not consistent with the clock: older than the one before, too early or too late.
         """
         if self._bins and device_ns == self._anchors[1][0]:
             return self._anchors[1][1]
-        if not self.fits(device_ns, receive_ns):
+        if not self.is_consistent(device_ns, receive_ns):
             self.restarts += bool(self._bins)
             self._restart(device_ns, receive_ns)
-        late = self.excess(device_ns, receive_ns) > JUMP
-        self._late_row = self._late_row + 1 if late else 0
-        self._learn(device_ns, receive_ns)
+        late = self.excess_delay(device_ns, receive_ns) > CLOCK_STEP_THRESHOLD
+        self._late_messages = self._late_messages + 1 if late else 0
+        self._add(device_ns, receive_ns)
         self._advance(device_ns, receive_ns)
         return self._anchors[1][1]
 
-    def fits(self, device_ns: int, receive_ns: int) -> bool:
-        """Return whether a message can be one of the clock that is known so far."""
+    def is_consistent(self, device_ns: int, receive_ns: int) -> bool:
+        """Return whether a message is consistent with the present fit."""
         if not self._bins or device_ns < self._anchors[1][0]:
             return False
-        excess = self.excess(device_ns, receive_ns)
-        return -MAX_EARLY < excess < (JUMP if self._late_row >= JUMP_MESSAGES else MAX_LATE)
+        excess = self.excess_delay(device_ns, receive_ns)
+        stepped = self._late_messages >= CLOCK_STEP_MESSAGES
+        return -MAX_EARLY_ARRIVAL < excess < (
+            CLOCK_STEP_THRESHOLD if stepped else MAX_LATE_ARRIVAL)
 
     def host_ns(self, device_ns: int) -> int:
-        """Return the host's time at ``device_ns``, on the line between the last two messages."""
+        """Return the host time at ``device_ns``, interpolated between the last two messages."""
         (device_0, host_0), (device_1, host_1) = self._anchors
         rate = (host_1 - host_0) / (device_1 - device_0) if device_1 > device_0 else 1.0
         return host_1 + round((device_ns - device_1) * rate)
 
     @property
     def jitter(self) -> float:
-        """Return the mean delay above the constant one [s]."""
+        """Return the mean variable delay [s]."""
         return self._jitter
 
     def _relative(self, device_ns: int, receive_ns: int) -> tuple[float, float]:
         elapsed = device_ns - self._origin[0]
-        return elapsed * NS, (receive_ns - self._origin[1] - elapsed) * NS
+        return elapsed * S_PER_NS, (receive_ns - self._origin[1] - elapsed) * S_PER_NS
 
-    def excess(self, device_ns: int, receive_ns: int) -> float:
-        """Return how much later than the quickest possible one a message is [s]."""
+    def excess_delay(self, device_ns: int, receive_ns: int) -> float:
+        """Return the variable delay of a message [s]: its arrival after the fitted line."""
         time, lag = self._relative(device_ns, receive_ns)
         return lag - self._floor - self.drift * time
 
-    def _learn(self, device_ns: int, receive_ns: int) -> None:
+    def _add(self, device_ns: int, receive_ns: int) -> None:
         time, lag = self._relative(device_ns, receive_ns)
-        most = self._floor + self.drift * time + CLIP * self._jitter
-        message = _Bin(1, time, min(lag, most), time, lag)
+        max_lag = self._floor + self.drift * time + DELAY_CLIP_JITTERS * self._jitter
+        message = _Bin(1, time, min(lag, max_lag), time, lag)
         if self._bins and self._bins[-1].count < self._per_bin:
             if not self._bins[-1].merge(message, self.drift):
                 return
         else:
             self._bins.append(message)
-            self._forget(time - WINDOW)
+            self._limit_bins(time - FIT_WINDOW)
         self._fit()
 
-    def _forget(self, before: float) -> None:
-        """Drop what is too old, and join neighbours where there are too many bins."""
+    def _limit_bins(self, before: float) -> None:
+        """Drop bins older than ``before`` [s]; merge neighbors if there are too many bins."""
         while self._bins[0].low_time < before:
             del self._bins[0]
         if len(self._bins) > MAX_BINS:
@@ -147,43 +148,43 @@ class ClockSync:
             self._per_bin *= 2
 
     def _fit(self) -> None:
-        count = sum(one.count for one in self._bins)
-        mean_time = sum(one.sum_time for one in self._bins) / count
-        mean_lag = sum(one.sum_lag for one in self._bins) / count
-        corners = lower_hull([(one.low_time, one.low_lag) for one in self._bins])
+        count = sum(bin_.count for bin_ in self._bins)
+        mean_time = sum(bin_.sum_time for bin_ in self._bins) / count
+        mean_lag = sum(bin_.sum_lag for bin_ in self._bins) / count
+        corners = lower_hull([(bin_.low_time, bin_.low_lag) for bin_ in self._bins])
         weight = count / self._jitter * self._drift_sigma**2
         self.drift, (time, lag) = _best_slope(
-            corners, mean_time, weight, BELIEVED_SIGMAS * self._drift_sigma)
+            corners, mean_time, weight, DRIFT_HUBER_SIGMAS * self._drift_sigma)
         envelope = lag - self.drift * time
         above = mean_lag - self.drift * mean_time - envelope
-        self._jitter = max(above, LEAST_JITTER)
-        # The quickest of n messages is still late, by the mean delay / n on average.
+        self._jitter = max(above, MIN_JITTER)
+        # The minimum of n exponential delays is the mean delay / n on average.
         self._floor = envelope - above / count
 
     def _advance(self, device_ns: int, receive_ns: int) -> None:
         """
-        Move the stamps on towards the line, without a step.
+        Advance the timestamps towards the line at a limited rate.
 
-        Only where they would lie well after the reception they wait: what was held up before
-        the first reading came all at once, and nobody could know then how old it was.
+        They are slowed down further where they would lie well after the reception: messages that
+        were delayed before the port was first read arrived all at once, with unknown delays.
         """
         device_0, host_0 = self._anchors[1]
-        time = (device_ns - self._origin[0]) * NS
-        wanted = self._origin[1] + (device_ns - self._origin[0]) + round(
-            (self._floor + self.drift * time) / NS)
+        time = (device_ns - self._origin[0]) * S_PER_NS
+        line_ns = self._origin[1] + (device_ns - self._origin[0]) + round(
+            (self._floor + self.drift * time) / S_PER_NS)
         step = device_ns - device_0
         if step > 0:
-            slack = round(MAX_SLEW * step)
-            least = host_0 + step - slack
-            latest = receive_ns + round(FUTURE / NS)
-            if least > latest:
-                least = max(host_0 + round(LEAST_RATE * step), latest)
-            wanted = min(max(wanted, least), host_0 + step + slack)
-            self._anchors = (self._anchors[1], (device_ns, wanted))
+            slack = round(MAX_TIMESTAMP_SLEW * step)
+            earliest = host_0 + step - slack
+            latest = receive_ns + round(MAX_TIMESTAMP_LEAD / S_PER_NS)
+            if earliest > latest:
+                earliest = max(host_0 + round(MIN_TIMESTAMP_RATE * step), latest)
+            host_ns = min(max(line_ns, earliest), host_0 + step + slack)
+            self._anchors = (self._anchors[1], (device_ns, host_ns))
 
 
 def lower_hull(points: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Return the corners of the lower convex hull of ``points``, which ascend in x."""
+    """Return the vertices of the lower convex hull of ``points``, which ascend in x."""
     hull: list[tuple[float, float]] = []
     for x, y in points:
         while len(hull) >= 2 and _slope(hull[-2], hull[-1]) >= _slope(hull[-1], (x, y)):
@@ -199,21 +200,21 @@ def _slope(start: tuple[float, float], end: tuple[float, float]) -> float:
 def _best_slope(corners: list[tuple[float, float]], mean_time: float, weight: float,
                 limit: float) -> tuple[float, tuple[float, float]]:
     """
-    Return slope and corner of the most probable line below all points.
+    Return slope and supporting vertex of the most probable line below all points.
 
-    It minimises ``count * (mean height above the line) / jitter + slope**2 / (2 sigma**2)``,
-    convex in the slope; ``weight`` is ``count * sigma**2 / jitter``. A slope beyond ``limit``
-    costs no more than linearly, so that a poor oscillator is believed as well. A line touches a
-    corner for the slopes between those of the two edges that meet there.
+    It minimizes ``count * (mean height above the line) / jitter + slope**2 / (2 sigma**2)``,
+    convex in the slope; ``weight`` is ``count * sigma**2 / jitter``. The prior costs of a slope
+    beyond ``limit`` are linear (Huber), so that large drifts are found quickly. A line touches a
+    vertex for the slopes between those of its two edges.
     """
-    least = -math.inf
+    min_slope = -math.inf
     for corner, following in zip(corners, corners[1:]):
-        most = _slope(corner, following)
+        max_slope = _slope(corner, following)
         best = weight * (mean_time - corner[0])
         if abs(best) > limit:
             best = math.copysign(math.inf, best)
-        if best <= most:
-            return max(best, least), corner
-        least = most
+        if best <= max_slope:
+            return max(best, min_slope), corner
+        min_slope = max_slope
     best = min(max(weight * (mean_time - corners[-1][0]), -limit), limit)
-    return max(best, least), corners[-1]
+    return max(best, min_slope), corners[-1]

@@ -1,4 +1,4 @@
-"""From the bytes of an inertial unit to samples that carry the instant of their measurement."""
+"""Receiver of an IMU: bytes in, samples with the host time of their measurement out."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from smart_tire.drivers.arrival_timestamps import ArrivalTimestamps
 from smart_tire.drivers.clock_sync import ClockSync
-from smart_tire.errors import FrameError
+from smart_tire.drivers.frame_receiver import FrameReceiver
 from smart_tire.protocol import vectornav, vectornav_ascii, xsens
 from smart_tire.protocol.deframer import Deframer
 from smart_tire.samples import ImuSample
@@ -17,82 +17,64 @@ Decoder = Callable[[bytes, int], tuple[int | None, ImuSample]]
 
 @dataclass(frozen=True)
 class Protocol:
-    """How one kind of unit speaks."""
+    """Frames, decoder and axes of one IMU protocol."""
 
     deframer: Callable[[], Deframer]
     decode: Decoder
-    wrap_ns: int  # of the device's time, 0 if it does not wrap
-    axes: str     # of the device, and what is done about them
+    wrap_ns: int  # modulus of the device time, 0 if it does not wrap
+    axes: str     # axes of the device and their conversion to REP-103, for the diagnostics
 
 
-TURNED = 'x forward, y right, z down on the device: y and z negated'
+FLIPPED_AXES = 'x forward, y right, z down on the device: y and z negated'
 PROTOCOLS = {
     'vectornav_binary': Protocol(
-        vectornav.BinaryDeframer, vectornav.decode_binary, 0, TURNED),
+        vectornav.BinaryDeframer, vectornav.decode_binary, 0, FLIPPED_AXES),
     'vectornav_ascii': Protocol(
-        vectornav_ascii.AsciiDeframer, vectornav_ascii.decode_ymr, 0, TURNED),
+        vectornav_ascii.AsciiDeframer, vectornav_ascii.decode_ymr, 0, FLIPPED_AXES),
     'xsens': Protocol(
         xsens.XsensDeframer, xsens.decode_imu, xsens.SAMPLE_TIME_WRAP_NS,
-        'x forward, y left, z up on the device: as they are'),
+        'x forward, y left, z up on the device: unchanged'),
 }
 
 
-class ImuStream:
+class ImuStream(FrameReceiver):
     """
-    One unit: its frames, and its clock where it tells one.
+    Decodes the byte stream of one IMU and assigns host timestamps.
 
-    Stamps are earlier than the arrival by the constant ``latency_ns``, which is the least time
-    from the measurement to the arrival of the frame's last byte.
+    Timestamps follow the device clock if the frames contain its time, otherwise the regularized
+    arrival times. ``latency_ns`` is subtracted from them: the minimum time from the measurement
+    to the arrival of the frame's last byte.
     """
 
     def __init__(self, protocol: str, latency_ns: int = 0) -> None:
         self.protocol = PROTOCOLS[protocol]
-        self.frames_ok = 0
-        self.last_ok_ns = 0       # host clock, when the latest good frame came
-        self.rejected = 0         # intact frames that say what they must not
-        self.last_error = ''      # why the latest one was rejected
-        self.stamped_by = 'nothing yet'
+        super().__init__(self.protocol.deframer())
+        self.timestamp_source = 'none yet'
         self._latency_ns = latency_ns
-        self._deframer = self.protocol.deframer()
         self._bad_before = 0
-        self.reopened()
+        self.reset_clocks()
 
-    def reopened(self) -> None:
-        """Forget the times of a port that was closed meanwhile."""
+    def reset_clocks(self) -> None:
+        """Reset the clock models after the port was opened again."""
         self._device_clock = ClockSync()
         self._arrival_clock = ArrivalTimestamps()
         self._device_ns = 0  # of the last frame, unwrapped
 
-    @property
-    def frames_bad(self) -> int:
-        """Return how many frames were damaged or rejected."""
-        return self._deframer.bad_frames + self.rejected
-
-    @property
-    def bytes_skipped(self) -> int:
-        """Return how many bytes belonged to no intact frame."""
-        return self._deframer.skipped_bytes
-
     def feed(self, chunk: bytes, receive_ns: int) -> Iterator[ImuSample]:
         """Take bytes that arrived at ``receive_ns`` and yield the samples they complete."""
-        for body in self._deframer.feed(chunk):
-            try:
-                device_ns, sample = self.protocol.decode(body, 0)
-            except FrameError as error:
-                self.rejected += 1
-                self.last_error = str(error)
-                continue
-            self.frames_ok += 1
-            self.last_ok_ns = receive_ns
+        for device_ns, sample in self._decoded(chunk, receive_ns, self._decode):
             stamp_ns = self._stamp(device_ns, receive_ns) - self._latency_ns
             yield ImuSample(stamp_ns, sample.acceleration, sample.rate, sample.orientation)
 
+    def _decode(self, body: bytes) -> tuple[int | None, ImuSample]:
+        return self.protocol.decode(body, 0)
+
     def _stamp(self, device_ns: int | None, receive_ns: int) -> int:
         if device_ns is None:
-            self.stamped_by = 'regularised arrival, for the device sends no time'
+            self.timestamp_source = 'regularized arrival times (the device sends no time)'
             missed, self._bad_before = self.frames_bad - self._bad_before, self.frames_bad
             return self._arrival_clock.update(receive_ns, missed)
-        self.stamped_by = 'device clock'
+        self.timestamp_source = 'device clock'
         if wrap := self.protocol.wrap_ns:
             device_ns = self._device_ns + (device_ns - self._device_ns) % wrap
         self._device_ns = device_ns

@@ -1,8 +1,8 @@
 """
-Spread the samples of radio batches over time before they are published.
+Pacing: distributes the samples of radio batches over time before they are published.
 
-A batch arrives as a burst of 16 samples. A reliable subscriber whose history keeps the last 10,
-which is the default of ROS 2 and of ``ros2 bag record``, loses what it has not taken when the
+A batch arrives as a burst of 16 samples. A reliable subscriber with a history depth of 10, the
+default of ROS 2 and of ``ros2 bag record``, loses the samples that it has not taken before the
 next ones arrive. Samples about 1 ms apart give it several milliseconds to be scheduled.
 """
 
@@ -16,70 +16,68 @@ import time
 
 from smart_tire.samples import TireSample
 
-SPACING_NS = 1_000_000   # between two samples, of whatever wheels, while there is time for it
-SPREAD_SHARE = 0.8       # of the sampling period: the most between two samples of one wheel, so
-#                          that a batch is out before the next one comes and no sample gets older
-#                          than the first one of its batch
-TICK_NS = 2_000_000      # between two wake-ups: each costs CPU time, here and in each subscriber
-MAX_AT_ONCE = 4          # samples per wake-up; 2000/s are more than four wheels send at 400 Hz
-MAX_PENDING = 128        # samples; two batches of 16 from each of four wheels
-CLOSE_TIMEOUT = 2.0      # s that the thread may take to send the rest and end
+SAMPLE_SPACING_NS = 1_000_000  # between two samples of any wheels, if the sampling period permits
+MAX_SPACING_SHARE = 0.8        # of the sampling period: a batch is sent before the next arrives
+WAKE_PERIOD_NS = 2_000_000     # between wake-ups, which cost CPU time here and in each subscriber
+MAX_BURST_SAMPLES = 4          # per wake-up; 2000/s exceed the rate of four wheels at 400 Hz
+MAX_PENDING_SAMPLES = 128      # two batches of 16 from each of four wheels
+CLOSE_TIMEOUT = 2.0            # s for the thread to send the remaining samples and end
 
 
 class PacingQueue:
     """
-    Samples that wait to be sent, and when; without a clock or a thread.
+    Queue of samples with the times to send them, without a clock or a thread.
 
-    Each sample gets a slot when its batch arrives: the first one at once, the others after it at
-    a spacing that suits the number of instrumented ``wheels``. A batch that arrives while slots
-    of the former one are left adds its own, so that no backlog grows. The samples of a wheel keep
-    their order. All times are of a steady clock [ns].
+    Each sample gets a time slot when its batch arrives: the first sample immediately, the others
+    at a spacing that depends on the number of instrumented ``wheels``. A batch that arrives before
+    the previous one is sent gets its own slots, which overlap, so that no backlog builds up. The
+    samples of a wheel keep their order. All times are of a steady clock [ns].
     """
 
     def __init__(self, wheels: int) -> None:
-        self.overruns = 0   # times at which more than MAX_PENDING samples waited
+        self.overruns = 0   # batches after which more than MAX_PENDING_SAMPLES were pending
         self._wheels = wheels
-        self._slots: list[tuple[int, str]] = []  # a heap: when, and a sample of which wheel
+        self._slots: list[tuple[int, str]] = []  # heap of (time, wheel)
         self._waiting: dict[str, deque[TireSample]] = {}
         self._next_tick_ns = 0
 
     def put(self, batch: Sequence[TireSample], now_ns: int) -> None:
-        """Add the samples of one batch of one wheel, all of which arrived at ``now_ns``."""
+        """Add the samples of one batch of one wheel, received at ``now_ns``."""
         wheel, spacing_ns = batch[0].wheel, self._spacing_ns(batch)
         self._waiting.setdefault(wheel, deque()).extend(batch)
         for index in range(len(batch)):
             heapq.heappush(self._slots, (now_ns + index * spacing_ns, wheel))
-        self.overruns += len(self._slots) > MAX_PENDING
+        self.overruns += len(self._slots) > MAX_PENDING_SAMPLES
 
     def due_ns(self) -> int | None:
-        """Return when to take samples next, None while there are none."""
+        """Return the next time to take samples, None if the queue is empty."""
         return max(self._slots[0][0], self._next_tick_ns) if self._slots else None
 
     def take(self, now_ns: int) -> list[TireSample]:
-        """Return the samples to send at ``now_ns``; all of them if too many wait."""
+        """Return the samples to send at ``now_ns``; all of them if too many are pending."""
         due_ns = self.due_ns() or now_ns
-        count, horizon_ns = MAX_AT_ONCE, now_ns + TICK_NS - SPACING_NS
-        if len(self._slots) > MAX_PENDING:
+        count, horizon_ns = MAX_BURST_SAMPLES, now_ns + WAKE_PERIOD_NS - SAMPLE_SPACING_NS
+        if len(self._slots) > MAX_PENDING_SAMPLES:
             count, horizon_ns = len(self._slots), max(self._slots)[0]
         samples: list[TireSample] = []
-        # The count limits the burst of a thread that was woken too late.
+        # The count limits the burst after a late wake-up.
         while self._slots and len(samples) < count and self._slots[0][0] <= horizon_ns:
             _, wheel = heapq.heappop(self._slots)
             samples.append(self._waiting[wheel].popleft())
-        # Small delays of the thread do not add up; a long one is not made up for.
-        self._next_tick_ns = max(due_ns + TICK_NS, now_ns + TICK_NS // 2)
+        # Small wake-up delays do not accumulate; a long one is not compensated.
+        self._next_tick_ns = max(due_ns + WAKE_PERIOD_NS, now_ns + WAKE_PERIOD_NS // 2)
         return samples
 
     def _spacing_ns(self, batch: Sequence[TireSample]) -> int:
         period_ns = (batch[-1].stamp_ns - batch[0].stamp_ns) / max(1, len(batch) - 1)
-        return max(0, min(SPACING_NS * self._wheels, int(SPREAD_SHARE * period_ns)))
+        return max(0, min(SAMPLE_SPACING_NS * self._wheels, int(MAX_SPACING_SHARE * period_ns)))
 
 
 class PacedSender:
     """
-    Sends samples from a thread of its own, so that pacing never delays the reading of a port.
+    Sends samples from its own thread, so that pacing never delays the reading of a port.
 
-    ``stop`` returns when the samples that still wait are sent.
+    ``stop`` returns when all pending samples are sent.
     """
 
     def __init__(self, send: Callable[[TireSample], None], wheels: int,
@@ -92,15 +90,15 @@ class PacedSender:
 
     @property
     def overruns(self) -> int:
-        """Return how often so many samples waited that they were sent at once."""
+        """Return how often too many samples were pending, so that all were sent at once."""
         return self._queue.overruns
 
     def start(self) -> None:
-        """Begin to send."""
+        """Start the thread."""
         self._thread.start()
 
     def stop(self) -> None:
-        """Send what still waits and return when that is done."""
+        """Send all pending samples and end the thread."""
         with self._changed:
             self._stopping = True
             self._changed.notify()
@@ -108,7 +106,7 @@ class PacedSender:
             self._thread.join(CLOSE_TIMEOUT)
 
     def put(self, batch: Sequence[TireSample]) -> None:
-        """Take the samples of one batch of one wheel, from any thread."""
+        """Queue the samples of one batch of one wheel; may be called from any thread."""
         with self._changed:
             self._queue.put(batch, self._clock())
             self._changed.notify()
@@ -119,7 +117,7 @@ class PacedSender:
                 self._send(sample)
 
     def _next(self) -> list[TireSample] | None:
-        """Wait for the next samples and return them when they are due; None at the end."""
+        """Wait until samples are due and return them; None after ``stop``."""
         with self._changed:
             while True:
                 due_ns = self._queue.due_ns()

@@ -1,4 +1,4 @@
-"""Requests and replies on the line that several RoboClaws share."""
+"""Requests and replies on the serial line shared by several RoboClaws."""
 
 from __future__ import annotations
 
@@ -8,39 +8,39 @@ from typing import Any
 from smart_tire.errors import FrameError
 from smart_tire.protocol.roboclaw import Command, decode_reply, encode_request
 
-REPLY_TIMEOUT = 0.035  # s; a board answers within a few ms, a busy host reads later
-WRITE_TIMEOUT = 0.2    # s; a line that takes nothing for so long is as good as gone
-ATTEMPTS = 2           # per request, both within one period of 16 Hz
-MAX_STRAY = 20         # bytes between two requests: two late replies of the longest kind
+REPLY_TIMEOUT = 0.035       # s; a board replies within a few ms, a busy host reads later
+WRITE_TIMEOUT = 0.2         # s; a line that accepts no bytes for this long counts as lost
+MAX_ATTEMPTS = 2            # per request, both within one period of 16 Hz
+MAX_UNREQUESTED_BYTES = 20  # between two requests: two late replies of maximum length
 
 
-class Line:
+class RoboclawLine:
     """
-    The host's end of the line: one request at a time, each answered before the next.
+    Host side of the line: one request at a time, each with its reply before the next.
 
-    A reply that is missing or damaged is asked for once more, then FrameError is raised. Counts
-    go on when the port is opened again.
+    A request is repeated once if its reply is missing or damaged; then FrameError is raised. The
+    counters continue when the port is reopened.
     """
 
     def __init__(self) -> None:
         self._port: Any = None
         self.frames_ok = 0
-        self.last_ok_ns = 0      # host clock, when the latest good reply came
-        self.frames_bad = 0      # replies that did not come or were damaged
-        self.bytes_skipped = 0   # that were part of no good reply, or came too late for one
+        self.last_ok_ns = 0      # host clock, when the latest good reply arrived
+        self.frames_bad = 0      # missing or damaged replies
+        self.bytes_skipped = 0   # bytes that were not part of a good reply in time
         self.last_error = ''
-        self.retried = False     # whether the latest exchange took more than one attempt
+        self.retried = False     # whether the latest exchange needed more than one attempt
 
     def use(self, port: Any) -> None:
-        """Work on an open port from now on."""
+        """Use an open port from now on."""
         self._port = port
         port.timeout = REPLY_TIMEOUT
         port.write_timeout = WRITE_TIMEOUT
 
     def exchange(self, address: int, command: Command, *values: int) -> tuple[int, ...]:
-        """Return the reply of the board at ``address``; raise FrameError if there is none."""
+        """Return the values that the board replies; raise FrameError without a good reply."""
         self._refuse_flood()
-        for attempt in range(ATTEMPTS):
+        for attempt in range(MAX_ATTEMPTS):
             self.retried = attempt > 0
             try:
                 return self._attempt(address, command, *values)
@@ -49,7 +49,7 @@ class Line:
         raise failure
 
     def probe(self, address: int, command: Command) -> bool:
-        """Return whether the line was quiet and the board answers a single request that reads."""
+        """Return whether the line was quiet and the board replies to a single read request."""
         quiet = not self._port.in_waiting
         try:
             self._attempt(address, command)
@@ -62,24 +62,24 @@ class Line:
         self._port.write(encode_request(address, command, *values))
 
     def receive(self) -> bytes:
-        """Return what has arrived."""
+        """Return all received bytes."""
         return bytes(self._port.read(self._port.in_waiting)) if self._port.in_waiting else b''
 
     def discard(self) -> None:
-        """Drop what was received and what has not been sent yet."""
+        """Discard received bytes and bytes that have not been sent yet."""
         self._port.reset_output_buffer()
         self._flush()
 
     def _refuse_flood(self) -> None:
-        """Raise FrameError where so many bytes came unasked that no reply can be trusted."""
-        if (waiting := self._port.in_waiting) > MAX_STRAY:
+        """Raise FrameError if too many bytes arrived without a request to trust any reply."""
+        if (waiting := self._port.in_waiting) > MAX_UNREQUESTED_BYTES:
             self._flush()
             self.frames_bad += 1
-            self.last_error = f'{waiting} bytes came without a request'
+            self.last_error = f'{waiting} bytes arrived without a request'
             raise FrameError(self.last_error)
 
     def _attempt(self, address: int, command: Command, *values: int) -> tuple[int, ...]:
-        self._flush()  # a reply that came too late would be taken for this one
+        self._flush()  # a late reply would be mistaken for the reply to this request
         self._port.write(encode_request(address, command, *values))
         reply = self._port.read(command.reply_size)
         try:

@@ -1,17 +1,20 @@
 """
-Two RoboClaws on one line: encoders in, duties out, zero duty whenever anything is in doubt.
+Two RoboClaws on one line: encoder counts in, duties out, zero duty on every fault.
 
 ```
-            +---- every reply good ----> serving ----- a reply is missing or wrong ----+
-        preparing                           ^                                          v
-            ^  +----------------------------+                               zero to both boards,
-            |                                                               unanswered, 0.2 s
-            |                          both answer                                     |
-            +------------------------- probing <--- silence: board time-out + 0.1 s ---+
+  preparing ---- all replies good ----> serving
+   ^     ^                                 |
+   |     |                                 | reply missing or damaged (also while preparing)
+   |     |                                 v
+   |     +--- last one acknowledged --- zero duty to both boards, for 0.2 s
+   |                                       |
+   |                                       | not acknowledged
+   |                                       v
+   +---- both reply ---- probing <----- silence, for the board time-out + 0.1 s
 ```
 
-While the line is silent the boards' own time-out stops the motors, whatever they did not
-understand: any byte on the line could restart it.
+During the silence the watchdogs of the boards stop the motors, even if the boards did not receive
+any valid request: any byte on the line could restart these watchdogs.
 """
 
 from __future__ import annotations
@@ -25,59 +28,61 @@ import time
 from typing import Any
 
 from smart_tire.control.duty_gate import DutyGate, STOPPED
-from smart_tire.drivers.roboclaw_line import Line
+from smart_tire.drivers.roboclaw_line import RoboclawLine
 from smart_tire.drivers.wheel_encoder import MotionCheck, WheelEncoder
 from smart_tire.errors import FrameError
 from smart_tire.parameters.hardware import MotorDriverParams
 from smart_tire.protocol.roboclaw import (
-    ACKNOWLEDGE, BATTERY_UNIT, duty_code, duty_from_code, READ_BATTERY, READ_ENCODERS, READ_STATUS,
-    READ_TIMEOUT, SET_DUTY, SET_TIMEOUT, STATUS_NORMAL, timeout_code, TIMEOUT_UNIT)
+    ACKNOWLEDGE, BATTERY_RESOLUTION, duty_code, duty_from_code, READ_BATTERY, READ_ENCODERS,
+    READ_STATUS, READ_TIMEOUT, SET_DUTY, SET_TIMEOUT, STATUS_NORMAL, timeout_code,
+    TIMEOUT_RESOLUTION)
 from smart_tire.samples import Four, NS_PER_S, WHEELS, WheelSample
 
-MAX_POLL = 0.0625            # s between readings for the checks, however slow the sample rate
-KEEP_ALIVE_NS = 30_000_000   # between duties, a fraction of any time-out of a board
-HEALTH_NS = 75_000_000       # between checks of status, time-out and supply, of one board each
-LOW_READINGS = 2             # of the supply in a row: one may be a dip of a starting motor
-ZERO_TIME = 0.2              # s for which zero duty is repeated when a board does not answer
-ZERO_PERIOD = 0.01           # s between two of these requests
-SILENCE_MARGIN = 0.1         # s of silence beyond the boards' time-out
-MAX_PERIODS = 4              # a mean speed over more of them is not that of the present
-ZERO_REPLIES = 2             # in a row confirm a stop: one may be late, of another duty
+MAX_POLL_PERIOD = 0.0625           # s between encoder readings, for the checks at low sample rates
+KEEP_ALIVE_PERIOD_NS = 30_000_000  # between duties, a fraction of any board time-out
+HEALTH_PERIOD_NS = 75_000_000      # between checks of status, time-out and supply, per board
+MIN_LOW_READINGS = 2               # consecutive; one may be a voltage dip of a starting motor
+ZERO_DUTY_TIME = 0.2               # s for which zero duty is repeated if a board does not reply
+ZERO_DUTY_PERIOD = 0.01            # s between these requests
+SILENCE_MARGIN = 0.1               # s of silence beyond the board time-out
+MAX_SPEED_PERIODS = 4              # poll periods; a longer mean speed is outdated
+MIN_ZERO_REPLIES = 2               # consecutive; one may be a late reply to another duty
 AXLES = ('front', 'rear')
-LINE = 'line'                # name of the hold while the boards are not served
+LINE_HOLD = 'line'                 # name of the hold while the boards are not served
 NOT_READY = 'motor boards are not ready'
 
 
 @dataclass
 class _Board:
-    """One board with the encoders of its axle, and what it answered last."""
+    """One board with the encoders of its axle and its latest replies."""
 
     address: int
     name: str
     encoders: list[WheelEncoder]
     checks: list[MotionCheck]
-    read_ns: int | None = None   # steady clock, when its encoders were read
+    read_ns: int | None = None   # steady clock, latest reading of the encoders
     elapsed_ns: int = 0          # between the two latest readings
-    turned: list[float] = field(default_factory=lambda: [0.0, 0.0])  # rad since the last sample
+    rotation: list[float] = field(default_factory=lambda: [0.0, 0.0])  # rad since the last sample
     span_ns: int = 0             # since the last sample
-    duty: tuple[float, float] = (0.0, 0.0)  # at the motors' terminals, as acknowledged
-    zero_replies: int = 0        # to zero duties in a row
-    low_readings: int = 0        # of the supply, in a row
-    supply: float = math.nan     # V
+    duty: tuple[float, float] = (0.0, 0.0)  # at the motor terminals, as acknowledged
+    zero_replies: int = 0        # consecutive acknowledgments of zero duty
+    low_readings: int = 0        # of the supply voltage, consecutive
+    supply_voltage: float = math.nan  # V
 
     def reset(self) -> None:
-        """Forget readings from before a pause."""
-        self.read_ns, self.turned, self.span_ns = None, [0.0, 0.0], 0
+        """Discard readings from before a pause."""
+        self.read_ns, self.rotation, self.span_ns = None, [0.0, 0.0], 0
         for check in self.checks:
             check.reset()
 
 
 class RoboclawPair:
     """
-    Polls both boards, passes on the duties that ``gate`` allows, and supervises boards and wheels.
+    Polls both boards, sends the duties that ``gate`` permits, and supervises boards and wheels.
 
-    ``run`` is the work of a link; all other methods may be called from any thread. ``deliver``
-    gets a sample per period. A fault stops the motors by way of ``gate``, which reports it.
+    ``run`` is the work of a ``SerialPort``; all other methods may be called from any thread.
+    ``deliver`` is called with one sample per period. A fault stops the motors through ``gate``,
+    which reports it.
     """
 
     def __init__(self, params: MotorDriverParams, gate: DutyGate,
@@ -93,20 +98,21 @@ class RoboclawPair:
             for axle, (name, address) in enumerate(zip(AXLES, params.addresses))]
         self._encoders = encoders
         self._period_ns = round(NS_PER_S / params.rate)
-        self._poll_ns = self._period_ns // math.ceil(self._period_ns / (MAX_POLL * NS_PER_S))
+        polls = math.ceil(self._period_ns / (MAX_POLL_PERIOD * NS_PER_S))  # per sample
+        self._poll_ns = self._period_ns // polls
         self._timeout_code = timeout_code(params.board_timeout)
-        self._silence = self._timeout_code * TIMEOUT_UNIT + SILENCE_MARGIN
+        self._silence = self._timeout_code * TIMEOUT_RESOLUTION + SILENCE_MARGIN
         self._next_to_check = itertools.cycle(self._boards)
         self._changed = threading.Event()
-        self._stopped = threading.Condition()  # signalled when a board acknowledged zero
-        self._since_ns = time.monotonic_ns()   # when the boards were first asked
-        self._sample_ns = 0                    # when the next sample is due
-        self.line = Line()
-        self.faults = 0  # times that a board did not answer, or not as it should
-        gate.hold(LINE, NOT_READY, report=False)
+        self._stopped = threading.Condition()  # notified when a board acknowledged zero duty
+        self._since_ns = time.monotonic_ns()   # when the port was opened
+        self._sample_ns = 0                    # due time of the next sample
+        self.line = RoboclawLine()
+        self.faults = 0  # missing or unexpected replies that stopped the motors
+        gate.hold(LINE_HOLD, NOT_READY, report=False)
 
     def wake(self) -> None:
-        """Act at once on what has changed at the gate."""
+        """Apply a change at the gate immediately."""
         self._changed.set()
 
     def await_zero(self, seconds: float) -> list[str]:
@@ -118,43 +124,43 @@ class RoboclawPair:
             self._stopped.wait_for(lambda: not self._unconfirmed(), seconds)
             return self._unconfirmed()
 
-    def unread(self) -> dict[str, float]:
-        """Return for how long each board's encoders have not been read [s], by its name."""
+    def reading_ages(self) -> dict[str, float]:
+        """Return the time since the latest encoder reading of each board [s], by board name."""
         now_ns = time.monotonic_ns()
         return {board.name: (now_ns - max(board.read_ns or 0, self._since_ns)) / NS_PER_S
                 for board in self._boards}
 
-    def supply(self) -> float:
-        """Return the lower supply voltage of the boards [V], NaN before both were read."""
-        readings = [board.supply for board in self._boards]
+    def supply_voltage(self) -> float:
+        """Return the lower supply voltage of the boards [V], NaN before both are read."""
+        readings = [board.supply_voltage for board in self._boards]
         return math.nan if any(map(math.isnan, readings)) else min(readings)
 
     def run(self, port: Any, stopping: threading.Event) -> None:
-        """Work on an open port until told to stop; the motors are stopped before it returns."""
+        """Serve the boards until ``stopping`` is set; the motors are stopped before it returns."""
         self.line.use(port)
         self._since_ns = time.monotonic_ns()
         try:
             while not stopping.is_set():
                 try:
                     self._prepare()
-                    self._gate.clear(LINE)
+                    self._gate.clear(LINE_HOLD)
                     self._serve(stopping)
                 except FrameError as error:
                     self.faults += 1
-                    self._gate.hold(LINE, str(error))
+                    self._gate.hold(LINE_HOLD, str(error))
                     self._make_safe(stopping)
-        finally:  # at the end, or when the port went away
-            self._gate.hold(LINE, NOT_READY, report=False)
+        finally:  # at the end, or when the port is lost
+            self._gate.hold(LINE_HOLD, NOT_READY, report=False)
         self._repeat_zero()
 
     def _prepare(self) -> None:
-        """Stop both boards, set their own time-outs, and see that these are set."""
+        """Stop both boards, set their time-outs, and read these back."""
         for board in self._boards:
             self.line.exchange(board.address, SET_DUTY, 0, 0)
             board.duty = (0.0, 0.0)
         for board in self._boards:
             self.line.exchange(board.address, SET_TIMEOUT, self._timeout_code)
-            for _ in range(LOW_READINGS):
+            for _ in range(MIN_LOW_READINGS):
                 self._check_health(board)
             board.reset()
         self._sample_ns = time.monotonic_ns()
@@ -165,19 +171,19 @@ class RoboclawPair:
             now_ns = time.monotonic_ns()
             if self._changed.is_set() or now_ns >= self._drive_due(drive_ns):
                 self._drive()
-                drive_ns = now_ns + KEEP_ALIVE_NS
+                drive_ns = now_ns + KEEP_ALIVE_PERIOD_NS
             elif now_ns >= poll_ns:
                 self._poll(now_ns)
                 poll_ns = max(poll_ns + self._poll_ns, now_ns)
             elif now_ns >= health_ns:
                 self._check_health(next(self._next_to_check))
-                health_ns = now_ns + HEALTH_NS
+                health_ns = now_ns + HEALTH_PERIOD_NS
             else:
                 next_ns = min(poll_ns, health_ns, self._drive_due(drive_ns))
                 self._changed.wait((next_ns - now_ns) / NS_PER_S)
 
     def _drive_due(self, drive_ns: int) -> int:
-        """Return when a duty must go out: to keep the boards going, or to stop them."""
+        """Return when a duty must be sent: as keep-alive, or because the command expires."""
         expiry_ns = self._gate.expiry_ns
         return drive_ns if expiry_ns is None else min(drive_ns, expiry_ns + 1)
 
@@ -200,11 +206,11 @@ class RoboclawPair:
             self._stopped.notify_all()
 
     def _unconfirmed(self) -> list[str]:
-        return [board.name for board in self._boards if board.zero_replies < ZERO_REPLIES]
+        return [board.name for board in self._boards if board.zero_replies < MIN_ZERO_REPLIES]
 
     def _poll(self, now_ns: int) -> None:
         """Read the encoders, check the wheels, and deliver a sample when one is due."""
-        read = [self._read(board) for board in self._boards]  # both, whatever the first gives
+        read = [self._read(board) for board in self._boards]  # both, even if the first fails
         if not all(read):
             return
         self._check_motion()
@@ -213,21 +219,21 @@ class RoboclawPair:
             self._deliver(self._sample())
 
     def _read(self, board: _Board) -> bool:
-        """Read the encoders of ``board``; return whether they give a speed."""
+        """Read the encoders of ``board``; return whether the speed of its wheels is known."""
         asked_ns = time.monotonic_ns()
         counts = self.line.exchange(board.address, READ_ENCODERS)
-        if self.line.retried:  # either request may have been answered: when, is uncertain
+        if self.line.retried:  # the reply may belong to either request: its time is uncertain
             return False
-        middle_ns = (asked_ns + time.monotonic_ns()) // 2
-        elapsed_ns = 0 if board.read_ns is None else middle_ns - board.read_ns
-        board.read_ns, board.elapsed_ns = middle_ns, elapsed_ns
+        mean_ns = (asked_ns + time.monotonic_ns()) // 2
+        elapsed_ns = 0 if board.read_ns is None else mean_ns - board.read_ns
+        board.read_ns, board.elapsed_ns = mean_ns, elapsed_ns
         board.span_ns += elapsed_ns
         for index, (encoder, count) in enumerate(zip(board.encoders, counts)):
             encoder.update(count, elapsed_ns / NS_PER_S)
-            board.turned[index] += encoder.step
+            board.rotation[index] += encoder.step
         if any(encoder.jumped for encoder in board.encoders):
-            self._check_timeout(board)  # a board that restarted has lost its counts
-        if elapsed_ns > MAX_PERIODS * self._poll_ns:
+            self._check_timeout(board)  # a restarted board has lost its counts
+        if elapsed_ns > MAX_SPEED_PERIODS * self._poll_ns:
             board.reset()
             return False
         return elapsed_ns > 0
@@ -243,7 +249,7 @@ class RoboclawPair:
                     check.reset()
 
     def _check_health(self, board: _Board) -> None:
-        """Stop the motors while a board reports a fault, and start over if it restarted."""
+        """Hold the motors while a board reports a fault; raise FrameError if it has restarted."""
         (status,) = self.line.exchange(board.address, READ_STATUS)
         abnormal = status & ~self._params.tolerated_status
         self._hold_if(abnormal != STATUS_NORMAL, f'status of {board.name}',
@@ -255,15 +261,15 @@ class RoboclawPair:
         (code,) = self.line.exchange(board.address, READ_TIMEOUT)
         if code != self._timeout_code:
             raise FrameError(f'{board.name} has restarted: its time-out is '
-                             f'{code * TIMEOUT_UNIT:.1f} s, expected '
-                             f'{self._timeout_code * TIMEOUT_UNIT:.1f} s')
+                             f'{code * TIMEOUT_RESOLUTION:.1f} s, expected '
+                             f'{self._timeout_code * TIMEOUT_RESOLUTION:.1f} s')
 
     def _check_supply(self, board: _Board) -> None:
         (code,) = self.line.exchange(board.address, READ_BATTERY)
-        board.supply, lowest = code * BATTERY_UNIT, self._params.low_battery
-        board.low_readings = board.low_readings + 1 if board.supply < lowest else 0
-        self._hold_if(board.low_readings >= LOW_READINGS, f'supply of {board.name}',
-                      f'supply of {board.name} is low: {board.supply:.1f} V, '
+        board.supply_voltage, lowest = code * BATTERY_RESOLUTION, self._params.low_battery
+        board.low_readings = board.low_readings + 1 if board.supply_voltage < lowest else 0
+        self._hold_if(board.low_readings >= MIN_LOW_READINGS, f'supply of {board.name}',
+                      f'supply of {board.name} is low: {board.supply_voltage:.1f} V, '
                       f'expected at least {lowest:g} V')
 
     def _hold_if(self, wrong: bool, name: str, reason: str) -> None:
@@ -274,56 +280,56 @@ class RoboclawPair:
             self._gate.clear(name)
 
     def _make_safe(self, stopping: threading.Event) -> None:
-        """Stop both boards, by their own time-outs if they do not answer; wait until they do."""
+        """Stop both boards, by their watchdogs if they do not reply; wait until both reply."""
         self.line.discard()
         if not self._repeat_zero():
             stopping.wait(self._silence)
             self._probe(stopping)
 
     def _repeat_zero(self) -> bool:
-        """Send zero duty for ``ZERO_TIME``; return whether both acknowledged the last of it."""
+        """Send zero duty for ``ZERO_DUTY_TIME``; return whether both acknowledged the last one."""
         for board in self._boards:
             self.line.post(board.address, SET_DUTY, 0, 0)
             board.duty = (0.0, 0.0)
         acknowledged = False
-        end_ns = time.monotonic_ns() + round(ZERO_TIME * NS_PER_S)
+        end_ns = time.monotonic_ns() + round(ZERO_DUTY_TIME * NS_PER_S)
         while time.monotonic_ns() < end_ns:
             replies = [self._post_zero(board) for board in self._boards]
             acknowledged = all(replies)
         return acknowledged
 
     def _post_zero(self, board: _Board) -> bool:
-        time.sleep(ZERO_PERIOD)  # for what still comes in answer to the request before
+        time.sleep(ZERO_DUTY_PERIOD)  # the reply to the previous request may still arrive
         self.line.receive()
         self.line.post(board.address, SET_DUTY, 0, 0)
-        time.sleep(ZERO_PERIOD)
+        time.sleep(ZERO_DUTY_PERIOD)
         acknowledged = self.line.receive() == ACKNOWLEDGE
         self._count_zero(board, acknowledged)
         return acknowledged
 
     def _probe(self, stopping: threading.Event) -> None:
-        """Ask one board at a time, more rarely than their time-out, until both answer."""
-        answered: dict[int, bool] = {}
+        """Probe one board at a time, at intervals above their time-out, until both reply."""
+        replied: dict[int, bool] = {}
         for board in itertools.cycle(self._boards):
-            answered[board.address] = self.line.probe(board.address, READ_TIMEOUT)
-            if stopping.is_set() or len(answered) == len(self._boards) and all(answered.values()):
+            replied[board.address] = self.line.probe(board.address, READ_TIMEOUT)
+            if stopping.is_set() or len(replied) == len(self._boards) and all(replied.values()):
                 return
             stopping.wait(self._silence)
 
     def _sample(self) -> WheelSample:
-        """Return the wheels at the middle between the boards' readings."""
+        """Return the wheel states at the mean time of the readings of both boards."""
         read_ns = [board.read_ns or 0 for board in self._boards]
-        middle_ns = sum(read_ns) // len(read_ns)
+        mean_ns = sum(read_ns) // len(read_ns)
         position, velocity, effort = list[float](), list[float](), list[float]()
         for board in self._boards:
-            late = (middle_ns - (board.read_ns or 0)) / NS_PER_S
-            for encoder, turned, duty in zip(board.encoders, board.turned, board.duty):
-                speed = turned / (board.span_ns / NS_PER_S)
+            delay = (mean_ns - (board.read_ns or 0)) / NS_PER_S
+            for encoder, rotation, duty in zip(board.encoders, board.rotation, board.duty):
+                speed = rotation / (board.span_ns / NS_PER_S)
                 velocity.append(speed)
-                position.append(encoder.position + speed * late)
+                position.append(encoder.position + speed * delay)
                 effort.append(encoder.sign * duty)
-            board.turned, board.span_ns = [0.0, 0.0], 0
-        stamp_ns = time.time_ns() - (time.monotonic_ns() - middle_ns)
+            board.rotation, board.span_ns = [0.0, 0.0], 0
+        stamp_ns = time.time_ns() - (time.monotonic_ns() - mean_ns)
         return WheelSample(stamp_ns, _four(velocity), _four(position), _four(effort))
 
 

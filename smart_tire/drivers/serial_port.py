@@ -1,4 +1,4 @@
-"""A serial port that is opened, worked on in a thread, and opened again when it went away."""
+"""Serial ports: a port with its own thread that is reopened when the connection is lost."""
 
 from __future__ import annotations
 
@@ -15,16 +15,17 @@ import serial
 
 from smart_tire.errors import LinkError
 
-READ_TIMEOUT = 0.1        # s, how long a thread that waits for bytes does not see ``stop``
-WRITE_TIMEOUT = 0.5       # s; a device that takes nothing for so long is as good as gone
-BACK_OFF = (0.25, 2.0)    # s between attempts to open a port: the first one, and the most
-CLOSE_TIMEOUT = 5.0       # s that the thread may take to end
-LOST = (OSError, termios.error)  # how pyserial says that a port is gone
+READ_TIMEOUT = 0.1      # s, bounds the time to notice ``stop`` while waiting for bytes
+WRITE_TIMEOUT = 0.5     # s; a device that accepts no bytes for this long counts as lost
+MIN_RETRY_DELAY = 0.25  # s between the first attempts to open a port; doubled up to the maximum
+MAX_RETRY_DELAY = 2.0   # s
+CLOSE_TIMEOUT = 5.0     # s for the thread to end
+PORT_ERRORS = (OSError, termios.error)  # raised by pyserial when a port is lost
 
 REASONS = {
     errno.ENOENT: 'there is no such port; is it plugged in?',
     errno.EACCES: 'no permission; is the user in the group of the port (dialout)?',
-    errno.ENOTTY: 'it is no serial port; is the path right?',
+    errno.ENOTTY: 'it is not a serial port; is the path right?',
     errno.EBUSY: 'it is busy; does another program use it?',
     errno.EAGAIN: 'it is busy; does another program use it?',
 }
@@ -32,31 +33,31 @@ REASONS = {
 
 def open_port(url: str, baud_rate: int, timeout: float = READ_TIMEOUT) -> Any:
     """
-    Return the open port, for this process alone and without bytes from the past.
+    Return the port, opened exclusively and with an empty input buffer.
 
-    Raises LinkError if it is absent, busy, forbidden, or can not do the baud rate.
+    Raises LinkError if it is absent, busy, not permitted, or does not support the baud rate.
     """
     try:
         port = serial.serial_for_url(url, baudrate=baud_rate, timeout=timeout,
                                      write_timeout=WRITE_TIMEOUT, exclusive=True)
         port.reset_input_buffer()
-    except (*LOST, ValueError) as error:
+    except (*PORT_ERRORS, ValueError) as error:
         raise LinkError(f'cannot open {url} at {baud_rate} baud: {_reason(error)}') from error
     return port
 
 
 def _reason(error: Exception) -> str:
-    # pyserial raises some of its errors, without a number, while it handles those of the system
-    told = error.__context__ if isinstance(error.__context__, termios.error) else error
-    number = told.args[0] if isinstance(told, termios.error) else getattr(told, 'errno', None)
-    if number is None and 'exclusively lock' in str(error):  # pyserial gives no number here
+    # pyserial raises some of its errors, without a number, while it handles a system error.
+    cause = error.__context__ if isinstance(error.__context__, termios.error) else error
+    number = cause.args[0] if isinstance(cause, termios.error) else getattr(cause, 'errno', None)
+    if number is None and 'exclusively lock' in str(error):  # pyserial sets no number here
         number = errno.EBUSY
     return REASONS.get(number or 0) or (os.strerror(number) if number else str(error))
 
 
-def pump(port: Any, stopping: threading.Event, deliver: Callable[[bytes, int], None],
-         clock: Callable[[], int] = time.time_ns) -> None:
-    """Read until told to stop; deliver each chunk with the host's time at its last byte."""
+def read_loop(port: Any, stopping: threading.Event, deliver: Callable[[bytes, int], None],
+              clock: Callable[[], int] = time.time_ns) -> None:
+    """Read until ``stopping`` is set; deliver each chunk with the host time of its last byte."""
     while not stopping.is_set():
         chunk = port.read(port.in_waiting or 1)
         if chunk:
@@ -65,10 +66,10 @@ def pump(port: Any, stopping: threading.Event, deliver: Callable[[bytes, int], N
 
 class SerialPort:
     """
-    Keep a port open and ``work(port, stopping)`` going on it, in a thread of its own.
+    Keeps a port open and runs ``work(port, stopping)`` on it, in its own thread.
 
-    ``work`` returns when ``stopping`` is set, or lets the port's error pass when the port went
-    away. ``report`` gets a line whenever the port's state changes.
+    ``work`` returns when ``stopping`` is set; it does not catch the errors of a lost port.
+    ``report`` is called with one line of text when the state of the port changes.
     """
 
     def __init__(self, url: str, baud_rate: int, work: Callable[[Any, threading.Event], None],
@@ -76,48 +77,48 @@ class SerialPort:
         self._url, self._baud_rate = url, baud_rate
         self._work, self._report = work, report
         self._stopping = threading.Event()
-        self._thread = threading.Thread(target=self._run, name=f'link {url}', daemon=True)
+        self._thread = threading.Thread(target=self._run, name=f'port {url}', daemon=True)
         self.problem = f'{url} is not open yet'  # '' while the port is open
-        self.opened = 0   # times
-        self.refused = 0  # attempts that failed
+        self.opened = 0   # successful attempts to open the port
+        self.refused = 0  # failed attempts
 
     def start(self) -> None:
-        """Begin to open the port."""
+        """Start the thread, which opens the port."""
         self._thread.start()
 
     def stop(self) -> None:
-        """End the work, close the port, and return when both are done."""
+        """End the work, close the port and end the thread."""
         self._stopping.set()
         if self._thread.ident is not None:
             self._thread.join(CLOSE_TIMEOUT)
 
     def _run(self) -> None:
-        wait, most = BACK_OFF
+        delay = MIN_RETRY_DELAY
         while not self._stopping.is_set():
             try:
                 port = open_port(self._url, self._baud_rate)
             except LinkError as error:
                 self.refused += 1
-                self._state(str(error))
-                self._stopping.wait(wait)
-                wait = min(2.0 * wait, most)
+                self._set_problem(str(error))
+                self._stopping.wait(delay)
+                delay = min(2.0 * delay, MAX_RETRY_DELAY)
             else:
                 self.opened += 1
-                self._state('')
+                self._set_problem('')
                 self._use(port)
-                wait = BACK_OFF[0]
+                delay = MIN_RETRY_DELAY
 
     def _use(self, port: Any) -> None:
         try:
             self._work(port, self._stopping)
-        except LOST as error:
-            self._state(f'lost {self._url}: {_reason(error)}')
-            self._stopping.wait(BACK_OFF[0])
+        except PORT_ERRORS as error:
+            self._set_problem(f'lost {self._url}: {_reason(error)}')
+            self._stopping.wait(MIN_RETRY_DELAY)
         finally:
-            with suppress(*LOST):  # it may be gone already, which is all that is wanted
+            with suppress(*PORT_ERRORS):  # the port may be lost already
                 port.close()
 
-    def _state(self, problem: str) -> None:
+    def _set_problem(self, problem: str) -> None:
         if problem != self.problem:
             self.problem = problem
             self._report(problem or f'{self._url} is open')

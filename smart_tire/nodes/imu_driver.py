@@ -7,7 +7,7 @@ import threading
 from typing import Any
 
 from smart_tire.drivers.imu_receiver import ImuStream
-from smart_tire.drivers.serial_port import pump
+from smart_tire.drivers.serial_port import read_loop
 from smart_tire.nodes.base import run
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.driver import DriverNode, nanoseconds
@@ -24,8 +24,8 @@ class ImuDriver(DriverNode[ImuDriverParams]):
         self.connect(self._stream, self._work)
 
     def _work(self, port: Any, stopping: threading.Event) -> None:
-        self._stream.reopened()
-        pump(port, stopping, self._on_bytes)
+        self._stream.reset_clocks()
+        read_loop(port, stopping, self._on_bytes)
 
     def _on_bytes(self, chunk: bytes, receive_ns: int) -> None:
         for sample in self._stream.feed(chunk, receive_ns):
@@ -36,7 +36,7 @@ class ImuDriver(DriverNode[ImuDriverParams]):
         super().fill_status(status)
         status.values.update(
             protocol=self.params.protocol, axes=self._stream.protocol.axes,
-            stamps=self._stream.stamped_by)
+            stamps=self._stream.timestamp_source)
 
 
 def main() -> int:

@@ -112,12 +112,13 @@ class MotorDriver(DriverNode[MotorDriverParams]):
         status.values.update({
             'command_timeouts': gate.timeouts, 'board_faults': boards.faults,
             'motor_commands.rejected': self.inputs['motor_commands'].bad,
-            'emergency_stop': gate.emergency, 'armed': gate.armed, 'supply': boards.supply()})
+            'emergency_stop': gate.emergency, 'armed': gate.armed,
+            'supply': boards.supply_voltage()})
         self._commands.fill_status(status)
         for reason in gate.reasons():
             status.warn(f'motors stopped: {reason}')
         if not self._link.problem:
-            for board, age in boards.unread().items():
+            for board, age in boards.reading_ages().items():
                 if age > SILENCE:
                     status.error(f'no wheel_states: the {board} does not answer')
 

@@ -8,7 +8,7 @@ import time
 from typing import Any
 
 from smart_tire.drivers.pacing import PacedSender
-from smart_tire.drivers.serial_port import pump
+from smart_tire.drivers.serial_port import read_loop
 from smart_tire.drivers.tire_receiver import TireStream
 from smart_tire.nodes.base import run, SILENCE
 from smart_tire.nodes.diagnostics import Status
@@ -40,7 +40,7 @@ class TireReceiver(DriverNode[TireReceiverParams]):
         self._sender.stop()
 
     def _work(self, port: Any, stopping: threading.Event) -> None:
-        pump(port, stopping, self._on_bytes)
+        read_loop(port, stopping, self._on_bytes)
 
     def _on_bytes(self, chunk: bytes, receive_ns: int) -> None:
         for item in self._stream.feed(chunk, receive_ns):
@@ -52,7 +52,7 @@ class TireReceiver(DriverNode[TireReceiverParams]):
     def fill_status(self, status: Status) -> None:
         """Add what was lost on the way from each unit."""
         super().fill_status(status)
-        units = self._stream.units.values()
+        units = self._stream.sensor_nodes.values()
         status.values.update(
             batches_ok=sum(unit.batches for unit in units),
             batches_lost=sum(unit.lost for unit in units),

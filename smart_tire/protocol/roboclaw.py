@@ -23,8 +23,8 @@ ACKNOWLEDGE = b'\xff'          # reply to a valid write request
 PACKET_GAP_NS = 10_000_000  # ns without a byte after which a board discards a packet
 COUNT_WRAP = 1 << 32        # counts, modulus of the encoder counters
 MAX_DUTY_CODE = 32767       # 100 % duty
-TIMEOUT_UNIT = 0.1          # s per count of the serial time-out
-BATTERY_UNIT = 0.1          # V per count of the battery voltage
+TIMEOUT_RESOLUTION = 0.1    # s per count of the serial time-out
+BATTERY_RESOLUTION = 0.1    # V per count of the battery voltage
 STATUS_NORMAL = 0           # status without error or warning bits
 
 _CRC = struct.Struct('>H')
@@ -54,12 +54,12 @@ class Command:
         return struct.calcsize(self.reply) + _CRC.size if self.reads else len(ACKNOWLEDGE)
 
 
-SET_TIMEOUT = Command(14, request='>B')      # TIMEOUT_UNIT; 0 disables the time-out
+SET_TIMEOUT = Command(14, request='>B')      # in TIMEOUT_RESOLUTION; 0 disables the time-out
 READ_TIMEOUT = Command(15, reply='>B')
 RESET_ENCODERS = Command(20)
 SET_ENCODER_1 = Command(22, request='>I')    # counts
 SET_ENCODER_2 = Command(23, request='>I')
-READ_BATTERY = Command(24, reply='>H')       # BATTERY_UNIT
+READ_BATTERY = Command(24, reply='>H')       # in BATTERY_RESOLUTION
 SET_DUTY = Command(34, request='>hh')        # M1, M2, 100 % is MAX_DUTY_CODE
 READ_ENCODERS = Command(78, reply='>II')     # M1, M2, counts modulo COUNT_WRAP
 READ_SPEEDS = Command(79, reply='>ii')       # M1, M2, counts per second, averaged over 1/300 s
@@ -126,8 +126,8 @@ def duty_from_code(code: int) -> float:
 
 def timeout_code(seconds: float) -> int:
     """Return the encoded time-out, rounded up and at least 1, as 0 would disable it."""
-    units = round(seconds / TIMEOUT_UNIT, 6)  # 1.1 / 0.1 exceeds 11 by a rounding error
-    return max(1, min(255, math.ceil(units)))
+    counts = round(seconds / TIMEOUT_RESOLUTION, 6)  # 1.1 / 0.1 exceeds 11 by a rounding error
+    return max(1, min(255, math.ceil(counts)))
 
 
 class RequestDeframer:

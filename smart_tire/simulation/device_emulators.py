@@ -209,12 +209,12 @@ class _Board:
         self._motors = (motor, motor + 1)
         self._zero = [0, 0]       # what the encoders had counted where the host sees 0
         self._duty = (0.0, 0.0)
-        self._timeout = 0         # roboclaw.TIMEOUT_UNIT; 0 is never
+        self._timeout = 0         # roboclaw.TIMEOUT_RESOLUTION; 0 is never
         self._heard_ns = 0
 
     def duty(self, now_ns: int) -> tuple[float, float]:
         """Return the duties; silence for longer than the time-out has stopped both motors."""
-        timeout_ns = round(self._timeout * roboclaw.TIMEOUT_UNIT * NS_PER_S)
+        timeout_ns = round(self._timeout * roboclaw.TIMEOUT_RESOLUTION * NS_PER_S)
         if timeout_ns and now_ns - self._heard_ns > timeout_ns:
             self._duty = (0.0, 0.0)
         return self._duty

@@ -1,4 +1,4 @@
-"""Arrivals of a stream that tells no time, made regular."""
+"""Regular timestamps of a stream without device time, from its arrivals."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ HOST_NS = 1_700_000_000_000_000_000
 JITTER = {
     'serial port': lambda rng: rng.exponential(1e-3),
     'busy host': lambda rng: rng.exponential(5e-3),
-    'USB that gathers 16 ms': lambda rng: rng.uniform(0.0, 16e-3),
+    'USB latency timer of 16 ms': lambda rng: rng.uniform(0.0, 16e-3),
 }
 
 
 def errors(seed, jitter, period, seconds=8.0, damaged=0.0, lost_at=()):
-    """Return the times [s] and the errors [s] of the stamps."""
+    """Return the times [s] and the errors [s] of the timestamps."""
     rng = np.random.default_rng(seed)
     period *= 1.0 + rng.uniform(-1e-3, 1e-3)
     clock, missed, arrival, rows = ArrivalTimestamps(), 0, 0.0, []
@@ -37,7 +37,7 @@ def errors(seed, jitter, period, seconds=8.0, damaged=0.0, lost_at=()):
 @pytest.mark.parametrize('damaged', [0.0, 0.02])
 @pytest.mark.parametrize('period', [0.01, 0.025])
 @pytest.mark.parametrize('name', JITTER)
-def test_after_some_seconds_stamps_are_regular(name, period, damaged):
+def test_timestamps_are_regular_after_two_to_four_seconds(name, period, damaged):
     for seed in range(5):
         time, error = errors(seed, JITTER[name], period, damaged=damaged)
         assert np.abs(error[time > 2.0]).max() < 4e-3
@@ -45,13 +45,13 @@ def test_after_some_seconds_stamps_are_regular(name, period, damaged):
         assert np.std(error[time > 4.0]) < 0.5e-3
 
 
-def test_stamps_ascend_from_the_first_on():
+def test_timestamps_ascend_from_the_first_message():
     for seed in range(5):
-        time, error = errors(seed, JITTER['USB that gathers 16 ms'], 0.01)
+        time, error = errors(seed, JITTER['USB latency timer of 16 ms'], 0.01)
         assert np.all(np.diff(time + error) > 0.0)
 
 
-def test_messages_that_got_lost_unseen_are_noticed():
+def test_undetected_losses_are_inferred_from_late_messages():
     time, error = errors(1, JITTER['serial port'], 0.01, lost_at=(3.0, 3.01, 5.0))
     assert np.abs(error[(time > 3.5) & (time < 4.9)]).max() < 1e-3
     assert np.abs(error[time > 5.5]).max() < 1e-3

@@ -1,4 +1,4 @@
-"""The device clock: delays of any shape must not reach the stamps."""
+"""Clock synchronization: delays of any distribution must not affect the timestamps."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from smart_tire.drivers.clock_sync import ClockSync, lower_hull
 
 HOST_NS = 1_700_000_000_000_000_000
 DEVICE_NS = 4_000_000_000_000
-BATCH, PERIOD_NS = 16, 2_500_000  # a wheel unit: 25 batches per second
+BATCH, PERIOD_NS = 16, 2_500_000  # a sensor node: 25 batches per second
 SEEDS = range(12)
 
 JITTER = {  # s, above the constant delay
@@ -24,7 +24,7 @@ JITTER = {  # s, above the constant delay
 
 
 def batches(seed, jitter, seconds=10.0, drift=40e-6, loss=0.02, latency=0.0):
-    """Yield the device's times of a batch, the true host times, and its arrival."""
+    """Yield the device times of a batch, the true host times, and its arrival."""
     rng = np.random.default_rng(seed)
     rate = 1.0 + drift * rng.uniform(-1.0, 1.0)
     for start in range(0, round(seconds * 1e9), BATCH * PERIOD_NS):
@@ -35,7 +35,7 @@ def batches(seed, jitter, seconds=10.0, drift=40e-6, loss=0.02, latency=0.0):
 
 
 def errors(clock, stream):
-    """Return the times [s] since the start and the errors of the stamps [s], per sample."""
+    """Return the times [s] since the start and the errors of the timestamps [s], per sample."""
     rows = []
     for device, host, arrival in stream:
         clock.update(device[-1], arrival)
@@ -45,7 +45,7 @@ def errors(clock, stream):
 
 
 @pytest.mark.parametrize('name', JITTER)
-def test_after_a_second_stamps_are_within_half_a_millisecond(name):
+def test_after_one_second_timestamp_errors_are_below_half_a_millisecond(name):
     found = [errors(ClockSync(), batches(seed, JITTER[name])) for seed in SEEDS]
     late = np.concatenate([error[time > 1.0] for time, error in found])
     assert math.sqrt(np.mean(late**2)) < 0.5e-3
@@ -54,7 +54,7 @@ def test_after_a_second_stamps_are_within_half_a_millisecond(name):
 
 
 @pytest.mark.parametrize('name', JITTER)
-def test_stamps_ascend_without_steps(name):
+def test_timestamps_ascend_without_steps(name):
     for seed in SEEDS:
         clock, last = ClockSync(), None
         for device, _, arrival in batches(seed, JITTER[name]):
@@ -66,18 +66,18 @@ def test_stamps_ascend_without_steps(name):
                 last = time, clock.host_ns(time)
 
 
-def test_the_constant_delay_is_what_remains():
+def test_the_constant_delay_remains_in_the_timestamps():
     error = errors(ClockSync(), batches(1, JITTER['exponential'], latency=0.005))[1]
     assert np.median(error[-1000:]) == pytest.approx(0.005, abs=0.2e-3)
 
 
-def test_without_jitter_the_stamps_are_exact():
+def test_without_jitter_the_timestamps_are_exact():
     time, error = errors(ClockSync(), batches(3, lambda rng: 0.0, loss=0.0))
     assert np.abs(error[time > 1.0]).max() < 20e-6
 
 
 @pytest.mark.parametrize('drift', [-3e-3, 500e-6, 3e-3])
-def test_a_poor_oscillator_is_believed_in_the_end(drift):
+def test_a_drift_far_beyond_the_prior_is_estimated_within_seconds(drift):
     rate = 1.0 + drift
     clock, rng = ClockSync(), np.random.default_rng(5)
     for start in range(0, 15_000_000_000, 40_000_000):
@@ -87,17 +87,17 @@ def test_a_poor_oscillator_is_believed_in_the_end(drift):
     assert clock.jitter == pytest.approx(3e-3, rel=0.2)
 
 
-def test_a_device_that_starts_anew_is_followed_at_once():
+def test_the_fit_restarts_at_once_with_the_device():
     clock = ClockSync()
     for device, _, arrival in batches(2, JITTER['exponential'], seconds=2.0):
         clock.update(device[-1], arrival)
-    assert not clock.fits(0, arrival + 1_000_000_000)
+    assert not clock.is_consistent(0, arrival + 1_000_000_000)
     assert clock.update(0, arrival + 1_000_000_000) == arrival + 1_000_000_000
     assert clock.restarts == 1
 
 
 @pytest.mark.parametrize('jump', [-30_000_000_000, -1_000_000_000, 30_000_000_000])
-def test_a_host_clock_that_was_set_is_followed_at_once(jump):
+def test_the_fit_restarts_at_once_after_a_large_step_of_the_host_clock(jump):
     clock = ClockSync()
     for device, _, arrival in batches(2, JITTER['exponential'], seconds=2.0):
         clock.update(device[-1], arrival)
@@ -105,7 +105,7 @@ def test_a_host_clock_that_was_set_is_followed_at_once(jump):
     assert clock.update(device[-1] + 40_000_000, arrival) == arrival
 
 
-def test_a_host_clock_that_was_set_forward_a_little_is_followed_in_a_few_seconds():
+def test_a_small_forward_step_of_the_host_clock_is_corrected_within_seconds():
     clock = ClockSync()
     for device, true, arrival in batches(2, JITTER['exponential'], seconds=20.0):
         late = 500_000_000 if true[0] - HOST_NS > 10_000_000_000 else 0
@@ -113,7 +113,7 @@ def test_a_host_clock_that_was_set_forward_a_little_is_followed_in_a_few_seconds
     assert clock.host_ns(device[-1]) - true[-1] == pytest.approx(500e6, abs=1e6)
 
 
-def test_a_pause_of_the_reader_does_not_move_the_stamps():
+def test_a_pause_of_the_reader_does_not_shift_the_timestamps():
     clock, worst = ClockSync(), 0.0
     for device, host, arrival in batches(4, JITTER['exponential'], seconds=20.0, loss=0.0):
         paused = 8_000_000_000 <= arrival - HOST_NS < 10_000_000_000
@@ -124,7 +124,7 @@ def test_a_pause_of_the_reader_does_not_move_the_stamps():
     assert clock.restarts == 0
 
 
-def test_a_message_told_twice_changes_nothing():
+def test_a_repeated_message_changes_nothing():
     clock = ClockSync()
     first = clock.update(DEVICE_NS, HOST_NS)
     assert clock.update(DEVICE_NS, HOST_NS + 5_000_000) == first
@@ -142,8 +142,8 @@ def test_the_hull_has_no_point_below_it():
         assert np.all(np.diff(np.diff(ys) / np.diff(xs)) > 0.0)
 
 
-def test_what_was_held_up_before_the_first_reading_does_not_stay_in_the_future():
-    """Half a second waits in the buffer while the reader starts, and comes all at once."""
+def test_messages_queued_before_the_first_reading_do_not_leave_timestamps_in_the_future():
+    """Half a second of messages is buffered while the reader starts, and arrives at once."""
     for seed in SEEDS:
         clock, rows = ClockSync(), []
         for device, host, arrival in batches(seed, JITTER['exponential'], seconds=3.0):

@@ -1,4 +1,4 @@
-"""Bytes of an inertial unit to stamped samples, for all it may speak."""
+"""IMU bytes to timestamped samples, for all protocols."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ every_protocol = pytest.mark.parametrize(
 
 
 @every_protocol
-def test_samples_are_in_our_axes_and_at_their_instants(protocol):
+def test_samples_have_rep_103_axes_and_the_time_of_measurement(protocol):
     stream, rng, rows = ImuStream(protocol, latency_ns=2_000_000), np.random.default_rng(1), []
     for index in range(600):  # Xsens: its time wraps in the first second
         true_ns = HOST_NS + index * PERIOD_NS
@@ -48,33 +48,33 @@ def test_samples_are_in_our_axes_and_at_their_instants(protocol):
 
 
 @every_protocol
-def test_frames_are_found_however_they_are_cut(protocol):
+def test_frames_are_found_in_chunks_of_any_size(protocol):
     stream, data = ImuStream(protocol), b''.join(frame(protocol, index) for index in range(6))
     samples = [sample for start in range(0, len(data), 7)
                for sample in stream.feed(data[start:start + 7], HOST_NS + start)]
     assert len(samples) == 6
 
 
-def test_the_stream_says_where_its_stamps_come_from():
-    stamped_by = {}
+def test_the_source_of_the_timestamps_is_reported():
+    sources = {}
     for protocol in ('vectornav_binary', 'vectornav_ascii'):
         stream = ImuStream(protocol)
         list(stream.feed(frame(protocol, 0), HOST_NS))
-        stamped_by[protocol] = stream.stamped_by
-    assert stamped_by['vectornav_binary'] == 'device clock'
-    assert 'arrival' in stamped_by['vectornav_ascii']
+        sources[protocol] = stream.timestamp_source
+    assert sources['vectornav_binary'] == 'device clock'
+    assert 'arrival' in sources['vectornav_ascii']
 
 
-def test_a_binary_frame_without_time_is_stamped_by_its_arrival():
+def test_a_binary_frame_without_device_time_gets_its_arrival_time():
     stream = ImuStream('vectornav_binary')
     fields = vectornav.Field.ANGULAR_RATE | vectornav.Field.ACCEL
     body = vectornav.encode_binary(0, SAMPLE, fields)
     (sample,) = stream.feed(vectornav.encode_frame(body), HOST_NS)
     assert sample.stamp_ns == HOST_NS
-    assert 'arrival' in stream.stamped_by
+    assert 'arrival' in stream.timestamp_source
 
 
-def test_numbers_that_are_none_are_rejected():
+def test_nan_is_rejected():
     stream = ImuStream('vectornav_binary')
     body = vectornav.encode_binary(0, ImuSample(0, (float('nan'), 0.0, 0.0), (0.0, 0.0, 0.0)))
     chunk = vectornav.encode_frame(body) + frame('vectornav_binary', 1)
@@ -87,7 +87,7 @@ NASTY = (math.nan, math.inf, -math.inf, 1e30, -3e30, 0.0)
 
 
 def nasty_frame(protocol, rng):
-    """Return an intact frame with numbers that no unit should send."""
+    """Return an intact frame with numbers that an IMU must not send."""
     numbers = [float(number) for number in rng.choice(NASTY, 10)]
     sample = ImuSample(0, tuple(numbers[:3]), tuple(numbers[3:6]), tuple(numbers[6:]))
     device_ns = int(rng.integers(0, 2**63))
@@ -101,7 +101,7 @@ def nasty_frame(protocol, rng):
 
 
 @every_protocol
-def test_no_intact_frame_ends_the_stream_whatever_its_numbers(protocol):
+def test_frames_with_invalid_numbers_are_rejected_and_decoding_continues(protocol):
     stream, rng = ImuStream(protocol), np.random.default_rng(3)
     for index in range(300):
         assert list(stream.feed(nasty_frame(protocol, rng), HOST_NS + index)) == []
@@ -110,7 +110,7 @@ def test_no_intact_frame_ends_the_stream_whatever_its_numbers(protocol):
 
 
 @every_protocol
-def test_garbage_between_frames_leaves_a_trace(protocol):
+def test_garbage_between_frames_is_counted(protocol):
     stream = ImuStream(protocol)
     garbage = np.random.default_rng(2).bytes(500)
     chunk = frame(protocol, 0) + garbage + frame(protocol, 1) + frame(protocol, 2)
@@ -118,7 +118,7 @@ def test_garbage_between_frames_leaves_a_trace(protocol):
     assert stream.bytes_skipped == 500
 
 
-def test_damaged_sentences_keep_their_place_in_the_count():
+def test_damaged_sentences_advance_the_message_count():
     stream, stamps = ImuStream('vectornav_ascii'), []
     for index in range(400):
         data = frame('vectornav_ascii', index)
@@ -130,11 +130,11 @@ def test_damaged_sentences_keep_their_place_in_the_count():
     assert np.abs(stamps).max() < 0.1e6
 
 
-def test_a_port_that_was_closed_meanwhile_starts_new_clocks():
+def test_clocks_are_reset_when_the_port_is_reopened():
     stream = ImuStream('vectornav_ascii')
     for index in range(50):
         list(stream.feed(frame('vectornav_ascii', index), HOST_NS + index * PERIOD_NS))
-    stream.reopened()
+    stream.reset_clocks()
     later = HOST_NS + 3_333_333_333
     (sample,) = stream.feed(frame('vectornav_ascii', 60), later)
     assert sample.stamp_ns == later

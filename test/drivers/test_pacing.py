@@ -1,4 +1,4 @@
-"""Samples of a batch go out one after the other, in order, in time, and without a backlog."""
+"""Pacing of samples: spacing, order, delay, and no backlog."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ import pytest
 from support.waiting import PATIENCE
 
 from smart_tire.drivers.pacing import (
-    MAX_AT_ONCE, MAX_PENDING, PacedSender, PacingQueue, SPACING_NS, TICK_NS)
+    MAX_BURST_SAMPLES, MAX_PENDING_SAMPLES, PacedSender, PacingQueue, SAMPLE_SPACING_NS,
+    WAKE_PERIOD_NS)
 from smart_tire.samples import TireSample, WHEELS
 
 pytestmark = pytest.mark.processes
@@ -17,22 +18,22 @@ pytestmark = pytest.mark.processes
 PERIOD_NS = 2_500_000           # of the conversions, 400 Hz
 BATCH_NS = 16 * PERIOD_NS       # from a batch to the next one
 RADIO_NS = 5_000_000            # from the last conversion to the arrival
-DEPTH = 10                      # messages that a subscriber keeps by default
+DEPTH = 10                      # default history depth of a subscriber
 
 
 def batch(number, wheel='front_left', start_ns=0):
-    """Return a batch of 16 samples; it arrives at the time that ``arrival`` gives."""
+    """Return a batch of 16 samples, which arrives at ``arrival(number, start_ns)``."""
     return [TireSample(start_ns + number * BATCH_NS + index * PERIOD_NS, wheel, (1.65, 1.65))
             for index in range(16)]
 
 
 def arrival(number, start_ns=0):
-    """Return when the batch of that number arrives."""
+    """Return when the batch ``number`` arrives."""
     return start_ns + number * BATCH_NS + 15 * PERIOD_NS + RADIO_NS
 
 
 def drain(queue, until_ns, late_ns=0):
-    """Take whatever is due until then, ``late_ns`` after it is due; return (time, samples)."""
+    """Take samples up to ``until_ns``, each ``late_ns`` after its time; return (time, samples)."""
     taken = []
     while (due_ns := queue.due_ns()) is not None and due_ns + late_ns <= until_ns:
         taken.append((due_ns + late_ns, queue.take(due_ns + late_ns)))
@@ -40,7 +41,7 @@ def drain(queue, until_ns, late_ns=0):
 
 
 def run(batches, wheels, late_ns=0):
-    """Put (arrival, batch) pairs into a queue and return when each sample was sent."""
+    """Put (arrival, batch) pairs into a queue and return the sent samples with their times."""
     queue, taken = PacingQueue(wheels), []
     for now_ns, one in sorted(batches, key=lambda item: item[0]):
         taken += drain(queue, now_ns, late_ns)
@@ -56,39 +57,39 @@ def flat(taken):
 
 
 def together(number):
-    """Return a batch of each of four wheels, all of which arrive at the same time."""
+    """Return a batch of each of four wheels, with the same time of arrival."""
     return [(arrival(number), batch(number, wheel)) for wheel in WHEELS]
 
 
 def staggered(number):
-    """Return a batch of each of four wheels, of which one arrives every 10 ms."""
-    return [(arrival(number, place * 10_000_000), batch(number, wheel, place * 10_000_000))
-            for place, wheel in enumerate(WHEELS)]
+    """Return a batch of each of four wheels, arriving at intervals of 10 ms."""
+    return [(arrival(number, index * 10_000_000), batch(number, wheel, index * 10_000_000))
+            for index, wheel in enumerate(WHEELS)]
 
 
-def test_the_first_sample_goes_out_at_once_and_the_others_a_millisecond_apart():
+def test_the_first_sample_is_sent_at_once_and_the_others_a_millisecond_apart():
     sent = flat(run([(arrival(0), batch(0))], 1))
     assert [sample for _, sample in sent] == batch(0)
     assert sent[0][0] == arrival(0)
-    assert sent[-1][0] - sent[0][0] == pytest.approx(15 * SPACING_NS, abs=TICK_NS)
+    assert sent[-1][0] - sent[0][0] == pytest.approx(15 * SAMPLE_SPACING_NS, abs=WAKE_PERIOD_NS)
 
 
 @pytest.mark.parametrize(('arriving', 'wheels'), [
     (lambda number: [(arrival(number), batch(number))], 1),
     (lambda number: staggered(number)[::2], 2), (together, 4), (staggered, 4)])
 @pytest.mark.parametrize('late_ns', [0, 300_000, 1_000_000])
-def test_no_ten_samples_go_out_within_less_than_the_rate_of_the_wheels_demands(
+def test_ten_samples_are_never_sent_faster_than_the_sample_rate_requires(
         arriving, wheels, late_ns):
     sent = [now_ns for now_ns, _ in flat(run(
         [item for number in range(50) for item in arriving(number)], wheels, late_ns))]
     # Four wheels send 1600/s: 10 samples in 6.25 ms on average.
-    least_ns = 2 * TICK_NS if wheels == 4 else 4 * TICK_NS
+    least_ns = 2 * WAKE_PERIOD_NS if wheels == 4 else 4 * WAKE_PERIOD_NS
     assert min(last - first for first, last in zip(sent, sent[DEPTH:])) >= least_ns
 
 
 @pytest.mark.parametrize('arriving', [together, staggered])
 @pytest.mark.parametrize('late_ns', [0, 300_000])
-def test_every_batch_of_four_wheels_is_out_before_the_next_one_of_its_wheel_comes(
+def test_every_batch_is_sent_before_the_next_one_of_its_wheel_arrives(
         arriving, late_ns):
     taken = run([item for number in range(50) for item in arriving(number)], 4, late_ns)
     sent = {(sample.wheel, sample.stamp_ns): now_ns for now_ns, sample in flat(taken)}
@@ -97,14 +98,14 @@ def test_every_batch_of_four_wheels_is_out_before_the_next_one_of_its_wheel_come
 
 
 @pytest.mark.parametrize('arriving', [together, staggered])
-def test_no_sample_is_older_when_it_is_sent_than_the_first_one_of_its_batch_may_be(arriving):
+def test_no_sample_is_sent_older_than_the_first_one_of_a_batch(arriving):
     sent = flat(run([item for number in range(50) for item in arriving(number)], 4))
     oldest_ns = 15 * PERIOD_NS + RADIO_NS
-    assert max(now_ns - sample.stamp_ns for now_ns, sample in sent) <= oldest_ns + TICK_NS
+    assert max(now_ns - sample.stamp_ns for now_ns, sample in sent) <= oldest_ns + WAKE_PERIOD_NS
 
 
 @pytest.mark.parametrize('arriving', [together, staggered])
-def test_wheels_take_turns_and_each_keeps_its_order(arriving):
+def test_wheels_alternate_and_each_keeps_its_order(arriving):
     sent = flat(run([item for number in range(3) for item in arriving(number)], 4))
     for wheel in WHEELS:
         stamps = [sample.stamp_ns for _, sample in sent if sample.wheel == wheel]
@@ -115,29 +116,29 @@ def test_wheels_take_turns_and_each_keeps_its_order(arriving):
             assert {sample.wheel for _, sample in sent[start:start + 4]} == set(WHEELS)
 
 
-def test_a_batch_that_was_overtaken_by_the_next_one_stays_behind_it():
+def test_a_batch_that_arrives_after_the_next_one_is_sent_after_it():
     sent = [sample for _, sample in flat(run(
         [(arrival(1), batch(1)), (arrival(1) + 1, batch(0))], 1))]
     assert sent == batch(1) + batch(0)
 
 
-def test_a_late_thread_does_not_make_up_for_it_with_a_burst():
+def test_a_late_wake_up_does_not_cause_a_burst():
     taken = run([(arrival(0), batch(0))], 1, late_ns=20_000_000)
-    assert max(len(samples) for _, samples in taken) <= MAX_AT_ONCE
+    assert max(len(samples) for _, samples in taken) <= MAX_BURST_SAMPLES
 
 
-def test_batches_that_come_together_are_sent_faster():
+def test_batches_that_arrive_together_are_sent_faster():
     queue = PacingQueue(1)
     for number in range(5):  # after a stall of the host
         queue.put(batch(number), arrival(4))
-    taken = drain(queue, arrival(4) + BATCH_NS + TICK_NS)
+    taken = drain(queue, arrival(4) + BATCH_NS + WAKE_PERIOD_NS)
     assert [sample for _, sample in flat(taken)] == [
         sample for number in range(5) for sample in batch(number)]
     assert queue.overruns == 0
 
 
-def test_what_exceeds_the_bound_is_sent_at_once():
-    queue, count = PacingQueue(1), MAX_PENDING // 16 + 1
+def test_too_many_pending_samples_are_sent_at_once():
+    queue, count = PacingQueue(1), MAX_PENDING_SAMPLES // 16 + 1
     for number in range(count):
         queue.put(batch(number), arrival(0))
     assert queue.overruns == 1
@@ -147,12 +148,12 @@ def test_what_exceeds_the_bound_is_sent_at_once():
 
 
 @pytest.mark.parametrize('stamps', [[7], [7, 7, 7], [9, 8, 7]])
-def test_stamps_that_give_no_period_are_sent_without_pacing(stamps):
+def test_samples_without_a_valid_period_are_sent(stamps):
     samples = [TireSample(stamp, 'front_left', (1.65,)) for stamp in stamps]
     assert [sample for _, sample in flat(run([(100, samples)], 1))] == samples
 
 
-def test_a_stop_sends_what_still_waits():
+def test_stop_sends_pending_samples():
     sent = []
     sender = PacedSender(sent.append, 1)
     sender.start()
@@ -166,7 +167,7 @@ def test_a_sender_that_never_started_can_be_stopped():
     PacedSender(lambda sample: None, 1).stop()
 
 
-def test_putting_a_batch_never_waits_for_the_publisher():
+def test_queuing_a_batch_does_not_wait_for_the_publisher():
     release, entered = threading.Event(), threading.Event()
 
     def send(sample):
@@ -178,14 +179,14 @@ def test_putting_a_batch_never_waits_for_the_publisher():
     sender.put(batch(0))
     assert entered.wait(PATIENCE)
     begin = time.monotonic()
-    sender.put(batch(1))  # would wait for ``release`` if it had to
+    sender.put(batch(1))  # would wait for ``release`` if it blocked
     assert time.monotonic() - begin < PATIENCE / 2
     release.set()
     sender.stop()
 
 
-def test_more_than_the_bound_at_once_does_not_end_the_sender():
-    sent, batches = [], [batch(number) for number in range(2 * MAX_PENDING // 16)]
+def test_an_overrun_does_not_end_the_sender():
+    sent, batches = [], [batch(number) for number in range(2 * MAX_PENDING_SAMPLES // 16)]
     sender = PacedSender(sent.append, 1)
     for one in batches:
         sender.put(one)

@@ -1,4 +1,4 @@
-"""Requests and replies: retried once, never mistaken for each other, never trusted in a flood."""
+"""Requests and replies: one retry, no confusion of replies, refusal of unrequested bytes."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 from serial import SerialTimeoutException
 from support.pty_port import PtyPort
 
-from smart_tire.drivers.roboclaw_line import Line, MAX_STRAY, REPLY_TIMEOUT
+from smart_tire.drivers.roboclaw_line import MAX_UNREQUESTED_BYTES, REPLY_TIMEOUT, RoboclawLine
 from smart_tire.drivers.serial_port import open_port
 from smart_tire.errors import FrameError
 from smart_tire.protocol.roboclaw import encode_reply, encode_request, READ_TIMEOUT, SET_DUTY
@@ -21,7 +21,7 @@ BAD = GOOD[:-1] + bytes((GOOD[-1] ^ 1,))
 
 
 class ScriptedPort:
-    """A port that gives one of ``replies`` after each request."""
+    """A port that returns the next of ``replies`` after each request."""
 
     def __init__(self, *replies):
         self.replies = list(replies)
@@ -50,7 +50,7 @@ class ScriptedPort:
 
 
 def line_on(*replies):
-    line, port = Line(), ScriptedPort(*replies)
+    line, port = RoboclawLine(), ScriptedPort(*replies)
     line.use(port)
     return line, port
 
@@ -66,7 +66,7 @@ def test_a_good_reply_is_returned_and_counted():
 
 
 @pytest.mark.parametrize('first', [BAD, b'', GOOD[:2]])
-def test_one_bad_reply_is_asked_for_again(first):
+def test_a_request_is_repeated_once_after_a_bad_reply(first):
     line, port = line_on(first, GOOD)
     assert line.exchange(128, READ_TIMEOUT) == (2,)
     assert line.retried
@@ -87,25 +87,26 @@ def test_two_bad_replies_are_an_error():
     assert 'wrong CRC' in line.last_error
 
 
-def test_a_late_reply_is_not_taken_for_the_next_one():
+def test_a_late_reply_is_not_mistaken_for_the_next_one():
     line, port = line_on(GOOD)
     port.pending = encode_reply(128, READ_TIMEOUT, 9)
     assert line.exchange(128, READ_TIMEOUT) == (2,)
     assert line.bytes_skipped == len(GOOD)
 
 
-def test_a_flood_is_an_error_whatever_the_reply():
+def test_many_unrequested_bytes_are_an_error_whatever_the_reply():
     line, port = line_on(GOOD)
-    port.pending = bytes(MAX_STRAY + 1)
-    with pytest.raises(FrameError, match=f'{MAX_STRAY + 1} bytes came without a request'):
+    count = MAX_UNREQUESTED_BYTES + 1
+    port.pending = bytes(count)
+    with pytest.raises(FrameError, match=f'{count} bytes arrived without a request'):
         line.exchange(128, READ_TIMEOUT)
     assert port.written == []
     assert line.frames_bad == 1
-    port.pending = bytes(MAX_STRAY)
+    port.pending = bytes(MAX_UNREQUESTED_BYTES)
     assert line.exchange(128, READ_TIMEOUT) == (2,)
 
 
-def test_a_probe_is_one_request_and_wants_a_quiet_line():
+def test_a_probe_is_a_single_request_and_needs_a_quiet_line():
     line, port = line_on(GOOD, BAD, b'', GOOD)
     assert line.probe(128, READ_TIMEOUT) is True
     assert line.probe(128, READ_TIMEOUT) is False
@@ -124,7 +125,7 @@ def test_a_post_does_not_wait():
     assert line.receive() == b'\xff\xff'
 
 
-def test_what_waits_to_be_sent_can_be_discarded():
+def test_unsent_and_received_bytes_can_be_discarded():
     line, port = line_on()
     line.post(128, SET_DUTY, 100, 100)
     port.pending = b'\xff'
@@ -139,8 +140,8 @@ def port(tmp_path):
     plugged.unplug()
 
 
-def test_a_missing_reply_is_noticed_before_the_next_period(port):
-    line = Line()
+def test_a_missing_reply_is_detected_before_the_next_period(port):
+    line = RoboclawLine()
     line.use(open_port(str(port.path), 115200))
     began = time.monotonic()
     with pytest.raises(FrameError, match='has 0 bytes'):
@@ -149,8 +150,8 @@ def test_a_missing_reply_is_noticed_before_the_next_period(port):
     assert 2 * REPLY_TIMEOUT <= time.monotonic() - began < 0.0625 + 0.05
 
 
-def test_a_line_that_takes_nothing_is_an_error_at_once(port):
-    line = Line()
+def test_a_line_that_accepts_no_bytes_is_an_error_within_the_write_time_out(port):
+    line = RoboclawLine()
     opened = open_port(str(port.path), 115200)
     line.use(opened)
     os.set_blocking(opened.fileno(), False)

@@ -1,4 +1,4 @@
-"""Two motor boards on one line: polled, driven, supervised, and stopped when in doubt."""
+"""Two motor boards on one line: polled, driven, supervised, and stopped on every fault."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def rig(tmp_path_factory) -> Iterator[MotorRig]:
 
 
 class Running:
-    """Motor boards at work on a port; a context that commands by itself if asked to."""
+    """Served motor boards, a context; sends commands periodically once ``duty`` is set."""
 
     def __init__(self, rig, **parameters):
         params = build(MotorDriverParams, {key.replace('__', '.'): value
@@ -64,7 +64,7 @@ class Running:
         self.port.close()
 
     def end(self):
-        """End the work on the port."""
+        """Stop serving the port."""
         self._stopping.set()
         self._thread.join()
 
@@ -75,18 +75,18 @@ class Running:
                 self.motors.wake()
 
     def drive(self, *duty):
-        """Command from now on, and wait until the motors have it and the wheels turn."""
+        """Command from now on, and wait until motors and wheels follow."""
         self.duty = duty if len(duty) == 4 else duty * 4
         wait_for(lambda: np.allclose(self.rig.state().duty, self.duty, atol=1e-4)
                  and np.allclose(self.rig.state().speeds, np.multiply(self.duty, 20.0), atol=2.0))
 
     def stopped(self, since):
-        """Return after how many seconds the motors had zero duty."""
+        """Return the time from ``since`` to zero duty at the motors [s]."""
         wait_for(lambda: self.rig.state().still)
         return self.rig.state().changed - since
 
     def wait(self, count):
-        """Wait until ``count`` more samples have come and return the last one."""
+        """Wait for ``count`` more samples and return the last one."""
         count += len(self.samples)
         wait_for(lambda: len(self.samples) >= count)
         return self.samples[-1]
@@ -97,7 +97,7 @@ def pause(seconds):
     threading.Event().wait(seconds)
 
 
-def test_samples_tell_speeds_angles_and_duties(rig):
+def test_samples_contain_speeds_angles_and_duties(rig):
     with Running(rig) as running:
         running.drive(0.5, 0.3, -0.4, 0.2)
         running.wait(8)
@@ -112,7 +112,7 @@ def test_samples_tell_speeds_angles_and_duties(rig):
 
 
 @pytest.mark.parametrize('rate', [4.0, 16.0, 50.0])
-def test_samples_come_at_the_rate_and_hold_the_mean_speed_of_their_period(rig, rate):
+def test_samples_have_the_configured_rate_and_the_mean_speed_of_their_period(rig, rate):
     with Running(rig, rate=rate) as running:
         running.duty = (0.3,) * 4
         running.wait(round(1.5 * rate))
@@ -128,7 +128,7 @@ def test_samples_come_at_the_rate_and_hold_the_mean_speed_of_their_period(rig, r
         assert max(sample.velocity[0] for sample in samples) > 5.0
 
 
-def test_wheels_are_checked_16_times_a_second_however_rarely_samples_come(rig):
+def test_wheels_are_checked_16_times_a_second_at_any_sample_rate(rig):
     with Running(rig, rate=1.0) as running:
         running.wait(2)
         record = rig.record(running.began)
@@ -137,7 +137,7 @@ def test_wheels_are_checked_16_times_a_second_however_rarely_samples_come(rig):
             assert np.max(np.diff(times)) < 0.0625 + SLACK
 
 
-def test_mirrored_wheels_count_and_drive_backwards(rig):
+def test_a_negative_sign_reverses_encoder_and_motor(rig):
     with Running(rig, signs=[1, -1, 1, -1]) as running:
         running.duty = (0.4, 0.4, 0.2, 0.2)
         wait_for(lambda: np.allclose(rig.state().duty, (0.4, -0.4, 0.2, -0.2), atol=1e-4))
@@ -147,7 +147,7 @@ def test_mirrored_wheels_count_and_drive_backwards(rig):
         assert min(running.samples[-1].velocity) > 0.0
 
 
-def test_a_command_goes_out_at_once_and_ends_at_its_time_out(rig):
+def test_a_command_is_sent_at_once_and_ends_at_its_time_out(rig):
     with Running(rig, rate=1.0) as running:
         pause(0.1)
         asked = time.monotonic()
@@ -160,7 +160,7 @@ def test_a_command_goes_out_at_once_and_ends_at_its_time_out(rig):
         assert running.reports == ['motors stopped: no motor command for 0.25 s']
 
 
-def test_zero_goes_out_at_once_when_the_gate_stops(rig):
+def test_zero_is_sent_at_once_when_the_gate_stops(rig):
     with Running(rig, rate=1.0) as running:
         running.drive(0.5)
         asked = time.monotonic()
@@ -177,10 +177,10 @@ def test_the_motors_stop_with_the_program(rig):
         assert rig.state().still
         assert running.stopped(ended) < 0.1
         assert not running.gate.enabled
-        assert running.reports == []  # an end is not an event
+        assert running.reports == []  # a regular end is not reported
 
 
-def test_boards_that_somebody_left_driving_are_stopped_first(rig):
+def test_the_first_request_to_each_board_is_zero_duty(rig):
     with Running(rig) as running:
         requests = rig.record(running.began).requests
         for address in ADDRESSES:
@@ -196,7 +196,7 @@ def test_waiting_costs_no_cpu_time(rig):
         assert time.process_time() - before < 0.5
 
 
-def test_after_the_port_was_opened_again_the_ages_of_readings_start_over(rig):
+def test_the_ages_of_readings_restart_when_the_port_is_reopened(rig):
     with Running(rig) as running:
         running.wait(1)
         running.end()
@@ -208,7 +208,7 @@ def test_after_the_port_was_opened_again_the_ages_of_readings_start_over(rig):
         thread = threading.Thread(target=running.motors.run, args=(port, stopping))
         thread.start()
         pause(0.3)
-        assert max(running.motors.unread().values()) < 0.8
+        assert max(running.motors.reading_ages().values()) < 0.8
         stopping.set()
         thread.join()
         port.close()
@@ -221,10 +221,10 @@ def test_the_boards_get_their_time_out_before_any_duty(rig):
         for address in ADDRESSES:
             for command in (SET_TIMEOUT, READ_TIMEOUT, READ_STATUS, READ_BATTERY):
                 assert record.times(command, address)[0] < record.first_duty()
-        assert rig.state().timeouts == (3, 3)  # in units of 0.1 s, rounded up
+        assert rig.state().timeouts == (3, 3)  # 0.1 s, rounded up
 
 
-def test_the_line_is_never_silent_for_long_while_all_is_well(rig):
+def test_duties_are_sent_continuously_without_commands(rig):
     with Running(rig, rate=1.0) as running:
         pause(1.0)
         record = rig.record(running.began)
@@ -251,12 +251,12 @@ def test_status_time_out_and_supply_are_read_several_times_a_second(rig):
                 times = record.times(command, address)
                 assert np.max(np.diff(times)) < 0.15 + 2 * SLACK
                 assert len(times) < 15  # the line has other work
-        assert running.motors.supply() == pytest.approx(14.8)
+        assert running.motors.supply_voltage() == pytest.approx(14.8)
 
 
 @pytest.mark.parametrize('faults', [
     {'mute': {128, 129}}, {'mute': {128}}, {'garbled': {129}}, {'flood': True}], ids=str)
-def test_a_board_without_a_good_reply_stops_both(rig, faults):
+def test_a_missing_or_damaged_reply_stops_both_boards(rig, faults):
     with Running(rig) as running:
         running.drive(0.4)
         assert running.motors.faults == 0
@@ -282,7 +282,7 @@ def test_a_board_without_a_good_reply_stops_both(rig, faults):
         running.drive(0.4)
 
 
-def test_zero_is_tried_on_both_boards_at_once_in_a_fault(rig):
+def test_zero_is_sent_to_both_boards_at_once_after_a_fault(rig):
     with Running(rig) as running:
         running.drive(0.4)
         failed = rig.fail(mute={128})
@@ -294,7 +294,7 @@ def test_zero_is_tried_on_both_boards_at_once_in_a_fault(rig):
         assert abs(first[0] - first[1]) < 0.005
 
 
-def test_a_damaged_line_that_heals_at_once_is_used_again_without_the_silence(rig):
+def test_a_line_that_recovers_at_once_is_used_again_without_the_silence(rig):
     with Running(rig) as running:
         running.drive(0.4)
         failed = rig.fail(drop=2)  # a request and its repetition
@@ -314,10 +314,10 @@ def test_the_first_reading_after_a_fault_gives_no_speed(rig):
         rig.fail(drop=2)
         wait_for(lambda: running.motors.faults == 1)
         running.wait(2)
-        assert all(min(sample.velocity) > 0.1 for sample in running.samples[seen:])  # they coast
+        assert all(min(sample.velocity) > 0.1 for sample in running.samples[seen:])  # coasting
 
 
-def test_a_reply_that_had_to_be_repeated_makes_no_sample(rig):
+def test_a_repeated_request_does_not_yield_a_sample(rig):
     with Running(rig) as running:
         running.drive(0.3)
         count = len(running.samples)
@@ -329,7 +329,7 @@ def test_a_reply_that_had_to_be_repeated_makes_no_sample(rig):
         assert np.ptp(speeds) < 3.0
 
 
-def test_a_board_that_restarts_is_prepared_again(rig):
+def test_a_restarted_board_is_configured_again(rig):
     with Running(rig) as running:
         running.drive(0.4)
         position = running.wait(1).position
@@ -347,7 +347,7 @@ def test_a_board_that_restarts_is_prepared_again(rig):
     ({'status': {128: 0x0001}}, 'front board 128 (0x80) reports status 0x0001, expected 0'),
     ({'supply': {129: 104}}, 'supply of rear board 129 (0x81) is low: 10.4 V, expected at least'),
 ])
-def test_a_board_that_is_not_well_stops_both_until_it_is_and_commands_paused(rig, faults, text):
+def test_a_board_fault_stops_both_until_it_is_gone_and_commands_paused(rig, faults, text):
     with Running(rig) as running:
         running.drive(0.4)
         failed = rig.fail(**faults)
@@ -355,13 +355,13 @@ def test_a_board_that_is_not_well_stops_both_until_it_is_and_commands_paused(rig
         assert text in running.reports[0]
         running.duty = (0.0,) * 4
         pause(0.2)
-        assert not running.gate.enabled  # the cause is still there
+        assert not running.gate.enabled  # the cause is still present
         rig.fail()
         wait_for(lambda: running.gate.enabled)
         running.drive(0.4)
 
 
-def test_a_single_low_reading_of_the_supply_stops_nothing(rig):
+def test_a_single_low_supply_reading_does_not_stop_the_motors(rig):
     with Running(rig) as running:
         running.drive(0.4)
         for _ in range(3):
@@ -387,7 +387,7 @@ def test_status_bits_may_be_tolerated(rig):
     ({'frozen': {3}}, 'rear_right no encoder counts'),
     ({'reversed': {1}}, 'front_right turns against duty'),
     ({'reversed': {2}}, 'rear_left turns against duty')])
-def test_a_wheel_that_contradicts_its_duty_stops_all(rig, faults, text):
+def test_a_wheel_that_contradicts_its_duty_stops_all_motors(rig, faults, text):
     with Running(rig) as running:
         running.drive(0.4)
         failed = rig.fail(**faults)
@@ -395,7 +395,7 @@ def test_a_wheel_that_contradicts_its_duty_stops_all(rig, faults, text):
         assert text in running.reports[0]
         rig.fail()
         pause(0.4)
-        assert rig.state().still  # commands went on all the time
+        assert rig.state().still  # commands were never interrupted
         running.duty = (0.0,) * 4
         wait_for(lambda: running.gate.enabled)
         running.drive(0.4)
@@ -413,7 +413,7 @@ def test_a_stop_is_confirmed_by_both_boards(rig):
 
 
 @pytest.mark.parametrize('mute', [{128}, {129}, {128, 129}])
-def test_a_stop_that_is_not_confirmed_names_the_boards(rig, mute):
+def test_the_boards_that_do_not_confirm_a_stop_are_named(rig, mute):
     with Running(rig) as running:
         running.drive(0.4)
         rig.fail(mute=mute)
@@ -425,23 +425,23 @@ def test_a_stop_that_is_not_confirmed_names_the_boards(rig, mute):
         assert silent == [names[address] for address in sorted(mute)]
 
 
-def test_a_silent_board_is_named_with_the_time_since_it_was_read(rig):
+def test_the_time_since_the_latest_reading_is_reported_per_board(rig):
     with Running(rig) as running:
         running.wait(2)
-        assert max(running.motors.unread().values()) < 0.2
+        assert max(running.motors.reading_ages().values()) < 0.2
         failed = rig.fail(mute={129})
         pause(0.6)
-        ages = running.motors.unread()
+        ages = running.motors.reading_ages()
         assert list(ages) == ['front board 128 (0x80)', 'rear board 129 (0x81)']
         assert ages['rear board 129 (0x81)'] == pytest.approx(time.monotonic() - failed, abs=0.2)
 
 
-def test_before_the_boards_were_read_nothing_is_known_of_them():
+def test_before_the_first_reading_the_supply_voltage_is_nan():
     motors = RoboclawPair(MotorDriverParams(), DutyGate(0.25, print), print)
-    assert math.isnan(motors.supply())
-    motors._boards[0].supply = 12.0
-    assert math.isnan(motors.supply())
-    motors._boards[1].supply = 11.0
-    assert motors.supply() == 11.0
-    assert max(motors.unread().values()) < 1.0
+    assert math.isnan(motors.supply_voltage())
+    motors._boards[0].supply_voltage = 12.0
+    assert math.isnan(motors.supply_voltage())
+    motors._boards[1].supply_voltage = 11.0
+    assert motors.supply_voltage() == 11.0
+    assert max(motors.reading_ages().values()) < 1.0
     assert motors.await_zero(0.01) == ['front board 128 (0x80)', 'rear board 129 (0x81)']

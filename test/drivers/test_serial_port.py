@@ -1,4 +1,4 @@
-"""Ports that are absent, busy, unplugged and plugged in again."""
+"""Serial ports that are absent, busy, unplugged and plugged in again."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 import serial
 from support.waiting import wait_for
 
-from smart_tire.drivers.serial_port import open_port, pump, SerialPort
+from smart_tire.drivers.serial_port import open_port, read_loop, SerialPort
 from smart_tire.errors import LinkError
 
 pytestmark = pytest.mark.safety
@@ -17,18 +17,18 @@ pytestmark = pytest.mark.safety
 
 @pytest.fixture
 def link(port):
-    """Return a link whose chunks and reports can be read as ``received`` and ``reports``."""
+    """Return a port whose chunks and reports are collected in ``received`` and ``reports``."""
     received, reports = bytearray(), []
     made = SerialPort(
         str(port.path), 115200,
-        lambda open_port, stopping: pump(open_port, stopping, lambda chunk, _: received.extend(
-            chunk)), reports.append)
+        lambda opened, stopping: read_loop(
+            opened, stopping, lambda chunk, _: received.extend(chunk)), reports.append)
     made.received, made.reports = received, reports
     yield made
     made.stop()
 
 
-def test_a_chunk_carries_the_time_after_its_last_byte():
+def test_a_chunk_has_the_time_after_its_last_byte():
     end, stopping, chunks = serial.serial_for_url('loop://', timeout=0.1), threading.Event(), []
 
     def deliver(chunk, stamp_ns):
@@ -38,7 +38,7 @@ def test_a_chunk_carries_the_time_after_its_last_byte():
 
     before = time.time_ns()
     end.write(b'hello')
-    pump(end, stopping, deliver)
+    read_loop(end, stopping, deliver)
     stamps = [stamp_ns for _, stamp_ns in chunks]
     assert before <= stamps[0] <= stamps[-1] <= time.time_ns()
 
@@ -46,17 +46,17 @@ def test_a_chunk_carries_the_time_after_its_last_byte():
 @pytest.mark.parametrize(('url', 'reason'), [
     ('/no/such/port', 'there is no such port'),
     ('bogus://port', "protocol 'bogus' not known"),
-    ('/dev/null', 'it is no serial port'),
+    ('/dev/null', 'it is not a serial port'),
 ])
-def test_a_port_that_can_not_be_opened_is_refused_with_the_reason(url, reason):
+def test_a_port_that_cannot_be_opened_is_refused_with_the_reason(url, reason):
     with pytest.raises(LinkError, match=f'cannot open {url} at 9600 baud: .*{reason}'):
         open_port(url, 9600)
 
 
-def test_a_plain_file_is_refused_with_a_reason_and_left_as_it_is(tmp_path):
+def test_a_plain_file_is_refused_with_a_reason_and_not_modified(tmp_path):
     path = tmp_path / 'notes.txt'
     path.write_text('hello')
-    with pytest.raises(LinkError, match='notes.txt at 115200 baud: it is no serial port'):
+    with pytest.raises(LinkError, match='notes.txt at 115200 baud: it is not a serial port'):
         open_port(str(path), 115200)
     assert path.read_text() == 'hello'
 
@@ -69,7 +69,7 @@ def test_a_port_that_is_in_use_is_refused(port):
     open_port(str(port.path), 115200).close()
 
 
-def test_bytes_from_before_the_opening_are_not_delivered(port):
+def test_bytes_received_before_opening_are_not_delivered(port):
     port.plug_in().write(b'old')
     opened = open_port(str(port.path), 115200, timeout=0.0)
     assert opened.read(10) == b''
@@ -85,7 +85,7 @@ def test_a_missing_port_is_opened_when_it_appears(port, link):
     port.write(b'data')
     wait_for(lambda: link.received == b'data')
     assert link.problem == ''
-    assert len(link.reports) == 2  # absent, open: one line each, however often it was tried
+    assert len(link.reports) == 2  # absent, open: one line each, for any number of attempts
 
 
 def test_a_port_that_is_unplugged_is_opened_again(port, link):
@@ -101,15 +101,15 @@ def test_a_port_that_is_unplugged_is_opened_again(port, link):
     assert any(report.startswith('lost ') for report in link.reports)
 
 
-def test_a_link_stops_while_the_port_is_silent_or_missing(port, link):
+def test_a_port_stops_while_its_device_is_missing(port, link):
     link.start()
     wait_for(lambda: link.refused)
     link.stop()
     opened = link.opened
     port.plug_in()
     assert link.opened == opened
-    open_port(str(port.path), 115200).close()  # nobody holds it
+    open_port(str(port.path), 115200).close()  # it is not locked
 
 
-def test_a_link_that_was_never_started_stops():
+def test_a_port_that_was_never_started_stops():
     SerialPort('/no/such/port', 9600, lambda port, stopping: None, lambda report: None).stop()

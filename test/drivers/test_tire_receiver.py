@@ -1,4 +1,4 @@
-"""Radio bytes to stamped samples: sequences, timers, duplicates, resets, strangers."""
+"""Radio bytes to samples: sequences, timers, duplicates, resets, unknown nodes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from smart_tire.protocol.tire_payload import encode_batch, SATURATED, TireBatch
 from smart_tire.protocol.xbee import encode_frame, encode_receive_packet, ReceivePacket
 from smart_tire.samples import BatterySample
 
-ADDRESS, STRANGER = 0x0013A20040A1B2C3, 0x0013A200DEADBEEF
+ADDRESS, OTHER_ADDRESS = 0x0013A20040A1B2C3, 0x0013A200DEADBEEF
 HOST_NS = 1_700_000_000_000_000_000
 BATCH = TireBatch(flags=0, sequence=100, timer_us=5_000_000, period_us=2500,
                   codes=((0, 512),) * 15 + ((1023, 511),), battery_mv=3700)
@@ -19,25 +19,25 @@ SPAN_US = 40_000  # between batches of 16 samples
 
 
 def batch(count, **changes):
-    """Return the batch ``count`` places after ``BATCH``, wrapped as on the wire."""
+    """Return the batch ``count`` batches after ``BATCH``, wrapped as in the payload."""
     changed = replace(BATCH, **changes)
     return replace(changed, sequence=(changed.sequence + count) % 65536,
                    timer_us=(changed.timer_us + count * SPAN_US) % 2**32)
 
 
 def arrival(count):
-    """Return when the batch ``count`` arrives over a radio that takes 5 ms."""
+    """Return when the batch ``count`` arrives over a radio with a delay of 5 ms."""
     return HOST_NS + count * SPAN_US * 1000 + 15 * 2_500_000 + 5_000_000
 
 
 def packet(payload, source=ADDRESS):
-    """Return the bytes of the coordinator for a payload."""
+    """Return the bytes that the coordinator sends for a payload."""
     return encode_frame(encode_receive_packet(ReceivePacket(source, 0xFFFE, 1, payload)))
 
 
-def feed(unit, *batches):
+def feed(node, *batches):
     """Feed (count, batch) pairs and return all samples."""
-    return [sample for count, one in batches for sample in unit.update(one, arrival(count))]
+    return [sample for count, one in batches for sample in node.update(one, arrival(count))]
 
 
 def samples_of(stream, chunk, receive_ns):
@@ -47,67 +47,67 @@ def samples_of(stream, chunk, receive_ns):
 
 
 @pytest.fixture
-def unit():
+def node():
     return SensorNode('front_right', latency_ns=5_000_000)
 
 
-def test_every_conversion_gets_its_instant_and_its_volts(unit):
-    samples = feed(unit, *((count, batch(count)) for count in range(50)))
+def test_every_conversion_has_its_time_and_its_voltages(node):
+    samples = feed(node, *((count, batch(count)) for count in range(50)))
     assert len(samples) == 50 * 16
     late = samples[-320:]
     assert [sample.stamp_ns for sample in late] == [
         pytest.approx(HOST_NS + index * 2_500_000, abs=20_000) for index in range(480, 800)]
     assert {sample.wheel for sample in samples} == {'front_right'}
     assert late[0].volts == pytest.approx((0.0, 512 * 3.3 / 1023))
-    assert late[-1].volts == pytest.approx((3.3, 511 * 3.3 / 1023))  # clipped: at the rail
-    assert unit.lost == unit.duplicates == unit.resets == 0
+    assert late[-1].volts == pytest.approx((3.3, 511 * 3.3 / 1023))  # saturated
+    assert node.lost == node.duplicates == node.resets == 0
 
 
-def test_a_single_channel_gives_one_voltage(unit):
-    samples = feed(unit, (0, replace(BATCH, codes=((0,), (1023,)))))
+def test_a_single_channel_gives_one_voltage(node):
+    samples = feed(node, (0, replace(BATCH, codes=((0,), (1023,)))))
     assert [sample.volts for sample in samples] == [(0.0,), (3.3,)]
 
 
-def test_lost_batches_are_counted_and_leave_a_gap(unit):
-    samples = feed(unit, *((count, batch(count)) for count in (0, 1, 2, 5, 6, 10)))
-    assert unit.lost == 5
-    assert unit.batches == 6
+def test_lost_batches_are_counted_and_leave_a_gap(node):
+    samples = feed(node, *((count, batch(count)) for count in (0, 1, 2, 5, 6, 10)))
+    assert node.lost == 5
+    assert node.batches == 6
     gap = samples[48].stamp_ns - samples[47].stamp_ns
     assert gap == pytest.approx(2_500_000 + 2 * SPAN_US * 1000, rel=0.01)
 
 
 @pytest.mark.parametrize('changes', [{'sequence': 65530}, {'timer_us': 2**32 - 200_000},
                                      {'sequence': 65530, 'timer_us': 2**32 - 100_000}])
-def test_sequence_and_timer_may_wrap(unit, changes):
-    samples = feed(unit, *((count, batch(count, **changes)) for count in range(20)))
+def test_sequence_and_timer_may_wrap(node, changes):
+    samples = feed(node, *((count, batch(count, **changes)) for count in range(20)))
     steps = [b.stamp_ns - a.stamp_ns for a, b in zip(samples, samples[1:])]
     assert steps == [pytest.approx(2_500_000, rel=0.01)] * len(steps)
-    assert unit.lost == unit.resets == 0
+    assert node.lost == node.resets == 0
 
 
-def test_what_the_radio_sends_twice_is_counted_and_dropped(unit):
-    samples = feed(unit, (0, batch(0)), (0, batch(0)), (1, batch(1)), (1, batch(0)),
+def test_duplicates_are_counted_and_dropped(node):
+    samples = feed(node, (0, batch(0)), (0, batch(0)), (1, batch(1)), (1, batch(0)),
                    (1, batch(1)), (2, batch(2)))
     assert len(samples) == 3 * 16
-    assert unit.duplicates == 3
-    assert unit.lost == unit.resets == 0
+    assert node.duplicates == 3
+    assert node.lost == node.resets == 0
 
 
-def test_sequence_and_timer_may_wrap_with_the_same_batch(unit):
+def test_sequence_and_timer_may_wrap_with_the_same_batch(node):
     changes = {'sequence': 65536 - 10, 'timer_us': 2**32 - 10 * SPAN_US}
-    samples = feed(unit, *((count, batch(count, **changes)) for count in range(20)))
+    samples = feed(node, *((count, batch(count, **changes)) for count in range(20)))
     steps = [b.stamp_ns - a.stamp_ns for a, b in zip(samples, samples[1:])]
     assert steps == [pytest.approx(2_500_000, rel=0.01)] * len(steps)
-    assert unit.lost == unit.resets == 0
+    assert node.lost == node.resets == 0
 
 
 @pytest.mark.parametrize('jump', [-90, 1000, 40_000])
-def test_a_sequence_that_jumps_counts_no_more_losses_than_fit_into_the_time(unit, jump):
+def test_losses_at_a_sequence_jump_are_bounded_by_the_elapsed_time(node, jump):
     changes = {'sequence': BATCH.sequence + jump}
-    samples = feed(unit, *((count, batch(count)) for count in range(20)),
+    samples = feed(node, *((count, batch(count)) for count in range(20)),
                    *((count, batch(count, **changes)) for count in range(23, 40)))
-    assert unit.resets == 0
-    assert unit.lost == 3
+    assert node.resets == 0
+    assert node.lost == 3
     stamps = [sample.stamp_ns for sample in samples]
     assert stamps == sorted(stamps)
 
@@ -116,68 +116,69 @@ def test_a_sequence_that_jumps_counts_no_more_losses_than_fit_into_the_time(unit
     {}, {'sequence': 65536 - 10, 'timer_us': 2**32 - 10 * SPAN_US}, {'sequence': 0}])
 @pytest.mark.parametrize('first', [0, 5, 9, 10])
 @pytest.mark.parametrize('by', [1, 3])
-def test_batches_that_overtake_each_other_are_neither_reset_nor_lost(unit, changes, first, by):
+def test_late_batches_cause_neither_resets_nor_losses(node, changes, first, by):
     order = [*range(first), *range(first + 1, first + 1 + by), first, *range(first + 1 + by, 20)]
-    samples = feed(unit, *((max(count, slot), batch(count, **changes))
+    samples = feed(node, *((max(count, slot), batch(count, **changes))
                            for slot, count in enumerate(order)))
     assert len(samples) == 20 * 16
-    assert (unit.resets, unit.lost, unit.duplicates, unit.late) == (0, 0, 0, 1)
-    place = {count: slot for slot, count in enumerate(order)}
+    assert (node.resets, node.lost, node.duplicates, node.late) == (0, 0, 0, 1)
+    slot_of = {count: slot for slot, count in enumerate(order)}
     stamps = [sample.stamp_ns for count in range(20)
-              for sample in samples[16 * place[count]:16 * (place[count] + 1)]]
+              for sample in samples[16 * slot_of[count]:16 * (slot_of[count] + 1)]]
     assert stamps == sorted(set(stamps))
     assert stamps[-1] - stamps[0] == pytest.approx((20 * 16 - 1) * 2_500_000, abs=1_000_000)
 
 
-def test_a_late_batch_that_comes_twice_is_told_once(unit):
-    samples = feed(unit, (0, batch(0)), (2, batch(2)), (2, batch(1)), (3, batch(1)),
+def test_a_late_batch_that_arrives_twice_is_delivered_once(node):
+    samples = feed(node, (0, batch(0)), (2, batch(2)), (2, batch(1)), (3, batch(1)),
                    (3, batch(3)))
     assert len(samples) == 4 * 16
-    assert (unit.lost, unit.late, unit.duplicates, unit.resets) == (0, 1, 1, 0)
+    assert (node.lost, node.late, node.duplicates, node.resets) == (0, 1, 1, 0)
 
 
-def test_a_unit_that_falls_back_in_its_first_second_has_been_reset(unit):
+def test_a_timer_that_jumps_back_in_its_first_second_is_a_reset(node):
     young = replace(BATCH, sequence=0, timer_us=1000)
-    feed(unit, *((count, batch(count, sequence=0, timer_us=1000)) for count in range(5, 12)))
-    samples = feed(unit, *((count, replace(young, sequence=count - 40,
+    feed(node, *((count, batch(count, sequence=0, timer_us=1000)) for count in range(5, 12)))
+    samples = feed(node, *((count, replace(young, sequence=count - 40,
                                            timer_us=1000 + (count - 40) * SPAN_US,
                                            codes=((7, 7),) * 16)) for count in range(40, 50)))
-    assert unit.resets == 1
-    assert unit.lost == 0
+    assert node.resets == 1
+    assert node.lost == 0
     assert samples[15].stamp_ns == arrival(40) - 5_000_000
 
 
-def test_a_unit_that_starts_anew_loses_nothing(unit):
-    feed(unit, *((count, batch(count)) for count in range(30)))
-    anew = replace(BATCH, sequence=0, timer_us=1000)
-    samples = feed(unit, (60, anew), (61, replace(anew, sequence=1, timer_us=1000 + SPAN_US)))
-    assert unit.resets == 1
-    assert unit.lost == 0
+def test_a_restart_of_the_node_counts_no_losses(node):
+    feed(node, *((count, batch(count)) for count in range(30)))
+    restarted = replace(BATCH, sequence=0, timer_us=1000)
+    samples = feed(node, (60, restarted),
+                   (61, replace(restarted, sequence=1, timer_us=1000 + SPAN_US)))
+    assert node.resets == 1
+    assert node.lost == 0
     assert samples[15].stamp_ns == arrival(60) - 5_000_000
 
 
-def test_a_unit_that_was_off_and_has_counted_further_is_recognised(unit):
-    feed(unit, *((count, batch(count)) for count in range(30)))
-    samples = feed(unit, (10_000, batch(40)))
-    assert unit.resets == 1
-    assert unit.lost == 0
+def test_a_restart_is_detected_although_the_timer_advanced(node):
+    feed(node, *((count, batch(count)) for count in range(30)))
+    samples = feed(node, (10_000, batch(40)))
+    assert node.resets == 1
+    assert node.lost == 0
     assert samples[-1].stamp_ns == arrival(10_000) - 5_000_000
 
 
-def test_batches_that_come_quicker_than_they_can_are_counted_all_the_same(unit):
+def test_batches_that_arrive_faster_than_possible_are_counted(node):
     samples = [sample for count in (0, 1, 2, 30, 31, 40)
-               for sample in unit.update(batch(count), HOST_NS + count * 1_000_000)]
+               for sample in node.update(batch(count), HOST_NS + count * 1_000_000)]
     assert len(samples) == 6 * 16
-    assert unit.lost == 27 + 8
-    assert unit.resets == 0
+    assert node.lost == 27 + 8
+    assert node.resets == 0
 
 
-def test_saturated_batches_are_counted(unit):
-    feed(unit, (0, replace(BATCH, flags=SATURATED)), (1, batch(1)))
-    assert unit.saturated == 1
+def test_saturated_batches_are_counted(node):
+    feed(node, (0, replace(BATCH, flags=SATURATED)), (1, batch(1)))
+    assert node.saturated == 1
 
 
-def test_the_battery_is_told_once_a_second():
+def test_the_battery_is_reported_once_a_second():
     stream = TireStream({ADDRESS: 'front_right'})
     reports = [sample for count in range(100)
                for sample in stream.feed(packet(encode_batch(batch(count))), arrival(count))
@@ -187,24 +188,25 @@ def test_the_battery_is_told_once_a_second():
     assert {(report.wheel, report.volts) for report in reports} == {('front_right', 3.7)}
 
 
-def test_each_unit_has_its_own_wheel_sequence_and_clock():
-    stream = TireStream({ADDRESS: 'front_right', STRANGER: 'rear_left'})
+def test_each_sensor_node_has_its_own_wheel_sequence_and_clock():
+    stream = TireStream({ADDRESS: 'front_right', OTHER_ADDRESS: 'rear_left'})
     wheels = [sample.wheel
-              for source, count in ((ADDRESS, 0), (STRANGER, 7), (ADDRESS, 1), (STRANGER, 9))
+              for source, count in (
+                  (ADDRESS, 0), (OTHER_ADDRESS, 7), (ADDRESS, 1), (OTHER_ADDRESS, 9))
               for sample in samples_of(stream, packet(encode_batch(batch(count)), source),
                                        arrival(count))]
     assert wheels == ['front_right'] * 16 + ['rear_left'] * 16 + ['front_right'] * 16 + [
         'rear_left'] * 16
-    assert [unit.lost for unit in stream.units.values()] == [0, 1]
+    assert [node.lost for node in stream.sensor_nodes.values()] == [0, 1]
 
 
 @pytest.mark.parametrize(('bad', 'error'), [
-    (packet(encode_batch(BATCH), STRANGER), 'unknown wheel unit 0013A200DEADBEEF'),
+    (packet(encode_batch(BATCH), OTHER_ADDRESS), 'unknown sensor node 0013A200DEADBEEF'),
     (packet(b'\x02' + encode_batch(BATCH)[1:]), 'version 02'),
     (packet(encode_batch(BATCH)[:-1]), 'expected 78'),
     (encode_frame(b'\x8a\x06'), 'XBee'),
 ])
-def test_what_is_not_ours_is_rejected_and_the_rest_goes_on(bad, error):
+def test_unexpected_packets_are_rejected_and_decoding_continues(bad, error):
     stream = TireStream({ADDRESS: 'front_right'})
     chunk = packet(encode_batch(batch(0))) + bad + packet(encode_batch(batch(1)))
     assert len(samples_of(stream, chunk, arrival(1))) == 2 * 16
@@ -212,11 +214,11 @@ def test_what_is_not_ours_is_rejected_and_the_rest_goes_on(bad, error):
     assert error in stream.last_error
 
 
-def test_damage_is_counted_and_costs_its_own_frame_only():
+def test_a_damaged_frame_is_counted_and_does_not_affect_others():
     stream = TireStream({ADDRESS: 'front_right'})
     good = [packet(encode_batch(batch(count))) for count in range(3)]
     damaged = good[1][:40] + bytes((good[1][40] ^ 1,)) + good[1][41:]
     assert len(samples_of(stream, good[0] + damaged + good[2], arrival(2))) == 2 * 16
     assert (stream.frames_ok, stream.frames_bad) == (2, 1)
-    assert stream.units[ADDRESS].lost == 1
+    assert stream.sensor_nodes[ADDRESS].lost == 1
     assert stream.bytes_skipped == len(damaged)

@@ -1,4 +1,4 @@
-"""Encoder counts to angles, and wheels that contradict their duty."""
+"""Encoder counts to angles, and the check of wheel motion against duty."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ def test_counts_become_angles_across_the_wrap():
     assert encoder.position == pytest.approx(150 * RESOLUTION)
 
 
-def test_a_mirrored_encoder_counts_backwards():
+def test_a_negative_sign_reverses_the_counts():
     encoder = WheelEncoder(-1, 2000)
     encoder.update(0, 0.0)
     encoder.update(100, 0.1)
     assert encoder.position == pytest.approx(-100 * RESOLUTION)
 
 
-def test_a_step_without_elapsed_time_moves_nothing():
+def test_a_step_without_elapsed_time_is_ignored():
     encoder = WheelEncoder(1, 2000)
     encoder.update(0, 0.0)
     encoder.update(100, 0.0)
@@ -42,7 +42,7 @@ def test_a_step_without_elapsed_time_moves_nothing():
 
 
 @pytest.mark.parametrize(('counts', 'jumped'), [(3183, False), (3184, True), (-3184, True)])
-def test_a_step_beyond_any_wheel_is_a_jump_and_moves_nothing(counts, jumped):
+def test_a_step_beyond_the_maximum_speed_is_a_jump_and_is_ignored(counts, jumped):
     encoder = WheelEncoder(1, 2000)  # 100 rad/s are 3183.1 counts in 0.1 s
     encoder.update(0, 0.0)
     encoder.update(counts % COUNT_WRAP, 0.1)
@@ -59,7 +59,7 @@ def check():
 
 
 def run(check, duty, speed, seconds):
-    """Return what is found within ``seconds`` and when."""
+    """Return the fault found within ``seconds`` and its time [s]."""
     for tick in range(1, round(seconds / DT) + 1):
         if problem := check.update(duty, speed * DT, DT):
             return problem, tick * DT
@@ -70,18 +70,18 @@ def found(check, duty, speed, seconds=1.0):
     return run(check, duty, speed, seconds)[0]
 
 
-def test_a_wheel_that_follows_its_duty_is_right(check):
+def test_a_wheel_that_follows_its_duty_is_not_a_fault(check):
     for duty in (0.05, 0.3, 1.0, -0.3, -1.0):
         assert found(check, duty, 20.0 * duty) == ''
 
 
-def test_a_wheel_without_duty_may_do_what_it_likes(check):
+def test_without_duty_any_motion_is_accepted(check):
     for speed in (0.0, 5.0, -5.0, 0.0):
         assert found(check, 0.0, speed) == ''
 
 
 @pytest.mark.parametrize('sign', [1, -1])
-def test_a_rolling_wheel_that_stands_still_under_duty_is_a_fault(check, sign):
+def test_a_rolling_wheel_that_stops_under_duty_is_a_fault(check, sign):
     run(check, sign * 0.05, sign * 1.0, 0.5)
     problem, after = run(check, sign * 0.05, 0.0, 1.0)
     assert 'no encoder counts' in problem
@@ -89,51 +89,51 @@ def test_a_rolling_wheel_that_stands_still_under_duty_is_a_fault(check, sign):
     assert 0.2 <= after < 0.27
 
 
-def test_a_rolling_wheel_may_stop_below_the_duty_that_drives_it(check):
+def test_a_rolling_wheel_may_stop_below_the_driving_duty(check):
     run(check, 0.1, 2.0, 0.5)
     assert found(check, 0.049, 0.0) == ''
-    assert found(check, 0.29, 0.0) == ''  # it has stopped: now it has to start again
+    assert found(check, 0.29, 0.0) == ''  # after the stop only the stall duty counts
 
 
-def test_a_wheel_that_stands_has_to_start_at_the_stall_duty_only(check):
+def test_a_stationary_wheel_must_start_at_the_stall_duty(check):
     assert found(check, 0.299, 0.0, 10.0) == ''
     problem, after = run(check, 0.3, 0.0, 1.0)
     assert 'no encoder counts' in problem
     assert 0.2 <= after < 0.27
 
 
-def test_a_single_count_shows_that_the_encoder_lives(check):
+def test_a_single_count_resets_the_stall_timer(check):
     run(check, 0.5, 0.0, 0.19)
     assert check.update(0.5, RESOLUTION, DT) == ''
     assert run(check, 0.5, 0.0, 1.0)[1] >= 0.2
 
 
-def test_a_creeping_wheel_that_stops_is_none_that_rolled(check):
+def test_a_wheel_below_the_rolling_speed_may_stop(check):
     run(check, 0.2, 0.4, 0.5)
     assert found(check, 0.2, 0.0) == ''
 
 
-def test_a_coarse_encoder_may_be_silent_between_two_counts():
+def test_a_coarse_encoder_may_pause_between_two_counts():
     coarse = MotionCheck(math.tau / 48, 20.0, 0.3, 0.2)
-    assert coarse.update(0.2, math.tau / 48, DT) == ''  # 2.1 rad/s, if it were even
+    assert coarse.update(0.2, math.tau / 48, DT) == ''  # 2.1 rad/s on average
     assert found(coarse, 0.2, 0.0) == ''
     run(coarse, 0.2, 4.0, 0.5)
     assert found(coarse, 0.2, 0.0) != ''
 
 
-def test_a_wheel_that_stops_before_it_reverses_is_right(check):
+def test_a_wheel_may_stop_before_it_reverses(check):
     run(check, 0.2, 4.0, 0.5)
     assert found(check, -0.2, 0.0) == ''  # static friction may hold it
 
 
 @pytest.mark.parametrize('sign', [1, -1])
-def test_a_wheel_that_turns_against_its_duty_and_does_not_slow_down_is_a_fault(check, sign):
+def test_rotation_against_the_duty_without_slowing_down_is_a_fault(check, sign):
     problem, after = run(check, sign * 0.5, sign * -6.0, 1.0)
     assert 'reversed' in problem
     assert 0.2 < after < 0.33
 
 
-def test_a_wheel_that_runs_away_against_its_duty_is_a_fault(check):
+def test_a_wheel_that_accelerates_against_its_duty_is_a_fault(check):
     problem, total = '', 0.0
     for tick in range(16):
         duty, speed = min(0.1 * tick, 1.0), -2.0 * tick
@@ -144,7 +144,7 @@ def test_a_wheel_that_runs_away_against_its_duty_is_a_fault(check):
     assert total <= 0.5
 
 
-def test_a_braking_wheel_turns_against_its_duty_and_slows_down(check):
+def test_a_braking_wheel_that_slows_down_is_not_a_fault(check):
     speed = 12.0
     while speed > 0.1:
         assert check.update(-0.5, speed * DT, DT) == ''
@@ -152,17 +152,17 @@ def test_a_braking_wheel_turns_against_its_duty_and_slows_down(check):
         speed -= 0.1
 
 
-def test_the_ground_may_keep_a_wheel_turning_against_a_small_torque(check):
+def test_rotation_against_a_small_torque_is_not_a_fault(check):
     assert found(check, -0.25, 4.9, 5.0) == ''  # 0.25 + 4.9 / 20 of the stall torque
     assert found(check, -0.25, 5.1, 5.0) != ''
 
 
-def test_a_wheel_that_hardly_turns_is_not_reversed(check):
+def test_slow_rotation_against_the_duty_is_not_a_fault(check):
     assert found(check, -1.0, 0.49, 5.0) == ''
     assert found(check, -1.0, 0.51, 5.0) != ''
 
 
-def test_reset_forgets_what_was_seen(check):
+def test_reset_clears_all_timers(check):
     run(check, 0.5, 0.0, 0.19)
     run(check, -0.5, 8.0, 0.19)
     check.reset()

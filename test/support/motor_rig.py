@@ -260,7 +260,7 @@ class _Boards:
 
     def _time_out(self, now: float) -> None:
         for board in self._boards.values():
-            if board.timeout and now - self._heard > board.timeout * roboclaw.TIMEOUT_UNIT:
+            if board.timeout and now - self._heard > board.timeout * roboclaw.TIMEOUT_RESOLUTION:
                 board.duty = (0.0, 0.0)
 
     def _note(self, now: float) -> None:
