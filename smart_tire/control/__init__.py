@@ -1,1 +1,1 @@
-"""From wanted motion to duties; time is an argument."""
+"""Wheel control: velocity commands to motor duties; time is an argument."""

@@ -1,4 +1,4 @@
-"""Whether a command may be obeyed: how old it is, and who else sends commands."""
+"""Validity of commands: age, queuing during a stall, and conflicting publishers."""
 
 from __future__ import annotations
 
@@ -7,17 +7,18 @@ from collections.abc import Hashable
 from smart_tire.errors import CommandError
 from smart_tire.samples import NS_PER_S
 
-STALL_NS = 250_000_000    # a process that did nothing for so long had been stopped
-SETTLE_NS = 100_000_000   # in which it then reads what had been queued meanwhile
-MAX_SEQUENCE_GAP = 1000   # numbers that one publisher may skip: its messages that were lost
+MIN_STALL_NS = 250_000_000    # gap between ticks after which the process was stopped meanwhile
+QUEUE_DRAIN_NS = 100_000_000  # after a stall, within which queued messages are read
+MAX_SEQUENCE_GAP = 1000       # sequence numbers of one publisher: its lost messages
 
 
 class StallDetector:
     """
-    Recognises messages that were queued while this process was stopped.
+    Detects messages that were queued while this process was stopped.
 
-    DDS stamps them with the time at which the process went on, as if they had just come. Call
-    ``tick`` more often than every ``STALL_NS``. Times are nanoseconds of one steady clock.
+    Their DDS reception time is the time at which the process resumed, as if they had just
+    arrived. Call ``tick`` more often than every ``MIN_STALL_NS``. Times are nanoseconds of one
+    steady clock.
     """
 
     def __init__(self, now_ns: int) -> None:
@@ -26,74 +27,74 @@ class StallDetector:
         self.stalls = 0
 
     def tick(self, now_ns: int) -> None:
-        """Take note that the process is running."""
-        if now_ns - self._ticked_ns > STALL_NS:
+        """Record that the process is running."""
+        if now_ns - self._ticked_ns > MIN_STALL_NS:
             self._resumed_ns = now_ns
             self.stalls += 1
         self._ticked_ns = now_ns
 
-    def queued(self, received_ns: int) -> bool:
-        """Return whether a message received then may have waited while the process stood."""
-        return self._resumed_ns is not None and received_ns < self._resumed_ns + SETTLE_NS
+    def may_be_queued(self, received_ns: int) -> bool:
+        """Return whether a message received then may have been queued during a stall."""
+        return self._resumed_ns is not None and received_ns < self._resumed_ns + QUEUE_DRAIN_NS
 
 
 def check_age(topic: str, stamp_ns: int, now_ns: int, waited_ns: int, max_age: float) -> None:
     """
-    Raise CommandError unless a command is from the present.
+    Raise CommandError if a command is too old, too far in the future or its timestamp negative.
 
-    ``stamp_ns`` and ``now_ns`` are of the clock of stamps; a stamp of zero says that there is
-    none, and the age is ``waited_ns``, the time since the message was received. ``max_age`` [s]
-    holds for the past and for the future.
+    ``stamp_ns`` and ``now_ns`` are times of the message clock. A timestamp of zero means none;
+    the age is then ``waited_ns``, the time since the message was received. ``max_age`` [s] limits
+    the age in both directions.
     """
     if stamp_ns < 0:
-        raise CommandError(f'{topic}: the stamp is negative')
+        raise CommandError(f'{topic}: the timestamp is negative')
     age = (now_ns - stamp_ns if stamp_ns else waited_ns) / NS_PER_S
     if abs(age) > max_age:
         raise CommandError(f'{topic}: {abs(age):.3g} s {"old" if age > 0.0 else "ahead"}, '
                            f'expected at most {max_age:g} s')
 
 
-class PublisherClaims:
+class PublisherMonitor:
     """
-    Notices messages of more than one publisher on a topic that only one may command.
+    Detects messages of several publishers on a command topic that permits only one.
 
-    Publishers count for ``window_ns`` after their latest message; one that was replaced, as at a
-    restart, is silent by then.
+    A publisher is active for ``window_ns`` after its latest message; one that was replaced, for
+    example at a restart, is inactive by then.
     """
 
     def __init__(self, window_ns: int) -> None:
         self._window_ns = window_ns
-        self._heard: dict[Hashable, int] = {}
+        self._latest_ns: dict[Hashable, int] = {}  # publisher -> time of its latest message
 
-    def heard(self, publisher: Hashable, now_ns: int) -> None:
-        """Take note of a message."""
-        self._heard[publisher] = now_ns
+    def record(self, publisher: Hashable, now_ns: int) -> None:
+        """Record a message of ``publisher``."""
+        self._latest_ns[publisher] = now_ns
 
-    def rivals(self, now_ns: int) -> list[Hashable]:
-        """Return the publishers that contradict each other, empty if there is at most one."""
-        self._heard = {publisher: ns for publisher, ns in self._heard.items()
-                       if now_ns - ns <= self._window_ns}
-        return list(self._heard) if len(self._heard) > 1 else []
+    def conflicting(self, now_ns: int) -> list[Hashable]:
+        """Return the active publishers if there are several, otherwise an empty list."""
+        self._latest_ns = {publisher: latest_ns for publisher, latest_ns in self._latest_ns.items()
+                           if now_ns - latest_ns <= self._window_ns}
+        return list(self._latest_ns) if len(self._latest_ns) > 1 else []
 
 
-class SequenceStreams:
+class SequenceTracker:
     """
-    Tells publishers apart by the numbers of their messages, where nothing else identifies them.
+    Distinguishes publishers by the sequence numbers of their messages.
 
-    A number that continues no known stream belongs to another publisher. Jazzy's rclpy gives
-    these numbers, but not the identifier of the publisher.
+    A number that does not continue a known sequence belongs to another publisher. For ROS 2 before
+    Kilted, whose rclpy provides these numbers but not the identifier of the publisher.
     """
 
     def __init__(self) -> None:
         self._latest: list[int] = []
 
     def publisher(self, number: int) -> int:
-        """Return which publisher, counted from 0, sent message ``number``."""
-        gaps = [(number - latest, stream) for stream, latest in enumerate(self._latest)
+        """Return the index of the publisher that sent message ``number``, counted from 0."""
+        gaps = [(number - latest, index) for index, latest in enumerate(self._latest)
                 if 0 < number - latest <= MAX_SEQUENCE_GAP]
         if not gaps:
             self._latest.append(number)
             return len(self._latest) - 1
-        _, stream = min(gaps)
-        self._latest[stream] = number
-        return stream
+        _, index = min(gaps)
+        self._latest[index] = number
+        return index

@@ -1,4 +1,4 @@
-"""The output stage: which duty may go to the motors, and what stops them."""
+"""Output stage: decides which duty reaches the motors, and when they stop."""
 
 from __future__ import annotations
 
@@ -9,24 +9,24 @@ import threading
 from smart_tire.samples import Four, NS_PER_S
 
 STOPPED: Four = (0.0, 0.0, 0.0, 0.0)
-PAUSE_NS = NS_PER_S  # without commands, which ends a trip: no stream of them has such a gap
+MIN_PAUSE_NS = NS_PER_S  # without commands, to reset a trip; above any period of commands
 
 
 class DutyGate:
     """
-    Passes the newest duty on while it is fresh and nothing stops the motors; otherwise zero.
+    Forwards the latest duty while it is valid and nothing stops the motors; otherwise zero.
 
     The motors are stopped by
 
     * the emergency stop, latched until it is released;
-    * being disarmed, where ``require_arming`` asks for arming;
-    * a hold: a named cause that lasts until it is cleared, such as boards that do not answer;
-    * a trip: an event, such as an encoder that stands still under duty. It stays latched until
-      all holds are cleared and commands were zero, or absent for ``PAUSE_NS``, once;
-    * the lack of a command for ``command_timeout`` [s].
+    * disarming, if ``require_arming`` is set;
+    * a hold: a named cause that lasts until it is cleared, such as boards that do not respond;
+    * a trip: an event, such as missing encoder counts under duty. It is latched until all holds
+      are cleared and commands were zero, or absent for ``MIN_PAUSE_NS``, once;
+    * the absence of commands for ``command_timeout`` [s].
 
-    Each of them discards the command in force, so that it always takes a later one to move the
-    wheels. Times are nanoseconds of one steady clock. All methods may be called from any thread.
+    Every stop discards the active command, so a later command is always needed to move the wheels.
+    Times are nanoseconds of one steady clock. All methods may be called from any thread.
     """
 
     def __init__(self, command_timeout: float, report: Callable[[str], None], *,
@@ -39,11 +39,11 @@ class DutyGate:
         self._emergency = stopped
         self._armed = not require_arming
         self._holds: dict[str, str] = {}  # name -> reason
-        self._trip = ''                   # reason, '' while there is none
+        self._trip = ''                   # reason, '' without a trip
         self._duty = STOPPED
-        self._expires_ns: int | None = None  # of the command in force
-        self._heard_ns: int | None = None    # the latest command, obeyed or not
-        self.timeouts = 0  # times that commands ceased while the motors were driven
+        self._expires_ns: int | None = None   # of the active command
+        self._command_ns: int | None = None   # time of the latest command, accepted or not
+        self.timeouts = 0  # commands that expired while the motors were driven
 
     @property
     def emergency(self) -> bool:
@@ -52,11 +52,11 @@ class DutyGate:
 
     @property
     def armed(self) -> bool:
-        """Return whether the motors are armed; always, where no arming is required."""
+        """Return whether the motors are armed; always true if arming is not required."""
         return self._armed
 
     def reasons(self) -> list[str]:
-        """Return everything that stops the motors now, except the lack of a command."""
+        """Return all causes that stop the motors now, except the absence of a command."""
         with self._lock:
             found = ['emergency stop'] if self._emergency else []
             found += list(self._holds.values())
@@ -71,10 +71,10 @@ class DutyGate:
         return not self.reasons()
 
     def command(self, duty: Four, now_ns: int) -> bool:
-        """Take a duty [-1, 1] that came at ``now_ns``; return whether it is in force."""
+        """Set the duty [-1, 1] received at ``now_ns``; return whether it is accepted."""
         with self._lock:
             self._reset_trip(duty, now_ns)
-            self._heard_ns = now_ns
+            self._command_ns = now_ns
             if not all(map(math.isfinite, duty)) or self.reasons():
                 self._discard()
                 return False
@@ -92,7 +92,7 @@ class DutyGate:
 
     @property
     def expiry_ns(self) -> int | None:
-        """Return when the command in force expires, None if there is none."""
+        """Return when the active command expires, None if there is none."""
         return self._expires_ns
 
     def hold(self, name: str, reason: str, *, latch: bool = False,
@@ -100,8 +100,8 @@ class DutyGate:
         """
         Stop the motors for the cause ``name`` until it is cleared; report it once.
 
-        With ``latch`` it is a trip as well: clearing it does not let an unbroken stream of
-        commands go on.
+        With ``latch`` it is a trip, too: after it is cleared, an uninterrupted stream of commands
+        remains refused.
         """
         with self._lock:
             known = name in self._holds
@@ -112,7 +112,7 @@ class DutyGate:
                 self._report(f'motors stopped: {reason}')
 
     def clear(self, name: str) -> None:
-        """End the hold for the cause ``name``, if there is one."""
+        """Clear the hold ``name``, if it is set."""
         with self._lock:
             self._holds.pop(name, None)
 
@@ -125,36 +125,36 @@ class DutyGate:
                 self._report(f'motors stopped: {reason}')
 
     def engage(self) -> None:
-        """Latch the emergency stop, which disarms as well."""
+        """Latch the emergency stop and disarm."""
         with self._lock:
             self._emergency = True
             self._armed = not self._require_arming
             self._discard()
 
     def release(self) -> None:
-        """Release the emergency stop; the wheels wait for the next command."""
+        """Release the emergency stop; motion needs a new command."""
         with self._lock:
             self._emergency = False
             self._discard()
 
     def arm(self, armed: bool) -> list[str]:
-        """Arm or disarm; return why it cannot be armed, nothing if it could."""
+        """Arm or disarm; return the causes that prevent arming, empty on success."""
         with self._lock:
-            against = [*self._holds.values()]
+            causes = [*self._holds.values()]
             if self._emergency:
-                against.insert(0, 'emergency stop')
-            self._armed = (armed and not against) or not self._require_arming
+                causes.insert(0, 'emergency stop')
+            self._armed = (armed and not causes) or not self._require_arming
             self._discard()
-            return against if armed else []
+            return causes if armed else []
 
     def _reset_trip(self, duty: Four, now_ns: int) -> None:
-        """Forget a trip once commands pause: an unbroken stream of them must not retry it."""
-        pause = self._heard_ns is None or now_ns - self._heard_ns > PAUSE_NS
+        """Reset the trip after a pause; an uninterrupted stream of commands must not reset it."""
+        pause = self._command_ns is None or now_ns - self._command_ns > MIN_PAUSE_NS
         if not self._holds and (pause or duty == STOPPED):
             self._trip = ''
 
     def _discard(self) -> bool:
-        """Drop the command in force; return whether it drove a motor."""
+        """Discard the active command; return whether it drove a motor."""
         drove = self._duty != STOPPED
         self._duty, self._expires_ns = STOPPED, None
         return drove

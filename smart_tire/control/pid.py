@@ -1,4 +1,4 @@
-"""A PID controller with feed-forward, limits, and an integral that does not wind up."""
+"""PID controller with feed-forward, output and rate limits, and anti-windup."""
 
 from __future__ import annotations
 
@@ -6,34 +6,34 @@ from smart_tire.parameters.tuning import PidParams
 
 
 class Pid:
-    """Controller of one wheel: speed [rad/s] to duty [-1, 1]."""
+    """Speed controller of one wheel: speed [rad/s] to duty [-1, 1]."""
 
     def __init__(self, params: PidParams) -> None:
-        self.params = params  # may be replaced while running: the integral is a duty
+        self.params = params  # may be replaced at run time: the integral is a duty
         self.reset()
 
     def reset(self) -> None:
-        """Forget the past: no integral, and the output starts from zero."""
+        """Set integral and output to zero and discard the previous measurement."""
         self._integral = 0.0
         self._output = 0.0
         self._measured: float | None = None
 
-    def update(self, wanted: float, measured: float, dt: float) -> float:
+    def update(self, set_point: float, measured: float, dt: float) -> float:
         """
-        Return the duty after ``dt`` seconds, within the limits of amount and of rate.
+        Return the duty after ``dt`` seconds, within its magnitude and rate limits.
 
-        The derivative is that of the measurement, so a step of the set point makes no spike.
-        The integral holds while a limit acts and the error would push further into it.
+        The derivative term acts on the measurement, so a step of the set point causes no spike.
+        The integral is frozen while a limit is active and the error would increase the excess.
         """
         params = self.params
-        error = wanted - measured
+        error = set_point - measured
         slope = 0.0 if self._measured is None else (measured - self._measured) / dt
-        grown = self._integral + params.integral * error * dt
-        sum_ = (params.feed_forward * wanted + params.proportional * error + grown
+        integral = self._integral + params.integral * error * dt
+        sum_ = (params.feed_forward * set_point + params.proportional * error + integral
                 - params.derivative * slope)
         output = self._limited(sum_, dt)
         if output == sum_ or (sum_ - output) * error < 0.0:
-            self._integral = grown
+            self._integral = integral
         self._measured, self._output = measured, output
         return output
 

@@ -1,4 +1,4 @@
-"""Several sources of body velocity commands: the one of highest priority that is fresh."""
+"""Multiplexer of velocity commands: selects the valid input with the highest priority."""
 
 from __future__ import annotations
 
@@ -13,45 +13,45 @@ class _Input:
     timeout_ns: int
     command: VelocityCommand | None = None
     received_ns: int = 0
-    blocked: bool = False  # publishers contradict each other
+    blocked: bool = False  # conflicting publishers
 
 
 class VelocityMux:
     """
-    Selects among named inputs as twist_mux does: a higher number has priority.
+    Selects among named inputs as twist_mux does: higher numbers have priority.
 
-    An input counts until its time-out after its latest command. One that is blocked, because
-    publishers contradict each other on it, stops the robot unless an input of higher priority is
-    in use. Times are nanoseconds of one steady clock.
+    An input is valid until its time-out after its latest command. A blocked input, one with
+    conflicting publishers, stops the robot unless an input of higher priority is valid. Times are
+    nanoseconds of one steady clock.
     """
 
     def __init__(self, inputs: list[tuple[str, int, float]]) -> None:
-        """Take (name, priority, time-out [s]) of each input."""
+        """Create the inputs from (name, priority, time-out [s])."""
         self._inputs = {name: _Input(priority, round(timeout * NS_PER_S))
                         for name, priority, timeout in inputs}
         self._order = sorted(self._inputs, key=lambda name: -self._inputs[name].priority)
 
-    def take(self, name: str, command: VelocityCommand, received_ns: int) -> None:
-        """Take a command of the input ``name``."""
+    def update(self, name: str, command: VelocityCommand, received_ns: int) -> None:
+        """Set the command of the input ``name`` and unblock it."""
         item = self._inputs[name]
         item.command, item.received_ns, item.blocked = command, received_ns, False
 
     def block(self, name: str) -> None:
-        """Refuse the input ``name`` until it is unblocked or commands again."""
+        """Block the input ``name`` until it is unblocked or gets a new command."""
         self._inputs[name].command = None
         self._inputs[name].blocked = True
 
     def unblock(self, name: str) -> None:
-        """Let the input ``name`` count again, from its next command on."""
+        """Unblock the input ``name``; it is valid from its next command on."""
         self._inputs[name].blocked = False
 
     def discard(self) -> None:
-        """Forget all commands."""
+        """Discard all commands."""
         for item in self._inputs.values():
             item.command = None
 
     def selected(self, now_ns: int) -> tuple[str, VelocityCommand] | None:
-        """Return the input in use and its command; None if the robot has to stop."""
+        """Return the selected input and its command; None if the robot must stop."""
         for name in self._order:
             item = self._inputs[name]
             if item.blocked:

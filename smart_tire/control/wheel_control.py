@@ -1,4 +1,4 @@
-"""Four duties from wanted and measured wheel speeds, and when to stop."""
+"""Wheel speed controller with command and feedback time-outs."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from smart_tire.parameters.tuning import WheelControllerParams
 from smart_tire.samples import Four, NS_PER_S
 
 STOPPED: Four = (0.0, 0.0, 0.0, 0.0)
-MAX_STEPS = 4     # a longer pause between two control steps is counted as so many periods
-STANDSTILL = 0.1  # rad/s; below, a wheel that shall stand gets no duty
+MAX_STEP_PERIODS = 4    # upper limit of the time step of the controllers, in periods
+STANDSTILL_SPEED = 0.1  # rad/s; a slower wheel with a set point of zero gets no duty
 
 
 class WheelControl:
     """
-    The control loop without its clock: all times are nanoseconds of one steady clock.
+    Speed control of the four wheels; all times are nanoseconds of one steady clock.
 
-    The motors get no duty at all without set points, without wheel speeds for
-    ``wheel_states_timeout``, and while the emergency stop is engaged.
+    The duty is zero without a command, without wheel speeds for ``wheel_states_timeout``, and
+    while the emergency stop is engaged.
     """
 
     def __init__(self, params: WheelControllerParams) -> None:
@@ -27,26 +27,26 @@ class WheelControl:
         self._measured = STOPPED
         self._measured_ns: int | None = None
         self._stepped_ns: int | None = None
-        self.stopped = False  # by the emergency stop
-        self.applied = True   # whether the duties reach the motors
-        self.retune(params)
+        self.emergency_stop = False  # whether the emergency stop is engaged
+        self.motors_enabled = True   # whether the duties reach the motors
+        self.set_params(params)
 
-    def retune(self, params: WheelControllerParams) -> None:
-        """Use other parameters from now on."""
+    def set_params(self, params: WheelControllerParams) -> None:
+        """Use these parameters from now on."""
         self._params = params
         for pid in self._pids:
             pid.params = params.pid
 
-    def measure(self, velocity: Four, now_ns: int) -> None:
-        """Take the speeds of the wheels [rad/s]."""
+    def update_measurement(self, velocity: Four, now_ns: int) -> None:
+        """Set the measured wheel speeds [rad/s]."""
         self._measured, self._measured_ns = velocity, now_ns
 
-    def forget_measurement(self) -> None:
-        """Count the speeds of the wheels as unknown."""
+    def discard_measurement(self) -> None:
+        """Discard the measured wheel speeds; no duty until the next ones."""
         self._measured_ns = None
 
-    def measured(self, now_ns: int) -> bool:
-        """Return whether the speeds of the wheels are known."""
+    def has_measurement(self, now_ns: int) -> bool:
+        """Return whether the measured wheel speeds have not timed out."""
         return (self._measured_ns is not None
                 and now_ns - self._measured_ns
                 <= math.ceil(self._params.wheel_states_timeout * NS_PER_S))
@@ -55,28 +55,28 @@ class WheelControl:
         """
         Return the set points of the wheel speeds [rad/s] and the duties [-1, 1].
 
-        ``velocity`` [rad/s] are the wanted speeds, None if there is no command in force; where
-        one is too fast, all are slowed alike. While the duties are not applied, the controllers
-        start over in every step, so that no integral winds up meanwhile.
+        ``velocity`` [rad/s] are the commanded wheel speeds, None without a valid command. If one
+        exceeds ``max_wheel_speed``, all are scaled down by the same factor. While the motors are
+        not enabled, the controllers are reset in every step, which prevents windup.
         """
         dt = self._elapsed(now_ns)
-        driven = velocity is not None and not self.stopped
-        wanted = self._limited(velocity) if velocity is not None and driven else STOPPED
-        if not driven or not self.measured(now_ns):
+        driven = velocity is not None and not self.emergency_stop
+        set_points = self._limited(velocity) if velocity is not None and driven else STOPPED
+        if not driven or not self.has_measurement(now_ns):
             self._reset()
-            return wanted, STOPPED
-        if not self.applied:
+            return set_points, STOPPED
+        if not self.motors_enabled:
             self._reset()
-        a, b, c, d = (_duty(*wheel, dt) for wheel in zip(self._pids, wanted, self._measured))
-        return wanted, (a, b, c, d)
+        a, b, c, d = (_duty(*wheel, dt) for wheel in zip(self._pids, set_points, self._measured))
+        return set_points, (a, b, c, d)
 
     def _reset(self) -> None:
         for pid in self._pids:
             pid.reset()
 
     def _limited(self, velocity: Sequence[float]) -> Four:
-        fastest = max(max(map(abs, velocity)) / self._params.max_wheel_speed, 1.0)
-        a, b, c, d = (speed / fastest for speed in velocity)
+        excess = max(max(map(abs, velocity)) / self._params.max_wheel_speed, 1.0)
+        a, b, c, d = (speed / excess for speed in velocity)
         return a, b, c, d
 
     def _elapsed(self, now_ns: int) -> float:
@@ -84,11 +84,11 @@ class WheelControl:
         before, self._stepped_ns = self._stepped_ns, now_ns
         if before is None or now_ns <= before:
             return period
-        return min((now_ns - before) / NS_PER_S, MAX_STEPS * period)
+        return min((now_ns - before) / NS_PER_S, MAX_STEP_PERIODS * period)
 
 
-def _duty(pid: Pid, wanted: float, measured: float, dt: float) -> float:
-    if wanted == 0.0 and abs(measured) < STANDSTILL:
+def _duty(pid: Pid, set_point: float, measured: float, dt: float) -> float:
+    if set_point == 0.0 and abs(measured) < STANDSTILL_SPEED:
         pid.reset()
         return 0.0
-    return pid.update(wanted, measured, dt)
+    return pid.update(set_point, measured, dt)

@@ -7,7 +7,7 @@ import time
 from typing import Any
 
 from smart_tire.control.command_check import (
-    check_age, PublisherClaims, SequenceStreams, StallDetector)
+    check_age, PublisherMonitor, SequenceTracker, StallDetector)
 from smart_tire.errors import CommandError
 from smart_tire.nodes.base import SmartTireNode
 from smart_tire.nodes.compat import endpoint_names
@@ -35,8 +35,8 @@ class CommandInput:
                  required: bool = False, reliability: str = 'reliable') -> None:
         self._node, self._topic, self._name = node, topic, name or topic
         self._handle, self._on_conflict, self._max_age = handle, on_conflict, max_age
-        self._claims = PublisherClaims(round(max(MIN_WINDOW, WINDOWS * timeout) * NS_PER_S))
-        self._streams = SequenceStreams()
+        self._monitor = PublisherMonitor(round(max(MIN_WINDOW, WINDOWS * timeout) * NS_PER_S))
+        self._sequences = SequenceTracker()
         self._stalls = StallDetector(node.steady_ns())
         self._conflict = ''
         self._unstamped = False
@@ -48,7 +48,7 @@ class CommandInput:
         """Notice a stall, and the end of a conflict."""
         now_ns = self._node.steady_ns()
         self._stalls.tick(now_ns)
-        if self._conflict and not self._claims.rivals(now_ns):
+        if self._conflict and not self._monitor.conflicting(now_ns):
             self._conflict = ''
             self._on_conflict('')
 
@@ -60,7 +60,8 @@ class CommandInput:
         if self._max_age is not None:
             check_age(self._name, command.stamp_ns, self._node.now_ns(), waited_ns,
                       self._max_age)
-        if not (self._max_age and command.stamp_ns) and self._stalls.queued(now_ns - waited_ns):
+        age_checked = self._max_age and command.stamp_ns
+        if not age_checked and self._stalls.may_be_queued(now_ns - waited_ns):
             raise CommandError(f'{self._name}: was queued while this process was stopped')
         if self._max_age is not None and not command.stamp_ns and not self._unstamped:
             self._unstamped = True
@@ -70,8 +71,8 @@ class CommandInput:
 
     def _check_publisher(self, info: Mapping[str, Any], now_ns: int) -> None:
         """Raise CommandError while more than one publisher sends."""
-        self._claims.heard(self._publisher(info), now_ns)
-        if rivals := self._claims.rivals(now_ns):
+        self._monitor.record(self._publisher(info), now_ns)
+        if rivals := self._monitor.conflicting(now_ns):
             text = f'{len(rivals)} publishers on {self._name}: {", ".join(self._names(rivals))}'
             self._conflict = text
             self._on_conflict(text)
@@ -82,7 +83,7 @@ class CommandInput:
         identifier = info.get('publisher_gid')
         if identifier is not None:
             return bytes(identifier['data'])
-        return self._streams.publisher(info['publication_sequence_number'])
+        return self._sequences.publisher(info['publication_sequence_number'])
 
     def _names(self, publishers: list[Hashable]) -> list[str]:
         names = endpoint_names(self._node, self._name)

@@ -50,10 +50,10 @@ class WheelController(SmartTireNode[WheelControllerParams]):
 
     def retune(self) -> None:
         """Use the new gains."""
-        self._control.retune(self.params)
+        self._control.set_params(self.params)
 
     def _on_velocity(self, name: str, command: VelocityCommand, received_ns: int) -> None:
-        self._mux.take(name, command, received_ns)
+        self._mux.update(name, command, received_ns)
 
     def _on_rivals(self, name: str, reason: str) -> None:
         if reason:
@@ -63,28 +63,28 @@ class WheelController(SmartTireNode[WheelControllerParams]):
             self._mux.unblock(name)
 
     def _on_wheels(self, sample: WheelSample, received_ns: int) -> None:
-        self._control.measure(sample.velocity, received_ns)
+        self._control.update_measurement(sample.velocity, received_ns)
 
     def _on_wheel_rivals(self, reason: str) -> None:
         if reason:
-            self._control.forget_measurement()
+            self._control.discard_measurement()
             self._step()
 
     def _on_emergency_stop(self, state: Bool) -> None:
-        if state.data or self._control.stopped:
+        if state.data or self._control.emergency_stop:
             self._mux.discard()
-        if state.data != self._control.stopped:
-            self._control.stopped = state.data
+        if state.data != self._control.emergency_stop:
+            self._control.emergency_stop = state.data
             self._step()
 
     def _on_motors_enabled(self, state: Bool) -> None:
-        self._control.applied = state.data
+        self._control.motors_enabled = state.data
 
     def _watch(self) -> None:
         """Stop at once when command or wheel speeds have expired; until then repeat the duty."""
         now_ns = self.steady_ns()
         if self._duty != STOPPED and not (
-                self._mux.selected(now_ns) and self._control.measured(now_ns)):
+                self._mux.selected(now_ns) and self._control.has_measurement(now_ns)):
             self._step()
         elif now_ns - self._sent_ns > REPEAT_NS:
             self._send_duty(now_ns)
@@ -110,12 +110,12 @@ class WheelController(SmartTireNode[WheelControllerParams]):
         now_ns = self.steady_ns()
         selected = self._mux.selected(now_ns)
         status.values.update(
-            emergency_stop=self._control.stopped,
-            commanded=selected is not None and not self._control.stopped,
+            emergency_stop=self._control.emergency_stop,
+            commanded=selected is not None and not self._control.emergency_stop,
             command_input=selected[0] if selected else '')
-        if self._control.stopped:
+        if self._control.emergency_stop:
             status.warn('emergency stop')
-        if not self._control.measured(now_ns):
+        if not self._control.has_measurement(now_ns):
             status.error('wheel speeds are unknown: no duty')
         for item in (*self._inputs, self._wheels):
             item.fill_status(status)

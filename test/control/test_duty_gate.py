@@ -1,4 +1,4 @@
-"""The output stage: what reaches the motors, what stops them, and what it takes to go on."""
+"""Output stage: which duty reaches the motors, what stops them, and how a stop ends."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from smart_tire.control.duty_gate import DutyGate, PAUSE_NS, STOPPED
+from smart_tire.control.duty_gate import DutyGate, MIN_PAUSE_NS, STOPPED
 from smart_tire.samples import NS_PER_S
 
 AHEAD = (0.5, 0.5, 0.5, 0.5)
@@ -15,7 +15,7 @@ MS = NS_PER_S // 1000
 
 
 class Gate(DutyGate):
-    """A gate whose reports are kept."""
+    """A gate that records its reports."""
 
     def __init__(self, **options):
         self.reports = []
@@ -24,14 +24,14 @@ class Gate(DutyGate):
 
 @pytest.fixture
 def gate():
-    """Return a gate that drives since time zero."""
+    """Return a gate with a command at time zero."""
     made = Gate()
     assert made.command(AHEAD, 0)
     assert made.output(0) == AHEAD
     return made
 
 
-def test_nothing_moves_before_the_first_command():
+def test_before_the_first_command_the_duty_is_zero():
     gate = Gate()
     assert gate.output(0) == STOPPED
     assert gate.expiry_ns is None
@@ -39,23 +39,23 @@ def test_nothing_moves_before_the_first_command():
     assert gate.reports == []
 
 
-def test_a_command_holds_until_its_time_out_and_not_longer(gate):
+def test_a_command_is_active_until_its_time_out(gate):
     assert gate.expiry_ns == TIMEOUT_NS
     assert gate.output(TIMEOUT_NS) == AHEAD
     assert gate.output(TIMEOUT_NS + 1) == STOPPED
     assert gate.expiry_ns is None
-    assert gate.output(0) == STOPPED  # it is gone for good
+    assert gate.output(0) == STOPPED  # it was discarded
     assert gate.timeouts == 1
     assert gate.reports == ['motors stopped: no motor command for 0.25 s']
 
 
-def test_each_command_counts_from_its_own_arrival(gate):
+def test_the_time_out_starts_with_each_command(gate):
     gate.command(AHEAD, 100 * MS)
     assert gate.output(TIMEOUT_NS + 100 * MS) == AHEAD
     assert gate.output(TIMEOUT_NS + 101 * MS) == STOPPED
 
 
-def test_zero_that_expires_is_no_event():
+def test_an_expired_zero_command_is_not_reported():
     gate = Gate()
     gate.command(STOPPED, 0)
     assert gate.output(2 * TIMEOUT_NS) == STOPPED
@@ -64,7 +64,7 @@ def test_zero_that_expires_is_no_event():
 
 
 @pytest.mark.parametrize('bad', [math.nan, math.inf, -math.inf])
-def test_a_duty_that_is_no_number_stops_the_motors(gate, bad):
+def test_a_duty_that_is_not_finite_stops_the_motors(gate, bad):
     assert not gate.command((0.5, 0.5, bad, 0.5), MS)
     assert gate.output(MS) == STOPPED
 
@@ -84,19 +84,19 @@ def test_the_emergency_stop_is_latched_and_discards_the_command(gate):
     assert gate.output(4 * MS) == AHEAD
 
 
-def test_a_release_discards_a_command_that_came_after_it_had_been_released_before(gate):
+def test_a_release_discards_the_command_even_without_an_emergency_stop(gate):
     gate.release()
     assert gate.output(MS) == STOPPED
 
 
-def test_a_gate_may_begin_stopped():
+def test_a_gate_may_start_with_the_emergency_stop_engaged():
     gate = Gate(stopped=True)
     assert gate.emergency
     assert not gate.command(AHEAD, 0)
     assert gate.output(0) == STOPPED
 
 
-def test_a_hold_lasts_until_it_is_cleared_and_then_takes_a_new_command(gate):
+def test_a_hold_lasts_until_it_is_cleared_and_a_new_command_arrives(gate):
     gate.hold('line', 'no answer')
     assert gate.output(MS) == STOPPED
     assert gate.reasons() == ['no answer']
@@ -108,7 +108,7 @@ def test_a_hold_lasts_until_it_is_cleared_and_then_takes_a_new_command(gate):
     assert gate.output(4 * MS) == AHEAD
 
 
-def test_holds_are_independent_and_reported_once_each(gate):
+def test_holds_are_independent_and_each_is_reported_once(gate):
     gate.hold('a', 'first')
     gate.hold('a', 'first, still')
     gate.hold('b', 'second')
@@ -129,7 +129,7 @@ def test_a_hold_may_be_silent(gate):
     assert gate.output(MS) == STOPPED
 
 
-def test_a_trip_stays_through_an_unbroken_stream_of_commands(gate):
+def test_a_trip_is_not_reset_by_an_uninterrupted_stream_of_commands(gate):
     gate.trip('wheel blocked')
     assert gate.output(MS) == STOPPED
     assert gate.reasons() == ['wheel blocked (latched until commands pause)']
@@ -139,7 +139,7 @@ def test_a_trip_stays_through_an_unbroken_stream_of_commands(gate):
     assert gate.reports == ['motors stopped: wheel blocked']
 
 
-def test_a_trip_ends_with_a_zero_command_and_then_takes_a_new_one(gate):
+def test_a_trip_is_reset_by_a_zero_command(gate):
     gate.trip('wheel blocked')
     assert gate.command(STOPPED, MS)
     assert gate.output(MS) == STOPPED
@@ -147,20 +147,20 @@ def test_a_trip_ends_with_a_zero_command_and_then_takes_a_new_one(gate):
     assert gate.output(2 * MS) == AHEAD
 
 
-def test_a_trip_ends_with_a_pause(gate):
+def test_a_trip_is_reset_by_a_pause(gate):
     gate.trip('wheel blocked')
-    assert not gate.command(AHEAD, PAUSE_NS)
-    assert gate.command(AHEAD, 2 * PAUSE_NS + 1)
+    assert not gate.command(AHEAD, MIN_PAUSE_NS)
+    assert gate.command(AHEAD, 2 * MIN_PAUSE_NS + 1)
 
 
-def test_commands_that_trip_do_not_count_as_a_pause_although_they_are_refused(gate):
+def test_refused_commands_are_not_a_pause(gate):
     gate.trip('wheel blocked')
-    assert not gate.command(AHEAD, PAUSE_NS // 2)
-    assert not gate.command(AHEAD, PAUSE_NS)
-    assert not gate.command(AHEAD, 2 * PAUSE_NS)
+    assert not gate.command(AHEAD, MIN_PAUSE_NS // 2)
+    assert not gate.command(AHEAD, MIN_PAUSE_NS)
+    assert not gate.command(AHEAD, 2 * MIN_PAUSE_NS)
 
 
-def test_a_new_trip_after_the_end_of_one_is_reported_again(gate):
+def test_a_new_trip_after_a_reset_is_reported_again(gate):
     gate.trip('wheel blocked')
     gate.trip('wheel blocked')
     gate.command(STOPPED, MS)
@@ -168,7 +168,7 @@ def test_a_new_trip_after_the_end_of_one_is_reported_again(gate):
     assert gate.reports == ['motors stopped: wheel blocked'] * 2
 
 
-def test_a_latched_hold_needs_to_be_cleared_and_a_pause(gate):
+def test_a_latched_hold_ends_when_it_is_cleared_and_commands_pause(gate):
     gate.hold('supply', 'low', latch=True)
     assert gate.reasons() == ['low']
     assert not gate.command(STOPPED, MS)  # a pause counts only once the cause is gone
@@ -180,14 +180,14 @@ def test_a_latched_hold_needs_to_be_cleared_and_a_pause(gate):
     assert gate.reports == ['motors stopped: low']
 
 
-def test_arming_is_not_required_unless_asked_for(gate):
+def test_arming_is_not_required_by_default(gate):
     assert gate.armed
     assert gate.arm(False) == []
     assert gate.armed
 
 
 class TestRequireArming:
-    def test_it_drives_only_armed(self):
+    def test_duties_are_accepted_only_while_armed(self):
         gate = Gate(require_arming=True)
         assert not gate.armed
         assert gate.reasons() == ['not armed']
@@ -200,7 +200,7 @@ class TestRequireArming:
         assert gate.output(3 * MS) == STOPPED
         assert not gate.command(AHEAD, 4 * MS)
 
-    def test_it_is_refused_while_something_stops_the_motors(self):
+    def test_arming_is_refused_while_the_motors_are_stopped(self):
         gate = Gate(require_arming=True, stopped=True)
         gate.hold('line', 'no answer')
         assert gate.arm(True) == ['emergency stop', 'no answer']

@@ -1,4 +1,4 @@
-"""The controller of one wheel: limits, feed-forward, no wind-up."""
+"""Speed controller of one wheel: limits, feed-forward, anti-windup."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ PURE = PidParams(feed_forward=0.0, proportional=0.0, integral=0.0, derivative=0.
 
 def test_feed_forward_alone_is_proportional_to_the_set_point():
     pid = Pid(replace(PURE, feed_forward=0.05))
-    assert [pid.update(wanted, 0.0, DT) for wanted in (4.0, -8.0, 0.0)] == [0.2, -0.4, 0.0]
+    assert [pid.update(set_point, 0.0, DT) for set_point in (4.0, -8.0, 0.0)] == [0.2, -0.4, 0.0]
 
 
 def test_the_integral_grows_with_error_and_time():
@@ -44,17 +44,17 @@ def test_the_duty_never_leaves_its_limits():
         last = duty
 
 
-def test_a_long_saturation_is_left_as_fast_as_a_short_one():
-    answers = []
+def test_recovery_from_saturation_does_not_depend_on_its_duration():
+    responses = []
     for steps in (3, 300):
         pid = Pid(PidParams(rate_limit=1e6))
         for _ in range(steps):
             assert pid.update(30.0, 0.0, DT) == 1.0
-        answers.append([pid.update(5.0, 6.0, DT) for _ in range(3)])
-    assert answers[0] == answers[1]
+        responses.append([pid.update(5.0, 6.0, DT) for _ in range(3)])
+    assert responses[0] == responses[1]
 
 
-def test_a_rate_limit_that_acts_for_long_winds_nothing_up():
+def test_the_rate_limit_causes_no_windup():
     pid = Pid(PidParams(rate_limit=0.1))
     for _ in range(50):
         pid.update(10.0, 0.0, DT)
@@ -62,7 +62,7 @@ def test_a_rate_limit_that_acts_for_long_winds_nothing_up():
     assert rising <= 51 * 0.1 * DT + 1e-9
 
 
-def test_reset_forgets_the_past():
+def test_after_a_reset_the_output_is_that_of_a_new_controller():
     pid = Pid(PidParams())
     first = pid.update(3.0, 1.0, DT)
     pid.update(9.0, 4.0, DT)
@@ -70,21 +70,21 @@ def test_reset_forgets_the_past():
     assert pid.update(3.0, 1.0, DT) == first
 
 
-@pytest.mark.parametrize('wanted', [-12.0, 0.5, 6.3, 12.6])
+@pytest.mark.parametrize('set_point', [-12.0, 0.5, 6.3, 12.6])
 @pytest.mark.parametrize('load', [0.0, 0.6])
-def test_a_geared_motor_reaches_its_speed_and_stays(wanted, load):
-    """A motor of 4 N m and 20 rad/s whose speed is told as the mean over the last period."""
+def test_a_geared_motor_reaches_its_set_point_and_settles(set_point, load):
+    """A motor of 4 N m and 20 rad/s whose speed is measured as the mean over the last period."""
     pid, speed, duty, measured = Pid(PidParams()), 0.0, 0.0, 0.0
     history = []
     for _ in range(80):
         before, travelled = speed, 0.0
         for _ in range(62):
-            torque = 4.0 * (duty - speed / 20.0) - math.copysign(load, wanted)
+            torque = 4.0 * (duty - speed / 20.0) - math.copysign(load, set_point)
             speed += torque / 0.04 * DT / 62
             travelled += speed * DT / 62
-        duty = pid.update(wanted, measured, DT)  # one period late, as over a bus
+        duty = pid.update(set_point, measured, DT)  # one period late, as over a bus
         measured = travelled / DT
         history.append(before)
-    assert history[-20:] == [pytest.approx(wanted, rel=0.02, abs=0.05)] * 20
-    overshoot = max(speed * math.copysign(1.0, wanted) for speed in history) - abs(wanted)
-    assert overshoot < 0.3 * abs(wanted) + 0.3
+    assert history[-20:] == [pytest.approx(set_point, rel=0.02, abs=0.05)] * 20
+    overshoot = max(speed * math.copysign(1.0, set_point) for speed in history) - abs(set_point)
+    assert overshoot < 0.3 * abs(set_point) + 0.3

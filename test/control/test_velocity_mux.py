@@ -1,4 +1,4 @@
-"""Several sources of velocity commands: priorities, time-outs, and sources in conflict."""
+"""Several velocity inputs: priorities, time-outs, and conflicting publishers."""
 
 from __future__ import annotations
 
@@ -21,57 +21,57 @@ def test_without_a_command_nothing_is_selected(mux):
 
 
 def test_a_command_is_selected_until_its_own_time_out(mux):
-    mux.take('nav', SLOW, 0)
+    mux.update('nav', SLOW, 0)
     assert mux.selected(NS_PER_S) == ('nav', SLOW)
     assert mux.selected(NS_PER_S + 1) is None
 
 
 @pytest.mark.parametrize('order', [('nav', 'joystick'), ('joystick', 'nav')])
-def test_the_higher_number_wins_while_it_is_fresh(mux, order):
+def test_the_higher_priority_is_selected_until_it_times_out(mux, order):
     commands = {'nav': FAST, 'joystick': SLOW}
     for name in order:
-        mux.take(name, commands[name], 0)
+        mux.update(name, commands[name], 0)
     assert mux.selected(NS_PER_S // 2) == ('joystick', SLOW)
     assert mux.selected(NS_PER_S // 2 + 1) == ('nav', FAST)
 
 
-def test_an_input_in_conflict_stops_the_robot_although_a_lower_one_commands(mux):
-    mux.take('joystick', SLOW, 0)
-    mux.take('nav', FAST, 0)
+def test_a_blocked_input_stops_the_robot_despite_inputs_of_lower_priority(mux):
+    mux.update('joystick', SLOW, 0)
+    mux.update('nav', FAST, 0)
     mux.block('joystick')
     assert mux.selected(0) is None
     mux.unblock('joystick')
     assert mux.selected(0) == ('nav', FAST)
 
 
-def test_an_input_in_conflict_is_of_no_account_below_one_in_use(mux):
-    mux.take('joystick', SLOW, 0)
+def test_a_blocked_input_has_no_effect_below_a_valid_one(mux):
+    mux.update('joystick', SLOW, 0)
     mux.block('nav')
     assert mux.selected(0) == ('joystick', SLOW)
     assert mux.selected(NS_PER_S) is None
 
 
-def test_a_conflict_discards_the_command_and_ends_with_the_next_one(mux):
-    mux.take('nav', FAST, 0)
+def test_blocking_discards_the_command_and_ends_with_the_next_one(mux):
+    mux.update('nav', FAST, 0)
     mux.block('nav')
     mux.unblock('nav')
     assert mux.selected(0) is None
     mux.block('nav')
-    mux.take('nav', SLOW, 1)
+    mux.update('nav', SLOW, 1)
     assert mux.selected(1) == ('nav', SLOW)
 
 
 def test_all_commands_can_be_discarded(mux):
-    mux.take('joystick', SLOW, 0)
-    mux.take('nav', FAST, 0)
+    mux.update('joystick', SLOW, 0)
+    mux.update('nav', FAST, 0)
     mux.discard()
     assert mux.selected(0) is None
 
 
 @pytest.mark.parametrize('names', [('a', 'b'), ('b', 'a')])
-def test_priority_goes_by_the_number_not_by_the_name(names):
+def test_priority_depends_on_the_number_not_on_the_name(names):
     low, high = names
     mux = VelocityMux([(low, 1, 1.0), (high, 2, 1.0)])
-    mux.take(high, FAST, 0)
-    mux.take(low, SLOW, 0)
+    mux.update(high, FAST, 0)
+    mux.update(low, SLOW, 0)
     assert mux.selected(0) == (high, FAST)

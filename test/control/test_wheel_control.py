@@ -1,4 +1,4 @@
-"""Wheel speeds to duties, and everything that makes the robot stop."""
+"""Wheel speeds to duties, and all conditions that stop the robot."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from smart_tire.samples import NS_PER_S
 PARAMS = WheelControllerParams(wheel_states_timeout=0.5)
 PERIOD_NS = NS_PER_S // 16
 RADIUS = PARAMS.robot.wheel_radius
-NOTHING = (0.0, 0.0, 0.0, 0.0)
+STOPPED = (0.0, 0.0, 0.0, 0.0)
 AHEAD = (0.5 / RADIUS,) * 4  # rad/s, at 0.5 m/s
 
 
 def started(params=PARAMS, velocity=(1.0, 1.0, 1.0, 1.0)):
-    """Return a control that has wheel speeds at time zero."""
+    """Return a controller with wheel speeds measured at time zero."""
     control = WheelControl(params)
-    control.measure(velocity, 0)
+    control.update_measurement(velocity, 0)
     return control
 
 
-def test_wheels_that_shall_turn_alike_get_the_same_duty():
-    wanted, duty = started().step(AHEAD, 0)
-    assert wanted == pytest.approx(AHEAD)
+def test_equal_set_points_give_equal_duties():
+    set_points, duty = started().step(AHEAD, 0)
+    assert set_points == pytest.approx(AHEAD)
     assert len(set(duty)) == 1
     assert duty[0] > 0.0
 
@@ -34,110 +34,110 @@ def test_wheels_that_shall_turn_alike_get_the_same_duty():
 def test_each_wheel_has_its_own_controller():
     _, duty = started().step((1.0, 2.0, -3.0, 0.0), 0)
     assert duty[2] < 0.0 < duty[0] < duty[1]
-    assert duty[3] < 0.0  # it turns and shall stand
+    assert duty[3] < 0.0  # it rotates with a set point of zero
 
 
-def test_a_command_that_is_too_fast_is_slowed_on_the_same_curve():
+def test_a_command_that_is_too_fast_is_scaled_down_on_the_same_curve():
     control = started(replace(PARAMS, max_wheel_speed=10.0))
     assert control.step((10.0, 25.0, 10.0, 25.0), 0)[0] == pytest.approx((4.0, 10.0, 4.0, 10.0))
     assert control.step((4.0, -25.0, 4.0, 2.0), 1)[0] == pytest.approx((1.6, -10.0, 1.6, 0.8))
     assert control.step((4.0, 10.0, 4.0, 2.0), 2)[0] == (4.0, 10.0, 4.0, 2.0)
 
 
-def test_without_a_command_there_is_no_duty_whatever_the_wheels_do():
+def test_without_a_command_the_duty_is_zero_at_any_wheel_speed():
     control = started()
     control.step(AHEAD, 0)
     for tick in range(1, 16):
-        control.measure((5.0,) * 4, tick * PERIOD_NS)
-        assert control.step(None, tick * PERIOD_NS) == (NOTHING, NOTHING)
+        control.update_measurement((5.0,) * 4, tick * PERIOD_NS)
+        assert control.step(None, tick * PERIOD_NS) == (STOPPED, STOPPED)
 
 
 def test_a_command_of_zero_brakes():
     control = started(velocity=(5.0,) * 4)
-    wanted, duty = control.step(NOTHING, 0)
-    assert wanted == NOTHING
+    set_points, duty = control.step(STOPPED, 0)
+    assert set_points == STOPPED
     assert max(duty) < 0.0
 
 
-def test_without_wheel_speeds_there_is_no_duty():
+def test_without_wheel_speeds_the_duty_is_zero():
     control = started()
-    assert control.measured(NS_PER_S // 2)
-    assert control.step(AHEAD, NS_PER_S // 2)[1] != NOTHING
-    assert not control.measured(NS_PER_S // 2 + 1)
-    wanted, duty = control.step(AHEAD, NS_PER_S // 2 + 1)
-    assert wanted == pytest.approx(AHEAD)
-    assert duty == NOTHING
-    assert WheelControl(PARAMS).step(AHEAD, 0)[1] == NOTHING
+    assert control.has_measurement(NS_PER_S // 2)
+    assert control.step(AHEAD, NS_PER_S // 2)[1] != STOPPED
+    assert not control.has_measurement(NS_PER_S // 2 + 1)
+    set_points, duty = control.step(AHEAD, NS_PER_S // 2 + 1)
+    assert set_points == pytest.approx(AHEAD)
+    assert duty == STOPPED
+    assert WheelControl(PARAMS).step(AHEAD, 0)[1] == STOPPED
 
 
-def test_wheel_speeds_can_be_forgotten():
+def test_measured_wheel_speeds_can_be_discarded():
     control = started()
-    control.forget_measurement()
-    assert not control.measured(0)
-    assert control.step(AHEAD, 0)[1] == NOTHING
-    control.measure(NOTHING, 1)
-    assert control.step(AHEAD, 1)[1] != NOTHING
+    control.discard_measurement()
+    assert not control.has_measurement(0)
+    assert control.step(AHEAD, 0)[1] == STOPPED
+    control.update_measurement(STOPPED, 1)
+    assert control.step(AHEAD, 1)[1] != STOPPED
 
 
-def test_while_stopped_there_are_no_set_points_and_no_duty():
+def test_during_an_emergency_stop_set_points_and_duty_are_zero():
     control = started()
-    control.stopped = True
-    assert control.step(AHEAD, 0) == (NOTHING, NOTHING)
-    control.stopped = False
-    assert control.step(AHEAD, 1)[1] != NOTHING
+    control.emergency_stop = True
+    assert control.step(AHEAD, 0) == (STOPPED, STOPPED)
+    control.emergency_stop = False
+    assert control.step(AHEAD, 1)[1] != STOPPED
 
 
 @pytest.mark.parametrize('pause', ['no command', 'stopped', 'no speeds'])
-def test_after_any_pause_the_controllers_start_over(pause):
+def test_controllers_are_reset_after_any_pause(pause):
     control = started()
     first = control.step(AHEAD, 0)
     for tick in range(1, 5):
-        control.measure((1.0,) * 4, tick * PERIOD_NS)
+        control.update_measurement((1.0,) * 4, tick * PERIOD_NS)
         control.step(AHEAD, tick * PERIOD_NS)
-    control.stopped = pause == 'stopped'
+    control.emergency_stop = pause == 'stopped'
     if pause == 'no speeds':
-        control.forget_measurement()
-    assert control.step(None if pause == 'no command' else AHEAD, 5 * PERIOD_NS)[1] == NOTHING
-    control.stopped = False
-    control.measure((1.0,) * 4, 6 * PERIOD_NS)
+        control.discard_measurement()
+    assert control.step(None if pause == 'no command' else AHEAD, 5 * PERIOD_NS)[1] == STOPPED
+    control.emergency_stop = False
+    control.update_measurement((1.0,) * 4, 6 * PERIOD_NS)
     assert control.step(AHEAD, 6 * PERIOD_NS) == first
 
 
-def test_duties_that_are_not_applied_wind_nothing_up_and_are_not_zero():
+def test_while_motors_are_disabled_the_duty_does_not_wind_up_and_is_not_zero():
     control = started()
-    control.applied = False
+    control.motors_enabled = False
     duties = []
     for tick in range(32):
-        control.measure(NOTHING, tick * PERIOD_NS)
+        control.update_measurement(STOPPED, tick * PERIOD_NS)
         duties.append(control.step(AHEAD, tick * PERIOD_NS)[1])
     assert set(duties) == {duties[0]}
     assert 0.0 < duties[0][0] <= PARAMS.pid.rate_limit / 16
-    control.applied = True
-    control.measure(NOTHING, 32 * PERIOD_NS)
+    control.motors_enabled = True
+    control.update_measurement(STOPPED, 32 * PERIOD_NS)
     after = control.step(AHEAD, 32 * PERIOD_NS)[1]
     assert after[0] <= 2.0 * PARAMS.pid.rate_limit / 16
 
 
-def test_wheels_that_stand_and_shall_stand_get_no_duty():
+def test_stationary_wheels_with_zero_set_points_get_zero_duty():
     control = started(velocity=(0.09, -0.09, 0.0, 0.11))
     for tick in range(8):
-        control.measure((0.09, -0.09, 0.0, 0.11), tick * PERIOD_NS)
-        _, duty = control.step(NOTHING, tick * PERIOD_NS)
+        control.update_measurement((0.09, -0.09, 0.0, 0.11), tick * PERIOD_NS)
+        _, duty = control.step(STOPPED, tick * PERIOD_NS)
     assert duty[:3] == (0.0, 0.0, 0.0)
     assert duty[3] < 0.0
 
 
-def test_a_long_pause_between_two_steps_does_not_throw_the_integral():
+def test_a_long_pause_between_two_steps_has_a_bounded_effect_on_the_integral():
     control = started(replace(PARAMS, pid=PidParams(proportional=0.0, feed_forward=0.0,
                                                     rate_limit=1e6)))
     control.step(AHEAD, 0)
-    control.measure((1.0,) * 4, 100 * NS_PER_S)
+    control.update_measurement((1.0,) * 4, 100 * NS_PER_S)
     _, duty = control.step(AHEAD, 100 * NS_PER_S)
     error = 0.5 / RADIUS - 1.0
     assert duty[0] == pytest.approx(PARAMS.pid.integral * error * 5 / 16)
 
 
-def test_the_integral_goes_by_the_time_that_passed():
+def test_the_integral_uses_the_elapsed_time():
     control = started(replace(PARAMS, pid=PidParams(proportional=0.0, feed_forward=0.0,
                                                     rate_limit=1e6)))
     control.step(AHEAD, 0)
@@ -145,10 +145,10 @@ def test_the_integral_goes_by_the_time_that_passed():
     error = 0.5 / RADIUS - 1.0
     assert duty[0] == pytest.approx(PARAMS.pid.integral * error * 1.5 / 16)
     assert control.step(AHEAD, PERIOD_NS // 2)[1][0] == pytest.approx(
-        PARAMS.pid.integral * error * 2.5 / 16)  # no time: counted as a period
+        PARAMS.pid.integral * error * 2.5 / 16)  # no elapsed time: counted as one period
 
 
-def test_gains_change_while_running():
+def test_parameters_can_change_while_running():
     control = started()
-    control.retune(replace(PARAMS, pid=PidParams(limit=0.1)))
+    control.set_params(replace(PARAMS, pid=PidParams(limit=0.1)))
     assert max(control.step(AHEAD, 0)[1]) <= 0.1
