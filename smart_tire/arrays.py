@@ -1,4 +1,4 @@
-"""Aliases of array types; shapes and units are stated where they are used."""
+"""Aliases of array types; shapes and units are stated at their use."""
 
 from __future__ import annotations
 

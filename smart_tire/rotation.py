@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 
 def matrix(roll: float, pitch: float, yaw: float) -> NDArray[np.float64]:
-    """Return the matrix (3, 3) that turns vectors of the rotated frame into its parent's."""
+    """Return the matrix (3, 3) that rotates vectors from the child frame to its parent."""
     cr, sr = math.cos(roll), math.sin(roll)
     cp, sp = math.cos(pitch), math.sin(pitch)
     cy, sy = math.cos(yaw), math.sin(yaw)

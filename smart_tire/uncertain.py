@@ -1,4 +1,4 @@
-"""A number with its standard error: what every calibration returns."""
+"""A value with its standard error: result type of the calibrations."""
 
 from __future__ import annotations
 
@@ -6,24 +6,24 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 import math
 
-UNDETERMINED = 0.2  # of a value: a larger standard error tells nothing
+MAX_RELATIVE_SIGMA = 0.2  # relative standard error above which a value is not observable
 
 
 @dataclass(frozen=True)
 class Uncertain:
-    """A number and its standard error."""
+    """A value and its standard error."""
 
     value: float
     sigma: float
 
     @property
     def determined(self) -> bool:
-        """Return whether the recording tells the value."""
-        return self.sigma <= UNDETERMINED * abs(self.value)
+        """Return whether the standard error is small enough for the value to be used."""
+        return self.sigma <= MAX_RELATIVE_SIGMA * abs(self.value)
 
 
 def weighted_mean(estimates: Sequence[Uncertain]) -> Uncertain:
-    """Return the mean weighted by the sigmas; where they scatter more, its sigma grows (Birge)."""
+    """Return the mean weighted by 1 / sigma^2, its sigma scaled by the scatter (Birge ratio)."""
     weights = [item.sigma ** -2 for item in estimates]
     value = sum(w * item.value for w, item in zip(weights, estimates)) / sum(weights)
     squares = sum(w * (item.value - value) ** 2 for w, item in zip(weights, estimates))

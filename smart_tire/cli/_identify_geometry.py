@@ -21,10 +21,10 @@ def run(args: argparse.Namespace) -> int:
     check_out(args, NAME)
     from smart_tire.analysis.calibrate_robot import identify_geometry, load_robot
     from smart_tire.analysis.geometry_figures import write_geometry
-    from smart_tire.calibration.robot.geometry import parameters, together
+    from smart_tire.calibration.robot.geometry import combine, parameters
     robot = load_robot(args.params)
-    found = together([identify_geometry(bag, robot, since=args.since, until=args.until,
-                                        reference=args.reference) for bag in args.bags])
+    found = combine([identify_geometry(bag, robot, since=args.since, until=args.until,
+                                       reference=args.reference) for bag in args.bags])
     for item in found.quantities:
         print(f'{item.name:24}{item.estimate.value:12.6g} ± {item.estimate.sigma:<8.2g} '
               f'{item.unit:6}{item.note}')

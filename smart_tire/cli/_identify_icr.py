@@ -21,10 +21,10 @@ def run(args: argparse.Namespace) -> int:
     check_out(args, NAME)
     from smart_tire.analysis.calibrate_robot import identify_icr, load_robot
     from smart_tire.analysis.geometry_figures import write_icr
-    from smart_tire.calibration.robot.icr import together
+    from smart_tire.calibration.robot.icr import combine
     robot = load_robot(args.params)
-    fit = together([identify_icr(bag, robot, since=args.since, until=args.until,
-                                 reference=args.reference) for bag in args.bags])
+    fit = combine([identify_icr(bag, robot, since=args.since, until=args.until,
+                                reference=args.reference) for bag in args.bags])
     for time, value, sigma in zip(fit.turn_time, fit.turn_icr, fit.turn_sigma):
         print(f'turn at {time:7.1f} s     {value:10.4f} ± {sigma:<7.2g} m')
     print(f'S                      {fit.icr.value:10.4f} ± {fit.icr.sigma:<7.2g} m  from '

@@ -29,10 +29,10 @@ def run(args: argparse.Namespace) -> int:
                                                 ' kg that is given'),
             ('rolling drag', found.drag, 'N', 'of all wheels; information'),
             ('friction', found.friction, '-', 'as far as it bends the curve; information'),
-            ('lateness', found.lateness, 's', 'of wheel stamps, beyond encoder.latency; '
+            ('lateness', found.latency_error, 's', 'of wheel stamps, beyond encoder.latency; '
                                               'information')):
         print(f'{name:14}{told.value:10.5g} ± {told.sigma:<8.2g} {unit:3}{note}')
-    print(f'{found.runs} straight runs of {found.duration:.1f} s in all; residuals are '
+    print(f'{found.segments} straight runs of {found.duration:.1f} s in all; residuals are '
           f'{found.excess ** 0.5:.2g} times what noise explains')
     return put_out(args, NAME, stiffness_parameters(found),
                    lambda figure: write_stiffness(figure, found))

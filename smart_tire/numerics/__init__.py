@@ -1,1 +1,1 @@
-"""Numerical methods that know nothing of robots: robust statistics and regression."""
+"""Numerical methods without robot-specific terms: robust statistics and regression."""

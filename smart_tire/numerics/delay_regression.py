@@ -1,10 +1,10 @@
 """
-Least squares over a delay and linear coefficients, with noise as recordings have it.
+Least squares over a delay and linear coefficients, with realistic measurement noise.
 
-The noise may be correlated from row to row, of different size in each row, and have outliers.
-Rows are divided by the size of their noise, differenced by its correlation, and weighted after
-Huber; standard errors come from the residuals themselves (a sandwich, after Newey and West), so
-that they hold where the assumptions do not.
+The noise may be correlated between rows, heteroscedastic, and contain outliers. Rows are divided
+by their standard deviation, whitened by an AR(1) model and weighted by Huber's function. Standard
+errors come from the residuals (heteroscedasticity and autocorrelation consistent sandwich, Newey
+and West 1987), so they hold if these assumptions do not.
 """
 
 from __future__ import annotations
@@ -21,47 +21,47 @@ from smart_tire.errors import EstimatorError
 from smart_tire.numerics.robust import MAD_TO_SIGMA
 
 
-HUBER = 2.0        # sigmas; residuals beyond it count less
-ROUNDS = 5         # of noise, then delay; more change nothing
-MOST_LINKED = 0.999  # correlation of neighbouring rows
-LASTING = 1.0      # s over which residuals are correlated beyond what was removed
-PRECISION = 1e-5   # s, to which the delay is searched
-DISTINCT = 9.0     # of chi-square by which every other minimum must be worse: three sigmas
-APART = 5.0        # sigmas, within which another minimum is the same one
-UNSEEN = 1e-12      # weight of a prior that says nothing
-FEW = 12           # rows, below which residuals tell nothing of their noise
+HUBER_THRESHOLD = 2.0            # sigmas, beyond which a row has lower weight
+REWEIGHTING_ROUNDS = 5           # of noise, then delay; more do not change the result
+MAX_AUTOCORRELATION = 0.999      # of neighboring rows
+HAC_TIME = 1.0                   # s over which whitened residuals may still be correlated
+DELAY_TOLERANCE = 1e-5           # s, of the search
+AMBIGUITY_CHI_SQUARE = 9.0       # by which all other minima must be worse: three sigmas
+MINIMUM_WIDTH_SIGMAS = 5.0  # standard errors within which grid points belong to the same minimum
+UNINFORMATIVE_PRECISION = 1e-12  # of the prior of an unobserved coefficient, keeps it invertible
+MIN_ROWS = 12                    # below this number the residuals do not determine their noise
 
 
 @dataclass(frozen=True)
 class Rows:
-    """A linear problem ``wanted = matrix @ coefficients`` at one delay."""
+    """Linear system ``target = matrix @ coefficients`` at one delay."""
 
     matrix: Array  # (n, p)
-    wanted: Array  # (n,)
+    target: Array  # (n,)
 
 
 @dataclass(frozen=True)
-class Problem:
-    """Rows as a function of the delay [s], and what is known beforehand."""
+class DelayProblem:
+    """A linear system as a function of the delay [s], with priors."""
 
     rows: Callable[[float], Rows]
-    doubt: Callable[[float], Array]  # delay -> (n,) noise by what the model leaves out
-    time: Array                      # (n,) s; correlation fades with the time between rows
-    prior_mean: Array                # (p,) of the coefficients
-    prior_sigma: Array               # (p,), inf where nothing is known
-    overlapping: bool = False        # whether neighbouring rows share what they are made of
+    model_sigma: Callable[[float], Array]  # delay -> (n,) sigma of effects the model omits
+    time: Array                            # (n,) s; correlation decays with the time between rows
+    prior_mean: Array                      # (p,) of the coefficients
+    prior_sigma: Array                     # (p,), inf without a prior
+    overlapping: bool = False              # whether neighboring rows share measurements
 
 
 @dataclass(frozen=True)
 class DelayFit:
     """Delay and coefficients; the delay is the last row of the covariance."""
 
-    delay: float            # s
-    coefficients: Array     # (p,)
-    covariance: Array       # (p + 1, p + 1)
-    noise: float            # of a row, one sigma beside the doubts
-    correlation: float      # of neighbouring rows
-    residuals: Array        # (n,), wanted minus model
+    delay: float         # s
+    coefficients: Array  # (p,)
+    covariance: Array    # (p + 1, p + 1)
+    noise: float         # standard deviation of a row without model errors
+    correlation: float   # of neighboring rows
+    residuals: Array     # (n,), target minus model
 
     @property
     def sigma(self) -> float:
@@ -75,30 +75,30 @@ class DelayFit:
 
 @dataclass(frozen=True)
 class _Noise:
-    size: Array         # (n,) one sigma of each row
+    sigma: Array  # (n,) standard deviation of each row
     correlation: float
-    link: Array         # (n - 1,) of each row to the one before
-    weight: Array       # (n,) of the rows after they have been whitened
-    level: float        # one sigma beside the doubts
+    step_correlation: Array  # (n - 1,) of each row with the previous one
+    weight: Array            # (n,) of the whitened rows
+    white_sigma: float       # standard deviation without model errors
 
 
-def fit_delay(problem: Problem, delays: Array) -> DelayFit:
+def fit_delay(problem: DelayProblem, delays: Array) -> DelayFit:
     """
     Return the best delay near one of ``delays`` [s, evenly spaced] and its coefficients.
 
-    Raises EstimatorError where there are too few rows, where the best delay is at an end of the
-    range, or where another one is as good.
+    Raises EstimatorError if there are too few rows, if the best delay is at an end of the range,
+    or if another delay fits equally well.
     """
     n = len(problem.time)
-    if n < FEW:
-        raise EstimatorError(f'{n} readings in motion, expected at least {FEW}')
+    if n < MIN_ROWS:
+        raise EstimatorError(f'{n} samples in motion, expected at least {MIN_ROWS}')
     noise = _Noise(np.ones(n), 0.0, np.zeros(n - 1), np.ones(n), 1.0)
     table = [problem.rows(float(delay)) for delay in delays]
     costs = _scan(problem, table, noise)
     delay = float(delays[int(np.argmin(costs))])
-    for count in range(ROUNDS):
+    for count in range(REWEIGHTING_ROUNDS):
         noise = _noise(problem, delay, noise)
-        if count < ROUNDS // 2:
+        if count < REWEIGHTING_ROUNDS // 2:
             costs = _scan(problem, table, noise)
             delay = float(delays[int(np.argmin(costs))])
         delay = _refined(problem, delay, float(delays[1] - delays[0]), noise)
@@ -108,118 +108,121 @@ def fit_delay(problem: Problem, delays: Array) -> DelayFit:
     return result
 
 
-def _scan(problem: Problem, table: Sequence[Rows], noise: _Noise) -> Array:
+def _scan(problem: DelayProblem, table: Sequence[Rows], noise: _Noise) -> Array:
     return np.array([_cost(problem, rows, noise) for rows in table])
 
 
-def _refined(problem: Problem, delay: float, step: float, noise: _Noise) -> float:
+def _refined(problem: DelayProblem, delay: float, step: float, noise: _Noise) -> float:
     found = minimize_scalar(
         lambda x: _cost(problem, problem.rows(x), noise), bounds=(delay - step, delay + step),
-        method='bounded', options={'xatol': PRECISION})
+        method='bounded', options={'xatol': DELAY_TOLERANCE})
     return float(found.x)
 
 
 def _check(fit: DelayFit, delays: Array, costs: Array, best: float) -> None:
     step, delay = delays[1] - delays[0], fit.delay
     if not delays[0] + step <= delay <= delays[-1] - step:
-        raise EstimatorError(f'the best delay lies outside of {delays[0]:g} to {delays[-1]:g} s')
-    inner = costs[1:-1]
-    away = np.abs(delays[1:-1] - delay) > step + APART * fit.sigma
-    minima = (inner <= costs[:-2]) & (inner <= costs[2:]) & away
-    rivals = delays[1:-1][minima & (inner < best + DISTINCT)]
-    if len(rivals):
-        raise EstimatorError(f'delays of {delay:.3f} s and {rivals[0]:.3f} s fit alike')
+        raise EstimatorError(f'the best delay is outside of {delays[0]:g} to {delays[-1]:g} s')
+    candidates = costs[1:-1]
+    distant = np.abs(delays[1:-1] - delay) > step + MINIMUM_WIDTH_SIGMAS * fit.sigma
+    minima = (candidates <= costs[:-2]) & (candidates <= costs[2:]) & distant
+    competing = delays[1:-1][minima & (candidates < best + AMBIGUITY_CHI_SQUARE)]
+    if len(competing):
+        raise EstimatorError(
+            f'delays of {delay:.3f} s and {competing[0]:.3f} s fit equally well')
 
 
 def _whitened(values: Array, noise: _Noise) -> Array:
-    """Return rows (n,) or (n, p) over their noise, without its correlation, weighted."""
+    """Return whitened and weighted rows, (n,) or (n, p)."""
     shape = (-1,) + (1,) * (values.ndim - 1)
-    scaled = values / noise.size.reshape(shape)
+    scaled = values / noise.sigma.reshape(shape)
     if noise.correlation > 0.0:
-        link = noise.link.reshape(shape)
+        link = noise.step_correlation.reshape(shape)
         scaled[1:] = (scaled[1:] - link * scaled[:-1]) / np.sqrt(1.0 - link ** 2)
     scaled *= np.sqrt(noise.weight).reshape(shape)
     return scaled
 
 
-def _solve(problem: Problem, rows: Rows, noise: _Noise) -> tuple[Array, float]:
-    """Return coefficients and the sum of squares."""
+def _solve(problem: DelayProblem, rows: Rows, noise: _Noise) -> tuple[Array, float]:
+    """Return coefficients and the weighted sum of squares."""
     weight = 1.0 / problem.prior_sigma
-    white = _whitened(np.column_stack([rows.matrix, rows.wanted]), noise)
+    white = _whitened(np.column_stack([rows.matrix, rows.target]), noise)
     matrix = np.vstack([white[:, :-1], np.diag(weight)])
-    wanted = np.concatenate([white[:, -1], problem.prior_mean * weight])
-    coefficients, *_ = np.linalg.lstsq(matrix, wanted, rcond=None)
-    return coefficients, float(np.sum((matrix @ coefficients - wanted) ** 2))
+    target = np.concatenate([white[:, -1], problem.prior_mean * weight])
+    coefficients, *_ = np.linalg.lstsq(matrix, target, rcond=None)
+    return coefficients, float(np.sum((matrix @ coefficients - target) ** 2))
 
 
-def _cost(problem: Problem, rows: Rows, noise: _Noise) -> float:
+def _cost(problem: DelayProblem, rows: Rows, noise: _Noise) -> float:
     return _solve(problem, rows, noise)[1]
 
 
-def _noise(problem: Problem, delay: float, before: _Noise) -> _Noise:
-    """Return what the residuals at ``delay`` tell about their noise."""
+def _noise(problem: DelayProblem, delay: float, previous: _Noise) -> _Noise:
+    """Return the noise model of the residuals at ``delay``."""
     rows = problem.rows(delay)
-    coefficients, _ = _solve(problem, rows, before)
-    residuals, doubt = rows.wanted - rows.matrix @ coefficients, problem.doubt(delay)
-    level = noise_beside(residuals, doubt)
-    size = np.hypot(level, doubt)
-    linked = np.clip(residuals / size, -HUBER, HUBER)
+    coefficients, _ = _solve(problem, rows, previous)
+    residuals, model_sigma = rows.target - rows.matrix @ coefficients, problem.model_sigma(delay)
+    white_sigma = measurement_noise(residuals, model_sigma)
+    sigma = np.hypot(white_sigma, model_sigma)
+    clipped = np.clip(residuals / sigma, -HUBER_THRESHOLD, HUBER_THRESHOLD)
     steps = np.diff(problem.time)
-    near = steps < 1.5 * np.median(steps)
-    correlation = float(np.sum((linked[1:] * linked[:-1])[near]) / np.sum(linked ** 2))
+    regular = steps < 1.5 * np.median(steps)
+    correlation = float(np.sum((clipped[1:] * clipped[:-1])[regular]) / np.sum(clipped ** 2))
     if problem.overlapping:
-        correlation = 0.0  # rows that overlap would be undone by it
-    correlation = min(max(correlation, 0.0), MOST_LINKED)
-    link = correlation ** (steps / np.median(steps))
-    plain = _Noise(size, correlation, link, np.ones(len(size)), level)
+        correlation = 0.0  # differences of overlapping rows would amplify noise
+    correlation = min(max(correlation, 0.0), MAX_AUTOCORRELATION)
+    step_correlation = correlation ** (steps / np.median(steps))
+    plain = _Noise(sigma, correlation, step_correlation, np.ones(len(sigma)), white_sigma)
     white = np.abs(_whitened(residuals, plain))
-    # what is left may be smaller than what was: correlation explains a part of it
+        # correlation explains a part of the residuals: the whitened ones may be smaller
     scale = max(MAD_TO_SIGMA * float(np.median(white)), 1e-12)
-    weight = np.minimum(1.0, HUBER * scale / np.maximum(white, 1e-12))
-    return _Noise(size * scale, correlation, link, weight, level * scale)
+    weight = np.minimum(1.0, HUBER_THRESHOLD * scale / np.maximum(white, 1e-12))
+    return _Noise(sigma * scale, correlation, step_correlation, weight, white_sigma * scale)
 
 
-def noise_beside(residuals: Array, doubt: Array) -> float:
-    """Return the noise beside the ``doubt``: that of the half of the rows that have least."""
-    calm = np.abs(residuals[doubt <= np.median(doubt)])
-    return max(MAD_TO_SIGMA * float(np.median(calm)), 1e-9)
+def measurement_noise(residuals: Array, model_sigma: Array) -> float:
+    """Return the standard deviation without model errors: of rows with the smaller ones."""
+    reliable = np.abs(residuals[model_sigma <= np.median(model_sigma)])
+    return max(MAD_TO_SIGMA * float(np.median(reliable)), 1e-9)
 
 
-def _result(problem: Problem, delay: float, noise: _Noise) -> tuple[DelayFit, float]:
-    """Return the fit, and how much larger the delay's variance is than without correlations."""
+def _result(problem: DelayProblem, delay: float, noise: _Noise) -> tuple[DelayFit, float]:
+    """Return the fit, and the factor by which correlation increases the delay's variance."""
     rows = problem.rows(delay)
     coefficients, _ = _solve(problem, rows, noise)
-    # as far as half a row: over less, noise of the signal would look like knowledge of the delay
-    nudge = 0.5 * float(np.median(np.diff(problem.time)))
-    later, sooner = problem.rows(delay + nudge), problem.rows(delay - nudge)
-    slope = ((later.matrix - sooner.matrix) @ coefficients - later.wanted + sooner.wanted) / (
-        2.0 * nudge)
+    # half a row: over a smaller offset noise of the signal would add to the slope
+    offset = 0.5 * float(np.median(np.diff(problem.time)))
+    later, earlier = problem.rows(delay + offset), problem.rows(delay - offset)
+    slope = ((later.matrix - earlier.matrix) @ coefficients - later.target + earlier.target) / (
+        2.0 * offset)
     jacobian = np.column_stack([rows.matrix, slope])
-    residuals = rows.wanted - rows.matrix @ coefficients
+    residuals = rows.target - rows.matrix @ coefficients
     prior = np.append(problem.prior_sigma, np.inf)
-    matrix, left = _whitened(jacobian, noise), _whitened(residuals, noise)
-    lags = math.ceil(LASTING / float(np.median(np.diff(problem.time))))
-    covariance = sandwich(matrix, left, prior, lags)
-    plain = sandwich(matrix, left, prior, 0)
-    fit = DelayFit(delay, coefficients, covariance, noise.level, noise.correlation, residuals)
+    matrix, white_residuals = _whitened(jacobian, noise), _whitened(residuals, noise)
+    lags = math.ceil(HAC_TIME / float(np.median(np.diff(problem.time))))
+    covariance = sandwich_covariance(matrix, white_residuals, prior, lags)
+    plain = sandwich_covariance(matrix, white_residuals, prior, 0)
+    fit = DelayFit(
+        delay, coefficients, covariance, noise.white_sigma, noise.correlation, residuals)
     return fit, max(1.0, float(covariance[-1, -1] / plain[-1, -1]))
 
 
-def sandwich(jacobian: Array, residuals: Array, prior_sigma: Array, lags: int) -> Array:
+def sandwich_covariance(jacobian: Array, residuals: Array, prior_sigma: Array,
+                        lags: int) -> Array:
     """
     Return the covariance (p, p) of a weighted fit from its own residuals (n,).
 
-    ``jacobian`` is (n, p); residuals up to ``lags`` rows apart may be correlated; of a prior,
-    its own sigma counts.
+    ``jacobian`` is (n, p); residuals up to ``lags`` rows apart may be correlated; a prior
+    contributes with its own sigma.
     """
     n, p = jacobian.shape
-    # a direction that no row sees must come out as unknown, not as exact
-    known = np.diag(1.0 / prior_sigma ** 2 + UNSEEN)
+    # an unobserved direction must have a large variance, not zero
+    prior_precision = np.diag(1.0 / prior_sigma ** 2 + UNINFORMATIVE_PRECISION)
     scores = jacobian * residuals[:, None]
-    middle = scores.T @ scores
+    meat = scores.T @ scores
     for lag in range(1, min(lags, n - 1) + 1):
         product = scores[lag:].T @ scores[:-lag]
-        middle += (1.0 - lag / (lags + 1.0)) * (product + product.T)
-    middle = middle * n / max(n - p, 1) + known
-    inverse = np.linalg.inv(jacobian.T @ jacobian + known)
-    return np.asarray(inverse @ middle @ inverse)
+        meat += (1.0 - lag / (lags + 1.0)) * (product + product.T)
+    meat = meat * n / max(n - p, 1) + prior_precision
+    inverse = np.linalg.inv(jacobian.T @ jacobian + prior_precision)
+    return np.asarray(inverse @ meat @ inverse)

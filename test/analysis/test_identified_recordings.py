@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from smart_tire.analysis.calibrate_robot import identify_geometry, identify_icr
-from smart_tire.calibration.robot.geometry import LATENCY, parameters, RADIUS, REST, TRACK
+from smart_tire.calibration.robot.geometry import LATENCY, parameters, RADIUS, STATIC_IMU, TRACK
 from smart_tire.errors import EstimatorError
 from smart_tire.parameters import build, RobotParams
 
@@ -48,7 +48,7 @@ def test_parts_of_the_warthog_s_run_agree():
 
 def test_the_time_before_the_warthog_moves_tells_noise_only():
     found = identify_geometry(recording('warthog_asphalt'), WARTHOG, until=120.0)
-    assert {LATENCY, RADIUS, TRACK} <= set(found.refused) and REST not in found.refused
+    assert {LATENCY, RADIUS, TRACK} <= set(found.refused) and STATIC_IMU not in found.refused
     assert 'the wheels do not turn' in found.refused[LATENCY]
     assert {item.name for item in parameters(found, WARTHOG)} <= {
         'imu.gyro_noise', 'imu.accel_noise', 'imu.rotation'}

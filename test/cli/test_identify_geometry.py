@@ -32,8 +32,8 @@ def test_what_is_not_told_is_said_with_the_reason(bag, tmp_path, capsys):
     assert main(['identify', 'geometry', str(bag), '--until', '2.5', '--reference', 'none',
                  '--out', str(out)]) == 0
     said = capsys.readouterr().out
-    assert 'wheel latency           not told: the wheels do not turn' in said
-    assert 'no reference of the pose' in said
+    assert 'wheel latency           not told: the wheels do not rotate' in said
+    assert 'no pose reference' in said
     assert 'encoder' not in out.read_text()
 
 

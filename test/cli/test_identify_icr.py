@@ -27,10 +27,10 @@ def test_it_prints_s_with_its_turns_and_writes_what_params_takes(bag, tmp_path, 
     assert out.with_suffix('.png').read_bytes().startswith(b'\x89PNG')
 
 
-def test_without_a_reference_it_is_the_unit_that_tells(bag, tmp_path, capsys):
+def test_without_a_reference_the_imu_is_used(bag, tmp_path, capsys):
     out = tmp_path / 'icr.yaml'
     assert main(['identify', 'icr', str(bag), '--reference', 'none', '--out', str(out)]) == 0
-    assert 'from the lateral acceleration of the unit' in capsys.readouterr().out
+    assert 'from lateral acceleration of the IMU' in capsys.readouterr().out
 
 
 def test_a_run_without_turns_fails_with_the_reason(bag, tmp_path, capsys):

@@ -1,4 +1,4 @@
-"""A delay and a slope from a signal and its echo: right within their own errors, or refused."""
+"""Delay and gain between a signal and its echo: correct within their sigmas, or refused."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from smart_tire.calibration.recording import Signal
 from smart_tire.errors import EstimatorError
-from smart_tire.numerics.delay_regression import fit_delay, Problem, Rows, sandwich
+from smart_tire.numerics.delay_regression import DelayProblem, fit_delay, Rows, sandwich_covariance
 
 pytestmark = pytest.mark.slow
 
@@ -16,7 +16,7 @@ DELAYS = np.arange(-1.0, 1.01, 0.05)
 STEP = 0.1  # s between rows
 
 
-def echo(seed, *, delay=0.13, slope=2.0, noise=0.05, linked=0.0, outliers=0, seconds=60.0,
+def echo(seed, *, delay=0.13, slope=2.0, noise=0.05, correlation=0.0, outliers=0, seconds=60.0,
          signal=None):
     """Return the problem of a signal and its echo, ``delay`` later, ``slope`` times as large."""
     rng = np.random.default_rng(seed)
@@ -29,21 +29,22 @@ def echo(seed, *, delay=0.13, slope=2.0, noise=0.05, linked=0.0, outliers=0, sec
     end = begin + STEP
     errors = rng.standard_normal(len(begin))
     for index in range(1, len(errors)):
-        errors[index] = linked * errors[index - 1] + np.sqrt(1.0 - linked ** 2) * errors[index]
-    heard = slope * source.mean(begin - delay, end - delay) + noise * errors
-    heard[rng.integers(len(heard), size=outliers)] += 30.0 * noise
+        errors[index] = correlation * errors[index - 1] + np.sqrt(
+            1.0 - correlation ** 2) * errors[index]
+    received = slope * source.mean(begin - delay, end - delay) + noise * errors
+    received[rng.integers(len(received), size=outliers)] += 30.0 * noise
 
     def rows(delay):
-        said = source.mean(begin - delay, end - delay)
-        return Rows(np.column_stack([said, np.ones(len(said))]), heard)
+        emitted = source.mean(begin - delay, end - delay)
+        return Rows(np.column_stack([emitted, np.ones(len(emitted))]), received)
 
-    return Problem(rows, lambda delay: np.zeros(len(begin)), end, np.zeros(2),
-                   np.full(2, np.inf))
+    return DelayProblem(rows, lambda delay: np.zeros(len(begin)), end, np.zeros(2),
+                        np.full(2, np.inf))
 
 
 @pytest.mark.parametrize('options', [
-    {}, {'linked': 0.8}, {'outliers': 20}, {'noise': 0.5}], ids=str)
-def test_errors_are_as_large_as_the_fit_says(options):
+    {}, {'correlation': 0.8}, {'outliers': 20}, {'noise': 0.5}], ids=str)
+def test_errors_agree_with_the_reported_standard_errors(options):
     fits = [fit_delay(echo(seed, **options), DELAYS) for seed in range(40)]
     delays = np.array([(fit.delay - 0.13) / fit.sigma for fit in fits])
     slopes = np.array([(fit.coefficients[0] - 2.0) / fit.coefficient_sigma(0) for fit in fits])
@@ -52,14 +53,15 @@ def test_errors_are_as_large_as_the_fit_says(options):
         assert abs(errors.mean()) < 0.6
 
 
-@pytest.mark.parametrize('linked', [0.0, 0.5, 0.9])
-def test_the_correlation_of_the_noise_is_found(linked):
-    assert fit_delay(echo(1, linked=linked), DELAYS).correlation == pytest.approx(linked, abs=0.08)
+@pytest.mark.parametrize('correlation', [0.0, 0.5, 0.9])
+def test_the_correlation_of_the_noise_is_estimated(correlation):
+    fit = fit_delay(echo(1, correlation=correlation), DELAYS)
+    assert fit.correlation == pytest.approx(correlation, abs=0.08)
 
 
-def test_a_periodic_signal_has_no_delay_of_its_own():
+def test_the_delay_of_a_periodic_signal_is_ambiguous():
     fine = np.arange(-2.0, 62.0, 0.01)
-    with pytest.raises(EstimatorError, match='fit alike'):
+    with pytest.raises(EstimatorError, match='fit equally well'):
         fit_delay(echo(0, signal=np.sin(4.0 * np.pi * fine), seconds=60.0),
                   np.arange(-1.0, 1.01, 0.02))
 
@@ -69,12 +71,12 @@ def test_a_delay_beyond_the_range_is_refused():
         fit_delay(echo(0, delay=1.15), DELAYS)
 
 
-def test_few_rows_are_refused():
-    with pytest.raises(EstimatorError, match='10 readings in motion, expected at least 12'):
+def test_too_few_rows_are_refused():
+    with pytest.raises(EstimatorError, match='10 samples in motion, expected at least 12'):
         fit_delay(echo(0, seconds=1.0), DELAYS)
 
 
-def test_what_no_row_sees_is_unknown_and_not_exact():
+def test_an_unobserved_coefficient_has_a_large_variance():
     jacobian = np.column_stack([np.ones(50), np.zeros(50)])
-    covariance = sandwich(jacobian, np.full(50, 0.1), np.full(2, np.inf), 0)
+    covariance = sandwich_covariance(jacobian, np.full(50, 0.1), np.full(2, np.inf), 0)
     assert covariance[0, 0] < 0.01 and covariance[1, 1] > 1e6

@@ -1,4 +1,4 @@
-"""Kinematic runs as the identifications read them, with exact truth."""
+"""Kinematic recordings as the calibrations read them, with exact truth."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from smart_tire.rotation import quaternion
 from smart_tire.samples import ImuSample, NS_PER_S, Odometry, WheelSample
 
 TRACK = 0.57  # m, effective; the geometric one is 0.38 m
-PAUSE = 3.0   # s at rest at both ends
+PAUSE = 3.0   # s of standstill at both ends
 
 
-def wandering(rng, seconds, size, time):
+def random_signal(rng, seconds, size, time):
     """Return a smooth random signal of standard deviation ``size``, every millisecond."""
     reach = round(4.0 * time / STEP)
     bell = np.exp(-0.5 * (np.arange(-reach, reach + 1) * STEP / time) ** 2)
@@ -28,35 +28,35 @@ def wandering(rng, seconds, size, time):
 
 def turning_run(seed, seconds=60.0, *, track=TRACK, slip=0.01, turn=0.25, robot=None, **options):
     """
-    Return a run of ``drive`` whose sides change their speeds at random, at rest at both ends.
+    Return a run of ``drive`` with random speeds of both sides, stationary at both ends.
 
-    ``slip`` [m/s] is how much the sides' sliding wanders, ``turn`` [m/s] the size of their
-    difference.
+    ``slip`` [m/s] is the standard deviation of the slip velocities of the sides, ``turn`` [m/s]
+    that of their speed difference.
     """
     robot = robot or RobotParams()
     rng = np.random.default_rng([seed, 7])
     n = round(seconds / STEP)
-    mean = 0.6 + wandering(rng, seconds, 0.15, 1.0)
-    apart = wandering(rng, seconds, turn, 0.5)
+    mean = 0.6 + random_signal(rng, seconds, 0.15, 1.0)
+    difference = random_signal(rng, seconds, turn, 0.5)
     time = np.arange(n) * STEP
-    gate = np.clip(np.minimum(time - PAUSE, seconds - PAUSE - time), 0.0, 1.0)[:, None]
-    rolling = gate * np.stack([mean - 0.5 * apart, mean + 0.5 * apart], axis=1)
+    window = np.clip(np.minimum(time - PAUSE, seconds - PAUSE - time), 0.0, 1.0)[:, None]
+    rolling = window * np.stack([mean - 0.5 * difference, mean + 0.5 * difference], axis=1)
     lost = 0.5 * (rolling[:, 1] - rolling[:, 0]) * (1.0 - robot.track_width / track)
-    sliding = np.stack([-lost, lost], axis=1) + gate * np.stack(
-        [wandering(rng, seconds, slip, 0.7) for _ in range(2)], axis=1)
+    sliding = np.stack([-lost, lost], axis=1) + window * np.stack(
+        [random_signal(rng, seconds, slip, 0.7) for _ in range(2)], axis=1)
     return drive(rolling, sliding, seed=seed, robot=robot, **options)
 
 
 def recorded(run, reference_noise=None, seed=0):
-    """Return the recording of a run; with a reference if it is to have any noise [m, rad]."""
+    """Return the recording of a run, with a reference of this noise [m, rad] unless None."""
     imu = [s for s in run.samples if isinstance(s, ImuSample)]
     wheels = [s for s in run.samples if isinstance(s, WheelSample)]
     rng = np.random.default_rng([seed, 8])
     poses = None
     if reference_noise is not None:
         some = slice(None, None, 50)  # 20 Hz
-        noisy = run.pose[some] + reference_noise * rng.standard_normal(run.pose[some].shape)
-        poses = PoseRecord(run.time[some], noisy[:, :2], noisy[:, 2])
+        measured = run.pose[some] + reference_noise * rng.standard_normal(run.pose[some].shape)
+        poses = PoseRecord(run.time[some], measured[:, :2], measured[:, 2])
     return Recording(
         ImuRecord(seconds_of(imu), np.array([s.rate for s in imu]),
                   np.array([s.acceleration for s in imu])),
@@ -66,12 +66,12 @@ def recorded(run, reference_noise=None, seed=0):
 
 
 def seconds_of(samples):
-    """Return the stamps of samples in seconds after the start of a run."""
+    """Return the timestamps of samples in seconds after the start of a run."""
     return np.array([(s.stamp_ns - START_NS) / NS_PER_S for s in samples])
 
 
 def write_run(path, run, reference=None):
-    """Write a run into a bag at ``path``; its poses, 20 Hz, under the topic ``reference``."""
+    """Write a run to a bag at ``path``; its poses at 20 Hz to the topic ``reference``."""
     unknown = (-1.0,) + (0.0,) * 35
     events = [('imu/data' if isinstance(s, ImuSample) else 'wheel_states', s)
               for s in run.samples]

@@ -1,4 +1,4 @@
-"""A robot that speeds up and brakes on a straight line, its tires by the brush model."""
+"""Straight-line driving with acceleration and braking, tires by the brush model."""
 
 from __future__ import annotations
 
@@ -17,28 +17,28 @@ G = 9.80665  # m/s2
 
 @dataclass(frozen=True)
 class Ground:
-    """What tires do on a ground."""
+    """Parameters of a tire-ground pair."""
 
     stiffness: float  # N, C_x of a wheel
     friction: float
-    drag: float       # of the weight
+    drag: float       # share of the weight
 
 
 CONCRETE = Ground(52.7, 0.47, 0.015)
 SAND = Ground(30.0, 0.35, 0.15)
 
 
-def sway(time, size=0.35, rate=2.7):
-    """Return wheel surface speeds [m/s] that start from rest and then swing about 0.7 m/s."""
+def oscillation(time, size=0.35, rate=2.7):
+    """Return a wheel surface speed [m/s] that ramps up and then oscillates about 0.7 m/s."""
     return min(max(time - 1.0, 0.0), 0.7) + size * math.sin(rate * max(time - 1.7, 0.0))
 
 
 @lru_cache
-def motion(ground, pace=sway, seconds=20.0, mass=10.9):
+def motion(ground, pace=oscillation, seconds=20.0, mass=10.9):
     """
     Return surface speeds of the wheels and speeds over ground [m/s], every millisecond.
 
-    The force balance, stepped in time; load moves between the axles with the acceleration.
+    The force balance, integrated in time, with load transfer between the axles.
     """
     robot = RobotParams()
     lever = (robot.center_of_mass[2] + robot.wheel_radius) / robot.wheelbase
@@ -58,8 +58,8 @@ def motion(ground, pace=sway, seconds=20.0, mass=10.9):
     return np.array(rolling), np.array(over_ground)
 
 
-def straight_run(ground, seed, *, pace=sway, seconds=20.0, mass=10.9, **options):
-    """Return the recording of a straight run; ``options`` are those of ``drive``."""
+def straight_run(ground, seed, *, pace=oscillation, seconds=20.0, mass=10.9, **options):
+    """Return the recording of a straight drive; ``options`` are those of ``drive``."""
     rolling, over_ground = motion(ground, pace, seconds, mass)
     both = np.ones(2)
     return recorded(drive(np.outer(rolling, both), np.outer(rolling - over_ground, both),

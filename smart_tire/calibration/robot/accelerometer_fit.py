@@ -1,12 +1,12 @@
 """
 Latency and rolling radius from changes of speed: wheels against the accelerometer.
 
-The forward specific force, integrated, is the speed over ground but for a slow drift by bias and
-slope; from one stretch to the next its mean changes by the rolling radius times the change of the
-wheels' mean speed. The body lags behind its wheels by slip, mass over stiffness times speed: more
-than it lags in turning (``wheel_latency``), and tires slide harder, so that all of the lag counts
-as error of the latency. A body that pitches as it gains speed changes what the unit feels: the
-radius is a rough one.
+The integral of the forward specific force is the speed over ground plus a slow drift from bias
+and slope. From one interval to the next its mean changes by the rolling radius times the change of
+the mean wheel speed. The body lags behind its wheels because of slip, by mass over stiffness times
+speed. This lag is larger than in turns (``wheel_latency``) and tires slide more, so all of it
+counts as an error of the latency. Pitching of the body under acceleration changes the measured
+force: the radius is a rough estimate.
 """
 
 from __future__ import annotations
@@ -21,105 +21,113 @@ from smart_tire.arrays import Array
 from smart_tire.calibration.recording import Recording, Signal, wheel_intervals, WheelIntervals
 from smart_tire.calibration.robot.rolling_radius import TURN_SLIP
 from smart_tire.calibration.robot.wheel_latency import (
-    delay_grid, LAG_PRIOR, LATENCY_LIMIT, REACH, shortest_stretch)
+    delay_grid, LAG_RELATIVE_SIGMA, MAX_DELAY, MAX_LATENCY_SIGMA, min_interval)
 from smart_tire.errors import EstimatorError
-from smart_tire.numerics.delay_regression import DelayFit, fit_delay, Problem, Rows
+from smart_tire.numerics.delay_regression import DelayFit, DelayProblem, fit_delay, Rows
 from smart_tire.parameters import RobotParams
 from smart_tire.uncertain import Uncertain
 
 
-CHANGE = 1.0    # s over which changes are taken: as long as a robot takes to change its speed
-LEANING = 0.1   # relative error by a body that pitches as it gains speed: 0.6 degrees at 1 m/s2
-RADIUS, LAG = 0, 1  # coefficients
+CHANGE_INTERVAL = 1.0  # s between the compared intervals: typical duration of a speed change
+PITCHING_ERROR = 0.1              # relative error from pitching of the body: 0.6 degrees at 1 m/s2
+RADIUS_COLUMN, LAG_COLUMN = 0, 1  # of the coefficients
 
 
 @dataclass(frozen=True)
-class SpeedFit:
-    """What changes of the wheels' mean speed against the accelerometer tell."""
+class SpeedChangeFit:
+    """Wheel latency and rolling radius from speed changes, with the data for figures."""
 
     latency: Uncertain  # s
     radius: Uncertain   # m, mean of the sides
-    time: Array        # (n,) s, between neighbouring stretches
-    gained: Array      # (n,) m/s, by the accelerometer, moved by the latency, without its bias
-    rolled: Array      # (n,) m/s, by the wheels, without what they slip
+    time: Array         # (n,) s, center of the later interval
+    gained: Array       # (n,) m/s, from the accelerometer, shifted by the latency, without bias
+    rolled: Array       # (n,) m/s, from the wheels, without slip
 
 
-def fit_speed_changes(recording: Recording, robot: RobotParams) -> SpeedFit:
-    """Return latency and radius; raise EstimatorError with the reason where they do not show."""
-    changes = _Changes(recording, robot)
+def fit_speed_changes(recording: Recording, robot: RobotParams) -> SpeedChangeFit:
+    """Return latency and radius; raise EstimatorError with the reason if not observable."""
+    changes = _SpeedChanges(recording, robot)
     fit = fit_delay(changes.problem(), delay_grid(recording))
-    latency = Uncertain(fit.delay, math.hypot(fit.sigma, changes.lag(fit)))
-    if not latency.sigma <= LATENCY_LIMIT:
+    latency = Uncertain(fit.delay, math.hypot(fit.sigma, changes.lag_sigma(fit)))
+    if not latency.sigma <= MAX_LATENCY_SIGMA:
         raise EstimatorError(f'standard error of {latency.sigma:.2g} s, expected at most '
-                             f'{LATENCY_LIMIT:g} s: the speed hardly changes')
-    share = Uncertain(float(fit.coefficients[RADIUS]), fit.coefficient_sigma(RADIUS))
-    radius = Uncertain(robot.wheel_radius * share.value, robot.wheel_radius * math.hypot(
-        share.sigma, LEANING * share.value))
+                             f'{MAX_LATENCY_SIGMA:g} s: the speed hardly changes')
+    scale = Uncertain(float(fit.coefficients[RADIUS_COLUMN]),
+                      fit.coefficient_sigma(RADIUS_COLUMN))
+    radius = Uncertain(robot.wheel_radius * scale.value, robot.wheel_radius * math.hypot(
+        scale.sigma, PITCHING_ERROR * scale.value))
     rows = changes.rows(fit.delay)
-    known = rows.matrix[:, RADIUS + 1:] @ fit.coefficients[RADIUS + 1:]
-    return SpeedFit(latency, radius, changes.time, rows.wanted - known,
-                    rows.matrix[:, RADIUS] * share.value)
+    nuisance = rows.matrix[:, RADIUS_COLUMN + 1:] @ fit.coefficients[RADIUS_COLUMN + 1:]
+    return SpeedChangeFit(latency, radius, changes.time, rows.target - nuisance,
+                          rows.matrix[:, RADIUS_COLUMN] * scale.value)
 
 
-class _Changes:
-    """Changes of speed from stretch to stretch, as a problem for ``fit_delay``."""
+class _SpeedChanges:
+    """Changes of speed between intervals, as a problem for ``fit_delay``."""
 
     def __init__(self, recording: Recording, robot: RobotParams) -> None:
         imu = recording.imu
-        # The unit sits off the middle: what turning makes it feel is not a change of speed.
+        # remove the centripetal force at the IMU, which is off the center
         force = imu.force[:, 0] + robot.imu.position[0] * imu.rate[:, 2] ** 2
         force = force - float(np.median(force))
         rate = Signal(imu.time, force)
         self._speed = Signal(imu.time, rate.integral(imu.time))
-        stretches = wheel_intervals(recording.wheels, shortest_stretch(recording))
-        still = robot.slip.standstill_speed / robot.wheel_radius
-        stretches = stretches.where(stretches.around_motion(still) & (
-            stretches.begin > imu.time[0] + REACH) & (stretches.end < imu.time[-1] - REACH))
-        self._begin, self._end = stretches.begin, stretches.end
-        middle = 0.5 * (stretches.begin + stretches.end)
-        self._before, self._after = _pairs(stretches)
+        intervals = wheel_intervals(recording.wheels, min_interval(recording))
+        min_wheel_speed = robot.slip.standstill_speed / robot.wheel_radius
+        intervals = intervals.where(
+            intervals.near_motion(min_wheel_speed) & (intervals.begin > imu.time[0] + MAX_DELAY)
+            & (intervals.end < imu.time[-1] - MAX_DELAY))
+        self._begin, self._end = intervals.begin, intervals.end
+        center = 0.5 * (intervals.begin + intervals.end)
+        self._before, self._after = _pairs(intervals)
         if len(self._after) < 2:
-            raise EstimatorError('the wheels do not turn')
-        mean = robot.wheel_radius * stretches.sides.mean(axis=1)
-        apart = 0.5 * np.abs(np.diff(stretches.sides, axis=1)[:, 0]) * robot.wheel_radius
-        lost = np.sign(mean) * apart * np.minimum(1.0, apart / np.maximum(np.abs(mean), 1e-9))
-        pace = robot.wheel_radius * np.abs(stretches.sides).mean(axis=1)
-        self._rolled = self._steps(mean)
-        self._slipped = self._steps(pace * np.gradient(mean, middle))  # m2/s3
-        self._lost = self._steps(lost)
-        self._lasted, self.time = self._steps(middle), middle[self._after]
-        self._pace = pace[self._after]
-        self._hold = robot.mass / (4.0 * robot.tire.longitudinal_stiffness)  # s2/m
+            raise EstimatorError('the wheels do not rotate')
+        mean = robot.wheel_radius * intervals.sides.mean(axis=1)
+        half_difference = 0.5 * robot.wheel_radius * np.abs(
+            np.diff(intervals.sides, axis=1)[:, 0])
+        side_slip = np.sign(mean) * half_difference * np.minimum(
+            1.0, half_difference / np.maximum(np.abs(mean), 1e-9))
+        surface_speed = robot.wheel_radius * np.abs(intervals.sides).mean(axis=1)
+        self._wheel_change = self._differences(mean)
+        self._accel_slip = self._differences(surface_speed * np.gradient(mean, center))  # m2/s3
+        self._side_slip = self._differences(side_slip)
+        self._elapsed, self.time = self._differences(center), center[self._after]
+        self._surface_speed = surface_speed[self._after]
+        self._slip_per_acceleration = robot.mass / (
+            4.0 * robot.tire.longitudinal_stiffness)  # s2/m
 
-    def _steps(self, values: Array) -> Array:
+    def _differences(self, values: Array) -> Array:
         return values[self._after] - values[self._before]
 
     def rows(self, delay: float) -> Rows:
-        """Return the regression of gained speed on that of the wheels at a ``delay`` [s]."""
-        gained = self._steps(self._speed.mean(self._begin - delay, self._end - delay))
+        """Return the regression of the speed change on that of the wheels at a ``delay`` [s]."""
+        gained = self._differences(self._speed.mean(self._begin - delay, self._end - delay))
         return Rows(np.column_stack(
-            [self._rolled, -self._slipped, self._lasted, -self._lost]), gained)
+            [self._wheel_change, -self._accel_slip, self._elapsed, -self._side_slip]), gained)
 
-    def doubt(self, delay: float) -> Array:
-        """Return how much [m/s] of each row may be slip that the lag does not describe."""
-        return np.hypot(self._hold * self._slipped, TURN_SLIP * self._lost)
+    def model_sigma(self, delay: float) -> Array:
+        """Return the standard deviation [m/s] of each row from slip that the lag omits."""
+        return np.hypot(self._slip_per_acceleration * self._accel_slip,
+                        TURN_SLIP * self._side_slip)
 
-    def problem(self) -> Problem:
-        """Return the rows and what is known beforehand."""
-        mean = np.array([1.0, self._hold, 0.0, TURN_SLIP])
-        sigma = np.array([np.inf, LAG_PRIOR * self._hold, np.inf, TURN_SLIP])
-        return Problem(self.rows, self.doubt, self.time, mean, sigma, overlapping=True)
+    def problem(self) -> DelayProblem:
+        """Return the regression with the priors of its coefficients."""
+        lag = self._slip_per_acceleration
+        mean = np.array([1.0, lag, 0.0, TURN_SLIP])
+        sigma = np.array([np.inf, LAG_RELATIVE_SIGMA * lag, np.inf, TURN_SLIP])
+        return DelayProblem(self.rows, self.model_sigma, self.time, mean, sigma, overlapping=True)
 
-    def lag(self, fit: DelayFit) -> float:
-        """Return the lag [s] in the readings that the delay comes from."""
-        weight = (self._rolled / np.hypot(fit.noise, self.doubt(fit.delay))) ** 2
-        return abs(float(fit.coefficients[LAG] * np.sum(weight * self._pace) / np.sum(weight)))
+    def lag_sigma(self, fit: DelayFit) -> float:
+        """Return the standard deviation [s] of the delay from the lag of the body: all of it."""
+        weight = (self._wheel_change / np.hypot(fit.noise, self.model_sigma(fit.delay))) ** 2
+        return abs(float(fit.coefficients[LAG_COLUMN] * np.average(
+            self._surface_speed, weights=weight)))
 
 
-def _pairs(stretches: WheelIntervals) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return indices of stretches about ``CHANGE`` apart in time, without a hole between."""
-    after = np.arange(len(stretches.end))
-    before = np.searchsorted(stretches.end, stretches.end - CHANGE)
-    apart = stretches.end - stretches.end[before]
-    good = (apart > 0.5 * CHANGE) & (apart < 1.5 * CHANGE)
-    return before[good], after[good]
+def _pairs(intervals: WheelIntervals) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return indices of interval pairs about ``CHANGE_INTERVAL`` apart in time."""
+    after = np.arange(len(intervals.end))
+    before = np.searchsorted(intervals.end, intervals.end - CHANGE_INTERVAL)
+    distance = intervals.end - intervals.end[before]
+    usable = (distance > 0.5 * CHANGE_INTERVAL) & (distance < 1.5 * CHANGE_INTERVAL)
+    return before[usable], after[usable]

@@ -1,15 +1,15 @@
 """
-S, the x of the centres of rotation, by a fit of lateral motion against yaw rate: B(4), B(8).
+ICR position S (x of the centers of rotation) from lateral motion and yaw rate: B(4), B(8).
 
 The paper fits a curve to experimental data. In the axes of REP-103 B(4) is ``v_y = -S W``, so the
-way to the left over a stretch is ``-S`` times its turn: that is fitted where a reference tells the
-way. Without one, the inertial unit at x_M, y_M feels B(8)'s ``v_y,M = (x_M - S) W`` change:
-``a_y = (x_M - S) dW/dt + W (v_x - y_M W)``, with the speed of the wheels for v_x. What else may be
-in either is fitted beside, from what is known of it beforehand. An error of x_M is one of S, as is
-one of the place of the reference.
+lateral displacement over an interval is ``-S`` times the change of yaw: this is fitted if there is
+a pose reference. Without one, the IMU at x_M, y_M measures the derivative of B(8)'s
+``v_y,M = (x_M - S) W``: ``a_y = (x_M - S) dW/dt + W (v_x - y_M W)``, with the wheel speed for v_x.
+Other contributions to both are nuisance parameters with priors. An error of x_M, or of the
+position of the reference, is an error of S of the same size.
 
-S is not quite a constant: tires slip sideways to carry the centripetal force, so it moves forward
-with the square of the speed. How much it differs from turn to turn is told, too.
+S is not quite constant: tires slip sideways to carry the centripetal force, so it moves forward
+with the square of the speed. The spread of S between turns is reported as well.
 """
 
 from __future__ import annotations
@@ -24,84 +24,84 @@ from numpy.typing import NDArray
 from smart_tire.arrays import Array
 from smart_tire.calibration.recording import period, PoseRecord, Recording, Signal, wheel_intervals
 from smart_tire.calibration.robot.gyro_scale import usable_reference
-from smart_tire.calibration.robot.wheel_latency import shortest_stretch
+from smart_tire.calibration.robot.wheel_latency import min_interval
 from smart_tire.errors import EstimatorError
-from smart_tire.numerics.delay_regression import noise_beside, sandwich
+from smart_tire.numerics.delay_regression import measurement_noise, sandwich_covariance
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.calibration_file import Identified
 from smart_tire.uncertain import Uncertain, weighted_mean
 
 
-STRETCH = 0.5       # s over which a reference's way is taken: shorter than a turn
-LONGEST_GAP = 0.5   # s between poses within a stretch
-TURNING = 0.1       # rad/s; slower is no turn
-AROUND = 0.3        # s before and after a turn that belong to it: there the yaw rate changes
-ENOUGH = 2.0        # rad that a run must turn in all: a third of a circle
-ICR_LIMIT = 0.2     # wheelbases, standard error above which S is not given
-ASKEW = 0.05        # rad, how far the reference may look aside, one sigma; assumed
-SPEED_ERROR = 0.1   # relative sigma of the wheels' mean as speed over ground, in turns
-LEANING = 0.03      # s, by which a body that leans feels turns early or late; assumed
-SQUARES = 0.2       # m, sigma of the error of y_M, and of what else goes with W^2
-LASTING = 2.0       # s over which errors may last: as long as a turn
-HUBER, ROUNDS = 2.0, 8  # sigmas, and rounds of reweighting
+DISPLACEMENT_INTERVAL = 0.5  # s, of the displacements of the reference: shorter than a turn
+MAX_POSE_GAP = 0.5                            # s between poses of an interval
+MIN_YAW_RATE = 0.1                            # rad/s, of a turn
+TURN_MARGIN = 0.3  # s before and after a turn, where the yaw rate changes
+MIN_TOTAL_YAW = 2.0                           # rad of yaw in a recording: a third of a circle
+MAX_ICR_SIGMA = 0.2  # wheelbases, standard error above which S is not reported
+REFERENCE_YAW_SIGMA = 0.05                    # rad, yaw misalignment of the reference; assumed
+SPEED_RELATIVE_SIGMA = 0.1  # relative sigma of the mean wheel speed as speed over ground, in turns
+ROLL_DELAY = 0.03  # s by which body roll delays or advances the measured force; assumed
+YAW_RATE_SQUARED_SIGMA = 0.2  # m, sigma of y_M and of other effects proportional to W^2
+HAC_TIME = 2.0  # s over which errors may be correlated: the duration of a turn
+HUBER_THRESHOLD, REWEIGHTING_ROUNDS = 2.0, 8  # sigmas, and number of iterations
 
 
 @dataclass(frozen=True)
 class IcrFit:
-    """S over the run, and turn by turn."""
+    """S of the whole recording and of each turn."""
 
-    icr: Uncertain         # m, in base_link
-    source: str           # what it comes from
-    spread: float         # m, standard deviation from turn to turn, beyond the errors
-    turn_time: Array      # (k,) s, middles of the turns
-    turn_icr: Array       # (k,) m
-    turn_sigma: Array     # (k,) m
-    regressor: Array      # (n,) rad or rad/s2, that S times gives
-    explained: Array      # (n,) m or m/s2, what it should give, all else removed
-    unit: str             # of the latter
+    icr: Uncertain     # m, in base_link
+    source: str        # measurement that it is estimated from
+    spread: float      # m, standard deviation between turns, without their standard errors
+    turn_time: Array   # (k,) s, centers of the turns
+    turn_icr: Array    # (k,) m
+    turn_sigma: Array  # (k,) m
+    regressor: Array   # (n,) rad or rad/s2, factor of S
+    response: Array    # (n,) m or m/s2, lateral motion without the nuisance parameters
+    unit: str          # of the response
 
     @property
-    def start_sigma(self) -> float:
-        """Return what is known of S at the start of another run [m]: error and spread."""
+    def initial_sigma(self) -> float:
+        """Return the standard deviation [m] of S at the start of another recording."""
         return math.hypot(self.icr.sigma, self.spread)
 
     def parameters(self, robot: RobotParams) -> list[Identified]:
-        """Return what goes into a parameter file; the sigma is one over the wheelbase."""
+        """Return the entries of a parameter file; the sigma is relative to the wheelbase."""
         return [Identified('icr', self.icr.value, self.icr.sigma, f'from {self.source}'),
-                Identified('icr_sigma', self.start_sigma / robot.wheelbase,
+                Identified('icr_sigma', self.initial_sigma / robot.wheelbase,
                            note='standard error and spread over the wheelbase')]
 
 
 @dataclass(frozen=True)
 class _Rows:
-    """``wanted = matrix @ (S, ...)`` over stretches of time."""
+    """Linear system ``target = matrix @ (S, ...)``, one row per time interval."""
 
     time: Array         # (n,) s
     matrix: Array       # (n, p)
-    wanted: Array       # (n,)
-    doubt: Array        # (n,)
-    mean: Array         # (p,) what is known beforehand
+    target: Array       # (n,)
+    model_sigma: Array  # (n,) standard deviation of effects that the model omits
+    mean: Array         # (p,) prior of the coefficients
     sigma: Array        # (p,)
     source: str
     unit: str
-    lasting: float      # m, what S may be off by in all rows alike
+    common_sigma: float  # m, standard deviation of S from errors that all rows share
 
 
 def identify_icr(recording: Recording, robot: RobotParams) -> IcrFit:
     """
-    Return S from the reference, or from the inertial unit where that tells nothing.
+    Return S from the reference, or from the IMU if the reference does not make it observable.
 
-    Raises EstimatorError with the reasons where neither does.
+    Raises EstimatorError with both reasons if neither does.
     """
     gyro = Signal(recording.imu.time, recording.imu.rate[:, 2])
     turns = _turns(recording)
-    turned = sum(abs(float(gyro.integral(np.array([end]))[0] - gyro.integral(
+    total_yaw = sum(abs(float(gyro.integral(np.array([end]))[0] - gyro.integral(
         np.array([begin]))[0])) for begin, end in turns)
-    if turned < ENOUGH:
-        raise EstimatorError(f'the run turns by {turned:.2g} rad in all, expected at least '
-                             f'{ENOUGH:g}')
+    if total_yaw < MIN_TOTAL_YAW:
+        raise EstimatorError(f'total yaw of {total_yaw:.2g} rad, expected at least '
+                             f'{MIN_TOTAL_YAW:g}')
     reasons = []
-    for rows_of in (_by_reference, _by_unit):
+    for rows_of in (_from_reference, _from_imu):
         try:
             return _fit(rows_of(recording, robot), turns, robot)
         except EstimatorError as error:
@@ -109,8 +109,8 @@ def identify_icr(recording: Recording, robot: RobotParams) -> IcrFit:
     raise EstimatorError('; '.join(reasons))
 
 
-def together(fits: Sequence[IcrFit]) -> IcrFit:
-    """Return what several runs tell together; for figures, the rows of the first."""
+def combine(fits: Sequence[IcrFit]) -> IcrFit:
+    """Return the combined result of several recordings; regression data are those of the first."""
     time, value, sigma = (np.concatenate([getattr(fit, name) for fit in fits])
                           for name in ('turn_time', 'turn_icr', 'turn_sigma'))
     return replace(fits[0], icr=weighted_mean([fit.icr for fit in fits]), turn_time=time,
@@ -118,31 +118,33 @@ def together(fits: Sequence[IcrFit]) -> IcrFit:
 
 
 def _turns(recording: Recording) -> list[tuple[float, float]]:
-    """Return begin and end [s] of the turns."""
+    """Return begin and end [s] of the turns (constant sign of the yaw rate)."""
     imu = recording.imu
-    smooth = Signal(imu.time, imu.rate[:, 2]).around(imu.time, AROUND)
-    way = np.where(np.abs(smooth) > TURNING, np.sign(smooth), 0.0)
-    edges = np.concatenate([[0], np.flatnonzero(np.diff(way)) + 1, [len(way)]])
+    smooth = Signal(imu.time, imu.rate[:, 2]).centered_mean(imu.time, TURN_MARGIN)
+    sign = np.where(np.abs(smooth) > MIN_YAW_RATE, np.sign(smooth), 0.0)
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(sign)) + 1, [len(sign)]])
     return [(float(imu.time[first]), float(imu.time[last - 1]))
-            for first, last in zip(edges[:-1], edges[1:]) if way[first]]
+            for first, last in zip(edges[:-1], edges[1:]) if sign[first]]
 
 
-def _by_reference(recording: Recording, robot: RobotParams) -> _Rows:
-    """Return the rows: ways to the left of a reference over its turns."""
+def _from_reference(recording: Recording, robot: RobotParams) -> _Rows:
+    """Return the regression of the reference's lateral displacement on the change of yaw."""
     poses = usable_reference(recording)
-    ends = np.array(list(poses.stretches(STRETCH, LONGEST_GAP)), int).reshape(-1, 2)
+    ends = np.array(
+        list(poses.intervals(DISPLACEMENT_INTERVAL, MAX_POSE_GAP)), int).reshape(-1, 2)
     if not len(ends):
         raise EstimatorError('the reference is too short')
     first, last = ends.T
-    ahead, left = _ways(poses)
-    matrix = np.column_stack([poses.yaw[first] - poses.yaw[last], ahead[last] - ahead[first]])
+    forward, left = _path_components(poses)
+    matrix = np.column_stack([
+        poses.yaw[first] - poses.yaw[last], forward[last] - forward[first]])
     return _Rows(0.5 * (poses.time[first] + poses.time[last]), matrix, left[last] - left[first],
-                 np.zeros(len(first)), np.zeros(2), np.array([np.inf, ASKEW]),
-                 'the lateral way of the reference', 'm', 0.0)
+                 np.zeros(len(first)), np.zeros(2), np.array([np.inf, REFERENCE_YAW_SIGMA]),
+                 'lateral displacement of the reference', 'm', 0.0)
 
 
-def _ways(poses: PoseRecord) -> tuple[Array, Array]:
-    """Return what was gone ahead and to the left [m] until each pose, along its headings."""
+def _path_components(poses: PoseRecord) -> tuple[Array, Array]:
+    """Return the forward and lateral path [m] up to each pose, along the heading."""
     heading = 0.5 * (poses.yaw[1:] + poses.yaw[:-1])
     cos, sin = np.cos(heading), np.sin(heading)
     x, y = np.diff(poses.position, axis=0).T
@@ -150,91 +152,95 @@ def _ways(poses: PoseRecord) -> tuple[Array, Array]:
             np.concatenate([[0.0], np.cumsum(cos * y - sin * x)]))
 
 
-def _by_unit(recording: Recording, robot: RobotParams) -> _Rows:
-    """Return the rows: lateral specific force over stretches between wheel readings."""
-    imu, late = recording.imu, robot.encoder.latency
-    stretches = wheel_intervals(recording.wheels, shortest_stretch(recording))
-    still = robot.slip.standstill_speed / robot.wheel_radius
-    stretches = stretches.where(stretches.around_motion(still) & (
-        stretches.begin - late > imu.time[0] + AROUND) & (
-        stretches.end - late < imu.time[-1] - AROUND))
-    if len(stretches.end) < 2:
-        raise EstimatorError('the wheels do not turn')
-    begin, end = stretches.begin - late, stretches.end - late
+def _from_imu(recording: Recording, robot: RobotParams) -> _Rows:
+    """Return the regression of the lateral specific force on the yaw acceleration."""
+    imu, latency = recording.imu, robot.encoder.latency
+    intervals = wheel_intervals(recording.wheels, min_interval(recording))
+    min_wheel_speed = robot.slip.standstill_speed / robot.wheel_radius
+    intervals = intervals.where(intervals.near_motion(min_wheel_speed) & (
+        intervals.begin - latency > imu.time[0] + TURN_MARGIN) & (
+        intervals.end - latency < imu.time[-1] - TURN_MARGIN))
+    if len(intervals.end) < 2:
+        raise EstimatorError('the wheels do not rotate')
+    begin, end = intervals.begin - latency, intervals.end - latency
     gyro, force = Signal(imu.time, imu.rate[:, 2]), Signal(imu.time, imu.force[:, 1])
     rate = gyro.mean(begin, end)
     reach = 2.0 * period(imu.time)
-    spin = (gyro.around(end, reach) - gyro.around(begin, reach)) / (end - begin)
-    speed = robot.wheel_radius * stretches.sides.mean(axis=1)
-    pull = rate * speed  # m/s2, centripetal
+    yaw_acceleration = (gyro.centered_mean(end, reach) - gyro.centered_mean(begin, reach)) / (
+        end - begin)
+    speed = robot.wheel_radius * intervals.sides.mean(axis=1)
+    centripetal = rate * speed  # m/s2
     x, y, _ = robot.imu.position
-    matrix = np.column_stack([-spin, pull, -rate ** 2, np.ones(len(rate))])
-    return _Rows(0.5 * (begin + end), matrix, force.mean(begin, end) - x * spin + y * rate ** 2,
-                 SPEED_ERROR * np.abs(pull), np.array([0.0, 1.0, 0.0, 0.0]),
-                 np.array([np.inf, SPEED_ERROR, SQUARES, np.inf]),
-                 'the lateral acceleration of the unit', 'm/s2',
-                 LEANING * float(np.average(np.abs(speed), weights=np.abs(rate) + 1e-9)))
+    matrix = np.column_stack([-yaw_acceleration, centripetal, -rate ** 2, np.ones(len(rate))])
+    return _Rows(
+        0.5 * (begin + end), matrix,
+        force.mean(begin, end) - x * yaw_acceleration + y * rate ** 2,
+        SPEED_RELATIVE_SIGMA * np.abs(centripetal), np.array([0.0, 1.0, 0.0, 0.0]),
+        np.array([np.inf, SPEED_RELATIVE_SIGMA, YAW_RATE_SQUARED_SIGMA, np.inf]),
+        'lateral acceleration of the IMU', 'm/s2',
+        ROLL_DELAY * float(np.average(np.abs(speed), weights=np.abs(rate) + 1e-9)))
 
 
 def _fit(rows: _Rows, turns: list[tuple[float, float]], robot: RobotParams) -> IcrFit:
-    """Return S over the run and turn by turn; raise EstimatorError where it does not show."""
-    of_turn = np.array([(rows.time > begin - AROUND) & (rows.time < end + AROUND)
+    """Return S of the recording and of each turn; raise EstimatorError if not observable."""
+    of_turn = np.array([(rows.time > begin - TURN_MARGIN) & (rows.time < end + TURN_MARGIN)
                         for begin, end in turns])
-    chosen = np.asarray(of_turn.any(axis=0))
-    if chosen.sum() < 2 * len(rows.mean):
-        raise EstimatorError(f'{rows.source}: {int(chosen.sum())} stretches in turns')
-    matrix, wanted = rows.matrix[chosen], rows.wanted[chosen]
-    coefficients, sigma, size = _regression(rows, matrix, wanted, chosen)
-    icr = Uncertain(float(coefficients[0]), math.hypot(sigma, rows.lasting))
-    limit = ICR_LIMIT * robot.wheelbase
+    selected = np.asarray(of_turn.any(axis=0))
+    if selected.sum() < 2 * len(rows.mean):
+        raise EstimatorError(f'{rows.source}: {int(selected.sum())} intervals in turns')
+    matrix, target = rows.matrix[selected], rows.target[selected]
+    coefficients, sigma, row_sigma = _regression(rows, matrix, target, selected)
+    icr = Uncertain(float(coefficients[0]), math.hypot(sigma, rows.common_sigma))
+    limit = MAX_ICR_SIGMA * robot.wheelbase
     if not icr.sigma <= limit:
         raise EstimatorError(f'{rows.source}: standard error of {icr.sigma:.2g} m, expected at '
                              f'most {limit:.2g} m')
-    explained = wanted - matrix[:, 1:] @ coefficients[1:]
-    table = _turn_by_turn(of_turn[:, chosen], matrix[:, 0], explained, size, turns)
-    return IcrFit(icr, rows.source, _spread(table[1], table[2]), *table, matrix[:, 0], explained,
+    response = target - matrix[:, 1:] @ coefficients[1:]
+    table = _turn_by_turn(of_turn[:, selected], matrix[:, 0], response, row_sigma, turns)
+    return IcrFit(icr, rows.source, _spread(table[1], table[2]), *table, matrix[:, 0], response,
                   rows.unit)
 
 
-def _regression(rows: _Rows, matrix: Array, wanted: Array, chosen: NDArray[np.bool_]
+def _regression(rows: _Rows, matrix: Array, target: Array, selected: NDArray[np.bool_]
                 ) -> tuple[Array, float, Array]:
-    """Return robust coefficients, the standard error of the first, and the noise of the rows."""
-    doubt = rows.doubt[chosen]
-    size = np.hypot(max(float(np.std(wanted)), 1e-9), doubt)
-    weight = np.ones(len(wanted))
-    for _ in range(ROUNDS):
-        scale = np.sqrt(weight) / size
+    """Return robust coefficients, the standard error of the first, and the sigma of each row."""
+    model_sigma = rows.model_sigma[selected]
+    row_sigma = np.hypot(max(float(np.std(target)), 1e-9), model_sigma)
+    weight = np.ones(len(target))
+    for _ in range(REWEIGHTING_ROUNDS):
+        scale = np.sqrt(weight) / row_sigma
         scaled = matrix * scale[:, None]
         coefficients = np.linalg.lstsq(
             np.vstack([scaled, np.diag(1.0 / rows.sigma)]),
-            np.append(wanted * scale, rows.mean / rows.sigma), rcond=None)[0]
-        residuals = wanted - matrix @ coefficients
-        size = np.hypot(noise_beside(residuals, doubt), doubt)
-        weight = np.minimum(1.0, HUBER * size / np.maximum(np.abs(residuals), 1e-12))
-    lags = math.ceil(LASTING / float(np.median(np.diff(rows.time))))
-    covariance = sandwich(scaled, residuals * scale, rows.sigma, lags)
-    return np.asarray(coefficients, float), math.sqrt(covariance[0, 0]), size
+            np.append(target * scale, rows.mean / rows.sigma), rcond=None)[0]
+        residuals = target - matrix @ coefficients
+        row_sigma = np.hypot(measurement_noise(residuals, model_sigma), model_sigma)
+        weight = np.minimum(
+            1.0, HUBER_THRESHOLD * row_sigma / np.maximum(np.abs(residuals), 1e-12))
+    lags = math.ceil(HAC_TIME / float(np.median(np.diff(rows.time))))
+    covariance = sandwich_covariance(scaled, residuals * scale, rows.sigma, lags)
+    return np.asarray(coefficients, float), math.sqrt(covariance[0, 0]), row_sigma
 
 
-def _turn_by_turn(of_turn: NDArray[np.bool_], regressor: Array, explained: Array, size: Array,
+def _turn_by_turn(of_turn: NDArray[np.bool_], regressor: Array, response: Array, row_sigma: Array,
                   turns: list[tuple[float, float]]) -> tuple[Array, Array, Array]:
-    """Return middles [s], S and standard errors [m] of the turns that tell it."""
-    told = []
+    """Return center [s], S and standard error [m] of the turns that make S observable."""
+    estimates = []
     for inside, (begin, end) in zip(of_turn, turns):
-        weight = (regressor / size)[inside]
-        known = float(weight @ weight)
-        if known > 0.0 and end - begin > AROUND and inside.sum() > 2:
-            value = float(weight @ (explained / size)[inside]) / known
-            told.append((0.5 * (begin + end), value, known ** -0.5))
-    time, value, sigma = np.array(told).reshape(-1, 3).T
+        weight = (regressor / row_sigma)[inside]
+        information = float(weight @ weight)
+        if information > 0.0 and end - begin > TURN_MARGIN and inside.sum() > 2:
+            value = float(weight @ (response / row_sigma)[inside]) / information
+            estimates.append((0.5 * (begin + end), value, information ** -0.5))
+    time, value, sigma = np.array(estimates).reshape(-1, 3).T
     return time, value, sigma
 
 
 def _spread(values: Array, sigmas: Array) -> float:
-    """Return the standard deviation of values beyond their errors; 0 where there is none."""
+    """Return the standard deviation of values beyond their standard errors; 0 if there is none."""
     if len(values) < 2:
         return 0.0
     weight = sigmas ** -2.0
     mean = np.sum(weight * values) / np.sum(weight)
-    beyond = np.sum(weight * ((values - mean) ** 2 - sigmas ** 2)) / np.sum(weight)
-    return math.sqrt(max(0.0, float(beyond)))
+    excess = np.sum(weight * ((values - mean) ** 2 - sigmas ** 2)) / np.sum(weight)
+    return math.sqrt(max(0.0, float(excess)))

@@ -1,17 +1,18 @@
 """
-Rolling radius from the ways that a reference of the pose and the wheels went.
+Rolling radius from the distances that a pose reference and the wheels traveled.
 
-A stretch's way is what the reference moved along its own heading: so the noise of its positions
-does not add up, as it would in distances between neighbouring poses. The wheels' mean angle makes
-the same way, but for three things that are fitted with what is known of them beforehand:
+The distance of an interval is the displacement of the reference along its own heading, so the
+noise of its positions does not accumulate as in distances between neighboring poses. The mean
+wheel angle gives the same distance, except for three effects that are fitted with priors:
 
-- The reference may not be ``base_link`` itself.
-- In turns both sides slide. Their forces balance at equal slips, so the body goes with less than
-  the mean of the sides: ``v = u - k (u_R - u_L)^2 / (4 u)``, u the mean, k = 1 - track / effective
-  track. Stretches with a turn in place, where this is no longer small, are left out.
-- A body that gains speed lags behind its wheels by a slip: mass over stiffness times acceleration.
+- The reference may not be at ``base_link``.
+- In turns both sides slip. Their forces balance at equal slips, so the body travels less than the
+  mean of the sides: ``v = u - k (u_R - u_L)^2 / (4 u)``, u the mean, k = 1 - track / effective
+  track. Intervals with a turn in place, where this is no longer small, are left out.
+- Under acceleration the body lags behind its wheels by a slip of mass over stiffness times
+  acceleration.
 
-What rolling straight ahead takes of slip is in the radius: it is the rolling one.
+The slip of straight free rolling is included in the radius, by definition of a rolling radius.
 """
 
 from __future__ import annotations
@@ -24,146 +25,156 @@ from numpy.typing import NDArray
 
 from smart_tire.arrays import Array
 from smart_tire.calibration.recording import PoseRecord, WheelRecord
-from smart_tire.calibration.robot.rolled_distance import RolledWheels
+from smart_tire.calibration.robot.rolled_distance import WheelRotationLog
 from smart_tire.errors import EstimatorError
-from smart_tire.numerics.delay_regression import noise_beside, sandwich
+from smart_tire.numerics.delay_regression import measurement_noise, sandwich_covariance
 from smart_tire.numerics.robust import noise_level
 from smart_tire.parameters import RobotParams
 from smart_tire.uncertain import Uncertain
 
 
-STRETCH = 2.0        # s of motion that make a stretch: several lengths of a robot
-LONGEST_GAP = 0.5    # s between poses within a stretch
-FEW = 5              # stretches, below which their scatter tells nothing
-TURN_SLIP = 0.3      # sigma of k, and of what single stretches differ from it; 0.3 is usual
-PIVOTED = 0.1        # share of a stretch's angle that may be turns in place
-SLIP = 0.01          # share of a way: slip that comes and goes while rolling straight; chosen
-OFFSET = 0.3         # tracks: how far the reference may sit off the middle, one sigma; assumed
-RADIUS_LIMIT = 0.02  # relative standard error above which a radius is not given: slip of 0.02
-LAGS = 2             # stretches whose slips depend on each other
-MOST_AGAINST = 0.49  # correlation of neighbours; one half where poses make all the noise
-HUBER = 2.0          # sigmas; stretches further off count less
-ROUNDS = 8           # of reweighting
+DISTANCE_INTERVAL = 2.0       # s of motion per interval: several lengths of a robot
+MAX_POSE_GAP = 0.5            # s between poses of an interval
+MIN_INTERVALS = 5             # below this number the residuals do not determine their noise
+TURN_SLIP = 0.3  # prior of k, its sigma, and standard deviation of single intervals from it
+MAX_PIVOT_SHARE = 0.1         # of the angle of an interval from turns in place
+FREE_ROLLING_SLIP = 0.01      # share of the distance: varying slip of straight rolling; chosen
+REFERENCE_OFFSET_SIGMA = 0.3  # tracks; lateral offset of the reference from the center; assumed
+MAX_RADIUS_SIGMA = 0.02  # relative standard error above which a radius is refused: slip of 0.02
+HAC_LAGS = 2                  # intervals whose slips may be correlated
+MAX_ANTICORRELATION = 0.49    # of neighbors; one half if all noise comes from the poses
+HUBER_THRESHOLD = 2.0         # sigmas, beyond which an interval has lower weight
+REWEIGHTING_ROUNDS = 8
 
 
 @dataclass(frozen=True)
-class WayFit:
-    """The rolling radius and the stretches that tell it."""
+class RadiusFit:
+    """The rolling radius, with the intervals it is estimated from."""
 
-    radius: Uncertain   # m, mean of both sides
-    time: Array        # (n,) s, middles of the stretches by the stamps of the wheels
-    rolled: Array      # (n,) m, of the wheels with that radius, without what they slid
-    way: Array         # (n,) m, of the reference along its heading
+    radius: Uncertain          # m, mean of both sides
+    time: Array  # (n,) s, centers of the intervals by the timestamps of the reference
+    wheel_distance: Array      # (n,) m, of the wheels with that radius, without slip
+    reference_distance: Array  # (n,) m, of the reference along its heading
 
 
 @dataclass(frozen=True)
-class _Ways:
-    begin: Array   # (n,) s
-    end: Array     # (n,) s
-    angle: Array   # (n,) rad
-    lost: Array    # (n,) rad
-    gained: Array  # (n,) rad2/s2
-    way: Array     # (n,) m
-    turned: Array  # (n,) rad
+class _Distances:
+    begin: Array               # (n,) s
+    end: Array                 # (n,) s
+    angle: Array               # (n,) rad
+    side_slip: Array           # (n,) rad
+    speed_change: Array        # (n,) rad2/s2
+    reference_distance: Array  # (n,) m
+    yaw_change: Array          # (n,) rad
 
     @property
-    def follows(self) -> NDArray[np.bool_]:
-        """Return whether a stretch begins where the one before ended, (n,)."""
+    def contiguous(self) -> NDArray[np.bool_]:
+        """Return a mask (n,) of intervals that begin where the previous one ended."""
         return np.append(False, self.begin[1:] == self.end[:-1])[:len(self.end)]
 
 
 def fit_radius(wheels: WheelRecord, reference: PoseRecord, latency: float,
-               robot: RobotParams, turn_slip: float = TURN_SLIP) -> WayFit:
+               robot: RobotParams, turn_slip: float = TURN_SLIP) -> RadiusFit:
     """
-    Return the mean rolling radius; raise EstimatorError where the ways do not tell it.
+    Return the mean rolling radius; raise EstimatorError with the reason if not observable.
 
-    ``latency`` [s] is how much later the stamps of the wheels are than those of the reference,
-    ``turn_slip`` the k above.
+    ``latency`` [s] is that of the wheel timestamps minus that of the reference; ``turn_slip`` is
+    the k above.
     """
-    ways = _ways(wheels, reference, latency, robot)
-    if len(ways.end) < FEW:
-        raise EstimatorError(f'{len(ways.end)} stretches of {STRETCH:g} s that roll ahead with a '
-                             f'reference, expected at least {FEW}')
-    lost, radius = robot.wheel_radius * ways.lost, robot.wheel_radius
-    hold = robot.mass / (4.0 * robot.tire.longitudinal_stiffness)  # s2/m: slip per acceleration
-    matrix = np.column_stack([ways.angle, -lost, -radius ** 2 * ways.gained,
-                              robot.track_width * ways.turned])
-    mean = np.array([0.0, turn_slip, hold, 0.0])
-    prior = np.array([np.inf, TURN_SLIP, hold, OFFSET])
-    doubt = np.linalg.norm([TURN_SLIP * lost, SLIP * ways.way, np.full(
-        len(lost), math.sqrt(2.0) * _noise(reference))], axis=0)
-    coefficients, covariance = _regression(matrix, ways, doubt, mean, prior)
-    found = Uncertain(float(coefficients[0]), float(np.sqrt(covariance[0, 0])))
-    _check(found)
-    return WayFit(found, 0.5 * (ways.begin + ways.end), matrix @ coefficients, ways.way)
+    distances = _distances(wheels, reference, latency, robot)
+    if len(distances.end) < MIN_INTERVALS:
+        raise EstimatorError(
+            f'{len(distances.end)} intervals of {DISTANCE_INTERVAL:g} s of rolling with a '
+            f'reference, expected at least {MIN_INTERVALS}')
+    side_slip, radius = robot.wheel_radius * distances.side_slip, robot.wheel_radius
+    slip_per_acceleration = robot.mass / (4.0 * robot.tire.longitudinal_stiffness)  # s2/m
+    matrix = np.column_stack([distances.angle, -side_slip, -radius ** 2 * distances.speed_change,
+                              robot.track_width * distances.yaw_change])
+    mean = np.array([0.0, turn_slip, slip_per_acceleration, 0.0])
+    prior = np.array([np.inf, TURN_SLIP, slip_per_acceleration, REFERENCE_OFFSET_SIGMA])
+    model_sigma = np.linalg.norm([
+        TURN_SLIP * side_slip, FREE_ROLLING_SLIP * distances.reference_distance,
+        np.full(len(side_slip), math.sqrt(2.0) * _noise(reference))], axis=0)
+    coefficients, covariance = _regression(matrix, distances, model_sigma, mean, prior)
+    estimate = Uncertain(float(coefficients[0]), float(np.sqrt(covariance[0, 0])))
+    _check(estimate)
+    return RadiusFit(estimate, 0.5 * (distances.begin + distances.end), matrix @ coefficients,
+                     distances.reference_distance)
 
 
 def _check(radius: Uncertain) -> None:
     if not radius.value > 0.0:
-        raise EstimatorError('the reference moves against the wheels')
-    if radius.sigma > RADIUS_LIMIT * radius.value:
+        raise EstimatorError('the reference moves opposite to the wheels')
+    if radius.sigma > MAX_RADIUS_SIGMA * radius.value:
         raise EstimatorError(
             f'standard error of {100.0 * radius.sigma / radius.value:.2g} %, expected at most '
-            f'{100.0 * RADIUS_LIMIT:g} %')
+            f'{100.0 * MAX_RADIUS_SIGMA:g} %')
 
 
-def _ways(wheels: WheelRecord, reference: PoseRecord, latency: float,
-          robot: RobotParams) -> _Ways:
-    """Return the stretches of ``STRETCH`` seconds in which the wheels roll ahead."""
+def _distances(wheels: WheelRecord, reference: PoseRecord, latency: float,
+               robot: RobotParams) -> _Distances:
+    """Return the intervals of ``DISTANCE_INTERVAL`` seconds in which the wheels roll."""
     heading = 0.5 * (reference.yaw[1:] + reference.yaw[:-1])
     step = np.diff(reference.position, axis=0)
     forward = step[:, 0] * np.cos(heading) + step[:, 1] * np.sin(heading)
-    gone = np.concatenate([[0.0], np.cumsum(forward)])
-    wheel, still = RolledWheels(wheels), robot.slip.standstill_speed / robot.wheel_radius
+    path_length = np.concatenate([[0.0], np.cumsum(forward)])
+    wheel_log = WheelRotationLog(wheels)
+    min_angle = DISTANCE_INTERVAL * robot.slip.standstill_speed / robot.wheel_radius
     time = reference.time + latency
     rows = []
-    for first, last in reference.stretches(STRETCH, LONGEST_GAP):
-        rolled = wheel.between(time[first], time[last])
-        if rolled is not None and abs(rolled.angle) > max(
-                still * STRETCH, rolled.pivoted / PIVOTED):
-            rows.append((time[first], time[last], rolled.angle, rolled.lost, rolled.gained,
-                         gone[last] - gone[first], reference.yaw[last] - reference.yaw[first]))
-    return _Ways(*np.array(rows).reshape(-1, 7).T)
+    for first, last in reference.intervals(DISTANCE_INTERVAL, MAX_POSE_GAP):
+        rotation = wheel_log.between(time[first], time[last])
+        if rotation is not None and abs(rotation.angle) > max(
+                min_angle, rotation.pivot_angle / MAX_PIVOT_SHARE):
+            rows.append((time[first], time[last], rotation.angle, rotation.side_slip,
+                         rotation.speed_change, path_length[last] - path_length[first],
+                         reference.yaw[last] - reference.yaw[first]))
+    return _Distances(*np.array(rows).reshape(-1, 7).T)
 
 
 def _noise(reference: PoseRecord) -> float:
-    """Return the noise [m] of the reference's positions, from pose to pose."""
+    """Return the white noise [m] of the positions of the reference."""
     return max(noise_level(axis) for axis in reference.position.T)
 
 
-def _regression(matrix: Array, ways: _Ways, doubt: Array, mean: Array,
+def _regression(matrix: Array, distances: _Distances, model_sigma: Array, mean: Array,
                 prior: Array) -> tuple[Array, Array]:
     """
-    Return robust coefficients and their covariance; rows are noisier by their ``doubt``.
+    Return robust coefficients and their covariance.
 
-    Beforehand the coefficients are known to be ``mean``, with ``prior`` as sigma. A pose that is
-    off makes one way longer and the next one shorter: neighbours err against each other.
+    ``mean`` and ``prior`` are mean and sigma of the coefficients' prior, ``model_sigma`` the
+    standard deviation (n,) of model errors. An error of a pose makes one distance longer and the
+    next one shorter, so errors of neighboring rows are anticorrelated.
     """
-    size, against = np.hypot(0.1 * np.median(np.abs(ways.way)), doubt), 0.0
-    for _ in range(ROUNDS):
-        scaled = _apart(matrix / size[:, None], ways.follows, against)
-        wanted = _apart(ways.way / size, ways.follows, against)
+    distance, contiguous = distances.reference_distance, distances.contiguous
+    scale, anticorrelation = np.hypot(0.1 * np.median(np.abs(distance)), model_sigma), 0.0
+    for _ in range(REWEIGHTING_ROUNDS):
+        scaled = _whitened(matrix / scale[:, None], contiguous, anticorrelation)
+        target = _whitened(distance / scale, contiguous, anticorrelation)
         coefficients = np.linalg.lstsq(np.vstack([scaled, np.diag(1.0 / prior)]),
-                                       np.append(wanted, mean / prior), rcond=None)[0]
-        residual = ways.way - matrix @ coefficients
-        plain = np.hypot(noise_beside(residual, doubt), doubt)
-        share = np.clip(residual / plain, -HUBER, HUBER)
-        against = -float(np.sum((share[1:] * share[:-1])[ways.follows[1:]]) / np.sum(share ** 2))
-        size = plain * np.sqrt(np.maximum(1.0, np.abs(residual) / plain / HUBER))
-    left = wanted - scaled @ coefficients
-    return np.asarray(coefficients, float), sandwich(scaled, left, prior, LAGS)
+                                       np.append(target, mean / prior), rcond=None)[0]
+        residual = distance - matrix @ coefficients
+        row_sigma = np.hypot(measurement_noise(residual, model_sigma), model_sigma)
+        clipped = np.clip(residual / row_sigma, -HUBER_THRESHOLD, HUBER_THRESHOLD)
+        anticorrelation = -float(np.sum((clipped[1:] * clipped[:-1])[contiguous[1:]])
+                                 / np.sum(clipped ** 2))
+        scale = row_sigma * np.sqrt(
+            np.maximum(1.0, np.abs(residual) / row_sigma / HUBER_THRESHOLD))
+    covariance = sandwich_covariance(scaled, target - scaled @ coefficients, prior, HAC_LAGS)
+    return np.asarray(coefficients, float), covariance
 
 
-def _apart(values: Array, follows: NDArray[np.bool_], against: float) -> Array:
+def _whitened(values: Array, contiguous: NDArray[np.bool_], anticorrelation: float) -> Array:
     """
-    Return rows (n, ...) of which each is free of the noise that it shares with the one before.
+    Return rows (n, ...) without the noise that each shares with the previous one.
 
-    Rows that follow on each other have unit noise correlated by minus ``against``: Cholesky's
-    factor of that covariance, solved row by row.
+    Contiguous rows have unit noise correlated by minus ``anticorrelation``: a row-by-row solution
+    with the Cholesky factor of that covariance.
     """
-    link, result, scale = min(max(against, 0.0), MOST_AGAINST), np.array(values), 1.0
+    correlation = min(max(anticorrelation, 0.0), MAX_ANTICORRELATION)
+    result, diagonal = np.array(values), 1.0
     for index in range(1, len(values)):
-        share = -link / scale if follows[index] else 0.0
-        scale = math.sqrt(1.0 - share ** 2)
-        result[index] = (values[index] - share * result[index - 1]) / scale
+        below = -correlation / diagonal if contiguous[index] else 0.0
+        diagonal = math.sqrt(1.0 - below ** 2)
+        result[index] = (values[index] - below * result[index - 1]) / diagonal
     return result

@@ -1,8 +1,8 @@
 """
-Jitter of the stamps of ``wheel_states``, from positions that run on more evenly than the stamps.
+Jitter of the ``wheel_states`` timestamps, from positions that are smoother than the timestamps.
 
-Within a few readings angles are a parabola in time. What a stamp is off shows as the same error in
-time on both sides, whatever their speeds; what their speeds fluctuate differs between the sides.
+Over a few samples angles are a parabola in time. A timestamp error causes the same error in time
+on both sides, whatever their speeds; fluctuations of the speeds differ between the sides.
 """
 
 from __future__ import annotations
@@ -20,54 +20,60 @@ from smart_tire.samples import LEFT, RIGHT
 from smart_tire.uncertain import Uncertain
 
 
-# Savitzky and Golay, five readings: what remains of the middle one beside a parabola, and slope.
-BESIDE = np.array([3.0, -12.0, 18.0, -12.0, 3.0]) / 35.0
-SLOPE = np.array([-2.0, -1.0, 0.0, 1.0, 2.0]) / 10.0
-KEPT = 18.0 / 35.0   # of the variance of independent errors
-REGULAR = 0.5        # of the period: readings of more uneven stretches are left out
-COUNTS = 10.0        # of an encoder between readings, below which rounding hides the stamps
-LONGEST = 0.5        # s that five readings may last: within more, a speed is no straight line
-FEW = 30             # readings, below which their scatter tells nothing
-SIGNIFICANT = 3.0    # sigmas
+# Savitzky-Golay filters over five samples: residual of the center against a parabola, and slope.
+RESIDUAL_KERNEL = np.array([3.0, -12.0, 18.0, -12.0, 3.0]) / 35.0
+SLOPE_KERNEL = np.array([-2.0, -1.0, 0.0, 1.0, 2.0]) / 10.0
+RESIDUAL_VARIANCE_SHARE = 18.0 / 35.0  # of the residual over that of independent errors
+MAX_PERIOD_DEVIATION = 0.5  # of the period; samples with less regular spacing are left out
+MIN_COUNTS = 10.0  # of an encoder between samples, below which quantization hides the jitter
+MAX_WINDOW = 0.5  # s of five samples: over longer times the speed is not linear in time
+MIN_SAMPLES = 30  # below this number the residuals do not determine their scatter
+SIGNIFICANCE_SIGMAS = 3.0
 
 
 def fit_jitter(wheels: WheelRecord, robot: RobotParams) -> Uncertain:
-    """Return the standard deviation of a stamp [s]; EstimatorError where it does not show."""
+    """Return the standard deviation of a timestamp [s]; EstimatorError if not observable."""
     if wheels.position is None:
         raise EstimatorError('wheel_states have no positions')
-    if len(wheels.time) < len(BESIDE):
-        raise EstimatorError(f'{len(wheels.time)} readings')
+    if len(wheels.time) < len(RESIDUAL_KERNEL):
+        raise EstimatorError(f'{len(wheels.time)} samples')
     period = float(np.median(np.diff(wheels.time)))
-    if (len(BESIDE) - 1) * period > LONGEST:
-        raise EstimatorError(f'five readings last {(len(BESIDE) - 1) * period:.2g} s, expected at '
-                             f'most {LONGEST:g} s: the wheels change their speed meanwhile')
+    if (len(RESIDUAL_KERNEL) - 1) * period > MAX_WINDOW:
+        raise EstimatorError(
+            f'five samples last {(len(RESIDUAL_KERNEL) - 1) * period:.2g} s, expected at most '
+            f'{MAX_WINDOW:g} s: the wheels change their speed meanwhile')
     sides = np.stack([wheels.position[:, LEFT].mean(axis=1),
                       wheels.position[:, RIGHT].mean(axis=1)], axis=1)
-    stamp, step = _filtered(wheels.time, BESIDE), _filtered(wheels.time, SLOPE)
-    turned = np.stack([_filtered(side, SLOPE) for side in sides.T], axis=1)  # rad per reading
+    time_residual = _filtered(wheels.time, RESIDUAL_KERNEL)
+    time_slope = _filtered(wheels.time, SLOPE_KERNEL)
+    increment = np.stack([_filtered(side, SLOPE_KERNEL) for side in sides.T], axis=1)  # rad/sample
     count = 2.0 * math.pi / robot.encoder.counts_per_revolution
-    gaps = np.lib.stride_tricks.sliding_window_view(np.diff(wheels.time), len(BESIDE) - 1)
-    good = (np.abs(turned).min(axis=1) > COUNTS * count) & (
-        np.abs(gaps - period).max(axis=1) < REGULAR * period)
-    if good.sum() < FEW:
-        raise EstimatorError(f'{int(good.sum())} readings with both sides in motion, expected at '
-                             f'least {FEW}')
-    beside = np.stack([_filtered(side, BESIDE) for side in sides.T], axis=1)
-    errors = stamp[good, None] - beside[good] / turned[good] * step[good, None]
-    return _shared(errors)
+    gaps = np.lib.stride_tricks.sliding_window_view(
+        np.diff(wheels.time), len(RESIDUAL_KERNEL) - 1)
+    usable = (np.abs(increment).min(axis=1) > MIN_COUNTS * count) & (
+        np.abs(gaps - period).max(axis=1) < MAX_PERIOD_DEVIATION * period)
+    if usable.sum() < MIN_SAMPLES:
+        raise EstimatorError(f'{int(usable.sum())} samples with both sides in motion, expected at '
+                             f'least {MIN_SAMPLES}')
+    angle_residual = np.stack([_filtered(side, RESIDUAL_KERNEL) for side in sides.T], axis=1)
+    errors = time_residual[usable, None] - (
+        angle_residual[usable] / increment[usable] * time_slope[usable, None])
+    return _common_sigma(errors)
 
 
 def _filtered(values: Array, kernel: Array) -> Array:
     return np.asarray(np.convolve(values, kernel[::-1], 'valid'))
 
 
-def _shared(errors: Array) -> Uncertain:
-    """Return the standard deviation of what two columns of errors (n, 2) share."""
-    both, apart = (MAD_TO_SIGMA * np.median(np.abs(errors @ sign)) for sign in ((1, 1), (1, -1)))
-    variance = float(both ** 2 - apart ** 2) / 4.0 / KEPT
+def _common_sigma(errors: Array) -> Uncertain:
+    """Return the standard deviation of the common part of two columns of errors (n, 2)."""
+    common, differential = (
+        MAD_TO_SIGMA * np.median(np.abs(errors @ sign)) for sign in ((1, 1), (1, -1)))
+    variance = float(common ** 2 - differential ** 2) / 4.0 / RESIDUAL_VARIANCE_SHARE
     # standard error of a variance by the median absolute deviation of n / 2 independent errors
-    doubt = float(both ** 2 + apart ** 2) / 4.0 / KEPT * 2.0 * math.sqrt(2.7 / len(errors))
-    if variance < SIGNIFICANT * doubt:
-        limit = math.sqrt(max(variance, 0.0) + SIGNIFICANT * doubt)
-        raise EstimatorError(f'the speeds fluctuate more than the stamps (below {limit:.2g} s)')
-    return Uncertain(math.sqrt(variance), 0.5 * doubt / math.sqrt(variance))
+    variance_sigma = float(common ** 2 + differential ** 2) / 4.0 / RESIDUAL_VARIANCE_SHARE * (
+        2.0 * math.sqrt(2.7 / len(errors)))
+    if variance < SIGNIFICANCE_SIGMAS * variance_sigma:
+        limit = math.sqrt(max(variance, 0.0) + SIGNIFICANCE_SIGMAS * variance_sigma)
+        raise EstimatorError(f'speed fluctuations exceed the jitter (below {limit:.2g} s)')
+    return Uncertain(math.sqrt(variance), 0.5 * variance_sigma / math.sqrt(variance))

@@ -15,7 +15,7 @@ from smart_tire.arrays import Array
 from smart_tire.errors import ParameterError
 from smart_tire.models.film.buckling_film import BucklingFilm
 from smart_tire.models.film.hysteresis import DuhemParams
-from smart_tire.uncertain import UNDETERMINED
+from smart_tire.uncertain import MAX_RELATIVE_SIGMA
 
 PRODUCTS = ('alpha_gain', 'a_gain', 'b_gain')
 AMPLIFIER = ('low_corner', 'drift')  # Hz, C/s
@@ -41,7 +41,7 @@ class FilmParams:
     def reach(self) -> float:
         """Return the largest input that they hold for: little beyond a loop that is too small."""
         products = np.array([self.alpha_gain, self.a_gain, self.b_gain])
-        determined = np.sqrt(np.diag(self.covariance)[:3]) <= UNDETERMINED * np.abs(products)
+        determined = np.sqrt(np.diag(self.covariance)[:3]) <= MAX_RELATIVE_SIGMA * np.abs(products)
         return math.inf if determined.all() else REACH * self.span
 
     @property

@@ -1,30 +1,30 @@
-"""Latency from changes of speed: for robots whose wheels are recorded as one."""
+"""Latency from speed changes, for robots that record one speed for all wheels."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 from support.driving import drive
-from support.identifying import recorded, wandering
+from support.identifying import random_signal, recorded
 
 from smart_tire.calibration.robot.accelerometer_fit import fit_speed_changes
 from smart_tire.errors import EstimatorError
 from smart_tire.parameters import build, RobotParams
 
-FIRM = build(RobotParams, {'tire.longitudinal_stiffness': 2000.0})  # tires that hardly slip
+FIRM = build(RobotParams, {'tire.longitudinal_stiffness': 2000.0})  # stiff tires, little slip
 
 
 def straight_run(seed, seconds=60.0, size=0.3, **options):
     rng = np.random.default_rng([seed, 9])
     time = np.arange(round(1e3 * seconds)) * 1e-3
     gate = np.clip(np.minimum(time - 3.0, seconds - 3.0 - time), 0.0, 1.0)
-    speed = gate * (0.7 + wandering(rng, seconds, size, 0.4))
+    speed = gate * (0.7 + random_signal(rng, seconds, size, 0.4))
     return drive(np.stack([speed, speed], axis=1), np.zeros((len(time), 2)), seed=seed,
                  robot=FIRM, **options)
 
 
 @pytest.mark.parametrize('options', [{}, {'wheel_rate': 4.0, 'positions': False}], ids=str)
-def test_the_latency_is_right_within_its_error(options):
+def test_the_latency_is_correct_within_its_standard_error(options):
     errors, sigmas = [], []
     for seed in range(8):
         late = float(np.random.default_rng(seed).uniform(-0.05, 0.25))
@@ -35,13 +35,13 @@ def test_the_latency_is_right_within_its_error(options):
     assert np.median(sigmas) < 0.01
 
 
-def test_the_radius_is_a_rough_one_and_says_so():
+def test_the_radius_is_rough_and_its_sigma_shows_it():
     radius = fit_speed_changes(recorded(straight_run(1)), FIRM).radius
     assert radius.value == pytest.approx(FIRM.wheel_radius, rel=0.03)
     assert radius.sigma > 0.05 * radius.value
 
 
-def test_tires_that_slip_much_leave_the_latency_open():
+def test_soft_tires_leave_the_latency_uncertain():
     soft = build(RobotParams, {'tire.longitudinal_stiffness': 20.0})
     firm = fit_speed_changes(recorded(straight_run(2)), FIRM).latency.sigma
     try:
@@ -50,7 +50,7 @@ def test_tires_that_slip_much_leave_the_latency_open():
         assert 'standard error' in str(error)
 
 
-def test_a_steady_speed_is_refused():
+def test_a_constant_speed_is_refused():
     time = np.arange(60_000) * 1e-3
     steady = np.full((len(time), 2), 0.7)
     with pytest.raises(EstimatorError):

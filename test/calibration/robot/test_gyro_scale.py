@@ -1,4 +1,4 @@
-"""The gyro's scale against a reference."""
+"""Scale factor of the gyro against a pose reference."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 from support.identifying import recorded, turning_run
 
-from smart_tire.calibration.robot.gyro_scale import check_gyro, usable_reference
+from smart_tire.calibration.robot.gyro_scale import fit_gyro_scale, usable_reference
 from smart_tire.errors import EstimatorError
 
 
-def test_scale_and_delay_are_right_within_their_errors():
+def test_scale_and_delay_are_correct_within_their_standard_errors():
     scales, delays = [], []
     for seed in range(10):
         recording = recorded(turning_run(seed), 0.01, seed)
         imu = replace(recording.imu, rate=0.97 * recording.imu.rate)
         late = replace(recording.reference, time=recording.reference.time + 0.1)
-        check = check_gyro(replace(recording, imu=imu, reference=late))
+        check = fit_gyro_scale(replace(recording, imu=imu, reference=late))
         scales.append((check.scale.value - 0.97) / check.scale.sigma)
         delays.append((check.latency.value - 0.1) / check.latency.sigma)
         assert check.scale.sigma < 0.01
@@ -27,17 +27,17 @@ def test_scale_and_delay_are_right_within_their_errors():
 
 
 def test_it_needs_a_reference():
-    with pytest.raises(EstimatorError, match='no reference'):
-        check_gyro(recorded(turning_run(0, 20.0)))
+    with pytest.raises(EstimatorError, match='no pose reference'):
+        fit_gyro_scale(recorded(turning_run(0, 20.0)))
 
 
 def test_a_reference_without_yaw_is_refused():
     recording = recorded(turning_run(0), 0.01)
     poses = replace(recording.reference, yaw=0.0 * recording.reference.yaw)
-    with pytest.raises(EstimatorError, match='it has no yaw'):
+    with pytest.raises(EstimatorError, match='the reference has no yaw'):
         usable_reference(replace(recording, reference=poses))
 
 
 def test_it_needs_turns():
     with pytest.raises(EstimatorError):
-        check_gyro(recorded(turning_run(0, turn=1e-4), 0.01))
+        fit_gyro_scale(recorded(turning_run(0, turn=1e-4), 0.01))

@@ -1,4 +1,4 @@
-"""S from a reference and from the unit alone, over the run and turn by turn."""
+"""S from a pose reference and from the IMU alone, of the recording and of each turn."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 from support.identifying import recorded, turning_run
 
 from smart_tire.calibration.recording import PoseRecord
-from smart_tire.calibration.robot.icr import identify_icr, together
+from smart_tire.calibration.robot.icr import combine, identify_icr
 from smart_tire.errors import EstimatorError
 from smart_tire.parameters import build, RobotParams
 
@@ -22,8 +22,8 @@ def fits(noise, seeds=10, **options):
                          ROBOT) for seed in range(seeds)]
 
 
-@pytest.mark.parametrize('noise, source', [(0.003, 'reference'), (None, 'unit')])
-def test_it_is_right_within_its_error(noise, source):
+@pytest.mark.parametrize('noise, source', [(0.003, 'reference'), (None, 'IMU')])
+def test_it_is_correct_within_its_standard_error(noise, source):
     found = fits(noise)
     errors = [(fit.icr.value - ICR) / fit.icr.sigma for fit in found]
     assert np.sqrt(np.mean(np.square(errors))) < 1.5
@@ -32,30 +32,30 @@ def test_it_is_right_within_its_error(noise, source):
     assert all(source in fit.source for fit in found)
 
 
-def test_errors_of_the_reference_s_noise_are_those_that_it_says():
+def test_errors_match_their_sigma_if_noise_of_the_reference_dominates():
     errors = [(fit.icr.value - ICR) / fit.icr.sigma for fit in fits(0.01, 20)]
     assert 0.6 < np.sqrt(np.mean(np.square(errors))) < 1.5
 
 
-def test_turns_scatter_by_their_errors_only_where_nothing_changes():
+def test_turns_scatter_by_their_standard_errors_if_s_is_constant():
     fit = fits(0.003, 1)[0]
     normalised = (fit.turn_icr - ICR) / fit.turn_sigma
     assert len(normalised) > 5 and 0.5 < np.sqrt(np.mean(normalised ** 2)) < 2.0
     assert fit.spread < 0.01
 
 
-def test_a_change_of_s_shows_as_spread():
+def test_a_change_of_s_increases_the_spread():
     first, second = (identify_icr(recorded(turning_run(seed, icr=icr, turn=0.4), 0.002), ROBOT)
                      for seed, icr in ((1, 0.0), (2, 0.08)))
-    both = together([first, second])
+    both = combine([first, second])
     assert both.spread == pytest.approx(0.04, rel=0.3)
     assert both.icr.value == pytest.approx(0.04, abs=0.02)
-    assert both.start_sigma > both.spread
+    assert both.initial_sigma > both.spread
     sigma = next(item.value for item in both.parameters(ROBOT) if item.name == 'icr_sigma')
-    assert sigma == pytest.approx(both.start_sigma / ROBOT.wheelbase)
+    assert sigma == pytest.approx(both.initial_sigma / ROBOT.wheelbase)
 
 
-def test_a_reference_that_looks_aside_does_not_matter():
+def test_yaw_misalignment_of_the_reference_does_not_matter():
     recording = recorded(turning_run(3, icr=ICR, turn=0.4), 0.002)
     poses = recording.reference
     askew = PoseRecord(poses.time, poses.position, poses.yaw + 0.03)
@@ -63,27 +63,27 @@ def test_a_reference_that_looks_aside_does_not_matter():
     assert fit.icr.value == pytest.approx(ICR, abs=3.5 * fit.icr.sigma)
 
 
-def test_the_place_of_the_unit_counts():
+def test_the_position_of_the_imu_matters():
     moved = build(RobotParams, {'imu.position': [0.15, 0.02, 0.1]})
     recording = recorded(turning_run(4, icr=ICR, turn=0.4))
     shift = identify_icr(recording, moved).icr.value - identify_icr(recording, ROBOT).icr.value
     assert shift == pytest.approx(0.1, rel=0.05)
 
 
-def test_a_reference_too_poor_leaves_it_to_the_unit():
+def test_a_poor_reference_is_replaced_by_the_imu():
     fit = identify_icr(recorded(turning_run(5, icr=ICR, turn=0.4), 1.0), ROBOT)
-    assert 'unit' in fit.source
+    assert 'IMU' in fit.source
 
 
 def test_too_little_turning_is_refused():
-    with pytest.raises(EstimatorError, match='turns by .* rad in all, expected at least 2'):
+    with pytest.raises(EstimatorError, match='total yaw of .* rad, expected at least 2'):
         identify_icr(recorded(turning_run(6, turn=0.01), 0.002), ROBOT)
 
 
-def test_what_neither_tells_is_refused_with_both_reasons():
+def test_both_reasons_are_given_if_neither_makes_it_observable():
     recording = recorded(turning_run(7, turn=0.4), 1.0)
     rough = recording.imu.force + np.random.default_rng(7).normal(
         0.0, 50.0, recording.imu.force.shape)
     recording = replace(recording, imu=replace(recording.imu, force=rough))
-    with pytest.raises(EstimatorError, match='reference.*; the lateral acceleration of the unit'):
+    with pytest.raises(EstimatorError, match='reference.*; lateral acceleration of the IMU'):
         identify_icr(recording, ROBOT)

@@ -1,4 +1,4 @@
-"""Rolling radius against a reference: unbiased by noise, turns and holes."""
+"""Rolling radius against a reference: unbiased by noise, turns and gaps."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from smart_tire.errors import EstimatorError
 from smart_tire.parameters import build, RobotParams
 
 ROBOT = RobotParams()
-BELIEVED = build(RobotParams, {'wheel_radius': 0.1})  # 15 % wrong: it must not matter
+WRONG = build(RobotParams, {'wheel_radius': 0.1})  # 15 % off, which must not matter
 
 
 @pytest.mark.parametrize('noise', [0.001, 0.01, 0.05])
-def test_the_radius_is_right_within_its_error_whatever_the_noise_of_the_reference(noise):
+def test_the_radius_is_correct_within_its_standard_error_at_any_noise_of_the_reference(noise):
     errors, sigmas = [], []
     for seed in range(12):
         recording = recorded(turning_run(seed), noise, seed)
-        radius = fit_radius(recording.wheels, recording.reference, 0.0, BELIEVED).radius
+        radius = fit_radius(recording.wheels, recording.reference, 0.0, WRONG).radius
         errors.append((radius.value - ROBOT.wheel_radius) / radius.sigma)
         sigmas.append(radius.sigma / radius.value)
     assert 0.5 < np.sqrt(np.mean(np.square(errors))) < 1.6
@@ -35,40 +35,40 @@ def test_the_wheels_may_be_late():
     assert radius.value == pytest.approx(ROBOT.wheel_radius, abs=3.0 * radius.sigma)
 
 
-def test_holes_in_either_stream_only_cost_accuracy():
+def test_gaps_in_either_stream_only_reduce_accuracy():
     recording = recorded(turning_run(2, positions=False), 0.005)
     wheels, poses = recording.wheels, recording.reference
-    heard = (wheels.time % 10.0) > 1.0
+    received = (wheels.time % 10.0) > 1.0
     seen = (poses.time % 7.0) > 2.0
     radius = fit_radius(
-        replace(wheels, time=wheels.time[heard], velocity=wheels.velocity[heard]),
+        replace(wheels, time=wheels.time[received], velocity=wheels.velocity[received]),
         PoseRecord(poses.time[seen], poses.position[seen], poses.yaw[seen]), 0.0, ROBOT).radius
     assert radius.value == pytest.approx(ROBOT.wheel_radius, abs=3.0 * radius.sigma)
 
 
-def test_a_reference_beside_the_middle_is_allowed_for():
+def test_a_lateral_offset_of_the_reference_is_estimated():
     recording = recorded(turning_run(3), 0.002)
     poses = recording.reference
-    aside = 0.1 * np.stack([-np.sin(poses.yaw), np.cos(poses.yaw)], axis=1)
-    moved = replace(poses, position=poses.position + aside)
+    offset = 0.1 * np.stack([-np.sin(poses.yaw), np.cos(poses.yaw)], axis=1)
+    moved = replace(poses, position=poses.position + offset)
     radius = fit_radius(recording.wheels, moved, 0.0, ROBOT).radius
     assert radius.value == pytest.approx(ROBOT.wheel_radius, abs=3.0 * radius.sigma)
 
 
-def test_too_short_a_run_is_refused():
+def test_a_short_recording_is_refused():
     recording = recorded(turning_run(4, seconds=14.0), 0.01)
-    with pytest.raises(EstimatorError, match='stretches of 2 s|expected at most 2 %'):
+    with pytest.raises(EstimatorError, match='intervals of 2 s|expected at most 2 %'):
         fit_radius(recording.wheels, recording.reference, 0.0, ROBOT)
 
 
 def test_a_reference_too_noisy_is_refused():
     recording = recorded(turning_run(5, seconds=30.0), 0.5)
-    with pytest.raises(EstimatorError, match='expected at most 2 %|stretches'):
+    with pytest.raises(EstimatorError, match='expected at most 2 %|intervals'):
         fit_radius(recording.wheels, recording.reference, 0.0, ROBOT)
 
 
-def test_a_reference_that_looks_back_is_refused():
+def test_a_reference_that_faces_backward_is_refused():
     recording = recorded(turning_run(6), 0.001)
     poses = recording.reference
-    with pytest.raises(EstimatorError, match='against the wheels'):
+    with pytest.raises(EstimatorError, match='opposite to the wheels'):
         fit_radius(recording.wheels, replace(poses, yaw=poses.yaw + np.pi), 0.0, ROBOT)

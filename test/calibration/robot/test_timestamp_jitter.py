@@ -1,4 +1,4 @@
-"""Jitter of stamps from positions: told where it is there, and not made of changing speeds."""
+"""Timestamp jitter from wheel positions, separated from changes of speed."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from smart_tire.parameters import build, RobotParams
 
 
 @pytest.mark.parametrize('jitter, rate', [(0.001, 16.0), (0.003, 16.0), (0.001, 50.0)])
-def test_the_jitter_is_right_within_its_error(jitter, rate):
+def test_the_jitter_is_correct_within_its_standard_error(jitter, rate):
     robot = build(RobotParams, {'encoder.stamp_jitter': jitter})
     errors = []
     for seed in range(8):
@@ -23,24 +23,24 @@ def test_the_jitter_is_right_within_its_error(jitter, rate):
     assert 0.4 < np.sqrt(np.mean(np.square(errors))) < 1.6
 
 
-def test_speeds_that_change_are_no_jitter():
+def test_speed_changes_are_not_taken_for_jitter():
     robot = build(RobotParams, {'encoder.stamp_jitter': 0.0})
-    with pytest.raises(EstimatorError, match='fluctuate more than the stamps'):
+    with pytest.raises(EstimatorError, match='speed fluctuations exceed the jitter'):
         fit_jitter(recorded(turning_run(1, 40.0, robot=robot, wheel_rate=50.0)).wheels, robot)
 
 
-def test_slow_readings_tell_nothing():
-    with pytest.raises(EstimatorError, match='five readings last 1 s'):
+def test_a_low_sampling_rate_is_refused():
+    with pytest.raises(EstimatorError, match='five samples last 1 s'):
         fit_jitter(recorded(turning_run(1, 40.0, wheel_rate=4.0)).wheels, RobotParams())
 
 
-def test_velocities_alone_tell_nothing():
+def test_velocities_alone_are_refused():
     with pytest.raises(EstimatorError, match='no positions'):
         fit_jitter(recorded(turning_run(1, 10.0, positions=False)).wheels, RobotParams())
 
 
-def test_rest_tells_nothing():
+def test_standstill_is_refused():
     time = np.arange(0.0, 20.0, 0.06)
     still = np.zeros((len(time), 4))
-    with pytest.raises(EstimatorError, match='0 readings with both sides in motion'):
+    with pytest.raises(EstimatorError, match='0 samples with both sides in motion'):
         fit_jitter(WheelRecord(time, still, still), RobotParams())

@@ -1,4 +1,4 @@
-"""Latency and effective track from turns, at all rates, within their own errors."""
+"""Latency and effective track from turns, at all rates, within their standard errors."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from support.driving import Drive, START_NS
 from support.identifying import recorded, TRACK, turning_run
 
 from smart_tire.calibration.recording import ImuRecord, Recording, WheelRecord
-from smart_tire.calibration.robot.wheel_latency import fit_turns, LATENCY_LIMIT
+from smart_tire.calibration.robot.wheel_latency import fit_yaw_rate, MAX_LATENCY_SIGMA
 from smart_tire.errors import EstimatorError
 from smart_tire.parameters import build, RobotParams, SimulatorParams
 from smart_tire.simulation.offline import simulate
@@ -22,12 +22,12 @@ SEEDS = range(8)
 
 
 def fits(**options):
-    """Return true latencies and fits of several runs."""
+    """Return true latencies and fits of several recordings."""
     found = []
     for seed in SEEDS:
         late = float(np.random.default_rng(seed).uniform(-0.05, 0.25))
         run = turning_run(seed, wheel_latency=late, **options)
-        found.append((late, fit_turns(recorded(run), ROBOT)))
+        found.append((late, fit_yaw_rate(recorded(run), ROBOT)))
     return found
 
 
@@ -39,17 +39,17 @@ def normalised_rms(pairs):
 @pytest.mark.parametrize('options', [
     {}, {'wheel_rate': 4.0, 'positions': False}, {'wheel_rate': 200.0, 'imu_rate': 400.0},
     {'wheel_rate': 50.0, 'imu_rate': 20.0, 'positions': False}], ids=str)
-def test_latency_and_track_are_right_within_their_errors(options):
+def test_latency_and_track_are_correct_within_their_standard_errors(options):
     found = fits(**options)
     assert 0.4 < normalised_rms([(late, fit.latency) for late, fit in found]) < 1.5
     assert 0.5 < normalised_rms([(TRACK / ROBOT.wheel_radius, fit.slope)
                                  for _, fit in found]) < 1.6
-    assert 0.4 < normalised_rms([(0.0, fit.unlike) for _, fit in found]) < 1.6
+    assert 0.4 < normalised_rms([(0.0, fit.radius_difference) for _, fit in found]) < 1.6
     assert np.median([fit.latency.sigma for _, fit in found]) < 0.012
 
 
 @pytest.mark.parametrize('seed', [1, 2])
-def test_tires_that_lag_are_not_taken_for_late_stamps(seed):
+def test_the_lag_of_soft_tires_is_not_taken_for_latency(seed):
     """On the simulated robot, whose soft tires alone would hide 10 to 25 ms of a latency."""
     params = build(SimulatorParams, {
         'seed': seed, 'ground.base': 'concrete', 'ground.patches': [''], 'encoder.latency': 0.05})
@@ -58,54 +58,57 @@ def test_tires_that_lag_are_not_taken_for_late_stamps(seed):
             [40.0, 60.0, 80.0, 100.0], 2).tolist()) for k in range(14)]
     run = Drive([sample for _, topic, sample in simulate(params, legs, 40.0, start_ns=START_NS)
                  if topic in ('imu/data', 'wheel_states')], *(np.empty(0),) * 4)
-    fit = fit_turns(recorded(run), ROBOT)
+    fit = fit_yaw_rate(recorded(run), ROBOT)
     assert fit.latency.value == pytest.approx(0.05, abs=2.5 * fit.latency.sigma)
     assert fit.latency.sigma < 0.015
 
 
-def test_a_larger_right_wheel_shows_and_leaves_the_track_alone():
+def test_a_larger_right_wheel_does_not_change_the_track():
     recording = recorded(turning_run(3, slip=0.002))
-    right = np.array([1.0, 1.02, 1.0, 1.02])  # a larger wheel turns less for the same way
+    right = np.array([1.0, 1.02, 1.0, 1.02])  # a larger wheel rotates less over the same distance
     wheels = WheelRecord(recording.wheels.time, recording.wheels.velocity / right,
                          recording.wheels.position / right)
-    fit = fit_turns(replace(recording, wheels=wheels), ROBOT)
-    assert fit.unlike.value == pytest.approx(0.02, abs=3.0 * fit.unlike.sigma)
-    assert fit.unlike.sigma < 0.004
+    fit = fit_yaw_rate(replace(recording, wheels=wheels), ROBOT)
+    difference = fit.radius_difference
+    assert difference.value == pytest.approx(0.02, abs=3.0 * difference.sigma)
+    assert difference.sigma < 0.004
 
 
-def test_bad_readings_do_not_matter():
+def test_outliers_do_not_matter():
     recording = recorded(turning_run(4, wheel_latency=0.08, positions=False))
     velocity = recording.wheels.velocity.copy()
     velocity[::37] += np.array([20.0, -20.0, 20.0, -20.0])
-    fit = fit_turns(replace(recording, wheels=replace(recording.wheels, velocity=velocity)), ROBOT)
+    wheels = replace(recording.wheels, velocity=velocity)
+    fit = fit_yaw_rate(replace(recording, wheels=wheels), ROBOT)
     assert fit.latency.value == pytest.approx(0.08, abs=3.0 * fit.latency.sigma)
     assert fit.slope.value * ROBOT.wheel_radius == pytest.approx(TRACK, rel=0.03)
 
 
-def test_a_run_that_hardly_turns_is_refused():
-    with pytest.raises(EstimatorError, match=f'expected at most {LATENCY_LIMIT}|fit alike|follow'):
-        fit_turns(recorded(turning_run(5, turn=0.004)), ROBOT)
+def test_a_recording_with_little_yaw_is_refused():
+    expected = f'expected at most {MAX_LATENCY_SIGMA}|fit equally|follow'
+    with pytest.raises(EstimatorError, match=expected):
+        fit_yaw_rate(recorded(turning_run(5, turn=0.004)), ROBOT)
 
 
-def test_a_robot_at_rest_is_refused():
+def test_a_stationary_robot_is_refused():
     time = np.arange(0.0, 20.0, 0.01)
     rest = ImuRecord(time, np.zeros((2000, 3)), np.tile([0.0, 0.0, 9.81], (2000, 1)))
     wheels = WheelRecord(time[::6], np.zeros((len(time[::6]), 4)), None)
-    with pytest.raises(EstimatorError, match='do not turn'):
-        fit_turns(Recording(rest, wheels), ROBOT)
+    with pytest.raises(EstimatorError, match='do not rotate'):
+        fit_yaw_rate(Recording(rest, wheels), ROBOT)
 
 
-def test_swapped_sides_are_seen():
+def test_swapped_sides_are_detected():
     recording = recorded(turning_run(6))
     swapped = [1, 0, 3, 2]
     wheels = WheelRecord(recording.wheels.time, recording.wheels.velocity[:, swapped],
                          recording.wheels.position[:, swapped])
     with pytest.raises(EstimatorError, match='swapped'):
-        fit_turns(replace(recording, wheels=wheels), ROBOT)
+        fit_yaw_rate(replace(recording, wheels=wheels), ROBOT)
 
 
-def test_a_mean_of_both_sides_tells_no_turns():
+def test_the_mean_of_both_sides_is_refused():
     recording = recorded(turning_run(7, positions=False))
     mean = recording.wheels.velocity.mean(axis=1, keepdims=True) * np.ones(4)
     with pytest.raises(EstimatorError):
-        fit_turns(replace(recording, wheels=replace(recording.wheels, velocity=mean)), ROBOT)
+        fit_yaw_rate(replace(recording, wheels=replace(recording.wheels, velocity=mean)), ROBOT)

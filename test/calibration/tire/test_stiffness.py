@@ -1,4 +1,4 @@
-"""C_x from speeding up and braking: right within its error, or refused with the reason."""
+"""C_x from acceleration and braking: correct within its standard error, or refused."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import re
 
 import numpy as np
 import pytest
-from support.straight import CONCRETE, Ground, SAND, straight_run, sway
+from support.straight import CONCRETE, Ground, oscillation, SAND, straight_run
 
 from smart_tire.calibration.tire.stiffness import identify_stiffness
 from smart_tire.errors import EstimatorError
@@ -16,28 +16,28 @@ from smart_tire.parameters import build, RobotParams
 pytestmark = pytest.mark.slow
 
 ROBOT = RobotParams()
-LATENESS = 0.003  # s, one sigma of what is not known of the wheels' stamps
-RADIUS = 0.02     # relative, one sigma of what is not known of the rolling radius
+LATENCY_ERROR = 0.003  # s, standard deviation of the error of the configured latency
+RADIUS_ERROR = 0.02    # standard deviation of the relative error of the rolling radius
 
 
 def cruise(time):
     return min(max(0.1 * (time - 1.0), 0.0), 0.7)
 
 
-def unknown(seed):
-    """Return a lateness [s] and a robot with a radius as wrong as the identification expects."""
+def random_errors(seed):
+    """Return random errors with the prior's sigmas: of the latency [s], and a robot."""
     late, wrong = np.random.default_rng([seed, 5]).standard_normal(2).tolist()
-    radius = ROBOT.wheel_radius * (1.0 + RADIUS * wrong)
-    return LATENESS * late, build(RobotParams, {'wheel_radius': radius})
+    radius = ROBOT.wheel_radius * (1.0 + RADIUS_ERROR * wrong)
+    return LATENCY_ERROR * late, build(RobotParams, {'wheel_radius': radius})
 
 
-def told(ground, seed):
-    late, robot = unknown(seed)
+def fitted(ground, seed):
+    late, robot = random_errors(seed)
     return identify_stiffness([straight_run(ground, seed, wheel_latency=late, robot=robot)], ROBOT)
 
 
-def test_concrete_and_sand_are_told_within_their_errors():
-    fits = {ground: [told(ground, seed) for seed in range(10)] for ground in (CONCRETE, SAND)}
+def test_concrete_and_sand_are_correct_within_their_standard_errors():
+    fits = {ground: [fitted(ground, seed) for seed in range(10)] for ground in (CONCRETE, SAND)}
     errors = []
     for ground, found in fits.items():
         stiffness = np.array([fit.stiffness.value for fit in found])
@@ -50,38 +50,38 @@ def test_concrete_and_sand_are_told_within_their_errors():
 
 
 @pytest.mark.parametrize('mass', [5.0, 25.0])
-def test_robots_of_other_masses_are_told_as_well(mass):
+def test_the_stiffness_is_correct_for_other_masses(mass):
     run = straight_run(CONCRETE, 1, mass=mass)
     stiffness = identify_stiffness([run], build(RobotParams, {'mass': mass})).stiffness
     assert stiffness.value == pytest.approx(CONCRETE.stiffness, abs=3.0 * stiffness.sigma)
     assert stiffness.determined
 
 
-def test_the_stiffness_is_in_proportion_to_the_mass_that_is_given():
+def test_the_stiffness_is_proportional_to_the_configured_mass():
     run = straight_run(CONCRETE, 2)
     one, two = (identify_stiffness([run], build(RobotParams, {'mass': mass})).stiffness
                 for mass in (10.9, 21.8))
     assert two.value == pytest.approx(2.0 * one.value, rel=1e-3)
 
 
-def test_wheels_that_are_late_are_found_and_do_not_matter():
+def test_an_error_of_the_wheel_latency_is_estimated():
     found = [identify_stiffness([straight_run(CONCRETE, seed, wheel_latency=0.006)], ROBOT)
              for seed in range(4)]
     for fit in found:
-        assert fit.lateness.value == pytest.approx(0.006, abs=3.0 * fit.lateness.sigma)
+        assert fit.latency_error.value == pytest.approx(0.006, abs=3.0 * fit.latency_error.sigma)
         assert fit.stiffness.value == pytest.approx(CONCRETE.stiffness,
                                                     abs=3.0 * fit.stiffness.sigma)
-    assert np.mean([fit.lateness.value for fit in found]) > 0.003
+    assert np.mean([fit.latency_error.value for fit in found]) > 0.003
 
 
-def test_a_latency_that_is_known_is_allowed_for():
+def test_the_configured_latency_is_compensated():
     late = build(RobotParams, {'encoder.latency': 0.2})
     fit = identify_stiffness([straight_run(CONCRETE, 3, wheel_latency=0.2)], late)
-    assert fit.lateness.value == pytest.approx(0.0, abs=3.0 * fit.lateness.sigma)
+    assert fit.latency_error.value == pytest.approx(0.0, abs=3.0 * fit.latency_error.sigma)
     assert fit.stiffness.value == pytest.approx(CONCRETE.stiffness, abs=3.0 * fit.stiffness.sigma)
 
 
-def test_drag_and_the_friction_that_bends_the_curve_are_told_beside():
+def test_drag_and_friction_are_estimated_with_the_stiffness():
     fit = identify_stiffness([straight_run(SAND, 4)], ROBOT)
     weight = ROBOT.mass * 9.80665
     assert fit.drag.value == pytest.approx(SAND.drag * weight, abs=3.0 * fit.drag.sigma)
@@ -97,52 +97,53 @@ def test_the_curve_rises_with_the_stiffness_and_bends():
     assert np.corrcoef(fit.slip, fit.force)[0, 1] > 0.9
 
 
-def test_two_recordings_of_one_tire_tell_more_than_one():
-    runs = [straight_run(CONCRETE, seed) for seed in (6, 7)]
-    alone = [identify_stiffness([run], ROBOT).stiffness for run in runs]
-    both = identify_stiffness(runs, ROBOT)
-    told = both.stiffness
-    assert told.sigma < min(item.sigma for item in alone)
-    assert told.value == pytest.approx(CONCRETE.stiffness, abs=3.0 * told.sigma)
-    assert both.runs == 2 and both.duration > 30.0
+def test_two_recordings_of_one_tire_reduce_the_sigma():
+    segments = [straight_run(CONCRETE, seed) for seed in (6, 7)]
+    separate = [identify_stiffness([run], ROBOT).stiffness for run in segments]
+    both = identify_stiffness(segments, ROBOT)
+    combined = both.stiffness
+    assert combined.sigma < min(item.sigma for item in separate)
+    assert combined.value == pytest.approx(CONCRETE.stiffness, abs=3.0 * combined.sigma)
+    assert both.segments == 2 and both.duration > 30.0
 
 
-def test_recordings_on_different_grounds_are_refused_with_what_each_tells():
-    runs = [straight_run(ground, 8) for ground in (Ground(80.0, 0.47, 0.015), SAND)]
+def test_recordings_on_different_grounds_are_refused_with_their_values():
+    segments = [straight_run(ground, 8) for ground in (Ground(80.0, 0.47, 0.015), SAND)]
     with pytest.raises(EstimatorError, match='not of one tire on one ground') as caught:
-        identify_stiffness(runs, ROBOT)
+        identify_stiffness(segments, ROBOT)
     hard, soft = map(float, re.findall(r'([0-9.]+) ±', str(caught.value)))
     assert hard == pytest.approx(80.0, rel=0.3) and soft == pytest.approx(30.0, rel=0.2)
 
 
-def test_a_run_at_one_speed_is_refused():
+def test_a_constant_speed_is_refused():
     with pytest.raises(EstimatorError, match='speed changes too little'):
         identify_stiffness([straight_run(CONCRETE, 9, pace=cruise)], ROBOT)
 
 
-def test_a_robot_at_rest_is_refused():
-    with pytest.raises(EstimatorError, match='no straight run of 6 wheel readings'):
+def test_a_stationary_robot_is_refused():
+    with pytest.raises(EstimatorError, match='no straight segment of 6 wheel samples'):
         identify_stiffness([straight_run(CONCRETE, 9, pace=lambda time: 0.0)], ROBOT)
 
 
-def test_wheels_that_only_slide_tell_nothing():
+def test_wheels_that_only_slide_are_refused():
     ice = Ground(CONCRETE.stiffness, 0.03, 0.0)
     with pytest.raises(EstimatorError, match='wheels slide|below critical slip'):
         identify_stiffness([straight_run(ice, 10, seconds=10.0)], ROBOT)
 
 
-def test_what_slides_is_left_out_and_the_rest_still_tells():
-    """Hard starts and stops on ground that cannot hold them, beside gentle ones."""
+def test_sliding_intervals_are_excluded_and_the_others_used():
+    """Gentle starts and stops, followed by some beyond the friction limit."""
     def mixed(time):
-        return sway(time) if time < 14.0 else 0.75 + 0.5 * np.sign(np.sin(2.0 * time))
+        return oscillation(time) if time < 14.0 else 0.75 + 0.5 * np.sign(np.sin(2.0 * time))
     slippery = Ground(CONCRETE.stiffness, 0.25, 0.015)
     fit = identify_stiffness([straight_run(slippery, 11, pace=mixed, seconds=24.0)], ROBOT)
     assert fit.stiffness.value == pytest.approx(CONCRETE.stiffness, abs=3.0 * fit.stiffness.sigma)
     assert np.abs(fit.force).max() < 0.25 * 0.25 * ROBOT.mass * 9.80665
 
 
-def test_a_unit_the_other_way_round_is_refused():
+def test_an_imu_mounted_backward_is_refused():
     run = straight_run(CONCRETE, 12, seconds=10.0)
     turned = replace(run, imu=replace(run.imu, force=run.imu.force * np.array([-1.0, -1.0, 1.0])))
-    with pytest.raises(EstimatorError, match='left out for wheels slide|speed changes too little'):
+    expected = 'excluded because wheels slide|speed changes too little'
+    with pytest.raises(EstimatorError, match=expected):
         identify_stiffness([turned], ROBOT)

@@ -1,4 +1,4 @@
-"""Straight runs of a recording, and errors that are as large and as linked as is said."""
+"""Straight segments of a recording, and the covariance of their errors."""
 
 from __future__ import annotations
 
@@ -12,98 +12,100 @@ from support.straight import CONCRETE, motion, straight_run
 
 from smart_tire.calibration.recording import ImuRecord, WheelRecord
 from smart_tire.calibration.tire.straight_segments import (
-    FEWEST, LONGEST, straight_runs, white_noise)
+    MAX_SEGMENT_INTERVALS, MIN_SEGMENT_INTERVALS, straight_segments, white_noise)
 from smart_tire.parameters import RobotParams
 
 ROBOT = RobotParams()
 
 
 def without(recording, begin, end):
-    """Return a recording whose inertial unit was silent between two times [s]."""
+    """Return a recording without IMU samples between two times [s]."""
     imu = recording.imu
-    heard = (imu.time < begin) | (imu.time > end)
-    return replace(recording, imu=ImuRecord(imu.time[heard], imu.rate[heard], imu.force[heard]))
+    received = (imu.time < begin) | (imu.time > end)
+    return replace(recording, imu=ImuRecord(
+        imu.time[received], imu.rate[received], imu.force[received]))
 
 
-def test_a_start_and_the_way_after_it_are_one_run():
-    runs = straight_runs(straight_run(CONCRETE, 1), ROBOT)
-    assert runs.count == 1 and set(runs.run) == {0}
-    assert 1.0 < runs.begin[0] < 1.5 and runs.end[-1] > 19.5
-    assert (runs.begin[1:] == runs.end[:-1]).all()
+def test_a_start_and_the_drive_after_it_are_one_segment():
+    segments = straight_segments(straight_run(CONCRETE, 1), ROBOT)
+    assert segments.count == 1 and set(segments.segment) == {0}
+    assert 1.0 < segments.begin[0] < 1.5 and segments.end[-1] > 19.5
+    assert (segments.begin[1:] == segments.end[:-1]).all()
     rolling, _ = motion(CONCRETE)
-    middle = 0.5 * (runs.begin + runs.end)
-    assert runs.speed == pytest.approx(rolling[(middle / STEP).astype(int)], abs=0.1)
+    middle = 0.5 * (segments.begin + segments.end)
+    assert segments.speed == pytest.approx(rolling[(middle / STEP).astype(int)], abs=0.1)
 
 
-def test_a_robot_that_turns_or_stands_has_none():
-    assert straight_runs(straight_run(CONCRETE, 1, pace=lambda time: 0.0), ROBOT) is None
-    turning = straight_runs(recorded(turning_run(1, 20.0, turn=0.6)), ROBOT)
+def test_turns_and_standstill_have_no_straight_segment():
+    assert straight_segments(straight_run(CONCRETE, 1, pace=lambda time: 0.0), ROBOT) is None
+    turning = straight_segments(recorded(turning_run(1, 20.0, turn=0.6)), ROBOT)
     assert turning is None or len(turning.row) < 40
 
 
-def test_where_the_unit_was_silent_a_run_ends():
+def test_an_imu_gap_ends_a_segment():
     recording = straight_run(CONCRETE, 2)
-    runs = straight_runs(without(recording, 10.0, 10.3), ROBOT)
-    assert runs.count == 2
-    assert not ((runs.end > 10.0) & (runs.begin < 10.3)).any()
+    segments = straight_segments(without(recording, 10.0, 10.3), ROBOT)
+    assert segments.count == 2
+    assert not ((segments.end > 10.0) & (segments.begin < 10.3)).any()
 
 
-def test_where_a_wheel_reading_is_missing_a_run_ends():
+def test_a_missing_wheel_sample_ends_a_segment():
     recording = straight_run(CONCRETE, 2, positions=False)
     wheels = recording.wheels
-    heard = np.arange(len(wheels.time)) != 200
-    runs = straight_runs(replace(recording, wheels=WheelRecord(
-        wheels.time[heard], wheels.velocity[heard], None)), ROBOT)
-    assert runs.count == 2
+    received = np.arange(len(wheels.time)) != 200
+    segments = straight_segments(replace(recording, wheels=WheelRecord(
+        wheels.time[received], wheels.velocity[received], None)), ROBOT)
+    assert segments.count == 2
 
 
-def test_stretches_that_are_left_out_end_a_run_and_short_runs_go():
+def test_excluded_intervals_end_a_segment_and_short_segments_are_dropped():
     recording = straight_run(CONCRETE, 3)
-    rows = straight_runs(recording, ROBOT).row
-    runs = straight_runs(recording, ROBOT, rows[[FEWEST - 1, 100]])
-    assert runs.count == 2
-    assert runs.row.tolist() == [*rows[FEWEST:100], *rows[101:]]
-    assert runs.lasted[runs.reading_run == 1].min() <= 0.01
+    rows = straight_segments(recording, ROBOT).row
+    segments = straight_segments(recording, ROBOT, rows[[MIN_SEGMENT_INTERVALS - 1, 100]])
+    assert segments.count == 2
+    assert segments.row.tolist() == [*rows[MIN_SEGMENT_INTERVALS:100], *rows[101:]]
+    assert segments.elapsed[segments.sample_segment == 1].min() <= 0.01
 
 
-def test_long_runs_go_on_as_others():
-    runs = straight_runs(straight_run(CONCRETE, 4, seconds=40.0), ROBOT)
-    assert runs.count == 2
-    assert np.bincount(runs.run).max() == LONGEST
+def test_long_segments_are_split():
+    segments = straight_segments(straight_run(CONCRETE, 4, seconds=40.0), ROBOT)
+    assert segments.count == 2
+    assert np.bincount(segments.segment).max() == MAX_SEGMENT_INTERVALS
 
 
-def test_wheels_that_are_read_often_give_stretches_of_usual_length():
-    runs = straight_runs(straight_run(CONCRETE, 5, wheel_rate=200.0), ROBOT)
-    assert np.median(runs.end - runs.begin) == pytest.approx(0.05, abs=0.006)
+def test_a_high_wheel_rate_gives_merged_intervals():
+    segments = straight_segments(straight_run(CONCRETE, 5, wheel_rate=200.0), ROBOT)
+    assert np.median(segments.end - segments.begin) == pytest.approx(0.05, abs=0.006)
 
 
-def test_errors_of_wheels_and_unit_are_white_and_of_unit_size_once_whitened():
-    """Against the truth: what wheels measure, less how the integral of the unit strays."""
-    squares, links = [], []
+def test_whitened_errors_are_white_with_unit_variance():
+    """Errors of wheel speeds minus those of the integrated acceleration, against truth."""
+    squares, correlations = [], []
     rolling, over_ground = motion(CONCRETE)
-    gone = np.cumsum(rolling) * STEP
+    rolled = np.cumsum(rolling) * STEP
     distance = np.cumsum(over_ground) * STEP
     fine = np.arange(len(rolling)) * STEP
     for seed in range(8):
-        runs = straight_runs(straight_run(CONCRETE, seed), ROBOT)
-        true, ground = (np.interp(runs.end, fine, way) - np.interp(runs.begin, fine, way)
-                        for way in (gone, distance))
-        # a constant bias is fitted, and so the slope of what strays is no error
-        steps = 0.5 * (runs.gained[1:] + runs.gained[:-1]) * np.diff(runs.time)
-        felt = np.concatenate([[0.0], np.cumsum(steps)])
-        way = np.interp(runs.end, runs.time, felt) - np.interp(runs.begin, runs.time, felt)
-        lasted = runs.end - runs.begin
-        error = runs.speed - true / lasted + (ground - way) / lasted
-        design = np.column_stack([np.ones(len(error)), 0.5 * (runs.begin + runs.end)])
-        white, columns = runs.whitened(error), runs.whitened(design)
+        segments = straight_segments(straight_run(CONCRETE, seed), ROBOT)
+        true, ground = (np.interp(segments.end, fine, path) - np.interp(segments.begin, fine, path)
+                        for path in (rolled, distance))
+        # the estimated bias removes a linear trend of the error
+        steps = 0.5 * (segments.speed_gain[1:] + segments.speed_gain[:-1]) * np.diff(segments.time)
+        integral = np.concatenate([[0.0], np.cumsum(steps)])
+        integrated = np.interp(segments.end, segments.time, integral) - np.interp(
+            segments.begin, segments.time, integral)
+        duration = segments.end - segments.begin
+        error = segments.speed - true / duration + (ground - integrated) / duration
+        design = np.column_stack([np.ones(len(error)), 0.5 * (segments.begin + segments.end)])
+        white, columns = segments.whitened(error), segments.whitened(design)
         white = white - columns @ np.linalg.lstsq(columns, white, rcond=None)[0]
         squares.append(np.sum(white ** 2) / (len(white) - 2))
-        links.append(np.sum(white[1:] * white[:-1]) / np.sum(white ** 2))
+        correlations.append(np.sum(white[1:] * white[:-1]) / np.sum(white ** 2))
     assert 0.85 < np.mean(squares) < 1.15
-    assert abs(np.mean(links)) < 0.1
+    assert abs(np.mean(correlations)) < 0.1
 
 
-def test_white_noise_is_told_apart_from_what_changes_slowly():
+def test_white_noise_is_separated_from_slow_changes():
     rng = np.random.default_rng(1)
     slow = 5.0 * np.sin(np.arange(5000) / 100.0)
     assert white_noise(slow + rng.normal(0.0, 0.3, 5000)) == pytest.approx(0.3, rel=0.05)
