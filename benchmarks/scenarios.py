@@ -19,7 +19,7 @@ import numpy as np
 from smart_tire.parameters import RobotParams, SimulatorParams
 from smart_tire.parameters.robot import EncoderParams, FilmParams, TireParams
 from smart_tire.parameters.simulation import GroundParams, RadioParams
-from smart_tire.simulation.faults import delayed, shuffled, silenced
+from smart_tire.simulation.faults import delayed, interrupted, reordered
 from smart_tire.simulation.offline import Event, simulate
 
 Leg = tuple[float, float, float]  # s from which on, rpm left, rpm right
@@ -139,8 +139,9 @@ def _spin() -> Scenario:
 def _gaps(events: list[Event], seed: int) -> list[Event]:
     """Drop the IMU four times and the wheels twice, repeat and disorder what is left."""
     for topic, spans in SILENCES.items():
-        events = silenced(events, topic, spans)
-    return shuffled(events, tuple(SILENCES), twice=0.05, held_back=0.1, longest=0.025, seed=seed)
+        events = interrupted(events, topic, spans)
+    return reordered(events, tuple(SILENCES), duplicate_share=0.05, late_share=0.1,
+                     max_delay=0.025, seed=seed)
 
 
 def _all() -> tuple[Scenario, ...]:

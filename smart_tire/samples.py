@@ -1,8 +1,8 @@
 """
-Frozen records in SI units that flow between all parts of the package.
+Samples: frozen records in SI units, exchanged between all parts of the package.
 
-Time is an integer of nanoseconds. Axes are those of REP-103: x forward, y left, z up.
-Wheels are always in the order of ``WHEELS``, the paper's wheels 1 to 4.
+Times are integers [ns]. Axes are those of REP-103: x forward, y left, z up. Wheels are always in
+the order of ``WHEELS``, wheels 1 to 4 of paper B.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ LEFT = (0, 2)   # indices into WHEELS
 RIGHT = (1, 3)  # indices into WHEELS
 NAN = math.nan
 
-# Beyond these a number is no measurement, on any robot with wheels and whatever its sensors:
-MAX_WHEEL_SPEED = 1e3  # rad/s, 10 000 rpm; the paper's wheel would roll at 87 m/s
-MAX_FORCE = 1e3        # m/s2, 100 g; inertial units for robots end at 16 g or less
-MAX_SPEED = 1e2        # m/s, of any ground vehicle
-MAX_RATE = 1e2         # rad/s; their gyroscopes end at 35 rad/s (2000 deg/s)
+# Bounds of valid measurements of any wheeled robot:
+MAX_WHEEL_SPEED = 1e3     # rad/s, 10 000 rpm; 87 m/s with the wheels of paper B
+MAX_SPECIFIC_FORCE = 1e3  # m/s2, 100 g; IMUs of robots measure up to 16 g
+MAX_SPEED = 1e2           # m/s, of a ground vehicle
+MAX_ANGULAR_RATE = 1e2    # rad/s; gyroscopes of robots measure up to 35 rad/s (2000 deg/s)
 
 Vector3 = tuple[float, float, float]
 Four = tuple[float, float, float, float]
@@ -28,36 +28,36 @@ Four = tuple[float, float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class ImuSample:
-    """One reading of the inertial unit, in ``imu_link``."""
+    """One reading of the IMU, in ``imu_link``."""
 
     stamp_ns: int
-    acceleration: Vector3  # m/s2, specific force: +g on z at rest
+    acceleration: Vector3  # m/s2, specific force: +g on z when stationary
     rate: Vector3          # rad/s
     orientation: tuple[float, float, float, float] | None = None  # quaternion x, y, z, w
 
 
 @dataclass(frozen=True, slots=True)
 class WheelSample:
-    """One reading of the four wheels; positive rolls the robot forward on both sides."""
+    """One reading of the four wheels, positive rolling forward on both sides."""
 
     stamp_ns: int
-    velocity: Four                 # rad/s, mean over the period that ends at the stamp
-    position: Four | None = None   # rad, unwrapped, at the stamp
+    velocity: Four                 # rad/s, mean over the period that ends at the timestamp
+    position: Four | None = None   # rad, unwrapped, at the timestamp
     effort: Four | None = None     # applied duty, -1 to 1
 
 
 @dataclass(frozen=True, slots=True)
 class TireSample:
-    """One conversion of the amplifiers of one wheel's films."""
+    """One A/D conversion of the films of one wheel."""
 
-    stamp_ns: int              # instant of the conversion
+    stamp_ns: int              # time of the conversion
     wheel: str                 # one of WHEELS
-    volts: tuple[float, ...]   # V, one per film, film 1 enters the patch first rolling forward
+    volts: tuple[float, ...]   # V, one per film; rolling forward, film 1 enters the patch first
 
 
 @dataclass(frozen=True, slots=True)
 class BatterySample:
-    """State of a wheel unit's battery."""
+    """Battery voltage of a sensor node."""
 
     stamp_ns: int
     wheel: str
@@ -66,7 +66,7 @@ class BatterySample:
 
 @dataclass(frozen=True, slots=True)
 class VelocityCommand:
-    """Wanted velocity of the body in ``base_link``."""
+    """Commanded velocity of the body in ``base_link``."""
 
     stamp_ns: int
     v_x: float       # m/s, forward
@@ -111,17 +111,17 @@ class WheelSlip:
     """Longitudinal slip of the four wheels."""
 
     stamp_ns: int
-    ratio: Four    # -, B(3) in [-1, 1]; NaN where neither wheel nor robot moves
-    sliding: Four  # m/s, r*omega - v_x of the wheel centre, never clipped
-    sigma: Four    # -, one sigma of the ratio
+    ratio: Four          # -, B(3) in [-1, 1]; NaN where neither wheel nor robot moves
+    slip_velocity: Four  # m/s, r*omega - v_x of the wheel center, never clipped
+    sigma: Four          # -, standard deviation of the ratio
 
 
 @dataclass(frozen=True, slots=True)
 class Icr:
-    """Instantaneous centre of rotation of the body in ``base_link``."""
+    """Instantaneous center of rotation of the body in ``base_link``."""
 
     stamp_ns: int
-    x: float  # m, the paper's S
+    x: float  # m, S in paper B
     y: float  # m
 
 

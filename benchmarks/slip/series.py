@@ -98,7 +98,7 @@ def as_truth(records: Iterable[Sample], robot: RobotParams) -> Truth:
         if isinstance(record, (Odometry, WheelSlip)):
             series.add(record)
         if isinstance(record, WheelSlip):
-            sliding.add(record.stamp_ns, record.sliding)
+            sliding.add(record.stamp_ns, record.slip_velocity)
     poses, slips, (stamps, slide) = series.poses(), series.slips(), sliding.arrays()
     told = (np.searchsorted(stamps, stamps[-1] - round(TAIL * NS_PER_S), side='right')
             if len(stamps) else 0)

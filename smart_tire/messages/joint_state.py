@@ -123,7 +123,7 @@ def fill_wheel_slip(msg: Any, sample: WheelSlip) -> Any:
     """Write ``sample`` into an empty JointState and return it."""
     set_header(msg, sample.stamp_ns, 'base_link')
     msg.name = WHEELS
-    msg.position, msg.velocity, msg.effort = sample.ratio, sample.sliding, sample.sigma
+    msg.position, msg.velocity, msg.effort = sample.ratio, sample.slip_velocity, sample.sigma
     return msg
 
 

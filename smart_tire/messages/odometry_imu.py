@@ -8,8 +8,8 @@ from typing import Any
 
 from smart_tire.messages.header import check_size, refuse, set_header, stamp_of, wheel_of
 from smart_tire.samples import (
-    BatterySample, Icr, ImuSample, MAX_FORCE, MAX_RATE, MAX_SPEED, Odometry, Vector3,
-    VelocityCommand)
+    BatterySample, Icr, ImuSample, MAX_ANGULAR_RATE, MAX_SPECIFIC_FORCE, MAX_SPEED, Odometry,
+    Vector3, VelocityCommand)
 
 UNKNOWN = -1.0  # first element of a covariance whose quantity is not given (REP-145)
 ABSENT = (UNKNOWN, *[0.0] * 8)
@@ -49,8 +49,8 @@ def decode_imu(msg: Any) -> ImuSample:
     """Return the sample in an Imu; an orientation that is not given, NaN or all zero is None."""
     return ImuSample(
         stamp_of(msg),
-        _measured(msg.linear_acceleration, 'linear_acceleration', MAX_FORCE, 'm/s2'),
-        _measured(msg.angular_velocity, 'angular_velocity', MAX_RATE, 'rad/s'),
+        _measured(msg.linear_acceleration, 'linear_acceleration', MAX_SPECIFIC_FORCE, 'm/s2'),
+        _measured(msg.angular_velocity, 'angular_velocity', MAX_ANGULAR_RATE, 'rad/s'),
         _orientation(msg))
 
 
@@ -131,7 +131,7 @@ def decode_velocity(msg: Any) -> VelocityCommand:
     linear = _vector(msg.twist.linear, 'twist.linear', 'cmd_vel')
     angular = _vector(msg.twist.angular, 'twist.angular', 'cmd_vel')
     check_size('cmd_vel', 'twist.linear', linear, MAX_SPEED, 'm/s')
-    check_size('cmd_vel', 'twist.angular', angular, MAX_RATE, 'rad/s')
+    check_size('cmd_vel', 'twist.angular', angular, MAX_ANGULAR_RATE, 'rad/s')
     return VelocityCommand(stamp_of(msg), linear[0], angular[2])
 
 

@@ -11,7 +11,7 @@ from smart_tire.messages import TOPICS
 from smart_tire.nodes.base import run, SmartTireNode
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.parameters import SimulatorParams
-from smart_tire.simulation.realtime import Hardware
+from smart_tire.simulation.realtime import SimulatedHardware
 from smart_tire.simulation.truth import Truth, truth_topic
 
 STOP_TIMEOUT = 5.0   # s
@@ -33,7 +33,7 @@ class RobotSimulator(SmartTireNode[SimulatorParams]):
         self._publish = {name: self.advertise(name, wheels=wheels)
                          for name in TOPICS if name.startswith('ground_truth/')}
         try:
-            self._hardware = Hardware(self.params, self._tell, time.time_ns())
+            self._hardware = SimulatedHardware(self.params, self._tell, time.time_ns())
         except LinkError as error:
             raise ParameterError(f'ports or truth_log: {error}') from error
         self._stopping = threading.Event()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from smart_tire.errors import FrameError
-from smart_tire.samples import ImuSample, MAX_FORCE, MAX_RATE, Vector3
+from smart_tire.samples import ImuSample, MAX_ANGULAR_RATE, MAX_SPECIFIC_FORCE, Vector3
 
 Quaternion = tuple[float, float, float, float]  # x, y, z, w; body axes to world axes
 
@@ -33,8 +33,8 @@ def flip_quaternion(quaternion: Quaternion) -> Quaternion:
 def checked_sample(stamp_ns: int, acceleration: Vector3, rate: Vector3,
                    orientation: Quaternion | None) -> ImuSample:
     """Return the sample; raise FrameError if a value is not finite or out of range."""
-    for name, values, limit in (('acceleration', acceleration, MAX_FORCE),
-                                ('angular rate', rate, MAX_RATE),
+    for name, values, limit in (('acceleration', acceleration, MAX_SPECIFIC_FORCE),
+                                ('angular rate', rate, MAX_ANGULAR_RATE),
                                 ('orientation', orientation or (), MAX_QUATERNION_COMPONENT)):
         if not all(map(math.isfinite, values)):
             raise FrameError(f'{name} is {values}, expected finite numbers')

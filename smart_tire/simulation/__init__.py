@@ -1,1 +1,1 @@
-"""The simulated robot: plant and sensors, and the devices that speak their bytes."""
+"""Simulated robot: plant, sensors, device emulators on pseudo-terminals, and ground truth."""

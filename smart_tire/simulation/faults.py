@@ -1,4 +1,4 @@
-"""What goes wrong between sensors and estimators: messages that come late, twice or not at all."""
+"""Transport faults between sensors and estimators: late, repeated and missing messages."""
 
 from __future__ import annotations
 
@@ -11,49 +11,49 @@ from smart_tire.simulation.offline import Event
 
 
 def delayed(events: Sequence[Event], topic: str, delay: float) -> list[Event]:
-    """Return ``events`` with those of ``topic`` received ``delay`` [s] later, in order."""
+    """Return ``events`` with those of ``topic`` received ``delay`` [s] later, sorted."""
     late_ns = round(delay * NS_PER_S)
     return _in_order([(received + (late_ns if name == topic else 0), name, sample)
                       for received, name, sample in events])
 
 
-def silenced(events: Sequence[Event], topic: str,
-             spans: Sequence[tuple[float, float]]) -> list[Event]:
-    """Return ``events`` without those of ``topic`` received in ``spans`` [s] of the run."""
+def interrupted(events: Sequence[Event], topic: str,
+                spans: Sequence[tuple[float, float]]) -> list[Event]:
+    """Return ``events`` without those of ``topic`` received in ``spans`` [s] since the start."""
     start = min(received for received, _, _ in events)
 
-    def heard(received: int) -> bool:
+    def outside(received: int) -> bool:
         time = (received - start) / NS_PER_S
         return not any(begin <= time < end for begin, end in spans)
-    return [event for event in events if event[1] != topic or heard(event[0])]
+    return [event for event in events if event[1] != topic or outside(event[0])]
 
 
-def shuffled(events: Sequence[Event], topics: Sequence[str], *, twice: float, held_back: float,
-             longest: float, seed: int) -> list[Event]:
+def reordered(events: Sequence[Event], topics: Sequence[str], *, duplicate_share: float,
+              late_share: float, max_delay: float, seed: int) -> list[Event]:
     """
-    Return ``events``, of ``topics`` a share ``twice`` two times and a share ``held_back`` late.
+    Return ``events`` with duplicate and late messages of ``topics``, sorted by time of reception.
 
-    What is late or a repetition comes up to ``longest`` [s] after its time, so that messages
-    overtake one another.
+    Late messages and duplicates have delays up to ``max_delay`` [s], uniformly distributed, so
+    that messages arrive out of order.
     """
     rng = np.random.default_rng(seed)
     result: list[Event] = []
     for received, topic, sample in events:
-        waits = [0.0]
+        delays = [0.0]
         if topic in topics:
-            late, repeated = rng.random(2) < (held_back, twice)
-            waits = [rng.uniform(0.0, longest) if late else 0.0]
-            waits += [rng.uniform(0.0, longest)] * bool(repeated)
-        result += [(received + round(wait * NS_PER_S), topic, sample) for wait in waits]
+            late, repeated = rng.random(2) < (late_share, duplicate_share)
+            delays = [rng.uniform(0.0, max_delay) if late else 0.0]
+            delays += [rng.uniform(0.0, max_delay)] * bool(repeated)
+        result += [(received + round(delay * NS_PER_S), topic, sample) for delay in delays]
     return _in_order(result)
 
 
 def stalled(events: Sequence[Event], spans: Sequence[tuple[float, float]]) -> list[Event]:
     """
-    Return ``events`` as an overloaded recorder has them that takes nothing in ``spans`` [s].
+    Return ``events`` as recorded by an overloaded recorder that stalls in ``spans`` [s].
 
-    What has come meanwhile it takes at the end of the span, topic by topic: one queue after the
-    other. So whole topics are late against others.
+    It takes the messages queued during a span at its end, one topic after the other, so that whole
+    topics are late relative to others.
     """
     start = min(received for received, _, _ in events)
 
@@ -62,7 +62,7 @@ def stalled(events: Sequence[Event], spans: Sequence[tuple[float, float]]) -> li
         for begin, end in spans:
             if begin <= time < end:
                 return start + round(end * NS_PER_S), False, event[1]
-        return event[0], True, ''  # behind what has waited
+        return event[0], True, ''  # after the queued ones
     return [(taken(event)[0], *event[1:]) for event in sorted(events, key=taken)]
 
 

@@ -1,9 +1,9 @@
 """
-The paper's testing kit (III-A), simulated: stage, film, charge amplifier, laser and sampling.
+Simulated test stand of paper A (III-A): stage, film, charge amplifier, laser and sampling.
 
-One stage moves a clamp of the film; a laser reads the deflection; a charge amplifier passes the
-charge between its two corner frequencies; both are sampled together. The recording is what
-``identify film`` reads.
+The stage moves one clamp of the film, a laser measures the deflection, and a charge amplifier
+band-limits the charge to the range between its two corner frequencies. Both are sampled
+simultaneously. ``identify film`` reads the recording.
 """
 
 from __future__ import annotations
@@ -23,39 +23,40 @@ from smart_tire.models.film.hysteresis import DuhemParams, respond, TABLE_I, TAB
 from smart_tire.models.film.monotone_branches import series
 
 OVERSAMPLING = 8  # steps of the amplifier per sample
-MAY_BE_ZERO = ('low_corner', 'charge_noise', 'laser_noise')
+ZERO_ALLOWED = ('low_corner', 'charge_noise', 'laser_noise')
 
 
 @dataclass(frozen=True, kw_only=True)
 class FilmTestStand:
-    """A bench with a film in it; errors of the instruments are assumed, the paper gives none."""
+    """Test stand with a film; the instrument errors are assumed, the paper does not give them."""
 
-    __test__ = False  # for pytest, which takes the name for its own
+    __test__ = False  # not a test class of pytest, despite its name
 
     film: BucklingFilm = field(default_factory=lambda: FILMS['25x3'])
     hysteresis: DuhemParams = TABLE_I
     gain: float = TABLE_I_GAIN     # C, K
     rate: float = 1000.0           # Hz
-    low_corner: float = 0.001      # Hz of the amplifier, which forgets a constant charge
-    high_corner: float = 20_000.0  # Hz
+    low_corner: float = 0.001      # Hz, high-pass corner of the charge amplifier
+    high_corner: float = 20_000.0  # Hz, low-pass corner of the charge amplifier
     charge_noise: float = 0.02e-9  # C, standard deviation of a sample
-    laser_noise: float = 5e-6      # m, likewise
-    full_scale: float = 50e-9      # C, range of the converter to both sides
+    laser_noise: float = 5e-6      # m, standard deviation of a sample
+    full_scale: float = 50e-9      # C, the range of the converter is +-full_scale
     bits: int = 16                 # of the converter
 
     def __post_init__(self) -> None:
-        for name in ('gain', 'rate', 'high_corner', 'full_scale', *MAY_BE_ZERO):
+        for name in ('gain', 'rate', 'high_corner', 'full_scale', *ZERO_ALLOWED):
             value = getattr(self, name)
-            if not (0.0 < value < math.inf or value == 0.0 and name in MAY_BE_ZERO):
+            if not (0.0 < value < math.inf or value == 0.0 and name in ZERO_ALLOWED):
                 raise ParameterError(f'{name} is {value}, expected a positive number')
         if not 1 <= self.bits <= 32:
             raise ParameterError(f'bits is {self.bits}, expected 1 to 32')
 
     def run(self, deflection: ArrayLike, seed: int) -> FilmRecording:
         """
-        Move through ``deflection`` [m] (n,), one value per sample, from a flat and fresh film.
+        Return the recording of ``deflection`` [m] (n,), one value per sample.
 
-        Between two samples the stage moves evenly.
+        The film is flat and without hysteresis at first; between two samples the stage moves at
+        constant speed.
         """
         path = series('deflection', deflection)
         rng = np.random.default_rng(seed)
@@ -73,7 +74,7 @@ class FilmTestStand:
         fast, slow = (-math.expm1(-corner * step) for corner in (self.high_corner,
                                                                  self.low_corner))
         passed = lfilter([fast], [1.0, fast - 1.0], charge)
-        # what the feedback resistor has drained since the beginning
+        # charge drained through the feedback resistor since the start
         drained = lfilter([0.0, slow], [1.0, slow - 1.0], passed)
         amplified: Array = passed - drained
         return amplified
@@ -83,26 +84,26 @@ class FilmTestStand:
         return np.clip(np.round(charge / lsb) * lsb, -self.full_scale, self.full_scale - lsb)
 
 
-def sine(top: float, frequency: float, duration: float, rate: float) -> Array:
-    """Return deflections from 0 to ``top`` [m] and back, like the paper's, from rest at 0."""
+def sine(amplitude: float, frequency: float, duration: float, rate: float) -> Array:
+    """Return sinusoidal deflections between 0 and ``amplitude`` [m], as in paper A, from 0 on."""
     time = _times(duration, rate)
-    return 0.5 * top * (1.0 - np.cos(2.0 * math.pi * frequency * time))
+    return 0.5 * amplitude * (1.0 - np.cos(2.0 * math.pi * frequency * time))
 
 
 def ramps(corners: Sequence[float], speed: float, rate: float) -> Array:
-    """Return deflections [m] from 0 to each of ``corners`` in turn at ``speed`` [m/s]."""
+    """Return deflections [m] from 0 to each of ``corners`` in sequence at ``speed`` [m/s]."""
     if not 0.0 < speed < math.inf:
         raise ParameterError(f'speed is {speed}, expected a positive number')
-    way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff([0.0, *corners])))])
-    time = _times(float(way[-1]) / speed, rate)
-    return np.interp(time * speed, way, [0.0, *corners])
+    distance = np.concatenate([[0.0], np.cumsum(np.abs(np.diff([0.0, *corners])))])
+    time = _times(float(distance[-1]) / speed, rate)
+    return np.interp(time * speed, distance, [0.0, *corners])
 
 
-def sines(tops: Sequence[float], frequency: float, cycles: int, rate: float) -> Array:
-    """Return ``cycles`` of ``sine`` for each amplitude in ``tops`` [m], one after the other."""
-    time = _times(len(tops) * cycles / frequency, rate)
-    turn = np.minimum((time * frequency / cycles).astype(int), len(tops) - 1)
-    return 0.5 * np.asarray(tops)[turn] * (1.0 - np.cos(2.0 * math.pi * frequency * time))
+def sines(amplitudes: Sequence[float], frequency: float, cycles: int, rate: float) -> Array:
+    """Return ``cycles`` periods of ``sine`` for each of ``amplitudes`` [m], in sequence."""
+    time = _times(len(amplitudes) * cycles / frequency, rate)
+    index = np.minimum((time * frequency / cycles).astype(int), len(amplitudes) - 1)
+    return 0.5 * np.asarray(amplitudes)[index] * (1.0 - np.cos(2.0 * math.pi * frequency * time))
 
 
 def _times(duration: float, rate: float) -> Array:

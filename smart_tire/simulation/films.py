@@ -1,4 +1,4 @@
-"""Films of the simulated robot: in the tread of a wheel, with amplifiers and converter."""
+"""Films of the simulated robot: in the tread of a wheel, with amplifiers and A/D converter."""
 
 from __future__ import annotations
 
@@ -17,88 +17,90 @@ from smart_tire.simulation.device_emulators import SensorNodeEmulator
 from smart_tire.simulation.plant import Plant
 
 
-CYCLES = 1021  # turns of a wheel after which the variation from cycle to cycle repeats
-TAIL = 12.0    # lengths of recovery after which the release has died away, to microvolts
+VARIATION_PERIOD = 1021       # revolutions after which the variation of the films repeats
+TAIL_RECOVERY_LENGTHS = 12.0  # recovery lengths after which the release signal is below 10 uV
 
 
 @dataclass(frozen=True, slots=True)
-class Trace:
-    """What one wheel did at some instants; the arrays have shape (n,)."""
+class WheelTrace:
+    """Motion and contact of one wheel at n instants; the arrays have shape (n,)."""
 
     stamps_ns: tuple[int, ...]  # since the start of the plant
     angle: Array                # rad
     rolling_speed: Array        # m/s, r w
-    v_x: Array                  # m/s, of the wheel's centre
+    v_x: Array                  # m/s, of the wheel center
     v_y: Array                  # m/s
     load: Array                 # N
-    friction: Array             # -, mu of the ground there
-    stiffness: Array            # N, C_x there
-    slip_floor: float           # m/s, of the plant
+    friction: Array             # -, mu of the surface
+    stiffness: Array            # N, C_x on the surface
+    slip_floor: float           # m/s, minimum denominator of the slip in the plant
 
     def slip_vector(self) -> tuple[Array, Array]:
-        """Return the slip (s_x, s_y) [-] that the plant's tire felt."""
+        """Return the slip (s_x, s_y) [-] of the tire as in the plant."""
         return brush_tire.slip_vector(self.rolling_speed, self.v_x, self.v_y,
                                       floor=self.slip_floor)
 
 
 @dataclass(frozen=True, slots=True)
 class FilmBatch:
-    """One batch of conversions of a wheel unit."""
+    """One batch of conversions of a sensor node."""
 
     wheel: str
-    first: int                          # conversions of the unit before the batch
+    first: int                          # index of the first conversion
     codes: tuple[tuple[int, ...], ...]  # samples x films
-    trace: Trace                        # the true instants, and what made the codes
+    trace: WheelTrace                   # true instants and wheel states of the conversions
 
 
-def locate(angle: Array, place: npt.ArrayLike, radius: float) -> tuple[Array, Array]:
+def patch_position(angle: Array, center_angle: npt.ArrayLike, radius: float,
+                   ) -> tuple[Array, Array]:
     """
-    Return how far [m] a place on the circumference is past the patch's middle, and its turn.
+    Return the distance [m] of a film past the patch center, and the revolution.
 
-    ``place`` is the wheel angle [rad] at which it stands over the middle; half a circumference
-    further on the next turn begins.
+    ``center_angle`` is the wheel angle [rad] at which the film is at the patch center; revolutions
+    start half a circumference before it.
     """
-    turns = (angle - np.asarray(place)) / math.tau
-    cycle = np.floor(turns + 0.5)
-    past: Array = math.tau * radius * (turns - cycle)
-    return past, cycle
+    revolutions = (angle - np.asarray(center_angle)) / math.tau
+    revolution = np.floor(revolutions + 0.5)
+    past: Array = math.tau * radius * (revolutions - revolution)
+    return past, revolution
 
 
 class FilmSampler:
-    """Samples the films of one wheel when its unit does, and hands over full batches."""
+    """Samples the films of one wheel at the times of its sensor node; returns full batches."""
 
-    def __init__(self, wheel: str, unit: SensorNodeEmulator, params: SimulatorParams,
+    def __init__(self, wheel: str, node: SensorNodeEmulator, params: SimulatorParams,
                  rng: np.random.Generator) -> None:
         self.wheel = wheel
-        self._unit, self._robot, self._rng = unit, params.robot, rng
+        self._node, self._robot, self._rng = node, params.robot, rng
         self._index = WHEELS.index(wheel)
         film = params.robot.film
         self._chain = SignalChain(bits=film.bits, voltage_range=film.voltage_range,
                                   rest_voltage=film.rest_voltage)
-        first_place = rng.uniform(0.0, math.tau)
-        # rad, wheel angles at which films 1, 2, ... stand over the middle of the patch
-        self.places = tuple(first_place + (place - film.places[0]) / params.robot.wheel_radius
-                            for place in film.places)
-        self._films = _Films(wheel, params, self.places, rng)
+        first_angle = rng.uniform(0.0, math.tau)
+        # rad, wheel angles at which films 1, 2, ... are at the patch center
+        self.center_angles = tuple(
+            first_angle + (position - film.places[0]) / params.robot.wheel_radius
+            for position in film.places)
+        self._films = _Films(wheel, params, self.center_angles, rng)
         self._batch = params.radio.batch
         self._count = 0
         self._rows: list[tuple[float, ...]] = []
         self._stamps: list[int] = []
-        self.due_ns = unit.instant_ns(0)  # instant of the next conversion
+        self.due_ns = node.instant_ns(0)  # time of the next conversion
 
     @property
     def full_ns(self) -> int:
-        """Return the instant of the conversion that fills the present batch."""
-        return self._unit.instant_ns(self._count - len(self._rows) + self._batch - 1)
+        """Return the time of the last conversion of the present batch."""
+        return self._node.instant_ns(self._count - len(self._rows) + self._batch - 1)
 
     def observe(self, plant: Plant) -> list[FilmBatch]:
-        """Sample what is due up to the plant's time; return the batches that are now full."""
+        """Sample up to the time of the plant; return the completed batches."""
         batches = []
         while self.due_ns <= plant.time_ns:
             self._rows.append(self._sample(plant))
             self._stamps.append(self.due_ns)
             self._count += 1
-            self.due_ns = self._unit.instant_ns(self._count)
+            self.due_ns = self._node.instant_ns(self._count)
             if len(self._rows) == self._batch:
                 batches.append(self._close(plant.slip_floor))
         return batches
@@ -106,15 +108,15 @@ class FilmSampler:
     def _sample(self, plant: Plant) -> tuple[float, ...]:
         i = self._index
         speed, surface = plant.wheel_speed[i], plant.surface[i]
-        back = (plant.time_ns - self.due_ns) / NS_PER_S  # s, since the conversion
-        return (plant.wheel_angle[i] - back * speed, self._robot.wheel_radius * speed,
+        age = (plant.time_ns - self.due_ns) / NS_PER_S  # s since the conversion
+        return (plant.wheel_angle[i] - age * speed, self._robot.wheel_radius * speed,
                 plant.wheel_v_x[i], plant.wheel_v_y[i], plant.load[i],
                 surface.friction, surface.stiffness)
 
     def _close(self, slip_floor: float) -> FilmBatch:
         angle, rolling, v_x, v_y, load, friction, stiffness = np.array(self._rows).T
-        trace = Trace(tuple(self._stamps), angle, rolling, v_x, v_y, load, friction, stiffness,
-                      slip_floor)
+        trace = WheelTrace(tuple(self._stamps), angle, rolling, v_x, v_y, load, friction,
+                           stiffness, slip_floor)
         self._rows.clear()
         self._stamps.clear()
         codes = self._convert(self._films.volts(trace))
@@ -126,51 +128,53 @@ class FilmSampler:
 
 
 class _Films:
-    """The films of one wheel: volts above rest, with what varies from cycle to cycle."""
+    """Films of one wheel: voltage relative to the baseline, with cycle-to-cycle variation."""
 
-    def __init__(self, wheel: str, params: SimulatorParams, places: tuple[float, ...],
+    def __init__(self, wheel: str, params: SimulatorParams, center_angles: tuple[float, ...],
                  rng: np.random.Generator) -> None:
         self._robot, film, tire = params.robot, params.robot.film, params.robot.tire
-        self._places = np.array(places)[:, np.newaxis]
+        self._center_angles = np.array(center_angles)[:, np.newaxis]
         self._gain = np.array(film.gains(wheel))[:, np.newaxis]
-        spread = params.errors.bending_variation
+        spread, shape = params.errors.bending_variation, (len(center_angles), VARIATION_PERIOD)
         self._peaks = (np.array(film.bending(wheel))[:, np.newaxis]
-                       * (1.0 + rng.uniform(-spread, spread, (len(places), CYCLES))))
+                       * (1.0 + rng.uniform(-spread, spread, shape)))
         low, high = params.errors.bumps
-        self._bumps = rng.uniform(low, high, (2, len(places), CYCLES))  # sides x films x cycles
-        self._reach = 0.5 * (tire.contact_length + film.length) + TAIL * tread_film.RECOVERY
-        self._reverse = np.zeros((len(places), 1), dtype=bool)
+        self._bumps = rng.uniform(low, high, (2, *shape))  # before and after the patch
+        self._reach = (0.5 * (tire.contact_length + film.length)
+                       + TAIL_RECOVERY_LENGTHS * tread_film.RECOVERY)
+        self._reverse = np.zeros((len(center_angles), 1), dtype=bool)
 
-    def volts(self, trace: Trace) -> Array:
-        """Return the outputs above rest [V], shape (films, n)."""
-        past, cycle = locate(trace.angle, self._places, self._robot.wheel_radius)
+    def volts(self, trace: WheelTrace) -> Array:
+        """Return the outputs relative to the baseline [V], shape (films, n)."""
+        past, revolution = patch_position(
+            trace.angle, self._center_angles, self._robot.wheel_radius)
         near = np.abs(past) < self._reach
         reverse = self._direction(near, trace.rolling_speed < 0.0)
         if not near.any():
             return np.zeros(near.shape)
         film, length = self._robot.film, self._robot.tire.contact_length
-        turn = cycle.astype(int) % CYCLES
-        peak = np.take_along_axis(self._peaks, turn, axis=1)
+        index = revolution.astype(int) % VARIATION_PERIOD
+        peak = np.take_along_axis(self._peaks, index, axis=1)
         x = past + 0.5 * (length - film.length)
         s_x, s_y = trace.slip_vector()
-        passage = tread_film.passage(
+        crossing = tread_film.passage(
             x, slip=np.sign(trace.rolling_speed) * s_x, total_slip=np.hypot(s_x, s_y),
             critical_slip=brush_tire.critical_slip(trace.friction, trace.load, trace.stiffness),
             film_length=film.length, contact_length=length, bending_peak=peak,
             bending_alpha=film.bending_alpha, stretch_gain=self._gain, release=film.release,
             reverse=reverse)
-        before, after = (np.take_along_axis(bumps, turn, axis=1) for bumps in self._bumps)
+        before, after = (np.take_along_axis(bumps, index, axis=1) for bumps in self._bumps)
         bumps = np.where(past < 0.0, before, after) * tread_film.contact_bumps(
             x, film.length, length)
-        return np.where(near, passage - peak * bumps, 0.0)
+        return np.where(near, crossing - peak * bumps, 0.0)
 
     def _direction(self, near: npt.NDArray[np.bool_],
                    backward: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
         """
-        Return whether each film came in reverse, shape (films, n).
+        Return whether each film entered the patch rolling backward, shape (films, n).
 
-        The direction counts with which it last moved away from the patch: a film that stops
-        inside and rolls back out retraces its signal instead of jumping to the other one.
+        The direction is that of the latest motion outside the patch: a film that stops inside and
+        rolls back out retraces its signal instead of switching to that of the other direction.
         """
         away = np.where(near, -1, np.arange(near.shape[1]))
         last = np.maximum.accumulate(away, axis=1)

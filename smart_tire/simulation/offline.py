@@ -1,4 +1,4 @@
-"""Simulate without bytes and faster than real time: samples as the drivers would publish them."""
+"""Offline simulation, faster than real time: samples as published by the drivers."""
 
 from __future__ import annotations
 
@@ -12,31 +12,32 @@ from smart_tire.parameters.simulation import SimulatorParams
 from smart_tire.samples import Four, ImuSample, NS_PER_S, Sample, TireSample, WheelSample
 from smart_tire.simulation.films import FilmBatch
 from smart_tire.simulation.plant import Plant, STEP
-from smart_tire.simulation.robot import Observation, Periodic, Robot
+from smart_tire.simulation.robot import Observation, PeriodicTimer, Robot
 from smart_tire.simulation.sensors import encoder_counts, wheel_angles
 from smart_tire.simulation.truth import truth_topic
 
 Event = tuple[int, str, Sample]  # receive time [ns], topic, sample
 Schedule = Callable[[float], tuple[float, float]] | Sequence[tuple[float, float, float]]
 
-RPM = math.tau / 60.0       # rad/s
-EPOCH_NS = 1_700_000_000 * NS_PER_S  # ns, when a simulation starts unless told
-IMU_DELAY_NS = 2_000_000    # ns, from the stamp to the reception: a frame at 115200 baud
-WHEEL_DELAY_NS = 3_000_000  # ns, likewise: two boards are polled
-STAMP_NOISE_NS = 100_000    # ns, one sigma of a batch's stamps after the receiver's clock fit
-HOST_STREAM = 1             # random numbers of the host, beside those of the robot
-CONTROL_STEPS = 20          # plant steps between two steps of the speed control: 50 Hz
-SPEED_RAMP = 20.0           # rad/s2, how fast the set points of the wheel speeds change
-KP, KI = 0.1, 0.5           # per rad/s, per rad: duty of the speed control
+RAD_PER_S_PER_RPM = math.tau / 60.0
+EPOCH_NS = 1_700_000_000 * NS_PER_S  # default start time of a simulation
+IMU_DELAY_NS = 2_000_000     # from timestamp to reception: one frame at 115200 baud
+WHEEL_DELAY_NS = 3_000_000   # from timestamp to reception: two boards are polled
+TIMESTAMP_SIGMA_NS = 100_000  # error of a batch's timestamps after clock synchronization
+HOST_RNG_STREAM = 1          # index of the random stream of the host
+CONTROL_PERIOD_STEPS = 20    # plant steps between two steps of the speed control: 50 Hz
+MAX_SET_POINT_RATE = 20.0    # rad/s2, of the wheel speeds
+SPEED_KP = 0.1               # s/rad, duty per speed error
+SPEED_KI = 0.5               # 1/rad, duty per integrated speed error
 
 
 def simulate(params: SimulatorParams, schedule: Schedule, duration: float, *,
              wheel_rate: float = 16.0, start_ns: int = EPOCH_NS) -> list[Event]:
     """
-    Return what nodes would receive in ``duration`` [s], sorted by the time of reception.
+    Return the messages of ``duration`` [s], sorted by time of reception.
 
     ``schedule`` gives the wheel speeds (left, right) [rpm]: a function of time [s], or a list of
-    (time from which, left, right). The events are ``imu/data``, ``wheel_states`` at
+    (start time, left, right). The events are ``imu/data``, ``wheel_states`` at
     ``wheel_rate`` [Hz], ``tire_samples`` in batches over the lossy radio, and ``ground_truth/*``.
     The same seed gives the same events.
     """
@@ -44,7 +45,7 @@ def simulate(params: SimulatorParams, schedule: Schedule, duration: float, *,
     control = _SpeedControl(_as_function(schedule), params.drive.free_speed)
     duty: Four = (0.0, 0.0, 0.0, 0.0)
     for step in range(round(duration / STEP)):
-        if step % CONTROL_STEPS == 0:
+        if step % CONTROL_PERIOD_STEPS == 0:
             duty = control.update(robot.plant)
         for observation in robot.step(duty):
             host.receive(observation)
@@ -55,66 +56,66 @@ def simulate(params: SimulatorParams, schedule: Schedule, duration: float, *,
 def _as_function(schedule: Schedule) -> Callable[[float], tuple[float, float]]:
     if callable(schedule):
         return schedule
-    legs = sorted(schedule)
+    phases = sorted(schedule)
 
     def lookup(time: float) -> tuple[float, float]:
-        begun = [leg for leg in legs if leg[0] <= time]
-        return begun[-1][1:] if begun else (0.0, 0.0)
+        started = [phase for phase in phases if phase[0] <= time]
+        return started[-1][1:] if started else (0.0, 0.0)
     return lookup
 
 
 class _SpeedControl:
-    """Holds the wheel speeds of a schedule; the robot's own control loop is a node."""
+    """PI speed control of a schedule, in place of the node wheel_controller."""
 
     def __init__(self, schedule: Callable[[float], tuple[float, float]],
                  free_speed: float) -> None:
         self._schedule, self._free_speed = schedule, free_speed
-        self._target = [0.0] * 4    # rad/s
-        self._integral = [0.0] * 4  # duty
+        self._set_point = [0.0] * 4  # rad/s
+        self._integral = [0.0] * 4   # duty
 
     def update(self, plant: Plant) -> Four:
-        dt = CONTROL_STEPS * STEP
-        wanted = self._schedule(plant.time_ns / NS_PER_S) * 2  # left, right, left, right
-        fl, fr, rl, rr = (self._hold(i, wanted[i] * RPM, plant.wheel_speed[i], dt)
+        dt = CONTROL_PERIOD_STEPS * STEP
+        scheduled = self._schedule(plant.time_ns / NS_PER_S) * 2  # left, right, left, right
+        fl, fr, rl, rr = (self._duty(i, scheduled[i] * RAD_PER_S_PER_RPM, plant.wheel_speed[i], dt)
                           for i in range(4))
         return fl, fr, rl, rr
 
-    def _hold(self, i: int, wanted: float, speed: float, dt: float) -> float:
-        reach = SPEED_RAMP * dt
-        self._target[i] += min(max(wanted - self._target[i], -reach), reach)
-        error = self._target[i] - speed
-        grown = self._integral[i] + KI * error * dt
-        duty = self._target[i] / self._free_speed + KP * error + grown
+    def _duty(self, i: int, scheduled: float, speed: float, dt: float) -> float:
+        limit = MAX_SET_POINT_RATE * dt
+        self._set_point[i] += min(max(scheduled - self._set_point[i], -limit), limit)
+        error = self._set_point[i] - speed
+        integral = self._integral[i] + SPEED_KI * error * dt
+        duty = self._set_point[i] / self._free_speed + SPEED_KP * error + integral
         if abs(duty) < 1.0 or error * duty < 0.0:
-            self._integral[i] = grown
+            self._integral[i] = integral
         return min(max(duty, -1.0), 1.0)
 
 
 class _Host:
-    """Where the drivers would run: keeps what they would publish, and when."""
+    """Host of the drivers: collects the messages that they would publish."""
 
     def __init__(self, params: SimulatorParams, wheel_rate: float, start_ns: int) -> None:
         self._params, self._start_ns = params, start_ns
-        self._rng = np.random.default_rng([params.seed, HOST_STREAM])
-        self._wheels_due = Periodic(NS_PER_S / wheel_rate)
-        self._reading: tuple[int, Four] | None = None  # stamp and angles of the last reading
-        self._radio_ns: dict[str, int] = {}  # when the last packet of a unit came
+        self._rng = np.random.default_rng([params.seed, HOST_RNG_STREAM])
+        self._wheels_due = PeriodicTimer(NS_PER_S / wheel_rate)
+        self._reading: tuple[int, Four] | None = None  # time and angles of the last reading
+        self._radio_ns: dict[str, int] = {}  # arrival of the latest packet, by wheel
         self.events: list[Event] = []
 
-    def receive(self, seen: Observation) -> None:
-        """Take what a device has sent."""
-        if isinstance(seen, FilmBatch):
-            self._receive_batch(seen)
+    def receive(self, item: Observation) -> None:
+        """Add the messages of an observation of the robot."""
+        if isinstance(item, FilmBatch):
+            self._receive_batch(item)
             return
-        told = replace(seen, stamp_ns=self._start_ns + seen.stamp_ns)
-        if isinstance(seen, ImuSample):
-            self.events.append((told.stamp_ns + IMU_DELAY_NS, 'imu/data', told))
+        sample = replace(item, stamp_ns=self._start_ns + item.stamp_ns)
+        if isinstance(item, ImuSample):
+            self.events.append((sample.stamp_ns + IMU_DELAY_NS, 'imu/data', sample))
         else:
-            self.events.append((told.stamp_ns, truth_topic(seen), told))
+            self.events.append((sample.stamp_ns, truth_topic(item), sample))
 
     def poll_wheels(self, plant: Plant, duty: Four) -> None:
-        """Read the encoders when it is time."""
-        if not self._wheels_due.passed(plant.time_ns):
+        """Read the encoders when due."""
+        if not self._wheels_due.expired(plant.time_ns):
             return
         encoder, now_ns = self._params.robot.encoder, self._start_ns + plant.time_ns
         error = encoder.latency + self._rng.normal(0.0, encoder.stamp_jitter)
@@ -130,11 +131,11 @@ class _Host:
                             WheelSample(stamp_ns, (fl, fr, rl, rr), angles, duty)))
 
     def _receive_batch(self, batch: FilmBatch) -> None:
-        """Take a batch from the radio: late, in order, or lost."""
+        """Add the samples of a radio batch, with delay and in order, unless it is lost."""
         radio, film = self._params.radio, self._params.robot.film
         delay = min(radio.delay + self._rng.exponential(radio.jitter), radio.longest)
         lost = self._rng.random() < radio.loss
-        stamp_error_ns = round(self._rng.normal(0.0, STAMP_NOISE_NS))
+        stamp_error_ns = round(self._rng.normal(0.0, TIMESTAMP_SIGMA_NS))
         if lost:
             return
         sent_ns = self._start_ns + batch.trace.stamps_ns[-1]

@@ -1,4 +1,4 @@
-"""Pseudo-terminals under fixed names, which drivers open as they open ``/dev/ttyUSB0``."""
+"""Pseudo-terminals with fixed names, opened by drivers like ``/dev/ttyUSB0``."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ import tty
 
 from smart_tire.errors import LinkError
 
-CHUNK = 4096  # bytes per read
+MAX_READ_BYTES = 4096  # bytes per read
 
 
 class PtyPort:
     """
-    The device's end of a serial line; ``link`` is a symbolic link to the host's end.
+    Device side of a serial line; ``link`` is a symbolic link to the host side.
 
-    Nothing here ever blocks. Output is lost while nobody has the line open, and while a host
-    that does not read has filled the kernel's buffer, as with a real port.
+    No method except ``wait`` blocks. As with a real port, output is lost while no host has the
+    port open, and while the kernel buffer is full because the host does not read.
     """
 
     def __init__(self, link: str) -> None:
@@ -27,10 +27,10 @@ class PtyPort:
         try:
             self._fd, host = os.openpty()
         except OSError as error:
-            raise LinkError(f'{link}: no pseudo-terminal to be had: {error}') from error
+            raise LinkError(f'{link}: no pseudo-terminal available: {error}') from error
         self._name = os.ttyname(host)
         tty.setraw(host)
-        os.close(host)  # from now on poll tells whether a host has it open
+        os.close(host)  # from now on poll reports whether a host has it open
         os.set_blocking(self._fd, False)
         self._poll = select.poll()
         self._poll.register(self._fd, 0)
@@ -49,11 +49,11 @@ class PtyPort:
 
     @property
     def connected(self) -> bool:
-        """Return whether a host had the line open when it was last written to or waited for."""
+        """Return whether a host had the port open at the latest write or wait."""
         return self._connected
 
     def write(self, data: bytes) -> None:
-        """Send ``data`` as far as there is somebody to take it."""
+        """Send ``data``; bytes that the host cannot receive are lost."""
         if self._hung_up():
             self.lost_bytes += len(data)
             return
@@ -63,29 +63,29 @@ class PtyPort:
             self.lost_bytes += len(data)
 
     def read(self) -> bytes:
-        """Return what has arrived, which may be nothing."""
+        """Return the received bytes, possibly none."""
         try:
-            return os.read(self._fd, CHUNK)
+            return os.read(self._fd, MAX_READ_BYTES)
         except BlockingIOError:
             return b''
-        except OSError:  # EIO: nobody has it open
+        except OSError:  # EIO: no host has it open
             return b''
 
     def wait(self, seconds: float) -> None:
-        """Return as soon as there is input, but after ``seconds`` at the latest."""
-        if self._hung_up():  # select would return at once, again and again
+        """Wait for input, at most ``seconds``."""
+        if self._hung_up():  # select would return immediately every time
             time.sleep(seconds)
         else:
             select.select([self._fd], [], [], seconds)
 
     def close(self) -> None:
-        """Unplug: a host that has it open sees the line hung up, and the link goes."""
+        """Close the port: a host that has it open sees a hang-up; the link is removed."""
         os.close(self._fd)
         if os.path.islink(self.link) and os.readlink(self.link) == self._name:
             os.unlink(self.link)
 
     def _hung_up(self) -> bool:
-        """Return whether no host has the line open; what the last one left unread is dropped."""
+        """Return whether no host has the port open; discard bytes left unread by the last one."""
         connected = not self._poll.poll(0)
         if self._connected and not connected:
             host = os.open(self._name, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
@@ -95,10 +95,10 @@ class PtyPort:
         return not connected
 
     def _make_link(self) -> None:
-        """Put the link in place of an old one, in one step; nothing but a link is replaced."""
+        """Create the link atomically, replacing an old link but never another kind of file."""
         os.makedirs(os.path.dirname(os.path.abspath(self.link)), exist_ok=True)
         if os.path.lexists(self.link) and not os.path.islink(self.link):
-            raise FileExistsError('is there and is no link')
+            raise FileExistsError('exists and is not a link')
         new = f'{self.link}.{os.getpid()}'
         os.symlink(self._name, new)
         os.replace(new, self.link)

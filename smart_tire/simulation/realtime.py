@@ -1,4 +1,4 @@
-"""The simulated robot's devices on their ports: bytes in and out, in step with the host."""
+"""Simulated hardware in real time: the device emulators on pseudo-terminals."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from smart_tire.errors import LinkError, ParameterError
 from smart_tire.parameters.simulation import SimulatorParams
 from smart_tire.protocol import tire_payload
 from smart_tire.samples import ImuSample, NS_PER_S
-from smart_tire.simulation.device_emulators import ImuDevice, RoboclawEmulator, TireRadio
+from smart_tire.simulation.device_emulators import ImuEmulator, RadioEmulator, RoboclawEmulator
 from smart_tire.simulation.films import FilmBatch
 from smart_tire.simulation.plant import STEP, STEP_NS
 from smart_tire.simulation.pty import PtyPort
@@ -23,33 +23,33 @@ from smart_tire.simulation.robot import Observation, Robot
 from smart_tire.simulation.sensors import encoder_counts
 from smart_tire.simulation.truth import Truth
 
-DEVICE_STREAM = 2             # random numbers of the devices, beside those of the robot
-SLICE_NS = 50_000_000         # simulated at a stretch while catching up, and the longest wait
-BEHIND_NS = 5 * NS_PER_S      # the host's clock has jumped if the plant is further behind it
-AHEAD_NS = 500_000_000        # or further ahead
+DEVICE_RNG_STREAM = 2        # index of the random stream of the devices
+MAX_ADVANCE_NS = 50_000_000  # maximum simulated time per call, and maximum wait
+MAX_LAG_NS = 5 * NS_PER_S    # lag of the plant beyond which the host clock was set forward
+MAX_LEAD_NS = 500_000_000    # lead of the plant beyond which the host clock was set back
 
 
-class Hardware:
+class SimulatedHardware:
     """
-    Robot, radio, inertial unit and motor boards on pseudo-terminals, until ``close``.
+    Robot, radio, IMU and motor boards on pseudo-terminals, until ``close``.
 
-    Outside, all time is the host's [ns]; the plant starts at ``host_ns``. ``tell`` gets the
-    ground truth. Where the host's clock jumps, the robot goes on as if it had not.
+    All external times are host times [ns]; the plant starts at ``host_ns``. ``publish`` is called
+    with the ground truth. A step of the host clock does not affect the robot.
     """
 
-    def __init__(self, params: SimulatorParams, tell: Callable[[Truth], None],
+    def __init__(self, params: SimulatorParams, publish: Callable[[Truth], None],
                  host_ns: int) -> None:
         _check_payload(params)
         self.clock_jumps = 0
         self._robot = Robot(params)
-        self._tell, self._epoch_ns = tell, host_ns
+        self._publish, self._epoch_ns = publish, host_ns
         self._counts_per_revolution = params.robot.encoder.counts_per_revolution
-        rng, radio = np.random.default_rng([params.seed, DEVICE_STREAM]), params.radio
-        self._imu = ImuDevice(params.protocol,
+        rng, radio = np.random.default_rng([params.seed, DEVICE_RNG_STREAM]), params.radio
+        self._imu = ImuEmulator(params.protocol,
                               clock_error=rng.normal(0.0, params.errors.imu_clock))
         self._boards = RoboclawEmulator(params.addresses)
-        self._radio = TireRadio(self._robot.units, rng, delay=radio.delay, jitter=radio.jitter,
-                                longest=radio.longest, loss=radio.loss)
+        self._radio = RadioEmulator(self._robot.sensor_nodes, rng, delay=radio.delay,
+                                    jitter=radio.jitter, max_delay=radio.longest, loss=radio.loss)
         self._open(params)
 
     def _open(self, params: SimulatorParams) -> None:
@@ -64,7 +64,7 @@ class Hardware:
             self._opened = opened.pop_all()
 
     def close(self) -> None:
-        """Unplug everything."""
+        """Close all ports and the log."""
         self._opened.close()
 
     @property
@@ -74,66 +74,66 @@ class Hardware:
 
     @property
     def dropped(self) -> dict[str, int]:
-        """Return how many batches of each wheel the radio has lost."""
+        """Return the number of batches of each wheel lost by the radio."""
         return self._radio.dropped
 
     @property
     def bad_requests(self) -> int:
-        """Return how many requests to the motor boards were damaged."""
+        """Return the number of damaged requests to the motor boards."""
         return self._boards.bad_frames
 
     @property
     def lost_bytes(self) -> int:
-        """Return how many bytes nobody has taken from the ports."""
+        """Return the number of bytes sent to the ports but not received by a host."""
         return sum(port.lost_bytes for port in self._ports())
 
     def _ports(self) -> tuple[PtyPort, PtyPort, PtyPort]:
         return self._imu_port, self._radio_port, self._motor_port
 
     def run(self, clock: Callable[[], int], stopping: threading.Event) -> None:
-        """Follow the host's ``clock`` [ns] until told to stop."""
+        """Follow the host ``clock`` [ns] until ``stopping`` is set."""
         while not stopping.is_set():
             next_ns = self.advance(clock())
             self._motor_port.wait(max(next_ns - clock(), 0) / NS_PER_S)
 
     def advance(self, host_ns: int) -> int:
-        """Let everything happen up to ``host_ns``; return when there is more to do."""
+        """Advance the simulation to ``host_ns``; return the host time of the next event."""
         now_ns = self._true_time(host_ns)
-        plant, end_ns = self._robot.plant, min(now_ns, self._robot.plant.time_ns + SLICE_NS)
+        plant, end_ns = self._robot.plant, min(now_ns, self._robot.plant.time_ns + MAX_ADVANCE_NS)
         while plant.time_ns + STEP_NS <= end_ns:
-            for seen in self._robot.step(self._boards.duty(plant.time_ns)):
-                self._deliver(seen)
+            for observation in self._robot.step(self._boards.duty(plant.time_ns)):
+                self._deliver(observation)
         if packets := self._radio.due(now_ns):
             self._radio_port.write(packets)
         if requests := self._motor_port.read():
-            self._motor_port.write(self._answer(requests, now_ns))
+            self._motor_port.write(self._reply(requests, now_ns))
         arrival_ns = self._radio.next_ns()
         next_ns = self._robot.next_ns if arrival_ns is None else min(
             self._robot.next_ns, arrival_ns)
-        return self._epoch_ns + min(next_ns, now_ns + SLICE_NS)
+        return self._epoch_ns + min(next_ns, now_ns + MAX_ADVANCE_NS)
 
     def _true_time(self, host_ns: int) -> int:
-        """Return the time since the start of the plant, which no jump of the host's moves."""
+        """Return the time since the start of the plant, compensated for host clock steps."""
         behind_ns = host_ns - self._epoch_ns - self._robot.plant.time_ns
-        if not -AHEAD_NS < behind_ns < BEHIND_NS:
+        if not -MAX_LEAD_NS < behind_ns < MAX_LAG_NS:
             self._epoch_ns += behind_ns
             self.clock_jumps += 1
         return host_ns - self._epoch_ns
 
-    def _deliver(self, seen: Observation) -> None:
-        if isinstance(seen, FilmBatch):
-            stamps_ns, before = seen.trace.stamps_ns, self._radio.dropped[seen.wheel]
-            sequence = self._radio.send(seen.wheel, seen.first, seen.codes, stamps_ns[-1])
+    def _deliver(self, item: Observation) -> None:
+        if isinstance(item, FilmBatch):
+            stamps_ns, before = item.trace.stamps_ns, self._radio.dropped[item.wheel]
+            sequence = self._radio.send(item.wheel, item.first, item.codes, stamps_ns[-1])
             if self._log:
                 stamps = ' '.join(str(self._epoch_ns + stamp_ns) for stamp_ns in stamps_ns)
-                dropped = self._radio.dropped[seen.wheel] - before
-                self._log.write(f'{seen.wheel},{sequence},{dropped},{stamps}\n')
-        elif isinstance(seen, ImuSample):
-            self._imu_port.write(self._imu.frame(seen))
+                dropped = self._radio.dropped[item.wheel] - before
+                self._log.write(f'{item.wheel},{sequence},{dropped},{stamps}\n')
+        elif isinstance(item, ImuSample):
+            self._imu_port.write(self._imu.frame(item))
         else:
-            self._tell(replace(seen, stamp_ns=self._epoch_ns + seen.stamp_ns))
+            self._publish(replace(item, stamp_ns=self._epoch_ns + item.stamp_ns))
 
-    def _answer(self, requests: bytes, now_ns: int) -> bytes:
+    def _reply(self, requests: bytes, now_ns: int) -> bytes:
         plant = self._robot.plant
         ahead = min((now_ns - plant.time_ns) / NS_PER_S, STEP)
         counts = encoder_counts(plant, self._counts_per_revolution, ahead)
@@ -146,8 +146,8 @@ def _check_payload(params: SimulatorParams) -> None:
     film = params.robot.film
     if (film.bits, film.voltage_range) != (10, tire_payload.FULL_SCALE):
         raise ParameterError(f'film.bits {film.bits} and film.voltage_range '
-                             f'{film.voltage_range:g} V: the payload of the wheel units has 10 '
-                             f'bits of {tire_payload.FULL_SCALE:g} V')
+                             f'{film.voltage_range:g} V: the payload of the sensor nodes has '
+                             f'10 bits and {tire_payload.FULL_SCALE:g} V full scale')
 
 
 def _create(path: str) -> TextIO:

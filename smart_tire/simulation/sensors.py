@@ -1,4 +1,4 @@
-"""Inertial unit and encoders of the simulated robot, with their errors."""
+"""IMU and encoders of the simulated robot, with their errors."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from smart_tire.samples import Four, Vector3
 from smart_tire.simulation.plant import Plant
 
 
-class InertialUnit:
-    """Accelerometer and gyro; the turn-on bias and the mounting tilt are drawn once."""
+class ImuModel:
+    """Accelerometer and gyroscope; turn-on bias and mounting tilt are drawn once."""
 
     def __init__(self, robot: RobotParams, errors: SensorErrorParams,
                  rng: np.random.Generator) -> None:
@@ -48,7 +48,7 @@ class InertialUnit:
 
 def encoder_counts(plant: Plant, counts_per_revolution: float,
                    ahead: float = 0.0) -> tuple[int, int, int, int]:
-    """Return what the encoders have counted since the start, ``ahead`` [s] of the plant."""
+    """Return the encoder counts since the start, extrapolated ``ahead`` [s] of the plant."""
     scale = counts_per_revolution / math.tau
     fl, fr, rl, rr = (math.floor((angle + ahead * speed) * scale)
                       for angle, speed in zip(plant.wheel_angle, plant.wheel_speed))
@@ -56,7 +56,7 @@ def encoder_counts(plant: Plant, counts_per_revolution: float,
 
 
 def wheel_angles(counts: tuple[int, int, int, int], counts_per_revolution: float) -> Four:
-    """Return the angles [rad] that ``counts`` stand for."""
+    """Return the wheel angles [rad] of ``counts``."""
     scale = math.tau / counts_per_revolution
     return counts[0] * scale, counts[1] * scale, counts[2] * scale, counts[3] * scale
 

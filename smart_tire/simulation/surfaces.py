@@ -1,4 +1,4 @@
-"""The ground under the simulated robot."""
+"""Surfaces that the simulated robot drives on."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from smart_tire.parameters.simulation import GroundParams, Rectangle
 
 @dataclass(frozen=True, slots=True)
 class Surface:
-    """What a wheel feels of the ground."""
+    """Properties of one surface."""
 
     name: str
     friction: float   # -, mu
-    stiffness: float  # N, C_x of a tire here
+    stiffness: float  # N, C_x of a tire on it
     drag: float       # -, rolling drag over load
 
 
-class Ground:
-    """Surfaces by position: a base, and rectangles on it of which the last one counts."""
+class SurfaceMap:
+    """Surface by position: a base surface and rectangles on it, of which the last one applies."""
 
     def __init__(self, params: GroundParams) -> None:
         columns = (params.names, params.friction, params.stiffness, params.drag)
@@ -28,7 +28,7 @@ class Ground:
             (self.surfaces[name], corners) for name, corners in reversed(params.rectangles())]
 
     def at(self, x: float, y: float) -> Surface:
-        """Return the surface at a point [m] of the world."""
+        """Return the surface at a point [m] in the world frame."""
         for surface, (x_from, y_from, x_to, y_to) in self._patches:
             if x_from <= x <= x_to and y_from <= y <= y_to:
                 return surface

@@ -1,4 +1,4 @@
-"""Ground truth of the simulated robot: motion, slip, and what each passage should tell."""
+"""Ground truth of the simulated robot: motion, slip, and the quantities of each crossing."""
 
 from __future__ import annotations
 
@@ -14,37 +14,39 @@ from smart_tire.models.tire import brush_tire, tread_film
 from smart_tire.models.vehicle import skid_steer
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import Four, Friction, FRICTION_QUANTITIES, NAN, Odometry, WheelSlip
-from smart_tire.simulation.films import FilmSampler, locate, Trace
+from smart_tire.simulation.films import FilmSampler, patch_position, WheelTrace
 from smart_tire.simulation.plant import Plant
 
 
 Truth = Odometry | WheelSlip | Friction
 
-EXACT = (0.0,) * 36
-MEANS = ('rolling_speed', 'slip', 'total_slip', 'friction', 'load', 'stiffness', 'force')
+ZERO_COVARIANCE = (0.0,) * 36
+# arguments of CrossingTruth._quantities, averaged over a crossing
+MEAN_QUANTITIES = ('rolling_speed', 'slip', 'total_slip', 'friction', 'load', 'stiffness', 'force')
 
 
 def truth_topic(truth: Truth) -> str:
-    """Return the name of the topic that ``truth`` travels on."""
+    """Return the topic of ``truth``."""
     return f'ground_truth/{topic_of(truth)}'
 
 
 def true_odometry(plant: Plant, stamp_ns: int) -> Odometry:
-    """Return pose and twist of the plant; ``odom`` is where it started."""
+    """Return pose and twist of the plant; ``odom`` is its start pose."""
     x, y, yaw = plant.start
     cos, sin = math.cos(yaw), math.sin(yaw)
     position = (cos * (plant.x - x) + sin * (plant.y - y),
                 cos * (plant.y - y) - sin * (plant.x - x), 0.0)
     return Odometry(stamp_ns, position, rotation.quaternion(0.0, 0.0, plant.yaw - yaw),
-                    (plant.v_x, plant.v_y, 0.0), (0.0, 0.0, plant.yaw_rate), EXACT, EXACT)
+                    (plant.v_x, plant.v_y, 0.0), (0.0, 0.0, plant.yaw_rate),
+                    ZERO_COVARIANCE, ZERO_COVARIANCE)
 
 
 def true_slip(plant: Plant, robot: RobotParams, stamp_ns: int) -> WheelSlip:
-    """Return the slips of the plant; undefined at standstill."""
+    """Return the wheel slips of the plant; NaN at standstill."""
     rolling = robot.wheel_radius * np.array(plant.wheel_speed)
-    ground = np.array(plant.wheel_v_x)
-    ratio = skid_steer.slip_ratio(rolling, ground, robot.slip.standstill_speed)
-    return WheelSlip(stamp_ns, _four(ratio), _four(rolling - ground),
+    v_x = np.array(plant.wheel_v_x)
+    ratio = skid_steer.slip_ratio(rolling, v_x, robot.slip.standstill_speed)
+    return WheelSlip(stamp_ns, _four(ratio), _four(rolling - v_x),
                      _four(np.where(np.isnan(ratio), 1.0, 0.0)))
 
 
@@ -53,61 +55,62 @@ def _four(values: Array) -> Four:
     return fl, fr, rl, rr
 
 
-class PassageTruth:
+class CrossingTruth:
     """
-    Finds the passages of a group of one wheel's films, a pair, say, through the whole patch.
+    Detects complete crossings of the patch by a group of films of one wheel, e.g. a pair.
 
-    ``group`` are the films' indices, those of the first group by default.
+    ``group`` are the indices of the films, by default those of the first group.
     """
 
     def __init__(self, films: FilmSampler, robot: RobotParams,
                  group: tuple[int, ...] | None = None) -> None:
         group = robot.film_groups[0] if group is None else group
         self._wheel, self._robot = films.wheel, robot
-        self._first, last = films.places[group[0]], films.places[group[-1]]
-        self._middle = 0.5 * (self._first + last)  # rad
+        self._first, last = films.center_angles[group[0]], films.center_angles[group[-1]]
+        self._center = 0.5 * (self._first + last)  # rad
         # film 1 is in the first group only
         self._gain = robot.film.gains(films.wheel)[0] if group[0] == 0 else NAN
-        # m, from the patch's middle to where the films are completely outside
-        self._half = 0.5 * (robot.wheel_radius * (last - self._first) + robot.film.length
+        # m, distance of the group from the patch center at which all films are outside
+        self._reach = 0.5 * (robot.wheel_radius * (last - self._first) + robot.film.length
                             + robot.tire.contact_length)
-        self._last: tuple[int, float] | None = None  # stamp and place of the films before
-        self._entry = 0.0      # -1 or 1: where the present passage began; 0: none
-        self._middle_ns = 0
-        self._sums = np.zeros((2, len(MEANS)))  # sums and counts while the first is inside
+        self._last: tuple[int, float] | None = None  # time and position [m] of the latest sample
+        self._entry = 0.0      # side of entry of the present crossing, -1 or 1; 0: none
+        self._center_ns = 0    # time at the patch center
+        # sums and counts while the first film is inside
+        self._sums = np.zeros((2, len(MEAN_QUANTITIES)))
 
-    def update(self, trace: Trace) -> list[Friction]:
-        """Return the passages that ended in ``trace``; traces come one after the other."""
+    def update(self, trace: WheelTrace) -> list[Friction]:
+        """Return the crossings that end in ``trace``; traces are consecutive."""
         radius = self._robot.wheel_radius
-        pair, _ = locate(trace.angle, self._middle, radius)
-        if self._last is not None and not self._entry and np.all(np.abs(pair) >= self._half):
-            self._last = trace.stamps_ns[-1], float(pair[-1])
+        past, _ = patch_position(trace.angle, self._center, radius)
+        if self._last is not None and not self._entry and np.all(np.abs(past) >= self._reach):
+            self._last = trace.stamps_ns[-1], float(past[-1])
             return []
-        return list(self._follow(trace, pair.tolist()))
+        return list(self._crossings(trace, past.tolist()))
 
-    def _follow(self, trace: Trace, pair: list[float]) -> Iterator[Friction]:
+    def _crossings(self, trace: WheelTrace, positions: list[float]) -> Iterator[Friction]:
         table = self._table(trace)
-        for i, (stamp_ns, place) in enumerate(zip(trace.stamps_ns, pair)):
-            last_ns, last_place = self._last or (stamp_ns, place)
-            inside, was_inside = abs(place) < self._half, abs(last_place) < self._half
+        for i, (stamp_ns, position) in enumerate(zip(trace.stamps_ns, positions)):
+            last_ns, last = self._last or (stamp_ns, position)
+            inside, was_inside = abs(position) < self._reach, abs(last) < self._reach
             if inside and not was_inside:
-                self._entry = math.copysign(1.0, last_place)
+                self._entry = math.copysign(1.0, last)
                 self._sums[:] = 0.0
-            if self._entry and (place < 0.0) != (last_place < 0.0):
-                share = last_place / (last_place - place)
-                self._middle_ns = last_ns + round(share * (stamp_ns - last_ns))
+            if self._entry and (position < 0.0) != (last < 0.0):
+                share = last / (last - position)
+                self._center_ns = last_ns + round(share * (stamp_ns - last_ns))
             if inside and self._entry:
                 self._sums += table[i]
             if was_inside and not inside:
-                if self._entry and (place > 0.0) != (self._entry > 0.0):
-                    yield self._passage()
+                if self._entry and (position > 0.0) != (self._entry > 0.0):
+                    yield self._crossing()
                 self._entry = 0.0
-            self._last = stamp_ns, place
+            self._last = stamp_ns, position
 
-    def _table(self, trace: Trace) -> Array:
-        """Return values and weights of ``MEANS``, shape (n, 2, means)."""
+    def _table(self, trace: WheelTrace) -> Array:
+        """Return values and weights of ``MEAN_QUANTITIES``, shape (n, 2, quantities)."""
         tire, robot = self._robot.tire, self._robot
-        past, _ = locate(trace.angle, self._first, robot.wheel_radius)
+        past, _ = patch_position(trace.angle, self._first, robot.wheel_radius)
         inside = np.abs(past) <= 0.5 * (tire.contact_length - robot.film.length)
         s_x, s_y = trace.slip_vector()
         force, _ = brush_tire.brush_force(s_x, s_y, trace.friction, trace.load, trace.stiffness)
@@ -117,18 +120,18 @@ class PassageTruth:
         valid = inside & np.isfinite(values)
         return np.stack([np.where(valid, values, 0.0), valid]).transpose(2, 0, 1)
 
-    def _passage(self) -> Friction:
+    def _crossing(self) -> Friction:
         sums, counts = self._sums
-        means = np.divide(sums, counts, out=np.full(len(MEANS), np.nan), where=counts > 0.0)
-        value = self._quantities(**dict(zip(MEANS, means.tolist())))
+        means = np.divide(sums, counts, out=np.full_like(sums, np.nan), where=counts > 0.0)
+        value = self._quantities(**dict(zip(MEAN_QUANTITIES, means.tolist())))
         sigma = {name: math.inf if math.isnan(value[name]) else 0.0
                  for name in FRICTION_QUANTITIES}
-        return Friction(self._middle_ns, self._wheel, value, sigma)
+        return Friction(self._center_ns, self._wheel, value, sigma)
 
     def _quantities(self, *, rolling_speed: float, slip: float, total_slip: float,
                     friction: float, load: float, stiffness: float,
                     force: float) -> dict[str, float]:
-        """Return FRICTION_QUANTITIES as they follow from the means of a passage."""
+        """Return FRICTION_QUANTITIES from the mean values of a crossing."""
         film, length = self._robot.film.length, self._robot.tire.contact_length
         critical = float(brush_tire.critical_slip(friction, load, stiffness))
         ratio = float(brush_tire.adhesion_ratio(total_slip, friction, load, stiffness))

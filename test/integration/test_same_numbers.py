@@ -11,7 +11,7 @@ from smart_tire.analysis.pipeline import INPUTS
 from smart_tire.bags import BagWriter
 from smart_tire.parameters import build, SimulatorParams
 from smart_tire.samples import Friction
-from smart_tire.simulation.faults import shuffled, stalled
+from smart_tire.simulation.faults import reordered, stalled
 from smart_tire.simulation.offline import simulate
 
 pytestmark = pytest.mark.processes
@@ -53,8 +53,9 @@ def recording(events, params, tmp_path_factory):
 @pytest.fixture(scope='module')
 def overloaded(events, params, tmp_path_factory):
     """Return a bag with many late messages, and its estimates offline."""
-    mixed = stalled(shuffled(events, INPUTS, twice=0.02, held_back=0.05, longest=0.2, seed=3),
-                    STALLS)
+    disordered = reordered(events, INPUTS, duplicate_share=0.02, late_share=0.05, max_delay=0.2,
+                           seed=3)
+    mixed = stalled(disordered, STALLS)
     bag_path = recorded(tmp_path_factory.mktemp('overloaded'), mixed)
     return bag_path, offline_estimates(bag_path, params)
 

@@ -1,16 +1,16 @@
-"""Faults between sensors and estimators: nothing else changes, all stay in order."""
+"""Transport faults: only the given topics change, and events stay sorted."""
 
 from __future__ import annotations
 
 import pytest
 
 from smart_tire.samples import ImuSample, NS_PER_S, WheelSample
-from smart_tire.simulation.faults import delayed, shuffled, silenced, stalled
+from smart_tire.simulation.faults import delayed, interrupted, reordered, stalled
 
 
 @pytest.fixture
 def events():
-    """Return 10 s of an inertial unit at 100 Hz and wheels at 10 Hz."""
+    """Return 10 s of an IMU at 100 Hz and wheel states at 10 Hz."""
     imu = [('imu/data', ImuSample(n * NS_PER_S // 100, (0.0,) * 3, (0.0,) * 3))
            for n in range(1000)]
     wheels = [('wheel_states', WheelSample(n * NS_PER_S // 10, (0.0,) * 4)) for n in range(100)]
@@ -23,7 +23,7 @@ def of(events, topic):
     return [event for event in events if event[1] == topic]
 
 
-def test_a_late_topic_comes_later_with_its_stamps_as_they_were(events):
+def test_a_delayed_topic_keeps_its_timestamps(events):
     late = delayed(events, 'wheel_states', 0.2)
     assert [event[0] for event in late] == sorted(event[0] for event in late)
     assert of(late, 'imu/data') == of(events, 'imu/data')
@@ -31,8 +31,8 @@ def test_a_late_topic_comes_later_with_its_stamps_as_they_were(events):
                for received, _, sample in of(late, 'wheel_states'))
 
 
-def test_a_silent_topic_says_nothing_in_its_spans_and_all_else_outside(events):
-    left = silenced(events, 'imu/data', ((2.0, 4.0), (9.0, 9.5)))
+def test_an_interrupted_topic_has_no_messages_in_its_spans(events):
+    left = interrupted(events, 'imu/data', ((2.0, 4.0), (9.0, 9.5)))
     assert of(left, 'wheel_states') == of(events, 'wheel_states')
     times = [received / NS_PER_S for received, _, _ in of(left, 'imu/data')]
     assert len(times) == 1000 - 200 - 50
@@ -40,19 +40,20 @@ def test_a_silent_topic_says_nothing_in_its_spans_and_all_else_outside(events):
 
 
 @pytest.mark.parametrize('seed', range(5))
-def test_shuffling_loses_nothing_repeats_some_and_lets_some_overtake(events, seed):
-    mixed = shuffled(events, ('imu/data',), twice=0.1, held_back=0.2, longest=0.025, seed=seed)
+def test_reordering_duplicates_and_delays_messages_without_losses(events, seed):
+    mixed = reordered(events, ('imu/data',), duplicate_share=0.1, late_share=0.2,
+                      max_delay=0.025, seed=seed)
     assert of(mixed, 'wheel_states') == of(events, 'wheel_states')
     assert {sample for _, _, sample in mixed} == {sample for _, _, sample in events}
     assert 1050 < len(of(mixed, 'imu/data')) < 1150
     assert all(0 <= received - sample.stamp_ns <= 25_000_000 for received, _, sample in mixed)
     stamps = [sample.stamp_ns for _, _, sample in of(mixed, 'imu/data')]
     assert stamps != sorted(stamps)
-    assert mixed == shuffled(events, ('imu/data',), twice=0.1, held_back=0.2, longest=0.025,
-                             seed=seed)
+    assert mixed == reordered(events, ('imu/data',), duplicate_share=0.1, late_share=0.2,
+                              max_delay=0.025, seed=seed)
 
 
-def test_an_overloaded_recorder_takes_one_queue_after_the_other(events):
+def test_a_stalled_recorder_records_one_topic_after_the_other(events):
     mixed = stalled(events, ((2.0, 2.5),))
     received = [event[0] for event in mixed]
     assert received == sorted(received)

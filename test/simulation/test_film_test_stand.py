@@ -1,4 +1,4 @@
-"""The simulated testing kit: film, amplifier, laser, converter and motion."""
+"""Simulated test stand: film, amplifier, laser, converter and motion."""
 
 from __future__ import annotations
 
@@ -13,38 +13,38 @@ from smart_tire.models.film.hysteresis import respond, TABLE_I, TABLE_I_GAIN
 from smart_tire.simulation.film_test_stand import FilmTestStand, ramps, sine, sines
 
 IDEAL = FilmTestStand(low_corner=0.0, high_corner=1e6, charge_noise=0.0, laser_noise=0.0, bits=32)
-STEP = 100  # samples
+SETTLED = 100  # samples after the step
 
 
-def test_without_errors_it_is_the_film():
+def test_without_instrument_errors_the_output_is_the_charge_of_the_film():
     moved = sine(0.012, 5.0, 1.0, 1000.0)
     recording = IDEAL.run(moved, 1)
     np.testing.assert_array_equal(recording.input, moved)
     exact = respond(TABLE_I_GAIN * FILMS['25x3'].normalised_charge(moved), TABLE_I)
-    # the stage moves evenly between samples, not as a sine: what it turns short of the top
+    # tolerance: the stage moves at constant speed between samples and cuts the peak of the sine
     np.testing.assert_allclose(recording.output, exact, rtol=0.0, atol=2e-12)
     np.testing.assert_allclose(np.diff(recording.time), 1e-3)
 
 
-def test_the_same_seed_gives_the_same_recording_and_another_one_other_noise():
+def test_the_noise_depends_on_the_seed_only():
     moved = np.full(20_000, 0.003)
     runs = [FilmTestStand().run(moved, seed) for seed in (1, 1, 2)]
     np.testing.assert_array_equal(runs[0].output, runs[1].output)
     assert np.any(runs[0].output != runs[2].output)
     assert (runs[0].input - moved).std() == pytest.approx(5e-6, rel=0.03)
-    # a film at rest: what is left beside noise is what the amplifier drains
+    # stationary film: noise, and the slow drain of the amplifier
     assert np.diff(runs[0].output).std() / 2**0.5 == pytest.approx(0.02e-9, rel=0.05)
 
 
-def test_the_amplifier_forgets_a_constant_charge_with_its_lower_corner():
+def test_a_constant_charge_decays_with_the_lower_corner_frequency():
     moved = np.concatenate([np.zeros(2), np.full(2000, 0.005)])
-    held = replace(IDEAL, low_corner=0.5).run(moved, 1).output
+    output = replace(IDEAL, low_corner=0.5).run(moved, 1).output
     since = np.arange(1, 1000) / 1000.0
-    np.testing.assert_allclose(held[2 + STEP:1000] / held[STEP], np.exp(
-        -np.pi * since[1:1000 - 1 - STEP]), rtol=0.02)
+    np.testing.assert_allclose(output[2 + SETTLED:1000] / output[SETTLED], np.exp(
+        -np.pi * since[1:1000 - 1 - SETTLED]), rtol=0.02)
 
 
-def test_the_amplifier_lags_with_its_upper_corner():
+def test_a_charge_step_rises_with_the_upper_corner_frequency():
     moved = np.concatenate([np.zeros(10), np.full(2000, 0.005)])
     output = replace(IDEAL, high_corner=5.0).run(moved, 1).output
     reached = output[10:200] / output[-1]
@@ -52,7 +52,7 @@ def test_the_amplifier_lags_with_its_upper_corner():
     np.testing.assert_allclose(reached, -np.expm1(-10.0 * np.pi * since), atol=0.02)
 
 
-def test_the_converter_has_steps_and_rails():
+def test_the_converter_quantizes_and_saturates():
     bench = replace(IDEAL, bits=8, full_scale=2e-9)
     output = bench.run(sine(0.012, 1.0, 1.0, 1000.0), 1).output
     lsb = 4e-9 / 256.0
@@ -60,7 +60,7 @@ def test_the_converter_has_steps_and_rails():
     assert output.min() == -2e-9
 
 
-def test_the_peaks_do_not_depend_on_the_frequency():
+def test_peaks_are_independent_of_the_frequency():
     # Fig. 6(b): 10 mm x 1 mm x 28 um, 2 mm peak amplitude, 1 to 10 Hz
     bench = replace(FilmTestStand(), film=FILMS['10x1'])
     peaks = [-bench.run(sine(0.004, frequency, 4.0, 1000.0), 3).output[-2000:].min()
@@ -68,7 +68,7 @@ def test_the_peaks_do_not_depend_on_the_frequency():
     assert max(peaks) / min(peaks) < 1.05
 
 
-def test_motions_go_where_they_should():
+def test_motions_have_the_given_amplitudes_and_speeds():
     assert sine(0.01, 2.0, 1.0, 100.0).max() == pytest.approx(0.01)
     assert sine(0.01, 2.0, 1.0, 100.0)[[0, 50, 100]] == pytest.approx(0.0, abs=1e-15)
     ramp = ramps([0.01, 0.002, 0.005], 0.01, 1000.0)
@@ -82,12 +82,12 @@ def test_motions_go_where_they_should():
 @pytest.mark.parametrize('change', [
     {'rate': 0.0}, {'gain': -1.0}, {'charge_noise': float('nan')}, {'bits': 0},
     {'low_corner': -0.1}])
-def test_a_bench_that_can_not_be_is_refused(change):
+def test_invalid_test_stand_parameters_are_refused(change):
     with pytest.raises(ParameterError, match=next(iter(change))):
         FilmTestStand(**change)
 
 
-def test_motions_that_can_not_be_are_refused():
+def test_invalid_motions_are_refused():
     with pytest.raises(ParameterError, match='stretched'):
         FilmTestStand().run(np.full(50, -1e-3), 1)
     with pytest.raises(ParameterError, match='speed is 0'):

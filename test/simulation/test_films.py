@@ -1,4 +1,4 @@
-"""Film sampling: what the wheel units see, and the passages that are true."""
+"""Film sampling by the sensor nodes, and the ground truth of patch crossings."""
 
 import math
 
@@ -7,15 +7,15 @@ import pytest
 from smart_tire.models.tire import tread_film
 from smart_tire.parameters import build, SimulatorParams
 from smart_tire.simulation.device_emulators import SensorNodeEmulator
-from smart_tire.simulation.films import FilmSampler, locate, Trace
-from smart_tire.simulation.truth import PassageTruth
+from smart_tire.simulation.films import FilmSampler, patch_position, WheelTrace
+from smart_tire.simulation.truth import CrossingTruth
 
 RADIUS, L, FILM, SPACING = 0.087, 0.046, 0.020, 0.030
 PERIOD_NS = 2_500_000
 
 
 class Rolling:
-    """Stands in for the plant: wheel 1 rolls as told, with a steady slip and load."""
+    """Replaces the plant: wheel 1 rolls at a given speed, with constant slip and load."""
 
     slip_floor = 0.05
     time_ns = 0
@@ -27,9 +27,9 @@ class Rolling:
         self.wheel_angle = [0.0, 0.5, 0.0, 0.0]
         self.load = [0.0, 26.7, 0.0, 0.0]
         self.surface = [None, Surface(params.ground.friction[0], params.ground.stiffness[0])]
-        self._go()
+        self._update()
 
-    def _go(self):
+    def _update(self):
         speed = self._speed(self.time_ns * 1e-9)
         self.wheel_speed = [0.0, speed / RADIUS, 0.0, 0.0]
         self.wheel_v_x = [0.0, speed * (1.0 - self._slip), 0.0, 0.0]
@@ -37,7 +37,7 @@ class Rolling:
 
     def step(self):
         self.time_ns += 1_000_000
-        self._go()
+        self._update()
         self.wheel_angle[1] += 1e-3 * self.wheel_speed[1]
 
 
@@ -50,28 +50,28 @@ def new_films(seed=5, **values):
     quiet = {'film.noise': 0.0, 'errors.bending_variation': 0.0, 'errors.bumps': [0.0, 0.0]}
     params = build(SimulatorParams, {**quiet, **values})
     films = FilmSampler('front_right', SensorNodeEmulator(1), params, np.random.default_rng(seed))
-    return films, PassageTruth(films, params.robot), params.robot
+    return films, CrossingTruth(films, params.robot), params.robot
 
 
 def roll(films, truth, plant, seconds):
-    batches, passages = [], []
+    batches, crossings = [], []
     for _ in range(round(seconds * 1000)):
         plant.step()
         for batch in films.observe(plant):
             batches.append(batch)
-            passages += truth.update(batch.trace)
-    return batches, passages
+            crossings += truth.update(batch.trace)
+    return batches, crossings
 
 
 def signals(batches):
-    """Return instants [s], volts (n, 2), and travel past the middle of the patch [m] (n, 2)."""
+    """Return times [s] (n,), voltages [V] (n, films) and wheel angles [rad] (n,)."""
     stamps = np.concatenate([batch.trace.stamps_ns for batch in batches]) * 1e-9
     codes = np.concatenate([batch.codes for batch in batches])
     angle = np.concatenate([batch.trace.angle for batch in batches])
     return stamps, codes * 3.3 / 1023, angle
 
 
-def test_every_conversion_is_there_once_at_the_instants_of_the_unit():
+def test_every_conversion_occurs_once_at_the_times_of_the_node():
     films, truth, _ = new_films()
     batches, _ = roll(films, truth, Rolling(lambda t: 0.5), 2.0)
     assert all(len(batch.codes) == len(batch.trace.stamps_ns) == 16 for batch in batches)
@@ -81,13 +81,13 @@ def test_every_conversion_is_there_once_at_the_instants_of_the_unit():
     np.testing.assert_allclose(angle, 0.5 + 0.5 / RADIUS * stamps, atol=1e-9)
 
 
-def test_the_signal_is_the_passage_of_the_models_to_half_a_code():
+def test_the_signal_agrees_with_the_film_model_within_half_an_lsb():
     films, truth, _ = new_films()
     batches, _ = roll(films, truth, Rolling(lambda t: 0.5), 2.0)
     _, volts, angle = signals(batches)
     total, critical = math.hypot(0.1, 0.1), 3.0 * 0.47 * 26.7 / 52.7
     for film, (gain, peak) in enumerate(((307.5, 0.83), (242.5, 0.66))):
-        past, _ = locate(angle, films.places[film], RADIUS)
+        past, _ = patch_position(angle, films.center_angles[film], RADIUS)
         expected = 1.65 + tread_film.passage(
             past + 0.5 * (L - FILM), slip=0.1, total_slip=total, critical_slip=critical,
             film_length=FILM, contact_length=L, bending_peak=peak, bending_alpha=67.0,
@@ -98,68 +98,68 @@ def test_the_signal_is_the_passage_of_the_models_to_half_a_code():
 @pytest.mark.parametrize('direction', [1.0, -1.0])
 def test_film_1_enters_first_forward_and_last_in_reverse(direction):
     films, truth, _ = new_films()
-    batches, passages = roll(films, truth, Rolling(lambda t: direction * 0.5), 2.0)
+    batches, crossings = roll(films, truth, Rolling(lambda t: direction * 0.5), 2.0)
     _, volts, _ = signals(batches)
     first = [np.flatnonzero(volts[:, film] > 2.0)[0] for film in (0, 1)]
     lead = SPACING / 0.5 / 2.5e-3 * direction
     assert first[1] - first[0] == pytest.approx(lead, abs=1.5)
-    assert len(passages) >= 1 and all(p.value['slip'] == pytest.approx(0.1) for p in passages)
+    assert len(crossings) >= 1 and all(p.value['slip'] == pytest.approx(0.1) for p in crossings)
 
 
-def test_noise_bumps_and_variation_are_of_the_size_asked_for():
+def test_noise_bumps_and_variation_have_the_configured_size():
     films, truth, _ = new_films(**{'film.noise': 0.02, 'errors.bumps': [0.10, 0.15],
                                    'errors.bending_variation': 0.15})
-    batches, passages = roll(films, truth, Rolling(lambda t: 1.0, slip=0.0, v_y=0.0), 40.0)
+    batches, crossings = roll(films, truth, Rolling(lambda t: 1.0, slip=0.0, v_y=0.0), 40.0)
     _, volts, angle = signals(batches)
-    past, cycle = locate(angle, films.places[0], RADIUS)
+    past, revolution = patch_position(angle, films.center_angles[0], RADIUS)
     far = np.abs(past) > 0.15
     assert volts[far, 0].std() == pytest.approx(0.02, rel=0.05)
     flat = np.abs(past) < 0.5 * (L - FILM)
-    peaks = np.array([volts[flat & (cycle == turn), 0].mean() - 1.65
-                      for turn in range(1, int(cycle.max()))])
+    peaks = np.array([volts[flat & (revolution == index), 0].mean() - 1.65
+                      for index in range(1, int(revolution.max()))])
     assert 0.83 * 0.83 < peaks.min() < 0.83 * 0.92 and 0.83 * 1.08 < peaks.max() < 0.83 * 1.17
     before = np.abs(past + 0.5 * (L + FILM) + 0.01) < 0.001
     assert -0.15 < (volts[before, 0].mean() - 1.65) / 0.83 < -0.10
-    assert len(passages) > 50
+    assert len(crossings) > 50
 
 
-def test_a_clipped_sample_stands_at_the_rail():
+def test_a_clipped_sample_has_an_extreme_code():
     films, truth, _ = new_films(**{'film.bending_peak': [2.5, 2.5]})
     batches, _ = roll(films, truth, Rolling(lambda t: 0.5), 1.5)
     codes = np.concatenate([batch.codes for batch in batches])
     assert codes.max() == 1023 and codes.min() == 0
 
 
-def test_a_film_that_stops_inside_and_rolls_back_is_no_passage_and_does_not_jump():
+def test_a_film_that_stops_inside_and_rolls_back_yields_no_crossing_and_no_jump():
     films, truth, _ = new_films()
     plant = Rolling(lambda t: 0.3 * math.cos(math.pi * t / 1.2) if t > 0.0 else 0.0)
-    middle = 0.5 * sum(films.places)
-    plant.wheel_angle[1] = middle - 0.3 * 1.2 / math.pi / RADIUS - 0.01 / RADIUS  # turns at -1 cm
-    batches, passages = roll(films, truth, plant, 1.2)
+    center = 0.5 * sum(films.center_angles)
+    plant.wheel_angle[1] = center - 0.3 * 1.2 / math.pi / RADIUS - 0.01 / RADIUS  # -1 cm
+    batches, crossings = roll(films, truth, plant, 1.2)
     _, volts, angle = signals(batches)
-    assert volts[:, 0].max() > 2.2  # it has been inside
+    assert volts[:, 0].max() > 2.2  # it was inside
     assert np.abs(np.diff(volts, axis=0)).max() < 0.15
-    assert passages == []
+    assert crossings == []
 
 
 @pytest.mark.parametrize('direction', [1.0, -1.0])
-def test_a_passage_is_stamped_when_the_pair_is_in_the_middle(direction):
+def test_the_timestamp_of_a_crossing_is_the_time_at_the_patch_center(direction):
     films, truth, _ = new_films()
-    batches, passages = roll(films, truth, Rolling(lambda t: direction * 0.5), 3.0)
+    batches, crossings = roll(films, truth, Rolling(lambda t: direction * 0.5), 3.0)
     stamps, _, angle = signals(batches)
-    middle = 0.5 * sum(films.places)
-    angles = np.interp([p.stamp_ns * 1e-9 for p in passages], stamps, angle)
-    past, _ = locate(angles, middle, RADIUS)
+    center = 0.5 * sum(films.center_angles)
+    angles = np.interp([p.stamp_ns * 1e-9 for p in crossings], stamps, angle)
+    past, _ = patch_position(angles, center, RADIUS)
     np.testing.assert_allclose(past, 0.0, atol=1e-6)
-    gaps = np.diff([p.stamp_ns for p in passages]) * 1e-9
+    gaps = np.diff([p.stamp_ns for p in crossings]) * 1e-9
     np.testing.assert_allclose(gaps, math.tau * RADIUS / 0.5, rtol=1e-6)
 
 
-def test_films_far_from_each_other_have_passages_of_their_own():
+def test_distant_films_have_separate_crossings():
     three = {'film.positions': [0.0, 0.03, 0.3], 'film.stretch_gain': [300.0] * 3,
              'film.bending_peak': [0.8] * 3}
     films, near, robot = new_films(**three)
-    far = PassageTruth(films, robot, (2,))
+    far = CrossingTruth(films, robot, (2,))
     seen, batches = {0: [], 2: []}, []
     plant = Rolling(lambda t: 0.5)
     for _ in range(3000):
@@ -170,19 +170,20 @@ def test_films_far_from_each_other_have_passages_of_their_own():
             seen[2] += far.update(batch.trace)
     stamps, volts, angle = signals(batches)
     assert volts.shape[1] == 3
-    for first, middle in ((0, films.places[0] + 0.015 / RADIUS), (2, films.places[2])):
+    for first, center in ((0, films.center_angles[0] + 0.015 / RADIUS),
+                          (2, films.center_angles[2])):
         assert len(seen[first]) in (2, 3)
         angles = np.interp([p.stamp_ns * 1e-9 for p in seen[first]], stamps, angle)
-        np.testing.assert_allclose(locate(angles, middle, RADIUS)[0], 0.0, atol=1e-6)
-    # the stretch of film 1 is that of the group that it is in
+        np.testing.assert_allclose(patch_position(angles, center, RADIUS)[0], 0.0, atol=1e-6)
+    # the stretch voltage is that of film 1, for its group only
     assert math.isfinite(seen[0][0].value['stretch_voltage'])
     assert math.isnan(seen[2][0].value['stretch_voltage'])
 
 
-def test_the_true_quantities_belong_together():
+def test_the_true_quantities_are_consistent():
     films, truth, robot = new_films()
-    _, passages = roll(films, truth, Rolling(lambda t: 0.5), 3.0)
-    value = passages[0].value
+    _, crossings = roll(films, truth, Rolling(lambda t: 0.5), 3.0)
+    value = crossings[0].value
     assert value['friction_coefficient'] == value['friction_coefficient_single'] == 0.47
     assert value['total_slip'] == pytest.approx(math.hypot(0.1, 0.1))
     assert value['adhesion_ratio'] == pytest.approx(1 - value['total_slip']
@@ -192,33 +193,33 @@ def test_the_true_quantities_belong_together():
         value['adhesion_length'])
     assert value['traction_force'] == pytest.approx(52.7 * 0.1, rel=0.25)
     assert value['normal_load'] == pytest.approx(26.7)
-    assert set(passages[0].sigma.values()) == {0.0}
+    assert set(crossings[0].sigma.values()) == {0.0}
 
 
-def test_braking_has_no_two_peaks():
+def test_two_peak_quantities_are_nan_while_braking():
     films, truth, _ = new_films()
-    _, passages = roll(films, truth, Rolling(lambda t: 0.5, slip=-0.1), 3.0)
+    _, crossings = roll(films, truth, Rolling(lambda t: 0.5, slip=-0.1), 3.0)
     for name in ('stretch_voltage', 'peak_interval'):
-        assert math.isnan(passages[0].value[name]) and passages[0].sigma[name] == math.inf
-    assert passages[0].value['traction_force'] < 0.0
-    assert passages[0].value['slip'] == pytest.approx(-0.1)
+        assert math.isnan(crossings[0].value[name]) and crossings[0].sigma[name] == math.inf
+    assert crossings[0].value['traction_force'] < 0.0
+    assert crossings[0].value['slip'] == pytest.approx(-0.1)
 
 
-def test_the_slip_of_a_passage_is_the_mean_while_film_1_is_inside():
+def test_the_slip_of_a_crossing_is_the_mean_while_film_1_is_inside():
     films, truth, robot = new_films()
     n = 400
-    angle = films.places[0] + np.linspace(-0.12, 0.16, n) / RADIUS
-    past, _ = locate(angle, films.places[0], RADIUS)
+    angle = films.center_angles[0] + np.linspace(-0.12, 0.16, n) / RADIUS
+    past, _ = patch_position(angle, films.center_angles[0], RADIUS)
     inside = np.abs(past) <= 0.5 * (L - FILM)
     slip = np.where(inside, 0.2, -0.4)
     one = np.ones(n)
-    trace = Trace(tuple(range(n)), angle, 0.5 * one, 0.5 * (1.0 - slip), 0.0 * one, 26.7 * one,
-                  0.47 * one, 52.7 * one, 0.05)
-    passage, = truth.update(trace)
-    assert passage.value['slip'] == pytest.approx(0.2)
+    trace = WheelTrace(tuple(range(n)), angle, 0.5 * one, 0.5 * (1.0 - slip), 0.0 * one,
+                       26.7 * one, 0.47 * one, 52.7 * one, 0.05)
+    crossing, = truth.update(trace)
+    assert crossing.value['slip'] == pytest.approx(0.2)
 
 
-def test_passages_do_not_depend_on_where_batches_end():
+def test_crossings_do_not_depend_on_batch_boundaries():
     def run(batch):
         films, truth, _ = new_films(**{'radio.batch': batch})
         return roll(films, truth, Rolling(lambda t: 0.4 + 0.2 * math.sin(3.0 * t)), 6.0)[1]

@@ -1,4 +1,4 @@
-"""The in-memory run: rates, times, losses, and that its parts agree with each other."""
+"""Offline simulation: rates, times, losses, and consistency of the topics."""
 
 from collections import Counter
 
@@ -22,7 +22,7 @@ def of(events, topic):
     return [sample for _, name, sample in events if name == topic]
 
 
-def test_every_topic_flows_at_its_rate(events):
+def test_every_topic_has_its_rate(events):
     counts = Counter(topic for _, topic, _ in events)
     assert counts['imu/data'] == counts['ground_truth/odom'] == 800
     assert counts['ground_truth/wheel_slip'] == 800
@@ -31,28 +31,28 @@ def test_every_topic_flows_at_its_rate(events):
     assert counts['ground_truth/tire_friction'] > 15
 
 
-def test_events_come_in_the_order_of_reception_and_never_before_their_stamp(events):
+def test_events_are_in_order_of_reception_and_not_before_their_timestamps(events):
     received = [receive_ns for receive_ns, _, _ in events]
     assert received == sorted(received)
     assert all(receive_ns >= sample.stamp_ns - 5_000_000 for receive_ns, _, sample in events)
     assert min(sample.stamp_ns for _, _, sample in events) >= EPOCH_NS
 
 
-def test_batches_are_late_but_not_by_more_than_the_contract_says(events):
+def test_delays_of_batches_are_bounded(events):
     late = [receive_ns - sample.stamp_ns for receive_ns, topic, sample in events
             if topic == 'tire_samples']
     assert np.quantile(late, 0.95) > 40_000_000 and max(late) < 60_000_000
 
 
-def test_the_same_seed_gives_the_same_events_and_another_one_others(events):
+def test_events_depend_on_the_seed_only(events):
     again = simulate(build(SimulatorParams, CONCRETE), SCHEDULE, 8.0)
-    assert repr(again) == repr(events)  # NaN equals nothing, but reads the same
+    assert repr(again) == repr(events)  # repr, because NaN is not equal to NaN
     other = simulate(build(SimulatorParams, {**CONCRETE, 'seed': 2}), SCHEDULE, 1.0)
     for topic in ('imu/data', 'tire_samples', 'wheel_states'):
         assert of(other, topic) != of(again, topic)[:len(of(other, topic))]
 
 
-def test_lost_batches_leave_gaps_and_lossless_ones_do_not():
+def test_only_lost_batches_leave_gaps():
     def gaps(loss):
         run = simulate(build(SimulatorParams, {**CONCRETE, 'radio.loss': loss}), SCHEDULE, 5.0)
         stamps = np.array([s.stamp_ns for s in of(run, 'tire_samples') if s.wheel == 'front_left'])
@@ -71,11 +71,11 @@ def test_mean_speed_and_position_of_wheels_agree(events):
     states = of(events, 'wheel_states')
     for before, after in zip(states, states[1:]):
         dt = (after.stamp_ns - before.stamp_ns) / NS_PER_S
-        gone = np.subtract(after.position, before.position)
-        np.testing.assert_allclose(gone / dt, after.velocity, rtol=1e-9)
+        rotation = np.subtract(after.position, before.position)
+        np.testing.assert_allclose(rotation / dt, after.velocity, rtol=1e-9)
 
 
-def test_the_true_slip_is_that_of_the_true_motion(events):
+def test_the_true_slip_agrees_with_the_true_motion(events):
     params = SimulatorParams().robot
     for odometry, slip in zip(of(events, 'ground_truth/odom'),
                               of(events, 'ground_truth/wheel_slip')):
@@ -83,27 +83,27 @@ def test_the_true_slip_is_that_of_the_true_motion(events):
         v_x, _ = skid_steer.wheel_velocities(
             odometry.linear[0], odometry.linear[1], odometry.angular[2], params.wheelbase,
             params.track_width)
-        ratio = skid_steer.slip_ratio(np.array(slip.sliding) + v_x, v_x,
+        ratio = skid_steer.slip_ratio(np.array(slip.slip_velocity) + v_x, v_x,
                                       params.slip.standstill_speed)
         np.testing.assert_allclose(slip.ratio, ratio, atol=1e-9)
         assert slip.sigma == tuple(1.0 if np.isnan(value) else 0.0 for value in ratio)
 
 
-def test_passages_carry_the_slip_of_their_wheel_at_their_time(events):
+def test_crossings_have_the_slip_of_their_wheel_at_their_time(events):
     slips = of(events, 'ground_truth/wheel_slip')
-    passages = of(events, 'ground_truth/tire_friction')
-    assert {passage.wheel for passage in passages} == {'front_left', 'front_right'}
+    crossings = of(events, 'ground_truth/tire_friction')
+    assert {crossing.wheel for crossing in crossings} == {'front_left', 'front_right'}
     steady = 0
-    for passage in passages:
-        near = [slip.ratio[WHEELS.index(passage.wheel)] for slip in slips
-                if abs(slip.stamp_ns - passage.stamp_ns) < 100_000_000]
+    for crossing in crossings:
+        near = [slip.ratio[WHEELS.index(crossing.wheel)] for slip in slips
+                if abs(slip.stamp_ns - crossing.stamp_ns) < 100_000_000]
         if max(near) - min(near) < 0.01:
             steady += 1
-            assert min(near) - 1e-3 < passage.value['slip'] < max(near) + 1e-3
+            assert min(near) - 1e-3 < crossing.value['slip'] < max(near) + 1e-3
     assert steady > 8
 
 
-def test_odometry_starts_in_odom_wherever_the_robot_stands_in_the_world():
+def test_odometry_starts_at_zero_at_any_start_pose():
     start = [5.0, -2.0, 2.5]
     run = simulate(build(SimulatorParams, {**CONCRETE, 'start': start, 'ground.patches': []}),
                    [(0.0, 60, 60)], 2.0)
@@ -113,7 +113,7 @@ def test_odometry_starts_in_odom_wherever_the_robot_stands_in_the_world():
 
 
 @pytest.mark.parametrize('rate', [4.0, 200.0])
-def test_any_wheel_rate_works_and_a_function_may_be_the_schedule(rate):
+def test_any_wheel_rate_works_and_the_schedule_may_be_a_function(rate):
     run = simulate(build(SimulatorParams, CONCRETE), lambda time: (60.0 * time, 30.0), 3.0,
                    wheel_rate=rate)
     states = of(run, 'wheel_states')

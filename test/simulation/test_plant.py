@@ -1,4 +1,4 @@
-"""The plant: mechanics that must hold, and the slips of paper B's Fig. 10."""
+"""Plant: conservation laws, symmetry, stability, and the slips of paper B, Fig. 10."""
 
 import math
 
@@ -8,7 +8,7 @@ from smart_tire.models.tire import brush_tire
 from smart_tire.models.vehicle.skid_steer import GRAVITY
 from smart_tire.parameters import build, SimulatorParams
 from smart_tire.simulation.plant import force_slope, Plant, STEP
-from smart_tire.simulation.surfaces import Ground
+from smart_tire.simulation.surfaces import SurfaceMap
 
 EVERYWHERE = {'concrete': {'ground.base': 'concrete', 'ground.patches': []},
               'sand': {'ground.base': 'sand', 'ground.patches': []}}
@@ -19,14 +19,15 @@ OFF_CENTER = {'center_of_mass': [0.03, -0.02, 0.11]}
 
 def new_plant(start=(0.0, 0.0, 0.0), **values):
     params = build(SimulatorParams, values)
-    return Plant(params.robot, params.drive, Ground(params.ground), start)
+    return Plant(params.robot, params.drive, SurfaceMap(params.ground), start)
 
 
 def drive(plant, left_rpm, right_rpm, seconds):
-    """Hold wheel speeds by a proportional loop that is stiff enough to be exact."""
-    wanted = [rpm * math.tau / 60.0 for rpm in (left_rpm, right_rpm)] * 2
+    """Control the wheel speeds by a proportional loop with high gain."""
+    set_points = [rpm * math.tau / 60.0 for rpm in (left_rpm, right_rpm)] * 2
     for _ in range(round(seconds / STEP)):
-        plant.step([5.0 * (want - speed) for want, speed in zip(wanted, plant.wheel_speed)])
+        plant.step([5.0 * (set_point - speed)
+                    for set_point, speed in zip(set_points, plant.wheel_speed)])
 
 
 def coast(plant, seconds, duty=(0.0, 0.0, 0.0, 0.0)):
@@ -40,14 +41,14 @@ def slips(plant, radius=0.087):
 
 
 def momentum(plant, com=(0.03, -0.02)):
-    """Return the velocity of the centre of mass over ground, in world axes."""
+    """Return the velocity of the center of mass over ground, in world axes."""
     v_x = plant.v_x - plant.yaw_rate * com[1]
     v_y = plant.v_y + plant.yaw_rate * com[0]
     cos, sin = math.cos(plant.yaw), math.sin(plant.yaw)
     return cos * v_x - sin * v_y, sin * v_x + cos * v_y
 
 
-def test_the_scalar_tire_is_the_brush_tire_of_the_models():
+def test_the_scalar_tire_force_agrees_with_the_brush_tire_model():
     rng = np.random.default_rng(2)
     total = rng.uniform(0.0, 2.0, 500)
     mu, load = rng.uniform(0.0, 1.0, 500), rng.uniform(0.0, 50.0, 500)
@@ -58,21 +59,21 @@ def test_the_scalar_tire_is_the_brush_tire_of_the_models():
     assert force_slope(0.0, 0.0, 26.7, 52.7) == 0.0
 
 
-def test_on_concrete_the_slips_are_those_of_fig_10a():
+def test_slips_on_concrete_agree_with_fig_10a():
     plant = new_plant(**EVERYWHERE['concrete'])
     drive(plant, 120, 60, 4.0)
     assert slips(plant) == pytest.approx([0.11, -0.11] * 2, abs=0.01)
     assert plant.yaw_rate < 0.0 < plant.v_x
 
 
-def test_on_sand_both_slips_are_positive_and_large_as_in_fig_10b():
+def test_slips_on_sand_are_positive_on_both_sides_as_in_fig_10b():
     plant = new_plant(**EVERYWHERE['sand'])
     drive(plant, 120, 60, 4.0)
     left, right = slips(plant)[:2]
     assert 0.25 < left < 0.35 and 0.05 < right < 0.12
 
 
-def test_left_and_right_turns_mirror_each_other():
+def test_left_and_right_turns_are_mirror_images():
     right, left = (new_plant(**EVERYWHERE['concrete']) for _ in range(2))
     drive(right, 120, 60, 1.0)
     drive(left, 60, 120, 1.0)
@@ -81,20 +82,20 @@ def test_left_and_right_turns_mirror_each_other():
 
 
 @pytest.mark.parametrize('surface', ['concrete', 'sand'])
-def test_standing_wheels_hold_the_robot_without_creep_or_chatter(surface):
+def test_stationary_wheels_hold_the_robot_without_creep_or_chatter(surface):
     plant = new_plant(**EVERYWHERE[surface])
     drive(plant, 100, 40, 1.0)
     drive(plant, 0, 0, 2.0)
-    place = plant.x, plant.y, plant.yaw
+    pose = plant.x, plant.y, plant.yaw
     speeds = []
     for _ in range(3000):
         plant.step((0.0, 0.0, 0.0, 0.0))
         speeds.append(math.hypot(plant.v_x, plant.v_y) + abs(plant.yaw_rate))
-    assert (plant.x, plant.y, plant.yaw) == pytest.approx(place, abs=1e-6)
+    assert (plant.x, plant.y, plant.yaw) == pytest.approx(pose, abs=1e-6)
     assert all(after <= before for before, after in zip(speeds, speeds[1:]))
 
 
-def test_a_thrown_robot_comes_to_rest_and_loses_energy_all_the_way():
+def test_without_duty_the_energy_decreases_to_zero():
     plant = new_plant(**EVERYWHERE['concrete'])
     plant.v_x, plant.v_y, plant.yaw_rate = 0.8, -0.5, 2.0
     params = SimulatorParams()
@@ -109,7 +110,7 @@ def test_a_thrown_robot_comes_to_rest_and_loses_energy_all_the_way():
     assert energy[-1] < 1e-6
 
 
-def test_on_ice_momentum_and_spin_are_kept():
+def test_without_friction_momentum_and_yaw_rate_are_conserved():
     plant = new_plant(**ICE, **OFF_CENTER)
     plant.v_x, plant.v_y, plant.yaw_rate = 0.7, 0.2, 1.5
     before = momentum(plant)
@@ -118,7 +119,7 @@ def test_on_ice_momentum_and_spin_are_kept():
     assert plant.yaw_rate == 1.5 and plant.yaw == pytest.approx(4.5)
 
 
-def test_a_free_body_goes_straight_while_it_spins():
+def test_a_free_body_moves_straight_while_it_rotates():
     plant = new_plant(start=(1.0, -2.0, 0.5), **ICE)
     plant.v_x, plant.yaw_rate = 0.6, 1.2
     coast(plant, 1.0)
@@ -127,7 +128,7 @@ def test_a_free_body_goes_straight_while_it_spins():
     assert plant.yaw == pytest.approx(1.7)
 
 
-def test_loads_carry_the_weight_and_shift_outwards():
+def test_loads_sum_to_the_weight_and_shift_outwards_in_a_turn():
     plant = new_plant(**EVERYWHERE['concrete'])
     assert plant.load == pytest.approx([10.9 * GRAVITY / 4.0] * 4)
     drive(plant, 60, 120, 3.0)
@@ -144,14 +145,14 @@ def test_forces_balance_in_a_steady_turn():
                                        abs=2e-3)
 
 
-def test_each_wheel_stands_on_the_ground_under_it():
+def test_each_wheel_has_the_surface_at_its_position():
     plant = new_plant(start=(1.0, 0.0, 0.0), **{
         'ground.base': 'sand', 'ground.patches': ['concrete=-9,-9,1,9', 'sand=-9,-9,1,-0.1']})
     names = [surface.name for surface in plant.surface]
     assert names == ['sand', 'sand', 'concrete', 'sand']
 
 
-def test_crossing_into_sand_slows_the_robot_down():
+def test_the_robot_slows_down_on_sand():
     plant = new_plant(**{'ground.base': 'sand', 'ground.patches': ['concrete=-1,-1,1,1']})
     drive(plant, 60, 60, 1.5)
     on_concrete = plant.v_x
@@ -163,7 +164,7 @@ def test_crossing_into_sand_slows_the_robot_down():
     {'ground.stiffness': [2000.0, 500.0]}, {'mass': 2.0, 'yaw_inertia': 0.02},
     {'drive.inertia': 1e-5}, {'center_of_mass': [0.1, 0.05, 0.3]}])
 @pytest.mark.parametrize('duty', [(0.5, -0.3, 0.5, -0.3), (0.02, 0.0, 0.02, 0.0)])
-def test_other_robots_are_stable_too(values, duty):
+def test_the_plant_is_stable_with_other_parameters(values, duty):
     plant = new_plant(**{**EVERYWHERE['concrete'], **values})
     coast(plant, 3.0, duty)
     steady, last = plant.yaw_rate, list(plant.wheel_speed)

@@ -1,4 +1,4 @@
-"""Pseudo-terminals as serial ports, opened as drivers open them."""
+"""Pseudo-terminals as serial ports, opened with pyserial as by the drivers."""
 
 import os
 import select
@@ -29,7 +29,7 @@ def open_host(link):
 
 
 def receive(port, size):
-    """Return ``size`` bytes from the device's end."""
+    """Return ``size`` bytes received on the device side."""
     data, chunk = b'', b'?'
     while len(data) < size and chunk:
         port.wait(PATIENCE)
@@ -38,7 +38,7 @@ def receive(port, size):
     return data
 
 
-def test_every_byte_passes_unchanged_in_both_directions(port, link):
+def test_every_byte_is_transferred_unchanged_in_both_directions(port, link):
     with open_host(link) as host:
         port.write(ALL_BYTES)
         assert host.read(256) == ALL_BYTES
@@ -48,7 +48,7 @@ def test_every_byte_passes_unchanged_in_both_directions(port, link):
     assert port.lost_bytes == 0
 
 
-def test_output_is_lost_while_nobody_has_the_line_open(port, link):
+def test_output_is_lost_while_no_host_has_the_port_open(port, link):
     port.write(b'old')
     assert port.lost_bytes == 3
     with open_host(link) as host:
@@ -57,20 +57,20 @@ def test_output_is_lost_while_nobody_has_the_line_open(port, link):
     assert port.lost_bytes == 3
 
 
-def test_waiting_without_a_host_is_no_busy_loop(port, link):
+def test_waiting_without_a_host_sleeps(port, link):
     open_host(link).close()
     start = time.monotonic()
     port.wait(0.05)
     assert time.monotonic() - start >= 0.05
 
 
-def test_reading_without_a_host_is_nothing_and_no_error(port, link):
+def test_reading_without_a_host_returns_no_bytes(port, link):
     assert port.read() == b''
     open_host(link).close()
     assert port.read() == b''
 
 
-def test_a_host_that_does_not_read_blocks_nobody_and_gets_a_cut_stream(port, link):
+def test_output_beyond_the_buffer_of_a_host_that_does_not_read_is_lost(port, link):
     with open_host(link) as host:
         for _ in range(2000):
             port.write(b'x' * 100)
@@ -81,7 +81,7 @@ def test_a_host_that_does_not_read_blocks_nobody_and_gets_a_cut_stream(port, lin
         assert host.read(5) == b'after'
 
 
-def test_what_one_host_left_unread_does_not_reach_the_next(port, link):
+def test_bytes_left_unread_by_one_host_do_not_reach_the_next(port, link):
     with open_host(link) as host:
         port.write(b'stale' * 100)
         assert host.read(5) == b'stale'
@@ -95,7 +95,7 @@ def test_what_one_host_left_unread_does_not_reach_the_next(port, link):
         os.close(descriptor)
 
 
-def test_unplugging_hangs_up_and_a_new_port_takes_the_same_name(link):
+def test_closing_hangs_up_and_a_new_port_can_use_the_same_name(link):
     first = PtyPort(link)
     host = open_host(link)
     first.close()
@@ -108,7 +108,7 @@ def test_unplugging_hangs_up_and_a_new_port_takes_the_same_name(link):
         assert host.read(5) == b'again'
 
 
-def test_a_link_that_another_run_left_behind_is_replaced(link):
+def test_a_stale_link_is_replaced(link):
     os.makedirs(os.path.dirname(link))
     os.symlink('/dev/pts/nothing', link)
     with PtyPort(link) as port, open_host(link) as host:
@@ -116,7 +116,7 @@ def test_a_link_that_another_run_left_behind_is_replaced(link):
         assert host.read(5) == b'hello'
 
 
-def test_a_link_that_has_become_another_ports_is_left_alone(link):
+def test_a_link_taken_over_by_another_port_is_not_removed(link):
     first = PtyPort(link)
     with PtyPort(link):
         first.close()
@@ -129,7 +129,7 @@ def test_a_file_is_never_replaced(link):
     with open(link, 'w', encoding='ascii') as file:
         file.write('precious')
     descriptors = len(os.listdir('/proc/self/fd'))
-    with pytest.raises(LinkError, match='tire_radio: is there and is no link'):
+    with pytest.raises(LinkError, match='tire_radio: exists and is not a link'):
         PtyPort(link)
     assert len(os.listdir('/proc/self/fd')) == descriptors
     with open(link, encoding='ascii') as file:

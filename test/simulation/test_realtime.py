@@ -1,4 +1,4 @@
-"""The devices on their ports, with the host's time as an argument: bytes in, bytes out."""
+"""Simulated hardware on its ports, with host time as an argument: bytes in, bytes out."""
 
 import csv
 import math
@@ -12,7 +12,7 @@ from smart_tire.errors import LinkError, ParameterError
 from smart_tire.parameters import build, SimulatorParams
 from smart_tire.protocol import roboclaw, tire_payload, vectornav, xbee
 from smart_tire.samples import Friction, NS_PER_S, Odometry, WheelSlip
-from smart_tire.simulation.realtime import Hardware
+from smart_tire.simulation.realtime import SimulatedHardware
 
 pytestmark = pytest.mark.processes
 
@@ -22,42 +22,42 @@ PORTS = ('tire_radio', 'imu', 'motors')
 
 
 class Host:
-    """The host's ends of the ports, and its clock."""
+    """Host side of the ports, with the host clock."""
 
     def __init__(self, folder, **values):
         self.truths = []
-        self.told = threading.Event()
+        self.published = threading.Event()
         links = {f'ports.{name}': str(folder / name) for name in PORTS}
         self.params = build(SimulatorParams, {
             'ground.base': 'concrete', 'ground.patches': [],
             'film.wheels': ['front_left', 'front_right'], **links, **values})
-        self.hardware = Hardware(self.params, self._hear, START_NS)
+        self.hardware = SimulatedHardware(self.params, self._on_truth, START_NS)
         self.now_ns = START_NS
-        self.heard = dict.fromkeys(PORTS, b'')
+        self.received = dict.fromkeys(PORTS, b'')
         self._ends = {name: os.open(folder / name, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
                       for name in PORTS}
 
-    def _hear(self, truth):
+    def _on_truth(self, truth):
         self.truths.append(truth)
-        self.told.set()
+        self.published.set()
 
     def close(self):
         for end in self._ends.values():
             os.close(end)
         self.hardware.close()
 
-    def live(self, seconds):
+    def advance(self, seconds):
         for _ in range(round(seconds * NS_PER_S / TICK_NS)):
             self.now_ns += TICK_NS
             self.hardware.advance(self.now_ns)
             for name in PORTS:
-                self.heard[name] += self._read(name)
+                self.received[name] += self._read(name)
 
     def drive(self, duties, seconds):
-        """Apply duties by packets, which the boards' answers acknowledge."""
+        """Send duties to the boards, which acknowledge them, and advance."""
         for address, pair in zip((0x80, 0x81), (duties[:2], duties[2:])):
             self.ask(address, roboclaw.SET_DUTY, *(roboclaw.duty_code(duty) for duty in pair))
-        self.live(seconds)
+        self.advance(seconds)
 
     def ask(self, address, command, *values):
         os.write(self._ends['motors'], roboclaw.encode_request(address, command, *values))
@@ -74,7 +74,7 @@ class Host:
         """Return wheel -> batches, in the order of arrival."""
         wheel_of = {address: wheel for wheel, address in self.params.address_of().items()}
         found = {}
-        for body in xbee.XBeeDeframer().feed(self.heard['tire_radio']):
+        for body in xbee.XBeeDeframer().feed(self.received['tire_radio']):
             packet = xbee.decode_receive_packet(body)
             found.setdefault(wheel_of[packet.source], []).append(
                 tire_payload.decode_batch(packet.data))
@@ -98,22 +98,23 @@ def new_host(tmp_path):
 
 def test_imu_frames_come_at_their_rate_with_the_unit_s_own_time(new_host):
     host = new_host()
-    host.live(2.0)
+    host.advance(2.0)
     samples = [vectornav.decode_binary(body)
-               for body in vectornav.BinaryDeframer().feed(host.heard['imu'])]
+               for body in vectornav.BinaryDeframer().feed(host.received['imu'])]
     assert len(samples) == 200
     steps = np.diff([device_ns for device_ns, _ in samples])
     np.testing.assert_allclose(steps, TICK_NS, rtol=1e-4)
     assert samples[0][1].acceleration[2] == pytest.approx(9.8, abs=0.5)
 
 
-def test_wheel_units_send_every_conversion_until_the_radio_loses_it(new_host):
+def test_sensor_nodes_send_every_conversion_and_the_radio_loses_some(new_host):
     host = new_host(**{'radio.loss': 0.2})
-    host.live(4.1)
+    host.advance(4.1)
     for wheel, batches in host.batches().items():
         numbers = np.unwrap([batch.sequence for batch in batches], period=65536)
         missing = int(numbers[-1] - numbers[0]) + 1 - len(batches)
-        assert 5 < missing <= host.hardware.dropped[wheel] <= missing + 2  # the ends do not show
+        # losses of the first and last batches do not leave gaps
+        assert 5 < missing <= host.hardware.dropped[wheel] <= missing + 2
         assert all(len(batch.codes) == 16 and batch.period_us == 2500 for batch in batches)
     assert host.batches().keys() == {'front_left', 'front_right'}
 
@@ -124,55 +125,56 @@ def test_duties_move_the_robot_and_silence_stops_it(new_host):
     assert host.ask(0x81, roboclaw.SET_TIMEOUT, roboclaw.timeout_code(0.5)) == ()
     host.drive((0.4, 0.4, 0.4, 0.4), 0.4)
     assert host.of(Odometry)[-1].linear[0] > 0.1
-    host.live(2.0)
+    host.advance(2.0)
     assert host.of(Odometry)[-1].linear[0] == pytest.approx(0.0, abs=1e-3)
 
 
-def test_encoders_tell_how_far_the_wheels_have_turned(new_host):
+def test_encoder_counts_agree_with_wheel_rotation_and_slip(new_host):
     host = new_host()
     host.drive((0.3, 0.5, 0.3, 0.5), 2.0)
     counts = host.ask(0x80, roboclaw.READ_ENCODERS) + host.ask(0x81, roboclaw.READ_ENCODERS)
     slip = host.of(WheelSlip)[-1]
     assert counts[0] == pytest.approx(counts[2], abs=40)
-    assert 2000 < counts[0] < counts[1]  # more than a turn
+    assert 2000 < counts[0] < counts[1]  # more than a revolution
     speeds = host.ask(0x80, roboclaw.READ_SPEEDS)
     v_x = host.of(Odometry)[-1].linear[0] - 0.19 * host.of(Odometry)[-1].angular[2]
-    assert speeds[0] * math.tau / 2000 * 0.087 == pytest.approx(slip.sliding[0] + v_x, rel=0.02)
+    rolling_speed = speeds[0] * math.tau / 2000 * 0.087
+    assert rolling_speed == pytest.approx(slip.slip_velocity[0] + v_x, rel=0.02)
 
 
-def test_the_truth_has_the_host_s_time(new_host):
+def test_ground_truth_has_host_timestamps(new_host):
     host = new_host()
     host.drive((0.5, 0.5, 0.5, 0.5), 3.0)
     stamps = [odometry.stamp_ns for odometry in host.of(Odometry)]
     assert stamps == [START_NS + (i + 1) * TICK_NS for i in range(300)]
-    passages = host.of(Friction)
-    assert passages and all(START_NS < p.stamp_ns < host.now_ns for p in passages)
+    crossings = host.of(Friction)
+    assert crossings and all(START_NS < p.stamp_ns < host.now_ns for p in crossings)
 
 
 @pytest.mark.parametrize('jump', [-3600.0, -2.0, 30.0, 86400.0])
-def test_where_the_host_s_clock_jumps_the_robot_goes_on(new_host, jump):
+def test_a_step_of_the_host_clock_does_not_affect_the_robot(new_host, jump):
     host = new_host()
     host.drive((0.5, 0.5, 0.5, 0.5), 1.0)
     before = host.of(Odometry)[-1]
     host.now_ns += round(jump * NS_PER_S)
-    host.live(0.5)
+    host.advance(0.5)
     after = host.of(Odometry)[-1]
     assert host.hardware.clock_jumps == 1
     assert after.position[0] - before.position[0] == pytest.approx(0.5 * after.linear[0], rel=0.1)
     assert abs(host.now_ns - after.stamp_ns) <= 2 * TICK_NS
 
 
-def test_a_host_that_was_held_up_gets_everything_later(new_host):
+def test_the_simulation_catches_up_after_a_stall_of_the_host(new_host):
     host = new_host()
     host.now_ns += 2 * NS_PER_S
-    host.live(1.0)
+    host.advance(1.0)
     assert host.hardware.clock_jumps == 0
     assert len(host.of(Odometry)) == 300
 
 
-def test_the_log_holds_the_true_instants_of_each_batch(new_host, tmp_path):
+def test_the_log_contains_the_true_times_of_each_batch(new_host, tmp_path):
     host = new_host(**{'truth_log': str(tmp_path / 'truth.csv')})
-    host.live(2.0)
+    host.advance(2.0)
     host.hardware.close()
     with open(tmp_path / 'truth.csv', encoding='utf-8') as log:
         rows = list(csv.DictReader(log))
@@ -186,7 +188,7 @@ def test_the_log_holds_the_true_instants_of_each_batch(new_host, tmp_path):
     assert len(rows) >= 98
 
 
-def test_the_next_thing_to_do_is_never_in_the_past_or_far_away(new_host):
+def test_the_next_event_is_in_the_near_future(new_host):
     host = new_host()
     for _ in range(300):
         next_ns = host.hardware.advance(host.now_ns)
@@ -194,27 +196,27 @@ def test_the_next_thing_to_do_is_never_in_the_past_or_far_away(new_host):
         host.now_ns = next_ns
 
 
-def test_run_follows_the_clock_and_answers_until_told_to_stop(new_host):
+def test_run_follows_the_clock_until_it_is_stopped(new_host):
     host = new_host()
     stopping = threading.Event()
     thread = threading.Thread(target=host.hardware.run, args=(time.time_ns, stopping))
     thread.start()
     try:
-        assert host.told.wait(10.0)
+        assert host.published.wait(10.0)
     finally:
         stopping.set()
         thread.join(10.0)
     assert not thread.is_alive() and host.hardware.clock_jumps == 1
 
 
-def test_ports_go_away_when_something_can_not_be_opened(tmp_path):
+def test_ports_are_removed_if_the_log_cannot_be_opened(tmp_path):
     links = {f'ports.{name}': str(tmp_path / name) for name in PORTS}
     params = build(SimulatorParams, {**links, 'truth_log': str(tmp_path / 'no' / 'log.csv')})
     with pytest.raises(LinkError, match='log.csv'):
-        Hardware(params, print, START_NS)
+        SimulatedHardware(params, print, START_NS)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_converter_that_the_payload_can_not_carry_is_refused():
+def test_a_resolution_that_the_payload_does_not_support_is_refused():
     with pytest.raises(ParameterError, match=r'film\.bits'):
-        Hardware(build(SimulatorParams, {'film.bits': 12}), print, START_NS)
+        SimulatedHardware(build(SimulatorParams, {'film.bits': 12}), print, START_NS)

@@ -1,4 +1,4 @@
-"""Inertial unit and encoders against the motion of the plant."""
+"""IMU and encoders, compared with the motion of the plant."""
 
 import math
 
@@ -8,8 +8,8 @@ from smart_tire import rotation
 from smart_tire.models.vehicle.skid_steer import GRAVITY
 from smart_tire.parameters import build, SimulatorParams
 from smart_tire.simulation.plant import Plant, STEP
-from smart_tire.simulation.sensors import encoder_counts, InertialUnit, wheel_angles
-from smart_tire.simulation.surfaces import Ground
+from smart_tire.simulation.sensors import encoder_counts, ImuModel, wheel_angles
+from smart_tire.simulation.surfaces import SurfaceMap
 
 PERFECT = {'imu.gyro_noise': 1e-6, 'imu.accel_noise': 1e-6, 'imu.gyro_bias': 0.0,
            'imu.accel_bias': 0.0, 'errors.imu_tilt': 0.0}
@@ -17,18 +17,18 @@ PERFECT = {'imu.gyro_noise': 1e-6, 'imu.accel_noise': 1e-6, 'imu.gyro_bias': 0.0
 
 def new(seed=4, **values):
     params = build(SimulatorParams, values)
-    plant = Plant(params.robot, params.drive, Ground(params.ground))
-    return plant, InertialUnit(params.robot, params.errors, np.random.default_rng(seed))
+    plant = Plant(params.robot, params.drive, SurfaceMap(params.ground))
+    return plant, ImuModel(params.robot, params.errors, np.random.default_rng(seed))
 
 
-def test_at_rest_the_unit_feels_gravity_upwards():
+def test_the_specific_force_of_a_stationary_imu_points_upwards():
     plant, imu = new(**PERFECT)
     force, rate = imu.read(plant)
     assert force == pytest.approx((0.0, 0.0, GRAVITY), abs=1e-4)
     assert rate == pytest.approx((0.0, 0.0, 0.0), abs=1e-4)
 
 
-def test_the_mounting_turns_what_is_felt_into_imu_link():
+def test_readings_are_rotated_into_imu_link():
     angles = [0.3, -0.2, 1.1]
     plant, imu = new(**PERFECT, **{'imu.rotation': angles})
     plant.yaw_rate = 0.7
@@ -38,7 +38,7 @@ def test_the_mounting_turns_what_is_felt_into_imu_link():
     assert in_base[2, 0] == pytest.approx(GRAVITY, abs=1e-4)
 
 
-def test_the_readings_integrate_to_the_velocity_of_the_unit():
+def test_the_readings_integrate_to_the_velocity_of_the_imu():
     position = (0.15, -0.1)
     plant, imu = new(**PERFECT, **{'imu.position': [*position, 0.1],
                                    'center_of_mass': [0.02, 0.01, 0.11]})
@@ -53,7 +53,7 @@ def test_the_readings_integrate_to_the_velocity_of_the_unit():
     assert v_y == pytest.approx(plant.v_y + plant.yaw_rate * position[0], abs=5e-3)
 
 
-def test_errors_have_the_sizes_of_the_parameters():
+def test_errors_have_the_configured_standard_deviations():
     readings = np.array([[new(seed=seed)[1].read(new()[0]) for _ in range(1)]
                          for seed in range(200)])
     force_x, rate_z = readings[:, 0, 0, 0], readings[:, 0, 1, 2]
@@ -65,7 +65,7 @@ def test_errors_have_the_sizes_of_the_parameters():
     np.testing.assert_allclose(noise[:, 1].std(axis=0), 0.01, rtol=0.1)
 
 
-def test_encoders_count_whole_steps_down_as_well_as_up():
+def test_encoder_counts_are_floored_in_both_directions():
     plant, _ = new()
     plant.wheel_angle = [0.0, 0.0011, -0.0011, 3.0 * math.tau + 1e-6]
     counts = encoder_counts(plant, 5000.0)

@@ -37,7 +37,7 @@ def numbers(estimate) -> list[float]:
         return [*estimate.position, *estimate.orientation, *estimate.linear, *estimate.angular,
                 *estimate.pose_covariance, *estimate.twist_covariance]
     if isinstance(estimate, WheelSlip):
-        return [*estimate.ratio, *estimate.sliding, *estimate.sigma]
+        return [*estimate.ratio, *estimate.slip_velocity, *estimate.sigma]
     return [estimate.x, estimate.y]
 
 

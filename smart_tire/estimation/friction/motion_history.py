@@ -113,7 +113,7 @@ class MotionHistory:
             return None
         middle = slips[len(slips) // 2]
         pushing = [math.copysign(ratio, sliding)
-                   for ratio, sliding in zip(middle.ratio, middle.sliding)]
+                   for ratio, sliding in zip(middle.ratio, middle.slip_velocity)]
         # what the wheels' slips share is the error of the robot's speed
         return self._balance.stiffness_sigma(pushing, min(middle.sigma), a_x)
 

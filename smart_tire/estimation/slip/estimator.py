@@ -24,7 +24,8 @@ from smart_tire.models.vehicle.skid_steer import GRAVITY
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.rotation import matrix
 from smart_tire.samples import (
-    Friction, ImuSample, MAX_FORCE, MAX_RATE, MAX_WHEEL_SPEED, NS_PER_S, WheelSample)
+    Friction, ImuSample, MAX_ANGULAR_RATE, MAX_SPECIFIC_FORCE, MAX_WHEEL_SPEED, NS_PER_S,
+    WheelSample)
 
 DROPOUT = 0.1              # s without the inertial unit (or 3 periods): go by the wheels
 GUESS_TIME = 2.0           # s, for which a yaw rate that the wheels give errs to one side
@@ -342,6 +343,6 @@ class SlipEstimator:
 def _possible(sample: ImuSample | WheelSample) -> bool:
     """Return whether a robot can have felt this; NaN is not possible either."""
     if isinstance(sample, ImuSample):
-        return (all(abs(force) <= MAX_FORCE for force in sample.acceleration)
-                and all(abs(rate) <= MAX_RATE for rate in sample.rate))
+        return (all(abs(force) <= MAX_SPECIFIC_FORCE for force in sample.acceleration)
+                and all(abs(rate) <= MAX_ANGULAR_RATE for rate in sample.rate))
     return all(abs(speed) <= MAX_WHEEL_SPEED for speed in sample.velocity)
