@@ -1,20 +1,20 @@
-# "make demo" and "make test" are all that a fresh machine needs: Python 3.10 to 3.13 with venv
-# and no ROS. Where a ROS distribution is sourced, its rclpy, messages and Python are used.
+# "make demo" and "make test" install all dependencies and need only Python 3.10 to 3.13 with venv.
+# If a ROS distribution is sourced, its rclpy, messages and Python are used.
 
 ifdef ROS_DISTRO
 PYTHON ?= python3
 VENV := .venv-$(ROS_DISTRO)
 else
-SUITS := import ensurepip, sys, venv; sys.exit(not (3, 10) <= sys.version_info < (3, 14))
+SUPPORTED := import ensurepip, sys, venv; sys.exit(not (3, 10) <= sys.version_info < (3, 14))
 PYTHON ?= $(firstword $(shell for python in python3 python3.13 python3.12 python3.11 python3.10; \
-	do "$$python" -c '$(SUITS)' 2> /dev/null && echo "$$python"; done; true))
+	do "$$python" -c '$(SUPPORTED)' 2> /dev/null && echo "$$python"; done; true))
 VENV := .venv
 endif
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 READY := $(VENV)/ready
 
-# Set inside a Python that has the rclpy wheels; one that starts anew must find its own.
+# Set inside a Python process with the rclpy wheels; must not be inherited by another one.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
 .PHONY: help setup demo test lint mutants stop-times bench bench-slip bench-friction config clean
@@ -22,19 +22,19 @@ help:
 	@echo 'make demo            run the simulated robot and all nodes; results in demo_output/'
 	@echo 'make test            check style and types, run the tests'
 	@echo 'make lint            check style and types only'
-	@echo 'make stop-times      measure how long the wheels take to stop, for each hazard'
+	@echo 'make stop-times      measure the stop time of the wheels for each hazard'
 	@echo 'make mutants         mutation test of the safety path; survivors in mutants_output.md'
 	@echo 'make bench           measure CPU load, latency, offline speed and models'
 	@echo 'make bench-slip      measure slip and localization; results in bench_output/slip/'
 	@echo 'make bench-friction  measure friction; results in bench_output/friction/'
-	@echo 'make config          write config/*.yaml anew from the descriptions of the parameters'
-	@echo 'make clean           remove what was installed and built'
+	@echo 'make config          regenerate config/*.yaml from the parameter definitions'
+	@echo 'make clean           remove installed and built files'
 
 setup: $(READY)
 
 $(READY): constraints.txt requirements.txt setup.py setup.cfg pyproject.toml
 ifdef ROS_DISTRO
-	@echo 'Installing into $(VENV), beside ROS $(ROS_DISTRO)'
+	@echo 'Installing into $(VENV), on top of ROS $(ROS_DISTRO)'
 	@$(PYTHON) -m venv --system-site-packages $(VENV)
 	@$(PIP) -r requirements.txt
 	@$(PIP) --editable '.[test]'
@@ -63,26 +63,25 @@ bench-slip: $(READY)
 bench-friction: $(READY)
 	$(BIN)/python -m benchmarks.friction --force
 
-# Style and types are checked with the pinned tools and versions only; the last numpy for Python
-# 3.10 describes its types otherwise.
+# Style and types are checked with the pinned versions only; the last numpy for Python 3.10 has
+# different type annotations.
 lint: $(READY)
 ifndef ROS_DISTRO
 	$(BIN)/ruff check --quiet .
 	@if $(BIN)/python -c 'import sys; sys.exit(sys.version_info < (3, 11))'; \
 	then echo $(BIN)/mypy --no-error-summary; $(BIN)/mypy --no-error-summary; \
-	else echo 'types are not checked by Python 3.10'; fi
+	else echo 'types are not checked on Python 3.10'; fi
 endif
 
-# Two workers, each with tests that start nodes and then with those that compute: see
-# test/conftest.py.
+# Two workers; test/conftest.py describes the order of the tests.
 test: lint
 	$(BIN)/python -m pytest -n 2
 
-# Real processes, emulated motor boards with faults; see docs/safety.md.
+# Real processes and emulated motor boards with faults; see docs/safety.md.
 stop-times: $(READY)
 	$(BIN)/python test/safety/stop_times.py
 
-# At most 300 mutants of the sources that must stop the wheels; see test/mutation.py.
+# At most 300 mutants of the safety path; see test/mutation.py.
 mutants: $(READY)
 	$(BIN)/python test/mutation.py --report mutants_output.md
 

@@ -12,7 +12,7 @@ NODES = (
 setup(
     name=PACKAGE,
     version='0.1.0',
-    description='Slip, friction and localization of a robot that feels the ground with its tires',
+    description='Slip, pose and tire-road friction of a skid-steer robot from films in its tires',
     license='Apache-2.0',
     maintainer='The smart_tire maintainers',
     maintainer_email='maintainers@smart-tire.example',

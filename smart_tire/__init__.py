@@ -1,3 +1,3 @@
-"""Smart tire: what a skid-steered robot feels through piezoelectric films in its tires."""
+"""Slip, pose and tire-road friction of a skid-steer robot from PVDF films in its tires."""
 
 __version__ = '0.1.0'

@@ -1,16 +1,16 @@
-"""The errors of this package: one small tree, rooted in the builtins."""
+"""Exceptions of this package, derived from built-in ones."""
 
 
 class SmartTireError(Exception):
-    """Base of every error that this package raises on purpose."""
+    """Base of all exceptions that this package raises."""
 
 
 class FrameError(SmartTireError, ValueError):
-    """Bytes from a wire do not form what they claim to be."""
+    """Received bytes are not a valid frame."""
 
 
 class LinkError(SmartTireError, OSError):
-    """A port is absent, busy, or went away."""
+    """A port is absent, busy or lost."""
 
 
 class ParameterError(SmartTireError, ValueError):
@@ -18,16 +18,16 @@ class ParameterError(SmartTireError, ValueError):
 
 
 class MessageError(SmartTireError, ValueError):
-    """A message breaks the contract: wrong names, lengths, or a value that can not be."""
+    """A message has wrong names, wrong lengths or an impossible value."""
 
 
 class CommandError(SmartTireError, ValueError):
-    """A command is not from the present, or not from the one publisher that may command."""
+    """A command is outdated or from a second publisher."""
 
 
 class EstimatorError(SmartTireError, ArithmeticError):
-    """An estimator was fed what it can not use, or its state broke."""
+    """An estimator received invalid input, or its state is invalid."""
 
 
 class BagError(SmartTireError, OSError):
-    """A bag can not be read or written."""
+    """A bag cannot be read or written."""
