@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 from smart_tire.analysis.series import Series
 from smart_tire.estimation.slip.estimator import SlipEstimator
-from smart_tire.estimation.slip.lag_compensation import timed
-from smart_tire.estimation.slip.output import Estimate, SlipReport
+from smart_tire.estimation.slip.lag_compensation import compensate_lag
+from smart_tire.estimation.slip.output import EstimateRecord, SlipOutputBuilder
 from smart_tire.estimation.slip.rts_smoother import RtsSmoother
 from smart_tire.estimation.slip.state import N
 from smart_tire.parameters import SlipEstimatorParams
@@ -22,9 +22,9 @@ class SmoothedSlip:
     def __init__(self, params: SlipEstimatorParams) -> None:
         self._smoother = RtsSmoother(N)
         self._estimator = SlipEstimator(params, self._smoother)
-        self._report = SlipReport(params.robot)
+        self._output = SlipOutputBuilder(params.robot)
 
-    def update(self, sample: ImuSample | WheelSample | Friction) -> list[Estimate]:
+    def update(self, sample: ImuSample | WheelSample | Friction) -> list[EstimateRecord]:
         """Take a sample in; return the filter's estimates of the instants that it closes."""
         return self._estimator.update(sample)
 
@@ -33,10 +33,10 @@ class SmoothedSlip:
         """Return topic -> samples that came too late."""
         return self._estimator.late
 
-    def smoothed(self) -> Iterator[list[Estimate]]:
+    def smoothed(self) -> Iterator[list[EstimateRecord]]:
         """Yield the smoothed estimates of one instant after the other: those of ``update``."""
-        for state in timed(self._smoother.states()):
-            yield self._report.estimates(state.seen, state.x, state.P)
+        for state in compensate_lag(self._smoother.states()):
+            yield self._output.build(state.context, state.x, state.P)
 
     def close(self) -> None:
         """Give the memory of the way back."""

@@ -1,13 +1,14 @@
 """
-One order of events for live, replayed and recorded data.
+Reorder buffer on message time: identical sample order live, replayed and offline.
 
-A grid instant closes when the newest stamp seen on any input is ``window`` later. What is
-stamped up to it is then handed over in (stamp, topic) order, whatever the order of arrival; what
-comes after its instant has closed is dropped and counted. No clock is read.
+A grid instant is closed when the newest timestamp of any input is ``window`` later. The samples up
+to it are then handed over in (timestamp, topic) order, whatever the order of arrival; samples that
+arrive after their instant was closed are dropped and counted. No clock is read.
 
-Topics that are themselves estimates are awaited: they leave their estimator a window after their
-stamps, and at five times real time a busy machine brings them later than any window. While they
-flow, an instant closes only when they have reached it. Where nothing is late that changes nothing.
+Topics that are themselves estimates can be awaited: they leave their estimator a window after
+their timestamps, and at five times real time a busy computer delivers them later than any window.
+While such a topic is active, an instant is closed only when the topic has reached it. Without
+delays this changes nothing.
 """
 
 from __future__ import annotations
@@ -20,22 +21,22 @@ from typing import Any
 
 from smart_tire.samples import NS_PER_S
 
-GRID_NS = 8_000_000       # the paper's 125 Hz
-JUMP_NS = NS_PER_S        # a stamp further than this from the others is suspect
-AHEAD_RUN_NS = 100_000_000  # suspects spanning this, undisturbed, are the new present ...
-STALE_RUN_NS = 500_000_000  # ... or a clock that was set back, or a bag that was started again
-LONGEST_GAP_NS = 60 * NS_PER_S  # a longer silence starts anew instead of being predicted through
-PATIENCE_NS = 900_000_000  # an awaited topic may lag so much; beyond, it counts as silent
+GRID_NS = 8_000_000       # output period, 125 Hz as in paper B
+MAX_JUMP_NS = NS_PER_S    # a timestamp that differs more from the newest one is suspect
+FORWARD_JUMP_NS = 100_000_000   # suspects that span this, without others, advance the time ...
+BACKWARD_JUMP_NS = 500_000_000  # ... or show a clock that was set back, or a restarted bag
+MAX_GAP_NS = 60 * NS_PER_S  # after a longer gap the owner is reset instead of predicting
+MAX_AWAITED_LAG_NS = 900_000_000  # an awaited topic that lags more counts as inactive
 
-Closed = tuple[int, list[Any]]
+ClosedInstant = tuple[int, list[Any]]  # grid instant [ns] and its samples
 
 
 class ReorderBuffer:
     """
     Reorders samples of several topics on a grid of message time.
 
-    ``late`` counts dropped samples per topic. ``resets`` counts the times when the clock of all
-    inputs jumped so that the owner must start anew; compare it after each ``push``.
+    ``late`` counts dropped samples per topic. ``resets`` counts jumps of the clock of all inputs,
+    after which the owner must reset its state; compare it after each ``push``.
     """
 
     def __init__(self, window_ns: int, grid_ns: int = GRID_NS,
@@ -48,19 +49,19 @@ class ReorderBuffer:
         self.reset()
 
     def reset(self) -> None:
-        """Forget all samples and the time, keep the counters."""
+        """Discard all samples and the time; the counters stay."""
         self._heap: list[tuple[int, str, int, Any]] = []
-        self._order = itertools.count()  # equal stamps of one topic stay in order of arrival
+        self._order = itertools.count()  # equal timestamps of one topic stay in order of arrival
         self._newest: int | None = None
         self._closed: int | None = None
         self._suspects: list[tuple[str, int, Any]] = []
-        self._reached: dict[str, int] = {}  # awaited topic -> its newest stamp
+        self._reached: dict[str, int] = {}  # awaited topic -> its newest timestamp
 
-    def push(self, topic: str, stamp_ns: int, sample: Any) -> list[Closed]:
-        """Take a sample in; return the grid instants that it closes with their samples."""
+    def push(self, topic: str, stamp_ns: int, sample: Any) -> list[ClosedInstant]:
+        """Add a sample; return the grid instants that it closes, with their samples."""
         if self._newest is not None and (
-                stamp_ns - self._newest > JUMP_NS or self._newest - stamp_ns > JUMP_NS):
-            return self._suspect(topic, stamp_ns, sample)
+                stamp_ns - self._newest > MAX_JUMP_NS or self._newest - stamp_ns > MAX_JUMP_NS):
+            return self._add_suspect(topic, stamp_ns, sample)
         if self._suspects:
             self._drop_suspects()
         self._insert(topic, stamp_ns, sample)
@@ -76,7 +77,7 @@ class ReorderBuffer:
         if self._newest is None or stamp_ns > self._newest:
             self._newest = stamp_ns
 
-    def _close(self) -> list[Closed]:
+    def _close(self) -> list[ClosedInstant]:
         heap, closed = self._heap, []
         if self._newest is None or not heap and self._closed is None:
             return []
@@ -84,7 +85,7 @@ class ReorderBuffer:
         if limit < instant:
             return []
         limit = min([limit, *(stamp for stamp in self._reached.values()
-                              if self._newest - stamp < PATIENCE_NS)])
+                              if self._newest - stamp < MAX_AWAITED_LAG_NS)])
         while instant <= limit:
             samples = []
             while heap and heap[0][0] <= instant:
@@ -99,21 +100,21 @@ class ReorderBuffer:
             return self._closed + self._grid_ns
         return -(-self._heap[0][0] // self._grid_ns) * self._grid_ns
 
-    def _suspect(self, topic: str, stamp_ns: int, sample: Any) -> list[Closed]:
-        """Hold a stamp that is far off until others agree with it; then follow the jump."""
+    def _add_suspect(self, topic: str, stamp_ns: int, sample: Any) -> list[ClosedInstant]:
+        """Hold a sample whose timestamp jumps; accept the jump once further samples confirm it."""
         assert self._newest is not None
-        if self._suspects and abs(stamp_ns - self._suspects[-1][1]) > JUMP_NS:
+        if self._suspects and abs(stamp_ns - self._suspects[-1][1]) > MAX_JUMP_NS:
             self._drop_suspects()
         self._suspects.append((topic, stamp_ns, sample))
-        ahead = stamp_ns > self._newest
+        forward = stamp_ns > self._newest
         stamps = [suspect[1] for suspect in self._suspects]
-        if max(stamps) - min(stamps) < (AHEAD_RUN_NS if ahead else STALE_RUN_NS):
+        if max(stamps) - min(stamps) < (FORWARD_JUMP_NS if forward else BACKWARD_JUMP_NS):
             return []
-        run, self._suspects = self._suspects, []
-        if not ahead or min(stamps) - self._newest > LONGEST_GAP_NS:
+        confirmed, self._suspects = self._suspects, []
+        if not forward or min(stamps) - self._newest > MAX_GAP_NS:
             self.reset()
             self.resets += 1
-        for item in run:
+        for item in confirmed:
             self._insert(*item)
         return self._close()
 

@@ -91,16 +91,16 @@ def test_slips_do_not_lag_where_wheels_are_slow_and_late():
 
 def test_biases_are_known_from_the_first_instant():
     run, _ = driven(1)
-    filtered, tape = [], RtsSmoother(N)
-    estimator = SlipEstimator(build(SlipEstimatorParams, {}), tape)
+    filtered, recorder = [], RtsSmoother(N)
+    estimator = SlipEstimator(build(SlipEstimatorParams, {}), recorder)
     for sample in run.samples:
         filtered += [e for e in estimator.update(sample) if isinstance(e, Odometry)]
-    smoothed = list(tape.states())
+    smoothed = list(recorder.states())
     first, last = smoothed[0], smoothed[-1]
     for row in (State.GYRO_BIAS_Z, State.ACCEL_BIAS_X, State.ACCEL_BIAS_Y):
         assert first.P[row, row] < 2.0 * last.P[row, row]
         assert abs(first.x[row] - last.x[row]) < 3.0 * np.sqrt(first.P[row, row])
-    start = [first.x[State.GYRO_BIAS_Z] - state.seen.gyro_z for state in smoothed[:100]]
+    start = [first.x[State.GYRO_BIAS_Z] - state.context.gyro_z for state in smoothed[:100]]
     assert abs(np.mean(start)) < 0.003  # the robot stands: all that is felt is the bias
     assert np.sqrt(first.P[State.GYRO_BIAS_Z, State.GYRO_BIAS_Z]) < 0.1 * np.sqrt(
         filtered[0].twist_covariance[-1])
@@ -112,15 +112,15 @@ def test_no_variance_is_ever_larger_than_the_filters():
             super().__init__(N)
             self.filtered = []
 
-        def mark(self, seen, x, P):
+        def record_output(self, context, x, P):
             self.filtered.append(P)
-            super().mark(seen, x, P)
+            super().record_output(context, x, P)
     run, _ = driven(2)
-    tape = Both()
-    estimator = SlipEstimator(build(SlipEstimatorParams, {}), tape)
+    recorder = Both()
+    estimator = SlipEstimator(build(SlipEstimatorParams, {}), recorder)
     for sample in run.samples:
         estimator.update(sample)
-    for state, P in zip(tape.states(), tape.filtered, strict=True):
+    for state, P in zip(recorder.states(), recorder.filtered, strict=True):
         assert np.all(np.diag(state.P) <= np.diag(P) * (1.0 + 1e-9))
         scale = np.sqrt(np.outer(np.diag(state.P), np.diag(state.P)))
         assert np.linalg.eigvalsh(state.P / scale).min() > -1e-12

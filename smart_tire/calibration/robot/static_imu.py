@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from smart_tire.arrays import Array
 from smart_tire.calibration.recording import ImuRecord, Recording, WheelRecord
 from smart_tire.errors import EstimatorError
-from smart_tire.estimation.slip.zero_velocity import NOISE_FACTOR, SETTLED, STILL_WHEEL
+from smart_tire.estimation.slip.zero_velocity import (
+    BIAS_WINDOW, MAX_STATIONARY_WHEEL_SPEED, QUIET_NOISE_RATIO)
 from smart_tire.models.vehicle.skid_steer import GRAVITY
 from smart_tire.parameters import RobotParams
 from smart_tire.uncertain import Uncertain
@@ -60,12 +61,12 @@ def fit_static_imu(recording: Recording, robot: RobotParams) -> StaticImuFit:
     imu = recording.imu
     fresh = np.append(True, (np.diff(imu.rate, axis=0) != 0.0).any(axis=1)
                       | (np.diff(imu.force, axis=0) != 0.0).any(axis=1))
-    max_wheel_speed = STILL_WHEEL / robot.wheel_radius
+    max_wheel_speed = MAX_STATIONARY_WHEEL_SPEED / robot.wheel_radius
     windows = _quiet(list(_windows(
         imu, fresh, stationary_intervals(recording.wheels, max_wheel_speed))))
     if not windows:
         raise EstimatorError('the robot is never stationary for '
-                             f'{SETTLED + WINDOW_LENGTH + MOTION_MARGIN:g} s')
+                             f'{BIAS_WINDOW + WINDOW_LENGTH + MOTION_MARGIN:g} s')
     gyro, accel = _noise(windows, 'rate', [2]), _noise(windows, 'force', [0, 1])
     intervals = sorted({window.interval for window in windows})
     tilts = np.array([_tilt(_mean(windows, 'force', interval)) for interval in intervals])
@@ -95,7 +96,8 @@ def _windows(imu: ImuRecord, fresh: NDArray[np.bool_],
              times: Iterator[tuple[float, float]]) -> Iterator[_Window]:
     """Yield the samples of each second at standstill, without repeated ones."""
     for interval, (begin, end) in enumerate(times):
-        begin += SETTLED if interval else 0.0  # no settling if the recording begins stationary
+        if interval:  # no settling if the recording begins stationary
+            begin += BIAS_WINDOW
         count = int((end - begin - MOTION_MARGIN) / WINDOW_LENGTH)
         for first in begin + WINDOW_LENGTH * np.arange(max(count, 0)):
             selected = fresh & (imu.time >= first) & (imu.time < first + WINDOW_LENGTH)
@@ -108,7 +110,7 @@ def _quiet(windows: list[_Window]) -> list[_Window]:
     if not windows:
         return []
     spread = np.array([[*w.rate.std(axis=0), *w.force.std(axis=0)] for w in windows])
-    limit = NOISE_FACTOR * np.maximum(np.quantile(spread, QUIET_QUANTILE, axis=0), 1e-9)
+    limit = QUIET_NOISE_RATIO * np.maximum(np.quantile(spread, QUIET_QUANTILE, axis=0), 1e-9)
     kept = (spread <= limit).all(axis=1)
     return [window for window, quiet in zip(windows, kept) if quiet]
 

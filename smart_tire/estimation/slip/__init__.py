@@ -1,1 +1,1 @@
-"""Slip, pose and ICR of the robot: EKF on IMU and wheel encoders, and its RTS smoother."""
+"""Slip, pose and ICR of the robot: EKF with IMU and wheel encoders, and its RTS smoother."""

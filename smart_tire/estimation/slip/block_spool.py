@@ -1,4 +1,4 @@
-"""Blocks of bytes that outgrow the memory: kept in order, read and replaced anywhere."""
+"""Byte-block store that spills to a temporary file; blocks can be rewritten in place."""
 
 from __future__ import annotations
 
@@ -9,51 +9,51 @@ from typing import Any, IO
 
 from smart_tire.errors import EstimatorError
 
-IN_MEMORY = 1 << 26  # bytes; the blocks of a few minutes never see a disk
+MAX_MEMORY = 1 << 26  # bytes before the file goes to disk; a few minutes of states fit
 
 
 class Spool:
-    """A temporary file, in memory while it is small; EstimatorError where it has no room."""
+    """A temporary file, in memory while it is small; EstimatorError if the disk is full."""
 
     def __init__(self) -> None:
         self._file = _new_file()
         self._end = 0
 
     def close(self) -> None:
-        """Give the file back; what was in it is gone."""
+        """Delete the file and its content."""
         self._file.close()
 
-    def append(self, data: bytes, room: int = 0) -> int:
-        """Append ``data``, with ``room`` [bytes] for it to grow to; return its place."""
-        place = self._end
-        self.replace(place, data)
-        self._end += max(len(data), room)
-        return place
+    def append(self, data: bytes, reserve: int = 0) -> int:
+        """Append ``data``, reserving at least ``reserve`` [bytes]; return its offset."""
+        offset = self._end
+        self.replace(offset, data)
+        self._end += max(len(data), reserve)
+        return offset
 
     def append_items(self, items: Sequence[Any]) -> int:
-        """Append any picklable items and return their place."""
+        """Append any picklable items; return their offset."""
         return self.append(pickle.dumps(items, pickle.HIGHEST_PROTOCOL))
 
-    def replace(self, place: int, data: bytes) -> None:
-        """Write ``data`` over what begins at ``place``, within its room."""
+    def replace(self, offset: int, data: bytes) -> None:
+        """Overwrite the block at ``offset`` with ``data``, which must fit what was reserved."""
         try:
-            self._file.seek(place)
+            self._file.seek(offset)
             self._file.write(data)
         except OSError as error:
-            raise EstimatorError(f'no room in {tempfile.gettempdir()} for {place + len(data)} '
-                                 f'bytes ({error.strerror}); TMPDIR may name a larger folder'
-                                 ) from error
+            raise EstimatorError(
+                f'cannot write {offset + len(data)} bytes to {tempfile.gettempdir()} '
+                f'({error.strerror}); set TMPDIR to a larger directory') from error
 
-    def read(self, place: int, size: int) -> bytes:
-        """Return ``size`` bytes from ``place``."""
-        self._file.seek(place)
+    def read(self, offset: int, size: int) -> bytes:
+        """Return ``size`` bytes from ``offset``."""
+        self._file.seek(offset)
         return self._file.read(size)
 
-    def items(self, place: int) -> Any:
-        """Return the items at ``place``, which only this object has written."""
-        self._file.seek(place)
+    def items(self, offset: int) -> Any:
+        """Return the items at ``offset``, as written by ``append_items``."""
+        self._file.seek(offset)
         return pickle.load(self._file)
 
 
 def _new_file() -> IO[bytes]:
-    return tempfile.SpooledTemporaryFile(max_size=IN_MEMORY, prefix='smart_tire_')
+    return tempfile.SpooledTemporaryFile(max_size=MAX_MEMORY, prefix='smart_tire_')

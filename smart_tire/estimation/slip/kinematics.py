@@ -1,4 +1,4 @@
-"""Speeds of the body and of its sides, and their sigmas, from the state of the slip filter."""
+"""Body and side speeds with their standard deviations, from the state of the slip EKF."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from smart_tire.samples import Vector3
 
 class SlipKinematics:
     """
-    What a state ``x`` (N numbers) with covariance ``P`` (N, N) means at a yaw rate.
+    Speeds that follow from a state ``x`` (N numbers) with covariance ``P`` (N, N).
 
-    ``gyro_z`` is the rate [rad/s] in base axes, bias not removed.
+    ``gyro_z`` is the measured yaw rate [rad/s] in base axes, bias included.
     """
 
     def __init__(self, robot: RobotParams) -> None:
@@ -28,13 +28,13 @@ class SlipKinematics:
         J[:3, State.GYRO_BIAS_Z] = -self._y_imu, self._x_imu, -1.0
 
     def side_speeds(self, x: Sequence[float], gyro_z: float) -> tuple[float, float]:
-        """Return v_x [m/s] of the left and of the right wheel centres, B(2)."""
+        """Return v_x [m/s] of the left and of the right wheel centers, B(2)."""
         W = gyro_z - x[State.GYRO_BIAS_Z]
         v_x = x[State.V_X] + self._y_imu * W
         return v_x - self._half_track * W, v_x + self._half_track * W
 
     def wheel_speeds(self, x: Sequence[float], gyro_z: float) -> tuple[float, float]:
-        """Return r w [m/s] of the two sides as the filter has them."""
+        """Return the estimated r w [m/s] of the left and of the right side."""
         left, right = self.side_speeds(x, gyro_z)
         return left + x[State.SLIP_VEL_L], right + x[State.SLIP_VEL_R]
 
@@ -46,15 +46,15 @@ class SlipKinematics:
         return twist, 0.5 * (covariance + covariance.T)
 
     def slip_sigmas(self, x: Sequence[float], P: Array, gyro_z: float) -> tuple[float, float]:
-        """Return one sigma [-] of the slip ratio of the left and of the right side, at most 1."""
+        """Return the standard deviations [-] of the left and right slip ratio, at most 1."""
         ground, wheels = self.side_speeds(x, gyro_z), self.wheel_speeds(x, gyro_z)
         sigmas = []
-        for side, slide, v, u in zip(SIDE_SIGNS, SLIP_VELS, ground, wheels):
-            # lambda = slide / u, u = v + slide
-            by_slide, by_v = v, -x[slide]
+        for side, row, v, u in zip(SIDE_SIGNS, SLIP_VELS, ground, wheels):
+            # slip ratio = slip velocity / u, with u = v + slip velocity
+            by_slip_velocity, by_v = v, -x[row]
             arm = self._y_imu + side * self._half_track
-            variance = (by_slide ** 2 * P[slide, slide] + by_v ** 2 * (
+            variance = (by_slip_velocity ** 2 * P[row, row] + by_v ** 2 * (
                 P[State.V_X, State.V_X] - 2.0 * arm * P[State.V_X, State.GYRO_BIAS_Z])
-                + 2.0 * by_slide * by_v * P[slide, State.V_X])
+                + 2.0 * by_slip_velocity * by_v * P[row, State.V_X])
             sigmas.append(min(1.0, math.sqrt(max(0.0, variance)) / max(u * u, 1e-9)))
         return sigmas[0], sigmas[1]

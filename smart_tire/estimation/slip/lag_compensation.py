@@ -1,10 +1,11 @@
 """
-Smoothed sliding at the time at which it was measured.
+Moves smoothed slip velocities to the time at which they were measured.
 
-A wheel reading is a mean over a period that has passed, often for long. The filter takes it for
-the present, and where the sliding changes it lags by half a period and all of the latency. Who
-looks back knows better: what a reading told of the sliding belongs to the middle of its period.
-Speeds over ground do not lag, so that slips are in time, too.
+A wheel measurement is a mean over a past period. The filter applies it to the present state, so
+the estimated slip velocity lags by half a period plus the encoder latency whenever it changes.
+Offline this lag is removed: the slip velocity after a measurement belongs to the center of its
+period, and is interpolated linearly between these centers. Speeds over ground do not lag, so the
+slip ratios are aligned, too.
 """
 
 from __future__ import annotations
@@ -13,45 +14,45 @@ from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
-from smart_tire.estimation.slip.rts_smoother import Smoothed
+from smart_tire.estimation.slip.rts_smoother import SmoothedState
 from smart_tire.estimation.slip.state import SLIP_VELS
 
-LONGEST = 3.0  # s without a wheel reading; beyond, the sliding stays as the filter has it
+MAX_WHEEL_GAP = 3.0  # s without a wheel measurement; states are not interpolated over more
 
 ROWS = list(SLIP_VELS)
-Knot = tuple[float, list[float]]  # s, m/s of both sides
+Knot = tuple[float, list[float]]  # center of a period [s], slip velocity of both sides [m/s]
 
 
-def timed(states: Iterable[Smoothed]) -> Iterator[Smoothed]:
-    """Yield ``states``, in their order, with their sliding moved between the readings."""
-    waiting: deque[Smoothed] = deque()  # for the reading after them
+def compensate_lag(states: Iterable[SmoothedState]) -> Iterator[SmoothedState]:
+    """Yield ``states``, in order, with slip velocities interpolated between measurements."""
+    waiting: deque[SmoothedState] = deque()  # for the next measurement
     last: Knot | None = None
-    stretch = 0
+    segment = 0
     for state in states:
-        if state.stretch != stretch:
+        if state.segment != segment:
             yield from waiting
             waiting.clear()
-            last, stretch = None, state.stretch
-        knot = state.seen.wheels_at, [state.x[row] for row in ROWS]
+            last, segment = None, state.segment
+        knot = state.context.wheel_time, [state.x[row] for row in ROWS]
         if last is None or knot[0] > last[0]:
-            while waiting and waiting[0].seen.time < knot[0]:
+            while waiting and waiting[0].context.time < knot[0]:
                 earlier = waiting.popleft()
-                yield earlier if last is None else _between(last, knot, earlier)
+                yield earlier if last is None else _interpolate(last, knot, earlier)
             last = knot
         waiting.append(state)
-        while waiting[0].seen.time < state.seen.time - LONGEST:
+        while waiting[0].context.time < state.context.time - MAX_WHEEL_GAP:
             yield waiting.popleft()
     yield from waiting
 
 
-def _between(last: Knot, knot: Knot, state: Smoothed) -> Smoothed:
+def _interpolate(last: Knot, knot: Knot, state: SmoothedState) -> SmoothedState:
     """
-    Return ``state`` with the sliding between two readings.
+    Return ``state`` with the slip velocity interpolated between two measurements.
 
-    When it changed between them is not known: a step at any time, each as likely, is off the
-    line by this variance.
+    When it changed between them is unknown: for a step at a uniformly distributed time, linear
+    interpolation has the variance that is added here.
     """
-    share = min(max((state.seen.time - last[0]) / (knot[0] - last[0]), 0.0), 1.0)
+    share = min(max((state.context.time - last[0]) / (knot[0] - last[0]), 0.0), 1.0)
     x, P = list(state.x), state.P.copy()
     for row, before, after in zip(ROWS, last[1], knot[1]):
         x[row] = (1.0 - share) * before + share * after

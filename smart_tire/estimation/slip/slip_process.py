@@ -1,4 +1,4 @@
-"""When the sliding of a side may have changed, by how much, and what is known of it then."""
+"""Process model of side slip: change detection and the prior after a change."""
 
 from __future__ import annotations
 
@@ -12,149 +12,153 @@ from smart_tire.arrays import Array
 from smart_tire.parameters import SlipEstimatorParams
 
 
-SLIDE_FLOOR = 0.02    # m/s, sliding that a wheel shows at any speed
-CHANGE = 2.5          # sigmas of a change of wheel speed by stamps alone; more is real
-GROUND_CHANGE = 0.01  # m/s; a larger change of the speed over ground changes the slip
-CHANGE_TIME = 0.3     # s, that slip takes to settle after a change of speed
-LOST = 0.05           # -, one sigma of slip that was seen too long ago; assumed
-GROUND_TIME = 3.0     # s, over which the kind of ground is remembered
-STRAIGHT = 0.15       # -, difference of the sides' speeds over their mean; assumed
-SURPRISE = 2.0        # sigmas; beyond, twice in a row, the sliding has changed
+MIN_SLIP_VELOCITY = 0.02        # m/s, standard deviation of the slip velocity at standstill
+STAMP_JITTER_SIGMAS = 2.5       # of a wheel speed change due to timestamps; more is a change
+MIN_GROUND_SPEED_CHANGE = 0.01  # m/s; a larger change of the speed over ground changes the slip
+SLIP_SETTLING_TIME = 0.3        # s, that slip takes to settle after a change of speed
+LOST_SLIP_SIGMA = 0.05          # -, at which the estimated slip is as good as lost; assumed
+SOFT_GROUND_WINDOW = 3.0        # s, over which the observed slip indicates soft ground
+STRAIGHT_SPEED_DIFFERENCE = 0.15  # -, of the sides, over their mean; assumed
+INNOVATION_SIGMAS = 2.0         # exceeded twice in a row with one sign: the slip has changed
 
 
 @dataclass(frozen=True, slots=True)
 class SlipChange:
-    """What is seen of one side at a wheel reading."""
+    """Possible change of one side's slip velocity at a wheel measurement."""
 
-    variance: float      # m2/s2, by which its sliding may have changed
-    speed: float         # m/s, of wheel or ground, whichever is faster
-    acceleration: float  # m/s2, over ground
-    beyond: float        # m2/s2, of sliding that such speed alone does not explain
+    variance: float              # m2/s2, of the change
+    speed: float                 # m/s, of wheel or ground, whichever is faster
+    acceleration: float          # m/s2, over ground
+    unexplained_variance: float  # m2/s2, of the slip velocity beyond a share of the speed
 
 
 @dataclass(frozen=True, slots=True)
 class FreeRollingPrior:
-    """The slip that both sides share while they roll, and what is to be expected of it."""
+    """Common slip of freely rolling wheels: its estimate and its prior."""
 
-    slip: float      # -, forward force over that of unit slip, of the state
-    variance: float  # -, of it
-    usual: float     # -, variance of what is usual on firm ground
-    firm: float      # -, 0 to 1, how likely this is firm ground and a straight way
-    weight: float    # -, 0 to 1, how much what is usual should count
+    slip: float              # -, mean of both sides, of the state
+    variance: float          # -, of ``slip``
+    prior_variance: float    # -, of the slip on firm ground
+    firm_probability: float  # -, 0 to 1, of firm ground and straight driving
+    weight: float            # -, 0 to 1, of the prior
 
 
 class InnovationChangeDetector:
     """
-    Tells a change from bad readings by innovations that contradict the state twice in a row.
+    Detects a change by two consecutive innovations of the same sign.
 
-    A single bad reading errs the other way the next time. Innovations up to ``least`` sigmas tell
-    nothing.
+    A single outlier is followed by an innovation of the opposite sign. Innovations up to
+    ``min_sigmas`` standard deviations are ignored.
     """
 
-    def __init__(self, least: float) -> None:
-        self._least, self._innovation = least, 0.0
+    def __init__(self, min_sigmas: float) -> None:
+        self._min_sigmas, self._innovation = min_sigmas, 0.0
 
     def update(self, innovation: float, sigma: float) -> float:
-        """Return the variance of a change that explains what ``sigma`` does not."""
+        """Return the variance of the change, 0 if ``sigma`` explains the innovations."""
         before, self._innovation = self._innovation, innovation
         lasting = min(abs(before), abs(innovation)) if before * innovation > 0.0 else 0.0
-        return lasting ** 2 if lasting > self._least * sigma else 0.0
+        return lasting ** 2 if lasting > self._min_sigmas * sigma else 0.0
 
 
 class SlipChangeDetector:
     """
-    Watches one side's wheel and ground speeds for signs that its slip is no longer what it was.
+    Detects changes of one side's slip from its wheel and ground speeds.
 
-    Slip stays while nothing happens. It changes with the wheels' speed, with the speed over
-    ground (another surface shows as a braking or pushing of the body), and where readings
-    surprise.
+    Slip is constant while nothing changes. It changes with the wheel speed, with the speed over
+    ground (another surface brakes or accelerates the body), and when innovations persist.
     """
 
     def __init__(self, params: SlipEstimatorParams) -> None:
         self._params = params
-        self._usual: tuple[float, float] | None = None  # m/s, of wheels and ground of late
-        self._surprise = InnovationChangeDetector(SURPRISE)
+        self._smoothed: tuple[float, float] | None = None  # m/s, of wheel and ground
+        self._innovations = InnovationChangeDetector(INNOVATION_SIGMAS)
 
     def update(self, duration: float, wheel: float, ground: float, innovation: float,
                sigma: float, accel_density: float) -> SlipChange:
         """
-        Return how the sliding may have changed.
+        Return the possible change of the slip velocity.
 
         ``wheel`` and ``ground`` [m/s] are mean speeds over ``duration`` [s]; ``innovation`` [m/s]
-        is the reading beyond its expectation, with its ``sigma``; ``accel_density`` [(m/s2)^2 s]
-        is that of the noise by which the ground's speed seems to change.
+        is that of the wheel speed, with its ``sigma``; ``accel_density`` [(m/s2)^2 s] is the noise
+        density of the acceleration that the ground speed is integrated from.
         """
         speed = max(abs(wheel), abs(ground))
-        surprise = self._surprise.update(innovation, sigma)
-        if self._usual is None:  # until now nothing was known of the wheels
-            self._usual = wheel, ground
+        persistent = self._innovations.update(innovation, sigma)
+        if self._smoothed is None:  # first measurement: the slip velocity is unknown
+            self._smoothed = wheel, ground
             return SlipChange(math.inf, speed, 0.0, 0.0)
-        wheel_step, ground_step = wheel - self._usual[0], ground - self._usual[1]
-        share = 1.0 - math.exp(-duration / CHANGE_TIME)
-        self._usual = self._usual[0] + share * wheel_step, self._usual[1] + share * ground_step
+        wheel_step, ground_step = wheel - self._smoothed[0], ground - self._smoothed[1]
+        gain = 1.0 - math.exp(-duration / SLIP_SETTLING_TIME)
+        self._smoothed = (self._smoothed[0] + gain * wheel_step,
+                          self._smoothed[1] + gain * ground_step)
         jitter = math.sqrt(2.0) * self._params.robot.encoder.stamp_jitter / duration
         change = self._params.slip_agility * (
-            max(0.0, abs(wheel_step) - CHANGE * abs(wheel) * jitter)
+            max(0.0, abs(wheel_step) - STAMP_JITTER_SIGMAS * abs(wheel) * jitter)
             + max(0.0, abs(ground_step) - max(
-                GROUND_CHANGE, CHANGE * math.sqrt(accel_density * CHANGE_TIME))))
-        return SlipChange(change ** 2 * duration / CHANGE_TIME + surprise, speed,
-                      ground_step / CHANGE_TIME, (ground_step - wheel_step) ** 2 + surprise)
+                MIN_GROUND_SPEED_CHANGE,
+                STAMP_JITTER_SIGMAS * math.sqrt(accel_density * SLIP_SETTLING_TIME))))
+        return SlipChange(
+            change ** 2 * duration / SLIP_SETTLING_TIME + persistent, speed,
+            ground_step / SLIP_SETTLING_TIME, (ground_step - wheel_step) ** 2 + persistent)
 
 
 class SlipPrior:
     """
-    Covariance of the two sides' sliding where nothing is known of it.
+    Prior covariance of the two slip velocities.
 
-    The slips over the wheels' speeds add up to the force that moves the robot, which is small
-    while it does not accelerate; their difference, which only turns it, may be large.
+    The sum of the slips gives the force that accelerates the robot, which is small at constant
+    speed; their difference only yaws the robot and may be large.
     """
 
     def __init__(self, params: SlipEstimatorParams) -> None:
         robot = params.robot
-        self._apart = params.slip_sigma ** 2
+        self._differential = params.slip_sigma ** 2
         self._common = params.common_slip_sigma ** 2
         self._firm = params.rolling_slip_sigma ** 2
-        self._lost = LOST ** 2
-        self._soft = 0.0          # -, mean square of common slip that was seen of late
-        self._acceleration = 0.0  # m/s2, of late
+        self._lost = LOST_SLIP_SIGMA ** 2
+        self._soft = 0.0          # -, mean square of the recently observed common slip
+        self._acceleration = 0.0  # m/s2, latest
         # s2/m, of a robot whose wheels are all below their critical slip
         self._slip_per_accel = robot.mass / (4.0 * robot.tire.longitudinal_stiffness)
 
-    def of(self, changes: Sequence[SlipChange]) -> Array:
-        """Return it [m2/s2], shape (2, 2), for what is seen of the two sides."""
+    def covariance(self, changes: Sequence[SlipChange]) -> Array:
+        """Return the prior [m2/s2], shape (2, 2), for the changes of the two sides."""
         self._acceleration = 0.5 * sum(change.acceleration for change in changes)
         common = self._common + self._soft + (self._slip_per_accel * self._acceleration) ** 2
         left, right = changes
-        shared = (common - self._apart) * left.speed * right.speed
-        own = [(common + self._apart) * change.speed ** 2 + SLIDE_FLOOR ** 2 + change.beyond
-               for change in changes]
+        shared = (common - self._differential) * left.speed * right.speed
+        own = [(common + self._differential) * change.speed ** 2 + MIN_SLIP_VELOCITY ** 2
+               + change.unexplained_variance for change in changes]
         return np.array([[own[0], shared], [shared, own[1]]])
 
-    def watch(self, slip: float, variance: float, duration: float) -> None:
+    def update_soft_ground(self, slip: float, variance: float, duration: float) -> None:
         """
-        Take note of a ``slip`` [-] that both sides shared for ``duration`` [s].
+        Add a common ``slip`` [-] that was estimated with ``variance`` for ``duration`` [s].
 
-        Soft ground stays soft: where much slip was seen, much slip is likely after a change, too.
+        The surface persists: where common slip was large, it is likely to be large after a
+        change, too.
         """
-        share = 1.0 - math.exp(-duration / GROUND_TIME)
-        self._soft += share * (max(0.0, slip ** 2 - variance) - self._soft)
+        gain = 1.0 - math.exp(-duration / SOFT_GROUND_WINDOW)
+        self._soft += gain * (max(0.0, slip ** 2 - variance) - self._soft)
 
-    def rolling(self, slip: float, variance: float, turn: float,
-                unsure: float = 0.0) -> FreeRollingPrior:
+    def free_rolling(self, slip: float, variance: float, turn: float,
+                     radius_variance: float = 0.0) -> FreeRollingPrior:
         """
-        Return what to expect of the ``slip`` [-] that both sides share, known with ``variance``.
+        Return the prior of the common ``slip`` [-] that is estimated with ``variance``.
 
-        ``turn`` [-] is the difference of the sides' speeds over their mean. The weight is the
-        probability of firm ground, Bayes' rule with two kinds of ground that are as common. What
-        was seen a while ago is better than what is usual: that counts once the slip is lost.
-        ``unsure`` [-] is the variance of slip that a wrong wheel radius feigns.
+        ``turn`` [-] is the difference of the side speeds over their mean; ``radius_variance`` [-]
+        is the variance of apparent slip due to the wheel radius. The weight is the probability of
+        firm ground, by Bayes' rule with firm and soft ground equally likely, times a factor that
+        is small while the slip is well known: an observed slip is better than the prior.
         """
         driving = (self._slip_per_accel * self._acceleration) ** 2
         firm = self._firm + driving
-        near = variance + firm + unsure
-        far = near + self._apart
+        near = variance + firm + radius_variance
+        far = near + self._differential
         odds = math.sqrt(far / near) * math.exp(-0.5 * slip ** 2 * (1.0 / near - 1.0 / far))
-        straight = math.exp(-(turn / STRAIGHT) ** 2)
+        straight = math.exp(-(turn / STRAIGHT_SPEED_DIFFERENCE) ** 2)
         lost = 1.0 / (1.0 + (self._lost / max(variance, 1e-12)) ** 2)
-        likely = straight * odds / (1.0 + odds)
-        return FreeRollingPrior(slip, variance, firm + unsure, likely, lost * likely)
+        probability = straight * odds / (1.0 + odds)
+        return FreeRollingPrior(
+            slip, variance, firm + radius_variance, probability, lost * probability)

@@ -1,49 +1,56 @@
-"""How the robot turns for the speeds of its wheels, learned for the time when the gyro is gone."""
+"""
+Steering efficiency, learned online as a fallback for IMU dropouts.
+
+It is the yaw rate over the odometry yaw rate, which is the difference of the side speeds over the
+track width.
+"""
 
 from __future__ import annotations
 
 import math
 
-MEMORY = 30.0        # s of turning, by which what was learned is forgotten; another ground
-PRIOR = 0.05         # (rad/s)^2 s, the worth of the geometric track, which nobody has seen yet
-UNKNOWN = 0.3        # of the yaw rate, one sigma of what nobody has learned
-SMALLEST = 0.05      # of the yaw rate, one sigma: the next turn is never quite the same
-STRAIGHT_RATE = 0.02  # rad/s, one sigma of the yaw rate while both sides are as fast
+HISTORY_LENGTH = 30.0      # s of turning, time constant of forgetting: the surface may change
+PRIOR_WEIGHT = 0.05        # (rad/s)^2 s, weight of the prior, an efficiency of one
+PRIOR_SIGMA = 0.3          # share of the yaw rate, before anything is learned
+MIN_SIGMA = 0.05           # share of the yaw rate: turns are never exactly alike
+STRAIGHT_YAW_RATE = 0.02   # rad/s, standard deviation while both sides are equally fast
 
 
 class SteeringEfficiency:
     """
-    Regression of the yaw rate on the sides' difference of speeds over the track.
+    Regression of the yaw rate on the odometry yaw rate.
 
-    A skid-steered robot turns by less than its wheels seem to say, often by half; the share is
-    nearly the same from turn to turn on one ground, whatever the slips are.
+    A skid-steer robot yaws less than its odometry suggests, often by half; on one surface the
+    ratio is nearly constant, whatever the slips are.
     """
 
     def __init__(self) -> None:
-        self._squares = PRIOR   # (rad/s)^2 s, of what the wheels say
-        self._products = PRIOR  # of wheels and gyro
-        self._misfits = PRIOR * UNKNOWN ** 2
+        self._squares = PRIOR_WEIGHT   # (rad/s)^2 s, of the odometry yaw rate
+        self._products = PRIOR_WEIGHT  # (rad/s)^2 s, of odometry yaw rate and yaw rate
+        self._residuals = PRIOR_WEIGHT * PRIOR_SIGMA ** 2  # (rad/s)^2 s, squared residuals
 
     @property
-    def share(self) -> float:
-        """Return the yaw rate over what the wheels say, 1 without slip."""
+    def efficiency(self) -> float:
+        """Return the yaw rate over the odometry yaw rate, 1 without slip."""
         return self._products / self._squares
 
-    def update(self, by_wheels: float, yaw_rate: float, duration: float) -> None:
-        """Learn that the robot turned at ``yaw_rate`` [rad/s] for ``duration`` [s]."""
-        weight = by_wheels ** 2 * duration
+    def update(self, odometry_yaw_rate: float, yaw_rate: float, duration: float) -> None:
+        """Add mean yaw rates [rad/s], by odometry and by gyro, over ``duration`` [s]."""
+        weight = odometry_yaw_rate ** 2 * duration
         if weight <= 0.0:
             return
-        keep = math.exp(-duration / MEMORY * min(1.0, by_wheels ** 2 / self._mean_square()))
-        misfit = yaw_rate - self.share * by_wheels
+        keep = math.exp(-duration / HISTORY_LENGTH
+                        * min(1.0, odometry_yaw_rate ** 2 / self._mean_square()))
+        residual = yaw_rate - self.efficiency * odometry_yaw_rate
         self._squares = keep * self._squares + weight
-        self._products = keep * self._products + by_wheels * yaw_rate * duration
-        self._misfits = keep * self._misfits + misfit ** 2 * duration
+        self._products = keep * self._products + odometry_yaw_rate * yaw_rate * duration
+        self._residuals = keep * self._residuals + residual ** 2 * duration
 
     def _mean_square(self) -> float:
-        return max(self._squares / MEMORY, STRAIGHT_RATE ** 2)
+        return max(self._squares / HISTORY_LENGTH, STRAIGHT_YAW_RATE ** 2)
 
-    def predict(self, by_wheels: float) -> tuple[float, float]:
-        """Return the yaw rate to expect and one sigma of it [rad/s]."""
-        relative = max(SMALLEST, math.sqrt(self._misfits / self._squares))
-        return self.share * by_wheels, math.hypot(relative * by_wheels, STRAIGHT_RATE)
+    def predict(self, odometry_yaw_rate: float) -> tuple[float, float]:
+        """Return the expected yaw rate [rad/s] and its standard deviation."""
+        relative = max(MIN_SIGMA, math.sqrt(self._residuals / self._squares))
+        return (self.efficiency * odometry_yaw_rate,
+                math.hypot(relative * odometry_yaw_rate, STRAIGHT_YAW_RATE))

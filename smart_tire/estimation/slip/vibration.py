@@ -1,39 +1,39 @@
-"""How much a robot shakes, read off the one axis on which a planar motion shows nothing."""
+"""Vibration level from the vertical accelerometer, which planar motion does not excite."""
 
 from __future__ import annotations
 
 import math
 
-MEMORY = 1.0   # s, of mean and variance
-NOTABLE = 1.5  # times the unit's own noise; less is not told from it
+VIBRATION_WINDOW = 1.0  # s, time constant of mean and variance
+MIN_NOISE_RATIO = 1.5   # standard deviation over the IMU's noise below which none is reported
 
 
 class VibrationMonitor:
     """
-    Standard deviation of the vertical specific force beyond the unit's own noise.
+    Standard deviation of the vertical specific force in excess of the IMU's noise.
 
-    Wheels with cleats, grooves and rough ground shake a robot by a hundred times the noise of
-    its unit, along all axes alike. Horizontally that hides among true accelerations.
+    Cleats, grooves and rough ground vibrate a robot with a hundred times the noise of its IMU,
+    along all axes alike. In the horizontal axes vibration and acceleration cannot be separated.
     """
 
     def __init__(self, noise: float) -> None:
-        self._noise = noise  # m/s2, one sigma of a sample
+        self._noise = noise  # m/s2, standard deviation of a sample
         self._last: tuple[float, float] | None = None  # time [s], mean [m/s2]
         self._variance = 0.0
 
-    def push(self, time: float, force_z: float) -> None:
-        """Take in a specific force [m/s2] along the vertical axis at ``time`` [s]."""
+    def update(self, time: float, force_z: float) -> None:
+        """Add the vertical specific force [m/s2] at ``time`` [s]."""
         if self._last is None:
             self._last = time, force_z
             return
         before, mean = self._last
-        gain = 1.0 - math.exp(-max(0.0, time - before) / MEMORY)
+        gain = 1.0 - math.exp(-max(0.0, time - before) / VIBRATION_WINDOW)
         self._last = time, mean + gain * (force_z - mean)
         self._variance += gain * ((force_z - mean) ** 2 - self._variance)
 
     @property
     def sigma(self) -> float:
-        """One sigma [m/s2] of the shaking; 0 where it does not stand out of the noise."""
-        if self._variance < (NOTABLE * self._noise) ** 2:
+        """Standard deviation [m/s2] of the vibration; 0 if not distinguishable from noise."""
+        if self._variance < (MIN_NOISE_RATIO * self._noise) ** 2:
             return 0.0
         return math.sqrt(self._variance - self._noise ** 2)

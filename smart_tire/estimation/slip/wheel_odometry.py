@@ -1,4 +1,4 @@
-"""From wheel samples to mean speeds of the two sides between two readings."""
+"""Mean side speeds between two wheel samples."""
 
 from __future__ import annotations
 
@@ -8,80 +8,82 @@ import math
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import Four, WheelSample
 
-LONGEST = 2.0         # s between readings; beyond, only the newest period is used
-JUMP_SPEED = 3.0      # rad/s by which positions may contradict velocities, reset beyond
-BEYOND_MEMORY = 0.5   # share of a new reading in a wheel's difference from its side
+MAX_SAMPLE_GAP = 2.0   # s; after a longer gap positions are not differenced
+MAX_POSITION_JUMP = 3.0  # rad/s by which position differences may exceed twice the velocity
+RESIDUAL_GAIN = 0.5    # weight of a new sample in the smoothed wheel residual
+INITIAL_PERIOD = 0.05  # s, assumed for the velocities of the first sample
 
 
 @dataclass(frozen=True, slots=True)
-class WheelReading:
-    """Mean speeds over the time that ends with a reading."""
+class WheelSpeeds:
+    """Mean speeds over the period that ends at a wheel sample."""
 
-    duration: float             # s
-    wheel_speeds: Four          # m/s, r w
-    sides: tuple[float, float]  # m/s, left and right
-    variance: float             # (m/s)^2 of a side, by quantisation
-    stamped: bool               # from positions and stamps, so stamp errors show
+    duration: float                   # s
+    wheel_speeds: Four                # m/s, r w
+    side_speeds: tuple[float, float]  # m/s, left and right
+    variance: float                   # (m/s)^2 of a side speed, due to quantization
+    from_positions: bool              # positions were differenced, so timestamp errors matter
 
 
-class WheelReader:
+class WheelOdometry:
     """
-    Turns positions, or velocities where there are none, into mean speeds.
+    Differences positions, or takes velocities if there are no positions.
 
     Velocities are means over the period that ends at the stamp: after a lost message they still
     describe one period, while positions bridge the gap.
     """
 
     def __init__(self, robot: RobotParams) -> None:
-        self.radius = robot.wheel_radius  # m, effective rolling radius; its owner may learn it
+        self.radius = robot.wheel_radius  # m, effective rolling radius; may be updated online
         self._count = 2.0 * math.pi / robot.encoder.counts_per_revolution * robot.wheel_radius
         self._last: tuple[float, WheelSample] | None = None
         self._period: float | None = None
-        self.side_speeds = (0.0, 0.0)                  # m/s, of the last reading
-        self.beyond_side: Four = (0.0, 0.0, 0.0, 0.0)  # m/s, each wheel's beyond its side's mean
-        self.jumps = 0
+        self.side_speeds = (0.0, 0.0)                     # m/s, latest
+        self.wheel_residual: Four = (0.0, 0.0, 0.0, 0.0)  # m/s, wheel minus mean of its side
+        self.position_jumps = 0
 
     @property
     def started(self) -> bool:
-        """Return whether a sample has been seen."""
+        """Return whether there has been a sample."""
         return self._last is not None
 
-    def read(self, time: float, sample: WheelSample) -> WheelReading | None:
-        """Return the reading that ends at ``time`` [s]; None if it is older than the last."""
+    def update(self, time: float, sample: WheelSample) -> WheelSpeeds | None:
+        """Return the mean speeds up to ``time`` [s]; None if it is not newer than the last."""
         if self._last is None:
             self._last = (time, sample)
-            return self._from_velocity(sample, 0.05)
+            return self._from_velocities(sample, INITIAL_PERIOD)
         before, previous = self._last
         if time <= before:
             return None
         gap, self._last = time - before, (time, sample)
         self._period = gap if self._period is None else (
             self._period + 0.1 * (min(gap, 2.0 * self._period) - self._period))
-        speeds = self._differences(previous, sample, gap)
-        if speeds is not None and gap < LONGEST:
-            return self._reading(gap, speeds, stamped=True)
-        return self._from_velocity(sample, min(gap, 1.5 * self._period))
+        speeds = self._position_differences(previous, sample, gap)
+        if speeds is not None and gap < MAX_SAMPLE_GAP:
+            return self._mean_speeds(gap, speeds, from_positions=True)
+        return self._from_velocities(sample, min(gap, 1.5 * self._period))
 
-    def _differences(self, previous: WheelSample, sample: WheelSample, gap: float) -> Four | None:
+    def _position_differences(self, previous: WheelSample, sample: WheelSample,
+                              gap: float) -> Four | None:
         if previous.position is None or sample.position is None:
             return None
         rates = [(new - old) / gap for new, old in zip(sample.position, previous.position)]
-        if any(abs(rate - velocity) > JUMP_SPEED + abs(velocity)
+        if any(abs(rate - velocity) > MAX_POSITION_JUMP + abs(velocity)
                for rate, velocity in zip(rates, sample.velocity)):
-            self.jumps += 1
+            self.position_jumps += 1
             return None
         return tuple(self.radius * rate for rate in rates)  # type: ignore[return-value]
 
-    def _from_velocity(self, sample: WheelSample, duration: float) -> WheelReading:
+    def _from_velocities(self, sample: WheelSample, duration: float) -> WheelSpeeds:
         speeds: Four = tuple(self.radius * w for w in sample.velocity)  # type: ignore[assignment]
-        return self._reading(duration, speeds, stamped=False)
+        return self._mean_speeds(duration, speeds, from_positions=False)
 
-    def _reading(self, duration: float, speeds: Four, stamped: bool) -> WheelReading:
+    def _mean_speeds(self, duration: float, speeds: Four, from_positions: bool) -> WheelSpeeds:
         left, right = 0.5 * (speeds[0] + speeds[2]), 0.5 * (speeds[1] + speeds[3])
         self.side_speeds = left, right
-        self.beyond_side = tuple(  # type: ignore[assignment]
-            old + BEYOND_MEMORY * (speeds[i] - self.side_speeds[i % 2] - old)
-            for i, old in enumerate(self.beyond_side))
-        # each end of the stretch is uniform over a count; a side is the mean of two wheels
+        self.wheel_residual = tuple(  # type: ignore[assignment]
+            old + RESIDUAL_GAIN * (speeds[i] - self.side_speeds[i % 2] - old)
+            for i, old in enumerate(self.wheel_residual))
+        # both ends are uniform over a count; a side is the mean of two wheels
         variance = (self._count / duration) ** 2 / 12.0
-        return WheelReading(duration, speeds, self.side_speeds, variance, stamped)
+        return WheelSpeeds(duration, speeds, self.side_speeds, variance, from_positions)

@@ -1,4 +1,4 @@
-"""Standstill, seen by wheels and inertial unit together, never assumed."""
+"""Standstill detection from wheels and IMU together."""
 
 from __future__ import annotations
 
@@ -7,99 +7,100 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 import math
 
-QUIET = 0.4         # s that the inertial unit must have been quiet
-SETTLED = 1.0       # s over which its rate must not have changed to count as its bias
-MIN_SAMPLES = 4     # in the quiet time
-NOISE_FACTOR = 3.0  # times the unit's own noise counts as quiet
-TREND = 2.5         # sigmas between the two halves of a rate that does not change
-UNWINDING = 0.1     # of the last rate of turning, right after the wheels have stopped ...
-UNWINDING_TIME = 1.5  # s, ... and in which it decays; soft tires on a plant of linear springs
-STILL_WHEEL = 0.01  # m/s of wheel surface; less is a count of the encoder
+QUIET_TIME = 0.4        # s for which the IMU must have been quiet
+BIAS_WINDOW = 1.0       # s over which the yaw rate must be constant to count as the gyro bias
+MIN_SAMPLES = 4         # in the quiet time
+QUIET_NOISE_RATIO = 3.0  # a standard deviation below this multiple of the IMU's noise is quiet
+BIAS_TREND_SIGMAS = 2.5  # between the means of two halves of a constant yaw rate
+UNWINDING_SHARE = 0.1   # of the last yaw rate, right after the wheels have stopped ...
+UNWINDING_TIME = 1.5    # s, ... and its decay time; simulated tires with linear springs
+MAX_STATIONARY_WHEEL_SPEED = 0.01  # m/s; one encoder count gives less
 
-Reading = tuple[float, float, float]  # rate about z [rad/s], specific force x, y [m/s2]
+ImuReading = tuple[float, float, float]  # rate about z [rad/s], specific force x, y [m/s2]
 
 
 @dataclass(frozen=True, slots=True)
 class StationaryInterval:
-    """A robot at rest."""
+    """The present standstill, up to now."""
 
-    rate: float      # rad/s, mean of the unit's rate about z
-    sigma: float     # rad/s, of that mean, by noise
-    unwinding: float  # rad/s, one sigma of a turn that still goes on, the same for a second or so
-    duration: float  # s of rest so far
-    settled: bool    # whether the rate is steady, too: after a stop the body still turns a little
+    rate: float             # rad/s, mean of the measured rate about z
+    sigma: float            # rad/s, of that mean, due to noise
+    unwinding_sigma: float  # rad/s, of a residual yaw motion, correlated over about a second
+    duration: float         # s
+    rate_settled: bool      # the yaw rate is constant, so that it is the gyro bias
 
 
 class ZeroVelocityDetector:
     """
-    Tells whether the robot stands: wheels at rest and the inertial unit quiet for a while.
+    Detects standstill: stationary wheels and a quiet IMU for some time.
 
-    A robot that is pushed evenly with locked wheels looks the same to the unit; its owner must
-    also believe the speed to be small, or wait.
+    A robot pushed at constant speed with locked wheels satisfies both; the caller must also check
+    that the estimated speed is small, or that standstill has lasted.
     """
 
     def __init__(self, gyro_noise: float, accel_noise: float) -> None:
         self._noise = gyro_noise
-        self._limits = (NOISE_FACTOR * gyro_noise, *(NOISE_FACTOR * accel_noise,) * 2)
-        self._window: deque[tuple[float, Reading]] = deque()
+        self._limits = (QUIET_NOISE_RATIO * gyro_noise, *(QUIET_NOISE_RATIO * accel_noise,) * 2)
+        self._window: deque[tuple[float, ImuReading]] = deque()
         self._quiet_since: float | None = None
-        self._turning: tuple[float, float] | None = None  # last time [s] and rate [rad/s] of it
+        self._last_turn: tuple[float, float] | None = None  # time [s] and yaw rate [rad/s]
 
-    def push(self, time: float, reading: Reading) -> None:
-        """Take in a reading of the inertial unit at ``time`` [s]."""
+    def update(self, time: float, reading: ImuReading) -> None:
+        """Add an IMU reading at ``time`` [s]."""
         window = self._window
         window.append((time, reading))
-        while window[0][0] < time - SETTLED:
+        while window[0][0] < time - BIAS_WINDOW:
             window.popleft()
 
-    def rest(self, time: float, wheel_speed: float) -> StationaryInterval | None:
+    def detect(self, time: float, wheel_speed: float) -> StationaryInterval | None:
         """
-        Return the rest at ``time`` [s], None if something moves.
+        Return the standstill that lasts at ``time`` [s], None if the robot moves.
 
-        ``wheel_speed`` [m/s] is the fastest wheel's; to be called at each wheel reading.
+        To be called at each wheel sample; ``wheel_speed`` [m/s] is that of the fastest wheel.
         """
-        if wheel_speed >= STILL_WHEEL or not self._is_quiet():
+        rolling = wheel_speed >= MAX_STATIONARY_WHEEL_SPEED
+        if rolling or not self._is_quiet():
             self._quiet_since = None
-            if wheel_speed >= STILL_WHEEL and self._window:
-                self._turning = time, self._turn()
+            if rolling and self._window:
+                self._last_turn = time, self._peak_yaw_rate()
             return None
         if self._quiet_since is None:
             self._quiet_since = time
         duration = time - self._quiet_since
         rates = [reading[0] for _, reading in self._window]
         half = len(rates) // 2
-        drift = abs(_mean(rates[half:]) - _mean(rates[:half]))
-        settled = duration >= SETTLED - QUIET and (
-            drift < TREND * 2.0 * self._noise / math.sqrt(len(rates)))
+        trend = abs(_mean(rates[half:]) - _mean(rates[:half]))
+        settled = duration >= BIAS_WINDOW - QUIET_TIME and (
+            trend < BIAS_TREND_SIGMAS * 2.0 * self._noise / math.sqrt(len(rates)))
         return StationaryInterval(_mean(rates), self._noise / math.sqrt(len(rates)),
-                                  self._unwinding(time), duration, settled)
+                                  self._unwinding_sigma(time), duration, settled)
 
-    def _turn(self) -> float:
-        """Return the fastest rate [rad/s] of late, of which tires may still be wound up."""
+    def _peak_yaw_rate(self) -> float:
+        """Return the decaying maximum of the yaw rate [rad/s]: the twist of the tires."""
         latest = abs(_mean([reading[0] for _, reading in self._window]))
-        if self._turning is None:
+        if self._last_turn is None:
             return latest
-        time, rate = self._turning
-        return max(latest, rate * math.exp((time - self._window[-1][0]) / SETTLED))
+        time, rate = self._last_turn
+        return max(latest, rate * math.exp((time - self._window[-1][0]) / BIAS_WINDOW))
 
-    def _unwinding(self, time: float) -> float:
+    def _unwinding_sigma(self, time: float) -> float:
         """
-        Return one sigma [rad/s] of the rate at which a robot that stopped still turns.
+        Return the standard deviation [rad/s] of the yaw rate that remains after a stop.
 
-        Tires that were twisted in a turn unwind after the wheels have stopped: the unit is quiet
-        and its rate small, but it is no bias yet.
+        Tires that were twisted in a turn unwind after the wheels have stopped: the IMU is quiet
+        and the yaw rate small, but not zero.
         """
-        if self._turning is None:
+        if self._last_turn is None:
             return 0.0
-        since, rate = self._turning
-        return UNWINDING * rate * math.exp((since - time) / UNWINDING_TIME)
+        since, rate = self._last_turn
+        return UNWINDING_SHARE * rate * math.exp((since - time) / UNWINDING_TIME)
 
     def _is_quiet(self) -> bool:
         newest = self._window[-1][0] if self._window else 0.0
-        recent = [reading for time, reading in self._window if time >= newest - QUIET]
-        if len(recent) < MIN_SAMPLES or newest - self._window[0][0] < 0.75 * QUIET:
+        recent = [reading for time, reading in self._window if time >= newest - QUIET_TIME]
+        if len(recent) < MIN_SAMPLES or newest - self._window[0][0] < 0.75 * QUIET_TIME:
             return False
-        return all(_spread(column) < limit
+        return all(_standard_deviation(column) < limit
                    for column, limit in zip(zip(*recent), self._limits))
 
 
@@ -107,6 +108,6 @@ def _mean(values: Sequence[float]) -> float:
     return sum(values) / len(values)
 
 
-def _spread(values: Sequence[float]) -> float:
+def _standard_deviation(values: Sequence[float]) -> float:
     mean = _mean(values)
     return math.sqrt(sum((value - mean) ** 2 for value in values) / len(values))

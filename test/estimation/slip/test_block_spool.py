@@ -1,4 +1,4 @@
-"""The spool gives back what it was given, in memory or on a disk."""
+"""Spool: blocks are read back unchanged, from memory and from disk."""
 
 import tempfile
 
@@ -9,23 +9,23 @@ from smart_tire.estimation.slip import block_spool
 from smart_tire.estimation.slip.block_spool import Spool
 
 
-@pytest.mark.parametrize('in_memory', [1, 1 << 20])
-def test_blocks_come_back_in_any_order_and_can_be_replaced(monkeypatch, in_memory):
-    monkeypatch.setattr(block_spool, 'IN_MEMORY', in_memory)
-    kept = Spool()
-    places = [kept.append(bytes([i]) * 100, room=150) for i in range(20)]
-    items = kept.append_items([('a', 1), ('b', 2)])
-    kept.replace(places[3], b'x' * 150)
-    assert kept.read(places[19], 100) == b'\x13' * 100
-    assert kept.read(places[3], 150) == b'x' * 150
-    assert kept.read(places[4], 100) == b'\x04' * 100
-    assert kept.items(items) == [('a', 1), ('b', 2)]
-    kept.close()
+@pytest.mark.parametrize('max_memory', [1, 1 << 20])
+def test_blocks_can_be_read_in_any_order_and_replaced(monkeypatch, max_memory):
+    monkeypatch.setattr(block_spool, 'MAX_MEMORY', max_memory)
+    spool = Spool()
+    offsets = [spool.append(bytes([i]) * 100, reserve=150) for i in range(20)]
+    items = spool.append_items([('a', 1), ('b', 2)])
+    spool.replace(offsets[3], b'x' * 150)
+    assert spool.read(offsets[19], 100) == b'\x13' * 100
+    assert spool.read(offsets[3], 150) == b'x' * 150
+    assert spool.read(offsets[4], 100) == b'\x04' * 100
+    assert spool.items(items) == [('a', 1), ('b', 2)]
+    spool.close()
 
 
-def test_a_disk_without_room_is_an_error_that_says_where(monkeypatch):
-    monkeypatch.setattr(block_spool, 'IN_MEMORY', 10)
+def test_a_full_disk_raises_an_error_that_names_the_directory(monkeypatch):
+    monkeypatch.setattr(block_spool, 'MAX_MEMORY', 10)
     monkeypatch.setattr(tempfile, 'tempdir', '/nowhere/at/all')
-    kept = Spool()
-    with pytest.raises(EstimatorError, match='no room in /nowhere/at/all for 100 bytes'):
-        kept.append(b'x' * 100)
+    spool = Spool()
+    with pytest.raises(EstimatorError, match='cannot write 100 bytes to /nowhere/at/all'):
+        spool.append(b'x' * 100)

@@ -1,4 +1,4 @@
-"""Over many simulated runs, errors are as large as the sigmas say, at all times."""
+"""Consistency over simulated recordings: NEES of slip and speed is near one."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from smart_tire.samples import Odometry, WheelSlip
 
 pytestmark = pytest.mark.slow
 
-SEEDS = range(11, 15)  # of no benchmark
+SEEDS = range(11, 15)  # not used by a benchmark
 
 
 def errors(name, seed):
-    """Return normalised errors of the slips (n, 2) and of the forward speed (n,)."""
+    """Return normalized errors of the slips (n, 2) and of the forward speed (n,)."""
     scenario = SCENARIOS[name]
     estimator = SlipEstimator(build(SlipEstimatorParams, {'encoder.latency': scenario.latency}))
     slips, speeds, truth = {}, {}, []
@@ -42,11 +42,11 @@ def errors(name, seed):
 
 
 @pytest.mark.parametrize('name', ['concrete', 'sand', 'sweep_60', 'straight', 'spin_reverse'])
-def test_errors_are_as_large_as_the_sigmas_say(name):
+def test_normalized_errors_are_consistent_with_the_reported_sigma(name):
     slips, speeds = zip(*(errors(name, seed) for seed in SEEDS))
     slip, speed = np.concatenate(slips), np.concatenate(speeds)
     assert len(slip) > 200 * len(SEEDS) and len(speed) > 200 * len(SEEDS)
-    # never overconfident by much, never idle: squares of normalised errors near one
+    # neither overconfident nor uninformative
     assert 0.05 < np.mean(slip ** 2) < 2.0
     assert 0.05 < np.mean(speed ** 2) < 2.0
     assert np.mean(np.abs(slip) < 2.0) > 0.9

@@ -1,4 +1,4 @@
-"""The filter's Jacobians against finite differences, and what its constraints must do."""
+"""Slip EKF: Jacobians against finite differences, and the effect of each correction."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from smart_tire.estimation.slip.state import ImuStep, N, State, WheelMeasurement
 from smart_tire.models.vehicle.skid_steer import GRAVITY
 from smart_tire.parameters import build, SlipEstimatorParams
 
-MOTION = ImuStep(0.8, 0.4, 0.9, 1e-6, 2.5e-5, 1e-3)
-TRAVEL = WheelMeasurement(0.0625, (1.1, 0.6), 0.8, 0.9, 1e-6, stamped=True)
+IMU = ImuStep(0.8, 0.4, 0.9, 1e-6, 2.5e-5, 1e-3)
+WHEELS = WheelMeasurement(0.0625, (1.1, 0.6), 0.8, 0.9, 1e-6, from_positions=True)
 
 
 def new_filter(state=None, **values):
@@ -27,36 +27,36 @@ def some_state(seed):
 
 
 @pytest.mark.parametrize('seed', range(3))
-def test_the_jacobian_of_the_motion_is_its_derivative(seed):
+def test_motion_jacobian_equals_finite_differences(seed):
     state, dt, step = some_state(seed), 0.01, 1e-6
-    centre = new_filter(state)
-    centre.predict(dt, MOTION)
-    F = centre._F.copy()
+    center = new_filter(state)
+    center.predict(dt, IMU)
+    F = center._F.copy()
     for column in range(N):
         ends = []
         for sign in (1.0, -1.0):
             moved = state.copy()
             moved[column] += sign * step
             slip_filter = new_filter(moved)
-            slip_filter.predict(dt, MOTION)
+            slip_filter.predict(dt, IMU)
             ends.append(np.array(slip_filter.x))
         derivative = (ends[0] - ends[1]) / (2.0 * step)
-        # terms of second order in the step of time are left out of F on purpose
+        # F omits terms of second order in dt
         assert derivative == pytest.approx(F[:, column], abs=10.0 * dt ** 2)
 
 
 @pytest.mark.parametrize('seed', range(3))
-def test_the_jacobian_of_the_wheels_is_their_derivative(seed):
+def test_wheel_jacobian_equals_finite_differences(seed):
     state, step = some_state(seed), 1e-6
-    H, expected = new_filter(state)._wheel_model(TRAVEL)
+    H, expected = new_filter(state)._wheel_model(WHEELS)
     for column in (State.SLIP_VEL_L, State.SLIP_VEL_R, State.STAMP_ERROR, State.PREV_STAMP_ERROR):
         moved = state.copy()
         moved[column] += step
-        derivative = (new_filter(moved)._wheel_model(TRAVEL)[1] - expected) / step
+        derivative = (new_filter(moved)._wheel_model(WHEELS)[1] - expected) / step
         assert derivative == pytest.approx(H[:, column], abs=0.3)
 
 
-def test_a_robot_at_rest_on_a_slope_feels_gravity_not_speed():
+def test_gravity_on_a_slope_does_not_accelerate_a_stationary_robot():
     state = np.zeros(N)
     state[State.PITCH] = 0.02  # nose down: specific force has a backward part
     slip_filter = new_filter(state)
@@ -64,7 +64,7 @@ def test_a_robot_at_rest_on_a_slope_feels_gravity_not_speed():
     assert slip_filter.x[State.V_X] == pytest.approx(0.0, abs=1e-12)
 
 
-def test_steady_turning_needs_the_centripetal_force():
+def test_centripetal_force_keeps_a_steady_turn_on_a_circle():
     state = np.zeros(N)
     state[State.V_X] = 0.8
     slip_filter = new_filter(state, **{'imu.position': [0.0, 0.0, 0.0]})
@@ -76,24 +76,24 @@ def test_steady_turning_needs_the_centripetal_force():
     assert np.hypot(x[State.X], x[State.Y] - 1.6) == pytest.approx(1.6, rel=1e-3)  # a circle
 
 
-def test_the_wheels_tell_the_speed_where_no_sliding_is_possible():
+def test_wheel_speeds_determine_the_speed_if_slip_is_impossible():
     slip_filter = new_filter(slip_sigma=1e-3)
     for _ in range(20):
-        slip_filter.update_wheels(WheelMeasurement(
-            0.0625, (0.5, 0.5), slip_filter.x[State.V_X], 0.0, 1e-8, stamped=True))
+        slip_filter.correct_wheels(WheelMeasurement(
+            0.0625, (0.5, 0.5), slip_filter.x[State.V_X], 0.0, 1e-8, from_positions=True))
     assert slip_filter.x[State.V_X] == pytest.approx(0.5, abs=0.02)
 
 
-def test_the_lateral_constraint_moves_towards_minus_s_times_the_yaw_rate():
+def test_lateral_correction_converges_to_minus_s_times_the_yaw_rate():
     state = np.zeros(N)
     state[State.ICR_X] = 0.05
     slip_filter = new_filter(state, icr_sigma=1e-6, **{'imu.position': [0.0, 0.0, 0.0]})
     for _ in range(50):
-        slip_filter.update_lateral(1.0, 0.0625)
+        slip_filter.correct_lateral(1.0, 0.0625)
     assert slip_filter.x[State.V_Y] == pytest.approx(-0.05, abs=2e-3)
 
 
-def test_centres_of_rotation_that_jump_are_followed_at_once():
+def test_a_sudden_change_of_the_icr_is_tracked_within_its_sigma():
     slip_filter = new_filter(**{'imu.position': [0.0, 0.0, 0.0], 'imu.accel_bias': 0.001})
     W, v_x, dt, S = 1.0, 0.8, 0.01, 0.03
     slip_filter._ekf.x[[State.V_X, State.V_Y, State.ICR_X], 0] = v_x, -S * W, S
@@ -102,7 +102,7 @@ def test_centres_of_rotation_that_jump_are_followed_at_once():
         slip_filter.predict(dt, ImuStep(
             W, S * W ** 2, W * v_x - W * (S - before) / dt, 1e-6, 2.5e-5, 1e-4))
         if step % 6 == 0:
-            slip_filter.update_lateral(W, 6 * dt)
+            slip_filter.correct_lateral(W, 6 * dt)
         if step == 499:
             settled = np.sqrt(slip_filter.P[State.ICR_X, State.ICR_X])
             assert abs(slip_filter.x[State.ICR_X] - 0.03) < 2.0 * settled
@@ -112,19 +112,19 @@ def test_centres_of_rotation_that_jump_are_followed_at_once():
         slip_filter.P[State.V_Y, State.V_Y])
 
 
-def test_an_outlier_moves_the_state_less_than_a_reading_at_the_limit():
+def test_an_outlier_changes_the_state_less_than_a_measurement_at_the_gate():
     moved = []
     for speed in (0.5, 1e3):
         slip_filter = new_filter()
-        slip_filter.update_standstill()
-        slip_filter.update_gyro_bias(speed, 0.01)
+        slip_filter.correct_zero_velocity()
+        slip_filter.correct_gyro_bias(speed, 0.01)
         moved.append(abs(slip_filter.x[State.GYRO_BIAS_Z]))
     assert moved[1] < moved[0]
 
 
-def test_reset_pose_forgets_where_but_not_how_fast():
+def test_reset_pose_clears_the_pose_and_keeps_the_speed():
     slip_filter = new_filter(some_state(1))
-    slip_filter.predict(0.1, MOTION)
+    slip_filter.predict(0.1, IMU)
     speed = slip_filter.x[State.V_X]
     slip_filter.reset_pose()
     pose = [State.X, State.Y, State.YAW]

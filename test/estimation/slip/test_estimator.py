@@ -1,4 +1,4 @@
-"""Slip and pose against exact truth, over seeds, regimes and sensor faults."""
+"""Slip estimator against exact truth, over seeds, maneuvers and sensor faults."""
 
 from __future__ import annotations
 
@@ -53,13 +53,13 @@ def turning(seed=0, slip=(0.11, -0.11), knots=CIRCLE, **options):
 
 @cache
 def turned(seed, slip):
-    """Return a run of ``turning`` on a unit that tips forward a little, and its estimates."""
+    """Return a drive of ``turning`` with a tilted IMU, and its estimates."""
     run = turning(seed, slip, mounting_tilt=0.005)
     return run, estimate(run.samples)[1]
 
 
 @pytest.mark.parametrize('slip', [(0.11, -0.11), (0.28, 0.08), (0.0, 0.0)])
-def test_both_sides_slip_is_found_in_a_turn_and_its_sigma_covers_it(slip):
+def test_slip_of_both_sides_is_estimated_in_a_turn_within_its_sigma(slip):
     errors, normalised = [], []
     for seed in range(6):
         time, ratio, sigma, truth = slips(*turned(seed, slip))
@@ -74,7 +74,7 @@ def test_both_sides_slip_is_found_in_a_turn_and_its_sigma_covers_it(slip):
 @pytest.mark.parametrize('options', [
     {'imu_rate': 20.0}, {'imu_rate': 400.0}, {'wheel_rate': 4.0}, {'wheel_rate': 100.0},
     {'positions': False}])
-def test_any_rate_and_missing_positions_still_give_the_slip(options):
+def test_slip_is_estimated_at_any_rate_and_without_positions(options):
     run = turning(3, **options)
     time, ratio, sigma, truth = slips(run, estimate(run.samples)[1])
     steady = time > 6.0
@@ -82,7 +82,7 @@ def test_any_rate_and_missing_positions_still_give_the_slip(options):
     assert np.all(np.abs((ratio - truth)[steady]) < 4.0 * sigma[steady] + 0.02)
 
 
-def test_reverse_has_the_same_signs_as_forward():
+def test_slip_has_the_same_sign_in_reverse():
     knots = [(t, -left, -right) for t, left, right in CIRCLE]
     run = turning(1, knots=knots)
     time, ratio, _, truth = slips(run, estimate(run.samples)[1])
@@ -90,7 +90,7 @@ def test_reverse_has_the_same_signs_as_forward():
     assert np.mean((ratio - truth)[time > 5.0], axis=0) == pytest.approx([0.0, 0.0], abs=0.03)
 
 
-def test_slip_is_undefined_if_and_only_if_robot_and_wheel_stand():
+def test_slip_is_nan_if_and_only_if_robot_and_wheels_are_stationary():
     run = turning(2)
     time, ratio, sigma, _ = slips(run, estimate(run.samples)[1])
     assert np.all(np.isnan(ratio[time < 3.0]))
@@ -98,7 +98,7 @@ def test_slip_is_undefined_if_and_only_if_robot_and_wheel_stand():
     assert np.all(np.isfinite(ratio[time > 3.3]))
 
 
-def test_a_pushed_robot_with_locked_wheels_slips_minus_one():
+def test_slip_is_minus_one_for_a_pushed_robot_with_locked_wheels():
     rolling = ramp([(0, 0, 0), (8.0, 0, 0)])
     ground = ramp([(0, 0, 0), (4, 0, 0), (4.5, 0.8, 0.8), (7.0, 0.8, 0.8), (8.0, 0, 0)])
     run = drive(rolling, -ground, seed=5)
@@ -106,7 +106,7 @@ def test_a_pushed_robot_with_locked_wheels_slips_minus_one():
     assert np.all(ratio[(time > 4.6) & (time < 6.0)] == -1.0)
 
 
-def test_wheels_that_spin_under_a_standing_robot_slip_one():
+def test_slip_is_one_for_spinning_wheels_of_a_stationary_robot():
     rolling = ramp([(0, 0, 0), (4, 0, 0), (4.3, 0.8, 0.8), (7.0, 0.8, 0.8)])
     run = drive(rolling, rolling, seed=6)
     time, ratio, sigma, _ = slips(run, estimate(run.samples)[1])
@@ -115,7 +115,7 @@ def test_wheels_that_spin_under_a_standing_robot_slip_one():
     assert np.all(np.abs(ratio[spinning] - 1.0) < 4.0 * sigma[spinning] + 0.01)
 
 
-def test_steady_straight_driving_is_admitted_to_be_unobservable():
+def test_sigma_grows_in_steady_straight_driving_and_covers_the_error():
     rolling = ramp([(0, 0, 0), (3, 0, 0), (4, 0.8, 0.8), (24, 0.8, 0.8)])
     run = drive(rolling, 0.05 * rolling, seed=7)
     time, ratio, sigma, truth = slips(run, estimate(run.samples)[1])
@@ -124,7 +124,7 @@ def test_steady_straight_driving_is_admitted_to_be_unobservable():
     assert np.all(np.abs(ratio - truth)[time > 4.5] < 3.0 * sigma[time > 4.5])
 
 
-def test_pose_follows_and_its_covariance_covers_it():
+def test_position_error_is_consistent_with_the_pose_covariance():
     normalised = []
     for seed in range(6):
         run, out = turned(seed, (0.11, -0.11))
@@ -137,7 +137,7 @@ def test_pose_follows_and_its_covariance_covers_it():
     assert np.mean(normalised) < 2.0
 
 
-def test_estimates_lie_on_the_grid_and_the_icr_shows_only_in_turns():
+def test_estimates_are_on_the_grid_and_the_icr_is_published_in_turns_only():
     run = turning(1)
     _, out = estimate(run.samples)
     stamps = [item.stamp_ns for item in of(Odometry, out)]
@@ -149,14 +149,14 @@ def test_estimates_lie_on_the_grid_and_the_icr_shows_only_in_turns():
     assert np.mean([item.y for item in icr[-500:]]) == pytest.approx(radius, rel=0.03)
 
 
-def test_the_order_of_arrival_does_not_matter_within_the_window():
+def test_order_of_arrival_within_the_window_does_not_change_the_estimates():
     run = turning(4)
     rng = random.Random(4)
     shuffled = sorted(run.samples, key=lambda s: s.stamp_ns + rng.randrange(29_000_000))
     assert repr(estimate(shuffled)[1]) == repr(estimate(run.samples)[1])  # NaN equals NaN
 
 
-def test_duplicates_change_nothing_and_are_counted():
+def test_duplicates_are_counted_and_change_nothing():
     run = turning(4)
     doubled = [sample for sample in run.samples for _ in range(2)]
     estimator, out = estimate(doubled)
@@ -166,7 +166,7 @@ def test_duplicates_change_nothing_and_are_counted():
 
 
 @pytest.mark.parametrize('lost', [ImuSample, WheelSample])
-def test_a_silence_of_seconds_is_bridged_with_a_growing_sigma(lost):
+def test_a_dropout_of_two_seconds_is_bridged_with_growing_sigma(lost):
     run = turning(8)
     kept = [s for s in run.samples if not (
         isinstance(s, lost) and 8.0 < (s.stamp_ns - START_NS) / NS_PER_S < 10.0)]
@@ -178,54 +178,56 @@ def test_a_silence_of_seconds_is_bridged_with_a_growing_sigma(lost):
     assert np.all(np.abs(np.mean((ratio - truth)[recovered], axis=0)) < 0.04)
 
 
-def test_single_bad_samples_hardly_move_the_estimate():
+def test_wheel_speed_outliers_hardly_change_the_slip():
     run = turning(9)
-    spoilt = [WheelSample(s.stamp_ns, (400.0,) * 4) if isinstance(s, WheelSample) and k % 400 == 0
-              else s for k, s in enumerate(run.samples)]
-    time, ratio, _, truth = slips(run, estimate(spoilt)[1])
+    corrupted = [WheelSample(s.stamp_ns, (400.0,) * 4)
+                 if isinstance(s, WheelSample) and k % 400 == 0 else s
+                 for k, s in enumerate(run.samples)]
+    time, ratio, _, truth = slips(run, estimate(corrupted)[1])
     steady = time > 6.0
     assert np.sqrt(np.mean((ratio - truth)[steady] ** 2)) < 0.05
 
 
 @pytest.mark.parametrize('rate, force', [(0.0, 50.0), (0.0, 900.0), (90.0, 0.0)])
-def test_a_spike_of_the_inertial_unit_is_passed_over_and_counted(rate, force):
+def test_an_imu_spike_is_rejected_and_counted(rate, force):
     run = turning(9)
     index = next(k for k, s in enumerate(run.samples)
                  if isinstance(s, ImuSample) and s.stamp_ns > START_NS + 8 * NS_PER_S)
     bad = run.samples[index]
-    spoilt = list(run.samples)
-    spoilt[index] = ImuSample(bad.stamp_ns, (force, *bad.acceleration[1:]),
+    corrupted = list(run.samples)
+    corrupted[index] = ImuSample(bad.stamp_ns, (force, *bad.acceleration[1:]),
                               (*bad.rate[:2], bad.rate[2] + rate))
-    estimator, out = estimate(spoilt)
+    estimator, out = estimate(corrupted)
     assert estimator.status()['imu_spikes'] == 1
     _, ratio, _, _ = slips(run, out)
     _, clean, _, _ = slips(run, estimate(run.samples)[1])
     assert np.nanmax(np.abs(ratio - clean)) < 0.02
 
 
-@pytest.mark.parametrize('absurd', [1e300, 1e6, math.nan, math.inf])
-def test_what_no_robot_can_feel_is_dropped_and_counted(absurd):
+@pytest.mark.parametrize('impossible', [1e300, 1e6, math.nan, math.inf])
+def test_physically_impossible_samples_are_dropped_and_counted(impossible):
     run = turning(9)
     stamp = START_NS + 8 * NS_PER_S + 1
-    extra = [ImuSample(stamp, (absurd, 0.0, 9.8), (0.0,) * 3), WheelSample(stamp, (absurd,) * 4)]
+    extra = [ImuSample(stamp, (impossible, 0.0, 9.8), (0.0,) * 3),
+             WheelSample(stamp, (impossible,) * 4)]
     samples = sorted(run.samples + extra, key=lambda sample: sample.stamp_ns)
     estimator, out = estimate(samples)
     assert repr(out) == repr(estimate(run.samples)[1])
     assert estimator.dropped == {'imu/data': 1, 'wheel_states': 1}
 
 
-def test_a_knock_that_lasts_is_believed():
+def test_a_lasting_impact_is_accepted():
     rolling = ramp([(0, 0, 0), (5, 0, 0)])
     run = drive(rolling, rolling, noise=0.0)
-    knocked = [s if not (isinstance(s, ImuSample) and 4.0 < (s.stamp_ns - START_NS) / NS_PER_S
+    impact = [s if not (isinstance(s, ImuSample) and 4.0 < (s.stamp_ns - START_NS) / NS_PER_S
                          < 4.05) else ImuSample(s.stamp_ns, (30.0, 0.0, 9.81), s.rate)
                for s in run.samples]
-    estimator, out = estimate(knocked)
-    assert estimator.status()['imu_spikes'] == 2  # the first of the knock and of its end
+    estimator, out = estimate(impact)
+    assert estimator.status()['imu_spikes'] == 2  # its first sample, and the first one after it
     assert max(o.linear[0] for o in of(Odometry, out)) > 0.5
 
 
-def test_nothing_is_estimated_before_both_inputs_have_been_seen():
+def test_nothing_is_published_before_both_inputs_have_been_received():
     run = turning(1)
     for kind, missing in ((ImuSample, 'wheel_states'), (WheelSample, 'imu/data')):
         estimator, out = estimate([s for s in run.samples if isinstance(s, kind)])
@@ -233,7 +235,7 @@ def test_nothing_is_estimated_before_both_inputs_have_been_seen():
         assert missing in str(estimator.status()['state'])
 
 
-def test_a_clock_that_jumps_starts_the_estimate_anew():
+def test_a_clock_jump_resets_the_estimator():
     run = turning(1)
     later = [type(s)(s.stamp_ns - 3600 * NS_PER_S, *(
         getattr(s, field) for field in s.__slots__[1:])) for s in run.samples]
@@ -243,7 +245,7 @@ def test_a_clock_that_jumps_starts_the_estimate_anew():
     assert first[-1].position == pytest.approx(of(Odometry, estimate(later)[1])[-1].position)
 
 
-def test_the_printed_constraint_drops_slip_that_both_sides_share():
+def test_the_printed_constraint_does_not_observe_common_slip():
     run = turning(2, (0.28, 0.08))
     _, ratio, _, truth = slips(run, estimate(run.samples)[1])
     time, printed, _, _ = slips(run, estimate(run.samples, constraint='printed')[1])
@@ -251,7 +253,7 @@ def test_the_printed_constraint_drops_slip_that_both_sides_share():
     assert np.abs(np.mean((ratio - truth)[steady])) < np.abs(np.mean((printed - truth)[steady]))
 
 
-def test_the_mounting_of_the_unit_does_not_matter():
+def test_the_mounting_rotation_of_the_imu_is_compensated():
     base = turning(3, noise=0.0)
     turned = [s if isinstance(s, WheelSample) else ImuSample(
         s.stamp_ns, (-s.acceleration[0], -s.acceleration[1], s.acceleration[2]),
@@ -261,7 +263,7 @@ def test_the_mounting_of_the_unit_does_not_matter():
         of(Odometry, estimate(base.samples)[1])[-1].position, abs=1e-9)
 
 
-def test_reset_odometry_puts_the_origin_here():
+def test_reset_odometry_moves_the_origin_to_the_robot():
     run = turning(1)
     half = len(run.samples) // 2
     estimator, _ = estimate(run.samples[:half])
@@ -270,7 +272,7 @@ def test_reset_odometry_puts_the_origin_here():
     assert np.hypot(*of(Odometry, out)[0].position[:2]) < 0.05
 
 
-def test_the_covariance_stays_symmetric_and_positive_over_a_long_run():
+def test_covariances_stay_symmetric_and_positive_semidefinite():
     knots = [(0, 0, 0)] + [(10 * k + 10, *((FAST, SLOW) if k % 2 else (0.0, 0.0)))
                            for k in range(12)]
     run = turning(1, knots=knots)

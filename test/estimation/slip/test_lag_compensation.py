@@ -1,81 +1,84 @@
-"""Smoothed sliding lies at the middle of the periods that the wheel readings describe."""
+"""Lag compensation: smoothed slip velocity belongs to the center of each wheel period."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from smart_tire.estimation.slip.lag_compensation import LONGEST, timed
+from smart_tire.estimation.slip.lag_compensation import compensate_lag, MAX_WHEEL_GAP
 from smart_tire.estimation.slip.output import OutputContext
-from smart_tire.estimation.slip.rts_smoother import Smoothed
+from smart_tire.estimation.slip.rts_smoother import SmoothedState
 from smart_tire.estimation.slip.state import N, SLIP_VELS, State
 
 STEP = 0.01
-PERIOD = 0.1  # s, of the wheel readings
+PERIOD = 0.1  # s, of the wheel samples
 
 
-def state(time, wheels_at, slides, stretch=0):
+def state(time, wheel_time, slip_velocities, segment=0):
     x = [float(row) for row in range(N)]
-    x[State.SLIP_VEL_L], x[State.SLIP_VEL_R] = slides
-    seen = OutputContext(round(time * 1e9), 0.0, 0.0, (0.0, 0.0), 0.0, (0.0,) * 4, time, wheels_at)
-    return Smoothed(stretch, seen, x, 1e-4 * np.eye(N))
+    x[State.SLIP_VEL_L], x[State.SLIP_VEL_R] = slip_velocities
+    context = OutputContext(
+        round(time * 1e9), 0.0, 0.0, (0.0, 0.0), 0.0, (0.0,) * 4, time, wheel_time)
+    return SmoothedState(segment, context, x, 1e-4 * np.eye(N))
 
 
-def run(sliding, end=2.0, late=0.0, stretch=0):
-    """Return states whose sliding is the mean over the reading that came last, ``late``."""
+def run(slip_velocity, end=2.0, latency=0.0, segment=0):
+    """Return states with the slip velocity of the latest wheel sample, delayed by ``latency``."""
     states = []
     for k in range(round(end / STEP)):
         time = k * STEP
-        middle = max(0.0, (np.floor((time - late) / PERIOD + 1e-9) - 0.5) * PERIOD)
-        states.append(state(time, middle, (sliding(middle), -sliding(middle)), stretch))
+        center = max(0.0, (np.floor((time - latency) / PERIOD + 1e-9) - 0.5) * PERIOD)
+        states.append(state(
+            time, center, (slip_velocity(center), -slip_velocity(center)), segment))
     return states
 
 
-def slides(states):
+def slip_velocities(states):
     return np.array([[s.x[row] for row in SLIP_VELS] for s in states])
 
 
 def times(states):
-    return np.array([s.seen.time for s in states])
+    return np.array([s.context.time for s in states])
 
 
-@pytest.mark.parametrize('late', [0.0, 0.2])
-def test_a_sliding_that_grows_evenly_no_longer_lags(late):
-    states = run(lambda t: 0.3 * t, late=late)
-    moved = list(timed(states))
+@pytest.mark.parametrize('latency', [0.0, 0.2])
+def test_a_linear_change_of_slip_velocity_no_longer_lags(latency):
+    states = run(lambda t: 0.3 * t, latency=latency)
+    moved = list(compensate_lag(states))
     assert times(moved).tolist() == times(states).tolist()
-    inside = (times(moved) > 0.1) & (times(moved) < 2.0 - 2.0 * PERIOD - late)
+    inside = (times(moved) > 0.1) & (times(moved) < 2.0 - 2.0 * PERIOD - latency)
     expected = 0.3 * np.stack([times(moved), -times(moved)], axis=1)
-    assert np.abs(slides(moved) - expected)[inside].max() < 1e-9
-    assert np.abs(slides(states) - expected)[inside].max() > 0.3 * (PERIOD + late)
+    assert np.abs(slip_velocities(moved) - expected)[inside].max() < 1e-9
+    assert np.abs(slip_velocities(states) - expected)[inside].max() > 0.3 * (PERIOD + latency)
 
 
-def test_nothing_else_changes_but_the_spread_where_the_sliding_does():
+def test_only_slip_velocities_change_and_their_variance_during_a_change():
     def step(t):
         return 0.0 if t < 1.0 else 0.2
-    for before, after in zip(run(step), timed(run(step)), strict=True):
+    for before, after in zip(run(step), compensate_lag(run(step)), strict=True):
         others = [row for row in range(N) if row not in SLIP_VELS]
         assert [before.x[row] for row in others] == [after.x[row] for row in others]
         extra = after.P - before.P
         assert np.count_nonzero(extra) == np.count_nonzero(np.diag(extra)[list(SLIP_VELS)])
-        changing = 0.951 < after.seen.time < 1.049
+        changing = 0.951 < after.context.time < 1.049
         assert np.all(np.diag(extra)[list(SLIP_VELS)] > 0.0) == changing
         assert extra.max() <= 0.25 * 0.2 ** 2 + 1e-12
 
 
-def test_steady_sliding_stays_as_it_is():
+def test_constant_slip_velocity_is_unchanged():
     states = run(lambda t: 0.1)
-    assert slides(timed(states)) == pytest.approx(slides(states))
+    assert slip_velocities(compensate_lag(states)) == pytest.approx(slip_velocities(states))
 
 
-def test_readings_of_another_stretch_are_not_mixed_in():
-    states = run(lambda t: 0.1) + run(lambda t: 0.5, stretch=1)
-    assert np.abs(slides(timed(states)) - slides(states)).max() < 1e-12
+def test_segments_are_not_interpolated_into_each_other():
+    states = run(lambda t: 0.1) + run(lambda t: 0.5, segment=1)
+    assert np.abs(slip_velocities(compensate_lag(states)) - slip_velocities(states)).max() < 1e-12
 
 
-def test_a_long_silence_of_the_wheels_holds_nothing_up():
+def test_a_long_gap_of_wheel_samples_does_not_delay_the_output():
     states = run(lambda t: 0.3 * t, end=0.5)
-    states += [state(0.5 + k * STEP, 0.35, (0.2, 0.2)) for k in range(round(2 * LONGEST / STEP))]
+    states += [state(0.5 + k * STEP, 0.35, (0.2, 0.2))
+               for k in range(round(2 * MAX_WHEEL_GAP / STEP))]
     given, taken = 0, 0
 
     def source():
@@ -83,9 +86,9 @@ def test_a_long_silence_of_the_wheels_holds_nothing_up():
         for item in states:
             given += 1
             yield item
-    for item in timed(source()):
+    for item in compensate_lag(source()):
         taken += 1
-        assert given - taken <= LONGEST / STEP + 2
-        if item.seen.time > 0.5:
+        assert given - taken <= MAX_WHEEL_GAP / STEP + 2
+        if item.context.time > 0.5:
             assert item.x[State.SLIP_VEL_L] == 0.2
     assert taken == len(states)

@@ -1,39 +1,39 @@
-"""The log of the way gone: means between any two times."""
+"""Odometry buffer: means between any two times."""
 
 from __future__ import annotations
 
 import pytest
 
-from smart_tire.estimation.slip.odometry_buffer import MEMORY, OdometryBuffer
+from smart_tire.estimation.slip.odometry_buffer import HISTORY_LENGTH, OdometryBuffer
 
 
-def log():
-    travel = OdometryBuffer()
-    travel.start(1.0)
+def filled():
+    buffer = OdometryBuffer()
+    buffer.restart(1.0)
     for k in range(1, 11):
-        travel.add(1.0 + 0.01 * k, float(k), 0.5)
-    return travel
+        buffer.append(1.0 + 0.01 * k, float(k), 0.5)
+    return buffer
 
 
-def test_the_mean_over_whole_stretches_is_that_of_their_speeds():
-    assert log().mean(1.0, 1.1) == pytest.approx((5.5, 0.5))
-    assert log().mean(1.02, 1.04) == pytest.approx((3.5, 0.5))
+def test_mean_over_whole_steps_is_the_mean_of_their_speeds():
+    assert filled().mean(1.0, 1.1) == pytest.approx((5.5, 0.5))
+    assert filled().mean(1.02, 1.04) == pytest.approx((3.5, 0.5))
 
 
-def test_parts_of_stretches_count_by_their_time():
-    assert log().mean(1.025, 1.03)[0] == pytest.approx(3.0)
-    assert log().mean(1.015, 1.025)[0] == pytest.approx(2.5)
+def test_partial_steps_are_weighted_by_their_duration():
+    assert filled().mean(1.025, 1.03)[0] == pytest.approx(3.0)
+    assert filled().mean(1.015, 1.025)[0] == pytest.approx(2.5)
 
 
-def test_beyond_its_end_the_last_stretch_goes_on():
-    assert log().mean(1.1, 1.105)[0] == pytest.approx(10.0)
+def test_the_last_step_is_extrapolated():
+    assert filled().mean(1.1, 1.105)[0] == pytest.approx(10.0)
 
 
-def test_nothing_is_told_of_what_lies_before_or_is_empty():
-    assert log().mean(0.9, 1.05) is None
-    assert log().mean(1.05, 1.05) is None
-    travel = log()
+def test_there_is_no_mean_before_the_history_or_of_an_empty_interval():
+    assert filled().mean(0.9, 1.05) is None
+    assert filled().mean(1.05, 1.05) is None
+    buffer = filled()
     for k in range(1000):
-        travel.add(1.11 + 0.01 * k, 1.0, 0.0)
-    assert travel.mean(1.0, 1.1) is None
-    assert travel.mean(11.1 - MEMORY + 0.02, 11.1) == pytest.approx((1.0, 0.0))
+        buffer.append(1.11 + 0.01 * k, 1.0, 0.0)
+    assert buffer.mean(1.0, 1.1) is None
+    assert buffer.mean(11.1 - HISTORY_LENGTH + 0.02, 11.1) == pytest.approx((1.0, 0.0))

@@ -1,4 +1,4 @@
-"""The rolling radius: learned while wheels roll, kept where they slip."""
+"""Rolling radius: estimated while wheels roll freely, kept while they slip."""
 
 from __future__ import annotations
 
@@ -13,29 +13,30 @@ from support.driving import drive, ramp
 
 
 @pytest.mark.parametrize('seed', range(5))
-def test_a_radius_is_learned_as_well_as_its_variance_says(seed):
-    rng, learner = np.random.default_rng(seed), RadiusEstimator(build(
+def test_radius_error_is_consistent_with_the_reported_variance(seed):
+    rng, estimator = np.random.default_rng(seed), RadiusEstimator(build(
         RobotParams, {'wheel_radius_sigma': 0.03}))
     truth = 1.0 + 0.03 * rng.standard_normal()
     for _ in range(20):  # starts from standstill, 5 s of rolling each
         error = 0.02 * rng.standard_normal()
         for _ in range(80):
-            learner.update((learner.scale - truth) / learner.scale + error, 0.02 ** 2, 1.0, 0.0625)
-    assert abs(learner.scale - truth) < 3.0 * np.sqrt(learner.variance)
-    assert np.sqrt(learner.variance) < 0.006
+            slip = (estimator.scale - truth) / estimator.scale + error
+            estimator.update(slip, 0.02 ** 2, 1.0, 0.0625)
+    assert abs(estimator.scale - truth) < 3.0 * np.sqrt(estimator.variance)
+    assert np.sqrt(estimator.variance) < 0.006
 
 
-def test_soft_ground_and_an_exact_radius_teach_nothing():
-    learner = RadiusEstimator(build(RobotParams, {'wheel_radius_sigma': 0.03}))
-    learner.update(0.1, 0.02 ** 2, 0.0, 1.0)
-    assert learner.radius == 0.087
+def test_soft_ground_and_zero_sigma_leave_the_radius_unchanged():
+    estimator = RadiusEstimator(build(RobotParams, {'wheel_radius_sigma': 0.03}))
+    estimator.update(0.1, 0.02 ** 2, 0.0, 1.0)
+    assert estimator.radius == 0.087
     exact = RadiusEstimator(build(RobotParams, {'wheel_radius_sigma': 0.0}))
     exact.update(0.1, 0.02 ** 2, 1.0, 1.0)
     assert exact.radius == 0.087
 
 
 def rolled(radius, slip):
-    """Return the radius that is learned from six starts, and its sigma."""
+    """Return the radius estimated from six starts."""
     knots = [(0.0, 0.0, 0.0)]
     for start in range(3, 63, 10):
         knots += [(start, 0, 0), (start + 1, 0.9, 0.9), (start + 6, 0.9, 0.9), (start + 7, 0, 0)]
@@ -49,9 +50,9 @@ def rolled(radius, slip):
 
 
 @pytest.mark.parametrize('radius', [0.0845, 0.087, 0.0895])
-def test_starts_and_stops_on_firm_ground_tell_the_radius(radius):
+def test_starts_and_stops_on_firm_ground_make_the_radius_observable(radius):
     assert rolled(radius, 0.0) == pytest.approx(0.087, rel=0.012)
 
 
-def test_slip_on_soft_ground_moves_the_radius_by_less_than_what_was_said_of_it():
+def test_slip_on_soft_ground_changes_the_radius_by_less_than_its_sigma():
     assert rolled(0.087, 0.15) == pytest.approx(0.087, rel=0.03)

@@ -1,4 +1,4 @@
-"""The yaw rate that wheels alone promise."""
+"""Steering efficiency: yaw rate from wheel speeds alone."""
 
 from __future__ import annotations
 
@@ -10,21 +10,22 @@ from smart_tire.estimation.slip.steering_efficiency import SteeringEfficiency
 T = 0.0625  # s, 16 Hz
 
 
-def drive(steering, share, duration, seed=0, noise=0.02):
+def drive(steering, efficiency, duration, seed=0, noise=0.02):
     rng = np.random.default_rng(seed)
     for time in np.arange(0.0, duration, T):
-        by_wheels = 1.5 * np.sin(time)
-        steering.update(by_wheels, share * by_wheels + noise * rng.standard_normal(), T)
+        odometry_rate = 1.5 * np.sin(time)
+        yaw_rate = efficiency * odometry_rate + noise * rng.standard_normal()
+        steering.update(odometry_rate, yaw_rate, T)
 
 
-def test_a_robot_that_nobody_has_seen_turn_is_believed_to_have_its_geometric_track():
+def test_the_prior_is_an_efficiency_of_one():
     rate, sigma = SteeringEfficiency().predict(1.0)
     assert rate == 1.0
     assert sigma == pytest.approx(0.3, abs=0.01)
 
 
 @pytest.mark.parametrize('seed', range(5))
-def test_skidding_is_learned_within_seconds(seed):
+def test_efficiency_is_learned_within_seconds(seed):
     steering = SteeringEfficiency()
     drive(steering, 0.55, 5.0, seed)
     rate, sigma = steering.predict(-1.2)
@@ -32,18 +33,18 @@ def test_skidding_is_learned_within_seconds(seed):
     assert sigma < 0.2
 
 
-def test_another_ground_is_learned_too():
+def test_a_change_of_surface_is_learned():
     steering = SteeringEfficiency()
     drive(steering, 0.55, 60.0)
     drive(steering, 0.8, 120.0)
-    assert steering.share == pytest.approx(0.8, abs=0.02)
+    assert steering.efficiency == pytest.approx(0.8, abs=0.02)
 
 
-def test_driving_straight_teaches_and_forgets_nothing():
+def test_straight_driving_leaves_the_efficiency_unchanged():
     steering = SteeringEfficiency()
     drive(steering, 0.55, 20.0)
-    before = steering.share
+    before = steering.efficiency
     for _ in range(1000):
         steering.update(0.0, 0.01, T)
-    assert steering.share == before
+    assert steering.efficiency == before
     assert steering.predict(0.0)[1] > 0.0

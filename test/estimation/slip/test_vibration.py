@@ -1,4 +1,4 @@
-"""Shaking: nothing on a smooth floor, all of it on a rough one."""
+"""Vibration level: zero at the noise of the IMU, unbiased above it."""
 
 from __future__ import annotations
 
@@ -8,26 +8,26 @@ import pytest
 from smart_tire.estimation.slip.vibration import VibrationMonitor
 
 
-def shaken(sigma, seconds=5.0, rate=100.0, seed=0, noise=0.05):
-    rng, shaking = np.random.default_rng(seed), VibrationMonitor(noise)
+def vibration_level(sigma, seconds=5.0, rate=100.0, seed=0, noise=0.05):
+    rng, monitor = np.random.default_rng(seed), VibrationMonitor(noise)
     for k in range(round(seconds * rate)):
-        shaking.push(k / rate, 9.81 + np.hypot(noise, sigma) * rng.standard_normal())
-    return shaking.sigma
+        monitor.update(k / rate, 9.81 + np.hypot(noise, sigma) * rng.standard_normal())
+    return monitor.sigma
 
 
 @pytest.mark.parametrize('seed', range(5))
-def test_the_noise_of_the_unit_is_no_shaking(seed):
-    assert shaken(0.0, seed=seed) == 0.0
+def test_noise_of_the_imu_is_not_vibration(seed):
+    assert vibration_level(0.0, seed=seed) == 0.0
 
 
 @pytest.mark.parametrize('rate', [20.0, 100.0, 400.0])
-def test_shaking_is_measured_at_any_rate(rate):
-    assert np.mean([shaken(1.2, rate=rate, seed=seed) for seed in range(10)]) == pytest.approx(
-        1.2, rel=0.15)
+def test_vibration_is_estimated_at_any_sample_rate(rate):
+    levels = [vibration_level(1.2, rate=rate, seed=seed) for seed in range(10)]
+    assert np.mean(levels) == pytest.approx(1.2, rel=0.15)
 
 
-def test_a_tilted_unit_does_not_shake():
-    shaking = VibrationMonitor(0.05)
+def test_a_tilted_imu_does_not_vibrate():
+    monitor = VibrationMonitor(0.05)
     for k in range(500):
-        shaking.push(k / 100.0, 9.0)
-    assert shaking.sigma == 0.0
+        monitor.update(k / 100.0, 9.0)
+    assert monitor.sigma == 0.0
