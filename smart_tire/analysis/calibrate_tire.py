@@ -12,7 +12,7 @@ from smart_tire.analysis.pipeline import INPUTS
 from smart_tire.analysis.smoothing import SmoothedSlip
 from smart_tire.bags import Bag
 from smart_tire.calibration.film import gains
-from smart_tire.calibration.film.crossing_collector import CrossingWithSlip, PassageCollector
+from smart_tire.calibration.film.crossing_collector import CrossingCollector, CrossingWithSlip
 from smart_tire.calibration.film.results import GainFit
 from smart_tire.calibration.tire import stiffness
 from smart_tire.calibration.tire.stiffness import StiffnessFit
@@ -55,14 +55,14 @@ def identify_gains(bags: Sequence[Path], robot: RobotParams, span: Span) -> Gain
 def read_passages(path: Path, robot: RobotParams, span: Span) -> list[CrossingWithSlip]:
     """Return the passages in a bag with the slips that the whole of it tells without films."""
     robot = replace(robot, slip=replace(robot.slip, film_aided=False))
-    collector = PassageCollector(robot, FrictionEstimatorParams(robot=robot).reorder_window)
+    collector = CrossingCollector(robot, FrictionEstimatorParams(robot=robot).reorder_window)
     with closing(SmoothedSlip(SlipEstimatorParams(robot=robot))) as slip:
         for sample in _inputs(path, span):
             if isinstance(sample, (ImuSample, WheelSample)):
                 slip.update(sample)
             if isinstance(sample, (TireSample, WheelSample)):
                 collector.update(sample)
-        known = list(collector.known(
+        known = list(collector.with_slip(
             estimate for estimates in slip.smoothed() for estimate in estimates
             if isinstance(estimate, WheelSlip)))
     if not collector.tire_samples:

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 import numpy as np
 
 from smart_tire.analysis import drawing
-from smart_tire.calibration.film.results import FilmTold, GainFit, Waveform
+from smart_tire.calibration.film.results import FilmGain, GainFit, Waveform
 
 MM = 1e3
 
@@ -31,7 +31,7 @@ def write_gains(path: Path, found: GainFit) -> bool:
     return True
 
 
-def draw_gains(ax: Axes, films: list[FilmTold]) -> None:
+def draw_gains(ax: Axes, films: list[FilmGain]) -> None:
     """Draw what the films of a wheel stretch, over the slip, with the line that is their gain."""
     for one, color in zip(films, drawing.FILM_COLORS * len(films)):
         if one.per_slip is None:
@@ -50,9 +50,9 @@ def draw_waveform(ax: Axes, example: Waveform) -> None:
     """Draw the samples of one passage with the waveform that was fitted."""
     colors = drawing.FILM_COLORS * len(example.films)
     for i, (film, color) in enumerate(zip(example.films, colors)):
-        ax.plot(MM * example.way[i], example.volts[i], '.', color=color, markersize=5,
+        ax.plot(MM * example.distance[i], example.volts[i], '.', color=color, markersize=5,
                 label=f'film {film + 1}, samples')
-        ax.plot(MM * example.way[i], example.fitted[i], color=color, linewidth=1.1,
+        ax.plot(MM * example.distance[i], example.fitted[i], color=color, linewidth=1.1,
                 label=f'film {film + 1}, fit')
     ax.set(title=f'{example.wheel.replace("_", " ")}, slip {example.slip:+.3f}',
            xlabel='rolled [mm]', ylabel='above rest [V]')

@@ -53,8 +53,8 @@ def _lines(found: GainFit, bags: list[str]) -> list[str]:
                     'middle of the patch' + (f', {bags[run]}' if len(bags) > 1 else ''))
               for (run, wheel), angle in found.angles.items()]
     lines += [f'{name:32}not told: {why}' for name, why in found.refused.items()]
-    lines.append(f'{found.telling} of {found.passages} passages tell gains, in '
-                 f'{found.manoeuvres} stretches of like slip; their slips stray '
+    lines.append(f'{found.informative} of {found.crossings} passages tell gains, in '
+                 f'{found.segments} stretches of like slip; their slips stray '
                  f'{found.excess ** 0.5:.2g} times as far as expected')
     return lines
 

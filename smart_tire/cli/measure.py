@@ -52,11 +52,11 @@ def run(args: argparse.Namespace) -> int:
     write_measurement(figure, result.time, result.value, result.sigma,
                       rest[0] if rest else None, label=quantity[0])
     told = np.isfinite(result.value)
-    print(f'{result.told} of {told.size} samples measured')
-    if result.told:
+    print(f'{result.valid_count} of {told.size} samples measured')
+    if result.valid_count:
         print(f'{quantity[0]} {result.value[told].min():.4g} to {result.value[told].max():.4g}, '
               f'sigma {np.median(result.sigma[told]):.2g} (median)')
-    if rest and result.told:
+    if rest and result.valid_count:
         away = result.value[told] - rest[0][told]
         inside = np.mean(np.abs(away) <= 2.0 * result.sigma[told])
         print(f'against {_columns(args)[2]}: {np.sqrt(np.mean(away**2)):.2g} rms, '

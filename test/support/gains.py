@@ -1,4 +1,4 @@
-"""Passages with what a slip estimator would say of them: all errors drawn as they are told."""
+"""Crossings with the slip of a slip estimator; all errors are drawn from their sigmas."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from smart_tire.samples import NS_PER_S
 
 TURNS = (0.1, -0.12, 0.06, 0.15, -0.07)  # -, slips
 CRITICAL = 0.55   # -, critical slip of the ground
-LASTS = 0.6       # of the slip's sigma, through a turn ...
-NEW = 0.3         # ... and in every passage
-TURN_S, APART_S = 1.0, 10.0  # s, between passages of a turn, and between turns
-COURSE = 0.004    # relative, of the scale of the distances in a passage
+SUSTAINED = 0.6   # share of the slip's sigma that lasts through a turn
+NEW = 0.3         # share that is new in every crossing
+CROSSING_PERIOD, TURN_PERIOD = 1.0, 10.0  # s
+SCALE_SIGMA = 0.004  # relative, of the distances in a crossing
 ANGLE = 4.5       # rad, of film 1
 
 
@@ -25,23 +25,23 @@ def recording(rng: np.random.Generator, true: RobotParams, *, turns=TURNS, each=
               slip_sigma=0.006, radius_error=0.0, wheel=WHEEL, rpm=60.0,
               films=(0, 1)) -> list[CrossingWithSlip]:
     """
-    Return the passages of a wheel in ``turns`` with their slips, ``each`` of so many turns.
+    Return the crossings of a wheel in ``turns`` with their slips, ``each`` per turn.
 
-    ``radius_error`` is how much larger the wheel is than distances take it for.
+    ``radius_error`` is the relative error of the wheel radius in the distances.
     """
     found, time = [], 0.0
     for slip in turns:
-        time += APART_S
-        lasting = LASTS * rng.standard_normal()
+        time += TURN_PERIOD
+        sustained = SUSTAINED * rng.standard_normal()
         for _ in range(each):
-            time += TURN_S
-            told = slip + slip_sigma * (lasting + NEW * rng.standard_normal())
-            scale = COURSE * rng.standard_normal()
+            time += CROSSING_PERIOD
+            estimated = slip + slip_sigma * (sustained + NEW * rng.standard_normal())
+            scale = SCALE_SIGMA * rng.standard_normal()
             seen = passage(
                 rng, true, slip=slip, sliding=max(1.2 * abs(slip), 0.02) / CRITICAL, rpm=rpm,
                 films=films, gain_error=0.0, scale=scale - radius_error,
-                errors=TrajectoryErrors(COURSE))
+                errors=TrajectoryErrors(SCALE_SIGMA))
             found.append(CrossingWithSlip(
                 wheel, round(time * NS_PER_S), 1, rpm * math.tau / 60.0 * true.wheel_radius, seen,
-                (told, slip_sigma), 0.0002, (0.0, 0.001), ANGLE))
+                (estimated, slip_sigma), 0.0002, (0.0, 0.001), ANGLE))
     return found

@@ -19,36 +19,38 @@ from smart_tire.models.film.elastica import TOUCHING_STROKE
 from smart_tire.numerics.robust import noise_level
 from smart_tire.parameters.calibration_file import write_text
 from smart_tire.uncertain import Uncertain
-PULLED = 5.0  # of the laser's noise: a film longer than flat by more is pulled
-MOST_PULLED = 0.5  # of the samples
-POOR = 3.0    # of the noise: larger residuals come from another law
+
+TENSION_NOISE_FACTOR = 5.0  # of the laser's noise, beyond which a film is under tension
+MAX_TENSION_SHARE = 0.5     # of the samples
+POOR_RESIDUAL_FACTOR = 3.0  # of the noise: larger residuals indicate another hysteresis model
 
 
 def identify_film(recording: FilmRecording, film: BucklingFilm | None
                   ) -> tuple[FilmParams, FilmFit, list[str]]:
     """
-    Return the parameters of a film from a recording, the fit, and notes for its user.
+    Return the parameters of a film from a recording, the fit, and notes for the user.
 
-    Without a ``film`` the recorded input drives the operator as it is.
+    Without a ``film`` the recorded input is that of the operator.
     """
     notes = []
-    moved, spikes = without_spikes(recording.input)
-    noise = noise_level(moved)
-    moved, _ = smoothed(moved)
-    trusted = np.ones(moved.size, dtype=bool)
+    deflection, spikes = without_spikes(recording.input)
+    noise = noise_level(deflection)
+    deflection, _ = smoothed(deflection)
+    trusted = np.ones(deflection.size, dtype=bool)
     if film is not None:
-        trusted = moved >= -PULLED * noise
-        if trusted.mean() < 1.0 - MOST_PULLED:
+        trusted = deflection >= -TENSION_NOISE_FACTOR * noise
+        if trusted.mean() < 1.0 - MAX_TENSION_SHARE:
             raise EstimatorError(
-                f'{(~trusted).sum()} of {moved.size} deflections are negative: they must count '
-                'from the flat film, positive where its ends come together')
-        moved = np.maximum(moved, 0.0)
-        if (film.stroke(moved) >= TOUCHING_STROKE).any():
+                f'{(~trusted).sum()} of {deflection.size} deflections are negative: they must be '
+                'measured from the flat film, positive when its ends approach each other')
+        deflection = np.maximum(deflection, 0.0)
+        if (film.stroke(deflection) >= TOUCHING_STROKE).any():
             notes.append(f'the film touches itself (a stroke above {TOUCHING_STROKE:.3f})')
-    fit = identify(recording.time, moved if film is None else film.normalised_charge(moved),
-                   recording.output, trusted=trusted, amplifier=film is not None)
+    v = deflection if film is None else film.normalised_charge(deflection)
+    fit = identify(recording.time, v, recording.output, trusted=trusted,
+                   amplifier=film is not None)
     for count, what in ((spikes, 'spikes of the input were removed'),
-                        (int((~trusted).sum()), 'samples with a pulled film were left out'),
+                        (int((~trusted).sum()), 'samples with a film under tension were excluded'),
                         (int((trusted & ~fit.counted).sum()), 'outputs were outliers')):
         if count:
             notes.append(f'{count} {what}')
@@ -56,12 +58,12 @@ def identify_film(recording: FilmRecording, film: BucklingFilm | None
         film=film, alpha_gain=fit.alpha_gain.value, a_gain=fit.a_gain.value,
         b_gain=fit.b_gain.value, low_corner=fit.low_corner.value, drift=fit.drift.value,
         covariance=fit.covariance, span=fit.span, noise=fit.noise,
-        misfit=math.sqrt(max(fit.rms**2 - fit.noise**2, 0.0)))
-    return params, fit, notes + _judged(fit)
+        model_error=math.sqrt(max(fit.rms**2 - fit.noise**2, 0.0)))
+    return params, fit, notes + _notes(fit)
 
 
-def _judged(fit: FilmFit) -> list[str]:
-    """Return what the user must know of the values."""
+def _notes(fit: FilmFit) -> list[str]:
+    """Return notes on the reliability of the values."""
     notes = []
     unknown = [name for name in PRODUCTS if not getattr(fit, name).determined]
     if unknown:
@@ -72,21 +74,21 @@ def _judged(fit: FilmFit) -> list[str]:
     corner = fit.low_corner
     if math.isfinite(corner.sigma) and not corner.determined:
         notes.append(
-            f'not determined: low_corner ({corner.value:.2g} ± {corner.sigma:.2g} Hz): what the '
-            'amplifier drains can not be told from a drift of the output; measured with it, the '
-            'sigma of other motions grows with time')
+            f'not determined: low_corner ({corner.value:.2g} ± {corner.sigma:.2g} Hz): the '
+            'discharge of the amplifier cannot be separated from a drift of the output; with '
+            'these parameters the sigma of other motions grows with time')
     if not fit.valid:
-        notes.append('not a > b >= a / 2: no branch-wise inverse, the film can not measure')
-    if fit.rms > POOR * fit.noise:
-        notes.append(f'a Duhem operator leaves {fit.share:.1%} of half the range, '
+        notes.append('not a > b >= a / 2: no branch-wise inverse, the film cannot measure')
+    if fit.rms > POOR_RESIDUAL_FACTOR * fit.noise:
+        notes.append(f'residuals of the Duhem operator are {fit.share:.1%} of half the range, '
                      f'{fit.rms / fit.noise:.0f} times the noise' if fit.noise > 0.0 else
-                     f'a Duhem operator leaves {fit.share:.1%} of half the range')
+                     f'residuals of the Duhem operator are {fit.share:.1%} of half the range')
     return notes
 
 
 def write_params(path: Path, params: FilmParams, fit: FilmFit, notes: list[str],
                  gain: float | None = None) -> None:
-    """Write the YAML file that ``read_params`` reads; ``gain`` [C] is a K that the user fixes."""
+    """Write the YAML file that ``read_params`` reads; ``gain`` [C] is a K set by the user."""
     tree: dict[str, Any] = {
         'film': None if params.film is None else {
             'length_m': params.film.length, 'width_m': params.film.width,
@@ -94,7 +96,7 @@ def write_params(path: Path, params: FilmParams, fit: FilmFit, notes: list[str],
         'products': {name: _entry(getattr(fit, name)) for name in PRODUCTS},
         'covariance': [[float(value) for value in row] for row in params.covariance],
         'amplifier': {name: _entry(getattr(fit, name)) for name in AMPLIFIER},
-        'span': params.span, 'noise': params.noise, 'misfit': params.misfit,
+        'span': params.span, 'noise': params.noise, 'model_error': params.model_error,
         'residual': {'rms': fit.rms, 'share_of_half_range': fit.share,
                      'correlated_samples': fit.correlation},
         'notes': notes}

@@ -1,13 +1,14 @@
 """
-All passages of a recording together: one set of gains, contact length and film places.
+Joint adjustment of all patch crossings: gains, contact length and film positions.
 
-Weighted least squares over what each passage tells. The error of the slip multiplies the gains; it
-is taken apart in what is new in every passage and what lasts through a manoeuvre, that is as long
-as a wheel goes on with the same slip: passages of one steady turn do not tell more than the slip
-estimator knows of that turn. A wheel radius that is wrong adds the same to all slips, which runs
-with both signs of it tell. Errors of the wheel radius and of the films' length, the two rulers
-that there are, stretch all that is measured in metres. Passages and manoeuvres that stray count
-less (Huber), and where manoeuvres scatter more than expected, all of them are widened.
+Weighted least squares over the observations of the crossings. The error of the slip scales the
+gains; it is split into a part that is new in every crossing and a part that lasts through a
+segment of constant slip of a wheel: more crossings of one steady turn do not improve the gains
+beyond the accuracy of the slip estimate in that turn. An error of the wheel radius adds the same
+to all slips; it is observable if a recording contains both signs of slip. Errors of the wheel
+radius and of the film length scale all measured lengths. Crossings and segments with large
+residuals have lower weight (Huber); if segments scatter more than expected, all their variances
+are scaled.
 """
 
 from __future__ import annotations
@@ -25,21 +26,21 @@ from smart_tire.parameters import RobotParams
 from smart_tire.samples import NS_PER_S
 
 
-# shares of the smoothed slip's sigma, from simulated runs with default sensors: 0.55 of it lasts
-# through a manoeuvre and hardly any longer; 0.2 is new in every passage while steady, 0.6 else
-LASTING, PASSING = 0.6, 0.5
-ALIKE = 0.03           # -, of slip, within which a manoeuvre goes on ...
-LONGEST_PAUSE = 3.0    # s, ... and between two passages in it; a turn of a slow wheel
-LEAST_SIGMA = 1e-6     # -, of what is said to be exact
-OUTLIER = 2.5          # sigmas, beyond which a passage or manoeuvre counts less
-ROUNDS = 8             # of reweighting; it settles in three
-GAIN_SIGMA, LENGTH_SIGMA, ALPHA_SIGMA, PLACE_SIGMA = 10.0, 1.0, 0.3, 1.0  # -, -, -, m: ignorance
-FILM_LENGTH_SIGMA = 0.005  # relative, of film.length: a tenth of a millimetre of 20; assumed
+# shares of the smoothed slip's sigma, from simulations with default sensors: 0.55 of it lasts
+# through a segment and hardly longer; 0.2 is new in every crossing at steady speed, 0.6 otherwise
+SEGMENT_SLIP_SHARE, CROSSING_SLIP_SHARE = 0.6, 0.5
+SEGMENT_SLIP_TOLERANCE = 0.03  # -, deviation of slip that begins a new segment
+MAX_SEGMENT_PAUSE = 3.0  # s between two crossings of a segment: a revolution of a slow wheel
+MIN_SIGMA = 1e-6  # -, of parameters that are configured as exact
+HUBER_THRESHOLD = 2.5  # sigmas, beyond which a crossing or segment has lower weight
+REWEIGHTING_ROUNDS = 8                                                       # converges in three
+GAIN_SIGMA, LENGTH_SIGMA, ALPHA_SIGMA, POSITION_SIGMA = 10.0, 1.0, 0.3, 1.0  # -, -, -, m; wide
+FILM_LENGTH_SIGMA = 0.005  # relative, of film.length: 0.1 mm of 20 mm; assumed
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ParameterIndex:
-    """Where the parameters stand that all passages share."""
+    """Order of the parameters that all crossings share."""
 
     wheels: tuple[str, ...]
     count: int  # films of a wheel
@@ -60,200 +61,209 @@ class ParameterIndex:
 
     @property
     def radius(self) -> int:
-        """Return the index of the relative error of the wheel radius ..."""
+        """Return the index of the relative error of the wheel radius."""
         return self.length + 2
 
     @property
     def film(self) -> int:
-        """Return the index of that of the films' length."""
+        """Return the index of the relative error of the film length."""
         return self.length + 3
 
-    def place(self, film: int) -> int:
-        """Return the index of a film's place [m] on the circumference, beyond the nominal one."""
+    def position(self, film: int) -> int:
+        """Return the index of the error of a film's position [m] on the circumference."""
         return self.film + 1 + film
 
     @property
     def size(self) -> int:
         """Return the number of these parameters."""
-        return self.place(self.count)
+        return self.position(self.count)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Adjustment:
-    """What all passages tell together."""
+    """Result of the joint adjustment."""
 
-    layout: ParameterIndex
-    value: Array       # (n,), in the order of ``layout``
-    covariance: Array  # (n, n)
-    manoeuvres: int
-    spread: float      # mean square of the slip's errors in them over that expected, at least 1
+    index: ParameterIndex
+    value: Array                # (n,), in the order of ``index``
+    covariance: Array           # (n, n)
+    segments: int               # of constant slip
+    slip_variance_ratio: float  # of the segments' slip errors over the expected, at least 1
 
     def estimate(self, index: int) -> tuple[float, float]:
-        """Return a parameter with its standard error."""
+        """Return a parameter and its standard error."""
         return float(self.value[index]), math.sqrt(float(self.covariance[index, index]))
 
 
-def combine(told: Sequence[GainObservation], runs: Sequence[int], robot: RobotParams
-            ) -> Adjustment:
-    """Return what passages tell together; ``runs`` says of which recording each is."""
-    return _Combiner(told, runs, robot).run()
+def adjust(observations: Sequence[GainObservation], recordings: Sequence[int],
+           robot: RobotParams) -> Adjustment:
+    """Return the adjustment; ``recordings`` holds the recording's number of each observation."""
+    return _Adjuster(observations, recordings, robot).solve()
 
 
-def manoeuvres(told: Sequence[GainObservation], runs: Sequence[int]) -> NDArray[np.intp]:
-    """Return for each passage the number of its manoeuvre, -1 where it tells no gains."""
-    found = np.full(len(told), -1, dtype=np.intp)
+def constant_slip_segments(observations: Sequence[GainObservation],
+                           recordings: Sequence[int]) -> NDArray[np.intp]:
+    """Return the number of each observation's segment, -1 without gains."""
+    segments = np.full(len(observations), -1, dtype=np.intp)
     number, last = -1, None
-    for i in sorted((i for i, one in enumerate(told) if one.gains), key=lambda i: (
-            runs[i], told[i].known.wheel, told[i].known.stamp_ns)):
-        known = told[i].known
-        here = runs[i], known.wheel
-        pause = math.inf if last is None else (known.stamp_ns - last[1]) / NS_PER_S
-        if last is None or here != last[0] or pause > LONGEST_PAUSE or abs(
-                known.slip[0] - last[2] / last[3]) > ALIKE:
-            number, last = number + 1, (here, 0, 0.0, 0)
-        last = here, known.stamp_ns, last[2] + known.slip[0], last[3] + 1
-        found[i] = number
-    return found
+    chosen = [i for i, observation in enumerate(observations) if observation.gains]
+    for i in sorted(chosen, key=lambda i: (recordings[i], observations[i].crossing.wheel,
+                                           observations[i].crossing.stamp_ns)):
+        crossing = observations[i].crossing
+        source = recordings[i], crossing.wheel
+        pause = math.inf if last is None else (crossing.stamp_ns - last[1]) / NS_PER_S
+        if last is None or source != last[0] or pause > MAX_SEGMENT_PAUSE or abs(
+                crossing.slip[0] - last[2] / last[3]) > SEGMENT_SLIP_TOLERANCE:
+            number, last = number + 1, (source, 0, 0.0, 0)
+        last = source, crossing.stamp_ns, last[2] + crossing.slip[0], last[3] + 1
+        segments[i] = number
+    return segments
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Row:
-    """What one passage tells, by all parameters but those of manoeuvres, and by its own."""
+    """Linearized observation: derivatives by all shared parameters and by its segment's slip."""
 
     by_common: Array  # (k, n)
-    by_slip: Array    # (k,), per sigma of what lasts through the manoeuvre
-    value: Array      # (k,), relative to what is nominal
+    by_slip: Array    # (k,), per sigma of the slip error of the segment
+    value: Array      # (k,), relative to the nominal values
     precision: Array  # (k, k)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Solution:
-    common: Array      # (n,)
-    covariance: Array  # (n, n)
-    strayed: Array     # (manoeuvres,) sigmas, of what lasts
-    variance: Array    # (manoeuvres,)
+    common: Array         # (n,)
+    covariance: Array     # (n, n)
+    segment_error: Array  # (segments,) sigmas, slip error of each
+    variance: Array       # (segments,)
 
 
-class _Combiner:
-    def __init__(self, told: Sequence[GainObservation], runs: Sequence[int],
+class _Adjuster:
+    def __init__(self, observations: Sequence[GainObservation], recordings: Sequence[int],
                  robot: RobotParams) -> None:
-        self._told, self._runs = told, runs
-        self._layout = layout = ParameterIndex(robot.film.wheels, robot.film.count)
-        self._places = robot.film.places
-        self._manoeuvre = manoeuvres(told, runs)
-        self._count = int(self._manoeuvre.max(initial=-1)) + 1
-        radius = max(robot.wheel_radius_sigma, LEAST_SIGMA)
-        # behind what ``layout`` names, what is added to the slips of each recording
-        sigma = np.full(layout.size + max(runs, default=-1) + 1, radius)
-        sigma[:layout.length] = GAIN_SIGMA
-        sigma[layout.length:layout.place(0)] = LENGTH_SIGMA, ALPHA_SIGMA, radius, FILM_LENGTH_SIGMA
-        sigma[layout.place(0):layout.size] = PLACE_SIGMA
+        self._observations, self._recordings = observations, recordings
+        self._index = index = ParameterIndex(robot.film.wheels, robot.film.count)
+        self._positions = robot.film.places
+        self._segment = constant_slip_segments(observations, recordings)
+        self._count = int(self._segment.max(initial=-1)) + 1
+        radius = max(robot.wheel_radius_sigma, MIN_SIGMA)
+        # followed by an offset of the slips of each recording
+        sigma = np.full(index.size + max(recordings, default=-1) + 1, radius)
+        sigma[:index.length] = GAIN_SIGMA
+        sigma[index.length:index.position(0)] = (
+            LENGTH_SIGMA, ALPHA_SIGMA, radius, FILM_LENGTH_SIGMA)
+        sigma[index.position(0):index.size] = POSITION_SIGMA
         self._prior = sigma ** -2.0
-        relative = np.array([one.known.slip[1] / abs(one.known.slip[0]) for one in told])
-        self._relative = [float(np.median(relative[self._manoeuvre == number]))
-                          for number in range(self._count)]  # sigma of slip, by manoeuvre
-        self._rows = [self._row(i) for i in range(len(told))]
+        relative = np.array([one.crossing.slip[1] / abs(one.crossing.slip[0])
+                             for one in observations])
+        self._relative = [float(np.median(relative[self._segment == number]))
+                          for number in range(self._count)]  # relative sigma of slip per segment
+        self._rows = [self._row(i) for i in range(len(observations))]
 
     def _row(self, i: int) -> _Row:
-        one, layout = self._told[i], self._layout
-        rows, gains = np.zeros((len(one.value), len(self._prior))), np.zeros(len(one.value))
-        value, precision, count = one.value.copy(), one.precision, len(one.films) * one.gains
+        observation, index = self._observations[i], self._index
+        size, count = len(observation.value), len(observation.films) * observation.gains
+        rows, gains = np.zeros((size, len(self._prior))), np.zeros(size)
+        value, precision = observation.value.copy(), observation.precision
         length, alpha = count, count + 1
-        # distances that are too short, or a film that is too long: the fit must not know
-        rows[:, layout.radius], rows[:, layout.film] = -one.by_scale, one.by_scale
-        rows[length, [layout.length, layout.film]] += 1.0, -1.0
-        rows[alpha, [layout.alpha, layout.film]] += 1.0, 1.0
-        first = one.films[0]
-        for row, film in enumerate(one.films[1:], count + 2):
-            apart = self._places[film] - self._places[first]
-            rows[row, [layout.place(film), layout.place(first), layout.film]] += 1.0, -1.0, -apart
-            value[row] -= apart
-        if not one.gains:
+        # an error of the scale of distances, and of the film length
+        rows[:, index.radius], rows[:, index.film] = -observation.by_scale, observation.by_scale
+        rows[length, [index.length, index.film]] += 1.0, -1.0
+        rows[alpha, [index.alpha, index.film]] += 1.0, 1.0
+        first = observation.films[0]
+        for row, film in enumerate(observation.films[1:], count + 2):
+            distance = self._positions[film] - self._positions[first]
+            rows[row, [index.position(film), index.position(first), index.film]] += (
+                1.0, -1.0, -distance)
+            value[row] -= distance
+        if not observation.gains:
             return _Row(rows, gains, value, precision)
-        slip, (lasting, new) = one.known.slip[0], self._slip_errors(i)
+        slip, (sustained, new) = observation.crossing.slip[0], self._slip_errors(i)
         gains[:count] = 1.0
-        for row, film in enumerate(one.films):
-            rows[row, layout.gain(one.known.wheel, film)] = 1.0
-        rows[:, layout.size + self._runs[i]] = gains * (1.0 - slip) / slip
-        through = precision @ (new * gains)
-        return _Row(rows, lasting * gains, value, precision - np.outer(through, through) / (
-            1.0 + new * gains @ through))
+        for row, film in enumerate(observation.films):
+            rows[row, index.gain(observation.crossing.wheel, film)] = 1.0
+        rows[:, index.size + self._recordings[i]] = gains * (1.0 - slip) / slip
+        # Sherman-Morrison: adds the variance of the new part of the slip error
+        product = precision @ (new * gains)
+        return _Row(rows, sustained * gains, value, precision - np.outer(product, product) / (
+            1.0 + new * gains @ product))
 
     def _slip_errors(self, i: int) -> tuple[float, float]:
         """
-        Return the relative error of the slip that lasts in the manoeuvre, and what is new in it.
+        Return the relative slip errors: the part common to the segment, and the new part.
 
-        The first is the same for all of a manoeuvre: were it larger where sigma is, then from
-        two passages one could tell it, as if errors did follow their sigmas so closely.
+        The first is the same for all crossings of a segment. If it followed each sigma, it would
+        be observable from the difference of two crossings, which it is not.
         """
-        known = self._told[i].known
-        slip, sigma = known.slip
-        lasting = self._relative[self._manoeuvre[i]]
-        new = math.hypot(PASSING * sigma, known.stray) / abs(slip)
-        beyond = LASTING * max(sigma / abs(slip) - lasting, 0.0)
-        return LASTING * lasting, math.hypot(new, beyond)
+        crossing = self._observations[i].crossing
+        slip, sigma = crossing.slip
+        sustained = self._relative[self._segment[i]]
+        new = math.hypot(CROSSING_SLIP_SHARE * sigma, crossing.deviation) / abs(slip)
+        excess = SEGMENT_SLIP_SHARE * max(sigma / abs(slip) - sustained, 0.0)
+        return SEGMENT_SLIP_SHARE * sustained, math.hypot(new, excess)
 
-    def run(self) -> Adjustment:
-        """Solve and weigh until outliers are known."""
-        size = self._layout.size
-        weight, held = np.ones(len(self._told)), np.ones(self._count)
-        excess = spread = 1.0
-        freedom = np.array([len(row.value) for row in self._rows])
-        for _ in range(ROUNDS):
-            found = self._solve(weight / excess, held / spread)
-            squares = self._squares(found)
-            excess = max(1.0, float(np.median(squares / freedom)) / _middle(freedom))
-            weight = _huber(np.sqrt(squares / (freedom * excess)))
-            spread = _spread(found, spread)
-            held = _huber(np.abs(found.strayed) / math.sqrt(spread))
-        return Adjustment(self._layout, found.common[:size], found.covariance[:size, :size],
-                           self._count, spread)
+    def solve(self) -> Adjustment:
+        """Solve with iterative reweighting of crossings and segments."""
+        size = self._index.size
+        weight, segment_weight = np.ones(len(self._observations)), np.ones(self._count)
+        excess = ratio = 1.0
+        dof = np.array([len(row.value) for row in self._rows])
+        for _ in range(REWEIGHTING_ROUNDS):
+            solution = self._solve(weight / excess, segment_weight / ratio)
+            squares = self._squares(solution)
+            excess = max(1.0, float(np.median(squares / dof)) / _median_reduced_chi_square(dof))
+            weight = _huber_weights(np.sqrt(squares / (dof * excess)))
+            ratio = _slip_variance_ratio(solution, ratio)
+            segment_weight = _huber_weights(np.abs(solution.segment_error) / math.sqrt(ratio))
+        return Adjustment(self._index, solution.common[:size], solution.covariance[:size, :size],
+                          self._count, ratio)
 
-    def _solve(self, weight: Array, held: Array) -> _Solution:
-        """Return the least squares, where manoeuvres are solved for one by one."""
+    def _solve(self, weight: Array, segment_weight: Array) -> _Solution:
+        """Return the weighted least squares; slip errors of segments are eliminated."""
         n = len(self._prior)
         normal, right = np.diag(self._prior), np.zeros(n)
-        across, own, own_right = np.zeros((n, self._count)), held.copy(), np.zeros(self._count)
-        for w, row, number in zip(weight, self._rows, self._manoeuvre):
+        across, own_right = np.zeros((n, self._count)), np.zeros(self._count)
+        own = segment_weight.copy()
+        for w, row, number in zip(weight, self._rows, self._segment):
             weighted = row.by_common.T @ (w * row.precision)
             normal += weighted @ row.by_common
             right += weighted @ row.value
             if number >= 0:
-                through = w * row.precision @ row.by_slip
-                across[:, number] += row.by_common.T @ through
-                own[number] += row.by_slip @ through
-                own_right[number] += row.value @ through
+                product = w * row.precision @ row.by_slip
+                across[:, number] += row.by_common.T @ product
+                own[number] += row.by_slip @ product
+                own_right[number] += row.value @ product
         share = across / own
         covariance = np.linalg.inv(normal - share @ across.T)
         common = covariance @ (right - share @ own_right)
         return _Solution(common, covariance, own_right / own - share.T @ common,
                          1.0 / own + np.sum(share * (covariance @ share), axis=0))
 
-    def _squares(self, found: _Solution) -> Array:
-        """Return the squared normalised residual of each passage."""
+    def _squares(self, solution: _Solution) -> Array:
+        """Return the squared normalized residual of each observation."""
         squares = np.zeros(len(self._rows))
-        for i, (row, number) in enumerate(zip(self._rows, self._manoeuvre)):
-            left = row.value - row.by_common @ found.common
+        for i, (row, number) in enumerate(zip(self._rows, self._segment)):
+            residual = row.value - row.by_common @ solution.common
             if number >= 0:
-                left = left - row.by_slip * found.strayed[number]
-            squares[i] = left @ row.precision @ left
+                residual = residual - row.by_slip * solution.segment_error[number]
+            squares[i] = residual @ row.precision @ residual
         return squares
 
 
-def _huber(size: Array) -> Array:
-    """Return the weights of residuals of so many sigmas."""
-    weights: Array = OUTLIER / np.maximum(size, OUTLIER)
+def _huber_weights(size: Array) -> Array:
+    """Return Huber's weights of normalized residuals."""
+    weights: Array = HUBER_THRESHOLD / np.maximum(size, HUBER_THRESHOLD)
     return weights
 
 
-def _spread(found: _Solution, before: float) -> float:
-    """Return the variance of what lasts through manoeuvres, in that expected; at least 1."""
-    freedom = float(np.sum(1.0 - found.variance / before))
-    if freedom < 1.0:
-        return before
-    return max(1.0, float(np.sum(np.minimum(found.strayed ** 2, OUTLIER ** 2 * before))) / freedom)
+def _slip_variance_ratio(solution: _Solution, previous: float) -> float:
+    """Return the variance of the segments' slip errors over the expected one, at least 1."""
+    dof = float(np.sum(1.0 - solution.variance / previous))
+    if dof < 1.0:
+        return previous
+    clipped = np.minimum(solution.segment_error ** 2, HUBER_THRESHOLD ** 2 * previous)
+    return max(1.0, float(np.sum(clipped)) / dof)
 
 
-def _middle(freedom: NDArray[np.intp]) -> float:
-    """Return the median of chi-squared over its degrees of freedom, about."""
-    return float((1.0 - 2.0 / (9.0 * np.median(freedom))) ** 3)
+def _median_reduced_chi_square(dof: NDArray[np.intp]) -> float:
+    """Return the median of chi-squared over its degrees of freedom (Wilson and Hilferty)."""
+    return float((1.0 - 2.0 / (9.0 * np.median(dof))) ** 3)

@@ -1,8 +1,8 @@
 """
-Passages of all instrumented wheels of a recording, and what is known of the slip in each.
+Patch crossings of all instrumented wheels of a recording, with the slip in each.
 
-Passages are found first; slips, of an estimator that has gone over the whole recording, come
-after. What the films tell of slip has no part in it.
+Crossings are detected first. The slips come afterwards, from a slip estimator smoothed over the
+whole recording, without films.
 """
 
 from __future__ import annotations
@@ -22,50 +22,50 @@ from smart_tire.parameters import RobotParams
 from smart_tire.samples import (
     MAX_WHEEL_SPEED, NS_PER_S, TireSample, WHEELS, WheelSample, WheelSlip)
 
-AFTER_NS = 500_000_000  # of slips behind a passage, from which its mean and slope are taken
+SLIP_MARGIN_NS = 500_000_000  # of slips after a crossing that are used for mean and slope
 
 
 @dataclass(frozen=True, slots=True)
 class CrossingWithSlip:
-    """A passage whose films were seen, and the slip in it."""
+    """A patch crossing with waveforms of the films, and the slip in it."""
 
     wheel: str
     stamp_ns: int
-    direction: int     # +1 forward, -1 backward
-    speed: float       # m/s, r |omega|
+    direction: int  # +1 forward, -1 backward
+    speed: float    # m/s, r |omega|
     films: CrossingSamples
-    slip: ValueSigma     # -, B(3)'s lambda at the reference
-    stray: float       # -, by which it may stray from a straight line in this passage
-    change: ValueSigma   # -, of the slip over a contact length
-    origin: float      # rad, ``wheel_states.position`` where distances are 0; NaN without
+    slip: ValueSigma    # -, B(3)'s lambda at the reference
+    deviation: float    # -, standard deviation of slip from a straight line in this crossing
+    change: ValueSigma  # -, of the slip over a contact length
+    origin: float       # rad, ``wheel_states.position`` at distance 0; NaN without positions
 
 
 @dataclass(frozen=True, slots=True)
-class _Found:
+class _FoundCrossing:
     wheel: str
-    passage: PatchCrossing
+    crossing: PatchCrossing
     origin: float
 
 
 @dataclass
 class _Wheel:
-    """The films of one wheel, group by group."""
+    """Trackers of one wheel, one per film group."""
 
-    films: list[ContactTracker]
+    trackers: list[ContactTracker]
     origin: float = math.nan
-    begun: bool = False
+    started: bool = False
     newest_ns: int = 0
 
 
 @dataclass
-class PassageCollector:
-    """Collects the passages of ``robot`` from samples in the order of reception."""
+class CrossingCollector:
+    """Collects the crossings of ``robot`` from samples in the order of reception."""
 
     robot: RobotParams
     reorder_window: float  # s
     tire_samples: int = 0  # of instrumented wheels
-    passages: int = 0      # found, seen or not
-    _found: list[_Found] = field(default_factory=list)
+    crossings: int = 0     # detected or predicted
+    _found: list[_FoundCrossing] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self._gate = ReorderBuffer(round(self.reorder_window * NS_PER_S))
@@ -79,18 +79,18 @@ class PassageCollector:
                         for wheel in self.robot.film.wheels}
 
     def update(self, sample: TireSample | WheelSample) -> None:
-        """Take in a sample."""
+        """Process one sample."""
         closed = self._gate.push(TOPICS[type(sample)], sample.stamp_ns, sample)
         if self._gate.resets != self._resets:
             self._resets = self._gate.resets
             self._start()
         for instant, samples in closed:
             for item in samples:
-                self._take(item)
+                self._add(item)
             if instant % BLOCK_NS == 0:
                 self._advance(instant)
 
-    def _take(self, sample: TireSample | WheelSample) -> None:
+    def _add(self, sample: TireSample | WheelSample) -> None:
         if isinstance(sample, WheelSample):
             if sample.stamp_ns > self._wheels_ns and all(
                     abs(speed) <= MAX_WHEEL_SPEED for speed in sample.velocity):
@@ -102,49 +102,50 @@ class PassageCollector:
                 map(math.isfinite, sample.volts)):
             wheel.newest_ns = sample.stamp_ns
             self.tire_samples += 1
-            for films in wheel.films:
-                films.add_films(sample)
+            for tracker in wheel.trackers:
+                tracker.add_films(sample)
 
     def _add_wheels(self, sample: WheelSample) -> None:
         for name, wheel in self._wheels.items():
-            if sample.position is None:  # distances go on by speed, positions may not
+            if sample.position is None:  # distances are integrated without positions
                 wheel.origin = math.nan
-            elif not wheel.begun:
+            elif not wheel.started:
                 wheel.origin = sample.position[WHEELS.index(name)]
-            wheel.begun = True
-            for films in wheel.films:
-                films.add_wheels(sample)
+            wheel.started = True
+            for tracker in wheel.trackers:
+                tracker.add_wheels(sample)
 
     def _advance(self, instant: int) -> None:
         for name, wheel in self._wheels.items():
-            for films in wheel.films:
-                for passage in films.advance(instant):
-                    self.passages += 1
-                    if passage.samples is not None:
-                        self._found.append(_Found(name, passage, wheel.origin))
+            for tracker in wheel.trackers:
+                for crossing in tracker.advance(instant):
+                    self.crossings += 1
+                    if crossing.samples is not None:
+                        self._found.append(_FoundCrossing(name, crossing, wheel.origin))
 
-    def known(self, slips: Iterable[WheelSlip]) -> Iterator[CrossingWithSlip]:
-        """Yield the passages whose slip is among ``slips``, which come in the order of stamps."""
-        waiting = sorted(self._found, key=lambda found: found.passage.end_ns, reverse=True)
+    def with_slip(self, slips: Iterable[WheelSlip]) -> Iterator[CrossingWithSlip]:
+        """Yield the crossings covered by ``slips``, which must be in the order of time."""
+        pending = sorted(self._found, key=lambda found: found.crossing.end_ns, reverse=True)
         motion = MotionHistory(self.robot, 0.0)
         for slip in slips:
             motion.add_slip(slip)
-            while waiting and waiting[-1].passage.end_ns + AFTER_NS < slip.stamp_ns:
-                yield from self._known(waiting.pop(), motion)
-        while waiting:
-            yield from self._known(waiting.pop(), motion)
+            while pending and pending[-1].crossing.end_ns + SLIP_MARGIN_NS < slip.stamp_ns:
+                yield from self._with_slip(pending.pop(), motion)
+        while pending:
+            yield from self._with_slip(pending.pop(), motion)
 
-    def _known(self, found: _Found, motion: MotionHistory) -> Iterator[CrossingWithSlip]:
-        passage = found.passage
-        told = motion.mean(found.wheel, passage.begin_ns, passage.end_ns)
-        if passage.samples is None or not math.isfinite(told.slip[0]):
+    def _with_slip(self, found: _FoundCrossing,
+                   motion: MotionHistory) -> Iterator[CrossingWithSlip]:
+        crossing = found.crossing
+        mean = motion.mean(found.wheel, crossing.begin_ns, crossing.end_ns)
+        if crossing.samples is None or not math.isfinite(mean.slip[0]):
             return
         patch = self.robot.tire.contact_length
-        turned = max(passage.speed_change - SPEED_NOISE, 0.0)
-        change = told.slip_rate * patch / passage.speed
+        speed_change = max(crossing.speed_change - SPEED_NOISE, 0.0)
+        change = mean.slip_rate * patch / crossing.speed
         sigma = math.hypot(CHANGE_NOISE, CHANGE_ERROR * change,
-                           UNSEEN * turned * patch / passage.way)
+                           UNSEEN * speed_change * patch / crossing.way)
         yield CrossingWithSlip(
-            found.wheel, passage.stamp_ns, passage.direction, passage.speed, passage.samples,
-            told.slip, math.hypot(told.slip_bend, TRANSIENT * turned), (change, sigma),
+            found.wheel, crossing.stamp_ns, crossing.direction, crossing.speed, crossing.samples,
+            mean.slip, math.hypot(mean.slip_bend, TRANSIENT * speed_change), (change, sigma),
             found.origin)

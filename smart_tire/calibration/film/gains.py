@@ -1,9 +1,9 @@
 """
-Gains of the films, contact length, and where the films sit, out of the passages of recordings.
+Film gains, contact length and film positions from the patch crossings of recordings.
 
-The slip comes from the slip estimator and never from the films, and gains are in proportion to it:
-its error is what limits them. Contact length and spacing are as true as the rulers are by which
-ways are measured: the wheel radius to its ``wheel_radius_sigma``, and the films' length.
+The slip comes from the slip estimator without films. Gains are inversely proportional to it, so
+its error limits their accuracy. The accuracy of contact length and spacing is limited by that of
+the wheel radius (``wheel_radius_sigma``) and of the film length.
 """
 
 from __future__ import annotations
@@ -15,36 +15,39 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.calibration.film.adjustment import Adjustment, combine
+from smart_tire.calibration.film.adjustment import adjust, Adjustment
 from smart_tire.calibration.film.crossing_collector import CrossingWithSlip
-from smart_tire.calibration.film.observations import EvidenceReader, GainObservation
+from smart_tire.calibration.film.observations import GainObservation, ObservationFitter
 from smart_tire.calibration.film.results import (
-    apart, bendings, FEWEST, Found, GainFit, LEAST_SLIP, middle, Results, SIGNIFICANT, WORST_PLACE)
+    bending_peaks, GainAdjustment, GainFit, MAX_POSITION_SIGMA, MIN_CROSSINGS, MIN_SLIP,
+    MIN_SLIP_SIGMAS, relative_position, Results, winsorized_mean)
 from smart_tire.errors import EstimatorError
 from smart_tire.parameters import RobotParams
 
 
-MOST_ROUNDS = 5      # of fits, each with what the one before found
-SETTLED = 0.3        # standard errors, below which the next one changes nothing
-LARGEST_CHANGE = 3.0, 1.3  # factor of gains and contact length in one round
+MAX_ITERATIONS = 5      # of fits, each with the result of the previous one
+CONVERGED_SIGMAS = 0.3  # standard errors; a smaller change ends the iteration
+MAX_FACTORS = 3.0, 1.3  # of gains and contact length in one iteration
 
 
-def identify_gains(runs: Sequence[Sequence[CrossingWithSlip]], robot: RobotParams) -> GainFit:
+def identify_gains(recordings: Sequence[Sequence[CrossingWithSlip]],
+                   robot: RobotParams) -> GainFit:
     """
-    Return what the passages of one or more recordings tell together.
+    Return the calibration from the crossings of one or more recordings.
 
-    Raises EstimatorError where there are none that can be understood.
+    Raises EstimatorError if there are too few crossings that can be fitted.
     """
-    robot = _unfolded(robot)
-    told, run, found = _settle(runs, robot)
-    fit = GainFit(found.robot, passages=len(told), telling=sum(one.gains for one in told),
-                  manoeuvres=found.result.manoeuvres, excess=found.result.spread)
-    Results(fit, told, run, found).fill()
+    robot = _per_film(robot)
+    observations, sources, found = _iterate(recordings, robot)
+    fit = GainFit(found.robot, crossings=len(observations),
+                  informative=sum(observation.gains for observation in observations),
+                  segments=found.result.segments, excess=found.result.slip_variance_ratio)
+    Results(fit, observations, sources, found).fill()
     return fit
 
 
-def _unfolded(robot: RobotParams) -> RobotParams:
-    """Return ``robot`` with a value for each film of each wheel."""
+def _per_film(robot: RobotParams) -> RobotParams:
+    """Return ``robot`` with one value per film of each wheel."""
     film = robot.film
     gains, bending = ([value for wheel in film.wheels for value in values(wheel)]
                       for values in (film.gains, film.bending))
@@ -52,67 +55,72 @@ def _unfolded(robot: RobotParams) -> RobotParams:
                                        bending_peak=tuple(bending)))
 
 
-def _settle(runs: Sequence[Sequence[CrossingWithSlip]],
-            robot: RobotParams) -> tuple[list[GainObservation], list[int], Found]:
-    """Fit all passages until what they have in common stays the same."""
-    groups, near = robot.film_groups, False
-    for _ in range(MOST_ROUNDS):
-        reader = EvidenceReader(robot, near=near)
-        read = [(one, i) for i, passages in enumerate(runs) for known in passages
-                if (one := reader.read(known, gains=_tells(known))) is not None]
-        told, run = [one for one, _ in read], [i for _, i in read]
-        if len(told) < FEWEST:
+def _iterate(recordings: Sequence[Sequence[CrossingWithSlip]],
+             robot: RobotParams) -> tuple[list[GainObservation], list[int], GainAdjustment]:
+    """Fit all crossings until the shared parameters converge."""
+    groups, refined = robot.film_groups, False
+    for _ in range(MAX_ITERATIONS):
+        fitter = ObservationFitter(robot, refined=refined)
+        observed = [(observation, i) for i, crossings in enumerate(recordings)
+                    for crossing in crossings
+                    if (observation := fitter.fit_crossing(
+                        crossing, gains=_makes_gains_observable(crossing))) is not None]
+        observations, sources = [observation for observation, _ in observed], [
+            i for _, i in observed]
+        if len(observations) < MIN_CROSSINGS:
             raise EstimatorError(
-                f'{len(told)} passages of films that could be fitted, of '
-                f'{sum(map(len, runs))} with known slip; expected at least {FEWEST}')
-        result = combine(told, run, robot)
-        found = Found(robot, groups, reader, result)
-        moved = result.value / np.sqrt(np.diag(result.covariance))
-        robot = _moved(found, told)
-        if near and np.max(np.abs(moved[:result.layout.radius])) < SETTLED:
+                f'{len(observations)} crossings of films could be fitted, of '
+                f'{sum(map(len, recordings))} with known slip; expected at least {MIN_CROSSINGS}')
+        result = adjust(observations, sources, robot)
+        found = GainAdjustment(robot, groups, fitter, result)
+        change = result.value / np.sqrt(np.diag(result.covariance))
+        robot = _updated(found, observations)
+        if refined and np.max(np.abs(change[:result.index.radius])) < CONVERGED_SIGMAS:
             break
-        near = bool(np.all(_factors(result) > 0.0))  # of films the right way round
-    return told, run, found
+        refined = bool(np.all(_gain_factors(result) > 0.0))  # no film has its poles swapped
+    return observations, sources, found
 
 
-def _tells(known: CrossingWithSlip) -> bool:
-    slip, sigma = known.slip
-    return abs(slip) > max(LEAST_SLIP, SIGNIFICANT * sigma)
+def _makes_gains_observable(crossing: CrossingWithSlip) -> bool:
+    slip, sigma = crossing.slip
+    return abs(slip) > max(MIN_SLIP, MIN_SLIP_SIGMAS * sigma)
 
 
-def _moved(found: Found, told: Sequence[GainObservation]) -> RobotParams:
-    """Return the robot with what was found, as far as it can be."""
+def _updated(found: GainAdjustment, observations: Sequence[GainObservation]) -> RobotParams:
+    """Return the robot with the adjusted parameters, within the limits of one iteration."""
     robot, result = found.robot, found.result
-    film, layout = robot.film, result.layout
-    most, longest = LARGEST_CHANGE
-    factor = _factors(result)
-    factor = np.where(factor > 0.0, np.clip(factor, 1.0 / most, most), 1.0)
-    length, alpha = np.exp(np.clip(result.value[[layout.length, layout.alpha]],
-                                   -math.log(longest), math.log(longest))).tolist()
-    bending = [middle(values).value if values else nominal for values, nominal in zip(
-        (bendings(told, wheel, i) for wheel in film.wheels for i in range(film.count)),
-        film.bending_peak)]
-    places = [place + off for place, off in zip(film.places, _offsets(found))]
-    where = ({'positions': tuple(places)} if film.positions != (-1.0,)
-             else {'spacing': places[1]}) if places == sorted(places) else {}
+    film, index = robot.film, result.index
+    max_gain, max_length = MAX_FACTORS
+    factor = _gain_factors(result)
+    factor = np.where(factor > 0.0, np.clip(factor, 1.0 / max_gain, max_gain), 1.0)
+    length, alpha = np.exp(np.clip(result.value[[index.length, index.alpha]],
+                                   -math.log(max_length), math.log(max_length))).tolist()
+    peaks = (bending_peaks(observations, wheel, i)
+             for wheel in film.wheels for i in range(film.count))
+    bending = [winsorized_mean(values).value if values else nominal
+               for values, nominal in zip(peaks, film.bending_peak)]
+    positions = [nominal + offset
+                 for nominal, offset in zip(film.places, _position_offsets(found))]
+    layout = ({'positions': tuple(positions)} if film.positions != (-1.0,)
+              else {'spacing': positions[1]}) if positions == sorted(positions) else {}
     film = replace(film, stretch_gain=tuple((factor * film.stretch_gain).tolist()),
-                   bending_peak=tuple(bending), bending_alpha=alpha * film.bending_alpha, **where)
+                   bending_peak=tuple(bending), bending_alpha=alpha * film.bending_alpha, **layout)
     return replace(robot, film=film, tire=replace(
         robot.tire, contact_length=length * robot.tire.contact_length))
 
 
-def _factors(result: Adjustment) -> Array:
-    """Return gains over the nominal ones."""
-    factors: Array = 1.0 + result.value[:result.layout.length]
+def _gain_factors(result: Adjustment) -> Array:
+    """Return the gains over the nominal ones."""
+    factors: Array = 1.0 + result.value[:result.index.length]
     return factors
 
 
-def _offsets(found: Found) -> list[float]:
-    """Return how far [m] each film is from its nominal place, as seen from its group's first."""
-    off = [0.0] * found.robot.film.count
+def _position_offsets(found: GainAdjustment) -> list[float]:
+    """Return the offset [m] of each film from its nominal position, relative to its group."""
+    offsets = [0.0] * found.robot.film.count
     for group in found.groups:
         for film in group[1:]:
-            seen = apart(found.result, film, group[0])
-            if seen.sigma < WORST_PLACE:
-                off[film] = seen.value
-    return off
+            offset = relative_position(found.result, film, group[0])
+            if offset.sigma < MAX_POSITION_SIGMA:
+                offsets[film] = offset.value
+    return offsets

@@ -1,9 +1,9 @@
 """
-What one passage tells of what stays the same in all passages: gains, contact length, spacing.
+Observation of gains, contact length and spacing from a single patch crossing.
 
-The whole waveform is fitted with gains and contact length free and the slip as it is known from
-elsewhere. From the covariance of the fit the priors of what stays the same are taken out again,
-for they must count once and not once in each passage; all else belongs to the passage and is gone.
+The waveform is fitted with free gains and contact length, and the slip of the slip estimator.
+The priors of the shared parameters are then removed from the covariance of the fit, because they
+must count once and not in each crossing; parameters of the single crossing are marginalized.
 """
 
 from __future__ import annotations
@@ -21,91 +21,95 @@ from smart_tire.estimation.friction.waveform_model import Own, own, Shared
 from smart_tire.parameters import RobotParams
 
 
-GAIN_SIGMA, LENGTH_SIGMA = 0.5, 0.1  # relative, of a first fit: as good as nothing is known ...
-NEAR_GAIN, NEAR_LENGTH = 0.2, 0.05   # ... and of the next ones, which begin near the truth
-EXACT = 1e-5             # -, sigma of a slip whose error is dealt with later
-UNKNOWN_SLIP = 1.0       # -, sigma where nothing is known
-LARGEST_EXCESS = 9.0     # mean square of normalised residuals of a waveform that was understood
-PLAUSIBLE_BENDING = (0.2, 5.0)  # of the nominal bending peak
-STRAYED = 0.0025         # -, by which slip strays from a line for a waveform to be as wrong as its
-#                          noise: where speeds change, of simulated runs
-LEAST_INFORMATION = 1e-9  # relative eigenvalue: a prior that was taken out again leaves noise
+INITIAL_GAIN_SIGMA, INITIAL_LENGTH_SIGMA = 0.5, 0.1   # relative, of a first fit; uninformative
+REFINED_GAIN_SIGMA, REFINED_LENGTH_SIGMA = 0.2, 0.05  # relative, of fits close to the solution
+EXACT_SLIP_SIGMA = 1e-5  # -, of a slip whose error enters in the adjustment
+UNINFORMATIVE_SLIP_SIGMA = 1.0                        # -, of a slip that is fitted
+MAX_EXCESS = 9.0  # mean squared normalized residual of a valid waveform fit
+BENDING_RANGE = (0.2, 5.0)                            # of the nominal bending peak
+# -, deviation of slip from a straight line that doubles the variance of a crossing with
+# changing speed; from simulations
+SLIP_DEVIATION_SCALE = 0.0025
+MIN_INFORMATION = 1e-9  # relative eigenvalue that remains after removal of the prior
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GainObservation:
     """
-    What a passage tells, in ``value`` with its ``precision`` and without any prior.
+    Observation from a crossing: ``value`` with its ``precision``, without any prior.
 
-    Where ``gains`` it begins with the relative errors of the films' gains, for the slip that was
-    given. Then come ln of contact length and of alpha over the nominal ones, then the places [m]
-    on the circumference of the films behind the first that was seen, from that one.
+    With ``gains`` it begins with the relative errors of the films' gains at the given slip. Then
+    follow ln of contact length and of alpha over the nominal ones, then the positions [m] on the
+    circumference of the other films relative to the first one that was detected.
     """
 
-    known: CrossingWithSlip
-    films: tuple[int, ...]  # indices, of those that were seen
+    crossing: CrossingWithSlip
+    films: tuple[int, ...]  # indices of the detected films
     gains: bool
-    value: Array      # (k,)
-    precision: Array  # (k, k)
-    by_scale: Array   # (k,), of the value, per relative error of all distances
+    value: Array                # (k,)
+    precision: Array            # (k, k)
+    by_scale: Array  # (k,), derivative of the value by the relative error of all distances
     bending: tuple[float, ...]  # V
-    place: float      # m, rolled forward when the first film's middle was at the patch's middle
+    position: float  # m rolled forward when the center of the first film was at the patch center
     fit: WaveformFit
 
 
-class EvidenceReader:
-    """Fits passages of the films of ``robot``, whose gains and contact length are nearly right."""
+class ObservationFitter:
+    """Fits crossings of the films of ``robot``, whose parameters must be approximately right."""
 
-    def __init__(self, robot: RobotParams, *, near: bool) -> None:
-        self._sigmas = (NEAR_GAIN, NEAR_LENGTH) if near else (GAIN_SIGMA, LENGTH_SIGMA)
+    def __init__(self, robot: RobotParams, *, refined: bool) -> None:
+        self._sigmas = (REFINED_GAIN_SIGMA, REFINED_LENGTH_SIGMA) if refined else (
+            INITIAL_GAIN_SIGMA, INITIAL_LENGTH_SIGMA)
         film = robot.film
         self._bending = {wheel: film.bending(wheel) for wheel in film.wheels}
         self._fitters = {wheel: WaveformFitter(
             robot, film.gains(wheel), film.bending(wheel), gain_sigma=self._sigmas[0],
             length_sigma=self._sigmas[1]) for wheel in film.wheels}
 
-    def read(self, known: CrossingWithSlip, *, gains: bool) -> GainObservation | None:
+    def fit_crossing(self, crossing: CrossingWithSlip, *, gains: bool) -> GainObservation | None:
         """
-        Return what a passage tells, None if it is not understood.
+        Return the observation of a crossing, None if the waveform does not fit.
 
-        Without ``gains`` its slip is taken for unknown.
+        Without ``gains`` the slip is not used.
         """
-        fitter, passage = self._fitters[known.wheel], known.films
-        fit = fitter.fit(passage, SlipKnowledge((known.slip[0], UNKNOWN_SLIP), known.change))
+        fitter, samples = self._fitters[crossing.wheel], crossing.films
+        slip = crossing.slip[0]
+        fit = fitter.fit(samples, SlipKnowledge((slip, UNINFORMATIVE_SLIP_SIGMA), crossing.change))
         if fit is not None and gains:
-            fit = fitter.fit(passage, SlipKnowledge((known.slip[0], EXACT), known.change),
-                             _with_slip(fit, known.slip[0]))
-        if fit is None or not self._plausible(fit, known.wheel):
+            fit = fitter.fit(samples, SlipKnowledge((slip, EXACT_SLIP_SIGMA), crossing.change),
+                             _with_slip(fit, slip))
+        if fit is None or not self._plausible(fit, crossing.wheel):
             return None
-        count = len(passage.films)
-        rows, value = _rows(fit, known.direction, gains)
+        count = len(samples.films)
+        rows, value = _rows(fit, crossing.direction, gains)
         raw = fit.covariance / fit.excess
         prior = np.zeros(len(value))
         prior[:count * gains] = self._sigmas[0] ** -2
         prior[count * gains:count * gains + 2] = self._sigmas[1] ** -2, ALPHA_SIGMA ** -2
-        precision = _without(np.linalg.inv(rows @ raw @ rows.T), prior)
+        precision = _without_prior(np.linalg.inv(rows @ raw @ rows.T), prior)
         estimate = value + np.linalg.solve(precision, prior * value)
-        scale = passage.errors.scale
+        scale = samples.errors.scale
         by_scale = rows @ raw[:, Shared.SCALE] / scale ** 2 if scale else np.zeros(len(value))
+        variance_factor = fit.excess * (1.0 + (crossing.deviation / SLIP_DEVIATION_SCALE) ** 2)
         return GainObservation(
-            known, tuple(one.film for one in passage.films), gains, estimate,
-            precision / (fit.excess * (1.0 + (known.stray / STRAYED) ** 2)), by_scale,
+            crossing, tuple(film.film for film in samples.films), gains, estimate,
+            precision / variance_factor, by_scale,
             tuple(fit.own(i, Own.BENDING)[0] for i in range(count)),
-            known.direction * fit.own(0, Own.PLACE)[0], fit)
+            crossing.direction * fit.own(0, Own.PLACE)[0], fit)
 
-    def volts(self, told: GainObservation) -> list[Array]:
-        """Return what the fit says of each sample [V] above rest, film by film."""
-        return self._fitters[told.known.wheel].volts(told.fit)
+    def volts(self, observation: GainObservation) -> list[Array]:
+        """Return the fitted voltage of each sample [V] above the baseline, film by film."""
+        return self._fitters[observation.crossing.wheel].volts(observation.fit)
 
     def _plausible(self, fit: WaveformFit, wheel: str) -> bool:
-        low, high = PLAUSIBLE_BENDING
-        return fit.excess < LARGEST_EXCESS and all(
-            low < fit.own(i, Own.BENDING)[0] / self._bending[wheel][one.film] < high
-            for i, one in enumerate(fit.passage.films))
+        low, high = BENDING_RANGE
+        return fit.excess < MAX_EXCESS and all(
+            low < fit.own(i, Own.BENDING)[0] / self._bending[wheel][film.film] < high
+            for i, film in enumerate(fit.passage.films))
 
 
 def _with_slip(fit: WaveformFit, slip: float) -> WaveformFit:
-    """Return a fit with another slip and the gains that make up for it, as a start."""
+    """Return a fit with another slip, and gains that compensate for it, as a start."""
     p = fit.parameters.copy()
     gains = [own(i, Own.GAIN) for i in range(len(fit.passage.films))]
     p[gains] = (1.0 + p[gains]) * p[Shared.SLIP] / slip - 1.0
@@ -114,26 +118,26 @@ def _with_slip(fit: WaveformFit, slip: float) -> WaveformFit:
 
 
 def _rows(fit: WaveformFit, direction: int, gains: bool) -> tuple[Array, Array]:
-    """Return the slopes of what is told by the parameters of a fit, and its value."""
+    """Return the derivatives of the observation by the fit's parameters, and its value."""
     p, count = fit.parameters, len(fit.passage.films)
     columns = [own(i, Own.GAIN) for i in range(count)] if gains else []
     columns += [Shared.LENGTH, Shared.ALPHA]
     rows = np.zeros((len(columns) + count - 1, len(p)))
     rows[np.arange(len(columns)), columns] = 1.0
     value = rows @ p
-    stretched, first = direction * (1.0 + p[Shared.SCALE]), own(0, Own.PLACE)
+    scaled, first = direction * (1.0 + p[Shared.SCALE]), own(0, Own.PLACE)
     for i in range(1, count):
         row, place = len(columns) + i - 1, own(i, Own.PLACE)
-        apart = p[place] - p[first]
-        rows[row, [place, first, Shared.SCALE]] = stretched, -stretched, direction * apart
-        value[row] = stretched * apart
+        distance = p[place] - p[first]
+        rows[row, [place, first, Shared.SCALE]] = scaled, -scaled, direction * distance
+        value[row] = scaled * distance
     return rows, value
 
 
-def _without(whole: NDArray[np.floating], prior: Array) -> Array:
-    """Return a precision without that of the priors; never less than nearly nothing is left."""
-    size = np.sqrt(np.diag(whole))
-    values, vectors = np.linalg.eigh((whole - np.diag(prior)) / np.outer(size, size))
-    held = np.maximum(values, LEAST_INFORMATION)
-    found: Array = np.outer(size, size) * ((vectors * held) @ vectors.T)
-    return found
+def _without_prior(precision: NDArray[np.floating], prior: Array) -> Array:
+    """Return a precision without that of the prior, kept positive definite."""
+    size = np.sqrt(np.diag(precision))
+    values, vectors = np.linalg.eigh((precision - np.diag(prior)) / np.outer(size, size))
+    clipped = np.maximum(values, MIN_INFORMATION)
+    result: Array = np.outer(size, size) * ((vectors * clipped) @ vectors.T)
+    return result

@@ -1,4 +1,4 @@
-"""Measured signals made fit for an operator that remembers every turn: spikes and noise."""
+"""Spike removal and smoothing of signals for an operator that remembers every reversal."""
 
 from __future__ import annotations
 
@@ -10,40 +10,40 @@ from smart_tire.arrays import Array
 from smart_tire.models.film.monotone_branches import lasting_branches
 from smart_tire.numerics.robust import noise_level
 
-DEAD_BAND = 10.0            # of the noise: white noise of 1e5 samples spans 9
-SPIKE_WIDTH = 2             # samples, the widest that is seen as a spike
-SPIKE = 4.0                 # of the signal's own fast motion
-WINDOWS = (81, 61, 41, 31, 21, 15, 11, 7)
-ORDER = 3                   # the same as 2 but at the ends, where 2 would bend a start from rest
-LARGEST_BIAS = 0.3          # of the noise, at the turns: smoothing must not blunt them
-LARGEST_EXCESS = 1.2        # of the power of slow residuals over that of noise alone
+DEAD_BAND_NOISE_FACTOR = 10.0  # of the noise: white noise of 1e5 samples spans 9
+MAX_SPIKE_SAMPLES = 2                             # width of the widest spike that is detected
+SPIKE_THRESHOLD = 4.0                             # times the signal's own fast changes
+WINDOW_LENGTHS = (81, 61, 41, 31, 21, 15, 11, 7)  # samples
+POLYNOMIAL_ORDER = 3  # differs from 2 at the ends only, where 2 would bend a start at standstill
+MAX_REVERSAL_BIAS = 0.3  # of the noise, at reversals: smoothing must not round them off
+MAX_POWER_RATIO = 1.2                             # of the slow residuals over that of noise alone
 
 
 def without_spikes(signal: Array) -> tuple[Array, int]:
-    """Return the signal with spikes replaced by the median around them, and their number."""
-    width = 2 * SPIKE_WIDTH + 1
-    calm = median_filter(signal, width, mode='nearest')
-    fast = np.quantile(np.abs(signal[width:] - signal[:-width]), 0.95)
-    spikes = np.abs(signal - calm) > SPIKE * fast
-    return np.where(spikes, calm, signal), int(spikes.sum())
+    """Return the signal with spikes replaced by the local median, and their number."""
+    width = 2 * MAX_SPIKE_SAMPLES + 1
+    smooth = median_filter(signal, width, mode='nearest')
+    speed_scale = np.quantile(np.abs(signal[width:] - signal[:-width]), 0.95)
+    spikes = np.abs(signal - smooth) > SPIKE_THRESHOLD * speed_scale
+    return np.where(spikes, smooth, signal), int(spikes.sum())
 
 
 def smoothed(signal: Array) -> tuple[Array, float]:
-    """Return the signal smoothed as much as its shape allows, and the noise that is left."""
+    """Return the signal smoothed as much as its shape allows, and the remaining noise."""
     noise = noise_level(signal)
-    turns = lasting_branches(signal, DEAD_BAND * noise)
-    for window in WINDOWS:
+    reversals = lasting_branches(signal, DEAD_BAND_NOISE_FACTOR * noise)
+    for window in WINDOW_LENGTHS:
         if window > signal.size // 4:
             continue
-        calm: Array = savgol_filter(signal, window, ORDER, mode='interp')
-        kernel = savgol_coeffs(window, ORDER)
-        # what is left and lasts a third of the window is noise, or a bend that was smoothed away
-        third = np.full(window // 3, 1.0 / (window // 3))
-        left = np.convolve(signal - calm, third, 'same')
-        alone = np.convolve((np.arange(window) == window // 2) - kernel, third)
-        if (np.mean(left**2) <= LARGEST_EXCESS * noise**2 * np.sum(alone**2)
-                and all(abs(np.mean(left[turns.starts[turns.signs[1:] == sign]]))
-                        <= LARGEST_BIAS * noise
-                        for sign in (-1.0, 1.0) if sign in turns.signs[1:])):
-            return calm, noise * float(kernel[window // 2])**0.5
+        smooth: Array = savgol_filter(signal, window, POLYNOMIAL_ORDER, mode='interp')
+        kernel = savgol_coeffs(window, POLYNOMIAL_ORDER)
+        # residuals that last a third of the window: averaged noise, or a smoothed-out bend
+        averaging = np.full(window // 3, 1.0 / (window // 3))
+        averaged = np.convolve(signal - smooth, averaging, 'same')
+        noise_response = np.convolve((np.arange(window) == window // 2) - kernel, averaging)
+        if (np.mean(averaged**2) <= MAX_POWER_RATIO * noise**2 * np.sum(noise_response**2)
+                and all(abs(np.mean(averaged[reversals.starts[reversals.signs[1:] == sign]]))
+                        <= MAX_REVERSAL_BIAS * noise
+                        for sign in (-1.0, 1.0) if sign in reversals.signs[1:])):
+            return smooth, noise * float(kernel[window // 2])**0.5
     return signal, noise

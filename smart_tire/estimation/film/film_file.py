@@ -1,4 +1,4 @@
-"""Parameters of an identified film, and reading them from their YAML file."""
+"""Parameters of a calibrated film, and the reader of their YAML file."""
 
 from __future__ import annotations
 
@@ -19,45 +19,46 @@ from smart_tire.uncertain import MAX_RELATIVE_SIGMA
 
 PRODUCTS = ('alpha_gain', 'a_gain', 'b_gain')
 AMPLIFIER = ('low_corner', 'drift')  # Hz, C/s
-REACH = 1.5   # of the range: chosen; linear errors of undetermined products end there
+# of the calibrated range; chosen: linear errors of undetermined products end there
+EXTRAPOLATION_FACTOR = 1.5
 
 
 @dataclass(frozen=True, kw_only=True)
 class FilmParams:
-    """A calibrated film: ``measure`` needs no more."""
+    """Parameters of a calibrated film, as ``measure`` requires them."""
 
     film: BucklingFilm | None  # None: the input is that of the operator itself
     alpha_gain: float          # 1 / unit of the input
     a_gain: float              # C / unit of the input
     b_gain: float
-    low_corner: float          # Hz, 0 where the amplifier showed none
-    drift: float               # C/s, beside what the amplifier drains
-    covariance: Array          # (5, 5) of the five
-    span: float                # range of the input that they come from
-    noise: float               # C, of one sample
-    misfit: float              # C, rms of what the operator leaves beside noise
+    low_corner: float   # Hz, 0 if no amplifier was found
+    drift: float        # C/s, in addition to the discharge of the amplifier
+    covariance: Array   # (5, 5) of the five
+    span: float         # range of the input in the calibration
+    noise: float        # C, of one sample
+    model_error: float  # C, rms of the residuals without noise
 
     @property
-    def reach(self) -> float:
-        """Return the largest input that they hold for: little beyond a loop that is too small."""
+    def max_input(self) -> float:
+        """Return the largest valid input: little beyond the range if a product is undetermined."""
         products = np.array([self.alpha_gain, self.a_gain, self.b_gain])
         determined = np.sqrt(np.diag(self.covariance)[:3]) <= MAX_RELATIVE_SIGMA * np.abs(products)
-        return math.inf if determined.all() else REACH * self.span
+        return math.inf if determined.all() else EXTRAPOLATION_FACTOR * self.span
 
     @property
     def operator(self) -> DuhemParams:
-        """Return the operator from the normalised input to the charge; ParameterError if none."""
+        """Return the operator from the normalized input to the charge; raise ParameterError."""
         return DuhemParams(alpha=self.alpha_gain, a=self.a_gain, b=self.b_gain)
 
 
 def read_params(path: Path) -> FilmParams:
-    """Return the parameters in a file of ``write_params``; ParameterError names what is wrong."""
+    """Return the parameters in a file of ``write_params``; raise ParameterError if invalid."""
     try:
         tree = yaml.safe_load(path.read_text(encoding='utf-8'))
     except OSError as error:
         raise ParameterError(f'{path}: cannot be read ({error.strerror})') from error
     except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ParameterError(f'{path}: is no YAML: {error}') from error
+        raise ParameterError(f'{path}: not valid YAML: {error}') from error
     try:
         return _params(tree)
     except KeyError as error:
@@ -71,11 +72,11 @@ def _params(tree: Mapping[str, Any]) -> FilmParams:
     values = {name: float(tree[group][name]['value'])
               for group, names in (('products', PRODUCTS), ('amplifier', AMPLIFIER))
               for name in names}
-    values.update({name: float(tree[name]) for name in ('span', 'noise', 'misfit')})
+    values.update({name: float(tree[name]) for name in ('span', 'noise', 'model_error')})
     covariance = np.array(tree['covariance'], dtype=float)
     if covariance.shape != (5, 5) or not np.isfinite([*values.values(), *covariance.flat]).all():
-        raise ParameterError('products, amplifier, covariance (5 x 5), span, noise and misfit '
-                             'must be finite numbers')
+        raise ParameterError('products, amplifier, covariance (5 x 5), span, noise and '
+                             'model_error must be finite numbers')
     return FilmParams(
         film=None if film is None else BucklingFilm(
             length=film['length_m'], width=film['width_m'], thickness=film['thickness_m'],

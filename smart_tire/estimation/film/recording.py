@@ -14,14 +14,14 @@ from smart_tire.errors import ParameterError
 from smart_tire.models.film.monotone_branches import series
 
 COLUMNS = ('time_s', 'deflection_m', 'charge_C')
-FEWEST = 20  # samples from which anything can be told
+MIN_SAMPLES = 20  # of a recording
 
 
 @dataclass(frozen=True)
 class FilmRecording:
-    """Samples of one experiment, in SI units unless other columns were named."""
+    """Samples of one experiment, in SI units unless other columns are selected."""
 
-    time: Array    # s, rising
+    time: Array    # s, increasing
     input: Array   # m, deflection from the flat film
     output: Array  # C
 
@@ -30,17 +30,17 @@ class FilmRecording:
 
 
 def check_series(time: Array, **others: Array) -> None:
-    """Raise ParameterError unless ``time`` rises and all are finite and of one length."""
+    """Raise ParameterError unless ``time`` increases and all are finite and of equal length."""
     sizes = {name: series(name, values).size for name, values in {'time': time, **others}.items()}
     if len(set(sizes.values())) > 1:
         raise ParameterError(f'the numbers of samples differ: {sizes}')
-    if sizes['time'] < FEWEST:
-        raise ParameterError(f'{sizes["time"]} samples, expected {FEWEST} at least')
-    late = np.flatnonzero(np.diff(time) <= 0.0)
-    if late.size:
-        row = int(late[0]) + 1
+    if sizes['time'] < MIN_SAMPLES:
+        raise ParameterError(f'{sizes["time"]} samples, expected at least {MIN_SAMPLES}')
+    decreasing = np.flatnonzero(np.diff(time) <= 0.0)
+    if decreasing.size:
+        row = int(decreasing[0]) + 1
         raise ParameterError(f'time[{row}] is {time[row]} after {time[row - 1]}, '
-                             'expected rising times')
+                             'expected increasing times')
 
 
 def header_of(path: Path) -> list[str]:
@@ -51,23 +51,23 @@ def header_of(path: Path) -> list[str]:
     except OSError as error:
         raise ParameterError(f'{path}: cannot be read ({error.strerror})') from error
     except UnicodeDecodeError as error:
-        raise ParameterError(f'{path}: is no text ({error.reason})') from error
+        raise ParameterError(f'{path}: not a text file ({error.reason})') from error
 
 
 def read_columns(path: Path, columns: Sequence[str], only: bool) -> list[Array]:
-    """Return the named columns of a CSV file; ``only`` them must be in it."""
+    """Return the named columns of a CSV file; with ``only``, others are an error."""
     header = header_of(path)
-    places = _places(path, header, columns, only)
+    indices = _column_indices(path, header, columns, only)
     with path.open(encoding='utf-8', newline='') as file:
         rows = csv.reader(file)
         next(rows)
         table = [_numbers(path, rows.line_num, row, len(header)) for row in rows if row]
     values = np.array(table, dtype=float).reshape(-1, len(header))
-    return [np.ascontiguousarray(values[:, place]) for place in places]
+    return [np.ascontiguousarray(values[:, index]) for index in indices]
 
 
 def read_recording(path: Path, columns: Sequence[str] = COLUMNS) -> FilmRecording:
-    """Return the recording in a CSV file; other columns than COLUMNS may have company."""
+    """Return the recording in a CSV file; extra columns are allowed if ``columns`` are given."""
     if len(columns) != len(COLUMNS):
         raise ParameterError(f'columns are {",".join(columns)}, expected time, input and output')
     values = read_columns(path, columns, only=tuple(columns) == COLUMNS)
@@ -91,15 +91,16 @@ def write_recording(path: Path, recording: FilmRecording) -> None:
     write_columns(path, COLUMNS, (recording.time, recording.input, recording.output))
 
 
-def _places(path: Path, header: list[str], columns: Sequence[str], only: bool) -> list[int]:
+def _column_indices(path: Path, header: list[str], columns: Sequence[str],
+                    only: bool) -> list[int]:
     missing = [name for name in columns if header.count(name) != 1]
     if missing:
         raise ParameterError(f'{path}: has columns {",".join(header) or "none"}, expected '
                              f'{missing[0]} once')
     extra = [name for name in header if name not in columns]
     if extra and only:
-        raise ParameterError(f'{path}: has column {extra[0]} beside {",".join(columns)}; '
-                             'name the columns that are meant')
+        raise ParameterError(f'{path}: has column {extra[0]} in addition to {",".join(columns)}; '
+                             'name the columns to read')
     return [header.index(name) for name in columns]
 
 

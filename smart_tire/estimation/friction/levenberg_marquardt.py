@@ -1,7 +1,7 @@
 """
-Gauss-Newton with Levenberg's damping, from a start to the least misfit of one passage.
+Levenberg-Marquardt fit of one crossing, with priors, Huber weights and clipped samples.
 
-Samples far off count less, clipped ones only where the fit stays short of the rail.
+A clipped sample is used only while the model is below the rail.
 """
 
 from __future__ import annotations
@@ -22,38 +22,39 @@ from smart_tire.numerics.robust import MAD_TO_SIGMA
 
 Indices = NDArray[np.intp]
 
-LARGEST_STEP = 0.003     # m, of a place in one iteration
-SLIDING_RANGE = (-5.0, 10.0)  # -, far beyond all that can be told
-ITERATIONS = 15
-DAMPED, GROWS, SHRINKS = 1e-4, 10.0, 0.1  # Levenberg's damping: first, after failure and success
-MOST_DAMPED = 1e6
-CONVERGED = 0.03         # of the misfit, chi-squared: a step that saves less is the last
-OUTLIER = 3.0            # sigmas, beyond which a sample counts less
-AT_ONCE = 200_000        # multiplications in a product; OpenBLAS uses threads from 4 * 65536 on
+MAX_POSITION_STEP = 0.003     # m, of a film center in one iteration
+SLIDING_RANGE = (-5.0, 10.0)  # -, limits far beyond observable values
+MAX_ITERATIONS = 15
+INITIAL_DAMPING = 1e-4                          # of the diagonal of the Hessian
+DAMPING_INCREASE, DAMPING_DECREASE = 10.0, 0.1  # factors after a failed and a successful step
+MAX_DAMPING = 1e6
+MIN_COST_REDUCTION = 0.03   # chi-squared; a step with a smaller expected reduction is the last
+HUBER_THRESHOLD = 3.0       # sigmas, beyond which a sample has lower weight
+MAX_PRODUCT_SIZE = 200_000  # multiplications; OpenBLAS uses threads from 4 * 65536 on
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prior:
-    """What is known before a passage is seen; a sigma of 0 fixes a parameter."""
+    """Prior of the parameters of a crossing; a sigma of 0 fixes a parameter."""
 
     value: Array
-    precision: Array  # inverse covariance (free, free) of those that are fitted
-    free: Indices     # of the parameters that are fitted
-    lasting: Indices  # of those whose error is the same in other passages
+    precision: Array     # inverse covariance (free, free) of the fitted parameters
+    free: Indices        # of the fitted parameters
+    systematic: Indices  # of parameters with the same error in all crossings
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Point:
-    """Parameters and what the model makes of them."""
+    """Parameters with residuals and derivatives of the model."""
 
     p: Array
     residual: Array  # V, (n,)
-    slopes: Array    # (m, n), by all parameters
+    jacobian: Array  # (m, n), by all m parameters
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FitResult:
-    """Where a way ended: ``p`` is at most a small step from the ``point`` that was evaluated."""
+    """Result of a fit: ``p`` is at most a small step from the last evaluated ``point``."""
 
     p: Array
     point: Point
@@ -64,9 +65,9 @@ class FitResult:
 
 class LevenbergMarquardt:
     """
-    Ways from a start to the least misfit of the samples of ``films`` in one passage.
+    Minimizes the weighted residuals of all ``films`` of one crossing from a given start.
 
-    The model is not evaluated again for a start that is the point where the last way ended.
+    The model is not evaluated again if the start is the point where the last fit ended.
     ``variance`` [V^2] is that of a sample's noise.
     """
 
@@ -80,117 +81,121 @@ class LevenbergMarquardt:
         self._last: Point | None = None
 
     def run(self, p: Array, prior: Prior) -> FitResult:
-        """Return the end of the way from ``p``; what is fixed takes the value of ``prior``."""
+        """Return the fit from start ``p``; fixed parameters take the value of ``prior``."""
         start = prior.value.copy()
         start[prior.free] = p[prior.free]
         point = self._last
         if point is None or point.p is not p or np.any(start != p):
             point = self._at(start)
-        damping = DAMPED
-        for _ in range(ITERATIONS):
+        damping = INITIAL_DAMPING
+        for _ in range(MAX_ITERATIONS):
             weight = self._weights(point)
-            slopes = point.slopes.take(prior.free, axis=0)
-            hessian = gram(slopes, weight)
+            jacobian = point.jacobian.take(prior.free, axis=0)
+            hessian = gram(jacobian, weight)
             hessian += prior.precision
-            gradient = slopes @ (weight * point.residual) + prior.precision @ (
+            gradient = jacobian @ (weight * point.residual) + prior.precision @ (
                 prior.value - point.p)[prior.free]
-            last, moved, damping = self._step(point, prior, weight, hessian, gradient, damping)
+            parameters, moved, damping = self._step(
+                point, prior, weight, hessian, gradient, damping)
             if moved is None:
                 break
             point = moved
         self._last = point
-        return FitResult(last, point, prior, weight, hessian)
+        return FitResult(parameters, point, prior, weight, hessian)
 
-    def apart(self, end: FitResult) -> list[ValueSigma]:
-        """Return the sliding share by one step from ``end`` with each film's samples only."""
+    def per_film_sliding(self, end: FitResult) -> list[ValueSigma]:
+        """Return the normalized slip by one step from ``end`` with each film's samples only."""
         prior, point = end.prior, end.point
-        weight, slopes = self._weights(point), point.slopes.take(prior.free, axis=0)
+        weight, jacobian = self._weights(point), point.jacobian.take(prior.free, axis=0)
         sliding = int(np.searchsorted(prior.free, Shared.SLIDING))
-        pull = prior.precision @ (prior.value - point.p)[prior.free]
+        prior_gradient = prior.precision @ (prior.value - point.p)[prior.free]
         right = np.zeros((len(prior.free), 2))
         right[sliding, 1] = 1.0
-        found, begin = [], 0
+        estimates, begin = [], 0
         for count in self._counts:
             own_part = slice(begin, begin + count)
             begin = own_part.stop
-            hessian = gram(slopes[:, own_part], weight[own_part])
+            hessian = gram(jacobian[:, own_part], weight[own_part])
             hessian += prior.precision
-            right[:, 0] = slopes[:, own_part] @ (
-                weight[own_part] * point.residual[own_part]) + pull
+            right[:, 0] = jacobian[:, own_part] @ (
+                weight[own_part] * point.residual[own_part]) + prior_gradient
             step, inverse = solve_spd(hessian, right)[sliding].tolist()
-            found.append((float(point.p[Shared.SLIDING]) + step, math.sqrt(inverse)))
-        return found
+            estimates.append((float(point.p[Shared.SLIDING]) + step, math.sqrt(inverse)))
+        return estimates
 
     def _at(self, p: Array) -> Point:
-        output, slopes = self._model.linearised(p)
-        return Point(p, self._volts - output, slopes)
+        output, jacobian = self._model.linearised(p)
+        return Point(p, self._volts - output, jacobian)
 
     def _step(self, point: Point, prior: Prior, weight: Array, hessian: Array, gradient: Array,
               damping: float) -> tuple[Array, Point | None, float]:
         """
-        Return the parameters after a step, the point there, and the damping after it.
+        Return the parameters after a step, the point there, and the next damping.
 
-        No point where the step saves little or none saves anything: then it is the last.
+        The point is None if the expected reduction of the cost is small, or no step reduces it:
+        then the step is the last.
         """
-        before = self._misfit(point, prior, weight)
-        while damping < MOST_DAMPED:
+        current_cost = self._cost(point, prior, weight)
+        while damping < MAX_DAMPING:
             damped = hessian.copy()
             damped.reshape(-1)[::len(damped) + 1] *= 1.0 + damping
             step = solve_spd(damped, gradient)
             p = self._moved(point.p, prior, step)
-            if float(gradient @ step) < CONVERGED:
+            if float(gradient @ step) < MIN_COST_REDUCTION:
                 return p, None, damping
             trial = self._at(p)
-            if self._misfit(trial, prior, weight) <= before:
-                return p, trial, SHRINKS * damping
-            damping *= GROWS
+            if self._cost(trial, prior, weight) <= current_cost:
+                return p, trial, DAMPING_DECREASE * damping
+            damping *= DAMPING_INCREASE
         return point.p, None, damping
 
     def _moved(self, p: Array, prior: Prior, step: NDArray[np.floating]) -> Array:
-        """Return ``p`` after ``step``, shortened where a place would jump."""
-        whole = np.zeros_like(p)
-        whole[prior.free] = step
-        places = whole[own(0, Own.PLACE):own(len(self._counts), Own.PLACE):len(Own)]
-        farthest = max(map(abs, places.tolist()))
-        moved: Array = p + whole * min(1.0, LARGEST_STEP / max(farthest, LARGEST_STEP))
+        """Return ``p`` after ``step``, shortened if a film center would move too far."""
+        full_step = np.zeros_like(p)
+        full_step[prior.free] = step
+        position_steps = full_step[own(0, Own.PLACE):own(len(self._counts), Own.PLACE):len(Own)]
+        largest = max(map(abs, position_steps.tolist()))
+        scale = min(1.0, MAX_POSITION_STEP / max(largest, MAX_POSITION_STEP))
+        moved: Array = p + full_step * scale
         low, high = SLIDING_RANGE
         moved[Shared.SLIDING] = min(max(float(moved[Shared.SLIDING]), low), high)
         return moved
 
-    def _misfit(self, point: Point, prior: Prior, weight: Array) -> float:
+    def _cost(self, point: Point, prior: Prior, weight: Array) -> float:
         if self._clips:
             weight = np.where(self._rail * point.residual < 0.0, 0.0, weight)
-        off = (point.p - prior.value)[prior.free]
-        return float(weight @ (point.residual * point.residual) + off @ prior.precision @ off)
+        deviation = (point.p - prior.value)[prior.free]
+        return float(weight @ (point.residual * point.residual)
+                     + deviation @ prior.precision @ deviation)
 
     def _weights(self, point: Point) -> Array:
-        """Return 1 / variance, less for outliers (Huber), none for what is beyond its rail."""
+        """Return 1 / variance with Huber's factor, 0 for samples beyond their rail."""
         size = np.abs(point.residual)
-        spread = max(math.sqrt(self._variance), MAD_TO_SIGMA * middle(size))
-        edge = OUTLIER * spread
+        sigma = max(math.sqrt(self._variance), MAD_TO_SIGMA * upper_median(size))
+        edge = HUBER_THRESHOLD * sigma
         weight: Array = (edge / self._variance) / np.maximum(size, edge)
         return np.where(self._rail * point.residual < 0.0, 0.0, weight) if self._clips else weight
 
 
 def solve_spd(matrix: Array, right: Array) -> NDArray[np.floating]:
-    """Return matrix^-1 @ right of a positive definite matrix; without the detours of NumPy."""
-    _, found, failed = dposv(matrix, right)
-    return np.linalg.solve(matrix, right) if failed else found
+    """Return matrix^-1 @ right of a positive definite matrix, with little overhead."""
+    _, solution, failed = dposv(matrix, right)
+    return np.linalg.solve(matrix, right) if failed else solution
 
 
-def gram(slopes: Array, weight: Array) -> Array:
+def gram(jacobian: Array, weight: Array) -> Array:
     """
-    Return slopes @ diag(weight) @ slopes.T, for (m, n) slopes.
+    Return jacobian @ diag(weight) @ jacobian.T, for a jacobian (m, n) and weights (n,).
 
-    In parts so small that no library spreads them over threads, which takes ten times as long.
+    Computed in blocks below the size from which BLAS uses threads, which is ten times slower.
     """
-    weighted, part = slopes * weight, max(AT_ONCE // len(slopes)**2, 1)
-    total = weighted[:, :part] @ slopes[:, :part].T
+    weighted, part = jacobian * weight, max(MAX_PRODUCT_SIZE // len(jacobian)**2, 1)
+    total = weighted[:, :part] @ jacobian[:, :part].T
     for i in range(part, len(weight), part):
-        total += weighted[:, i:i + part] @ slopes[:, i:i + part].T
+        total += weighted[:, i:i + part] @ jacobian[:, i:i + part].T
     return total
 
 
-def middle(values: Array) -> float:
-    """Return the median, the upper one of two: sorted by hand, which is ten times as fast."""
+def upper_median(values: Array) -> float:
+    """Return the upper median; for short arrays ten times as fast as numpy.median."""
     return float(np.sort(values)[len(values) // 2])

@@ -17,7 +17,7 @@ from smart_tire.arrays import Array
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.contact.records import CrossingSamples
 from smart_tire.estimation.friction.levenberg_marquardt import (
-    FitResult, LevenbergMarquardt, middle, OUTLIER, Prior, solve_spd)
+    FitResult, HUBER_THRESHOLD, LevenbergMarquardt, Prior, solve_spd, upper_median)
 from smart_tire.estimation.friction.motion_history import ValueSigma
 from smart_tire.estimation.friction.waveform_model import Own, own, Shared, WaveformModel
 from smart_tire.numerics.robust import MAD_TO_SIGMA
@@ -153,7 +153,7 @@ class WaveformFitter:
         """
         if self._last is None or self._last[0] is not fit:
             raise EstimatorError('films can be told apart in the last fit only')
-        return self._descent.apart(self._last[1])
+        return self._descent.per_film_sliding(self._last[1])
 
     def volts(self, fit: WaveformFit) -> list[Array]:
         """Return what the fit says of each sample [V] above rest, film by film."""
@@ -214,14 +214,14 @@ def _judged(passage: CrossingSamples, end: FitResult) -> WaveformFit:
     # stray samples count as far as they weigh, a model that does not hold as much as it fails
     squares = residual * residual
     size = weight * squares
-    excess = max(1.0, float(np.minimum(size, OUTLIER**2).sum()) / freedom,
-                 middle(size) * MAD_TO_SIGMA**2)
+    excess = max(1.0, float(np.minimum(size, HUBER_THRESHOLD**2).sum()) / freedom,
+                 upper_median(size) * MAD_TO_SIGMA**2)
     covariance = np.zeros((len(p), len(p)))
     covariance[prior.free[:, np.newaxis], prior.free] = solve_spd(
         end.hessian, np.eye(len(end.hessian)))
     both = covariance[[Shared.SLIP, Shared.SLIDING]]
-    through = both[:, prior.lasting]
-    lasts = np.searchsorted(prior.free, prior.lasting)
+    through = both[:, prior.systematic]
+    lasts = np.searchsorted(prior.free, prior.systematic)
     lasting = (through * prior.precision[lasts, lasts]) @ through.T
     noise = excess * (both[:, [Shared.SLIP, Shared.SLIDING]] - lasting)
     return WaveformFit(passage, p, excess * covariance, noise, lasting,

@@ -1,4 +1,4 @@
-"""Identification of a Duhem operator: what it finds, how sure it is, and what it can not tell."""
+"""Identification of a Duhem operator: values, standard errors and limits."""
 
 from __future__ import annotations
 
@@ -26,22 +26,22 @@ def values(fit):
     return [getattr(fit, name).value for name in PRODUCTS]
 
 
-def test_without_noise_the_operator_is_found_exactly():
+def test_without_noise_the_operator_is_identified_exactly():
     fit = fitted(respond(INPUT, OPERATOR, start=(0.0, 0.1)) + 3.0)
     assert values(fit) == pytest.approx([5.0, 2.0, 1.1], rel=1e-5)
     assert fit.valid and fit.rms < 1e-5
     assert all(getattr(fit, name).determined for name in PRODUCTS)
 
 
-def test_offset_and_drift_are_told_from_the_film():
+def test_offset_and_drift_are_separated_from_the_film():
     fit = fitted(respond(INPUT, OPERATOR) + 0.7 + 0.01 * TIME)
     assert values(fit) == pytest.approx([5.0, 2.0, 1.1], rel=1e-4)
     assert abs(fit.low_corner.value) < 1e-5
 
 
-def test_the_amplifier_is_told_from_the_film():
+def test_the_amplifier_is_separated_from_the_film():
     output, corner = respond(INPUT, OPERATOR), 2.0 * np.pi * 0.02
-    # the amplifier drains with its corner; step by step, as its differential equation says
+    # the differential equation of the amplifier, integrated step by step
     passed = np.zeros(output.size)
     for k in range(1, output.size):
         passed[k] = ((passed[k - 1] * (1.0 - 0.001 * corner) + output[k] - output[k - 1])
@@ -51,14 +51,14 @@ def test_the_amplifier_is_told_from_the_film():
     assert fit.low_corner.value == pytest.approx(0.02, rel=1e-2)
 
 
-def test_no_amplifier_is_assumed_where_it_would_feed_charge_in():
+def test_no_amplifier_is_assumed_if_its_corner_is_negative():
     output = respond(INPUT, OPERATOR)
     grown = output + 0.1 * np.cumsum(output) / 500.0
     fit = fitted(grown)
     assert fit.low_corner.value == 0.0 and fit.low_corner.sigma == np.inf
 
 
-def test_the_errors_are_as_large_as_the_standard_errors_say():
+def test_errors_agree_with_the_standard_errors():
     rng, pulls = np.random.default_rng(6), []
     exact = respond(INPUT, OPERATOR)
     for _ in range(25):
@@ -69,17 +69,17 @@ def test_the_errors_are_as_large_as_the_standard_errors_say():
     assert np.all((rms > 0.6) & (rms < 1.5)), rms
 
 
-def test_noise_that_lasts_makes_the_standard_errors_larger():
+def test_correlated_noise_increases_the_standard_errors():
     rng, exact = np.random.default_rng(7), respond(INPUT, OPERATOR)
     white = rng.standard_normal(exact.size)
-    lasting = np.convolve(rng.standard_normal(exact.size + 19), np.ones(20) / 20**0.5, 'valid')
-    one, other = (fitted(exact + 0.01 * noise) for noise in (white, lasting))
+    correlated = np.convolve(rng.standard_normal(exact.size + 19), np.ones(20) / 20**0.5, 'valid')
+    one, other = (fitted(exact + 0.01 * noise) for noise in (white, correlated))
     assert one.correlation == pytest.approx(1.0, abs=0.3)
     assert other.correlation > 8.0
     assert other.b_gain.sigma > 2.0 * one.b_gain.sigma
 
 
-def test_outliers_count_nothing():
+def test_outliers_have_no_weight():
     rng, output = np.random.default_rng(8), respond(INPUT, OPERATOR)
     output = output + 0.005 * rng.standard_normal(output.size)
     clean = fitted(output)
@@ -104,7 +104,7 @@ def test_table_i_is_recovered_from_the_bench_within_its_error_bars():
     assert fit.low_corner.value == pytest.approx(0.001, rel=0.5)
 
 
-def test_a_small_loop_shows_b_only_and_the_fit_says_so():
+def test_a_small_loop_makes_only_b_observable():
     rng, small = np.random.default_rng(9), 0.01 * INPUT
     output = respond(small, OPERATOR) + 5e-4 * rng.standard_normal(TIME.size)
     fit = identify(TIME, small, output)
@@ -113,7 +113,7 @@ def test_a_small_loop_shows_b_only_and_the_fit_says_so():
     assert abs(fit.b_gain.value - 1.1) < 4.0 * fit.b_gain.sigma
 
 
-def test_a_sample_that_is_not_trusted_changes_nothing():
+def test_untrusted_samples_have_no_weight():
     output = respond(INPUT, OPERATOR)
     trusted = np.ones(output.size, dtype=bool)
     trusted[500:900] = False
@@ -122,17 +122,17 @@ def test_a_sample_that_is_not_trusted_changes_nothing():
         [5.0, 2.0, 1.1], rel=1e-4)
 
 
-@pytest.mark.parametrize('moved, why', [
-    (np.linspace(0.0, 1.0, 3000), 'never falls .* one branch alone'),
-    (np.linspace(1.0, 0.0, 3000), 'never rises .* one branch alone'),
-    (np.full(3000, 0.4), 'input is 0.4 all the time')])
-def test_a_recording_without_a_loop_is_refused_with_the_reason(moved, why):
-    with pytest.raises(EstimatorError, match=why):
-        identify(TIME, moved, moved + 0.1 * np.sin(TIME))
+@pytest.mark.parametrize('deflection, reason', [
+    (np.linspace(0.0, 1.0, 3000), 'never falls .* requires both branches'),
+    (np.linspace(1.0, 0.0, 3000), 'never rises .* requires both branches'),
+    (np.full(3000, 0.4), 'input is constant .0.4.')])
+def test_a_recording_without_a_loop_is_refused_with_the_reason(deflection, reason):
+    with pytest.raises(EstimatorError, match=reason):
+        identify(TIME, deflection, deflection + 0.1 * np.sin(TIME))
 
 
-def test_an_output_that_never_changes_and_wrong_sizes_are_refused():
-    with pytest.raises(EstimatorError, match='output is 2.0 all the time'):
+def test_a_constant_output_and_wrong_sizes_are_refused():
+    with pytest.raises(EstimatorError, match='output is constant .2.0.'):
         fitted(np.full(3000, 2.0))
     with pytest.raises(ParameterError, match='2999 outputs'):
         fitted(np.zeros(2999))

@@ -1,4 +1,4 @@
-"""Passages of a whole recording with the slip in each, from samples as they are received."""
+"""Crossings of a whole recording with the slip in each, from samples as received."""
 
 from __future__ import annotations
 
@@ -9,52 +9,53 @@ import pytest
 from support.rolling import (
     along, films, in_order, passes, PLACE, ROBOT, stamp, steady, surroundings, WHEEL)
 
-from smart_tire.calibration.film.crossing_collector import PassageCollector
+from smart_tire.calibration.film.crossing_collector import CrossingCollector
 from smart_tire.calibration.film.gains import identify_gains
 from smart_tire.samples import TireSample, WheelSample, WheelSlip
 
 WINDOW = 0.06   # s
 DURATION = 7.0  # s
-COURSE = steady(60.0)
-BACK = along([(0.5, 0.0), (6.0, 3.0), (6.3, 3.0), (12.0, 0.0)])
+TRAJECTORY = steady(60.0)
+REVERSING = along([(0.5, 0.0), (6.0, 3.0), (6.3, 3.0), (12.0, 0.0)])
 ANGLE = (PLACE - 0.5 * ROBOT.film.spacing) / ROBOT.wheel_radius  # rad, of film 1
 
 
 def collected(samples, slips, robot=ROBOT):
-    collector = PassageCollector(robot, WINDOW)
+    collector = CrossingCollector(robot, WINDOW)
     for sample in samples:
         if isinstance(sample, (TireSample, WheelSample)):
             collector.update(sample)
-    return list(collector.known(slip for slip in slips if isinstance(slip, WheelSlip))), collector
+    crossings = collector.with_slip(slip for slip in slips if isinstance(slip, WheelSlip))
+    return list(crossings), collector
 
 
-def rolled(course=COURSE, duration=DURATION, positions=True, **options):
-    around = surroundings(course, duration, positions=positions,
+def rolled(trajectory=TRAJECTORY, duration=DURATION, positions=True, **options):
+    around = surroundings(trajectory, duration, positions=positions,
                           **{key: options[key] for key in options if key in ('slip', 'total')})
-    return in_order(films(course, duration, **options), around), around
+    return in_order(films(trajectory, duration, **options), around), around
 
 
 @pytest.fixture(scope='module')
 def turns():
-    """Return samples of a few turns of a wheel, and its slips."""
+    """Return samples of a few revolutions of a wheel, and its slips."""
     return rolled()
 
 
-def test_each_passage_comes_with_the_slip_in_it(turns):
-    known, _ = collected(*turns)
-    expected = [t for t in passes(COURSE, DURATION) if t < DURATION - 0.3]
-    assert [one.stamp_ns for one in known] == pytest.approx(
+def test_each_crossing_has_its_slip(turns):
+    crossings, _ = collected(*turns)
+    expected = [t for t in passes(TRAJECTORY, DURATION) if t < DURATION - 0.3]
+    assert [one.stamp_ns for one in crossings] == pytest.approx(
         [stamp(t) for t in expected], abs=5e6)
-    for one in known:
+    for one in crossings:
         assert one.slip == pytest.approx((0.1, 0.003))
         assert one.wheel == WHEEL
         assert [film.film for film in one.films.films] == [0, 1]
-        assert one.stray < 0.002
+        assert one.deviation < 0.002
 
 
-def test_repeated_foreign_and_impossible_samples_change_nothing(turns):
+def test_repeated_foreign_and_impossible_samples_are_ignored(turns):
     samples, slips = turns
-    known, clean = collected(samples, slips)
+    crossings, clean = collected(samples, slips)
     spoiled = []
     for sample in samples:
         spoiled += [sample, sample]
@@ -64,25 +65,25 @@ def test_repeated_foreign_and_impossible_samples_change_nothing(turns):
         elif isinstance(sample, WheelSample):
             spoiled.append(replace(sample, stamp_ns=sample.stamp_ns + 1, velocity=(1e9,) * 4))
     again, collector = collected(spoiled, slips)
-    assert [one.stamp_ns for one in again] == [one.stamp_ns for one in known]
+    assert [one.stamp_ns for one in again] == [one.stamp_ns for one in crossings]
     assert collector.tire_samples == clean.tire_samples
 
 
-def test_passages_without_slip_are_not_known(turns):
+def test_crossings_without_slip_are_left_out(turns):
     samples, slips = turns
     half = [slip for slip in slips if slip.stamp_ns < stamp(0.5 * DURATION)]
-    known, _ = collected(samples, half)
-    assert known
-    assert all(one.stamp_ns < stamp(0.5 * DURATION) + 50_000_000 for one in known)
+    crossings, _ = collected(samples, half)
+    assert crossings
+    assert all(one.stamp_ns < stamp(0.5 * DURATION) + 50_000_000 for one in crossings)
     assert not collected(samples, [])[0]
 
 
 @pytest.mark.parametrize('positions', [True, False])
-def test_positions_of_the_wheel_tell_where_film_1_sits(turns, positions):
-    known, _ = collected(*(turns if positions else rolled(positions=False)))
-    found = identify_gains([known], ROBOT)
+def test_wheel_positions_give_the_angle_of_film_1(turns, positions):
+    crossings, _ = collected(*(turns if positions else rolled(positions=False)))
+    found = identify_gains([crossings], ROBOT)
     if not positions:
-        assert all(math.isnan(one.origin) for one in known)
+        assert all(math.isnan(one.origin) for one in crossings)
         assert 'positions' in found.refused[f'angle of film 1, {WHEEL}']
         return
     angle = found.angles[0, WHEEL]
@@ -90,10 +91,10 @@ def test_positions_of_the_wheel_tell_where_film_1_sits(turns, positions):
 
 
 @pytest.mark.parametrize(('release', 'slip'), [('fig8', 0.1), ('state', -0.1)])
-def test_gains_and_lengths_of_a_robot_that_is_as_told_are_as_told(release, slip):
+def test_gains_and_lengths_of_a_nominal_robot_are_the_nominal_ones(release, slip):
     robot = replace(ROBOT, film=replace(ROBOT.film, release=release))
-    known, _ = collected(*rolled(slip=slip, release=release), robot)
-    found = identify_gains([known], robot)
+    crossings, _ = collected(*rolled(slip=slip, release=release), robot)
+    found = identify_gains([crossings], robot)
     for one, gain in zip(found.films, robot.film.stretch_gain):
         assert one.gain.value == pytest.approx(gain, abs=min(2.0 * one.gain.sigma, 0.03 * gain))
     assert found.length.value == pytest.approx(robot.tire.contact_length,
@@ -102,13 +103,14 @@ def test_gains_and_lengths_of_a_robot_that_is_as_told_are_as_told(release, slip)
                                                   abs=2.0 * found.places[1].sigma)
 
 
-def test_passages_backward_are_passages_too():
+def test_backward_crossings_are_used():
     duration = 12.5
-    forth = [one for one in rolled(BACK, duration)[0] if one.stamp_ns < stamp(6.15)]
-    samples, slips = rolled(BACK, duration, reverse=True)
-    known, _ = collected(forth + [one for one in samples if one.stamp_ns >= stamp(6.15)], slips)
-    assert {one.direction for one in known} == {1, -1}
-    found = identify_gains([known], ROBOT)
+    forward = [one for one in rolled(REVERSING, duration)[0] if one.stamp_ns < stamp(6.15)]
+    samples, slips = rolled(REVERSING, duration, reverse=True)
+    backward = [one for one in samples if one.stamp_ns >= stamp(6.15)]
+    crossings, _ = collected(forward + backward, slips)
+    assert {one.direction for one in crossings} == {1, -1}
+    found = identify_gains([crossings], ROBOT)
     angle = found.angles[0, WHEEL]
     assert angle.value == pytest.approx(ANGLE, abs=max(3.0 * angle.sigma, 0.004))
     assert found.places[1].value == pytest.approx(ROBOT.film.spacing,

@@ -1,4 +1,4 @@
-"""Gains, contact length and places of films: right within their errors, refused when untold."""
+"""Gains, contact length and film positions: correct within their sigmas, or refused."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from smart_tire.models.tire import tread_film
 from smart_tire.parameters import RobotParams
 
 NOMINAL = RobotParams()
-LENGTH, SPACING = 0.048, 0.0312  # m, against 46 and 30 mm that are told
-GAINS = (296.0, 251.0)           # V/m, against 307.5 and 242.5
+LENGTH, SPACING = 0.048, 0.0312  # m, against nominal 46 and 30 mm
+GAINS = (296.0, 251.0)           # V/m, against nominal 307.5 and 242.5
 TURN = (0.1,)
 
 
 def robot(**film):
-    """Return a robot that differs from what is told."""
+    """Return a robot that differs from the nominal one."""
     return replace(NOMINAL, tire=replace(NOMINAL.tire, contact_length=LENGTH), film=replace(
         NOMINAL.film, **{'spacing': SPACING, 'stretch_gain': GAINS, **film}))
 
 
-def told(robot=NOMINAL, **film):
+def configured(robot=NOMINAL, **film):
     return replace(robot, film=replace(robot.film, **film))
 
 
@@ -38,19 +38,19 @@ def gains(found):
 
 @pytest.fixture(scope='module')
 def many():
-    """Return what eight recordings tell, each of another robot."""
+    """Return the results of eight recordings, each of another robot."""
     results = []
     for seed in range(8):
         rng = np.random.default_rng([seed, 11])
         true = robot(length=NOMINAL.film.length * (1.0 + 0.005 * rng.standard_normal()),
                      stretch_gain=tuple((np.array(NOMINAL.film.stretch_gain) * (
                          1.0 + 0.03 * rng.standard_normal(2))).tolist()))
-        passages = recording(rng, true, radius_error=0.002 * rng.standard_normal())
-        results.append((true, identify_gains([passages], NOMINAL)))
+        crossings = recording(rng, true, radius_error=0.002 * rng.standard_normal())
+        results.append((true, identify_gains([crossings], NOMINAL)))
     return results
 
 
-def test_gains_are_found_to_two_per_cent_and_as_well_as_their_errors_say(many):
+def test_gains_are_accurate_to_two_percent_and_consistent_with_their_sigmas(many):
     values, errors = np.array([
         (one.per_slip.value / volts_per_slip(gain, true.film.length, LENGTH) - 1.0,
          one.per_slip.sigma / one.per_slip.value)
@@ -62,7 +62,7 @@ def test_gains_are_found_to_two_per_cent_and_as_well_as_their_errors_say(many):
 
 
 @pytest.mark.parametrize('quantity', ['length', 'spacing'])
-def test_lengths_are_as_good_as_their_rulers(many, quantity):
+def test_lengths_are_consistent_with_the_sigmas_of_wheel_radius_and_film_length(many, quantity):
     pairs = [(found.length, LENGTH) if quantity == 'length' else (found.places[1], SPACING)
              for _, found in many]
     off = np.array([(one.value - true) / one.sigma for one, true in pairs])
@@ -70,24 +70,24 @@ def test_lengths_are_as_good_as_their_rulers(many, quantity):
     assert all(0.001 < one.sigma / true < 0.006 for one, true in pairs)
 
 
-def test_the_angle_of_film_1_is_the_position_of_the_wheel_when_it_is_in_the_middle(many):
+def test_the_angle_of_film_1_is_the_wheel_position_at_the_center_of_the_patch(many):
     for _, found in many:
         angle = found.angles[0, WHEEL]
         assert angle.value == pytest.approx(ANGLE, abs=max(3.0 * angle.sigma, 0.004))
 
 
-def test_bending_peaks_are_those_of_the_films(many):
+def test_bending_peaks_are_correct(many):
     for _, found in many:
         for one, peak in zip(found.films, NOMINAL.film.bending_peak):
             assert one.bending.value == pytest.approx(peak, abs=4.0 * one.bending.sigma)
 
 
 @pytest.mark.parametrize('wrong', [0.7, 1.3])
-def test_gains_and_length_that_are_far_off_end_where_good_ones_do(wrong):
-    passages = recording(np.random.default_rng(3), robot(), each=3)
-    near = identify_gains([passages], NOMINAL)
-    far = identify_gains([passages], replace(
-        told(stretch_gain=tuple(wrong * gain for gain in NOMINAL.film.stretch_gain)),
+def test_the_result_does_not_depend_on_the_initial_gains_and_length(wrong):
+    crossings = recording(np.random.default_rng(3), robot(), each=3)
+    near = identify_gains([crossings], NOMINAL)
+    far = identify_gains([crossings], replace(
+        configured(stretch_gain=tuple(wrong * gain for gain in NOMINAL.film.stretch_gain)),
         tire=replace(NOMINAL.tire, contact_length=0.043)))
     for key, gain in gains(near).items():
         assert gains(far)[key].value == pytest.approx(gain.value, abs=0.2 * gain.sigma)
@@ -95,10 +95,10 @@ def test_gains_and_length_that_are_far_off_end_where_good_ones_do(wrong):
 
 
 @pytest.mark.parametrize('release', ['fig8', 'state'])
-def test_either_release_and_much_noise_are_no_obstacle(release):
+def test_gains_are_correct_for_either_release_and_large_noise(release):
     true, rng = robot(release=release, noise=0.02), np.random.default_rng(8)
     found = identify_gains([recording(rng, true, slip_sigma=0.003)],
-                           told(release=release, noise=0.02))
+                           configured(release=release, noise=0.02))
     for gain, expected in zip(gains(found).values(), GAINS):
         assert gain.value == pytest.approx(expected, abs=3.0 * gain.sigma)
         assert gain.sigma < 0.05 * gain.value
@@ -109,21 +109,21 @@ def test_a_single_film_has_a_gain_and_no_spacing():
     single = {'positions': (0.0,), 'stretch_gain': (296.0,), 'bending_peak': (0.83,)}
     found = identify_gains(
         [recording(np.random.default_rng(4), robot(**single), films=(0,))],
-        told(**{**single, 'stretch_gain': (307.5,)}))
+        configured(**{**single, 'stretch_gain': (307.5,)}))
     gain, = gains(found).values()
     assert gain.value == pytest.approx(296.0, abs=3.0 * gain.sigma)
     assert not found.places
     assert not found.refused
 
 
-def test_films_that_pass_apart_are_placed_by_their_angles():
+def test_films_that_cross_separately_are_located_by_their_angles():
     rng, films = np.random.default_rng(9), {
         'stretch_gain': (*GAINS, 280.0), 'bending_peak': (0.83, 0.66, 0.7)}
     true = robot(positions=(0.0, SPACING, 0.203), **films)
     behind = [replace(one, origin=ANGLE + 0.203 / true.wheel_radius)
               for one in recording(rng, true, films=(2,))]
     found = identify_gains([[*recording(rng, true), *behind]],
-                           told(positions=(0.0, 0.03, 0.2), **films))
+                           configured(positions=(0.0, 0.03, 0.2), **films))
     for film, place in ((1, SPACING), (2, 0.203)):
         assert found.places[film].value == pytest.approx(place, abs=3.0 * found.places[film].sigma)
         assert found.places[film].sigma < 0.001
@@ -131,14 +131,14 @@ def test_films_that_pass_apart_are_placed_by_their_angles():
         280.0, abs=3.0 * gains(found)[WHEEL, 2].sigma)
 
 
-def test_a_film_that_is_never_seen_is_refused_and_the_other_is_told():
+def test_a_film_that_is_never_detected_is_refused_and_the_other_is_not():
     found = identify_gains([recording(np.random.default_rng(4), robot(), films=(0,))], NOMINAL)
     assert list(gains(found)) == [(WHEEL, 0)]
-    assert '0 passages' in found.refused[f'gain of film 2, {WHEEL}']
-    assert 'never seen together' in found.refused['spacing, film 1 to 2']
+    assert '0 crossings' in found.refused[f'gain of film 2, {WHEEL}']
+    assert 'never detected together' in found.refused['spacing, film 1 to 2']
 
 
-def test_recordings_together_tell_more_and_each_has_an_angle():
+def test_more_recordings_reduce_the_sigma_and_each_has_an_angle():
     runs = [recording(np.random.default_rng([seed, 12]), robot(), each=2) for seed in range(3)]
     runs[2] = [replace(one, origin=one.origin + 1.0) for one in runs[2]]
     one, all_three = identify_gains(runs[:1], NOMINAL), identify_gains(runs, NOMINAL)
@@ -150,12 +150,12 @@ def test_recordings_together_tell_more_and_each_has_an_angle():
         1.0, abs=0.01)
 
 
-def test_each_wheel_has_gains_of_its_own_and_all_share_the_contact():
+def test_each_wheel_has_its_own_gains_and_all_share_the_contact_length():
     rng, wheels = np.random.default_rng(6), ('front_left', WHEEL)
     stronger = tuple(1.2 * gain for gain in GAINS)
-    passages = [*recording(rng, robot(stretch_gain=stronger), wheel='front_left'),
-                *recording(rng, robot())]
-    found = identify_gains([passages], told(wheels=wheels))
+    crossings = [*recording(rng, robot(stretch_gain=stronger), wheel='front_left'),
+                 *recording(rng, robot())]
+    found = identify_gains([crossings], configured(wheels=wheels))
     for (wheel, film), gain in gains(found).items():
         expected = (stronger if wheel == 'front_left' else GAINS)[film]
         assert gain.value == pytest.approx(expected, abs=3.0 * gain.sigma)
@@ -163,7 +163,7 @@ def test_each_wheel_has_gains_of_its_own_and_all_share_the_contact():
     assert set(found.angles) == {(0, wheel) for wheel in wheels}
 
 
-def test_more_of_the_same_turn_does_not_tell_what_its_slip_hides():
+def test_more_crossings_of_one_turn_do_not_remove_the_error_of_its_slip():
     few, more = (identify_gains([recording(np.random.default_rng(5), robot(), turns=TURN,
                                            each=each)], NOMINAL) for each in (6, 24))
     for one, other in zip(gains(few).values(), gains(more).values()):
@@ -171,72 +171,72 @@ def test_more_of_the_same_turn_does_not_tell_what_its_slip_hides():
         assert other.sigma > 0.03 * other.value
 
 
-def test_other_turns_tell_more():
+def test_more_turns_reduce_the_sigma():
     one, five = (identify_gains([recording(np.random.default_rng(5), robot(), turns=turns,
                                            each=20 // len(turns))], NOMINAL)
                  for turns in ((0.1,), (0.1, -0.1, 0.12, -0.12, 0.11)))
     assert gains(five)[WHEEL, 0].sigma < 0.6 * gains(one)[WHEEL, 0].sigma
 
 
-def test_a_turn_whose_slip_is_wrong_is_outvoted():
+def test_a_turn_with_a_wrong_slip_has_little_weight():
     rng = np.random.default_rng(7)
-    passages = recording(rng, robot(), turns=(0.1, -0.12, 0.06, 0.15, -0.07, 0.09))
-    good = identify_gains([passages], NOMINAL)
+    crossings = recording(rng, robot(), turns=(0.1, -0.12, 0.06, 0.15, -0.07, 0.09))
+    good = identify_gains([crossings], NOMINAL)
     spoiled = [replace(one, slip=(one.slip[0] + 0.06, one.slip[1])) if i < 4 else one
-               for i, one in enumerate(passages)]
+               for i, one in enumerate(crossings)]
     found = identify_gains([spoiled], NOMINAL)
     for key, gain in gains(found).items():
         assert gain.value == pytest.approx(gains(good)[key].value, abs=2.0 * gain.sigma)
         assert gain.sigma > gains(good)[key].sigma
 
 
-def test_without_slip_gains_are_refused_with_the_reason_and_lengths_are_told():
+def test_without_slip_gains_are_refused_with_the_reason_and_lengths_are_not():
     found = identify_gains(
         [recording(np.random.default_rng(1), robot(), turns=(0.004, -0.006))], NOMINAL)
     assert all(one.gain is None for one in found.films)
-    why = found.refused[f'gain of film 1, {WHEEL}']
-    assert '0 of 8 passages' in why
-    assert 'turn' in why
+    reason = found.refused[f'gain of film 1, {WHEEL}']
+    assert '0 of 8 crossings' in reason
+    assert 'turn' in reason
     assert found.length.value == pytest.approx(LENGTH, abs=3.0 * found.length.sigma)
 
 
-def test_gains_that_the_slip_leaves_open_are_refused():
+def test_gains_with_a_large_sigma_of_slip_are_refused():
     found = identify_gains([recording(np.random.default_rng(2), robot(), turns=TURN, each=8,
                                       slip_sigma=0.028)], NOMINAL)
     assert 'standard error' in found.refused[f'gain of film 1, {WHEEL}']
 
 
-def test_slips_of_the_wrong_sign_are_noticed():
-    passages = [replace(one, slip=(-one.slip[0], one.slip[1])) for one in
-                recording(np.random.default_rng(2), robot())]
-    found = identify_gains([passages], NOMINAL)
+def test_slips_of_the_wrong_sign_are_detected():
+    crossings = [replace(one, slip=(-one.slip[0], one.slip[1])) for one in
+                 recording(np.random.default_rng(2), robot())]
+    found = identify_gains([crossings], NOMINAL)
     assert 'negative' in found.refused[f'gain of film 1, {WHEEL}']
 
 
-def test_no_passages_are_one_clear_error():
+def test_no_crossings_raise_a_clear_error():
     with pytest.raises(EstimatorError, match='expected at least 5'):
         identify_gains([[]], NOMINAL)
 
 
-def test_wheels_without_positions_tell_no_angle_and_all_else():
-    passages = [replace(one, origin=math.nan)
-                for one in recording(np.random.default_rng(2), robot(), each=2)]
-    found = identify_gains([passages], NOMINAL)
+def test_without_wheel_positions_only_the_angle_is_refused():
+    crossings = [replace(one, origin=math.nan)
+                 for one in recording(np.random.default_rng(2), robot(), each=2)]
+    found = identify_gains([crossings], NOMINAL)
     assert 'without positions' in found.refused[f'angle of film 1, {WHEEL}']
     assert all(found.films)
     assert found.length is not None
 
 
-def test_a_wheel_radius_that_is_badly_known_widens_lengths_only():
-    passages = recording(np.random.default_rng(2), robot(), each=2)
-    fine, rough = (identify_gains([passages], replace(NOMINAL, wheel_radius_sigma=sigma))
+def test_an_uncertain_wheel_radius_affects_lengths_only():
+    crossings = recording(np.random.default_rng(2), robot(), each=2)
+    fine, rough = (identify_gains([crossings], replace(NOMINAL, wheel_radius_sigma=sigma))
                    for sigma in (0.0005, 0.02))
     assert rough.length.sigma > 1.3 * fine.length.sigma
     assert rough.places[1].sigma > 1.3 * fine.places[1].sigma
     assert gains(rough)[WHEEL, 0].sigma < 1.2 * gains(fine)[WHEEL, 0].sigma
 
 
-def test_volts_per_slip_are_the_largest_stretch_while_all_sticks():
+def test_volts_per_slip_is_the_peak_stretch_in_full_adhesion():
     x = np.linspace(-0.02, LENGTH, 20001)
     stretch = 300.0 * tread_film.stretch_integral(x, 1e-3, 1e-3, np.inf, 0.02, LENGTH)
     assert volts_per_slip(300.0, 0.02, LENGTH) == pytest.approx(stretch.max() / 1e-3, rel=1e-4)

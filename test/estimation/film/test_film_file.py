@@ -1,4 +1,4 @@
-"""Parameters of a film from recordings, real ones too, and their file."""
+"""Parameters of a film from simulated and real recordings, and their file."""
 
 from __future__ import annotations
 
@@ -25,23 +25,23 @@ def identified():
     return identify_film(several_loops(), FILM)
 
 
-def test_the_bench_is_identified_and_nothing_needs_to_be_said(identified):
+def test_the_bench_is_identified_without_notes(identified):
     params, _, notes = identified
     assert notes == []
     for name in PRODUCTS:
         assert getattr(params, name) == pytest.approx(TRUE[name], rel=0.02)
     assert params.noise == pytest.approx(0.02e-9, rel=0.1)
-    assert params.misfit < 0.3 * params.noise
+    assert params.model_error < 0.3 * params.noise
 
 
-def test_the_file_holds_what_measuring_needs(identified, tmp_path):
+def test_the_file_round_trip_keeps_all_parameters(identified, tmp_path):
     params, fit, notes = identified
     write_params(tmp_path / 'film.yaml', params, fit, notes, gain=34.47e-9)
     again = read_params(tmp_path / 'film.yaml')
     np.testing.assert_array_equal(again.covariance, params.covariance)
     assert again.film == params.film and again.operator == params.operator
-    assert (again.low_corner, again.drift, again.noise, again.misfit) == (
-        params.low_corner, params.drift, params.noise, params.misfit)
+    assert (again.low_corner, again.drift, again.noise, again.model_error) == (
+        params.low_corner, params.drift, params.noise, params.model_error)
     at_gain = yaml.safe_load((tmp_path / 'film.yaml').read_text())['at_gain']
     assert [at_gain[name] for name in ('alpha', 'a', 'b')] == pytest.approx(
         [0.15e9, 0.54, 0.28], rel=0.02)
@@ -53,32 +53,32 @@ def test_a_loop_that_is_too_small_gets_a_note():
     assert abs(fit.b_gain.value - TRUE['b_gain']) < 4.0 * fit.b_gain.sigma
 
 
-def test_a_pulled_film_spikes_and_a_touching_film_get_notes():
+def test_tension_spikes_and_a_touching_film_get_notes():
     recording = several_loops()
-    moved, output = recording.input.copy(), recording.output.copy()
-    pulled = slice(2490, 2511)  # around a moment when it is flat
-    moved[pulled], output[pulled] = -1e-4, 5e-9
-    moved[1000] += 0.01
-    params, _, notes = identify_film(FilmRecording(recording.time, moved, output), FILM)
-    assert any('pulled film' in note for note in notes)
+    deflection, output = recording.input.copy(), recording.output.copy()
+    tension = slice(2490, 2511)  # around a time when the film is flat
+    deflection[tension], output[tension] = -1e-4, 5e-9
+    deflection[1000] += 0.01
+    params, _, notes = identify_film(FilmRecording(recording.time, deflection, output), FILM)
+    assert any('film under tension' in note for note in notes)
     assert any('1 spikes' in note for note in notes)
     assert params.b_gain == pytest.approx(TRUE['b_gain'], rel=0.03)
     _, _, notes = identify_film(recording, replace(FILM, length=0.0135))
     assert any('touches itself' in note for note in notes)
 
 
-def test_a_deflection_of_the_other_sign_is_refused_with_the_reason():
+def test_a_deflection_of_the_opposite_sign_is_refused_with_the_reason():
     recording = one_loop()
     mirrored = FilmRecording(recording.time, -recording.input, recording.output)
     with pytest.raises(EstimatorError, match='deflections are negative'):
         identify_film(mirrored, FILM)
 
 
-@pytest.mark.skipif(not PIEZO.exists(), reason='the recording of a piezo stage is not here')
+@pytest.mark.skipif(not PIEZO.exists(), reason='the recording of a piezo stage is not available')
 def test_a_real_piezo_stage_is_described_to_a_few_percent():
     params, fit, notes = identify_film(read_recording(PIEZO, ['t', 'input', 'output']), None)
     assert fit.share < 0.03
-    # its loop shows the slope after a turn; it is too lean to tell alpha from a
+    # its narrow loop makes the slope after a reversal observable, but not alpha and a
     assert fit.b_gain.determined and 11.0 < params.b_gain < 13.5
     assert any('not determined' in note for note in notes)
     assert any('times the noise' in note for note in notes)
@@ -104,11 +104,11 @@ def test_a_broken_file_is_refused_with_the_reason(identified, tmp_path, change, 
         read_params(path)
 
 
-def test_a_file_that_is_not_there_or_no_yaml_is_refused(tmp_path):
+def test_a_missing_or_invalid_file_is_refused(tmp_path):
     with pytest.raises(ParameterError, match='cannot be read'):
         read_params(tmp_path / 'film.yaml')
     (tmp_path / 'film.yaml').write_text('{')
-    with pytest.raises(ParameterError, match='no YAML'):
+    with pytest.raises(ParameterError, match='not valid YAML'):
         read_params(tmp_path / 'film.yaml')
     with pytest.raises(ParameterError, match='film.yaml'):
         (tmp_path / 'film.yaml').write_text('')

@@ -1,4 +1,4 @@
-"""Recordings in CSV files, whole and broken."""
+"""Recordings in CSV files, valid and invalid."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def written(tmp_path, header=HEADER, rows=ROWS):
     return path
 
 
-def test_there_and_back_again(tmp_path):
+def test_a_round_trip_preserves_the_recording(tmp_path):
     rng = np.random.default_rng(1)
     recording = FilmRecording(TIME, 0.001 * rng.random(30), 1e-9 * rng.standard_normal(30))
     write_recording(tmp_path / 'data.csv', recording)
@@ -37,25 +37,25 @@ def test_other_columns_are_read_by_name_in_any_order(tmp_path):
     assert np.all(recording.output == 7.0)
 
 
-@pytest.mark.parametrize('header, rows, why', [
+@pytest.mark.parametrize('header, rows, reason', [
     ('time_s,deflection_m', ['1,2'] * 30, 'expected charge_C once'),
-    ('time_s,deflection_m,charge_C,extra', ['1,2,3,4'] * 30, 'column extra beside'),
+    ('time_s,deflection_m,charge_C,extra', ['1,2,3,4'] * 30, 'column extra in addition'),
     ('', [], 'columns none'),
     (HEADER, ROWS[:9], '9 samples'),
     (HEADER, [*ROWS, '0.1,0.0,0.0'], r'time\[30\] is 0.1 after 0.29'),
     (HEADER, [*ROWS, '0.3,0.0'], 'line 32 has 2 fields, expected 3'),
     (HEADER, [*ROWS, '0.3,x,0.0'], "line 32: .*'x'"),
     (HEADER, [*ROWS, '0.3,nan,0.0'], r'input\[30\] is nan')])
-def test_a_broken_file_is_refused_with_place_and_reason(tmp_path, header, rows, why):
-    with pytest.raises(ParameterError, match=f'data.csv: .*{why}'):
+def test_an_invalid_file_is_refused_with_line_and_reason(tmp_path, header, rows, reason):
+    with pytest.raises(ParameterError, match=f'data.csv: .*{reason}'):
         read_recording(written(tmp_path, header, rows))
 
 
-def test_a_file_that_is_not_there_or_no_text_is_refused(tmp_path):
+def test_a_missing_or_binary_file_is_refused(tmp_path):
     with pytest.raises(ParameterError, match='nowhere.csv: cannot be read'):
         read_recording(tmp_path / 'nowhere.csv')
     (tmp_path / 'data.csv').write_bytes(b'\xff\xfe\x00')
-    with pytest.raises(ParameterError, match='is no text'):
+    with pytest.raises(ParameterError, match='not a text file'):
         read_recording(tmp_path / 'data.csv')
     with pytest.raises(ParameterError, match='expected time, input and output'):
         read_recording(written(tmp_path), ['time_s'])

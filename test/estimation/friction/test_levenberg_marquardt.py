@@ -1,4 +1,4 @@
-"""The way to the least misfit: it ends there, and evaluates the model no more than it must."""
+"""The Levenberg-Marquardt fit converges, with few evaluations of the model."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ ROBOT = RobotParams()
 SLIP, SLIDING = 0.1, 0.18
 
 
-class Counting:
-    """A model that counts how often it is evaluated."""
+class CountingModel:
+    """A model that counts its evaluations."""
 
     def __init__(self, seen):
         self._model = WaveformModel(ROBOT, ROBOT.film.gains(WHEEL), seen.films, seen.reference)
@@ -26,8 +26,8 @@ class Counting:
         return self._model.linearised(p)
 
 
-def known(count, slip_sigma=1e-3):
-    """Return a prior on ``count`` films, with contact length and shape of the bending fixed."""
+def prior_of(count, slip_sigma=1e-3):
+    """Return a prior for ``count`` films, with fixed contact length and bending shape."""
     value, sigma = np.zeros(own(count, Own.PLACE)), np.zeros(own(count, Own.PLACE))
     value[[Shared.SLIP, Shared.SLIDING]] = SLIP, 0.3
     sigma[[Shared.SLIP, Shared.SLIDING]] = slip_sigma, 3.0
@@ -40,41 +40,41 @@ def known(count, slip_sigma=1e-3):
     return Prior(value, np.diag(sigma[free]**-2), free, np.array([Shared.SLIP]))
 
 
-def way(seed):
+def setup(seed):
     seen = passage(np.random.default_rng(seed), ROBOT, slip=SLIP, sliding=SLIDING)
-    model = Counting(seen)
+    model = CountingModel(seen)
     return LevenbergMarquardt(model, seen.films, ROBOT.film.sample_variance), model, seen
 
 
 @pytest.mark.parametrize('seed', range(8))
-def test_it_ends_at_the_least_misfit_after_few_evaluations(seed):
-    descent, model, _ = way(seed)
-    prior = known(2)
-    end = descent.run(prior.value, prior)
+def test_it_converges_to_the_minimum_in_few_evaluations(seed):
+    fit, model, _ = setup(seed)
+    prior = prior_of(2)
+    end = fit.run(prior.value, prior)
     assert model.evaluations <= 7
     sigma = np.sqrt(np.diag(np.linalg.inv(end.hessian)))
     assert abs(end.p[Shared.SLIDING] - SLIDING) < 4.0 * sigma[list(prior.free).index(
         Shared.SLIDING)]
-    again = descent.run(end.p.copy(), prior)
+    again = fit.run(end.p.copy(), prior)
     assert np.all(np.abs(again.p - end.p)[prior.free] < 0.1 * sigma)
 
 
-def test_what_is_fixed_stays_and_what_is_known_is_not_evaluated_again():
-    descent, model, _ = way(10)
-    end = descent.run(known(2).value, known(2))
+def test_fixed_parameters_stay_and_a_known_point_is_not_evaluated_again():
+    fit, model, _ = setup(10)
+    end = fit.run(prior_of(2).value, prior_of(2))
     assert end.p[Shared.LENGTH] == end.p[Shared.ALPHA] == 0.0
     before = model.evaluations
-    other = descent.run(end.point.p, known(2, 2e-3))
+    other = fit.run(end.point.p, prior_of(2, 2e-3))
     assert model.evaluations - before <= 2
     assert other.p[Shared.SLIDING] == pytest.approx(end.p[Shared.SLIDING], abs=0.01)
 
 
-def test_each_film_apart_tells_less_than_both():
-    descent, _, seen = way(11)
-    end = descent.run(known(2).value, known(2))
+def test_a_single_film_has_a_larger_sigma_than_both():
+    fit, _, seen = setup(11)
+    end = fit.run(prior_of(2).value, prior_of(2))
     sigma = float(np.sqrt(np.linalg.inv(end.hessian)[1, 1]))
-    apart = descent.apart(end)
-    assert len(apart) == len(seen.films)
-    for value, wider in apart:
+    single = fit.per_film_sliding(end)
+    assert len(single) == len(seen.films)
+    for value, wider in single:
         assert wider > sigma
         assert abs(value - end.p[Shared.SLIDING]) < 4.0 * wider
