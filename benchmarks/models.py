@@ -151,9 +151,9 @@ def passages() -> list[Figure]:
         'stretch_gain': 307.5}
     seconds, summed = timed(lambda: np.array([passage_by_quad(place, **rest)
                                               for place in x.tolist()]))
-    best, volts = best_of(lambda: tread_film.passage(x, slip=SLIP, **rest))
+    best, volts = best_of(lambda: tread_film.crossing_voltage(x, slip=SLIP, **rest))
     slips = np.linspace(-TOTAL_SLIP, TOTAL_SLIP, PASSAGES)[:, np.newaxis]
-    many, _ = best_of(lambda: tread_film.passage(x, slip=slips, **rest))
+    many, _ = best_of(lambda: tread_film.crossing_voltage(x, slip=slips, **rest))
     apart = difference(summed, volts)
     return [Figure(f'film passages of {x.size} samples', 1.0 / best, 'quad', 1.0 / seconds,
                    apart),
@@ -173,7 +173,8 @@ def passage_by_quad(x: float, *, total_slip: float, critical_slip: float, film_l
     stretch = 0.0
     if low < high:
         stretch = quad(strain, low, high, points=[edge] if low < edge < high else None)[0]
-    bending = tread_film.bending_passage(x, film_length, contact_length, bending_alpha)
+    bending = tread_film.bending(
+        np.asarray(x), film_length, contact_length, bending_alpha).value
     return bending_peak * float(bending) + stretch_gain * stretch
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from benchmarks.friction.methods import EXACT_MAP, PRINTED_MAP
 from smart_tire.analysis.series import Floats
-from smart_tire.models.tire import brush_tire, tread_film
+from smart_tire.models.tire import brush_tire, strain_charge
 from smart_tire.parameters import RobotParams
 
 MAPS = {EXACT_MAP: 'exact', PRINTED_MAP: 'printed'}
@@ -22,7 +22,7 @@ def ratio_read_off(interval: Floats, speed: Floats, robot: RobotParams, method: 
     NaN where the map of ``method`` does not tell.
     """
     patch = robot.tire.contact_length
-    return tread_film.adhesion_length(
+    return strain_charge.adhesion_length(
         patch - speed * interval, robot.film.length, patch, MAPS[method]) / patch
 
 

@@ -71,11 +71,11 @@ class Synthesiser:
         gain = params.gains(WHEEL)[film] * (1.0 + self._gain_error * rng.standard_normal())
         before, after = rng.uniform(*BUMPS, 2).tolist()
         bumps = np.where(past < 0.0, before, after)
-        volts = tread_film.passage(
+        volts = tread_film.crossing_voltage(
             x, slip=case.slip, total_slip=case.total_slip, critical_slip=case.critical_slip,
             film_length=params.length, contact_length=patch, bending_peak=peak,
             bending_alpha=params.bending_alpha, stretch_gain=gain, release=params.release)
-        volts = (volts - peak * bumps * tread_film.contact_bumps(x, params.length, patch)
+        volts = (volts - peak * bumps * tread_film.bumps(x, params.length, patch).value
                  + params.noise * rng.standard_normal(len(x)))
         counts = self._chain.counts(volts)
         rail = (counts == self._chain.highest).astype(np.int8) - (counts == 0)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from smart_tire.analysis.series import Floats
-from smart_tire.models.tire import brush_tire, tread_film
+from smart_tire.models.tire import brush_tire, strain_charge, tread_film
 from smart_tire.models.vehicle import skid_steer
 from smart_tire.parameters import SimulatorParams
 from smart_tire.reproduction.tire_runs import Passages, ROBOT, RPM, Run, WHEEL
@@ -91,9 +91,10 @@ def outline() -> Outline:
     x = np.linspace(-1.3 * LENGTH, PATCH + LENGTH, 2001)
     x = np.sort(np.append(x, [0.0, PATCH - LENGTH, PATCH]))
     stuck = PATCH * float(brush_tire.adhesion_ratio(OUTLINE_SLIP, MU, LOAD, STIFFNESS))
-    peak = float(tread_film.peak_position(stuck, LENGTH, PATCH))
-    bending = {release: BENDING * tread_film.bending_passage(
-        x, LENGTH, PATCH, ROBOT.film.bending_alpha, release) for release in ('fig8', 'state')}
+    peak = float(strain_charge.peak_position(stuck, LENGTH, PATCH))
+    bending = {release: BENDING * tread_film.bending(
+        x, LENGTH, PATCH, ROBOT.film.bending_alpha, release).value
+        for release in tread_film.RELEASES}
     return Outline(
         x / OUTLINE_SPEED, bending, stretch_volts(x, OUTLINE_SLIP), PATCH / OUTLINE_SPEED,
         (PATCH - peak) / OUTLINE_SPEED, (LENGTH + PATCH - stuck) / OUTLINE_SPEED,
@@ -102,13 +103,13 @@ def outline() -> Outline:
 
 def stretch_volts(x: Floats, slip: Floats | float) -> Floats:
     """Return the stretch part [V] of film 1 at ``x`` [m], slipping straight ahead."""
-    return GAIN * tread_film.stretch_integral(x, slip, slip, CRITICAL, LENGTH, PATCH)
+    return GAIN * strain_charge.overlap_integral(x, slip, slip, CRITICAL, LENGTH, PATCH)
 
 
 def highest_stretch(slip: Floats | float) -> Floats:
     """Return the exact q_sm [V] of film 1."""
     stuck = PATCH * brush_tire.adhesion_ratio(slip, MU, LOAD, STIFFNESS)
-    return stretch_volts(tread_film.peak_position(stuck, LENGTH, PATCH), slip)
+    return stretch_volts(strain_charge.peak_position(stuck, LENGTH, PATCH), slip)
 
 
 def printed_stretch(slip: Floats | float) -> Floats:
@@ -120,7 +121,7 @@ def printed_stretch(slip: Floats | float) -> Floats:
 def printed_ratio(slip: Floats) -> Floats:
     """Return the adhesion ratio that the printed map reads off exact peaks."""
     stuck = PATCH * brush_tire.adhesion_ratio(slip, MU, LOAD, STIFFNESS)
-    return ratio_of(tread_film.peak_position(stuck, LENGTH, PATCH), 'printed')
+    return ratio_of(strain_charge.peak_position(stuck, LENGTH, PATCH), 'printed')
 
 
 def printed_excess(slip: Floats) -> Floats:
@@ -132,7 +133,7 @@ def printed_excess(slip: Floats) -> Floats:
 
 def ratio_of(peak: Floats, method: str) -> Floats:
     """Return L_a / L from the place of the peak [m] by the ``exact`` or the ``printed`` map."""
-    return tread_film.adhesion_length(peak, LENGTH, PATCH, method) / PATCH
+    return strain_charge.adhesion_length(peak, LENGTH, PATCH, method) / PATCH
 
 
 def signals(run: Run) -> Signals:

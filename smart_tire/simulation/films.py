@@ -157,15 +157,15 @@ class _Films:
         peak = np.take_along_axis(self._peaks, index, axis=1)
         x = past + 0.5 * (length - film.length)
         s_x, s_y = trace.slip_vector()
-        crossing = tread_film.passage(
+        crossing = tread_film.crossing_voltage(
             x, slip=np.sign(trace.rolling_speed) * s_x, total_slip=np.hypot(s_x, s_y),
             critical_slip=brush_tire.critical_slip(trace.friction, trace.load, trace.stiffness),
             film_length=film.length, contact_length=length, bending_peak=peak,
             bending_alpha=film.bending_alpha, stretch_gain=self._gain, release=film.release,
             reverse=reverse)
         before, after = (np.take_along_axis(bumps, index, axis=1) for bumps in self._bumps)
-        bumps = np.where(past < 0.0, before, after) * tread_film.contact_bumps(
-            x, film.length, length)
+        bumps = np.where(past < 0.0, before, after) * tread_film.bumps(
+            x, film.length, length).value
         return np.where(near, crossing - peak * bumps, 0.0)
 
     def _direction(self, near: npt.NDArray[np.bool_],

@@ -10,7 +10,7 @@ import numpy as np
 from smart_tire import rotation
 from smart_tire.arrays import Array
 from smart_tire.messages import topic_of
-from smart_tire.models.tire import brush_tire, tread_film
+from smart_tire.models.tire import brush_tire, strain_charge
 from smart_tire.models.vehicle import skid_steer
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import Four, Friction, FRICTION_QUANTITIES, NAN, Odometry, WheelSlip
@@ -137,8 +137,8 @@ class CrossingTruth:
         ratio = float(brush_tire.adhesion_ratio(total_slip, friction, load, stiffness))
         stretch = interval = NAN
         if slip > 0.0 and not math.isnan(self._gain):  # two peaks exist in traction only
-            x_m = float(tread_film.peak_position(ratio * length, film, length))
-            stretch = self._gain * float(tread_film.stretch_integral(
+            x_m = float(strain_charge.peak_position(ratio * length, film, length))
+            stretch = self._gain * float(strain_charge.overlap_integral(
                 x_m, slip, total_slip, critical, film, length))
             interval = (length - x_m) / abs(rolling_speed)
         return {

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from smart_tire.models.tire import tread_film
+from smart_tire.models.tire import strain_charge, tread_film
 from smart_tire.parameters import build, SimulatorParams
 from smart_tire.simulation.device_emulators import SensorNodeEmulator
 from smart_tire.simulation.films import FilmSampler, patch_position, WheelTrace
@@ -88,7 +88,7 @@ def test_the_signal_agrees_with_the_film_model_within_half_an_lsb():
     total, critical = math.hypot(0.1, 0.1), 3.0 * 0.47 * 26.7 / 52.7
     for film, (gain, peak) in enumerate(((307.5, 0.83), (242.5, 0.66))):
         past, _ = patch_position(angle, films.center_angles[film], RADIUS)
-        expected = 1.65 + tread_film.passage(
+        expected = 1.65 + tread_film.crossing_voltage(
             past + 0.5 * (L - FILM), slip=0.1, total_slip=total, critical_slip=critical,
             film_length=FILM, contact_length=L, bending_peak=peak, bending_alpha=67.0,
             stretch_gain=gain)
@@ -189,7 +189,7 @@ def test_the_true_quantities_are_consistent():
     assert value['adhesion_ratio'] == pytest.approx(1 - value['total_slip']
                                                     / value['critical_slip'])
     x_m = L - value['peak_interval'] * 0.5
-    assert float(tread_film.adhesion_length(x_m, FILM, L)) == pytest.approx(
+    assert float(strain_charge.adhesion_length(x_m, FILM, L)) == pytest.approx(
         value['adhesion_length'])
     assert value['traction_force'] == pytest.approx(52.7 * 0.1, rel=0.25)
     assert value['normal_load'] == pytest.approx(26.7)

@@ -57,14 +57,14 @@ def _film(rng: np.random.Generator, robot: RobotParams, index: int, position: in
     share = np.where((position > 0) if edge is None else (way + middle > edge), other, sliding)
     total = 1.3 * abs(slip)
     peak = bending * film.bending(WHEEL)[index] * (1.0 + rng.uniform(-0.15, 0.15))
-    volts = tread_film.passage(
+    volts = tread_film.crossing_voltage(
         x, slip=slip * grown, total_slip=total * spreads,
         critical_slip=total / share if slip else 0.5, film_length=film.length,
         contact_length=patch, bending_peak=peak, bending_alpha=film.bending_alpha,
         stretch_gain=film.gains(WHEEL)[index] * (1.0 + gain_error * rng.standard_normal()),
         release=film.release)
     heights = np.where(way < 0.0, *rng.uniform(0.10, 0.15, 2))
-    volts = volts - heights * peak * tread_film.contact_bumps(x, film.length, patch)
+    volts = volts - heights * peak * tread_film.bumps(x, film.length, patch).value
     volts = volts + film.noise * rng.standard_normal(len(x)) + film.rest_voltage
     codes = np.clip(np.rint(volts / film.code), 0, 2**film.bits - 1)
     rail = np.where(codes == 0, -1, np.where(codes == 2**film.bits - 1, 1, 0))

@@ -14,7 +14,7 @@ import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.estimation.contact.records import Detection
-from smart_tire.models.tire import tread_film
+from smart_tire.models.tire import strain_charge, tread_film
 from smart_tire.parameters.robot import RobotParams
 
 
@@ -45,9 +45,9 @@ class CrossingDetector:
         x = np.arange(self._first, patch + TAIL, FINE)
         w = SLIDINGS[:, np.newaxis]
         self._table = np.concatenate([
-            tread_film.bending_passage(x, film.length, patch, film.bending_alpha,
-                                       film.release)[np.newaxis],
-            tread_film.stretch_integral(x, w, w, 1.0, film.length, patch) / w])
+            tread_film.bending(x, film.length, patch, film.bending_alpha,
+                                       film.release).value[np.newaxis],
+            strain_charge.overlap_integral(x, w, w, 1.0, film.length, patch) / w])
         self._table[:, -1] = 0.0
 
     def look(self, distance: Array, volts: Array, *, bending: float, gain: float,

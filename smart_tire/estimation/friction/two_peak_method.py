@@ -17,7 +17,7 @@ from smart_tire.estimation.contact.records import FilmSamples, PatchCrossing
 from smart_tire.estimation.friction.brush_inversion import SlipFit
 from smart_tire.estimation.friction.motion_history import ValueSigma, WheelMotion
 from smart_tire.estimation.friction.waveform_method import WaveformResult
-from smart_tire.models.tire import tread_film
+from smart_tire.models.tire import strain_charge, tread_film
 from smart_tire.parameters.robot import RobotParams
 
 
@@ -40,8 +40,8 @@ class TwoPeakReader:
         self._from, self._to = -inside - MARGIN, half + MARGIN  # m, about a film's middle
         # V/m per volt of the bending peak, before and behind the lowest point
         x = self._patch + np.array([-STEP, 0.0, STEP])
-        bend = tread_film.bending_passage(x, robot.film.length, self._patch,
-                                          robot.film.bending_alpha)
+        bend = tread_film.bending(x, robot.film.length, self._patch,
+                                          robot.film.bending_alpha).value
         self._sharp = float(np.mean(np.abs(np.diff(bend)))) / STEP
 
     def read(self, passage: PatchCrossing, motion: WheelMotion) -> WaveformResult | None:
@@ -96,17 +96,17 @@ class TwoPeakReader:
 
     def _stuck(self, apart: float) -> float:
         """Return the adhesion length [m] for the travel between the peaks, NaN if not told."""
-        return float(tread_film.adhesion_length(
+        return float(strain_charge.adhesion_length(
             self._patch - apart, self._film.length, self._patch, self._map))
 
     def _unit(self, x: float, sliding: float) -> float:
-        return float(tread_film.stretch_integral(
+        return float(strain_charge.overlap_integral(
             x, sliding, sliding, 1.0, self._film.length, self._patch)) / sliding
 
     def _flatness(self, sliding: float, slip: float, film: int, step: float) -> float:
         """Return one sigma of the place [m] of the highest sample, for the top is flat."""
         x = np.linspace(0.0, self._patch, 100)
-        volts = self._gains[film] * slip * tread_film.stretch_integral(
+        volts = self._gains[film] * slip * strain_charge.overlap_integral(
             x, sliding, sliding, 1.0, self._film.length, self._patch) / sliding
         high = x[volts > volts.max() - UNSEEN_TOP * math.sqrt(self._film.sample_variance)]
         return max(float(np.ptp(high)), step) / math.sqrt(EVENLY)

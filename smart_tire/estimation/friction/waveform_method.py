@@ -19,7 +19,7 @@ from smart_tire.estimation.friction.motion_history import ValueSigma, WheelMotio
 from smart_tire.estimation.friction.waveform_fit import (
     LEAST_SLIP, SlipKnowledge, WaveformFit, WaveformFitter)
 from smart_tire.estimation.friction.waveform_model import Own, own, Shared
-from smart_tire.models.tire import crossing_jacobian, tread_film
+from smart_tire.models.tire import strain_charge
 from smart_tire.parameters.robot import RobotParams
 
 
@@ -138,16 +138,16 @@ class WaveformReader:
 
         def position(share: float) -> float:
             stuck = max(1.0 - share, 0.0) * self._patch
-            return float(tread_film.peak_position(stuck, length, self._patch))
+            return float(strain_charge.peak_position(stuck, length, self._patch))
 
         x_m = position(sliding)
         by_sliding = (position(sliding + STEP) - position(sliding - STEP)) / (2.0 * STEP)
         if by_sliding * fit.sliding[1] > KNOWN_PEAK * self._patch:
             return {}
-        part = crossing_jacobian.stretch(np.array([x_m]), sliding, length, self._patch)
+        part = strain_charge.overlap(np.array([x_m]), sliding, length, self._patch)
         unit, gain = float(part.value[0]), self._gains[0] * (1.0 + fit.own(0, Own.GAIN)[0])
         chosen = [Shared.SLIP, Shared.SLIDING, own(0, Own.GAIN)]
-        slope = np.array([gain * unit, gain * slip * float(part.by_sliding[0]),
+        slope = np.array([gain * unit, gain * slip * float(part.by_normalized_slip[0]),
                           self._gains[0] * slip * unit])
         covariance = fit.covariance[np.ix_(chosen, chosen)]
         scale, scale_sigma = fit.shared(Shared.SCALE)

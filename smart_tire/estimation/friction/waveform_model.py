@@ -16,7 +16,7 @@ import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.estimation.contact.records import FilmSamples
-from smart_tire.models.tire import crossing_jacobian, tread_film
+from smart_tire.models.tire import strain_charge, tread_film
 from smart_tire.parameters.robot import RobotParams
 
 
@@ -54,7 +54,7 @@ def own(film: int, which: Own) -> int:
 
 class WaveformModel:
     """
-    ``tread_film.passage`` with bumps for films of a wheel in one passage.
+    ``tread_film.crossing_voltage`` with bumps for films of a wheel in one passage.
 
     ``gains`` [V/m] are the nominal ones of all films of the wheel; ``reference`` [m] is the
     distance for which slip and sliding of ``Shared`` are told, ``warps`` how many polynomials
@@ -89,15 +89,14 @@ class WaveformModel:
         x = (way * (1.0 + scale) + p[self._own.stop:] @ self._warps
              + 0.5 * (patch - self._film.length))
 
-        bend = crossing_jacobian.bending(x, self._film.length, patch, alpha, self._film.release,
-                                        tail)
-        bump, behind = crossing_jacobian.bumps(x, self._film.length, patch)
-        height = np.where(behind, after, before)
+        bend = tread_film.bending(x, self._film.length, patch, alpha, self._film.release, tail)
+        bump = tread_film.bumps(x, self._film.length, patch)
+        height = np.where(bump.after, after, before)
         grown, spreads = 1.0 + growth * self._far, 1.0 + spread * self._far
         local = sliding * spreads
         inside = np.maximum(local, LEAST_SLIDING)
-        strain = crossing_jacobian.stretch(x, inside, self._film.length, patch)
-        unit = strain.value + (local - inside) * strain.by_sliding
+        strain = strain_charge.overlap(x, inside, self._film.length, patch)
+        unit = strain.value + (local - inside) * strain.by_normalized_slip
 
         slopes = np.zeros((len(p), len(x)))
         volts_per = self._gain * grown  # per metre of strain and unit of SLIP, but for GAIN
@@ -106,22 +105,22 @@ class WaveformModel:
         by_slip = np.multiply(volts_per, unit, out=slopes[Shared.SLIP])
         pull = slip * volts_per  # V/m
         stretched = slip * by_slip
-        by_sliding = pull * strain.by_sliding
-        by_place = (bending * bend.by_place + pull * strain.by_place
-                    - height * bump.by_place)
+        by_sliding = pull * strain.by_normalized_slip
+        by_place = (bending * bend.by_position + pull * strain.by_position
+                    - height * bump.by_position)
         np.multiply(by_sliding, spreads, out=slopes[Shared.SLIDING])
         np.multiply(self._far, stretched / grown, out=slopes[Shared.GROWTH])
         np.multiply(self._far, sliding * by_sliding, out=slopes[Shared.SPREAD])
         np.multiply(by_place, way, out=slopes[Shared.SCALE])
         np.multiply(alpha * bending, bend.by_alpha, out=slopes[Shared.ALPHA])
-        np.multiply(patch, bending * bend.by_length + pull * strain.by_length
-                    - height * bump.by_length + 0.5 * by_place, out=slopes[Shared.LENGTH])
+        np.multiply(patch, bending * bend.by_contact_length + pull * strain.by_contact_length
+                    - height * bump.by_contact_length + 0.5 * by_place, out=slopes[Shared.LENGTH])
         np.multiply(by_place, self._warps, out=slopes[self._own.stop:])
         each = np.empty((len(Own), len(x)))
         np.multiply(by_place, -1.0 - scale, out=each[Own.PLACE])
         each[Own.OFFSET], each[Own.BENDING], each[Own.GAIN] = 1.0, bend.value, per_gain
-        np.multiply(bump.value, behind - 1.0, out=each[Own.BEFORE])
-        np.multiply(bump.value, -1.0 * behind, out=each[Own.AFTER])
+        np.multiply(bump.value, bump.after - 1.0, out=each[Own.BEFORE])
+        np.multiply(bump.value, -1.0 * bump.after, out=each[Own.AFTER])
         np.multiply(bending * bend.by_recovery, tail, out=each[Own.RECOVERY])
         for i, (low, high) in enumerate(zip(self._ends, self._ends[1:])):
             slopes[own(i, Own.PLACE):own(i + 1, Own.PLACE), low:high] = each[:, low:high]

@@ -1,9 +1,9 @@
 """
-Brush tire with combined slip and parabolic pressure: B(17) to B(22).
+Brush tire model with combined slip and parabolic pressure: B(17) to B(22).
 
-Slip is a vector in the body frame, ``s = (r w - v_x, -v_y) / |r w|`` with the velocity of the
-wheel's centre; its magnitude is the total slip, its direction that of the traction on the robot.
-Arguments broadcast against each other. The tire is isotropic (C_y = C_x), an assumption.
+The slip is a vector in the body frame, ``s = (r w - v_x, -v_y) / |r w|``, with the velocity of the
+wheel center. Its magnitude is the total slip; the force on the robot has its direction. The tire
+is isotropic (C_y = C_x), an assumption. Arguments broadcast against each other.
 """
 
 from __future__ import annotations
@@ -13,16 +13,21 @@ import numpy as np
 from smart_tire.arrays import Array, ArrayLike
 
 
-MIN_ROLLING_SPEED = 1e-6  # m/s, keeps the slip of a locked wheel finite; far above critical
+MIN_ROLLING_SPEED = 1e-6  # m/s, keeps the slip of a locked wheel finite; far above critical slip
 
 
 def slip_vector(rolling_speed: ArrayLike, v_x: ArrayLike, v_y: ArrayLike, *,
                 floor: float = MIN_ROLLING_SPEED) -> tuple[Array, Array]:
     """
-    Return the slip (s_x, s_y) [-] of wheels with surface speed r w over ground speed v [m/s].
+    Return the slip vector (s_x, s_y) [-] of wheels.
 
-    The denominator is at least ``floor`` [m/s]: a locked wheel has a huge slip against its
-    motion, a wheel at rest none. B(3)'s lambda is ``sign(r w) s_x``.
+    ``rolling_speed`` is r w [m/s], ``v_x`` and ``v_y`` are the velocity of the wheel center over
+    ground [m/s]. The denominator is at least ``floor`` [m/s]: a locked wheel that moves has a
+    very large slip, a stationary wheel has none. B(3)'s slip ratio is ``sign(r w) s_x``.
+
+    >>> s_x, s_y = slip_vector(1.0, 0.9, 0.05)
+    >>> print(f'{s_x:.2f} {s_y:.2f}')
+    0.10 -0.05
     """
     rolling = np.asarray(rolling_speed, dtype=float)
     scale = np.maximum(np.abs(rolling), floor)
@@ -30,34 +35,63 @@ def slip_vector(rolling_speed: ArrayLike, v_x: ArrayLike, v_y: ArrayLike, *,
 
 
 def critical_slip(mu: ArrayLike, load: ArrayLike, stiffness: ArrayLike) -> Array:
-    """Return the total slip [-] above which the whole patch slides: 3 mu F_z / C_x of B(22)."""
+    """
+    Return the critical slip ``3 mu F_z / C_x`` [-] of B(22).
+
+    From this total slip on the whole patch slides. ``load`` and ``stiffness`` (C_x) are in N.
+
+    >>> print(f'{critical_slip(0.47, 26.7, 52.7):.3f}')
+    0.714
+    """
     critical: Array = 3.0 * np.asarray(mu, float) * np.asarray(load) / np.asarray(stiffness)
     return critical
 
 
+def normalized_slip(total_slip: ArrayLike, critical: ArrayLike) -> Array:
+    """
+    Return the normalized slip t [-]: magnitude of the total slip over the critical slip.
+
+    Zero without slip, infinite for a slip on a surface without friction.
+
+    >>> print(f'{normalized_slip(0.13, 0.7143):.3f}')
+    0.182
+    """
+    magnitude = np.abs(np.asarray(total_slip, dtype=float))
+    with np.errstate(divide='ignore', over='ignore', invalid='ignore'):
+        return np.where(magnitude > 0.0, magnitude / np.asarray(critical, dtype=float), 0.0)
+
+
 def adhesion_ratio(total_slip: ArrayLike, mu: ArrayLike, load: ArrayLike,
                    stiffness: ArrayLike) -> Array:
-    """Return xi_a = L_a / L of B(22), with the slip's magnitude; 0 where all slides."""
-    magnitude = np.abs(np.asarray(total_slip, dtype=float))
-    critical = critical_slip(mu, load, stiffness)
-    with np.errstate(divide='ignore', invalid='ignore'):
-        ratio = np.where(magnitude > 0.0, 1.0 - magnitude / critical, 1.0)
+    """
+    Return the adhesion ratio xi_a = L_a / L [-] of B(22), from the magnitude of the slip.
+
+    Zero where the whole patch slides. ``load`` and ``stiffness`` (C_x) are in N.
+
+    >>> print(f'{adhesion_ratio(0.13, 0.47, 26.7, 52.7):.3f}')
+    0.818
+    """
+    ratio = 1.0 - normalized_slip(total_slip, critical_slip(mu, load, stiffness))
     return np.maximum(ratio, 0.0)
 
 
 def friction_from_adhesion(ratio: ArrayLike, total_slip: ArrayLike, load: ArrayLike,
                            stiffness: ArrayLike) -> Array:
     """
-    Return mu [-] from the adhesion ratio: the inverse of B(22).
+    Return the friction coefficient mu [-] from the adhesion ratio: the inverse of B(22).
 
-    NaN where the ratio does not tell: outside (0, 1), or without slip or load.
+    ``load`` and ``stiffness`` (C_x) are in N. NaN where the ratio does not determine mu: outside
+    (0, 1), without slip, or without load.
+
+    >>> print(f'{friction_from_adhesion(0.818, 0.13, 26.7, 52.7):.2f}')
+    0.47
     """
     ratio, magnitude = np.asarray(ratio, dtype=float), np.abs(np.asarray(total_slip, dtype=float))
     load = np.asarray(load, dtype=float)
-    tells = (ratio > 0.0) & (ratio < 1.0) & (magnitude > 0.0) & (load > 0.0)
+    observable = (ratio > 0.0) & (ratio < 1.0) & (magnitude > 0.0) & (load > 0.0)
     with np.errstate(divide='ignore', invalid='ignore'):
         mu = np.asarray(stiffness) * magnitude / (3.0 * load * (1.0 - ratio))
-    return np.where(tells, mu, np.nan)
+    return np.where(observable, mu, np.nan)
 
 
 def brush_force(s_x: ArrayLike, s_y: ArrayLike, mu: ArrayLike, load: ArrayLike,
@@ -65,8 +99,13 @@ def brush_force(s_x: ArrayLike, s_y: ArrayLike, mu: ArrayLike, load: ArrayLike,
     """
     Return the force (F_x, F_y) [N] of the ground on the robot at a wheel.
 
-    ``C_x s (1 - t + t^2/3)`` with ``t = |s| / critical slip``, ``mu F_z s/|s|`` for t >= 1. It
-    never creates energy: ``F . (v_x - r w, v_y) <= 0``.
+    ``C_x s (1 - t + t^2 / 3)`` with the normalized slip t of B(22), and ``mu F_z s / |s|`` for
+    t >= 1. ``load`` and ``stiffness`` (C_x) are in N; the force is positive along the slip
+    vector. It dissipates energy: ``F . (v_x - r w, v_y) <= 0``.
+
+    >>> f_x, f_y = brush_force(0.1, -0.05, 0.47, 26.7, 52.7)
+    >>> print(f'{f_x:.2f} {f_y:.2f} N')
+    4.49 -2.24 N
     """
     s_x, s_y = np.asarray(s_x, dtype=float), np.asarray(s_y, dtype=float)
     # 1 - t + t^2/3 = (1 + xi + xi^2) / 3 with xi = 1 - t

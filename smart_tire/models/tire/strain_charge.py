@@ -1,10 +1,11 @@
 """
-Charge of the stretched film, B(23) to B(26), and what its peak tells.
+Charge of the strained film, B(23) and B(24), its maximum, and what the maximum determines.
 
-Charges are given as the integral [m] of B(21)'s displacement over L under the film; times
-``transfer`` [C/m] they are coulombs. ``tread_film.stretch_integral`` is exact for any film at any
-place; here are its largest value, and what the paper prints instead, which is for driving
-straight on, a film inside the patch and an adhesion zone that ends under it.
+Charges are given as the overlap integral [m]: B(21)'s displacement over L, integrated over the
+part of the film inside the patch. Times ``transfer`` [C/m] it is a charge, times the stretch gain
+[V/m] a voltage. ``x`` [m] is the travel of the film's trailing edge past the leading edge of the
+patch: the film covers ``[x, x + film_length]``, the patch ``[0, contact_length]``. Everything is
+exact and in closed form; ``printed_strain_charge`` has the formulas of the paper.
 """
 
 from __future__ import annotations
@@ -17,154 +18,175 @@ import numpy.typing as npt
 from smart_tire.arrays import Array, ArrayLike
 from smart_tire.errors import ParameterError
 from smart_tire.models import validation
-from smart_tire.models.tire import tread_film
+from smart_tire.models.tire import brush_tire
+from smart_tire.models.tire.contact_strain import displacement, METHODS, MIN_NORMALIZED_SLIP
 
 Flags = npt.NDArray[np.bool_]
-METHODS = ('exact', 'printed')
 
 
-class StretchPeak(NamedTuple):
-    """Where the stretch charge of a film is largest; arrays of one shape."""
+class Overlap(NamedTuple):
+    """Overlap integral per unit longitudinal slip and its partial derivatives; shape of ``x``."""
 
-    position: Array  # m, x_m
-    integral: Array  # m, q_sm over the transfer, negative when braking
-    tells: Flags     # whether x_m depends on the adhesion length, so tells it
+    value: Array               # m
+    by_position: Array         # -, by x
+    by_contact_length: Array   # -, by L
+    by_normalized_slip: Array  # m
+
+
+class StrainPeak(NamedTuple):
+    """Maximum of the strain charge of a film over its position; arrays of one shape."""
+
+    position: Array    # m, x_m
+    integral: Array    # m, q_sm over the transfer; negative when braking
+    observable: Flags  # whether x_m depends on the adhesion length, hence determines it
 
 
 def transfer(width: ArrayLike, d31: ArrayLike, c11: ArrayLike) -> Array:
     """
-    Return ``d31 c11 b`` [C/m].
+    Return ``d31 c11 b`` [C/m], charge per overlap integral, from m, C/N and Pa.
 
     With constants of PVDF and the paper's amplifier of 0.5 mV/pC the range of 3.3 V would be
-    clipped a hundred times over: what reaches a film is little of B(21), so its gain is fitted.
+    exceeded a hundredfold: only a small part of B(21) reaches a film, so its gain is fitted.
+    Raises ParameterError unless all arguments are positive.
+
+    >>> print(f'{transfer(0.003, 23e-12, 3e9) * 1e6:.0f} uC/m')
+    207 uC/m
     """
     product: Array = (validation.positive('width', width) * validation.positive('d31', d31)
                       * validation.positive('c11', c11))
     return product
 
 
-def peak(slip: ArrayLike, total_slip: ArrayLike, critical_slip: ArrayLike, film_length: float,
-         contact_length: float, *, method: str = 'exact') -> StretchPeak:
+def overlap(x: Array, normalized_slip: Array | float, film_length: float,
+            contact_length: float) -> Overlap:
     """
-    Return x_m and q_sm for B(3)'s lambda, the slip's magnitude and ``critical_slip``.
+    Return the overlap integral of B(23) per unit longitudinal slip, with its derivatives.
 
-    ``exact`` is the integral at the exact root of B(24). It tells nothing on the adhesion length
-    up to ``(L - l) / 2``, where the film slides as a whole at its peak, and without slip. A film
-    longer than the patch has no single x_m, the middle of the places with the same charge stands
-    for them: it feels the whole patch, ``L F_x / (2 C_x)``. ``printed`` is B(25) with
-    ``x_m = L_a - l``, tells where it is inside the patch, and takes the slip with its sign.
+    ``normalized_slip`` t > 0 (total slip over critical slip) is a number or broadcasts to the
+    shape of the positions ``x`` [m]. From t = 1 on the whole patch slides and the integral
+    falls as 1 / t, so that only slip / t is observable. The derivative by ``x`` is B(24).
+
+    >>> part = overlap(np.array([0.01]), 0.2, 0.020, 0.046)
+    >>> print(f'{part.value[0] * 1e3:.2f} mm, {part.by_position[0]:.3f}')
+    8.70 mm, 0.435
     """
-    validation.one_of('method', method, METHODS)
-    _check_lengths(film_length, contact_length)
+    edges = np.empty((2, *np.shape(x)))  # of the film, over L
+    edges[0] = x / contact_length
+    edges[1] = edges[0] + film_length / contact_length
+    xi = np.minimum(np.maximum(edges, 0.0), 1.0)
+    part = displacement(xi, normalized_slip)
+    area = part.integral[1] - part.integral[0]
+    moment = xi * part.value
+    return Overlap(contact_length * area, part.value[1] - part.value[0],
+                   area - moment[1] + moment[0],
+                   (-contact_length / normalized_slip) * (part.slid[1] - part.slid[0]))
+
+
+def overlap_integral(x: ArrayLike, slip: ArrayLike, total_slip: ArrayLike,
+                     critical_slip: ArrayLike, film_length: float,
+                     contact_length: float) -> Array:
+    """
+    Return the overlap integral of B(23) [m] at the positions ``x`` [m]; arguments broadcast.
+
+    The film responds to the longitudinal part of the displacement: ``slip`` is the slip ratio of
+    B(3), positive when driving, ``total_slip`` the magnitude of the slip vector, taken as at least
+    ``|slip|``. ``critical_slip`` may be infinite (no sliding). Lengths are in m.
+
+    >>> print(f'{overlap_integral(0.01, 0.1, 0.13, 0.7143, 0.020, 0.046) * 1e3:.3f} mm')
+    0.870 mm
+    """
+    slip = np.asarray(slip, dtype=float)
+    magnitude = np.maximum(np.abs(np.asarray(total_slip, dtype=float)), np.abs(slip))
+    t = np.maximum(brush_tire.normalized_slip(magnitude, critical_slip), MIN_NORMALIZED_SLIP)
+    x, slip, t = np.broadcast_arrays(np.asarray(x, dtype=float), slip, t)
+    integral: Array = slip * overlap(x, t, film_length, contact_length).value
+    return integral
+
+
+def peak_position(adhesion_length: ArrayLike, film_length: float, contact_length: float) -> Array:
+    """
+    Return x_m [m], the position of the largest strain charge: the exact root of B(24).
+
+    Below an adhesion length [m] of ``(L - l) / 2`` the film lies in the sliding zone at its peak;
+    x_m then stays at ``(L - l) / 2``. Raises ParameterError unless the film is shorter than the
+    patch.
+
+    >>> print(f'{peak_position(0.037, 0.020, 0.046) * 1e3:.2f} mm')
+    21.35 mm
+    """
+    _check_shorter(film_length, contact_length)
+    plateau = 0.5 * (contact_length - film_length)
+    stuck = np.asarray(adhesion_length, dtype=float)
+    root = np.sqrt(stuck**2 + 4.0 * film_length * (contact_length - stuck))
+    return np.where(stuck <= plateau, plateau, 0.5 * (stuck + root) - film_length)
+
+
+def adhesion_length(x_m: ArrayLike, film_length: float, contact_length: float,
+                    method: str = 'exact') -> Array:
+    """
+    Return the adhesion length L_a [m] from the peak position x_m = L - r w dt_a [m] of B(24).
+
+    ``exact`` inverts ``peak_position``: NaN up to its plateau at ``(L - l) / 2``. Above ``L - l``,
+    which only measurement errors of x_m reach, it continues beyond L, since clipping would bias
+    a mean. ``printed`` is the paper's ``L_a = x_m + l``, far too short where much of the patch
+    slides. Raises ParameterError for another method or a film longer than the patch.
+
+    >>> for method in ('exact', 'printed'):
+    ...     print(f'{adhesion_length(0.0208, 0.020, 0.046, method) * 1e3:.1f} mm')
+    35.8 mm
+    40.8 mm
+    """
+    _check_shorter(film_length, contact_length)
+    x = np.asarray(x_m, dtype=float)
+    if validation.one_of('method', method, METHODS) == 'printed':
+        return x + film_length
+    x = np.where(x > 0.5 * (contact_length - film_length), x, np.nan)
+    return ((x + film_length)**2 - film_length * contact_length) / x
+
+
+def peak(slip: ArrayLike, total_slip: ArrayLike, critical_slip: ArrayLike, film_length: float,
+         contact_length: float) -> StrainPeak:
+    """
+    Return position x_m [m] and overlap integral q_sm [m] of the largest strain charge, B(25).
+
+    Slips as for ``overlap_integral``, both evaluated exactly. The peak does not determine the
+    adhesion length where that is at most ``(L - l) / 2``, nor without slip. A film longer than
+    the patch has its maximum over an interval of positions, whose center is returned; it responds
+    to the whole patch, ``L F_x / (2 C_x)``. Raises ParameterError for arguments out of range.
+
+    >>> print(f'{peak(0.1, 0.13, 0.7143, 0.020, 0.046).integral * 1e3:.3f} mm')
+    1.291 mm
+    """
+    check_lengths(film_length, contact_length)
     slip = validation.finite('slip', slip)
     total = np.abs(validation.finite('total_slip', total_slip))
     limit = validation.not_negative('critical_slip', critical_slip, infinite=True)
     validation.fitting(slip=slip, total_slip=total, critical_slip=limit)
     slip, total, limit = np.broadcast_arrays(slip, np.maximum(total, np.abs(slip)), limit)
-    if method == 'printed':
-        return _printed_peak(slip, limit, film_length, contact_length)
-    stuck = contact_length * _adhesion_ratio(total, limit)
-    middle = 0.5 * (contact_length - film_length)
-    inside = film_length < contact_length
-    position = (tread_film.peak_position(stuck, film_length, contact_length) if inside
-                else np.full(stuck.shape, middle))
-    integral = tread_film.stretch_integral(position, slip, total, limit, film_length,
-                                           contact_length)
-    return StretchPeak(position, integral, inside & (stuck > middle) & (slip != 0.0))
+    stuck = contact_length * np.maximum(1.0 - brush_tire.normalized_slip(total, limit), 0.0)
+    center = 0.5 * (contact_length - film_length)
+    shorter = film_length < contact_length
+    position = (peak_position(stuck, film_length, contact_length) if shorter
+                else np.full(stuck.shape, center))
+    integral = overlap_integral(position, slip, total, limit, film_length, contact_length)
+    return StrainPeak(position, integral, shorter & (stuck > center) & (slip != 0.0))
 
 
-def gain(adhesion_length: ArrayLike, film_length: ArrayLike, contact_length: ArrayLike) -> Array:
+def check_lengths(film_length: float, contact_length: float) -> None:
     """
-    Return the printed K of B(26) over the transfer [m]: ``q_sm = K lambda``, B(25).
+    Raise ParameterError unless both lengths [m] are single positive numbers.
 
-    It depends on the slip through L_a, so Fig. 12 is no straight line even so; and it is too low,
-    by 5 % at a slip of 0.1 and 25 % at 0.3 with the constants of Table I.
+    >>> check_lengths(-0.020, 0.046)
+    Traceback (most recent call last):
+    ...
+    smart_tire.errors.ParameterError: film_length is -0.02, expected above zero
     """
-    stuck, film, length = _lengths(adhesion_length, film_length, contact_length)
-    K: Array = film * (2.0 * stuck - film) / (2.0 * length)
-    return K
-
-
-def printed_integral(x: ArrayLike, slip: ArrayLike, adhesion_length: ArrayLike,
-                     film_length: ArrayLike, contact_length: ArrayLike) -> Array:
-    """
-    Return B(23) over the transfer [m].
-
-    The adhesion zone must end inside the patch and under the film, and the film lie inside the
-    patch: ``max(L_a - l, 0) <= x <= min(L_a, L - l)``. There it is exact for a slip above zero.
-    """
-    stuck, film, length = _printed_arguments(x, slip, adhesion_length, film_length,
-                                             contact_length)
-    x, end = np.asarray(x, dtype=float), np.asarray(x, dtype=float) + film
-    bracket = (3.0 * (stuck**2 - x**2)
-               + (3.0 * length * (end**2 - stuck**2) - 2.0 * (end**3 - stuck**3))
-               / (length - stuck))
-    integral: Array = bracket * np.asarray(slip, dtype=float) / (6.0 * length)
-    return integral
-
-
-def printed_slope(x: ArrayLike, slip: ArrayLike, adhesion_length: ArrayLike,
-                  film_length: ArrayLike, contact_length: ArrayLike) -> Array:
-    """Return B(24), the derivative of ``printed_integral`` by x; its root is x_m."""
-    stuck, film, length = _printed_arguments(x, slip, adhesion_length, film_length,
-                                             contact_length)
-    x = np.asarray(x, dtype=float)
-    f = x**2 + (2.0 * film - stuck) * x + film * (film - length)
-    slope: Array = -f * np.asarray(slip, dtype=float) / (length * (length - stuck))
-    return slope
-
-
-def _printed_peak(slip: Array, limit: Array, film_length: float,
-                  contact_length: float) -> StretchPeak:
-    with np.errstate(divide='ignore', over='ignore', invalid='ignore'):
-        ratio = np.where(slip == 0.0, 1.0, 1.0 - slip / limit)
-    if np.isneginf(ratio).any():
-        raise ParameterError('critical_slip is 0, where B(25) has no adhesion length')
-    stuck = contact_length * ratio
-    integral = film_length * (2.0 * stuck - film_length) / (2.0 * contact_length) * slip
-    position = stuck - film_length
-    # L_a <= L and the film inside the patch: the paper's 0 <= lambda and l <= L_a
-    tells = (slip > 0.0) & (position >= 0.0) & (film_length <= contact_length)
-    return StretchPeak(position, integral, tells)
-
-
-def _adhesion_ratio(total: Array, limit: Array) -> Array:
-    with np.errstate(divide='ignore', over='ignore', invalid='ignore'):
-        return np.where(total == 0.0, 1.0, np.maximum(1.0 - total / limit, 0.0))
-
-
-def _printed_arguments(x: ArrayLike, slip: ArrayLike, adhesion_length: ArrayLike,
-                       film_length: ArrayLike, contact_length: ArrayLike
-                       ) -> tuple[Array, Array, Array]:
-    """Return L_a, l and L; raise ParameterError where B(23) was not derived."""
-    stuck, film, length = _lengths(adhesion_length, film_length, contact_length)
-    x, slip = validation.finite('x', x), validation.finite('slip', slip)
-    validation.fitting(x=x, slip=slip, adhesion_length=stuck, film_length=film,
-                    contact_length=length)
-    if np.any(stuck >= length):
-        raise ParameterError(f'adhesion_length is {stuck.max()}, expected below the contact '
-                             'length: B(23) divides by what slides')
-    low, high = np.maximum(stuck - film, 0.0), np.minimum(stuck, length - film)
-    place, low, high = np.broadcast_arrays(x, low, high)
-    wrong = ~((place >= low) & (place <= high))
-    if wrong.any():
-        raise ParameterError(
-            f'x is {place[wrong].flat[0]}, where B(23) is not valid: expected '
-            f'{low[wrong].flat[0]} to {high[wrong].flat[0]}, the adhesion zone ending under a '
-            'film inside the patch')
-    return stuck, film, length
-
-
-def _lengths(adhesion_length: ArrayLike, film_length: ArrayLike, contact_length: ArrayLike
-             ) -> tuple[Array, Array, Array]:
-    stuck = validation.not_negative('adhesion_length', adhesion_length)
-    film = validation.positive('film_length', film_length)
-    length = validation.positive('contact_length', contact_length)
-    validation.fitting(adhesion_length=stuck, film_length=film, contact_length=length)
-    return stuck, film, length
-
-
-def _check_lengths(film_length: float, contact_length: float) -> None:
     for name, value in (('film_length', film_length), ('contact_length', contact_length)):
         if validation.positive(name, value).ndim:
             raise ParameterError(f'{name} has shape {np.shape(value)}, expected one number')
+
+
+def _check_shorter(film_length: float, contact_length: float) -> None:
+    if not 0.0 < film_length < contact_length:
+        raise ParameterError(
+            f'film of {film_length} m has no peak in a patch of {contact_length} m')

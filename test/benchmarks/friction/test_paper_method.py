@@ -8,13 +8,13 @@ import pytest
 from benchmarks.friction.grid import Case, LOAD
 from benchmarks.friction.methods import EXACT_MAP, PRINTED_MAP
 from benchmarks.friction.paper_method import friction_read_off, ratio_read_off
-from smart_tire.models.tire import tread_film
+from smart_tire.models.tire import strain_charge
 
 
 def exact_interval(case):
     """Return the time [s] between the exact peaks of film 1."""
     film, patch = case.robot.film.length, case.robot.tire.contact_length
-    return (patch - tread_film.peak_position((1.0 - case.sliding) * patch, film,
+    return (patch - strain_charge.peak_position((1.0 - case.sliding) * patch, film,
                                              patch)) / case.speed
 
 

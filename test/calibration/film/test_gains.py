@@ -13,7 +13,7 @@ from support.passages import WHEEL
 from smart_tire.calibration.film.gains import identify_gains
 from smart_tire.calibration.film.results import volts_per_slip
 from smart_tire.errors import EstimatorError
-from smart_tire.models.tire import tread_film
+from smart_tire.models.tire import strain_charge
 from smart_tire.parameters import RobotParams
 
 NOMINAL = RobotParams()
@@ -238,5 +238,5 @@ def test_an_uncertain_wheel_radius_affects_lengths_only():
 
 def test_volts_per_slip_is_the_peak_stretch_in_full_adhesion():
     x = np.linspace(-0.02, LENGTH, 20001)
-    stretch = 300.0 * tread_film.stretch_integral(x, 1e-3, 1e-3, np.inf, 0.02, LENGTH)
+    stretch = 300.0 * strain_charge.overlap_integral(x, 1e-3, 1e-3, np.inf, 0.02, LENGTH)
     assert volts_per_slip(300.0, 0.02, LENGTH) == pytest.approx(stretch.max() / 1e-3, rel=1e-4)

@@ -10,7 +10,7 @@ import pytest
 from smart_tire.estimation.contact.records import PatchCrossing
 from smart_tire.estimation.friction.motion_history import WheelMotion
 from smart_tire.estimation.friction.two_peak_method import TwoPeakReader
-from smart_tire.models.tire import tread_film
+from smart_tire.models.tire import strain_charge
 from smart_tire.parameters import RobotParams
 from support.passages import passage, WHEEL
 
@@ -62,8 +62,8 @@ def test_the_slip_is_that_of_the_estimator_and_the_films_tell_their_own():
 
 def test_the_peaks_of_film_1_are_told_with_sigmas_that_hold():
     found = [r for r in readings() if r is not None]
-    x_m = float(tread_film.peak_position((1.0 - SLIDING) * L, FILM, L))
-    top = ROBOT.film.gains(WHEEL)[0] * float(tread_film.stretch_integral(
+    x_m = float(strain_charge.peak_position((1.0 - SLIDING) * L, FILM, L))
+    top = ROBOT.film.gains(WHEEL)[0] * float(strain_charge.overlap_integral(
         x_m, SLIP, SLIP, SLIP / SLIDING, FILM, L))
     for name, truth in (('stretch_voltage', top), ('peak_interval', (L - x_m) / SPEED)):
         off = np.array([(r.peaks[name][0] - truth) / r.peaks[name][1]

@@ -10,7 +10,7 @@ import pytest
 from smart_tire.estimation.contact.records import CrossingSamples, Detection, PatchCrossing
 from smart_tire.estimation.friction.motion_history import UNKNOWN, WheelMotion
 from smart_tire.estimation.friction.waveform_method import WaveformReader
-from smart_tire.models.tire import tread_film
+from smart_tire.models.tire import strain_charge
 from smart_tire.parameters import build, RobotParams
 from support.passages import passage, WHEEL
 
@@ -67,11 +67,11 @@ def test_slip_and_sliding_are_right_within_their_sigmas():
 
 
 def test_the_peaks_are_those_of_the_model_in_either_release():
-    x_m = float(tread_film.peak_position((1.0 - 0.18) * L, FILM, L))
+    x_m = float(strain_charge.peak_position((1.0 - 0.18) * L, FILM, L))
     for release in ('fig8', 'state'):
         robot, rng = build(RobotParams, {'film.release': release}), np.random.default_rng(3)
         top = robot.film.gains(WHEEL)[0] * float(
-            tread_film.stretch_integral(x_m, 0.1, 0.1, 0.1 / 0.18, FILM, L))
+            strain_charge.overlap_integral(x_m, 0.1, 0.1, 0.1 / 0.18, FILM, L))
         for name, truth in (('stretch_voltage', top), ('peak_interval', (L - x_m) / SPEED)):
             off = []
             for _ in range(40):

@@ -35,12 +35,12 @@ def parameters(**shared):
 
 def expected(one, middle, slip, sliding, peak, gain):
     x = one.distance - middle + 0.5 * (L - FILM)
-    volts = tread_film.passage(
+    volts = tread_film.crossing_voltage(
         x, slip=slip, total_slip=1.3 * abs(slip), critical_slip=1.3 * abs(slip) / sliding,
         film_length=FILM, contact_length=L, bending_peak=peak,
         bending_alpha=ROBOT.film.bending_alpha, stretch_gain=gain)
     heights = np.where(x < 0.5 * (L - FILM), 0.1, 0.14)
-    return volts - heights * peak * tread_film.contact_bumps(x, FILM, L)
+    return volts - heights * peak * tread_film.bumps(x, FILM, L).value
 
 
 @pytest.mark.parametrize('slip', [0.1, -0.2])

@@ -1,10 +1,10 @@
-"""Pressure, traction and strain of the contact: sums over the patch against closed forms."""
+"""Pressure, traction and strain in the patch: integrals compared with closed forms."""
 
 from hypothesis import given, settings, strategies as st
 import numpy as np
 import pytest
 from scipy.integrate import quad
-from smart_tire.models.tire import brush_tire, contact_strain, tread_film
+from smart_tire.models.tire import brush_tire, contact_strain, strain_charge
 
 C_X, MU, LOAD, L, B = 52.7, 0.47, 26.7, 0.046, 0.089  # N, -, N, m, m: paper B, Table I
 CRITICAL = 3.0 * MU * LOAD / C_X
@@ -20,7 +20,7 @@ def over_the_patch(function, edge):
     return sum(quad(function, low, high, epsabs=1e-12)[0] for low, high in zip(ends, ends[1:]))
 
 
-def test_the_pressure_carries_the_load_and_peaks_in_the_middle():
+def test_the_integral_of_the_pressure_is_the_load_and_its_maximum_is_at_the_center():
     carried = quad(lambda z: float(contact_strain.pressure(z, LOAD, L, B)), 0.0, L)[0] * B
     assert carried == pytest.approx(LOAD, rel=1e-9)
     assert contact_strain.pressure(L / 2, LOAD, L, B) == pytest.approx(1.5 * LOAD / (B * L))
@@ -28,14 +28,14 @@ def test_the_pressure_carries_the_load_and_peaks_in_the_middle():
     np.testing.assert_array_equal(outside, 0.0)
 
 
-def test_k_x_is_what_makes_c_x_of_a_patch_that_sticks():
+def test_k_x_yields_c_x_for_a_patch_without_sliding():
     k_x = float(contact_strain.tread_stiffness(C_X, L, B))
     assert 0.5 * k_x * B * L**2 * 0.01 == pytest.approx(C_X * 0.01)  # B(18)
 
 
 @given(slips, slips, st.floats(0.05, 1.2), st.floats(1.0, 60.0))
 @settings(max_examples=60, deadline=None)
-def test_the_traction_adds_up_to_the_brush_force(s_x, s_y, mu, load):
+def test_the_integral_of_the_traction_is_the_brush_force(s_x, s_y, mu, load):
     edge = float(brush_tire.adhesion_ratio(np.hypot(s_x, s_y), mu, load, C_X))
     expected = brush_tire.brush_force(s_x, s_y, mu, load, C_X)
     for axis in (0, 1):
@@ -45,7 +45,7 @@ def test_the_traction_adds_up_to_the_brush_force(s_x, s_y, mu, load):
 
 
 @given(slips, slips, st.floats(0.0, 1.2), st.floats(0.0, 60.0), st.floats(-0.2, 1.2))
-def test_no_traction_exceeds_friction_and_a_mirrored_slip_mirrors_it(s_x, s_y, mu, load, xi):
+def test_traction_never_exceeds_friction_and_mirrors_with_the_slip(s_x, s_y, mu, load, xi):
     patch = (mu, load, C_X, L, B)
     x, y = contact_strain.traction(xi * L, s_x, s_y, *patch)
     grip = mu * contact_strain.pressure(xi * L, load, L, B)
@@ -55,7 +55,7 @@ def test_no_traction_exceeds_friction_and_a_mirrored_slip_mirrors_it(s_x, s_y, m
 
 
 @pytest.mark.parametrize('slip', [0.02, 0.1, 0.3, 0.7, 0.72, 1.0])
-def test_for_driving_straight_on_the_printed_stress_and_strain_are_exact(slip):
+def test_the_printed_stress_is_exact_for_driving_straight(slip):
     xi = np.linspace(0.0, 1.0, 401)
     exact, _ = contact_strain.traction(xi * L, slip, 0.0, *PATCH)
     printed, none = contact_strain.traction(xi * L, slip, 0.0, *PATCH, method='printed')
@@ -68,7 +68,7 @@ def test_for_driving_straight_on_the_printed_stress_and_strain_are_exact(slip):
     np.testing.assert_allclose(exact, by_hand, rtol=1e-9, atol=1e-9)
 
 
-def test_for_braking_the_printed_stress_exceeds_friction():
+def test_the_printed_stress_exceeds_friction_when_braking():
     xi = np.linspace(0.0, 1.0, 101)
     exact, _ = contact_strain.traction(xi * L, -0.3, 0.0, *PATCH)
     printed, _ = contact_strain.traction(xi * L, -0.3, 0.0, *PATCH, method='printed')
@@ -86,7 +86,7 @@ def test_the_strain_is_continuous_where_sliding_begins():
 @given(slips, st.floats(0.0, 2.0), st.one_of(st.floats(0.01, 2.0), st.just(np.inf)),
        st.floats(-0.1, 0.15), st.floats(0.001, 0.12))
 @settings(max_examples=60, deadline=None)
-def test_under_a_film_it_adds_up_to_the_stretch_integral(slip, total, critical, x, film):
+def test_its_integral_under_a_film_is_the_overlap_integral(slip, total, critical, x, film):
     magnitude = max(abs(slip), total)
     edge = max(0.0, 1.0 - magnitude / critical)
     ends = np.unique(np.clip([x / L, edge, (x + film) / L], x / L, (x + film) / L))
@@ -94,12 +94,12 @@ def test_under_a_film_it_adds_up_to_the_stretch_integral(slip, total, critical, 
     summed = L * sum(
         quad(lambda xi: float(contact_strain.strain(xi, slip, total, critical)), low, high)[0]
         for low, high in zip(ends, ends[1:]))
-    exact = tread_film.stretch_integral(x, slip, total, critical, film, L)
+    exact = strain_charge.overlap_integral(x, slip, total, critical, film, L)
     assert float(exact) == pytest.approx(summed, rel=1e-6, abs=1e-12)
 
 
 @pytest.mark.parametrize('slip, total', [(0.1, 0.1), (-0.3, 0.5), (0.9, 0.9)])
-def test_the_gradient_is_the_derivative_of_the_displacement_and_adds_up_to_nothing(slip, total):
+def test_the_gradient_is_the_derivative_of_the_displacement_with_zero_integral(slip, total):
     edge = max(0.0, 1.0 - total / CRITICAL)
     sum_ = over_the_patch(lambda xi: float(contact_strain.displacement_gradient(
         xi, slip, total, CRITICAL)), edge)
@@ -112,7 +112,7 @@ def test_the_gradient_is_the_derivative_of_the_displacement_and_adds_up_to_nothi
         rtol=1e-6)
 
 
-def test_without_slip_grip_or_limit_the_strain_is_what_it_must_be():
+def test_limits_without_slip_without_friction_and_without_sliding():
     xi = np.linspace(-0.5, 1.5, 9)
     for method in contact_strain.METHODS:
         still = contact_strain.strain(xi, 0.0, 0.0, CRITICAL, method=method)
@@ -146,6 +146,6 @@ def test_inputs_broadcast():
     (lambda: contact_strain.strain(0.5, 0.1, 0.1, np.nan), 'critical_slip is nan'),
     (lambda: contact_strain.strain(0.5, 0.1, np.inf, 1.0), 'total_slip is inf'),
     (lambda: contact_strain.strain(0.5, 0.1, 0.1, 1.0, method='guess'), "method is 'guess'")])
-def test_what_can_not_be_is_refused_with_its_name_and_value(call, message):
+def test_invalid_arguments_are_rejected_with_name_and_value(call, message):
     with pytest.raises(ValueError, match=message):
         call()

@@ -1,4 +1,4 @@
-"""Bending of the tread: the beam of B(11) to B(14), its charge, and what the paper prints."""
+"""Bending of the tread: beam of B(11) to B(14), its charge, and the printed formulas."""
 
 from dataclasses import replace
 
@@ -6,13 +6,13 @@ from hypothesis import given, settings, strategies as st
 import numpy as np
 import pytest
 from scipy.integrate import fixed_quad, quad, solve_bvp
-from smart_tire.models.tire import tread_bending, tread_film
+from smart_tire.models.tire import tread_bending
 from smart_tire.models.tire.tread_bending import CONVENTIONS, Laminate
 
 FILM = 0.02              # m, paper B, Table I
 LOAD = 26.7 / 0.046      # N/m, p_0 = F_z / L
 LAMINATE = Laminate()
-THIN = Laminate(film_thickness=1e-9)  # where the paper's approximations must not matter
+THIN = Laminate(film_thickness=1e-9)  # the limit in which the paper's approximations are exact
 
 lengths = st.floats(1e-4, 0.5)
 laminates = st.builds(Laminate, film_thickness=st.floats(1e-6, 1e-3),
@@ -36,13 +36,13 @@ def test_b12_is_the_limit_of_a_thin_film():
     assert thick[0] == 0.0 and -0.02 < thick[1] < 0.0 and -0.02 < thick[2] < 0.0
 
 
-def test_about_the_neutral_axis_bending_needs_no_force_and_the_film_is_close_to_it():
+def test_bending_about_the_neutral_axis_needs_no_force():
     A_1, A_2, A_3 = LAMINATE.stiffness()
     neutral = LAMINATE.stiffness('neutral')
     shift = LAMINATE.neutral_axis
     assert A_2 - shift * A_1 == pytest.approx(0.0, abs=1e-9 * A_2)
     assert neutral == pytest.approx((A_1, 0.0, A_3 - 2.0 * shift * A_2 + shift**2 * A_1))
-    # 84 kN/m of film against 25 kN/m of tread: not at the middle, as the paper has it
+    # 84 kN/m of film against 25 kN/m of tread: not at the center of the tread, as in the paper
     assert shift == pytest.approx(0.5 * 5.028e-3 * 84.0 / (84.0 + 25.0), rel=1e-9)
     assert LAMINATE.alpha('neutral') == 0.0
 
@@ -55,7 +55,7 @@ def test_alpha_stays_below_that_of_a_film_alone(laminate, convention):
 
 @pytest.mark.parametrize('convention', CONVENTIONS)
 @pytest.mark.parametrize('length', [0.002, FILM, 0.3])
-def test_the_deflection_solves_the_equation_of_the_beam(convention, length):
+def test_the_deflection_solves_the_beam_equation(convention, length):
     A_2, A_3 = LAMINATE.stiffness(convention)[1:]
     alpha_2, unit = (LAMINATE.alpha(convention) * length)**2, LOAD * length**4 / A_3
     # w'''' - (alpha l)^2 w'' = 1 over xi, from B(11) with u' = -w / r, and not from B(14)
@@ -97,7 +97,7 @@ def test_b15_and_b16_as_printed_are_twice_the_charge():
 
 
 @pytest.mark.parametrize('convention', CONVENTIONS)
-def test_the_charge_is_the_strain_of_the_film_over_its_electrode(convention):
+def test_the_charge_is_the_integral_of_the_film_strain_over_the_electrode(convention):
     def curvature(x):
         step = 1e-5
         ahead, back = tread_bending.slope([x + step, x - step], FILM, LOAD, LAMINATE, convention)
@@ -112,7 +112,7 @@ def test_the_charge_is_the_strain_of_the_film_over_its_electrode(convention):
 @pytest.mark.parametrize('convention', CONVENTIONS)
 @given(laminate=laminates, length=lengths)
 @settings(max_examples=50)
-def test_the_arch_is_symmetric_highest_in_the_middle_and_rests_on_its_ends(
+def test_the_deflection_is_symmetric_largest_at_the_center_and_zero_at_the_ends(
         convention, laminate, length):
     x = length * np.linspace(0.0, 1.0, 41)
     w = tread_bending.deflection(x, length, LOAD, laminate, convention)
@@ -123,13 +123,13 @@ def test_the_arch_is_symmetric_highest_in_the_middle_and_rests_on_its_ends(
     np.testing.assert_allclose(w, w[::-1], rtol=1e-9, atol=1e-13 * w[20])
     np.testing.assert_allclose(tangent, -tangent[::-1], rtol=1e-9, atol=1e-13 * tangent[0])
     assert np.all(np.diff(tangent) <= 1e-12 * tangent[0])
-    # the tension of the strip takes load off the beam: never above 5 p l^4 / (384 A_3)
+    # the tension of the strip reduces the deflection: at most 5 p l^4 / (384 A_3)
     beam = 5.0 * LOAD * length**4 / (384.0 * laminate.stiffness(convention).A_3)
     assert 0.0 < float(top) <= beam * (1.0 + 1e-12)
 
 
 @given(laminates, lengths, st.sampled_from(CONVENTIONS))
-def test_the_charge_grows_with_the_flattened_length_as_its_slope_says(
+def test_the_charge_slope_is_the_derivative_of_the_charge(
         laminate, length, convention):
     step = 1e-4 * length
     low, here, high = tread_bending.charge(length + step * np.array([-1.0, 0.0, 1.0]), LOAD,
@@ -140,14 +140,46 @@ def test_the_charge_grows_with_the_flattened_length_as_its_slope_says(
 
 
 @given(laminates, st.floats(1e-3, 0.1), st.floats(0.0, 1.0))
-def test_the_shape_of_a_passage_is_that_of_the_charge(laminate, length, share):
+def test_the_bending_shape_is_the_normalized_charge(laminate, length, share):
     flat = np.array([share * length, length])
     part, whole = tread_bending.charge(flat, LOAD, laminate)
-    shape = tread_film.bending_shape(share * length, length, laminate.alpha())
-    assert part / whole == pytest.approx(float(shape), rel=1e-6, abs=1e-12)
+    shape = tread_bending.bending_shape(flat, length, laminate.alpha())
+    growth = tread_bending.charge_slope(flat, LOAD, laminate)
+    assert part / whole == pytest.approx(float(shape.value[0]), rel=1e-6, abs=1e-12)
+    np.testing.assert_allclose(shape.by_flat_length, growth / whole, rtol=1e-6, atol=1e-12)
 
 
-def test_no_digits_are_lost_where_the_tread_is_stiff():
+@pytest.mark.parametrize('alpha', [1e-3, 1.0, 67.0, 5e3])
+def test_the_bending_shape_increases_from_zero_to_one(alpha):
+    shape = tread_bending.bending_shape(np.linspace(-0.01, FILM + 0.01, 301), FILM, alpha).value
+    assert shape[0] == 0.0 and shape[-1] == 1.0 and np.all(np.diff(shape) >= 0.0)
+
+
+def test_the_bending_shape_is_b15_and_for_a_stiff_tread_a_cube():
+    u = np.linspace(0.002, FILM, 50)
+    grown, whole = np.exp(67.0 * u), FILM - 2.0 / 67.0 * np.tanh(0.5 * 67.0 * FILM)
+    printed = u - 2.0 / 67.0 * (grown - 1.0) / (grown + 1.0)
+    np.testing.assert_allclose(tread_bending.bending_shape(u, FILM, 67.0).value, printed / whole,
+                               rtol=1e-9)
+    np.testing.assert_allclose(tread_bending.bending_shape(u, FILM, 0.01).value, (u / FILM)**3,
+                               rtol=1e-7)
+
+
+@pytest.mark.parametrize('alpha', [3.0, 9.9, 10.1, 67.0, 300.0])
+def test_derivatives_of_the_bending_shape_agree_with_finite_differences(alpha):
+    u, step = np.linspace(-0.0047, FILM + 0.0049, 60), 1e-7
+
+    def value(u, alpha):
+        return tread_bending.bending_shape(u, FILM, alpha).value
+    part = tread_bending.bending_shape(u, FILM, alpha)
+    by_u = (value(u + step, alpha) - value(u - step, alpha)) / (2.0 * step)
+    np.testing.assert_allclose(part.by_flat_length, by_u, atol=1e-4)
+    step = 1e-3 * alpha
+    by_alpha = (value(u, alpha + step) - value(u, alpha - step)) / (2.0 * step)
+    np.testing.assert_allclose(part.by_alpha, by_alpha, atol=1e-7)
+
+
+def test_no_digits_are_lost_for_a_stiff_tread():
     x = np.linspace(0.0, FILM, 21)
     beam = LOAD * x * (FILM**3 - 2.0 * FILM * x**2 + x**3) / 24.0
     for modulus in (1e12, 1e15, 1e20):
@@ -162,8 +194,8 @@ def test_no_digits_are_lost_where_the_tread_is_stiff():
                                        rel=1e7 / modulus + 1e-13)
 
 
-def test_the_forms_for_small_and_large_lengths_meet_and_the_large_one_does_not_overflow():
-    edge = 2.0 * tread_bending.SMALL / LAMINATE.alpha()
+def test_the_forms_for_small_and_large_lengths_agree_at_their_border_without_overflow():
+    edge = 2.0 * tread_bending.MAX_SERIES_H / LAMINATE.alpha()
     around = edge * (1.0 + np.array([-1e-9, 1e-9]))
     for function in (tread_bending.largest_deflection, tread_bending.charge):
         below, above = function(around, LOAD, LAMINATE)
@@ -176,7 +208,7 @@ def test_the_forms_for_small_and_large_lengths_meet_and_the_large_one_does_not_o
     assert float(w) == pytest.approx(cable, rel=1e-6)
 
 
-def test_inputs_broadcast_and_a_film_in_the_air_has_no_charge():
+def test_inputs_broadcast_and_a_film_outside_the_patch_has_no_charge():
     lengths, loads = np.array([[0.0], [0.01], [0.02]]), np.array([0.0, 1.0, 2.0, -1.0])
     q = tread_bending.charge(lengths, loads, LAMINATE)
     assert q.shape == (3, 4)
@@ -199,6 +231,6 @@ def test_inputs_broadcast_and_a_film_in_the_air_has_no_charge():
     (lambda: Laminate(width=0.0), 'width is 0.0, expected above zero'),
     (lambda: Laminate(radius=np.nan), 'radius is nan'),
     (lambda: Laminate(d31=np.ones(2)), r'd31 is \[1. 1.\], expected one number')])
-def test_what_can_not_be_is_refused_with_its_name_and_value(call, message):
+def test_invalid_arguments_are_rejected_with_name_and_value(call, message):
     with pytest.raises(ValueError, match=message):
         call()
