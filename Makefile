@@ -17,17 +17,21 @@ READY := $(VENV)/ready
 # Set inside a Python process with the rclpy wheels; must not be inherited by another one.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help setup demo test lint mutants stop-times bench bench-slip bench-friction config clean
+.PHONY: help setup demo test lint check current mutants stop-times bench bench-slip \
+	bench-friction config docs clean
 help:
 	@echo 'make demo            run the simulated robot and all nodes; results in demo_output/'
 	@echo 'make test            check style and types, run the tests'
 	@echo 'make lint            check style and types only'
+	@echo 'make check           make test with coverage, generated files, stop times, quick'
+	@echo '                     benchmarks: under half an hour on two cores'
 	@echo 'make stop-times      measure the stop time of the wheels for each hazard'
 	@echo 'make mutants         mutation test of the safety path; survivors in mutants_output.md'
 	@echo 'make bench           measure CPU load, latency, offline speed and models'
 	@echo 'make bench-slip      measure slip and localization; results in bench_output/slip/'
 	@echo 'make bench-friction  measure friction; results in bench_output/friction/'
 	@echo 'make config          regenerate config/*.yaml from the parameter definitions'
+	@echo 'make docs            draw docs/architecture.svg, write its table of imports'
 	@echo 'make clean           remove installed and built files'
 
 setup: $(READY)
@@ -63,19 +67,41 @@ bench-slip: $(READY)
 bench-friction: $(READY)
 	$(BIN)/python -m benchmarks.friction --force
 
-# Style and types are checked with the pinned versions only; the last numpy for Python 3.10 has
-# different type annotations.
+# Types and the picture depend on the versions of numpy and matplotlib; a ROS distribution has its
+# own, and the last ones for Python 3.10 are older.
+ifdef ROS_DISTRO
+NEWEST := false
+else
+NEWEST := $(BIN)/python -c 'import sys; sys.exit(sys.version_info < (3, 11))'
+endif
+
+# Style and types are checked with the pinned tools only.
 lint: $(READY)
 ifndef ROS_DISTRO
 	$(BIN)/ruff check --quiet .
-	@if $(BIN)/python -c 'import sys; sys.exit(sys.version_info < (3, 11))'; \
-	then echo $(BIN)/mypy --no-error-summary; $(BIN)/mypy --no-error-summary; \
-	else echo 'types are not checked on Python 3.10'; fi
+	@if $(NEWEST); then echo $(BIN)/mypy --no-error-summary; $(BIN)/mypy --no-error-summary; \
+	else echo 'types are not checked by Python 3.10'; fi
 endif
 
 # Two workers; test/conftest.py describes the order of the tests.
 test: lint
-	$(BIN)/python -m pytest -n 2
+	$(BIN)/python -m pytest -n 2 $(COVERAGE)
+
+# The results of the benchmarks are in bench_output/check/.
+check: COVERAGE := --cov --cov-report=term
+check: test current
+	$(BIN)/python test/safety/stop_times.py --runs 1
+	$(BIN)/python -m benchmarks.slip --quick --force --out bench_output/check/slip
+	$(BIN)/python -m benchmarks.friction --quick --force --out bench_output/check/friction
+
+# Write what is generated from the source; fail if a file was not current.
+GENERATED := config/*.yaml docs/architecture.md
+current: $(READY)
+	@files="$(GENERATED) $$($(NEWEST) && echo docs/architecture.svg)"; \
+	before=$$(cat $$files | cksum); \
+	$(MAKE) --no-print-directory config docs && \
+	if [ "$$before" != "$$(cat $$files | cksum)" ]; \
+	then echo "$$files: written again, for they were not current" >&2; exit 1; fi
 
 # Real processes and emulated motor boards with faults; see docs/safety.md.
 stop-times: $(READY)
@@ -89,7 +115,10 @@ config: $(READY)
 	$(BIN)/python -m smart_tire.parameters.yaml_writer config
 	$(BIN)/python -m smart_tire.nodes.qos config/rosbag2_qos.yaml
 
+docs: $(READY)
+	$(BIN)/python docs/draw_architecture.py
+
 clean:
-	rm -rf .venv .venv-* build install log *.egg-info .hypothesis .mypy_cache .pytest_cache \
-		.ruff_cache
+	rm -rf .venv .venv-* build install log *.egg-info .coverage* .hypothesis .mypy_cache \
+		.pytest_cache .ruff_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -35,7 +35,7 @@ setup(
             'ros-geometry-msgs', 'ros-nav-msgs', 'ros-rcl-interfaces', 'ros-rosgraph-msgs',
             'ros-sensor-msgs', 'ros-std-msgs', 'ros-std-srvs',
         ],
-        'test': ['hypothesis', 'pytest', 'pytest-xdist'],
+        'test': ['hypothesis', 'pytest', 'pytest-cov', 'pytest-xdist'],
         'lint': ['mypy==2.4.1', 'ruff==0.17.5'],
     },
     zip_safe=True,

@@ -86,6 +86,14 @@ def test_the_readme_is_short():
     assert len(text_of('README.md').split()) <= MAX_README_WORDS
 
 
+def test_every_command_of_make_is_in_its_help_and_in_contributing():
+    makefile = text_of('Makefile')
+    phony = makefile.partition('.PHONY:')[2].partition('\nhelp:')[0].replace('\\', ' ').split()
+    commands = set(phony) - {'help', 'setup', 'current'}  # parts of others
+    assert commands == set(re.findall(r"@echo 'make ([a-z-]+) ", makefile))
+    assert commands <= set(re.findall(r'`make ([a-z-]+)`', text_of('CONTRIBUTING.md')))
+
+
 def test_every_equation_cited_in_the_source_is_in_the_table_of_equations():
     rows = text_of('docs/theory.md').partition('## Equations and modules')[2]
     listed = {(paper, int(number)) for paper, number in EQUATION.findall(rows)}
