@@ -1,7 +1,7 @@
 """
-Mutation test of the safety path: change its sources, one place at a time, and see the tests fail.
+Mutation test of the safety path: one change of its source at a time must make a test fail.
 
-``make mutants`` runs it. Known-equivalent mutants are listed, with the reason, in
+``make mutants`` runs it. Mutants known to be equivalent are listed with the reason in
 ``test/equivalent_mutants.txt``, in the format in which survivors are printed.
 """
 
@@ -23,14 +23,14 @@ import time
 from support.mutant_runs import stages, Tests, Verdict, Workplace
 from support.mutants import Mutant, mutants, sample
 
-# Source files -> the test files that are to kill their mutants. Both are glob patterns; options
-# of pytest may follow a test file. A mutant that survives costs the time of all of them: about a
-# minute per source file is what fits into an hour.
+# Source files -> test files that must kill their mutants. Both are glob patterns; pytest options
+# may follow a test file. A surviving mutant takes the time of all its tests: at most about one
+# minute per source file, so that a run takes less than an hour.
 SAFETY_PATH: Mapping[str, tuple[str, ...]] = {
     'smart_tire/protocol/crc.py': ('test/protocol/test_crc.py', 'test/protocol/test_roboclaw.py'),
     'smart_tire/protocol/roboclaw.py': (
         'test/protocol/test_roboclaw.py', 'test/simulation/test_device_emulators.py',
-        'test/drivers/test_roboclaw_pair.py -k "duties or low or restarts"'),
+        'test/drivers/test_roboclaw_pair.py -k "duties or low or restarted"'),
     'smart_tire/control/*.py': ('test/control/*.py',),
     'smart_tire/drivers/roboclaw_line.py': ('test/drivers/test_roboclaw_line.py',),
     'smart_tire/drivers/wheel_encoder.py': ('test/drivers/test_wheel_encoder.py',),
@@ -46,13 +46,13 @@ SAFETY_PATH: Mapping[str, tuple[str, ...]] = {
 }
 ROOT = Path(__file__).resolve().parents[1]
 EQUIVALENT = 'test/equivalent_mutants.txt'
-REQUIRED_SCORE = 0.9  # killed, of those that are not equivalent
+REQUIRED_SCORE = 0.9  # share of killed mutants, without equivalent ones
 
 Key = tuple[str, str, str, str, str]
 
 
 class MutationError(Exception):
-    """The mutation test cannot be carried out."""
+    """The mutation test cannot be run."""
 
 
 def main(words: Sequence[str] | None = None, root: Path = ROOT,
@@ -73,7 +73,7 @@ def main(words: Sequence[str] | None = None, root: Path = ROOT,
             print('\n'.join(f'{mutant.id} {block(mutant)}' for mutant in chosen))
             return 0
         todo = [mutant for mutant in chosen if key(mutant) not in known]
-        verdicts = judge_all(root, todo, plan, options)
+        verdicts = evaluate_all(root, todo, plan, options)
     except MutationError as error:
         print(f'error: {error}', file=sys.stderr)
         return 2
@@ -87,24 +87,24 @@ def main(words: Sequence[str] | None = None, root: Path = ROOT,
 def arguments(words: Sequence[str] | None) -> argparse.Namespace:
     """Return the options on the command line."""
     parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
-    parser.add_argument('--limit', type=int, default=300, help='mutants at most (%(default)s)')
-    parser.add_argument('--seed', type=int, default=1, help='of the choice (%(default)s)')
-    parser.add_argument('--jobs', type=int, default=2, help='at the same time (%(default)s)')
+    parser.add_argument('--limit', type=int, default=300, help='maximum of mutants (%(default)s)')
+    parser.add_argument('--seed', type=int, default=1, help='seed of the sample (%(default)s)')
+    parser.add_argument('--jobs', type=int, default=2, help='parallel runs (%(default)s)')
     parser.add_argument('--only', metavar='FILE', action='append',
-                        help='mutants of this source file, or pattern, only; may be repeated')
-    parser.add_argument('--list', action='store_true', help='print the mutants and run nothing')
+                        help='only mutants of this source file or pattern; may be repeated')
+    parser.add_argument('--list', action='store_true', help='print the mutants and exit')
     parser.add_argument('--report', type=Path, metavar='FILE', help='write a table in Markdown')
     parser.add_argument('--rerun', type=Path, metavar='FILE',
-                        help='run the survivors of this report only')
+                        help='run only the survivors of this report')
     parser.add_argument('--minutes', type=float, default=60.0,
-                        help='after which to stop (%(default)s); the exit status is 2 then')
+                        help='time limit (%(default)s); exit status 2 if it is exceeded')
     parser.add_argument('--grace', type=float, default=20.0, metavar='SECONDS',
-                        help='beyond three times the time of the tests (%(default)s)')
+                        help='time-out beyond three times the time of the tests (%(default)s)')
     return parser.parse_args(words)
 
 
 def test_plan(root: Path, table: Mapping[str, tuple[str, ...]]) -> dict[str, list[Tests]]:
-    """Return source file -> arguments of pytest for each of its test files."""
+    """Return source file -> pytest arguments of each of its test files."""
     plan: dict[str, list[Tests]] = {}
     for pattern, entries in table.items():
         tests = []
@@ -126,18 +126,18 @@ def files(root: Path, pattern: str) -> list[str]:
 
 
 def key(mutant: Mutant) -> Key:
-    """Return what identifies a mutant in the list of equivalent ones."""
+    """Return the key of a mutant in the list of equivalent ones."""
     return mutant.file, mutant.function, mutant.operator, mutant.old, mutant.new
 
 
 def block(mutant: Mutant) -> str:
-    """Return a mutant as it stands in the list of equivalent ones."""
-    place = ' '.join(filter(None, [mutant.file, mutant.function]))
-    return f'{place}: {mutant.operator}\n- {mutant.old}\n+ {mutant.new}\n'
+    """Return a mutant in the format of the list of equivalent ones."""
+    location = ' '.join(filter(None, [mutant.file, mutant.function]))
+    return f'{location}: {mutant.operator}\n- {mutant.old}\n+ {mutant.new}\n'
 
 
 def equivalents(path: Path, plan: set[str], keys: set[Key]) -> dict[Key, str]:
-    """Return equivalent mutants with their reasons; report those that do not exist any more."""
+    """Return equivalent mutants with their reasons; report those that no longer exist."""
     known: dict[Key, str] = {}
     text = path.read_text(encoding='utf-8') if path.exists() else ''
     for entry in re.split(r'\n\s*\n', re.sub(r'(?m)^#.*\n', '', text).strip()):
@@ -146,81 +146,83 @@ def equivalents(path: Path, plan: set[str], keys: set[Key]) -> dict[Key, str]:
             file, function, operator, old, new, reason = match.groups('')
             known[file, function, operator, old, new] = ' '.join(reason.split())
         elif entry:
-            raise MutationError(f'{path.name}: expected place, -, +, = reason:\n{entry}')
+            raise MutationError(f'{path.name}: expected location, -, +, = reason:\n{entry}')
     for file, *rest in known.keys() - keys:
         if file in plan:
-            print(f'{path.name}: no such mutant any more: {file} {" ".join(rest)}')
+            print(f'{path.name}: mutant no longer exists: {file} {" ".join(rest)}')
     return known
 
 
-def judge_all(root: Path, todo: list[Mutant], plan: Mapping[str, list[Tests]],
+def evaluate_all(root: Path, todo: list[Mutant], plan: Mapping[str, list[Tests]],
               options: argparse.Namespace) -> list[Verdict]:
-    """Return what became of the mutants, of fewer if it takes too long."""
+    """Return the verdicts on the mutants; incomplete after the time limit."""
     verdicts: list[Verdict] = []
     killers: defaultdict[object, Counter[str]] = defaultdict(Counter)
     with tempfile.TemporaryDirectory(prefix='mutants-') as folder:
-        places = [Workplace(root, Path(folder, str(index))) for index in range(options.jobs)]
+        workplaces = [Workplace(root, Path(folder, str(index))) for index in range(options.jobs)]
         free: queue.SimpleQueue[Workplace] = queue.SimpleQueue()
         pool = futures.ThreadPoolExecutor(options.jobs)
         try:
             sources = sorted({mutant.file for mutant in todo})
-            times = baseline(pool, places, sources,
+            times = baseline(pool, workplaces, sources,
                              sorted({tests for file in sources for tests in plan[file]}))
-            for place in places:
-                free.put(place)
+            for workplace in workplaces:
+                free.put(workplace)
 
-            def judge(mutant: Mutant) -> Verdict:
-                place, here = free.get(), (mutant.file, mutant.function)
-                likely = dict(killers[here].most_common(2) + killers[mutant.file].most_common(2))
+            def evaluate(mutant: Mutant) -> Verdict:
+                workplace, function = free.get(), (mutant.file, mutant.function)
+                likely = dict(killers[function].most_common(2)
+                              + killers[mutant.file].most_common(2))
                 try:
                     needed = {tests: times[tests] for tests in plan[mutant.file]}
-                    verdict = place.judge(mutant, stages(needed, likely), options.grace)
+                    verdict = workplace.evaluate(mutant, stages(needed, likely), options.grace)
                 finally:
-                    free.put(place)
+                    free.put(workplace)
                 if '::' in verdict.killer:
-                    killers[here][verdict.killer] += 1
+                    killers[function][verdict.killer] += 1
                     killers[mutant.file][verdict.killer] += 1
                 return verdict
 
             begin = time.monotonic()
-            jobs = [pool.submit(judge, mutant) for mutant in todo]
+            jobs = [pool.submit(evaluate, mutant) for mutant in todo]
             for done in futures.as_completed(jobs, options.minutes * 60.0):
                 verdicts.append(done.result())
                 print(progress(verdicts, len(todo), time.monotonic() - begin), flush=True)
         except (KeyboardInterrupt, futures.TimeoutError):
-            print(f'stopped: {len(todo) - len(verdicts)} mutants have no result', file=sys.stderr)
+            print(f'stopped: {len(todo) - len(verdicts)} mutants without result', file=sys.stderr)
         finally:
             pool.shutdown(wait=False, cancel_futures=True)
-            for place in places:
-                place.close()
+            for workplace in workplaces:
+                workplace.close()
             pool.shutdown()
     return verdicts
 
 
-def baseline(pool: futures.ThreadPoolExecutor, places: list[Workplace], sources: list[str],
+def baseline(pool: futures.ThreadPoolExecutor, workplaces: list[Workplace], sources: list[str],
              needed: list[Tests]) -> dict[Tests, float]:
-    """Run the tests without a mutant, in all copies at once; return how long they take [s]."""
-    def run(place: Workplace) -> list[float]:
+    """Run the tests without a mutant in all copies in parallel; return their times [s]."""
+    def run(workplace: Workplace) -> list[float]:
         for root in {source.split('/')[0] for source in sources}:
-            shown = place.run(('-c', f'import {root}; print({root}.__path__[0])')).output.strip()
-            if Path(shown) != place.tree / root:
-                raise MutationError(f'tests would import {root} from {shown}')
+            script = f'import {root}; print({root}.__path__[0])'
+            path = workplace.run(('-c', script)).output.strip()
+            if Path(path) != workplace.tree / root:
+                raise MutationError(f'tests import {root} from {path}')
         times = []
         for tests in needed:
-            run = place.test(tests)
+            run = workplace.test(tests)
             if run.status != 0:
                 raise MutationError(f'{shlex.join(tests)} fails without a mutant:\n{run.output}')
             times.append(run.seconds)
         return times
 
-    times = dict(zip(needed, map(max, zip(*pool.map(run, places)))))
+    times = dict(zip(needed, map(max, zip(*pool.map(run, workplaces)))))
     for tests, seconds in sorted(times.items(), key=lambda item: item[1]):
         print(f'{seconds:7.1f} s  {shlex.join(tests)}', flush=True)
     return times
 
 
 def progress(verdicts: Sequence[Verdict], total: int, elapsed: float) -> str:
-    """Return a line on the latest verdict and on the time that the other mutants will take."""
+    """Return a line with the latest verdict and the remaining time."""
     latest, done = verdicts[-1], len(verdicts)
     left = elapsed / done * (total - done)
     killer = f' ({latest.killer})' if latest.killer else ''
@@ -253,7 +255,7 @@ def conclude(verdicts: list[Verdict], elapsed: float, report: Path | None) -> fl
 
 def table_rows(verdicts: Iterable[Verdict]) -> Iterator[str]:
     """Yield the lines of a table in Markdown."""
-    yield '| id | result | place | operator | original | mutant | killed by, or reason |'
+    yield '| id | result | location | operator | original | mutant | killed by, or reason |'
     yield '|---|---|---|---|---|---|---|'
     for verdict in verdicts:
         mutant = verdict.mutant
@@ -267,7 +269,7 @@ def survivors_of(report: Path, found: Iterable[Mutant]) -> list[Mutant]:
     ids = set(re.findall(r'(?m)^\| (\w+) \| survived \|', report.read_text(encoding='utf-8')))
     chosen = [mutant for mutant in found if mutant.id in ids]
     for missing in sorted(ids - {mutant.id for mutant in chosen}):
-        print(f'{report.name}: no such mutant any more: {missing}')
+        print(f'{report.name}: mutant no longer exists: {missing}')
     return chosen
 
 

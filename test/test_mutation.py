@@ -1,4 +1,4 @@
-"""The mutation test: which mutants there are, which are chosen, and what becomes of them."""
+"""Mutation test: generated mutants, the sample of them, and their verdicts."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pytest
 from support.mutant_runs import stages, Workplace
 from support.mutants import mutants, sample
 
-CHANGES = [  # body of a function, operator, what is in the place of the line that is changed
+CHANGES = [  # body of a function, operator, expected replacements of the line
     ('return [a < b]', 'comparison', {'return [a <= b]'}),
     ('return [a >= b]', 'comparison', {'return [a > b]'}),
     ('return [a == b]', 'comparison', {'return [a != b]'}),
@@ -37,7 +37,7 @@ CHANGES = [  # body of a function, operator, what is in the place of the line th
     ('while a: b()', 'condition', {'while not a: b()'}),
     ('return b if a else c', 'condition', {'return b if not a else c'}),
     ('return [b for b in a if b]', 'condition', {'return [b for b in a if not b]'}),
-    ('if a == b: c()', 'condition', set()),  # as by the operator comparison
+    ('if a == b: c()', 'condition', set()),  # same as the operator comparison
     ('if not a: c()', 'condition', set()),
     ('return [10]', 'constant', {'return [11]', 'return [9]', 'return [0]'}),
     ('return [1]', 'constant', {'return [2]', 'return [0]'}),
@@ -50,13 +50,13 @@ CHANGES = [  # body of a function, operator, what is in the place of the line th
     ('a.b()', 'statement', {'pass'}),
     ('a.b = c', 'statement', {'pass'}),
     ('a[b]: int = c', 'statement', {'pass'}),
-    ('e = c', 'statement', set()),  # every use of the name would fail
+    ('e = c', 'statement', set()),  # the name would be undefined
     ('a = c', 'statement', {'pass'}),
     ('d = a; d = c', 'statement', {'pass; d = c', 'd = a; pass'}),
     ('del a[b]', 'statement', {'pass'}),
     ('raise a', 'statement', {'pass'}),
     ('for b in a: return', 'statement', {'for b in a: pass'}),
-    ('for b in a: continue', 'statement', set()),  # there is nothing after it: equivalent
+    ('for b in a: continue', 'statement', set()),  # last statement of the loop: equivalent
     ('return a', 'return', {'return None'}),
     ('return a < b', 'return', {'return None', 'return not (a < b)'}),
     ('return None', 'return', set()),
@@ -69,12 +69,12 @@ CHANGES = [  # body of a function, operator, what is in the place of the line th
 
 
 def of(source: str, operator: str = '') -> list:
-    """Return the mutants by one operator, or by all."""
+    """Return the mutants of one operator, or of all."""
     return [mutant for mutant in mutants('some.py', source) if operator in ('', mutant.operator)]
 
 
 @pytest.mark.parametrize('body, operator, expected', CHANGES)
-def test_an_operator_makes_exactly_these_changes(body, operator, expected):
+def test_an_operator_yields_exactly_these_changes(body, operator, expected):
     source = f'# Maß\ndef f(a, b, c):\n    d = a\n    {body}  # why  \n\n'
     made = [mutant for mutant in of(source, operator) if mutant.line == 4]
     assert {mutant.source for mutant in made} \
@@ -82,7 +82,7 @@ def test_an_operator_makes_exactly_these_changes(body, operator, expected):
     assert {(mutant.old, mutant.new) for mutant in made} == {(body, text) for text in expected}
 
 
-def test_limits_and_defaults_are_scaled_by_orders_of_magnitude():
+def test_constants_and_defaults_are_scaled_by_a_factor_of_ten():
     source = textwrap.dedent("""\
         TIMEOUT = 0.5
 
@@ -100,7 +100,7 @@ def test_limits_and_defaults_are_scaled_by_orders_of_magnitude():
         'def wait(self, seconds=2.0, *, cycles: int = 3):'}
 
 
-def test_what_does_not_decide_what_a_program_does_is_not_changed():
+def test_code_without_influence_on_behavior_is_not_mutated():
     assert of('''
 """Text of 3 words."""
 from typing import TYPE_CHECKING, Literal
@@ -134,7 +134,7 @@ def test_mutants_with_the_same_bytecode_are_left_out():
         == {'return [1]', 'return [-1]'}
 
 
-def test_a_mutant_is_identified_by_what_it_changes_and_not_by_its_line():
+def test_the_identity_of_a_mutant_does_not_depend_on_its_line():
     source = 'class A:\n    def f(self, a):\n        if a: a.go()\n        else: a.go()\n'
     moved = f'import os\n\n\n{source}'.replace('if a: a.go()', 'if a: a.go()  # at once')
     assert [mutant.line + 3 for mutant in of(source)] == [mutant.line for mutant in of(moved)]
@@ -160,11 +160,11 @@ def test_a_sample_depends_on_seed_and_sources_only():
 
 
 def chosen_order(mutant):
-    """Return what a sample is sorted by."""
+    """Return the sort key of a sample."""
     return mutant.file, mutant.line, mutant.rank(1)
 
 
-def test_files_and_operators_have_their_share_of_a_sample():
+def test_files_and_operators_have_proportional_shares_of_a_sample():
     chosen = sample([*mutants('large.py', LARGE), *mutants('small.py', SMALL)], 30, seed=1)
     assert len(chosen) == len(set(chosen)) == 30
     per_file = Counter(mutant.file for mutant in chosen)
@@ -186,12 +186,12 @@ TOY = {
 import subprocess
 import sys
 
-def test_a_process_of_its_own():
+def test_in_another_process():
     subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(600)'],
                      start_new_session=True)
-    said = subprocess.run([sys.executable, '-m', 'toy.main', '3', '2'], capture_output=True,
+    result = subprocess.run([sys.executable, '-m', 'toy.main', '3', '2'], capture_output=True,
                           cwd='/')
-    assert said.stdout == b'True\\n'
+    assert result.stdout == b'True\\n'
 """,
     'test/test_loop.py': """
 from toy.loop import drain
@@ -205,28 +205,28 @@ TABLE = {'toy/clock.py': ('test/*_clock.py',), 'toy/loop.py': ('test/test_loop.p
 
 @pytest.fixture
 def toy(tmp_path, monkeypatch):
-    """Return a checkout with a package and its tests."""
+    """Return a checkout with a package and tests."""
     root = tmp_path / 'toy_checkout'
     for name, text in TOY.items():
         (root / name).parent.mkdir(parents=True, exist_ok=True)
         (root / name).write_text(text)
-    monkeypatch.setenv('TOY', str(root))  # inherited by all that is started for it
+    monkeypatch.setenv('TOY', str(root))  # inherited by all child processes
     return root
 
 
-def left_behind(toy: Path) -> list[Path]:
-    """Return the processes that were started by tests of ``toy`` and still run."""
+def remaining_processes(toy: Path) -> list[Path]:
+    """Return the processes started by tests of ``toy`` that are still running."""
     found = []
     for path in Path('/proc').glob('[0-9]*/environ'):
         try:
             if f'TOY={toy}'.encode() in path.read_bytes().split(b'\0'):
                 found.append(path)
         except OSError:
-            pass  # it has ended, or is of another user
+            pass  # ended, or another user's process
     return found
 
 
-def test_processes_see_mutants_and_those_that_survive_are_shown(toy, tmp_path, capsys):
+def test_child_processes_use_the_mutant_and_survivors_are_printed(toy, tmp_path, capsys):
     report = tmp_path / 'report.md'
     assert mutation.main(['--only', 'clock.py', '--report', str(report)], toy, TABLE) == 1
     output = capsys.readouterr().out
@@ -235,33 +235,33 @@ def test_processes_see_mutants_and_those_that_survive_are_shown(toy, tmp_path, c
         '- return age > limit\n+ return age >= limit\n' in output
     assert '2 killed (0 by time-out), 1 survived, 0 equivalent; score 66.7%' in output
     assert (toy / 'toy/clock.py').read_text() == TOY['toy/clock.py']
-    assert not left_behind(toy)
+    assert not remaining_processes(toy)
     listed = re.search(r'toy/clock.py late: comparison\n- .*\n\+ .*\n', output)[0]
     (toy / 'test/equivalent_mutants.txt').write_text(
-        f'# Reasons.\n\n{listed}= never asked\n  at the limit\n')
+        f'# Reasons.\n\n{listed}= never called\n  at the limit\n')
     assert mutation.main(['--rerun', str(report)], toy, TABLE) == 0
     assert '0 killed (0 by time-out), 0 survived, 1 equivalent' in capsys.readouterr().out
 
 
-def test_a_mutant_that_hangs_is_killed_by_time_out(toy, capsys):
+def test_a_mutant_that_hangs_is_killed_by_the_time_out(toy, capsys):
     words = ['--only', 'toy/loop.py', '--grace', '2']
     assert mutation.main(words, toy, TABLE) == 0
     output = capsys.readouterr().out
     assert re.search(r'timed out .* toy/loop.py:2 statement', output)
     assert '(test/test_loop.py::test_drain)' in output
     assert ' 0 survived' in output
-    assert not left_behind(toy)
+    assert not remaining_processes(toy)
 
 
-def test_the_original_is_back_after_a_mutant(toy, tmp_path):
-    place = Workplace(toy, tmp_path / 'place')
+def test_the_original_is_restored_after_a_mutant(toy, tmp_path):
+    workplace = Workplace(toy, tmp_path / 'copy')
     mutant = mutants('toy/clock.py', TOY['toy/clock.py'])[0]
-    verdict = place.judge(mutant, [(('test/test_loop.py',), 1.0)], 20.0)
+    verdict = workplace.evaluate(mutant, [(('test/test_loop.py',), 1.0)], 20.0)
     assert verdict.result == 'survived'  # that test does not import it
-    assert (place.tree / 'toy/clock.py').read_text() == TOY['toy/clock.py']
+    assert (workplace.tree / 'toy/clock.py').read_text() == TOY['toy/clock.py']
 
 
-def test_fast_files_come_first_and_together_then_tests_that_killed_others():
+def test_fast_files_run_first_and_together_then_tests_that_killed_others():
     times = {('b.py',): 1.0, ('slow.py',): 9.0, ('a.py',): 2.0, ('c.py', '-k', 'x'): 2.5}
     assert stages(times, ['slow.py::test_1', 'a.py::test_2']) == [
         (('a.py', 'b.py'), 3.0), (('slow.py::test_1',), 11.5), (('c.py', '-k', 'x'), 2.5),
@@ -269,13 +269,13 @@ def test_fast_files_come_first_and_together_then_tests_that_killed_others():
     assert stages({('slow.py',): 9.0}) == [(('slow.py',), 9.0)]
 
 
-def test_a_mutant_that_fills_the_memory_is_stopped(toy, tmp_path):
-    run = Workplace(toy, tmp_path / 'place').run(('-c', 'bytearray(4 << 30)'))
+def test_a_mutant_that_exhausts_memory_is_stopped(toy, tmp_path):
+    run = Workplace(toy, tmp_path / 'copy').run(('-c', 'bytearray(4 << 30)'))
     assert run.status == 1
     assert 'MemoryError' in run.output
 
 
-def test_tests_that_fail_without_a_mutant_and_wrong_tables_are_errors(toy, capsys):
+def test_failures_without_a_mutant_and_invalid_tables_are_errors(toy, capsys):
     (toy / 'test/test_loop.py').write_text('def test_drain():\n    assert False\n')
     assert mutation.main(['--only', 'loop.py', '--jobs', '1'], toy, TABLE) == 2
     assert 'fails without a mutant' in capsys.readouterr().err
@@ -283,24 +283,24 @@ def test_tests_that_fail_without_a_mutant_and_wrong_tables_are_errors(toy, capsy
     assert 'no file matches test/test_none.py' in capsys.readouterr().err
 
 
-def test_a_run_that_takes_too_long_is_stopped_with_what_it_found(toy, capsys):
+def test_a_run_is_stopped_after_the_time_limit_with_partial_results(toy, capsys):
     assert mutation.main(['--only', 'loop.py', '--minutes', '0'], toy, TABLE) == 2
-    said = capsys.readouterr()
-    assert re.search(r'stopped: \d mutants have no result', said.err)
-    assert 'score' in said.out
-    assert not left_behind(toy)
+    captured = capsys.readouterr()
+    assert re.search(r'stopped: \d mutants without result', captured.err)
+    assert 'score' in captured.out
+    assert not remaining_processes(toy)
 
 
-def test_an_equivalent_mutant_that_does_not_exist_any_more_is_named(toy, capsys):
+def test_equivalent_mutants_that_no_longer_exist_are_reported(toy, capsys):
     (toy / 'test/equivalent_mutants.txt').write_text(
         'toy/clock.py late: comparison\n- return age < limit\n+ return age <= limit\n= no\n')
     mutation.main(['--list'], toy, TABLE)
-    assert 'no such mutant any more: toy/clock.py late comparison' in capsys.readouterr().out
+    assert 'mutant no longer exists: toy/clock.py late comparison' in capsys.readouterr().out
     (toy / 'test/equivalent_mutants.txt').write_text('toy/clock.py late: comparison\n')
     assert mutation.main(['--list'], toy, TABLE) == 2
 
 
-def test_every_pattern_of_the_safety_path_has_files():
+def test_every_pattern_of_the_safety_path_matches_files():
     plan = mutation.test_plan(mutation.ROOT, mutation.SAFETY_PATH)
     assert {'smart_tire/protocol/crc.py', 'smart_tire/control/pid.py'} <= plan.keys()
     assert all(plan.values())

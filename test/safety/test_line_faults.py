@@ -73,7 +73,7 @@ def check_silence(record):
 
 
 def test_boards_that_ignore_zero_are_stopped_by_their_own_time_out(robot):
-    failed = robot.rig.fail(mute={128, 129}, disobedient={128, 129})
+    failed = robot.rig.fail(mute={128, 129}, ignoring_duties={128, 129})
     assert robot.until_stopped(failed) < 0.5 + SLACK
 
 

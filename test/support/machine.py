@@ -1,4 +1,4 @@
-"""The cores of this machine, which tests share but for those that need all of them."""
+"""Locks for tests that need all cores of the machine while no other test runs."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ import tempfile
 @contextmanager
 def _locked(name: str, how: int) -> Iterator[None]:
     with (Path(tempfile.gettempdir()) / f'smart_tire_test_{name}_{os.getuid()}').open('a') as lock:
-        fcntl.flock(lock, how)  # ends with the file
+        fcntl.flock(lock, how)  # released when the file is closed
         yield
 
 
 @contextmanager
-def beside_others() -> Iterator[None]:
-    """Wait until no other process of tests is alone, and let none become so."""
+def shared() -> Iterator[None]:
+    """Wait until no test process runs exclusively, and prevent it meanwhile."""
     with _locked('gate', fcntl.LOCK_SH):
-        pass  # who wants to be alone holds it: nobody else comes in meanwhile
+        pass  # held by a process that waits for exclusive use: others must not start meanwhile
     with _locked('room', fcntl.LOCK_SH):
         yield
 
 
 @contextmanager
-def alone() -> Iterator[None]:
-    """Wait until no other process of tests computes, and keep them from it."""
+def exclusive() -> Iterator[None]:
+    """Wait until no other test process runs, and prevent others from starting."""
     with _locked('gate', fcntl.LOCK_EX), _locked('room', fcntl.LOCK_EX):
         yield

@@ -1,4 +1,4 @@
-"""Copies of the checkout in which tests run against a mutant, and what becomes of it."""
+"""Runs of tests against a mutant, in a copy of the checkout."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from support.mutants import Mutant
 
 NOT_COPIED = ('.*', '__pycache__', '*.egg-info', '*_output', 'build', 'install', 'log')
 OPTIONS = ('-x', '-q', '-rfE', '--tb=line', '-p', 'no:cacheprovider', '-p', 'no:randomly')
-FAST = 3.0      # s; test files that take less share one process
-FACTOR = 3.0    # a mutant's tests may take so many times as long as without it
-PATIENCE = '15'  # s, of the tests (support/waiting.py): most mutants make a test wait in vain
-MEMORY = 2 << 30  # bytes of a process; an endless loop may fill a list
+MAX_SHARED_TIME = 3.0      # s; faster test files share one process
+TIMEOUT_FACTOR = 3.0       # time-out of the tests with a mutant over their time without it
+PATIENCE = '15'            # s, of the tests (support/waiting.py): most mutants cause time-outs
+MAX_MEMORY = 2 << 30       # bytes per process; an endless loop may fill a list
 FAILED = re.compile(r'^(?:FAILED|ERROR) (.*?)(?: - .*)?$', re.MULTILINE)
 
 Tests = tuple[str, ...]  # arguments of pytest
@@ -33,14 +33,14 @@ Tests = tuple[str, ...]  # arguments of pytest
 class Run:
     """One run of pytest."""
 
-    status: int | None  # of the process, None if it took too long
+    status: int | None  # of the process, None after a time-out
     seconds: float
     output: str
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What the tests found out about a mutant."""
+    """Result of the tests for a mutant."""
 
     mutant: Mutant
     result: str  # killed, timed out, survived
@@ -49,7 +49,7 @@ class Verdict:
 
 
 class Workplace:
-    """A copy of the checkout at ``root`` in ``folder``, for one run of tests at a time."""
+    """A copy of the checkout ``root`` in ``folder``, for one test run at a time."""
 
     def __init__(self, root: Path, folder: Path) -> None:
         self.tree = folder / 'tree'
@@ -57,13 +57,13 @@ class Workplace:
         self._closed = False
         self._mark = f'MUTANT_TREE={self.tree}'
         shutil.copytree(root, self.tree, ignore=shutil.ignore_patterns(*NOT_COPIED))
-        # Mutants may be as long as the original and written in the same second: only a hash of
-        # the source shows that the bytecode is not theirs.
+        # A mutant may have the size and the modification time of the original: bytecode must be
+        # checked by a hash of the source.
         compileall.compile_dir(self.tree, quiet=2,
                                invalidation_mode=PycInvalidationMode.CHECKED_HASH)
 
     def run(self, arguments: Tests, timeout: float | None = None) -> Run:
-        """Run Python with ``arguments`` in the copy, and end what it leaves behind."""
+        """Run Python with ``arguments`` in the copy, and end all processes that it started."""
         name, _, value = self._mark.partition('=')
         path = os.pathsep.join(filter(None, [str(self.tree), os.environ.get('PYTHONPATH')]))
         environment = {**os.environ, name: value, 'PYTHONPATH': path, 'TEST_PATIENCE': PATIENCE,
@@ -75,7 +75,7 @@ class Workplace:
                 [sys.executable, *arguments], cwd=self.tree, env=environment,
                 stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT,
                 start_new_session=True)
-        resource.prlimit(process.pid, resource.RLIMIT_DATA, (MEMORY, MEMORY))
+        resource.prlimit(process.pid, resource.RLIMIT_DATA, (MAX_MEMORY, MAX_MEMORY))
         if self._closed:
             self.end_processes()
         status: int | None = None
@@ -93,15 +93,16 @@ class Workplace:
         return self.run(('-m', 'pytest', *OPTIONS, f'--basetemp={self._folder / "tmp"}', *tests),
                         timeout)
 
-    def judge(self, mutant: Mutant, stages: list[tuple[Tests, float]], grace: float) -> Verdict:
-        """Run the tests, one stage after the other, until one fails because of the mutant."""
+    def evaluate(self, mutant: Mutant, stages: list[tuple[Tests, float]],
+                 grace: float) -> Verdict:
+        """Run the tests stage by stage until one fails because of the mutant."""
         path = self.tree / mutant.file
         original = path.read_bytes()
         begin = time.monotonic()
         path.write_text(mutant.source, encoding='utf-8')
         try:
             for tests, seconds in stages:
-                run = self.test(tests, FACTOR * seconds + grace)
+                run = self.test(tests, TIMEOUT_FACTOR * seconds + grace)
                 if run.status != 0:
                     failed = FAILED.search(run.output)
                     return Verdict(mutant, 'timed out' if run.status is None else 'killed',
@@ -112,12 +113,12 @@ class Workplace:
             path.write_bytes(original)
 
     def end_processes(self) -> None:
-        """End all processes that were started here, also those with a session of their own."""
+        """End all processes started here, including those in their own session."""
         while sum(self._end(path) for path in Path('/proc').iterdir() if path.name.isdigit()):
             time.sleep(0.01)
 
     def close(self) -> None:
-        """End the tests that run here, and those that a thread is about to start."""
+        """End running tests, and those that a thread is about to start."""
         self._closed = True
         self.end_processes()
 
@@ -131,7 +132,7 @@ class Workplace:
                 return False
             signal.pidfd_send_signal(process, signal.SIGKILL)
         except OSError:
-            return False  # ended, or of another user
+            return False  # ended, or another user's process
         finally:
             os.close(process)
         return True
@@ -141,10 +142,10 @@ def stages(times: dict[Tests, float], likely: Iterable[str] = ()) -> list[tuple[
     """
     Return test runs with their times [s]: fast files together, ``likely`` tests, slow files.
 
-    Likely are tests of slow files that killed similar mutants; they only save time.
+    Likely tests are those of slow files that killed similar mutants; they save time.
     """
     fast = {tests: seconds for tests, seconds in times.items()
-            if seconds < FAST and len(tests) == 1}
+            if seconds < MAX_SHARED_TIME and len(tests) == 1}
     slow = sorted((item for item in times.items() if item[0] not in fast),
                   key=lambda item: item[1])
     early = tuple(test for test in likely if any(test.startswith(tests[0]) for tests, _ in slow))

@@ -12,7 +12,7 @@ import re
 from types import CodeType
 from typing import Any
 
-MIN_PER_FILE = 5  # mutants of a small file in a sample, if it has so many
+MIN_PER_FILE = 5  # mutants of a file in a sample, if it has that many
 
 SWAPS: dict[type[ast.AST], type[Any]] = {
     ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Eq: ast.NotEq,
@@ -31,7 +31,7 @@ UNARY: dict[type[ast.AST], str] = {
 ATOMS = (ast.Name, ast.Attribute, ast.Call, ast.Constant, ast.Subscript)
 DELETABLE = (ast.AugAssign, ast.Delete, ast.Raise, ast.Break, ast.Continue, ast.Return)
 
-# What does not decide what a program does: types, texts, and what only a debugger shows.
+# Parts without influence on the behavior: types, texts, and debug representations.
 SKIPPED_FIELDS = {'annotation', 'returns', 'decorator_list', 'type_params'}
 SKIPPED_NODES = (ast.Import, ast.ImportFrom, ast.JoinedStr)
 SKIPPED_FUNCTIONS = {'__repr__', '__str__'}
@@ -43,10 +43,10 @@ LOGGING = re.compile(r'.*log(ger|ging)?(\(\))?\.(debug|info|warning|error|critic
 
 @dataclass(frozen=True)
 class Mutant:
-    """One changed source; what identifies it does not depend on the number of its line."""
+    """One changed source; its identity does not depend on the line number."""
 
     file: str      # relative to the root of the checkout
-    function: str  # qualified name, then #2, #3 where the same change occurs again in it
+    function: str  # qualified name, with #2, #3 for repetitions of the same change
     operator: str
     old: str       # the changed lines, joined to one
     new: str
@@ -59,21 +59,21 @@ class Mutant:
         return self.rank('')[:10]
 
     def rank(self, seed: object) -> str:
-        """Return a pseudo-random number that does not depend on the other mutants."""
+        """Return a pseudo-random sort key that does not depend on other mutants."""
         key = (str(seed), self.file, self.function, self.operator, self.old, self.new)
         return hashlib.sha256('\n'.join(key).encode()).hexdigest()
 
 
 @dataclass(frozen=True)
 class _Scope:
-    """Where a node is."""
+    """Scope of a node."""
 
     function: str = ''
-    definition: bool = True              # evaluated once: constants, defaults of parameters
+    definition: bool = True              # evaluated once: constants and parameter defaults
     rebound: frozenset[str] = frozenset()  # local names with more than one assignment
 
 
-Change = tuple[str, Any, str]  # the operator, a node, and the text in its place
+Change = tuple[str, Any, str]  # operator, node, replacement text
 
 
 def _operand(node: ast.expr) -> str:
@@ -105,7 +105,7 @@ def _operations(node: ast.AST, _: _Scope) -> Iterator[Change]:
 
 
 def _conditions(node: ast.AST, _: _Scope) -> Iterator[Change]:
-    """Negate conditions, unless that is what another operator does."""
+    """Negate conditions, unless another operator does the same."""
     tests = ([node.test] if isinstance(node, (ast.If, ast.While, ast.IfExp)) else
              node.ifs if isinstance(node, ast.comprehension) else [])
     for test in tests:
@@ -115,7 +115,7 @@ def _conditions(node: ast.AST, _: _Scope) -> Iterator[Change]:
 
 
 def _constants(node: ast.AST, scope: _Scope) -> Iterator[Change]:
-    """Change values; scale limits and time-outs, constants or defaults, by a factor of 10."""
+    """Change values; scale constants and parameter defaults by a factor of 10."""
     if not isinstance(node, ast.Constant):
         return
     value: Any = node.value
@@ -136,14 +136,14 @@ def _constants(node: ast.AST, scope: _Scope) -> Iterator[Change]:
 
 
 def _is_needed(target: object, scope: _Scope) -> bool:
-    """Return whether a name would be missing without this assignment: every test would notice."""
+    """Return whether a name would be undefined without this assignment, which any test detects."""
     if isinstance(target, ast.Attribute) and scope.function.endswith('__init__'):
         return isinstance(target.value, ast.Name) and target.value.id == 'self'
     return isinstance(target, ast.Name) and target.id not in scope.rebound
 
 
 def _statements(node: ast.AST, scope: _Scope) -> Iterator[Change]:
-    """Delete statements that have an effect, change what is returned."""
+    """Delete statements with an effect; change return values."""
     if isinstance(node, ast.Return) and node.value is not None:
         yield 'return', node, 'return None'
         if isinstance(node.value, (ast.Compare, ast.BoolOp)):
@@ -198,7 +198,7 @@ def _rebound(function: ast.AST) -> frozenset[str]:
 
 
 def _nodes(node: ast.AST, scope: _Scope) -> Iterator[tuple[ast.AST, _Scope]]:
-    """Yield the nodes that may be changed, outer ones first."""
+    """Yield the nodes that may be mutated, outer ones first."""
     if _skipped(node):
         return
     yield node, scope
@@ -217,7 +217,7 @@ def _nodes(node: ast.AST, scope: _Scope) -> Iterator[tuple[ast.AST, _Scope]]:
 
 
 def _signature(code: CodeType) -> tuple[object, ...]:
-    """Return what two functions have in common that do the same, wherever their lines are."""
+    """Return the bytecode and names of ``code``, without line numbers."""
     constants = (_signature(value) if isinstance(value, CodeType) else (type(value), repr(value))
                  for value in code.co_consts)
     return (code.co_code, code.co_names, code.co_varnames, code.co_freevars, code.co_cellvars,
@@ -231,9 +231,9 @@ def _compiled(source: str) -> tuple[object, ...]:
 
 def mutants(file: str, source: str) -> list[Mutant]:
     """
-    Return all mutants of a source, in the order of its lines.
+    Return all mutants of a source in the order of its lines.
 
-    Mutants that compile to the bytecode of the original or of another mutant are left out.
+    Mutants that compile to the same bytecode as the original or another mutant are left out.
     """
     text = source.encode()  # ast counts bytes
     starts = [0]
@@ -267,10 +267,11 @@ def _one_line(text: bytes) -> str:
 
 def sample(found: Sequence[Mutant], limit: int, seed: int) -> list[Mutant]:
     """
-    Return at most ``limit`` mutants, the same ones for the same sources and seed.
+    Return at most ``limit`` mutants, reproducible for the same sources and seed.
 
-    Files have a share in proportion to their mutants, but ``MIN_PER_FILE``; within a file the
-    operators take turns. A change of one function hardly changes the choice in the others.
+    The shares of the files are proportional to their numbers of mutants, at least
+    ``MIN_PER_FILE``; within a file, operators alternate. A change of one function has little
+    effect on the choice in others.
     """
     queues: dict[str, list[Mutant]] = {}
     by_file: defaultdict[str, Counter[str]] = defaultdict(Counter)

@@ -1,4 +1,4 @@
-"""A device behind a pseudo-terminal that can be plugged in and out under one name."""
+"""A serial device on a pseudo-terminal that can be plugged in and unplugged."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ import tty
 
 class PtyPort:
     """
-    The device's end of a serial port; ``path`` is the host's end while it is plugged in.
+    Device side of a serial port; ``path`` is the host side while it is plugged in.
 
-    The host's end stays open here, as a driver keeps a port there that nobody uses.
+    The host side stays open here: a port exists even if no process uses it.
     """
 
     def __init__(self, path: Path) -> None:
@@ -21,7 +21,7 @@ class PtyPort:
         self._ends: tuple[int, int] | None = None
 
     def plug_in(self) -> PtyPort:
-        """Let the port appear."""
+        """Create the port."""
         device, host = os.openpty()
         tty.setraw(device)
         os.set_blocking(device, False)
@@ -30,7 +30,7 @@ class PtyPort:
         return self
 
     def unplug(self) -> None:
-        """Let the port vanish from under whoever has it open; again, if it did before."""
+        """Remove the port even if a host has it open; no effect if it is unplugged."""
         if self._ends is not None:
             self.path.unlink()
             for end in self._ends:
@@ -44,7 +44,7 @@ class PtyPort:
             os.write(self._ends[0], data)
 
     def read(self, timeout: float) -> bytes:
-        """Return what the host has sent, empty if there is nothing within ``timeout`` seconds."""
+        """Return bytes sent by the host, empty after ``timeout`` seconds without any."""
         assert self._ends is not None
         ready, _, _ = select.select(self._ends[:1], [], [], timeout)
         return os.read(self._ends[0], 4096) if ready else b''
