@@ -78,7 +78,7 @@ class Synthesiser:
         volts = (volts - peak * bumps * tread_film.bumps(x, params.length, patch).value
                  + params.noise * rng.standard_normal(len(x)))
         counts = self._chain.counts(volts)
-        rail = (counts == self._chain.highest).astype(np.int8) - (counts == 0)
+        rail = (counts == self._chain.max_count).astype(np.int8) - (counts == 0)
         return FilmSamples(film, place + past, self._chain.volts(counts), rail)
 
     def _look(self, one: FilmSamples, place: float) -> Detection | None:

@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from smart_tire.analysis.series import Floats, PoseSeries, Series, SlipSeries, Stamps, Table
-from smart_tire.models.vehicle.skid_steer import icr, SIDE
+from smart_tire.models.vehicle.skid_steer import icr, SIDE_SIGNS
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import Icr, LEFT, NS_PER_S, Odometry, RIGHT, Sample, WheelSlip
 
@@ -105,7 +105,7 @@ def as_truth(records: Iterable[Sample], robot: RobotParams) -> Truth:
     if not (np.array_equal(poses.stamp_ns, stamps) and told > 1):
         raise ValueError('truth needs two or more instants with both odometry and slip')
     v_x, W = poses.twist[:, 0], poses.twist[:, 2]
-    ground = v_x[:, np.newaxis] - 0.5 * robot.track_width * SIDE * W[:, np.newaxis]
+    ground = v_x[:, np.newaxis] - 0.5 * robot.track_width * SIDE_SIGNS * W[:, np.newaxis]
     return Truth(stamps[:told], _until(poses, told), slips.ratio[:told],
                  (slide + ground)[:told], robot.wheel_radius)
 

@@ -1,1 +1,1 @@
-"""Physics in closed form: pure, vectorised functions of numpy arrays."""
+"""Physics in closed form: pure, vectorized functions of numpy arrays."""

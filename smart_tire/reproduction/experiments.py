@@ -27,7 +27,7 @@ class Specimen:
 
     def charge(self, deflection: Array, model: str = 'exact') -> Array:
         """Return Q_en [C] at ``deflection`` [m], before hysteresis."""
-        charge: Array = self.gain * self.film.normalised_charge(deflection, model)
+        charge: Array = self.gain * self.film.normalized_charge(deflection, model)
         return charge
 
 

@@ -92,7 +92,7 @@ def record(laboratory: Laboratory, film: Specimen, seed: int) -> FilmRecording:
 
 def estimated(recording: FilmRecording, film: Specimen, params: FilmParams) -> Estimated:
     """Return what the operator makes of the recorded deflection, beside what was measured."""
-    v = film.film.normalised_charge(np.maximum(recording.input, 0.0))
+    v = film.film.normalized_charge(np.maximum(recording.input, 0.0))
     operator, since = params.operator, recording.time
     # the paper's zero initial condition: no charge, wherever the film stands at the time
     charge = respond(v, operator, start=(float(v[0]), 0.0), dead_band=DEAD_BAND)

@@ -139,7 +139,7 @@ def proportionality(laboratory: Laboratory) -> Proportionality:
     models = {name: np.array([endless_peak(film, 2.0 * top, name) for top in AMPLITUDES])
               for name in ('exact', 'printed', 'linear')}
     top = 2.0 * AMPLITUDES[-1:]
-    exact, linear = (float(film.film.normalised_charge(top, name)[0])
+    exact, linear = (float(film.film.normalized_charge(top, name)[0])
                      for name in ('exact', 'linear'))
     slope, offset = np.polyfit(AMPLITUDES, peak, 1)
     return Proportionality(AMPLITUDES, peak, np.array([loop.peak_sigma for loop in loops]),

@@ -62,7 +62,7 @@ class FilmTestStand:
         rng = np.random.default_rng(seed)
         fine = np.interp(np.arange((path.size - 1) * OVERSAMPLING + 1) / OVERSAMPLING,
                          np.arange(path.size), path)
-        charge = respond(self.gain * self.film.normalised_charge(fine), self.hysteresis)
+        charge = respond(self.gain * self.film.normalized_charge(fine), self.hysteresis)
         output = self._amplified(charge)[::OVERSAMPLING]
         output = output + self.charge_noise * rng.standard_normal(path.size)
         return FilmRecording(np.arange(path.size) / self.rate,

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 import math
 
-from smart_tire.models.vehicle.skid_steer import END, normal_loads, SIDE
+from smart_tire.models.vehicle.skid_steer import AXLE_SIGNS, normal_loads, SIDE_SIGNS
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.parameters.simulation import DriveParams
 from smart_tire.samples import WHEELS
@@ -46,8 +46,8 @@ class Plant:
         self.load = [0.0] * 4                           # N
         self.surface: list[Surface] = [surfaces.at(self.x, self.y)] * 4
         self._load_acceleration = (0.0, 0.0)            # m/s2, low-pass, for the load transfer
-        self._wheel_x = [0.5 * robot.wheelbase * float(end) for end in END]
-        self._wheel_y = [0.5 * robot.track_width * float(side) for side in SIDE]
+        self._wheel_x = [0.5 * robot.wheelbase * float(end) for end in AXLE_SIGNS]
+        self._wheel_y = [0.5 * robot.track_width * float(side) for side in SIDE_SIGNS]
         self._load_map = self._linear_loads()
         self.slip_floor = self._stable_slip_floor()
         self._update_wheels()

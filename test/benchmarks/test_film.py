@@ -1,4 +1,4 @@
-"""The bench's table of measuring with a film: every cell is there, and honest."""
+"""Table of film accuracy: complete, with consistent standard deviations."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ import re
 from benchmarks import film
 
 
-def test_each_size_and_frequency_has_an_error_and_its_share_of_sigma(capsys, monkeypatch):
-    monkeypatch.setattr(film, 'SIZES', (0.002, 0.010))
+def test_each_amplitude_and_frequency_has_an_error_and_a_normalized_error(capsys, monkeypatch):
+    monkeypatch.setattr(film, 'AMPLITUDES', (0.002, 0.010))
     monkeypatch.setattr(film, 'FREQUENCIES', (1.0, 5.0))
-    film.print_measuring()
+    film.print_accuracy()
     cells = re.findall(r'([0-9.]+) \(([0-9.]+)\)', capsys.readouterr().out)
     assert len(cells) == 4
     assert all(10.0 < float(error) < 100.0 for error, _ in cells)  # um

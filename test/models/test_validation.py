@@ -1,4 +1,4 @@
-"""Arguments of the models: what passes comes back, what does not is named with its value."""
+"""Arguments of the models: valid ones are returned, invalid ones named with their value."""
 
 from hypothesis import given, strategies as st
 import numpy as np
@@ -8,13 +8,13 @@ from smart_tire.models import validation
 
 
 @given(st.lists(st.floats(1e-9, 1e9)))
-def test_good_numbers_come_back_as_they_are(values):
+def test_valid_numbers_are_returned_unchanged(values):
     for check in (validation.numbers, validation.finite, validation.positive,
                   validation.not_negative):
         np.testing.assert_array_equal(check('x', values), values)
 
 
-def test_zero_and_infinity_pass_where_they_may():
+def test_zero_and_infinity_are_accepted_where_allowed():
     assert validation.not_negative('x', 0.0) == 0.0
     assert validation.not_negative('x', np.inf, infinite=True) == np.inf
     assert validation.numbers('x', -np.inf) == -np.inf
@@ -22,7 +22,7 @@ def test_zero_and_infinity_pass_where_they_may():
 
 @pytest.mark.parametrize('call, message', [
     (lambda: validation.numbers('x', [[1.0, 2.0], [3.0, np.nan]]), r'x\[1, 1\] is nan'),
-    (lambda: validation.numbers('x', [[1.0], [2.0, 3.0]]), 'x holds what is no number'),
+    (lambda: validation.numbers('x', [[1.0], [2.0, 3.0]]), 'x is not numeric'),
     (lambda: validation.numbers('x', None), 'x is nan'),
     (lambda: validation.finite('x', -np.inf), 'x is -inf, expected finite'),
     (lambda: validation.positive('x', [1.0, 0.0]), r'x\[1\] is 0.0, expected above zero'),
@@ -30,8 +30,8 @@ def test_zero_and_infinity_pass_where_they_may():
     (lambda: validation.not_negative('x', np.inf), 'x is inf'),
     (lambda: validation.within('x', 2.0, 0.0, [3.0, 1.0], 'too far'), 'x.* is 2.0, too far'),
     (lambda: validation.fitting(a=np.ones(2), b=1.0, c=np.ones((4, 3))),
-     r'do not fit each other: a \(2,\), c \(4, 3\)'),
+     r'do not broadcast: a \(2,\), c \(4, 3\)'),
     (lambda: validation.one_of('x', 'c', ('a', 'b')), "x is 'c', expected one of a, b")])
-def test_bad_ones_are_named(call, message):
+def test_invalid_arguments_are_named(call, message):
     with pytest.raises(ParameterError, match=message):
         call()

@@ -20,7 +20,7 @@ def test_without_instrument_errors_the_output_is_the_charge_of_the_film():
     moved = sine(0.012, 5.0, 1.0, 1000.0)
     recording = IDEAL.run(moved, 1)
     np.testing.assert_array_equal(recording.input, moved)
-    exact = respond(TABLE_I_GAIN * FILMS['25x3'].normalised_charge(moved), TABLE_I)
+    exact = respond(TABLE_I_GAIN * FILMS['25x3'].normalized_charge(moved), TABLE_I)
     # tolerance: the stage moves at constant speed between samples and cuts the peak of the sine
     np.testing.assert_allclose(recording.output, exact, rtol=0.0, atol=2e-12)
     np.testing.assert_allclose(np.diff(recording.time), 1e-3)

@@ -46,7 +46,7 @@ def identify_film(recording: FilmRecording, film: BucklingFilm | None
         deflection = np.maximum(deflection, 0.0)
         if (film.stroke(deflection) >= TOUCHING_STROKE).any():
             notes.append(f'the film touches itself (a stroke above {TOUCHING_STROKE:.3f})')
-    v = deflection if film is None else film.normalised_charge(deflection)
+    v = deflection if film is None else film.normalized_charge(deflection)
     fit = identify(recording.time, v, recording.output, trusted=trusted,
                    amplifier=film is not None)
     for count, what in ((spikes, 'spikes of the input were removed'),

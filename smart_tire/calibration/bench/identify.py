@@ -24,7 +24,7 @@ from smart_tire.arrays import Array
 from smart_tire.errors import EstimatorError, ParameterError
 from smart_tire.estimation.film.denoise import DEAD_BAND_NOISE_FACTOR
 from smart_tire.models.film.monotone_branches import (
-    Branches, lasting_branches, relaxation, relaxation_at_starts)
+    Branches, dead_band_branches, relaxation, relaxation_at_starts)
 from smart_tire.numerics.robust import MAD_TO_SIGMA, noise_level
 from smart_tire.uncertain import Uncertain
 
@@ -95,7 +95,7 @@ class _Model:
     def __init__(self, time: Array, v: Array, output: Array, dead_band: float,
                  amplifier: bool) -> None:
         self._v, self._path = v, np.concatenate([v[:1], v])
-        self._branches = lasting_branches(self._path, dead_band)
+        self._branches = dead_band_branches(self._path, dead_band)
         _check_loop(self._path, self._branches)
         elapsed = time - time[0]
         self.center = float(np.median(output))  # decorrelates the integral from the drift

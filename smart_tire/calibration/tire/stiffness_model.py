@@ -16,7 +16,7 @@ import numpy as np
 from smart_tire.arrays import Array
 from smart_tire.calibration.recording import Signal
 from smart_tire.calibration.tire.straight_segments import StraightSegments
-from smart_tire.models.tire.shared_slip import stiff_slip
+from smart_tire.models.tire.shared_slip import linear_tire_force
 from smart_tire.models.vehicle.skid_steer import GRAVITY, normal_loads
 from smart_tire.parameters import RobotParams
 
@@ -84,7 +84,7 @@ class StiffnessModel:
         if linear_force is None:
             loads = normal_loads(robot.mass, robot.center_of_mass, robot.wheelbase,
                                  robot.track_width, acceleration, 0.0, radius=robot.wheel_radius)
-            linear_force = stiff_slip(force, math.exp(common[Common.FRICTION]), loads.T)
+            linear_force = linear_tire_force(force, math.exp(common[Common.FRICTION]), loads.T)
         compliance = common[Common.COMPLIANCE] / robot.tire.longitudinal_stiffness
         slip = compliance * linear_force * direction + common[Common.RADIUS_ERROR]
         return Motion(ground, np.clip(slip, -MAX_SLIP, MAX_SLIP), force * direction, linear_force)

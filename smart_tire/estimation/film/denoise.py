@@ -7,7 +7,7 @@ from scipy.ndimage import median_filter
 from scipy.signal import savgol_coeffs, savgol_filter
 
 from smart_tire.arrays import Array
-from smart_tire.models.film.monotone_branches import lasting_branches
+from smart_tire.models.film.monotone_branches import dead_band_branches
 from smart_tire.numerics.robust import noise_level
 
 DEAD_BAND_NOISE_FACTOR = 10.0  # of the noise: white noise of 1e5 samples spans 9
@@ -31,7 +31,7 @@ def without_spikes(signal: Array) -> tuple[Array, int]:
 def smoothed(signal: Array) -> tuple[Array, float]:
     """Return the signal smoothed as much as its shape allows, and the remaining noise."""
     noise = noise_level(signal)
-    reversals = lasting_branches(signal, DEAD_BAND_NOISE_FACTOR * noise)
+    reversals = dead_band_branches(signal, DEAD_BAND_NOISE_FACTOR * noise)
     for window in WINDOW_LENGTHS:
         if window > signal.size // 4:
             continue

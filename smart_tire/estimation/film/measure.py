@@ -22,7 +22,7 @@ from smart_tire.estimation.film.recording import check_series
 from smart_tire.models.film import elastica
 from smart_tire.models.film.hysteresis import DuhemParams
 from smart_tire.models.film.hysteresis_inverse import invert
-from smart_tire.models.film.monotone_branches import lasting_branches
+from smart_tire.models.film.monotone_branches import dead_band_branches
 
 TENSION_SIGMAS = 4.0              # beyond flat: the film is under tension, not buckled
 EDGE_NOISE_FACTOR = 2.67          # noise of a smoothed signal at its first sample over that inside
@@ -78,7 +78,7 @@ def measure(time: Array, charge: Array, params: FilmParams, *, used: bool = Fals
 
 def _slope(y: Array, v: Array, operator: DuhemParams, band: float) -> Array:
     """Return dy / dv on the branch of each sample: b - s alpha z of A(17)."""
-    branches = lasting_branches(np.concatenate([[0.0], y]), band)
+    branches = dead_band_branches(np.concatenate([[0.0], y]), band)
     slope: Array = operator.b - branches.signs[branches.numbers] * operator.alpha * (
         y - operator.a * v)
     return np.maximum(slope, 2.0 * operator.b - operator.a)

@@ -1,9 +1,9 @@
 """
-The buckled film as a sensor: geometry, material, and charge from deflection, paper A, II.
+Buckled film as a sensor: geometry, material, and charge from deflection, paper A, section II.
 
-A film of length 2 L is clamped at both ends, flat at deflection 0; ``deflection`` [m] is how far
-its ends have come together, the paper's Delta without its sign. Charge is counted from the flat
-film and before hysteresis (Q_en), so it is negative: the load falls below the Euler load's share.
+A film of length 2 L is clamped at both ends and flat at deflection 0; ``deflection`` [m] is the
+approach of its ends, the magnitude of the paper's Delta. The charge Q_en is that before
+hysteresis, relative to the flat film, and negative: f (1 - delta) is below the Euler load.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from smart_tire.models.film import elastica, elastica_with_weight, printed_elast
 
 GRAVITY = 9.80665  # m/s2, standard
 
-# stroke of a deflection over the film's half length L: A(8b) needs half the end's stroke for each
-# half of the film, but delta = Delta / L is printed
+# stroke over deflection / L: A(8b) needs half of the end displacement for each half of the film,
+# but delta = Delta / L is printed
 STROKE_FACTOR = {'exact': 0.5, 'printed': 1.0}
 CHARGE_MODELS: dict[str, Callable[[ArrayLike], Array]] = {
     'exact': elastica.charge, 'printed': printed_elastica.charge,
@@ -30,7 +30,7 @@ CHARGE_MODELS: dict[str, Callable[[ArrayLike], Array]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Material:
-    """Film material; the paper gives no constants, these are assumed: usual values of PVDF."""
+    """Film material: typical values of PVDF, assumed, since the paper gives no constants."""
 
     d31: float = 23e-12     # C/N
     c11: float = 3e9        # Pa, also Young's modulus E
@@ -42,7 +42,16 @@ class Material:
 
 @dataclass(frozen=True, kw_only=True)
 class BucklingFilm:
-    """A strip of film; ``convention`` names the normalisation of its stroke."""
+    """
+    Strip of film; ``convention`` names the normalization of its stroke, ``exact`` or ``printed``.
+
+    Raises ParameterError unless all dimensions are positive.
+
+    >>> film = FILMS['25x3']
+    >>> print(f'{film.gain * 1e9:.3f} nC {film.stroke(0.0025):.3f} '
+    ...       f'{film.normalized_charge(0.0025):.4f}')
+    0.330 nC 0.100 -0.0523
+    """
 
     length: float     # m, 2 L between the clamps
     width: float      # m, b
@@ -58,42 +67,43 @@ class BucklingFilm:
 
     @property
     def half_length(self) -> float:
-        """Return L [m]."""
+        """Half length L [m]."""
         return 0.5 * self.length
 
     @property
     def second_moment(self) -> float:
-        """Return I [m4] of the cross section."""
+        """Second moment of area I [m4]."""
         return self.width * self.thickness**3 / 12.0
 
     @property
     def weight(self) -> float:
-        """Return w of A(6), weight over bending stiffness."""
+        """Dimensionless weight w of A(6), weight over bending stiffness."""
         per_length = self.material.density * self.width * self.thickness * GRAVITY
         return per_length * self.half_length**3 / (self.material.c11 * self.second_moment)
 
     @property
     def gain(self) -> float:
-        """Return K [C] of A(15); Table I's fitted one is a hundred times larger."""
+        """Gain K [C] of A(15); the fitted one of Table I is a hundred times larger."""
         return (2.0 * math.pi**2 * self.material.d31 * self.material.c11 * self.second_moment
                 / (self.half_length * self.thickness))
 
     def stroke(self, deflection: ArrayLike) -> Array:
-        """Return the normalised stroke delta; ParameterError where there is none, see elastica."""
+        """Return the stroke delta [-]; ParameterError outside [0, 1), see ``elastica``."""
         factor = STROKE_FACTOR[self.convention] / self.half_length
         return elastica.checked_stroke(np.asarray(deflection, dtype=float) * factor)
 
     def deflection(self, stroke: ArrayLike) -> Array:
-        """Return the deflection [m] of a normalised stroke."""
+        """Return the deflection [m] for a stroke [-]."""
         factor = STROKE_FACTOR[self.convention] / self.half_length
         return elastica.checked_stroke(stroke) / factor
 
-    def normalised_charge(self, deflection: ArrayLike, model: str = 'exact') -> Array:
+    def normalized_charge(self, deflection: ArrayLike, model: str = 'exact') -> Array:
         """
-        Return Q_en / K of a deflection [m].
+        Return Q_en / K [-] for a deflection [m].
 
-        ``exact`` is the weightless elastica, ``printed`` A(15), ``linear`` A(16); ``arched`` and
-        ``hanging`` have the film's weight, which counts below strokes of 0.05 only, and are slow.
+        ``exact`` is the weightless elastica, ``printed`` A(15), ``linear`` A(16). ``arched`` and
+        ``hanging`` include the weight, which matters below strokes of 0.05 only, and are slow.
+        Raises ParameterError for another model or a deflection out of range.
         """
         stroke = self.stroke(deflection)
         if model in ('arched', 'hanging'):
@@ -105,7 +115,7 @@ class BucklingFilm:
         return CHARGE_MODELS[model](stroke)
 
     def deflection_from_charge(self, charge: ArrayLike) -> Array:
-        """Return the deflection [m] of a charge Q_en / K in (-1, 0]: inverse of ``exact``."""
+        """Return the deflection [m] for a charge Q_en / K in (-1, 0], the inverse of ``exact``."""
         return self.deflection(elastica.stroke_from_charge(charge))
 
 

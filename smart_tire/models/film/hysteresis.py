@@ -3,9 +3,10 @@ Duhem hysteresis of the film, A(17): ``dy = alpha |du| (a u - y) + b du``.
 
 With ``z = y - a u`` it reads ``dz = -alpha |du| z - (a - b) du``: linear, and on a branch of one
 direction s = +-1 that starts at (u0, z0), with g = (a - b) / alpha,
-``z = -s g + (z0 + s g) exp(-alpha |u - u0|)``. Only the way matters, not its speed; every
-initial z is forgotten, for z is drawn into the band ``|z| <= g``. ``u`` is the paper's Q_en and
-``y`` its Q_e in coulomb, but any units will do: ``alpha`` is in 1/u, ``a`` and ``b`` in y/u.
+``z = -s g + (z0 + s g) exp(-alpha |u - u0|)``. The operator is rate-independent, and the effect of
+the initial z decays, since the band ``|z| <= g`` attracts all states. ``u`` is the paper's Q_en
+and ``y`` its Q_e in coulomb, but any units can be used: ``alpha`` is in 1/u, ``a`` and ``b`` in
+y/u.
 """
 
 from __future__ import annotations
@@ -18,15 +19,19 @@ import numpy as np
 from smart_tire.arrays import Array, ArrayLike
 from smart_tire.errors import ParameterError
 from smart_tire.models.film.monotone_branches import (
-    lasting_branches, monotone_branches, relaxation, relaxation_at_starts, series)
+    dead_band_branches, monotone_branches, relaxation, relaxation_at_starts, series)
 
 
 @dataclass(frozen=True, kw_only=True)
 class DuhemParams:
-    """Constants of A(17); inside the band no branch ever falls, because of ``b >= a / 2``."""
+    """
+    Constants of A(17), ``a > b >= a / 2 > 0``; ParameterError otherwise.
+
+    Inside the band, ``b >= a / 2`` makes the output monotone in the input on every branch.
+    """
 
     alpha: float  # 1/u
-    a: float      # y/u, slope of the middle of large loops
+    a: float      # y/u, mean slope of large loops
     b: float      # y/u, slope of small loops
 
     def __post_init__(self) -> None:
@@ -39,7 +44,7 @@ class DuhemParams:
 
     @property
     def band(self) -> float:
-        """Return the largest |y - a u| of the band that attracts all states."""
+        """Largest |y - a u| of the band that attracts all states."""
         return (self.a - self.b) / self.alpha
 
 
@@ -49,10 +54,14 @@ TABLE_I_GAIN = 34.47e-9                              # C, K there
 
 class Duhem:
     """
-    The operator as a state: (u, y), the way in so far.
+    Duhem operator of A(17) with its state (u, y), for inputs in chunks.
 
-    A sample's output follows from the turning point that its branch started at, so any division
-    of the input into chunks gives the same output to the last bit.
+    The output of a sample is computed from the turning point at which its branch started, so the
+    division of the input into chunks does not change the output, not even by rounding.
+
+    >>> operator = Duhem(TABLE_I)
+    >>> print(operator.update([4e-9, 8e-9]), operator.update([4e-9]))
+    [1.37794017e-09 3.10873663e-09] [2.2773044e-09]
     """
 
     def __init__(self, params: DuhemParams, u: float = 0.0, y: float = 0.0) -> None:
@@ -60,12 +69,12 @@ class Duhem:
         self.reset(u, y)
 
     def reset(self, u: float = 0.0, y: float = 0.0) -> None:
-        """Forget the way; stand at (u, y), which may lie outside the band."""
+        """Restart at (u, y), which may lie outside the band."""
         self._u, y = (float(series(name, value)[0]) for name, value in (('u', u), ('y', y)))
         self._begin, self._begin_z, self._sign = self._u, y - self.params.a * self._u, 0.0
 
     def update(self, u: ArrayLike) -> Array:
-        """Go on to the samples ``u`` one after the other; return y (n,)."""
+        """Advance by the samples ``u`` (n,); return y (n,). ParameterError unless finite."""
         u = series('u', u)
         path = np.concatenate([[self._u], u])
         p, branches = self.params, monotone_branches(path, self._sign)
@@ -81,15 +90,19 @@ class Duhem:
 def respond(u: ArrayLike, params: DuhemParams, *, start: tuple[float, float] = (0.0, 0.0),
             dead_band: float = 0.0) -> Array:
     """
-    Return the output y (n,) of a whole input u (n,) that comes from the state ``start`` (u, y).
+    Return the output y (n,) of A(17) for a complete input u (n,), from the state ``start`` (u, y).
 
-    ``dead_band`` [u] is for a measured input: its noise would turn the direction with every
-    sample, and with it the state; ways back that are not longer do not count as branches.
+    ``dead_band`` (in u) is for a measured input, whose noise would reverse the direction at every
+    sample and change the state; reversals of at most the dead band do not end a branch. Raises
+    ParameterError for values that are not finite.
+
+    >>> print(respond([4e-9, 8e-9, 4e-9], TABLE_I))
+    [1.37794017e-09 3.10873663e-09 2.27730440e-09]
     """
     if dead_band == 0.0:
         return Duhem(params, *start).update(u)
     path = np.concatenate([[start[0]], series('u', u)])
-    branches = lasting_branches(path, dead_band)
+    branches = dead_band_branches(path, dead_band)
     z = start[1] - params.a * start[0]
     starts = relaxation_at_starts(path, branches, params.alpha, params.band, z, start[0])
     return params.a * path[1:] + relaxation(path, branches, params.alpha, params.band, starts,

@@ -1,11 +1,11 @@
 """
-The exact inverse of Duhem's operator: from the output y back to the input u, branch by branch.
+Exact inverse of the Duhem operator of A(17): input u from output y, branch by branch.
 
-On a branch that starts at (y0, z0) with direction s, let ``c = g + s z0``, ``m = alpha c / a``
-and ``r = alpha |y - y0| / a``. The way ``x = alpha |u - u0|`` then solves
-``x - m (1 - exp(-x)) = r``: ``x = r + m + W(-m exp(-(r + m)))`` with the principal branch of
-Lambert's W. Inside the band 0 <= m <= 1 and there is one solution; outside it a branch of the
-operator falls before it rises, two inputs give one output, and the inverse is refused.
+On a branch that starts at (y0, z0) with direction s, let ``c = g + s z0``, ``m = alpha c / a`` and
+``r = alpha |y - y0| / a``. The input distance ``x = alpha |u - u0|`` then solves
+``x - m (1 - exp(-x)) = r``: ``x = r + m + W(-m exp(-(r + m)))`` with the principal branch of the
+Lambert W function. Inside the band 0 <= m <= 1 and the solution is unique. Outside it a branch of
+the operator is not monotone, two inputs have the same output, and ParameterError is raised.
 """
 
 from __future__ import annotations
@@ -21,26 +21,32 @@ from smart_tire.arrays import Array, ArrayLike
 from smart_tire.errors import ParameterError
 from smart_tire.models.film.hysteresis import DuhemParams
 from smart_tire.models.film.monotone_branches import (
-    Branches, lasting_branches, monotone_branches, series)
+    Branches, dead_band_branches, monotone_branches, series)
 
-ROUNDING = 1e-9  # of the band: how far outside a state may lie that was computed to be inside
+BAND_TOLERANCE = 1e-9  # relative to the band: rounding of a state on its border
 
 
 class InverseDuhem:
-    """The inverse operator as a state (u, y), for inputs y in chunks of any size."""
+    """
+    Inverse operator of A(17) with its state (u, y), for outputs y in chunks of any size.
+
+    >>> inverse = InverseDuhem(DuhemParams(alpha=0.15, a=0.54, b=0.28))
+    >>> print(inverse.update([1.0, 2.0]).round(3), inverse.update([1.0]).round(3))
+    [3.022 5.509] [1.316]
+    """
 
     def __init__(self, params: DuhemParams, u: float = 0.0, y: float = 0.0) -> None:
         self.params = params
         self.reset(u, y)
 
     def reset(self, u: float = 0.0, y: float = 0.0) -> None:
-        """Forget the way; stand at (u, y), which must lie inside the band."""
+        """Restart at (u, y); raise ParameterError if it lies outside the band."""
         u, self._y = (float(series(name, value)[0]) for name, value in (('u', u), ('y', y)))
         self._begin, self._sign = self._y, 0.0
         self._begin_z = inside_band(self.params, u, self._y)
 
     def update(self, y: ArrayLike) -> Array:
-        """Go on to the samples ``y`` one after the other; return u (n,)."""
+        """Advance by the samples ``y`` (n,); return u (n,). ParameterError unless finite."""
         y = series('y', y)
         path = np.concatenate([[self._y], y])
         branches = monotone_branches(path, self._sign)
@@ -57,15 +63,19 @@ class InverseDuhem:
 def invert(y: ArrayLike, params: DuhemParams, *, start: tuple[float, float] = (0.0, 0.0),
            dead_band: float = 0.0) -> Array:
     """
-    Return the input u (n,) of a whole output y (n,) that comes from the state ``start`` (u, y).
+    Return the input u (n,) of A(17) for a complete output y (n,), from the state ``start`` (u, y).
 
-    ``dead_band`` [y]: ways back that are not longer are noise and stay on their branch. Without
-    it noise wanders through small loops until the state has forgotten the large one.
+    ``dead_band`` (in y): reversals of at most this size are noise and stay on their branch.
+    Without it noise drives the state through small loops until the large loop has decayed.
+    Raises ParameterError for a start outside the band and values that are not finite.
+
+    >>> print(invert([1.0, 2.0, 1.0], DuhemParams(alpha=0.15, a=0.54, b=0.28)).round(3))
+    [3.022 5.509 1.316]
     """
     if dead_band == 0.0:
         return InverseDuhem(params, *start).update(y)
     path = np.concatenate([[start[1]], series('y', y)])
-    branches = lasting_branches(path, dead_band)
+    branches = dead_band_branches(path, dead_band)
     z = inside_band(params, *start)
     starts = _at_starts(path, branches, params, z, start[1])
     u: Array = (path[1:] - _deviation(path, branches, params, starts, start[1])) / params.a
@@ -73,66 +83,76 @@ def invert(y: ArrayLike, params: DuhemParams, *, start: tuple[float, float] = (0
 
 
 def inside_band(params: DuhemParams, u: float, y: float) -> float:
-    """Return z = y - a u; raise ParameterError if it lies outside the band."""
+    """
+    Return z = y - a u of A(17); raise ParameterError if it lies outside the band.
+
+    >>> print(f'{inside_band(DuhemParams(alpha=0.15, a=0.54, b=0.28), 2.0, 2.0):.2f}')
+    0.92
+    """
     z, band = y - params.a * u, params.band
-    rounding = ROUNDING * max(band, abs(y))
+    rounding = BAND_TOLERANCE * max(band, abs(y))
     if abs(z) > band + rounding:
         raise ParameterError(
-            f'the state u = {u}, y = {y} has y - a u = {z}, outside the band of +-{band}: there '
-            'an output belongs to more than one input, so there is no inverse')
+            f'the state u = {u}, y = {y} has y - a u = {z}, outside the band of +-{band}: '
+            'several inputs have this output there, so there is no inverse')
     return min(max(z, -band), band)
 
 
-def way(r: Array, m: Array) -> Array:
-    """Return x >= 0 of ``x - m (1 - exp(-x)) = r`` for r >= 0 and 0 <= m <= 1."""
+def input_distance(r: Array, m: Array) -> Array:
+    """
+    Return the solution x >= 0 of ``x - m (1 - exp(-x)) = r`` for r >= 0 and 0 <= m <= 1; arrays.
+
+    >>> print(input_distance(np.array([0.1, 1.0]), np.array([0.5, 1.0])).round(4))
+    [0.1841 1.8414]
+    """
     with np.errstate(divide='ignore', invalid='ignore'):
-        # scipy's W is not a number at -1 / e itself, where fmax and max take the other one
-        x = np.fmax(_shortest(r, m, np.sqrt), r + m + lambertw(-m * np.exp(-(r + m))).real)
-        # r + m + W cancels; two steps of Newton on the equation itself bring the digits back
+        # scipy's W is NaN at -1 / e itself, where fmax and max select the lower bound
+        x = np.fmax(_lower_bound(r, m, np.sqrt), r + m + lambertw(-m * np.exp(-(r + m))).real)
+        # r + m + W cancels; two Newton steps on the equation itself restore the digits
         for _ in range(2):
             decay = np.expm1(-x)
             x = np.maximum(x - (x + m * decay - r) / (1.0 - m - m * decay), r)
     return np.where(r > 0.0, x, 0.0)
 
 
-def _way(r: float, m: float) -> float:
-    """Return what ``way`` returns, for numbers."""
+def _input_distance(r: float, m: float) -> float:
+    """Return ``input_distance`` of numbers."""
     if r <= 0.0:
         return 0.0
-    x = max(_shortest(r, m, math.sqrt), r + m + float(lambertw(-m * math.exp(-(r + m))).real))
+    x = max(_lower_bound(r, m, math.sqrt), r + m + float(lambertw(-m * math.exp(-(r + m))).real))
     for _ in range(2):
         decay = math.expm1(-x)
         x = max(x - (x + m * decay - r) / (1.0 - m - m * decay), r)
     return x
 
 
-def _shortest(r: Any, m: Any, root: Callable[[Any], Any]) -> Any:
-    """Return less than the way: of ``(1 - m) x + m x^2 / 2 = r``, where W itself is lost."""
-    rest = 1.0 - m
-    return 2.0 * r / (rest + root(rest * rest + 2.0 * m * r))
+def _lower_bound(r: Any, m: Any, root: Callable[[Any], Any]) -> Any:
+    """Return a lower bound of x, the root of ``(1 - m) x + m x^2 / 2 = r``, exact for small x."""
+    linear = 1.0 - m
+    return 2.0 * r / (linear + root(linear * linear + 2.0 * m * r))
 
 
 def _at_starts(path: Array, branches: Branches, params: DuhemParams, z: float,
                begin: float) -> Array:
-    """Return z where each branch starts; the first has started at ``begin`` with ``z``."""
+    """Return z at the start of each branch; the first one starts at ``begin`` with ``z``."""
     scale, band = params.alpha / params.a, params.band
     rises = scale * np.abs(np.diff(np.concatenate([[begin], path[branches.starts]])))
     values = [z]
     for rise, sign in zip(rises.tolist(), branches.signs[:-1].tolist()):
         reach = band + sign * z
-        z += sign * reach * math.expm1(-_way(rise, scale * reach))
+        z += sign * reach * math.expm1(-_input_distance(rise, scale * reach))
         values.append(z)
     return np.array(values)
 
 
 def _deviation(path: Array, branches: Branches, params: DuhemParams, at_starts: Array,
                begin: float) -> Array:
-    """Return z (n,) at every sample."""
+    """Return z (n,) at each sample."""
     scale, numbers = params.alpha / params.a, branches.numbers
     starts = np.concatenate([[begin], path[branches.starts]])[numbers]
     signs = branches.signs[numbers]
     start = at_starts[numbers]
     reach = params.band + signs * start
-    x = way(scale * np.abs(path[1:] - starts), scale * reach)
+    x = input_distance(scale * np.abs(path[1:] - starts), scale * reach)
     z: Array = start + signs * reach * np.expm1(-x)
     return z

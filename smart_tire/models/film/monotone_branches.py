@@ -1,9 +1,8 @@
 """
-Monotone branches of a sampled signal, on which a rate-independent operator has a closed form.
+Monotone branches of a sampled signal, on which the Duhem operator of A(17) has a closed form.
 
-A branch starts at a turning point and belongs to every sample up to the next one; the turning
-point itself is the last sample of the branch before. ``path`` is the signal with the point that
-it comes from in front: n + 1 values for n samples.
+A branch starts at a turning point and contains every sample up to the next turning point, which is
+the last sample of its branch. ``path`` (n + 1,) is the signal (n,) preceded by its start point.
 """
 
 from __future__ import annotations
@@ -21,59 +20,79 @@ Indices = npt.NDArray[np.intp]
 
 @dataclass(frozen=True)
 class Branches:
-    """The branches of a path; the first goes on from before and starts at ``path[0]``."""
+    """Branches of a path; the first one continues an earlier branch and starts at ``path[0]``."""
 
-    starts: Indices  # of every branch after the first: index of its turning point in the path
-    signs: Array     # of every branch: +1 rising, -1 falling, 0 at rest since the beginning
-    numbers: Indices  # of every sample: the number of its branch
+    starts: Indices  # of each branch after the first: index of its turning point in the path
+    signs: Array     # of each branch: +1 rising, -1 falling, 0 constant since the beginning
+    numbers: Indices  # of each sample: number of its branch
 
 
 def series(name: str, values: ArrayLike) -> Array:
-    """Return a signal as an array (n,); raise ParameterError if it is no finite series."""
+    """
+    Return a signal as an array (n,); raise ParameterError unless it is finite with one axis.
+
+    >>> series('u', [0.0, 1.0, float('nan')])
+    Traceback (most recent call last):
+    ...
+    smart_tire.errors.ParameterError: u[2] is nan, expected finite numbers
+    """
     try:
         array = np.asarray(values, dtype=float)
     except (TypeError, ValueError) as error:
-        raise ParameterError(f'{name} holds what is no number: {error}') from error
+        raise ParameterError(f'{name} is not numeric: {error}') from error
     if array.ndim > 1:
         raise ParameterError(f'{name} has shape {array.shape}, expected one axis')
     array = array.reshape(-1)
     finite = np.isfinite(array)
     if not finite.all():
-        where = int(np.argmin(finite))
-        raise ParameterError(f'{name}[{where}] is {array[where]}, expected finite numbers')
+        index = int(np.argmin(finite))
+        raise ParameterError(f'{name}[{index}] is {array[index]}, expected finite numbers')
     return array
 
 
 def monotone_branches(path: Array, sign: float = 0.0) -> Branches:
-    """Return the branches of ``path`` that goes on in direction ``sign``; rest turns nothing."""
-    steps = np.sign(np.diff(path))
-    moved = np.maximum.accumulate(np.where(steps != 0.0, np.arange(steps.size), -1))
-    signs = np.where(moved >= 0, steps[moved], sign) if steps.size else steps
-    turned = signs != np.concatenate([[sign], signs[:-1]])[:signs.size]
-    starts = np.flatnonzero(turned)
-    return Branches(starts, np.concatenate([[sign], signs[starts]]), np.cumsum(turned))
-
-
-def lasting_branches(path: Array, dead_band: float) -> Branches:
     """
-    Return the branches of ``path`` that are left when it turns back by ``dead_band`` or less.
+    Return the branches of ``path``, whose first one has the direction ``sign``.
 
-    What noise makes of a branch is not monotone: the small ways back and forth stay on it. A
-    turning point is known once the path has come back from it, so this is for whole recordings.
+    Equal successive samples do not end a branch.
+
+    >>> branches = monotone_branches(np.array([0.0, 1.0, 2.0, 2.0, 1.0, 3.0]))
+    >>> print(branches.starts, branches.signs, branches.numbers)
+    [0 3 4] [ 0.  1. -1.  1.] [1 1 1 2 3]
+    """
+    steps = np.sign(np.diff(path))
+    latest = np.maximum.accumulate(np.where(steps != 0.0, np.arange(steps.size), -1))
+    signs = np.where(latest >= 0, steps[latest], sign) if steps.size else steps
+    reverses = signs != np.concatenate([[sign], signs[:-1]])[:signs.size]
+    starts = np.flatnonzero(reverses)
+    return Branches(starts, np.concatenate([[sign], signs[starts]]), np.cumsum(reverses))
+
+
+def dead_band_branches(path: Array, dead_band: float) -> Branches:
+    """
+    Return the branches of ``path`` between reversals larger than ``dead_band``.
+
+    With noise a branch is not monotone; reversals of at most the dead band stay on it. A turning
+    point is confirmed by later samples only, so this is for complete recordings. Raises
+    ParameterError unless the dead band is finite and not negative.
+
+    >>> path = np.array([0.0, 1.0, 0.9, 2.0, 1.0, 1.1, 0.0])
+    >>> print(dead_band_branches(path, 0.2).starts, monotone_branches(path).starts)
+    [0 3] [0 1 2 3 4 5]
     """
     if not 0.0 <= dead_band < np.inf:
         raise ParameterError(f'dead_band is {dead_band}, expected zero or a positive number')
     strict = monotone_branches(path)
     corners = np.concatenate([[0], strict.starts, [path.size - 1]])
-    starts, signs = _turns(path[corners].tolist(), dead_band)
+    starts, signs = _reversals(path[corners].tolist(), dead_band)
     indices = corners[starts]
     numbers = np.zeros(path.size - 1, dtype=np.intp)
     np.add.at(numbers, indices[indices < numbers.size], 1)
     return Branches(indices, np.array([0.0, *signs]), np.cumsum(numbers))
 
 
-def _turns(values: list[float], dead_band: float) -> tuple[list[int], list[float]]:
-    """Return where ``values`` turn by more than the dead band, and the directions from there."""
+def _reversals(values: list[float], dead_band: float) -> tuple[list[int], list[float]]:
+    """Return indices of reversals above the dead band, and the directions after them."""
     starts: list[int] = []
     signs: list[float] = []
     low = high = 0
@@ -97,10 +116,14 @@ def _turns(values: list[float], dead_band: float) -> tuple[list[int], list[float
 def relaxation_at_starts(path: Array, branches: Branches, alpha: float, limit: float,
                          z: float, begin: float) -> Array:
     """
-    Return z where each branch starts, for ``dz = -alpha |du| z - alpha limit du``.
+    Return z at the start of each branch, for ``dz = -alpha |du| z - alpha limit du``, A(17).
 
-    The first branch has started at ``begin`` with ``z``. This is the only loop that Duhem's
-    operator needs, over turning points: each start follows from the one before.
+    The first branch starts at ``begin`` with ``z``. This is the only loop of the Duhem operator,
+    over turning points: each start follows from the previous one.
+
+    >>> path = np.array([0.0, 10.0, 0.0])
+    >>> print(relaxation_at_starts(path, monotone_branches(path), 0.15, 1.733, 0.0, 0.0).round(3))
+    [ 0.     0.    -1.346]
     """
     starts = np.concatenate([[begin], path[branches.starts]])
     shares = np.expm1(-alpha * np.abs(np.diff(starts)))
@@ -113,7 +136,17 @@ def relaxation_at_starts(path: Array, branches: Branches, alpha: float, limit: f
 
 def relaxation(path: Array, branches: Branches, alpha: float, limit: float,
                at_starts: Array, begin: float) -> Array:
-    """Return z (n,) at every sample of the path from its values where the branches start."""
+    """
+    Return z (n,) of A(17) at each sample, from its values at the starts of the branches.
+
+    Arguments as for ``relaxation_at_starts``, whose result is ``at_starts``.
+
+    >>> path = np.array([0.0, 5.0, 10.0, 0.0])
+    >>> branches = monotone_branches(path)
+    >>> starts = relaxation_at_starts(path, branches, 0.15, 1.733, 0.0, 0.0)
+    >>> print(relaxation(path, branches, 0.15, 1.733, starts, 0.0).round(3))
+    [-0.914 -1.346  1.046]
+    """
     starts = np.concatenate([[begin], path[branches.starts]])[branches.numbers]
     pull = (branches.signs * limit)[branches.numbers]
     start = at_starts[branches.numbers]

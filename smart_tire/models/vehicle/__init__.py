@@ -1,1 +1,1 @@
-"""The skid-steered vehicle: kinematics and wheel loads."""
+"""The skid-steer vehicle: kinematics and wheel loads."""

@@ -1,8 +1,8 @@
 """
-Kinematics and loads of a four-wheeled skid-steered robot: B(1) to B(8) in the axes of REP-103.
+Kinematics and wheel loads of a four-wheel skid-steer robot: B(1) to B(8) in REP-103 axes.
 
-Velocities are those of ``base_link``, the centre of the four wheel centres. What belongs to the
-four wheels has them on the last axis, in the order of ``samples.WHEELS``; arguments broadcast.
+Velocities are those of ``base_link``, the center of the four wheel centers. Arrays over the wheels
+have them on the last axis, in the order of ``samples.WHEELS``; arguments broadcast.
 """
 
 from __future__ import annotations
@@ -16,18 +16,21 @@ from smart_tire.arrays import Array, ArrayLike
 
 
 GRAVITY = 9.80665  # m/s2, standard
-SIDE = np.array([1.0, -1.0, 1.0, -1.0])  # +1 for the wheels on the left
-END = np.array([1.0, 1.0, -1.0, -1.0])   # +1 for the wheels in front
+SIDE_SIGNS = np.array([1.0, -1.0, 1.0, -1.0])  # +1 for left wheels
+AXLE_SIGNS = np.array([1.0, 1.0, -1.0, -1.0])   # +1 for front wheels
 
 
 def slip_ratio(rolling_speed: ArrayLike, ground_speed: ArrayLike,
                standstill_speed: float) -> Array:
     """
-    Return B(3)'s slip ratio [-] in [-1, 1], positive when driving, in both directions.
+    Return the slip ratio [-] of B(3) in [-1, 1], positive when driving, in both directions.
 
-    ``rolling_speed`` is r w, ``ground_speed`` the wheel centre's v_x, in m/s. NaN if and only if
-    both are below ``standstill_speed``; a wheel below it that turns against the motion, or not
-    at all, counts as locked: -1.
+    ``rolling_speed`` is r w [m/s], ``ground_speed`` v_x of the wheel center [m/s]. NaN if and only
+    if both are below ``standstill_speed`` [m/s]. A wheel below it that is stationary or turns
+    against the motion counts as locked: -1.
+
+    >>> print(slip_ratio([1.0, -1.0, 0.0, 0.0], [0.9, -1.2, 0.5, 0.0], 0.05))
+    [ 0.1 -0.2 -1.   nan]
     """
     rolling = np.asarray(rolling_speed, dtype=float)
     ground = np.asarray(ground_speed, dtype=float)
@@ -39,7 +42,12 @@ def slip_ratio(rolling_speed: ArrayLike, ground_speed: ArrayLike,
 
 
 def wheel_slip_ratio(rolling: float, ground: float, standstill_speed: float) -> float:
-    """Return ``slip_ratio`` of one wheel, ten times faster: a filter asks 125 times a second."""
+    """
+    Return ``slip_ratio`` of one wheel from numbers, ten times faster: the filter runs at 125 Hz.
+
+    >>> print(f'{wheel_slip_ratio(-1.0, -0.9, 0.05):.2f}')
+    0.10
+    """
     if abs(rolling) < standstill_speed:
         if abs(ground) < standstill_speed:
             return math.nan
@@ -50,23 +58,35 @@ def wheel_slip_ratio(rolling: float, ground: float, standstill_speed: float) -> 
 
 def wheel_velocities(v_x: ArrayLike, v_y: ArrayLike, yaw_rate: ArrayLike, wheelbase: float,
                      track: float) -> tuple[Array, Array]:
-    """Return the velocities (v_x, v_y) [m/s] of the wheel centres, each (..., 4): B(2)."""
+    """
+    Return the velocities (v_x, v_y) [m/s] of the wheel centers, each (..., 4): B(2).
+
+    Body velocities in m/s and rad/s (...), ``wheelbase`` and ``track`` in m.
+
+    >>> v_x, v_y = wheel_velocities(1.0, 0.0, 0.5, 0.26, 0.38)
+    >>> print(v_x, v_y)
+    [0.905 1.095 0.905 1.095] [ 0.065  0.065 -0.065 -0.065]
+    """
     rate = np.asarray(yaw_rate, dtype=float)[..., np.newaxis]
-    return (np.asarray(v_x)[..., np.newaxis] - 0.5 * track * SIDE * rate,
-            np.asarray(v_y)[..., np.newaxis] + 0.5 * wheelbase * END * rate)
+    return (np.asarray(v_x)[..., np.newaxis] - 0.5 * track * SIDE_SIGNS * rate,
+            np.asarray(v_y)[..., np.newaxis] + 0.5 * wheelbase * AXLE_SIGNS * rate)
 
 
 def wheel_speeds(v_x: ArrayLike, yaw_rate: ArrayLike, radius: float,
                  effective_track: float) -> Array:
     """
-    Return the wheel speeds [rad/s] (..., 4) for a body velocity, without longitudinal slip.
+    Return the wheel speeds [rad/s] (..., 4) for a body velocity without longitudinal slip, B(1).
 
-    ``effective_track`` [m] is the track of the differential drive that turns alike; a
-    skid-steered robot slips in every turn, so it is larger than the geometric track.
+    ``v_x`` [m/s] and ``yaw_rate`` [rad/s] have the shape (...), ``radius`` is in m.
+    ``effective_track`` [m] is the track of the differential drive with the same yaw rate; it is
+    larger than the geometric track, since a skid-steer robot slips in every turn.
+
+    >>> print(wheel_speeds(0.5, 0.4, 0.087, 0.55).round(2))
+    [4.48 7.01 4.48 7.01]
     """
     speed = np.asarray(v_x, dtype=float)[..., np.newaxis]
     rate = np.asarray(yaw_rate, dtype=float)[..., np.newaxis]
-    speeds: Array = (speed - 0.5 * effective_track * SIDE * rate) / radius
+    speeds: Array = (speed - 0.5 * effective_track * SIDE_SIGNS * rate) / radius
     return speeds
 
 
@@ -75,21 +95,34 @@ def normal_loads(mass: float, com: Sequence[float], wheelbase: float, track: flo
     """
     Return the wheel loads F_z [N] (..., 4) on level ground.
 
-    ``com`` [m] is the centre of mass in ``base_link``, so it lies ``com[2] + radius`` above the
-    ground; ``a_x``, ``a_y`` [m/s2] its horizontal acceleration in body axes. Four springs of
-    equal stiffness settle what statics leaves open. A lifted wheel carries 0.
+    ``mass`` is in kg. ``com`` [m] is the center of mass in ``base_link``, so it lies
+    ``com[2] + radius`` above the ground; ``a_x``, ``a_y`` [m/s2] (...) are its horizontal
+    acceleration in body axes. Four springs of equal stiffness resolve the statically
+    indeterminate case. The load of a lifted wheel is 0.
+
+    >>> loads = normal_loads(10.9, (0.0, 0.0, 0.023), 0.26, 0.38, 1.0, 0.0, radius=0.087)
+    >>> print(loads.round(1))
+    [24.4 24.4 29.  29. ]
     """
     height = com[2] + radius
     pitch = (GRAVITY * com[0] - height * np.asarray(a_x, dtype=float)) / wheelbase
     roll = (GRAVITY * com[1] - height * np.asarray(a_y, dtype=float)) / track
-    loads = mass * (0.25 * GRAVITY + 0.5 * pitch[..., np.newaxis] * END
-                    + 0.5 * roll[..., np.newaxis] * SIDE)
+    loads = mass * (0.25 * GRAVITY + 0.5 * pitch[..., np.newaxis] * AXLE_SIGNS
+                    + 0.5 * roll[..., np.newaxis] * SIDE_SIGNS)
     carried: Array = np.maximum(loads, 0.0)
     return carried
 
 
 def icr(v_x: ArrayLike, v_y: ArrayLike, yaw_rate: ArrayLike) -> tuple[Array, Array]:
-    """Return the centre of rotation (x = S, y) [m] in ``base_link``: B(4); NaN if not turning."""
+    """
+    Return the instantaneous center of rotation (x = S, y) [m] in ``base_link``, B(4).
+
+    Velocities are in m/s and rad/s. NaN for a yaw rate of zero.
+
+    >>> x, y = icr(0.6, -0.03, 0.5)
+    >>> print(f'{x:.2f} {y:.2f} m')
+    0.06 1.20 m
+    """
     rate = np.asarray(yaw_rate, dtype=float)
     safe = np.where(rate == 0.0, np.nan, rate)
     return -np.asarray(v_y) / safe, np.asarray(v_x) / safe

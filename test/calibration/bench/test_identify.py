@@ -96,7 +96,7 @@ def test_outliers_have_no_weight():
 def test_table_i_is_recovered_from_the_bench_within_its_error_bars():
     recording = several_loops()
     deflection = np.maximum(smoothed(recording.input)[0], 0.0)
-    fit = identify(recording.time, FILMS['25x3'].normalised_charge(deflection), recording.output)
+    fit = identify(recording.time, FILMS['25x3'].normalized_charge(deflection), recording.output)
     for name, true in TRUE.items():
         estimate = getattr(fit, name)
         assert abs(estimate.value - true) < 3.0 * estimate.sigma

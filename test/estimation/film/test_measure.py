@@ -158,7 +158,7 @@ def test_charges_that_a_buckled_film_cannot_have_are_invalid(identified):
 def test_a_film_without_geometry_measures_the_input_of_its_operator(identified):
     recording = several_loops()
     raw = measure(recording.time, recording.output, replace(identified, film=None))
-    v = FILM.normalised_charge(np.maximum(recording.input, 0.0))
+    v = FILM.normalized_charge(np.maximum(recording.input, 0.0))
     assert np.std(raw.value - v) < 5e-3
     assert raw.valid_count == v.size
 

@@ -1,4 +1,4 @@
-"""The film as a sensor: its numbers, both normalisations, and charge from deflection."""
+"""Buckled film as a sensor: its constants, both normalizations, and charge from deflection."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ def test_the_gain_of_table_i_is_a_hundred_times_the_papers_formula():
     assert 90.0 < 34.47e-9 / TABLE_I_FILM.gain < 110.0
 
 
-def test_the_films_of_the_paper_are_light():
+def test_the_weights_of_the_papers_films_are_small():
     weights = {name: film.weight for name, film in FILMS.items()}
     # 12 rho g L^3 / (E t^2) with rho = 1780 kg/m3, E = 3 GPa
     assert weights == pytest.approx({'25x3': 0.01127, '32x3': 0.02364, '10x1': 0.01113}, rel=1e-3)
 
 
-def test_each_half_takes_half_of_the_stroke():
+def test_each_half_film_has_half_of_the_end_displacement():
     exact, printed = TABLE_I_FILM, replace(TABLE_I_FILM, convention='printed')
     assert exact.stroke(0.0025) == pytest.approx(0.1)
     assert printed.stroke(0.0025) == pytest.approx(0.2)
@@ -39,21 +39,21 @@ def test_each_half_takes_half_of_the_stroke():
 
 
 @given(st.floats(0.0, 0.0249), st.sampled_from(['25x3', '32x3']))
-def test_charge_and_back_again(deflection, name):
+def test_the_deflection_from_the_charge_is_the_deflection(deflection, name):
     film = FILMS[name]
     assert film.deflection(film.stroke(deflection)) == pytest.approx(deflection, rel=1e-14)
-    back = film.deflection_from_charge(film.normalised_charge(deflection))
+    back = film.deflection_from_charge(film.normalized_charge(deflection))
     assert back == pytest.approx(deflection, rel=1e-9, abs=1e-17)
 
 
-def test_the_models_agree_for_small_strokes_and_part_for_large_ones():
+def test_the_models_agree_for_small_strokes_and_differ_for_large_ones():
     small, large = 1e-5, 0.012
-    charges = {model: TABLE_I_FILM.normalised_charge([small, large], model)
+    charges = {model: TABLE_I_FILM.normalized_charge([small, large], model)
                for model in ('exact', 'printed', 'linear', 'arched', 'hanging')}
     for model in ('printed', 'linear'):
         assert charges[model][0] == pytest.approx(charges['exact'][0], rel=1e-3)
         assert abs(charges[model][1] / charges['exact'][1] - 1.0) > 0.05
-    # below a stroke of 0.05 the weight counts, above it hardly
+    # the weight matters below a stroke of 0.05 only
     assert abs(charges['arched'][0] - charges['exact'][0]) > abs(charges['exact'][0])
     assert charges['arched'][1] == pytest.approx(charges['exact'][1], rel=2e-3)
     assert charges['hanging'][0] < charges['exact'][0] < charges['arched'][0]
@@ -62,17 +62,17 @@ def test_the_models_agree_for_small_strokes_and_part_for_large_ones():
 @pytest.mark.parametrize('change, message', [
     ({'length': 0.0}, 'length is 0'), ({'thickness': float('nan')}, 'thickness is nan'),
     ({'width': -1.0}, 'width is -1'), ({'convention': 'half'}, "convention is 'half'")])
-def test_films_that_can_not_be_are_refused(change, message):
+def test_invalid_films_are_rejected(change, message):
     with pytest.raises(ParameterError, match=message):
         replace(TABLE_I_FILM, **change)
 
 
-def test_wrong_materials_models_and_deflections_are_refused():
+def test_invalid_materials_models_and_deflections_are_rejected():
     with pytest.raises(ParameterError, match='density is inf'):
         Material(density=float('inf'))
     with pytest.raises(ParameterError, match="model is 'best'.*hanging"):
-        TABLE_I_FILM.normalised_charge(0.001, 'best')
+        TABLE_I_FILM.normalized_charge(0.001, 'best')
     with pytest.raises(ParameterError, match='stretched'):
-        TABLE_I_FILM.normalised_charge(-1e-6)
+        TABLE_I_FILM.normalized_charge(-1e-6)
     with pytest.raises(ParameterError, match='clamps have met'):
         BucklingFilm(length=0.01, width=0.001, thickness=28e-6).stroke(0.01)

@@ -1,4 +1,4 @@
-"""The weightless elastica against quadrature, its series, its energy and its limits."""
+"""Weightless elastica: quadrature, series, energy and limits."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ def by_quadrature(parameter, power):
                 epsabs=1e-14)[0]
 
 
-@pytest.mark.parametrize('angle', [0.01, 0.4, 1.0, 1.8, 2.2])  # rad, the largest of the film
-def test_stroke_load_and_charge_follow_from_the_largest_angle(angle):
+@pytest.mark.parametrize('angle', [0.01, 0.4, 1.0, 1.8, 2.2])  # rad, maximum angle of the film
+def test_stroke_load_and_charge_agree_with_quadrature(angle):
     parameter = np.sin(0.5 * angle)**2
     K, E = by_quadrature(parameter, -0.5), by_quadrature(parameter, 0.5)
     stroke, load = 2.0 - 2.0 * E / K, 4.0 * K**2
@@ -50,7 +50,7 @@ def test_the_shape_solves_a7_and_a8(stroke):
     assert got.y[-1] == pytest.approx(float(elastica.height(stroke)), abs=1e-14)
 
 
-def test_a_film_that_is_almost_flat_is_eulers():
+def test_an_almost_flat_film_is_the_euler_column():
     stroke, s = 1e-8, np.linspace(0.0, 1.0, 11)
     assert elastica.load(0.0) == pytest.approx(np.pi**2, rel=1e-15)
     theta = elastica.shape(stroke, s).theta
@@ -76,7 +76,7 @@ def test_the_charge_has_the_series_of_the_exact_solution(stroke):
 
 
 @pytest.mark.parametrize('stroke', [1e-3, 1e-2, 0.0199, 0.0201, 0.1])
-def test_small_strokes_keep_their_digits(stroke):
+def test_no_digits_are_lost_for_small_strokes(stroke):
     # the sum of the integrals' series in exact fractions of the parameter, term by term
     m = float(elastica.parameter_of(stroke))
     squares, K, E = 1.0, 1.0, 1.0
@@ -91,7 +91,7 @@ def test_small_strokes_keep_their_digits(stroke):
 
 
 @pytest.mark.parametrize('stroke', [0.01, 0.2, 0.5, 0.8])
-def test_the_work_of_the_load_is_stored_as_bending(stroke):
+def test_the_work_of_the_load_is_the_bending_energy(stroke):
     def energy(stroke):
         return 0.5 * quad(lambda s: float(elastica.shape(stroke, s).curvature)**2, 0.0, 1.0)[0]
     step = 1e-4
@@ -100,21 +100,21 @@ def test_the_work_of_the_load_is_stored_as_bending(stroke):
 
 
 @given(STROKES)
-def test_there_and_back_again(stroke):
+def test_inverse_functions_return_the_stroke(stroke):
     assert elastica.stroke_of(elastica.parameter_of(stroke)) == pytest.approx(stroke, rel=1e-12)
     assert elastica.stroke_from_charge(elastica.charge(stroke)) == pytest.approx(
         stroke, rel=1e-9, abs=1e-15)
 
 
 @given(st.floats(1e-4, 0.99))
-def test_the_slope_is_the_charges_derivative(stroke):
+def test_the_charge_slope_is_the_derivative_of_the_charge(stroke):
     step = 1e-5
     rise = elastica.charge(stroke + step) - elastica.charge(stroke - step)
     assert elastica.charge_slope(stroke) == pytest.approx(rise / (2.0 * step), rel=1e-6)
     assert elastica.charge_slope(stroke) < 0.0
 
 
-def test_the_halves_meet_where_the_film_touches_itself():
+def test_the_halves_meet_at_the_touching_stroke():
     def narrowest(stroke):
         return elastica.shape(stroke, np.linspace(0.3, 1.0, 20_001)).x.min()
     touching = brentq(narrowest, 0.7, 0.95)
@@ -133,14 +133,14 @@ def test_inputs_broadcast():
 
 @pytest.mark.parametrize('value, why', [
     (-1e-9, 'stretched'), (1.0, 'clamps have met'), (np.nan, 'not a number')])
-def test_a_stroke_outside_its_range_is_refused_with_the_reason(value, why):
+def test_a_stroke_outside_its_range_is_rejected_with_the_reason(value, why):
     for function in (elastica.load, elastica.height, elastica.charge, elastica.touches,
                      elastica.parameter_of):
         with pytest.raises(ParameterError, match=f'stroke is {value}.*{why}'):
             function([0.1, value])
 
 
-def test_charges_and_arc_lengths_outside_their_range_are_refused():
+def test_charges_and_arc_lengths_outside_their_range_are_rejected():
     for charge in (1e-9, -1.0, np.nan):
         with pytest.raises(ParameterError, match=f'charge over K is {charge}'):
             elastica.stroke_from_charge([-0.1, charge])

@@ -1,4 +1,4 @@
-"""The heavy elastica against another solver, its limits, its energy and the printed series."""
+"""Heavy elastica: a general solver, limits, energy and the printed series."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from scipy.optimize import minimize_scalar
 
 from smart_tire.errors import ParameterError
 from smart_tire.models.film import elastica, printed_elastica
-from smart_tire.models.film.elastica_with_weight import NODES, solve, WHOLE
+from smart_tire.models.film.elastica_with_weight import INTEGRAL_WEIGHTS, NODES, solve
 
 
 def by_solve_bvp(stroke, weight):
-    """Return s, (x, y, theta, m) and f of A(7), A(8), from the printed solution as a guess."""
+    """Return s, (x, y, theta, m) and f of A(7), A(8), starting at the printed solution."""
     def slopes(s, v, p):
         return [np.cos(v[2]), np.sin(v[2]), v[3],
                 weight * s * np.cos(v[2]) - p[0] * np.sin(v[2])]
@@ -33,7 +33,7 @@ def by_solve_bvp(stroke, weight):
 
 @pytest.mark.parametrize('stroke, weight', [
     (0.001, 0.02), (0.05, 0.3), (0.3, 1.0), (0.6, 4.0), (0.2, -0.5), (0.6, -3.0)])
-def test_another_solver_finds_the_same_film(stroke, weight):
+def test_a_general_solver_finds_the_same_film(stroke, weight):
     other, film = by_solve_bvp(stroke, weight), solve(stroke, weight)
     assert float(film.load) == pytest.approx(other.p[0], rel=1e-7)
     s = np.linspace(0.0, 1.0, 33)
@@ -46,7 +46,7 @@ def test_another_solver_finds_the_same_film(stroke, weight):
 @given(st.floats(1e-6, 0.98))
 def test_without_weight_it_is_the_closed_form(stroke):
     closed = elastica.shape(stroke, NODES)
-    # solved for a weight that is nothing, so that Newton has run
+    # a negligible weight, so that the Newton iteration runs
     film = solve(stroke, 1e-13 * np.sqrt(stroke))
     assert float(film.load) == pytest.approx(float(elastica.load(stroke)), rel=1e-10)
     assert float(film.charge) == pytest.approx(float(elastica.charge(stroke)), abs=1e-10)
@@ -57,23 +57,23 @@ def test_without_weight_it_is_the_closed_form(stroke):
 
 @settings(max_examples=40)
 @given(st.floats(0.02, 0.9), st.floats(-5.0, 5.0))
-def test_the_ends_are_where_a8_puts_them_and_the_ends_balance(stroke, weight):
+def test_boundary_conditions_a8_and_moment_balance_hold(stroke, weight):
     film = solve(max(stroke, 1e-3 * weight**2), weight)
     got = film.shape
     assert got.x[-1] == pytest.approx(1.0 - float(film.stroke), abs=1e-12)
     assert got.theta[[0, -1]] == pytest.approx(0.0, abs=1e-12)
     # moments about the clamp: curvature at the ends, load times height, weight times arm
-    arm = weight * (got.x[-1] - got.x @ WHOLE)
+    arm = weight * (got.x[-1] - got.x @ INTEGRAL_WEIGHTS)
     moments = got.curvature[-1] - got.curvature[0] + float(film.load) * got.y[-1]
     assert moments == pytest.approx(arm, abs=1e-9 * (1.0 + abs(float(film.load))))
 
 
 @pytest.mark.parametrize('stroke, weight', [(0.05, 0.5), (0.4, 2.0), (0.4, -2.0), (0.7, 5.0)])
-def test_the_work_of_the_load_is_stored_as_bending_and_lifting(stroke, weight):
+def test_the_work_of_the_load_is_bending_and_potential_energy(stroke, weight):
     def energy(stroke):
         film = solve(stroke, weight)
-        return 0.5 * film.shape.curvature**2 @ WHOLE + weight * (
-            (NODES * np.sin(film.theta)) @ WHOLE)
+        return 0.5 * film.shape.curvature**2 @ INTEGRAL_WEIGHTS + weight * (
+            (NODES * np.sin(film.theta)) @ INTEGRAL_WEIGHTS)
     step = 1e-5 * stroke
     slope = (energy(stroke + step) - energy(stroke - step)) / (2.0 * step)
     assert slope == pytest.approx(float(solve(stroke, weight).load), rel=1e-6)
@@ -89,7 +89,7 @@ def test_an_arched_film_needs_more_load_and_a_hanging_one_less():
                                2.0 * free, rtol=1e-9)
 
 
-def test_small_strokes_show_the_charge_of_the_weight_that_a15_drops():
+def test_small_strokes_have_the_weight_term_that_a15_drops():
     # with w = 0.01 sqrt(delta)^3 all other terms are of higher order
     stroke = np.array([1e-5, 1e-4, 1e-3])
     weight = 0.01 * stroke**1.5
@@ -100,8 +100,8 @@ def test_small_strokes_show_the_charge_of_the_weight_that_a15_drops():
 
 
 @pytest.mark.parametrize('weight', [0.02, 0.5, 2.0])
-def test_a_film_can_be_arched_from_the_stroke_on_where_two_solutions_meet(weight):
-    # small angles: theta = w / f (s - sin(r s) / sin(r)), r = sqrt(f), with the least stroke
+def test_an_arched_film_exists_above_the_stroke_of_the_fold(weight):
+    # small angles: theta = w / f (s - sin(r s) / sin(r)), r = sqrt(f), at minimum stroke
     s = np.linspace(0.0, 1.0, 2001)
 
     def stroke(r):
@@ -112,7 +112,7 @@ def test_a_film_can_be_arched_from_the_stroke_on_where_two_solutions_meet(weight
         solve(0.98 * fold, weight)
 
 
-def test_a_hanging_film_becomes_a_cable():
+def test_a_hanging_film_approaches_a_cable():
     # theta = w s / f almost everywhere, so the stroke is w^2 / (6 f^2): the stiff ends take
     # less and less of it
     strokes, weight = np.array([1e-6, 1e-7, 1e-8]), -0.5
@@ -121,7 +121,7 @@ def test_a_hanging_film_becomes_a_cable():
     assert 0.9 < share[-1] < 1.0
 
 
-def test_many_films_are_solved_at_once_as_each_by_itself():
+def test_many_films_at_once_have_the_same_solutions_as_single_ones():
     stroke, weight = np.meshgrid(np.linspace(0.01, 0.8, 20), [-0.5, 0.0, 0.02, 1.0])
     film = solve(stroke, weight)
     assert film.load.shape == film.charge.shape == film.height.shape == (4, 20)
@@ -138,12 +138,12 @@ def test_points_on_the_shape_and_between_them_agree():
 
 @pytest.mark.parametrize('stroke, weight, why', [
     (-0.1, 0.0, 'stroke is -0.1'), (1.0, 0.1, 'clamps have met'), (0.1, np.nan, 'weight is nan'),
-    (0.0, 0.1, 'flat'), (1e-6, -1e4, 'sharply|balance')])
-def test_films_that_can_not_be_are_refused_with_the_reason(stroke, weight, why):
+    (0.0, 0.1, 'flat'), (1e-6, -1e4, 'sharply|equilibrium')])
+def test_films_without_solution_are_rejected_with_the_reason(stroke, weight, why):
     with pytest.raises(ParameterError, match=why):
         solve(stroke, weight)
 
 
-def test_an_arc_length_outside_the_film_is_refused():
+def test_an_arc_length_outside_the_film_is_rejected():
     with pytest.raises(ParameterError, match='expected 0 to 1'):
         solve(0.1, 0.1).at([1.5])

@@ -1,4 +1,4 @@
-"""Duhem's operator against its differential equation and by what must be true of it."""
+"""Duhem operator: its differential equation and its invariants."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ INPUTS = st.lists(st.floats(-20.0, 20.0), min_size=1, max_size=60).map(np.array)
 
 
 def sine(periods, per_period=400, amplitude=0.25 * TABLE_I_GAIN):
-    """Return the charge of a film that is pressed and released, from the flat state."""
+    """Return the charge of a film under cyclic compression from the flat state."""
     return -0.5 * amplitude * (1.0 - np.cos(np.linspace(0.0, math.tau * periods,
                                                         per_period * periods + 1)))
 
@@ -42,14 +42,14 @@ def test_it_solves_its_differential_equation():
 
 
 @given(PARAMS, INPUTS, st.lists(st.integers(0, 60), max_size=8), st.floats(-9.0, 9.0))
-def test_any_chunks_give_the_same_output(params, u, cuts, y):
+def test_the_result_does_not_depend_on_the_chunks(params, u, cuts, y):
     operator = Duhem(params, 0.5, y)
     chunks = [operator.update(part) for part in np.split(u, sorted(min(c, u.size) for c in cuts))]
     np.testing.assert_array_equal(np.concatenate(chunks), respond(u, params, start=(0.5, y)))
 
 
 @given(PARAMS, INPUTS, st.integers(2, 5))
-def test_only_the_way_matters_and_not_its_speed(params, u, times):
+def test_the_operator_is_rate_independent(params, u, times):
     path = np.concatenate([[0.0], u])
     slow = np.interp(np.arange(times * u.size + 1) / times, np.arange(path.size), path)[1:]
     np.testing.assert_allclose(respond(slow, params)[times - 1::times], respond(u, params),
@@ -57,12 +57,12 @@ def test_only_the_way_matters_and_not_its_speed(params, u, times):
 
 
 @given(PARAMS, INPUTS)
-def test_it_is_odd(params, u):
+def test_the_operator_is_odd(params, u):
     np.testing.assert_array_equal(respond(-u, params), -respond(u, params))
 
 
 @given(PARAMS, INPUTS, st.floats(-9.0, 9.0), st.floats(-9.0, 9.0))
-def test_every_initial_state_is_forgotten_along_the_way(params, u, one, other):
+def test_the_effect_of_the_initial_state_decays_with_the_path_length(params, u, one, other):
     path = np.abs(np.diff(u, prepend=0.0)).cumsum()
     apart = respond(u, params, start=(0.0, one)) - respond(u, params, start=(0.0, other))
     np.testing.assert_allclose(apart, (one - other) * np.exp(-params.alpha * path),
@@ -70,7 +70,7 @@ def test_every_initial_state_is_forgotten_along_the_way(params, u, one, other):
 
 
 @given(PARAMS, INPUTS, st.floats(-1.0, 1.0))
-def test_the_band_keeps_its_states_and_there_no_branch_falls(params, u, share):
+def test_states_stay_in_the_band_and_the_output_is_monotone_there(params, u, share):
     start = (0.0, share * params.band)
     y = respond(u, params, start=start)
     assert np.all(np.abs(y - params.a * u) <= params.band * (1.0 + 1e-9) + 1e-12 * params.a)
@@ -78,23 +78,23 @@ def test_the_band_keeps_its_states_and_there_no_branch_falls(params, u, share):
     assert np.all(dy * np.sign(du) >= -1e-12 * params.a * 20.0)
 
 
-def test_small_ways_have_the_slope_b_and_large_ones_a():
+def test_small_changes_have_the_slope_b_and_large_ones_a():
     small, large = 1e-4 * NC, 1e4 * NC
     assert respond([small], TABLE_I)[0] / small == pytest.approx(TABLE_I.b, rel=1e-4)
     assert respond([large], TABLE_I)[0] / large == pytest.approx(TABLE_I.a, rel=1e-3)
 
 
-def test_a_cycle_loses_energy_and_the_steady_loop_turns_counter_clockwise():
+def test_a_steady_loop_dissipates_energy():
     u = sine(12)
     y = respond(u, TABLE_I)
     last = slice(-400, None)
-    # half-sum over the loop of (y du - u dy): positive for a loop that runs clockwise
+    # half the loop integral of (y du - u dy): positive for a clockwise loop
     area = 0.5 * np.sum(y[last] * np.diff(u)[-400:] - u[last] * np.diff(y)[-400:])
     assert area < 0.0
     np.testing.assert_allclose(y[-400:], y[-800:-400], rtol=0.0, atol=2e-2 * NC)
 
 
-def test_a_way_back_inside_the_dead_band_turns_nothing():
+def test_a_reversal_within_the_dead_band_does_not_end_a_branch():
     u = sine(3)
     noise = 1e-3 * NC * np.random.default_rng(4).standard_normal(u.size)
     calm = respond(u + noise, TABLE_I, dead_band=0.02 * NC)
@@ -103,26 +103,26 @@ def test_a_way_back_inside_the_dead_band_turns_nothing():
     assert np.abs(many - respond(u, TABLE_I)).max() > 0.3 * NC
 
 
-def test_reset_forgets_the_way_and_nothing_comes_of_nothing():
+def test_reset_restarts_the_operator_and_a_constant_input_changes_nothing():
     operator = Duhem(TABLE_I)
     first = operator.update(sine(1))
     assert operator.update([]).shape == (0,)
     operator.reset()
     np.testing.assert_array_equal(operator.update(sine(1)), first)
-    at_rest = Duhem(TABLE_I, 2.0 * NC, 1.5 * NC).update([2.0 * NC, 2.0 * NC])
-    np.testing.assert_allclose(at_rest, 1.5 * NC)
+    constant = Duhem(TABLE_I, 2.0 * NC, 1.5 * NC).update([2.0 * NC, 2.0 * NC])
+    np.testing.assert_allclose(constant, 1.5 * NC)
 
 
 @pytest.mark.parametrize('values, name', [
     ((0.0, 0.54, 0.28), 'alpha is 0'), ((1.0, -0.54, 0.28), 'a is -0.54'),
     ((1.0, 0.54, 0.54), 'b is 0.54'), ((1.0, 0.54, 0.26), 'b is 0.26'),
     ((math.nan, 0.54, 0.28), 'alpha is nan'), ((1.0, math.inf, 0.28), 'a is inf')])
-def test_parameters_outside_their_range_are_refused(values, name):
+def test_parameters_outside_their_range_are_rejected(values, name):
     with pytest.raises(ParameterError, match=name):
         DuhemParams(alpha=values[0], a=values[1], b=values[2])
 
 
-def test_an_input_that_is_not_finite_is_refused_and_changes_nothing():
+def test_an_input_that_is_not_finite_is_rejected_without_changing_the_state():
     operator = Duhem(TABLE_I)
     operator.update(sine(1))
     with pytest.raises(ParameterError, match=r'u\[1\] is nan'):
@@ -133,7 +133,7 @@ def test_an_input_that_is_not_finite_is_refused_and_changes_nothing():
 
 @settings(max_examples=30)
 @given(st.floats(1e-12, 1e12), PARAMS, INPUTS)
-def test_units_are_free(unit, params, u):
+def test_the_result_does_not_depend_on_the_units(unit, params, u):
     other = DuhemParams(alpha=params.alpha / unit, a=params.a, b=params.b)
     np.testing.assert_allclose(respond(u * unit, other), unit * respond(u, params),
                                rtol=1e-9, atol=1e-11 * unit * params.a * 20.0)

@@ -1,4 +1,4 @@
-"""The printed perturbation solution: right to its order, wrong where the notes say."""
+"""Printed perturbation solution: correct to its order, with the known errors."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def order(errors, small):
 STROKES = np.geomspace(1e-4, 1e-2, 9)
 
 
-def test_its_errors_vanish_with_the_orders_that_were_dropped():
+def test_errors_vanish_with_the_first_neglected_order():
     assert order(printed_elastica.load(STROKES) - elastica.load(STROKES),
                  STROKES) == pytest.approx(2.0, abs=0.05)
     assert order(printed_elastica.height(STROKES) - elastica.height(STROKES),
@@ -29,7 +29,7 @@ def test_its_errors_vanish_with_the_orders_that_were_dropped():
         assert order(error[:, 0], STROKES) == pytest.approx(expected, abs=0.1), name
 
 
-def test_the_second_order_of_a15_is_wrong_and_only_that():
+def test_only_the_second_order_of_a15_is_wrong():
     wrong = (printed_elastica.charge(STROKES) - elastica.charge(STROKES)) / STROKES**2
     np.testing.assert_allclose(wrong, 7.0 / 32.0 - 1.0 / 2.0, rtol=0.01)
     np.testing.assert_allclose(printed_elastica.linear_charge(STROKES), -0.5 * STROKES)
@@ -44,13 +44,13 @@ def test_the_weight_enters_load_and_angle_to_first_order():
     printed = printed_elastica.shape(stroke, s, weight)
     assert np.abs(printed.theta - printed_elastica.shape(stroke, s).theta).max() > 1e-7
     # A(12b) holds up to a multiple of sin(pi s), which changes the amplitude C only
-    rest = printed.theta - printed_elastica.shape(stroke, s).theta - sag
+    difference = printed.theta - printed_elastica.shape(stroke, s).theta - sag
     sine = np.sin(np.pi * s)
-    rest -= sine * (rest @ sine) / (sine @ sine)
-    assert np.abs(rest).max() < 0.01 * np.abs(sag).max()
+    difference -= sine * (difference @ sine) / (sine @ sine)
+    assert np.abs(difference).max() < 0.01 * np.abs(sag).max()
 
 
-def test_curvature_is_the_slope_of_the_angle():
+def test_curvature_is_the_derivative_of_the_angle():
     s = np.linspace(0.0, 1.0, 2001)
     shape = printed_elastica.shape(0.2, s, 0.3)
     np.testing.assert_allclose(np.gradient(shape.theta, s, edge_order=2), shape.curvature,

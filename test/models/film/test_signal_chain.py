@@ -1,4 +1,4 @@
-"""Amplifier and converter: counts there and back, and the ends of the range."""
+"""Amplifier and A/D converter: round trip of counts, and the ends of the range."""
 
 from hypothesis import given, strategies as st
 import numpy as np
@@ -9,11 +9,11 @@ from smart_tire.protocol import tire_payload
 CHAIN = SignalChain()
 
 
-def test_half_a_millivolt_for_each_picocoulomb():
+def test_the_amplifier_has_half_a_millivolt_per_picocoulomb():
     assert CHAIN.amplified(1e-12) == pytest.approx(0.5e-3)
 
 
-def test_every_count_comes_back_and_means_what_the_radio_says_it_means():
+def test_every_count_survives_a_round_trip_and_agrees_with_the_radio_payload():
     counts = np.arange(1024)
     volts = CHAIN.volts(counts)
     np.testing.assert_array_equal(CHAIN.counts(volts), counts)
@@ -21,18 +21,18 @@ def test_every_count_comes_back_and_means_what_the_radio_says_it_means():
 
 
 @given(st.floats(-1.65, 1.65), st.integers(4, 16))
-def test_inside_the_range_a_reading_is_off_by_half_a_step_at_most(volts, bits):
+def test_quantization_errors_are_at_most_half_a_count(volts, bits):
     chain = SignalChain(bits=bits)
     assert abs(float(chain.volts(chain.counts(volts))) - volts) <= 0.5 * chain.step + 1e-12
 
 
 @given(st.floats(-1e6, 1e6), st.floats(0.0, 10.0))
-def test_more_volts_never_give_less_counts_and_all_stay_in_range(volts, more):
+def test_counts_are_monotone_and_stay_in_range(volts, more):
     low, high = CHAIN.counts([volts, volts + more])
     assert 0 <= low <= high <= 1023
 
 
-def test_what_is_outside_the_range_is_clipped_and_marked():
+def test_outputs_outside_the_range_are_clipped_and_flagged():
     counts = CHAIN.counts([[-2.0, -1.65], [0.0, 5.0]])
     np.testing.assert_array_equal(counts, [[0, 0], [512, 1023]])
     np.testing.assert_array_equal(CHAIN.saturated(counts), [[True, True], [False, True]])
@@ -48,6 +48,6 @@ def test_what_is_outside_the_range_is_clipped_and_marked():
     (lambda: CHAIN.volts([1, -1]), r'counts\[1\] is -1.0'),
     (lambda: CHAIN.saturated(0.5), 'counts holds 0.5, expected whole'),
     (lambda: CHAIN.amplified(np.inf), 'charge is inf')])
-def test_what_can_not_be_is_refused_with_its_name_and_value(call, message):
+def test_invalid_arguments_are_rejected_with_name_and_value(call, message):
     with pytest.raises(ValueError, match=message):
         call()

@@ -1,4 +1,4 @@
-"""Brush tire: what must be true of any tire, and the integrals of B(18) to B(22)."""
+"""Brush tire: invariants of any tire, and the integrals of B(18) to B(22)."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ def random_states(count=20_000):
     return rolling, v_x, v_y, mu, load
 
 
-def test_the_tire_never_creates_energy():
+def test_the_tire_force_dissipates_energy():
     rolling, v_x, v_y, mu, load = random_states()
     force_x, force_y = brush_tire.brush_force(
         *brush_tire.slip_vector(rolling, v_x, v_y), mu, load, C_X)
@@ -23,7 +23,7 @@ def test_the_tire_never_creates_energy():
     assert np.all(force_x * (v_x - rolling) + force_y * v_y < 0.0, where=load > 0.0)
 
 
-def test_the_force_lies_inside_the_friction_circle_and_reaches_it_when_all_slides():
+def test_the_force_is_inside_the_friction_circle_and_on_it_under_full_sliding():
     rolling, v_x, v_y, mu, load = random_states()
     s_x, s_y = brush_tire.slip_vector(rolling, v_x, v_y)
     force = np.hypot(*brush_tire.brush_force(s_x, s_y, mu, load, C_X))
@@ -45,7 +45,7 @@ def test_the_force_is_the_integral_of_the_stress_of_b20(share):
     assert float(force_y) == pytest.approx(-0.8 * stiffness * stress, rel=1e-9)
 
 
-def test_the_force_starts_with_the_stiffness_as_slope_and_is_smooth_at_the_critical_slip():
+def test_the_force_has_slope_c_x_at_zero_slip_and_is_smooth_at_the_critical_slip():
     force, _ = brush_tire.brush_force(1e-7, 0.0, MU, LOAD, C_X)
     assert float(force) == pytest.approx(C_X * 1e-7, rel=1e-6)
     critical = float(brush_tire.critical_slip(MU, LOAD, C_X))
@@ -54,19 +54,19 @@ def test_the_force_starts_with_the_stiffness_as_slope_and_is_smooth_at_the_criti
     np.testing.assert_allclose(around, MU * LOAD, rtol=1e-12)
 
 
-def test_a_wheel_at_rest_feels_nothing_and_a_locked_one_drags_with_all_its_friction():
+def test_a_stationary_wheel_has_no_force_and_a_locked_one_full_friction():
     still = brush_tire.brush_force(*brush_tire.slip_vector(0.0, 0.0, 0.0), MU, LOAD, C_X)
     assert still == (0.0, 0.0)
     locked = brush_tire.brush_force(*brush_tire.slip_vector(0.0, 0.3, 0.4), MU, LOAD, C_X)
     np.testing.assert_allclose(locked, (-0.6 * MU * LOAD, -0.8 * MU * LOAD), rtol=1e-9)
 
 
-def test_a_lifted_wheel_and_ice_feel_nothing():
+def test_without_load_or_friction_there_is_no_force():
     assert brush_tire.brush_force(0.3, 0.1, MU, 0.0, C_X) == (0.0, 0.0)
     assert brush_tire.brush_force(0.3, 0.1, 0.0, LOAD, C_X) == (0.0, 0.0)
 
 
-def test_driving_backwards_mirrors_driving_forwards():
+def test_reverse_motion_mirrors_the_force():
     rolling, v_x, v_y, mu, load = random_states()
     ahead = brush_tire.brush_force(*brush_tire.slip_vector(rolling, v_x, v_y), mu, load, C_X)
     back = brush_tire.brush_force(*brush_tire.slip_vector(-rolling, -v_x, v_y), mu, load, C_X)
@@ -74,7 +74,7 @@ def test_driving_backwards_mirrors_driving_forwards():
     np.testing.assert_array_equal(back[1], ahead[1])
 
 
-def test_friction_comes_back_from_the_adhesion_ratio():
+def test_friction_from_the_adhesion_ratio_is_the_inverse():
     mu = np.linspace(0.1, 1.2, 23)
     ratio = brush_tire.adhesion_ratio(-0.12, mu, LOAD, C_X)
     back = brush_tire.friction_from_adhesion(ratio, -0.12, LOAD, C_X)
@@ -84,5 +84,5 @@ def test_friction_comes_back_from_the_adhesion_ratio():
 @pytest.mark.parametrize('ratio, slip, load', [
     (0.0, 0.5, 26.7), (1.0, 0.1, 26.7), (1.2, 0.1, 26.7), (0.8, 0.0, 26.7), (0.8, 0.1, 0.0),
     (-0.1, 0.1, 26.7), (np.nan, 0.1, 26.7)])
-def test_what_the_adhesion_ratio_does_not_tell_is_nan(ratio, slip, load):
+def test_friction_is_nan_where_the_adhesion_ratio_does_not_determine_it(ratio, slip, load):
     assert np.isnan(brush_tire.friction_from_adhesion(ratio, slip, load, C_X))

@@ -226,7 +226,7 @@ def test_inputs_broadcast_and_a_film_outside_the_patch_has_no_charge():
     (lambda: tread_bending.deflection(0.03, 0.02, 1.0, LAMINATE), 'x is 0.03, expected within'),
     (lambda: tread_bending.deflection([0.0, -0.01], 0.02, 1.0, LAMINATE), r'x\[1\] is -0.01'),
     (lambda: tread_bending.slope([0.0, 0.1], [0.2, 0.2, 0.2], 1.0, LAMINATE), r'x \(2,\)'),
-    (lambda: tread_bending.charge(0.01, 'heavy', LAMINATE), 'line_load holds what is no number'),
+    (lambda: tread_bending.charge(0.01, 'heavy', LAMINATE), 'line_load is not numeric'),
     (lambda: tread_bending.charge(0.01, 1.0, LAMINATE, 'guess'), "convention is 'guess'"),
     (lambda: Laminate(width=0.0), 'width is 0.0, expected above zero'),
     (lambda: Laminate(radius=np.nan), 'radius is nan'),

@@ -13,14 +13,14 @@ STILL = 0.05
     (1.0, 0.9, 0.1), (-1.0, -0.9, 0.1),     # driving
     (1.0, 1.2, -0.2), (-1.0, -1.2, -0.2),   # braking
     (0.0, 1.0, -1.0), (0.0, -1.0, -1.0),    # locked
-    (0.01, 1.0, -1.0), (-0.01, 1.0, -1.0), (0.01, -1.0, -1.0),  # as good as locked
+    (0.01, 1.0, -1.0), (-0.01, 1.0, -1.0), (0.01, -1.0, -1.0),  # counts as locked
     (1.0, 0.0, 1.0), (1.0, -0.3, 1.0), (-0.5, 1.0, 1.0),        # spinning
     (0.06, 0.03, 0.5), (0.03, 0.06, -1.0), (0.04, 0.05, -0.25)])
 def test_slip_is_positive_when_driving_in_both_directions(rolling, ground, expected):
     assert float(skid_steer.slip_ratio(rolling, ground, STILL)) == pytest.approx(expected)
 
 
-def test_slip_is_undefined_exactly_where_wheel_and_ground_stand_still():
+def test_slip_is_undefined_exactly_at_standstill():
     rolling, ground = np.meshgrid(np.linspace(-0.2, 0.2, 81), np.linspace(-0.2, 0.2, 81))
     ratio = skid_steer.slip_ratio(rolling, ground, STILL)
     still = (np.abs(rolling) < STILL) & (np.abs(ground) < STILL)
@@ -34,13 +34,13 @@ def test_left_wheels_are_slower_in_a_left_turn():
     np.testing.assert_allclose(v_y, [0.065, 0.065, -0.065, -0.065])
 
 
-def test_wheel_speeds_reach_the_wanted_motion_where_nothing_slips():
+def test_wheel_speeds_yield_the_commanded_motion_without_slip():
     speeds = skid_steer.wheel_speeds([0.7, -0.2], [0.4, 1.0], RADIUS, TRACK)
     v_x, _ = skid_steer.wheel_velocities([0.7, -0.2], 0.0, [0.4, 1.0], WHEELBASE, TRACK)
     np.testing.assert_allclose(RADIUS * speeds, v_x)
 
 
-def test_the_center_of_rotation_does_not_move():
+def test_the_velocity_at_the_center_of_rotation_is_zero():
     x, y = skid_steer.icr(0.6, -0.03, 0.5)
     v_x, v_y = 0.6 - y * 0.5, -0.03 + x * 0.5
     assert (float(v_x), float(v_y)) == pytest.approx((0.0, 0.0))
@@ -49,8 +49,8 @@ def test_the_center_of_rotation_does_not_move():
 
 def test_loads_balance_weight_and_moments():
     loads = skid_steer.normal_loads(MASS, COM, WHEELBASE, TRACK, 1.5, -0.8, radius=RADIUS)
-    x = 0.5 * WHEELBASE * skid_steer.END
-    y = 0.5 * TRACK * skid_steer.SIDE
+    x = 0.5 * WHEELBASE * skid_steer.AXLE_SIGNS
+    y = 0.5 * TRACK * skid_steer.SIDE_SIGNS
     weight = MASS * skid_steer.GRAVITY
     height = COM[2] + RADIUS
     assert loads.sum() == pytest.approx(weight)
@@ -58,7 +58,7 @@ def test_loads_balance_weight_and_moments():
     assert (loads * y).sum() == pytest.approx(weight * COM[1] + MASS * height * 0.8)
 
 
-def test_load_moves_back_when_accelerating_and_outward_in_a_turn():
+def test_load_transfers_to_the_rear_when_accelerating_and_outward_in_a_turn():
     forward = skid_steer.normal_loads(MASS, (0, 0, 0.1), WHEELBASE, TRACK, 1.0, 0.0, radius=RADIUS)
     assert forward[0] == forward[1] < forward[2] == forward[3]
     left_turn = skid_steer.normal_loads(MASS, (0, 0, 0.1), WHEELBASE, TRACK, 0.0, 1.0,
@@ -66,13 +66,13 @@ def test_load_moves_back_when_accelerating_and_outward_in_a_turn():
     assert left_turn[0] == left_turn[2] < left_turn[1] == left_turn[3]
 
 
-def test_loads_keep_the_shape_of_the_accelerations_and_never_pull():
+def test_loads_have_the_shape_of_the_accelerations_and_are_not_negative():
     loads = skid_steer.normal_loads(MASS, COM, WHEELBASE, TRACK, np.linspace(-30.0, 30.0, 7), 0.0,
                                     radius=RADIUS)
     assert loads.shape == (7, 4) and np.all(loads >= 0.0) and np.any(loads == 0.0)
 
 
-def test_the_slip_ratio_of_one_wheel_is_that_of_many():
+def test_the_scalar_slip_ratio_agrees_with_the_vectorized_one():
     rng = np.random.default_rng(4)
     rolling = np.concatenate([rng.normal(0.0, 0.5, 500), rng.normal(0.0, 0.04, 500), [0.0, 0.0]])
     ground = np.concatenate([rng.normal(0.0, 0.5, 500), rng.normal(0.0, 0.1, 500), [0.0, 1.0]])
