@@ -9,12 +9,13 @@ from typing import Any, Protocol
 
 from smart_tire.arrays import Array
 from smart_tire.estimation.reorder_buffer import ReorderBuffer
-from smart_tire.estimation.slip.ekf import SlipFilter, StateRecorder
+from smart_tire.estimation.slip.ekf import SlipFilter
 from smart_tire.estimation.slip.film_slip_update import FilmSlipBuffer
 from smart_tire.estimation.slip.kinematics import SlipKinematics
 from smart_tire.estimation.slip.odometry_buffer import OdometryBuffer
 from smart_tire.estimation.slip.output import EstimateRecord, OutputContext, SlipOutputBuilder
 from smart_tire.estimation.slip.radius_estimator import RadiusEstimator
+from smart_tire.estimation.slip.robust_ekf import StateRecorder
 from smart_tire.estimation.slip.state import ImuStep, State, WheelMeasurement
 from smart_tire.estimation.slip.steering_efficiency import SteeringEfficiency
 from smart_tire.estimation.slip.vibration import VibrationMonitor

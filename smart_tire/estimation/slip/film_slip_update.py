@@ -17,8 +17,8 @@ import heapq
 import math
 from typing import NamedTuple
 
-from smart_tire.estimation.slip.ekf import WHEEL_SPEED_SIGMA
 from smart_tire.estimation.slip.state import DelayedSpeed
+from smart_tire.estimation.slip.wheel_model import WHEEL_SPEED_SIGMA
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import Friction, NS_PER_S, WHEELS
 

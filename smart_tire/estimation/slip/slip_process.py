@@ -9,6 +9,7 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
+from smart_tire.estimation.slip.state import WheelMeasurement
 from smart_tire.parameters import SlipEstimatorParams
 
 
@@ -162,3 +163,28 @@ class SlipPrior:
         probability = straight * odds / (1.0 + odds)
         return FreeRollingPrior(
             slip, variance, firm + radius_variance, probability, lost * probability)
+
+
+class SlipProcess:
+    """Share of the slip information that a wheel measurement invalidates, and the prior."""
+
+    def __init__(self, params: SlipEstimatorParams) -> None:
+        self._detectors = [SlipChangeDetector(params), SlipChangeDetector(params)]
+        self.prior = SlipPrior(params)
+
+    def update(self, wheels: WheelMeasurement, ground_speeds: Sequence[float], innovation: Array,
+               sigma: Array, accel_density: float) -> tuple[float, Array]:
+        """
+        Return the share (0 to 1) of the slip velocities to replace, and their prior (2, 2).
+
+        ``ground_speeds`` [m/s] are those of the two sides; ``innovation`` (2,) [m/s] is that of
+        the side speeds, with its ``sigma`` (2,); see ``SlipChangeDetector`` for the noise density.
+        """
+        changes = [
+            detector.update(wheels.duration, wheels.side_speeds[row], ground_speeds[row],
+                            float(innovation[row]), float(sigma[row]), accel_density)
+            for row, detector in enumerate(self._detectors)]
+        prior = self.prior.covariance(changes)
+        share = min(1.0, max(change.variance / prior[row, row]
+                             for row, change in enumerate(changes)))
+        return share, prior

@@ -1,0 +1,130 @@
+"""Planar motion of the robot driven by the IMU, B(5): state, Jacobian and process noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from smart_tire.arrays import Array
+from smart_tire.estimation.slip.kinematics import SlipKinematics
+from smart_tire.estimation.slip.slip_process import MIN_SLIP_VELOCITY
+from smart_tire.estimation.slip.state import ImuStep, N, SLIP_VELS, State
+from smart_tire.models.vehicle.skid_steer import GRAVITY
+from smart_tire.parameters import SlipEstimatorParams
+
+SPEED_RANDOM_WALK = 0.002       # m/s per sqrt(s), errors of the planar model
+GYRO_BIAS_RANDOM_WALK = 2e-5    # rad/s per sqrt(s): 10 degrees per hour after five minutes
+ACCEL_BIAS_RANDOM_WALK = 5e-4   # m/s2 per sqrt(s)
+SLOPE_CORRELATION_LENGTH = 5.0  # m, of the ground
+
+
+class _Motion(NamedTuple):
+    """Motion over one step, linearized at its center."""
+
+    yaw_rate: float     # rad/s, bias removed
+    a_x: float          # m/s2, change of V_X and V_Y, gravity and bias removed
+    a_y: float
+    b_x: float          # m/s, velocity of base_link in body axes
+    b_y: float
+    cos: float          # of the yaw angle
+    sin: float
+    slope_decay: float  # -, factor of roll and pitch
+    slip_decay: float   # -, factor of the slip velocities
+
+
+class MotionModel:
+    """
+    Discrete motion model of the state ``x`` (N numbers) over ``dt`` [s].
+
+    The slip velocities and the slope of the ground decay; all other states that are not driven by
+    the IMU are constant. The input holds biased measurements; the biases are states.
+    """
+
+    def __init__(self, params: SlipEstimatorParams) -> None:
+        self._params = params
+        self._kinematics = SlipKinematics(params.robot)
+        self._x_imu, self._y_imu = params.robot.imu.position[:2]
+        # s, correlation time of a slip whose random walk is bounded by slip_sigma
+        self._slip_correlation_time = 2.0 * (params.slip_sigma / max(params.slip_drift, 1e-6)) ** 2
+
+    def predict(self, x: Sequence[float], imu: ImuStep, dt: float,
+                accel_share: float = 1.0) -> list[float]:
+        """Return the state after ``dt``; ``accel_share`` (0 to 1) scales the acceleration."""
+        motion, predicted = self._motion(x, imu, dt, accel_share), list(x)
+        W, decay = motion.yaw_rate, motion.slope_decay
+        roll, pitch = x[State.ROLL], x[State.PITCH]
+        predicted[State.X] += (motion.cos * motion.b_x - motion.sin * motion.b_y) * dt
+        predicted[State.Y] += (motion.sin * motion.b_x + motion.cos * motion.b_y) * dt
+        predicted[State.YAW] += W * dt
+        predicted[State.V_X] += motion.a_x * dt
+        predicted[State.V_Y] += motion.a_y * dt
+        predicted[State.ROLL] = decay * (roll + W * pitch * dt)
+        predicted[State.PITCH] = decay * (pitch - W * roll * dt)
+        predicted[State.SLIP_VEL_L] *= motion.slip_decay
+        predicted[State.SLIP_VEL_R] *= motion.slip_decay
+        return predicted
+
+    def steady_force(self, x: Sequence[float], yaw_rate: float) -> tuple[float, float]:
+        """Return the specific force [m/s2] x, y that the IMU measures at constant velocity."""
+        return (x[State.ACCEL_BIAS_X] - yaw_rate * x[State.V_Y] - GRAVITY * x[State.PITCH],
+                x[State.ACCEL_BIAS_Y] + yaw_rate * x[State.V_X] + GRAVITY * x[State.ROLL])
+
+    def _motion(self, x: Sequence[float], imu: ImuStep, dt: float,
+                accel_share: float = 1.0) -> _Motion:
+        W = imu.yaw_rate - x[State.GYRO_BIAS_Z]
+        steady_x, steady_y = self.steady_force(x, W)
+        a_x, a_y = accel_share * (imu.force_x - steady_x), accel_share * (imu.force_y - steady_y)
+        b_x = x[State.V_X] + 0.5 * a_x * dt + self._y_imu * W
+        b_y = x[State.V_Y] + 0.5 * a_y * dt - self._x_imu * W
+        yaw = x[State.YAW] + 0.5 * W * dt
+        return _Motion(W, a_x, a_y, b_x, b_y, math.cos(yaw), math.sin(yaw),
+                       math.exp(-math.hypot(b_x, b_y) * dt / SLOPE_CORRELATION_LENGTH),
+                       math.exp(-dt / self._slip_correlation_time))
+
+    def jacobian(self, x: Sequence[float], imu: ImuStep, dt: float) -> Array:
+        """Return the Jacobian of ``predict`` (N, N), without terms of second order in ``dt``."""
+        motion, F = self._motion(x, imu, dt), np.eye(N)
+        W, b_x, b_y, cos, sin, decay = (motion.yaw_rate, motion.b_x, motion.b_y, motion.cos,
+                                        motion.sin, motion.slope_decay)
+        F[State.X, State.YAW] = (-sin * b_x - cos * b_y) * dt
+        F[State.X, State.V_X] = cos * dt
+        F[State.X, State.V_Y] = -sin * dt
+        F[State.X, State.GYRO_BIAS_Z] = (-cos * self._y_imu - sin * self._x_imu) * dt
+        F[State.Y, State.YAW] = (cos * b_x - sin * b_y) * dt
+        F[State.Y, State.V_X] = sin * dt
+        F[State.Y, State.V_Y] = cos * dt
+        F[State.Y, State.GYRO_BIAS_Z] = (-sin * self._y_imu + cos * self._x_imu) * dt
+        F[State.YAW, State.GYRO_BIAS_Z] = -dt
+        F[State.V_X, State.V_Y] = W * dt
+        F[State.V_X, State.GYRO_BIAS_Z] = -x[State.V_Y] * dt
+        F[State.V_X, State.ACCEL_BIAS_X] = -dt
+        F[State.V_X, State.PITCH] = GRAVITY * dt
+        F[State.V_Y, State.V_X] = -W * dt
+        F[State.V_Y, State.GYRO_BIAS_Z] = x[State.V_X] * dt
+        F[State.V_Y, State.ACCEL_BIAS_Y] = -dt
+        F[State.V_Y, State.ROLL] = -GRAVITY * dt
+        F[State.ROLL, State.ROLL] = F[State.PITCH, State.PITCH] = decay
+        F[State.ROLL, State.PITCH] = decay * W * dt
+        F[State.PITCH, State.ROLL] = -decay * W * dt
+        for row in SLIP_VELS:
+            F[row, row] = motion.slip_decay
+        return F
+
+    def noise(self, x: Sequence[float], imu: ImuStep, dt: float) -> Array:
+        """Return the covariance of the process noise (N, N)."""
+        params, Q = self._params, np.zeros(N)
+        gyro, accel = imu.gyro_variance * dt, imu.accel_variance * dt
+        decay = self._motion(x, imu, dt).slope_decay
+        Q[State.YAW] = gyro
+        Q[State.ROLL] = Q[State.PITCH] = imu.slope_sigma ** 2 * (1.0 - decay ** 2)
+        Q[State.V_X] = accel + gyro * x[State.V_Y] ** 2 + SPEED_RANDOM_WALK ** 2 * dt
+        Q[State.V_Y] = accel + gyro * x[State.V_X] ** 2 + SPEED_RANDOM_WALK ** 2 * dt
+        Q[State.GYRO_BIAS_Z] = GYRO_BIAS_RANDOM_WALK ** 2 * dt
+        Q[State.ACCEL_BIAS_X] = Q[State.ACCEL_BIAS_Y] = ACCEL_BIAS_RANDOM_WALK ** 2 * dt
+        for row, wheel in zip(SLIP_VELS, self._kinematics.wheel_speeds(x, imu.yaw_rate)):
+            Q[row] = params.slip_drift ** 2 * (wheel ** 2 + MIN_SLIP_VELOCITY ** 2) * dt
+        Q[State.ICR_X] = (params.icr_drift * params.robot.wheelbase) ** 2 * dt
+        return np.diag(Q)

@@ -1,0 +1,67 @@
+"""Robust EKF: Kalman update, outliers, shape guard and record of transitions."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from smart_tire.errors import EstimatorError
+from smart_tire.estimation.slip.robust_ekf import Measurement, OUTLIER_SIGMAS, RobustEkf
+
+H = np.array([[1.0, 0.0]])
+
+
+def new_filter(recorder=None):
+    return RobustEkf(np.array([1.0, 2.0]), np.diag([4.0, 1.0]), recorder)
+
+
+def scalar(z, variance=4.0):
+    return Measurement(np.array([z]), np.array([1.0]), H, np.array([[variance]]))
+
+
+def test_correction_weights_prior_and_measurement_by_their_variances():
+    ekf = new_filter()
+    assert ekf.correct(scalar(3.0)) == pytest.approx(4.0 / 8.0)
+    assert ekf.x == pytest.approx([2.0, 2.0])
+    assert np.allclose(ekf.P, np.diag([2.0, 1.0]))
+
+
+def test_innovations_beyond_the_limit_change_the_state_less_and_less():
+    limit, changes = OUTLIER_SIGMAS * np.sqrt(8.0), []
+    for innovation in (limit, 2.0 * limit, 10.0 * limit):
+        ekf = new_filter()
+        ekf.correct(scalar(1.0 + innovation))
+        changes.append(ekf.x[0] - 1.0)
+    assert changes[0] == pytest.approx(0.5 * limit)
+    assert changes[0] > changes[1] > changes[2] > 0.0
+
+
+def test_prediction_sets_state_and_covariance_and_is_recorded():
+    recorded = []
+
+    class Recorder:
+        def record_transition(self, *transition):
+            recorded.append([part.copy() for part in transition])
+    ekf, F = new_filter(Recorder()), np.array([[1.0, 0.5], [0.0, 1.0]])
+    ekf.predict(np.array([2.0, 2.0]), F, 0.1 * np.eye(2))
+    expected = F @ np.diag([4.0, 1.0]) @ F.T + 0.1 * np.eye(2)
+    assert ekf.x == pytest.approx([2.0, 2.0]) and np.allclose(ekf.P, expected)
+    (x, P, recorded_F, next_x, next_P), = recorded
+    assert x == pytest.approx([1.0, 2.0]) and np.allclose(P, np.diag([4.0, 1.0]))
+    assert np.array_equal(recorded_F, F) and np.array_equal(next_x, ekf.x)
+    assert np.array_equal(next_P, ekf.P)
+
+
+def test_direct_measurements_and_set_states():
+    ekf = new_filter()
+    ekf.correct_states([1], np.array([3.0]), np.array([1.0]))
+    assert ekf.x == pytest.approx([1.0, 2.5])
+    ekf.predict(ekf.x, np.array([[1.0, 0.5], [0.0, 1.0]]), np.zeros((2, 2)))
+    ekf.set_states([0], 0.0, 0.1)
+    assert ekf.x == pytest.approx([0.0, 2.5])
+    assert np.allclose(ekf.P, np.diag([0.01, 0.5]))
+
+
+def test_a_state_of_wrong_shape_is_an_error():
+    with pytest.raises(EstimatorError, match=r'state \(3, 1\)'):
+        new_filter().predict(np.zeros(3), np.eye(2), np.zeros((2, 2)))
