@@ -22,7 +22,7 @@ class SmoothedSlip:
     def __init__(self, params: SlipEstimatorParams) -> None:
         self._smoother = RtsSmoother(N)
         self._estimator = SlipEstimator(params, self._smoother)
-        self._output = SlipOutputBuilder(params.robot)
+        self._output = SlipOutputBuilder(params)
 
     def update(self, sample: ImuSample | WheelSample | Friction) -> list[EstimateRecord]:
         """Take a sample in; return the filter's estimates of the instants that it closes."""

@@ -100,7 +100,7 @@ def test_biases_are_known_from_the_first_instant():
     for row in (State.GYRO_BIAS_Z, State.ACCEL_BIAS_X, State.ACCEL_BIAS_Y):
         assert first.P[row, row] < 2.0 * last.P[row, row]
         assert abs(first.x[row] - last.x[row]) < 3.0 * np.sqrt(first.P[row, row])
-    start = [first.x[State.GYRO_BIAS_Z] - state.context.gyro_z for state in smoothed[:100]]
+    start = [first.x[State.GYRO_BIAS_Z] - state.context.imu.yaw_rate for state in smoothed[:100]]
     assert abs(np.mean(start)) < 0.003  # the robot stands: all that is felt is the bias
     assert np.sqrt(first.P[State.GYRO_BIAS_Z, State.GYRO_BIAS_Z]) < 0.1 * np.sqrt(
         filtered[0].twist_covariance[-1])

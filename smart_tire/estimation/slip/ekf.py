@@ -57,7 +57,7 @@ class SlipFilter:
         self._params = params
         self._x_imu = params.robot.imu.position[0]
         self._kinematics = SlipKinematics(params.robot)
-        self._motion_model = MotionModel(params)
+        self.motion_model = MotionModel(params)
         self._side_speed_model = SideSpeedModel(params.robot)
         self._constraint = CONSTRAINTS[params.constraint]
         self._slip_process = SlipProcess(params)
@@ -81,12 +81,12 @@ class SlipFilter:
         """Set the pose to the origin of ``odom``."""
         self._ekf.set_states([State.X, State.Y, State.YAW], 0.0, MIN_POSE_SIGMA)
 
-    def predict(self, dt: float, imu: ImuStep) -> None:
+    def predict(self, dt: float, step: ImuStep) -> None:
         """Predict over ``dt`` [s] with the motion model."""
-        self._accel_density = imu.accel_variance
-        x, model = self.x, self._motion_model
-        self._ekf.predict(np.array(model.predict(x, imu, dt)), model.jacobian(x, imu, dt),
-                          model.noise(x, imu, dt))
+        self._accel_density = step.accel_variance
+        x, model = self.x, self.motion_model
+        self._ekf.predict(np.array(model.predict(x, step.mean, dt)),
+                          model.jacobian(x, step.mean, dt), model.noise(x, step, dt))
 
     def correct_wheels(self, wheels: WheelMeasurement) -> None:
         """Correct with the mean side speeds between two wheel samples, B(7)."""

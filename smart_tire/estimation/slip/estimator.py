@@ -16,12 +16,11 @@ from smart_tire.estimation.slip.odometry_buffer import OdometryBuffer
 from smart_tire.estimation.slip.output import EstimateRecord, OutputContext, SlipOutputBuilder
 from smart_tire.estimation.slip.radius_estimator import RadiusEstimator
 from smart_tire.estimation.slip.robust_ekf import StateRecorder
-from smart_tire.estimation.slip.state import ImuStep, State, WheelMeasurement
+from smart_tire.estimation.slip.state import ImuReading, ImuStep, State, WheelMeasurement
 from smart_tire.estimation.slip.steering_efficiency import SteeringEfficiency
 from smart_tire.estimation.slip.vibration import VibrationMonitor
 from smart_tire.estimation.slip.wheel_odometry import WheelOdometry, WheelSpeeds
-from smart_tire.estimation.slip.zero_velocity import (
-    ImuReading, UNWINDING_TIME, ZeroVelocityDetector)
+from smart_tire.estimation.slip.zero_velocity import UNWINDING_TIME, ZeroVelocityDetector
 from smart_tire.models.vehicle.skid_steer import GRAVITY
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.rotation import matrix
@@ -64,7 +63,7 @@ class SlipEstimator:
                  recorder: EstimatorRecorder | None = None) -> None:
         self._params = params
         self._recorder = recorder
-        self._output = SlipOutputBuilder(params.robot)
+        self._output = SlipOutputBuilder(params)
         self._kinematics = SlipKinematics(params.robot)
         self._rotation: list[list[float]] = matrix(*params.robot.imu.rotation).tolist()
         self._reorder_buffer = ReorderBuffer(round(params.reorder_window * NS_PER_S))
@@ -226,8 +225,9 @@ class SlipEstimator:
     def _in_base_axes(self, sample: ImuSample) -> ImuReading:
         (f_x, f_y, f_z), (w_x, w_y, w_z) = sample.acceleration, sample.rate
         x, y, z = self._rotation
-        return (z[0] * w_x + z[1] * w_y + z[2] * w_z,
-                x[0] * f_x + x[1] * f_y + x[2] * f_z, y[0] * f_x + y[1] * f_y + y[2] * f_z)
+        return ImuReading(
+            z[0] * w_x + z[1] * w_y + z[2] * w_z,
+            x[0] * f_x + x[1] * f_y + x[2] * f_z, y[0] * f_x + y[1] * f_y + y[2] * f_z)
 
     def _predict(self, end: float, sums: Sequence[float], count: int,
                  step_variance: float) -> None:
@@ -237,7 +237,7 @@ class SlipEstimator:
         period = dt / count  # white noise per sample becomes noise density
         vibration = self._vibration.sigma
         self._advance(end, ImuStep(
-            rate, force_x, force_y, imu.gyro_noise ** 2 * period,
+            ImuReading(rate, force_x, force_y), imu.gyro_noise ** 2 * period,
             (imu.accel_noise ** 2 + vibration ** 2) * period + step_variance / dt,
             self._slope_sigma(vibration)))
 
@@ -249,14 +249,12 @@ class SlipEstimator:
         x = self._filter.x
         odometry_rate = self._odometry_yaw_rate(self._wheel_odometry.side_speeds)
         W, sigma = self._steering.predict(odometry_rate)
-        rate = W + x[State.GYRO_BIAS_Z]
-        force_x = x[State.ACCEL_BIAS_X] - W * x[State.V_Y] - GRAVITY * x[State.PITCH]
-        force_y = x[State.ACCEL_BIAS_Y] + W * x[State.V_X] + GRAVITY * x[State.ROLL]
-        self._imu = (rate, force_x, force_y)
+        self._imu = ImuReading(W + x[State.GYRO_BIAS_Z],
+                               *self._filter.motion_model.steady_force(x, W))
         self._imu_lost = True
         self._advance(now, ImuStep(
-            rate, force_x, force_y, 2.0 * sigma ** 2 * ODOMETRY_YAW_CORRELATION_TIME,
-            UNKNOWN_ACCEL_DENSITY, self._slope_sigma(self._vibration.sigma)))
+            self._imu, 2.0 * sigma ** 2 * ODOMETRY_YAW_CORRELATION_TIME, UNKNOWN_ACCEL_DENSITY,
+            self._slope_sigma(self._vibration.sigma)))
 
     def _odometry_yaw_rate(self, sides: tuple[float, float]) -> float:
         """Return the yaw rate [rad/s] for these side speeds [m/s] without slip."""
@@ -267,13 +265,13 @@ class SlipEstimator:
         before = self._filter.x
         self._filter.predict(dt, step)
         after = self._filter.x
-        rate = step.yaw_rate - after[State.GYRO_BIAS_Z]
+        rate = step.mean.yaw_rate - after[State.GYRO_BIAS_Z]
         self._odometry_buffer.append(end, 0.5 * (before[State.V_X] + after[State.V_X]), rate)
         if self._film_slips is not None:
             self._film_slips.record_step(
                 end, after[State.V_X] - before[State.V_X], step.accel_variance * dt, rate * dt,
-                step.yaw_rate, self._kinematics.wheel_speeds(after, step.yaw_rate),
-                self._slip_change_sigma(step.yaw_rate))
+                step.mean.yaw_rate, self._kinematics.wheel_speeds(after, step.mean.yaw_rate),
+                self._slip_change_sigma(step.mean.yaw_rate))
         self._time = end
 
     def _on_wheels(self, sample: WheelSample) -> None:
@@ -310,13 +308,13 @@ class SlipEstimator:
                 wheels.from_positions))
             if not self._stationary:
                 self._correct_free_rolling(wheels)
-        self._filter.correct_lateral(self._imu[0], wheels.duration)
+        self._filter.correct_lateral(self._imu.yaw_rate, wheels.duration)
 
     def _correct_free_rolling(self, wheels: WheelSpeeds) -> None:
         """Correct slip and wheel radius with the free-rolling prior."""
         assert self._imu is not None
         prior = self._filter.correct_free_rolling(
-            wheels.duration, self._imu[0], self._radius.variance)
+            wheels.duration, self._imu.yaw_rate, self._radius.variance)
         if prior is not None:
             forward = math.copysign(1.0, sum(wheels.side_speeds))
             self._radius.update(forward * prior.slip, prior.variance + prior.prior_variance,
@@ -333,14 +331,13 @@ class SlipEstimator:
     def _estimates(self, instant_ns: int) -> list[EstimateRecord]:
         assert self._imu is not None
         extrapolation = self._seconds(instant_ns) - self._time
-        rate, *force = self._imu
         context = OutputContext(
-            instant_ns, extrapolation, rate, (force[0], force[1]), self._vibration.sigma,
+            instant_ns, extrapolation, self._imu, self._vibration.sigma,
             self._wheel_odometry.wheel_residual, self._time, self._wheel_time)
         if self._recorder is not None:
             self._recorder.record_output(context, self._filter.x, self._filter.P)
         return self._output.build(
-            context, self._filter.x, self._filter.P, self._slip_change_sigma(rate))
+            context, self._filter.x, self._filter.P, self._slip_change_sigma(self._imu.yaw_rate))
 
     def _slip_change_sigma(self, gyro_z: float) -> tuple[float, float]:
         """Return sigma [m/s] of each side's slip velocity change since the last wheel sample."""

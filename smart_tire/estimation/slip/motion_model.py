@@ -11,7 +11,7 @@ import numpy as np
 from smart_tire.arrays import Array
 from smart_tire.estimation.slip.kinematics import SlipKinematics
 from smart_tire.estimation.slip.slip_process import MIN_SLIP_VELOCITY
-from smart_tire.estimation.slip.state import ImuStep, N, SLIP_VELS, State
+from smart_tire.estimation.slip.state import ImuReading, ImuStep, N, SLIP_VELS, State
 from smart_tire.models.vehicle.skid_steer import GRAVITY
 from smart_tire.parameters import SlipEstimatorParams
 
@@ -50,29 +50,32 @@ class MotionModel:
         # s, correlation time of a slip whose random walk is bounded by slip_sigma
         self._slip_correlation_time = 2.0 * (params.slip_sigma / max(params.slip_drift, 1e-6)) ** 2
 
-    def predict(self, x: Sequence[float], imu: ImuStep, dt: float,
-                accel_share: float = 1.0) -> list[float]:
-        """Return the state after ``dt``; ``accel_share`` (0 to 1) scales the acceleration."""
-        motion, predicted = self._motion(x, imu, dt, accel_share), list(x)
+    def predict(self, x: Sequence[float], imu: ImuReading, dt: float) -> list[float]:
+        """Return the state after ``dt``."""
+        motion = self._motion(x, imu, dt)
+        predicted = _moved(x, motion, dt)
         W, decay = motion.yaw_rate, motion.slope_decay
-        roll, pitch = x[State.ROLL], x[State.PITCH]
-        predicted[State.X] += (motion.cos * motion.b_x - motion.sin * motion.b_y) * dt
-        predicted[State.Y] += (motion.sin * motion.b_x + motion.cos * motion.b_y) * dt
-        predicted[State.YAW] += W * dt
-        predicted[State.V_X] += motion.a_x * dt
-        predicted[State.V_Y] += motion.a_y * dt
-        predicted[State.ROLL] = decay * (roll + W * pitch * dt)
-        predicted[State.PITCH] = decay * (pitch - W * roll * dt)
+        predicted[State.ROLL] = decay * (x[State.ROLL] + W * x[State.PITCH] * dt)
+        predicted[State.PITCH] = decay * (x[State.PITCH] - W * x[State.ROLL] * dt)
         predicted[State.SLIP_VEL_L] *= motion.slip_decay
         predicted[State.SLIP_VEL_R] *= motion.slip_decay
         return predicted
+
+    def extrapolate(self, x: Sequence[float], imu: ImuReading, dt: float,
+                    accel_share: float = 1.0) -> list[float]:
+        """
+        Return the state after a short ``dt``, with slope and slip velocities constant.
+
+        ``accel_share`` (0 to 1) scales the acceleration.
+        """
+        return _moved(x, self._motion(x, imu, dt, accel_share), dt)
 
     def steady_force(self, x: Sequence[float], yaw_rate: float) -> tuple[float, float]:
         """Return the specific force [m/s2] x, y that the IMU measures at constant velocity."""
         return (x[State.ACCEL_BIAS_X] - yaw_rate * x[State.V_Y] - GRAVITY * x[State.PITCH],
                 x[State.ACCEL_BIAS_Y] + yaw_rate * x[State.V_X] + GRAVITY * x[State.ROLL])
 
-    def _motion(self, x: Sequence[float], imu: ImuStep, dt: float,
+    def _motion(self, x: Sequence[float], imu: ImuReading, dt: float,
                 accel_share: float = 1.0) -> _Motion:
         W = imu.yaw_rate - x[State.GYRO_BIAS_Z]
         steady_x, steady_y = self.steady_force(x, W)
@@ -84,7 +87,7 @@ class MotionModel:
                        math.exp(-math.hypot(b_x, b_y) * dt / SLOPE_CORRELATION_LENGTH),
                        math.exp(-dt / self._slip_correlation_time))
 
-    def jacobian(self, x: Sequence[float], imu: ImuStep, dt: float) -> Array:
+    def jacobian(self, x: Sequence[float], imu: ImuReading, dt: float) -> Array:
         """Return the Jacobian of ``predict`` (N, N), without terms of second order in ``dt``."""
         motion, F = self._motion(x, imu, dt), np.eye(N)
         W, b_x, b_y, cos, sin, decay = (motion.yaw_rate, motion.b_x, motion.b_y, motion.cos,
@@ -113,18 +116,29 @@ class MotionModel:
             F[row, row] = motion.slip_decay
         return F
 
-    def noise(self, x: Sequence[float], imu: ImuStep, dt: float) -> Array:
+    def noise(self, x: Sequence[float], step: ImuStep, dt: float) -> Array:
         """Return the covariance of the process noise (N, N)."""
         params, Q = self._params, np.zeros(N)
-        gyro, accel = imu.gyro_variance * dt, imu.accel_variance * dt
-        decay = self._motion(x, imu, dt).slope_decay
+        gyro, accel = step.gyro_variance * dt, step.accel_variance * dt
+        decay = self._motion(x, step.mean, dt).slope_decay
         Q[State.YAW] = gyro
-        Q[State.ROLL] = Q[State.PITCH] = imu.slope_sigma ** 2 * (1.0 - decay ** 2)
+        Q[State.ROLL] = Q[State.PITCH] = step.slope_sigma ** 2 * (1.0 - decay ** 2)
         Q[State.V_X] = accel + gyro * x[State.V_Y] ** 2 + SPEED_RANDOM_WALK ** 2 * dt
         Q[State.V_Y] = accel + gyro * x[State.V_X] ** 2 + SPEED_RANDOM_WALK ** 2 * dt
         Q[State.GYRO_BIAS_Z] = GYRO_BIAS_RANDOM_WALK ** 2 * dt
         Q[State.ACCEL_BIAS_X] = Q[State.ACCEL_BIAS_Y] = ACCEL_BIAS_RANDOM_WALK ** 2 * dt
-        for row, wheel in zip(SLIP_VELS, self._kinematics.wheel_speeds(x, imu.yaw_rate)):
+        for row, wheel in zip(SLIP_VELS, self._kinematics.wheel_speeds(x, step.mean.yaw_rate)):
             Q[row] = params.slip_drift ** 2 * (wheel ** 2 + MIN_SLIP_VELOCITY ** 2) * dt
         Q[State.ICR_X] = (params.icr_drift * params.robot.wheelbase) ** 2 * dt
         return np.diag(Q)
+
+
+def _moved(x: Sequence[float], motion: _Motion, dt: float) -> list[float]:
+    """Return the state ``x`` with pose and velocity after ``dt``."""
+    moved = list(x)
+    moved[State.X] += (motion.cos * motion.b_x - motion.sin * motion.b_y) * dt
+    moved[State.Y] += (motion.sin * motion.b_x + motion.cos * motion.b_y) * dt
+    moved[State.YAW] += motion.yaw_rate * dt
+    moved[State.V_X] += motion.a_x * dt
+    moved[State.V_Y] += motion.a_y * dt
+    return moved

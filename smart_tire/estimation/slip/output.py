@@ -10,9 +10,10 @@ import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.estimation.slip.kinematics import SlipKinematics
-from smart_tire.estimation.slip.state import State
-from smart_tire.models.vehicle.skid_steer import GRAVITY, wheel_slip_ratio
-from smart_tire.parameters import RobotParams
+from smart_tire.estimation.slip.motion_model import MotionModel
+from smart_tire.estimation.slip.state import ImuReading, State
+from smart_tire.models.vehicle.skid_steer import wheel_slip_ratio
+from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.rotation import quaternion
 from smart_tire.samples import Four, Icr, Odometry, Vector3, WheelSlip
 
@@ -34,9 +35,8 @@ class OutputContext:
 
     instant_ns: int       # of the output grid
     extrapolation: float  # s, from the time of the state to the instant
-    gyro_z: float         # rad/s, rate of the last IMU sample in base axes, bias included
-    force: tuple[float, float]  # m/s2, specific force x, y of that sample, biases included
-    vibration: float      # m/s2, its standard deviation in excess of the IMU's noise
+    imu: ImuReading       # last IMU sample
+    vibration: float      # m/s2, standard deviation of its force in excess of the IMU's noise
     wheel_residual: Four  # m/s, speed of each wheel minus the mean of its side
     time: float           # s, of the state
     wheel_time: float     # s, center of the period of the last wheel measurement
@@ -45,10 +45,10 @@ class OutputContext:
 class SlipOutputBuilder:
     """Builds the output records of the slip estimator."""
 
-    def __init__(self, robot: RobotParams) -> None:
-        self._robot = robot
-        self._kinematics = SlipKinematics(robot)
-        self._x_imu, self._y_imu = robot.imu.position[0], robot.imu.position[1]
+    def __init__(self, params: SlipEstimatorParams) -> None:
+        self._robot = params.robot
+        self._kinematics = SlipKinematics(params.robot)
+        self._motion_model = MotionModel(params)
 
     def build(self, context: OutputContext, x: Sequence[float], P: Array,
               slip_change_sigma: tuple[float, float] = (0.0, 0.0)) -> list[EstimateRecord]:
@@ -58,33 +58,17 @@ class SlipOutputBuilder:
         ``slip_change_sigma`` [m/s] is the standard deviation of each side's slip velocity change
         since the last wheel measurement, which ``P`` does not contain.
         """
-        x = self._extrapolated(context, x)
-        twist, covariance = self._kinematics.base_twist(x, P, context.gyro_z)
+        # vibration hides the acceleration of the robot, which is then extrapolated less
+        accel_share = 1.0 / (1.0 + (context.vibration / DRIVE_ACCELERATION) ** 2)
+        x = self._motion_model.extrapolate(
+            x, context.imu, context.extrapolation, accel_share)
+        twist, covariance = self._kinematics.base_twist(x, P, context.imu.yaw_rate)
         records: list[EstimateRecord] = [
             self._odometry(context, x, P, twist, covariance),
             self._slip(context, x, P, slip_change_sigma)]
         if abs(twist[2]) > MIN_YAW_RATE:
             records.append(Icr(context.instant_ns, x[State.ICR_X], twist[0] / twist[2]))
         return records
-
-    def _extrapolated(self, context: OutputContext, x: Sequence[float]) -> list[float]:
-        """Return the state at the grid instant; vibration reduces the use of acceleration."""
-        dt, W = context.extrapolation, context.gyro_z - x[State.GYRO_BIAS_Z]
-        v_x, v_y, yaw = x[State.V_X], x[State.V_Y], x[State.YAW] + 0.5 * W * dt
-        share = 1.0 / (1.0 + (context.vibration / DRIVE_ACCELERATION) ** 2)
-        a_x = share * (context.force[0] - x[State.ACCEL_BIAS_X] + W * v_y
-                       + GRAVITY * x[State.PITCH])
-        a_y = share * (context.force[1] - x[State.ACCEL_BIAS_Y] - W * v_x
-                       - GRAVITY * x[State.ROLL])
-        b_x = v_x + 0.5 * a_x * dt + self._y_imu * W
-        b_y = v_y + 0.5 * a_y * dt - self._x_imu * W
-        extrapolated = list(x)
-        extrapolated[State.X] += (b_x * math.cos(yaw) - b_y * math.sin(yaw)) * dt
-        extrapolated[State.Y] += (b_x * math.sin(yaw) + b_y * math.cos(yaw)) * dt
-        extrapolated[State.YAW] += W * dt
-        extrapolated[State.V_X] += a_x * dt
-        extrapolated[State.V_Y] += a_y * dt
-        return extrapolated
 
     def _odometry(self, context: OutputContext, x: Sequence[float], P: Array, twist: Vector3,
                   covariance: Array) -> Odometry:
@@ -101,9 +85,9 @@ class SlipOutputBuilder:
 
     def _slip(self, context: OutputContext, x: Sequence[float], P: Array,
               slip_change_sigma: tuple[float, float]) -> WheelSlip:
-        ground = self._kinematics.side_speeds(x, context.gyro_z)
-        sides = self._kinematics.wheel_speeds(x, context.gyro_z)
-        sigmas: Sequence[float] = self._kinematics.slip_sigmas(x, P, context.gyro_z)
+        ground = self._kinematics.side_speeds(x, context.imu.yaw_rate)
+        sides = self._kinematics.wheel_speeds(x, context.imu.yaw_rate)
+        sigmas: Sequence[float] = self._kinematics.slip_sigmas(x, P, context.imu.yaw_rate)
         standstill = self._robot.slip.standstill_speed
         # wheel i is on side i % 2: left, right, left, right
         wheels = [sides[i % 2] + context.wheel_residual[i] for i in range(4)]

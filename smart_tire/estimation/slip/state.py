@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import NamedTuple
 
 
 class State(IntEnum):
@@ -32,13 +33,19 @@ SLIP_VEL_ROWS = slice(State.SLIP_VEL_L, State.SLIP_VEL_R + 1)
 SIDE_SIGNS = (-1.0, 1.0)  # sign of the yaw rate in v_x of the left and of the right side
 
 
+class ImuReading(NamedTuple):
+    """Planar IMU measurement in base axes, biases included."""
+
+    yaw_rate: float  # rad/s
+    force_x: float   # m/s2, specific force
+    force_y: float   # m/s2
+
+
 @dataclass(frozen=True, slots=True)
 class ImuStep:
-    """IMU input of one prediction step: means in base axes, biases included."""
+    """IMU input of one prediction step."""
 
-    yaw_rate: float        # rad/s
-    force_x: float         # m/s2, specific force
-    force_y: float         # m/s2
+    mean: ImuReading
     gyro_variance: float   # (rad/s)^2 s, noise density
     accel_variance: float  # (m/s2)^2 s, noise density
     slope_sigma: float     # rad, of the ground, or of a body that pitches and rolls on it

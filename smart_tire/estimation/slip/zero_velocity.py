@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 import math
 
+from smart_tire.estimation.slip.state import ImuReading
+
 QUIET_TIME = 0.4        # s for which the IMU must have been quiet
 BIAS_WINDOW = 1.0       # s over which the yaw rate must be constant to count as the gyro bias
 MIN_SAMPLES = 4         # in the quiet time
@@ -15,8 +17,6 @@ BIAS_TREND_SIGMAS = 2.5  # between the means of two halves of a constant yaw rat
 UNWINDING_SHARE = 0.1   # of the last yaw rate, right after the wheels have stopped ...
 UNWINDING_TIME = 1.5    # s, ... and its decay time; simulated tires with linear springs
 MAX_STATIONARY_WHEEL_SPEED = 0.01  # m/s; one encoder count gives less
-
-ImuReading = tuple[float, float, float]  # rate about z [rad/s], specific force x, y [m/s2]
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +67,7 @@ class ZeroVelocityDetector:
         if self._quiet_since is None:
             self._quiet_since = time
         duration = time - self._quiet_since
-        rates = [reading[0] for _, reading in self._window]
+        rates = [reading.yaw_rate for _, reading in self._window]
         half = len(rates) // 2
         trend = abs(_mean(rates[half:]) - _mean(rates[:half]))
         settled = duration >= BIAS_WINDOW - QUIET_TIME and (
@@ -77,7 +77,7 @@ class ZeroVelocityDetector:
 
     def _peak_yaw_rate(self) -> float:
         """Return the decaying maximum of the yaw rate [rad/s]: the twist of the tires."""
-        latest = abs(_mean([reading[0] for _, reading in self._window]))
+        latest = abs(_mean([reading.yaw_rate for _, reading in self._window]))
         if self._last_turn is None:
             return latest
         time, rate = self._last_turn

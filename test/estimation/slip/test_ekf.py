@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from smart_tire.estimation.slip.ekf import SlipFilter
-from smart_tire.estimation.slip.state import ImuStep, N, State, WheelMeasurement
+from smart_tire.estimation.slip.state import ImuReading, ImuStep, N, State, WheelMeasurement
 from smart_tire.parameters import build, SlipEstimatorParams
 from support.slip_state import random_state
 
-IMU = ImuStep(0.8, 0.4, 0.9, 1e-6, 2.5e-5, 1e-3)
+IMU = ImuStep(ImuReading(0.8, 0.4, 0.9), 1e-6, 2.5e-5, 1e-3)
 
 
 def new_filter(state=None, **values):
@@ -46,7 +46,7 @@ def test_a_sudden_change_of_the_icr_is_tracked_within_its_sigma():
     for step in range(600):
         before, S = S, 0.03 if step < 500 else min(S + 0.003, 0.10)  # in a quarter of a second
         slip_filter.predict(dt, ImuStep(
-            W, S * W ** 2, W * v_x - W * (S - before) / dt, 1e-6, 2.5e-5, 1e-4))
+            ImuReading(W, S * W ** 2, W * v_x - W * (S - before) / dt), 1e-6, 2.5e-5, 1e-4))
         if step % 6 == 0:
             slip_filter.correct_lateral(W, 6 * dt)
         if step == 499:

@@ -8,7 +8,7 @@ import pytest
 from smart_tire.estimation.slip.lag_compensation import compensate_lag, MAX_WHEEL_GAP
 from smart_tire.estimation.slip.output import OutputContext
 from smart_tire.estimation.slip.rts_smoother import SmoothedState
-from smart_tire.estimation.slip.state import N, SLIP_VELS, State
+from smart_tire.estimation.slip.state import ImuReading, N, SLIP_VELS, State
 
 STEP = 0.01
 PERIOD = 0.1  # s, of the wheel samples
@@ -18,7 +18,7 @@ def state(time, wheel_time, slip_velocities, segment=0):
     x = [float(row) for row in range(N)]
     x[State.SLIP_VEL_L], x[State.SLIP_VEL_R] = slip_velocities
     context = OutputContext(
-        round(time * 1e9), 0.0, 0.0, (0.0, 0.0), 0.0, (0.0,) * 4, time, wheel_time)
+        round(time * 1e9), 0.0, ImuReading(0.0, 0.0, 0.0), 0.0, (0.0,) * 4, time, wheel_time)
     return SmoothedState(segment, context, x, 1e-4 * np.eye(N))
 
 

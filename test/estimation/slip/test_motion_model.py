@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from smart_tire.estimation.slip.motion_model import MotionModel
-from smart_tire.estimation.slip.state import ImuStep, N, State
+from smart_tire.estimation.slip.state import ImuReading, ImuStep, N, State
 from smart_tire.models.vehicle.skid_steer import GRAVITY
 from smart_tire.parameters import build, SlipEstimatorParams
 from support.slip_state import random_state
 
-IMU = ImuStep(0.8, 0.4, 0.9, 1e-6, 2.5e-5, 1e-3)
+IMU = ImuReading(0.8, 0.4, 0.9)
+STEP = ImuStep(IMU, 1e-6, 2.5e-5, 1e-3)
 
 
 def new_model(**values):
@@ -36,7 +37,7 @@ def test_jacobian_equals_finite_differences(seed):
 def test_gravity_on_a_slope_does_not_accelerate_a_stationary_robot():
     x = [0.0] * N
     x[State.PITCH] = 0.02  # nose down: specific force has a backward part
-    predicted = new_model().predict(x, ImuStep(0.0, -GRAVITY * 0.02, 0.0, 1e-6, 1e-6, 1e-3), 0.1)
+    predicted = new_model().predict(x, ImuReading(0.0, -GRAVITY * 0.02, 0.0), 0.1)
     assert predicted[State.V_X] == pytest.approx(0.0, abs=1e-12)
 
 
@@ -44,7 +45,7 @@ def test_centripetal_force_keeps_a_steady_turn_on_a_circle():
     model, x = new_model(**{'imu.position': [0.0, 0.0, 0.0]}), [0.0] * N
     x[State.V_X] = 0.8
     for _ in range(100):
-        x = model.predict(x, ImuStep(0.5, 0.0, 0.4, 1e-6, 1e-6, 1e-3), 0.01)
+        x = model.predict(x, ImuReading(0.5, 0.0, 0.4), 0.01)
     assert x[State.V_X] == pytest.approx(0.8, abs=1e-3)
     assert x[State.YAW] == pytest.approx(0.5)
     assert np.hypot(x[State.X], x[State.Y] - 1.6) == pytest.approx(1.6, rel=1e-3)
@@ -53,24 +54,32 @@ def test_centripetal_force_keeps_a_steady_turn_on_a_circle():
 @pytest.mark.parametrize('seed', range(3))
 def test_steady_force_keeps_the_velocity(seed):
     model, x = new_model(), random_state(seed).tolist()
-    imu = ImuStep(0.3 + x[State.GYRO_BIAS_Z], *model.steady_force(x, 0.3), 1e-6, 1e-6, 1e-3)
+    imu = ImuReading(0.3 + x[State.GYRO_BIAS_Z], *model.steady_force(x, 0.3))
     predicted = model.predict(x, imu, 0.1)
     assert predicted[State.V_X] == pytest.approx(x[State.V_X], abs=1e-12)
     assert predicted[State.V_Y] == pytest.approx(x[State.V_Y], abs=1e-12)
 
 
-def test_without_a_share_of_the_acceleration_the_velocity_is_constant():
+def test_extrapolation_equals_prediction_of_pose_and_velocity():
     model, x = new_model(), random_state(1).tolist()
-    assert model.predict(x, IMU, 0.1, 0.0)[State.V_X] == x[State.V_X]
-    change = model.predict(x, IMU, 0.1)[State.V_X] - x[State.V_X]
-    half = model.predict(x, IMU, 0.1, 0.5)[State.V_X] - x[State.V_X]
+    predicted, extrapolated = model.predict(x, IMU, 0.01), model.extrapolate(x, IMU, 0.01)
+    changed = [row for row in State if predicted[row] != extrapolated[row]]
+    assert changed == [State.ROLL, State.PITCH, State.SLIP_VEL_L, State.SLIP_VEL_R]
+    assert [extrapolated[row] for row in changed] == [x[row] for row in changed]
+
+
+def test_extrapolation_uses_a_share_of_the_acceleration():
+    model, x = new_model(), random_state(1).tolist()
+    assert model.extrapolate(x, IMU, 0.1, 0.0)[State.V_X] == x[State.V_X]
+    change = model.extrapolate(x, IMU, 0.1)[State.V_X] - x[State.V_X]
+    half = model.extrapolate(x, IMU, 0.1, 0.5)[State.V_X] - x[State.V_X]
     assert half == pytest.approx(0.5 * change)
 
 
 def test_process_noise_grows_with_time_and_imu_noise():
     model, x = new_model(), random_state(2).tolist()
-    noise = np.diag(model.noise(x, IMU, 0.01))
+    noise = np.diag(model.noise(x, STEP, 0.01))
     assert np.all(noise >= 0.0)
-    assert np.diag(model.noise(x, IMU, 0.02))[State.YAW] == pytest.approx(2.0 * noise[State.YAW])
-    noisier = ImuStep(0.8, 0.4, 0.9, 1e-6, 1.0, 1e-3)
+    assert np.diag(model.noise(x, STEP, 0.02))[State.YAW] == pytest.approx(2.0 * noise[State.YAW])
+    noisier = ImuStep(IMU, 1e-6, 1.0, 1e-3)
     assert np.diag(model.noise(x, noisier, 0.01))[State.V_X] > 100.0 * noise[State.V_X]

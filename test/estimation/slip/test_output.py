@@ -10,13 +10,13 @@ import pytest
 
 from smart_tire.estimation.slip.ekf import SlipFilter
 from smart_tire.estimation.slip.output import OutputContext, SlipOutputBuilder
-from smart_tire.estimation.slip.state import ImuStep, N, State
+from smart_tire.estimation.slip.state import ImuReading, ImuStep, N, State
 from smart_tire.models.vehicle.skid_steer import GRAVITY
 from smart_tire.parameters import build, RobotParams, SlipEstimatorParams
 from smart_tire.samples import Icr
 
-CONTEXT = OutputContext(0, 0.008, 0.8, (1.4, 0.9), 0.0, (0.0,) * 4, 1.0, 0.95)
-OUTPUT = SlipOutputBuilder(RobotParams())
+CONTEXT = OutputContext(0, 0.008, ImuReading(0.8, 1.4, 0.9), 0.0, (0.0,) * 4, 1.0, 0.95)
+OUTPUT = SlipOutputBuilder(SlipEstimatorParams())
 
 
 def filter_at(seed=1):
@@ -24,15 +24,15 @@ def filter_at(seed=1):
     moved = SlipFilter(build(SlipEstimatorParams, {}))
     rng = np.random.default_rng(seed)
     for _ in range(200):
-        moved.predict(0.01, ImuStep(0.5 + 0.1 * rng.normal(), 0.4, 0.2, 1e-6, 2.5e-5, 1e-3))
+        moved.predict(0.01, ImuStep(
+            ImuReading(0.5 + 0.1 * rng.normal(), 0.4, 0.2), 1e-6, 2.5e-5, 1e-3))
     return moved
 
 
 def test_extrapolated_pose_and_twist_equal_a_prediction_of_the_filter():
     moved = filter_at()
     odometry = OUTPUT.build(CONTEXT, moved.x, moved.P)[0]
-    moved.predict(CONTEXT.extrapolation, ImuStep(
-        CONTEXT.gyro_z, *CONTEXT.force, 1e-6, 2.5e-5, 1e-3))
+    moved.predict(CONTEXT.extrapolation, ImuStep(CONTEXT.imu, 1e-6, 2.5e-5, 1e-3))
     expected = OUTPUT.build(replace(CONTEXT, extrapolation=0.0), moved.x, moved.P)[0]
     assert odometry.position == pytest.approx(expected.position, abs=1e-6)
     assert odometry.linear == pytest.approx(expected.linear, abs=1e-4)
@@ -52,7 +52,7 @@ def test_vibration_reduces_extrapolation_by_one_imu_sample():
 def test_gravity_and_accelerometer_bias_are_removed():
     x = [0.0] * N
     x[State.V_X], x[State.ACCEL_BIAS_X], x[State.PITCH] = 0.5, 0.05, 0.02
-    context = replace(CONTEXT, gyro_z=0.0, force=(0.05 - GRAVITY * 0.02, 0.0))
+    context = replace(CONTEXT, imu=ImuReading(0.0, 0.05 - GRAVITY * 0.02, 0.0))
     odometry, slip = OUTPUT.build(context, x, 1e-4 * np.eye(N))
     assert odometry.linear[0] == pytest.approx(0.5)
     assert slip.ratio == pytest.approx((0.0,) * 4)
@@ -62,7 +62,7 @@ def test_the_icr_is_published_only_while_the_robot_yaws():
     x = [0.0] * N
     x[State.V_X], x[State.ICR_X] = 0.5, 0.03
     for rate, shown in ((0.5, True), (0.01, False)):
-        context = replace(CONTEXT, gyro_z=rate, extrapolation=0.0)
+        context = replace(CONTEXT, imu=ImuReading(rate, 0.0, 0.0), extrapolation=0.0)
         estimates = OUTPUT.build(context, x, 1e-4 * np.eye(N))
         centers = [estimate for estimate in estimates if isinstance(estimate, Icr)]
         assert bool(centers) == shown
@@ -75,7 +75,7 @@ def test_unobserved_slip_change_increases_sigma_up_to_one():
     sigmas = [OUTPUT.build(CONTEXT, x, 1e-6 * np.eye(N), slip_change_sigma)[1].sigma
               for slip_change_sigma in ((0.0, 0.0), (0.05, 0.0), (9.0, 0.0))]
     assert sigmas[1][1] == sigmas[0][1]
-    speed = (0.5 + CONTEXT.gyro_z * (RobotParams().imu.position[1] - 0.19)
-             + CONTEXT.force[0] * 0.008)
+    speed = (0.5 + CONTEXT.imu.yaw_rate * (RobotParams().imu.position[1] - 0.19)
+             + CONTEXT.imu.force_x * 0.008)
     assert sigmas[1][0] == pytest.approx(math.hypot(sigmas[0][0], 0.05 / speed), rel=0.02)
     assert sigmas[2][0] == 1.0
