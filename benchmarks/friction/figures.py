@@ -157,7 +157,7 @@ def stretch_figure() -> Figure:
                     markersize=3.5, elinewidth=0.8, color=color,
                     label=f'{rpm:.0f} rpm, waveform ± 2σ')
     slips = np.linspace(0.0, 0.31, 200)
-    ax.plot(slips, tire_maps.highest_stretch(slips), color=drawing.INK, linewidth=1.2,
+    ax.plot(slips, tire_maps.exact_stretch(slips), color=drawing.INK, linewidth=1.2,
             label='exact')
     ax.plot(slips, tire_maps.printed_stretch(slips), color=drawing.VERMILLION, linestyle='--',
             linewidth=1.2, label='B(25)')

@@ -1,4 +1,4 @@
-"""The experiments behind the figures; who asks for a reproduction brings them along."""
+"""Interface of the experiments behind the figures; the caller provides them."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from smart_tire.models.film.hysteresis import DuhemParams, TABLE_I, TABLE_I_GAIN
 from smart_tire.parameters import SimulatorParams
 from smart_tire.samples import Sample
 
-Leg = tuple[float, float, float]   # s, rpm, rpm: time from which, left, right
+Leg = tuple[float, float, float]  # s, rpm, rpm: time from which, left, right
 Schedule = Callable[[float], tuple[float, float]] | Sequence[Leg]
-Event = tuple[int, str, Sample]    # receive time [ns], topic, sample
+Event = tuple[int, str, Sample]  # receive time [ns], topic, sample
 
 
 @dataclass(frozen=True)
 class Specimen:
-    """A film on the bench, with the sensor that it makes."""
+    """A film on the test stand, with its parameters as a sensor."""
 
     film: BucklingFilm
-    gain: float              # C, K
+    gain: float  # C, K
     hysteresis: DuhemParams
 
     def charge(self, deflection: Array, model: str = 'exact') -> Array:
@@ -39,7 +39,7 @@ Drive = Callable[[SimulatorParams, Schedule, float], Iterable[Event]]
 
 @dataclass(frozen=True)
 class Laboratory:
-    """A test bench for films and a robot to drive."""
+    """A test stand for films and a robot to drive."""
 
     bench: Bench
     drive: Drive
@@ -49,8 +49,8 @@ def specimen(name: str) -> Specimen:
     """
     Return one of paper A's films by its key in FILMS.
 
-    Table I holds for one film. For the others K goes with the geometry as in A(15), and the loop
-    has the same shape at the same stroke (alpha K is kept): assumptions, the paper gives neither.
+    Table I is for one film. For the others K is scaled with the geometry as in A(15), and the loop
+    has the same shape at the same stroke (alpha K is kept). Both are assumptions.
     """
     film = FILMS[name]
     gain = TABLE_I_GAIN * film.gain / FILMS['25x3'].gain

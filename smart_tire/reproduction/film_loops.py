@@ -1,4 +1,4 @@
-"""Loops of buckled films, as paper A's Fig. 4, 6 and 7 show them."""
+"""Loops of buckled films: Fig. 4, 6 and 7 of paper A."""
 
 from __future__ import annotations
 
@@ -11,33 +11,33 @@ from smart_tire.arrays import Array
 from smart_tire.models.film.hysteresis import respond
 from smart_tire.reproduction.experiments import Laboratory, Specimen, specimen
 
-SAMPLES = 200          # per cycle, at every frequency
-SETTLING, KEPT = 24, 12  # cycles: those of the smallest loops forget their past slowly
-FREQUENCIES = np.arange(1.0, 11.0)          # Hz, Fig. 6(b)
-AMPLITUDES = np.linspace(0.25, 2.5, 10) * 1e-3  # m, Fig. 7: up to half the film, peak to peak
-END = 3                # samples around each turning point that are averaged
-ENDS_SIGMA = math.sqrt(2.0 / END)  # of the difference of two such means over that of a sample
-ENDLESS = 200          # turning points after which a loop repeats to the last digit
+SAMPLES = 200                                     # per cycle, at every frequency
+SETTLING_CYCLES, AVERAGED_CYCLES = 24, 12         # the smallest loops converge slowly
+FREQUENCIES = np.arange(1.0, 11.0)                # Hz, Fig. 6(b)
+AMPLITUDES = np.linspace(0.25, 2.5, 10) * 1e-3    # m, Fig. 7: range up to half the film
+END_SAMPLES = 3                                   # averaged around each reversal
+PEAK_SIGMA_FACTOR = math.sqrt(2.0 / END_SAMPLES)  # of the difference of two such means
+ASYMPTOTIC_REVERSALS = 200  # after which a loop has converged to machine precision
 
 
 @dataclass(frozen=True)
 class Loop:
-    """A cycle that repeats, the mean of some, as deviations from its mean charge."""
+    """A steady-state cycle, averaged, with the charge relative to its mean."""
 
-    deflection: Array     # m (n,), from the flat film
-    charge: Array         # C (n,)
-    charge_sigma: float   # C, standard error of each point
-    peak: float           # C, half the range of the charge
-    peak_sigma: float     # C
-    lag: float            # rad, of the charge behind the deflection, at the loop's frequency
+    deflection: Array    # m (n,), from the flat film
+    charge: Array        # C (n,)
+    charge_sigma: float  # C, standard error of each point
+    peak: float          # C, half the range of the charge
+    peak_sigma: float    # C
+    lag: float           # rad, of the charge behind the deflection, at the loop's frequency
 
     @property
     def height(self) -> float:
         """Return the largest distance of the branches over the range of the charge."""
-        # a sine stands at the same deflection as long before its turning point as after it
+        # a sine has the same deflection at equal times before and after a reversal
         half = self.charge.size // 2
-        out, back = self.charge[1:half], self.charge[:half:-1]
-        return float(np.max(np.abs(out - back)) / np.ptp(self.charge))
+        loading, unloading = self.charge[1:half], self.charge[:half:-1]
+        return float(np.max(np.abs(loading - unloading)) / np.ptp(self.charge))
 
 
 @dataclass(frozen=True)
@@ -54,12 +54,12 @@ class Trace:
 class RateIndependence:
     """Fig. 6: loops at two frequencies, and peaks over frequency."""
 
-    loops: dict[float, Loop]   # by frequency [Hz]
-    difference: float          # rms of the loops' difference over its standard error
-    frequency: Array           # Hz
-    peak: Array                # C
-    sigma: Array               # C
-    slope: float               # relative change of the peak per decade of frequency
+    loops: dict[float, Loop]  # by frequency [Hz]
+    difference: float         # rms of the loops' difference over its standard error
+    frequency: Array          # Hz
+    peak: Array               # C
+    sigma: Array              # C
+    slope: float              # relative change of the peak per decade of frequency
     slope_sigma: float
 
     @property
@@ -70,61 +70,61 @@ class RateIndependence:
 
 @dataclass(frozen=True)
 class Proportionality:
-    """Fig. 7: peaks over amplitude, and what the models say without noise."""
+    """Fig. 7: peaks over amplitude, and those of the models without noise."""
 
-    amplitude: Array        # m, half the range of the deflection
-    peak: Array             # C
-    sigma: Array            # C
-    line: tuple[float, float]  # C/m and C: the best straight line through the measured peaks
+    amplitude: Array           # m, half the range of the deflection
+    peak: Array                # C
+    sigma: Array               # C
+    line: tuple[float, float]  # C/m and C: regression line of the measured peaks
     models: dict[str, Array]   # peaks [C] by charge model, with hysteresis
-    elastica_rise: float    # how much steeper the exact charge is at the end than A(16), relative
-    loop_rise: float        # likewise by the hysteresis alone: larger loops have steeper middles
+    elastica_rise: float  # relative excess of the exact charge over A(16) at the largest stroke
+    loop_rise: float           # relative rise from hysteresis alone: larger loops are steeper
 
     @property
     def determination(self) -> float:
         """Return R^2 of the straight line."""
-        rest = self.peak - np.polyval(self.line, self.amplitude)
-        return float(1.0 - np.sum(rest**2) / np.sum((self.peak - self.peak.mean())**2))
+        residual = self.peak - np.polyval(self.line, self.amplitude)
+        return float(1.0 - np.sum(residual**2) / np.sum((self.peak - self.peak.mean())**2))
 
     @property
     def curvature(self) -> float:
-        """Return by how much the exact peaks bow below their straight line, over the largest."""
+        """Return the largest distance of the exact peaks from their line, over the largest."""
         exact = self.models['exact']
         line = np.polyval(np.polyfit(self.amplitude, exact, 1), self.amplitude)
         return float(np.max(line - exact) / exact[-1])
 
     @property
     def rise(self) -> tuple[float, float]:
-        """Return by how much charge per amplitude rises from first to last, and its sigma."""
+        """Return the relative rise of charge per amplitude from first to last, and its sigma."""
         rise = _rise(self.amplitude, self.peak)
         sigma = math.hypot(*(self.sigma / self.peak)[[0, -1]])
         return rise, (1.0 + rise) * sigma
 
     def exact_rise(self, share: float = 1.0) -> float:
-        """Return the same of the exact model without noise, up to a share of the amplitudes."""
-        some = self.amplitude <= share * self.amplitude[-1]
-        return _rise(self.amplitude[some], self.models['exact'][some])
+        """Return the rise of the exact model without noise, up to a share of the amplitudes."""
+        selected = self.amplitude <= share * self.amplitude[-1]
+        return _rise(self.amplitude[selected], self.models['exact'][selected])
 
 
 def buckling_test(laboratory: Laboratory) -> Trace:
     """Return Fig. 4: 5 Hz, ``Delta = 4 (-1 + sin(10 pi t))`` mm."""
     film, rate = specimen('32x3'), 5.0 * SAMPLES
-    time = np.arange(2 * SAMPLES + SETTLING * SAMPLES) / rate
+    time = np.arange(2 * SAMPLES + SETTLING_CYCLES * SAMPLES) / rate
     recording = laboratory.bench(film, 4e-3 * (1.0 - np.sin(10.0 * math.pi * time)), rate, 1)
     shown = slice(-2 * SAMPLES, None)
     return Trace(time[:2 * SAMPLES], recording.input[shown], recording.output[shown],
-                 cycled(laboratory, film, 4e-3, 5.0))
+                 settled_loop(laboratory, film, 4e-3, 5.0))
 
 
 def rate_independence(laboratory: Laboratory) -> RateIndependence:
     """Return Fig. 6: 8 mm at 5 and 10 Hz, and 2 mm of a small film from 1 to 10 Hz."""
-    loops = {f: cycled(laboratory, specimen('32x3'), 8e-3, f) for f in (5.0, 10.0)}
-    one, other = loops.values()
-    sigma = math.hypot(one.charge_sigma, other.charge_sigma)
-    difference = float(np.sqrt(np.mean((one.charge - other.charge)**2))) / sigma
-    small = [cycled(laboratory, specimen('10x1'), 2e-3, float(f)) for f in FREQUENCIES]
-    peak = np.array([loop.peak for loop in small])
-    sigmas = np.array([loop.peak_sigma for loop in small])
+    loops = {f: settled_loop(laboratory, specimen('32x3'), 8e-3, f) for f in (5.0, 10.0)}
+    first, second = loops.values()
+    sigma = math.hypot(first.charge_sigma, second.charge_sigma)
+    difference = float(np.sqrt(np.mean((first.charge - second.charge)**2))) / sigma
+    small_film = [settled_loop(laboratory, specimen('10x1'), 2e-3, float(f)) for f in FREQUENCIES]
+    peak = np.array([loop.peak for loop in small_film])
+    sigmas = np.array([loop.peak_sigma for loop in small_film])
     fit, covariance = np.polyfit(np.log10(FREQUENCIES), peak / peak.mean(), 1,
                                  w=peak.mean() / sigmas, cov='unscaled')
     return RateIndependence(loops, difference, FREQUENCIES, peak, sigmas, float(fit[0]),
@@ -134,9 +134,9 @@ def rate_independence(laboratory: Laboratory) -> RateIndependence:
 def proportionality(laboratory: Laboratory) -> Proportionality:
     """Return Fig. 7: amplitudes at 2 Hz."""
     film = specimen('10x1')
-    loops = [cycled(laboratory, film, float(top), 2.0) for top in AMPLITUDES]
+    loops = [settled_loop(laboratory, film, float(top), 2.0) for top in AMPLITUDES]
     peak = np.array([loop.peak for loop in loops])
-    models = {name: np.array([endless_peak(film, 2.0 * top, name) for top in AMPLITUDES])
+    models = {name: np.array([asymptotic_peak(film, 2.0 * top, name) for top in AMPLITUDES])
               for name in ('exact', 'printed', 'linear')}
     top = 2.0 * AMPLITUDES[-1:]
     exact, linear = (float(film.film.normalized_charge(top, name)[0])
@@ -147,27 +147,28 @@ def proportionality(laboratory: Laboratory) -> Proportionality:
                            _rise(AMPLITUDES, models['linear']))
 
 
-def endless_peak(film: Specimen, top: float, model: str) -> float:
-    """Return half the range of the charge [C] of a film that goes between 0 and ``top`` [m]."""
-    # the operator does not feel speed, so the turning points tell the whole loop
-    turns = film.charge(np.array([top, 0.0]), model)
-    charge = respond(np.tile(turns, ENDLESS), film.hysteresis)
+def asymptotic_peak(film: Specimen, top: float, model: str) -> float:
+    """Return half the range of the charge [C] of a film that moves between 0 and ``top`` [m]."""
+    # the operator is rate-independent: the reversals determine the loop
+    reversals = film.charge(np.array([top, 0.0]), model)
+    charge = respond(np.tile(reversals, ASYMPTOTIC_REVERSALS), film.hysteresis)
     return 0.5 * abs(float(charge[-1] - charge[-2]))
 
 
-def cycled(laboratory: Laboratory, film: Specimen, amplitude: float, frequency: float) -> Loop:
-    """Return the loop of a sine that goes ``amplitude`` [m] to both sides of its middle."""
-    phase = 2.0 * math.pi * np.arange((SETTLING + KEPT) * SAMPLES) / SAMPLES
+def settled_loop(laboratory: Laboratory, film: Specimen, amplitude: float,
+                 frequency: float) -> Loop:
+    """Return the loop of a sine with ``amplitude`` [m] about its mean deflection."""
+    phase = 2.0 * math.pi * np.arange((SETTLING_CYCLES + AVERAGED_CYCLES) * SAMPLES) / SAMPLES
     recording = laboratory.bench(film, amplitude * (1.0 - np.cos(phase)), frequency * SAMPLES,
                                  round(1e6 * amplitude + frequency))
-    cycles = slice(SETTLING * SAMPLES, None)
-    deflection = recording.input[cycles].reshape(KEPT, SAMPLES)
-    charge = _steady(recording.output[cycles])
+    cycles = slice(SETTLING_CYCLES * SAMPLES, None)
+    deflection = recording.input[cycles].reshape(AVERAGED_CYCLES, SAMPLES)
+    charge = _without_drift(recording.output[cycles])
     mean, path = charge.mean(axis=0), deflection.mean(axis=0)
-    # one number for all points: they have the same noise
-    sigma = float(np.sqrt(np.mean(charge.var(axis=0, ddof=1)) / KEPT))
-    start, turn = _ends(mean)
-    return Loop(path, mean, sigma, 0.5 * (start - turn), sigma * 0.5 * ENDS_SIGMA,
+    # one value for all points, which have the same noise
+    sigma = float(np.sqrt(np.mean(charge.var(axis=0, ddof=1)) / AVERAGED_CYCLES))
+    start, reversal = _end_charges(mean)
+    return Loop(path, mean, sigma, 0.5 * (start - reversal), sigma * 0.5 * PEAK_SIGMA_FACTOR,
                 (_phase(path) - _phase(-mean)) % (2.0 * math.pi))
 
 
@@ -176,18 +177,18 @@ def _rise(amplitude: Array, peak: Array) -> float:
     return float(steepness[-1] / steepness[0]) - 1.0
 
 
-def _ends(charge: Array) -> tuple[float, float]:
-    """Return the charge at the flat and at the most buckled end; a maximum would be biased."""
-    near = np.arange(END) - END // 2
+def _end_charges(charge: Array) -> tuple[float, float]:
+    """Return the charge at the flat and at the most buckled end (a maximum would be biased)."""
+    near = np.arange(END_SAMPLES) - END_SAMPLES // 2
     return float(charge[near].mean()), float(charge[SAMPLES // 2 + near].mean())
 
 
-def _steady(charge: Array) -> Array:
-    """Return cycles (KEPT, SAMPLES) of charge without the drift that an amplifier adds."""
-    cycles = charge.reshape(KEPT, SAMPLES)
-    slope = float(np.polyfit(np.arange(KEPT), cycles.mean(axis=1), 1)[0]) / SAMPLES
+def _without_drift(charge: Array) -> Array:
+    """Return cycles (AVERAGED_CYCLES, SAMPLES) of charge without the drift of the amplifier."""
+    cycles = charge.reshape(AVERAGED_CYCLES, SAMPLES)
+    slope = float(np.polyfit(np.arange(AVERAGED_CYCLES), cycles.mean(axis=1), 1)[0]) / SAMPLES
     level: Array = charge - slope * np.arange(charge.size)
-    return (level - level.mean()).reshape(KEPT, SAMPLES)
+    return (level - level.mean()).reshape(AVERAGED_CYCLES, SAMPLES)
 
 
 def _phase(cycle: Array) -> float:

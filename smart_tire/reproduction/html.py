@@ -1,4 +1,4 @@
-"""The report as one HTML file with everything in it."""
+"""The report as one self-contained HTML file."""
 
 from __future__ import annotations
 
@@ -25,40 +25,41 @@ nav a { margin-right: .9rem; white-space: nowrap; }
 """
 
 
-def write_report(path: Path, introduction: Sequence[str], pages: Sequence[tuple[Section, Path]]
+def write_report(path: Path, introduction: Sequence[str], sections: Sequence[tuple[Section, Path]]
                  ) -> None:
-    """Write the pages, each with its PNG file, into one file that needs no other."""
-    path.write_text('\n'.join(_document(introduction, pages)) + '\n', encoding='utf-8')
+    """Write the sections, each with its PNG file, to one self-contained file."""
+    path.write_text('\n'.join(_document(introduction, sections)) + '\n', encoding='utf-8')
 
 
-def _document(introduction: Sequence[str], pages: Sequence[tuple[Section, Path]]) -> Iterator[str]:
+def _document(introduction: Sequence[str],
+              sections: Sequence[tuple[Section, Path]]) -> Iterator[str]:
     yield '<!DOCTYPE html>'
     yield '<html lang="en"><head><meta charset="utf-8">'
     yield '<meta name="viewport" content="width=device-width, initial-scale=1">'
-    yield f'<title>Figures and tables, computed anew</title><style>{STYLE}</style></head><body>'
-    yield '<h1>Figures and tables, computed anew</h1>'
+    yield f'<title>Reproduced figures and tables</title><style>{STYLE}</style></head><body>'
+    yield '<h1>Reproduced figures and tables</h1>'
     for paragraph in introduction:
         yield f'<p>{escape(paragraph)}</p>'
-    links = (f'<a href="#{page.name}">{escape(page.title.split(":")[0])}</a>'
-             for page, _ in pages)
+    links = (f'<a href="#{section.name}">{escape(section.title.split(":")[0])}</a>'
+             for section, _ in sections)
     yield f'<nav>{" ".join(links)}</nav>'
-    for page, picture in pages:
-        yield from _section(page, picture)
+    for section, picture in sections:
+        yield from _section(section, picture)
     yield '</body></html>'
 
 
-def _section(page: Section, picture: Path) -> Iterator[str]:
+def _section(section: Section, picture: Path) -> Iterator[str]:
     image = base64.b64encode(picture.read_bytes()).decode('ascii')
-    yield f'<section id="{page.name}"><h2>{escape(page.title)}</h2>'
-    yield f'<img alt="{escape(page.title)}" src="data:image/png;base64,{image}">'
-    if page.rows:
+    yield f'<section id="{section.name}"><h2>{escape(section.title)}</h2>'
+    yield f'<img alt="{escape(section.title)}" src="data:image/png;base64,{image}">'
+    if section.rows:
         yield '<table><tr><th>quantity</th><th>paper</th><th>here</th></tr>'
-        for row in page.rows:
+        for row in section.rows:
             yield '<tr>' + ''.join(f'<td>{escape(cell)}</td>' for cell in row) + '</tr>'
         yield '</table>'
-    for kind, sentences in (('agrees', page.agrees), ('differs', page.differs)):
+    for kind, sentences in (('agrees', section.agrees), ('differs', section.differs)):
         if sentences:
-            label = 'Agrees' if kind == 'agrees' else 'Differs, or can not be compared'
+            label = 'Agrees' if kind == 'agrees' else 'Differs, or cannot be compared'
             yield f'<div class="{kind}"><strong>{label}</strong>'
             yield from (f'<p>{escape(sentence)}</p>' for sentence in sentences)
             yield '</div>'

@@ -1,4 +1,4 @@
-"""A page of the report: a figure, its numbers, and sentences that follow from them."""
+"""A section of the report: a figure, its numbers, and statements derived from them."""
 
 from __future__ import annotations
 
@@ -9,25 +9,25 @@ Row = tuple[str, str, str]  # quantity, in the paper, here
 
 @dataclass
 class Section:
-    """What is said of one figure or table."""
+    """Numbers and statements on one figure or table."""
 
-    name: str   # of the PNG file
+    name: str  # of the PNG file
     title: str
     rows: list[Row] = field(default_factory=list)
     agrees: list[str] = field(default_factory=list)
     differs: list[str] = field(default_factory=list)
 
     def row(self, quantity: str, paper: str, here: str) -> None:
-        """Add a number."""
+        """Add a row to the table of numbers."""
         self.rows.append((quantity, paper, here))
 
-    def claim(self, holds: bool, agreement: str, disagreement: str) -> None:
-        """Say what agrees if it does, else what does not."""
+    def check(self, holds: bool, agreement: str, disagreement: str) -> None:
+        """Add ``agreement`` if the check holds, else ``disagreement``."""
         if holds:
             self.agrees.append(agreement)
         else:
             self.differs.append(disagreement)
 
-    def cannot(self, sentence: str) -> None:
-        """Say what can not be matched, and why."""
+    def limitation(self, sentence: str) -> None:
+        """Add what cannot be reproduced or compared, with the reason."""
         self.differs.append(sentence)

@@ -27,7 +27,7 @@ def written(tmp_path_factory):
     """Return the folder of a run with fewer and shorter drives; what it printed is beside it."""
     out = tmp_path_factory.mktemp('reproduced') / 'deeper' / 'report'
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(runner, 'OTHERS', (20.0, 60.0, 100.0))
+        patch.setattr(runner, 'OTHER_SIDE_SPEEDS', (20.0, 60.0, 100.0))
         patch.setattr(runner, 'SWEEP_DURATION', 6.0)
         patch.setattr(runner, 'SLIP_DURATION', 6.0)
         patch.setattr(runner, 'SIGNAL_DURATION', 6.0)

@@ -1,4 +1,4 @@
-"""Paper B's figures: what the records must hold if plant, films and estimators are right."""
+"""Figures of paper B: properties of the results of plant, films and estimators."""
 
 from __future__ import annotations
 
@@ -30,31 +30,31 @@ def turning():
 
 @pytest.fixture(scope='module')
 def sweep(turning):
-    parts = [tire_runs.passages(turning, 80.0)]
+    parts = [tire_runs.crossings(turning, 80.0)]
     for left, right in ((20.0, 60.0), (40.0, 60.0), (100.0, 60.0), (20.0, 80.0), (40.0, 80.0)):
         run = tire_runs.drive(laboratory(), 'concrete', tire_runs.steady(left, right), DURATION)
-        parts.append(tire_runs.passages(run, right))
-    return tire_maps.sweep(tire_runs.joined(parts))
+        parts.append(tire_runs.crossings(run, right))
+    return tire_maps.sweep(tire_runs.concatenated(parts))
 
 
 def test_the_printed_interval_is_longer_than_the_exact_one():
     found = tire_maps.outline()
     assert found.interval < found.printed_interval < found.whole
-    # by the drawn curve itself: from its highest point to its lowest
+    # from the maximum of the drawn curve to its minimum
     volts = found.bending['fig8'] + found.stretch
     between = found.time[volts.argmin()] - found.time[volts.argmax()]
     assert between == pytest.approx(found.interval, abs=1e-4)
 
 
-def test_only_the_drawn_release_lets_q_sm_be_read_off_two_peaks():
+def test_q_sm_is_the_difference_of_two_peaks_only_for_the_drawn_release():
     found = tire_maps.outline()
     assert found.read_height('fig8') == pytest.approx(found.height, rel=1e-4)
     assert found.read_height('state') == pytest.approx(found.height + tire_maps.BENDING, rel=1e-4)
 
 
-def test_the_printed_charge_is_low_by_what_physics_says():
+def test_the_printed_charge_is_too_low():
     slip = np.array([0.1, 0.3])
-    low = 1.0 - tire_maps.printed_stretch(slip) / tire_maps.highest_stretch(slip)
+    low = 1.0 - tire_maps.printed_stretch(slip) / tire_maps.exact_stretch(slip)
     np.testing.assert_allclose(low, [0.05, 0.25], atol=0.01)
 
 
@@ -66,27 +66,27 @@ def test_the_printed_map_overestimates_friction_without_any_noise():
     assert excess[-1] == pytest.approx(2.17, abs=0.02)
 
 
-def test_slips_have_the_signs_of_the_paper_and_follow_the_truth(slips):
+def test_slips_have_the_signs_of_the_paper_and_agree_with_the_truth(slips):
     assert min(slips['sand'][side].true_mean for side in ('left', 'right')) > 0.0
     assert slips['concrete']['left'].true_mean > 0.0 > slips['concrete']['right'].true_mean
     for sides in slips.values():
-        for told in sides.values():
-            assert told.error.rms < 0.03
+        for score in sides.values():
+            assert score.error.rms < 0.03
 
 
-def test_the_films_follow_each_other_at_their_distance(turning):
+def test_the_delay_between_films_agrees_with_their_distance(turning):
     found = tire_maps.signals(turning)
     assert found.lag == pytest.approx(found.expected_lag, rel=0.03)
     assert np.all(found.variation > 0.05) and np.all(found.variation < 0.35)
     assert 0.05 < found.bump < 0.2
 
 
-def test_fitted_stretch_charges_are_the_true_ones_and_raw_ones_too_large(sweep):
-    told = sweep.passages
-    sliding = told.true_total_slip > tire_maps.LEAST_SLIP
-    ratio = (told.stretch / told.true_stretch)[sliding]
+def test_fitted_stretch_charges_are_correct_and_raw_ones_too_large(sweep):
+    crossings = sweep.crossings
+    sliding = crossings.true_total_slip > tire_maps.MIN_SLIP
+    ratio = (crossings.stretch / crossings.true_stretch)[sliding]
     assert np.nanmedian(ratio) == pytest.approx(1.0, abs=0.03)
-    assert np.nanmean(told.raw_stretch - told.stretch) > 0.03
+    assert np.nanmean(crossings.raw_stretch - crossings.stretch) > 0.03
 
 
 def test_both_wheel_speeds_give_the_same_line(sweep):
@@ -95,36 +95,38 @@ def test_both_wheel_speeds_give_the_same_line(sweep):
     assert fast.slope == pytest.approx(slow.slope, rel=0.1)
 
 
-def test_the_exact_map_follows_the_law_and_the_printed_one_is_half_as_steep(sweep):
+def test_the_exact_map_agrees_with_the_model_and_the_printed_one_is_half_as_steep(sweep):
     assert sweep.slopes['exact'].slope * tire_maps.CRITICAL == pytest.approx(-1.0, abs=0.15)
     assert -0.6 < sweep.slopes['printed'].slope * tire_maps.CRITICAL < -0.35
     assert sweep.slopes['paper'].determination < sweep.slopes['printed'].determination
 
 
-def test_friction_is_told_by_the_exact_map_and_doubled_by_the_printed_one(sweep):
-    exact, printed = (float(np.nanmedian(sweep.friction[way])) for way in ('exact', 'printed'))
+def test_friction_is_correct_with_the_exact_map_and_doubled_by_the_printed_one(sweep):
+    exact, printed = (float(np.nanmedian(sweep.friction[method]))
+                      for method in ('exact', 'printed'))
     assert exact == pytest.approx(MU, rel=0.1)
     assert 1.6 < printed / MU < 2.2
 
 
-def test_braking_passages_are_counted_and_not_used(sweep):
+def test_braking_crossings_are_counted_and_not_used(sweep):
     assert len(sweep.braking) > 5 and np.isnan(sweep.braking.stretch).all()
-    assert (sweep.passages.slip > 0.0).all()
+    assert (sweep.crossings.slip > 0.0).all()
 
 
-def test_accelerations_tell_the_stiffness():
-    run = tire_runs.drive(laboratory(), 'concrete', tire_runs.wavy, DURATION)
+def test_the_stiffness_is_estimated_from_accelerations():
+    run = tire_runs.drive(laboratory(), 'concrete', tire_runs.oscillating, DURATION)
     fit = tire_runs.stiffness(run, MU)
     # the plant's step of 1 ms makes it 4 C_x dt / (m v) = 2.6 % too stiff
     assert fit.stiffness == pytest.approx(1.026 * STIFFNESS, rel=0.01)
     assert fit.sigma < 0.01 * STIFFNESS
 
 
-def test_words_follow_the_numbers(slips, sweep):
-    page = paper_b_report.slip_page(slips)
-    assert any('both sides slip forward' in text for text in page.agrees)
-    page = paper_b_report.slip_page({'sand': slips['concrete'], 'concrete': slips['concrete']})
-    assert any('not both sides' in text for text in page.differs)
+def test_statements_depend_on_the_numbers(slips, sweep):
+    section = paper_b_report.slip_section(slips)
+    assert any('both sides have positive slip' in text for text in section.agrees)
+    concrete = slips['concrete']
+    section = paper_b_report.slip_section({'sand': concrete, 'concrete': concrete})
+    assert any('at least one side' in text for text in section.differs)
     steep = {**sweep.slopes, 'exact': replace(sweep.slopes['exact'], slope=-3.0)}
-    page = paper_b_report.adhesion_page(replace(sweep, slopes=steep))
-    assert any('does not follow' in text for text in page.differs)
+    section = paper_b_report.adhesion_section(replace(sweep, slopes=steep))
+    assert any('does not agree' in text for text in section.differs)
