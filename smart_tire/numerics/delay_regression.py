@@ -18,18 +18,18 @@ from scipy.optimize import minimize_scalar
 
 from smart_tire.arrays import Array
 from smart_tire.errors import EstimatorError
-from smart_tire.numerics.robust import MAD_TO_SIGMA
+from smart_tire.numerics.regression import (
+    HUBER_THRESHOLD, Prior, sandwich_covariance, solve_with_prior)
+from smart_tire.numerics.robust import huber_weights, mad_sigma, measurement_noise
 
 
-HUBER_THRESHOLD = 2.0            # sigmas, beyond which a row has lower weight
-REWEIGHTING_ROUNDS = 5           # of noise, then delay; more do not change the result
-MAX_AUTOCORRELATION = 0.999      # of neighboring rows
-HAC_TIME = 1.0                   # s over which whitened residuals may still be correlated
-DELAY_TOLERANCE = 1e-5           # s, of the search
-AMBIGUITY_CHI_SQUARE = 9.0       # by which all other minima must be worse: three sigmas
-MINIMUM_WIDTH_SIGMAS = 5.0  # standard errors within which grid points belong to the same minimum
-UNINFORMATIVE_PRECISION = 1e-12  # of the prior of an unobserved coefficient, keeps it invertible
-MIN_ROWS = 12                    # below this number the residuals do not determine their noise
+REWEIGHTING_ROUNDS = 5       # of noise, then delay; more do not change the result
+MAX_AUTOCORRELATION = 0.999  # of neighboring rows
+HAC_TIME = 1.0               # s over which whitened residuals may still be correlated
+DELAY_TOLERANCE = 1e-5       # s, of the search
+AMBIGUITY_CHI_SQUARE = 9.0   # by which all other minima must be worse: three sigmas
+MINIMUM_WIDTH_SIGMAS = 5.0   # standard errors within which grid points belong to the same minimum
+MIN_ROWS = 12                # below this number the residuals do not determine their noise
 
 
 @dataclass(frozen=True)
@@ -47,8 +47,7 @@ class DelayProblem:
     rows: Callable[[float], Rows]
     model_sigma: Callable[[float], Array]  # delay -> (n,) sigma of effects the model omits
     time: Array                            # (n,) s; correlation decays with the time between rows
-    prior_mean: Array                      # (p,) of the coefficients
-    prior_sigma: Array                     # (p,), inf without a prior
+    prior: Prior                           # of the coefficients
     overlapping: bool = False              # whether neighboring rows share measurements
 
 
@@ -86,8 +85,20 @@ def fit_delay(problem: DelayProblem, delays: Array) -> DelayFit:
     """
     Return the best delay near one of ``delays`` [s, evenly spaced] and its coefficients.
 
-    Raises EstimatorError if there are too few rows, if the best delay is at an end of the range,
-    or if another delay fits equally well.
+    The cost is minimized over the grid, then near its best point; noise, correlation and weights
+    of the rows are estimated in between. ``delays`` has shape (m,), m >= 3. Raises EstimatorError
+    if there are too few rows, if the best delay is at an end of the range, or if another delay
+    fits equally well.
+
+    >>> time = np.arange(0.0, 20.0, 0.1)
+    >>> noise = 0.01 * np.random.default_rng(0).standard_normal(time.size)
+    >>> def rows(delay):  # an echo, 0.2 s later and three times as large
+    ...     return Rows(np.sin(time - delay)[:, None], 3.0 * np.sin(time - 0.2) + noise)
+    >>> problem = DelayProblem(rows, lambda delay: np.zeros(time.size), time,
+    ...                        Prior(np.zeros(1), np.full(1, np.inf)))
+    >>> fit = fit_delay(problem, np.arange(-1.0, 1.1, 0.1))
+    >>> round(fit.delay, 2), round(float(fit.coefficients[0]), 2)
+    (0.2, 3.0)
     """
     n = len(problem.time)
     if n < MIN_ROWS:
@@ -145,12 +156,8 @@ def _whitened(values: Array, noise: _Noise) -> Array:
 
 def _solve(problem: DelayProblem, rows: Rows, noise: _Noise) -> tuple[Array, float]:
     """Return coefficients and the weighted sum of squares."""
-    weight = 1.0 / problem.prior_sigma
     white = _whitened(np.column_stack([rows.matrix, rows.target]), noise)
-    matrix = np.vstack([white[:, :-1], np.diag(weight)])
-    target = np.concatenate([white[:, -1], problem.prior_mean * weight])
-    coefficients, *_ = np.linalg.lstsq(matrix, target, rcond=None)
-    return coefficients, float(np.sum((matrix @ coefficients - target) ** 2))
+    return solve_with_prior(white[:, :-1], white[:, -1], problem.prior)
 
 
 def _cost(problem: DelayProblem, rows: Rows, noise: _Noise) -> float:
@@ -173,17 +180,11 @@ def _noise(problem: DelayProblem, delay: float, previous: _Noise) -> _Noise:
     correlation = min(max(correlation, 0.0), MAX_AUTOCORRELATION)
     step_correlation = correlation ** (steps / np.median(steps))
     plain = _Noise(sigma, correlation, step_correlation, np.ones(len(sigma)), white_sigma)
-    white = np.abs(_whitened(residuals, plain))
-        # correlation explains a part of the residuals: the whitened ones may be smaller
-    scale = max(MAD_TO_SIGMA * float(np.median(white)), 1e-12)
-    weight = np.minimum(1.0, HUBER_THRESHOLD * scale / np.maximum(white, 1e-12))
+    white = _whitened(residuals, plain)
+    # correlation explains a part of the residuals: the whitened ones may be smaller
+    scale = max(mad_sigma(white), 1e-12)
+    weight = huber_weights(white / scale, HUBER_THRESHOLD)
     return _Noise(sigma * scale, correlation, step_correlation, weight, white_sigma * scale)
-
-
-def measurement_noise(residuals: Array, model_sigma: Array) -> float:
-    """Return the standard deviation without model errors: of rows with the smaller ones."""
-    reliable = np.abs(residuals[model_sigma <= np.median(model_sigma)])
-    return max(MAD_TO_SIGMA * float(np.median(reliable)), 1e-9)
 
 
 def _result(problem: DelayProblem, delay: float, noise: _Noise) -> tuple[DelayFit, float]:
@@ -197,7 +198,7 @@ def _result(problem: DelayProblem, delay: float, noise: _Noise) -> tuple[DelayFi
         2.0 * offset)
     jacobian = np.column_stack([rows.matrix, slope])
     residuals = rows.target - rows.matrix @ coefficients
-    prior = np.append(problem.prior_sigma, np.inf)
+    prior = np.append(problem.prior.sigma, np.inf)
     matrix, white_residuals = _whitened(jacobian, noise), _whitened(residuals, noise)
     lags = math.ceil(HAC_TIME / float(np.median(np.diff(problem.time))))
     covariance = sandwich_covariance(matrix, white_residuals, prior, lags)
@@ -205,24 +206,3 @@ def _result(problem: DelayProblem, delay: float, noise: _Noise) -> tuple[DelayFi
     fit = DelayFit(
         delay, coefficients, covariance, noise.white_sigma, noise.correlation, residuals)
     return fit, max(1.0, float(covariance[-1, -1] / plain[-1, -1]))
-
-
-def sandwich_covariance(jacobian: Array, residuals: Array, prior_sigma: Array,
-                        lags: int) -> Array:
-    """
-    Return the covariance (p, p) of a weighted fit from its own residuals (n,).
-
-    ``jacobian`` is (n, p); residuals up to ``lags`` rows apart may be correlated; a prior
-    contributes with its own sigma.
-    """
-    n, p = jacobian.shape
-    # an unobserved direction must have a large variance, not zero
-    prior_precision = np.diag(1.0 / prior_sigma ** 2 + UNINFORMATIVE_PRECISION)
-    scores = jacobian * residuals[:, None]
-    meat = scores.T @ scores
-    for lag in range(1, min(lags, n - 1) + 1):
-        product = scores[lag:].T @ scores[:-lag]
-        meat += (1.0 - lag / (lags + 1.0)) * (product + product.T)
-    meat = meat * n / max(n - p, 1) + prior_precision
-    inverse = np.linalg.inv(jacobian.T @ jacobian + prior_precision)
-    return np.asarray(inverse @ meat @ inverse)

@@ -1,20 +1,111 @@
-"""Robust statistics: standard deviations from medians, insensitive to outliers."""
+"""Robust statistics: standard deviations from medians, weights of M-estimators."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+import math
+
 import numpy as np
 
-from smart_tire.arrays import Array
+from smart_tire.arrays import Array, ArrayLike
+from smart_tire.uncertain import Uncertain
 
-MAD_TO_SIGMA = 1.4826       # standard deviation over median absolute deviation, normal noise
-THIRD_DIFFERENCE = 20**0.5  # its noise over that of a sample: 1 + 9 + 9 + 1 squares
+MAD_TO_SIGMA = 1.4826  # standard deviation over median absolute deviation, normal distribution
 
 
-def noise_level(signal: Array) -> float:
+def mad_sigma(residuals: ArrayLike) -> float:
     """
-    Return the standard deviation of white noise on a smooth signal of shape (n,).
+    Return the standard deviation of zero-mean ``residuals`` (n,), n > 0, from their median.
 
-    It comes from third differences, in which the signal itself adds little: an upper bound.
+    It is 1.4826 times the median absolute residual (MAD), insensitive to up to half outliers.
+
+    >>> mad_sigma([-1.0, 1.0, -1.0, 1.0, 1e6])
+    1.4826
     """
-    third = np.diff(signal, 3)
-    return float(MAD_TO_SIGMA * np.median(np.abs(third)) / THIRD_DIFFERENCE)
+    return MAD_TO_SIGMA * float(np.median(np.abs(residuals)))
+
+
+def noise_level(signal: Array, order: int = 3) -> float:
+    """
+    Return the standard deviation of white noise on a smooth ``signal`` (n,), 0 if n <= order.
+
+    It comes from differences of this ``order``, to which the signal itself contributes little: an
+    upper bound. White noise increases by the root of binomial(2 order, order) in them.
+
+    >>> noise_level(np.array([0.0, 1.0, 4.0, 9.0, 16.0]))  # third differences of a parabola
+    0.0
+    """
+    if len(signal) <= order:
+        return 0.0
+    differences = np.diff(signal, order)
+    return mad_sigma(differences) / math.sqrt(math.comb(2 * order, order))
+
+
+def measurement_noise(residuals: Array, model_sigma: Array) -> float:
+    """
+    Return the standard deviation of the noise in ``residuals`` (n,) without model errors.
+
+    ``model_sigma`` (n,) is the standard deviation of the model error of each row; the estimate
+    uses the half of the rows in which it is smallest. At least 1e-9.
+
+    >>> measurement_noise(np.array([1.0, -1.0, 5.0, 9.0]), np.array([0.0, 0.0, 4.0, 8.0]))
+    1.4826
+    """
+    reliable = residuals[model_sigma <= np.median(model_sigma)]
+    return max(mad_sigma(reliable), 1e-9)
+
+
+def huber_weights(residuals: Array, threshold: float) -> Array:
+    """
+    Return Huber's weights min(1, threshold / |r|) of normalized ``residuals`` (n,).
+
+    ``threshold`` > 0 has the unit of the residuals: one for residuals in standard deviations.
+
+    >>> huber_weights(np.array([0.0, -1.0, 4.0]), 2.0)
+    array([1. , 1. , 0.5])
+    """
+    weights: Array = threshold / np.maximum(np.abs(residuals), threshold)
+    return weights
+
+
+def tukey_weights(residuals: Array, threshold: float) -> Array:
+    """
+    Return Tukey's biweights (1 - (r / threshold)^2)^2 of normalized ``residuals`` (n,).
+
+    They are 0 for residuals beyond ``threshold`` > 0, which has the unit of the residuals.
+
+    >>> tukey_weights(np.array([0.0, 1.0, 2.0, 3.0]), 2.0)
+    array([1.    , 0.5625, 0.    , 0.    ])
+    """
+    weights: Array = np.maximum(1.0 - (residuals / threshold)**2, 0.0)**2
+    return weights
+
+
+def winsorized_mean(values: Sequence[float], limit: float) -> Uncertain:
+    """
+    Return the mean of ``values`` with its standard error, robust against outliers.
+
+    Values further than ``limit`` standard deviations (``mad_sigma``) from the median are moved to
+    that limit. The standard error of a single value is infinite.
+
+    >>> winsorized_mean([1.0, 2.0, 3.0, 1000.0], 3.0).value
+    3.23695
+    """
+    median = float(np.median(values))
+    bound = limit * mad_sigma(np.asarray(values) - median)
+    clipped = np.clip(values, median - bound, median + bound)
+    sigma = float(np.std(clipped, ddof=1)) / math.sqrt(len(clipped)) if len(clipped) > 1 else (
+        math.inf)
+    return Uncertain(float(np.mean(clipped)), sigma)
+
+
+def median_reduced_chi_square(dof: ArrayLike) -> float:
+    """
+    Return the median of chi-squared over its degrees of freedom, for the median of ``dof``.
+
+    Approximation of Wilson and Hilferty (1931): (1 - 2 / (9 dof))^3.
+
+    >>> round(median_reduced_chi_square([4, 4]), 3)  # exact: 0.839
+    0.842
+    """
+    return float((1.0 - 2.0 / (9.0 * np.median(np.asarray(dof))))**3)

@@ -8,7 +8,8 @@ from scipy.ndimage import gaussian_filter1d
 
 from smart_tire.calibration.recording import Signal
 from smart_tire.errors import EstimatorError
-from smart_tire.numerics.delay_regression import DelayProblem, fit_delay, Rows, sandwich_covariance
+from smart_tire.numerics.delay_regression import DelayProblem, fit_delay, Rows
+from smart_tire.numerics.regression import Prior, sandwich_covariance
 
 pytestmark = pytest.mark.slow
 
@@ -38,8 +39,8 @@ def echo(seed, *, delay=0.13, slope=2.0, noise=0.05, correlation=0.0, outliers=0
         emitted = source.mean(begin - delay, end - delay)
         return Rows(np.column_stack([emitted, np.ones(len(emitted))]), received)
 
-    return DelayProblem(rows, lambda delay: np.zeros(len(begin)), end, np.zeros(2),
-                        np.full(2, np.inf))
+    return DelayProblem(rows, lambda delay: np.zeros(len(begin)), end,
+                        Prior(np.zeros(2), np.full(2, np.inf)))
 
 
 @pytest.mark.parametrize('options', [

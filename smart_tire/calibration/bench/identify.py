@@ -25,7 +25,7 @@ from smart_tire.errors import EstimatorError, ParameterError
 from smart_tire.estimation.film.denoise import DEAD_BAND_NOISE_FACTOR
 from smart_tire.models.film.monotone_branches import (
     Branches, dead_band_branches, relaxation, relaxation_at_starts)
-from smart_tire.numerics.robust import MAD_TO_SIGMA, noise_level
+from smart_tire.numerics.robust import huber_weights, mad_sigma, noise_level, tukey_weights
 from smart_tire.uncertain import Uncertain
 
 ALPHA_GAIN_GRID = np.geomspace(0.03, 100.0, 24)  # of alpha K times the range of the input
@@ -197,10 +197,9 @@ def _weighted_lstsq(columns: Array, output: Array, weights: Array) -> Array:
 
 
 def _weights(residual: Array, trusted: npt.NDArray[np.bool_], huber: bool) -> Array:
-    sigma = MAD_TO_SIGMA * float(np.median(np.abs(residual[trusted])))
-    ratio = np.abs(residual) / max(sigma, np.finfo(float).tiny)
-    weights = (HUBER_THRESHOLD / np.maximum(ratio, HUBER_THRESHOLD) if huber
-               else np.maximum(1.0 - (ratio / TUKEY_THRESHOLD)**2, 0.0)**2)
+    ratio = residual / max(mad_sigma(residual[trusted]), np.finfo(float).tiny)
+    weights = (huber_weights(ratio, HUBER_THRESHOLD) if huber
+               else tukey_weights(ratio, TUKEY_THRESHOLD))
     return np.where(trusted, weights, 0.0)
 
 

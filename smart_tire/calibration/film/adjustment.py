@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from smart_tire.arrays import Array
 from smart_tire.calibration.film.observations import GainObservation
+from smart_tire.numerics.robust import huber_weights, median_reduced_chi_square
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import NS_PER_S
 
@@ -210,10 +211,11 @@ class _Adjuster:
         for _ in range(REWEIGHTING_ROUNDS):
             solution = self._solve(weight / excess, segment_weight / ratio)
             squares = self._squares(solution)
-            excess = max(1.0, float(np.median(squares / dof)) / _median_reduced_chi_square(dof))
-            weight = _huber_weights(np.sqrt(squares / (dof * excess)))
+            excess = max(1.0, float(np.median(squares / dof)) / median_reduced_chi_square(dof))
+            weight = huber_weights(np.sqrt(squares / (dof * excess)), HUBER_THRESHOLD)
             ratio = _slip_variance_ratio(solution, ratio)
-            segment_weight = _huber_weights(np.abs(solution.segment_error) / math.sqrt(ratio))
+            segment_weight = huber_weights(
+                solution.segment_error / math.sqrt(ratio), HUBER_THRESHOLD)
         return Adjustment(self._index, solution.common[:size], solution.covariance[:size, :size],
                           self._count, ratio)
 
@@ -249,12 +251,6 @@ class _Adjuster:
         return squares
 
 
-def _huber_weights(size: Array) -> Array:
-    """Return Huber's weights of normalized residuals."""
-    weights: Array = HUBER_THRESHOLD / np.maximum(size, HUBER_THRESHOLD)
-    return weights
-
-
 def _slip_variance_ratio(solution: _Solution, previous: float) -> float:
     """Return the variance of the segments' slip errors over the expected one, at least 1."""
     dof = float(np.sum(1.0 - solution.variance / previous))
@@ -262,8 +258,3 @@ def _slip_variance_ratio(solution: _Solution, previous: float) -> float:
         return previous
     clipped = np.minimum(solution.segment_error ** 2, HUBER_THRESHOLD ** 2 * previous)
     return max(1.0, float(np.sum(clipped)) / dof)
-
-
-def _median_reduced_chi_square(dof: NDArray[np.intp]) -> float:
-    """Return the median of chi-squared over its degrees of freedom (Wilson and Hilferty)."""
-    return float((1.0 - 2.0 / (9.0 * np.median(dof))) ** 3)

@@ -16,7 +16,7 @@ import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.errors import EstimatorError
-from smart_tire.numerics.robust import MAD_TO_SIGMA
+from smart_tire.numerics.robust import mad_sigma
 from smart_tire.uncertain import Uncertain
 
 
@@ -40,7 +40,7 @@ def film_angle(angles: Sequence[float], speeds: Sequence[float]) -> Uncertain:
     first = _medoid(np.asarray(angles))
     deviations = np.angle(np.exp(1j * (np.asarray(angles) - first)))
     median = float(np.median(deviations))
-    scatter = max(MAD_TO_SIGMA * float(np.median(np.abs(deviations - median))), MIN_SCATTER)
+    scatter = max(mad_sigma(deviations - median), MIN_SCATTER)
     if scatter > MAX_SCATTER:
         raise EstimatorError(f'angles of crossings scatter by {scatter:.2f} rad: wheel_states '
                              'positions restart within the recording')

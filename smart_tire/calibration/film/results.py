@@ -13,7 +13,7 @@ from smart_tire.calibration.film.adjustment import Adjustment
 from smart_tire.calibration.film.mounting_angle import film_angle
 from smart_tire.calibration.film.observations import GainObservation, ObservationFitter
 from smart_tire.errors import EstimatorError
-from smart_tire.numerics.robust import MAD_TO_SIGMA
+from smart_tire.numerics.robust import winsorized_mean
 from smart_tire.parameters import RobotParams
 from smart_tire.uncertain import Uncertain, weighted_mean
 
@@ -141,7 +141,8 @@ class Results:
                             for observation in informative]).reshape(-1, 4).T
         self._fit.films.append(FilmGain(
             wheel, film, None if reason else gain, None if reason else self._per_slip(gain, index),
-            winsorized_mean(bending_peaks(self._observations, wheel, film)), *columns))
+            winsorized_mean(
+                bending_peaks(self._observations, wheel, film), WINSORIZING_SIGMAS), *columns))
 
     def _per_slip(self, gain: Uncertain, index: int) -> Uncertain:
         """Return the volts per unit slip with the errors of gain and contact length."""
@@ -282,17 +283,6 @@ def bending_peaks(observations: Sequence[GainObservation], wheel: str, film: int
     """Return the bending peaks [V] of a film in all observations."""
     return [observation.bending[observation.films.index(film)] for observation in observations
             if observation.crossing.wheel == wheel and film in observation.films]
-
-
-def winsorized_mean(values: Sequence[float]) -> Uncertain:
-    """Return the mean with its standard error, with outliers moved to a limit."""
-    median = float(np.median(values))
-    spread = MAD_TO_SIGMA * float(np.median(np.abs(np.asarray(values) - median)))
-    limit = WINSORIZING_SIGMAS * spread
-    clipped = np.clip(values, median - limit, median + limit)
-    return Uncertain(
-        float(np.mean(clipped)), float(np.std(clipped, ddof=1)) / math.sqrt(len(clipped))
-        if len(clipped) > 1 else math.inf)
 
 
 def relative_position(result: Adjustment, film: int, reference: int) -> Uncertain:

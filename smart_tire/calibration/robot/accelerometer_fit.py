@@ -24,6 +24,7 @@ from smart_tire.calibration.robot.wheel_latency import (
     delay_grid, LAG_RELATIVE_SIGMA, MAX_DELAY, MAX_LATENCY_SIGMA, min_interval)
 from smart_tire.errors import EstimatorError
 from smart_tire.numerics.delay_regression import DelayFit, DelayProblem, fit_delay, Rows
+from smart_tire.numerics.regression import Prior
 from smart_tire.parameters import RobotParams
 from smart_tire.uncertain import Uncertain
 
@@ -115,7 +116,8 @@ class _SpeedChanges:
         lag = self._slip_per_acceleration
         mean = np.array([1.0, lag, 0.0, TURN_SLIP])
         sigma = np.array([np.inf, LAG_RELATIVE_SIGMA * lag, np.inf, TURN_SLIP])
-        return DelayProblem(self.rows, self.model_sigma, self.time, mean, sigma, overlapping=True)
+        return DelayProblem(
+            self.rows, self.model_sigma, self.time, Prior(mean, sigma), overlapping=True)
 
     def lag_sigma(self, fit: DelayFit) -> float:
         """Return the standard deviation [s] of the delay from the lag of the body: all of it."""

@@ -10,6 +10,7 @@ from smart_tire.arrays import Array
 from smart_tire.calibration.recording import PoseRecord, Recording, Signal
 from smart_tire.errors import EstimatorError
 from smart_tire.numerics.delay_regression import DelayProblem, fit_delay, Rows
+from smart_tire.numerics.regression import Prior
 from smart_tire.uncertain import Uncertain
 
 
@@ -48,8 +49,8 @@ def fit_gyro_scale(recording: Recording) -> GyroScaleFit:
         rate = gyro.mean(begin - delay, end - delay)
         return Rows(np.column_stack([yaw_change / duration, np.ones(len(end))]), rate)
 
-    problem = DelayProblem(rows, lambda delay: np.zeros(len(end)), end, np.zeros(2),
-                           np.full(2, np.inf))
+    problem = DelayProblem(rows, lambda delay: np.zeros(len(end)), end,
+                           Prior(np.zeros(2), np.full(2, np.inf)))
     fit = fit_delay(problem, np.arange(-MAX_DELAY, MAX_DELAY + DELAY_STEP, DELAY_STEP))
     scale = Uncertain(float(fit.coefficients[0]), fit.coefficient_sigma(0))
     if scale.sigma > MAX_SCALE_SIGMA:

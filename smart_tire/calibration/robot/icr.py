@@ -26,7 +26,8 @@ from smart_tire.calibration.recording import period, PoseRecord, Recording, Sign
 from smart_tire.calibration.robot.gyro_scale import usable_reference
 from smart_tire.calibration.robot.wheel_latency import min_interval
 from smart_tire.errors import EstimatorError
-from smart_tire.numerics.delay_regression import measurement_noise, sandwich_covariance
+from smart_tire.numerics.regression import sandwich_covariance
+from smart_tire.numerics.robust import measurement_noise
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.calibration_file import Identified
 from smart_tire.uncertain import Uncertain, weighted_mean

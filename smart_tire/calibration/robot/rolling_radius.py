@@ -27,8 +27,8 @@ from smart_tire.arrays import Array
 from smart_tire.calibration.recording import PoseRecord, WheelRecord
 from smart_tire.calibration.robot.rolled_distance import WheelRotationLog
 from smart_tire.errors import EstimatorError
-from smart_tire.numerics.delay_regression import measurement_noise, sandwich_covariance
-from smart_tire.numerics.robust import noise_level
+from smart_tire.numerics.regression import sandwich_covariance
+from smart_tire.numerics.robust import measurement_noise, noise_level
 from smart_tire.parameters import RobotParams
 from smart_tire.uncertain import Uncertain
 

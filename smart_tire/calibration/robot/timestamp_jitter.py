@@ -14,7 +14,7 @@ import numpy as np
 from smart_tire.arrays import Array
 from smart_tire.calibration.recording import WheelRecord
 from smart_tire.errors import EstimatorError
-from smart_tire.numerics.robust import MAD_TO_SIGMA
+from smart_tire.numerics.robust import mad_sigma
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import LEFT, RIGHT
 from smart_tire.uncertain import Uncertain
@@ -67,11 +67,10 @@ def _filtered(values: Array, kernel: Array) -> Array:
 
 def _common_sigma(errors: Array) -> Uncertain:
     """Return the standard deviation of the common part of two columns of errors (n, 2)."""
-    common, differential = (
-        MAD_TO_SIGMA * np.median(np.abs(errors @ sign)) for sign in ((1, 1), (1, -1)))
-    variance = float(common ** 2 - differential ** 2) / 4.0 / RESIDUAL_VARIANCE_SHARE
+    common, differential = (mad_sigma(errors @ sign) for sign in ((1, 1), (1, -1)))
+    variance = (common ** 2 - differential ** 2) / 4.0 / RESIDUAL_VARIANCE_SHARE
     # standard error of a variance by the median absolute deviation of n / 2 independent errors
-    variance_sigma = float(common ** 2 + differential ** 2) / 4.0 / RESIDUAL_VARIANCE_SHARE * (
+    variance_sigma = (common ** 2 + differential ** 2) / 4.0 / RESIDUAL_VARIANCE_SHARE * (
         2.0 * math.sqrt(2.7 / len(errors)))
     if variance < SIGNIFICANCE_SIGMAS * variance_sigma:
         limit = math.sqrt(max(variance, 0.0) + SIGNIFICANCE_SIGMAS * variance_sigma)

@@ -21,8 +21,9 @@ from smart_tire.arrays import Array
 from smart_tire.calibration.recording import (
     period, Recording, Signal, wheel_intervals, WheelIntervals)
 from smart_tire.errors import EstimatorError
-from smart_tire.numerics.delay_regression import (
-    DelayFit, DelayProblem, fit_delay, measurement_noise, Rows, sandwich_covariance)
+from smart_tire.numerics.delay_regression import DelayFit, DelayProblem, fit_delay, Rows
+from smart_tire.numerics.regression import Prior, sandwich_covariance
+from smart_tire.numerics.robust import measurement_noise
 from smart_tire.parameters import RobotParams
 from smart_tire.uncertain import Uncertain
 
@@ -137,7 +138,7 @@ class _YawRateRegression:
             np.inf, LAG_RELATIVE_SIGMA * self._nominal_lag,
             LAG_RELATIVE_SIGMA * self._slip_per_acceleration, RADIUS_DIFFERENCE_SIGMA,
             self._robot.imu.gyro_bias])
-        return DelayProblem(self.rows, self.model_sigma, self.time, mean, sigma)
+        return DelayProblem(self.rows, self.model_sigma, self.time, Prior(mean, sigma))
 
     def lag_sigma(self, fit: DelayFit) -> float:
         """Return the mean lag [s] of the body, weighted as the rows that determine the delay."""
@@ -175,13 +176,13 @@ class _YawRateRegression:
                             self.model_sigma(fit.delay))
             weight = np.sqrt(np.minimum(1.0, 2.0 * size / np.maximum(np.abs(residuals), 1e-12)))
             scaled = rows.matrix * (weight / size)[:, None]
-            matrix = np.vstack([scaled, np.diag(1.0 / problem.prior_sigma)])
+            matrix = np.vstack([scaled, np.diag(1.0 / problem.prior.sigma)])
             target = np.concatenate([rows.target * weight / size,
-                                     problem.prior_mean / problem.prior_sigma])
+                                     problem.prior.mean / problem.prior.sigma])
             coefficients, *_ = np.linalg.lstsq(matrix, target, rcond=None)
         lags = math.ceil(SLIP_CORRELATION_TIME / float(np.median(np.diff(self.time))))
         covariance = sandwich_covariance(
-            scaled, residuals * weight / size, problem.prior_sigma, lags)
+            scaled, residuals * weight / size, problem.prior.sigma, lags)
         sigma = np.sqrt(np.diag(covariance))
         slope, asymmetry = (Uncertain(float(coefficients[column]), float(sigma[column]))
                             for column in (SLOPE_COLUMN, RADIUS_DIFFERENCE_COLUMN))

@@ -19,7 +19,7 @@ from scipy.linalg import cholesky, solve_triangular
 
 from smart_tire.arrays import Array
 from smart_tire.calibration.recording import Recording, Signal, wheel_intervals, WheelIntervals
-from smart_tire.numerics.robust import MAD_TO_SIGMA
+from smart_tire.numerics.robust import noise_level
 from smart_tire.parameters import RobotParams
 
 Indices = NDArray[np.intp]
@@ -135,7 +135,7 @@ def _noise(time: Array, force: Array, intervals: WheelIntervals, robot: RobotPar
     """Return the standard deviation [m/s2] of a sample in motion, including vibration."""
     after = np.searchsorted(intervals.end, time)
     moving = intervals.begin[np.minimum(after, len(intervals.end) - 1)] <= time
-    return max(robot.imu.accel_noise, white_noise(force[moving]))
+    return max(robot.imu.accel_noise, noise_level(force[moving], 2))
 
 
 class _SpeedErrors:
@@ -165,10 +165,3 @@ class _SpeedErrors:
             covariance = covariance + differences @ differences.T
         covariance.flat[::n + 1] += ROUGHNESS_SIGMA ** 2
         return np.asarray(cholesky(covariance, lower=True))
-
-
-def white_noise(signal: Array) -> float:
-    """Return the standard deviation of the white noise in a signal, from second differences."""
-    if len(signal) < 3:
-        return 0.0
-    return MAD_TO_SIGMA * float(np.median(np.abs(np.diff(signal, 2)))) / math.sqrt(6.0)

@@ -18,7 +18,7 @@ from smart_tire.arrays import Array
 from smart_tire.estimation.contact.records import FilmSamples
 from smart_tire.estimation.friction.motion_history import ValueSigma
 from smart_tire.estimation.friction.waveform_model import Own, own, Shared, WaveformModel
-from smart_tire.numerics.robust import MAD_TO_SIGMA
+from smart_tire.numerics.robust import huber_weights, MAD_TO_SIGMA
 
 Indices = NDArray[np.intp]
 
@@ -172,8 +172,7 @@ class LevenbergMarquardt:
         """Return 1 / variance with Huber's factor, 0 for samples beyond their rail."""
         size = np.abs(point.residual)
         sigma = max(math.sqrt(self._variance), MAD_TO_SIGMA * upper_median(size))
-        edge = HUBER_THRESHOLD * sigma
-        weight: Array = (edge / self._variance) / np.maximum(size, edge)
+        weight = huber_weights(size, HUBER_THRESHOLD * sigma) / self._variance
         return np.where(self._rail * point.residual < 0.0, 0.0, weight) if self._clips else weight
 
 

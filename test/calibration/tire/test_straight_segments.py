@@ -12,7 +12,8 @@ from support.straight import CONCRETE, motion, straight_run
 
 from smart_tire.calibration.recording import ImuRecord, WheelRecord
 from smart_tire.calibration.tire.straight_segments import (
-    MAX_SEGMENT_INTERVALS, MIN_SEGMENT_INTERVALS, straight_segments, white_noise)
+    MAX_SEGMENT_INTERVALS, MIN_SEGMENT_INTERVALS, straight_segments)
+from smart_tire.numerics.robust import noise_level
 from smart_tire.parameters import RobotParams
 
 ROBOT = RobotParams()
@@ -108,5 +109,5 @@ def test_whitened_errors_are_white_with_unit_variance():
 def test_white_noise_is_separated_from_slow_changes():
     rng = np.random.default_rng(1)
     slow = 5.0 * np.sin(np.arange(5000) / 100.0)
-    assert white_noise(slow + rng.normal(0.0, 0.3, 5000)) == pytest.approx(0.3, rel=0.05)
-    assert white_noise(np.array([1.0, 2.0])) == 0.0
+    assert noise_level(slow + rng.normal(0.0, 0.3, 5000), 2) == pytest.approx(0.3, rel=0.05)
+    assert noise_level(np.array([1.0, 2.0]), 2) == 0.0
