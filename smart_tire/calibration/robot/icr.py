@@ -26,25 +26,23 @@ from smart_tire.calibration.recording import period, PoseRecord, Recording, Sign
 from smart_tire.calibration.robot.gyro_scale import usable_reference
 from smart_tire.calibration.robot.wheel_latency import min_interval
 from smart_tire.errors import EstimatorError
-from smart_tire.numerics.regression import sandwich_covariance
-from smart_tire.numerics.robust import measurement_noise
+from smart_tire.numerics.regression import Prior, robust_regression
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.calibration_file import Identified
 from smart_tire.uncertain import Uncertain, weighted_mean
 
 
-DISPLACEMENT_INTERVAL = 0.5  # s, of the displacements of the reference: shorter than a turn
-MAX_POSE_GAP = 0.5                            # s between poses of an interval
-MIN_YAW_RATE = 0.1                            # rad/s, of a turn
-TURN_MARGIN = 0.3  # s before and after a turn, where the yaw rate changes
-MIN_TOTAL_YAW = 2.0                           # rad of yaw in a recording: a third of a circle
-MAX_ICR_SIGMA = 0.2  # wheelbases, standard error above which S is not reported
-REFERENCE_YAW_SIGMA = 0.05                    # rad, yaw misalignment of the reference; assumed
+DISPLACEMENT_INTERVAL = 0.5   # s, of the displacements of the reference: shorter than a turn
+MAX_POSE_GAP = 0.5            # s between poses of an interval
+MIN_YAW_RATE = 0.1            # rad/s, of a turn
+TURN_MARGIN = 0.3             # s before and after a turn, where the yaw rate changes
+MIN_TOTAL_YAW = 2.0           # rad of yaw in a recording: a third of a circle
+MAX_ICR_SIGMA = 0.2           # wheelbases, standard error above which S is not reported
+REFERENCE_YAW_SIGMA = 0.05    # rad, yaw misalignment of the reference; assumed
 SPEED_RELATIVE_SIGMA = 0.1  # relative sigma of the mean wheel speed as speed over ground, in turns
-ROLL_DELAY = 0.03  # s by which body roll delays or advances the measured force; assumed
+ROLL_DELAY = 0.03             # s by which body roll delays or advances the measured force; assumed
 YAW_RATE_SQUARED_SIGMA = 0.2  # m, sigma of y_M and of other effects proportional to W^2
-HAC_TIME = 2.0  # s over which errors may be correlated: the duration of a turn
-HUBER_THRESHOLD, REWEIGHTING_ROUNDS = 2.0, 8  # sigmas, and number of iterations
+HAC_TIME = 2.0                # s over which errors may be correlated: the duration of a turn
 
 
 @dataclass(frozen=True)
@@ -81,8 +79,7 @@ class _Rows:
     matrix: Array       # (n, p)
     target: Array       # (n,)
     model_sigma: Array  # (n,) standard deviation of effects that the model omits
-    mean: Array         # (p,) prior of the coefficients
-    sigma: Array        # (p,)
+    prior: Prior        # of the coefficients
     source: str
     unit: str
     common_sigma: float  # m, standard deviation of S from errors that all rows share
@@ -140,7 +137,7 @@ def _from_reference(recording: Recording, robot: RobotParams) -> _Rows:
     matrix = np.column_stack([
         poses.yaw[first] - poses.yaw[last], forward[last] - forward[first]])
     return _Rows(0.5 * (poses.time[first] + poses.time[last]), matrix, left[last] - left[first],
-                 np.zeros(len(first)), np.zeros(2), np.array([np.inf, REFERENCE_YAW_SIGMA]),
+                 np.zeros(len(first)), Prior(np.zeros(2), np.array([np.inf, REFERENCE_YAW_SIGMA])),
                  'lateral displacement of the reference', 'm', 0.0)
 
 
@@ -176,8 +173,9 @@ def _from_imu(recording: Recording, robot: RobotParams) -> _Rows:
     return _Rows(
         0.5 * (begin + end), matrix,
         force.mean(begin, end) - x * yaw_acceleration + y * rate ** 2,
-        SPEED_RELATIVE_SIGMA * np.abs(centripetal), np.array([0.0, 1.0, 0.0, 0.0]),
-        np.array([np.inf, SPEED_RELATIVE_SIGMA, YAW_RATE_SQUARED_SIGMA, np.inf]),
+        SPEED_RELATIVE_SIGMA * np.abs(centripetal),
+        Prior(np.array([0.0, 1.0, 0.0, 0.0]),
+              np.array([np.inf, SPEED_RELATIVE_SIGMA, YAW_RATE_SQUARED_SIGMA, np.inf])),
         'lateral acceleration of the IMU', 'm/s2',
         ROLL_DELAY * float(np.average(np.abs(speed), weights=np.abs(rate) + 1e-9)))
 
@@ -187,40 +185,23 @@ def _fit(rows: _Rows, turns: list[tuple[float, float]], robot: RobotParams) -> I
     of_turn = np.array([(rows.time > begin - TURN_MARGIN) & (rows.time < end + TURN_MARGIN)
                         for begin, end in turns])
     selected = np.asarray(of_turn.any(axis=0))
-    if selected.sum() < 2 * len(rows.mean):
+    if selected.sum() < 2 * len(rows.prior.mean):
         raise EstimatorError(f'{rows.source}: {int(selected.sum())} intervals in turns')
     matrix, target = rows.matrix[selected], rows.target[selected]
-    coefficients, sigma, row_sigma = _regression(rows, matrix, target, selected)
-    icr = Uncertain(float(coefficients[0]), math.hypot(sigma, rows.common_sigma))
+    fit = robust_regression(
+        matrix, target, rows.prior, model_sigma=rows.model_sigma[selected],
+        initial_sigma=float(np.std(target)),
+        hac_lags=math.ceil(HAC_TIME / float(np.median(np.diff(rows.time)))))
+    estimate = fit.estimate(0)
+    icr = replace(estimate, sigma=math.hypot(estimate.sigma, rows.common_sigma))
     limit = MAX_ICR_SIGMA * robot.wheelbase
     if not icr.sigma <= limit:
         raise EstimatorError(f'{rows.source}: standard error of {icr.sigma:.2g} m, expected at '
                              f'most {limit:.2g} m')
-    response = target - matrix[:, 1:] @ coefficients[1:]
-    table = _turn_by_turn(of_turn[:, selected], matrix[:, 0], response, row_sigma, turns)
+    response = target - matrix[:, 1:] @ fit.coefficients[1:]
+    table = _turn_by_turn(of_turn[:, selected], matrix[:, 0], response, fit.row_sigma, turns)
     return IcrFit(icr, rows.source, _spread(table[1], table[2]), *table, matrix[:, 0], response,
                   rows.unit)
-
-
-def _regression(rows: _Rows, matrix: Array, target: Array, selected: NDArray[np.bool_]
-                ) -> tuple[Array, float, Array]:
-    """Return robust coefficients, the standard error of the first, and the sigma of each row."""
-    model_sigma = rows.model_sigma[selected]
-    row_sigma = np.hypot(max(float(np.std(target)), 1e-9), model_sigma)
-    weight = np.ones(len(target))
-    for _ in range(REWEIGHTING_ROUNDS):
-        scale = np.sqrt(weight) / row_sigma
-        scaled = matrix * scale[:, None]
-        coefficients = np.linalg.lstsq(
-            np.vstack([scaled, np.diag(1.0 / rows.sigma)]),
-            np.append(target * scale, rows.mean / rows.sigma), rcond=None)[0]
-        residuals = target - matrix @ coefficients
-        row_sigma = np.hypot(measurement_noise(residuals, model_sigma), model_sigma)
-        weight = np.minimum(
-            1.0, HUBER_THRESHOLD * row_sigma / np.maximum(np.abs(residuals), 1e-12))
-    lags = math.ceil(HAC_TIME / float(np.median(np.diff(rows.time))))
-    covariance = sandwich_covariance(scaled, residuals * scale, rows.sigma, lags)
-    return np.asarray(coefficients, float), math.sqrt(covariance[0, 0]), row_sigma
 
 
 def _turn_by_turn(of_turn: NDArray[np.bool_], regressor: Array, response: Array, row_sigma: Array,
