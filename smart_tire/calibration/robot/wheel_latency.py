@@ -22,8 +22,7 @@ from smart_tire.calibration.recording import (
     period, Recording, Signal, wheel_intervals, WheelIntervals)
 from smart_tire.errors import EstimatorError
 from smart_tire.numerics.delay_regression import DelayFit, DelayProblem, fit_delay, Rows
-from smart_tire.numerics.regression import Prior, sandwich_covariance
-from smart_tire.numerics.robust import measurement_noise
+from smart_tire.numerics.regression import Prior, robust_regression
 from smart_tire.parameters import RobotParams
 from smart_tire.uncertain import Uncertain
 
@@ -168,22 +167,8 @@ class _YawRateRegression:
         The delay is determined by changes of the yaw rate, the track by sustained turns: here
         rows are not differenced, and errors may be correlated over ``SLIP_CORRELATION_TIME``.
         """
-        problem, size = self.problem(), np.hypot(fit.noise, self.model_sigma(fit.delay))
-        coefficients = fit.coefficients
-        for _ in range(5):
-            residuals = rows.target - rows.matrix @ coefficients
-            size = np.hypot(measurement_noise(residuals, self.model_sigma(fit.delay)),
-                            self.model_sigma(fit.delay))
-            weight = np.sqrt(np.minimum(1.0, 2.0 * size / np.maximum(np.abs(residuals), 1e-12)))
-            scaled = rows.matrix * (weight / size)[:, None]
-            matrix = np.vstack([scaled, np.diag(1.0 / problem.prior.sigma)])
-            target = np.concatenate([rows.target * weight / size,
-                                     problem.prior.mean / problem.prior.sigma])
-            coefficients, *_ = np.linalg.lstsq(matrix, target, rcond=None)
         lags = math.ceil(SLIP_CORRELATION_TIME / float(np.median(np.diff(self.time))))
-        covariance = sandwich_covariance(
-            scaled, residuals * weight / size, problem.prior.sigma, lags)
-        sigma = np.sqrt(np.diag(covariance))
-        slope, asymmetry = (Uncertain(float(coefficients[column]), float(sigma[column]))
-                            for column in (SLOPE_COLUMN, RADIUS_DIFFERENCE_COLUMN))
-        return slope, asymmetry
+        steady = robust_regression(
+            rows.matrix, rows.target, self.problem().prior,
+            model_sigma=self.model_sigma(fit.delay), initial_sigma=fit.noise, hac_lags=lags)
+        return steady.estimate(SLOPE_COLUMN), steady.estimate(RADIUS_DIFFERENCE_COLUMN)
