@@ -20,7 +20,7 @@ from typing import Any, IO
 from hypothesis import HealthCheck, settings
 import pytest
 from support.groups import group_of, GROUPS
-from support.machine import shared
+from support.machine import shared_cores
 from support.pty_port import PtyPort
 
 # Matrices are small: threads would only compete with each other and with the other worker.
@@ -80,7 +80,7 @@ def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
     """Leave all cores to a test that needs them; see ``support/machine.py``."""
     if _rank(item) < len(GROUPS):
         return (yield)  # only these ask for it, and no two of a group run at the same time
-    with shared():
+    with shared_cores():
         return (yield)
 
 

@@ -139,7 +139,7 @@ def misplaced_helpers_of_the_command(source: Source) -> Iterator[str]:
                for one in node.targets if isinstance(one, ast.Name)}
     defined |= {node.name for node in source.tree.body if isinstance(node, ast.FunctionDef)}
     if name not in VERBS:
-        yield source.at(1, f'{name} is no verb and has no leading underscore')
+        yield source.at(1, f'{name} is neither a verb nor begins with an underscore')
     elif missing := set(INTERFACE) - defined:
         yield source.at(1, f'the verb {name} lacks {", ".join(sorted(missing))}')
 
@@ -238,7 +238,7 @@ def test_tables_name_rooms_that_have_a_level():
     (product_named_test, 'smart_tire/simulation/test_bench.py', '',
      '1: a module of the product is named test_*'),
     (misplaced_helpers_of_the_command, 'smart_tire/cli/output.py', '',
-     '1: output is no verb and has no leading underscore'),
+     '1: output is neither a verb nor begins with an underscore'),
     (misplaced_helpers_of_the_command, 'smart_tire/cli/replay.py',
      'NAME = HELP = 1\ndef run(): pass', '1: the verb replay lacks add_arguments'),
 ])

@@ -14,7 +14,7 @@ from smart_tire.cli._processes import isolated_environment, NODES, Stack
 from smart_tire.cli.demo import EXPECTED, UNITS
 from smart_tire.messages import TOPICS
 from smart_tire.samples import NS_PER_S, VelocityCommand
-from support.machine import exclusive
+from support.machine import exclusive_cores
 from support.stack import count, parameter_file
 from support.waiting import wait_for
 
@@ -43,7 +43,7 @@ def run(tmp_path_factory):
         'robot_simulator': {'ground.base': 'concrete', 'units': list(UNITS), 'ports': ports},
         'tire_receiver': {'port': ports['tire_radio'], 'units': list(UNITS)},
         'imu_driver': {'port': ports['imu']}, 'motor_driver': {'port': ports['motors']}})
-    with exclusive(), Stack(folder / 'logs', isolated_environment()) as stack:  # needs two cores
+    with exclusive_cores(), Stack(folder / 'logs', isolated_environment()) as stack:
         stack.start('recorder', 'smart_tire.cli.main', 'record', '--out', str(bag))
         for node in NODES:
             stack.node(node, [params])

@@ -1,4 +1,4 @@
-"""Locks for tests that need all cores of the machine while no other test runs."""
+"""Locks that let some tests have all cores of this machine, while others share them."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ def _locked(name: str, how: int) -> Iterator[None]:
 
 
 @contextmanager
-def shared() -> Iterator[None]:
-    """Wait until no test process runs exclusively, and prevent it meanwhile."""
+def shared_cores() -> Iterator[None]:
+    """Wait until no other test process has all cores, and let none take them."""
     with _locked('gate', fcntl.LOCK_SH):
-        pass  # held by a process that waits for exclusive use: others must not start meanwhile
+        pass  # held by a process that waits for all cores: no other one enters meanwhile
     with _locked('room', fcntl.LOCK_SH):
         yield
 
 
 @contextmanager
-def exclusive() -> Iterator[None]:
-    """Wait until no other test process runs, and prevent others from starting."""
+def exclusive_cores() -> Iterator[None]:
+    """Wait until no other test process computes, and let none start."""
     with _locked('gate', fcntl.LOCK_EX), _locked('room', fcntl.LOCK_EX):
         yield
