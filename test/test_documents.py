@@ -36,7 +36,7 @@ def anchors(path: Path) -> set[str]:
 
 
 def broken_links(path: Path) -> list[str]:
-    """Return the relative links of a document that lead nowhere."""
+    """Return the relative links of a document that have no target."""
     broken = []
     for link in LINK.findall(path.read_text(encoding='utf-8')):
         name, _, anchor = link.partition('#')
@@ -70,7 +70,7 @@ def missing_modules(path: Path) -> list[str]:
     return missing
 
 
-def test_links_between_documents_lead_somewhere():
+def test_links_between_documents_have_a_target():
     assert [link for path in DOCUMENTS for link in broken_links(path)] == []
 
 

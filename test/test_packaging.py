@@ -1,4 +1,4 @@
-"""What is installed is what is there: one version, every node a command, every import declared."""
+"""The package as installed: version, executables, files, and declared dependencies."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ ROS_SUFFIXES = ('_msgs', '_srvs', '_interfaces')
 
 @pytest.fixture(scope='module')
 def setup_arguments() -> dict:
-    """Return what setup.py hands to setuptools."""
+    """Return the arguments with which setup.py calls setuptools."""
     captured: dict = {}
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(ROOT)
@@ -76,7 +76,7 @@ def ros_packages() -> set[str]:
 
 
 def depends() -> set[str]:
-    """Return what package.xml needs at run time."""
+    """Return the run-time dependencies of package.xml."""
     return {item.text or '' for tag in ('exec_depend', 'depend') for item in MANIFEST.iter(tag)}
 
 
@@ -105,7 +105,7 @@ def test_every_node_and_the_command_are_executables(setup_arguments):
                        **{node: f'smart_tire.nodes.{node}:main' for node in NODE_PARAMS}}
 
 
-def test_every_executable_leads_to_a_function(setup_arguments):
+def test_every_executable_refers_to_a_function(setup_arguments):
     for script in setup_arguments['entry_points']['console_scripts']:
         module, _, function = script.partition('= ')[2].partition(':')
         path = ROOT.joinpath(*module.split('.')).with_suffix('.py')
@@ -130,7 +130,7 @@ def test_marker_manifest_launch_files_and_parameters_are_installed(setup_argumen
     assert (ROOT / 'resource' / 'smart_tire').is_file()
 
 
-def test_scripts_go_where_ros2_run_looks_and_use_the_active_python():
+def test_scripts_are_installed_where_ros2_run_looks_and_use_the_active_python():
     config = configparser.ConfigParser()
     config.read(ROOT / 'setup.cfg')
     assert config['develop']['script_dir'] == config['install']['install_scripts'] \
@@ -144,7 +144,7 @@ def test_every_message_package_is_declared_twice(setup_arguments):
     assert {f'ros-{name.replace("_", "-")}' for name in ros_packages() - OPTIONAL} <= wheels
 
 
-def test_every_library_is_declared_with_a_key_or_as_having_none(setup_arguments):
+def test_every_library_is_declared_with_its_rosdep_key_or_as_having_none(setup_arguments):
     used = {root for root in imported_roots() - {'smart_tire', 'rclpy'}
             if root not in sys.stdlib_module_names and not root.endswith(ROS_SUFFIXES)}
     assert used <= ROSDEP_KEYS.keys() | WITHOUT_KEY
@@ -160,7 +160,7 @@ def test_every_requirement_has_its_exact_version(setup_arguments):
     assert {distribution(item) for item in wanted} <= pins('constraints.txt').keys()
 
 
-def test_versions_are_the_same_wherever_they_are_written(setup_arguments):
+def test_versions_are_the_same_in_all_files(setup_arguments):
     constraints = pins('constraints.txt')
     for name, versions in pins('requirements.txt').items():
         assert constraints[name] == versions
