@@ -7,3 +7,4 @@ import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
 ArrayLike = npt.ArrayLike
+Instants = npt.NDArray[np.int64]  # ns

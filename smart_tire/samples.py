@@ -7,8 +7,10 @@ the order of ``WHEELS``, wheels 1 to 4 of paper B.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 import math
+
+from smart_tire.uncertain import Uncertain, UNKNOWN
 
 NS_PER_S = 1_000_000_000
 WHEELS = ('front_left', 'front_right', 'rear_left', 'rear_right')
@@ -125,25 +127,37 @@ class Icr:
     y: float  # m
 
 
-FRICTION_QUANTITIES = (
-    'friction_coefficient', 'friction_coefficient_single', 'adhesion_ratio', 'adhesion_length',
-    'stretch_voltage', 'peak_interval', 'slip', 'film_slip', 'total_slip', 'normal_load',
-    'stiffness', 'critical_slip', 'traction_force')
-
-
 @dataclass(frozen=True, slots=True)
 class Friction:
     """
-    What one passage of a wheel's films through the contact patch tells.
+    Estimates of one patch crossing of a wheel's films.
 
-    ``value`` and ``sigma`` map the names of ``FRICTION_QUANTITIES`` to SI values; what the
-    passage can not tell is NaN with an infinite sigma.
+    A quantity that is not observable is ``UNKNOWN``: NaN with an infinite standard deviation.
     """
 
-    stamp_ns: int
+    stamp_ns: int  # films' common center at the patch center
     wheel: str
-    value: dict[str, float]
-    sigma: dict[str, float]
+    friction_coefficient: Uncertain = UNKNOWN         # -, from this and earlier revolutions
+    friction_coefficient_single: Uncertain = UNKNOWN  # -, from this revolution alone
+    adhesion_ratio: Uncertain = UNKNOWN    # -, L_a / L
+    adhesion_length: Uncertain = UNKNOWN   # m, L_a
+    stretch_voltage: Uncertain = UNKNOWN   # V, q_sm of film 1
+    peak_interval: Uncertain = UNKNOWN     # s, Delta t_a of film 1
+    slip: Uncertain = UNKNOWN              # -, B(3)'s lambda
+    film_slip: Uncertain = UNKNOWN         # -, lambda from the films alone
+    total_slip: Uncertain = UNKNOWN        # -, |s|
+    normal_load: Uncertain = UNKNOWN       # N, F_z
+    stiffness: Uncertain = UNKNOWN         # N, C_x
+    critical_slip: Uncertain = UNKNOWN     # -
+    traction_force: Uncertain = UNKNOWN    # N, on the robot, positive forward
+
+    def quantity(self, name: str) -> Uncertain:
+        """Return the quantity with a name of ``FRICTION_QUANTITIES``."""
+        found: Uncertain = getattr(self, name)
+        return found
+
+
+FRICTION_QUANTITIES = tuple(one.name for one in fields(Friction) if one.default is UNKNOWN)
 
 
 Sample = (ImuSample | WheelSample | TireSample | BatterySample | VelocityCommand | WheelCommand

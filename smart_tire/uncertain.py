@@ -1,17 +1,16 @@
-"""A value with its standard error: result type of the calibrations."""
+"""A value with its standard deviation: result type of estimators and calibrations."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 import math
+from typing import NamedTuple
 
 MAX_RELATIVE_SIGMA = 0.2  # relative standard error above which a value is not observable
 
 
-@dataclass(frozen=True)
-class Uncertain:
-    """A value and its standard error."""
+class Uncertain(NamedTuple):
+    """A value and its standard deviation; ``UNKNOWN`` is NaN with an infinite one."""
 
     value: float
     sigma: float
@@ -20,6 +19,9 @@ class Uncertain:
     def determined(self) -> bool:
         """Return whether the standard error is small enough for the value to be used."""
         return self.sigma <= MAX_RELATIVE_SIGMA * abs(self.value)
+
+
+UNKNOWN = Uncertain(math.nan, math.inf)
 
 
 def weighted_mean(estimates: Sequence[Uncertain]) -> Uncertain:

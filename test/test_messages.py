@@ -17,12 +17,13 @@ from smart_tire.bags.definitions import empty, Encoder, typestore
 from smart_tire.errors import MessageError
 from smart_tire.messages import (
     decode_friction, decode_imu, decode_motor_command, decode_odometry, decode_tire,
-    decode_velocity, decode_wheel_slip, decode_wheels, fill_friction, fill_imu, fill_odometry,
+    decode_velocity, decode_wheel_slip, decode_wheels, fill_imu, fill_odometry,
     fill_tire, fill_transform, fill_wheel_slip, fill_wheels, find_topic, stamp_of, topic_of,
     TOPICS)
 from smart_tire.samples import (
     BatterySample, Friction, FRICTION_QUANTITIES, Icr, ImuSample, MotorCommand, Odometry, Sample,
     TireSample, VelocityCommand, WheelCommand, WHEELS, WheelSample, WheelSlip)
+from smart_tire.uncertain import Uncertain, UNKNOWN
 
 STAMP = 1_700_000_000_123_456_789
 JOINTS = 'sensor_msgs/msg/JointState'
@@ -43,8 +44,7 @@ SAMPLES = [
              COVARIANCE, COVARIANCE[::-1]),
     WheelSlip(STAMP, (0.1, -1.0, 0.0, 1.0), FOUR, (0.01, 0.02, 1.0, math.inf)),
     Icr(STAMP, 0.02, -1.5),
-    Friction(STAMP, 'rear_right', dict.fromkeys(FRICTION_QUANTITIES, 0.5),
-             dict.fromkeys(FRICTION_QUANTITIES, math.inf)),
+    Friction(STAMP, 'rear_right', **dict.fromkeys(FRICTION_QUANTITIES, Uncertain(0.5, math.inf))),
 ]
 
 
@@ -269,21 +269,15 @@ def test_a_slip_may_be_undefined_but_not_its_sigma(new):
 def test_what_a_passage_does_not_name_is_unknown():
     msg = joints(name=['adhesion_ratio', 'smell'], position=[0.7, 5.0], effort=[0.1, 1.0])
     passage = decode_friction(msg)
-    assert passage.value['adhesion_ratio'] == 0.7
-    assert passage.sigma['adhesion_ratio'] == 0.1
-    assert math.isnan(passage.value['friction_coefficient'])
-    assert passage.sigma['friction_coefficient'] == math.inf
-    assert set(passage.value) == set(passage.sigma) == set(FRICTION_QUANTITIES)
+    assert passage.adhesion_ratio.value == 0.7
+    assert passage.adhesion_ratio.sigma == 0.1
+    assert all(passage.quantity(name) == UNKNOWN for name in FRICTION_QUANTITIES
+               if name != 'adhesion_ratio')
 
 
 def test_a_passage_without_any_quantity_is_refused():
     with pytest.raises(MessageError, match='^tire_friction: name '):
         decode_friction(joints(name=['smell'], position=[5.0], effort=[1.0]))
-
-
-def test_a_misspelt_quantity_is_not_published():
-    with pytest.raises(MessageError, match='frictoin'):
-        fill_friction(empty(JOINTS), Friction(STAMP, 'rear_left', {'frictoin': 0.5}, {}))
 
 
 def test_the_transform_is_the_pose():

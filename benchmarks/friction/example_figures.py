@@ -14,9 +14,10 @@ from smart_tire.analysis.series import Floats
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.contact.records import CrossingSamples, FilmSamples
 from smart_tire.estimation.friction.output import OutputBuilder
-from smart_tire.estimation.friction.waveform_fit import SlipKnowledge, WaveformFitter
+from smart_tire.estimation.friction.waveform_fit import CrossingSlipPrior, WaveformFitter
 from smart_tire.estimation.friction.waveform_model import WaveformModel
 from smart_tire.parameters import RobotParams
+from smart_tire.uncertain import Uncertain
 
 FINE = 1e-4  # m, between points of a drawn curve
 
@@ -48,15 +49,15 @@ def example(slip: float, seed: int = 1) -> Example:
     case = Case(slip=slip)
     source, robot = Synthesiser(case, seed), case.robot
     passage = source.passage()
-    told = OutputBuilder(WHEEL, estimator_params(WAVEFORM, robot)).report(
+    told = OutputBuilder(WHEEL, estimator_params(WAVEFORM, robot)).build(
         passage, source.motion())
     fitter = WaveformFitter(robot, robot.film.gains(WHEEL), robot.film.bending(WHEEL))
     fit = None if passage.samples is None else fitter.fit(
-        passage.samples, SlipKnowledge((slip, EXACT)))
+        passage.samples, CrossingSlipPrior(Uncertain(slip, EXACT)))
     if passage.samples is None or fit is None:
         raise EstimatorError(f'the passage of seed {seed} at a slip of {slip:g} was not fitted')
     return Example(_films(robot, passage.samples, fit.parameters),
-                   (told.value[SINGLE], told.sigma[SINGLE]), case.mu,
+                   told.quantity(SINGLE), case.mu,
                    float(np.sqrt(robot.film.sample_variance)))
 
 

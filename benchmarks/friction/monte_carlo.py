@@ -52,7 +52,7 @@ def run_case(group: str, case: Case, count: int, seed: int = 1) -> CaseResult:
     passages, motion = [source.passage() for _ in range(count)], source.motion()
     told, ms = _report(passages, motion, case, WAVEFORM)
     trials = {WAVEFORM: trial(_column(told, SINGLE), case.mu, ms, sigma=np.array(
-        [one.sigma[SINGLE] for one in told]))}
+        [one.quantity(SINGLE).sigma for one in told]))}
     if case.release == 'fig8' and case.slip > 0.0:  # what two peaks can tell
         told, ms = _report(passages, motion, case, PRINTED_MAP)
         interval, constant = _column(told, 'peak_interval'), np.ones(count)
@@ -71,12 +71,12 @@ def _report(passages: list[PatchCrossing], motion: WheelMotion, case: Case,
     """Return what one method says, and CPU time per passage [ms]."""
     reporter = OutputBuilder(WHEEL, estimator_params(method, case.robot))
     begin = time.thread_time()
-    told = [reporter.report(passage, motion) for passage in passages]
+    told = [reporter.build(passage, motion) for passage in passages]
     return told, 1e3 * (time.thread_time() - begin) / len(passages)
 
 
 def _column(told: list[Friction], name: str) -> Floats:
-    return np.array([one.value[name] for one in told])
+    return np.array([one.quantity(name).value for one in told])
 
 
 def trial(value: Floats, truth: float, ms: float, sigma: Floats | None = None) -> Trial:

@@ -39,8 +39,8 @@ def paper_points(rpm: float, seed: int = 1) -> Points:
     for i, slip in enumerate(slips.tolist()):
         source = Synthesiser(Case(slip=slip, rpm=rpm), seed + i, gain_error=0.0)
         passage, motion = source.passage(), source.motion()
-        fitted.append(reporters[WAVEFORM].report(passage, motion))
-        raw.append(reporters[PRINTED_MAP].report(passage, motion))
+        fitted.append(reporters[WAVEFORM].build(passage, motion))
+        raw.append(reporters[PRINTED_MAP].build(passage, motion))
     interval = _column(raw, 'peak_interval')
     return Points(
         slips, _column(fitted, 'stretch_voltage'), _column(fitted, 'stretch_voltage', True),
@@ -51,4 +51,4 @@ def paper_points(rpm: float, seed: int = 1) -> Points:
 
 
 def _column(told: list[Friction], name: str, sigmas: bool = False) -> Floats:
-    return np.array([(one.sigma if sigmas else one.value)[name] for one in told])
+    return np.array([one.quantity(name)[sigmas] for one in told])

@@ -76,11 +76,11 @@ def _way(motion: Truth, index: int) -> Floats:
 
 
 def _bound(one: Friction, robot: RobotParams, speed: float) -> float:
-    slip, total = one.value['slip'], one.value['total_slip']
+    slip, total = one.slip.value, one.total_slip.value
     if not (abs(slip) > LEAST_SLIP and speed > robot.slip.standstill_speed):
         return math.nan
     return friction_bound(robot, one.wheel, slip=slip,
-                          sliding=total / one.value['critical_slip'], speed=speed)
+                          sliding=total / one.critical_slip.value, speed=speed)
 
 
 def rows_of(truths: Truths, estimates: Sequence[Friction], wheel: str) -> Rows:

@@ -8,15 +8,16 @@ import numpy as np
 
 from benchmarks.friction.grid import Case, LOAD, WHEEL
 from smart_tire.analysis.series import Floats
+from smart_tire.estimation.contact.assembly import SAMPLE_MARGIN
 from smart_tire.estimation.contact.detection import CrossingDetector
 from smart_tire.estimation.contact.records import (
     CrossingSamples, Detection, FilmSamples, PatchCrossing)
-from smart_tire.estimation.contact.tracker import MARGIN
 from smart_tire.estimation.friction.motion_history import WheelMotion
 from smart_tire.models.film.signal_chain import SignalChain
 from smart_tire.models.tire import tread_film
 from smart_tire.parameters.simulation import SensorErrorParams
 from smart_tire.samples import NS_PER_S
+from smart_tire.uncertain import Uncertain
 
 ERRORS = SensorErrorParams()  # bending and bumps vary as the simulator's do
 BUMPS = min(ERRORS.bumps), max(ERRORS.bumps)
@@ -46,8 +47,8 @@ class Synthesiser:
         film, patch = self._robot.film, self._robot.tire.contact_length
         half, speed = 0.5 * (patch + film.length), self._case.speed
         step = speed / film.sample_rate
-        way = np.arange(-half - MARGIN + step * self._rng.uniform(),
-                        half + MARGIN + film.spacing, step)
+        way = np.arange(-half - SAMPLE_MARGIN + step * self._rng.uniform(),
+                        half + SAMPLE_MARGIN + film.spacing, step)
         places = (0.0, film.spacing)  # of the films' middles, film 1 comes first
         samples = [self._film(i, way, place, half) for i, place in enumerate(places)]
         sightings = [self._look(one, place) for one, place in zip(samples, places)]
@@ -64,7 +65,7 @@ class Synthesiser:
         case, params, rng = self._case, self._robot.film, self._rng
         patch = self._robot.tire.contact_length
         past = way - place
-        past = past[np.abs(past) < half + MARGIN]
+        past = past[np.abs(past) < half + SAMPLE_MARGIN]
         x = past + 0.5 * (patch - params.length)
         spread = ERRORS.bending_variation
         peak = params.bending(WHEEL)[film] * (1.0 + rng.uniform(-spread, spread))
@@ -83,7 +84,7 @@ class Synthesiser:
 
     def _look(self, one: FilmSamples, place: float) -> Detection | None:
         film, usable = self._robot.film, one.rail == 0
-        return self._sighter.look(
+        return self._sighter.detect(
             one.distance[usable], one.volts[usable], bending=film.bending(WHEEL)[one.film],
             gain=film.gains(WHEEL)[one.film], between=(place - LOOK, place + LOOK))
 
@@ -91,4 +92,5 @@ class Synthesiser:
         """Return the true motion of the wheel; load and stiffness are exact."""
         case = self._case
         sideways = case.speed * math.sqrt(max(case.total_slip**2 - case.slip**2, 0.0))
-        return WheelMotion((case.slip, EXACT), (-sideways, 0.0), (LOAD, 0.0), stiffness_sigma=0.0)
+        return WheelMotion(Uncertain(case.slip, EXACT), Uncertain(-sideways, 0.0),
+                           Uncertain(LOAD, 0.0), stiffness_sigma=0.0)

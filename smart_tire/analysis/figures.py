@@ -186,7 +186,7 @@ def _stamps(passages: Sequence[Friction]) -> Stamps:
 def typical_passages(passages: Sequence[Friction]) -> list[Friction]:
     """Return the passages that show most first: traction in the order of its median slip."""
     pulling = [p for p in passages if kind_of(p) == 'traction'] or [
-        p for p in passages if np.isfinite(p.value.get('slip', np.nan))]
+        p for p in passages if np.isfinite(p.slip.value)]
     if not pulling:
         return []
     slips = column(pulling, 'slip')

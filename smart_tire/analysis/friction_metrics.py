@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from smart_tire.analysis.metrics import Score, score
 from smart_tire.analysis.series import Floats
 from smart_tire.samples import Friction, NS_PER_S
+from smart_tire.uncertain import UNKNOWN
 
 # A wheel at 300 rpm takes four times this [s] for a turn, so no passage finds the wrong partner.
 TOLERANCE = 0.05
@@ -79,7 +80,7 @@ def _candidates(truths: Sequence[Friction], estimates: Sequence[Friction], wheel
 
 def kind_of(truth: Friction) -> str:
     """Return which of ``KINDS`` a true passage is: by the sign and size of its slip."""
-    slip = truth.value.get('slip', math.nan)
+    slip = truth.slip.value
     if abs(slip) > GENTLE_SLIP:
         return 'traction' if slip > 0.0 else 'braking'
     return 'gentle'
@@ -115,10 +116,8 @@ def friction_score(pairs: Sequence[tuple[Friction, Friction | None]]) -> Frictio
 
 def column(passages: Sequence[Friction | None], name: str, sigmas: bool = False) -> Floats:
     """Return one quantity, or its sigma, of each passage; NaN where there is none."""
-    return np.array([
-        math.nan if passage is None
-        else (passage.sigma if sigmas else passage.value).get(name, math.nan)
-        for passage in passages], np.float64)
+    quantities = [UNKNOWN if passage is None else passage.quantity(name) for passage in passages]
+    return np.array([one.sigma if sigmas else one.value for one in quantities], np.float64)
 
 
 def telling(value: Floats, sigma: Floats) -> NDArray[np.bool_]:

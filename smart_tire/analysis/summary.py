@@ -65,8 +65,8 @@ def _wheel_tree(passages: Sequence[Friction]) -> Tree:
     last = max(passages, key=lambda passage: passage.stamp_ns)
     return {'passages': len(passages), 'telling': int(told.sum()),
             'median_single': float(np.median(single[told])) if told.any() else math.nan,
-            'last_fused': last.value.get('friction_coefficient', math.nan),
-            'last_fused_sigma': last.sigma.get('friction_coefficient', math.inf)}
+            'last_fused': last.friction_coefficient.value,
+            'last_fused_sigma': last.friction_coefficient.sigma}
 
 
 def truth_tree(estimates: Series, truth: Series, spans: Spans | None = None) -> Tree | None:
@@ -106,7 +106,7 @@ def surfaces(passages: Sequence[Friction]) -> Spans:
     spans: dict[str, list[tuple[int, int]]] = {}
     previous = ''
     for passage in sorted(passages, key=lambda passage: passage.stamp_ns):
-        mu = passage.value.get('friction_coefficient', math.nan)
+        mu = passage.friction_coefficient.value
         name, stamp = f'mu {mu:.2f}', passage.stamp_ns
         start = spans[name].pop()[0] if name == previous else stamp
         spans.setdefault(name, []).append((start, stamp))

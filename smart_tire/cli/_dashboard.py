@@ -82,8 +82,8 @@ def _row(index: int, wheel: str, felt: RobotStatus) -> tuple[str, ...]:
     friction = felt.friction.get(wheel)
     if friction is None:
         return speed, slip, '', '', ''
-    fused, single = (_value(friction.value[name], friction.sigma[name]) for name in (
-        'friction_coefficient', 'friction_coefficient_single'))
+    fused, single = (_value(*quantity) for quantity in (
+        friction.friction_coefficient, friction.friction_coefficient_single))
     return speed, slip, fused, single, str(felt.passages[wheel])
 
 
@@ -106,6 +106,5 @@ def _line(now: float, what: str, felt: RobotStatus) -> str:
             parts.append(f'{side} {felt.wheels.velocity[index] * RPM:6.1f} rpm slip '
                          f'{_value(felt.slip.ratio[index], felt.slip.sigma[index]):>13}')
     for wheel, friction in sorted(felt.friction.items()):
-        parts.append(f'mu {wheel} ' + _value(friction.value['friction_coefficient'],
-                                             friction.sigma['friction_coefficient']))
+        parts.append(f'mu {wheel} ' + _value(*friction.friction_coefficient))
     return '  '.join(parts)

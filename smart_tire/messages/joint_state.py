@@ -7,7 +7,7 @@ A robot sends the same names all the time, so that what they mean is worked out 
 from __future__ import annotations
 
 from functools import lru_cache
-from math import inf, isfinite, isnan, nan
+from math import isfinite, isnan
 from typing import Any, cast
 
 from smart_tire.errors import MessageError
@@ -15,6 +15,7 @@ from smart_tire.messages.header import check_size, refuse, set_header, stamp_of,
 from smart_tire.samples import (
     Four, Friction, FRICTION_QUANTITIES, MAX_WHEEL_SPEED, MotorCommand, TireSample, WheelCommand,
     WHEELS, WheelSample, WheelSlip)
+from smart_tire.uncertain import Uncertain
 
 QUANTITIES = frozenset(FRICTION_QUANTITIES)
 LAYOUTS = 64  # lists of names that are remembered; a robot has a handful
@@ -129,25 +130,22 @@ def fill_wheel_slip(msg: Any, sample: WheelSlip) -> Any:
 
 def decode_friction(msg: Any, topic: str = 'tire_friction') -> Friction:
     """Return the passage in a JointState; what it does not name is NaN with infinite sigma."""
-    value, sigma = dict.fromkeys(FRICTION_QUANTITIES, nan), dict.fromkeys(FRICTION_QUANTITIES, inf)
     values, sigmas = _values(msg, 'position', topic), _values(msg, 'effort', topic)
-    for name, number, spread in zip(msg.name, values, sigmas):
-        if name in QUANTITIES:
-            value[name], sigma[name] = number, spread
+    quantities = {name: Uncertain(value, sigma)
+                  for name, value, sigma in zip(msg.name, values, sigmas) if name in QUANTITIES}
     if QUANTITIES.isdisjoint(msg.name):
         raise MessageError(f'{topic}: name is {list(msg.name)}, '
                            f'expected {FRICTION_QUANTITIES[0]} and others')
-    return Friction(stamp_of(msg), wheel_of(msg, topic), value, sigma)
+    return Friction(stamp_of(msg), wheel_of(msg, topic), **quantities)
 
 
 def fill_friction(msg: Any, sample: Friction) -> Any:
     """Write ``sample`` into an empty JointState and return it."""
-    if unknown := (sample.value.keys() | sample.sigma.keys()) - QUANTITIES:
-        raise MessageError(f'tire_friction: {sorted(unknown)} are no quantities of a passage')
     set_header(msg, sample.stamp_ns, sample.wheel)
     msg.name = FRICTION_QUANTITIES
-    msg.position = [sample.value.get(name, nan) for name in FRICTION_QUANTITIES]
-    msg.effort = [sample.sigma.get(name, inf) for name in FRICTION_QUANTITIES]
+    quantities = [sample.quantity(name) for name in FRICTION_QUANTITIES]
+    msg.position = [quantity.value for quantity in quantities]
+    msg.effort = [quantity.sigma for quantity in quantities]
     return msg
 
 

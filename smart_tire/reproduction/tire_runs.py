@@ -151,7 +151,7 @@ def raw_peaks(run: Run, crossing: Friction, speed: float) -> tuple[float, float]
     distance = (stamps - center) / NS_PER_S * speed
     chosen = (-before < distance) & (distance < after)
     expected = (before + after) / speed * film.sample_rate
-    if not crossing.value['slip'] > 0.0 or chosen.sum() < expected - 1.0:
+    if not crossing.slip.value > 0.0 or chosen.sum() < expected - 1.0:
         return math.nan, math.nan
     signal, times = volts[chosen, 0] - film.rest_voltage, stamps[chosen]
     top, low = int(np.argmax(signal)), int(np.argmin(signal))

@@ -13,9 +13,10 @@ from smart_tire.messages import topic_of
 from smart_tire.models.tire import brush_tire, strain_charge
 from smart_tire.models.vehicle import skid_steer
 from smart_tire.parameters.robot import RobotParams
-from smart_tire.samples import Four, Friction, FRICTION_QUANTITIES, NAN, Odometry, WheelSlip
+from smart_tire.samples import Four, Friction, NAN, Odometry, WheelSlip
 from smart_tire.simulation.films import FilmSampler, patch_position, WheelTrace
 from smart_tire.simulation.plant import Plant
+from smart_tire.uncertain import Uncertain, UNKNOWN
 
 
 Truth = Odometry | WheelSlip | Friction
@@ -123,10 +124,10 @@ class CrossingTruth:
     def _crossing(self) -> Friction:
         sums, counts = self._sums
         means = np.divide(sums, counts, out=np.full_like(sums, np.nan), where=counts > 0.0)
-        value = self._quantities(**dict(zip(MEAN_QUANTITIES, means.tolist())))
-        sigma = {name: math.inf if math.isnan(value[name]) else 0.0
-                 for name in FRICTION_QUANTITIES}
-        return Friction(self._center_ns, self._wheel, value, sigma)
+        values = self._quantities(**dict(zip(MEAN_QUANTITIES, means.tolist())))
+        return Friction(self._center_ns, self._wheel, **{
+            name: UNKNOWN if math.isnan(value) else Uncertain(value, 0.0)
+            for name, value in values.items()})
 
     def _quantities(self, *, rolling_speed: float, slip: float, total_slip: float,
                     friction: float, load: float, stiffness: float,

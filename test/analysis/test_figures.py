@@ -10,6 +10,7 @@ from smart_tire.analysis.figures import shown
 from smart_tire.analysis.series import Series
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import Friction, NS_PER_S, Odometry, TireSample, WheelSample, WheelSlip
+from smart_tire.uncertain import Uncertain, UNKNOWN
 
 EPOCH = 1_700_000_000 * NS_PER_S
 ROBOT = RobotParams()
@@ -29,9 +30,9 @@ def driven():
                             (0.5, 0.0, 0.0), (0.0, 0.0, 0.0), SPREAD, SPREAD))
         series.add(WheelSlip(ns(0.01 * i), (0.1, -0.1) * 2, (0.0,) * 4, (0.02,) * 4))
     for time, slip, sigma in ((1.0, 0.10, 0.05), (2.0, 0.12, 0.9), (3.0, 0.2, 0.05)):
-        series.add(Friction(ns(time), 'front_left', {
-            'friction_coefficient': 0.47, 'friction_coefficient_single': 0.5, 'slip': slip},
-            {'friction_coefficient': 0.03, 'friction_coefficient_single': sigma}))
+        series.add(Friction(
+            ns(time), 'front_left', friction_coefficient=Uncertain(0.47, 0.03),
+            friction_coefficient_single=Uncertain(0.5, sigma), slip=Uncertain(slip, 0.0)))
     return series
 
 
@@ -134,13 +135,14 @@ def test_a_revolution_that_tells_nothing_is_not_drawn():
 
 def test_the_contact_shown_is_one_in_traction_of_middling_slip():
     passages = driven().passages
-    passages.append(Friction(ns(3.5), 'front_left', {'slip': -0.12}, {}))
-    assert figures.typical_passages(passages)[0].value['slip'] == 0.12
+    passages.append(Friction(ns(3.5), 'front_left', slip=Uncertain(-0.12, 0.0)))
+    assert figures.typical_passages(passages)[0].slip.value == 0.12
 
 
 def test_without_traction_any_passage_of_known_slip_is_shown():
-    passages = [Friction(ns(1.0), 'front_left', {'slip': slip}, {}) for slip in (math.nan, -0.1)]
-    assert [p.value['slip'] for p in figures.typical_passages(passages)] == [-0.1]
+    passages = [Friction(ns(1.0), 'front_left', slip=slip)
+                for slip in (UNKNOWN, Uncertain(-0.1, 0.0))]
+    assert [p.slip.value for p in figures.typical_passages(passages)] == [-0.1]
     assert figures.typical_passages([]) == []
 
 
@@ -170,5 +172,5 @@ def test_a_contact_with_a_lost_batch_is_not_shown():
 
 @pytest.mark.parametrize('inputs', [Series(), measured()])
 def test_a_contact_needs_samples_of_its_wheel_and_the_wheel_s_speed(inputs):
-    elsewhere = Friction(ns(1.0), 'rear_left', {'slip': 0.1}, {})
+    elsewhere = Friction(ns(1.0), 'rear_left', slip=Uncertain(0.1, 0.0))
     assert figures.contact_of(elsewhere, inputs, ROBOT) is None

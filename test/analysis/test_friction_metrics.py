@@ -7,14 +7,15 @@ import pytest
 
 from smart_tire.analysis.friction_metrics import friction_score, friction_scores, kind_of, match
 from smart_tire.samples import Friction
+from smart_tire.uncertain import Uncertain
 
 EPOCH = 1_700_000_000_000_000_000
 
 
 def passage(time_s, wheel='front_right', **value):
-    sigma = {name: value.pop(f'{name}_sigma', math.inf) for name in list(value)
-             if not name.endswith('_sigma')}
-    return Friction(EPOCH + round(time_s * 1e9), wheel, value, sigma)
+    quantities = {name: Uncertain(value[name], value.get(f'{name}_sigma', math.inf))
+                  for name in value if not name.endswith('_sigma')}
+    return Friction(EPOCH + round(time_s * 1e9), wheel, **quantities)
 
 
 def true(time_s, slip=0.1, mu=0.47, **others):
@@ -30,7 +31,7 @@ def test_each_passage_finds_the_nearest_of_its_own_wheel():
     truths = [true(1.0), true(2.0), true(2.0, wheel='front_left')]
     estimates = [guess(2.01, 0.2), guess(0.99, 0.1), guess(1.97, 0.3, wheel='front_left')]
     found = match(estimates, truths)
-    partners = {(t.stamp_ns, t.wheel): e.value['friction_coefficient_single']
+    partners = {(t.stamp_ns, t.wheel): e.friction_coefficient_single.value
                 for t, e in found.pairs}
     assert list(partners.values()) == [0.1, 0.2, 0.3]
     assert found.false == []
@@ -38,8 +39,8 @@ def test_each_passage_finds_the_nearest_of_its_own_wheel():
 
 def test_a_passage_that_is_found_twice_leaves_a_false_one():
     found = match([guess(1.01, 0.1), guess(1.001, 0.2)], [true(1.0)])
-    assert found.pairs[0][1].value['friction_coefficient_single'] == 0.2
-    assert [e.value['friction_coefficient_single'] for e in found.false] == [0.1]
+    assert found.pairs[0][1].friction_coefficient_single.value == 0.2
+    assert [e.friction_coefficient_single.value for e in found.false] == [0.1]
 
 
 def test_a_passage_far_from_any_truth_is_false_and_the_truth_is_missed():

@@ -308,7 +308,7 @@ def test_friction_is_estimated_again_from_the_smoothed_slip(smoothed):
     run = smoothed[1]
     assert [p.stamp_ns for p in run.smoothed.passages] == [
         p.stamp_ns for p in run.estimates.passages]
-    used = [[p.value['slip'] for p in series.passages]
+    used = [[p.slip.value for p in series.passages]
             for series in (run.estimates, run.smoothed)]
     assert used[0] != used[1]
     traction = run.summary['smoothed']['against_truth']['friction'][WHOLE]['traction']

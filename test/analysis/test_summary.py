@@ -1,5 +1,6 @@
 """The summary is plain JSON that says what was estimated and how far it is from the truth."""
 
+from dataclasses import replace
 import json
 import math
 
@@ -10,6 +11,7 @@ from smart_tire.analysis.metrics import Score
 from smart_tire.analysis.series import Series
 from smart_tire.analysis.summary import estimates_tree, plain, surfaces, truth_tree, WHOLE
 from smart_tire.samples import Friction, Odometry, WheelSlip
+from smart_tire.uncertain import Uncertain
 
 EPOCH = 1_700_000_000_000_000_000
 SECOND = 1_000_000_000
@@ -28,9 +30,9 @@ def run(slip_error=0.0, mu_factor=1.0):
     for i in range(20):
         mu = (0.47 if i < 10 else 0.3) * mu_factor
         series.add(Friction(EPOCH + i * SECOND // 2, 'front_left',
-                            {'friction_coefficient': mu, 'friction_coefficient_single': mu,
-                             'slip': 0.1},
-                            {'friction_coefficient': 0.05, 'friction_coefficient_single': 0.05}))
+                            friction_coefficient=Uncertain(mu, 0.05),
+                            friction_coefficient_single=Uncertain(mu, 0.05),
+                            slip=Uncertain(0.1, 0.0)))
     return series
 
 
@@ -83,7 +85,7 @@ def test_surfaces_are_told_apart_by_their_true_friction():
 
 def test_a_surface_that_comes_back_has_two_stretches_and_a_single_one_needs_no_name():
     passages = run().passages
-    again = [Friction(p.stamp_ns + 20 * SECOND, p.wheel, p.value, p.sigma) for p in passages]
+    again = [replace(p, stamp_ns=p.stamp_ns + 20 * SECOND) for p in passages]
     assert [len(stretches) for stretches in surfaces(passages + again).values()] == [2, 2]
     assert surfaces(passages[:10]) == {}
 

@@ -8,7 +8,8 @@ from types import SimpleNamespace
 from rich.console import Console
 
 from smart_tire.cli._dashboard import Dashboard
-from smart_tire.samples import Friction, FRICTION_QUANTITIES, NAN, WheelSample, WheelSlip
+from smart_tire.samples import Friction, NAN, WheelSample, WheelSlip
+from smart_tire.uncertain import Uncertain
 
 
 def felt(**known):
@@ -17,12 +18,11 @@ def felt(**known):
 
 
 def moving():
-    value = dict.fromkeys(FRICTION_QUANTITIES, NAN) | {'friction_coefficient': 0.47}
-    sigma = dict.fromkeys(FRICTION_QUANTITIES, 1.0) | {'friction_coefficient': 0.05}
+    friction = Friction(0, 'front_left', friction_coefficient=Uncertain(0.47, 0.05))
     return felt(
         wheels=WheelSample(0, (12.566, 6.283, 12.566, 6.283)),
         slip=WheelSlip(0, (0.11, -0.1, 0.11, NAN), (0.1,) * 4, (0.01,) * 4),
-        friction={'front_left': Friction(0, 'front_left', value, sigma)},
+        friction={'front_left': friction},
         passages={'front_left': 7}, health={'tire_receiver': {'batches_ok': '99'}})
 
 

@@ -86,7 +86,7 @@ def test_two_replays_of_an_overloaded_recording_and_the_offline_run_give_the_sam
     assert late['slip_estimator'] > 20
     assert late['friction_estimator'] > 200
     frictions, in_time = (
-        [estimate.value['friction_coefficient'] for estimate in estimates.values()
+        [estimate.friction_coefficient.value for estimate in estimates.values()
          if isinstance(estimate, Friction)] for estimates in (found, recording[1]))
     assert frictions != pytest.approx(in_time, abs=1e-3)  # lateness does matter here
 

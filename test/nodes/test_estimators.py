@@ -10,6 +10,7 @@ from sensor_msgs.msg import JointState
 
 from smart_tire.samples import (
     Friction, FRICTION_QUANTITIES, ImuSample, NS_PER_S, TireSample, WheelSample)
+from smart_tire.uncertain import Uncertain
 
 pytestmark = pytest.mark.processes
 
@@ -97,7 +98,7 @@ def test_silent_inputs_are_named(graph, slip):
 
 
 def test_passages_are_heard_where_films_aid_the_slip(graph):
-    told = Friction(START_NS, 'front_right', {'film_slip': 0.1}, {'film_slip': 0.01})
+    told = Friction(START_NS, 'front_right', film_slip=Uncertain(0.1, 0.01))
     graph.listen('odom')
     with graph.start('slip_estimator', slip__film_aided='true') as node:
         connect(graph, 'slip_estimator', wheel_states=WheelSample(START_NS, (0.0,) * 4),

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from smart_tire.models.tire import strain_charge, tread_film
 from smart_tire.parameters import build, SimulatorParams
+from smart_tire.samples import FRICTION_QUANTITIES
 from smart_tire.simulation.device_emulators import SensorNodeEmulator
 from smart_tire.simulation.films import FilmSampler, patch_position, WheelTrace
 from smart_tire.simulation.truth import CrossingTruth
+from smart_tire.uncertain import UNKNOWN
 
 RADIUS, L, FILM, SPACING = 0.087, 0.046, 0.020, 0.030
 PERIOD_NS = 2_500_000
@@ -103,7 +105,7 @@ def test_film_1_enters_first_forward_and_last_in_reverse(direction):
     first = [np.flatnonzero(volts[:, film] > 2.0)[0] for film in (0, 1)]
     lead = SPACING / 0.5 / 2.5e-3 * direction
     assert first[1] - first[0] == pytest.approx(lead, abs=1.5)
-    assert len(crossings) >= 1 and all(p.value['slip'] == pytest.approx(0.1) for p in crossings)
+    assert len(crossings) >= 1 and all(p.slip.value == pytest.approx(0.1) for p in crossings)
 
 
 def test_noise_bumps_and_variation_have_the_configured_size():
@@ -176,14 +178,14 @@ def test_distant_films_have_separate_crossings():
         angles = np.interp([p.stamp_ns * 1e-9 for p in seen[first]], stamps, angle)
         np.testing.assert_allclose(patch_position(angles, center, RADIUS)[0], 0.0, atol=1e-6)
     # the stretch voltage is that of film 1, for its group only
-    assert math.isfinite(seen[0][0].value['stretch_voltage'])
-    assert math.isnan(seen[2][0].value['stretch_voltage'])
+    assert math.isfinite(seen[0][0].stretch_voltage.value)
+    assert math.isnan(seen[2][0].stretch_voltage.value)
 
 
 def test_the_true_quantities_are_consistent():
     films, truth, robot = new_films()
     _, crossings = roll(films, truth, Rolling(lambda t: 0.5), 3.0)
-    value = crossings[0].value
+    value = {name: crossings[0].quantity(name).value for name in FRICTION_QUANTITIES}
     assert value['friction_coefficient'] == value['friction_coefficient_single'] == 0.47
     assert value['total_slip'] == pytest.approx(math.hypot(0.1, 0.1))
     assert value['adhesion_ratio'] == pytest.approx(1 - value['total_slip']
@@ -193,16 +195,16 @@ def test_the_true_quantities_are_consistent():
         value['adhesion_length'])
     assert value['traction_force'] == pytest.approx(52.7 * 0.1, rel=0.25)
     assert value['normal_load'] == pytest.approx(26.7)
-    assert set(crossings[0].sigma.values()) == {0.0}
+    assert {crossings[0].quantity(name).sigma for name in FRICTION_QUANTITIES} == {0.0}
 
 
 def test_two_peak_quantities_are_nan_while_braking():
     films, truth, _ = new_films()
     _, crossings = roll(films, truth, Rolling(lambda t: 0.5, slip=-0.1), 3.0)
     for name in ('stretch_voltage', 'peak_interval'):
-        assert math.isnan(crossings[0].value[name]) and crossings[0].sigma[name] == math.inf
-    assert crossings[0].value['traction_force'] < 0.0
-    assert crossings[0].value['slip'] == pytest.approx(-0.1)
+        assert crossings[0].quantity(name) == UNKNOWN
+    assert crossings[0].traction_force.value < 0.0
+    assert crossings[0].slip.value == pytest.approx(-0.1)
 
 
 def test_the_slip_of_a_crossing_is_the_mean_while_film_1_is_inside():
@@ -216,7 +218,7 @@ def test_the_slip_of_a_crossing_is_the_mean_while_film_1_is_inside():
     trace = WheelTrace(tuple(range(n)), angle, 0.5 * one, 0.5 * (1.0 - slip), 0.0 * one,
                        26.7 * one, 0.47 * one, 52.7 * one, 0.05)
     crossing, = truth.update(trace)
-    assert crossing.value['slip'] == pytest.approx(0.2)
+    assert crossing.slip.value == pytest.approx(0.2)
 
 
 def test_crossings_do_not_depend_on_batch_boundaries():

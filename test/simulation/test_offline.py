@@ -99,7 +99,7 @@ def test_crossings_have_the_slip_of_their_wheel_at_their_time(events):
                 if abs(slip.stamp_ns - crossing.stamp_ns) < 100_000_000]
         if max(near) - min(near) < 0.01:
             steady += 1
-            assert min(near) - 1e-3 < crossing.value['slip'] < max(near) + 1e-3
+            assert min(near) - 1e-3 < crossing.slip.value < max(near) + 1e-3
     assert steady > 8
 
 

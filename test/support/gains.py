@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from support.passages import passage, WHEEL
+from support.crossings import crossing_samples, WHEEL
 
 from smart_tire.calibration.film.crossing_collector import CrossingWithSlip
 from smart_tire.estimation.contact.trajectory_error import TrajectoryErrors
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import NS_PER_S
+from smart_tire.uncertain import Uncertain
 
 TURNS = (0.1, -0.12, 0.06, 0.15, -0.07)  # -, slips
 CRITICAL = 0.55   # -, critical slip of the ground
@@ -37,11 +38,11 @@ def recording(rng: np.random.Generator, true: RobotParams, *, turns=TURNS, each=
             time += CROSSING_PERIOD
             estimated = slip + slip_sigma * (sustained + NEW * rng.standard_normal())
             scale = SCALE_SIGMA * rng.standard_normal()
-            seen = passage(
-                rng, true, slip=slip, sliding=max(1.2 * abs(slip), 0.02) / CRITICAL, rpm=rpm,
-                films=films, gain_error=0.0, scale=scale - radius_error,
+            samples = crossing_samples(
+                rng, true, slip=slip, normalized_slip=max(1.2 * abs(slip), 0.02) / CRITICAL,
+                rpm=rpm, films=films, gain_error=0.0, scale=scale - radius_error,
                 errors=TrajectoryErrors(SCALE_SIGMA))
             found.append(CrossingWithSlip(
-                wheel, round(time * NS_PER_S), 1, rpm * math.tau / 60.0 * true.wheel_radius, seen,
-                (estimated, slip_sigma), 0.0002, (0.0, 0.001), ANGLE))
+                wheel, round(time * NS_PER_S), 1, rpm * math.tau / 60.0 * true.wheel_radius,
+                samples, Uncertain(estimated, slip_sigma), 0.0002, Uncertain(0.0, 0.001), ANGLE))
     return found

@@ -15,7 +15,7 @@ from smart_tire.bags.cdr import Decoder
 from smart_tire.cli._processes import ESTIMATORS, isolated_environment, Stack
 from smart_tire.messages import topic_of, TOPICS
 from smart_tire.nodes.compat import message_class
-from smart_tire.samples import Friction, Odometry, WheelSlip
+from smart_tire.samples import Friction, FRICTION_QUANTITIES, Odometry, WheelSlip
 from support.graph import Graph, node_arguments, Process
 from support.stack import count
 from support.waiting import PATIENCE, wait_for
@@ -32,7 +32,7 @@ def key(estimate) -> tuple[str, int, str]:
 def numbers(estimate) -> list[float]:
     """Return all numbers of an estimate."""
     if isinstance(estimate, Friction):
-        return [*estimate.value.values(), *estimate.sigma.values()]
+        return [number for name in FRICTION_QUANTITIES for number in estimate.quantity(name)]
     if isinstance(estimate, Odometry):
         return [*estimate.position, *estimate.orientation, *estimate.linear, *estimate.angular,
                 *estimate.pose_covariance, *estimate.twist_covariance]
@@ -161,8 +161,7 @@ def normalised_errors(found: dict[Any, Any], expected: dict[Any, Any]) -> dict[s
         elif isinstance(other, WheelSlip):
             pairs = list(zip(live.ratio, other.ratio, other.sigma))
         elif isinstance(other, Friction):
-            quantity = 'friction_coefficient'
-            pairs = [(live.value[quantity], other.value[quantity], other.sigma[quantity])]
+            pairs = [(live.friction_coefficient.value, *other.friction_coefficient)]
         errors.get(name[0], []).extend(
             abs(a - b) / sigma for a, b, sigma in pairs
             if math.isfinite(a) and math.isfinite(b) and sigma > 0.0)

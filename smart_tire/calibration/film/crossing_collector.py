@@ -14,13 +14,13 @@ import math
 from smart_tire.estimation.contact.records import CrossingSamples, PatchCrossing
 from smart_tire.estimation.contact.tracker import ContactTracker
 from smart_tire.estimation.friction.estimator import BLOCK_NS, TOPICS
-from smart_tire.estimation.friction.motion_history import MotionHistory, ValueSigma
-from smart_tire.estimation.friction.waveform_method import (
-    CHANGE_ERROR, CHANGE_NOISE, SPEED_NOISE, TRANSIENT, UNSEEN)
+from smart_tire.estimation.friction.motion_history import MotionHistory
+from smart_tire.estimation.friction.slip_variation import estimated_variation
 from smart_tire.estimation.reorder_buffer import ReorderBuffer
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import (
     MAX_WHEEL_SPEED, NS_PER_S, TireSample, WHEELS, WheelSample, WheelSlip)
+from smart_tire.uncertain import Uncertain
 
 SLIP_MARGIN_NS = 500_000_000  # of slips after a crossing that are used for mean and slope
 
@@ -34,10 +34,10 @@ class CrossingWithSlip:
     direction: int  # +1 forward, -1 backward
     speed: float    # m/s, r |omega|
     films: CrossingSamples
-    slip: ValueSigma    # -, B(3)'s lambda at the reference
-    deviation: float    # -, standard deviation of slip from a straight line in this crossing
-    change: ValueSigma  # -, of the slip over a contact length
-    origin: float       # rad, ``wheel_states.position`` at distance 0; NaN without positions
+    slip: Uncertain    # -, B(3)'s lambda at the reference
+    deviation: float   # -, standard deviation of slip from a straight line in this crossing
+    change: Uncertain  # -, of the slip over a contact length
+    origin: float      # rad, ``wheel_states.position`` at distance 0; NaN without positions
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,14 +138,9 @@ class CrossingCollector:
                    motion: MotionHistory) -> Iterator[CrossingWithSlip]:
         crossing = found.crossing
         mean = motion.mean(found.wheel, crossing.begin_ns, crossing.end_ns)
-        if crossing.samples is None or not math.isfinite(mean.slip[0]):
+        if crossing.samples is None or not math.isfinite(mean.slip.value):
             return
-        patch = self.robot.tire.contact_length
-        speed_change = max(crossing.speed_change - SPEED_NOISE, 0.0)
-        change = mean.slip_rate * patch / crossing.speed
-        sigma = math.hypot(CHANGE_NOISE, CHANGE_ERROR * change,
-                           UNSEEN * speed_change * patch / crossing.way)
+        variation = estimated_variation(crossing, mean, self.robot.tire.contact_length)
         yield CrossingWithSlip(
             found.wheel, crossing.stamp_ns, crossing.direction, crossing.speed, crossing.samples,
-            mean.slip, math.hypot(mean.slip_bend, TRANSIENT * speed_change), (change, sigma),
-            found.origin)
+            mean.slip, variation.residual, variation.change, found.origin)

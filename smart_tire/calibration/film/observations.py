@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from smart_tire.arrays import Array
 from smart_tire.calibration.film.crossing_collector import CrossingWithSlip
 from smart_tire.estimation.friction.waveform_fit import (
-    ALPHA_SIGMA, SlipKnowledge, WaveformFit, WaveformFitter)
+    CrossingSlipPrior, LOG_ALPHA_SIGMA, WaveformFit, WaveformFitter)
 from smart_tire.estimation.friction.waveform_model import Own, own, Shared
 from smart_tire.parameters import RobotParams
+from smart_tire.uncertain import Uncertain
 
 
 INITIAL_GAIN_SIGMA, INITIAL_LENGTH_SIGMA = 0.5, 0.1   # relative, of a first fit; uninformative
@@ -73,11 +74,12 @@ class ObservationFitter:
         Without ``gains`` the slip is not used.
         """
         fitter, samples = self._fitters[crossing.wheel], crossing.films
-        slip = crossing.slip[0]
-        fit = fitter.fit(samples, SlipKnowledge((slip, UNINFORMATIVE_SLIP_SIGMA), crossing.change))
+        slip = crossing.slip.value
+        fit = fitter.fit(samples, CrossingSlipPrior(
+            Uncertain(slip, UNINFORMATIVE_SLIP_SIGMA), crossing.change))
         if fit is not None and gains:
-            fit = fitter.fit(samples, SlipKnowledge((slip, EXACT_SLIP_SIGMA), crossing.change),
-                             _with_slip(fit, slip))
+            fit = fitter.fit(samples, CrossingSlipPrior(
+                Uncertain(slip, EXACT_SLIP_SIGMA), crossing.change), _with_slip(fit, slip))
         if fit is None or not self._plausible(fit, crossing.wheel):
             return None
         count = len(samples.films)
@@ -85,17 +87,17 @@ class ObservationFitter:
         raw = fit.covariance / fit.excess
         prior = np.zeros(len(value))
         prior[:count * gains] = self._sigmas[0] ** -2
-        prior[count * gains:count * gains + 2] = self._sigmas[1] ** -2, ALPHA_SIGMA ** -2
+        prior[count * gains:count * gains + 2] = self._sigmas[1] ** -2, LOG_ALPHA_SIGMA ** -2
         precision = _without_prior(np.linalg.inv(rows @ raw @ rows.T), prior)
         estimate = value + np.linalg.solve(precision, prior * value)
-        scale = samples.errors.scale
+        scale = samples.errors.scale_sigma
         by_scale = rows @ raw[:, Shared.SCALE] / scale ** 2 if scale else np.zeros(len(value))
         variance_factor = fit.excess * (1.0 + (crossing.deviation / SLIP_DEVIATION_SCALE) ** 2)
         return GainObservation(
             crossing, tuple(film.film for film in samples.films), gains, estimate,
             precision / variance_factor, by_scale,
-            tuple(fit.own(i, Own.BENDING)[0] for i in range(count)),
-            crossing.direction * fit.own(0, Own.PLACE)[0], fit)
+            tuple(fit.own(i, Own.BENDING).value for i in range(count)),
+            crossing.direction * fit.own(0, Own.PLACE).value, fit)
 
     def volts(self, observation: GainObservation) -> list[Array]:
         """Return the fitted voltage of each sample [V] above the baseline, film by film."""
@@ -104,14 +106,14 @@ class ObservationFitter:
     def _plausible(self, fit: WaveformFit, wheel: str) -> bool:
         low, high = BENDING_RANGE
         return fit.excess < MAX_EXCESS and all(
-            low < fit.own(i, Own.BENDING)[0] / self._bending[wheel][film.film] < high
-            for i, film in enumerate(fit.passage.films))
+            low < fit.own(i, Own.BENDING).value / self._bending[wheel][film.film] < high
+            for i, film in enumerate(fit.samples.films))
 
 
 def _with_slip(fit: WaveformFit, slip: float) -> WaveformFit:
     """Return a fit with another slip, and gains that compensate for it, as a start."""
     p = fit.parameters.copy()
-    gains = [own(i, Own.GAIN) for i in range(len(fit.passage.films))]
+    gains = [own(i, Own.GAIN) for i in range(len(fit.samples.films))]
     p[gains] = (1.0 + p[gains]) * p[Shared.SLIP] / slip - 1.0
     p[Shared.SLIP] = slip
     return replace(fit, parameters=p)
@@ -119,7 +121,7 @@ def _with_slip(fit: WaveformFit, slip: float) -> WaveformFit:
 
 def _rows(fit: WaveformFit, direction: int, gains: bool) -> tuple[Array, Array]:
     """Return the derivatives of the observation by the fit's parameters, and its value."""
-    p, count = fit.parameters, len(fit.passage.films)
+    p, count = fit.parameters, len(fit.samples.films)
     columns = [own(i, Own.GAIN) for i in range(count)] if gains else []
     columns += [Shared.LENGTH, Shared.ALPHA]
     rows = np.zeros((len(columns) + count - 1, len(p)))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 import math
 
 import numpy as np
@@ -185,7 +185,7 @@ class Results:
         found = film_angle([angle for _, angle, _ in observed],
                            [speed for _, _, speed in observed])
         quantum = math.tau / self._robot.encoder.counts_per_revolution  # rad
-        return replace(found, sigma=math.hypot(found.sigma, quantum / math.sqrt(12.0)))
+        return Uncertain(found.value, math.hypot(found.sigma, quantum / math.sqrt(12.0)))
 
     def _angle_readings(self, recording: int, wheel: str,
                         group: int) -> list[tuple[int, float, float]]:
@@ -237,7 +237,7 @@ class Results:
         if not parts:
             raise EstimatorError('requires the angle of film 1')
         mean = weighted_mean(parts)
-        return replace(mean, sigma=math.hypot(
+        return Uncertain(mean.value, math.hypot(
             mean.sigma, self._robot.wheel_radius_sigma * mean.value))
 
     def _example_crossing(self) -> Waveform | None:
@@ -250,8 +250,8 @@ class Results:
                          if len(observation.films) == count),
                         key=lambda observation: abs(observation.crossing.slip[0]))
         observation = ranked[(3 * len(ranked)) // 4]
-        samples = observation.fit.passage
-        center = float(np.mean([samples.sightings[i].middle for i in range(len(samples.films))]))
+        samples = observation.fit.samples
+        center = float(np.mean([samples.detections[i].center for i in range(len(samples.films))]))
         return Waveform(
             observation.crossing.wheel, observation.crossing.slip[0], observation.films,
             tuple(film.distance - center for film in samples.films),

@@ -193,7 +193,7 @@ def _fit(rows: _Rows, turns: list[tuple[float, float]], robot: RobotParams) -> I
         initial_sigma=float(np.std(target)),
         hac_lags=math.ceil(HAC_TIME / float(np.median(np.diff(rows.time)))))
     estimate = fit.estimate(0)
-    icr = replace(estimate, sigma=math.hypot(estimate.sigma, rows.common_sigma))
+    icr = Uncertain(estimate.value, math.hypot(estimate.sigma, rows.common_sigma))
     limit = MAX_ICR_SIGMA * robot.wheelbase
     if not icr.sigma <= limit:
         raise EstimatorError(f'{rows.source}: standard error of {icr.sigma:.2g} m, expected at '

@@ -91,7 +91,8 @@ def _scaled_by_scatter(combined: Uncertain, separate: Sequence[Uncertain]) -> Un
     if len(determined) < 2:
         return combined
     expected = sum(item.sigma ** -2 for item in determined) ** -0.5
-    return replace(combined, sigma=combined.sigma * weighted_mean(determined).sigma / expected)
+    return Uncertain(combined.value,
+                     combined.sigma * weighted_mean(determined).sigma / expected)
 
 
 def _refusal(stiffness: Uncertain, separate: Sequence[Uncertain]) -> str:

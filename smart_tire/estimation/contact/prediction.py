@@ -1,9 +1,9 @@
 """
-Passages of a wheel's films through the patch, from the wheel's angle alone.
+Predicts patch crossings from the wheel angle once the films' mounting position is known.
 
-Once it is known where on the wheel the films sit, the rolled distance says when all of them went
-through the patch from one side to the other: so a passage that the radio lost is not missed, and
-one that stops inside and rolls back out does not count.
+The rolled distance then determines when all films have moved through the patch from one side to
+the other. A crossing lost by the radio is therefore not missed, and a film that enters the patch
+and rolls back out is not counted.
 """
 
 from __future__ import annotations
@@ -12,105 +12,109 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 import math
 
-LEARNING = 0.2        # least share of a new sighting in the films' place
-TOLERANCE = 0.010     # m, between a sighting and the place: more than a fit from scraps is wrong
-TRUSTED = 2           # sightings that agree, after which the place is trusted
-RECENT = 2.5          # turns of the wheel, in which a first sighting finds earlier passes
-MOST_PASSES = 100     # the latest ones between two points: no wheel is followed for longer
-MARGIN = 0.001        # m, that the films must be out of the patch: the jitter of the coarse course
+from smart_tire.estimation.contact.wheel_trajectory import Point
 
-Point = tuple[int, float]  # instant [ns] and rolled distance [m]
+MIN_UPDATE_GAIN = 0.2        # smallest share of a new detection in the mounting position
+POSITION_TOLERANCE = 0.010   # m, between detection and position: fits of sparse samples are worse
+MIN_DETECTIONS = 2           # consistent detections after which the position is trusted
+LOOKBACK_REVOLUTIONS = 2.5   # before a first detection, in which earlier crossings are reported
+MAX_CROSSINGS_PER_STEP = 100  # per call to advance: bounds the work after an implausible angle
+CLEARANCE_MARGIN = 0.001     # m between film and patch: jitter of the interpolated trajectory
 
 
 @dataclass(frozen=True, slots=True)
 class PredictedCrossing:
-    """All films of a wheel went through the whole patch."""
+    """All films of a wheel moved through the whole patch."""
 
-    place: float    # m, rolled distance when the films' common middle is at the patch's middle
-    direction: int  # +1 forward, -1 backward
-    end_ns: int     # not before the last film left
+    position: float  # m, rolled distance with the films' common center at the patch center
+    direction: int   # +1 forward, -1 backward
+    end_ns: int      # not before the last film left the patch
 
 
 class MountPosition:
     """
-    Where on the wheel the films sit, learned from sightings, and their passes.
+    Position of the films on the wheel, learned from detections, and their crossings.
 
-    The wheel's circumference and the distance ``reach`` from the middle of the patch, at which
-    the films' middle is when the last film leaves, are in m.
+    ``circumference`` is that of the wheel [m]; ``reach`` [m] is the distance between film center
+    and patch center at which the last film leaves the patch.
     """
 
     def __init__(self, circumference: float, reach: float) -> None:
-        self._round = circumference
-        self._reach = reach + MARGIN
-        self._place = math.nan   # m, rolled distance of some pass, modulo the circumference
-        self._sightings = 0
-        self._strangers = 0      # sightings in a row that disagree
-        self._turn: int | None = None  # number of the pass that would come next forward
-        self._before: tuple[int, int] | None = None  # the two numbers at the point before
+        self._circumference = circumference
+        self._reach = reach + CLEARANCE_MARGIN
+        self._position = math.nan  # m, rolled distance of a crossing, modulo the circumference
+        self._detections = 0
+        self._outliers = 0         # consecutive detections that contradict the position
+        self._next: int | None = None  # number of the next crossing forward
+        self._previous: tuple[int, int] | None = None  # both numbers at the previous point
 
     @property
     def trusted(self) -> bool:
-        """Whether passes can be told without seeing the films."""
-        return self._sightings >= TRUSTED
+        """Whether crossings can be predicted without detections."""
+        return self._detections >= MIN_DETECTIONS
 
     def expected(self, near: float) -> float:
-        """Return the place [m] of the pass nearest to ``near``, NaN before the first sighting."""
-        if not self._sightings:
+        """Return the crossing position [m] nearest to ``near``, NaN before any detection."""
+        if not self._detections:
             return math.nan
-        return self._place + self._round * round((near - self._place) / self._round)
+        return self._position + self._circumference * round(
+            (near - self._position) / self._circumference)
 
-    def sight(self, place: float, path: Sequence[Point]) -> tuple[bool, list[PredictedCrossing]]:
+    def update(self, position: float,
+               path: Sequence[Point]) -> tuple[bool, list[PredictedCrossing]]:
         """
-        Learn from a film that was seen to pass: the films' middle passed ``place`` [m].
+        Update with a detection: the films' common center crossed at ``position`` [m].
 
-        ``path`` holds begin, turning points and end of the course up to when the film was seen.
-        Return whether the place moved, so that passes at the old one mean nothing, and, with the
-        first sighting, the recent passes that are known only now.
+        ``path`` holds start, reversals and end of the trajectory up to the detection. Return
+        whether the mounting position was replaced, which invalidates earlier predictions, and,
+        for the first detection, the recent crossings.
         """
-        off = place - self.expected(place)
-        if abs(off) <= TOLERANCE:
-            self._sightings += 1
-            self._strangers = 0
-            self._place += off * max(LEARNING, 1.0 / self._sightings)
+        error = position - self.expected(position)
+        if abs(error) <= POSITION_TOLERANCE:
+            self._detections += 1
+            self._outliers = 0
+            self._position += error * max(MIN_UPDATE_GAIN, 1.0 / self._detections)
             return False, []
-        first = not self._sightings
-        self._strangers += 1
-        if self._sightings > TRUSTED and self._strangers < TRUSTED:
+        first = not self._detections
+        self._outliers += 1
+        if self._detections > MIN_DETECTIONS and self._outliers < MIN_DETECTIONS:
             return False, []
-        self._place, self._sightings, self._strangers = place, 1, 0
-        self._turn = self._before = None
-        passes = [p for point in path for p in self.advance(point)]
-        recent = RECENT * self._round
-        return not first, [p for p in passes if first and abs(p.place - place) < recent]
+        self._position, self._detections, self._outliers = position, 1, 0
+        self._next = self._previous = None
+        crossings = [crossing for point in path for crossing in self.advance(point)]
+        recent = LOOKBACK_REVOLUTIONS * self._circumference
+        return not first, [crossing for crossing in crossings
+                           if first and abs(crossing.position - position) < recent]
 
     def advance(self, point: Point) -> list[PredictedCrossing]:
-        """Follow the course to ``point``, monotonic since the last one; return the passes."""
-        if not self._sightings:
+        """Follow the trajectory, monotonic since the last point, and return its crossings."""
+        if not self._detections:
             return []
         instant, distance = point
-        # numbers of the next pass forward, had the wheel come here rolling forward or backward;
-        # they are the same unless a film is in the patch
-        forward = math.floor((distance - self._place - self._reach) / self._round) + 1
-        backward = math.ceil((distance - self._place + self._reach) / self._round)
-        before, self._before = self._before, (forward, backward)
-        if self._turn is None:
-            self._turn = _begin(before, forward, backward)
+        # number of the next crossing forward if the wheel arrived rolling forward, or backward;
+        # both are equal unless a film is in the patch
+        forward = math.floor((distance - self._position - self._reach) / self._circumference) + 1
+        backward = math.ceil((distance - self._position + self._reach) / self._circumference)
+        previous, self._previous = self._previous, (forward, backward)
+        if self._next is None:
+            self._next = _initial_number(previous, forward, backward)
             return []
-        first, last = max(self._turn, forward - MOST_PASSES), min(
-            self._turn, backward + MOST_PASSES)
-        passes = ([self._pass(n, 1, instant) for n in range(first, forward)]
-                  + [self._pass(n, -1, instant) for n in range(last - 1, backward - 1, -1)])
-        self._turn = min(max(self._turn, forward), backward)
-        return passes
+        first, last = max(self._next, forward - MAX_CROSSINGS_PER_STEP), min(
+            self._next, backward + MAX_CROSSINGS_PER_STEP)
+        crossings = ([self._crossing(n, 1, instant) for n in range(first, forward)]
+                     + [self._crossing(n, -1, instant)
+                        for n in range(last - 1, backward - 1, -1)])
+        self._next = min(max(self._next, forward), backward)
+        return crossings
 
-    def _pass(self, number: int, direction: int, instant: int) -> PredictedCrossing:
-        return PredictedCrossing(self._place + self._round * number, direction, instant)
+    def _crossing(self, number: int, direction: int, instant: int) -> PredictedCrossing:
+        return PredictedCrossing(self._position + self._circumference * number, direction, instant)
 
 
-def _begin(before: tuple[int, int] | None, forward: int, backward: int) -> int | None:
-    """Return the number of the next pass forward, None while it is not known from which side."""
+def _initial_number(previous: tuple[int, int] | None, forward: int, backward: int) -> int | None:
+    """Return the number of the next crossing forward, None while it is ambiguous."""
     if forward == backward:
         return forward
-    if before is not None and forward > before[0]:
-        return forward  # all films were outside on the way
-    return backward if before is not None and backward < before[1] else None
+    if previous is not None and forward > previous[0]:
+        return forward  # all films were outside in between
+    return backward if previous is not None and backward < previous[1] else None

@@ -1,4 +1,4 @@
-"""Records of patch crossings: what detection, tracker and waveform fit hand to each other."""
+"""Records of patch crossings, exchanged between detection, association and waveform fit."""
 
 from __future__ import annotations
 
@@ -14,46 +14,47 @@ from smart_tire.estimation.contact.trajectory_error import TrajectoryErrors
 
 @dataclass(frozen=True, slots=True)
 class Detection:
-    """A film's passage, as far as a first look tells."""
+    """Coarse estimate of a film's crossing by the matched filter."""
 
-    middle: float    # m, rolled distance at which film's and patch's middle coincide
-    bending: float   # V
+    center: float    # m, rolled distance with the film center at the patch center
+    bending: float   # V, bending peak
     slip: float      # -, B(3)'s lambda
-    sliding: float   # -, total slip / critical slip, one of ``SLIDINGS``
-    coverage: float  # share of the way from entry to release that was sampled, 0 to 1
+    normalized_slip: float  # -, total slip / critical slip, one of ``NORMALIZED_SLIPS``
+    coverage: float  # share of the distance from entry to release that was sampled, 0 to 1
 
 
 @dataclass(frozen=True, slots=True)
 class FilmCrossing:
-    """One film, seen to pass."""
+    """Detected crossing of one film."""
 
-    place: float     # m, rolled distance when its middle is at the patch's middle ...
+    position: float  # m, rolled distance with the film center at the patch center ...
     instant_ns: int  # ... and the instant
     direction: int   # +1 forward, -1 backward
-    sighting: Detection
-    contact: ActiveSegment
+    begin: float     # m, rolled distance at the first active sample
+    detection: Detection
+    segment: ActiveSegment
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FilmSamples:
-    """Samples of one film around a passage."""
+    """Samples of one film around a crossing."""
 
     film: int        # index of the film on the wheel, 0 for film 1
     distance: Array  # m, (n,), rolled in the direction of motion
-    volts: Array     # V, (n,), above rest
+    volts: Array     # V, (n,), above baseline
     rail: NDArray[np.int8]  # (n,), 1 where clipped at the upper rail, -1 at the lower, else 0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CrossingSamples:
     """
-    Samples of the films of a wheel in one passage, film by film, and where each was sighted.
+    Samples of a wheel's films in one patch crossing, with the detection of each film.
 
-    ``reference`` [m] is the distance for which slip and sliding are told.
+    ``reference`` [m] is the distance at which slip and normalized slip are estimated.
     """
 
     films: tuple[FilmSamples, ...]
-    sightings: tuple[Detection, ...]
+    detections: tuple[Detection, ...]
     reference: float
     errors: TrajectoryErrors = field(default_factory=TrajectoryErrors)
 
@@ -61,18 +62,18 @@ class CrossingSamples:
 @dataclass(frozen=True, slots=True)
 class PatchCrossing:
     """
-    All films of a wheel went through the patch; ``samples`` are those of the films that were seen.
+    All films of a wheel moved through the patch; ``samples`` are those of the detected films.
 
-    Slip and load are meant from ``begin_ns`` to ``end_ns``, while the first film was fully inside,
-    and ``samples.reference`` is the middle of that.
+    Slip and load refer to the interval from ``begin_ns`` to ``end_ns``, while the first film was
+    fully inside; ``samples.reference`` is its center.
     """
 
-    stamp_ns: int        # films' common middle at the patch's middle, as it was sighted
+    stamp_ns: int        # films' common center at the patch center, by the detections
     direction: int       # +1 forward, -1 backward
     speed: float         # m/s, r |omega|
     speed_sigma: float   # m/s
     speed_change: float  # relative, while any film was in the patch ...
-    way: float           # m, rolled meanwhile
+    distance: float      # m, rolled meanwhile
     begin_ns: int
     end_ns: int
-    samples: CrossingSamples | None  # None where no film was seen, or the speed changed too much
+    samples: CrossingSamples | None  # None without a detected film, or if speed_change is large

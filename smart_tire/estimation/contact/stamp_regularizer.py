@@ -1,9 +1,9 @@
 """
-Stamps of one wheel unit as regular as its conversions.
+Regularizes the timestamps of one sensor node.
 
-A unit converts on its own steady timer, but each batch of stamps is off by what the receiver did
-not know of the radio's delay: 0.5 ms between two batches is half a millimetre of travel within
-one contact, more than the friction shows.
+A sensor node samples at a constant rate, but each batch of timestamps has an error of its own
+from the unknown part of the radio delay: 0.5 ms between two batches is half a millimeter of
+travel within one crossing, more than the effect of friction.
 """
 
 from __future__ import annotations
@@ -13,35 +13,35 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-MEMORY = 200         # samples, over which the stamps' errors average out
-STEP_NS = 3_000_000  # of a stamp beyond the regular one, after which the unit was reset
+AVERAGING_SAMPLES = 200  # over which timestamp errors average out
+RESET_STEP_NS = 3_000_000  # deviation from the regular timestamp that means a reset of the node
 
 
 class StampRegularizer:
-    """Follows stamps [ns] that should be multiples of a period apart."""
+    """Tracks timestamps [ns] with a nominally constant period."""
 
     def __init__(self, period_ns: int) -> None:
         self._period_ns = period_ns
-        self._last: float | None = None  # regular stamp of the newest sample
+        self._last: float | None = None  # regularized timestamp of the newest sample
         self._count = 0
 
-    def regular(self, stamps: Sequence[int]) -> NDArray[np.int64]:
-        """Return ``stamps``, which follow those of earlier calls, made regular."""
+    def regularize(self, stamps: Sequence[int]) -> NDArray[np.int64]:
+        """Return ``stamps``, which continue those of earlier calls, regularized."""
         period, last, count = self._period_ns, self._last, self._count
-        half, farthest, out = period / 2, min(STEP_NS, period), []
+        half, max_error, out = period / 2, min(RESET_STEP_NS, period), []
         for stamp in stamps:
             if last is not None:
                 regular = last + period
-                off = stamp - regular
-                if not -half < off < half:
+                error = stamp - regular
+                if not -half < error < half:
                     regular = last + period * max(round((stamp - last) / period), 1)
-                    off = stamp - regular
-            if last is None or not -farthest < off < farthest:
+                    error = stamp - regular
+            if last is None or not -max_error < error < max_error:
                 last, count = float(stamp), 1
             else:
-                if count < MEMORY:
+                if count < AVERAGING_SAMPLES:
                     count += 1
-                last = regular + off / count
+                last = regular + error / count
             out.append(last)
         self._last, self._count = last, count
         return np.rint(out).astype(np.int64)

@@ -1,11 +1,11 @@
 """
-One friction coefficient from many revolutions, that notices when the ground changes.
+Bayes filter over the friction coefficient with a change-point model.
 
-A Bayesian filter over the grounds that there are: between two revolutions the ground stays, or,
-rarely, is any other. So nothing is forgotten on one surface and everything at a change, a single
-passage that misleads moves little, and revolutions that tell nothing widen the sigma, for the
-ground may have changed unseen. What a passage measures with Gaussian noise is 1 / mu; where slip
-is too small to see mu, that still bounds it from below.
+Grid filter over mu: between two revolutions the surface stays the same or, with a small
+probability, changes to any other. So all information is kept on one surface and discarded at a
+change, a single outlier has little influence, and revolutions without information increase the
+standard deviation because the surface may have changed. A crossing measures 1 / mu with Gaussian
+noise; slip too small for an estimate of mu still bounds it from below.
 """
 
 from __future__ import annotations
@@ -15,78 +15,84 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.estimation.friction.brush_inversion import FrictionSample, GROUNDS, PRIOR
-from smart_tire.estimation.friction.motion_history import UNKNOWN, ValueSigma
+from smart_tire.estimation.friction.brush_inversion import FrictionSample, MU_GRID, MU_PRIOR
+from smart_tire.uncertain import Uncertain, UNKNOWN
 
-CHANGE_PROBABILITY = 0.02   # chance per revolution that the ground changes; assumed
+CHANGE_PROBABILITY = 0.02   # per revolution, that the surface changes; assumed
 OUTLIER_PROBABILITY = 0.01  # that a crossing is an outlier (e.g. spans two surfaces); assumed
-CHANGING = 0.3       # share of what lasts that is new in each revolution after all
-SHARPEST = 0.004     # relative noise below which the grid of grounds is too coarse
-FORGETS = 0.05       # least share of a new revolution in what is said to last
-CHANGED = 3.0        # sigmas between what was known and what is, that make a new ground ...
-IN_DOUBT = 2.0       # ... and growth of the sigma while it is not yet clear
+SYSTEMATIC_WHITE_SHARE = 0.3  # of the systematic error that varies between revolutions; assumed
+MIN_RELATIVE_NOISE = 0.004  # of 1 / mu; below, the grid is too coarse
+MIN_ERROR_MODEL_GAIN = 0.05  # smallest share of a new revolution in the systematic error
+CHANGE_SIGMAS = 3.0         # between old and new estimate, that count as a surface change ...
+MAX_SIGMA_GROWTH = 2.0      # ... and growth of the standard deviation while that is undecided
 
 
 class FrictionFilter:
-    """Recursive estimate of a wheel's friction coefficient; ``changes`` counts new grounds."""
+    """Recursive estimate of a wheel's friction coefficient; ``changes`` counts surface changes."""
 
     def __init__(self) -> None:
-        self._know(PRIOR / PRIOR.sum())
-        self._ground: ValueSigma = UNKNOWN  # mu and spread of the ground that was last clear
-        self._told = 0.0      # information, 1 / variance of 1 / mu, on the present ground
-        self._lasting = 0.0   # relative sigma of mu that the revolutions share ...
-        self._constant = 0.0  # ... and from stiffness and load
+        self._set_posterior(MU_PRIOR / MU_PRIOR.sum())
+        self._surface: Uncertain = UNKNOWN  # last estimate that was decided, for change counting
+        self._information = 0.0   # 1 / variance of 1 / mu, on the present surface
+        self._systematic = 0.0    # relative sigma of mu, shared by revolutions ...
+        self._scale = 0.0         # ... and from stiffness and load
         self.changes = 0
 
-    def update(self, single: FrictionSample | None) -> ValueSigma:
-        """Take in one revolution, None if it tells nothing; return mu and one sigma."""
-        chance = self._chance + CHANGE_PROBABILITY * (PRIOR / PRIOR.sum() - self._chance)
-        if single is None:
-            self._know(chance)
+    def update(self, sample: FrictionSample | None) -> Uncertain:
+        """Update with one revolution, None without information; return mu."""
+        posterior = self._posterior + CHANGE_PROBABILITY * (
+            MU_PRIOR / MU_PRIOR.sum() - self._posterior)
+        if sample is None:
+            self._set_posterior(posterior)
             return self.estimate()
-        noise = math.hypot(single.noise, CHANGING * single.lasting,
-                           SHARPEST * abs(single.inverse))
-        likely = np.exp(-0.5 * ((1.0 / GROUNDS - single.inverse) / noise)**2)
-        # one that misleads could have told of any ground
-        likely += OUTLIER_PROBABILITY * (float(PRIOR @ likely) / float(PRIOR.sum()) - likely)
-        chance *= likely
-        total = float(chance.sum())
+        noise = math.hypot(sample.white_sigma, SYSTEMATIC_WHITE_SHARE * sample.systematic_sigma,
+                           MIN_RELATIVE_NOISE * abs(sample.inverse_mu))
+        likelihood = np.exp(-0.5 * ((1.0 / MU_GRID - sample.inverse_mu) / noise)**2)
+        # an outlier is equally likely on every surface
+        likelihood += OUTLIER_PROBABILITY * (
+            float(MU_PRIOR @ likelihood) / float(MU_PRIOR.sum()) - likelihood)
+        posterior *= likelihood
+        total = float(posterior.sum())
         if total > 0.0:
-            self._know(chance / total)
+            self._set_posterior(posterior / total)
             self._count_change()
-            self._remember(single, noise)
+            self._update_error_model(sample, noise)
         return self.estimate()
 
+    def estimate(self, *, scale_error: bool = True) -> Uncertain:
+        """
+        Return mu; UNKNOWN while its standard deviation exceeds its value.
+
+        Without ``scale_error`` the standard deviation leaves out stiffness and load: for
+        quantities in which they cancel.
+        """
+        mu, spread = self._estimate
+        sigma = math.hypot(spread, mu * self._systematic, mu * self._scale * scale_error)
+        return Uncertain(mu, sigma) if self._information > 0.0 and sigma < mu else UNKNOWN
+
+    def _set_posterior(self, posterior: Array) -> None:
+        """Set the probability of each mu, with their median and the rms deviation from it."""
+        self._posterior = posterior
+        cumulative = np.cumsum(posterior) - 0.5 * posterior
+        mu = float(np.interp(0.5, cumulative, MU_GRID))
+        # without systematic and scale errors
+        self._estimate = mu, math.sqrt(float(posterior @ (MU_GRID - mu)**2))
+
     def _count_change(self) -> None:
-        mu, spread = self._new
-        before, certain = self._ground
-        if abs(mu - before) > CHANGED * math.hypot(spread, certain):
+        mu, spread = self._estimate
+        before, before_sigma = self._surface
+        if abs(mu - before) > CHANGE_SIGMAS * math.hypot(spread, before_sigma):
             self.changes += 1
-            self._told = 0.0
-        elif spread > IN_DOUBT * certain:
+            self._information = 0.0
+        elif spread > MAX_SIGMA_GROWTH * before_sigma:
             return
-        self._ground = mu, spread
+        self._surface = Uncertain(mu, spread)
 
-    def _remember(self, single: FrictionSample, noise: float) -> None:
+    def _update_error_model(self, sample: FrictionSample, noise: float) -> None:
+        """Average the systematic errors over the revolutions on the present surface."""
         information = noise**-2
-        self._told += information
-        share = max(information / self._told, FORGETS)
-        mu = 1.0 / max(single.inverse, single.noise)
-        self._lasting += share * (single.lasting * mu - self._lasting)
-        self._constant += share * (single.constant - self._constant)
-
-    def _know(self, chance: Array) -> None:
-        """Take over the chance of each ground, with the median of mu and the deviation from it."""
-        self._chance, share = chance, np.cumsum(chance) - 0.5 * chance
-        mu = float(np.interp(0.5, share, GROUNDS))
-        self._new = mu, math.sqrt(float(chance @ (GROUNDS - mu)**2))  # of what does not last
-
-    def estimate(self, constant: bool = True) -> ValueSigma:
-        """
-        Return mu and one sigma; UNKNOWN while little more is known than what grounds there are.
-
-        Without ``constant`` the sigma is that of what uses the same stiffness and load again.
-        """
-        mu, spread = self._new
-        sigma = math.hypot(spread, mu * self._lasting, mu * self._constant * constant)
-        return (mu, sigma) if self._told > 0.0 and sigma < mu else UNKNOWN
+        self._information += information
+        gain = max(information / self._information, MIN_ERROR_MODEL_GAIN)
+        mu = 1.0 / max(sample.inverse_mu, sample.white_sigma)
+        self._systematic += gain * (sample.systematic_sigma * mu - self._systematic)
+        self._scale += gain * (sample.scale_sigma - self._scale)

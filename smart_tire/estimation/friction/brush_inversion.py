@@ -1,10 +1,10 @@
 """
-From what the films of a passage tell to friction: the physics of B(22) and its sigma.
+Inversion of the brush model: from slip and normalized slip of a crossing to friction, B(22).
 
-Films tell two things: their stretch, which with the calibrated gains is the longitudinal slip, and
-the sliding share w = total slip / critical slip. Then ``mu = C_x |s| / (3 F_z w)``. What limits it
-splits in two: noise, new in every revolution, and what stays from one to the next (slip, gains,
-stiffness, load), which averaging must not remove.
+The films measure two quantities: their stretch, which is proportional to longitudinal slip through
+the calibrated gains, and the normalized slip t = total slip / critical slip. Then
+``mu = C_x |s| / (3 F_z t)``. Errors are kept in two parts: white errors, independent between
+revolutions, and systematic errors (slip, gains, stiffness, load), which averaging must not reduce.
 """
 
 from __future__ import annotations
@@ -15,165 +15,170 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.estimation.friction.motion_history import UNKNOWN, ValueSigma
 from smart_tire.models.tire import brush_tire
+from smart_tire.uncertain import Uncertain, UNKNOWN
 
 
-SLIDES = 0.8              # of the critical slip: above, the waveform no longer shows how far
-SLIDES_SIGMAS = 4.0       # within which of it noise may hide that ...
-TIED = 0.5                # ... if slip and sliding are so correlated that both may be larger
-DISAGREEMENT = 4.0        # square of a normalised difference that is believed
-KNOWN = 0.35              # sigma of 1 / mu, over 1 / mu of a likely ground, above which it is not
-TYPICAL, FACTOR = 0.45, 2.0  # mu of the grounds that there are, and one sigma; assumed
-SHARP = 0.12              # relative sigma of mu below which other grounds do not matter
-SMALLEST_SLIDING = 0.005  # of the critical slip
-GROUNDS = np.geomspace(0.02, 4.0, 1000)  # mu, -
-PRIOR = np.exp(-0.5 * (np.log(GROUNDS / TYPICAL) / math.log(FACTOR))**2)  # per ln(mu)
+FULL_SLIDING_ONSET = 0.8      # normalized slip above which the waveform hardly depends on it
+FULL_SLIDING_SIGMAS = 4.0     # standard deviations within which the onset counts as reached ...
+MIN_RATIO_CORRELATION = 0.5   # ... if slip and normalized slip are at least so correlated
+MAX_SQUARED_DIFFERENCE = 4.0  # squared normalized difference of two slips that are consistent
+MAX_INVERSE_SIGMA = 0.35      # sigma of 1 / mu over 1 / mu of a likely surface, to be informative
+PRIOR_MEDIAN, PRIOR_FACTOR = 0.45, 2.0  # of mu and one standard deviation, log-normal; assumed
+NEGLIGIBLE_PRIOR_SIGMA = 0.12  # relative sigma of mu below which the prior does not matter
+MIN_NORMALIZED_SLIP = 0.005
+MU_GRID = np.geomspace(0.02, 4.0, 1000)
+MU_PRIOR = np.exp(-0.5 * (np.log(MU_GRID / PRIOR_MEDIAN) / math.log(PRIOR_FACTOR))**2)  # per ln mu
 
 
 @dataclass(frozen=True, slots=True)
 class SlipFit:
     """
-    Slip and sliding share of one passage with covariances (2, 2) of what errs in them.
+    Slip and normalized slip of one crossing with the covariances (2, 2) of their errors.
 
-    Noise may make a small sliding share negative.
+    Noise may make a small normalized slip negative.
     """
 
-    slip: float     # -, B(3)'s lambda
-    sliding: float  # -, total slip / critical slip
-    noise: Array    # new in every revolution
-    lasting: Array  # gains and the error of the slip estimator
+    slip: float             # -, B(3)'s lambda
+    normalized_slip: float  # -, total slip / critical slip
+    white_cov: Array        # independent between revolutions
+    systematic_cov: Array   # of gains and of the slip estimator
 
     @property
     def slip_sigma(self) -> float:
-        """One sigma of ``slip``."""
-        return math.sqrt(self.noise[0, 0] + self.lasting[0, 0])
+        """Standard deviation of ``slip``."""
+        return math.sqrt(self.white_cov[0, 0] + self.systematic_cov[0, 0])
 
     @property
-    def sliding_sigma(self) -> float:
-        """One sigma of ``sliding``."""
-        return math.sqrt(self.noise[1, 1] + self.lasting[1, 1])
+    def normalized_slip_sigma(self) -> float:
+        """Standard deviation of ``normalized_slip``."""
+        return math.sqrt(self.white_cov[1, 1] + self.systematic_cov[1, 1])
 
-    def inflated(self, scale: float) -> SlipFit:
-        """Return the same values with covariances ``scale`` times as large."""
-        return replace(self, noise=scale * self.noise, lasting=scale * self.lasting)
+    def inflated(self, factor: float) -> SlipFit:
+        """Return the same values with covariances multiplied by ``factor``."""
+        return replace(self, white_cov=factor * self.white_cov,
+                       systematic_cov=factor * self.systematic_cov)
 
 
 @dataclass(frozen=True, slots=True)
 class FrictionSample:
     """
-    Friction from one passage: what is measured with Gaussian noise is 1 / mu.
+    Friction from one crossing, as 1 / mu: that is what is measured with Gaussian noise.
 
-    ``noise`` is new in every revolution, ``lasting`` is from slip and gains and lasts but may
-    change; ``constant``, relative to mu, is from stiffness and load.
+    White errors are independent between revolutions. Systematic errors, from slip and gains, vary
+    slowly; the scale error, from stiffness and load, is constant.
     """
 
-    inverse: float   # 1 / mu; noise may make it negative
-    noise: float     # sigma of it
-    lasting: float   # sigma of it
-    constant: float  # relative
+    inverse_mu: float        # 1 / mu; noise may make it negative
+    white_sigma: float       # of 1 / mu
+    systematic_sigma: float  # of 1 / mu
+    scale_sigma: float       # relative
 
-    def estimate(self, likely: float = math.nan) -> ValueSigma:
-        """Return mu and one sigma; ``likely`` is mu as it was before this passage, if known."""
-        return friction_estimate(
-            self.inverse, math.hypot(self.noise, self.lasting), self.constant, likely)
+    def estimate(self, likely: float = math.nan) -> Uncertain:
+        """Return mu; ``likely`` is mu before this crossing, NaN if unknown."""
+        return friction_estimate(self.inverse_mu, math.hypot(
+            self.white_sigma, self.systematic_sigma), self.scale_sigma, likely)
 
 
-def friction_estimate(inverse: float, sigma: float, relative: float,
-                      likely: float = math.nan) -> ValueSigma:
+def friction_estimate(inverse_mu: float, sigma: float, scale_sigma: float,
+                      likely: float = math.nan) -> Uncertain:
     """
-    Return mu and one sigma from 1 / mu and its sigma, and a ``relative`` sigma of mu on top.
+    Return mu from 1 / mu with its ``sigma``, and an additional relative ``scale_sigma``.
 
-    Median and deviation over the grounds that there are: a noisy 1 / mu alone would make large
-    or tiny mu out of nothing. UNKNOWN where the passage would say little beyond them on a typical
-    ground and on the ``likely`` one: whatever it says, for of noisy ones to tell those only that
-    came out low would tell too low a friction.
+    Posterior median and deviation with ``MU_PRIOR``, since the reciprocal of a noisy 1 / mu would
+    be arbitrarily large. UNKNOWN where the measurement adds little to the prior, on a typical
+    surface and on one with friction ``likely``. That decision must not depend on the measured
+    value: keeping only the low outcomes of noisy measurements would bias mu low.
     """
-    if sigma < SHARP * inverse:
-        return 1.0 / inverse, math.hypot(sigma / inverse, relative) / inverse
-    if not sigma * min(TYPICAL, likely if math.isfinite(likely) else TYPICAL) < KNOWN:
+    if sigma < NEGLIGIBLE_PRIOR_SIGMA * inverse_mu:
+        return Uncertain(1.0 / inverse_mu,
+                         math.hypot(sigma / inverse_mu, scale_sigma) / inverse_mu)
+    lowest = min(PRIOR_MEDIAN, likely if math.isfinite(likely) else PRIOR_MEDIAN)
+    if not sigma * lowest < MAX_INVERSE_SIGMA:
         return UNKNOWN
-    weight = PRIOR * np.exp(-0.5 * ((1.0 / GROUNDS - inverse) / sigma)**2)
-    share = np.cumsum(weight)
-    if not share[-1] > 0.0:
+    weight = MU_PRIOR * np.exp(-0.5 * ((1.0 / MU_GRID - inverse_mu) / sigma)**2)
+    cumulative = np.cumsum(weight)
+    if not cumulative[-1] > 0.0:
         return UNKNOWN
-    mu = float(GROUNDS[np.searchsorted(share, 0.5 * share[-1])])
-    spread = math.sqrt(float(weight @ (GROUNDS - mu)**2) / float(share[-1]))
-    return mu, math.hypot(spread, mu * relative)
+    mu = float(MU_GRID[np.searchsorted(cumulative, 0.5 * cumulative[-1])])
+    spread = math.sqrt(float(weight @ (MU_GRID - mu)**2) / float(cumulative[-1]))
+    return Uncertain(mu, math.hypot(spread, mu * scale_sigma))
 
 
-def flag_full_sliding(evidence: SlipFit, shown: Array | None = None) -> SlipFit:
+def flag_full_sliding(fit: SlipFit, fit_cov: Array | None = None) -> SlipFit:
     """
-    Return ``evidence`` that knows: if the whole patch may slide, slip / sliding shows only.
+    Return ``fit``, inflated along slip / normalized slip if the whole patch may slide.
 
-    Whether the two are tied, the covariance (2, 2) that was ``shown`` tells where what was added
-    to the noise since, by size only, hides it.
+    The waveform then determines that ratio only. Whether both are correlated is judged by
+    ``fit_cov`` (2, 2), the white covariance before additions that would hide the correlation.
     """
-    noise = evidence.noise
-    shown = noise if shown is None else shown
-    tied = shown[0, 1] * math.copysign(1.0, evidence.slip)
-    if (evidence.sliding + SLIDES_SIGMAS * math.sqrt(noise[1, 1]) < SLIDES
-            or tied < TIED * math.sqrt(shown[0, 0] * shown[1, 1])):
-        return evidence
-    both = np.array([evidence.slip, evidence.sliding])
-    return replace(evidence, noise=noise + np.outer(both, both))
+    white = fit.white_cov
+    fit_cov = white if fit_cov is None else fit_cov
+    correlation = fit_cov[0, 1] * math.copysign(1.0, fit.slip)
+    upper = fit.normalized_slip + FULL_SLIDING_SIGMAS * math.sqrt(white[1, 1])
+    if (upper < FULL_SLIDING_ONSET
+            or correlation < MIN_RATIO_CORRELATION * math.sqrt(fit_cov[0, 0] * fit_cov[1, 1])):
+        return fit
+    both = np.array([fit.slip, fit.normalized_slip])
+    return replace(fit, white_cov=white + np.outer(both, both))
 
 
-def consistency_inflation(evidence: SlipFit, slip: ValueSigma) -> float:
+def consistency_inflation(fit: SlipFit, slip: Uncertain) -> float:
     """
-    Return by how much variances must grow for the films' slip and another one to agree.
+    Return the factor on variances that makes the films' slip consistent with another ``slip``.
 
-    1 where they do, within what a Gaussian error may be.
+    1 if their difference is within its standard deviation times two, or ``slip`` is unknown.
     """
-    if not math.isfinite(slip[0]):
+    if not math.isfinite(slip.value):
         return 1.0
-    spread = evidence.slip_sigma**2 + slip[1]**2
-    return max(1.0, (slip[0] - evidence.slip)**2 / spread / DISAGREEMENT)
+    variance = fit.slip_sigma**2 + slip.sigma**2
+    return max(1.0, (slip.value - fit.slip)**2 / variance / MAX_SQUARED_DIFFERENCE)
 
 
-def total_slip(slip: ValueSigma, lateral_slip: ValueSigma) -> ValueSigma:
+def total_slip(slip: Uncertain, lateral_slip: Uncertain) -> Uncertain:
     """Return the magnitude of the combined slip."""
-    total = math.hypot(slip[0], lateral_slip[0])
+    total = math.hypot(slip.value, lateral_slip.value)
     if not total > 0.0:
         return UNKNOWN
-    return total, math.hypot(slip[0] * slip[1], lateral_slip[0] * lateral_slip[1]) / total
+    return Uncertain(total, math.hypot(
+        slip.value * slip.sigma, lateral_slip.value * lateral_slip.sigma) / total)
 
 
-def single_friction(evidence: SlipFit, lateral_slip: ValueSigma, load: ValueSigma,
-                    stiffness: ValueSigma) -> FrictionSample | None:
-    """Return mu of one passage, None where slip, lateral slip or load are not known."""
-    total = math.hypot(evidence.slip, lateral_slip[0])
-    if not (total > 0.0 and load[0] > 0.0):
+def single_friction(fit: SlipFit, lateral_slip: Uncertain, load: Uncertain,
+                    stiffness: Uncertain) -> FrictionSample | None:
+    """Return mu of one crossing, None where slip, lateral slip or load are unknown."""
+    total = math.hypot(fit.slip, lateral_slip.value)
+    if not (total > 0.0 and load.value > 0.0):
         return None
-    scale = 3.0 * load[0] / (stiffness[0] * total)
-    inverse = scale * evidence.sliding
-    slope = scale * np.array([-evidence.sliding * evidence.slip / total**2, 1.0])
-    noise, lasting = (math.sqrt(max(float(slope @ part @ slope), 0.0))
-                      for part in (evidence.noise, evidence.lasting))
-    lateral = inverse * lateral_slip[0] * lateral_slip[1] / total**2
-    return FrictionSample(inverse, noise, math.hypot(lasting, lateral),
-                  math.hypot(load[1] / load[0], stiffness[1] / stiffness[0]))
+    scale = 3.0 * load.value / (stiffness.value * total)
+    inverse_mu = scale * fit.normalized_slip
+    slope = scale * np.array([-fit.normalized_slip * fit.slip / total**2, 1.0])
+    white, systematic = (math.sqrt(max(float(slope @ part @ slope), 0.0))
+                         for part in (fit.white_cov, fit.systematic_cov))
+    lateral = inverse_mu * lateral_slip.value * lateral_slip.sigma / total**2
+    return FrictionSample(inverse_mu, white, math.hypot(systematic, lateral), math.hypot(
+        load.sigma / load.value, stiffness.sigma / stiffness.value))
 
 
-def traction_force(evidence: SlipFit, lateral_slip: ValueSigma, direction: int, load: ValueSigma,
-                   stiffness: ValueSigma) -> ValueSigma:
+def traction_force(fit: SlipFit, lateral_slip: Uncertain, direction: int, load: Uncertain,
+                   stiffness: Uncertain) -> Uncertain:
     """
     Return the longitudinal force [N] on the robot, positive forward, from the brush model.
 
-    It needs no friction coefficient: the sliding share stands for it.
+    It does not need a friction coefficient: normalized slip takes its role.
     """
-    if not math.isfinite(lateral_slip[0]) or not load[0] > 0.0:
+    if not math.isfinite(lateral_slip.value) or not load.value > 0.0:
         return UNKNOWN
 
-    def force(slip: float, sliding: float, slope: float) -> float:
-        total = math.hypot(slip, lateral_slip[0])
-        mu = slope * total / (3.0 * load[0] * max(sliding, SMALLEST_SLIDING))
+    def force(slip: float, normalized_slip: float, slope: float) -> float:
+        total = math.hypot(slip, lateral_slip.value)
+        mu = slope * total / (3.0 * load.value * max(normalized_slip, MIN_NORMALIZED_SLIP))
         return float(brush_tire.brush_force(
-            direction * slip, lateral_slip[0], mu, load[0], slope)[0])
+            direction * slip, lateral_slip.value, mu, load.value, slope)[0])
 
-    slip, sliding, slope = evidence.slip, evidence.sliding, stiffness[0]
-    slip_sigma, sliding_sigma = evidence.slip_sigma, evidence.sliding_sigma
-    here = force(slip, sliding, slope)
-    return here, math.hypot(force(slip + slip_sigma, sliding, slope) - here,
-                            force(slip, sliding + sliding_sigma, slope) - here,
-                            force(slip, sliding, slope + stiffness[1]) - here)
+    slip, t, slope = fit.slip, fit.normalized_slip, stiffness.value
+    nominal = force(slip, t, slope)
+    return Uncertain(nominal, math.hypot(
+        force(slip + fit.slip_sigma, t, slope) - nominal,
+        force(slip, t + fit.normalized_slip_sigma, slope) - nominal,
+        force(slip, t, slope + stiffness.sigma) - nominal))

@@ -16,9 +16,9 @@ from scipy.linalg.lapack import dposv
 
 from smart_tire.arrays import Array
 from smart_tire.estimation.contact.records import FilmSamples
-from smart_tire.estimation.friction.motion_history import ValueSigma
 from smart_tire.estimation.friction.waveform_model import Own, own, Shared, WaveformModel
 from smart_tire.numerics.robust import huber_weights, MAD_TO_SIGMA
+from smart_tire.uncertain import Uncertain
 
 Indices = NDArray[np.intp]
 
@@ -103,7 +103,7 @@ class LevenbergMarquardt:
         self._last = point
         return FitResult(parameters, point, prior, weight, hessian)
 
-    def per_film_sliding(self, end: FitResult) -> list[ValueSigma]:
+    def per_film_sliding(self, end: FitResult) -> list[Uncertain]:
         """Return the normalized slip by one step from ``end`` with each film's samples only."""
         prior, point = end.prior, end.point
         weight, jacobian = self._weights(point), point.jacobian.take(prior.free, axis=0)
@@ -120,7 +120,8 @@ class LevenbergMarquardt:
             right[:, 0] = jacobian[:, own_part] @ (
                 weight[own_part] * point.residual[own_part]) + prior_gradient
             step, inverse = solve_spd(hessian, right)[sliding].tolist()
-            estimates.append((float(point.p[Shared.SLIDING]) + step, math.sqrt(inverse)))
+            estimates.append(Uncertain(
+                float(point.p[Shared.SLIDING]) + step, math.sqrt(inverse)))
         return estimates
 
     def _at(self, p: Array) -> Point:

@@ -1,8 +1,8 @@
 """
-What the slip estimator said about the robot while a wheel's films were in the patch.
+Motion and load of a wheel during a patch crossing, from odometry and slip estimates.
 
-Means over a stretch of time, with the sigma of one sample: the errors of a filter last longer
-than a passage and do not average out in it.
+Means over an interval keep the standard deviation of one sample: the errors of a filter are
+correlated for longer than a crossing and do not average out.
 """
 
 from __future__ import annotations
@@ -20,84 +20,87 @@ from smart_tire.estimation.friction.stiffness_check import StiffnessConsistencyC
 from smart_tire.models.vehicle.skid_steer import normal_loads
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import NS_PER_S, Odometry, WHEELS, WheelSlip
+from smart_tire.uncertain import Uncertain, UNKNOWN
 
 
-MEMORY = 1024             # samples of each stream: 8 s at 125 Hz
-NEAR_NS = 50_000_000      # a sample further from the stretch does not stand for it
-POINTS = 5                # of a stretch, whose mean is taken
-SLOPE_NS = 100_000_000    # on either side of the stretch, to tell the acceleration
-FEWEST_FOR_SLOPE = 6      # samples
-ACCELERATION_SIGMA = 0.03  # m/s2, of the slope of a filtered velocity; 0.17 % of load in turns
-V_Y, V_Y_RATE, RATE = 7, 11, 35  # in the row-major 6x6 covariance of the twist
+HISTORY_LENGTH = 1024        # samples of each stream: 8 s at 125 Hz
+MEAN_MARGIN_NS = 50_000_000  # a sample further from the interval does not represent it
+MEAN_POINTS = 5              # in an interval, of which the mean is taken
+SLOPE_MARGIN_NS = 100_000_000  # on either side of the interval, for accelerations
+MIN_SLOPE_SAMPLES = 6
+ACCELERATION_SIGMA = 0.03    # m/s2, of the slope of a filtered velocity; 0.17 % of load in turns
+VAR_V_Y, COV_V_Y_YAW, VAR_YAW = 7, 11, 35  # in the row-major 6x6 covariance of the twist
 
-ValueSigma = tuple[float, float]  # value and one sigma
-UNKNOWN: ValueSigma = (math.nan, math.inf)
 Stamped = TypeVar('Stamped', Odometry, WheelSlip)
 
 
 @dataclass(frozen=True, slots=True)
 class WheelMotion:
-    """Mean motion and load of one wheel; ``UNKNOWN`` where the streams do not tell."""
+    """Mean motion and load of one wheel; ``UNKNOWN`` without samples."""
 
-    slip: ValueSigma = UNKNOWN     # -, B(3)'s lambda
-    lateral: ValueSigma = UNKNOWN  # m/s, v_y of the wheel's centre
-    load: ValueSigma = UNKNOWN     # N, F_z
-    slip_rate: float = 0.0       # 1/s, at which the slip changes ...
-    slip_bend: float = 0.0       # -, how far it strays from that in the passage, rms
-    stiffness_sigma: float | None = None  # relative, of C_x; None where the streams do not tell
+    slip: Uncertain = UNKNOWN              # -, B(3)'s lambda
+    lateral_velocity: Uncertain = UNKNOWN  # m/s, v_y of the wheel center
+    load: Uncertain = UNKNOWN              # N, F_z
+    slip_rate: float = 0.0       # 1/s, slope of a linear fit to the slip ...
+    slip_residual: float = 0.0   # -, ... and its rms residual
+    stiffness_sigma: float | None = None  # relative, of C_x; None without samples
 
 
 class MotionHistory:
     """
-    Recent odometry and slip of the robot; stamps must not run backwards.
+    Recent odometry and slip of the robot; timestamps must not decrease.
 
-    ``load_sigma`` is the relative one of a wheel's load beside that of the accelerations.
+    ``load_sigma`` is the relative standard deviation of a wheel's load, in addition to that from
+    the accelerations.
     """
 
     def __init__(self, robot: RobotParams, load_sigma: float) -> None:
         self._robot, self._load_sigma = robot, load_sigma
-        self._balance = StiffnessConsistencyCheck(robot)
+        self._stiffness_check = StiffnessConsistencyCheck(robot)
         self._odometry: list[Odometry] = []
         self._slips: list[WheelSlip] = []
 
     def add_odometry(self, sample: Odometry) -> None:
-        """Take in a sample."""
+        """Add a sample."""
         self._odometry.append(sample)
-        if len(self._odometry) > 2 * MEMORY:
-            del self._odometry[:MEMORY]
+        if len(self._odometry) > 2 * HISTORY_LENGTH:
+            del self._odometry[:HISTORY_LENGTH]
 
     def add_slip(self, sample: WheelSlip) -> None:
-        """Take in a sample."""
+        """Add a sample."""
         self._slips.append(sample)
-        if len(self._slips) > 2 * MEMORY:
-            del self._slips[:MEMORY]
+        if len(self._slips) > 2 * HISTORY_LENGTH:
+            del self._slips[:HISTORY_LENGTH]
 
     def mean(self, wheel: str, begin_ns: int, end_ns: int) -> WheelMotion:
         """Return the mean motion of ``wheel`` between two instants."""
         index = WHEELS.index(wheel)
-        # while film 1 comes, and the others go
-        around_ns = max(NEAR_NS, end_ns - begin_ns)
+        # wide enough for the entry of film 1 and the release of the last film
+        around_ns = max(MEAN_MARGIN_NS, end_ns - begin_ns)
         slips = _between(self._slips, begin_ns - around_ns, end_ns + around_ns)
-        slip = _mean(slips, [(s.ratio[index], s.sigma[index]) for s in slips], begin_ns, end_ns)
-        near = _between(self._odometry, begin_ns - NEAR_NS, end_ns + NEAR_NS)
-        lateral = _mean(near, [self._lateral(o, index) for o in near], begin_ns, end_ns)
-        rate, bend = _line([s for s in slips if math.isfinite(s.ratio[index])], index)
-        if math.isnan(lateral[0]):
-            return WheelMotion(slip, slip_rate=rate, slip_bend=bend)
-        wide = _between(self._odometry, begin_ns - SLOPE_NS, end_ns + SLOPE_NS)
+        slip = _mean(slips, [Uncertain(s.ratio[index], s.sigma[index]) for s in slips], begin_ns,
+                     end_ns)
+        near = _between(self._odometry, begin_ns - MEAN_MARGIN_NS, end_ns + MEAN_MARGIN_NS)
+        lateral = _mean(near, [self._lateral_velocity(o, index) for o in near], begin_ns, end_ns)
+        rate, residual = _linear_fit([s for s in slips if math.isfinite(s.ratio[index])], index)
+        if math.isnan(lateral.value):
+            return WheelMotion(slip, slip_rate=rate, slip_residual=residual)
+        wide = _between(self._odometry, begin_ns - SLOPE_MARGIN_NS, end_ns + SLOPE_MARGIN_NS)
         a_x, a_y = self._acceleration(wide)
-        return WheelMotion(slip, lateral, self._load(a_x, a_y, index), rate, bend,
+        return WheelMotion(slip, lateral, self._load(a_x, a_y, index), rate, residual,
                            self._stiffness_sigma(slips, a_x))
 
-    def _lateral(self, odometry: Odometry, index: int) -> ValueSigma:
+    def _lateral_velocity(self, odometry: Odometry, index: int) -> Uncertain:
+        """Return v_y [m/s] of a wheel center."""
         covariance = odometry.twist_covariance
         arm = 0.5 * self._robot.wheelbase * (1.0 if index < 2 else -1.0)
         lateral = odometry.linear[1] + arm * odometry.angular[2]
-        variance = covariance[V_Y] + 2.0 * arm * covariance[V_Y_RATE] + arm**2 * covariance[RATE]
-        return lateral, math.sqrt(max(variance, 0.0))
+        variance = (covariance[VAR_V_Y] + 2.0 * arm * covariance[COV_V_Y_YAW]
+                    + arm**2 * covariance[VAR_YAW])
+        return Uncertain(lateral, math.sqrt(max(variance, 0.0)))
 
     def _acceleration(self, odometry: list[Odometry]) -> tuple[float, float]:
-        """Return the acceleration [m/s2] of the centre of mass from velocities, body axes."""
+        """Return the acceleration [m/s2] of the center of mass from velocities, body axes."""
         v_x, v_y = np.array([o.linear[:2] for o in odometry]).T
         rate = np.array([o.angular[2] for o in odometry])
         stamps = [o.stamp_ns for o in odometry]
@@ -108,17 +111,17 @@ class MotionHistory:
                 _slope(stamps, v_y) + float(rate @ v_x) / n - com_y * square)
 
     def _stiffness_sigma(self, slips: list[WheelSlip], a_x: float) -> float | None:
-        """Return the relative sigma of C_x with the middle one of ``slips``."""
+        """Return the relative standard deviation of C_x, from the central one of ``slips``."""
         if not slips:
             return None
-        middle = slips[len(slips) // 2]
-        pushing = [math.copysign(ratio, sliding)
-                   for ratio, sliding in zip(middle.ratio, middle.slip_velocity)]
-        # what the wheels' slips share is the error of the robot's speed
-        return self._balance.stiffness_sigma(pushing, min(middle.sigma), a_x)
+        central = slips[len(slips) // 2]
+        forward = [math.copysign(ratio, velocity)
+                   for ratio, velocity in zip(central.ratio, central.slip_velocity)]
+        # the common error of the wheels' slips is that of the robot's speed
+        return self._stiffness_check.stiffness_sigma(forward, min(central.sigma), a_x)
 
-    def _load(self, a_x: float, a_y: float, index: int) -> ValueSigma:
-        """Return the wheel's load under the accelerations around a passage."""
+    def _load(self, a_x: float, a_y: float, index: int) -> Uncertain:
+        """Return the wheel's load [N] with the accelerations during a crossing."""
         robot = self._robot
 
         def load(by_x: float, by_y: float) -> float:
@@ -127,10 +130,10 @@ class MotionHistory:
                                  radius=robot.wheel_radius)
             return float(loads[index])
 
-        here = load(0.0, 0.0)
-        sigma = math.hypot(load(ACCELERATION_SIGMA, 0.0) - here,
-                           load(0.0, ACCELERATION_SIGMA) - here)
-        return here, math.hypot(sigma, self._load_sigma * here)
+        nominal = load(0.0, 0.0)
+        sigma = math.hypot(load(ACCELERATION_SIGMA, 0.0) - nominal,
+                           load(0.0, ACCELERATION_SIGMA) - nominal)
+        return Uncertain(nominal, math.hypot(sigma, self._load_sigma * nominal))
 
 
 def _between(samples: list[Stamped], begin_ns: int, end_ns: int) -> list[Stamped]:
@@ -142,31 +145,32 @@ def _stamp(sample: Odometry | WheelSlip) -> int:
     return sample.stamp_ns
 
 
-def _mean(samples: Sequence[Odometry | WheelSlip], estimates: list[ValueSigma], begin_ns: int,
-          end_ns: int) -> ValueSigma:
+def _mean(samples: Sequence[Odometry | WheelSlip], estimates: list[Uncertain], begin_ns: int,
+          end_ns: int) -> Uncertain:
     """Return the mean of ``estimates`` between two instants; UNKNOWN where one is NaN."""
     if not samples:
         return UNKNOWN
-    points = [begin_ns + i * (end_ns - begin_ns) / (POINTS - 1) for i in range(POINTS)]
+    points = [begin_ns + i * (end_ns - begin_ns) / (MEAN_POINTS - 1) for i in range(MEAN_POINTS)]
     stamps = [sample.stamp_ns for sample in samples]
-    value, sigma = (sum(np.interp(points, stamps, column).tolist()) / POINTS
+    value, sigma = (sum(np.interp(points, stamps, column).tolist()) / MEAN_POINTS
                     for column in zip(*estimates))
-    return (value, sigma) if math.isfinite(value) and math.isfinite(sigma) else UNKNOWN
+    finite = math.isfinite(value) and math.isfinite(sigma)
+    return Uncertain(value, sigma) if finite else UNKNOWN
 
 
-def _line(slips: list[WheelSlip], index: int) -> tuple[float, float]:
-    """Return the slope [1/s] of the straight line through a wheel's slips, and the rms off it."""
+def _linear_fit(slips: list[WheelSlip], index: int) -> tuple[float, float]:
+    """Return slope [1/s] and rms residual of a linear fit to a wheel's slips."""
     stamps, ratios = [s.stamp_ns for s in slips], np.array([s.ratio[index] for s in slips])
     slope = _slope(stamps, ratios)
     if not slope:
         return 0.0, 0.0
-    off = ratios - slope * (np.array(stamps) - stamps[0]) / NS_PER_S
-    return slope, float(np.std(off))
+    residual = ratios - slope * (np.array(stamps) - stamps[0]) / NS_PER_S
+    return slope, float(np.std(residual))
 
 
 def _slope(stamps: list[int], values: Array | list[float]) -> float:
-    """Return the slope [1/s] of the straight line through ``values``, 0 if too few tell."""
-    if len(stamps) < FEWEST_FOR_SLOPE:
+    """Return the slope [1/s] of a linear fit to ``values``, 0 with too few of them."""
+    if len(stamps) < MIN_SLOPE_SAMPLES:
         return 0.0
     times = (np.array(stamps) - stamps[0]) / NS_PER_S
     times -= times.mean()

@@ -1,121 +1,139 @@
 """
-The paper's own estimator: two peaks of the raw samples, B(22) to B(26) and Fig. 8.
+Two-peak method of paper B: two peaks of the raw samples, B(22) to B(26) and Fig. 8.
 
-The highest sample stands for the stretch peak at x_m, the lowest for the release: the travel
-between them tells the adhesion length, by the exact map or the printed one, and the slip is that
-of the slip estimator. At 400 Hz the two are read some millimetres and 0.1 V wrong, and only in
-traction are they those two peaks.
+The highest sample is taken for the stretch peak at x_m, the lowest for the release. The travel
+between them gives the adhesion length, by the exact or the printed map; slip is that of the slip
+estimator. At 400 Hz the peaks have errors of some millimeters and 0.1 V, and only in traction do
+these two samples represent the two peaks.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 import math
 
 import numpy as np
 
 from smart_tire.estimation.contact.records import FilmSamples, PatchCrossing
 from smart_tire.estimation.friction.brush_inversion import SlipFit
-from smart_tire.estimation.friction.motion_history import ValueSigma, WheelMotion
-from smart_tire.estimation.friction.waveform_method import WaveformResult
+from smart_tire.estimation.friction.crossing_method import MethodResult
+from smart_tire.estimation.friction.motion_history import WheelMotion
 from smart_tire.models.tire import strain_charge, tread_film
 from smart_tire.parameters.robot import RobotParams
+from smart_tire.uncertain import Uncertain, UNKNOWN
 
 
-MARGIN = 0.005         # m of travel beyond which no peak is
-COVERED = 0.9          # share of that way that must have been sampled
-UNSEEN_TOP = 2.0       # sigmas of noise by which a sample beside the top may be the highest
-STEP = 1e-4            # m, for the slope of a map
-SMALLEST_SHARE = 0.01  # of the contact length that slides: a stretch peak needs some
-EVENLY = 12.0          # variance of an even spread of width 1, inverted
+SEARCH_MARGIN = 0.005   # m of travel beyond the film inside the patch, in which peaks are searched
+MIN_COVERAGE = 0.9      # of that travel
+FLAT_TOP_SIGMAS = 2.0   # standard deviations of noise below the top, within which any sample
+#                         may be the highest
+SLOPE_STEP = 1e-4       # m, for a finite difference
+MIN_NORMALIZED_SLIP = 0.01  # below, there is no stretch peak
+UNIFORM_VARIANCE = 12.0  # a uniform distribution of width 1 has a variance of 1/12
 
 
-class TwoPeakReader:
-    """Reads the passages of one wheel off the peaks of raw samples; ``map`` is that of x_m."""
+@dataclass(frozen=True, slots=True)
+class FilmPeaks:
+    """Peaks of one film, with slip and normalized slip derived from them."""
 
-    def __init__(self, wheel: str, robot: RobotParams, name: str) -> None:
-        self._film, self._patch, self._map = robot.film, robot.tire.contact_length, name
+    film: int
+    slip: Uncertain             # -
+    normalized_slip: Uncertain  # -
+    stretch_voltage: Uncertain  # V, q_sm
+    peak_travel: Uncertain      # m, between the peaks
+
+
+class TwoPeakMethod:
+    """Estimates normalized slip of one wheel's crossings; ``map_name`` is the map of x_m."""
+
+    def __init__(self, wheel: str, robot: RobotParams, map_name: str) -> None:
+        self._film, self._patch, self._map_name = robot.film, robot.tire.contact_length, map_name
         self._gains = robot.film.gains(wheel)
-        inside, half = 0.5 * (self._patch - robot.film.length), 0.5 * (
-            self._patch + robot.film.length)
-        self._from, self._to = -inside - MARGIN, half + MARGIN  # m, about a film's middle
-        # V/m per volt of the bending peak, before and behind the lowest point
-        x = self._patch + np.array([-STEP, 0.0, STEP])
+        half_inside = 0.5 * (self._patch - robot.film.length)
+        half_crossing = 0.5 * (self._patch + robot.film.length)
+        # m, about a film's center
+        self._search = -half_inside - SEARCH_MARGIN, half_crossing + SEARCH_MARGIN
+        # V/m per volt of the bending peak, before and after the minimum
+        x = self._patch + np.array([-SLOPE_STEP, 0.0, SLOPE_STEP])
         bend = tread_film.bending(x, robot.film.length, self._patch,
-                                          robot.film.bending_alpha).value
-        self._sharp = float(np.mean(np.abs(np.diff(bend)))) / STEP
+                                  robot.film.bending_alpha).value
+        self._release_slope = float(np.mean(np.abs(np.diff(bend)))) / SLOPE_STEP
 
-    def read(self, passage: PatchCrossing, motion: WheelMotion) -> WaveformResult | None:
-        """Return what ``passage`` tells, None if not in traction or where peaks are missing."""
-        if passage.samples is None or not motion.slip[0] > 0.0:
+    def evaluate(self, crossing: PatchCrossing, motion: WheelMotion) -> MethodResult | None:
+        """Return the result of ``crossing``, None unless in traction with both peaks sampled."""
+        if crossing.samples is None or not motion.slip.value > 0.0:
             return None
-        found = [film for one, seen in zip(passage.samples.films, passage.samples.sightings)
-                 if (film := self._peaks(one, seen.middle, motion.slip[0])) is not None]
+        found = [peaks for film, detection in zip(
+            crossing.samples.films, crossing.samples.detections)
+            if (peaks := self._peaks(film, detection.center, motion.slip.value)) is not None]
         if not found:
             return None
-        table = np.array([(slip, slip_sigma, sliding, sliding_sigma)
-                          for slip, slip_sigma, sliding, sliding_sigma, _ in found])
-        slip, sliding = table[:, [0, 2]].mean(axis=0).tolist()
-        noise = np.diag(np.sum(table[:, [1, 3]]**2, axis=0) / len(found)**2)
+        table = np.array([(*peaks.slip, *peaks.normalized_slip) for peaks in found])
+        slip, normalized_slip = table[:, [0, 2]].mean(axis=0).tolist()
+        white = np.diag(np.sum(table[:, [1, 3]]**2, axis=0) / len(found)**2)
         gains = self._film.stretch_gain_tolerance * slip
-        alone = SlipFit(slip, sliding, noise, np.diag([gains**2 / len(found), 0.0]))
-        joined = SlipFit(motion.slip[0], sliding, np.diag([0.0, noise[1, 1]]),
-                          np.diag([motion.slip[1]**2, 0.0]))
-        return WaveformResult(alone, joined, 0.0, self._first(passage, found[0][4]))
+        films_only = SlipFit(slip, normalized_slip, white,
+                             np.diag([gains**2 / len(found), 0.0]))
+        fused = SlipFit(motion.slip.value, normalized_slip, np.diag([0.0, white[1, 1]]),
+                        np.diag([motion.slip.sigma**2, 0.0]))
+        return MethodResult(films_only, fused, 0.0, *self._reported_peaks(crossing, found[0]))
 
-    def _peaks(self, film: FilmSamples, middle: float, slip: float) -> tuple[
-            float, float, float, float, tuple[int, ValueSigma, ValueSigma]] | None:
-        """
-        Return slip and sliding of one film with their sigmas, and the peaks themselves.
-
-        These are the film, q_sm [V] and the travel between the peaks [m], with sigmas.
-        """
-        way = film.distance - middle
-        near = (way > self._from) & (way < self._to)
+    def _peaks(self, film: FilmSamples, center: float, slip: float) -> FilmPeaks | None:
+        """Return the peaks of one film, None if they are not sampled or contradict the model."""
+        travel = film.distance - center
+        near = (travel > self._search[0]) & (travel < self._search[1])
         if np.count_nonzero(near) < 3:
             return None
-        way, volts = way[near], film.volts[near]
-        step = float(np.median(np.diff(way)))
-        if len(way) * step < COVERED * (self._to - self._from):
+        travel, volts = travel[near], film.volts[near]
+        step = float(np.median(np.diff(travel)))
+        if len(travel) * step < MIN_COVERAGE * (self._search[1] - self._search[0]):
             return None
         top, low = int(np.argmax(volts)), int(np.argmin(volts))
-        apart, height = float(way[low] - way[top]), float(volts[top] + volts[low])
-        stuck = self._stuck(apart)
-        sliding = 1.0 - stuck / self._patch
-        if not sliding > SMALLEST_SHARE:  # also where the exact map does not tell
+        between, height = float(travel[low] - travel[top]), float(volts[top] + volts[low])
+        normalized_slip = 1.0 - self._adhesion_length(between) / self._patch
+        if not normalized_slip > MIN_NORMALIZED_SLIP:  # NaN on the plateau of the exact map
             return None
-        flat = self._flatness(sliding, slip, film.film, step)
-        apart_sigma = math.hypot(step / math.sqrt(EVENLY), flat)
-        slope = abs(self._stuck(apart + STEP) - self._stuck(apart - STEP)) / (2.0 * STEP)
-        short = self._sharp * abs(float(volts[low])) * step / math.sqrt(EVENLY)
-        height_sigma = math.hypot(short, math.sqrt(2.0 * self._film.sample_variance))
-        unit = self._gains[film.film] * self._unit(self._patch - apart, sliding)
-        if not (unit > 0.0 and math.isfinite(slope)):
+        flat = self._flatness(normalized_slip, slip, film.film, step)
+        between_sigma = math.hypot(step / math.sqrt(UNIFORM_VARIANCE), flat)
+        slope = abs(self._adhesion_length(between + SLOPE_STEP)
+                    - self._adhesion_length(between - SLOPE_STEP)) / (2.0 * SLOPE_STEP)
+        missed = self._release_slope * abs(float(volts[low])) * step / math.sqrt(UNIFORM_VARIANCE)
+        height_sigma = math.hypot(missed, math.sqrt(2.0 * self._film.sample_variance))
+        per_slip = self._gains[film.film] * self._stretch_per_slip(
+            self._patch - between, normalized_slip)
+        if not (per_slip > 0.0 and math.isfinite(slope)):
             return None
-        return (height / unit, height_sigma / unit, sliding, slope * apart_sigma / self._patch,
-                (film.film, (height, height_sigma), (apart, apart_sigma)))
+        return FilmPeaks(
+            film.film, Uncertain(height / per_slip, height_sigma / per_slip),
+            Uncertain(normalized_slip, slope * between_sigma / self._patch),
+            Uncertain(height, height_sigma), Uncertain(between, between_sigma))
 
-    def _stuck(self, apart: float) -> float:
-        """Return the adhesion length [m] for the travel between the peaks, NaN if not told."""
+    def _adhesion_length(self, between: float) -> float:
+        """Return the adhesion length [m] from the travel between the peaks, NaN if undefined."""
         return float(strain_charge.adhesion_length(
-            self._patch - apart, self._film.length, self._patch, self._map))
+            self._patch - between, self._film.length, self._patch, self._map_name))
 
-    def _unit(self, x: float, sliding: float) -> float:
+    def _stretch_per_slip(self, x: float, normalized_slip: float) -> float:
         return float(strain_charge.overlap_integral(
-            x, sliding, sliding, 1.0, self._film.length, self._patch)) / sliding
+            x, normalized_slip, normalized_slip, 1.0, self._film.length,
+            self._patch)) / normalized_slip
 
-    def _flatness(self, sliding: float, slip: float, film: int, step: float) -> float:
-        """Return one sigma of the place [m] of the highest sample, for the top is flat."""
+    def _flatness(self, normalized_slip: float, slip: float, film: int, step: float) -> float:
+        """Return the standard deviation [m] of the highest sample's position on the flat top."""
         x = np.linspace(0.0, self._patch, 100)
         volts = self._gains[film] * slip * strain_charge.overlap_integral(
-            x, sliding, sliding, 1.0, self._film.length, self._patch) / sliding
-        high = x[volts > volts.max() - UNSEEN_TOP * math.sqrt(self._film.sample_variance)]
-        return max(float(np.ptp(high)), step) / math.sqrt(EVENLY)
+            x, normalized_slip, normalized_slip, 1.0, self._film.length,
+            self._patch) / normalized_slip
+        high = x[volts > volts.max() - FLAT_TOP_SIGMAS * math.sqrt(self._film.sample_variance)]
+        return max(float(np.ptp(high)), step) / math.sqrt(UNIFORM_VARIANCE)
 
-    def _first(self, passage: PatchCrossing,
-               peaks: tuple[int, ValueSigma, ValueSigma]) -> dict[str, ValueSigma]:
-        film, height, apart = peaks
-        if film:
-            return {}
-        interval = apart[0] / passage.speed
-        sigma = math.hypot(apart[1], passage.speed_sigma * interval) / passage.speed
-        return {'stretch_voltage': height, 'peak_interval': (interval, sigma)}
+    @staticmethod
+    def _reported_peaks(crossing: PatchCrossing,
+                        peaks: FilmPeaks) -> tuple[Uncertain, Uncertain]:
+        """Return stretch voltage [V] and peak interval [s] if ``peaks`` are those of film 1."""
+        if peaks.film:
+            return UNKNOWN, UNKNOWN
+        interval = peaks.peak_travel.value / crossing.speed
+        sigma = math.hypot(
+            peaks.peak_travel.sigma, crossing.speed_sigma * interval) / crossing.speed
+        return peaks.stretch_voltage, Uncertain(interval, sigma)

@@ -1,13 +1,13 @@
 """
-What the waveforms of a passage tell: slip and sliding share, from the films alone and with slip.
+Waveform method: slip and normalized slip from fits of a crossing's whole waveform.
 
-The films alone are read first, for ``film_slip`` must not know what the slip estimator says; then
-the same fit goes on with the estimated slip as a prior.
+The films alone are fitted first, because ``film_slip`` must be independent of the slip estimator;
+then the same fit continues with the estimated slip as a prior.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 import math
 
 import numpy as np
@@ -15,183 +15,185 @@ import numpy as np
 from smart_tire.estimation.contact.records import PatchCrossing
 from smart_tire.estimation.friction.brush_inversion import (
     consistency_inflation, flag_full_sliding, SlipFit)
-from smart_tire.estimation.friction.motion_history import ValueSigma, WheelMotion
+from smart_tire.estimation.friction.crossing_method import MethodResult
+from smart_tire.estimation.friction.motion_history import WheelMotion
+from smart_tire.estimation.friction.slip_variation import (
+    estimated_variation, MIN_CHANGE_SIGMA, unknown_variation)
 from smart_tire.estimation.friction.waveform_fit import (
-    LEAST_SLIP, SlipKnowledge, WaveformFit, WaveformFitter)
+    CrossingSlipPrior, MIN_SLIP, WaveformFit, WaveformFitter)
 from smart_tire.estimation.friction.waveform_model import Own, own, Shared
 from smart_tire.models.tire import strain_charge
 from smart_tire.parameters.robot import RobotParams
+from smart_tire.uncertain import Uncertain, UNKNOWN
 
 
-PLAUSIBLE_BENDING = (0.3, 3.0)  # of the nominal bending peak
-LARGEST_RESIDUAL = 0.2          # of the bending peak, rms
-PLACE_SIGMA = 0.003      # m, beyond which the place is not known
-KNOWN_PEAK = 0.3         # of the contact length, one sigma of x_m above which it is not known
-CHANGE_NOISE = 0.0005   # -, change of slip over a contact length while nothing changes ...
-UNSEEN_CHANGE = 0.01     # -, ... and as long as nobody tells whether it does
-CHANGE_ERROR = 0.5       # share of a change that the slip estimator may have wrong
-UNSEEN = 0.5             # share of a wheel's change of speed that may go into its slip
-TRANSIENT = 0.05         # share of a wheel's change of speed by which its slip strays from a line
-CURVED = 0.5             # of the square of the slip's relative change, which a line leaves out
-SMALL_SLIP = 0.01        # -, below which a relative change means nothing
-SPEED_NOISE = 0.01       # relative change of speed that a jittering angle shows in one pass
-MISFIT = 1.25            # mean square of normalised residuals from which films are compared
-DIFFERENT = 2.0          # sigmas between two films that are two grounds
-UNKNOWN_GAIN = 1.0       # relative sigma of gains of which nothing is used
-STEP = 1e-3              # -, of the sliding share, for a slope
+PLAUSIBLE_BENDING = (0.3, 3.0)  # range of the bending peak over its nominal value
+MAX_RESIDUAL = 0.2       # of the bending peak, rms
+MAX_CENTER_SIGMA = 0.003  # m, of a film's center
+MAX_PEAK_SIGMA = 0.3     # of the contact length, of x_m
+UNKNOWN_COUPLING = 0.5   # of normalized slip to slip, where the lateral slip is unknown
+CURVATURE_SHARE = 0.5    # of the squared relative change of slip: error of the linear model
+MIN_SLIP_SCALE = 0.01    # -, below which a relative change is undefined
+COMPARISON_EXCESS = 1.25  # mean square of normalized residuals that triggers a film comparison
+DIFFERENCE_SIGMAS = 2.0  # between two films, beyond which they crossed two surfaces
+UNKNOWN_GAIN_SIGMA = 1.0  # relative, of gains that carry no information
+SLOPE_STEP = 1e-3        # -, of normalized slip, for a finite difference
 
 
-@dataclass(frozen=True, slots=True)
-class WaveformResult:
-    """What a passage tells before load and stiffness come in."""
-
-    alone: SlipFit   # from the films
-    joined: SlipFit  # with what the slip estimator says
-    shift: float      # m, by which the passage was later than it was sighted
-    peaks: dict[str, ValueSigma]  # ``stretch_voltage`` and ``peak_interval``, where they exist
-    fit: WaveformFit | None = None  # that of ``joined``, where the method is a fit
-
-
-class WaveformReader:
-    """Reads the passages of one wheel by fits of the whole waveform."""
+class WaveformMethod:
+    """Estimates slip and normalized slip of one wheel's crossings by waveform fits."""
 
     def __init__(self, wheel: str, robot: RobotParams) -> None:
         self._film, self._patch = robot.film, robot.tire.contact_length
         self._gains, self._bending = robot.film.gains(wheel), robot.film.bending(wheel)
         self._fitter = WaveformFitter(robot, self._gains, self._bending)
-        # the films' slip is in the estimated one already: their gains must not tell it twice
-        self._joining = self._fitter if not robot.slip.film_aided else WaveformFitter(
-            robot, self._gains, self._bending, gain_sigma=UNKNOWN_GAIN)
+        # with film_aided the slip estimate contains the films' slip: do not use the gains twice
+        self._fusing_fitter = self._fitter if not robot.slip.film_aided else WaveformFitter(
+            robot, self._gains, self._bending, gain_sigma=UNKNOWN_GAIN_SIGMA)
 
-    def read(self, passage: PatchCrossing, motion: WheelMotion) -> WaveformResult | None:
-        """Return what ``passage`` tells, None if it does not look like one."""
-        samples = passage.samples
-        if samples is None:
+    def evaluate(self, crossing: PatchCrossing, motion: WheelMotion) -> MethodResult | None:
+        """Return the result of ``crossing``, None if its waveform is implausible."""
+        if crossing.samples is None:
             return None
-        turned = max(passage.speed_change - SPEED_NOISE, 0.0)
-        unseen, stray = UNSEEN * turned * self._patch / passage.way, TRANSIENT * turned
-        unknown = SlipKnowledge(change=(0.0, math.hypot(UNSEEN_CHANGE, unseen)))
-        first = self._fitter.fit(samples, unknown)
+        variation = unknown_variation(crossing, self._patch)
+        first = self._fitter.fit(crossing.samples, CrossingSlipPrior(change=variation.change))
         if first is None or not self._plausible(first):
             return None
-        shown = _strayed(first, stray)
-        alone = flag_full_sliding(shown, first.noise)
-        best, joined = first, alone
-        if math.isfinite(motion.slip[0]):
-            change = motion.slip_rate * self._patch / passage.speed
-            sigma = math.hypot(CHANGE_NOISE, CHANGE_ERROR * change, unseen)
-            known = SlipKnowledge(motion.slip, (change, sigma), *_spread(
-                motion, passage.speed, change))
-            start = first if alone is shown else _along(first, motion.slip[0])
-            found = self._joining.fit(samples, known, start)
-            assert found is not None  # as the first was not
-            best = found
-            joined = self._compared(
-                best, known, math.hypot(motion.slip_bend, stray)).inflated(
-                    consistency_inflation(alone, motion.slip))
-        return WaveformResult(alone, joined, self._shift(first), self._peaks(best, passage), best)
+        varied = _with_slip_variation(first, variation.residual)
+        films_only = flag_full_sliding(varied, first.white_cov)
+        last, fused = first, films_only
+        if math.isfinite(motion.slip.value):
+            full_sliding = films_only is not varied
+            last, fused = self._fuse(crossing, motion, first, full_sliding)
+            fused = fused.inflated(consistency_inflation(films_only, motion.slip))
+        return MethodResult(films_only, fused, self._shift(first), *self._peaks(last, crossing))
+
+    def _fuse(self, crossing: PatchCrossing, motion: WheelMotion, first: WaveformFit,
+              full_sliding: bool) -> tuple[WaveformFit, SlipFit]:
+        """Continue the fit with the estimated slip as a prior; return it and its slips."""
+        variation = estimated_variation(crossing, motion, self._patch)
+        prior = CrossingSlipPrior(motion.slip, variation.change, *_coupling(
+            motion, crossing.speed, variation.change.value))
+        start = _moved_to_slip(first, motion.slip.value) if full_sliding else first
+        fit = self._fusing_fitter.fit(first.samples, prior, start)
+        assert fit is not None  # the first fit had enough samples
+        return fit, self._compare_films(fit, prior, variation.residual)
 
     def _plausible(self, fit: WaveformFit) -> bool:
         low, high = PLAUSIBLE_BENDING
-        for i, one in enumerate(fit.passage.films):
-            bending = fit.own(i, Own.BENDING)[0]
-            if not (low < bending / self._bending[one.film] < high
-                    and fit.residual < LARGEST_RESIDUAL * bending
-                    and fit.own(i, Own.PLACE)[1] < PLACE_SIGMA):
+        for i, film in enumerate(fit.samples.films):
+            bending = fit.own(i, Own.BENDING).value
+            if not (low < bending / self._bending[film.film] < high
+                    and fit.residual_rms < MAX_RESIDUAL * bending
+                    and fit.own(i, Own.PLACE).sigma < MAX_CENTER_SIGMA):
                 return False
         return True
 
-    def _compared(self, fit: WaveformFit, known: SlipKnowledge, stray: float) -> SlipFit:
-        """Return what ``fit`` tells, less sharply where the films met two grounds."""
-        evidence, passage = _strayed(fit, stray), fit.passage
-        if fit.excess < MISFIT or len(passage.films) < 2 or not self._differ(
-                self._joining.apart(fit), fit):
-            return evidence
-        parts = [self._joining.fit(replace(passage, films=(one,), sightings=(seen,)), known)
-                 for one, seen in zip(passage.films, passage.sightings)]
-        slidings = [part.sliding for part in parts if part is not None]
-        if not self._differ(slidings, fit):
-            return evidence
-        off = np.array([sliding for sliding, _ in slidings]) - fit.sliding[0]
-        return replace(evidence, noise=evidence.noise + np.diag([0.0, float(np.mean(off**2))]))
-
-    @staticmethod
-    def _differ(slidings: list[ValueSigma], fit: WaveformFit) -> bool:
-        """Return whether one of ``slidings`` is another one than that of ``fit``."""
-        return any(abs(sliding - fit.sliding[0]) > DIFFERENT * sigma
-                   for sliding, sigma in slidings)
+    def _compare_films(self, fit: WaveformFit, prior: CrossingSlipPrior,
+                       residual: float) -> SlipFit:
+        """Return the slips of ``fit``, with a larger covariance if films crossed two surfaces."""
+        slips, samples = _with_slip_variation(fit, residual), fit.samples
+        if fit.excess < COMPARISON_EXCESS or len(samples.films) < 2 or not _differ(
+                self._fusing_fitter.per_film_normalized_slip(fit), fit):
+            return slips
+        single = [self._fusing_fitter.fit(
+            replace(samples, films=(film,), detections=(detection,)), prior)
+            for film, detection in zip(samples.films, samples.detections)]
+        per_film = [one.normalized_slip for one in single if one is not None]
+        if not _differ(per_film, fit):
+            return slips
+        error = np.array([one.value for one in per_film]) - fit.normalized_slip.value
+        return replace(slips, white_cov=slips.white_cov + np.diag(
+            [0.0, float(np.mean(error**2))]))
 
     @staticmethod
     def _shift(fit: WaveformFit) -> float:
-        """Return how much later [m] the films passed than they were sighted."""
-        sightings = fit.passage.sightings
+        """Return the distance [m] by which the films crossed later than detected."""
+        detections = fit.samples.detections
         return float(np.average(
-            [fit.own(i, Own.PLACE)[0] - seen.middle for i, seen in enumerate(sightings)],
-            weights=[seen.coverage for seen in sightings]))
+            [fit.own(i, Own.PLACE).value - detection.center
+             for i, detection in enumerate(detections)],
+            weights=[detection.coverage for detection in detections]))
 
-    def _peaks(self, fit: WaveformFit, passage: PatchCrossing) -> dict[str, ValueSigma]:
-        """Return the two peaks of film 1 as Fig. 8 draws them; none when braking."""
+    def _peaks(self, fit: WaveformFit, crossing: PatchCrossing) -> tuple[Uncertain, Uncertain]:
+        """Return stretch voltage and peak interval of film 1 by Fig. 8, UNKNOWN when braking."""
         length = self._film.length
-        slip, sliding = fit.slip[0], fit.sliding[0]
-        if fit.passage.films[0].film or length >= self._patch or slip <= 0.0 or sliding <= 0.0:
-            return {}
+        slip, t = fit.slip.value, fit.normalized_slip
+        if fit.samples.films[0].film or length >= self._patch or slip <= 0.0 or t.value <= 0.0:
+            return UNKNOWN, UNKNOWN
 
-        def position(share: float) -> float:
-            stuck = max(1.0 - share, 0.0) * self._patch
-            return float(strain_charge.peak_position(stuck, length, self._patch))
+        def position(normalized_slip: float) -> float:
+            adhesion = max(1.0 - normalized_slip, 0.0) * self._patch
+            return float(strain_charge.peak_position(adhesion, length, self._patch))
 
-        x_m = position(sliding)
-        by_sliding = (position(sliding + STEP) - position(sliding - STEP)) / (2.0 * STEP)
-        if by_sliding * fit.sliding[1] > KNOWN_PEAK * self._patch:
-            return {}
-        part = strain_charge.overlap(np.array([x_m]), sliding, length, self._patch)
-        unit, gain = float(part.value[0]), self._gains[0] * (1.0 + fit.own(0, Own.GAIN)[0])
+        x_m = position(t.value)
+        slope = (position(t.value + SLOPE_STEP) - position(t.value - SLOPE_STEP)) / (
+            2.0 * SLOPE_STEP)
+        if slope * t.sigma > MAX_PEAK_SIGMA * self._patch:
+            return UNKNOWN, UNKNOWN
+        scale = fit.shared(Shared.SCALE)
+        interval = (self._patch - x_m) / (crossing.speed * (1.0 + scale.value))
+        sigma = math.hypot(slope * t.sigma / crossing.speed, scale.sigma * interval)
+        return self._stretch_voltage(fit, x_m), Uncertain(interval, sigma)
+
+    def _stretch_voltage(self, fit: WaveformFit, x_m: float) -> Uncertain:
+        """Return the stretch output [V] of film 1 at position ``x_m`` [m]."""
+        slip = fit.slip.value
+        strain = strain_charge.overlap(
+            np.array([x_m]), fit.normalized_slip.value, self._film.length, self._patch)
+        per_slip, nominal = float(strain.value[0]), self._gains[0]
+        gain = nominal * (1.0 + fit.own(0, Own.GAIN).value)
         chosen = [Shared.SLIP, Shared.SLIDING, own(0, Own.GAIN)]
-        slope = np.array([gain * unit, gain * slip * float(part.by_normalized_slip[0]),
-                          self._gains[0] * slip * unit])
+        slope = np.array([gain * per_slip, gain * slip * float(strain.by_normalized_slip[0]),
+                          nominal * slip * per_slip])
         covariance = fit.covariance[np.ix_(chosen, chosen)]
-        scale, scale_sigma = fit.shared(Shared.SCALE)
-        interval = (self._patch - x_m) / (passage.speed * (1.0 + scale))
-        spread = math.hypot(by_sliding * fit.sliding[1] / passage.speed, scale_sigma * interval)
-        return {'stretch_voltage': (gain * slip * unit, math.sqrt(slope @ covariance @ slope)),
-                'peak_interval': (interval, spread)}
+        return Uncertain(gain * slip * per_slip, math.sqrt(slope @ covariance @ slope))
 
 
-def _spread(motion: WheelMotion, speed: float, change: float) -> tuple[float, float]:
+def _differ(per_film: list[Uncertain], fit: WaveformFit) -> bool:
+    """Return whether a normalized slip of one film differs from that of ``fit``."""
+    return any(abs(one.value - fit.normalized_slip.value) > DIFFERENCE_SIGMAS * one.sigma
+               for one in per_film)
+
+
+def _coupling(motion: WheelMotion, speed: float, change: float) -> tuple[float, float]:
     """
-    Return which share of a relative change of slip the sliding makes, and sigma of what else.
+    Return the coupling of normalized slip to slip, and sigma of its independent change.
 
-    The sliding share follows the total slip, in which the longitudinal and the lateral slip count
-    by their squares; while the one changes the other may as much, either way.
+    Normalized slip is proportional to the total slip, to which longitudinal and lateral slip
+    contribute by their squares; while one changes, the other may change as much, in any direction.
     """
-    slip, scale = motion.slip[0]**2, max(abs(motion.slip[0]), LEAST_SLIP)
-    lateral = (motion.lateral[0] / speed)**2
-    own = slip / (slip + lateral) if math.isfinite(lateral) and slip > 0.0 else UNSEEN
-    return own, (1.0 - own) * math.hypot(change, CHANGE_NOISE) / scale
+    square, scale = motion.slip.value**2, max(abs(motion.slip.value), MIN_SLIP)
+    lateral = (motion.lateral_velocity.value / speed)**2
+    known = math.isfinite(lateral) and square > 0.0
+    coupling = square / (square + lateral) if known else UNKNOWN_COUPLING
+    return coupling, (1.0 - coupling) * math.hypot(change, MIN_CHANGE_SIGMA) / scale
 
 
-def _along(fit: WaveformFit, slip: float) -> WaveformFit:
-    """Return ``fit`` moved to ``slip`` with slip / sliding as it is: where all slides, a start."""
-    scale = slip / fit.slip[0] if fit.slip[0] else 0.0
-    if not scale > 0.0:
+def _moved_to_slip(fit: WaveformFit, slip: float) -> WaveformFit:
+    """Return ``fit`` scaled to ``slip`` at constant slip / normalized slip: a start value."""
+    factor = slip / fit.slip.value if fit.slip.value else 0.0
+    if not factor > 0.0:
         return fit
     parameters = fit.parameters.copy()
-    parameters[[Shared.SLIP, Shared.SLIDING]] *= scale
+    parameters[[Shared.SLIP, Shared.SLIDING]] *= factor
     return replace(fit, parameters=parameters)
 
 
-def _strayed(fit: WaveformFit, stray: float) -> SlipFit:
+def _with_slip_variation(fit: WaveformFit, residual: float) -> SlipFit:
     """
-    Return what ``fit`` tells of a slip that strayed by so much [-] from a straight line.
+    Return the slips of ``fit`` with the error of its model of a linear change of slip.
 
-    Where the slip changes by much of itself a straight line does not hold either.
+    ``residual`` [-] is the rms deviation of the slip from a linear change; a large relative change
+    adds a deviation of second order.
     """
-    slip, sliding = fit.slip[0], fit.sliding[0]
-    size = max(abs(slip), SMALL_SLIP)
-    growth, spread = (math.hypot(CURVED * sum(map(_squared, fit.shared(which))), stray / size)
+    slip, normalized_slip = fit.slip.value, fit.normalized_slip.value
+    scale = max(abs(slip), MIN_SLIP_SCALE)
+    growth, spread = (math.hypot(CURVATURE_SHARE * sum(map(_squared, fit.shared(which))),
+                                 residual / scale)
                       for which in (Shared.GROWTH, Shared.SPREAD))
-    off = np.array([growth * size, spread * sliding])
-    return SlipFit(slip, sliding, fit.noise + np.diag(off**2), fit.lasting)
+    sigma = np.array([growth * scale, spread * normalized_slip])
+    return SlipFit(slip, normalized_slip, fit.white_cov + np.diag(sigma**2), fit.systematic_cov)
 
 
 def _squared(value: float) -> float:

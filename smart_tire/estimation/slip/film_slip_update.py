@@ -82,7 +82,7 @@ class FilmSlipBuffer:
         Samples without information are ignored: NaN, a stationary wheel, a time before the
         history.
         """
-        slip, sigma = sample.value['film_slip'], sample.sigma['film_slip']
+        slip, sigma = sample.film_slip
         wheel, then = WHEELS.index(sample.wheel), self._at(time)
         if sample.stamp_ns <= self._newest.get(wheel, 0):
             return False

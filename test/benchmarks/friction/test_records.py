@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 import math
 
 import numpy as np
@@ -9,7 +10,8 @@ import pytest
 
 from benchmarks.friction.records import chosen, FUSED, rows_of, SINGLE, together, true_passages
 from smart_tire.parameters import RobotParams
-from smart_tire.samples import Friction, FRICTION_QUANTITIES, NS_PER_S, Odometry, WheelSlip
+from smart_tire.samples import Friction, NS_PER_S, Odometry, WheelSlip
+from smart_tire.uncertain import Uncertain
 
 WHEEL = 'front_right'
 SPEED, SLIP = 0.5, 0.1  # m/s, -, of the made-up run
@@ -22,10 +24,10 @@ def ns(seconds):
 
 def passage(time, mu=0.47, sigma=0.0):
     """Return a passage of the wheel; every quantity that is not set is NaN."""
-    value = dict.fromkeys(FRICTION_QUANTITIES, math.nan)
-    value |= {SINGLE: mu, FUSED: mu, 'slip': SLIP, 'total_slip': SLIP,
-              'critical_slip': 1.5 * mu, 'normal_load': 26.7, 'stiffness': 52.7}
-    return Friction(ns(time), WHEEL, value, dict.fromkeys(FRICTION_QUANTITIES, sigma))
+    value = {SINGLE: mu, FUSED: mu, 'slip': SLIP, 'total_slip': SLIP,
+             'critical_slip': 1.5 * mu, 'normal_load': 26.7, 'stiffness': 52.7}
+    return Friction(ns(time), WHEEL,
+                    **{name: Uncertain(number, sigma) for name, number in value.items()})
 
 
 def truth(times, standing=(), seconds=12.0):
@@ -76,7 +78,7 @@ def test_what_is_told_where_nothing_passed_is_false_but_not_after_the_last_passa
 
 
 def test_passages_of_other_wheels_are_passed_over():
-    other = Friction(ns(2.0), 'rear_left', passage(2.0).value, passage(2.0).sigma)
+    other = replace(passage(2.0), wheel='rear_left')
     rows = rows_of(truth([2.0]), [other], WHEEL)
     assert not rows.found.any()
     assert rows.false == 0

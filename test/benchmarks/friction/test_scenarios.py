@@ -68,9 +68,9 @@ def test_the_noisy_run_is_noisy_and_loses_batches_and_its_wheels_are_slow():
 def test_where_friction_jumps_each_ground_lasts_for_some_revolutions(name):
     truth = [sample for sample in of(short(name, 24.0).events(1), 'ground_truth/tire_friction')
              if sample.wheel == 'front_right']
-    mu = np.array([sample.value['friction_coefficient'] for sample in truth])
+    mu = np.array([sample.friction_coefficient.value for sample in truth])
     lasts = np.diff(np.flatnonzero(np.abs(np.diff(mu)) > 1e-3))
     assert np.count_nonzero(lasts >= 3) >= 3
     if name == 'mu_jumps_fast':  # each of its revolutions must tell friction
-        slips = np.array([sample.value['slip'] for sample in truth])
+        slips = np.array([sample.slip.value for sample in truth])
         assert np.mean(slips[2:] > 0.1) > 0.95

@@ -42,8 +42,8 @@ def test_every_film_of_every_passage_is_seen_near_its_place(case):
     for _ in range(20):
         passage = source.passage()
         assert [film.film for film in passage.samples.films] == [0, 1]
-        for seen, place in zip(passage.samples.sightings, (0.0, case.robot.film.spacing)):
-            assert abs(seen.middle - place) < 0.004
+        for detection, place in zip(passage.samples.detections, (0.0, case.robot.film.spacing)):
+            assert abs(detection.center - place) < 0.004
         assert 0 < passage.begin_ns < passage.end_ns
 
 
@@ -72,7 +72,7 @@ def test_without_noise_the_model_of_the_fit_explains_a_passage():
     film = case.robot.film
     fitter = WaveformFitter(case.robot, film.gains('front_right'), film.bending('front_right'))
     fit = fitter.fit(Synthesiser(case, 3, gain_error=0.0).passage().samples)
-    assert fit.residual < film.code
+    assert fit.residual_rms < film.code
     assert fit.shared(Shared.SLIP)[0] == pytest.approx(case.slip, rel=0.02)
     assert fit.shared(Shared.SLIDING)[0] == pytest.approx(case.sliding, rel=0.02)
 
@@ -80,5 +80,6 @@ def test_without_noise_the_model_of_the_fit_explains_a_passage():
 def test_the_true_motion_has_the_total_slip_of_the_case():
     case = Case(slip=-0.1, turning=1.3)
     motion = Synthesiser(case, 1).motion()
-    assert math.hypot(motion.slip[0], motion.lateral[0] / case.speed) == pytest.approx(0.13)
+    lateral = motion.lateral_velocity.value / case.speed
+    assert math.hypot(motion.slip.value, lateral) == pytest.approx(0.13)
     assert motion.load == (LOAD, 0.0)

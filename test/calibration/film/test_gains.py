@@ -7,14 +7,15 @@ import math
 
 import numpy as np
 import pytest
+from support.crossings import WHEEL
 from support.gains import ANGLE, recording
-from support.passages import WHEEL
 
 from smart_tire.calibration.film.gains import identify_gains
 from smart_tire.calibration.film.results import volts_per_slip
 from smart_tire.errors import EstimatorError
 from smart_tire.models.tire import strain_charge
 from smart_tire.parameters import RobotParams
+from smart_tire.uncertain import Uncertain
 
 NOMINAL = RobotParams()
 LENGTH, SPACING = 0.048, 0.0312  # m, against nominal 46 and 30 mm
@@ -182,8 +183,8 @@ def test_a_turn_with_a_wrong_slip_has_little_weight():
     rng = np.random.default_rng(7)
     crossings = recording(rng, robot(), turns=(0.1, -0.12, 0.06, 0.15, -0.07, 0.09))
     good = identify_gains([crossings], NOMINAL)
-    spoiled = [replace(one, slip=(one.slip[0] + 0.06, one.slip[1])) if i < 4 else one
-               for i, one in enumerate(crossings)]
+    spoiled = [replace(one, slip=Uncertain(one.slip.value + 0.06, one.slip.sigma))
+               if i < 4 else one for i, one in enumerate(crossings)]
     found = identify_gains([spoiled], NOMINAL)
     for key, gain in gains(found).items():
         assert gain.value == pytest.approx(gains(good)[key].value, abs=2.0 * gain.sigma)
@@ -207,7 +208,7 @@ def test_gains_with_a_large_sigma_of_slip_are_refused():
 
 
 def test_slips_of_the_wrong_sign_are_detected():
-    crossings = [replace(one, slip=(-one.slip[0], one.slip[1])) for one in
+    crossings = [replace(one, slip=Uncertain(-one.slip.value, one.slip.sigma)) for one in
                  recording(np.random.default_rng(2), robot())]
     found = identify_gains([crossings], NOMINAL)
     assert 'negative' in found.refused[f'gain of film 1, {WHEEL}']

@@ -1,4 +1,4 @@
-"""Errors of a smoothed course: polynomials as large as those of the noise that is left."""
+"""Error model of a smoothed trajectory against simulated noise."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import numpy as np
 from numpy.polynomial.legendre import legfit
 import pytest
 
-from smart_tire.estimation.contact.trajectory_error import LEAST, warps
+from smart_tire.estimation.contact.trajectory_error import MIN_SHAPE_SIGMA, shape_error_sigmas
 
 
-def drawn(rng, density, cutoff, duration, count):
-    """Return Legendre coefficients (count, 8) of noise with the described density."""
+def simulated(rng, density, cutoff, duration, count):
+    """Return Legendre coefficients (n, 8) of noise with the described density."""
     total, step = 40.0 * duration, duration / 100.0
     n = round(total / step)
     frequency = np.fft.rfftfreq(n, step) * 2.0 * math.pi
@@ -26,18 +26,18 @@ def drawn(rng, density, cutoff, duration, count):
 
 
 @pytest.mark.parametrize(('cutoff', 'duration'), [(10.0, 0.2), (10.0, 0.8), (20.0, 1.0)])
-def test_the_sigmas_are_those_of_drawn_noise(cutoff, duration):
+def test_the_sigmas_are_those_of_simulated_noise(cutoff, duration):
     density = 1e-7
-    found = np.std(drawn(np.random.default_rng(0), density, cutoff, duration, 30), axis=0)
-    told = warps(density, cutoff, duration)
-    assert len(told) >= 2
-    count = min(len(told), 4)
-    np.testing.assert_allclose(told[:count], found[2:2 + count], rtol=0.25)
+    found = np.std(simulated(np.random.default_rng(0), density, cutoff, duration, 30), axis=0)
+    sigmas = shape_error_sigmas(density, cutoff, duration)
+    assert len(sigmas) >= 2
+    count = min(len(sigmas), 4)
+    np.testing.assert_allclose(sigmas[:count], found[2:2 + count], rtol=0.25)
 
 
-def test_only_what_matters_is_told():
-    assert warps(1e-14, 10.0, 0.2) == ()
-    few, many = warps(1e-8, 8.0, 0.15), warps(1e-8, 15.0, 1.2)
+def test_negligible_polynomials_are_left_out():
+    assert shape_error_sigmas(1e-14, 10.0, 0.2) == ()
+    few, many = shape_error_sigmas(1e-8, 8.0, 0.15), shape_error_sigmas(1e-8, 15.0, 1.2)
     assert 0 < len(few) < len(many)
-    assert few[-1] > LEAST
+    assert few[-1] > MIN_SHAPE_SIGMA
     assert np.all(np.diff(few) < 0.0)

@@ -8,7 +8,7 @@ import pytest
 from smart_tire.estimation.friction.levenberg_marquardt import LevenbergMarquardt, Prior
 from smart_tire.estimation.friction.waveform_model import Own, own, Shared, WaveformModel
 from smart_tire.parameters import RobotParams
-from support.passages import passage, WHEEL
+from support.crossings import crossing_samples, WHEEL
 
 ROBOT = RobotParams()
 SLIP, SLIDING = 0.1, 0.18
@@ -41,7 +41,7 @@ def prior_of(count, slip_sigma=1e-3):
 
 
 def setup(seed):
-    seen = passage(np.random.default_rng(seed), ROBOT, slip=SLIP, sliding=SLIDING)
+    seen = crossing_samples(np.random.default_rng(seed), ROBOT, slip=SLIP, normalized_slip=SLIDING)
     model = CountingModel(seen)
     return LevenbergMarquardt(model, seen.films, ROBOT.film.sample_variance), model, seen
 

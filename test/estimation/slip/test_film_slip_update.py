@@ -13,6 +13,7 @@ from smart_tire.estimation.slip.film_slip_update import (
     FilmSlipBuffer, REPORT_DELAY, REPORT_DISTANCE)
 from smart_tire.parameters import build, SlipEstimatorParams
 from smart_tire.samples import Friction, NS_PER_S, Odometry, WheelSlip
+from smart_tire.uncertain import Uncertain
 from support.driving import drive, ramp, START_NS, STEP
 
 MS = 1_000_000
@@ -22,7 +23,7 @@ NOISE, GAIN = 0.003, 0.02  # of the film slip: noise [-] of each crossing, and r
 
 
 def friction(stamp_ns, slip, sigma=0.004, wheel='front_right'):
-    return Friction(stamp_ns, wheel, {'film_slip': slip}, {'film_slip': sigma})
+    return Friction(stamp_ns, wheel, film_slip=Uncertain(slip, sigma))
 
 
 def new_buffer(speed=0.8, duration=2.0):

@@ -1,0 +1,52 @@
+"""Buffer for film samples until the wheel angle at their timestamps is known."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Sequence
+import math
+
+import numpy as np
+
+from smart_tire.arrays import Array, Instants
+from smart_tire.estimation.contact.stamp_regularizer import StampRegularizer
+from smart_tire.samples import TireSample
+
+
+class FilmSampleBuffer:
+    """Buffers samples of ``films`` of one wheel, in the order of their timestamps."""
+
+    def __init__(self, films: Sequence[int], period_ns: int) -> None:
+        self._films = tuple(films)
+        self._regularizer = StampRegularizer(period_ns)
+        self._stamps: list[int] = []
+        self._volts: list[tuple[float, ...]] = []
+
+    def add(self, sample: TireSample) -> None:
+        """Add one conversion of all films of the wheel; the last films may be absent."""
+        self._stamps.append(sample.stamp_ns)
+        self._volts.append(sample.volts)
+
+    def clear(self) -> None:
+        """Drop all samples."""
+        del self._stamps[:], self._volts[:]
+
+    def take(self, until_ns: int) -> tuple[Instants, Array]:
+        """
+        Remove and return the samples up to an instant.
+
+        Regularized timestamps (n,) [ns] and volts (n, films), NaN where a film is absent.
+        """
+        count = bisect_right(self._stamps, until_ns)
+        instants = self._regularizer.regularize(self._stamps[:count])
+        volts = self._columns(self._volts[:count])
+        del self._stamps[:count], self._volts[:count]
+        return instants, volts
+
+    def _columns(self, volts: list[tuple[float, ...]]) -> Array:
+        films, lengths = max(self._films) + 1, set(map(len, volts))
+        if len(lengths) != 1 or min(lengths) < films:
+            volts = [(row + (math.nan,) * films)[:films] for row in volts]
+        columns = len(volts[0]) if volts else films
+        found: Array = np.array(volts).reshape(len(volts), columns)[:, self._films]
+        return found

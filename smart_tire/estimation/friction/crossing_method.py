@@ -1,0 +1,29 @@
+"""Interface of the methods that estimate slip and normalized slip from one patch crossing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from smart_tire.estimation.contact.records import PatchCrossing
+from smart_tire.estimation.friction.brush_inversion import SlipFit
+from smart_tire.estimation.friction.motion_history import WheelMotion
+from smart_tire.uncertain import Uncertain, UNKNOWN
+
+
+@dataclass(frozen=True, slots=True)
+class MethodResult:
+    """Result of one crossing, before load and stiffness are used."""
+
+    films_only: SlipFit  # without the slip estimator
+    fused: SlipFit       # with the slip estimator
+    shift: float         # m, by which the crossing was later than detected
+    stretch_voltage: Uncertain = UNKNOWN  # V, of film 1
+    peak_interval: Uncertain = UNKNOWN    # s, of film 1
+
+
+class CrossingMethod(Protocol):
+    """Estimates slip and normalized slip of one wheel's crossings."""
+
+    def evaluate(self, crossing: PatchCrossing, motion: WheelMotion) -> MethodResult | None:
+        """Return the result of ``crossing``, None if its samples do not fit the method."""
