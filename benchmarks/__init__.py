@@ -1,1 +1,1 @@
-"""Benchmarks: accuracy, load and latency of the package; not installed with it."""
+"""Benchmarks of accuracy, load and latency; not installed with the package."""

@@ -1,4 +1,4 @@
-"""What the command lines of the benchmarks share: arguments, error lines and the machine."""
+"""Command line functions shared by the benchmarks."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from smart_tire.cli._overwrite import add_force, refuse_existing
 from smart_tire.errors import ParameterError, SmartTireError
 
 FAILED, USAGE = 1, 2  # exit statuses
-DATA = Path('../shared/data')  # where the project keeps recordings of real robots
+DATA = Path('../shared/data')  # recordings of real robots
 DEFAULT_SEEDS = 3  # of each simulated scenario
 
 
 def positive(text: str) -> int:
-    """Return the integer in ``text``; raise ValueError unless it is above zero."""
+    """Return ``text`` as an integer; raise ValueError unless it is positive."""
     number = int(text)
     if number < 1:
         raise ValueError(text)
@@ -29,10 +29,10 @@ def accuracy_parser(name: str, description: str) -> argparse.ArgumentParser:
     """Return the parser of a benchmark that simulates over several seeds and writes figures."""
     parser = argparse.ArgumentParser(prog=f'python -m benchmarks.{name}', description=description)
     parser.add_argument('--seeds', type=positive, default=DEFAULT_SEEDS, metavar='N',
-                        help='of each simulated scenario (default: %(default)s)')
-    parser.add_argument('--quick', action='store_true', help='one seed of each')
+                        help='number of seeds of each simulated scenario (default: %(default)s)')
+    parser.add_argument('--quick', action='store_true', help='only one seed of each scenario')
     parser.add_argument('--runs', nargs='+', default=[], metavar='RUN',
-                        help='only these scenarios and recordings')
+                        help='scenarios and recordings to run (default: all)')
     parser.add_argument('--out', type=Path, default=Path('bench_output', name), metavar='DIR',
                         help='folder for figures and results.json (default: %(default)s)')
     add_force(parser)
@@ -44,8 +44,8 @@ def refuse_existing_results(out: Path, *, force: bool) -> None:
     refuse_existing([out / 'results.json', *sorted(out.glob('*.png'))], force=force)
 
 
-def reported(name: str, work: Callable[[], None]) -> int:
-    """Run ``work`` and return the exit status; an error of this project is one line."""
+def run_benchmark(name: str, work: Callable[[], None]) -> int:
+    """Run ``work`` and return the exit status; print errors of this package in one line."""
     try:
         work()
     except SmartTireError as error:
@@ -54,8 +54,8 @@ def reported(name: str, work: Callable[[], None]) -> int:
     return 0
 
 
-def no_arguments(name: str, description: str, argv: Sequence[str] | None) -> None:
-    """Answer ``--help``; refuse arguments."""
+def parse_no_arguments(name: str, description: str, argv: Sequence[str] | None) -> None:
+    """Handle ``--help``; reject all other arguments."""
     argparse.ArgumentParser(
         prog=f'python -m benchmarks.{name}', description=description).parse_args(argv)
 

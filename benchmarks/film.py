@@ -12,7 +12,7 @@ import sys
 
 import numpy as np
 
-from benchmarks.command import machine, no_arguments, reported
+from benchmarks.command import machine, parse_no_arguments, run_benchmark
 from smart_tire.arrays import Array
 from smart_tire.calibration.bench.film_parameters import identify_film
 from smart_tire.estimation.film.measure import measure
@@ -29,9 +29,9 @@ SEEDS = range(100, 104)
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Print the table; return the exit status."""
-    no_arguments('film', 'measure the accuracy of deflections measured with a film', argv)
+    parse_no_arguments('film', 'measure the accuracy of deflections measured with a film', argv)
     print(machine())
-    return reported('film', print_accuracy)
+    return run_benchmark('film', print_accuracy)
 
 
 def print_accuracy() -> None:

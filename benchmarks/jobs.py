@@ -1,4 +1,4 @@
-"""The jobs of a benchmark: on all cores, with a line for each that is done."""
+"""Parallel execution of benchmark jobs with one line of progress per job."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ from typing import TypeVar
 
 from smart_tire.errors import ParameterError
 
-WORKERS = 2  # processes at once; each does one job
+MAX_WORKERS = 2  # parallel processes
 
 Result = TypeVar('Result')
 
 
 def make_folder(path: Path) -> None:
-    """Make the folder of the results; raise ParameterError if that can not be."""
+    """Create the output folder; raise ParameterError if that fails."""
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ParameterError(f'{path}: cannot be written ({error.strerror})') from error
 
 
-def done(jobs: Sequence[Callable[[], Result]],
-         label: Callable[[Result], str]) -> Iterator[Result]:
-    """Yield the results of ``jobs`` as they come, and say on standard error which they are."""
+def run_jobs(jobs: Sequence[Callable[[], Result]],
+             label: Callable[[Result], str]) -> Iterator[Result]:
+    """Yield the results of ``jobs`` in order of completion; print progress to stderr."""
     if len(jobs) == 1:
         yield jobs[0]()
         return
-    # a process that starts anew, for this one may have threads
-    with ProcessPoolExecutor(WORKERS, get_context('spawn')) as pool:
+    # spawn, not fork: this process may have threads
+    with ProcessPoolExecutor(MAX_WORKERS, get_context('spawn')) as pool:
         futures = [pool.submit(job) for job in jobs]
         try:
             for count, future in enumerate(as_completed(futures), 1):

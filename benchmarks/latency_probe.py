@@ -1,4 +1,4 @@
-"""A tap on the simulated radio: how long a batch takes from its last byte to its topic."""
+"""Latency of tire samples from the last byte of a radio batch to the topic."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from smart_tire.protocol.xbee import decode_receive_packet, XBeeDeframer
 from smart_tire.samples import NS_PER_S, TireSample
 from smart_tire.simulation.pty import PtyPort
 
-CHUNK = 4096    # bytes per read
-POLL = 0.1      # s between two looks at whether to stop
-PATIENCE = 10.0  # s until the radio's port must be there
-KEY = 8         # samples at the end of a batch that tell it from others, thanks to their noise
+MAX_READ = 4096      # bytes
+POLL_PERIOD = 0.1    # s
+OPEN_TIMEOUT = 10.0  # s until the port of the radio must exist
+KEY_LENGTH = 8       # samples at the end of a batch whose noise identifies it
 
 Key = tuple[tuple[float, ...], ...]
 
 
 class RadioTap:
     """
-    Stands between the simulated radio at ``source`` and a receiver that opens ``link``.
+    Forwards bytes from the simulated radio at ``source`` to a receiver that opens ``link``.
 
-    ``heard`` takes the receiver's samples; ``latencies`` [s] are from the moment at which the
-    last byte of a batch was handed over to that at which its last sample was heard.
+    ``add_sample`` takes the samples published by the receiver. ``latencies`` [s] are measured
+    from forwarding the last byte of a batch to the call with its last sample.
     """
 
     def __init__(self, source: str, link: str) -> None:
@@ -36,9 +36,9 @@ class RadioTap:
         self._port = PtyPort(link)
         self._deframer = XBeeDeframer()
         self._sent_ns: dict[Key, int] = {}
-        self._newest: deque[tuple[float, ...]] = deque(maxlen=KEY)
+        self._newest: deque[tuple[float, ...]] = deque(maxlen=KEY_LENGTH)
         self._stopping = threading.Event()
-        self._thread = threading.Thread(target=self._pass_on, name='tap', daemon=True)
+        self._thread = threading.Thread(target=self._forward_bytes, name='radio_tap', daemon=True)
 
     def __enter__(self) -> RadioTap:
         self._thread.start()
@@ -50,36 +50,36 @@ class RadioTap:
         self._thread.join()
         self._port.close()
 
-    def heard(self, sample: TireSample) -> None:
-        """Take a sample that the receiver has published, in order."""
+    def add_sample(self, sample: TireSample) -> None:
+        """Add a sample published by the receiver, in order."""
         now_ns = time.monotonic_ns()
         self._newest.append(sample.volts)
         sent_ns = self._sent_ns.pop(tuple(self._newest), None)
         if sent_ns is not None:
             self.latencies.append((now_ns - sent_ns) / NS_PER_S)
 
-    def _pass_on(self) -> None:
+    def _forward_bytes(self) -> None:
         source = self._open()
         if source is None:
             return
         try:
             while not self._stopping.is_set():
-                if select.select([source], [], [], POLL)[0]:
-                    self._take(os.read(source, CHUNK))
-        except OSError:  # EIO: the simulator has gone
+                if select.select([source], [], [], POLL_PERIOD)[0]:
+                    self._forward(os.read(source, MAX_READ))
+        except OSError:  # EIO: the simulator has exited
             pass
         finally:
             os.close(source)
 
     def _open(self) -> int | None:
-        """Return the open port; None if it never appears. Starting a simulator takes a while."""
-        deadline = time.monotonic() + PATIENCE
-        while not self._stopping.wait(POLL) and time.monotonic() < deadline:
+        """Return the open port; None if it does not appear within ``OPEN_TIMEOUT``."""
+        deadline = time.monotonic() + OPEN_TIMEOUT
+        while not self._stopping.wait(POLL_PERIOD) and time.monotonic() < deadline:
             if os.path.exists(self._source):
                 return os.open(self._source, os.O_RDONLY | os.O_NOCTTY)
         return None
 
-    def _take(self, chunk: bytes) -> None:
+    def _forward(self, chunk: bytes) -> None:
         keys = [self._key(body) for body in self._deframer.feed(chunk)]
         self._sent_ns.update(dict.fromkeys(keys, time.monotonic_ns()))
         self._port.write(chunk)
@@ -87,4 +87,4 @@ class RadioTap:
     @staticmethod
     def _key(body: bytes) -> Key:
         batch = decode_batch(decode_receive_packet(body).data)
-        return tuple(tuple(map(volts, codes)) for codes in batch.codes[-KEY:])
+        return tuple(tuple(map(volts, codes)) for codes in batch.codes[-KEY_LENGTH:])

@@ -1,4 +1,4 @@
-"""CPU load and latency of the running stack, time of a filter step, offline speed."""
+"""CPU load and latency of the running stack, filter step time and offline speed."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ import tempfile
 import time
 from typing import Any
 
-from benchmarks.command import machine, reported
+from benchmarks.command import machine, run_benchmark
 from smart_tire.errors import SmartTireError
 
 DESCRIPTION = 'measure CPU load, latency, filter step time and offline speed'
-WHEEL = 'front_right'           # the instrumented one, as on the paper's robot
-UNIT = f'0013A20040A1B2C3={WHEEL}'
+WHEEL = 'front_right'           # instrumented wheel, as in paper B
+SENSOR_NODE = f'0013A20040A1B2C3={WHEEL}'
 RADIO_DELAY = 0.005             # s, of the simulated radio
-START_TIMEOUT = 30.0            # s for all nodes to be there
-WARM_UP = 3.0                   # s of driving that are not measured
-LEFT, RIGHT = 120.0, 60.0       # rpm
-LEGS = [(1.0, LEFT, RIGHT)]     # the same drive in memory
+START_TIMEOUT = 30.0            # s until all nodes run
+WARM_UP_TIME = 3.0              # s of driving before the measurement
+LEFT_SPEED, RIGHT_SPEED = 120.0, 60.0  # rpm
+LEGS = [(1.0, LEFT_SPEED, RIGHT_SPEED)]  # of the simulated drive for offline analysis
 SEED = 1
-OFFLINE = 120.0                 # s of the drive that is analyzed
+OFFLINE_DURATION = 120.0        # s of the drive for offline analysis
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Measure the running stack, then the estimators offline; return the exit status."""
     parser = argparse.ArgumentParser(prog='python -m benchmarks.load', description=DESCRIPTION)
     parser.add_argument('--seconds', type=float, default=30.0, metavar='S',
-                        help='of driving, live (default: %(default)s)')
+                        help='duration of the live measurement (default: %(default)s)')
     args = parser.parse_args(argv)
     # Importing rclpy may start Python again, so it must come before any child is started.
     from smart_tire.nodes.demo_driver import NodeRunner
@@ -40,27 +40,27 @@ def main(argv: Sequence[str] | None = None) -> int:
         with tempfile.TemporaryDirectory(prefix='smart_tire_bench_') as folder:
             measure_live(Path(folder), args.seconds, NodeRunner)
             measure_offline(Path(folder))
-    return reported('load', measure)
+    return run_benchmark('load', measure)
 
 
-def measure_live(folder: Path, seconds: float, cockpit_class: Callable[[list[str]], Any]) -> None:
-    """Run all nodes as in the demo; print their CPU time and the latency of tire samples."""
+def measure_live(folder: Path, seconds: float, runner_class: Callable[[list[str]], Any]) -> None:
+    """Analysis all nodes as in the demo; print their CPU time and the latency of tire samples."""
     from benchmarks.latency_probe import RadioTap
     from smart_tire.cli._processes import isolated_environment, NODES, Stack
     environment = isolated_environment()
-    os.environ.update(environment)  # the cockpit lives in this process
+    os.environ.update(environment)  # the node runner is in this process
     source, link = str(folder / 'radio'), str(folder / 'tapped_radio')
     params = write_params(folder, source, link)
     with Stack(folder / 'logs', environment) as stack, RadioTap(source, link) as tap:
         for node in NODES:
             stack.node(node, [params])
-        with cockpit_class(['--ros-args', '--params-file', str(params)]) as cockpit:
-            await_nodes(stack, cockpit, NODES)
-            cockpit.pilot.drive(LEFT, RIGHT)
-            cockpit.turn(WARM_UP)
-            cockpit.pilot.subscribe('tire_samples', tap.heard)
+        with runner_class(['--ros-args', '--params-file', str(params)]) as runner:
+            await_nodes(stack, runner, NODES)
+            runner.pilot.drive(LEFT_SPEED, RIGHT_SPEED)
+            runner.turn(WARM_UP_TIME)
+            runner.pilot.subscribe('tire_samples', tap.add_sample)
             before, begin = stack.cpu_seconds(), time.monotonic()
-            cockpit.turn(seconds)
+            runner.turn(seconds)
             elapsed, after = time.monotonic() - begin, stack.cpu_seconds()
         if died := stack.died():
             raise SmartTireError(f'{", ".join(died)} died')
@@ -69,14 +69,14 @@ def measure_live(folder: Path, seconds: float, cockpit_class: Callable[[list[str
 
 
 def write_params(folder: Path, source: str, link: str) -> Path:
-    """Return the parameter file of the live run, with one instrumented wheel."""
+    """Write and return the parameter file of the live run with one instrumented wheel."""
     import yaml
     imu, motors = str(folder / 'imu'), str(folder / 'motors')
     nodes: dict[str, dict[str, Any]] = {
         '/**': {'film.wheels': [WHEEL]},
-        'robot_simulator': {'seed': SEED, 'units': [UNIT], 'ports.tire_radio': source,
+        'robot_simulator': {'seed': SEED, 'units': [SENSOR_NODE], 'ports.tire_radio': source,
                             'ports.imu': imu, 'ports.motors': motors},
-        'tire_receiver': {'port': link, 'units': [UNIT], 'radio_latency': RADIO_DELAY},
+        'tire_receiver': {'port': link, 'units': [SENSOR_NODE], 'radio_latency': RADIO_DELAY},
         'imu_driver': {'port': imu}, 'motor_driver': {'port': motors}}
     path = folder / 'bench.yaml'
     path.write_text(yaml.safe_dump({name: {'ros__parameters': values}
@@ -84,20 +84,20 @@ def write_params(folder: Path, source: str, link: str) -> Path:
     return path
 
 
-def await_nodes(stack: Any, cockpit: Any, names: Sequence[str]) -> None:
-    """Wait until every node has reported and estimates flow; raise SmartTireError if not."""
+def await_nodes(stack: Any, runner: Any, names: Sequence[str]) -> None:
+    """Wait for diagnostics of all nodes and for estimates; raise SmartTireError on timeout."""
     deadline = time.monotonic() + START_TIMEOUT
-    while cockpit.pilot.slip is None or set(names) - cockpit.pilot.health.keys():
+    while runner.pilot.slip is None or set(names) - runner.pilot.health.keys():
         for name, status in stack.died().items():
             raise SmartTireError(f'{name} ended with status {status}\n{stack.log(name)}')
         if time.monotonic() > deadline:
-            raise SmartTireError(f'not all of {", ".join(names)} began within '
+            raise SmartTireError(f'not all of {", ".join(names)} started within '
                                  f'{START_TIMEOUT:.0f} s')
-        cockpit.turn(0.25)
+        runner.turn(0.25)
 
 
 def print_cpu(shares: dict[str, float]) -> None:
-    """Print the CPU seconds per second of robot time."""
+    """Print the CPU load of each node."""
     print('CPU seconds per second of robot time, one instrumented wheel:')
     for name, share in shares.items():
         print(f'  {name:20} {share:6.3f}')
@@ -106,13 +106,13 @@ def print_cpu(shares: dict[str, float]) -> None:
 
 
 def print_latency(latencies: Sequence[float]) -> None:
-    """Print how long batches take from the last byte to the topic."""
+    """Print the latency of radio batches from the last byte to the topic."""
     import numpy as np
     if not latencies:
         raise SmartTireError('no radio batch reached tire_samples')
-    middle, late, worst = 1e3 * np.percentile(latencies, (50.0, 99.0, 100.0))
+    median, p99, worst = 1e3 * np.percentile(latencies, (50.0, 99.0, 100.0))
     print(f'last byte of a radio batch to its last tire_samples, {len(latencies)} batches: '
-          f'p50 {middle:.1f} ms, p99 {late:.1f} ms, worst {worst:.1f} ms')
+          f'p50 {median:.1f} ms, p99 {p99:.1f} ms, worst {worst:.1f} ms')
 
 
 def measure_offline(folder: Path) -> None:
@@ -121,7 +121,7 @@ def measure_offline(folder: Path) -> None:
     from smart_tire.parameters import build, SimulatorParams
     from smart_tire.simulation.offline import simulate
     events = simulate(build(SimulatorParams, {'film.wheels': [WHEEL], 'seed': SEED}),
-                      LEGS, OFFLINE)
+                      LEGS, OFFLINE_DURATION)
     with BagWriter(folder / 'drive') as writer:
         for receive_ns, topic, sample in events:
             writer.write_sample(topic, receive_ns, sample)
@@ -130,7 +130,7 @@ def measure_offline(folder: Path) -> None:
 
 
 def print_steps(samples: Sequence[Any]) -> None:
-    """Print the time of one filter step: prediction, updates and output."""
+    """Print the time of one filter step: prediction, correction and output."""
     import numpy as np
     from smart_tire.estimation.slip.estimator import SlipEstimator
     from smart_tire.parameters import SlipEstimatorParams
@@ -139,7 +139,7 @@ def print_steps(samples: Sequence[Any]) -> None:
         begin = time.perf_counter()
         if estimator.update(sample):
             times.append(time.perf_counter() - begin)
-    print(f'slip filter step (predict, updates, output): mean {1e6 * np.mean(times):.0f} us, '
+    print(f'slip filter step (predict, correct, output): mean {1e6 * np.mean(times):.0f} us, '
           f'p99 {1e6 * np.percentile(times, 99.0):.0f} us, of 8000 us')
 
 
@@ -152,11 +152,11 @@ def print_speed(folder: Path) -> None:
     result = analyze(folder / 'drive', out, params)
     estimated = time.perf_counter() - begin
     from smart_tire.analysis.figures import write_figures
-    write_figures(out, result.intake.inputs, result.estimates, result.intake.truth,
+    write_figures(out, result.contents.inputs, result.estimates, result.contents.truth,
                   params.robot)
     drawn = time.perf_counter() - begin
-    print(f'offline: {OFFLINE / estimated:.0f} times faster than real time, '
-          f'{OFFLINE / drawn:.0f} times with figures')
+    print(f'offline: {OFFLINE_DURATION / estimated:.0f} times faster than real time, '
+          f'{OFFLINE_DURATION / drawn:.0f} times with figures')
 
 
 if __name__ == '__main__':

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.integrate import fixed_quad, quad, solve_bvp, solve_ivp
-from benchmarks.command import machine, no_arguments, reported
+from benchmarks.command import machine, parse_no_arguments, run_benchmark
 from smart_tire.arrays import Array
 from smart_tire.errors import SmartTireError
 from smart_tire.models.film import elastica, elastica_with_weight, hysteresis
@@ -51,9 +51,9 @@ class Figure(NamedTuple):
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Print the table; return the exit status."""
-    no_arguments('models', 'measure the speed of the models, compared with general solvers', argv)
+    parse_no_arguments('models', 'measure the speed of the models, compared with general solvers', argv)
     print(machine())
-    return reported('models', print_models)
+    return run_benchmark('models', print_models)
 
 
 def print_models() -> None:

@@ -1,10 +1,10 @@
 """
-The simulated runs by which slip and localization are judged.
+Simulated scenarios of the slip and localization benchmark.
 
-Each is a full simulation with the sensor errors of the simulator and begins with standstill.
-Those by which friction is judged (``friction_scenarios``) are made of the same.
-Grounds without a word on it are flat concrete of the simulator. The speeds are chosen so that
-the true slips resemble those of the runs of the published targets.
+Each is a full simulation with sensor errors and starts at standstill. The scenarios of the
+friction benchmark (``friction.scenarios``) are derived from them. The default surface is flat
+concrete. Wheel speeds are chosen so that the true slip resembles that of the runs of the
+reference filter.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ from smart_tire.parameters.simulation import GroundParams, RadioParams
 from smart_tire.simulation.faults import delayed, interrupted, reordered
 from smart_tire.simulation.offline import Event, simulate
 
-Leg = tuple[float, float, float]  # s from which on, rpm left, rpm right
-Spoil = Callable[[list[Event], int], list[Event]]  # events and seed to events
+Leg = tuple[float, float, float]  # start time [s], rpm left, rpm right
+Fault = Callable[[list[Event], int], list[Event]]  # events and seed to modified events
 
-STANDSTILL = 3.0  # s, before the robot drives
-LATENCY = 0.2     # s, of late wheel speeds
-SILENCES = {      # topic -> from when to when [s]
+STANDSTILL = 3.0      # s, before the robot drives
+WHEEL_LATENCY = 0.2   # s, in the scenario late_wheels
+DROPOUTS = {          # topic -> start and end times [s]
     'imu/data': ((20.0, 22.0), (55.0, 58.0), (90.0, 91.0), (130.0, 132.0)),
     'wheel_states': ((40.0, 42.0), (110.0, 113.0))}
-GAIN_STREAM = 3  # random numbers of the gains, beside those of the robot and its host
+GAIN_STREAM = 3  # of random numbers; differs from the streams of the simulator
 
 CONCRETE = GroundParams(base='concrete', patches=())
 SAND = GroundParams(base='sand', patches=())
-# mu .47, .20 and .60 in turn along a circle to the left, all as stiff as concrete
+# mu .47, .20 and .60 along a left circle, all with the stiffness of concrete
 JUMPS = GroundParams(
     names=('concrete', 'slippery', 'rough'), friction=(0.47, 0.20, 0.60),
     stiffness=(52.7, 52.7, 52.7), drag=(0.015, 0.015, 0.015), base='concrete',
@@ -43,7 +43,7 @@ JUMPS = GroundParams(
 
 @dataclass(frozen=True, kw_only=True)
 class Scenario:
-    """A run: what the robot does, on what ground, and how its sensors are worse than usual."""
+    """A simulated run: wheel speeds, surface and sensor errors."""
 
     name: str
     title: str
@@ -51,44 +51,44 @@ class Scenario:
     duration: float                  # s
     ground: GroundParams = CONCRETE
     wheel_rate: float = 16.0         # Hz
-    bias_scale: float = 1.0          # of the turn-on biases; the estimator is not told
-    latency: float = 0.0             # s, of the wheel speeds; the estimator is told
-    film: FilmParams = FilmParams(wheels=())  # that are simulated; the estimator is told
-    gain_error: float = 0.0          # relative one sigma of the gains; the estimator is not told
-    tire: TireParams = TireParams()  # as the estimator is told; the true C_x is the ground's
+    bias_scale: float = 1.0          # of the true turn-on biases, unknown to the estimator
+    latency: float = 0.0             # s, of the wheel speeds, known to the estimator
+    film: FilmParams = FilmParams(wheels=())  # nominal, known to the estimator
+    gain_error: float = 0.0          # relative standard deviation of the true gains, unknown to it
+    tire: TireParams = TireParams()  # of the estimator; the true C_x is that of the surface
     radio: RadioParams = RadioParams()
-    spoil: Spoil | None = field(default=None, compare=False)
-    averaged: bool = False           # judged at all times, by truth averaged over 125 ms
+    fault: Fault | None = field(default=None, compare=False)
+    averaged: bool = False           # scored at all times against truth averaged over 125 ms
 
     @property
     def robot(self) -> RobotParams:
-        """Return the robot as the estimator is told."""
+        """Return the robot parameters of the estimator."""
         return RobotParams(encoder=EncoderParams(latency=self.latency), film=self.film,
                            tire=self.tire)
 
     def simulator(self, seed: int) -> SimulatorParams:
-        """Return the robot as it is, and its ground."""
+        """Return the parameters of the simulated robot and surface."""
         robot = self.robot
         imu = replace(robot.imu, gyro_bias=self.bias_scale * robot.imu.gyro_bias,
                       accel_bias=self.bias_scale * robot.imu.accel_bias)
-        told = np.array([gain for wheel in self.film.wheels for gain in self.film.gains(wheel)])
-        off = np.random.default_rng([seed, GAIN_STREAM]).standard_normal(len(told))
-        gains = told * (1.0 + self.gain_error * off)
+        nominal = np.array([gain for wheel in self.film.wheels for gain in self.film.gains(wheel)])
+        errors = np.random.default_rng([seed, GAIN_STREAM]).standard_normal(len(nominal))
+        gains = nominal * (1.0 + self.gain_error * errors)
         film = replace(robot.film, stretch_gain=tuple(gains.tolist()) or self.film.stretch_gain)
         return SimulatorParams(seed=seed, ground=self.ground, radio=self.radio,
                                robot=replace(robot, imu=imu, film=film))
 
     def events(self, seed: int) -> list[Event]:
-        """Return what is received, with ``ground_truth/*``, in the order of reception."""
+        """Return the received messages and ``ground_truth/*`` in order of reception."""
         events = simulate(self.simulator(seed), self.legs, self.duration,
                           wheel_rate=self.wheel_rate)
-        # a message that is late comes after its stamp, not before
+        # a delayed message arrives after its timestamp
         events = delayed(events, 'wheel_states', self.latency)
-        return self.spoil(events, seed) if self.spoil else events
+        return self.fault(events, seed) if self.fault else events
 
 
 def sequence(*parts: Leg) -> tuple[tuple[Leg, ...], float]:
-    """Return legs from ``parts`` (for how long [s], left, right [rpm]), and the end [s]."""
+    """Return legs from ``parts`` (duration [s], left, right [rpm]), and the end time [s]."""
     times = list(accumulate((length for length, _, _ in parts), initial=STANDSTILL))
     return tuple((t, left, right) for t, (_, left, right) in zip(times, parts)), times[-1]
 
@@ -100,7 +100,7 @@ def _sweep(right: float) -> Scenario:
 
 
 def _figure_eight() -> tuple[tuple[Leg, ...], float]:
-    """Return 180 s of loops to the right and to the left, standing after every third."""
+    """Return 180 s of alternating right and left loops with a stop after every third."""
     lobes: list[Leg] = []
     for loop in range(14):
         lobes.append((11.3, 98.0, 62.0) if loop % 2 == 0 else (11.3, 62.0, 98.0))
@@ -136,11 +136,11 @@ def _spin() -> Scenario:
                     duration=duration)
 
 
-def _gaps(events: list[Event], seed: int) -> list[Event]:
-    """Drop the IMU four times and the wheels twice, repeat and disorder what is left."""
-    for topic, spans in SILENCES.items():
-        events = interrupted(events, topic, spans)
-    return reordered(events, tuple(SILENCES), duplicate_share=0.05, late_share=0.1,
+def _insert_faults(events: list[Event], seed: int) -> list[Event]:
+    """Insert four IMU and two wheel dropouts; repeat and reorder the remaining messages."""
+    for topic, intervals in DROPOUTS.items():
+        events = interrupted(events, topic, intervals)
+    return reordered(events, tuple(DROPOUTS), duplicate_share=0.05, late_share=0.1,
                      max_delay=0.025, seed=seed)
 
 
@@ -160,8 +160,8 @@ def _all() -> tuple[Scenario, ...]:
         loops(name='degraded', title='degraded: 4 Hz, biases x3', wheel_rate=4.0,
               bias_scale=3.0),
         loops(name='late_wheels', title='degraded: 4 Hz, 0.2 s late', wheel_rate=4.0,
-              latency=LATENCY),
-        loops(name='gaps', title='degraded: gaps, disorder', spoil=_gaps),
+              latency=WHEEL_LATENCY),
+        loops(name='gaps', title='degraded: dropouts, reordering', fault=_insert_faults),
         _straight(), _spin())
 
 

@@ -1,4 +1,4 @@
-"""What the tables of the benchmarks have in common."""
+"""Formatting of the benchmark tables."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-WIDTH = 160  # columns where there is no terminal; no table needs so many
+CONSOLE_WIDTH = 160  # characters without a terminal; enough for all tables
 
 
 def new_console() -> Console:
-    """Return the terminal, or standard output with room for the tables."""
+    """Return a console for the terminal, or a wide one without a terminal."""
     console = Console()
-    return console if console.is_terminal else Console(width=WIDTH)
+    return console if console.is_terminal else Console(width=CONSOLE_WIDTH)
 
 
 def print_all(console: Console, notes: str, tables: Iterable[Table]) -> None:
-    """Print what the tables mean, and them one below the other."""
+    """Print the notes, then all tables."""
     console.print(Text(notes))
     for table in tables:
         console.print(table)
 
 
 def new_table(title: str, first: str, *columns: str) -> Table:
-    """Return an empty table; all columns but the ``first`` are of numbers."""
+    """Return an empty table with a label column and number columns."""
     table = Table(title=Text(title), title_justify='left', title_style='bold', box=SIMPLE_HEAD,
                   pad_edge=False, padding=(0, 1, 0, 0))
     table.add_column(first, no_wrap=True)
@@ -37,5 +37,5 @@ def new_table(title: str, first: str, *columns: str) -> Table:
 
 
 def number(value: float, digits: int) -> str:
-    """Return ``value`` with so many digits behind the point; a dash where it is none."""
+    """Return ``value`` with ``digits`` decimals; a dash if it is not finite."""
     return f'{value:.{digits}f}' if math.isfinite(value) else '-'

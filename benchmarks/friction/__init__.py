@@ -1,1 +1,1 @@
-"""Accuracy of friction against the method of paper B and the Cramer-Rao bound."""
+"""Accuracy of friction, compared with the method of paper B and the Cramer-Rao bound."""

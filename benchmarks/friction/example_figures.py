@@ -1,4 +1,4 @@
-"""A passage with the fit of its whole waveform, to be drawn."""
+"""Example crossings with their fitted waveforms, for a figure."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from benchmarks.friction.grid import Case, WHEEL
 from benchmarks.friction.methods import estimator_params, WAVEFORM
 from benchmarks.friction.records import SINGLE
-from benchmarks.friction.synthesis import EXACT, Synthesiser
+from benchmarks.friction.synthesis import CrossingSynthesizer, TRUE_SLIP_SIGMA
 from smart_tire.analysis.series import Floats
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.contact.records import CrossingSamples, FilmSamples
@@ -19,65 +19,65 @@ from smart_tire.estimation.friction.waveform_model import WaveformModel
 from smart_tire.parameters import RobotParams
 from smart_tire.uncertain import Uncertain
 
-FINE = 1e-4  # m, between points of a drawn curve
+CURVE_STEP = 1e-4  # m, between points of a drawn curve
 
 
 @dataclass(frozen=True)
 class FilmExample:
-    """One film: samples and fit above rest [V], over the rolled distance [m]."""
+    """One film: samples and fit above the baseline [V], over the rolled distance [m]."""
 
     number: int
-    way: Floats     # (n,)
+    distance: Floats        # (n,)
     volts: Floats
-    left: Floats    # V, samples minus fit
-    fine: Floats    # (m,)
+    residual: Floats        # V, samples minus fit
+    curve_distance: Floats  # (m,)
     fitted: Floats
 
 
 @dataclass(frozen=True)
 class Example:
-    """A passage of all films."""
+    """A fitted crossing of all films."""
 
     films: list[FilmExample]
-    mu: tuple[float, float]  # that was told, and one sigma
+    mu: tuple[float, float]  # estimate, standard deviation
     truth: float
-    noise: float             # V, one sigma of a sample, rounding included
+    noise: float             # V, standard deviation of a sample, including quantization
 
 
 def example(slip: float, seed: int = 1) -> Example:
-    """Return a passage on concrete at 60 rpm, fitted with the true slip."""
+    """Return a crossing on concrete at 60 rpm, fitted with the true slip."""
     case = Case(slip=slip)
-    source, robot = Synthesiser(case, seed), case.robot
-    passage = source.passage()
-    told = OutputBuilder(WHEEL, estimator_params(WAVEFORM, robot)).build(
-        passage, source.motion())
+    synthesizer, robot = CrossingSynthesizer(case, seed), case.robot
+    crossing = synthesizer.crossing()
+    estimate = OutputBuilder(WHEEL, estimator_params(WAVEFORM, robot)).build(
+        crossing, synthesizer.motion())
     fitter = WaveformFitter(robot, robot.film.gains(WHEEL), robot.film.bending(WHEEL))
-    fit = None if passage.samples is None else fitter.fit(
-        passage.samples, CrossingSlipPrior(Uncertain(slip, EXACT)))
-    if passage.samples is None or fit is None:
-        raise EstimatorError(f'the passage of seed {seed} at a slip of {slip:g} was not fitted')
-    return Example(_films(robot, passage.samples, fit.parameters),
-                   told.quantity(SINGLE), case.mu,
+    fit = None if crossing.samples is None else fitter.fit(
+        crossing.samples, CrossingSlipPrior(Uncertain(slip, TRUE_SLIP_SIGMA)))
+    if crossing.samples is None or fit is None:
+        raise EstimatorError(f'the crossing of seed {seed} with slip {slip:g} was not fitted')
+    return Example(_films(robot, crossing.samples, fit.parameters),
+                   estimate.quantity(SINGLE), case.mu,
                    float(np.sqrt(robot.film.sample_variance)))
 
 
-def _films(robot: RobotParams, passage: CrossingSamples, parameters: Floats) -> list[FilmExample]:
+def _films(robot: RobotParams, crossing: CrossingSamples, parameters: Floats) -> list[FilmExample]:
     fine = []
-    for one in passage.films:
-        way = np.arange(one.distance[0], one.distance[-1], FINE)
-        none = np.zeros(len(way))
-        fine.append(FilmSamples(one.film, way, none, none.astype(np.int8)))
-    fitted, curves = (_output(robot, passage, films, parameters)
-                      for films in (list(passage.films), fine))
+    for one in crossing.films:
+        distance = np.arange(one.distance[0], one.distance[-1], CURVE_STEP)
+        none = np.zeros(len(distance))
+        fine.append(FilmSamples(one.film, distance, none, none.astype(np.int8)))
+    fitted, curves = (_output(robot, crossing, films, parameters)
+                      for films in (list(crossing.films), fine))
     return [FilmExample(one.film + 1, one.distance, one.volts, one.volts - value, dense.distance,
                         curve)
-            for one, value, dense, curve in zip(passage.films, fitted, fine, curves)]
+            for one, value, dense, curve in zip(crossing.films, fitted, fine, curves)]
 
 
-def _output(robot: RobotParams, passage: CrossingSamples, films: list[FilmSamples],
+def _output(robot: RobotParams, crossing: CrossingSamples, films: list[FilmSamples],
             parameters: Floats) -> list[Floats]:
-    """Return the model's output at the places of ``films``, film by film."""
-    model = WaveformModel(robot, robot.film.gains(WHEEL), films, passage.reference)
+    """Return the model output at the distances of ``films``, film by film."""
+    model = WaveformModel(robot, robot.film.gains(WHEEL), films, crossing.reference)
     output, _ = model.linearised(parameters)
     ends = np.cumsum([len(one.distance) for one in films])
     return np.split(output, ends[:-1])

@@ -1,4 +1,4 @@
-"""Figures of the benchmark of friction."""
+"""Figures of the friction benchmark."""
 
 from __future__ import annotations
 
@@ -9,75 +9,76 @@ from matplotlib.figure import Figure
 import numpy as np
 
 from benchmarks.friction.example_figures import Example, example
-from benchmarks.friction.grid import FASTER
+from benchmarks.friction.grid import FASTER_SPEED
 from benchmarks.friction.methods import (
     ESTIMATED, EXACT_MAP, METHODS, PRINTED_MAP, SOURCES, TRUE, WAVEFORM)
 from benchmarks.friction.monte_carlo import CaseResult
 from benchmarks.friction.paper_points import paper_points
 from benchmarks.friction.records import FUSED, SINGLE
 from benchmarks.friction.results import Part, RunResult
-from benchmarks.friction.scoring import JUDGED_BOUND, own_sigma
+from benchmarks.friction.scoring import MAX_INFORMATIVE_BOUND, own_sigma
 from smart_tire.analysis import drawing
 from smart_tire.analysis.series import Floats, seconds
 from smart_tire.reproduction import tire_maps
 
-DRAWN = TRUE, ESTIMATED  # slips with which friction is drawn
-EXAMPLES = {'driving': 0.1, 'braking': -0.1}  # -, slips of the passages that are drawn
+SHOWN_SOURCES = TRUE, ESTIMATED  # of slip, in the figures of friction
+EXAMPLE_SLIPS = {'driving': 0.1, 'braking': -0.1}  # -, of the crossings in the figure
 MM, MV = 1e3, 1e3
-SPEED_COLORS = {60.0: drawing.BLUE, FASTER: drawing.ORANGE}  # rpm, of the paper
+SPEED_COLORS = {60.0: drawing.BLUE, FASTER_SPEED: drawing.ORANGE}  # rpm, of the paper
 MAP_COLORS = {EXACT_MAP: drawing.SKY, PRINTED_MAP: drawing.VERMILLION}
-RAW = '#b4b4b4'
-GAUSSIAN = 1.645     # sigmas that 90 % of Gaussian errors stay below
-ALLOWED = 1.3        # standard deviations over the bound, the most that is asked for
-DRAWN_ERROR = 1.16   # relative sigma of a deviation off quartiles times the root of the count
-SHOWN = 98.0         # %, of the values from one revolution that an axis must hold
+RAW_COLOR = '#b4b4b4'
+GAUSSIAN_90 = 1.645  # sigmas; 90 % quantile of absolute Gaussian errors
+MAX_RATIO = 1.3      # of the standard deviation to the bound, required
+RELATIVE_SPREAD_ERROR = 1.16  # of a spread from quartiles, times the root of the count
+SHOWN_PERCENT = 98.0  # of the single estimates inside the axis limits
 
 
 def waveform_figure() -> Figure:
-    """Return the samples of two passages, driving and braking, with the fit and what it leaves."""
-    names = list(EXAMPLES)
-    figure, axes = drawing.new_figure([names, [f'{name} rest' for name in names]], width=12.0,
+    """Return samples, fits and residuals of two crossings, driving and braking."""
+    names = list(EXAMPLE_SLIPS)
+    figure, axes = drawing.new_figure([names, [f'{name} residual' for name in names]], width=12.0,
                                     height=6.2, share_x=True)
-    for seed, (name, slip) in enumerate(EXAMPLES.items()):
+    for seed, (name, slip) in enumerate(EXAMPLE_SLIPS.items()):
         found = example(slip, seed)
         _draw_waveform(axes[name], found)
-        _draw_residual(axes[f'{name} rest'], found)
+        _draw_residual(axes[f'{name} residual'], found)
         axes[name].set(title=f'{name}, slip {slip:+.2f}: μ = {found.mu[0]:.3f} ± '
                              f'{found.mu[1]:.3f}, truth {found.truth:.3f}')
     axes['braking'].sharey(axes['driving'])
-    axes['braking rest'].sharey(axes['driving rest'])
+    axes['braking residual'].sharey(axes['driving residual'])
     drawing.finish(figure, axes)
     return figure
 
 
 def _draw_waveform(ax: Axes, found: Example) -> None:
     for film, color in zip(found.films, drawing.FILM_COLORS):
-        ax.plot(MM * film.way, film.volts, '.', color=color, markersize=5,
+        ax.plot(MM * film.distance, film.volts, '.', color=color, markersize=5,
                 label=f'film {film.number}, samples')
-        ax.plot(MM * film.fine, film.fitted, color=color, linewidth=1.1,
+        ax.plot(MM * film.curve_distance, film.fitted, color=color, linewidth=1.1,
                 label=f'film {film.number}, fit')
-    ax.set(ylabel='above rest [V]')
+    ax.set(ylabel='voltage above baseline [V]')
 
 
 def _draw_residual(ax: Axes, found: Example) -> None:
     ax.axhspan(-2.0 * MV * found.noise, 2.0 * MV * found.noise, color=drawing.SHADE, alpha=0.18,
                linewidth=0.0)
     for film, color in zip(found.films, drawing.FILM_COLORS):
-        ax.plot(MM * film.way, MV * film.left, '.-', color=color, linewidth=0.6, markersize=4)
-    ax.set(xlabel='rolled since film 1 was in the middle [mm]',
-           ylabel='samples minus fit [mV]\n(band: ± 2σ of a sample)')
+        ax.plot(MM * film.distance, MV * film.residual, '.-', color=color, linewidth=0.6,
+                markersize=4)
+    ax.set(xlabel='rolled distance from film 1 at the patch center [mm]',
+           ylabel='residual [mV]\n(band: ± 2σ of a sample)')
 
 
 def friction_figure(title: str, result: RunResult) -> Figure:
-    """Return mu per revolution with bands, for each wheel, with true and estimated slip."""
+    """Return mu per crossing with bands, for each wheel, with true and estimated slip."""
     wheels = list(dict.fromkeys(wheel for wheel, _, _ in result.parts))
-    panels = [[f'{wheel.replace("_", " ")}, {SOURCES[source]}' for source in DRAWN]
+    panels = [[f'{wheel.replace("_", " ")}, {SOURCES[source]}' for source in SHOWN_SOURCES]
               for wheel in wheels]
     figure, axes = drawing.new_figure(panels, width=13.0, height=1.0 + 3.0 * len(wheels),
                                     share_x=True, share_y=True)
     top = 0.0
     for wheel, row in zip(wheels, panels):
-        for source, panel in zip(DRAWN, row):
+        for source, panel in zip(SHOWN_SOURCES, row):
             part = result.parts[wheel, source, WAVEFORM]
             _draw_run(axes[panel], wheel, part)
             axes[panel].set(title=f'{title}: {panel}')
@@ -88,65 +89,66 @@ def friction_figure(title: str, result: RunResult) -> Figure:
 
 
 def _draw_run(ax: Axes, wheel: str, part: Part) -> None:
-    """Draw mu per revolution; what C_x and load leave open is a band of its own."""
+    """Draw mu per crossing, with separate bands with and without the sigmas of C_x and load."""
     rows = part.rows
     time = seconds(rows.stamp_ns, int(rows.stamp_ns[0]) if len(rows.stamp_ns) else 0)
     mu, whole = rows.value[FUSED], rows.sigma[FUSED]
     ax.fill_between(time, mu - 2.0 * whole, mu + 2.0 * whole, color=drawing.SHADE, alpha=0.16,
-                    linewidth=0.0, label='fused ± 2σ, with those of $C_x$ and load')
+                    linewidth=0.0, label='fused ± 2σ, including $C_x$ and load')
     fused = mu * rows.sigma['critical_slip'] / rows.value['critical_slip']
     drawing.draw_friction(ax, drawing.FrictionCurve(
         wheel, time, rows.value[SINGLE], own_sigma(rows), mu, fused, time, rows.true[FUSED]))
 
 
 def _top(part: Part) -> float:
-    """Return where the axis must end at least."""
-    told = part.rows.value[SINGLE][np.isfinite(part.rows.value[SINGLE])]
-    single = float(np.percentile(told, SHOWN)) if len(told) else 0.0
+    """Return the upper axis limit for ``part``."""
+    finite = part.rows.value[SINGLE][np.isfinite(part.rows.value[SINGLE])]
+    single = float(np.percentile(finite, SHOWN_PERCENT)) if len(finite) else 0.0
     return 1.3 * max(single, float(part.rows.true[FUSED].max(initial=0.0)))
 
 
 def bound_figure(cases: Sequence[CaseResult]) -> Figure:
-    """Return errors, deviations and biases of synthesised passages beside the bound."""
-    figure, axes = drawing.new_figure([['all', 'over'], ['all', 'bias']], width=13.0, height=6.4)
+    """Return errors, standard deviations and biases of synthesized crossings over the bound."""
+    figure, axes = drawing.new_figure([['all', 'ratio'], ['all', 'bias']], width=13.0, height=6.4)
     bound = np.array([one.bound for one in cases])
     own = [one.trials[WAVEFORM] for one in cases]
     deviation, bias, large = np.array([(one.spread, one.bias, one.large) for one in own]).T
     slip = np.array([one.case.slip for one in cases])
     ax = axes['all']
     for method in (PRINTED_MAP, EXACT_MAP):
-        read = [one for one in cases if method in one.trials]
-        ax.plot([100.0 * one.bound for one in read],
-                [100.0 * one.trials[method].large for one in read], 'x', markersize=5,
+        known = [one for one in cases if method in one.trials]
+        ax.plot([100.0 * one.bound for one in known],
+                [100.0 * one.trials[method].large for one in known], 'x', markersize=5,
                 color=MAP_COLORS[method], label=METHODS[method])
     ax.plot(100.0 * bound, 100.0 * large, 'o', markersize=4, color=drawing.BLUE,
             label=METHODS[WAVEFORM])
     ends = np.array([0.7 * bound.min(), 1.4 * bound.max()])
-    ax.plot(100.0 * ends, 100.0 * GAUSSIAN * ends, color=drawing.INK, linewidth=1.1,
-            label='best possible: Gaussian errors as large as the bound')
-    ax.set(xscale='log', yscale='log', xlabel='Cramér-Rao bound of one revolution [% of μ]',
-           ylabel='error that 90 % stay below [% of μ]', ylim=(70.0 * ends[0], 1000.0))
+    ax.plot(100.0 * ends, 100.0 * GAUSSIAN_90 * ends, color=drawing.INK, linewidth=1.1,
+            label='optimum: Gaussian errors at the bound')
+    ax.set(xscale='log', yscale='log', xlabel='Cramér-Rao bound of one crossing [% of μ]',
+           ylabel='90 % quantile of absolute errors [% of μ]', ylim=(70.0 * ends[0], 1000.0))
     ax.legend(frameon=False, loc='lower right')
-    telling = bound < JUDGED_BOUND
-    _draw_over(axes['over'], slip[telling], (deviation / bound)[telling],
-               DRAWN_ERROR / np.sqrt([one.passages for one in cases])[telling])
-    axes['bias'].plot(slip[telling], 100.0 * bias[telling], 'o', markersize=4, color=drawing.BLUE)
+    informative = bound < MAX_INFORMATIVE_BOUND
+    _draw_ratio(axes['ratio'], slip[informative], (deviation / bound)[informative],
+               RELATIVE_SPREAD_ERROR / np.sqrt([one.crossings for one in cases])[informative])
+    axes['bias'].plot(slip[informative], 100.0 * bias[informative], 'o', markersize=4,
+                      color=drawing.BLUE)
     axes['bias'].axhline(0.0, color=drawing.INK, linewidth=1.1)
     axes['bias'].set(xlabel='slip [-]', ylabel='median error [% of μ]', ylim=(-2.2, 2.2))
-    axes['over'].set(title=f'cases with a bound below {100.0 * JUDGED_BOUND:.0f} %')
+    axes['ratio'].set(title=f'cases with a bound below {100.0 * MAX_INFORMATIVE_BOUND:.0f} %')
     return figure
 
 
-def _draw_over(ax: Axes, slip: Floats, ratio: Floats, sigma: Floats) -> None:
+def _draw_ratio(ax: Axes, slip: Floats, ratio: Floats, sigma: Floats) -> None:
     ax.errorbar(slip, ratio, yerr=ratio * sigma, fmt='o', markersize=4, elinewidth=0.8,
                 color=drawing.BLUE)
     ax.axhline(1.0, color=drawing.INK, linewidth=1.1)
-    ax.axhline(ALLOWED, color=drawing.VERMILLION, linewidth=1.1, linestyle='--')
-    ax.set(ylabel='deviation over bound [-]', ylim=(0.6, 1.5))
+    ax.axhline(MAX_RATIO, color=drawing.VERMILLION, linewidth=1.1, linestyle='--')
+    ax.set(ylabel='standard deviation over bound [-]', ylim=(0.6, 1.5))
 
 
 def stretch_figure() -> Figure:
-    """Return Fig. 12: q_sm over slip, fitted and as read off raw samples."""
+    """Return Fig. 12: q_sm over slip, fitted and from peaks of raw samples."""
     figure, axes = drawing.new_figure([['stretch']], width=8.5, height=5.4)
     ax = axes['stretch']
     for rpm, color in SPEED_COLORS.items():
@@ -168,8 +170,8 @@ def stretch_figure() -> Figure:
 
 
 def adhesion_figure() -> Figure:
-    """Return Fig. 13: the adhesion ratio over slip, fitted and as read off raw samples."""
-    panels = {'waveform': 'the whole waveform', 'peaks': 'two peaks of raw samples'}
+    """Return Fig. 13: adhesion ratio over slip, fitted and from peaks of raw samples."""
+    panels = {'waveform': 'waveform fit', 'peaks': 'two peaks of raw samples'}
     figure, axes = drawing.new_figure([list(panels)], width=13.0, height=5.2, share_y=True)
     for rpm, marker in zip(SPEED_COLORS, ('o', '^')):
         found = paper_points(rpm)

@@ -1,4 +1,4 @@
-"""The friction estimator by the methods that are compared, and what it tells of a run."""
+"""Friction estimation by the compared methods."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ METHODS = {WAVEFORM: 'waveform', EXACT_MAP: 'two peaks, exact map',
 TRUE, ESTIMATED, AIDED = 'true', 'estimated', 'aided'
 SOURCES = {TRUE: 'true slip', ESTIMATED: 'slip of slip_estimator',
            AIDED: 'slip of slip_estimator, aided by the films'}
-COMPARED = {TRUE: (WAVEFORM,), ESTIMATED: tuple(METHODS), AIDED: (WAVEFORM,)}  # in whole runs
-EXACT = 1e-4  # -, sigma of a true slip, which is read between two samples of 100 Hz
+COMPARED = {TRUE: (WAVEFORM,), ESTIMATED: tuple(METHODS), AIDED: (WAVEFORM,)}  # in simulated runs
+TRUE_SLIP_SIGMA = 1e-4  # -, of true slip interpolated between samples at 100 Hz
 
 Event = tuple[int, str, Sample]  # receive time [ns], topic, sample
 
 
 @dataclass(frozen=True)
-class Told:
-    """What the estimator said, and CPU time per passage [ms], finding it included."""
+class EstimatorRun:
+    """Estimates of a run, and CPU time per crossing [ms], including its detection."""
 
-    passages: list[Friction]
+    crossings: list[Friction]
     ms: float
 
 
 def estimator_params(method: str, robot: RobotParams) -> FrictionEstimatorParams:
-    """Return the parameters of the friction estimator by one of ``METHODS``."""
+    """Return the parameters of the friction estimator for one of ``METHODS``."""
     if method == WAVEFORM:
         return FrictionEstimatorParams(robot=robot)
     return FrictionEstimatorParams(
@@ -42,12 +42,12 @@ def estimator_params(method: str, robot: RobotParams) -> FrictionEstimatorParams
 
 
 def robot_of(source: str, robot: RobotParams) -> RobotParams:
-    """Return ``robot`` as the estimators are told of it for one of ``SOURCES``."""
+    """Return the robot parameters of the estimators for one of ``SOURCES``."""
     return replace(robot, slip=replace(robot.slip, film_aided=source == AIDED))
 
 
 def inputs(events: Iterable[Event], source: str, robot: RobotParams) -> list[Sample]:
-    """Return what the friction estimator is fed, with slip and motion of one of ``SOURCES``."""
+    """Return the inputs of the friction estimator with slip and motion of one of ``SOURCES``."""
     if source == TRUE:
         return [_exact(sample) for _, topic, sample in events
                 if isinstance(sample, (TireSample, WheelSample))
@@ -60,22 +60,22 @@ def inputs(events: Iterable[Event], source: str, robot: RobotParams) -> list[Sam
 
 
 def _exact(sample: Sample) -> Sample:
-    """Return a true slip with the sigma of one that is exact."""
+    """Return a true slip with a small sigma."""
     if not isinstance(sample, WheelSlip):
         return sample
-    fl, fr, rl, rr = (1.0 if math.isnan(ratio) else EXACT for ratio in sample.ratio)
+    fl, fr, rl, rr = (1.0 if math.isnan(ratio) else TRUE_SLIP_SIGMA for ratio in sample.ratio)
     return replace(sample, sigma=(fl, fr, rl, rr))
 
 
-def tell(samples: Sequence[Sample], params: FrictionEstimatorParams) -> Told:
-    """Return what the estimator makes of ``samples``, in their order."""
+def run_estimator(samples: Sequence[Sample], params: FrictionEstimatorParams) -> EstimatorRun:
+    """Return the estimates from ``samples`` in the given order."""
     estimator = FrictionEstimator(params)
     begin = time.thread_time()
-    found = [passage for sample in samples for passage in estimator.update(sample)]
-    return Told(found, 1e3 * (time.thread_time() - begin) / max(len(found), 1))
+    found = [crossing for sample in samples for crossing in estimator.update(sample)]
+    return EstimatorRun(found, 1e3 * (time.thread_time() - begin) / max(len(found), 1))
 
 
-def truth_of(events: Iterable[Event]) -> list[Sample]:
-    """Return the ground truth among ``events``."""
+def ground_truth(events: Iterable[Event]) -> list[Sample]:
+    """Return the ground truth in ``events``."""
     return [sample for _, topic, sample in events if topic.startswith('ground_truth/')
             and isinstance(sample, (Odometry, WheelSlip, Friction))]

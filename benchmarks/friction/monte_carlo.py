@@ -1,4 +1,4 @@
-"""Passages of a case through the estimator, and read as the paper does, with the true slip."""
+"""Monte Carlo trials: estimates from synthesized crossings by all methods, with true slip."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ import numpy as np
 from benchmarks.friction.cramer_rao import friction_bound
 from benchmarks.friction.grid import Case, LOAD, WHEEL
 from benchmarks.friction.methods import estimator_params, EXACT_MAP, PRINTED_MAP, WAVEFORM
-from benchmarks.friction.paper_method import friction_read_off
+from benchmarks.friction.paper_method import friction_from_peaks
 from benchmarks.friction.records import SINGLE
 from benchmarks.friction.scoring import spread
-from benchmarks.friction.synthesis import Synthesiser
+from benchmarks.friction.synthesis import CrossingSynthesizer
 from smart_tire.analysis.series import Floats
 from smart_tire.estimation.contact.records import PatchCrossing
 from smart_tire.estimation.friction.motion_history import WheelMotion
@@ -24,68 +24,68 @@ from smart_tire.samples import Friction
 
 @dataclass(frozen=True)
 class Trial:
-    """What one method told of the passages of a case; errors are relative to the true mu."""
+    """Scores of one method on the crossings of a case; errors are relative to the true mu."""
 
-    told: float    # share of the passages
+    finite: float  # share of crossings with an estimate
     bias: float    # median error
     spread: float  # standard deviation, from the interquartile range
-    large: float   # size that 90 % of the errors stay below
-    nees: float    # mean normalised squared error: 1 is right; NaN without sigmas
-    ms: float      # CPU time per passage, without that for finding it
+    large: float   # 90 % quantile of absolute errors
+    nees: float    # 1 if consistent; NaN without sigmas
+    ms: float      # CPU time per crossing, without its detection
 
 
 @dataclass(frozen=True)
 class CaseResult:
-    """What all methods told of the passages of a case."""
+    """Scores of all methods on the crossings of a case."""
 
     group: str
     case: Case
-    bound: float   # of Cramer and Rao, relative
-    passages: int
-    found: float   # share of the passages that the first look saw, both films
+    bound: float   # Cramer-Rao bound, relative
+    crossings: int
+    found: float   # share of crossings with both films detected
     trials: dict[str, Trial]
 
 
 def run_case(group: str, case: Case, count: int, seed: int = 1) -> CaseResult:
-    """Return what all methods that can take the case tell of ``count`` passages."""
-    source = Synthesiser(case, seed)
-    passages, motion = [source.passage() for _ in range(count)], source.motion()
-    told, ms = _report(passages, motion, case, WAVEFORM)
-    trials = {WAVEFORM: trial(_column(told, SINGLE), case.mu, ms, sigma=np.array(
-        [one.quantity(SINGLE).sigma for one in told]))}
-    if case.release == 'fig8' and case.slip > 0.0:  # what two peaks can tell
-        told, ms = _report(passages, motion, case, PRINTED_MAP)
-        interval, constant = _column(told, 'peak_interval'), np.ones(count)
+    """Return the scores of all applicable methods on ``count`` crossings."""
+    synthesizer = CrossingSynthesizer(case, seed)
+    crossings, motion = [synthesizer.crossing() for _ in range(count)], synthesizer.motion()
+    estimates, ms = _report(crossings, motion, case, WAVEFORM)
+    trials = {WAVEFORM: trial(_column(estimates, SINGLE), case.mu, ms, sigma=np.array(
+        [one.quantity(SINGLE).sigma for one in estimates]))}
+    if case.release == 'fig8' and case.slip > 0.0:  # where two peaks exist
+        estimates, ms = _report(crossings, motion, case, PRINTED_MAP)
+        interval, constant = _column(estimates, 'peak_interval'), np.ones(count)
         for method in (EXACT_MAP, PRINTED_MAP):
-            trials[method] = trial(friction_read_off(
+            trials[method] = trial(friction_from_peaks(
                 interval, case.speed * constant, case.total_slip * constant, LOAD * constant,
                 case.robot, method), case.mu, ms)
-    whole = [one.samples is not None and len(one.samples.films) == 2 for one in passages]
+    complete = [one.samples is not None and len(one.samples.films) == 2 for one in crossings]
     return CaseResult(group, case, friction_bound(
         case.robot, WHEEL, slip=case.slip, sliding=case.sliding, speed=case.speed), count,
-        float(np.mean(whole)), trials)
+        float(np.mean(complete)), trials)
 
 
-def _report(passages: list[PatchCrossing], motion: WheelMotion, case: Case,
+def _report(crossings: list[PatchCrossing], motion: WheelMotion, case: Case,
             method: str) -> tuple[list[Friction], float]:
-    """Return what one method says, and CPU time per passage [ms]."""
-    reporter = OutputBuilder(WHEEL, estimator_params(method, case.robot))
+    """Return the estimates of one method, and CPU time per crossing [ms]."""
+    builder = OutputBuilder(WHEEL, estimator_params(method, case.robot))
     begin = time.thread_time()
-    told = [reporter.build(passage, motion) for passage in passages]
-    return told, 1e3 * (time.thread_time() - begin) / len(passages)
+    estimates = [builder.build(crossing, motion) for crossing in crossings]
+    return estimates, 1e3 * (time.thread_time() - begin) / len(crossings)
 
 
-def _column(told: list[Friction], name: str) -> Floats:
-    return np.array([one.quantity(name).value for one in told])
+def _column(estimates: list[Friction], name: str) -> Floats:
+    return np.array([one.quantity(name).value for one in estimates])
 
 
 def trial(value: Floats, truth: float, ms: float, sigma: Floats | None = None) -> Trial:
-    """Return the scores of estimates of ``truth``; those that are NaN were not told."""
-    told = np.isfinite(value)
-    error = value[told] / truth - 1.0
+    """Return the scores of estimates of ``truth``; NaN means no estimate."""
+    finite = np.isfinite(value)
+    error = value[finite] / truth - 1.0
     if not len(error):
         return Trial(0.0, math.nan, math.nan, math.nan, math.nan, ms)
     nees = (math.nan if sigma is None
-            else float(np.mean(((value[told] - truth) / sigma[told])**2)))
-    return Trial(float(np.mean(told)), float(np.median(error)), spread(error),
+            else float(np.mean(((value[finite] - truth) / sigma[finite])**2)))
+    return Trial(float(np.mean(finite)), float(np.median(error)), spread(error),
                  float(np.quantile(np.abs(error), 0.9)), nees, ms)

@@ -1,4 +1,4 @@
-"""What one run gave, and the figures of all its seeds together."""
+"""Results of one run, and figures combined over seeds."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.friction.methods import (
-    COMPARED, estimator_params, Event, EXACT_MAP, inputs, PRINTED_MAP, robot_of, tell, TRUE,
-    truth_of)
-from benchmarks.friction.paper_method import friction_read_off
-from benchmarks.friction.records import Rows, rows_of, together, true_passages
-from benchmarks.friction.scoring import Change, changes, Figures, figures_of, reading_figures
+    COMPARED, estimator_params, Event, EXACT_MAP, ground_truth, inputs, PRINTED_MAP, robot_of,
+    run_estimator, TRUE)
+from benchmarks.friction.paper_method import friction_from_peaks
+from benchmarks.friction.records import concatenated, match_rows, Rows, true_crossings
+from benchmarks.friction.scoring import Change, changes, Figures, figures_of, peak_figures
 from benchmarks.slip.scoring import steady_slips
 from benchmarks.slip.series import as_estimate, as_truth
 from smart_tire.analysis.metrics import rms, score
@@ -24,17 +24,17 @@ Key = tuple[str, str, str]  # wheel, source of the slip, method
 
 @dataclass(frozen=True)
 class Part:
-    """One wheel by one method."""
+    """Results of one wheel by one method."""
 
     rows: Rows
-    grounds: list[Change]
-    read_off: Floats | None  # mu as the paper reads it, (n,); None by the waveform
-    ms: float                # CPU time per passage
+    surfaces: list[Change]
+    from_peaks: Floats | None  # mu by the method of paper B, (n,); None for waveform
+    ms: float                # CPU time per crossing
 
 
 @dataclass(frozen=True)
 class RunResult:
-    """All that one run gave; ``slips`` are errors and sigmas (n,) by the source of the slip."""
+    """Results of one run; ``slips`` has errors and sigmas (n,) per source of slip."""
 
     run: str
     seed: int
@@ -43,9 +43,9 @@ class RunResult:
 
 
 def run_all(name: str, seed: int, events: Sequence[Event], robot: RobotParams) -> RunResult:
-    """Return what is made of a run with the true slip, and by all methods with the estimated."""
-    records = truth_of(events)
-    truths = {wheel: true_passages(records, robot, wheel) for wheel in robot.film.wheels}
+    """Return the results of a run for all sources of slip and methods."""
+    records = ground_truth(events)
+    truths = {wheel: true_crossings(records, robot, wheel) for wheel in robot.film.wheels}
     parts: dict[Key, Part] = {}
     slips: dict[str, tuple[Floats, Floats]] = {}
     for source, methods in COMPARED.items():
@@ -54,23 +54,23 @@ def run_all(name: str, seed: int, events: Sequence[Event], robot: RobotParams) -
         if source != TRUE:
             slips[source] = steady_slips(as_estimate(samples), as_truth(records, robot))
         for method in methods:
-            told = tell(samples, estimator_params(method, own))
+            run = run_estimator(samples, estimator_params(method, own))
             for wheel, truth in truths.items():
-                rows = rows_of(truth, told.passages, wheel)
+                rows = match_rows(truth, run.crossings, wheel)
                 parts[wheel, source, method] = Part(
-                    rows, changes(rows), _read_off(rows, robot, method), told.ms)
+                    rows, changes(rows), _from_peaks(rows, robot, method), run.ms)
     return RunResult(name, seed, parts, slips)
 
 
-def _read_off(rows: Rows, robot: RobotParams, method: str) -> Floats | None:
+def _from_peaks(rows: Rows, robot: RobotParams, method: str) -> Floats | None:
     if method not in (EXACT_MAP, PRINTED_MAP):
         return None
-    return friction_read_off(rows.value['peak_interval'], rows.speed, rows.value['total_slip'],
+    return friction_from_peaks(rows.value['peak_interval'], rows.speed, rows.value['total_slip'],
                              rows.value['normal_load'], robot, method)
 
 
 def by_run(results: Iterable[RunResult]) -> dict[str, dict[Key, Figures]]:
-    """Return run -> wheel, source and method -> figures of the passages of all seeds."""
+    """Return run -> wheel, source and method -> figures combined over seeds."""
     runs: dict[str, list[RunResult]] = {}
     for result in results:
         runs.setdefault(result.run, []).append(result)
@@ -80,12 +80,12 @@ def by_run(results: Iterable[RunResult]) -> dict[str, dict[Key, Figures]]:
 
 @dataclass(frozen=True)
 class SteadySlip:
-    """How far off the slips of both sides are while they are steady; NaN where they never are."""
+    """Errors of the slips of both sides in steady intervals; NaN without any."""
 
     count: int
     rms: float
-    told: float  # rms of the sigmas
-    nees: float  # mean normalised squared error: 1 is right
+    sigma: float  # rms of the reported sigmas
+    nees: float   # 1 if consistent
 
 
 def slips_by_run(results: Iterable[RunResult]) -> dict[str, dict[str, SteadySlip]]:
@@ -100,17 +100,17 @@ def slips_by_run(results: Iterable[RunResult]) -> dict[str, dict[str, SteadySlip
 
 def _steady(error: Floats, sigma: Floats) -> SteadySlip:
     found = score(error, sigma)
-    return SteadySlip(found.count, found.rms, rms(sigma), found.normalised_rms**2)
+    return SteadySlip(found.count, found.rms, rms(sigma), found.normalized_rms**2)
 
 
 def figures_over(parts: Sequence[Part]) -> Figures:
-    """Return the figures of the passages of ``parts`` as of those of one run."""
-    figures = figures_of(together([part.rows for part in parts]),
-                         [change for part in parts for change in part.grounds],
+    """Return the figures of all crossings of ``parts``."""
+    figures = figures_of(concatenated([part.rows for part in parts]),
+                         [change for part in parts for change in part.surfaces],
                          sum(part.ms for part in parts) / len(parts))
     for part in parts:
-        if part.read_off is None:
+        if part.from_peaks is None:
             return figures
-    return figures | reading_figures(
-        [part.read_off for part in parts if part.read_off is not None],
+    return figures | peak_figures(
+        [part.from_peaks for part in parts if part.from_peaks is not None],
         [part.rows for part in parts])

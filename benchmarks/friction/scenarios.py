@@ -1,8 +1,8 @@
 """
-The simulated runs by which friction is judged: films in both front wheels.
+Simulated scenarios of the friction benchmark, with films in both front wheels.
 
-The robot that is simulated has gains that are off by their tolerance, as its estimators' are.
-Grounds and drives are those of ``scenarios``, with two more.
+The gains of the simulated robot differ from those of the estimators by their tolerance. Surfaces
+and drives are those of the slip benchmark and some more.
 """
 
 from __future__ import annotations
@@ -15,21 +15,21 @@ from benchmarks.scenarios import SAND, Scenario, SCENARIOS, sequence
 from smart_tire.parameters.robot import FilmParams, TireParams
 from smart_tire.parameters.simulation import GroundParams, RadioParams
 
-INSTRUMENTED = ('front_right', 'front_left')  # the published runs had the first only
+INSTRUMENTED = ('front_right', 'front_left')  # the reference runs have the first only
 FILM = FilmParams(wheels=INSTRUMENTED)
-NOISE = 0.02   # V, of the noisy run
-LOSS = 0.075   # of the batches, in it
-RATE = 4.0     # Hz, of its wheels
-HALF = 90.0    # s, of the figure-eight: enough for it
+NOISY_SIGMA = 0.02      # V, film noise of the noisy run
+NOISY_BATCH_LOSS = 0.075  # share of batches
+NOISY_WHEEL_RATE = 4.0  # Hz
+NOISY_DURATION = 90.0   # s, half of the figure-eight
 
-# half of a circle each, so that a wheel turns five times on each ground
+# Half of a circle each: five wheel revolutions on each surface.
 HALVES = GroundParams(
     names=('concrete', 'slippery'), friction=(0.47, 0.20), stiffness=(52.7, 52.7),
     drag=(0.015, 0.015), base='concrete', patches=('slippery=-50,0.9,50,50',))
 
 
 def _of(base: str, *, film: FilmParams = FILM, **changes: Any) -> Scenario:
-    """Return a scenario of those for slip with films, and with ``changes``."""
+    """Return a scenario of the slip benchmark with films and ``changes``."""
     return replace(SCENARIOS[base], film=film, gain_error=film.stretch_gain_tolerance, **changes)
 
 
@@ -52,9 +52,9 @@ def _all() -> tuple[Scenario, ...]:
             duration=tight_end, ground=HALVES),
         _of('figure_eight'),
         _of('figure_eight', name='noisy', title='20 mV, 7.5 % lost, 4 Hz',
-            legs=tuple(leg for leg in SCENARIOS['figure_eight'].legs if leg[0] < HALF),
-            duration=HALF, film=replace(FILM, noise=NOISE), wheel_rate=RATE,
-            radio=RadioParams(loss=LOSS)),
+            legs=tuple(leg for leg in SCENARIOS['figure_eight'].legs if leg[0] < NOISY_DURATION),
+            duration=NOISY_DURATION, film=replace(FILM, noise=NOISY_SIGMA),
+            wheel_rate=NOISY_WHEEL_RATE, radio=RadioParams(loss=NOISY_BATCH_LOSS)),
         _of('sand', title=f'{sand}, C_x of concrete'),
         _of('sand', name='sand_given', title=f'{sand}, C_x given',
             tire=TireParams(longitudinal_stiffness=_stiffness(SAND))),

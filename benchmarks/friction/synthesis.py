@@ -1,4 +1,4 @@
-"""Passages drawn from the exact model, with all that varies and errs, and what is true of them."""
+"""Random crossings synthesized from the exact model with sensor errors."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from smart_tire.parameters.simulation import SensorErrorParams
 from smart_tire.samples import NS_PER_S
 from smart_tire.uncertain import Uncertain
 
-ERRORS = SensorErrorParams()  # bending and bumps vary as the simulator's do
-BUMPS = min(ERRORS.bumps), max(ERRORS.bumps)
-EXACT = 1e-6                  # -, sigma of a slip that is true
-LOOK = 0.019                  # m, around a film's place where it is looked for
+SENSOR_ERRORS = SensorErrorParams()  # variation of bending and bumps as in the simulator
+BUMP_RANGE = min(SENSOR_ERRORS.bumps), max(SENSOR_ERRORS.bumps)
+TRUE_SLIP_SIGMA = 1e-6                  # -
+SEARCH_RANGE = 0.019          # m, around the true position of a film, for its detection
 
 
-class Synthesiser:
+class CrossingSynthesizer:
     """
-    Draws passages of a case.
+    Generates random crossings of a case.
 
-    ``gain_error`` is the relative spread of the gains from one passage to the next, by default
-    the tolerance to which they are known.
+    ``gain_error`` is the relative standard deviation of the gains between crossings, by default
+    their tolerance.
     """
 
     def __init__(self, case: Case, seed: int, gain_error: float | None = None) -> None:
@@ -38,20 +38,21 @@ class Synthesiser:
         film = self._robot.film
         self._gain_error = film.stretch_gain_tolerance if gain_error is None else gain_error
         self._rng = np.random.default_rng(seed)
-        self._sighter = CrossingDetector(self._robot)
+        self._detector = CrossingDetector(self._robot)
         self._chain = SignalChain(bits=film.bits, voltage_range=film.voltage_range,
                                   rest_voltage=film.rest_voltage)
 
-    def passage(self) -> PatchCrossing:
-        """Return the next passage; its middle is at 1 s, the reference at a distance of 0."""
+    def crossing(self) -> PatchCrossing:
+        """Return the next crossing at a time of 1 s; the reference distance is 0."""
         film, patch = self._robot.film, self._robot.tire.contact_length
         half, speed = 0.5 * (patch + film.length), self._case.speed
         step = speed / film.sample_rate
-        way = np.arange(-half - SAMPLE_MARGIN + step * self._rng.uniform(),
+        distance = np.arange(-half - SAMPLE_MARGIN + step * self._rng.uniform(),
                         half + SAMPLE_MARGIN + film.spacing, step)
-        places = (0.0, film.spacing)  # of the films' middles, film 1 comes first
-        samples = [self._film(i, way, place, half) for i, place in enumerate(places)]
-        sightings = [self._look(one, place) for one, place in zip(samples, places)]
+        positions = (0.0, film.spacing)  # of the film centers; film 1 enters first
+        samples = [self._film(i, distance, position, half)
+                   for i, position in enumerate(positions)]
+        sightings = [self._detect(one, position) for one, position in zip(samples, positions)]
         seen = [(one, sighting) for one, sighting in zip(samples, sightings)
                 if sighting is not None]
         inside = round(0.5 * (patch - film.length) / speed * NS_PER_S)
@@ -61,17 +62,17 @@ class Synthesiser:
             first + inside, CrossingSamples(tuple(one for one, _ in seen),
                                     tuple(look for _, look in seen), 0.0) if seen else None)
 
-    def _film(self, film: int, way: Floats, place: float, half: float) -> FilmSamples:
+    def _film(self, film: int, distance: Floats, position: float, half: float) -> FilmSamples:
         case, params, rng = self._case, self._robot.film, self._rng
         patch = self._robot.tire.contact_length
-        past = way - place
-        past = past[np.abs(past) < half + SAMPLE_MARGIN]
-        x = past + 0.5 * (patch - params.length)
-        spread = ERRORS.bending_variation
+        relative = distance - position
+        relative = relative[np.abs(relative) < half + SAMPLE_MARGIN]
+        x = relative + 0.5 * (patch - params.length)
+        spread = SENSOR_ERRORS.bending_variation
         peak = params.bending(WHEEL)[film] * (1.0 + rng.uniform(-spread, spread))
         gain = params.gains(WHEEL)[film] * (1.0 + self._gain_error * rng.standard_normal())
-        before, after = rng.uniform(*BUMPS, 2).tolist()
-        bumps = np.where(past < 0.0, before, after)
+        before, after = rng.uniform(*BUMP_RANGE, 2).tolist()
+        bumps = np.where(relative < 0.0, before, after)
         volts = tread_film.crossing_voltage(
             x, slip=case.slip, total_slip=case.total_slip, critical_slip=case.critical_slip,
             film_length=params.length, contact_length=patch, bending_peak=peak,
@@ -80,17 +81,18 @@ class Synthesiser:
                  + params.noise * rng.standard_normal(len(x)))
         counts = self._chain.counts(volts)
         rail = (counts == self._chain.max_count).astype(np.int8) - (counts == 0)
-        return FilmSamples(film, place + past, self._chain.volts(counts), rail)
+        return FilmSamples(film, position + relative, self._chain.volts(counts), rail)
 
-    def _look(self, one: FilmSamples, place: float) -> Detection | None:
+    def _detect(self, one: FilmSamples, position: float) -> Detection | None:
         film, usable = self._robot.film, one.rail == 0
-        return self._sighter.detect(
+        return self._detector.detect(
             one.distance[usable], one.volts[usable], bending=film.bending(WHEEL)[one.film],
-            gain=film.gains(WHEEL)[one.film], between=(place - LOOK, place + LOOK))
+            gain=film.gains(WHEEL)[one.film],
+            between=(position - SEARCH_RANGE, position + SEARCH_RANGE))
 
     def motion(self) -> WheelMotion:
-        """Return the true motion of the wheel; load and stiffness are exact."""
+        """Return the true motion of the wheel with exact load and stiffness."""
         case = self._case
-        sideways = case.speed * math.sqrt(max(case.total_slip**2 - case.slip**2, 0.0))
-        return WheelMotion(Uncertain(case.slip, EXACT), Uncertain(-sideways, 0.0),
+        lateral = case.speed * math.sqrt(max(case.total_slip**2 - case.slip**2, 0.0))
+        return WheelMotion(Uncertain(case.slip, TRUE_SLIP_SIGMA), Uncertain(-lateral, 0.0),
                            Uncertain(LOAD, 0.0), stiffness_sigma=0.0)

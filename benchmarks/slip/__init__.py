@@ -1,1 +1,1 @@
-"""Accuracy of slip and pose against reference methods, simulated and on recordings."""
+"""Accuracy of slip and pose compared with other methods, in simulation and on recordings."""

@@ -1,4 +1,4 @@
-"""The slip estimator under test: as the node runs it, and smoothed afterwards."""
+"""The slip estimator under test: online filter and RTS smoother."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.samples import ImuSample, NS_PER_S, Odometry, Sample, WheelSample
 
-STATUS_EVERY = 0.1  # s, between two readings of the innovation statistic
+NIS_PERIOD = 0.1  # s, between two values of the innovation statistic
 
 
 def live_estimate(samples: Iterable[Sample], params: SlipEstimatorParams) -> EstimateSeries:
-    """Return what the estimator tells while ``samples`` come in, in the order of reception."""
+    """Return the online estimates from ``samples`` in order of reception."""
     estimator, records, statistic = SlipEstimator(params), list[Sample](), Table(1)
     spent, steps, next_ns = 0.0, 0, 0
     for sample in samples:
@@ -29,7 +29,7 @@ def live_estimate(samples: Iterable[Sample], params: SlipEstimatorParams) -> Est
         for estimate in estimates:
             steps += isinstance(estimate, Odometry)
         if estimates and estimates[0].stamp_ns >= next_ns:
-            next_ns = estimates[0].stamp_ns + round(STATUS_EVERY * NS_PER_S)
+            next_ns = estimates[0].stamp_ns + round(NIS_PERIOD * NS_PER_S)
             nis = float(estimator.status()['normalised_innovation_squared'])
             statistic.add(estimates[0].stamp_ns, (nis,))
     stamps, values = statistic.arrays()
@@ -37,7 +37,7 @@ def live_estimate(samples: Iterable[Sample], params: SlipEstimatorParams) -> Est
 
 
 def smoothed_estimate(samples: Iterable[Sample], params: SlipEstimatorParams) -> EstimateSeries:
-    """Return what the smoother tells when all ``samples`` are in."""
+    """Return the smoothed estimates from ``samples``."""
     slip = SmoothedSlip(params)
     try:
         for sample in samples:

@@ -1,4 +1,4 @@
-"""One run through the estimator under test and through its rivals."""
+"""Estimates of one run by the estimator under test and by the methods for comparison."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ METHODS = {
     'wheels_fitted': 'wheels, best-fit track',
     'gyro': 'gyro + wheels',
     'gyro_fitted': 'gyro + wheels, best-fit radius',
-    'plain_ekf': 'EKF as robot_localization',
+    'plain_ekf': 'robot_localization-style EKF',
 }
 
 
 def compare_methods(samples: Sequence[Sample], params: SlipEstimatorParams,
-            truth: PoseSeries) -> dict[str, EstimateSeries]:
+                    truth: PoseSeries) -> dict[str, EstimateSeries]:
     """
-    Return what each of ``METHODS`` makes of ``samples``, in the order of reception.
+    Return the estimates of all ``METHODS`` from ``samples`` in order of reception.
 
-    The constants of the rivals that are fitted are fitted to ``truth``.
+    Fitted constants of the methods for comparison are fitted to ``truth``.
     """
     inputs = as_inputs(samples, params.robot)
     track = fitted_track(inputs, truth)

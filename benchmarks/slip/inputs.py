@@ -1,4 +1,4 @@
-"""The inputs of a run as arrays, as the rivals of the slip estimator take them."""
+"""Inputs of a run as arrays, for the methods for comparison."""
 
 from __future__ import annotations
 
@@ -14,26 +14,26 @@ from smart_tire.parameters import RobotParams
 from smart_tire.rotation import matrix
 from smart_tire.samples import ImuSample, NS_PER_S, Sample, WheelSample
 
-REST_MARGIN = 0.3   # s, before the first movement that no longer counts as rest
-SHORTEST_REST = 0.5  # s; shorter, nothing is learnt from it
-STILL = 0.01        # m/s, rolling speed of a wheel that stands
+STANDSTILL_MARGIN = 0.3        # s, before the first motion, excluded from the standstill
+MIN_STANDSTILL_DURATION = 0.5  # s, for the estimation of biases
+MAX_STANDSTILL_SPEED = 0.01    # m/s, of a stationary wheel
 
 
 @dataclass(frozen=True)
 class Inputs:
-    """What the sensors said, in the order of the stamps and without repetitions."""
+    """Sensor samples sorted by timestamp, without duplicates."""
 
     robot: RobotParams
     imu_ns: Stamps
     rate: Floats         # (n,) rad/s about z of base_link
     force: Floats        # (n, 2) m/s2, specific force along x and y of base_link
-    wheel_ns: Stamps     # without the latency that is known
-    travel: Floats       # (m, 2) m, rolled by the left and by the right side
-    resting: int         # samples of the inertial unit before the robot first moves
+    wheel_ns: Stamps     # corrected for the known latency
+    travel: Floats       # (m, 2) m, rolled distance of left and right side
+    stationary: int      # number of IMU samples before the robot first moves
 
     @property
     def rolling(self) -> Floats:
-        """Return r w [m/s] of the sides (m, 2): central differences over the two periods."""
+        """Return r w [m/s] of the sides (m, 2), by central differences."""
         time = (self.wheel_ns - self.wheel_ns[0]) / NS_PER_S
         return np.asarray(np.gradient(self.travel, time, axis=0))
 
@@ -50,27 +50,27 @@ def as_inputs(samples: Iterable[Sample], robot: RobotParams) -> Inputs:
             wheels.add(sample.stamp_ns, (*(sample.position or (0.0,) * 4), *sample.velocity))
     (imu_ns, readings), (wheel_ns, rows) = imu.arrays(), wheels.arrays()
     if len(imu_ns) < 2 or len(wheel_ns) < 3:
-        raise EstimatorError('too few samples of the inertial unit or the wheels')
+        raise EstimatorError('too few samples of the IMU or the wheels')
     wheel_ns = wheel_ns - round(robot.encoder.latency * NS_PER_S)
-    angles = _summed(wheel_ns, rows[:, 4:]) if without_angles else rows[:, :4]
+    angles = _integrated(wheel_ns, rows[:, 4:]) if without_angles else rows[:, :4]
     travel = robot.wheel_radius * side_means(angles)
     rotation = matrix(*robot.imu.rotation)
     force, rate = readings[:, :3] @ rotation.T, readings[:, 3:] @ rotation.T
     return Inputs(robot, imu_ns, rate[:, 2], force[:, :2], wheel_ns, travel,
-                  _resting(imu_ns, wheel_ns, travel))
+                  _stationary_count(imu_ns, wheel_ns, travel))
 
 
-def _summed(stamp_ns: Stamps, velocity: Floats) -> Floats:
-    """Return angles [rad] from velocities that are means over the period before their stamp."""
+def _integrated(stamp_ns: Stamps, velocity: Floats) -> Floats:
+    """Return angles [rad] from velocities averaged over the period before each timestamp."""
     time = np.diff(stamp_ns) / NS_PER_S
     return np.concatenate([np.zeros((1, velocity.shape[1])),
                            np.cumsum(velocity[1:] * time[:, np.newaxis], axis=0)])
 
 
-def _resting(imu_ns: Stamps, wheel_ns: Stamps, travel: Floats) -> int:
+def _stationary_count(imu_ns: Stamps, wheel_ns: Stamps, travel: Floats) -> int:
     speed = np.abs(np.diff(travel, axis=0)).max(axis=1) / np.diff(wheel_ns) * NS_PER_S
-    moving = np.flatnonzero(speed > STILL)
+    moving = np.flatnonzero(speed > MAX_STANDSTILL_SPEED)
     end = wheel_ns[moving[0]] if len(moving) else wheel_ns[-1]
-    count = int(np.searchsorted(imu_ns, end - round(REST_MARGIN * NS_PER_S)))
-    long_enough = count and imu_ns[count - 1] - imu_ns[0] >= SHORTEST_REST * NS_PER_S
+    count = int(np.searchsorted(imu_ns, end - round(STANDSTILL_MARGIN * NS_PER_S)))
+    long_enough = count and imu_ns[count - 1] - imu_ns[0] >= MIN_STANDSTILL_DURATION * NS_PER_S
     return count if long_enough else 0

@@ -1,9 +1,9 @@
 """
-Dead reckoning by wheels, and by gyroscope and wheels: for this comparison only.
+Dead reckoning by wheels, and by gyroscope and wheels, for comparison.
 
-Each gets what it can be given: angles and not speeds, speeds by central differences (which look
-ahead), the bias of the gyroscope from the standstill at the start. Constants that are fitted are
-fitted to the truth of the very run.
+The methods get the best possible inputs: angles instead of speeds, speeds by central differences
+(not causal), the gyroscope bias from the initial standstill. Fitted constants are fitted to the
+ground truth of the same run.
 """
 
 from __future__ import annotations
@@ -19,67 +19,69 @@ from smart_tire.analysis.series import at, Floats, PoseSeries, SlipSeries, Stamp
 from smart_tire.models.vehicle.skid_steer import slip_ratio
 from smart_tire.samples import NS_PER_S
 
-LEAST_TURN = 0.1  # m that one side rolls further than the other: less fits no track
-GAP = 5.0         # s of silence that are bridged by a straight line
+MIN_SIDE_DIFFERENCE = 0.1  # m, of the rolled distances, for fitting a track
+MAX_GAP = 5.0              # s, bridged by linear interpolation
 
 
 def wheel_odometry(inputs: Inputs, track: float) -> EstimateSeries:
-    """Return the way of a differential drive of ``track`` [m] with these wheels."""
+    """Return the odometry of a differential drive with ``track`` [m]."""
     travel, rolling = inputs.travel, inputs.rolling
     yaw = _heading(inputs, track)
     rate = (rolling[:, 1] - rolling[:, 0]) / track
-    return _reckoned(inputs, inputs.wheel_ns, yaw, travel.mean(axis=1), rate, rolling)
+    return _dead_reckoning(inputs, inputs.wheel_ns, yaw, travel.mean(axis=1), rate, rolling)
 
 
 def fitted_track(inputs: Inputs, truth: PoseSeries) -> float:
-    """Return the track [m] with which the heading is best, by least squares over the run."""
-    estimate = wheel_odometry(inputs, 1.0)  # then the yaw is the difference of the sides
-    guess, true, _ = aligned(truth, estimate.poses)
-    if not len(guess):
+    """Return the track [m] that fits the true heading best in the least squares sense."""
+    estimate = wheel_odometry(inputs, 1.0)  # for which yaw is the difference of the sides
+    estimated, true, _ = aligned(truth, estimate.poses)
+    if not len(estimated):
         return inputs.robot.track_width
-    apart, turned = guess[:, 2] - guess[0, 2], true[:, 2] - true[0, 2]
-    if np.ptp(apart) < LEAST_TURN:
+    difference, turned = estimated[:, 2] - estimated[0, 2], true[:, 2] - true[0, 2]
+    if np.ptp(difference) < MIN_SIDE_DIFFERENCE:
         return inputs.robot.track_width
-    return float(apart @ apart / (apart @ turned))
+    return float(difference @ difference / (difference @ turned))
 
 
 def gyro_odometry(inputs: Inputs, scale: float = 1.0) -> EstimateSeries:
-    """Return the way by the gyroscope's heading and the wheels' mean, ``scale`` times as long."""
+    """Return dead reckoning by gyroscope heading and mean wheel distance times ``scale``."""
     stamps = inputs.imu_ns
-    bias = inputs.rate[:inputs.resting].mean() if inputs.resting else 0.0
+    bias = inputs.rate[:inputs.stationary].mean() if inputs.stationary else 0.0
     rate = inputs.rate - bias
     steps = 0.5 * (rate[1:] + rate[:-1]) * np.diff(stamps) / NS_PER_S
     yaw = np.concatenate([[0.0], np.cumsum(steps)])
-    travel = at(stamps, inputs.wheel_ns, inputs.travel, GAP)
-    rolling = at(stamps, inputs.wheel_ns, inputs.rolling, GAP)
+    travel = at(stamps, inputs.wheel_ns, inputs.travel, MAX_GAP)
+    rolling = at(stamps, inputs.wheel_ns, inputs.rolling, MAX_GAP)
     known = np.isfinite(travel[:, 0])
-    return _reckoned(inputs, stamps[known], yaw[known], scale * travel[known].mean(axis=1),
+    return _dead_reckoning(inputs, stamps[known], yaw[known], scale * travel[known].mean(axis=1),
                      rate[known], rolling[known], scale)
 
 
 def fitted_scale(inputs: Inputs, truth: PoseSeries) -> float:
-    """Return the factor on the wheels' radius with which the position is best, likewise."""
-    guess, true, _ = aligned(truth, gyro_odometry(inputs).poses)
-    if not len(guess):
+    """Return the factor on the wheel radius that fits the true position best."""
+    estimated, true, _ = aligned(truth, gyro_odometry(inputs).poses)
+    if not len(estimated):
         return 1.0
-    reckoned, gone = guess[:, :2] - guess[0, :2], true[:, :2] - true[0, :2]
+    reckoned, true_path = estimated[:, :2] - estimated[0, :2], true[:, :2] - true[0, :2]
     square = float(np.sum(reckoned ** 2))
-    return float(np.sum(reckoned * gone)) / square if square > LEAST_TURN ** 2 else 1.0
+    if square <= MIN_SIDE_DIFFERENCE ** 2:
+        return 1.0
+    return float(np.sum(reckoned * true_path)) / square
 
 
 def _heading(inputs: Inputs, track: float) -> Floats:
-    apart = inputs.travel[:, 1] - inputs.travel[:, 0]
-    heading: Floats = (apart - apart[0]) / track
+    difference = inputs.travel[:, 1] - inputs.travel[:, 0]
+    heading: Floats = (difference - difference[0]) / track
     return heading
 
 
-def _reckoned(inputs: Inputs, stamps: Stamps, yaw: Floats, way: Floats, rate: Floats,
+def _dead_reckoning(inputs: Inputs, stamps: Stamps, yaw: Floats, distance: Floats, rate: Floats,
               rolling: Floats, scale: float = 1.0) -> EstimateSeries:
-    """Return the estimate of a robot that goes ``way`` [m] along ``yaw`` [rad] in arcs."""
+    """Return the estimate for travel of ``distance`` [m] with heading ``yaw`` [rad] along arcs."""
     turn = np.diff(yaw)
-    chord = np.diff(way) * np.sinc(0.5 * turn / math.pi)
-    middle = yaw[:-1] + 0.5 * turn
-    x, y = (np.concatenate([[0.0], np.cumsum(chord * f(middle))]) for f in (np.cos, np.sin))
+    chord = np.diff(distance) * np.sinc(0.5 * turn / math.pi)
+    mean_yaw = yaw[:-1] + 0.5 * turn
+    x, y = (np.concatenate([[0.0], np.cumsum(chord * f(mean_yaw))]) for f in (np.cos, np.sin))
     v_x = scale * rolling.mean(axis=1)
     twist = np.column_stack([v_x, np.zeros(len(v_x)), rate])
     unknown = np.full((len(yaw), 3, 3), math.nan)
@@ -91,7 +93,7 @@ def _reckoned(inputs: Inputs, stamps: Stamps, yaw: Floats, way: Floats, rate: Fl
 
 def side_slips(stamps: Stamps, rolling: Floats, ground: Floats, standstill: float,
                ground_sigma: Floats | None = None) -> SlipSeries:
-    """Return slips from r w and v_x (n, 2) of the sides, with sigmas if ground speeds have any."""
+    """Return slips from r w and v_x (n, 2) of the sides; sigmas from ``ground_sigma`` if given."""
     ratio = slip_ratio(rolling, ground, standstill)
     sigma = np.full_like(ratio, math.nan)
     if ground_sigma is not None:

@@ -1,11 +1,11 @@
 """
 An extended Kalman filter in the style of the ROS package robot_localization.
 
-For this comparison only: its ``two_d_mode``, an omnidirectional body with constant acceleration,
-fed as its documentation advises with the twist of wheel odometry (v_x, v_y = 0, yaw rate) and
-the inertial unit (yaw rate, accelerations); it knows of neither slip nor bias. It is given more
-than the package takes: biases from the standstill at the start are removed, the wheels turn it
-by the track that fits the run best, and all messages come in the order of their stamps.
+For comparison: its ``two_d_mode``, an omnidirectional body with constant acceleration. As its
+documentation recommends, the inputs are the twist of wheel odometry (v_x, v_y = 0, yaw rate) and
+the IMU (yaw rate, accelerations). It models neither slip nor biases. In addition to what the
+package does, biases from the initial standstill are removed, the wheel yaw rate uses the track
+that fits the run best, and all messages are processed in order of their timestamps.
 """
 
 from __future__ import annotations
@@ -36,18 +36,18 @@ class State(IntEnum):
 
 
 N = len(State)
-# Variances per second that the package has unless told, in the order of the state.
+# Default variances per second of the package, in the order of the state.
 PROCESS_NOISE = np.array([0.05, 0.05, 0.06, 0.025, 0.025, 0.02, 0.01, 0.01])
-START_VARIANCE = 1e-9     # of every state, likewise
-# (m/s)^2, (m/s)^2, (rad/s)^2: variances of v_x, v_y and yaw rate by wheels that the makers of
-# skid-steered Husky robots set for its controller.
+START_VARIANCE = 1e-9     # of every state, default of the package
+# (m/s)^2, (m/s)^2, (rad/s)^2: variances of v_x, v_y and yaw rate of wheel odometry in the
+# controller configuration of the skid-steer robot Husky.
 TWIST_VARIANCE = np.array([0.001, 0.001, 0.03])
 TWIST = [State.V_X, State.V_Y, State.RATE]
 INERTIAL = [State.RATE, State.A_X, State.A_Y]
 
 
 class PlainEkf:
-    """Predict to the stamp of each measurement, then correct."""
+    """EKF that predicts to the timestamp of each measurement, then corrects."""
 
     def __init__(self) -> None:
         self.x: Floats = np.zeros(N)
@@ -71,7 +71,7 @@ class PlainEkf:
         self.P = F @ self.P @ F.T + np.diag(PROCESS_NOISE * dt)
 
     def correct(self, rows: list[State], z: Floats, variance: Floats) -> None:
-        """Take a direct measurement ``z`` of ``rows``; Joseph form."""
+        """Correct with a direct measurement ``z`` of ``rows``, in Joseph form."""
         H = np.eye(N)[rows]
         R = np.diag(variance)
         K = np.linalg.solve(H @ self.P @ H.T + R, H @ self.P).T
@@ -81,11 +81,11 @@ class PlainEkf:
 
 
 def plain_ekf(inputs: Inputs, track: float) -> EstimateSeries:
-    """Return what the filter tells, with the wheels' yaw rate by ``track`` [m]."""
+    """Return the estimates of the filter; the wheel yaw rate uses ``track`` [m]."""
     robot, ekf = inputs.robot, PlainEkf()
     readings = np.column_stack([inputs.rate, inputs.force])
-    if inputs.resting:
-        readings = readings - readings[:inputs.resting].mean(axis=0)
+    if inputs.stationary:
+        readings = readings - readings[:inputs.stationary].mean(axis=0)
     seconds = np.diff(inputs.wheel_ns) / NS_PER_S
     left, right = (np.diff(inputs.travel, axis=0) / seconds[:, np.newaxis]).T
     twists = np.column_stack([0.5 * (left + right), np.zeros(len(left)), (right - left) / track])

@@ -1,11 +1,11 @@
 """
-Real recordings: poses by lidar or motion capture are the truth, and there is none of the slip.
+Real recordings: ground truth are poses by lidar or motion capture; slip has no ground truth.
 
-Nothing is learnt from what is scored: a recording's beginning is for identifying parameters and
-for the filter to settle, the rest is judged. There, the true path is laid over each estimate by
-the mean differences of heading and position over the last ``ALIGNED_OVER`` of the beginning: one
-pose alone would carry its own noise along the whole path. Only the fitted constants of the
-rivals are fitted to the very stretch that is scored.
+Training and test data are separate: the initial part of a recording serves to identify
+parameters and lets the filter settle, the remaining part is scored. The true path is aligned with
+each estimate by the mean differences of heading and position over the last ``ALIGNMENT_WINDOW``
+of the initial part, because aligning a single pose would add its noise to the whole path. Only
+the fitted constants of the methods for comparison are fitted to the scored part itself.
 """
 
 from __future__ import annotations
@@ -32,86 +32,84 @@ from smart_tire.samples import NS_PER_S, Sample
 
 TRUTH = 'ground_truth/odom'
 TOPICS = ('imu/data', 'wheel_states', TRUTH)
-ALIGNED_OVER = 2.0  # s
+ALIGNMENT_WINDOW = 2.0  # s
 
-Aligned = tuple[Floats, Floats, Stamps]  # estimated poses, true poses in their frame, stamps
+AlignedPoses = tuple[Floats, Floats, Stamps]  # estimated, true poses in the same frame, timestamps
 
 
 @dataclass(frozen=True)
 class Recording:
-    """A recording, and what is known of its robot beforehand."""
+    """A recording, and the known parameters of its robot."""
 
     name: str
     folder: str
     title: str
-    beginning: float        # s, not scored
+    initial_duration: float        # s, not scored
     known: dict[str, Any]   # parameters, flat
-    identified: bool        # whether parameters are identified from the beginning
+    identified: bool        # whether parameters are identified from the initial part
 
 
-# Geometry as measured, units whose place in the robot is not told, ground that is firm and not
-# quite level, stamps by a network.
+# Measured geometry, unknown IMU position, firm and not quite level surface, network timestamps.
 _COMMON = {'imu.position': [0.0, 0.0, 0.0], 'imu.accel_bias': 0.5, 'slip_sigma': 0.05,
            'slope_sigma': 0.02}
 _WARTHOG = {**_COMMON, 'wheel_radius': 0.30, 'track_width': 1.08, 'wheelbase': 1.05,
             'encoder.stamp_jitter': 0.02}
 _HUSKY = {**_COMMON, 'wheel_radius': 0.1651, 'track_width': 0.555, 'wheelbase': 0.540}
 RECORDINGS = (
-    # It stands still until 134 s: the first 120 s tell no more than biases and noise. At 240 s
-    # it stands again.
+    # Stationary until 134 s, so the first 120 s show biases and noise only; again at 240 s.
     Recording('warthog_120', 'warthog_asphalt', 'Warthog on asphalt, identified from 120 s',
               120.0, _WARTHOG, True),
     Recording('warthog_240', 'warthog_asphalt', 'Warthog on asphalt, identified from 240 s',
               240.0, _WARTHOG, True),
     Recording('husky', 'husky_rectangle', 'Husky, only the mean wheel speed known',
-              ALIGNED_OVER, _HUSKY, False),
+              ALIGNMENT_WINDOW, _HUSKY, False),
 )
 
 
 @dataclass(frozen=True)
 class RecordedRun:
-    """What came of a recording: estimates, and the poses after the beginning beside the truth."""
+    """Estimates from a recording, and the scored poses with the aligned truth."""
 
     estimates: dict[str, EstimateSeries]
-    tracks: dict[str, Aligned]
+    aligned_poses: dict[str, AlignedPoses]
 
     def scores(self) -> dict[str, PathScore]:
-        """Return the scores of all methods over the rest of the recording."""
-        return {name: rest_score(track) for name, track in self.tracks.items()}
+        """Return the scores of all methods over the scored part."""
+        return {name: remaining_score(track) for name, track in self.aligned_poses.items()}
 
 
-def learned(path: Path, recording: Recording) -> SlipEstimatorParams:
-    """Return what is known of the robot, bettered by what the beginning of the bag tells."""
+def identified_params(path: Path, recording: Recording) -> SlipEstimatorParams:
+    """Return the known parameters, updated with those identified from the initial part."""
     known = build(SlipEstimatorParams, recording.known)
     if not recording.identified:
         return known
-    found = identify_geometry(path, known.robot, until=recording.beginning)
+    found = identify_geometry(path, known.robot, until=recording.initial_duration)
     names = specs(SlipEstimatorParams).keys()
-    told = {item.name: item.value for item in parameters(found, known.robot)
+    identified = {item.name: item.value for item in parameters(found, known.robot)
             if item.name in names}
-    return build(SlipEstimatorParams, {**recording.known, **told})
+    return build(SlipEstimatorParams, {**recording.known, **identified})
 
 
 def run_recording(path: Path, recording: Recording) -> RecordedRun:
     """
-    Return what each method makes of the bag at ``path``.
+    Return the estimates of all methods from the bag at ``path``.
 
-    Raises BagError if it can not be read, EstimatorError if it lacks inputs or the truth.
+    Raises BagError if the bag cannot be read, EstimatorError if it lacks inputs or ground truth.
     """
-    params = learned(path, recording)
+    params = identified_params(path, recording)
     samples, truth = read(path)
     if not len(truth.stamp_ns):
         raise EstimatorError(f'{path}: has no {TRUTH}')
-    begin_ns = int(truth.stamp_ns[0]) + round(recording.beginning * NS_PER_S)
-    rest = stretch(truth, begin_ns)
+    begin_ns = int(truth.stamp_ns[0]) + round(recording.initial_duration * NS_PER_S)
+    rest = poses_from(truth, begin_ns)
     estimates = compare_methods(samples, params, rest)
-    tracks = {name: track_after(estimate.poses, truth, begin_ns)
+    aligned_poses = {name: align_after(estimate.poses, truth, begin_ns)
               for name, estimate in estimates.items()}
-    return RecordedRun(estimates, tracks)
+    return RecordedRun(estimates, aligned_poses)
 
 
 def read(path: Path) -> tuple[list[Sample], PoseSeries]:
-    """Return the inputs in the order of reception, and the true poses."""
+    """Return the inputs in order of reception, and the true poses."""
     samples, truth = list[Sample](), Series()
     with Bag(path) as bag:
         for _, topic, sample in bag.samples(TOPICS):
@@ -122,39 +120,40 @@ def read(path: Path) -> tuple[list[Sample], PoseSeries]:
     return samples, truth.poses()
 
 
-def stretch(poses: PoseSeries, begin_ns: int) -> PoseSeries:
-    """Return ``poses`` from ``begin_ns`` on."""
+def poses_from(poses: PoseSeries, begin_ns: int) -> PoseSeries:
+    """Return the ``poses`` at and after ``begin_ns``."""
     first = int(np.searchsorted(poses.stamp_ns, begin_ns))
     return PoseSeries(poses.stamp_ns[first:], poses.pose[first:], poses.twist[first:],
                       poses.pose_covariance[first:], poses.twist_variance[first:])
 
 
-def track_after(estimate: PoseSeries, truth: PoseSeries, begin_ns: int) -> Aligned:
+def align_after(estimate: PoseSeries, truth: PoseSeries, begin_ns: int) -> AlignedPoses:
     """
-    Return estimated and true poses after ``begin_ns``, the truth laid over the estimate.
+    Return estimated poses and aligned true poses after ``begin_ns``.
 
-    Raises EstimatorError where nothing is known of either just before.
+    Raises EstimatorError if there are no poses in the window before ``begin_ns``.
     """
-    guess = at(truth.stamp_ns, estimate.stamp_ns, estimate.pose)
-    known = np.isfinite(guess[:, 0])
-    guess, true, stamps = guess[known], truth.pose[known], truth.stamp_ns[known]
-    window = (stamps <= begin_ns) & (stamps >= begin_ns - round(ALIGNED_OVER * NS_PER_S))
+    estimated = at(truth.stamp_ns, estimate.stamp_ns, estimate.pose)
+    known = np.isfinite(estimated[:, 0])
+    estimated, true, stamps = estimated[known], truth.pose[known], truth.stamp_ns[known]
+    window = (stamps <= begin_ns) & (stamps >= begin_ns - round(ALIGNMENT_WINDOW * NS_PER_S))
     if not window.any():
-        raise EstimatorError('no pose within the time over which paths are aligned')
-    turn = float(np.mean((guess - true)[window, 2]))
+        raise EstimatorError('no pose in the window for alignment')
+    turn = float(np.mean((estimated - true)[window, 2]))
     moved = rotated(true[:, :2], turn)
-    moved += np.mean(guess[window, :2] - moved[window], axis=0)
+    moved += np.mean(estimated[window, :2] - moved[window], axis=0)
     after = stamps >= begin_ns
-    return guess[after], np.column_stack([moved, true[:, 2] + turn])[after], stamps[after]
+    return estimated[after], np.column_stack([moved, true[:, 2] + turn])[after], stamps[after]
 
 
-def rest_score(track: Aligned) -> PathScore:
-    """Return the errors of a path; without normalised ones, for they begin in the middle."""
-    guess, true, _ = track
-    error = guess - true
-    off = np.linalg.norm(error[:, :2], axis=1)
-    return PathScore(distance(true[:, :2]), rms(off), float(off[-1]), math.nan, math.nan,
-                     score(error[:, 2], np.full(len(error), math.nan)), float(error[-1, 2]))
+def remaining_score(track: AlignedPoses) -> PathScore:
+    """Return the errors of an aligned path, without normalized ones."""
+    estimated, true, _ = track
+    error = estimated - true
+    distances = np.linalg.norm(error[:, :2], axis=1)
+    return PathScore(distance(true[:, :2]), rms(distances), float(distances[-1]), math.nan,
+                     math.nan, score(error[:, 2], np.full(len(error), math.nan)),
+                     float(error[-1, 2]))
 
 
 def bags(folder: Path) -> tuple[dict[str, Path], list[str]]:

@@ -1,10 +1,10 @@
 """
-What a reference filter reached on such runs: the published targets of the project.
+Results of an internal reference filter on the same scenarios.
 
-They rest on the same kinds of runs and sensor errors, not on the same random numbers. Its wheel
-speeds are smoothed with a lag of 0.13 s. Slips are rms errors of the two sides in the steady
-parts, on the straight run at all times against the truth averaged over 125 ms. Its force balance
-takes C_x 52.7 N and mu 0.47 for granted: right on concrete, wrong on sand and in the mu jumps.
+Runs and sensor errors are of the same kind, but the random numbers differ. The filter smooths
+wheel speeds with a lag of 0.13 s. Slips are rms errors of both sides in steady intervals; on the
+straight run at all times against truth averaged over 125 ms. Its force balance assumes C_x 52.7 N
+and mu 0.47, which is right on concrete and wrong on sand and in the mu jumps.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import math
 
 
 @dataclass(frozen=True)
-class Published:
+class Reference:
     """Errors of one filter on one run."""
 
     left: float   # -, rms error of the slip
@@ -25,33 +25,34 @@ class Published:
 
 
 @dataclass(frozen=True)
-class Target:
-    """What was reached on one run."""
+class ReferenceRun:
+    """Results on one run by variant of the filter."""
 
-    no_slip: Published   # slip 0 assumed
-    plain: Published     # IMU + wheels + constraints
-    balance: Published   # with force balance
+    no_slip: Reference   # slip 0 assumed
+    plain: Reference     # IMU + wheels + constraints
+    balance: Reference   # with force balance
 
 
-TITLES = {'plain': 'published: with constraints', 'balance': 'published: force balance'}
+TITLES = {'plain': 'reference filter', 'balance': 'reference, force balance'}
 
-_SWEEP = Target(Published(.114, .096), Published(.024, .023, .012), Published(.010, .008, .0024))
+_SWEEP = ReferenceRun(
+    Reference(.114, .096), Reference(.024, .023, .012), Reference(.010, .008, .0024))
 
-TARGETS = {
-    'concrete': Target(
-        Published(.111, .108), Published(.007, .013, .006), Published(.005, .009, .0033)),
-    'sand': Target(
-        Published(.285, .081), Published(.010, .019, .010), Published(.005, .008, .004)),
+REFERENCE_RESULTS = {
+    'concrete': ReferenceRun(
+        Reference(.111, .108), Reference(.007, .013, .006), Reference(.005, .009, .0033)),
+    'sand': ReferenceRun(
+        Reference(.285, .081), Reference(.010, .019, .010), Reference(.005, .008, .004)),
     'sweep_60': _SWEEP,
-    'mu_jumps': Target(
-        Published(.063, .072), Published(.029, .021, .010), Published(.016, .012, .0044)),
-    'figure_eight': Target(
-        Published(.076, .074), Published(.016, .016, .010, 0.18, 1.5),
-        Published(.006, .006, .0036, 0.10, 0.7)),
-    'degraded': Target(
-        Published(.073, .074), Published(.018, .017, .010), Published(.006, .006, .0056)),
-    'straight': Target(
-        Published(.109, .110), Published(.041, .042, .012), Published(.035, .037, .0095)),
-    'spin_reverse': Target(
-        Published(.202, .182), Published(.019, .019, .010), Published(.013, .013, .007)),
+    'mu_jumps': ReferenceRun(
+        Reference(.063, .072), Reference(.029, .021, .010), Reference(.016, .012, .0044)),
+    'figure_eight': ReferenceRun(
+        Reference(.076, .074), Reference(.016, .016, .010, 0.18, 1.5),
+        Reference(.006, .006, .0036, 0.10, 0.7)),
+    'degraded': ReferenceRun(
+        Reference(.073, .074), Reference(.018, .017, .010), Reference(.006, .006, .0056)),
+    'straight': ReferenceRun(
+        Reference(.109, .110), Reference(.041, .042, .012), Reference(.035, .037, .0095)),
+    'spin_reverse': ReferenceRun(
+        Reference(.202, .182), Reference(.019, .019, .010), Reference(.013, .013, .007)),
 }

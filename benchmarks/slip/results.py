@@ -1,4 +1,4 @@
-"""Scores as named figures: one set per run, method and seed, and what seeds have in common."""
+"""Scores as named figures per run, method and seed, and their combination over seeds."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from smart_tire.analysis.metrics import Score
 Figures = dict[str, float]
 
 ERRORS = (  # combined by their root mean square
-    'slip_left', 'slip_right', 'slip_left_always', 'slip_right_always', 'speed', 'speed_always',
+    'slip_left', 'slip_right', 'slip_left_all_times', 'slip_right_all_times', 'speed',
+    'speed_all_times',
     'position_rms', 'position_end', 'position_rms_percent', 'position_end_percent',
     'heading_rms', 'heading_end', 'icr_x')  # all others by their mean
 
@@ -28,19 +29,19 @@ class RunResult:
 
 def figures_of(score: RunScore) -> Figures:
     """
-    Return the figures of one score, in SI units but for per cent and microseconds.
+    Return the figures of one score in SI units, except percent and microseconds.
 
-    Without a further word slip and speed are judged where the run is; ``always`` is at all
-    times. ``nees`` is a mean of normalised squared errors, ``within_two`` a share within two
-    sigma (position: within the 95 % ellipse).
+    Slip and speed are scored at the selected times, with suffix ``_all_times`` at all times.
+    ``nees`` is the mean normalized squared error, ``within_two`` the share within two sigma
+    (position: within the 95 % ellipse).
     """
     sides = {'slip_left': score.left, 'slip_right': score.right}
-    figures = {'speed': score.speed.judged.rms, 'speed_always': score.speed.always.rms}
+    figures = {'speed': score.speed.selected.rms, 'speed_all_times': score.speed.all_times.rms}
     for name, parts in sides.items():
-        figures |= {name: parts.judged.rms, f'{name}_always': parts.always.rms}
-    for name, judged in {**{name: parts.judged for name, parts in sides.items()},
-                         'speed': score.speed.judged}.items():
-        figures |= _statistics(name, judged)
+        figures |= {name: parts.selected.rms, f'{name}_all_times': parts.all_times.rms}
+    for name, selected in {**{name: parts.selected for name, parts in sides.items()},
+                         'speed': score.speed.selected}.items():
+        figures |= _statistics(name, selected)
     return figures | path_figures(score.path) | {
         'icr_x': score.icr_x, 'nis': score.nis, 'step_us': score.step_us}
 
@@ -55,21 +56,21 @@ def path_figures(path: PathScore) -> Figures:
         'distance': path.distance_m}
 
 
-def _statistics(name: str, judged: Score) -> Figures:
-    """Return mean square and share within two of normalised errors; NaN without sigmas."""
-    known = math.isfinite(judged.normalised_rms)
-    return {f'nees_{name}': judged.normalised_rms ** 2,
-            f'within_two_{name}': judged.within_two if known else math.nan}
+def _statistics(name: str, selected: Score) -> Figures:
+    """Return NEES and share within two sigma; NaN without sigmas."""
+    known = math.isfinite(selected.normalized_rms)
+    return {f'nees_{name}': selected.normalized_rms ** 2,
+            f'within_two_{name}': selected.within_two if known else math.nan}
 
 
 def combined(seeds: Sequence[Mapping[str, float]]) -> Figures:
-    """Return the figures of several seeds as one: errors by rms, statistics by mean."""
+    """Return the figures combined over seeds: errors by rms, statistics by mean."""
     return {name: (math.sqrt(_mean([one[name] ** 2 for one in seeds])) if name in ERRORS
                    else _mean([one[name] for one in seeds])) for name in seeds[0]}
 
 
 def by_run(results: Sequence[RunResult]) -> dict[str, dict[str, Figures]]:
-    """Return run -> method -> combined figures, in the order in which they first come."""
+    """Return run -> method -> combined figures, in order of first occurrence."""
     runs: dict[str, list[RunResult]] = {}
     for result in results:
         runs.setdefault(result.run, []).append(result)

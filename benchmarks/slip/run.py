@@ -1,8 +1,8 @@
 """
 Benchmark of slip and pose: errors and their consistency with the reported covariance.
 
-Simulated scenarios over several seeds and real recordings go through the slip estimator, its
-smoother and their rivals; tables are printed, figures and ``results.json`` written.
+The slip estimator, its smoother and other methods process simulated scenarios over several seeds
+and real recordings. Tables are printed, figures and ``results.json`` are written.
 """
 
 from __future__ import annotations
@@ -17,25 +17,25 @@ from typing import Any
 from rich.table import Table
 
 from benchmarks.command import (
-    accuracy_parser, DATA, machine, refuse_existing_results, reported)
-from benchmarks.jobs import done, make_folder
+    accuracy_parser, DATA, machine, refuse_existing_results, run_benchmark)
+from benchmarks.jobs import make_folder, run_jobs
 from benchmarks.scenarios import SCENARIOS
 from benchmarks.slip.comparison import compare_methods, LIVE, METHODS
 from benchmarks.slip.figures import path_figure, save, slip_figure
 from benchmarks.slip.recordings import bags, RECORDINGS, run_recording
-from benchmarks.slip.reference_results import TARGETS
+from benchmarks.slip.reference_results import REFERENCE_RESULTS
 from benchmarks.slip.results import by_run, figures_of, path_figures, RunResult
 from benchmarks.slip.scoring import score_run
 from benchmarks.slip.series import as_truth
 from benchmarks.slip.tables import (
-    errors_table, print_tables, recordings_table, Runs, statistics_table, targets_table)
+    errors_table, print_tables, recordings_table, reference_table, Runs, statistics_table)
 from benchmarks.tables import new_console
 from smart_tire.analysis.metrics import aligned
 from smart_tire.analysis.summary import plain
 from smart_tire.errors import ParameterError
 from smart_tire.parameters import SlipEstimatorParams
 
-DRAWN_SEED = 1   # the seed whose run is drawn
+DRAWN_SEED = 1   # seed of the run in the figures
 
 KNOWN = {recording.name: recording for recording in RECORDINGS}
 TITLES = {**{name: scenario.title for name, scenario in SCENARIOS.items()},
@@ -46,7 +46,7 @@ Job = Callable[[], RunResult]
 
 @dataclass(frozen=True)
 class BenchOptions:
-    """What is asked for."""
+    """Options of the benchmark."""
 
     seeds: int
     runs: Sequence[str]  # scenarios and recordings; none means all
@@ -55,8 +55,8 @@ class BenchOptions:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the benchmark that the command line asks for; return the exit status."""
-    parser = accuracy_parser('slip', 'measure slip and pose against other methods')
+    """Run the benchmark; return the exit status."""
+    parser = accuracy_parser('slip', 'accuracy of slip and pose, compared with other methods')
     parser.add_argument('--data', type=Path, default=DATA, metavar='DIR',
                         help='folder with real recordings (default: %(default)s)')
     args = parser.parse_args(argv)
@@ -67,20 +67,21 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(on)
         seeds = 1 if args.quick else args.seeds
         benchmark(BenchOptions(seeds, args.runs, args.data, args.out), on)
-    return reported('slip', work)
+    return run_benchmark('slip', work)
 
 
 def benchmark(options: BenchOptions, machine_name: str) -> None:
-    """Run all, write tables, figures and results; raise ParameterError if a run is unknown."""
+    """Run all jobs and write the results; raise ParameterError if a run is unknown."""
     unknown = [name for name in options.runs if name not in TITLES]
     if unknown:
-        raise ParameterError(f'{", ".join(unknown)}: no such run, expected of '
+        raise ParameterError(f'{", ".join(unknown)}: no such run, expected some of '
                              f'{", ".join(TITLES)}')
     jobs, absent = _jobs(options)
     for name in absent:
-        print(f'{name}: not in {options.data}, left out (--data DIR)')
+        print(f'{name}: not in {options.data}, skipped (--data DIR)')
     make_folder(options.out)
-    results = sorted(done(jobs, label), key=lambda one: (list(TITLES).index(one.run), one.seed))
+    results = sorted(run_jobs(jobs, label),
+                     key=lambda one: (list(TITLES).index(one.run), one.seed))
     _write(options.out / 'results.json', results, absent, machine_name)
     runs = by_run(results)
     print_tables(new_console(), _tables(runs))
@@ -88,7 +89,7 @@ def benchmark(options: BenchOptions, machine_name: str) -> None:
 
 
 def _jobs(options: BenchOptions) -> tuple[list[Job], list[str]]:
-    """Return what is to be done, the longest first, and the recordings that are not there."""
+    """Return the jobs, the longest first, and the names of missing recordings."""
     wanted = options.runs or list(TITLES)
     paths, absent = bags(options.data)
     jobs: list[Job] = [partial(run_recorded, name, path, options.out)
@@ -101,12 +102,12 @@ def _jobs(options: BenchOptions) -> tuple[list[Job], list[str]]:
 
 
 def label(result: RunResult) -> str:
-    """Return what ``result`` is of."""
+    """Return the label of ``result`` for progress lines."""
     return f'{TITLES[result.run]}, seed {result.seed}'
 
 
 def run_scenario(name: str, seed: int, out: Path) -> RunResult:
-    """Simulate one run, score all methods on it; draw it if it is the first seed."""
+    """Simulate one run and score all methods; draw the figures of the first seed."""
     scenario = SCENARIOS[name]
     events = scenario.events(seed)
     truth = as_truth((sample for _, topic, sample in events
@@ -124,9 +125,9 @@ def run_scenario(name: str, seed: int, out: Path) -> RunResult:
 
 
 def run_recorded(name: str, path: Path, out: Path) -> RunResult:
-    """Run all methods over a real recording, score and draw their paths."""
+    """Run all methods on a real recording, score and draw their paths."""
     run = run_recording(path, KNOWN[name])
-    save(path_figure(TITLES[name], run.estimates, run.tracks), out / f'{name}_path.png')
+    save(path_figure(TITLES[name], run.estimates, run.aligned_poses), out / f'{name}_path.png')
     return RunResult(name, DRAWN_SEED, {method: path_figures(score)
                                         for method, score in run.scores().items()})
 
@@ -135,27 +136,27 @@ def _tables(runs: Runs) -> Iterator[Table]:
     simulated = {run: methods for run, methods in runs.items() if run in SCENARIOS}
     for run, methods in simulated.items():
         scenario = SCENARIOS[run]
-        way = methods[LIVE]['distance']
-        yield errors_table(f'{scenario.title}: {scenario.duration:.0f} s, {way:.0f} m', methods,
-                           TARGETS.get(run), scenario.averaged)
+        distance = methods[LIVE]['distance']
+        title = f'{scenario.title}: {scenario.duration:.0f} s, {distance:.0f} m'
+        yield errors_table(title, methods, REFERENCE_RESULTS.get(run), scenario.averaged)
     for run, methods in runs.items():
         if run in KNOWN:
             yield recordings_table(TITLES[run], methods)
     if simulated:
         yield statistics_table(simulated, TITLES)
-    if simulated.keys() & TARGETS.keys():
-        yield targets_table(simulated, TITLES, TARGETS)
+    if simulated.keys() & REFERENCE_RESULTS.keys():
+        yield reference_table(simulated, TITLES, REFERENCE_RESULTS)
 
 
 def _write(path: Path, results: Sequence[RunResult], absent: Sequence[str],
            machine: str) -> None:
-    """Write all figures: per run and method over the seeds, and of each seed."""
+    """Write all figures, combined over seeds and of each seed."""
     runs = by_run(results)
     tree: dict[str, Any] = {
-        'machine': machine, 'left_out': list(absent), 'methods': METHODS,
+        'machine': machine, 'skipped': list(absent), 'methods': METHODS,
         'units': 'SI; _percent: of the distance; step_us: CPU time in microseconds',
         'runs': {run: {
             'title': TITLES[run], 'over_seeds': methods,
             'seeds': {result.seed: result.figures for result in results if result.run == run},
-            'published': TARGETS.get(run)} for run, methods in runs.items()}}
+            'reference': REFERENCE_RESULTS.get(run)} for run, methods in runs.items()}}
     path.write_text(json.dumps(plain(tree), indent=2, allow_nan=False) + '\n', encoding='utf-8')

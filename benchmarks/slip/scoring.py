@@ -1,10 +1,11 @@
 """
-Scores of an estimate against the truth of a simulated run.
+Scores of an estimate against the ground truth of a simulated run.
 
-Steady is what the published targets mean by it: a side that rolls faster than ``ROLLING``, later
-than ``SETTLED`` after the start and more than ``APART`` from any fast change of a wheel's speed.
-A slip that is undefined where the true one is not counts as an error of 1 with a sigma of 1.
-The slip of a side is the mean of its two wheels.
+A side is steady, as defined for the reference filter, if it rolls faster than
+``MIN_ROLLING_SPEED``, later than ``SETTLING_TIME`` after the start, and more than
+``MIN_STEADY_DISTANCE`` from any fast change of wheel speed. If the slip estimate is undefined but
+the true slip is not, the error counts as 1 with a sigma of 1. The slip of a side is the mean of
+its two wheels.
 """
 
 from __future__ import annotations
@@ -20,60 +21,60 @@ from smart_tire.analysis.metrics import aligned, distance, rms, Score, score
 from smart_tire.analysis.series import at, Floats, Stamps
 from smart_tire.samples import NS_PER_S
 
-ROLLING = 0.1        # m/s, |r w| of a steady side
-SETTLED = 3.0        # s after the start of the run
-APART = 0.4          # s from any fast change
-FAST = 1.5           # rad/s2, of a wheel; the four numbers are those of the published targets
-SMOOTHED = 0.05      # s, over which dw/dt is taken: longer than the control's step of 0.02 s
-AVERAGED = 0.125     # s, over which the truth is averaged where all times count
-MAX_GAP = 0.5        # s between two estimates; longer, nothing is known in between
-ELLIPSE = -2.0 * math.log(0.05)  # squared distance with 95 % of a plane's normal errors inside
-TURNING = 0.1        # rad/s, above which the centre of rotation is judged
+MIN_ROLLING_SPEED = 0.1     # m/s, |r w| of a steady side
+SETTLING_TIME = 3.0         # s, after the start of the run
+MIN_STEADY_DISTANCE = 0.4   # s, from any fast change
+FAST_ACCELERATION = 1.5     # rad/s2, of a wheel; these four are those of the reference filter
+ACCELERATION_WINDOW = 0.05  # s, for dw/dt; longer than the control period of 0.02 s
+AVERAGING_WINDOW = 0.125    # s, for averaged truth
+MAX_GAP = 0.5               # s, between two estimates for interpolation
+ELLIPSE_95 = -2.0 * math.log(0.05)  # squared Mahalanobis distance, 95 % of planar errors
+MIN_ICR_YAW_RATE = 0.1      # rad/s, for scoring the ICR
 
 Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
 class Parts:
-    """Scores of one quantity where the run is judged, and over all times."""
+    """Scores of one quantity over the selected times and over all times."""
 
-    judged: Score  # steady parts, or all times by averaged truth
-    always: Score  # all times, changes of speed included
+    selected: Score   # steady intervals, or all times against averaged truth
+    all_times: Score  # including changes of speed
 
 
 @dataclass(frozen=True)
 class PathScore:
-    """Errors of the pose, which starts from the true one."""
+    """Errors of the pose, aligned with the true one at the start."""
 
     distance_m: float
     rms_m: float
     end_m: float
-    nees: float        # mean squared position error over its covariance and 2: 1 is right
+    nees: float        # of the position, per degree of freedom: 1 if consistent
     inside: float      # share within the 95 % ellipse
     heading: Score     # rad
     heading_end: float  # rad
 
     @property
     def rms_percent(self) -> float:
-        """Return the rms position error in per cent of the distance; NaN without distance."""
+        """Return the rms position error in percent of the distance; NaN without distance."""
         return _percent(self.rms_m, self.distance_m)
 
     @property
     def end_percent(self) -> float:
-        """Return the position error at the end in per cent of the distance."""
+        """Return the final position error in percent of the distance."""
         return _percent(self.end_m, self.distance_m)
 
 
 @dataclass(frozen=True)
 class RunScore:
-    """All scores of one estimate of one run; NaN where there is nothing to judge."""
+    """All scores of one estimate of one run; NaN without data."""
 
     left: Parts
     right: Parts
     speed: Parts         # m/s, forward, of base_link
     path: PathScore
-    icr_x: float         # m, rms error of S while judged and turning
-    nis: float           # mean normalised innovation squared: 1 is right
+    icr_x: float         # m, rms error of S in selected turns
+    nis: float           # mean normalized innovation squared: 1 if consistent
     step_us: float
 
 
@@ -81,29 +82,29 @@ def score_run(estimate: EstimateSeries, truth: Truth, *, averaged: bool = False)
     """
     Return the scores of ``estimate``.
 
-    With ``averaged`` all times are judged, by the truth averaged over ``AVERAGED``, and not
-    only the steady ones.
+    By default the selected times are the steady ones; with ``averaged`` they are all times, and
+    the truth is averaged over ``AVERAGING_WINDOW``.
     """
     slips = _slip_errors(estimate, truth)
     speeds = _speed_errors(estimate, truth, truth.poses.twist[:, 0])
     if averaged:
-        judged_slips = _slip_errors(estimate, truth, AVERAGED)
-        judged_speed = _speed_errors(
-            estimate, truth, moving_mean(truth.poses.twist[:, :1], truth.stamp_ns, AVERAGED)[:, 0])
+        selected_slips = _slip_errors(estimate, truth, AVERAGING_WINDOW)
+        speed = moving_mean(truth.poses.twist[:, :1], truth.stamp_ns, AVERAGING_WINDOW)
+        selected_speed = _speed_errors(estimate, truth, speed[:, 0])
         steady = np.ones((len(truth.stamp_ns), 2), bool)
     else:
-        judged_slips, judged_speed, steady = slips, speeds, steady_sides(truth)
-    left, right = (Parts(_score(judged_slips, side, steady[:, side]), _score(slips, side))
+        selected_slips, selected_speed, steady = slips, speeds, steady_sides(truth)
+    left, right = (Parts(_score(selected_slips, side, steady[:, side]), _score(slips, side))
                    for side in (0, 1))
     whole: Mask = np.asarray(steady.all(axis=1))
-    speed = Parts(score(judged_speed[0][whole], judged_speed[1][whole]), score(*speeds))
-    return RunScore(left, right, speed, path_score(estimate, truth),
+    forward = Parts(score(selected_speed[0][whole], selected_speed[1][whole]), score(*speeds))
+    return RunScore(left, right, forward, path_score(estimate, truth),
                     _icr_error(estimate, truth, whole), _mean(estimate.innovations.value),
                     estimate.step_us)
 
 
 def steady_slips(estimate: EstimateSeries, truth: Truth) -> tuple[Floats, Floats]:
-    """Return errors and sigmas (n,) of the slips of both sides while these are steady."""
+    """Return errors and sigmas (n,) of the slips of both sides while steady."""
     steady = steady_sides(truth)
     error, sigma = _slip_errors(estimate, truth)
     return error[steady], sigma[steady]
@@ -112,24 +113,25 @@ def steady_slips(estimate: EstimateSeries, truth: Truth) -> tuple[Floats, Floats
 def steady_sides(truth: Truth) -> Mask:
     """Return when each side is steady, shape (n, 2)."""
     time = (truth.stamp_ns - truth.stamp_ns[0]) / NS_PER_S
-    calm = (time > SETTLED) & ~_near(time, _is_fast(truth), APART)
-    steady: Mask = (np.abs(side_means(truth.rolling)) > ROLLING) & calm[:, np.newaxis]
+    undisturbed = (time > SETTLING_TIME) & ~_near(time, _is_fast(truth), MIN_STEADY_DISTANCE)
+    rolling = np.abs(side_means(truth.rolling)) > MIN_ROLLING_SPEED
+    steady: Mask = rolling & undisturbed[:, np.newaxis]
     return steady
 
 
 def _is_fast(truth: Truth) -> Mask:
-    """Return when any wheel changes its speed fast: by its change over ``SMOOTHED``."""
-    half = round(0.5 * SMOOTHED * NS_PER_S)
+    """Return when any wheel acceleration exceeds ``FAST_ACCELERATION``."""
+    half = round(0.5 * ACCELERATION_WINDOW * NS_PER_S)
     speed = truth.rolling / truth.radius
     ends = [np.clip(truth.stamp_ns + step, truth.stamp_ns[0], truth.stamp_ns[-1])
             for step in (-half, half)]
     before, after = (at(end, truth.stamp_ns, speed) for end in ends)
     change = (after - before) * NS_PER_S / (ends[1] - ends[0])[:, np.newaxis]
-    return np.asarray((np.abs(change) > FAST).any(axis=1))
+    return np.asarray((np.abs(change) > FAST_ACCELERATION).any(axis=1))
 
 
 def _near(time: Floats, event: Mask, reach: float) -> Mask:
-    """Return which of ``time`` (sorted) lie within ``reach`` of one at which ``event`` is set."""
+    """Return which of ``time`` (sorted) are within ``reach`` of a time with ``event`` set."""
     events = np.concatenate([[-math.inf], time[event], [math.inf]])
     right = np.searchsorted(events, time)
     near: Mask = np.minimum(events[right] - time, time - events[right - 1]) <= reach
@@ -140,7 +142,7 @@ def moving_mean(values: Floats, stamp_ns: Stamps, width: float) -> Floats:
     """
     Return the means of ``values`` (n, m) over ``width`` [s] around each stamp.
 
-    What is NaN is left out of the means of its neighbours and stays NaN itself.
+    NaN values are excluded from the means and stay NaN.
     """
     half = round(0.5 * width * NS_PER_S)
     first = np.searchsorted(stamp_ns, stamp_ns - half)
@@ -156,9 +158,9 @@ def moving_mean(values: Floats, stamp_ns: Stamps, width: float) -> Floats:
 
 def estimated_at(wanted_ns: Stamps, stamp_ns: Stamps, values: Floats) -> Floats:
     """
-    Return ``values`` (n, m) at ``wanted_ns``: between their stamps, beside a NaN the nearest.
+    Return ``values`` (n, m) interpolated at ``wanted_ns``; next to a NaN the nearest value.
 
-    NaN outside of the stamps and in their gaps.
+    NaN outside the timestamps and in gaps.
     """
     between = at(wanted_ns, stamp_ns, values)
     if len(stamp_ns) < 2:
@@ -173,7 +175,7 @@ def estimated_at(wanted_ns: Stamps, stamp_ns: Stamps, values: Floats) -> Floats:
 
 def _slip_errors(estimate: EstimateSeries, truth: Truth, width: float = 0.0
                  ) -> tuple[Floats, Floats]:
-    """Return errors and sigmas (n, 2) of the sides' slips; NaN where no slip is defined."""
+    """Return errors and sigmas (n, 2) of the slips of both sides; NaN if undefined."""
     true = side_means(truth.ratio)
     if width:
         true = moving_mean(true, truth.stamp_ns, width)
@@ -197,35 +199,35 @@ def _score(errors: tuple[Floats, Floats], side: int, when: Mask | None = None) -
 
 
 def path_score(estimate: EstimateSeries, truth: Truth) -> PathScore:
-    """Return the errors of the pose where both are known."""
-    guess, true, stamps = aligned(truth.poses, estimate.poses)
-    if not len(guess):
+    """Return the pose errors at times when both poses are known."""
+    estimated, true, stamps = aligned(truth.poses, estimate.poses)
+    if not len(estimated):
         return PathScore(*(math.nan,) * 5, score(np.empty(0), np.empty(0)), math.nan)
-    error = guess - true
+    error = estimated - true
     covariance = at(stamps, estimate.poses.stamp_ns, estimate.poses.pose_covariance)
-    off = np.linalg.norm(error[:, :2], axis=1)
+    position_error = np.linalg.norm(error[:, :2], axis=1)
     squares = _squares(error[:, :2], covariance[:, :2, :2])
     return PathScore(
-        distance(true[:, :2]), rms(off), float(off[-1]), 0.5 * _mean(squares),
-        _mean((squares <= ELLIPSE).astype(float)),
+        distance(true[:, :2]), rms(position_error), float(position_error[-1]),
+        0.5 * _mean(squares), _mean((squares <= ELLIPSE_95).astype(float)),
         score(error[:, 2], np.sqrt(covariance[:, 2, 2])), float(error[-1, 2]))
 
 
 def _squares(error: Floats, covariance: Floats) -> Floats:
-    """Return squares of errors (n, 2) over their covariances, where these are solid."""
+    """Return squared Mahalanobis distances of errors (n, 2) with regular covariances."""
     known = np.isfinite(covariance).all(axis=(1, 2)) & np.isfinite(error).all(axis=1)
     error, covariance = error[known], covariance[known]
-    solid = np.linalg.det(covariance) > 0.0
-    error, covariance = error[solid], covariance[solid]
+    regular = np.linalg.det(covariance) > 0.0
+    error, covariance = error[regular], covariance[regular]
     squares: Floats = np.einsum(
         'ni,ni->n', error, np.linalg.solve(covariance, error[..., np.newaxis])[..., 0])
     return squares
 
 
 def _icr_error(estimate: EstimateSeries, truth: Truth, when: Mask) -> float:
-    turning = when & (np.abs(truth.poses.twist[:, 2]) > TURNING)
-    own, true = estimate.icr, truth.icr.place[turning, 0]
-    error = at(truth.stamp_ns[turning], own.stamp_ns, own.place)[:, 0] - true
+    turning = when & (np.abs(truth.poses.twist[:, 2]) > MIN_ICR_YAW_RATE)
+    own, true = estimate.icr, truth.icr.position[turning, 0]
+    error = at(truth.stamp_ns[turning], own.stamp_ns, own.position)[:, 0] - true
     return rms(error[np.isfinite(error)])
 
 

@@ -9,12 +9,12 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 from benchmarks.slip.comparison import LIVE, METHODS, SMOOTHED
-from benchmarks.slip.reference_results import Published, Target, TITLES
+from benchmarks.slip.reference_results import Reference, ReferenceRun, TITLES
 from benchmarks.slip.results import Figures
 from benchmarks.tables import new_table, number, print_all
 
-LIVE_LIMIT = 1.5      # of the published errors, in steady parts; the smoother must equal them
-SMOOTHED_LIMIT = 1.0
+MAX_LIVE_RATIO = 1.5      # of errors to those of the reference filter, in steady intervals
+MAX_SMOOTHED_RATIO = 1.0
 WITH_SIGMAS = (LIVE, SMOOTHED, 'plain_ekf')
 
 Runs = Mapping[str, Mapping[str, Figures]]  # run -> method -> figures
@@ -22,88 +22,88 @@ Runs = Mapping[str, Mapping[str, Figures]]  # run -> method -> figures
 
 NOTES = """\
 steady: |r w| > 0.1 m/s, t > 3 s, more than 0.4 s from any |dw/dt| > 1.5 rad/s2; averaged: all
-times, by the truth averaged over 125 ms; a NaN where the true slip is defined counts as 1.
-position: error in per cent of the way. Tracks and radii that are fitted are fitted to the truth
-of each run, the EKF has such a track too. published: a reference filter on such runs with IMU,
-wheels and constraints, and with a force balance that takes C_x 52.7 N and mu 0.47 for granted.
+times, against truth averaged over 125 ms; NaN while the true slip is defined counts as 1.
+position: error in percent of the distance. Best-fit tracks and radii are fitted to the ground
+truth of each run, also the track of the EKF. reference: an internal reference filter on the same
+scenarios, with IMU, wheels and constraints, and with a force balance for C_x 52.7 N and mu 0.47.
 """
 
 
-def errors_table(title: str, methods: Mapping[str, Figures], target: Target | None,
+def errors_table(title: str, methods: Mapping[str, Figures], target: ReferenceRun | None,
                  averaged: bool) -> Table:
-    """Return the errors of all methods on one run, the published ones between them."""
-    judged = 'averaged' if averaged else 'steady'
-    table = new_table(title, '', f'slip L / R\n{judged}', 'slip L / R\nall times',
-                      f'v [mm/s]\n{judged}', '\nall', 'position [%]\nrms   end',
+    """Return the errors of all methods and of the reference filter on one run."""
+    times = 'averaged' if averaged else 'steady'
+    table = new_table(title, '', f'slip L / R\n{times}', 'slip L / R\nall times',
+                      f'v [mm/s]\n{times}', '\nall', 'position [%]\nrms   end',
                       'heading [deg]\nrms    end')
     for name, figures in methods.items():
         table.add_row(METHODS[name], *_errors(figures), style='bold' if name == LIVE else None)
         if name == SMOOTHED and target is not None:
             for kind in TITLES:
-                table.add_row(TITLES[kind], *_published(
+                table.add_row(TITLES[kind], *_reference(
                     getattr(target, kind), methods[LIVE]['distance']), style='italic')
     return table
 
 
 def _errors(figures: Figures) -> list[str]:
     return [_pair(figures['slip_left'], figures['slip_right']),
-            _pair(figures['slip_left_always'], figures['slip_right_always']),
-            number(1e3 * figures['speed'], 1), number(1e3 * figures['speed_always'], 1),
+            _pair(figures['slip_left_all_times'], figures['slip_right_all_times']),
+            number(1e3 * figures['speed'], 1), number(1e3 * figures['speed_all_times'], 1),
             _two(figures['position_rms_percent'], figures['position_end_percent'], 2),
             _two(math.degrees(figures['heading_rms']), math.degrees(figures['heading_end']), 2)]
 
 
-def _published(one: Published, way: float) -> list[str]:
+def _reference(one: Reference, distance: float) -> list[str]:
     return [_pair(one.left, one.right), '', number(1e3 * one.speed, 1), '',
-            _two(math.nan, 100.0 * one.end / way, 2), _two(math.nan, one.heading_end, 2)]
+            _two(math.nan, 100.0 * one.end / distance, 2), _two(math.nan, one.heading_end, 2)]
 
 
-def targets_table(runs: Runs, titles: Mapping[str, str],
-                  targets: Mapping[str, Target]) -> Table:
-    """Return ours beside the published errors of IMU + wheels + constraints, run by run."""
+def reference_table(runs: Runs, titles: Mapping[str, str],
+                  targets: Mapping[str, ReferenceRun]) -> Table:
+    """Return the ratio of errors to those of the reference filter, run by run."""
     table = new_table(
-        f'Over the published errors with constraints, the worse side (! beyond {LIVE_LIMIT:g} '
-        f'live, {SMOOTHED_LIMIT:g} smoothed)', '', 'published\nslip L / R', '\nlive', '\nover',
-        '\nsmoothed', '\nover', 'v [mm/s]\npublished', '\nlive', '\nsmoothed')
+        f'Ratio to the errors of the reference filter, worse side (! above {MAX_LIVE_RATIO:g} '
+        f'live, {MAX_SMOOTHED_RATIO:g} smoothed)', '', 'reference\nslip L / R', '\nlive',
+        '\nratio', '\nsmoothed', '\nratio', 'v [mm/s]\nreference', '\nlive', '\nsmoothed')
     for run, target in targets.items():
         if run in runs:
             live, smoothed = runs[run][LIVE], runs[run][SMOOTHED]
             plain = target.plain
             table.add_row(
-                titles[run], _pair(plain.left, plain.right), *_over(live, plain, LIVE_LIMIT),
-                *_over(smoothed, plain, SMOOTHED_LIMIT), number(1e3 * plain.speed, 1),
-                _kept(number(1e3 * live['speed'], 1), live['speed'] / plain.speed, LIVE_LIMIT),
-                _kept(number(1e3 * smoothed['speed'], 1), smoothed['speed'] / plain.speed,
-                      SMOOTHED_LIMIT))
+                titles[run], _pair(plain.left, plain.right), *_ratio(live, plain, MAX_LIVE_RATIO),
+                *_ratio(smoothed, plain, MAX_SMOOTHED_RATIO), number(1e3 * plain.speed, 1),
+                *(_marked(number(1e3 * one['speed'], 1), one['speed'] / plain.speed, limit)
+                  for one, limit in ((live, MAX_LIVE_RATIO), (smoothed, MAX_SMOOTHED_RATIO))))
             for name, unit, of_end, ends in (
                     ('position', 'm', plain.end, 'position_end'),
                     ('heading', 'rad', math.radians(plain.heading_end), 'heading_end')):
                 if math.isfinite(of_end):
                     table.add_row(f'  {name} at the end [{unit}]', number(of_end, 3), *(
-                        cell for figures, limit in ((live, LIVE_LIMIT),
-                                                    (smoothed, SMOOTHED_LIMIT))
-                        for cell in (number(figures[ends], 3), _kept(
+                        cell for figures, limit in ((live, MAX_LIVE_RATIO),
+                                                    (smoothed, MAX_SMOOTHED_RATIO))
+                        for cell in (number(figures[ends], 3), _marked(
                             number(figures[ends] / of_end, 2), figures[ends] / of_end, limit))))
     return table
 
 
-def _over(figures: Figures, plain: Published, limit: float) -> tuple[str, Text]:
-    """Return the slip errors of both sides, and the larger one of their ratios."""
-    over = max(figures['slip_left'] / plain.left, figures['slip_right'] / plain.right)
-    return _pair(figures['slip_left'], figures['slip_right']), _kept(number(over, 2), over, limit)
+def _ratio(figures: Figures, plain: Reference, limit: float) -> tuple[str, Text]:
+    """Return the slip errors of both sides, and the larger of their ratios."""
+    ratio = max(figures['slip_left'] / plain.left, figures['slip_right'] / plain.right)
+    errors = _pair(figures['slip_left'], figures['slip_right'])
+    return errors, _marked(number(ratio, 2), ratio, limit)
 
 
-def _kept(text: str, over: float, limit: float) -> Text:
-    return Text(text) if over <= limit else Text(f'{text} !', style='red')
+def _marked(text: str, ratio: float, limit: float) -> Text:
+    return Text(text) if ratio <= limit else Text(f'{text} !', style='red')
 
 
 def statistics_table(runs: Runs, titles: Mapping[str, str]) -> Table:
-    """Return normalised errors, shares within two sigma, innovations, S and time per step."""
+    """Return NEES, shares within two sigma, NIS, error of S and time per step."""
     table = new_table(
-        'Mean normalised squared errors (NEES, 1 is right), shares within two sigma (0.95), '
-        'innovations (NIS, 1), error of S', '', 'NEES:\nslip L  R', '\nv', 'posi-\ntion',
-        'head-\ning', 'within:\nslip L  R', '\nv', 'posi-\ntion', 'head-\ning', '\nNIS',
-        'S\n[mm]', 'step\n[us]')
+        'Normalized estimation error squared (NEES, 1 if consistent), share within two sigma '
+        '(0.95), normalized innovation squared (NIS, 1), error of S',
+        '', 'NEES:\nslip L  R', '\nv', 'posi-\ntion', 'head-\ning', 'within:\nslip L  R',
+        '\nv', 'posi-\ntion', 'head-\ning', '\nNIS', 'S\n[mm]', 'step\n[us]')
     for run, methods in runs.items():
         table.add_section()
         for name in (name for name in WITH_SIGMAS if name in methods):
@@ -120,8 +120,8 @@ def statistics_table(runs: Runs, titles: Mapping[str, str]) -> Table:
 
 def recordings_table(title: str, methods: Mapping[str, Figures]) -> Table:
     """Return the errors of the path of one real recording."""
-    way = methods[LIVE]['distance']
-    table = new_table(f'{title}: {way:.0f} m scored', '', 'position rms\n[m]', '[%]',
+    distance = methods[LIVE]['distance']
+    table = new_table(f'{title}: {distance:.0f} m scored', '', 'position rms\n[m]', '[%]',
                       'position end\n[%]', 'heading rms\n[deg]', 'heading end\n[deg]')
     for name, one in methods.items():
         table.add_row(METHODS[name], number(one['position_rms'], 3), *(
@@ -132,7 +132,7 @@ def recordings_table(title: str, methods: Mapping[str, Figures]) -> Table:
 
 
 def print_tables(console: Console, tables: Iterable[Table]) -> None:
-    """Print what the tables mean, and them one below the other."""
+    """Print the notes and the tables."""
     print_all(console, NOTES, tables)
 
 
@@ -141,7 +141,7 @@ def _pair(left: float, right: float) -> str:
 
 
 def _slip(value: float) -> str:
-    """Return a slip error as the published table has it, with one more digit: .0123."""
+    """Return a slip error without leading zero: .0123."""
     text = number(value, 4)
     return text[1:] if text.startswith('0.') else text
 

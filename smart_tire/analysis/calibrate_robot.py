@@ -1,4 +1,4 @@
-"""Bags to what identifications read, and what they find to parameter files."""
+"""Calibration of a robot from bags: geometry, IMU, encoder latency and ICR."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import math
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from smart_tire.analysis.series import PoseSeries, seconds, Series, Stamps, Table
 from smart_tire.bags import Bag
@@ -20,21 +21,21 @@ from smart_tire.parameters import build, known_names, load_files, NODE_PARAMS, R
 from smart_tire.rotation import matrix
 from smart_tire.samples import ImuSample, Odometry, WheelSample
 
-REFERENCES = ('ground_truth/odom', 'overhead/odom')  # the first one that is there is taken
+REFERENCES = ('ground_truth/odom', 'overhead/odom')  # in order of preference
 NO_REFERENCE = 'none'
-LEAST = 20  # readings of a stream, below which there is nothing to identify
+MIN_READINGS = 20  # of each input
 
 
 @dataclass(frozen=True)
-class Span:
-    """A stretch of a bag, in seconds after its first reading of an input."""
+class TimeRange:
+    """Part of a bag [s], counted from the first input message."""
 
     since: float = 0.0
     until: float = math.inf
 
 
 def load_robot(files: Iterable[Path]) -> RobotParams:
-    """Return the robot that parameter files describe to the slip estimator; ParameterError."""
+    """Return the robot parameters of the slip estimator; raise ParameterError if invalid."""
     return build(RobotParams, load_files(files, 'slip_estimator', known_names(
         NODE_PARAMS.values()), specs(RobotParams)))
 
@@ -42,25 +43,26 @@ def load_robot(files: Iterable[Path]) -> RobotParams:
 def identify_geometry(path: Path, robot: RobotParams, *, since: float = 0.0,
                       until: float = math.inf, reference: str | None = None) -> Geometry:
     """
-    Return what the bag at ``path`` tells between ``since`` and ``until`` [s after its start].
+    Return the geometry identified from the bag at ``path`` between ``since`` and ``until`` [s].
 
-    ``reference`` names the topic of the reference, 'none' for none; by default it is found.
-    Raises BagError if the bag can not be read, EstimatorError if it lacks the inputs.
+    ``reference`` is the topic of reference poses, or 'none'; by default the first of
+    ``REFERENCES`` that is recorded. Raises BagError if the bag cannot be read, EstimatorError if
+    it lacks the inputs.
     """
-    recording = read_recording(path, robot, Span(since, until), reference)
+    recording = read_recording(path, robot, TimeRange(since, until), reference)
     return geometry.identify_geometry(recording, robot)
 
 
 def identify_icr(path: Path, robot: RobotParams, *, since: float = 0.0, until: float = math.inf,
                  reference: str | None = None) -> IcrFit:
-    """Return S from the bag at ``path``; as ``identify_geometry``, EstimatorError if untold."""
-    recording = read_recording(path, robot, Span(since, until), reference)
+    """Return S from the bag at ``path``; EstimatorError if S is not observable."""
+    recording = read_recording(path, robot, TimeRange(since, until), reference)
     return icr.identify_icr(recording, robot)
 
 
-def read_recording(path: Path, robot: RobotParams, span: Span,
+def read_recording(path: Path, robot: RobotParams, time_range: TimeRange,
                    reference: str | None = None) -> Recording:
-    """Return the inputs, in axes of ``base_link``, and the reference of a bag."""
+    """Return the inputs of a bag, in axes of ``base_link``, and the reference poses."""
     with Bag(path) as bag:
         topic = _reference(bag, reference)
         wanted = ('imu/data', 'wheel_states', *([topic] if topic else []))
@@ -74,35 +76,36 @@ def read_recording(path: Path, robot: RobotParams, span: Span,
                 poses.add(sample)
     stamps, values = imu.arrays()
     for name, count in (('imu/data', len(stamps)), ('wheel_states', len(wheels))):
-        if count < LEAST:
-            raise EstimatorError(f'{path}: {count} readings of {name}, expected at least {LEAST}')
+        if count < MIN_READINGS:
+            raise EstimatorError(
+                f'{path}: {count} messages on {name}, expected at least {MIN_READINGS}')
     origin = min(int(stamps[0]), wheels.first_ns)
-    chosen = _within(stamps, origin, span)
+    chosen = _in_range(stamps, origin, time_range)
     turn = matrix(*robot.imu.rotation)
     record = ImuRecord(seconds(stamps[chosen], origin), values[chosen, :3] @ turn.T,
                        values[chosen, 3:] @ turn.T)
-    return Recording(record, wheels.record(origin, span),
-                     _pose_record(poses.poses(), origin, span) if topic else None)
+    return Recording(record, wheels.record(origin, time_range),
+                     _pose_record(poses.poses(), origin, time_range) if topic else None)
 
 
-def _reference(bag: Bag, asked: str | None) -> str | None:
-    """Return the topic of the reference; None without one."""
-    if asked == NO_REFERENCE:
+def _reference(bag: Bag, requested: str | None) -> str | None:
+    """Return the topic of the reference poses, or None."""
+    if requested == NO_REFERENCE:
         return None
-    names = REFERENCES if asked is None else (asked.strip('/'),)
-    there = bag.match(names)
-    if asked is not None and not there:
-        raise BagError(f'{bag.path}: has no {asked}, expected one of {", ".join(REFERENCES)}')
-    return next((name for name in names if name in there), None)
+    names = REFERENCES if requested is None else (requested.strip('/'),)
+    available = bag.match(names)
+    if requested is not None and not available:
+        raise BagError(f'{bag.path}: has no {requested}, expected one of {", ".join(REFERENCES)}')
+    return next((name for name in names if name in available), None)
 
 
-def _within(stamps: Stamps, origin: int, span: Span) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def _in_range(stamps: Stamps, origin: int, time_range: TimeRange) -> NDArray[np.bool_]:
     time = seconds(stamps, origin)
-    return (time >= span.since) & (time <= span.until)
+    return (time >= time_range.since) & (time <= time_range.until)
 
 
 class _Wheels:
-    """Wheel readings as they come in."""
+    """Table of wheel samples."""
 
     def __init__(self) -> None:
         self._speeds, self._angles = Table(4), Table(4)
@@ -118,18 +121,18 @@ class _Wheels:
     def first_ns(self) -> int:
         return int(self._speeds.arrays()[0][0])
 
-    def record(self, origin: int, span: Span) -> WheelRecord:
+    def record(self, origin: int, time_range: TimeRange) -> WheelRecord:
         stamps, speeds = self._speeds.arrays()
         angles = self._angles.arrays()[1]
-        chosen = _within(stamps, origin, span)
+        chosen = _in_range(stamps, origin, time_range)
         angles = angles[chosen]
         return WheelRecord(seconds(stamps[chosen], origin), speeds[chosen],
                            None if np.isnan(angles).any() else angles)
 
 
-def _pose_record(poses: PoseSeries, origin: int, span: Span) -> PoseRecord | None:
-    chosen = _within(poses.stamp_ns, origin, span)
-    if chosen.sum() < LEAST:
+def _pose_record(poses: PoseSeries, origin: int, time_range: TimeRange) -> PoseRecord | None:
+    chosen = _in_range(poses.stamp_ns, origin, time_range)
+    if chosen.sum() < MIN_READINGS:
         return None
     return PoseRecord(seconds(poses.stamp_ns[chosen], origin), poses.pose[chosen, :2],
                       poses.pose[chosen, 2])

@@ -1,4 +1,4 @@
-"""What nodes estimated while they ran, read from the bag of the run and held against truth."""
+"""Evaluation of a recorded demo run against ground truth."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from smart_tire.analysis.series import Series, Stamps
 from smart_tire.analysis.summary import estimates_tree, plain, Tree, truth_tree
 from smart_tire.bags import Bag
 
-WANTED_STAMP_SIGMA = 0.5e-3  # s
+REFERENCE_STAMP_SIGMA = 0.5e-3  # s, standard deviation for normalized timestamp errors
 
-Spans = dict[str, list[tuple[int, int]]]  # name -> stretches of time [ns]
+Intervals = dict[str, list[tuple[int, int]]]  # name -> time intervals [ns]
 
 
-def judge(bag_path: Path, params: Path, spans: Spans, expected: Sequence[str], conversions: Path,
-          figures: Path) -> Tree:
+def evaluate(bag_path: Path, params: Path, intervals: Intervals, expected: Sequence[str],
+             conversions: Path, figures: Path) -> Tree:
     """
-    Return the summary of a recorded run of the whole stack and draw its figures.
+    Return the summary of a recorded run of the full stack and draw its figures.
 
-    ``spans`` are the stretches to be judged by themselves, ``expected`` the topics that must not
-    be silent, ``conversions`` the simulator's log of the true conversion instants.
+    ``intervals`` are also evaluated separately, ``expected`` are the topics that must have
+    messages, ``conversions`` is the simulator's log of the true conversion times.
     """
     inputs, estimates, truth = Series(), Series(), Series()
     with Bag(bag_path) as bag:
@@ -39,7 +39,7 @@ def judge(bag_path: Path, params: Path, spans: Spans, expected: Sequence[str], c
             series = truth if topic in TRUTHS else estimates if topic in ESTIMATES else inputs
             series.add(sample)
     robot, batches = EstimatorParams.load([params]).robot, read_conversions(conversions)
-    write_figures(figures, inputs, estimates, truth, robot, spans)
+    write_figures(figures, inputs, estimates, truth, robot, intervals)
     return plain({
         'bag': str(bag_path), 'duration_s': (end - begin) * 1e-9,
         'messages': counts,
@@ -47,20 +47,20 @@ def judge(bag_path: Path, params: Path, spans: Spans, expected: Sequence[str], c
         'radio': radio_counts(inputs, batches),
         'stamps': stamp_errors(inputs, batches),
         'estimates': estimates_tree(estimates),
-        'against_truth': truth_tree(estimates, truth, spans)})
+        'against_truth': truth_tree(estimates, truth, intervals)})
 
 
 @dataclass(frozen=True)
 class Batch:
-    """What the simulator logs of a batch of conversions."""
+    """One batch of A/D conversions from the log of the simulator."""
 
     wheel: str
     dropped: bool      # by the simulated radio
-    stamp_ns: Stamps   # true instants of the conversions
+    stamp_ns: Stamps   # true times of the conversions
 
 
 def read_conversions(path: Path) -> list[Batch]:
-    """Return the batches of the simulator's log; the last line may be cut off."""
+    """Return the batches in the log of the simulator; the last line may be truncated."""
     with path.open(newline='', encoding='utf-8') as file:
         return [Batch(row['wheel'], row['dropped'] != '0',
                       np.array(row['stamps_ns'].split(), np.int64))
@@ -68,18 +68,18 @@ def read_conversions(path: Path) -> list[Batch]:
 
 
 def stamp_errors(inputs: Series, batches: Sequence[Batch]) -> Tree:
-    """Return wheel -> how far the stamps of its samples are from the true instants."""
+    """Return wheel -> error of its sample timestamps."""
     return {wheel: stamp_score(inputs.films(wheel)[0], np.sort(np.concatenate(
                 [batch.stamp_ns for batch in batches if batch.wheel == wheel])),
-                WANTED_STAMP_SIGMA)
+                REFERENCE_STAMP_SIGMA)
             for wheel in inputs.film_wheels()}
 
 
 def radio_counts(inputs: Series, batches: Sequence[Batch]) -> Tree:
     """
-    Return how many batches were sent, dropped by the radio, and missing for other reasons.
+    Return the number of batches sent, dropped by the radio, and missing for other reasons.
 
-    Only those between the first and the last that were received count.
+    Counts only batches between the first and the last received one.
     """
     counts = {'sent': 0, 'dropped': 0, 'missing': 0}
     for wheel in inputs.film_wheels():
@@ -89,25 +89,26 @@ def radio_counts(inputs: Series, batches: Sequence[Batch]) -> Tree:
             if batch.wheel != wheel or not received[0] <= middle <= received[-1]:
                 continue
             right = np.searchsorted(received, middle)
-            near = np.min(np.abs(received[max(right - 1, 0):right + 1] - middle))
+            nearest = np.min(np.abs(received[max(right - 1, 0):right + 1] - middle))
             counts['sent'] += 1
             counts['dropped'] += batch.dropped
-            counts['missing'] += bool(near > batch.stamp_ns[1] - batch.stamp_ns[0]
+            counts['missing'] += bool(nearest > batch.stamp_ns[1] - batch.stamp_ns[0]
                                       and not batch.dropped)
     return counts
 
 
 def lines(tree: Tree) -> Iterator[str]:
-    """Yield the summary of ``judge`` as lines to read."""
+    """Yield the summary of ``evaluate`` as lines of text."""
     truth: dict[str, Any] = tree['against_truth'] or {}
     yield f'recorded {tree["duration_s"]:.0f} s, {sum(tree["messages"].values())} messages'
-    yield ('radio batches: {sent} sent, {dropped} dropped by the radio, {missing} lost on the way '
-           'from there'.format(**tree['radio']))
+    yield ('radio batches: {sent} sent, {dropped} dropped by the simulated radio, {missing} lost '
+           'after it'.format(**tree['radio']))
     for wheel, score in tree['stamps'].items():
-        yield (f'stamps of {wheel} samples: {1e3 * score["rms"]:.2f} ms rms from the true '
-               f'conversions, mean {1e3 * score["mean"]:+.2f} ms')
+        yield (f'timestamp error of {wheel} samples: {1e3 * score["rms"]:.2f} ms rms, '
+               f'mean {1e3 * score["mean"]:+.2f} ms')
     if 'pose' in truth:
         pose = truth['pose']
-        yield (f'odom after {pose["distance_m"]:.1f} m: {pose["position_end_m"]:.2f} m, '
-               f'{pose["yaw_end_rad"]:+.3f} rad off')
+        yield (f'final odom error after {pose["distance_m"]:.1f} m: '
+               f'{pose["position_end_m"]:.2f} m, '
+               f'{pose["yaw_end_rad"]:+.3f} rad')
     yield from table_lines(truth)

@@ -1,4 +1,4 @@
-"""What a run shows: series to curves, curves to PNG files."""
+"""Figures of one analysis: slip, path, friction and one crossing, as PNG files."""
 
 from __future__ import annotations
 
@@ -10,92 +10,95 @@ from matplotlib.figure import Figure
 import numpy as np
 
 from smart_tire.analysis import drawing
-from smart_tire.analysis.friction_metrics import column, kind_of, telling
-from smart_tire.analysis.metrics import aligned, SIDES, Spans
+from smart_tire.analysis.friction_metrics import column, is_informative, kind_of
+from smart_tire.analysis.metrics import aligned, Intervals, SIDES
 from smart_tire.analysis.series import at, seconds, Series, Stamps
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import Friction, NS_PER_S, WHEELS
 
-MARGIN = 0.2         # of the range of the slips, for their bands
-MIN_SLIP = 0.1       # margin where the slips hardly differ
-MAX_FRICTION = 1.2   # bars that end above it say only that they are long
-CONTACT_REACH = 1.5  # patch lengths of travel drawn before and after a passage
+SLIP_MARGIN = 0.2      # of the slip range, above and below
+MIN_SLIP_MARGIN = 0.1  # -
+MAX_FRICTION = 1.2     # upper end of the friction axis
+WAVEFORM_REACH = 1.5   # patch lengths of travel drawn before and after a crossing
 FILTERED = 'filtered'
-PATH_COLORS = {FILTERED: drawing.ORANGE}  # beside what is smoothed
+PATH_COLORS = {FILTERED: drawing.ORANGE}  # if smoothed estimates are drawn, too
 
-Shown = Mapping[str, Series]  # way of estimating -> its estimates; the filter's come first
+LabeledEstimates = Mapping[str, Series]  # label -> estimates, those of the filter first
 
 
 def write_figures(directory: Path, inputs: Series, estimates: Series, truth: Series,
-                  robot: RobotParams, spans: Spans | None = None,
+                  robot: RobotParams, intervals: Intervals | None = None,
                   smoothed: Series | None = None) -> list[Path]:
     """
-    Draw slip, path, friction and a contact, as far as there is any, and return the files.
+    Draw slip, path, friction and one crossing, where available; return the files.
 
-    ``truth`` may be empty; ``spans`` gives each of its stretches a panel of slip; what is
-    ``smoothed`` is drawn beside the estimates of the filter.
+    ``truth`` may be empty; with ``intervals`` each interval has its own slip panel; ``smoothed``
+    estimates are drawn in addition to those of the filter.
     """
     directory.mkdir(parents=True, exist_ok=True)
     written = []
-    for name, figure in _figures(inputs, shown(estimates, smoothed), truth, robot, spans):
+    labeled = label_estimates(estimates, smoothed)
+    for name, figure in _figures(inputs, labeled, truth, robot, intervals):
         written.append(directory / f'{name}.png')
         figure.savefig(written[-1], dpi=drawing.DOTS_PER_INCH)
     return written
 
 
-def shown(estimates: Series, smoothed: Series | None = None) -> Shown:
-    """Return the names by which estimates are told apart, and them."""
+def label_estimates(estimates: Series, smoothed: Series | None = None) -> LabeledEstimates:
+    """Return the estimates by label."""
     return {'estimate': estimates} if smoothed is None else {
         FILTERED: estimates, 'smoothed': smoothed}
 
 
-def _figures(inputs: Series, ways: Shown, truth: Series, robot: RobotParams,
-             spans: Spans | None) -> Iterator[tuple[str, Figure]]:
-    estimates = next(iter(ways.values()))
+def _figures(inputs: Series, labeled: LabeledEstimates, truth: Series, robot: RobotParams,
+             intervals: Intervals | None) -> Iterator[tuple[str, Figure]]:
+    estimates = next(iter(labeled.values()))
     slips, poses = estimates.slips().stamp_ns, estimates.poses().stamp_ns
-    stamps = np.concatenate([slips, poses, _stamps(estimates.passages)])
+    stamps = np.concatenate([slips, poses, _stamps(estimates.crossings)])
     origin = int(stamps.min(initial=np.iinfo(np.int64).max))
     if len(slips):
-        yield 'slip', slip_figure(ways, truth, origin, spans)
+        yield 'slip', slip_figure(labeled, truth, origin, intervals)
     if len(poses):
-        yield 'path', path_figure(ways, truth)
-    if estimates.passages:
-        yield 'friction', friction_figure(ways, truth, origin)
-    for passage in typical_passages(estimates.passages):
-        contact = contact_of(passage, inputs, robot)
-        if contact is not None:
-            yield 'contact', contact_figure(contact)
+        yield 'path', path_figure(labeled, truth)
+    if estimates.crossings:
+        yield 'friction', friction_figure(labeled, truth, origin)
+    for crossing in typical_crossings(estimates.crossings):
+        waveform = crossing_waveform(crossing, inputs, robot)
+        if waveform is not None:
+            yield 'crossing', waveform_figure(waveform)
             return
 
 
-def slip_figure(ways: Shown, truth: Series, origin_ns: int, spans: Spans | None = None) -> Figure:
-    """Return the slips of both sides over time, with panels for each way and for each span."""
-    curves = {way: slip_curves(series, truth, origin_ns) for way, series in ways.items()}
-    panels = {_title(ways, way, name): (own, name)
-              for name in spans or [''] for way, own in curves.items()}
-    names, columns = list(panels), 2 if spans else 1
+def slip_figure(labeled: LabeledEstimates, truth: Series, origin_ns: int,
+                intervals: Intervals | None = None) -> Figure:
+    """Return the slip of both sides over time, one panel per label and interval."""
+    curves = {label: slip_curves(series, truth, origin_ns) for label, series in labeled.items()}
+    panels = {_title(labeled, label, name): (own, name)
+              for name in intervals or [''] for label, own in curves.items()}
+    names, columns = list(panels), 2 if intervals else 1
     rows = [names[i:i + columns] for i in range(0, len(names), columns)]
     rows[-1] += ['.'] * (len(rows[0]) - len(rows[-1]))
-    figure, axes = drawing.new_figure(rows, height=1.2 + 2.8 * len(rows), share_x=not spans,
+    figure, axes = drawing.new_figure(rows, height=1.2 + 2.8 * len(rows), share_x=not intervals,
                                     share_y=True)
     for title, (own, name) in panels.items():
         drawing.draw_slip(axes[title], own)
         axes[title].set(title=title)
-        if spans:
-            edges = [(edge - origin_ns) / NS_PER_S for span in spans[name] for edge in span]
+        if intervals:
+            edges = [(edge - origin_ns) / NS_PER_S
+                     for interval in intervals[name] for edge in interval]
             axes[title].set(xlim=(min(edges), max(edges)))
     axes[names[0]].set_ylim(*_slip_limits([curve for own in curves.values() for curve in own]))
     drawing.finish(figure, axes)
     return figure
 
 
-def _title(ways: Shown, way: str, name: str) -> str:
-    """Return the title of a panel; the only way needs no name."""
-    return ', '.join(word for word in (name, way if len(ways) > 1 else '') if word)
+def _title(labeled: LabeledEstimates, label: str, name: str) -> str:
+    """Return the title of a panel; a single label is omitted."""
+    return ', '.join(word for word in (name, label if len(labeled) > 1 else '') if word)
 
 
 def slip_curves(estimates: Series, truth: Series, origin_ns: int) -> list[drawing.SlipCurve]:
-    """Return the slip of each side: the mean of its wheels."""
+    """Return the slip of each side, the mean of its two wheels."""
     own, true = estimates.slips(), truth.slips()
     return [drawing.SlipCurve(
         side, seconds(own.stamp_ns, origin_ns), own.ratio[:, wheels].mean(axis=1),
@@ -106,17 +109,17 @@ def slip_curves(estimates: Series, truth: Series, origin_ns: int) -> list[drawin
 def _slip_limits(curves: Sequence[drawing.SlipCurve]) -> tuple[float, float]:
     slips = np.concatenate([np.append(curve.slip, curve.true_slip) for curve in curves])
     slips = slips[np.isfinite(slips)]
-    # Single spikes, of wheels that start to turn, must not set the scale.
+    # Percentiles, because slip has spikes when wheels start to turn.
     low, high = np.percentile(slips, (1.0, 99.0)) if len(slips) else (0.0, 0.0)
-    margin = max(MARGIN * (high - low), MIN_SLIP)
+    margin = max(SLIP_MARGIN * (high - low), MIN_SLIP_MARGIN)
     return max(-1.05, low - margin), min(1.05, high + margin)
 
 
-def path_figure(ways: Shown, truth: Series) -> Figure:
-    """Return the path, and with a truth the errors of position and heading over time."""
-    paths = [drawing.Path(way, series.poses().pose[:, :2], PATH_COLORS.get(way, drawing.BLUE))
-             for way, series in ways.items()]
-    _, true, _ = aligned(truth.poses(), next(iter(ways.values())).poses())
+def path_figure(labeled: LabeledEstimates, truth: Series) -> Figure:
+    """Return the path and, with ground truth, position and heading errors over time."""
+    paths = [drawing.Path(label, series.poses().pose[:, :2], PATH_COLORS.get(label, drawing.BLUE))
+             for label, series in labeled.items()]
+    _, true, _ = aligned(truth.poses(), next(iter(labeled.values())).poses())
     if not len(true):
         figure, axes = drawing.new_figure([['path']], width=6.0, height=5.5)
         drawing.draw_path(axes['path'], paths, None)
@@ -124,7 +127,7 @@ def path_figure(ways: Shown, truth: Series) -> Figure:
         figure, axes = drawing.new_figure([['path', 'position'], ['path', 'heading']], width=10.0,
                                         height=5.5)
         drawing.draw_path(axes['path'], paths, true[:, :2])
-        for path, series in zip(paths, ways.values()):
+        for path, series in zip(paths, labeled.values()):
             _draw_errors(axes, path, series, truth)
         axes['position'].set_ylim(bottom=0.0)
         axes['position'].legend(frameon=False)
@@ -135,8 +138,8 @@ def path_figure(ways: Shown, truth: Series) -> Figure:
 def _draw_errors(axes: dict[str, Axes], path: drawing.Path, estimates: Series,
                  truth: Series) -> None:
     poses = estimates.poses()
-    guess, true, stamps = aligned(truth.poses(), poses)
-    time, error = seconds(stamps, int(poses.stamp_ns[0])), guess - true
+    estimate, true, stamps = aligned(truth.poses(), poses)
+    time, error = seconds(stamps, int(poses.stamp_ns[0])), estimate - true
     covariance = at(stamps, poses.stamp_ns, poses.pose_covariance)
     longest = np.sqrt(np.linalg.eigvalsh(covariance[:, :2, :2])[:, -1])
     drawing.draw_error(axes['position'], time, np.linalg.norm(error[:, :2], axis=1), longest,
@@ -145,15 +148,16 @@ def _draw_errors(axes: dict[str, Axes], path: drawing.Path, estimates: Series,
                      'heading error [rad]', path)
 
 
-def friction_figure(ways: Shown, truth: Series, origin_ns: int) -> Figure:
-    """Return friction per revolution, with panels for each instrumented wheel and each way."""
+def friction_figure(labeled: LabeledEstimates, truth: Series, origin_ns: int) -> Figure:
+    """Return friction per crossing, one panel per instrumented wheel and label."""
     wheels = [wheel for wheel in WHEELS
-              if any(p.wheel == wheel for series in ways.values() for p in series.passages)]
-    rows = [[_title(ways, way, wheel.replace('_', ' ')) for way in ways] for wheel in wheels]
+              if any(p.wheel == wheel for series in labeled.values() for p in series.crossings)]
+    rows = [[_title(labeled, label, wheel.replace('_', ' ')) for label in labeled]
+            for wheel in wheels]
     figure, axes = drawing.new_figure(rows, height=1.2 + 2.6 * len(wheels), share_x=True,
                                     share_y=True)
     for wheel, titles in zip(wheels, rows):
-        for title, series in zip(titles, ways.values()):
+        for title, series in zip(titles, labeled.values()):
             drawing.draw_friction(axes[title], friction_curve(wheel, series, truth, origin_ns))
             axes[title].set(title=title)
     axes[rows[0][0]].set_ylim(0.0, MAX_FRICTION)
@@ -163,11 +167,11 @@ def friction_figure(ways: Shown, truth: Series, origin_ns: int) -> Figure:
 
 def friction_curve(wheel: str, estimates: Series, truth: Series,
                    origin_ns: int) -> drawing.FrictionCurve:
-    """Return the friction of ``wheel``; revolutions that tell nothing by themselves are NaN."""
-    own, true = _of_wheel(estimates.passages, wheel), _of_wheel(truth.passages, wheel)
+    """Return the friction of ``wheel``; uninformative single estimates are NaN."""
+    own, true = _of_wheel(estimates.crossings, wheel), _of_wheel(truth.crossings, wheel)
     single = column(own, 'friction_coefficient_single')
     sigma = column(own, 'friction_coefficient_single', sigmas=True)
-    single[~telling(single, sigma)] = np.nan
+    single[~is_informative(single, sigma)] = np.nan
     return drawing.FrictionCurve(
         wheel, seconds(_stamps(own), origin_ns), single, sigma,
         column(own, 'friction_coefficient'),
@@ -175,54 +179,55 @@ def friction_curve(wheel: str, estimates: Series, truth: Series,
         seconds(_stamps(true), origin_ns), column(true, 'friction_coefficient'))
 
 
-def _of_wheel(passages: Sequence[Friction], wheel: str) -> list[Friction]:
-    return sorted((p for p in passages if p.wheel == wheel), key=lambda p: p.stamp_ns)
+def _of_wheel(crossings: Sequence[Friction], wheel: str) -> list[Friction]:
+    return sorted((p for p in crossings if p.wheel == wheel), key=lambda p: p.stamp_ns)
 
 
-def _stamps(passages: Sequence[Friction]) -> Stamps:
-    return np.array([passage.stamp_ns for passage in passages], np.int64)
+def _stamps(crossings: Sequence[Friction]) -> Stamps:
+    return np.array([crossing.stamp_ns for crossing in crossings], np.int64)
 
 
-def typical_passages(passages: Sequence[Friction]) -> list[Friction]:
-    """Return the passages that show most first: traction in the order of its median slip."""
-    pulling = [p for p in passages if kind_of(p) == 'traction'] or [
-        p for p in passages if np.isfinite(p.slip.value)]
-    if not pulling:
+def typical_crossings(crossings: Sequence[Friction]) -> list[Friction]:
+    """Return crossings in traction, else of any known slip, nearest to the median slip first."""
+    candidates = [p for p in crossings if kind_of(p) == 'traction'] or [
+        p for p in crossings if np.isfinite(p.slip.value)]
+    if not candidates:
         return []
-    slips = column(pulling, 'slip')
-    return [pulling[i] for i in np.argsort(np.abs(slips - np.median(slips)))]
+    slips = column(candidates, 'slip')
+    return [candidates[i] for i in np.argsort(np.abs(slips - np.median(slips)))]
 
 
-def contact_of(passage: Friction, inputs: Series, robot: RobotParams) -> drawing.Contact | None:
-    """Return the voltages around ``passage``; None where samples or the wheel speed miss."""
+def crossing_waveform(crossing: Friction, inputs: Series,
+                      robot: RobotParams) -> drawing.CrossingWaveform | None:
+    """Return the voltages around ``crossing``; None if samples or wheel speed are missing."""
     speeds_ns, speeds = inputs.speeds()
-    stamp = np.array([passage.stamp_ns])
-    omega = at(stamp, speeds_ns, speeds)[0, WHEELS.index(passage.wheel)]
-    if passage.wheel not in inputs.film_wheels() or not abs(omega) > 0.0:
+    stamp = np.array([crossing.stamp_ns])
+    omega = at(stamp, speeds_ns, speeds)[0, WHEELS.index(crossing.wheel)]
+    if crossing.wheel not in inputs.film_wheels() or not abs(omega) > 0.0:
         return None
     speed = robot.wheel_radius * omega
-    reach = CONTACT_REACH * robot.tire.contact_length / abs(speed)
-    stamps, volts = inputs.films(passage.wheel)
-    time = seconds(stamps, passage.stamp_ns)
-    near = np.abs(time) <= reach
-    if near.sum() < 0.9 * 2.0 * reach * robot.film.sample_rate:
-        return None  # a lost batch: the waveform would have a hole
-    return drawing.Contact(passage.wheel, 1e3 * time[near], volts[near],
+    reach = WAVEFORM_REACH * robot.tire.contact_length / abs(speed)
+    stamps, volts = inputs.films(crossing.wheel)
+    time = seconds(stamps, crossing.stamp_ns)
+    shown = np.abs(time) <= reach
+    if shown.sum() < 0.9 * 2.0 * reach * robot.film.sample_rate:
+        return None  # a lost batch would leave a gap
+    return drawing.CrossingWaveform(crossing.wheel, 1e3 * time[shown], volts[shown],
                          _inside(robot, speed, volts.shape[1]))
 
 
 def _inside(robot: RobotParams, speed: float, films: int) -> list[tuple[float, float]]:
-    """Return when [ms] any part of each film is in the patch, rolling at ``speed`` [m/s]."""
+    """Return the interval [ms] in which each film overlaps the patch at ``speed`` [m/s]."""
     half = 0.5 * (robot.tire.contact_length + robot.film.length) / abs(speed)
-    # Film 1 leads when rolling forward: its middle passes half their extent before the stamp.
+    # The timestamp of a crossing is that of the midpoint between the outer films.
     places = [robot.film.places[film] for film in robot.film_groups[0][:films]]
-    middles = [(place - 0.5 * (places[0] + places[-1])) / speed for place in places]
-    return [(1e3 * (middle - half), 1e3 * (middle + half)) for middle in middles]
+    times = [(place - 0.5 * (places[0] + places[-1])) / speed for place in places]
+    return [(1e3 * (time - half), 1e3 * (time + half)) for time in times]
 
 
-def contact_figure(contact: drawing.Contact) -> Figure:
-    """Return the voltages of one contact."""
-    figure, axes = drawing.new_figure([['contact']])
-    drawing.draw_contact(axes['contact'], contact)
+def waveform_figure(waveform: drawing.CrossingWaveform) -> Figure:
+    """Return the figure of one crossing."""
+    figure, axes = drawing.new_figure([['crossing']])
+    drawing.draw_waveform(axes['crossing'], waveform)
     drawing.finish(figure, axes)
     return figure

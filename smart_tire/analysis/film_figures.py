@@ -1,4 +1,4 @@
-"""Figures of a film on the bench: its loop, what the fit leaves, and what it measures."""
+"""Figures of a film on the test stand: hysteresis loop, residual and measured deflection."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ import numpy as np
 from smart_tire.analysis import drawing
 from smart_tire.analysis.series import Floats
 
-MOST_POINTS = 20_000  # of a line: more only make the file large
+MAX_POINTS = 20_000  # per line, to limit the file size
 
 
 def _thinned(*series: Floats) -> list[Floats]:
-    step = max(len(series[0]) // MOST_POINTS, 1)
+    step = max(len(series[0]) // MAX_POINTS, 1)
     return [values[::step] for values in series]
 
 
-def write_fit(path: Path, time: Floats, moved: Floats, measured: Floats, fitted: Floats, *,
+def write_fit(path: Path, time: Floats, inputs: Floats, measured: Floats, fitted: Floats, *,
               input_label: str, output_label: str) -> None:
-    """Draw measured and fitted output over the input and over time, and their difference."""
+    """Draw measured and fitted output over input and time, and the residual over time."""
     figure, axes = drawing.new_figure([['loop', 'time'], ['loop', 'residual']], width=11.0,
                                     height=5.0)
-    time, moved, measured, fitted = _thinned(time, moved, measured, fitted)
-    for name, x in (('loop', moved), ('time', time)):
+    time, inputs, measured, fitted = _thinned(time, inputs, measured, fitted)
+    for name, x in (('loop', inputs), ('time', time)):
         axes[name].plot(x, measured, color=drawing.SKY, linewidth=1.6, label='measured')
         axes[name].plot(x, fitted, color=drawing.INK, linewidth=0.9,
                         label='Duhem operator, fitted')
@@ -40,7 +40,7 @@ def write_fit(path: Path, time: Floats, moved: Floats, measured: Floats, fitted:
 
 def write_measurement(path: Path, time: Floats, value: Floats, sigma: Floats,
                       reference: Floats | None, *, label: str) -> None:
-    """Draw what the film measures with two sigma, and the reference if there is one."""
+    """Draw the measured values with a two-sigma band, and the reference if given."""
     figure, axes = drawing.new_figure([['value']], width=9.0)
     time, value, sigma = _thinned(time, value, sigma)
     ax = axes['value']

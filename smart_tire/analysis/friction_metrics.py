@@ -1,4 +1,4 @@
-"""How true the friction of single passages is, and whether its sigma says so."""
+"""Accuracy and consistency of friction estimates, crossing by crossing."""
 
 from __future__ import annotations
 
@@ -14,16 +14,15 @@ from smart_tire.analysis.series import Floats
 from smart_tire.samples import Friction, NS_PER_S
 from smart_tire.uncertain import UNKNOWN
 
-# A wheel at 300 rpm takes four times this [s] for a turn, so no passage finds the wrong partner.
-TOLERANCE = 0.05
-GENTLE_SLIP = 0.05  # below it one pass tells little (PHYSICS.md B)
-TELLING = 0.6       # a relative sigma above it is no figure
-KINDS = ('traction', 'braking', 'gentle')
+MAX_STAMP_DIFFERENCE = 0.05  # s, between estimate and truth; a quarter revolution at 300 rpm
+MAX_LOW_SLIP = 0.05          # -, below it a single crossing contains little information
+MAX_RELATIVE_SIGMA = 0.6     # of an informative estimate
+KINDS = ('traction', 'braking', 'low slip')
 
 
 @dataclass(frozen=True)
 class Matches:
-    """True passages with the estimate that belongs to each, if any, and estimates of nothing."""
+    """True crossings with their estimates, and estimates without a true crossing."""
 
     pairs: list[tuple[Friction, Friction | None]]  # truth, estimate
     false: list[Friction]
@@ -31,32 +30,32 @@ class Matches:
 
 @dataclass(frozen=True)
 class FrictionScore:
-    """Friction from single passages of one kind; shares are NaN of nothing."""
+    """Scores of one kind of crossings; shares are NaN without crossings."""
 
-    passages: int                 # that there were in truth
+    crossings: int                # in the ground truth
     found: int
-    telling: int                  # found, finite, and relative sigma below ``TELLING``
-    telling_share: float          # of ``passages``
-    median_relative_error: float  # of the telling ones, without sign
-    median_bias: float            # of the telling ones, relative, with sign
-    within_one: float             # share of the telling ones within one sigma
+    informative: int              # relative sigma below ``MAX_RELATIVE_SIGMA``
+    informative_share: float      # of ``crossings``
+    median_relative_error: float  # of the absolute error of informative estimates
+    median_bias: float            # of the signed relative error of informative estimates
+    within_one: float             # share of informative estimates within one sigma
     within_two: float
-    fused_median_relative_error: float  # of the fused values that are finite
+    fused_median_relative_error: float  # of finite fused estimates
     fused_within_two: float
-    adhesion_ratio: Score         # of the found ones that have one
+    adhesion_ratio: Score         # of finite estimates
 
 
 def match(estimates: Iterable[Friction], truths: Iterable[Friction],
-          tolerance: float = TOLERANCE) -> Matches:
-    """Return each true passage with the nearest estimate of its wheel within ``tolerance`` [s]."""
-    truths = sorted(truths, key=lambda passage: passage.stamp_ns)
-    estimates = sorted(estimates, key=lambda passage: passage.stamp_ns)
-    near = sorted((abs(e.stamp_ns - t.stamp_ns), i, j)
+          tolerance: float = MAX_STAMP_DIFFERENCE) -> Matches:
+    """Return the pairs of true crossings and nearest estimates within ``tolerance`` [s]."""
+    truths = sorted(truths, key=lambda crossing: crossing.stamp_ns)
+    estimates = sorted(estimates, key=lambda crossing: crossing.stamp_ns)
+    candidates = sorted((abs(e.stamp_ns - t.stamp_ns), i, j)
                   for wheel in {truth.wheel for truth in truths}
                   for i, t, j, e in _candidates(truths, estimates, wheel, tolerance))
     partner: dict[int, int] = {}
     taken: set[int] = set()
-    for _, i, j in near:
+    for _, i, j in candidates:
         if i not in partner and j not in taken:
             partner[i] = j
             taken.add(j)
@@ -67,62 +66,64 @@ def match(estimates: Iterable[Friction], truths: Iterable[Friction],
 
 def _candidates(truths: Sequence[Friction], estimates: Sequence[Friction], wheel: str,
                 tolerance: float) -> Iterable[tuple[int, Friction, int, Friction]]:
-    ours = [(j, e) for j, e in enumerate(estimates) if e.wheel == wheel]
-    stamps = np.array([e.stamp_ns for _, e in ours], np.int64)
+    same_wheel = [(j, e) for j, e in enumerate(estimates) if e.wheel == wheel]
+    stamps = np.array([e.stamp_ns for _, e in same_wheel], np.int64)
     reach = round(tolerance * NS_PER_S)
     for i, truth in enumerate(truths):
         if truth.wheel == wheel:
             first = np.searchsorted(stamps, truth.stamp_ns - reach)
             last = np.searchsorted(stamps, truth.stamp_ns + reach, side='right')
-            for j, estimate in ours[first:last]:
+            for j, estimate in same_wheel[first:last]:
                 yield i, truth, j, estimate
 
 
 def kind_of(truth: Friction) -> str:
-    """Return which of ``KINDS`` a true passage is: by the sign and size of its slip."""
+    """Return the kind of a true crossing, by sign and magnitude of its slip."""
     slip = truth.slip.value
-    if abs(slip) > GENTLE_SLIP:
+    if abs(slip) > MAX_LOW_SLIP:
         return 'traction' if slip > 0.0 else 'braking'
-    return 'gentle'
+    return 'low slip'
 
 
 def friction_scores(pairs: Sequence[tuple[Friction, Friction | None]]) -> dict[str, FrictionScore]:
-    """Return the score of each kind of passage that occurs among ``pairs``."""
+    """Return the scores of all kinds of crossings in ``pairs``."""
     kinds = [kind_of(truth) for truth, _ in pairs]
     return {kind: friction_score([pair for pair, own in zip(pairs, kinds) if own == kind])
             for kind in KINDS if kind in kinds}
 
 
 def friction_score(pairs: Sequence[tuple[Friction, Friction | None]]) -> FrictionScore:
-    """Return the score of ``pairs``, truth first."""
+    """Return the score of ``pairs`` (truth, estimate)."""
     true = column([truth for truth, _ in pairs], 'friction_coefficient')
-    guesses = [guess for _, guess in pairs]
-    single = column(guesses, 'friction_coefficient_single')
-    sigma = column(guesses, 'friction_coefficient_single', sigmas=True)
-    told = telling(single, sigma)
-    relative = (single - true)[told] / true[told]
-    own = score((single - true)[told], sigma[told])
-    fused = column(guesses, 'friction_coefficient')
-    together = score(fused - true, column(guesses, 'friction_coefficient', sigmas=True))
-    adhesion = (column(guesses, 'adhesion_ratio')
+    estimates = [estimate for _, estimate in pairs]
+    single = column(estimates, 'friction_coefficient_single')
+    sigma = column(estimates, 'friction_coefficient_single', sigmas=True)
+    usable = is_informative(single, sigma)
+    relative = (single - true)[usable] / true[usable]
+    single_score = score((single - true)[usable], sigma[usable])
+    fused = column(estimates, 'friction_coefficient')
+    fused_score = score(fused - true, column(estimates, 'friction_coefficient', sigmas=True))
+    adhesion = (column(estimates, 'adhesion_ratio')
                 - column([truth for truth, _ in pairs], 'adhesion_ratio'))
     return FrictionScore(
-        len(pairs), sum(guess is not None for guess in guesses), int(told.sum()),
-        float(told.sum()) / len(pairs) if pairs else math.nan,
-        _median(np.abs(relative)), _median(relative), own.within_one, own.within_two,
-        _median(np.abs(fused - true) / true), together.within_two,
-        score(adhesion, column(guesses, 'adhesion_ratio', sigmas=True)))
+        len(pairs), sum(estimate is not None for estimate in estimates), int(usable.sum()),
+        float(usable.sum()) / len(pairs) if pairs else math.nan,
+        _median(np.abs(relative)), _median(relative),
+        single_score.within_one, single_score.within_two,
+        _median(np.abs(fused - true) / true), fused_score.within_two,
+        score(adhesion, column(estimates, 'adhesion_ratio', sigmas=True)))
 
 
-def column(passages: Sequence[Friction | None], name: str, sigmas: bool = False) -> Floats:
-    """Return one quantity, or its sigma, of each passage; NaN where there is none."""
-    quantities = [UNKNOWN if passage is None else passage.quantity(name) for passage in passages]
+def column(crossings: Sequence[Friction | None], name: str, sigmas: bool = False) -> Floats:
+    """Return one quantity, or its sigma, of each crossing; NaN if not available."""
+    quantities = [UNKNOWN if crossing is None else crossing.quantity(name)
+                  for crossing in crossings]
     return np.array([one.sigma if sigmas else one.value for one in quantities], np.float64)
 
 
-def telling(value: Floats, sigma: Floats) -> NDArray[np.bool_]:
-    """Return which values are finite with a relative sigma below ``TELLING``."""
-    return np.isfinite(value) & (sigma < TELLING * np.abs(value))
+def is_informative(value: Floats, sigma: Floats) -> NDArray[np.bool_]:
+    """Return which values are finite with a relative sigma below ``MAX_RELATIVE_SIGMA``."""
+    return np.isfinite(value) & (sigma < MAX_RELATIVE_SIGMA * np.abs(value))
 
 
 def _median(values: Floats) -> float:

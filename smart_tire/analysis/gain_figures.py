@@ -1,4 +1,4 @@
-"""Figure of identified gains: stretch over slip of each film, and a passage with its fit."""
+"""Figure of identified gains: stretch voltage over slip of each film, and a fitted crossing."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ MM = 1e3
 
 
 def write_gains(path: Path, found: GainFit) -> bool:
-    """Draw the gains that were told to ``path``; return whether there are any."""
+    """Draw the identified gains to ``path``; return False without any."""
     wheels = list(dict.fromkeys(one.wheel for one in found.films if one.gain is not None))
     if not wheels:
         return False
@@ -32,7 +32,7 @@ def write_gains(path: Path, found: GainFit) -> bool:
 
 
 def draw_gains(ax: Axes, films: list[FilmGain]) -> None:
-    """Draw what the films of a wheel stretch, over the slip, with the line that is their gain."""
+    """Draw stretch voltage over slip of the films of a wheel, and their gains as lines."""
     for one, color in zip(films, drawing.FILM_COLORS * len(films)):
         if one.per_slip is None:
             continue
@@ -42,12 +42,12 @@ def draw_gains(ax: Axes, films: list[FilmGain]) -> None:
         ends = np.array([min(one.slip.min(), 0.0), max(one.slip.max(), 0.0)])
         ax.plot(ends, volts.value * ends, color=color, linewidth=1.4,
                 label=f'film {one.film + 1}: {volts.value:.3f} ± {volts.sigma:.3f} V per unit')
-    ax.set(xlabel='slip ratio ± 1σ [-]', ylabel='stretch voltage if all stuck, ± 1σ [V]')
-    ax.locator_params(axis='x', nbins=5)  # more labels would touch
+    ax.set(xlabel='slip ratio ± 1σ [-]', ylabel='stretch voltage at full adhesion ± 1σ [V]')
+    ax.locator_params(axis='x', nbins=5)  # more labels would overlap
 
 
 def draw_waveform(ax: Axes, example: Waveform) -> None:
-    """Draw the samples of one passage with the waveform that was fitted."""
+    """Draw the samples and the fitted waveform of one crossing."""
     colors = drawing.FILM_COLORS * len(example.films)
     for i, (film, color) in enumerate(zip(example.films, colors)):
         ax.plot(MM * example.distance[i], example.volts[i], '.', color=color, markersize=5,
@@ -55,4 +55,4 @@ def draw_waveform(ax: Axes, example: Waveform) -> None:
         ax.plot(MM * example.distance[i], example.fitted[i], color=color, linewidth=1.1,
                 label=f'film {film + 1}, fit')
     ax.set(title=f'{example.wheel.replace("_", " ")}, slip {example.slip:+.3f}',
-           xlabel='rolled [mm]', ylabel='above rest [V]')
+           xlabel='rolled distance [mm]', ylabel='voltage above baseline [V]')

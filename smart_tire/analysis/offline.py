@@ -1,4 +1,4 @@
-"""One bag through the estimators: estimates to a bag, what they tell to a summary."""
+"""Run the estimators on a bag; write their estimates to a bag and a summary."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ import numpy as np
 
 from smart_tire.analysis.pipeline import (
     ESTIMATES, EstimatorParams, FrictionStage, INPUTS, SlipStage, TRUTHS)
-from smart_tire.analysis.prefetch import ahead
+from smart_tire.analysis.prefetch import prefetch
 from smart_tire.analysis.series import Series
 from smart_tire.analysis.smoothing import SmoothedSlip
 from smart_tire.analysis.stream_statistics import StampLog
@@ -28,18 +28,18 @@ from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.messages import find_topic, topic_of
 from smart_tire.samples import NS_PER_S, Odometry, Sample, WheelSample
 
-BATCH = 500  # messages that go from one stage to the next together
-NEEDED_FOR = {'imu/data': 'no odom, wheel_slip and icr', 'tire_samples': 'no tire_friction',
+BATCH_SIZE = 500  # messages that are sent together from one process to the other
+MISSING_WITHOUT = {'imu/data': 'no odom, wheel_slip and icr', 'tire_samples': 'no tire_friction',
               'wheel_states': 'no odom, wheel_slip, icr and tire_friction'}
-COMPARED = dict(zip(TRUTHS, ('poses', 'slips', 'friction values')))
+COMPARED_VALUES = dict(zip(TRUTHS, ('poses', 'slips', 'friction values')))
 
-Progress = Callable[[float], None]  # takes the share that is done, 0 to 1
-Received = tuple[int, Sample]       # at [ns]
+Progress = Callable[[float], None]  # is called with the completed share, 0 to 1
+Received = tuple[int, Sample]       # receive time [ns], sample
 
 
 @dataclass
 class BagContents:
-    """What the bag held."""
+    """Inputs and ground truth of a bag."""
 
     inputs: Series = field(default_factory=Series)
     truth: Series = field(default_factory=Series)
@@ -47,11 +47,11 @@ class BagContents:
     without_positions: int = 0  # wheel samples
     late: Counter[str] = field(default_factory=Counter)
     rejected: Counter[str] = field(default_factory=Counter)
-    left_out: list[str] = field(default_factory=list)
+    skipped: list[str] = field(default_factory=list)
     duration_s: float = 0.0
 
-    def take(self, topic: str, sample: Sample) -> None:
-        """Note an input."""
+    def add_input(self, topic: str, sample: Sample) -> None:
+        """Add an input sample."""
         self.stamps.add(topic, sample)
         self.inputs.add(sample)
         if isinstance(sample, WheelSample) and sample.position is None:
@@ -60,25 +60,25 @@ class BagContents:
 
 @dataclass
 class StageBatch:
-    """What the slip stage made of some messages, for the friction stage."""
+    """Output of the slip stage for some messages: input of the friction stage."""
 
-    share: float            # of the bag that is done
-    passed: list[Received]
-    smoothed: bool = False  # in the light of the whole bag
+    share: float            # completed share of the analysis
+    forwarded: list[Received]
+    smoothed: bool = False  # estimates of the smoother
 
 
 @dataclass
-class Run:
-    """What went into the estimators and what came out."""
+class Analysis:
+    """Inputs and results of an analysis."""
 
-    intake: BagContents = field(default_factory=BagContents)
+    contents: BagContents = field(default_factory=BagContents)
     estimates: Series = field(default_factory=Series)
-    smoothed: Series | None = None  # None where it was not asked for
-    summary: Tree | None = None     # None where nothing could be estimated
+    smoothed: Series | None = None  # None if not requested
+    summary: Tree | None = None     # None if nothing was estimated
 
 
 class EstimateWriter:
-    """The friction stage behind slip estimates: into a bag and a series, what both tell."""
+    """Runs the friction stage and writes all estimates to a bag and a series."""
 
     def __init__(self, folder: Path, params: EstimatorParams, bags: ExitStack) -> None:
         self.estimates = Series()
@@ -86,160 +86,163 @@ class EstimateWriter:
         self._folder, self._bags = folder, bags
         self._writer: BagWriter | None = None
 
-    def take(self, passed: Iterable[Received]) -> None:
-        """Estimate from what the slip stage passes; the first estimate opens the bag."""
-        for receive_ns, sample in passed:
+    def process(self, forwarded: Iterable[Received]) -> None:
+        """Process output of the slip stage; the first estimate creates the bag."""
+        for receive_ns, sample in forwarded:
             for estimate in self.stage.update(sample):
                 if self._writer is None:
-                    self._writer = self._bags.enter_context(BagWriter(_cleared(self._folder)))
+                    _remove_old_bag(self._folder)
+                    self._writer = self._bags.enter_context(BagWriter(self._folder))
                 self._writer.write_sample(topic_of(estimate), receive_ns, estimate)
                 self.estimates.add(estimate)
 
     @property
     def empty(self) -> bool:
-        """Return whether nothing could be estimated."""
+        """Return whether nothing was estimated."""
         return self._writer is None
 
 
 def analyze(path: Path, out: Path, params: EstimatorParams,
-            progress: Progress = lambda share: None, *, smooth: bool = False) -> Run:
+            progress: Progress = lambda share: None, *, smooth: bool = False) -> Analysis:
     """
-    Write what the bag at ``path`` tells: a bag ``out``/estimates and ``out``/summary.json.
+    Analyze the bag at ``path``; write the bag ``out``/estimates and ``out``/summary.json.
 
-    With ``smooth`` there is a bag ``out``/smoothed, too, of what the whole of the bag tells of
-    each instant. Nothing is written where nothing can be estimated; estimates of a former run
-    are replaced. Raises BagError if the bag can not be read or ``out`` not be written.
+    With ``smooth`` also write the estimates of the RTS smoother to ``out``/smoothed. Nothing is
+    written if nothing can be estimated; existing estimates are replaced. Raises BagError if the
+    bag cannot be read or ``out`` cannot be written.
     """
     folders = [out / 'estimates', out / 'smoothed'][:1 + smooth]
     bag_folder = path.resolve() if path.is_dir() else path.resolve().parent
     for folder in (out, *folders):
         if folder.resolve() == bag_folder:
-            raise BagError(f'{folder}: is the folder of the bag that is read; choose another')
-    run = Run()
+            raise BagError(f'{folder} is the folder of the input bag: choose another')
+    analysis = Analysis()
     with ExitStack() as stack:
-        outlets = [EstimateWriter(folder, params, stack) for folder in folders]
-        for item in stack.enter_context(closing(ahead(partial(_read, path, params, smooth)))):
+        writers = [EstimateWriter(folder, params, stack) for folder in folders]
+        for item in stack.enter_context(closing(prefetch(partial(_read, path, params, smooth)))):
             if isinstance(item, BagContents):
-                run.intake = item
+                analysis.contents = item
                 continue
             progress(item.share)
-            outlets[item.smoothed].take(item.passed)
-    run.estimates = outlets[0].estimates
-    run.smoothed = outlets[1].estimates if smooth else None
-    if not outlets[0].empty:
-        run.summary = _summary(path, run, outlets[0].stage)
-        _write(out / 'summary.json', run.summary)
-    return run
+            writers[item.smoothed].process(item.forwarded)
+    analysis.estimates = writers[0].estimates
+    analysis.smoothed = writers[1].estimates if smooth else None
+    if not writers[0].empty:
+        analysis.summary = _summary(path, analysis, writers[0].stage)
+        _write(out / 'summary.json', analysis.summary)
+    return analysis
 
 
 def _read(path: Path, params: EstimatorParams, smooth: bool) -> Iterator[StageBatch | BagContents]:
-    """Yield the bag's messages, through the slip stage, and at last what the bag held."""
-    intake, received = BagContents(), array('q')
+    """Yield the output of the slip stage in batches, and finally the contents of the bag."""
+    contents, received = BagContents(), array('q')
     slip = SmoothedSlip(params.slip) if smooth else SlipEstimator(params.slip)
     stage = SlipStage.of(params, slip)
     with Bag(path) as bag:
         start, end = bag.span_ns
         work = (1 + smooth) * max(1, end - start)
-        passed: list[Received] = []
+        forwarded: list[Received] = []
         for count, (receive_ns, topic, sample) in enumerate(bag.samples((*INPUTS, *TRUTHS))):
             if topic in TRUTHS:
-                intake.truth.add(sample)
+                contents.truth.add(sample)
             else:
-                intake.take(topic, sample)
-                made = stage.update(sample)
-                passed += [(receive_ns, item) for item in made]
-                received.extend(receive_ns for item in made if isinstance(item, Odometry))
-            if count % BATCH == 0:
-                yield StageBatch((receive_ns - start) / work, passed)
-                passed = []
-        yield StageBatch(1.0 / (1 + smooth), passed)
-        intake.late, intake.rejected = stage.late, bag.rejected
-        intake.duration_s = (end - start) / NS_PER_S
-        intake.left_out = _left_out(bag, intake, params.friction.robot.film.wheels)
+                contents.add_input(topic, sample)
+                outputs = stage.update(sample)
+                forwarded += [(receive_ns, item) for item in outputs]
+                received.extend(receive_ns for item in outputs if isinstance(item, Odometry))
+            if count % BATCH_SIZE == 0:
+                yield StageBatch((receive_ns - start) / work, forwarded)
+                forwarded = []
+        yield StageBatch(1.0 / (1 + smooth), forwarded)
+        contents.late, contents.rejected = stage.late, bag.rejected
+        contents.duration_s = (end - start) / NS_PER_S
+        contents.skipped = _skipped(bag, contents, params.friction.robot.film.wheels)
     if isinstance(slip, SmoothedSlip):
-        yield from _read_again(path, slip, received)
-    yield intake
+        yield from _read_smoothed(path, slip, received)
+    yield contents
 
 
-def _read_again(path: Path, slip: SmoothedSlip, received: Sequence[int]) -> Iterator[StageBatch]:
-    """Yield what the friction stage needs, with smoothed slip where there was filtered slip."""
+def _read_smoothed(path: Path, slip: SmoothedSlip,
+                   received: Sequence[int]) -> Iterator[StageBatch]:
+    """Yield the input of the friction stage with smoothed instead of filtered slip."""
     with Bag(path) as bag, closing(slip):
         start, end = bag.span_ns
         smoothed = ((receive_ns, estimate) for receive_ns, estimates
                     in zip(received, slip.smoothed()) for estimate in estimates)
         inputs = ((receive_ns, sample) for receive_ns, _, sample
                   in bag.samples(('wheel_states', 'tire_samples')))
-        passed: list[Received] = []
+        forwarded: list[Received] = []
         for item in heapq.merge(smoothed, inputs, key=itemgetter(0)):
-            passed.append(item)
-            if len(passed) == BATCH:
-                yield StageBatch(0.5 + 0.5 * (item[0] - start) / max(1, end - start), passed, True)
-                passed = []
-        yield StageBatch(1.0, passed, True)
+            forwarded.append(item)
+            if len(forwarded) == BATCH_SIZE:
+                share = 0.5 + 0.5 * (item[0] - start) / max(1, end - start)
+                yield StageBatch(share, forwarded, True)
+                forwarded = []
+        yield StageBatch(1.0, forwarded, True)
 
 
-def _cleared(folder: Path) -> Path:
-    """Return ``folder`` without the bag of a former run; what else is in it stays."""
-    former = [*folder.glob(f'{folder.name}_*.mcap'), *folder.glob('metadata.yaml')]
+def _remove_old_bag(folder: Path) -> None:
+    """Delete the bag of an earlier analysis, but no other files."""
+    old_files = [*folder.glob(f'{folder.name}_*.mcap'), *folder.glob('metadata.yaml')]
     try:
-        for file in former:
+        for file in old_files:
             file.unlink()
-        if former and not any(folder.iterdir()):
+        if old_files and not any(folder.iterdir()):
             folder.rmdir()
     except OSError as error:
         raise BagError(f'{folder}: cannot be replaced ({error.strerror})') from error
-    return folder
 
 
-def _summary(path: Path, run: Run, stage: FrictionStage) -> Tree:
-    intake = run.intake
-    late = intake.late | stage.late  # the greater one where both stages take a topic
-    inputs = {topic: {**asdict(stats), 'late': late[topic], 'rejected': intake.rejected[topic]}
-              for topic, stats in intake.stamps.stats().items()}
-    tree = {'bag': str(path), 'duration_s': plain(intake.duration_s),
-            'inputs': plain(inputs), 'left_out': intake.left_out, **_told(run.estimates, intake)}
-    if run.smoothed is not None:
-        tree['smoothed'] = _told(run.smoothed, intake)
+def _summary(path: Path, analysis: Analysis, stage: FrictionStage) -> Tree:
+    contents = analysis.contents
+    late = contents.late | stage.late  # the larger count if both stages use a topic
+    inputs = {topic: {**asdict(stats), 'late': late[topic], 'rejected': contents.rejected[topic]}
+              for topic, stats in contents.stamps.stats().items()}
+    tree = {'bag': str(path), 'duration_s': plain(contents.duration_s),
+            'inputs': plain(inputs), 'left_out': contents.skipped,
+            **_evaluation(analysis.estimates, contents)}
+    if analysis.smoothed is not None:
+        tree['smoothed'] = _evaluation(analysis.smoothed, contents)
     return tree
 
 
-def _told(estimates: Series, intake: BagContents) -> Tree:
+def _evaluation(estimates: Series, contents: BagContents) -> Tree:
     return {'estimates': estimates_tree(estimates),
-            'against_truth': truth_tree(estimates, intake.truth)}
+            'against_truth': truth_tree(estimates, contents.truth)}
 
 
-def _left_out(bag: Bag, intake: BagContents, film_wheels: Sequence[str]) -> list[str]:
-    """Return what was not read, not used or not estimated, each with the reason."""
-    there = bag.match((*INPUTS, *TRUTHS))
-    lines = [f'{name} is not in the bag: {lost}' for name, lost in NEEDED_FOR.items()
-             if name not in there]
-    if intake.without_positions:
-        lines.append(f'positions of wheel_states: {intake.without_positions} messages have none, '
-                     'their velocities are used')
-    lines += [f'tire_samples of {wheel}: it is not among film.wheels'
-              for wheel in intake.inputs.film_wheels() if wheel not in film_wheels]
-    if not there.keys() & set(TRUTHS):
-        lines.append('ground truth is not in the bag: nothing is compared')
+def _skipped(bag: Bag, contents: BagContents, film_wheels: Sequence[str]) -> list[str]:
+    """Return what was not read, used or estimated, with the reasons."""
+    available = bag.match((*INPUTS, *TRUTHS))
+    lines = [f'{name} is not in the bag: {missing}' for name, missing in MISSING_WITHOUT.items()
+             if name not in available]
+    if contents.without_positions:
+        lines.append(f'positions of wheel_states: missing in {contents.without_positions} '
+                     'messages, whose velocities are used instead')
+    lines += [f'tire_samples of {wheel}: not in film.wheels'
+              for wheel in contents.inputs.film_wheels() if wheel not in film_wheels]
+    if not available.keys() & set(TRUTHS):
+        lines.append('ground truth is not in the bag: no errors are computed')
     else:
-        lines += [f'{name} is not in the bag: {what} are not compared'
-                  for name, what in COMPARED.items() if name not in there]
-    if np.isnan(intake.truth.poses().twist).any():
-        lines.append('twist of ground_truth/odom is not given: speeds are not compared')
-    return lines + _unread(bag, there)
+        lines += [f'{name} is not in the bag: no errors of {values}'
+                  for name, values in COMPARED_VALUES.items() if name not in available]
+    if np.isnan(contents.truth.poses().twist).any():
+        lines.append('ground_truth/odom has no twist: no errors of speeds')
+    return lines + _unread_topics(bag, available)
 
 
-def _unread(bag: Bag, there: dict[str, str]) -> list[str]:
-    """Return what of the bag was passed over though its name is known, or was refused."""
-    lines = [f'{misfit}: is not read' for misfit in bag.misfits()]
+def _unread_topics(bag: Bag, available: dict[str, str]) -> list[str]:
+    """Return the standard topics of the bag that were not read, and rejected messages."""
+    lines = [f'{mismatch}: not read' for mismatch in bag.type_mismatches()]
     for name in bag.topics:
         topic = find_topic(name)
         if topic is not None and topic.name in ESTIMATES:
-            lines.append(f'{name}: a former estimate, is not read')
-        elif topic is not None and there.get(topic.name, name) != name:
-            lines.append(f'{name}: is not read beside {there[topic.name]}')
-    lines += [f'{count} messages of {topic}: refused, the first because {bag.reasons[topic]}'
+            lines.append(f'{name}: recorded estimate, not read')
+        elif topic is not None and available.get(topic.name, name) != name:
+            lines.append(f'{name}: not read, {available[topic.name]} is used')
+    lines += [f'{count} messages of {topic}: rejected, first reason: {bag.reasons[topic]}'
               for topic, count in bag.rejected.items()]
-    return lines + bag.losses
+    return lines + bag.warnings
 
 
 def _write(path: Path, summary: Tree) -> None:

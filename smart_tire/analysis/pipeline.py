@@ -1,4 +1,4 @@
-"""The estimators as the nodes run them, one feeding the other, without nodes."""
+"""The estimators connected as in the nodes, without ROS."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ Estimate = Odometry | WheelSlip | Icr | Friction
 
 @dataclass(frozen=True)
 class EstimatorParams:
-    """What parameter files say to the two estimators."""
+    """Parameters of both estimators."""
 
     slip: SlipEstimatorParams = field(default_factory=SlipEstimatorParams)
     friction: FrictionEstimatorParams = field(default_factory=FrictionEstimatorParams)
 
     @classmethod
     def load(cls, files: Iterable[str | Path]) -> EstimatorParams:
-        """Return the parameters that ``files`` give, later ones win; raise ParameterError."""
+        """Return the parameters in ``files``, later ones override; raise ParameterError."""
         files, known = list(files), known_names(NODE_PARAMS.values())
         slip, friction = (
             load_files(files, node, known, specs(NODE_PARAMS[node]))
@@ -41,7 +41,7 @@ class EstimatorParams:
 
     @property
     def robot(self) -> RobotParams:
-        """Return the robot as the slip estimator sees it."""
+        """Return the robot parameters of the slip estimator."""
         return self.slip.robot
 
 
@@ -77,8 +77,8 @@ class SlipStage:
     def _aid(self, films: FrictionEstimator, passed: list[Sample]) -> None:
         for item in passed:
             if not isinstance(item, Icr):
-                for passage in films.update(item):
-                    self._slip.update(passage)
+                for crossing in films.update(item):
+                    self._slip.update(crossing)
 
     @property
     def late(self) -> Counter[str]:

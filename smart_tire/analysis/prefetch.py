@@ -1,4 +1,4 @@
-"""Work in a process of its own, one step ahead of whoever needs the results."""
+"""Run an iterator in a forked process and prefetch its items."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from smart_tire.errors import EstimatorError, SmartTireError
 Item = TypeVar('Item')
 
 
-def ahead(items: Callable[[], Iterator[Item]]) -> Generator[Item, None, None]:
+def prefetch(items: Callable[[], Iterator[Item]]) -> Generator[Item, None, None]:
     """
-    Yield what ``items()`` yields, computed in a second process where there is a core for it.
+    Yield the items of ``items()``, computed in a second process if a second core is available.
 
-    Items must be worth a trip through a pipe: big and few. The errors of this package come
-    through; the process ends with the iterator, finished or not.
+    Every item is pickled and sent through a pipe, so items should be few and large. Errors of
+    this package are raised here; the process ends when the iterator is closed.
     """
     if len(os.sched_getaffinity(0)) < 2:
         yield from items()
         return
-    context = get_context('fork')  # a fresh interpreter would take longer than most bags
+    context = get_context('fork')  # spawning an interpreter takes longer than most bags
     receiver, sender = context.Pipe(duplex=False)
     process = context.Process(target=_send, args=(items, sender, receiver), daemon=True)
     process.start()
     sender.close()
     try:
-        while (item := _received(receiver)) is not None:
+        while (item := _receive(receiver)) is not None:
             if isinstance(item, SmartTireError):
                 raise item
             yield item
@@ -39,16 +39,16 @@ def ahead(items: Callable[[], Iterator[Item]]) -> Generator[Item, None, None]:
         process.join()
 
 
-def _received(receiver: Connection) -> Any:
+def _receive(receiver: Connection) -> Any:
     try:
         return receiver.recv()
     except EOFError as error:
-        raise EstimatorError('the process that reads ahead has died') from error
+        raise EstimatorError('the prefetching process has died') from error
 
 
 def _send(items: Callable[[], Iterator[Item]], sender: Connection, receiver: Connection) -> None:
-    receiver.close()  # or a parent that is gone would not be noticed
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent is told too, and closes the pipe
+    receiver.close()  # otherwise the end of the parent would not be noticed
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # on SIGINT the parent closes the pipe
     try:
         try:
             for item in items():
@@ -57,4 +57,4 @@ def _send(items: Callable[[], Iterator[Item]], sender: Connection, receiver: Con
             sender.send(error)
         sender.send(None)
     except BrokenPipeError:
-        pass  # nobody wants the rest
+        pass  # the parent needs no more items

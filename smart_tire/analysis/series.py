@@ -1,4 +1,4 @@
-"""Samples of a run collected into arrays, one row per stamp, in order of the stamps."""
+"""Samples collected into arrays, one row per timestamp, sorted by timestamp."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ PLANAR_VARIANCE = tuple(7 * row for row in PLANAR)
 
 
 class Table:
-    """Rows of numbers, each with a stamp, that grow without keeping an object per row."""
+    """Growing table of numbers with timestamps; stores no object per row."""
 
     def __init__(self, width: int) -> None:
         self._width = width
@@ -35,12 +35,12 @@ class Table:
         return len(self._stamps)
 
     def add(self, stamp_ns: int, row: Sequence[float]) -> None:
-        """Append one row; its length must be the table's width."""
+        """Append one row; its length must equal the table width."""
         self._stamps.append(stamp_ns)
         self._values.extend(row)
 
     def arrays(self) -> tuple[Stamps, Floats]:
-        """Return stamps (n,) and values (n, width), by stamp; of equal stamps the last row."""
+        """Return timestamps (n,) and values (n, width), sorted; of equal timestamps the last."""
         stamps = np.array(self._stamps, np.int64)
         values = np.array(self._values, np.float64).reshape(-1, self._width)
         order = np.argsort(stamps, kind='stable')
@@ -51,18 +51,18 @@ class Table:
 
 @dataclass(frozen=True)
 class PoseSeries:
-    """Poses and twists in the plane; yaw runs on over a full turn."""
+    """Planar poses and twists; yaw is unwrapped."""
 
     stamp_ns: Stamps
     pose: Floats             # (n, 3) m, m, rad: x, y, yaw
-    twist: Floats            # (n, 3) m/s, m/s, rad/s: v_x, v_y, yaw rate; NaN where not known
+    twist: Floats            # (n, 3) m/s, m/s, rad/s: v_x, v_y, yaw rate; NaN if unknown
     pose_covariance: Floats  # (n, 3, 3) of x, y, yaw
     twist_variance: Floats   # (n, 3)
 
 
 @dataclass(frozen=True)
 class SlipSeries:
-    """Slips of the four wheels in the order of ``WHEELS``; NaN where nothing moves."""
+    """Slip ratios of the four wheels in the order of ``WHEELS``; NaN at standstill."""
 
     stamp_ns: Stamps
     ratio: Floats  # (n, 4)
@@ -70,23 +70,23 @@ class SlipSeries:
 
 
 class Series:
-    """What a run holds: poses, slips, passages, film voltages and wheel speeds."""
+    """Samples of a recording: poses, slips, crossings, film voltages and wheel speeds."""
 
     def __init__(self) -> None:
         self._poses = Table(18)
         self._slips = Table(8)
         self._speeds = Table(4)
         self._films: dict[tuple[str, int], Table] = {}
-        self.passages: list[Friction] = []
-        self._takers: dict[type, Callable[[Any], None]] = {
+        self.crossings: list[Friction] = []
+        self._handlers: dict[type, Callable[[Any], None]] = {
             Odometry: self._add_odometry, WheelSlip: self._add_slip, Friction: self._add_friction,
             TireSample: self._add_films, WheelSample: self._add_wheels}
 
     def add(self, sample: Sample) -> None:
-        """Take what is needed of one sample; a kind that no figure needs is passed over."""
-        taker = self._takers.get(type(sample))
-        if taker is not None:
-            taker(sample)
+        """Add one sample; other sample types are ignored."""
+        handler = self._handlers.get(type(sample))
+        if handler is not None:
+            handler(sample)
 
     def poses(self) -> PoseSeries:
         """Return poses and twists."""
@@ -102,15 +102,15 @@ class Series:
         return SlipSeries(stamps, rows[:, :4], rows[:, 4:])
 
     def speeds(self) -> tuple[Stamps, Floats]:
-        """Return stamps and the four wheel speeds [rad/s]."""
+        """Return timestamps and the four wheel speeds [rad/s]."""
         return self._speeds.arrays()
 
     def film_wheels(self) -> list[str]:
-        """Return the wheels whose films were sampled."""
+        """Return the wheels with film samples."""
         return sorted({wheel for wheel, _ in self._films})
 
     def films(self, wheel: str) -> tuple[Stamps, Floats]:
-        """Return stamps and voltages (n, films) of ``wheel``, of its most complete channels."""
+        """Return timestamps and voltages (n, films) of ``wheel`` with the usual film count."""
         tables = [table for (name, _), table in self._films.items() if name == wheel]
         return max(tables, key=len).arrays()
 
@@ -128,7 +128,7 @@ class Series:
         self._slips.add(sample.stamp_ns, sample.ratio + sample.sigma)
 
     def _add_friction(self, sample: Friction) -> None:
-        self.passages.append(sample)
+        self.crossings.append(sample)
 
     def _add_films(self, sample: TireSample) -> None:
         key = sample.wheel, len(sample.volts)
@@ -141,15 +141,15 @@ class Series:
 
 
 def seconds(stamp_ns: Stamps, origin_ns: int) -> Floats:
-    """Return stamps as seconds after ``origin_ns``; differences are taken before rounding."""
+    """Return timestamps as seconds after ``origin_ns``, without loss of precision."""
     return (stamp_ns - origin_ns) / NS_PER_S
 
 
 def at(wanted_ns: Stamps, stamp_ns: Stamps, values: Floats, max_gap: float = 0.5) -> Floats:
     """
-    Return ``values`` (n, ...) between their stamps, linearly, at ``wanted_ns``.
+    Return ``values`` (n, ...), linearly interpolated at ``wanted_ns``.
 
-    NaN outside of the stamps, in gaps longer than ``max_gap`` [s], and next to a NaN.
+    NaN outside the timestamps, in gaps longer than ``max_gap`` [s], and next to a NaN.
     """
     result = np.full((len(wanted_ns), *values.shape[1:]), math.nan)
     if len(stamp_ns) < 2:

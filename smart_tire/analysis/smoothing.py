@@ -1,4 +1,4 @@
-"""The slip estimator forward over samples, and its smoother back over the same way."""
+"""Slip estimator followed by the RTS smoother."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from smart_tire.samples import Friction, ImuSample, Sample, WheelSample
 
 
 class SmoothedSlip:
-    """A slip estimator whose estimates can be had again in the light of the whole run."""
+    """Slip estimator that also yields RTS-smoothed estimates."""
 
     def __init__(self, params: SlipEstimatorParams) -> None:
         self._smoother = RtsSmoother(N)
@@ -25,39 +25,39 @@ class SmoothedSlip:
         self._output = SlipOutputBuilder(params)
 
     def update(self, sample: ImuSample | WheelSample | Friction) -> list[EstimateRecord]:
-        """Take a sample in; return the filter's estimates of the instants that it closes."""
+        """Process a sample; return the filter estimates that it completes."""
         return self._estimator.update(sample)
 
     @property
     def late(self) -> Counter[str]:
-        """Return topic -> samples that came too late."""
+        """Return topic -> number of late samples."""
         return self._estimator.late
 
     def smoothed(self) -> Iterator[list[EstimateRecord]]:
-        """Yield the smoothed estimates of one instant after the other: those of ``update``."""
+        """Yield the smoothed estimates for the instants of ``update``, in the same order."""
         for state in compensate_lag(self._smoother.states()):
             yield self._output.build(state.context, state.x, state.P)
 
     def close(self) -> None:
-        """Give the memory of the way back."""
+        """Release the recorded filter states."""
         self._smoother.close()
 
 
 @dataclass(frozen=True)
-class BothWays:
-    """The estimates of a run."""
+class FilteredAndSmoothed:
+    """Estimates of the filter and of the smoother."""
 
     filtered: Series
     smoothed: Series
 
 
-def smooth(params: SlipEstimatorParams, samples: Iterable[Sample]) -> BothWays:
+def smooth(params: SlipEstimatorParams, samples: Iterable[Sample]) -> FilteredAndSmoothed:
     """
-    Return what filter and smoother make of ``samples`` in the order of reception.
+    Return filtered and smoothed estimates from ``samples`` in order of reception.
 
-    Samples that are neither of the IMU nor of the wheels are passed over.
+    Samples other than those of IMU and wheels are ignored.
     """
-    both, slip = BothWays(Series(), Series()), SmoothedSlip(params)
+    both, slip = FilteredAndSmoothed(Series(), Series()), SmoothedSlip(params)
     for sample in samples:
         if isinstance(sample, (ImuSample, WheelSample)):
             for estimate in slip.update(sample):

@@ -1,4 +1,4 @@
-"""Figure of an identified stiffness: the force of a wheel over its slip."""
+"""Figure of an identified stiffness: wheel force over slip."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ def write_stiffness(path: Path, found: StiffnessFit) -> None:
 
 
 def draw_stiffness(ax: Axes, found: StiffnessFit) -> None:
-    """Draw force over slip of each stretch between wheel readings, the fit and its slope C_x."""
-    told = found.stiffness
+    """Draw force over slip of each interval between wheel samples, the fit and its slope C_x."""
+    stiffness = found.stiffness
     ax.plot(found.slip, found.force, '.', color=drawing.SKY, markersize=4,
-            label='stretches between wheel readings')
-    ax.plot(*found.curve, color=drawing.INK, linewidth=1.2, label='fit, with drag as force')
+            label='intervals between wheel samples')
+    ax.plot(*found.curve, color=drawing.INK, linewidth=1.2, label='fit, with rolling drag')
     ends = np.array([found.force.min(), found.force.max()])
-    ax.plot(ends / told.value, ends, color=drawing.VERMILLION, linewidth=1.2, linestyle='--',
-            label=f'C_x = {told.value:.1f} ± {told.sigma:.1f} N')
-    ax.set(xlabel='slip ratio [-]', ylabel='force of one wheel, positive when driving [N]')
+    ax.plot(ends / stiffness.value, ends, color=drawing.VERMILLION, linewidth=1.2, linestyle='--',
+            label=f'C_x = {stiffness.value:.1f} ± {stiffness.sigma:.1f} N')
+    ax.set(xlabel='slip ratio [-]', ylabel='force of one wheel, positive in traction [N]')

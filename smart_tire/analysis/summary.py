@@ -1,4 +1,4 @@
-"""What a run tells, as one tree of plain values for ``summary.json`` and as lines to read."""
+"""Summary of estimates and errors as JSON-compatible values."""
 
 from __future__ import annotations
 
@@ -9,18 +9,19 @@ from typing import Any
 
 import numpy as np
 
-from smart_tire.analysis.friction_metrics import column, friction_scores, match, Matches, telling
-from smart_tire.analysis.metrics import distance, pose_score, SIDES, slip_scores, Spans, within
+from smart_tire.analysis.friction_metrics import (
+    column, friction_scores, is_informative, match, Matches)
+from smart_tire.analysis.metrics import distance, Intervals, pose_score, SIDES, slip_scores, within
 from smart_tire.analysis.series import Floats, Series
 from smart_tire.samples import Friction, WHEELS
 
 Tree = dict[str, Any]
-WHOLE = 'whole run'
-DIGITS = 6  # significant; more than any estimate has
+WHOLE = 'whole recording'
+SIGNIFICANT_DIGITS = 6  # more than any estimate has
 
 
 def plain(value: Any) -> Any:
-    """Return ``value`` as JSON knows it: records as objects, what is not finite as null."""
+    """Return ``value`` with JSON types: dataclasses as objects, non-finite numbers as null."""
     if is_dataclass(value) and not isinstance(value, type):
         return plain(asdict(value))
     if isinstance(value, Mapping):
@@ -28,12 +29,12 @@ def plain(value: Any) -> Any:
     if isinstance(value, (list, tuple, np.ndarray)):
         return [plain(inner) for inner in value]
     if isinstance(value, (float, np.floating)):
-        return float(f'{value:.{DIGITS}g}') if math.isfinite(value) else None
+        return float(f'{value:.{SIGNIFICANT_DIGITS}g}') if math.isfinite(value) else None
     return int(value) if isinstance(value, np.integer) else value
 
 
 def estimates_tree(estimates: Series) -> Tree:
-    """Return what was estimated, without any truth."""
+    """Return the summary of the estimates."""
     poses, slips = estimates.poses(), estimates.slips()
     tree: Tree = {}
     if len(poses.stamp_ns):
@@ -51,7 +52,7 @@ def estimates_tree(estimates: Series) -> Tree:
             tree['wheel_slip'][side] = {'mean': _mean(ratio[moving]),
                                         'mean_sigma': _mean(sigma[moving])}
     tree['tire_friction'] = {wheel: _wheel_tree(own) for wheel in WHEELS
-                             if (own := [p for p in estimates.passages if p.wheel == wheel])}
+                             if (own := [p for p in estimates.crossings if p.wheel == wheel])}
     return plain(tree)
 
 
@@ -59,56 +60,58 @@ def _mean(values: Floats) -> float:
     return float(np.mean(values)) if len(values) else math.nan
 
 
-def _wheel_tree(passages: Sequence[Friction]) -> Tree:
-    single = column(passages, 'friction_coefficient_single')
-    told = telling(single, column(passages, 'friction_coefficient_single', sigmas=True))
-    last = max(passages, key=lambda passage: passage.stamp_ns)
-    return {'passages': len(passages), 'telling': int(told.sum()),
-            'median_single': float(np.median(single[told])) if told.any() else math.nan,
+def _wheel_tree(crossings: Sequence[Friction]) -> Tree:
+    single = column(crossings, 'friction_coefficient_single')
+    usable = is_informative(single, column(crossings, 'friction_coefficient_single', sigmas=True))
+    last = max(crossings, key=lambda crossing: crossing.stamp_ns)
+    return {'crossings': len(crossings), 'informative': int(usable.sum()),
+            'median_single': float(np.median(single[usable])) if usable.any() else math.nan,
             'last_fused': last.friction_coefficient.value,
             'last_fused_sigma': last.friction_coefficient.sigma}
 
 
-def truth_tree(estimates: Series, truth: Series, spans: Spans | None = None) -> Tree | None:
+def truth_tree(estimates: Series, truth: Series,
+               intervals: Intervals | None = None) -> Tree | None:
     """
-    Return how far the estimates are from the truth; None where there is none.
+    Return the errors against ground truth; None without ground truth.
 
-    ``spans`` are judged by themselves too; without them the surfaces are.
+    The errors are also given for each of ``intervals``, by default for each surface.
     """
-    spans = surfaces(truth.passages) if spans is None else spans
+    intervals = surfaces(truth.crossings) if intervals is None else intervals
     tree: Tree = {}
     if (pose := pose_score(estimates.poses(), truth.poses())) is not None:
         tree['pose'] = pose
     if len(truth.slips().stamp_ns):
         own, true = estimates.slips(), truth.slips()
         tree['slip'] = {WHOLE: slip_scores(own, true),
-                        **{name: slip_scores(own, true, span) for name, span in spans.items()}}
-    if truth.passages:
-        tree['friction'] = _friction_tree(match(estimates.passages, truth.passages), spans)
+                        **{name: slip_scores(own, true, interval)
+                           for name, interval in intervals.items()}}
+    if truth.crossings:
+        tree['friction'] = _friction_tree(match(estimates.crossings, truth.crossings), intervals)
     return plain(tree) or None
 
 
-def _friction_tree(matches: Matches, spans: Spans) -> Tree:
+def _friction_tree(matches: Matches, intervals: Intervals) -> Tree:
     stamps = np.array([truth.stamp_ns for truth, _ in matches.pairs], np.int64)
-    offsets = np.array([(guess.stamp_ns - truth.stamp_ns) * 1e-9
-                        for truth, guess in matches.pairs if guess is not None])
-    parts = {name: [matches.pairs[i] for i in np.flatnonzero(within(stamps, span))]
-             for name, span in spans.items()}
-    return {'false_passages': len(matches.false),
+    offsets = np.array([(estimate.stamp_ns - truth.stamp_ns) * 1e-9
+                        for truth, estimate in matches.pairs if estimate is not None])
+    parts = {name: [matches.pairs[i] for i in np.flatnonzero(within(stamps, interval))]
+             for name, interval in intervals.items()}
+    return {'false_crossings': len(matches.false),
             'stamp': {'mean_s': _mean(offsets), 'sigma_s': float(np.std(offsets))
                       if len(offsets) else math.nan},
             WHOLE: friction_scores(matches.pairs),
             **{name: friction_scores(pairs) for name, pairs in parts.items()}}
 
 
-def surfaces(passages: Sequence[Friction]) -> Spans:
-    """Return the stretches of time on each surface that the true ``passages`` tell apart."""
-    spans: dict[str, list[tuple[int, int]]] = {}
+def surfaces(crossings: Sequence[Friction]) -> Intervals:
+    """Return the time intervals on each surface, by the friction of the true ``crossings``."""
+    intervals: dict[str, list[tuple[int, int]]] = {}
     previous = ''
-    for passage in sorted(passages, key=lambda passage: passage.stamp_ns):
-        mu = passage.friction_coefficient.value
-        name, stamp = f'mu {mu:.2f}', passage.stamp_ns
-        start = spans[name].pop()[0] if name == previous else stamp
-        spans.setdefault(name, []).append((start, stamp))
+    for crossing in sorted(crossings, key=lambda crossing: crossing.stamp_ns):
+        mu = crossing.friction_coefficient.value
+        name, stamp = f'mu {mu:.2f}', crossing.stamp_ns
+        start = intervals[name].pop()[0] if name == previous else stamp
+        intervals.setdefault(name, []).append((start, stamp))
         previous = name
-    return spans if len(spans) > 1 else {}
+    return intervals if len(intervals) > 1 else {}

@@ -1,4 +1,4 @@
-"""Bags of rosbag2: read, written crash-safe, recovered; without ROS."""
+"""Reading, crash-safe writing and recovery of rosbag2 bags, without ROS."""
 
 from smart_tire.bags.metadata import Qos
 from smart_tire.bags.reader import Bag, BagTopic

@@ -1,4 +1,4 @@
-"""Types of messages, without ROS: their full texts, their hashes, empty ones and their bytes."""
+"""Message types without ROS: definitions, hashes, empty messages and CDR encoding."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ SCALARS: dict[str, Any] = {'string': '', 'bool': False, 'float32': 0.0, 'float64
 
 @cache
 def typestore() -> Typestore:
-    """Return the types of ROS 2 Jazzy; those of the contract are the same in all distributions."""
+    """Return the types of ROS 2 Jazzy; those used here are equal in all distributions."""
     return get_typestore(Stores.ROS2_JAZZY)
 
 
 @cache
 def definition(type_name: str) -> tuple[str, str]:
-    """Return the full text of a message type and its hash; two empty strings if unknown."""
+    """Return the full definition of a message type and its hash; two empty strings if unknown."""
     if type_name not in typestore().fielddefs:
         return '', ''
     try:
@@ -34,7 +34,7 @@ def definition(type_name: str) -> tuple[str, str]:
 
 
 def empty(type_name: str) -> Any:
-    """Return an empty message of a type: a namespace in which each field has its zero."""
+    """Return a message of a type as a namespace in which every field is zero or empty."""
     return SimpleNamespace(**{name: _zero(kind) for name, kind in _fields(type_name)})
 
 
@@ -43,44 +43,44 @@ def _fields(type_name: str) -> Any:
 
 
 def _zero(kind: Any) -> Any:
-    node, what = kind
+    node, detail = kind
     if node == Nodetype.NAME:
-        return empty(what)
+        return empty(detail)
     if node == Nodetype.BASE:
-        return SCALARS.get(what[0], 0)
+        return SCALARS.get(detail[0], 0)
     if node == Nodetype.ARRAY:
-        return [_zero(what[0]) for _ in range(what[1])]
+        return [_zero(detail[0]) for _ in range(detail[1])]
     return []
 
 
 class Encoder:
-    """Makes the bytes of messages of one type."""
+    """Encodes messages of one type as CDR."""
 
     def __init__(self, type_name: str) -> None:
         self._type = type_name
         self._numbers = list(_number_fields(type_name, lambda msg: msg))
 
     def __call__(self, msg: Any) -> bytes:
-        """Return ``msg`` in CDR; its lists of numbers become the arrays that rosbags wants."""
+        """Return ``msg`` as CDR; number lists become arrays in place, as rosbags requires."""
         for owner, name, dtype in self._numbers:
             part = owner(msg)
             setattr(part, name, np.asarray(getattr(part, name), dtype))
         return bytes(typestore().serialize_cdr(msg, self._type))
 
 
-Path = Callable[[Any], Any]
+Getter = Callable[[Any], Any]
 
 
-def _number_fields(type_name: str, owner: Path) -> Any:
-    """Yield who has it, its name and its kind, for each list of numbers in a message type."""
-    for name, (node, what) in _fields(type_name):
+def _number_fields(type_name: str, owner: Getter) -> Any:
+    """Yield the getter of its owner, name and dtype of each number list in a message type."""
+    for name, (node, detail) in _fields(type_name):
         if node == Nodetype.NAME:
-            yield from _number_fields(what, _deeper(owner, name))
+            yield from _number_fields(detail, _nested(owner, name))
         elif node in (Nodetype.ARRAY, Nodetype.SEQUENCE):
-            inner, _ = what
+            inner, _ = detail
             if inner[0] == Nodetype.BASE and inner[1][0] != 'string':
                 yield owner, name, np.dtype(inner[1][0])
 
 
-def _deeper(owner: Path, name: str) -> Path:
+def _nested(owner: Getter, name: str) -> Getter:
     return lambda msg: getattr(owner(msg), name)

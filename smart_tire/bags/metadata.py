@@ -1,4 +1,4 @@
-"""metadata.yaml of rosbag2: read in any version, written in version 9 (Jazzy and later)."""
+"""metadata.yaml of rosbag2: reads any version, writes version 9 (Jazzy and later)."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from smart_tire.errors import BagError
 NAME = 'metadata.yaml'
 ROOT = 'rosbag2_bagfile_information'
 VERSION = 9
-NEVER = 2**63 - 1                          # ns, start of a bag without messages
-INFINITE = {'sec': 9223372036, 'nsec': 854775807}  # RMW_DURATION_INFINITE
-# The C library's dumper, where there is one, writes ten times as fast.
+NO_START = 2**63 - 1                       # ns, start time of a bag without messages
+INFINITE_DURATION = {'sec': 9223372036, 'nsec': 854775807}  # RMW_DURATION_INFINITE
+# The dumper of the C library, if installed, is ten times as fast.
 DUMPER = getattr(yaml, 'CSafeDumper', yaml.SafeDumper)
 
 
 @dataclass(frozen=True)
 class Qos:
-    """What a publisher offers, as far as a player needs it."""
+    """Offered QoS of a publisher: the fields that replay needs."""
 
     reliability: str = 'reliable'          # or 'best_effort'
     durability: str = 'volatile'           # or 'transient_local'
@@ -33,42 +33,43 @@ class Qos:
 
 @dataclass
 class Contents:
-    """What a bag of one file holds."""
+    """Contents of a bag of one file."""
 
     file: str
     counts: dict[Channel, int]
-    start_ns: int = NEVER
+    start_ns: int = NO_START
     end_ns: int = 0
     ros_distro: str = ''
 
 
 def qos_text(profiles: list[Qos]) -> str:
-    """Return the profiles that publishers offered as rosbag2 writes them."""
+    """Return offered QoS profiles in the format of rosbag2."""
     entries = [{
         'history': 'keep_last', 'depth': profile.depth, 'reliability': profile.reliability,
-        'durability': profile.durability, 'deadline': INFINITE, 'lifespan': INFINITE,
-        'liveliness': 'automatic', 'liveliness_lease_duration': INFINITE,
+        'durability': profile.durability, 'deadline': INFINITE_DURATION,
+        'lifespan': INFINITE_DURATION,
+        'liveliness': 'automatic', 'liveliness_lease_duration': INFINITE_DURATION,
         'avoid_ros_namespace_conventions': False} for profile in profiles]
-    return _dumped(entries) if entries else ''
+    return _dump(entries) if entries else ''
 
 
 def metadata_text(contents: Contents) -> str:
-    """Return what metadata.yaml says of ``contents``, without its root."""
-    return _dumped(_entry(contents))
+    """Return the text of metadata.yaml for ``contents``, without the root key."""
+    return _dump(_entry(contents))
 
 
 def write_metadata(directory: Path, contents: Contents) -> None:
-    """Write metadata.yaml so that at any instant there is a whole one."""
+    """Write metadata.yaml atomically."""
     draft = directory / f'.{NAME}'
-    draft.write_text(_dumped({ROOT: _entry(contents)}), encoding='utf-8')
+    draft.write_text(_dump({ROOT: _entry(contents)}), encoding='utf-8')
     os.replace(draft, directory / NAME)
 
 
 def data_files(directory: Path) -> list[Path]:
     """
-    Return the files that metadata.yaml lists; none without metadata.yaml.
+    Return the files listed in metadata.yaml; an empty list if there is no metadata.yaml.
 
-    Raises BagError if it cannot be understood.
+    Raises BagError if its content is invalid.
     """
     path = directory / NAME
     try:
@@ -78,15 +79,15 @@ def data_files(directory: Path) -> list[Path]:
     except OSError as error:
         raise BagError(f'{path}: cannot be read ({error.strerror})') from error
     except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise BagError(f'{path}: is no YAML') from error
+        raise BagError(f'{path}: not valid YAML') from error
     root = document.get(ROOT) if isinstance(document, Mapping) else None
     names = root.get('relative_file_paths') if isinstance(root, Mapping) else None
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-        raise BagError(f'{path}: lists no relative_file_paths')
-    return [directory / PurePath(name).name for name in names]  # old ones begin with the folder
+        raise BagError(f'{path}: relative_file_paths is missing')
+    return [directory / PurePath(name).name for name in names]  # old versions prefix the folder
 
 
-def _dumped(document: Any) -> str:
+def _dump(document: Any) -> str:
     dumper = type('Dumper', (DUMPER,), {'ignore_aliases': lambda self, data: True})
     return yaml.dump(document, Dumper=dumper, sort_keys=False)
 

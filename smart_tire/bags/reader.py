@@ -1,8 +1,8 @@
 """
-Bags of rosbag2: directories or single files, mcap or sqlite3, whole or broken.
+Reader of rosbag2 bags: directories or single files, MCAP or sqlite3, intact or damaged.
 
-The files are read here and not by rosbags, which wants each of them whole, and yields nothing
-where metadata.yaml and the file tell the offered profiles in different words.
+The files are not read with rosbags because it rejects damaged files, is slower, and skips topics
+whose QoS profiles are written differently in metadata.yaml and in the file.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from types import TracebackType
 import zstandard
 
 from smart_tire.bags.cdr import Decoder
-from smart_tire.bags.mcap_file import MAGIC as MCAP, McapFile
+from smart_tire.bags.mcap_file import MAGIC as MCAP_MAGIC, McapFile
 from smart_tire.bags.metadata import data_files
 from smart_tire.bags.sqlite_file import SqliteFile
 from smart_tire.bags.storage import Channel, Message, Storage
@@ -30,9 +30,9 @@ from smart_tire.messages import find_topic, TOPICS
 from smart_tire.samples import Sample
 
 SUFFIXES = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
-ZSTD = b'\x28\xb5\x2f\xfd'
-SQLITE = b'SQLite format 3\x00'
-UNZIP = 1 << 20  # bytes at a time
+ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
+SQLITE_MAGIC = b'SQLite format 3\x00'
+DECOMPRESS_BLOCK_SIZE = 1 << 20  # bytes
 
 
 @dataclass(frozen=True)
@@ -47,16 +47,16 @@ class Bag:
     """
     A bag, open for reading.
 
-    What could not be read stands in ``losses``, messages that break the contract are counted
-    in ``rejected`` with the first reason in ``reasons``: neither ends the reading.
+    Reading continues after damage and after invalid messages: ``warnings`` lists what could not
+    be read, ``rejected`` counts the invalid messages per topic, ``reasons`` has the first reason.
     """
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
         self.rejected: Counter[str] = Counter()
         self.reasons: dict[str, str] = {}
-        self._losses: list[str] = []
-        self._unzipped = tempfile.TemporaryDirectory(prefix='smart_tire_')
+        self._warnings: list[str] = []
+        self._decompressed = tempfile.TemporaryDirectory(prefix='smart_tire_')
         self._files: list[Storage] = []
         try:
             self._open_all()
@@ -72,19 +72,19 @@ class Bag:
         self.close()
 
     def close(self) -> None:
-        """Give the files back."""
+        """Close all files."""
         for file in self._files:
             file.close()
-        self._unzipped.cleanup()
+        self._decompressed.cleanup()
 
     @property
-    def losses(self) -> list[str]:
-        """Return what was found missing or damaged up to now."""
-        return self._losses + [loss for file in self._files for loss in file.losses]
+    def warnings(self) -> list[str]:
+        """Return what was found missing or damaged so far."""
+        return self._warnings + [warning for file in self._files for warning in file.warnings]
 
     @cached_property
     def topics(self) -> dict[str, BagTopic]:
-        """Return the topics by their names in the bag; reads all of a bag without index."""
+        """Return the topics by name in the bag; without index this reads the whole bag."""
         channels: dict[str, Channel] = {}
         counts: Counter[str] = Counter()
         for file in self._files:
@@ -95,7 +95,7 @@ class Bag:
 
     @cached_property
     def span_ns(self) -> tuple[int, int]:
-        """Return when the first and the last message were received [ns]; zeros without any."""
+        """Return the receive times of the first and last message [ns]; zeros without messages."""
         spans = [span for file in self._files if (span := file.span()) is not None]
         if not spans:
             return 0, 0
@@ -103,15 +103,15 @@ class Bag:
 
     def match(self, wanted: Iterable[str]) -> dict[str, str]:
         """
-        Return contract's name -> name in the bag, for those of ``wanted`` that are there.
+        Return standard name -> name in the bag of those topics of ``wanted`` that the bag has.
 
-        A name may carry a namespace. Where several do, all topics are taken from the one that
-        has most of them, so that two robots are never mixed.
+        A name in the bag may have a namespace. If several namespaces match, all topics are taken
+        from the namespace with the most matches, so that topics of two robots are never mixed.
         """
         found: dict[str, list[str]] = {name: [] for name in wanted}
         for name in self.topics:
             topic = find_topic(name)
-            if topic is not None and topic.name in found and not self._foreign(name):
+            if topic is not None and topic.name in found and not self._has_other_type(name):
                 found[topic.name].append(name)
         spaces = Counter(_namespace(name, contract)
                          for contract, names in found.items() for name in names)
@@ -119,21 +119,21 @@ class Bag:
                     -spaces[_namespace(name, contract)], len(name), name))
                 for contract, names in found.items() if names}
 
-    def misfits(self) -> list[str]:
-        """Return the topics with a name of the contract but messages of another type."""
+    def type_mismatches(self) -> list[str]:
+        """Return the topics with a standard name but another message type."""
         return [f'{name} is {self.topics[name].channel.type}' for name in self.topics
-                if find_topic(name) is not None and self._foreign(name)]
+                if find_topic(name) is not None and self._has_other_type(name)]
 
     def raw(self, topics: Collection[str] | None = None) -> Iterator[Message]:
-        """Yield the messages of ``topics``, named as in the bag, in the order of reception."""
+        """Yield the messages of ``topics`` (names as in the bag) in order of receive time."""
         streams = [file.messages(topics) for file in self._files]
         return streams[0] if len(streams) == 1 else heapq.merge(*streams, key=itemgetter(0))
 
     def samples(self, wanted: Iterable[str]) -> Iterator[tuple[int, str, Sample]]:
         """
-        Yield when it was received [ns], the contract's topic, and the sample.
+        Yield receive time [ns], standard topic name and sample.
 
-        In the order of reception, of those topics of ``wanted`` that are in the bag.
+        Covers the topics of ``wanted`` that are in the bag, in order of receive time.
         """
         readers = {name: (contract, Decoder(TOPICS[contract].type), TOPICS[contract].decode)
                    for contract, name in self.match(wanted).items()}
@@ -147,7 +147,7 @@ class Bag:
             else:
                 yield receive_ns, contract, sample
 
-    def _foreign(self, name: str) -> bool:
+    def _has_other_type(self, name: str) -> bool:
         topic, channel = find_topic(name), self.topics[name].channel
         return topic is None or channel.type != topic.type or channel.encoding != 'cdr'
 
@@ -160,7 +160,7 @@ class Bag:
                 errors.append(error)
         if not self._files:
             raise errors[0]
-        self._losses += map(str, errors)
+        self._warnings += map(str, errors)
 
     def _paths(self) -> list[Path]:
         if not self.path.exists():
@@ -170,46 +170,47 @@ class Bag:
         try:
             listed = data_files(self.path)
         except BagError as error:
-            self._losses.append(str(error))
+            self._warnings.append(str(error))
             listed = []
         else:
             if not listed:
-                self._losses.append(f'{self.path}: metadata.yaml is missing')
+                self._warnings.append(f'{self.path}: metadata.yaml is missing')
         for path in listed:
             if not path.exists():
-                self._losses.append(f'{path}: is missing')
+                self._warnings.append(f'{path}: file is missing')
         paths = [path for path in listed if path.exists()] or sorted(
             (path for path in self.path.iterdir() if path.name.endswith(SUFFIXES)),
-            key=_natural)
+            key=_natural_sort_key)
         if not paths:
-            raise BagError(f'{self.path}: is no bag (no .mcap or .db3 file in it)')
+            raise BagError(f'{self.path}: not a rosbag2 directory (contains no .mcap or .db3 '
+                           'file)')
         return paths
 
     def _open(self, path: Path) -> Storage:
-        plain = self._unzip(path) if _head(path).startswith(ZSTD) else path
-        head = _head(plain)
-        if head.startswith(MCAP):
+        plain = self._decompress(path) if _first_bytes(path).startswith(ZSTD_MAGIC) else path
+        head = _first_bytes(plain)
+        if head.startswith(MCAP_MAGIC):
             return McapFile(plain)
-        if head == SQLITE:
+        if head == SQLITE_MAGIC:
             return SqliteFile(plain)
-        raise BagError(f'{path}: is no bag (neither mcap nor sqlite3)')
+        raise BagError(f'{path}: not a bag file (neither MCAP nor sqlite3)')
 
-    def _unzip(self, path: Path) -> Path:
-        plain = Path(self._unzipped.name) / path.stem
-        with path.open('rb') as packed, plain.open('wb') as file:
-            unzipper = zstandard.ZstdDecompressor().decompressobj()
+    def _decompress(self, path: Path) -> Path:
+        plain = Path(self._decompressed.name) / path.stem
+        with path.open('rb') as compressed, plain.open('wb') as file:
+            decompressor = zstandard.ZstdDecompressor().decompressobj()
             try:
-                while part := packed.read(UNZIP):
-                    file.write(unzipper.decompress(part))
+                while part := compressed.read(DECOMPRESS_BLOCK_SIZE):
+                    file.write(decompressor.decompress(part))
             except zstandard.ZstdError as error:
-                self._losses.append(f'{path.name}: is damaged ({error})')
+                self._warnings.append(f'{path.name}: compressed file is damaged ({error})')
         return plain
 
 
-def _head(path: Path) -> bytes:
+def _first_bytes(path: Path) -> bytes:
     try:
         with path.open('rb') as file:
-            return file.read(len(SQLITE))
+            return file.read(len(SQLITE_MAGIC))
     except OSError as error:
         raise BagError(f'{path}: cannot be read ({error.strerror})') from error
 
@@ -218,5 +219,5 @@ def _namespace(name: str, contract: str) -> str:
     return name.strip('/')[:-len(contract)].strip('/')
 
 
-def _natural(path: Path) -> list[str | int]:
+def _natural_sort_key(path: Path) -> list[str | int]:
     return [int(part) if part.isdigit() else part for part in re.split(r'(\d+)', path.name)]

@@ -1,4 +1,4 @@
-"""A whole bag out of a broken one."""
+"""Recovery of damaged bags."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from smart_tire.bags.writer import BagWriter, channel_of
 
 @dataclass(frozen=True)
 class Recovery:
-    """What was saved and what was not."""
+    """Recovered message counts, and warnings about lost data."""
 
     counts: dict[str, int]  # messages by topic
-    losses: list[str]
+    warnings: list[str]
     span_ns: tuple[int, int]
 
 
 def recover(path: str | Path, out: str | Path) -> Recovery:
     """
-    Write all that can be read of the bag at ``path`` into a whole, indexed one at ``out``.
+    Write all readable messages of the bag at ``path`` into a new, indexed bag at ``out``.
 
-    Raises BagError if nothing can be read, or if ``out`` exists.
+    Raises BagError if the bag cannot be read or ``out`` exists.
     """
     with Bag(path) as bag:
         topics = [topic.channel for topic in bag.topics.values()]
@@ -32,11 +32,11 @@ def recover(path: str | Path, out: str | Path) -> Recovery:
                 writer.add_topic(_completed(channel))
             for receive_ns, channel, data in bag.raw():
                 writer.write(channel.topic, receive_ns, data)
-            return Recovery(writer.counts, bag.losses, bag.span_ns)
+            return Recovery(writer.counts, bag.warnings, bag.span_ns)
 
 
 def _completed(channel: Channel) -> Channel:
-    """Return ``channel`` with the definition of its type, which sqlite3 bags may lack."""
+    """Return ``channel`` with its type definition, which sqlite3 bags may lack."""
     known = channel_of(channel.topic, channel.type)
     if channel.definition or not known.definition:
         return channel

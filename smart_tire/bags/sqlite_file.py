@@ -1,4 +1,8 @@
-"""Reading of one sqlite3 file of rosbag2, of any version of its schema."""
+"""
+Reader of one sqlite3 file of rosbag2, of any schema version.
+
+rosbags takes 1.3 times as long and reads intact files only.
+"""
 
 from __future__ import annotations
 
@@ -12,33 +16,34 @@ from urllib.parse import quote
 
 import zstandard
 
-from smart_tire.bags.storage import Channel, Message, note
+from smart_tire.bags.storage import add_warning, Channel, Message
 from smart_tire.errors import BagError
 
-ZSTD = b'\x28\xb5\x2f\xfd'                  # begins what is packed, and no message
-PAGE_SIZE, CHANGES, VALID_FOR = 16, 24, 92  # where they stand in the file's header
+ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'  # start of compressed data, but of no CDR message
+# Bytes from the start of the file.
+PAGE_SIZE_OFFSET, CHANGE_COUNTER_OFFSET, VERSION_VALID_FOR_OFFSET = 16, 24, 92
 
 
 class SqliteFile:
-    """An sqlite3 file, whole or not."""
+    """An sqlite3 file, intact or damaged."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.losses: list[str] = []
+        self.warnings: list[str] = []
         self._stack = ExitStack()
         try:
             self._connection = self._stack.enter_context(closing(self._open()))
             self._channels = self._read_channels()
         except (sqlite3.DatabaseError, OSError) as error:
             self.close()
-            raise BagError(f'{path}: is no sqlite3 bag ({error})') from error
+            raise BagError(f'{path}: not an sqlite3 bag ({error})') from error
 
     def close(self) -> None:
-        """Give the file back."""
+        """Close the file."""
         self._stack.close()
 
     def span(self) -> tuple[int, int] | None:
-        """Return when the first and the last message were received [ns]; None without any."""
+        """Return the receive times of the first and last message [ns]; None without messages."""
         try:
             start, end = self._connection.execute(
                 'SELECT min(timestamp), max(timestamp) FROM messages').fetchone()
@@ -48,7 +53,7 @@ class SqliteFile:
         return None if start is None else (start, end)
 
     def counts(self) -> dict[Channel, int]:
-        """Return the number of messages of each channel."""
+        """Return the message count of each channel."""
         counts = dict.fromkeys(self._channels.values(), 0)
         try:
             for number, count in self._connection.execute(
@@ -61,7 +66,7 @@ class SqliteFile:
         return counts
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[Message]:
-        """Yield the messages of ``topics`` (None: all) in the order of their reception."""
+        """Yield the messages of ``topics`` (None: all) in order of receive time."""
         wanted = {number: channel for number, channel in self._channels.items()
                   if topics is None or channel.topic in topics}
         last = -1
@@ -70,31 +75,31 @@ class SqliteFile:
                     'SELECT topic_id, timestamp, data FROM messages ORDER BY timestamp, id'):
                 if (channel := wanted.get(number)) is not None:
                     last = ns
-                    yield ns, channel, _plain(data)
+                    yield ns, channel, _decompressed(data)
         except sqlite3.DatabaseError as error:
-            note(self.losses, f'{self.path.name}: is damaged ({error})')
-            yield from self._rest(wanted, last)
+            add_warning(self.warnings, f'{self.path.name}: file is damaged ({error})')
+            yield from self._read_unindexed(wanted, last)
 
     def _open(self) -> sqlite3.Connection:
         try:
-            return _connected(self.path)
+            return _connect(self.path)
         except sqlite3.DatabaseError as error:
-            note(self.losses, f'{self.path.name}: is damaged ({error})')
+            add_warning(self.warnings, f'{self.path.name}: file is damaged ({error})')
         folder = self._stack.enter_context(tempfile.TemporaryDirectory(prefix='smart_tire_'))
         copy = Path(folder) / self.path.name
-        _mend(self.path, copy)
-        return _connected(copy)
+        _copy_repaired(self.path, copy)
+        return _connect(copy)
 
-    def _rest(self, wanted: dict[int, Channel], last: int) -> Iterator[Message]:
-        """Yield what is newer than ``last`` and can be had without the index of times."""
+    def _read_unindexed(self, wanted: dict[int, Channel], last: int) -> Iterator[Message]:
+        """Yield messages after ``last`` [ns] that can be read without the timestamp index."""
         found: list[Message] = []
         try:
             for number, ns, data in self._connection.execute(
                     'SELECT topic_id, timestamp, data FROM messages NOT INDEXED ORDER BY id'):
                 if isinstance(data, bytes) and number in wanted and ns > last:
-                    found.append((ns, wanted[number], _plain(data)))
+                    found.append((ns, wanted[number], _decompressed(data)))
         except sqlite3.DatabaseError:
-            pass  # noted by the caller; what was found up to here counts
+            pass  # the caller has added a warning; keep what was read
         yield from sorted(found, key=lambda message: message[0])
 
     def _read_channels(self) -> dict[int, Channel]:
@@ -115,17 +120,17 @@ class SqliteFile:
             'SELECT topic_type, encoded_message_definition, encoding FROM message_definitions')}
 
 
-def _plain(data: bytes) -> bytes:
-    """Return ``data`` unpacked if it is packed, as rosbag2's message compression leaves it."""
-    return zstandard.decompress(data) if data.startswith(ZSTD) else data
+def _decompressed(data: bytes) -> bytes:
+    """Return ``data``, decompressed if rosbag2 has compressed the message."""
+    return zstandard.decompress(data) if data.startswith(ZSTD_MAGIC) else data
 
 
-def _connected(path: Path) -> sqlite3.Connection:
+def _connect(path: Path) -> sqlite3.Connection:
     """
-    Return a connection that changes nothing.
+    Return a read-only connection.
 
-    Without right to write beside the file, sqlite opens one with a write-ahead log only as
-    immutable, which leaves the log unread; so that is the second choice.
+    In a read-only folder, sqlite opens a file with a write-ahead log only as immutable. The log
+    is ignored then, hence this mode is the second choice.
     """
     for mode in ('mode=ro', 'immutable=1'):
         connection = sqlite3.connect(f'file:{quote(str(path))}?{mode}', uri=True)
@@ -141,20 +146,20 @@ def _connected(path: Path) -> sqlite3.Connection:
     raise sqlite3.OperationalError('cannot be opened')
 
 
-def _mend(path: Path, copy: Path) -> None:
+def _copy_repaired(path: Path, copy: Path) -> None:
     """
-    Copy a file that was cut off so that sqlite opens the copy.
+    Copy a truncated file so that sqlite opens the copy.
 
-    Sqlite refuses a file that is shorter than its header says, unless the header says that
-    its size is out of date (file format, 1.3.8: "version-valid-for" is not the change counter).
+    Sqlite refuses a file that is shorter than the size in its header, unless the header marks
+    that size as invalid (file format 1.3.8: "version-valid-for" differs from the change counter).
     """
     shutil.copyfile(path, copy)
     with copy.open('r+b') as file:
-        file.seek(PAGE_SIZE)
+        file.seek(PAGE_SIZE_OFFSET)
         page = int.from_bytes(file.read(2), 'big')
         page = 65536 if page == 1 else max(page, 512)
-        file.truncate(path.stat().st_size // page * page)  # half a page would be read as zeros
-        file.seek(CHANGES)
+        file.truncate(path.stat().st_size // page * page)  # a partial page would be read as zeros
+        file.seek(CHANGE_COUNTER_OFFSET)
         changes = int.from_bytes(file.read(4), 'big')
-        file.seek(VALID_FOR)
+        file.seek(VERSION_VALID_FOR_OFFSET)
         file.write(((changes + 1) & 0xFFFFFFFF).to_bytes(4, 'big'))

@@ -1,4 +1,4 @@
-"""What a file of a bag gives, whatever its format."""
+"""Interface of the bag file readers."""
 
 from __future__ import annotations
 
@@ -9,39 +9,39 @@ from typing import Protocol
 
 @dataclass(frozen=True, eq=False)  # compared and hashed by identity: once per message
 class Channel:
-    """A topic as it is written in a bag; one object per topic and file."""
+    """A topic as recorded in a bag file; one object per topic and file."""
 
     topic: str
     type: str                     # such as 'sensor_msgs/msg/Imu'
     encoding: str = 'cdr'         # of the messages
-    definition: str = ''          # full text, with the types that it is made of
+    definition: str = ''          # full text, including nested types
     definition_encoding: str = ''
-    qos: str = ''                 # offered profiles, as YAML
+    qos: str = ''                 # offered QoS profiles, as YAML
     type_hash: str = ''
 
 
-Message = tuple[int, Channel, bytes]  # when it was received [ns], where, and its bytes
+Message = tuple[int, Channel, bytes]  # receive time [ns], channel, data
 
 
 class Storage(Protocol):
     """One file of a bag, open for reading."""
 
-    losses: list[str]             # what could not be read, for the user
+    warnings: list[str]           # what could not be read, for the user
 
     def counts(self) -> dict[Channel, int]:
-        """Return the number of messages of each channel."""
+        """Return the message count of each channel."""
 
     def span(self) -> tuple[int, int] | None:
-        """Return when the first and the last message were received [ns]; None without any."""
+        """Return the receive times of the first and last message [ns]; None without messages."""
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[Message]:
-        """Yield the messages of ``topics`` (None: all) in the order of their reception."""
+        """Yield the messages of ``topics`` (None: all) in order of receive time."""
 
     def close(self) -> None:
-        """Give the file back."""
+        """Close the file."""
 
 
-def note(losses: list[str], text: str) -> None:
-    """Add ``text`` to ``losses`` unless a former reading has found the same."""
-    if text not in losses:
-        losses.append(text)
+def add_warning(warnings: list[str], text: str) -> None:
+    """Append ``text`` to ``warnings`` unless it is already listed."""
+    if text not in warnings:
+        warnings.append(text)

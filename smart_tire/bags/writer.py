@@ -1,4 +1,4 @@
-"""Crash-safe writing of rosbag2 directories: what was written half a second ago stays."""
+"""Crash-safe writer of rosbag2 directories: a crash loses at most half a second of messages."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from smart_tire.errors import BagError
 from smart_tire.messages import Topic, TOPICS
 from smart_tire.samples import Sample
 
-FLUSH = 250_000_000       # ns of message time between chunks, half of what may be lost
-DESCRIBE = 5_000_000_000  # ns of message time between updates of metadata.yaml
+FLUSH_PERIOD_NS = 250_000_000       # of message time between chunks: half of the loss allowed
+METADATA_PERIOD_NS = 5_000_000_000  # of message time between updates of metadata.yaml
 
 
 def channel_of(topic: str, type_name: str, profiles: tuple[Qos, ...] = ()) -> Channel:
-    """Return the channel for a topic; without definition if the type is none of ROS 2 Jazzy."""
+    """Return the channel of a topic; without definition if ROS 2 Jazzy does not have the type."""
     text, type_hash = definition(type_name)
     return Channel('/' + topic.lstrip('/'), type_name, 'cdr', text, 'ros2msg' if text else '',
                    qos_text(list(profiles)), type_hash)
@@ -28,10 +28,10 @@ def channel_of(topic: str, type_name: str, profiles: tuple[Qos, ...] = ()) -> Ch
 
 class BagWriter:
     """
-    Writes an mcap bag that `ros2 bag` opens; also one that was killed while it wrote.
+    Writes an MCAP bag that ``ros2 bag`` can open, even if the process was killed while writing.
 
-    It has no clock: chunks end by the times of the messages, so where messages may stay away,
-    call ``flush`` from time to time.
+    The writer has no clock: chunks end by message time. If messages may stop arriving, call
+    ``flush`` periodically.
     """
 
     def __init__(self, directory: str | Path, *, ros_distro: str = '') -> None:
@@ -46,11 +46,11 @@ class BagWriter:
         self._channels: dict[str, tuple[int, Channel]] = {}
         self._schemas: dict[str, int] = {}
         self._encoders: dict[str, _SampleEncoder] = {}
-        self._flushed_ns = self._described_ns = 0
+        self._flushed_ns = self._metadata_ns = 0
         self._mcap = Writer(self._file, compression=CompressionType.ZSTD)
         self._mcap.start(profile='ros2', library='smart_tire')
         self._file.flush()
-        self._describe()
+        self._write_metadata()
 
     def __enter__(self) -> BagWriter:
         return self
@@ -61,11 +61,11 @@ class BagWriter:
 
     @property
     def counts(self) -> dict[str, int]:
-        """Return the number of messages written, by topic."""
+        """Return the number of messages written per topic."""
         return {channel.topic: count for channel, count in self._contents.counts.items()}
 
     def add_topic(self, channel: Channel) -> None:
-        """Prepare for messages of a topic; nothing happens if it was added before."""
+        """Register a topic; no effect if it is already registered."""
         if channel.topic in self._channels:
             return
         if channel.type not in self._schemas:
@@ -76,25 +76,25 @@ class BagWriter:
             {'offered_qos_profiles': channel.qos, 'topic_type_hash': channel.type_hash})
         self._channels[channel.topic] = number, channel
         self._contents.counts[channel] = 0
-        self._describe()
+        self._write_metadata()
 
     def write(self, topic: str, receive_ns: int, data: bytes) -> None:
-        """Write the bytes of a message of a topic that was added."""
+        """Write the serialized message of a registered topic."""
         number, channel = self._channels[topic]
         contents = self._contents
         self._mcap.add_message(number, receive_ns, data, receive_ns)
         contents.counts[channel] += 1
         contents.start_ns = min(contents.start_ns, receive_ns)
         contents.end_ns = max(contents.end_ns, receive_ns)
-        if abs(receive_ns - self._flushed_ns) >= FLUSH:
+        if abs(receive_ns - self._flushed_ns) >= FLUSH_PERIOD_NS:
             self._flushed_ns = receive_ns
             self.flush()
-        if abs(receive_ns - self._described_ns) >= DESCRIBE:
-            self._described_ns = receive_ns
-            self._describe()
+        if abs(receive_ns - self._metadata_ns) >= METADATA_PERIOD_NS:
+            self._metadata_ns = receive_ns
+            self._write_metadata()
 
     def write_sample(self, topic: str, receive_ns: int, sample: Sample) -> None:
-        """Write a sample on a topic of the contract, such as ``odom``."""
+        """Write a sample of a standard topic such as ``odom``."""
         encoder = self._encoders.get(topic)
         if encoder is None:
             encoder = self._encoders[topic] = _SampleEncoder(TOPICS[topic])
@@ -102,14 +102,14 @@ class BagWriter:
         self.write(encoder.channel.topic, receive_ns, encoder(sample))
 
     def flush(self) -> None:
-        """Hand over to the operating system all that was written."""
+        """Hand over all written data to the operating system."""
         try:
             self._mcap.flush()  # type: ignore[no-untyped-call]
         except OSError as error:
-            raise self._failed(error) from error
+            raise self._write_error(error) from error
 
     def close(self) -> None:
-        """Finish the bag; nothing happens the second time."""
+        """Finish the bag; no effect the second time."""
         if self._file.closed:
             return
         try:
@@ -118,21 +118,21 @@ class BagWriter:
                     'rosbag2', {'serialized_metadata': metadata_text(self._contents)})
                 self._mcap.finish()  # type: ignore[no-untyped-call]
         except OSError as error:
-            raise self._failed(error) from error
-        self._describe()
+            raise self._write_error(error) from error
+        self._write_metadata()
 
-    def _describe(self) -> None:
+    def _write_metadata(self) -> None:
         try:
             write_metadata(self.directory, self._contents)
         except OSError as error:
-            raise self._failed(error) from error
+            raise self._write_error(error) from error
 
-    def _failed(self, error: OSError) -> BagError:
+    def _write_error(self, error: OSError) -> BagError:
         return BagError(f'{self.directory}: cannot be written ({error.strerror})')
 
 
 class _SampleEncoder:
-    """Makes the bytes of the samples of one topic, in one message over and over."""
+    """Serializes the samples of one topic; reuses one message object."""
 
     def __init__(self, topic: Topic) -> None:
         self.channel = channel_of(topic.name, topic.type)

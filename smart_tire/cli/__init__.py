@@ -1,1 +1,1 @@
-"""The command ``smart_tire``: one verb per file."""
+"""Command line ``smart_tire``: one module per verb."""

@@ -1,4 +1,4 @@
-"""What several verbs ask of their arguments."""
+"""Arguments that several verbs share."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from smart_tire.cli._overwrite import add_force
 
 
 def positive(text: str) -> float:
-    """Return the number in ``text``; raise ValueError unless it is above zero and finite."""
+    """Return ``text`` as a number; raise ValueError unless it is positive and finite."""
     number = float(text)
     if not 0.0 < number < float('inf'):
         raise ValueError(text)
@@ -18,7 +18,7 @@ def positive(text: str) -> float:
 
 
 def not_negative(text: str) -> float:
-    """Return the number in ``text``; raise ValueError unless it is zero or more, and finite."""
+    """Return ``text`` as a number; raise ValueError unless it is non-negative and finite."""
     number = float(text)
     if not 0.0 <= number < float('inf'):
         raise ValueError(text)
@@ -27,29 +27,31 @@ def not_negative(text: str) -> float:
 
 def add_recordings(parser: argparse.ArgumentParser, *, reference: bool = True) -> None:
     """
-    Ask for bags, which part of them to read, and where to write what they tell.
+    Add the arguments for input bags, time range, parameters and output file.
 
-    Without ``reference`` poses to compare with are not asked for.
+    With ``reference`` also an argument for the topic of reference poses.
     """
     parser.add_argument('bags', type=Path, nargs='+', metavar='BAG',
-                        help='rosbag2 folder, or a file of one')
+                        help='rosbag2 directory or a single bag file')
     parser.add_argument('--params', type=Path, action='append', default=[], metavar='FILE',
-                        help='ROS parameter file of what is known before; may be repeated')
+                        help='ROS parameter file with known parameters; may be repeated, '
+                             'later files override earlier ones')
     parser.add_argument('--from', dest='since', type=not_negative, default=0.0, metavar='S',
-                        help='seconds after the start of each bag to read from')
+                        help='skip the first S seconds of each bag (default: 0)')
     parser.add_argument('--until', type=positive, default=math.inf, metavar='S',
-                        help='seconds after the start of each bag to read up to')
+                        help='stop S seconds after the start of each bag (default: read all)')
     if reference:
         parser.add_argument('--reference', metavar='TOPIC',
-                            help='poses to compare with, or none; found by itself unless given')
+                            help='topic of reference poses, or "none" (default: ground_truth/odom '
+                                 'or overhead/odom, if recorded)')
     parser.add_argument('--out', type=Path, metavar='FILE',
-                        help='parameter file to write, and a figure of its name beside it '
-                             '(default: <bag>_KIND.yaml here)')
+                        help='parameter file to write; a figure with the same name is written '
+                             'next to it (default: <bag>_KIND.yaml in the working directory)')
     add_force(parser)
 
 
-def out_beside(args: argparse.Namespace, kind: str) -> Path:
-    """Return the file to write to: the one asked for, or one named after the first bag."""
+def output_path(args: argparse.Namespace, kind: str) -> Path:
+    """Return the output file: ``--out``, or a name derived from the first bag."""
     if args.out is not None:
         return Path(args.out)
     bag = args.bags[0].resolve()

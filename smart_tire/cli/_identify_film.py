@@ -1,4 +1,4 @@
-"""``smart_tire identify film``: the parameters of a film from a recording on the bench."""
+"""``smart_tire identify film``: parameters of a film from a test stand recording."""
 
 from __future__ import annotations
 
@@ -16,32 +16,34 @@ if TYPE_CHECKING:
     from smart_tire.models.film.buckling_film import BucklingFilm
 
 NAME = 'film'
-HELP = 'a film on the test bench: elastica and Duhem hysteresis, out of a CSV file'
-LENGTH = 25.0  # mm, the film of paper A's Table I
+HELP = 'elastica and Duhem hysteresis of a film, from a CSV recording of a test stand'
+DEFAULT_LENGTH = 25.0  # mm, film of paper A, Table I
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Describe the arguments of this kind."""
+    """Add the arguments of this kind."""
     parser.add_argument('data', type=Path, metavar='DATA.csv',
-                        help='recording with the columns time_s,deflection_m,charge_C')
-    parser.add_argument('--columns', metavar='T,IN,OUT', help='names of other columns to read')
+                        help='CSV file with the columns time_s,deflection_m,charge_C')
+    parser.add_argument('--columns', metavar='T,IN,OUT',
+                        help='names of time, input and output columns, if different')
     parser.add_argument('--out', type=Path, metavar='FILE',
-                        help='parameter file to write, and a figure of its name beside it '
-                             '(default: DATA_film.yaml)')
-    parser.add_argument('--length', type=positive, default=LENGTH, metavar='MM',
-                        help='of the film between its clamps (default: %(default)s)')
+                        help='parameter file to write; a figure with the same name is written '
+                             'next to it (default: DATA_film.yaml)')
+    parser.add_argument('--length', type=positive, default=DEFAULT_LENGTH, metavar='MM',
+                        help='length of the film between its clamps (default: %(default)s)')
     parser.add_argument('--convention', choices=('exact', 'printed'), default='exact',
-                        help='normalisation of the stroke: delta = Delta / 2L, or the printed one')
+                        help='normalization of the stroke: delta = Delta / 2L (exact) or as '
+                             'printed in paper A (default: %(default)s)')
     parser.add_argument('--raw', action='store_true',
-                        help='the input drives the hysteresis itself; also taken so where named '
-                             'columns hold what no film of this length can do')
+                        help='use the input column directly as hysteresis input; automatic if '
+                             '--columns are given and no film of this length has such deflections')
     parser.add_argument('--gain', type=positive, metavar='NC',
-                        help='a gain K [nC], to tell alpha, a and b for')
+                        help='gain K in nC for which alpha, a and b are also written')
     add_force(parser)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Fit, print, and write parameters and figure."""
+    """Fit the model, print the result, and write parameters and figure."""
     out = args.out or args.data.with_name(f'{args.data.stem}_film.yaml')
     figure = out.with_suffix('.png')
     refuse_existing([out, figure], force=args.force, inputs=[args.data])
@@ -54,14 +56,14 @@ def run(args: argparse.Namespace) -> int:
     film = _film(args, recording)
     params, fit, notes = identify_film(recording, film)
     if film is None:
-        notes.insert(0, f'{columns[1]} is taken as the input of the hysteresis itself')
+        notes.insert(0, f'{columns[1]} is used directly as input of the hysteresis')
     write_params(out, params, fit, notes, None if args.gain is None else args.gain * 1e-9)
     write_fit(figure, recording.time, recording.input, recording.output, fit.fitted,
               input_label=columns[1], output_label=columns[2])
     for name in PRODUCTS:
         estimate = getattr(fit, name)
         print(f'{name:11}{estimate.value:12.5g} ± {estimate.sigma:.2g}'
-              + ('' if estimate.determined else '  not determined'))
+              + ('' if estimate.determined else '  not observable'))
     if math.isfinite(fit.low_corner.sigma):
         print(f'low_corner {fit.low_corner.value:12.5g} ± {fit.low_corner.sigma:.2g} Hz')
     print(f'residual   {fit.rms:12.5g} rms, {fit.share:.2%} of half the range')
@@ -72,17 +74,17 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _film(args: argparse.Namespace, recording: FilmRecording) -> BucklingFilm | None:
-    """Return the film on the bench, None where the input is no deflection."""
+    """Return the film on the test stand; None if the input is not a deflection."""
     from smart_tire.models.film.buckling_film import BucklingFilm, FILMS
     if args.raw:
         return None
     film = BucklingFilm(length=args.length * 1e-3, width=FILMS['25x3'].width,
                         thickness=FILMS['25x3'].thickness, convention=args.convention)
-    most = float(recording.input.max())
+    largest = float(recording.input.max())
     try:
-        film.stroke(max(most, 0.0))
+        film.stroke(max(largest, 0.0))
     except ParameterError as error:
         if args.columns:
             return None
-        raise ParameterError(f'deflection of {most} m: {error}') from error
+        raise ParameterError(f'deflection of {largest} m: {error}') from error
     return film

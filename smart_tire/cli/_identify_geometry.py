@@ -1,24 +1,24 @@
-"""``smart_tire identify geometry``: latency, track, radius and mounting out of bags."""
+"""``smart_tire identify geometry``: latency, track, radius and IMU mounting from bags."""
 
 from __future__ import annotations
 
 import argparse
 
 from smart_tire.cli._arguments import add_recordings
-from smart_tire.cli._output import check_out, put_out
+from smart_tire.cli._output import check_output, write_parameters
 
 NAME = 'geometry'
-HELP = 'wheel latency, effective track, rolling radius and IMU of a robot, out of bags'
+HELP = 'encoder latency, effective track, rolling radius, and mounting and noise of the IMU'
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Describe the arguments of this kind."""
+    """Add the arguments of this kind."""
     add_recordings(parser)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Identify, print a table, and write what was told."""
-    check_out(args, NAME)
+    """Identify, print a table, and write parameters and figure."""
+    check_output(args, NAME)
     from smart_tire.analysis.calibrate_robot import identify_geometry, load_robot
     from smart_tire.analysis.geometry_figures import write_geometry
     from smart_tire.calibration.robot.geometry import combine, parameters
@@ -29,6 +29,6 @@ def run(args: argparse.Namespace) -> int:
         print(f'{item.name:24}{item.estimate.value:12.6g} ± {item.estimate.sigma:<8.2g} '
               f'{item.unit:6}{item.note}')
     for name, why in found.refused.items():
-        print(f'{name:24}not told: {why}')
-    return put_out(args, NAME, parameters(found, robot),
+        print(f'{name:24}not observable: {why}')
+    return write_parameters(args, NAME, parameters(found, robot),
                    lambda figure: write_geometry(figure, found))

@@ -1,24 +1,24 @@
-"""``smart_tire identify icr``: S, the x of the centres of rotation, out of bags."""
+"""``smart_tire identify icr``: x coordinate S of the ICR from bags."""
 
 from __future__ import annotations
 
 import argparse
 
 from smart_tire.cli._arguments import add_recordings
-from smart_tire.cli._output import check_out, put_out
+from smart_tire.cli._output import check_output, write_parameters
 
 NAME = 'icr'
-HELP = 'S, the x of the centres of rotation, by the curve fit of paper B, out of bags'
+HELP = 'x coordinate S of the instantaneous center of rotation, by the curve fit of paper B'
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Describe the arguments of this kind."""
+    """Add the arguments of this kind."""
     add_recordings(parser)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Fit, print S with its spread, and write parameters and figure; EstimatorError if untold."""
-    check_out(args, NAME)
+    """Fit S, print it, and write parameters and figure; EstimatorError if not observable."""
+    check_output(args, NAME)
     from smart_tire.analysis.calibrate_robot import identify_icr, load_robot
     from smart_tire.analysis.geometry_figures import write_icr
     from smart_tire.calibration.robot.icr import combine
@@ -29,5 +29,6 @@ def run(args: argparse.Namespace) -> int:
         print(f'turn at {time:7.1f} s     {value:10.4f} ± {sigma:<7.2g} m')
     print(f'S                      {fit.icr.value:10.4f} ± {fit.icr.sigma:<7.2g} m  from '
           f'{fit.source}')
-    print(f'spread over the turns  {fit.spread:10.4f}           m')
-    return put_out(args, NAME, fit.parameters(robot), lambda figure: write_icr(figure, fit))
+    print(f'spread over all turns  {fit.spread:10.4f}           m')
+    return write_parameters(args, NAME, fit.parameters(robot),
+                            lambda figure: write_icr(figure, fit))

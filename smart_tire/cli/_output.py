@@ -1,4 +1,4 @@
-"""Output that several verbs share: message counts, losses, and calibration files."""
+"""Output that several verbs share: message counts, warnings and parameter files."""
 
 from __future__ import annotations
 
@@ -7,49 +7,50 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from smart_tire.cli._arguments import out_beside
+from smart_tire.cli._arguments import output_path
 from smart_tire.cli._overwrite import refuse_existing
 
 if TYPE_CHECKING:
     from smart_tire.parameters.calibration_file import Identified
 
-FOUND, NOTHING = 0, 1  # exit statuses
+IDENTIFIED, NOT_IDENTIFIED = 0, 1  # exit statuses
 
 
-def check_out(args: argparse.Namespace, kind: str) -> None:
-    """Raise ParameterError if a file that ``put_out`` would write exists."""
-    out = out_beside(args, kind)
+def check_output(args: argparse.Namespace, kind: str) -> None:
+    """Raise ParameterError if an output file of ``write_parameters`` exists."""
+    out = output_path(args, kind)
     refuse_existing([out, out.with_suffix('.png')], force=args.force,
                     inputs=[*args.bags, *args.params])
 
 
-def put_out(args: argparse.Namespace, kind: str, told: Sequence[Identified],
+def write_parameters(args: argparse.Namespace, kind: str, identified: Sequence[Identified],
             draw: Callable[[Path], bool | None]) -> int:
     """
-    Write parameters and, beside them, a figure, and say where; return the exit status.
+    Write a parameter file and its figure, print their paths and return the exit status.
 
-    ``draw`` writes the figure and returns False where there was nothing to draw.
+    ``draw`` writes the figure; it returns False if there is nothing to draw.
     """
     from smart_tire.parameters.calibration_file import identified_text, write_text
-    if not told:
-        print('nothing can be told')
-        return NOTHING
-    out = out_beside(args, kind)
-    write_text(out, identified_text([f'Identified from {", ".join(map(str, args.bags))}.'], told))
+    if not identified:
+        print('nothing could be identified from these recordings')
+        return NOT_IDENTIFIED
+    out = output_path(args, kind)
+    write_text(out, identified_text(
+        [f'Identified from {", ".join(map(str, args.bags))}.'], identified))
     figure = out.with_suffix('.png')
     drawn = draw(figure) is not False
     print(f'written to {out}' + (f' and {figure}' if drawn else ''))
-    return FOUND
+    return IDENTIFIED
 
 
 def print_counts(counts: Mapping[str, int]) -> None:
-    """Print the number of messages by topic."""
+    """Print the message count of each topic."""
     width = max((len(str(count)) for count in counts.values()), default=1)
     for topic, count in sorted(counts.items()):
         print(f'  {count:{width}} {topic}')
 
 
-def print_losses(losses: Iterable[str]) -> None:
-    """Print what could not be read."""
-    for loss in losses:
-        print(f'lost: {loss}')
+def print_warnings(warnings: Iterable[str]) -> None:
+    """Print the warnings of a bag reader."""
+    for warning in warnings:
+        print(f'warning: {warning}')

@@ -1,7 +1,7 @@
 """
-Where verbs write: what exists is replaced with ``--force`` only, what was read never.
+Protection of existing files: results are replaced with ``--force`` only, inputs never.
 
-Even then no file is deleted but those that the program itself writes, known by their names.
+Even with ``--force`` only files that the program itself writes are deleted, by name.
 """
 
 from __future__ import annotations
@@ -18,50 +18,50 @@ METADATA = 'metadata.yaml'  # of a bag
 
 
 def add_force(parser: argparse.ArgumentParser) -> None:
-    """Let the user ask for the replacement of former results."""
-    parser.add_argument('--force', action='store_true', help='replace results that exist')
+    """Add the argument ``--force``."""
+    parser.add_argument('--force', action='store_true', help='replace existing results')
 
 
 def refuse_existing(paths: Iterable[Path], *, force: bool, inputs: Iterable[Path] = ()) -> None:
-    """Raise ParameterError for the first path that exists, with ``force`` if it is an input."""
+    """Raise ParameterError if a path is an input or, without ``force``, if one exists."""
     read = {path.resolve() for path in inputs}
     for path in paths:
         if path.resolve() in read:
-            raise ParameterError(f'{path} is what is read: choose another --out')
+            raise ParameterError(f'{path} is an input: choose another --out')
         if os.path.lexists(path) and not force:
             raise ParameterError(f'{path} exists: choose another --out, or --force to replace it')
 
 
 def refuse_existing_bag(folder: Path, *, force: bool) -> None:
-    """Raise ParameterError if ``folder`` exists, with ``force`` if it holds what is not ours."""
+    """Raise ParameterError if ``folder`` exists; with ``force`` only if it has other files."""
     refuse_existing([folder], force=force)
     if not os.path.lexists(folder):
         return
     if not folder.is_dir():
         raise ParameterError(f'{folder} is a file: choose another --out')
     if others := {path.name for path in folder.iterdir()} - _bag_files(folder):
-        raise ParameterError(f'{folder} holds {min(others)}, which --force does not delete: '
+        raise ParameterError(f'{folder} contains {min(others)}, which --force does not delete: '
                              'choose another --out')
 
 
 def refuse_folder_of_bag(out: Path, bags: Iterable[Path]) -> None:
-    """Raise ParameterError if ``out`` is, or is in, the folder of one of ``bags``."""
+    """Raise ParameterError if ``out`` is or is inside the folder of one of ``bags``."""
     for bag in bags:
         path = bag.resolve()
         folder = path if path.is_dir() else path.parent
-        inside = path.is_dir() or (folder / METADATA).exists()  # a lone file may lie anywhere
+        inside = path.is_dir() or (folder / METADATA).exists()  # not if a single file
         if out.resolve() == folder or inside and folder in out.resolve().parents:
             raise ParameterError(f'{out} is in the folder of the bag {bag}: choose another --out')
 
 
 def remove_bag(folder: Path) -> None:
-    """Delete the bag in ``folder``, which ``refuse_existing_bag`` has let pass."""
+    """Delete the bag in ``folder``; call ``refuse_existing_bag`` before."""
     if folder.is_dir():
         remove(folder, _bag_files(folder))
 
 
 def remove(folder: Path, names: Iterable[str]) -> None:
-    """Delete files of ``folder``, and the folder itself if nothing else is in it."""
+    """Delete files of ``folder``, and the folder itself if it is empty then."""
     try:
         for name in names:
             (folder / name).unlink(missing_ok=True)

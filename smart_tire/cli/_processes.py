@@ -1,4 +1,4 @@
-"""The robot's processes: started together, watched, and ended together by their ids."""
+"""Start, supervision and shutdown of the processes of the robot."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from types import TracebackType
 DRIVERS = ('tire_receiver', 'imu_driver', 'motor_driver')
 ESTIMATORS = ('slip_estimator', 'friction_estimator')
 NODES = ('robot_simulator', *ESTIMATORS, 'wheel_controller', *DRIVERS)
-PATIENCE = 10.0          # s for a process to end by itself before it is killed
-PR_SET_PDEATHSIG = 1     # prctl(2): a child ends when its parent is gone, even if it was killed
+SHUTDOWN_TIMEOUT = 10.0  # s from SIGINT to SIGKILL
+PR_SET_PDEATHSIG = 1     # prctl(2): signal to a child when its parent ends, even if killed
 
 
 def isolated_environment() -> dict[str, str]:
-    """Return an environment in which DDS stays on this machine, in a domain of its own."""
-    domain = str(random.SystemRandom().randint(1, 101))  # above, ports meet ephemeral ones
+    """Return an environment that restricts DDS to this machine and to a random domain."""
+    domain = str(random.SystemRandom().randint(1, 101))  # higher ids overlap ephemeral ports
     return {**os.environ, 'ROS_DOMAIN_ID': os.environ.get('SMART_TIRE_DOMAIN_ID', domain),
             'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST', 'PYTHONUNBUFFERED': '1'}
 
@@ -33,10 +33,10 @@ def _end_with_parent() -> None:
 
 class Stack:
     """
-    Processes of this package, each with its log in ``folder``; a context that ends them all.
+    Processes of this package with log files in ``folder``; the context stops all of them.
 
-    Children have a session of their own: Ctrl-C reaches this process alone, which then ends
-    them in order.
+    Child processes have their own session: Ctrl-C reaches this process only, which then stops
+    the children in order.
     """
 
     def __init__(self, folder: Path, environment: Mapping[str, str]) -> None:
@@ -54,7 +54,7 @@ class Stack:
         self.stop()
 
     def node(self, name: str, params: Sequence[Path] = (), *arguments: str) -> None:
-        """Start a node with parameter files; ``arguments`` are further ROS arguments."""
+        """Start a node with parameter files and additional ROS ``arguments``."""
         files = [part for path in params for part in ('--params-file', str(path))]
         self.start(name, f'smart_tire.nodes.{name}', '--ros-args', *files, *arguments)
 
@@ -67,35 +67,35 @@ class Stack:
                 start_new_session=True, preexec_fn=_end_with_parent)
 
     def log(self, name: str) -> str:
-        """Return what the process has said."""
+        """Return the output of a process."""
         return (self._folder / f'{name}.log').read_text(encoding='utf-8', errors='replace')
 
     def tail(self, name: str, count: int = 12) -> str:
-        """Return the last lines that the process has said."""
+        """Return the last lines of the output of a process."""
         return '\n'.join(self.log(name).splitlines()[-count:])
 
     def died(self) -> dict[str, int]:
-        """Return name -> exit status of every process that has ended by itself."""
+        """Return name -> exit status of every process that has exited."""
         return {name: process.returncode for name, process in self.processes.items()
                 if process.poll() is not None}
 
     def cpu_seconds(self) -> dict[str, float]:
-        """Return the CPU time that each living process has used so far, user and system."""
+        """Return the user plus system CPU time [s] of each process."""
         for name, process in self.processes.items():
             try:
                 fields = Path(f'/proc/{process.pid}/stat').read_text().rsplit(')', 1)[1].split()
             except (FileNotFoundError, IndexError):
-                continue  # has ended: what was last seen stays
+                continue  # has exited: keep the last value
             self._cpu[name] = (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
         return dict(self._cpu)
 
     def stop(self, *names: str) -> dict[str, int]:
-        """End the named processes, all by default; return name -> exit status."""
+        """Stop the named processes, all by default; return name -> exit status."""
         chosen = {name: self.processes[name] for name in names or tuple(self.processes)}
         for process in chosen.values():
             if process.poll() is None:
                 process.send_signal(signal.SIGINT)
-        deadline = time.monotonic() + PATIENCE
+        deadline = time.monotonic() + SHUTDOWN_TIMEOUT
         for process in chosen.values():
             try:
                 process.wait(max(0.0, deadline - time.monotonic()))

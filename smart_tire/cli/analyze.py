@@ -1,4 +1,4 @@
-"""``smart_tire analyze``: recorded inputs through the estimators, faster than real time."""
+"""``smart_tire analyze``: run the estimators offline on bags."""
 
 from __future__ import annotations
 
@@ -19,31 +19,32 @@ if TYPE_CHECKING:
     from smart_tire.analysis.pipeline import EstimatorParams
 
 NAME = 'analyze'
-HELP = 'estimate slip, friction and path from bags, as fast as it can'
-ESTIMATED, NOTHING, USAGE = 0, 1, 2
-STEP = 0.25  # of a bag, between two lines of progress where there is no terminal
+HELP = 'run the slip and friction estimators offline on bags; write estimates, summary, figures'
+ESTIMATED, NOTHING_ESTIMATED, USAGE = 0, 1, 2  # exit statuses
+PROGRESS_STEP = 0.25  # of a bag, between two lines of progress without a terminal
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Describe the arguments of this verb."""
+    """Add the arguments of this verb."""
     parser.add_argument('bags', type=Path, nargs='+', metavar='BAG',
-                        help='rosbag2 folder, or a file of one')
+                        help='rosbag2 directory or a single bag file')
     parser.add_argument('--params', type=Path, action='append', default=[], metavar='FILE',
-                        help='ROS parameter file; may be repeated, later ones win')
+                        help='ROS parameter file; may be repeated, later files override earlier '
+                             'ones')
     parser.add_argument('--out', type=Path, required=True, metavar='DIR',
                         help='folder for estimates, summary.json and figures')
     parser.add_argument('--smooth', action='store_true',
-                        help='also say what the whole bag tells of each instant: DIR/smoothed')
-    parser.add_argument('--no-figures', action='store_true', help='draw nothing')
+                        help='also run the RTS smoother; write its estimates to DIR/smoothed')
+    parser.add_argument('--no-figures', action='store_true', help='write no figures')
     add_force(parser)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Analyze the bags one after the other; the worst of them gives the exit status."""
+    """Analyze all bags; return the largest exit status."""
     names = [folder_name(bag) for bag in args.bags]
     for name, count in Counter(names).items():
         if count > 1:
-            print(f'smart_tire analyze: {count} bags are named {name}', file=sys.stderr)
+            print(f'smart_tire analyze: {count} bags have the name {name}', file=sys.stderr)
             return USAGE
     outs = [args.out] if len(args.bags) == 1 else [args.out / name for name in names]
     for out in outs:
@@ -62,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def check_out(out: Path, args: argparse.Namespace) -> None:
-    """Raise ParameterError if ``out`` holds results or belongs to a bag that is read."""
+    """Raise ParameterError if ``out`` contains results or is inside an input bag."""
     refuse_folder_of_bag(out, args.bags)
     for folder in ('estimates', 'smoothed')[:1 + args.smooth]:
         refuse_folder_of_bag(out / folder, args.bags)
@@ -72,28 +73,28 @@ def check_out(out: Path, args: argparse.Namespace) -> None:
 
 
 def folder_name(bag: Path) -> str:
-    """Return the name of a bag: that of its folder, or of its file without suffix."""
+    """Return the name of a bag: its folder name, or its file name without suffix."""
     bag = bag.resolve()
     return bag.name if bag.is_dir() else bag.stem
 
 
 def analyze_one(bag: Path, out: Path, params: EstimatorParams, *, figures: bool,
                 smooth: bool) -> int:
-    """Analyze one bag into ``out`` and print what it tells; return the exit status."""
+    """Analyze one bag, write the results to ``out``, print a report; return the exit status."""
     from smart_tire.analysis.offline import analyze
     from smart_tire.analysis.report import lines
     with shown_progress(folder_name(bag)) as progress:
         result = analyze(bag, out, params, progress, smooth=smooth)
     if result.summary is None:
-        print(f'{bag}: nothing to estimate')
-        for text in result.intake.left_out:
-            print(f'  left out: {text}')
-        return NOTHING
+        print(f'{bag}: nothing can be estimated')
+        for text in result.contents.skipped:
+            print(f'  skipped: {text}')
+        return NOTHING_ESTIMATED
     for line in lines(result.summary):
         print(line)
     if figures:
         from smart_tire.analysis.figures import write_figures
-        write_figures(out, result.intake.inputs, result.estimates, result.intake.truth,
+        write_figures(out, result.contents.inputs, result.estimates, result.contents.truth,
                       params.robot, smoothed=result.smoothed)
     print(f'  written to {out}')
     return ESTIMATED
@@ -101,26 +102,26 @@ def analyze_one(bag: Path, out: Path, params: EstimatorParams, *, figures: bool,
 
 @contextmanager
 def shown_progress(name: str) -> Iterator[Progress]:
-    """Give a function that shows the share that is done: a bar on a terminal, else lines."""
+    """Yield a function that shows the completed share: a bar on a terminal, otherwise lines."""
     from rich.progress import Progress as Bars
     if not sys.stdout.isatty():
-        yield Lines(name).show
+        yield ProgressLines(name).show
         return
-    # No thread of its own that redraws it: the analysis forks.
+    # No refresh thread: the analysis forks.
     with Bars(transient=True, auto_refresh=False) as bars:
         bar = bars.add_task(name, total=1.0)
         yield lambda share: bars.update(bar, completed=share, refresh=True)
 
 
-class Lines:
-    """Progress where nothing can be drawn over: a line now and then."""
+class ProgressLines:
+    """Progress as occasional lines of text."""
 
     def __init__(self, name: str) -> None:
         self._name = name
-        self._next = STEP
+        self._next = PROGRESS_STEP
 
     def show(self, share: float) -> None:
-        """Print a line if enough was done since the last one."""
+        """Print a line if ``share`` has grown by a step since the last line."""
         if share >= self._next:
             print(f'{self._name}: {100.0 * share:.0f} %', flush=True)
-            self._next = share - share % STEP + STEP
+            self._next = share - share % PROGRESS_STEP + PROGRESS_STEP

@@ -1,4 +1,4 @@
-"""The main job: drive the simulated robot over concrete and sand, show, record and judge it."""
+"""``smart_tire demo``: run the full stack on the simulated robot, compare it with ground truth."""
 
 from __future__ import annotations
 
@@ -21,85 +21,84 @@ from smart_tire.cli._overwrite import (
 from smart_tire.cli._processes import isolated_environment, NODES, Stack
 
 if TYPE_CHECKING:
-    from smart_tire.analysis.demo_report import Spans
+    from smart_tire.analysis.demo_report import Intervals
     from smart_tire.analysis.summary import Tree
 
 NAME = 'demo'
-HELP = 'drive the simulated robot on concrete and sand, record it and judge the estimates'
+HELP = 'drive the simulated robot on concrete and sand, record a bag and evaluate the estimates'
 
 UNITS = ('0013A20040A1B2C2=front_left', '0013A20040A1B2C3=front_right')
-RADIO_LATENCY = 0.005     # s, radio.delay of the simulator
-FAST, SLOW = 120.0, 60.0  # rpm, paper B Fig. 10
-LEG = 9.0                 # s of each turn
-SETTLE = 1.0              # s at the start of a leg that its means leave out
-STAND = 2.5               # s of standstill before the first leg
-SAND_FROM = 6.2           # m from the origin, in x or y: two circles from there stay on sand
-LONGEST_TRANSFER = 12.0   # s
-START_TIMEOUT = 20.0      # s for all nodes to be there
-REFRESH = 0.25            # s between two looks at the dashboard
-EXPECTED = ('imu/data', 'wheel_states', 'tire_samples', 'tire_battery', 'odom', 'wheel_slip',
-            'icr', 'tire_friction', 'cmd_vel', 'wheel_commands', 'motor_commands',
-            'ground_truth/odom', 'ground_truth/wheel_slip', 'ground_truth/tire_friction',
-            '/diagnostics')
-
-
+RADIO_LATENCY = 0.005         # s, radio.delay of the simulator
+FAST_SPEED, SLOW_SPEED = 120.0, 60.0  # rpm, paper B Fig. 10
+LEG_DURATION = 9.0            # s of each turn
+SETTLING_TIME = 1.0           # s at the start of a leg that are excluded from its means
+STANDSTILL_DURATION = 2.5     # s before the first leg
+MIN_SAND_DISTANCE = 6.2       # m from the origin in x or y: two circles from there stay on sand
+MAX_TRANSFER_DURATION = 12.0  # s
+START_TIMEOUT = 20.0          # s until all nodes run
+DASHBOARD_PERIOD = 0.25       # s between two updates
+EXPECTED_TOPICS = (
+    'imu/data', 'wheel_states', 'tire_samples', 'tire_battery', 'odom', 'wheel_slip', 'icr',
+    'tire_friction', 'cmd_vel', 'wheel_commands', 'motor_commands', 'ground_truth/odom',
+    'ground_truth/wheel_slip', 'ground_truth/tire_friction', '/diagnostics')
 PORTS = ('tire_radio', 'imu', 'motors')
 FILES = ('demo.yaml', 'conversions.csv', 'summary.json')
 
 
 class DemoError(Exception):
-    """The demo can not go on; its text says why."""
+    """The demo cannot continue; the text has the reason."""
 
 
 @dataclass(frozen=True)
 class Leg:
-    """A stretch of constant wheel speeds."""
+    """An interval of constant wheel speeds."""
 
     name: str
     left: float      # rpm
     right: float     # rpm
-    judged: bool = True
+    evaluated: bool = True
 
 
 LEGS = (
-    Leg('concrete 120/60', FAST, SLOW), Leg('concrete 60/120', SLOW, FAST),
-    Leg('to the sand', FAST, FAST, judged=False),
-    Leg('sand 120/60', FAST, SLOW), Leg('sand 60/120', SLOW, FAST))
+    Leg('concrete 120/60', FAST_SPEED, SLOW_SPEED), Leg('concrete 60/120', SLOW_SPEED, FAST_SPEED),
+    Leg('to the sand', FAST_SPEED, FAST_SPEED, evaluated=False),
+    Leg('sand 120/60', FAST_SPEED, SLOW_SPEED), Leg('sand 60/120', SLOW_SPEED, FAST_SPEED))
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Describe the arguments of this verb."""
+    """Add the arguments of this verb."""
     parser.add_argument('--out', type=Path, default=Path('demo_output'),
                         help='folder for bag, figures and summary (default: %(default)s)')
-    parser.add_argument('--seed', type=int, default=1, help='of the simulation')
+    parser.add_argument('--seed', type=int, default=1,
+                        help='random seed of the simulation (default: %(default)s)')
     add_force(parser)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run the demo; return 0 if every node lived, every topic spoke."""
+    """Run the demo; return 0 if no node failed and no topic stayed silent."""
     out: Path = args.out
     refuse_existing_bag(out / 'bag', force=args.force)
     refuse_existing([out / name for name in (*FILES, 'figures', 'logs')], force=args.force)
-    # Importing rclpy may start Python anew, so it must come before any child is started.
-    from smart_tire.analysis.demo_report import judge
+    # Importing rclpy may restart Python, so it must come before any child is started.
+    from smart_tire.analysis.demo_report import evaluate
     from smart_tire.nodes.demo_driver import NodeRunner
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         params = _prepare(out, args.seed)
-        spans = _drive(out, params, NodeRunner)
-        judged = judge(out / 'bag', params, spans, EXPECTED, out / 'conversions.csv',
-                       out / 'figures')
+        intervals = _drive(out, params, NodeRunner)
+        summary = evaluate(out / 'bag', params, intervals, EXPECTED_TOPICS,
+                           out / 'conversions.csv', out / 'figures')
     except KeyboardInterrupt:
         print('interrupted', file=sys.stderr)
         return 130
     except DemoError as error:
         print(f'demo: {error}', file=sys.stderr)
         return 1
-    return _conclude(out, judged)
+    return _report(out, summary)
 
 
 def _prepare(out: Path, seed: int) -> Path:
-    """Delete the files of an earlier demo and write this one's parameter file."""
+    """Delete the results of an earlier demo and write the parameter file."""
     remove_bag(out / 'bag')
     remove(out / 'figures', FIGURES)
     remove(out / 'logs', [f'{name}.log' for name in (*NODES, 'recorder')])
@@ -123,37 +122,37 @@ def _prepare(out: Path, seed: int) -> Path:
     return file
 
 
-def _drive(out: Path, params: Path, cockpit_class: Callable[[list[str]], Any]) -> Spans:
-    """Start all, drive the legs, end all; return when each leg was."""
+def _drive(out: Path, params: Path, runner_class: Callable[[list[str]], Any]) -> Intervals:
+    """Start all processes, drive the legs, stop all; return the time intervals of the legs."""
     environment = isolated_environment()
-    os.environ.update(environment)  # the cockpit lives in this process
+    os.environ.update(environment)  # the node runner is in this process
     with Stack(out / 'logs', environment) as stack:
         stack.start('recorder', 'smart_tire.cli.main', 'record', '--out', str(out / 'bag'))
         for node in NODES:
             stack.node(node, [params])
-        with cockpit_class(['--ros-args', '--params-file', str(params)]) as cockpit:
-            _await_nodes(stack, cockpit)
+        with runner_class(['--ros-args', '--params-file', str(params)]) as runner:
+            _await_nodes(stack, runner)
             with Dashboard() as dashboard:
-                spans = _legs(stack, cockpit, dashboard)
+                intervals = _drive_legs(stack, runner, dashboard)
         _check_alive(stack)
-        # from the listeners to the ports' owner; the recorder last: it hears them to the end
+        # Subscribers first, then the owner of the ports; the recorder last, to record all.
         for names in (NODES[1:], NODES[:1], ('recorder',)):
             for name, status in stack.stop(*names).items():
                 if status:
                     raise DemoError(f'{name} ended with status {status}\n{stack.tail(name)}')
     remove(out / 'ports', PORTS)
-    return spans
+    return intervals
 
 
-def _await_nodes(stack: Stack, cockpit: Any) -> None:
-    """Wait until the estimates flow and every node has reported."""
-    pilot, deadline = cockpit.pilot, time.monotonic() + START_TIMEOUT
+def _await_nodes(stack: Stack, runner: Any) -> None:
+    """Wait until estimates are published and every node has sent diagnostics."""
+    pilot, deadline = runner.pilot, time.monotonic() + START_TIMEOUT
     while pilot.slip is None or pilot.wheels is None or set(NODES) - pilot.health.keys():
         _check_alive(stack)
         if time.monotonic() > deadline:
             missing = sorted(set(NODES) - pilot.health.keys()) or ['wheel_slip']
-            raise DemoError(f'nothing heard of {", ".join(missing)} for {START_TIMEOUT:.0f} s')
-        cockpit.turn(REFRESH)
+            raise DemoError(f'no messages from {", ".join(missing)} within {START_TIMEOUT:.0f} s')
+        runner.turn(DASHBOARD_PERIOD)
 
 
 def _check_alive(stack: Stack) -> None:
@@ -161,37 +160,39 @@ def _check_alive(stack: Stack) -> None:
         raise DemoError(f'{name} died with status {status}\n{stack.tail(name)}')
 
 
-def _legs(stack: Stack, cockpit: Any, dashboard: Dashboard) -> Spans:
-    spans: Spans = {}
-    _hold(stack, cockpit, dashboard, Leg('standing', 0.0, 0.0), STAND)
+def _drive_legs(stack: Stack, runner: Any, dashboard: Dashboard) -> Intervals:
+    intervals: Intervals = {}
+    _drive_leg(stack, runner, dashboard, Leg('standstill', 0.0, 0.0), STANDSTILL_DURATION)
     for leg in LEGS:
-        begin = cockpit.pilot.now_ns()
-        _hold(stack, cockpit, dashboard, leg, LEG if leg.judged else LONGEST_TRANSFER)
-        if leg.judged:
-            spans[leg.name] = [(begin + round(SETTLE * 1e9), cockpit.pilot.now_ns())]
-    _hold(stack, cockpit, dashboard, Leg('standing', 0.0, 0.0), 1.5)
-    return spans
+        begin = runner.pilot.now_ns()
+        duration = LEG_DURATION if leg.evaluated else MAX_TRANSFER_DURATION
+        _drive_leg(stack, runner, dashboard, leg, duration)
+        if leg.evaluated:
+            intervals[leg.name] = [(begin + round(SETTLING_TIME * 1e9), runner.pilot.now_ns())]
+    _drive_leg(stack, runner, dashboard, Leg('standstill', 0.0, 0.0), 1.5)
+    return intervals
 
 
-def _hold(stack: Stack, cockpit: Any, dashboard: Dashboard, leg: Leg, duration: float) -> None:
-    """Drive ``leg`` for ``duration`` [s], a transfer at most until the sand is reached."""
-    pilot, end = cockpit.pilot, time.monotonic() + duration
+def _drive_leg(stack: Stack, runner: Any, dashboard: Dashboard, leg: Leg, duration: float) -> None:
+    """Drive ``leg`` for ``duration`` [s]; a transfer ends when the sand is reached."""
+    pilot, end = runner.pilot, time.monotonic() + duration
     pilot.drive(leg.left, leg.right)
     while time.monotonic() < end:
-        if leg.left == leg.right != 0.0 and max(map(abs, pilot.odometry.position)) > SAND_FROM:
+        distance = max(map(abs, pilot.odometry.position))
+        if leg.left == leg.right != 0.0 and distance > MIN_SAND_DISTANCE:
             return
-        cockpit.turn(REFRESH)
+        runner.turn(DASHBOARD_PERIOD)
         _check_alive(stack)
-        dashboard.show(leg.name, pilot)
+        dashboard.update(leg.name, pilot)
 
 
-def _conclude(out: Path, judged: Tree) -> int:
-    """Write and print the summary; return 1 if a topic stayed silent."""
+def _report(out: Path, summary: Tree) -> int:
+    """Write and print the summary; return 1 if an expected topic has no messages."""
     from smart_tire.analysis.demo_report import lines
-    (out / 'summary.json').write_text(json.dumps(judged, indent=2) + '\n', encoding='utf-8')
-    print('\n'.join(lines(judged)))
+    (out / 'summary.json').write_text(json.dumps(summary, indent=2) + '\n', encoding='utf-8')
+    print('\n'.join(lines(summary)))
     print(f'\nbag, figures and summary.json are in {out}/')
-    if judged['silent']:
-        print(f'demo: nothing on {", ".join(judged["silent"])}', file=sys.stderr)
+    if summary['silent']:
+        print(f'demo: no messages on {", ".join(summary["silent"])}', file=sys.stderr)
         return 1
     return 0

@@ -1,7 +1,7 @@
 """
-``smart_tire identify KIND``: parameters out of recordings, with standard errors.
+``smart_tire identify KIND``: parameters from recordings, with standard errors.
 
-A kind is a module ``_identify_<kind>`` of this folder, made like a verb.
+Each kind is a module ``_identify_<kind>`` of this folder with the interface of a verb.
 """
 
 from __future__ import annotations
@@ -11,12 +11,12 @@ from importlib import import_module
 from typing import Any
 
 NAME = 'identify'
-HELP = 'parameters of film or robot out of recordings, with standard errors'
+HELP = 'identify parameters of film, tire or robot from recordings, with standard errors'
 KINDS = ('film', 'gains', 'geometry', 'icr', 'stiffness')
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Describe the arguments of every kind."""
+    """Add the arguments of every kind."""
     choices = parser.add_subparsers(dest='kind', metavar='KIND', required=True)
     for name in KINDS:
         module: Any = import_module(f'smart_tire.cli._identify_{name}')
@@ -26,5 +26,5 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run the kind that the command line names; return the exit status."""
+    """Run the selected kind; return the exit status."""
     return int(args.run_kind(args))

@@ -2,7 +2,7 @@
 The command ``smart_tire VERB ...``.
 
 A verb is a module of this folder with ``NAME``, ``HELP``, ``add_arguments(parser)`` and
-``run(args)``, which returns the exit status. Only the one that is asked for is imported.
+``run(args)``, which returns the exit status. Only the module of the given verb is imported.
 """
 
 from __future__ import annotations
@@ -18,29 +18,30 @@ from typing import Any
 from smart_tire.errors import BagError, ParameterError, SmartTireError
 
 VERBS = {
-    'demo': 'the whole stack on a simulated robot',
-    'record': 'topics into a bag',
-    'replay': 'a bag onto topics',
-    'recover': 'a whole bag out of a broken one',
-    'analyze': 'estimates and figures out of bags',
-    'identify': 'parameters out of recordings, with standard errors',
-    'measure': 'deflections out of the charge of an identified film',
-    'reproduce': 'figures and tables of the papers, computed anew',
+    'demo': 'run the full stack on a simulated robot and evaluate it',
+    'record': 'record topics into a bag',
+    'replay': 'publish the messages of a bag',
+    'recover': 'repair a truncated or damaged bag',
+    'analyze': 'run the estimators on bags; write estimates, summary and figures',
+    'identify': 'identify parameters from recordings, with standard errors',
+    'measure': 'measure deflections with an identified film',
+    'reproduce': 'recompute the figures and tables of both papers',
 }
-FAILED, USAGE, INTERRUPTED, UNREAD = 1, 2, 130, 141
-ROS_ARGUMENTS = '--ros-args'  # from here on they are for rclpy, which finds them by itself
-OF_ROS = ('rclpy', '_msgs', '_srvs', '_interfaces')  # ends of the names of its packages
+FAILED, USAGE, INTERRUPTED, BROKEN_PIPE = 1, 2, 130, 141  # exit statuses
+ROS_ARGUMENTS = '--ros-args'  # rclpy reads the arguments from here on
+ROS_PACKAGE_SUFFIXES = ('rclpy', '_msgs', '_srvs', '_interfaces')
 
 
-def new_parser(asked: str | None) -> argparse.ArgumentParser:
-    """Return the parser for the verb that is ``asked`` for, or for an overview of all."""
+def new_parser(selected: str | None) -> argparse.ArgumentParser:
+    """Return the parser with the arguments of the ``selected`` verb, if any."""
     parser = argparse.ArgumentParser(
-        prog='smart_tire', description='Slip, friction and localization from tires that feel.',
-        epilog='"smart_tire VERB --help" tells more.')
+        prog='smart_tire',
+        description='Wheel slip, localization and tire-road friction from sensors in the tires.',
+        epilog='"smart_tire VERB --help" describes the arguments of a verb.')
     choices = parser.add_subparsers(dest='verb', metavar='VERB', required=True)
     for name, summary in VERBS.items():
         verb = choices.add_parser(name, help=summary)
-        if name == asked:
+        if name == selected:
             module: Any = import_module(f'smart_tire.cli.{name}')
             verb.description = module.HELP
             module.add_arguments(verb)
@@ -49,7 +50,7 @@ def new_parser(asked: str | None) -> argparse.ArgumentParser:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the verb that the command line names; return the exit status."""
+    """Run the verb given on the command line; return the exit status."""
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # see smart_tire.launching
     words = list(sys.argv[1:] if argv is None else argv)
     if ROS_ARGUMENTS in words:
@@ -60,29 +61,30 @@ def main(argv: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
         return status
     except (BagError, ParameterError) as error:
-        return complain(args.verb, error, USAGE)
+        return report_error(args.verb, error, USAGE)
     except SmartTireError as error:
-        return complain(args.verb, error, FAILED)
+        return report_error(args.verb, error, FAILED)
     except ModuleNotFoundError as error:
         if error.name is None or error.name.startswith('smart_tire'):
             raise
-        return complain(args.verb, f'{error.name} is not installed ({hint(error.name)})', FAILED)
+        return report_error(
+            args.verb, f'{error.name} is not installed ({install_hint(error.name)})', FAILED)
     except KeyboardInterrupt:
-        return complain(args.verb, 'interrupted', INTERRUPTED)
-    except BrokenPipeError:  # whoever reads has had enough, as "head" has
+        return report_error(args.verb, 'interrupted', INTERRUPTED)
+    except BrokenPipeError:  # the reader has closed the pipe, as "head" does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return UNREAD
+        return BROKEN_PIPE
 
 
-def hint(module: str) -> str:
-    """Return where a missing module comes from."""
-    if module.split('.')[0].endswith(OF_ROS):
+def install_hint(module: str) -> str:
+    """Return how to install a missing module."""
+    if module.split('.')[0].endswith(ROS_PACKAGE_SUFFIXES):
         return 'source a ROS 2 distribution, or pip install smart_tire[ros]'
-    return 'pip install smart_tire brings all it needs'
+    return 'pip install smart_tire installs all dependencies'
 
 
-def complain(verb: str, error: object, status: int) -> int:
-    """Say in one line what is wrong; return ``status``."""
+def report_error(verb: str, error: object, status: int) -> int:
+    """Print one line with the error; return ``status``."""
     print(f'smart_tire {verb}: {error}', file=sys.stderr)
     return status
 

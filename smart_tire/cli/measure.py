@@ -1,4 +1,4 @@
-"""``smart_tire measure film``: the deflection behind a recorded charge."""
+"""``smart_tire measure film``: deflection of a film from its recorded charge."""
 
 from __future__ import annotations
 
@@ -9,30 +9,32 @@ from smart_tire.cli._overwrite import add_force, refuse_existing
 from smart_tire.errors import ParameterError
 
 NAME = 'measure'
-HELP = 'turn the signal of a calibrated sensor into what it has felt'
-NEEDED, REFERENCE = ['time_s', 'charge_C'], 'deflection_m'
+HELP = 'compute the measured quantity from the signal of an identified sensor'
+REQUIRED_COLUMNS, REFERENCE_COLUMN = ['time_s', 'charge_C'], 'deflection_m'
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Describe the arguments of this verb."""
+    """Add the arguments of this verb."""
     kinds = parser.add_subparsers(dest='kind', metavar='KIND', required=True)
-    film = kinds.add_parser('film', help='buckled film: its deflection from its charge')
+    film = kinds.add_parser('film', help='deflection of a buckled film from its charge')
     film.add_argument('data', type=Path, metavar='DATA.csv',
-                      help='recording that begins with the film flat and at rest; columns '
-                           'time_s,charge_C, and deflection_m to compare with, if there is one')
+                      help='CSV file that starts with the film flat and at rest; columns '
+                           'time_s,charge_C and optionally deflection_m as reference')
     film.add_argument('--params', type=Path, required=True, metavar='FILE',
-                      help='parameter file of "smart_tire identify film"')
-    film.add_argument('--columns', metavar='T,OUT[,REF]', help='names of other columns to read')
+                      help='parameter file written by "smart_tire identify film"')
+    film.add_argument('--columns', metavar='T,OUT[,REF]',
+                      help='names of time, output and reference columns, if different')
     film.add_argument('--used', action='store_true',
-                      help='the film was moved before: its hysteresis is not at rest')
+                      help='the film was moved before the recording: initial hysteresis state '
+                           'unknown')
     film.add_argument('--out', type=Path, metavar='FILE',
-                      help='CSV file to write, and a figure of its name beside it (default: '
-                           'DATA_measured.csv)')
+                      help='CSV file to write; a figure with the same name is written next to it '
+                           '(default: DATA_measured.csv)')
     add_force(film)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Measure, print, and write values and figure."""
+    """Compute the deflections, print a summary, and write values and figure."""
     out = args.out or args.data.with_name(f'{args.data.stem}_measured.csv')
     figure = out.with_suffix('.png')
     refuse_existing([out, figure], force=args.force, inputs=[args.data, args.params])
@@ -51,15 +53,15 @@ def run(args: argparse.Namespace) -> int:
     write_columns(out, ('time_s', *quantity), (result.time, result.value, result.sigma))
     write_measurement(figure, result.time, result.value, result.sigma,
                       rest[0] if rest else None, label=quantity[0])
-    told = np.isfinite(result.value)
-    print(f'{result.valid_count} of {told.size} samples measured')
+    known = np.isfinite(result.value)
+    print(f'{result.valid_count} of {known.size} samples measured')
     if result.valid_count:
-        print(f'{quantity[0]} {result.value[told].min():.4g} to {result.value[told].max():.4g}, '
-              f'sigma {np.median(result.sigma[told]):.2g} (median)')
+        print(f'{quantity[0]} {result.value[known].min():.4g} to {result.value[known].max():.4g}, '
+              f'sigma {np.median(result.sigma[known]):.2g} (median)')
     if rest and result.valid_count:
-        away = result.value[told] - rest[0][told]
-        inside = np.mean(np.abs(away) <= 2.0 * result.sigma[told])
-        print(f'against {_columns(args)[2]}: {np.sqrt(np.mean(away**2)):.2g} rms, '
+        errors = result.value[known] - rest[0][known]
+        inside = np.mean(np.abs(errors) <= 2.0 * result.sigma[known])
+        print(f'error against {_columns(args)[2]}: {np.sqrt(np.mean(errors**2)):.2g} rms, '
               f'{inside:.1%} within two sigma')
     print(f'written to {out} and {figure}')
     return 0
@@ -68,8 +70,8 @@ def run(args: argparse.Namespace) -> int:
 def _columns(args: argparse.Namespace) -> list[str]:
     from smart_tire.estimation.film.recording import header_of
     if args.columns is None:
-        return NEEDED + [REFERENCE] * (REFERENCE in header_of(args.data))
+        return REQUIRED_COLUMNS + [REFERENCE_COLUMN] * (REFERENCE_COLUMN in header_of(args.data))
     columns: list[str] = args.columns.split(',')
     if len(columns) not in (2, 3):
-        raise ParameterError(f'--columns {args.columns}: expected two names, or three')
+        raise ParameterError(f'--columns {args.columns}: expected two or three names')
     return columns

@@ -1,4 +1,4 @@
-"""``smart_tire record``: topics into a bag."""
+"""``smart_tire record``: record topics into a bag."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from smart_tire.cli._output import print_counts
 from smart_tire.cli._overwrite import add_force, refuse_existing_bag, remove_bag
 
 NAME = 'record'
-HELP = 'record topics into a rosbag2 bag, until Ctrl-C'
+HELP = 'record topics into a rosbag2 bag until Ctrl-C'
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Describe the arguments of this verb."""
+    """Add the arguments of this verb."""
     parser.add_argument('--out', type=Path, metavar='DIR',
                         help='new folder for the bag (default: rosbag2_<date and time>)')
     parser.add_argument('--topics', nargs='+', default=[], metavar='T',
-                        help='topics to record (default: all, also those that come later)')
+                        help='topics to record (default: all, including those that appear later)')
     add_force(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """
-    Record until the end; print the messages by topic.
+    Record until interrupted; print the message count of each topic.
 
-    Lost messages do not change the status: the bag is good for all that does not need them.
+    Lost messages are reported, but do not change the exit status.
     """
     directory = args.out or Path(f'rosbag2_{datetime.now():%Y_%m_%d-%H_%M_%S}')
     refuse_existing_bag(directory, force=args.force)

@@ -1,28 +1,29 @@
-"""``smart_tire recover``: a whole bag out of a broken one."""
+"""``smart_tire recover``: repair a damaged bag."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
 
-from smart_tire.cli._output import print_counts, print_losses
+from smart_tire.cli._output import print_counts, print_warnings
 from smart_tire.cli._overwrite import (
     add_force, refuse_existing_bag, refuse_folder_of_bag, remove_bag)
 
 NAME = 'recover'
-HELP = 'write a whole, indexed bag from one that was cut off or damaged'
+HELP = 'write the readable messages of a truncated or damaged bag into a new, indexed bag'
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Describe the arguments of this verb."""
-    parser.add_argument('bag', type=Path, metavar='BAG', help='rosbag2 folder, or a file of one')
+    """Add the arguments of this verb."""
+    parser.add_argument('bag', type=Path, metavar='BAG',
+                        help='rosbag2 directory or a single bag file')
     parser.add_argument('--out', type=Path, metavar='DIR',
-                        help='new folder for the whole bag (default: BAG_recovered)')
+                        help='new folder for the repaired bag (default: BAG_recovered)')
     add_force(parser)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Write the whole bag; print what is in it and what was lost."""
+    """Write the repaired bag; print message counts and warnings."""
     bag = args.bag.resolve()
     out = args.out or bag.with_name(f'{bag.stem if bag.is_file() else bag.name}_recovered')
     refuse_folder_of_bag(out, [bag])
@@ -33,7 +34,7 @@ def run(args: argparse.Namespace) -> int:
     start_ns, end_ns = result.span_ns
     print(f'{out}: {sum(result.counts.values())} messages, {(end_ns - start_ns) * 1e-9:.1f} s')
     print_counts(result.counts)
-    print_losses(result.losses)
-    if not result.losses:
-        print('nothing was lost')
+    print_warnings(result.warnings)
+    if not result.warnings:
+        print('no damage found')
     return 0

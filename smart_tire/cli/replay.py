@@ -1,4 +1,4 @@
-"""``smart_tire replay``: a bag onto topics."""
+"""``smart_tire replay``: publish the messages of a bag."""
 
 from __future__ import annotations
 
@@ -9,63 +9,66 @@ import sys
 from typing import TYPE_CHECKING
 
 from smart_tire.cli._arguments import positive
-from smart_tire.cli._output import print_counts, print_losses
+from smart_tire.cli._output import print_counts, print_warnings
 from smart_tire.errors import BagError
 
 if TYPE_CHECKING:
     from smart_tire.bags import Bag
 
 NAME = 'replay'
-HELP = 'publish what the estimators need from a bag, at the pace at which it was received'
+HELP = 'publish the estimator inputs of a bag at the recorded rate'
 INPUTS = ('imu/data', 'wheel_states', 'tire_samples')
 CLOCK = '/clock'
 FAILED = 1
-NOTABLY_SLOWER = 0.9  # of the rate that was asked for
+MIN_RATE_SHARE = 0.9  # of the requested rate; a slower replay is reported
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Describe the arguments of this verb."""
-    parser.add_argument('bag', type=Path, metavar='BAG', help='rosbag2 folder, or a file of one')
+    """Add the arguments of this verb."""
+    parser.add_argument('bag', type=Path, metavar='BAG',
+                        help='rosbag2 directory or a single bag file')
     parser.add_argument('--rate', type=positive, default=1.0, metavar='R',
-                        help='times as fast as recorded (default: 1)')
+                        help='speed relative to the recording (default: 1)')
     parser.add_argument('--topics', nargs='+', default=[], metavar='T',
-                        help=f'topics instead of {", ".join(INPUTS)}; commands only this way')
-    parser.add_argument('--all', action='store_true', help='all topics but commands')
-    parser.add_argument('--clock', action='store_true', help='publish /clock too')
+                        help=f'topics to publish (default: {", ".join(INPUTS)}); commands are '
+                             'published only if named here')
+    parser.add_argument('--all', action='store_true', help='publish all topics except commands')
+    parser.add_argument('--clock', action='store_true', help='also publish /clock')
     parser.add_argument('--wait', type=float, default=5.0, metavar='S',
-                        help='longest wait for subscribers of all topics [s] (default: 5)')
+                        help='wait up to S seconds for subscribers of all topics (default: 5)')
     parser.add_argument('--wait-for', nargs='+', default=[], metavar='NODE',
-                        help='wait for these nodes instead; without them nothing is published')
+                        help='wait for these nodes instead; nothing is published if one is '
+                             'missing')
 
 
 def run(args: argparse.Namespace) -> int:
     """
-    Publish the bag; print the messages by topic.
+    Publish the bag; print the message count of each topic.
 
-    The status is 1 where a node or an estimator was not ready, or did not take all messages. That
-    nobody listens to a topic is only a warning.
+    The status is 1 if a node or an estimator was not ready or did not receive all messages. A
+    topic without subscribers is only a warning.
     """
     from smart_tire.bags import Bag
     with Bag(args.bag) as bag:
         names = chosen(bag, args.topics, everything=args.all, clock=args.clock)
         if not names:
-            print(f'smart_tire replay: {args.bag} has none of {", ".join(INPUTS)}; it has '
+            print(f'smart_tire replay: {args.bag} has none of {", ".join(INPUTS)}; its topics: '
                   f'{listed(bag)}', file=sys.stderr)
             return FAILED
         from smart_tire.nodes.replayer import replay
         result = replay(bag, names, rate=args.rate, clock=args.clock, wait=args.wait,
                         wait_for=args.wait_for)
-        print_losses(bag.losses)
+        print_warnings(bag.warnings)
     if any(result.counts.values()) or not result.failures:
-        print(f'{args.bag}: published' + ('' if result.complete else ', not all of it'))
+        print(f'{args.bag}: published' + ('' if result.complete else ' in part'))
         print_counts(result.counts)
     for name, type_name in result.missing.items():
-        print(f'left out: {name}, for {type_name} is not installed')
+        print(f'skipped: {name} ({type_name} is not installed)')
     if result.complete:
         for name in result.followers:
-            print(f'{name} took all of it in the order of reception')
-    if result.complete and result.rate < NOTABLY_SLOWER * args.rate:
-        print(f'{result.rate:.2g} times as fast as recorded: the estimators take no more')
+            print(f'{name} processed all messages in recorded order')
+    if result.complete and result.rate < MIN_RATE_SHARE * args.rate:
+        print(f'{result.rate:.2g} times the recorded rate: limited by the estimators')
     for failure in result.failures:
         print(f'smart_tire replay: {failure}', file=sys.stderr)
     return FAILED if result.failures else 0
@@ -73,16 +76,16 @@ def run(args: argparse.Namespace) -> int:
 
 def chosen(bag: Bag, topics: Sequence[str], *, everything: bool, clock: bool) -> list[str]:
     """
-    Return the names in ``bag`` of the topics to publish, the inputs if no others are asked for.
+    Return the names in ``bag`` of the topics to publish; by default those of the inputs.
 
-    Raises BagError if one of ``topics`` is not there.
+    Raises BagError if the bag lacks one of ``topics``.
     """
     found = {topic: find(bag, topic, topics) for topic in topics}
     if absent := [topic for topic, name in found.items() if name is None]:
-        raise BagError(f'{bag.path} has no {", ".join(absent)}; it has {listed(bag)}')
+        raise BagError(f'{bag.path} has no {", ".join(absent)}; its topics: {listed(bag)}')
     names = [name for name in found.values() if name is not None]
     if everything:
-        names += harmless(bag, clock=clock)
+        names += without_commands(bag, clock=clock)
     elif not topics:
         names += bag.match(INPUTS).values()
     return list(dict.fromkeys(names))
@@ -90,9 +93,9 @@ def chosen(bag: Bag, topics: Sequence[str], *, everything: bool, clock: bool) ->
 
 def find(bag: Bag, wanted: str, together: Sequence[str] = ()) -> str | None:
     """
-    Return the name in ``bag`` of a topic, with or without its namespace; None if none.
+    Return the name in ``bag`` of topic ``wanted``, given with or without namespace, or None.
 
-    Topics of the contract that are wanted ``together`` are those of one robot.
+    Standard topics that are requested ``together`` are taken from one namespace.
     """
     from smart_tire.messages import TOPICS
     name = wanted.strip('/')
@@ -106,13 +109,13 @@ def find(bag: Bag, wanted: str, together: Sequence[str] = ()) -> str | None:
                default=None)
 
 
-def harmless(bag: Bag, *, clock: bool) -> list[str]:
-    """Return all topics but commands: what was ordered once must not move a robot again."""
+def without_commands(bag: Bag, *, clock: bool) -> list[str]:
+    """Return all topics except commands, which must not move a robot again."""
     from smart_tire.messages import find_topic
     return [name for name in bag.topics if not (clock and name == CLOCK)
             and ((topic := find_topic(name)) is None or topic.quality != 'command')]
 
 
 def listed(bag: Bag) -> str:
-    """Return the topics of ``bag`` as a list for the user."""
-    return ', '.join(bag.topics) or 'no topics'
+    """Return the topic names of ``bag`` as text."""
+    return ', '.join(bag.topics) or 'none'

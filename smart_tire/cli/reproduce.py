@@ -1,4 +1,4 @@
-"""``smart_tire reproduce``: the figures and tables of both papers, from models and simulation."""
+"""``smart_tire reproduce``: figures and tables of both papers from models and simulation."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ if TYPE_CHECKING:
     from smart_tire.reproduction.runner import Progress
 
 NAME = 'reproduce'
-HELP = 'compute every figure and table of the papers anew, as PNG files and one HTML report'
+HELP = 'recompute the figures and tables of both papers; write PNG files and an HTML report'
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Describe the arguments of this verb."""
+    """Add the arguments of this verb."""
     parser.add_argument('--out', type=Path, default=Path('reproduction'), metavar='DIR',
                         help='folder for the figures and report.html (default: %(default)s)')
     add_force(parser)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Make the experiments, draw, and write; return the exit status."""
+    """Simulate the experiments and write figures and report; return the exit status."""
     refuse_existing([args.out / 'report.html', *sorted(args.out.glob('paper_*.png'))],
                     force=args.force)
     from smart_tire.reproduction.runner import reproduce
@@ -42,7 +42,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def laboratory() -> Laboratory:
-    """Return the simulated test bench and robot."""
+    """Return the simulated test stand and robot."""
     from smart_tire.arrays import Array
     from smart_tire.estimation.film.recording import FilmRecording
     from smart_tire.models.film.hysteresis import TABLE_I_GAIN
@@ -51,7 +51,7 @@ def laboratory() -> Laboratory:
     from smart_tire.simulation.offline import simulate
 
     def bench(specimen: Specimen, deflection: Array, rate: float, seed: int) -> FilmRecording:
-        # the amplifier's range is chosen to fit the film, and its noise goes with the range
+        # The amplifier range is set for the film; the noise is proportional to the range.
         share = specimen.gain / TABLE_I_GAIN
         return FilmTestStand(
             film=specimen.film, hysteresis=specimen.hysteresis, gain=specimen.gain, rate=rate,
@@ -62,7 +62,7 @@ def laboratory() -> Laboratory:
 
 @contextmanager
 def shown_progress() -> Iterator[Progress]:
-    """Give a function that shows what is being done: a bar on a terminal, else a line for each."""
+    """Yield a function that shows progress: a bar on a terminal, otherwise one line per step."""
     if not sys.stdout.isatty():
         yield lambda done, total, what: print(f'{done:3}/{total}  {what}', flush=True)
         return

@@ -28,7 +28,7 @@ class DemoDriver(SmartTireNode[WheelControllerParams]):
         self.wheels: WheelSample | None = None
         self.slip: WheelSlip | None = None
         self.friction: dict[str, Friction] = {}
-        self.passages: dict[str, int] = {}
+        self.crossings: dict[str, int] = {}
         self.health: dict[str, dict[str, str]] = {}  # node -> its diagnostics
         self._command = (0.0, 0.0)
         self._publish = self.advertise('cmd_vel')
@@ -54,7 +54,7 @@ class DemoDriver(SmartTireNode[WheelControllerParams]):
 
     def _on_friction(self, friction: Friction) -> None:
         self.friction[friction.wheel] = friction
-        self.passages[friction.wheel] = self.passages.get(friction.wheel, 0) + 1
+        self.crossings[friction.wheel] = self.crossings.get(friction.wheel, 0) + 1
 
     def _on_diagnostics(self, msg: DiagnosticArray) -> None:
         for status in msg.status:

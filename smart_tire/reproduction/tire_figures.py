@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 import numpy as np
 
 from smart_tire.analysis import drawing
-from smart_tire.analysis.figures import contact_of, slip_curves, typical_passages
+from smart_tire.analysis.figures import crossing_waveform, slip_curves, typical_crossings
 from smart_tire.reproduction import tire_maps
 from smart_tire.reproduction.tire_maps import CRITICAL, METHODS, MU, Outline, Signals, Sweep
 from smart_tire.reproduction.tire_runs import ROBOT, Run, StiffnessFit
@@ -75,10 +75,10 @@ def signal_figure(result: Signals, run: Run) -> Figure:
         ax.set(ylabel=f'film {film + 1} [V]', xlim=(0.0, 18.0), ylim=(0.0, 3.3))
     axes['film 2'].set_xlabel('time [s]')
     axes['film 1'].tick_params(labelbottom=False)
-    for crossing in typical_passages(run.estimates.passages):
-        contact = contact_of(crossing, run.inputs, ROBOT)
+    for crossing in typical_crossings(run.estimates.crossings):
+        contact = crossing_waveform(crossing, run.inputs, ROBOT)
         if contact is not None:
-            drawing.draw_contact(axes['contact'], contact)
+            drawing.draw_waveform(axes['contact'], contact)
             break
     axes['contact'].legend(frameon=False, fontsize='small', loc='lower left')
     return figure

@@ -142,7 +142,7 @@ def signals(run: Run) -> Signals:
     baseline, speed = ROBOT.film.rest_voltage, SIGNAL_SPEED
     reach = 0.5 * (ROBOT.film.spacing + LENGTH + PATCH) + 2.0 * tread_film.BUMP_DISTANCE  # m
     peaks, lags, bumps = [], [], []
-    for crossing in run.estimates.passages:
+    for crossing in run.estimates.crossings:
         window = np.abs(stamps - crossing.stamp_ns) < reach / speed * NS_PER_S
         if crossing.stamp_ns < run.begin_ns or window.sum() < MIN_SAMPLE_RATE * reach / speed:
             continue  # incomplete: a lost batch, or begin or end of the drive

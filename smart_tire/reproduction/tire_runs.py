@@ -107,8 +107,8 @@ class Crossings:
 
 def crossings(run: Run, speed: float) -> Crossings:
     """Return the crossings of a settled drive that match a true one."""
-    pairs = [(truth, own) for truth, own in match(run.estimates.passages,
-                                                  run.truth.passages).pairs
+    pairs = [(truth, own) for truth, own in match(run.estimates.crossings,
+                                                  run.truth.crossings).pairs
              if own is not None and truth.stamp_ns > run.begin_ns]
     true = [truth for truth, _ in pairs]
     own = [estimate for _, estimate in pairs if estimate is not None]

@@ -1,4 +1,4 @@
-"""One simulated drive for all tests of this folder, in memory and as a bag."""
+"""A simulated drive for the tests of this folder, in memory and as a bag."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def drive_bag(drive, tmp_path_factory):
 
 @pytest.fixture(scope='session')
 def bag_of():
-    """Return the function that writes events to a bag, under names of one's choice."""
+    """Return the function that writes events to a bag, with renamed topics."""
     return write_bag
 
 

@@ -1,4 +1,4 @@
-"""Bags as identifications read them."""
+"""Reading of bags for the calibration of a robot."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from support.identifying import turning_run, write_run
 
-from smart_tire.analysis.calibrate_robot import identify_geometry, load_robot, read_recording, Span
+from smart_tire.analysis.calibrate_robot import (
+    identify_geometry, load_robot, read_recording, TimeRange)
 from smart_tire.analysis.geometry_figures import write_geometry
 from smart_tire.calibration.robot.geometry import Geometry, LATENCY, RADIUS
 from smart_tire.errors import BagError, EstimatorError
@@ -25,14 +26,14 @@ def bag(run, tmp_path_factory):
     return write_run(tmp_path_factory.mktemp('identified') / 'run', run, 'ground_truth/odom')
 
 
-def test_one_call_gives_what_a_bag_tells(bag):
+def test_latency_and_radius_are_identified_from_a_bag(bag):
     found = identify_geometry(bag, ROBOT)
     for name, true in ((LATENCY, 0.07), (RADIUS, 0.087)):
         assert found.get(name).value == pytest.approx(true, abs=3.5 * found.get(name).sigma)
 
 
-def test_only_the_wanted_part_is_read(bag):
-    recording = read_recording(bag, ROBOT, Span(10.0, 20.0))
+def test_only_the_given_time_range_is_read(bag):
+    recording = read_recording(bag, ROBOT, TimeRange(10.0, 20.0))
     for time in (recording.imu.time, recording.wheels.time, recording.reference.time):
         assert 10.0 <= time[0] < 10.1 and 19.9 < time[-1] <= 20.0
     found = identify_geometry(bag, ROBOT, until=2.5)
@@ -40,36 +41,36 @@ def test_only_the_wanted_part_is_read(bag):
     assert found.get('gyro noise') is not None
 
 
-def test_readings_are_turned_into_the_axes_of_the_robot(bag):
+def test_imu_samples_are_rotated_into_the_axes_of_the_robot(bag):
     turned = build(RobotParams, {'imu.rotation': [np.pi, 0.0, 0.0]})
-    upright = read_recording(bag, ROBOT, Span())
-    upside_down = read_recording(bag, turned, Span())
+    upright = read_recording(bag, ROBOT, TimeRange())
+    upside_down = read_recording(bag, turned, TimeRange())
     assert upside_down.imu.force == pytest.approx(upright.imu.force * [1.0, -1.0, -1.0])
     assert upside_down.imu.rate == pytest.approx(upright.imu.rate * [1.0, -1.0, -1.0])
 
 
-def test_the_reference_is_found_named_or_left_out(run, bag, tmp_path):
-    assert read_recording(bag, ROBOT, Span(), 'none').reference is None
+def test_the_reference_can_be_found_named_or_omitted(run, bag, tmp_path):
+    assert read_recording(bag, ROBOT, TimeRange(), 'none').reference is None
     with pytest.raises(BagError, match='has no overhead/odom'):
-        read_recording(bag, ROBOT, Span(), 'overhead/odom')
+        read_recording(bag, ROBOT, TimeRange(), 'overhead/odom')
     camera = write_run(tmp_path / 'camera', run, 'overhead/odom')
-    assert read_recording(camera, ROBOT, Span()).reference is not None
-    assert read_recording(camera, ROBOT, Span(), '/overhead/odom').reference is not None
+    assert read_recording(camera, ROBOT, TimeRange()).reference is not None
+    assert read_recording(camera, ROBOT, TimeRange(), '/overhead/odom').reference is not None
 
 
-def test_a_bag_without_inputs_is_refused(run, tmp_path):
+def test_a_bag_with_too_few_inputs_is_rejected(run, tmp_path):
     run.samples[:] = run.samples[:30]
-    with pytest.raises(EstimatorError, match='readings of wheel_states, expected at least 20'):
-        read_recording(write_run(tmp_path / 'short', run), ROBOT, Span())
+    with pytest.raises(EstimatorError, match='messages on wheel_states, expected at least 20'):
+        read_recording(write_run(tmp_path / 'short', run), ROBOT, TimeRange())
 
 
-def test_the_robot_is_that_of_the_parameter_files(tmp_path):
+def test_the_robot_is_read_from_parameter_files(tmp_path):
     path = tmp_path / 'robot.yaml'
     path.write_text('/**: {ros__parameters: {wheel_radius: 0.3, effective_track: 1.0}}')
     assert load_robot([path]).wheel_radius == 0.3
 
 
-def test_the_figure_shows_what_there_is(bag, tmp_path):
+def test_a_figure_is_written_if_there_is_a_fit(bag, tmp_path):
     assert write_geometry(tmp_path / 'all.png', identify_geometry(bag, ROBOT))
     assert (tmp_path / 'all.png').read_bytes().startswith(b'\x89PNG')
     assert not write_geometry(tmp_path / 'none.png', Geometry())

@@ -1,4 +1,4 @@
-"""Judging a recorded run: what the radio dropped, what was lost, how good the stamps are."""
+"""Evaluation of a demo run: radio batches and timestamp errors."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def log(tmp_path):
         stamps = ' '.join(str(START + (16 * k + i) * PERIOD) for i in range(16))
         rows.append(f'front_left,{k},{int(k in (5, 11))},{stamps}')
     path = tmp_path / 'log.csv'
-    path.write_text('\n'.join(rows) + '\nfront_left,20,0')  # cut off in the middle
+    path.write_text('\n'.join(rows) + '\nfront_left,20,0')  # truncated
     return path
 
 
@@ -34,17 +34,17 @@ def received(log, offset_ns=0, lost=()):
     return series
 
 
-def test_what_the_radio_dropped_is_no_loss(log):
+def test_batches_dropped_by_the_radio_are_not_missing(log):
     counts = radio_counts(received(log), read_conversions(log))
     assert counts == {'sent': 20, 'dropped': 2, 'missing': 0}
 
 
-def test_what_was_lost_otherwise_is_seen(log):
+def test_batches_lost_otherwise_are_missing(log):
     counts = radio_counts(received(log, lost=(7, 8)), read_conversions(log))
     assert counts == {'sent': 20, 'dropped': 2, 'missing': 2}
 
 
-def test_the_error_of_the_stamps_is_that_against_the_true_instants(log):
+def test_timestamp_errors_are_relative_to_the_true_conversion_times(log):
     score = stamp_errors(received(log, 300_000), read_conversions(log))['front_left']
     assert score.mean == pytest.approx(0.3e-3)
     assert score.rms == pytest.approx(0.3e-3)

@@ -1,4 +1,4 @@
-"""Figures show what there is, with units, and leave out what would mislead."""
+"""Figures: files, panels, labels with units, axis limits."""
 
 import math
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from smart_tire.analysis import figures
-from smart_tire.analysis.figures import shown
+from smart_tire.analysis.figures import label_estimates
 from smart_tire.analysis.series import Series
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import Friction, NS_PER_S, Odometry, TireSample, WheelSample, WheelSlip
@@ -23,7 +23,7 @@ def ns(time_s):
 
 
 def driven():
-    """Return four seconds of poses and slips, and passages at 1, 2 and 3 s."""
+    """Return four seconds of poses and slips, and crossings at 1, 2 and 3 s."""
     series = Series()
     for i in range(400):
         series.add(Odometry(ns(0.01 * i), (0.005 * i, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0),
@@ -37,7 +37,7 @@ def driven():
 
 
 def measured(lost=(9.0, 9.0)):
-    """Return four seconds of film voltages and wheel speeds, without those that were lost."""
+    """Return four seconds of film voltages and wheel speeds without those in ``lost`` [s]."""
     series = Series()
     for i in range(1600):
         if not lost[0] <= i / 400 <= lost[1]:
@@ -51,16 +51,16 @@ def texts(ax):
     return ax.get_xlabel(), ax.get_ylabel()
 
 
-def test_all_figures_are_written_where_there_is_everything(tmp_path):
+def test_all_figures_are_written_with_complete_data(tmp_path):
     written = figures.write_figures(tmp_path / 'new', measured(), driven(), driven(), ROBOT)
     assert [path.name for path in written] == [
-        'slip.png', 'path.png', 'friction.png', 'contact.png']
+        'slip.png', 'path.png', 'friction.png', 'crossing.png']
     assert all(path.read_bytes().startswith(b'\x89PNG') for path in written)
 
 
 def test_only_what_was_estimated_is_drawn(tmp_path):
     bare = driven()
-    bare.passages.clear()
+    bare.crossings.clear()
     written = figures.write_figures(tmp_path, Series(), bare, Series(), ROBOT)
     assert [path.name for path in written] == ['slip.png', 'path.png']
     assert figures.write_figures(tmp_path, measured(), Series(), Series(), ROBOT) == []
@@ -68,109 +68,110 @@ def test_only_what_was_estimated_is_drawn(tmp_path):
 
 def test_friction_is_drawn_without_slip_and_path(tmp_path):
     alone = Series()
-    alone.passages = driven().passages
+    alone.crossings = driven().crossings
     written = figures.write_figures(tmp_path, measured(), alone, Series(), ROBOT)
-    assert [path.name for path in written] == ['friction.png', 'contact.png']
+    assert [path.name for path in written] == ['friction.png', 'crossing.png']
 
 
 def test_every_axis_has_a_unit():
     all_figures = [
-        figures.slip_figure(shown(driven()), driven(), EPOCH),
-        figures.path_figure(shown(driven()), driven()),
-        figures.friction_figure(shown(driven()), driven(), EPOCH),
-        figures.contact_figure(figures.contact_of(driven().passages[0], measured(), ROBOT))]
+        figures.slip_figure(label_estimates(driven()), driven(), EPOCH),
+        figures.path_figure(label_estimates(driven()), driven()),
+        figures.friction_figure(label_estimates(driven()), driven(), EPOCH),
+        figures.waveform_figure(
+            figures.crossing_waveform(driven().crossings[0], measured(), ROBOT))]
     for figure in all_figures:
         for ax in figure.axes:
             assert all(text.endswith(']') and '[' in text for text in texts(ax)), texts(ax)
 
 
-def test_each_span_has_its_own_panel_of_slip():
-    spans = {name: [(ns(start), ns(start + 1.0))] for name, start in
+def test_each_interval_has_a_slip_panel():
+    intervals = {name: [(ns(start), ns(start + 1.0))] for name, start in
              (('concrete', 0.0), ('sand', 1.0), ('sand again', 2.0))}
-    figure = figures.slip_figure(shown(driven()), driven(), EPOCH, spans)
+    figure = figures.slip_figure(label_estimates(driven()), driven(), EPOCH, intervals)
     assert [ax.get_title() for ax in figure.axes] == ['concrete', 'sand', 'sand again']
     assert [ax.get_xlim() for ax in figure.axes] == [(0.0, 1.0), (1.0, 2.0), (2.0, 3.0)]
 
 
-def test_what_is_smoothed_is_drawn_beside_what_is_filtered():
-    ways, truth = shown(driven(), driven()), driven()
-    slip, friction = (draw(ways, truth, EPOCH)
+def test_filtered_and_smoothed_estimates_are_both_drawn():
+    labeled, truth = label_estimates(driven(), driven()), driven()
+    slip, friction = (draw(labeled, truth, EPOCH)
                       for draw in (figures.slip_figure, figures.friction_figure))
     assert [ax.get_title() for ax in slip.axes] == ['filtered', 'smoothed']
     assert [ax.get_title() for ax in friction.axes] == [
         'front left, filtered', 'front left, smoothed']
-    path, *errors = figures.path_figure(ways, truth).axes
+    path, *errors = figures.path_figure(labeled, truth).axes
     assert [line.get_label() for line in path.lines] == ['filtered', 'smoothed', 'truth', 'start']
     for ax in errors:
         colors = [line.get_color() for line in ax.lines]
         assert len(set(colors)) == len(colors) == 2
 
 
-def test_the_truth_is_drawn_only_where_there_is_one():
-    with_truth, without = (figures.slip_figure(shown(driven()), truth, EPOCH).axes[0]
+def test_ground_truth_is_drawn_if_available():
+    with_truth, without = (figures.slip_figure(label_estimates(driven()), truth, EPOCH).axes[0]
                            for truth in (driven(), Series()))
     assert len(with_truth.lines) == 4 and len(without.lines) == 2
 
 
-def test_a_single_spike_does_not_set_the_scale_of_slip():
+def test_a_single_spike_does_not_change_the_slip_axis():
     spiky = driven()
     spiky.add(WheelSlip(ns(4.0), (1.0,) * 4, (0.0,) * 4, (0.02,) * 4))
-    low, high = figures.slip_figure(shown(spiky), Series(), EPOCH).axes[0].get_ylim()
+    low, high = figures.slip_figure(label_estimates(spiky), Series(), EPOCH).axes[0].get_ylim()
     assert -0.3 < low < -0.1 and 0.1 < high < 0.3
 
 
-def test_slip_that_is_never_defined_still_has_a_scale():
+def test_undefined_slip_has_valid_axis_limits():
     standing = Series()
     for i in range(10):
         standing.add(WheelSlip(ns(i), (math.nan,) * 4, (0.0,) * 4, (1.0,) * 4))
-    low, high = figures.slip_figure(shown(standing), Series(), EPOCH).axes[0].get_ylim()
+    low, high = figures.slip_figure(label_estimates(standing), Series(), EPOCH).axes[0].get_ylim()
     assert low < 0.0 < high
 
 
-def test_a_revolution_that_tells_nothing_is_not_drawn():
+def test_an_uninformative_single_estimate_is_not_drawn():
     curve = figures.friction_curve('front_left', driven(), Series(), EPOCH)
     assert np.isnan(curve.single).tolist() == [False, True, False]
     assert curve.time_s.tolist() == [1.0, 2.0, 3.0]
 
 
-def test_the_contact_shown_is_one_in_traction_of_middling_slip():
-    passages = driven().passages
-    passages.append(Friction(ns(3.5), 'front_left', slip=Uncertain(-0.12, 0.0)))
-    assert figures.typical_passages(passages)[0].slip.value == 0.12
+def test_the_crossing_shown_is_one_in_traction_with_median_slip():
+    crossings = driven().crossings
+    crossings.append(Friction(ns(3.5), 'front_left', slip=Uncertain(-0.12, 0.0)))
+    assert figures.typical_crossings(crossings)[0].slip.value == 0.12
 
 
-def test_without_traction_any_passage_of_known_slip_is_shown():
-    passages = [Friction(ns(1.0), 'front_left', slip=slip)
-                for slip in (UNKNOWN, Uncertain(-0.1, 0.0))]
-    assert [p.slip.value for p in figures.typical_passages(passages)] == [-0.1]
-    assert figures.typical_passages([]) == []
+def test_without_traction_any_crossing_of_known_slip_is_shown():
+    crossings = [Friction(ns(1.0), 'front_left', slip=slip)
+                 for slip in (UNKNOWN, Uncertain(-0.1, 0.0))]
+    assert [p.slip.value for p in figures.typical_crossings(crossings)] == [-0.1]
+    assert figures.typical_crossings([]) == []
 
 
-def test_a_contact_spans_the_passage_and_says_when_each_film_is_in_the_patch():
-    contact = figures.contact_of(driven().passages[0], measured(), ROBOT)
+def test_the_waveform_covers_the_crossing_and_the_time_of_each_film_in_the_patch():
+    waveform = figures.crossing_waveform(driven().crossings[0], measured(), ROBOT)
     speed = ROBOT.wheel_radius * OMEGA
-    first, second = contact.inside_ms
+    first, second = waveform.inside_ms
     assert first[1] - first[0] == pytest.approx(1e3 * 0.066 / speed)  # patch and film
     assert second[0] - first[0] == pytest.approx(1e3 * 0.030 / speed)  # spacing of the films
     assert first[0] + second[1] == pytest.approx(0.0)
-    assert contact.time_ms[0] < first[0] and second[1] < contact.time_ms[-1]
+    assert waveform.time_ms[0] < first[0] and second[1] < waveform.time_ms[-1]
 
 
-def test_in_reverse_film_two_comes_first():
+def test_in_reverse_film_two_enters_first():
     inputs = Series()
     for i in range(1600):
         inputs.add(TireSample(ns(i / 400), 'front_left', (1.65, 1.65)))
     for i in range(64):
         inputs.add(WheelSample(ns(i / 16), (-OMEGA,) * 4))
-    first, second = figures.contact_of(driven().passages[0], inputs, ROBOT).inside_ms
+    first, second = figures.crossing_waveform(driven().crossings[0], inputs, ROBOT).inside_ms
     assert second[0] < first[0]
 
 
-def test_a_contact_with_a_lost_batch_is_not_shown():
-    assert figures.contact_of(driven().passages[0], measured((0.98, 1.02)), ROBOT) is None
+def test_a_crossing_with_a_lost_batch_is_not_shown():
+    assert figures.crossing_waveform(driven().crossings[0], measured((0.98, 1.02)), ROBOT) is None
 
 
 @pytest.mark.parametrize('inputs', [Series(), measured()])
-def test_a_contact_needs_samples_of_its_wheel_and_the_wheel_s_speed(inputs):
+def test_a_waveform_needs_samples_and_speed_of_its_wheel(inputs):
     elsewhere = Friction(ns(1.0), 'rear_left', slip=Uncertain(0.1, 0.0))
-    assert figures.contact_of(elsewhere, inputs, ROBOT) is None
+    assert figures.crossing_waveform(elsewhere, inputs, ROBOT) is None

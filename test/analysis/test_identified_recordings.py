@@ -1,4 +1,4 @@
-"""Real recordings of other robots: what they tell of them, and what they do not."""
+"""Calibration from real recordings: observable and unobservable parameters."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ def recording(name):
 
 @pytest.mark.parametrize('until', [FIRST_DRIVE, 1e6])
 def test_the_warthog_shows_latency_radius_and_track(until):
-    """Known of it: a rolling radius of 0.285 m, and a track of about 1.9 m that explains yaw."""
+    """Known: a rolling radius of 0.285 m and an effective track of about 1.9 m."""
     found = identify_geometry(recording('warthog_asphalt'), WARTHOG, until=until)
     latency, radius, track = (found.get(name) for name in (LATENCY, RADIUS, TRACK))
-    # 0.17 s late as speeds of an instant; as means over 0.1 to 0.15 s some 0.06 s less
+    # 0.17 s as instantaneous speeds; about 0.06 s less as means over 0.1 to 0.15 s
     assert 0.05 < latency.value < 0.13 and latency.sigma < 0.01
     assert radius.value == pytest.approx(0.285, abs=3.0 * radius.sigma)
     assert radius.sigma < 0.01 * radius.value
     assert track.value == pytest.approx(1.9, rel=0.08)
 
 
-def test_parts_of_the_warthog_s_run_agree():
+def test_parts_of_the_warthog_recording_agree():
     path = recording('warthog_asphalt')
     parts = [identify_geometry(path, WARTHOG, until=FIRST_DRIVE),
              identify_geometry(path, WARTHOG, since=FIRST_DRIVE)]
@@ -46,7 +46,7 @@ def test_parts_of_the_warthog_s_run_agree():
     assert abs(first.value - second.value) < 3.0 * (first.sigma ** 2 + second.sigma ** 2) ** 0.5
 
 
-def test_the_time_before_the_warthog_moves_tells_noise_only():
+def test_the_standstill_of_the_warthog_shows_noise_only():
     found = identify_geometry(recording('warthog_asphalt'), WARTHOG, until=120.0)
     assert {LATENCY, RADIUS, TRACK} <= set(found.refused) and STATIC_IMU not in found.refused
     assert 'the wheels do not turn' in found.refused[LATENCY]
@@ -54,19 +54,19 @@ def test_the_time_before_the_warthog_moves_tells_noise_only():
         'imu.gyro_noise', 'imu.accel_noise', 'imu.rotation'}
 
 
-def test_the_husky_s_mean_wheel_speed_tells_no_turns_but_a_radius():
+def test_the_mean_wheel_speed_of_the_husky_gives_a_radius_but_no_track():
     found = identify_geometry(recording('husky_rectangle'), HUSKY)
     assert LATENCY in found.refused and TRACK in found.refused
     assert found.get(RADIUS).value == pytest.approx(0.1651, rel=0.04)
 
 
-def test_the_centre_of_rotation_of_both_lies_within_the_robot():
+def test_the_icr_of_both_robots_is_within_the_robot():
     for name, robot in (('warthog_asphalt', WARTHOG), ('husky_rectangle', HUSKY)):
         fit = identify_icr(recording(name), robot)
         assert abs(fit.icr.value) < 0.5 * robot.wheelbase
         assert 'reference' in fit.source
 
 
-def test_before_the_warthog_moves_there_is_no_centre():
+def test_the_icr_is_not_observable_at_standstill():
     with pytest.raises(EstimatorError, match='expected at least 2'):
         identify_icr(recording('warthog_asphalt'), WARTHOG, until=120.0)

@@ -1,4 +1,4 @@
-"""Scores find the errors that are put in, and nothing else."""
+"""Scores of constructed errors."""
 
 import math
 
@@ -40,11 +40,11 @@ def moved(pose, x, y, angle):
                             y + sin * pose[:, 0] + cos * pose[:, 1], pose[:, 2] + angle])
 
 
-def test_gaussian_errors_with_their_own_sigma_score_as_gaussian():
+def test_gaussian_errors_have_gaussian_coverage():
     sigma = np.random.default_rng(1).uniform(0.1, 2.0, 20_000)
     error = np.random.default_rng(2).normal(0.0, sigma)
     found = score(error, sigma)
-    assert found.normalised_rms == pytest.approx(1.0, abs=0.02)
+    assert found.normalized_rms == pytest.approx(1.0, abs=0.02)
     assert found.within_one == pytest.approx(0.683, abs=0.01)
     assert found.within_two == pytest.approx(0.954, abs=0.01)
 
@@ -54,12 +54,12 @@ def test_an_error_that_is_not_finite_is_not_counted():
     assert (found.count, found.mean, found.rms) == (2, 0.0, 1.0)
 
 
-def test_an_error_without_sigma_is_outside_of_every_band_but_a_perfect_value_is_inside():
+def test_with_zero_sigma_only_a_zero_error_is_inside_the_band():
     assert score(np.array([1.0]), np.array([0.0])).within_two == 0.0
     assert score(np.array([0.0]), np.array([0.0])).within_one == 1.0
 
 
-def test_a_score_of_nothing_is_nan():
+def test_a_score_without_errors_is_nan():
     found = score(np.empty(0), np.empty(0))
     assert found.count == 0 and math.isnan(found.rms) and math.isnan(found.within_one)
 
@@ -78,46 +78,46 @@ def test_a_radius_one_percent_too_large_is_one_percent_of_the_distance():
     assert found.position_end_m == found.position_max_m == pytest.approx(0.1)
     assert found.end_percent_of_distance == pytest.approx(1.0, rel=1e-2)
     assert found.position_rms_m == pytest.approx(0.1 / math.sqrt(3.0), rel=1e-2)
-    assert found.step_position_rms_m == pytest.approx(0.01, rel=1e-6)  # at 1 m/s
+    assert found.relative_position_rms_m == pytest.approx(0.01, rel=1e-6)  # at 1 m/s
     assert found.duration_s == pytest.approx(10.0)
 
 
-def test_heading_that_drifts_shows_in_yaw_and_its_steps():
+def test_heading_drift_gives_absolute_and_relative_yaw_errors():
     truth = straight()
     drifting = truth + np.column_stack([np.zeros((1001, 2)), np.linspace(0.0, 0.5, 1001)])
     found = pose_score(poses(drifting), poses(truth))
     assert found.yaw_end_rad == pytest.approx(0.5)
-    assert found.step_yaw_rms_rad == pytest.approx(0.05)
+    assert found.relative_yaw_rms_rad == pytest.approx(0.05)
     assert found.position_end_m == 0.0
 
 
-def test_steps_do_not_carry_an_old_heading_error_on():
-    """After a turn on the spot was misjudged the way ahead is judged right again."""
+def test_relative_errors_do_not_contain_old_heading_errors():
+    """A heading error from a turn in place does not affect later relative errors."""
     truth = np.vstack([np.zeros((100, 3)), straight()])
     wrong = np.vstack([np.zeros((100, 3)), moved(straight(), 0.0, 0.0, 0.3)])
     found = pose_score(poses(wrong), poses(truth))
     assert found.position_end_m == pytest.approx(2.0 * 10.0 * math.sin(0.15), rel=1e-3)
     after = pose_score(poses(wrong[200:]), poses(truth[200:]))
-    assert after.step_position_rms_m == pytest.approx(0.0, abs=1e-9)
+    assert after.relative_position_rms_m == pytest.approx(0.0, abs=1e-9)
 
 
-def test_covariances_that_are_right_normalise_the_errors_to_one():
+def test_consistent_covariances_give_normalized_errors_of_one():
     rng = np.random.default_rng(3)
     truth = circle(5000)
     noisy = truth + rng.normal(0.0, 0.1, truth.shape)
-    noisy[0] = truth[0]  # both are brought together there
+    noisy[0] = truth[0]  # the paths are aligned there
     found = pose_score(poses(noisy, sigma=0.1), poses(truth))
-    assert found.position_normalised_rms == pytest.approx(1.0, abs=0.03)
-    assert found.yaw.normalised_rms == pytest.approx(1.0, abs=0.03)
+    assert found.position_normalized_rms == pytest.approx(1.0, abs=0.03)
+    assert found.yaw.normalized_rms == pytest.approx(1.0, abs=0.03)
 
 
-def test_a_standing_robot_goes_nowhere_however_noisy_its_reference_is():
+def test_noise_of_a_stationary_robot_is_not_a_distance():
     noise = np.random.default_rng(4).normal(0.0, 0.005, (5000, 2))
     assert distance(noise) == 0.0
     assert distance(straight()[:, :2] + noise[:1001]) == pytest.approx(10.0, rel=0.03)
 
 
-def test_a_truth_without_twist_says_nothing_about_speed():
+def test_without_true_twist_there_is_no_twist_score():
     assert pose_score(poses(circle()), poses(circle())).twist is None
 
 
@@ -128,10 +128,10 @@ def test_errors_of_the_twist_are_found_in_each_component():
     twist = pose_score(estimate, truth).twist
     assert [twist[name].mean for name in ('v_x', 'v_y', 'yaw_rate')] == pytest.approx(
         [0.1, -0.1, 0.2])
-    assert twist['yaw_rate'].normalised_rms == pytest.approx(2.0)
+    assert twist['yaw_rate'].normalized_rms == pytest.approx(2.0)
 
 
-def test_different_rates_are_brought_to_the_truth_s_stamps():
+def test_estimates_are_interpolated_at_the_true_timestamps():
     fine = circle(10_000)
     found = pose_score(poses(fine, rate=1000.0), poses(fine[::10], rate=100.0))
     assert found.position_rms_m < 1e-6
@@ -155,13 +155,13 @@ def test_the_slip_of_a_side_is_the_mean_of_its_wheels():
     found = slip_scores(slips(np.tile([0.2, -0.2, 0.4, 0.1], (50, 1))), truth)
     assert found['left'].estimated_mean == pytest.approx(0.3)
     assert found['left'].true_mean == pytest.approx(0.2)
-    assert found['left'].error.normalised_rms == pytest.approx(1.0)
+    assert found['left'].error.normalized_rms == pytest.approx(1.0)
     assert found['right'].error.mean == pytest.approx(0.05)
     assert found['front_right'].error.rms == pytest.approx(0.0, abs=1e-12)
     assert found['rear_right'].error.mean == pytest.approx(0.1)
 
 
-def test_slip_counts_only_where_both_know_it():
+def test_slip_is_scored_where_both_slips_are_defined():
     ratio = np.full((100, 4), 0.1)
     truth, estimate = ratio.copy(), ratio + 0.1
     truth[:20] = math.nan
@@ -170,7 +170,7 @@ def test_slip_counts_only_where_both_know_it():
     assert found.count == 70 and found.mean == pytest.approx(0.1)
 
 
-def test_slip_is_judged_within_the_spans_only():
+def test_slip_is_scored_within_the_intervals_only():
     truth, estimate = np.zeros((100, 4)), np.zeros((100, 4))
     estimate[50:] = 0.2
     stamps = ticks(100)
@@ -185,7 +185,7 @@ def test_slip_of_a_robot_that_never_moves_has_no_score():
     assert slip_scores(never, never)['left'].error.count == 0
 
 
-def test_stamps_are_judged_against_the_nearest_instant():
+def test_timestamps_are_compared_with_the_nearest_true_time():
     true = ticks(400, rate=400.0)
     rng = np.random.default_rng(5)
     kept = rng.random(400) > 0.2  # lost batches leave instants without a sample
@@ -197,6 +197,6 @@ def test_stamps_are_judged_against_the_nearest_instant():
 
 
 @pytest.mark.parametrize('instants', [0, 1])
-def test_stamps_are_judged_against_few_instants_too(instants):
+def test_timestamps_can_be_compared_with_few_true_times(instants):
     found = stamp_score(ticks(1) + 1000, ticks(instants), sigma=1e-3)
     assert found.count == instants

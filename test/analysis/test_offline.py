@@ -1,4 +1,4 @@
-"""Offline analysis: the same estimates as live, from whatever inputs a bag holds."""
+"""Offline analysis: estimates equal to live ones, with any subset of the inputs."""
 
 from collections import Counter
 from dataclasses import replace
@@ -47,11 +47,11 @@ def of_topics(events, *topics):
     return [event for event in events if event[1] in topics]
 
 
-def left_out(run):
-    return '\n'.join(run.intake.left_out)
+def skipped(run):
+    return '\n'.join(run.contents.skipped)
 
 
-def test_the_estimates_in_the_bag_are_those_of_the_estimators(analyzed, drive, params):
+def test_the_written_estimates_equal_those_of_the_estimators(analyzed, drive, params):
     pipeline = Pipeline(params)
     expected = [(receive_ns, topic_of(estimate), estimate) for receive_ns, topic, sample in drive
                 if topic in INPUTS for estimate in pipeline.update(sample)]
@@ -63,10 +63,10 @@ def test_the_estimates_in_the_bag_are_those_of_the_estimators(analyzed, drive, p
             sorted(written, key=lambda event: (event[0], event[1], event[2].stamp_ns)),
             sorted(expected, key=lambda event: (event[0], event[1], event[2].stamp_ns))):
         assert receive_ns == wanted_ns
-        assert repr(sample) == repr(wanted), topic  # NaN equals NaN there
+        assert repr(sample) == repr(wanted), topic  # in text, NaN equals NaN
 
 
-def test_films_that_aid_the_slip_are_heard_alike_offline(bag_of, drive, params, tmp_path):
+def test_slip_aided_by_films_is_the_same_offline(bag_of, drive, params, tmp_path):
     aided = EstimatorParams(*(replace(part, robot=replace(part.robot, slip=replace(
         part.robot.slip, film_aided=True))) for part in (params.slip, params.friction)))
     some = [event for event in drive if event[0] < drive[0][0] + 12 * NS_PER_S]
@@ -77,7 +77,7 @@ def test_films_that_aid_the_slip_are_heard_alike_offline(bag_of, drive, params, 
 
 
 def slips_of(events, params):
-    """Return the slips that the estimators, one feeding the other, make of ``events``."""
+    """Return the slips estimated from ``events`` by the connected estimators."""
     pipeline, series = Pipeline(params), Series()
     for _, topic, sample in events:
         if topic in INPUTS:
@@ -86,13 +86,13 @@ def slips_of(events, params):
     return series.slips().ratio
 
 
-def test_estimates_stand_on_the_grid_with_nothing_left_out(analyzed):
+def test_estimates_are_on_the_time_grid_without_gaps(analyzed):
     stamps = analyzed[1].estimates.poses().stamp_ns
     assert (stamps % GRID_NS == 0).all()
     assert set((stamps[1:] - stamps[:-1]).tolist()) == {GRID_NS}
 
 
-def test_the_summary_has_the_form_of_the_contract(analyzed, drive, drive_bag):
+def test_the_summary_has_the_specified_form(analyzed, drive, drive_bag):
     out, run = analyzed
     summary = json.loads((out / 'summary.json').read_text())
     assert summary == run.summary
@@ -115,10 +115,10 @@ def test_lost_batches_are_gaps_of_the_inputs(analyzed, drive):
     ideal = 2 * round(12.0 * 400)
     inputs = analyzed[1].summary['inputs']['tire_samples']
     assert inputs['missing'] % 16 == 0
-    assert 0 <= ideal - len(samples) - inputs['missing'] <= 2 * 32  # the ends may miss batches
+    assert 0 <= ideal - len(samples) - inputs['missing'] <= 2 * 32  # at start and end
 
 
-def test_slip_and_friction_come_near_the_truth(analyzed):
+def test_slip_and_friction_are_near_the_truth(analyzed):
     truth = analyzed[1].summary['against_truth']
     assert truth['pose']['distance_m'] > 5.0
     assert truth['pose']['position_rms_m'] < 0.2
@@ -126,36 +126,36 @@ def test_slip_and_friction_come_near_the_truth(analyzed):
         slip = truth['slip'][WHOLE][side]
         assert slip['estimated_mean'] == pytest.approx(slip['true_mean'], abs=0.05)
     traction = truth['friction'][WHOLE]['traction']
-    assert traction['found'] >= 0.8 * traction['passages'] > 5
-    assert truth['friction']['false_passages'] <= 1
+    assert traction['found'] >= 0.8 * traction['crossings'] > 5
+    assert truth['friction']['false_crossings'] <= 1
 
 
 def test_without_tire_samples_there_is_slip_but_no_friction(bag_of, drive, params, tmp_path):
     events = [event for event in drive if event[1] != 'tire_samples']
     run = analyze(bag_of(tmp_path / 'bag', events), tmp_path / 'out', params)
-    assert 'tire_samples is not in the bag: no tire_friction' in run.intake.left_out
+    assert 'tire_samples is not in the bag: no tire_friction' in run.contents.skipped
     assert run.summary['estimates']['tire_friction'] == {}
     assert run.summary['against_truth']['slip'][WHOLE]['left']['error']['count'] > 100
     with Bag(tmp_path / 'out' / 'estimates') as bag:
         assert set(bag.topics) == {'/odom', '/wheel_slip', '/icr'}
 
 
-def test_films_of_a_wheel_that_the_parameters_do_not_know_are_left_out(drive_bag, tmp_path):
+def test_films_of_a_wheel_not_in_the_parameters_are_skipped(drive_bag, tmp_path):
     run = analyze(drive_bag, tmp_path / 'out', EstimatorParams.load([]))
-    assert run.intake.left_out == ['tire_samples of front_left: it is not among film.wheels']
+    assert run.contents.skipped == ['tire_samples of front_left: not in film.wheels']
     assert list(run.summary['estimates']['tire_friction']) == ['front_right']
 
 
-def test_without_positions_the_velocities_serve(bag_of, drive, params, tmp_path):
+def test_without_positions_velocities_are_used(bag_of, drive, params, tmp_path):
     events = [(ns, topic, replace(sample, position=None, effort=None)
                if topic == 'wheel_states' else sample)
               for ns, topic, sample in of_topics(drive, 'imu/data', 'wheel_states', *TRUTHS)]
     run = analyze(bag_of(tmp_path / 'bag', events), tmp_path / 'out', params)
-    assert 'positions of wheel_states' in left_out(run)
+    assert 'positions of wheel_states' in skipped(run)
     assert run.summary['against_truth']['pose']['position_rms_m'] < 0.3
 
 
-def test_an_imu_at_twenty_hertz_serves(bag_of, drive, params, tmp_path):
+def test_an_imu_at_twenty_hertz_suffices(bag_of, drive, params, tmp_path):
     imu = of_topics(drive, 'imu/data')[::5]
     events = sorted(imu + of_topics(drive, 'wheel_states', *TRUTHS), key=lambda event: event[0])
     run = analyze(bag_of(tmp_path / 'bag', events), tmp_path / 'out', params)
@@ -165,7 +165,7 @@ def test_an_imu_at_twenty_hertz_serves(bag_of, drive, params, tmp_path):
 
 
 @pytest.mark.parametrize('name', ['{}', '/{}', '/robot_7/{}'])
-def test_names_may_carry_a_slash_or_a_namespace(bag_of, drive, params, tmp_path, name):
+def test_topic_names_may_have_a_slash_or_a_namespace(bag_of, drive, params, tmp_path, name):
     events = [event for event in drive if event[1] != 'tire_samples'][:600]
     run = analyze(bag_of(tmp_path / 'bag', events, name.format), tmp_path / 'out', params)
     assert set(run.summary['inputs']) == {'imu/data', 'wheel_states'}
@@ -173,24 +173,24 @@ def test_names_may_carry_a_slash_or_a_namespace(bag_of, drive, params, tmp_path,
     assert run.summary['against_truth']['pose'] is not None
 
 
-def test_a_second_robot_in_the_bag_is_said_to_be_passed_over(bag_of, drive, params, tmp_path):
+def test_topics_of_a_second_robot_are_reported_as_skipped(bag_of, drive, params, tmp_path):
     both = [event for event in drive if event[1] != 'tire_samples'][:900]
     other = [(ns, topic, sample, '/zwei/') for ns, topic, sample in of_topics(both, 'imu/data')]
     names = iter(['/eins/'] * len(both) + ['/zwei/'] * len(other))
     run = analyze(bag_of(tmp_path / 'bag', both + [event[:3] for event in other],
                          lambda topic: next(names) + topic), tmp_path / 'out', params)
-    assert '/zwei/imu/data: is not read beside /eins/imu/data' in run.intake.left_out
+    assert '/zwei/imu/data: not read, /eins/imu/data is used' in run.contents.skipped
     assert run.summary['inputs']['imu/data']['messages'] == len(other)
 
 
-def test_without_truth_nothing_is_compared(bag_of, drive, params, tmp_path):
+def test_without_ground_truth_no_errors_are_computed(bag_of, drive, params, tmp_path):
     events = of_topics(drive, *INPUTS)
     run = analyze(bag_of(tmp_path / 'bag', events), tmp_path / 'out', params)
     assert run.summary['against_truth'] is None
-    assert run.intake.left_out == ['ground truth is not in the bag: nothing is compared']
+    assert run.contents.skipped == ['ground truth is not in the bag: no errors are computed']
 
 
-def test_a_truth_of_poses_alone_says_nothing_of_speeds(bag_of, drive, params, tmp_path):
+def test_ground_truth_without_twist_gives_no_errors_of_speeds(bag_of, drive, params, tmp_path):
     unknown = (-1.0,) + (0.0,) * 35
     events = [(ns, topic, replace(sample, twist_covariance=unknown)
                if isinstance(sample, Odometry) else sample)
@@ -198,17 +198,17 @@ def test_a_truth_of_poses_alone_says_nothing_of_speeds(bag_of, drive, params, tm
     run = analyze(bag_of(tmp_path / 'bag', events), tmp_path / 'out', params)
     assert run.summary['against_truth']['pose']['twist'] is None
     assert list(run.summary['against_truth']) == ['pose']
-    assert 'twist of ground_truth/odom is not given' in left_out(run)
-    assert 'ground_truth/wheel_slip is not in the bag: slips are not compared' in left_out(run)
+    assert 'ground_truth/odom has no twist' in skipped(run)
+    assert 'ground_truth/wheel_slip is not in the bag: no errors of slips' in skipped(run)
 
 
-def test_old_estimates_in_the_bag_change_nothing(bag_of, drive, params, analyzed, tmp_path):
+def test_recorded_estimates_are_ignored(bag_of, drive, params, analyzed, tmp_path):
     wrong = [(ns, 'wheel_slip', WheelSlip(sample.stamp_ns, (0.9,) * 4, (0.0,) * 4, (0.01,) * 4))
              for ns, _, sample in of_topics(drive, 'imu/data')]
     events = sorted(drive + wrong, key=lambda event: event[0])
     run = analyze(bag_of(tmp_path / 'bag', events), tmp_path / 'out', params)
     assert run.summary['estimates'] == analyzed[1].summary['estimates']
-    assert left_out(run).strip('/') == 'wheel_slip: a former estimate, is not read'
+    assert skipped(run).strip('/') == 'wheel_slip: recorded estimate, not read'
 
 
 def test_late_samples_are_counted(bag_of, drive, params, tmp_path):
@@ -220,7 +220,7 @@ def test_late_samples_are_counted(bag_of, drive, params, tmp_path):
     assert sum(inputs['late'] for inputs in run.summary['inputs'].values()) == 2
 
 
-def test_messages_that_break_the_contract_are_counted_with_the_reason(bag_of, drive, params,
+def test_invalid_messages_are_counted_with_the_reason(bag_of, drive, params,
                                                                       tmp_path):
     events = of_topics(drive, 'imu/data', 'wheel_states')
     hit = [i for i, (_, topic, _) in enumerate(events) if topic == 'imu/data' and i % 100 == 0]
@@ -229,23 +229,23 @@ def test_messages_that_break_the_contract_are_counted_with_the_reason(bag_of, dr
     broken = len(hit)
     run = analyze(bag_of(tmp_path / 'bag', events), tmp_path / 'out', params)
     assert run.summary['inputs']['imu/data']['rejected'] == broken > 5
-    assert f'{broken} messages of imu/data: refused' in left_out(run)
+    assert f'{broken} messages of imu/data: rejected' in skipped(run)
 
 
-def test_without_an_imu_the_films_tell_alone(bag_of, drive, params, tmp_path):
+def test_without_an_imu_friction_is_estimated_from_the_films(bag_of, drive, params, tmp_path):
     events = of_topics(drive, 'wheel_states', 'tire_samples', *TRUTHS)
     run = analyze(bag_of(tmp_path / 'bag', events), tmp_path / 'out', params)
-    assert 'imu/data is not in the bag: no odom, wheel_slip and icr' in run.intake.left_out
+    assert 'imu/data is not in the bag: no odom, wheel_slip and icr' in run.contents.skipped
     assert list(run.summary['estimates']) == ['tire_friction']
     assert run.summary['against_truth']['friction'][WHOLE]['traction']['found'] > 5
     assert run.summary['against_truth']['slip'][WHOLE]['left']['error']['count'] == 0
 
 
 @pytest.mark.parametrize('kept', [('imu/data',), TRUTHS, ()])
-def test_where_nothing_can_be_estimated_nothing_is_written(bag_of, drive, params, tmp_path, kept):
+def test_nothing_is_written_if_nothing_can_be_estimated(bag_of, drive, params, tmp_path, kept):
     run = analyze(bag_of(tmp_path / 'bag', of_topics(drive, *kept)), tmp_path / 'out', params)
     assert run.summary is None
-    assert 'wheel_states is not in the bag' in left_out(run)
+    assert 'wheel_states is not in the bag' in skipped(run)
     assert not (tmp_path / 'out').exists()
 
 
@@ -257,7 +257,7 @@ def test_a_second_analysis_replaces_the_first(bag_of, drive, params, tmp_path):
         'estimates_0.mcap', 'metadata.yaml']
 
 
-def test_foreign_files_among_the_estimates_are_never_removed(bag_of, drive, params, tmp_path):
+def test_other_files_in_the_output_folder_are_never_deleted(bag_of, drive, params, tmp_path):
     bag = bag_of(tmp_path / 'bag', of_topics(drive, 'imu/data', 'wheel_states')[:500])
     analyze(bag, tmp_path / 'out', params)
     note = tmp_path / 'out' / 'estimates' / 'note.txt'
@@ -267,7 +267,7 @@ def test_foreign_files_among_the_estimates_are_never_removed(bag_of, drive, para
     assert note.read_text() == 'keep me'
 
 
-def test_the_bag_that_is_read_is_never_written_over(bag_of, drive, params, tmp_path):
+def test_the_input_bag_is_never_overwritten(bag_of, drive, params, tmp_path):
     bag = bag_of(tmp_path / 'estimates', of_topics(drive, 'imu/data', 'wheel_states')[:500])
     for path in (bag, bag / 'estimates_0.mcap'):
         with pytest.raises(BagError, match='choose another'):
@@ -276,18 +276,18 @@ def test_the_bag_that_is_read_is_never_written_over(bag_of, drive, params, tmp_p
         assert sum(topic.messages for topic in kept.topics.values()) == 500
 
 
-def test_smoothing_tells_of_the_same_instants_in_a_bag_of_its_own(smoothed):
-    told = []
+def test_smoothed_estimates_have_the_same_timestamps_in_a_separate_bag(smoothed):
+    received = []
     for folder in ('estimates', 'smoothed'):
         with Bag(smoothed[0] / folder) as bag:
-            told.append([(receive_ns, topic, sample.stamp_ns)
+            received.append([(receive_ns, topic, sample.stamp_ns)
                          for receive_ns, topic, sample in bag.samples(ESTIMATES)
                          if topic in ('odom', 'wheel_slip')])
             assert set(bag.topics) == {f'/{name}' for name in ESTIMATES}
-    assert told[0] == told[1] and len(told[0]) > 2000
+    assert received[0] == received[1] and len(received[0]) > 2000
 
 
-def test_smoothing_leaves_what_the_filter_tells_as_it_is(smoothed, analyzed):
+def test_smoothing_does_not_change_the_filter_estimates(smoothed, analyzed):
     with_smoothed, without = smoothed[1].summary, analyzed[1].summary
     assert {**without, 'smoothed': with_smoothed['smoothed']} == with_smoothed
     assert list(with_smoothed['smoothed']) == ['estimates', 'against_truth']
@@ -295,7 +295,7 @@ def test_smoothing_leaves_what_the_filter_tells_as_it_is(smoothed, analyzed):
     assert json.loads((smoothed[0] / 'summary.json').read_text()) == with_smoothed
 
 
-def test_what_is_smoothed_is_nearer_to_the_truth(smoothed):
+def test_smoothed_slip_is_more_accurate(smoothed):
     filtered, better = (tree['against_truth'] for tree in (
         smoothed[1].summary, smoothed[1].summary['smoothed']))
     for side in ('left', 'right'):
@@ -304,51 +304,51 @@ def test_what_is_smoothed_is_nearer_to_the_truth(smoothed):
         assert errors[1]['within_two'] > 0.9
 
 
-def test_friction_is_estimated_again_from_the_smoothed_slip(smoothed):
+def test_friction_is_also_estimated_from_smoothed_slip(smoothed):
     run = smoothed[1]
-    assert [p.stamp_ns for p in run.smoothed.passages] == [
-        p.stamp_ns for p in run.estimates.passages]
-    used = [[p.slip.value for p in series.passages]
+    assert [p.stamp_ns for p in run.smoothed.crossings] == [
+        p.stamp_ns for p in run.estimates.crossings]
+    used = [[p.slip.value for p in series.crossings]
             for series in (run.estimates, run.smoothed)]
     assert used[0] != used[1]
     traction = run.summary['smoothed']['against_truth']['friction'][WHOLE]['traction']
     assert traction['median_relative_error'] < 0.1
 
 
-def test_progress_counts_the_way_back_too(smoothed):
+def test_progress_includes_the_smoother(smoothed):
     shares = smoothed[2]
     assert shares == sorted(shares)
     assert shares[0] < 0.01 and 0.5 in shares and shares[-1] == 1.0
 
 
-def test_smoothing_without_an_imu_changes_nothing(bag_of, drive, params, tmp_path):
+def test_smoothing_without_imu_gives_the_same_estimates(bag_of, drive, params, tmp_path):
     events = of_topics(drive, 'wheel_states', 'tire_samples')
     run = analyze(bag_of(tmp_path / 'bag', events), tmp_path / 'out', params, smooth=True)
     assert run.summary['smoothed']['estimates'] == run.summary['estimates']
 
 
 @pytest.mark.parametrize('kept', [('imu/data',), ()])
-def test_where_nothing_can_be_estimated_nothing_is_smoothed(bag_of, drive, params, tmp_path, kept):
+def test_nothing_is_smoothed_if_nothing_can_be_estimated(bag_of, drive, params, tmp_path, kept):
     bag = bag_of(tmp_path / 'bag', of_topics(drive, *kept))
     assert analyze(bag, tmp_path / 'out', params, smooth=True).summary is None
     assert not (tmp_path / 'out').exists()
 
 
-def test_a_bag_that_would_be_smoothed_over_is_left_alone(bag_of, drive, params, tmp_path):
+def test_an_input_bag_in_the_smoothed_folder_is_not_overwritten(bag_of, drive, params, tmp_path):
     bag = bag_of(tmp_path / 'smoothed', of_topics(drive, 'imu/data', 'wheel_states')[:500])
     with pytest.raises(BagError, match='choose another'):
         analyze(bag, tmp_path, params, smooth=True)
     assert analyze(bag, tmp_path, params).summary is not None
 
 
-def test_progress_runs_from_nothing_to_all(drive_bag, params, tmp_path):
+def test_progress_runs_from_zero_to_one(drive_bag, params, tmp_path):
     shares = []
     analyze(drive_bag, tmp_path, params, shares.append)
     assert shares == sorted(shares)
     assert shares[0] < 0.01 and shares[-1] == 1.0
 
 
-def test_parameters_of_both_estimators_come_from_the_files(tmp_path):
+def test_parameters_of_both_estimators_are_read_from_the_files(tmp_path):
     path = tmp_path / 'robot.yaml'
     path.write_text('/**: {ros__parameters: {wheel_radius: 0.1}}\n'
                     'friction_estimator: {ros__parameters: {reorder_window: 0.1}}\n')
@@ -357,7 +357,7 @@ def test_parameters_of_both_estimators_come_from_the_files(tmp_path):
     assert (params.slip.reorder_window, params.friction.reorder_window) == (0.03, 0.1)
 
 
-def test_a_parameter_that_is_misspelt_is_refused(tmp_path):
+def test_a_misspelled_parameter_is_rejected(tmp_path):
     path = tmp_path / 'robot.yaml'
     path.write_text('/**: {ros__parameters: {wheel_radios: 0.1}}')
     with pytest.raises(ParameterError, match='wheel_radios.*wheel_radius'):

@@ -1,24 +1,24 @@
-"""A second process works ahead: same items, same errors, and never left behind."""
+"""Prefetching in a second process: items, errors and shutdown."""
 
 import multiprocessing
 import os
 
 import pytest
 
-from smart_tire.analysis.prefetch import ahead
+from smart_tire.analysis.prefetch import prefetch
 from smart_tire.errors import BagError, EstimatorError
 
 
 @pytest.fixture(params=[1, 2])
 def cores(request, monkeypatch):
-    """Pretend that the machine has one core, then two."""
+    """Simulate a machine with one core, then two."""
     monkeypatch.setattr(os, 'sched_getaffinity', lambda pid: set(range(request.param)))
     return request.param
 
 
 @pytest.fixture
 def two_cores(monkeypatch):
-    """Pretend that the machine has two cores."""
+    """Simulate a machine with two cores."""
     monkeypatch.setattr(os, 'sched_getaffinity', lambda pid: {0, 1})
 
 
@@ -42,28 +42,28 @@ def endless():
         yield b'x' * 1000
 
 
-def test_all_items_come_in_order_whoever_makes_them(cores):
-    items = list(ahead(squares))
+def test_all_items_come_in_order_from_either_process(cores):
+    items = list(prefetch(squares))
     assert [square for square, _ in items] == [number ** 2 for number in range(1000)]
     assert {pid == os.getpid() for _, pid in items} == {cores == 1}
 
 
-def test_errors_of_the_package_come_through_after_the_items_before(cores):
-    items = ahead(failing)
+def test_errors_of_the_package_are_raised_after_the_preceding_items(cores):
+    items = prefetch(failing)
     assert next(items) == 1
     with pytest.raises(BagError, match='full of sand'):
         next(items)
 
 
-def test_a_process_that_dies_is_an_error_and_not_the_end(two_cores):
-    items = ahead(dying)
+def test_a_process_that_dies_is_an_error(two_cores):
+    items = prefetch(dying)
     assert next(items) == 1
     with pytest.raises(EstimatorError, match='has died'):
         next(items)
 
 
-def test_an_iterator_that_is_given_up_leaves_no_process_behind(two_cores):
-    items = ahead(endless)
+def test_closing_the_iterator_ends_the_process(two_cores):
+    items = prefetch(endless)
     assert next(items) == b'x' * 1000
     items.close()
     assert multiprocessing.active_children() == []

@@ -1,4 +1,4 @@
-"""Real recordings of other robots: no film, few channels, poses as truth."""
+"""Real recordings of other robots: no films, few topics, poses as ground truth."""
 
 from pathlib import Path
 
@@ -10,8 +10,8 @@ from smart_tire.analysis.pipeline import EstimatorParams
 pytestmark = pytest.mark.slow
 
 RECORDINGS = Path(__file__).resolve().parents[3] / 'shared' / 'data'
-# What is known of the robots beforehand: geometry, how they are mounted, firm and not quite
-# level ground, and that the Warthog's wheel messages are late.
+# Known parameters of the robots: geometry, IMU mounting, firm and not quite level surface, and the
+# latency of the wheel messages of the Warthog.
 COMMON = """
     imu: {position: [0.0, 0.0, 0.0], accel_bias: 0.5}
     slip_sigma: 0.05
@@ -35,7 +35,7 @@ HUSKY = f"""
 
 
 def analyzed(name, text, folder):
-    """Return the run on a recording; skip where it is not at hand."""
+    """Return the analysis of a recording; skip if it is missing."""
     if not (RECORDINGS / name).exists():
         pytest.skip(f'the recording {RECORDINGS / name} is not on this machine')
     path = folder / 'robot.yaml'
@@ -45,12 +45,12 @@ def analyzed(name, text, folder):
 
 @pytest.fixture(scope='module')
 def husky(tmp_path_factory):
-    """Return the run on the Husky's recording."""
+    """Return the analysis of the recording of the Husky."""
     return analyzed('husky_rectangle', HUSKY, tmp_path_factory.mktemp('husky'))
 
 
-def test_the_warthog_on_asphalt_is_followed_where_wheel_odometry_is_lost(tmp_path):
-    """The recording's own figures: wheels alone 22.7 m rms and 9.4 rad off after 153 m."""
+def test_the_pose_of_the_warthog_is_accurate_where_wheel_odometry_diverges(tmp_path):
+    """For comparison, wheel odometry alone: 22.7 m rms and 9.4 rad after 153 m."""
     run = analyzed('warthog_asphalt', WARTHOG, tmp_path)
     pose = run.summary['against_truth']['pose']
     assert pose['distance_m'] == pytest.approx(153.0, rel=0.03)
@@ -60,15 +60,15 @@ def test_the_warthog_on_asphalt_is_followed_where_wheel_odometry_is_lost(tmp_pat
     assert run.summary['inputs']['wheel_states']['rate_hz'] == pytest.approx(4.0, rel=0.01)
 
 
-def test_the_husky_is_followed_though_only_its_mean_wheel_speed_is_known(husky):
+def test_the_pose_of_the_husky_is_accurate_with_its_mean_wheel_speed_only(husky):
     pose = husky.summary['against_truth']['pose']
     assert pose['distance_m'] == pytest.approx(20.4, rel=0.03)
     assert pose['position_rms_m'] < 1.2
     assert abs(pose['yaw_end_rad']) < 0.05 and pose['yaw']['rms'] < 0.02
 
 
-def test_what_a_recording_lacks_is_said(husky):
-    told = '\n'.join(husky.intake.left_out)
+def test_missing_inputs_are_reported(husky):
+    told = '\n'.join(husky.contents.skipped)
     assert 'tire_samples is not in the bag' in told
     assert 'positions of wheel_states: 488 messages have none' in told
     assert 'twist of ground_truth/odom is not given' in told

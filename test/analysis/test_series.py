@@ -1,4 +1,4 @@
-"""Collecting samples into arrays keeps what the figures need, in order of the stamps."""
+"""Samples are collected into arrays, sorted by timestamp."""
 
 import math
 
@@ -35,7 +35,7 @@ def test_an_empty_series_has_empty_arrays():
     assert series.film_wheels() == []
 
 
-def test_planar_parts_are_taken_out_of_the_covariances_of_ros():
+def test_planar_covariances_are_extracted_from_those_of_ros():
     series = Series()
     series.add(odometry(EPOCH))
     poses = series.poses()
@@ -44,14 +44,14 @@ def test_planar_parts_are_taken_out_of_the_covariances_of_ros():
     assert poses.twist[0].tolist() == [0.5, 0.1, 0.3]
 
 
-def test_a_twist_that_is_not_given_is_nan():
+def test_a_missing_twist_is_nan():
     series = Series()
     series.add(odometry(EPOCH, twist_known=False))
     assert np.isnan(series.poses().twist).all()
     assert np.isfinite(series.poses().pose).all()
 
 
-def test_yaw_runs_on_over_full_turns():
+def test_yaw_is_unwrapped():
     series = Series()
     turns = np.arange(0.0, 30.0, 0.5)
     for i, yaw in enumerate(turns):
@@ -59,7 +59,7 @@ def test_yaw_runs_on_over_full_turns():
     assert series.poses().pose[:, 2] == pytest.approx(turns)
 
 
-def test_films_of_different_wheels_stay_apart_and_other_samples_are_passed_over():
+def test_films_are_stored_per_wheel_and_other_samples_are_ignored():
     series = Series()
     series.add(TireSample(EPOCH, 'front_left', (1.0, 2.0)))
     series.add(TireSample(EPOCH, 'front_right', (3.0, 4.0)))
@@ -68,7 +68,7 @@ def test_films_of_different_wheels_stay_apart_and_other_samples_are_passed_over(
     assert series.films('front_right')[1].tolist() == [[3.0, 4.0]]
 
 
-def test_a_film_that_drops_out_leaves_the_samples_with_both():
+def test_samples_with_fewer_films_are_excluded():
     series = Series()
     for i in range(3):
         series.add(TireSample(EPOCH + i, 'front_left', (1.0, 2.0)))
@@ -76,7 +76,7 @@ def test_a_film_that_drops_out_leaves_the_samples_with_both():
     assert series.films('front_left')[1].shape == (3, 2)
 
 
-def test_speeds_and_slips_come_back_as_rows():
+def test_speeds_and_slips_are_returned_as_rows():
     series = Series()
     series.add(WheelSample(EPOCH, (1.0, 2.0, 3.0, 4.0)))
     series.add(WheelSlip(EPOCH, (0.1, 0.2, 0.3, math.nan), (0.0,) * 4, (0.01, 0.02, 0.03, 1.0)))
@@ -85,7 +85,7 @@ def test_speeds_and_slips_come_back_as_rows():
     assert series.slips().sigma[0].tolist() == [0.01, 0.02, 0.03, 1.0]
 
 
-def test_seconds_keep_nanoseconds_though_the_epoch_is_far():
+def test_seconds_have_nanosecond_resolution():
     stamps = np.array([EPOCH + 1, EPOCH + 2], np.int64)
     assert seconds(stamps, EPOCH).tolist() == [1e-9, 2e-9]
 
@@ -97,7 +97,7 @@ def test_interpolation_is_exact_on_lines_far_from_the_epoch():
     assert found.tolist() == [[50.0, 1.5], [200.0, 3.0], [300.0, 4.0]]
 
 
-def test_interpolation_invents_nothing_outside_in_gaps_or_next_to_a_nan():
+def test_interpolation_is_nan_outside_in_gaps_and_next_to_a_nan():
     second = 1_000_000_000
     stamps = EPOCH + np.array([0, 1, 2, 3, 10], np.int64) * (second // 10)
     values = np.array([0.0, 1.0, math.nan, 3.0, 10.0])

@@ -1,4 +1,4 @@
-"""Filter and smoother over kinematic runs with exact truth, many seeds."""
+"""Filter and smoother on kinematic runs with exact ground truth."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from support.driving import drive, ramp, START_NS, STEP
 pytestmark = pytest.mark.slow
 
 FAST, SLOW = 1.093, 0.547  # m/s, 120 and 60 rpm
-# to the left, to the right, a stop, and away again
+# left turn, right turn, stop, straight
 KNOTS = [(0, 0, 0), (3, 0, 0), (3.4, SLOW, FAST), (9, SLOW, FAST), (9.4, FAST, SLOW),
          (14, FAST, SLOW), (14.5, 0, 0), (17, 0, 0), (17.4, 0.8, 0.8), (21, 0.8, 0.8)]
 SEEDS = range(8)
 
 
 def driven(seed, **options):
-    """Return a run whose slips change with the wheel speeds, slowly enough to be seen."""
+    """Return a run whose slips follow the wheel speeds with a lag."""
     rolling = ramp(KNOTS)
     slower = np.minimum(rolling[:, :1], rolling[:, 1:])
     slip = np.where(rolling > slower + 0.1, 0.11, -0.08)
@@ -36,22 +36,22 @@ def driven(seed, **options):
 
 
 def errors(run, ground, series):
-    """Return normalised and plain errors of slips (n, 2), of v_x and of x and y (n, 3)."""
+    """Return normalized and plain errors of slips (n, 2), of v_x and of x and y (n, 3)."""
     poses, slips = series.poses(), series.slips()
     index = np.round((poses.stamp_ns - START_NS) / NS_PER_S / STEP).astype(int)
     with np.errstate(divide='ignore', invalid='ignore'):
         true = np.clip(1.0 - ground / run.rolling, -1.0, 1.0)[index]
-    true[np.abs(run.rolling[index]) < 0.2] = np.nan  # a slip of nearly nothing over nearly nothing
+    true[np.abs(run.rolling[index]) < 0.2] = np.nan  # ratio of small numbers
     slip = slips.ratio[:, :2] - true
     speed = poses.twist[:, 0] - run.twist[index, 0]
-    place = poses.pose[:, :2] - run.pose[index, :2]
+    position = poses.pose[:, :2] - run.pose[index, :2]
     return {'slip': (slip, slips.sigma[:, :2]),
             'speed': (speed, np.sqrt(poses.twist_variance[:, 0])),
-            'place': (place, np.sqrt(poses.pose_covariance[:, (0, 1), (0, 1)]))}
+            'position': (position, np.sqrt(poses.pose_covariance[:, (0, 1), (0, 1)]))}
 
 
 @pytest.fixture(scope='module')
-def judged():
+def run_errors():
     """Return filtered and smoothed errors of all seeds, as pairs by name."""
     params, found = build(SlipEstimatorParams, {}), []
     for seed in SEEDS:
@@ -65,19 +65,19 @@ def rms(values):
     return np.sqrt(np.nanmean(np.square(values)))
 
 
-@pytest.mark.parametrize('name', ['slip', 'speed', 'place'])
-def test_over_many_runs_the_smoother_is_better_than_the_filter(judged, name):
-    filtered, smoothed = (rms([run[way][name][0] for run in judged]) for way in (0, 1))
+@pytest.mark.parametrize('name', ['slip', 'speed', 'position'])
+def test_the_smoother_is_more_accurate_than_the_filter(run_errors, name):
+    filtered, smoothed = (rms([run[way][name][0] for run in run_errors]) for way in (0, 1))
     assert smoothed < filtered
 
 
-@pytest.mark.parametrize('name', ['slip', 'speed', 'place'])
-def test_its_sigmas_cover_its_errors(judged, name):
-    normalised = [error / sigma for run in judged for error, sigma in [run[1][name]]]
-    assert rms(normalised) < 1.2
+@pytest.mark.parametrize('name', ['slip', 'speed', 'position'])
+def test_smoothed_sigmas_are_consistent(run_errors, name):
+    normalized = [error / sigma for run in run_errors for error, sigma in [run[1][name]]]
+    assert rms(normalized) < 1.2
 
 
-def test_slips_do_not_lag_where_wheels_are_slow_and_late():
+def test_smoothed_slips_do_not_lag_with_slow_and_late_wheel_samples():
     params = build(SlipEstimatorParams, {'encoder.latency': 0.2})
     found = []
     for seed in range(3):
@@ -89,7 +89,7 @@ def test_slips_do_not_lag_where_wheels_are_slow_and_late():
     assert rms([run[1][0] / run[1][1] for run in found]) < 1.2
 
 
-def test_biases_are_known_from_the_first_instant():
+def test_biases_are_known_from_the_start():
     run, _ = driven(1)
     filtered, recorder = [], RtsSmoother(N)
     estimator = SlipEstimator(build(SlipEstimatorParams, {}), recorder)
@@ -101,12 +101,12 @@ def test_biases_are_known_from_the_first_instant():
         assert first.P[row, row] < 2.0 * last.P[row, row]
         assert abs(first.x[row] - last.x[row]) < 3.0 * np.sqrt(first.P[row, row])
     start = [first.x[State.GYRO_BIAS_Z] - state.context.imu.yaw_rate for state in smoothed[:100]]
-    assert abs(np.mean(start)) < 0.003  # the robot stands: all that is felt is the bias
+    assert abs(np.mean(start)) < 0.003  # stationary: the gyro shows the bias only
     assert np.sqrt(first.P[State.GYRO_BIAS_Z, State.GYRO_BIAS_Z]) < 0.1 * np.sqrt(
         filtered[0].twist_covariance[-1])
 
 
-def test_no_variance_is_ever_larger_than_the_filters():
+def test_smoothed_variances_do_not_exceed_those_of_the_filter():
     class Both(RtsSmoother):
         def __init__(self):
             super().__init__(N)
@@ -126,7 +126,7 @@ def test_no_variance_is_ever_larger_than_the_filters():
         assert np.linalg.eigvalsh(state.P / scale).min() > -1e-12
 
 
-def test_a_clock_that_is_set_back_starts_anew():
+def test_a_clock_that_is_set_back_restarts_the_smoother():
     run, _ = driven(3)
     back = [type(s)(**{**{name: getattr(s, name) for name in s.__dataclass_fields__},
                        'stamp_ns': s.stamp_ns - 10 * NS_PER_S}) for s in run.samples]
@@ -141,6 +141,6 @@ def test_a_clock_that_is_set_back_starts_anew():
     slip.close()
 
 
-def test_without_samples_there_is_nothing_and_others_are_passed_over():
+def test_other_samples_are_ignored():
     both = smooth(build(SlipEstimatorParams, {}), [TireSample(0, 'front_left', (1.65, 1.65))])
     assert len(both.filtered.poses().stamp_ns) == len(both.smoothed.poses().stamp_ns) == 0

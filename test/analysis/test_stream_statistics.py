@@ -1,4 +1,4 @@
-"""Rates and gaps are read off the stamps alone."""
+"""Rates and gaps from timestamps."""
 
 import numpy as np
 import pytest
@@ -28,23 +28,23 @@ def test_a_lost_batch_is_one_gap_of_sixteen_samples():
     assert found.rate_hz == pytest.approx(400.0)
 
 
-def test_jitter_is_no_gap():
+def test_jitter_is_not_a_gap():
     rng = np.random.default_rng(1)
     jittered = stamps(range(1000)) + rng.normal(0.0, 0.05 * PERIOD, 1000).astype(np.int64)
     assert stream_stats(jittered).gaps == 0
 
 
-def test_the_order_of_arrival_makes_no_gap():
+def test_the_order_of_arrival_does_not_matter():
     shuffled = stamps(np.random.default_rng(1).permutation(200))
     assert stream_stats(shuffled) == stream_stats(stamps(range(200)))
 
 
 @pytest.mark.parametrize('indices', [[0], [0, 0, 0]])
-def test_stamps_that_never_differ_have_no_rate(indices):
+def test_equal_timestamps_have_no_rate(indices):
     assert stream_stats(stamps(indices)).rate_hz == 0.0
 
 
-def test_wheels_that_share_a_topic_are_judged_apart():
+def test_wheels_that_share_a_topic_are_evaluated_separately():
     log = StampLog()
     for i, stamp in enumerate(stamps(range(100)).tolist()):
         log.add('tire_samples', TireSample(stamp, 'front_left', (1.65, 1.65)))

@@ -1,4 +1,4 @@
-"""The quick way from bytes to messages gives what rosbags gives, or an error."""
+"""The cached CDR decoder gives the same messages as rosbags, or an error."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def scalars(kind):
 
 
 def same(type_name, one, other):
-    """Return whether two messages carry the same, NaN for NaN."""
+    """Return whether two messages are equal; NaN equals NaN."""
     for name, (node, what) in fields_of(type_name):
         a, b = getattr(one, name), getattr(other, name)
         if node == Nodetype.NAME:
@@ -77,12 +77,12 @@ def same(type_name, one, other):
 @pytest.mark.parametrize('type_name', TYPES)
 @given(data=st.data())
 @settings(max_examples=40)
-def test_what_rosbags_wrote_is_read_as_rosbags_reads_it(type_name, data):
+def test_messages_are_decoded_as_rosbags_decodes_them(type_name, data):
     decode, store = Decoder(type_name), typestore()
     for little in data.draw(st.lists(st.booleans(), min_size=1, max_size=4)):
         raw = bytes(store.serialize_cdr(data.draw(messages(type_name)), type_name,
                                         little_endian=little))
-        for _ in range(2):  # once by the general way, once by the quick one
+        for _ in range(2):  # first decoded by rosbags, then from the cached layout
             assert same(type_name, decode(raw), store.deserialize_cdr(raw, type_name))
 
 
@@ -94,7 +94,7 @@ def joints(names, position):
 
 
 @given(st.lists(st.tuples(st.sampled_from(['ab', 'ba', 'abc']), NUMBERS), max_size=12))
-def test_layouts_of_equal_length_are_told_apart(messages):
+def test_layouts_of_equal_length_are_distinguished(messages):
     decode = Decoder(JOINTS)
     for name, position in messages:
         msg = decode(joints([name], position))
@@ -102,7 +102,7 @@ def test_layouts_of_equal_length_are_told_apart(messages):
         assert np.array_equal(msg.position, position, equal_nan=True)
 
 
-def test_names_that_never_repeat_are_read_too():
+def test_more_layouts_than_the_cache_holds_are_decoded():
     decode = Decoder(JOINTS)
     for number in range(300):
         msg = decode(joints([f'joint_{number:03}'], [float(number)]))
@@ -110,14 +110,14 @@ def test_names_that_never_repeat_are_read_too():
 
 
 @pytest.mark.parametrize('rest', [b'\x00' * 4, b'\xff' * 11])
-def test_bytes_that_follow_a_message_are_ignored(rest):
+def test_trailing_bytes_are_ignored(rest):
     decode = Decoder(JOINTS)
     for position in ([1.0, 2.0], [3.0, 4.0]):
         assert list(decode(joints(['a', 'b'], position) + rest).position) == position
 
 
 @pytest.mark.parametrize('type_name', TYPES)
-def test_a_message_that_was_cut_off_is_refused_wherever(type_name):
+def test_a_truncated_message_is_rejected_at_any_length(type_name):
     raw, decode = Encoder(type_name)(empty(type_name)), Decoder(type_name)
     assert decode(raw) is not None
     for size in range(len(raw)):
@@ -130,13 +130,13 @@ def test_a_message_that_was_cut_off_is_refused_wherever(type_name):
     b'\x00\x01\x00\x00' + bytes(8) + b'\xff\xff\xff\xff' + bytes(60),
     b'\x00\x01\x00\x00' + bytes(8) + b'\x01\x00\x00\x00\x00\x00\x00\x00\xff\xff\xff\x7f'],
     ids=['empty', 'short', 'parameter list', 'second version', 'long string', 'many names'])
-def test_what_is_no_plain_cdr_is_refused(raw):
+def test_data_that_is_not_plain_cdr_is_rejected(raw):
     with pytest.raises(MessageError, match=JOINTS):
         Decoder(JOINTS)(raw)
 
 
 @given(st.binary(max_size=200))
-def test_any_bytes_give_a_message_or_the_documented_error(rest):
+def test_any_bytes_give_a_message_or_a_message_error(rest):
     try:
         Decoder(JOINTS)(b'\x00\x01\x00\x00' + rest)
     except MessageError as error:

@@ -1,4 +1,4 @@
-"""What is written without ROS is what ROS reads."""
+"""Messages and definitions written without ROS agree with ROS."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SAMPLES = [
 
 
 @pytest.mark.parametrize('sample', SAMPLES, ids=lambda sample: type(sample).__name__)
-def test_rclpy_reads_our_bytes(sample):
+def test_rclpy_decodes_our_messages(sample):
     serialization = pytest.importorskip('rclpy.serialization')
     topic = TOPICS[topic_of(sample)]
     package, kind, name = topic.type.split('/')
@@ -29,18 +29,18 @@ def test_rclpy_reads_our_bytes(sample):
 
 
 @pytest.mark.parametrize('type_name', sorted({topic.type for topic in TOPICS.values()}))
-def test_a_definition_holds_all_that_the_type_is_made_of(type_name):
+def test_a_definition_contains_all_nested_types(type_name):
     text, type_hash = definition(type_name)
     assert type_hash.startswith('RIHS01_')
     assert 'MSG: std_msgs/Header' in text
     assert 'MSG: builtin_interfaces/Time' in text
 
 
-def test_the_hash_is_that_of_the_distributions():
+def test_type_hashes_equal_those_of_ros():
     # As `ros2 topic info -v` of Jazzy prints it.
     assert definition('builtin_interfaces/msg/Time')[1] == (
         'RIHS01_b106235e25a4c5ed35098aa0a61a3ee9c9b18d197f398b0e4206cea9acf9c197')
 
 
-def test_a_type_that_nobody_knows_has_no_definition():
+def test_an_unknown_type_has_no_definition():
     assert definition('strange_msgs/msg/Thing') == ('', '')

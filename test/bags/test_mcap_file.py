@@ -1,4 +1,4 @@
-"""Reading of mcap files, whole, cut off, damaged, and by other writers."""
+"""Reading of MCAP files: intact, truncated, damaged, and of other writers."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ def whole(tmp_path_factory):
 
 @pytest.fixture
 def read(tmp_path):
-    """Return a function from bytes of a file to its messages and losses."""
+    """Return a function that reads messages and warnings from the bytes of a file."""
     def reader(data, topics=None):
         path = tmp_path / 'some.mcap'
         path.write_bytes(data)
         file = McapFile(path)
         try:
             return [(ns, channel.topic, message) for ns, channel, message
-                    in file.messages(topics)], list(file.losses)
+                    in file.messages(topics)], list(file.warnings)
         finally:
             file.close()
     return reader
 
 
 def simple(path, times, **options):
-    """Write messages with the numbers of their order, received at ``times``."""
+    """Write numbered messages with receive ``times``."""
     with path.open('wb') as file:
         writer = Writer(file, **options)
         writer.start('ros2')
@@ -49,48 +49,48 @@ def simple(path, times, **options):
     return path
 
 
-def test_wherever_a_file_was_cut_it_gives_what_came_before(whole, read):
-    complete, losses = read(whole)
-    assert not losses
+def test_a_truncated_file_yields_the_messages_before_the_cut(whole, read):
+    complete, warnings = read(whole)
+    assert not warnings
     lengths = []
     for size in [*range(100, len(whole), 997), len(whole) - 1]:
-        found, losses = read(whole[:size])
+        found, warnings = read(whole[:size])
         assert found == complete[:len(found)]
-        assert found == complete or any('cut off' in loss for loss in losses)
+        assert found == complete or any('truncated' in warning for warning in warnings)
         lengths.append(len(found))
     assert lengths == sorted(lengths)
     assert lengths[-1] == len(complete)
 
 
-def test_of_a_chunk_that_was_cut_off_the_beginning_is_read(tmp_path, read):
+def test_the_start_of_a_truncated_chunk_is_read(tmp_path, read):
     path = simple(tmp_path / 'a.mcap', range(2000), compression=CompressionType.NONE)
     data = path.read_bytes()
-    found, losses = read(data[:data.index(CHUNK) + 20_000])
+    found, warnings = read(data[:data.index(CHUNK) + 20_000])
     assert 100 < len(found) < 2000
-    assert losses
+    assert warnings
 
 
-def test_zeros_that_a_file_system_left_end_the_file(whole, read):
+def test_trailing_zeros_end_the_file(whole, read):
     complete, _ = read(whole)
     cut = whole[:len(whole) * 2 // 3]
     assert read(cut + bytes(4096))[0] == read(cut)[0] == complete[:len(read(cut)[0])]
 
 
-def test_a_damaged_chunk_costs_itself_only(tmp_path, read):
+def test_a_damaged_chunk_does_not_affect_other_chunks(tmp_path, read):
     path = simple(tmp_path / 'a.mcap', range(10), chunk_size=0)
     data = bytearray(path.read_bytes())
     complete, _ = read(bytes(data))
     packed = [number for number in range(len(data)) if data[number:number + 4] == b'zstd'][6]
     data[packed + 20] ^= 0xFF
-    found, losses = read(bytes(data))
+    found, warnings = read(bytes(data))
     assert len(complete) == 10
     assert len(found) == 9
-    assert len(losses) == 1
-    assert 'damaged at byte' in losses[0]
+    assert len(warnings) == 1
+    assert 'damaged at byte' in warnings[0]
 
 
 @pytest.mark.parametrize('where', range(8, 400, 7))
-def test_a_damaged_end_costs_nothing(whole, read, where):
+def test_a_damaged_summary_loses_no_message(whole, read, where):
     data = bytearray(whole)
     data[-where] ^= 0x55
     complete, _ = read(whole)
@@ -99,15 +99,15 @@ def test_a_damaged_end_costs_nothing(whole, read, where):
 
 
 @pytest.mark.parametrize('where', range(8, 3000, 61))
-def test_no_damage_is_worse_than_an_error_of_ours(whole, read, where):
+def test_any_damage_gives_a_warning_or_a_bag_error(whole, read, where):
     for mask in (0xFF, 0x01):
         data = bytearray(whole)
         data[where] ^= mask
         try:
-            found, losses = read(bytes(data))
+            found, warnings = read(bytes(data))
         except BagError:
             continue
-        assert len(found) == len(read(whole)[0]) or losses
+        assert len(found) == len(read(whole)[0]) or warnings
 
 
 @pytest.mark.parametrize('options', [
@@ -125,13 +125,13 @@ def test_files_of_other_writers_are_read(tmp_path, options):
         '/a', 'strange_msgs/msg/Thing', 'int32 a')
     assert count == 10_000
     assert file.span() == (0, 9_999)
-    assert not file.losses
+    assert not file.warnings
     file.close()
 
 
 @pytest.mark.parametrize('options', [{'chunk_size': 0}, {'chunk_size': 200},
                                      {'use_chunking': False}, {}], ids=str)
-def test_messages_come_in_the_order_of_their_reception(tmp_path, options):
+def test_messages_are_sorted_by_receive_time(tmp_path, options):
     times = [7, 3, 9, 1, 8, 8, 2, 30, 20, 10, 11, 5]
     file = McapFile(simple(tmp_path / 'a.mcap', times, **options))
     assert [(ns, int(message)) for ns, _, message in file.messages()] == sorted(
@@ -139,7 +139,7 @@ def test_messages_come_in_the_order_of_their_reception(tmp_path, options):
     file.close()
 
 
-def test_messages_of_a_second_type_on_a_topic_are_left_out_and_said(tmp_path):
+def test_a_second_type_on_a_topic_is_skipped_with_a_warning(tmp_path):
     path = tmp_path / 'a.mcap'
     with path.open('wb') as file:
         writer = Writer(file)
@@ -150,11 +150,11 @@ def test_messages_of_a_second_type_on_a_topic_are_left_out_and_said(tmp_path):
         writer.finish()
     mcap = McapFile(path)
     assert [channel.type for _, channel, _ in mcap.messages()] == ['one_msgs/msg/One']
-    assert any('two_msgs/msg/Two' in loss for loss in mcap.losses)
+    assert any('two_msgs/msg/Two' in warning for warning in mcap.warnings)
     mcap.close()
 
 
-def test_a_file_that_is_still_being_written_is_read_so_far(tmp_path):
+def test_a_file_that_is_being_written_is_read_up_to_its_end(tmp_path):
     path = tmp_path / 'a.mcap'
     with path.open('wb') as file:
         writer = Writer(file)
@@ -165,13 +165,13 @@ def test_a_file_that_is_still_being_written_is_read_so_far(tmp_path):
         writer.add_message(channel, 2, b'y', 2)
         mcap = McapFile(path)
         assert [message for _, _, message in mcap.messages()] == [b'x']
-        assert mcap.losses
+        assert mcap.warnings
         mcap.close()
 
 
 @pytest.mark.parametrize('data', [b'', b'\x89MCAP', b'PK\x03\x04' + bytes(100)])
-def test_what_is_no_mcap_file_is_refused(tmp_path, data):
+def test_a_file_that_is_not_mcap_is_rejected(tmp_path, data):
     path = tmp_path / 'a.mcap'
     path.write_bytes(data)
-    with pytest.raises(BagError, match=r'a\.mcap: is (empty|no mcap file)'):
+    with pytest.raises(BagError, match=r'a\.mcap: (file is empty|not an MCAP file)'):
         McapFile(path)

@@ -1,4 +1,4 @@
-"""Bags as users bring them: namespaces, several files, bad messages, and no bags at all."""
+"""Bags of users: namespaces, several files, invalid messages, and paths that are not bags."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def write_raw(path, messages):
 
 
 def imu_bytes(number=0):
-    """Return the bytes of an IMU message that carries ``number``."""
+    """Return the bytes of an IMU message with ``number`` as acceleration."""
     topic = TOPICS['imu/data']
     sample = ImuSample(START_NS, (float(number), 0.0, 9.81), (0.0, 0.0, 0.0))
     return Encoder(topic.type)(topic.fill(empty(topic.type), sample))
@@ -45,7 +45,7 @@ def test_a_topic_is_found_with_or_without_namespace(tmp_path, name):
         assert [(ns, topic) for ns, topic, _ in bag.samples(INPUTS)] == [(5, 'imu/data')]
 
 
-def test_two_robots_in_a_bag_are_never_mixed(tmp_path):
+def test_topics_of_two_robots_are_never_mixed(tmp_path):
     joints = TOPICS['wheel_states']
     wheels = Encoder(joints.type)(joints.fill(
         empty(joints.type), WheelSample(START_NS, (1.0, 2.0, 3.0, 4.0))))
@@ -58,7 +58,7 @@ def test_two_robots_in_a_bag_are_never_mixed(tmp_path):
         assert [ns for ns, _, _ in bag.samples(INPUTS)] == [2, 3]
 
 
-def test_an_estimate_is_not_taken_for_the_truth_nor_the_other_way(tmp_path):
+def test_estimates_and_ground_truth_are_not_confused(tmp_path):
     kind = TOPICS['odom'].type
     data = Encoder(kind)(empty(kind))
     messages = [(1, '/odom', kind, data), (2, '/ground_truth/odom', kind, data)]
@@ -67,15 +67,15 @@ def test_an_estimate_is_not_taken_for_the_truth_nor_the_other_way(tmp_path):
         assert bag.match(['ground_truth/odom']) == {'ground_truth/odom': '/ground_truth/odom'}
 
 
-def test_our_name_with_a_foreign_type_is_left_out_and_said(tmp_path):
+def test_a_standard_name_with_another_type_is_skipped_and_reported(tmp_path):
     messages = [(1, '/imu/data', 'geometry_msgs/msg/Twist', bytes(52))]
     with Bag(write_raw(tmp_path / 'bag', messages)) as bag:
         assert bag.match(INPUTS) == {}
         assert list(bag.samples(INPUTS)) == []
-        assert bag.misfits() == ['/imu/data is geometry_msgs/msg/Twist']
+        assert bag.type_mismatches() == ['/imu/data is geometry_msgs/msg/Twist']
 
 
-def test_bad_messages_are_counted_and_their_neighbours_kept(tmp_path):
+def test_invalid_messages_are_counted_and_valid_ones_are_kept(tmp_path):
     topic = TOPICS['imu/data']
     nan = Encoder(IMU)(topic.fill(
         empty(IMU), ImuSample(START_NS, (math.nan, 0.0, 0.0), (0.0, 0.0, 0.0))))
@@ -102,7 +102,7 @@ def split(tmp_path, parts=3):
     return bag, events
 
 
-def test_a_bag_of_several_files_is_one(tmp_path):
+def test_a_bag_of_several_files_is_read_as_one(tmp_path):
     path, events = split(tmp_path)
     with Bag(path) as bag:
         assert list(bag.samples(TOPICS)) == events
@@ -110,7 +110,7 @@ def test_a_bag_of_several_files_is_one(tmp_path):
         assert bag.span_ns == (events[0][0], events[-1][0])
 
 
-def test_a_listed_file_that_is_missing_is_said(tmp_path):
+def test_a_missing_listed_file_is_reported(tmp_path):
     path, events = split(tmp_path)
     names = [f'split_{number}.mcap' for number in (8, 9, 10)]
     (path / 'metadata.yaml').write_text(
@@ -118,54 +118,54 @@ def test_a_listed_file_that_is_missing_is_said(tmp_path):
     (path / names[1]).unlink()
     with Bag(path) as bag:
         read = list(bag.samples(TOPICS))
-        assert any('split_9.mcap: is missing' in loss for loss in bag.losses)
+        assert any('split_9.mcap: file is missing' in warning for warning in bag.warnings)
     assert 0 < len(read) < len(events)
     assert all(event in events for event in read[::100])
 
 
 @pytest.mark.parametrize('text', ['', 'a: [', 'rosbag2_bagfile_information: 3', '\x00', '- a'])
-def test_metadata_that_cannot_be_understood_are_done_without(tmp_path, text):
+def test_invalid_metadata_is_ignored_with_a_warning(tmp_path, text):
     events = stream(0.3)
     path = write_bag(tmp_path / 'bag', events)
     (path / 'metadata.yaml').write_text(text)
     with Bag(path) as bag:
         assert list(bag.samples(TOPICS)) == events
-        assert any('metadata.yaml' in loss for loss in bag.losses)
+        assert any('metadata.yaml' in warning for warning in bag.warnings)
 
 
-def test_a_broken_file_beside_a_whole_one_does_not_hide_it(tmp_path):
+def test_intact_files_are_read_if_another_file_is_damaged(tmp_path):
     path, events = split(tmp_path)
     (path / 'split_9.mcap').write_bytes(b'')
     with Bag(path) as bag:
         assert 0 < len(list(bag.samples(TOPICS))) < len(events)
-        assert any('split_9.mcap' in loss for loss in bag.losses)
+        assert any('split_9.mcap' in warning for warning in bag.warnings)
 
 
-def test_a_bag_that_is_not_there_is_named(tmp_path):
+def test_a_missing_bag_is_an_error_with_its_path(tmp_path):
     with pytest.raises(BagError, match='nowhere: no such file or directory'):
         Bag(tmp_path / 'nowhere')
 
 
 @pytest.mark.parametrize('content', [b'', b'hello, world', b'\x28\xb5\x2f\xfd\x00\x00'])
-def test_a_file_that_is_no_bag_is_named(tmp_path, content):
+def test_a_file_that_is_not_a_bag_is_an_error_with_its_path(tmp_path, content):
     path = tmp_path / 'letter.mcap'
     path.write_bytes(content)
     with pytest.raises(BagError, match=r'letter\.mcap'):
         Bag(path)
 
 
-def test_a_folder_without_files_of_a_bag_is_named(tmp_path):
+def test_a_folder_without_bag_files_is_an_error(tmp_path):
     (tmp_path / 'notes.txt').write_text('none')
-    with pytest.raises(BagError, match=r'is no bag \(no \.mcap or \.db3 file in it\)'):
+    with pytest.raises(BagError, match='contains no .mcap or .db3 file'):
         Bag(tmp_path)
 
 
-def test_a_bag_gives_its_samples_as_often_as_one_likes(tmp_path):
+def test_samples_can_be_read_repeatedly(tmp_path):
     with Bag(write_bag(tmp_path / 'bag', stream(0.3))) as bag:
         assert list(bag.samples(INPUTS)) == list(bag.samples(INPUTS))
 
 
-def test_messages_that_were_received_out_of_order_come_in_order(tmp_path):
+def test_messages_written_out_of_order_are_sorted_by_receive_time(tmp_path):
     events = stream(1.0)
     late = [replace_time(event, event[0] + 40_000_000) if event[1] == 'imu/data' else event
             for event in events]
@@ -184,7 +184,7 @@ def replace_time(event, receive_ns):
     ('husky_rectangle', {'imu/data': 4875, 'wheel_states': 488, 'ground_truth/odom': 1948})])
 def test_recordings_of_real_robots_are_read(name, counts):
     if not SHARED.is_dir():
-        pytest.skip(f'{SHARED} is not there: the recordings are not part of the project')
+        pytest.skip(f'{SHARED} does not exist: the recordings are not part of the project')
     with Bag(SHARED / name) as bag:
         read = dict.fromkeys(counts, 0)
         for _, topic, sample in bag.samples(TOPICS):
@@ -192,5 +192,5 @@ def test_recordings_of_real_robots_are_read(name, counts):
             if topic == 'wheel_states':
                 assert sample.position is None
         assert read == counts
-        assert not bag.losses
+        assert not bag.warnings
         assert not bag.rejected

@@ -1,4 +1,4 @@
-"""A whole bag out of a broken one."""
+"""Recovery of damaged bags."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from smart_tire.messages import TOPICS
 
 @pytest.fixture
 def broken(tmp_path):
-    """Return a bag without metadata whose file was cut in the middle."""
+    """Return a bag without metadata whose file is truncated."""
     path = write_bag(tmp_path / 'broken', stream(2.0))
     file = path / 'broken_0.mcap'
     file.write_bytes(file.read_bytes()[:-60_000])
@@ -23,20 +23,20 @@ def broken(tmp_path):
     return path
 
 
-def test_what_is_left_is_whole_again(tmp_path, broken):
+def test_all_readable_messages_are_recovered(tmp_path, broken):
     result = recover(broken, tmp_path / 'whole')
     with Bag(broken) as before, Bag(tmp_path / 'whole') as after:
         left = list(before.samples(TOPICS))
         assert list(after.samples(TOPICS)) == left == stream(2.0)[:len(left)]
-        assert not after.losses
-        assert result.losses == before.losses
+        assert not after.warnings
+        assert result.warnings == before.warnings
         assert result.counts == {name: topic.messages for name, topic in after.topics.items()}
     assert len(left) > 500
-    assert any('cut off' in loss for loss in result.losses)
-    assert any('metadata.yaml' in loss for loss in result.losses)
+    assert any('truncated' in warning for warning in result.warnings)
+    assert any('metadata.yaml' in warning for warning in result.warnings)
 
 
-def test_others_read_what_was_recovered(tmp_path, broken):
+def test_other_readers_open_a_recovered_bag(tmp_path, broken):
     counts = recover(broken, tmp_path / 'whole').counts
     with AnyReader([tmp_path / 'whole']) as reader:
         assert {topic: info.msgcount for topic, info in reader.topics.items()} == counts
@@ -45,14 +45,14 @@ def test_others_read_what_was_recovered(tmp_path, broken):
         assert make_reader(file, validate_crcs=True).get_summary().chunk_indexes
 
 
-def test_nothing_is_lost_of_a_whole_bag(tmp_path):
+def test_an_intact_bag_is_copied_completely(tmp_path):
     events = stream(0.5)
-    assert recover(write_bag(tmp_path / 'bag', events), tmp_path / 'copy').losses == []
+    assert recover(write_bag(tmp_path / 'bag', events), tmp_path / 'copy').warnings == []
     with Bag(tmp_path / 'copy') as bag:
         assert list(bag.samples(TOPICS)) == events
 
 
-def test_a_definition_that_the_bag_lacks_is_added(tmp_path):
+def test_missing_definitions_are_added(tmp_path):
     with Writer(tmp_path / 'bag', version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
         writer.add_connection('/odom', 'nav_msgs/msg/Odometry', msgdef='', rihs01='RIHS01_0')
     recover(tmp_path / 'bag', tmp_path / 'whole')
@@ -62,12 +62,12 @@ def test_a_definition_that_the_bag_lacks_is_added(tmp_path):
         assert channel.definition_encoding == 'ros2msg'
 
 
-def test_what_exists_is_not_overwritten(tmp_path, broken):
+def test_an_existing_folder_is_not_overwritten(tmp_path, broken):
     with pytest.raises(BagError, match='File exists'):
         recover(broken, broken)
 
 
-def test_nothing_is_made_of_nothing(tmp_path):
+def test_a_missing_bag_creates_no_output(tmp_path):
     with pytest.raises(BagError, match='no such file'):
         recover(tmp_path / 'nowhere', tmp_path / 'whole')
     assert not (tmp_path / 'whole').exists()

@@ -1,4 +1,4 @@
-"""Reading of sqlite3 files, of several versions, whole, cut off and left in a hurry."""
+"""Reading of sqlite3 files: several schema versions, intact, truncated, and after a crash."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from smart_tire.bags.definitions import empty, Encoder, typestore
 from smart_tire.errors import BagError
 from smart_tire.messages import TOPICS
 
-# As rosbag2 of Foxy made it, before profiles and definitions were added.
+# Schema of rosbag2 in Foxy, before QoS profiles and definitions were added.
 FOXY = """
     CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL,
                         serialization_format TEXT NOT NULL);
@@ -51,7 +51,7 @@ def test_bags_are_read_with_any_compression(tmp_path, version, mode):
         assert list(bag.samples(TOPICS)) == events
         assert bag.topics['/imu/data'].messages == 50
         assert bag.span_ns == (events[0][0], events[-1][0])
-        assert not bag.losses
+        assert not bag.warnings
 
 
 @pytest.mark.parametrize('mode', [CompressionMode.NONE, CompressionMode.FILE,
@@ -60,37 +60,37 @@ def test_mcap_bags_of_rosbags_are_read_with_any_compression(tmp_path, mode):
     events = stream(0.5)
     with Bag(write(tmp_path / 'bag', events, plugin=StoragePlugin.MCAP, mode=mode)) as bag:
         assert list(bag.samples(TOPICS)) == events
-        assert not bag.losses
+        assert not bag.warnings
 
 
 @pytest.mark.parametrize('mode', [CompressionMode.NONE, CompressionMode.FILE])
-def test_a_bag_without_metadata_is_read_and_that_is_said(tmp_path, mode):
+def test_a_bag_without_metadata_is_read_with_a_warning(tmp_path, mode):
     events = stream(0.5)
     path = write(tmp_path / 'bag', events, mode=mode)
     (path / 'metadata.yaml').unlink()
     with Bag(path) as bag:
         assert list(bag.samples(INPUTS)) == [event for event in events if event[1] in INPUTS]
-        assert any('metadata.yaml is missing' in loss for loss in bag.losses)
+        assert any('metadata.yaml is missing' in warning for warning in bag.warnings)
 
 
 @pytest.mark.parametrize('plugin', [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
-def test_of_a_packed_file_that_was_cut_off_the_beginning_is_read(tmp_path, plugin):
+def test_the_start_of_a_truncated_compressed_file_is_read(tmp_path, plugin):
     events = stream(8.0)
     path = write(tmp_path / 'bag', events, plugin=plugin, mode=CompressionMode.FILE)
     file, = path.glob('*.zstd')
     file.write_bytes(file.read_bytes()[:file.stat().st_size * 2 // 3])
     with Bag(path) as bag:
         read = list(bag.samples(TOPICS))
-        assert bag.losses
+        assert bag.warnings
     assert 100 < len(read) < len(events)
 
 
-def test_a_plain_file_is_a_bag(tmp_path):
+def test_a_single_file_is_read_as_a_bag(tmp_path):
     events = stream(0.2)
     file, = write(tmp_path / 'bag', events).glob('*.db3')
     with Bag(file) as bag:
         assert list(bag.samples(TOPICS)) == events
-        assert not bag.losses
+        assert not bag.warnings
 
 
 def test_a_file_without_profiles_and_definitions_is_read(tmp_path):
@@ -105,7 +105,7 @@ def test_a_file_without_profiles_and_definitions_is_read(tmp_path):
         assert list(bag.samples(['odom'])) == [event]
 
 
-def test_a_file_that_was_cut_off_gives_what_is_left(tmp_path):
+def test_a_truncated_file_yields_its_readable_messages(tmp_path):
     events = stream(2.0)
     file, = write(tmp_path / 'bag', events).glob('*.db3')
     data = file.read_bytes()
@@ -115,7 +115,7 @@ def test_a_file_that_was_cut_off_gives_what_is_left(tmp_path):
         cut.write_bytes(data[:int(part * len(data))])
         with Bag(cut) as bag:
             read = list(bag.samples(TOPICS))
-            assert bag.losses
+            assert bag.warnings
             assert sum(topic.messages for topic in bag.topics.values()) == len(read)
         assert read == sorted(read, key=lambda event: event[0])
         assert all(event in events for event in read[::50])
@@ -123,7 +123,7 @@ def test_a_file_that_was_cut_off_gives_what_is_left(tmp_path):
     assert 0 < lengths[0] < lengths[1] < lengths[2] < len(events)
 
 
-def test_what_a_killed_recorder_left_in_the_write_ahead_log_is_read(tmp_path):
+def test_messages_in_the_write_ahead_log_of_a_killed_recorder_are_read(tmp_path):
     events = stream(0.5)
     file, = write(tmp_path / 'bag', events[:-100]).glob('*.db3')
     with Bag(write(tmp_path / 'rest', events[-100:])) as rest:
@@ -135,7 +135,7 @@ def test_what_a_killed_recorder_left_in_the_write_ahead_log_is_read(tmp_path):
                            [(numbers[channel.topic], ns, data) for ns, channel, data in late])
     connection.commit()
     killed = tmp_path / 'killed'
-    shutil.copytree(tmp_path / 'bag', killed)  # with the log, as no one closed it
+    shutil.copytree(tmp_path / 'bag', killed)  # with the log: the connection is still open
     connection.close()
     with Bag(killed) as bag:
         assert list(bag.samples(TOPICS)) == events
@@ -143,16 +143,16 @@ def test_what_a_killed_recorder_left_in_the_write_ahead_log_is_read(tmp_path):
 
 @pytest.mark.parametrize('data', [b'SQLite format 3\x00' + b'\xaa' * 2000,
                                   b'SQLite format 3\x00'])
-def test_what_is_no_sqlite3_bag_is_refused(tmp_path, data):
+def test_a_file_that_is_not_sqlite3_is_rejected(tmp_path, data):
     path = tmp_path / 'a.db3'
     path.write_bytes(data)
     with pytest.raises(BagError, match=r'a\.db3: '):
         Bag(path)
 
 
-def test_a_database_of_something_else_is_refused(tmp_path):
+def test_a_database_without_bag_tables_is_rejected(tmp_path):
     path = tmp_path / 'a.db3'
     with sqlite3.connect(path) as connection:
         connection.execute('CREATE TABLE recipes(id INTEGER)')
-    with pytest.raises(BagError, match='is no sqlite3 bag'):
+    with pytest.raises(BagError, match='not an sqlite3 bag'):
         Bag(path)

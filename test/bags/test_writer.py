@@ -1,4 +1,4 @@
-"""Bags that are written: what others read in them, and what stays of one that was cut off."""
+"""Writing of bags: compatibility with other readers, and the content left after a crash."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ from smart_tire.messages import TOPICS
 
 
 def metadata(bag):
-    """Return what metadata.yaml says."""
+    """Return the content of metadata.yaml."""
     return yaml.safe_load((bag / 'metadata.yaml').read_text())['rosbag2_bagfile_information']
 
 
-def test_what_is_written_is_read(tmp_path):
+def test_written_samples_are_read_back(tmp_path):
     events = stream()
     with Bag(write_bag(tmp_path / 'bag', events)) as bag:
         assert list(bag.samples(TOPICS)) == events
-        assert not bag.losses
+        assert not bag.warnings
         assert not bag.rejected
 
 
-def test_rosbags_reads_it_as_we_do(tmp_path):
+def test_rosbags_reads_the_same_samples(tmp_path):
     events = stream(0.5)
     with AnyReader([write_bag(tmp_path / 'bag', events)]) as reader:
         read = []
@@ -44,7 +44,7 @@ def test_rosbags_reads_it_as_we_do(tmp_path):
     assert read == events
 
 
-def test_it_is_laid_out_as_rosbag2_lays_it_out(tmp_path):
+def test_the_bag_has_the_layout_of_rosbag2(tmp_path):
     events = stream(0.5)
     bag = write_bag(tmp_path / 'bag', events)
     assert sorted(path.name for path in bag.iterdir()) == ['bag_0.mcap', 'metadata.yaml']
@@ -65,21 +65,21 @@ def test_it_is_laid_out_as_rosbag2_lays_it_out(tmp_path):
     assert yaml.safe_load(embedded['rosbag2']['serialized_metadata']) == metadata(bag)
 
 
-def test_the_metadata_tell_what_is_in_the_bag(tmp_path):
+def test_the_metadata_describe_the_bag(tmp_path):
     events = stream(0.5)
-    said = metadata(write_bag(tmp_path / 'bag', events))
-    assert said['version'] == 9
-    assert said['storage_identifier'] == 'mcap'
-    assert said['relative_file_paths'] == ['bag_0.mcap']
-    assert said['message_count'] == said['files'][0]['message_count'] == len(events)
-    assert said['starting_time']['nanoseconds_since_epoch'] == events[0][0]
-    assert said['duration']['nanoseconds'] == events[-1][0] - events[0][0]
+    content = metadata(write_bag(tmp_path / 'bag', events))
+    assert content['version'] == 9
+    assert content['storage_identifier'] == 'mcap'
+    assert content['relative_file_paths'] == ['bag_0.mcap']
+    assert content['message_count'] == content['files'][0]['message_count'] == len(events)
+    assert content['starting_time']['nanoseconds_since_epoch'] == events[0][0]
+    assert content['duration']['nanoseconds'] == events[-1][0] - events[0][0]
     counts = {topic['topic_metadata']['name']: topic['message_count']
-              for topic in said['topics_with_message_count']}
+              for topic in content['topics_with_message_count']}
     assert counts == {'/imu/data': 50, '/wheel_states': 8, '/tire_samples': 400, '/odom': 62}
 
 
-def test_the_profiles_that_were_offered_are_kept_for_players(tmp_path):
+def test_offered_qos_profiles_are_stored(tmp_path):
     latched = channel_of('/path', 'nav_msgs/msg/Path', (Qos('reliable', 'transient_local', 1),))
     with BagWriter(tmp_path / 'bag') as writer:
         writer.add_topic(latched)
@@ -93,18 +93,18 @@ def test_the_profiles_that_were_offered_are_kept_for_players(tmp_path):
         assert yaml.safe_load(bag.topics['/path'].channel.qos) == [profile]
 
 
-def test_a_bag_without_messages_is_whole(tmp_path):
+def test_a_bag_without_messages_is_valid(tmp_path):
     with BagWriter(tmp_path / 'bag') as writer:
         writer.add_topic(channel_of('odom', 'nav_msgs/msg/Odometry'))
     with Bag(tmp_path / 'bag') as bag:
         assert list(bag.raw()) == []
         assert bag.topics['/odom'].messages == 0
         assert bag.span_ns == (0, 0)
-        assert not bag.losses
+        assert not bag.warnings
     assert metadata(tmp_path / 'bag')['duration']['nanoseconds'] == 0
 
 
-def test_a_topic_of_a_type_that_we_do_not_know_is_kept(tmp_path):
+def test_a_topic_of_unknown_type_is_stored(tmp_path):
     with BagWriter(tmp_path / 'bag') as writer:
         writer.add_topic(channel_of('/odd', 'strange_msgs/msg/Thing'))
         writer.write('/odd', 5, b'\x00\x01\x00\x00odd')
@@ -114,13 +114,13 @@ def test_a_topic_of_a_type_that_we_do_not_know_is_kept(tmp_path):
         5, 'strange_msgs/msg/Thing', b'\x00\x01\x00\x00odd')
 
 
-def test_a_bag_is_never_written_over(tmp_path):
+def test_an_existing_bag_is_not_overwritten(tmp_path):
     write_bag(tmp_path / 'bag', stream(0.1))
     with pytest.raises(BagError, match='File exists'):
         BagWriter(tmp_path / 'bag')
 
 
-def test_at_any_instant_a_copy_misses_half_a_second_at_most(tmp_path):
+def test_a_copy_made_at_any_time_lacks_at_most_half_a_second(tmp_path):
     events = stream(3.0)
     with BagWriter(tmp_path / 'bag') as writer:
         for number, (receive_ns, topic, sample) in enumerate(events):
@@ -130,12 +130,12 @@ def test_at_any_instant_a_copy_misses_half_a_second_at_most(tmp_path):
                 shutil.copytree(tmp_path / 'bag', copy)
                 with Bag(copy) as bag:
                     read = list(bag.samples(TOPICS))
-                    assert bag.losses
+                    assert bag.warnings
                 assert read == events[:len(read)]
                 assert events[len(read)][0] > receive_ns - 500_000_000
 
 
-def test_a_writer_that_was_killed_leaves_what_it_had_flushed(tmp_path):
+def test_a_killed_writer_leaves_all_flushed_messages(tmp_path):
     script = textwrap.dedent(f"""
         import os, signal
         from support.recordings import stream
@@ -153,16 +153,16 @@ def test_a_writer_that_was_killed_leaves_what_it_had_flushed(tmp_path):
         read = list(bag.samples(TOPICS))
         assert read == events[:len(read)]
         assert read[-1][0] >= events[-1][0] - 500_000_000
-        assert any('cut off' in loss for loss in bag.losses)
+        assert any('truncated' in warning for warning in bag.warnings)
 
 
-def test_only_wanted_topics_are_read(tmp_path):
+def test_only_requested_topics_are_read(tmp_path):
     with Bag(write_bag(tmp_path / 'bag', stream(0.5))) as bag:
         assert {topic for _, topic, _ in bag.samples(INPUTS)} == set(INPUTS)
         assert {channel.topic for _, channel, _ in bag.raw(['/odom'])} == {'/odom'}
 
 
-def test_a_disk_that_takes_no_more_is_a_bag_error(tmp_path):
+def test_a_full_disk_is_a_bag_error(tmp_path):
     writer = BagWriter(tmp_path / 'bag')
     writer.add_topic(Channel('/a', 'strange_msgs/msg/Thing'))
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)

@@ -1,4 +1,4 @@
-"""The tap on the radio passes every byte on and tells batches apart by their samples."""
+"""The radio tap forwards every byte and identifies batches by their samples."""
 
 import os
 import select
@@ -12,7 +12,7 @@ from smart_tire.protocol.xbee import encode_frame, encode_receive_packet, Receiv
 from smart_tire.samples import TireSample
 from smart_tire.simulation.pty import PtyPort
 
-PATIENCE = 10.0  # s
+READ_TIMEOUT = 10.0  # s
 
 
 def batch(number):
@@ -33,54 +33,54 @@ def samples(number):
 def read(descriptor, size):
     """Return ``size`` bytes."""
     data = b''
-    while len(data) < size and select.select([descriptor], [], [], PATIENCE)[0]:
+    while len(data) < size and select.select([descriptor], [], [], READ_TIMEOUT)[0]:
         data += os.read(descriptor, size - len(data))
     return data
 
 
 @pytest.fixture
 def line(tmp_path):
-    """Return a radio's port, the tap on it, and what a receiver has open."""
+    """Return the port of a radio, the tap, and the open port of a receiver."""
     with PtyPort(str(tmp_path / 'radio')) as radio, RadioTap(
             radio.link, str(tmp_path / 'tapped')) as tap:
         descriptor = os.open(tmp_path / 'tapped', os.O_RDWR | os.O_NOCTTY)
         tty.setraw(descriptor)
         while not select.select([descriptor], [], [], 0.02)[0]:
-            radio.write(b'?')  # is lost until the tap has the port open
+            radio.write(b'?')  # lost until the tap has opened the port
         while select.select([descriptor], [], [], 0.2)[0]:
             os.read(descriptor, 100)
         yield radio, tap, descriptor
         os.close(descriptor)
 
 
-def test_all_bytes_go_through_and_each_batch_has_its_latency(line):
+def test_all_bytes_are_forwarded_and_each_batch_has_a_latency(line):
     radio, tap, descriptor = line
     for number in range(3):
         radio.write(frame(number))
         assert read(descriptor, len(frame(number))) == frame(number)
         for sample in samples(number):
-            tap.heard(sample)
+            tap.add_sample(sample)
     assert len(tap.latencies) == 3
-    assert all(0.0 < latency < PATIENCE for latency in tap.latencies)
+    assert all(0.0 < latency < READ_TIMEOUT for latency in tap.latencies)
 
 
-def test_a_batch_in_pieces_counts_from_its_last_byte(line):
+def test_the_latency_of_a_split_batch_starts_at_its_last_byte(line):
     radio, tap, descriptor = line
     whole = frame(1)
     radio.write(whole[:20])
     assert read(descriptor, 20) == whole[:20]
     for sample in samples(1):
-        tap.heard(sample)
-    assert tap.latencies == []  # heard before it was complete: not from this batch
+        tap.add_sample(sample)
+    assert tap.latencies == []  # published before the batch was complete
     radio.write(whole[20:])
     assert read(descriptor, len(whole) - 20) == whole[20:]
     for sample in samples(1):
-        tap.heard(sample)
+        tap.add_sample(sample)
     assert len(tap.latencies) == 1
 
 
-def test_samples_of_no_batch_that_went_through_are_passed_over(line):
+def test_samples_of_unknown_batches_are_ignored(line):
     radio, tap, descriptor = line
     for sample in samples(5):
-        tap.heard(sample)
+        tap.add_sample(sample)
     assert tap.latencies == []

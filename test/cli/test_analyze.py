@@ -35,24 +35,24 @@ def analyze(*words):
     return main(['analyze', *map(str, words)])
 
 
-def test_one_bag_is_written_straight_into_the_folder(bag, robot, tmp_path, capsys):
+def test_results_of_one_bag_are_written_to_the_folder(bag, robot, tmp_path, capsys):
     out = tmp_path / 'out'
     assert analyze(bag, '--params', robot, '--out', out) == 0
     assert {path.name for path in out.iterdir()} >= {
         'estimates', 'summary.json', 'slip.png', 'path.png', 'friction.png'}
     assert json.loads((out / 'summary.json').read_text())['bag'] == str(bag)
-    told = capsys.readouterr().out
-    assert 'drive: 100 %' in told and 'position error' in told
+    output = capsys.readouterr().out
+    assert 'drive: 100 %' in output and 'position error' in output
 
 
-def test_the_smoother_has_a_bag_and_a_report_of_its_own(bag, robot, tmp_path, capsys):
+def test_the_smoother_has_its_own_bag_and_report(bag, robot, tmp_path, capsys):
     out = tmp_path / 'out'
     assert analyze(bag, '--params', robot, '--out', out, '--smooth') == 0
     assert {path.name for path in out.iterdir()} >= {
         'estimates', 'smoothed', 'summary.json', 'slip.png', 'path.png', 'friction.png'}
-    told = capsys.readouterr().out
-    assert told.count('position error') == 2 and 'smoothed, in the light of' in told
-    assert 'drive: 100 %' in told
+    output = capsys.readouterr().out
+    assert output.count('position error') == 2 and 'RTS smoother' in output
+    assert 'drive: 100 %' in output
 
 
 def test_several_bags_have_a_folder_each(bag, tmp_path):
@@ -67,7 +67,7 @@ def test_several_bags_have_a_folder_each(bag, tmp_path):
     assert sorted(path.name for path in (out / 'copy').iterdir()) == ['estimates', 'summary.json']
 
 
-def test_results_are_replaced_by_force_only_and_other_files_stay(bag, robot, tmp_path, capsys):
+def test_results_are_replaced_with_force_only_and_others_are_kept(bag, robot, tmp_path, capsys):
     out, words = tmp_path / 'out', [bag, '--params', robot, '--out', tmp_path / 'out']
     assert analyze(*words) == 0
     written = {path: path.stat().st_mtime_ns for path in out.rglob('*.*')}
@@ -91,24 +91,24 @@ def test_nothing_is_ever_written_into_the_folder_of_a_bag(bag, out, force, capsy
     assert sorted(bag.rglob('*')) == before
 
 
-def test_two_bags_of_one_name_are_refused_before_anything_is_written(bag, tmp_path, capsys):
+def test_two_bags_of_the_same_name_are_rejected_before_writing(bag, tmp_path, capsys):
     assert analyze(bag, bag, '--out', tmp_path / 'out') == 2
-    assert '2 bags are named drive' in capsys.readouterr().err
+    assert '2 bags have the name drive' in capsys.readouterr().err
     assert not (tmp_path / 'out').exists()
 
 
-def test_a_bag_without_inputs_is_status_one_and_the_others_go_on(bag, tmp_path, capsys):
+def test_a_bag_without_inputs_gives_status_one_and_the_others_are_analyzed(bag, tmp_path, capsys):
     empty = tmp_path / 'empty'
     with BagWriter(empty):
         pass
     assert analyze(empty, bag, '--no-figures', '--out', tmp_path / 'out') == 1
-    told = capsys.readouterr().out
-    assert f'{empty}: nothing to estimate' in told
-    assert 'imu/data is not in the bag' in told
+    output = capsys.readouterr().out
+    assert f'{empty}: nothing can be estimated' in output
+    assert 'imu/data is not in the bag' in output
     assert (tmp_path / 'out' / 'drive' / 'summary.json').exists()
 
 
-def test_a_bag_that_is_not_there_is_status_two_and_the_others_go_on(bag, tmp_path, capsys):
+def test_a_missing_bag_gives_status_two_and_the_others_are_analyzed(bag, tmp_path, capsys):
     out = tmp_path / 'out'
     assert analyze(tmp_path / 'nowhere', bag, '--no-figures', '--out', out) == 2
     assert 'nowhere: no such file' in capsys.readouterr().err
@@ -119,7 +119,7 @@ def test_a_bag_that_is_not_there_is_status_two_and_the_others_go_on(bag, tmp_pat
     ('/**: {ros__parameters: {wheel_radius: -1.0}}', 'wheel_radius'),
     ('/**: {ros__parameters: {wheel_radios: 1.0}}', 'did you mean wheel_radius'),
     ('nonsense', 'ros__parameters')])
-def test_a_bad_parameter_file_is_status_two(bag, tmp_path, capsys, text, message):
+def test_an_invalid_parameter_file_gives_status_two(bag, tmp_path, capsys, text, message):
     path = tmp_path / 'bad.yaml'
     path.write_text(text)
     assert analyze(bag, '--params', path, '--out', tmp_path / 'out') == 2
@@ -127,7 +127,7 @@ def test_a_bad_parameter_file_is_status_two(bag, tmp_path, capsys, text, message
     assert not (tmp_path / 'out').exists()
 
 
-def test_later_parameter_files_win(bag, robot, tmp_path):
+def test_later_parameter_files_override_earlier_ones(bag, robot, tmp_path):
     slips = []
     for radius in (0.087, 0.174):
         last = tmp_path / 'last.yaml'
@@ -136,11 +136,11 @@ def test_later_parameter_files_win(bag, robot, tmp_path):
         assert analyze(bag, '--params', robot, '--params', last, '--no-figures', '--out', out) == 0
         summary = json.loads((out / 'summary.json').read_text())
         slips.append(summary['estimates']['wheel_slip']['left']['mean'])
-    assert slips[1] > slips[0] + 0.1  # wheels twice as large would have to slip
+    assert slips[1] > slips[0] + 0.1  # twice the radius requires slip
 
 
 @pytest.mark.parametrize('words', [[], ['bag'], ['--out', 'out']])
-def test_a_command_line_that_lacks_something_is_status_two(words):
+def test_an_incomplete_command_line_gives_status_two(words):
     with pytest.raises(SystemExit) as exit_info:
         analyze(*words)
     assert exit_info.value.code == 2

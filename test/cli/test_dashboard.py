@@ -1,4 +1,4 @@
-"""The dashboard: a table on a terminal, plain lines elsewhere, and nothing that is not known."""
+"""The dashboard: a table on a terminal, plain lines otherwise."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from smart_tire.samples import Friction, NAN, WheelSample, WheelSlip
 from smart_tire.uncertain import Uncertain
 
 
-def felt(**known):
+def robot_status(**known):
     return SimpleNamespace(**{'odometry': None, 'wheels': None, 'slip': None, 'friction': {},
-                              'passages': {}, 'health': {}, **known})
+                              'crossings': {}, 'health': {}, **known})
 
 
 def moving():
     friction = Friction(0, 'front_left', friction_coefficient=Uncertain(0.47, 0.05))
-    return felt(
+    return robot_status(
         wheels=WheelSample(0, (12.566, 6.283, 12.566, 6.283)),
         slip=WheelSlip(0, (0.11, -0.1, 0.11, NAN), (0.1,) * 4, (0.01,) * 4),
         friction={'front_left': friction},
-        passages={'front_left': 7}, health={'tire_receiver': {'batches_ok': '99'}})
+        crossings={'front_left': 7}, health={'tire_receiver': {'batches_ok': '99'}})
 
 
-def shown(what, terminal):
+def shown(status, terminal):
     text = io.StringIO()
     console = Console(file=text, force_terminal=terminal, width=120, color_system=None)
     with Dashboard(console) as dashboard:
-        dashboard.show('concrete', what)
+        dashboard.update('concrete', status)
     return text.getvalue()
 
 
@@ -42,12 +42,12 @@ def test_a_terminal_gets_a_table_with_a_row_per_wheel():
     assert all(wheel in text for wheel in ('front_left', 'front_right', 'rear_left', 'rear_right'))
 
 
-def test_elsewhere_plain_lines_come_now_and_then():
+def test_without_a_terminal_plain_lines_are_printed():
     text = shown(moving(), terminal=False)
     assert text.count('\n') == 1 and '\x1b' not in text
     assert 'left  120.0 rpm' in text and 'mu front_left +0.47' in text
 
 
-def test_what_is_not_known_yet_is_left_out():
+def test_unknown_values_are_omitted():
     for terminal in (True, False):
-        assert 'concrete' in shown(felt(), terminal)
+        assert 'concrete' in shown(robot_status(), terminal)

@@ -25,33 +25,33 @@ def data(tmp_path):
     return tmp_path / 'data.csv'
 
 
-def test_it_prints_the_products_and_writes_parameters_and_figure(data, capsys):
+def test_the_fit_is_printed_and_parameters_and_figure_are_written(data, capsys):
     assert command('film', data, '--gain', '34.47') == 0
-    said = capsys.readouterr().out
+    output = capsys.readouterr().out
     for name in ('alpha_gain', 'a_gain', 'b_gain', 'low_corner'):
-        assert f'{name} ' in said
-    assert 'not determined' not in said
+        assert f'{name} ' in output
+    assert 'not observable' not in output
     assert read_params(data.with_name('data_film.yaml')).film.length == 0.025
     assert data.with_name('data_film.png').read_bytes().startswith(b'\x89PNG')
 
 
-def test_other_columns_and_places_can_be_named(tmp_path, capsys):
+def test_other_columns_and_an_output_file_can_be_given(tmp_path, capsys):
     recording = one_loop()
     write_columns(tmp_path / 'data.csv', ('t', 'volts', 'q'),
                   (recording.time, 300.0 * recording.input, recording.output))
     out = tmp_path / 'stage.yaml'
     assert command('film', tmp_path / 'data.csv', '--columns', 't,volts,q', '--out', out) == 0
-    assert 'volts is taken as the input of the hysteresis itself' in capsys.readouterr().out
+    assert 'volts is used directly as input of the hysteresis' in capsys.readouterr().out
     assert read_params(out).film is None
     assert out.with_suffix('.png').exists()
 
 
-def test_a_deflection_that_no_film_can_have_is_refused(data):
+def test_an_impossible_deflection_is_rejected(data):
     with pytest.raises(ParameterError, match='deflection of 0.012.* clamps have met'):
         command('film', data, '--length', '10')
 
 
-def test_a_length_that_is_no_number_is_a_usage_error(data, capsys):
+def test_a_negative_length_is_a_usage_error(data, capsys):
     with pytest.raises(SystemExit) as left:
         command('film', data, '--length', '-3')
     assert left.value.code == 2

@@ -19,7 +19,7 @@ INPUTS = ('imu/data', 'wheel_states', 'tire_samples')
 
 @pytest.fixture(scope='module')
 def events():
-    """Return a run of turns to both sides of a robot that is not quite as its parameters say."""
+    """Return a run with turns to both sides; the true film parameters are not nominal."""
     robot = RobotParams()
     robot = replace(robot, tire=replace(robot.tire, contact_length=LENGTH), film=replace(
         robot.film, spacing=SPACING, stretch_gain=GAINS))
@@ -37,7 +37,7 @@ def written(path, events, topics=INPUTS):
 
 
 def read(out):
-    """Return the parameters in a file, and behind each its standard errors."""
+    """Return the parameters in a file, and their standard errors."""
     known = specs(RobotParams)
     values = load_files([out], 'slip_estimator', known, known)
     errors = {}
@@ -50,18 +50,18 @@ def read(out):
     return values, errors
 
 
-def test_turns_tell_gains_and_lengths_and_the_file_is_taken_back(events, tmp_path, capsys):
+def test_gains_and_lengths_are_identified_and_the_file_can_be_loaded(events, tmp_path, capsys):
     out = tmp_path / 'films.yaml'
     bag = written(tmp_path / 'run', events)
     assert main(['identify', 'gains', bag, '--out', str(out)]) == 0
-    said = capsys.readouterr().out
-    assert 'per unit of slip' in said
-    assert 'angle of film 1, front_right' in said
+    output = capsys.readouterr().out
+    assert 'per unit slip' in output
+    assert 'angle of film 1, front_right' in output
     values, errors = read(out)
     for name, true in (('film.stretch_gain', GAINS), ('film.spacing', (SPACING,)),
                        ('tire.contact_length', (LENGTH,))):
-        told = values[name] if isinstance(values[name], tuple | list) else (values[name],)
-        for value, sigma, expected in zip(told, errors[name.rpartition('.')[2]], true):
+        found = values[name] if isinstance(values[name], tuple | list) else (values[name],)
+        for value, sigma, expected in zip(found, errors[name.rpartition('.')[2]], true):
             assert value == pytest.approx(expected, abs=3.0 * sigma)
             assert sigma < 0.1 * expected
     assert 0.0 < values['film.stretch_gain_tolerance'] < 0.1
@@ -71,22 +71,22 @@ def test_turns_tell_gains_and_lengths_and_the_file_is_taken_back(events, tmp_pat
     assert robot.film.gains('front_right') == tuple(values['film.stretch_gain'])
 
 
-def test_standing_is_refused_with_the_reason(events, tmp_path, capsys):
+def test_a_stationary_recording_is_rejected_with_the_reason(events, tmp_path, capsys):
     out = tmp_path / 'films.yaml'
     bag = written(tmp_path / 'run', events)
     assert main(['identify', 'gains', bag, '--until', '2.5', '--out', str(out)]) == 1
-    assert 'no film was seen to pass' in capsys.readouterr().err
+    assert 'no film crossing was detected' in capsys.readouterr().err
     assert not out.exists()
 
 
 @pytest.mark.parametrize('missing', INPUTS)
-def test_a_bag_that_lacks_an_input_is_refused_by_its_name(events, tmp_path, capsys, missing):
+def test_a_bag_without_an_input_is_rejected_with_its_name(events, tmp_path, capsys, missing):
     bag = written(tmp_path / 'run', events[:300], [name for name in INPUTS if name != missing])
     assert main(['identify', 'gains', bag]) == 1
     assert missing in capsys.readouterr().err
 
 
-def test_films_of_wheels_that_are_not_instrumented_are_said_to_be_missing(
+def test_missing_films_of_an_instrumented_wheel_are_reported(
         events, tmp_path, capsys):
     wheels = tmp_path / 'wheels.yaml'
     wheels.write_text('/**:\n  ros__parameters:\n    film:\n      wheels: [rear_left]\n',

@@ -15,11 +15,11 @@ def bag(tmp_path_factory):
     return write_run(tmp_path_factory.mktemp('identified') / 'run', run, 'ground_truth/odom')
 
 
-def test_it_prints_s_with_its_turns_and_writes_what_params_takes(bag, tmp_path, capsys):
+def test_s_is_printed_per_turn_and_the_written_file_can_be_loaded(bag, tmp_path, capsys):
     out = tmp_path / 'icr.yaml'
     assert main(['identify', 'icr', str(bag), '--out', str(out)]) == 0
-    said = capsys.readouterr().out
-    assert 'turn at' in said and 'spread over the turns' in said
+    output = capsys.readouterr().out
+    assert 'turn at' in output and 'spread over all turns' in output
     known = specs(SlipEstimatorParams)
     values = load_files([out], 'slip_estimator', known, known)
     assert values['icr'] == pytest.approx(0.05, abs=0.01)
@@ -27,13 +27,13 @@ def test_it_prints_s_with_its_turns_and_writes_what_params_takes(bag, tmp_path, 
     assert out.with_suffix('.png').read_bytes().startswith(b'\x89PNG')
 
 
-def test_without_a_reference_the_imu_is_used(bag, tmp_path, capsys):
+def test_without_a_reference_s_is_identified_from_the_imu(bag, tmp_path, capsys):
     out = tmp_path / 'icr.yaml'
     assert main(['identify', 'icr', str(bag), '--reference', 'none', '--out', str(out)]) == 0
     assert 'from lateral acceleration of the IMU' in capsys.readouterr().out
 
 
-def test_a_run_without_turns_fails_with_the_reason(bag, tmp_path, capsys):
+def test_a_recording_without_turns_fails_with_the_reason(bag, tmp_path, capsys):
     out = tmp_path / 'icr.yaml'
     assert main(['identify', 'icr', str(bag), '--until', '4', '--out', str(out)]) == 1
     assert 'expected at least 2' in capsys.readouterr().err

@@ -20,11 +20,11 @@ def written(name, seed, folder):
     return folder / 'run'
 
 
-def test_starts_and_stops_tell_the_stiffness_with_its_error(tmp_path, capsys):
+def test_the_stiffness_is_identified_from_starts_and_stops(tmp_path, capsys):
     out = tmp_path / 'tire.yaml'
     bag = written('straight', 21, tmp_path)
     assert main(['identify', 'stiffness', str(bag), '--out', str(out)]) == 0
-    assert 'straight runs' in capsys.readouterr().out
+    assert 'straight segments' in capsys.readouterr().out
     known = specs(SlipEstimatorParams)
     values = load_files([out], 'slip_estimator', known, known)
     stiffness = values['tire.longitudinal_stiffness']
@@ -34,7 +34,7 @@ def test_starts_and_stops_tell_the_stiffness_with_its_error(tmp_path, capsys):
     assert out.with_suffix('.png').read_bytes().startswith(b'\x89PNG')
 
 
-def test_a_run_that_only_turns_is_refused_with_the_reason(tmp_path, capsys):
+def test_a_recording_of_turns_only_fails_with_the_reason(tmp_path, capsys):
     out = tmp_path / 'tire.yaml'
     assert main(['identify', 'stiffness', str(written('concrete', 21, tmp_path)),
                  '--out', str(out)]) == 1

@@ -1,4 +1,4 @@
-"""The command line as a whole: verbs, help, and one clear line for what goes wrong."""
+"""The command line: verbs, help and error messages."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SLOW = ('numpy', 'scipy', 'matplotlib', 'rosbags', 'mcap', 'rclpy', 'yaml')
 
 @pytest.fixture
 def verb(monkeypatch):
-    """Return a function that makes ``recover`` run something else."""
+    """Return a function that replaces ``run`` of the verb ``recover``."""
     def replace(run):
         monkeypatch.setattr(import_module('smart_tire.cli.recover'), 'run', run)
         return main(['recover', 'some_bag'])
@@ -40,7 +40,7 @@ def test_every_verb_is_a_module_that_describes_itself(name, capsys):
     assert ' '.join(module.HELP.split()) in ' '.join(capsys.readouterr().out.split())
 
 
-def test_help_names_all_verbs_and_imports_nothing_slow():
+def test_help_lists_all_verbs_without_slow_imports():
     code = ('import sys; from smart_tire.cli.main import main\n'
             'try: main(["--help"])\n'
             f'finally: print([name for name in {SLOW} if name in sys.modules], file=sys.stderr)')
@@ -52,35 +52,35 @@ def test_help_names_all_verbs_and_imports_nothing_slow():
 
 @pytest.mark.parametrize('words', [[], ['fly'], ['recover'], ['replay', 'bag', '--rate', '-1'],
                                    ['replay', 'bag', '--rate', 'nan'], ['record', '--loud']])
-def test_a_wrong_command_line_is_a_usage_error(words, capsys):
+def test_an_invalid_command_line_is_a_usage_error(words, capsys):
     with pytest.raises(SystemExit) as ended:
         main(words)
     assert ended.value.code == 2
     assert 'usage: smart_tire' in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(('error', 'status', 'said'), [
-    (BagError('x: is no bag'), 2, 'x: is no bag'),
+@pytest.mark.parametrize(('error', 'status', 'output'), [
+    (BagError('x: not a bag'), 2, 'x: not a bag'),
     (ParameterError('wheel_radius: -1'), 2, 'wheel_radius: -1'),
     (EstimatorError('diverged'), 1, 'diverged'),
     (ModuleNotFoundError("No module named 'rclpy'", name='rclpy'), 1, 'rclpy is not installed'),
     (KeyboardInterrupt(), 130, 'interrupted')])
-def test_what_goes_wrong_is_said_in_one_line(verb, capsys, error, status, said):
+def test_errors_are_printed_in_one_line(verb, capsys, error, status, output):
     assert verb(raising(error)) == status
     out, err = capsys.readouterr()
     assert out == ''
     assert err.startswith('smart_tire recover: ')
-    assert said in err
+    assert output in err
     assert err.count('\n') == 1
 
 
 @pytest.mark.parametrize('error', [ModuleNotFoundError('us', name='smart_tire.odd'), KeyError(3)])
-def test_a_fault_of_ours_is_not_hidden(verb, error):
+def test_programming_errors_are_not_hidden(verb, error):
     with pytest.raises(type(error)):
         verb(raising(error))
 
 
-def test_arguments_for_ros_are_left_to_ros(monkeypatch):
+def test_ros_arguments_are_left_to_rclpy(monkeypatch):
     seen = []
     monkeypatch.setattr(import_module('smart_tire.cli.record'), 'run',
                         lambda args: seen.append(args.topics) or 0)
@@ -88,7 +88,7 @@ def test_arguments_for_ros_are_left_to_ros(monkeypatch):
     assert seen == [['odom']]
 
 
-def test_a_reader_that_has_had_enough_is_no_fault():
+def test_a_closed_output_pipe_is_not_an_error():
     code = ('import sys; from smart_tire.cli import main, recover\n'
             'recover.run = lambda args: [print(line) for line in range(100_000)] and 0\n'
             'sys.exit(main.main(["recover", "some_bag"]))')
@@ -97,4 +97,4 @@ def test_a_reader_that_has_had_enough_is_no_fault():
         assert process.stdout.readline() == '0\n'
         process.stdout.close()
         assert process.stderr.read() == ''
-    assert process.returncode == 141  # as of a program that SIGPIPE ended
+    assert process.returncode == 141  # as after SIGPIPE

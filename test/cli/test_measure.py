@@ -28,13 +28,13 @@ def params(tmp_path_factory):
     return path
 
 
-def test_it_measures_and_compares_with_the_laser(params, tmp_path, capsys):
+def test_deflections_are_computed_and_compared_with_the_reference(params, tmp_path, capsys):
     recording = several_loops(2)
     write_recording(tmp_path / 'data.csv', recording)
     assert command('film', tmp_path / 'data.csv', '--params', params) == 0
-    said = capsys.readouterr().out
-    assert f'of {recording.time.size} samples measured' in said
-    assert 'against deflection_m: ' in said
+    output = capsys.readouterr().out
+    assert f'of {recording.time.size} samples measured' in output
+    assert 'error against deflection_m: ' in output
     time, value, sigma = read_columns(
         tmp_path / 'data_measured.csv', ['time_s', 'deflection_m', 'sigma_m'], only=True)
     np.testing.assert_allclose(time, recording.time)
@@ -43,7 +43,7 @@ def test_it_measures_and_compares_with_the_laser(params, tmp_path, capsys):
     assert (tmp_path / 'data_measured.png').read_bytes().startswith(b'\x89PNG')
 
 
-def test_charge_alone_under_other_names_will_do(params, tmp_path, capsys):
+def test_a_charge_column_of_another_name_can_be_given(params, tmp_path, capsys):
     recording = several_loops(2)
     write_columns(tmp_path / 'data.csv', ('t', 'q'), (recording.time, recording.output))
     out = tmp_path / 'felt.csv'
@@ -54,14 +54,14 @@ def test_charge_alone_under_other_names_will_do(params, tmp_path, capsys):
 
 
 @pytest.mark.parametrize('columns, why', [('t', 'expected two names'), ('t,q,r', 'expected r')])
-def test_columns_that_are_not_there_are_refused(params, tmp_path, columns, why):
+def test_missing_columns_are_rejected(params, tmp_path, columns, why):
     recording = several_loops(2)
     write_columns(tmp_path / 'data.csv', ('t', 'q'), (recording.time, recording.output))
     with pytest.raises(ParameterError, match=why):
         command('film', tmp_path / 'data.csv', '--params', params, '--columns', columns)
 
 
-def test_a_broken_recording_is_refused_with_its_name(params, tmp_path):
+def test_an_invalid_recording_is_rejected_with_its_name(params, tmp_path):
     write_columns(tmp_path / 'data.csv', ('time_s', 'charge_C'),
                   (np.arange(30.0), np.full(30, np.nan)))
     with pytest.raises(ParameterError, match=r'data.csv: charge\[0\] is nan'):

@@ -1,4 +1,4 @@
-"""No verb replaces a result without being asked to, and none deletes what is not its own."""
+"""Existing results are replaced with --force only, and other files never."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from smart_tire.cli.main import main
 from smart_tire.errors import ParameterError
 
 SLOW = ('numpy', 'scipy', 'matplotlib', 'rosbags', 'mcap', 'rclpy')
-# Words of the command line, and what exists below --out or instead of it; inputs do not exist,
-# so that a verb that looks at them first says something else.
+# Command line, existing file, and the path in the message. The inputs do not exist, so that a
+# verb that checks them first prints another message.
 CASES = {
     'demo, bag': (['demo', '--out', 'OUT'], 'OUT/bag/bag_0.mcap', 'OUT/bag'),
     'demo, figures': (['demo', '--out', 'OUT'], 'OUT/figures/slip.png', 'OUT/figures'),
@@ -54,7 +54,7 @@ every_case = pytest.mark.parametrize(('words', 'file', 'named'), CASES.values(),
 
 @pytest.fixture
 def here(tmp_path, monkeypatch):
-    """Return the working directory, which is empty."""
+    """Return an empty working directory."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -66,7 +66,7 @@ def make(path, text='mine'):
 
 
 @every_case
-def test_a_result_that_exists_is_kept_and_named_in_one_line(words, file, named, here, capsys):
+def test_an_existing_result_is_kept_and_named_in_one_line(words, file, named, here, capsys):
     make(here / file)
     before = sorted(here.rglob('*'))
     assert main(words) == 2
@@ -80,7 +80,7 @@ def test_a_result_that_exists_is_kept_and_named_in_one_line(words, file, named, 
 @pytest.mark.parametrize('case', [
     'demo, bag', 'analyze, summary', 'identify film, OUT.yaml', 'identify gains, OUT.yaml',
     'measure', 'reproduce, report', 'record', 'recover'])
-def test_the_refusal_comes_before_anything_slow_is_imported(case, here):
+def test_existing_results_are_detected_before_slow_imports(case, here):
     words, file, _ = CASES[case]
     make(here / file)
     code = ('import sys; from smart_tire.cli.main import main\n'
@@ -90,21 +90,21 @@ def test_the_refusal_comes_before_anything_slow_is_imported(case, here):
                    env={'PYTHONPATH': ':'.join(filter(None, sys.path))})
 
 
-def test_what_was_read_is_not_replaced_even_by_force(here):
+def test_inputs_are_not_replaced_even_with_force(here):
     data = make(here / 'data.csv')
-    with pytest.raises(ParameterError, match='is what is read'):
+    with pytest.raises(ParameterError, match='is an input'):
         refuse_existing([here / 'new', here / 'sub' / '..' / 'data.csv'], force=True,
                         inputs=[data])
     refuse_existing([here / 'new'], force=False, inputs=[data])
 
 
-def test_a_link_that_leads_nowhere_exists(here):
+def test_a_dangling_link_counts_as_existing(here):
     (here / 'link').symlink_to(here / 'nowhere')
     with pytest.raises(ParameterError, match='link exists'):
         refuse_existing([here / 'link'], force=False)
 
 
-def test_a_bag_is_removed_as_a_whole(here):
+def test_a_bag_is_removed_completely(here):
     with BagWriter(here / 'bag'):
         pass
     refuse_existing_bag(here / 'bag', force=True)
@@ -114,20 +114,20 @@ def test_a_bag_is_removed_as_a_whole(here):
 
 
 @pytest.mark.parametrize('name', ['notes.txt', 'bag_1.mcap', 'bag_0.db3', 'other_0.mcap'])
-def test_a_folder_with_other_files_than_a_bag_is_refused_even_with_force(name, here):
+def test_a_folder_with_other_files_is_rejected_even_with_force(name, here):
     with BagWriter(here / 'bag'):
         pass
     make(here / 'bag' / name)
-    with pytest.raises(ParameterError, match=f'holds {name}'):
+    with pytest.raises(ParameterError, match=f'contains {name}'):
         refuse_existing_bag(here / 'bag', force=True)
 
 
-def test_a_file_in_the_place_of_a_bag_is_refused_even_with_force(here):
+def test_a_file_instead_of_a_bag_is_rejected_even_with_force(here):
     with pytest.raises(ParameterError, match='is a file'):
         refuse_existing_bag(make(here / 'bag'), force=True)
 
 
-def test_only_named_files_are_deleted_and_the_folder_only_if_it_is_empty_then(here):
+def test_only_named_files_and_empty_folders_are_deleted(here):
     make(here / 'figures' / 'slip.png')
     notes = make(here / 'figures' / 'notes.txt')
     remove(here / 'figures', FIGURES)
@@ -137,7 +137,7 @@ def test_only_named_files_are_deleted_and_the_folder_only_if_it_is_empty_then(he
     assert not (here / 'figures').exists()
 
 
-def test_a_folder_in_the_place_of_a_file_is_an_error_in_one_line(here):
+def test_a_folder_instead_of_a_file_is_an_error_in_one_line(here):
     (here / 'figures' / 'slip.png').mkdir(parents=True)
     with pytest.raises(ParameterError, match='cannot be replaced'):
         remove(here / 'figures', FIGURES)
@@ -147,7 +147,7 @@ def test_a_folder_in_the_place_of_a_file_is_an_error_in_one_line(here):
     ('drive', 'drive'), ('drive', 'drive/results'), ('drive', 'drive/../drive/a/b'),
     ('drive/drive_0.mcap', 'drive'), ('drive/drive_0.mcap', 'drive/results'),
     ('lone/file.mcap', 'lone')])
-def test_a_folder_of_a_bag_is_refused(bag, out, here):
+def test_the_folder_of_a_bag_is_rejected(bag, out, here):
     make(here / 'drive' / 'drive_0.mcap')
     make(here / 'drive' / 'metadata.yaml')
     make(here / 'lone' / 'file.mcap')
@@ -157,13 +157,13 @@ def test_a_folder_of_a_bag_is_refused(bag, out, here):
 
 @pytest.mark.parametrize(('bag', 'out'), [
     ('drive', 'results'), ('drive', 'drive2'), ('lone/file.mcap', 'lone/results')])
-def test_a_folder_beside_a_bag_is_not_refused(bag, out, here):
+def test_a_folder_next_to_a_bag_is_accepted(bag, out, here):
     make(here / 'drive' / 'metadata.yaml')
     make(here / 'lone' / 'file.mcap')
     refuse_folder_of_bag(here / out, [here / bag])
 
 
-def test_a_demo_deletes_its_own_files_only(here):
+def test_the_demo_deletes_its_own_files_only(here):
     own = [make(here / 'out' / name) for name in (
         'summary.json', 'conversions.csv', 'demo.yaml', 'figures/slip.png', 'figures/contact.png',
         'logs/recorder.log', 'logs/imu_driver.log', 'ports/imu', 'bag/bag_0.mcap',

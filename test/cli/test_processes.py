@@ -1,4 +1,4 @@
-"""The stack of processes: logs, deaths, CPU time, and an end for all of them."""
+"""The process stack: logs, failures, CPU time and shutdown."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ POLITE = SLEEPER + 'signal.signal(signal.SIGINT, lambda *_: sys.exit(0))\ntime.s
 
 @pytest.fixture
 def module(tmp_path, monkeypatch):
-    """Return a function that makes an importable module of some text."""
+    """Return a function that writes an importable module."""
     monkeypatch.setenv('PYTHONPATH', str(tmp_path))
 
     def make(name, text):
@@ -30,7 +30,7 @@ def module(tmp_path, monkeypatch):
     return make
 
 
-def test_processes_end_by_interrupt_when_the_context_does(tmp_path, module):
+def test_leaving_the_context_interrupts_all_processes(tmp_path, module):
     with Stack(tmp_path / 'logs', isolated_environment()) as stack:
         stack.start('one', module('one', POLITE))
         stack.start('two', module('two', POLITE))
@@ -41,7 +41,7 @@ def test_processes_end_by_interrupt_when_the_context_does(tmp_path, module):
     assert stack.died() == {'one': 0, 'two': 0}
 
 
-def test_a_process_that_dies_is_told_with_its_last_words(tmp_path, module):
+def test_a_process_that_dies_is_reported_with_its_last_output(tmp_path, module):
     with Stack(tmp_path / 'logs', isolated_environment()) as stack:
         stack.start('bad', module('bad', 'raise SystemExit("no such port")'))
         wait_for(stack.died)
@@ -49,7 +49,7 @@ def test_a_process_that_dies_is_told_with_its_last_words(tmp_path, module):
         assert stack.tail('bad') == 'no such port'
 
 
-def test_children_end_with_a_parent_that_is_killed(tmp_path, module):
+def test_children_end_if_the_parent_is_killed(tmp_path, module):
     module('polite', POLITE)
     parent = module('parent', (
         'import pathlib, sys, time\n'
@@ -72,11 +72,11 @@ def test_children_end_with_a_parent_that_is_killed(tmp_path, module):
             state = Path(f'/proc/{child}/stat').read_text().rsplit(')', 1)[1].split()[0]
         except FileNotFoundError:
             return True
-        return state in 'ZX'  # nobody may be there to bury it
+        return state in 'ZX'  # it may remain a zombie
     wait_for(gone)
 
 
-def test_dds_stays_on_this_machine_in_a_domain_of_its_own():
+def test_dds_is_restricted_to_this_machine_and_a_random_domain():
     environment = isolated_environment()
     assert environment['ROS_AUTOMATIC_DISCOVERY_RANGE'] == 'LOCALHOST'
     assert 0 < int(environment['ROS_DOMAIN_ID']) <= 101

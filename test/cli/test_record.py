@@ -19,12 +19,12 @@ from smart_tire.bags import Bag
 pytestmark = pytest.mark.processes
 
 pytest.importorskip('rclpy')
-READY = 'recording /diagnostics'  # its own: then it looks for others' topics too
+READY = 'recording /diagnostics'  # its own topic: then it looks for other topics, too
 
 
 @pytest.fixture(scope='module')
 def source(tmp_path_factory):
-    """Return a bag of two seconds, in which nothing is to be lost."""
+    """Return a bag of two seconds."""
     return write_bag(tmp_path_factory.mktemp('source') / 'bag', stream(2.0))
 
 
@@ -47,12 +47,12 @@ def test_every_message_of_topics_that_appear_later_is_recorded(source, tmp_path)
     recorded, played = contents(tmp_path / 'bag'), contents(source)
     assert {name: recorded[name] for name in played} == played
     with Bag(tmp_path / 'bag') as bag:
-        assert not bag.losses
+        assert not bag.warnings
         for name, topic in bag.topics.items():
-            assert f'{topic.messages} {name}' in recorder.said
+            assert f'{topic.messages} {name}' in recorder.output
 
 
-def test_a_recorder_that_is_killed_leaves_a_bag(source, tmp_path):
+def test_a_killed_recorder_leaves_a_readable_bag(source, tmp_path):
     file = tmp_path / 'bag' / 'bag_0.mcap'
     with command('record', '--out', tmp_path / 'bag') as recorder:
         recorder.wait_for(READY)
@@ -63,13 +63,13 @@ def test_a_recorder_that_is_killed_leaves_a_bag(source, tmp_path):
     assert (tmp_path / 'bag' / 'metadata.yaml').exists()
     with Bag(tmp_path / 'bag') as bag:
         assert len(list(bag.raw(['/tire_samples']))) > 100
-        assert any('cut off' in loss for loss in bag.losses)
+        assert any('truncated' in warning for warning in bag.warnings)
     recorded, played = contents(tmp_path / 'bag'), contents(source)
     for name, messages in played.items():
         assert recorded[name] == messages[:len(recorded[name])]
 
 
-def test_only_the_topics_that_are_named_are_recorded(source, tmp_path):
+def test_only_the_given_topics_are_recorded(source, tmp_path):
     with command('record', '--out', tmp_path / 'bag', '--topics', 'imu/data', '/odom',
                  '--ros-args', '-r', '__node:=clerk') as recorder:
         with command('replay', source, '--all', '--rate', 4, '--wait', 3) as player:
@@ -98,7 +98,7 @@ LATCHED = textwrap.dedent("""
     """)
 
 
-def test_what_was_published_before_and_what_is_not_reliable_is_recorded(tmp_path):
+def test_latched_and_best_effort_messages_are_recorded(tmp_path):
     bag = tmp_path / 'bag'
     with Python('-c', LATCHED) as planner:
         planner.wait_for('ready')
@@ -111,9 +111,9 @@ def test_what_was_published_before_and_what_is_not_reliable_is_recorded(tmp_path
     recorded = contents(bag)
     assert len(recorded['/path']) == 1
     assert recorded['/goal_pose']
-    said = yaml.safe_load((bag / 'metadata.yaml').read_text())
+    output = yaml.safe_load((bag / 'metadata.yaml').read_text())
     profiles = {entry['topic_metadata']['name']: entry['topic_metadata']['offered_qos_profiles'][0]
-                for entry in said['rosbag2_bagfile_information']['topics_with_message_count']}
+                for entry in output['rosbag2_bagfile_information']['topics_with_message_count']}
     assert profiles['/path']['durability'] == 'transient_local'
     assert profiles['/goal_pose']['reliability'] == 'best_effort'
 
@@ -136,12 +136,12 @@ FLOOD = textwrap.dedent("""
 
 
 def slowly(flood: Python) -> None:
-    """Publish one message, and leave others the time to do something."""
+    """Publish one message and wait a little."""
     flood.write(1)
     time.sleep(0.01)
 
 
-def test_what_overruns_the_queue_of_a_busy_recorder_is_counted(tmp_path):
+def test_messages_that_overrun_the_queue_are_counted(tmp_path):
     bag = tmp_path / 'bag'
     with Python('-c', FLOOD) as flood, command('record', '--out', bag) as recorder:
         flood.wait_for('ready')
@@ -151,19 +151,19 @@ def test_what_overruns_the_queue_of_a_busy_recorder_is_counted(tmp_path):
         flood.write(3000)
         wait_for(lambda: any(int(line.split()[1]) > 3000 for line in flood.lines[1:]))
         recorder.signal(signal.SIGCONT)
-        wait_for(lambda: 'lost' in recorder.said, lambda: slowly(flood))
+        wait_for(lambda: 'lost' in recorder.output, lambda: slowly(flood))
         recorder.signal(signal.SIGINT)
         assert recorder.end() == 0
     numbers = [int.from_bytes(data[4:12], 'little') for data in contents(bag)['/flood']]
     lost = numbers[-1] - numbers[0] + 1 - len(numbers)
     assert lost > 0
-    assert numbers[0] == 1 or f'the first {numbers[0] - 1}' in recorder.said
+    assert numbers[0] == 1 or f'the first {numbers[0] - 1}' in recorder.output
     line, = (line for line in recorder.lines if line.startswith('lost '))
     assert f'{lost} ' in line
-    assert 0 < recorder.said.count('messages of /flood so far') < 15
+    assert 0 < recorder.output.count('messages of /flood so far') < 15
 
 
-def test_what_was_published_before_the_recorder_had_connected_is_counted(tmp_path):
+def test_messages_published_before_the_connection_are_counted(tmp_path):
     with command('record', '--out', tmp_path / 'bag') as recorder:
         wait_for(lambda: count(tmp_path / 'bag', 'diagnostics') >= 4)  # one per second: what it
         # finds in the first two seconds may be older than itself
@@ -178,7 +178,7 @@ def test_what_was_published_before_the_recorder_had_connected_is_counted(tmp_pat
     assert f'lost the first {first - 1} messages of /flood' in recorder.lines
 
 
-def test_a_folder_that_exists_is_a_usage_error(tmp_path):
+def test_an_existing_folder_is_a_usage_error(tmp_path):
     with command('record', '--out', tmp_path) as recorder:
         assert recorder.end() == 2
     assert recorder.lines == [f'smart_tire record: {tmp_path} exists: choose another --out, '

@@ -11,21 +11,21 @@ from smart_tire.cli.main import main
 
 @pytest.fixture
 def cut(tmp_path):
-    """Return a bag whose file was cut off."""
+    """Return a bag with a truncated file."""
     path = write_bag(tmp_path / 'cut', stream(1.0))
     file = path / 'cut_0.mcap'
     file.write_bytes(file.read_bytes()[:-30_000])
     return path
 
 
-def test_it_says_what_it_saved_and_what_was_lost(cut, tmp_path, capsys):
+def test_message_counts_and_warnings_are_printed(cut, tmp_path, capsys):
     assert main(['recover', str(cut)]) == 0
-    said = capsys.readouterr().out
+    output = capsys.readouterr().out
     with Bag(tmp_path / 'cut_recovered') as bag:
-        assert not bag.losses
+        assert not bag.warnings
         for name, topic in bag.topics.items():
-            assert f'{topic.messages} {name}' in said
-    assert 'lost: cut_0.mcap: the recording was cut off' in said
+            assert f'{topic.messages} {name}' in output
+    assert 'warning: cut_0.mcap: file is truncated' in output
 
 
 def test_a_single_file_is_recovered_into_a_folder(cut, tmp_path, capsys):
@@ -34,25 +34,25 @@ def test_a_single_file_is_recovered_into_a_folder(cut, tmp_path, capsys):
     assert str(tmp_path / 'whole') in capsys.readouterr().out
 
 
-def test_it_says_when_nothing_was_lost(tmp_path, capsys):
+def test_an_intact_bag_is_reported(tmp_path, capsys):
     bag = write_bag(tmp_path / 'bag', stream(0.2))
     assert main(['recover', str(bag)]) == 0
-    assert 'nothing was lost' in capsys.readouterr().out
+    assert 'no damage found' in capsys.readouterr().out
 
 
-def test_a_bag_that_is_not_there_is_a_usage_error(tmp_path, capsys):
+def test_a_missing_bag_is_a_usage_error(tmp_path, capsys):
     assert main(['recover', str(tmp_path / 'nowhere')]) == 2
     assert 'nowhere: no such file or directory' in capsys.readouterr().err
 
 
-def test_what_is_there_is_not_overwritten(cut, capsys):
+def test_an_existing_folder_is_not_overwritten(cut, capsys):
     assert main(['recover', str(cut)]) == 0
     assert main(['recover', str(cut)]) == 2
     assert 'cut_recovered exists' in capsys.readouterr().err
     assert main(['recover', str(cut), '--force']) == 0
 
 
-def test_the_bag_itself_is_not_replaced_even_by_force(cut, capsys):
+def test_the_input_bag_is_not_replaced_even_with_force(cut, capsys):
     content = (cut / 'cut_0.mcap').read_bytes()
     assert main(['recover', str(cut), '--out', str(cut), '--force']) == 2
     assert 'is in the folder of the bag' in capsys.readouterr().err

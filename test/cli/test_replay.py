@@ -1,4 +1,4 @@
-"""``smart_tire replay``: what is published, what is not, and when."""
+"""``smart_tire replay``: topics, rate and awaited nodes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from support.recordings import INPUTS, START_NS, stream, write_bag
 from smart_tire.bags import Bag, BagWriter, channel_of, Qos
 from smart_tire.bags.definitions import empty, Encoder
 from smart_tire.cli.main import main
-from smart_tire.cli.replay import find, harmless
+from smart_tire.cli.replay import find, without_commands
 from smart_tire.messages import TOPICS
 from smart_tire.samples import MotorCommand, VelocityCommand, WheelCommand
 
@@ -27,7 +27,7 @@ STRANGE = 'strange_msgs/msg/Thing'
 
 @pytest.fixture(scope='module')
 def source(tmp_path_factory):
-    """Return a bag with inputs, estimates, commands, a path and a type that nobody has."""
+    """Return a bag with inputs, estimates, commands, a path and an unknown type."""
     path = tmp_path_factory.mktemp('source') / 'bag'
     with BagWriter(path) as writer:
         latched = (Qos('reliable', 'transient_local', 1),)
@@ -44,60 +44,60 @@ def source(tmp_path_factory):
 
 
 def played(source, tmp_path, *options):
-    """Return topic -> messages that a recorder heard of a replay, and what the replay said."""
-    with command('record', '--out', tmp_path / 'heard') as recorder:
+    """Return the messages that a recorder received from a replay, and the output of the replay."""
+    with command('record', '--out', tmp_path / 'received') as recorder:
         recorder.wait_for('recording /diagnostics')
         with command('replay', source, '--wait', 20, *options) as player:
             assert player.end() == 0
         recorder.signal(signal.SIGINT)
         assert recorder.end() == 0
-    with Bag(tmp_path / 'heard') as bag:
-        return list(bag.raw()), player.said
+    with Bag(tmp_path / 'received') as bag:
+        return list(bag.raw()), player.output
 
 
 def names(messages):
-    """Return the topics of messages, but those that every node has."""
+    """Return the topics of messages except those of every node."""
     return {channel.topic for _, channel, _ in messages} - {
         '/diagnostics', '/rosout', '/parameter_events'}
 
 
-def test_by_default_only_what_is_estimated_from_is_published(source, tmp_path):
+def test_by_default_the_inputs_of_the_estimators_are_published(source, tmp_path):
     pytest.importorskip('rclpy')
-    heard, said = played(source, tmp_path)
-    assert names(heard) == {f'/{name}' for name in INPUTS}
+    received, output = played(source, tmp_path)
+    assert names(received) == {f'/{name}' for name in INPUTS}
     with Bag(source) as bag:
         for name in INPUTS:
             sent = [data for _, _, data in bag.raw([f'/{name}'])]
-            assert [data for _, channel, data in heard if channel.topic == f'/{name}'] == sent
-            assert f'{len(sent)} /{name}' in said
+            assert [data for _, channel, data in received if channel.topic == f'/{name}'] == sent
+            assert f'{len(sent)} /{name}' in output
 
 
-def test_all_is_all_but_commands_and_the_clock_runs_with_it(source, tmp_path):
+def test_all_publishes_everything_except_commands(source, tmp_path):
     pytest.importorskip('rclpy')
-    heard, said = played(source, tmp_path, '--all', '--clock', '--rate', 2)
-    assert names(heard) == {'/imu/data', '/wheel_states', '/tire_samples', '/odom', '/robot/path',
-                            '/clock'}
-    assert f'left out: /strange, for {STRANGE} is not installed' in said
+    received, output = played(source, tmp_path, '--all', '--clock', '--rate', 2)
+    assert names(received) == {'/imu/data', '/wheel_states', '/tire_samples', '/odom',
+                               '/robot/path', '/clock'}
+    assert f'skipped: /strange ({STRANGE} is not installed)' in output
     clock = [int.from_bytes(data[4:8], 'little') * 10**9 + int.from_bytes(data[8:12], 'little')
-             for _, channel, data in heard if channel.topic == '/clock']
+             for _, channel, data in received if channel.topic == '/clock']
     assert clock == sorted(set(clock))
     assert START_NS <= clock[0] < clock[-1] <= START_NS + 1.1e9
     assert len(clock) > 20
 
 
-def test_commands_are_published_when_they_are_named(source, tmp_path):
+def test_commands_are_published_if_named(source, tmp_path):
     pytest.importorskip('rclpy')
-    heard, _ = played(source, tmp_path, '--topics', 'cmd_vel', 'path')
-    assert names(heard) == {'/cmd_vel', '/robot/path'}
+    received, _ = played(source, tmp_path, '--topics', 'cmd_vel', 'path')
+    assert names(received) == {'/cmd_vel', '/robot/path'}
 
 
-def test_a_replay_ends_when_it_is_told_to(source):
+def test_a_replay_ends_on_interrupt(source):
     pytest.importorskip('rclpy')
     with command('replay', source, '--rate', 0.001, '--wait', 0) as player:
         player.wait_for('nobody listens to /tire_samples')
         player.signal(signal.SIGINT)
         assert player.end() == 0
-    assert 'not all of it' in player.said
+    assert 'published in part' in player.output
 
 
 def node(name):
@@ -105,17 +105,17 @@ def node(name):
     return Python(*node_arguments(name))
 
 
-def test_nothing_is_published_when_a_node_is_not_there(source):
+def test_nothing_is_published_if_an_awaited_node_is_missing(source):
     pytest.importorskip('rclpy')
     with node('slip_estimator'), command(
             'replay', source, '--wait', 4, '--wait-for', 'slip_estimator',
             'friction_estimator') as player:
         assert player.end() == 1
     assert 'smart_tire replay: /friction_estimator is not there' in player.lines
-    assert 'published' not in player.said
+    assert 'published' not in player.output
 
 
-def test_a_node_is_awaited_in_the_namespace_of_the_replayer(source):
+def test_awaited_nodes_are_in_the_namespace_of_the_replayer(source):
     pytest.importorskip('rclpy')
     with node('slip_estimator'), command(
             'replay', source, '--wait', 3, '--wait-for', 'slip_estimator',
@@ -124,7 +124,7 @@ def test_a_node_is_awaited_in_the_namespace_of_the_replayer(source):
     assert 'smart_tire replay: /robot/slip_estimator is not there' in player.lines
 
 
-def test_a_node_that_listens_to_nothing_of_the_bag_is_not_ready(source, tmp_path):
+def test_a_node_without_matching_subscription_is_not_ready(source, tmp_path):
     pytest.importorskip('rclpy')
     with command('record', '--out', tmp_path / 'bag', '--topics', '/diagnostics') as recorder:
         recorder.wait_for('recording /diagnostics')
@@ -134,19 +134,19 @@ def test_a_node_that_listens_to_nothing_of_the_bag_is_not_ready(source, tmp_path
     assert 'smart_tire replay: /recorder listens to none of /imu/data' in player.lines
 
 
-def test_a_node_that_is_no_estimator_is_awaited_too(source, tmp_path):
+def test_nodes_other_than_estimators_can_be_awaited(source, tmp_path):
     pytest.importorskip('rclpy')
     with command('replay', source, '--wait', 40, '--wait-for', 'recorder') as player:
         player.wait_for('waiting: /recorder is not there')
-        with command('record', '--out', tmp_path / 'heard', '--topics', 'imu/data') as recorder:
+        with command('record', '--out', tmp_path / 'received', '--topics', 'imu/data') as recorder:
             assert player.end() == 0
             recorder.signal(signal.SIGINT)
             assert recorder.end() == 0
     assert f'{len([1 for event in stream(1.0) if event[1] == "imu/data"])} /imu/data' \
-        in recorder.said
+        in recorder.output
 
 
-def test_an_estimator_that_ends_before_the_bag_does_fails_the_replay(source):
+def test_the_replay_fails_if_an_estimator_ends_early(source):
     pytest.importorskip('rclpy')
     with node('slip_estimator') as estimator, command(
             'replay', source, '--rate', 0.02, '--wait', 30, '--wait-for',
@@ -156,10 +156,10 @@ def test_an_estimator_that_ends_before_the_bag_does_fails_the_replay(source):
         assert estimator.end() == 0
         assert player.end() == 1
     assert 'smart_tire replay: /slip_estimator is gone' in player.lines
-    assert 'not all of it' in player.said
+    assert 'published in part' in player.output
 
 
-def test_an_estimator_that_comes_after_the_start_fails_the_replay(source):
+def test_the_replay_fails_if_an_estimator_starts_late(source):
     pytest.importorskip('rclpy')
     with command('replay', source, '--rate', 0.1, '--wait', 0) as player:
         player.wait_for('nobody listens to /tire_samples')
@@ -174,7 +174,7 @@ def test_a_topic_is_found_with_or_without_its_namespace(source, name):
         assert find(bag, name) in ('/imu/data', '/robot/path')
 
 
-def test_odometry_is_not_found_in_the_truth(tmp_path):
+def test_ground_truth_is_not_found_as_odometry(tmp_path):
     kind = TOPICS['odom'].type
     with BagWriter(tmp_path / 'bag') as writer:
         writer.add_topic(channel_of('/ground_truth/odom', kind))
@@ -183,29 +183,29 @@ def test_odometry_is_not_found_in_the_truth(tmp_path):
         assert find(bag, 'ground_truth/odom') == '/ground_truth/odom'
 
 
-def test_no_command_is_harmless_whatever_its_type_and_namespace(tmp_path):
+def test_commands_are_excluded_for_any_type_and_namespace(tmp_path):
     with BagWriter(tmp_path / 'bag') as writer:
         for name in ('/robot/cmd_vel', '/cmd_vel', '/robot/motor_commands', '/odom', '/clock'):
             writer.add_topic(channel_of(name, 'geometry_msgs/msg/Twist'))
     with Bag(tmp_path / 'bag') as bag:
-        assert harmless(bag, clock=False) == ['/odom', '/clock']
-        assert harmless(bag, clock=True) == ['/odom']
+        assert without_commands(bag, clock=False) == ['/odom', '/clock']
+        assert without_commands(bag, clock=True) == ['/odom']
 
 
-def test_a_topic_that_the_bag_has_not_is_a_usage_error(source, capsys):
+def test_a_topic_missing_in_the_bag_is_a_usage_error(source, capsys):
     assert main(['replay', str(source), '--topics', 'imu/data', 'smell']) == 2
-    said = capsys.readouterr().err
-    assert 'has no smell; it has ' in said
-    assert '/robot/path' in said
+    output = capsys.readouterr().err
+    assert 'has no smell; its topics: ' in output
+    assert '/robot/path' in output
 
 
 def test_a_bag_without_inputs_is_not_replayed(tmp_path, capsys):
     events = [event for event in stream(0.2) if event[1] == 'odom']
     assert main(['replay', str(write_bag(tmp_path / 'bag', events))]) == 1
-    assert 'has none of imu/data, wheel_states, tire_samples; it has /odom' \
+    assert 'has none of imu/data, wheel_states, tire_samples; its topics: /odom' \
         in capsys.readouterr().err
 
 
-def test_a_bag_that_is_not_there_is_a_usage_error(tmp_path, capsys):
+def test_a_missing_bag_is_a_usage_error(tmp_path, capsys):
     assert main(['replay', str(tmp_path / 'nowhere')]) == 2
     assert capsys.readouterr().err.endswith('nowhere: no such file or directory\n')

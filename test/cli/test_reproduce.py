@@ -24,7 +24,7 @@ MARKS = ('src', 'href', 'srcset', 'data', 'action', 'poster')
 
 @pytest.fixture(scope='module')
 def written(tmp_path_factory):
-    """Return the folder of a run with fewer and shorter drives; what it printed is beside it."""
+    """Return the output folder of a run with short drives; its output is in a text file."""
     out = tmp_path_factory.mktemp('reproduced') / 'deeper' / 'report'
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(runner, 'OTHER_SIDE_SPEEDS', (20.0, 60.0, 100.0))
@@ -32,9 +32,9 @@ def written(tmp_path_factory):
         patch.setattr(runner, 'SLIP_DURATION', 6.0)
         patch.setattr(runner, 'SIGNAL_DURATION', 6.0)
         patch.setattr(runner, 'STIFFNESS_DURATION', 6.0)
-        with redirect_stdout(io.StringIO()) as said:
+        with redirect_stdout(io.StringIO()) as output:
             assert main(['reproduce', '--out', str(out)]) == 0
-    out.with_suffix('.txt').write_text(said.getvalue(), encoding='utf-8')
+    out.with_suffix('.txt').write_text(output.getvalue(), encoding='utf-8')
     return out
 
 
@@ -67,7 +67,7 @@ def test_the_report_needs_no_other_file(written):
     assert '@import' not in text and 'url(' not in text
 
 
-def test_the_report_holds_every_picture_with_its_words(written):
+def test_the_report_contains_every_figure_with_its_text(written):
     text = (written / 'report.html').read_text(encoding='utf-8')
     sections = re.findall(r'<section id="(\w+)">(.*?)</section>', text, re.DOTALL)
     assert [name for name, _ in sections] == list(PAGES)
@@ -79,7 +79,7 @@ def test_the_report_holds_every_picture_with_its_words(written):
         assert 'nan' not in re.sub(r'base64,[^"]+', '', section).split()
 
 
-def test_progress_is_plain_lines_without_a_terminal_and_ends_complete(written):
+def test_progress_without_a_terminal_is_printed_as_lines(written):
     *lines, last = written.with_suffix('.txt').read_text(encoding='utf-8').splitlines()
     steps = [re.fullmatch(r' *(\d+)/18  (.+)', line).groups() for line in lines]
     assert [int(done) for done, _ in steps] == list(range(19))
@@ -94,7 +94,7 @@ def test_progress_on_a_terminal_is_a_bar(capsys, monkeypatch):
     assert '  1/2  one' not in capsys.readouterr().out
 
 
-def test_a_folder_that_cannot_be_made_is_said_in_one_line(tmp_path, capsys):
+def test_a_folder_that_cannot_be_created_is_an_error_in_one_line(tmp_path, capsys):
     (tmp_path / 'file').write_text('')
     assert main(['reproduce', '--out', str(tmp_path / 'file')]) == 2
     assert 'file' in capsys.readouterr().err

@@ -11,7 +11,7 @@ import yaml
 from smart_tire.bags import Bag, BagWriter
 from smart_tire.bags.cdr import Decoder
 from smart_tire.cli._processes import isolated_environment, NODES, Stack
-from smart_tire.cli.demo import EXPECTED, UNITS
+from smart_tire.cli.demo import EXPECTED_TOPICS, UNITS
 from smart_tire.messages import TOPICS
 from smart_tire.samples import NS_PER_S, VelocityCommand
 from support.machine import exclusive_cores
@@ -84,14 +84,14 @@ def test_every_process_lived_and_ended_cleanly(run):
 def test_no_topic_was_silent_and_each_has_the_type_of_the_contract(run):
     with Bag(run[0]) as bag:
         topics = {name.lstrip('/'): topic for name, topic in bag.topics.items()}
-    for name in EXPECTED:
+    for name in EXPECTED_TOPICS:
         assert topics[name.lstrip('/')].messages > 0, name
         if name in TOPICS:
             assert topics[name].channel.type == TOPICS[name].type
     assert topics['diagnostics'].channel.type == 'diagnostic_msgs/msg/DiagnosticArray'
 
 
-@pytest.mark.parametrize('topic', [topic for topic in EXPECTED if topic in TOPICS])
+@pytest.mark.parametrize('topic', [topic for topic in EXPECTED_TOPICS if topic in TOPICS])
 def test_frames_are_those_of_the_contract(messages, topic):
     frames = {frame for _, _, frame, _ in messages[topic]}
     assert frames == ({TOPICS[topic].frame} if TOPICS[topic].frame else set(WHEELS))
@@ -122,7 +122,7 @@ def test_estimates_lie_on_the_grid_of_8_ms(messages, topic):
     assert all(stamp % 8_000_000 == 0 for _, stamp, _, _ in messages[topic])
 
 
-@pytest.mark.parametrize('topic', [topic for topic in EXPECTED
+@pytest.mark.parametrize('topic', [topic for topic in EXPECTED_TOPICS
                                    if topic in TOPICS and topic != 'cmd_vel'])
 def test_stamps_lie_in_the_recent_past_of_their_arrival(messages, topic):
     receive, stamp = np.array([message[:2] for message in messages[topic]]).T / NS_PER_S

@@ -1,4 +1,4 @@
-"""Processes that a test starts, listens to, and ends."""
+"""Processes under test: start, output and shutdown."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from support.waiting import PATIENCE, wait_for
 
 
 class Python:
-    """A running Python with ``words`` on its command line; a context that ends it."""
+    """A running Python process with ``words`` as arguments; a context manager."""
 
     def __init__(self, *words: object) -> None:
         self.lines: list[str] = []
@@ -34,26 +34,26 @@ class Python:
         self._process.stdin.close()
 
     @property
-    def said(self) -> str:
-        """Return all that it printed."""
+    def output(self) -> str:
+        """Return the output so far."""
         return '\n'.join(self.lines)
 
     def wait_for(self, text: str) -> None:
-        """Wait until it has printed ``text``; fail with what it printed if it ended before."""
-        wait_for(lambda: text in self.said or self._process.poll() is not None)
-        assert text in self.said, self.said
+        """Wait until ``text`` is printed; fail with the output if the process ends before."""
+        wait_for(lambda: text in self.output or self._process.poll() is not None)
+        assert text in self.output, self.output
 
     def write(self, line: object) -> None:
-        """Write a line to its standard input."""
+        """Write a line to standard input."""
         self._process.stdin.write(f'{line}\n')
         self._process.stdin.flush()
 
     def signal(self, number: int) -> None:
-        """Send it a signal."""
+        """Send a signal."""
         self._process.send_signal(number)
 
     def end(self) -> int:
-        """Wait until it ends by itself and return its exit status."""
+        """Wait until the process ends; return its exit status."""
         status = self._process.wait(PATIENCE)
         self._reader.join()
         return status

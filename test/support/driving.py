@@ -1,4 +1,4 @@
-"""Kinematic runs with exact truth: wheel speeds and sliding are prescribed, the rest follows."""
+"""Kinematic runs with exact ground truth from given wheel speeds and slip velocities."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ STEP = 0.001  # s
 
 @dataclass
 class Drive:
-    """A run: samples as a robot would send them, and truth every millisecond."""
+    """Samples of a run, and ground truth every millisecond."""
 
     samples: list
     time: np.ndarray      # s
@@ -27,9 +27,9 @@ class Drive:
 def drive(rolling, sliding, *, icr=0.02, seed=0, robot=None, imu_rate=100.0, wheel_rate=16.0,
           positions=True, noise=1.0, wheel_latency=0.0, mounting_tilt=0.0):
     """
-    Return the run for wheel surface speeds ``rolling`` (n, 2) and ``sliding`` (n, 2) [m/s].
+    Return the run for speeds r w ``rolling`` and slip velocities ``sliding`` (n, 2) [m/s].
 
-    ``noise`` scales the robot's sensor errors; ``mounting_tilt`` [rad] tips the unit forward.
+    ``noise`` scales the sensor errors; ``mounting_tilt`` [rad] pitches the IMU forward.
     """
     robot = robot or RobotParams()
     rng = np.random.default_rng(seed)

@@ -1,4 +1,4 @@
-"""A short run as a robot records it, and bags of it."""
+"""A short recording of a robot, in memory and as a bag."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from smart_tire.samples import ImuSample, NS_PER_S, Odometry, TireSample, WheelS
 
 START_NS = 1_700_000_000 * NS_PER_S
 INPUTS = ('imu/data', 'wheel_states', 'tire_samples')
-BATCH = 16  # tire samples that arrive together
+BATCH = 16  # tire samples per radio batch
 
 
 def stream(seconds=2.0, wheels=('front_left', 'front_right')):
-    """Return (receive_ns, topic, sample) of a run, in the order of reception."""
+    """Return (receive_ns, topic, sample) of a run in order of reception."""
     events = []
     for k in range(round(seconds * 100)):
         stamp = START_NS + k * 10_000_000
@@ -40,7 +40,7 @@ def stream(seconds=2.0, wheels=('front_left', 'front_right')):
 
 
 def write_bag(path: Path, events) -> Path:
-    """Write ``events`` into a bag at ``path`` and return it."""
+    """Write ``events`` into a bag; return its path."""
     with BagWriter(path) as writer:
         for event in events:
             writer.write_sample(event[1], event[0], event[2])

@@ -1,4 +1,4 @@
-"""A wheel with two films that rolls by script: samples with an exactly known truth."""
+"""A wheel with two films on a given trajectory: samples with exact ground truth."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from smart_tire.samples import (
 START_NS = 1_700_000_000 * NS_PER_S
 ROBOT = RobotParams()
 WHEEL = 'front_right'
-CRITICAL = 0.7       # -, critical slip of the ground
+CRITICAL = 0.7       # -, critical slip of the surface
 LOAD = 26.72         # N, a quarter of the robot's weight
-PLACE = 0.30         # m, rolled distance at which the films' middle is first at the patch's
+PLACE = 0.30         # m, rolled distance when the film midpoint first is at the patch center
 ROUND = 2.0 * math.pi * ROBOT.wheel_radius
 QUIET = (1.65, 1.65)
 
@@ -25,13 +25,13 @@ Course = Callable[[np.ndarray], np.ndarray]  # s -> m, rolled
 
 
 def steady(rpm: float, begin: float = 0.5) -> Course:
-    """Return the course of a wheel that stands and from ``begin`` [s] rolls steadily."""
+    """Return the trajectory of a wheel that starts at ``begin`` [s] with constant speed."""
     speed = rpm / 60.0 * ROUND
     return lambda time: speed * np.maximum(time - begin, 0.0)
 
 
 def along(knots: Sequence[tuple[float, float]]) -> Course:
-    """Return the course through (time [s], distance [m]) with smooth starts and stops."""
+    """Return the trajectory through (time [s], distance [m]) with smooth starts and stops."""
     times, places = np.array(knots).T
 
     def course(time: np.ndarray) -> np.ndarray:
@@ -44,7 +44,7 @@ def along(knots: Sequence[tuple[float, float]]) -> Course:
 def films(course: Course, duration: float, *, slip: float = 0.1, total: float = 0.13,
           noise: float = 0.005, seed: int = 0, release: str = 'fig8', spread: float = 0.15,
           reverse: bool = False) -> list[TireSample]:
-    """Return the film samples of a wheel that rolls along ``course``."""
+    """Return the film samples of a wheel with the trajectory ``course``."""
     rng = np.random.default_rng(seed)
     film, patch = ROBOT.film, ROBOT.tire.contact_length
     time = np.arange(0.0, duration, 1.0 / film.sample_rate)
@@ -69,7 +69,7 @@ def films(course: Course, duration: float, *, slip: float = 0.1, total: float = 
 def surroundings(course: Course, duration: float, *, slip: float = 0.1, total: float = 0.13,
                  slip_sigma: float = 0.003, wheel_rate: float = 16.0,
                  positions: bool = True) -> list[Sample]:
-    """Return wheel angles, slip and odometry beside the films of ``course``."""
+    """Return wheel angles, slip and odometry for the trajectory ``course``."""
     out: list[Sample] = []
     time = np.arange(0.0, duration, 1.0 / wheel_rate)
     angle = course(time) / ROBOT.wheel_radius
@@ -80,7 +80,7 @@ def surroundings(course: Course, duration: float, *, slip: float = 0.1, total: f
         rolling = float(course(t + 0.001) - course(t - 0.001)) / 0.002
         lateral = -math.copysign(math.sqrt(total**2 - slip**2), rolling) * abs(rolling)
         ratio = slip if abs(rolling) > 0.05 else math.nan
-        # the other side slips the other way: the robot does not accelerate
+        # opposite slip of the other side: no acceleration of the robot
         out.append(WheelSlip(stamp(t), (-ratio, ratio) * 2, (-slip * rolling, slip * rolling) * 2,
                              (slip_sigma if ratio == ratio else 1.0,) * 4))
         out.append(Odometry(stamp(t), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0),
@@ -90,19 +90,19 @@ def surroundings(course: Course, duration: float, *, slip: float = 0.1, total: f
 
 
 def stamp(time: float) -> int:
-    """Return the stamp [ns] of a time [s]."""
+    """Return the timestamp [ns] of a time [s]."""
     return START_NS + round(float(time) * 1e9)
 
 
 def passes(course: Course, duration: float) -> list[float]:
-    """Return the times [s] at which the films' middle crosses the middle of the patch."""
+    """Return the times [s] when the film midpoint is at the patch center."""
     time = np.arange(0.0, duration, 1e-4)
     turns = np.floor((course(time) - PLACE) / ROUND)
     return [float(t) for t in time[1:][np.diff(turns) != 0]]
 
 
 def in_order(*streams: Sequence[Sample]) -> list[Sample]:
-    """Return samples of several streams in the order of their stamps."""
+    """Return samples of several streams sorted by timestamp."""
     return sorted((sample for stream in streams for sample in stream),
                   key=lambda sample: sample.stamp_ns)
 

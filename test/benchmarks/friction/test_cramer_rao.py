@@ -1,4 +1,4 @@
-"""The Cramer-Rao bound: the published figures, and how it scales."""
+"""The Cramer-Rao bound: reference values and scaling."""
 
 from __future__ import annotations
 
@@ -21,31 +21,31 @@ def bound(slip, noise=0.005, films=None, speed=SPEED, **values):
                           films=films)
 
 
-@pytest.mark.parametrize(('slip', 'published'), [(0.05, 0.067), (0.10, 0.018), (0.15, 0.009)])
-def test_two_films_reach_the_published_figures(slip, published):
-    assert bound(slip) == pytest.approx(published, rel=0.08)
+@pytest.mark.parametrize(('slip', 'reference'), [(0.05, 0.067), (0.10, 0.018), (0.15, 0.009)])
+def test_the_bound_of_two_films_equals_the_reference(slip, reference):
+    assert bound(slip) == pytest.approx(reference, rel=0.08)
 
 
-@pytest.mark.parametrize(('slip', 'published'), [(0.05, 0.096), (0.1, 0.025), (0.2, 0.008)])
-def test_one_film_comes_near_the_published_figures(slip, published):
-    assert bound(slip, films=(0,)) == pytest.approx(published, rel=0.15)
+@pytest.mark.parametrize(('slip', 'reference'), [(0.05, 0.096), (0.1, 0.025), (0.2, 0.008)])
+def test_the_bound_of_one_film_is_near_the_reference(slip, reference):
+    assert bound(slip, films=(0,)) == pytest.approx(reference, rel=0.15)
 
 
-def test_it_grows_as_noise_over_the_square_of_the_slip_where_slip_is_small():
+def test_for_small_slip_the_bound_is_proportional_to_noise_over_squared_slip():
     assert bound(0.02, 0.02) == pytest.approx(4.0 * bound(0.02, 0.005), rel=0.1)
     assert bound(0.02) == pytest.approx(4.0 * bound(0.04), rel=0.25)
 
 
-def test_less_noise_more_films_slower_rolling_and_sharper_gains_tell_more():
+def test_less_noise_more_films_lower_speed_and_exact_gains_lower_the_bound():
     assert bound(0.1, 0.002) < bound(0.1) < bound(0.1, 0.02)
     assert bound(0.1) < bound(0.1, films=(0,)) < bound(0.1, films=(1,))
     assert bound(0.1, speed=0.25 * SPEED) < bound(0.1)
     assert bound(0.1, **{'film.stretch_gain_tolerance': 0.0}) < bound(0.1)
 
 
-def test_braking_tells_about_as_much_as_driving():
+def test_the_bounds_of_braking_and_driving_are_similar():
     assert bound(-0.1) == pytest.approx(bound(0.1), rel=0.2)
 
 
-def test_without_slip_nothing_is_told():
+def test_without_slip_the_bound_is_infinite():
     assert friction_bound(ROBOT, WHEEL, slip=0.0, sliding=0.3, speed=SPEED) == math.inf

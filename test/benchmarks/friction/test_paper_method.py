@@ -1,4 +1,4 @@
-"""Friction read off two peaks: right by the exact map without noise, far too high as printed."""
+"""Friction from two peaks: exact with the exact map, far too high with the printed map."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.friction.grid import Case, LOAD
 from benchmarks.friction.methods import EXACT_MAP, PRINTED_MAP
-from benchmarks.friction.paper_method import friction_read_off, ratio_read_off
+from benchmarks.friction.paper_method import adhesion_ratio_from_peaks, friction_from_peaks
 from smart_tire.models.tire import strain_charge
 
 
@@ -19,23 +19,24 @@ def exact_interval(case):
 
 
 def read(case, method):
-    return float(friction_read_off(np.array([exact_interval(case)]), np.array([case.speed]),
+    return float(friction_from_peaks(np.array([exact_interval(case)]), np.array([case.speed]),
                                    np.array([case.total_slip]), np.array([LOAD]), case.robot,
                                    method)[0])
 
 
 @pytest.mark.parametrize('slip', [0.02, 0.1, 0.3])
 @pytest.mark.parametrize('mu', [0.3, 0.47, 0.9])
-def test_exact_peaks_and_the_exact_map_read_the_true_friction(slip, mu):
+def test_exact_peaks_and_the_exact_map_give_the_true_friction(slip, mu):
     assert read(Case(slip=slip, mu=mu), EXACT_MAP) == pytest.approx(mu)
 
 
 @pytest.mark.parametrize('slip', [0.02, 0.05, 0.1, 0.2])
-def test_exact_peaks_and_the_printed_map_read_about_twice_the_friction(slip):
+def test_exact_peaks_and_the_printed_map_give_about_twice_the_friction(slip):
     assert 1.75 < read(Case(slip=slip), PRINTED_MAP) / 0.47 < 2.25
 
 
 @pytest.mark.parametrize('method', [EXACT_MAP, PRINTED_MAP])
-def test_an_interval_that_is_not_told_reads_nothing(method):
+def test_an_unknown_interval_gives_nan(method):
     case = Case(slip=0.1)
-    assert np.isnan(ratio_read_off(np.array([np.nan]), np.array([0.5]), case.robot, method))
+    assert np.isnan(adhesion_ratio_from_peaks(
+        np.array([np.nan]), np.array([0.5]), case.robot, method))

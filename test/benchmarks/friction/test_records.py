@@ -1,4 +1,4 @@
-"""True passages of a made-up run and what is told of them: paired by instant and place."""
+"""True crossings of a constructed run, matched with estimates by time and distance."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ import math
 import numpy as np
 import pytest
 
-from benchmarks.friction.records import chosen, FUSED, rows_of, SINGLE, together, true_passages
+from benchmarks.friction.records import (
+    concatenated, FUSED, match_rows, selected_rows, SINGLE, true_crossings)
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import Friction, NS_PER_S, Odometry, WheelSlip
 from smart_tire.uncertain import Uncertain
 
 WHEEL = 'front_right'
-SPEED, SLIP = 0.5, 0.1  # m/s, -, of the made-up run
+SPEED, SLIP = 0.5, 0.1  # m/s, -, of the constructed run
 EXACT = (0.0,) * 36
 
 
@@ -22,8 +23,8 @@ def ns(seconds):
     return round(seconds * NS_PER_S)
 
 
-def passage(time, mu=0.47, sigma=0.0):
-    """Return a passage of the wheel; every quantity that is not set is NaN."""
+def crossing(time, mu=0.47, sigma=0.0):
+    """Return a crossing of the wheel; all other quantities are NaN."""
     value = {SINGLE: mu, FUSED: mu, 'slip': SLIP, 'total_slip': SLIP,
              'critical_slip': 1.5 * mu, 'normal_load': 26.7, 'stiffness': 52.7}
     return Friction(ns(time), WHEEL,
@@ -31,8 +32,8 @@ def passage(time, mu=0.47, sigma=0.0):
 
 
 def truth(times, standing=(), seconds=12.0):
-    """Return a run straight on with passages at ``times``; still between ``standing`` [s]."""
-    records = [passage(time) for time in times]
+    """Return a straight run with crossings at ``times``, stationary between ``standing`` [s]."""
+    records = [crossing(time) for time in times]
     for stamp in np.arange(0.0, seconds, 0.01):
         still = any(begin <= stamp < end for begin, end in standing)
         v = 0.0 if still else SPEED * (1.0 - SLIP)
@@ -40,21 +41,21 @@ def truth(times, standing=(), seconds=12.0):
         records.append(Odometry(ns(stamp), (0.0,) * 3, (0.0, 0.0, 0.0, 1.0), (v, 0.0, 0.0),
                                 (0.0,) * 3, EXACT, EXACT))
         records.append(WheelSlip(ns(stamp), (ratio,) * 4, (slide,) * 4, (0.0,) * 4))
-    return true_passages(records, RobotParams(), WHEEL)
+    return true_crossings(records, RobotParams(), WHEEL)
 
 
-def test_speed_and_bound_are_those_of_the_passage():
+def test_speed_and_bound_are_those_of_the_crossing():
     found = truth([2.0, 4.0])
     assert found.speed == pytest.approx([SPEED] * 2)
     assert np.all((found.bound > 0.005) & (found.bound < 0.05))
 
 
-def test_passages_at_the_very_end_are_not_asked_for():
-    assert len(truth([2.0, 4.0, 11.6]).passages) == 2
+def test_crossings_at_the_very_end_are_excluded():
+    assert len(truth([2.0, 4.0, 11.6]).crossings) == 2
 
 
-def test_an_estimate_belongs_to_the_passage_at_its_instant():
-    rows = rows_of(truth([2.0, 4.0, 6.0]), [passage(4.01, 0.5), passage(6.02, 0.6)], WHEEL)
+def test_an_estimate_is_matched_with_the_crossing_at_its_timestamp():
+    rows = match_rows(truth([2.0, 4.0, 6.0]), [crossing(4.01, 0.5), crossing(6.02, 0.6)], WHEEL)
     assert rows.found.tolist() == [False, True, True]
     assert rows.value[FUSED][1:].tolist() == [0.5, 0.6]
     assert math.isnan(rows.value[FUSED][0])
@@ -62,33 +63,33 @@ def test_an_estimate_belongs_to_the_passage_at_its_instant():
     assert rows.false == 0
 
 
-def test_where_the_wheel_stands_in_a_passage_its_instant_may_be_any():
+def test_timestamps_may_differ_if_the_wheel_stops_within_a_crossing():
     run = truth([2.0, 8.0], standing=[(5.0, 8.0)])
-    rows = rows_of(run, [passage(2.0), passage(5.005)], WHEEL)
+    rows = match_rows(run, [crossing(2.0), crossing(5.005)], WHEEL)
     assert rows.found.all()
     assert rows.false == 0
-    elsewhere = rows_of(run, [passage(2.0), passage(4.5)], WHEEL)
+    elsewhere = match_rows(run, [crossing(2.0), crossing(4.5)], WHEEL)
     assert elsewhere.found.tolist() == [True, False]
     assert elsewhere.false == 1
 
 
-def test_what_is_told_where_nothing_passed_is_false_but_not_after_the_last_passage():
-    told = [passage(2.0), passage(3.0), passage(4.0), passage(11.9)]
-    assert rows_of(truth([2.0, 4.0]), told, WHEEL).false == 1
+def test_estimates_without_crossing_are_false_except_after_the_last_one():
+    estimates = [crossing(2.0), crossing(3.0), crossing(4.0), crossing(11.9)]
+    assert match_rows(truth([2.0, 4.0]), estimates, WHEEL).false == 1
 
 
-def test_passages_of_other_wheels_are_passed_over():
-    other = replace(passage(2.0), wheel='rear_left')
-    rows = rows_of(truth([2.0]), [other], WHEEL)
+def test_crossings_of_other_wheels_are_ignored():
+    other = replace(crossing(2.0), wheel='rear_left')
+    rows = match_rows(truth([2.0]), [other], WHEEL)
     assert not rows.found.any()
     assert rows.false == 0
 
 
-def test_runs_can_be_joined_and_passages_be_chosen():
-    one = rows_of(truth([2.0, 4.0]), [passage(2.0), passage(3.0)], WHEEL)
-    both = together([one, one])
+def test_rows_can_be_concatenated_and_selected():
+    one = match_rows(truth([2.0, 4.0]), [crossing(2.0), crossing(3.0)], WHEEL)
+    both = concatenated([one, one])
     assert len(both.found) == 4
     assert both.false == 2
-    some = chosen(both, both.found)
+    some = selected_rows(both, both.found)
     assert some.found.tolist() == [True, True]
     assert len(some.true[SINGLE]) == len(some.stamp_ns) == len(some.bound) == 2

@@ -1,4 +1,4 @@
-"""The benchmark of friction on a tiny run: tables, figures and results are there."""
+"""The friction benchmark on a short run: tables, figures and results."""
 
 from __future__ import annotations
 
@@ -19,26 +19,26 @@ from benchmarks.friction.tables import cases_table
 
 @pytest.fixture
 def tiny(monkeypatch):
-    """Make a run of seconds out of the first scenario, and one case of a few passages."""
+    """Shorten the first scenario to seconds, and use one case of a few crossings."""
     monkeypatch.setitem(run.FRICTION_SCENARIOS, 'concrete',
                         replace(FRICTION_SCENARIOS['concrete'], duration=8.0))
     monkeypatch.setattr(run, 'QUICK_COUNT', 4)
     monkeypatch.setattr(run, 'quick_cases', lambda: {'slip': [Case(slip=0.1)]})
 
 
-def test_a_run_is_told_in_tables_a_figure_and_numbers(tiny, tmp_path, capsys):
+def test_a_run_gives_tables_a_figure_and_results(tiny, tmp_path, capsys):
     out = tmp_path / 'friction'
     assert run.main(['--seeds', '1', '--runs', 'concrete',
                  '--out', str(out)]) == 0
-    said = capsys.readouterr().out
-    for words in (FRICTION_SCENARIOS['concrete'].title, 'published', 'NEES', 'exact map',
+    output = capsys.readouterr().out
+    for words in (FRICTION_SCENARIOS['concrete'].title, 'reference', 'NEES', 'exact map',
                   'printed map', 'estimated slip', 'true slip', 'front left', 'aided'):
-        assert words in said
-    assert '[%]' in said and '…' not in said  # units are shown, nothing is cut off
+        assert words in output
+    assert '[%]' in output and '…' not in output  # units are shown, no cell is truncated
     assert {path.name for path in out.iterdir()} == {'concrete.png', 'results.json'}
     concrete = json.loads((out / 'results.json').read_text())['runs']['concrete']
     assert concrete['seeds'] == [1]
-    assert concrete['published']['single'] == 0.017
+    assert concrete['reference']['single'] == 0.017
     assert concrete['wheels'].keys() == set(INSTRUMENTED)
     for sources in concrete['wheels'].values():
         assert sources.keys() == SOURCES.keys()
@@ -46,13 +46,13 @@ def test_a_run_is_told_in_tables_a_figure_and_numbers(tiny, tmp_path, capsys):
         assert all(methods[WAVEFORM]['found'] == 1.0 for methods in sources.values())
 
 
-def test_synthesised_passages_are_told_beside_the_bound(tiny, tmp_path, capsys):
-    assert run.main(['--quick', '--runs', 'passages',
+def test_synthesized_crossings_are_compared_with_the_bound(tiny, tmp_path, capsys):
+    assert run.main(['--quick', '--runs', 'crossings',
                  '--out', str(tmp_path)]) == 0
-    assert '4 synthesised passages each' in capsys.readouterr().out
+    assert '4 synthesized crossings each' in capsys.readouterr().out
     assert {path.name for path in tmp_path.iterdir()} == {
         'waveform.png', 'bound.png', 'fig_12.png', 'fig_13.png', 'results.json'}
-    (case,) = json.loads((tmp_path / 'results.json').read_text())['passages']
+    (case,) = json.loads((tmp_path / 'results.json').read_text())['crossings']
     assert case['case']['slip'] == 0.1
     assert 0.01 < case['bound'] < 0.03
     assert case['trials'].keys() == METHODS.keys()
@@ -60,11 +60,11 @@ def test_synthesised_passages_are_told_beside_the_bound(tiny, tmp_path, capsys):
 
 def test_an_unknown_run_is_a_usage_error_that_names_the_known_ones(tmp_path, capsys):
     assert run.main(['--runs', 'moon', '--out', str(tmp_path)]) == 2
-    said = capsys.readouterr().err
-    assert 'moon: no such run' in said and 'passages' in said and 'figure_eight' in said
+    output = capsys.readouterr().err
+    assert 'moon: no such run' in output and 'crossings' in output and 'figure_eight' in output
 
 
-def test_results_that_can_not_be_written_are_said_in_one_line(tmp_path, capsys):
+def test_an_output_folder_that_cannot_be_created_is_an_error_in_one_line(tmp_path, capsys):
     (tmp_path / 'file').write_text('')
     assert run.main(['--out', str(tmp_path / 'file')]) == 2
     assert 'cannot be written' in capsys.readouterr().err
@@ -82,7 +82,7 @@ def test_results_of_an_earlier_run_are_kept_unless_forced(existing, tmp_path, ca
     (0.02, Trial(1.0, 0.01, 0.02, 0.03, 1.0, 3.0), 0),
     (0.02, Trial(1.0, -0.03, 0.03, 0.05, 1.5, 6.0), 4),
     (0.2, Trial(1.0, 0.1, 0.3, 0.5, 0.2, 3.0), 0), (0.2, Trial(0.0, *(math.nan,) * 4, 6.0), 1)])
-def test_what_misses_the_aim_is_marked_where_one_passage_tells_much(bound, trial, marks):
+def test_figures_outside_the_requirements_are_marked_if_informative(bound, trial, marks):
     one = CaseResult('slip', Case(slip=0.1), bound, 100, 1.0, {WAVEFORM: trial})
     console = Console(width=160)
     with console.capture() as capture:

@@ -1,4 +1,4 @@
-"""The runs by which friction is judged are what they say they are."""
+"""The scenarios of the friction benchmark have the described properties."""
 
 from __future__ import annotations
 
@@ -25,52 +25,52 @@ def of(events, topic):
 
 
 @every_scenario
-def test_a_run_stands_still_first_and_has_films_in_both_front_wheels(scenario):
+def test_a_run_starts_at_standstill_and_has_films_in_both_front_wheels(scenario):
     assert scenario.legs[0][0] == STANDSTILL
     assert scenario.legs[-1][0] < scenario.duration
     assert scenario.robot.film.wheels == INSTRUMENTED
 
 
 @every_scenario
-def test_gains_are_off_by_their_tolerance_and_nothing_else_of_the_films_is(scenario):
-    told = scenario.robot.film
-    off = np.array([[np.divide(film.gains(wheel), told.gains(wheel)) - 1.0
-                     for wheel in told.wheels]
+def test_only_the_gains_of_the_films_differ_by_their_tolerance(scenario):
+    nominal = scenario.robot.film
+    errors = np.array([[np.divide(film.gains(wheel), nominal.gains(wheel)) - 1.0
+                     for wheel in nominal.wheels]
                     for film in (scenario.simulator(seed).robot.film for seed in range(200))])
-    assert np.all(np.abs(np.mean(off, axis=0)) < 0.01)
-    assert np.std(off, axis=0) == pytest.approx(told.stretch_gain_tolerance, rel=0.2)
+    assert np.all(np.abs(np.mean(errors, axis=0)) < 0.01)
+    assert np.std(errors, axis=0) == pytest.approx(nominal.stretch_gain_tolerance, rel=0.2)
     true = scenario.simulator(1).robot.film
-    assert replace(true, stretch_gain=told.stretch_gain) == told
+    assert replace(true, stretch_gain=nominal.stretch_gain) == nominal
 
 
-@pytest.mark.parametrize(('name', 'told'), [('sand', 52.7), ('sand_given', 30.0)])
-def test_on_sand_the_stiffness_of_concrete_is_told_or_the_true_one(name, told):
+@pytest.mark.parametrize(('name', 'nominal'), [('sand', 52.7), ('sand_given', 30.0)])
+def test_on_sand_the_estimator_has_the_stiffness_of_concrete_or_the_true_one(name, nominal):
     scenario = FRICTION_SCENARIOS[name]
-    assert scenario.robot.tire.longitudinal_stiffness == told
+    assert scenario.robot.tire.longitudinal_stiffness == nominal
     ground = scenario.simulator(1).ground
     assert ground.stiffness[ground.names.index(ground.base)] == 30.0
 
 
-def test_the_noisy_run_is_noisy_and_loses_batches_and_its_wheels_are_slow():
+def test_the_noisy_run_has_noise_lost_batches_and_a_low_wheel_rate():
     plain, noisy = (short(name, 12.0).events(1) for name in ('figure_eight', 'noisy'))
     for wheel in INSTRUMENTED:
         heard = [sum(sample.wheel == wheel for sample in of(events, 'tire_samples'))
                  for events in (plain, noisy)]
         assert heard[1] / heard[0] == pytest.approx(0.925, abs=0.05)
-        rest = [np.std([sample.volts for sample in of(events, 'tire_samples')
+        baseline = [np.std([sample.volts for sample in of(events, 'tire_samples')
                         if sample.wheel == wheel][:300], axis=0) for events in (plain, noisy)]
-        assert rest[0] == pytest.approx([0.005] * 2, rel=0.15)
-        assert rest[1] == pytest.approx([0.02] * 2, rel=0.15)
+        assert baseline[0] == pytest.approx([0.005] * 2, rel=0.15)
+        assert baseline[1] == pytest.approx([0.02] * 2, rel=0.15)
     assert len(of(noisy, 'wheel_states')) == pytest.approx(48, abs=2)
 
 
 @pytest.mark.parametrize('name', ['mu_jumps', 'mu_jumps_fast'])
-def test_where_friction_jumps_each_ground_lasts_for_some_revolutions(name):
+def test_each_surface_lasts_for_some_revolutions(name):
     truth = [sample for sample in of(short(name, 24.0).events(1), 'ground_truth/tire_friction')
              if sample.wheel == 'front_right']
     mu = np.array([sample.friction_coefficient.value for sample in truth])
     lasts = np.diff(np.flatnonzero(np.abs(np.diff(mu)) > 1e-3))
     assert np.count_nonzero(lasts >= 3) >= 3
-    if name == 'mu_jumps_fast':  # each of its revolutions must tell friction
+    if name == 'mu_jumps_fast':  # slip is large enough in every revolution
         slips = np.array([sample.slip.value for sample in truth])
         assert np.mean(slips[2:] > 0.1) > 0.95

@@ -1,4 +1,4 @@
-"""Figures of the benchmark: every panel has its curves, whoever gets lost leaves the picture."""
+"""Figures of the slip benchmark: curves, labels and axis limits."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from smart_tire.parameters import SlipEstimatorParams
 
 
 def ran(name, duration):
-    """Return estimates and truth of the start of a scenario."""
+    """Return estimates and ground truth of the start of a scenario."""
     scenario = replace(SCENARIOS[name], duration=duration)
     events = scenario.events(1)
     truth = as_truth((sample for _, topic, sample in events if 'truth' in topic), scenario.robot)
@@ -32,7 +32,7 @@ def turning():
 
 @pytest.fixture(scope='module')
 def straight():
-    """Return a short way straight on."""
+    """Return a short straight run."""
     return ran('straight', 6.0)
 
 
@@ -41,7 +41,7 @@ def panel(figure, label):
     return next((ax for ax in figure.axes if label in ax.get_ylabel()), None)
 
 
-def test_slips_are_shown_with_bands_truth_and_units(turning):
+def test_slips_are_drawn_with_bands_truth_and_units(turning):
     figure = slip_figure('turn', *turning)
     for side in ('left', 'right'):
         ax = panel(figure, f'slip of the {side} side')
@@ -53,7 +53,7 @@ def test_slips_are_shown_with_bands_truth_and_units(turning):
         assert np.mean((true[np.isfinite(true)] > low) & (true[np.isfinite(true)] < high)) > 0.9
 
 
-def test_the_centre_of_rotation_has_a_panel_only_if_the_robot_turns(turning, straight):
+def test_the_icr_has_a_panel_only_if_the_robot_turns(turning, straight):
     assert panel(slip_figure('turn', *turning), 'ICR') is not None
     assert panel(slip_figure('straight', *straight), 'ICR') is None
     assert panel(slip_figure('straight', *straight), 'innovation') is not None
@@ -61,8 +61,8 @@ def test_the_centre_of_rotation_has_a_panel_only_if_the_robot_turns(turning, str
 
 def test_the_path_shows_all_methods_in_the_frame_of_the_first(turning, tmp_path):
     estimates, truth = turning
-    tracks = {name: aligned(truth.poses, one.poses) for name, one in estimates.items()}
-    figure = path_figure('turn', estimates, tracks)
+    aligned_poses = {name: aligned(truth.poses, one.poses) for name, one in estimates.items()}
+    figure = path_figure('turn', estimates, aligned_poses)
     ax = panel(figure, 'y [m]')
     labels = {line.get_label() for line in ax.lines}
     assert labels == {*METHODS.values(), 'truth', 'start'}
@@ -71,11 +71,12 @@ def test_the_path_shows_all_methods_in_the_frame_of_the_first(turning, tmp_path)
     assert save(figure, tmp_path / 'new' / 'path.png').stat().st_size > 10_000
 
 
-def test_who_gets_lost_does_not_set_the_scale(turning):
+def test_a_diverged_method_does_not_set_the_axis_limits(turning):
     estimates, truth = turning
-    tracks = {name: aligned(truth.poses, one.poses) for name, one in estimates.items()}
-    guess, true, stamps = tracks['wheels']
-    calm = path_figure('turn', estimates, tracks)
-    lost = path_figure('turn', estimates, {**tracks, 'wheels': (guess + 1000.0, true, stamps)})
+    aligned_poses = {name: aligned(truth.poses, one.poses) for name, one in estimates.items()}
+    guess, true, stamps = aligned_poses['wheels']
+    calm = path_figure('turn', estimates, aligned_poses)
+    lost = path_figure('turn', estimates,
+                       {**aligned_poses, 'wheels': (guess + 1000.0, true, stamps)})
     for label in ('position error', 'heading error'):
         assert panel(lost, label).get_ylim()[1] <= panel(calm, label).get_ylim()[1]

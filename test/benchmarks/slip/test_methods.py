@@ -1,4 +1,4 @@
-"""The rivals on kinematic runs: exact where their assumptions hold, and no better than that."""
+"""The methods for comparison are exact if their assumptions hold."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ from smart_tire.parameters import RobotParams, SlipEstimatorParams
 from smart_tire.parameters.robot import EncoderParams, ImuParams
 from smart_tire.samples import ImuSample, NS_PER_S, WheelSample
 
-# Encoders as good as exact, read at whole milliseconds: what is tested is the arithmetic.
+# Nearly exact encoders with timestamps of whole milliseconds, to test the arithmetic.
 ROBOT = RobotParams(encoder=EncoderParams(counts_per_revolution=1e7))
 WINDING = ramp([(0, 0, 0), (2, 0, 0), (3, .5, .5), (6, .6, .4), (9, .3, .6), (12, .5, .5),
                 (14, -.2, .2), (16, 0, 0), (17, 0, 0)])
 
 
 def truth_of(run):
-    """Return the poses of a kinematic run as a series without any sigma."""
+    """Return the poses of a kinematic run as a series with zero covariance."""
     stamps = START_NS + np.round(run.time * NS_PER_S).astype(np.int64)
     return PoseSeries(stamps, run.pose, run.twist, np.zeros((len(stamps), 3, 3)),
                       np.zeros((len(stamps), 3)))
 
 
 def without_slip(**options):
-    """Return a run without slip, and its inputs; without noise unless told."""
+    """Return a run without slip and its inputs; without noise by default."""
     run = drive(WINDING, np.zeros_like(WINDING), icr=0.0,
                 **{'robot': ROBOT, 'noise': 0.0, 'wheel_rate': 20.0, **options})
     return run, as_inputs(run.samples, options.get('robot', ROBOT))
@@ -64,14 +64,14 @@ def test_gyro_and_wheels_are_exact_without_slip():
     assert fitted_scale(inputs, truth_of(run)) == pytest.approx(1.0, abs=1e-3)
 
 
-def test_the_fitted_track_is_that_of_the_robot_and_a_wrong_radius_shows_in_the_scale():
+def test_a_wrong_radius_changes_the_fitted_scale_and_track():
     run, _ = without_slip()
     wrong = as_inputs(run.samples, replace(ROBOT, wheel_radius=0.1))
     assert fitted_scale(wrong, truth_of(run)) == pytest.approx(0.87, abs=1e-3)
     assert fitted_track(wrong, truth_of(run)) == pytest.approx(0.38 / 0.87, rel=1e-3)
 
 
-def test_a_run_that_never_turns_fits_no_track_and_one_that_never_moves_no_scale():
+def test_without_turns_or_motion_the_nominal_constants_are_used():
     straight = ramp([(0, 0, 0), (2, 0, 0), (3, .5, .5), (6, .5, .5)])
     run = drive(straight, np.zeros_like(straight), robot=ROBOT, noise=0.0)
     assert fitted_track(as_inputs(run.samples, ROBOT), truth_of(run)) == ROBOT.track_width
@@ -79,7 +79,7 @@ def test_a_run_that_never_turns_fits_no_track_and_one_that_never_moves_no_scale(
     assert fitted_scale(as_inputs(still.samples, ROBOT), truth_of(still)) == 1.0
 
 
-def test_the_filter_follows_a_run_without_slip_and_settles_on_its_speeds():
+def test_the_ekf_follows_a_run_without_slip():
     run, inputs = without_slip()
     estimate = plain_ekf(inputs, ROBOT.track_width)
     errors = np.abs(pose_errors(estimate, run))
@@ -92,15 +92,15 @@ def test_the_filter_follows_a_run_without_slip_and_settles_on_its_speeds():
 
 
 @pytest.mark.parametrize('seed', range(3))
-def test_the_bias_is_learnt_from_the_standstill_at_the_start(seed):
+def test_the_bias_is_estimated_from_the_initial_standstill(seed):
     gyro = ImuParams(gyro_bias=0.05)
     run, inputs = without_slip(robot=replace(ROBOT, imu=gyro), noise=1.0, seed=seed)
-    assert 150 < inputs.resting < 200
+    assert 150 < inputs.stationary < 200
     for estimate in (gyro_odometry(inputs), plain_ekf(inputs, 0.38)):
         assert np.abs(pose_errors(estimate, run)[:, 2]).max() < 0.06
 
 
-def test_the_slip_that_the_wheels_alone_see_is_none_and_the_gyroscope_sees_the_difference():
+def test_the_gyroscope_shows_the_slip_difference_and_wheels_alone_show_none():
     slip = np.where(WINDING != 0.0, [0.1, 0.3], 0.0)
     run = drive(WINDING, slip * WINDING, icr=0.0, robot=ROBOT, noise=0.0)
     inputs = as_inputs(run.samples, ROBOT)
@@ -116,7 +116,7 @@ def test_the_slip_that_the_wheels_alone_see_is_none_and_the_gyroscope_sees_the_d
     assert ratio[:2] == pytest.approx([-half_difference, half_difference], abs=0.03)
 
 
-def test_repetitions_and_disorder_change_nothing():
+def test_duplicates_and_reordering_change_nothing():
     run, inputs = without_slip()
     rng = np.random.default_rng(1)
     mixed = [run.samples[i] for i in rng.permutation(len(run.samples))] + run.samples[::3]
@@ -125,13 +125,13 @@ def test_repetitions_and_disorder_change_nothing():
         assert np.array_equal(getattr(inputs, name), getattr(again, name))
 
 
-def test_a_latency_that_is_known_is_taken_out():
+def test_a_known_latency_is_compensated():
     late = replace(ROBOT, encoder=replace(ROBOT.encoder, latency=0.2))
     run, inputs = without_slip(robot=late, wheel_latency=0.2)
     assert np.abs(pose_errors(gyro_odometry(inputs), run)).max() < 1e-3
 
 
-def test_a_tilted_unit_is_turned_into_the_axes_of_the_robot():
+def test_imu_samples_are_rotated_into_the_axes_of_the_robot():
     turned = replace(ROBOT, imu=ImuParams(rotation=(math.pi, 0.0, 0.0)))
     stamps = range(0, NS_PER_S, NS_PER_S // 100)
     samples = [ImuSample(stamp, (1.0, 2.0, -9.8), (0.0, 0.1, -0.5)) for stamp in stamps]
@@ -141,12 +141,12 @@ def test_a_tilted_unit_is_turned_into_the_axes_of_the_robot():
     assert inputs.force == pytest.approx(np.tile([1.0, -2.0], (100, 1)))
 
 
-def test_too_few_samples_are_refused():
+def test_too_few_samples_are_rejected():
     with pytest.raises(EstimatorError, match='too few samples'):
         as_inputs([], ROBOT)
 
 
-def test_every_method_takes_part():
+def test_every_method_gives_estimates():
     run, _ = without_slip(noise=1.0)
     estimates = compare_methods(run.samples, SlipEstimatorParams(robot=ROBOT), truth_of(run))
     assert list(estimates) == list(METHODS)

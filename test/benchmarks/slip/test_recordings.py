@@ -1,4 +1,4 @@
-"""Recordings: the truth is laid over the estimate before what is scored, and nothing after."""
+"""Recordings: alignment with ground truth before the scored part, and errors after it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.slip.recordings import bags, learned, RECORDINGS, rest_score, stretch, track_after
+from benchmarks.slip.recordings import (
+    align_after, bags, identified_params, poses_from, RECORDINGS, remaining_score)
 from smart_tire.analysis.metrics import rotated
 from smart_tire.analysis.series import PoseSeries
 from smart_tire.errors import EstimatorError
@@ -34,42 +35,42 @@ def circle():
 
 
 def elsewhere(pose, turn=2.0, shift=(30.0, -7.0)):
-    """Return poses as another frame has them."""
+    """Return poses in another frame."""
     return np.column_stack([rotated(pose[:, :2], turn) + shift, pose[:, 2] + turn])
 
 
 def test_the_same_path_in_another_frame_has_no_error(circle):
-    path = rest_score(track_after(poses(elsewhere(circle)), poses(circle), BEGIN_NS))
+    path = remaining_score(align_after(poses(elsewhere(circle)), poses(circle), BEGIN_NS))
     assert path.rms_m < 1e-9 and path.heading.rms < 1e-9
     assert path.distance_m == pytest.approx(20.0, rel=0.01)
     assert math.isnan(path.nees)
 
 
-def test_noise_of_single_poses_hardly_turns_the_path(circle):
+def test_noise_of_single_poses_hardly_rotates_the_path(circle):
     rng = np.random.default_rng(5)
     noisy = circle.copy()
     noisy[:, 2] += rng.normal(0.0, 0.02, len(circle))
-    path = rest_score(track_after(poses(circle), poses(noisy), BEGIN_NS))
+    path = remaining_score(align_after(poses(circle), poses(noisy), BEGIN_NS))
     assert path.rms_m < 0.1  # one pose alone would turn it by 0.02 rad: 0.2 m across 10 m
 
 
-def test_errors_of_the_beginning_do_not_count_and_those_after_it_do(circle):
-    guess = elsewhere(circle)
-    guess[:150] += 3.0
-    guess[300:, 0] += 0.4
-    path = rest_score(track_after(poses(guess), poses(circle), BEGIN_NS))
+def test_only_errors_after_the_initial_part_are_scored(circle):
+    estimated = elsewhere(circle)
+    estimated[:150] += 3.0
+    estimated[300:, 0] += 0.4
+    path = remaining_score(align_after(poses(estimated), poses(circle), BEGIN_NS))
     assert path.end_m == pytest.approx(0.4)
     assert path.rms_m == pytest.approx(0.4 * math.sqrt(0.75))
     assert path.end_percent == pytest.approx(2.0, rel=0.01)
 
 
 def test_without_truth_to_align_with_there_is_no_score(circle):
-    late = stretch(poses(circle), BEGIN_NS + 1)
+    late = poses_from(poses(circle), BEGIN_NS + 1)
     with pytest.raises(EstimatorError, match='no pose'):
-        track_after(poses(circle), late, BEGIN_NS)
+        align_after(poses(circle), late, BEGIN_NS)
 
 
-def test_recordings_that_are_not_there_are_named(tmp_path):
+def test_missing_recordings_are_listed(tmp_path):
     there = RECORDINGS[0].folder
     (tmp_path / there).mkdir()
     assert bags(tmp_path) == (
@@ -79,12 +80,12 @@ def test_recordings_that_are_not_there_are_named(tmp_path):
 
 
 @pytest.mark.parametrize('recording', RECORDINGS, ids=lambda recording: recording.name)
-def test_what_is_known_of_a_robot_stands_unless_the_beginning_tells_more(recording):
+def test_known_parameters_are_kept_unless_identified(recording):
     path = SHARED / recording.folder
     if not path.exists():
         pytest.skip(f'the recording {path} is not on this machine')
-    params, known = learned(path, recording), recording.known
+    params, known = identified_params(path, recording), recording.known
     assert params.robot.track_width == known['track_width']
     assert params.slip_sigma == known['slip_sigma']
-    told = params.robot.imu.gyro_noise != RobotParams().imu.gyro_noise
-    assert told == recording.identified
+    identified = params.robot.imu.gyro_noise != RobotParams().imu.gyro_noise
+    assert identified == recording.identified

@@ -1,4 +1,4 @@
-"""Figures of seeds and runs: errors add up as squares, statistics as means."""
+"""Figures combined over seeds: errors by rms, statistics by mean."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 import pytest
 
 from benchmarks.scenarios import SCENARIOS
-from benchmarks.slip.reference_results import TARGETS
+from benchmarks.slip.reference_results import REFERENCE_RESULTS
 from benchmarks.slip.results import by_run, combined, ERRORS, figures_of, path_figures, RunResult
 from benchmarks.slip.scoring import Parts, PathScore, RunScore
 from smart_tire.analysis.metrics import Score
@@ -15,19 +15,19 @@ from smart_tire.analysis.metrics import Score
 UNKNOWN = Score(10, 0.0, 0.3, math.nan, 0.0, 0.0)
 
 
-def a_score(slip=0.02, normalised=1.5):
-    """Return a score whose slips are as told."""
-    part = Parts(Score(10, 0.0, slip, normalised, 0.6, 0.9), UNKNOWN)
-    return RunScore(part, part, part, PathScore(50.0, 0.1, 0.2, 1.2, 0.94, part.judged, -0.03),
+def a_score(slip=0.02, normalized=1.5):
+    """Return a score with the given slip errors."""
+    part = Parts(Score(10, 0.0, slip, normalized, 0.6, 0.9), UNKNOWN)
+    return RunScore(part, part, part, PathScore(50.0, 0.1, 0.2, 1.2, 0.94, part.selected, -0.03),
                     0.01, 1.1, 90.0)
 
 
-def test_a_score_fills_every_figure():
+def test_a_score_gives_all_figures():
     figures = figures_of(a_score())
     assert figures.keys() >= set(ERRORS)
     assert figures.keys() > path_figures(a_score().path).keys()
     assert figures['slip_left'] == 0.02
-    assert figures['slip_left_always'] == 0.3
+    assert figures['slip_left_all_times'] == 0.3
     assert figures['nees_slip_right'] == pytest.approx(2.25)
     assert figures['within_two_heading'] == 0.9
     assert figures['position_rms_percent'] == pytest.approx(0.2)
@@ -36,7 +36,7 @@ def test_a_score_fills_every_figure():
 
 
 def test_a_method_without_sigmas_has_no_share_within_them():
-    figures = figures_of(a_score(normalised=math.nan))
+    figures = figures_of(a_score(normalized=math.nan))
     assert math.isnan(figures['nees_slip_left']) and math.isnan(figures['within_two_slip_left'])
 
 
@@ -56,7 +56,7 @@ def test_runs_keep_their_order_and_methods():
     assert list(runs) == ['b', 'a']
 
 
-def test_every_published_target_has_its_scenario():
-    assert TARGETS.keys() <= SCENARIOS.keys()
-    for target in TARGETS.values():
+def test_every_reference_result_has_a_scenario():
+    assert REFERENCE_RESULTS.keys() <= SCENARIOS.keys()
+    for target in REFERENCE_RESULTS.values():
         assert target.balance.left < target.plain.left < target.no_slip.left

@@ -1,4 +1,4 @@
-"""The benchmark of slip and localization on a tiny run: tables, figures and results are there."""
+"""The slip benchmark on a short run: tables, figures and results."""
 
 from __future__ import annotations
 
@@ -11,51 +11,51 @@ from rich.console import Console
 from benchmarks.scenarios import SCENARIOS
 from benchmarks.slip import run
 from benchmarks.slip.comparison import LIVE, METHODS, SMOOTHED
-from benchmarks.slip.reference_results import TARGETS
-from benchmarks.slip.tables import targets_table
+from benchmarks.slip.reference_results import REFERENCE_RESULTS
+from benchmarks.slip.tables import reference_table
 
 
 @pytest.fixture
 def tiny(monkeypatch):
-    """Make a run of seconds out of the first scenario."""
+    """Shorten the first scenario to seconds."""
     monkeypatch.setitem(run.SCENARIOS, 'concrete',
                         replace(SCENARIOS['concrete'], duration=6.0))
 
 
-def test_a_run_is_told_in_tables_figures_and_numbers(tiny, tmp_path, capsys):
+def test_a_run_gives_tables_figures_and_results(tiny, tmp_path, capsys):
     out = tmp_path / 'slip'
     assert run.main(['--seeds', '1', '--runs', 'concrete', '--out', str(out),
                  '--data', str(tmp_path)]) == 0
-    said = capsys.readouterr().out
-    for title in (SCENARIOS['concrete'].title, *METHODS.values(), 'published', 'NEES'):
-        assert title in said
-    assert '[mm/s]' in said and '…' not in said  # units are shown, nothing is cut off
+    output = capsys.readouterr().out
+    for title in (SCENARIOS['concrete'].title, *METHODS.values(), 'reference', 'NEES'):
+        assert title in output
+    assert '[mm/s]' in output and '…' not in output  # units are shown, no cell is truncated
     assert {path.name for path in out.iterdir()} == {
         'concrete_slip.png', 'concrete_path.png', 'results.json'}
     concrete = json.loads((out / 'results.json').read_text())['runs']['concrete']
     assert concrete['over_seeds'].keys() == METHODS.keys()
     assert concrete['seeds']['1'][LIVE] == concrete['over_seeds'][LIVE]
-    assert concrete['published']['plain']['left'] == 0.007
+    assert concrete['reference']['plain']['left'] == 0.007
     wheels = concrete['over_seeds']['wheels']
     assert concrete['over_seeds'][LIVE]['slip_left'] < wheels['slip_left']
     assert wheels['nees_slip_left'] is None
 
 
-def test_absent_recordings_are_left_out_with_a_word(tiny, tmp_path, capsys):
+def test_missing_recordings_are_skipped_with_a_message(tiny, tmp_path, capsys):
     assert run.main(['--quick', '--runs', 'concrete', 'warthog_120',
                  '--out', str(tmp_path / 'out'), '--data', str(tmp_path)]) == 0
-    assert f'warthog_120: not in {tmp_path}, left out (--data DIR)' in capsys.readouterr().out
+    assert f'warthog_120: not in {tmp_path}, skipped (--data DIR)' in capsys.readouterr().out
     results = json.loads((tmp_path / 'out' / 'results.json').read_text())
-    assert results['left_out'] == ['warthog_120']
+    assert results['skipped'] == ['warthog_120']
 
 
 def test_an_unknown_run_is_a_usage_error_that_names_the_known_ones(tmp_path, capsys):
     assert run.main(['--runs', 'moon', '--out', str(tmp_path)]) == 2
-    said = capsys.readouterr().err
-    assert 'moon: no such run' in said and 'figure_eight' in said
+    output = capsys.readouterr().err
+    assert 'moon: no such run' in output and 'figure_eight' in output
 
 
-def test_results_that_can_not_be_written_are_said_in_one_line(tiny, tmp_path, capsys):
+def test_an_output_folder_that_cannot_be_created_is_an_error_in_one_line(tiny, tmp_path, capsys):
     (tmp_path / 'file').write_text('')
     assert run.main(['--quick', '--runs', 'concrete', '--data', str(tmp_path),
                  '--out', str(tmp_path / 'file')]) == 2
@@ -63,20 +63,20 @@ def test_results_that_can_not_be_written_are_said_in_one_line(tiny, tmp_path, ca
 
 
 @pytest.mark.parametrize('seeds', ['0', '-1', 'two'])
-def test_seeds_are_a_whole_number_above_zero(seeds, capsys):
+def test_the_number_of_seeds_is_a_positive_integer(seeds, capsys):
     with pytest.raises(SystemExit):
         run.main(['--seeds', seeds])
     assert '--seeds' in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(('share', 'marks'), [(0.9, 0), (1.2, 2), (1.6, 4)])
-def test_what_misses_a_published_target_is_marked(share, marks):
-    target = TARGETS['concrete'].plain
+def test_ratios_above_the_limits_are_marked(share, marks):
+    target = REFERENCE_RESULTS['concrete'].plain
     figures = {'slip_left': share * target.left, 'slip_right': 0.5 * target.right,
                'speed': share * target.speed}
     console = Console(width=160, record=True, file=None)
     with console.capture() as capture:
-        console.print(targets_table({'concrete': {LIVE: figures, SMOOTHED: figures}},
-                                    {'concrete': 'concrete'}, TARGETS))
+        console.print(reference_table({'concrete': {LIVE: figures, SMOOTHED: figures}},
+                                    {'concrete': 'concrete'}, REFERENCE_RESULTS))
     rows = [line for line in capture.get().splitlines() if line.strip().startswith('concrete')]
     assert rows[0].count('!') == marks
