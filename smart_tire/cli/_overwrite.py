@@ -13,7 +13,7 @@ from pathlib import Path
 
 from smart_tire.errors import ParameterError
 
-FIGURES = ('slip.png', 'path.png', 'friction.png', 'contact.png')  # of analysis/figures.py
+FIGURES = ('slip.png', 'path.png', 'friction.png', 'crossing.png')  # of analysis/figures.py
 METADATA = 'metadata.yaml'  # of a bag
 
 
