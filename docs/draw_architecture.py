@@ -86,10 +86,18 @@ def reduced(edges: Edges) -> Edges:
             for room, others in edges.items()}
 
 
-def string_constants(path: Path) -> set[str]:
-    """Return the string literals in a source file."""
-    return {node.value for node in ast.walk(parse(path))
+def string_constants(tree: ast.AST) -> set[str]:
+    """Return the string literals in a syntax tree."""
+    return {node.value for node in ast.walk(tree)
             if isinstance(node, ast.Constant) and isinstance(node.value, str)}
+
+
+def estimator_topics() -> dict[str, set[str]]:
+    """Return node -> topics that ``estimation/streams.py`` declares for its estimator."""
+    return {f'{target.id.lower()}_estimator': string_constants(node.value)
+            for node in parse(PACKAGE / 'estimation' / 'streams.py').body
+            if isinstance(node, ast.Assign) for target in node.targets
+            if isinstance(target, ast.Name)}
 
 
 def contract_topics() -> set[str]:
@@ -111,9 +119,10 @@ def check_rooms(levels: Mapping[str, int], imports: Edges) -> None:
 
 def check_nodes(rows: Iterable[NodeRow]) -> None:
     """Raise ValueError where the table of nodes and the source of a node disagree."""
-    topics = contract_topics()
+    topics, estimators = contract_topics(), estimator_topics()
     for row in rows:
-        constants = string_constants(PACKAGE / 'nodes' / f'{row.name}.py')
+        source = parse(PACKAGE / 'nodes' / f'{row.name}.py')
+        constants = string_constants(source) | estimators.get(row.name, set())
         listed = {*row.subscribes, *row.publishes}
         if unknown := {name for name in listed if name not in constants
                        and not any(name.startswith(f'{word.rstrip("/")}/') for word in constants

@@ -8,10 +8,11 @@ import math
 import time
 
 from smart_tire.analysis.pipeline import EstimatorParams, SlipStage
+from smart_tire.estimation import streams
 from smart_tire.estimation.friction.estimator import FrictionEstimator
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.parameters import FrictionEstimatorParams, RobotParams, SlipEstimatorParams
-from smart_tire.samples import Friction, Icr, Odometry, Sample, TireSample, WheelSample, WheelSlip
+from smart_tire.samples import Friction, Odometry, Sample, TireSample, WheelSample, WheelSlip
 
 WAVEFORM, EXACT_MAP, PRINTED_MAP = 'waveform', 'two_peaks_exact', 'two_peaks_printed'
 METHODS = {WAVEFORM: 'waveform', EXACT_MAP: 'two peaks, exact map',
@@ -54,9 +55,10 @@ def inputs(events: Iterable[Event], source: str, robot: RobotParams) -> list[Sam
                 or topic in ('ground_truth/odom', 'ground_truth/wheel_slip')]
     params = EstimatorParams(
         SlipEstimatorParams(robot=robot), FrictionEstimatorParams(robot=robot))
-    stage = SlipStage.of(params, SlipEstimator(params.slip))
-    return [passed for _, topic, sample in events if not topic.startswith('ground_truth/')
-            for passed in stage.update(sample) if not isinstance(passed, Icr)]
+    stage = SlipStage(params, SlipEstimator(params.slip))
+    return [forwarded for _, topic, sample in events if not topic.startswith('ground_truth/')
+            for forwarded in stage.update(sample)
+            if type(forwarded) in streams.FRICTION.inputs]
 
 
 def _exact(sample: Sample) -> Sample:

@@ -17,6 +17,7 @@ from smart_tire.calibration.robot import geometry, icr
 from smart_tire.calibration.robot.geometry import Geometry
 from smart_tire.calibration.robot.icr import IcrFit
 from smart_tire.errors import BagError, EstimatorError
+from smart_tire.estimation.streams import SLIP
 from smart_tire.parameters import build, known_names, load_files, NODE_PARAMS, RobotParams, specs
 from smart_tire.rotation import matrix
 from smart_tire.samples import ImuSample, Odometry, WheelSample
@@ -65,7 +66,7 @@ def read_recording(path: Path, robot: RobotParams, time_range: TimeRange,
     """Return the inputs of a bag, in axes of ``base_link``, and the reference poses."""
     with Bag(path) as bag:
         topic = _reference(bag, reference)
-        wanted = ('imu/data', 'wheel_states', *([topic] if topic else []))
+        wanted = (*SLIP.inputs.values(), *([topic] if topic else []))
         imu, wheels, poses = Table(6), _Wheels(), Series()
         for _, _, sample in bag.samples(wanted):
             if isinstance(sample, ImuSample):

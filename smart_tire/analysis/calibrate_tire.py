@@ -8,7 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 
 from smart_tire.analysis.calibrate_robot import NO_REFERENCE, read_recording, TimeRange
-from smart_tire.analysis.pipeline import INPUTS
 from smart_tire.analysis.smoothing import SmoothedSlip
 from smart_tire.bags import Bag
 from smart_tire.calibration.film import gains
@@ -17,6 +16,7 @@ from smart_tire.calibration.film.results import GainFit
 from smart_tire.calibration.tire import stiffness
 from smart_tire.calibration.tire.stiffness import StiffnessFit
 from smart_tire.errors import EstimatorError
+from smart_tire.estimation.streams import INPUTS
 from smart_tire.parameters import FrictionEstimatorParams, RobotParams, SlipEstimatorParams
 from smart_tire.parameters.calibration_file import Identified
 from smart_tire.samples import ImuSample, NS_PER_S, Sample, TireSample, WheelSample, WheelSlip

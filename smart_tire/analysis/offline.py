@@ -16,7 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from smart_tire.analysis.pipeline import (
-    ESTIMATES, EstimatorParams, FrictionStage, INPUTS, SlipStage, TRUTHS)
+    EstimatedFriction, ESTIMATES, EstimatorParams, friction_stage, FrictionStage, INPUTS,
+    SlipStage, TRUTHS)
 from smart_tire.analysis.prefetch import prefetch
 from smart_tire.analysis.series import Series
 from smart_tire.analysis.smoothing import SmoothedSlip
@@ -24,13 +25,12 @@ from smart_tire.analysis.stream_statistics import StampLog
 from smart_tire.analysis.summary import estimates_tree, plain, Tree, truth_tree
 from smart_tire.bags import Bag, BagWriter
 from smart_tire.errors import BagError
+from smart_tire.estimation import streams
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.messages import find_topic, topic_of
 from smart_tire.samples import NS_PER_S, Odometry, Sample, WheelSample
 
 BATCH_SIZE = 500  # messages that are sent together from one process to the other
-MISSING_WITHOUT = {'imu/data': 'no odom, wheel_slip and icr', 'tire_samples': 'no tire_friction',
-              'wheel_states': 'no odom, wheel_slip, icr and tire_friction'}
 COMPARED_VALUES = dict(zip(TRUTHS, ('poses', 'slips', 'friction values')))
 
 Progress = Callable[[float], None]  # is called with the completed share, 0 to 1
@@ -80,9 +80,10 @@ class Analysis:
 class EstimateWriter:
     """Runs the friction stage and writes all estimates to a bag and a series."""
 
-    def __init__(self, folder: Path, params: EstimatorParams, bags: ExitStack) -> None:
+    def __init__(self, folder: Path, stage: FrictionStage | EstimatedFriction,
+                 bags: ExitStack) -> None:
         self.estimates = Series()
-        self.stage = FrictionStage(params)
+        self.stage = stage
         self._folder, self._bags = folder, bags
         self._writer: BagWriter | None = None
 
@@ -111,14 +112,16 @@ def analyze(path: Path, out: Path, params: EstimatorParams,
     written if nothing can be estimated; existing estimates are replaced. Raises BagError if the
     bag cannot be read or ``out`` cannot be written.
     """
-    folders = [out / 'estimates', out / 'smoothed'][:1 + smooth]
+    stages = {out / 'estimates': friction_stage(params)}
+    if smooth:
+        stages[out / 'smoothed'] = FrictionStage(params.friction)
     bag_folder = path.resolve() if path.is_dir() else path.resolve().parent
-    for folder in (out, *folders):
+    for folder in (out, *stages):
         if folder.resolve() == bag_folder:
             raise BagError(f'{folder} is the folder of the input bag: choose another')
     analysis = Analysis()
     with ExitStack() as stack:
-        writers = [EstimateWriter(folder, params, stack) for folder in folders]
+        writers = [EstimateWriter(folder, stage, stack) for folder, stage in stages.items()]
         for item in stack.enter_context(closing(prefetch(partial(_read, path, params, smooth)))):
             if isinstance(item, BagContents):
                 analysis.contents = item
@@ -128,7 +131,7 @@ def analyze(path: Path, out: Path, params: EstimatorParams,
     analysis.estimates = writers[0].estimates
     analysis.smoothed = writers[1].estimates if smooth else None
     if not writers[0].empty:
-        analysis.summary = _summary(path, analysis, writers[0].stage)
+        analysis.summary = _summary(path, analysis, writers[0].stage.late)
         _write(out / 'summary.json', analysis.summary)
     return analysis
 
@@ -137,7 +140,7 @@ def _read(path: Path, params: EstimatorParams, smooth: bool) -> Iterator[StageBa
     """Yield the output of the slip stage in batches, and finally the contents of the bag."""
     contents, received = BagContents(), array('q')
     slip = SmoothedSlip(params.slip) if smooth else SlipEstimator(params.slip)
-    stage = SlipStage.of(params, slip)
+    stage = SlipStage(params, slip)
     with Bag(path) as bag:
         start, end = bag.span_ns
         work = (1 + smooth) * max(1, end - start)
@@ -170,7 +173,7 @@ def _read_smoothed(path: Path, slip: SmoothedSlip,
         smoothed = ((receive_ns, estimate) for receive_ns, estimates
                     in zip(received, slip.smoothed()) for estimate in estimates)
         inputs = ((receive_ns, sample) for receive_ns, _, sample
-                  in bag.samples(('wheel_states', 'tire_samples')))
+                  in bag.samples(streams.sensor_inputs(streams.FRICTION)))
         forwarded: list[Received] = []
         for item in heapq.merge(smoothed, inputs, key=itemgetter(0)):
             forwarded.append(item)
@@ -193,9 +196,9 @@ def _remove_old_bag(folder: Path) -> None:
         raise BagError(f'{folder}: cannot be replaced ({error.strerror})') from error
 
 
-def _summary(path: Path, analysis: Analysis, stage: FrictionStage) -> Tree:
+def _summary(path: Path, analysis: Analysis, late: Counter[str]) -> Tree:
     contents = analysis.contents
-    late = contents.late | stage.late  # the larger count if both stages use a topic
+    late = contents.late | late  # the larger count if both stages use a topic
     inputs = {topic: {**asdict(stats), 'late': late[topic], 'rejected': contents.rejected[topic]}
               for topic, stats in contents.stamps.stats().items()}
     tree = {'bag': str(path), 'duration_s': plain(contents.duration_s),
@@ -214,7 +217,7 @@ def _evaluation(estimates: Series, contents: BagContents) -> Tree:
 def _skipped(bag: Bag, contents: BagContents, film_wheels: Sequence[str]) -> list[str]:
     """Return what was not read, used or estimated, with the reasons."""
     available = bag.match((*INPUTS, *TRUTHS))
-    lines = [f'{name} is not in the bag: {missing}' for name, missing in MISSING_WITHOUT.items()
+    lines = [f'{name} is not in the bag: no {_outputs(name)}' for name in INPUTS
              if name not in available]
     if contents.without_positions:
         lines.append(f'positions of wheel_states: missing in {contents.without_positions} '
@@ -229,6 +232,14 @@ def _skipped(bag: Bag, contents: BagContents, film_wheels: Sequence[str]) -> lis
     if np.isnan(contents.truth.poses().twist).any():
         lines.append('ground_truth/odom has no twist: no errors of speeds')
     return lines + _unread_topics(bag, available)
+
+
+def _outputs(name: str) -> str:
+    """Return the topics of the estimators with the input ``name``, as text."""
+    *others, last = (topic for estimator in (streams.SLIP, streams.FRICTION)
+                     if name in estimator.inputs.values()
+                     for topic in estimator.outputs.values())
+    return f'{", ".join(others)} and {last}' if others else last
 
 
 def _unread_topics(bag: Bag, available: dict[str, str]) -> list[str]:

@@ -8,19 +8,19 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from smart_tire.analysis.smoothing import SmoothedSlip
+from smart_tire.estimation import streams
 from smart_tire.estimation.friction.estimator import FrictionEstimator
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.parameters import (
     build, FrictionEstimatorParams, known_names, load_files, NODE_PARAMS, RobotParams,
     SlipEstimatorParams, specs)
 from smart_tire.samples import (
-    Friction, Icr, ImuSample, Odometry, Sample, TireSample, WheelSample, WheelSlip)
+    Friction, Icr, ImuSample, Odometry, Sample, WheelSample, WheelSlip)
 
-INPUTS = ('imu/data', 'wheel_states', 'tire_samples')
-ESTIMATES = ('odom', 'wheel_slip', 'icr', 'tire_friction')
+INPUTS, ESTIMATES = streams.INPUTS, streams.ESTIMATES
 TRUTHS = tuple(f'ground_truth/{name}' for name in ('odom', 'wheel_slip', 'tire_friction'))
 
-Estimate = Odometry | WheelSlip | Icr | Friction
+EstimateRecord = Odometry | WheelSlip | Icr | Friction
 
 
 @dataclass(frozen=True)
@@ -47,74 +47,90 @@ class EstimatorParams:
 
 class SlipStage:
     """
-    The slip estimator: inputs in; its estimates, and what the friction estimator needs, out.
+    The slip estimator: inputs in; its estimates and the inputs of the friction estimator out.
 
-    ``films`` is a friction estimator of its own, for one that is aided by the films: what it says
-    goes back into it.
+    With ``slip.film_aided`` it contains a friction estimator, whose results it also forwards.
     """
 
-    def __init__(self, slip: SlipEstimator | SmoothedSlip,
-                 films: FrictionEstimator | None = None) -> None:
-        self._slip, self._films = slip, films
-
-    @classmethod
-    def of(cls, params: EstimatorParams, slip: SlipEstimator | SmoothedSlip) -> SlipStage:
-        """Return the stage with all that ``params`` ask for."""
-        aided = params.slip.robot.slip.film_aided
-        return cls(slip, FrictionEstimator(params.friction) if aided else None)
+    def __init__(self, params: EstimatorParams, slip: SlipEstimator | SmoothedSlip) -> None:
+        self._slip = slip
+        self._friction = (FrictionEstimator(params.friction)
+                          if params.slip.robot.slip.film_aided else None)
 
     def update(self, sample: Sample) -> list[Sample]:
-        """Take an input in the order of reception."""
-        passed: list[Sample] = []
+        """Process an input, in order of reception."""
+        forwarded: list[Sample] = []
         if isinstance(sample, (ImuSample, WheelSample)):
-            passed += self._slip.update(sample)
-        if isinstance(sample, (TireSample, WheelSample)):
-            passed.append(sample)
-        if self._films is not None:
-            self._aid(self._films, passed)
-        return passed
+            forwarded += self._slip.update(sample)
+        if type(sample) in streams.FRICTION.inputs:
+            forwarded.append(sample)
+        if self._friction is None:
+            return forwarded
+        return [output for item in forwarded for output in self._aid(self._friction, item)]
 
-    def _aid(self, films: FrictionEstimator, passed: list[Sample]) -> None:
-        for item in passed:
-            if not isinstance(item, Icr):
-                for crossing in films.update(item):
-                    self._slip.update(crossing)
+    def _aid(self, friction: FrictionEstimator, item: Sample) -> list[Sample]:
+        """Return ``item`` and the friction estimates from it; correct slip with these."""
+        estimates = friction.update(item) if type(item) in streams.FRICTION.inputs else []
+        for estimate in estimates:
+            self._slip.update(estimate)
+        return [item, *estimates]
 
     @property
     def late(self) -> Counter[str]:
-        """Return topic -> samples that came too late."""
-        return self._slip.late
+        """Return topic -> number of late samples."""
+        late = self._slip.late
+        return late if self._friction is None else late | self._friction.late
 
 
 class FrictionStage:
-    """The friction estimator behind the slip estimator: what that passes in, estimates out."""
+    """The friction estimator after the slip stage: output of that in, estimates out."""
 
-    def __init__(self, params: EstimatorParams) -> None:
-        self._friction = FrictionEstimator(params.friction)
+    def __init__(self, params: FrictionEstimatorParams) -> None:
+        self._friction = FrictionEstimator(params)
 
-    def update(self, sample: Sample) -> list[Estimate]:
-        """Take what the slip stage passes on, in order."""
-        estimates: list[Estimate] = []
+    def update(self, sample: Sample) -> list[EstimateRecord]:
+        """Process output of the slip stage, in order."""
+        estimates: list[EstimateRecord] = []
         if isinstance(sample, (Odometry, WheelSlip, Icr)):
             estimates.append(sample)
-        if not isinstance(sample, Icr):
+        if type(sample) in streams.FRICTION.inputs:
             estimates += self._friction.update(sample)
         return estimates
 
     @property
     def late(self) -> Counter[str]:
-        """Return topic -> samples that came too late."""
+        """Return topic -> number of late samples."""
         return self._friction.late
 
 
+class EstimatedFriction:
+    """Replacement of the friction stage after a slip stage that estimates friction, too."""
+
+    def update(self, sample: Sample) -> list[EstimateRecord]:
+        """Return the estimates in the output of the slip stage."""
+        return [sample] if isinstance(sample, (Odometry, WheelSlip, Icr, Friction)) else []
+
+    @property
+    def late(self) -> Counter[str]:
+        """Return no late samples; those are counted by the slip stage."""
+        return Counter()
+
+
+def friction_stage(params: EstimatorParams) -> FrictionStage | EstimatedFriction:
+    """Return the stage after a ``SlipStage`` with the same parameters."""
+    if params.slip.robot.slip.film_aided:
+        return EstimatedFriction()
+    return FrictionStage(params.friction)
+
+
 class Pipeline:
-    """Both stages in one: inputs in, estimates out."""
+    """Both stages: inputs in, estimates out."""
 
     def __init__(self, params: EstimatorParams) -> None:
-        self._slip = SlipStage.of(params, SlipEstimator(params.slip))
-        self._friction = FrictionStage(params)
+        self._slip = SlipStage(params, SlipEstimator(params.slip))
+        self._friction = friction_stage(params)
 
-    def update(self, sample: Sample) -> list[Estimate]:
-        """Take an input in the order of reception; return what can be told since."""
-        return [estimate for passed in self._slip.update(sample)
-                for estimate in self._friction.update(passed)]
+    def update(self, sample: Sample) -> list[EstimateRecord]:
+        """Process an input, in order of reception; return the estimates that it completes."""
+        return [estimate for forwarded in self._slip.update(sample)
+                for estimate in self._friction.update(forwarded)]

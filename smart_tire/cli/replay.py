@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 from smart_tire.cli._arguments import positive
 from smart_tire.cli._output import print_counts, print_warnings
 from smart_tire.errors import BagError
+from smart_tire.estimation.streams import INPUTS
 
 if TYPE_CHECKING:
     from smart_tire.bags import Bag
 
 NAME = 'replay'
 HELP = 'publish the estimator inputs of a bag at the recorded rate'
-INPUTS = ('imu/data', 'wheel_states', 'tire_samples')
 CLOCK = '/clock'
 FAILED = 1
 MIN_RATE_SHARE = 0.9  # of the requested rate; a slower replay is reported

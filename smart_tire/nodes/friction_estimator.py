@@ -5,9 +5,11 @@ from __future__ import annotations
 import sys
 
 from smart_tire.estimation.friction.estimator import FrictionEstimator
+from smart_tire.estimation.streams import FRICTION
 from smart_tire.nodes.base import run
 from smart_tire.nodes.estimator import EstimatorNode
 from smart_tire.parameters import FrictionEstimatorParams
+from smart_tire.samples import TireSample
 
 
 class FrictionEstimatorNode(EstimatorNode[FrictionEstimatorParams]):
@@ -15,12 +17,11 @@ class FrictionEstimatorNode(EstimatorNode[FrictionEstimatorParams]):
 
     def __init__(self) -> None:
         super().__init__('friction_estimator', FrictionEstimatorParams, FrictionEstimator,
-                         ('tire_friction',))
+                         tuple(FRICTION.outputs.values()))
         wheels = len(self.params.robot.film.wheels)
-        for name, sources in (('tire_samples', wheels), ('wheel_states', 1), ('wheel_slip', 1),
-                              ('odom', 1)):
-            self.subscribe(name, self.feed, wheels=sources, required=True,
-                           reliability=self.params.reliability)
+        for kind, name in FRICTION.inputs.items():
+            self.subscribe(name, self.feed, wheels=wheels if kind is TireSample else 1,
+                           required=True, reliability=self.params.reliability)
 
 
 def main() -> int:

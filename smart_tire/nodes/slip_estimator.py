@@ -8,6 +8,7 @@ from geometry_msgs.msg import TransformStamped
 from std_srvs.srv import Trigger
 
 from smart_tire.estimation.slip.estimator import SlipEstimator
+from smart_tire.estimation.streams import SLIP
 from smart_tire.messages import fill_transform
 from smart_tire.nodes.base import run
 from smart_tire.nodes.compat import transforms
@@ -21,15 +22,16 @@ class SlipEstimatorNode(EstimatorNode[SlipEstimatorParams]):
     """The slip estimator with its topics, /tf where there is one, and its service."""
 
     core: SlipEstimator
-    feedback = ('tire_friction',)
+    feedback = tuple(SLIP.aiding.values())
 
     def __init__(self) -> None:
         super().__init__('slip_estimator', SlipEstimatorParams, SlipEstimator,
-                         ('odom', 'wheel_slip', 'icr'))
-        for name in ('imu/data', 'wheel_states'):
+                         tuple(SLIP.outputs.values()))
+        for name in SLIP.inputs.values():
             self.subscribe(name, self.feed, reliability=self.params.reliability, required=True)
         if self.params.robot.slip.film_aided:
-            self.subscribe('tire_friction', self.feed, wheels=len(self.params.robot.film.wheels))
+            for name in SLIP.aiding.values():
+                self.subscribe(name, self.feed, wheels=len(self.params.robot.film.wheels))
         self.create_service(Trigger, 'reset_odometry', self._on_reset_odometry)
         self._tf = transforms()
         if self._tf is not None:

@@ -7,9 +7,10 @@ import pytest
 from benchmarks.scenarios import SCENARIOS
 from smart_tire.bags import BagWriter
 from smart_tire.cli.main import main
+from smart_tire.estimation.streams import SLIP
 from smart_tire.parameters import load_files, SlipEstimatorParams, specs
 
-INPUTS = ('imu/data', 'wheel_states')
+INPUTS = SLIP.inputs.values()
 
 
 def written(name, seed, folder):

@@ -53,7 +53,8 @@ def test_a_charge_column_of_another_name_can_be_given(params, tmp_path, capsys):
     assert out.exists() and out.with_suffix('.png').exists()
 
 
-@pytest.mark.parametrize('columns, why', [('t', 'expected two or three names'), ('t,q,r', 'expected r')])
+@pytest.mark.parametrize('columns, why', [
+    ('t', 'expected two or three names'), ('t,q,r', 'expected r')])
 def test_missing_columns_are_rejected(params, tmp_path, columns, why):
     recording = several_loops(2)
     write_columns(tmp_path / 'data.csv', ('t', 'q'), (recording.time, recording.output))

@@ -165,7 +165,7 @@ def test_a_folder_next_to_a_bag_is_accepted(bag, out, here):
 
 def test_the_demo_deletes_its_own_files_only(here):
     own = [make(here / 'out' / name) for name in (
-        'summary.json', 'conversions.csv', 'demo.yaml', 'figures/slip.png', 'figures/contact.png',
+        'summary.json', 'conversions.csv', 'demo.yaml', 'figures/slip.png', 'figures/crossing.png',
         'logs/recorder.log', 'logs/imu_driver.log', 'ports/imu', 'bag/bag_0.mcap',
         'bag/metadata.yaml')]
     others = [make(here / 'out' / name) for name in (

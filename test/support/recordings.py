@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from smart_tire.bags import BagWriter
+from smart_tire.estimation.streams import INPUTS as INPUTS
 from smart_tire.samples import ImuSample, NS_PER_S, Odometry, TireSample, WheelSample
 
 START_NS = 1_700_000_000 * NS_PER_S
-INPUTS = ('imu/data', 'wheel_states', 'tire_samples')
 BATCH = 16  # tire samples per radio batch
 
 

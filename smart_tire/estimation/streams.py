@@ -1,0 +1,46 @@
+"""
+Connections of the estimators: which streams each of them processes and which it publishes.
+
+Nodes, offline analysis, calibration and tests all use this table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from smart_tire.samples import (
+    Friction, Icr, ImuSample, Odometry, TireSample, WheelSample, WheelSlip)
+
+Topics = Mapping[type[Any], str]  # class of the samples -> topic
+
+
+@dataclass(frozen=True)
+class Streams:
+    """Streams of one estimator."""
+
+    inputs: Topics
+    outputs: Topics
+    aiding: Topics = field(default_factory=dict)  # inputs with ``slip.film_aided`` only
+
+
+SLIP = Streams(
+    inputs={ImuSample: 'imu/data', WheelSample: 'wheel_states'},
+    outputs={Odometry: 'odom', WheelSlip: 'wheel_slip', Icr: 'icr'},
+    aiding={Friction: 'tire_friction'})
+FRICTION = Streams(
+    inputs={WheelSample: 'wheel_states', TireSample: 'tire_samples', Odometry: 'odom',
+            WheelSlip: 'wheel_slip'},
+    outputs={Friction: 'tire_friction'})
+
+ESTIMATES = (*SLIP.outputs.values(), *FRICTION.outputs.values())
+
+
+def sensor_inputs(*estimators: Streams) -> tuple[str, ...]:
+    """Return the topics that ``estimators`` process and no estimator publishes."""
+    topics = (topic for streams in estimators for topic in streams.inputs.values())
+    return tuple(dict.fromkeys(topic for topic in topics if topic not in ESTIMATES))
+
+
+INPUTS = sensor_inputs(SLIP, FRICTION)

@@ -1,0 +1,26 @@
+"""The table of streams agrees with the topics of the messages."""
+
+from __future__ import annotations
+
+import pytest
+
+from smart_tire.estimation.streams import ESTIMATES, FRICTION, INPUTS, sensor_inputs, SLIP
+from smart_tire.messages import TOPICS
+
+
+@pytest.mark.parametrize('streams', [SLIP, FRICTION])
+def test_samples_travel_on_their_topics(streams):
+    for topics in (streams.inputs, streams.outputs, streams.aiding):
+        for kind, name in topics.items():
+            assert TOPICS[name].sample is kind
+
+
+def test_sensor_inputs_are_not_published_by_an_estimator():
+    assert INPUTS == ('imu/data', 'wheel_states', 'tire_samples')
+    assert sensor_inputs(FRICTION) == ('wheel_states', 'tire_samples')
+    assert not set(INPUTS) & set(ESTIMATES)
+
+
+def test_each_estimate_has_one_source():
+    assert ESTIMATES == ('odom', 'wheel_slip', 'icr', 'tire_friction')
+    assert set(SLIP.aiding.values()) <= set(FRICTION.outputs.values())
