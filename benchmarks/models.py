@@ -51,7 +51,8 @@ class Figure(NamedTuple):
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Print the table; return the exit status."""
-    parse_no_arguments('models', 'measure the speed of the models, compared with general solvers', argv)
+    parse_no_arguments(
+        'models', 'measure the speed of the models, compared with general solvers', argv)
     print(machine())
     return run_benchmark('models', print_models)
 
