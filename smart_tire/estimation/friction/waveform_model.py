@@ -1,9 +1,9 @@
 """
-The output of all films of a wheel in one passage, and its Jacobian.
+Output of all films of a wheel in one patch crossing, and its Jacobian: Fig. 8 with B(15), B(23).
 
-Samples lie over the rolled distance, in the direction of motion and up to a constant. What the
-films share comes first in the parameters, then a block of each film, and at last the errors of the
-distances [m] that Legendre polynomials of order 2, 3, ... over all samples describe.
+Samples are given over rolled distance in the direction of motion, up to a constant. The parameters
+are those that the films share, then a block for each film, then the coefficients [m] of Legendre
+polynomials of order 2, 3, ... that describe the distance errors over all samples.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from enum import IntEnum
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,45 +21,54 @@ from smart_tire.models.tire import strain_charge, tread_film
 from smart_tire.parameters.robot import RobotParams
 
 
-LEAST_SLIDING = 0.01  # -, below, the model goes on linearly: noise may make a sliding negative
+MIN_NORMALIZED_SLIP = 0.01  # -, the model is linear below: noise may make the parameter negative
 
 
 class Shared(IntEnum):
     """Parameters that all films of a wheel share."""
 
-    SLIP = 0     # -, B(3)'s lambda where the distance is the reference
-    SLIDING = 1  # -, total slip / critical slip there
-    GROWTH = 2   # -, relative change of the slip over a contact length ...
-    SPREAD = 3   # -, ... and of the sliding share: the lateral slip changes as it likes
-    SCALE = 4    # -, relative error of the distances' scale
-    ALPHA = 5    # -, ln of B(15)'s alpha over the nominal one
-    LENGTH = 6   # -, ln of the contact length over the nominal one
+    SLIP = 0     # -, slip ratio of B(3) at the reference distance
+    SLIDING = 1  # -, normalized slip there: total slip / critical slip
+    GROWTH = 2   # -, relative change of the slip ratio over a contact length
+    SPREAD = 3   # -, that of the normalized slip, which includes the lateral slip
+    SCALE = 4    # -, relative error of the distance scale
+    ALPHA = 5    # -, ln of alpha in B(15) over its nominal value
+    LENGTH = 6   # -, ln of the contact length over its nominal value
 
 
 class Own(IntEnum):
     """Parameters of one film."""
 
-    PLACE = 0     # m, distance at which film's and patch's middle coincide
+    PLACE = 0     # m, distance at which the centers of film and patch coincide
     OFFSET = 1    # V
     BENDING = 2   # V, q_bm
-    BEFORE = 3    # V, height of the bump before the contact ...
-    AFTER = 4     # V, ... and behind it
+    BEFORE = 3    # V, height of the bump before the contact
+    AFTER = 4     # V, height of the bump after it
     GAIN = 5      # -, relative error of the stretch gain
-    RECOVERY = 6  # -, ln of the recovery over the nominal one
+    RECOVERY = 6  # -, ln of the recovery length over its nominal value
+
+
+class StrainPart(NamedTuple):
+    """Strain part of the output [V] and its partial derivatives; (n,) each."""
+
+    volts: Array
+    by_gain: Array            # by the relative error of the gain
+    by_position: Array        # per m of x
+    by_contact_length: Array  # per m of L
 
 
 def own(film: int, which: Own) -> int:
-    """Return the index of a parameter of the ``film``-th film of a passage."""
+    """Return the index of a parameter of the ``film``-th film of a crossing."""
     return len(Shared) + len(Own) * film + which
 
 
 class WaveformModel:
     """
-    ``tread_film.crossing_voltage`` with bumps for films of a wheel in one passage.
+    Output of the films of a wheel in one patch crossing, for a vector of parameters.
 
-    ``gains`` [V/m] are the nominal ones of all films of the wheel; ``reference`` [m] is the
-    distance for which slip and sliding of ``Shared`` are told, ``warps`` how many polynomials
-    describe the errors of the distances.
+    ``gains`` [V/m] are the nominal stretch gains of all films of the wheel, ``reference`` [m] is
+    the distance at which ``Shared.SLIP`` and ``Shared.SLIDING`` apply, and ``warps`` is the number
+    of polynomials for the distance errors.
     """
 
     def __init__(self, robot: RobotParams, gains: Sequence[float], films: Sequence[FilmSamples],
@@ -68,70 +78,79 @@ class WaveformModel:
         self._index = np.repeat(np.arange(len(films)), np.diff(self._ends))
         self._gain = np.array([gains[one.film] for one in films])[self._index]
         self._distance = np.concatenate([one.distance for one in films])
-        self._far = (self._distance - reference) / self._patch
+        # from the reference, in contact lengths
+        self._relative = (self._distance - reference) / self._patch
         self._own = slice(len(Shared), own(len(films), Own.PLACE))
         low, high = float(self._distance.min()), float(self._distance.max())
         even = (2.0 * self._distance - low - high) / max(high - low, self._patch)
-        self._warps = _legendre(even, warps)
+        self._polynomials = _legendre(even, warps)
 
     def linearised(self, p: Array) -> tuple[Array, Array]:
         """
-        Return the output above rest [V] and its slopes.
+        Return the output above rest [V] and its Jacobian for the parameters ``p`` (m,).
 
-        Shapes are (n,) and (m, n) for n samples of all films and m parameters.
+        Shapes are (n,) and (m, n) for n samples of all films.
         """
         films = p[self._own].reshape(-1, len(Own)).copy()
         films[:, Own.RECOVERY] = tread_film.RECOVERY * np.exp(films[:, Own.RECOVERY])
-        place, offset, bending, before, after, gain, tail = films.take(self._index, axis=0).T
-        slip, sliding, growth, spread, scale, alpha, length = p[:len(Shared)].tolist()
+        center, offset, peak, before, after, gain, recovery = films.T.take(self._index, axis=1)
+        scale, alpha, length = p[Shared.SCALE:len(Shared)].tolist()
         alpha, patch = self._film.bending_alpha * math.exp(alpha), self._patch * math.exp(length)
-        way = self._distance - place
-        x = (way * (1.0 + scale) + p[self._own.stop:] @ self._warps
+        distance = self._distance - center
+        x = (distance * (1.0 + scale) + p[self._own.stop:] @ self._polynomials
              + 0.5 * (patch - self._film.length))
 
-        bend = tread_film.bending(x, self._film.length, patch, alpha, self._film.release, tail)
+        bend = tread_film.bending(x, self._film.length, patch, alpha, self._film.release, recovery)
         bump = tread_film.bumps(x, self._film.length, patch)
         height = np.where(bump.after, after, before)
-        grown, spreads = 1.0 + growth * self._far, 1.0 + spread * self._far
-        local = sliding * spreads
-        inside = np.maximum(local, LEAST_SLIDING)
-        strain = strain_charge.overlap(x, inside, self._film.length, patch)
-        unit = strain.value + (local - inside) * strain.by_normalized_slip
+        jacobian = np.zeros((len(p), len(x)))
+        strain = self._strain(x, patch, p, gain, jacobian)
 
-        slopes = np.zeros((len(p), len(x)))
-        volts_per = self._gain * grown  # per metre of strain and unit of SLIP, but for GAIN
-        per_gain = slip * volts_per * unit
-        volts_per *= 1.0 + gain
-        by_slip = np.multiply(volts_per, unit, out=slopes[Shared.SLIP])
-        pull = slip * volts_per  # V/m
-        stretched = slip * by_slip
-        by_sliding = pull * strain.by_normalized_slip
-        by_place = (bending * bend.by_position + pull * strain.by_position
-                    - height * bump.by_position)
-        np.multiply(by_sliding, spreads, out=slopes[Shared.SLIDING])
-        np.multiply(self._far, stretched / grown, out=slopes[Shared.GROWTH])
-        np.multiply(self._far, sliding * by_sliding, out=slopes[Shared.SPREAD])
-        np.multiply(by_place, way, out=slopes[Shared.SCALE])
-        np.multiply(alpha * bending, bend.by_alpha, out=slopes[Shared.ALPHA])
-        np.multiply(patch, bending * bend.by_contact_length + pull * strain.by_contact_length
-                    - height * bump.by_contact_length + 0.5 * by_place, out=slopes[Shared.LENGTH])
-        np.multiply(by_place, self._warps, out=slopes[self._own.stop:])
-        each = np.empty((len(Own), len(x)))
-        np.multiply(by_place, -1.0 - scale, out=each[Own.PLACE])
-        each[Own.OFFSET], each[Own.BENDING], each[Own.GAIN] = 1.0, bend.value, per_gain
-        np.multiply(bump.value, bump.after - 1.0, out=each[Own.BEFORE])
-        np.multiply(bump.value, -1.0 * bump.after, out=each[Own.AFTER])
-        np.multiply(bending * bend.by_recovery, tail, out=each[Own.RECOVERY])
+        by_position = (peak * bend.by_position + strain.by_position
+                       - height * bump.by_position)
+        np.multiply(by_position, distance, out=jacobian[Shared.SCALE])
+        np.multiply(alpha * peak, bend.by_alpha, out=jacobian[Shared.ALPHA])
+        np.multiply(patch, peak * bend.by_contact_length + strain.by_contact_length
+                    - height * bump.by_contact_length + 0.5 * by_position,
+                    out=jacobian[Shared.LENGTH])
+        np.multiply(by_position, self._polynomials, out=jacobian[self._own.stop:])
+        block = np.empty((len(Own), len(x)))
+        np.multiply(by_position, -1.0 - scale, out=block[Own.PLACE])
+        block[Own.OFFSET], block[Own.BENDING], block[Own.GAIN] = 1.0, bend.value, strain.by_gain
+        np.multiply(bump.value, bump.after - 1.0, out=block[Own.BEFORE])
+        np.multiply(bump.value, -1.0 * bump.after, out=block[Own.AFTER])
+        np.multiply(peak * bend.by_recovery, recovery, out=block[Own.RECOVERY])
         for i, (low, high) in enumerate(zip(self._ends, self._ends[1:])):
-            slopes[own(i, Own.PLACE):own(i + 1, Own.PLACE), low:high] = each[:, low:high]
-        output = offset + bending * bend.value + stretched - height * bump.value
-        return output, slopes
+            jacobian[own(i, Own.PLACE):own(i + 1, Own.PLACE), low:high] = block[:, low:high]
+        return offset + peak * bend.value + strain.volts - height * bump.value, jacobian
+
+    def _strain(self, x: Array, patch: float, p: Array, gain: Array, jacobian: Array
+                ) -> StrainPart:
+        """Return the strain part; write its rows SLIP to SPREAD into ``jacobian``."""
+        slip, sliding, growth, spread = p[:Shared.SCALE].tolist()
+        slip_factor, normalized_factor = (1.0 + change * self._relative
+                                          for change in (growth, spread))
+        normalized = sliding * normalized_factor
+        limited = np.maximum(normalized, MIN_NORMALIZED_SLIP)
+        overlap = strain_charge.overlap(x, limited, self._film.length, patch)
+        length = overlap.value + (normalized - limited) * overlap.by_normalized_slip
+        gains = self._gain * slip_factor  # V/m per unit of SLIP
+        by_gain = slip * gains * length
+        gains *= 1.0 + gain
+        by_slip = np.multiply(gains, length, out=jacobian[Shared.SLIP])
+        volts, factor = slip * by_slip, slip * gains
+        by_sliding = factor * overlap.by_normalized_slip
+        np.multiply(by_sliding, normalized_factor, out=jacobian[Shared.SLIDING])
+        np.multiply(self._relative, volts / slip_factor, out=jacobian[Shared.GROWTH])
+        np.multiply(self._relative, sliding * by_sliding, out=jacobian[Shared.SPREAD])
+        return StrainPart(volts, by_gain, factor * overlap.by_position,
+                          factor * overlap.by_contact_length)
 
 
 def _legendre(x: Array, count: int) -> Array:
     """Return the Legendre polynomials of order 2 to ``count`` + 1 at ``x``, (count, n)."""
-    found = np.empty((count + 2, len(x)))
-    found[0], found[1] = 1.0, x
+    values = np.empty((count + 2, len(x)))
+    values[0], values[1] = 1.0, x
     for k in range(2, count + 2):
-        found[k] = ((2 * k - 1) / k) * x * found[k - 1] - ((k - 1) / k) * found[k - 2]
-    return found[2:]
+        values[k] = ((2 * k - 1) / k) * x * values[k - 1] - ((k - 1) / k) * values[k - 2]
+    return values[2:]

@@ -130,7 +130,7 @@ def bending_shape(flat_length: Array, film_length: float, alpha: float) -> Bendi
     h = 0.5 * alpha * film_length
     small = h < MAX_LAG_SERIES_H
     lag, growth = _charge_terms(0.5 * alpha * u, small)
-    full_lag, full_growth = _charge_terms(h, small)
+    full_lag, full_growth = (float(term) for term in _charge_terms(h, small))
     scale, shape = 0.5 / full_lag, lag / full_lag
     by_alpha = scale * (u * growth - (film_length * full_growth) * shape)
     return BendingShape(shape, (scale * alpha) * growth * (u == flat_length), by_alpha)

@@ -1,4 +1,4 @@
-"""The output of all films of a wheel is that of the passage model, and its slopes are slopes."""
+"""Output of all films of a wheel, compared with the crossing model, and its Jacobian."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ L, FILM = ROBOT.tire.contact_length, ROBOT.film.length
 GAINS, PEAKS = ROBOT.film.stretch_gain, ROBOT.film.bending_peak
 
 
-def samples(film, middle, count=97):
-    distance = middle + np.linspace(-0.061, 0.0613, count)
+def samples(film, center, count=97):
+    distance = center + np.linspace(-0.061, 0.0613, count)
     return FilmSamples(film, distance, np.zeros(count), np.zeros(count, np.int8))
 
 
@@ -33,8 +33,8 @@ def parameters(**shared):
     return p
 
 
-def expected(one, middle, slip, sliding, peak, gain):
-    x = one.distance - middle + 0.5 * (L - FILM)
+def expected(one, center, slip, sliding, peak, gain):
+    x = one.distance - center + 0.5 * (L - FILM)
     volts = tread_film.crossing_voltage(
         x, slip=slip, total_slip=1.3 * abs(slip), critical_slip=1.3 * abs(slip) / sliding,
         film_length=FILM, contact_length=L, bending_peak=peak,
@@ -44,7 +44,7 @@ def expected(one, middle, slip, sliding, peak, gain):
 
 
 @pytest.mark.parametrize('slip', [0.1, -0.2])
-def test_the_output_is_that_of_the_passage_model(slip):
+def test_the_output_is_that_of_the_crossing_model(slip):
     model = WaveformModel(ROBOT, GAINS, FILMS, 0.0)
     output, _ = model.linearised(parameters(SLIP=slip))
     volts = [expected(one, 0.03 * i, slip, 0.2, PEAKS[i], GAINS[i]) for i, one in enumerate(FILMS)]
@@ -53,43 +53,43 @@ def test_the_output_is_that_of_the_passage_model(slip):
 
 @pytest.mark.parametrize('release', ['fig8', 'state'])
 @pytest.mark.parametrize('sliding', [-0.1, 0.2, 0.8, 1.3])
-def test_the_slopes_are_those_of_the_output(release, sliding):
+def test_the_jacobian_agrees_with_finite_differences(release, sliding):
     robot = build(RobotParams, {'film.release': release})
     model = WaveformModel(robot, GAINS, FILMS, 0.011)
     p = parameters(SLIDING=sliding, GROWTH=0.04, SCALE=0.01, ALPHA=0.03, LENGTH=-0.04)
     p[own(0, Own.OFFSET)], p[own(1, Own.GAIN)], p[own(1, Own.RECOVERY)] = 0.01, -0.02, 0.2
-    _, slopes = model.linearised(p)
+    _, jacobian = model.linearised(p)
     for k in range(len(p)):
         if sliding < 0.0 and k == Shared.LENGTH:
-            continue  # where no tire can be, that of the contact length is a rough one
+            continue  # an approximation in the extrapolated range
         step = np.zeros_like(p)
         step[k] = 1e-7
         found = (model.linearised(p + step)[0] - model.linearised(p - step)[0]) / 2e-7
-        size = max(np.abs(slopes[k]).max(), 0.1)
-        # slopes jump where the film begins and ceases to leave
-        assert np.mean(np.abs(found - slopes[k]) > 1e-4 * size) < 0.01, k
+        size = max(np.abs(jacobian[k]).max(), 0.1)
+        # derivatives jump where the film begins and ceases to leave
+        assert np.mean(np.abs(found - jacobian[k]) > 1e-4 * size) < 0.01, k
 
 
-def test_growth_is_the_change_of_the_slip_over_a_contact_length():
+def test_growth_is_the_relative_change_of_the_slip_over_a_contact_length():
     model = WaveformModel(ROBOT, GAINS, FILMS, 0.0)
-    far = np.concatenate([one.distance for one in FILMS]) / L
-    still, growing = (model.linearised(parameters(GROWTH=g)) for g in (0.0, 0.5))
-    by_slip, by_sliding = still[1][Shared.SLIP], still[1][Shared.SLIDING]
-    near = np.abs(far) < 0.02
-    expected = 0.5 * far * (0.1 * by_slip + 0.2 * by_sliding)
-    np.testing.assert_allclose((growing[0] - still[0])[near], expected[near], atol=1e-5)
+    relative = np.concatenate([one.distance for one in FILMS]) / L
+    constant, growing = (model.linearised(parameters(GROWTH=g)) for g in (0.0, 0.5))
+    by_slip, by_sliding = constant[1][Shared.SLIP], constant[1][Shared.SLIDING]
+    near = np.abs(relative) < 0.02
+    expected = 0.5 * relative * (0.1 * by_slip + 0.2 * by_sliding)
+    np.testing.assert_allclose((growing[0] - constant[0])[near], expected[near], atol=1e-5)
 
 
-def test_a_scale_stretches_each_film_about_its_own_place():
-    wide = parameters(SCALE=0.02)
+def test_a_scale_error_expands_each_film_about_its_center():
+    expanded = parameters(SCALE=0.02)
     model = WaveformModel(ROBOT, GAINS, FILMS, 0.0)
-    shrunk = tuple(FilmSamples(one.film, 0.03 * i + 1.02 * (one.distance - 0.03 * i), one.volts,
+    scaled = tuple(FilmSamples(one.film, 0.03 * i + 1.02 * (one.distance - 0.03 * i), one.volts,
                                one.rail) for i, one in enumerate(FILMS))
-    direct = WaveformModel(ROBOT, GAINS, shrunk, 0.0).linearised(parameters())[0]
-    np.testing.assert_allclose(model.linearised(wide)[0], direct, atol=1e-12)
+    direct = WaveformModel(ROBOT, GAINS, scaled, 0.0).linearised(parameters())[0]
+    np.testing.assert_allclose(model.linearised(expanded)[0], direct, atol=1e-12)
 
 
-def test_a_negative_sliding_goes_on_linearly():
+def test_the_output_is_linear_for_negative_normalized_slip():
     model = WaveformModel(ROBOT, GAINS, FILMS, 0.0)
     outputs = [model.linearised(parameters(SLIDING=w))[0] for w in (-0.2, -0.1, 0.0)]
     np.testing.assert_allclose(outputs[0] - outputs[1], outputs[1] - outputs[2], atol=1e-12)
