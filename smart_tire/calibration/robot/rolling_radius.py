@@ -17,6 +17,7 @@ The slip of straight free rolling is included in the radius, by definition of a 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 import math
 
@@ -27,8 +28,8 @@ from smart_tire.arrays import Array
 from smart_tire.calibration.recording import PoseRecord, WheelRecord
 from smart_tire.calibration.robot.rolled_distance import WheelRotationLog
 from smart_tire.errors import EstimatorError
-from smart_tire.numerics.regression import sandwich_covariance
-from smart_tire.numerics.robust import measurement_noise, noise_level
+from smart_tire.numerics.regression import HUBER_THRESHOLD, Prior, robust_regression
+from smart_tire.numerics.robust import noise_level
 from smart_tire.parameters import RobotParams
 from smart_tire.uncertain import Uncertain
 
@@ -43,8 +44,6 @@ REFERENCE_OFFSET_SIGMA = 0.3  # tracks; lateral offset of the reference from the
 MAX_RADIUS_SIGMA = 0.02  # relative standard error above which a radius is refused: slip of 0.02
 HAC_LAGS = 2                  # intervals whose slips may be correlated
 MAX_ANTICORRELATION = 0.49    # of neighbors; one half if all noise comes from the poses
-HUBER_THRESHOLD = 2.0         # sigmas, beyond which an interval has lower weight
-REWEIGHTING_ROUNDS = 8
 
 
 @dataclass(frozen=True)
@@ -90,16 +89,19 @@ def fit_radius(wheels: WheelRecord, reference: PoseRecord, latency: float,
     slip_per_acceleration = robot.mass / (4.0 * robot.tire.longitudinal_stiffness)  # s2/m
     matrix = np.column_stack([distances.angle, -side_slip, -radius ** 2 * distances.speed_change,
                               robot.track_width * distances.yaw_change])
-    mean = np.array([0.0, turn_slip, slip_per_acceleration, 0.0])
-    prior = np.array([np.inf, TURN_SLIP, slip_per_acceleration, REFERENCE_OFFSET_SIGMA])
+    prior = Prior(np.array([0.0, turn_slip, slip_per_acceleration, 0.0]),
+                  np.array([np.inf, TURN_SLIP, slip_per_acceleration, REFERENCE_OFFSET_SIGMA]))
     model_sigma = np.linalg.norm([
         TURN_SLIP * side_slip, FREE_ROLLING_SLIP * distances.reference_distance,
         np.full(len(side_slip), math.sqrt(2.0) * _noise(reference))], axis=0)
-    coefficients, covariance = _regression(matrix, distances, model_sigma, mean, prior)
-    estimate = Uncertain(float(coefficients[0]), float(np.sqrt(covariance[0, 0])))
-    _check(estimate)
-    return RadiusFit(estimate, 0.5 * (distances.begin + distances.end), matrix @ coefficients,
-                     distances.reference_distance)
+    fit = robust_regression(
+        matrix, distances.reference_distance, prior, model_sigma=model_sigma,
+        initial_sigma=0.1 * float(np.median(np.abs(distances.reference_distance))),
+        hac_lags=HAC_LAGS,
+        whitener=lambda normalized: _whitener(normalized, distances.contiguous))
+    _check(fit.estimate(0))
+    return RadiusFit(fit.estimate(0), 0.5 * (distances.begin + distances.end),
+                     matrix @ fit.coefficients, distances.reference_distance)
 
 
 def _check(radius: Uncertain) -> None:
@@ -137,31 +139,17 @@ def _noise(reference: PoseRecord) -> float:
     return max(noise_level(axis) for axis in reference.position.T)
 
 
-def _regression(matrix: Array, distances: _Distances, model_sigma: Array, mean: Array,
-                prior: Array) -> tuple[Array, Array]:
+def _whitener(normalized: Array, contiguous: NDArray[np.bool_]) -> Callable[[Array], Array]:
     """
-    Return robust coefficients and their covariance.
+    Return a function that removes the correlation of contiguous rows, from residuals in sigmas.
 
-    ``mean`` and ``prior`` are mean and sigma of the coefficients' prior, ``model_sigma`` the
-    standard deviation (n,) of model errors. An error of a pose makes one distance longer and the
-    next one shorter, so errors of neighboring rows are anticorrelated.
+    An error of a pose makes one distance longer and the next one shorter, so the errors of
+    neighboring rows are anticorrelated.
     """
-    distance, contiguous = distances.reference_distance, distances.contiguous
-    scale, anticorrelation = np.hypot(0.1 * np.median(np.abs(distance)), model_sigma), 0.0
-    for _ in range(REWEIGHTING_ROUNDS):
-        scaled = _whitened(matrix / scale[:, None], contiguous, anticorrelation)
-        target = _whitened(distance / scale, contiguous, anticorrelation)
-        coefficients = np.linalg.lstsq(np.vstack([scaled, np.diag(1.0 / prior)]),
-                                       np.append(target, mean / prior), rcond=None)[0]
-        residual = distance - matrix @ coefficients
-        row_sigma = np.hypot(measurement_noise(residual, model_sigma), model_sigma)
-        clipped = np.clip(residual / row_sigma, -HUBER_THRESHOLD, HUBER_THRESHOLD)
-        anticorrelation = -float(np.sum((clipped[1:] * clipped[:-1])[contiguous[1:]])
-                                 / np.sum(clipped ** 2))
-        scale = row_sigma * np.sqrt(
-            np.maximum(1.0, np.abs(residual) / row_sigma / HUBER_THRESHOLD))
-    covariance = sandwich_covariance(scaled, target - scaled @ coefficients, prior, HAC_LAGS)
-    return np.asarray(coefficients, float), covariance
+    clipped = np.clip(normalized, -HUBER_THRESHOLD, HUBER_THRESHOLD)
+    anticorrelation = -float(np.sum((clipped[1:] * clipped[:-1])[contiguous[1:]])
+                             / np.sum(clipped ** 2))
+    return lambda rows: _whitened(rows, contiguous, anticorrelation)
 
 
 def _whitened(values: Array, contiguous: NDArray[np.bool_], anticorrelation: float) -> Array:
