@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smart_tire.arrays import Array
+from smart_tire.errors import EstimatorError
 from smart_tire.samples import LEFT, RIGHT
 
 
@@ -56,6 +57,14 @@ class PoseRecord:
                 yield first, index
                 first = index
 
+    def path_components(self) -> tuple[Array, Array]:
+        """Return forward and lateral path [m] (n,) up to each pose, along the mean heading."""
+        heading = 0.5 * (self.yaw[1:] + self.yaw[:-1])
+        cos, sin = np.cos(heading), np.sin(heading)
+        x, y = np.diff(self.position, axis=0).T
+        return (np.concatenate([[0.0], np.cumsum(cos * x + sin * y)]),
+                np.concatenate([[0.0], np.cumsum(cos * y - sin * x)]))
+
 
 @dataclass(frozen=True)
 class Recording:
@@ -64,6 +73,26 @@ class Recording:
     imu: ImuRecord
     wheels: WheelRecord
     reference: PoseRecord | None = None
+
+    def forward_force(self, imu_x: float) -> Array:
+        """Return the forward specific force [m/s2] (n,) at ``base_link``; IMU at ``imu_x`` [m]."""
+        return self.imu.force[:, 0] + imu_x * self.imu.rate[:, 2] ** 2  # without centripetal force
+
+    def moving_intervals(self, min_duration: float, min_speed: float, margin: float,
+                         latency: float = 0.0) -> WheelIntervals:
+        """
+        Return the wheel intervals near motion, inside the IMU samples by ``margin`` [s].
+
+        ``min_speed`` [rad/s] is that of a wheel in motion, ``latency`` [s] that of the wheels.
+        Raises EstimatorError if there are fewer than two.
+        """
+        intervals, time = wheel_intervals(self.wheels, min_duration), self.imu.time
+        intervals = intervals.where(
+            intervals.near_motion(min_speed) & (intervals.begin - latency > time[0] + margin)
+            & (intervals.end - latency < time[-1] - margin))
+        if len(intervals.end) < 2:
+            raise EstimatorError('the wheels do not rotate')
+        return intervals
 
 
 @dataclass(frozen=True)
@@ -175,6 +204,17 @@ def _merged(gap: Array, complete: NDArray[np.bool_],
         if length >= min_duration * (1.0 - 1e-3):  # tolerance for timestamp jitter
             yield first, index + 1
             first, length = index + 1, 0.0
+
+
+def side_slip(mean: Array, half_difference: Array) -> Array:
+    """
+    Return what two sides lose if both slip equally in a turn, in the unit of the arguments.
+
+    For speeds or rotations ``mean`` u and ``half_difference`` d >= 0 of the sides, all (n,), it is
+    d^2 / u, at most d.
+    """
+    ratio = half_difference / np.maximum(np.abs(mean), 1e-9)
+    return np.asarray(np.sign(mean) * half_difference * np.minimum(1.0, ratio))
 
 
 def period(time: Array) -> float:

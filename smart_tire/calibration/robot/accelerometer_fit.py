@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smart_tire.arrays import Array
-from smart_tire.calibration.recording import Recording, Signal, wheel_intervals, WheelIntervals
+from smart_tire.calibration.recording import Recording, side_slip, Signal, WheelIntervals
 from smart_tire.calibration.robot.rolling_radius import TURN_SLIP
 from smart_tire.calibration.robot.wheel_latency import (
     delay_grid, LAG_RELATIVE_SIGMA, MAX_DELAY, MAX_LATENCY_SIGMA, min_interval)
@@ -68,16 +68,12 @@ class _SpeedChanges:
 
     def __init__(self, recording: Recording, robot: RobotParams) -> None:
         imu = recording.imu
-        # remove the centripetal force at the IMU, which is off the center
-        force = imu.force[:, 0] + robot.imu.position[0] * imu.rate[:, 2] ** 2
+        force = recording.forward_force(robot.imu.position[0])
         force = force - float(np.median(force))
         rate = Signal(imu.time, force)
         self._speed = Signal(imu.time, rate.integral(imu.time))
-        intervals = wheel_intervals(recording.wheels, min_interval(recording))
-        min_wheel_speed = robot.slip.standstill_speed / robot.wheel_radius
-        intervals = intervals.where(
-            intervals.near_motion(min_wheel_speed) & (intervals.begin > imu.time[0] + MAX_DELAY)
-            & (intervals.end < imu.time[-1] - MAX_DELAY))
+        intervals = recording.moving_intervals(
+            min_interval(recording), robot.slip.standstill_speed / robot.wheel_radius, MAX_DELAY)
         self._begin, self._end = intervals.begin, intervals.end
         center = 0.5 * (intervals.begin + intervals.end)
         self._before, self._after = _pairs(intervals)
@@ -86,12 +82,10 @@ class _SpeedChanges:
         mean = robot.wheel_radius * intervals.sides.mean(axis=1)
         half_difference = 0.5 * robot.wheel_radius * np.abs(
             np.diff(intervals.sides, axis=1)[:, 0])
-        side_slip = np.sign(mean) * half_difference * np.minimum(
-            1.0, half_difference / np.maximum(np.abs(mean), 1e-9))
         surface_speed = robot.wheel_radius * np.abs(intervals.sides).mean(axis=1)
         self._wheel_change = self._differences(mean)
         self._accel_slip = self._differences(surface_speed * np.gradient(mean, center))  # m2/s3
-        self._side_slip = self._differences(side_slip)
+        self._side_slip = self._differences(side_slip(mean, half_difference))
         self._elapsed, self.time = self._differences(center), center[self._after]
         self._surface_speed = surface_speed[self._after]
         self._slip_per_acceleration = robot.mass / (

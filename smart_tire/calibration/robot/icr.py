@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smart_tire.arrays import Array
-from smart_tire.calibration.recording import period, PoseRecord, Recording, Signal, wheel_intervals
+from smart_tire.calibration.recording import period, Recording, Signal
 from smart_tire.calibration.robot.gyro_scale import usable_reference
 from smart_tire.calibration.robot.wheel_latency import min_interval
 from smart_tire.errors import EstimatorError
@@ -133,7 +133,7 @@ def _from_reference(recording: Recording, robot: RobotParams) -> _Rows:
     if not len(ends):
         raise EstimatorError('the reference is too short')
     first, last = ends.T
-    forward, left = _path_components(poses)
+    forward, left = poses.path_components()
     matrix = np.column_stack([
         poses.yaw[first] - poses.yaw[last], forward[last] - forward[first]])
     return _Rows(0.5 * (poses.time[first] + poses.time[last]), matrix, left[last] - left[first],
@@ -141,25 +141,12 @@ def _from_reference(recording: Recording, robot: RobotParams) -> _Rows:
                  'lateral displacement of the reference', 'm', 0.0)
 
 
-def _path_components(poses: PoseRecord) -> tuple[Array, Array]:
-    """Return the forward and lateral path [m] up to each pose, along the heading."""
-    heading = 0.5 * (poses.yaw[1:] + poses.yaw[:-1])
-    cos, sin = np.cos(heading), np.sin(heading)
-    x, y = np.diff(poses.position, axis=0).T
-    return (np.concatenate([[0.0], np.cumsum(cos * x + sin * y)]),
-            np.concatenate([[0.0], np.cumsum(cos * y - sin * x)]))
-
-
 def _from_imu(recording: Recording, robot: RobotParams) -> _Rows:
     """Return the regression of the lateral specific force on the yaw acceleration."""
     imu, latency = recording.imu, robot.encoder.latency
-    intervals = wheel_intervals(recording.wheels, min_interval(recording))
-    min_wheel_speed = robot.slip.standstill_speed / robot.wheel_radius
-    intervals = intervals.where(intervals.near_motion(min_wheel_speed) & (
-        intervals.begin - latency > imu.time[0] + TURN_MARGIN) & (
-        intervals.end - latency < imu.time[-1] - TURN_MARGIN))
-    if len(intervals.end) < 2:
-        raise EstimatorError('the wheels do not rotate')
+    intervals = recording.moving_intervals(
+        min_interval(recording), robot.slip.standstill_speed / robot.wheel_radius, TURN_MARGIN,
+        latency)
     begin, end = intervals.begin - latency, intervals.end - latency
     gyro, force = Signal(imu.time, imu.rate[:, 2]), Signal(imu.time, imu.force[:, 1])
     rate = gyro.mean(begin, end)

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from smart_tire.calibration.recording import rotation_increments, WheelRecord
+from smart_tire.calibration.recording import rotation_increments, side_slip, WheelRecord
 from smart_tire.samples import LEFT, RIGHT
 
 PIVOT_RATIO = 0.8  # half difference of the sides over their mean: above, the robot turns in place
@@ -31,10 +31,8 @@ class WheelRotationLog:
         gap, mean = np.diff(wheels.time), rotation.mean(axis=1)
         half_difference = 0.5 * np.abs(
             rotation[:, RIGHT].mean(axis=1) - rotation[:, LEFT].mean(axis=1))
-        side_slip = np.sign(mean) * half_difference * np.minimum(
-            1.0, half_difference / np.maximum(np.abs(mean), 1e-9))
         pivot_angle = np.where(half_difference > PIVOT_RATIO * np.abs(mean), half_difference, 0.0)
-        steps = np.stack([mean, side_slip, pivot_angle], axis=1)
+        steps = np.stack([mean, side_slip(mean, half_difference), pivot_angle], axis=1)
         self._time = wheels.time
         self._sums = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
         self._missing = np.concatenate([[0], np.cumsum(~complete)])
@@ -46,8 +44,8 @@ class WheelRotationLog:
         if before == 0 or after == len(self._time) or (
                 self._missing[after] > self._missing[before - 1]):
             return None
-        angle, side_slip, pivot_angle = (
+        angle, slip, pivot_angle = (
             float(np.diff(np.interp((begin, end), self._time, sums))[0]) for sums in self._sums.T)
         slow, fast = np.interp((begin, end), self._center, self._speed).tolist()
         speed_change = 0.5 * (math.copysign(fast * fast, fast) - math.copysign(slow * slow, slow))
-        return WheelRotation(angle, side_slip, pivot_angle, speed_change)
+        return WheelRotation(angle, slip, pivot_angle, speed_change)

@@ -116,10 +116,7 @@ def _check(radius: Uncertain) -> None:
 def _distances(wheels: WheelRecord, reference: PoseRecord, latency: float,
                robot: RobotParams) -> _Distances:
     """Return the intervals of ``DISTANCE_INTERVAL`` seconds in which the wheels roll."""
-    heading = 0.5 * (reference.yaw[1:] + reference.yaw[:-1])
-    step = np.diff(reference.position, axis=0)
-    forward = step[:, 0] * np.cos(heading) + step[:, 1] * np.sin(heading)
-    path_length = np.concatenate([[0.0], np.cumsum(forward)])
+    path_length, _ = reference.path_components()
     wheel_log = WheelRotationLog(wheels)
     min_angle = DISTANCE_INTERVAL * robot.slip.standstill_speed / robot.wheel_radius
     time = reference.time + latency

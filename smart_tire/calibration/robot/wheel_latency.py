@@ -18,8 +18,7 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.calibration.recording import (
-    period, Recording, Signal, wheel_intervals, WheelIntervals)
+from smart_tire.calibration.recording import period, Recording, Signal, WheelIntervals
 from smart_tire.errors import EstimatorError
 from smart_tire.numerics.delay_regression import DelayFit, DelayProblem, fit_delay, Rows
 from smart_tire.numerics.regression import Prior, robust_regression
@@ -84,13 +83,8 @@ class _YawRateRegression:
         imu = recording.imu
         self._gyro = Signal(imu.time, imu.rate[:, 2])
         self._robot = robot
-        intervals = wheel_intervals(recording.wheels, min_interval(recording))
-        min_wheel_speed = robot.slip.standstill_speed / robot.wheel_radius
-        intervals = intervals.where(
-            intervals.near_motion(min_wheel_speed) & (intervals.begin > imu.time[0] + MAX_DELAY)
-            & (intervals.end < imu.time[-1] - MAX_DELAY))
-        if len(intervals.end) < 2:
-            raise EstimatorError('the wheels do not rotate')
+        intervals = recording.moving_intervals(
+            min_interval(recording), robot.slip.standstill_speed / robot.wheel_radius, MAX_DELAY)
         self._set_rows(intervals, 2.0 * period(imu.time))
 
     def _set_rows(self, intervals: WheelIntervals, min_reach: float) -> None:

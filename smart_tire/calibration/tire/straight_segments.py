@@ -83,8 +83,7 @@ def straight_segments(recording: Recording, robot: RobotParams,
     segment = np.repeat(np.arange(len(segments)), [len(rows) for rows in segments])
     segment_begins = intervals.begin[[rows[0] for rows in segments]]
     imu = recording.imu
-    # remove the centripetal force at the IMU, which is off the center
-    force = imu.force[:, 0] + robot.imu.position[0] * imu.rate[:, 2] ** 2
+    force = recording.forward_force(robot.imu.position[0])
     sample_segment = np.clip(np.searchsorted(
         intervals.end[[rows[-1] for rows in segments]], imu.time), 0, len(segments) - 1)
     speed_gain = Signal(imu.time, force).integral(imu.time)
