@@ -31,7 +31,7 @@ help:
 	@echo 'make bench-slip      measure slip and localization; results in bench_output/slip/'
 	@echo 'make bench-friction  measure friction; results in bench_output/friction/'
 	@echo 'make config          regenerate config/*.yaml from the parameter definitions'
-	@echo 'make docs            draw docs/architecture.svg, write its table of imports'
+	@echo 'make docs            regenerate docs/architecture.svg and the import tables'
 	@echo 'make clean           remove installed and built files'
 
 setup: $(READY)
@@ -67,8 +67,8 @@ bench-slip: $(READY)
 bench-friction: $(READY)
 	$(BIN)/python -m benchmarks.friction --force
 
-# Types and the picture depend on the versions of numpy and matplotlib; a ROS distribution has its
-# own, and the last ones for Python 3.10 are older.
+# Types and the drawing depend on the versions of numpy and matplotlib, which are different in a ROS
+# distribution and on Python 3.10.
 ifdef ROS_DISTRO
 NEWEST := false
 else
@@ -80,7 +80,7 @@ lint: $(READY)
 ifndef ROS_DISTRO
 	$(BIN)/ruff check --quiet .
 	@if $(NEWEST); then echo $(BIN)/mypy --no-error-summary; $(BIN)/mypy --no-error-summary; \
-	else echo 'types are not checked by Python 3.10'; fi
+	else echo 'types are not checked on Python 3.10'; fi
 endif
 
 # Two workers; test/conftest.py describes the order of the tests.
@@ -94,14 +94,14 @@ check: test current
 	$(BIN)/python -m benchmarks.slip --quick --force --out bench_output/check/slip
 	$(BIN)/python -m benchmarks.friction --quick --force --out bench_output/check/friction
 
-# Write what is generated from the source; fail if a file was not current.
+# Regenerate files derived from the source; fail if one of them was outdated.
 GENERATED := config/*.yaml docs/architecture.md
 current: $(READY)
 	@files="$(GENERATED) $$($(NEWEST) && echo docs/architecture.svg)"; \
 	before=$$(cat $$files | cksum); \
 	$(MAKE) --no-print-directory config docs && \
 	if [ "$$before" != "$$(cat $$files | cksum)" ]; \
-	then echo "$$files: written again, for they were not current" >&2; exit 1; fi
+	then echo "$$files: regenerated because they were outdated" >&2; exit 1; fi
 
 # Real processes and emulated motor boards with faults; see docs/safety.md.
 stop-times: $(READY)

@@ -7,7 +7,7 @@ from collections.abc import Hashable
 from smart_tire.errors import CommandError
 from smart_tire.samples import NS_PER_S
 
-MIN_STALL_NS = 250_000_000    # gap between ticks after which the process was stopped meanwhile
+MIN_STALL_NS = 250_000_000    # gap between ticks that indicates a stopped process
 QUEUE_DRAIN_NS = 100_000_000  # after a stall, within which queued messages are read
 MAX_SEQUENCE_GAP = 1000       # sequence numbers of one publisher: its lost messages
 

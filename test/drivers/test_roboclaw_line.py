@@ -156,7 +156,7 @@ def test_a_line_that_accepts_no_bytes_is_an_error_within_the_write_time_out(port
     line.use(opened)
     os.set_blocking(opened.fileno(), False)
     with pytest.raises(SerialTimeoutException):
-        for _ in range(10_000):  # nobody reads: the kernel's buffer fills
+        for _ in range(10_000):  # not read: the kernel buffer fills
             began = time.monotonic()
             line.post(128, SET_DUTY, 0, 0)
     assert 0.1 < time.monotonic() - began < 0.3

@@ -242,11 +242,11 @@ def mutants(file: str, source: str) -> list[Mutant]:
     found: dict[Mutant, None] = {}
     seen = {_compiled(source)}
     for node, scope in _nodes(ast.parse(source), _Scope()):
-        for operator, place, new in chain.from_iterable(
+        for operator, target, new in chain.from_iterable(
                 changes(node, scope) for changes in OPERATORS):
-            above, below = starts[place.lineno - 1], starts[place.end_lineno]
-            start, end = above + place.col_offset, starts[place.end_lineno - 1] + \
-                place.end_col_offset
+            above, below = starts[target.lineno - 1], starts[target.end_lineno]
+            start, end = above + target.col_offset, starts[target.end_lineno - 1] + \
+                target.end_col_offset
             changed = (text[:start] + new.encode() + text[end:]).decode()
             signature = _compiled(changed)
             if signature not in seen:
@@ -255,7 +255,7 @@ def mutants(file: str, source: str) -> list[Mutant]:
                 new_line = _one_line(text[above:start] + new.encode() + text[end:below])
                 names = chain([scope.function],
                               (f'{scope.function} #{n}'.lstrip() for n in count(2)))
-                named = (Mutant(file, name, operator, old_line, new_line, place.lineno, changed)
+                named = (Mutant(file, name, operator, old_line, new_line, target.lineno, changed)
                          for name in names)
                 found[next(mutant for mutant in named if mutant not in found)] = None
     return sorted(found, key=lambda mutant: mutant.line)
