@@ -45,7 +45,7 @@ class Identification:
 
     true: dict[str, float]                 # products of the simulated film
     estimates: list[dict[str, Uncertain]]  # one per seed
-    geometric_gain: float                  # C, K of A(15) from geometry and usual constants
+    geometric_gain: float                  # C, K of A(15) from geometry and typical constants
     printed_stroke: float                  # of Fig. 8's deflection with the printed normalization
     first: Estimated                       # the first recording
 

@@ -176,7 +176,7 @@ def table_section(result: Identification) -> Section:
     section.limitation('Only products are observable: (alpha, a, b, K) and (c alpha, c a, c b, '
                        'K / c) give the same charge. The separate constants above depend on the '
                        'given K.')
-    section.limitation(f'K = {TABLE_I_GAIN * 1e9:.2f} nC is a fitted gain: geometry and usual '
+    section.limitation(f'K = {TABLE_I_GAIN * 1e9:.2f} nC is a fitted gain: geometry and typical '
                        f'PVDF constants give {result.geometric_gain * 1e9:.2f} nC, '
                        f'{TABLE_I_GAIN / result.geometric_gain:.0f} times less. The model does '
                        'not explain the difference.')

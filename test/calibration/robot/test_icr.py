@@ -39,8 +39,8 @@ def test_errors_match_their_sigma_if_noise_of_the_reference_dominates():
 
 def test_turns_scatter_by_their_standard_errors_if_s_is_constant():
     fit = fits(0.003, 1)[0]
-    normalised = (fit.turn_icr - ICR) / fit.turn_sigma
-    assert len(normalised) > 5 and 0.5 < np.sqrt(np.mean(normalised ** 2)) < 2.0
+    normalized = (fit.turn_icr - ICR) / fit.turn_sigma
+    assert len(normalized) > 5 and 0.5 < np.sqrt(np.mean(normalized ** 2)) < 2.0
     assert fit.spread < 0.01
 
 

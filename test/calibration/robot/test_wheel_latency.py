@@ -31,7 +31,7 @@ def fits(**options):
     return found
 
 
-def normalised_rms(pairs):
+def normalized_rms(pairs):
     return float(np.sqrt(np.mean([((found.value - true) / found.sigma) ** 2
                                   for true, found in pairs])))
 
@@ -41,10 +41,10 @@ def normalised_rms(pairs):
     {'wheel_rate': 50.0, 'imu_rate': 20.0, 'positions': False}], ids=str)
 def test_latency_and_track_are_correct_within_their_standard_errors(options):
     found = fits(**options)
-    assert 0.4 < normalised_rms([(late, fit.latency) for late, fit in found]) < 1.5
-    assert 0.5 < normalised_rms([(TRACK / ROBOT.wheel_radius, fit.slope)
+    assert 0.4 < normalized_rms([(late, fit.latency) for late, fit in found]) < 1.5
+    assert 0.5 < normalized_rms([(TRACK / ROBOT.wheel_radius, fit.slope)
                                  for _, fit in found]) < 1.6
-    assert 0.4 < normalised_rms([(0.0, fit.radius_difference) for _, fit in found]) < 1.6
+    assert 0.4 < normalized_rms([(0.0, fit.radius_difference) for _, fit in found]) < 1.6
     assert np.median([fit.latency.sigma for _, fit in found]) < 0.012
 
 
