@@ -13,7 +13,8 @@ import math
 import numpy as np
 
 from smart_tire.estimation.contact.records import FilmSamples
-from smart_tire.estimation.friction.waveform_model import Own, own, Shared, WaveformModel
+from smart_tire.estimation.friction.waveform_model import (
+    film_index, PerFilm, Shared, WaveformModel)
 from smart_tire.parameters.robot import RobotParams
 
 
@@ -21,7 +22,8 @@ TRAVEL_MARGIN = 0.028    # m, before and after the contact: bumps and baseline
 BUMP_AMPLITUDE = 0.12    # of the bending peak, Fig. 11(b)
 SAMPLING_PHASES = 4      # positions of the first sample within a period, averaged
 MIN_GAIN_SIGMA = 1e-9    # relative, for gains without tolerance
-FREE_PARAMETERS = (Own.PLACE, Own.OFFSET, Own.BENDING, Own.BEFORE, Own.AFTER, Own.GAIN)
+FREE_PARAMETERS = (PerFilm.CENTER, PerFilm.OFFSET, PerFilm.BENDING, PerFilm.BEFORE,
+                   PerFilm.AFTER, PerFilm.GAIN)
 
 
 def friction_bound(robot: RobotParams, wheel: str, *, slip: float, sliding: float, speed: float,
@@ -50,17 +52,18 @@ def _variance(robot: RobotParams, wheel: str, films: Sequence[int], slip: float,
     distance = np.arange(-reach + phase * step, reach, step)
     none = np.zeros(len(distance))
     samples = [FilmSamples(one, distance, none, none.astype(np.int8)) for one in films]
-    p = np.zeros(own(len(films), Own.PLACE))
-    p[Shared.SLIP], p[Shared.SLIDING] = slip, sliding
+    p = np.zeros(film_index(len(films), PerFilm.CENTER))
+    p[Shared.SLIP], p[Shared.NORM_SLIP] = slip, sliding
     precision = np.zeros_like(p)
     for i, one in enumerate(films):
         peak = film.bending(wheel)[one]
         bump = BUMP_AMPLITUDE * peak
-        p[own(i, Own.BENDING):own(i, Own.GAIN)] = peak, bump, bump
-        precision[own(i, Own.GAIN)] = max(film.stretch_gain_tolerance, MIN_GAIN_SIGMA)**-2
-    free = [Shared.SLIDING,
-            *(own(i, which) for i in range(len(films)) for which in FREE_PARAMETERS)]
-    _, slopes = WaveformModel(robot, film.gains(wheel), samples, 0.0).linearised(p)
+        p[film_index(i, PerFilm.BENDING):film_index(i, PerFilm.GAIN)] = peak, bump, bump
+        gain_sigma = max(film.stretch_gain_tolerance, MIN_GAIN_SIGMA)
+        precision[film_index(i, PerFilm.GAIN)] = gain_sigma**-2
+    free = [Shared.NORM_SLIP,
+            *(film_index(i, which) for i in range(len(films)) for which in FREE_PARAMETERS)]
+    _, slopes = WaveformModel(robot, film.gains(wheel), samples, 0.0).linearized(p)
     information = slopes[free] @ slopes[free].T / film.sample_variance + np.diag(precision[free])
     try:
         return max(float(np.linalg.inv(information)[0, 0]), 0.0)

@@ -78,6 +78,6 @@ def _output(robot: RobotParams, crossing: CrossingSamples, films: list[FilmSampl
             parameters: Floats) -> list[Floats]:
     """Return the model output at the distances of ``films``, film by film."""
     model = WaveformModel(robot, robot.film.gains(WHEEL), films, crossing.reference)
-    output, _ = model.linearised(parameters)
+    output, _ = model.linearized(parameters)
     ends = np.cumsum([len(one.distance) for one in films])
     return np.split(output, ends[:-1])

@@ -17,7 +17,7 @@ from smart_tire.arrays import Array
 from smart_tire.calibration.film.crossing_collector import CrossingWithSlip
 from smart_tire.estimation.friction.waveform_fit import (
     CrossingSlipPrior, LOG_ALPHA_SIGMA, WaveformFit, WaveformFitter)
-from smart_tire.estimation.friction.waveform_model import Own, own, Shared
+from smart_tire.estimation.friction.waveform_model import film_index, PerFilm, Shared
 from smart_tire.parameters import RobotParams
 from smart_tire.uncertain import Uncertain
 
@@ -96,8 +96,8 @@ class ObservationFitter:
         return GainObservation(
             crossing, tuple(film.film for film in samples.films), gains, estimate,
             precision / variance_factor, by_scale,
-            tuple(fit.own(i, Own.BENDING).value for i in range(count)),
-            crossing.direction * fit.own(0, Own.PLACE).value, fit)
+            tuple(fit.film_parameter(i, PerFilm.BENDING).value for i in range(count)),
+            crossing.direction * fit.film_parameter(0, PerFilm.CENTER).value, fit)
 
     def volts(self, observation: GainObservation) -> list[Array]:
         """Return the fitted voltage of each sample [V] above the baseline, film by film."""
@@ -106,14 +106,15 @@ class ObservationFitter:
     def _plausible(self, fit: WaveformFit, wheel: str) -> bool:
         low, high = BENDING_RANGE
         return fit.excess < MAX_EXCESS and all(
-            low < fit.own(i, Own.BENDING).value / self._bending[wheel][film.film] < high
+            low < (fit.film_parameter(i, PerFilm.BENDING).value
+                   / self._bending[wheel][film.film]) < high
             for i, film in enumerate(fit.samples.films))
 
 
 def _with_slip(fit: WaveformFit, slip: float) -> WaveformFit:
     """Return a fit with another slip, and gains that compensate for it, as a start."""
     p = fit.parameters.copy()
-    gains = [own(i, Own.GAIN) for i in range(len(fit.samples.films))]
+    gains = [film_index(i, PerFilm.GAIN) for i in range(len(fit.samples.films))]
     p[gains] = (1.0 + p[gains]) * p[Shared.SLIP] / slip - 1.0
     p[Shared.SLIP] = slip
     return replace(fit, parameters=p)
@@ -122,14 +123,14 @@ def _with_slip(fit: WaveformFit, slip: float) -> WaveformFit:
 def _rows(fit: WaveformFit, direction: int, gains: bool) -> tuple[Array, Array]:
     """Return the derivatives of the observation by the fit's parameters, and its value."""
     p, count = fit.parameters, len(fit.samples.films)
-    columns = [own(i, Own.GAIN) for i in range(count)] if gains else []
+    columns = [film_index(i, PerFilm.GAIN) for i in range(count)] if gains else []
     columns += [Shared.LENGTH, Shared.ALPHA]
     rows = np.zeros((len(columns) + count - 1, len(p)))
     rows[np.arange(len(columns)), columns] = 1.0
     value = rows @ p
-    scaled, first = direction * (1.0 + p[Shared.SCALE]), own(0, Own.PLACE)
+    scaled, first = direction * (1.0 + p[Shared.SCALE]), film_index(0, PerFilm.CENTER)
     for i in range(1, count):
-        row, place = len(columns) + i - 1, own(i, Own.PLACE)
+        row, place = len(columns) + i - 1, film_index(i, PerFilm.CENTER)
         distance = p[place] - p[first]
         rows[row, [place, first, Shared.SCALE]] = scaled, -scaled, direction * distance
         value[row] = scaled * distance

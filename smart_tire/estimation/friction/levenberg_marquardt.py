@@ -16,7 +16,8 @@ from scipy.linalg.lapack import dposv
 
 from smart_tire.arrays import Array
 from smart_tire.estimation.contact.records import FilmSamples
-from smart_tire.estimation.friction.waveform_model import Own, own, Shared, WaveformModel
+from smart_tire.estimation.friction.waveform_model import (
+    film_index, PerFilm, Shared, WaveformModel)
 from smart_tire.numerics.robust import huber_weights, MAD_TO_SIGMA
 from smart_tire.uncertain import Uncertain
 
@@ -107,7 +108,7 @@ class LevenbergMarquardt:
         """Return the normalized slip by one step from ``end`` with each film's samples only."""
         prior, point = end.prior, end.point
         weight, jacobian = self._weights(point), point.jacobian.take(prior.free, axis=0)
-        sliding = int(np.searchsorted(prior.free, Shared.SLIDING))
+        sliding = int(np.searchsorted(prior.free, Shared.NORM_SLIP))
         prior_gradient = prior.precision @ (prior.value - point.p)[prior.free]
         right = np.zeros((len(prior.free), 2))
         right[sliding, 1] = 1.0
@@ -121,11 +122,11 @@ class LevenbergMarquardt:
                 weight[own_part] * point.residual[own_part]) + prior_gradient
             step, inverse = solve_spd(hessian, right)[sliding].tolist()
             estimates.append(Uncertain(
-                float(point.p[Shared.SLIDING]) + step, math.sqrt(inverse)))
+                float(point.p[Shared.NORM_SLIP]) + step, math.sqrt(inverse)))
         return estimates
 
     def _at(self, p: Array) -> Point:
-        output, jacobian = self._model.linearised(p)
+        output, jacobian = self._model.linearized(p)
         return Point(p, self._volts - output, jacobian)
 
     def _step(self, point: Point, prior: Prior, weight: Array, hessian: Array, gradient: Array,
@@ -154,12 +155,13 @@ class LevenbergMarquardt:
         """Return ``p`` after ``step``, shortened if a film center would move too far."""
         full_step = np.zeros_like(p)
         full_step[prior.free] = step
-        position_steps = full_step[own(0, Own.PLACE):own(len(self._counts), Own.PLACE):len(Own)]
+        first, end = (film_index(i, PerFilm.CENTER) for i in (0, len(self._counts)))
+        position_steps = full_step[first:end:len(PerFilm)]
         largest = max(map(abs, position_steps.tolist()))
         scale = min(1.0, MAX_POSITION_STEP / max(largest, MAX_POSITION_STEP))
         moved: Array = p + full_step * scale
         low, high = SLIDING_RANGE
-        moved[Shared.SLIDING] = min(max(float(moved[Shared.SLIDING]), low), high)
+        moved[Shared.NORM_SLIP] = min(max(float(moved[Shared.NORM_SLIP]), low), high)
         return moved
 
     def _cost(self, point: Point, prior: Prior, weight: Array) -> float:

@@ -18,7 +18,8 @@ from smart_tire.errors import EstimatorError
 from smart_tire.estimation.contact.records import CrossingSamples
 from smart_tire.estimation.friction.levenberg_marquardt import (
     FitResult, HUBER_THRESHOLD, LevenbergMarquardt, Prior, solve_spd, upper_median)
-from smart_tire.estimation.friction.waveform_model import Own, own, Shared, WaveformModel
+from smart_tire.estimation.friction.waveform_model import (
+    film_index, PerFilm, Shared, WaveformModel)
 from smart_tire.numerics.robust import MAD_TO_SIGMA
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.uncertain import Uncertain
@@ -77,15 +78,15 @@ class WaveformFit:
     @property
     def normalized_slip(self) -> Uncertain:
         """Return total slip / critical slip; noise may make it negative."""
-        return self._estimate(Shared.SLIDING)
+        return self._estimate(Shared.NORM_SLIP)
 
     def shared(self, which: Shared) -> Uncertain:
         """Return a parameter that the films share."""
         return self._estimate(which)
 
-    def own(self, position: int, which: Own) -> Uncertain:
+    def film_parameter(self, position: int, which: PerFilm) -> Uncertain:
         """Return a parameter of the film at ``position`` in ``samples``."""
-        return self._estimate(own(position, which))
+        return self._estimate(film_index(position, which))
 
     def _estimate(self, index: int) -> Uncertain:
         return Uncertain(float(self.parameters[index]),
@@ -157,7 +158,7 @@ class WaveformFitter:
     def volts(self, fit: WaveformFit) -> list[Array]:
         """Return the fitted output [V] above baseline at each sample, film by film."""
         samples = fit.samples
-        output, _ = self._model(samples).linearised(fit.parameters)
+        output, _ = self._model(samples).linearized(fit.parameters)
         ends = np.cumsum([len(film.distance) for film in samples.films])[:-1]
         return np.split(output, ends)
 
@@ -166,23 +167,24 @@ class WaveformFitter:
                              len(samples.errors.shape_sigmas))
 
     def _start(self, samples: CrossingSamples) -> Array:
-        p = np.zeros(own(len(samples.films), Own.PLACE) + len(samples.errors.shape_sigmas))
+        count = film_index(len(samples.films), PerFilm.CENTER)
+        p = np.zeros(count + len(samples.errors.shape_sigmas))
         for i, (film, detection) in enumerate(zip(samples.films, samples.detections)):
             bump = BUMP_SHARE * self._bending[film.film]
-            p[own(i, Own.PLACE):own(i, Own.GAIN)] = (
+            p[film_index(i, PerFilm.CENTER):film_index(i, PerFilm.GAIN)] = (
                 detection.center, 0.0, detection.bending, bump, bump)
         slip, normalized_slip = np.mean([(detection.slip, detection.normalized_slip)
                                          for detection in samples.detections], axis=0).tolist()
         # at a small slip the waveform hardly depends on normalized slip, which is likely small
         likely = max(PRIOR_NORMALIZED_SLIP * abs(slip) / TYPICAL_SLIP, MIN_START_NORMALIZED_SLIP)
-        p[Shared.SLIP], p[Shared.SLIDING] = slip, min(normalized_slip, likely)
+        p[Shared.SLIP], p[Shared.NORM_SLIP] = slip, min(normalized_slip, likely)
         return p
 
     def _prior(self, samples: CrossingSamples, prior: CrossingSlipPrior, slip: float) -> Prior:
         """Return the prior on all parameters; ``slip`` is that of the start."""
         count, errors = len(samples.films), samples.errors
-        value, sigma = np.zeros((2, own(count, Own.PLACE) + len(errors.shape_sigmas)))
-        scale = math.copysign(max(abs(slip), MIN_SLIP), slip)  # GROWTH is relative to the slip
+        value, sigma = np.zeros((2, film_index(count, PerFilm.CENTER) + len(errors.shape_sigmas)))
+        scale = math.copysign(max(abs(slip), MIN_SLIP), slip)  # SLIP_CHANGE is relative
         growth = prior.change.value / scale
         decoupling = max(prior.decoupling_sigma, MIN_DECOUPLING_SIGMA)
         value[:len(Shared)] = (prior.slip.value, PRIOR_NORMALIZED_SLIP, growth,
@@ -190,11 +192,11 @@ class WaveformFitter:
         sigma[:len(Shared)] = (
             prior.slip.sigma, NORMALIZED_SLIP_SIGMA, prior.change.sigma / abs(scale), decoupling,
             errors.scale_sigma, LOG_ALPHA_SIGMA, self._length_sigma)
-        sigma[own(count, Own.PLACE):] = errors.shape_sigmas
+        sigma[film_index(count, PerFilm.CENTER):] = errors.shape_sigmas
         recovery = LOG_RECOVERY_SIGMA if self._robot.film.release == 'fig8' else 0.0
         for i, (film, detection) in enumerate(zip(samples.films, samples.detections)):
             peak, block = self._bending[film.film], slice(
-                own(i, Own.PLACE), own(i + 1, Own.PLACE))
+                film_index(i, PerFilm.CENTER), film_index(i + 1, PerFilm.CENTER))
             value[block] = (detection.center, 0.0, peak, BUMP_SHARE * peak, BUMP_SHARE * peak,
                             0.0, 0.0)
             sigma[block] = (CENTER_SIGMA, BASELINE_SIGMA, BENDING_SIGMA * peak,
@@ -203,13 +205,13 @@ class WaveformFitter:
         free = np.flatnonzero(sigma > 0.0)
         precision = np.diag(sigma[free]**-2)
         if prior.change.sigma > 0.0:
-            # the prior on SPREAD applies to its difference from coupling * GROWTH
+            # the prior on NORM_SLIP_CHANGE is one on its difference from coupling * SLIP_CHANGE
             difference = np.array([-prior.coupling, 1.0])
-            both = np.searchsorted(free, [Shared.GROWTH, Shared.SPREAD])
+            both = np.searchsorted(free, [Shared.SLIP_CHANGE, Shared.NORM_SLIP_CHANGE])
             precision[both[:, np.newaxis], both] += np.outer(
                 difference, difference) / decoupling**2
             precision[both[1], both[1]] -= 1.0 / decoupling**2
-        systematic = [Shared.SLIP, *(own(i, Own.GAIN) for i in range(count))]
+        systematic = [Shared.SLIP, *(film_index(i, PerFilm.GAIN) for i in range(count))]
         return Prior(value, precision, free, np.array(systematic, dtype=np.intp))
 
 
@@ -226,10 +228,10 @@ def _waveform_fit(samples: CrossingSamples, result: FitResult) -> WaveformFit:
     covariance = np.zeros((len(p), len(p)))
     covariance[prior.free[:, np.newaxis], prior.free] = solve_spd(
         result.hessian, np.eye(len(result.hessian)))
-    both = covariance[[Shared.SLIP, Shared.SLIDING]]
+    both = covariance[[Shared.SLIP, Shared.NORM_SLIP]]
     gain = both[:, prior.systematic]
     rows = np.searchsorted(prior.free, prior.systematic)
     systematic = (gain * prior.precision[rows, rows]) @ gain.T
-    white = excess * (both[:, [Shared.SLIP, Shared.SLIDING]] - systematic)
+    white = excess * (both[:, [Shared.SLIP, Shared.NORM_SLIP]] - systematic)
     return WaveformFit(samples, p, excess * covariance, white, systematic,
                        math.sqrt(float(squares.sum()) / len(squares)), excess)

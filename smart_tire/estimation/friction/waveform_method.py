@@ -21,7 +21,7 @@ from smart_tire.estimation.friction.slip_variation import (
     estimated_variation, MIN_CHANGE_SIGMA, unknown_variation)
 from smart_tire.estimation.friction.waveform_fit import (
     CrossingSlipPrior, MIN_SLIP, WaveformFit, WaveformFitter)
-from smart_tire.estimation.friction.waveform_model import Own, own, Shared
+from smart_tire.estimation.friction.waveform_model import film_index, PerFilm, Shared
 from smart_tire.models.tire import strain_charge
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.uncertain import Uncertain, UNKNOWN
@@ -82,10 +82,10 @@ class WaveformMethod:
     def _plausible(self, fit: WaveformFit) -> bool:
         low, high = PLAUSIBLE_BENDING
         for i, film in enumerate(fit.samples.films):
-            bending = fit.own(i, Own.BENDING).value
+            bending = fit.film_parameter(i, PerFilm.BENDING).value
             if not (low < bending / self._bending[film.film] < high
                     and fit.residual_rms < MAX_RESIDUAL * bending
-                    and fit.own(i, Own.PLACE).sigma < MAX_CENTER_SIGMA):
+                    and fit.film_parameter(i, PerFilm.CENTER).sigma < MAX_CENTER_SIGMA):
                 return False
         return True
 
@@ -111,7 +111,7 @@ class WaveformMethod:
         """Return the distance [m] by which the films crossed later than detected."""
         detections = fit.samples.detections
         return float(np.average(
-            [fit.own(i, Own.PLACE).value - detection.center
+            [fit.film_parameter(i, PerFilm.CENTER).value - detection.center
              for i, detection in enumerate(detections)],
             weights=[detection.coverage for detection in detections]))
 
@@ -142,8 +142,8 @@ class WaveformMethod:
         strain = strain_charge.overlap(
             np.array([x_m]), fit.normalized_slip.value, self._film.length, self._patch)
         per_slip, nominal = float(strain.value[0]), self._gains[0]
-        gain = nominal * (1.0 + fit.own(0, Own.GAIN).value)
-        chosen = [Shared.SLIP, Shared.SLIDING, own(0, Own.GAIN)]
+        gain = nominal * (1.0 + fit.film_parameter(0, PerFilm.GAIN).value)
+        chosen = [Shared.SLIP, Shared.NORM_SLIP, film_index(0, PerFilm.GAIN)]
         slope = np.array([gain * per_slip, gain * slip * float(strain.by_normalized_slip[0]),
                           nominal * slip * per_slip])
         covariance = fit.covariance[np.ix_(chosen, chosen)]
@@ -176,7 +176,7 @@ def _moved_to_slip(fit: WaveformFit, slip: float) -> WaveformFit:
     if not factor > 0.0:
         return fit
     parameters = fit.parameters.copy()
-    parameters[[Shared.SLIP, Shared.SLIDING]] *= factor
+    parameters[[Shared.SLIP, Shared.NORM_SLIP]] *= factor
     return replace(fit, parameters=parameters)
 
 
@@ -191,7 +191,7 @@ def _with_slip_variation(fit: WaveformFit, residual: float) -> SlipFit:
     scale = max(abs(slip), MIN_SLIP_SCALE)
     growth, spread = (math.hypot(CURVATURE_SHARE * sum(map(_squared, fit.shared(which))),
                                  residual / scale)
-                      for which in (Shared.GROWTH, Shared.SPREAD))
+                      for which in (Shared.SLIP_CHANGE, Shared.NORM_SLIP_CHANGE))
     sigma = np.array([growth * scale, spread * normalized_slip])
     return SlipFit(slip, normalized_slip, fit.white_cov + np.diag(sigma**2), fit.systematic_cov)
 

@@ -28,18 +28,18 @@ class Shared(IntEnum):
     """Parameters that all films of a wheel share."""
 
     SLIP = 0     # -, slip ratio of B(3) at the reference distance
-    SLIDING = 1  # -, normalized slip there: total slip / critical slip
-    GROWTH = 2   # -, relative change of the slip ratio over a contact length
-    SPREAD = 3   # -, that of the normalized slip, which includes the lateral slip
+    NORM_SLIP = 1  # -, normalized slip there: total slip / critical slip
+    SLIP_CHANGE = 2  # -, relative change of the slip ratio over a contact length
+    NORM_SLIP_CHANGE = 3  # -, that of the normalized slip, which includes the lateral slip
     SCALE = 4    # -, relative error of the distance scale
     ALPHA = 5    # -, ln of alpha in B(15) over its nominal value
     LENGTH = 6   # -, ln of the contact length over its nominal value
 
 
-class Own(IntEnum):
+class PerFilm(IntEnum):
     """Parameters of one film."""
 
-    PLACE = 0     # m, distance at which the centers of film and patch coincide
+    CENTER = 0    # m, distance at which the centers of film and patch coincide
     OFFSET = 1    # V
     BENDING = 2   # V, q_bm
     BEFORE = 3    # V, height of the bump before the contact
@@ -57,9 +57,9 @@ class StrainPart(NamedTuple):
     by_contact_length: Array  # per m of L
 
 
-def own(film: int, which: Own) -> int:
+def film_index(film: int, which: PerFilm) -> int:
     """Return the index of a parameter of the ``film``-th film of a crossing."""
-    return len(Shared) + len(Own) * film + which
+    return len(Shared) + len(PerFilm) * film + which
 
 
 class WaveformModel:
@@ -67,7 +67,7 @@ class WaveformModel:
     Output of the films of a wheel in one patch crossing, for a vector of parameters.
 
     ``gains`` [V/m] are the nominal stretch gains of all films of the wheel, ``reference`` [m] is
-    the distance at which ``Shared.SLIP`` and ``Shared.SLIDING`` apply, and ``warps`` is the number
+    the distance at which ``Shared.SLIP`` and ``Shared.NORM_SLIP`` apply, ``warps`` is the number
     of polynomials for the distance errors.
     """
 
@@ -80,19 +80,19 @@ class WaveformModel:
         self._distance = np.concatenate([one.distance for one in films])
         # from the reference, in contact lengths
         self._relative = (self._distance - reference) / self._patch
-        self._own = slice(len(Shared), own(len(films), Own.PLACE))
+        self._own = slice(len(Shared), film_index(len(films), PerFilm.CENTER))
         low, high = float(self._distance.min()), float(self._distance.max())
         even = (2.0 * self._distance - low - high) / max(high - low, self._patch)
         self._polynomials = _legendre(even, warps)
 
-    def linearised(self, p: Array) -> tuple[Array, Array]:
+    def linearized(self, p: Array) -> tuple[Array, Array]:
         """
         Return the output above rest [V] and its Jacobian for the parameters ``p`` (m,).
 
         Shapes are (n,) and (m, n) for n samples of all films.
         """
-        films = p[self._own].reshape(-1, len(Own)).copy()
-        films[:, Own.RECOVERY] = tread_film.RECOVERY * np.exp(films[:, Own.RECOVERY])
+        films = p[self._own].reshape(-1, len(PerFilm)).copy()
+        films[:, PerFilm.RECOVERY] = tread_film.RECOVERY * np.exp(films[:, PerFilm.RECOVERY])
         center, offset, peak, before, after, gain, recovery = films.T.take(self._index, axis=1)
         scale, alpha, length = p[Shared.SCALE:len(Shared)].tolist()
         alpha, patch = self._film.bending_alpha * math.exp(alpha), self._patch * math.exp(length)
@@ -114,19 +114,21 @@ class WaveformModel:
                     - height * bump.by_contact_length + 0.5 * by_position,
                     out=jacobian[Shared.LENGTH])
         np.multiply(by_position, self._polynomials, out=jacobian[self._own.stop:])
-        block = np.empty((len(Own), len(x)))
-        np.multiply(by_position, -1.0 - scale, out=block[Own.PLACE])
-        block[Own.OFFSET], block[Own.BENDING], block[Own.GAIN] = 1.0, bend.value, strain.by_gain
-        np.multiply(bump.value, bump.after - 1.0, out=block[Own.BEFORE])
-        np.multiply(bump.value, -1.0 * bump.after, out=block[Own.AFTER])
-        np.multiply(peak * bend.by_recovery, recovery, out=block[Own.RECOVERY])
+        block = np.empty((len(PerFilm), len(x)))
+        np.multiply(by_position, -1.0 - scale, out=block[PerFilm.CENTER])
+        block[PerFilm.OFFSET] = 1.0
+        block[PerFilm.BENDING], block[PerFilm.GAIN] = bend.value, strain.by_gain
+        np.multiply(bump.value, bump.after - 1.0, out=block[PerFilm.BEFORE])
+        np.multiply(bump.value, -1.0 * bump.after, out=block[PerFilm.AFTER])
+        np.multiply(peak * bend.by_recovery, recovery, out=block[PerFilm.RECOVERY])
         for i, (low, high) in enumerate(zip(self._ends, self._ends[1:])):
-            jacobian[own(i, Own.PLACE):own(i + 1, Own.PLACE), low:high] = block[:, low:high]
+            rows = slice(film_index(i, PerFilm.CENTER), film_index(i + 1, PerFilm.CENTER))
+            jacobian[rows, low:high] = block[:, low:high]
         return offset + peak * bend.value + strain.volts - height * bump.value, jacobian
 
     def _strain(self, x: Array, patch: float, p: Array, gain: Array, jacobian: Array
                 ) -> StrainPart:
-        """Return the strain part; write its rows SLIP to SPREAD into ``jacobian``."""
+        """Return the strain part; write its rows SLIP to NORM_SLIP_CHANGE into ``jacobian``."""
         slip, sliding, growth, spread = p[:Shared.SCALE].tolist()
         slip_factor, normalized_factor = (1.0 + change * self._relative
                                           for change in (growth, spread))
@@ -140,9 +142,9 @@ class WaveformModel:
         by_slip = np.multiply(gains, length, out=jacobian[Shared.SLIP])
         volts, factor = slip * by_slip, slip * gains
         by_sliding = factor * overlap.by_normalized_slip
-        np.multiply(by_sliding, normalized_factor, out=jacobian[Shared.SLIDING])
-        np.multiply(self._relative, volts / slip_factor, out=jacobian[Shared.GROWTH])
-        np.multiply(self._relative, sliding * by_sliding, out=jacobian[Shared.SPREAD])
+        np.multiply(by_sliding, normalized_factor, out=jacobian[Shared.NORM_SLIP])
+        np.multiply(self._relative, volts / slip_factor, out=jacobian[Shared.SLIP_CHANGE])
+        np.multiply(self._relative, sliding * by_sliding, out=jacobian[Shared.NORM_SLIP_CHANGE])
         return StrainPart(volts, by_gain, factor * overlap.by_position,
                           factor * overlap.by_contact_length)
 

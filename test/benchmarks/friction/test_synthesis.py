@@ -75,7 +75,7 @@ def test_without_noise_the_model_fits_a_crossing():
     fit = fitter.fit(CrossingSynthesizer(case, 3, gain_error=0.0).crossing().samples)
     assert fit.residual_rms < film.code
     assert fit.shared(Shared.SLIP)[0] == pytest.approx(case.slip, rel=0.02)
-    assert fit.shared(Shared.SLIDING)[0] == pytest.approx(case.sliding, rel=0.02)
+    assert fit.shared(Shared.NORM_SLIP)[0] == pytest.approx(case.sliding, rel=0.02)
 
 
 def test_the_true_motion_has_the_total_slip_of_the_case():

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from smart_tire.estimation.friction.levenberg_marquardt import LevenbergMarquardt, Prior
-from smart_tire.estimation.friction.waveform_model import Own, own, Shared, WaveformModel
+from smart_tire.estimation.friction.waveform_model import (
+    film_index, PerFilm, Shared, WaveformModel)
 from smart_tire.parameters import RobotParams
 from support.crossings import crossing_samples, WHEEL
 
 ROBOT = RobotParams()
-SLIP, SLIDING = 0.1, 0.18
+SLIP, NORM_SLIP = 0.1, 0.18
 
 
 class CountingModel:
@@ -21,18 +22,18 @@ class CountingModel:
         self._model = WaveformModel(ROBOT, ROBOT.film.gains(WHEEL), seen.films, seen.reference)
         self.evaluations = 0
 
-    def linearised(self, p):
+    def linearized(self, p):
         self.evaluations += 1
-        return self._model.linearised(p)
+        return self._model.linearized(p)
 
 
 def prior_of(count, slip_sigma=1e-3):
     """Return a prior for ``count`` films, with fixed contact length and bending shape."""
-    value, sigma = np.zeros(own(count, Own.PLACE)), np.zeros(own(count, Own.PLACE))
-    value[[Shared.SLIP, Shared.SLIDING]] = SLIP, 0.3
-    sigma[[Shared.SLIP, Shared.SLIDING]] = slip_sigma, 3.0
+    value, sigma = np.zeros((2, film_index(count, PerFilm.CENTER)))
+    value[[Shared.SLIP, Shared.NORM_SLIP]] = SLIP, 0.3
+    sigma[[Shared.SLIP, Shared.NORM_SLIP]] = slip_sigma, 3.0
     for i in range(count):
-        block = slice(own(i, Own.PLACE), own(i + 1, Own.PLACE))
+        block = slice(film_index(i, PerFilm.CENTER), film_index(i + 1, PerFilm.CENTER))
         peak = ROBOT.film.bending(WHEEL)[i]
         value[block] = i * ROBOT.film.spacing, 0.0, peak, 0.12 * peak, 0.12 * peak, 0.0, 0.0
         sigma[block] = 0.005, 0.01, 0.5, 0.1, 0.1, 0.03, 0.5
@@ -41,7 +42,8 @@ def prior_of(count, slip_sigma=1e-3):
 
 
 def setup(seed):
-    seen = crossing_samples(np.random.default_rng(seed), ROBOT, slip=SLIP, normalized_slip=SLIDING)
+    seen = crossing_samples(
+        np.random.default_rng(seed), ROBOT, slip=SLIP, normalized_slip=NORM_SLIP)
     model = CountingModel(seen)
     return LevenbergMarquardt(model, seen.films, ROBOT.film.sample_variance), model, seen
 
@@ -53,8 +55,8 @@ def test_it_converges_to_the_minimum_in_few_evaluations(seed):
     end = fit.run(prior.value, prior)
     assert model.evaluations <= 7
     sigma = np.sqrt(np.diag(np.linalg.inv(end.hessian)))
-    assert abs(end.p[Shared.SLIDING] - SLIDING) < 4.0 * sigma[list(prior.free).index(
-        Shared.SLIDING)]
+    assert abs(end.p[Shared.NORM_SLIP] - NORM_SLIP) < 4.0 * sigma[list(prior.free).index(
+        Shared.NORM_SLIP)]
     again = fit.run(end.p.copy(), prior)
     assert np.all(np.abs(again.p - end.p)[prior.free] < 0.1 * sigma)
 
@@ -66,7 +68,7 @@ def test_fixed_parameters_stay_and_a_known_point_is_not_evaluated_again():
     before = model.evaluations
     other = fit.run(end.point.p, prior_of(2, 2e-3))
     assert model.evaluations - before <= 2
-    assert other.p[Shared.SLIDING] == pytest.approx(end.p[Shared.SLIDING], abs=0.01)
+    assert other.p[Shared.NORM_SLIP] == pytest.approx(end.p[Shared.NORM_SLIP], abs=0.01)
 
 
 def test_a_single_film_has_a_larger_sigma_than_both():
@@ -77,4 +79,4 @@ def test_a_single_film_has_a_larger_sigma_than_both():
     assert len(single) == len(seen.films)
     for value, wider in single:
         assert wider > sigma
-        assert abs(value - end.p[Shared.SLIDING]) < 4.0 * wider
+        assert abs(value - end.p[Shared.NORM_SLIP]) < 4.0 * wider

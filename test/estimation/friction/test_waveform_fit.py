@@ -12,7 +12,7 @@ from smart_tire.errors import EstimatorError
 from smart_tire.estimation.contact.records import FilmSamples
 from smart_tire.estimation.contact.trajectory_error import TrajectoryErrors
 from smart_tire.estimation.friction.waveform_fit import CrossingSlipPrior, WaveformFitter
-from smart_tire.estimation.friction.waveform_model import Own, Shared
+from smart_tire.estimation.friction.waveform_model import PerFilm, Shared
 from smart_tire.parameters import build, RobotParams
 from smart_tire.uncertain import Uncertain
 from support.crossings import crossing_samples, WHEEL
@@ -68,7 +68,7 @@ def test_with_the_true_slip_the_fit_is_unbiased_near_the_bound_and_consistent(
         slip, normalized_slip, rpm, noise, release):
     here = robot(film_noise=noise, film_release=release)
     value, sigma = columns(fits(here, 140, slip, normalized_slip, rpm=rpm, sigma=EXACT),
-                           Shared.SLIDING)
+                           Shared.NORM_SLIP)
     bound = friction_bound(here, WHEEL, slip=slip, sliding=normalized_slip,
                            speed=rpm / 60.0 * 2.0 * np.pi * here.wheel_radius)
     assert bound < 0.1
@@ -102,7 +102,7 @@ def test_an_uncertain_slip_is_used_as_a_prior_with_its_sigma(sigma):
 def test_white_and_systematic_covariance_add_up_to_the_covariance():
     fit = fits(robot(), 1, 0.1, 0.18, sigma=0.005)[0]
     assert fit.excess < 1.2
-    both = [Shared.SLIP, Shared.SLIDING]
+    both = [Shared.SLIP, Shared.NORM_SLIP]
     np.testing.assert_allclose(
         fit.excess * fit.systematic_cov + fit.white_cov, fit.covariance[np.ix_(both, both)],
         rtol=1e-6)
@@ -126,14 +126,14 @@ def test_the_systematic_covariance_is_that_of_constant_gain_errors():
 
 
 def test_at_a_small_slip_normalized_slip_has_a_large_consistent_sigma():
-    value, sigma = columns(fits(robot(), 100, 0.01, 0.02, sigma=EXACT), Shared.SLIDING)
+    value, sigma = columns(fits(robot(), 100, 0.01, 0.02, sigma=EXACT), Shared.NORM_SLIP)
     assert np.median(sigma) > 0.02
     assert np.mean(((value - 0.02) / sigma)**2) < 1.4
     assert abs(np.mean(value) - 0.02) < 0.3 * np.median(sigma)
 
 
 def test_without_slip_normalized_slip_is_not_observable():
-    value, sigma = columns(fits(robot(), 60, 0.0, 0.2, sigma=0.001), Shared.SLIDING)
+    value, sigma = columns(fits(robot(), 60, 0.0, 0.2, sigma=0.001), Shared.NORM_SLIP)
     assert np.median(sigma) > 0.3
     assert np.all(np.isfinite(value))
 
@@ -141,7 +141,7 @@ def test_without_slip_normalized_slip_is_not_observable():
 @pytest.mark.parametrize('normalized_slip', [1.2, 2.0])
 def test_above_the_critical_slip_a_slip_estimate_determines_normalized_slip(normalized_slip):
     here = robot()
-    value, sigma = columns(fits(here, 100, 0.4, normalized_slip, sigma=0.005), Shared.SLIDING)
+    value, sigma = columns(fits(here, 100, 0.4, normalized_slip, sigma=0.005), Shared.NORM_SLIP)
     assert abs(np.median(value) / normalized_slip - 1.0) < 0.02
     assert 0.5 < np.mean(((value - normalized_slip) / sigma)**2) < 1.4
 
@@ -152,7 +152,7 @@ def test_clipped_peaks_do_not_bias_the_fit(slip, peak):
     found = fits(here, 100, slip, 0.37, sigma=EXACT)
     rails = [np.abs(film.rail).sum() for fit in found for film in fit.samples.films]
     assert np.mean(rails) > 2.0
-    value, sigma = columns(found, Shared.SLIDING)
+    value, sigma = columns(found, Shared.NORM_SLIP)
     assert abs(np.median(value) / 0.37 - 1.0) < 0.02
     assert 0.5 < np.mean(((value - 0.37) / sigma)**2) < 1.4
 
@@ -175,8 +175,8 @@ def test_a_lost_batch_increases_the_sigma_consistently(begin, end):
         samples = crossing_samples(rng, here, slip=0.1, normalized_slip=0.18)
         for fits_, part in ((whole, samples), (found, without(samples, begin, end))):
             fits_.append(one.fit(part, slip_prior(0.1, EXACT)))
-    value, sigma = columns(found, Shared.SLIDING)
-    assert np.median(sigma) > 1.1 * np.median(columns(whole, Shared.SLIDING)[1])
+    value, sigma = columns(found, Shared.NORM_SLIP)
+    assert np.median(sigma) > 1.1 * np.median(columns(whole, Shared.NORM_SLIP)[1])
     assert abs(np.median(value) / 0.18 - 1.0) < 0.02
     assert 0.6 < np.mean(((value - 0.18) / sigma)**2) < 1.4
 
@@ -190,18 +190,18 @@ def test_outliers_hardly_change_the_fit_and_its_sigma():
         for film in samples.films:
             film.volts[rng.integers(0, len(film.volts), 3)] += rng.uniform(-0.8, 0.8, 3)
         spoiled.append(one.fit(samples, slip_prior(0.1, EXACT)))
-    moved = columns(spoiled, Shared.SLIDING)[0] - columns(clean, Shared.SLIDING)[0]
-    sigma = columns(spoiled, Shared.SLIDING)[1]
+    moved = columns(spoiled, Shared.NORM_SLIP)[0] - columns(clean, Shared.NORM_SLIP)[0]
+    sigma = columns(spoiled, Shared.NORM_SLIP)[1]
     assert np.median(np.abs(moved)) < 0.6 * np.median(sigma)
-    assert np.median(sigma) < 1.5 * np.median(columns(clean, Shared.SLIDING)[1])
+    assert np.median(sigma) < 1.5 * np.median(columns(clean, Shared.NORM_SLIP)[1])
 
 
 def test_two_surfaces_in_one_crossing_have_a_large_residual():
     same = fits(robot(), 20, 0.1, 0.18, sigma=EXACT)
     both = fits(robot(), 20, 0.1, 0.18, other_normalized_slip=0.45, sigma=EXACT)
     assert max(fit.excess for fit in same) < 1.5 < min(fit.excess for fit in both)
-    assert (np.median(columns(both, Shared.SLIDING)[1])
-            > 1.8 * np.median(columns(same, Shared.SLIDING)[1]))
+    assert (np.median(columns(both, Shared.NORM_SLIP)[1])
+            > 1.8 * np.median(columns(same, Shared.NORM_SLIP)[1]))
     assert all(0.18 < fit.normalized_slip.value < 0.45 for fit in both)
 
 
@@ -225,7 +225,7 @@ def test_per_film_normalized_slip_is_that_of_single_film_fits_to_first_order(oth
 @pytest.mark.parametrize('length', [0.046, 0.05, 0.07])
 def test_a_film_longer_than_the_patch_determines_normalized_slip(length):
     here = robot(film_length=length)
-    value, sigma = columns(fits(here, 100, 0.15, 0.3, sigma=EXACT), Shared.SLIDING)
+    value, sigma = columns(fits(here, 100, 0.15, 0.3, sigma=EXACT), Shared.NORM_SLIP)
     assert abs(np.median(value) / 0.3 - 1.0) < 0.02
     assert 0.6 < np.mean(((value - 0.3) / sigma)**2) < 1.4
 
@@ -237,7 +237,7 @@ def test_a_change_of_slip_within_the_prior_does_not_bias_the_fit():
         samples = crossing_samples(rng, here, slip=0.1, normalized_slip=0.18,
                                    growth=0.1 * rng.standard_normal())
         found.append(one.fit(samples, slip_prior(0.1, EXACT, change=Uncertain(0.0, 0.01))))
-    value, sigma = columns(found, Shared.SLIDING)
+    value, sigma = columns(found, Shared.NORM_SLIP)
     assert 0.6 < np.mean(((value - 0.18) / sigma)**2) < 1.4
 
 
@@ -249,9 +249,9 @@ def test_an_independent_change_of_normalized_slip_does_not_bias_the_fit():
                                    spread=0.06 * rng.standard_normal())
         found.append(one.fit(samples, CrossingSlipPrior(
             Uncertain(0.1, EXACT), Uncertain(0.005, 1e-4), 0.0, 0.06)))
-    value, sigma = columns(found, Shared.SLIDING)
+    value, sigma = columns(found, Shared.NORM_SLIP)
     assert 0.6 < np.mean(((value - 0.18) / sigma)**2) < 1.4
-    changes = np.array([fit.shared(Shared.SPREAD) for fit in found])
+    changes = np.array([fit.shared(Shared.NORM_SLIP_CHANGE) for fit in found])
     assert np.median(changes[:, 1]) < 0.05  # smaller than that of the prior
 
 
@@ -261,7 +261,7 @@ def test_a_continued_fit_converges_to_the_result_of_one_from_the_same_start():
         one, samples = fitter(here), crossing_samples(rng, here, slip=0.1, normalized_slip=0.18)
         first, prior = one.fit(samples), slip_prior(0.1, 0.002, change=Uncertain(0.0, 0.001))
         continued, restarted = (own.fit(samples, prior, first) for own in (one, fitter(here)))
-        for which in (Shared.SLIP, Shared.SLIDING):
+        for which in (Shared.SLIP, Shared.NORM_SLIP):
             (value, sigma), (other, other_sigma) = continued.shared(which), restarted.shared(which)
             assert value == pytest.approx(other, abs=0.1 * sigma)
             assert sigma == pytest.approx(other_sigma, rel=0.03)
@@ -272,10 +272,10 @@ def test_a_scale_error_of_the_distances_is_estimated():
     here = robot()
     found = fits(here, 60, 0.1, 0.18, sigma=EXACT, scale=0.01,
                  errors=TrajectoryErrors(0.01, (5e-5, 2e-5)))
-    value, sigma = columns(found, Shared.SLIDING)
+    value, sigma = columns(found, Shared.NORM_SLIP)
     assert abs(np.median(value) / 0.18 - 1.0) < 0.02
     assert np.median(sigma) < 1.2 * np.median(
-        columns(fits(here, 60, 0.1, 0.18, sigma=EXACT), Shared.SLIDING)[1])
+        columns(fits(here, 60, 0.1, 0.18, sigma=EXACT), Shared.NORM_SLIP)[1])
     assert np.median(columns(found, Shared.SCALE)[0]) == pytest.approx(-0.01, abs=0.002)
 
 
@@ -287,7 +287,7 @@ def test_gains_and_contact_length_are_estimated_with_wide_priors():
         fit = one.fit(crossing_samples(
             rng, true, slip=0.15, normalized_slip=0.3, gain_error=0.0), slip_prior(0.15, EXACT))
         lengths.append(fit.shared(Shared.LENGTH))
-        gains.append([fit.own(i, Own.GAIN).value for i in range(2)])
+        gains.append([fit.film_parameter(i, PerFilm.GAIN).value for i in range(2)])
     value, sigma = np.array(lengths).T
     assert 0.046 * np.exp(np.median(value)) == pytest.approx(0.0475, rel=0.003)
     assert np.mean(((value - np.log(0.0475 / 0.046)) / sigma)**2) < 2.0
@@ -298,21 +298,21 @@ def test_gains_and_contact_length_are_estimated_with_wide_priors():
 @pytest.mark.parametrize('films', [(0,), (1,), (0, 1, 0)])
 def test_any_number_of_films_is_fitted_jointly(films):
     value, sigma = columns(fits(robot(), 100, 0.1, 0.18, sigma=EXACT, films=films),
-                           Shared.SLIDING)
+                           Shared.NORM_SLIP)
     assert abs(np.median(value) / 0.18 - 1.0) < 0.02
     assert 0.6 < np.mean(((value - 0.18) / sigma)**2) < 1.4
 
 
 def test_more_films_reduce_the_sigma():
     one, two = (np.median(columns(fits(robot(), 30, 0.1, 0.18, sigma=EXACT, films=films),
-                                  Shared.SLIDING)[1]) for films in ((0,), (0, 1)))
+                                  Shared.NORM_SLIP)[1]) for films in ((0,), (0, 1)))
     assert two < 0.9 * one
 
 
 def test_the_center_is_estimated_to_some_hundredths_of_a_millimeter():
     found = fits(robot(), 60, 0.1, 0.18)
     for position in (0, 1):
-        value, sigma = np.array([fit.own(position, Own.PLACE) for fit in found]).T
+        value, sigma = np.array([fit.film_parameter(position, PerFilm.CENTER) for fit in found]).T
         assert np.mean(((value - 0.03 * position) / sigma)**2) < 1.5
         assert np.std(value - 0.03 * position) < 1e-4
 

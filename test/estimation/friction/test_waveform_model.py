@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from smart_tire.estimation.contact.records import FilmSamples
-from smart_tire.estimation.friction.waveform_model import Own, own, Shared, WaveformModel
+from smart_tire.estimation.friction.waveform_model import (
+    film_index, PerFilm, Shared, WaveformModel)
 from smart_tire.models.tire import tread_film
 from smart_tire.parameters import build, RobotParams
 
@@ -24,12 +25,13 @@ FILMS = (samples(0, 0.0), samples(1, 0.03, 61))
 
 
 def parameters(**shared):
-    p = np.zeros(own(2, Own.PLACE))
-    for name, value in {'SLIP': 0.1, 'SLIDING': 0.2, **shared}.items():
+    p = np.zeros(film_index(2, PerFilm.CENTER))
+    for name, value in {'SLIP': 0.1, 'NORM_SLIP': 0.2, **shared}.items():
         p[Shared[name]] = value
     for i, one in enumerate(FILMS):
         peak = PEAKS[one.film]
-        p[own(i, Own.PLACE):own(i, Own.GAIN)] = 0.03 * i, 0.0, peak, 0.1 * peak, 0.14 * peak
+        own = slice(film_index(i, PerFilm.CENTER), film_index(i, PerFilm.GAIN))
+        p[own] = 0.03 * i, 0.0, peak, 0.1 * peak, 0.14 * peak
     return p
 
 
@@ -46,7 +48,7 @@ def expected(one, center, slip, sliding, peak, gain):
 @pytest.mark.parametrize('slip', [0.1, -0.2])
 def test_the_output_is_that_of_the_crossing_model(slip):
     model = WaveformModel(ROBOT, GAINS, FILMS, 0.0)
-    output, _ = model.linearised(parameters(SLIP=slip))
+    output, _ = model.linearized(parameters(SLIP=slip))
     volts = [expected(one, 0.03 * i, slip, 0.2, PEAKS[i], GAINS[i]) for i, one in enumerate(FILMS)]
     np.testing.assert_allclose(output, np.concatenate(volts), atol=1e-12)
 
@@ -56,15 +58,16 @@ def test_the_output_is_that_of_the_crossing_model(slip):
 def test_the_jacobian_agrees_with_finite_differences(release, sliding):
     robot = build(RobotParams, {'film.release': release})
     model = WaveformModel(robot, GAINS, FILMS, 0.011)
-    p = parameters(SLIDING=sliding, GROWTH=0.04, SCALE=0.01, ALPHA=0.03, LENGTH=-0.04)
-    p[own(0, Own.OFFSET)], p[own(1, Own.GAIN)], p[own(1, Own.RECOVERY)] = 0.01, -0.02, 0.2
-    _, jacobian = model.linearised(p)
+    p = parameters(NORM_SLIP=sliding, SLIP_CHANGE=0.04, SCALE=0.01, ALPHA=0.03, LENGTH=-0.04)
+    p[film_index(0, PerFilm.OFFSET)] = 0.01
+    p[film_index(1, PerFilm.GAIN)], p[film_index(1, PerFilm.RECOVERY)] = -0.02, 0.2
+    _, jacobian = model.linearized(p)
     for k in range(len(p)):
         if sliding < 0.0 and k == Shared.LENGTH:
             continue  # an approximation in the extrapolated range
         step = np.zeros_like(p)
         step[k] = 1e-7
-        found = (model.linearised(p + step)[0] - model.linearised(p - step)[0]) / 2e-7
+        found = (model.linearized(p + step)[0] - model.linearized(p - step)[0]) / 2e-7
         size = max(np.abs(jacobian[k]).max(), 0.1)
         # derivatives jump where the film begins and ceases to leave
         assert np.mean(np.abs(found - jacobian[k]) > 1e-4 * size) < 0.01, k
@@ -73,8 +76,8 @@ def test_the_jacobian_agrees_with_finite_differences(release, sliding):
 def test_growth_is_the_relative_change_of_the_slip_over_a_contact_length():
     model = WaveformModel(ROBOT, GAINS, FILMS, 0.0)
     relative = np.concatenate([one.distance for one in FILMS]) / L
-    constant, growing = (model.linearised(parameters(GROWTH=g)) for g in (0.0, 0.5))
-    by_slip, by_sliding = constant[1][Shared.SLIP], constant[1][Shared.SLIDING]
+    constant, growing = (model.linearized(parameters(SLIP_CHANGE=g)) for g in (0.0, 0.5))
+    by_slip, by_sliding = constant[1][Shared.SLIP], constant[1][Shared.NORM_SLIP]
     near = np.abs(relative) < 0.02
     expected = 0.5 * relative * (0.1 * by_slip + 0.2 * by_sliding)
     np.testing.assert_allclose((growing[0] - constant[0])[near], expected[near], atol=1e-5)
@@ -85,11 +88,11 @@ def test_a_scale_error_expands_each_film_about_its_center():
     model = WaveformModel(ROBOT, GAINS, FILMS, 0.0)
     scaled = tuple(FilmSamples(one.film, 0.03 * i + 1.02 * (one.distance - 0.03 * i), one.volts,
                                one.rail) for i, one in enumerate(FILMS))
-    direct = WaveformModel(ROBOT, GAINS, scaled, 0.0).linearised(parameters())[0]
-    np.testing.assert_allclose(model.linearised(expanded)[0], direct, atol=1e-12)
+    direct = WaveformModel(ROBOT, GAINS, scaled, 0.0).linearized(parameters())[0]
+    np.testing.assert_allclose(model.linearized(expanded)[0], direct, atol=1e-12)
 
 
 def test_the_output_is_linear_for_negative_normalized_slip():
     model = WaveformModel(ROBOT, GAINS, FILMS, 0.0)
-    outputs = [model.linearised(parameters(SLIDING=w))[0] for w in (-0.2, -0.1, 0.0)]
+    outputs = [model.linearized(parameters(NORM_SLIP=w))[0] for w in (-0.2, -0.1, 0.0)]
     np.testing.assert_allclose(outputs[0] - outputs[1], outputs[1] - outputs[2], atol=1e-12)
