@@ -59,7 +59,7 @@ class _Wheel:
 
 @dataclass
 class CrossingCollector:
-    """Collects the passages of ``robot`` from samples in the order of reception."""
+    """Collects the crossings of ``robot`` from samples in the order of reception."""
 
     robot: RobotParams
     reorder_window: float  # s
