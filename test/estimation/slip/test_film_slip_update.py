@@ -182,10 +182,10 @@ def test_estimates_do_not_depend_on_the_arrival_time_of_a_crossing():
     late = [(at + 120 * MS, sample) for at, sample in early]
     results = [estimates(run, extra, **{'slip.film_aided': True}) for extra in (early, late)]
     assert results[0][1] == results[1][1]
-    assert all(estimator.films_used > 10 for estimator, _ in results)
+    assert all(estimator.counters['films_used'] > 10 for estimator, _ in results)
     never = [(at + 600 * MS, sample) for at, sample in early]
     estimator, out = estimates(run, never, **{'slip.film_aided': True})
-    assert estimator.late['tire_friction'] > 10 and estimator.films_used == 0
+    assert estimator.late['tire_friction'] > 10 and estimator.counters['films_used'] == 0
     assert out == estimates(run)[1]
 
 
