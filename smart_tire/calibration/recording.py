@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 
 from smart_tire.arrays import Array
 from smart_tire.errors import EstimatorError
+from smart_tire.estimation.plausibility import speed_spikes
 from smart_tire.samples import LEFT, RIGHT
 
 
 MAX_POSITION_GAP = 2.0    # s; over longer gaps the change of position is not a mean speed
 MAX_GAP_PERIODS = 1.5     # periods; after a longer gap between velocities a message is missing
-SPIKE_THRESHOLD = 3.0     # rad/s; deviation from the mean of both neighbors that marks a spike,
-SPIKE_NOISE_FACTOR = 8.0  # ... plus this many times the median deviation
 MOTION_MARGIN = 0.5       # s before and after motion: latency of the wheels, settling of the body
 
 
@@ -168,14 +167,7 @@ def rotation_increments(wheels: WheelRecord) -> tuple[Array, NDArray[np.bool_]]:
     else:
         angle = wheels.velocity[1:] * gap[:, None]
         complete = gap <= MAX_GAP_PERIODS * float(np.median(gap))
-    speed = angle / gap[:, None]
-    before, after = np.roll(speed, 1, axis=0), np.roll(speed, -1, axis=0)
-    deviation = np.abs(speed - 0.5 * (before + after))
-    moving = deviation[deviation > 0.0]  # at high rates quantization and jitter dominate
-    typical = float(np.median(moving)) if moving.size else 0.0
-    excess = deviation - np.abs(after - before) - SPIKE_THRESHOLD - SPIKE_NOISE_FACTOR * typical
-    excess[[0, -1]] = 0.0  # the ends have one neighbor only
-    return angle, complete & (excess <= 0.0).all(axis=1)
+    return angle, complete & ~speed_spikes(angle / gap[:, None]).any(axis=1)
 
 
 def wheel_intervals(wheels: WheelRecord, min_duration: float) -> WheelIntervals:

@@ -16,10 +16,10 @@ from smart_tire.estimation.contact.tracker import ContactTracker
 from smart_tire.estimation.friction.estimator import BLOCK_NS, TOPICS
 from smart_tire.estimation.friction.motion_history import MotionHistory
 from smart_tire.estimation.friction.slip_variation import estimated_variation
+from smart_tire.estimation.plausibility import is_possible
 from smart_tire.estimation.reorder_buffer import ReorderBuffer
 from smart_tire.parameters import RobotParams
-from smart_tire.samples import (
-    MAX_WHEEL_SPEED, NS_PER_S, TireSample, WHEELS, WheelSample, WheelSlip)
+from smart_tire.samples import NS_PER_S, TireSample, WHEELS, WheelSample, WheelSlip
 from smart_tire.uncertain import Uncertain
 
 SLIP_MARGIN_NS = 500_000_000  # of slips after a crossing that are used for mean and slope
@@ -92,14 +92,12 @@ class CrossingCollector:
 
     def _add(self, sample: TireSample | WheelSample) -> None:
         if isinstance(sample, WheelSample):
-            if sample.stamp_ns > self._wheels_ns and all(
-                    abs(speed) <= MAX_WHEEL_SPEED for speed in sample.velocity):
+            if sample.stamp_ns > self._wheels_ns and is_possible(sample):
                 self._wheels_ns = sample.stamp_ns
                 self._add_wheels(sample)
             return
         wheel = self._wheels.get(sample.wheel)
-        if wheel is not None and sample.stamp_ns > wheel.newest_ns and all(
-                map(math.isfinite, sample.volts)):
+        if wheel is not None and sample.stamp_ns > wheel.newest_ns and is_possible(sample):
             wheel.newest_ns = sample.stamp_ns
             self.tire_samples += 1
             for tracker in wheel.trackers:

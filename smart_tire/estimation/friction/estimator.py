@@ -8,21 +8,21 @@ from __future__ import annotations
 
 from collections import Counter
 from itertools import chain
-from math import inf, isfinite
+from math import inf
 
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.contact.tracker import ContactTracker
 from smart_tire.estimation.friction.motion_history import MotionHistory
 from smart_tire.estimation.friction.output import OutputBuilder
+from smart_tire.estimation.plausibility import is_possible
 from smart_tire.estimation.reorder_buffer import ReorderBuffer
 from smart_tire.parameters import FrictionEstimatorParams
 from smart_tire.samples import (
-    Friction, MAX_WHEEL_SPEED, NS_PER_S, Odometry, Sample, TireSample, WheelSample, WheelSlip)
+    Friction, NS_PER_S, Odometry, Sample, TireSample, WheelSample, WheelSlip)
 
 BLOCK_NS = 48_000_000  # of message time, six grid steps, in which samples are processed together
 TOPICS: dict[type, str] = {TireSample: 'tire_samples', WheelSample: 'wheel_states',
                            Odometry: 'odom', WheelSlip: 'wheel_slip'}
-MAX_SLIP_SIGMA = 1e3  # of a ratio within +-1; larger finite values are invalid
 Input = TireSample | WheelSample | Odometry | WheelSlip
 
 
@@ -96,7 +96,7 @@ class FrictionEstimator:
     def _is_new(self, wheel: str, sample: Input) -> bool:
         """Return whether ``sample`` is possible and newer than its stream; count it if not."""
         kind, stamp_ns = type(sample), sample.stamp_ns
-        if _is_possible(sample) and stamp_ns > self._newest.get((kind, wheel), -inf):
+        if is_possible(sample) and stamp_ns > self._newest.get((kind, wheel), -inf):
             self._newest[kind, wheel] = stamp_ns
             return True
         self.dropped[TOPICS[kind]] += 1
@@ -135,15 +135,3 @@ class FrictionEstimator:
                 tracker.undetected for tracker in trackers)
             shown[f'{wheel}_surface_changes'] = self._outputs[wheel].filter.changes
         return shown
-
-
-def _is_possible(sample: Input) -> bool:
-    """Return whether ``sample`` is physically possible."""
-    if isinstance(sample, TireSample):
-        return all(map(isfinite, sample.volts))
-    if isinstance(sample, WheelSample):
-        return all(abs(speed) <= MAX_WHEEL_SPEED for speed in sample.velocity)
-    if isinstance(sample, Odometry):
-        return all(map(isfinite, sample.linear)) and all(map(isfinite, sample.angular))
-    return not any(abs(ratio) > 1.0 for ratio in sample.ratio) and all(
-        0.0 <= sigma <= MAX_SLIP_SIGMA or sigma == inf for sigma in sample.sigma)

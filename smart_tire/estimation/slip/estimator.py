@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any, Protocol
 
 from smart_tire.arrays import Array
+from smart_tire.estimation.plausibility import is_possible
 from smart_tire.estimation.reorder_buffer import ReorderBuffer
 from smart_tire.estimation.slip.ekf import SlipFilter
 from smart_tire.estimation.slip.film_slip_update import FilmSlipBuffer
@@ -16,9 +17,7 @@ from smart_tire.estimation.slip.robust_ekf import StateRecorder
 from smart_tire.estimation.slip.state import State
 from smart_tire.estimation.slip.wheel_correction import WheelCorrector
 from smart_tire.parameters import SlipEstimatorParams
-from smart_tire.samples import (
-    Friction, ImuSample, MAX_ANGULAR_RATE, MAX_SPECIFIC_FORCE, MAX_WHEEL_SPEED, NS_PER_S,
-    WheelSample)
+from smart_tire.samples import Friction, ImuSample, NS_PER_S, WheelSample
 
 
 class EstimatorRecorder(StateRecorder, Protocol):
@@ -93,7 +92,7 @@ class SlipEstimator:
                 self.late['tire_friction'] += 1
             return []
         topic = 'imu/data' if isinstance(sample, ImuSample) else 'wheel_states'
-        if not _is_possible(sample):
+        if not is_possible(sample):
             self.dropped[topic] += 1
             return []
         closed = self._reorder_buffer.push(topic, sample.stamp_ns, sample)
@@ -190,11 +189,3 @@ class SlipSegment:
             self._recorder.record_output(context, x, P)
         return self._output.build(
             context, x, P, predictor.unobserved_slip.sigma(x, imu.yaw_rate))
-
-
-def _is_possible(sample: ImuSample | WheelSample) -> bool:
-    """Return whether a robot can have produced ``sample``; False for NaN."""
-    if isinstance(sample, ImuSample):
-        return (all(abs(force) <= MAX_SPECIFIC_FORCE for force in sample.acceleration)
-                and all(abs(rate) <= MAX_ANGULAR_RATE for rate in sample.rate))
-    return all(abs(speed) <= MAX_WHEEL_SPEED for speed in sample.velocity)

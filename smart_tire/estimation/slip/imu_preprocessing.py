@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 import math
 
+from smart_tire.estimation.plausibility import is_imu_spike
 from smart_tire.estimation.slip.state import ImuReading, ImuStep
 from smart_tire.estimation.slip.vibration import VibrationMonitor
 from smart_tire.models.vehicle.skid_steer import GRAVITY
@@ -12,9 +13,6 @@ from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.rotation import matrix
 from smart_tire.samples import ImuSample
 
-SPIKE_RATE = 5.0             # rad/s between two IMU samples; no robot yaws so abruptly
-SPIKE_FORCE = 20.0           # m/s2 between two IMU samples, in addition to vibration
-SPIKE_SIGMAS = 8.0           # standard deviations of the vibration
 SLOPE_VIBRATION_SHARE = 0.25  # share of the vibration that is pitch and roll; assumed
 INITIAL_PERIOD = 0.01        # s, between samples
 PERIOD_GAIN = 0.02           # weight of a new sample in the smoothed period
@@ -109,10 +107,9 @@ class ImuPreprocessor:
         A real impact lasts longer: a second such reading in a row is accepted.
         """
         last = self.reading
-        spike = last is not None and not self._last_was_spike and (
-            abs(reading[0] - last[0]) > SPIKE_RATE
-            or max(abs(reading[1] - last[1]), abs(reading[2] - last[2]))
-            > SPIKE_FORCE + SPIKE_SIGMAS * self.vibration)
+        spike = last is not None and not self._last_was_spike and is_imu_spike(
+            reading.yaw_rate - last.yaw_rate, reading.force_x - last.force_x,
+            reading.force_y - last.force_y, self.vibration)
         self._last_was_spike = spike
         if last is None or not spike:
             return reading

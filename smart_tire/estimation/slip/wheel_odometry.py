@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 import math
 
+from smart_tire.estimation.plausibility import is_speed_contradicted
+from smart_tire.numerics.rates import mean_rates
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import Four, WheelSample
 
 MAX_SAMPLE_GAP = 2.0   # s; after a longer gap positions are not differenced
-MAX_POSITION_JUMP = 3.0  # rad/s by which position differences may exceed twice the velocity
 RESIDUAL_GAIN = 0.5    # weight of a new sample in the smoothed wheel residual
 INITIAL_PERIOD = 0.05  # s, assumed for the velocities of the first sample
 
@@ -67,9 +68,8 @@ class WheelOdometry:
                               gap: float) -> Four | None:
         if previous.position is None or sample.position is None:
             return None
-        rates = [(new - old) / gap for new, old in zip(sample.position, previous.position)]
-        if any(abs(rate - velocity) > MAX_POSITION_JUMP + abs(velocity)
-               for rate, velocity in zip(rates, sample.velocity)):
+        rates = mean_rates(previous.position, sample.position, gap)
+        if any(map(is_speed_contradicted, rates, sample.velocity)):
             self.position_jumps += 1
             return None
         return tuple(self.radius * rate for rate in rates)  # type: ignore[return-value]

@@ -1,0 +1,79 @@
+"""
+Which samples, and which changes between samples, are physically possible.
+
+Every estimator and calibration asks here before it uses a sample; the limits that hold for any
+robot with wheels are in ``samples``, where decoders use them, too.
+"""
+
+from __future__ import annotations
+
+from math import inf, isfinite
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smart_tire.arrays import Array
+from smart_tire.samples import (
+    ImuSample, MAX_ANGULAR_RATE, MAX_SPECIFIC_FORCE, MAX_WHEEL_SPEED, Odometry, TireSample,
+    WheelSample, WheelSlip)
+
+MAX_SLIP_SIGMA = 1e3           # -, finite ones beyond are errors: slip is in [-1, 1]
+MAX_RATE_CHANGE = 5.0          # rad/s between two IMU samples; no robot yaws so abruptly
+MAX_FORCE_CHANGE = 20.0        # m/s2 between two IMU samples, in addition to vibration ...
+MAX_VIBRATION_SIGMAS = 8.0     # ... of this many standard deviations
+MAX_SPEED_DEVIATION = 3.0      # rad/s of a wheel, from its other measurements
+SPEED_NOISE_FACTOR = 8.0       # times the median deviation, in addition
+
+
+def is_possible(sample: ImuSample | WheelSample | TireSample | Odometry | WheelSlip) -> bool:
+    """Return whether a robot and its sensors can have produced ``sample``; False for NaN."""
+    match sample:
+        case ImuSample():
+            return (all(abs(force) <= MAX_SPECIFIC_FORCE for force in sample.acceleration)
+                    and all(abs(rate) <= MAX_ANGULAR_RATE for rate in sample.rate))
+        case WheelSample():
+            return all(abs(speed) <= MAX_WHEEL_SPEED for speed in sample.velocity)
+        case TireSample():
+            return all(map(isfinite, sample.volts))
+        case Odometry():
+            return all(map(isfinite, (*sample.linear, *sample.angular)))
+        case WheelSlip():  # the slip of a stationary wheel is NaN
+            return not any(abs(ratio) > 1.0 for ratio in sample.ratio) and all(
+                0.0 <= sigma <= MAX_SLIP_SIGMA or sigma == inf for sigma in sample.sigma)
+
+
+def is_imu_spike(rate: float, force_x: float, force_y: float, vibration: float) -> bool:
+    """
+    Return whether the change between two IMU samples is too large for a robot.
+
+    The changes are those of yaw rate [rad/s] and specific force [m/s2]; ``vibration`` [m/s2] is
+    the standard deviation of the force.
+    """
+    max_force_change = MAX_FORCE_CHANGE + MAX_VIBRATION_SIGMAS * vibration
+    return abs(rate) > MAX_RATE_CHANGE or max(abs(force_x), abs(force_y)) > max_force_change
+
+
+def is_speed_contradicted(rate: float, speed: float) -> bool:
+    """
+    Return whether a wheel's ``rate`` from positions and its ``speed`` [rad/s] exclude each other.
+
+    They do after a reset of the encoder. Both are means, but not always over the same period.
+    """
+    return abs(rate - speed) > MAX_SPEED_DEVIATION + abs(speed)
+
+
+def speed_spikes(speed: Array) -> NDArray[np.bool_]:
+    """
+    Return which wheel speeds [rad/s] (n, wheels) are isolated spikes, same shape.
+
+    A spike deviates from the mean of both neighbors by more than their difference and the noise
+    explain. The first and the last speed have one neighbor only and are never spikes.
+    """
+    before, after = np.roll(speed, 1, axis=0), np.roll(speed, -1, axis=0)
+    deviation = np.abs(speed - 0.5 * (before + after))
+    moving = deviation[deviation > 0.0]  # at high rates quantization and jitter dominate
+    typical = float(np.median(moving)) if moving.size else 0.0
+    limit = np.abs(after - before) + MAX_SPEED_DEVIATION + SPEED_NOISE_FACTOR * typical
+    spikes: NDArray[np.bool_] = ~(deviation <= limit)  # True for NaN
+    spikes[[0, -1]] = False
+    return spikes
