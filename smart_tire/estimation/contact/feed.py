@@ -1,0 +1,119 @@
+"""
+Feed of the contact trackers: samples in order of reception in, patch crossings out.
+
+Samples pass a reorder buffer and are checked, so live, replayed and recorded data give identical
+crossings. The friction estimator and the calibration of the films use this feed.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from itertools import chain
+from math import inf
+
+from smart_tire.estimation.contact.records import PatchCrossing
+from smart_tire.estimation.contact.tracker import ContactTracker
+from smart_tire.estimation.plausibility import is_possible
+from smart_tire.estimation.reorder_buffer import ReorderBuffer
+from smart_tire.estimation.streams import FRICTION
+from smart_tire.parameters.robot import RobotParams
+from smart_tire.samples import NS_PER_S, Odometry, TireSample, WheelSample, WheelSlip
+
+BLOCK_NS = 48_000_000  # of message time, six grid steps, in which samples are processed together
+Input = TireSample | WheelSample | Odometry | WheelSlip
+
+
+@dataclass
+class Block:
+    """Accepted samples in order of time, and the crossings (wheel, crossing) at their end."""
+
+    restarted: bool = False  # the clock was reset: earlier samples are invalid
+    samples: list[Input] = field(default_factory=list)
+    crossings: list[tuple[str, PatchCrossing]] = field(default_factory=list)
+
+
+class ContactFeed:
+    """Contact trackers of all instrumented wheels, fed in order of time."""
+
+    def __init__(self, robot: RobotParams, reorder_window: float,
+                 awaited: Iterable[str] = ()) -> None:
+        self._robot = robot
+        self._buffer = ReorderBuffer(round(reorder_window * NS_PER_S), awaited=awaited)
+        self._resets = 0
+        self.foreign_samples = 0   # of wheels that are not instrumented
+        self.dropped: Counter[str] = Counter()  # topic -> duplicates and impossible samples
+        self._start()
+
+    def _start(self) -> None:
+        robot = self._robot
+        self._newest: dict[tuple[type, str], int] = {}  # stream, of films by wheel -> timestamp
+        self._trackers = {wheel: [ContactTracker(wheel, robot, films)
+                                  for films in robot.film_groups]
+                          for wheel in robot.film.wheels}
+
+    @property
+    def late(self) -> Counter[str]:
+        """Samples per topic that arrived after their grid instant had closed."""
+        return self._buffer.late
+
+    @property
+    def clock_resets(self) -> int:
+        """Number of times that the clock of all inputs was reset."""
+        return self._buffer.resets
+
+    def undetected(self, wheel: str) -> int:
+        """Return the number of segments of ``wheel`` without detected crossing."""
+        return sum(tracker.undetected for tracker in self._trackers[wheel])
+
+    def reset(self) -> None:
+        """Drop all samples; keep the counters."""
+        self._buffer.reset()
+        self._start()
+
+    def update(self, sample: Input) -> Iterator[Block]:
+        """Add a sample; yield the blocks that it completes, and the start of the next one."""
+        closed = self._buffer.push(FRICTION.inputs[type(sample)], sample.stamp_ns, sample)
+        block = Block(restarted=self._buffer.resets != self._resets)
+        if block.restarted:
+            self._resets = self._buffer.resets
+            self._start()
+        for instant, samples in closed:
+            block.samples += filter(self._accept, samples)
+            if instant % BLOCK_NS == 0:  # a fixed phase, independent of the first sample
+                block.crossings += self._advance(instant)
+                yield block
+                block = Block()
+        yield block
+
+    def _accept(self, sample: Input) -> bool:
+        """Pass a valid sample on to its trackers; return whether it is valid."""
+        wheel = sample.wheel if isinstance(sample, TireSample) else ''
+        if wheel and wheel not in self._trackers:
+            self.foreign_samples += 1
+            return False
+        if not self._is_new(wheel, sample):
+            return False
+        if isinstance(sample, TireSample):
+            for tracker in self._trackers[wheel]:
+                tracker.add_films(sample)
+        elif isinstance(sample, WheelSample):
+            for tracker in chain(*self._trackers.values()):
+                tracker.add_wheels(sample)
+        return True
+
+    def _is_new(self, wheel: str, sample: Input) -> bool:
+        """Return whether ``sample`` is possible and newer than its stream; count it if not."""
+        kind, stamp_ns = type(sample), sample.stamp_ns
+        if is_possible(sample) and stamp_ns > self._newest.get((kind, wheel), -inf):
+            self._newest[kind, wheel] = stamp_ns
+            return True
+        self.dropped[FRICTION.inputs[kind]] += 1
+        return False
+
+    def _advance(self, instant: int) -> Iterator[tuple[str, PatchCrossing]]:
+        for wheel, trackers in self._trackers.items():
+            crossings = [crossing for tracker in trackers for crossing in tracker.advance(instant)]
+            for crossing in sorted(crossings, key=lambda crossing: crossing.stamp_ns):
+                yield wheel, crossing

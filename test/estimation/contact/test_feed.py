@@ -1,0 +1,67 @@
+"""The feed of the contact trackers: order, validity and restarts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+import random
+
+import pytest
+from support.rolling import films, in_order, passes, ROBOT, stamp, steady, surroundings, WHEEL
+
+from smart_tire.estimation.contact.feed import ContactFeed
+from smart_tire.samples import NS_PER_S, TireSample, WheelSample
+
+WINDOW = 0.06   # s
+DURATION = 4.0  # s
+TRAJECTORY = steady(90.0)
+
+
+@pytest.fixture(scope='module')
+def samples():
+    """Return tire and wheel samples of a few revolutions."""
+    return [sample for sample in in_order(films(TRAJECTORY, DURATION),
+                                          surroundings(TRAJECTORY, DURATION))
+            if isinstance(sample, (TireSample, WheelSample))]
+
+
+def blocks(feed, samples):
+    return [block for sample in samples for block in feed.update(sample)]
+
+
+def crossings(found):
+    return [(wheel, crossing.stamp_ns) for block in found for wheel, crossing in block.crossings]
+
+
+def test_every_crossing_is_found_with_its_wheel(samples):
+    found = crossings(blocks(ContactFeed(ROBOT, WINDOW), samples))
+    expected = [t for t in passes(TRAJECTORY, DURATION) if t < DURATION - 0.4]
+    assert [ns for _, ns in found] == pytest.approx([stamp(t) for t in expected], abs=5e6)
+    assert {wheel for wheel, _ in found} == {WHEEL}
+
+
+def test_samples_come_in_order_of_time_for_any_order_of_reception(samples):
+    rng = random.Random(1)
+    shuffled = sorted(samples, key=lambda sample: sample.stamp_ns + rng.uniform(0.0, 4e7))
+    ordered, mixed = (blocks(ContactFeed(ROBOT, WINDOW), some) for some in (samples, shuffled))
+    assert [s.stamp_ns for block in mixed for s in block.samples] == sorted(
+        s.stamp_ns for block in mixed for s in block.samples)
+    assert crossings(mixed) == crossings(ordered)
+
+
+def test_duplicates_and_foreign_wheels_are_counted_and_not_passed_on(samples):
+    feed = ContactFeed(ROBOT, WINDOW)
+    films_only = [sample for sample in samples if isinstance(sample, TireSample)]
+    foreign = [replace(sample, wheel='rear_left') for sample in films_only]
+    found = blocks(feed, in_order(samples, films_only, foreign))
+    accepted = [sample for block in found for sample in block.samples]
+    assert len(accepted) == len(set(map(id, accepted))) and feed.foreign_samples > 1000
+    assert feed.dropped['tire_samples'] > 1000 and set(feed.dropped) == {'tire_samples'}
+    assert all(sample.wheel == WHEEL for sample in accepted if isinstance(sample, TireSample))
+
+
+def test_a_clock_that_is_set_back_restarts_the_trackers(samples):
+    earlier = [replace(sample, stamp_ns=sample.stamp_ns - 100 * NS_PER_S) for sample in samples]
+    feed = ContactFeed(ROBOT, WINDOW)
+    first, again = blocks(feed, samples), blocks(feed, earlier)
+    assert [block.restarted for block in first + again].count(True) == feed.clock_resets == 1
+    assert len(crossings(again)) == len(crossings(first))
