@@ -56,11 +56,11 @@ def measure_live(folder: Path, seconds: float, runner_class: Callable[[list[str]
             stack.node(node, [params])
         with runner_class(['--ros-args', '--params-file', str(params)]) as runner:
             await_nodes(stack, runner, NODES)
-            runner.pilot.drive(LEFT_SPEED, RIGHT_SPEED)
-            runner.turn(WARM_UP_TIME)
-            runner.pilot.subscribe('tire_samples', tap.add_sample)
+            runner.node.drive(LEFT_SPEED, RIGHT_SPEED)
+            runner.spin(WARM_UP_TIME)
+            runner.node.subscribe('tire_samples', tap.add_sample)
             before, begin = stack.cpu_seconds(), time.monotonic()
-            runner.turn(seconds)
+            runner.spin(seconds)
             elapsed, after = time.monotonic() - begin, stack.cpu_seconds()
         if died := stack.died():
             raise SmartTireError(f'{", ".join(died)} died')
@@ -87,13 +87,13 @@ def write_params(folder: Path, source: str, link: str) -> Path:
 def await_nodes(stack: Any, runner: Any, names: Sequence[str]) -> None:
     """Wait for diagnostics of all nodes and for estimates; raise SmartTireError on timeout."""
     deadline = time.monotonic() + START_TIMEOUT
-    while runner.pilot.slip is None or set(names) - runner.pilot.health.keys():
+    while runner.node.slip is None or set(names) - runner.node.health.keys():
         for name, status in stack.died().items():
             raise SmartTireError(f'{name} ended with status {status}\n{stack.log(name)}')
         if time.monotonic() > deadline:
             raise SmartTireError(f'not all of {", ".join(names)} started within '
                                  f'{START_TIMEOUT:.0f} s')
-        runner.turn(0.25)
+        runner.spin(0.25)
 
 
 def print_cpu(shares: dict[str, float]) -> None:

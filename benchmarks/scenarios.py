@@ -18,7 +18,7 @@ import numpy as np
 
 from smart_tire.parameters import RobotParams, SimulatorParams
 from smart_tire.parameters.robot import EncoderParams, FilmParams, TireParams
-from smart_tire.parameters.simulation import GroundParams, RadioParams
+from smart_tire.parameters.simulation import GroundParams, PatchParams, RadioParams
 from smart_tire.simulation.faults import delayed, interrupted, reordered
 from smart_tire.simulation.offline import Event, simulate
 
@@ -38,7 +38,8 @@ SAND = GroundParams(base='sand', patches=())
 JUMPS = GroundParams(
     names=('concrete', 'slippery', 'rough'), friction=(0.47, 0.20, 0.60),
     stiffness=(52.7, 52.7, 52.7), drag=(0.015, 0.015, 0.015), base='concrete',
-    patches=('slippery=0,0.9,50,50', 'rough=-50,0.9,0,50'))
+    patches=(PatchParams(name='right', surface='slippery', x=(0.0, 50.0), y=(0.9, 50.0)),
+             PatchParams(name='left', surface='rough', x=(-50.0, 0.0), y=(0.9, 50.0))))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,40 +9,41 @@ from launch_ros.substitutions import FindPackageShare
 from smart_tire.launching import check_arguments, file, hold_interrupts, path, positive, text
 
 NODES = ('slip_estimator', 'friction_estimator')
-FILES = {
+FILES = {  # parameter file -> its content
     'robot': 'geometry, tires, films and sensors',
     'tuning': 'estimators',
 }
 ARGUMENTS = {'namespace': text, 'bag': path, 'rate': positive, **dict.fromkeys(FILES, file)}
-LAST_ESTIMATES = 1.0  # s, from the end of the bag to the end of the estimators
-LONGEST_START = 30.0  # s for the estimators to start and to be matched
+ESTIMATOR_END_DELAY = 1.0  # s from the end of the bag to the end of the estimators
+MAX_START_TIME = 30.0      # s for the estimators to start and match
 
 
 def end(event, context):
-    """Return what ends the launch after the player, with an error if that failed."""
+    """Return the actions that end the launch after the replay, with an error if it failed."""
     if context.is_shutdown:
         return []
     last = OpaqueFunction(function=fail) if event.returncode else Shutdown(
         reason='the bag has ended')
-    return [TimerAction(period=LAST_ESTIMATES, actions=[last])]
+    return [TimerAction(period=ESTIMATOR_END_DELAY, actions=[last])]
 
 
 def fail(context):
     """End the launch with an error."""
-    raise RuntimeError('the replay failed, its log says why: there are no estimates, or not all')
+    raise RuntimeError('the replay failed, estimates are missing or incomplete: see its log')
 
 
 def generate_launch_description():
-    """Return the estimators and the player, which waits for them; all end when the bag ends."""
+    """Return the estimators and the replay, which waits for them; all end with the bag."""
     config = PathJoinSubstitution([FindPackageShare('smart_tire'), 'config'])
     return LaunchDescription([
         DeclareLaunchArgument('namespace', default_value='',
-                              description='of the topics in the bag'),
+                              description='namespace of the topics in the bag'),
         DeclareLaunchArgument('bag', description='rosbag2 directory'),
-        DeclareLaunchArgument('rate', default_value='1', description='times real time'),
-        *(DeclareLaunchArgument(name, description=f'parameter file: {about}',
+        DeclareLaunchArgument('rate', default_value='1',
+                              description='multiple of the recorded rate'),
+        *(DeclareLaunchArgument(name, description=f'parameter file: {content}',
                                 default_value=PathJoinSubstitution([config, f'{name}.yaml']))
-          for name, about in FILES.items()),
+          for name, content in FILES.items()),
         OpaqueFunction(function=check_arguments, args=[ARGUMENTS]),
         OpaqueFunction(function=hold_interrupts),
         *(Node(package='smart_tire', executable=node, output='screen',
@@ -53,6 +54,6 @@ def generate_launch_description():
              namespace=LaunchConfiguration('namespace'),
              arguments=['replay', LaunchConfiguration('bag'),
                         '--rate', LaunchConfiguration('rate'),
-                        '--wait', str(LONGEST_START), '--wait-for', *NODES],
+                        '--wait', str(MAX_START_TIME), '--wait-for', *NODES],
              on_exit=end),
     ])

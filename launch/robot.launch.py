@@ -6,29 +6,29 @@ from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
-from smart_tire.launching import check_arguments, file, hold_interrupts, switch, text
+from smart_tire.launching import boolean, check_arguments, file, hold_interrupts, text
 
 NODES = ('tire_receiver', 'imu_driver', 'slip_estimator', 'friction_estimator',
          'wheel_controller')
-FILES = {
+FILES = {  # parameter file -> its content
     'robot': 'geometry, tires, films and sensors',
-    'hardware': 'ports',
+    'hardware': 'drivers and ports',
     'tuning': 'estimators and controller',
 }
-ARGUMENTS = {'namespace': text, 'respawn': switch, **dict.fromkeys(FILES, file)}
-RESPAWN_DELAY = 2.0  # s, for a port to come back and a glance at the log
+ARGUMENTS = {'namespace': text, 'respawn': boolean, **dict.fromkeys(FILES, file)}
+RESPAWN_DELAY = 2.0  # s, so that a port can reappear and the log remains readable
 
 
 def new_node(executable, *parameters, **options):
-    """Return a node with the parameter files and ``parameters`` over them."""
+    """Return a node with the parameter files; ``parameters`` take precedence over them."""
     return Node(package='smart_tire', executable=executable, output='screen',
                 namespace=LaunchConfiguration('namespace'),
                 parameters=[*map(LaunchConfiguration, FILES), *parameters], **options)
 
 
 def restart_stopped(event, context):
-    """Return a motor_driver in place of one that died: the robot must not drive off by itself."""
-    if context.is_shutdown or not switch(context.launch_configurations['respawn']):
+    """Return a motor_driver with the emergency stop latched, in place of one that died."""
+    if context.is_shutdown or not boolean(context.launch_configurations['respawn']):
         return []
     again = new_node('motor_driver', {'start_stopped': True},
                      respawn=True, respawn_delay=RESPAWN_DELAY)
@@ -39,13 +39,14 @@ def generate_launch_description():
     """Return one process per node, all with the same parameter files."""
     config = PathJoinSubstitution([FindPackageShare('smart_tire'), 'config'])
     return LaunchDescription([
-        DeclareLaunchArgument('namespace', default_value='', description='of all nodes'),
+        DeclareLaunchArgument('namespace', default_value='',
+                              description='namespace of all nodes'),
         DeclareLaunchArgument('respawn', default_value='false',
-                              description='start a node again when it dies; motor_driver with '
-                                          'the emergency stop engaged'),
-        *(DeclareLaunchArgument(name, description=f'parameter file: {about}',
+                              description='restart nodes that die; motor_driver with the '
+                                          'emergency stop latched'),
+        *(DeclareLaunchArgument(name, description=f'parameter file: {content}',
                                 default_value=PathJoinSubstitution([config, f'{name}.yaml']))
-          for name, about in FILES.items()),
+          for name, content in FILES.items()),
         OpaqueFunction(function=check_arguments, args=[ARGUMENTS]),
         OpaqueFunction(function=hold_interrupts),
         new_node('motor_driver', on_exit=restart_stopped),

@@ -1,4 +1,4 @@
-"""Start the simulated robot and everything that runs on the real one, plugged into it."""
+"""Start the simulated robot and all nodes of the real one, connected to it."""
 
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction
@@ -6,22 +6,22 @@ from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
-from smart_tire.launching import check_arguments, file, hold_interrupts, switch, text
+from smart_tire.launching import boolean, check_arguments, file, hold_interrupts, text
 
-FILES = {
+FILES = {  # parameter file -> its content
     'robot': 'geometry, tires, films and sensors',
     'simulation': 'ground, drive, radio and ports',
     'tuning': 'estimators and controller',
 }
-ARGUMENTS = {'namespace': text, 'respawn': switch, **dict.fromkeys(FILES, file)}
+ARGUMENTS = {'namespace': text, 'respawn': boolean, **dict.fromkeys(FILES, file)}
 
 
 def robot(context):
     """
-    Return ``robot.launch.py``, whose drivers open the simulator's ports.
+    Return ``robot.launch.py`` with drivers that open the ports of the simulator.
 
-    ``ros2 launch --show-args`` does not look inside of a function: ``hardware``, which is set
-    here, is not offered.
+    As the result of a function, its argument ``hardware``, which is set here, is not listed by
+    ``ros2 launch --show-args``.
     """
     same = {name: LaunchConfiguration(name) for name in ARGUMENTS if name != 'simulation'}
     return [IncludeLaunchDescription(
@@ -33,12 +33,13 @@ def generate_launch_description():
     """Return the simulator and the robot."""
     config = PathJoinSubstitution([FindPackageShare('smart_tire'), 'config'])
     return LaunchDescription([
-        DeclareLaunchArgument('namespace', default_value='', description='of all nodes'),
+        DeclareLaunchArgument('namespace', default_value='',
+                              description='namespace of all nodes'),
         DeclareLaunchArgument('respawn', default_value='false',
-                              description='as in robot.launch.py'),
-        *(DeclareLaunchArgument(name, description=f'parameter file: {about}',
+                              description='restart nodes that die, as in robot.launch.py'),
+        *(DeclareLaunchArgument(name, description=f'parameter file: {content}',
                                 default_value=PathJoinSubstitution([config, f'{name}.yaml']))
-          for name, about in FILES.items()),
+          for name, content in FILES.items()),
         OpaqueFunction(function=check_arguments, args=[ARGUMENTS]),
         OpaqueFunction(function=hold_interrupts),
         Node(package='smart_tire', executable='robot_simulator', output='screen',

@@ -1,8 +1,8 @@
 """
-What the launch files do before they start a process.
+Checks of launch arguments, and signal handling, for the launch files.
 
-The launch system is not imported: its context comes in as an argument. So the package installs
-without it, and what is here is tested without it.
+The launch system is not imported: functions take its context as an argument, so that they can be
+installed and tested without it.
 """
 
 from __future__ import annotations
@@ -17,47 +17,47 @@ from typing import Any
 
 from smart_tire.errors import ParameterError
 
-# Arguments that launch itself reads, of any launch file and without a declaration.
-OF_LAUNCH = ('emulate_tty', 'launch-prefix', 'launch-prefix-filter', 'sigkill_timeout',
-             'sigterm_timeout')
-SWITCH = {'true': True, 'false': False}
+# Arguments that launch itself reads, undeclared, for any launch file.
+LAUNCH_ARGUMENTS = ('emulate_tty', 'launch-prefix', 'launch-prefix-filter', 'sigkill_timeout',
+                    'sigterm_timeout')
+BOOLEANS = {'true': True, 'false': False}
 
-Kind = Callable[[str], Any]  # what a launch argument may be: raises ValueError if it is not
+Converter = Callable[[str], Any]  # of a launch argument; raises ValueError if it is invalid
 
 
-def check_arguments(context: Any, kinds: Mapping[str, Kind]) -> None:
+def check_arguments(context: Any, converters: Mapping[str, Converter]) -> None:
     """
-    Raise ParameterError for the first launch argument that is wrong, which ends the launch.
+    Raise ParameterError for the first invalid launch argument, which ends the launch.
 
-    ``kinds`` are all arguments of the launch file; others, which launch would ignore, are
-    refused. A missing parameter file would be left out by launch_ros with a warning: the nodes
-    would use defaults, and with them the real ports.
+    ``converters`` has all arguments of the launch file. Others, which launch would ignore, are
+    refused. Without this check launch_ros would skip a missing parameter file with a warning, and
+    nodes would use their defaults, including the ports of the real devices.
     """
     for name in _given(context):
-        if name not in kinds and name not in OF_LAUNCH:
-            raise ParameterError(_unknown(name, sorted(kinds)))
-    for name, kind in kinds.items():
+        if name not in converters and name not in LAUNCH_ARGUMENTS:
+            raise ParameterError(_unknown(name, sorted(converters)))
+    for name, convert in converters.items():
         value = context.launch_configurations[name]
         try:
-            kind(value)
+            convert(value)
         except ValueError as error:
             raise ParameterError(f'{name}:={value}: {error}') from error
 
 
 def text(value: str) -> str:
-    """Return what may be anything."""
+    """Return ``value``; any text is valid."""
     return value
 
 
-def switch(value: str) -> bool:
-    """Return whether a switch is on; raise ValueError if it is neither true nor false."""
-    if value.lower() not in SWITCH:
+def boolean(value: str) -> bool:
+    """Return a Boolean; raise ValueError if ``value`` is neither true nor false."""
+    if value.lower() not in BOOLEANS:
         raise ValueError('expected true or false')
-    return SWITCH[value.lower()]
+    return BOOLEANS[value.lower()]
 
 
 def positive(value: str) -> float:
-    """Return a number; raise ValueError if it is none, or not positive and finite."""
+    """Return a number; raise ValueError if ``value`` is not a positive, finite number."""
     try:
         number = float(value)
     except ValueError:
@@ -68,7 +68,7 @@ def positive(value: str) -> float:
 
 
 def path(value: str) -> Path:
-    """Return the path of what can be read; raise ValueError if it cannot."""
+    """Return the path of a readable file or directory; raise ValueError otherwise."""
     found = Path(value)
     if not found.exists():
         raise ValueError('no such file or directory')
@@ -78,7 +78,7 @@ def path(value: str) -> Path:
 
 
 def file(value: str) -> Path:
-    """Return the path of a file that can be read; raise ValueError if it cannot."""
+    """Return the path of a readable file; raise ValueError otherwise."""
     found = path(value)
     if found.is_dir():
         raise ValueError('is a directory, expected a file')
@@ -87,17 +87,18 @@ def file(value: str) -> Path:
 
 def hold_interrupts(context: Any) -> None:
     """
-    Start the processes of this description with SIGINT blocked.
+    Start the processes of this launch description with SIGINT blocked.
 
-    A terminal sends SIGINT to the whole group. A Python that is just starting dies of it with a
-    traceback; this way the signal waits until the node has handlers (see smart_tire.nodes).
+    Ctrl-C sends SIGINT to the whole process group. A Python interpreter that is still starting
+    would end with a traceback; a blocked signal is delivered when the node has installed its
+    handlers (see smart_tire.nodes).
     """
     if context.launch_configurations.get('launch-prefix'):
-        return  # a debugger would pass the mask on to all that it starts
+        return  # a debugger would pass the signal mask on to its children
     loop = context.asyncio_loop
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    # Launch visits the whole description first, then the loop starts the processes, one task
-    # each: what is called by the first callback of this round comes after all of them.
+    # Launch first visits the whole description, then the loop starts the processes, one task
+    # each. A callback scheduled by a callback of this iteration runs after all of them.
     loop.call_soon(loop.call_soon, signal.pthread_sigmask, signal.SIG_UNBLOCK, {signal.SIGINT})
 
 
@@ -105,14 +106,14 @@ def _given(context: Any) -> list[str]:
     """
     Return the names of the arguments on the command line of ``ros2 launch``.
 
-    A launch file that includes this one has arguments of its own: then there are none to check.
+    Empty if another launch file includes this one, since it has arguments of its own.
     """
-    own = context.get_locals_as_dict()
-    root = getattr(own.get('event'), 'launch_description', None)
+    variables = context.get_locals_as_dict()
+    root = getattr(variables.get('event'), 'launch_description', None)
     sources = (getattr(entity, 'launch_description_source', None)
                for entity in getattr(root, 'entities', ()))
     launched = {os.path.abspath(source.location) for source in sources if source is not None}
-    if own.get('current_launch_file_path') not in launched:
+    if variables.get('current_launch_file_path') not in launched:
         return []
     return [word.partition(':=')[0] for word in context.argv]
 

@@ -1,24 +1,25 @@
-"""Parameter files of identifications: what is written is read back, with its error beside it."""
+"""Calibration files: values are read back, standard errors are comments."""
 
 from __future__ import annotations
 
 import pytest
 
 from smart_tire.errors import ParameterError
-from smart_tire.parameters import build, known_names, load_files, NODE_PARAMS, RobotParams, specs
+from smart_tire.parameters import build, known_names, load_files, NODE_PARAMS, RobotParams
 from smart_tire.parameters.calibration_file import Identified, identified_text, write_text
 
-FOUND = [Identified('encoder.latency', 0.07833513, 0.0024, 'by turns'),
+IDENTIFIED = [Identified('encoder.latency', 0.07833513, 0.0024, 'from turns'),
          Identified('wheel_radius', 0.28993, 0.0023),
          Identified('imu.rotation', (0.01, -0.02, 0.0), (0.006, 0.006, 0.0)),
          Identified('imu.gyro_noise', 0.0062), Identified('effective_track', 1.816, 0.016)]
 
 
-def test_nodes_read_what_was_found(tmp_path):
-    path = tmp_path / 'found.yaml'
-    write_text(path, identified_text(['from a test'], FOUND))
+def test_nodes_read_a_calibration_file(tmp_path):
+    path = tmp_path / 'calibrated.yaml'
+    write_text(path, identified_text(['from a test'], IDENTIFIED))
     known = known_names(NODE_PARAMS.values())
-    robot = build(RobotParams, load_files([path], 'slip_estimator', known, specs(RobotParams)))
+    robot = build(RobotParams, load_files(
+        [path], 'slip_estimator', known, known_names([RobotParams])))
     assert robot.encoder.latency == 0.07833513
     assert robot.imu.rotation == (0.01, -0.02, 0.0)
     assert robot.wheel_radius == 0.28993 and robot.imu.gyro_noise == 0.0062
@@ -26,11 +27,11 @@ def test_nodes_read_what_was_found(tmp_path):
     assert track == {'effective_track': 1.816}
 
 
-def test_each_line_has_unit_and_standard_error():
-    lines = identified_text(['from a test'], FOUND).splitlines()
+def test_each_value_has_standard_error_and_unit():
+    lines = identified_text(['from a test'], IDENTIFIED).splitlines()
     assert lines[:3] == ['# from a test', '/**:', '  ros__parameters:']
     assert '    wheel_radius: 0.28993  # standard error 0.0023 m' in lines
-    assert '      latency: 0.07833513  # standard error 0.0024 s, by turns' in lines
+    assert '      latency: 0.07833513  # standard error 0.0024 s, from turns' in lines
     assert '      gyro_noise: 0.0062  # rad/s' in lines
 
 
@@ -38,11 +39,11 @@ def test_each_line_has_unit_and_standard_error():
     (Identified('wheel_raduis', 0.1), 'unknown parameter wheel_raduis'),
     (Identified('wheel_radius', -0.1), 'parameter wheel_radius: -0.1, expected at least 0.001 m'),
     (Identified('imu.rotation', (0.1, 0.2)), 'expected 3 numbers')])
-def test_what_no_node_takes_is_not_written(item, message):
+def test_unknown_and_invalid_parameters_are_not_written(item, message):
     with pytest.raises(ParameterError, match=message):
         identified_text([], [item])
 
 
-def test_a_place_that_can_not_be_written_is_named(tmp_path):
+def test_an_unwritable_path_is_named(tmp_path):
     with pytest.raises(ParameterError, match='nowhere.*cannot be written'):
-        write_text(tmp_path / 'nowhere' / 'found.yaml', '')
+        write_text(tmp_path / 'nowhere' / 'calibrated.yaml', '')

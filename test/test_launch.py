@@ -1,8 +1,8 @@
 """
-The launch files start what is installed with what is configured.
+Launch files: nodes, arguments, parameter files and behavior at the end.
 
-Stand-ins take the place of the launch system where it is not installed; where it is, the last
-tests run ``ros2 launch``.
+Most tests replace the launch system by stand-ins that record calls. The last ones run
+``ros2 launch`` if a ROS distribution is sourced.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ every_file = pytest.mark.parametrize('path', sorted(LAUNCH.glob('*.py')),
 
 @dataclass
 class Call:
-    """A class of the launch system that was called, and with what."""
+    """A recorded call of a class of the launch system."""
 
     kind: str
     args: tuple[Any, ...]
@@ -52,14 +52,14 @@ class Call:
 
 
 class Recorder(ModuleType):
-    """Stands for a module of the launch system: whatever is taken from it records its calls."""
+    """Stand-in for a module of the launch system; its attributes record calls."""
 
     def __getattr__(self, name: str) -> Any:
         return lambda *args, **options: Call(name, args, options)
 
 
 def calls(value: Any) -> Iterator[Call]:
-    """Yield the calls in ``value``, however deep."""
+    """Yield the calls in ``value``, at any depth."""
     if isinstance(value, Call):
         yield from value.inside()
     elif isinstance(value, dict):
@@ -71,14 +71,14 @@ def calls(value: Any) -> Iterator[Call]:
 
 @pytest.fixture
 def stand_ins(monkeypatch):
-    """Let the launch system be one that records its calls."""
+    """Replace the launch system by stand-ins."""
     for name in MODULES:
         monkeypatch.setitem(sys.modules, name, Recorder(name))
 
 
 @pytest.fixture
 def described(stand_ins):
-    """Return a function that gives all calls that a launch file makes."""
+    """Return a function that returns all calls of a launch file."""
     def describe(path: Path) -> list[Call]:
         return list(described_by(runpy.run_path(str(path))['generate_launch_description']()))
 
@@ -86,7 +86,7 @@ def described(stand_ins):
 
 
 def described_by(value: Any) -> Iterator[Call]:
-    """Yield the calls in ``value``, and those that its functions return when they are visited."""
+    """Yield the calls in ``value``, and those returned by its functions."""
     for call in calls(value):
         yield call
         if call.kind == 'OpaqueFunction' and not call.options.get('args') \
@@ -142,7 +142,7 @@ def test_default_files_exist(path, described):
 
 
 @every_file
-def test_each_node_gets_the_robot_and_its_own_parameters(path, described):
+def test_each_node_gets_the_robot_file_and_its_own(path, described):
     own = {'slip_estimator': 'tuning', 'friction_estimator': 'tuning',
            'wheel_controller': 'tuning', 'robot_simulator': 'simulation'}
     nodes = [node for node in of_kind(described(path), 'Node')
@@ -152,12 +152,12 @@ def test_each_node_gets_the_robot_and_its_own_parameters(path, described):
         assert {'robot', own.get(node.options['executable'], 'hardware')} <= files
 
 
-def test_the_robot_is_all_nodes_but_the_simulator(described):
+def test_the_robot_consists_of_all_nodes_except_the_simulator(described):
     found = described(LAUNCH / 'robot.launch.py')
     assert sorted(executables(found)) == sorted(NODE_PARAMS.keys() - {'robot_simulator'})
 
 
-def test_a_simulation_is_the_simulator_and_the_robot_plugged_into_it(described):
+def test_a_simulation_is_the_simulator_and_the_robot_connected_to_it(described):
     found = described(LAUNCH / 'simulation.launch.py')
     assert executables(found) == ['robot_simulator']
     include, = of_kind(found, 'IncludeLaunchDescription')
@@ -171,7 +171,7 @@ def test_a_simulation_is_the_simulator_and_the_robot_plugged_into_it(described):
 
 @pytest.mark.parametrize(('respawn', 'shutdown', 'restarted'), [
     ('true', False, True), ('false', False, False), ('true', True, False)])
-def test_a_motor_driver_that_died_starts_again_with_the_stop_engaged(
+def test_a_motor_driver_that_died_restarts_with_the_stop_latched(
         respawn, shutdown, restarted, stand_ins):
     robot = runpy.run_path(str(LAUNCH / 'robot.launch.py'))
     first, = (node for node in of_kind(list(calls(robot['generate_launch_description']())), 'Node')
@@ -184,7 +184,7 @@ def test_a_motor_driver_that_died_starts_again_with_the_stop_engaged(
     if not restarted:
         assert actions == []
         return
-    timer, = actions  # ended by launch when it shuts down
+    timer, = actions  # cancelled by launch at shutdown
     assert timer.kind == 'TimerAction' and timer.options['period'] == robot['RESPAWN_DELAY']
     again, = timer.options['actions']
     assert again.options['executable'] == 'motor_driver' and again.options['respawn'] is True
@@ -192,7 +192,7 @@ def test_a_motor_driver_that_died_starts_again_with_the_stop_engaged(
     assert again.options['parameters'][:-1] == first.options['parameters']
 
 
-def test_a_replay_is_the_estimators_and_the_bag_which_has_no_default(described):
+def test_a_replay_starts_the_estimators_and_requires_a_bag(described):
     found = described(LAUNCH / 'replay.launch.py')
     assert set(executables(found)) == ESTIMATORS | {'smart_tire'}
     bag, = (call for call in of_kind(found, 'DeclareLaunchArgument') if call.args[0] == 'bag')
@@ -208,7 +208,7 @@ def test_a_replay_is_the_estimators_and_the_bag_which_has_no_default(described):
 
 @pytest.mark.parametrize(('status', 'shutdown', 'actions'), [
     (0, False, ['Shutdown']), (1, False, ['OpaqueFunction']), (1, True, [])])
-def test_a_replay_ends_with_its_player_and_with_an_error_if_that_failed(
+def test_the_launch_ends_with_the_replay_and_fails_with_it(
         status, shutdown, actions, stand_ins):
     replay = runpy.run_path(str(LAUNCH / 'replay.launch.py'))
     player, = (node for node in of_kind(list(calls(replay['generate_launch_description']())),
@@ -238,7 +238,7 @@ def test_the_launch_system_itself_accepts_the_file(path):
 
 
 class Launch:
-    """A running ``ros2 launch`` of one of the files, in a process group as of a terminal."""
+    """A running ``ros2 launch`` in its own process group, as in a terminal."""
 
     def __init__(self, name: str, *arguments: str) -> None:
         self._process = subprocess.Popen(
@@ -266,7 +266,7 @@ class Launch:
         raise AssertionError(f'no {pattern} in:\n' + ''.join(self.lines))
 
     def interrupt(self) -> None:
-        """Do what Ctrl-C does: SIGINT to launch and all its children."""
+        """Send SIGINT to launch and all its children, as Ctrl-C does."""
         os.killpg(self._process.pid, signal.SIGINT)
 
     def end(self) -> int:
@@ -276,13 +276,13 @@ class Launch:
 
 
 def given_files(name: str) -> list[str]:
-    """Return arguments for all files, so that the package need not be installed."""
+    """Return arguments for all parameter files: the package need not be installed."""
     return [f'{kind}:={ROOT / "config" / kind}.yaml'
             for kind in runpy.run_path(str(LAUNCH / name))['FILES']]
 
 
 @real
-@pytest.mark.parametrize(('name', 'word', 'complaint'), [
+@pytest.mark.parametrize(('name', 'word', 'message'), [
     ('simulation', 'simulation:=/no/such.yaml', 'no such file'),
     ('simulation', 'robot:=robott.yaml', 'robot:=robott.yaml: no such file'),
     ('robot', 'hardware:=/no/such.yaml', 'no such file'),
@@ -295,18 +295,18 @@ def given_files(name: str) -> list[str]:
     ('robot', 'use_sim_time:=maybe', 'unknown argument use_sim_time:='),
     ('robot', 'respawn:=maybe', 'respawn:=maybe: expected true or false'),
 ])
-def test_a_wrong_argument_ends_the_launch_in_one_line(name, word, complaint, isolated_ros):
+def test_an_invalid_argument_ends_the_launch_in_one_line(name, word, message, isolated_ros):
     file = f'{name}.launch.py'
     bag = ['bag:=/tmp'] if name == 'replay' else []
     with Launch(file, *given_files(file), *bag, word) as launch:
         assert launch.end() == 1
-    said = [line for line in launch.lines if not line.startswith('[INFO] [launch]')]
-    assert len(said) == 1 and complaint in said[0], launch.lines
+    logged = [line for line in launch.lines if not line.startswith('[INFO] [launch]')]
+    assert len(logged) == 1 and message in logged[0], launch.lines
 
 
 @pytest.fixture
 def simulation(tmp_path):
-    """Return the arguments of a simulation with ports of its own, where all is installed."""
+    """Return the arguments of a simulation with its own ports; skip if not installed."""
     index = pytest.importorskip('ament_index_python', reason='no ROS distribution is sourced')
     try:
         index.get_package_prefix('smart_tire')
@@ -326,6 +326,6 @@ def test_ctrl_c_of_a_simulation_prints_no_errors(moment, simulation, isolated_ro
         launch.until(moment)
         launch.interrupt()
         assert launch.end() == 0
-    said = ''.join(launch.lines)
-    assert not re.search(r'ERROR|FATAL|Traceback|KeyboardInterrupt|has died', said), said
-    assert len(re.findall('has finished cleanly', said)) == 7, said
+    log = ''.join(launch.lines)
+    assert not re.search(r'ERROR|FATAL|Traceback|KeyboardInterrupt|has died', log), log
+    assert len(re.findall('has finished cleanly', log)) == 7, log

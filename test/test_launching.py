@@ -1,4 +1,4 @@
-"""What the launch files check before they start a process; needs no launch system."""
+"""Checks of launch arguments and signal handling, without the launch system."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from types import SimpleNamespace
 import pytest
 
 from smart_tire.errors import ParameterError
-from smart_tire.launching import check_arguments, file, path, positive, switch, text
+from smart_tire.launching import boolean, check_arguments, file, path, positive, text
 
 LAUNCHED = '/opt/share/smart_tire/launch/robot.launch.py'
-KINDS = {'namespace': text, 'respawn': switch}
+CONVERTERS = {'namespace': text, 'respawn': boolean}
 
 
 def context(configurations=None, command_line=(), launched=LAUNCHED):
@@ -28,63 +28,64 @@ def context(configurations=None, command_line=(), launched=LAUNCHED):
         launch_configurations={'namespace': '', 'respawn': 'false', **(configurations or {})})
 
 
-@pytest.mark.parametrize(('name', 'complaint'), [
+@pytest.mark.parametrize(('name', 'message'), [
     ('respwan', 'unknown argument respwan:=, did you mean respawn:=?'),
     ('use_sim_time', 'unknown argument use_sim_time:=, expected one of namespace, respawn'),
 ])
-def test_an_argument_that_launch_would_ignore_is_refused(name, complaint):
+def test_an_argument_that_launch_would_ignore_is_refused(name, message):
     with pytest.raises(ParameterError) as error:
-        check_arguments(context(command_line=[f'{name}:=true']), KINDS)
-    assert str(error.value) == complaint
+        check_arguments(context(command_line=[f'{name}:=true']), CONVERTERS)
+    assert str(error.value) == message
 
 
 @pytest.mark.parametrize('word', ['respawn:=false', 'namespace:=a:=b', 'launch-prefix:=gdb',
                                   'sigterm_timeout:=9'])
 def test_arguments_of_the_file_and_of_launch_itself_are_accepted(word):
-    check_arguments(context(command_line=[word]), KINDS)
+    check_arguments(context(command_line=[word]), CONVERTERS)
 
 
-def test_a_file_that_includes_this_one_has_arguments_of_its_own():
-    check_arguments(context(command_line=['speed:=3'], launched='/home/me/my.launch.py'), KINDS)
+def test_arguments_of_an_including_launch_file_are_not_checked():
+    included = context(command_line=['speed:=3'], launched='/home/me/my.launch.py')
+    check_arguments(included, CONVERTERS)
 
 
-def test_a_description_that_no_command_line_has_launched_is_not_refused():
-    bare = context(command_line=['speed:=3'])
-    bare.get_locals_as_dict = dict
-    check_arguments(bare, KINDS)
+def test_a_description_launched_by_a_program_is_not_checked():
+    no_event = context(command_line=['speed:=3'])
+    no_event.get_locals_as_dict = dict
+    check_arguments(no_event, CONVERTERS)
 
 
-def test_the_line_names_the_argument_its_value_and_what_is_wrong():
+def test_the_error_names_argument_value_and_expectation():
     with pytest.raises(ParameterError) as error:
-        check_arguments(context({'respawn': 'maybe'}), KINDS)
+        check_arguments(context({'respawn': 'maybe'}), CONVERTERS)
     assert str(error.value) == 'respawn:=maybe: expected true or false'
 
 
-@pytest.mark.parametrize(('kind', 'value', 'complaint'), [
+@pytest.mark.parametrize(('converter', 'value', 'message'), [
     (file, '/no/such.yaml', 'no such file or directory'),
     (file, '/tmp', 'is a directory, expected a file'),
     (path, '/no/such/bag', 'no such file or directory'),
-    (switch, '1', 'expected true or false'),
+    (boolean, '1', 'expected true or false'),
     (positive, 'fast', 'expected a positive number'),
     (positive, '0', 'expected a positive number'),
     (positive, 'inf', 'expected a positive number'),
     (positive, 'nan', 'expected a positive number'),
 ])
-def test_a_bad_value_is_refused_with_the_reason(kind, value, complaint):
-    with pytest.raises(ValueError, match=complaint):
-        kind(value)
+def test_an_invalid_value_is_refused_with_the_reason(converter, value, message):
+    with pytest.raises(ValueError, match=message):
+        converter(value)
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason='root may read everything')
-def test_a_file_that_may_not_be_read_is_refused(tmp_path):
+def test_an_unreadable_file_is_refused(tmp_path):
     secret = tmp_path / 'secret.yaml'
     secret.touch(mode=0)
     with pytest.raises(ValueError, match='no permission'):
         file(str(secret))
 
 
-def test_good_values_are_accepted():
-    assert (switch('True'), switch('false'), positive('2.5'), text('')) == (True, False, 2.5, '')
+def test_valid_values_are_accepted():
+    assert (boolean('True'), boolean('false'), positive('2.5'), text('')) == (True, False, 2.5, '')
     assert file(__file__) == Path(__file__)
     assert path('/tmp') == Path('/tmp')
 
@@ -115,7 +116,7 @@ asyncio.run(launch())
 
 @pytest.mark.parametrize(('configurations', 'survivors'), [
     ({}, 2), ({'launch-prefix': 'gdb'}, 0)])  # a debugger needs the signal
-def test_processes_start_with_sigint_blocked_and_launch_itself_receives_it_again(
+def test_processes_start_with_sigint_blocked_and_launch_unblocks_it_for_itself(
         configurations, survivors):
     result = subprocess.run([sys.executable, '-c', HOLD.format(prefix=configurations)],
                             capture_output=True, text=True, timeout=60)

@@ -1,4 +1,4 @@
-"""Samples to messages and back, with every kind of message object there is."""
+"""Samples to messages and back: namespaces, rosbags and rclpy messages."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ import pytest
 from smart_tire.bags.definitions import empty, Encoder, typestore
 from smart_tire.errors import MessageError
 from smart_tire.messages import (
-    decode_friction, decode_imu, decode_motor_command, decode_odometry, decode_tire,
-    decode_velocity, decode_wheel_slip, decode_wheels, fill_imu, fill_odometry,
-    fill_tire, fill_transform, fill_wheel_slip, fill_wheels, find_topic, stamp_of, topic_of,
-    TOPICS)
+    find_topic, friction_from_msg, imu_from_msg, imu_to_msg, motor_command_from_msg,
+    odometry_from_msg, odometry_to_msg, stamp_of, tire_from_msg, tire_to_msg, topic_of, TOPICS,
+    transform_to_msg, velocity_from_msg, wheel_slip_from_msg, wheel_slip_to_msg, wheels_from_msg,
+    wheels_to_msg)
 from smart_tire.samples import (
     BatterySample, Friction, FRICTION_QUANTITIES, Icr, ImuSample, MotorCommand, Odometry, Sample,
     TireSample, VelocityCommand, WheelCommand, WHEELS, WheelSample, WheelSlip)
@@ -49,17 +49,17 @@ SAMPLES = [
 
 
 def as_namespace(type_name):
-    """Return an empty message of lists and numbers."""
+    """Return a new message as a namespace of lists and numbers."""
     return empty(type_name)
 
 
 def as_rosbags(type_name):
-    """Return an empty message as rosbags reads it, of numpy arrays."""
+    """Return a new message as rosbags decodes it, with numpy arrays."""
     return typestore().deserialize_cdr(Encoder(type_name)(empty(type_name)), type_name)
 
 
 def as_rclpy(type_name):
-    """Return an empty message of rclpy."""
+    """Return a new message of rclpy."""
     package, kind, name = type_name.split('/')
     try:
         return getattr(import_module(f'{package}.{kind}'), name)()
@@ -71,7 +71,7 @@ every_kind = pytest.mark.parametrize('new', [as_namespace, as_rosbags, as_rclpy]
 
 
 def joints(**fields):
-    """Return a JointState with these fields, of front_right where no frame is given."""
+    """Return a JointState with these fields; its default frame is front_right."""
     msg = empty(JOINTS)
     msg.header.frame_id = 'front_right'
     vars(msg).update(fields)
@@ -80,18 +80,18 @@ def joints(**fields):
 
 @every_kind
 @pytest.mark.parametrize('sample', SAMPLES, ids=lambda sample: type(sample).__name__)
-def test_what_is_filled_in_is_decoded(new, sample):
+def test_samples_survive_conversion_to_a_message_and_back(new, sample):
     topic = TOPICS[topic_of(sample)]
-    assert topic.decode(topic.fill(new(topic.type), sample)) == sample
+    assert topic.from_msg(topic.to_msg(new(topic.type), sample)) == sample
 
 
 @pytest.mark.parametrize('name', TOPICS)
-def test_every_topic_carries_its_sample_with_its_frame(name):
+def test_every_topic_converts_its_sample_with_its_frame(name):
     topic = TOPICS[name]
     sample = next(sample for sample in SAMPLES if isinstance(sample, topic.sample))
-    msg = topic.fill(empty(topic.type), sample)
+    msg = topic.to_msg(empty(topic.type), sample)
     assert msg.header.frame_id == (topic.frame or sample.wheel)
-    assert topic.decode(msg) == sample
+    assert topic.from_msg(msg) == sample
 
 
 def test_every_sample_has_a_topic():
@@ -99,36 +99,36 @@ def test_every_sample_has_a_topic():
 
 
 @every_kind
-def test_one_message_serves_again_and_again(new):
+def test_a_message_can_be_reused(new):
     msg = new('sensor_msgs/msg/Imu')
     for sample in (SAMPLES[1], SAMPLES[0], SAMPLES[1], SAMPLES[0]):
-        assert decode_imu(fill_imu(msg, sample)) == sample
+        assert imu_from_msg(imu_to_msg(msg, sample)) == sample
     msg = new(JOINTS)
     for sample in (SAMPLES[2], SAMPLES[3], SAMPLES[2]):
-        assert decode_wheels(fill_wheels(msg, sample)) == sample
+        assert wheels_from_msg(wheels_to_msg(msg, sample)) == sample
 
 
 @given(st.integers(0, 2**31 * 10**9 - 1))
-def test_a_stamp_keeps_each_nanosecond(stamp_ns):
-    assert stamp_of(fill_tire(empty(JOINTS), TireSample(stamp_ns, 'rear_left', (1.0,)))) \
+def test_timestamps_are_exact_to_the_nanosecond(stamp_ns):
+    assert stamp_of(tire_to_msg(empty(JOINTS), TireSample(stamp_ns, 'rear_left', (1.0,)))) \
         == stamp_ns
 
 
 @given(st.permutations(['rear_right', 'arm', 'front_left', 'rear_left', 'front_right', 'lamp']))
 def test_wheels_are_found_by_name_in_any_order_among_other_joints(names):
     speeds = {'front_left': 1.0, 'front_right': 2.0, 'rear_left': 3.0, 'rear_right': 4.0}
-    velocity = [speeds.get(name, math.nan) for name in names]  # a foreign joint may be anything
-    assert decode_wheels(joints(name=names, velocity=velocity)).velocity == (1.0, 2.0, 3.0, 4.0)
+    velocity = [speeds.get(name, math.nan) for name in names]  # any value for other joints
+    assert wheels_from_msg(joints(name=names, velocity=velocity)).velocity == (1.0, 2.0, 3.0, 4.0)
 
 
 def test_films_are_found_by_number_in_any_order_among_other_joints():
     msg = joints(name=['front_right_pvdf_2', 'thermometer', 'front_right_pvdf_1'],
                  position=[2.0, 40.0, 1.0])
-    assert decode_tire(msg).volts == (1.0, 2.0)
+    assert tire_from_msg(msg).volts == (1.0, 2.0)
 
 
 def wheel_joints(**fields):
-    """Return wheel states that are right but for ``fields``."""
+    """Return valid wheel states except for ``fields``."""
     return joints(**{'name': ['front_left', 'front_right', 'rear_left', 'rear_right'],
                      'velocity': [1.0, 2.0, 3.0, 4.0], **fields})
 
@@ -144,9 +144,9 @@ def wheel_joints(**fields):
     ({'name': ['front_left', 'front_right', 'rear_left', 'rear_left']}, 'name'),
     ({'name': []}, 'name'),
 ])
-def test_wheel_states_that_break_the_contract_are_refused_by_field(fields, named):
+def test_invalid_wheel_states_are_refused_by_field(fields, named):
     with pytest.raises(MessageError, match=f'^wheel_states: {named} '):
-        decode_wheels(wheel_joints(**fields))
+        wheels_from_msg(wheel_joints(**fields))
 
 
 @pytest.mark.parametrize(('fields', 'named'), [
@@ -157,18 +157,18 @@ def test_wheel_states_that_break_the_contract_are_refused_by_field(fields, named
     ({'name': ['rear_left_pvdf_1', 'rear_left_pvdf_2']}, 'name'),
     ({'name': ['front_right_pvdf_1', 'front_right_pvdf_x']}, 'name'),
 ])
-def test_tire_samples_that_break_the_contract_are_refused_by_field(fields, named):
+def test_invalid_tire_samples_are_refused_by_field(fields, named):
     right = {'name': ['front_right_pvdf_1', 'front_right_pvdf_2'], 'position': [1.0, 2.0]}
-    assert decode_tire(joints(**right)).volts == (1.0, 2.0)
+    assert tire_from_msg(joints(**right)).volts == (1.0, 2.0)
     with pytest.raises(MessageError, match=f'^tire_samples: {named} '):
-        decode_tire(joints(**{**right, **fields}))
+        tire_from_msg(joints(**{**right, **fields}))
 
 
 def test_an_unknown_wheel_is_refused_by_name():
-    msg = fill_tire(empty(JOINTS), TireSample(STAMP, 'rear_left', (1.0, 2.0)))
+    msg = tire_to_msg(empty(JOINTS), TireSample(STAMP, 'rear_left', (1.0, 2.0)))
     msg.header.frame_id = 'spare_wheel'
     with pytest.raises(MessageError, match="tire_samples: header.frame_id is 'spare_wheel'"):
-        decode_tire(msg)
+        tire_from_msg(msg)
 
 
 @pytest.mark.parametrize(('sample', 'path'), [
@@ -183,38 +183,38 @@ def test_an_unknown_wheel_is_refused_by_name():
 @pytest.mark.parametrize('value', [math.nan, math.inf])
 def test_a_number_that_is_not_finite_is_refused_by_topic_and_field(sample, path, value):
     topic = TOPICS[topic_of(sample)]
-    msg = topic.fill(empty(topic.type), sample)
+    msg = topic.to_msg(empty(topic.type), sample)
     *owners, leaf = path.split('.')
     owner = msg
     for name in owners:
         owner = getattr(owner, name)
     setattr(owner, leaf, value)
     with pytest.raises(MessageError, match=rf'^{topic.name}: {owners[0] if owners else leaf}'):
-        topic.decode(msg)
+        topic.from_msg(msg)
 
 
 def test_a_covariance_of_the_wrong_size_is_refused():
-    msg = fill_odometry(empty('nav_msgs/msg/Odometry'), SAMPLES[10])
+    msg = odometry_to_msg(empty('nav_msgs/msg/Odometry'), SAMPLES[10])
     msg.twist.covariance = msg.twist.covariance[:35]
     with pytest.raises(MessageError, match='^odom: twist.covariance'):
-        decode_odometry(msg)
+        odometry_from_msg(msg)
 
 
-def test_truth_is_refused_under_its_own_name():
+def test_invalid_ground_truth_is_refused_under_its_own_name():
     topic = TOPICS['ground_truth/odom']
-    msg = topic.fill(empty(topic.type), SAMPLES[10])
+    msg = topic.to_msg(empty(topic.type), SAMPLES[10])
     msg.pose.pose.position.x = math.nan
     with pytest.raises(MessageError, match='^ground_truth/odom: '):
-        topic.decode(msg)
+        topic.from_msg(msg)
 
 
 @every_kind
 @pytest.mark.parametrize('field', ['position', 'effort'])
 @pytest.mark.parametrize('unknown', [(math.nan,) * 4, (1.0, math.nan, 3.0, 4.0)])
-def test_what_a_wheel_state_does_not_know_costs_only_its_own_field(new, field, unknown):
-    msg = fill_wheels(new(JOINTS), SAMPLES[2])
+def test_nan_in_an_optional_wheel_field_makes_only_that_field_none(new, field, unknown):
+    msg = wheels_to_msg(new(JOINTS), SAMPLES[2])
     setattr(msg, field, unknown)
-    assert decode_wheels(msg) == replace(SAMPLES[2], **{field: None})
+    assert wheels_from_msg(msg) == replace(SAMPLES[2], **{field: None})
 
 
 @pytest.mark.parametrize(('sample', 'field', 'limit'), [
@@ -222,66 +222,66 @@ def test_what_a_wheel_state_does_not_know_costs_only_its_own_field(new, field, u
     (SAMPLES[1], 'angular_velocity', r'100 rad/s'),
 ])
 @pytest.mark.parametrize('value', [1001.0, -1e300])
-def test_what_no_inertial_unit_measures_is_refused_with_value_and_limit(
+def test_implausible_imu_values_are_refused_with_value_and_limit(
         sample, field, limit, value):
-    msg = fill_imu(empty('sensor_msgs/msg/Imu'), sample)
+    msg = imu_to_msg(empty('sensor_msgs/msg/Imu'), sample)
     getattr(msg, field).y = value
     found = re.escape(str(value))
     with pytest.raises(MessageError, match=f'^imu/data: {field} is .*{found}.*most {limit}'):
-        decode_imu(msg)
+        imu_from_msg(msg)
 
 
 @pytest.mark.parametrize('value', [1001.0, -1e300])
-def test_what_no_wheel_turns_is_refused_with_value_and_limit(value):
+def test_implausible_wheel_speeds_are_refused_with_value_and_limit(value):
     found = re.escape(str(value))
     with pytest.raises(MessageError, match=f'^wheel_states: velocity is .*{found}.*1000 rad/s'):
-        decode_wheels(wheel_joints(velocity=[1.0, value, 3.0, 4.0]))
+        wheels_from_msg(wheel_joints(velocity=[1.0, value, 3.0, 4.0]))
 
 
 @pytest.mark.parametrize('orientation', [
     None, (0.0, 0.0, 0.0, 0.0), (math.nan,) * 4, (0.0, math.nan, 0.0, 1.0)])
-def test_an_orientation_that_was_never_set_is_none(orientation):
-    msg = fill_imu(empty('sensor_msgs/msg/Imu'), SAMPLES[0])
+def test_an_orientation_that_is_not_measured_is_none(orientation):
+    msg = imu_to_msg(empty('sensor_msgs/msg/Imu'), SAMPLES[0])
     if orientation is None:
         msg.orientation_covariance = [-1.0, *[0.0] * 8]
     else:
         msg.orientation.x, msg.orientation.y, msg.orientation.z, msg.orientation.w = orientation
-    assert decode_imu(msg).orientation is None
+    assert imu_from_msg(msg).orientation is None
 
 
 def test_an_infinite_orientation_is_refused():
-    msg = fill_imu(empty('sensor_msgs/msg/Imu'), SAMPLES[0])
+    msg = imu_to_msg(empty('sensor_msgs/msg/Imu'), SAMPLES[0])
     msg.orientation.w = math.inf
     with pytest.raises(MessageError, match='^imu/data: orientation'):
-        decode_imu(msg)
+        imu_from_msg(msg)
 
 
 @every_kind
-def test_a_slip_may_be_undefined_but_not_its_sigma(new):
+def test_a_slip_ratio_may_be_nan_but_not_its_sigma(new):
     slip = WheelSlip(STAMP, (math.nan, 0.1, 0.2, 0.3), FOUR, (1.0, 0.1, 0.1, 0.1))
-    msg = fill_wheel_slip(new(JOINTS), slip)
-    assert [math.isnan(ratio) for ratio in decode_wheel_slip(msg).ratio] == [True, *[False] * 3]
+    msg = wheel_slip_to_msg(new(JOINTS), slip)
+    assert [math.isnan(ratio) for ratio in wheel_slip_from_msg(msg).ratio] == [True, *[False] * 3]
     msg.effort = [1.0, 0.1, math.nan, 0.1]
     with pytest.raises(MessageError, match='^wheel_slip: effort'):
-        decode_wheel_slip(msg)
+        wheel_slip_from_msg(msg)
 
 
-def test_what_a_passage_does_not_name_is_unknown():
-    msg = joints(name=['adhesion_ratio', 'smell'], position=[0.7, 5.0], effort=[0.1, 1.0])
-    passage = decode_friction(msg)
-    assert passage.adhesion_ratio.value == 0.7
-    assert passage.adhesion_ratio.sigma == 0.1
-    assert all(passage.quantity(name) == UNKNOWN for name in FRICTION_QUANTITIES
+def test_missing_friction_quantities_are_unknown():
+    msg = joints(name=['adhesion_ratio', 'other'], position=[0.7, 5.0], effort=[0.1, 1.0])
+    friction = friction_from_msg(msg)
+    assert friction.adhesion_ratio.value == 0.7
+    assert friction.adhesion_ratio.sigma == 0.1
+    assert all(friction.quantity(name) == UNKNOWN for name in FRICTION_QUANTITIES
                if name != 'adhesion_ratio')
 
 
-def test_a_passage_without_any_quantity_is_refused():
+def test_friction_without_any_quantity_is_refused():
     with pytest.raises(MessageError, match='^tire_friction: name '):
-        decode_friction(joints(name=['smell'], position=[5.0], effort=[1.0]))
+        friction_from_msg(joints(name=['other'], position=[5.0], effort=[1.0]))
 
 
-def test_the_transform_is_the_pose():
-    msg = fill_transform(empty('geometry_msgs/msg/TransformStamped'), SAMPLES[10])
+def test_the_transform_equals_the_pose():
+    msg = transform_to_msg(empty('geometry_msgs/msg/TransformStamped'), SAMPLES[10])
     assert (msg.header.frame_id, msg.child_frame_id) == ('odom', 'base_link')
     assert (msg.transform.translation.x, msg.transform.translation.y) == (1.0, 2.0)
     assert (msg.transform.rotation.z, msg.transform.rotation.w) == (0.6, 0.8)
@@ -295,12 +295,12 @@ def test_the_transform_is_the_pose():
     ('/robot_1/ground_truth/odom', 'ground_truth/odom'),
     ('overhead/wheel_slip', 'overhead/wheel_slip'),
 ])
-def test_a_namespace_does_not_hide_a_topic(name, meant):
+def test_topics_are_found_in_any_namespace(name, meant):
     assert find_topic(name) is TOPICS[meant]
 
 
 @pytest.mark.parametrize('name', ['/imu', '/data', '/imu/data_raw', '/my_odom', '/', ''])
-def test_a_name_that_only_looks_alike_is_no_topic_of_ours(name):
+def test_similar_names_are_not_topics_of_the_table(name):
     assert find_topic(name) is None
 
 
@@ -308,9 +308,9 @@ HEADER = SimpleNamespace(stamp=SimpleNamespace(sec=1, nanosec=0), frame_id='base
 
 
 @pytest.mark.parametrize('duty', [1.0001, -1.0001, 1e308])
-def test_a_duty_beyond_full_is_refused(duty):
-    with pytest.raises(MessageError, match='motor_commands: effort is .*expected at most 1'):
-        decode_motor_command(SimpleNamespace(
+def test_a_duty_beyond_1_is_refused(duty):
+    with pytest.raises(MessageError, match='motor_commands: effort .*magnitudes of at most 1'):
+        motor_command_from_msg(SimpleNamespace(
             header=HEADER, name=list(WHEELS), effort=[0.0, 0.0, 0.0, duty]))
 
 
@@ -318,11 +318,11 @@ def test_a_duty_beyond_full_is_refused(duty):
     (100.1, 0.0, 'twist.linear is .*at most 100 m/s'), (1e308, 0.0, 'twist.linear'),
     (-100.1, 0.0, 'twist.linear'), (0.0, 100.1, 'twist.angular is .*at most 100 rad/s'),
     (math.inf, 0.0, 'finite'), (0.0, math.nan, 'finite')])
-def test_a_velocity_that_no_robot_has_is_refused(linear, angular, text):
+def test_an_implausible_velocity_is_refused(linear, angular, text):
     message = SimpleNamespace(header=HEADER, twist=SimpleNamespace(
         linear=SimpleNamespace(x=linear, y=0.0, z=0.0),
         angular=SimpleNamespace(x=0.0, y=0.0, z=angular)))
     with pytest.raises(MessageError, match=text):
-        decode_velocity(message)
+        velocity_from_msg(message)
     message.twist.linear.x, message.twist.angular.z = 100.0, -100.0
-    assert decode_velocity(message).v_x == 100.0
+    assert velocity_from_msg(message).v_x == 100.0

@@ -1,4 +1,4 @@
-"""Parameters cannot be wrong: kinds, ranges and names are checked wherever they come from."""
+"""Parameters: kinds, ranges, names and consistency are checked for every source."""
 
 from __future__ import annotations
 
@@ -12,15 +12,18 @@ import pytest
 from smart_tire.errors import ParameterError
 from smart_tire.parameters import (
     build, FrictionEstimatorParams, known_names, load_files, MotorDriverParams, NODE_PARAMS,
-    RobotParams, SimulatorParams, SlipEstimatorParams, Spec, specs, TireReceiverParams)
+    RobotParams, SimulatorParams, SlipEstimatorParams, Spec, specs, TireReceiverParams,
+    WheelControllerParams)
 from smart_tire.parameters.files import check_names, flatten, from_arguments
-from smart_tire.parameters.spec import group, param, part
+from smart_tire.parameters.simulation import PatchParams
+from smart_tire.parameters.spec import inlined, is_known, nested, param
 
-SPEED = Spec('speed', 'float', 1.0, 'm/s', 'how fast', low=0.0, high=3.0)
-COUNT = Spec('count', 'int', 4, '-', 'how many', low=1)
-COLOUR = Spec('colour', 'str', 'red', '-', 'which one', choices=('red', 'blue'))
-FLAG = Spec('flag', 'bool', False, '-', 'whether')
-PAIR = Spec('pair', 'float[]', (0.0, 1.0), 'm', 'from, to', length=2)
+SPEED = Spec('speed', 'float', 1.0, 'm/s', 'speed', low=0.0, high=3.0)
+COUNT = Spec('count', 'int', 4, '-', 'count', low=1)
+COLOR = Spec('color', 'str', 'red', '-', 'color', choices=('red', 'blue'))
+FLAG = Spec('flag', 'bool', False, '-', 'flag')
+PAIR = Spec('pair', 'float[]', (0.0, 1.0), 'm', 'minimum and maximum', length=2)
+ANY_LIST = Spec('list', 'float[]', (), 'm', 'any number of values')
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,11 +35,11 @@ class Wheel:
 
 @dataclass(frozen=True, kw_only=True)
 class Cart:
-    """A cart whose front wheel has a prefix and whose axle has none."""
+    """A cart whose front wheel is nested and whose axle is inlined."""
 
-    name: str = param('cart', '-', 'what it is called')
-    front: Wheel = group(Wheel)
-    axle: Wheel = part(Wheel)
+    name: str = param('cart', '-', 'name')
+    front: Wheel = nested(Wheel)
+    axle: Wheel = inlined(Wheel)
 
 
 # One description
@@ -45,26 +48,27 @@ class Cart:
 @pytest.mark.parametrize(('spec', 'value', 'expected'), [
     (SPEED, 2.5, 2.5), (SPEED, 2, 2.0), (SPEED, 0.0, 0.0), (SPEED, 3, 3.0),
     (COUNT, 7, 7), (COUNT, 7.0, 7),
-    (COLOUR, 'blue', 'blue'), (FLAG, True, True),
+    (COLOR, 'blue', 'blue'), (FLAG, True, True),
     (PAIR, [1, 2.5], (1.0, 2.5)), (PAIR, (3.0, 4.0), (3.0, 4.0)),
+    (ANY_LIST, [], ()), (ANY_LIST, None, ()),  # rclpy gives None for an empty list
 ])
-def test_a_value_of_the_described_kind_is_taken(spec, value, expected):
-    taken = spec.check(value)
-    assert taken == expected
-    assert type(taken) is type(expected)
+def test_a_value_of_the_described_kind_is_accepted(spec, value, expected):
+    checked = spec.check(value)
+    assert checked == expected
+    assert type(checked) is type(expected)
 
 
 @pytest.mark.parametrize(('spec', 'value', 'expected'), [
     (SPEED, -0.1, '0 to 3 m/s'), (SPEED, 3.1, '0 to 3 m/s'), (SPEED, math.nan, '0 to 3 m/s'),
     (SPEED, math.inf, '0 to 3 m/s'), (SPEED, '1.0', 'a float'), (SPEED, True, 'a float'),
     (SPEED, None, 'a float'), (SPEED, [1.0], 'a float'),
-    (COUNT, 0, 'at least 1'), (COUNT, 1.5, 'a int'), (COUNT, False, 'a int'),
-    (COLOUR, 'green', 'one of red, blue'), (COLOUR, 1, 'a str'),
+    (COUNT, 0, 'at least 1'), (COUNT, 1.5, 'an int'), (COUNT, False, 'an int'),
+    (COLOR, 'green', 'one of red, blue'), (COLOR, 1, 'a str'),
     (FLAG, 1, 'a bool'), (FLAG, 'true', 'a bool'),
     (PAIR, [1.0], '2 numbers'), (PAIR, [1.0, 2.0, 3.0], '2 numbers'), (PAIR, 1.0, 'a list of'),
     (PAIR, '12', 'a list of'), (PAIR, [1.0, 'x'], 'a float'), (PAIR, [1.0, math.nan], 'finite'),
 ])
-def test_a_refusal_names_parameter_value_and_what_was_expected(spec, value, expected):
+def test_an_error_names_parameter_value_and_expectation(spec, value, expected):
     with pytest.raises(ParameterError) as caught:
         spec.check(value)
     assert f'parameter {spec.name}: ' in str(caught.value)
@@ -72,59 +76,59 @@ def test_a_refusal_names_parameter_value_and_what_was_expected(spec, value, expe
 
 
 @given(st.floats(allow_nan=True, allow_infinity=True) | st.integers())
-def test_what_passes_the_check_is_in_the_range(value):
+def test_accepted_values_are_in_range(value):
     try:
-        taken = SPEED.check(value)
+        checked = SPEED.check(value)
     except ParameterError:
         assert not 0.0 <= value <= 3.0
     else:
-        assert 0.0 <= taken <= 3.0
+        assert 0.0 <= checked <= 3.0
 
 
 # A class
 
 
-def test_names_of_a_group_have_its_prefix_and_those_of_a_part_have_none():
+def test_nested_parameters_have_a_prefix_and_inlined_ones_do_not():
     assert list(specs(Cart)) == ['name', 'front.radius', 'radius']
     assert specs(Cart)['front.radius'].name == 'front.radius'
 
 
-def test_building_puts_each_value_where_it_belongs():
+def test_build_assigns_values_to_nested_and_inlined_classes():
     cart = build(Cart, {'front.radius': 1, 'radius': 0.5})
     assert cart == Cart(front=Wheel(radius=1.0), axle=Wheel(radius=0.5))
 
 
-def test_an_unknown_name_is_refused_with_the_likeliest_meant():
+def test_an_unknown_name_is_refused_with_a_suggestion():
     with pytest.raises(ParameterError, match=r'front\.radios, did you mean front\.radius\?'):
         build(Cart, {'front.radios': 1.0})
 
 
 @pytest.mark.parametrize('cls', [*NODE_PARAMS.values(), RobotParams])
-def test_defaults_are_their_own_values_and_lie_in_their_ranges(cls):
+def test_defaults_are_valid(cls):
     described = specs(cls)
     assert build(cls, {name: spec.default for name, spec in described.items()}) == cls()
 
 
 @pytest.mark.parametrize('cls', NODE_PARAMS.values())
-def test_every_parameter_says_unit_and_meaning(cls):
+def test_every_parameter_has_unit_and_meaning(cls):
     for spec in specs(cls).values():
         assert spec.unit
         assert spec.meaning
 
 
-def test_parameters_of_one_name_are_the_same_for_all_nodes_where_the_robot_is_meant():
+def test_robot_parameters_are_identical_for_all_nodes():
     for cls in NODE_PARAMS.values():
         described = specs(cls)
         for name, spec in specs(RobotParams).items():
             assert described[name] == spec
 
 
-def test_parameters_do_not_change_behind_ones_back():
+def test_parameters_are_immutable():
     with pytest.raises(FrozenInstanceError):
         RobotParams().mass = 1.0  # type: ignore[misc]
 
 
-# What the contract promises
+# Documented defaults
 
 
 @pytest.mark.parametrize(('name', 'value', 'unit'), [
@@ -145,12 +149,12 @@ def test_parameters_do_not_change_behind_ones_back():
     ('film.rest_voltage', 1.65, 'V'), ('film.voltage_range', 3.3, 'V'), ('film.bits', 10, '-'),
     ('film.sample_rate', 400, 'Hz'), ('slip.standstill_speed', 0.05, 'm/s'),
 ])
-def test_names_defaults_and_units_are_those_of_the_papers_robot(name, value, unit):
+def test_names_defaults_and_units_of_the_robot_are_the_documented_ones(name, value, unit):
     spec = specs(RobotParams)[name]
     assert (spec.default, spec.unit) == (value, unit)
 
 
-def test_estimators_wait_as_long_as_their_slowest_input():
+def test_reorder_windows_cover_the_slowest_input():
     assert FrictionEstimatorParams().reorder_window == 0.06
     assert SlipEstimatorParams().reorder_window == 0.03
 
@@ -163,8 +167,8 @@ def test_estimators_wait_as_long_as_their_slowest_input():
     (RobotParams, {'film.positions': [0.0, 0.03, 0.06]}, 'film.stretch_gain has 2 values'),
     (RobotParams, {'film.positions': [0.03, 0.0]}, 'film.positions'),
     (RobotParams, {'film.positions': [-0.1, 0.0]}, 'film.positions'),
-    (RobotParams, {'film.positions': [0.0, 0.6]}, 'more than the circumference'),
-    (RobotParams, {'film.wheels': ['front_left', 'front_left']}, 'names a wheel twice'),
+    (RobotParams, {'film.positions': [0.0, 0.6]}, 'more than the wheel circumference'),
+    (RobotParams, {'film.wheels': ['front_left', 'front_left']}, 'contains a wheel twice'),
     (RobotParams, {'film.wheels': ['middle']}, 'one of front_left'),
     (TireReceiverParams, {'units': ['0013A20040A1B2C3']}, 'expected 16 hex digits'),
     (TireReceiverParams, {'units': ['0013=front_left']}, 'expected 16 hex digits'),
@@ -174,27 +178,37 @@ def test_estimators_wait_as_long_as_their_slowest_input():
      'repeats'),
     (TireReceiverParams, {'units': ['0013A20040A1B2C3=front_left', '0013A20040A1B2C4=front_left']},
      'repeats'),
-    (MotorDriverParams, {'addresses': [128, 128]}, 'the same'),
+    (MotorDriverParams, {'addresses': [128, 128]}, 'expected two different ones'),
     (SimulatorParams, {'ground.base': 'ice'}, 'ground.base'),
     (SimulatorParams, {'ground.friction': [0.5]}, 'ground.friction has 1 values'),
-    (SimulatorParams, {'ground.patches': ['ice=0,0,1,1']}, 'ground.patches'),
-    (SimulatorParams, {'ground.patches': ['sand=0,0,1']}, 'ground.patches'),
-    (SimulatorParams, {'ground.patches': ['sand=1,0,0,1']}, 'ground.patches'),
+    (SimulatorParams, {'ground.patches.names': ['a']}, "patches.a.surface: '', expected one"),
+    (SimulatorParams, {'ground.patches.names': ['a', 'a']}, 'ground.patches.names'),
+    (SimulatorParams, {'ground.patches.names': ['names']}, 'ground.patches.names'),
+    (SimulatorParams, {'ground.patches.names': ['a.b']}, 'ground.patches.names'),
+    (SimulatorParams, {'ground.patches.start_area.surface': 'ice'},
+     "ground.patches.start_area.surface: 'ice'"),
+    (SimulatorParams, {'ground.patches.start_area.x': [1, 0]}, 'patches.start_area.x: [1.0'),
+    (SimulatorParams, {'ground.patches.start_area.y': [0, 0]}, 'patches.start_area.y: [0.0'),
+    (SimulatorParams, {'ground.patches.start_area.y': [0]}, 'patches.start_area.y: [0], exp'),
+    (SimulatorParams, {'ground.patches.start_area.z': [0, 1]},
+     'unknown parameter ground.patches.start_area.z'),
     (SimulatorParams, {'units': ['0013A20040A1B2C3=front_left']}, 'units'),
+    (WheelControllerParams, {'cmd_vel_timeouts': [0.2, 0.5]}, 'cmd_vel_timeouts: [0.2, 0.5], exp'),
+    (WheelControllerParams, {'cmd_vel_timeouts': [0.0]}, 'expected 0.02 to 60 s'),
 ])
-def test_values_that_contradict_each_other_are_refused_by_name(cls, values, complaint):
+def test_contradictory_values_are_refused_by_name(cls, values, complaint):
     with pytest.raises(ParameterError) as caught:
         build(cls, values)
     assert complaint in str(caught.value)
 
 
-def test_units_are_read_as_addresses_of_wheels():
+def test_entries_of_units_are_parsed_into_addresses_and_wheels():
     units = ('0013A20040A1B2C3=front_right', 'FFFFFFFFFFFFFFFF=rear_left')
     assert TireReceiverParams(units=units).wheel_of() \
         == {0x0013A20040A1B2C3: 'front_right', 0xFFFFFFFFFFFFFFFF: 'rear_left'}
 
 
-def test_two_values_serve_all_wheels_and_four_serve_two():
+def test_film_lists_hold_values_for_one_wheel_or_for_each():
     film = RobotParams().film
     both = replace(film, wheels=('front_left', 'rear_right'))
     assert both.gains('front_left') == both.gains('rear_right') == (307.5, 242.5)
@@ -203,7 +217,7 @@ def test_two_values_serve_all_wheels_and_four_serve_two():
     assert own.bending('front_left') == (5.0, 6.0)
 
 
-def test_two_films_are_a_spacing_apart_unless_their_positions_are_given():
+def test_without_positions_there_are_two_films_a_spacing_apart():
     film = build(RobotParams, {'film.spacing': 0.04}).film
     assert (film.count, film.places) == (2, (0.0, 0.04))
     three = build(RobotParams, {
@@ -215,14 +229,57 @@ def test_two_films_are_a_spacing_apart_unless_their_positions_are_given():
 
 
 @pytest.mark.parametrize(('positions', 'groups'), [
-    ([0.0], [(0,)]), ([-1.0], [(0, 1)]), ([0.0, 0.03, 0.06], [(0, 1, 2)]),
+    ([0.0], [(0,)]), ([], [(0, 1)]), ([0.0, 0.03, 0.06], [(0, 1, 2)]),
     ([0.1, 0.13, 0.3, 0.33], [(0, 1), (2, 3)]), ([0.0, 0.18, 0.36], [(0,), (1,), (2,)]),
     ([0.06 * i for i in range(9)], [(0, 1, 2, 3), (4, 5, 6, 7), (8,)])])
-def test_films_that_are_near_each_other_pass_together(positions, groups):
-    count = 2 if positions == [-1.0] else len(positions)
+def test_neighboring_films_form_a_group(positions, groups):
+    count = len(positions) or 2
     robot = build(RobotParams, {'film.positions': positions, 'film.stretch_gain': [300] * count,
                                 'film.bending_peak': [0.8] * count})
     assert robot.film_groups == groups
+
+
+# Named instances
+
+
+def patch(name, surface='sand', x=(0.0, 1.0), y=(0.0, 2.0)):
+    """Return the parameters of a patch."""
+    return {f'ground.patches.{name}.surface': surface, f'ground.patches.{name}.x': x,
+            f'ground.patches.{name}.y': y}
+
+
+def test_listed_patches_are_built_in_the_order_of_the_list():
+    params = build(SimulatorParams, {
+        'ground.patches.names': ['b', 'a'], **patch('a'), **patch('b', 'concrete', [3, 4])})
+    assert params.ground.patches == (
+        PatchParams(name='b', surface='concrete', x=(3.0, 4.0), y=(0.0, 2.0)),
+        PatchParams(name='a', surface='sand', x=(0.0, 1.0), y=(0.0, 2.0)))
+
+
+def test_a_listed_default_patch_keeps_the_values_that_are_not_set():
+    params = build(SimulatorParams, {'ground.patches.start_area.x': [-1, 1]})
+    assert params.ground.patches == (
+        PatchParams(name='start_area', surface='concrete', x=(-1.0, 1.0), y=(-3.0, 3.0)),)
+
+
+@pytest.mark.parametrize('names', [[], (), None])
+def test_patches_that_are_not_listed_are_ignored(names):
+    values = {**patch('a', surface='no such surface'), 'ground.patches.names': names}
+    assert build(SimulatorParams, values).ground.patches == ()
+
+
+def test_the_parameters_of_a_class_include_those_of_the_listed_instances():
+    listed = {'ground.patches.names': ['a', 'b']}
+    found = [name for name in specs(SimulatorParams, listed) if 'patches' in name]
+    assert found == ['ground.patches.names', *patch('a'), *patch('b')]
+    assert specs(SimulatorParams)['ground.patches.start_area.x'].default == (-3.0, 3.0)
+
+
+def test_known_names_match_any_instance():
+    known = known_names([SimulatorParams])
+    assert is_known('ground.patches.anywhere.surface', known)
+    assert not is_known('ground.patches.anywhere.friction', known)
+    assert not is_known('ground.patchs.anywhere.surface', known)
 
 
 # Files
@@ -236,11 +293,11 @@ def written(folder, name, text):
 
 
 def loaded(*paths, node='cart'):
-    """Return what ``paths`` give to ``node`` of the cart's parameters."""
-    return load_files(paths, node, known_names([Cart]), specs(Cart))
+    """Return the cart parameters that ``paths`` set for ``node``."""
+    return load_files(paths, node, known_names([Cart]), known_names([Cart]))
 
 
-def test_later_files_and_blocks_win(tmp_path):
+def test_later_files_and_blocks_take_precedence(tmp_path):
     first = written(tmp_path, 'first.yaml', """
 /**:
   ros__parameters: {name: anybody, radius: 0.2}
@@ -253,13 +310,13 @@ cart:
 
 @pytest.mark.parametrize('block', [
     '/**', 'cart', '/cart', '/**/cart', '/robot/cart', 'c*'])
-def test_a_block_is_for_the_node_that_its_last_part_names(tmp_path, block):
+def test_a_block_applies_to_the_node_in_its_last_token(tmp_path, block):
     path = written(tmp_path, 'any.yaml', f'"{block}": {{ros__parameters: {{name: me}}}}')
     assert loaded(path) == {'name': 'me'}
     assert (loaded(path, node='other') == {}) == (block != '/**')
 
 
-def test_a_namespace_may_be_a_level_of_its_own(tmp_path):
+def test_a_namespace_may_be_a_separate_level(tmp_path):
     path = written(tmp_path, 'any.yaml', 'robot: {cart: {ros__parameters: {name: me}}}')
     assert loaded(path) == {'name': 'me'}
 
@@ -270,11 +327,11 @@ def test_names_may_be_nested_or_dotted(tmp_path):
     assert loaded(nested) == loaded(dotted) == {'front.radius': 1.0}
 
 
-def test_a_block_without_parameters_gives_none(tmp_path):
+def test_a_block_without_parameters_is_empty(tmp_path):
     assert loaded(written(tmp_path, 'a.yaml', 'cart: {ros__parameters: }')) == {}
 
 
-def test_a_misspelt_name_is_refused_with_its_file(tmp_path):
+def test_a_misspelled_name_is_refused_with_its_file(tmp_path):
     path = written(tmp_path, 'a.yaml', 'other: {ros__parameters: {front: {radios: 1.0}}}')
     with pytest.raises(ParameterError, match=r'a\.yaml: .*front\.radios, did you mean'):
         loaded(path)
@@ -283,12 +340,12 @@ def test_a_misspelt_name_is_refused_with_its_file(tmp_path):
 @pytest.mark.parametrize('text', [
     '', '[1, 2]', 'cart: 1', 'cart: {name: me}', 'cart: {ros__parameters: [1]}', 'cart: {',
     '\x00'])
-def test_what_is_no_parameter_file_is_refused_with_its_name(tmp_path, text):
+def test_an_invalid_parameter_file_is_refused_with_its_name(tmp_path, text):
     with pytest.raises(ParameterError, match=r'a\.yaml: '):
         loaded(written(tmp_path, 'a.yaml', text))
 
 
-def test_bytes_that_are_no_text_are_refused(tmp_path):
+def test_a_binary_file_is_refused(tmp_path):
     path = tmp_path / 'a.yaml'
     path.write_bytes(b'\xff\xfe\x00\x01\x80')
     with pytest.raises(ParameterError, match=r'a\.yaml: '):
@@ -300,7 +357,7 @@ def test_a_missing_file_is_refused_with_its_name(tmp_path):
         loaded(tmp_path / 'none.yaml')
 
 
-def test_names_that_every_ros_node_has_are_known():
+def test_parameters_declared_by_rclpy_are_known():
     check_names(['use_sim_time', 'qos_overrides./tf.publisher.depth', 'radius'], ['radius'])
 
 
@@ -308,7 +365,7 @@ def test_flattening_joins_names_with_dots():
     assert flatten({'a': {'b': {'c': 1}}, 'd': [2]}) == {'a.b.c': 1, 'd': [2]}
 
 
-def test_on_a_command_line_what_stands_later_wins(tmp_path):
+def test_later_arguments_of_a_command_line_take_precedence(tmp_path):
     robot, tuned = tmp_path / 'robot.yaml', tmp_path / 'tuned.yaml'
     robot.write_text('/**: {ros__parameters: {wheel_radius: 0.1}}\n'
                      'slip_estimator: {ros__parameters: {wheel_radius: 0.2, mass: 9}}')
@@ -330,7 +387,7 @@ def test_on_a_command_line_what_stands_later_wins(tmp_path):
     ('/*/slip_estimator', '/robot1/slip_estimator', True),
     ('/**/slip_estimator', '/a/b/slip_estimator', True),
     ('/robot1/**', '/robot1/imu_driver', True), ('/robot1/*', '/robot2/imu_driver', False)])
-def test_the_namespace_of_a_block_counts_for_a_node_that_has_one(tmp_path, block, node, meant):
+def test_the_namespace_of_a_block_must_match_a_fully_qualified_node(tmp_path, block, node, meant):
     path = tmp_path / 'some.yaml'
     path.write_text(f'{block}: {{ros__parameters: {{mass: 7}}}}')
     words = ['node', '--ros-args', '--params-file', str(path)]

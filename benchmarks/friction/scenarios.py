@@ -13,7 +13,7 @@ from typing import Any
 
 from benchmarks.scenarios import SAND, Scenario, SCENARIOS, sequence
 from smart_tire.parameters.robot import FilmParams, TireParams
-from smart_tire.parameters.simulation import GroundParams, RadioParams
+from smart_tire.parameters.simulation import GroundParams, PatchParams, RadioParams
 
 INSTRUMENTED = ('front_right', 'front_left')  # the reference runs have the first only
 FILM = FilmParams(wheels=INSTRUMENTED)
@@ -25,7 +25,8 @@ NOISY_DURATION = 90.0   # s, half of the figure-eight
 # Half of a circle each: five wheel revolutions on each surface.
 HALVES = GroundParams(
     names=('concrete', 'slippery'), friction=(0.47, 0.20), stiffness=(52.7, 52.7),
-    drag=(0.015, 0.015), base='concrete', patches=('slippery=-50,0.9,50,50',))
+    drag=(0.015, 0.015), base='concrete',
+    patches=(PatchParams(name='half', surface='slippery', x=(-50.0, 50.0), y=(0.9, 50.0)),))
 
 
 def _of(base: str, *, film: FilmParams = FILM, **changes: Any) -> Scenario:

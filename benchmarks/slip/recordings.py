@@ -50,8 +50,8 @@ class Recording:
 
 
 # Measured geometry, unknown IMU position, firm and not quite level surface, network timestamps.
-_COMMON = {'imu.position': [0.0, 0.0, 0.0], 'imu.accel_bias': 0.5, 'slip_sigma': 0.05,
-           'slope_sigma': 0.02}
+_COMMON = {'imu.position': [0.0, 0.0, 0.0], 'imu.accel_bias': 0.5,
+           'differential_slip_sigma': 0.05, 'slope_sigma': 0.02}
 _WARTHOG = {**_COMMON, 'wheel_radius': 0.30, 'track_width': 1.08, 'wheelbase': 1.05,
             'encoder.stamp_jitter': 0.02}
 _HUSKY = {**_COMMON, 'wheel_radius': 0.1651, 'track_width': 0.555, 'wheelbase': 0.540}

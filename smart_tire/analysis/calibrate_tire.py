@@ -94,7 +94,7 @@ def gain_parameters(found: GainFit, given: RobotParams) -> list[Identified]:
     if found.length is not None:
         items.append(Identified('tire.contact_length', found.length.value, found.length.sigma))
     if found.places.keys() == set(range(1, given.film.count)) and found.places:
-        if given.film.positions == (-1.0,):
+        if not given.film.positions:
             items.append(Identified('film.spacing', found.places[1].value, found.places[1].sigma))
         else:
             positions = [given.film.places[0] + found.places[i].value

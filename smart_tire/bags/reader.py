@@ -135,7 +135,7 @@ class Bag:
 
         Covers the topics of ``wanted`` that are in the bag, in order of receive time.
         """
-        readers = {name: (contract, Decoder(TOPICS[contract].type), TOPICS[contract].decode)
+        readers = {name: (contract, Decoder(TOPICS[contract].type), TOPICS[contract].from_msg)
                    for contract, name in self.match(wanted).items()}
         for receive_ns, channel, data in self.raw(readers):
             contract, read, decode = readers[channel.topic]

@@ -136,7 +136,7 @@ class _SampleEncoder:
 
     def __init__(self, topic: Topic) -> None:
         self.channel = channel_of(topic.name, topic.type)
-        self._fill = topic.fill
+        self._fill = topic.to_msg
         self._msg: Any = empty(topic.type)
         self._encode = Encoder(topic.type)
 

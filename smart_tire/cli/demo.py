@@ -146,13 +146,13 @@ def _drive(out: Path, params: Path, runner_class: Callable[[list[str]], Any]) ->
 
 def _await_nodes(stack: Stack, runner: Any) -> None:
     """Wait until estimates are published and every node has sent diagnostics."""
-    pilot, deadline = runner.pilot, time.monotonic() + START_TIMEOUT
+    pilot, deadline = runner.node, time.monotonic() + START_TIMEOUT
     while pilot.slip is None or pilot.wheels is None or set(NODES) - pilot.health.keys():
         _check_alive(stack)
         if time.monotonic() > deadline:
             missing = sorted(set(NODES) - pilot.health.keys()) or ['wheel_slip']
             raise DemoError(f'no messages from {", ".join(missing)} within {START_TIMEOUT:.0f} s')
-        runner.turn(DASHBOARD_PERIOD)
+        runner.spin(DASHBOARD_PERIOD)
 
 
 def _check_alive(stack: Stack) -> None:
@@ -164,24 +164,24 @@ def _drive_legs(stack: Stack, runner: Any, dashboard: Dashboard) -> Intervals:
     intervals: Intervals = {}
     _drive_leg(stack, runner, dashboard, Leg('standstill', 0.0, 0.0), STANDSTILL_DURATION)
     for leg in LEGS:
-        begin = runner.pilot.now_ns()
+        begin = runner.node.now_ns()
         duration = LEG_DURATION if leg.evaluated else MAX_TRANSFER_DURATION
         _drive_leg(stack, runner, dashboard, leg, duration)
         if leg.evaluated:
-            intervals[leg.name] = [(begin + round(SETTLING_TIME * 1e9), runner.pilot.now_ns())]
+            intervals[leg.name] = [(begin + round(SETTLING_TIME * 1e9), runner.node.now_ns())]
     _drive_leg(stack, runner, dashboard, Leg('standstill', 0.0, 0.0), 1.5)
     return intervals
 
 
 def _drive_leg(stack: Stack, runner: Any, dashboard: Dashboard, leg: Leg, duration: float) -> None:
     """Drive ``leg`` for ``duration`` [s]; a transfer ends when the sand is reached."""
-    pilot, end = runner.pilot, time.monotonic() + duration
+    pilot, end = runner.node, time.monotonic() + duration
     pilot.drive(leg.left, leg.right)
     while time.monotonic() < end:
         distance = max(map(abs, pilot.odometry.position))
         if leg.left == leg.right != 0.0 and distance > MIN_SAND_DISTANCE:
             return
-        runner.turn(DASHBOARD_PERIOD)
+        runner.spin(DASHBOARD_PERIOD)
         _check_alive(stack)
         dashboard.update(leg.name, pilot)
 

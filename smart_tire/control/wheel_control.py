@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 import math
 
+from smart_tire.control.differential_drive import wheel_speeds
 from smart_tire.control.pid import Pid
 from smart_tire.parameters.tuning import WheelControllerParams
-from smart_tire.samples import Four, NS_PER_S
+from smart_tire.samples import Four, NS_PER_S, VelocityCommand
 
 STOPPED: Four = (0.0, 0.0, 0.0, 0.0)
 MAX_STEP_PERIODS = 4    # upper limit of the time step of the controllers, in periods
@@ -50,6 +51,13 @@ class WheelControl:
         return (self._measured_ns is not None
                 and now_ns - self._measured_ns
                 <= math.ceil(self._params.wheel_states_timeout * NS_PER_S))
+
+    def follow(self, command: VelocityCommand | None, now_ns: int) -> tuple[Four, Four]:
+        """Return the result of ``step`` for a body velocity; None if there is no command."""
+        if command is None:
+            return self.step(None, now_ns)
+        return self.step(wheel_speeds(command, radius=self._params.robot.wheel_radius,
+                                      effective_track=self._params.effective_track), now_ns)
 
     def step(self, velocity: Sequence[float] | None, now_ns: int) -> tuple[Four, Four]:
         """

@@ -1,26 +1,27 @@
 """
-Samples to messages and back, by attribute access and without ROS.
+Samples to messages and back, by attribute access and without importing ROS.
 
-Messages of rclpy, of rosbags (numpy arrays) and plain namespaces (lists) all work. A decoder
-raises MessageError, naming topic and field, for what the contract does not allow; it maps joints
-by name, in any order, and takes more of them than ours. A filler writes a sample into a message
-that is empty, or was filled by it before, and returns it.
+Messages may be those of rclpy, of rosbags (numpy arrays) or plain namespaces (lists).
+``x_from_msg`` matches joints by name, in any order, and ignores additional ones; it raises
+MessageError, naming topic and field, for a message that docs/topics.md does not allow.
+``x_to_msg`` writes a sample into a message, new or written by it before, and returns it.
 """
 
 from smart_tire.messages.header import set_header, stamp_of
 from smart_tire.messages.joint_state import (
-    decode_friction, decode_motor_command, decode_tire, decode_wheel_command, decode_wheel_slip,
-    decode_wheels, fill_friction, fill_motor_command, fill_tire, fill_wheel_command,
-    fill_wheel_slip, fill_wheels, film_names)
+    film_names, friction_from_msg, friction_to_msg, motor_command_from_msg, motor_command_to_msg,
+    tire_from_msg, tire_to_msg, wheel_command_from_msg, wheel_command_to_msg, wheel_slip_from_msg,
+    wheel_slip_to_msg, wheels_from_msg, wheels_to_msg)
 from smart_tire.messages.odometry_imu import (
-    decode_battery, decode_icr, decode_imu, decode_odometry, decode_velocity, fill_battery,
-    fill_icr, fill_imu, fill_odometry, fill_transform, fill_velocity)
+    battery_from_msg, battery_to_msg, icr_from_msg, icr_to_msg, imu_from_msg, imu_to_msg,
+    odometry_from_msg, odometry_to_msg, transform_to_msg, velocity_from_msg, velocity_to_msg)
 from smart_tire.messages.topics import find_topic, Topic, topic_of, TOPICS
 
 __all__ = [
-    'decode_battery', 'decode_friction', 'decode_icr', 'decode_imu', 'decode_motor_command',
-    'decode_odometry', 'decode_tire', 'decode_velocity', 'decode_wheel_command',
-    'decode_wheel_slip', 'decode_wheels', 'fill_battery', 'fill_friction', 'fill_icr', 'fill_imu',
-    'fill_motor_command', 'fill_odometry', 'fill_tire', 'fill_transform', 'fill_velocity',
-    'fill_wheel_command', 'fill_wheel_slip', 'fill_wheels', 'film_names', 'find_topic',
-    'set_header', 'stamp_of', 'Topic', 'topic_of', 'TOPICS']
+    'battery_from_msg', 'battery_to_msg', 'film_names', 'find_topic', 'friction_from_msg',
+    'friction_to_msg', 'icr_from_msg', 'icr_to_msg', 'imu_from_msg', 'imu_to_msg',
+    'motor_command_from_msg', 'motor_command_to_msg', 'odometry_from_msg', 'odometry_to_msg',
+    'set_header', 'stamp_of', 'tire_from_msg', 'tire_to_msg', 'Topic', 'topic_of', 'TOPICS',
+    'transform_to_msg', 'velocity_from_msg', 'velocity_to_msg', 'wheel_command_from_msg',
+    'wheel_command_to_msg', 'wheel_slip_from_msg', 'wheel_slip_to_msg', 'wheels_from_msg',
+    'wheels_to_msg']

@@ -1,4 +1,4 @@
-"""What all messages share: the header, and the errors for numbers that can not be."""
+"""Header of messages, and checks of their numbers."""
 
 from __future__ import annotations
 
@@ -30,11 +30,12 @@ def wheel_of(msg: Any, topic: str) -> str:
     return cast(str, wheel)
 
 
-def refuse(topic: str, field: str, values: Iterable[float]) -> MessageError:
+def not_finite_error(topic: str, field: str, values: Iterable[float]) -> MessageError:
     return MessageError(f'{topic}: {field} is {list(values)}, expected finite numbers')
 
 
-def check_size(topic: str, field: str, values: Sequence[float], limit: float, unit: str) -> None:
+def check_magnitude(topic: str, field: str, values: Sequence[float], limit: float,
+                    unit: str) -> None:
     if max(map(abs, values)) > limit:
         raise MessageError(f'{topic}: {field} is {list(values)}, '
-                           f'expected at most {limit:g} {unit} either way')
+                           f'expected magnitudes of at most {limit:g} {unit}')

@@ -1,7 +1,7 @@
 """
-JointState messages: the names say which number belongs to which wheel, film or quantity.
+JointState messages: ``name`` assigns each number to a wheel, film or quantity.
 
-A robot sends the same names all the time, so that what they mean is worked out only once.
+A robot always sends the same names, so their positions are determined once and cached.
 """
 
 from __future__ import annotations
@@ -11,18 +11,19 @@ from math import isfinite, isnan
 from typing import Any, cast
 
 from smart_tire.errors import MessageError
-from smart_tire.messages.header import check_size, refuse, set_header, stamp_of, wheel_of
+from smart_tire.messages.header import (
+    check_magnitude, not_finite_error, set_header, stamp_of, wheel_of)
 from smart_tire.samples import (
     Four, Friction, FRICTION_QUANTITIES, MAX_WHEEL_SPEED, MotorCommand, TireSample, WheelCommand,
     WHEELS, WheelSample, WheelSlip)
 from smart_tire.uncertain import Uncertain
 
 QUANTITIES = frozenset(FRICTION_QUANTITIES)
-LAYOUTS = 64  # lists of names that are remembered; a robot has a handful
+LAYOUT_CACHE_SIZE = 64  # lists of names; a robot has about ten
 
 
 def _values(msg: Any, field: str, topic: str) -> list[float]:
-    """Return the list of ``field``, one number per name."""
+    """Return the numbers of ``field``, one per name."""
     values = getattr(msg, field)
     numbers = cast('list[float]', values.tolist() if hasattr(values, 'tolist') else list(values))
     if len(numbers) != len(msg.name):
@@ -31,8 +32,8 @@ def _values(msg: Any, field: str, topic: str) -> list[float]:
     return numbers
 
 
-@lru_cache(LAYOUTS)
-def _wheel_places(names: tuple[str, ...], topic: str) -> tuple[int, int, int, int]:
+@lru_cache(LAYOUT_CACHE_SIZE)
+def _wheel_indices(names: tuple[str, ...], topic: str) -> tuple[int, int, int, int]:
     if any(names.count(wheel) != 1 for wheel in WHEELS):
         raise MessageError(f'{topic}: name is {list(names)}, '
                            f'expected each of {", ".join(WHEELS)} once')
@@ -41,7 +42,7 @@ def _wheel_places(names: tuple[str, ...], topic: str) -> tuple[int, int, int, in
 
 
 def _four(msg: Any, field: str, topic: str) -> Four:
-    a, b, c, d = _wheel_places(tuple(msg.name), topic)
+    a, b, c, d = _wheel_indices(tuple(msg.name), topic)
     values = _values(msg, field, topic)
     return values[a], values[b], values[c], values[d]
 
@@ -49,28 +50,28 @@ def _four(msg: Any, field: str, topic: str) -> Four:
 def _finite_four(msg: Any, field: str, topic: str) -> Four:
     four = _four(msg, field, topic)
     if not all(map(isfinite, four)):
-        raise refuse(topic, field, four)
+        raise not_finite_error(topic, field, four)
     return four
 
 
 def _optional_four(msg: Any, field: str, topic: str) -> Four | None:
-    """Return the numbers of ``field``, None if it is empty or NaN says that they are unknown."""
+    """Return the numbers of ``field``; None if it is empty or contains NaN (not measured)."""
     if not len(getattr(msg, field)) or any(map(isnan, _four(msg, field, topic))):
         return None
     return _finite_four(msg, field, topic)
 
 
-def decode_wheels(msg: Any, topic: str = 'wheel_states') -> WheelSample:
-    """Return the sample in a JointState; position and effort may be empty or NaN."""
+def wheels_from_msg(msg: Any, topic: str = 'wheel_states') -> WheelSample:
+    """Return the wheel sample in a JointState; position and effort may be empty or NaN."""
     velocity = _finite_four(msg, 'velocity', topic)
-    check_size(topic, 'velocity', velocity, MAX_WHEEL_SPEED, 'rad/s')
+    check_magnitude(topic, 'velocity', velocity, MAX_WHEEL_SPEED, 'rad/s')
     return WheelSample(
         stamp_of(msg), velocity,
         _optional_four(msg, 'position', topic), _optional_four(msg, 'effort', topic))
 
 
-def fill_wheels(msg: Any, sample: WheelSample) -> Any:
-    """Write ``sample`` into an empty JointState and return it."""
+def wheels_to_msg(msg: Any, sample: WheelSample) -> Any:
+    """Write ``sample`` into a JointState and return it."""
     set_header(msg, sample.stamp_ns, 'base_link')
     msg.name = WHEELS
     msg.position = sample.position or ()
@@ -79,14 +80,14 @@ def fill_wheels(msg: Any, sample: WheelSample) -> Any:
     return msg
 
 
-@lru_cache(LAYOUTS)
+@lru_cache(LAYOUT_CACHE_SIZE)
 def film_names(wheel: str, count: int) -> tuple[str, ...]:
     """Return the joint names of the first ``count`` films of ``wheel``."""
     return tuple(f'{wheel}_pvdf_{film}' for film in range(1, count + 1))
 
 
-@lru_cache(LAYOUTS)
-def _film_places(names: tuple[str, ...], wheel: str) -> tuple[int, ...]:
+@lru_cache(LAYOUT_CACHE_SIZE)
+def _film_indices(names: tuple[str, ...], wheel: str) -> tuple[int, ...]:
     ours = [name for name in names if name.startswith(f'{wheel}_pvdf_')]
     if not ours or sorted(ours) != sorted(film_names(wheel, len(ours))):
         raise MessageError(f'tire_samples: name is {list(names)}, '
@@ -94,42 +95,42 @@ def _film_places(names: tuple[str, ...], wheel: str) -> tuple[int, ...]:
     return tuple(names.index(name) for name in film_names(wheel, len(ours)))
 
 
-def decode_tire(msg: Any) -> TireSample:
+def tire_from_msg(msg: Any) -> TireSample:
     """Return the sample in a JointState."""
     wheel = wheel_of(msg, 'tire_samples')
     values = _values(msg, 'position', 'tire_samples')
-    volts = tuple([values[place] for place in _film_places(tuple(msg.name), wheel)])
+    volts = tuple([values[index] for index in _film_indices(tuple(msg.name), wheel)])
     if not all(map(isfinite, volts)):
-        raise refuse('tire_samples', 'position', volts)
+        raise not_finite_error('tire_samples', 'position', volts)
     return TireSample(stamp_of(msg), wheel, volts)
 
 
-def fill_tire(msg: Any, sample: TireSample) -> Any:
-    """Write ``sample`` into an empty JointState and return it."""
+def tire_to_msg(msg: Any, sample: TireSample) -> Any:
+    """Write ``sample`` into a JointState and return it."""
     set_header(msg, sample.stamp_ns, sample.wheel)
     msg.name = film_names(sample.wheel, len(sample.volts))
     msg.position = sample.volts
     return msg
 
 
-def decode_wheel_slip(msg: Any, topic: str = 'wheel_slip') -> WheelSlip:
-    """Return the slips in a JointState: a ratio may be NaN, a sigma infinite."""
+def wheel_slip_from_msg(msg: Any, topic: str = 'wheel_slip') -> WheelSlip:
+    """Return the wheel slip in a JointState; a ratio may be NaN, a sigma infinite."""
     ratio, sigma = _four(msg, 'position', topic), _four(msg, 'effort', topic)
     if any(map(isnan, sigma)):
         raise MessageError(f'{topic}: effort is {list(sigma)}, expected one sigma per wheel')
     return WheelSlip(stamp_of(msg), ratio, _finite_four(msg, 'velocity', topic), sigma)
 
 
-def fill_wheel_slip(msg: Any, sample: WheelSlip) -> Any:
-    """Write ``sample`` into an empty JointState and return it."""
+def wheel_slip_to_msg(msg: Any, sample: WheelSlip) -> Any:
+    """Write ``sample`` into a JointState and return it."""
     set_header(msg, sample.stamp_ns, 'base_link')
     msg.name = WHEELS
     msg.position, msg.velocity, msg.effort = sample.ratio, sample.slip_velocity, sample.sigma
     return msg
 
 
-def decode_friction(msg: Any, topic: str = 'tire_friction') -> Friction:
-    """Return the passage in a JointState; what it does not name is NaN with infinite sigma."""
+def friction_from_msg(msg: Any, topic: str = 'tire_friction') -> Friction:
+    """Return the friction in a JointState; missing quantities are NaN with infinite sigma."""
     values, sigmas = _values(msg, 'position', topic), _values(msg, 'effort', topic)
     quantities = {name: Uncertain(value, sigma)
                   for name, value, sigma in zip(msg.name, values, sigmas) if name in QUANTITIES}
@@ -139,8 +140,8 @@ def decode_friction(msg: Any, topic: str = 'tire_friction') -> Friction:
     return Friction(stamp_of(msg), wheel_of(msg, topic), **quantities)
 
 
-def fill_friction(msg: Any, sample: Friction) -> Any:
-    """Write ``sample`` into an empty JointState and return it."""
+def friction_to_msg(msg: Any, sample: Friction) -> Any:
+    """Write ``sample`` into a JointState and return it."""
     set_header(msg, sample.stamp_ns, sample.wheel)
     msg.name = FRICTION_QUANTITIES
     quantities = [sample.quantity(name) for name in FRICTION_QUANTITIES]
@@ -149,28 +150,28 @@ def fill_friction(msg: Any, sample: Friction) -> Any:
     return msg
 
 
-def decode_wheel_command(msg: Any) -> WheelCommand:
-    """Return the set points in a JointState."""
+def wheel_command_from_msg(msg: Any) -> WheelCommand:
+    """Return the wheel speed set points in a JointState."""
     return WheelCommand(stamp_of(msg), _finite_four(msg, 'velocity', 'wheel_commands'))
 
 
-def fill_wheel_command(msg: Any, sample: WheelCommand) -> Any:
-    """Write ``sample`` into an empty JointState and return it."""
+def wheel_command_to_msg(msg: Any, sample: WheelCommand) -> Any:
+    """Write ``sample`` into a JointState and return it."""
     set_header(msg, sample.stamp_ns, 'base_link')
     msg.name = WHEELS
     msg.velocity = sample.velocity
     return msg
 
 
-def decode_motor_command(msg: Any) -> MotorCommand:
-    """Return the duties in a JointState, each -1 to 1."""
+def motor_command_from_msg(msg: Any) -> MotorCommand:
+    """Return the duties [-1, 1] in a JointState."""
     duty = _finite_four(msg, 'effort', 'motor_commands')
-    check_size('motor_commands', 'effort', duty, 1.0, '(full duty)')
+    check_magnitude('motor_commands', 'effort', duty, 1.0, '(full duty)')
     return MotorCommand(stamp_of(msg), duty)
 
 
-def fill_motor_command(msg: Any, sample: MotorCommand) -> Any:
-    """Write ``sample`` into an empty JointState and return it."""
+def motor_command_to_msg(msg: Any, sample: MotorCommand) -> Any:
+    """Write ``sample`` into a JointState and return it."""
     set_header(msg, sample.stamp_ns, 'base_link')
     msg.name = WHEELS
     msg.effort = sample.duty

@@ -1,4 +1,4 @@
-"""Messages made of vectors, quaternions and covariances."""
+"""Messages with vectors, quaternions and covariances: odometry, IMU, ICR, commands, battery."""
 
 from __future__ import annotations
 
@@ -6,34 +6,35 @@ from collections.abc import Sequence
 from math import isfinite, isnan, nan
 from typing import Any
 
-from smart_tire.messages.header import check_size, refuse, set_header, stamp_of, wheel_of
+from smart_tire.messages.header import (
+    check_magnitude, not_finite_error, set_header, stamp_of, wheel_of)
 from smart_tire.samples import (
     BatterySample, Icr, ImuSample, MAX_ANGULAR_RATE, MAX_SPECIFIC_FORCE, MAX_SPEED, Odometry,
     Vector3, VelocityCommand)
 
-UNKNOWN = -1.0  # first element of a covariance whose quantity is not given (REP-145)
-ABSENT = (UNKNOWN, *[0.0] * 8)
-PRESENT = (0.0,) * 9  # all zero: nobody said how good it is
+NOT_MEASURED = -1.0  # first element of a covariance if the quantity is not measured (REP-145)
+NOT_MEASURED_COVARIANCE = (NOT_MEASURED, *[0.0] * 8)
+UNKNOWN_COVARIANCE = (0.0,) * 9  # measured, covariance unknown (REP-145)
 
 
 def _vector(vector: Any, field: str, topic: str) -> tuple[float, float, float]:
     xyz = (vector.x, vector.y, vector.z)
     if not all(map(isfinite, xyz)):
-        raise refuse(topic, field, xyz)
+        raise not_finite_error(topic, field, xyz)
     return xyz
 
 
 def _quaternion(rotation: Any, field: str, topic: str) -> tuple[float, float, float, float]:
     xyzw = (rotation.x, rotation.y, rotation.z, rotation.w)
     if not all(map(isfinite, xyzw)):
-        raise refuse(topic, field, xyzw)
+        raise not_finite_error(topic, field, xyzw)
     return xyzw
 
 
 def _covariance(matrix: Any, field: str, topic: str) -> tuple[float, ...]:
     numbers = tuple(matrix.tolist() if hasattr(matrix, 'tolist') else matrix)
     if len(numbers) != 36 or not all(map(isfinite, numbers)):
-        raise refuse(topic, field, numbers)
+        raise not_finite_error(topic, field, numbers)
     return numbers
 
 
@@ -45,8 +46,8 @@ def _set_quaternion(target: Any, values: Sequence[float]) -> None:
     target.x, target.y, target.z, target.w = values
 
 
-def decode_imu(msg: Any) -> ImuSample:
-    """Return the sample in an Imu; an orientation that is not given, NaN or all zero is None."""
+def imu_from_msg(msg: Any) -> ImuSample:
+    """Return the sample in an Imu; its orientation is None if not measured, NaN or all zero."""
     return ImuSample(
         stamp_of(msg),
         _measured(msg.linear_acceleration, 'linear_acceleration', MAX_SPECIFIC_FORCE, 'm/s2'),
@@ -56,30 +57,31 @@ def decode_imu(msg: Any) -> ImuSample:
 
 def _measured(vector: Any, field: str, limit: float, unit: str) -> Vector3:
     xyz = _vector(vector, field, 'imu/data')
-    check_size('imu/data', field, xyz, limit, unit)
+    check_magnitude('imu/data', field, xyz, limit, unit)
     return xyz
 
 
 def _orientation(msg: Any) -> tuple[float, float, float, float] | None:
     given = msg.orientation
-    if msg.orientation_covariance[0] == UNKNOWN or any(
+    if msg.orientation_covariance[0] == NOT_MEASURED or any(
             map(isnan, (given.x, given.y, given.z, given.w))):
         return None
     xyzw = _quaternion(given, 'orientation', 'imu/data')
     return xyzw if any(xyzw) else None
 
 
-def fill_imu(msg: Any, sample: ImuSample) -> Any:
-    """Write ``sample`` into an empty Imu and return it."""
+def imu_to_msg(msg: Any, sample: ImuSample) -> Any:
+    """Write ``sample`` into an Imu and return it."""
     set_header(msg, sample.stamp_ns, 'imu_link')
     _set_vector(msg.linear_acceleration, sample.acceleration)
     _set_vector(msg.angular_velocity, sample.rate)
-    msg.orientation_covariance = ABSENT if sample.orientation is None else PRESENT
+    msg.orientation_covariance = (
+        NOT_MEASURED_COVARIANCE if sample.orientation is None else UNKNOWN_COVARIANCE)
     _set_quaternion(msg.orientation, sample.orientation or (0.0, 0.0, 0.0, 1.0))
     return msg
 
 
-def decode_odometry(msg: Any, topic: str = 'odom') -> Odometry:
+def odometry_from_msg(msg: Any, topic: str = 'odom') -> Odometry:
     """Return the pose and twist in an Odometry."""
     pose, twist = msg.pose.pose, msg.twist.twist
     return Odometry(
@@ -91,8 +93,8 @@ def decode_odometry(msg: Any, topic: str = 'odom') -> Odometry:
         _covariance(msg.twist.covariance, 'twist.covariance', topic))
 
 
-def fill_odometry(msg: Any, sample: Odometry, frame: str = 'odom') -> Any:
-    """Write ``sample`` into an empty Odometry and return it."""
+def odometry_to_msg(msg: Any, sample: Odometry, frame: str = 'odom') -> Any:
+    """Write ``sample`` into an Odometry and return it."""
     set_header(msg, sample.stamp_ns, frame)
     msg.child_frame_id = 'base_link'
     _set_vector(msg.pose.pose.position, sample.position)
@@ -104,8 +106,8 @@ def fill_odometry(msg: Any, sample: Odometry, frame: str = 'odom') -> Any:
     return msg
 
 
-def fill_transform(msg: Any, sample: Odometry) -> Any:
-    """Write the pose of ``sample`` into an empty TransformStamped, for /tf, and return it."""
+def transform_to_msg(msg: Any, sample: Odometry) -> Any:
+    """Write the pose of ``sample`` into a TransformStamped, for /tf, and return it."""
     set_header(msg, sample.stamp_ns, 'odom')
     msg.child_frame_id = 'base_link'
     _set_vector(msg.transform.translation, sample.position)
@@ -113,44 +115,44 @@ def fill_transform(msg: Any, sample: Odometry) -> Any:
     return msg
 
 
-def decode_icr(msg: Any) -> Icr:
-    """Return the centre of rotation in a PointStamped."""
+def icr_from_msg(msg: Any) -> Icr:
+    """Return the instantaneous center of rotation in a PointStamped."""
     x, y, _ = _vector(msg.point, 'point', 'icr')
     return Icr(stamp_of(msg), x, y)
 
 
-def fill_icr(msg: Any, sample: Icr) -> Any:
-    """Write ``sample`` into an empty PointStamped and return it."""
+def icr_to_msg(msg: Any, sample: Icr) -> Any:
+    """Write ``sample`` into a PointStamped and return it."""
     set_header(msg, sample.stamp_ns, 'base_link')
     _set_vector(msg.point, (sample.x, sample.y, 0.0))
     return msg
 
 
-def decode_velocity(msg: Any) -> VelocityCommand:
-    """Return the command in a TwistStamped; a skid-steered body can follow no other axes."""
+def velocity_from_msg(msg: Any) -> VelocityCommand:
+    """Return the command in a TwistStamped; only ``linear.x`` and ``angular.z`` are used."""
     linear = _vector(msg.twist.linear, 'twist.linear', 'cmd_vel')
     angular = _vector(msg.twist.angular, 'twist.angular', 'cmd_vel')
-    check_size('cmd_vel', 'twist.linear', linear, MAX_SPEED, 'm/s')
-    check_size('cmd_vel', 'twist.angular', angular, MAX_ANGULAR_RATE, 'rad/s')
+    check_magnitude('cmd_vel', 'twist.linear', linear, MAX_SPEED, 'm/s')
+    check_magnitude('cmd_vel', 'twist.angular', angular, MAX_ANGULAR_RATE, 'rad/s')
     return VelocityCommand(stamp_of(msg), linear[0], angular[2])
 
 
-def fill_velocity(msg: Any, sample: VelocityCommand) -> Any:
-    """Write ``sample`` into an empty TwistStamped and return it."""
+def velocity_to_msg(msg: Any, sample: VelocityCommand) -> Any:
+    """Write ``sample`` into a TwistStamped and return it."""
     set_header(msg, sample.stamp_ns, 'base_link')
     msg.twist.linear.x, msg.twist.angular.z = sample.v_x, sample.yaw_rate
     return msg
 
 
-def decode_battery(msg: Any) -> BatterySample:
+def battery_from_msg(msg: Any) -> BatterySample:
     """Return the state in a BatteryState."""
     if not isfinite(msg.voltage):
-        raise refuse('tire_battery', 'voltage', (msg.voltage,))
+        raise not_finite_error('tire_battery', 'voltage', (msg.voltage,))
     return BatterySample(stamp_of(msg), wheel_of(msg, 'tire_battery'), msg.voltage)
 
 
-def fill_battery(msg: Any, sample: BatterySample) -> Any:
-    """Write ``sample`` into an empty BatteryState and return it; what is not measured is NaN."""
+def battery_to_msg(msg: Any, sample: BatterySample) -> Any:
+    """Write ``sample`` into a BatteryState and return it; values not measured are NaN."""
     set_header(msg, sample.stamp_ns, sample.wheel)
     msg.voltage = sample.volts
     msg.temperature = msg.current = msg.charge = msg.capacity = nan

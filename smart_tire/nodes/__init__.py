@@ -1,8 +1,8 @@
 """
-ROS 2 nodes: each wires links, codecs and estimators to topics and computes nothing itself.
+ROS 2 nodes: each connects drivers or estimators to topics and contains no algorithm.
 
-Where Python was started for a node, a signal ends it soon and cleanly until the node has set
-its own handlers: its imports take longer than the patience of some who start nodes.
+On import as the main program of a node, SIGINT and SIGTERM are set to end the process with
+status 0 until the node installs its own handlers, since importing takes a noticeable time.
 """
 
 import os
@@ -13,20 +13,20 @@ import time
 from typing import Any
 
 EXECUTABLES = {path.stem for path in Path(__file__).parent.glob('*.py')}
-EXIT_DELAY = 1.0  # s, for a launch on a busy machine
-_interrupted: list[int] = []
+EXIT_DELAY = 1.0  # s, longer than launch takes to send its second SIGINT on a busy machine
+_interrupts: list[int] = []
 
 
-def _leave(number: int, frame: Any) -> None:
-    # A launch without a terminal sends the SIGINT that its process group got once more. If this
-    # process ended before that, the sending would reap it, and launch report that it died.
-    if number == signal.SIGINT and not _interrupted:
-        _interrupted.append(number)
-        time.sleep(EXIT_DELAY)  # the second one ends it
-    os._exit(0)  # there is nothing to clean up yet
+def _exit(number: int, frame: Any) -> None:
+    # Launch without a terminal sends a second SIGINT after that of the process group. If this
+    # process had ended before, sending would reap it and launch would report that it died.
+    if number == signal.SIGINT and not _interrupts:
+        _interrupts.append(number)
+        time.sleep(EXIT_DELAY)  # ended by the second signal
+    os._exit(0)  # nothing to clean up yet
 
 
 if sys.argv[0] == '-m' or Path(sys.argv[0]).name in EXECUTABLES:  # ``python -m``, or a script
     for _number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(_number, _leave)
+        signal.signal(_number, _exit)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # see smart_tire.launching

@@ -1,4 +1,4 @@
-"""What all nodes share: parameters, topics, diagnostics, and a clean end."""
+"""Base class of all nodes: parameters, topics, diagnostics, start and shutdown."""
 
 from __future__ import annotations
 
@@ -24,16 +24,17 @@ from rclpy.timer import Timer
 from smart_tire.errors import ParameterError, SmartTireError
 from smart_tire.messages import TOPICS
 from smart_tire.nodes.compat import (
-    foreign_arguments, message_class, new_executor, plain, RCLError, with_info, wrong_type)
+    foreign_arguments, message_class, new_executor, plain_message, RCLError, with_info,
+    wrong_type_message)
 from smart_tire.nodes.diagnostics import diagnostic_array, InputCounter, Status
-from smart_tire.nodes.parameters import declare
+from smart_tire.nodes.parameters import declare, read
 from smart_tire.nodes.qos import publisher_qos, subscriber_qos
-from smart_tire.parameters import build, specs
+from smart_tire.parameters import build
 
 Params = TypeVar('Params')
-DIAGNOSTICS_PERIOD = 1.0  # s, INTERFACES
-SILENCE = 2.0             # s after which an input that should flow is worth a warning
-POLL = 0.1                # s, how long a signal may wait to be seen
+DIAGNOSTICS_PERIOD = 1.0  # s, docs/topics.md
+MAX_INPUT_AGE = 2.0       # s without a message on a required input before a warning
+SIGNAL_POLL_PERIOD = 0.1  # s, longest delay until a signal is handled
 EXIT_OK, EXIT_DEFECT, EXIT_REFUSED = 0, 1, 2
 
 
@@ -41,8 +42,10 @@ class SmartTireNode(Node, Generic[Params]):
     """
     A node with described parameters, counted inputs and diagnostics.
 
-    A subclass opens its ports and threads in ``start`` and ends them in ``stop``, says how it
-    is in ``fill_status``, and takes new values of live parameters in ``retune``.
+    A subclass opens its ports and threads in ``start`` and closes them in ``stop``, reports its
+    state in ``fill_status``, and applies changed parameters in ``on_parameters_changed``.
+
+    Publishes ``/diagnostics`` once a second. Parameters: the fields of ``params_class``.
     """
 
     hardware_id = ''
@@ -50,102 +53,107 @@ class SmartTireNode(Node, Generic[Params]):
     def __init__(self, name: str, params_class: type[Params]) -> None:
         try:
             super().__init__(name)
-        except InvalidParameterTypeException as error:  # use_sim_time, which every node has
-            raise ParameterError(wrong_type(error)) from error
+        except InvalidParameterTypeException as error:  # use_sim_time, declared by rclpy
+            raise ParameterError(wrong_type_message(error)) from error
         self.params: Params = declare(self, params_class)
         self.inputs: dict[str, InputCounter] = {}
         self.outputs: dict[str, InputCounter] = {}
         self._params_class = params_class
-        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._diagnostics = self.guarded_publisher(
+        self._steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
+        self._publish_diagnostics = self.make_guarded_publisher(
             DiagnosticArray, '/diagnostics', publisher_qos('/diagnostics'))
-        self.every(DIAGNOSTICS_PERIOD, self._report)
+        self.create_steady_timer(DIAGNOSTICS_PERIOD, self._on_diagnostics_timer)
         self.add_on_set_parameters_callback(self._on_set_parameters)
 
     def start(self) -> None:
-        """Begin work, when all is set up."""
+        """Open ports and start threads; called once after construction."""
 
     def stop(self) -> None:
-        """End what ``start`` began, before the node is destroyed."""
+        """Undo ``start``; called before the node is destroyed."""
 
     def fill_status(self, status: Status) -> None:
-        """Add this node's own counts and complaints."""
+        """Add the counts, warnings and errors of this node to ``status``."""
 
-    def retune(self) -> None:
-        """Use ``self.params``, of which live ones have changed."""
+    def on_parameters_changed(self) -> None:
+        """Apply ``self.params`` after a parameter was changed at run time."""
 
-    def every(self, period: float, callback: Callable[[], None]) -> Timer:
-        """Call back each ``period`` [s] of the steady clock, which no /clock or NTP can move."""
-        return self.create_timer(period, callback, clock=self._steady)
+    def create_steady_timer(self, period: float, callback: Callable[[], None]) -> Timer:
+        """Return a timer of ``period`` [s] on the steady clock, independent of /clock and NTP."""
+        return self.create_timer(period, callback, clock=self._steady_clock)
 
     def now_ns(self) -> int:
-        """Return the time for stamps [ns]; simulated time where ``use_sim_time`` says so."""
+        """Return the time for message stamps [ns]: ROS time, simulated with ``use_sim_time``."""
         return int(self.get_clock().now().nanoseconds)
 
     def steady_ns(self) -> int:
-        """Return the time for time-outs and ages [ns]."""
-        return int(self._steady.now().nanoseconds)
+        """Return the steady time [ns], for time-outs and ages."""
+        return int(self._steady_clock.now().nanoseconds)
 
-    def subscribe(self, topic_name: str, handle: Callable[..., None], *, name: str | None = None,
-                  wheels: int = 1, reliability: str = 'reliable', required: bool = False,
-                  info: bool = False) -> None:
+    def subscribe(self, topic_name: str, on_sample: Callable[..., None], *,
+                  name: str | None = None, wheels: int = 1, reliability: str = 'reliable',
+                  required: bool = False, info: bool = False) -> None:
         """
-        Give each sample of a topic of the contract to ``handle``; count and survive bad ones.
+        Subscribe to a topic of ``TOPICS``; call ``on_sample`` with each valid sample.
 
-        ``name`` is where it is published, if elsewhere. ``info`` adds rclpy's message info to the
-        arguments. The silence of a ``required`` topic is worth a warning.
+        Invalid messages are counted and logged. ``name`` replaces the topic's name. With ``info``,
+        ``on_sample`` also gets rclpy's message info. No message for ``MAX_INPUT_AGE`` on a
+        ``required`` topic is a warning.
         """
         topic, name = TOPICS[topic_name], name or topic_name
-        tally = InputCounter(required=required)
-        self.inputs[name] = tally
+        counter = InputCounter(required=required)
+        self.inputs[name] = counter
 
-        def take(msg: Any, *info: Any) -> None:
+        def handle(msg: Any, *info: Any) -> None:
             try:
-                handle(topic.decode(msg), *info)
+                on_sample(topic.from_msg(msg), *info)
             except SmartTireError as error:
-                self.reject(tally, error)
+                self._reject_input(name, counter, error)
             else:
-                tally.good(self.steady_ns())
+                counter.accept(self.steady_ns())
 
         def on_message(msg: Any) -> None:
-            take(msg)
+            handle(msg)
 
-        def take_with_info(msg: Any, message_info: Any) -> None:  # rclpy counts the arguments
-            take(msg, message_info)
+        def on_message_with_info(msg: Any, message_info: Any) -> None:  # rclpy counts arguments
+            handle(msg, message_info)
 
-        callback = with_info(take_with_info) if info else self.intake(name, on_message)
+        callback = (with_info(on_message_with_info) if info
+                    else self.wrap_callback(name, on_message))
         self.create_subscription(
             message_class(topic.type), name, callback,
             subscriber_qos(topic_name, wheels=wheels, reliability=reliability))
 
-    def intake(self, name: str, handle: Callable[[Any], None]) -> Callable[[Any], None]:
-        """Return what the subscription to ``name`` calls; it may call ``handle`` later."""
-        return handle
+    def wrap_callback(self, name: str,
+                      on_message: Callable[[Any], None]) -> Callable[[Any], None]:
+        """Return the callback of the subscription to ``name``; a subclass may defer it."""
+        return on_message
 
-    def reject(self, tally: InputCounter, error: Exception) -> None:
-        """Count a bad input and log the 1st, 2nd, 4th, 8th ... of its stream."""
-        if tally.fail(str(error)):
-            self.get_logger().warning(f'{tally.bad} rejected, latest: {error}')
+    def _reject_input(self, name: str, counter: InputCounter, error: Exception) -> None:
+        if counter.reject(str(error)):
+            reason = counter.latest.removeprefix(f'{name}: ')
+            self.get_logger().warning(f'{name}: {counter.bad} messages rejected, latest: {reason}')
 
-    def advertise(self, name: str, *, rate: float = 0.0,
-                  wheels: int = 1) -> Callable[[Any], None]:
+    def make_publisher(self, name: str, *, rate: float = 0.0,
+                       wheels: int = 1) -> Callable[[Any], None]:
         """
-        Return a function that publishes a sample on the topic ``name``.
+        Return a function that publishes a sample on the topic ``name`` of ``TOPICS``.
 
-        It uses one message over and over, so call it from one thread only.
+        The function reuses one message, so call it from one thread only. ``rate`` [Hz] and
+        ``wheels`` set the depth of the queue, see ``publisher_qos``.
         """
         topic = TOPICS[name]
         cls = message_class(topic.type)
-        send = self.guarded_publisher(cls, name, publisher_qos(name, rate=rate, wheels=wheels))
-        msg, fill = cls(), topic.fill
-        return lambda sample: send(fill(msg, sample))
+        publish = self.make_guarded_publisher(
+            cls, name, publisher_qos(name, rate=rate, wheels=wheels))
+        msg, to_msg = cls(), topic.to_msg
+        return lambda sample: publish(to_msg(msg, sample))
 
-    def guarded_publisher(self, cls: type[Any], name: str,
-                          profile: QoSProfile) -> Callable[[Any], None]:
+    def make_guarded_publisher(self, cls: type[Any], name: str,
+                               profile: QoSProfile) -> Callable[[Any], None]:
         """
         Return a function that publishes a message on the topic ``name``.
 
-        A message that ROS refuses to publish is counted and reported; the caller goes on.
+        A message that ROS fails to publish is counted and logged; the caller continues.
         """
         publisher = self.create_publisher(cls, name, profile)
         self.outputs[name] = InputCounter()
@@ -154,93 +162,94 @@ class SmartTireNode(Node, Generic[Params]):
             try:
                 publisher.publish(msg)
             except RCLError as error:
-                self._not_published(name, error)
+                self._on_publish_error(name, error)
 
         return publish
 
-    def _not_published(self, name: str, error: RuntimeError) -> None:
-        tally = self.outputs[name]
-        if tally.fail():
-            self.get_logger().error(
-                f'{tally.bad} messages on {name} not published, latest: {plain(error)}')
+    def _on_publish_error(self, name: str, error: RuntimeError) -> None:
+        counter = self.outputs[name]
+        if counter.reject():
+            self.get_logger().error(f'{counter.bad} messages on {name} not published, latest: '
+                                    f'{plain_message(error)}')
 
     def status(self) -> Status:
-        """Return how the node is: its inputs' counts and ages, then what it adds itself."""
-        status, now_ns = Status(), self.steady_ns()
-        status.values['frames_ok'] = sum(tally.ok for tally in self.inputs.values())
-        status.values['frames_bad'] = sum(tally.bad for tally in self.inputs.values())
-        ages = {name: tally.age(now_ns) for name, tally in self.inputs.items()}
-        if ages:
-            status.values['last_message_age'] = min(ages.values())
-        for name, tally in self.inputs.items():
-            status.values[f'{name}.last_message_age'] = ages[name]
-            if new := tally.newly_bad():
-                status.warn(f'{new} bad on {name}, latest: {tally.latest}')
-            if tally.required and ages[name] > SILENCE:
-                status.warn(f'no {name}')
-        status.values['publish_errors'] = sum(tally.bad for tally in self.outputs.values())
-        for name, tally in self.outputs.items():
-            if new := tally.newly_bad():
+        """Return the diagnostic status: counts and ages of inputs, then those of the subclass."""
+        status = Status()
+        self._fill_inputs(status)
+        status.values['publish_errors'] = sum(counter.bad for counter in self.outputs.values())
+        for name, counter in self.outputs.items():
+            if new := counter.newly_bad():
                 status.error(f'{new} messages on {name} not published')
         self.fill_status(status)
         return status
 
-    def _report(self) -> None:
-        name = self.get_fully_qualified_name().lstrip('/')  # two robots need two names
-        message = self.status().message(name, self.hardware_id)
-        self._diagnostics(diagnostic_array(self.get_clock().now().to_msg(), message))
+    def _fill_inputs(self, status: Status) -> None:
+        now_ns = self.steady_ns()
+        status.values['frames_ok'] = sum(counter.ok for counter in self.inputs.values())
+        status.values['frames_bad'] = sum(counter.bad for counter in self.inputs.values())
+        ages = {name: counter.age(now_ns) for name, counter in self.inputs.items()}
+        if ages:
+            status.values['last_message_age'] = min(ages.values())
+        for name, counter in self.inputs.items():
+            status.values[f'{name}.last_message_age'] = ages[name]
+            if new := counter.newly_bad():
+                status.warn(f'{new} messages on {name} rejected, latest: {counter.latest}')
+            if counter.required and ages[name] > MAX_INPUT_AGE:
+                status.warn(f'no {name}')
+
+    def _on_diagnostics_timer(self) -> None:
+        name = self.get_fully_qualified_name().lstrip('/')  # distinguishes robots in namespaces
+        status = self.status().message(name, self.hardware_id)
+        self._publish_diagnostics(diagnostic_array(self.get_clock().now().to_msg(), status))
 
     def _on_set_parameters(self, changes: list[Parameter[Any]]) -> SetParametersResult:
-        described = specs(self._params_class)
-        values = {name: self.get_parameter(name).value for name in described}
-        values.update((change.name, change.value) for change in changes
-                      if change.name in described)
         try:
-            self.params = build(self._params_class, values)
+            self.params = build(self._params_class, read(self, self._params_class, changes))
         except ParameterError as error:
             return SetParametersResult(successful=False, reason=str(error))
-        self.retune()
+        self.on_parameters_changed()
         return SetParametersResult(successful=True)
 
 
 def run(node_class: Callable[[], SmartTireNode[Any]], *, own_arguments: bool = False) -> int:
     """
-    Run a node until SIGINT or SIGTERM and return the exit status for ``sys.exit``.
+    Spin a node until SIGINT or SIGTERM; return the exit status for ``sys.exit``.
 
-    The handlers only raise a flag, so that neither a callback nor the clean-up is ever cut in
-    two, however often the signal comes. A thread that dies of a defect takes the node with it.
-    Arguments that are none of ROS are refused, unless the caller has ``own_arguments``.
+    Signal handlers only set a flag, so neither callbacks nor clean-up are interrupted, even by
+    repeated signals. An uncaught exception in any thread ends the node with EXIT_DEFECT.
+    Arguments other than ROS arguments are refused unless ``own_arguments`` is true.
     """
-    stopped: list[int] = []  # exit statuses, the first one counts
+    exit_statuses: list[int] = []  # the first one is returned
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stopped.append(EXIT_OK))
+        signal.signal(number, lambda *_: exit_statuses.append(EXIT_OK))
     if not own_arguments and (words := foreign_arguments(sys.argv)):
         get_logger('smart_tire').fatal(
             f'unknown arguments: {" ".join(words)} (ROS arguments come after --ros-args)')
         return EXIT_REFUSED
     try:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    except RuntimeError as error:  # rcl: arguments or a parameter file that it can not parse
-        get_logger('smart_tire').fatal(f'ROS arguments: {plain(error)}')
+    except RuntimeError as error:  # rcl cannot parse the arguments or a parameter file
+        get_logger('smart_tire').fatal(f'ROS arguments: {plain_message(error)}')
         return EXIT_REFUSED
-    threading.excepthook = _ending(threading.excepthook, stopped)
+    threading.excepthook = _stopping_hook(threading.excepthook, exit_statuses)
     try:
-        return _spin(node_class, stopped)
+        return _spin(node_class, exit_statuses)
     finally:
         rclpy.try_shutdown()
         for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, signal.SIG_IGN)  # the interpreter's own end is not the place
+            signal.signal(number, signal.SIG_IGN)  # no traceback while the interpreter exits
 
 
-def _ending(hook: Callable[[Any], Any], stopped: list[int]) -> Callable[[Any], None]:
-    def report(arguments: Any) -> None:
+def _stopping_hook(hook: Callable[[Any], Any],
+                   exit_statuses: list[int]) -> Callable[[Any], None]:
+    def excepthook(arguments: Any) -> None:
         hook(arguments)
-        stopped.append(EXIT_DEFECT)
+        exit_statuses.append(EXIT_DEFECT)
 
-    return report
+    return excepthook
 
 
-def _spin(node_class: Callable[[], SmartTireNode[Any]], stopped: list[int]) -> int:
+def _spin(node_class: Callable[[], SmartTireNode[Any]], exit_statuses: list[int]) -> int:
     try:
         node = node_class()
     except ParameterError as error:
@@ -250,11 +259,11 @@ def _spin(node_class: Callable[[], SmartTireNode[Any]], stopped: list[int]) -> i
     executor.add_node(node)
     try:
         node.start()
-        while not stopped:
-            executor.spin_once(timeout_sec=POLL)
+        while not exit_statuses:
+            executor.spin_once(timeout_sec=SIGNAL_POLL_PERIOD)
     finally:
         node.stop()
         executor.remove_node(node)
         executor.shutdown()
         node.destroy_node()
-    return stopped[0]
+    return exit_statuses[0]

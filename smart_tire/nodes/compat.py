@@ -1,4 +1,4 @@
-"""What differs between ROS distributions, or reaches below the public API of rclpy."""
+"""Differences between ROS distributions, and access to what rclpy does not export."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from rclpy.node import Node
 
 from smart_tire.parameters.files import from_arguments
 
-RCLError: type[RuntimeError] = rclpy_implementation.RCLError  # ``publish`` raises it; not exported
+RCLError: type[RuntimeError] = rclpy_implementation.RCLError  # of ``publish``; not exported
 ROS_ARGS, END_OF_ROS_ARGS = '--ros-args', '--'  # on a command line
 
 
 def new_executor() -> Any:
     """
-    Return an executor for one thread.
+    Return a single-threaded executor.
 
-    Where it exists (Kilted and later), the one that reacts to events instead of building a wait
-    set for each: a message costs a third of the time. Its ``spin`` waits in C++ and never sees a
-    signal, so call ``spin_once`` with a time-out.
+    This is rclpy's EventsExecutor where it exists (Kilted and later): it needs a third of the
+    time per message, since it builds no wait sets. Its ``spin`` waits in C++ and does not notice
+    signals, so call ``spin_once`` with a time-out.
     """
     try:
         experimental = import_module('rclpy.experimental')
@@ -40,25 +40,25 @@ def message_class(type_name: str) -> type[Any]:
     return cast('type[Any]', getattr(import_module(f'{package}.{kind}'), name))
 
 
-def with_info(handle: Callable[[Any, Mapping[str, Any]], None]) -> Callable[..., None]:
+def with_info(callback: Callable[[Any, Mapping[str, Any]], None]) -> Callable[..., None]:
     """
-    Return the callback of a subscription that gives ``handle`` the message and its DDS info.
+    Return a subscription callback that calls ``callback`` with the message and its DDS info.
 
-    The events executor passes both as one tuple, the others as two arguments. rclpy decides by the
-    signature whether a callback wants both.
+    The events executor passes both as one tuple, other executors as two arguments. rclpy decides
+    by the signature whether a callback takes both.
     """
-    def callback(*given: Any) -> None:
-        handle(*(given if len(given) == 2 else given[0]))
+    def adapter(*given: Any) -> None:
+        callback(*(given if len(given) == 2 else given[0]))
 
-    callback.__signature__ = inspect.signature(handle)  # type: ignore[attr-defined]
-    return callback
+    adapter.__signature__ = inspect.signature(callback)  # type: ignore[attr-defined]
+    return adapter
 
 
 def has_matched(node: Node, topic: str) -> bool:
     """
     Return whether the subscription of ``node`` to ``topic`` has matched all publishers.
 
-    As the subscriber sees it, where rclpy can say it (Kilted and later), else in the graph.
+    Uses the matched count of the subscription (Kilted and later), otherwise the ROS graph.
     """
     publishers = node.count_publishers(topic)
     counts = [subscription.get_publisher_count() for subscription in node.subscriptions
@@ -66,8 +66,8 @@ def has_matched(node: Node, topic: str) -> bool:
     return publishers > 0 and all(count >= publishers for count in counts)
 
 
-def transforms() -> type[Any] | None:
-    """Return the class of the messages on /tf; None where tf2_msgs is not installed."""
+def transform_class() -> type[Any] | None:
+    """Return the message class of /tf; None if tf2_msgs is not installed."""
     try:
         return message_class('tf2_msgs/msg/TFMessage')
     except ModuleNotFoundError:
@@ -76,28 +76,32 @@ def transforms() -> type[Any] | None:
 
 def given_parameters(node: Node) -> dict[str, Any]:
     """
-    Return what the command line and parameter files say for ``node``, declared or not.
+    Return the parameters set for ``node`` by arguments and files, whether declared or not.
 
-    The public way, declaring them all automatically, fails on an empty list without naming it.
+    The only access to a private attribute of rclpy. It is needed to refuse unknown names: rclpy
+    ignores parameters that a node does not declare, and its public alternative,
+    ``automatically_declare_parameters_from_overrides``, fails on an empty list without naming it.
+    Values on the command line are read again, because rcl does not let later ones win
+    (``from_arguments``); those of other sources, such as ``rclpy.init(args=...)``, remain.
     """
-    given = {name: given.value for name, given in node._parameter_overrides.items()}
+    given = {name: item.value for name, item in node._parameter_overrides.items()}
     return given | from_arguments(sys.argv, node.get_fully_qualified_name())
 
 
-def endpoint_names(node: Node, topic: str) -> dict[bytes, str]:
-    """Return the identifier and the node's name of each endpoint that publishes ``topic``."""
+def publisher_names(node: Node, topic: str) -> dict[bytes, str]:
+    """Return endpoint identifier -> fully qualified node name of the publishers of ``topic``."""
     return {bytes(info.endpoint_gid): f'{info.node_namespace.rstrip("/")}/{info.node_name}'
             for info in node.get_publishers_info_by_topic(topic)}
 
 
-def plain(error: Exception) -> str:
-    """Return what rcl says of a failure, without the places in its own sources."""
+def plain_message(error: Exception) -> str:
+    """Return the message of an rcl error without locations in the sources of rcl."""
     text = re.sub(r', at [^ ,]+:\d+', '', str(error)).removeprefix('failed to initialize rcl: ')
-    return re.sub(r'^\[(.*)\]$', r'unknown \1', text)  # it lists the ones that it does not know
+    return re.sub(r'^\[(.*)\]$', r'unknown \1', text)  # rcl lists arguments that it cannot parse
 
 
-def wrong_type(error: Exception) -> str:
-    """Return what rclpy says of a parameter of its own as this package says it of others."""
+def wrong_type_message(error: Exception) -> str:
+    """Return the message of rclpy for a wrong parameter type in the style of this package."""
     text = str(error)
     found = re.search(r"parameter '(.+?)' to '(.*)' of type .+, expecting type '(\w+)'", text)
     if found is None:
@@ -107,11 +111,11 @@ def wrong_type(error: Exception) -> str:
 
 
 def foreign_arguments(words: Sequence[str]) -> list[str]:
-    """Return the arguments of a command line that are none of ROS; rclpy ignores most of them."""
-    inside, foreign = False, []
+    """Return the arguments of a command line that are not ROS arguments; rclpy ignores most."""
+    in_ros_args, foreign = False, []
     for word in words[1:]:
         if word in (ROS_ARGS, END_OF_ROS_ARGS):
-            inside = word == ROS_ARGS
-        elif not inside:
-            foreign.append(word)  # also ``from:=to``, which rcl takes for an old remapping
+            in_ros_args = word == ROS_ARGS
+        elif not in_ros_args:
+            foreign.append(word)  # also ``from:=to``, which rcl takes for a deprecated remapping
     return foreign

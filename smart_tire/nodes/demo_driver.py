@@ -1,4 +1,4 @@
-"""A node that drives by wheel speeds and keeps the newest of what the robot reports."""
+"""A node that drives the robot by wheel speeds and keeps its latest estimates."""
 
 from __future__ import annotations
 
@@ -14,42 +14,49 @@ from smart_tire.nodes.base import SmartTireNode
 from smart_tire.nodes.compat import new_executor
 from smart_tire.nodes.qos import subscriber_qos
 from smart_tire.parameters import WheelControllerParams
-from smart_tire.samples import Friction, Odometry, VelocityCommand, WheelSample, WheelSlip
+from smart_tire.samples import Friction, Odometry, VelocityCommand, WHEELS, WheelSample, WheelSlip
 
-COMMAND_PERIOD = 0.1  # s
+COMMAND_PERIOD = 0.1   # s
+MAX_SPIN_TIME = 0.1    # s, of one call of the executor
 
 
 class DemoDriver(SmartTireNode[WheelControllerParams]):
-    """Publishes ``cmd_vel`` until told otherwise; what it hears is there to be read."""
+    """
+    Publishes ``cmd_vel`` at 10 Hz; attributes hold the latest samples received.
+
+    Publishes ``cmd_vel`` and ``/diagnostics``; subscribes to ``odom``, ``wheel_states``,
+    ``wheel_slip``, ``tire_friction`` and ``/diagnostics``. Parameters: those of
+    ``wheel_controller``.
+    """
 
     def __init__(self) -> None:
-        super().__init__('pilot', WheelControllerParams)
+        super().__init__('demo_driver', WheelControllerParams)
         self.odometry: Odometry | None = None
         self.wheels: WheelSample | None = None
         self.slip: WheelSlip | None = None
-        self.friction: dict[str, Friction] = {}
-        self.crossings: dict[str, int] = {}
+        self.friction: dict[str, Friction] = {}      # wheel -> latest estimate
+        self.crossings: dict[str, int] = {}           # wheel -> number of patch crossings
         self.health: dict[str, dict[str, str]] = {}  # node -> its diagnostics
         self._command = (0.0, 0.0)
-        self._publish = self.advertise('cmd_vel')
+        self._publish = self.make_publisher('cmd_vel')
         for name, field in (('odom', 'odometry'), ('wheel_states', 'wheels'),
                             ('wheel_slip', 'slip')):
-            self.subscribe(name, self._keeper(field))
-        self.subscribe('tire_friction', self._on_friction, wheels=4)
+            self.subscribe(name, self._store_in(field))
+        self.subscribe('tire_friction', self._on_friction, wheels=len(WHEELS))
         self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics,
                                  subscriber_qos('/diagnostics'))
-        self.every(COMMAND_PERIOD, self._send)
+        self.create_steady_timer(COMMAND_PERIOD, self._on_timer)
 
     def drive(self, left_rpm: float, right_rpm: float) -> None:
-        """Ask for wheel speeds [rev/min] of the sides, by way of ``cmd_vel``."""
+        """Set the ``cmd_vel`` that yields these wheel speeds [rev/min] of the two sides."""
         left, right = (rpm * 2.0 * math.pi / 60.0 * self.params.robot.wheel_radius
                        for rpm in (left_rpm, right_rpm))
         self._command = 0.5 * (left + right), (right - left) / self.params.effective_track
 
-    def _send(self) -> None:
+    def _on_timer(self) -> None:
         self._publish(VelocityCommand(self.now_ns(), *self._command))
 
-    def _keeper(self, field: str) -> Callable[[Any], None]:
+    def _store_in(self, field: str) -> Callable[[Any], None]:
         return lambda sample: setattr(self, field, sample)
 
     def _on_friction(self, friction: Friction) -> None:
@@ -63,25 +70,25 @@ class DemoDriver(SmartTireNode[WheelControllerParams]):
 
 
 class NodeRunner:
-    """A pilot with its executor, to be turned by the owner's own loop; a context."""
+    """Context manager around a DemoDriver and its executor; the caller spins it."""
 
     def __init__(self, arguments: list[str]) -> None:
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
-        self.pilot = DemoDriver()
+        self.node = DemoDriver()
         self._executor = new_executor()
-        self._executor.add_node(self.pilot)
+        self._executor.add_node(self.node)
 
     def __enter__(self) -> NodeRunner:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._executor.remove_node(self.pilot)
+        self._executor.remove_node(self.node)
         self._executor.shutdown()
-        self.pilot.destroy_node()
+        self.node.destroy_node()
         rclpy.try_shutdown()
 
-    def turn(self, seconds: float) -> None:
-        """Handle what comes within ``seconds``."""
-        end = self.pilot.steady_ns() + round(seconds * 1e9)
-        while (left := end - self.pilot.steady_ns()) > 0:
-            self._executor.spin_once(timeout_sec=min(0.1, left * 1e-9))
+    def spin(self, seconds: float) -> None:
+        """Handle callbacks for ``seconds``."""
+        end_ns = self.node.steady_ns() + round(seconds * 1e9)
+        while (left_ns := end_ns - self.node.steady_ns()) > 0:
+            self._executor.spin_once(timeout_sec=min(MAX_SPIN_TIME, left_ns * 1e-9))

@@ -1,4 +1,4 @@
-"""Health of a node as REP-107 wants it: one status, a level, a sentence, and exact counts."""
+"""Node diagnostics as specified in REP-107: one status with level, message and exact counts."""
 
 from __future__ import annotations
 
@@ -13,65 +13,65 @@ from smart_tire.samples import NS_PER_S
 
 @dataclass
 class InputCounter:
-    """What became of the messages, frames or replies of one stream."""
+    """Counts accepted and rejected messages, frames or replies of one stream."""
 
-    required: bool = False      # whether its silence is a fault
-    ok: int = 0
-    bad: int = 0
-    last_ns: int | None = None  # steady clock, when the last good one came
-    latest: str = ''            # what was wrong with the latest bad one
+    required: bool = False      # whether silence of the stream is a fault
+    ok: int = 0                 # accepted
+    bad: int = 0                # rejected
+    last_ns: int | None = None  # steady clock, arrival of the latest accepted one
+    latest: str = ''            # reason of the latest rejection
     reported: int = 0           # ``bad`` at the last report
 
-    def good(self, now_ns: int, count: int = 1) -> None:
-        """Count good ones that came at ``now_ns``."""
+    def accept(self, now_ns: int, count: int = 1) -> None:
+        """Count ``count`` accepted inputs that arrived at ``now_ns``."""
         self.ok += count
         self.last_ns = now_ns
 
-    def fail(self, reason: str = '') -> bool:
-        """Count a bad one; return whether it is the 1st, 2nd, 4th, 8th ... and worth a line."""
+    def reject(self, reason: str = '') -> bool:
+        """Count a rejected input; return whether to log it: the 1st, 2nd, 4th, 8th ... time."""
         self.bad += 1
         self.latest = reason
         return self.bad.bit_count() == 1
 
     def age(self, now_ns: int) -> float:
-        """Return the seconds since the last good one, infinite if there was none."""
+        """Return the time since the latest accepted input [s], infinite if there was none."""
         return math.inf if self.last_ns is None else (now_ns - self.last_ns) / NS_PER_S
 
     def newly_bad(self) -> int:
-        """Return how many were bad since this was last asked."""
+        """Return the number of rejections since the previous call."""
         new, self.reported = self.bad - self.reported, self.bad
         return new
 
 
 @dataclass
 class Status:
-    """What a node says of itself; the worst of its complaints gives the level."""
+    """Diagnostic status of a node; errors take precedence over warnings in the level."""
 
-    complaints: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
     errors: list[str] = field(default_factory=list)
     values: dict[str, Any] = field(default_factory=dict)
 
     def warn(self, text: str) -> None:
-        """Add something that is wrong while the node still does its work."""
-        self.complaints.append(text)
+        """Add a problem with which the node still does its work."""
+        self.warnings.append(text)
 
     def error(self, text: str) -> None:
-        """Add something that keeps the node from its work."""
+        """Add a problem that prevents the node from doing its work."""
         self.errors.append(text)
 
     def message(self, name: str, hardware: str = '') -> DiagnosticStatus:
-        """Return the message for the component ``name``."""
+        """Return the DiagnosticStatus of the component ``name``."""
         level = DiagnosticStatus.OK
-        if self.complaints or self.errors:
+        if self.warnings or self.errors:
             level = DiagnosticStatus.ERROR if self.errors else DiagnosticStatus.WARN
         return DiagnosticStatus(
             level=level, name=name, hardware_id=hardware,
-            message='; '.join(self.errors + self.complaints) or 'ok',
+            message='; '.join(self.errors + self.warnings) or 'ok',
             values=[KeyValue(key=key, value=_text(value)) for key, value in self.values.items()])
 
 
 def diagnostic_array(stamp: Any, status: DiagnosticStatus) -> DiagnosticArray:
-    """Return the array that carries ``status``."""
+    """Return a DiagnosticArray that contains ``status`` only."""
     array = DiagnosticArray(status=[status])
     array.header.stamp = stamp
     return array

@@ -1,4 +1,4 @@
-"""What the estimator nodes share: every input sample through the core, every result out."""
+"""Base class of the estimator nodes: samples to the estimator, its estimates to topics."""
 
 from __future__ import annotations
 
@@ -14,34 +14,34 @@ from smart_tire.samples import Sample
 Params = TypeVar('Params')
 
 
-class Core(Protocol):
-    """An estimator that knows nothing of ROS."""
+class Estimator(Protocol):
+    """An estimator, independent of ROS."""
 
     def update(self, sample: Any) -> list[Any]:
-        """Take a sample; return the estimates that are complete with it."""
+        """Process a sample; return the estimates that it completes."""
 
     @property
     def late(self) -> Mapping[str, int]:
-        """Return topic -> samples that came too late and were dropped."""
+        """Return topic -> number of samples dropped because they were late."""
 
     def status(self) -> Mapping[str, str | int | float]:
-        """Return what diagnostics should tell."""
+        """Return values for the diagnostics."""
 
 
 class EstimatorNode(SmartTireNode[Params]):
     """
-    A node around an estimator; it has no clock of its own, only the stamps of its inputs.
+    Node around an estimator; message timestamps are its only time.
 
-    During a replay it takes them in the order in which they were recorded.
+    During a replay it processes its inputs in recorded order (``smart_tire.nodes.lockstep``).
     """
 
-    feedback: tuple[str, ...] = ()  # inputs that rest on this node's own outputs
+    feedback: tuple[str, ...] = ()  # inputs that depend on this node's own outputs
 
-    def __init__(self, name: str, params_class: type[Params], core: Callable[[Params], Core],
-                 outputs: tuple[str, ...]) -> None:
+    def __init__(self, name: str, params_class: type[Params],
+                 new_estimator: Callable[[Params], Estimator], outputs: tuple[str, ...]) -> None:
         super().__init__(name, params_class)
-        self._new_core = core
-        self._publish = {output: self.advertise(output) for output in outputs}
+        self._new_estimator = new_estimator
+        self._publish = {output: self.make_publisher(output) for output in outputs}
         self._topics = {output: self.resolve_topic_name(output) for output in outputs}
         self._follower = Follower(self, self.restart)
         for topic in self._topics.values():
@@ -50,43 +50,45 @@ class EstimatorNode(SmartTireNode[Params]):
         self.restart()
 
     def restart(self) -> None:
-        """Begin with a new estimator, to which nothing has happened."""
-        self.core = self._new_core(self.params)
+        """Replace the estimator by a new one in its initial state."""
+        self.estimator = self._new_estimator(self.params)
         self._late_reported = 0
 
-    def intake(self, name: str, handle: Callable[[Any], None]) -> Callable[[Any], None]:
-        """Return what the subscription to ``name`` calls: during a replay, it waits its turn."""
+    def wrap_callback(self, name: str,
+                      on_message: Callable[[Any], None]) -> Callable[[Any], None]:
+        """Return a callback that defers messages to their recorded order during a replay."""
         return self._follower.add_input(
-            self.resolve_topic_name(name), handle, feedback=name in self.feedback)
+            self.resolve_topic_name(name), on_message, feedback=name in self.feedback)
 
-    def feed(self, sample: Sample) -> None:
-        """Take a sample of any input and publish what it completes."""
-        for estimate in self.core.update(sample):
-            self.put_out(estimate)
+    def on_sample(self, sample: Sample) -> None:
+        """Process a sample of any input and publish the estimates that it completes."""
+        for estimate in self.estimator.update(sample):
+            self.publish_estimate(estimate)
 
-    def put_out(self, estimate: Sample) -> None:
+    def publish_estimate(self, estimate: Sample) -> None:
         """Publish one estimate."""
         name = topic_of(estimate)
         self._publish[name](estimate)
         self._follower.published(self._topics[name], estimate.stamp_ns)
 
     def fill_status(self, status: Status) -> None:
-        """Add what came too late, and the estimator's own state."""
-        late = self.core.late
+        """Add late messages, and the state of the estimator and of a replay."""
+        late = self.estimator.late
         status.values['late_messages'] = total = sum(late.values())
         status.values.update({f'{name}.late_messages': count for name, count in late.items()})
-        status.values.update(self.core.status())
+        status.values.update(self.estimator.status())
         if total > self._late_reported:
-            status.warn(f'{total - self._late_reported} messages came too late')
+            status.warn(f'{total - self._late_reported} messages dropped: older than '
+                        'reorder_window')
         self._late_reported = total
-        self._check_replay(status)
+        self._fill_replay(status)
 
-    def _check_replay(self, status: Status) -> None:
-        if gone := self._follower.abandon():
-            self.get_logger().warning(f'{gone} has vanished during a replay: inputs are taken '
-                                      'as they come again')
+    def _fill_replay(self, status: Status) -> None:
+        if lost := self._follower.leave_lost_leader():
+            self.get_logger().warning(f'{lost} ended during a replay: inputs are processed as '
+                                      'they arrive')
         if self._follower.leader:
             status.values['replay'] = self._follower.leader
         if new := self._follower.foreign - self._foreign_reported:
-            status.warn(f'{new} messages came during a replay that are not of it')
+            status.warn(f'{new} messages received during a replay that are not part of it')
         self._foreign_reported = self._follower.foreign

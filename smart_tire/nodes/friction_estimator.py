@@ -1,4 +1,4 @@
-"""Estimate the friction under each instrumented wheel from ``tire_samples``."""
+"""Node ``friction_estimator``: friction under each instrumented wheel from ``tire_samples``."""
 
 from __future__ import annotations
 
@@ -13,14 +13,22 @@ from smart_tire.samples import TireSample
 
 
 class FrictionEstimatorNode(EstimatorNode[FrictionEstimatorParams]):
-    """The friction estimator with its topics."""
+    """
+    Estimates the friction coefficient of each patch crossing.
+
+    Subscribes to ``tire_samples``, ``wheel_states``, ``wheel_slip`` and ``odom``; publishes
+    ``tire_friction`` and ``/diagnostics``.
+
+    Parameters: ``reorder_window``, ``method``, ``map``, ``load_sigma``, ``reliability``, and those
+    of the robot.
+    """
 
     def __init__(self) -> None:
         super().__init__('friction_estimator', FrictionEstimatorParams, FrictionEstimator,
                          tuple(FRICTION.outputs.values()))
         wheels = len(self.params.robot.film.wheels)
         for kind, name in FRICTION.inputs.items():
-            self.subscribe(name, self.feed, wheels=wheels if kind is TireSample else 1,
+            self.subscribe(name, self.on_sample, wheels=wheels if kind is TireSample else 1,
                            required=True, reliability=self.params.reliability)
 
 

@@ -1,4 +1,4 @@
-"""Read the inertial unit and publish ``imu/data``."""
+"""Node ``imu_driver``: reads an IMU and publishes ``imu/data``."""
 
 from __future__ import annotations
 
@@ -15,15 +15,20 @@ from smart_tire.parameters import ImuDriverParams
 
 
 class ImuDriver(DriverNode[ImuDriverParams]):
-    """Frames in, samples in REP-103 axes out, stamped by the unit's clock if it tells one."""
+    """
+    Publishes IMU samples in REP-103 axes, stamped by the device clock if frames contain it.
+
+    Publishes ``imu/data`` and ``/diagnostics``. Parameters: ``port``, ``baud_rate``,
+    ``protocol``, ``latency``, and those of the robot.
+    """
 
     def __init__(self) -> None:
         super().__init__('imu_driver', ImuDriverParams)
         self._stream = ImuStream(self.params.protocol, nanoseconds(self.params.latency))
-        self._publish = self.advertise('imu/data')
-        self.connect(self._stream, self._work)
+        self._publish = self.make_publisher('imu/data')
+        self.connect(self._stream, self._read_port)
 
-    def _work(self, port: Any, stopping: threading.Event) -> None:
+    def _read_port(self, port: Any, stopping: threading.Event) -> None:
         self._stream.reset_clocks()
         read_loop(port, stopping, self._on_bytes)
 
@@ -32,7 +37,7 @@ class ImuDriver(DriverNode[ImuDriverParams]):
             self._publish(sample)
 
     def fill_status(self, status: Status) -> None:
-        """Add where axes and stamps come from."""
+        """Add protocol, axes and the source of timestamps."""
         super().fill_status(status)
         status.values.update(
             protocol=self.params.protocol, axes=self._stream.protocol.axes,

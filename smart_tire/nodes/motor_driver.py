@@ -1,4 +1,4 @@
-"""Poll the encoders of two RoboClaws, publish ``wheel_states``, apply ``motor_commands``."""
+"""Node ``motor_driver``: two RoboClaw boards; encoders to ``wheel_states``, duties to motors."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from std_srvs.srv import SetBool
 
 from smart_tire.control.duty_gate import DutyGate
 from smart_tire.drivers.roboclaw_pair import RoboclawPair
-from smart_tire.nodes.base import run, SILENCE
+from smart_tire.nodes.base import MAX_INPUT_AGE, run
 from smart_tire.nodes.command_input import CommandInput
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.driver import DriverNode
@@ -17,46 +17,56 @@ from smart_tire.nodes.qos import latched
 from smart_tire.parameters import MotorDriverParams
 from smart_tire.samples import MotorCommand
 
-STOP_TIMEOUT = 0.4   # s, longest wait for the boards to acknowledge an emergency stop
-STATE_PERIOD = 1.0   # s, INTERFACES: the state of the emergency stop on change and at 1 Hz
-WATCH = 0.05         # s between looks whether the boards' thread has stopped the motors
+ZERO_DUTY_TIMEOUT = 0.4    # s for the boards to acknowledge an emergency stop
+STATE_PERIOD = 1.0         # s between repetitions of the state, docs/topics.md
+STATE_CHECK_PERIOD = 0.05  # s between checks whether the boards' thread has stopped the motors
 PUBLISHERS = 'publishers'  # name of the hold while several nodes command
 
 
 class MotorDriver(DriverNode[MotorDriverParams]):
     """
-    The output stage: encoder counts in, wheel states out; duties go to the boards at once.
+    Output stage of the robot: publishes wheel states, applies duties to the boards.
 
-    Whatever stops the motors does so here, where no other node can bypass it: see
+    All reasons to stop the motors act here, where no other node can bypass them; see
     ``docs/safety.md``.
+
+    Subscribes to ``motor_commands``; publishes ``wheel_states``, ``emergency_stop_active``,
+    ``motors_enabled`` and ``/diagnostics``. Services: ``emergency_stop`` and, with
+    ``require_arming``, ``arm``.
+
+    Parameters: ``port``, ``baud_rate``, ``addresses``, ``rate``, ``command_timeout``,
+    ``command_max_age``, ``board_timeout``, ``start_stopped``, ``require_arming``,
+    ``low_battery``, ``tolerated_status``, ``free_speed``, ``stall_duty``, ``stall_time``,
+    ``signs``, and those of the robot.
     """
 
     def __init__(self) -> None:
         super().__init__('motor_driver', MotorDriverParams)
         params = self.params
-        self._gate = DutyGate(params.command_timeout, self._on_trouble,
+        self._gate = DutyGate(params.command_timeout, self._on_stop,
                               stopped=params.start_stopped, require_arming=params.require_arming)
         self._boards = RoboclawPair(
-            params, self._gate, self.advertise('wheel_states', rate=params.rate))
+            params, self._gate, self.make_publisher('wheel_states', rate=params.rate))
         self._commands = CommandInput(
             self, 'motor_commands', self._on_command, self._on_conflict,
             timeout=params.command_timeout, max_age=params.command_max_age)
-        self._send_stopped = self.guarded_publisher(Bool, 'emergency_stop_active', latched())
-        self._send_enabled = self.guarded_publisher(Bool, 'motors_enabled', latched())
+        self._publish_stopped = self.make_guarded_publisher(
+            Bool, 'emergency_stop_active', latched())
+        self._publish_enabled = self.make_guarded_publisher(Bool, 'motors_enabled', latched())
         self._was_enabled = False
         self.create_service(SetBool, 'emergency_stop', self._on_emergency_stop)
         if params.require_arming:
             self.create_service(SetBool, 'arm', self._on_arm)
-        self.every(STATE_PERIOD, self._publish_state)
-        self.every(WATCH, self._watch)
+        self.create_steady_timer(STATE_PERIOD, self._publish_state)
+        self.create_steady_timer(STATE_CHECK_PERIOD, self._check_state)
         self._publish_state()
         self.connect(self._boards.line, self._boards.run)
 
     def start(self) -> None:
-        """Begin to open the port."""
+        """Open the port."""
         super().start()
         if self.params.start_stopped:
-            self.get_logger().warning('emergency stop: engaged from the start, until released')
+            self.get_logger().warning('emergency stop: latched at start, until released')
 
     def _on_command(self, command: MotorCommand, received_ns: int) -> None:
         self._gate.command(command.duty, received_ns)
@@ -74,10 +84,11 @@ class MotorDriver(DriverNode[MotorDriverParams]):
         if request.data:
             self._gate.engage()
             self._publish_state()
-            silent = self._boards.await_zero(STOP_TIMEOUT)
-            response.success = not silent
+            unconfirmed = self._boards.await_zero(ZERO_DUTY_TIMEOUT)
+            response.success = not unconfirmed
             response.message = 'stopped until released' + (
-                f'; zero duty not acknowledged by {" and ".join(silent)}' if silent else '')
+                f'; zero duty not acknowledged by {" and ".join(unconfirmed)}'
+                if unconfirmed else '')
         else:
             self._gate.release()
             self._publish_state()
@@ -86,27 +97,27 @@ class MotorDriver(DriverNode[MotorDriverParams]):
         return response
 
     def _on_arm(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        against = self._gate.arm(request.data)
+        obstacles = self._gate.arm(request.data)
         self._boards.wake()
-        response.success = not against
-        response.message = '; '.join(against) or ('armed' if request.data else 'disarmed')
+        response.success = not obstacles
+        response.message = '; '.join(obstacles) or ('armed' if request.data else 'disarmed')
         self.get_logger().info(f'arm: {response.message}')
         return response
 
     def _publish_state(self) -> None:
         self._was_enabled = self._gate.enabled
-        self._send_stopped(Bool(data=self._gate.emergency))
-        self._send_enabled(Bool(data=self._was_enabled))
+        self._publish_stopped(Bool(data=self._gate.emergency))
+        self._publish_enabled(Bool(data=self._was_enabled))
 
-    def _watch(self) -> None:
+    def _check_state(self) -> None:
         if self._gate.enabled != self._was_enabled:
             self._publish_state()
 
-    def _on_trouble(self, text: str) -> None:
-        self.get_logger().warning(text)
+    def _on_stop(self, reason: str) -> None:
+        self.get_logger().warning(reason)
 
     def fill_status(self, status: Status) -> None:
-        """Add what stops the motors, and which board keeps the wheel states away."""
+        """Add the reasons to stop the motors, and the board without which wheel_states stop."""
         super().fill_status(status)
         boards, gate = self._boards, self._gate
         status.values.update({
@@ -117,10 +128,10 @@ class MotorDriver(DriverNode[MotorDriverParams]):
         self._commands.fill_status(status)
         for reason in gate.reasons():
             status.warn(f'motors stopped: {reason}')
-        if not self._link.problem:
+        if not self._port.problem:
             for board, age in boards.reading_ages().items():
-                if age > SILENCE:
-                    status.error(f'no wheel_states: the {board} does not answer')
+                if age > MAX_INPUT_AGE:
+                    status.error(f'wheel_states stopped: {board} does not respond')
 
 
 def main() -> int:

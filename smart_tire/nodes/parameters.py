@@ -1,16 +1,19 @@
-"""Parameter classes as ROS parameters: described, ranged, and refused in one clear line."""
+"""Parameter classes as ROS parameters: declaration, description and reading."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 import math
 from typing import Any, TypeVar
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 
 from smart_tire.nodes.compat import given_parameters
 from smart_tire.parameters import build, known_names, NODE_PARAMS, Spec, specs
 from smart_tire.parameters.files import check_names
+from smart_tire.parameters.spec import is_known
 
 Params = TypeVar('Params')
 INT_LIMITS = (-2**63, 2**63 - 1)  # an IntegerRange has no open ends
@@ -20,32 +23,37 @@ def declare(node: Node, cls: type[Params]) -> Params:
     """
     Declare the parameters of ``cls`` on ``node`` and return them, checked.
 
-    Raises ParameterError for a bad value, and for a name that no node of this package has; a
-    parameter of another node (the wildcard ``/**`` gives them to all) is left alone.
+    Raises ParameterError for an invalid value and for a name that no node of this package has.
+    Parameters of other nodes, which a ``/**`` block sets for all nodes, are ignored.
     """
-    described = specs(cls)
     given = given_parameters(node)
     check_names(given, known_names([cls, *NODE_PARAMS.values()]))
-    values = {name: _not_none(value, described[name]) for name, value in given.items()
-              if name in described}
+    values = _values_of(cls, given)
     params = build(cls, values)
-    for name, spec in described.items():
+    for name, spec in specs(cls, values).items():
         value = spec.check(values.get(name, spec.default))
         node.declare_parameter(name, list(value) if isinstance(value, tuple) else value,
                                descriptor(spec), ignore_override=True)
     return params
 
 
-def _not_none(value: Any, spec: Spec) -> Any:
-    return () if value is None and spec.kind.endswith('[]') else value  # rcl: an empty list
+def read(node: Node, cls: type, changes: Iterable[Parameter[Any]]) -> dict[str, Any]:
+    """Return the values of the parameters of ``cls`` on ``node`` after ``changes``."""
+    declared = node.get_parameters_by_prefix('').values()
+    return _values_of(cls, {item.name: item.value for item in (*declared, *changes)})
+
+
+def _values_of(cls: type, values: dict[str, Any]) -> dict[str, Any]:
+    known = known_names([cls])
+    return {name: value for name, value in values.items() if is_known(name, known)}
 
 
 def descriptor(spec: Spec) -> ParameterDescriptor:
-    """Return the description of ``spec`` for parameter tools."""
+    """Return the ROS descriptor of ``spec``, for parameter tools."""
     unit = '' if spec.unit == '-' else f' [{spec.unit}]'
     described = ParameterDescriptor(
         name=spec.name, description=spec.meaning + unit, read_only=not spec.live,
-        dynamic_typing=True,  # so that 1 will do where 1.0 is meant; ``Spec.check`` decides
+        dynamic_typing=True,  # integers are accepted for floats; ``Spec.check`` decides
         additional_constraints=_constraints(spec))
     if spec.low is None and spec.high is None:
         return described
@@ -61,11 +69,11 @@ def descriptor(spec: Spec) -> ParameterDescriptor:
 
 
 def _constraints(spec: Spec) -> str:
-    words = []
+    texts = []
     if spec.length is not None:
-        words.append(f'{spec.length} values')
+        texts.append(f'{spec.length} values')
     if spec.choices:
-        words.append('one of ' + ', '.join(spec.choices))
+        texts.append('one of ' + ', '.join(spec.choices))
     elif spec.low is not None or spec.high is not None:
-        words.append(spec.range_text())
-    return ', '.join(words)
+        texts.append(spec.range_text())
+    return ', '.join(texts)

@@ -1,8 +1,8 @@
 """
-Quality of service: what INTERFACES calls reliable streams, estimates and commands.
+Quality of service of sensor streams, estimates and commands, as listed in docs/topics.md.
 
-``python -m smart_tire.nodes.qos FILE`` writes the same as a file for ``ros2 bag record``; a test
-compares.
+``python -m smart_tire.nodes.qos FILE`` writes the profiles as a file for ``ros2 bag record``; a
+test checks that the one in ``config/`` is current.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from smart_tire.messages import TOPICS
 from smart_tire.samples import WHEELS
 
-SENSOR_SPAN = 2.0     # s of a sensor stream that a publisher keeps for slow readers
-RESERVE = 5           # own subscribers keep SENSOR_SPAN at this multiple of the nominal rate
-ESTIMATE_DEPTH = 250  # 2 s at 125 Hz
-COMMAND_DEPTH = 1     # only the newest command counts
-OTHER_DEPTH = 100     # ground truth, overhead camera, diagnostics
+SENSOR_SPAN = 2.0     # s of a sensor stream in the queue of a publisher
+RATE_RESERVE = 5      # own subscriptions queue SENSOR_SPAN at this multiple of the nominal rate
+ESTIMATE_DEPTH = 250  # messages, 2 s at 125 Hz
+COMMAND_DEPTH = 1     # messages: only the latest command is used
+OTHER_DEPTH = 100     # messages: ground truth, overhead camera, diagnostics
 LATCHED = ('path', 'friction_map', 'tf_static')
 READ_BY_ESTIMATORS = ('imu/data', 'wheel_states', 'tire_samples', 'wheel_slip', 'odom')
 
@@ -32,7 +32,7 @@ def _reliable(depth: int) -> QoSProfile:
 
 
 def latched() -> QoSProfile:
-    """Return the profile of what a late subscriber must still get."""
+    """Return the profile of topics whose latest message late subscribers need, too."""
     return QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
                       durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -41,8 +41,8 @@ def publisher_qos(name: str, *, rate: float = 0.0, wheels: int = 1) -> QoSProfil
     """
     Return the profile with which this package publishes on the topic ``name``.
 
-    ``rate`` [Hz] counts where it is above the nominal one; ``wheels`` is the number of sources
-    that share the topic.
+    ``rate`` [Hz] is used if it exceeds the nominal one; ``wheels`` is the number of sources that
+    share the topic.
     """
     if name.strip('/') in LATCHED:
         return latched()
@@ -58,15 +58,15 @@ def publisher_qos(name: str, *, rate: float = 0.0, wheels: int = 1) -> QoSProfil
 
 def subscriber_qos(name: str, *, wheels: int = 1, reliability: str = 'reliable') -> QoSProfile:
     """
-    Return the profile with which this package, its recorder too, listens to ``name``.
+    Return the profile with which this package, including its recorder, subscribes to ``name``.
 
-    What is estimated from is kept two seconds at five times its rate (``tire_samples``: 4000 per
-    wheel), for one batch alone overruns the default of 5. ``best_effort`` is for publishers that
-    are not ours and offer no more.
+    Inputs of estimators have queues of two seconds at five times their rate (``tire_samples``:
+    4000 per wheel), since one radio batch overflows the default of 5. ``best_effort`` serves
+    publishers of other packages that do not offer reliable delivery.
     """
     if name in READ_BY_ESTIMATORS:
         profile = _reliable(
-            math.ceil(SENSOR_SPAN * RESERVE * TOPICS[name].rate * max(wheels, 1)))
+            math.ceil(SENSOR_SPAN * RATE_RESERVE * TOPICS[name].rate * max(wheels, 1)))
     else:
         profile = publisher_qos(name, wheels=wheels)
     if reliability == 'best_effort':
@@ -78,17 +78,17 @@ def rosbag2_overrides() -> str:
     """
     Return the file for ``ros2 bag record --qos-profile-overrides-path``.
 
-    Topics that latch are left out: rosbag2 adapts to their durability by itself.
+    Transient-local topics are left out: rosbag2 adapts to their durability itself.
     """
     return '\n'.join((*OVERRIDES_HEADER, *_overrides())) + '\n'
 
 
 OVERRIDES_HEADER = (
-    '# For "ros2 bag record --qos-profile-overrides-path FILE": queues deep enough that a busy',
-    '# disk costs no message; rosbag2 keeps 10 messages of a topic by default.',
-    '# In a namespace, put it in front of each name. Where a publisher offers best effort only,',
-    '# change the reliability: a reliable subscription does not connect to it.',
-    '# Depths come from smart_tire/nodes/qos.py; "make config" writes this file.')
+    '# For "ros2 bag record --qos-profile-overrides-path FILE": queues deep enough to lose no',
+    '# message while the disk is busy; the default of rosbag2 is 10 messages per topic.',
+    '# For a robot in a namespace, prefix each topic with it. For a publisher that offers best',
+    '# effort only, change the reliability: a reliable subscription does not connect to it.',
+    '# The depths are those of smart_tire/nodes/qos.py; "make config" writes this file.')
 
 
 def _overrides() -> Iterator[str]:

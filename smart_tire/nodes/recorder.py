@@ -1,4 +1,4 @@
-"""Recorder: every topic, with the bytes as they come, into a bag that survives its end."""
+"""Node ``recorder``: writes serialized messages of all topics to a bag, readable if truncated."""
 
 from __future__ import annotations
 
@@ -19,45 +19,45 @@ from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.qos import subscriber_qos
 from smart_tire.samples import WHEELS
 
-LOOK = 0.2           # s between looks at what is published
-FLUSH = 0.25         # s between chunks, half of what a crash may cost
-DISCOVERY_NS = 2_000_000_000  # ns from the start, in which publishers are found that were there
-MIN_DEPTH = 100      # messages kept of any topic: a bag wants every command, not the newest
-OTHER_DEPTH = 1000   # messages kept of a topic that is not ours while the disk is busy
+DISCOVERY_PERIOD = 0.2      # s between queries of the published topics
+FLUSH_PERIOD = 0.25         # s between chunks, half of what a crash may cost
+DISCOVERY_GRACE_NS = 2_000_000_000  # ns after start: publishers found until then existed before
+MIN_QUEUE_DEPTH = 100       # messages of any topic: all commands are recorded, not only the latest
+FOREIGN_QUEUE_DEPTH = 1000  # messages of a topic that is not in TOPICS, while the disk is busy
 
 
 class SequenceGaps:
     """
-    Counts messages of a topic that its publishers sent but that never came.
+    Counts lost messages of a topic by the sequence numbers of its publishers.
 
-    By the sequence numbers of the publishers, for the event ``message_lost`` of DDS does not occur
-    where a queue of the subscriber overruns. ``missed`` are the first ones of publishers that are
-    not among ``old``, sent before they and the subscriber were connected; with None they do not
-    count. What was sent after the last message that came is not known.
+    The DDS event ``message_lost`` does not occur when a queue of the subscriber overflows.
+    ``missed`` counts the messages that publishers sent before they matched the subscription, for
+    publishers not in ``initial_publishers`` (None: not counted). Losses after the last received
+    message are not detected.
     """
 
-    def __init__(self, old: Container[bytes] | None = None) -> None:
+    def __init__(self, initial_publishers: Container[bytes] | None = None) -> None:
         self.lost = self.missed = 0
-        self.reported = 0  # of both, at the last report
-        self._old = old
-        self._last: dict[bytes, int] = {}  # publisher -> newest sequence number
+        self.reported = 0  # sum of both at the last report
+        self._initial_publishers = initial_publishers
+        self._last: dict[bytes, int] = {}  # publisher -> latest sequence number
 
     def add(self, info: Mapping[str, Any]) -> bool:
-        """Take a message in; return whether losses have reached 1, 2, 4, 8 ... with it."""
+        """Add a received message; return whether the losses have reached 1, 2, 4, 8 ... now."""
         number = info.get('publication_sequence_number')
-        if number is None:  # older distributions, and middlewares that do not number
+        if number is None:  # older distributions, and middleware without sequence numbers
             return False
         publisher, before = bytes(info['publisher_gid']['data']), self.lost + self.missed
         last = self._last.get(publisher)
         if last is not None:
             self.lost += max(0, number - last - 1)
-        elif self._old is not None and publisher not in self._old:
+        elif self._initial_publishers is not None and publisher not in self._initial_publishers:
             self.missed += number - 1
         self._last[publisher] = max(last or 0, number)
         return before.bit_length() < (self.lost + self.missed).bit_length()
 
     def newly_lost(self) -> int:
-        """Return how many were lost or missed since this was last asked."""
+        """Return the number of messages lost or missed since the previous call."""
         total = self.lost + self.missed
         new, self.reported = total - self.reported, total
         return new
@@ -70,36 +70,41 @@ class SequenceGaps:
 
 @dataclass(frozen=True, kw_only=True)
 class RecorderParams:
-    """The recorder takes what it needs from its command line."""
+    """No ROS parameters; the recorder is configured on its command line."""
 
 
 class Recorder(SmartTireNode[RecorderParams]):
-    """Subscribes to what is published and writes it down."""
+    """
+    Subscribes to all published topics, or to ``topics``, and writes them to a bag.
+
+    Publishes ``/diagnostics``. Hidden topics, topics with several types and those whose type is
+    not installed are skipped. No parameters.
+    """
 
     def __init__(self, writer: BagWriter, topics: Collection[str] = ()) -> None:
         super().__init__('recorder', RecorderParams)
         self._writer = writer
         self._names = {self.resolve_topic_name(topic) for topic in topics}
-        self._taken: dict[str, tuple[QoSProfile, Any]] = {}
-        self._refused: set[str] = set()
-        self._old: set[bytes] = set()  # publishers that were there before
-        self._old_until_ns = self.steady_ns() + DISCOVERY_NS
+        self._recorded: dict[str, tuple[QoSProfile, Any]] = {}
+        self._skipped: set[str] = set()
+        self._initial_publishers: set[bytes] = set()  # those that existed before the recorder
+        self._initial_until_ns = self.steady_ns() + DISCOVERY_GRACE_NS
         self._gaps: dict[str, SequenceGaps] = {}
 
     @property
     def losses(self) -> list[str]:
-        """Return a line for each topic of which messages were published but did not come."""
+        """Return a line for each topic with lost messages."""
         return [f'lost {gaps} messages of {name}' for name, gaps in sorted(self._gaps.items())
                 if gaps.lost or gaps.missed]
 
     def start(self) -> None:
-        """Begin with what is there, and go on looking."""
-        self._look()
-        self.every(LOOK, self._look)
-        self.every(FLUSH, self._writer.flush)
+        """Record the topics that exist, and look for new ones."""
+        self._discover()
+        self.create_steady_timer(DISCOVERY_PERIOD, self._discover)
+        self.create_steady_timer(FLUSH_PERIOD, self._writer.flush)
 
     def fill_status(self, status: Status) -> None:
-        """Add how much has been written and how much was lost."""
+        """Add counts of recorded and lost messages, and requested topics without messages."""
         counts = self._writer.counts
         status.values['topics'] = len(counts)
         status.values['messages'] = sum(counts.values())
@@ -113,67 +118,68 @@ class Recorder(SmartTireNode[RecorderParams]):
         for name in sorted(self._names - counts.keys()):
             status.warn(f'no {name}')
 
-    def _look(self) -> None:
+    def _discover(self) -> None:
         for name, types in self.get_topic_names_and_types():
             if self._names and name not in self._names:
                 continue
-            if not self._names and '/_' in name:  # hidden, as the events of services
+            if not self._names and '/_' in name:  # hidden, such as the events of services
                 continue
             if len(types) == 1:
-                self._take(name, types[0])
+                self._record(name, types[0])
             else:
-                self._refuse(name, f'has several types: {", ".join(types)}')
+                self._skip(name, f'has several types: {", ".join(types)}')
 
-    def _take(self, name: str, type_name: str) -> None:
+    def _record(self, name: str, type_name: str) -> None:
         publishers = self.get_publishers_info_by_topic(name)
-        if self.steady_ns() < self._old_until_ns:
-            self._old.update(bytes(info.endpoint_gid) for info in publishers)
+        if self.steady_ns() < self._initial_until_ns:
+            self._initial_publishers.update(bytes(info.endpoint_gid) for info in publishers)
         offers = [info.qos_profile for info in publishers]
-        if not offers or name in self._refused:
+        if not offers or name in self._skipped:
             return
-        wanted = adapted(name, offers)
-        if name in self._taken:
-            profile, subscription = self._taken[name]
-            if not weaker(wanted, profile):
+        requested = matching_qos(name, offers)
+        if name in self._recorded:
+            profile, subscription = self._recorded[name]
+            if not requests_less(requested, profile):
                 return
             self.destroy_subscription(subscription)
         else:
             try:
                 message_class(type_name)
             except (ModuleNotFoundError, AttributeError):
-                self._refuse(name, f'is {type_name}, which is not installed')
+                self._skip(name, f'is {type_name}, which is not installed')
                 return
-            self._writer.add_topic(channel_of(name, type_name, tuple(map(offered, offers))))
+            self._writer.add_topic(channel_of(name, type_name, tuple(map(recorded_qos, offers))))
             self.get_logger().info(f'recording {name}')
-        self._taken[name] = wanted, self.create_subscription(
-            message_class(type_name), name, with_info(self._keeper(name, wanted)), wanted,
-            raw=True)
+        callback = with_info(self._write_callback(name, requested))
+        self._recorded[name] = requested, self.create_subscription(
+            message_class(type_name), name, callback, requested, raw=True)
 
-    def _keeper(self, name: str,
-                profile: QoSProfile) -> Callable[[Any, Mapping[str, Any]], None]:
+    def _write_callback(self, name: str,
+                        profile: QoSProfile) -> Callable[[Any, Mapping[str, Any]], None]:
         latched = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
-        gaps = self._gaps.setdefault(name, SequenceGaps(None if latched else self._old))
+        gaps = self._gaps.setdefault(
+            name, SequenceGaps(None if latched else self._initial_publishers))
         write, now_ns = self._writer.write, time.time_ns
 
-        def keep(data: bytes, info: Mapping[str, Any]) -> None:
+        def on_message(data: bytes, info: Mapping[str, Any]) -> None:
             write(name, now_ns(), data)
             if gaps.add(info):
                 self.get_logger().warning(f'lost {gaps} messages of {name} so far')
 
-        return keep
+        return on_message
 
-    def _refuse(self, name: str, reason: str) -> None:
-        if name not in self._refused:
-            self._refused.add(name)
+    def _skip(self, name: str, reason: str) -> None:
+        if name not in self._skipped:
+            self._skipped.add(name)
             self.get_logger().warning(f'{name} {reason}: not recorded')
 
 
-def adapted(name: str, offers: list[QoSProfile]) -> QoSProfile:
-    """Return the most that a subscriber may ask of all publishers that made ``offers``."""
+def matching_qos(name: str, offers: list[QoSProfile]) -> QoSProfile:
+    """Return the strictest profile of a subscription that matches all publishers' ``offers``."""
     topic = find_topic(name)
-    profile = (QoSProfile(depth=OTHER_DEPTH) if topic is None
+    profile = (QoSProfile(depth=FOREIGN_QUEUE_DEPTH) if topic is None
                else subscriber_qos(topic.name, wheels=len(WHEELS)))
-    profile.depth = max(profile.depth, MIN_DEPTH)
+    profile.depth = max(profile.depth, MIN_QUEUE_DEPTH)
     reliable = all(offer.reliability == ReliabilityPolicy.RELIABLE for offer in offers)
     latched = all(offer.durability == DurabilityPolicy.TRANSIENT_LOCAL for offer in offers)
     profile.reliability = (
@@ -183,14 +189,14 @@ def adapted(name: str, offers: list[QoSProfile]) -> QoSProfile:
     return profile
 
 
-def weaker(new: QoSProfile, old: QoSProfile) -> bool:
-    """Return whether ``new`` connects to publishers that ``old`` does not."""
+def requests_less(new: QoSProfile, old: QoSProfile) -> bool:
+    """Return whether ``new`` matches publishers that ``old`` does not."""
     return (old.reliability == ReliabilityPolicy.RELIABLE != new.reliability
             or old.durability == DurabilityPolicy.TRANSIENT_LOCAL != new.durability)
 
 
-def offered(profile: QoSProfile) -> Qos:
-    """Return what the bag says of a publisher's profile; a depth is not always told."""
+def recorded_qos(profile: QoSProfile) -> Qos:
+    """Return a publisher's profile as stored in the bag; its depth is not always known."""
     return Qos(
         'reliable' if profile.reliability == ReliabilityPolicy.RELIABLE else 'best_effort',
         'transient_local' if profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
@@ -199,21 +205,21 @@ def offered(profile: QoSProfile) -> Qos:
 
 @dataclass
 class Recording:
-    """What became of a recording."""
+    """Result of a recording."""
 
     status: int             # for ``sys.exit``
-    counts: dict[str, int]  # messages by topic
-    losses: list[str]       # a line for each topic of which messages did not come
+    counts: dict[str, int]  # topic -> messages
+    losses: list[str]       # a line for each topic with lost messages
 
 
 def record(directory: Path, topics: Collection[str] = ()) -> Recording:
-    """Record until SIGINT or SIGTERM."""
+    """Record all topics, or ``topics``, into ``directory`` until SIGINT or SIGTERM."""
     recorders: list[Recorder] = []
 
-    def new() -> Recorder:
+    def new_recorder() -> Recorder:
         recorders.append(Recorder(writer, topics))
         return recorders[-1]
 
     with BagWriter(directory, ros_distro=os.environ.get('ROS_DISTRO', '')) as writer:
-        status = run(new, own_arguments=True)
+        status = run(new_recorder, own_arguments=True)
         return Recording(status, writer.counts, recorders[0].losses if recorders else [])

@@ -1,4 +1,4 @@
-"""Be the robot: its devices on pseudo-terminals, and the ground truth that no robot has."""
+"""Node ``robot_simulator``: device emulators on pseudo-terminals, and ground-truth topics."""
 
 from __future__ import annotations
 
@@ -14,26 +14,31 @@ from smart_tire.parameters import SimulatorParams
 from smart_tire.simulation.realtime import SimulatedHardware
 from smart_tire.simulation.truth import Truth, truth_topic
 
-STOP_TIMEOUT = 5.0   # s
-HOST_PATIENCE = 2.0  # s that drivers may take to close the ports; launch waits 5 s in all
-HOST_POLL = 0.02     # s
+THREAD_TIMEOUT = 5.0       # s for the thread of the simulation to end
+PORT_CLOSE_TIMEOUT = 2.0   # s for the drivers to close the ports; launch waits 5 s in total
+PORT_POLL_PERIOD = 0.02    # s
 
 
 class RobotSimulator(SmartTireNode[SimulatorParams]):
     """
-    The simulated robot in real time.
+    Simulated robot in real time.
 
-    It always goes by the system's clock, as hardware does, whatever ``use_sim_time`` says. A
-    thread of its own answers the motor boards' requests without waiting for the executor.
+    It uses the system clock, as hardware does, whatever ``use_sim_time`` is. A separate thread
+    answers the requests to the motor boards, independent of the executor.
+
+    Publishes ``ground_truth/odom``, ``ground_truth/wheel_slip``, ``ground_truth/tire_friction``
+    and ``/diagnostics``. Parameters: ``seed``, ``start``, ``imu_rate``, ``units``, ``protocol``,
+    ``addresses``, ``truth_log``, ``ground.*``, ``drive.*``, ``radio.*``, ``errors.*``,
+    ``ports.*``, and those of the robot.
     """
 
     def __init__(self) -> None:
         super().__init__('robot_simulator', SimulatorParams)
         wheels = len(self.params.robot.film.wheels)
-        self._publish = {name: self.advertise(name, wheels=wheels)
+        self._publish = {name: self.make_publisher(name, wheels=wheels)
                          for name in TOPICS if name.startswith('ground_truth/')}
         try:
-            self._hardware = SimulatedHardware(self.params, self._tell, time.time_ns())
+            self._hardware = SimulatedHardware(self.params, self._publish_truth, time.time_ns())
         except LinkError as error:
             raise ParameterError(f'ports or truth_log: {error}') from error
         self._stopping = threading.Event()
@@ -41,27 +46,28 @@ class RobotSimulator(SmartTireNode[SimulatorParams]):
                                         args=(time.time_ns, self._stopping))
 
     def start(self) -> None:
-        """Begin to move with the time."""
+        """Start the simulation."""
         self._thread.start()
 
     def stop(self) -> None:
         """
-        Take the ports away, after the drivers have closed them.
+        Remove the ports, after the drivers have closed them.
 
-        Ctrl-C ends both at the same time, and a device does not vanish before its driver.
+        Ctrl-C ends drivers and simulator at the same time; a real device does not disappear
+        before its driver.
         """
-        end = time.monotonic() + HOST_PATIENCE
+        end = time.monotonic() + PORT_CLOSE_TIMEOUT
         while self._thread.is_alive() and self._hardware.in_use and time.monotonic() < end:
-            time.sleep(HOST_POLL)
+            time.sleep(PORT_POLL_PERIOD)
         self._stopping.set()
-        self._thread.join(STOP_TIMEOUT)
+        self._thread.join(THREAD_TIMEOUT)
         self._hardware.close()
 
-    def _tell(self, truth: Truth) -> None:
+    def _publish_truth(self, truth: Truth) -> None:
         self._publish[truth_topic(truth)](truth)
 
     def fill_status(self, status: Status) -> None:
-        """Add what the simulated radio has lost, and whether the robot still moves."""
+        """Add the losses of the simulated links, and an error if the simulation has ended."""
         dropped = self._hardware.dropped
         status.values['batches_dropped'] = sum(dropped.values())
         status.values.update({f'{wheel}.batches_dropped': count

@@ -1,4 +1,4 @@
-"""Estimate odometry, slip and the ICR from ``imu/data`` and ``wheel_states``."""
+"""Node ``slip_estimator``: odometry, wheel slip and ICR from ``imu/data`` and ``wheel_states``."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from std_srvs.srv import Trigger
 
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.estimation.streams import SLIP
-from smart_tire.messages import fill_transform
+from smart_tire.messages import transform_to_msg
 from smart_tire.nodes.base import run
-from smart_tire.nodes.compat import transforms
+from smart_tire.nodes.compat import transform_class
 from smart_tire.nodes.estimator import EstimatorNode
 from smart_tire.nodes.qos import publisher_qos
 from smart_tire.parameters import SlipEstimatorParams
@@ -19,36 +19,49 @@ from smart_tire.samples import Odometry, Sample
 
 
 class SlipEstimatorNode(EstimatorNode[SlipEstimatorParams]):
-    """The slip estimator with its topics, /tf where there is one, and its service."""
+    """
+    Estimates pose, velocity, slip of each wheel and the instantaneous center of rotation.
 
-    core: SlipEstimator
+    Subscribes to ``imu/data``, ``wheel_states`` and, with ``slip.film_aided``, ``tire_friction``;
+    publishes ``odom``, ``wheel_slip``, ``icr``, ``/diagnostics`` and, if tf2_msgs is installed,
+    ``/tf``. Service: ``reset_odometry``.
+
+    Parameters: ``reorder_window``, ``constraint``, ``differential_slip_sigma``,
+    ``common_slip_sigma``, ``free_rolling_slip_sigma``, ``slip_random_walk``,
+    ``slip_change_gain``, ``icr_x``, ``icr_x_sigma``, ``icr_x_random_walk``, ``lateral_sigma``,
+    ``slope_sigma``, ``reliability``, and those of the robot.
+    """
+
+    estimator: SlipEstimator
     feedback = tuple(SLIP.aiding.values())
 
     def __init__(self) -> None:
         super().__init__('slip_estimator', SlipEstimatorParams, SlipEstimator,
                          tuple(SLIP.outputs.values()))
         for name in SLIP.inputs.values():
-            self.subscribe(name, self.feed, reliability=self.params.reliability, required=True)
+            self.subscribe(name, self.on_sample, reliability=self.params.reliability,
+                           required=True)
         if self.params.robot.slip.film_aided:
             for name in SLIP.aiding.values():
-                self.subscribe(name, self.feed, wheels=len(self.params.robot.film.wheels))
+                self.subscribe(name, self.on_sample, wheels=len(self.params.robot.film.wheels))
         self.create_service(Trigger, 'reset_odometry', self._on_reset_odometry)
-        self._tf = transforms()
-        if self._tf is not None:
-            self._tf_publisher = self.create_publisher(self._tf, '/tf', publisher_qos('/tf'))
+        self._tf_class = transform_class()
+        if self._tf_class is not None:
+            self._tf_publisher = self.create_publisher(
+                self._tf_class, '/tf', publisher_qos('/tf'))
 
-    def put_out(self, estimate: Sample) -> None:
-        """Publish one estimate; the pose as a transform, too."""
-        super().put_out(estimate)
-        if self._tf is not None and isinstance(estimate, Odometry):
-            transform = fill_transform(TransformStamped(), estimate)
-            self._tf_publisher.publish(self._tf(transforms=[transform]))
+    def publish_estimate(self, estimate: Sample) -> None:
+        """Publish one estimate; the pose also as a transform."""
+        super().publish_estimate(estimate)
+        if self._tf_class is not None and isinstance(estimate, Odometry):
+            transform = transform_to_msg(TransformStamped(), estimate)
+            self._tf_publisher.publish(self._tf_class(transforms=[transform]))
 
     def _on_reset_odometry(self, _: Trigger.Request,
                            response: Trigger.Response) -> Trigger.Response:
-        self.core.reset_odometry()
+        self.estimator.reset_odometry()
         response.success = True
-        response.message = 'odom starts where the robot stands'
+        response.message = 'the origin of odom is at the present pose'
         return response
 
 

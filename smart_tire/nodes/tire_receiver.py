@@ -1,4 +1,4 @@
-"""Receive the wheel units' batches from the XBee coordinator and publish ``tire_samples``."""
+"""Node ``tire_receiver``: batches of the sensor nodes to ``tire_samples``."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 from smart_tire.drivers.pacing import PacedSender
 from smart_tire.drivers.serial_port import read_loop
 from smart_tire.drivers.tire_receiver import TireStream
-from smart_tire.nodes.base import run, SILENCE
+from smart_tire.nodes.base import MAX_INPUT_AGE, run
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.driver import DriverNode, nanoseconds
 from smart_tire.parameters import TireReceiverParams
@@ -18,28 +18,33 @@ from smart_tire.samples import BatterySample, NS_PER_S
 
 
 class TireReceiver(DriverNode[TireReceiverParams]):
-    """Radio bytes in, one message per conversion out, stamped by the unit's own timer."""
+    """
+    Publishes one message per A/D conversion, stamped by the timer of the sensor node.
+
+    Publishes ``tire_samples``, ``tire_battery`` and ``/diagnostics``. Parameters: ``port``,
+    ``baud_rate``, ``units``, ``radio_latency``, and those of the robot.
+    """
 
     def __init__(self) -> None:
         super().__init__('tire_receiver', TireReceiverParams)
         wheel_of = self.params.wheel_of()
         self._stream = TireStream(wheel_of, nanoseconds(self.params.radio_latency))
         self._sender = PacedSender(
-            self.advertise('tire_samples', wheels=len(wheel_of)), len(wheel_of))
-        self._publish_battery = self.advertise('tire_battery', wheels=len(wheel_of))
-        self.connect(self._stream, self._work)
+            self.make_publisher('tire_samples', wheels=len(wheel_of)), len(wheel_of))
+        self._publish_battery = self.make_publisher('tire_battery', wheels=len(wheel_of))
+        self.connect(self._stream, self._read_port)
 
     def start(self) -> None:
-        """Begin to open the port and to send what comes."""
+        """Start the publishing thread and open the port."""
         self._sender.start()
         super().start()
 
     def stop(self) -> None:
-        """Close the port, then send what came before."""
+        """Close the port, then publish the samples that wait."""
         super().stop()
         self._sender.stop()
 
-    def _work(self, port: Any, stopping: threading.Event) -> None:
+    def _read_port(self, port: Any, stopping: threading.Event) -> None:
         read_loop(port, stopping, self._on_bytes)
 
     def _on_bytes(self, chunk: bytes, receive_ns: int) -> None:
@@ -50,25 +55,25 @@ class TireReceiver(DriverNode[TireReceiverParams]):
                 self._sender.put(item)
 
     def fill_status(self, status: Status) -> None:
-        """Add what was lost on the way from each unit."""
+        """Add counts of batches and the clock of each sensor node."""
         super().fill_status(status)
-        units = self._stream.sensor_nodes.values()
+        sensor_nodes = self._stream.sensor_nodes.values()
         status.values.update(
-            batches_ok=sum(unit.batches for unit in units),
-            batches_lost=sum(unit.lost for unit in units),
-            batches_duplicate=sum(unit.duplicates for unit in units),
-            batches_late=sum(unit.late for unit in units),
-            batches_saturated=sum(unit.saturated for unit in units),
-            unit_resets=sum(unit.resets for unit in units),
+            batches_ok=sum(node.batches for node in sensor_nodes),
+            batches_lost=sum(node.lost for node in sensor_nodes),
+            batches_duplicate=sum(node.duplicates for node in sensor_nodes),
+            batches_late=sum(node.late for node in sensor_nodes),
+            batches_saturated=sum(node.saturated for node in sensor_nodes),
+            sensor_node_resets=sum(node.resets for node in sensor_nodes),
             pacing_overruns=self._sender.overruns)
-        for unit in units:
+        for node in sensor_nodes:
             status.values.update({
-                f'{unit.wheel}.batches_ok': unit.batches,
-                f'{unit.wheel}.batches_lost': unit.lost,
-                f'{unit.wheel}.timer_drift_ppm': unit.clock.drift * 1e6,
-                f'{unit.wheel}.radio_jitter': unit.clock.jitter})
-            if time.time_ns() - unit.last_ns > SILENCE * NS_PER_S:
-                status.warn(f'nothing from {unit.wheel}')
+                f'{node.wheel}.batches_ok': node.batches,
+                f'{node.wheel}.batches_lost': node.lost,
+                f'{node.wheel}.timer_drift_ppm': node.clock.drift * 1e6,
+                f'{node.wheel}.radio_jitter': node.clock.jitter})
+            if time.time_ns() - node.last_ns > MAX_INPUT_AGE * NS_PER_S:
+                status.warn(f'no batches from {node.wheel}')
 
 
 def main() -> int:

@@ -1,4 +1,4 @@
-"""Turn ``cmd_vel`` and ``wheel_states`` into ``motor_commands``, 16 times a second."""
+"""Node ``wheel_controller``: ``cmd_vel`` and ``wheel_states`` to ``motor_commands``."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from std_msgs.msg import Bool
 
 from smart_tire.control.velocity_mux import VelocityMux
 from smart_tire.control.wheel_control import STOPPED, WheelControl
-from smart_tire.models.vehicle.skid_steer import wheel_speeds
 from smart_tire.nodes.base import run, SmartTireNode
 from smart_tire.nodes.command_input import CommandInput
 from smart_tire.nodes.diagnostics import Status
@@ -17,13 +16,23 @@ from smart_tire.nodes.qos import latched
 from smart_tire.parameters import WheelControllerParams
 from smart_tire.samples import MotorCommand, VelocityCommand, WheelCommand, WheelSample
 
-WATCH = 0.025     # s between looks whether a command has expired, however slow the control
-REPEAT_NS = 100_000_000  # after which a duty is sent again: motor_driver's time-out is longer
-STATE_DEPTH = 10  # states of the emergency stop; none of a quick on and off must be missed
+EXPIRY_CHECK_PERIOD = 0.025   # s between checks for expired commands, at any control rate
+DUTY_REPEAT_NS = 100_000_000  # after which a duty is sent again; time-out of motor_driver: longer
+STATE_DEPTH = 10  # queued states of the emergency stop, so that a short one is not missed
 
 
 class WheelController(SmartTireNode[WheelControllerParams]):
-    """The wheel control with its clock and its topics."""
+    """
+    Controls the wheel speeds for the velocity command in force.
+
+    Subscribes to ``cmd_vel`` (or ``cmd_vel_inputs``), ``wheel_states``, ``emergency_stop_active``
+    and ``motors_enabled``; publishes ``wheel_commands``, ``motor_commands`` and ``/diagnostics``.
+
+    Parameters: ``rate``, ``cmd_vel_inputs``, ``cmd_vel_priorities``, ``cmd_vel_timeouts``,
+    ``cmd_vel_timeout``, ``cmd_vel_max_age``, ``effective_track``, ``wheel_states_timeout``,
+    ``max_wheel_speed``, ``pid.*`` (can be changed at run time), ``reliability``, and those of the
+    robot.
+    """
 
     def __init__(self) -> None:
         super().__init__('wheel_controller', WheelControllerParams)
@@ -31,41 +40,41 @@ class WheelController(SmartTireNode[WheelControllerParams]):
         self._control = WheelControl(params)
         self._mux = VelocityMux(params.inputs())
         self._duty, self._sent_ns = STOPPED, 0
-        self._publish_wheels = self.advertise('wheel_commands')
-        self._publish_motors = self.advertise('motor_commands')
+        self._publish_wheels = self.make_publisher('wheel_commands')
+        self._publish_motors = self.make_publisher('motor_commands')
         self._inputs = [
             CommandInput(self, 'cmd_vel', partial(self._on_velocity, name),
-                         partial(self._on_rivals, name), timeout=timeout,
+                         partial(self._on_velocity_conflict, name), timeout=timeout,
                          max_age=params.cmd_vel_max_age, name=name)
             for name, _, timeout in params.inputs()]
         self._wheels = CommandInput(
-            self, 'wheel_states', self._on_wheels, self._on_wheel_rivals,
+            self, 'wheel_states', self._on_wheels, self._on_wheel_conflict,
             timeout=params.wheel_states_timeout, required=True, reliability=params.reliability)
         profile = latched()
         profile.depth = STATE_DEPTH
         self.create_subscription(Bool, 'emergency_stop_active', self._on_emergency_stop, profile)
         self.create_subscription(Bool, 'motors_enabled', self._on_motors_enabled, latched())
-        self.every(1.0 / params.rate, self._step)
-        self.every(WATCH, self._watch)
+        self.create_steady_timer(1.0 / params.rate, self._step)
+        self.create_steady_timer(EXPIRY_CHECK_PERIOD, self._check_expiry)
 
-    def retune(self) -> None:
-        """Use the new gains."""
+    def on_parameters_changed(self) -> None:
+        """Use the new controller gains."""
         self._control.set_params(self.params)
 
     def _on_velocity(self, name: str, command: VelocityCommand, received_ns: int) -> None:
         self._mux.update(name, command, received_ns)
 
-    def _on_rivals(self, name: str, reason: str) -> None:
+    def _on_velocity_conflict(self, name: str, reason: str) -> None:
         if reason:
             self._mux.block(name)
-            self._watch()
+            self._check_expiry()
         else:
             self._mux.unblock(name)
 
     def _on_wheels(self, sample: WheelSample, received_ns: int) -> None:
         self._control.update_measurement(sample.velocity, received_ns)
 
-    def _on_wheel_rivals(self, reason: str) -> None:
+    def _on_wheel_conflict(self, reason: str) -> None:
         if reason:
             self._control.discard_measurement()
             self._step()
@@ -80,33 +89,28 @@ class WheelController(SmartTireNode[WheelControllerParams]):
     def _on_motors_enabled(self, state: Bool) -> None:
         self._control.motors_enabled = state.data
 
-    def _watch(self) -> None:
-        """Stop at once when command or wheel speeds have expired; until then repeat the duty."""
+    def _check_expiry(self) -> None:
+        """Stop at once if the command or the wheel speeds have expired; else repeat the duty."""
         now_ns = self.steady_ns()
         if self._duty != STOPPED and not (
                 self._mux.selected(now_ns) and self._control.has_measurement(now_ns)):
             self._step()
-        elif now_ns - self._sent_ns > REPEAT_NS:
-            self._send_duty(now_ns)
+        elif now_ns - self._sent_ns > DUTY_REPEAT_NS:
+            self._publish_duty(now_ns)
 
     def _step(self) -> None:
         now_ns = self.steady_ns()
         selected = self._mux.selected(now_ns)
-        wanted = None
-        if selected is not None:
-            _, command = selected
-            wanted = wheel_speeds(command.v_x, command.yaw_rate, self.params.robot.wheel_radius,
-                                  self.params.effective_track).tolist()
-        velocity, self._duty = self._control.step(wanted, now_ns)
-        self._publish_wheels(WheelCommand(self.now_ns(), velocity))
-        self._send_duty(now_ns)
+        set_points, self._duty = self._control.follow(selected[1] if selected else None, now_ns)
+        self._publish_wheels(WheelCommand(self.now_ns(), set_points))
+        self._publish_duty(now_ns)
 
-    def _send_duty(self, now_ns: int) -> None:
+    def _publish_duty(self, now_ns: int) -> None:
         self._publish_motors(MotorCommand(self.now_ns(), self._duty))
         self._sent_ns = now_ns
 
     def fill_status(self, status: Status) -> None:
-        """Add whether and why the robot stands."""
+        """Add the command in force, and why the motors are stopped."""
         now_ns = self.steady_ns()
         selected = self._mux.selected(now_ns)
         status.values.update(
@@ -116,7 +120,7 @@ class WheelController(SmartTireNode[WheelControllerParams]):
         if self._control.emergency_stop:
             status.warn('emergency stop')
         if not self._control.has_measurement(now_ns):
-            status.error('wheel speeds are unknown: no duty')
+            status.error('no recent wheel_states: motors disabled')
         for item in (*self._inputs, self._wheels):
             item.fill_status(status)
 

@@ -1,4 +1,4 @@
-"""Parameters: frozen dataclasses that cannot be wrong, filled from YAML, from ROS or in tests."""
+"""Parameters: validated frozen dataclasses, filled from YAML files, from ROS or in tests."""
 
 from smart_tire.parameters.files import load_files
 from smart_tire.parameters.hardware import ImuDriverParams, MotorDriverParams, TireReceiverParams

@@ -1,4 +1,4 @@
-"""Parameter files that identifications write: what a recording told, with its standard error."""
+"""Parameter files with calibrated values and their standard errors."""
 
 from __future__ import annotations
 
@@ -15,29 +15,29 @@ Value = float | tuple[float, ...]
 
 @dataclass(frozen=True)
 class Identified:
-    """A parameter that a recording told."""
+    """A parameter identified from a recording."""
 
-    name: str                 # as in the parameter files
+    name: str                   # as in the parameter files
     value: Value
-    sigma: Value | None = None  # standard errors; None where there is none to tell
+    sigma: Value | None = None  # standard error; None if not available
     note: str = ''
 
 
-def identified_text(about: Sequence[str], found: Iterable[Identified]) -> str:
+def identified_text(header: Sequence[str], identified: Iterable[Identified]) -> str:
     """
-    Return a ROS parameter file for all nodes that gives what was ``found``.
+    Return a ROS parameter file for all nodes with the ``identified`` parameters.
 
-    Each line has unit and standard error behind it. Raises ParameterError for a name that no
-    node knows and a value that it does not take.
+    ``header`` are comment lines. A comment after each value holds standard error and unit. Raises
+    ParameterError for an unknown name or an invalid value.
     """
-    lines = [f'# {line}' for line in about]
-    return '\n'.join([*lines, '/**:', '  ros__parameters:', *_body(found)]) + '\n'
+    lines = [f'# {line}' for line in header]
+    return '\n'.join([*lines, '/**:', '  ros__parameters:', *_body(identified)]) + '\n'
 
 
-def _body(found: Iterable[Identified]) -> Iterator[str]:
+def _body(identified: Iterable[Identified]) -> Iterator[str]:
     known = {name: spec for cls in NODE_PARAMS.values() for name, spec in specs(cls).items()}
     open_group = ''
-    for item in sorted(found, key=lambda item: item.name.rpartition('.')[0]):
+    for item in sorted(identified, key=lambda item: item.name.rpartition('.')[0]):
         if item.name not in known:
             raise ParameterError(f'unknown parameter {item.name}')
         known[item.name].check(item.value)
@@ -45,21 +45,21 @@ def _body(found: Iterable[Identified]) -> Iterator[str]:
         if group != open_group:
             yield f'    {group}:'
             open_group = group
-        error = '' if item.sigma is None else f'standard error {_text(item.sigma)} '
+        error = '' if item.sigma is None else f'standard error {_number_text(item.sigma)} '
         unit = '' if known[item.name].unit == '-' else known[item.name].unit
         comment = ', '.join(part for part in (f'{error}{unit}'.strip(), item.note) if part)
-        yield f'    {"  " if group else ""}{name}: {_text(item.value, 7)}' + (
+        yield f'    {"  " if group else ""}{name}: {_number_text(item.value, 7)}' + (
             f'  # {comment}' if comment else '')
 
 
-def _text(value: Value, digits: int = 2) -> str:
+def _number_text(value: Value, digits: int = 2) -> str:
     if isinstance(value, tuple):
-        return '[' + ', '.join(_text(item, digits) for item in value) + ']'
+        return '[' + ', '.join(_number_text(item, digits) for item in value) + ']'
     return repr(float(f'{value:.{digits}g}'))
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write ``text`` to ``path``; raise ParameterError if that can not be."""
+    """Write ``text`` to ``path``; raise ParameterError if it cannot be written."""
     try:
         path.write_text(text, encoding='utf-8')
     except OSError as error:

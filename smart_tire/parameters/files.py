@@ -11,46 +11,46 @@ from typing import Any
 import yaml
 
 from smart_tire.errors import ParameterError
-from smart_tire.parameters.spec import unknown_name
+from smart_tire.parameters.spec import is_known, unknown_name_error
 
-WILDCARDS = {'**': '(?:/[^/]+)*', '*': '/[^/]+'}
+WILDCARDS = {'**': '(?:/[^/]+)*', '*': '/[^/]+'}  # token of a block's name -> regular expression
 NUMBER = re.compile(r'[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?$')
-ROS_NAMES = ('use_sim_time', 'start_type_description_service')  # every ROS node has these
+ROS_NAMES = ('use_sim_time', 'start_type_description_service')  # declared by rclpy on every node
 
 
 class Loader(yaml.SafeLoader):
-    """Reads 1e-3 as a number, as rcl does and YAML 1.2 says."""
+    """YAML loader that reads 1e-3 as a number, as rcl and YAML 1.2 do."""
 
 
 Loader.add_implicit_resolver('tag:yaml.org,2002:float', NUMBER, list('-+.0123456789'))
 
 
 def load_files(paths: Iterable[str | Path], node: str, known: Iterable[str],
-               wanted: Iterable[str]) -> dict[str, Any]:
+               own: Iterable[str]) -> dict[str, Any]:
     """
-    Return the flat parameters that ``paths`` give to ``node``; later files and blocks win.
+    Return the flat parameters that ``paths`` set for ``node``; later files and blocks win.
 
-    ``known`` are the names that any node of this package has: another one is an error, for it
-    is most likely misspelt. ``wanted`` are the names that this node takes; the rest is for its
-    neighbours. Raises ParameterError if a file is missing or is no parameter file.
+    ``known`` are the parameter names of all nodes of this package; any other name is an error.
+    ``own`` are those of this node; others are ignored. Both are results of ``known_names``.
+    Raises ParameterError if a file is missing or not a parameter file.
     """
-    known, wanted = set(known), set(wanted)
+    known, own = set(known), set(own)
     values: dict[str, Any] = {}
     for path in paths:
         for block, parameters in _blocks(Path(path)):
             check_names(parameters, known, f'{path}: ')
             if _matches(block, node):
                 values.update((name, value) for name, value in parameters.items()
-                              if name in wanted)
+                              if is_known(name, own))
     return values
 
 
 def from_arguments(words: Sequence[str], node: str) -> dict[str, Any]:
     """
-    Return the flat parameters that a ROS command line gives to ``node`` (with its namespace).
+    Return the flat parameters that a ROS command line sets for ``node`` (fully qualified name).
 
-    What stands later wins, file or value, whatever the block: rcl itself lets the block of a
-    node in an early file win over ``/**`` in a late one and over ``-p``.
+    Later arguments win, files and ``-p`` alike. This differs from rcl, where a block for a node
+    in an earlier file takes precedence over ``/**`` in a later file and over ``-p``.
     """
     values: dict[str, Any] = {}
     inside, flags = False, iter(words)
@@ -70,7 +70,7 @@ def from_arguments(words: Sequence[str], node: str) -> dict[str, Any]:
 
 
 def _load(text: str) -> Any:
-    """Return the value of a piece of YAML, the text itself if it is none."""
+    """Return the value of ``text`` as YAML, ``text`` itself if it is not valid YAML."""
     try:
         return yaml.load(text, Loader)
     except yaml.YAMLError:
@@ -78,11 +78,12 @@ def _load(text: str) -> Any:
 
 
 def check_names(names: Iterable[str], known: Iterable[str], where: str = '') -> None:
-    """Raise ParameterError for the first of ``names`` that no node of this package has."""
+    """Raise ParameterError for the first of ``names`` that is neither ``known`` nor of rclpy."""
     known = set(known)
     for name in names:
-        if name not in known and name not in ROS_NAMES and not name.startswith('qos_overrides.'):
-            raise unknown_name(name, known, where)
+        if not is_known(name, known) and name not in ROS_NAMES \
+                and not name.startswith('qos_overrides.'):
+            raise unknown_name_error(name, known, where)
 
 
 def _blocks(path: Path) -> list[tuple[str, dict[str, Any]]]:
@@ -103,14 +104,14 @@ def _walk(path: Path, name: str, value: Any) -> list[tuple[str, dict[str, Any]]]
     if 'ros__parameters' in value:
         inner = value['ros__parameters'] or {}
         if not isinstance(inner, Mapping):
-            raise ParameterError(f'{path}: ros__parameters of {name} is no mapping')
+            raise ParameterError(f'{path}: ros__parameters of {name} is not a mapping')
         return [(name, flatten(inner))]
     return [block for key, deeper in value.items()
             for block in _walk(path, f'{name.rstrip("/")}/{key}', deeper)]
 
 
 def flatten(tree: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:
-    """Return a nested mapping with its keys joined by dots."""
+    """Return a nested mapping as a flat one, keys joined by dots."""
     flat: dict[str, Any] = {}
     for key, value in tree.items():
         if isinstance(value, Mapping):
@@ -121,7 +122,7 @@ def flatten(tree: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:
 
 
 def _matches(block: str, node: str) -> bool:
-    """Return whether a block is for ``node``, whose namespace counts if it has one."""
+    """Return whether a block applies to ``node``; a name without ``/`` ignores namespaces."""
     if not node.startswith('/'):
         pattern = block.rsplit('/', 1)[-1]
         return pattern == '**' or fnmatchcase(node, pattern)

@@ -5,15 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 import math
 
-from smart_tire.parameters.spec import group, param
+from smart_tire.parameters.spec import nested, param
 from smart_tire.samples import WHEELS
 
-WIDEST = 0.5  # of the circumference, within which the films of one group go in and out
+MAX_GROUP_EXTENT = 0.5  # of the circumference; all films of a group leave before one enters again
 
 
 @dataclass(frozen=True, kw_only=True)
 class ImuParams:
-    """Mounting and errors of the inertial unit."""
+    """Mounting and errors of the IMU."""
 
     position: tuple[float, ...] = param(
         (0.05, 0.02, 0.10), 'm', 'position of imu_link in base_link', length=3)
@@ -29,9 +29,11 @@ class ImuParams:
 class EncoderParams:
     """Wheel encoders."""
 
-    counts_per_revolution: float = param(2000.0, '-', 'counts per turn of a wheel', low=1.0)
-    stamp_jitter: float = param(0.001, 's', 'standard deviation of the stamps', low=0.0)
-    latency: float = param(0.0, 's', 'how late wheel_states stamps are', low=-1.0, high=1.0)
+    counts_per_revolution: float = param(2000.0, '-', 'counts per wheel revolution', low=1.0)
+    stamp_jitter: float = param(
+        0.001, 's', 'standard deviation of timestamp errors of wheel_states', low=0.0)
+    latency: float = param(
+        0.0, 's', 'delay of wheel_states timestamps after the measurement', low=-1.0, high=1.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,34 +43,39 @@ class TireParams:
     contact_length: float = param(0.046, 'm', 'length L of the contact patch', low=1e-3)
     contact_width: float = param(0.089, 'm', 'width B of the contact patch', low=1e-3)
     longitudinal_stiffness: float = param(
-        52.7, 'N', 'C_x, per unit slip and wheel, of tire and ground', low=1e-3)
+        52.7, 'N', 'per unit slip and wheel, C_x of the tire-ground pair', low=1e-3)
     longitudinal_stiffness_sigma: float = param(
-        0.1, '-', 'relative one sigma of the stiffness', low=0.0)
+        0.1, '-', 'relative standard deviation of C_x', low=0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
 class FilmParams:
-    """The PVDF films and their signal chain; lists hold one value per film, or those for all."""
+    """PVDF films and signal chain; lists: one value per film, for one wheel or for all wheels."""
 
-    wheels: tuple[str, ...] = param(
-        ('front_right',), '-', 'instrumented wheels', choices=WHEELS)
+    wheels: tuple[str, ...] = param(('front_right',), '-', 'instrumented wheels', choices=WHEELS)
     length: float = param(0.020, 'm', 'length l of a film', low=1e-3)
     width: float = param(0.003, 'm', 'width b of a film', low=1e-4)
-    spacing: float = param(0.030, 'm', 'between film centres along the circumference', low=0.0)
+    spacing: float = param(
+        0.030, 'm', 'distance between film centers along the circumference', low=0.0)
     positions: tuple[float, ...] = param(
-        (-1.0,), 'm', 'film centres along the circumference; -1: two, film.spacing apart',
-        low=-1.0)
+        (), 'm', 'film centers along the circumference; []: two, film.spacing apart',
+        low=0.0, kind='float[]')
     stretch_gain: tuple[float, ...] = param(
-        (307.5, 242.5), 'V/m', 'volts per metre of the overlap integral, per film', low=1e-3)
-    stretch_gain_tolerance: float = param(0.03, '-', 'relative one sigma of the gains', low=0.0)
-    bending_peak: tuple[float, ...] = param((0.83, 0.66), 'V', 'q_bm, per film', low=0.0)
+        (307.5, 242.5), 'V/m', 'per film, stretch voltage over overlap integral',
+        low=1e-3)
+    stretch_gain_tolerance: float = param(
+        0.03, '-', 'relative standard deviation of the gains', low=0.0)
+    bending_peak: tuple[float, ...] = param(
+        (0.83, 0.66), 'V', 'per film, peak q_bm of the bending voltage', low=0.0)
     bending_alpha: float = param(67.0, '1/m', 'shape of the bending charge, B(15)', low=1e-3)
-    release: str = param('fig8', '-', 'what happens at release', choices=('fig8', 'state'))
+    release: str = param(
+        'fig8', '-', 'convention for the voltage when the film leaves the patch',
+        choices=('fig8', 'state'))
     noise: float = param(0.005, 'V', 'standard deviation of one sample', low=0.0)
     rest_voltage: float = param(1.65, 'V', 'output without deformation', low=0.0)
-    voltage_range: float = param(3.3, 'V', 'full scale of the converter', low=1e-3)
-    bits: int = param(10, '-', 'resolution of the converter', low=1, high=24)
-    sample_rate: float = param(400.0, 'Hz', 'samples per second of a wheel unit', low=1.0)
+    voltage_range: float = param(3.3, 'V', 'full scale of the A/D converter', low=1e-3)
+    bits: int = param(10, '-', 'resolution of the A/D converter', low=1, high=24)
+    sample_rate: float = param(400.0, 'Hz', 'sampling rate of a sensor node', low=1.0)
 
     def __post_init__(self) -> None:
         films = self.count
@@ -78,30 +85,30 @@ class FilmParams:
                 raise ValueError(f'film.{name} has {count} values, expected {films} for all '
                                  f'wheels or {films} for each of {len(self.wheels)} in '
                                  'film.wheels')
-        if list(self.places) != sorted(self.places) or self.places[0] < 0.0:
-            raise ValueError(f'film.positions: {list(self.positions)}, expected numbers from 0 on '
+        if list(self.positions) != sorted(self.positions):
+            raise ValueError(f'film.positions: {list(self.positions)}, expected ascending numbers '
                              'in the order in which the films enter the patch')
         if len(set(self.wheels)) != len(self.wheels):
-            raise ValueError(f'film.wheels names a wheel twice: {list(self.wheels)}')
+            raise ValueError(f'film.wheels contains a wheel twice: {list(self.wheels)}')
 
     @property
     def places(self) -> tuple[float, ...]:
-        """Return the centres of a wheel's films [m] along the circumference, film 1 first."""
-        return (0.0, self.spacing) if self.positions == (-1.0,) else self.positions
+        """Return the centers of a wheel's films [m] along the circumference, film 1 first."""
+        return self.positions or (0.0, self.spacing)
 
     @property
     def count(self) -> int:
-        """Return how many films a wheel has."""
+        """Return the number of films per wheel."""
         return len(self.places)
 
     @property
     def code(self) -> float:
-        """Return what one step of the converter means [V]."""
+        """Return the voltage of one converter step [V]."""
         return self.voltage_range / (2**self.bits - 1)
 
     @property
     def sample_variance(self) -> float:
-        """Return the variance of one sample [V^2]: noise, and rounding to a code."""
+        """Return the variance of one sample [V^2]: noise and quantization."""
         return self.noise**2 + self.code**2 / 12.0
 
     def gains(self, wheel: str) -> tuple[float, ...]:
@@ -120,53 +127,57 @@ class FilmParams:
 
 @dataclass(frozen=True, kw_only=True)
 class SlipParams:
-    """When slip is defined."""
+    """Definition and inputs of the slip estimate."""
 
     standstill_speed: float = param(
-        0.05, 'm/s', 'slip is undefined where wheel and robot are slower', low=1e-4)
+        0.05, 'm/s', 'slip is NaN while both wheel and robot are slower', low=1e-4)
     film_aided: bool = param(
-        False, '-', "slip_estimator uses the films' slip too; for gains that are calibrated")
+        False, '-', 'use film_slip in slip_estimator; requires calibrated film gains')
 
 
 @dataclass(frozen=True, kw_only=True)
 class RobotParams:
-    """The robot as all nodes see it; defaults are paper B's robot where the paper has them."""
+    """The robot, common to all nodes; the defaults are those of paper B where it gives them."""
 
     wheel_radius: float = param(0.087, 'm', 'effective rolling radius', low=1e-3)
     wheel_radius_sigma: float = param(
-        0.002, '-', 'relative one sigma of the wheel radius, which is learned',
+        0.002, '-', 'relative standard deviation of the initial wheel radius',
         low=0.0, high=0.3)
-    track_width: float = param(0.38, 'm', 'between left and right wheel centres', low=1e-2)
-    wheelbase: float = param(0.26, 'm', 'between front and rear wheel centres', low=1e-2)
-    mass: float = param(10.9, 'kg', 'of the whole robot', low=1e-2)
-    yaw_inertia: float = param(0.35, 'kg m2', 'about the vertical axis', low=1e-4)
-    center_of_mass: tuple[float, ...] = param((0.0, 0.0, 0.11), 'm', 'in base_link', length=3)
-    imu: ImuParams = group(ImuParams)
-    encoder: EncoderParams = group(EncoderParams)
-    tire: TireParams = group(TireParams)
-    film: FilmParams = group(FilmParams)
-    slip: SlipParams = group(SlipParams)
+    track_width: float = param(
+        0.38, 'm', 'distance between left and right wheel centers', low=1e-2)
+    wheelbase: float = param(
+        0.26, 'm', 'distance between front and rear wheel centers', low=1e-2)
+    mass: float = param(10.9, 'kg', 'mass of the robot', low=1e-2)
+    yaw_inertia: float = param(
+        0.35, 'kg m2', 'moment of inertia about the vertical axis', low=1e-4)
+    center_of_mass: tuple[float, ...] = param(
+        (0.0, 0.0, 0.11), 'm', 'center of mass in base_link', length=3)
+    imu: ImuParams = nested(ImuParams)
+    encoder: EncoderParams = nested(EncoderParams)
+    tire: TireParams = nested(TireParams)
+    film: FilmParams = nested(FilmParams)
+    slip: SlipParams = nested(SlipParams)
 
     def __post_init__(self) -> None:
         circumference, places = 2.0 * math.pi * self.wheel_radius, self.film.places
         if places[-1] - places[0] >= circumference:
-            raise ValueError(f'film.positions: {list(places)} span more than the circumference of '
-                             f'{circumference:.3f} m')
+            raise ValueError(f'film.positions: {list(places)} span more than the wheel '
+                             f'circumference of {circumference:.3f} m')
 
     @property
     def film_groups(self) -> list[tuple[int, ...]]:
         """
-        Return the films of a wheel, by index, that pass together.
+        Return the films of a wheel (indices) grouped by patch crossing.
 
-        Films further apart than a contact is long have passages of their own, and so have those
-        that would come again before the others have left.
+        Films form a group if neighbors are closer than the distance over which a film is in
+        contact, and if all of them leave the patch before the first one enters it again.
         """
         contact, places = self.tire.contact_length + self.film.length, self.film.places
-        widest = WIDEST * 2.0 * math.pi * self.wheel_radius - contact
+        max_extent = MAX_GROUP_EXTENT * 2.0 * math.pi * self.wheel_radius - contact
         groups: list[tuple[int, ...]] = []
         for film, place in enumerate(places):
             if groups and place - places[groups[-1][-1]] <= contact and (
-                    place - places[groups[-1][0]] <= widest):
+                    place - places[groups[-1][0]] <= max_extent):
                 groups[-1] += (film,)
             else:
                 groups.append((film,))

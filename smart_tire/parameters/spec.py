@@ -1,16 +1,18 @@
 """
-One description per parameter: default, unit, meaning and range, beside the field it fills.
+Declaration of parameters: default, unit, meaning and range, next to the field that holds them.
 
-A parameter class is a frozen dataclass whose fields are made by ``param`` (a value), ``group``
-(a nested class, its names prefixed with the field's name and a dot) or ``part`` (a nested class
-whose names stand at the same level). ``specs`` flattens a class, ``build`` fills it.
+A parameter class is a frozen dataclass whose fields are made by ``param`` (a value), ``nested``
+(a class whose names get the field's name as prefix), ``inlined`` (a class whose names get no
+prefix) or ``named`` (a list of instances of a class, by name). ``specs`` returns the flat
+parameters of a class, ``build`` an instance from flat values.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, fields
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, fields, replace
 import difflib
+from fnmatch import fnmatchcase
 import math
 from typing import Any, TypeVar
 
@@ -18,6 +20,8 @@ from smart_tire.errors import ParameterError
 
 Params = TypeVar('Params')
 KINDS = {bool: 'bool', int: 'int', float: 'float', str: 'str'}
+ANY_NAME = '*'    # in the place of the names of a ``named`` field
+NAMES = 'names'   # last part of the list parameter with the names of a ``named`` field
 
 
 @dataclass(frozen=True)
@@ -27,7 +31,7 @@ class Spec:
     name: str
     kind: str                     # bool, int, float, str, or one of these followed by []
     default: Any
-    unit: str                     # '-' where there is none
+    unit: str                     # '-' if dimensionless
     meaning: str
     low: float | None = None      # smallest value allowed
     high: float | None = None     # largest value allowed
@@ -36,27 +40,33 @@ class Spec:
     live: bool = False            # may be changed while the node runs
 
     def check(self, value: Any) -> Any:
-        """Return ``value`` as this parameter's kind; raise ParameterError saying what is wrong."""
+        """
+        Return ``value`` converted to this parameter's kind; raise ParameterError if invalid.
+
+        None is an empty list: rcl reports an empty list in a parameter file as not set, since it
+        has no type, and rclpy gives None.
+        """
         if not self.kind.endswith('[]'):
-            return self._one(value, self.kind)
+            return self._check_one(value, self.kind)
+        value = () if value is None else value
         if isinstance(value, (str, bytes)) or not isinstance(value, Iterable):
-            raise self._refusal(value, f'a list of {self.kind[:-2]}')
-        items = tuple(self._one(item, self.kind[:-2]) for item in value)
+            raise self._error(value, f'a list of {self.kind[:-2]}')
+        items = tuple(self._check_one(item, self.kind[:-2]) for item in value)
         if self.length is not None and len(items) != self.length:
-            raise self._refusal(value, f'{self.length} numbers')
+            raise self._error(value, f'{self.length} numbers')
         return items
 
-    def _one(self, value: Any, kind: str) -> Any:
+    def _check_one(self, value: Any, kind: str) -> Any:
         if kind == 'float' and isinstance(value, int) and not isinstance(value, bool):
             value = float(value)
         if kind == 'int' and isinstance(value, float) and value.is_integer():
             value = int(value)
         if KINDS.get(type(value)) != kind:
-            raise self._refusal(value, f'a {kind}')
+            raise self._error(value, f'{"an" if kind == "int" else "a"} {kind}')
         if self.choices and value not in self.choices:
-            raise self._refusal(value, 'one of ' + ', '.join(self.choices))
+            raise self._error(value, 'one of ' + ', '.join(self.choices))
         if kind in ('int', 'float') and not self._in_range(value):
-            raise self._refusal(value, self.range_text())
+            raise self._error(value, self.range_text())
         return value
 
     def _in_range(self, value: float) -> bool:
@@ -64,7 +74,7 @@ class Spec:
                 and (self.high is None or value <= self.high))
 
     def range_text(self) -> str:
-        """Return the range in words, with the unit."""
+        """Return the range as text, with the unit."""
         unit = '' if self.unit == '-' else f' {self.unit}'
         if self.low is not None and self.high is not None:
             return f'{self.low:g} to {self.high:g}{unit}'
@@ -72,49 +82,110 @@ class Spec:
             return f'at least {self.low:g}{unit}'
         return f'at most {self.high:g}{unit}' if self.high is not None else 'a finite number'
 
-    def _refusal(self, value: Any, expected: str) -> ParameterError:
+    def _error(self, value: Any, expected: str) -> ParameterError:
         return ParameterError(f'parameter {self.name}: {value!r}, expected {expected}')
 
 
 def param(default: Any, unit: str, meaning: str, **limits: Any) -> Any:
-    """Return a dataclass field that describes a parameter; ``limits`` are fields of ``Spec``."""
+    """
+    Return a dataclass field that describes a parameter; ``limits`` are fields of ``Spec``.
+
+    The kind is that of ``default``; an empty list needs ``kind``.
+    """
     return field(default=default, metadata={'unit': unit, 'meaning': meaning, **limits})
 
 
-def group(cls: Callable[[], Any]) -> Any:
-    """Return a field for a nested class whose names get this field's name as prefix."""
-    return field(default_factory=cls, metadata={'nested': cls, 'prefix': True})
+def nested(cls: Callable[[], Any]) -> Any:
+    """Return a field for a parameter class whose names get this field's name as prefix."""
+    return field(default_factory=cls, metadata={'class': cls, 'prefix': True})
 
 
-def part(cls: Callable[[], Any]) -> Any:
-    """Return a field for a nested class whose names stand at the level of the outer class."""
-    return field(default_factory=cls, metadata={'nested': cls, 'prefix': False})
+def inlined(cls: Callable[[], Any]) -> Any:
+    """Return a field for a parameter class whose names are those of the outer class."""
+    return field(default_factory=cls, metadata={'class': cls, 'prefix': False})
+
+
+def named(cls: type, default: tuple[Any, ...], meaning: str) -> Any:
+    """
+    Return a field for a tuple of instances of ``cls``, each with a name.
+
+    ``cls`` has a field ``name`` and parameters. The parameter ``<field>.names`` lists the names,
+    ``<field>.<name>.<parameter>`` describes the instance of that name. Instances that are not
+    listed are ignored, so that a parameter file can replace the list of another one.
+    """
+    return field(default=default, metadata={'instances of': cls, 'meaning': meaning})
+
+
+Names = Callable[[str, tuple[str, ...]], Iterable[str]]  # list parameter, its default -> names
+
+
+def specs(cls: type, values: Mapping[str, Any] | None = None) -> dict[str, Spec]:
+    """
+    Return name -> Spec of every parameter of ``cls``, in order of declaration.
+
+    ``values`` (flat names) hold the lists of names of ``named`` fields that differ from the
+    defaults.
+    """
+    given = {} if values is None else values
+
+    def names(parameter: str, default: tuple[str, ...]) -> Iterable[str]:
+        return _instance_names(parameter, given.get(parameter, default))
+
+    return {spec.name: spec for spec in _walk(cls, '', names)}
+
+
+def _walk(cls: type, prefix: str, names: Names) -> Iterator[Spec]:
+    for item in fields(cls):
+        metadata = item.metadata
+        if 'class' in metadata:
+            inner = f'{prefix}{item.name}.' if metadata['prefix'] else prefix
+            yield from _walk(metadata['class'], inner, names)
+        elif 'instances of' in metadata:
+            yield from _walk_instances(item, f'{prefix}{item.name}.', names)
+        elif 'unit' in metadata:
+            limits = {'kind': _kind(item.default), **metadata}
+            yield Spec(prefix + item.name, default=item.default, **limits)
+
+
+def _walk_instances(item: Any, prefix: str, names: Names) -> Iterator[Spec]:
+    defaults = {instance.name: instance for instance in item.default}
+    yield Spec(prefix + NAMES, 'str[]', tuple(defaults), '-', item.metadata['meaning'])
+    for name in names(prefix + NAMES, tuple(defaults)):
+        inner = f'{prefix}{name}.'
+        for spec in _walk(item.metadata['instances of'], inner, names):
+            leaf = spec.name.removeprefix(inner)
+            yield replace(spec, default=getattr(defaults.get(name), leaf, spec.default))
 
 
 def _kind(default: Any) -> str:
-    return KINDS[type(default[0])] + '[]' if isinstance(default, tuple) else KINDS[type(default)]
+    if not isinstance(default, tuple):
+        return KINDS[type(default)]
+    return KINDS[type(default[0])] + '[]' if default else ''
 
 
-def specs(cls: type) -> dict[str, Spec]:
-    """Return the flat name -> Spec of every parameter of ``cls``, in order of declaration."""
-    found: dict[str, Spec] = {}
-    for item in fields(cls):
-        if (nested := item.metadata.get('nested')) is not None:
-            prefix = f'{item.name}.' if item.metadata['prefix'] else ''
-            for name, spec in specs(nested).items():
-                found[prefix + name] = Spec(**{**vars(spec), 'name': prefix + name})
-        else:
-            found[item.name] = Spec(item.name, _kind(item.default), item.default, **item.metadata)
-    return found
+def _instance_names(parameter: str, names: Any) -> tuple[str, ...]:
+    """Return the names in a list parameter; raise ParameterError if they cannot be names."""
+    listed: tuple[str, ...] = Spec(parameter, 'str[]', (), '-', '').check(names)
+    if len(set(listed)) < len(listed) or not all(
+            name.isidentifier() and name != NAMES for name in listed):
+        raise ParameterError(f'parameter {parameter}: {list(listed)}, expected distinct names of '
+                             f'letters, digits and _, other than {NAMES}')
+    return listed
 
 
 def known_names(classes: Iterable[type]) -> set[str]:
-    """Return the names of all parameters of all ``classes``."""
-    return {name for cls in classes for name in specs(cls)}
+    """Return the parameter names of ``classes``, with ``*`` for the names of ``named`` fields."""
+    return {spec.name for cls in classes for spec in _walk(cls, '', lambda *_: (ANY_NAME,))}
 
 
-def unknown_name(name: str, known: Iterable[str], where: str = '') -> ParameterError:
-    """Return the error for a parameter that nobody knows, with the likeliest meant name."""
+def is_known(name: str, known: Iterable[str]) -> bool:
+    """Return whether ``name`` is one of ``known``, the result of ``known_names``."""
+    return name in known or any(fnmatchcase(name, pattern) for pattern in known
+                                if ANY_NAME in pattern)
+
+
+def unknown_name_error(name: str, known: Iterable[str], where: str = '') -> ParameterError:
+    """Return the error for an unknown parameter, with the most similar known name."""
     near = difflib.get_close_matches(name, list(known), n=1)
     hint = f', did you mean {near[0]}?' if near else ''
     return ParameterError(f'{where}unknown parameter {name}{hint}')
@@ -122,16 +193,17 @@ def unknown_name(name: str, known: Iterable[str], where: str = '') -> ParameterE
 
 def build(cls: type[Params], values: Mapping[str, Any]) -> Params:
     """
-    Return ``cls`` with ``values`` (flat names) over its defaults.
+    Return an instance of ``cls`` with ``values`` (flat names) in place of its defaults.
 
-    Raises ParameterError, naming the parameter, for an unknown name or a value that is not of
-    the described kind and range, and where values contradict each other.
+    Raises ParameterError, naming the parameter, for an unknown name, for a value that is not of
+    the described kind and range, and for values that contradict each other.
     """
-    described = specs(cls)
+    described, known = specs(cls, values), known_names([cls])
     for name in values:
-        if name not in described:
-            raise unknown_name(name, described)
-    checked = {name: described[name].check(value) for name, value in values.items()}
+        if not is_known(name, known):
+            raise unknown_name_error(name, known)
+    checked = {name: described[name].check(value) for name, value in values.items()
+               if name in described}
     try:
         return _fill(cls, '', checked)
     except ParameterError:
@@ -140,12 +212,25 @@ def build(cls: type[Params], values: Mapping[str, Any]) -> Params:
         raise ParameterError(f'parameters: {error}') from error
 
 
-def _fill(cls: type[Params], prefix: str, values: Mapping[str, Any]) -> Params:
-    chosen: dict[str, Any] = {}
+def _fill(cls: type[Params], prefix: str, values: Mapping[str, Any], **chosen: Any) -> Params:
     for item in fields(cls):  # type: ignore[arg-type]
-        if (nested := item.metadata.get('nested')) is not None:
-            inner = f'{prefix}{item.name}.' if item.metadata['prefix'] else prefix
-            chosen[item.name] = _fill(nested, inner, values)
-        elif prefix + item.name in values:
-            chosen[item.name] = values[prefix + item.name]
+        metadata, name = item.metadata, prefix + item.name
+        if 'class' in metadata:
+            inner = f'{name}.' if metadata['prefix'] else prefix
+            chosen[item.name] = _fill(metadata['class'], inner, values)
+        elif 'instances of' in metadata:
+            chosen[item.name] = _fill_instances(item, f'{name}.', values)
+        elif name in values and 'unit' in metadata:
+            chosen[item.name] = values[name]
     return cls(**chosen)
+
+
+def _fill_instances(item: Any, prefix: str, values: Mapping[str, Any]) -> tuple[Any, ...]:
+    defaults = {instance.name: instance for instance in item.default}
+    cls, instances = item.metadata['instances of'], []
+    for name in values.get(prefix + NAMES, tuple(defaults)):
+        inner = f'{prefix}{name}.'
+        default = {inner + spec.name: getattr(defaults[name], spec.name)
+                   for spec in specs(cls).values()} if name in defaults else {}
+        instances.append(_fill(cls, inner, {**default, **values}, name=name))
+    return tuple(instances)

@@ -1,49 +1,52 @@
 """
-The files in ``config/``, written from the descriptions of the parameters.
+Writes the parameter files in ``config/`` from the parameter classes.
 
-``python -m smart_tire.parameters.yaml_writer FOLDER`` writes them; a test compares.
+``python -m smart_tire.parameters.yaml_writer FOLDER`` writes them into FOLDER; a test checks that
+those in ``config/`` are current.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import fields, replace
 from inspect import cleandoc
 from pathlib import Path
 import sys
-
+from typing import Any
 import yaml
 
 from smart_tire.parameters import NODE_PARAMS, RobotParams
 from smart_tire.parameters.spec import Spec, specs
 
-WIDTH = 90  # characters; a list that makes a line longer goes below its name
+MAX_LINE_LENGTH = 90  # characters; the items of a list that exceeds it get lines of their own
 
-# File -> what it is about, and the nodes it is for ('' for all of them).
+# File -> its title, and the nodes whose parameters it contains ('' for those of all nodes).
 FILES = {
-    'robot.yaml': ('The robot itself, for all nodes, the simulator and the analysis.', ('',)),
-    'hardware.yaml': ('What is plugged in where.',
+    'robot.yaml': ('Robot: geometry, tires, films and sensors; for all nodes, the simulator and '
+                   'the analysis.', ('',)),
+    'hardware.yaml': ('Drivers: ports and devices.',
                       ('tire_receiver', 'imu_driver', 'motor_driver')),
-    'tuning.yaml': ('How estimators and controller work.',
+    'tuning.yaml': ('Estimators and controller.',
                     ('slip_estimator', 'friction_estimator', 'wheel_controller')),
-    'simulation.yaml': ('The simulated robot and its ground; its geometry is in robot.yaml.',
+    'simulation.yaml': ('Simulated robot and ground; the geometry of the robot is in robot.yaml.',
                         ('robot_simulator',)),
 }
-PLUGGED = {'tire_receiver': 'ports.tire_radio', 'imu_driver': 'ports.imu',
-           'motor_driver': 'ports.motors'}  # driver -> the simulator's parameter for its port
+SIMULATED_PORTS = {  # driver -> parameter of the simulator that names its port
+    'tire_receiver': 'ports.tire_radio', 'imu_driver': 'ports.imu',
+    'motor_driver': 'ports.motors'}
 
 
 def file_text(name: str) -> str:
-    """Return the parameter file ``name`` with every parameter at its default, commented."""
-    about, nodes = FILES[name]
-    lines = [f'# {about}', '# Values are the defaults; "make config" writes this file.']
+    """Return the text of the parameter file ``name``: all defaults, with comments."""
+    title, nodes = FILES[name]
+    lines = [f'# {title}', '# Values are the defaults; "make config" writes this file.']
     for node in nodes:
         cls = NODE_PARAMS[node] if node else RobotParams
-        # '/**/' in front: the node may stand in any namespace.
+        # The prefix /**/ matches the node in any namespace.
         lines += ['', *_comment(cls, ''), f'/**/{node}:' if node else '/**:',
                   '  ros__parameters:', *_body(cls, '    ')]
     if name == 'simulation.yaml':
-        lines += _plugged()
+        lines += _simulated_ports()
     return '\n'.join(lines) + '\n'
 
 
@@ -53,10 +56,10 @@ def write_files(folder: Path) -> None:
         (folder / name).write_text(file_text(name), encoding='utf-8')
 
 
-def _plugged() -> Iterator[str]:
-    yield from ('', '# The drivers, in place of hardware.yaml: their ports are the links above.')
+def _simulated_ports() -> Iterator[str]:
+    yield from ('', '# Drivers, instead of hardware.yaml: the ports of the simulated devices.')
     links = specs(NODE_PARAMS['robot_simulator'])
-    for node, name in PLUGGED.items():
+    for node, name in SIMULATED_PORTS.items():
         port = replace(specs(NODE_PARAMS[node])['port'], default=links[name].default)
         yield from (f'/**/{node}:', '  ros__parameters:', *(f'    {x}' for x in _entry(port)))
 
@@ -64,13 +67,30 @@ def _plugged() -> Iterator[str]:
 def _body(cls: type, indent: str) -> Iterator[str]:
     described = specs(cls)
     for item in fields(cls):
-        nested = item.metadata.get('nested')
-        if nested is None:
+        if item.name in described:
             yield from (indent + line for line in _entry(described[item.name]))
-        elif item.metadata['prefix']:
-            yield from _comment(nested, indent)
+        elif 'instances of' in item.metadata:
             yield f'{indent}{item.name}:'
-            yield from _body(nested, indent + '  ')
+            yield from _instances(item, described, indent + '  ')
+        elif item.metadata['prefix']:
+            yield from _comment(item.metadata['class'], indent)
+            yield f'{indent}{item.name}:'
+            yield from _body(item.metadata['class'], indent + '  ')
+
+
+def _instances(item: Any, described: Mapping[str, Spec], indent: str) -> Iterator[str]:
+    """Yield the lines of a field made by ``named``: the list of names, then each instance."""
+    prefix = f'{item.name}.'
+    lists = {name.removeprefix(prefix): spec for name, spec in described.items()
+             if name.startswith(prefix)}
+    group = ''
+    for name, spec in lists.items():
+        instance, _, leaf = name.rpartition('.')
+        if instance != group:
+            yield f'{indent}{instance}:'
+            group = instance
+        yield from (indent + '  ' * bool(instance) + line
+                    for line in _entry(replace(spec, name=leaf)))
 
 
 def _comment(cls: type, indent: str) -> Iterator[str]:
@@ -80,16 +100,18 @@ def _comment(cls: type, indent: str) -> Iterator[str]:
 
 def _entry(spec: Spec) -> list[str]:
     unit = '' if spec.unit == '-' else f'{spec.unit}, '
-    named = all(choice in spec.meaning for choice in spec.choices)
-    choices = '' if named else f' ({", ".join(spec.choices)})'
+    in_meaning = all(choice in spec.meaning for choice in spec.choices)
+    choices = '' if in_meaning else f' ({", ".join(spec.choices)})'
     comment = f'  # {unit}{spec.meaning}{choices}'
-    line = f'{spec.name}: {_value(spec.default)}{comment}'
-    if len(line) <= WIDTH or not isinstance(spec.default, tuple):
+    line = f'{spec.name}: {value_text(spec.default)}{comment}'
+    if len(line) <= MAX_LINE_LENGTH or not isinstance(spec.default, tuple) \
+            or len(spec.default) < 2 or not isinstance(spec.default[0], str):
         return [line]
-    return [f'{spec.name}:{comment}', *(f'  - {_value(item)}' for item in spec.default)]
+    return [f'{spec.name}:{comment}', *(f'  - {value_text(item)}' for item in spec.default)]
 
 
-def _value(value: object) -> str:
+def value_text(value: object) -> str:
+    """Return a parameter value as YAML on one line."""
     plain = list(value) if isinstance(value, tuple) else value
     text = yaml.safe_dump(plain, default_flow_style=True, width=sys.maxsize)
     return text.removesuffix('...\n').strip()

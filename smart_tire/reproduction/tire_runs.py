@@ -44,7 +44,7 @@ def drive(laboratory: Laboratory, ground: str, schedule: Schedule, duration: flo
           seed: int = 1) -> Run:
     """Return a drive of ``duration`` [s] after ``STANDSTILL_TIME`` on uniform ground."""
     params = build(SimulatorParams, {
-        'seed': seed, 'ground.base': ground, 'ground.patches': [], 'film.wheels': [WHEEL]})
+        'seed': seed, 'ground.base': ground, 'ground.patches.names': [], 'film.wheels': [WHEEL]})
     pipeline = Pipeline(EstimatorParams())
     inputs, estimates, truth = Series(), Series(), Series()
     imu: list[tuple[int, float]] = []

@@ -133,7 +133,7 @@ class _Host:
     def _receive_batch(self, batch: FilmBatch) -> None:
         """Add the samples of a radio batch, with delay and in order, unless it is lost."""
         radio, film = self._params.radio, self._params.robot.film
-        delay = min(radio.delay + self._rng.exponential(radio.jitter), radio.longest)
+        delay = min(radio.delay + self._rng.exponential(radio.jitter), radio.max_delay)
         lost = self._rng.random() < radio.loss
         stamp_error_ns = round(self._rng.normal(0.0, TIMESTAMP_SIGMA_NS))
         if lost:

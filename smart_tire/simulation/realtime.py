@@ -49,7 +49,8 @@ class SimulatedHardware:
                               clock_error=rng.normal(0.0, params.errors.imu_clock))
         self._boards = RoboclawEmulator(params.addresses)
         self._radio = RadioEmulator(self._robot.sensor_nodes, rng, delay=radio.delay,
-                                    jitter=radio.jitter, max_delay=radio.longest, loss=radio.loss)
+                                    jitter=radio.jitter, max_delay=radio.max_delay,
+                                    loss=radio.loss)
         self._open(params)
 
     def _open(self, params: SimulatorParams) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from smart_tire.parameters.simulation import GroundParams, Rectangle
+from smart_tire.parameters.simulation import GroundParams, PatchParams
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,12 +24,12 @@ class SurfaceMap:
         columns = (params.names, params.friction, params.stiffness, params.drag)
         self.surfaces = {row[0]: Surface(*row) for row in zip(*columns)}
         self._base = self.surfaces[params.base]
-        self._patches: list[tuple[Surface, Rectangle]] = [
-            (self.surfaces[name], corners) for name, corners in reversed(params.rectangles())]
+        self._patches: list[tuple[Surface, PatchParams]] = [
+            (self.surfaces[patch.surface], patch) for patch in reversed(params.patches)]
 
     def at(self, x: float, y: float) -> Surface:
         """Return the surface at a point [m] in the world frame."""
-        for surface, (x_from, y_from, x_to, y_to) in self._patches:
-            if x_from <= x <= x_to and y_from <= y <= y_to:
+        for surface, patch in self._patches:
+            if patch.x[0] <= x <= patch.x[1] and patch.y[0] <= y <= patch.y[1]:
                 return surface
         return self._base

@@ -43,6 +43,6 @@ def write_bag(path, events, rename=lambda topic: topic):
             if name not in encoders:
                 encoders[name] = Encoder(TOPICS[topic].type)
                 writer.add_topic(replace(channel_of(topic, TOPICS[topic].type), topic=name))
-            message = TOPICS[topic].fill(empty(TOPICS[topic].type), sample)
+            message = TOPICS[topic].to_msg(empty(TOPICS[topic].type), sample)
             writer.write(name, receive_ns, encoders[name](message))
     return path

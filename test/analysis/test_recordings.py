@@ -14,7 +14,7 @@ RECORDINGS = Path(__file__).resolve().parents[3] / 'shared' / 'data'
 # latency of the wheel messages of the Warthog.
 COMMON = """
     imu: {position: [0.0, 0.0, 0.0], accel_bias: 0.5}
-    slip_sigma: 0.05
+    differential_slip_sigma: 0.05
     slope_sigma: 0.02
 """
 WARTHOG = f"""

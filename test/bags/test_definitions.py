@@ -24,8 +24,8 @@ def test_rclpy_decodes_our_messages(sample):
     topic = TOPICS[topic_of(sample)]
     package, kind, name = topic.type.split('/')
     cls = getattr(import_module(f'{package}.{kind}'), name)
-    raw = Encoder(topic.type)(topic.fill(empty(topic.type), sample))
-    assert topic.decode(serialization.deserialize_message(raw, cls)) == sample
+    raw = Encoder(topic.type)(topic.to_msg(empty(topic.type), sample))
+    assert topic.from_msg(serialization.deserialize_message(raw, cls)) == sample
 
 
 @pytest.mark.parametrize('type_name', sorted({topic.type for topic in TOPICS.values()}))

@@ -32,7 +32,7 @@ def imu_bytes(number=0):
     """Return the bytes of an IMU message with ``number`` as acceleration."""
     topic = TOPICS['imu/data']
     sample = ImuSample(START_NS, (float(number), 0.0, 9.81), (0.0, 0.0, 0.0))
-    return Encoder(topic.type)(topic.fill(empty(topic.type), sample))
+    return Encoder(topic.type)(topic.to_msg(empty(topic.type), sample))
 
 
 IMU = TOPICS['imu/data'].type
@@ -47,7 +47,7 @@ def test_a_topic_is_found_with_or_without_namespace(tmp_path, name):
 
 def test_topics_of_two_robots_are_never_mixed(tmp_path):
     joints = TOPICS['wheel_states']
-    wheels = Encoder(joints.type)(joints.fill(
+    wheels = Encoder(joints.type)(joints.to_msg(
         empty(joints.type), WheelSample(START_NS, (1.0, 2.0, 3.0, 4.0))))
     messages = [(1, '/a/imu/data', IMU, imu_bytes(1)),
                 (2, '/robot_b/imu/data', IMU, imu_bytes(2)),
@@ -77,7 +77,7 @@ def test_a_standard_name_with_another_type_is_skipped_and_reported(tmp_path):
 
 def test_invalid_messages_are_counted_and_valid_ones_are_kept(tmp_path):
     topic = TOPICS['imu/data']
-    nan = Encoder(IMU)(topic.fill(
+    nan = Encoder(IMU)(topic.to_msg(
         empty(IMU), ImuSample(START_NS, (math.nan, 0.0, 0.0), (0.0, 0.0, 0.0))))
     bad = [nan, b'', b'\x00\x01\x00\x00', imu_bytes()[:100], b'\x00\x09\x00\x00' + bytes(400)]
     messages = []

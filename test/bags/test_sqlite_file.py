@@ -37,7 +37,7 @@ def write(path, events, version=9, plugin=StoragePlugin.SQLITE3, mode=Compressio
                 connections[name] = writer.add_connection(
                     '/' + name, topic.type, typestore=typestore())
                 encoders[name] = Encoder(topic.type)
-            data = encoders[name](topic.fill(empty(topic.type), sample))
+            data = encoders[name](topic.to_msg(empty(topic.type), sample))
             writer.write(connections[name], receive_ns, data)
     return path
 
@@ -99,7 +99,7 @@ def test_a_file_without_profiles_and_definitions_is_read(tmp_path):
     path = tmp_path / 'foxy.db3'
     with sqlite3.connect(path) as connection:
         connection.executescript(FOXY)
-        data = Encoder(topic.type)(topic.fill(empty(topic.type), event[2]))
+        data = Encoder(topic.type)(topic.to_msg(empty(topic.type), event[2]))
         connection.execute('INSERT INTO messages VALUES (1, 1, ?, ?)', (event[0], data))
     with Bag(path) as bag:
         assert list(bag.samples(['odom'])) == [event]

@@ -40,7 +40,7 @@ def test_rosbags_reads_the_same_samples(tmp_path):
         for connection, receive_ns, data in reader.messages():
             topic = TOPICS[connection.topic.strip('/')]
             msg = reader.deserialize(data, connection.msgtype)
-            read.append((receive_ns, topic.name, topic.decode(msg)))
+            read.append((receive_ns, topic.name, topic.from_msg(msg)))
     assert read == events
 
 

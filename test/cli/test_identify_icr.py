@@ -22,8 +22,8 @@ def test_s_is_printed_per_turn_and_the_written_file_can_be_loaded(bag, tmp_path,
     assert 'turn at' in output and 'spread over all turns' in output
     known = specs(SlipEstimatorParams)
     values = load_files([out], 'slip_estimator', known, known)
-    assert values['icr'] == pytest.approx(0.05, abs=0.01)
-    assert 0.0 < values['icr_sigma'] < 0.2
+    assert values['icr_x'] == pytest.approx(0.05, abs=0.01)
+    assert 0.0 < values['icr_x_sigma'] < 0.2
     assert out.with_suffix('.png').read_bytes().startswith(b'\x89PNG')
 
 

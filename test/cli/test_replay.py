@@ -94,7 +94,7 @@ def test_commands_are_published_if_named(source, tmp_path):
 def test_a_replay_ends_on_interrupt(source):
     pytest.importorskip('rclpy')
     with command('replay', source, '--rate', 0.001, '--wait', 0) as player:
-        player.wait_for('nobody listens to /tire_samples')
+        player.wait_for('no subscribers on /tire_samples')
         player.signal(signal.SIGINT)
         assert player.end() == 0
     assert 'published in part' in player.output
@@ -111,7 +111,7 @@ def test_nothing_is_published_if_an_awaited_node_is_missing(source):
             'replay', source, '--wait', 4, '--wait-for', 'slip_estimator',
             'friction_estimator') as player:
         assert player.end() == 1
-    assert 'smart_tire replay: /friction_estimator is not there' in player.lines
+    assert 'smart_tire replay: /friction_estimator is not running' in player.lines
     assert 'published' not in player.output
 
 
@@ -121,7 +121,7 @@ def test_awaited_nodes_are_in_the_namespace_of_the_replayer(source):
             'replay', source, '--wait', 3, '--wait-for', 'slip_estimator',
             '--ros-args', '-r', '__ns:=/robot') as player:
         assert player.end() == 1
-    assert 'smart_tire replay: /robot/slip_estimator is not there' in player.lines
+    assert 'smart_tire replay: /robot/slip_estimator is not running' in player.lines
 
 
 def test_a_node_without_matching_subscription_is_not_ready(source, tmp_path):
@@ -131,13 +131,13 @@ def test_a_node_without_matching_subscription_is_not_ready(source, tmp_path):
         with command('replay', source, '--wait', 8, '--topics', 'imu/data', '--wait-for',
                      '/recorder') as player:
             assert player.end() == 1
-    assert 'smart_tire replay: /recorder listens to none of /imu/data' in player.lines
+    assert 'smart_tire replay: /recorder subscribes to none of /imu/data' in player.lines
 
 
 def test_nodes_other_than_estimators_can_be_awaited(source, tmp_path):
     pytest.importorskip('rclpy')
     with command('replay', source, '--wait', 40, '--wait-for', 'recorder') as player:
-        player.wait_for('waiting: /recorder is not there')
+        player.wait_for('waiting: /recorder is not running')
         with command('record', '--out', tmp_path / 'received', '--topics', 'imu/data') as recorder:
             assert player.end() == 0
             recorder.signal(signal.SIGINT)
@@ -151,21 +151,21 @@ def test_the_replay_fails_if_an_estimator_ends_early(source):
     with node('slip_estimator') as estimator, command(
             'replay', source, '--rate', 0.02, '--wait', 30, '--wait-for',
             'slip_estimator') as player:
-        player.wait_for('nobody listens to /tire_samples')
+        player.wait_for('no subscribers on /tire_samples')
         estimator.signal(signal.SIGINT)
         assert estimator.end() == 0
         assert player.end() == 1
-    assert 'smart_tire replay: /slip_estimator is gone' in player.lines
+    assert 'smart_tire replay: /slip_estimator ended during the replay' in player.lines
     assert 'published in part' in player.output
 
 
 def test_the_replay_fails_if_an_estimator_starts_late(source):
     pytest.importorskip('rclpy')
     with command('replay', source, '--rate', 0.1, '--wait', 0) as player:
-        player.wait_for('nobody listens to /tire_samples')
+        player.wait_for('no subscribers on /tire_samples')
         with node('slip_estimator'):
             assert player.end() == 1
-    assert 'smart_tire replay: /slip_estimator came after the replay had begun' in player.lines
+    assert 'smart_tire replay: /slip_estimator started after the replay had begun' in player.lines
 
 
 @pytest.mark.parametrize('name', ['imu/data', '/imu/data', 'path', 'robot/path', '/robot/path'])

@@ -8,7 +8,7 @@ import pytest
 
 from smart_tire.control.wheel_control import WheelControl
 from smart_tire.parameters.tuning import PidParams, WheelControllerParams
-from smart_tire.samples import NS_PER_S
+from smart_tire.samples import NS_PER_S, VelocityCommand
 
 PARAMS = WheelControllerParams(wheel_states_timeout=0.5)
 PERIOD_NS = NS_PER_S // 16
@@ -29,6 +29,14 @@ def test_equal_set_points_give_equal_duties():
     assert set_points == pytest.approx(AHEAD)
     assert len(set(duty)) == 1
     assert duty[0] > 0.0
+
+
+def test_a_body_velocity_becomes_wheel_speeds_of_the_effective_track():
+    control = started(replace(PARAMS, effective_track=0.5))
+    set_points, duty = control.follow(VelocityCommand(0, 0.5, 1.0), 0)
+    assert set_points == pytest.approx([0.25 / RADIUS, 0.75 / RADIUS] * 2)
+    assert duty[1] > duty[0] > 0.0
+    assert control.follow(None, 1) == (STOPPED, STOPPED)
 
 
 def test_each_wheel_has_its_own_controller():

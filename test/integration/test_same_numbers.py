@@ -1,4 +1,4 @@
-"""Replayed at any rate, and offline: the same numbers, also of a recording with late messages."""
+"""Equal estimates live, replayed at any rate and offline, also with late messages."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from smart_tire.simulation.offline import simulate
 pytestmark = pytest.mark.processes
 
 WHEELS = ['front_left', 'front_right']
-STALLS = ((2.0, 2.15), (3.0, 3.1), (4.0, 4.5), (5.2, 5.25))  # s, of an overloaded recorder
+STALLS = ((2.0, 2.15), (3.0, 3.1), (4.0, 4.5), (5.2, 5.25))  # s, stalls of the recorder
 
 
 @pytest.fixture(scope='module')
 def events():
-    """Return what a robot receives during a simulated turn."""
+    """Return the received inputs of a simulated turn."""
     params = build(SimulatorParams, {
         'seed': 5, 'film.wheels': WHEELS, 'ground.base': 'concrete', 'radio.loss': 0.02})
     return [event for event in simulate(params, [(1.5, 120.0, 60.0)], 7.0) if event[1] in INPUTS]
@@ -62,13 +62,13 @@ def overloaded(events, params, tmp_path_factory):
 
 @pytest.fixture(scope='module')
 def aided(tmp_path_factory):
-    """Return the parameter file of the robot with the films' slip in its slip estimator."""
+    """Return the parameter file of the robot with ``slip.film_aided``."""
     return parameter_file(tmp_path_factory.mktemp('aided') / 'robot.yaml', {
         '/**': {'film.wheels': WHEELS, 'slip.film_aided': True}})
 
 
 @pytest.mark.parametrize('rate', [1.0, 5.0])
-def test_nodes_on_a_replayed_bag_give_the_numbers_of_the_offline_run(
+def test_a_replay_yields_the_estimates_of_the_offline_analysis(
         recording, params, tmp_path, rate):
     bag_path, offline = recording
     found, late = replayed(bag_path, params, tmp_path, rate, offline)
@@ -78,7 +78,7 @@ def test_nodes_on_a_replayed_bag_give_the_numbers_of_the_offline_run(
 
 
 @pytest.mark.parametrize('rate', [1.0, 5.0, 50.0])
-def test_two_replays_of_an_overloaded_recording_and_the_offline_run_give_the_same_numbers(
+def test_replays_with_late_messages_yield_the_estimates_of_the_offline_analysis(
         overloaded, recording, params, tmp_path, rate):
     bag_path, offline = overloaded
     found, late = replayed(bag_path, params, tmp_path, rate, offline)
@@ -88,20 +88,20 @@ def test_two_replays_of_an_overloaded_recording_and_the_offline_run_give_the_sam
     frictions, in_time = (
         [estimate.friction_coefficient.value for estimate in estimates.values()
          if isinstance(estimate, Friction)] for estimates in (found, recording[1]))
-    assert frictions != pytest.approx(in_time, abs=1e-3)  # lateness does matter here
+    assert frictions != pytest.approx(in_time, abs=1e-3)  # late messages do change the estimates
 
 
-def test_estimators_that_feed_each_other_give_the_numbers_of_the_offline_run(
+def test_estimators_with_feedback_yield_the_estimates_of_the_offline_analysis(
         overloaded, aided, tmp_path):
     bag_path, unaided = overloaded
     offline = offline_estimates(bag_path, aided)
     found, _ = replayed(bag_path, aided, tmp_path, 5.0, offline)
     assert_same(found, offline)
-    with pytest.raises(AssertionError):  # the films do matter here
+    with pytest.raises(AssertionError):  # the films do change the estimates
         assert_same(found, unaided)
 
 
-def test_live_estimates_with_late_messages_are_within_one_sigma_of_the_offline_run(
+def test_live_estimates_with_late_messages_are_within_one_sigma_of_the_offline_analysis(
         overloaded, params, tmp_path):
     bag_path, offline = overloaded
     found = played_live(bag_path, params, tmp_path)

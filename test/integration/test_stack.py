@@ -1,4 +1,4 @@
-"""The whole stack as real processes over DDS: every topic for type, rate, frame and stamps."""
+"""All nodes as processes over DDS: type, rate, frame and timestamps of every topic."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from support.waiting import wait_for
 
 pytestmark = pytest.mark.processes
 
-DRIVE = 8.0     # s
-STARTUP = 2.0   # s: what was held up while the drivers started has ages that nobody can know
+DRIVE_TIME = 8.0  # s
+STARTUP_TIME = 2.0  # s, ages are not checked: messages wait while the drivers start
 WHEELS = ['front_left', 'front_right']
 FILMS = {'front_left': ['front_left_pvdf_1', 'front_left_pvdf_2'],
          'front_right': ['front_right_pvdf_1', 'front_right_pvdf_2']}
@@ -31,11 +31,11 @@ FILMS = {'front_left': ['front_left_pvdf_1', 'front_left_pvdf_2'],
 def run(tmp_path_factory):
     """Return the bag of a short drive, exit states, and logs of the whole stack."""
     folder = tmp_path_factory.mktemp('stack')
-    bag, orders = folder / 'bag', folder / 'orders'
-    with BagWriter(orders) as writer:
-        for k in range(round(10 * DRIVE)):
+    bag, commands = folder / 'bag', folder / 'commands'
+    with BagWriter(commands) as writer:
+        for k in range(round(10 * DRIVE_TIME)):
             stamp = 1_700_000_000 * NS_PER_S + k * NS_PER_S // 10
-            # without a stamp: one of the past would be refused
+            # without timestamp, since an old one would be refused
             writer.write_sample('cmd_vel', stamp, VelocityCommand(0, 0.8, -1.4))
     ports = {name: str(folder / name) for name in ('tire_radio', 'imu', 'motors')}
     params = parameter_file(folder / 'stack.yaml', {
@@ -48,11 +48,12 @@ def run(tmp_path_factory):
         for node in NODES:
             stack.node(node, [params])
         wait_for(lambda: not stack.died() and count(bag, 'odom') > 200)
-        stack.start('orders', 'smart_tire.cli.main', 'replay', str(orders), '--topics', 'cmd_vel')
-        stack.processes['orders'].wait(60.0)
-        assert stack.stop('orders') == {'orders': 0}, stack.log('orders')
+        stack.start('commands', 'smart_tire.cli.main', 'replay', str(commands),
+                    '--topics', 'cmd_vel')
+        stack.processes['commands'].wait(60.0)
+        assert stack.stop('commands') == {'commands': 0}, stack.log('commands')
         died = dict(stack.died())
-        died.pop('orders')
+        died.pop('commands')
         states = stack.stop(*NODES[1:]) | stack.stop(NODES[0]) | stack.stop('recorder')
         logs = {name: stack.log(name) for name in stack.processes}
     return bag, died, states, logs
@@ -74,14 +75,14 @@ def messages(run):
     return found
 
 
-def test_every_process_lived_and_ended_cleanly(run):
+def test_every_process_ran_and_ended_cleanly(run):
     _, died, states, logs = run
     assert died == {}
     assert states == dict.fromkeys(states, 0), logs
     assert not any('Traceback' in log for log in logs.values()), logs
 
 
-def test_no_topic_was_silent_and_each_has_the_type_of_the_contract(run):
+def test_every_topic_has_messages_of_its_documented_type(run):
     with Bag(run[0]) as bag:
         topics = {name.lstrip('/'): topic for name, topic in bag.topics.items()}
     for name in EXPECTED_TOPICS:
@@ -92,7 +93,7 @@ def test_no_topic_was_silent_and_each_has_the_type_of_the_contract(run):
 
 
 @pytest.mark.parametrize('topic', [topic for topic in EXPECTED_TOPICS if topic in TOPICS])
-def test_frames_are_those_of_the_contract(messages, topic):
+def test_frame_ids_are_the_documented_ones(messages, topic):
     frames = {frame for _, _, frame, _ in messages[topic]}
     assert frames == ({TOPICS[topic].frame} if TOPICS[topic].frame else set(WHEELS))
 
@@ -101,13 +102,13 @@ def test_frames_are_those_of_the_contract(messages, topic):
     ('imu/data', 100.0), ('wheel_states', 16.0), ('odom', 125.0), ('wheel_slip', 125.0),
     ('wheel_commands', 16.0), ('motor_commands', 16.0), ('ground_truth/odom', 100.0),
     ('ground_truth/wheel_slip', 100.0)])
-def test_stamps_advance_at_the_rate_of_the_contract(messages, topic, rate):
+def test_timestamps_advance_at_the_nominal_rate(messages, topic, rate):
     stamps = np.array([stamp for _, stamp, _, _ in messages[topic]])
     assert np.all(np.diff(stamps) > 0)
     assert NS_PER_S / np.median(np.diff(stamps)) == pytest.approx(rate, rel=0.05)
 
 
-def test_tire_samples_come_at_400_hz_per_wheel_with_the_names_of_their_films(messages):
+def test_tire_samples_arrive_at_400_hz_per_wheel_with_film_names(messages):
     for wheel in WHEELS:
         own = [(stamp, names) for _, stamp, frame, names in messages['tire_samples']
                if frame == wheel]
@@ -118,27 +119,27 @@ def test_tire_samples_come_at_400_hz_per_wheel_with_the_names_of_their_films(mes
 
 
 @pytest.mark.parametrize('topic', ['odom', 'wheel_slip', 'icr'])
-def test_estimates_lie_on_the_grid_of_8_ms(messages, topic):
+def test_estimates_are_on_the_8_ms_grid(messages, topic):
     assert all(stamp % 8_000_000 == 0 for _, stamp, _, _ in messages[topic])
 
 
 @pytest.mark.parametrize('topic', [topic for topic in EXPECTED_TOPICS
                                    if topic in TOPICS and topic != 'cmd_vel'])
-def test_stamps_lie_in_the_recent_past_of_their_arrival(messages, topic):
+def test_messages_arrive_soon_after_their_timestamp(messages, topic):
     receive, stamp = np.array([message[:2] for message in messages[topic]]).T / NS_PER_S
-    ages = (receive - stamp)[receive > receive[0] + STARTUP]
+    ages = (receive - stamp)[receive > receive[0] + STARTUP_TIME]
     assert np.all(ages > -0.02)
     assert np.median(ages) < 0.5
 
 
-def test_wheels_are_named_in_the_order_of_the_contract(messages):
+def test_wheels_are_in_the_documented_order(messages):
     wheels = ['front_left', 'front_right', 'rear_left', 'rear_right']
     for topic in ('wheel_states', 'wheel_slip', 'wheel_commands', 'motor_commands',
                   'ground_truth/wheel_slip'):
         assert all(names == wheels for _, _, _, names in messages[topic])
 
 
-def test_the_robot_turned_and_its_friction_was_felt(run):
+def test_the_slip_in_a_turn_and_the_friction_are_estimated(run):
     slips, frictions = [], []
     with Bag(run[0]) as bag:
         for _, topic, sample in bag.samples(['wheel_slip', 'tire_friction']):
@@ -156,7 +157,7 @@ def test_diagnostics_of_every_node_were_recorded(run):
     assert set(NODES) <= names
 
 
-def test_metadata_is_that_of_rosbag2(run):
+def test_metadata_has_the_format_of_rosbag2(run):
     metadata = yaml.safe_load((run[0] / 'metadata.yaml').read_text())
     information = metadata['rosbag2_bagfile_information']
     assert information['storage_identifier'] == 'mcap'

@@ -1,4 +1,4 @@
-"""The nodes need rclpy; where it is missing, their tests are left out."""
+"""Tests of nodes are skipped if rclpy is not installed."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if find_spec('rclpy') is None:
 
 @pytest.fixture
 def graph(tmp_path: Path, isolated_ros: None) -> Iterator[Any]:
-    """Return the test's own node in the ROS graph, which can start others."""
+    """Return the node of the test in the ROS graph, which can start other nodes."""
     from support.graph import Graph
 
     with Graph(tmp_path) as made:

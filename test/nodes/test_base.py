@@ -1,4 +1,4 @@
-"""What nodes share, tried on small nodes in this process and on real ones."""
+"""Base class of nodes: executor, diagnostics, time, namespaces and uncaught exceptions."""
 
 from __future__ import annotations
 
@@ -6,11 +6,10 @@ import pytest
 from rosgraph_msgs.msg import Clock
 from support.graph import node_arguments, Process
 
-from smart_tire.nodes.compat import message_class, plain
+from smart_tire.nodes.compat import message_class, plain_message
 from smart_tire.nodes.diagnostics import InputCounter, Status
 
 pytestmark = pytest.mark.processes
-
 
 OLD_DISTRIBUTION = """
 import sys
@@ -22,43 +21,43 @@ sys.exit(motor_driver.main())
 """
 
 
-def test_a_distribution_without_the_events_executor_does_as_well(graph, tmp_path):
+def test_nodes_run_with_the_single_threaded_executor_of_older_distributions(graph, tmp_path):
     with Process(['-c', OLD_DISTRIBUTION], tmp_path / 'log') as node:
         graph.until(lambda: 'motor_driver' in graph.health)
         assert not graph.call('std_srvs/srv/SetBool', 'emergency_stop', data=True).success
-        graph.until(lambda: 'emergency stop' in graph.complaint('motor_driver'))
+        graph.until(lambda: 'emergency stop' in graph.status_message('motor_driver'))
         assert node.end() == 0
         assert 'Traceback' not in node.output
 
 
-def test_types_are_found_by_their_names():
+def test_message_class_returns_the_class_of_a_type_name():
     assert message_class('sensor_msgs/msg/JointState').__name__ == 'JointState'
     assert message_class('std_srvs/srv/Trigger').__name__ == 'Trigger'
 
 
-def test_what_rcl_says_is_cut_to_what_a_user_can_use():
+def test_locations_in_the_sources_of_rcl_are_removed_from_its_messages():
     error = RuntimeError("failed to initialize rcl: Couldn't parse params file: '--params-file "
                          "x.yaml'. Error: Error opening YAML file, at /project/src/parser.c:271, "
                          'at /project/src/rcl/arguments.c:415')
-    assert plain(error) == ("Couldn't parse params file: '--params-file x.yaml'. "
+    assert plain_message(error) == ("Couldn't parse params file: '--params-file x.yaml'. "
                             'Error: Error opening YAML file')
 
 
-def test_only_the_first_second_fourth_and_eighth_failure_are_worth_a_line():
-    tally = InputCounter()
-    assert [count for count in range(1, 20) if tally.fail()] == [1, 2, 4, 8, 16]
-    assert (tally.newly_bad(), tally.newly_bad()) == (19, 0)
+def test_only_the_1st_2nd_4th_and_8th_rejection_is_logged():
+    counter = InputCounter()
+    assert [count for count in range(1, 20) if counter.reject()] == [1, 2, 4, 8, 16]
+    assert (counter.newly_bad(), counter.newly_bad()) == (19, 0)
 
 
-def test_ages_are_counted_from_the_last_good_one():
-    tally = InputCounter()
-    assert tally.age(5_000_000_000) == float('inf')
-    tally.good(3_000_000_000)
-    tally.fail()
-    assert tally.age(5_000_000_000) == 2.0
+def test_ages_are_measured_from_the_latest_accepted_input():
+    counter = InputCounter()
+    assert counter.age(5_000_000_000) == float('inf')
+    counter.accept(3_000_000_000)
+    counter.reject()
+    assert counter.age(5_000_000_000) == 2.0
 
 
-def test_the_worst_complaint_gives_the_level_and_comes_first():
+def test_errors_take_precedence_over_warnings():
     status = Status()
     assert (status.message('x').level, status.message('x').message) == (b'\x00', 'ok')
     status.warn('slow')
@@ -71,8 +70,8 @@ def test_the_worst_complaint_gives_the_level_and_comes_first():
     assert message.hardware_id == '/dev/x'
 
 
-def test_stamps_follow_simulated_time_while_the_loop_follows_the_real_one(graph):
-    graph.listen('wheel_commands')
+def test_with_use_sim_time_stamps_are_simulated_and_timers_are_not(graph):
+    graph.subscribe('wheel_commands')
     clock = graph.node.create_publisher(Clock, '/clock', 10)
 
     def tick():
@@ -82,21 +81,21 @@ def test_stamps_follow_simulated_time_while_the_loop_follows_the_real_one(graph)
 
     with graph.start('wheel_controller', use_sim_time='true') as node:
         graph.until(lambda: [sample.stamp_ns for sample in graph.samples('wheel_commands')[-5:]]
-                    == [100_000_000_000] * 5, tick)  # the clock stands, the loop does not
+                    == [100_000_000_000] * 5, tick)  # /clock does not advance, the timer does
         assert node.end() == 0
 
 
-def test_names_can_be_put_into_a_namespace(graph, tmp_path):
-    heard = []
+def test_topics_and_status_names_follow_the_namespace(graph, tmp_path):
+    received = []
     graph.node.create_subscription(
-        message_class('sensor_msgs/msg/JointState'), 'robot/wheel_commands', heard.append, 10)
+        message_class('sensor_msgs/msg/JointState'), 'robot/wheel_commands', received.append, 10)
     with Process([*node_arguments('wheel_controller'), '-r', '__ns:=/robot'],
                  tmp_path / 'log') as node:
-        graph.until(lambda: heard and 'robot/wheel_controller' in graph.health)
+        graph.until(lambda: received and 'robot/wheel_controller' in graph.health)
         assert node.end() == 0
 
 
-DEFECT = """
+DEFECTIVE_NODE = """
 import sys, threading
 from smart_tire.nodes.base import run, SmartTireNode
 from smart_tire.parameters import WheelControllerParams
@@ -114,7 +113,7 @@ sys.exit(run(Defective))
 """
 
 
-def test_a_thread_that_dies_of_a_defect_takes_the_node_with_it(graph, tmp_path):
-    with Process(['-c', DEFECT], tmp_path / 'log') as node:
+def test_an_uncaught_exception_in_a_thread_ends_the_node(graph, tmp_path):
+    with Process(['-c', DEFECTIVE_NODE], tmp_path / 'log') as node:
         assert node.ended() == 1
         assert 'ZeroDivisionError' in node.output

@@ -1,4 +1,4 @@
-"""The drivers as processes: bytes on a port in, messages on DDS out."""
+"""Driver nodes as processes: from bytes on a port to messages."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ IMU = ImuSample(0, (0.5, -0.25, 9.8125), (0.125, 0.0, -0.5))
 
 
 def packet(number, address, payload=b''):
-    """Return the bytes of a unit's batch of that number, or of another payload."""
+    """Return the bytes of a sensor node's batch ``number``, or of another payload."""
     batch = replace(BATCH, sequence=number, timer_us=40_000 * number)
     return encode_frame(encode_receive_packet(
         ReceivePacket(address, 0xFFFE, 1, payload or encode_batch(batch))))
@@ -46,25 +46,25 @@ def imu_frame(protocol, index):
     return vectornav_ascii.encode_sentence(vectornav_ascii.encode_ymr(IMU))
 
 
-def test_a_batch_becomes_a_message_for_every_conversion(graph, port):
+def test_a_batch_is_published_as_one_message_per_conversion(graph, port):
     port.plug_in()
-    graph.listen('tire_samples', 'tire_battery')
+    graph.subscribe('tire_samples', 'tire_battery')
     with graph.start('tire_receiver', port=port.path, units=UNITS_TEXT) as node:
         graph.until(lambda: graph.value('tire_receiver', 'port_opened') == '1'
-                    and graph.is_fed())
+                    and graph.has_publishers())
         before = time.time_ns()
-        lost, stranger = {5, 6}, 0x0013A200DEADBEEF
+        lost, unknown_address = {5, 6}, 0x0013A200DEADBEEF
         for number in range(10):
             port.write(b''.join(packet(number, address) for address in UNITS
                                 if number not in lost or address != 0x0013A20040A1B2C2))
-            graph.turn()
-        port.write(packet(9, 0x0013A20040A1B2C3) + packet(0, stranger)
+            graph.spin()
+        port.write(packet(9, 0x0013A20040A1B2C3) + packet(0, unknown_address)
                    + packet(0, 0x0013A20040A1B2C3, b'\x02' + bytes(80)))
-        graph.until(lambda: len(graph.heard['tire_samples']) == (10 + 8) * 16
-                    and len(graph.heard['tire_battery']) == 2
+        graph.until(lambda: len(graph.received['tire_samples']) == (10 + 8) * 16
+                    and len(graph.received['tire_battery']) == 2
                     and graph.value('tire_receiver', 'frames_bad') == '2')
-        graph.until(lambda: 'nothing from front_left; nothing from front_right'
-                    in graph.complaint('tire_receiver'))
+        graph.until(lambda: 'no batches from front_left; no batches from front_right'
+                    in graph.status_message('tire_receiver'))
         counts = {key: graph.value('tire_receiver', key) for key in (
             'frames_ok', 'batches_ok', 'batches_lost', 'batches_duplicate',
             'front_left.batches_lost', 'front_right.batches_lost')}
@@ -79,31 +79,31 @@ def test_a_batch_becomes_a_message_for_every_conversion(graph, port):
         assert np.diff(stamps) == pytest.approx(2_500_000)
         assert before - 100_000_000 < stamps[0] < stamps[-1] < time.time_ns()
         assert samples[15].volts == pytest.approx((3.3, 511 * 3.3 / 1023))
-    (names,) = {tuple(message.name) for message in graph.heard['tire_samples']
+    (names,) = {tuple(message.name) for message in graph.received['tire_samples']
                 if message.header.frame_id == 'front_right'}
     assert names == ('front_right_pvdf_1', 'front_right_pvdf_2')
 
 
 @pytest.mark.parametrize('protocol', ['vectornav_binary', 'vectornav_ascii', 'xsens'])
-def test_the_imu_speaks_in_our_axes_whatever_its_protocol(protocol, graph, port):
+def test_imu_samples_are_in_rep_103_axes_for_every_protocol(protocol, graph, port):
     port.plug_in()
-    graph.listen('imu/data')
+    graph.subscribe('imu/data')
     with graph.start('imu_driver', port=port.path, protocol=protocol) as node:
         graph.until(lambda: graph.value('imu_driver', 'port_opened') == '1'
-                    and graph.is_fed())
+                    and graph.has_publishers())
         for index in range(20):
             port.write(imu_frame(protocol, index))
-            graph.turn()
-        graph.until(lambda: len(graph.heard['imu/data']) == 20
+            graph.spin()
+        graph.until(lambda: len(graph.received['imu/data']) == 20
                     and graph.value('imu_driver', 'frames_ok') == '20')
         port.write(bytes(500))
-        graph.until(lambda: '500 bytes skipped' in graph.complaint('imu_driver'))
+        graph.until(lambda: '500 bytes skipped' in graph.status_message('imu_driver'))
         assert graph.value('imu_driver', 'bytes_skipped') == '500'
-        graph.until(lambda: 'skipped' not in graph.complaint('imu_driver'))
+        graph.until(lambda: 'skipped' not in graph.status_message('imu_driver'))
         source = 'arrival' if protocol == 'vectornav_ascii' else 'device clock'
         assert source in graph.value('imu_driver', 'stamps')
         assert node.end() == 0
-    for message in graph.heard['imu/data']:
+    for message in graph.received['imu/data']:
         force = message.linear_acceleration
         assert (force.x, force.y, force.z) == pytest.approx((0.5, -0.25, 9.8125), abs=1e-3)
         assert message.header.frame_id == 'imu_link'
@@ -112,45 +112,45 @@ def test_the_imu_speaks_in_our_axes_whatever_its_protocol(protocol, graph, port)
     assert np.all(np.diff(stamps) > 0)
 
 
-def test_a_port_may_be_missing_busy_unplugged_and_plugged_in_again(graph, port):
-    graph.listen('imu/data')
+def test_the_driver_recovers_from_a_missing_busy_or_unplugged_port(graph, port):
+    graph.subscribe('imu/data')
 
     def send():
         port.write(imu_frame('vectornav_binary', 0))
 
     with graph.start('imu_driver', port=port.path) as node:
-        graph.until(lambda: 'there is no such port' in graph.complaint('imu_driver'))
+        graph.until(lambda: 'there is no such port' in graph.status_message('imu_driver'))
         assert graph.health['imu_driver'].level == DiagnosticStatus.ERROR
         port.plug_in()
         other = open_port(str(port.path), 115200)
-        graph.until(lambda: 'it is busy' in graph.complaint('imu_driver'))
+        graph.until(lambda: 'it is busy' in graph.status_message('imu_driver'))
         other.close()
-        graph.until(lambda: graph.heard['imu/data'], send)
-        graph.until(lambda: graph.complaint('imu_driver') == 'ok')
+        graph.until(lambda: graph.received['imu/data'], send)
+        graph.until(lambda: graph.status_message('imu_driver') == 'ok')
         port.unplug()
         graph.until(lambda: graph.health['imu_driver'].level == DiagnosticStatus.ERROR)
-        graph.heard['imu/data'].clear()
+        graph.received['imu/data'].clear()
         port.plug_in()
-        graph.until(lambda: graph.heard['imu/data'], send)
+        graph.until(lambda: graph.received['imu/data'], send)
         graph.until(lambda: graph.value('imu_driver', 'port_opened') == '2')
         assert node.end() == 0
         assert f'lost {port.path}: ' in node.output
         assert 'Traceback' not in node.output
 
 
-def test_a_sentence_with_infinity_is_counted_and_the_driver_goes_on(graph, port):
+def test_a_sentence_with_infinity_is_rejected_and_counted(graph, port):
     port.plug_in()
-    graph.listen('imu/data')
+    graph.subscribe('imu/data')
     good = vectornav_ascii.encode_ymr(IMU)
     header, *fields = good.split(b',')
     with graph.start('imu_driver', port=port.path, protocol='vectornav_ascii') as node:
         graph.until(lambda: graph.value('imu_driver', 'port_opened') == '1'
-                    and graph.is_fed())
-        for place in range(12):
-            bad = [*fields[:place], b'inf', *fields[place + 1:]]
+                    and graph.has_publishers())
+        for index in range(12):
+            bad = [*fields[:index], b'inf', *fields[index + 1:]]
             port.write(vectornav_ascii.encode_sentence(b','.join([header, *bad])))
         port.write(vectornav_ascii.encode_sentence(good))
-        graph.until(lambda: graph.heard['imu/data']
+        graph.until(lambda: graph.received['imu/data']
                     and graph.value('imu_driver', 'frames_bad') == '12')
         assert graph.value('imu_driver', 'frames_ok') == '1'
         assert node.end() == 0
@@ -182,47 +182,48 @@ sys.exit({node}.main())
 
 
 @pytest.mark.parametrize('topic', ['imu/data', 'diagnostics'])
-def test_a_message_that_ros_does_not_publish_is_reported_and_the_imu_driver_goes_on(
+def test_the_imu_driver_continues_after_messages_that_ros_fails_to_publish(
         topic, graph, port, tmp_path):
     port.plug_in()
-    graph.listen('imu/data')
+    graph.subscribe('imu/data')
     script = FAILING_PUBLISHER.format(topic=topic, node='imu_driver')
     with Process(['-c', script, '--ros-args', '-p', f'port:={port.path}'],
                  tmp_path / 'log') as node:
         numbers = count()
-        graph.until(lambda: len(graph.heard['imu/data']) >= 20
+        graph.until(lambda: len(graph.received['imu/data']) >= 20
                     and graph.value('imu_driver', 'publish_errors') == '5',
                     lambda: port.write(imu_frame('vectornav_binary', next(numbers))))
         assert node.end() == 0
-        said = [line for line in node.output.splitlines() if 'not published' in line]
-        assert [line.partition(': ')[2].split()[0] for line in said] == ['1', '2', '4']
-        assert all('no memory' in line and '/project' not in line for line in said)
+        logged = [line for line in node.output.splitlines() if 'not published' in line]
+        assert [line.partition(': ')[2].split()[0] for line in logged] == ['1', '2', '4']
+        assert all('no memory' in line and '/project' not in line for line in logged)
         assert 'Traceback' not in node.output
 
 
-def test_a_message_that_ros_does_not_publish_is_an_error_in_the_diagnostics_of_the_tire_receiver(
+def test_messages_that_ros_fails_to_publish_are_an_error_in_the_diagnostics(
         graph, port, tmp_path):
     port.plug_in()
-    graph.listen('tire_samples')
+    graph.subscribe('tire_samples')
     script = FAILING_PUBLISHER.format(topic='tire_samples', node='tire_receiver')
     with Process(['-c', script, '--ros-args', '-p', f'port:={port.path}'],
                  tmp_path / 'log') as node:
         graph.until(lambda: graph.value('tire_receiver', 'port_opened') == '1'
-                    and graph.is_fed())
+                    and graph.has_publishers())
         port.write(packet(0, 0x0013A20040A1B2C3))
         graph.until(lambda: '5 messages on tire_samples not published'
-                    in graph.complaint('tire_receiver'))
+                    in graph.status_message('tire_receiver'))
         assert graph.health['tire_receiver'].level == DiagnosticStatus.ERROR
-        graph.until(lambda: len(graph.heard['tire_samples']) == 11)
-        graph.until(lambda: 'not published' not in graph.complaint('tire_receiver'))
+        graph.until(lambda: len(graph.received['tire_samples']) == 11)
+        graph.until(lambda: 'not published' not in graph.status_message('tire_receiver'))
         assert graph.value('tire_receiver', 'publish_errors') == '5'
         assert node.end() == 0
 
 
-def test_a_port_on_which_nothing_comes_is_an_error(graph, port):
+def test_an_open_port_without_valid_frames_is_an_error(graph, port):
     port.plug_in()
     with graph.start('tire_receiver', port=port.path) as node:
-        graph.until(lambda: 'nothing intelligible' in graph.complaint('tire_receiver'))
+        graph.until(lambda: 'no valid frames are received'
+                    in graph.status_message('tire_receiver'))
         assert node.end() == 0
 
 
@@ -232,13 +233,13 @@ def test_the_motors_follow_commands_and_their_state_is_published(tmp_path, isola
         graph.until(lambda: graph.value('motor_driver', 'supply') == '14.8')
         graph.until(lambda: np.allclose(graph.samples('wheel_states')[-1].velocity,
                                         (10.0, 6.0, -8.0, 0.0), atol=1.0),
-                    lambda: graph.say('motor_commands', MotorCommand(
+                    lambda: graph.publish('motor_commands', MotorCommand(
                         time.time_ns(), (0.5, 0.3, -0.4, 0.0))))
         sample = graph.samples('wheel_states')[-1]
         assert sample.effort == pytest.approx((0.5, 0.3, -0.4, 0.0), abs=1e-4)
         graph.until(lambda: robot.rig.state().still)
         short = JointState(name=['front_left'], effort=[1.0])
-        graph.say_message('motor_commands', short)
+        graph.publish_message('motor_commands', short)
         graph.until(lambda: graph.value('motor_driver', 'motor_commands.rejected') == '1')
         graph.until(lambda: graph.value('motor_driver', 'command_timeouts') == '1')
         assert graph.value('motor_driver', 'emergency_stop') == 'False'
@@ -249,22 +250,22 @@ def test_the_motors_follow_commands_and_their_state_is_published(tmp_path, isola
             'motors stopped: no motor command for 0.25 s') == 1
 
 
-def test_a_silent_board_is_an_error_with_its_name(tmp_path, isolated_ros):
+def test_a_board_that_does_not_respond_is_named_in_an_error(tmp_path, isolated_ros):
     with RobotRig(tmp_path, controller=False) as robot:
         graph = robot.graph
         robot.rig.fail(mute={129})
-        graph.until(lambda: 'no wheel_states: the rear board 129 (0x81) does not answer'
-                    in graph.complaint('motor_driver'))
+        graph.until(lambda: 'wheel_states stopped: rear board 129 (0x81) does not respond'
+                    in graph.status_message('motor_driver'))
         assert graph.health['motor_driver'].level == DiagnosticStatus.ERROR
         assert graph.value('motor_driver', 'board_faults') == '1'
-        seen = len(graph.heard['wheel_states'])
+        count_before = len(graph.received['wheel_states'])
         robot.rig.fail()
-        graph.until(lambda: graph.complaint('motor_driver') == 'ok')
-        assert len(graph.heard['wheel_states']) > seen
+        graph.until(lambda: graph.status_message('motor_driver') == 'ok')
+        assert len(graph.received['wheel_states']) > count_before
         assert robot.processes['motor_driver'].end() == 0
 
 
-def test_disabled_motors_say_so_on_a_topic_of_their_own(tmp_path, isolated_ros):
+def test_motors_enabled_is_false_while_a_board_does_not_respond(tmp_path, isolated_ros):
     with RobotRig(tmp_path, controller=False) as robot:
         states = []
         robot.graph.node.create_subscription(

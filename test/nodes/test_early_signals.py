@@ -1,4 +1,4 @@
-"""A signal while the modules of a node still load: an end without a traceback."""
+"""Signals while the modules of a node are imported: an end without traceback."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import os, signal, sys
 sys.argv = [{started!r}]
 import smart_tire.nodes
 os.kill(os.getpid(), signal.{name})
-print('still here')
+print('still running')
 """
 
 
@@ -26,17 +26,17 @@ def run(started, name):
 
 @pytest.mark.parametrize('started', ['-m', '/opt/lib/smart_tire/imu_driver'])
 @pytest.mark.parametrize('name', ['SIGINT', 'SIGTERM'])
-def test_a_node_that_still_loads_ends_at_once_and_cleanly(started, name):
+def test_a_signal_during_import_ends_a_node_with_status_0(started, name):
     result = run(started, name)
     assert (result.returncode, result.stdout, result.stderr) == (0, '', '')
 
 
-def test_other_programs_keep_their_own_way_with_signals():
+def test_importing_the_package_elsewhere_leaves_signal_handlers_unchanged():
     result = run('/usr/bin/some_program', 'SIGINT')
     assert result.returncode != 0 and 'KeyboardInterrupt' in result.stderr
 
 
-def test_a_signal_that_was_held_back_ends_a_node_when_it_can():
+def test_a_blocked_signal_ends_a_node_when_it_is_unblocked():
     block = lambda: signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # noqa: E731
     code = SENT.format(started='-m', name='SIGINT').replace(
         'import smart_tire.nodes\nos.kill(os.getpid(), signal.SIGINT)',

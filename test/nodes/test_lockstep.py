@@ -1,4 +1,4 @@
-"""Inputs in recorded order, whatever the order in which they come."""
+"""Lockstep: inputs are handled in recorded order, whatever their order of arrival."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from sensor_msgs.msg import Imu
 from std_msgs.msg import String
 from support.waiting import wait_for
 
-from smart_tire.nodes.lockstep import AHEAD, Follower, Leader, Note, stamp_in, stamp_of, TOPIC
+from smart_tire.nodes.lockstep import (
+    ControlMessage, Follower, Leader, MAX_STEPS_AHEAD, stamp_in, stamp_of, TOPIC)
 
 pytestmark = pytest.mark.processes
 
@@ -21,8 +22,8 @@ def imu(stamp_ns):
     return message
 
 
-class Station:
-    """A follower on a node, what it has handled, and publishers of its inputs."""
+class FollowerNode:
+    """A node with a follower; records the inputs it handles and publishes its outputs."""
 
     def __init__(self, name, inputs, outputs=(), feedback=()):
         self.node = rclpy.create_node(name)
@@ -51,8 +52,8 @@ class Station:
             self.follower.published(output, stamp_of(message))
 
 
-class Bench:
-    """Nodes in one executor."""
+class Rig:
+    """A replayer and followers in one executor."""
 
     def __init__(self):
         self.executor = SingleThreadedExecutor()
@@ -65,8 +66,8 @@ class Bench:
         self.executor.add_node(node)
         self.nodes.append(node)
 
-    def station(self, *arguments, **options):
-        made = Station(*arguments, **options)
+    def follower(self, *arguments, **options):
+        made = FollowerNode(*arguments, **options)
         self.add(made.node)
         return made
 
@@ -76,21 +77,21 @@ class Bench:
     def until(self, condition):
         wait_for(condition, lambda: self.executor.spin_once(timeout_sec=0.01))
 
-    def turn(self):
-        """Handle what is there, and 0.2 s of what may come."""
+    def spin(self):
+        """Handle callbacks for 0.2 s."""
         for _ in range(20):
             self.executor.spin_once(timeout_sec=0.01)
 
     def begin(self, topics, *followers):
-        """Call until all followers are ready."""
+        """Announce the replay until all followers are ready, then begin."""
         def ready():
-            self.leader.call(topics)
+            self.leader.announce(topics)
             return self.leader.followers == sorted(followers) and not self.leader.unready()
 
         self.until(ready)
         self.leader.begin()
 
-    def worked_off(self, number):
+    def completed(self, number):
         """Wait until all followers have acknowledged a step."""
         self.until(lambda: not self.leader.behind(number))
 
@@ -102,157 +103,157 @@ class Bench:
 
 
 @pytest.fixture
-def bench():
+def rig():
     rclpy.init(args=[])
-    made = Bench()
+    made = Rig()
     yield made
     made.close()
     rclpy.try_shutdown()
 
 
-def test_without_a_replay_an_input_is_handled_at_once(bench):
-    station = bench.station('a', ['/x', '/y'])
-    publishers = bench.publishers('/x')
-    bench.until(publishers['/x'].get_subscription_count)
+def test_without_a_replay_inputs_are_handled_on_arrival(rig):
+    follower = rig.follower('a', ['/x', '/y'])
+    publishers = rig.publishers('/x')
+    rig.until(publishers['/x'].get_subscription_count)
     publishers['/x'].publish(imu(5))
-    bench.until(lambda: station.handled == [('/x', 5)])
+    rig.until(lambda: follower.handled == [('/x', 5)])
 
 
-def test_inputs_are_handled_in_the_order_of_the_leader(bench):
-    station = bench.station('a', ['/x', '/y'])
-    publishers = bench.publishers('/x', '/y')
-    bench.begin(['/x', '/y'], '/a')
+def test_inputs_are_handled_in_the_order_of_the_leader(rig):
+    follower = rig.follower('a', ['/x', '/y'])
+    publishers = rig.publishers('/x', '/y')
+    rig.begin(['/x', '/y'], '/a')
     order = [('/y', 7), ('/x', 1), ('/x', 2), ('/y', 3), ('/z', 4), ('/x', 9)]
     for topic in ('/x', '/y'):  # one topic after the other
         for other, stamp_ns in order:
             if other == topic:
                 publishers[topic].publish(imu(stamp_ns))
-    bench.turn()
-    assert station.handled == []
-    bench.leader.step(0, order[:3])
-    bench.worked_off(0)
-    assert station.handled == order[:3]
-    bench.leader.step(1, order[3:])
-    bench.worked_off(1)
-    assert station.handled == [*order[:4], order[5]]
+    rig.spin()
+    assert follower.handled == []
+    rig.leader.step(0, order[:3])
+    rig.completed(0)
+    assert follower.handled == order[:3]
+    rig.leader.step(1, order[3:])
+    rig.completed(1)
+    assert follower.handled == [*order[:4], order[5]]
 
 
-def test_a_step_is_not_acknowledged_before_its_last_message_has_come(bench):
-    bench.station('a', ['/x'])
-    publisher = bench.publishers('/x')['/x']
-    bench.begin(['/x'], '/a')
+def test_a_step_is_acknowledged_after_its_last_message_has_arrived(rig):
+    rig.follower('a', ['/x'])
+    publisher = rig.publishers('/x')['/x']
+    rig.begin(['/x'], '/a')
     publisher.publish(imu(1))
-    bench.leader.step(0, [('/x', 1), ('/x', 2)])
-    bench.turn()
-    assert bench.leader.behind(0) == ['/a']
+    rig.leader.step(0, [('/x', 1), ('/x', 2)])
+    rig.spin()
+    assert rig.leader.behind(0) == ['/a']
     publisher.publish(imu(2))
-    bench.worked_off(0)
+    rig.completed(0)
 
 
-def test_estimates_are_handled_further_down_before_the_input_that_completed_them(bench):
-    bench.station('a', ['/x'], outputs=['/made'])
-    below = bench.station('b', ['/made', '/y', '/x'])
-    publishers = bench.publishers('/x', '/y')
-    bench.begin(['/x', '/y'], '/a', '/b')
+def test_a_downstream_node_handles_estimates_before_the_input_that_completed_them(rig):
+    rig.follower('a', ['/x'], outputs=['/made'])
+    downstream = rig.follower('b', ['/made', '/y', '/x'])
+    publishers = rig.publishers('/x', '/y')
+    rig.begin(['/x', '/y'], '/a', '/b')
     order = [('/y', 1), ('/x', 2), ('/y', 3), ('/y', 4), ('/x', 5)]
-    bench.leader.step(0, order)
+    rig.leader.step(0, order)
     for topic, stamp_ns in order:
         publishers[topic].publish(imu(stamp_ns))
-    bench.worked_off(0)
-    assert below.handled == [('/y', 1), ('/made', 2), ('/x', 2), ('/y', 3), ('/y', 4),
+    rig.completed(0)
+    assert downstream.handled == [('/y', 1), ('/made', 2), ('/x', 2), ('/y', 3), ('/y', 4),
                              ('/made', 5), ('/x', 5)]
 
 
-def test_feedback_is_handled_at_the_same_place_each_time(bench):
-    above = bench.station('a', ['/x', '/back'], outputs=['/made'], feedback=['/back'])
-    bench.station('b', ['/made'], outputs=['/back'])
-    publisher = bench.publishers('/x')['/x']
-    bench.begin(['/x'], '/a', '/b')
-    steps = 3 * AHEAD + 2
+def test_feedback_has_the_same_position_in_every_replay(rig):
+    upstream = rig.follower('a', ['/x', '/back'], outputs=['/made'], feedback=['/back'])
+    rig.follower('b', ['/made'], outputs=['/back'])
+    publisher = rig.publishers('/x')['/x']
+    rig.begin(['/x'], '/a', '/b')
+    steps = 3 * MAX_STEPS_AHEAD + 2
     for number in range(steps):
-        bench.worked_off(number - AHEAD)
-        bench.leader.step(number, [('/x', number)])
+        rig.completed(number - MAX_STEPS_AHEAD)
+        rig.leader.step(number, [('/x', number)])
         publisher.publish(imu(number))
-    bench.worked_off(steps - 1)
-    assert [handled for handled in above.handled if handled[0] == '/x'] == [
+    rig.completed(steps - 1)
+    assert [handled for handled in upstream.handled if handled[0] == '/x'] == [
         ('/x', number) for number in range(steps)]
-    for number in range(AHEAD, steps):
-        place = above.handled.index(('/x', number))
-        assert above.handled[place - 1] == ('/back', number - AHEAD)
-    assert len(above.handled) == 2 * steps - AHEAD
+    for number in range(MAX_STEPS_AHEAD, steps):
+        index = upstream.handled.index(('/x', number))
+        assert upstream.handled[index - 1] == ('/back', number - MAX_STEPS_AHEAD)
+    assert len(upstream.handled) == 2 * steps - MAX_STEPS_AHEAD
 
 
-def test_messages_that_are_not_of_the_replay_are_left_out_and_counted(bench):
-    station = bench.station('a', ['/x'])
-    publisher = bench.publishers('/x')['/x']
-    bench.begin(['/x'], '/a')
+def test_messages_from_elsewhere_are_dropped_and_counted_during_a_replay(rig):
+    follower = rig.follower('a', ['/x'])
+    publisher = rig.publishers('/x')['/x']
+    rig.begin(['/x'], '/a')
     for stamp_ns in (1, 100, 2):
         publisher.publish(imu(stamp_ns))
-    bench.leader.step(0, [('/x', 1), ('/x', 2)])
-    bench.worked_off(0)
-    assert station.handled == [('/x', 1), ('/x', 2)]
-    assert station.follower.foreign == 1
+    rig.leader.step(0, [('/x', 1), ('/x', 2)])
+    rig.completed(0)
+    assert follower.handled == [('/x', 1), ('/x', 2)]
+    assert follower.follower.foreign == 1
 
 
-def test_each_replay_restarts_the_estimator_and_its_end_lets_it_go(bench):
-    station = bench.station('a', ['/x'])
-    publisher = bench.publishers('/x')['/x']
-    bench.begin(['/x'], '/a')
-    assert station.follower.leader == '/replayer'
-    assert station.restarts == 1
-    bench.leader.end()
-    bench.until(lambda: not station.follower.leader)
+def test_a_replay_restarts_the_estimator_and_releases_it_at_its_end(rig):
+    follower = rig.follower('a', ['/x'])
+    publisher = rig.publishers('/x')['/x']
+    rig.begin(['/x'], '/a')
+    assert follower.follower.leader == '/replayer'
+    assert follower.restarts == 1
+    rig.leader.end()
+    rig.until(lambda: not follower.follower.leader)
     publisher.publish(imu(3))
-    bench.until(lambda: station.handled == [('/x', 3)])
-    bench.leader = Leader(bench.replayer)
-    bench.begin(['/x'], '/a')
-    assert station.restarts == 2
+    rig.until(lambda: follower.handled == [('/x', 3)])
+    rig.leader = Leader(rig.replayer)
+    rig.begin(['/x'], '/a')
+    assert follower.restarts == 2
 
 
-def test_a_follower_is_not_ready_while_an_input_has_no_publisher(bench):
-    bench.station('a', ['/x', '/y'])
-    publishers = bench.publishers('/x')
-    bench.until(lambda: bench.leader.call(['/x', '/y']) or bench.leader.followers)
-    bench.turn()
-    assert bench.leader.unready() == {'/a': 'has not matched the publisher of /y'}
+def test_a_follower_is_not_ready_while_an_input_has_no_publisher(rig):
+    rig.follower('a', ['/x', '/y'])
+    publishers = rig.publishers('/x')
+    rig.until(lambda: rig.leader.announce(['/x', '/y']) or rig.leader.followers)
+    rig.spin()
+    assert rig.leader.unready() == {'/a': 'has not matched the publisher of /y'}
     assert publishers
 
 
-def test_a_node_without_a_replayed_input_does_not_follow(bench):
-    station = bench.station('a', ['/x'])
-    bench.until(lambda: '/a' in bench.leader.candidates())
-    bench.leader.call(['/other'])
-    bench.turn()
-    assert bench.leader.followers == []
-    assert not station.follower.leader
+def test_a_node_without_a_replayed_input_does_not_follow(rig):
+    follower = rig.follower('a', ['/x'])
+    rig.until(lambda: '/a' in rig.leader.candidates())
+    rig.leader.announce(['/other'])
+    rig.spin()
+    assert rig.leader.followers == []
+    assert not follower.follower.leader
 
 
-def test_a_follower_leaves_a_replay_whose_replayer_has_vanished(bench):
-    station = bench.station('a', ['/x'])
-    bench.publishers('/x')
-    bench.begin(['/x'], '/a')
-    assert station.follower.abandon() == ''
-    bench.executor.remove_node(bench.replayer)
-    bench.nodes.remove(bench.replayer)
-    bench.replayer.destroy_node()
-    bench.until(lambda: station.follower.abandon() == '/replayer')
-    assert not station.follower.leader
+def test_a_follower_leaves_a_replay_when_the_replayer_is_gone(rig):
+    follower = rig.follower('a', ['/x'])
+    rig.publishers('/x')
+    rig.begin(['/x'], '/a')
+    assert follower.follower.leave_lost_leader() == ''
+    rig.executor.remove_node(rig.replayer)
+    rig.nodes.remove(rig.replayer)
+    rig.replayer.destroy_node()
+    rig.until(lambda: follower.follower.leave_lost_leader() == '/replayer')
+    assert not follower.follower.leader
 
 
-@pytest.mark.parametrize('text', ['', '{', '[]', '{"kind": "call"}', '{"smell": 1}', 'null'])
-def test_what_is_not_a_note_is_ignored(bench, text):
-    assert Note.read(String(data=text)) is None
-    station = bench.station('a', ['/x'])
-    bench.publishers('/x')
-    publisher = bench.replayer.create_publisher(String, TOPIC, 10)
-    bench.until(publisher.get_subscription_count)
+@pytest.mark.parametrize('text', ['', '{', '[]', '{"kind": "announce"}', '{"other": 1}', 'null'])
+def test_invalid_control_messages_are_ignored(rig, text):
+    assert ControlMessage.read(String(data=text)) is None
+    follower = rig.follower('a', ['/x'])
+    rig.publishers('/x')
+    publisher = rig.replayer.create_publisher(String, TOPIC, 10)
+    rig.until(publisher.get_subscription_count)
     publisher.publish(String(data=text))
-    bench.begin(['/x'], '/a')
-    assert station.restarts == 1
+    rig.begin(['/x'], '/a')
+    assert follower.restarts == 1
 
 
 @pytest.mark.parametrize('order', ['little', 'big'])
-def test_the_stamp_is_read_from_serialized_messages(order):
+def test_the_timestamp_is_read_from_serialized_messages(order):
     data = bytes([0, order == 'little', 0, 0]) + (-3).to_bytes(4, order, signed=True) \
         + (500).to_bytes(4, order)
     assert stamp_in(data) == -3 * 10**9 + 500

@@ -1,4 +1,4 @@
-"""Which states of a port get a line in the log, and when."""
+"""Log of a port: which states are logged, and when."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ pytestmark = pytest.mark.processes
 
 
 class Lines:
-    """A logger and a clock: what was logged, and the time [ns]."""
+    """Logger and clock of a test: logged lines and the time [ns]."""
 
     def __init__(self):
         self.logged, self.now_ns = [], 0
@@ -32,53 +32,53 @@ def log(lines):
     return PortLog(lines, lambda: lines.now_ns)
 
 
-def test_a_port_that_appears_soon_after_its_driver_is_no_error(log, lines):
-    log.trouble('absent')
+def test_a_port_that_appears_soon_after_the_driver_starts_is_not_logged_as_an_error(log, lines):
+    log.add_problem('absent')
     lines.now_ns = PORT_GRACE_NS - 1
-    log.look()
+    log.check()
     log.opened('open')
     lines.now_ns = 2 * PORT_GRACE_NS
-    log.look()
+    log.check()
     assert lines.logged == ['info: open']
 
 
-def test_a_problem_that_lasts_gets_one_line(log, lines):
-    log.trouble('absent')
+def test_a_lasting_problem_is_logged_once(log, lines):
+    log.add_problem('absent')
     for lines.now_ns in (PORT_GRACE_NS, PORT_GRACE_NS + 1):
-        log.look()
+        log.check()
     assert lines.logged == ['error: absent']
-    log.trouble('busy')
-    log.look()
+    log.add_problem('busy')
+    log.check()
     assert lines.logged == ['error: absent', 'error: busy']
 
 
-def test_a_driver_that_ends_together_with_its_device_logs_nothing(log, lines):
+def test_a_driver_that_ends_together_with_its_device_logs_no_error(log, lines):
     log.opened('open')
-    log.trouble('lost')
+    log.add_problem('lost')
     lines.now_ns = PORT_GRACE_NS - 1
-    log.look()
+    log.check()
     assert lines.logged == ['info: open']
 
 
-def test_a_short_loss_is_logged_when_the_port_is_open_again(log, lines):
+def test_a_short_interruption_is_logged_when_the_port_is_open_again(log, lines):
     log.opened('open')
-    log.trouble('lost')
-    log.trouble('absent')
+    log.add_problem('lost')
+    log.add_problem('absent')
     log.opened('open')
     assert lines.logged == ['info: open', 'error: lost', 'error: absent', 'info: open']
     lines.now_ns = 2 * PORT_GRACE_NS
-    log.look()
+    log.check()
     assert len(lines.logged) == 4
 
 
-def test_the_grace_is_counted_from_the_beginning_of_each_trouble(log, lines):
-    log.trouble('absent')
+def test_the_grace_period_starts_with_each_problem(log, lines):
+    log.add_problem('absent')
     log.opened('open')
     lines.now_ns = PORT_GRACE_NS
-    log.trouble('lost')
-    log.look()
+    log.add_problem('lost')
+    log.check()
     assert lines.logged == ['info: open']
     lines.now_ns = 2 * PORT_GRACE_NS
-    log.trouble('absent')
-    log.look()
+    log.add_problem('absent')
+    log.check()
     assert lines.logged == ['info: open', 'error: lost', 'error: absent']

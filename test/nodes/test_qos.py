@@ -1,4 +1,4 @@
-"""Quality of service: what INTERFACES promises to subscribers and asks of publishers."""
+"""Quality of service of publishers and subscriptions, as listed in docs/topics.md."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ OVERRIDES = Path(__file__).resolve().parents[2] / 'config' / 'rosbag2_qos.yaml'
 
 
 @pytest.mark.parametrize('name', [*TOPICS, '/diagnostics', '/tf'])
-def test_every_publisher_suits_every_subscriber(name):
+def test_every_publisher_is_reliable_and_volatile_so_any_subscription_matches(name):
     profile = publisher_qos(name)
     assert profile.reliability == ReliabilityPolicy.RELIABLE
     assert profile.durability == DurabilityPolicy.VOLATILE
@@ -30,11 +30,11 @@ def test_every_publisher_suits_every_subscriber(name):
     ('imu/data', 200), ('wheel_states', 32), ('tire_samples', 800), ('odom', 250), ('icr', 250),
     ('tire_friction', 250), ('motor_commands', 1), ('cmd_vel', 1), ('ground_truth/odom', 100),
     ('/diagnostics', 100)])
-def test_publishers_keep_what_their_kind_of_topic_needs(name, depth):
+def test_publisher_depths_follow_the_kind_of_topic(name, depth):
     assert publisher_qos(name).depth == depth
 
 
-def test_publishers_keep_more_for_more_sources_and_higher_rates():
+def test_publisher_depths_grow_with_sources_and_rate():
     assert publisher_qos('tire_samples', wheels=4).depth == 3200
     assert publisher_qos('wheel_states', rate=100.0).depth == 200
     assert publisher_qos('wheel_states', rate=4.0).depth == 32
@@ -43,52 +43,52 @@ def test_publishers_keep_more_for_more_sources_and_higher_rates():
 @pytest.mark.parametrize(('name', 'depth'), [
     ('imu/data', 1000), ('wheel_states', 160), ('tire_samples', 4000), ('wheel_slip', 1250),
     ('odom', 1250), ('cmd_vel', 1)])
-def test_own_subscribers_outlast_a_burst(name, depth):
+def test_own_subscriptions_hold_two_seconds_at_five_times_the_rate(name, depth):
     profile = subscriber_qos(name)
     assert profile.depth == depth
     assert profile.reliability == ReliabilityPolicy.RELIABLE
 
 
-def test_a_robot_without_instrumented_wheels_still_listens():
+def test_a_robot_without_instrumented_wheels_still_subscribes():
     assert subscriber_qos('tire_samples', wheels=0).depth == 4000
 
 
-def test_foreign_publishers_may_be_less_reliable():
+def test_best_effort_subscriptions_serve_other_publishers():
     profile = subscriber_qos('imu/data', reliability='best_effort')
     assert profile.reliability == ReliabilityPolicy.BEST_EFFORT
     assert profile.depth == 1000
 
 
 @pytest.mark.parametrize('name', ['path', 'friction_map', '/tf_static'])
-def test_what_is_published_on_change_reaches_those_who_come_late(name):
+def test_topics_published_on_change_are_transient_local(name):
     profile = publisher_qos(name)
     assert profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
     assert profile.depth == 1
 
 
-def test_the_file_for_rosbag2_is_what_the_code_says():
+def test_the_file_for_rosbag2_is_current():
     assert OVERRIDES.read_text(encoding='utf-8') == rosbag2_overrides(), 'run: make config'
 
 
-def test_rosbag2_gets_a_complete_profile_of_every_topic_that_does_not_latch():
+def test_rosbag2_gets_a_complete_profile_of_every_volatile_topic():
     overrides = yaml.safe_load(OVERRIDES.read_text(encoding='utf-8'))
     assert overrides.keys() == {f'/{name}' for name in (*TOPICS, 'tf', 'diagnostics')}
     assert not overrides.keys() & {f'/{name}' for name in LATCHED}
     for name, policies in overrides.items():
-        # as ros2bag reads it: short keys of policies, a number for the depth
+        # as ros2bag parses it: short keys of policies, a number for the depth
         profile = QoSProfile(
             history=HistoryPolicy.get_from_short_key(policies.pop('history')),
             depth=policies.pop('depth'),
             reliability=ReliabilityPolicy.get_from_short_key(policies.pop('reliability')),
             durability=DurabilityPolicy.get_from_short_key(policies.pop('durability')))
         assert not policies
-        offer = publisher_qos(name.lstrip('/'))
-        assert qos_check_compatible(offer, profile)[0] != QoSCompatibility.ERROR
+        offered = publisher_qos(name.lstrip('/'))
+        assert qos_check_compatible(offered, profile)[0] != QoSCompatibility.ERROR
         assert profile.depth >= subscriber_qos(name.lstrip('/')).depth
         assert profile.depth >= 100
 
 
-def test_rosbag2_keeps_two_seconds_of_four_wheels_at_five_times_their_rate():
+def test_queues_of_rosbag2_hold_two_seconds_of_four_wheels_at_five_times_the_rate():
     overrides = yaml.safe_load(OVERRIDES.read_text(encoding='utf-8'))
     assert overrides['/tire_samples']['depth'] == 16000
     assert overrides['/imu/data']['depth'] >= 1000

@@ -1,4 +1,4 @@
-"""What the recorder asks of publishers."""
+"""Recorder: requested profiles and counts of lost messages."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from std_msgs.msg import Int64
 from support.waiting import wait_for
 
 from smart_tire.nodes.compat import new_executor, with_info
-from smart_tire.nodes.recorder import adapted, offered, SequenceGaps, weaker
+from smart_tire.nodes.recorder import matching_qos, recorded_qos, requests_less, SequenceGaps
 
 pytestmark = pytest.mark.processes
 
@@ -19,17 +19,17 @@ BEST_EFFORT = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
-def test_it_asks_for_the_most_that_all_offer():
-    assert adapted('/a', [RELIABLE]).reliability == ReliabilityPolicy.RELIABLE
-    assert adapted('/a', [RELIABLE]).durability == DurabilityPolicy.VOLATILE
-    assert adapted('/a', [LATCHED, LATCHED]).durability == DurabilityPolicy.TRANSIENT_LOCAL
-    assert adapted('/a', [LATCHED, RELIABLE]).durability == DurabilityPolicy.VOLATILE
-    assert adapted('/a', [RELIABLE, BEST_EFFORT]).reliability == ReliabilityPolicy.BEST_EFFORT
+def test_the_recorder_requests_the_strictest_profile_that_all_publishers_offer():
+    assert matching_qos('/a', [RELIABLE]).reliability == ReliabilityPolicy.RELIABLE
+    assert matching_qos('/a', [RELIABLE]).durability == DurabilityPolicy.VOLATILE
+    assert matching_qos('/a', [LATCHED, LATCHED]).durability == DurabilityPolicy.TRANSIENT_LOCAL
+    assert matching_qos('/a', [LATCHED, RELIABLE]).durability == DurabilityPolicy.VOLATILE
+    assert matching_qos('/a', [RELIABLE, BEST_EFFORT]).reliability == ReliabilityPolicy.BEST_EFFORT
 
 
 @pytest.mark.parametrize('name', ['/tire_samples', '/field/robot/tire_samples'])
-def test_it_keeps_two_seconds_of_all_wheels_at_five_times_their_rate(name):
-    assert adapted(name, [RELIABLE]).depth == 4 * 4000
+def test_queues_of_the_recorder_hold_two_seconds_of_all_wheels_at_five_times_the_rate(name):
+    assert matching_qos(name, [RELIABLE]).depth == 4 * 4000
 
 
 @pytest.mark.parametrize(('had', 'needs', 'new'), [
@@ -38,14 +38,14 @@ def test_it_keeps_two_seconds_of_all_wheels_at_five_times_their_rate(name):
     ([LATCHED], [LATCHED, RELIABLE], True),
     ([RELIABLE, BEST_EFFORT], [RELIABLE], False),
     ([BEST_EFFORT], [BEST_EFFORT, BEST_EFFORT], False)])
-def test_it_subscribes_anew_only_for_a_publisher_that_offers_less(had, needs, new):
-    assert weaker(adapted('/a', needs), adapted('/a', had)) is new
+def test_the_recorder_resubscribes_only_for_a_publisher_that_offers_less(had, needs, new):
+    assert requests_less(matching_qos('/a', needs), matching_qos('/a', had)) is new
 
 
-def test_the_bag_tells_what_was_offered():
-    assert offered(LATCHED).durability == 'transient_local'
-    assert offered(BEST_EFFORT).reliability == 'best_effort'
-    assert (offered(RELIABLE).reliability, offered(RELIABLE).durability) == (
+def test_the_bag_stores_the_offered_profiles():
+    assert recorded_qos(LATCHED).durability == 'transient_local'
+    assert recorded_qos(BEST_EFFORT).reliability == 'best_effort'
+    assert (recorded_qos(RELIABLE).reliability, recorded_qos(RELIABLE).durability) == (
         'reliable', 'volatile')
 
 
@@ -53,19 +53,19 @@ def info(number, publisher=1):
     return {'publication_sequence_number': number, 'publisher_gid': {'data': bytes([publisher])}}
 
 
-def test_gaps_in_the_numbers_of_each_publisher_are_lost_messages():
+def test_gaps_in_the_sequence_numbers_of_a_publisher_are_lost_messages():
     gaps = SequenceGaps()
-    worth_a_line = [gaps.add(info(number)) for number in (7, 8, 10, 11, 13, 14, 16, 17, 21)]
+    logged = [gaps.add(info(number)) for number in (7, 8, 10, 11, 13, 14, 16, 17, 21)]
     assert gaps.lost == 1 + 1 + 1 + 3
-    assert worth_a_line == [False, False, True, False, True, False, False, False, True]
+    assert logged == [False, False, True, False, True, False, False, False, True]
     assert not gaps.add(info(100, publisher=2))
     assert not gaps.add(info(101, publisher=2))
     assert not gaps.add(info(22))
     assert (gaps.newly_lost(), gaps.newly_lost()) == (6, 0)
 
 
-def test_the_first_messages_of_a_new_publisher_are_lost_and_those_of_an_old_one_are_not():
-    gaps = SequenceGaps(old={bytes([1])})
+def test_first_messages_count_as_missed_for_new_publishers_only():
+    gaps = SequenceGaps(initial_publishers={bytes([1])})
     assert not gaps.add(info(1000, publisher=1))
     assert gaps.add(info(4, publisher=2))
     assert (gaps.missed, gaps.lost, str(gaps)) == (3, 0, 'the first 3')
@@ -74,7 +74,7 @@ def test_the_first_messages_of_a_new_publisher_are_lost_and_those_of_an_old_one_
     assert gaps.newly_lost() == 4
 
 
-def test_a_middleware_without_sequence_numbers_reports_no_losses():
+def test_middleware_without_sequence_numbers_reports_no_losses():
     gaps = SequenceGaps()
     assert not gaps.add(info(None))
     assert not gaps.add({'source_timestamp': 5})
@@ -83,7 +83,7 @@ def test_a_middleware_without_sequence_numbers_reports_no_losses():
 
 @pytest.fixture
 def node():
-    """Return a node in the default context, as executors that know no other one want it."""
+    """Return a node in the default context, which executors without a context use."""
     rclpy.init(args=[])
     node = rclpy.create_node('test')
     yield node
@@ -92,24 +92,24 @@ def node():
 
 
 @pytest.mark.parametrize('executor', [new_executor, SingleThreadedExecutor])
-def test_what_overruns_the_queue_of_a_subscriber_shows_in_the_sequence_numbers(node, executor):
+def test_sequence_numbers_reveal_an_overflow_of_the_subscription_queue(node, executor):
     gaps, numbers = SequenceGaps(), []
 
-    def keep(data, info):
+    def on_message(data, info):
         gaps.add(info)
         numbers.append(data[4])
 
     subscription = node.create_subscription(
-        Int64, 'flood', with_info(keep), QoSProfile(depth=5), raw=True)
-    publisher = node.create_publisher(Int64, 'flood', QoSProfile(depth=100))
-    spinner = executor()
-    spinner.add_node(node)
+        Int64, 'burst', with_info(on_message), QoSProfile(depth=5), raw=True)
+    publisher = node.create_publisher(Int64, 'burst', QoSProfile(depth=100))
+    own_executor = executor()
+    own_executor.add_node(node)
 
     def publish(first, count):
         for number in range(first, first + count):
             publisher.publish(Int64(data=number))
         wait_for(lambda: numbers[-1:] == [first + count - 1],
-                 lambda: spinner.spin_once(timeout_sec=0.02))
+                 lambda: own_executor.spin_once(timeout_sec=0.02))
 
     wait_for(publisher.get_subscription_count)
     publish(1, 1)
@@ -117,6 +117,6 @@ def test_what_overruns_the_queue_of_a_subscriber_shows_in_the_sequence_numbers(n
     publish(52, 1)
     assert numbers == [1, 47, 48, 49, 50, 51, 52]
     assert gaps.lost == 45
-    spinner.remove_node(node)
-    spinner.shutdown()
+    own_executor.remove_node(node)
+    own_executor.shutdown()
     node.destroy_subscription(subscription)

@@ -1,4 +1,4 @@
-"""How nodes start, refuse to start, and end."""
+"""Start, refusal of invalid parameters, and shutdown of nodes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ pytestmark = pytest.mark.processes
 
 
 @pytest.mark.parametrize('name', NODE_PARAMS)
-def test_a_node_tells_how_it_is_and_ends_cleanly_however_often_it_is_told(name, graph, tmp_path):
+def test_every_node_publishes_diagnostics_and_ends_cleanly_after_repeated_signals(
+        name, graph, tmp_path):
     ports = {f'ports__{port}': tmp_path / port for port in ('tire_radio', 'imu', 'motors')} \
         if name == 'robot_simulator' else {}
     with graph.start(name, **ports) as node:
@@ -22,30 +23,30 @@ def test_a_node_tells_how_it_is_and_ends_cleanly_however_often_it_is_told(name, 
         assert 'Traceback' not in node.output
 
 
-def test_sigterm_is_a_clean_end_too(graph):
+def test_sigterm_ends_a_node_cleanly(graph):
     with graph.start('wheel_controller') as node:
         graph.until(lambda: graph.health)
         assert node.end(signal.SIGTERM) == 0
         assert node.output == ''
 
 
-@pytest.mark.parametrize(('parameters', 'complaint'), [
+@pytest.mark.parametrize(('parameters', 'message'), [
     ({'ratee': 16.0}, 'unknown parameter ratee, did you mean rate?'),
     ({'rate': 'fast'}, "parameter rate: 'fast', expected a float"),
     ({'rate': 1000}, 'parameter rate: 1000.0, expected 1 to 200 Hz'),
     ({'imu__position': '[1, 2]'}, 'parameter imu.position: '),
     ({'use_sim_time': 'maybe'}, "parameter use_sim_time: 'maybe', expected a bool"),
 ])
-def test_a_bad_parameter_is_refused_in_one_line_that_names_it(parameters, complaint, graph):
+def test_an_invalid_parameter_is_refused_in_one_line_that_names_it(parameters, message, graph):
     with graph.start('wheel_controller', **parameters) as node:
         assert node.ended() == 2
-        assert complaint in node.output
+        assert message in node.output
         assert node.output.count('\n') == 1
 
 
 @pytest.mark.parametrize('words', [
     ['--bogus'], ['use_sim_time:=maybe'], ['--ros-args', '-p', 'rate:=20', '--', '--bogus']])
-def test_arguments_that_no_node_takes_are_refused_in_one_line(words, graph, tmp_path):
+def test_unknown_arguments_are_refused_in_one_line(words, graph, tmp_path):
     with Process(['-m', 'smart_tire.nodes.wheel_controller', *words], tmp_path / 'log') as node:
         assert node.ended() == 2
         assert f'unknown arguments: {words[-1]} (ROS arguments come after' in node.output
@@ -59,37 +60,37 @@ def test_an_unknown_ros_argument_is_refused_by_its_name(graph, tmp_path):
         assert node.output.count('\n') == 1
 
 
-@pytest.mark.parametrize(('text', 'complaint'), [
+@pytest.mark.parametrize(('text', 'message'), [
     ('/**:\n  ros__parameters:\n    wheel_radios: 0.1\n', 'did you mean wheel_radius?'),
     ('/**:\n  ros__parameters:\n    units: [broken]\n', "units: 'broken', expected 16 hex digits"),
     ('/**: [', 'params.yaml'),
 ])
-def test_a_bad_parameter_file_is_refused(text, complaint, graph, tmp_path):
+def test_an_invalid_parameter_file_is_refused(text, message, graph, tmp_path):
     path = tmp_path / 'params.yaml'
     path.write_text(text)
     with Process([*node_arguments('tire_receiver'), '--params-file', str(path)],
                  tmp_path / 'log') as node:
         assert node.ended() == 2
-        assert complaint in node.output
+        assert message in node.output
         assert 'Traceback' not in node.output
 
 
-def test_whole_numbers_do_where_numbers_are_wanted(graph):
+def test_integers_are_accepted_for_floats(graph):
     with graph.start('wheel_controller', rate=20, imu__position='[0, 0, 1]') as node:
         graph.until(lambda: graph.health)
         assert node.end() == 0
 
 
-def test_the_simulator_takes_its_ports_away_after_the_drivers_that_use_them(graph, tmp_path):
-    """Ctrl-C ends all of them at the same time: a port that vanishes first would be an error."""
+def test_the_simulator_removes_its_ports_after_the_drivers_have_closed_them(graph, tmp_path):
+    """Ctrl-C ends all nodes at once; a port removed before its driver closes it is an error."""
     ports = {name: tmp_path / name for name in ('tire_radio', 'imu', 'motors')}
-    graph.listen('imu/data')
+    graph.subscribe('imu/data')
     with graph.start('robot_simulator', **{f'ports__{name}': path for name, path in ports.items()}
                      ) as simulator, graph.start('imu_driver', port=ports['imu']) as driver:
-        graph.until(lambda: graph.heard['imu/data'])
+        graph.until(lambda: graph.received['imu/data'])
         simulator.popen.send_signal(signal.SIGINT)
-        heard = len(graph.heard['imu/data'])
-        graph.until(lambda: len(graph.heard['imu/data']) > heard + 60)  # 0.6 s at 100 Hz
+        count_before = len(graph.received['imu/data'])
+        graph.until(lambda: len(graph.received['imu/data']) > count_before + 60)  # 0.6 s at 100 Hz
         assert driver.end() == 0
         assert simulator.ended() == 0
         assert 'lost' not in driver.output

@@ -1,4 +1,4 @@
-"""A subscriber with the default depth of 10 gets every sample of the radio's bursts."""
+"""Paced publishing: a subscription of default depth 10 receives every sample of a batch."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from smart_tire.protocol.xbee import encode_frame, encode_receive_packet, Receiv
 pytestmark = pytest.mark.processes
 
 BATCH_PERIOD = 0.04  # s, 16 samples at 400 Hz
-UNBROKEN = 25        # batches; without pacing each of them loses about 5 of its 16 samples
+COMPLETE_BATCHES = 25  # in a row; without pacing each loses about 5 of its 16 samples
 UNITS = {0x0013A20040A1B2C2: 'front_left', 0x0013A20040A1B2C3: 'front_right'}
 
 
 def packet(number, address):
-    """Return the bytes of a unit's batch of that number."""
+    """Return the bytes of a sensor node's batch ``number``."""
     batch = TireBatch(flags=0, sequence=number, timer_us=40_000 * number, period_us=2500,
                       codes=((500, 512),) * 16, battery_mv=3700)
     return encode_frame(encode_receive_packet(
@@ -30,12 +30,12 @@ def packet(number, address):
 
 
 @pytest.mark.parametrize('wheels', [1, 2])
-def test_a_subscriber_in_a_process_of_its_own_that_keeps_the_last_10_loses_nothing(
+def test_a_subscription_of_depth_10_in_another_process_receives_all_samples(
         wheels, graph, port, tmp_path):
     port.plug_in()
     units = list(UNITS)[:wheels]
     text = '[' + ', '.join(f'"{unit:016X}={UNITS[unit]}"' for unit in units) + ']'
-    listener = [str(Path(keep_last.__file__)), str(16 * UNBROKEN)]
+    listener = [str(Path(keep_last.__file__)), str(16 * COMPLETE_BATCHES)]
     with graph.start('tire_receiver', port=port.path, units=text) as node, \
             Process(listener, tmp_path / 'listener.log') as subscriber:
         graph.until(lambda: graph.value('tire_receiver', 'port_opened') == '1')
@@ -43,9 +43,9 @@ def test_a_subscriber_in_a_process_of_its_own_that_keeps_the_last_10_loses_nothi
         for number in count():
             if subscriber.popen.poll() is not None:
                 break
-            assert time.monotonic() - begin < PATIENCE, 'samples are lost all the time'
+            assert time.monotonic() - begin < PATIENCE, 'every batch lost samples'
             port.write(b''.join(packet(number, unit) for unit in units))
-            # The radio's own pace: batches come at their instants, whoever listens.
+            # The radio sends batches at a fixed rate, whether or not they are received.
             time.sleep(max(0.0, begin + (number + 1) * BATCH_PERIOD - time.monotonic()))
         assert subscriber.ended() == 0, subscriber.output
         graph.until(lambda: graph.value('tire_receiver', 'frames_ok') == str(wheels * number))

@@ -1,4 +1,4 @@
-"""The pose on /tf, which exists only where tf2_msgs is installed."""
+"""Pose on /tf, published only if tf2_msgs is installed."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ ODOMETRY = Odometry(1_500_000_000, (1.0, 2.0, 0.0), (0.0, 0.0, 0.6, 0.8), (0.0, 
 
 
 class Node(slip_estimator.SlipEstimatorNode):
-    """The node with a /tf that keeps what is published."""
+    """The node with a publisher of /tf that stores its messages."""
 
     def create_publisher(self, cls, name, qos):
-        """Return a real publisher, but for /tf."""
+        """Return a real publisher except for /tf."""
         if name != '/tf':
             return super().create_publisher(cls, name, qos)
         self.sent = []
         return SimpleNamespace(publish=self.sent.append)
 
 
-def test_the_pose_is_a_transform_where_tf_exists(monkeypatch, isolated_ros):
-    monkeypatch.setattr(slip_estimator, 'transforms', lambda: SimpleNamespace)
+def test_the_pose_is_published_on_tf(monkeypatch, isolated_ros):
+    monkeypatch.setattr(slip_estimator, 'transform_class', lambda: SimpleNamespace)
     rclpy.init(args=[])
     try:
         node = Node()
-        node.put_out(ODOMETRY)
+        node.publish_estimate(ODOMETRY)
     finally:
         rclpy.shutdown()
     ((transform,),) = (message.transforms for message in node.sent)
@@ -43,6 +43,6 @@ def test_the_pose_is_a_transform_where_tf_exists(monkeypatch, isolated_ros):
     assert transform.transform.rotation.z == 0.6
 
 
-def test_without_tf2_msgs_there_is_no_tf(monkeypatch):
+def test_tf_is_not_published_without_tf2_msgs(monkeypatch):
     monkeypatch.setitem(sys.modules, 'tf2_msgs', None)
-    assert compat.transforms() is None
+    assert compat.transform_class() is None

@@ -1,4 +1,4 @@
-"""The wheel controller as a process."""
+"""Wheel controller as a process."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from smart_tire.samples import VelocityCommand, WheelSample
 
 pytestmark = pytest.mark.processes
 
-NOTHING = (0.0, 0.0, 0.0, 0.0)
+ZERO = (0.0, 0.0, 0.0, 0.0)
 
 
 @pytest.fixture
 def controller(graph):
-    graph.listen('wheel_commands', 'motor_commands')
+    graph.subscribe('wheel_commands', 'motor_commands')
     with graph.start('wheel_controller', wheel_states_timeout=2.0) as node:
         graph.until(lambda: 'wheel_controller' in graph.health)
         yield node
@@ -28,107 +28,108 @@ def controller(graph):
 
 
 def driving(graph, v_x=0.5, yaw_rate=0.0, speed=1.0):
-    """Return what keeps the robot driving: a command and wheel speeds."""
-    def say():
-        graph.say('cmd_vel', VelocityCommand(time.time_ns(), v_x, yaw_rate))
-        graph.say('wheel_states', WheelSample(time.time_ns(), (speed,) * 4))
+    """Return a function that publishes a command and wheel speeds."""
+    def publish():
+        graph.publish('cmd_vel', VelocityCommand(time.time_ns(), v_x, yaw_rate))
+        graph.publish('wheel_states', WheelSample(time.time_ns(), (speed,) * 4))
 
-    return say
+    return publish
 
 
 def latest(graph):
-    """Return the newest set points and duties, as if nothing was commanded before any came."""
-    wheels, motors = graph.heard['wheel_commands'], graph.heard['motor_commands']
-    return (graph.samples('wheel_commands')[-1].velocity if wheels else NOTHING,
-            graph.samples('motor_commands')[-1].duty if motors else NOTHING)
+    """Return the latest set points and duties, zero before the first ones."""
+    wheels, motors = graph.received['wheel_commands'], graph.received['motor_commands']
+    return (graph.samples('wheel_commands')[-1].velocity if wheels else ZERO,
+            graph.samples('motor_commands')[-1].duty if motors else ZERO)
 
 
-def test_a_velocity_becomes_set_points_and_duties_until_it_ceases(graph, controller):
+def test_a_velocity_command_yields_set_points_and_duties_until_it_expires(graph, controller):
     graph.until(lambda: latest(graph)[1][1] > 0.1, driving(graph, 0.5, 1.0))
     assert latest(graph)[0] == pytest.approx([(0.5 - 0.19) / 0.087, (0.5 + 0.19) / 0.087] * 2)
-    graph.until(lambda: latest(graph) == (NOTHING, NOTHING))
-    graph.until(lambda: 'wheel speeds are unknown' in graph.complaint('wheel_controller'))
+    graph.until(lambda: latest(graph) == (ZERO, ZERO))
+    graph.until(lambda: 'no recent wheel_states: motors disabled'
+                in graph.status_message('wheel_controller'))
     assert graph.value('wheel_controller', 'commanded') == 'False'
 
 
-def test_the_zero_of_a_command_that_ceased_does_not_wait_for_the_next_step(graph):
-    graph.listen('motor_commands')
+def test_zero_duty_after_an_expired_command_does_not_wait_for_the_control_step(graph):
+    graph.subscribe('motor_commands')
     with graph.start('wheel_controller', rate=1.0, wheel_states_timeout=5.0,
                      cmd_vel_timeout=1.5) as node:
-        graph.until(lambda: latest(graph)[1] != NOTHING, driving(graph))
-        ended, seen = time.monotonic(), len(graph.heard['motor_commands'])
-        graph.until(lambda: latest(graph)[1] == NOTHING)
-        assert len(graph.heard['motor_commands']) - seen >= 8  # a driver's time-out is 0.25 s
+        graph.until(lambda: latest(graph)[1] != ZERO, driving(graph))
+        ended, before = time.monotonic(), len(graph.received['motor_commands'])
+        graph.until(lambda: latest(graph)[1] == ZERO)
+        assert len(graph.received['motor_commands']) - before >= 8  # motor_driver's is 0.25 s
         assert 1.3 < time.monotonic() - ended < 1.5 + 0.15
         assert node.end() == 0
 
 
-def test_the_zero_for_lost_wheel_speeds_does_not_wait_for_the_next_step(graph):
-    graph.listen('motor_commands')
+def test_zero_duty_without_wheel_states_does_not_wait_for_the_control_step(graph):
+    graph.subscribe('motor_commands')
     with graph.start('wheel_controller', rate=1.0, wheel_states_timeout=1.5,
                      cmd_vel_timeout=9.0) as node:
-        graph.until(lambda: latest(graph)[1] != NOTHING, driving(graph))
+        graph.until(lambda: latest(graph)[1] != ZERO, driving(graph))
         ended = time.monotonic()
-        graph.until(lambda: latest(graph)[1] == NOTHING)
+        graph.until(lambda: latest(graph)[1] == ZERO)
         assert 1.3 < time.monotonic() - ended < 1.5 + 0.15
         assert node.end() == 0
 
 
 def state(graph, topic, value):
-    """Publish a state of motor_driver, which is latched."""
+    """Publish a state of motor_driver, transient local, and return the publisher."""
     publisher = graph.node.create_publisher(Bool, topic, latched())
     publisher.publish(Bool(data=value))
     return publisher
 
 
-def test_it_follows_the_emergency_stop_of_the_driver_and_then_needs_a_new_command(graph):
-    graph.listen('wheel_commands', 'motor_commands')
+def test_after_an_emergency_stop_the_controller_needs_a_new_command(graph):
+    graph.subscribe('wheel_commands', 'motor_commands')
     with graph.start('wheel_controller', wheel_states_timeout=5.0, cmd_vel_timeout=5.0) as node:
-        graph.until(lambda: latest(graph)[1] != NOTHING, driving(graph))
+        graph.until(lambda: latest(graph)[1] != ZERO, driving(graph))
         stop = state(graph, 'emergency_stop_active', True)
-        graph.until(lambda: latest(graph) == (NOTHING, NOTHING))
-        seen = len(graph.heard['motor_commands'])
-        graph.until(lambda: len(graph.heard['motor_commands']) >= seen + 8, driving(graph))
-        assert {sample.duty for sample in graph.samples('motor_commands')[seen:]} == {NOTHING}
-        graph.until(lambda: 'emergency stop' in graph.complaint('wheel_controller'))
+        graph.until(lambda: latest(graph) == (ZERO, ZERO))
+        before = len(graph.received['motor_commands'])
+        graph.until(lambda: len(graph.received['motor_commands']) >= before + 8, driving(graph))
+        assert {sample.duty for sample in graph.samples('motor_commands')[before:]} == {ZERO}
+        graph.until(lambda: 'emergency stop' in graph.status_message('wheel_controller'))
         stop.publish(Bool(data=False))
-        seen = len(graph.heard['motor_commands'])
-        graph.until(lambda: len(graph.heard['motor_commands']) >= seen + 8)
-        assert {sample.duty for sample in graph.samples('motor_commands')[seen:]} == {NOTHING}
-        graph.until(lambda: latest(graph)[1] != NOTHING, driving(graph))
+        before = len(graph.received['motor_commands'])
+        graph.until(lambda: len(graph.received['motor_commands']) >= before + 8)
+        assert {sample.duty for sample in graph.samples('motor_commands')[before:]} == {ZERO}
+        graph.until(lambda: latest(graph)[1] != ZERO, driving(graph))
         assert node.end() == 0
 
 
-def test_nothing_winds_up_while_the_motors_are_disabled(graph, controller):
+def test_the_integrals_do_not_wind_up_while_the_motors_are_disabled(graph, controller):
     disabled = state(graph, 'motors_enabled', False)
-    graph.until(lambda: latest(graph)[1] != NOTHING, driving(graph, speed=0.0))
-    seen = len(graph.heard['motor_commands'])
-    graph.until(lambda: len(graph.heard['motor_commands']) >= seen + 24,
+    graph.until(lambda: latest(graph)[1] != ZERO, driving(graph, speed=0.0))
+    before = len(graph.received['motor_commands'])
+    graph.until(lambda: len(graph.received['motor_commands']) >= before + 24,
                 driving(graph, speed=0.0))
-    assert max(sample.duty[0] for sample in graph.samples('motor_commands')[seen + 8:]) < 0.5
+    assert max(sample.duty[0] for sample in graph.samples('motor_commands')[before + 8:]) < 0.5
     disabled.publish(Bool(data=True))
     graph.until(lambda: latest(graph)[1][0] > 0.6, driving(graph, speed=0.0))
 
 
-def test_a_command_that_is_no_number_is_counted_and_ignored(graph, controller):
+def test_a_command_that_is_not_finite_is_counted_and_ignored(graph, controller):
     bad = TwistStamped()
     bad.twist.linear.x = math.nan
-    graph.say_message('cmd_vel', bad)
+    graph.publish_message('cmd_vel', bad)
     graph.until(lambda: graph.value('wheel_controller', 'frames_bad') == '1')
     assert graph.value('wheel_controller', 'commanded') == 'False'
     assert 'twist.linear is [nan' in controller.output
-    graph.until(lambda: latest(graph)[0] != NOTHING, driving(graph))
+    graph.until(lambda: latest(graph)[0] != ZERO, driving(graph))
     graph.until(lambda: graph.value('wheel_controller', 'commanded') == 'True', driving(graph))
     assert graph.value('wheel_controller', 'command_input') == 'cmd_vel'
 
 
-def test_slow_wheel_readings_of_another_clock_are_used(graph, controller):
-    """The stamps of wheel_states are not checked: time-outs go by their arrival."""
-    def say():
-        graph.say('cmd_vel', VelocityCommand(time.time_ns(), 0.5, 0.0))
-        graph.say('wheel_states', WheelSample(1, (1.0,) * 4))
+def test_wheel_states_at_a_low_rate_and_from_another_clock_are_used(graph, controller):
+    """Timestamps of wheel_states are not checked; time-outs count from their arrival."""
+    def publish():
+        graph.publish('cmd_vel', VelocityCommand(time.time_ns(), 0.5, 0.0))
+        graph.publish('wheel_states', WheelSample(1, (1.0,) * 4))
 
-    graph.until(lambda: latest(graph)[1] != NOTHING, say)
+    graph.until(lambda: latest(graph)[1] != ZERO, publish)
 
 
 @pytest.mark.parametrize(('parameters', 'text'), [
@@ -136,14 +137,14 @@ def test_slow_wheel_readings_of_another_clock_are_used(graph, controller):
     ({'cmd_vel_inputs': '[a, b]'}, 'cmd_vel_priorities: [0], expected one for each of'),
     ({'cmd_vel_timeouts': '[1.0, 2.0]'}, 'cmd_vel_timeouts: [1.0, 2.0], expected one for each'),
 ])
-def test_inputs_that_do_not_fit_are_refused(graph, parameters, text):
+def test_inconsistent_command_inputs_are_refused(graph, parameters, text):
     with graph.start('wheel_controller', **parameters) as node:
         assert node.ended() == 2
         assert text in node.output
 
 
 def set_parameter(graph, name, value):
-    """Set a number of the controller by the service that ``ros2 param set`` uses."""
+    """Set a parameter of the controller with the service that ``ros2 param set`` uses."""
     parameter = Parameter(name=name, value=ParameterValue(
         type=ParameterType.PARAMETER_DOUBLE, double_value=value))
     (result,) = graph.call('rcl_interfaces/srv/SetParameters', 'wheel_controller/set_parameters',
@@ -151,17 +152,17 @@ def set_parameter(graph, name, value):
     return result
 
 
-def test_gains_change_while_running_and_what_is_fixed_does_not(graph, controller):
+def test_gains_can_be_changed_at_run_time_and_other_parameters_cannot(graph, controller):
     assert set_parameter(graph, 'pid.limit', 0.0).successful
     assert not set_parameter(graph, 'pid.limit', 2.0).successful
     assert not set_parameter(graph, 'wheel_radius', 0.1).successful
-    graph.until(lambda: latest(graph)[0] != NOTHING, driving(graph))
-    seen = len(graph.heard['motor_commands'])
-    graph.until(lambda: len(graph.heard['motor_commands']) >= seen + 8, driving(graph))
-    assert {sample.duty for sample in graph.samples('motor_commands')} == {NOTHING}
+    graph.until(lambda: latest(graph)[0] != ZERO, driving(graph))
+    before = len(graph.received['motor_commands'])
+    graph.until(lambda: len(graph.received['motor_commands']) >= before + 8, driving(graph))
+    assert {sample.duty for sample in graph.samples('motor_commands')} == {ZERO}
 
 
-def test_parameters_describe_themselves(graph, controller):
+def test_parameters_have_ros_descriptions(graph, controller):
     names = ['wheel_radius', 'pid.limit', 'center_of_mass', 'reliability']
     described = {item.name: item for item in graph.call(
         'rcl_interfaces/srv/DescribeParameters', 'wheel_controller/describe_parameters',

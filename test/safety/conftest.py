@@ -1,4 +1,4 @@
-"""The wheels' safety needs real nodes; where rclpy is missing, its tests are left out."""
+"""Safety tests run real nodes; they are skipped if rclpy is not installed."""
 
 from __future__ import annotations
 

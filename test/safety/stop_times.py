@@ -1,8 +1,8 @@
 """
-Measure how long the wheels take to stop for each hazard of docs/safety.md; print a table.
+Measure the stop time of the wheels for each hazard of docs/safety.md; print a table.
 
-``make stop-times`` runs it: real processes against the emulated motor boards, on an idle machine
-and beside one busy process per core. Times are from the fault to zero duty at the motors.
+``make stop-times`` runs it: real processes with emulated motor boards, on an idle machine and with
+one busy process per core. Times are from the fault to zero duty at the motors.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def fails(**faults: object) -> Scenario:
 
 
 def restarts(robot: RobotRig, _: Path) -> float:
-    """Let the rear board start over."""
+    """Restart the rear board."""
     restarted = robot.rig.restart(129)
     robot.graph.until(lambda: robot.rig.state().timeouts == (2, 2), robot.command)
     return robot.rig.record(restarted).first_zero() - restarted
@@ -52,7 +52,7 @@ def commands_are_nan(robot: RobotRig, _: Path) -> float:
     """Command NaN instead of a velocity."""
     robot.hold(0.06)
     robot.command()
-    return robot.until_stopped(time.monotonic(), lambda: robot.say_twist(float('nan')))
+    return robot.until_stopped(time.monotonic(), lambda: robot.publish_twist(float('nan')))
 
 
 def stop(robot: RobotRig, _: Path) -> float:
@@ -67,13 +67,13 @@ def second(topic: str, make: Callable[[], object]) -> Scenario:
     def run(robot: RobotRig, folder: Path) -> float:
         with Stranger(folder, topic) as stranger:
             robot.drive()
-            robot.graph.until(  # that it exists is a warning
-                lambda: any('publishers exist' in robot.complaint(node)
+            robot.graph.until(  # its existence is a warning
+                lambda: any('publishers exist' in robot.status_message(node)
                             for node in ('motor_driver', 'wheel_controller')), robot.command)
 
             def both() -> None:
                 robot.command()
-                stranger.say(make())
+                stranger.publish(make())
 
             began = time.monotonic()
             both()
@@ -82,7 +82,7 @@ def second(topic: str, make: Callable[[], object]) -> Scenario:
 
 
 def signals(number: signal.Signals, *names: str) -> Scenario:
-    """Return a scenario in which processes get a signal."""
+    """Return a scenario in which processes receive a signal."""
     def run(robot: RobotRig, _: Path) -> float:
         began = time.monotonic()
         for name in names:
@@ -92,11 +92,11 @@ def signals(number: signal.Signals, *names: str) -> Scenario:
 
 
 def unplugged(robot: RobotRig, _: Path) -> float:
-    """Pull the cable."""
+    """Unplug the cable."""
     return robot.until_stopped(robot.rig.unplug())
 
 
-SCENARIOS: Mapping[str, tuple[float, Scenario]] = {  # name -> bound [s], scenario
+SCENARIOS: Mapping[str, tuple[float, Scenario]] = {  # hazard -> bound [s], scenario
     'replies of both boards lost': (0.3, fails(mute={128, 129})),
     'replies of one board lost': (0.3, fails(mute={129})),
     'replies garbled': (0.3, fails(garbled={128, 129})),
@@ -121,13 +121,13 @@ SCENARIOS: Mapping[str, tuple[float, Scenario]] = {  # name -> bound [s], scenar
     'wheel_controller killed': (0.5, signals(signal.SIGKILL, 'wheel_controller')),
     'wheel_controller stopped': (0.5, signals(signal.SIGSTOP, 'wheel_controller')),
     'host frozen': (0.5, signals(signal.SIGSTOP, 'motor_driver', 'wheel_controller')),
-    'cable pulled': (0.5, unplugged),
+    'cable unplugged': (0.5, unplugged),
 }
 
 
 @contextmanager
 def load(busy: bool) -> Iterator[None]:
-    """Keep every core busy meanwhile, if asked to."""
+    """Keep every core busy in this context if ``busy``."""
     spin = [sys.executable, '-c', 'while True: pass']
     children = [subprocess.Popen(spin) for _ in range((os.cpu_count() or 1) * busy)]
     try:
@@ -139,7 +139,7 @@ def load(busy: bool) -> Iterator[None]:
 
 
 def measure(scenario: Scenario, runs: int) -> list[float]:
-    """Return the stop times of ``runs`` runs, each with processes of its own."""
+    """Return the stop times [s] of ``runs`` runs, each with new processes."""
     times = []
     for _ in range(runs):
         with tempfile.TemporaryDirectory() as folder, RobotRig(Path(folder)) as robot:
@@ -149,7 +149,7 @@ def measure(scenario: Scenario, runs: int) -> list[float]:
 
 
 def main() -> int:
-    """Measure and print; return 1 if a bound was missed."""
+    """Measure and print; return 1 if a bound was exceeded."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--runs', type=int, default=5, help='per hazard (default: %(default)s)')
     parser.add_argument('--only', default='', help='hazards that contain this text')
@@ -157,7 +157,7 @@ def main() -> int:
     os.environ.update(isolated_environment())
     os.environ['PYTHONPATH'] = str(Path(__file__).resolve().parents[2])
     os.environ.pop('_ROS_WHEELS_BOOTSTRAP_COMPLETE', None)
-    missed = 0
+    exceeded = 0
     print('| hazard | bound [s] | idle: median, longest [s] | cores loaded [s] |\n|' + '---|' * 4)
     for name, (bound, scenario) in SCENARIOS.items():
         if args.only not in name:
@@ -167,9 +167,9 @@ def main() -> int:
             with load(busy):
                 times = measure(scenario, args.runs)
             cells.append(f'{statistics.median(times):.3f}, {max(times):.3f}')
-            missed += max(times) > bound
+            exceeded += max(times) > bound
         print(f'| {name} | {bound:g} | {" | ".join(cells)} |', flush=True)
-    return int(missed > 0)
+    return int(exceeded > 0)
 
 
 if __name__ == '__main__':

@@ -1,4 +1,4 @@
-"""Commands that cease, are old, or are no commands at all: bounds at the boards."""
+"""Commands that end, are old or invalid: stop times at the boards."""
 
 from __future__ import annotations
 
@@ -32,19 +32,19 @@ def driving(robot):
 
 
 def last_command(robot):
-    """Command once more and return when."""
+    """Send a command and return the time."""
     robot.hold(0.06)
     robot.command()
     return time.monotonic()
 
 
-def test_the_wheels_stop_with_the_commands_and_stay_stopped(driving):
+def test_the_wheels_stop_when_commands_end_and_stay_stopped(driving):
     ended = last_command(driving)
     assert driving.until_stopped(ended, lambda: None) < CMD_VEL_TIMEOUT + 0.1
     driving.stay_stopped(1.0, lambda: None)
 
 
-def test_commands_at_a_low_rate_do_not_stop_the_wheels_between_them(driving):
+def test_commands_at_a_low_rate_drive_the_wheels_without_interruption(driving):
     since = time.monotonic()
     end = since + 1.5
     while time.monotonic() < end:
@@ -54,52 +54,52 @@ def test_commands_at_a_low_rate_do_not_stop_the_wheels_between_them(driving):
 
 
 @pytest.mark.parametrize('v_x', [math.nan, math.inf, -math.inf, 1e308, 1e3])
-def test_a_command_that_is_no_velocity_is_refused_and_the_last_good_one_expires(driving, v_x):
+def test_an_invalid_velocity_is_refused_and_the_previous_command_expires(driving, v_x):
     bad = int(driving.graph.value('wheel_controller', 'frames_bad'))
     ended = last_command(driving)
-    assert driving.until_stopped(ended, lambda: driving.say_twist(v_x)) < CMD_VEL_TIMEOUT + 0.1
+    assert driving.until_stopped(ended, lambda: driving.publish_twist(v_x)) < CMD_VEL_TIMEOUT + 0.1
     driving.graph.until(
         lambda: int(driving.graph.value('wheel_controller', 'frames_bad')) > bad)
 
 
 @pytest.mark.parametrize('stamp_ns', [-HOUR, HOUR, -600_000_000, 600_000_000])
-def test_a_command_from_another_time_moves_nothing(robot, stamp_ns):
+def test_a_command_from_the_past_or_future_moves_no_wheel(robot, stamp_ns):
     robot.pause()
     robot.stay_stopped(0.6, lambda: robot.command(stamp_ns=time.time_ns() + stamp_ns))
-    robot.graph.until(lambda: 'expected at most 0.5 s' in robot.complaint('wheel_controller'),
+    robot.graph.until(lambda: 'expected at most 0.5 s' in robot.status_message('wheel_controller'),
                       lambda: robot.command(stamp_ns=time.time_ns() + stamp_ns))
 
 
-def test_a_command_with_a_negative_stamp_moves_nothing(robot):
+def test_a_command_with_a_negative_timestamp_moves_no_wheel(robot):
     robot.pause()
     robot.stay_stopped(0.6, lambda: robot.command(stamp_ns=-NS_PER_S))
 
 
 @pytest.mark.parametrize('stamp_ns', [-400_000_000, 400_000_000])
-def test_a_command_of_a_clock_that_is_a_little_off_drives(robot, stamp_ns):
+def test_a_small_clock_offset_of_the_commander_is_accepted(robot, stamp_ns):
     robot.pause()
     robot.graph.until(lambda: not robot.rig.state().still,
                       lambda: robot.command(stamp_ns=time.time_ns() + stamp_ns))
 
 
-def test_commands_without_a_stamp_drive_with_one_warning(robot):
+def test_commands_without_a_timestamp_drive_with_one_warning(robot):
     robot.pause()
     robot.graph.until(lambda: min(robot.rig.state().duty) > 0.2,
                       lambda: robot.command(stamp_ns=0))
     ended = time.monotonic()
     assert robot.until_stopped(ended, lambda: None) < CMD_VEL_TIMEOUT + 0.1
-    assert robot.processes['wheel_controller'].output.count('cmd_vel has no stamp') == 1
+    assert robot.processes['wheel_controller'].output.count('cmd_vel has no timestamp') == 1
 
 
 @pytest.mark.parametrize('stamped', [True, False])
-def test_commands_queued_while_the_controller_was_stopped_move_nothing(driving, stamped):
+def test_commands_queued_while_the_controller_was_stopped_move_no_wheel(driving, stamped):
     controller = driving.processes['wheel_controller'].popen
     controller.send_signal(signal.SIGSTOP)
     stopped = time.monotonic()
     assert driving.until_stopped(stopped, lambda: driving.command(
         stamp_ns=None if stamped else 0)) < COMMAND_TIMEOUT + 0.1
     driving.hold(1.5, lambda: driving.command(stamp_ns=None if stamped else 0))
-    driving.hold(0.6)  # the newest of them is old by now
+    driving.hold(0.6)  # the latest of them is old now
     since = time.monotonic()
     controller.send_signal(signal.SIGCONT)
     driving.stay_stopped(1.0, lambda: None)

@@ -1,4 +1,4 @@
-"""Duties that are old or no duties at all, at a driver without a controller."""
+"""Old and invalid duties, at a driver without a controller."""
 
 from __future__ import annotations
 
@@ -26,34 +26,34 @@ def driver(tmp_path_factory, isolated_ros) -> Iterator[RobotRig]:
 
 def duties(robot, value, stamp_ns=0):
     """Publish motor_commands as wheel_controller would."""
-    robot.graph.say('motor_commands', MotorCommand(stamp_ns, (value,) * 4))
+    robot.graph.publish('motor_commands', MotorCommand(stamp_ns, (value,) * 4))
 
 
 @pytest.mark.parametrize('duty', [math.nan, math.inf, 1e308, 1.5])
-def test_a_duty_that_is_none_is_refused_by_the_driver(driver, duty):
+def test_the_driver_refuses_an_invalid_duty(driver, duty):
     driver.pause()
     rejected = int(driver.graph.value('motor_driver', 'motor_commands.rejected') or 0)
     bad = JointState(name=list(WHEELS), effort=[0.5, duty, 0.5, 0.5])
-    driver.stay_stopped(0.6, lambda: driver.graph.say_message('motor_commands', bad))
+    driver.stay_stopped(0.6, lambda: driver.graph.publish_message('motor_commands', bad))
     driver.graph.until(lambda: int(
         driver.graph.value('motor_driver', 'motor_commands.rejected')) > rejected)
 
 
 @pytest.mark.parametrize('age_ns', [-HOUR, HOUR, 700_000_000])
-def test_a_duty_from_another_time_is_refused_by_the_driver(driver, age_ns):
+def test_the_driver_refuses_a_duty_from_the_past_or_future(driver, age_ns):
     driver.pause()
     driver.stay_stopped(0.6, lambda: duties(driver, 0.5, time.time_ns() - age_ns))
-    # one of the present drives, so that it was the stamp
+    # a duty stamped now drives: the timestamp was the reason
     driver.graph.until(lambda: min(driver.rig.state().duty) > 0.4,
                        lambda: duties(driver, 0.5, time.time_ns()))
 
 
-def test_duties_without_a_stamp_drive(driver):
+def test_duties_without_a_timestamp_drive(driver):
     driver.pause()
     driver.graph.until(lambda: min(driver.rig.state().duty) > 0.4, lambda: duties(driver, 0.5))
 
 
-def test_duties_queued_while_the_driver_was_stopped_move_nothing(driver):
+def test_duties_queued_while_the_driver_was_stopped_move_no_wheel(driver):
     driver.graph.until(lambda: min(driver.rig.state().duty) > 0.4, lambda: duties(driver, 0.5))
     process = driver.processes['motor_driver'].popen
     process.send_signal(signal.SIGSTOP)

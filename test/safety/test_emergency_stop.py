@@ -1,4 +1,4 @@
-"""The emergency stop at the output stage: latched, confirmed by the boards, never bypassed."""
+"""Emergency stop of the output stage: latched, confirmed by the boards, never bypassed."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def robot(tmp_path, isolated_ros):
         yield started
 
 
-def test_the_stop_is_immediate_confirmed_and_latched(robot):
+def test_the_emergency_stop_is_immediate_confirmed_and_latched(robot):
     asked = time.monotonic()
     response = robot.emergency_stop(True)
     answered = time.monotonic()
@@ -31,12 +31,12 @@ def test_the_stop_is_immediate_confirmed_and_latched(robot):
     for address in (128, 129):
         assert len(record.times(SET_DUTY, address)) >= 2
     robot.stay_stopped(1.0)
-    robot.graph.until(lambda: 'emergency stop' in robot.complaint(), robot.command)
-    robot.graph.until(lambda: 'emergency stop' in robot.complaint('wheel_controller'),
+    robot.graph.until(lambda: 'emergency stop' in robot.status_message(), robot.command)
+    robot.graph.until(lambda: 'emergency stop' in robot.status_message('wheel_controller'),
                       robot.command)
 
 
-def test_after_the_release_it_takes_a_new_velocity_command(robot):
+def test_after_the_release_a_new_velocity_command_is_needed(robot):
     assert robot.emergency_stop(True).success
     robot.hold(0.1, robot.command)
     robot.hold(0.06)
@@ -46,7 +46,7 @@ def test_after_the_release_it_takes_a_new_velocity_command(robot):
     robot.drive()
 
 
-def test_a_stop_that_is_released_at_once_forgets_the_command_too(robot):
+def test_a_stop_that_is_released_at_once_also_discards_the_command(robot):
     robot.processes['wheel_controller'].end()
     with robot.start('wheel_controller', cmd_vel_timeout=5.0):
         robot.drive()
@@ -55,7 +55,7 @@ def test_a_stop_that_is_released_at_once_forgets_the_command_too(robot):
         robot.stay_stopped(1.0, lambda: None)
 
 
-def test_the_state_is_latched_for_those_who_come_later_and_repeated(robot):
+def test_the_state_reaches_late_subscribers_and_is_repeated(robot):
     assert robot.emergency_stop(True).success
     states = robot.listen_state()
     robot.graph.until(lambda: states)
@@ -74,16 +74,16 @@ def test_the_stop_survives_a_restart_of_the_controller(robot):
     robot.drive()
 
 
-def test_nobody_else_bypasses_the_stop(robot, tmp_path):
+def test_another_publisher_of_duties_does_not_bypass_the_stop(robot, tmp_path):
     robot.processes['wheel_controller'].popen.kill()
     assert robot.emergency_stop(True).success
     with Stranger(tmp_path, 'motor_commands') as stranger:
-        robot.stay_stopped(1.0, lambda: stranger.say(
+        robot.stay_stopped(1.0, lambda: stranger.publish(
             MotorCommand(time.time_ns(), (1.0, 1.0, 1.0, 1.0))))
 
 
 @pytest.mark.parametrize('mute', [{128}, {129}, {128, 129}])
-def test_a_stop_that_a_board_did_not_acknowledge_is_no_success_and_latched(robot, mute):
+def test_a_stop_that_a_board_does_not_acknowledge_reports_failure_and_is_latched(robot, mute):
     robot.rig.fail(mute=mute)
     response = robot.emergency_stop(True)
     assert not response.success
@@ -93,16 +93,16 @@ def test_a_stop_that_a_board_did_not_acknowledge_is_no_success_and_latched(robot
     robot.stay_stopped(2.0)
 
 
-def test_a_stop_without_a_port_is_no_success_and_latched(robot):
+def test_a_stop_without_a_port_reports_failure_and_is_latched(robot):
     robot.rig.unplug()
-    robot.graph.until(lambda: 'no such port' in robot.complaint(), robot.command)
+    robot.graph.until(lambda: 'no such port' in robot.status_message(), robot.command)
     assert not robot.emergency_stop(True).success
     plugged = robot.rig.plug_in()
     robot.graph.until(lambda: robot.rig.record(plugged).times(SET_DUTY, 129), robot.command)
     robot.stay_stopped(1.0)
 
 
-def test_a_driver_that_a_supervisor_restarted_begins_stopped(robot):
+def test_a_driver_with_start_stopped_starts_with_the_stop_latched(robot):
     robot.processes['motor_driver'].popen.kill()
     robot.start('motor_driver', start_stopped=True)
     states = robot.listen_state()
@@ -112,7 +112,7 @@ def test_a_driver_that_a_supervisor_restarted_begins_stopped(robot):
     robot.drive()
 
 
-def test_a_driver_that_requires_arming_drives_only_armed(tmp_path, isolated_ros):
+def test_with_require_arming_the_motors_run_only_while_armed(tmp_path, isolated_ros):
     with RobotRig(tmp_path, require_arming=True) as robot:
         robot.stay_stopped(0.5)
         assert robot.arm(True).success
@@ -126,6 +126,6 @@ def test_a_driver_that_requires_arming_drives_only_armed(tmp_path, isolated_ros)
         assert not response.success
         assert 'emergency stop' in response.message
         assert robot.emergency_stop(False).success
-        robot.stay_stopped(0.5)  # the stop has disarmed it
+        robot.stay_stopped(0.5)  # the stop disarms
         assert robot.arm(True).success
         robot.drive()

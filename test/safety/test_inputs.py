@@ -1,4 +1,4 @@
-"""Several sources of velocity commands, with priorities and time-outs of their own."""
+"""Several inputs of velocity commands, with their own priorities and time-outs."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from support.robot_rig import RobotRig
 pytestmark = pytest.mark.safety
 
 
-def test_the_input_of_higher_priority_wins_while_it_is_fresh(tmp_path, isolated_ros):
+def test_the_input_of_higher_priority_is_used_until_it_expires(tmp_path, isolated_ros):
     with RobotRig(tmp_path, controller=False) as robot:
         robot.start('wheel_controller', cmd_vel_inputs='[teleop/cmd_vel, nav/cmd_vel]',
                     cmd_vel_priorities='[10, 5]', cmd_vel_timeouts='[0.5, 0.2]')
@@ -18,8 +18,8 @@ def test_the_input_of_higher_priority_wins_while_it_is_fresh(tmp_path, isolated_
 
         def both(teleop, nav):
             if teleop is not None:
-                graph.say_on('teleop/cmd_vel', 'cmd_vel', robot.velocity(teleop))
-            graph.say_on('nav/cmd_vel', 'cmd_vel', robot.velocity(nav))
+                graph.publish_as('teleop/cmd_vel', 'cmd_vel', robot.velocity(teleop))
+            graph.publish_as('nav/cmd_vel', 'cmd_vel', robot.velocity(nav))
 
         graph.until(lambda: min(robot.rig.state().speeds) > 3.0, lambda: both(None, 0.5))
         graph.until(lambda: max(robot.rig.state().speeds) < -3.0, lambda: both(-0.5, 0.5))

@@ -1,4 +1,4 @@
-"""Motor boards that do not answer, answer badly, or started over: bounds at the boards."""
+"""Motor boards that do not respond, respond wrongly or restart: stop times at the boards."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from smart_tire.protocol.roboclaw import (
 pytestmark = pytest.mark.safety
 
 BOARD_TIMEOUT = 0.2  # s, the default
-SLACK = 0.05         # s, for the scheduler of a busy machine
+SCHEDULING_TOLERANCE = 0.05  # s, on a busy machine
 
 
 @pytest.fixture(scope='module')
@@ -39,7 +39,7 @@ LOST = {
 
 
 @pytest.mark.parametrize('faults', LOST.values(), ids=LOST)
-def test_lost_replies_mean_zero_then_silence_and_duty_only_once_all_is_well(robot, faults):
+def test_lost_replies_cause_zero_duty_then_silence_until_all_boards_respond(robot, faults):
     failed = robot.rig.fail(**faults)
     assert robot.until_stopped(failed) < 0.3
     robot.hold(1.4, robot.command)
@@ -54,17 +54,17 @@ def test_lost_replies_mean_zero_then_silence_and_duty_only_once_all_is_well(robo
 
 
 def check_silence(record):
-    """Check that zero was repeated, that the line was silent then, and only probed after that."""
+    """Check that zero was repeated, then the line was silent, then only probes were sent."""
     assert not record.after(record.first_zero()).driven()
     stopped = record.first_zero() - 0.01
     zeros = [[when for when in record.times(SET_DUTY, address) if when >= stopped]
              for address in (128, 129)]
-    for instants in zeros:
-        assert len(instants) >= 4
-        assert 0.12 < instants[-1] - instants[0] < 0.25 + SLACK
+    for times in zeros:
+        assert len(times) >= 4
+        assert 0.12 < times[-1] - times[0] < 0.25 + SCHEDULING_TOLERANCE
     ended = max(zeros[0][-1], zeros[1][-1])
     after = [when for when in record.bytes_at if when > ended]
-    assert after, 'it never asked again'
+    assert after, 'the boards were not probed again'
     assert after[0] - ended > BOARD_TIMEOUT + 0.1 - 0.01
     assert all(late - early > BOARD_TIMEOUT for early, late in zip(after, after[1:]))
     probes = [request for when, request in record.requests if when > ended]
@@ -72,17 +72,17 @@ def check_silence(record):
     assert {request.address for request in probes} == {128, 129}
 
 
-def test_boards_that_ignore_zero_are_stopped_by_their_own_time_out(robot):
+def test_boards_that_ignore_zero_duty_are_stopped_by_their_own_time_out(robot):
     failed = robot.rig.fail(mute={128, 129}, ignoring_duties={128, 129})
-    assert robot.until_stopped(failed) < 0.5 + SLACK
+    assert robot.until_stopped(failed) < 0.5 + SCHEDULING_TOLERANCE
 
 
-def test_requests_that_arrive_as_noise_leave_the_boards_to_their_time_out(robot):
+def test_garbled_requests_let_the_boards_time_out(robot):
     failed = robot.rig.fail(deaf=True)
-    assert robot.until_stopped(failed) < 0.5 + SLACK
+    assert robot.until_stopped(failed) < 0.5 + SCHEDULING_TOLERANCE
 
 
-def test_one_lost_reply_is_asked_for_again_and_stops_nothing(robot):
+def test_one_lost_reply_is_requested_again_without_a_stop(robot):
     bad = int(robot.graph.value('motor_driver', 'frames_bad'))
     since = robot.rig.fail(drop=1)
     robot.graph.until(lambda: int(robot.graph.value('motor_driver', 'frames_bad')) == bad + 1,
@@ -91,7 +91,7 @@ def test_one_lost_reply_is_asked_for_again_and_stops_nothing(robot):
 
 
 @pytest.mark.parametrize('address', [128, 129])
-def test_a_board_that_restarted_means_zero_duty_until_its_time_out_is_set_again(robot, address):
+def test_a_restarted_board_gets_zero_duty_until_its_time_out_is_set(robot, address):
     restarted = robot.rig.restart(address)
     robot.graph.until(lambda: robot.rig.state().timeouts == (2, 2), robot.command)
     robot.drive()
@@ -101,7 +101,7 @@ def test_a_board_that_restarted_means_zero_duty_until_its_time_out_is_set_again(
     robot.graph.until(lambda: 'has restarted' in robot.processes['motor_driver'].output)
 
 
-def test_each_time_out_is_read_back_at_least_once_a_second(robot):
+def test_the_time_out_of_each_board_is_read_back_at_least_once_a_second(robot):
     since = time.monotonic()
     robot.hold(2.0, robot.command)
     record = robot.rig.record(since)
@@ -116,40 +116,40 @@ def test_each_time_out_is_read_back_at_least_once_a_second(robot):
     ({'supply': {128: 104}}, 'supply of front board 128 (0x80) is low: 10.4 V'),
     ({'supply': {129: 60}}, 'supply of rear board 129 (0x81) is low: 6.0 V'),
 ])
-def test_a_board_that_is_not_well_means_zero_duty_until_it_is_and_commands_paused(
+def test_a_board_fault_causes_zero_duty_until_it_ends_and_commands_pause(
         robot, fault, text):
     failed = robot.rig.fail(**fault)
     assert robot.until_stopped(failed) < 0.5
-    robot.graph.until(lambda: text in robot.complaint(), robot.command)
+    robot.graph.until(lambda: text in robot.status_message(), robot.command)
     robot.rig.fail()
     robot.stay_stopped(0.6)
     robot.pause()
     robot.drive()
 
 
-def test_a_supply_at_the_limit_is_enough(robot):
+def test_a_supply_at_the_limit_is_accepted(robot):
     since = robot.rig.fail(supply={128: 105, 129: 105})
     robot.hold(0.8, robot.command)
     assert robot.rig.record(since).always_driven()
 
 
-BROKEN = {'frozen': 'no encoder counts', 'reversed': 'encoder or motor reversed'}
+ENCODER_FAULTS = {'frozen': 'no encoder counts', 'reversed': 'encoder or motor reversed'}
 
 
 @pytest.mark.parametrize('wheel', [1, 2])
-@pytest.mark.parametrize('kind', BROKEN)
-def test_an_encoder_that_breaks_means_zero_duty_until_commands_paused(robot, kind, wheel):
+@pytest.mark.parametrize('kind', ENCODER_FAULTS)
+def test_a_broken_encoder_causes_zero_duty_until_commands_pause(robot, kind, wheel):
     failed = robot.rig.fail(**{kind: {wheel}})
     assert robot.until_stopped(failed) < 0.5
-    assert BROKEN[kind] in robot.processes['motor_driver'].output
+    assert ENCODER_FAULTS[kind] in robot.processes['motor_driver'].output
     robot.rig.fail()
     robot.stay_stopped(0.6)
     robot.pause()
     robot.drive()
 
 
-@pytest.mark.parametrize('kind', BROKEN)
-def test_an_encoder_that_was_broken_before_the_start_means_zero_duty_within_half_a_second(
+@pytest.mark.parametrize('kind', ENCODER_FAULTS)
+def test_an_encoder_broken_before_the_start_causes_zero_duty_within_half_a_second(
         robot, kind):
     robot.pause()
     failed = robot.rig.fail(**{kind: {1}})

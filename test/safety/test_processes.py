@@ -1,4 +1,4 @@
-"""Processes that are killed or stopped, a cable that is pulled: bounds at the boards."""
+"""Killed or frozen processes and an unplugged cable: stop times at the boards."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def robot(tmp_path, isolated_ros):
 
 @nodes
 @pytest.mark.parametrize('number', [signal.SIGKILL, signal.SIGSTOP])
-def test_the_wheels_stop_when_a_process_does(robot, name, number):
+def test_the_wheels_stop_when_a_process_is_killed_or_frozen(robot, name, number):
     stopped = time.monotonic()
     robot.processes[name].popen.send_signal(number)
     assert robot.until_stopped(stopped) < 0.5
@@ -30,7 +30,7 @@ def test_the_wheels_stop_when_a_process_does(robot, name, number):
 
 
 @nodes
-def test_the_wheels_stop_when_a_process_is_ended(robot, name):
+def test_the_wheels_stop_when_a_process_is_interrupted(robot, name):
     ended = time.monotonic()
     robot.processes[name].popen.send_signal(signal.SIGINT)
     assert robot.until_stopped(ended) < 0.5
@@ -44,10 +44,10 @@ def test_the_wheels_stop_when_all_processes_freeze(robot):
     assert robot.until_stopped(stopped, lambda: None) < 0.5
 
 
-def test_the_wheels_stop_when_the_cable_is_pulled_and_wait_for_a_command_afterwards(robot):
-    pulled = robot.rig.unplug()
-    assert robot.until_stopped(pulled) < 0.5
-    robot.graph.until(lambda: 'no such port' in robot.complaint())
+def test_the_wheels_stop_when_the_cable_is_unplugged_and_then_need_a_new_command(robot):
+    unplugged = robot.rig.unplug()
+    assert robot.until_stopped(unplugged) < 0.5
+    robot.graph.until(lambda: 'no such port' in robot.status_message())
     robot.pause()
     robot.rig.plug_in()
     robot.stay_stopped(1.0, lambda: None)

@@ -1,4 +1,4 @@
-"""Messages of a second publisher on a topic that only one may command."""
+"""A second publisher on a topic of which only one publisher is accepted."""
 
 from __future__ import annotations
 
@@ -31,50 +31,51 @@ def robot(tmp_path, isolated_ros):
 
 
 @topics
-def test_a_second_publisher_means_zero_duty_until_it_is_silent(robot, topic, tmp_path):
+def test_a_second_publisher_causes_zero_duty_until_it_is_silent(robot, topic, tmp_path):
     with Stranger(tmp_path, topic) as stranger:
         def both():
             robot.command()
-            stranger.say(SECOND[topic]())
+            stranger.publish(SECOND[topic]())
 
-        robot.drive()  # while the other one only exists
+        robot.drive()  # while the other publisher sends nothing
         robot.graph.until(lambda: f'2 publishers exist on {topic}: '
-                          in robot.complaint(READER[topic]), robot.command)
+                          in robot.status_message(READER[topic]), robot.command)
         began = time.monotonic()
         both()
         assert robot.until_stopped(began, both) < 0.3
         robot.stay_stopped(1.0, both)
-        robot.graph.until(lambda: OWNER[topic] in robot.complaint(READER[topic])
-                          and '/stranger' in robot.complaint(READER[topic])
-                          and f'2 publishers on {topic}' in robot.complaint(READER[topic]), both)
+        robot.graph.until(lambda: OWNER[topic] in robot.status_message(READER[topic])
+                          and '/stranger' in robot.status_message(READER[topic])
+                          and f'2 publishers on {topic}'
+                          in robot.status_message(READER[topic]), both)
     robot.drive()
 
 
 @topics
-def test_a_second_endpoint_that_sends_nothing_is_a_warning(robot, topic, tmp_path):
+def test_a_second_publisher_without_messages_is_a_warning(robot, topic, tmp_path):
     with Stranger(tmp_path, topic):
         robot.drive()
         since = time.monotonic()
         robot.graph.until(lambda: f'2 publishers exist on {topic}: '
-                          in robot.complaint(READER[topic]), robot.command)
-        assert '/stranger' in robot.complaint(READER[topic])
+                          in robot.status_message(READER[topic]), robot.command)
+        assert '/stranger' in robot.status_message(READER[topic])
         assert robot.rig.record(since).always_driven()
 
 
-def test_a_controller_that_was_killed_and_started_again_drives(robot):
+def test_a_restarted_controller_drives(robot):
     robot.processes['wheel_controller'].popen.kill()
     killed = time.monotonic()
     assert robot.until_stopped(killed) < 0.5
     robot.start('wheel_controller')
     robot.drive()
-    assert time.monotonic() - killed < 15.0  # the dead one stays listed for 20 s
+    assert time.monotonic() - killed < 15.0  # the dead publisher stays in the graph for 20 s
 
 
-def test_a_second_message_now_and_then_is_never_obeyed(robot, tmp_path):
+def test_occasional_messages_of_a_second_publisher_are_never_applied(robot, tmp_path):
     with Stranger(tmp_path, 'motor_commands') as stranger:
         for _ in range(3):
             robot.drive(0.5)
             since = time.monotonic()
-            stranger.say(SECOND['motor_commands']())
+            stranger.publish(SECOND['motor_commands']())
             robot.hold(0.5, lambda: robot.command(0.5))
             assert max(max(duty) for _, duty in robot.rig.record(since).duties) < 0.9

@@ -10,16 +10,25 @@ from smart_tire.parameters import build, SimulatorParams
 from smart_tire.simulation.plant import force_slope, Plant, STEP
 from smart_tire.simulation.surfaces import SurfaceMap
 
-EVERYWHERE = {'concrete': {'ground.base': 'concrete', 'ground.patches': []},
-              'sand': {'ground.base': 'sand', 'ground.patches': []}}
+EVERYWHERE = {'concrete': {'ground.base': 'concrete', 'ground.patches.names': []},
+              'sand': {'ground.base': 'sand', 'ground.patches.names': []}}
 ICE = {'ground.names': ['ice'], 'ground.friction': [0.0], 'ground.stiffness': [52.7],
-       'ground.drag': [0.0], 'ground.base': 'ice', 'ground.patches': []}
+       'ground.drag': [0.0], 'ground.base': 'ice', 'ground.patches.names': []}
 OFF_CENTER = {'center_of_mass': [0.03, -0.02, 0.11]}
 
 
 def new_plant(start=(0.0, 0.0, 0.0), **values):
     params = build(SimulatorParams, values)
     return Plant(params.robot, params.drive, SurfaceMap(params.ground), start)
+
+
+def patches(**rectangles):
+    """Return the parameters of patches, surface -> (x limits, y limits) [m], in this order."""
+    values = {'ground.patches.names': list(rectangles)}
+    for surface, (x, y) in rectangles.items():
+        values |= {f'ground.patches.{surface}.surface': surface,
+                   f'ground.patches.{surface}.x': x, f'ground.patches.{surface}.y': y}
+    return values
 
 
 def drive(plant, left_rpm, right_rpm, seconds):
@@ -147,13 +156,13 @@ def test_forces_balance_in_a_steady_turn():
 
 def test_each_wheel_has_the_surface_at_its_position():
     plant = new_plant(start=(1.0, 0.0, 0.0), **{
-        'ground.base': 'sand', 'ground.patches': ['concrete=-9,-9,1,9', 'sand=-9,-9,1,-0.1']})
+        'ground.base': 'sand', **patches(concrete=((-9, 1), (-9, 9)), sand=((-9, 1), (-9, -0.1)))})
     names = [surface.name for surface in plant.surface]
     assert names == ['sand', 'sand', 'concrete', 'sand']
 
 
 def test_the_robot_slows_down_on_sand():
-    plant = new_plant(**{'ground.base': 'sand', 'ground.patches': ['concrete=-1,-1,1,1']})
+    plant = new_plant(**{'ground.base': 'sand', **patches(concrete=((-1, 1), (-1, 1)))})
     drive(plant, 60, 60, 1.5)
     on_concrete = plant.v_x
     drive(plant, 60, 60, 3.0)

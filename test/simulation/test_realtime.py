@@ -29,7 +29,7 @@ class Host:
         self.published = threading.Event()
         links = {f'ports.{name}': str(folder / name) for name in PORTS}
         self.params = build(SimulatorParams, {
-            'ground.base': 'concrete', 'ground.patches': [],
+            'ground.base': 'concrete', 'ground.patches.names': [],
             'film.wheels': ['front_left', 'front_right'], **links, **values})
         self.hardware = SimulatedHardware(self.params, self._on_truth, START_NS)
         self.now_ns = START_NS

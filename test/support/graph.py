@@ -1,4 +1,4 @@
-"""The test's own place in the ROS graph, and the processes of this package beside it."""
+"""A node of the test in the ROS graph, and nodes of this package as processes."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def node_arguments(name: str) -> list[str]:
 
 
 class Process:
-    """Python in a process of its own; a context that ends it by its id."""
+    """Context manager of a Python process; kills it by its id at the end."""
 
     def __init__(self, arguments: list[str], log: Path) -> None:
         self._log = log
@@ -50,7 +50,7 @@ class Process:
         return self._log.read_text(errors='replace')
 
     def ended(self) -> int:
-        """Return the exit status when the process has ended by itself."""
+        """Wait until the process ends; return its exit status."""
         return self.popen.wait(PATIENCE)
 
     def end(self, *signals: signal.Signals) -> int:
@@ -61,7 +61,7 @@ class Process:
 
 
 class Graph:
-    """A node that listens, publishes and calls in the test's thread; a context."""
+    """Context manager of a node that subscribes, publishes and calls in the test's thread."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -71,7 +71,7 @@ class Graph:
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
         self._publishers: dict[str, Any] = {}
-        self.heard: defaultdict[str, list[Any]] = defaultdict(list)  # topic -> messages
+        self.received: defaultdict[str, list[Any]] = defaultdict(list)  # topic -> messages
         self.health: dict[str, Any] = {}  # status name -> latest DiagnosticStatus
         self.node.create_subscription(
             DiagnosticArray, '/diagnostics', self._on_diagnostics, 100)
@@ -88,54 +88,54 @@ class Graph:
         for status in array.status:
             self.health[status.name] = status
 
-    def turn(self, longest: float = 0.02) -> None:
-        """Handle what comes next, within ``longest`` [s]."""
-        self._executor.spin_once(timeout_sec=longest)
+    def spin(self, timeout: float = 0.02) -> None:
+        """Handle one callback, if one is ready within ``timeout`` [s]."""
+        self._executor.spin_once(timeout_sec=timeout)
 
     def until(self, condition: Callable[[], object],
               do: Callable[[], object] = lambda: None) -> None:
-        """Handle what comes until ``condition`` is true, and ``do`` something all the time."""
-        wait_for(condition, lambda: (do(), self.turn()))
+        """Spin until ``condition`` is true, calling ``do`` before each callback."""
+        wait_for(condition, lambda: (do(), self.spin()))
 
     def start(self, name: str, **parameters: Any) -> Process:
         """Start a node with parameters; a double underscore stands for the dot of a name."""
-        files = [part for key, value in parameters.items()
-                 for part in ('-p', f'{key.replace("__", ".")}:={value}')]
-        return Process([*node_arguments(name), *files], self._folder / f'{name}.log')
+        arguments = [word for key, value in parameters.items()
+                     for word in ('-p', f'{key.replace("__", ".")}:={value}')]
+        return Process([*node_arguments(name), *arguments], self._folder / f'{name}.log')
 
-    def listen(self, *names: str) -> None:
-        """Collect the messages of topics of the contract in ``heard``."""
+    def subscribe(self, *names: str) -> None:
+        """Collect the messages of topics of ``TOPICS`` in ``received``."""
         for name in names:
             self.node.create_subscription(
-                message_class(TOPICS[name].type), name, self.heard[name].append,
+                message_class(TOPICS[name].type), name, self.received[name].append,
                 subscriber_qos(name, wheels=4))
 
-    def is_fed(self) -> bool:
-        """Return whether somebody publishes everything that is listened to."""
-        return all(map(self.node.count_publishers, self.heard))
+    def has_publishers(self) -> bool:
+        """Return whether every subscribed topic has a publisher."""
+        return all(map(self.node.count_publishers, self.received))
 
     def samples(self, name: str) -> list[Any]:
-        """Return what has been heard on a topic, decoded."""
-        return [TOPICS[name].decode(message) for message in self.heard[name]]
+        """Return the samples in the messages received on a topic."""
+        return [TOPICS[name].from_msg(message) for message in self.received[name]]
 
-    def say(self, name: str, *samples: Any) -> None:
-        """Publish samples on a topic of the contract, once somebody listens."""
+    def publish(self, name: str, *samples: Any) -> None:
+        """Publish samples on a topic of ``TOPICS``, once it has a subscription."""
         for sample in samples:
             topic = TOPICS[name]
-            self.say_message(name, topic.fill(message_class(topic.type)(), sample))
+            self.publish_message(name, topic.to_msg(message_class(topic.type)(), sample))
 
-    def say_on(self, name: str, topic_name: str, sample: Any) -> None:
-        """Publish a sample of a topic of the contract under another name."""
+    def publish_as(self, name: str, topic_name: str, sample: Any) -> None:
+        """Publish a sample of the topic ``topic_name`` under the name ``name``."""
         topic = TOPICS[topic_name]
-        self.say_message(name, topic.fill(message_class(topic.type)(), sample))
+        self.publish_message(name, topic.to_msg(message_class(topic.type)(), sample))
 
-    def say_message(self, name: str, message: Any) -> None:
-        """Publish a message, be it good or bad."""
+    def publish_message(self, name: str, message: Any) -> None:
+        """Publish a message, valid or not."""
         self.connect(name, type(message))
         self._publishers[name].publish(message)
 
     def connect(self, name: str, cls: type[Any], readers: int = 1) -> None:
-        """Prepare to publish on a topic: return when so many listen to it."""
+        """Create a publisher; return when ``readers`` subscriptions have matched it."""
         if name not in self._publishers:
             publisher = self.node.create_publisher(cls, name, publisher_qos(name, wheels=4))
             self._publishers[name] = publisher
@@ -151,11 +151,11 @@ class Graph:
         return future.result()
 
     def value(self, node: str, key: str) -> str:
-        """Return what the diagnostics of ``node`` say of ``key``, '' before they do."""
+        """Return the value of ``key`` in the diagnostics of ``node``, '' if there is none."""
         values = {item.key: item.value for item in self.health[node].values} \
             if node in self.health else {}
         return values.get(key, '')
 
-    def complaint(self, node: str) -> str:
-        """Return the sentence of the diagnostics of ``node``."""
+    def status_message(self, node: str) -> str:
+        """Return the message of the diagnostics of ``node``, '' if there is none."""
         return self.health[node].message if node in self.health else ''

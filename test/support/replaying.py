@@ -1,4 +1,4 @@
-"""Bags replayed to the estimators' processes, and the same bags offline."""
+"""Estimates of bags: replayed to estimator nodes, published live, and offline."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from support.graph import Graph, node_arguments, Process
 from support.stack import count
 from support.waiting import PATIENCE, wait_for
 
-START_NS = 200_000_000  # before the first message
-LAST_NS = 100_000_000   # of estimates at the end that may be missing
+START_DELAY_NS = 200_000_000  # ns before the first message
+END_TOLERANCE_NS = 100_000_000  # ns at the end in which estimates may be missing
 
 
 def key(estimate) -> tuple[str, int, str]:
-    """Return what tells an estimate from others of the same run."""
+    """Return what identifies an estimate within a recording."""
     return topic_of(estimate), estimate.stamp_ns, getattr(estimate, 'wheel', '')
 
 
@@ -42,7 +42,7 @@ def numbers(estimate) -> list[float]:
 
 
 def offline_estimates(bag_path: Path, params: Path) -> dict[Any, Any]:
-    """Return the estimates of the cores alone, fed in the order of reception."""
+    """Return the estimates of the offline analysis, in order of reception."""
     pipeline = Pipeline(EstimatorParams.load([params]))
     with Bag(bag_path) as bag:
         return {key(estimate): estimate for _, _, sample in bag.samples(INPUTS)
@@ -52,11 +52,11 @@ def offline_estimates(bag_path: Path, params: Path) -> dict[Any, Any]:
 def replayed(bag_path: Path, params: Path, folder: Path, rate: float,
              expected: dict[Any, Any]) -> tuple[dict[Any, Any], Counter[str]]:
     """
-    Return the estimates of the nodes on a replay, and node -> messages that came too late.
+    Return the estimates of the nodes on a replay, and node -> number of late messages.
 
-    ``expected`` is how many there should be. The estimators start when the replayer and a recorder
-    of all topics, the inputs too, are there. The replay waits for another node, ``last``, which
-    starts when the estimates are recorded.
+    ``expected`` are the estimates to wait for. The estimators start after the replayer and a
+    recorder of all topics, including the inputs. The replay waits for another node, ``last``,
+    which starts when the estimates are recorded.
     """
     out = folder / 'estimates'
     with Stack(folder / 'logs', isolated_environment()) as stack:
@@ -76,7 +76,7 @@ def replayed(bag_path: Path, params: Path, folder: Path, rate: float,
         assert stack.stop('replay') == {'replay': 0}, stack.log('replay')
         wanted = Counter(topic for topic, _, _ in expected)
         wait_for(lambda: all(count(out, topic) >= wanted[topic] for topic in ESTIMATES))
-        reports = count(out, 'diagnostics') + 2 * len(ESTIMATORS)  # of all that came too late
+        reports = count(out, 'diagnostics') + 2 * len(ESTIMATORS)  # final counts
         wait_for(lambda: count(out, 'diagnostics') >= reports)
         stack.stop()
     with Bag(out) as bag:
@@ -84,7 +84,7 @@ def replayed(bag_path: Path, params: Path, folder: Path, rate: float,
 
 
 def late_messages(bag_path: Path) -> Counter[str]:
-    """Return node -> messages that it had to drop because they came too late."""
+    """Return node -> number of messages that it dropped because they were late."""
     late: Counter[str] = Counter()
     read = Decoder('diagnostic_msgs/msg/DiagnosticArray')
     with Bag(bag_path) as bag:
@@ -96,7 +96,7 @@ def late_messages(bag_path: Path) -> Counter[str]:
 
 
 def assert_same(found: dict[Any, Any], expected: dict[Any, Any]) -> None:
-    """Check that all estimates are there and the same to 1e-9."""
+    """Check that the estimates are complete and equal to 1e-9."""
     assert found.keys() == expected.keys()
     for name, estimate in found.items():
         for own, other in zip(numbers(estimate), numbers(expected[name])):
@@ -107,9 +107,9 @@ def assert_same(found: dict[Any, Any], expected: dict[Any, Any]) -> None:
 
 def played_live(bag_path: Path, params: Path, folder: Path) -> dict[Any, Any]:
     """
-    Return the estimates of the nodes on messages that are published as any driver would.
+    Return the estimates of the nodes on messages published without lockstep.
 
-    A thread publishes them at the recorded pace; DDS and the executors decide on the order.
+    They are published at the recorded rate; DDS and the executors determine their order.
     """
     found: dict[Any, Any] = {}
     with ExitStack() as stack:
@@ -117,19 +117,19 @@ def played_live(bag_path: Path, params: Path, folder: Path) -> dict[Any, Any]:
         for node in ESTIMATORS:
             stack.enter_context(Process([*node_arguments(node), '--params-file', str(params)],
                                         folder / f'{node}.log'))
-        graph.listen(*ESTIMATES)
-        graph.until(lambda: graph.is_fed() and set(ESTIMATORS) <= graph.health.keys())
+        graph.subscribe(*ESTIMATES)
+        graph.until(lambda: graph.has_publishers() and set(ESTIMATORS) <= graph.health.keys())
         for topic, readers in (('imu/data', 1), ('wheel_states', 2), ('tire_samples', 1)):
             graph.connect(topic, message_class(TOPICS[topic].type), readers)
         with Bag(bag_path) as bag:
             messages = list(bag.samples(INPUTS))
-        begin, first = time.monotonic_ns() + START_NS, messages[0][0]
+        begin, first = time.monotonic_ns() + START_DELAY_NS, messages[0][0]
         for receive_ns, topic, sample in messages:
             while time.monotonic_ns() - begin < receive_ns - first:
-                graph.turn(0.001)
-            graph.say(topic, sample)
+                graph.spin(0.001)
+            graph.publish(topic, sample)
         newest = max(stamp for _, stamp, _ in offline_estimates(bag_path, params))
-        graph.until(lambda: any(sample.stamp_ns >= newest - LAST_NS
+        graph.until(lambda: any(sample.stamp_ns >= newest - END_TOLERANCE_NS
                                 for sample in graph.samples('odom')[-5:]))
         settled = time.monotonic() + 1.0
         graph.until(lambda: time.monotonic() > settled)
@@ -138,11 +138,11 @@ def played_live(bag_path: Path, params: Path, folder: Path) -> dict[Any, Any]:
     return found
 
 
-def nearest(found: dict[Any, Any], passage: Any) -> Any:
-    """Return the passage of ``found`` that is ``passage``: late messages may shift its stamp."""
+def same_crossing(found: dict[Any, Any], friction: Any) -> Any:
+    """Return the estimate in ``found`` of a crossing; late messages may shift its timestamp."""
     same = [other for other in found.values() if isinstance(other, Friction)
-            and isinstance(passage, Friction) and other.wheel == passage.wheel
-            and abs(other.stamp_ns - passage.stamp_ns) < LAST_NS]
+            and isinstance(friction, Friction) and other.wheel == friction.wheel
+            and abs(other.stamp_ns - friction.stamp_ns) < END_TOLERANCE_NS]
     return same[0] if same else None
 
 
@@ -150,7 +150,7 @@ def normalised_errors(found: dict[Any, Any], expected: dict[Any, Any]) -> dict[s
     """Return topic -> differences of its main quantities over their standard deviations."""
     errors: dict[str, list[float]] = {'odom': [], 'wheel_slip': [], 'tire_friction': []}
     for name, other in expected.items():
-        live = found.get(name) or nearest(found, other)
+        live = found.get(name) or same_crossing(found, other)
         if live is None:
             continue
         pairs: list[tuple[float, float, float]] = []

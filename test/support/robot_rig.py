@@ -20,13 +20,13 @@ from smart_tire.nodes.qos import latched
 from smart_tire.samples import VelocityCommand
 
 SPEED = 0.7      # m/s, 8 rad/s at the wheels
-PERIOD = 0.05    # s between commands
+COMMAND_PERIOD = 0.05  # s
 PAUSE = 0.6      # s without commands, longer than their time-out
-MOVING = 0.2     # duty at which a test counts the robot as driving
+MIN_DRIVING_DUTY = 0.2  # of every motor while the robot counts as driving
 
 
 class RobotRig:
-    """The output half of the robot: boards, motor_driver, wheel_controller; a context."""
+    """Context manager of the output side: emulated boards, motor_driver, wheel_controller."""
 
     def __init__(self, folder: Path, *, controller: bool = True, **driver: Any) -> None:
         self._folder, self._controller, self._driver = folder, controller, driver
@@ -38,71 +38,71 @@ class RobotRig:
             self.rig = stack.enter_context(MotorRig(self._folder / 'motors'))
             self.graph = stack.enter_context(Graph(self._folder))
             self._stack = stack.pop_all()
-        self.graph.listen('wheel_states')
+        self.graph.subscribe('wheel_states')
         self.start('motor_driver', **self._driver)
         if self._controller:
             self.start('wheel_controller')
             self.graph.until(lambda: 'wheel_controller' in self.graph.health)
-        self.graph.until(lambda: self.graph.heard['wheel_states'])
+        self.graph.until(lambda: self.graph.received['wheel_states'])
         return self
 
     def __exit__(self, *_: object) -> None:
         self._stack.close()
-        for name, process in self.processes.items():  # pytest shows it where a test fails
+        for name, process in self.processes.items():  # shown by pytest if a test fails
             print(f'--- {name}\n{process.output}')
 
     def start(self, name: str, **parameters: Any) -> Process:
-        """Start a node, again if it ran before."""
+        """Start a node, or restart it."""
         if name == 'motor_driver':
             parameters['port'] = self.rig.path
         self.processes[name] = self._stack.enter_context(self.graph.start(name, **parameters))
         return self.processes[name]
 
     def command(self, v_x: float = SPEED, stamp_ns: int | None = None) -> None:
-        """Publish cmd_vel, at most every ``PERIOD``."""
+        """Publish cmd_vel, at most every ``COMMAND_PERIOD``."""
         now = time.monotonic()
-        if now - self._commanded >= PERIOD:
+        if now - self._commanded >= COMMAND_PERIOD:
             self._commanded = now
-            self.graph.say('cmd_vel', self.velocity(v_x, stamp_ns))
+            self.graph.publish('cmd_vel', self.velocity(v_x, stamp_ns))
 
     @staticmethod
     def velocity(v_x: float, stamp_ns: int | None = None) -> VelocityCommand:
-        """Return a command of now, or of another time."""
+        """Return a command stamped now, or with ``stamp_ns``."""
         return VelocityCommand(time.time_ns() if stamp_ns is None else stamp_ns, v_x, 0.0)
 
     def drive(self, v_x: float = SPEED) -> None:
-        """Command until the wheels turn at the wanted speed."""
+        """Command until the wheels turn at the commanded speed."""
         def driving() -> bool:
             state = self.rig.state()
-            return min(state.speeds) > 0.8 * v_x / 0.087 and min(state.duty) > MOVING
+            return min(state.speeds) > 0.8 * v_x / 0.087 and min(state.duty) > MIN_DRIVING_DUTY
 
-        self.hold(2.0 * PERIOD, lambda: self.command(v_x))  # a command in force, at any rate
+        self.hold(2.0 * COMMAND_PERIOD, lambda: self.command(v_x))  # until one is in force
         self.graph.until(driving, lambda: self.command(v_x))
 
     def until_stopped(self, since: float, do: Callable[[], object] | None = None) -> float:
         """
-        Go on commanding until the motors have zero duty; return the seconds ``since`` then.
+        Call ``do`` (default: command) until the motors have zero duty; return seconds ``since``.
 
-        They must have been driven at ``since``: what stood before proves nothing.
+        Fails if the motors were not driven at ``since``: then the stop would prove nothing.
         """
         assert self.rig.record(since).duties[0][1] != STILL
         self.graph.until(lambda: self.rig.state().still, do or self.command)
         return max(self.rig.state().changed - since, 0.0)
 
     def hold(self, seconds: float, do: Callable[[], object] = lambda: None) -> None:
-        """Let time pass, and ``do`` something all the time."""
+        """Spin for ``seconds``, calling ``do`` repeatedly."""
         end = time.monotonic() + seconds
         self.graph.until(lambda: time.monotonic() > end, do)
 
     def stay_stopped(self, seconds: float, do: Callable[[], object] | None = None) -> None:
-        """Go on commanding for ``seconds``; fail if a motor gets a duty."""
+        """Call ``do`` (default: command) for ``seconds``; fail if a motor gets a duty."""
         since = time.monotonic()
         self.hold(seconds, do or self.command)
         record = self.rig.record(since)
         assert not record.driven(), record.duties
 
     def pause(self) -> None:
-        """Stop commanding for as long as an operator would to start over."""
+        """Send no commands for ``PAUSE``, which resets a trip."""
         self.hold(PAUSE)
 
     def emergency_stop(self, engaged: bool) -> Any:
@@ -114,26 +114,26 @@ class RobotRig:
         return self.graph.call('std_srvs/srv/SetBool', 'arm', data=armed)
 
     def listen_state(self) -> list[bool]:
-        """Return a list that gets the state of the emergency stop as it is published."""
+        """Return a list to which published states of the emergency stop are appended."""
         states: list[bool] = []
         self.graph.node.create_subscription(
             Bool, 'emergency_stop_active', lambda message: states.append(message.data), latched())
         return states
 
-    def complaint(self, node: str = 'motor_driver') -> str:
-        """Return the sentence of the diagnostics of ``node``."""
-        return self.graph.complaint(node)
+    def status_message(self, node: str = 'motor_driver') -> str:
+        """Return the message of the diagnostics of ``node``."""
+        return self.graph.status_message(node)
 
-    def say_twist(self, v_x: float) -> None:
-        """Publish any number as cmd_vel, which no sample of ours could hold."""
+    def publish_twist(self, v_x: float) -> None:
+        """Publish a cmd_vel with any ``v_x``, including NaN and infinity."""
         message = TwistStamped()
         message.header.stamp = self.graph.node.get_clock().now().to_msg()
         message.twist.linear.x = v_x
-        self.graph.say_message('cmd_vel', message)
+        self.graph.publish_message('cmd_vel', message)
 
 
 class Stranger:
-    """A node of somebody else that publishes on a topic of the contract; a context."""
+    """Context manager of another node that publishes on a topic of ``TOPICS``."""
 
     def __init__(self, folder: Path, topic: str, name: str = 'stranger') -> None:
         import rclpy
@@ -153,6 +153,6 @@ class Stranger:
         self._node.destroy_node()
         self._context.shutdown()
 
-    def say(self, sample: Any) -> None:
+    def publish(self, sample: Any) -> None:
         """Publish a sample."""
-        self._publisher.publish(self._topic.fill(self._class(), sample))
+        self._publisher.publish(self._topic.to_msg(self._class(), sample))

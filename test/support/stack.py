@@ -1,4 +1,4 @@
-"""A stack of real processes, for tests that need one."""
+"""Parameter files and bags of tests that run nodes as processes."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ def parameter_file(path: Path, nodes) -> Path:
 
 
 def count(bag: Path, topic: str) -> int:
-    """Return the messages of ``topic`` that a bag, also one being written, holds so far."""
+    """Return the number of messages of ``topic`` in a bag, which may still be being written."""
     try:
         with Bag(bag) as reader:
             found = reader.topics.get(f'/{topic}')
             return 0 if found is None else found.messages
-    except BagError:  # not yet there, or still without its first bytes
+    except BagError:  # does not exist yet, or has no content yet
         return 0

@@ -1,4 +1,4 @@
-"""Waiting for something to happen, as long as even a very busy machine may need."""
+"""Waiting for a condition, with a time-out for a very busy machine."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from collections.abc import Callable
 import os
 import time
 
-# s, only ever used up by a failure; the mutation test, where failures are the rule, sets less
+# s, reached by failures only; the mutation test, in which most runs fail, sets a shorter one
 PATIENCE = float(os.environ.get('TEST_PATIENCE', '60'))
 
 
 def wait_for(condition: Callable[[], object], do: Callable[[], object] | None = None) -> None:
-    """Return when ``condition`` is true, doing ``do`` meanwhile; fail if it never is."""
+    """Return when ``condition`` is true, calling ``do`` meanwhile; fail after PATIENCE."""
     end = time.monotonic() + PATIENCE
     while not condition():
         assert time.monotonic() < end, f'still not true: {condition}'

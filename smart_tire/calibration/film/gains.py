@@ -102,7 +102,7 @@ def _updated(found: GainAdjustment, observations: Sequence[GainObservation]) -> 
                for values, nominal in zip(peaks, film.bending_peak)]
     positions = [nominal + offset
                  for nominal, offset in zip(film.places, _position_offsets(found))]
-    layout = ({'positions': tuple(positions)} if film.positions != (-1.0,)
+    layout = ({'positions': tuple(positions)} if film.positions
               else {'spacing': positions[1]}) if positions == sorted(positions) else {}
     film = replace(film, stretch_gain=tuple((factor * film.stretch_gain).tolist()),
                    bending_peak=tuple(bending), bending_alpha=alpha * film.bending_alpha, **layout)

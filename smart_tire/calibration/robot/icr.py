@@ -66,8 +66,8 @@ class IcrFit:
 
     def parameters(self, robot: RobotParams) -> list[Identified]:
         """Return the entries of a parameter file; the sigma is relative to the wheelbase."""
-        return [Identified('icr', self.icr.value, self.icr.sigma, f'from {self.source}'),
-                Identified('icr_sigma', self.initial_sigma / robot.wheelbase,
+        return [Identified('icr_x', self.icr.value, self.icr.sigma, f'from {self.source}'),
+                Identified('icr_x_sigma', self.initial_sigma / robot.wheelbase,
                            note='standard error and spread over the wheelbase')]
 
 

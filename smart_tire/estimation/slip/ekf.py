@@ -214,7 +214,7 @@ def initial_state(params: SlipEstimatorParams) -> tuple[Array, Array]:
     sigma[State.ACCEL_BIAS_X] = sigma[State.ACCEL_BIAS_Y] = math.hypot(
         robot.imu.accel_bias, GRAVITY * MOUNTING_TILT_SIGMA)
     sigma[State.SLIP_VEL_L] = sigma[State.SLIP_VEL_R] = INITIAL_SPEED_SIGMA
-    sigma[State.ICR_X] = params.icr_sigma * robot.wheelbase
+    sigma[State.ICR_X] = params.icr_x_sigma * robot.wheelbase
     sigma[State.STAMP_ERROR] = sigma[State.PREV_STAMP_ERROR] = robot.encoder.stamp_jitter
-    x[State.ICR_X] = params.icr
+    x[State.ICR_X] = params.icr_x
     return x, np.diag(sigma ** 2)

@@ -47,8 +47,9 @@ class MotionModel:
         self._params = params
         self._kinematics = SlipKinematics(params.robot)
         self._x_imu, self._y_imu = params.robot.imu.position[:2]
-        # s, correlation time of a slip whose random walk is bounded by slip_sigma
-        self._slip_correlation_time = 2.0 * (params.slip_sigma / max(params.slip_drift, 1e-6)) ** 2
+        # s, correlation time of a slip whose random walk is bounded by differential_slip_sigma
+        self._slip_correlation_time = 2.0 * (
+            params.differential_slip_sigma / max(params.slip_random_walk, 1e-6)) ** 2
 
     def predict(self, x: Sequence[float], imu: ImuReading, dt: float) -> list[float]:
         """Return the state after ``dt``."""
@@ -128,8 +129,8 @@ class MotionModel:
         Q[State.GYRO_BIAS_Z] = GYRO_BIAS_RANDOM_WALK ** 2 * dt
         Q[State.ACCEL_BIAS_X] = Q[State.ACCEL_BIAS_Y] = ACCEL_BIAS_RANDOM_WALK ** 2 * dt
         for row, wheel in zip(SLIP_VELS, self._kinematics.wheel_speeds(x, step.mean.yaw_rate)):
-            Q[row] = params.slip_drift ** 2 * (wheel ** 2 + MIN_SLIP_VELOCITY ** 2) * dt
-        Q[State.ICR_X] = (params.icr_drift * params.robot.wheelbase) ** 2 * dt
+            Q[row] = params.slip_random_walk ** 2 * (wheel ** 2 + MIN_SLIP_VELOCITY ** 2) * dt
+        Q[State.ICR_X] = (params.icr_x_random_walk * params.robot.wheelbase) ** 2 * dt
         return np.diag(Q)
 
 

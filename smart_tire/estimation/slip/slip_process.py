@@ -94,7 +94,7 @@ class SlipChangeDetector:
         self._smoothed = (self._smoothed[0] + gain * wheel_step,
                           self._smoothed[1] + gain * ground_step)
         jitter = math.sqrt(2.0) * self._params.robot.encoder.stamp_jitter / duration
-        change = self._params.slip_agility * (
+        change = self._params.slip_change_gain * (
             max(0.0, abs(wheel_step) - STAMP_JITTER_SIGMAS * abs(wheel) * jitter)
             + max(0.0, abs(ground_step) - max(
                 MIN_GROUND_SPEED_CHANGE,
@@ -114,9 +114,9 @@ class SlipPrior:
 
     def __init__(self, params: SlipEstimatorParams) -> None:
         robot = params.robot
-        self._differential = params.slip_sigma ** 2
+        self._differential = params.differential_slip_sigma ** 2
         self._common = params.common_slip_sigma ** 2
-        self._firm = params.rolling_slip_sigma ** 2
+        self._firm = params.free_rolling_slip_sigma ** 2
         self._lost = LOST_SLIP_SIGMA ** 2
         self._soft = 0.0          # -, mean square of the recently observed common slip
         self._acceleration = 0.0  # m/s2, latest

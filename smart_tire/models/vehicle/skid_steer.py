@@ -72,24 +72,6 @@ def wheel_velocities(v_x: ArrayLike, v_y: ArrayLike, yaw_rate: ArrayLike, wheelb
             np.asarray(v_y)[..., np.newaxis] + 0.5 * wheelbase * AXLE_SIGNS * rate)
 
 
-def wheel_speeds(v_x: ArrayLike, yaw_rate: ArrayLike, radius: float,
-                 effective_track: float) -> Array:
-    """
-    Return the wheel speeds [rad/s] (..., 4) for a body velocity without longitudinal slip, B(1).
-
-    ``v_x`` [m/s] and ``yaw_rate`` [rad/s] have the shape (...), ``radius`` is in m.
-    ``effective_track`` [m] is the track of the differential drive with the same yaw rate; it is
-    larger than the geometric track, since a skid-steer robot slips in every turn.
-
-    >>> print(wheel_speeds(0.5, 0.4, 0.087, 0.55).round(2))
-    [4.48 7.01 4.48 7.01]
-    """
-    speed = np.asarray(v_x, dtype=float)[..., np.newaxis]
-    rate = np.asarray(yaw_rate, dtype=float)[..., np.newaxis]
-    speeds: Array = (speed - 0.5 * effective_track * SIDE_SIGNS * rate) / radius
-    return speeds
-
-
 def normal_loads(mass: float, com: Sequence[float], wheelbase: float, track: float,
                  a_x: ArrayLike, a_y: ArrayLike, *, radius: float) -> Array:
     """

@@ -86,6 +86,6 @@ def test_known_parameters_are_kept_unless_identified(recording):
         pytest.skip(f'the recording {path} is not on this machine')
     params, known = identified_params(path, recording), recording.known
     assert params.robot.track_width == known['track_width']
-    assert params.slip_sigma == known['slip_sigma']
+    assert params.differential_slip_sigma == known['differential_slip_sigma']
     identified = params.robot.imu.gyro_noise != RobotParams().imu.gyro_noise
     assert identified == recording.identified

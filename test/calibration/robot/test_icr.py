@@ -51,7 +51,7 @@ def test_a_change_of_s_increases_the_spread():
     assert both.spread == pytest.approx(0.04, rel=0.3)
     assert both.icr.value == pytest.approx(0.04, abs=0.02)
     assert both.initial_sigma > both.spread
-    sigma = next(item.value for item in both.parameters(ROBOT) if item.name == 'icr_sigma')
+    sigma = next(item.value for item in both.parameters(ROBOT) if item.name == 'icr_x_sigma')
     assert sigma == pytest.approx(both.initial_sigma / ROBOT.wheelbase)
 
 

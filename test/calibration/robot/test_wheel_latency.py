@@ -52,7 +52,8 @@ def test_latency_and_track_are_correct_within_their_standard_errors(options):
 def test_the_lag_of_soft_tires_is_not_taken_for_latency(seed):
     """On the simulated robot, whose soft tires alone would hide 10 to 25 ms of a latency."""
     params = build(SimulatorParams, {
-        'seed': seed, 'ground.base': 'concrete', 'ground.patches': [''], 'encoder.latency': 0.05})
+        'seed': seed, 'ground.base': 'concrete', 'ground.patches.names': [],
+        'encoder.latency': 0.05})
     legs = [(0.0, 0.0, 0.0)] + [
         (3.0 + 2.5 * k, *np.random.default_rng([seed, k]).choice(
             [40.0, 60.0, 80.0, 100.0], 2).tolist()) for k in range(14)]

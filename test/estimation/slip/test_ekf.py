@@ -21,7 +21,7 @@ def new_filter(state=None, **values):
 
 
 def test_wheel_speeds_determine_the_speed_if_slip_is_impossible():
-    slip_filter = new_filter(slip_sigma=1e-3)
+    slip_filter = new_filter(differential_slip_sigma=1e-3)
     for _ in range(20):
         slip_filter.correct_wheels(WheelMeasurement(
             0.0625, (0.5, 0.5), slip_filter.x[State.V_X], 0.0, 1e-8, from_positions=True))
@@ -31,7 +31,7 @@ def test_wheel_speeds_determine_the_speed_if_slip_is_impossible():
 def test_lateral_correction_converges_to_minus_s_times_the_yaw_rate():
     state = np.zeros(N)
     state[State.ICR_X] = 0.05
-    slip_filter = new_filter(state, icr_sigma=1e-6, **{'imu.position': [0.0, 0.0, 0.0]})
+    slip_filter = new_filter(state, icr_x_sigma=1e-6, **{'imu.position': [0.0, 0.0, 0.0]})
     for _ in range(50):
         slip_filter.correct_lateral(1.0, 0.0625)
     assert slip_filter.x[State.V_Y] == pytest.approx(-0.05, abs=2e-3)

@@ -34,12 +34,6 @@ def test_left_wheels_are_slower_in_a_left_turn():
     np.testing.assert_allclose(v_y, [0.065, 0.065, -0.065, -0.065])
 
 
-def test_wheel_speeds_yield_the_commanded_motion_without_slip():
-    speeds = skid_steer.wheel_speeds([0.7, -0.2], [0.4, 1.0], RADIUS, TRACK)
-    v_x, _ = skid_steer.wheel_velocities([0.7, -0.2], 0.0, [0.4, 1.0], WHEELBASE, TRACK)
-    np.testing.assert_allclose(RADIUS * speeds, v_x)
-
-
 def test_the_velocity_at_the_center_of_rotation_is_zero():
     x, y = skid_steer.icr(0.6, -0.03, 0.5)
     v_x, v_y = 0.6 - y * 0.5, -0.03 + x * 0.5

@@ -1,0 +1,18 @@
+"""Inverse kinematics against the kinematics of the skid-steer model."""
+
+from __future__ import annotations
+
+import pytest
+
+from smart_tire.control.differential_drive import wheel_speeds
+from smart_tire.models.vehicle.skid_steer import wheel_velocities
+from smart_tire.samples import VelocityCommand
+
+RADIUS, TRACK, WHEELBASE = 0.087, 0.38, 0.26
+
+
+@pytest.mark.parametrize(('v_x', 'yaw_rate'), [(0.7, 0.4), (-0.2, 1.0), (0.0, -2.0), (0.5, 0.0)])
+def test_without_slip_the_wheel_centers_move_at_the_commanded_velocity(v_x, yaw_rate):
+    speeds = wheel_speeds(VelocityCommand(0, v_x, yaw_rate), radius=RADIUS, effective_track=TRACK)
+    expected, _ = wheel_velocities(v_x, 0.0, yaw_rate, WHEELBASE, TRACK)
+    assert [RADIUS * speed for speed in speeds] == pytest.approx(list(expected), abs=1e-12)
