@@ -30,7 +30,7 @@ help:
 	@echo 'make bench           measure CPU load, latency, offline speed and models'
 	@echo 'make bench-slip      measure slip and localization; results in bench_output/slip/'
 	@echo 'make bench-friction  measure friction; results in bench_output/friction/'
-	@echo 'make config          regenerate config/*.yaml from the parameter definitions'
+	@echo 'make config          regenerate config/*.yaml and docs/parameters.md'
 	@echo 'make docs            regenerate docs/architecture.svg and the import tables'
 	@echo 'make clean           remove installed and built files'
 
@@ -113,6 +113,7 @@ mutants: $(READY)
 
 config: $(READY)
 	$(BIN)/python -m smart_tire.parameters.yaml_writer config
+	$(BIN)/python -m smart_tire.parameters.reference docs/parameters.md
 	$(BIN)/python -m smart_tire.nodes.qos config/rosbag2_qos.yaml
 
 docs: $(READY)

@@ -9,10 +9,12 @@ import pytest
 import yaml
 
 from smart_tire.parameters import build, known_names, load_files, NODE_PARAMS, RobotParams, specs
+from smart_tire.parameters.reference import reference_text
 from smart_tire.parameters.yaml_writer import file_text, FILES, SIMULATED_PORTS, write_files
 
 OTHER_FILES = {'rosbag2_qos.yaml'}  # without parameters: test/nodes/test_qos.py
 CONFIG = Path(__file__).resolve().parents[1] / 'config'
+REFERENCE = CONFIG.parent / 'docs' / 'parameters.md'
 PATHS = [CONFIG / name for name in FILES]
 ROBOT_PATHS = [path for path in PATHS if path.name != 'simulation.yaml']
 KNOWN = known_names(NODE_PARAMS.values())
@@ -27,6 +29,18 @@ def test_the_files_are_the_listed_ones():
 @pytest.mark.parametrize('name', FILES)
 def test_each_file_is_current(name):
     assert (CONFIG / name).read_text(encoding='utf-8') == file_text(name), 'run: make config'
+
+
+def test_the_reference_of_parameters_is_current():
+    assert REFERENCE.read_text(encoding='utf-8') == reference_text(), 'run: make config'
+
+
+def test_the_reference_has_every_parameter_once():
+    names = re.findall(r'^\| `([^`]+)` \|', reference_text(), re.M)
+    expected = [name.replace('start_area', '<name>') for cls in NODE_PARAMS.values()
+                for name in specs(cls) if name not in specs(RobotParams)]
+    assert sorted(names) == sorted([*specs(RobotParams), *expected])
+    assert 'ground.patches.<name>.surface' in names
 
 
 def test_written_files_equal_those_in_config(tmp_path):

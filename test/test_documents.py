@@ -9,6 +9,7 @@ from architecture_tables import read_imports, read_levels
 from draw_architecture import check_nodes, check_rooms, read_nodes, with_imports
 
 from smart_tire.messages import TOPICS
+from smart_tire.parameters import known_names, NODE_PARAMS
 from smart_tire.samples import FRICTION_QUANTITIES
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -21,6 +22,7 @@ CODE = re.compile(r'`([^`\n]+)`')
 FILE = re.compile(r'(?:[\w.-]+/)+[\w.-]+\.(?:py|md|yaml|rst|txt|svg)')
 EQUATION = re.compile(r'\b([AB])\((\d+)[a-d]?\)')
 EQUATION_RANGE = re.compile(r'\b([AB])\((\d+)[a-d]?\) to [AB]\((\d+)[a-d]?\)')
+PARAMETERS = known_names(NODE_PARAMS.values())
 ROOMS = {path.name.removesuffix('.py') for path in (ROOT / 'smart_tire').iterdir()}
 
 
@@ -62,7 +64,7 @@ def missing_modules(path: Path) -> list[str]:
         name = span.removeprefix('smart_tire.')
         parts = name.split('.')
         if not re.fullmatch(r'[a-z_]+(\.[a-z_]+)+', name) or parts[0] not in ROOMS \
-                or parts[-1] in ('py', 'yaml', 'md'):
+                or parts[-1] in ('py', 'yaml', 'md') or span in PARAMETERS:
             continue
         module = ROOT.joinpath('smart_tire', *parts)
         if not module.with_suffix('.py').is_file() and not module.is_dir():

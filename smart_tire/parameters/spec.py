@@ -38,6 +38,7 @@ class Spec:
     choices: tuple[str, ...] = ()
     length: int | None = None     # of a list, if fixed
     live: bool = False            # may be changed while the node runs
+    instances: bool = False       # lists the names of a ``named`` field
 
     def check(self, value: Any) -> Any:
         """
@@ -149,7 +150,8 @@ def _walk(cls: type, prefix: str, names: Names) -> Iterator[Spec]:
 
 def _walk_instances(item: Any, prefix: str, names: Names) -> Iterator[Spec]:
     defaults = {instance.name: instance for instance in item.default}
-    yield Spec(prefix + NAMES, 'str[]', tuple(defaults), '-', item.metadata['meaning'])
+    yield Spec(prefix + NAMES, 'str[]', tuple(defaults), '-', item.metadata['meaning'],
+               instances=True)
     for name in names(prefix + NAMES, tuple(defaults)):
         inner = f'{prefix}{name}.'
         for spec in _walk(item.metadata['instances of'], inner, names):
