@@ -95,7 +95,7 @@ check: test current
 	$(BIN)/python -m benchmarks.friction --quick --force --out bench_output/check/friction
 
 # Regenerate files derived from the source; fail if one of them was outdated.
-GENERATED := config/*.yaml docs/architecture.md
+GENERATED := config/*.yaml docs/architecture.md docs/parameters.md
 current: $(READY)
 	@files="$(GENERATED) $$($(NEWEST) && echo docs/architecture.svg)"; \
 	before=$$(cat $$files | cksum); \
