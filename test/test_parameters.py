@@ -219,7 +219,7 @@ def test_film_lists_hold_values_for_one_wheel_or_for_each():
 
 def test_without_positions_there_are_two_films_a_spacing_apart():
     film = build(RobotParams, {'film.spacing': 0.04}).film
-    assert (film.count, film.places) == (2, (0.0, 0.04))
+    assert (film.count, film.centers) == (2, (0.0, 0.04))
     three = build(RobotParams, {
         'film.positions': [0, 0.03, 0.3], 'film.wheels': ['front_left', 'front_right'],
         'film.stretch_gain': [1, 2, 3], 'film.bending_peak': [1, 2, 3, 4, 5, 6]}).film

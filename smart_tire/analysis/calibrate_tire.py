@@ -97,10 +97,10 @@ def gain_parameters(found: GainFit, given: RobotParams) -> list[Identified]:
         if not given.film.positions:
             items.append(Identified('film.spacing', found.places[1].value, found.places[1].sigma))
         else:
-            positions = [given.film.places[0] + found.places[i].value
+            positions = [given.film.centers[0] + found.places[i].value
                          for i in sorted(found.places)]
             items.append(Identified(
-                'film.positions', (given.film.places[0], *positions),
+                'film.positions', (given.film.centers[0], *positions),
                 (0.0, *(found.places[i].sigma for i in sorted(found.places)))))
     return items
 

@@ -220,7 +220,7 @@ def _inside(robot: RobotParams, speed: float, films: int) -> list[tuple[float, f
     """Return the interval [ms] in which each film overlaps the patch at ``speed`` [m/s]."""
     half = 0.5 * (robot.tire.contact_length + robot.film.length) / abs(speed)
     # The timestamp of a crossing is that of the midpoint between the outer films.
-    places = [robot.film.places[film] for film in robot.film_groups[0][:films]]
+    places = [robot.film.centers[film] for film in robot.film_groups[0][:films]]
     times = [(place - 0.5 * (places[0] + places[-1])) / speed for place in places]
     return [(1e3 * (time - half), 1e3 * (time + half)) for time in times]
 

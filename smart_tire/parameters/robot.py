@@ -92,24 +92,24 @@ class FilmParams:
             raise ValueError(f'film.wheels contains a wheel twice: {list(self.wheels)}')
 
     @property
-    def places(self) -> tuple[float, ...]:
+    def centers(self) -> tuple[float, ...]:
         """Return the centers of a wheel's films [m] along the circumference, film 1 first."""
         return self.positions or (0.0, self.spacing)
 
     @property
     def count(self) -> int:
         """Return the number of films per wheel."""
-        return len(self.places)
+        return len(self.centers)
 
     @property
-    def code(self) -> float:
+    def code_voltage(self) -> float:
         """Return the voltage of one converter step [V]."""
         return self.voltage_range / (2**self.bits - 1)
 
     @property
     def sample_variance(self) -> float:
         """Return the variance of one sample [V^2]: noise and quantization."""
-        return self.noise**2 + self.code**2 / 12.0
+        return self.noise**2 + self.code_voltage**2 / 12.0
 
     def gains(self, wheel: str) -> tuple[float, ...]:
         """Return the stretch gains [V/m] of the films of ``wheel``."""
@@ -159,9 +159,9 @@ class RobotParams:
     slip: SlipParams = nested(SlipParams)
 
     def __post_init__(self) -> None:
-        circumference, places = 2.0 * math.pi * self.wheel_radius, self.film.places
-        if places[-1] - places[0] >= circumference:
-            raise ValueError(f'film.positions: {list(places)} span more than the wheel '
+        circumference, centers = 2.0 * math.pi * self.wheel_radius, self.film.centers
+        if centers[-1] - centers[0] >= circumference:
+            raise ValueError(f'film.positions: {list(centers)} span more than the wheel '
                              f'circumference of {circumference:.3f} m')
 
     @property
@@ -172,12 +172,12 @@ class RobotParams:
         Films form a group if neighbors are closer than the distance over which a film is in
         contact, and if all of them leave the patch before the first one enters it again.
         """
-        contact, places = self.tire.contact_length + self.film.length, self.film.places
+        contact, centers = self.tire.contact_length + self.film.length, self.film.centers
         max_extent = MAX_GROUP_EXTENT * 2.0 * math.pi * self.wheel_radius - contact
         groups: list[tuple[int, ...]] = []
-        for film, place in enumerate(places):
-            if groups and place - places[groups[-1][-1]] <= contact and (
-                    place - places[groups[-1][0]] <= max_extent):
+        for film, center in enumerate(centers):
+            if groups and center - centers[groups[-1][-1]] <= contact and (
+                    center - centers[groups[-1][0]] <= max_extent):
                 groups[-1] += (film,)
             else:
                 groups.append((film,))

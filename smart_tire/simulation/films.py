@@ -79,8 +79,8 @@ class FilmSampler:
         first_angle = rng.uniform(0.0, math.tau)
         # rad, wheel angles at which films 1, 2, ... are at the patch center
         self.center_angles = tuple(
-            first_angle + (position - film.places[0]) / params.robot.wheel_radius
-            for position in film.places)
+            first_angle + (position - film.centers[0]) / params.robot.wheel_radius
+            for position in film.centers)
         self._films = _Films(wheel, params, self.center_angles, rng)
         self._batch = params.radio.batch
         self._count = 0

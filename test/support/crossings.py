@@ -72,7 +72,7 @@ def _film_samples(
     heights = np.where(distance < 0.0, *rng.uniform(0.10, 0.15, 2))
     volts = volts - heights * peak * tread_film.bumps(x, film.length, patch).value
     volts = volts + film.noise * rng.standard_normal(len(x)) + film.rest_voltage
-    codes = np.clip(np.rint(volts / film.code), 0, 2**film.bits - 1)
+    codes = np.clip(np.rint(volts / film.code_voltage), 0, 2**film.bits - 1)
     rail = np.where(codes == 0, -1, np.where(codes == 2**film.bits - 1, 1, 0))
     return FilmSamples(index, center + distance * (1.0 + scale),
-                       codes * film.code - film.rest_voltage, rail.astype(np.int8))
+                       codes * film.code_voltage - film.rest_voltage, rail.astype(np.int8))

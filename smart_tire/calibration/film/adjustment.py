@@ -143,7 +143,7 @@ class _Adjuster:
                  robot: RobotParams) -> None:
         self._observations, self._recordings = observations, recordings
         self._index = index = ParameterIndex(robot.film.wheels, robot.film.count)
-        self._positions = robot.film.places
+        self._positions = robot.film.centers
         self._segment = constant_slip_segments(observations, recordings)
         self._count = int(self._segment.max(initial=-1)) + 1
         radius = max(robot.wheel_radius_sigma, MIN_SIGMA)

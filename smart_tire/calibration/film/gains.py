@@ -101,7 +101,7 @@ def _updated(found: GainAdjustment, observations: Sequence[GainObservation]) -> 
     bending = [winsorized_mean(values, WINSORIZING_SIGMAS).value if values else nominal
                for values, nominal in zip(peaks, film.bending_peak)]
     positions = [nominal + offset
-                 for nominal, offset in zip(film.places, _position_offsets(found))]
+                 for nominal, offset in zip(film.centers, _position_offsets(found))]
     layout = ({'positions': tuple(positions)} if film.positions
               else {'spacing': positions[1]}) if positions == sorted(positions) else {}
     film = replace(film, stretch_gain=tuple((factor * film.stretch_gain).tolist()),

@@ -190,7 +190,7 @@ class Results:
     def _angle_readings(self, recording: int, wheel: str,
                         group: int) -> list[tuple[int, float, float]]:
         """Return time [ns], angle of a group's first film [rad] and speed [rad/s] of crossings."""
-        radius, places = self._robot.wheel_radius, self._robot.film.places
+        radius, places = self._robot.wheel_radius, self._robot.film.centers
         members, found = self._groups[group], []
         for observation, number in zip(self._observations, self._recordings):
             crossing = observation.crossing
@@ -219,7 +219,7 @@ class Results:
                     self._fit.refused[f'spacing, film 1 to {film + 1}'] = (
                         f'never detected together with film {group[0] + 1} in a crossing')
                     continue
-                nominal = robot.film.places[film] - robot.film.places[group[0]]
+                nominal = robot.film.centers[film] - robot.film.centers[group[0]]
                 self._fit.places[film] = Uncertain(
                     start.value + nominal + offset.value, math.hypot(start.sigma, offset.sigma))
 

@@ -35,7 +35,7 @@ class FilmGroup:
         """Return the group of ``films``, by index, on ``wheel``."""
         film, patch = robot.film, robot.tire.contact_length
         gains, bending = film.gains(wheel), film.bending(wheel)
-        positions = [film.places[i] for i in films]
+        positions = [film.centers[i] for i in films]
         extent = positions[-1] - positions[0]
         half_crossing = 0.5 * (patch + film.length)
         return cls(
@@ -44,4 +44,4 @@ class FilmGroup:
             tuple(position - positions[0] - 0.5 * extent for position in positions),
             max(0.5 * abs(patch - film.length), MIN_INSIDE), half_crossing,
             half_crossing + 0.5 * extent,
-            (0.5 * film.code, film.voltage_range - 0.5 * film.code))
+            (0.5 * film.code_voltage, film.voltage_range - 0.5 * film.code_voltage))

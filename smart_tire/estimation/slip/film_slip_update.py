@@ -68,7 +68,7 @@ class FilmSlipBuffer:
     """Holds film slips until they are due, and the motion since they were measured."""
 
     def __init__(self, robot: RobotParams) -> None:
-        positions = [robot.film.places[film] for film in robot.film_groups[0]]
+        positions = [robot.film.centers[film] for film in robot.film_groups[0]]
         self._lead = 0.5 * (positions[-1] - positions[0])  # m, from the first film to the center
         self._min_speed = robot.slip.standstill_speed
         self._waiting: list[FilmSlip] = []

@@ -58,7 +58,7 @@ def test_crossings_are_reproducible_by_seed():
 def test_samples_are_quantized():
     film = Case(slip=0.1).robot.film
     for one in volts(CrossingSynthesizer(Case(slip=0.1), 1).crossing()):
-        codes = (one + film.rest_voltage) / film.code
+        codes = (one + film.rest_voltage) / film.code_voltage
         assert codes == pytest.approx(np.rint(codes), abs=1e-6)
 
 
@@ -73,7 +73,7 @@ def test_without_noise_the_model_fits_a_crossing():
     film = case.robot.film
     fitter = WaveformFitter(case.robot, film.gains('front_right'), film.bending('front_right'))
     fit = fitter.fit(CrossingSynthesizer(case, 3, gain_error=0.0).crossing().samples)
-    assert fit.residual_rms < film.code
+    assert fit.residual_rms < film.code_voltage
     assert fit.shared(Shared.SLIP)[0] == pytest.approx(case.slip, rel=0.02)
     assert fit.shared(Shared.NORM_SLIP)[0] == pytest.approx(case.sliding, rel=0.02)
 
