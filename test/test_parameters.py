@@ -223,7 +223,7 @@ def test_without_positions_there_are_two_films_a_spacing_apart():
     three = build(RobotParams, {
         'film.positions': [0, 0.03, 0.3], 'film.wheels': ['front_left', 'front_right'],
         'film.stretch_gain': [1, 2, 3], 'film.bending_peak': [1, 2, 3, 4, 5, 6]}).film
-    assert (three.count, three.places) == (3, (0.0, 0.03, 0.3))
+    assert (three.count, three.centers) == (3, (0.0, 0.03, 0.3))
     assert three.gains('front_right') == (1.0, 2.0, 3.0)
     assert three.bending('front_right') == (4.0, 5.0, 6.0)
 
