@@ -52,15 +52,15 @@ class CrossingSynthesizer:
         positions = (0.0, film.spacing)  # of the film centers; film 1 enters first
         samples = [self._film(i, distance, position, half)
                    for i, position in enumerate(positions)]
-        sightings = [self._detect(one, position) for one, position in zip(samples, positions)]
-        seen = [(one, sighting) for one, sighting in zip(samples, sightings)
-                if sighting is not None]
+        detections = [self._detect(one, position) for one, position in zip(samples, positions)]
+        seen = [(one, detection) for one, detection in zip(samples, detections)
+                if detection is not None]
         inside = round(0.5 * (patch - film.length) / speed * NS_PER_S)
         first = NS_PER_S - round(0.5 * film.spacing / speed * NS_PER_S)
         return PatchCrossing(
             NS_PER_S, 1, speed, 0.0, 0.0, 2.0 * half + film.spacing, first - inside,
             first + inside, CrossingSamples(tuple(one for one, _ in seen),
-                                    tuple(look for _, look in seen), 0.0) if seen else None)
+                                    tuple(detection for _, detection in seen), 0.0) if seen else None)
 
     def _film(self, film: int, distance: Floats, position: float, half: float) -> FilmSamples:
         case, params, rng = self._case, self._robot.film, self._rng

@@ -1,1 +1,1 @@
-"""Samples in, figures and numbers out: what a run tells, and how far it is from the truth."""
+"""Offline analysis: estimates from bags, accuracy against ground truth, figures."""

@@ -68,8 +68,8 @@ def test_the_pose_of_the_husky_is_accurate_with_its_mean_wheel_speed_only(husky)
 
 
 def test_missing_inputs_are_reported(husky):
-    told = '\n'.join(husky.contents.skipped)
-    assert 'tire_samples is not in the bag' in told
-    assert 'positions of wheel_states: 488 messages have none' in told
-    assert 'twist of ground_truth/odom is not given' in told
+    skipped = '\n'.join(husky.contents.skipped)
+    assert 'tire_samples is not in the bag' in skipped
+    assert 'positions of wheel_states: missing in 488 messages' in skipped
+    assert 'ground_truth/odom has no twist' in skipped
     assert husky.summary['against_truth']['pose']['twist'] is None

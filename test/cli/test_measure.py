@@ -46,7 +46,7 @@ def test_deflections_are_computed_and_compared_with_the_reference(params, tmp_pa
 def test_a_charge_column_of_another_name_can_be_given(params, tmp_path, capsys):
     recording = several_loops(2)
     write_columns(tmp_path / 'data.csv', ('t', 'q'), (recording.time, recording.output))
-    out = tmp_path / 'felt.csv'
+    out = tmp_path / 'measured.csv'
     assert command('film', tmp_path / 'data.csv', '--params', params, '--columns', 't,q',
                    '--out', out, '--used') == 0
     assert 'against' not in capsys.readouterr().out
