@@ -33,7 +33,7 @@ WEIGHT = 2.0        # -, w of heavy films, large for a visible effect
 SAMPLE_RATE = 400.0  # Hz, paper B, IV
 ROLLING_SPEED = 0.087 * math.tau  # m/s, r w at 60 rpm
 CONTACT_LENGTH, FILM_LENGTH = 0.046, 0.020  # m, paper B, Table I
-MARGIN = 0.03       # m of travel before and after the contact
+SAMPLE_MARGIN = 0.03  # m of travel before and after the contact
 CROSSING_COUNT = 500  # at once
 MU, LOAD, STIFFNESS = 0.47, 26.7, 52.7  # -, N, N: Table I
 SLIP, TOTAL_SLIP = 0.1, 0.13
@@ -144,7 +144,8 @@ def charge_by_bvp(stroke: float, weight: float) -> float:
 
 def crossings() -> list[Figure]:
     """Return patch crossings per second, one by one and many at once, and by quadrature."""
-    x = np.arange(-FILM_LENGTH - MARGIN, CONTACT_LENGTH + MARGIN, ROLLING_SPEED / SAMPLE_RATE)
+    x = np.arange(-FILM_LENGTH - SAMPLE_MARGIN, CONTACT_LENGTH + SAMPLE_MARGIN,
+                  ROLLING_SPEED / SAMPLE_RATE)
     critical = float(brush_tire.critical_slip(MU, LOAD, STIFFNESS))
     film: dict[str, Any] = {
         'total_slip': TOTAL_SLIP, 'critical_slip': critical, 'film_length': FILM_LENGTH,

@@ -38,7 +38,7 @@ SUPERLATIVES = {
 
 # Words of an older dialect of this repository; the standard term of the field replaces them.
 DIALECT = (
-    'told', 'tell', 'tells', 'telling', 'anew', 'of late', 'likewise', 'misfit', 'misfits',
+    'told', 'tell', 'tells', 'telling', 'anew', 'likewise', 'misfit', 'misfits',
     'what is usual', 'what was usual', 'inertial unit', 'inertial units', 'can not',
     'nobody knows', 'feign', 'feigns', 'one sigma', 'goes by', 'go by', 'as far as',
     'sighting', 'sightings', 'sighter', 'wander', 'wanders', 'errs', 'beside')

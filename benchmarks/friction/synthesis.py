@@ -48,7 +48,7 @@ class CrossingSynthesizer:
         half, speed = 0.5 * (patch + film.length), self._case.speed
         step = speed / film.sample_rate
         distance = np.arange(-half - SAMPLE_MARGIN + step * self._rng.uniform(),
-                        half + SAMPLE_MARGIN + film.spacing, step)
+                             half + SAMPLE_MARGIN + film.spacing, step)
         positions = (0.0, film.spacing)  # of the film centers; film 1 enters first
         samples = [self._film(i, distance, position, half)
                    for i, position in enumerate(positions)]

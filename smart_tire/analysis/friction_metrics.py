@@ -38,7 +38,7 @@ class FrictionScore:
     informative_share: float      # of ``crossings``
     median_relative_error: float  # of the absolute error of informative estimates
     median_bias: float            # of the signed relative error of informative estimates
-    within_one: float             # share of informative estimates within one sigma
+    within_one: float             # share of informative estimates with an error below sigma
     within_two: float
     fused_median_relative_error: float  # of finite fused estimates
     fused_within_two: float

@@ -28,8 +28,8 @@ class Score:
     mean: float            # error, in the unit of the estimate
     rms: float
     normalized_rms: float  # of error / sigma: 1 if consistent
-    within_one: float      # share of errors within one sigma: 0.68 if Gaussian and consistent
-    within_two: float      # within two sigma: 0.95
+    within_one: float      # share of errors below sigma: 0.68 if Gaussian and consistent
+    within_two: float      # below 2 sigma: 0.95
 
 
 @dataclass(frozen=True)

@@ -169,8 +169,8 @@ def table_section(result: Identification) -> Section:
     shares = {sigmas: float(np.mean(pulls < sigmas)) for sigmas in EXPECTED_SHARES}
     section.check(float(pulls.max()) < SIGNIFICANCE_SIGMAS,
                   f'The products from all {len(result.estimates)} noisy recordings are within '
-                  f'their error bars: {shares[1]:.0%} of the {pulls.size} values within one sigma '
-                  f'(expected {EXPECTED_SHARES[1]:.0%}), {shares[2]:.0%} within two '
+                  f'their error bars: {shares[1]:.0%} of the {pulls.size} values within 1 sigma '
+                  f'(expected {EXPECTED_SHARES[1]:.0%}), {shares[2]:.0%} within 2 '
                   f'({EXPECTED_SHARES[2]:.0%}), the largest error is {pulls.max():.1f} sigma.',
                   f'A product is outside its error bar, by {pulls.max():.1f} sigma.')
     section.limitation('Only products are observable: (alpha, a, b, K) and (c alpha, c a, c b, '

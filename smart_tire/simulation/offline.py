@@ -11,7 +11,7 @@ import numpy as np
 from smart_tire.parameters.simulation import SimulatorParams
 from smart_tire.samples import Four, ImuSample, NS_PER_S, Sample, TireSample, WheelSample
 from smart_tire.simulation.films import FilmBatch
-from smart_tire.simulation.plant import Plant, STEP
+from smart_tire.simulation.plant import Plant, TIME_STEP
 from smart_tire.simulation.robot import Observation, PeriodicTimer, Robot
 from smart_tire.simulation.sensors import encoder_counts, wheel_angles
 from smart_tire.simulation.truth import truth_topic
@@ -44,7 +44,7 @@ def simulate(params: SimulatorParams, schedule: Schedule, duration: float, *,
     robot, host = Robot(params), _Host(params, wheel_rate, start_ns)
     control = _SpeedControl(_as_function(schedule), params.drive.free_speed)
     duty: Four = (0.0, 0.0, 0.0, 0.0)
-    for step in range(round(duration / STEP)):
+    for step in range(round(duration / TIME_STEP)):
         if step % CONTROL_PERIOD_STEPS == 0:
             duty = control.update(robot.plant)
         for observation in robot.step(duty):
@@ -74,7 +74,7 @@ class _SpeedControl:
         self._integral = [0.0] * 4   # duty
 
     def update(self, plant: Plant) -> Four:
-        dt = CONTROL_PERIOD_STEPS * STEP
+        dt = CONTROL_PERIOD_STEPS * TIME_STEP
         scheduled = self._schedule(plant.time_ns / NS_PER_S) * 2  # left, right, left, right
         fl, fr, rl, rr = (self._duty(i, scheduled[i] * RAD_PER_S_PER_RPM, plant.wheel_speed[i], dt)
                           for i in range(4))

@@ -16,14 +16,14 @@ from smart_tire.samples import WHEELS
 from smart_tire.simulation.surfaces import Surface, SurfaceMap
 
 STEP_NS = 1_000_000  # ns
-STEP = 1e-9 * STEP_NS
+TIME_STEP = 1e-9 * STEP_NS  # s
 LOAD_TRANSFER_TIME = 0.02  # s, time constant of load transfer, from vertical tire compliance
 DRY_FRICTION_SPEED = 0.02  # m/s, below it dry friction and drag are linear: avoids chatter
 
 
 class Plant:
     """
-    True state of the robot; ``step`` advances it by ``STEP``.
+    True state of the robot; ``step`` advances it by ``TIME_STEP``.
 
     Pose and velocity are those of ``base_link``, vectors in body axes, lists in the order of
     ``WHEELS``. The denominator of the slip is at least ``slip_floor`` [m/s], the minimum for
@@ -87,11 +87,11 @@ class Plant:
         grip = scale * force_slope(slip, surface.friction, load, surface.stiffness)  # N s/m
         resistance = (drive.stall_torque / drive.free_speed
                       + drive.friction / max(abs(speed), DRY_FRICTION_SPEED / radius))  # N m s
-        new_speed = ((drive.inertia * speed + STEP * (drive.stall_torque * duty
+        new_speed = ((drive.inertia * speed + TIME_STEP * (drive.stall_torque * duty
                                                       + radius * grip * v_x))
-                     / (drive.inertia + STEP * (resistance + radius * radius * grip)))
+                     / (drive.inertia + TIME_STEP * (resistance + radius * radius * grip)))
         self.wheel_speed[i] = new_speed
-        self.wheel_angle[i] += 0.5 * STEP * (speed + new_speed)
+        self.wheel_angle[i] += 0.5 * TIME_STEP * (speed + new_speed)
         drag = surface.drag * load / max(math.hypot(v_x, v_y), DRY_FRICTION_SPEED)  # N s/m
         return grip * (radius * new_speed - v_x) - drag * v_x, -(grip + drag) * v_y
 
@@ -99,22 +99,22 @@ class Plant:
         """Advance velocity and pose of the body; exact without forces."""
         com_x, com_y, _ = self._robot.center_of_mass
         old_x, old_y, old_rate = self.v_x, self.v_y, self.yaw_rate
-        new_x = old_x - old_rate * com_y + STEP * self.acceleration[0]
-        new_y = old_y + old_rate * com_x + STEP * self.acceleration[1]
-        self.yaw_rate += STEP * self.yaw_acceleration
-        rotation = 0.5 * STEP * (old_rate + self.yaw_rate)
+        new_x = old_x - old_rate * com_y + TIME_STEP * self.acceleration[0]
+        new_y = old_y + old_rate * com_x + TIME_STEP * self.acceleration[1]
+        self.yaw_rate += TIME_STEP * self.yaw_acceleration
+        rotation = 0.5 * TIME_STEP * (old_rate + self.yaw_rate)
         cos, sin = math.cos(rotation), math.sin(rotation)
         self.v_x = cos * new_x + sin * new_y + self.yaw_rate * com_y
         self.v_y = cos * new_y - sin * new_x - self.yaw_rate * com_x
         mean_yaw = self.yaw + 0.5 * rotation
-        cos, sin = 0.5 * STEP * math.cos(mean_yaw), 0.5 * STEP * math.sin(mean_yaw)
+        cos, sin = 0.5 * TIME_STEP * math.cos(mean_yaw), 0.5 * TIME_STEP * math.sin(mean_yaw)
         self.x += cos * (old_x + self.v_x) - sin * (old_y + self.v_y)
         self.y += sin * (old_x + self.v_x) + cos * (old_y + self.v_y)
         self.yaw += rotation
 
     def _update_wheels(self) -> None:
         """Update wheel velocities, surfaces and loads from the state of the body."""
-        gain = STEP / (LOAD_TRANSFER_TIME + STEP)
+        gain = TIME_STEP / (LOAD_TRANSFER_TIME + TIME_STEP)
         a_x, a_y = self._load_acceleration
         a_x += gain * (self.acceleration[0] - a_x)
         a_y += gain * (self.acceleration[1] - a_y)
@@ -142,7 +142,7 @@ class Plant:
         stiffness = max(surface.stiffness for surface in self._surfaces.surfaces.values())
         com_x, com_y, _ = robot.center_of_mass
         arms = sum((x - com_x)**2 + (y - com_y)**2 for x, y in zip(self._wheel_x, self._wheel_y))
-        return STEP * stiffness * (4.0 / robot.mass + arms / robot.yaw_inertia)
+        return TIME_STEP * stiffness * (4.0 / robot.mass + arms / robot.yaw_inertia)
 
 
 def force_slope(total_slip: float, mu: float, load: float, stiffness: float) -> float:

@@ -17,7 +17,7 @@ from smart_tire.protocol import tire_payload
 from smart_tire.samples import ImuSample, NS_PER_S
 from smart_tire.simulation.device_emulators import ImuEmulator, RadioEmulator, RoboclawEmulator
 from smart_tire.simulation.films import FilmBatch
-from smart_tire.simulation.plant import STEP, STEP_NS
+from smart_tire.simulation.plant import STEP_NS, TIME_STEP
 from smart_tire.simulation.pty import PtyPort
 from smart_tire.simulation.robot import Observation, Robot
 from smart_tire.simulation.sensors import encoder_counts
@@ -136,7 +136,7 @@ class SimulatedHardware:
 
     def _reply(self, requests: bytes, now_ns: int) -> bytes:
         plant = self._robot.plant
-        ahead = min((now_ns - plant.time_ns) / NS_PER_S, STEP)
+        ahead = min((now_ns - plant.time_ns) / NS_PER_S, TIME_STEP)
         counts = encoder_counts(plant, self._counts_per_revolution, ahead)
         scale = self._counts_per_revolution / math.tau
         return self._boards.feed(requests, now_ns, counts,

@@ -68,10 +68,10 @@ def test_slip_and_friction_tables_have_a_row_for_each_interval():
         ['whole', 'recording', 'traction', '10', '9', '80%', '7%', '-2%', '-', '90%', '5%'],
         ['whole', 'recording', 'braking', '10', '9', '80%', '7%', '-2%', '-', '90%', '5%'],
         ['false', 'crossings:', '2']]
-    assert len({len(line) for line in printed[6:9]}) == 1  # columns stand under each other
+    assert len({len(line) for line in printed[6:9]}) == 1  # columns are aligned
 
 
-def test_speed_errors_are_told_where_the_truth_has_a_twist():
+def test_speed_errors_are_printed_if_the_truth_has_a_twist():
     twist = dict.fromkeys(('v_x', 'v_y', 'yaw_rate'), SCORE)
     printed = list(truth_lines({'pose': {**POSE, 'twist': twist}}))
     assert '  yaw_rate error: mean 0.0100, rms 0.0200 rad/s, 1.10 sigma' in printed

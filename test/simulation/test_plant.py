@@ -7,7 +7,7 @@ import pytest
 from smart_tire.models.tire import brush_tire
 from smart_tire.models.vehicle.skid_steer import GRAVITY
 from smart_tire.parameters import build, SimulatorParams
-from smart_tire.simulation.plant import force_slope, Plant, STEP
+from smart_tire.simulation.plant import force_slope, Plant, TIME_STEP
 from smart_tire.simulation.surfaces import SurfaceMap
 
 EVERYWHERE = {'concrete': {'ground.base': 'concrete', 'ground.patches.names': []},
@@ -34,13 +34,13 @@ def patches(**rectangles):
 def drive(plant, left_rpm, right_rpm, seconds):
     """Control the wheel speeds by a proportional loop with high gain."""
     set_points = [rpm * math.tau / 60.0 for rpm in (left_rpm, right_rpm)] * 2
-    for _ in range(round(seconds / STEP)):
+    for _ in range(round(seconds / TIME_STEP)):
         plant.step([5.0 * (set_point - speed)
                     for set_point, speed in zip(set_points, plant.wheel_speed)])
 
 
 def coast(plant, seconds, duty=(0.0, 0.0, 0.0, 0.0)):
-    for _ in range(round(seconds / STEP)):
+    for _ in range(round(seconds / TIME_STEP)):
         plant.step(duty)
 
 

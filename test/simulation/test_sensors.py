@@ -7,7 +7,7 @@ import pytest
 from smart_tire import rotation
 from smart_tire.models.vehicle.skid_steer import GRAVITY
 from smart_tire.parameters import build, SimulatorParams
-from smart_tire.simulation.plant import Plant, STEP
+from smart_tire.simulation.plant import Plant, TIME_STEP
 from smart_tire.simulation.sensors import encoder_counts, ImuModel, wheel_angles
 from smart_tire.simulation.surfaces import SurfaceMap
 
@@ -46,8 +46,8 @@ def test_the_readings_integrate_to_the_velocity_of_the_imu():
     for step in range(2000):
         plant.step((0.8, 0.1, 0.8, 0.1) if step < 1200 else (0.0, 0.3, 0.0, 0.3))
         (f_x, f_y, _), (_, _, rate) = imu.read(plant)
-        v_x, v_y = (v_x + STEP * (f_x + rate * v_y), v_y + STEP * (f_y - rate * v_x))
-        yaw += STEP * rate
+        v_x, v_y = (v_x + TIME_STEP * (f_x + rate * v_y), v_y + TIME_STEP * (f_y - rate * v_x))
+        yaw += TIME_STEP * rate
     assert yaw == pytest.approx(plant.yaw, abs=2e-3) and abs(yaw) > 0.5
     assert v_x == pytest.approx(plant.v_x - plant.yaw_rate * position[1], abs=5e-3)
     assert v_y == pytest.approx(plant.v_y + plant.yaw_rate * position[0], abs=5e-3)

@@ -80,7 +80,7 @@ class ContactTracker:
         self._buffer.add(sample)
 
     def advance(self, now_ns: int) -> list[PatchCrossing]:
-        """Process samples as far as the wheel angle is known; return completed crossings."""
+        """Process samples up to the latest wheel angle; return completed crossings."""
         newest = self._trajectory.newest_ns
         if newest is None:
             self._buffer.clear()

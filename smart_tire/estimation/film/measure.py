@@ -85,7 +85,7 @@ def _slope(y: Array, v: Array, operator: DuhemParams, band: float) -> Array:
 
 
 def _perturbed(params: FilmParams) -> list[tuple[DuhemParams, Array]]:
-    """Return operators and amplifiers, each off by one sigma along an axis of the covariance."""
+    """Return operators and amplifiers, perturbed by sigma along the axes of the covariance."""
     values = np.array([params.alpha_gain, params.a_gain, params.b_gain, params.low_corner,
                        params.drift])
     # in relative units, because they differ by many orders of magnitude

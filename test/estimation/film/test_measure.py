@@ -89,7 +89,7 @@ def test_a_small_calibration_loop_limits_the_measuring_range():
         params = identify_film(own, FILM)[0]
         try:
             result = measure(own.time, own.output, params)
-        except ParameterError:  # operators within one standard deviation have no inverse
+        except ParameterError:  # operators within one standard deviation have none
             refused += 1
             continue
         assert np.mean(np.abs(result.value - small) <= 2.0 * result.sigma) > 0.9
