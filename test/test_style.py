@@ -151,6 +151,14 @@ def test_tests_of_processes_are_in_a_group():
     assert_kept(ungrouped_tests, [source for source in TESTS if source.name != THIS])
 
 
+def test_no_constant_is_named_by_a_superlative_alone():
+    assert_kept(bare_superlatives, PRODUCT)
+
+
+def test_words_are_those_of_the_field():
+    assert_kept(dialect, PROSE)
+
+
 @pytest.mark.parametrize(('rule', 'text', 'offense'), [
     (unsorted_imports, '"""A."""\nimport sys\nimport os', '3: import of os comes too late'),
     (unsorted_imports, 'import smart_tire\nimport numpy', '2: import of numpy comes too late'),

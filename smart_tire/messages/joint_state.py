@@ -117,7 +117,7 @@ def wheel_slip_from_msg(msg: Any, topic: str = 'wheel_slip') -> WheelSlip:
     """Return the wheel slip in a JointState; a ratio may be NaN, a sigma infinite."""
     ratio, sigma = _four(msg, 'position', topic), _four(msg, 'effort', topic)
     if any(map(isnan, sigma)):
-        raise MessageError(f'{topic}: effort is {list(sigma)}, expected one sigma per wheel')
+        raise MessageError(f'{topic}: effort is {list(sigma)}, expected a sigma for each wheel')
     return WheelSlip(stamp_of(msg), ratio, _finite_four(msg, 'velocity', topic), sigma)
 
 
