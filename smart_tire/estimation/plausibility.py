@@ -23,6 +23,7 @@ MAX_FORCE_CHANGE = 20.0        # m/s2 between two IMU samples, in addition to vi
 MAX_VIBRATION_SIGMAS = 8.0     # ... of this many standard deviations
 MAX_SPEED_DEVIATION = 3.0      # rad/s of a wheel, from its other measurements
 SPEED_NOISE_FACTOR = 8.0       # times the median deviation, in addition
+MAX_ANGLE_DEVIATION = 1.0      # rad of a wheel, from its integrated speed
 
 
 def is_possible(sample: ImuSample | WheelSample | TireSample | Odometry | WheelSlip) -> bool:
@@ -60,6 +61,16 @@ def is_speed_contradicted(rate: float, speed: float) -> bool:
     They do after a reset of the encoder. Both are means, but not always over the same period.
     """
     return abs(rate - speed) > MAX_SPEED_DEVIATION + abs(speed)
+
+
+def is_position_jump(step: float, integrated: float) -> bool:
+    """
+    Return whether the ``step`` of a wheel's angle excludes its ``integrated`` speed, both [rad].
+
+    It does after a reset of the encoder. Unlike ``is_speed_contradicted`` it tolerates timestamps
+    in bursts, whose mean rates are wrong while the angle is right.
+    """
+    return abs(step - integrated) >= MAX_ANGLE_DEVIATION + abs(integrated)
 
 
 def speed_spikes(speed: Array) -> NDArray[np.bool_]:

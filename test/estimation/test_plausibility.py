@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from smart_tire.estimation.plausibility import (
-    is_imu_spike, is_possible, is_speed_contradicted, MAX_FORCE_CHANGE, MAX_RATE_CHANGE,
-    speed_spikes)
+    is_imu_spike, is_position_jump, is_possible, is_speed_contradicted, MAX_FORCE_CHANGE,
+    MAX_RATE_CHANGE, speed_spikes)
 from smart_tire.samples import ImuSample, Odometry, TireSample, WheelSample, WheelSlip
 
 IMU = ImuSample(0, (0.0, 0.0, 9.81), (0.0, 0.0, 1.0))
@@ -60,6 +60,12 @@ def test_a_reset_encoder_contradicts_the_speed_and_a_lost_period_does_not():
     assert is_speed_contradicted(-1000.0 / 0.1, 10.0)
     assert not is_speed_contradicted(5.0, 10.0)
     assert not is_speed_contradicted(2.0, 0.0) and is_speed_contradicted(4.0, 0.0)
+
+
+def test_a_position_jump_is_an_angle_step_that_the_speed_does_not_explain():
+    assert is_position_jump(-1000.0, 1.0)
+    assert not is_position_jump(1.9, 0.5)
+    assert not is_position_jump(0.2, 0.02)  # 20 rad/s over 10 ms, with timestamps 1 ms apart
 
 
 def test_only_isolated_speeds_are_spikes():

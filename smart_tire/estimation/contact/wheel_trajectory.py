@@ -19,13 +19,13 @@ import numpy as np
 from smart_tire.arrays import Array, Instants
 from smart_tire.estimation.contact.trajectory_smoothing import (
     MAX_EXTRAPOLATION, smooth_angles, SmoothedTrajectory)
+from smart_tire.estimation.plausibility import is_position_jump
 from smart_tire.samples import NS_PER_S
 
 MIN_NOISE_DENSITY = 1e-12  # rad^2 s, of angles without noise
 HISTORY_LENGTH = 1024      # samples kept, without those at standstill
 SMOOTHING_LEAD_NS = 400_000_000  # of samples used by the smoothing before ...
 SMOOTHING_TAIL_NS = 300_000_000  # ... and after the requested interval
-MAX_ANGLE_RESIDUAL = 1.0   # rad between angle step and integrated speed: beyond, a counter reset
 SEGMENT_GRID = np.linspace(0.0, 1.0, 200)  # share of a segment's distance, grid of its trajectory
 SPEED_GRID = np.linspace(0.0, 1.0, 9)  # share of a segment's distance, intervals of mean speed
 
@@ -80,8 +80,7 @@ class WheelTrajectory:
         if position is None or self._position is None:
             return integrated
         step = position - self._position
-        plausible = abs(step - integrated) < MAX_ANGLE_RESIDUAL + abs(integrated)
-        return step if plausible else integrated
+        return integrated if is_position_jump(step, integrated) else step
 
     def interpolate(self, instants: Instants) -> Array:
         """Return the distance [m] at ``instants`` by linear interpolation of the samples."""
