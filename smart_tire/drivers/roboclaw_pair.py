@@ -31,6 +31,7 @@ from smart_tire.control.duty_gate import DutyGate, STOPPED
 from smart_tire.drivers.roboclaw_line import RoboclawLine
 from smart_tire.drivers.wheel_encoder import MotionCheck, WheelEncoder
 from smart_tire.errors import FrameError
+from smart_tire.numerics.rates import mean_rates
 from smart_tire.parameters.hardware import MotorDriverParams
 from smart_tire.protocol.roboclaw import (
     ACKNOWLEDGE, BATTERY_RESOLUTION, duty_code, duty_from_code, READ_BATTERY, READ_ENCODERS,
@@ -62,7 +63,7 @@ class _Board:
     checks: list[MotionCheck]
     read_ns: int | None = None   # steady clock, latest reading of the encoders
     elapsed_ns: int = 0          # between the two latest readings
-    rotation: list[float] = field(default_factory=lambda: [0.0, 0.0])  # rad since the last sample
+    sampled: list[float] = field(default_factory=lambda: [0.0, 0.0])  # rad, at the last sample
     span_ns: int = 0             # since the last sample
     duty: tuple[float, float] = (0.0, 0.0)  # at the motor terminals, as acknowledged
     zero_replies: int = 0        # consecutive acknowledgments of zero duty
@@ -71,9 +72,19 @@ class _Board:
 
     def reset(self) -> None:
         """Discard readings from before a pause."""
-        self.read_ns, self.rotation, self.span_ns = None, [0.0, 0.0], 0
+        self.read_ns = None
+        self.begin_span()
         for check in self.checks:
             check.reset()
+
+    def begin_span(self) -> None:
+        """Begin a new period of the mean speeds."""
+        self.sampled, self.span_ns = [encoder.position for encoder in self.encoders], 0
+
+    def mean_speeds(self) -> list[float]:
+        """Return the mean speeds [rad/s] of both wheels since the last sample."""
+        positions = [encoder.position for encoder in self.encoders]
+        return mean_rates(self.sampled, positions, self.span_ns / NS_PER_S)
 
 
 class RoboclawPair:
@@ -228,9 +239,8 @@ class RoboclawPair:
         elapsed_ns = 0 if board.read_ns is None else mean_ns - board.read_ns
         board.read_ns, board.elapsed_ns = mean_ns, elapsed_ns
         board.span_ns += elapsed_ns
-        for index, (encoder, count) in enumerate(zip(board.encoders, counts)):
+        for encoder, count in zip(board.encoders, counts):
             encoder.update(count, elapsed_ns / NS_PER_S)
-            board.rotation[index] += encoder.step
         if any(encoder.jumped for encoder in board.encoders):
             self._check_timeout(board)  # a restarted board has lost its counts
         if elapsed_ns > MAX_SPEED_PERIODS * self._poll_ns:
@@ -323,12 +333,11 @@ class RoboclawPair:
         position, velocity, effort = list[float](), list[float](), list[float]()
         for board in self._boards:
             delay = (mean_ns - (board.read_ns or 0)) / NS_PER_S
-            for encoder, rotation, duty in zip(board.encoders, board.rotation, board.duty):
-                speed = rotation / (board.span_ns / NS_PER_S)
+            for encoder, speed, duty in zip(board.encoders, board.mean_speeds(), board.duty):
                 velocity.append(speed)
                 position.append(encoder.position + speed * delay)
                 effort.append(encoder.sign * duty)
-            board.rotation, board.span_ns = [0.0, 0.0], 0
+            board.begin_span()
         stamp_ns = time.time_ns() - (time.monotonic_ns() - mean_ns)
         return WheelSample(stamp_ns, _four(velocity), _four(position), _four(effort))
 
