@@ -57,10 +57,11 @@ class CrossingSynthesizer:
                 if detection is not None]
         inside = round(0.5 * (patch - film.length) / speed * NS_PER_S)
         first = NS_PER_S - round(0.5 * film.spacing / speed * NS_PER_S)
+        detected = CrossingSamples(tuple(one for one, _ in seen),
+                                   tuple(detection for _, detection in seen), 0.0)
         return PatchCrossing(
             NS_PER_S, 1, speed, 0.0, 0.0, 2.0 * half + film.spacing, first - inside,
-            first + inside, CrossingSamples(tuple(one for one, _ in seen),
-                                    tuple(detection for _, detection in seen), 0.0) if seen else None)
+            first + inside, detected if seen else None)
 
     def _film(self, film: int, distance: Floats, position: float, half: float) -> FilmSamples:
         case, params, rng = self._case, self._robot.film, self._rng

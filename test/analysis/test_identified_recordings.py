@@ -49,7 +49,7 @@ def test_parts_of_the_warthog_recording_agree():
 def test_the_standstill_of_the_warthog_shows_noise_only():
     found = identify_geometry(recording('warthog_asphalt'), WARTHOG, until=120.0)
     assert {LATENCY, RADIUS, TRACK} <= set(found.refused) and STATIC_IMU not in found.refused
-    assert 'the wheels do not turn' in found.refused[LATENCY]
+    assert 'the wheels do not rotate' in found.refused[LATENCY]
     assert {item.name for item in parameters(found, WARTHOG)} <= {
         'imu.gyro_noise', 'imu.accel_noise', 'imu.rotation'}
 
