@@ -17,7 +17,7 @@ from smart_tire.samples import ImuSample
 IMU_DROPOUT = 0.1            # s without IMU samples (or 3 periods), then predict by the wheels
 ODOMETRY_YAW_CORRELATION_TIME = 2.0  # s, of the error of a yaw rate predicted by the wheels
 UNKNOWN_ACCEL_DENSITY = 0.1  # (m/s2)^2 s, of an acceleration that is not measured
-UNOBSERVED_SLIP_SHARE = 0.3  # of a ground speed change becomes slip velocity, one sigma
+UNOBSERVED_SLIP_SHARE = 0.3  # of a ground speed change becomes slip velocity, standard deviation
 UNOBSERVED_DEAD_BAND = 0.03  # m/s; a smaller change is noise
 
 
