@@ -84,9 +84,8 @@ class SlipFilter:
     def predict(self, dt: float, step: ImuStep) -> None:
         """Predict over ``dt`` [s] with the motion model."""
         self._accel_density = step.accel_variance
-        x, model = self.x, self.motion_model
-        self._ekf.predict(np.array(model.predict(x, step.mean, dt)),
-                          model.jacobian(x, step.mean, dt), model.noise(x, step, dt))
+        predicted, F, Q = self.motion_model.predict(self.x, step, dt)
+        self._ekf.predict(np.array(predicted), F, Q)
 
     def correct_wheels(self, wheels: WheelMeasurement) -> None:
         """Correct with the mean side speeds between two wheel samples, B(7)."""

@@ -51,16 +51,12 @@ class MotionModel:
         self._slip_correlation_time = 2.0 * (
             params.differential_slip_sigma / max(params.slip_random_walk, 1e-6)) ** 2
 
-    def predict(self, x: Sequence[float], imu: ImuReading, dt: float) -> list[float]:
-        """Return the state after ``dt``."""
-        motion = self._motion(x, imu, dt)
-        predicted = _moved(x, motion, dt)
-        W, decay = motion.yaw_rate, motion.slope_decay
-        predicted[State.ROLL] = decay * (x[State.ROLL] + W * x[State.PITCH] * dt)
-        predicted[State.PITCH] = decay * (x[State.PITCH] - W * x[State.ROLL] * dt)
-        predicted[State.SLIP_VEL_L] *= motion.slip_decay
-        predicted[State.SLIP_VEL_R] *= motion.slip_decay
-        return predicted
+    def predict(self, x: Sequence[float], step: ImuStep, dt: float
+                ) -> tuple[list[float], Array, Array]:
+        """Return the state after ``dt``, its Jacobian and its process noise, both (N, N)."""
+        motion = self._motion(x, step.mean, dt)
+        return (_predicted(x, motion, dt), self._jacobian(x, motion, dt),
+                self._noise(x, motion, step, dt))
 
     def extrapolate(self, x: Sequence[float], imu: ImuReading, dt: float,
                     accel_share: float = 1.0) -> list[float]:
@@ -88,9 +84,9 @@ class MotionModel:
                        math.exp(-math.hypot(b_x, b_y) * dt / SLOPE_CORRELATION_LENGTH),
                        math.exp(-dt / self._slip_correlation_time))
 
-    def jacobian(self, x: Sequence[float], imu: ImuReading, dt: float) -> Array:
-        """Return the Jacobian of ``predict`` (N, N), without terms of second order in ``dt``."""
-        motion, F = self._motion(x, imu, dt), np.eye(N)
+    def _jacobian(self, x: Sequence[float], motion: _Motion, dt: float) -> Array:
+        """Return the Jacobian (N, N), without terms of second order in ``dt``."""
+        F = np.eye(N)
         W, b_x, b_y, cos, sin, decay = (motion.yaw_rate, motion.b_x, motion.b_y, motion.cos,
                                         motion.sin, motion.slope_decay)
         F[State.X, State.YAW] = (-sin * b_x - cos * b_y) * dt
@@ -117,13 +113,11 @@ class MotionModel:
             F[row, row] = motion.slip_decay
         return F
 
-    def noise(self, x: Sequence[float], step: ImuStep, dt: float) -> Array:
-        """Return the covariance of the process noise (N, N)."""
+    def _noise(self, x: Sequence[float], motion: _Motion, step: ImuStep, dt: float) -> Array:
         params, Q = self._params, np.zeros(N)
         gyro, accel = step.gyro_variance * dt, step.accel_variance * dt
-        decay = self._motion(x, step.mean, dt).slope_decay
         Q[State.YAW] = gyro
-        Q[State.ROLL] = Q[State.PITCH] = step.slope_sigma ** 2 * (1.0 - decay ** 2)
+        Q[State.ROLL] = Q[State.PITCH] = step.slope_sigma ** 2 * (1.0 - motion.slope_decay ** 2)
         Q[State.V_X] = accel + gyro * x[State.V_Y] ** 2 + SPEED_RANDOM_WALK ** 2 * dt
         Q[State.V_Y] = accel + gyro * x[State.V_X] ** 2 + SPEED_RANDOM_WALK ** 2 * dt
         Q[State.GYRO_BIAS_Z] = GYRO_BIAS_RANDOM_WALK ** 2 * dt
@@ -143,3 +137,14 @@ def _moved(x: Sequence[float], motion: _Motion, dt: float) -> list[float]:
     moved[State.V_X] += motion.a_x * dt
     moved[State.V_Y] += motion.a_y * dt
     return moved
+
+
+def _predicted(x: Sequence[float], motion: _Motion, dt: float) -> list[float]:
+    """Return the state ``x`` after ``dt``, with the decay of slope and slip velocities."""
+    predicted = _moved(x, motion, dt)
+    W, decay = motion.yaw_rate, motion.slope_decay
+    predicted[State.ROLL] = decay * (x[State.ROLL] + W * x[State.PITCH] * dt)
+    predicted[State.PITCH] = decay * (x[State.PITCH] - W * x[State.ROLL] * dt)
+    predicted[State.SLIP_VEL_L] *= motion.slip_decay
+    predicted[State.SLIP_VEL_R] *= motion.slip_decay
+    return predicted
