@@ -21,7 +21,6 @@ from smart_tire.errors import SmartTireError
 from smart_tire.models.film import elastica, elastica_with_weight, hysteresis
 from smart_tire.models.tire import brush_tire, tread_film
 
-
 TIME_BUDGET = 0.4   # s for the repetitions of a model; the scipy method is timed once
 PERIODS = 20        # of the hysteresis input, with varying amplitude
 PERIOD_SAMPLES = 1000

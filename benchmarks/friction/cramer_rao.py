@@ -17,7 +17,6 @@ from smart_tire.estimation.friction.waveform_model import (
     film_index, PerFilm, Shared, WaveformModel)
 from smart_tire.parameters.robot import RobotParams
 
-
 TRAVEL_MARGIN = 0.028    # m, before and after the contact: bumps and baseline
 BUMP_AMPLITUDE = 0.12    # of the bending peak, Fig. 11(b)
 SAMPLING_PHASES = 4      # positions of the first sample within a period, averaged

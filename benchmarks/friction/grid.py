@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 import math
 
+from smart_tire.models.constants import GRAVITY
 from smart_tire.models.tire import brush_tire
-from smart_tire.models.vehicle.skid_steer import GRAVITY
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.robot import FilmParams
 

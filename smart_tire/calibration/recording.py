@@ -14,7 +14,6 @@ from smart_tire.errors import EstimatorError
 from smart_tire.estimation.plausibility import speed_spikes
 from smart_tire.samples import LEFT, RIGHT
 
-
 MAX_POSITION_GAP = 2.0    # s; over longer gaps the change of position is not a mean speed
 MAX_GAP_PERIODS = 1.5     # periods; after a longer gap between velocities a message is missing
 MOTION_MARGIN = 0.5       # s before and after motion: latency of the wheels, settling of the body

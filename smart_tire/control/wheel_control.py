@@ -6,11 +6,11 @@ from collections.abc import Sequence
 import math
 
 from smart_tire.control.differential_drive import wheel_speeds
+from smart_tire.control.duty_gate import STOPPED
 from smart_tire.control.pid import Pid
 from smart_tire.parameters.tuning import WheelControllerParams
 from smart_tire.samples import Four, NS_PER_S, VelocityCommand
 
-STOPPED: Four = (0.0, 0.0, 0.0, 0.0)
 MAX_STEP_PERIODS = 4    # upper limit of the time step of the controllers, in periods
 STANDSTILL_SPEED = 0.1  # rad/s; a slower wheel with a set point of zero gets no duty
 

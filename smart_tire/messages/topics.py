@@ -18,7 +18,6 @@ from smart_tire.samples import (
     BatterySample, Friction, Icr, ImuSample, MotorCommand, Odometry, Sample, TireSample,
     VelocityCommand, WheelCommand, WheelSample, WheelSlip)
 
-
 SampleClass = type[Any]
 
 

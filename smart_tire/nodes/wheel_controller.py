@@ -7,8 +7,9 @@ import sys
 
 from std_msgs.msg import Bool
 
+from smart_tire.control.duty_gate import STOPPED
 from smart_tire.control.velocity_mux import VelocityMux
-from smart_tire.control.wheel_control import STOPPED, WheelControl
+from smart_tire.control.wheel_control import WheelControl
 from smart_tire.nodes.base import run, SmartTireNode
 from smart_tire.nodes.command_input import CommandInput
 from smart_tire.nodes.diagnostics import Status

@@ -22,7 +22,6 @@ from smart_tire.numerics.regression import (
     HUBER_THRESHOLD, Prior, sandwich_covariance, solve_with_prior)
 from smart_tire.numerics.robust import huber_weights, mad_sigma, measurement_noise
 
-
 REWEIGHTING_ROUNDS = 5       # of noise, then delay; more do not change the result
 MAX_AUTOCORRELATION = 0.999  # of neighboring rows
 HAC_TIME = 1.0               # s over which whitened residuals may still be correlated

@@ -7,15 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from smart_tire.analysis.series import Floats
+from smart_tire.models.constants import GRAVITY
 from smart_tire.models.tire import brush_tire, strain_charge, tread_film
-from smart_tire.models.vehicle import skid_steer
 from smart_tire.parameters import SimulatorParams
 from smart_tire.reproduction.tire_runs import Crossings, ROBOT, RPM, Run, WHEEL
 from smart_tire.samples import NS_PER_S
 
 LENGTH, PATCH = ROBOT.film.length, ROBOT.tire.contact_length  # m, l and L
 STIFFNESS = ROBOT.tire.longitudinal_stiffness                 # N, C_x
-LOAD = 0.25 * ROBOT.mass * skid_steer.GRAVITY                 # N, F_z
+LOAD = 0.25 * ROBOT.mass * GRAVITY                 # N, F_z
 GAIN, BENDING = (values[0] for values in (ROBOT.film.stretch_gain, ROBOT.film.bending_peak))
 GROUND = SimulatorParams().ground
 MU = GROUND.friction[GROUND.names.index('concrete')]

@@ -12,8 +12,8 @@ from smart_tire.analysis.friction_metrics import column, match
 from smart_tire.analysis.metrics import SIDES, slip_scores, SlipScore
 from smart_tire.analysis.pipeline import EstimatorParams, Pipeline
 from smart_tire.analysis.series import at, Floats, Series, Stamps
+from smart_tire.models.constants import GRAVITY
 from smart_tire.models.tire import brush_tire
-from smart_tire.models.vehicle import skid_steer
 from smart_tire.parameters import build, RobotParams, SimulatorParams
 from smart_tire.reproduction.experiments import Laboratory, Schedule
 from smart_tire.samples import Friction, ImuSample, NS_PER_S, WHEELS
@@ -187,7 +187,7 @@ def stiffness(run: Run, mu: float) -> StiffnessFit:
     stamps = run.stamp_ns[chosen]
     slip = _blocks(at(stamps, slips.stamp_ns, slips.ratio).mean(axis=1))
     force = _blocks(0.25 * ROBOT.mass * run.acceleration[chosen])
-    load = 0.25 * ROBOT.mass * skid_steer.GRAVITY
+    load = 0.25 * ROBOT.mass * GRAVITY
     force, value = force - force.mean(), ROBOT.tire.longitudinal_stiffness
     for _ in range(20):  # the sliding part depends weakly on the stiffness
         shape = brush_tire.brush_force(slip, 0.0, mu, load, value)[0] / value

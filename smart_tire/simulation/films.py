@@ -16,7 +16,6 @@ from smart_tire.samples import NS_PER_S, WHEELS
 from smart_tire.simulation.device_emulators import SensorNodeEmulator
 from smart_tire.simulation.plant import Plant
 
-
 VARIATION_PERIOD = 1021       # revolutions after which the variation of the films repeats
 TAIL_RECOVERY_LENGTHS = 12.0  # recovery lengths after which the release signal is below 10 uV
 

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from smart_tire import rotation
-from smart_tire.models.vehicle.skid_steer import GRAVITY
+from smart_tire.models.constants import GRAVITY
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.parameters.simulation import SensorErrorParams
 from smart_tire.samples import Four, Vector3

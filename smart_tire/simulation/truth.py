@@ -18,7 +18,6 @@ from smart_tire.simulation.films import FilmSampler, patch_position, WheelTrace
 from smart_tire.simulation.plant import Plant
 from smart_tire.uncertain import Uncertain, UNKNOWN
 
-
 Truth = Odometry | WheelSlip | Friction
 
 ZERO_COVARIANCE = (0.0,) * 36

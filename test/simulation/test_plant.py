@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 import pytest
+from smart_tire.models.constants import GRAVITY
 from smart_tire.models.tire import brush_tire
-from smart_tire.models.vehicle.skid_steer import GRAVITY
 from smart_tire.parameters import build, SimulatorParams
 from smart_tire.simulation.plant import force_slope, Plant, TIME_STEP
 from smart_tire.simulation.surfaces import SurfaceMap

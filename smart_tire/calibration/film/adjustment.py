@@ -26,7 +26,6 @@ from smart_tire.numerics.robust import huber_weights, median_reduced_chi_square
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import NS_PER_S
 
-
 # shares of the smoothed slip's sigma, from simulations with default sensors: 0.55 of it lasts
 # through a segment and hardly longer; 0.2 is new in every crossing at steady speed, 0.6 otherwise
 SEGMENT_SLIP_SHARE, CROSSING_SLIP_SHARE = 0.6, 0.5

@@ -25,7 +25,6 @@ from smart_tire.errors import EstimatorError
 from smart_tire.numerics.robust import winsorized_mean
 from smart_tire.parameters import RobotParams
 
-
 MAX_ITERATIONS = 5      # of fits, each with the result of the previous one
 CONVERGED_SIGMAS = 0.3  # standard errors; a smaller change ends the iteration
 MAX_FACTORS = 3.0, 1.3  # of gains and contact length in one iteration

@@ -19,7 +19,6 @@ from smart_tire.errors import EstimatorError
 from smart_tire.numerics.robust import mad_sigma
 from smart_tire.uncertain import Uncertain
 
-
 MIN_CROSSINGS = 3
 LATENCY_SIGMA = 0.003  # s, of the configured latency between films and wheels; assumed
 MAX_SCATTER = 0.1      # rad, 9 mm of the paper's wheel: more than the error of any fit

@@ -21,7 +21,6 @@ from smart_tire.estimation.friction.waveform_model import film_index, PerFilm, S
 from smart_tire.parameters import RobotParams
 from smart_tire.uncertain import Uncertain
 
-
 INITIAL_GAIN_SIGMA, INITIAL_LENGTH_SIGMA = 0.5, 0.1   # relative, of a first fit; uninformative
 REFINED_GAIN_SIGMA, REFINED_LENGTH_SIGMA = 0.2, 0.05  # relative, of fits close to the solution
 EXACT_SLIP_SIGMA = 1e-5  # -, of a slip whose error enters in the adjustment

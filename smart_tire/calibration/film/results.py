@@ -17,7 +17,6 @@ from smart_tire.numerics.robust import winsorized_mean
 from smart_tire.parameters import RobotParams
 from smart_tire.uncertain import Uncertain, weighted_mean
 
-
 MIN_SLIP = 0.03  # -, below which the stretch signal of a crossing is lost in that of bending
 MIN_SLIP_SIGMAS = 3.0       # sigmas, of a slip that makes gains observable
 MIN_CROSSINGS = 5           # of a film, below which outliers cannot be detected

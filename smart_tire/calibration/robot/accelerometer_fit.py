@@ -28,7 +28,6 @@ from smart_tire.numerics.regression import Prior
 from smart_tire.parameters import RobotParams
 from smart_tire.uncertain import Uncertain
 
-
 CHANGE_INTERVAL = 1.0  # s between the compared intervals: typical duration of a speed change
 PITCHING_ERROR = 0.1              # relative error from pitching of the body: 0.6 degrees at 1 m/s2
 RADIUS_COLUMN, LAG_COLUMN = 0, 1  # of the coefficients

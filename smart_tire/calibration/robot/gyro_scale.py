@@ -13,7 +13,6 @@ from smart_tire.numerics.delay_regression import DelayProblem, fit_delay, Rows
 from smart_tire.numerics.regression import Prior
 from smart_tire.uncertain import Uncertain
 
-
 YAW_INTERVAL = 1.0  # s, of the changes of yaw: as long as a turn, to average noise of the poses
 MAX_POSE_GAP = 0.5      # s between poses
 MAX_DELAY = 1.0         # s, search range of the latency of the reference

@@ -31,7 +31,6 @@ from smart_tire.parameters import RobotParams
 from smart_tire.parameters.calibration_file import Identified
 from smart_tire.uncertain import Uncertain, weighted_mean
 
-
 DISPLACEMENT_INTERVAL = 0.5   # s, of the displacements of the reference: shorter than a turn
 MAX_POSE_GAP = 0.5            # s between poses of an interval
 MIN_YAW_RATE = 0.1            # rad/s, of a turn

@@ -33,7 +33,6 @@ from smart_tire.numerics.robust import noise_level
 from smart_tire.parameters import RobotParams
 from smart_tire.uncertain import Uncertain
 
-
 DISTANCE_INTERVAL = 2.0       # s of motion per interval: several lengths of a robot
 MAX_POSE_GAP = 0.5            # s between poses of an interval
 MIN_INTERVALS = 5             # below this number the residuals do not determine their noise

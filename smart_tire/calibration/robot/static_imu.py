@@ -21,10 +21,9 @@ from smart_tire.calibration.recording import ImuRecord, Recording, WheelRecord
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.slip.zero_velocity import (
     BIAS_WINDOW, MAX_STATIONARY_WHEEL_SPEED, QUIET_NOISE_RATIO)
-from smart_tire.models.vehicle.skid_steer import GRAVITY
+from smart_tire.models.constants import GRAVITY
 from smart_tire.parameters import RobotParams
 from smart_tire.uncertain import Uncertain
-
 
 MOTION_MARGIN = 0.5  # s before the first wheel motion, whose timestamps may be late
 WINDOW_LENGTH = 1.0  # s, over which the noise is estimated

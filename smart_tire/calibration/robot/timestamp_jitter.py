@@ -19,7 +19,6 @@ from smart_tire.parameters import RobotParams
 from smart_tire.samples import LEFT, RIGHT
 from smart_tire.uncertain import Uncertain
 
-
 # Savitzky-Golay filters over five samples: residual of the center against a parabola, and slope.
 RESIDUAL_KERNEL = np.array([3.0, -12.0, 18.0, -12.0, 3.0]) / 35.0
 SLOPE_KERNEL = np.array([-2.0, -1.0, 0.0, 1.0, 2.0]) / 10.0

@@ -25,7 +25,6 @@ from smart_tire.numerics.regression import Prior, robust_regression
 from smart_tire.parameters import RobotParams
 from smart_tire.uncertain import Uncertain
 
-
 MIN_INTERVAL = 0.15  # s; over shorter times the yaw rate changes little and noise dominates
 IMU_SAMPLES_PER_INTERVAL = 3.0  # minimum; between samples the rate is interpolated
 MAX_DELAY = 1.0                 # s, range of the search: that of the parameter

@@ -30,10 +30,9 @@ from smart_tire.calibration.tire.stiffness_model import Common, StiffnessModel
 from smart_tire.calibration.tire.straight_segments import (
     MIN_SEGMENT_INTERVALS, MIN_SPEED, straight_segments)
 from smart_tire.errors import EstimatorError
-from smart_tire.models.vehicle.skid_steer import GRAVITY
+from smart_tire.models.constants import GRAVITY
 from smart_tire.parameters import RobotParams
 from smart_tire.uncertain import MAX_RELATIVE_SIGMA, Uncertain, weighted_mean
-
 
 FRICTION_PRIOR, FRICTION_FACTOR = 0.45, 2.0   # median and factor per sigma of grounds; assumed
 DRAG_PRIOR, DRAG_SIGMA = 0.015, 0.15          # of the weight: firm ground, and up to deep sand

@@ -16,10 +16,10 @@ import numpy as np
 from smart_tire.arrays import Array
 from smart_tire.calibration.recording import Signal
 from smart_tire.calibration.tire.straight_segments import StraightSegments
+from smart_tire.models.constants import GRAVITY
 from smart_tire.models.tire.shared_slip import linear_tire_force
-from smart_tire.models.vehicle.skid_steer import GRAVITY, normal_loads
+from smart_tire.models.vehicle.skid_steer import normal_loads
 from smart_tire.parameters import RobotParams
-
 
 MAX_SLIP = 0.5       # -, in both directions; beyond, wheels slide and speeds carry no information
 SEGMENT_STEP = 0.01  # m/s and m/s2, for derivatives with respect to segment parameters

@@ -17,7 +17,6 @@ from smart_tire.estimation.contact.records import Detection
 from smart_tire.models.tire import strain_charge, tread_film
 from smart_tire.parameters.robot import RobotParams
 
-
 SEARCH_STEP = 0.0025   # m, between tried center positions
 TABLE_STEP = 1e-4      # m, between entries of the waveform table
 RELEASE_TAIL = 12.0 * tread_film.RECOVERY  # m, after which the release has decayed

@@ -27,7 +27,6 @@ from smart_tire.estimation.contact.wheel_trajectory import Point, WheelTrajector
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import NS_PER_S, TireSample, WHEELS, WheelSample
 
-
 MIN_BLOCK_NS = 100_000_000  # of the trajectory that is processed at once
 SETTLING_NS = 100_000_000   # before its newest sample, the wheel angle can be smoothed
 MAX_SILENCE_NS = 500_000_000  # after which a silent wheel angle is extrapolated

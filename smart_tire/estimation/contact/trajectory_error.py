@@ -16,7 +16,6 @@ from scipy.special import spherical_jn
 
 from smart_tire.arrays import Array
 
-
 ORDERS = np.arange(2, 14)    # of the Legendre polynomials; 0 is a shift, 1 a scale error
 MIN_SHAPE_SIGMA = 1e-5       # m, below which a polynomial is negligible: 1 mV at the steepest edge
 BANDWIDTHS = np.geomspace(0.3, 60.0, 50)  # cut-off frequency times duration, of the table

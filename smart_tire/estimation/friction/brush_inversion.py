@@ -18,7 +18,6 @@ from smart_tire.arrays import Array
 from smart_tire.models.tire import brush_tire
 from smart_tire.uncertain import Uncertain, UNKNOWN
 
-
 FULL_SLIDING_ONSET = 0.8      # normalized slip above which the waveform hardly depends on it
 FULL_SLIDING_SIGMAS = 4.0     # standard deviations within which the onset counts as reached ...
 MIN_RATIO_CORRELATION = 0.5   # ... if slip and normalized slip are at least so correlated

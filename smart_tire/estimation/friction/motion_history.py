@@ -22,7 +22,6 @@ from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import NS_PER_S, Odometry, WHEELS, WheelSlip
 from smart_tire.uncertain import Uncertain, UNKNOWN
 
-
 HISTORY_LENGTH = 1024        # samples of each stream: 8 s at 125 Hz
 MEAN_MARGIN_NS = 50_000_000  # a sample further from the interval does not represent it
 MEAN_POINTS = 5              # in an interval, of which the mean is taken

@@ -9,7 +9,6 @@ from smart_tire.estimation.contact.records import PatchCrossing
 from smart_tire.estimation.friction.motion_history import WheelMotion
 from smart_tire.uncertain import Uncertain
 
-
 MIN_CHANGE_SIGMA = 0.0005  # -, of the slip change over a contact length in steady motion ...
 UNKNOWN_CHANGE_SIGMA = 0.01  # -, ... and without a slip estimate
 CHANGE_ERROR_SHARE = 0.5   # of an estimated change, its standard deviation

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 import math
 
-from smart_tire.models.vehicle.skid_steer import GRAVITY
+from smart_tire.models.constants import GRAVITY
 from smart_tire.parameters.robot import RobotParams
 
 MIN_FORCE_SHARE = 0.5  # of the linear force that a brush tire retains below t = 0.63

@@ -22,7 +22,6 @@ from smart_tire.models.tire import strain_charge, tread_film
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.uncertain import Uncertain, UNKNOWN
 
-
 SEARCH_MARGIN = 0.005   # m of travel beyond the film inside the patch, in which peaks are searched
 MIN_COVERAGE = 0.9      # of that travel
 FLAT_TOP_SIGMAS = 2.0   # standard deviations of noise below the top, within which any sample

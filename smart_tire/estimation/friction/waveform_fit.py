@@ -24,7 +24,6 @@ from smart_tire.numerics.robust import MAD_TO_SIGMA
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.uncertain import Uncertain
 
-
 MIN_SAMPLES = 8          # of a film; priors make up for what they do not determine
 CENTER_SIGMA = 0.005     # m, of a film's detected center
 BASELINE_SIGMA = 0.01    # V, of the tracked baseline

@@ -26,7 +26,6 @@ from smart_tire.models.tire import strain_charge
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.uncertain import Uncertain, UNKNOWN
 
-
 PLAUSIBLE_BENDING = (0.3, 3.0)  # range of the bending peak over its nominal value
 MAX_RESIDUAL = 0.2       # of the bending peak, rms
 MAX_CENTER_SIGMA = 0.003  # m, of a film's center

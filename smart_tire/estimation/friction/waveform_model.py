@@ -20,7 +20,6 @@ from smart_tire.estimation.contact.records import FilmSamples
 from smart_tire.models.tire import strain_charge, tread_film
 from smart_tire.parameters.robot import RobotParams
 
-
 MIN_NORMALIZED_SLIP = 0.01  # -, the model is linear below: noise may make the parameter negative
 
 

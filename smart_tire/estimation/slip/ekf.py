@@ -27,9 +27,8 @@ from smart_tire.estimation.slip.slip_process import (
 from smart_tire.estimation.slip.state import (
     DelayedSpeed, ImuStep, N, SLIP_VEL_ROWS, SLIP_VELS, State, WheelMeasurement)
 from smart_tire.estimation.slip.wheel_model import CONSTRAINTS, SideSpeedModel
-from smart_tire.models.vehicle.skid_steer import GRAVITY
+from smart_tire.models.constants import GRAVITY
 from smart_tire.parameters import SlipEstimatorParams
-
 
 MOUNTING_TILT_SIGMA = 0.009     # rad, of the IMU: half a degree
 MIN_POSE_SIGMA = 1e-4           # m, rad: the origin is exact, but P must not be singular

@@ -8,7 +8,7 @@ import math
 from smart_tire.estimation.plausibility import is_imu_spike
 from smart_tire.estimation.slip.state import ImuReading, ImuStep
 from smart_tire.estimation.slip.vibration import VibrationMonitor
-from smart_tire.models.vehicle.skid_steer import GRAVITY
+from smart_tire.models.constants import GRAVITY
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.rotation import matrix
 from smart_tire.samples import ImuSample

@@ -12,7 +12,7 @@ from smart_tire.arrays import Array
 from smart_tire.estimation.slip.kinematics import SlipKinematics
 from smart_tire.estimation.slip.slip_process import MIN_SLIP_VELOCITY
 from smart_tire.estimation.slip.state import ImuReading, ImuStep, N, SLIP_VELS, State
-from smart_tire.models.vehicle.skid_steer import GRAVITY
+from smart_tire.models.constants import GRAVITY
 from smart_tire.parameters import SlipEstimatorParams
 
 SPEED_RANDOM_WALK = 0.002       # m/s per sqrt(s), errors of the planar model

@@ -27,7 +27,6 @@ from smart_tire.arrays import Array
 from smart_tire.estimation.slip.block_spool import Spool
 from smart_tire.estimation.slip.output import OutputContext
 
-
 BLOCK_SIZE = 1024      # transitions that become links together
 REGULARIZATION = 1e-13  # share of each variance: keeps nearly equal states solvable
 

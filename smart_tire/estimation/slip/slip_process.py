@@ -12,7 +12,6 @@ from smart_tire.arrays import Array
 from smart_tire.estimation.slip.state import WheelMeasurement
 from smart_tire.parameters import SlipEstimatorParams
 
-
 MIN_SLIP_VELOCITY = 0.02        # m/s, standard deviation of the slip velocity at standstill
 STAMP_JITTER_SIGMAS = 2.5       # of a wheel speed change due to timestamps; more is a change
 MIN_GROUND_SPEED_CHANGE = 0.01  # m/s; a larger change of the speed over ground changes the slip

@@ -12,7 +12,6 @@ import numpy as np
 
 from smart_tire.arrays import Array, ArrayLike
 
-
 MIN_ROLLING_SPEED = 1e-6  # m/s, keeps the slip of a locked wheel finite; far above critical slip
 
 

@@ -7,7 +7,6 @@ import numpy.typing as npt
 
 from smart_tire.arrays import Array
 
-
 MAX_FORCE_SHARE = 0.995  # of friction times load; the slip is not observable above
 MAX_ITERATIONS = 30     # of Newton's method, which converges from below
 FORCE_TOLERANCE = 1e-9    # relative

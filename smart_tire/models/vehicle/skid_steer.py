@@ -13,9 +13,8 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array, ArrayLike
+from smart_tire.models.constants import GRAVITY
 
-
-GRAVITY = 9.80665  # m/s2, standard
 SIDE_SIGNS = np.array([1.0, -1.0, 1.0, -1.0])  # +1 for left wheels
 AXLE_SIGNS = np.array([1.0, 1.0, -1.0, -1.0])   # +1 for front wheels
 

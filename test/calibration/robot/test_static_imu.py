@@ -11,7 +11,7 @@ import pytest
 from smart_tire.calibration.recording import ImuRecord, Recording, WheelRecord
 from smart_tire.calibration.robot.static_imu import fit_static_imu, stationary_intervals
 from smart_tire.errors import EstimatorError
-from smart_tire.models.vehicle.skid_steer import GRAVITY
+from smart_tire.models.constants import GRAVITY
 from smart_tire.parameters import build, RobotParams
 from smart_tire.rotation import matrix
 

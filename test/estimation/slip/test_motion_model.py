@@ -7,7 +7,7 @@ import pytest
 
 from smart_tire.estimation.slip.motion_model import MotionModel
 from smart_tire.estimation.slip.state import ImuReading, ImuStep, N, State
-from smart_tire.models.vehicle.skid_steer import GRAVITY
+from smart_tire.models.constants import GRAVITY
 from smart_tire.parameters import build, SlipEstimatorParams
 from support.slip_state import random_state
 

@@ -11,7 +11,7 @@ import pytest
 from smart_tire.estimation.slip.ekf import SlipFilter
 from smart_tire.estimation.slip.output import OutputContext, SlipOutputBuilder
 from smart_tire.estimation.slip.state import ImuReading, ImuStep, N, State
-from smart_tire.models.vehicle.skid_steer import GRAVITY
+from smart_tire.models.constants import GRAVITY
 from smart_tire.parameters import build, RobotParams, SlipEstimatorParams
 from smart_tire.samples import Icr
 

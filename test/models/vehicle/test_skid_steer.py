@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from smart_tire.models.constants import GRAVITY
 from smart_tire.models.vehicle import skid_steer
 
 WHEELBASE, TRACK, RADIUS, MASS = 0.26, 0.38, 0.087, 10.9
@@ -45,7 +46,7 @@ def test_loads_balance_weight_and_moments():
     loads = skid_steer.normal_loads(MASS, COM, WHEELBASE, TRACK, 1.5, -0.8, radius=RADIUS)
     x = 0.5 * WHEELBASE * skid_steer.AXLE_SIGNS
     y = 0.5 * TRACK * skid_steer.SIDE_SIGNS
-    weight = MASS * skid_steer.GRAVITY
+    weight = MASS * GRAVITY
     height = COM[2] + RADIUS
     assert loads.sum() == pytest.approx(weight)
     assert (loads * x).sum() == pytest.approx(weight * COM[0] - MASS * height * 1.5)
