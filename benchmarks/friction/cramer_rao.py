@@ -25,26 +25,27 @@ FREE_PARAMETERS = (PerFilm.CENTER, PerFilm.OFFSET, PerFilm.BENDING, PerFilm.BEFO
                    PerFilm.AFTER, PerFilm.GAIN)
 
 
-def friction_bound(robot: RobotParams, wheel: str, *, slip: float, sliding: float, speed: float,
-                   films: Sequence[int] | None = None) -> float:
+def friction_bound(robot: RobotParams, wheel: str, *, slip: float, normalized_slip: float,
+                   speed: float, films: Sequence[int] | None = None) -> float:
     """
     Return the least relative standard deviation of mu from one crossing.
 
-    ``slip`` is B(3)'s lambda, ``sliding`` total slip / critical slip (above 0), ``speed`` [m/s]
-    is |r w|; ``films`` are indices, all of ``wheel`` by default. Infinite without slip.
+    ``slip`` is B(3)'s lambda, ``normalized_slip`` is above 0, ``speed`` [m/s] is |r w|; ``films``
+    are indices, all of ``wheel`` by default. Infinite without slip.
     """
     gains = robot.film.gains(wheel)
     chosen = range(len(gains)) if films is None else films
     variances = [
-        _variance(robot, wheel, tuple(chosen), slip, sliding, speed, phase / SAMPLING_PHASES)
+        _variance(robot, wheel, tuple(chosen), slip, normalized_slip, speed,
+                  phase / SAMPLING_PHASES)
         for phase in range(SAMPLING_PHASES)]
-    # mu and the sliding share have the same relative error: mu = C_x |s| / (3 F_z w)
-    return math.sqrt(float(np.mean(variances))) / sliding
+    # mu and the normalized slip have the same relative error: mu = C_x |s| / (3 F_z w)
+    return math.sqrt(float(np.mean(variances))) / normalized_slip
 
 
-def _variance(robot: RobotParams, wheel: str, films: Sequence[int], slip: float, sliding: float,
-              speed: float, phase: float) -> float:
-    """Return the variance of the sliding share for one sampling phase."""
+def _variance(robot: RobotParams, wheel: str, films: Sequence[int], slip: float,
+              normalized_slip: float, speed: float, phase: float) -> float:
+    """Return the variance of the normalized slip for one sampling phase."""
     film = robot.film
     reach = 0.5 * (robot.tire.contact_length + film.length) + TRAVEL_MARGIN
     step = speed / film.sample_rate
@@ -52,7 +53,7 @@ def _variance(robot: RobotParams, wheel: str, films: Sequence[int], slip: float,
     none = np.zeros(len(distance))
     samples = [FilmSamples(one, distance, none, none.astype(np.int8)) for one in films]
     p = np.zeros(film_index(len(films), PerFilm.CENTER))
-    p[Shared.SLIP], p[Shared.NORM_SLIP] = slip, sliding
+    p[Shared.SLIP], p[Shared.NORM_SLIP] = slip, normalized_slip
     precision = np.zeros_like(p)
     for i, one in enumerate(films):
         peak = film.bending(wheel)[one]

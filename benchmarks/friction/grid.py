@@ -58,7 +58,7 @@ class Case:
             self.mu, LOAD, ROBOT.tire.longitudinal_stiffness))
 
     @property
-    def sliding(self) -> float:
+    def normalized_slip(self) -> float:
         """Return total slip / critical slip."""
         return self.total_slip / self.critical_slip
 

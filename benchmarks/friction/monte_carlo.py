@@ -62,7 +62,8 @@ def run_case(group: str, case: Case, count: int, seed: int = 1) -> CaseResult:
                 case.robot, method), case.mu, ms)
     complete = [one.samples is not None and len(one.samples.films) == 2 for one in crossings]
     return CaseResult(group, case, friction_bound(
-        case.robot, WHEEL, slip=case.slip, sliding=case.sliding, speed=case.speed), count,
+        case.robot, WHEEL, slip=case.slip, normalized_slip=case.normalized_slip,
+        speed=case.speed), count,
         float(np.mean(complete)), trials)
 
 

@@ -80,7 +80,7 @@ def _bound(one: Friction, robot: RobotParams, speed: float) -> float:
     if not (abs(slip) > MIN_BOUND_SLIP and speed > robot.slip.standstill_speed):
         return math.nan
     return friction_bound(robot, one.wheel, slip=slip,
-                          sliding=total / one.critical_slip.value, speed=speed)
+                          normalized_slip=total / one.critical_slip.value, speed=speed)
 
 
 def match_rows(truths: Truths, estimates: Sequence[Friction], wheel: str) -> Rows:

@@ -151,7 +151,7 @@ def _write(path: Path, cases: Sequence[CaseResult], results: Sequence[RunResult]
         'machine': machine, 'methods': METHODS, 'slips': SOURCES,
         'units': 'errors of mu and bounds are relative, of slips and ratios absolute; ms: CPU '
                  'time per crossing in milliseconds; null without data',
-        CROSSINGS: [{**asdict(one), 'sliding': one.case.sliding} for one in cases],
+        CROSSINGS: [{**asdict(one), 'normalized_slip': one.case.normalized_slip} for one in cases],
         'runs': {run: {
             'title': TITLES[run], 'seeds': [one.seed for one in results if one.run == run],
             'slips': slips[run], 'wheels': _nested(figures),

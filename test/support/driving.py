@@ -24,10 +24,10 @@ class Drive:
     rolling: np.ndarray   # (n, 2) r w of the sides
 
 
-def drive(rolling, sliding, *, icr=0.02, seed=0, robot=None, imu_rate=100.0, wheel_rate=16.0,
-          positions=True, noise=1.0, wheel_latency=0.0, mounting_tilt=0.0):
+def drive(rolling, slip_velocities, *, icr=0.02, seed=0, robot=None, imu_rate=100.0,
+          wheel_rate=16.0, positions=True, noise=1.0, wheel_latency=0.0, mounting_tilt=0.0):
     """
-    Return the run for speeds r w ``rolling`` and slip velocities ``sliding`` (n, 2) [m/s].
+    Return the run for speeds r w ``rolling`` and slip velocities ``slip_velocities`` (n, 2) [m/s].
 
     ``noise`` scales the sensor errors; ``mounting_tilt`` [rad] pitches the IMU forward.
     """
@@ -35,7 +35,7 @@ def drive(rolling, sliding, *, icr=0.02, seed=0, robot=None, imu_rate=100.0, whe
     rng = np.random.default_rng(seed)
     n = len(rolling)
     time = np.arange(n) * STEP
-    side = rolling - sliding
+    side = rolling - slip_velocities
     v_x, W = side.mean(axis=1), (side[:, 1] - side[:, 0]) / robot.track_width
     v_y = -icr * W
     yaw = np.concatenate([[0.0], np.cumsum(0.5 * (W[1:] + W[:-1]) * STEP)])

@@ -108,10 +108,10 @@ class LevenbergMarquardt:
         """Return the normalized slip by one step from ``end`` with each film's samples only."""
         prior, point = end.prior, end.point
         weight, jacobian = self._weights(point), point.jacobian.take(prior.free, axis=0)
-        sliding = int(np.searchsorted(prior.free, Shared.NORM_SLIP))
+        normalized_slip = int(np.searchsorted(prior.free, Shared.NORM_SLIP))
         prior_gradient = prior.precision @ (prior.value - point.p)[prior.free]
         right = np.zeros((len(prior.free), 2))
-        right[sliding, 1] = 1.0
+        right[normalized_slip, 1] = 1.0
         estimates, begin = [], 0
         for count in self._counts:
             own_part = slice(begin, begin + count)
@@ -120,7 +120,7 @@ class LevenbergMarquardt:
             hessian += prior.precision
             right[:, 0] = jacobian[:, own_part] @ (
                 weight[own_part] * point.residual[own_part]) + prior_gradient
-            step, inverse = solve_spd(hessian, right)[sliding].tolist()
+            step, inverse = solve_spd(hessian, right)[normalized_slip].tolist()
             estimates.append(Uncertain(
                 float(point.p[Shared.NORM_SLIP]) + step, math.sqrt(inverse)))
         return estimates

@@ -128,10 +128,10 @@ class WaveformModel:
     def _strain(self, x: Array, patch: float, p: Array, gain: Array, jacobian: Array
                 ) -> StrainPart:
         """Return the strain part; write its rows SLIP to NORM_SLIP_CHANGE into ``jacobian``."""
-        slip, sliding, growth, spread = p[:Shared.SCALE].tolist()
+        slip, normalized_slip, slip_change, normalized_change = p[:Shared.SCALE].tolist()
         slip_factor, normalized_factor = (1.0 + change * self._relative
-                                          for change in (growth, spread))
-        normalized = sliding * normalized_factor
+                                          for change in (slip_change, normalized_change))
+        normalized = normalized_slip * normalized_factor
         limited = np.maximum(normalized, MIN_NORMALIZED_SLIP)
         overlap = strain_charge.overlap(x, limited, self._film.length, patch)
         length = overlap.value + (normalized - limited) * overlap.by_normalized_slip
@@ -140,10 +140,11 @@ class WaveformModel:
         gains *= 1.0 + gain
         by_slip = np.multiply(gains, length, out=jacobian[Shared.SLIP])
         volts, factor = slip * by_slip, slip * gains
-        by_sliding = factor * overlap.by_normalized_slip
-        np.multiply(by_sliding, normalized_factor, out=jacobian[Shared.NORM_SLIP])
+        by_normalized = factor * overlap.by_normalized_slip
+        np.multiply(by_normalized, normalized_factor, out=jacobian[Shared.NORM_SLIP])
         np.multiply(self._relative, volts / slip_factor, out=jacobian[Shared.SLIP_CHANGE])
-        np.multiply(self._relative, sliding * by_sliding, out=jacobian[Shared.NORM_SLIP_CHANGE])
+        np.multiply(self._relative, normalized_slip * by_normalized,
+                    out=jacobian[Shared.NORM_SLIP_CHANGE])
         return StrainPart(volts, by_gain, factor * overlap.by_position,
                           factor * overlap.by_contact_length)
 

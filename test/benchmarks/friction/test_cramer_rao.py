@@ -17,8 +17,8 @@ CRITICAL = 3.0 * 0.47 * 0.25 * ROBOT.mass * 9.80665 / ROBOT.tire.longitudinal_st
 
 def bound(slip, noise=0.005, films=None, speed=SPEED, **values):
     robot = build(RobotParams, {'film.noise': noise, **values})
-    return friction_bound(robot, WHEEL, slip=slip, sliding=abs(slip) / CRITICAL, speed=speed,
-                          films=films)
+    return friction_bound(robot, WHEEL, slip=slip, normalized_slip=abs(slip) / CRITICAL,
+                          speed=speed, films=films)
 
 
 @pytest.mark.parametrize(('slip', 'reference'), [(0.05, 0.067), (0.10, 0.018), (0.15, 0.009)])
@@ -48,4 +48,4 @@ def test_the_bounds_of_braking_and_driving_are_similar():
 
 
 def test_without_slip_the_bound_is_infinite():
-    assert friction_bound(ROBOT, WHEEL, slip=0.0, sliding=0.3, speed=SPEED) == math.inf
+    assert friction_bound(ROBOT, WHEEL, slip=0.0, normalized_slip=0.3, speed=SPEED) == math.inf

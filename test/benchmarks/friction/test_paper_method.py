@@ -14,7 +14,7 @@ from smart_tire.models.tire import strain_charge
 def exact_interval(case):
     """Return the time [s] between the exact peaks of film 1."""
     film, patch = case.robot.film.length, case.robot.tire.contact_length
-    return (patch - strain_charge.peak_position((1.0 - case.sliding) * patch, film,
+    return (patch - strain_charge.peak_position((1.0 - case.normalized_slip) * patch, film,
                                              patch)) / case.speed
 
 

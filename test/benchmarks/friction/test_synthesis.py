@@ -28,10 +28,10 @@ def test_all_cases_differ_and_include_the_quick_ones():
 
 
 @pytest.mark.parametrize('case', [Case(slip=0.1), Case(slip=-0.2, mu=0.2, combined=1.3)])
-def test_the_sliding_share_of_a_case_agrees_with_the_brush_tire(case):
+def test_the_normalized_slip_of_a_case_agrees_with_the_brush_tire(case):
     ratio = brush_tire.adhesion_ratio(
         case.total_slip, case.mu, LOAD, case.robot.tire.longitudinal_stiffness)
-    assert 1.0 - case.sliding == pytest.approx(float(ratio))
+    assert 1.0 - case.normalized_slip == pytest.approx(float(ratio))
 
 
 @pytest.mark.parametrize('case', [Case(slip=0.02), Case(slip=0.3), Case(slip=-0.3),
@@ -75,7 +75,7 @@ def test_without_noise_the_model_fits_a_crossing():
     fit = fitter.fit(CrossingSynthesizer(case, 3, gain_error=0.0).crossing().samples)
     assert fit.residual_rms < film.code_voltage
     assert fit.shared(Shared.SLIP)[0] == pytest.approx(case.slip, rel=0.02)
-    assert fit.shared(Shared.NORM_SLIP)[0] == pytest.approx(case.sliding, rel=0.02)
+    assert fit.shared(Shared.NORM_SLIP)[0] == pytest.approx(case.normalized_slip, rel=0.02)
 
 
 def test_the_true_motion_has_the_total_slip_of_the_case():

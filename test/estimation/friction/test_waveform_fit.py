@@ -69,7 +69,7 @@ def test_with_the_true_slip_the_fit_is_unbiased_near_the_bound_and_consistent(
     here = robot(film_noise=noise, film_release=release)
     value, sigma = columns(fits(here, 140, slip, normalized_slip, rpm=rpm, sigma=EXACT),
                            Shared.NORM_SLIP)
-    bound = friction_bound(here, WHEEL, slip=slip, sliding=normalized_slip,
+    bound = friction_bound(here, WHEEL, slip=slip, normalized_slip=normalized_slip,
                            speed=rpm / 60.0 * 2.0 * np.pi * here.wheel_radius)
     assert bound < 0.1
     assert abs(np.median(value) / normalized_slip - 1.0) < 0.02

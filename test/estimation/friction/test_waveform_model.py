@@ -35,10 +35,10 @@ def parameters(**shared):
     return p
 
 
-def expected(one, center, slip, sliding, peak, gain):
+def expected(one, center, slip, normalized_slip, peak, gain):
     x = one.distance - center + 0.5 * (L - FILM)
     volts = tread_film.crossing_voltage(
-        x, slip=slip, total_slip=1.3 * abs(slip), critical_slip=1.3 * abs(slip) / sliding,
+        x, slip=slip, total_slip=1.3 * abs(slip), critical_slip=1.3 * abs(slip) / normalized_slip,
         film_length=FILM, contact_length=L, bending_peak=peak,
         bending_alpha=ROBOT.film.bending_alpha, stretch_gain=gain)
     heights = np.where(x < 0.5 * (L - FILM), 0.1, 0.14)
@@ -54,16 +54,17 @@ def test_the_output_is_that_of_the_crossing_model(slip):
 
 
 @pytest.mark.parametrize('release', ['fig8', 'state'])
-@pytest.mark.parametrize('sliding', [-0.1, 0.2, 0.8, 1.3])
-def test_the_jacobian_agrees_with_finite_differences(release, sliding):
+@pytest.mark.parametrize('normalized_slip', [-0.1, 0.2, 0.8, 1.3])
+def test_the_jacobian_agrees_with_finite_differences(release, normalized_slip):
     robot = build(RobotParams, {'film.release': release})
     model = WaveformModel(robot, GAINS, FILMS, 0.011)
-    p = parameters(NORM_SLIP=sliding, SLIP_CHANGE=0.04, SCALE=0.01, ALPHA=0.03, LENGTH=-0.04)
+    p = parameters(NORM_SLIP=normalized_slip, SLIP_CHANGE=0.04, SCALE=0.01, ALPHA=0.03,
+                   LENGTH=-0.04)
     p[film_index(0, PerFilm.OFFSET)] = 0.01
     p[film_index(1, PerFilm.GAIN)], p[film_index(1, PerFilm.RECOVERY)] = -0.02, 0.2
     _, jacobian = model.linearized(p)
     for k in range(len(p)):
-        if sliding < 0.0 and k == Shared.LENGTH:
+        if normalized_slip < 0.0 and k == Shared.LENGTH:
             continue  # an approximation in the extrapolated range
         step = np.zeros_like(p)
         step[k] = 1e-7
