@@ -29,13 +29,13 @@ MAX_ANGLE_DEVIATION = 1.0      # rad of a wheel, from its integrated speed
 def is_possible(sample: ImuSample | WheelSample | TireSample | Odometry | WheelSlip) -> bool:
     """Return whether a robot and its sensors can have produced ``sample``; False for NaN."""
     match sample:
+        case TireSample():  # by far the most frequent
+            return all(map(isfinite, sample.volts))
         case ImuSample():
             return (all(abs(force) <= MAX_SPECIFIC_FORCE for force in sample.acceleration)
                     and all(abs(rate) <= MAX_ANGULAR_RATE for rate in sample.rate))
         case WheelSample():
             return all(abs(speed) <= MAX_WHEEL_SPEED for speed in sample.velocity)
-        case TireSample():
-            return all(map(isfinite, sample.volts))
         case Odometry():
             return all(map(isfinite, (*sample.linear, *sample.angular)))
         case WheelSlip():  # the slip of a stationary wheel is NaN

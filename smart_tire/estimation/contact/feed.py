@@ -72,20 +72,22 @@ class ContactFeed:
         self._buffer.reset()
         self._start()
 
-    def update(self, sample: Input) -> Iterator[Block]:
-        """Add a sample; yield the blocks that it completes, and the start of the next one."""
+    def update(self, sample: Input) -> list[Block]:
+        """Add a sample; return the blocks that it completes, and the start of the next one."""
         closed = self._buffer.push(FRICTION.inputs[type(sample)], sample.stamp_ns, sample)
-        block = Block(restarted=self._buffer.resets != self._resets)
-        if block.restarted:
+        restarted = self._buffer.resets != self._resets
+        if not closed and not restarted:
+            return []  # most samples
+        blocks = [Block(restarted)]
+        if restarted:
             self._resets = self._buffer.resets
             self._start()
         for instant, samples in closed:
-            block.samples += filter(self._accept, samples)
+            blocks[-1].samples += filter(self._accept, samples)
             if instant % BLOCK_NS == 0:  # a fixed phase, independent of the first sample
-                block.crossings += self._advance(instant)
-                yield block
-                block = Block()
-        yield block
+                blocks[-1].crossings += self._advance(instant)
+                blocks.append(Block())
+        return blocks
 
     def _accept(self, sample: Input) -> bool:
         """Pass a valid sample on to its trackers; return whether it is valid."""
