@@ -30,7 +30,7 @@ def live_estimate(samples: Iterable[Sample], params: SlipEstimatorParams) -> Est
             steps += isinstance(estimate, Odometry)
         if estimates and estimates[0].stamp_ns >= next_ns:
             next_ns = estimates[0].stamp_ns + round(NIS_PERIOD * NS_PER_S)
-            nis = float(estimator.status()['normalised_innovation_squared'])
+            nis = float(estimator.status()['normalized_innovation_squared'])
             statistic.add(estimates[0].stamp_ns, (nis,))
     stamps, values = statistic.arrays()
     return as_estimate(records, Statistic(stamps, values[:, 0]), 1e6 * spent / max(steps, 1))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from support.replaying import (
-    assert_same, normalised_errors, offline_estimates, played_live, replayed)
+    assert_same, normalized_errors, offline_estimates, played_live, replayed)
 from support.stack import parameter_file
 
 from smart_tire.analysis.pipeline import INPUTS
@@ -105,7 +105,7 @@ def test_live_estimates_with_late_messages_are_within_one_sigma_of_the_offline_a
         overloaded, params, tmp_path):
     bag_path, offline = overloaded
     found = played_live(bag_path, params, tmp_path)
-    errors = normalised_errors(found, offline)
+    errors = normalized_errors(found, offline)
     assert min(map(len, errors.values())) >= 10
     for topic, values in errors.items():
         assert max(values) < 1.0, (topic, max(values))

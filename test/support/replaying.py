@@ -146,7 +146,7 @@ def same_crossing(found: dict[Any, Any], friction: Any) -> Any:
     return same[0] if same else None
 
 
-def normalised_errors(found: dict[Any, Any], expected: dict[Any, Any]) -> dict[str, list[float]]:
+def normalized_errors(found: dict[Any, Any], expected: dict[Any, Any]) -> dict[str, list[float]]:
     """Return topic -> differences of its main quantities over their standard deviations."""
     errors: dict[str, list[float]] = {'odom': [], 'wheel_slip': [], 'tire_friction': []}
     for name, other in expected.items():

@@ -74,7 +74,7 @@ class SlipEstimator:
         segment, counters = self._segment, self.counters
         return {
             'state': segment.state,
-            'normalised_innovation_squared': round(segment.filter.nis, 3),
+            'normalized_innovation_squared': round(segment.filter.nis, 3),
             'gyro_bias': round(segment.filter.x[State.GYRO_BIAS_Z], 6),
             'rolling_radius': round(segment.wheels.radius.radius, 6),
             'clock_jumps': self._reorder_buffer.resets,

@@ -60,15 +60,15 @@ def turned(seed, slip):
 
 @pytest.mark.parametrize('slip', [(0.11, -0.11), (0.28, 0.08), (0.0, 0.0)])
 def test_slip_of_both_sides_is_estimated_in_a_turn_within_its_sigma(slip):
-    errors, normalised = [], []
+    errors, normalized = [], []
     for seed in range(6):
         time, ratio, sigma, truth = slips(*turned(seed, slip))
         steady = time > 5.0
         errors.append((ratio - truth)[steady])
-        normalised.append(((ratio - truth) / sigma)[steady])
+        normalized.append(((ratio - truth) / sigma)[steady])
     assert np.sqrt(np.mean(np.square(errors))) < 0.02
     assert np.all(np.abs(np.mean(errors, axis=1)) < 0.03)
-    assert np.mean(np.square(normalised)) < 1.2
+    assert np.mean(np.square(normalized)) < 1.2
 
 
 @pytest.mark.parametrize('options', [
@@ -125,7 +125,7 @@ def test_sigma_grows_in_steady_straight_driving_and_covers_the_error():
 
 
 def test_position_error_is_consistent_with_the_pose_covariance():
-    normalised = []
+    normalized = []
     for seed in range(6):
         run, out = turned(seed, (0.11, -0.11))
         odometry = of(Odometry, out)[-1]
@@ -133,8 +133,8 @@ def test_position_error_is_consistent_with_the_pose_covariance():
         error = np.array(odometry.position[:2]) - run.pose[index, :2]
         assert np.hypot(*error) < 0.15
         covariance = np.array(odometry.pose_covariance).reshape(6, 6)[:2, :2]
-        normalised.append(error @ np.linalg.solve(covariance, error) / 2.0)
-    assert np.mean(normalised) < 2.0
+        normalized.append(error @ np.linalg.solve(covariance, error) / 2.0)
+    assert np.mean(normalized) < 2.0
 
 
 def test_estimates_are_on_the_grid_and_the_icr_is_published_in_turns_only():

@@ -160,10 +160,10 @@ def test_a_crossing_before_a_speed_change_corrects_the_present_speed():
         plain.append(speed_errors(run, estimates(run)[1]))
         aided.append(speed_errors(run, estimates(
             run, crossings(run, slip, seed), **{'slip.film_aided': True})[1]))
-    (error, normalised), (aided_error, aided_normalised) = (
+    (error, normalized), (aided_error, aided_normalized) = (
         np.sqrt(np.mean(np.square(parts), axis=(0, 2))) for parts in (plain, aided))
     assert aided_error < 0.6 * error
-    assert aided_normalised < 1.2 * normalised
+    assert aided_normalized < 1.2 * normalized
 
 
 def speed_errors(run, out):
