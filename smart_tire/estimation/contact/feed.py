@@ -13,13 +13,15 @@ from dataclasses import dataclass, field
 from itertools import chain
 from math import inf
 
+from smart_tire.errors import EstimatorError
 from smart_tire.estimation.contact.records import PatchCrossing
 from smart_tire.estimation.contact.tracker import ContactTracker
 from smart_tire.estimation.plausibility import is_possible
 from smart_tire.estimation.reorder_buffer import ReorderBuffer
 from smart_tire.estimation.streams import FRICTION
 from smart_tire.parameters.robot import RobotParams
-from smart_tire.samples import NS_PER_S, Odometry, TireSample, WheelSample, WheelSlip
+from smart_tire.samples import (
+    NS_PER_S, Odometry, Sample, TireSample, WheelSample, WheelSlip)
 
 BLOCK_NS = 48_000_000  # of message time, six grid steps, in which samples are processed together
 Input = TireSample | WheelSample | Odometry | WheelSlip
@@ -72,9 +74,17 @@ class ContactFeed:
         self._buffer.reset()
         self._start()
 
-    def update(self, sample: Input) -> list[Block]:
-        """Add a sample; return the blocks that it completes, and the start of the next one."""
-        closed = self._buffer.push(FRICTION.inputs[type(sample)], sample.stamp_ns, sample)
+    def update(self, sample: Sample) -> list[Block]:
+        """
+        Add a sample; return the blocks that it completes, and the start of the next one.
+
+        Raises EstimatorError if it is not from one of the input streams of ``streams.FRICTION``.
+        """
+        topic = FRICTION.inputs.get(type(sample))
+        if topic is None:
+            raise EstimatorError(f'friction estimator received {type(sample).__name__}, expected '
+                                 + ', '.join(kind.__name__ for kind in FRICTION.inputs))
+        closed = self._buffer.push(topic, sample.stamp_ns, sample)
         restarted = self._buffer.resets != self._resets
         if not closed and not restarted:
             return []  # most samples

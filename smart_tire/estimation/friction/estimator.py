@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections import Counter
 
-from smart_tire.errors import EstimatorError
 from smart_tire.estimation.contact.feed import ContactFeed
 from smart_tire.estimation.contact.records import PatchCrossing
 from smart_tire.estimation.friction.motion_history import MotionHistory
@@ -16,7 +15,7 @@ from smart_tire.estimation.friction.output import OutputBuilder
 from smart_tire.estimation.streams import FRICTION, SLIP
 from smart_tire.parameters import FrictionEstimatorParams
 from smart_tire.samples import (
-    Friction, Odometry, Sample, TireSample, WheelSample, WheelSlip)
+    Friction, Odometry, Sample, WheelSlip)
 
 
 class FrictionEstimator:
@@ -58,9 +57,6 @@ class FrictionEstimator:
 
     def update(self, sample: Sample) -> list[Friction]:
         """Add a sample of one of the four inputs; return the records that it completes."""
-        if not isinstance(sample, (TireSample, WheelSample, Odometry, WheelSlip)):
-            raise EstimatorError(f'friction estimator received {type(sample).__name__}, expected '
-                                 + ', '.join(kind.__name__ for kind in FRICTION.inputs))
         found: list[Friction] = []
         for block in self._feed.update(sample):
             if block.restarted:
