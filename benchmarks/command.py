@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 import os
 from pathlib import Path
 import platform
@@ -52,6 +52,26 @@ def run_benchmark(name: str, work: Callable[[], None]) -> int:
         print(f'benchmarks.{name}: {error}', file=sys.stderr)
         return USAGE if isinstance(error, ParameterError) else FAILED
     return 0
+
+
+def run_accuracy_benchmark(name: str, args: argparse.Namespace, titles: Collection[str],
+                           benchmark: Callable[[int, str], None]) -> int:
+    """
+    Run an accuracy benchmark with the arguments of ``accuracy_parser``; return the exit status.
+
+    ``benchmark`` takes the number of seeds and the name of the machine. Nothing is run if a run
+    is not among ``titles`` or results would be overwritten.
+    """
+    def work() -> None:
+        refuse_existing_results(args.out, force=args.force)
+        unknown = [run for run in args.runs if run not in titles]
+        if unknown:
+            raise ParameterError(f'{", ".join(unknown)}: no such run, expected some of '
+                                 f'{", ".join(titles)}')
+        on = machine()
+        print(on)
+        benchmark(1 if args.quick else args.seeds, on)
+    return run_benchmark(name, work)
 
 
 def parse_no_arguments(name: str, description: str, argv: Sequence[str] | None) -> None:

@@ -17,7 +17,7 @@ from typing import Any
 
 from rich.table import Table
 
-from benchmarks.command import accuracy_parser, machine, refuse_existing_results, run_benchmark
+from benchmarks.command import accuracy_parser, run_accuracy_benchmark
 from benchmarks.friction.figures import (
     adhesion_figure, bound_figure, friction_figure, stretch_figure, waveform_figure)
 from benchmarks.friction.grid import all_cases, Case, quick_cases
@@ -34,7 +34,6 @@ from benchmarks.jobs import make_folder, run_jobs
 from benchmarks.slip.figures import save
 from benchmarks.tables import new_console, print_all
 from smart_tire.analysis.summary import plain
-from smart_tire.errors import ParameterError
 
 CROSSINGS = 'crossings'          # name of the synthesized crossings among the runs
 COUNT, QUICK_COUNT = 400, 150  # crossings per case: 6 and 9 % error of a spread from quartiles
@@ -61,22 +60,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = accuracy_parser(
         'friction', 'accuracy of friction, compared with the method of paper B')
     args = parser.parse_args(argv)
-
-    def work() -> None:
-        refuse_existing_results(args.out, force=args.force)
-        on = machine()
-        print(on)
-        seeds = 1 if args.quick else args.seeds
-        benchmark(BenchOptions(seeds, args.quick, args.runs, args.out), on)
-    return run_benchmark('friction', work)
+    return run_accuracy_benchmark('friction', args, TITLES, lambda seeds, on: benchmark(
+        BenchOptions(seeds, args.quick, args.runs, args.out), on))
 
 
 def benchmark(options: BenchOptions, machine_name: str) -> None:
-    """Run all jobs and write the results; raise ParameterError if a run is unknown."""
-    unknown = [name for name in options.runs if name not in TITLES]
-    if unknown:
-        raise ParameterError(f'{", ".join(unknown)}: no such run, expected some of '
-                             f'{", ".join(TITLES)}')
+    """Run all jobs, print the tables and write figures and results."""
     make_folder(options.out)
     results = list(run_jobs(_jobs(options), label))
     cases = [one for name, group in _cases(options).items() for case in group for one in results

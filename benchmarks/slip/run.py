@@ -17,7 +17,7 @@ from typing import Any
 from rich.table import Table
 
 from benchmarks.command import (
-    accuracy_parser, DATA, machine, refuse_existing_results, run_benchmark)
+    accuracy_parser, DATA, run_accuracy_benchmark)
 from benchmarks.jobs import make_folder, run_jobs
 from benchmarks.scenarios import SCENARIOS
 from benchmarks.slip.comparison import compare_methods, LIVE, METHODS
@@ -32,7 +32,6 @@ from benchmarks.slip.tables import (
 from benchmarks.tables import new_console
 from smart_tire.analysis.metrics import aligned
 from smart_tire.analysis.summary import plain
-from smart_tire.errors import ParameterError
 from smart_tire.parameters import SlipEstimatorParams
 
 DRAWN_SEED = 1   # seed of the run in the figures
@@ -60,22 +59,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument('--data', type=Path, default=DATA, metavar='DIR',
                         help='folder with real recordings (default: %(default)s)')
     args = parser.parse_args(argv)
-
-    def work() -> None:
-        refuse_existing_results(args.out, force=args.force)
-        on = machine()
-        print(on)
-        seeds = 1 if args.quick else args.seeds
-        benchmark(BenchOptions(seeds, args.runs, args.data, args.out), on)
-    return run_benchmark('slip', work)
+    return run_accuracy_benchmark('slip', args, TITLES, lambda seeds, on: benchmark(
+        BenchOptions(seeds, args.runs, args.data, args.out), on))
 
 
 def benchmark(options: BenchOptions, machine_name: str) -> None:
-    """Run all jobs and write the results; raise ParameterError if a run is unknown."""
-    unknown = [name for name in options.runs if name not in TITLES]
-    if unknown:
-        raise ParameterError(f'{", ".join(unknown)}: no such run, expected some of '
-                             f'{", ".join(TITLES)}')
+    """Run all jobs, print the tables and write figures and results."""
     jobs, absent = _jobs(options)
     for name in absent:
         print(f'{name}: not in {options.data}, skipped (--data DIR)')
