@@ -26,7 +26,6 @@ EXAMPLE_SLIPS = {'driving': 0.1, 'braking': -0.1}  # -, of the crossings in the 
 MM, MV = 1e3, 1e3
 SPEED_COLORS = {60.0: drawing.BLUE, FASTER_SPEED: drawing.ORANGE}  # rpm, of the paper
 MAP_COLORS = {EXACT_MAP: drawing.SKY, PRINTED_MAP: drawing.VERMILLION}
-RAW_COLOR = '#b4b4b4'
 GAUSSIAN_90 = 1.645  # sigmas; 90 % quantile of absolute Gaussian errors
 MAX_RATIO = 1.3      # of the standard deviation to the bound, required
 RELATIVE_SPREAD_ERROR = 1.16  # of a spread from quartiles, times the root of the count
