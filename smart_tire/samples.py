@@ -45,7 +45,9 @@ class WheelSample:
     stamp_ns: int
     velocity: Four                 # rad/s, mean over the period that ends at the timestamp
     position: Four | None = None   # rad, unwrapped, at the timestamp
-    effort: Four | None = None     # applied duty, -1 to 1
+    # N m, motor torque at the wheel, gear included, positive driving forward, from the current at
+    # the timestamp; NaN where not measured
+    effort: Four | None = None
 
 
 @dataclass(frozen=True, slots=True)

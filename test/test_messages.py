@@ -209,12 +209,27 @@ def test_invalid_ground_truth_is_refused_under_its_own_name():
 
 
 @every_kind
-@pytest.mark.parametrize('field', ['position', 'effort'])
-@pytest.mark.parametrize('unknown', [(math.nan,) * 4, (1.0, math.nan, 3.0, 4.0)])
+@pytest.mark.parametrize(('field', 'unknown'), [
+    ('position', (math.nan,) * 4), ('position', (1.0, math.nan, 3.0, 4.0)),
+    ('effort', (math.nan,) * 4)])
 def test_nan_in_an_optional_wheel_field_makes_only_that_field_none(new, field, unknown):
     msg = wheels_to_msg(new(JOINTS), SAMPLES[2])
     setattr(msg, field, unknown)
     assert wheels_from_msg(msg) == replace(SAMPLES[2], **{field: None})
+
+
+@every_kind
+def test_the_torque_of_one_wheel_may_be_missing(new):
+    msg = wheels_to_msg(new(JOINTS), SAMPLES[2])
+    msg.effort = (1.0, math.nan, 3.0, 4.0)
+    effort = wheels_from_msg(msg).effort
+    assert effort is not None and math.isnan(effort[1])
+    assert (effort[0], *effort[2:]) == (1.0, 3.0, 4.0)
+
+
+def test_an_infinite_torque_is_refused():
+    with pytest.raises(MessageError, match='^wheel_states: effort'):
+        wheels_from_msg(wheel_joints(velocity=[1.0] * 4, effort=[1.0, math.inf, 3.0, 4.0]))
 
 
 @pytest.mark.parametrize(('sample', 'field', 'limit'), [

@@ -134,7 +134,7 @@ def test_parameters_are_immutable():
 @pytest.mark.parametrize(('name', 'value', 'unit'), [
     ('wheel_radius', 0.087, 'm'), ('track_width', 0.38, 'm'), ('wheelbase', 0.26, 'm'),
     ('mass', 10.9, 'kg'), ('yaw_inertia', 0.35, 'kg m2'),
-    ('center_of_mass', (0.0, 0.0, 0.11), 'm'), ('imu.position', (0.05, 0.02, 0.10), 'm'),
+    ('center_of_mass', (0.0, 0.0, 0.023), 'm'), ('imu.position', (0.05, 0.02, 0.10), 'm'),
     ('imu.rotation', (0.0, 0.0, 0.0), 'rad'), ('imu.gyro_noise', 0.01, 'rad/s'),
     ('imu.accel_noise', 0.05, 'm/s2'), ('imu.gyro_bias', 0.01, 'rad/s'),
     ('imu.accel_bias', 0.05, 'm/s2'), ('encoder.counts_per_revolution', 2000, '-'),
@@ -147,7 +147,11 @@ def test_parameters_are_immutable():
     ('film.bending_peak', (0.83, 0.66), 'V'), ('film.bending_alpha', 67.0, '1/m'),
     ('film.release', 'fig8', '-'), ('film.noise', 0.005, 'V'),
     ('film.rest_voltage', 1.65, 'V'), ('film.voltage_range', 3.3, 'V'), ('film.bits', 10, '-'),
-    ('film.sample_rate', 400, 'Hz'), ('slip.standstill_speed', 0.05, 'm/s'),
+    ('film.sample_rate', 400, 'Hz'), ('motor.torque_constant', 1.2, 'N m/A'),
+    ('motor.torque_constant_sigma', 0.05, '-'), ('motor.coulomb_friction', 0.15, 'N m'),
+    ('motor.viscous_friction', 0.0, 'N m s/rad'), ('motor.axle_friction', 0.015, '-'),
+    ('motor.inertia', 0.008, 'kg m2'), ('motor.current_sign', 'draw', '-'),
+    ('slip.standstill_speed', 0.05, 'm/s'),
 ])
 def test_names_defaults_and_units_of_the_robot_are_the_documented_ones(name, value, unit):
     spec = specs(RobotParams)[name]

@@ -7,7 +7,7 @@ A robot always sends the same names, so their positions are determined once and 
 from __future__ import annotations
 
 from functools import lru_cache
-from math import isfinite, isnan
+from math import isfinite, isinf, isnan
 from typing import Any, cast
 
 from smart_tire.errors import MessageError
@@ -61,13 +61,27 @@ def _optional_four(msg: Any, field: str, topic: str) -> Four | None:
     return _finite_four(msg, field, topic)
 
 
+def _effort(msg: Any, topic: str) -> Four | None:
+    """Return the motor torques, NaN where not measured; None if none was measured."""
+    if not len(msg.effort):
+        return None
+    effort = _four(msg, 'effort', topic)
+    if any(map(isinf, effort)):
+        raise not_finite_error(topic, 'effort', effort)
+    return None if all(map(isnan, effort)) else effort
+
+
 def wheels_from_msg(msg: Any, topic: str = 'wheel_states') -> WheelSample:
-    """Return the wheel sample in a JointState; position and effort may be empty or NaN."""
+    """
+    Return the wheel sample in a JointState.
+
+    The position may be empty or NaN, the effort as well, also of single wheels.
+    """
     velocity = _finite_four(msg, 'velocity', topic)
     check_magnitude(topic, 'velocity', velocity, MAX_WHEEL_SPEED, 'rad/s')
     return WheelSample(
         stamp_of(msg), velocity,
-        _optional_four(msg, 'position', topic), _optional_four(msg, 'effort', topic))
+        _optional_four(msg, 'position', topic), _effort(msg, topic))
 
 
 def wheels_to_msg(msg: Any, sample: WheelSample) -> Any:

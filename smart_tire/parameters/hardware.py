@@ -82,7 +82,7 @@ class MotorDriverParams:
         0, '-', 'bits of the board status (command 90) that do not stop the motors', low=0,
         high=65535)
     free_speed: float = param(
-        20.0, 'rad/s', 'wheel speed at full duty without load', low=0.1)
+        22.0, 'rad/s', 'wheel speed at full duty without load', low=0.1)
     stall_duty: float = param(
         0.3, '-', 'duty at which every wheel turns unless blocked', low=0.05, high=1.0)
     stall_time: float = param(

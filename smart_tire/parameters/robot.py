@@ -126,6 +126,26 @@ class FilmParams:
 
 
 @dataclass(frozen=True, kw_only=True)
+class MotorParams:
+    """Motor, gear and losses of each wheel; assumed values of a robot of this size."""
+
+    torque_constant: float = param(
+        1.2, 'N m/A', 'motor torque at the wheel over current, gear included', low=1e-4)
+    torque_constant_sigma: float = param(
+        0.05, '-', 'relative standard deviation of the torque constant', low=0.0, high=1.0)
+    coulomb_friction: float = param(0.15, 'N m', 'dry friction torque at the wheel', low=0.0)
+    viscous_friction: float = param(
+        0.0, 'N m s/rad', 'friction torque over wheel speed', low=0.0)
+    axle_friction: float = param(
+        0.015, '-', 'friction torque over wheel load and radius', low=0.0, high=1.0)
+    inertia: float = param(
+        0.008, 'kg m2', 'inertia of wheel, gear and rotor about the wheel axis', low=1e-5)
+    current_sign: str = param(
+        'draw', '-', 'currents are positive along the duty (draw) or forward (signed)',
+        choices=('draw', 'signed'))
+
+
+@dataclass(frozen=True, kw_only=True)
 class SlipParams:
     """Definition and inputs of the slip estimate."""
 
@@ -151,11 +171,12 @@ class RobotParams:
     yaw_inertia: float = param(
         0.35, 'kg m2', 'moment of inertia about the vertical axis', low=1e-4)
     center_of_mass: tuple[float, ...] = param(
-        (0.0, 0.0, 0.11), 'm', 'center of mass in base_link', length=3)
+        (0.0, 0.0, 0.023), 'm', 'center of mass in base_link, so above the axles', length=3)
     imu: ImuParams = nested(ImuParams)
     encoder: EncoderParams = nested(EncoderParams)
     tire: TireParams = nested(TireParams)
     film: FilmParams = nested(FilmParams)
+    motor: MotorParams = nested(MotorParams)
     slip: SlipParams = nested(SlipParams)
 
     def __post_init__(self) -> None:

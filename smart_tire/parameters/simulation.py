@@ -59,13 +59,11 @@ class GroundParams:
 
 @dataclass(frozen=True, kw_only=True)
 class DriveParams:
-    """Geared DC motor of each wheel; assumed values, paper B gives none."""
+    """Geared DC motor of each wheel; all other properties are those of ``motor.*``."""
 
-    stall_torque: float = param(4.0, 'N m', 'stall torque at the wheel at full duty', low=1e-3)
-    free_speed: float = param(20.0, 'rad/s', 'wheel speed at full duty without load', low=1e-2)
-    inertia: float = param(
-        0.02, 'kg m2', 'inertia of wheel, gear and rotor about the wheel axis', low=1e-5)
-    friction: float = param(0.05, 'N m', 'dry friction torque at the wheel', low=0.0)
+    stall_torque: float = param(5.0, 'N m', 'stall torque at the wheel at full duty', low=1e-3)
+    free_speed: float = param(
+        22.0, 'rad/s', 'wheel speed at full duty without load and friction', low=1e-2)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,6 +97,20 @@ class SensorErrorParams:
     bumps: tuple[float, ...] = param(
         (0.10, 0.15), '-', 'range of bump amplitudes outside the patch, over the bending peak',
         low=0.0, high=1.0, length=2)
+    torque_constant: float = param(
+        0.04, '-', 'relative standard deviation of the torque constant of all motors',
+        low=0.0, high=0.3)
+    torque_constant_spread: float = param(
+        0.01, '-', 'relative standard deviation of single torque constants',
+        low=0.0, high=0.3)
+    torque_offset: float = param(
+        0.015, 'N m', 'standard deviation of the offset of measured motor torques',
+        low=0.0)
+    torque_noise: float = param(
+        0.05, 'N m', 'standard deviation of one motor torque measurement', low=0.0)
+    motor_friction: float = param(
+        0.1, '-', 'relative standard deviation of the friction of each motor and axle',
+        low=0.0, high=0.3)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -25,6 +25,7 @@ COUNT_WRAP = 1 << 32        # counts, modulus of the encoder counters
 MAX_DUTY_CODE = 32767       # 100 % duty
 TIMEOUT_RESOLUTION = 0.1    # s per count of the serial time-out
 BATTERY_RESOLUTION = 0.1    # V per count of the battery voltage
+CURRENT_RESOLUTION = 0.01   # A per count of a motor current
 STATUS_NORMAL = 0           # status without error or warning bits
 
 _CRC = struct.Struct('>H')

@@ -32,14 +32,15 @@ SPEED_KI = 0.5               # 1/rad, duty per integrated speed error
 
 
 def simulate(params: SimulatorParams, schedule: Schedule, duration: float, *,
-             wheel_rate: float = 16.0, start_ns: int = EPOCH_NS) -> list[Event]:
+             wheel_rate: float = 16.0, start_ns: int = EPOCH_NS, torque: bool = True
+             ) -> list[Event]:
     """
     Return the messages of ``duration`` [s], sorted by time of reception.
 
     ``schedule`` gives the wheel speeds (left, right) [rpm]: a function of time [s], or a list of
     (start time, left, right). The events are ``imu/data``, ``wheel_states`` at
-    ``wheel_rate`` [Hz], ``tire_samples`` in batches over the lossy radio, and ``ground_truth/*``.
-    The same seed gives the same events.
+    ``wheel_rate`` [Hz], with motor torques if ``torque``, ``tire_samples`` in batches over the
+    lossy radio, and ``ground_truth/*``. The same seed gives the same events.
     """
     robot, host = Robot(params), _Host(params, wheel_rate, start_ns)
     control = _SpeedControl(_as_function(schedule), params.drive.free_speed)
@@ -49,7 +50,7 @@ def simulate(params: SimulatorParams, schedule: Schedule, duration: float, *,
             duty = control.update(robot.plant)
         for observation in robot.step(duty):
             host.receive(observation)
-        host.poll_wheels(robot.plant, duty)
+        host.poll_wheels(robot, duty if torque else None)
     return sorted(host.events, key=lambda event: event[0])
 
 
@@ -113,8 +114,9 @@ class _Host:
         else:
             self.events.append((sample.stamp_ns, truth_topic(item), sample))
 
-    def poll_wheels(self, plant: Plant, duty: Four) -> None:
-        """Read the encoders when due."""
+    def poll_wheels(self, robot: Robot, duty: Four | None) -> None:
+        """Read the encoders when due, and the currents if the applied ``duty`` is given."""
+        plant = robot.plant
         if not self._wheels_due.expired(plant.time_ns):
             return
         encoder, now_ns = self._params.robot.encoder, self._start_ns + plant.time_ns
@@ -127,8 +129,9 @@ class _Host:
             return
         dt = (stamp_ns - last[0]) / NS_PER_S
         fl, fr, rl, rr = ((new - old) / dt for new, old in zip(angles, last[1]))
+        effort = robot.motors.torques(plant, duty, (fl, fr, rl, rr)) if duty else None
         self.events.append((now_ns + WHEEL_DELAY_NS, 'wheel_states',
-                            WheelSample(stamp_ns, (fl, fr, rl, rr), angles, duty)))
+                            WheelSample(stamp_ns, (fl, fr, rl, rr), angles, effort)))
 
     def _receive_batch(self, batch: FilmBatch) -> None:
         """Add the samples of a radio batch, with delay and in order, unless it is lost."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 import math
 
+from smart_tire.models.vehicle.drive import DRY_FRICTION_SPEED
 from smart_tire.models.vehicle.skid_steer import AXLE_SIGNS, normal_loads, SIDE_SIGNS
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.parameters.simulation import DriveParams
@@ -18,7 +19,7 @@ from smart_tire.simulation.surfaces import Surface, SurfaceMap
 STEP_NS = 1_000_000  # ns
 TIME_STEP = 1e-9 * STEP_NS  # s
 LOAD_TRANSFER_TIME = 0.02  # s, time constant of load transfer, from vertical tire compliance
-DRY_FRICTION_SPEED = 0.02  # m/s, below it dry friction and drag are linear: avoids chatter
+NOMINAL = (1.0, 1.0, 1.0, 1.0)
 
 
 class Plant:
@@ -27,11 +28,13 @@ class Plant:
 
     Pose and velocity are those of ``base_link``, vectors in body axes, lists in the order of
     ``WHEELS``. The denominator of the slip is at least ``slip_floor`` [m/s], the minimum for
-    explicit steps not to overshoot; above it the brush tire is exact.
+    explicit steps not to overshoot; above it the brush tire is exact. ``friction_scale`` are the
+    factors of the friction of each drive.
     """
 
     def __init__(self, robot: RobotParams, drive: DriveParams, surfaces: SurfaceMap,
-                 start: Sequence[float] = (0.0, 0.0, 0.0)) -> None:
+                 start: Sequence[float] = (0.0, 0.0, 0.0),
+                 friction_scale: Sequence[float] = NOMINAL) -> None:
         self._robot, self._drive, self._surfaces = robot, drive, surfaces
         self.steps = 0
         self.start = tuple(start)                       # m, m, rad: odom in the world
@@ -44,10 +47,16 @@ class Plant:
         self.wheel_v_x = [0.0] * 4                      # m/s, of the wheel centers
         self.wheel_v_y = [0.0] * 4                      # m/s
         self.load = [0.0] * 4                           # N
+        self.motor_torque = [0.0] * 4                   # N m, at the wheels
         self.surface: list[Surface] = [surfaces.at(self.x, self.y)] * 4
         self._load_acceleration = (0.0, 0.0)            # m/s2, low-pass, for the load transfer
         self._wheel_x = [0.5 * robot.wheelbase * float(end) for end in AXLE_SIGNS]
         self._wheel_y = [0.5 * robot.track_width * float(side) for side in SIDE_SIGNS]
+        motor = robot.motor
+        self._coulomb = [scale * motor.coulomb_friction for scale in friction_scale]  # N m
+        self._axle = [scale * motor.axle_friction * robot.wheel_radius
+                      for scale in friction_scale]                                    # m
+        self._viscous = [scale * motor.viscous_friction for scale in friction_scale]  # N m s/rad
         self._load_map = self._linear_loads()
         self.slip_floor = self._stable_slip_floor()
         self._update_wheels()
@@ -80,16 +89,19 @@ class Plant:
         wheel stiff.
         """
         drive, radius, surface = self._drive, self._robot.wheel_radius, self.surface[i]
+        inertia, back_emf = self._robot.motor.inertia, drive.stall_torque / drive.free_speed
         speed, load = self.wheel_speed[i], self.load[i]
         v_x, v_y = self.wheel_v_x[i], self.wheel_v_y[i]
         scale = 1.0 / max(abs(radius * speed), self.slip_floor)
         slip = math.hypot(radius * speed - v_x, v_y) * scale
         grip = scale * force_slope(slip, surface.friction, load, surface.stiffness)  # N s/m
-        resistance = (drive.stall_torque / drive.free_speed
-                      + drive.friction / max(abs(speed), DRY_FRICTION_SPEED / radius))  # N m s
-        new_speed = ((drive.inertia * speed + TIME_STEP * (drive.stall_torque * duty
-                                                      + radius * grip * v_x))
-                     / (drive.inertia + TIME_STEP * (resistance + radius * radius * grip)))
+        dry = self._coulomb[i] + self._axle[i] * load  # N m
+        resistance = (back_emf + self._viscous[i]
+                      + dry / max(abs(speed), DRY_FRICTION_SPEED / radius))
+        new_speed = ((inertia * speed + TIME_STEP * (drive.stall_torque * duty
+                                                     + radius * grip * v_x))
+                     / (inertia + TIME_STEP * (resistance + radius * radius * grip)))
+        self.motor_torque[i] = drive.stall_torque * duty - back_emf * new_speed
         self.wheel_speed[i] = new_speed
         self.wheel_angle[i] += 0.5 * TIME_STEP * (speed + new_speed)
         drag = surface.drag * load / max(math.hypot(v_x, v_y), DRY_FRICTION_SPEED)  # N s/m

@@ -1,4 +1,4 @@
-"""Simulated robot: the plant with IMU, films and ground truth, each sampled at its rate."""
+"""Simulated robot: plant, motors, and IMU, films and ground truth, each sampled at its rate."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from smart_tire.parameters.simulation import SimulatorParams
 from smart_tire.samples import ImuSample, NS_PER_S
 from smart_tire.simulation.device_emulators import SensorNodeEmulator
 from smart_tire.simulation.films import FilmBatch, FilmSampler
+from smart_tire.simulation.motors import Motors
 from smart_tire.simulation.plant import Plant, STEP_NS
 from smart_tire.simulation.sensors import ImuModel
 from smart_tire.simulation.surfaces import SurfaceMap
@@ -41,13 +42,15 @@ class PeriodicTimer:
 
 
 class Robot:
-    """Plant, IMU, films and ground truth; all times are since the start."""
+    """Plant, motors, IMU, films and ground truth; all times are since the start."""
 
     def __init__(self, params: SimulatorParams) -> None:
         robot = params.robot
         seeds = np.random.SeedSequence(params.seed).spawn(1 + len(robot.film.wheels))
         imu_rng, *film_rngs = map(np.random.default_rng, seeds)
-        self.plant = Plant(robot, params.drive, SurfaceMap(params.ground), params.start)
+        self.motors = Motors(params)
+        self.plant = Plant(robot, params.drive, SurfaceMap(params.ground), params.start,
+                           self.motors.friction_scale)
         self.sensor_nodes = {wheel: _sensor_node(wheel, params, rng)
                              for wheel, rng in zip(robot.film.wheels, film_rngs)}
         self._params = robot

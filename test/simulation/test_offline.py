@@ -105,7 +105,8 @@ def test_crossings_have_the_slip_of_their_wheel_at_their_time(events):
 
 def test_odometry_starts_at_zero_at_any_start_pose():
     start = [5.0, -2.0, 2.5]
-    params = build(SimulatorParams, {**CONCRETE, 'start': start, 'ground.patches.names': []})
+    params = build(SimulatorParams, {**CONCRETE, 'start': start, 'ground.patches.names': [],
+                                     'errors.motor_friction': 0.0})  # equal motors: straight
     run = simulate(params, [(0.0, 60, 60)], 2.0)
     last = of(run, 'ground_truth/odom')[-1]
     assert last.position[0] > 0.5 and last.position[1] == pytest.approx(0.0, abs=1e-6)
