@@ -8,8 +8,8 @@ whose QoS profiles are written differently in metadata.yaml and in the file.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
 import heapq
 from operator import itemgetter
@@ -21,13 +21,14 @@ from types import TracebackType
 import zstandard
 
 from smart_tire.bags.cdr import Decoder
+from smart_tire.bags.duty_efforts import efforts_are_duties
 from smart_tire.bags.mcap_file import MAGIC as MCAP_MAGIC, McapFile
 from smart_tire.bags.metadata import data_files
 from smart_tire.bags.sqlite_file import SqliteFile
-from smart_tire.bags.storage import Channel, Message, Storage
+from smart_tire.bags.storage import add_warning, Channel, Message, Storage
 from smart_tire.errors import BagError, MessageError
 from smart_tire.messages import find_topic, TOPICS
-from smart_tire.samples import Sample
+from smart_tire.samples import Sample, WheelSample
 
 SUFFIXES = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
 ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
@@ -133,19 +134,42 @@ class Bag:
         """
         Yield receive time [ns], standard topic name and sample.
 
-        Covers the topics of ``wanted`` that are in the bag, in order of receive time.
+        Covers the topics of ``wanted`` that are in the bag, in order of receive time. Efforts of
+        ``wheel_states`` that are duties, in a bag from before they were torques, are left out.
         """
+        found = self.match(wanted)
+        duties = 'wheel_states' in found and self._has_duty_efforts(found['wheel_states'])
+        if duties:
+            add_warning(self._warnings, 'wheel_states: effort contains duties, no torques (old '
+                                        'recording): not used')
+        for receive_ns, contract, sample in self._samples(found, count_rejected=True):
+            if duties and isinstance(sample, WheelSample):
+                sample = replace(sample, effort=None)
+            yield receive_ns, contract, sample
+
+    def _samples(self, found: Mapping[str, str], *,
+                 count_rejected: bool) -> Iterator[tuple[int, str, Sample]]:
         readers = {name: (contract, Decoder(TOPICS[contract].type), TOPICS[contract].from_msg)
-                   for contract, name in self.match(wanted).items()}
+                   for contract, name in found.items()}
         for receive_ns, channel, data in self.raw(readers):
             contract, read, decode = readers[channel.topic]
             try:
                 sample = decode(read(data))
             except MessageError as error:
-                self.rejected[contract] += 1
-                self.reasons.setdefault(contract, str(error))
+                if count_rejected:
+                    self.rejected[contract] += 1
+                    self.reasons.setdefault(contract, str(error))
             else:
                 yield receive_ns, contract, sample
+
+    def _has_duty_efforts(self, wheels: str) -> bool:
+        """Return whether the efforts in the topic ``wheels`` are the duties of motor_commands."""
+        commands = wheels.removesuffix('wheel_states') + 'motor_commands'
+        if commands not in self.topics or self._has_other_type(commands):
+            return False
+        found = {'wheel_states': wheels, 'motor_commands': commands}
+        return efforts_are_duties(
+            sample for _, _, sample in self._samples(found, count_rejected=False))
 
     def _has_other_type(self, name: str) -> bool:
         topic, channel = find_topic(name), self.topics[name].channel

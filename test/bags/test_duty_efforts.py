@@ -1,0 +1,93 @@
+"""Efforts of old recordings are duties: recognized by the commands, and left out."""
+
+import math
+
+import pytest
+from support.recordings import START_NS
+
+from smart_tire.bags import Bag, BagWriter, channel_of
+from smart_tire.bags.definitions import empty, Encoder
+from smart_tire.bags.duty_efforts import efforts_are_duties
+from smart_tire.messages import TOPICS
+from smart_tire.samples import MotorCommand, WheelSample
+
+SPEED = (5.0, 5.0, 5.0, 5.0)
+
+
+def duties(number):
+    """Return the duties of command ``number``."""
+    return tuple(0.3 + 0.1 * math.sin(0.3 * number + wheel) for wheel in range(4))
+
+
+def run(count, effort, commands=True):
+    """Return receive times, topics and samples; ``effort`` of each wheel sample by number."""
+    events = []
+    for number in range(count):
+        now_ns = START_NS + 62_500_000 * number
+        if commands:
+            events.append((now_ns, 'motor_commands', MotorCommand(now_ns, duties(number))))
+        events.append((now_ns + 3_000_000, 'wheel_states',
+                       WheelSample(now_ns, SPEED, SPEED, effort(number))))
+    return events
+
+
+def samples_of(events):
+    return [sample for _, _, sample in events]
+
+
+def acknowledged(number):
+    """Return the duties of an old driver: of an earlier command, rounded by the board."""
+    return tuple(round(duty * 32767) / 32767 for duty in duties(max(number - 2, 0)))
+
+
+def test_efforts_that_agree_with_the_commands_are_duties():
+    assert efforts_are_duties(samples_of(run(40, acknowledged)))
+
+
+def test_some_duties_may_differ_from_the_commands_as_in_a_stop():
+    assert efforts_are_duties(samples_of(run(
+        60, lambda number: (0.01,) * 4 if number % 10 == 9 else acknowledged(number))))
+
+
+@pytest.mark.parametrize('effort', [
+    lambda number: tuple(1.5 * duty for duty in duties(number)),         # torques below 1 N m
+    lambda number: (*duties(number)[:3], 0.9),                           # one wheel differs
+    lambda number: (0.0,) * 4, lambda number: None,                      # nothing to decide by
+    lambda number: (*acknowledged(number)[:3], 1.2 if number == 7 else acknowledged(number)[3]),
+    lambda number: (*acknowledged(number)[:3], math.nan)])
+def test_other_efforts_are_torques(effort):
+    assert not efforts_are_duties(samples_of(run(60, effort)))
+
+
+def test_without_commands_efforts_are_torques():
+    assert not efforts_are_duties(samples_of(run(60, acknowledged, commands=False)))
+
+
+def write(path, events, prefix='/'):
+    """Write ``events`` into a bag, topics with ``prefix``; return its path."""
+    with BagWriter(path) as writer:
+        for receive_ns, name, sample in events:
+            topic = TOPICS[name]
+            writer.add_topic(channel_of(prefix + name, topic.type))
+            writer.write(prefix + name, receive_ns,
+                         Encoder(topic.type)(topic.to_msg(empty(topic.type), sample)))
+    return path
+
+
+@pytest.mark.parametrize('prefix', ['/', '/robot_1/'])
+def test_a_bag_gives_no_efforts_if_they_are_duties_and_warns_once(tmp_path, prefix):
+    with Bag(write(tmp_path / 'old', run(60, acknowledged), prefix)) as bag:
+        for _ in range(2):
+            found = [sample for _, _, sample in bag.samples(['wheel_states'])]
+            assert len(found) == 60
+            assert all(sample.effort is None and sample.position == SPEED for sample in found)
+        assert bag.warnings == ['wheel_states: effort contains duties, no torques (old '
+                                'recording): not used']
+
+
+def test_a_bag_gives_the_torques_of_new_recordings(tmp_path):
+    torques = run(60, lambda number: tuple(2.0 * duty for duty in duties(number)))
+    with Bag(write(tmp_path / 'new', torques)) as bag:
+        found = [sample for _, _, sample in bag.samples(['wheel_states'])]
+        assert found == [sample for _, topic, sample in torques if topic == 'wheel_states']
+        assert not bag.warnings
