@@ -11,6 +11,7 @@ from smart_tire.protocol.roboclaw import Command, decode_reply, encode_request
 REPLY_TIMEOUT = 0.035       # s; a board replies within a few ms, a busy host reads later
 WRITE_TIMEOUT = 0.2         # s; a line that accepts no bytes for this long counts as lost
 MAX_ATTEMPTS = 2            # per request, both within one period of 16 Hz
+ACKNOWLEDGE_GAP = 0.003     # s without a byte after an acknowledgement that may be a late reply
 MAX_UNREQUESTED_BYTES = 20  # between two requests: two late replies of maximum length
 
 
@@ -29,11 +30,14 @@ class RoboclawLine:
         self.frames_bad = 0      # missing or damaged replies
         self.bytes_skipped = 0   # bytes that were not part of a good reply in time
         self.last_error = ''
+        # addresses and read requests, in order, to which a reply may still arrive
+        self._late: dict[tuple[int, Command], None] = {}
         self.retried = False     # whether the latest exchange needed more than one attempt
 
     def use(self, port: Any) -> None:
         """Use an open port from now on."""
         self._port = port
+        self._late.clear()
         port.timeout = REPLY_TIMEOUT
         port.write_timeout = WRITE_TIMEOUT
 
@@ -47,6 +51,23 @@ class RoboclawLine:
             except FrameError as error:
                 failure = error
         raise failure
+
+    def ask(self, address: int, command: Command, timeout: float) -> tuple[int, ...] | None:
+        """
+        Return the values that the board replies within ``timeout`` [s], None without a good reply.
+
+        For values that the motors do not depend on: one attempt, and no error.
+        """
+        self._refuse_flood()
+        began = time.monotonic()
+        self._port.timeout = timeout
+        try:
+            values = self._attempt(address, command)
+        except FrameError:
+            values = None
+        self._port.timeout = REPLY_TIMEOUT
+        in_time = time.monotonic() - began < timeout + ACKNOWLEDGE_GAP
+        return values if in_time else None
 
     def probe(self, address: int, command: Command) -> bool:
         """Return whether the line was quiet and the board replies to a single read request."""
@@ -82,17 +103,56 @@ class RoboclawLine:
         self._flush()  # a late reply would be mistaken for the reply to this request
         self._port.write(encode_request(address, command, *values))
         reply = self._port.read(command.reply_size)
+        if self._late and not (command.reads and _answers(address, command, reply)):
+            reply = self._behind_late_replies(reply, command.reply_size)
         try:
             answer = decode_reply(address, command, reply)
         except FrameError as error:
+            if command.reads:
+                self._late[address, command] = None
             self.frames_bad += 1
             self.bytes_skipped += len(reply)
             self.last_error = str(error)
             raise
+        if command.reads:
+            self._forget_late(address)  # a board replies in the order of the requests
         self.frames_ok += 1
         self.last_ok_ns = time.time_ns()
         return answer
 
+    def _behind_late_replies(self, reply: bytes, size: int) -> bytes:
+        """
+        Return the reply of ``size`` bytes that may be behind replies to earlier requests.
+
+        An acknowledgement has no CRC: the first byte of a late reply may equal it.
+        """
+        time.sleep(ACKNOWLEDGE_GAP)
+        reply += self.receive()
+        skipped = 0
+        for late in tuple(self._late):
+            address, command = late
+            if _answers(address, command, reply[:command.reply_size]):
+                del self._late[late]
+                skipped += command.reply_size
+                reply = reply[command.reply_size:]
+                if len(reply) < size:
+                    reply += self._port.read(size - len(reply))
+        self.bytes_skipped += skipped
+        return reply[:size] if skipped else reply  # more are the reply to a repetition
+
+    def _forget_late(self, address: int) -> None:
+        if self._late:
+            self._late = {late: None for late in self._late if late[0] != address}
+
     def _flush(self) -> None:
         self.bytes_skipped += self._port.in_waiting
         self._port.reset_input_buffer()
+
+
+def _answers(address: int, command: Command, reply: bytes) -> bool:
+    """Return whether ``reply`` is a good reply of the board to ``command``."""
+    try:
+        decode_reply(address, command, reply)
+    except FrameError:
+        return False
+    return True

@@ -1,5 +1,5 @@
 """
-Two RoboClaws on one line: encoder counts in, duties out, zero duty on every fault.
+Two RoboClaws on one line: encoder counts and currents in, duties out, zero duty on every fault.
 
 ```
   preparing ---- all replies good ----> serving
@@ -15,6 +15,9 @@ Two RoboClaws on one line: encoder counts in, duties out, zero duty on every fau
 
 During the silence the watchdogs of the boards stop the motors, even if the boards did not receive
 any valid request: any byte on the line could restart these watchdogs.
+
+Currents are read last, and not every sample at high rates: without them only the torques are
+missing, and no other request waits for them longer than ``MAX_CURRENT_WAIT``.
 """
 
 from __future__ import annotations
@@ -31,13 +34,14 @@ from smart_tire.control.duty_gate import DutyGate, STOPPED
 from smart_tire.drivers.roboclaw_line import RoboclawLine
 from smart_tire.drivers.wheel_encoder import MotionCheck, WheelEncoder
 from smart_tire.errors import FrameError
+from smart_tire.models.vehicle.drive import measured_torque
 from smart_tire.numerics.rates import mean_rates
 from smart_tire.parameters.hardware import MotorDriverParams
 from smart_tire.protocol.roboclaw import (
-    ACKNOWLEDGE, BATTERY_RESOLUTION, duty_code, duty_from_code, READ_BATTERY, READ_ENCODERS,
-    READ_STATUS, READ_TIMEOUT, SET_DUTY, SET_TIMEOUT, STATUS_NORMAL, timeout_code,
-    TIMEOUT_RESOLUTION)
-from smart_tire.samples import Four, NS_PER_S, WHEELS, WheelSample
+    ACKNOWLEDGE, BATTERY_RESOLUTION, current_from_code, duty_code, duty_from_code, READ_BATTERY,
+    READ_CURRENTS, READ_ENCODERS, READ_STATUS, READ_TIMEOUT, SET_DUTY, SET_TIMEOUT,
+    STATUS_NORMAL, timeout_code, TIMEOUT_RESOLUTION)
+from smart_tire.samples import Four, NAN, NS_PER_S, WHEELS, WheelSample
 
 MAX_POLL_PERIOD = 0.0625           # s between encoder readings, for the checks at low sample rates
 KEEP_ALIVE_PERIOD_NS = 30_000_000  # between duties, a fraction of any board time-out
@@ -48,6 +52,11 @@ ZERO_DUTY_PERIOD = 0.01            # s between these requests
 SILENCE_MARGIN = 0.1               # s of silence beyond the board time-out
 MAX_SPEED_PERIODS = 4              # poll periods; a longer mean speed is outdated
 MIN_ZERO_REPLIES = 2               # consecutive; one may be a late reply to another duty
+MAX_CURRENT_RATE = 50.0            # Hz, of readings of the currents of a board
+MAX_CURRENT_WAIT = 0.02            # s for a reply with currents, at most one poll period
+CURRENT_RETRY_PERIOD = 0.25        # s, after the second missing reply; doubles with each further
+MAX_CURRENT_RETRY_PERIOD = 10.0    # s, also between requests to a board without that command
+MIN_MISSING_CURRENTS = 4           # consecutive missing replies that are reported
 AXLES = ('front', 'rear')
 LINE_HOLD = 'line'                 # name of the hold while the boards are not served
 NOT_READY = 'motor boards are not ready'
@@ -67,6 +76,9 @@ class _Board:
     span_ns: int = 0             # since the last sample
     duty: tuple[float, float] = (0.0, 0.0)  # at the motor terminals, as acknowledged
     zero_replies: int = 0        # consecutive acknowledgments of zero duty
+    torques: tuple[float, ...] = (NAN, NAN)  # N m, forward, at the wheels; of the present sample
+    missing_currents: int = 0    # consecutive requests for currents without a good reply
+    currents_ns: int = 0         # steady clock, before which currents are not requested
     low_readings: int = 0        # of the supply voltage, consecutive
     supply_voltage: float = math.nan  # V
 
@@ -118,8 +130,13 @@ class RoboclawPair:
         self._stopped = threading.Condition()  # notified when a board acknowledged zero duty
         self._since_ns = time.monotonic_ns()   # when the port was opened
         self._sample_ns = 0                    # due time of the next sample
+        self._samples = 0
+        self._current_interval = math.ceil(params.rate / MAX_CURRENT_RATE)  # in samples
+        self._current_wait = min(MAX_CURRENT_WAIT, self._poll_ns / NS_PER_S)
         self.line = RoboclawLine()
         self.faults = 0  # missing or unexpected replies that stopped the motors
+        self.currents_missing = 0   # requests for currents without a good reply
+        self.currents_rejected = 0  # currents beyond ``max_current``
         gate.hold(LINE_HOLD, NOT_READY, report=False)
 
     def wake(self) -> None:
@@ -145,6 +162,11 @@ class RoboclawPair:
         """Return the lower supply voltage of the boards [V], NaN before both are read."""
         readings = [board.supply_voltage for board in self._boards]
         return math.nan if any(map(math.isnan, readings)) else min(readings)
+
+    def boards_without_currents(self) -> list[str]:
+        """Return the boards that do not report the currents of their motors."""
+        return [board.name for board in self._boards
+                if board.missing_currents >= MIN_MISSING_CURRENTS]
 
     def run(self, port: Any, stopping: threading.Event) -> None:
         """Serve the boards until ``stopping`` is set; the motors are stopped before it returns."""
@@ -227,6 +249,7 @@ class RoboclawPair:
         self._check_motion()
         if now_ns >= self._sample_ns - self._poll_ns // 2:
             self._sample_ns = max(self._sample_ns + self._period_ns, now_ns)
+            self._read_currents()
             self._deliver(self._sample())
 
     def _read(self, board: _Board) -> bool:
@@ -247,6 +270,49 @@ class RoboclawPair:
             board.reset()
             return False
         return elapsed_ns > 0
+
+    def _read_currents(self) -> None:
+        """Read the currents of the boards whose turn it is; those that may not reply, last."""
+        self._samples += 1
+        due = []
+        for index, board in enumerate(self._boards):
+            board.torques = NAN, NAN
+            turn = self._samples + index * (self._current_interval // 2)
+            if not turn % self._current_interval and time.monotonic_ns() >= board.currents_ns:
+                due.append(board)
+        for board in sorted(due, key=lambda board: board.missing_currents):
+            if self._changed.is_set():
+                self._drive()  # a new duty does not wait
+            self._read_torques(board)
+
+    def _read_torques(self, board: _Board) -> None:
+        codes = self.line.ask(board.address, READ_CURRENTS, self._current_wait)
+        if codes is None:
+            self._postpone_currents(board)
+            return
+        board.missing_currents = 0
+        currents = map(current_from_code, codes)
+        board.torques = tuple(map(self._torque, currents, board.duty, board.encoders,
+                                  board.mean_speeds()))
+
+    def _postpone_currents(self, board: _Board) -> None:
+        """Count a missing reply; after the second one, wait longer each time."""
+        self.currents_missing += 1
+        if board.missing_currents:
+            doublings = min(board.missing_currents - 1, 10)
+            wait = min(CURRENT_RETRY_PERIOD * 2**doublings, MAX_CURRENT_RETRY_PERIOD)
+            board.currents_ns = time.monotonic_ns() + round(wait * NS_PER_S)
+        board.missing_currents += 1
+
+    def _torque(self, current: float, duty: float, encoder: WheelEncoder, speed: float) -> float:
+        """Return the torque [N m] of ``current`` [A]; NaN if that is not plausible."""
+        if not abs(current) <= self._params.max_current:
+            self.currents_rejected += 1
+            return NAN
+        motor = self._params.robot.motor
+        return encoder.sign * measured_torque(
+            current, duty, encoder.sign * speed, torque_constant=motor.torque_constant,
+            current_sign=motor.current_sign)
 
     def _check_motion(self) -> None:
         for axle, board in enumerate(self._boards):
@@ -333,13 +399,14 @@ class RoboclawPair:
         position, velocity, effort = list[float](), list[float](), list[float]()
         for board in self._boards:
             delay = (mean_ns - (board.read_ns or 0)) / NS_PER_S
-            for encoder, speed, duty in zip(board.encoders, board.mean_speeds(), board.duty):
+            for encoder, speed in zip(board.encoders, board.mean_speeds()):
                 velocity.append(speed)
                 position.append(encoder.position + speed * delay)
-                effort.append(encoder.sign * duty)
+            effort += board.torques
             board.begin_span()
         stamp_ns = time.time_ns() - (time.monotonic_ns() - mean_ns)
-        return WheelSample(stamp_ns, _four(velocity), _four(position), _four(effort))
+        return WheelSample(stamp_ns, _four(velocity), _four(position),
+                           None if all(map(math.isnan, effort)) else _four(effort))
 
 
 def _four(values: list[float]) -> Four:

@@ -13,7 +13,7 @@ MIN_ROLLING_COUNTS = 5      # counts of a rolling wheel within the stall time
 BRAKING_SPEED_RATIO = 0.85  # -, speed over initial speed below which a wheel is slowing down
 # Motor torque against the rotation over stall torque, duty + speed / free speed. The tire force
 # can keep a wheel rotating against it up to friction * load * radius: 0.47 * 26.7 N * 0.087 m is
-# 0.27 of a stall torque of 4 N m, and about twice that on surfaces with high friction.
+# 0.22 of a stall torque of 5 N m, and about twice that on surfaces with high friction.
 MAX_OPPOSING_TORQUE = 0.5
 
 

@@ -1,4 +1,8 @@
-"""Node ``motor_driver``: two RoboClaw boards; encoders to ``wheel_states``, duties to motors."""
+"""
+Node ``motor_driver``: two RoboClaw boards.
+
+Encoders and currents to ``wheel_states``, duties to the motors.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +41,8 @@ class MotorDriver(DriverNode[MotorDriverParams]):
     Parameters: ``port``, ``baud_rate``, ``addresses``, ``rate``, ``command_timeout``,
     ``command_max_age``, ``board_timeout``, ``start_stopped``, ``require_arming``,
     ``low_battery``, ``tolerated_status``, ``free_speed``, ``stall_duty``, ``stall_time``,
-    ``signs``, and those of the robot.
+    ``max_current``, ``signs``, and those of the robot: of these ``encoder.counts_per_revolution``,
+    ``motor.torque_constant`` and ``motor.current_sign``.
     """
 
     def __init__(self) -> None:
@@ -54,6 +59,7 @@ class MotorDriver(DriverNode[MotorDriverParams]):
             Bool, 'emergency_stop_active', latched())
         self._publish_enabled = self.make_guarded_publisher(Bool, 'motors_enabled', latched())
         self._was_enabled = False
+        self._rejected_reported = 0  # currents at the last report
         self.create_service(SetBool, 'emergency_stop', self._on_emergency_stop)
         if params.require_arming:
             self.create_service(SetBool, 'arm', self._on_arm)
@@ -124,10 +130,17 @@ class MotorDriver(DriverNode[MotorDriverParams]):
             'command_timeouts': gate.timeouts, 'board_faults': boards.faults,
             'motor_commands.rejected': self.inputs['motor_commands'].bad,
             'emergency_stop': gate.emergency, 'armed': gate.armed,
-            'supply': boards.supply_voltage()})
+            'supply': boards.supply_voltage(), 'currents_missing': boards.currents_missing,
+            'currents_rejected': boards.currents_rejected})
         self._commands.fill_status(status)
         for reason in gate.reasons():
             status.warn(f'motors stopped: {reason}')
+        if boards.currents_rejected > self._rejected_reported:
+            status.warn(f'{boards.currents_rejected - self._rejected_reported} motor currents '
+                        f'beyond {self.params.max_current:g} A rejected')
+        self._rejected_reported = boards.currents_rejected
+        for board in boards.boards_without_currents():
+            status.warn(f'no motor torques: {board} does not report currents')
         if not self._port.problem:
             for board, age in boards.reading_ages().items():
                 if age > MAX_INPUT_AGE:

@@ -87,6 +87,8 @@ class MotorDriverParams:
         0.3, '-', 'duty at which every wheel turns unless blocked', low=0.05, high=1.0)
     stall_time: float = param(
         0.2, 's', 'zero duty if a wheel contradicts its duty for this long', low=0.05, high=5.0)
+    max_current: float = param(
+        30.0, 'A', 'a larger measured motor current is rejected', low=0.1, high=300.0)
     signs: tuple[int, ...] = param(
         (1, 1, 1, 1), '-', 'per wheel, -1 if motor and encoder count backwards', low=-1,
         high=1, length=4)

@@ -141,7 +141,7 @@ class MotorParams:
     inertia: float = param(
         0.008, 'kg m2', 'inertia of wheel, gear and rotor about the wheel axis', low=1e-5)
     current_sign: str = param(
-        'draw', '-', 'currents are positive along the duty (draw) or forward (signed)',
+        'draw', '-', 'currents: positive along the duty (draw) or a positive duty (signed)',
         choices=('draw', 'signed'))
 
 

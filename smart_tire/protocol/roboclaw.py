@@ -25,6 +25,7 @@ COUNT_WRAP = 1 << 32        # counts, modulus of the encoder counters
 MAX_DUTY_CODE = 32767       # 100 % duty
 TIMEOUT_RESOLUTION = 0.1    # s per count of the serial time-out
 BATTERY_RESOLUTION = 0.1    # V per count of the battery voltage
+MAX_CURRENT_CODE = 32767    # largest magnitude: the current may be larger
 CURRENT_RESOLUTION = 0.01   # A per count of a motor current
 STATUS_NORMAL = 0           # status without error or warning bits
 
@@ -62,13 +63,14 @@ SET_ENCODER_1 = Command(22, request='>I')    # counts
 SET_ENCODER_2 = Command(23, request='>I')
 READ_BATTERY = Command(24, reply='>H')       # in BATTERY_RESOLUTION
 SET_DUTY = Command(34, request='>hh')        # M1, M2, 100 % is MAX_DUTY_CODE
+READ_CURRENTS = Command(49, reply='>hh')     # M1, M2, in CURRENT_RESOLUTION
 READ_ENCODERS = Command(78, reply='>II')     # M1, M2, counts modulo COUNT_WRAP
 READ_SPEEDS = Command(79, reply='>ii')       # M1, M2, counts per second, averaged over 1/300 s
 READ_STATUS = Command(90, reply='>H')        # bit field, STATUS_NORMAL if no bit is set
 
 COMMANDS = {command.code: command for command in (
     SET_TIMEOUT, READ_TIMEOUT, RESET_ENCODERS, SET_ENCODER_1, SET_ENCODER_2, READ_BATTERY,
-    SET_DUTY, READ_ENCODERS, READ_SPEEDS, READ_STATUS)}
+    SET_DUTY, READ_CURRENTS, READ_ENCODERS, READ_SPEEDS, READ_STATUS)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,6 +125,16 @@ def duty_code(duty: float) -> int:
 def duty_from_code(code: int) -> float:
     """Return the duty in [-1, 1] of an encoded duty."""
     return max(-1.0, code / MAX_DUTY_CODE)
+
+
+def current_code(current: float) -> int:
+    """Return the encoded current [A], clipped to the range of the code."""
+    return max(-MAX_CURRENT_CODE, min(MAX_CURRENT_CODE, round(current / CURRENT_RESOLUTION)))
+
+
+def current_from_code(code: int) -> float:
+    """Return the current [A] of an encoded current; NaN if the code is at the end of its range."""
+    return code * CURRENT_RESOLUTION if abs(code) < MAX_CURRENT_CODE else math.nan
 
 
 def timeout_code(seconds: float) -> int:

@@ -23,6 +23,7 @@ START_TIMER_US = tire_payload.TIMER_WRAP_US - 25_000_000  # wraps after 25 s
 START_IMU_NS = xsens.SAMPLE_TIME_WRAP_NS - 30 * NS_PER_S  # wraps after 30 s
 FULL_BATTERY_MV = 3900                                    # of a sensor node
 SUPPLY_VOLTAGE_CODE = 148                                 # 0.1 V, of the motor boards
+NO_CURRENTS = (0.0, 0.0, 0.0, 0.0)                        # A
 
 
 class DriftingClock:
@@ -178,18 +179,19 @@ class RoboclawEmulator:
         """Return how many requests had a wrong CRC."""
         return self._deframer.bad_frames
 
-    def feed(self, chunk: bytes, now_ns: int, counts: Sequence[int], speeds: Sequence[float]
-             ) -> bytes:
+    def feed(self, chunk: bytes, now_ns: int, counts: Sequence[int], speeds: Sequence[float],
+             currents: Sequence[float] = NO_CURRENTS) -> bytes:
         """
         Process the bytes that the host has sent up to true time ``now_ns``; return the replies.
 
-        ``counts`` are the encoder counts since the start, ``speeds`` are in counts per second.
+        ``counts`` are the encoder counts since the start, ``speeds`` are in counts per second,
+        ``currents`` [A] have the sign that the boards report.
         """
         if chunk and now_ns - self._byte_ns > roboclaw.PACKET_GAP_NS:
             self._deframer.clear()
         if chunk:
             self._byte_ns = now_ns
-        return b''.join(board.reply(request, now_ns, counts, speeds)
+        return b''.join(board.reply(request, now_ns, counts, speeds, currents)
                         for request in self._deframer.feed(chunk)
                         for board in self._boards if board.address == request.address)
 
@@ -219,7 +221,7 @@ class _Board:
         return self._duty
 
     def reply(self, request: roboclaw.Request, now_ns: int, counts: Sequence[int],
-              speeds: Sequence[float]) -> bytes:
+              speeds: Sequence[float], currents: Sequence[float]) -> bytes:
         """Execute ``request`` and return the reply."""
         self.duty(now_ns)  # after a time-out the motors stay stopped until the next duty
         self._request_ns = now_ns
@@ -232,6 +234,8 @@ class _Board:
             roboclaw.READ_ENCODERS: tuple((count - offset) % roboclaw.COUNT_WRAP
                                           for count, offset in zip(own, self._offset)),
             roboclaw.READ_SPEEDS: (first, second),
+            roboclaw.READ_CURRENTS: tuple(roboclaw.current_code(currents[motor])
+                                          for motor in self._motors),
             roboclaw.READ_STATUS: (0,),
         }.get(request.command, ())
         return roboclaw.encode_reply(self.address, request.command, *values)

@@ -38,7 +38,7 @@ class Motors:
         fl, fr, rl, rr = (np.round(currents / CURRENT_RESOLUTION) * CURRENT_RESOLUTION).tolist()
         return fl, fr, rl, rr
 
-    def draw(self, currents: Four, duty: Four) -> Four:
+    def reported(self, currents: Four, duty: Four) -> Four:
         """Return ``currents`` with the sign that the boards report, see ``motor.current_sign``."""
         if self._motor.current_sign == 'signed':
             return currents
@@ -52,7 +52,7 @@ class Motors:
 
         ``duty`` are the applied duties, ``velocity`` the measured wheel speeds [rad/s].
         """
-        reported = self.draw(self.currents(plant), duty)
+        reported = self.reported(self.currents(plant), duty)
         fl, fr, rl, rr = (
             measured_torque(*one, torque_constant=self._motor.torque_constant,
                             current_sign=self._motor.current_sign)

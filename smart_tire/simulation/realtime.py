@@ -139,8 +139,10 @@ class SimulatedHardware:
         ahead = min((now_ns - plant.time_ns) / NS_PER_S, TIME_STEP)
         counts = encoder_counts(plant, self._counts_per_revolution, ahead)
         scale = self._counts_per_revolution / math.tau
+        motors = self._robot.motors
+        currents = motors.reported(motors.currents(plant), self._boards.duty(now_ns))
         return self._boards.feed(requests, now_ns, counts,
-                                 [speed * scale for speed in plant.wheel_speed])
+                                 [speed * scale for speed in plant.wheel_speed], currents)
 
 
 def _check_payload(params: SimulatorParams) -> None:

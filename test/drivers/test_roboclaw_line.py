@@ -12,11 +12,14 @@ from support.pty_port import PtyPort
 from smart_tire.drivers.roboclaw_line import MAX_UNREQUESTED_BYTES, REPLY_TIMEOUT, RoboclawLine
 from smart_tire.drivers.serial_port import open_port
 from smart_tire.errors import FrameError
-from smart_tire.protocol.roboclaw import encode_reply, encode_request, READ_TIMEOUT, SET_DUTY
+from smart_tire.protocol.roboclaw import (
+    encode_reply, encode_request, READ_CURRENTS, READ_ENCODERS, READ_TIMEOUT, SET_DUTY)
 
 pytestmark = pytest.mark.safety
 
 GOOD = encode_reply(128, READ_TIMEOUT, 2)
+CURRENTS = encode_reply(128, READ_CURRENTS, -10, 150)  # begins like an acknowledgement
+BAD_CURRENTS = CURRENTS[:-1] + bytes((CURRENTS[-1] ^ 1,))
 BAD = GOOD[:-1] + bytes((GOOD[-1] ^ 1,))
 
 
@@ -28,6 +31,8 @@ class ScriptedPort:
         self.written = []
         self.pending = b''
         self.unsent = b''
+        self.timeouts = []  # of the requests, s
+        self.timeout = None
 
     @property
     def in_waiting(self):
@@ -35,6 +40,7 @@ class ScriptedPort:
 
     def write(self, data):
         self.written.append(data)
+        self.timeouts.append(self.timeout)
         self.unsent += data
         self.pending += self.replies.pop(0) if self.replies else b''
 
@@ -104,6 +110,89 @@ def test_many_unrequested_bytes_are_an_error_whatever_the_reply():
     assert line.frames_bad == 1
     port.pending = bytes(MAX_UNREQUESTED_BYTES)
     assert line.exchange(128, READ_TIMEOUT) == (2,)
+
+
+def test_values_that_may_be_missing_are_asked_for_once_and_with_their_own_time_out():
+    line, port = line_on(CURRENTS, b'', GOOD)
+    assert line.ask(128, READ_CURRENTS, 0.01) == (-10, 150)
+    assert line.ask(128, READ_CURRENTS, 0.01) is None
+    assert (line.frames_ok, line.frames_bad) == (1, 1)
+    assert line.exchange(128, READ_TIMEOUT) == (2,)
+    assert port.timeouts == [0.01, 0.01, REPLY_TIMEOUT]
+
+
+def test_a_flood_is_an_error_for_values_that_may_be_missing_too():
+    line, port = line_on(CURRENTS)
+    port.pending = bytes(MAX_UNREQUESTED_BYTES + 1)
+    with pytest.raises(FrameError):
+        line.ask(128, READ_CURRENTS, 0.01)
+
+
+@pytest.mark.parametrize('late', [CURRENTS[:3], BAD_CURRENTS, BAD_CURRENTS + b'\xff'])
+def test_the_first_byte_of_a_damaged_late_reply_is_no_acknowledgement(late):
+    line, port = line_on(b'', late, b'\xff')
+    assert line.ask(128, READ_CURRENTS, 0.01) is None
+    assert line.exchange(129, SET_DUTY, 0, 0) == ()
+    assert line.retried
+    assert len(port.written) == 3
+
+
+@pytest.mark.parametrize(('request_of_duty', 'reply', 'answer'), [
+    ((129, SET_DUTY, 0, 0), b'\xff', ()), ((128, READ_TIMEOUT), GOOD, (2,)),
+    ((129, READ_ENCODERS), encode_reply(129, READ_ENCODERS, 7, 8), (7, 8))])
+def test_the_reply_behind_a_late_one_is_found(request_of_duty, reply, answer):
+    line, port = line_on(b'', CURRENTS + reply)
+    assert line.ask(128, READ_CURRENTS, 0.01) is None
+    assert line.exchange(*request_of_duty) == answer
+    assert not line.retried
+    assert line.bytes_skipped == len(CURRENTS)
+
+
+def test_the_reply_behind_the_late_ones_of_two_boards_is_found():
+    other = encode_reply(129, READ_CURRENTS, 0, 0)
+    line, port = line_on(b'', b'', CURRENTS + other + b'\xff')
+    for address in (128, 129):
+        line.ask(address, READ_CURRENTS, 0.01)
+    line.exchange(128, SET_DUTY, 0, 0)
+    assert not line.retried
+
+
+def test_the_reply_to_a_repeated_request_behind_late_ones_is_found():
+    encoders = encode_reply(128, READ_ENCODERS, 7, 8)
+    line, port = line_on(b'', b'', CURRENTS + encoders + encoders)
+    line.ask(128, READ_CURRENTS, 0.01)
+    assert line.exchange(128, READ_ENCODERS) == (7, 8)
+    line, port = line_on(b'', b'', CURRENTS + b'\xff\xff')
+    line.ask(128, READ_CURRENTS, 0.01)
+    assert line.exchange(128, SET_DUTY, 0, 0) == ()
+
+
+def test_a_late_reply_alone_is_no_acknowledgement():
+    line, port = line_on(b'', CURRENTS, b'', b'\xff')
+    line.ask(128, READ_CURRENTS, 0.01)
+    with pytest.raises(FrameError, match='has 0 bytes'):
+        line.exchange(128, SET_DUTY, 0, 0)
+
+
+def test_a_reply_of_the_same_board_ends_the_wait_for_a_late_one():
+    line, port = line_on(b'', GOOD, b'\xff', b'\xff\x00')
+    line.ask(128, READ_CURRENTS, 0.01)
+    line.exchange(128, READ_TIMEOUT)
+    began = time.monotonic()
+    line.exchange(128, SET_DUTY, 0, 0)
+    assert not line.retried
+    line.exchange(128, SET_DUTY, 0, 0)  # a byte behind an acknowledgement is of no concern
+    assert not line.retried
+    assert time.monotonic() - began < 0.003
+
+
+def test_a_reply_of_another_board_does_not():
+    other = encode_reply(129, READ_TIMEOUT, 2)
+    line, port = line_on(b'', other, b'\xff\x00', b'\xff')
+    line.ask(128, READ_CURRENTS, 0.01)
+    line.exchange(129, READ_TIMEOUT)
+    line.exchange(128, SET_DUTY, 0, 0)
+    assert line.retried
 
 
 def test_a_probe_is_a_single_request_and_needs_a_quiet_line():

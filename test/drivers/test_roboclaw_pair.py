@@ -18,7 +18,7 @@ from smart_tire.drivers.roboclaw_pair import RoboclawPair
 from smart_tire.drivers.serial_port import open_port
 from smart_tire.parameters import build, MotorDriverParams
 from smart_tire.protocol.roboclaw import (
-    READ_BATTERY, READ_ENCODERS, READ_STATUS, READ_TIMEOUT, SET_DUTY, SET_TIMEOUT)
+    READ_BATTERY, READ_CURRENTS, READ_ENCODERS, READ_STATUS, READ_TIMEOUT, SET_DUTY, SET_TIMEOUT)
 from smart_tire.samples import NS_PER_S
 
 pytestmark = pytest.mark.safety
@@ -78,7 +78,7 @@ class Running:
         """Command from now on, and wait until motors and wheels follow."""
         self.duty = duty if len(duty) == 4 else duty * 4
         wait_for(lambda: np.allclose(self.rig.state().duty, self.duty, atol=1e-4)
-                 and np.allclose(self.rig.state().speeds, np.multiply(self.duty, 20.0), atol=2.0))
+                 and np.allclose(self.rig.state().speeds, np.multiply(self.duty, 22.0), atol=2.0))
 
     def stopped(self, since):
         """Return the time from ``since`` to zero duty at the motors [s]."""
@@ -97,13 +97,14 @@ def pause(seconds):
     threading.Event().wait(seconds)
 
 
-def test_samples_contain_speeds_angles_and_duties(rig):
+def test_samples_contain_speeds_angles_and_torques(rig):
     with Running(rig) as running:
         running.drive(0.5, 0.3, -0.4, 0.2)
         running.wait(8)
         sample = running.wait(1)
         assert sample.velocity == pytest.approx(rig.state().speeds, rel=0.1, abs=0.2)
-        assert sample.effort == pytest.approx((0.5, 0.3, -0.4, 0.2), abs=1e-4)
+        friction = 0.15  # N m, of the rig
+        assert sample.effort == pytest.approx([friction, friction, -friction, friction], abs=0.05)
         late, early = running.samples[-1], running.samples[-5]
         elapsed = (late.stamp_ns - early.stamp_ns) / NS_PER_S
         turned = np.subtract(late.position, early.position)
@@ -143,8 +144,141 @@ def test_a_negative_sign_reverses_encoder_and_motor(rig):
         wait_for(lambda: np.allclose(rig.state().duty, (0.4, -0.4, 0.2, -0.2), atol=1e-4))
         running.wait(1)
         wait_for(lambda: running.samples[-1].velocity[3] > 2.0)
-        assert running.wait(1).effort == pytest.approx((0.4, 0.4, 0.2, 0.2), abs=1e-4)
+        wait_for(lambda: min(running.samples[-1].velocity) > 3.0)
+        pause(0.3)
+        assert running.wait(1).effort == pytest.approx([0.15] * 4, abs=0.05)
         assert min(running.samples[-1].velocity) > 0.0
+
+
+@pytest.mark.parametrize(('sign', 'signs', 'torques'), [
+    ('draw', [1, 1, 1, 1], (1.2, -1.2, -0.6, 0.6)),
+    ('draw', [1, -1, 1, -1], (1.2, -1.2, -0.6, 0.6)),
+    ('signed', [1, 1, 1, 1], (1.2, 1.2, -0.6, -0.6)),
+    ('signed', [1, -1, 1, -1], (1.2, -1.2, -0.6, 0.6))])
+def test_torques_have_the_sign_of_their_convention(rig, sign, signs, torques):
+    with Running(rig, signs=signs, motor__current_sign=sign) as running:
+        running.duty = (0.5, -0.5, 0.4, -0.4)
+        wait_for(lambda: np.allclose(rig.state().duty, np.multiply(running.duty, signs),
+                                     atol=1e-4))
+        rig.fail(currents={0: 100, 1: 100, 2: -50, 3: -50})
+        running.wait(2)
+        assert running.samples[-1].effort == pytest.approx(torques)
+
+
+def test_a_short_circuited_motor_brakes(rig):
+    with Running(rig, rate=50.0) as running:
+        running.drive(0.8)
+        count = len(running.samples)
+        running.duty = (0.0,) * 4
+        wait_for(lambda: rig.state().still)
+        running.wait(4)
+        braking = [sample for sample in running.samples[count:] if min(sample.velocity) > 1.0]
+        assert min(sample.effort[0] for sample in braking) < -1.0
+
+
+@pytest.mark.parametrize('faults', [{'without_currents': {128}}, {'garbled_currents': {128}}],
+                         ids=str)
+def test_without_currents_only_the_torques_of_that_board_are_missing(rig, faults):
+    with Running(rig) as running:
+        running.drive(0.4)
+        assert running.motors.boards_without_currents() == []
+        failed = rig.fail(**faults)
+        seen = len(running.samples)
+        wait_for(lambda: running.motors.boards_without_currents())
+        running.wait(8)
+        late = running.samples[seen + 3:]
+        assert all(sample.effort is None or np.isnan(sample.effort[:2]).all() for sample in late)
+        late = [sample for sample in late if sample.effort]
+        assert np.mean([np.isfinite(sample.effort[2:]) for sample in late]) > 0.8
+        assert all(min(sample.velocity) > 4.0 for sample in late)
+        assert np.max(np.diff([sample.stamp_ns for sample in late])) < (
+            0.0625 + SLACK) * NS_PER_S
+        assert running.motors.boards_without_currents() == ['front board 128 (0x80)']
+        assert running.motors.currents_missing >= 4
+        assert rig.record(failed).always_driven()
+        assert running.reports == []
+        rig.fail()
+        wait_for(lambda: not running.motors.boards_without_currents())
+        assert np.isfinite(running.wait(2).effort).all()
+
+
+def test_a_board_without_currents_is_asked_less_and_less_often(rig):
+    with Running(rig) as running:
+        began = rig.fail(without_currents={128, 129})
+        pause(2.5)
+        asked = np.array(rig.record(began).times(READ_CURRENTS, 128))
+        assert 4 <= len(asked) <= 7
+        assert np.all(np.diff(asked)[2:] > 1.5 * np.diff(asked)[1:-1])
+        assert running.wait(1).effort is None
+
+
+def test_a_stop_does_not_wait_for_currents(rig):
+    with Running(rig, rate=16.0) as running:
+        for _ in range(5):
+            running.drive(0.4)
+            rig.fail(without_currents={128, 129})
+            pause(0.2)
+            asked = time.monotonic()
+            running.gate.engage()
+            running.motors.wake()
+            assert running.stopped(asked) < 0.03 + SLACK
+            running.duty = None
+            running.gate.release()
+            rig.fail()
+            wait_for(lambda: running.gate.enabled)
+
+
+@pytest.mark.parametrize('delay', [0.03, 0.045, 0.06, 0.07])
+def test_late_currents_are_neither_torques_nor_acknowledgements(rig, delay):
+    with Running(rig) as running:
+        running.drive(0.4)
+        rig.fail(late_currents=delay, currents=dict.fromkeys(range(4), -1))
+        running.wait(3)
+        seen, failed = len(running.samples), time.monotonic()
+        pause(2.0)
+        assert all(sample.effort is None for sample in running.samples[seen:])
+        assert all(min(sample.velocity) > 4.0 for sample in running.samples[seen:])
+        assert running.reports == []
+        assert rig.record(failed).always_driven()
+
+
+@pytest.mark.parametrize('code', [32767, -32768, 3001, -3001])
+def test_an_implausible_current_is_rejected_for_its_wheel_only(rig, code):
+    with Running(rig) as running:
+        running.drive(0.4)
+        rig.fail(currents={2: code})
+        running.wait(2)
+        effort = running.wait(1).effort
+        assert math.isnan(effort[2])
+        assert np.isfinite([effort[0], effort[1], effort[3]]).all()
+        assert running.motors.currents_rejected > 0
+        assert running.motors.boards_without_currents() == []
+
+
+@pytest.mark.parametrize(('rate', 'interval'), [(16.0, 1), (50.0, 1), (100.0, 2), (200.0, 4)])
+def test_currents_are_read_at_50_hz_at_most_and_in_turn(rig, rate, interval):
+    with Running(rig, rate=rate) as running:
+        running.drive(0.4)
+        began, count = time.monotonic(), len(running.samples)
+        running.wait(round(rate))
+        efforts = [sample.effort or (math.nan,) * 4 for sample in running.samples[count:]]
+        share = np.isfinite(efforts).mean(axis=0)
+        assert np.all(share > 0.5 / interval) and np.all(share < 1.1 / interval)
+        if interval > 1:
+            assert np.isfinite(efforts).all(axis=1).mean() < 0.1
+        assert len(rig.record(began).times(READ_CURRENTS, 128)) <= 1.3 * rate / interval + 2
+
+
+def test_encoders_are_read_before_currents_in_every_period(rig):
+    with Running(rig) as running:
+        running.wait(6)
+        commands = [(request.command, request.address)
+                    for _, request in rig.record(running.began).requests
+                    if request.command in (READ_ENCODERS, READ_CURRENTS)]
+        first = commands.index((READ_CURRENTS, 128))
+        cycle = [(READ_CURRENTS, 128), (READ_CURRENTS, 129),
+                 (READ_ENCODERS, 128), (READ_ENCODERS, 129)]
+        assert commands[first:first + 16] == cycle * 4
 
 
 def test_a_command_is_sent_at_once_and_ends_at_its_time_out(rig):

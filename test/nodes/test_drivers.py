@@ -236,7 +236,9 @@ def test_the_motors_follow_commands_and_their_state_is_published(tmp_path, isola
                     lambda: graph.publish('motor_commands', MotorCommand(
                         time.time_ns(), (0.5, 0.3, -0.4, 0.0))))
         sample = graph.samples('wheel_states')[-1]
-        assert sample.effort == pytest.approx((0.5, 0.3, -0.4, 0.0), abs=1e-4)
+        assert sample.effort is not None and max(map(abs, sample.effort)) < 3.0  # N m
+        assert sample.effort[0] > 0.0 > sample.effort[2]
+        assert graph.value('motor_driver', 'currents_rejected') == '0'
         graph.until(lambda: robot.rig.state().still)
         short = JointState(name=['front_left'], effort=[1.0])
         graph.publish_message('motor_commands', short)
@@ -262,6 +264,23 @@ def test_a_board_that_does_not_respond_is_named_in_an_error(tmp_path, isolated_r
         robot.rig.fail()
         graph.until(lambda: graph.status_message('motor_driver') == 'ok')
         assert len(graph.received['wheel_states']) > count_before
+        assert robot.processes['motor_driver'].end() == 0
+
+
+def test_missing_currents_are_reported_and_leave_the_rest(tmp_path, isolated_ros):
+    with RobotRig(tmp_path, controller=False) as robot:
+        graph = robot.graph
+        robot.rig.fail(without_currents={129}, currents={0: 5000})
+        graph.until(lambda: 'no motor torques: rear board 129 (0x81) does not report currents'
+                    in graph.status_message('motor_driver'))
+        graph.until(lambda: 'motor currents beyond 30 A rejected'
+                    in graph.status_message('motor_driver'))
+        graph.until(lambda: graph.samples('wheel_states')[-1].effort is not None)
+        effort = graph.samples('wheel_states')[-1].effort
+        assert np.isnan(effort).tolist() == [True, False, True, True]
+        assert graph.value('motor_driver', 'board_faults') == '0'
+        robot.rig.fail()
+        graph.until(lambda: graph.status_message('motor_driver') == 'ok')
         assert robot.processes['motor_driver'].end() == 0
 
 

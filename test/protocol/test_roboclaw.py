@@ -5,6 +5,8 @@ Basicmicro prints no example packets. These are written by hand from the manual'
 command; test_frames.py verifies their CRCs with the manual's bitwise rule.
 """
 
+import math
+
 from hypothesis import given, strategies as st
 import pytest
 from smart_tire.errors import FrameError
@@ -113,6 +115,28 @@ def test_duties_are_scaled_and_clipped(duty, code):
 
 def test_the_lowest_code_is_full_reverse_duty():
     assert roboclaw.duty_from_code(-32768) == -1.0
+
+
+@pytest.mark.parametrize('current, code', [(0.0, 0), (1.5, 150), (-0.01, -1), (0.004, 0),
+                                           (-30.0, -3000), (326.0, 32600)])
+def test_currents_are_scaled(current, code):
+    assert roboclaw.current_code(current) == code
+    assert roboclaw.current_from_code(code) == pytest.approx(current, abs=0.005)
+
+
+@pytest.mark.parametrize('current', [327.68, 400.0, -400.0])
+def test_a_current_beyond_the_range_of_the_code_is_unknown(current):
+    assert abs(roboclaw.current_code(current)) == 32767
+    assert math.isnan(roboclaw.current_from_code(roboclaw.current_code(current)))
+
+
+@pytest.mark.parametrize('frame', ['currents', 'currents_limits'])
+def test_documented_currents_are_signed(frame):
+    currents = [roboclaw.current_from_code(code) for code in FRAMES[frame]['received']]
+    if frame == 'currents':
+        assert currents == pytest.approx([1.5, -0.01])
+    else:
+        assert all(map(math.isnan, currents))
 
 
 @pytest.mark.parametrize('seconds, code', [(0.3, 3), (0.25, 3), (0.301, 4), (0.001, 1), (0.0, 1),

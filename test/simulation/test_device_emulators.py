@@ -158,12 +158,14 @@ def test_xsens_messages_are_numbered():
 # Motor boards
 
 COUNTS, SPEEDS = (100, -1, 3000, 2**33 + 5), (10.4, -20.6, 0.0, 4000.0)
+CURRENTS = (0.5, -0.01, 12.345, 400.0)
 
 
 def ask(boards, address, command, *values, now_ns=0, counts=COUNTS):
     """Return the values of the reply to one request."""
     request = roboclaw.encode_request(address, command, *values)
-    return roboclaw.decode_reply(address, command, boards.feed(request, now_ns, counts, SPEEDS))
+    return roboclaw.decode_reply(
+        address, command, boards.feed(request, now_ns, counts, SPEEDS, CURRENTS))
 
 
 def test_each_board_reports_counts_and_speeds_of_its_own_wheels():
@@ -172,6 +174,12 @@ def test_each_board_reports_counts_and_speeds_of_its_own_wheels():
     assert ask(boards, 129, roboclaw.READ_ENCODERS) == (3000, 5)
     assert ask(boards, 128, roboclaw.READ_SPEEDS) == (10, -21)
     assert ask(boards, 129, roboclaw.READ_SPEEDS) == (0, 4000)
+
+
+def test_each_board_reports_the_currents_of_its_own_motors():
+    boards = RoboclawEmulator((128, 129))
+    assert ask(boards, 128, roboclaw.READ_CURRENTS) == (50, -1)
+    assert ask(boards, 129, roboclaw.READ_CURRENTS) == (1234, 32767)
 
 
 def test_both_boards_reply_in_the_order_of_the_requests():

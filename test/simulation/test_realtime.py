@@ -142,6 +142,22 @@ def test_encoder_counts_agree_with_wheel_rotation_and_slip(new_host):
     assert rolling_speed == pytest.approx(slip.slip_velocity[0] + v_x, rel=0.02)
 
 
+@pytest.mark.parametrize('duty', [0.4, -0.4])
+def test_currents_agree_with_the_losses_of_the_drive(new_host, duty):
+    host = new_host()
+    host.drive((duty,) * 4, 1.0)
+    accelerating = host.ask(0x80, roboclaw.READ_CURRENTS)
+    host.advance(2.0)
+    steady = np.mean([host.ask(address, roboclaw.READ_CURRENTS)
+                      for _ in range(30) for address in (0x80, 0x81)]) * 0.01
+    motor, load = host.params.robot.motor, 26.7
+    torque = (motor.coulomb_friction + 0.087 * load * (motor.axle_friction + 0.015)) / 1.2
+    assert steady == pytest.approx(torque, rel=0.25)  # errors of the simulated motors
+    assert min(accelerating) * 0.01 > -0.1
+    host.drive((0.3 * duty,) * 4, 0.02)
+    assert max(host.ask(0x80, roboclaw.READ_CURRENTS)) < 0  # the motors brake
+
+
 def test_ground_truth_has_host_timestamps(new_host):
     host = new_host()
     host.drive((0.5, 0.5, 0.5, 0.5), 3.0)

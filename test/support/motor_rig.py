@@ -21,10 +21,11 @@ from support.pty_port import PtyPort
 
 ADDRESSES = (128, 129)
 COUNTS_PER_RAD = 2000 / math.tau
-STALL_TORQUE = 4.0       # N m, as in the simulator
-FREE_SPEED = 20.0        # rad/s
+STALL_TORQUE = 5.0       # N m, as in the simulator
+FREE_SPEED = 22.0        # rad/s
+TORQUE_CONSTANT = 1.2    # N m/A
 INERTIA = 0.04           # kg m2 of a wheel with its share of the robot's mass
-FRICTION = 0.05          # N m
+FRICTION = 0.15          # N m
 STEP = 0.001             # s
 SUPPLY_VOLTAGE_CODE = 148  # 0.1 V
 STILL = (0.0, 0.0, 0.0, 0.0)
@@ -36,7 +37,7 @@ class Faults:
 
     mute: set[int] = field(default_factory=set)       # addresses whose replies are lost
     garbled: set[int] = field(default_factory=set)    # addresses whose replies are damaged
-    drop: int = 0                                     # number of further replies that are lost
+    drop: int = 0                      # number of further replies that are lost, not of currents
     dips: int = 0                                     # number of further low supply readings
     deaf: bool = False                                # requests are not received
     flood: bool = False                               # the host gets a flood of bytes
@@ -45,6 +46,10 @@ class Faults:
     ignoring_duties: set[int] = field(default_factory=set)    # addresses that ignore duties
     status: dict[int, int] = field(default_factory=dict)  # address -> status, if not normal
     supply: dict[int, int] = field(default_factory=dict)  # address -> 0.1 V, if not full
+    without_currents: set[int] = field(default_factory=set)  # addresses that ignore command 49
+    garbled_currents: set[int] = field(default_factory=set)  # addresses, only these replies
+    late_currents: float = 0.0                        # s, delay of these replies
+    currents: dict[int, int] = field(default_factory=dict)  # wheel -> code, if not measured
 
 
 @dataclass
@@ -171,6 +176,7 @@ class _Boards:
         self._speeds = [0.0] * 4
         self._angles = [0.0] * 4  # rad, as seen by the encoders
         self._byte_time = time.monotonic()
+        self._late: list[tuple[float, int, bytes]] = []  # times, addresses and replies
 
     def serve(self) -> None:
         """Emulate the boards until the test ends."""
@@ -194,6 +200,8 @@ class _Boards:
                     self._reply(request)
             if self.faults.flood and self._plugged:
                 self._port.write(bytes(64))
+            while self._late and self._late[0][0] <= now and self._plugged:
+                self._port.write(self._late.pop(0)[2])
             self._time_out(now)
             self._update_state(now)
         if self._plugged:
@@ -230,13 +238,23 @@ class _Boards:
         if board is None:
             return
         values = self._values(request, board)
-        if self.faults.drop or request.address in self.faults.mute:
-            self.faults.drop -= bool(self.faults.drop)
+        reads_currents = request.command == roboclaw.READ_CURRENTS
+        if self.faults.drop and not reads_currents or request.address in self.faults.mute:
+            self.faults.drop -= bool(self.faults.drop and not reads_currents)
             return
         reply = roboclaw.encode_reply(request.address, request.command, *values)
-        if request.address in self.faults.garbled:
+        if reads_currents and request.address in self.faults.without_currents:
+            return
+        if request.address in self.faults.garbled or (
+                reads_currents and request.address in self.faults.garbled_currents):
             reply = bytes(byte ^ 0x55 for byte in reply)
-        self._port.write(reply)
+        late = [when for when, address, _ in self._late if address == request.address]
+        if reads_currents and self.faults.late_currents:
+            late.append(time.monotonic() + self.faults.late_currents)
+        if late:  # a board replies in the order of the requests
+            self._late.append((max(late), request.address, reply))
+        else:
+            self._port.write(reply)
 
     def _values(self, request: roboclaw.Request, board: _Board) -> tuple[int, ...]:
         faults, address, command = self.faults, request.address, request.command
@@ -253,10 +271,18 @@ class _Boards:
             roboclaw.READ_ENCODERS: tuple(
                 math.floor(self._angles[wheel] * COUNTS_PER_RAD) % roboclaw.COUNT_WRAP
                 for wheel in (first, first + 1)),
+            roboclaw.READ_CURRENTS: tuple(
+                faults.currents.get(wheel, self._current_code(wheel, duty))
+                for wheel, duty in zip((first, first + 1), board.duty)),
             roboclaw.READ_TIMEOUT: (board.timeout,),
             roboclaw.READ_STATUS: (faults.status.get(address, 0),),
             roboclaw.READ_BATTERY: (faults.supply.get(address, SUPPLY_VOLTAGE_CODE),),
         }.get(command, ())
+
+    def _current_code(self, wheel: int, duty: float) -> int:
+        """Return the current of a motor, positive along its duty."""
+        torque = STALL_TORQUE * (duty - self._speeds[wheel] / FREE_SPEED)
+        return roboclaw.current_code(math.copysign(1.0, duty) * torque / TORQUE_CONSTANT)
 
     def _time_out(self, now: float) -> None:
         for board in self._boards.values():

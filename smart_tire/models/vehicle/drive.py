@@ -16,7 +16,7 @@ import numpy as np
 from smart_tire.arrays import Array, ArrayLike
 
 DRY_FRICTION_SPEED = 0.02  # m/s at the circumference, below it dry friction is linear
-SIGNED = 'signed'  # current_sign: positive driving forward; otherwise positive along the duty
+SIGNED = 'signed'  # current_sign: positive as a positive duty drives; otherwise as the duty does
 
 
 class Losses(Protocol):
