@@ -21,6 +21,7 @@ from types import TracebackType
 import zstandard
 
 from smart_tire.bags.cdr import Decoder
+from smart_tire.bags.definitions import Encoder
 from smart_tire.bags.duty_efforts import efforts_are_duties
 from smart_tire.bags.mcap_file import MAGIC as MCAP_MAGIC, McapFile
 from smart_tire.bags.metadata import data_files
@@ -130,6 +131,18 @@ class Bag:
         streams = [file.messages(topics) for file in self._files]
         return streams[0] if len(streams) == 1 else heapq.merge(*streams, key=itemgetter(0))
 
+    def replayable(self, topics: Collection[str]) -> Iterator[Message]:
+        """Yield the messages of ``topics`` as ``raw`` does, without efforts that are duties."""
+        duties = {name for name in topics if name in self.topics and self._ignores_efforts(name)}
+        joints = TOPICS['wheel_states'].type
+        read, write = Decoder(joints), Encoder(joints)
+        for receive_ns, channel, data in self.raw(topics):
+            if channel.topic in duties:
+                msg = read(data)
+                msg.effort = ()
+                data = write(msg)
+            yield receive_ns, channel, data
+
     def samples(self, wanted: Iterable[str]) -> Iterator[tuple[int, str, Sample]]:
         """
         Yield receive time [ns], standard topic name and sample.
@@ -138,10 +151,7 @@ class Bag:
         ``wheel_states`` that are duties, in a bag from before they were torques, are left out.
         """
         found = self.match(wanted)
-        duties = 'wheel_states' in found and self._has_duty_efforts(found['wheel_states'])
-        if duties:
-            add_warning(self._warnings, 'wheel_states: effort contains duties, no torques (old '
-                                        'recording): not used')
+        duties = 'wheel_states' in found and self._ignores_efforts(found['wheel_states'])
         for receive_ns, contract, sample in self._samples(found, count_rejected=True):
             if duties and isinstance(sample, WheelSample):
                 sample = replace(sample, effort=None)
@@ -162,14 +172,19 @@ class Bag:
             else:
                 yield receive_ns, contract, sample
 
-    def _has_duty_efforts(self, wheels: str) -> bool:
-        """Return whether the efforts in the topic ``wheels`` are the duties of motor_commands."""
-        commands = wheels.removesuffix('wheel_states') + 'motor_commands'
-        if commands not in self.topics or self._has_other_type(commands):
+    def _ignores_efforts(self, name: str) -> bool:
+        """Return whether ``name`` is wheel_states whose efforts are duties; add a warning."""
+        topic, commands = find_topic(name), name.removesuffix('wheel_states') + 'motor_commands'
+        if (topic is None or topic.name != 'wheel_states' or commands not in self.topics
+                or self._has_other_type(name) or self._has_other_type(commands)):
             return False
-        found = {'wheel_states': wheels, 'motor_commands': commands}
-        return efforts_are_duties(
+        found = {'wheel_states': name, 'motor_commands': commands}
+        duties = efforts_are_duties(
             sample for _, _, sample in self._samples(found, count_rejected=False))
+        if duties:
+            add_warning(self._warnings, 'wheel_states: effort contains duties, no torques (old '
+                                        'recording): not used')
+        return duties
 
     def _has_other_type(self, name: str) -> bool:
         topic, channel = find_topic(name), self.topics[name].channel

@@ -251,7 +251,7 @@ class Replayer:
     def _events(self) -> Iterator[Event]:
         """Yield the messages and, between them, the instants of /clock with topic ''."""
         step_ns, tick_ns = int(self._rate * NS_PER_S / CLOCK_RATE), None
-        for ns, channel, data in self._bag.raw(self._publishers):
+        for ns, channel, data in self._bag.replayable(self._publishers):
             if self._clock is not None:
                 tick_ns = ns if tick_ns is None else tick_ns
                 while tick_ns <= ns:

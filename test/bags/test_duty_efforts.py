@@ -1,14 +1,17 @@
 """Efforts of old recordings are duties: recognized by the commands, and left out."""
 
+from dataclasses import replace
 import math
 
 import pytest
 from support.recordings import START_NS
 
 from smart_tire.bags import Bag, BagWriter, channel_of
+from smart_tire.bags.cdr import Decoder
 from smart_tire.bags.definitions import empty, Encoder
 from smart_tire.bags.duty_efforts import efforts_are_duties
 from smart_tire.messages import TOPICS
+from smart_tire.messages.joint_state import wheels_from_msg
 from smart_tire.samples import MotorCommand, WheelSample
 
 SPEED = (5.0, 5.0, 5.0, 5.0)
@@ -85,9 +88,24 @@ def test_a_bag_gives_no_efforts_if_they_are_duties_and_warns_once(tmp_path, pref
                                 'recording): not used']
 
 
+def test_a_replay_leaves_duties_out_and_nothing_else(tmp_path):
+    decode = Decoder(TOPICS['wheel_states'].type)
+    with Bag(write(tmp_path / 'old', run(60, acknowledged))) as bag:
+        topics = ['/wheel_states', '/motor_commands']
+        for (ns, channel, data), (same_ns, same, left) in zip(
+                bag.raw(topics), bag.replayable(topics), strict=True):
+            assert (ns, channel) == (same_ns, same)
+            if channel.topic == '/motor_commands':
+                assert left == data
+            else:
+                before, after = wheels_from_msg(decode(data)), wheels_from_msg(decode(left))
+                assert after == replace(before, effort=None) != before
+
+
 def test_a_bag_gives_the_torques_of_new_recordings(tmp_path):
     torques = run(60, lambda number: tuple(2.0 * duty for duty in duties(number)))
     with Bag(write(tmp_path / 'new', torques)) as bag:
         found = [sample for _, _, sample in bag.samples(['wheel_states'])]
         assert found == [sample for _, topic, sample in torques if topic == 'wheel_states']
+        assert list(bag.replayable(['/wheel_states'])) == list(bag.raw(['/wheel_states']))
         assert not bag.warnings
