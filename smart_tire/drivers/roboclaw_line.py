@@ -59,15 +59,13 @@ class RoboclawLine:
         For values that the motors do not depend on: one attempt, and no error.
         """
         self._refuse_flood()
-        began = time.monotonic()
         self._port.timeout = timeout
         try:
             values = self._attempt(address, command)
         except FrameError:
             values = None
         self._port.timeout = REPLY_TIMEOUT
-        in_time = time.monotonic() - began < timeout + ACKNOWLEDGE_GAP
-        return values if in_time else None
+        return values
 
     def probe(self, address: int, command: Command) -> bool:
         """Return whether the line was quiet and the board replies to a single read request."""
@@ -115,7 +113,7 @@ class RoboclawLine:
             self.last_error = str(error)
             raise
         if command.reads:
-            self._forget_late(address)  # a board replies in the order of the requests
+            self._forget_late(address, command)
         self.frames_ok += 1
         self.last_ok_ns = time.time_ns()
         return answer
@@ -140,9 +138,15 @@ class RoboclawLine:
         self.bytes_skipped += skipped
         return reply[:size] if skipped else reply  # more are the reply to a repetition
 
-    def _forget_late(self, address: int) -> None:
+    def _forget_late(self, address: int, command: Command) -> None:
+        """
+        Forget requests before ``command``: a board replies in the order of the requests.
+
+        After a repetition of ``command`` its second reply may still arrive.
+        """
         if self._late:
-            self._late = {late: None for late in self._late if late[0] != address}
+            self._late = {late: None for late in self._late
+                          if late[0] != address or late[1] == command}
 
     def _flush(self) -> None:
         self.bytes_skipped += self._port.in_waiting

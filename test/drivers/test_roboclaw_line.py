@@ -167,6 +167,15 @@ def test_the_reply_to_a_repeated_request_behind_late_ones_is_found():
     assert line.exchange(128, SET_DUTY, 0, 0) == ()
 
 
+def test_the_second_reply_to_a_repeated_request_is_no_acknowledgement():
+    encoders = encode_reply(128, READ_ENCODERS, 0xFFFFFF00, 8)
+    line, port = line_on(b'', encoders, encoders + b'\xff', b'\xff')
+    assert line.exchange(128, READ_ENCODERS) == (0xFFFFFF00, 8)
+    line.exchange(128, SET_DUTY, 0, 0)
+    assert not line.retried
+    assert line.bytes_skipped == len(encoders)
+
+
 def test_a_late_reply_alone_is_no_acknowledgement():
     line, port = line_on(b'', CURRENTS, b'', b'\xff')
     line.ask(128, READ_CURRENTS, 0.01)

@@ -48,7 +48,7 @@ class Faults:
     supply: dict[int, int] = field(default_factory=dict)  # address -> 0.1 V, if not full
     without_currents: set[int] = field(default_factory=set)  # addresses that ignore command 49
     garbled_currents: set[int] = field(default_factory=set)  # addresses, only these replies
-    late_currents: float = 0.0                        # s, delay of these replies
+    late_currents: dict[int, float] = field(default_factory=dict)  # address -> delay [s]
     currents: dict[int, int] = field(default_factory=dict)  # wheel -> code, if not measured
 
 
@@ -250,7 +250,7 @@ class _Boards:
             reply = bytes(byte ^ 0x55 for byte in reply)
         late = [when for when, address, _ in self._late if address == request.address]
         if reads_currents and self.faults.late_currents:
-            late.append(time.monotonic() + self.faults.late_currents)
+            late.append(time.monotonic() + self.faults.late_currents.get(request.address, 0.0))
         if late:  # a board replies in the order of the requests
             self._late.append((max(late), request.address, reply))
         else:
