@@ -76,7 +76,8 @@ def test_slips_have_the_signs_of_the_paper_and_agree_with_the_truth(slips):
 
 def test_the_delay_between_films_agrees_with_their_distance(turning):
     found = tire_maps.signals(turning)
-    assert found.lag == pytest.approx(found.expected_lag, rel=0.03)
+    period = 1.0 / 400.0  # s; a revolution of 0.75 s is 300 samples: the mean does not reduce it
+    assert found.lag == pytest.approx(found.expected_lag, abs=period)
     assert np.all(found.variation > 0.05) and np.all(found.variation < 0.35)
     assert 0.05 < found.bump < 0.2
 
