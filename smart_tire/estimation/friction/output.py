@@ -54,7 +54,7 @@ class OutputBuilder:
         """Return the quantities that do not depend on load and stiffness."""
         films_only = result.films_only
         known = films_only.slip_sigma < MAX_SLIP_SIGMA
-        ratio = _adhesion_ratio(result.fused)
+        ratio = _adhesion_ratio(films_only)
         length = self._tire.contact_length
         return {'film_slip': (Uncertain(films_only.slip, films_only.slip_sigma) if known
                               else UNKNOWN),

@@ -9,9 +9,10 @@ import pytest
 
 from smart_tire.estimation.contact.records import CrossingSamples, Detection, PatchCrossing
 from smart_tire.estimation.friction.motion_history import WheelMotion
+from smart_tire.estimation.friction.output import OutputBuilder
 from smart_tire.estimation.friction.waveform_method import WaveformMethod
 from smart_tire.models.tire import strain_charge
-from smart_tire.parameters import build, RobotParams
+from smart_tire.parameters import build, FrictionEstimatorParams, RobotParams
 from smart_tire.uncertain import Uncertain, UNKNOWN
 from support.crossings import crossing_samples, WHEEL
 
@@ -44,6 +45,33 @@ def test_the_films_only_result_is_independent_of_the_slip_estimate():
                           for slip in (UNKNOWN, (0.1, 0.002), (0.2, 0.002)))
     assert without.films_only.slip == near.films_only.slip == far.films_only.slip
     assert without.fused is without.films_only
+
+
+def test_film_slip_and_adhesion_ratio_are_published_independently_of_the_slip_estimate():
+    crossing = simulated(np.random.default_rng(0))
+    params = FrictionEstimatorParams(robot=ROBOT)
+    records = [OutputBuilder(WHEEL, params).build(
+        crossing, WheelMotion(Uncertain(slip, 0.002), Uncertain(0.0, 0.01), Uncertain(26.7, 0.5)))
+        for slip in (0.1, 0.2)]
+    for name in ('film_slip', 'adhesion_ratio', 'adhesion_length'):
+        assert records[0].quantity(name) == records[1].quantity(name)
+    assert records[0].slip != records[1].slip
+    assert abs(records[0].adhesion_ratio.value - 0.82) < 3.0 * records[0].adhesion_ratio.sigma
+
+
+@pytest.mark.parametrize('slip, normalized_slip', [(0.1, 0.18), (-0.25, 0.45)])
+def test_film_slip_and_normalized_slip_have_consistent_sigmas_and_correlation(
+        slip, normalized_slip):
+    rng, errors, correlations = np.random.default_rng(8), [], []
+    for _ in range(150):
+        found = evaluate(simulated(rng, slip=slip, normalized_slip=normalized_slip))
+        fit = found.films_only
+        errors.append(((fit.slip - slip) / fit.slip_sigma,
+                       -normalized_error(fit, normalized_slip)))
+        correlations.append(found.film_correlation)
+    assert np.all(np.abs(np.mean(np.square(errors), axis=0) - 1.0) < 0.3)
+    assert np.corrcoef(np.transpose(errors))[0, 1] == pytest.approx(
+        float(np.mean(correlations)), abs=0.25)
 
 
 def test_a_slip_estimate_reduces_the_sigma_and_a_contradiction_increases_it():
