@@ -45,6 +45,13 @@ class SlipEstimatorParams:
     slope_sigma: float = param(
         0.0002, 'rad', 'sigma of the ground slope: laboratory floor; larger outdoors',
         low=0.0)
+    force_balance: str = param(
+        'auto', '-', 'use the tire forces: auto, once films or motor torques are received',
+        choices=('auto', 'on', 'off'))
+    ground_stiffness_sigma: float = param(
+        0.5, '-', 'sigma of ln C_x on ground other than the calibrated one', low=0.01, high=2.0)
+    ground_friction_sigma: float = param(
+        0.7, '-', 'sigma of ln mu / C_x on unknown ground', low=0.01, high=2.0)
     reliability: str = param(
         'reliable', '-', 'QoS reliability of the input subscriptions', choices=RELIABILITIES)
     robot: RobotParams = inlined(RobotParams)
@@ -84,12 +91,12 @@ class PidParams:
     """Speed control of one wheel; the default feed-forward is that of an unloaded motor."""
 
     feed_forward: float = param(
-        0.045, 's/rad', 'duty per wheel speed set point: 1 / free speed', low=0.0, live=True)
+        0.05, 's/rad', 'duty per wheel speed set point: 1 / free speed', low=0.0, live=True)
     proportional: float = param(0.04, 's/rad', 'duty per speed error', low=0.0, live=True)
     integral: float = param(
         0.15, '1/rad', 'duty per integrated speed error', low=0.0, live=True)
     derivative: float = param(
-        0.0, 's2/rad', 'duty per wheel acceleration', low=0.0, live=True)
+        0.002, 's2/rad', 'duty per wheel acceleration', low=0.0, live=True)
     limit: float = param(1.0, '-', 'maximum duty', low=0.0, high=1.0, live=True)
     rate_limit: float = param(
         4.0, '1/s', 'maximum rate of change of the duty', low=1e-2, live=True)

@@ -8,8 +8,9 @@ the corrections, B(6)-(8). Three choices make it robust:
   linear in the state, for locked and for spinning wheels too, and no noisy wheel speed enters a
   Jacobian. The slip ratio B(3) is derived on output.
 - The robot moves in the plane of the ground, so B(6) holds by construction.
-- The timestamp errors of the last two wheel samples are states: one late stamp makes one wheel
-  speed too high and the next one too low, so that the errors cancel.
+- The distance rolled since the last wheel sample is a state: one late timestamp makes one wheel
+  speed too high and the next one too low, so that the errors cancel, and the slip may change
+  between two samples.
 """
 
 from __future__ import annotations
@@ -19,14 +20,17 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
+from smart_tire.estimation.slip.force_update import ForceUpdate
 from smart_tire.estimation.slip.kinematics import SlipKinematics
-from smart_tire.estimation.slip.motion_model import MotionModel
+from smart_tire.estimation.slip.motion_model import (
+    DRAG_MEAN, DRAG_SIGMA, IDLE_SIGMAS, MotionModel)
 from smart_tire.estimation.slip.robust_ekf import Measurement, RobustEkf, StateRecorder
 from smart_tire.estimation.slip.slip_process import (
     FreeRollingPrior, InnovationChangeDetector, SlipProcess)
 from smart_tire.estimation.slip.state import (
-    DelayedSpeed, ImuStep, N, SLIP_VEL_ROWS, SLIP_VELS, State, WheelMeasurement)
-from smart_tire.estimation.slip.wheel_model import CONSTRAINTS, SideSpeedModel
+    DelayedSpeed, ImuStep, N, SLIP_VEL_ROWS, SLIP_VELS, State, TORQUE_OFFSETS, TRAVELS,
+    WheelMeasurement)
+from smart_tire.estimation.slip.wheel_model import CONSTRAINTS, TravelModel
 from smart_tire.models.constants import GRAVITY
 from smart_tire.parameters import SlipEstimatorParams
 
@@ -40,13 +44,9 @@ ZERO_VELOCITY_SIGMA = 0.003     # m/s, of the zero-velocity update
 FREE_ROLLING_CORRELATION_TIME = 2.0  # s, of the slip of freely rolling wheels
 MIN_PRIOR_WEIGHT = 1e-6         # below, the free-rolling prior is not worth a correction
 STRAIGHT_YAW_RATE = 0.1         # rad/s, below which S is hardly observable
-MIN_STAMP_JITTER = 1e-6         # s, standard deviation of timestamps that count as exact
 NIS_GAIN = 0.05                 # weight of a new value in the smoothed NIS
-
-STAMP_SHIFT = np.eye(N)         # the last stamp error becomes the previous one
-STAMP_SHIFT[State.PREV_STAMP_ERROR, State.PREV_STAMP_ERROR] = 0.0
-STAMP_SHIFT[State.STAMP_ERROR, State.STAMP_ERROR] = 0.0
-STAMP_SHIFT[State.PREV_STAMP_ERROR, State.STAMP_ERROR] = 1.0
+TRAVEL_RESET_SIGMA = 1e-5       # m, so that P is not singular
+TORQUE_OFFSET_SIGMA = 0.025     # N m, of measured torques: current sensor and gear friction
 
 
 class SlipFilter:
@@ -57,12 +57,13 @@ class SlipFilter:
         self._x_imu = params.robot.imu.position[0]
         self._kinematics = SlipKinematics(params.robot)
         self.motion_model = MotionModel(params)
-        self._side_speed_model = SideSpeedModel(params.robot)
+        self._travel_model = TravelModel(params.robot)
         self._constraint = CONSTRAINTS[params.constraint]
         self._slip_process = SlipProcess(params)
         self._icr_change = InnovationChangeDetector(ICR_CHANGE_SIGMAS)
         self._accel_density = 0.0  # (m/s2)^2 s, of the last prediction
         self._ekf = RobustEkf(*initial_state(params), recorder)
+        self.forces = ForceUpdate(params, self._ekf)
         self.nis = 1.0  # normalized innovation squared of the wheel speeds, smoothed
 
     @property
@@ -83,17 +84,20 @@ class SlipFilter:
     def predict(self, dt: float, step: ImuStep) -> None:
         """Predict over ``dt`` [s] with the motion model."""
         self._accel_density = step.accel_variance
+        self.motion_model.by_forces = self.forces.active
         predicted, F, Q = self.motion_model.predict(self.x, step, dt)
         self._ekf.predict(np.array(predicted), F, Q)
 
     def correct_wheels(self, wheels: WheelMeasurement) -> None:
-        """Correct with the mean side speeds between two wheel samples, B(7)."""
-        self._shift_stamp_errors()
+        """Correct with the distances rolled between two wheel samples, B(7)."""
         extra_variance = self._wheel_noise_inflation(wheels)
-        self._inflate_slip(wheels, self._side_speed_model.linearize(
-            self.x, wheels, extra_variance))
-        sides = self._side_speed_model.linearize(self.x, wheels, extra_variance)
-        nis = self._ekf.correct(self._constraint(sides, self._ekf.x))
+        if not self.forces.active:  # otherwise the forces show a change at once
+            self._inflate_slip(wheels, self._travel_model.linearize(
+                self.x, wheels, extra_variance))
+        sides = self._travel_model.linearize(self.x, wheels, extra_variance)
+        self.forces.detect_ground_change(sides)
+        nis = self._ekf.correct(self._constraint(sides, self._ekf.x, wheels.duration))
+        self._restart_travel(wheels)
         if max(map(abs, wheels.side_speeds)) >= self._params.robot.slip.standstill_speed:
             self.nis += NIS_GAIN * (nis - self.nis)  # stationary wheels have no noise
 
@@ -105,12 +109,24 @@ class SlipFilter:
         """
         return (NIS_INFLATION * max(0.0, self.nis - 1.0) * max(map(abs, wheels.side_speeds))) ** 2
 
-    def _shift_stamp_errors(self) -> None:
-        """Move the last stamp error to the previous one; the new one is independent."""
-        Q = np.zeros((N, N))
-        jitter = max(self._params.robot.encoder.stamp_jitter, MIN_STAMP_JITTER)
-        Q[State.STAMP_ERROR, State.STAMP_ERROR] = jitter ** 2
-        self._ekf.predict(STAMP_SHIFT @ self._ekf.x, STAMP_SHIFT, Q)
+    def _restart_travel(self, wheels: WheelMeasurement) -> None:
+        """
+        Count the rolled distance from the wheel sample on.
+
+        Positions are exact references, whatever the error of their timestamps. Without them the
+        distance is counted from the timestamp.
+        """
+        x, F, Q = self._ekf.x.copy(), np.eye(N), np.zeros((N, N))
+        for travel, slip_vel, speed, after in zip(
+                TRAVELS, SLIP_VELS, wheels.side_speeds, wheels.travel_after):
+            Q[travel, travel] = TRAVEL_RESET_SIGMA ** 2
+            if wheels.from_positions:
+                x[travel] -= wheels.duration * speed
+            else:
+                x[travel] = after
+                F[travel, travel] = 0.0
+                F[travel, State.V_X] = F[travel, slip_vel] = wheels.lag
+        self._ekf.predict(x, F, Q)
 
     def _inflate_slip(self, wheels: WheelMeasurement, sides: Measurement) -> None:
         """
@@ -119,14 +135,17 @@ class SlipFilter:
         They decay towards zero by the same share: with inflation alone the wheels would no longer
         constrain the speed, which the accelerometer of a vibrating robot would let diverge.
         """
-        variance = np.diag(sides.H @ self._ekf.P @ sides.H.T + sides.R)
+        dt = wheels.duration
+        variance = np.diag(sides.H @ self._ekf.P @ sides.H.T + sides.R) / dt ** 2
         share, prior = self._slip_process.update(
-            wheels, self._side_speed_model.ground_speeds(wheels), sides.z - sides.expected,
+            wheels, self._travel_model.ground_speeds(wheels), (sides.z - sides.expected) / dt,
             np.sqrt(variance), self._accel_density)
         F, Q = np.eye(N), np.zeros((N, N))
-        for row in SLIP_VELS:
+        for row, travel in zip(SLIP_VELS, TRAVELS):  # the change may have occurred at any time
             F[row, row] = math.sqrt(1.0 - share)
-        Q[SLIP_VEL_ROWS, SLIP_VEL_ROWS] = share * prior
+            F[travel, row] = dt * (F[row, row] - 1.0)
+        rows = [*SLIP_VELS, *TRAVELS]
+        Q[np.ix_(rows, rows)] = share * np.kron([[1.0, dt], [dt, dt ** 2]], prior)
         Q[State.ICR_X, State.ICR_X] = share * (
             ICR_CHANGE_SHARE * self._params.robot.wheelbase) ** 2
         self._ekf.predict(F @ self._ekf.x, F, Q)
@@ -180,7 +199,7 @@ class SlipFilter:
     def correct_delayed_speed(self, delayed: DelayedSpeed) -> None:
         """Correct with a speed over ground at an earlier time, as measured by the films."""
         x, H = self.x, np.zeros((1, N))
-        arm = self._side_speed_model.arms[delayed.side]
+        arm = self._travel_model.arms[delayed.side]
         expected = (x[State.V_X] - delayed.speed_change
                     + arm * (delayed.gyro_z - x[State.GYRO_BIAS_Z]))
         H[0, State.V_X], H[0, State.GYRO_BIAS_Z] = 1.0, -arm
@@ -213,6 +232,12 @@ def initial_state(params: SlipEstimatorParams) -> tuple[Array, Array]:
         robot.imu.accel_bias, GRAVITY * MOUNTING_TILT_SIGMA)
     sigma[State.SLIP_VEL_L] = sigma[State.SLIP_VEL_R] = INITIAL_SPEED_SIGMA
     sigma[State.ICR_X] = params.icr_x_sigma * robot.wheelbase
-    sigma[State.STAMP_ERROR] = sigma[State.PREV_STAMP_ERROR] = robot.encoder.stamp_jitter
+    sigma[State.TRAVEL_L] = sigma[State.TRAVEL_R] = TRAVEL_RESET_SIGMA
     x[State.ICR_X] = params.icr_x
+    sigma[list(IDLE_SIGMAS)] = list(IDLE_SIGMAS.values())
+    sigma[State.LN_STIFFNESS] = params.ground_stiffness_sigma
+    sigma[State.LN_RATIO] = params.ground_friction_sigma
+    x[State.DRAG], sigma[State.DRAG] = DRAG_MEAN, DRAG_SIGMA
+    sigma[State.TORQUE_SCALE] = robot.motor.torque_constant_sigma
+    sigma[TORQUE_OFFSETS] = TORQUE_OFFSET_SIGMA
     return x, np.diag(sigma ** 2)

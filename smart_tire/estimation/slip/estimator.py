@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+import math
 from typing import Any, Protocol
 
 from smart_tire.arrays import Array
@@ -18,6 +19,7 @@ from smart_tire.estimation.slip.state import State
 from smart_tire.estimation.slip.wheel_correction import WheelCorrector
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.samples import Friction, ImuSample, NS_PER_S, WheelSample
+from smart_tire.uncertain import Uncertain
 
 
 class EstimatorRecorder(StateRecorder, Protocol):
@@ -111,6 +113,7 @@ class SlipSegment:
             recorder.restart()
         robot = params.robot
         self._latency = robot.encoder.latency
+        self._automatic = params.force_balance == 'auto'
         self._dropped = dropped
         self._recorder = recorder
         self._films = FilmSlipBuffer(robot) if robot.slip.film_aided else None
@@ -149,6 +152,7 @@ class SlipSegment:
         self._predict([sample for sample in samples if isinstance(sample, ImuSample)])
         self._predictor.bridge_dropout(
             self._seconds(instant_ns), self.wheels.odometry.side_speeds)
+        self._enable_forces(samples)
         for sample in samples:
             if isinstance(sample, WheelSample) and not self.wheels.correct(
                     self._seconds(sample.stamp_ns) - self._latency, sample):
@@ -157,6 +161,13 @@ class SlipSegment:
             self._correct_with_films(self._films, instant_ns)
         self._closed_ns = instant_ns
         return self._estimates(instant_ns)
+
+    def _enable_forces(self, samples: list[Any]) -> None:
+        """Enable the force balance once there are films or torques, if it is automatic."""
+        if self._automatic and not self.filter.forces.enabled:
+            efforts = (sample.effort for sample in samples if isinstance(sample, WheelSample))
+            self.filter.forces.enabled = self._films_used > 0 or any(
+                effort is not None and any(map(math.isfinite, effort)) for effort in efforts)
 
     def _seconds(self, stamp_ns: int) -> float:
         assert self._origin_ns is not None
@@ -175,6 +186,8 @@ class SlipSegment:
             delayed = films.delayed_speed(film, self._seconds(film.stamp_ns))
             if delayed is not None:
                 self.filter.correct_delayed_speed(delayed)
+                self.filter.forces.correct_adhesion(
+                    film.wheel, film.ratio, Uncertain(film.slip, film.sigma))
                 self._films_used += 1
 
     def _estimates(self, instant_ns: int) -> list[EstimateRecord]:
@@ -184,8 +197,9 @@ class SlipSegment:
             return []
         context = OutputContext(
             instant_ns, self._seconds(instant_ns) - predictor.time, imu, predictor.imu.vibration,
-            wheels.odometry.wheel_residual, predictor.time, wheels.period_center)
+            wheels.odometry.wheel_residual, predictor.time, wheels.period_center,
+            self.filter.forces.active)
         if self._recorder is not None:
             self._recorder.record_output(context, x, P)
         return self._output.build(
-            context, x, P, predictor.unobserved_slip.sigma(x, imu.yaw_rate))
+            context, x, P, predictor.slip_change_sigma(imu.yaw_rate))

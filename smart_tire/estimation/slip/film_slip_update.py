@@ -21,6 +21,7 @@ from smart_tire.estimation.slip.state import DelayedSpeed
 from smart_tire.estimation.slip.wheel_model import WHEEL_SPEED_SIGMA
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import Friction, NS_PER_S, WHEELS
+from smart_tire.uncertain import Uncertain, UNKNOWN
 
 # From a crossing to its use. It is reported after 0.4 s at 60 rpm, 0.8 s at 20 rpm, and 0.1 s
 # later with wheel samples at 4 Hz: once the wheel has rolled on and its angle can be smoothed.
@@ -62,6 +63,7 @@ class FilmSlip:
     stamp_ns: int     # of the crossing
     slip: float       # -, B(3)'s lambda
     sigma: float
+    ratio: Uncertain = UNKNOWN  # -, adhesion ratio
 
 
 class FilmSlipBuffer:
@@ -95,7 +97,8 @@ class FilmSlipBuffer:
         if due_ns <= now_ns:
             return False
         self._newest[wheel] = sample.stamp_ns
-        heapq.heappush(self._waiting, FilmSlip(due_ns, wheel, sample.stamp_ns, slip, sigma))
+        heapq.heappush(self._waiting, FilmSlip(due_ns, wheel, sample.stamp_ns, slip, sigma,
+                                               sample.adhesion_ratio))
         return True
 
     def pop_due(self, instant_ns: int) -> list[FilmSlip]:

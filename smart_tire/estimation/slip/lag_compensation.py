@@ -33,6 +33,12 @@ def compensate_lag(states: Iterable[SmoothedState]) -> Iterator[SmoothedState]:
             yield from waiting
             waiting.clear()
             last, segment = None, state.segment
+        if state.context.by_forces:  # the slip velocity is that of the state's time
+            yield from waiting
+            waiting.clear()
+            last = None
+            yield state
+            continue
         knot = state.context.wheel_time, [state.x[row] for row in ROWS]
         if last is None or knot[0] > last[0]:
             while waiting and waiting[0].context.time < knot[0]:

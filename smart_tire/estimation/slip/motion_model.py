@@ -11,7 +11,8 @@ import numpy as np
 from smart_tire.arrays import Array
 from smart_tire.estimation.slip.kinematics import SlipKinematics
 from smart_tire.estimation.slip.slip_process import MIN_SLIP_VELOCITY
-from smart_tire.estimation.slip.state import ImuReading, ImuStep, N, SLIP_VELS, State
+from smart_tire.estimation.slip.state import (
+    ImuReading, ImuStep, N, SIDE_SIGNS, SLIP_VEL_ROWS, SLIP_VELS, State, TRAVELS)
 from smart_tire.models.constants import GRAVITY
 from smart_tire.parameters import SlipEstimatorParams
 
@@ -19,6 +20,16 @@ SPEED_RANDOM_WALK = 0.002       # m/s per sqrt(s), errors of the planar model
 GYRO_BIAS_RANDOM_WALK = 2e-5    # rad/s per sqrt(s): 10 degrees per hour after five minutes
 ACCEL_BIAS_RANDOM_WALK = 5e-4   # m/s2 per sqrt(s)
 SLOPE_CORRELATION_LENGTH = 5.0  # m, of the ground
+FORCE_RANDOM_WALK = 10.0        # m/s2 per sqrt(s), of the specific force: 1 m/s2 in 10 ms
+YAW_ACCEL_RANDOM_WALK = 20.0    # rad/s2 per sqrt(s), of the yaw acceleration
+IDLE_SIGMAS = {                 # of states that are not used while the IMU drives the prediction
+    State.FORCE_X: 10.0, State.FORCE_Y: 10.0,      # m/s2
+    State.YAW_RATE: 10.0, State.YAW_ACCEL: 10.0}   # rad/s, rad/s2
+COMMON_SLIP_RANDOM_WALK = 0.22  # m/s per sqrt(s), of a slip that the force balance follows
+SLIP_DIFFERENCE_RANDOM_WALK = 0.022  # m/s per sqrt(s), of each side against the other
+GROUND_LENGTH = 300.0           # m, over which properties of the ground return to their priors
+DRAG_MEAN, DRAG_SIGMA = 0.02, 0.04  # -, prior of the rolling resistance: concrete to sand
+TORQUE_SCALE_RANDOM_WALK = 5e-4  # per sqrt(s), of the torque constant: temperature of magnets
 
 
 class _Motion(NamedTuple):
@@ -41,12 +52,18 @@ class MotionModel:
 
     The slip velocities and the slope of the ground decay; all other states that are not driven by
     the IMU are constant. The input holds biased measurements; the biases are states.
+
+    With ``by_forces`` the states of specific force and yaw rate, of which the IMU and the force
+    balance are measurements, drive the velocities. The noise of the IMU is then independent of
+    that of the prediction, and slip may change within milliseconds.
     """
 
     def __init__(self, params: SlipEstimatorParams) -> None:
         self._params = params
         self._kinematics = SlipKinematics(params.robot)
         self._x_imu, self._y_imu = params.robot.imu.position[:2]
+        self._arms = [self._y_imu + sign * 0.5 * params.robot.track_width for sign in SIDE_SIGNS]
+        self.by_forces = False
         # s, correlation time of a slip whose random walk is bounded by differential_slip_sigma
         self._slip_correlation_time = 2.0 * (
             params.differential_slip_sigma / max(params.slip_random_walk, 1e-6)) ** 2
@@ -54,9 +71,60 @@ class MotionModel:
     def predict(self, x: Sequence[float], step: ImuStep, dt: float
                 ) -> tuple[list[float], Array, Array]:
         """Return the state after ``dt``, its Jacobian and its process noise, both (N, N)."""
-        motion = self._motion(x, step.mean, dt)
-        return (_predicted(x, motion, dt), self._jacobian(x, motion, dt),
-                self._noise(x, motion, step, dt))
+        motion = self._motion(x, self._driving(x, step.mean), dt, rate=(
+            x[State.YAW_RATE] if self.by_forces else None))
+        predicted, F = _predicted(x, motion, dt), self._jacobian(x, motion, dt)
+        Q = self._noise(x, motion, step, dt)
+        for row, slip_vel, arm in zip(TRAVELS, SLIP_VELS, self._arms):
+            predicted[row] += dt * (arm * motion.yaw_rate + 0.5 * (
+                x[State.V_X] + predicted[State.V_X] + x[slip_vel] + predicted[slip_vel]))
+        self._predict_ground(predicted, F, Q, math.hypot(motion.b_x, motion.b_y) * dt)
+        if self.by_forces:
+            self._add_force_dynamics(x, predicted, F, Q, dt)
+        else:
+            for row, sigma in IDLE_SIGMAS.items():
+                F[row, row], Q[row, row] = 0.0, sigma ** 2
+        return predicted, F, Q
+
+    def _driving(self, x: Sequence[float], imu: ImuReading) -> ImuReading:
+        """Return the reading that drives the velocities."""
+        if not self.by_forces:
+            return imu
+        return imu._replace(force_x=x[State.FORCE_X] + x[State.ACCEL_BIAS_X],
+                            force_y=x[State.FORCE_Y] + x[State.ACCEL_BIAS_Y])
+
+    def _predict_ground(self, predicted: list[float], F: Array, Q: Array,
+                        distance: float) -> None:
+        """Let the properties of the ground return to their priors over ``distance`` [m]."""
+        decay = math.exp(-distance / GROUND_LENGTH)
+        for row, mean, sigma in ((State.LN_STIFFNESS, 0.0, self._params.ground_stiffness_sigma),
+                                 (State.LN_RATIO, 0.0, self._params.ground_friction_sigma),
+                                 (State.DRAG, DRAG_MEAN, DRAG_SIGMA)):
+            predicted[row] = mean + decay * (predicted[row] - mean)
+            F[row, row], Q[row, row] = decay, (1.0 - decay ** 2) * sigma ** 2
+
+    def _add_force_dynamics(self, x: Sequence[float], predicted: list[float], F: Array, Q: Array,
+                            dt: float) -> None:
+        """Replace the IMU by the states of specific force and yaw rate."""
+        predicted[State.YAW_RATE] += x[State.YAW_ACCEL] * dt
+        F[State.YAW_RATE, State.YAW_ACCEL] = dt
+        F[State.V_X, State.FORCE_X] = F[State.V_Y, State.FORCE_Y] = dt
+        F[State.V_X, State.YAW_RATE], F[State.V_Y, State.YAW_RATE] = (
+            x[State.V_Y] * dt, -x[State.V_X] * dt)
+        F[State.V_X, State.GYRO_BIAS_Z] = F[State.V_Y, State.GYRO_BIAS_Z] = 0.0
+        F[State.V_X, State.ACCEL_BIAS_X] = F[State.V_Y, State.ACCEL_BIAS_Y] = 0.0
+        for integral, rate, walk in ((State.V_X, State.FORCE_X, FORCE_RANDOM_WALK),
+                                     (State.V_Y, State.FORCE_Y, FORCE_RANDOM_WALK),
+                                     (State.YAW_RATE, State.YAW_ACCEL, YAW_ACCEL_RANDOM_WALK)):
+            variance = walk ** 2 * dt
+            Q[integral, integral] = 0.25 * dt ** 2 * variance
+            Q[integral, rate] = Q[rate, integral] = 0.5 * dt * variance
+            Q[rate, rate] = variance
+        for row in (State.V_X, State.V_Y):
+            Q[row, row] += SPEED_RANDOM_WALK ** 2 * dt
+        common, own = COMMON_SLIP_RANDOM_WALK ** 2 * dt, SLIP_DIFFERENCE_RANDOM_WALK ** 2 * dt
+        Q[SLIP_VEL_ROWS, SLIP_VEL_ROWS] = [[common + own, common - own],
+                                           [common - own, common + own]]
 
     def extrapolate(self, x: Sequence[float], imu: ImuReading, dt: float,
                     accel_share: float = 1.0) -> list[float]:
@@ -73,9 +141,9 @@ class MotionModel:
                 x[State.ACCEL_BIAS_Y] + yaw_rate * x[State.V_X] + GRAVITY * x[State.ROLL])
 
     def _motion(self, x: Sequence[float], imu: ImuReading, dt: float,
-                accel_share: float = 1.0) -> _Motion:
+                accel_share: float = 1.0, rate: float | None = None) -> _Motion:
         W = imu.yaw_rate - x[State.GYRO_BIAS_Z]
-        steady_x, steady_y = self.steady_force(x, W)
+        steady_x, steady_y = self.steady_force(x, W if rate is None else rate)
         a_x, a_y = accel_share * (imu.force_x - steady_x), accel_share * (imu.force_y - steady_y)
         b_x = x[State.V_X] + 0.5 * a_x * dt + self._y_imu * W
         b_y = x[State.V_Y] + 0.5 * a_y * dt - self._x_imu * W
@@ -109,8 +177,10 @@ class MotionModel:
         F[State.ROLL, State.ROLL] = F[State.PITCH, State.PITCH] = decay
         F[State.ROLL, State.PITCH] = decay * W * dt
         F[State.PITCH, State.ROLL] = -decay * W * dt
-        for row in SLIP_VELS:
+        for row, travel, arm in zip(SLIP_VELS, TRAVELS, self._arms):
             F[row, row] = motion.slip_decay
+            F[travel, row] = F[travel, State.V_X] = dt
+            F[travel, State.GYRO_BIAS_Z] = -arm * dt
         return F
 
     def _noise(self, x: Sequence[float], motion: _Motion, step: ImuStep, dt: float) -> Array:
@@ -124,6 +194,7 @@ class MotionModel:
         Q[State.ACCEL_BIAS_X] = Q[State.ACCEL_BIAS_Y] = ACCEL_BIAS_RANDOM_WALK ** 2 * dt
         for row, wheel in zip(SLIP_VELS, self._kinematics.wheel_speeds(x, step.mean.yaw_rate)):
             Q[row] = params.slip_random_walk ** 2 * (wheel ** 2 + MIN_SLIP_VELOCITY ** 2) * dt
+        Q[State.TORQUE_SCALE] = TORQUE_SCALE_RANDOM_WALK ** 2 * dt
         Q[State.ICR_X] = (params.icr_x_random_walk * params.robot.wheelbase) ** 2 * dt
         return np.diag(Q)
 

@@ -12,6 +12,7 @@ from smart_tire.arrays import Array
 from smart_tire.estimation.slip.kinematics import SlipKinematics
 from smart_tire.estimation.slip.motion_model import MotionModel
 from smart_tire.estimation.slip.state import ImuReading, State
+from smart_tire.estimation.slip.stiffness_prior import StiffnessPrior
 from smart_tire.models.vehicle.skid_steer import wheel_slip_ratio
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.rotation import quaternion
@@ -40,6 +41,7 @@ class OutputContext:
     wheel_residual: Four  # m/s, speed of each wheel minus the mean of its side
     time: float           # s, of the state
     wheel_time: float     # s, center of the period of the last wheel measurement
+    by_forces: bool = False  # the force balance is active
 
 
 class SlipOutputBuilder:
@@ -49,6 +51,7 @@ class SlipOutputBuilder:
         self._robot = params.robot
         self._kinematics = SlipKinematics(params.robot)
         self._motion_model = MotionModel(params)
+        self._stiffness_prior = StiffnessPrior(params)
 
     def build(self, context: OutputContext, x: Sequence[float], P: Array,
               slip_change_sigma: tuple[float, float] = (0.0, 0.0)) -> list[EstimateRecord]:
@@ -60,6 +63,8 @@ class SlipOutputBuilder:
         """
         # vibration hides the acceleration of the robot, which is then extrapolated less
         accel_share = 1.0 / (1.0 + (context.vibration / DRIVE_ACCELERATION) ** 2)
+        if context.by_forces:
+            x, P = self._stiffness_prior.condition(x, P)
         x = self._motion_model.extrapolate(
             x, context.imu, context.extrapolation, accel_share)
         twist, covariance = self._kinematics.base_twist(x, P, context.imu.yaw_rate)
@@ -67,7 +72,8 @@ class SlipOutputBuilder:
             self._odometry(context, x, P, twist, covariance),
             self._slip(context, x, P, slip_change_sigma)]
         if abs(twist[2]) > MIN_YAW_RATE:
-            records.append(Icr(context.instant_ns, x[State.ICR_X], twist[0] / twist[2]))
+            S = -twist[1] / twist[2] if context.by_forces else x[State.ICR_X]
+            records.append(Icr(context.instant_ns, S, twist[0] / twist[2]))
         return records
 
     def _odometry(self, context: OutputContext, x: Sequence[float], P: Array, twist: Vector3,

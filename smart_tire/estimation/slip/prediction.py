@@ -8,11 +8,11 @@ from smart_tire.estimation.slip.ekf import SlipFilter
 from smart_tire.estimation.slip.film_slip_update import FilmSlipBuffer
 from smart_tire.estimation.slip.imu_preprocessing import ImuPreprocessor, TrapezoidalMean
 from smart_tire.estimation.slip.kinematics import SlipKinematics
-from smart_tire.estimation.slip.odometry_buffer import OdometryBuffer
-from smart_tire.estimation.slip.state import ImuReading, ImuStep, State
+from smart_tire.estimation.slip.odometry_buffer import Motion, OdometryBuffer
+from smart_tire.estimation.slip.state import ImuReading, ImuStep, State, TRAVELS
 from smart_tire.estimation.slip.steering_efficiency import SteeringEfficiency
 from smart_tire.parameters import SlipEstimatorParams
-from smart_tire.samples import ImuSample
+from smart_tire.samples import Four, ImuSample
 
 IMU_DROPOUT = 0.1            # s without IMU samples (or 3 periods), then predict by the wheels
 ODOMETRY_YAW_CORRELATION_TIME = 2.0  # s, of the error of a yaw rate predicted by the wheels
@@ -77,6 +77,7 @@ class SlipPredictor:
         self.unobserved_slip = UnobservedSlip(self._kinematics)
         self.odometry = OdometryBuffer()
         self.time = 0.0  # s, of the filter state
+        self.wheel_residual: Four = (0.0, 0.0, 0.0, 0.0)  # m/s, wheel minus mean of its side
 
     def predict(self, samples: Iterable[tuple[float, ImuSample]]
                 ) -> list[tuple[float, ImuReading]]:
@@ -98,7 +99,16 @@ class SlipPredictor:
         if step is not None:
             self.blind.active = False
             self._advance(mean.end, step)
+            if self._filter.forces.enabled:
+                self._filter.forces.correct_balance(
+                    readings[-1][1], self.imu.vibration, self.wheel_residual)
         return readings
+
+    def slip_change_sigma(self, gyro_z: float) -> tuple[float, float]:
+        """Return the sigma [m/s] of both slip velocities in addition to the covariance."""
+        if self._filter.forces.active:  # the force balance follows the slip
+            return 0.0, 0.0
+        return self.unobserved_slip.sigma(self._filter.x, gyro_z)
 
     def bridge_dropout(self, now: float, side_speeds: tuple[float, float]) -> None:
         """Predict to ``now`` [s] by the side speeds [m/s] if the IMU samples have stopped."""
@@ -107,6 +117,7 @@ class SlipPredictor:
             return
         step = self.blind.step(self._filter, side_speeds, imu.slope_sigma)
         imu.reading = step.mean
+        self._filter.forces.active = False
         self._advance(now, step)
 
     def _advance(self, end: float, step: ImuStep) -> None:
@@ -115,10 +126,11 @@ class SlipPredictor:
         self._filter.predict(dt, step)
         after = self._filter.x
         rate = gyro_z - after[State.GYRO_BIAS_Z]
-        self.odometry.append(end, 0.5 * (before[State.V_X] + after[State.V_X]), rate)
+        self.odometry.append(end, Motion(0.5 * (before[State.V_X] + after[State.V_X]), rate, *(
+            (after[row] - before[row]) / dt for row in TRAVELS)))
         if self._films is not None:
             self._films.record_step(
                 end, after[State.V_X] - before[State.V_X], step.accel_variance * dt, rate * dt,
                 gyro_z, self._kinematics.wheel_speeds(after, gyro_z),
-                self.unobserved_slip.sigma(after, gyro_z))
+                self.slip_change_sigma(gyro_z))
         self.time = end

@@ -73,23 +73,28 @@ class RobustEkf:
         if self._recorder is not None:
             self._recorder.record_transition(x, P, F, next_x, ekf.P)
 
-    def correct(self, measurement: Measurement) -> float:
+    def correct(self, measurement: Measurement, considered: Sequence[int] = ()) -> float:
         """
         Correct the state; return the normalized innovation squared (NIS) over m.
 
         The variance of an innovation beyond ``OUTLIER_SIGMAS`` grows with its square: a single
-        outlier hardly changes the state, persistent innovations prevail in the end.
+        outlier hardly changes the state, persistent innovations prevail in the end. The states in
+        the rows ``considered`` are not corrected, but their errors are accounted for (Schmidt).
         """
         z, expected, H, R = measurement
-        ekf = self._ekf
-        y = z - expected
-        S = H @ ekf.P @ H.T + R
+        y, P = z - expected, self.P
+        S = H @ P @ H.T + R
         excess = np.maximum(y ** 2 / np.diag(S) / OUTLIER_SIGMAS ** 2, 1.0)
         if excess.max() > 1.0:
-            R = R + np.diag((excess - 1.0) * np.diag(S))
-        ekf.update(z[:, None], lambda x: H, lambda x: expected[:, None], R=R)
+            extra = np.diag((excess - 1.0) * np.diag(S))
+            R, S = R + extra, S + extra
+        K = np.linalg.solve(S, H @ P).T
+        K[list(considered)] = 0.0
+        keep = np.eye(self._size) - K @ H
+        self._ekf.x = self._ekf.x + (K @ y)[:, None]
+        self._ekf.P = keep @ P @ keep.T + K @ R @ K.T  # Joseph form, for any gain
         self._symmetrize()
-        return float((ekf.y.T @ ekf.SI @ ekf.y).item()) / len(z)
+        return float(y @ np.linalg.solve(S, y)) / len(z)
 
     def correct_states(self, rows: Sequence[int], z: Array, variances: Array) -> None:
         """Correct with direct measurements of the states in ``rows``."""

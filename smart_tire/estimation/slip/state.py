@@ -23,13 +23,27 @@ class State(IntEnum):
     SLIP_VEL_L = 10        # m/s, slip velocity r w - v_x of the left side
     SLIP_VEL_R = 11        # m/s
     ICR_X = 12             # m, S: x of the instantaneous centers of rotation
-    STAMP_ERROR = 13       # s, timestamp error of the last wheel sample
-    PREV_STAMP_ERROR = 14  # s, of the one before
+    TRAVEL_L = 13          # m, rolled distance of the left side since the last wheel sample
+    TRAVEL_R = 14          # m
+    FORCE_X = 15           # m/s2, specific force at the IMU without bias, body axes
+    FORCE_Y = 16           # m/s2
+    YAW_RATE = 17          # rad/s
+    YAW_ACCEL = 18         # rad/s2
+    LN_STIFFNESS = 19      # -, ln of C_x on the present ground over its calibrated value
+    LN_RATIO = 20          # -, ln of mu / C_x on the present ground over its prior
+    DRAG = 21              # -, rolling resistance coefficient of the present ground
+    TORQUE_SCALE = 22      # -, ln of the true over the nominal torque constant
+    TORQUE_OFFSET_FL = 23  # N m, of the measured torque of each motor
+    TORQUE_OFFSET_FR = 24
+    TORQUE_OFFSET_RL = 25
+    TORQUE_OFFSET_RR = 26
 
 
 N = len(State)
 SLIP_VELS = (State.SLIP_VEL_L, State.SLIP_VEL_R)
 SLIP_VEL_ROWS = slice(State.SLIP_VEL_L, State.SLIP_VEL_R + 1)
+TRAVELS = (State.TRAVEL_L, State.TRAVEL_R)
+TORQUE_OFFSETS = slice(State.TORQUE_OFFSET_FL, State.TORQUE_OFFSET_RR + 1)
 SIDE_SIGNS = (-1.0, 1.0)  # sign of the yaw rate in v_x of the left and of the right side
 
 
@@ -68,9 +82,11 @@ class DelayedSpeed:
 class WheelMeasurement:
     """Mean side speeds between two wheel samples, and the filtered motion over that period."""
 
-    duration: float                   # s
-    side_speeds: tuple[float, float]  # m/s, r w of the left and of the right side
-    ground_speed: float               # m/s, mean of the filtered V_X
-    yaw_rate: float                   # rad/s, mean of the filtered yaw rate
-    variance: float                   # (m/s)^2, of a side's speed due to quantization
-    from_positions: bool              # positions were differenced, so timestamp errors matter
+    duration: float                    # s
+    side_speeds: tuple[float, float]   # m/s, r w of the left and of the right side
+    ground_speed: float                # m/s, mean of the filtered V_X
+    yaw_rate: float                    # rad/s, mean of the filtered yaw rate
+    variance: float                    # (m/s)^2, of a side's speed due to quantization
+    travel_after: tuple[float, float]  # m, predicted travel from the sample to the state's time
+    lag: float                         # s, from the sample to the state's time
+    from_positions: bool               # positions were differenced; otherwise velocities

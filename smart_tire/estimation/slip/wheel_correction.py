@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from smart_tire.estimation.slip.ekf import SlipFilter
+from smart_tire.estimation.slip.odometry_buffer import Motion
 from smart_tire.estimation.slip.prediction import SlipPredictor
 from smart_tire.estimation.slip.radius_estimator import RadiusEstimator
 from smart_tire.estimation.slip.state import ImuReading, State, WheelMeasurement
@@ -35,15 +36,20 @@ class WheelCorrector:
         if wheels is None:
             return False
         imu = self._predictor.imu.reading
+        self._predictor.wheel_residual = self.odometry.wheel_residual
         if imu is None:
             return True
         self.period_center = time - 0.5 * wheels.duration
         self._correct_standstill(time, wheels)
         mean = self._predictor.odometry.mean(time - wheels.duration, time)
         if mean is not None:
-            self._correct_wheels(wheels, *mean)
-            if not self.stationary:
-                self._correct_free_rolling(wheels, imu)
+            self._correct_wheels(time, wheels, mean)
+        if self._filter.forces.active:  # they replace the priors on common slip and S
+            if sample.effort is not None:
+                self._filter.forces.correct_torques(sample.effort, self.odometry.wheel_residual)
+            return True
+        if mean is not None and not self.stationary:
+            self._correct_free_rolling(wheels, imu)
         self._filter.correct_lateral(imu.yaw_rate, wheels.duration)
         return True
 
@@ -63,14 +69,22 @@ class WheelCorrector:
         self._filter.correct_gyro_bias(
             standstill.rate, math.hypot(max(sigma, standstill.sigma), unwinding))
 
-    def _correct_wheels(self, wheels: WheelSpeeds, ground_speed: float, yaw_rate: float) -> None:
+    def _correct_wheels(self, time: float, wheels: WheelSpeeds, mean: Motion) -> None:
+        ground_speed, yaw_rate = mean.v_x, mean.yaw_rate
         self._predictor.blind.learn(wheels.side_speeds, yaw_rate, wheels.duration)
         half = 0.5 * self._robot.track_width * yaw_rate
         center = ground_speed + self._robot.imu.position[1] * yaw_rate
         self._predictor.unobserved_slip.ground_speeds = center - half, center + half
         self._filter.correct_wheels(WheelMeasurement(
             wheels.duration, wheels.side_speeds, ground_speed, yaw_rate, wheels.variance,
-            wheels.from_positions))
+            self._travel_after(time), self._predictor.time - time, wheels.from_positions))
+
+    def _travel_after(self, time: float) -> tuple[float, float]:
+        """Return the predicted travel [m] of the sides from ``time`` [s] to that of the filter."""
+        now = self._predictor.time
+        mean = self._predictor.odometry.mean(min(time, now), max(time, now))
+        lag = now - time
+        return (lag * mean.left, lag * mean.right) if mean is not None else (0.0, 0.0)
 
     def _correct_free_rolling(self, wheels: WheelSpeeds, imu: ImuReading) -> None:
         """Correct slip and wheel radius with the free-rolling prior."""

@@ -1,4 +1,4 @@
-"""Measurement model of the side speeds, B(7), plain and as printed."""
+"""Measurement model of the rolled distances, B(7), plain and as printed."""
 
 from __future__ import annotations
 
@@ -9,17 +9,19 @@ import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.estimation.slip.robust_ekf import Measurement
-from smart_tire.estimation.slip.state import N, SIDE_SIGNS, SLIP_VELS, State, WheelMeasurement
+from smart_tire.estimation.slip.state import (
+    N, SIDE_SIGNS, SLIP_VELS, State, TRAVELS, WheelMeasurement)
 from smart_tire.parameters import RobotParams
 
 WHEEL_SPEED_SIGMA = 0.003  # m/s, of a side, in addition to quantization and timestamps
 
 
-class SideSpeedModel:
+class TravelModel:
     """
-    Speed of each side: that of its wheel centers over ground plus its slip velocity.
+    Distance that the wheels of each side have rolled since the last sample.
 
-    Differenced positions also depend on the errors of both timestamps, which are states.
+    It is a state, so neither the change of slip between two samples nor the timestamp errors of
+    both, which are not independent, need a model of their own.
     """
 
     def __init__(self, robot: RobotParams) -> None:
@@ -34,39 +36,33 @@ class SideSpeedModel:
 
     def linearize(self, x: Sequence[float], wheels: WheelMeasurement,
                   extra_variance: float) -> Measurement:
-        """Return the side speeds as a measurement; ``extra_variance`` [m2/s2] is added to R."""
-        H, expected = np.zeros((2, N)), np.zeros(2)
-        for row, (arm, ground, slip_vel) in enumerate(
-                zip(self.arms, self.ground_speeds(wheels), SLIP_VELS)):
-            expected[row] = ground + x[slip_vel]
-            H[row, State.V_X] = H[row, slip_vel] = 1.0
-            H[row, State.GYRO_BIAS_Z] = -arm
-            if wheels.from_positions:
-                rate = expected[row] / wheels.duration
-                expected[row] -= rate * (x[State.STAMP_ERROR] - x[State.PREV_STAMP_ERROR])
-                H[row, State.STAMP_ERROR], H[row, State.PREV_STAMP_ERROR] = -rate, rate
-        return Measurement(np.array(wheels.side_speeds), expected, H,
-                           self._covariance(wheels, extra_variance))
-
-    def _covariance(self, wheels: WheelMeasurement, extra_variance: float) -> Array:
-        R = np.diag([wheels.variance + WHEEL_SPEED_SIGMA ** 2 + extra_variance] * 2)
-        if not wheels.from_positions:
-            jitter = math.sqrt(2.0) * self._stamp_jitter / wheels.duration
-            R += np.diag([(jitter * speed) ** 2 for speed in wheels.side_speeds])
-        return R
+        """Return both distances as a measurement; ``extra_variance`` [m2/s2] is that of speeds."""
+        H, expected, R = np.zeros((2, N)), np.zeros(2), np.zeros((2, 2))
+        # a mean velocity depends on two timestamps, of which each also enters its neighbor
+        jitter = self._stamp_jitter * (1.0 if wheels.from_positions else math.sqrt(2.0))
+        for row, (travel, slip_vel, after) in enumerate(
+                zip(TRAVELS, SLIP_VELS, wheels.travel_after)):
+            expected[row] = x[travel] - after
+            H[row, travel] = 1.0
+            H[row, State.V_X] = H[row, slip_vel] = -wheels.lag
+            R[row, row] = wheels.duration ** 2 * (
+                wheels.variance + WHEEL_SPEED_SIGMA ** 2 + extra_variance)
+        late = jitter * np.array(wheels.side_speeds)  # m, one timestamp for both sides
+        R += np.outer(late, late) if wheels.from_positions else np.diag(late ** 2)
+        return Measurement(wheels.duration * np.array(wheels.side_speeds), expected, H, R)
 
 
-def plain_constraint(measurement: Measurement, x: Array) -> Measurement:
-    """Return the side speeds unchanged."""
+def plain_constraint(measurement: Measurement, x: Array, duration: float) -> Measurement:
+    """Return the distances unchanged."""
     return measurement
 
 
-def printed_constraint(measurement: Measurement, x: Array) -> Measurement:
+def printed_constraint(measurement: Measurement, x: Array, duration: float) -> Measurement:
     """
-    Return the side speeds as printed in B(7): the mean speed, with lambda', and the yaw rate.
+    Return the distances as printed in B(7): the mean, with lambda', and the difference.
 
     Lambda' is 0 for a faster side that brakes and for a slower side that drives. ``x`` (N,) is
-    the state at which ``measurement`` was linearized.
+    the state at which ``measurement`` was linearized, ``duration`` [s] its period.
     """
     z, expected, H, R = measurement
     mix = np.array([[0.5, 0.5], [-1.0, 1.0]])
@@ -74,10 +70,10 @@ def printed_constraint(measurement: Measurement, x: Array) -> Measurement:
     faster = np.abs(z) >= np.abs(z[::-1])
     dropped = np.where(faster, slip_vels * z < 0.0, slip_vels * z > 0.0)
     H, expected = mix @ H, mix @ expected
-    expected[0] -= 0.5 * slip_vels[dropped].sum()
-    H[0, np.array(SLIP_VELS)[dropped]] = 0.0
+    expected[0] -= 0.5 * duration * slip_vels[dropped].sum()
+    H[0, np.array(SLIP_VELS)[dropped]] -= 0.5 * duration
     return Measurement(mix @ z, expected, H, mix @ R @ mix.T)
 
 
-CONSTRAINTS: dict[str, Callable[[Measurement, Array], Measurement]] = {
+CONSTRAINTS: dict[str, Callable[[Measurement, Array, float], Measurement]] = {
     'plain': plain_constraint, 'printed': printed_constraint}

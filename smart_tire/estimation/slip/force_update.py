@@ -1,0 +1,124 @@
+"""
+Corrections of the slip EKF by forces, and changes of the ground.
+
+The force balance corrects slip and lateral velocity at the rate of the IMU. The parameters of the
+ground are considered there (Schmidt-Kalman filter): their errors are part of the covariance, but
+only distances, film slips and torques correct them, through their correlation with the slips.
+Their Jacobians are forces, which are as noisy as the residuals of the balance: corrected by it,
+C_x would drift.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from smart_tire.arrays import Array
+from smart_tire.estimation.slip.force_model import ForceModel, MIN_ROLLING_SPEED
+from smart_tire.estimation.slip.robust_ekf import Measurement, RobustEkf
+from smart_tire.estimation.slip.state import ImuReading, N, State
+from smart_tire.parameters import SlipEstimatorParams
+from smart_tire.samples import Four
+from smart_tire.uncertain import Uncertain
+
+GROUND_CHANGE_SIGMAS = 3.0    # of two consecutive common innovations of the wheels, same sign
+RATIO_CHANGE_SIGMAS = 3.5     # of the innovation of one adhesion ratio
+CHANGED_DRAG_SIGMA = 0.05     # -, of the rolling resistance on new ground
+MEAN_TORQUE_GAIN = 0.2        # weight of a new sample in the mean torques
+
+GROUND_ROWS = (State.LN_STIFFNESS, State.LN_RATIO, State.DRAG)
+
+
+class ForceUpdate:
+    """
+    Corrects the filter by forces while ``enabled`` and rolling fast enough: ``active``.
+
+    ``ground_changes`` counts the detected changes of the ground.
+    """
+
+    def __init__(self, params: SlipEstimatorParams, ekf: RobustEkf) -> None:
+        robot = params.robot
+        self._ekf, self._imu = ekf, robot.imu
+        self._model = ForceModel(robot)
+        self._sigmas = (params.ground_stiffness_sigma, params.ground_friction_sigma,
+                        CHANGED_DRAG_SIGMA)
+        self._last_score = 0.0
+        self._mean_torques: Array = np.zeros(4)
+        self.enabled = params.force_balance == 'on'
+        self.active = False
+        self.ground_changes = 0
+
+    def correct_balance(self, imu: ImuReading, vibration: float, residual: Four) -> None:
+        """Correct with a reading of the IMU and the force balance."""
+        x = self._ekf.x
+        H = np.zeros((3, N))
+        for i, (row, bias) in enumerate(((State.FORCE_X, State.ACCEL_BIAS_X),
+                                         (State.FORCE_Y, State.ACCEL_BIAS_Y),
+                                         (State.YAW_RATE, State.GYRO_BIAS_Z))):
+            H[i, row] = H[i, bias] = 1.0
+        force = self._imu.accel_noise ** 2 + vibration ** 2
+        self._ekf.correct(Measurement(
+            np.array([imu.force_x, imu.force_y, imu.yaw_rate]), H @ x, H,
+            np.diag([force, force, self._imu.gyro_noise ** 2])))
+        rolling = self._model.wheels(self._ekf.x.tolist(), residual).rolling
+        self.active = self.enabled and min(
+            abs(rolling[0] + rolling[2]), abs(rolling[1] + rolling[3])) > 2.0 * MIN_ROLLING_SPEED
+        if not self.active:
+            self._last_score = 0.0
+            return
+        self._ekf.correct(self._iterated(residual), considered=GROUND_ROWS)
+
+    def _iterated(self, residual: Four) -> Measurement:
+        """Return the balance, linearized where it is fulfilled: slip is nonlinear at low speed."""
+        before, P = self._ekf.x, self._ekf.P
+        z, expected, H, R = self._model.balance(before.tolist(), residual)
+        step = P @ H.T @ np.linalg.solve(H @ P @ H.T + R, z - expected)
+        step[list(GROUND_ROWS)] = 0.0
+        z, expected, H, R = self._model.balance((before + step).tolist(), residual)
+        return Measurement(z, expected - H @ step, H, R)
+
+    def correct_torques(self, torques: Four, residual: Four) -> None:
+        """Correct with the measured motor torques [N m], NaN where unknown."""
+        if not self.active:
+            return
+        measurement = self._model.torques(
+            self._ekf.x.tolist(), torques, residual, self._mean_torques)
+        new = np.where(np.isfinite(torques), torques, self._mean_torques)
+        self._mean_torques = self._mean_torques + MEAN_TORQUE_GAIN * (new - self._mean_torques)
+        if measurement is not None:
+            self._ekf.correct(measurement, considered=GROUND_ROWS[:2])
+
+    def correct_adhesion(self, wheel: int, ratio: Uncertain, slip: Uncertain) -> None:
+        """Correct mu / C_x with the adhesion ratio and the slip that the films measured."""
+        measurement = self._model.adhesion(self._ekf.x.tolist(), wheel, ratio, slip)
+        if measurement is None:
+            return
+        z, expected, H, R = measurement
+        y = float(z[0] - expected[0])
+        if y * y > RATIO_CHANGE_SIGMAS ** 2 * float((H @ self._ekf.P @ H.T + R)[0, 0]):
+            self._change_ground()
+        self._ekf.correct(measurement)
+
+    def detect_ground_change(self, travels: Measurement) -> None:
+        """
+        Increase the uncertainty of the ground after two contradicting wheel samples.
+
+        ``travels`` are the distances rolled by both sides. A single late timestamp is followed by
+        an innovation of the opposite sign.
+        """
+        if not self.active:
+            return
+        S = travels.H @ self._ekf.P @ travels.H.T + travels.R
+        score = float((travels.z - travels.expected).sum()) / math.sqrt(float(S.sum()))
+        last, self._last_score = self._last_score, score
+        if score * last > 0.0 and min(abs(score), abs(last)) > GROUND_CHANGE_SIGMAS:
+            self._change_ground()
+            self._last_score = 0.0
+
+    def _change_ground(self) -> None:
+        Q, P = np.zeros((N, N)), self._ekf.P
+        for row, sigma in zip(GROUND_ROWS, self._sigmas):
+            Q[row, row] = max(sigma ** 2 - P[row, row], 0.0)
+        self._ekf.predict(self._ekf.x, np.eye(N), Q)
+        self.ground_changes += 1
