@@ -130,6 +130,18 @@ class Icr:
 
 
 @dataclass(frozen=True, slots=True)
+class GroundState:
+    """Tire and drive on the present ground, from the balance of forces of the robot."""
+
+    stamp_ns: int
+    stiffness: Uncertain           # N, C_x of the present ground
+    rolling_resistance: Uncertain  # -, over the load
+    torque_scale: Uncertain        # -, true over nominal torque constant
+    # -, of the error of ln C_x with that of the slip of the left and of the right side
+    slip_correlation: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
 class Friction:
     """
     Estimates of one patch crossing of a wheel's films.
@@ -163,4 +175,4 @@ FRICTION_QUANTITIES = tuple(one.name for one in fields(Friction) if one.default 
 
 
 Sample = (ImuSample | WheelSample | TireSample | BatterySample | VelocityCommand | WheelCommand
-          | MotorCommand | Odometry | WheelSlip | Icr | Friction)
+          | MotorCommand | Odometry | WheelSlip | Icr | GroundState | Friction)

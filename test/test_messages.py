@@ -16,13 +16,13 @@ import pytest
 from smart_tire.bags.definitions import empty, Encoder, typestore
 from smart_tire.errors import MessageError
 from smart_tire.messages import (
-    find_topic, friction_from_msg, imu_from_msg, imu_to_msg, motor_command_from_msg,
-    odometry_from_msg, odometry_to_msg, stamp_of, tire_from_msg, tire_to_msg, topic_of, TOPICS,
-    transform_to_msg, velocity_from_msg, wheel_slip_from_msg, wheel_slip_to_msg, wheels_from_msg,
-    wheels_to_msg)
+    find_topic, friction_from_msg, ground_state_from_msg, ground_state_to_msg, imu_from_msg,
+    imu_to_msg, motor_command_from_msg, odometry_from_msg, odometry_to_msg, stamp_of,
+    tire_from_msg, tire_to_msg, topic_of, TOPICS, transform_to_msg, velocity_from_msg,
+    wheel_slip_from_msg, wheel_slip_to_msg, wheels_from_msg, wheels_to_msg)
 from smart_tire.samples import (
-    BatterySample, Friction, FRICTION_QUANTITIES, Icr, ImuSample, MotorCommand, Odometry, Sample,
-    TireSample, VelocityCommand, WheelCommand, WHEELS, WheelSample, WheelSlip)
+    BatterySample, Friction, FRICTION_QUANTITIES, GroundState, Icr, ImuSample, MotorCommand,
+    Odometry, Sample, TireSample, VelocityCommand, WheelCommand, WHEELS, WheelSample, WheelSlip)
 from smart_tire.uncertain import Uncertain, UNKNOWN
 
 STAMP = 1_700_000_000_123_456_789
@@ -44,6 +44,8 @@ SAMPLES = [
              COVARIANCE, COVARIANCE[::-1]),
     WheelSlip(STAMP, (0.1, -1.0, 0.0, 1.0), FOUR, (0.01, 0.02, 1.0, math.inf)),
     Icr(STAMP, 0.02, -1.5),
+    GroundState(STAMP, Uncertain(25.0, 1.5), Uncertain(0.05, math.inf), Uncertain(1.0, 0.05),
+                (-0.9, 0.25)),
     Friction(STAMP, 'rear_right', **dict.fromkeys(FRICTION_QUANTITIES, Uncertain(0.5, math.inf))),
 ]
 
@@ -279,6 +281,28 @@ def test_a_slip_ratio_may_be_nan_but_not_its_sigma(new):
     msg.effort = [1.0, 0.1, math.nan, 0.1]
     with pytest.raises(MessageError, match='^wheel_slip: effort'):
         wheel_slip_from_msg(msg)
+
+
+def test_the_ground_state_is_found_by_name_in_any_order_among_other_quantities():
+    sample = next(sample for sample in SAMPLES if isinstance(sample, GroundState))
+    msg = ground_state_to_msg(joints(), sample)
+    assert list(msg.effort)[-2:] == [0.0, 0.0]  # a correlation has no standard deviation
+    for field in ('name', 'position', 'effort'):
+        other = 'other' if field == 'name' else 5.0
+        setattr(msg, field, [other, *reversed(getattr(msg, field))])
+    assert ground_state_from_msg(msg) == sample
+
+
+@pytest.mark.parametrize(('change', 'named'), [
+    ({'name': ['stiffness'] * 5}, 'name'), ({'position': [1.0] * 4}, 'position'),
+    ({'effort': [math.nan] * 5}, 'effort')])
+def test_an_invalid_ground_state_is_refused_by_field(change, named):
+    msg = ground_state_to_msg(joints(), next(
+        sample for sample in SAMPLES if isinstance(sample, GroundState)))
+    for field, value in change.items():
+        setattr(msg, field, value)
+    with pytest.raises(MessageError, match=f'^ground_state: {named} '):
+        ground_state_from_msg(msg)
 
 
 def test_missing_friction_quantities_are_unknown():

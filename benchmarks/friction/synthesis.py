@@ -96,4 +96,5 @@ class CrossingSynthesizer:
         case = self._case
         lateral = case.speed * math.sqrt(max(case.total_slip**2 - case.slip**2, 0.0))
         return WheelMotion(Uncertain(case.slip, TRUE_SLIP_SIGMA), Uncertain(-lateral, 0.0),
-                           Uncertain(LOAD, 0.0), stiffness_sigma=0.0)
+                           Uncertain(LOAD, 0.0), stiffness=Uncertain(
+                               self._robot.tire.longitudinal_stiffness, 0.0))

@@ -15,12 +15,12 @@ from smart_tire.parameters import (
     build, FrictionEstimatorParams, known_names, load_files, NODE_PARAMS, RobotParams,
     SlipEstimatorParams, specs)
 from smart_tire.samples import (
-    Friction, Icr, ImuSample, Odometry, Sample, WheelSample, WheelSlip)
+    Friction, GroundState, Icr, ImuSample, Odometry, Sample, WheelSample, WheelSlip)
 
 INPUTS, ESTIMATES = streams.INPUTS, streams.ESTIMATES
 TRUTHS = tuple(f'ground_truth/{name}' for name in ('odom', 'wheel_slip', 'tire_friction'))
 
-EstimateRecord = Odometry | WheelSlip | Icr | Friction
+EstimateRecord = Odometry | WheelSlip | Icr | GroundState | Friction
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class FrictionStage:
     def update(self, sample: Sample) -> list[EstimateRecord]:
         """Process output of the slip stage, in order."""
         estimates: list[EstimateRecord] = []
-        if isinstance(sample, (Odometry, WheelSlip, Icr)):
+        if isinstance(sample, (Odometry, WheelSlip, Icr, GroundState)):
             estimates.append(sample)
         if type(sample) in streams.FRICTION.inputs:
             estimates += self._friction.update(sample)
@@ -108,7 +108,8 @@ class EstimatedFriction:
 
     def update(self, sample: Sample) -> list[EstimateRecord]:
         """Return the estimates in the output of the slip stage."""
-        return [sample] if isinstance(sample, (Odometry, WheelSlip, Icr, Friction)) else []
+        return [sample] if isinstance(
+            sample, (Odometry, WheelSlip, Icr, GroundState, Friction)) else []
 
     @property
     def late(self) -> Counter[str]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from smart_tire.rotation import euler
 from smart_tire.samples import (
-    Friction, NS_PER_S, Odometry, Sample, TireSample, WheelSample, WheelSlip)
+    Friction, GroundState, NS_PER_S, Odometry, Sample, TireSample, WheelSample, WheelSlip)
 
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -69,17 +69,28 @@ class SlipSeries:
     sigma: Floats  # (n, 4)
 
 
+@dataclass(frozen=True)
+class GroundSeries:
+    """Stiffness of the ground, rolling resistance and scale of the motor torque."""
+
+    stamp_ns: Stamps
+    value: Floats  # (n, 3) N, -, -
+    sigma: Floats  # (n, 3)
+
+
 class Series:
-    """Samples of a recording: poses, slips, crossings, film voltages and wheel speeds."""
+    """Samples of a recording: poses, slips, ground, crossings, film voltages, wheel speeds."""
 
     def __init__(self) -> None:
         self._poses = Table(18)
         self._slips = Table(8)
+        self._grounds = Table(6)
         self._speeds = Table(4)
         self._films: dict[tuple[str, int], Table] = {}
         self.crossings: list[Friction] = []
         self._handlers: dict[type, Callable[[Any], None]] = {
-            Odometry: self._add_odometry, WheelSlip: self._add_slip, Friction: self._add_friction,
+            Odometry: self._add_odometry, WheelSlip: self._add_slip,
+            GroundState: self._add_ground, Friction: self._add_friction,
             TireSample: self._add_films, WheelSample: self._add_wheels}
 
     def add(self, sample: Sample) -> None:
@@ -100,6 +111,11 @@ class Series:
         """Return the slips of the four wheels."""
         stamps, rows = self._slips.arrays()
         return SlipSeries(stamps, rows[:, :4], rows[:, 4:])
+
+    def grounds(self) -> GroundSeries:
+        """Return the states of the ground."""
+        stamps, rows = self._grounds.arrays()
+        return GroundSeries(stamps, rows[:, :3], rows[:, 3:])
 
     def speeds(self) -> tuple[Stamps, Floats]:
         """Return timestamps and the four wheel speeds [rad/s]."""
@@ -126,6 +142,11 @@ class Series:
 
     def _add_slip(self, sample: WheelSlip) -> None:
         self._slips.add(sample.stamp_ns, sample.ratio + sample.sigma)
+
+    def _add_ground(self, sample: GroundState) -> None:
+        estimates = sample.stiffness, sample.rolling_resistance, sample.torque_scale
+        self._grounds.add(sample.stamp_ns, [*(estimate.value for estimate in estimates),
+                                            *(estimate.sigma for estimate in estimates)])
 
     def _add_friction(self, sample: Friction) -> None:
         self.crossings.append(sample)

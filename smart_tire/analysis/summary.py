@@ -17,6 +17,7 @@ from smart_tire.samples import Friction, WHEELS
 
 Tree = dict[str, Any]
 WHOLE = 'whole recording'
+GROUND_NAMES = 'stiffness', 'rolling_resistance', 'torque_scale'
 SIGNIFICANT_DIGITS = 6  # more than any estimate has
 
 
@@ -51,6 +52,11 @@ def estimates_tree(estimates: Series) -> Tree:
             moving = np.isfinite(ratio)
             tree['wheel_slip'][side] = {'mean': _mean(ratio[moving]),
                                         'mean_sigma': _mean(sigma[moving])}
+    if len((ground := estimates.grounds()).stamp_ns):
+        values, sigmas = (np.median(rows, axis=0) for rows in (ground.value, ground.sigma))
+        tree['ground_state'] = {'messages': len(ground.stamp_ns), **{
+            name: {'median': value, 'median_sigma': sigma}
+            for name, value, sigma in zip(GROUND_NAMES, values, sigmas)}}
     tree['tire_friction'] = {wheel: _wheel_tree(own) for wheel in WHEELS
                              if (own := [p for p in estimates.crossings if p.wheel == wheel])}
     return plain(tree)

@@ -39,8 +39,8 @@ START_TIMEOUT = 20.0          # s until all nodes run
 DASHBOARD_PERIOD = 0.25       # s between two updates
 EXPECTED_TOPICS = (
     'imu/data', 'wheel_states', 'tire_samples', 'tire_battery', 'odom', 'wheel_slip', 'icr',
-    'tire_friction', 'cmd_vel', 'wheel_commands', 'motor_commands', 'ground_truth/odom',
-    'ground_truth/wheel_slip', 'ground_truth/tire_friction', '/diagnostics')
+    'ground_state', 'tire_friction', 'cmd_vel', 'wheel_commands', 'motor_commands',
+    'ground_truth/odom', 'ground_truth/wheel_slip', 'ground_truth/tire_friction', '/diagnostics')
 PORTS = ('tire_radio', 'imu', 'motors')
 FILES = ('demo.yaml', 'conversions.csv', 'summary.json')
 

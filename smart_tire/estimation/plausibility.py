@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from smart_tire.arrays import Array
 from smart_tire.samples import (
-    ImuSample, MAX_ANGULAR_RATE, MAX_SPECIFIC_FORCE, MAX_WHEEL_SPEED, Odometry, TireSample,
-    WheelSample, WheelSlip)
+    GroundState, ImuSample, MAX_ANGULAR_RATE, MAX_SPECIFIC_FORCE, MAX_WHEEL_SPEED, Odometry,
+    TireSample, WheelSample, WheelSlip)
 
 MAX_SLIP_SIGMA = 1e3           # -, finite ones beyond are errors: slip is in [-1, 1]
 MAX_RATE_CHANGE = 5.0          # rad/s between two IMU samples; no robot yaws so abruptly
@@ -26,7 +26,8 @@ SPEED_NOISE_FACTOR = 8.0       # times the median deviation, in addition
 MAX_ANGLE_DEVIATION = 1.0      # rad of a wheel, from its integrated speed
 
 
-def is_possible(sample: ImuSample | WheelSample | TireSample | Odometry | WheelSlip) -> bool:
+def is_possible(sample: (ImuSample | WheelSample | TireSample | Odometry | WheelSlip
+                         | GroundState)) -> bool:
     """Return whether a robot and its sensors can have produced ``sample``; False for NaN."""
     match sample:
         case TireSample():  # by far the most frequent
@@ -41,6 +42,10 @@ def is_possible(sample: ImuSample | WheelSample | TireSample | Odometry | WheelS
         case WheelSlip():  # the slip of a stationary wheel is NaN
             return not any(abs(ratio) > 1.0 for ratio in sample.ratio) and all(
                 0.0 <= sigma <= MAX_SLIP_SIGMA or sigma == inf for sigma in sample.sigma)
+        case GroundState():  # what friction is estimated with
+            stiffness, sigma = sample.stiffness
+            return (0.0 < stiffness < inf and 0.0 <= sigma < inf
+                    and all(abs(one) <= 1.0 for one in sample.slip_correlation))
 
 
 def is_imu_spike(rate: float, force_x: float, force_y: float, vibration: float) -> bool:

@@ -7,14 +7,14 @@ arrive after their instant was closed are dropped and counted. No clock is read.
 
 Topics that are themselves estimates can be awaited: they leave their estimator a window after
 their timestamps, and at five times real time a busy computer delivers them later than any window.
-While such a topic is active, an instant is closed only when the topic has reached it. Without
-delays this changes nothing.
+While such a topic is active, an instant is closed only when the topic has reached it; samples of a
+periodic topic reach up to the next one. Without delays this changes nothing.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Mapping
 import heapq
 import itertools
 from typing import Any
@@ -36,14 +36,17 @@ class ReorderBuffer:
     Reorders samples of several topics on a grid of message time.
 
     ``late`` counts dropped samples per topic. ``resets`` counts jumps of the clock of all inputs,
-    after which the owner must reset its state; compare it after each ``push``.
+    after which the owner must reset its state; compare it after each ``push``. ``awaited`` are
+    topics with their periods [ns]; 0 for those with a sample at every grid instant.
     """
 
     def __init__(self, window_ns: int, grid_ns: int = GRID_NS,
-                 awaited: Iterable[str] = ()) -> None:
+                 awaited: Mapping[str, int] | None = None) -> None:
         self._window_ns = window_ns
         self._grid_ns = grid_ns
-        self._awaited = frozenset(awaited)
+        # topic -> ns after its newest timestamp in which there is no other sample of it
+        self._awaited = {topic: max(period_ns - grid_ns, 0)
+                         for topic, period_ns in (awaited or {}).items()}
         self.late: Counter[str] = Counter()
         self.resets = 0
         self.reset()
@@ -55,7 +58,7 @@ class ReorderBuffer:
         self._newest: int | None = None
         self._closed: int | None = None
         self._suspects: list[tuple[str, int, Any]] = []
-        self._reached: dict[str, int] = {}  # awaited topic -> its newest timestamp
+        self._reached: dict[str, int] = {}  # awaited topic -> latest instant that it allows
 
     def push(self, topic: str, stamp_ns: int, sample: Any) -> list[ClosedInstant]:
         """Add a sample; return the grid instants that it closes, with their samples."""
@@ -69,7 +72,8 @@ class ReorderBuffer:
 
     def _insert(self, topic: str, stamp_ns: int, sample: Any) -> None:
         if topic in self._awaited:
-            self._reached[topic] = max(stamp_ns, self._reached.get(topic, stamp_ns))
+            reached = stamp_ns + self._awaited[topic]
+            self._reached[topic] = max(reached, self._reached.get(topic, reached))
         if self._closed is not None and stamp_ns <= self._closed:
             self.late[topic] += 1
             return

@@ -11,9 +11,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from smart_tire.samples import (
-    Friction, Icr, ImuSample, Odometry, TireSample, WheelSample, WheelSlip)
+    Friction, GroundState, Icr, ImuSample, Odometry, TireSample, WheelSample, WheelSlip)
 
 Topics = Mapping[type[Any], str]  # class of the samples -> topic
+GROUND_STATE_PERIOD_NS = 64_000_000  # of message time: at grid instants that are multiples of it
 
 
 @dataclass(frozen=True)
@@ -27,13 +28,15 @@ class Streams:
 
 SLIP = Streams(
     inputs={ImuSample: 'imu/data', WheelSample: 'wheel_states'},
-    outputs={Odometry: 'odom', WheelSlip: 'wheel_slip', Icr: 'icr'},
+    outputs={Odometry: 'odom', WheelSlip: 'wheel_slip', Icr: 'icr', GroundState: 'ground_state'},
     aiding={Friction: 'tire_friction'})
 FRICTION = Streams(
     inputs={WheelSample: 'wheel_states', TireSample: 'tire_samples', Odometry: 'odom',
-            WheelSlip: 'wheel_slip'},
+            WheelSlip: 'wheel_slip', GroundState: 'ground_state'},
     outputs={Friction: 'tire_friction'})
 
+# samples of these topics hold until the next one: topic -> period [ns]
+HOLDING = {'ground_state': GROUND_STATE_PERIOD_NS}
 ESTIMATES = (*SLIP.outputs.values(), *FRICTION.outputs.values())
 
 

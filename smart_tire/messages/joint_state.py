@@ -14,11 +14,13 @@ from smart_tire.errors import MessageError
 from smart_tire.messages.header import (
     check_magnitude, not_finite_error, set_header, stamp_of, wheel_of)
 from smart_tire.samples import (
-    Four, Friction, FRICTION_QUANTITIES, MAX_WHEEL_SPEED, MotorCommand, TireSample, WheelCommand,
-    WHEELS, WheelSample, WheelSlip)
+    Four, Friction, FRICTION_QUANTITIES, GroundState, MAX_WHEEL_SPEED, MotorCommand, TireSample,
+    WheelCommand, WHEELS, WheelSample, WheelSlip)
 from smart_tire.uncertain import Uncertain
 
 QUANTITIES = frozenset(FRICTION_QUANTITIES)
+GROUND_QUANTITIES = ('stiffness', 'rolling_resistance', 'torque_scale', 'slip_correlation_left',
+                     'slip_correlation_right')
 LAYOUT_CACHE_SIZE = 64  # lists of names; a robot has about ten
 
 
@@ -140,6 +142,36 @@ def wheel_slip_to_msg(msg: Any, sample: WheelSlip) -> Any:
     set_header(msg, sample.stamp_ns, 'base_link')
     msg.name = WHEELS
     msg.position, msg.velocity, msg.effort = sample.ratio, sample.slip_velocity, sample.sigma
+    return msg
+
+
+@lru_cache(LAYOUT_CACHE_SIZE)
+def _ground_indices(names: tuple[str, ...]) -> tuple[int, ...]:
+    if any(names.count(name) != 1 for name in GROUND_QUANTITIES):
+        raise MessageError(f'ground_state: name is {list(names)}, '
+                           f'expected each of {", ".join(GROUND_QUANTITIES)} once')
+    return tuple(names.index(name) for name in GROUND_QUANTITIES)
+
+
+def ground_state_from_msg(msg: Any) -> GroundState:
+    """Return the ground state in a JointState; a sigma may be infinite."""
+    indices = _ground_indices(tuple(msg.name))
+    values, sigmas = ([numbers[index] for index in indices] for numbers in (
+        _values(msg, 'position', 'ground_state'), _values(msg, 'effort', 'ground_state')))
+    if any(map(isnan, sigmas)):
+        raise MessageError(f'ground_state: effort is {sigmas}, expected a sigma for each name')
+    stiffness, rolling_resistance, torque_scale = map(Uncertain, values[:3], sigmas[:3])
+    return GroundState(stamp_of(msg), stiffness, rolling_resistance, torque_scale,
+                       (values[3], values[4]))
+
+
+def ground_state_to_msg(msg: Any, sample: GroundState) -> Any:
+    """Write ``sample`` into a JointState and return it."""
+    set_header(msg, sample.stamp_ns, 'base_link')
+    estimates = sample.stiffness, sample.rolling_resistance, sample.torque_scale
+    msg.name = GROUND_QUANTITIES
+    msg.position = [*(estimate.value for estimate in estimates), *sample.slip_correlation]
+    msg.effort = [*(estimate.sigma for estimate in estimates), 0.0, 0.0]
     return msg
 
 

@@ -8,15 +8,16 @@ from functools import partial
 from typing import Any
 
 from smart_tire.messages.joint_state import (
-    friction_from_msg, friction_to_msg, motor_command_from_msg, motor_command_to_msg,
-    tire_from_msg, tire_to_msg, wheel_command_from_msg, wheel_command_to_msg, wheel_slip_from_msg,
-    wheel_slip_to_msg, wheels_from_msg, wheels_to_msg)
+    friction_from_msg, friction_to_msg, ground_state_from_msg, ground_state_to_msg,
+    motor_command_from_msg, motor_command_to_msg, tire_from_msg, tire_to_msg,
+    wheel_command_from_msg, wheel_command_to_msg, wheel_slip_from_msg, wheel_slip_to_msg,
+    wheels_from_msg, wheels_to_msg)
 from smart_tire.messages.odometry_imu import (
     battery_from_msg, battery_to_msg, icr_from_msg, icr_to_msg, imu_from_msg, imu_to_msg,
     odometry_from_msg, odometry_to_msg, velocity_from_msg, velocity_to_msg)
 from smart_tire.samples import (
-    BatterySample, Friction, Icr, ImuSample, MotorCommand, Odometry, Sample, TireSample,
-    VelocityCommand, WheelCommand, WheelSample, WheelSlip)
+    BatterySample, Friction, GroundState, Icr, ImuSample, MotorCommand, Odometry, Sample,
+    TireSample, VelocityCommand, WheelCommand, WheelSample, WheelSlip)
 
 SampleClass = type[Any]
 
@@ -52,6 +53,8 @@ TOPICS: dict[str, Topic] = {topic.name: topic for topic in (
           125.0, 'base_link', 'estimate'),
     Topic('icr', 'geometry_msgs/msg/PointStamped', Icr, icr_from_msg, icr_to_msg,
           125.0, 'base_link', 'estimate'),
+    Topic('ground_state', JOINTS, GroundState, ground_state_from_msg, ground_state_to_msg,
+          15.625, 'base_link', 'estimate'),
     Topic('tire_friction', JOINTS, Friction, friction_from_msg, friction_to_msg,
           2.0, '', 'estimate'),
     Topic('cmd_vel', 'geometry_msgs/msg/TwistStamped', VelocityCommand,

@@ -16,8 +16,8 @@ class FrictionEstimatorNode(EstimatorNode[FrictionEstimatorParams]):
     """
     Estimates the friction coefficient of each patch crossing.
 
-    Subscribes to ``tire_samples``, ``wheel_states``, ``wheel_slip`` and ``odom``; publishes
-    ``tire_friction`` and ``/diagnostics``.
+    Subscribes to ``tire_samples``, ``wheel_states``, ``wheel_slip``, ``odom`` and
+    ``ground_state``; publishes ``tire_friction`` and ``/diagnostics``.
 
     Parameters: ``reorder_window``, ``method``, ``map``, ``load_sigma``, ``reliability``, and those
     of the robot.

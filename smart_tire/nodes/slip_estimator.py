@@ -1,4 +1,4 @@
-"""Node ``slip_estimator``: odometry, wheel slip and ICR from ``imu/data`` and ``wheel_states``."""
+"""Node ``slip_estimator``: odometry, slip, ICR and ground state from IMU, wheels and films."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from smart_tire.samples import Odometry, Sample
 
 class SlipEstimatorNode(EstimatorNode[SlipEstimatorParams]):
     """
-    Estimates pose, velocity, slip of each wheel and the instantaneous center of rotation.
+    Estimates pose, velocity, slip of each wheel, center of rotation and state of the ground.
 
     Subscribes to ``imu/data``, ``wheel_states`` and, with ``slip.film_aided``, ``tire_friction``;
-    publishes ``odom``, ``wheel_slip``, ``icr``, ``/diagnostics`` and, if tf2_msgs is installed,
-    ``/tf``. Service: ``reset_odometry``.
+    publishes ``odom``, ``wheel_slip``, ``icr``, ``ground_state``, ``/diagnostics`` and, if
+    tf2_msgs is installed, ``/tf``. Service: ``reset_odometry``.
 
     Parameters: ``reorder_window``, ``constraint``, ``differential_slip_sigma``,
     ``common_slip_sigma``, ``free_rolling_slip_sigma``, ``slip_random_walk``,

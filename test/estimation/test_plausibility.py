@@ -11,7 +11,9 @@ import pytest
 from smart_tire.estimation.plausibility import (
     is_imu_spike, is_position_jump, is_possible, is_speed_contradicted, MAX_FORCE_CHANGE,
     MAX_RATE_CHANGE, speed_spikes)
-from smart_tire.samples import ImuSample, Odometry, TireSample, WheelSample, WheelSlip
+from smart_tire.samples import (
+    GroundState, ImuSample, Odometry, TireSample, WheelSample, WheelSlip)
+from smart_tire.uncertain import Uncertain, UNKNOWN
 
 IMU = ImuSample(0, (0.0, 0.0, 9.81), (0.0, 0.0, 1.0))
 WHEELS = WheelSample(0, (10.0, 10.0, -10.0, 10.0))
@@ -20,8 +22,10 @@ ODOMETRY = Odometry(0, (0.0,) * 3, (0.0, 0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 
                     (0.0,) * 36, (0.0,) * 36)
 SLIP = WheelSlip(0, (math.nan, 0.1, -1.0, 1.0), (0.0,) * 4, (math.inf, 0.01, 1.0, 1.0))
 
+GROUND = GroundState(0, Uncertain(25.0, 1.5), UNKNOWN, UNKNOWN, (-1.0, 0.9))
 
-@pytest.mark.parametrize('sample', [IMU, WHEELS, TIRE, ODOMETRY, SLIP])
+
+@pytest.mark.parametrize('sample', [IMU, WHEELS, TIRE, ODOMETRY, SLIP, GROUND])
 def test_regular_samples_are_possible(sample):
     assert is_possible(sample)
 
@@ -45,6 +49,14 @@ def test_slip_beyond_one_or_with_an_invalid_sigma_is_not_possible():
     assert not is_possible(replace(SLIP, sigma=(-0.1, 0.0, 0.0, 0.0)))
     assert not is_possible(replace(SLIP, sigma=(math.nan, 0.0, 0.0, 0.0)))
     assert not is_possible(replace(SLIP, sigma=(1e6, 0.0, 0.0, 0.0)))
+
+
+@pytest.mark.parametrize('change', [
+    {'stiffness': UNKNOWN}, {'stiffness': Uncertain(0.0, 1.0)},
+    {'stiffness': Uncertain(25.0, math.inf)}, {'stiffness': Uncertain(25.0, -1.0)},
+    {'slip_correlation': (0.0, 1.1)}, {'slip_correlation': (math.nan, 0.0)}])
+def test_a_ground_without_stiffness_or_with_an_invalid_correlation_is_not_possible(change):
+    assert not is_possible(replace(GROUND, **change))
 
 
 @pytest.mark.parametrize('sign', [1.0, -1.0])

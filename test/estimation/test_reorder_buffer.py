@@ -92,7 +92,7 @@ def test_a_clock_jump_resets_without_losing_a_sample(jump):
 
 
 def test_an_active_awaited_topic_delays_closing():
-    buffer = ReorderBuffer(30 * MS, awaited=['odom'])
+    buffer = ReorderBuffer(30 * MS, awaited={'odom': 0})
     feed(buffer, [('odom', 8 * MS), ('tire', 8 * MS)])
     assert feed(buffer, [('tire', 500 * MS)]) == [(START + 8 * MS, [('odom', 8 * MS),
                                                                  ('tire', 8 * MS)])]
@@ -102,7 +102,7 @@ def test_an_active_awaited_topic_delays_closing():
 
 
 def test_an_inactive_awaited_topic_does_not_delay_closing():
-    buffer = ReorderBuffer(30 * MS, awaited=['odom'])
+    buffer = ReorderBuffer(30 * MS, awaited={'odom': 0})
     feed(buffer, [('odom', 8 * MS), ('tire', 500 * MS)])
     assert feed(buffer, [('tire', 960 * MS)])[-1][0] == START + 928 * MS
     feed(buffer, [('odom', 100 * MS)])
@@ -112,8 +112,16 @@ def test_an_inactive_awaited_topic_does_not_delay_closing():
 def test_awaiting_a_topic_without_lag_changes_nothing():
     messages = [message for k in range(1, 200) for message in (
         ('odom', 8 * MS * k), ('tire', 8 * MS * k + 31 * MS))]
-    assert (feed(ReorderBuffer(30 * MS, awaited=['odom']), messages)
+    assert (feed(ReorderBuffer(30 * MS, awaited={'odom': 0}), messages)
             == feed(ReorderBuffer(30 * MS), messages))
+
+
+def test_a_sample_of_a_periodic_topic_holds_until_the_next_one():
+    buffer = ReorderBuffer(30 * MS, awaited={'ground': 64 * MS})
+    feed(buffer, [('ground', 64 * MS), ('tire', 64 * MS)])
+    assert feed(buffer, [('tire', 300 * MS)])[-1][0] == START + 120 * MS  # 8 ms before the next
+    assert feed(buffer, [('ground', 128 * MS)])[0] == (START + 128 * MS, [('ground', 128 * MS)])
+    assert not buffer.late
 
 
 def test_a_topic_with_a_wrong_clock_does_not_disturb_the_others():

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from smart_tire.estimation.streams import ESTIMATES, FRICTION, INPUTS, sensor_inputs, SLIP
+from smart_tire.estimation.streams import (
+    ESTIMATES, FRICTION, HOLDING, INPUTS, sensor_inputs, SLIP)
 from smart_tire.messages import TOPICS
 
 
@@ -22,5 +23,10 @@ def test_sensor_inputs_are_not_published_by_an_estimator():
 
 
 def test_each_estimate_has_one_source():
-    assert ESTIMATES == ('odom', 'wheel_slip', 'icr', 'tire_friction')
+    assert ESTIMATES == ('odom', 'wheel_slip', 'icr', 'ground_state', 'tire_friction')
     assert set(SLIP.aiding.values()) <= set(FRICTION.outputs.values())
+
+
+def test_samples_that_hold_are_published_with_the_rate_of_their_topic():
+    for name, period_ns in HOLDING.items():
+        assert TOPICS[name].rate == 1e9 / period_ns

@@ -8,7 +8,7 @@ crossings. The friction estimator and the calibration of the films use this feed
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import chain
 from math import inf
@@ -21,10 +21,10 @@ from smart_tire.estimation.reorder_buffer import ReorderBuffer
 from smart_tire.estimation.streams import FRICTION
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import (
-    NS_PER_S, Odometry, Sample, TireSample, WheelSample, WheelSlip)
+    GroundState, NS_PER_S, Odometry, Sample, TireSample, WheelSample, WheelSlip)
 
 BLOCK_NS = 48_000_000  # of message time, six grid steps, in which samples are processed together
-Input = TireSample | WheelSample | Odometry | WheelSlip
+Input = TireSample | WheelSample | Odometry | WheelSlip | GroundState
 
 
 @dataclass
@@ -40,7 +40,7 @@ class ContactFeed:
     """Contact trackers of all instrumented wheels, fed in order of time."""
 
     def __init__(self, robot: RobotParams, reorder_window: float,
-                 awaited: Iterable[str] = ()) -> None:
+                 awaited: Mapping[str, int] | None = None) -> None:
         self._robot = robot
         self._buffer = ReorderBuffer(round(reorder_window * NS_PER_S), awaited=awaited)
         self._resets = 0

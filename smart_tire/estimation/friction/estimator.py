@@ -12,10 +12,9 @@ from smart_tire.estimation.contact.feed import ContactFeed
 from smart_tire.estimation.contact.records import PatchCrossing
 from smart_tire.estimation.friction.motion_history import MotionHistory
 from smart_tire.estimation.friction.output import OutputBuilder
-from smart_tire.estimation.streams import FRICTION, SLIP
+from smart_tire.estimation.streams import FRICTION, HOLDING, SLIP
 from smart_tire.parameters import FrictionEstimatorParams
-from smart_tire.samples import (
-    Friction, Odometry, Sample, WheelSlip)
+from smart_tire.samples import Friction, GroundState, Odometry, Sample, WheelSlip
 
 
 class FrictionEstimator:
@@ -23,14 +22,16 @@ class FrictionEstimator:
     Friction from the films of all instrumented wheels.
 
     Requires tire and wheel samples. Without odometry or slip, crossings are still found, with the
-    quantities that the films determine alone.
+    quantities that the films determine alone; without the state of the ground, its stiffness is
+    the calibrated one.
     """
 
     def __init__(self, params: FrictionEstimatorParams) -> None:
         self._params = params
         self._feed = ContactFeed(
             params.robot, params.reorder_window,
-            [topic for kind, topic in FRICTION.inputs.items() if kind in SLIP.outputs])
+            {topic: HOLDING.get(topic, 0) for kind, topic in FRICTION.inputs.items()
+             if kind in SLIP.outputs})
         self.crossings = 0
         self.crossings_lost = 0  # without samples of any film
         self._start()
@@ -56,7 +57,7 @@ class FrictionEstimator:
         self._start()
 
     def update(self, sample: Sample) -> list[Friction]:
-        """Add a sample of one of the four inputs; return the records that it completes."""
+        """Add a sample of one of the inputs; return the records that it completes."""
         found: list[Friction] = []
         for block in self._feed.update(sample):
             if block.restarted:
@@ -71,6 +72,8 @@ class FrictionEstimator:
             self._motion.add_odometry(sample)
         elif isinstance(sample, WheelSlip):
             self._motion.add_slip(sample)
+        elif isinstance(sample, GroundState):
+            self._motion.add_ground(sample)
 
     def _estimate(self, wheel: str, crossing: PatchCrossing) -> Friction:
         self.crossings += 1
@@ -86,7 +89,7 @@ class FrictionEstimator:
             'foreign_samples': feed.foreign_samples, 'clock_resets': feed.clock_resets,
             **{f'dropped.{topic}': count for topic, count in feed.dropped.items()}}
         for wheel, output in self._outputs.items():
-            mu, sigma = output.filter.estimate()
+            mu, sigma = output.friction
             shown[f'{wheel}_friction'] = f'{mu:.3f} +- {sigma:.3f}' if mu == mu else 'unknown'
             shown[f'{wheel}_segments_undetected'] = feed.undetected(wheel)
             shown[f'{wheel}_surface_changes'] = output.filter.changes

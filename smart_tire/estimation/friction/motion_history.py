@@ -1,5 +1,5 @@
 """
-Motion and load of a wheel during a patch crossing, from odometry and slip estimates.
+Motion, load and ground of a wheel during a patch crossing, from the estimates of slip_estimator.
 
 Means over an interval keep the standard deviation of one sample: the errors of a filter are
 correlated for longer than a crossing and do not average out.
@@ -16,13 +16,12 @@ from typing import TypeVar
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.estimation.friction.stiffness_check import StiffnessConsistencyCheck
 from smart_tire.models.vehicle.skid_steer import normal_loads
 from smart_tire.parameters.robot import RobotParams
-from smart_tire.samples import NS_PER_S, Odometry, WHEELS, WheelSlip
+from smart_tire.samples import GroundState, NS_PER_S, Odometry, WHEELS, WheelSlip
 from smart_tire.uncertain import Uncertain, UNKNOWN
 
-HISTORY_LENGTH = 1024        # samples of each stream: 8 s at 125 Hz
+HISTORY_LENGTH = 1024        # samples of each stream: 8 s at 125 Hz, 65 s of ground states
 MEAN_MARGIN_NS = 50_000_000  # a sample further from the interval does not represent it
 MEAN_POINTS = 5              # in an interval, of which the mean is taken
 SLOPE_MARGIN_NS = 100_000_000  # on either side of the interval, for accelerations
@@ -30,24 +29,25 @@ MIN_SLOPE_SAMPLES = 6
 ACCELERATION_SIGMA = 0.03    # m/s2, of the slope of a filtered velocity; 0.17 % of load in turns
 VAR_V_Y, COV_V_Y_YAW, VAR_YAW = 7, 11, 35  # in the row-major 6x6 covariance of the twist
 
-Stamped = TypeVar('Stamped', Odometry, WheelSlip)
+Stamped = TypeVar('Stamped', Odometry, WheelSlip, GroundState)
 
 
 @dataclass(frozen=True, slots=True)
 class WheelMotion:
-    """Mean motion and load of one wheel; ``UNKNOWN`` without samples."""
+    """Mean motion and load of one wheel, and its ground; ``UNKNOWN`` without samples."""
 
     slip: Uncertain = UNKNOWN              # -, B(3)'s lambda
     lateral_velocity: Uncertain = UNKNOWN  # m/s, v_y of the wheel center
     load: Uncertain = UNKNOWN              # N, F_z
     slip_rate: float = 0.0       # 1/s, slope of a linear fit to the slip ...
     slip_residual: float = 0.0   # -, ... and its rms residual
-    stiffness_sigma: float | None = None  # relative, of C_x; None without samples
+    stiffness: Uncertain = UNKNOWN  # N, C_x; the calibrated one without samples
+    slip_correlation: float = 0.0   # -, of the error of ln C_x with that of the slip
 
 
 class MotionHistory:
     """
-    Recent odometry and slip of the robot; timestamps must not decrease.
+    Recent odometry, slip and ground of the robot; timestamps must not decrease.
 
     ``load_sigma`` is the relative standard deviation of a wheel's load, in addition to that from
     the accelerations.
@@ -55,21 +55,23 @@ class MotionHistory:
 
     def __init__(self, robot: RobotParams, load_sigma: float) -> None:
         self._robot, self._load_sigma = robot, load_sigma
-        self._stiffness_check = StiffnessConsistencyCheck(robot)
+        nominal = robot.tire.longitudinal_stiffness
+        self._calibrated = Uncertain(nominal, robot.tire.longitudinal_stiffness_sigma * nominal)
         self._odometry: list[Odometry] = []
         self._slips: list[WheelSlip] = []
+        self._grounds: list[GroundState] = []
 
     def add_odometry(self, sample: Odometry) -> None:
         """Add a sample."""
-        self._odometry.append(sample)
-        if len(self._odometry) > 2 * HISTORY_LENGTH:
-            del self._odometry[:HISTORY_LENGTH]
+        _append(self._odometry, sample)
 
     def add_slip(self, sample: WheelSlip) -> None:
         """Add a sample."""
-        self._slips.append(sample)
-        if len(self._slips) > 2 * HISTORY_LENGTH:
-            del self._slips[:HISTORY_LENGTH]
+        _append(self._slips, sample)
+
+    def add_ground(self, sample: GroundState) -> None:
+        """Add a sample."""
+        _append(self._grounds, sample)
 
     def mean(self, wheel: str, begin_ns: int, end_ns: int) -> WheelMotion:
         """Return the mean motion of ``wheel`` between two instants."""
@@ -82,12 +84,13 @@ class MotionHistory:
         near = _between(self._odometry, begin_ns - MEAN_MARGIN_NS, end_ns + MEAN_MARGIN_NS)
         lateral = _mean(near, [self._lateral_velocity(o, index) for o in near], begin_ns, end_ns)
         rate, residual = _linear_fit([s for s in slips if math.isfinite(s.ratio[index])], index)
+        stiffness, correlation = self._ground(end_ns, index)
         if math.isnan(lateral.value):
-            return WheelMotion(slip, slip_rate=rate, slip_residual=residual)
-        wide = _between(self._odometry, begin_ns - SLOPE_MARGIN_NS, end_ns + SLOPE_MARGIN_NS)
-        a_x, a_y = self._acceleration(wide)
-        return WheelMotion(slip, lateral, self._load(a_x, a_y, index), rate, residual,
-                           self._stiffness_sigma(slips, a_x))
+            load = UNKNOWN
+        else:
+            wide = _between(self._odometry, begin_ns - SLOPE_MARGIN_NS, end_ns + SLOPE_MARGIN_NS)
+            load = self._load(*self._acceleration(wide), index)
+        return WheelMotion(slip, lateral, load, rate, residual, stiffness, correlation)
 
     def _lateral_velocity(self, odometry: Odometry, index: int) -> Uncertain:
         """Return v_y [m/s] of a wheel center."""
@@ -109,15 +112,13 @@ class MotionHistory:
         return (_slope(stamps, v_x) - float(rate @ v_y) / n - com_x * square,
                 _slope(stamps, v_y) + float(rate @ v_x) / n - com_y * square)
 
-    def _stiffness_sigma(self, slips: list[WheelSlip], a_x: float) -> float | None:
-        """Return the relative standard deviation of C_x, from the central one of ``slips``."""
-        if not slips:
-            return None
-        central = slips[len(slips) // 2]
-        forward = [math.copysign(ratio, velocity)
-                   for ratio, velocity in zip(central.ratio, central.slip_velocity)]
-        # the common error of the wheels' slips is that of the robot's speed
-        return self._stiffness_check.stiffness_sigma(forward, min(central.sigma), a_x)
+    def _ground(self, stamp_ns: int, index: int) -> tuple[Uncertain, float]:
+        """Return C_x [N] by the latest sample and the correlation of its error with slip."""
+        count = bisect_right(self._grounds, stamp_ns, key=_stamp)
+        if not count:
+            return self._calibrated, 0.0
+        ground = self._grounds[count - 1]
+        return ground.stiffness, ground.slip_correlation[index % 2]  # left, right, left, right
 
     def _load(self, a_x: float, a_y: float, index: int) -> Uncertain:
         """Return the wheel's load [N] with the accelerations during a crossing."""
@@ -135,12 +136,19 @@ class MotionHistory:
         return Uncertain(nominal, math.hypot(sigma, self._load_sigma * nominal))
 
 
+def _append(samples: list[Stamped], sample: Stamped) -> None:
+    """Append ``sample``; at twice the history's length, remove the older half."""
+    samples.append(sample)
+    if len(samples) > 2 * HISTORY_LENGTH:
+        del samples[:HISTORY_LENGTH]
+
+
 def _between(samples: list[Stamped], begin_ns: int, end_ns: int) -> list[Stamped]:
     low = bisect_left(samples, begin_ns, key=_stamp)
     return samples[low:bisect_right(samples, end_ns, key=_stamp)]
 
 
-def _stamp(sample: Odometry | WheelSlip) -> int:
+def _stamp(sample: Odometry | WheelSlip | GroundState) -> int:
     return sample.stamp_ns
 
 

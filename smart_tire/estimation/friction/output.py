@@ -7,7 +7,7 @@ import math
 from smart_tire.estimation.contact.records import PatchCrossing
 from smart_tire.estimation.friction.bayes_filter import FrictionFilter
 from smart_tire.estimation.friction.brush_inversion import (
-    FrictionSample, single_friction, SlipFit, total_slip, traction_force)
+    FrictionSample, GroundStiffness, single_friction, SlipFit, total_slip, traction_force)
 from smart_tire.estimation.friction.crossing_method import MethodResult
 from smart_tire.estimation.friction.methods import make_method
 from smart_tire.estimation.friction.motion_history import WheelMotion
@@ -26,29 +26,31 @@ class OutputBuilder:
         self._wheel, self._tire = wheel, params.robot.tire
         self._method = make_method(wheel, params)
         self.filter = FrictionFilter()
+        self.friction = UNKNOWN  # latest friction coefficient, from all crossings
 
     def build(self, crossing: PatchCrossing, motion: WheelMotion) -> Friction:
         """Return the record of ``crossing`` of a wheel with the given ``motion``."""
-        nominal = self._tire.longitudinal_stiffness
-        relative = (self._tire.longitudinal_stiffness_sigma if motion.stiffness_sigma is None
-                    else motion.stiffness_sigma)
-        load, stiffness = motion.load, Uncertain(nominal, relative * nominal)
+        nominal, load, stiffness = (
+            self._tire.longitudinal_stiffness, motion.load, motion.stiffness)
+        ground = GroundStiffness(stiffness.value / nominal, stiffness.sigma / stiffness.value,
+                                 motion.slip_correlation)
         lateral = Uncertain(-motion.lateral_velocity.value / crossing.speed,
                             motion.lateral_velocity.sigma / crossing.speed)
         result = self._method.evaluate(crossing, motion)
         if result is None:
             sample, slip, stamp_ns, measured = None, motion.slip, crossing.stamp_ns, {}
         else:
-            sample = single_friction(result.fused, lateral, load, stiffness)
+            sample = single_friction(result.fused, lateral, load, nominal, motion.slip.sigma)
             slip = Uncertain(result.fused.slip, result.fused.slip_sigma)
             stamp_ns = crossing.stamp_ns + round(result.shift / crossing.speed * NS_PER_S)
             measured = self._measured(result)
             measured['traction_force'] = traction_force(
-                result.fused, lateral, crossing.direction, load, stiffness)
+                result.fused, lateral, crossing.direction, load, stiffness,
+                motion.slip_correlation)
         return Friction(
             stamp_ns, self._wheel, slip=slip, total_slip=total_slip(slip, lateral),
             normal_load=load, stiffness=stiffness, **measured,
-            **self._friction(sample, load, stiffness))
+            **self._friction(sample, load, ground))
 
     def _measured(self, result: MethodResult) -> dict[str, Uncertain]:
         """Return the quantities that do not depend on load and stiffness."""
@@ -63,18 +65,18 @@ class OutputBuilder:
                 'stretch_voltage': result.stretch_voltage, 'peak_interval': result.peak_interval}
 
     def _friction(self, sample: FrictionSample | None, load: Uncertain,
-                  stiffness: Uncertain) -> dict[str, Uncertain]:
+                  ground: GroundStiffness) -> dict[str, Uncertain]:
         """Update the filter; return friction of this and of all crossings, and critical slip."""
-        likely = self.filter.estimate().value
-        mu = self.filter.update(sample)
-        found = {'friction_coefficient': mu}
+        likely = self.filter.estimate(ground).value
+        self.friction = self.filter.update(sample, ground)
+        found = {'friction_coefficient': self.friction}
         if sample is not None:
-            found['friction_coefficient_single'] = sample.estimate(likely)
-        if math.isfinite(mu.value) and math.isfinite(load.value):
-            scale = 3.0 * load.value / stiffness.value
-            # errors of stiffness and load cancel with those of mu
-            found['critical_slip'] = Uncertain(
-                scale * mu.value, scale * self.filter.estimate(scale_error=False).sigma)
+            found['friction_coefficient_single'] = sample.estimate(ground, likely)
+        if math.isfinite(load.value):
+            # 3 kappa F_z: C_x does not enter, and errors of the load cancel
+            mu_0, sigma = self.filter.estimate_nominal()
+            scale = 3.0 * load.value / self._tire.longitudinal_stiffness
+            found['critical_slip'] = Uncertain(scale * mu_0, scale * sigma)
         return found
 
 

@@ -16,7 +16,7 @@ from smart_tire.estimation.slip.stiffness_prior import StiffnessPrior
 from smart_tire.models.vehicle.skid_steer import wheel_slip_ratio
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.rotation import quaternion
-from smart_tire.samples import Four, Icr, Odometry, Vector3, WheelSlip
+from smart_tire.samples import Four, GroundState, Icr, Odometry, Vector3, WheelSlip
 
 MIN_YAW_RATE = 0.05        # rad/s; below, the ICR is too far away to be observable
 DRIVE_ACCELERATION = 1.0   # m/s2, typical of a robot; not observable under more vibration
@@ -27,7 +27,7 @@ POSE_INDICES = np.ix_([0, 1, 3, 4, 5], [0, 1, 3, 4, 5])  # of the planar pose in
 TWIST_INDICES = np.ix_([0, 1, 5], [0, 1, 5])
 POSE_STATES = np.ix_(*[[State.X, State.Y, State.ROLL, State.PITCH, State.YAW]] * 2)
 
-EstimateRecord = Odometry | WheelSlip | Icr
+EstimateRecord = Odometry | WheelSlip | Icr | GroundState
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,9 +11,9 @@ from smart_tire.estimation.friction.bayes_filter import FrictionFilter
 from smart_tire.estimation.friction.brush_inversion import FrictionSample
 
 
-def sample(mu, white=0.1, systematic=0.02, scale=0.1):
+def sample(mu, white=0.1, systematic=0.02, scale=0.1, slip_effect=0.0):
     """Return a revolution with standard deviations relative to mu."""
-    return FrictionSample(1.0 / mu, white / mu, systematic / mu, scale)
+    return FrictionSample(1.0 / mu, white / mu, systematic / mu, scale, slip_effect / mu)
 
 
 def update(friction_filter, *samples):
@@ -34,7 +34,7 @@ def test_white_errors_average_out_and_systematic_errors_do_not():
 def test_without_the_scale_error_the_sigma_is_smaller():
     friction_filter = FrictionFilter()
     mu, sigma = update(friction_filter, *[sample(0.47)] * 400)
-    without = friction_filter.estimate(scale_error=False)
+    without = friction_filter.estimate_nominal()
     assert without == (mu, pytest.approx(0.022 * mu, rel=0.2))
     assert sigma > 3.5 * without.sigma
 

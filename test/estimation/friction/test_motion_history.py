@@ -10,8 +10,8 @@ import pytest
 from smart_tire.estimation.friction.motion_history import MotionHistory
 from smart_tire.models.vehicle.skid_steer import normal_loads
 from smart_tire.parameters import RobotParams
-from smart_tire.samples import Odometry, WheelSlip
-from smart_tire.uncertain import UNKNOWN
+from smart_tire.samples import GroundState, Odometry, WheelSlip
+from smart_tire.uncertain import Uncertain, UNKNOWN
 from support.rolling import stamp
 
 ROBOT = RobotParams()
@@ -68,6 +68,30 @@ def test_without_samples_the_motion_is_unknown():
     assert silent.slip == silent.lateral_velocity == silent.load == UNKNOWN
     stationary = history(slip=lambda t: math.nan if t < 0.51 else 0.1)
     assert stationary.mean('front_left', stamp(0.5), stamp(0.54)).slip == UNKNOWN
+
+
+def ground(time, stiffness):
+    """Return the state of the ground at ``time`` [s]."""
+    return GroundState(stamp(time), Uncertain(stiffness, 1.5), UNKNOWN, UNKNOWN, (-0.9, 0.4))
+
+
+@pytest.mark.parametrize('wheel', ['front_left', 'front_right', 'rear_left', 'rear_right'])
+def test_the_ground_is_the_latest_one_at_the_end_of_the_crossing(wheel):
+    motion = history()
+    for time, stiffness in ((0.448, 50.0), (0.512, 40.0), (0.576, 30.0)):
+        motion.add_ground(ground(time, stiffness))
+    for end, stiffness in ((0.511, 50.0), (0.512, 40.0), (0.55, 40.0)):
+        mean = motion.mean(wheel, stamp(0.49), stamp(end))
+        assert mean.stiffness == (stiffness, 1.5)
+        assert mean.slip_correlation == (-0.9 if wheel.endswith('left') else 0.4)
+
+
+def test_without_ground_states_the_stiffness_is_the_calibrated_one():
+    motion = history()
+    motion.add_ground(ground(0.56, 30.0))
+    mean = motion.mean('front_left', stamp(0.5), stamp(0.54))
+    assert mean.stiffness == (52.7, pytest.approx(5.27))
+    assert mean.slip_correlation == 0.0
 
 
 def test_the_history_is_bounded():
