@@ -198,7 +198,7 @@ class SlipSegment:
         context = OutputContext(
             instant_ns, self._seconds(instant_ns) - predictor.time, imu, predictor.imu.vibration,
             wheels.odometry.wheel_residual, predictor.time, wheels.period_center,
-            self.filter.forces.active)
+            self.filter.forces.active, self.filter.forces.enabled)
         if self._recorder is not None:
             self._recorder.record_output(context, x, P)
         return self._output.build(

@@ -58,3 +58,12 @@ class SlipKinematics:
                 + 2.0 * by_slip_velocity * by_v * P[row, State.V_X])
             sigmas.append(min(1.0, math.sqrt(max(0.0, variance)) / max(u * u, 1e-9)))
         return sigmas[0], sigmas[1]
+
+    def slip_covariances(self, x: Sequence[float], P: Array, gyro_z: float, state: State
+                         ) -> tuple[float, float]:
+        """Return the covariances of the left and right slip ratio with one of the states."""
+        left, right = (
+            float(v * P[row, state] - x[row] * P[State.V_X, state]) / max(u * u, 1e-9)
+            for row, v, u in zip(SLIP_VELS, self.side_speeds(x, gyro_z),
+                                 self.wheel_speeds(x, gyro_z)))
+        return left, right

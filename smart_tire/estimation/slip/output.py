@@ -13,10 +13,12 @@ from smart_tire.estimation.slip.kinematics import SlipKinematics
 from smart_tire.estimation.slip.motion_model import MotionModel
 from smart_tire.estimation.slip.state import ImuReading, State
 from smart_tire.estimation.slip.stiffness_prior import StiffnessPrior
+from smart_tire.estimation.streams import GROUND_STATE_PERIOD_NS
 from smart_tire.models.vehicle.skid_steer import wheel_slip_ratio
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.rotation import quaternion
 from smart_tire.samples import Four, GroundState, Icr, Odometry, Vector3, WheelSlip
+from smart_tire.uncertain import Uncertain
 
 MIN_YAW_RATE = 0.05        # rad/s; below, the ICR is too far away to be observable
 DRIVE_ACCELERATION = 1.0   # m/s2, typical of a robot; not observable under more vibration
@@ -41,7 +43,8 @@ class OutputContext:
     wheel_residual: Four  # m/s, speed of each wheel minus the mean of its side
     time: float           # s, of the state
     wheel_time: float     # s, center of the period of the last wheel measurement
-    by_forces: bool = False  # the force balance is active
+    by_forces: bool = False  # the force balance is active: the slip is that of ``time``
+    ground_known: bool = False  # the force balance is in use
 
 
 class SlipOutputBuilder:
@@ -63,7 +66,7 @@ class SlipOutputBuilder:
         """
         # vibration hides the acceleration of the robot, which is then extrapolated less
         accel_share = 1.0 / (1.0 + (context.vibration / DRIVE_ACCELERATION) ** 2)
-        if context.by_forces:
+        if context.ground_known:
             x, P = self._stiffness_prior.condition(x, P)
         x = self._motion_model.extrapolate(
             x, context.imu, context.extrapolation, accel_share)
@@ -74,7 +77,24 @@ class SlipOutputBuilder:
         if abs(twist[2]) > MIN_YAW_RATE:
             S = -twist[1] / twist[2] if context.by_forces else x[State.ICR_X]
             records.append(Icr(context.instant_ns, S, twist[0] / twist[2]))
+        if context.ground_known and context.instant_ns % GROUND_STATE_PERIOD_NS == 0:
+            records.append(self._ground(context, x, P))
         return records
+
+    def _ground(self, context: OutputContext, x: Sequence[float], P: Array) -> GroundState:
+        row, nominal = State.LN_STIFFNESS, self._robot.tire.longitudinal_stiffness
+        sigma = math.sqrt(P[row, row])
+        stiffness = nominal * math.exp(x[row])
+        covariances = self._kinematics.slip_covariances(x, P, context.imu.yaw_rate, row)
+        slip_sigmas = self._kinematics.slip_sigmas(x, P, context.imu.yaw_rate)
+        left, right = (min(max(covariance / max(sigma * slip_sigma, 1e-12), -1.0), 1.0)
+                       for covariance, slip_sigma in zip(covariances, slip_sigmas))
+        scale = math.exp(x[State.TORQUE_SCALE])
+        return GroundState(
+            context.instant_ns, Uncertain(stiffness, stiffness * sigma),
+            Uncertain(x[State.DRAG], math.sqrt(P[State.DRAG, State.DRAG])),
+            Uncertain(scale, scale * math.sqrt(P[State.TORQUE_SCALE, State.TORQUE_SCALE])),
+            (left, right))
 
     def _odometry(self, context: OutputContext, x: Sequence[float], P: Array, twist: Vector3,
                   covariance: Array) -> Odometry:
