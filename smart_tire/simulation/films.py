@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from smart_tire.arrays import Array
 from smart_tire.models.film.signal_chain import SignalChain
-from smart_tire.models.tire import brush_tire, tread_film
+from smart_tire.models.tire import brush_tire, bump_shapes, tread_film
 from smart_tire.parameters.simulation import SimulatorParams
 from smart_tire.samples import NS_PER_S, WHEELS
 from smart_tire.simulation.device_emulators import SensorNodeEmulator
@@ -139,8 +139,12 @@ class _Films:
                        * (1.0 + rng.uniform(-spread, spread, shape)))
         low, high = params.errors.bumps
         self._bumps = rng.uniform(low, high, (2, *shape))  # before and after the patch
-        self._reach = (0.5 * (tire.contact_length + film.length)
-                       + TAIL_RECOVERY_LENGTHS * tread_film.RECOVERY)
+        self._errors = params.errors
+        self._half_crossing = 0.5 * (tire.contact_length + film.length)
+        self._reach = self._half_crossing + max(
+            TAIL_RECOVERY_LENGTHS * tread_film.RECOVERY,
+            *(bump_shapes.extent(distance, width, params.errors.bump_shape) for distance, width
+              in zip(params.errors.bump_distance, params.errors.bump_width)))
         self._reverse = np.zeros((len(center_angles), 1), dtype=bool)
 
     def volts(self, trace: WheelTrace) -> Array:
@@ -156,16 +160,33 @@ class _Films:
         peak = np.take_along_axis(self._peaks, index, axis=1)
         x = past + 0.5 * (length - film.length)
         s_x, s_y = trace.slip_vector()
-        crossing = tread_film.crossing_voltage(
-            x, slip=np.sign(trace.rolling_speed) * s_x, total_slip=np.hypot(s_x, s_y),
-            critical_slip=brush_tire.critical_slip(trace.friction, trace.load, trace.stiffness),
-            film_length=film.length, contact_length=length, bending_peak=peak,
-            bending_alpha=film.bending_alpha, stretch_gain=self._gain, release=film.release,
-            reverse=reverse)
+
+        def voltage(release: str) -> Array:
+            return tread_film.crossing_voltage(
+                x, slip=np.sign(trace.rolling_speed) * s_x, total_slip=np.hypot(s_x, s_y),
+                critical_slip=brush_tire.critical_slip(
+                    trace.friction, trace.load, trace.stiffness),
+                film_length=film.length, contact_length=length, bending_peak=peak,
+                bending_alpha=film.bending_alpha, stretch_gain=self._gain, release=release,
+                reverse=reverse)
+
+        crossing, share = voltage(film.release), self._errors.release_share
+        if share > 0.0:
+            other = voltage('state' if film.release == 'fig8' else 'fig8')
+            crossing = (1.0 - share) * crossing + share * other
         before, after = (np.take_along_axis(bumps, index, axis=1) for bumps in self._bumps)
-        bumps = np.where(past < 0.0, before, after) * tread_film.bumps(
-            x, film.length, length).value
+        bumps = np.where(past < 0.0, before, after) * self._bump(x, reverse)
         return np.where(near, crossing - peak * bumps, 0.0)
+
+    def _bump(self, x: Array, reverse: npt.NDArray[np.bool_]) -> Array:
+        """Return the bumps of height 1; in reverse, the first one is that beyond the patch."""
+        errors, robot = self._errors, self._robot
+        past = x - 0.5 * (robot.tire.contact_length - robot.film.length)
+        before = (past < 0.0) != reverse
+        distance, width = (np.where(before, *values)
+                           for values in (errors.bump_distance, errors.bump_width))
+        return bump_shapes.bump(np.abs(past) - (self._half_crossing + distance), width,
+                                errors.bump_shape)
 
     def _direction(self, near: npt.NDArray[np.bool_],
                    backward: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:

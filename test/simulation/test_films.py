@@ -125,6 +125,38 @@ def test_noise_bumps_and_variation_have_the_configured_size():
     assert len(crossings) > 50
 
 
+def outputs(direction=1.0, **values):
+    """Return film 1's distance past the patch center, entry first, and its output over 0.83 V."""
+    films, truth, _ = new_films(**values)
+    batches, _ = roll(films, truth, Rolling(lambda t: 0.1 * direction, slip=0.0, v_y=0.0), 9.0)
+    _, volts, angle = signals(batches)
+    past, _ = patch_position(angle, films.center_angles[0], RADIUS)
+    begin = (np.abs(past) > 0.2).argmax()  # the direction is known from there on
+    return direction * past[begin:], (volts[begin:, 0] - 1.65) / 0.83
+
+
+@pytest.mark.parametrize('shape', ['raised_cosine', 'gaussian', 'asymmetric', 'exponential'])
+@pytest.mark.parametrize('direction', [1.0, -1.0])
+def test_bumps_have_the_configured_distance_and_width(shape, direction):
+    past, output = outputs(direction, **{
+        'errors.bumps': [0.15, 0.15], 'errors.bump_distance': [0.016, 0.013],
+        'errors.bump_width': [0.006, 0.010], 'errors.bump_shape': shape,
+        'film.release': 'state'})
+    outside = np.abs(past) - 0.5 * (L + FILM)
+    for side, distance, width in ((past < 0.0, 0.016, 0.006), (past > 0.0, 0.013, 0.010)):
+        bump = -output * (side & (outside > 0.0)) / 0.15
+        assert bump.max() == pytest.approx(1.0, abs=0.05)
+        assert outside[bump == bump.max()].mean() == pytest.approx(distance, abs=0.0007)
+        assert np.ptp(outside[bump > 0.5]) == pytest.approx(width, abs=0.0007)
+
+
+@pytest.mark.parametrize('release, lowest', [('fig8', -0.75), ('state', -0.25)])
+def test_a_share_of_the_other_release_moves_the_signal_between_the_conventions(release, lowest):
+    past, output = outputs(**{'film.release': release, 'errors.release_share': 0.25})
+    assert output.min() == pytest.approx(lowest, abs=0.02)
+    assert np.abs(output[np.abs(past) < 0.5 * (L - FILM) - 1e-3] - 1.0).max() < 0.01
+
+
 def test_a_clipped_sample_has_an_extreme_code():
     films, truth, _ = new_films(**{'film.bending_peak': [2.5, 2.5]})
     batches, _ = roll(films, truth, Rolling(lambda t: 0.5), 1.5)
