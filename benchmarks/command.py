@@ -30,6 +30,8 @@ def accuracy_parser(name: str, description: str) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog=f'python -m benchmarks.{name}', description=description)
     parser.add_argument('--seeds', type=positive, default=DEFAULT_SEEDS, metavar='N',
                         help='number of seeds of each simulated scenario (default: %(default)s)')
+    parser.add_argument('--first-seed', type=positive, default=1, metavar='SEED',
+                        help='first of the seeds (default: %(default)s)')
     parser.add_argument('--quick', action='store_true', help='only one seed of each scenario')
     parser.add_argument('--runs', nargs='+', default=[], metavar='RUN',
                         help='scenarios and recordings to run (default: all)')
@@ -55,11 +57,11 @@ def run_benchmark(name: str, work: Callable[[], None]) -> int:
 
 
 def run_accuracy_benchmark(name: str, args: argparse.Namespace, titles: Collection[str],
-                           benchmark: Callable[[int, str], None]) -> int:
+                           benchmark: Callable[[Sequence[int], str], None]) -> int:
     """
     Run an accuracy benchmark with the arguments of ``accuracy_parser``; return the exit status.
 
-    ``benchmark`` takes the number of seeds and the name of the machine. Nothing is run if a run
+    ``benchmark`` takes the seeds and the name of the machine. Nothing is run if a run
     is not among ``titles`` or results would be overwritten.
     """
     def work() -> None:
@@ -70,7 +72,8 @@ def run_accuracy_benchmark(name: str, args: argparse.Namespace, titles: Collecti
                                  f'{", ".join(titles)}')
         on = machine()
         print(on)
-        benchmark(1 if args.quick else args.seeds, on)
+        count = 1 if args.quick else args.seeds
+        benchmark(range(args.first_seed, args.first_seed + count), on)
     return run_benchmark(name, work)
 
 

@@ -16,9 +16,11 @@ from itertools import accumulate
 
 import numpy as np
 
+from benchmarks.event_cache import cached_events
 from smart_tire.parameters import RobotParams, SimulatorParams
 from smart_tire.parameters.robot import EncoderParams, FilmParams, TireParams
-from smart_tire.parameters.simulation import GroundParams, PatchParams, RadioParams
+from smart_tire.parameters.simulation import (
+    DriveParams, GroundParams, PatchParams, RadioParams, SensorErrorParams)
 from smart_tire.simulation.faults import delayed, interrupted, reordered
 from smart_tire.simulation.offline import Event, simulate
 
@@ -57,6 +59,10 @@ class Scenario:
     film: FilmParams = FilmParams(wheels=())  # nominal, known to the estimator
     gain_error: float = 0.0          # relative standard deviation of the true gains, unknown to it
     tire: TireParams = TireParams()  # of the estimator; the true C_x is that of the surface
+    platform: RobotParams = RobotParams()  # robot apart from encoders, films and tires
+    center_of_mass_error: tuple[float, float] = (0.0, 0.0)  # m, true minus known, x and y
+    drive: DriveParams = DriveParams()
+    errors: SensorErrorParams = SensorErrorParams()
     radio: RadioParams = RadioParams()
     fault: Fault | None = field(default=None, compare=False)
     averaged: bool = False           # scored at all times against truth averaged over 125 ms
@@ -64,8 +70,8 @@ class Scenario:
     @property
     def robot(self) -> RobotParams:
         """Return the robot parameters of the estimator."""
-        return RobotParams(encoder=EncoderParams(latency=self.latency), film=self.film,
-                           tire=self.tire)
+        return replace(self.platform, encoder=EncoderParams(latency=self.latency),
+                       film=self.film, tire=self.tire)
 
     def simulator(self, seed: int) -> SimulatorParams:
         """Return the parameters of the simulated robot and surface."""
@@ -76,13 +82,18 @@ class Scenario:
         errors = np.random.default_rng([seed, GAIN_STREAM]).standard_normal(len(nominal))
         gains = nominal * (1.0 + self.gain_error * errors)
         film = replace(robot.film, stretch_gain=tuple(gains.tolist()) or self.film.stretch_gain)
-        return SimulatorParams(seed=seed, ground=self.ground, radio=self.radio,
-                               robot=replace(robot, imu=imu, film=film))
+        x, y, z = robot.center_of_mass
+        off_x, off_y = self.center_of_mass_error
+        true = replace(robot, imu=imu, film=film, center_of_mass=(x + off_x, y + off_y, z))
+        return SimulatorParams(seed=seed, ground=self.ground, radio=self.radio, drive=self.drive,
+                               errors=self.errors, robot=true)
 
     def events(self, seed: int) -> list[Event]:
         """Return the received messages and ``ground_truth/*`` in order of reception."""
-        events = simulate(self.simulator(seed), self.legs, self.duration,
-                          wheel_rate=self.wheel_rate)
+        params = self.simulator(seed)
+        run = repr((params, self.legs, self.duration, self.wheel_rate))
+        events = cached_events(run, lambda: simulate(
+            params, self.legs, self.duration, wheel_rate=self.wheel_rate))
         # a delayed message arrives after its timestamp
         events = delayed(events, 'wheel_states', self.latency)
         return self.fault(events, seed) if self.fault else events

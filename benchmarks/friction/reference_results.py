@@ -36,3 +36,26 @@ REFERENCE_RESULTS = {
 # Slip -> relative Cramer-Rao bound of one crossing: two films, 60 rpm, 5 mV, mu 0.47.
 REFERENCE_BOUNDS = {0.05: 0.067, 0.10: 0.018, 0.15: 0.009}
 PRINTED_EXCESS = (1.2, 1.9)  # relative, of mu from two peaks and the printed map
+
+
+@dataclass(frozen=True)
+class ForceReference:
+    """
+    Relative errors of mu and C_x, and error of v_y [m/s], by an output-error fit without torque.
+
+    A rigid body on brush tires is fitted to the whole run, which is of the same kind; C_x, mu,
+    drag, biases and center of mass are free.
+    """
+
+    mu: float = math.nan
+    stiffness: float = math.nan
+    speed_y: float = math.nan
+
+
+FORCE_REFERENCES = {  # run and ground; '' for a run as a whole
+    ('sand_turn', ''): ForceReference(.008, .04, .001),
+    ('mu_jumps', ''): ForceReference(.02, math.nan, .0003),
+    ('gravel_eight', ''): ForceReference(.055, .045, .001),
+    ('sand_straight', ''): ForceReference(.04, .028),
+    ('center_of_mass', ''): ForceReference(.05, .10),
+}

@@ -8,7 +8,7 @@ model and complete simulated runs over several seeds. Tables are printed, figure
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 import json
@@ -18,14 +18,20 @@ from typing import Any
 from rich.table import Table
 
 from benchmarks.command import accuracy_parser, run_accuracy_benchmark
+from benchmarks.friction.counting import COUNTED_FROM
 from benchmarks.friction.figures import (
     adhesion_figure, bound_figure, friction_figure, stretch_figure, waveform_figure)
+from benchmarks.friction.force_results import PartKey, Row, rows_of
+from benchmarks.friction.force_tables import FORCE_NOTES, force_tables
+from benchmarks.friction.forces import ForceResult, run_forces, VARIANTS
 from benchmarks.friction.grid import all_cases, Case, quick_cases
+from benchmarks.friction.ground_scenarios import GROUND_SCENARIOS
 from benchmarks.friction.methods import METHODS, SOURCES
 from benchmarks.friction.monte_carlo import CaseResult, run_case
+from benchmarks.friction.previous_results import PREVIOUS_RESULTS
 from benchmarks.friction.reference_results import (
-    PRINTED_EXCESS, REFERENCE_BOUNDS, REFERENCE_RESULTS)
-from benchmarks.friction.results import by_run, Key, run_all, RunResult, slips_by_run, SteadySlip
+    FORCE_REFERENCES, PRINTED_EXCESS, REFERENCE_BOUNDS, REFERENCE_RESULTS)
+from benchmarks.friction.results import by_run, Key, run_all, RunResult, slips_by_run
 from benchmarks.friction.scenarios import FRICTION_SCENARIOS
 from benchmarks.friction.scoring import Figures
 from benchmarks.friction.tables import (
@@ -38,10 +44,31 @@ from smart_tire.analysis.summary import plain
 CROSSINGS = 'crossings'          # name of the synthesized crossings among the runs
 COUNT, QUICK_COUNT = 400, 150  # crossings per case: 6 and 9 % error of a spread from quartiles
 DRAWN_SEED = 1                 # seed of the run in the figures
+COUNTED_FROM_JUMP = 4          # revolution; the surfaces of mu_jumps are too short for five
+SCENARIOS = {**FRICTION_SCENARIOS, **GROUND_SCENARIOS}
 TITLES = {CROSSINGS: 'synthesized crossings',
-          **{name: scenario.title for name, scenario in FRICTION_SCENARIOS.items()}}
+          **{name: scenario.title for name, scenario in SCENARIOS.items()}}
 
-Result = CaseResult | RunResult
+
+@dataclass(frozen=True)
+class ScenarioResult:
+    """Results of one seed of a scenario; methods are compared in ``FRICTION_SCENARIOS`` only."""
+
+    forces: ForceResult
+    methods: RunResult | None
+
+    @property
+    def run(self) -> str:
+        """Return the name of the scenario."""
+        return self.forces.run
+
+    @property
+    def seed(self) -> int:
+        """Return the seed of the random numbers."""
+        return self.forces.seed
+
+
+Result = CaseResult | ScenarioResult
 Job = Callable[[], Result]
 
 
@@ -49,9 +76,10 @@ Job = Callable[[], Result]
 class BenchOptions:
     """Options of the benchmark."""
 
-    seeds: int
+    seeds: Sequence[int]
     quick: bool
     runs: Sequence[str]  # scenarios and ``CROSSINGS``; empty means all
+    forces_only: bool    # do not compare methods
     out: Path
 
 
@@ -59,9 +87,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the benchmark; return the exit status."""
     parser = accuracy_parser(
         'friction', 'accuracy of friction, compared with the method of paper B')
+    parser.add_argument('--forces-only', action='store_true',
+                        help='only estimates without and with torque, no comparison of methods')
     args = parser.parse_args(argv)
     return run_accuracy_benchmark('friction', args, TITLES, lambda seeds, on: benchmark(
-        BenchOptions(seeds, args.quick, args.runs, args.out), on))
+        BenchOptions(seeds, args.quick, args.runs, args.forces_only, args.out), on))
 
 
 def benchmark(options: BenchOptions, machine_name: str) -> None:
@@ -70,19 +100,25 @@ def benchmark(options: BenchOptions, machine_name: str) -> None:
     results = list(run_jobs(_jobs(options), label))
     cases = [one for name, group in _cases(options).items() for case in group for one in results
              if isinstance(one, CaseResult) and (one.group, one.case) == (name, case)]
-    runs = sorted((one for one in results if isinstance(one, RunResult)),
-                  key=lambda one: (list(TITLES).index(one.run), one.seed))
-    scored, slips = by_run(runs), slips_by_run(runs)
+    scenarios = sorted((one for one in results if isinstance(one, ScenarioResult)),
+                       key=lambda one: (list(TITLES).index(one.run), one.seed))
+    compared = [one.methods for one in scenarios if one.methods is not None]
+    forces = [one.forces for one in scenarios]
+    rows = rows_of(forces, {name: scenario.ground for name, scenario in SCENARIOS.items()})
     if cases:
         _draw_crossings(cases, options.out)
-    _write(options.out / 'results.json', cases, runs, scored, machine_name)
-    print_all(new_console(), NOTES, _tables(cases, scored, slips))
-    print(f'{len(cases)} cases and {len(runs)} runs; figures and results.json in {options.out}')
+    _write(options.out / 'results.json', cases, compared, rows, machine_name)
+    console = new_console()
+    if cases or compared:
+        print_all(console, NOTES, _method_tables(cases, compared))
+    if rows:
+        print_all(console, FORCE_NOTES, force_tables(rows, forces, TITLES))
+    print(f'{len(cases)} cases and {len(forces)} runs; figures and results.json in {options.out}')
 
 
 def label(result: Result) -> str:
     """Return the label of ``result`` for progress lines."""
-    if isinstance(result, RunResult):
+    if isinstance(result, ScenarioResult):
         return f'{TITLES[result.run]}, seed {result.seed}'
     return f'{TITLES[CROSSINGS]}, {result.group}: slip {result.case.slip:+.2f}'
 
@@ -94,10 +130,11 @@ def _cases(options: BenchOptions) -> dict[str, list[Case]]:
 def _jobs(options: BenchOptions) -> list[Job]:
     """Return the jobs, the longest first."""
     wanted = options.runs or list(TITLES)
-    scenarios = sorted((FRICTION_SCENARIOS[name] for name in wanted if name != CROSSINGS),
+    scenarios = sorted((SCENARIOS[name] for name in wanted if name != CROSSINGS),
                        key=lambda scenario: -scenario.duration)
-    jobs: list[Job] = [partial(run_scenario, scenario.name, seed, options.out)
-                       for scenario in scenarios for seed in range(1, options.seeds + 1)]
+    jobs: list[Job] = [partial(run_scenario, scenario.name, seed, options.out,
+                               compare=not options.forces_only)
+                       for scenario in scenarios for seed in options.seeds]
     if CROSSINGS in wanted:
         count = QUICK_COUNT if options.quick else COUNT
         jobs += [partial(run_case, name, case, count)
@@ -105,13 +142,18 @@ def _jobs(options: BenchOptions) -> list[Job]:
     return jobs
 
 
-def run_scenario(name: str, seed: int, out: Path) -> RunResult:
-    """Simulate one run and score all methods; draw the figures of the first seed."""
-    scenario = FRICTION_SCENARIOS[name]
-    result = run_all(name, seed, scenario.events(seed), scenario.robot)
+def run_scenario(name: str, seed: int, out: Path, *, compare: bool = True) -> ScenarioResult:
+    """Simulate one run and score all methods; draw the figures of ``DRAWN_SEED``."""
+    scenario = SCENARIOS[name]
+    events, robot = scenario.events(seed), scenario.robot
+    first = COUNTED_FROM_JUMP if name == 'mu_jumps' else COUNTED_FROM
+    forces = run_forces(name, seed, events, robot, first)
+    if name in GROUND_SCENARIOS or not compare:
+        return ScenarioResult(forces, None)
+    result = run_all(name, seed, events, robot)
     if seed == DRAWN_SEED:
         save(friction_figure(scenario.title, result), out / f'{name}.png')
-    return result
+    return ScenarioResult(forces, result)
 
 
 def _draw_crossings(cases: Sequence[CaseResult], out: Path) -> None:
@@ -120,11 +162,11 @@ def _draw_crossings(cases: Sequence[CaseResult], out: Path) -> None:
         save(figure, out / f'{name}.png')
 
 
-def _tables(cases: Sequence[CaseResult], runs: dict[str, dict[Key, Figures]],
-            slips: dict[str, dict[str, SteadySlip]]) -> Iterator[Table]:
+def _method_tables(cases: Sequence[CaseResult], results: Sequence[RunResult]) -> Iterator[Table]:
     if cases:
         yield cases_table(cases)
-    if runs:
+    if results:
+        runs, slips = by_run(results), slips_by_run(results)
         yield errors_table(runs, TITLES, REFERENCE_RESULTS)
         yield statistics_table(runs, TITLES)
         yield methods_table(runs, TITLES)
@@ -132,20 +174,23 @@ def _tables(cases: Sequence[CaseResult], runs: dict[str, dict[Key, Figures]],
 
 
 def _write(path: Path, cases: Sequence[CaseResult], results: Sequence[RunResult],
-           runs: dict[str, dict[Key, Figures]], machine: str) -> None:
+           rows: Mapping[PartKey, Row], machine: str) -> None:
     """Write all figures: per case, and per run combined over seeds."""
     slips = {run: {source: asdict(one) for source, one in sources.items()}
              for run, sources in slips_by_run(results).items()}
     tree: dict[str, Any] = {
-        'machine': machine, 'methods': METHODS, 'slips': SOURCES,
-        'units': 'errors of mu and bounds are relative, of slips and ratios absolute; ms: CPU '
-                 'time per crossing in milliseconds; null without data',
+        'machine': machine, 'methods': METHODS, 'slips': SOURCES, 'variants': VARIANTS,
+        'units': 'errors of mu, C_x and bounds are relative, of slips and ratios absolute; SI; '
+                 'ms: CPU time per crossing in milliseconds; null without data',
         CROSSINGS: [{**asdict(one), 'normalized_slip': one.case.normalized_slip} for one in cases],
         'runs': {run: {
             'title': TITLES[run], 'seeds': [one.seed for one in results if one.run == run],
             'slips': slips[run], 'wheels': _nested(figures),
             'reference': REFERENCE_RESULTS.get(run)}
-            for run, figures in runs.items()},
+            for run, figures in by_run(results).items()},
+        'forces': [{'title': TITLES[row.run], **asdict(row),
+                    'before': PREVIOUS_RESULTS.get(key), 'reference': FORCE_REFERENCES.get(key)}
+                   for key, row in rows.items()],
         'reference_bounds': REFERENCE_BOUNDS, 'reference_printed_excess': PRINTED_EXCESS}
     path.write_text(json.dumps(plain(tree), indent=2, allow_nan=False) + '\n', encoding='utf-8')
 

@@ -47,7 +47,7 @@ Job = Callable[[], RunResult]
 class BenchOptions:
     """Options of the benchmark."""
 
-    seeds: int
+    seeds: Sequence[int]
     runs: Sequence[str]  # scenarios and recordings; none means all
     data: Path           # folder of the recordings
     out: Path
@@ -86,7 +86,7 @@ def _jobs(options: BenchOptions) -> tuple[list[Job], list[str]]:
     scenarios = [SCENARIOS[name] for name in wanted if name in SCENARIOS]
     scenarios.sort(key=lambda scenario: -scenario.duration)
     jobs += [partial(run_scenario, scenario.name, seed, options.out)
-             for scenario in scenarios for seed in range(1, options.seeds + 1)]
+             for scenario in scenarios for seed in options.seeds]
     return jobs, [name for name in absent if name in wanted]
 
 

@@ -85,10 +85,10 @@ def score_run(estimate: EstimateSeries, truth: Truth, *, averaged: bool = False)
     By default the selected times are the steady ones; with ``averaged`` they are all times, and
     the truth is averaged over ``AVERAGING_WINDOW``.
     """
-    slips = _slip_errors(estimate, truth)
+    slips = slip_errors(estimate, truth)
     speeds = _speed_errors(estimate, truth, truth.poses.twist[:, 0])
     if averaged:
-        selected_slips = _slip_errors(estimate, truth, AVERAGING_WINDOW)
+        selected_slips = slip_errors(estimate, truth, AVERAGING_WINDOW)
         speed = moving_mean(truth.poses.twist[:, :1], truth.stamp_ns, AVERAGING_WINDOW)
         selected_speed = _speed_errors(estimate, truth, speed[:, 0])
         steady = np.ones((len(truth.stamp_ns), 2), bool)
@@ -106,7 +106,7 @@ def score_run(estimate: EstimateSeries, truth: Truth, *, averaged: bool = False)
 def steady_slips(estimate: EstimateSeries, truth: Truth) -> tuple[Floats, Floats]:
     """Return errors and sigmas (n,) of the slips of both sides while steady."""
     steady = steady_sides(truth)
-    error, sigma = _slip_errors(estimate, truth)
+    error, sigma = slip_errors(estimate, truth)
     return error[steady], sigma[steady]
 
 
@@ -121,13 +121,18 @@ def steady_sides(truth: Truth) -> Mask:
 
 def _is_fast(truth: Truth) -> Mask:
     """Return when any wheel acceleration exceeds ``FAST_ACCELERATION``."""
+    return np.asarray((np.abs(wheel_accelerations(truth)) > FAST_ACCELERATION).any(axis=1))
+
+
+def wheel_accelerations(truth: Truth) -> Floats:
+    """Return the accelerations [rad/s2] of the wheels (n, 4) over ``ACCELERATION_WINDOW``."""
     half = round(0.5 * ACCELERATION_WINDOW * NS_PER_S)
     speed = truth.rolling / truth.radius
     ends = [np.clip(truth.stamp_ns + step, truth.stamp_ns[0], truth.stamp_ns[-1])
             for step in (-half, half)]
     before, after = (at(end, truth.stamp_ns, speed) for end in ends)
-    change = (after - before) * NS_PER_S / (ends[1] - ends[0])[:, np.newaxis]
-    return np.asarray((np.abs(change) > FAST_ACCELERATION).any(axis=1))
+    change: Floats = (after - before) * NS_PER_S / (ends[1] - ends[0])[:, np.newaxis]
+    return change
 
 
 def _near(time: Floats, event: Mask, reach: float) -> Mask:
@@ -173,7 +178,7 @@ def estimated_at(wanted_ns: Stamps, stamp_ns: Stamps, values: Floats) -> Floats:
     return np.where(np.isnan(between) & close[:, np.newaxis], near, between)
 
 
-def _slip_errors(estimate: EstimateSeries, truth: Truth, width: float = 0.0
+def slip_errors(estimate: EstimateSeries, truth: Truth, width: float = 0.0
                  ) -> tuple[Floats, Floats]:
     """Return errors and sigmas (n, 2) of the slips of both sides; NaN if undefined."""
     true = side_means(truth.ratio)

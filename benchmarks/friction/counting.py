@@ -1,0 +1,57 @@
+"""Which crossings count: from the fifth revolution of the wheel on each ground."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from benchmarks.friction.records import FUSED, Mask, Rows
+from benchmarks.friction.scoring import MAX_SAME_FRICTION
+from benchmarks.slip.scoring import FAST_ACCELERATION, MIN_ROLLING_SPEED, wheel_accelerations
+from benchmarks.slip.series import Truth
+from smart_tire.analysis.series import Floats
+from smart_tire.samples import NS_PER_S
+
+COUNTED_FROM = 5         # revolution of the film's wheel after the start or a change of ground
+MIN_MOTION = 5.0         # s on the same ground, for estimates without torque
+MIN_TURN_RATE = 0.2      # rad/s, of a turn
+
+
+def revolutions_on_ground(rows: Rows) -> Floats:
+    """Return which revolution (n,) on the present ground each crossing is, from 1."""
+    changed = np.zeros(len(rows.stamp_ns), bool)
+    for name in (FUSED, 'stiffness'):
+        true = rows.true[name]
+        changed[1:] |= np.abs(np.diff(true)) > MAX_SAME_FRICTION * true[:-1]
+    index = np.arange(len(changed))
+    begin = np.maximum.accumulate(np.where(changed, index, 0))
+    return np.asarray(index - begin + 1, np.float64)
+
+
+def counted(rows: Rows, first: int = COUNTED_FROM) -> Mask:
+    """Return which crossings (n,) count; those on two grounds do not."""
+    mask: Mask = revolutions_on_ground(rows) >= first
+    return mask
+
+
+def excited(rows: Rows, truth: Truth) -> Mask:
+    """
+    Return which crossings (n,) can be expected to be estimated without torque.
+
+    These are crossings after ``MIN_MOTION`` of motion on the same ground with a turn, start or
+    stop in it.
+    """
+    moving = np.abs(truth.rolling).max(axis=1) > MIN_ROLLING_SPEED
+    busy = (np.abs(truth.poses.twist[:, 2]) > MIN_TURN_RATE) | (
+        np.abs(wheel_accelerations(truth)).max(axis=1) > FAST_ACCELERATION)
+    step = np.diff(truth.stamp_ns, prepend=truth.stamp_ns[0]) / NS_PER_S
+    motion, events = np.cumsum(moving * step), np.cumsum(moving & busy)
+    now = np.clip(np.searchsorted(truth.stamp_ns, rows.stamp_ns), 0, len(step) - 1)
+    begin = now[_first_on_ground(rows)]
+    begin[_first_on_ground(rows) == 0] = 0  # the first ground begins with the run
+    mask: Mask = (motion[now] - motion[begin] >= MIN_MOTION) & (events[now] > events[begin])
+    return mask
+
+
+def _first_on_ground(rows: Rows) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
+    """Return the index (n,) of the first crossing on the present ground."""
+    return np.arange(len(rows.stamp_ns)) - revolutions_on_ground(rows).astype(np.intp) + 1

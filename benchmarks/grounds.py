@@ -1,0 +1,35 @@
+"""Grounds of the benchmark scenarios: surfaces of a small robot, as fields along its path."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from smart_tire.parameters.simulation import GroundParams, PatchParams
+
+CONCRETE, SAND, GRAVEL, WET_TILES = 'concrete', 'sand', 'gravel', 'wet_tiles'
+SURFACES = {  # mu [-], C_x [N], drag over load [-]
+    CONCRETE: (0.47, 52.7, 0.010), SAND: (0.25, 25.0, 0.110), GRAVEL: (0.55, 38.0, 0.045),
+    WET_TILES: (0.25, 60.0, 0.010)}
+HEAVY_SURFACES = {  # of the robot of 30 kg, whose tires are stiffer
+    CONCRETE: (0.47, 400.0, 0.010), SAND: (0.25, 200.0, 0.110)}
+FIELD_WIDTH = 100.0  # m, of a field across its direction of travel, x
+
+Surfaces = dict[str, tuple[float, float, float]]
+
+
+def ground(base: str, surfaces: Surfaces | None = None,
+           fields: Sequence[tuple[str, float, float]] = ()) -> GroundParams:
+    """
+    Return the ground with a base surface and ``fields``: surface, begin and end along x [m].
+
+    >>> ground('sand', fields=[('gravel', 5.0, 9.0)]).patches[0].x
+    (5.0, 9.0)
+    """
+    known = SURFACES if surfaces is None else surfaces
+    friction, stiffness, drag = zip(*known.values())
+    side = 0.5 * FIELD_WIDTH
+    return GroundParams(
+        names=tuple(known), friction=friction, stiffness=stiffness, drag=drag, base=base,
+        patches=tuple(PatchParams(name=f'field_{i}', surface=name, x=(begin, end),
+                                  y=(-side, side))
+                      for i, (name, begin, end) in enumerate(fields, 1)))
