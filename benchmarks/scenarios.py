@@ -21,6 +21,7 @@ from smart_tire.parameters import RobotParams, SimulatorParams
 from smart_tire.parameters.robot import EncoderParams, FilmParams, TireParams
 from smart_tire.parameters.simulation import (
     DriveParams, GroundParams, PatchParams, RadioParams, SensorErrorParams)
+from smart_tire.samples import WheelSample
 from smart_tire.simulation.faults import delayed, interrupted, reordered
 from smart_tire.simulation.offline import Event, simulate
 
@@ -62,6 +63,7 @@ class Scenario:
     platform: RobotParams = RobotParams()  # robot apart from encoders, films and tires
     center_of_mass_error: tuple[float, float] = (0.0, 0.0)  # m, true minus known, x and y
     drive: DriveParams = DriveParams()
+    torque_ratio: float = 1.0              # true torque constants over those of the estimator
     errors: SensorErrorParams = SensorErrorParams()
     radio: RadioParams = RadioParams()
     fault: Fault | None = field(default=None, compare=False)
@@ -94,9 +96,20 @@ class Scenario:
         run = repr((params, self.legs, self.duration, self.wheel_rate))
         events = cached_events(run, lambda: simulate(
             params, self.legs, self.duration, wheel_rate=self.wheel_rate))
+        if self.torque_ratio != 1.0:
+            events = [_scaled_effort(event, 1.0 / self.torque_ratio) for event in events]
         # a delayed message arrives after its timestamp
         events = delayed(events, 'wheel_states', self.latency)
         return self.fault(events, seed) if self.fault else events
+
+
+def _scaled_effort(event: Event, factor: float) -> Event:
+    """Return ``event`` with the torques of a wheel sample multiplied by ``factor``."""
+    received_ns, topic, sample = event
+    if not isinstance(sample, WheelSample) or sample.effort is None:
+        return event
+    fl, fr, rl, rr = (factor * torque for torque in sample.effort)
+    return received_ns, topic, replace(sample, effort=(fl, fr, rl, rr))
 
 
 def sequence(*parts: Leg) -> tuple[tuple[Leg, ...], float]:

@@ -59,7 +59,8 @@ def friction_table(rows: Rows, results: Sequence[ForceResult],
                      limit.mu_median, limit.mu_90),
             *_consistency(plain, 'mu'),
             _limited(torque, 'mu_median', 'mu_90', tight.mu_median, tight.mu_90),
-            *_consistency(torque, 'mu'), _percent(torque['sliding_bias']),
+            *_consistency(torque, 'mu'), _marked(
+                _percent(torque['sliding_bias']), not abs(torque['sliding_bias']) > tight.sliding),
             '' if reference is None else _percent(reference.mu))
     table.add_section()
     table.add_row('all', '', '', '', '', '', *_pooled(results, NO_TORQUE, 'mu'), '',

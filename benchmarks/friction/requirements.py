@@ -18,6 +18,7 @@ class Limits:
     mu_median: float = math.inf   # relative, fused
     mu_90: float = math.inf       # relative, fused
     stiffness: float = math.inf   # relative, median of C_x
+    sliding: float = math.inf     # relative, median of the sliding share of the patch
     speed_y: float = math.inf     # m/s, rms
     slip_left: float = math.inf   # -, rms in steady intervals
     slip_right: float = math.inf
@@ -51,6 +52,8 @@ REQUIREMENTS: Mapping[PartKey, Mapping[str, Limits]] = {
     ('concrete_straight', ALL_GROUNDS): {TORQUE: _STRAIGHT},
     ('center_of_mass', ALL_GROUNDS): _both(_TORQUE),
     **{('torque_calibrated', ground): {TORQUE: _TORQUE} for ground in (CONCRETE, GRAVEL)},
+    **{(run, ALL_GROUNDS): _both(_TORQUE, sliding=0.015)
+       for run in ('bumps_far', 'bumps_skewed', 'release_mixed')},
     ('heavy', CONCRETE): _both(_TORQUE), ('heavy', SAND): _both(_TORQUE_SAND),
     # sliding friction changes on a curve, C_x does not
     ('mu_jumps', ALL_GROUNDS): _both(
