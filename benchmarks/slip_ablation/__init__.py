@@ -1,0 +1,1 @@
+"""Benchmark of the slip estimator with each of its special rules off."""

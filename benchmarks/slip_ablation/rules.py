@@ -1,0 +1,97 @@
+"""
+Special rules of the slip estimator, and how each one is switched off.
+
+A rule is off while some module constants, functions or methods have other values, or with other
+parameters. The product contains no switch.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, ExitStack
+from dataclasses import dataclass, field
+import math
+from types import MappingProxyType
+from typing import Any
+from unittest import mock
+
+PACKAGE = 'smart_tire.estimation.slip'
+
+
+@dataclass(frozen=True)
+class Rule:
+    """
+    A rule and what replaces it.
+
+    ``patches`` are new values by module and attribute below ``PACKAGE``, ``params`` those of
+    fields of ``SlipEstimatorParams``.
+    """
+
+    title: str
+    patches: Mapping[str, Any] = field(default_factory=dict)
+    params: Mapping[str, Any] = field(default_factory=dict)
+
+
+@contextmanager
+def switched_off(rule: Rule) -> Iterator[None]:
+    """Apply the patches of ``rule`` within the context; AttributeError if one does not exist."""
+    with ExitStack() as stack:
+        for target, value in rule.patches.items():
+            stack.enter_context(mock.patch(f'{PACKAGE}.{target}', value))
+        yield
+
+
+def _nothing(*_: Any) -> None:
+    """Do nothing, in place of a method."""
+
+
+def _false(*_: Any) -> bool:
+    return False
+
+
+RULES: Mapping[str, Rule] = MappingProxyType({
+    # wheel measurements
+    'nis_inflation': Rule(
+        'wheel noise grows with the normalized innovation', {'ekf.NIS_INFLATION': 0.0}),
+    'outliers': Rule('outliers inflate the noise', {'robust_ekf.OUTLIER_SIGMAS': math.inf}),
+    # slip process
+    'innovation_change': Rule(
+        'slip changes with lasting innovations', {'slip_process.INNOVATION_SIGMAS': math.inf}),
+    'speed_change': Rule(
+        'slip changes with wheel and ground speed', params={'slip_change_gain': 0.0}),
+    'change_threshold': Rule(
+        'small changes of speed do not change the slip',
+        {'slip_process.MIN_GROUND_SPEED_CHANGE': 0.0, 'slip_process.STAMP_JITTER_SIGMAS': 0.0}),
+    'soft_ground': Rule(
+        'common slip is likely where it was observed',
+        {'slip_process.SlipPrior.update_soft_ground': _nothing}),
+    'free_rolling': Rule(
+        'prior of freely rolling wheels and rolling radius',
+        {'wheel_correction.WheelCorrector._correct_free_rolling': _nothing}),
+    'radius': Rule(
+        'rolling radius is estimated', {'wheel_correction.RadiusEstimator.update': _nothing}),
+    'unobserved_slip': Rule(
+        'sigma grows with changes of ground speed between wheel samples',
+        {'prediction.UNOBSERVED_SLIP_SHARE': 0.0}),
+    # lateral constraint
+    'icr_change': Rule(
+        'S changes with lasting innovations', {'ekf.ICR_CHANGE_SIGMAS': math.inf}),
+    'icr_with_slip': Rule('S changes with the slips', {'ekf.ICR_CHANGE_SHARE': 0.0}),
+    # standstill
+    'standstill': Rule('zero velocity at standstill',
+                       {'wheel_correction.ZeroVelocityDetector.detect': _nothing}),
+    'gyro_bias': Rule('gyro bias from standstill',
+                      {'wheel_correction.WheelCorrector._correct_gyro_bias': _nothing}),
+    'unwinding': Rule('tires unwind after a stop', {'zero_velocity.UNWINDING_SHARE': 0.0}),
+    'trusted_standstill': Rule(
+        'long standstill overrules the state', {'wheel_correction.TRUSTED_STANDSTILL': math.inf}),
+    # IMU
+    'spikes': Rule('spikes of the IMU are replaced', {'imu_preprocessing.is_imu_spike': _false}),
+    'vibration': Rule(
+        'vibration adds noise', {'imu_preprocessing.VibrationMonitor.update': _nothing}),
+    'slope_vibration': Rule(
+        'vibration is pitch and roll, too', {'imu_preprocessing.SLOPE_VIBRATION_SHARE': 0.0}),
+    'steering_efficiency': Rule(
+        'yaw rate in dropouts of the IMU from past turns',
+        {'steering_efficiency.SteeringEfficiency.update': _nothing}),
+})

@@ -1,0 +1,133 @@
+"""
+Ablation of the slip estimator: change of its errors with each special rule off.
+
+Every rule is switched off alone, on the same runs and random numbers. A rule that changes nothing
+beyond the scatter of seeds is not needed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+import json
+from pathlib import Path
+from typing import Any
+
+from rich.table import Table
+from rich.text import Text
+
+from benchmarks.command import accuracy_parser, run_accuracy_benchmark
+from benchmarks.friction.forces import inputs_of, VARIANTS
+from benchmarks.friction.ground_scenarios import GROUND_SCENARIOS
+from benchmarks.friction.methods import Event, ground_truth
+from benchmarks.jobs import make_folder, run_jobs
+from benchmarks.scenarios import Scenario, SCENARIOS
+from benchmarks.slip.series import as_estimate, as_truth, EstimateSeries
+from benchmarks.slip_ablation.rules import Rule, RULES, switched_off
+from benchmarks.slip_ablation.scoring import CaseKey, change, Change, FIGURES, Scores, scores_of
+from benchmarks.tables import new_console, new_table, number, print_all
+from smart_tire.analysis.pipeline import EstimatorParams, Pipeline
+from smart_tire.analysis.summary import plain
+from smart_tire.parameters import FrictionEstimatorParams, SlipEstimatorParams
+
+RUNS: Mapping[str, Scenario] = {**SCENARIOS, **GROUND_SCENARIOS}
+TITLES = {name: scenario.title for name, scenario in RUNS.items()}
+DEFAULT_RUNS = ('concrete', 'sand', 'sweep_60', 'mu_jumps', 'figure_eight', 'stop_and_go',
+                'degraded', 'gaps', 'straight', 'spin_reverse', 'tour', 'sand_straight')
+ALL_RULES = ''  # key of the estimator with all rules
+
+NOTES = """\
+Change of the rms errors and of the NEES without a rule [%]: mean over all runs, in brackets the
+standard error over the seeds. worst run: the run and the variant with the largest change of the
+slip error. ! beyond the scatter of seeds (two standard errors) and 1 %. Rules:
+""" + '\n'.join(f'{name}: {rule.title}' for name, rule in RULES.items())
+
+
+@dataclass(frozen=True)
+class RuleResult:
+    """Scores of one run and seed by rule that is off."""
+
+    run: str
+    seed: int
+    scores: dict[str, dict[str, Scores]]  # rule -> variant -> scores
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the benchmark; return the exit status."""
+    parser = accuracy_parser('slip_ablation', 'slip estimator with each special rule off')
+    parser.add_argument('--rules', nargs='+', choices=list(RULES), default=list(RULES),
+                        metavar='RULE', help='rules to switch off (default: all)')
+    parser.add_argument('--variants', nargs='+', choices=list(VARIANTS), default=list(VARIANTS),
+                        metavar='VARIANT', help='no_torque, torque (default: both)')
+    args = parser.parse_args(argv)
+    return run_accuracy_benchmark(
+        'slip_ablation', args, TITLES, lambda seeds, on: benchmark(
+            seeds, args.runs or DEFAULT_RUNS, args.rules, args.variants, args.out, on))
+
+
+def benchmark(seeds: Sequence[int], runs: Sequence[str], rules: Sequence[str],
+              variants: Sequence[str], out: Path, machine_name: str) -> None:
+    """Run all rules on all runs; print the table and write results."""
+    make_folder(out)
+    names = sorted(runs, key=lambda name: -RUNS[name].duration)
+    results = list(run_jobs([partial(run_rules, name, seed, rules, variants)
+                             for name in names for seed in seeds],
+                            lambda one: f'{TITLES[one.run]}, seed {one.seed}'))
+    scores = {rule: [_seed_scores(results, seed, rule) for seed in seeds]
+              for rule in (ALL_RULES, *rules)}
+    tree: dict[str, Any] = {'machine': machine_name, 'runs': list(runs),
+                            'results': [asdict(one) for one in results]}
+    (out / 'results.json').write_text(
+        json.dumps(plain(tree), indent=2, allow_nan=False) + '\n', encoding='utf-8')
+    print_all(new_console(), NOTES, [rules_table(scores)])
+
+
+def run_rules(name: str, seed: int, rules: Sequence[str], variants: Sequence[str]) -> RuleResult:
+    """Return the scores of a run with all rules, and without each of ``rules``."""
+    scenario = RUNS[name]
+    events = scenario.events(seed)
+    truth = as_truth(ground_truth(events), scenario.robot)
+    scores: dict[str, dict[str, Scores]] = {}
+    for rule in (ALL_RULES, *rules):
+        scores[rule] = {variant: scores_of(
+            _estimate(events, variant, scenario, RULES.get(rule, Rule('none'))), truth,
+            averaged=scenario.averaged) for variant in variants}
+    return RuleResult(name, seed, scores)
+
+
+def _estimate(events: Sequence[Event], variant: str, scenario: Scenario, rule: Rule
+              ) -> EstimateSeries:
+    params = EstimatorParams(
+        replace(SlipEstimatorParams(robot=scenario.robot), **rule.params),
+        FrictionEstimatorParams(robot=scenario.robot))
+    with switched_off(rule):
+        pipeline = Pipeline(params)
+        return as_estimate(estimate for sample in inputs_of(events, variant)
+                           for estimate in pipeline.update(sample))
+
+
+def _seed_scores(results: Sequence[RuleResult], seed: int, rule: str) -> dict[CaseKey, Scores]:
+    return {(one.run, variant): scores for one in results if one.seed == seed
+            for variant, scores in one.scores[rule].items()}
+
+
+def rules_table(scores: Mapping[str, Sequence[Mapping[CaseKey, Scores]]]) -> Table:
+    """Return the changes by rule; ``scores`` are those of each seed."""
+    base = scores[ALL_RULES]
+    table = new_table('Slip estimator without a rule: change of errors [%]', 'without',
+                      *FIGURES.values(), 'worst run', '')
+    for rule, without in scores.items():
+        if rule == ALL_RULES:
+            continue
+        changes = {case: change(without, base, 'slip', case) for case in base[0]}
+        (run, variant), worst = max(changes.items(), key=lambda item: abs(item[1].mean))
+        table.add_row(rule, *(_cell(change(without, base, figure)) for figure in FIGURES),
+                      f'{run}, {VARIANTS[variant]}', _cell(worst))
+    return table
+
+
+def _cell(one: Change) -> Text:
+    mean, error = (number(100.0 * value, 0 if abs(one.mean) > 0.995 else 1)
+                   for value in (one.mean, one.standard_error))
+    return Text(f'{mean} ({error}) !', style='red') if one.matters else Text(f'{mean} ({error})')
