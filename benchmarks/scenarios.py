@@ -16,12 +16,12 @@ from itertools import accumulate
 
 import numpy as np
 
+from benchmarks.efforts import scaled_efforts
 from benchmarks.event_cache import cached_events
 from smart_tire.parameters import RobotParams, SimulatorParams
 from smart_tire.parameters.robot import EncoderParams, FilmParams, TireParams
 from smart_tire.parameters.simulation import (
     DriveParams, GroundParams, PatchParams, RadioParams, SensorErrorParams)
-from smart_tire.samples import WheelSample
 from smart_tire.simulation.faults import delayed, interrupted, reordered
 from smart_tire.simulation.offline import Event, simulate
 
@@ -97,19 +97,10 @@ class Scenario:
         events = cached_events(run, lambda: simulate(
             params, self.legs, self.duration, wheel_rate=self.wheel_rate))
         if self.torque_ratio != 1.0:
-            events = [_scaled_effort(event, 1.0 / self.torque_ratio) for event in events]
+            events = scaled_efforts(events, 1.0 / self.torque_ratio)
         # a delayed message arrives after its timestamp
         events = delayed(events, 'wheel_states', self.latency)
         return self.fault(events, seed) if self.fault else events
-
-
-def _scaled_effort(event: Event, factor: float) -> Event:
-    """Return ``event`` with the torques of a wheel sample multiplied by ``factor``."""
-    received_ns, topic, sample = event
-    if not isinstance(sample, WheelSample) or sample.effort is None:
-        return event
-    fl, fr, rl, rr = (factor * torque for torque in sample.effort)
-    return received_ns, topic, replace(sample, effort=(fl, fr, rl, rr))
 
 
 def sequence(*parts: Leg) -> tuple[tuple[Leg, ...], float]:

@@ -8,12 +8,13 @@ efforts are removed from the same messages.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 import math
 import time
 
 import numpy as np
 
+from benchmarks.efforts import without_efforts
 from benchmarks.friction.counting import counted, COUNTED_FROM, excited
 from benchmarks.friction.methods import Event, ground_truth
 from benchmarks.friction.records import Mask, match_rows, Rows, true_crossings
@@ -23,7 +24,7 @@ from benchmarks.slip.series import as_estimate, as_truth, EstimateSeries, Truth
 from smart_tire.analysis.pipeline import EstimatorParams, Pipeline
 from smart_tire.analysis.series import at, Floats
 from smart_tire.parameters import FrictionEstimatorParams, RobotParams, SlipEstimatorParams
-from smart_tire.samples import Friction, NS_PER_S, Sample, WheelSample
+from smart_tire.samples import Friction, NS_PER_S, Sample
 
 NO_TORQUE, TORQUE = 'no_torque', 'torque'
 VARIANTS = {NO_TORQUE: 'no torque', TORQUE: 'torque'}
@@ -92,11 +93,8 @@ def run_forces(name: str, seed: int, events: Sequence[Event], robot: RobotParams
 
 def inputs_of(events: Iterable[Event], variant: str) -> list[Sample]:
     """Return the inputs of the estimators, without efforts of the wheels if without torque."""
-    samples = (sample for _, topic, sample in events if not topic.startswith('ground_truth/'))
-    if variant == TORQUE:
-        return list(samples)
-    return [replace(sample, effort=None) if isinstance(sample, WheelSample) else sample
-            for sample in samples]
+    samples = [sample for _, topic, sample in events if not topic.startswith('ground_truth/')]
+    return samples if variant == TORQUE else without_efforts(samples)
 
 
 def _estimates(samples: Iterable[Sample], robot: RobotParams) -> list[Sample]:

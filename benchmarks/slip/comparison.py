@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from benchmarks.efforts import has_efforts, without_efforts
 from benchmarks.slip.candidates import live_estimate, smoothed_estimate
 from benchmarks.slip.inputs import as_inputs
 from benchmarks.slip.odometry import fitted_scale, fitted_track, gyro_odometry, wheel_odometry
@@ -14,9 +15,13 @@ from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.samples import Sample
 
 LIVE, SMOOTHED = 'live', 'smoothed'
+LIVE_TORQUE, SMOOTHED_TORQUE = 'live_torque', 'smoothed_torque'
+WITH_TORQUE = {LIVE_TORQUE: 'live, with torque', SMOOTHED_TORQUE: 'smoothed, with torque'}
+OWN = LIVE, SMOOTHED, *WITH_TORQUE  # the estimator under test
 METHODS = {
     LIVE: 'live',
     SMOOTHED: 'smoothed',
+    **WITH_TORQUE,  # only if torques were measured
     'wheels': 'wheels, geometric track',
     'wheels_fitted': 'wheels, best-fit track',
     'gyro': 'gyro + wheels',
@@ -30,13 +35,16 @@ def compare_methods(samples: Sequence[Sample], params: SlipEstimatorParams,
     """
     Return the estimates of all ``METHODS`` from ``samples`` in order of reception.
 
-    Fitted constants of the methods for comparison are fitted to ``truth``.
+    Fitted constants of the methods for comparison are fitted to ``truth``. Only ``WITH_TORQUE``
+    use motor torques, and are left out if there are none.
     """
     inputs = as_inputs(samples, params.robot)
-    track = fitted_track(inputs, truth)
+    track, plain = fitted_track(inputs, truth), without_efforts(samples)
     return {
-        LIVE: live_estimate(samples, params),
-        SMOOTHED: smoothed_estimate(samples, params),
+        LIVE: live_estimate(plain, params),
+        SMOOTHED: smoothed_estimate(plain, params),
+        **({LIVE_TORQUE: live_estimate(samples, params),
+            SMOOTHED_TORQUE: smoothed_estimate(samples, params)} if has_efforts(samples) else {}),
         'wheels': wheel_odometry(inputs, params.robot.track_width),
         'wheels_fitted': wheel_odometry(inputs, track),
         'gyro': gyro_odometry(inputs),

@@ -11,7 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 import numpy as np
 
-from benchmarks.slip.comparison import LIVE, METHODS, SMOOTHED
+from benchmarks.slip.comparison import (
+    LIVE, LIVE_TORQUE, METHODS, OWN, SMOOTHED, SMOOTHED_TORQUE, WITH_TORQUE)
 from benchmarks.slip.series import EstimateSeries, side_means, Truth
 from smart_tire.analysis import drawing
 from smart_tire.analysis.series import at, Floats, PoseSeries, seconds, Stamps
@@ -22,7 +23,7 @@ AlignedPoses = tuple[Floats, Floats, Stamps]  # estimated, true poses in the sam
 GREEN, PURPLE = '#009e73', '#cc79a7'  # remaining colors of the palette of drawing
 COLORS = {LIVE: drawing.BLUE, SMOOTHED: drawing.VERMILLION, 'wheels': drawing.SHADE,
           'wheels_fitted': drawing.ORANGE, 'gyro': GREEN, 'gyro_fitted': drawing.SKY,
-          'plain_ekf': PURPLE}
+          'plain_ekf': PURPLE, LIVE_TORQUE: drawing.BLUE, SMOOTHED_TORQUE: drawing.VERMILLION}
 SHOWN_PERCENT = 98.0   # of the true values inside the axis limits; excludes spikes
 RANGE_MARGIN = 0.35    # of the range of the true values, above and below
 MIN_SLIP_MARGIN = 0.08  # -
@@ -51,14 +52,19 @@ def slip_figure(title: str, estimates: Estimates, truth: Truth) -> Figure:
         axes[name].set(ylabel=f'slip of the {name} side [-]')
     if turns:
         _draw_icr(axes['icr'], estimates, truth, origin)
-    _draw_innovations(axes['nis'], estimates[LIVE], origin)
+    _draw_innovations(axes['nis'], estimates[_shown(estimates)[0]], origin)
     axes['left'].set(title=title)
     drawing.finish(figure, axes)
     return figure
 
 
+def _shown(estimates: Estimates) -> tuple[str, str]:
+    """Return the live and the smoothed estimate, with torque if it was measured."""
+    return (LIVE_TORQUE, SMOOTHED_TORQUE) if LIVE_TORQUE in estimates else (LIVE, SMOOTHED)
+
+
 def _draw_slip(ax: Axes, side: int, estimates: Estimates, truth: Truth, origin: int) -> None:
-    for name in (LIVE, SMOOTHED):
+    for name in _shown(estimates):
         slips = estimates[name].slips
         time = seconds(slips.stamp_ns, origin)
         value, sigma = side_means(slips.ratio)[:, side], side_means(slips.sigma)[:, side]
@@ -76,7 +82,7 @@ def _draw_band(ax: Axes, time: Floats, value: Floats, sigma: Floats, color: str,
 
 
 def _draw_icr(ax: Axes, estimates: Estimates, truth: Truth, origin: int) -> None:
-    for name in (LIVE, SMOOTHED):
+    for name in _shown(estimates):
         centers = estimates[name].icr
         time, position = _with_gaps(seconds(centers.stamp_ns, origin), centers.position[:, 0])
         ax.plot(time, position, color=COLORS[name], linewidth=1.1)
@@ -121,8 +127,9 @@ def path_figure(title: str, estimates: Estimates,
                                     height=6.5)
     frame, origin = aligned_poses[LIVE][1], int(aligned_poses[LIVE][2][0])
     for name, (estimated, true, stamps) in reversed(list(aligned_poses.items())):
-        own = name in (LIVE, SMOOTHED)
+        own = name in OWN
         style: dict[str, Any] = {'color': COLORS[name], 'linewidth': 1.6 if own else 0.9,
+                                 'linestyle': '--' if name in WITH_TORQUE else '-',
                                  'alpha': 1.0 if own else 0.8, 'label': METHODS[name]}
         axes['path'].plot(*_transformed(estimated, true, frame).T, **style)
         time, errors = seconds(stamps, origin), _pose_errors(estimated, true)

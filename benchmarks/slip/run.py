@@ -22,6 +22,7 @@ from benchmarks.jobs import make_folder, run_jobs
 from benchmarks.scenarios import SCENARIOS
 from benchmarks.slip.comparison import compare_methods, LIVE, METHODS
 from benchmarks.slip.figures import path_figure, save, slip_figure
+from benchmarks.slip.previous_results import PREVIOUS_RESULTS
 from benchmarks.slip.recordings import bags, RECORDINGS, run_recording
 from benchmarks.slip.reference_results import REFERENCE_RESULTS
 from benchmarks.slip.results import by_run, figures_of, path_figures, RunResult
@@ -127,7 +128,7 @@ def _tables(runs: Runs) -> Iterator[Table]:
         scenario = SCENARIOS[run]
         distance = methods[LIVE]['distance']
         title = f'{scenario.title}: {scenario.duration:.0f} s, {distance:.0f} m'
-        yield errors_table(title, methods, REFERENCE_RESULTS.get(run), scenario.averaged)
+        yield errors_table(title, run, methods, REFERENCE_RESULTS.get(run), scenario.averaged)
     for run, methods in runs.items():
         if run in KNOWN:
             yield recordings_table(TITLES[run], methods)
@@ -147,5 +148,6 @@ def _write(path: Path, results: Sequence[RunResult], absent: Sequence[str],
         'runs': {run: {
             'title': TITLES[run], 'over_seeds': methods,
             'seeds': {result.seed: result.figures for result in results if result.run == run},
-            'reference': REFERENCE_RESULTS.get(run)} for run, methods in runs.items()}}
+            'reference': REFERENCE_RESULTS.get(run), 'before': PREVIOUS_RESULTS.get(run)}
+            for run, methods in runs.items()}}
     path.write_text(json.dumps(plain(tree), indent=2, allow_nan=False) + '\n', encoding='utf-8')

@@ -8,14 +8,17 @@ import math
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
-from benchmarks.slip.comparison import LIVE, METHODS, SMOOTHED
+from benchmarks.slip.comparison import LIVE, LIVE_TORQUE, METHODS, OWN, SMOOTHED
+from benchmarks.slip.previous_results import PREVIOUS_RESULTS
 from benchmarks.slip.reference_results import Reference, ReferenceRun, TITLES
+from benchmarks.slip.requirements import MAX_SLIP_ERRORS
 from benchmarks.slip.results import Figures
 from benchmarks.tables import new_table, number, print_all
 
 MAX_LIVE_RATIO = 1.5      # of errors to those of the reference filter, in steady intervals
 MAX_SMOOTHED_RATIO = 1.0
-WITH_SIGMAS = (LIVE, SMOOTHED, 'plain_ekf')
+WITH_SIGMAS = (*OWN, 'plain_ekf')
+REQUIRED = (LIVE, LIVE_TORQUE)  # methods with required slip errors
 
 Runs = Mapping[str, Mapping[str, Figures]]  # run -> method -> figures
 
@@ -26,27 +29,40 @@ times, against truth averaged over 125 ms; NaN while the true slip is defined co
 position: error in percent of the distance. Best-fit tracks and radii are fitted to the ground
 truth of each run, also the track of the EKF. reference: an internal reference filter on the same
 scenarios, with IMU, wheels and constraints, and with a force balance for C_x 52.7 N and mu 0.47.
+before: live, before forces were estimated. ! slip outside the requirements.
 """
 
 
-def errors_table(title: str, methods: Mapping[str, Figures], target: ReferenceRun | None,
-                 averaged: bool) -> Table:
+def errors_table(title: str, run: str, methods: Mapping[str, Figures],
+                 target: ReferenceRun | None, averaged: bool) -> Table:
     """Return the errors of all methods and of the reference filter on one run."""
     times = 'averaged' if averaged else 'steady'
     table = new_table(title, '', f'slip L / R\n{times}', 'slip L / R\nall times',
                       f'v [mm/s]\n{times}', '\nall', 'position [%]\nrms   end',
                       'heading [deg]\nrms    end')
-    for name, figures in methods.items():
-        table.add_row(METHODS[name], *_errors(figures), style='bold' if name == LIVE else None)
-        if name == SMOOTHED and target is not None:
-            for kind in TITLES:
-                table.add_row(TITLES[kind], *_reference(
-                    getattr(target, kind), methods[LIVE]['distance']), style='italic')
+    if run in PREVIOUS_RESULTS:
+        table.add_row('before', *_errors(PREVIOUS_RESULTS[run]), style='italic')
+    own = [name for name in OWN if name in methods]
+    for name in own:
+        limits = MAX_SLIP_ERRORS.get(run) if name in REQUIRED else None
+        table.add_row(METHODS[name], *_errors(methods[name], limits),
+                      style='bold' if name in REQUIRED else None)
+    if target is not None:
+        for kind in TITLES:
+            table.add_row(TITLES[kind], *_reference(
+                getattr(target, kind), methods[LIVE]['distance']), style='italic')
+    for name in methods:
+        if name not in own:
+            table.add_row(METHODS[name], *_errors(methods[name]))
     return table
 
 
-def _errors(figures: Figures) -> list[str]:
-    return [_pair(figures['slip_left'], figures['slip_right']),
+def _errors(figures: Figures, limits: tuple[float, float] | None = None) -> list[str | Text]:
+    sides = figures['slip_left'], figures['slip_right']
+    # requirements have three decimals
+    ok = limits is None or all(round(one, 3) <= most for one, most in zip(sides, limits))
+    slips = _pair(*sides)
+    return [Text(slips) if ok else Text(f'{slips} !', style='red'),
             _pair(figures['slip_left_all_times'], figures['slip_right_all_times']),
             number(1e3 * figures['speed'], 1), number(1e3 * figures['speed_all_times'], 1),
             _two(figures['position_rms_percent'], figures['position_end_percent'], 2),

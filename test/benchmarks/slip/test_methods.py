@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 from support.driving import drive, ramp, START_NS
 
-from benchmarks.slip.comparison import compare_methods, LIVE, METHODS
+from benchmarks.efforts import has_efforts
+from benchmarks.slip import comparison
+from benchmarks.slip.comparison import compare_methods, LIVE, METHODS, WITH_TORQUE
 from benchmarks.slip.inputs import as_inputs
 from benchmarks.slip.odometry import fitted_scale, fitted_track, gyro_odometry, wheel_odometry
 from benchmarks.slip.plain_ekf import plain_ekf
@@ -149,7 +151,25 @@ def test_too_few_samples_are_rejected():
 def test_every_method_gives_estimates():
     run, _ = without_slip(noise=1.0)
     estimates = compare_methods(run.samples, SlipEstimatorParams(robot=ROBOT), truth_of(run))
-    assert list(estimates) == list(METHODS)
+    assert list(estimates) == [name for name in METHODS if name not in WITH_TORQUE]
     assert all(len(estimate.poses.stamp_ns) > 200 for estimate in estimates.values())
     assert 0.0 < estimates[LIVE].step_us < math.inf
     assert np.isfinite(estimates[LIVE].innovations.value).all()
+
+
+def test_torques_are_used_by_their_own_methods_only(monkeypatch):
+    run, _ = without_slip(noise=1.0)
+    samples = [replace(sample, effort=(0.1,) * 4) if isinstance(sample, WheelSample) else sample
+               for sample in run.samples]
+    efforts = {}
+
+    def candidate(name):
+        def estimate(inputs, params):
+            efforts[name] = efforts.get(name, []) + [has_efforts(inputs)]
+            return gyro_odometry(as_inputs(inputs, params.robot))
+        return estimate
+    for name in ('live_estimate', 'smoothed_estimate'):
+        monkeypatch.setattr(comparison, name, candidate(name))
+    estimates = compare_methods(samples, SlipEstimatorParams(robot=ROBOT), truth_of(run))
+    assert list(estimates) == list(METHODS)
+    assert efforts == {'live_estimate': [False, True], 'smoothed_estimate': [False, True]}

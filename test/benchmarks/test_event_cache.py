@@ -1,0 +1,59 @@
+"""Simulated events are cached on request, and valid for the same run and simulator only."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from benchmarks import event_cache
+from benchmarks.scenarios import SCENARIOS
+
+
+class Maker:
+    """Counts how often events are made."""
+
+    count = 0
+
+    def __call__(self):
+        self.count += 1
+        return [(self.count, 'imu/data', None)]
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.setenv(event_cache.FOLDER_VARIABLE, str(tmp_path / 'new'))
+    return tmp_path / 'new'
+
+
+def test_without_a_folder_events_are_made_every_time(monkeypatch):
+    monkeypatch.delenv(event_cache.FOLDER_VARIABLE, raising=False)
+    make = Maker()
+    assert event_cache.cached_events('a', make) != event_cache.cached_events('a', make)
+
+
+def test_events_of_the_same_run_are_made_once(folder):
+    make = Maker()
+    first, again = (event_cache.cached_events('a', make) for _ in range(2))
+    assert first == again
+    assert event_cache.cached_events('b', make) != first
+    assert make.count == 2
+    assert sorted(path.suffix for path in folder.iterdir()) == ['.pickle'] * 2
+
+
+def test_events_of_another_simulator_are_made_again(folder, monkeypatch):
+    make = Maker()
+    event_cache.cached_events('a', make)
+    monkeypatch.setattr(event_cache, 'source_digest', lambda: 'changed')
+    event_cache.cached_events('a', make)
+    assert make.count == 2
+
+
+def test_cached_events_are_those_of_the_scenario_and_seed(folder):
+    short = replace(SCENARIOS['late_wheels'], duration=3.2)
+    made = {seed: short.events(seed) for seed in (1, 2)}
+    assert repr(made[1]) != repr(made[2])
+    assert repr({seed: short.events(seed) for seed in (1, 2)}) == repr(made)  # NaN included
+    longer = replace(short, duration=3.4)
+    assert len(longer.events(1)) > len(made[1])
+    assert len(list(folder.iterdir())) == 3

@@ -1,0 +1,98 @@
+"""Every rule of the slip estimator can be switched off, and its effect is measured."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+import importlib
+import json
+import math
+
+import pytest
+
+from benchmarks.scenarios import SCENARIOS
+from benchmarks.slip_ablation import run
+from benchmarks.slip_ablation.rules import PACKAGE, Rule, RULES, switched_off
+from benchmarks.slip_ablation.scoring import change, FIGURES
+from smart_tire.parameters import SlipEstimatorParams
+
+every_rule = pytest.mark.parametrize('rule', RULES.values(), ids=list(RULES))
+CASES = ('a', 'torque'), ('b', 'torque')
+
+
+def value_of(target):
+    """Return the present value of a patch's target."""
+    module, *path = target.split('.')
+    found = importlib.import_module(f'{PACKAGE}.{module}')
+    for name in path:
+        found = getattr(found, name)
+    return found
+
+
+@every_rule
+def test_a_rule_is_off_within_the_context_only(rule):
+    before = {target: value_of(target) for target in rule.patches}
+    with switched_off(rule):
+        for target, value in rule.patches.items():
+            assert value_of(target) is value
+            assert before[target] != value
+    assert {target: value_of(target) for target in rule.patches} == before
+
+
+@every_rule
+def test_a_rule_changes_something_that_exists(rule):
+    assert rule.patches or rule.params
+    assert rule.params.keys() <= {field.name for field in fields(SlipEstimatorParams)}
+    defaults = SlipEstimatorParams()
+    assert all(getattr(defaults, name) != value for name, value in rule.params.items())
+
+
+def test_an_outdated_patch_is_an_error():
+    with pytest.raises(AttributeError), switched_off(Rule('old', {'ekf.NO_SUCH_LIMIT': 0.0})):
+        pass
+
+
+def scores(*ratios):
+    """Return the scores of seeds with these slip errors, in two cases."""
+    return [{case: dict.fromkeys(FIGURES, ratio) for case in CASES} for ratio in ratios]
+
+
+def test_changes_are_ratios_of_the_same_seed():
+    found = change(scores(0.022, 0.044), scores(0.02, 0.04), 'slip')
+    assert found.mean == pytest.approx(0.1)
+    assert found.standard_error == pytest.approx(0.0, abs=1e-9)
+    assert found.matters
+
+
+def test_changes_within_the_scatter_of_seeds_do_not_matter():
+    found = change(scores(1.1, 0.9, 1.02), scores(1.0, 1.0, 1.0), 'slip')
+    assert abs(found.mean) < found.standard_error
+    assert not found.matters
+    assert not change(scores(1.005, 1.005), scores(1.0, 1.0), 'slip').matters  # below 1 %
+
+
+def test_a_change_in_one_case_is_half_of_it_in_two():
+    without = scores(1.0)
+    without[0][CASES[0]] = dict.fromkeys(FIGURES, 1.21)
+    base = scores(1.0)
+    assert change(without, base, 'slip', CASES[0]).mean == pytest.approx(0.21)
+    assert change(without, base, 'slip').mean == pytest.approx(0.1)
+    assert math.isnan(change(without, base, 'slip').standard_error)
+
+
+def test_a_run_gives_a_line_per_rule_and_results(monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr(run, 'RUNS', {'concrete': replace(SCENARIOS['concrete'], duration=8.0)})
+    assert run.main(['--seeds', '1', '--runs', 'concrete', '--rules', 'speed_change', 'spikes',
+                     '--variants', 'no_torque', '--out', str(tmp_path)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    rows = {name: next(line for line in lines if line.strip().startswith(f'{name} '))
+            for name in ('speed_change', 'spikes')}
+    assert '!' in rows['speed_change'] and '!' not in rows['spikes']
+    (result,) = json.loads((tmp_path / 'results.json').read_text())['results']
+    assert result['scores'].keys() == {'', 'speed_change', 'spikes'}
+    assert result['scores']['spikes'] == result['scores']['']
+
+
+def test_an_unknown_rule_is_a_usage_error(capsys):
+    with pytest.raises(SystemExit):
+        run.main(['--rules', 'gravity'])
+    assert 'gravity' in capsys.readouterr().err
