@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from benchmarks.friction.records import FUSED, Mask, Rows
@@ -11,15 +13,20 @@ from benchmarks.slip.series import Truth
 from smart_tire.analysis.series import Floats
 from smart_tire.samples import NS_PER_S
 
+GROUND = FUSED, 'stiffness'  # true quantities of a ground
 COUNTED_FROM = 5         # revolution of the film's wheel after the start or a change of ground
 MIN_MOTION = 5.0         # s on the same ground, for estimates without torque
 MIN_TURN_RATE = 0.2      # rad/s, of a turn
 
 
-def revolutions_on_ground(rows: Rows) -> Floats:
-    """Return which revolution (n,) on the present ground each crossing is, from 1."""
+def revolutions_on_ground(rows: Rows, quantities: Sequence[str] = GROUND) -> Floats:
+    """
+    Return which revolution (n,) on the present ground each crossing is, from 1.
+
+    The ground changes with any of its true ``quantities``.
+    """
     changed = np.zeros(len(rows.stamp_ns), bool)
-    for name in (FUSED, 'stiffness'):
+    for name in quantities:
         true = rows.true[name]
         changed[1:] |= np.abs(np.diff(true)) > MAX_SAME_FRICTION * true[:-1]
     index = np.arange(len(changed))
@@ -37,7 +44,7 @@ def excited(rows: Rows, truth: Truth) -> Mask:
     """
     Return which crossings (n,) can be expected to be estimated without torque.
 
-    These are crossings after ``MIN_MOTION`` of motion on the same ground with a turn, start or
+    These are crossings after ``MIN_MOTION`` of motion with the same C_x and with a turn, start or
     stop in it.
     """
     moving = np.abs(truth.rolling).max(axis=1) > MIN_ROLLING_SPEED
@@ -46,12 +53,8 @@ def excited(rows: Rows, truth: Truth) -> Mask:
     step = np.diff(truth.stamp_ns, prepend=truth.stamp_ns[0]) / NS_PER_S
     motion, events = np.cumsum(moving * step), np.cumsum(moving & busy)
     now = np.clip(np.searchsorted(truth.stamp_ns, rows.stamp_ns), 0, len(step) - 1)
-    begin = now[_first_on_ground(rows)]
-    begin[_first_on_ground(rows) == 0] = 0  # the first ground begins with the run
+    revolution = revolutions_on_ground(rows, ('stiffness',)).astype(np.intp)
+    first = np.arange(len(now)) - revolution + 1  # crossing on the present ground
+    begin = np.where(first > 0, now[first], 0)    # the first ground begins with the run
     mask: Mask = (motion[now] - motion[begin] >= MIN_MOTION) & (events[now] > events[begin])
     return mask
-
-
-def _first_on_ground(rows: Rows) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
-    """Return the index (n,) of the first crossing on the present ground."""
-    return np.arange(len(rows.stamp_ns)) - revolutions_on_ground(rows).astype(np.intp) + 1

@@ -22,7 +22,7 @@ Rows = Mapping[PartKey, Row]
 FORCE_NOTES = f"""\
 Forces: crossings count from the fifth revolution of the wheel after the start and after each
 change of ground under it (mu jumps: from the fourth). before: results before forces were
-estimated; 5 s: crossings after 5 s of motion on the same ground with a turn, start or stop in it.
+estimated; 5 s: crossings after 5 s of motion with the same C_x and a turn, start or stop in it.
 Errors are relative: median / 90 % quantile of absolute errors; in: share within two sigma; NEES:
 normalized estimation error squared, 1 if consistent; sliding: median relative error of the sliding
 share of the patch. v_y: rms while moving. straight: rms of the mean slip of both sides while

@@ -21,6 +21,7 @@ from benchmarks.command import accuracy_parser, run_accuracy_benchmark
 from benchmarks.friction.counting import COUNTED_FROM
 from benchmarks.friction.figures import (
     adhesion_figure, bound_figure, friction_figure, stretch_figure, waveform_figure)
+from benchmarks.friction.force_figures import force_figure
 from benchmarks.friction.force_results import PartKey, Row, rows_of
 from benchmarks.friction.force_tables import FORCE_NOTES, force_tables
 from benchmarks.friction.forces import ForceResult, run_forces, VARIANTS
@@ -148,6 +149,8 @@ def run_scenario(name: str, seed: int, out: Path, *, compare: bool = True) -> Sc
     events, robot = scenario.events(seed), scenario.robot
     first = COUNTED_FROM_JUMP if name == 'mu_jumps' else COUNTED_FROM
     forces = run_forces(name, seed, events, robot, first)
+    if seed == DRAWN_SEED:
+        save(force_figure(scenario.title, forces), out / f'{name}_forces.png')
     if name in GROUND_SCENARIOS or not compare:
         return ScenarioResult(forces, None)
     result = run_all(name, seed, events, robot)

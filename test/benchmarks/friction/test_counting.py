@@ -66,11 +66,17 @@ def test_without_a_turn_start_or_stop_nothing_is_expected():
 
 def test_an_excitation_on_the_previous_ground_does_not_count():
     turn_first = truth(30.0, yaw_rate=lambda time: np.where(time < 8.0, 0.5, 0.0))
-    assert not excited(rows([.47] * 10 + [.2] * 10), turn_first)[10:].any()
+    stiffness = [52.7] * 10 + [25.0] * 18
+    assert not excited(rows([.47] * 28, stiffness), turn_first)[10:].any()
     stop_later = truth(30.0, starts=[(14.0, 15.0)])
-    found = excited(rows([.47] * 10 + [.2] * 18), stop_later)
+    found = excited(rows([.47] * 28, stiffness), stop_later)
     assert not found[:13].any()
     assert found[17:].all()  # six seconds on the second ground, one of them stationary
+
+
+def test_an_excitation_counts_while_the_stiffness_stays():
+    turn_first = truth(30.0, yaw_rate=lambda time: np.where(time < 8.0, 0.5, 0.0))
+    assert excited(rows([.47] * 10 + [.2] * 10), turn_first)[5:].all()
 
 
 def test_time_at_standstill_is_no_motion():

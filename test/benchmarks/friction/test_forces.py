@@ -10,6 +10,7 @@ import pytest
 from rich.console import Console
 
 from benchmarks.friction import force_tables, forces
+from benchmarks.friction.force_figures import force_figure
 from benchmarks.friction.force_results import (
     ALL_GROUNDS, consistency, EXCITED_SUFFIX, pooled, Row, rows_of)
 from benchmarks.friction.force_tables import friction_table, motion_table, stiffness_table
@@ -114,6 +115,15 @@ def test_the_tables_have_a_line_per_ground_and_are_not_truncated(result):
         assert TITLES['tour'] in text and '…' not in text
     text = text_of(friction_table(rows, [result], TITLES))
     assert all(name in text for name in ('concrete', 'sand', 'all'))
+
+
+def test_mu_and_stiffness_are_drawn_with_truth_for_each_wheel(result):
+    figure = force_figure('tour', result)
+    assert len(figure.axes) == 4
+    assert {ax.get_ylabel() for ax in figure.axes} - {''} == {'μ [-]', '$C_x$ [N]'}
+    for ax in figure.axes:
+        assert len(ax.collections) == len(VARIANTS)
+        assert [line.get_label() for line in ax.lines].count('truth') == 1
 
 
 def table_of(build, limits, monkeypatch, **figures):

@@ -35,7 +35,8 @@ def test_a_run_gives_tables_a_figure_and_results(tiny, tmp_path, capsys):
                   'printed map', 'estimated slip', 'true slip', 'front left', 'aided'):
         assert words in output
     assert '[%]' in output and '…' not in output  # units are shown, no cell is truncated
-    assert {path.name for path in out.iterdir()} == {'concrete.png', 'results.json'}
+    assert {path.name for path in out.iterdir()} == {
+        'concrete.png', 'concrete_forces.png', 'results.json'}
     concrete = json.loads((out / 'results.json').read_text())['runs']['concrete']
     assert concrete['seeds'] == [1]
     assert concrete['reference']['single'] == 0.017
