@@ -36,6 +36,24 @@ def new_table(title: str, first: str, *columns: str) -> Table:
     return table
 
 
+def markdown(table: Table) -> str:
+    """
+    Return ``table`` as a Markdown table under its title.
+
+    A column without a group in its header belongs to that of the column before it.
+    """
+    group, headers = '', list[str]()
+    for column in table.columns:
+        first, _, second = str(column.header).partition('\n')
+        group = first if first.endswith(':') else group if not first else ''
+        whole = f'{first} {second}'.replace('- ', '').strip()  # hyphenated at the line break
+        headers.append(f'{group} {second}'.strip() if group else whole)
+    cells = [[str(cell).strip() for cell in column.cells] for column in table.columns]
+    lines = [headers, ['---'] * len(headers), *([*row] for row in zip(*cells))]
+    return f'{table.title}\n\n' + '\n'.join(
+        f'| {" | ".join(line)} |' for line in lines) + '\n'
+
+
 def number(value: float, digits: int) -> str:
     """Return ``value`` with ``digits`` decimals; a dash if it is not finite."""
     return f'{value:.{digits}f}' if math.isfinite(value) else '-'

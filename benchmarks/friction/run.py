@@ -39,7 +39,7 @@ from benchmarks.friction.tables import (
     aided_table, cases_table, errors_table, methods_table, NOTES, statistics_table)
 from benchmarks.jobs import make_folder, run_jobs
 from benchmarks.slip.figures import save
-from benchmarks.tables import new_console, print_all
+from benchmarks.tables import markdown, new_console, print_all
 from smart_tire.analysis.summary import plain
 
 CROSSINGS = 'crossings'          # name of the synthesized crossings among the runs
@@ -113,7 +113,9 @@ def benchmark(options: BenchOptions, machine_name: str) -> None:
     if cases or compared:
         print_all(console, NOTES, _method_tables(cases, compared))
     if rows:
-        print_all(console, FORCE_NOTES, force_tables(rows, forces, TITLES))
+        tables = list(force_tables(rows, forces, TITLES))
+        print_all(console, FORCE_NOTES, tables)
+        (options.out / 'forces.md').write_text('\n'.join(map(markdown, tables)), encoding='utf-8')
     print(f'{len(cases)} cases and {len(forces)} runs; figures and results.json in {options.out}')
 
 

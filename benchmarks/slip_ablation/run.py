@@ -26,7 +26,7 @@ from benchmarks.scenarios import Scenario, SCENARIOS
 from benchmarks.slip.series import as_estimate, as_truth, EstimateSeries
 from benchmarks.slip_ablation.rules import Rule, RULES, switched_off
 from benchmarks.slip_ablation.scoring import CaseKey, change, Change, FIGURES, Scores, scores_of
-from benchmarks.tables import new_console, new_table, number, print_all
+from benchmarks.tables import markdown, new_console, new_table, number, print_all
 from smart_tire.analysis.pipeline import EstimatorParams, Pipeline
 from smart_tire.analysis.summary import plain
 from smart_tire.parameters import FrictionEstimatorParams, SlipEstimatorParams
@@ -80,7 +80,9 @@ def benchmark(seeds: Sequence[int], runs: Sequence[str], rules: Sequence[str],
                             'results': [asdict(one) for one in results]}
     (out / 'results.json').write_text(
         json.dumps(plain(tree), indent=2, allow_nan=False) + '\n', encoding='utf-8')
-    print_all(new_console(), NOTES, [rules_table(scores)])
+    table = rules_table(scores)
+    print_all(new_console(), NOTES, [table])
+    (out / 'rules.md').write_text(markdown(table), encoding='utf-8')
 
 
 def run_rules(name: str, seed: int, rules: Sequence[str], variants: Sequence[str]) -> RuleResult:

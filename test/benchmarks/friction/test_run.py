@@ -36,7 +36,7 @@ def test_a_run_gives_tables_a_figure_and_results(tiny, tmp_path, capsys):
         assert words in output
     assert '[%]' in output and '…' not in output  # units are shown, no cell is truncated
     assert {path.name for path in out.iterdir()} == {
-        'concrete.png', 'concrete_forces.png', 'results.json'}
+        'concrete.png', 'concrete_forces.png', 'forces.md', 'results.json'}
     concrete = json.loads((out / 'results.json').read_text())['runs']['concrete']
     assert concrete['seeds'] == [1]
     assert concrete['reference']['single'] == 0.017
