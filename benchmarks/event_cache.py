@@ -8,6 +8,7 @@ folder is deleted.
 
 from __future__ import annotations
 
+import ast
 from collections.abc import Callable
 from functools import cache
 import gc
@@ -19,19 +20,34 @@ import pickle
 from smart_tire.simulation import offline
 
 FOLDER_VARIABLE = 'SMART_TIRE_EVENT_CACHE'
-SIMULATION_SOURCES = ('simulation', 'models', 'protocol', 'samples.py', 'rotation.py',
-                      'uncertain.py')  # what determines events, besides the parameters
+ROOT = Path(offline.__file__).parents[2]  # of the modules
+IGNORED = 'smart_tire.parameters'         # their values describe the run
 
 
 @cache
 def source_digest() -> str:
-    """Return a digest of the source of the simulator."""
-    root, digest = Path(offline.__file__).parents[1], hashlib.sha256()
-    for name in SIMULATION_SOURCES:
-        path = root / name
-        for file in sorted(path.rglob('*.py')) if path.is_dir() else [path]:
-            digest.update(file.read_bytes())
+    """Return a digest of the modules that the offline simulator imports."""
+    modules = imported_modules(offline.__name__)
+    digest = hashlib.sha256()
+    for name in sorted(modules):
+        digest.update(modules[name].read_bytes())
     return digest.hexdigest()
+
+
+def imported_modules(name: str) -> dict[str, Path]:
+    """Return the own modules that the module ``name`` imports, directly or not, and itself."""
+    found: dict[str, Path] = {}
+    waiting = [name]
+    while waiting:
+        name = waiting.pop()
+        path = ROOT.joinpath(*name.split('.')).with_suffix('.py')
+        if name in found or name.startswith(IGNORED) or not path.exists():
+            continue
+        found[name] = path
+        for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+            if isinstance(node, ast.ImportFrom) and node.module is not None:
+                waiting += node.module, *(f'{node.module}.{alias.name}' for alias in node.names)
+    return found
 
 
 def cached_events(run: str, make: Callable[[], list[offline.Event]]) -> list[offline.Event]:

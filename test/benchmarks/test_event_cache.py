@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+import sys
 
 import pytest
 
@@ -57,3 +58,11 @@ def test_cached_events_are_those_of_the_scenario_and_seed(folder):
     longer = replace(short, duration=3.4)
     assert len(longer.events(1)) > len(made[1])
     assert len(list(folder.iterdir())) == 3
+
+
+def test_the_simulator_consists_of_plant_films_and_models_but_not_of_estimators():
+    found = event_cache.imported_modules('smart_tire.simulation.offline')
+    assert {'smart_tire.simulation.plant', 'smart_tire.simulation.films',
+            'smart_tire.models.tire.brush_tire', 'smart_tire.samples'} <= found.keys()
+    assert not any('.estimation' in name or '.parameters' in name for name in found)
+    assert found.keys() < {name for name in sys.modules if name.startswith('smart_tire.')}
