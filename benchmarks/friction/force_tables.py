@@ -165,7 +165,7 @@ def _slips(row: Row, suffix: str) -> list[str | Text]:
     cells: list[str | Text] = [_slip_pair(*(_before(row, name) for name in names))]
     for variant, own in row.variants.items():
         limit = limits_of(row.run, row.ground, variant)
-        limits = (limit.slip_all_times,) * 2 if suffix else (limit.slip_left, limit.slip_right)
+        limits = (math.inf,) * 2 if suffix else (limit.slip_left, limit.slip_right)
         # requirements have three decimals
         ok = not any(round(own[name], 3) > most for name, most in zip(names, limits))
         cells.append(_marked(_slip_pair(*(own[name] for name in names)), ok))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import math
 
 from benchmarks.friction.force_results import ALL_GROUNDS, PartKey
-from benchmarks.friction.forces import NO_TORQUE, TORQUE
+from benchmarks.friction.forces import NO_TORQUE, TORQUE, VARIANTS
 from benchmarks.grounds import CONCRETE, GRAVEL, SAND, WET_TILES
 
 
@@ -22,7 +22,6 @@ class Limits:
     speed_y: float = math.inf     # m/s, rms
     slip_left: float = math.inf   # -, rms in steady intervals
     slip_right: float = math.inf
-    slip_all_times: float = math.inf  # -, rms of either side
     common_slip: float = math.inf     # -, rms while cruising straight
     jump_revolutions: float = math.inf  # until within 10 % after a change
 
@@ -42,6 +41,10 @@ def _both(with_torque: Limits, **changes: float) -> dict[str, Limits]:
     return {NO_TORQUE: replace(_NO_TORQUE, **changes), TORQUE: replace(with_torque, **changes)}
 
 
+def _same(limits: Limits) -> dict[str, Limits]:
+    return dict.fromkeys(VARIANTS, limits)
+
+
 REQUIREMENTS: Mapping[PartKey, Mapping[str, Limits]] = {
     **{('tour', ground): _both(_TORQUE) for ground in (CONCRETE, GRAVEL, WET_TILES)},
     ('tour', SAND): _both(_TORQUE_SAND),
@@ -55,15 +58,15 @@ REQUIREMENTS: Mapping[PartKey, Mapping[str, Limits]] = {
     **{(run, ALL_GROUNDS): _both(_TORQUE, sliding=0.015)
        for run in ('bumps_far', 'bumps_skewed', 'release_mixed')},
     ('heavy', CONCRETE): _both(_TORQUE), ('heavy', SAND): _both(_TORQUE_SAND),
-    # sliding friction changes on a curve, C_x does not
-    ('mu_jumps', ALL_GROUNDS): _both(
-        _TORQUE, mu_median=0.05, speed_y=0.004, jump_revolutions=3.0),
-    ('curve', ALL_GROUNDS): _both(_TORQUE, mu_median=0.04, slip_left=0.009, slip_right=0.007),
-    ('sweep_60', ALL_GROUNDS): _both(
-        _TORQUE, mu_median=0.015, slip_left=0.011, slip_right=0.007),
-    ('figure_eight', ALL_GROUNDS): _both(
-        _TORQUE, mu_median=0.015, slip_left=0.006, slip_right=0.006),
-    ('braking', ALL_GROUNDS): _both(_TORQUE, slip_all_times=0.038),
+    # the same with both variants
+    ('mu_jumps', ALL_GROUNDS): _same(
+        Limits(mu_median=0.05, speed_y=0.004, jump_revolutions=3.0)),
+    ('curve', ALL_GROUNDS): _same(
+        Limits(mu_median=0.04, slip_left=0.009, slip_right=0.007)),
+    ('sweep_60', ALL_GROUNDS): _same(
+        Limits(mu_median=0.015, slip_left=0.011, slip_right=0.007)),
+    ('figure_eight', ALL_GROUNDS): _same(
+        Limits(mu_median=0.015, slip_left=0.006, slip_right=0.006)),
     ('cruise', ALL_GROUNDS): {TORQUE: _STRAIGHT},
     ('cruise_sand', ALL_GROUNDS): {TORQUE: _STRAIGHT},
 }
