@@ -16,6 +16,7 @@ from typing import Any
 from unittest import mock
 
 PACKAGE = 'smart_tire.estimation.slip'
+ALL_RULES = 'all_rules'  # the estimator with all rules
 
 
 @dataclass(frozen=True)
@@ -50,6 +51,7 @@ def _false(*_: Any) -> bool:
 
 
 RULES: Mapping[str, Rule] = MappingProxyType({
+    ALL_RULES: Rule('none is off'),
     # wheel measurements
     'nis_inflation': Rule(
         'wheel noise grows with the normalized innovation', {'ekf.NIS_INFLATION': 0.0}),

@@ -11,11 +11,15 @@ import pytest
 
 from benchmarks.scenarios import SCENARIOS
 from benchmarks.slip_ablation import run
-from benchmarks.slip_ablation.rules import PACKAGE, Rule, RULES, switched_off
+from benchmarks.slip_ablation.recorded import KNOWN, RecordedResult
+from benchmarks.slip_ablation.rules import ALL_RULES, PACKAGE, Rule, RULES, switched_off
+from benchmarks.slip_ablation.run import recordings_table
 from benchmarks.slip_ablation.scoring import change, FIGURES
+from benchmarks.tables import markdown
 from smart_tire.parameters import SlipEstimatorParams
 
-every_rule = pytest.mark.parametrize('rule', RULES.values(), ids=list(RULES))
+every_rule = pytest.mark.parametrize(
+    'rule', [RULES[name] for name in run.SPECIAL], ids=run.SPECIAL)
 RULES_TRIED = 'speed_change', 'standstill', 'spikes'
 CASES = ('a', 'torque'), ('b', 'torque')
 
@@ -91,11 +95,24 @@ def test_a_run_gives_a_line_per_rule_and_results(monkeypatch, tmp_path, capsys):
     assert '!' in rows['standstill']    # by a patch
     assert '!' not in rows['spikes']
     (result,) = json.loads((tmp_path / 'results.json').read_text())['results']
-    assert result['scores'].keys() == {'', *RULES_TRIED}
-    assert result['scores']['spikes'] == result['scores']['']
+    assert result['scores'].keys() == {ALL_RULES, *RULES_TRIED}
+    assert result['scores']['spikes'] == result['scores'][ALL_RULES]
 
 
 def test_an_unknown_rule_is_a_usage_error(capsys):
     with pytest.raises(SystemExit):
         run.main(['--rules', 'gravity'])
     assert 'gravity' in capsys.readouterr().err
+
+
+def test_recordings_that_are_absent_are_skipped_with_a_message(tmp_path, capsys):
+    assert run.main(['--runs', *KNOWN, '--rules', 'spikes', '--data', str(tmp_path),
+                     '--out', str(tmp_path)]) == 0
+    output = capsys.readouterr().out
+    assert all(f'{name}: not in {tmp_path}, skipped' in output for name in KNOWN)
+
+
+def test_the_change_on_a_recording_is_that_of_its_position_error():
+    results = [RecordedResult('husky', {ALL_RULES: 0.10, 'spikes': 0.12, 'radius': 0.09})]
+    assert markdown(recordings_table(results, ['spikes', 'radius'])).splitlines()[-2:] == [
+        '| spikes | 20.0 |', '| radius | -10.0 |']
