@@ -9,10 +9,12 @@ from smart_tire.models.constants import GRAVITY
 from smart_tire.models.tire import brush_tire
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.robot import FilmParams
+from smart_tire.parameters.simulation import SensorErrorParams
 
 RPM = math.tau / 60.0  # rad/s
 WHEEL = 'front_right'  # instrumented wheel
 ROBOT = RobotParams()  # paper B's Table I
+ERRORS = SensorErrorParams()  # variation of bending and bumps as in the simulator
 LOAD = 0.25 * ROBOT.mass * GRAVITY  # N, F_z of every wheel
 
 SLIPS = (0.02, 0.03, 0.05, 0.1, 0.15, 0.2, 0.3)
@@ -34,6 +36,10 @@ class Case:
     noise: float = 0.005     # V, standard deviation of a sample
     combined: float = 1.0    # total slip over longitudinal slip
     release: str = 'fig8'
+    release_share: float = 0.0  # share of the other release in the signal
+    bump_distance: tuple[float, ...] = ERRORS.bump_distance  # m, before and after the contact
+    bump_width: tuple[float, ...] = ERRORS.bump_width  # m, full width at half height
+    bump_shape: str = ERRORS.bump_shape
 
     @property
     def robot(self) -> RobotParams:

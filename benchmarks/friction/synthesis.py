@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from benchmarks.friction.grid import Case, LOAD, WHEEL
+from benchmarks.friction.grid import Case, ERRORS, LOAD, WHEEL
 from smart_tire.analysis.series import Floats
 from smart_tire.estimation.contact.assembly import SAMPLE_MARGIN
 from smart_tire.estimation.contact.detection import CrossingDetector
@@ -14,13 +14,11 @@ from smart_tire.estimation.contact.records import (
     CrossingSamples, Detection, FilmSamples, PatchCrossing)
 from smart_tire.estimation.friction.motion_history import WheelMotion
 from smart_tire.models.film.signal_chain import SignalChain
-from smart_tire.models.tire import tread_film
-from smart_tire.parameters.simulation import SensorErrorParams
+from smart_tire.models.tire import bump_shapes, tread_film
 from smart_tire.samples import NS_PER_S
 from smart_tire.uncertain import Uncertain
 
-SENSOR_ERRORS = SensorErrorParams()  # variation of bending and bumps as in the simulator
-BUMP_RANGE = min(SENSOR_ERRORS.bumps), max(SENSOR_ERRORS.bumps)
+BUMP_RANGE = min(ERRORS.bumps), max(ERRORS.bumps)
 TRUE_SLIP_SIGMA = 1e-6                  # -
 SEARCH_RANGE = 0.019          # m, around the true position of a film, for its detection
 
@@ -69,20 +67,31 @@ class CrossingSynthesizer:
         relative = distance - position
         relative = relative[np.abs(relative) < half + SAMPLE_MARGIN]
         x = relative + 0.5 * (patch - params.length)
-        spread = SENSOR_ERRORS.bending_variation
+        spread = ERRORS.bending_variation
         peak = params.bending(WHEEL)[film] * (1.0 + rng.uniform(-spread, spread))
         gain = params.gains(WHEEL)[film] * (1.0 + self._gain_error * rng.standard_normal())
         before, after = rng.uniform(*BUMP_RANGE, 2).tolist()
-        bumps = np.where(relative < 0.0, before, after)
-        volts = tread_film.crossing_voltage(
+        voltage = {release: tread_film.crossing_voltage(
             x, slip=case.slip, total_slip=case.total_slip, critical_slip=case.critical_slip,
             film_length=params.length, contact_length=patch, bending_peak=peak,
-            bending_alpha=params.bending_alpha, stretch_gain=gain, release=params.release)
-        volts = (volts - peak * bumps * tread_film.bumps(x, params.length, patch).value
+            bending_alpha=params.bending_alpha, stretch_gain=gain, release=release)
+            for release in tread_film.RELEASES}
+        volts = voltage.pop(params.release)
+        if case.release_share > 0.0:
+            other, = voltage.values()
+            volts = (1.0 - case.release_share) * volts + case.release_share * other
+        volts = (volts - peak * self._bumps(relative, half, before, after)
                  + params.noise * rng.standard_normal(len(x)))
         counts = self._chain.counts(volts)
         rail = (counts == self._chain.max_count).astype(np.int8) - (counts == 0)
         return FilmSamples(film, position + relative, self._chain.volts(counts), rail)
+
+    def _bumps(self, relative: Floats, half: float, before: float, after: float) -> Floats:
+        """Return the bumps with heights ``before`` and ``after`` the contact."""
+        case, first = self._case, relative < 0.0
+        offset = np.abs(relative) - half - np.where(first, *case.bump_distance)
+        return np.where(first, before, after) * bump_shapes.bump(
+            offset, np.where(first, *case.bump_width), case.bump_shape)
 
     def _detect(self, one: FilmSamples, position: float) -> Detection | None:
         film, usable = self._robot.film, one.rail == 0

@@ -19,7 +19,8 @@ from smart_tire.estimation.contact.records import CrossingSamples
 from smart_tire.estimation.friction.levenberg_marquardt import (
     FitResult, HUBER_THRESHOLD, LevenbergMarquardt, Prior, solve_spd, upper_median)
 from smart_tire.estimation.friction.waveform_model import (
-    film_index, PerFilm, Shared, WaveformModel)
+    film_index, PerFilm, SHAPE, Shared, WaveformModel)
+from smart_tire.estimation.friction.waveform_shape import ShapeEstimator
 from smart_tire.numerics.robust import MAD_TO_SIGMA
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.uncertain import Uncertain
@@ -99,15 +100,18 @@ class WaveformFitter:
     ``gains`` [V/m] and ``bending`` [V] are the nominal ones of all films of the wheel.
     ``gain_sigma`` (by default the robot's tolerance) and ``length_sigma`` are relative standard
     deviations of gains and contact length; the contact length is fixed where its sigma is 0.
+    ``shape`` is the prior of release and bumps.
     """
 
     def __init__(self, robot: RobotParams, gains: Sequence[float], bending: Sequence[float], *,
-                 gain_sigma: float | None = None, length_sigma: float = 0.0) -> None:
+                 gain_sigma: float | None = None, length_sigma: float = 0.0,
+                 shape: ShapeEstimator | None = None) -> None:
         self._robot, film = robot, robot.film
         self._gains, self._bending = tuple(gains), tuple(bending)
         tolerance = film.stretch_gain_tolerance if gain_sigma is None else gain_sigma
         self._gain_sigma = max(tolerance, MIN_GAIN_SIGMA)
         self._length_sigma = length_sigma
+        self._shape = ShapeEstimator() if shape is None else shape
         self._variance = film.sample_variance
         self._samples: CrossingSamples | None = None  # of the last fit
         self._solver: LevenbergMarquardt
@@ -135,7 +139,11 @@ class WaveformFitter:
         if found.excess > RESTART_EXCESS:
             p = p.copy()
             p[Shared.SLIP] *= -1.0
-            found = min(found, self._solve(samples, prior, p), key=lambda fit: fit.excess)
+            first, other = self._last, self._solve(samples, prior, p)
+            if found.excess <= other.excess:
+                self._last = first
+            else:
+                found = other
         return found
 
     def _solve(self, samples: CrossingSamples, prior: CrossingSlipPrior, p: Array) -> WaveformFit:
@@ -154,6 +162,27 @@ class WaveformFitter:
             raise EstimatorError('normalized slip per film is available for the last fit only')
         return self._solver.per_film_sliding(self._last[1])
 
+    def shape(self, fit: WaveformFit) -> tuple[Array, Array]:
+        """
+        Return the shape of release and bumps by ``fit``, and the information of its data.
+
+        ``fit`` must be the last one of this fitter.
+        """
+        if self._last is None or self._last[0] is not fit:
+            raise EstimatorError('the shape is available for the last fit only')
+        result = self._last[1]
+        prior = result.prior
+        own = np.searchsorted(prior.free, np.arange(SHAPE.start, SHAPE.stop))
+        # residuals of a wrong model carry less information than noise
+        hessian = prior.precision + (result.hessian - prior.precision) / fit.excess
+        right = np.zeros((len(hessian), len(own) + 1))
+        right[own, np.arange(len(own))] = 1.0
+        right[:, -1] = (1.0 - 1.0 / fit.excess) * (
+            prior.precision @ (prior.value - result.p)[prior.free])
+        solved = solve_spd(hessian, right)[own]
+        information = np.linalg.inv(solved[:, :-1]) - self._shape.prior.precision
+        return result.p[SHAPE] + solved[:, -1], information
+
     def volts(self, fit: WaveformFit) -> list[Array]:
         """Return the fitted output [V] above baseline at each sample, film by film."""
         samples = fit.samples
@@ -168,6 +197,7 @@ class WaveformFitter:
     def _start(self, samples: CrossingSamples) -> Array:
         count = film_index(len(samples.films), PerFilm.CENTER)
         p = np.zeros(count + len(samples.errors.shape_sigmas))
+        p[SHAPE] = self._shape.prior.value
         for i, (film, detection) in enumerate(zip(samples.films, samples.detections)):
             bump = BUMP_SHARE * self._bending[film.film]
             p[film_index(i, PerFilm.CENTER):film_index(i, PerFilm.GAIN)] = (
@@ -192,7 +222,7 @@ class WaveformFitter:
             prior.slip.sigma, NORMALIZED_SLIP_SIGMA, prior.change.sigma / abs(scale), decoupling,
             errors.scale_sigma, LOG_ALPHA_SIGMA, self._length_sigma)
         sigma[film_index(count, PerFilm.CENTER):] = errors.shape_sigmas
-        recovery = LOG_RECOVERY_SIGMA if self._robot.film.release == 'fig8' else 0.0
+        value[SHAPE], sigma[SHAPE] = self._shape.prior.value, 1.0
         for i, (film, detection) in enumerate(zip(samples.films, samples.detections)):
             peak, block = self._bending[film.film], slice(
                 film_index(i, PerFilm.CENTER), film_index(i + 1, PerFilm.CENTER))
@@ -200,9 +230,11 @@ class WaveformFitter:
                             0.0, 0.0)
             sigma[block] = (CENTER_SIGMA, BASELINE_SIGMA, BENDING_SIGMA * peak,
                             BUMP_SHARE_SIGMA * peak, BUMP_SHARE_SIGMA * peak, self._gain_sigma,
-                            recovery)
+                            LOG_RECOVERY_SIGMA)
         free = np.flatnonzero(sigma > 0.0)
         precision = np.diag(sigma[free]**-2)
+        shape = np.searchsorted(free, np.arange(SHAPE.start, SHAPE.stop))
+        precision[shape[:, np.newaxis], shape] = self._shape.prior.precision
         if prior.change.sigma > 0.0:
             # the prior on NORM_SLIP_CHANGE is one on its difference from coupling * SLIP_CHANGE
             difference = np.array([-prior.coupling, 1.0])
@@ -210,7 +242,8 @@ class WaveformFitter:
             precision[both[:, np.newaxis], both] += np.outer(
                 difference, difference) / decoupling**2
             precision[both[1], both[1]] -= 1.0 / decoupling**2
-        systematic = [Shared.SLIP, *(film_index(i, PerFilm.GAIN) for i in range(count))]
+        systematic = [Shared.SLIP, *range(SHAPE.start, SHAPE.stop),
+                      *(film_index(i, PerFilm.GAIN) for i in range(count))]
         return Prior(value, precision, free, np.array(systematic, dtype=np.intp))
 
 
@@ -230,7 +263,7 @@ def _waveform_fit(samples: CrossingSamples, result: FitResult) -> WaveformFit:
     both = covariance[[Shared.SLIP, Shared.NORM_SLIP]]
     gain = both[:, prior.systematic]
     rows = np.searchsorted(prior.free, prior.systematic)
-    systematic = (gain * prior.precision[rows, rows]) @ gain.T
+    systematic = gain @ prior.precision[rows[:, np.newaxis], rows] @ gain.T
     white = excess * (both[:, [Shared.SLIP, Shared.NORM_SLIP]] - systematic)
     return WaveformFit(samples, p, excess * covariance, white, systematic,
                        math.sqrt(float(squares.sum()) / len(squares)), excess)

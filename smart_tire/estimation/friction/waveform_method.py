@@ -22,6 +22,7 @@ from smart_tire.estimation.friction.slip_variation import (
 from smart_tire.estimation.friction.waveform_fit import (
     CrossingSlipPrior, MIN_SLIP, WaveformFit, WaveformFitter)
 from smart_tire.estimation.friction.waveform_model import film_index, PerFilm, Shared
+from smart_tire.estimation.friction.waveform_shape import ShapeEstimator
 from smart_tire.models.tire import strain_charge
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.uncertain import Uncertain, UNKNOWN
@@ -45,10 +46,12 @@ class WaveformMethod:
     def __init__(self, wheel: str, robot: RobotParams) -> None:
         self._film, self._patch = robot.film, robot.tire.contact_length
         self._gains, self._bending = robot.film.gains(wheel), robot.film.bending(wheel)
-        self._fitter = WaveformFitter(robot, self._gains, self._bending)
+        self._shape = ShapeEstimator()
+        self._fitter = WaveformFitter(robot, self._gains, self._bending, shape=self._shape)
         # with film_aided the slip estimate contains the films' slip: do not use the gains twice
         self._fusing_fitter = self._fitter if not robot.slip.film_aided else WaveformFitter(
-            robot, self._gains, self._bending, gain_sigma=UNKNOWN_GAIN_SIGMA)
+            robot, self._gains, self._bending, gain_sigma=UNKNOWN_GAIN_SIGMA,
+            shape=self._shape)
 
     def evaluate(self, crossing: PatchCrossing, motion: WheelMotion) -> MethodResult | None:
         """Return the result of ``crossing``, None if its waveform is implausible."""
@@ -58,6 +61,7 @@ class WaveformMethod:
         first = self._fitter.fit(crossing.samples, CrossingSlipPrior(change=variation.change))
         if first is None or not self._plausible(first):
             return None
+        shape = self._fitter.shape(first)
         varied = _with_slip_variation(first, variation.residual)
         films_only = flag_full_sliding(varied, first.white_cov)
         last, fused = first, films_only
@@ -65,6 +69,7 @@ class WaveformMethod:
             full_sliding = films_only is not varied
             last, fused = self._fuse(crossing, motion, first, full_sliding)
             fused = fused.inflated(consistency_inflation(films_only, motion.slip))
+        self._shape.update(*shape)
         return MethodResult(films_only, fused, self._shift(first), *self._peaks(last, crossing))
 
     def _fuse(self, crossing: PatchCrossing, motion: WheelMotion, first: WaveformFit,

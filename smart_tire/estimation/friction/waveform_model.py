@@ -3,7 +3,8 @@ Output of all films of a wheel in one patch crossing, and its Jacobian: Fig. 8 w
 
 Samples are given over rolled distance in the direction of motion, up to a constant. The parameters
 are those that the films share, then a block for each film, then the coefficients [m] of Legendre
-polynomials of order 2, 3, ... that describe the distance errors over all samples.
+polynomials of order 2, 3, ... that describe the distance errors over all samples. The shape of
+release and bumps, which no theory gives, is part of the shared parameters (``SHAPE``).
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.estimation.contact.records import FilmSamples
-from smart_tire.models.tire import strain_charge, tread_film
+from smart_tire.models.tire import bump_splines, strain_charge, tread_film
 from smart_tire.parameters.robot import RobotParams
 
 MIN_NORMALIZED_SLIP = 0.01  # -, the model is linear below: noise may make the parameter negative
@@ -35,6 +36,13 @@ class Shared(IntEnum):
     LENGTH = 6   # -, ln of the contact length over its nominal value
 
 
+class Release(IntEnum):
+    """Parameters of the release, shared by all films; within ``SHAPE``."""
+
+    SHARE = 0  # -, share of the release other than ``film.release``
+    SIZE = 1   # -, additional opposite charge over the bending peak
+
+
 class PerFilm(IntEnum):
     """Parameters of one film."""
 
@@ -45,6 +53,12 @@ class PerFilm(IntEnum):
     AFTER = 4     # V, height of the bump after it
     GAIN = 5      # -, relative error of the stretch gain
     RECOVERY = 6  # -, ln of the recovery length over its nominal value
+
+
+KNOTS = len(bump_splines.KNOTS)
+# of the parameter vector: release, then deviations of the bumps before and after the contact from
+# their nominal shape over their height
+SHAPE = slice(len(Shared), len(Shared) + len(Release) + 2 * KNOTS)
 
 
 class StrainPart(NamedTuple):
@@ -58,7 +72,7 @@ class StrainPart(NamedTuple):
 
 def film_index(film: int, which: PerFilm) -> int:
     """Return the index of a parameter of the ``film``-th film of a crossing."""
-    return len(Shared) + len(PerFilm) * film + which
+    return SHAPE.stop + len(PerFilm) * film + which
 
 
 class WaveformModel:
@@ -79,7 +93,10 @@ class WaveformModel:
         self._distance = np.concatenate([one.distance for one in films])
         # from the reference, in contact lengths
         self._relative = (self._distance - reference) / self._patch
-        self._own = slice(len(Shared), film_index(len(films), PerFilm.CENTER))
+        self._own = slice(SHAPE.stop, film_index(len(films), PerFilm.CENTER))
+        self._release, other = (np.array(tread_film.RELEASE_WEIGHTS[name]) for name in sorted(
+            tread_film.RELEASES, key=lambda name: name != robot.film.release))
+        self._by_release = np.array([other - self._release, [1.0, 0.0]])
         low, high = float(self._distance.min()), float(self._distance.max())
         even = (2.0 * self._distance - low - high) / max(high - low, self._patch)
         self._polynomials = _legendre(even, warps)
@@ -99,12 +116,12 @@ class WaveformModel:
         x = (distance * (1.0 + scale) + p[self._own.stop:] @ self._polynomials
              + 0.5 * (patch - self._film.length))
 
-        bend = tread_film.bending(x, self._film.length, patch, alpha, self._film.release, recovery)
-        bump = tread_film.bumps(x, self._film.length, patch)
-        height = np.where(bump.after, after, before)
+        opposite, lost = (self._release + p[SHAPE][:len(Release)] @ self._by_release).tolist()
+        bend = tread_film.bending(x, self._film.length, patch, alpha, (opposite, lost), recovery)
         jacobian = np.zeros((len(p), len(x)))
         strain = self._strain(x, patch, p, gain, jacobian)
-
+        bump = self._bumps(x, patch, p, before, after, jacobian)
+        height = np.where(bump.after, after, before)
         by_position = (peak * bend.by_position + strain.by_position
                        - height * bump.by_position)
         np.multiply(by_position, distance, out=jacobian[Shared.SCALE])
@@ -112,6 +129,8 @@ class WaveformModel:
         np.multiply(patch, peak * bend.by_contact_length + strain.by_contact_length
                     - height * bump.by_contact_length + 0.5 * by_position,
                     out=jacobian[Shared.LENGTH])
+        np.matmul(self._by_release, peak * np.array(bend.by_release),
+                  out=jacobian[SHAPE.start:SHAPE.start + len(Release)])
         np.multiply(by_position, self._polynomials, out=jacobian[self._own.stop:])
         block = np.empty((len(PerFilm), len(x)))
         np.multiply(by_position, -1.0 - scale, out=block[PerFilm.CENTER])
@@ -124,6 +143,23 @@ class WaveformModel:
             rows = slice(film_index(i, PerFilm.CENTER), film_index(i + 1, PerFilm.CENTER))
             jacobian[rows, low:high] = block[:, low:high]
         return offset + peak * bend.value + strain.volts - height * bump.value, jacobian
+
+    def _bumps(self, x: Array, patch: float, p: Array, before: Array, after: Array,
+               jacobian: Array) -> tread_film.Bumps:
+        """Return the bumps of height 1; write the rows of their shape into ``jacobian``."""
+        nominal = tread_film.bumps(x, self._film.length, patch)
+        second = nominal.after
+        outside = np.where(second, x - patch, -self._film.length - x)
+        basis = bump_splines.splines(outside)
+        coefficients = p[SHAPE][len(Release):].reshape(2, KNOTS)
+        rows = jacobian[SHAPE][len(Release):].reshape(2, KNOTS, -1)
+        np.multiply(basis.value, -before * ~second, out=rows[0])
+        np.multiply(basis.value, -after * second, out=rows[1])
+        value, slope = (np.where(second, *(coefficients[::-1] @ part))
+                        for part in (basis.value, basis.by_outside))
+        return tread_film.Bumps(
+            nominal.value + value, nominal.by_position + np.where(second, slope, -slope),
+            nominal.by_contact_length - second * slope, second)
 
     def _strain(self, x: Array, patch: float, p: Array, gain: Array, jacobian: Array
                 ) -> StrainPart:

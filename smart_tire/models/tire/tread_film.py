@@ -21,7 +21,10 @@ from smart_tire.models import validation
 from smart_tire.models.tire.strain_charge import overlap_integral
 from smart_tire.models.tire.tread_bending import bending_shape
 
-RELEASES = ('fig8', 'state')
+# Weights of the two parts of the release: an opposite charge -n(u) for the flattened length u that
+# has left, and the loss n(l - u) - 1 of the charge
+RELEASE_WEIGHTS = {'fig8': (2.0, 0.0), 'state': (0.0, 1.0)}
+RELEASES = tuple(RELEASE_WEIGHTS)
 RECOVERY = 0.005         # m of travel in which the fig8 release decays by e; Fig. 11(b)
 BUMP_DISTANCE = 0.01     # m from begin or end of the contact to the center of a bump; Fig. 11(b)
 BUMP_HALF_WIDTH = 0.009  # m, below the distance: a bump ends before the contact begins
@@ -36,6 +39,7 @@ class Bending(NamedTuple):
     by_contact_length: Array  # per m of L
     by_alpha: Array           # per 1/m of alpha in B(15)
     by_recovery: Array        # per m of recovery length
+    by_release: tuple[Array, Array]  # per weight of the two parts of the release
 
 
 class Bumps(NamedTuple):
@@ -78,34 +82,39 @@ def crossing_voltage(x: ArrayLike, *, slip: ArrayLike, total_slip: ArrayLike,
 
 
 def bending(x: Array, film_length: float, contact_length: float, alpha: float,
-            release: str = 'fig8', recovery: Array | float = RECOVERY) -> Bending:
+            release: str | tuple[float, float] = 'fig8', recovery: Array | float = RECOVERY
+            ) -> Bending:
     """
     Return the bending part at the positions ``x`` (n,) [m], for a bending peak of 1, B(15).
 
-    ``alpha`` [1/m] is that of B(14). ``recovery`` [m] is a number or (n,); the release ``state``
-    does not use it. Raises ParameterError for another release.
+    ``alpha`` [1/m] is that of B(14). ``release`` is one of ``RELEASES`` or two weights, of which
+    ``RELEASE_WEIGHTS`` are examples; an output other than 0 at the end of the contact decays by e
+    in ``recovery`` [m], a number or (n,). Raises ParameterError for an unknown release.
 
     >>> print(bending(np.array([-0.01, 0.01, 0.046]), 0.020, 0.046, 67.0).value.round(3))
     [ 0.141  1.    -1.   ]
     """
-    flat = np.empty((2, *np.shape(x)))
+    if isinstance(release, str):
+        release = RELEASE_WEIGHTS[validation.one_of('release', release, RELEASES)]
+    opposite, lost = release
+    end = opposite + lost - 1.0  # of the contact, minus the output there
+    flat = np.empty((3, *np.shape(x)))
     flat[0] = x + film_length
-    left = flat[0] - contact_length
-    if validation.one_of('release', release, RELEASES) == 'state':
-        flat[1] = film_length - left
-        shape = bending_shape(flat, film_length, alpha)
-        entered, leaving = shape.by_flat_length
-        return Bending(shape.value[0] - 1.0 + shape.value[1], entered - leaving, leaving,
-                       shape.by_alpha[0] + shape.by_alpha[1], np.zeros_like(x))
-    flat[1] = left
+    flat[1] = flat[0] - contact_length
+    flat[2] = film_length - flat[1]
     shape = bending_shape(flat, film_length, alpha)
+    entered, left, remaining = shape.value
     past = (x - contact_length) / recovery
     released = past > 0.0
     decay = released * np.exp(-np.minimum(np.maximum(past, 0.0), MAX_DECAY))
-    by_end = 2.0 * shape.by_flat_length[1] - decay / recovery
-    return Bending(shape.value[0] - 2.0 * shape.value[1] + released - decay,
-                   shape.by_flat_length[0] - by_end, by_end,
-                   shape.by_alpha[0] - 2.0 * shape.by_alpha[1], -past * decay / recovery)
+    by_end = (opposite * shape.by_flat_length[1] + lost * shape.by_flat_length[2]
+              - end * decay / recovery)
+    recovered = released - decay
+    return Bending(
+        entered - opposite * left - lost + lost * remaining + end * released - end * decay,
+        shape.by_flat_length[0] - by_end, by_end,
+        shape.by_alpha[0] - opposite * shape.by_alpha[1] + lost * shape.by_alpha[2],
+        -end * past * decay / recovery, (recovered - left, recovered + remaining - 1.0))
 
 
 def bumps(x: Array, film_length: float, contact_length: float) -> Bumps:

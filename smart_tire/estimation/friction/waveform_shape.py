@@ -1,0 +1,90 @@
+"""
+Shape of release and bumps, learned recursively over the crossings of one wheel.
+
+The state is the part ``SHAPE`` of the waveform's parameters, a Gaussian random walk. It is the
+prior of the next crossing; the fit of that crossing without the slip estimator is its measurement.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+
+import numpy as np
+
+from smart_tire.arrays import Array
+from smart_tire.estimation.friction.waveform_model import KNOTS, Release, SHAPE
+from smart_tire.models.tire import bump_splines
+
+SHARE_SIGMA, SIZE_SIGMA = 0.05, 0.05  # -, of the release, about the configured convention
+BUMP_SIGMA = 0.6            # of a bump's shape over its height, outside the contact
+LEAK_LENGTH = 0.004         # m inside the contact, in which that decays by e
+CORRELATION_LENGTH = 0.004  # m, of the deviations from the nominal shape of a bump
+UNCORRELATED_SIGMA = 0.03   # of the shape, uncorrelated between knots
+RANDOM_WALK_SHARE = 0.005   # of the initial standard deviations, random walk per crossing
+OUTLIER_SIGMAS = 5.0        # of the squared innovation, beyond which a crossing has less weight
+MAX_OUTLIERS = 3            # consecutive, after which the shape has changed
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ShapePrior:
+    """Gaussian distribution of the shape."""
+
+    value: Array
+    precision: Array
+
+
+class ShapeEstimator:
+    """Kalman filter of the shape of release and bumps."""
+
+    def __init__(self) -> None:
+        self._initial = initial_covariance()
+        self._covariance = self._initial
+        self._outliers = 0
+        self.prior = ShapePrior(np.zeros(len(self._initial)), np.linalg.inv(self._covariance))
+
+    def update(self, value: Array, information: Array) -> None:
+        """
+        Correct with the estimate ``value`` of a crossing and the information matrix of its data.
+
+        ``value`` is the posterior mean with ``prior`` and ``information``.
+        """
+        prior, innovation = self.prior, value - self.prior.value
+        posterior = np.linalg.inv(prior.precision + information)
+        # expectation of the squared innovation, in terms of the prior
+        freedom = float(np.trace(information @ posterior))
+        limit = freedom + OUTLIER_SIGMAS * math.sqrt(2.0 * freedom)
+        square = float(innovation @ prior.precision @ innovation)
+        if square > limit:
+            self._outliers += 1
+            if self._outliers >= MAX_OUTLIERS:
+                self._outliers = 0
+                self._set(prior.value, self._covariance + self._initial)
+                return
+            weight = limit / square
+            gradient = (prior.precision + information) @ innovation
+            posterior = np.linalg.inv(prior.precision + weight * information)
+            innovation = weight * posterior @ gradient
+        else:
+            self._outliers = 0
+        self._set(prior.value + innovation, posterior)
+
+    def _set(self, value: Array, covariance: Array) -> None:
+        self._covariance = covariance + RANDOM_WALK_SHARE**2 * self._initial
+        self.prior = ShapePrior(value, np.linalg.inv(self._covariance))
+
+
+def initial_covariance() -> Array:
+    """Return the covariance of the shape before any crossing."""
+    knots = bump_splines.KNOTS
+    sigma = BUMP_SIGMA * np.exp(np.minimum(knots, 0.0) / LEAK_LENGTH)
+    distance = (knots[:, np.newaxis] - knots) / CORRELATION_LENGTH
+    bump = np.outer(sigma, sigma) * np.exp(-0.5 * distance**2) + UNCORRELATED_SIGMA**2 * np.eye(
+        KNOTS)
+    covariance = np.zeros((SHAPE.stop - SHAPE.start,) * 2)
+    covariance[Release.SHARE, Release.SHARE] = SHARE_SIGMA**2
+    covariance[Release.SIZE, Release.SIZE] = SIZE_SIGMA**2
+    first, second = (slice(len(Release) + i * KNOTS, len(Release) + (i + 1) * KNOTS)
+                     for i in range(2))
+    covariance[first, first] = covariance[second, second] = bump
+    return covariance
