@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dposv
+from scipy.linalg.lapack import dposv, dpotrf, dtrtri
 
 from smart_tire.arrays import Array
 from smart_tire.estimation.contact.records import FilmSamples
@@ -183,6 +183,19 @@ def solve_spd(matrix: Array, right: Array) -> NDArray[np.floating]:
     """Return matrix^-1 @ right of a positive definite matrix, with little overhead."""
     _, solution, failed = dposv(matrix, right)
     return np.linalg.solve(matrix, right) if failed else solution
+
+
+def inverse_spd(matrix: Array) -> Array:
+    """
+    Return the inverse of a positive definite matrix.
+
+    For the size of these matrices LAPACK's own inverses use threads, which is many times slower.
+    """
+    factor, failed = dpotrf(matrix)
+    if failed:
+        return np.linalg.inv(matrix)
+    inverse, _ = dtrtri(factor)  # upper triangular: matrix = factor.T @ factor
+    return gram(inverse, np.ones(len(matrix)))
 
 
 def gram(jacobian: Array, weight: Array) -> Array:

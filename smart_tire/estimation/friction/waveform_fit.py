@@ -17,7 +17,7 @@ from smart_tire.arrays import Array
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.contact.records import CrossingSamples
 from smart_tire.estimation.friction.levenberg_marquardt import (
-    FitResult, HUBER_THRESHOLD, LevenbergMarquardt, Prior, solve_spd, upper_median)
+    FitResult, HUBER_THRESHOLD, inverse_spd, LevenbergMarquardt, Prior, upper_median)
 from smart_tire.estimation.friction.waveform_model import (
     film_index, PerFilm, SHAPE, Shared, WaveformModel)
 from smart_tire.estimation.friction.waveform_shape import ShapeEstimator
@@ -175,13 +175,10 @@ class WaveformFitter:
         own = np.searchsorted(prior.free, np.arange(SHAPE.start, SHAPE.stop))
         # residuals of a wrong model carry less information than noise
         hessian = prior.precision + (result.hessian - prior.precision) / fit.excess
-        right = np.zeros((len(hessian), len(own) + 1))
-        right[own, np.arange(len(own))] = 1.0
-        right[:, -1] = (1.0 - 1.0 / fit.excess) * (
-            prior.precision @ (prior.value - result.p)[prior.free])
-        solved = solve_spd(hessian, right)[own]
-        information = np.linalg.inv(solved[:, :-1]) - self._shape.prior.precision
-        return result.p[SHAPE] + solved[:, -1], information
+        covariance = inverse_spd(hessian)[own]
+        correction = covariance @ (prior.precision @ (prior.value - result.p)[prior.free])
+        information = inverse_spd(covariance[:, own]) - self._shape.prior.precision
+        return result.p[SHAPE] + (1.0 - 1.0 / fit.excess) * correction, information
 
     def volts(self, fit: WaveformFit) -> list[Array]:
         """Return the fitted output [V] above baseline at each sample, film by film."""
@@ -258,8 +255,7 @@ def _waveform_fit(samples: CrossingSamples, result: FitResult) -> WaveformFit:
     excess = max(1.0, float(np.minimum(normalized, HUBER_THRESHOLD**2).sum()) / freedom,
                  upper_median(normalized) * MAD_TO_SIGMA**2)
     covariance = np.zeros((len(p), len(p)))
-    covariance[prior.free[:, np.newaxis], prior.free] = solve_spd(
-        result.hessian, np.eye(len(result.hessian)))
+    covariance[prior.free[:, np.newaxis], prior.free] = inverse_spd(result.hessian)
     both = covariance[[Shared.SLIP, Shared.NORM_SLIP]]
     gain = both[:, prior.systematic]
     rows = np.searchsorted(prior.free, prior.systematic)

@@ -13,6 +13,7 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
+from smart_tire.estimation.friction.levenberg_marquardt import inverse_spd
 from smart_tire.estimation.friction.waveform_model import KNOTS, Release, SHAPE
 from smart_tire.models.tire import bump_splines
 
@@ -41,7 +42,7 @@ class ShapeEstimator:
         self._initial = initial_covariance()
         self._covariance = self._initial
         self._outliers = 0
-        self.prior = ShapePrior(np.zeros(len(self._initial)), np.linalg.inv(self._covariance))
+        self.prior = ShapePrior(np.zeros(len(self._initial)), inverse_spd(self._covariance))
 
     def update(self, value: Array, information: Array) -> None:
         """
@@ -50,7 +51,7 @@ class ShapeEstimator:
         ``value`` is the posterior mean with ``prior`` and ``information``.
         """
         prior, innovation = self.prior, value - self.prior.value
-        posterior = np.linalg.inv(prior.precision + information)
+        posterior = inverse_spd(prior.precision + information)
         # expectation of the squared innovation, in terms of the prior
         freedom = float(np.trace(information @ posterior))
         limit = freedom + OUTLIER_SIGMAS * math.sqrt(2.0 * freedom)
@@ -63,7 +64,7 @@ class ShapeEstimator:
                 return
             weight = limit / square
             gradient = (prior.precision + information) @ innovation
-            posterior = np.linalg.inv(prior.precision + weight * information)
+            posterior = inverse_spd(prior.precision + weight * information)
             innovation = weight * posterior @ gradient
         else:
             self._outliers = 0
@@ -71,7 +72,7 @@ class ShapeEstimator:
 
     def _set(self, value: Array, covariance: Array) -> None:
         self._covariance = covariance + RANDOM_WALK_SHARE**2 * self._initial
-        self.prior = ShapePrior(value, np.linalg.inv(self._covariance))
+        self.prior = ShapePrior(value, inverse_spd(self._covariance))
 
 
 def initial_covariance() -> Array:
