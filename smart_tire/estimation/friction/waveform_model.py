@@ -55,7 +55,7 @@ class PerFilm(IntEnum):
     RECOVERY = 6  # -, ln of the recovery length over its nominal value
 
 
-KNOTS = len(bump_splines.KNOTS)
+KNOTS, PADDING = len(bump_splines.KNOTS), bump_splines.PADDING
 # of the parameter vector: release, then deviations of the bumps before and after the contact from
 # their nominal shape over their height
 SHAPE = slice(len(Shared), len(Shared) + len(Release) + 2 * KNOTS)
@@ -91,6 +91,7 @@ class WaveformModel:
         self._index = np.repeat(np.arange(len(films)), np.diff(self._ends))
         self._gain = np.array([gains[one.film] for one in films])[self._index]
         self._distance = np.concatenate([one.distance for one in films])
+        self._columns = np.arange(len(self._distance))
         # from the reference, in contact lengths
         self._relative = (self._distance - reference) / self._patch
         self._own = slice(SHAPE.stop, film_index(len(films), PerFilm.CENTER))
@@ -151,11 +152,15 @@ class WaveformModel:
         second = nominal.after
         outside = np.where(second, x - patch, -self._film.length - x)
         basis = bump_splines.splines(outside)
-        coefficients = p[SHAPE][len(Release):].reshape(2, KNOTS)
-        rows = jacobian[SHAPE][len(Release):].reshape(2, KNOTS, -1)
-        np.multiply(basis.value, -before * ~second, out=rows[0])
-        np.multiply(basis.value, -after * second, out=rows[1])
-        value, slope = (np.where(second, *(coefficients[::-1] @ part))
+        padded = np.zeros((2, KNOTS + 2 * PADDING))
+        padded[:, PADDING:-PADDING] = p[SHAPE][len(Release):].reshape(2, KNOTS)
+        index = basis.index + second * padded.shape[1]
+        coefficients = padded.reshape(-1)[index]
+        rows = np.zeros((padded.size, len(x)))
+        rows[index, self._columns] = basis.value * -np.where(second, after, before)
+        rows = rows.reshape(*padded.shape, -1)
+        jacobian[SHAPE][len(Release):] = rows[:, PADDING:-PADDING].reshape(2 * KNOTS, -1)
+        value, slope = ((coefficients * part).sum(axis=0)
                         for part in (basis.value, basis.by_outside))
         return tread_film.Bumps(
             nominal.value + value, nominal.by_position + np.where(second, slope, -slope),

@@ -20,9 +20,9 @@ from smart_tire.models.tire import bump_splines
 SHARE_SIGMA, SIZE_SIGMA = 0.05, 0.05  # -, of the release, about the configured convention
 BUMP_SIGMA = 0.6            # of a bump's shape over its height, outside the contact
 LEAK_LENGTH = 0.004         # m inside the contact, in which that decays by e
-CORRELATION_LENGTH = 0.004  # m, of the deviations from the nominal shape of a bump
+CORRELATION_LENGTH = 0.003  # m, of the deviations from the nominal shape of a bump
 UNCORRELATED_SIGMA = 0.03   # of the shape, uncorrelated between knots
-RANDOM_WALK_SHARE = 0.005   # of the initial standard deviations, random walk per crossing
+RANDOM_WALK_SHARE = 0.002   # of the initial standard deviations, random walk per crossing
 OUTLIER_SIGMAS = 5.0        # of the squared innovation, beyond which a crossing has less weight
 MAX_OUTLIERS = 3            # consecutive, after which the shape has changed
 

@@ -1,8 +1,8 @@
 """
-Deviation of the bumps outside the contact from their nominal shape, as cubic B-splines.
+Deviation of the bumps outside the contact from their nominal shape, as a cubic spline.
 
 There is no theory of the bumps of Fig. 11(b) of paper B, so that their shape must be learned. The
-splines cover the bumps and the begin and end of the contact, into which a wide bump extends.
+knots cover the bumps and the begin and end of the contact, into which a wide bump extends.
 """
 
 from __future__ import annotations
@@ -10,35 +10,51 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from smart_tire.arrays import Array
 
-KNOT_SPACING = 0.003  # m, resolves a bump with a width at half height of 5 mm to about 1 %
-FIRST_KNOT, LAST_KNOT = -0.012, 0.033  # m, centers of the splines; negative in the contact
+KNOT_SPACING = 0.002  # m; resolves a slope over 3 mm
+FIRST_KNOT, LAST_KNOT = -0.008, 0.030  # m outside the patch; negative in the contact
 KNOTS = np.arange(FIRST_KNOT, LAST_KNOT + 0.5 * KNOT_SPACING, KNOT_SPACING)
+ORDER = 4    # number of B-splines that are not zero at a position
+PADDING = 3  # B-splines beyond each end, whose coefficients are zero
 
 
 class Splines(NamedTuple):
-    """All splines, and their derivatives; (knots, n) each."""
+    """Cubic B-splines that are not zero at n positions, and their derivatives."""
 
-    value: Array
-    by_outside: Array  # per m
+    index: NDArray[np.intp]  # (ORDER, n), of the splines' knots in ``KNOTS``, after the padding
+    value: Array             # (ORDER, n)
+    by_outside: Array        # (ORDER, n), per m
 
 
 def splines(outside: Array) -> Splines:
     """
-    Return the splines at ``outside`` (n,) [m], the distance of the film from the patch.
+    Return the B-splines at ``outside`` (n,) [m], the distance of the film from the patch.
 
-    ``outside`` is negative while the film is in the patch.
+    ``outside`` is negative while the film is in the patch. There are ``PADDING`` splines before
+    the first and after the last knot, so that indices are valid at every position.
 
-    >>> values = splines(np.array([0.0, 0.0045])).value
-    >>> print(KNOTS[values[:, 1] > 0.4], values.sum(axis=0).round(3))
-    [0.003 0.006] [1. 1.]
+    >>> parts = splines(np.array([0.0, 0.005]))
+    >>> print(parts.value.round(3).tolist())
+    [[0.167, 0.021], [0.667, 0.479], [0.167, 0.479], [0.0, 0.021]]
+    >>> print((KNOTS[parts.index[1] - PADDING] * 1e3).round(1))
+    [0. 4.]
     """
-    offset = (outside - KNOTS[:, np.newaxis]) / KNOT_SPACING
-    size = np.abs(offset)
-    wide, narrow = np.maximum(2.0 - size, 0.0), np.maximum(1.0 - size, 0.0)
-    wide_square, narrow_square = wide * wide, narrow * narrow
-    return Splines(
-        (wide * wide_square - 4.0 * narrow * narrow_square) / 6.0,
-        np.sign(offset) * (2.0 * narrow_square - 0.5 * wide_square) / KNOT_SPACING)
+    position = (outside - FIRST_KNOT) / KNOT_SPACING + (PADDING - 1.0)
+    position = np.minimum(np.maximum(position, 0.0), len(KNOTS) + 2.0 * PADDING - ORDER)
+    first = position.astype(np.intp)
+    first = np.minimum(first, len(KNOTS) + 2 * PADDING - ORDER)
+    x = position - first
+    rest = 1.0 - x
+    square, rest_square = x * x, rest * rest
+    cube, rest_cube = x * square, rest * rest_square
+    value, slope = np.empty((2, ORDER, len(x)))
+    value[0], value[3] = rest_cube, cube
+    value[1], value[2] = 4.0 - 6.0 * square + 3.0 * cube, 4.0 - 6.0 * rest_square + 3.0 * rest_cube
+    value /= 6.0
+    slope[0], slope[3] = -rest_square, square
+    slope[1], slope[2] = 3.0 * square - 4.0 * x, 4.0 * rest - 3.0 * rest_square
+    slope *= 0.5 / KNOT_SPACING
+    return Splines(first + np.arange(ORDER)[:, np.newaxis], value, slope)
