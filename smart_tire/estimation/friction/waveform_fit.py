@@ -135,15 +135,17 @@ class WaveformFitter:
             return self._solve(samples, prior, last[1].point.p if last and last[0] is start
                                else start.parameters)
         p = self._start(samples)
-        found = self._solve(samples, prior, p)
-        if found.excess > RESTART_EXCESS:
+        best = self._solve(samples, prior, p), self._last
+        for slip in (-float(p[Shared.SLIP]), 0.0):
+            if best[0].excess <= RESTART_EXCESS:
+                break
             p = p.copy()
-            p[Shared.SLIP] *= -1.0
-            first, other = self._last, self._solve(samples, prior, p)
-            if found.excess <= other.excess:
-                self._last = first
-            else:
-                found = other
+            p[Shared.SLIP] = slip
+            if not slip:  # the release has a wrong share, which the detector takes for slip
+                p[Shared.NORM_SLIP] = MIN_START_NORMALIZED_SLIP
+            best = min(best, (self._solve(samples, prior, p), self._last),
+                       key=lambda found: found[0].excess)
+        found, self._last = best
         return found
 
     def _solve(self, samples: CrossingSamples, prior: CrossingSlipPrior, p: Array) -> WaveformFit:

@@ -17,7 +17,7 @@ from smart_tire.estimation.friction.levenberg_marquardt import inverse_spd
 from smart_tire.estimation.friction.waveform_model import KNOTS, Release, SHAPE
 from smart_tire.models.tire import bump_splines
 
-SHARE_SIGMA, SIZE_SIGMA = 0.05, 0.05  # -, of the release, about the configured convention
+SHARE_SIGMA, SIZE_SIGMA = 0.2, 0.1  # -, of the release, about the configured convention
 BUMP_SIGMA = 0.6            # of a bump's shape over its height, outside the contact
 LEAK_LENGTH = 0.004         # m inside the contact, in which that decays by e
 CORRELATION_LENGTH = 0.003  # m, of the deviations from the nominal shape of a bump
