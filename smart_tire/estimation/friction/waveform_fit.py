@@ -250,14 +250,17 @@ def _waveform_fit(samples: CrossingSamples, result: FitResult) -> WaveformFit:
     """Return the fitted parameters with their covariance."""
     p, prior, used = result.p, result.prior, result.weight > 0.0
     residual, weight = result.point.residual[used], result.weight[used]
-    freedom = max(len(residual) - len(prior.free), 1)
+    inverse = inverse_spd(result.hessian)
+    # the priors determine part of the parameters, the samples the remaining ones
+    fitted = len(prior.free) - float(np.sum(inverse * prior.precision))
+    freedom = max(len(residual) - fitted, 1.0)
     # outliers count by their weight, a wrong model with the whole median of its residuals
     squares = residual * residual
     normalized = weight * squares
     excess = max(1.0, float(np.minimum(normalized, HUBER_THRESHOLD**2).sum()) / freedom,
                  upper_median(normalized) * MAD_TO_SIGMA**2)
     covariance = np.zeros((len(p), len(p)))
-    covariance[prior.free[:, np.newaxis], prior.free] = inverse_spd(result.hessian)
+    covariance[prior.free[:, np.newaxis], prior.free] = inverse
     both = covariance[[Shared.SLIP, Shared.NORM_SLIP]]
     gain = both[:, prior.systematic]
     rows = np.searchsorted(prior.free, prior.systematic)

@@ -22,7 +22,7 @@ BUMP_SIGMA = 0.6            # of a bump's shape over its height, outside the con
 LEAK_LENGTH = 0.004         # m inside the contact, in which that decays by e
 CORRELATION_LENGTH = 0.003  # m, of the deviations from the nominal shape of a bump
 UNCORRELATED_SIGMA = 0.03   # of the shape, uncorrelated between knots
-RANDOM_WALK_SHARE = 0.002   # of the initial standard deviations, random walk per crossing
+RANDOM_WALK_SHARE = 0.001   # of the initial standard deviations, random walk per crossing
 OUTLIER_SIGMAS = 5.0        # of the squared innovation, beyond which a crossing has less weight
 MAX_OUTLIERS = 3            # consecutive, after which the shape has changed
 
