@@ -7,7 +7,7 @@ A clipped sample is used only while the model is below the rail.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import math
 
 import numpy as np
@@ -42,6 +42,11 @@ class Prior:
     precision: Array     # inverse covariance (free, free) of the fitted parameters
     free: Indices        # of the fitted parameters
     systematic: Indices  # of parameters with the same error in all crossings
+
+    def without(self, fixed: slice) -> Prior:
+        """Return the prior with the parameters ``fixed`` at their values."""
+        kept = (self.free < fixed.start) | (self.free >= fixed.stop)
+        return replace(self, precision=self.precision[kept][:, kept], free=self.free[kept])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -19,7 +19,7 @@ from smart_tire.estimation.contact.records import CrossingSamples
 from smart_tire.estimation.friction.levenberg_marquardt import (
     FitResult, HUBER_THRESHOLD, inverse_spd, LevenbergMarquardt, Prior, upper_median)
 from smart_tire.estimation.friction.waveform_model import (
-    film_index, PerFilm, SHAPE, Shared, WaveformModel)
+    BUMPS, film_index, PerFilm, SHAPE, Shared, WaveformModel)
 from smart_tire.estimation.friction.waveform_shape import ShapeEstimator
 from smart_tire.numerics.robust import MAD_TO_SIGMA
 from smart_tire.parameters.robot import RobotParams
@@ -135,7 +135,7 @@ class WaveformFitter:
             return self._solve(samples, prior, last[1].point.p if last and last[0] is start
                                else start.parameters)
         p = self._start(samples)
-        best = self._solve(samples, prior, p), self._last
+        best = self._solve_in_steps(samples, prior, p), self._last
         for slip in (-float(p[Shared.SLIP]), 0.0):
             if best[0].excess <= RESTART_EXCESS:
                 break
@@ -143,10 +143,16 @@ class WaveformFitter:
             p[Shared.SLIP] = slip
             if not slip:  # the release has a wrong share, which the detector takes for slip
                 p[Shared.NORM_SLIP] = MIN_START_NORMALIZED_SLIP
-            best = min(best, (self._solve(samples, prior, p), self._last),
+            best = min(best, (self._solve_in_steps(samples, prior, p), self._last),
                        key=lambda found: found[0].excess)
         found, self._last = best
         return found
+
+    def _solve_in_steps(self, samples: CrossingSamples, prior: CrossingSlipPrior, p: Array
+                        ) -> WaveformFit:
+        """Fit with the bumps as learned before all parameters: far from the minimum it is fast."""
+        whole = self._prior(samples, prior, float(p[Shared.SLIP]))
+        return self._solve(samples, prior, self._solver.run(p, whole.without(BUMPS)).point.p)
 
     def _solve(self, samples: CrossingSamples, prior: CrossingSlipPrior, p: Array) -> WaveformFit:
         result = self._solver.run(p, self._prior(samples, prior, float(p[Shared.SLIP])))

@@ -59,6 +59,7 @@ KNOTS, PADDING = len(bump_splines.KNOTS), bump_splines.PADDING
 # of the parameter vector: release, then deviations of the bumps before and after the contact from
 # their nominal shape over their height
 SHAPE = slice(len(Shared), len(Shared) + len(Release) + 2 * KNOTS)
+BUMPS = slice(SHAPE.start + len(Release), SHAPE.stop)
 
 
 class StrainPart(NamedTuple):
@@ -117,7 +118,7 @@ class WaveformModel:
         x = (distance * (1.0 + scale) + p[self._own.stop:] @ self._polynomials
              + 0.5 * (patch - self._film.length))
 
-        opposite, lost = (self._release + p[SHAPE][:len(Release)] @ self._by_release).tolist()
+        opposite, lost = (self._release + p[SHAPE.start:BUMPS.start] @ self._by_release).tolist()
         bend = tread_film.bending(x, self._film.length, patch, alpha, (opposite, lost), recovery)
         jacobian = np.zeros((len(p), len(x)))
         strain = self._strain(x, patch, p, gain, jacobian)
@@ -131,7 +132,7 @@ class WaveformModel:
                     - height * bump.by_contact_length + 0.5 * by_position,
                     out=jacobian[Shared.LENGTH])
         np.matmul(self._by_release, peak * np.array(bend.by_release),
-                  out=jacobian[SHAPE.start:SHAPE.start + len(Release)])
+                  out=jacobian[SHAPE.start:BUMPS.start])
         np.multiply(by_position, self._polynomials, out=jacobian[self._own.stop:])
         block = np.empty((len(PerFilm), len(x)))
         np.multiply(by_position, -1.0 - scale, out=block[PerFilm.CENTER])
@@ -153,13 +154,13 @@ class WaveformModel:
         outside = np.where(second, x - patch, -self._film.length - x)
         basis = bump_splines.splines(outside)
         padded = np.zeros((2, KNOTS + 2 * PADDING))
-        padded[:, PADDING:-PADDING] = p[SHAPE][len(Release):].reshape(2, KNOTS)
+        padded[:, PADDING:-PADDING] = p[BUMPS].reshape(2, KNOTS)
         index = basis.index + second * padded.shape[1]
         coefficients = padded.reshape(-1)[index]
         rows = np.zeros((padded.size, len(x)))
         rows[index, self._columns] = basis.value * -np.where(second, after, before)
         rows = rows.reshape(*padded.shape, -1)
-        jacobian[SHAPE][len(Release):] = rows[:, PADDING:-PADDING].reshape(2 * KNOTS, -1)
+        jacobian[BUMPS] = rows[:, PADDING:-PADDING].reshape(2 * KNOTS, -1)
         value, slope = ((coefficients * part).sum(axis=0)
                         for part in (basis.value, basis.by_outside))
         return tread_film.Bumps(
