@@ -63,6 +63,7 @@ def read_crossings(path: Path, robot: RobotParams,
                 slip.update(sample)
             if isinstance(sample, (TireSample, WheelSample)):
                 collector.update(sample)
+        collector.finish()
         known = list(collector.with_slip(
             estimate for estimates in slip.smoothed() for estimate in estimates
             if isinstance(estimate, WheelSlip)))

@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from smart_tire.analysis.pipeline import (
-    EstimatedFriction, ESTIMATES, EstimatorParams, friction_stage, FrictionStage, INPUTS,
-    SlipStage, TRUTHS)
+    EstimatedFriction, EstimateRecord, ESTIMATES, EstimatorParams, friction_stage, FrictionStage,
+    INPUTS, SlipStage, TRUTHS)
 from smart_tire.analysis.prefetch import prefetch
 from smart_tire.analysis.series import Series
 from smart_tire.analysis.smoothing import SmoothedSlip
@@ -86,16 +86,25 @@ class EstimateWriter:
         self.stage = stage
         self._folder, self._bags = folder, bags
         self._writer: BagWriter | None = None
+        self._newest_ns = 0  # receive time of the latest input
 
     def process(self, forwarded: Iterable[Received]) -> None:
         """Process output of the slip stage; the first estimate creates the bag."""
         for receive_ns, sample in forwarded:
-            for estimate in self.stage.update(sample):
-                if self._writer is None:
-                    _remove_old_bag(self._folder)
-                    self._writer = self._bags.enter_context(BagWriter(self._folder))
-                self._writer.write_sample(topic_of(estimate), receive_ns, estimate)
-                self.estimates.add(estimate)
+            self._newest_ns = receive_ns
+            self._write(self.stage.update(sample))
+
+    def finish(self) -> None:
+        """Write the last estimates, after all output of the slip stage."""
+        self._write(self.stage.finish())
+
+    def _write(self, estimates: Iterable[EstimateRecord]) -> None:
+        for estimate in estimates:
+            if self._writer is None:
+                _remove_old_bag(self._folder)
+                self._writer = self._bags.enter_context(BagWriter(self._folder))
+            self._writer.write_sample(topic_of(estimate), self._newest_ns, estimate)
+            self.estimates.add(estimate)
 
     @property
     def empty(self) -> bool:
@@ -128,6 +137,8 @@ def analyze(path: Path, out: Path, params: EstimatorParams,
                 continue
             progress(item.share)
             writers[item.smoothed].process(item.forwarded)
+        for writer in writers:
+            writer.finish()
     analysis.estimates = writers[0].estimates
     analysis.smoothed = writers[1].estimates if smooth else None
     if not writers[0].empty:
@@ -145,6 +156,7 @@ def _read(path: Path, params: EstimatorParams, smooth: bool) -> Iterator[StageBa
         start, end = bag.span_ns
         work = (1 + smooth) * max(1, end - start)
         forwarded: list[Received] = []
+        receive_ns = end
         for count, (receive_ns, topic, sample) in enumerate(bag.samples((*INPUTS, *TRUTHS))):
             if topic in TRUTHS:
                 contents.truth.add(sample)
@@ -156,6 +168,7 @@ def _read(path: Path, params: EstimatorParams, smooth: bool) -> Iterator[StageBa
             if count % BATCH_SIZE == 0:
                 yield StageBatch((receive_ns - start) / work, forwarded)
                 forwarded = []
+        forwarded += [(receive_ns, item) for item in stage.finish()]
         yield StageBatch(1.0 / (1 + smooth), forwarded)
         contents.late, contents.rejected = stage.late, bag.rejected
         contents.duration_s = (end - start) / NS_PER_S

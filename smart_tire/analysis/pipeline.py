@@ -68,12 +68,20 @@ class SlipStage:
             return forwarded
         return [output for item in forwarded for output in self._aid(self._friction, item)]
 
+    def finish(self) -> list[Sample]:
+        """Return the last output, at the end of all inputs."""
+        return [] if self._friction is None else self._correct(self._friction.finish())
+
     def _aid(self, friction: FrictionEstimator, item: Sample) -> list[Sample]:
         """Return ``item`` and the friction estimates from it; correct slip with these."""
         estimates = friction.update(item) if type(item) in streams.FRICTION.inputs else []
+        return [item, *self._correct(estimates)]
+
+    def _correct(self, estimates: list[Friction]) -> list[Sample]:
+        """Return ``estimates``; correct slip with them."""
         for estimate in estimates:
             self._slip.update(estimate)
-        return [item, *estimates]
+        return [*estimates]
 
     @property
     def late(self) -> Counter[str]:
@@ -97,6 +105,10 @@ class FrictionStage:
             estimates += self._friction.update(sample)
         return estimates
 
+    def finish(self) -> list[EstimateRecord]:
+        """Return the last estimates, after all output of the slip stage."""
+        return [*self._friction.finish()]
+
     @property
     def late(self) -> Counter[str]:
         """Return topic -> number of late samples."""
@@ -110,6 +122,10 @@ class EstimatedFriction:
         """Return the estimates in the output of the slip stage."""
         return [sample] if isinstance(
             sample, (Odometry, WheelSlip, Icr, GroundState, Friction)) else []
+
+    def finish(self) -> list[EstimateRecord]:
+        """Return no estimates; the slip stage forwards them all."""
+        return []
 
     @property
     def late(self) -> Counter[str]:
@@ -135,3 +151,8 @@ class Pipeline:
         """Process an input, in order of reception; return the estimates that it completes."""
         return [estimate for forwarded in self._slip.update(sample)
                 for estimate in self._friction.update(forwarded)]
+
+    def finish(self) -> list[EstimateRecord]:
+        """Return the last estimates, at the end of all inputs."""
+        return [*(estimate for forwarded in self._slip.finish()
+                  for estimate in self._friction.update(forwarded)), *self._friction.finish()]

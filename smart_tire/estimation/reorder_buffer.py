@@ -70,6 +70,13 @@ class ReorderBuffer:
         self._insert(topic, stamp_ns, sample)
         return self._close()
 
+    def finish(self) -> list[ClosedInstant]:
+        """Return the remaining grid instants with their samples, at the end of all inputs."""
+        self._drop_suspects()
+        if self._newest is None or not self._heap and self._closed is None:
+            return []
+        return self._close_until(-(-self._newest // self._grid_ns) * self._grid_ns)
+
     def _insert(self, topic: str, stamp_ns: int, sample: Any) -> None:
         if topic in self._awaited:
             reached = stamp_ns + self._awaited[topic]
@@ -82,14 +89,17 @@ class ReorderBuffer:
             self._newest = stamp_ns
 
     def _close(self) -> list[ClosedInstant]:
-        heap, closed = self._heap, []
-        if self._newest is None or not heap and self._closed is None:
+        if self._newest is None or not self._heap and self._closed is None:
             return []
         instant, limit = self._next_instant(), self._newest - self._window_ns
         if limit < instant:
             return []
-        limit = min([limit, *(stamp for stamp in self._reached.values()
-                              if self._newest - stamp < MAX_AWAITED_LAG_NS)])
+        return self._close_until(min([limit, *(
+            stamp for stamp in self._reached.values()
+            if self._newest - stamp < MAX_AWAITED_LAG_NS)]))
+
+    def _close_until(self, limit: int) -> list[ClosedInstant]:
+        heap, closed, instant = self._heap, [], self._next_instant()
         while instant <= limit:
             samples = []
             while heap and heap[0][0] <= instant:

@@ -43,7 +43,7 @@ class EstimatorNode(SmartTireNode[Params]):
         self._new_estimator = new_estimator
         self._publish = {output: self.make_publisher(output) for output in outputs}
         self._topics = {output: self.resolve_topic_name(output) for output in outputs}
-        self._follower = Follower(self, self.restart)
+        self._follower = Follower(self, self.restart, self.finish)
         for topic in self._topics.values():
             self._follower.add_output(topic)
         self._foreign_reported = 0
@@ -64,6 +64,9 @@ class EstimatorNode(SmartTireNode[Params]):
         """Process a sample of any input and publish the estimates that it completes."""
         for estimate in self.estimator.update(sample):
             self.publish_estimate(estimate)
+
+    def finish(self) -> None:
+        """Publish the estimates that await further samples, at the end of a replay."""
 
     def publish_estimate(self, estimate: Sample) -> None:
         """Publish one estimate."""

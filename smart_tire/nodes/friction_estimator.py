@@ -31,6 +31,12 @@ class FrictionEstimatorNode(EstimatorNode[FrictionEstimatorParams]):
             self.subscribe(name, self.on_sample, wheels=wheels if kind is TireSample else 1,
                            required=True, reliability=self.params.reliability)
 
+    def finish(self) -> None:
+        """Publish the last crossings of a replay."""
+        assert isinstance(self.estimator, FrictionEstimator)
+        for estimate in self.estimator.finish():
+            self.publish_estimate(estimate)
+
 
 def main() -> int:
     """Run the node."""

@@ -119,11 +119,16 @@ class FollowerInput:
 
 
 class Follower:
-    """Inputs of an estimator node: handled on arrival; during a replay, in recorded order."""
+    """
+    Inputs of an estimator node: handled on arrival; during a replay, in recorded order.
 
-    def __init__(self, node: Node, restart: Callable[[], None]) -> None:
+    ``restart`` is called at the begin of a replay and ``finish`` after its last input.
+    """
+
+    def __init__(self, node: Node, restart: Callable[[], None],
+                 finish: Callable[[], None] = lambda: None) -> None:
         self.foreign = 0  # messages received during replays that are not part of the bag
-        self._node, self._restart = node, restart
+        self._node, self._restart, self._finish = node, restart, finish
         self._inputs: dict[str, FollowerInput] = {}
         self._outputs: list[str] = []
         self._channel = ControlChannel(node, self._on_control)
@@ -190,6 +195,7 @@ class Follower:
             self._steps[control.sender].append(control)
             self._advance()
         elif control.kind == 'end':
+            self._finish()
             self._reset('', '')
 
     def _on_announce(self, announced: ControlMessage) -> None:

@@ -60,6 +60,8 @@ def drive(laboratory: Laboratory, ground: str, schedule: Schedule, duration: flo
         inputs.add(sample)
         for estimate in pipeline.update(sample):
             estimates.add(estimate)
+    for estimate in pipeline.finish():
+        estimates.add(estimate)
     stamps = np.array([stamp for stamp, _ in imu], np.int64)
     origin = int(stamps[0]) + round(STANDSTILL_TIME * NS_PER_S)
     return Run(inputs, estimates, truth, np.array([a for _, a in imu]), stamps,

@@ -55,6 +55,8 @@ def test_the_written_estimates_equal_those_of_the_estimators(analyzed, drive, pa
     pipeline = Pipeline(params)
     expected = [(receive_ns, topic_of(estimate), estimate) for receive_ns, topic, sample in drive
                 if topic in INPUTS for estimate in pipeline.update(sample)]
+    expected += [(max(receive_ns for receive_ns, topic, _ in drive if topic in INPUTS),
+                  topic_of(estimate), estimate) for estimate in pipeline.finish()]
     with Bag(analyzed[0] / 'estimates') as bag:
         written = list(bag.samples(ESTIMATES))
     assert Counter(topic for _, topic, _ in written) == Counter(t for _, t, _ in expected)

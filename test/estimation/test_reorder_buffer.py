@@ -32,6 +32,17 @@ def test_grid_instants_without_samples_are_closed():
     assert [len(samples) for _, samples in closed] == [1, 0, 0, 0, 1]
 
 
+def test_at_the_end_all_instants_close_without_awaiting_a_topic():
+    buffer = ReorderBuffer(30 * MS, awaited=['odom'])
+    assert buffer.finish() == []
+    assert feed(buffer, [('odom', 8 * MS), ('imu', 45 * MS), ('late', 17 * MS)]) == [
+        (START + 8 * MS, [('odom', 8 * MS)])]
+    assert [(instant - START, [topic for topic, _ in samples])
+            for instant, samples in buffer.finish()] == [
+        (16 * MS, []), (24 * MS, ['late']), (32 * MS, []), (40 * MS, []), (48 * MS, ['imu'])]
+    assert buffer.finish() == []
+
+
 def test_equal_timestamps_are_ordered_by_topic_and_arrival():
     buffer = ReorderBuffer(0)
     feed(buffer, [('b', 9 * MS)])

@@ -28,7 +28,9 @@ class FollowerNode:
     def __init__(self, name, inputs, outputs=(), feedback=()):
         self.node = rclpy.create_node(name)
         self.handled, self.restarts, self.feedback = [], 0, feedback
-        self.follower = Follower(self.node, self._restart)
+        self.finished_after = []  # numbers of inputs handled at the end of each replay
+        self.follower = Follower(self.node, self._restart,
+                                 lambda: self.finished_after.append(len(self.handled)))
         for topic in inputs:
             callback = self.follower.add_input(
                 topic, lambda message, topic=topic: self._handle(topic, message),
@@ -208,6 +210,20 @@ def test_a_replay_restarts_the_estimator_and_releases_it_at_its_end(rig):
     rig.leader = Leader(rig.replayer)
     rig.begin(['/x'], '/a')
     assert follower.restarts == 2
+
+
+def test_the_end_of_a_replay_finishes_the_estimator_after_its_last_input(rig):
+    follower = rig.follower('a', ['/x'])
+    publisher = rig.publishers('/x')['/x']
+    rig.begin(['/x'], '/a')
+    rig.leader.step(0, [('/x', 1), ('/x', 2)])
+    for stamp_ns in (1, 2):
+        publisher.publish(imu(stamp_ns))
+    rig.completed(0)
+    assert follower.finished_after == []
+    rig.leader.end()
+    rig.until(lambda: not follower.follower.leader)
+    assert follower.finished_after == [2]
 
 
 def test_a_follower_is_not_ready_while_an_input_has_no_publisher(rig):

@@ -45,8 +45,9 @@ def offline_estimates(bag_path: Path, params: Path) -> dict[Any, Any]:
     """Return the estimates of the offline analysis, in order of reception."""
     pipeline = Pipeline(EstimatorParams.load([params]))
     with Bag(bag_path) as bag:
-        return {key(estimate): estimate for _, _, sample in bag.samples(INPUTS)
-                for estimate in pipeline.update(sample)}
+        found = [estimate for _, _, sample in bag.samples(INPUTS)
+                 for estimate in pipeline.update(sample)]
+    return {key(estimate): estimate for estimate in [*found, *pipeline.finish()]}
 
 
 def replayed(bag_path: Path, params: Path, folder: Path, rate: float,

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 import math
 
-from smart_tire.estimation.contact.feed import ContactFeed
+from smart_tire.estimation.contact.feed import Block, ContactFeed
 from smart_tire.estimation.contact.records import CrossingSamples, PatchCrossing
 from smart_tire.estimation.friction.motion_history import MotionHistory
 from smart_tire.estimation.friction.slip_variation import estimated_variation
@@ -56,7 +56,14 @@ class CrossingCollector:
 
     def update(self, sample: TireSample | WheelSample) -> None:
         """Process one sample."""
-        for block in self._feed.update(sample):
+        self._add(self._feed.update(sample))
+
+    def finish(self) -> None:
+        """Collect the last crossings, at the end of all samples."""
+        self._add(self._feed.finish())
+
+    def _add(self, blocks: Iterable[Block]) -> None:
+        for block in blocks:
             if block.restarted:
                 self._origins.clear()
             for item in block.samples:

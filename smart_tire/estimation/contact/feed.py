@@ -8,8 +8,9 @@ crossings. The friction estimator and the calibration of the films use this feed
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import chain
 from math import inf
 
@@ -17,7 +18,7 @@ from smart_tire.errors import EstimatorError
 from smart_tire.estimation.contact.records import PatchCrossing
 from smart_tire.estimation.contact.tracker import ContactTracker
 from smart_tire.estimation.plausibility import is_possible
-from smart_tire.estimation.reorder_buffer import ReorderBuffer
+from smart_tire.estimation.reorder_buffer import ClosedInstant, ReorderBuffer
 from smart_tire.estimation.streams import FRICTION
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import (
@@ -50,6 +51,7 @@ class ContactFeed:
 
     def _start(self) -> None:
         robot = self._robot
+        self._closed_ns: int | None = None  # latest grid instant
         self._newest: dict[tuple[type, str], int] = {}  # stream, of films by wheel -> timestamp
         self._trackers = {wheel: [ContactTracker(wheel, robot, films)
                                   for films in robot.film_groups]
@@ -88,14 +90,30 @@ class ContactFeed:
         restarted = self._buffer.resets != self._resets
         if not closed and not restarted:
             return []  # most samples
-        blocks = [Block(restarted)]
         if restarted:
             self._resets = self._buffer.resets
             self._start()
+        return self._blocks(closed, Block(restarted))
+
+    def finish(self) -> list[Block]:
+        """
+        Return the last blocks, with the crossings for which no further samples were awaited.
+
+        Call this at the end of all inputs, then ``reset`` before any further sample.
+        """
+        blocks, now = self._blocks(self._buffer.finish(), Block()), self._closed_ns
+        if now is not None:
+            blocks[-1].crossings += self._sorted(partial(ContactTracker.finish, now_ns=now))
+        return blocks
+
+    def _blocks(self, closed: list[ClosedInstant], first: Block) -> list[Block]:
+        blocks = [first]
         for instant, samples in closed:
+            self._closed_ns = instant
             blocks[-1].samples += filter(self._accept, samples)
             if instant % BLOCK_NS == 0:  # a fixed phase, independent of the first sample
-                blocks[-1].crossings += self._advance(instant)
+                blocks[-1].crossings += self._sorted(partial(ContactTracker.advance,
+                                                             now_ns=instant))
                 blocks.append(Block())
         return blocks
 
@@ -124,8 +142,10 @@ class ContactFeed:
         self.dropped[FRICTION.inputs[kind]] += 1
         return False
 
-    def _advance(self, instant: int) -> Iterator[tuple[str, PatchCrossing]]:
+    def _sorted(self, found: Callable[[ContactTracker], list[PatchCrossing]]
+                ) -> Iterator[tuple[str, PatchCrossing]]:
+        """Yield the crossings ``found`` by the trackers, by wheel and time."""
         for wheel, trackers in self._trackers.items():
-            crossings = [crossing for tracker in trackers for crossing in tracker.advance(instant)]
+            crossings = [crossing for tracker in trackers for crossing in found(tracker)]
             for crossing in sorted(crossings, key=lambda crossing: crossing.stamp_ns):
                 yield wheel, crossing

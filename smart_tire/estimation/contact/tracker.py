@@ -95,6 +95,19 @@ class ContactTracker:
             self._associator.drop_before(reversals[-1][0])
         return crossings
 
+    def finish(self, now_ns: int) -> list[PatchCrossing]:
+        """Process all samples, the latest at ``now_ns``; return the completed crossings."""
+        newest = self._trajectory.newest_ns
+        if newest is None:
+            return []
+        # the last speed applies until the next wheel sample would have arrived
+        horizon = max(newest, min(now_ns, newest + MAX_SILENCE_NS), self._horizon_ns or newest)
+        position, reversals = self._follow(horizon)
+        self._detect(self._segment(horizon, reversals))
+        self._detect(self._extractor.finish())
+        self._associator.predict([*reversals, position])
+        return self._assemble(self._associator.release(lambda predicted: True))
+
     def _follow(self, horizon: int) -> tuple[Point, list[Point]]:
         """Follow the wheel up to ``horizon``; return its position there, and reversals."""
         begin = horizon if self._horizon_ns is None else max(

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 
-from smart_tire.estimation.contact.feed import ContactFeed
+from smart_tire.estimation.contact.feed import Block, ContactFeed
 from smart_tire.estimation.contact.records import PatchCrossing
 from smart_tire.estimation.friction.motion_history import MotionHistory
 from smart_tire.estimation.friction.output import OutputBuilder
@@ -58,8 +58,15 @@ class FrictionEstimator:
 
     def update(self, sample: Sample) -> list[Friction]:
         """Add a sample of one of the inputs; return the records that it completes."""
+        return self._process(self._feed.update(sample))
+
+    def finish(self) -> list[Friction]:
+        """Return the last records, at the end of all inputs; ``reset`` before any further one."""
+        return self._process(self._feed.finish())
+
+    def _process(self, blocks: list[Block]) -> list[Friction]:
         found: list[Friction] = []
-        for block in self._feed.update(sample):
+        for block in blocks:
             if block.restarted:
                 self._start()
             for item in block.samples:

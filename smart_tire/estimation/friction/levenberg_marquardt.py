@@ -198,7 +198,7 @@ def inverse_spd(matrix: Array) -> Array:
     """
     factor, failed = dpotrf(matrix)
     if failed:
-        return np.linalg.inv(matrix)
+        return np.asarray(np.linalg.inv(matrix), dtype=float)
     inverse, _ = dtrtri(factor)  # upper triangular: matrix = factor.T @ factor
     return gram(inverse, np.ones(len(matrix)))
 

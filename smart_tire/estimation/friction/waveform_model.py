@@ -155,12 +155,12 @@ class WaveformModel:
         basis = bump_splines.splines(outside)
         padded = np.zeros((2, KNOTS + 2 * PADDING))
         padded[:, PADDING:-PADDING] = p[BUMPS].reshape(2, KNOTS)
-        index = basis.index + second * padded.shape[1]
+        index = basis.knot + second * padded.shape[1]
         coefficients = padded.reshape(-1)[index]
         rows = np.zeros((padded.size, len(x)))
         rows[index, self._columns] = basis.value * -np.where(second, after, before)
-        rows = rows.reshape(*padded.shape, -1)
-        jacobian[BUMPS] = rows[:, PADDING:-PADDING].reshape(2 * KNOTS, -1)
+        jacobian[BUMPS] = rows.reshape(*padded.shape, -1)[:, PADDING:-PADDING].reshape(
+            2 * KNOTS, -1)
         value, slope = ((coefficients * part).sum(axis=0)
                         for part in (basis.value, basis.by_outside))
         return tread_film.Bumps(

@@ -24,9 +24,9 @@ PADDING = 3  # B-splines beyond each end, whose coefficients are zero
 class Splines(NamedTuple):
     """Cubic B-splines that are not zero at n positions, and their derivatives."""
 
-    index: NDArray[np.intp]  # (ORDER, n), of the splines' knots in ``KNOTS``, after the padding
-    value: Array             # (ORDER, n)
-    by_outside: Array        # (ORDER, n), per m
+    knot: NDArray[np.intp]  # (ORDER, n), index in ``KNOTS`` plus ``PADDING``
+    value: Array            # (ORDER, n)
+    by_outside: Array       # (ORDER, n), per m
 
 
 def splines(outside: Array) -> Splines:
@@ -34,12 +34,12 @@ def splines(outside: Array) -> Splines:
     Return the B-splines at ``outside`` (n,) [m], the distance of the film from the patch.
 
     ``outside`` is negative while the film is in the patch. There are ``PADDING`` splines before
-    the first and after the last knot, so that indices are valid at every position.
+    the first and after the last knot, so that ``knot`` is valid everywhere.
 
     >>> parts = splines(np.array([0.0, 0.005]))
     >>> print(parts.value.round(3).tolist())
     [[0.167, 0.021], [0.667, 0.479], [0.167, 0.479], [0.0, 0.021]]
-    >>> print((KNOTS[parts.index[1] - PADDING] * 1e3).round(1))
+    >>> print((KNOTS[parts.knot[1] - PADDING] * 1e3).round(1))
     [0. 4.]
     """
     position = (outside - FIRST_KNOT) / KNOT_SPACING + (PADDING - 1.0)

@@ -109,7 +109,7 @@ def bending(x: Array, film_length: float, contact_length: float, alpha: float,
     decay = released * np.exp(-np.minimum(np.maximum(past, 0.0), MAX_DECAY))
     by_end = (opposite * shape.by_flat_length[1] + lost * shape.by_flat_length[2]
               - end * decay / recovery)
-    recovered = released - decay
+    recovered: Array = released - decay
     return Bending(
         entered - opposite * left - lost + lost * remaining + end * released - end * decay,
         shape.by_flat_length[0] - by_end, by_end,

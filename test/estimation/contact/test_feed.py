@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 import random
 
+import numpy as np
 import pytest
 from support.rolling import films, in_order, passes, ROBOT, stamp, steady, surroundings, WHEEL
 
@@ -37,6 +38,35 @@ def test_every_crossing_is_found_with_its_wheel(samples):
     expected = [t for t in passes(TRAJECTORY, DURATION) if t < DURATION - 0.4]
     assert [ns for _, ns in found] == pytest.approx([stamp(t) for t in expected], abs=5e6)
     assert {wheel for wheel, _ in found} == {WHEEL}
+
+
+def test_the_last_crossings_are_found_at_the_end_of_the_samples():
+    reach = 0.5 * (ROBOT.tire.contact_length + ROBOT.film.length + ROBOT.film.spacing)
+    times = passes(TRAJECTORY, DURATION)
+    half = reach / float(TRAJECTORY(times[1] + 0.5) - TRAJECTORY(times[1] - 0.5))  # s
+    for end in np.arange(times[1] + 0.5 * half, times[2] + 3.0 * half, 0.035):
+        some = [sample for sample in in_order(films(TRAJECTORY, end), surroundings(
+            TRAJECTORY, end)) if isinstance(sample, (TireSample, WheelSample))]
+        feed = ContactFeed(ROBOT, WINDOW)
+        early, late = crossings(blocks(feed, some)), crossings(feed.finish())
+        complete = [t for t in passes(TRAJECTORY, end) if t + half < end - 0.005]
+        possible = [t for t in passes(TRAJECTORY, end) if t + half < end + 0.005]
+        found = [ns for _, ns in early + late]
+        assert len(complete) <= len(found) <= len(possible)
+        assert found == pytest.approx([stamp(t) for t in possible[:len(found)]], abs=5e6)
+        assert late or end > possible[-1] + 0.25  # some time after the crossing
+        assert crossings(feed.finish()) == []
+
+
+def test_the_end_of_the_samples_changes_no_earlier_crossing(samples):
+    whole, parts = ContactFeed(ROBOT, WINDOW), ContactFeed(ROBOT, WINDOW)
+    expected = crossings(blocks(whole, samples)) + crossings(whole.finish())
+    middle = len(samples) // 2
+    found = crossings(blocks(parts, samples[:middle]))
+    assert found == expected[:len(found)] and 0 < len(found) < len(expected)
+    found += crossings(parts.finish())
+    assert [ns for _, ns in found] == pytest.approx(
+        [ns for _, ns in expected[:len(found)]], abs=3e6)
 
 
 def test_samples_come_in_order_of_time_for_any_order_of_reception(samples):

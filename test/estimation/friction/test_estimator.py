@@ -44,6 +44,22 @@ def seconds(found):
     return [(crossing.stamp_ns - START_NS) * 1e-9 for crossing in found]
 
 
+def test_a_crossing_at_the_end_of_the_samples_is_complete_and_counted_once():
+    trajectory = steady(60.0)
+    end = passes(trajectory, 5.0)[-1] + 0.12  # s, the last film has just left the patch
+    found, estimator = estimate(rolled(trajectory, end))
+    last = estimator.finish()
+    assert seconds([*found, *last]) == pytest.approx(passes(trajectory, end), abs=0.004)
+    assert len(last) == 1
+    for name in ('film_slip', 'adhesion_ratio', 'slip', 'friction_coefficient_single'):
+        value, sigma = last[0].quantity(name)
+        assert math.isfinite(value) and math.isfinite(sigma), name
+    assert abs(last[0].film_slip.value - 0.1) < 3.0 * last[0].film_slip.sigma
+    assert abs(last[0].adhesion_ratio.value - (1.0 - 0.13 / CRITICAL)) < 3.0 * (
+        last[0].adhesion_ratio.sigma)
+    assert estimator.finish() == []
+
+
 @pytest.mark.parametrize('options', [
     {}, {'noise': 0.02}, {'slip': -0.1}, {'slip': 0.3, 'total': 0.31},
     {'slip': -0.3, 'total': 0.31}, {'slip': 0.0, 'total': 0.02}, {'wheel_rate': 4.0},
