@@ -23,6 +23,8 @@ LEAK_LENGTH = 0.004         # m inside the contact, in which that decays by e
 CORRELATION_LENGTH = 0.003  # m, of the deviations from the nominal shape of a bump
 UNCORRELATED_SIGMA = 0.03   # of the shape, uncorrelated between knots
 RANDOM_WALK_SHARE = 0.001   # of the initial standard deviations, random walk per crossing
+# of a crossing's information that is used: the errors of its samples over distance are correlated
+INFORMATION_SHARE = 0.3
 OUTLIER_SIGMAS = 5.0        # of the squared innovation, beyond which a crossing has less weight
 MAX_OUTLIERS = 3            # consecutive, after which the shape has changed
 
@@ -51,24 +53,19 @@ class ShapeEstimator:
         ``value`` is the posterior mean with ``prior`` and ``information``.
         """
         prior, innovation = self.prior, value - self.prior.value
-        posterior = inverse_spd(prior.precision + information)
-        # expectation of the squared innovation, in terms of the prior
-        freedom = float(np.trace(information @ posterior))
-        limit = freedom + OUTLIER_SIGMAS * math.sqrt(2.0 * freedom)
+        whole = prior.precision + information
+        # the squared innovation relative to the prior, and its limit
         square = float(innovation @ prior.precision @ innovation)
-        if square > limit:
-            self._outliers += 1
-            if self._outliers >= MAX_OUTLIERS:
-                self._outliers = 0
-                self._set(prior.value, self._covariance + self._initial)
-                return
-            weight = limit / square
-            gradient = (prior.precision + information) @ innovation
-            posterior = inverse_spd(prior.precision + weight * information)
-            innovation = weight * posterior @ gradient
-        else:
+        freedom = float(np.sum(information * inverse_spd(whole)))
+        limit = freedom + OUTLIER_SIGMAS * math.sqrt(2.0 * freedom)
+        self._outliers = self._outliers + 1 if square > limit else 0
+        if self._outliers == MAX_OUTLIERS:
             self._outliers = 0
-        self._set(prior.value + innovation, posterior)
+            self._set(prior.value, self._covariance + self._initial)
+            return
+        weight = INFORMATION_SHARE * limit / max(square, limit)
+        posterior = inverse_spd(prior.precision + weight * information)
+        self._set(prior.value + weight * posterior @ (whole @ innovation), posterior)
 
     def _set(self, value: Array, covariance: Array) -> None:
         self._covariance = covariance + RANDOM_WALK_SHARE**2 * self._initial
