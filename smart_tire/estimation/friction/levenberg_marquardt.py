@@ -86,8 +86,12 @@ class LevenbergMarquardt:
         self._clips = bool(self._rail.any())
         self._last: Point | None = None
 
-    def run(self, p: Array, prior: Prior) -> FitResult:
-        """Return the fit from start ``p``; fixed parameters take the value of ``prior``."""
+    def run(self, p: Array, prior: Prior, min_reduction: float = MIN_COST_REDUCTION) -> FitResult:
+        """
+        Return the fit from start ``p``; fixed parameters take the value of ``prior``.
+
+        A step whose expected reduction of the cost is below ``min_reduction`` is the last.
+        """
         start = prior.value.copy()
         start[prior.free] = p[prior.free]
         point = self._last
@@ -102,7 +106,7 @@ class LevenbergMarquardt:
             gradient = jacobian @ (weight * point.residual) + prior.precision @ (
                 prior.value - point.p)[prior.free]
             parameters, moved, damping = self._step(
-                point, prior, weight, hessian, gradient, damping)
+                point, prior, weight, hessian, gradient, damping, min_reduction)
             if moved is None:
                 break
             point = moved
@@ -135,7 +139,7 @@ class LevenbergMarquardt:
         return Point(p, self._volts - output, jacobian)
 
     def _step(self, point: Point, prior: Prior, weight: Array, hessian: Array, gradient: Array,
-              damping: float) -> tuple[Array, Point | None, float]:
+              damping: float, min_reduction: float) -> tuple[Array, Point | None, float]:
         """
         Return the parameters after a step, the point there, and the next damping.
 
@@ -148,7 +152,7 @@ class LevenbergMarquardt:
             damped.reshape(-1)[::len(damped) + 1] *= 1.0 + damping
             step = solve_spd(damped, gradient)
             p = self._moved(point.p, prior, step)
-            if float(gradient @ step) < MIN_COST_REDUCTION:
+            if float(gradient @ step) < min_reduction:
                 return p, None, damping
             trial = self._at(p)
             if self._cost(trial, prior, weight) <= current_cost:

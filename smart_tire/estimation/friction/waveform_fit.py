@@ -37,6 +37,7 @@ PRIOR_NORMALIZED_SLIP, NORMALIZED_SLIP_SIGMA = 0.3, 3.0  # of the weak prior
 TYPICAL_SLIP = 0.08      # -, slip at which the start value is at most the prior's normalized slip
 MIN_START_NORMALIZED_SLIP = 0.1
 RESTART_EXCESS = 1.5     # mean square of normalized residuals that triggers a second start
+ROUGH_REDUCTION = 3.0    # chi-squared; smallest reduction in the fit with fixed bumps
 MIN_SLIP = 0.02          # -, below which a relative change of slip is undefined
 MIN_DECOUPLING_SIGMA = 1e-4  # -, of a change of normalized slip independent of slip
 MIN_GAIN_SIGMA = 1e-6    # relative, of gains that are given as exact
@@ -152,7 +153,8 @@ class WaveformFitter:
                         ) -> WaveformFit:
         """Fit with the bumps as learned before all parameters: far from the minimum it is fast."""
         whole = self._prior(samples, prior, float(p[Shared.SLIP]))
-        return self._solve(samples, prior, self._solver.run(p, whole.without(BUMPS)).point.p)
+        return self._solve(samples, prior, self._solver.run(
+            p, whole.without(BUMPS), ROUGH_REDUCTION).point.p)
 
     def _solve(self, samples: CrossingSamples, prior: CrossingSlipPrior, p: Array) -> WaveformFit:
         result = self._solver.run(p, self._prior(samples, prior, float(p[Shared.SLIP])))
