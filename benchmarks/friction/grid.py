@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 import math
+from typing import Any
 
 from smart_tire.models.constants import GRAVITY
 from smart_tire.models.tire import brush_tire
@@ -24,6 +25,21 @@ EXTREME_SPEEDS = (15.0, 120.0, 200.0)
 NOISES = (0.002, 0.010, 0.020)  # V, in addition to the nominal one
 FRICTIONS = (0.1, 0.2, 0.9)     # -, in addition to concrete
 CONCRETE_FRICTION = 0.47        # -, paper B, Table I
+
+SMALL_SLIPS = (0.05, 0.07)      # where the shape outside the contact matters most
+# shapes that differ from those of the estimator's model: values of a case
+OTHER_SHAPES: dict[str, dict[str, Any]] = {
+    'Gaussian bumps at 6 mm, 14 mm wide': {
+        'bump_shape': 'gaussian', 'bump_distance': (0.006, 0.006), 'bump_width': (0.014, 0.014)},
+    'Gaussian bumps at 16 mm, 5 mm wide': {
+        'bump_shape': 'gaussian', 'bump_distance': (0.016, 0.016), 'bump_width': (0.005, 0.005)},
+    'asymmetric bumps at 13 and 8 mm': {
+        'bump_shape': 'asymmetric', 'bump_distance': (0.013, 0.008),
+        'bump_width': (0.012, 0.007)},
+    'exponential bumps at 7 and 9 mm': {
+        'bump_shape': 'exponential', 'bump_distance': (0.007, 0.009),
+        'bump_width': (0.011, 0.008)},
+    'release fig8 with a share of 0.3 of state': {'release_share': 0.3}}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,6 +98,9 @@ def all_cases() -> dict[str, list[Case]]:
         'combined slip: total slip 1.3 times longitudinal slip': [
             Case(slip=slip, combined=1.3) for slip in few],
         'speed': [Case(slip=0.1, rpm=rpm) for rpm in EXTREME_SPEEDS],
+        **{title: [Case(slip=sign * slip, **values)
+                   for slip in SMALL_SLIPS for sign in (1.0, -1.0)]
+           for title, values in OTHER_SHAPES.items()},
         'release as a state': [Case(slip=slip, release='state') for slip in (0.1, -0.1)]}
 
 

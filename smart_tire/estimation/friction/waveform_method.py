@@ -46,12 +46,12 @@ class WaveformMethod:
     def __init__(self, wheel: str, robot: RobotParams) -> None:
         self._film, self._patch = robot.film, robot.tire.contact_length
         self._gains, self._bending = robot.film.gains(wheel), robot.film.bending(wheel)
-        self._shape = ShapeEstimator()
-        self._fitter = WaveformFitter(robot, self._gains, self._bending, shape=self._shape)
+        self.shape = ShapeEstimator()
+        self._fitter = WaveformFitter(robot, self._gains, self._bending, shape=self.shape)
         # with film_aided the slip estimate contains the films' slip: do not use the gains twice
         self._fusing_fitter = self._fitter if not robot.slip.film_aided else WaveformFitter(
             robot, self._gains, self._bending, gain_sigma=UNKNOWN_GAIN_SIGMA,
-            shape=self._shape)
+            shape=self.shape)
 
     def evaluate(self, crossing: PatchCrossing, motion: WheelMotion) -> MethodResult | None:
         """Return the result of ``crossing``, None if its waveform is implausible."""
@@ -69,7 +69,7 @@ class WaveformMethod:
             full_sliding = films_only is not varied
             last, fused = self._fuse(crossing, motion, first, full_sliding)
             fused = fused.inflated(consistency_inflation(films_only, motion.slip))
-        self._shape.update(*shape)
+        self.shape.update(*shape)
         return MethodResult(films_only, fused, self._shift(first), *self._peaks(last, crossing))
 
     def _fuse(self, crossing: PatchCrossing, motion: WheelMotion, first: WaveformFit,

@@ -43,7 +43,7 @@ def splines(outside: Array) -> Splines:
     [0. 4.]
     """
     position = (outside - FIRST_KNOT) / KNOT_SPACING + (PADDING - 1.0)
-    position = np.minimum(np.maximum(position, 0.0), len(KNOTS) + 2.0 * PADDING - ORDER)
+    position = np.minimum(np.maximum(position, 0.0), len(KNOTS) + 2.0 * PADDING - ORDER + 1.0)
     first = position.astype(np.intp)
     first = np.minimum(first, len(KNOTS) + 2 * PADDING - ORDER)
     x = position - first

@@ -7,7 +7,7 @@ import pytest
 
 from smart_tire.estimation.contact.records import FilmSamples
 from smart_tire.estimation.friction.waveform_model import (
-    film_index, PerFilm, Shared, WaveformModel)
+    BUMPS, film_index, KNOTS, PerFilm, Release, SHAPE, Shared, WaveformModel)
 from smart_tire.models.tire import tread_film
 from smart_tire.parameters import build, RobotParams
 
@@ -62,6 +62,7 @@ def test_the_jacobian_agrees_with_finite_differences(release, normalized_slip):
                    LENGTH=-0.04)
     p[film_index(0, PerFilm.OFFSET)] = 0.01
     p[film_index(1, PerFilm.GAIN)], p[film_index(1, PerFilm.RECOVERY)] = -0.02, 0.2
+    p[SHAPE] = 0.2 * np.random.default_rng(1).standard_normal(SHAPE.stop - SHAPE.start)
     _, jacobian = model.linearized(p)
     for k in range(len(p)):
         if normalized_slip < 0.0 and k == Shared.LENGTH:
@@ -72,6 +73,30 @@ def test_the_jacobian_agrees_with_finite_differences(release, normalized_slip):
         size = max(np.abs(jacobian[k]).max(), 0.1)
         # derivatives jump where the film begins and ceases to leave
         assert np.mean(np.abs(found - jacobian[k]) > 1e-4 * size) < 0.01, k
+
+
+@pytest.mark.parametrize('release, other', [('fig8', 'state'), ('state', 'fig8')])
+def test_a_share_of_1_is_the_other_release(release, other):
+    p = parameters()
+    p[SHAPE.start + Release.SHARE] = 1.0
+    mixed, pure = (WaveformModel(build(RobotParams, {'film.release': name}), GAINS, FILMS, 0.0)
+                   for name in (release, other))
+    np.testing.assert_allclose(
+        mixed.linearized(p)[0], pure.linearized(parameters())[0], atol=1e-12)
+
+
+@pytest.mark.parametrize('side', [0, 1])
+def test_the_shape_of_a_bump_changes_the_output_on_its_side_only(side):
+    p = parameters()
+    p[BUMPS].reshape(2, KNOTS)[side, 6:12] = 0.5
+    model = WaveformModel(ROBOT, GAINS, FILMS, 0.0)
+    change = np.split(model.linearized(p)[0] - model.linearized(parameters())[0],
+                      [len(FILMS[0].distance)])
+    for i, (one, own) in enumerate(zip(FILMS, change)):
+        past = one.distance - 0.03 * i
+        assert np.all(own[(past > 0.0) != side] == 0.0)
+        # the bump is lower than 0 by its height: 0.1 and 0.14 of the peak
+        assert own.min() == pytest.approx(-0.5 * (0.1, 0.14)[side] * PEAKS[one.film], rel=0.1)
 
 
 def test_growth_is_the_relative_change_of_the_slip_over_a_contact_length():

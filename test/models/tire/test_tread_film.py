@@ -84,6 +84,27 @@ def test_the_bending_part_of_the_state_release_is_symmetric_about_the_patch_cent
     np.testing.assert_allclose(bent, bent[::-1], atol=1e-12)
 
 
+def test_a_release_between_the_conventions_is_given_by_weights():
+    x = np.linspace(-FILM - 0.01, L + 0.05, 400)
+    fig8, state = (tread_film.bending(x, FILM, L, ALPHA, name).value
+                   for name in tread_film.RELEASES)
+    half = tread_film.bending(x, FILM, L, ALPHA, (1.0, 0.5)).value
+    np.testing.assert_allclose(half, 0.5 * (fig8 + state), atol=1e-12)
+    end = tread_film.bending(np.array([L]), FILM, L, ALPHA, (1.6, 0.0)).value
+    np.testing.assert_allclose(end, -0.6)
+
+
+@pytest.mark.parametrize('weights', [(2.0, 0.0), (0.0, 1.0), (1.2, 0.3)])
+def test_derivatives_by_the_weights_of_the_release_agree_with_finite_differences(weights):
+    x = positions()
+    part = tread_film.bending(x, FILM, L, ALPHA, weights)
+    for k in (0, 1):
+        step = 1e-6 * np.eye(2)[k]
+        high, low = (tread_film.bending(x, FILM, L, ALPHA, tuple(weights + sign * step)).value
+                     for sign in (1.0, -1.0))
+        np.testing.assert_allclose(part.by_release[k], (high - low) / 2e-6, atol=1e-8)
+
+
 def test_a_flat_film_without_slip_shows_the_bending_peak():
     x = np.linspace(0.0, L - FILM, 10)
     volts = tread_film.crossing_voltage(x, slip=0.0, total_slip=0.0, **CROSSING)

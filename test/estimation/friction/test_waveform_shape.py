@@ -1,0 +1,127 @@
+"""The shape of bumps and release is learned: unbiased with any shape, robust, and causal."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from benchmarks.friction.grid import Case, OTHER_SHAPES, WHEEL
+from benchmarks.friction.synthesis import CrossingSynthesizer
+from smart_tire.estimation.friction.waveform_method import WaveformMethod
+from smart_tire.estimation.friction.waveform_model import Release
+from smart_tire.estimation.friction.waveform_shape import (
+    initial_covariance, MAX_OUTLIERS, ShapeEstimator)
+
+pytestmark = pytest.mark.slow
+
+SIZE = len(initial_covariance())
+SETTLED = 15  # crossings after which the shape is learned
+
+
+def results(case, count, seed, method=None):
+    """Return the results of ``count`` crossings by one method."""
+    source = CrossingSynthesizer(case, seed)
+    motion, method = source.motion(), method or WaveformMethod(WHEEL, case.robot)
+    return [method.evaluate(source.crossing(), motion) for _ in range(count)]
+
+
+def normalized_slips(found):
+    return np.array([(one.films_only.normalized_slip, one.fused.normalized_slip)
+                     for one in found])
+
+
+@pytest.mark.parametrize('title', OTHER_SHAPES)
+@pytest.mark.parametrize('slip', [0.05, -0.07])
+def test_another_shape_does_not_bias_normalized_slip(title, slip):
+    case, differences = Case(slip=slip, **OTHER_SHAPES[title]), []
+    for seed in (11, 12, 13):  # the same noise with both shapes
+        own, other = (normalized_slips(results(one, 50, seed))[SETTLED:]
+                      for one in (Case(slip=slip), case))
+        differences.append(np.mean(other - own, axis=0))
+    assert np.all(np.abs(np.mean(differences, axis=0)) < 0.015 * case.normalized_slip)
+
+
+@pytest.mark.parametrize('title', OTHER_SHAPES)
+def test_sigmas_are_consistent_from_the_first_crossing_on(title):
+    case, errors = Case(slip=0.06, **OTHER_SHAPES[title]), []
+    for seed in range(30):
+        for one in results(case, 4, 100 + seed):
+            films, fused = one.films_only, one.fused
+            errors.append((
+                (films.normalized_slip - case.normalized_slip) / films.normalized_slip_sigma,
+                (fused.normalized_slip - case.normalized_slip) / fused.normalized_slip_sigma,
+                (films.slip - case.slip) / films.slip_sigma))
+    squares = np.mean(np.square(errors), axis=0)
+    assert np.all((squares > 0.5) & (squares < 1.4))
+
+
+@pytest.mark.parametrize('release', ['fig8', 'state'])
+def test_the_share_of_the_other_release_is_learned(release):
+    case = Case(slip=0.1, release=release, release_share=0.3)
+    method = WaveformMethod(WHEEL, case.robot)
+    assert None not in results(case, 12, 3, method)
+    assert method.shape.prior.value[Release.SHARE] == pytest.approx(0.3, abs=0.03)
+
+
+@pytest.mark.parametrize('title', OTHER_SHAPES)
+def test_one_crossing_with_another_shape_hardly_changes_the_following_estimates(title):
+    usual, found = Case(slip=0.06), []
+    for disturbed in (True, False):
+        method = WaveformMethod(WHEEL, usual.robot)
+        results(usual, 25, 5, method)
+        if disturbed:
+            results(Case(slip=0.06, **OTHER_SHAPES[title]), 1, 6, method)
+        found.append(normalized_slips(results(usual, 20, 7, method)))
+    change = found[0] - found[1]
+    assert np.all(np.abs(np.mean(change, axis=0)) < 0.015 * usual.normalized_slip)
+
+
+def test_a_lasting_change_of_the_shape_is_learned():
+    usual, other = Case(slip=0.07), Case(slip=0.07, **OTHER_SHAPES[
+        'Gaussian bumps at 16 mm, 5 mm wide'])
+    method, only_other = (WaveformMethod(WHEEL, usual.robot) for _ in range(2))
+    results(usual, 25, 5, method)
+    found = normalized_slips(results(other, 50, 7, method))[SETTLED:]
+    expected = normalized_slips(results(other, 50, 7, only_other))[SETTLED:]
+    assert np.all(np.abs(np.mean(found - expected, axis=0)) < 0.015 * usual.normalized_slip)
+
+
+def test_the_same_crossings_yield_the_same_results():
+    case = Case(slip=-0.1)
+    first, again = (normalized_slips(results(case, 6, 9)) for _ in range(2))
+    assert np.array_equal(first, again)
+
+
+def test_an_estimate_is_weighted_by_its_information():
+    rng = np.random.default_rng(1)
+    shape, truth = ShapeEstimator(), np.linalg.cholesky(
+        initial_covariance()) @ rng.standard_normal(SIZE)
+    information = np.eye(SIZE) / 0.05**2
+    for _ in range(60):
+        measured = truth + 0.05 * rng.standard_normal(SIZE)
+        prior = shape.prior
+        posterior = prior.value + np.linalg.solve(
+            prior.precision + information, information @ (measured - prior.value))
+        shape.update(posterior, information)
+    error = shape.prior.value - truth
+    assert np.sqrt(np.mean(error**2)) < 0.02
+    # sigmas are too large, because only a share of the information is used
+    assert 0.1 < error @ shape.prior.precision @ error / SIZE < 1.0
+
+
+def test_outliers_have_less_weight_until_they_persist():
+    shape, exact = ShapeEstimator(), np.eye(SIZE) / 0.01**2
+    zero = np.zeros(SIZE)
+    for _ in range(10):
+        shape.update(zero, exact)
+    far = zero.copy()
+    far[Release.SHARE] = 0.2
+    for count in range(1, MAX_OUTLIERS):
+        shape.update(shape.prior.value + far, exact)
+        assert abs(shape.prior.value[Release.SHARE]) < 0.1 * count
+    wide = 1.0 / math.sqrt(shape.prior.precision[Release.SHARE, Release.SHARE])
+    assert wide < 0.02
+    shape.update(shape.prior.value + far, exact)
+    assert 1.0 / math.sqrt(shape.prior.precision[Release.SHARE, Release.SHARE]) > 5.0 * wide
