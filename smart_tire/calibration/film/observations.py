@@ -18,6 +18,7 @@ from smart_tire.calibration.film.crossing_collector import CrossingWithSlip
 from smart_tire.estimation.friction.waveform_fit import (
     CrossingSlipPrior, LOG_ALPHA_SIGMA, WaveformFit, WaveformFitter)
 from smart_tire.estimation.friction.waveform_model import film_index, PerFilm, Shared
+from smart_tire.estimation.friction.waveform_shape import ShapeEstimator
 from smart_tire.parameters import RobotParams
 from smart_tire.uncertain import Uncertain
 
@@ -62,9 +63,10 @@ class ObservationFitter:
             INITIAL_GAIN_SIGMA, INITIAL_LENGTH_SIGMA)
         film = robot.film
         self._bending = {wheel: film.bending(wheel) for wheel in film.wheels}
+        self._shapes = {wheel: ShapeEstimator() for wheel in film.wheels}
         self._fitters = {wheel: WaveformFitter(
             robot, film.gains(wheel), film.bending(wheel), gain_sigma=self._sigmas[0],
-            length_sigma=self._sigmas[1]) for wheel in film.wheels}
+            length_sigma=self._sigmas[1], shape=self._shapes[wheel]) for wheel in film.wheels}
 
     def fit_crossing(self, crossing: CrossingWithSlip, *, gains: bool) -> GainObservation | None:
         """
@@ -76,11 +78,14 @@ class ObservationFitter:
         slip = crossing.slip.value
         fit = fitter.fit(samples, CrossingSlipPrior(
             Uncertain(slip, UNINFORMATIVE_SLIP_SIGMA), crossing.change))
+        shape = None if fit is None else fitter.shape(fit)
         if fit is not None and gains:
             fit = fitter.fit(samples, CrossingSlipPrior(
                 Uncertain(slip, EXACT_SLIP_SIGMA), crossing.change), _with_slip(fit, slip))
         if fit is None or not self._plausible(fit, crossing.wheel):
             return None
+        if shape is not None:
+            self._shapes[crossing.wheel].update(*shape)
         count = len(samples.films)
         rows, value = _rows(fit, crossing.direction, gains)
         raw = fit.covariance / fit.excess

@@ -101,7 +101,7 @@ class WaveformFitter:
     ``gains`` [V/m] and ``bending`` [V] are the nominal ones of all films of the wheel.
     ``gain_sigma`` (by default the robot's tolerance) and ``length_sigma`` are relative standard
     deviations of gains and contact length; the contact length is fixed where its sigma is 0.
-    ``shape`` is the prior of release and bumps.
+    ``shape`` has the prior of release and bumps; without it they have their nominal shape.
     """
 
     def __init__(self, robot: RobotParams, gains: Sequence[float], bending: Sequence[float], *,
@@ -112,7 +112,7 @@ class WaveformFitter:
         tolerance = film.stretch_gain_tolerance if gain_sigma is None else gain_sigma
         self._gain_sigma = max(tolerance, MIN_GAIN_SIGMA)
         self._length_sigma = length_sigma
-        self._shape = ShapeEstimator() if shape is None else shape
+        self._shape = shape
         self._variance = film.sample_variance
         self._samples: CrossingSamples | None = None  # of the last fit
         self._solver: LevenbergMarquardt
@@ -152,6 +152,8 @@ class WaveformFitter:
     def _solve_in_steps(self, samples: CrossingSamples, prior: CrossingSlipPrior, p: Array
                         ) -> WaveformFit:
         """Fit with the bumps as learned before all parameters: far from the minimum it is fast."""
+        if self._shape is None:
+            return self._solve(samples, prior, p)
         whole = self._prior(samples, prior, float(p[Shared.SLIP]))
         return self._solve(samples, prior, self._solver.run(
             p, whole.without(BUMPS), ROUGH_REDUCTION).point.p)
@@ -178,8 +180,8 @@ class WaveformFitter:
 
         ``fit`` must be the last one of this fitter.
         """
-        if self._last is None or self._last[0] is not fit:
-            raise EstimatorError('the shape is available for the last fit only')
+        if self._shape is None or self._last is None or self._last[0] is not fit:
+            raise EstimatorError('the shape is available for the last fit only, if it is fitted')
         result = self._last[1]
         prior = result.prior
         own = np.searchsorted(prior.free, np.arange(SHAPE.start, SHAPE.stop))
@@ -204,7 +206,8 @@ class WaveformFitter:
     def _start(self, samples: CrossingSamples) -> Array:
         count = film_index(len(samples.films), PerFilm.CENTER)
         p = np.zeros(count + len(samples.errors.shape_sigmas))
-        p[SHAPE] = self._shape.prior.value
+        if self._shape is not None:
+            p[SHAPE] = self._shape.prior.value
         for i, (film, detection) in enumerate(zip(samples.films, samples.detections)):
             bump = BUMP_SHARE * self._bending[film.film]
             p[film_index(i, PerFilm.CENTER):film_index(i, PerFilm.GAIN)] = (
@@ -229,7 +232,8 @@ class WaveformFitter:
             prior.slip.sigma, NORMALIZED_SLIP_SIGMA, prior.change.sigma / abs(scale), decoupling,
             errors.scale_sigma, LOG_ALPHA_SIGMA, self._length_sigma)
         sigma[film_index(count, PerFilm.CENTER):] = errors.shape_sigmas
-        value[SHAPE], sigma[SHAPE] = self._shape.prior.value, 1.0
+        if self._shape is not None:
+            value[SHAPE], sigma[SHAPE] = self._shape.prior.value, 1.0
         for i, (film, detection) in enumerate(zip(samples.films, samples.detections)):
             peak, block = self._bending[film.film], slice(
                 film_index(i, PerFilm.CENTER), film_index(i + 1, PerFilm.CENTER))
@@ -240,8 +244,11 @@ class WaveformFitter:
                             LOG_RECOVERY_SIGMA)
         free = np.flatnonzero(sigma > 0.0)
         precision = np.diag(sigma[free]**-2)
-        shape = np.searchsorted(free, np.arange(SHAPE.start, SHAPE.stop))
-        precision[shape[:, np.newaxis], shape] = self._shape.prior.precision
+        systematic = [Shared.SLIP, *(film_index(i, PerFilm.GAIN) for i in range(count))]
+        if self._shape is not None:
+            shape = np.searchsorted(free, np.arange(SHAPE.start, SHAPE.stop))
+            precision[shape[:, np.newaxis], shape] = self._shape.prior.precision
+            systematic += range(SHAPE.start, SHAPE.stop)
         if prior.change.sigma > 0.0:
             # the prior on NORM_SLIP_CHANGE is one on its difference from coupling * SLIP_CHANGE
             difference = np.array([-prior.coupling, 1.0])
@@ -249,8 +256,6 @@ class WaveformFitter:
             precision[both[:, np.newaxis], both] += np.outer(
                 difference, difference) / decoupling**2
             precision[both[1], both[1]] -= 1.0 / decoupling**2
-        systematic = [Shared.SLIP, *range(SHAPE.start, SHAPE.stop),
-                      *(film_index(i, PerFilm.GAIN) for i in range(count))]
         return Prior(value, precision, free, np.array(systematic, dtype=np.intp))
 
 
