@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from smart_tire.analysis.series import PoseSeries, seconds, Series, Stamps, Table
 from smart_tire.bags import Bag
-from smart_tire.calibration.recording import ImuRecord, PoseRecord, Recording, WheelRecord
+from smart_tire.calibration.recording import (
+    DutyRecord, ImuRecord, PoseRecord, Recording, WheelRecord)
 from smart_tire.calibration.robot import geometry, icr
 from smart_tire.calibration.robot.geometry import Geometry
 from smart_tire.calibration.robot.icr import IcrFit
@@ -20,11 +21,12 @@ from smart_tire.errors import BagError, EstimatorError
 from smart_tire.estimation.streams import SLIP
 from smart_tire.parameters import build, known_names, load_files, NODE_PARAMS, RobotParams, specs
 from smart_tire.rotation import matrix
-from smart_tire.samples import ImuSample, Odometry, WheelSample
+from smart_tire.samples import ImuSample, MotorCommand, Odometry, WheelSample
 
 REFERENCES = ('ground_truth/odom', 'overhead/odom')  # in order of preference
 NO_REFERENCE = 'none'
 MIN_READINGS = 20  # of each input
+NOT_MEASURED = (math.nan,) * 4
 
 
 @dataclass(frozen=True)
@@ -62,12 +64,17 @@ def identify_icr(path: Path, robot: RobotParams, *, since: float = 0.0, until: f
 
 
 def read_recording(path: Path, robot: RobotParams, time_range: TimeRange,
-                   reference: str | None = None) -> Recording:
-    """Return the inputs of a bag, in axes of ``base_link``, and the reference poses."""
+                   reference: str | None = None, *, duties: bool = False) -> Recording:
+    """
+    Return the inputs of a bag, in axes of ``base_link``, and the reference poses.
+
+    With ``duties`` also those in ``motor_commands``, if they are recorded.
+    """
     with Bag(path) as bag:
         topic = _reference(bag, reference)
-        wanted = (*SLIP.inputs.values(), *([topic] if topic else []))
-        imu, wheels, poses = Table(6), _Wheels(), Series()
+        wanted = (*SLIP.inputs.values(), *([topic] if topic else []),
+                  *(['motor_commands'] if duties else []))
+        imu, wheels, poses, commands = Table(6), _Wheels(), Series(), Table(4)
         for _, _, sample in bag.samples(wanted):
             if isinstance(sample, ImuSample):
                 imu.add(sample.stamp_ns, (*sample.rate, *sample.acceleration))
@@ -75,6 +82,8 @@ def read_recording(path: Path, robot: RobotParams, time_range: TimeRange,
                 wheels.add(sample)
             elif isinstance(sample, Odometry):
                 poses.add(sample)
+            elif isinstance(sample, MotorCommand):
+                commands.add(sample.stamp_ns, sample.duty)
     stamps, values = imu.arrays()
     for name, count in (('imu/data', len(stamps)), ('wheel_states', len(wheels))):
         if count < MIN_READINGS:
@@ -86,7 +95,8 @@ def read_recording(path: Path, robot: RobotParams, time_range: TimeRange,
     record = ImuRecord(seconds(stamps[chosen], origin), values[chosen, :3] @ turn.T,
                        values[chosen, 3:] @ turn.T)
     return Recording(record, wheels.record(origin, time_range),
-                     _pose_record(poses.poses(), origin, time_range) if topic else None)
+                     _pose_record(poses.poses(), origin, time_range) if topic else None,
+                     _duty_record(commands, origin))
 
 
 def _reference(bag: Bag, requested: str | None) -> str | None:
@@ -109,14 +119,15 @@ class _Wheels:
     """Table of wheel samples."""
 
     def __init__(self) -> None:
-        self._speeds, self._angles = Table(4), Table(4)
+        self._speeds, self._angles, self._torques = Table(4), Table(4), Table(4)
 
     def __len__(self) -> int:
         return len(self._speeds)
 
     def add(self, sample: WheelSample) -> None:
         self._speeds.add(sample.stamp_ns, sample.velocity)
-        self._angles.add(sample.stamp_ns, sample.position or (math.nan,) * 4)
+        self._angles.add(sample.stamp_ns, sample.position or NOT_MEASURED)
+        self._torques.add(sample.stamp_ns, sample.effort or NOT_MEASURED)
 
     @property
     def first_ns(self) -> int:
@@ -127,8 +138,18 @@ class _Wheels:
         angles = self._angles.arrays()[1]
         chosen = _in_range(stamps, origin, time_range)
         angles = angles[chosen]
+        torques = self._torques.arrays()[1][chosen]
         return WheelRecord(seconds(stamps[chosen], origin), speeds[chosen],
-                           None if np.isnan(angles).any() else angles)
+                           None if np.isnan(angles).any() else angles,
+                           None if np.isnan(torques).all() else torques)
+
+
+def _duty_record(commands: Table, origin: int) -> DutyRecord | None:
+    """Return the duties of the whole bag: the one before a time range is still in force."""
+    if not len(commands):
+        return None
+    stamps, duties = commands.arrays()
+    return DutyRecord(seconds(stamps, origin), duties)
 
 
 def _pose_record(poses: PoseSeries, origin: int, time_range: TimeRange) -> PoseRecord | None:

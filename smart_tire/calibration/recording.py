@@ -35,6 +35,7 @@ class WheelRecord:
     time: Array             # (n,) s, timestamps
     velocity: Array         # (n, 4) rad/s, means over the periods that end at the timestamps
     position: Array | None  # (n, 4) rad, None unless every sample has positions
+    torque: Array | None = None  # (n, 4) N m at the timestamps; NaN where not measured
 
 
 @dataclass(frozen=True)
@@ -65,12 +66,21 @@ class PoseRecord:
 
 
 @dataclass(frozen=True)
+class DutyRecord:
+    """Duties of the motors, each in force until the next one; times [s] increase."""
+
+    time: Array  # (n,) s
+    duty: Array  # (n, 4) -1 to 1
+
+
+@dataclass(frozen=True)
 class Recording:
     """Input of the calibrations; all times have the same origin."""
 
     imu: ImuRecord
     wheels: WheelRecord
     reference: PoseRecord | None = None
+    duties: DutyRecord | None = None
 
     def forward_force(self, imu_x: float) -> Array:
         """Return the forward specific force [m/s2] (n,) at ``base_link``; IMU at ``imu_x`` [m]."""
