@@ -12,7 +12,7 @@ from typing import Any
 
 NAME = 'identify'
 HELP = 'identify parameters of film, tire or robot from recordings, with standard errors'
-KINDS = ('film', 'gains', 'geometry', 'icr', 'stiffness')
+KINDS = ('film', 'gains', 'geometry', 'icr', 'motor', 'stiffness')
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -1,0 +1,40 @@
+"""``smart_tire identify motor``: torque constant, friction, inertia and feed-forward."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from smart_tire.cli._arguments import add_recordings
+from smart_tire.cli._output import check_output, write_parameters
+
+NAME = 'motor'
+HELP = ('torque constant from starts and stops; with --lifted also friction and inertia of the '
+        'drives; feed-forward of the wheel controller')
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of this kind."""
+    add_recordings(parser, reference=False)
+    parser.add_argument('--lifted', type=Path, action='append', default=[], metavar='BAG',
+                        help='recording with all wheels off the ground; may be repeated')
+
+
+def run(args: argparse.Namespace) -> int:
+    """Identify, print a table, and write parameters and figure."""
+    check_output(args, NAME)
+    from smart_tire.analysis.calibrate_motor import identify_motor
+    from smart_tire.analysis.calibrate_robot import load_robot, TimeRange
+    from smart_tire.analysis.motor_figures import write_motor
+    robot = load_robot(args.params)
+    found = identify_motor(args.bags, args.lifted, robot, TimeRange(args.since, args.until))
+    for item in found.quantities:
+        print(f'{item.name:18}{item.estimate.value:11.5g} ± {item.estimate.sigma:<8.2g} '
+              f'{item.unit:10}{item.note}')
+    for name, why in found.refused.items():
+        print(f'{name:18}not observable: {why}')
+    for note in found.notes:
+        print(f'note: {note}')
+    everything = argparse.Namespace(**{**vars(args), 'bags': [*args.bags, *args.lifted]})
+    return write_parameters(everything, NAME, found.parameters(),
+                            lambda figure: write_motor(figure, found))
