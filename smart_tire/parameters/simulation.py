@@ -112,13 +112,12 @@ class SensorErrorParams:
         0.1, '-', 'relative standard deviation of the friction of each motor and axle',
         low=0.0, high=0.3)
     bump_distance: tuple[float, ...] = param(
-        (0.010, 0.010), 'm', 'between a film at the center of a bump and the patch; before the '
-        'contact, after it', low=0.0, high=0.05, length=2)
+        (0.010, 0.010), 'm', 'from film to patch at the maximum of a bump; before, after', low=0.0, high=0.05, length=2)
     bump_width: tuple[float, ...] = param(
-        (0.009, 0.009), 'm', 'full width at half height of the bumps before and after the contact',
+        (0.009, 0.009), 'm', 'full width at half height of the bumps; before, after',
         low=1e-4, high=0.05, length=2)
     bump_shape: str = param(
-        'raised_cosine', '-', 'shape of the bumps',
+        'raised_cosine', '-', 'shape',
         choices=('raised_cosine', 'gaussian', 'asymmetric', 'exponential'))
     release_share: float = param(
         0.0, '-', 'share of the release convention other than film.release in the signal',

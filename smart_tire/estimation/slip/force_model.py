@@ -150,7 +150,7 @@ class ForceModel:
     def adhesion(self, x: Sequence[float], wheel: int, ratio: Uncertain,
                  slip: Uncertain) -> Measurement | None:
         """
-        Return the normalized slip t = 1 - L_a / L of a wheel; None if it tells nothing.
+        Return the normalized slip t = 1 - L_a / L of a wheel; None if it is not informative.
 
         ``ratio`` L_a / L and ``slip`` lambda are those of the films; t = |s| / (3 kappa F_z).
         """
