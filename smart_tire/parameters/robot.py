@@ -152,7 +152,7 @@ class SlipParams:
     standstill_speed: float = param(
         0.05, 'm/s', 'slip is NaN while both wheel and robot are slower', low=1e-4)
     film_aided: bool = param(
-        False, '-', 'use film_slip in slip_estimator; requires calibrated film gains')
+        True, '-', 'use tire_friction in slip_estimator, where it is published')
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -69,12 +69,15 @@ def test_the_written_estimates_equal_those_of_the_estimators(analyzed, drive, pa
 
 
 def test_slip_aided_by_films_is_the_same_offline(bag_of, drive, params, tmp_path):
-    aided = EstimatorParams(*(replace(part, robot=replace(part.robot, slip=replace(
-        part.robot.slip, film_aided=True))) for part in (params.slip, params.friction)))
+    unaided = EstimatorParams(*(replace(part, robot=replace(part.robot, slip=replace(
+        part.robot.slip, film_aided=False))) for part in (params.slip, params.friction)))
     some = [event for event in drive if event[0] < drive[0][0] + 12 * NS_PER_S]
-    run = analyze(bag_of(tmp_path / 'bag', some), tmp_path / 'out', aided)
-    with_films, without = (slips_of(some, which) for which in (aided, params))
-    assert np.array_equal(run.estimates.slips().ratio, with_films, equal_nan=True)
+    bag = bag_of(tmp_path / 'bag', some)
+    runs = [analyze(bag, tmp_path / name, which)
+            for name, which in (('aided', params), ('unaided', unaided))]
+    with_films, without = (slips_of(some, which) for which in (params, unaided))
+    for run, expected in zip(runs, (with_films, without)):
+        assert np.array_equal(run.estimates.slips().ratio, expected, equal_nan=True)
     assert np.nanmax(np.abs(with_films - without)) > 1e-4
 
 
@@ -139,7 +142,7 @@ def test_without_tire_samples_there_is_slip_but_no_friction(bag_of, drive, param
     assert run.summary['estimates']['tire_friction'] == {}
     assert run.summary['against_truth']['slip'][WHOLE]['left']['error']['count'] > 100
     with Bag(tmp_path / 'out' / 'estimates') as bag:
-        assert set(bag.topics) == {'/odom', '/wheel_slip', '/icr'}
+        assert set(bag.topics) == {'/odom', '/wheel_slip', '/icr', '/ground_state'}
 
 
 def test_films_of_a_wheel_not_in_the_parameters_are_skipped(drive_bag, tmp_path):
@@ -237,7 +240,8 @@ def test_invalid_messages_are_counted_with_the_reason(bag_of, drive, params,
 def test_without_an_imu_friction_is_estimated_from_the_films(bag_of, drive, params, tmp_path):
     events = of_topics(drive, 'wheel_states', 'tire_samples', *TRUTHS)
     run = analyze(bag_of(tmp_path / 'bag', events), tmp_path / 'out', params)
-    assert 'imu/data is not in the bag: no odom, wheel_slip and icr' in run.contents.skipped
+    assert ('imu/data is not in the bag: no odom, wheel_slip, icr and ground_state'
+            in run.contents.skipped)
     assert list(run.summary['estimates']) == ['tire_friction']
     assert run.summary['against_truth']['friction'][WHOLE]['traction']['found'] > 5
     assert run.summary['against_truth']['slip'][WHOLE]['left']['error']['count'] == 0

@@ -97,10 +97,10 @@ def test_inputs_without_messages_are_named_in_the_diagnostics(graph, slip):
     graph.until(lambda: 'no imu/data; no wheel_states' in graph.status_message('slip_estimator'))
 
 
-def test_the_film_aided_slip_estimator_uses_tire_friction(graph):
+def test_the_slip_estimator_uses_tire_friction(graph):
     friction = Friction(START_NS, 'front_right', film_slip=Uncertain(0.1, 0.01))
     graph.subscribe('odom')
-    with graph.start('slip_estimator', slip__film_aided='true') as node:
+    with graph.start('slip_estimator') as node:
         connect(graph, 'slip_estimator', wheel_states=WheelSample(START_NS, (0.0,) * 4),
                 imu__data=ImuSample(START_NS, GRAVITY_UP, (0.0, 0.0, 0.0)), tire_friction=friction)
         publish_stationary(graph, 1.5, wheel_speed=6.0)

@@ -79,9 +79,11 @@ class WaveformMethod:
         prior = CrossingSlipPrior(motion.slip, variation.change, *_coupling(
             motion, crossing.speed, variation.change.value))
         start = _moved_to_slip(first, motion.slip.value) if full_sliding else first
-        fit = self._fusing_fitter.fit(first.samples, prior, start)
+        # a slip that the films do not determine has not aided the slip estimate
+        fitter = self._fitter if full_sliding else self._fusing_fitter
+        fit = fitter.fit(first.samples, prior, start)
         assert fit is not None  # the first fit had enough samples
-        return fit, self._compare_films(fit, prior, variation.residual)
+        return fit, self._compare_films(fitter, fit, prior, variation.residual)
 
     def _plausible(self, fit: WaveformFit) -> bool:
         low, high = PLAUSIBLE_BENDING
@@ -93,14 +95,15 @@ class WaveformMethod:
                 return False
         return True
 
-    def _compare_films(self, fit: WaveformFit, prior: CrossingSlipPrior,
+    @staticmethod
+    def _compare_films(fitter: WaveformFitter, fit: WaveformFit, prior: CrossingSlipPrior,
                        residual: float) -> SlipFit:
         """Return the slips of ``fit``, with a larger covariance if films crossed two surfaces."""
         slips, samples = _with_slip_variation(fit, residual), fit.samples
         if fit.excess < COMPARISON_EXCESS or len(samples.films) < 2 or not _differ(
-                self._fusing_fitter.per_film_normalized_slip(fit), fit):
+                fitter.per_film_normalized_slip(fit), fit):
             return slips
-        single = [self._fusing_fitter.fit(
+        single = [fitter.fit(
             replace(samples, films=(film,), detections=(detection,)), prior)
             for film, detection in zip(samples.films, samples.detections)]
         per_film = [one.normalized_slip for one in single if one is not None]

@@ -83,10 +83,10 @@ def test_a_slip_estimate_reduces_the_sigma_and_a_contradiction_increases_it():
 
 
 def test_with_a_film_aided_slip_estimate_the_gains_are_not_used_twice():
-    aided = build(RobotParams, {'slip.film_aided': True})
+    not_aided, aided = (build(RobotParams, {'slip.film_aided': one}) for one in (False, True))
     crossing, slip = simulated(np.random.default_rng(1)), (0.1, 0.004)
-    independent, dependent = (evaluate(crossing, slip=slip),
-                              evaluate(crossing, slip=slip, robot=aided))
+    independent, dependent = (evaluate(crossing, slip=slip, robot=robot)
+                              for robot in (not_aided, aided))
     assert dependent.films_only.slip == independent.films_only.slip
     assert independent.fused.slip_sigma < 0.8 * slip[1]
     assert dependent.fused.slip_sigma == pytest.approx(slip[1], rel=0.02)

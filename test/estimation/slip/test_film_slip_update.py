@@ -28,7 +28,7 @@ def friction(stamp_ns, slip, sigma=0.004, wheel='front_right'):
 
 def new_buffer(speed=0.8, duration=2.0):
     """Return a buffer with a history of constant wheel speed since ``START_NS``."""
-    films = FilmSlipBuffer(build(SlipEstimatorParams, {'slip.film_aided': True}).robot)
+    films = FilmSlipBuffer(SlipEstimatorParams().robot)
     for step in range(round(100 * duration)):
         films.record_step(0.01 * step, 0.0, 0.0, 0.0, 0.0, (speed, speed), (0.0, 0.0))
     return films
@@ -143,7 +143,7 @@ def test_films_make_common_slip_observable_in_straight_driving():
         run = cruising(seed, slip)
         plain.append(errors(run, estimates(run)[1], slip))
         aided.append(errors(run, estimates(
-            run, crossings(run, slip, seed), **{'slip.film_aided': True})[1], slip))
+            run, crossings(run, slip, seed))[1], slip))
     plain, aided = (np.concatenate(parts, axis=1) for parts in (plain, aided))
     assert np.sqrt(np.mean(aided[0]**2)) < 0.6 * np.sqrt(np.mean(plain[0]**2))
     assert np.sqrt(np.mean(aided[1]**2)) < 0.5 * np.sqrt(np.mean(plain[1]**2))
@@ -159,7 +159,7 @@ def test_a_crossing_before_a_speed_change_corrects_the_present_speed():
         run = drive(rolling, rolling * slip, seed=seed)
         plain.append(speed_errors(run, estimates(run)[1]))
         aided.append(speed_errors(run, estimates(
-            run, crossings(run, slip, seed), **{'slip.film_aided': True})[1]))
+            run, crossings(run, slip, seed))[1]))
     (error, normalized), (aided_error, aided_normalized) = (
         np.sqrt(np.mean(np.square(parts), axis=(0, 2))) for parts in (plain, aided))
     assert aided_error < 0.6 * error
@@ -180,16 +180,18 @@ def test_estimates_do_not_depend_on_the_arrival_time_of_a_crossing():
     run = cruising(0, slip, duration=10.0)
     early = crossings(run, slip, 0)
     late = [(at + 120 * MS, sample) for at, sample in early]
-    results = [estimates(run, extra, **{'slip.film_aided': True}) for extra in (early, late)]
+    results = [estimates(run, extra) for extra in (early, late)]
     assert results[0][1] == results[1][1]
     assert all(estimator.counters['films_used'] > 10 for estimator, _ in results)
     never = [(at + 600 * MS, sample) for at, sample in early]
-    estimator, out = estimates(run, never, **{'slip.film_aided': True})
+    estimator, out = estimates(run, never)
     assert estimator.late['tire_friction'] > 10 and estimator.counters['films_used'] == 0
     assert out == estimates(run)[1]
 
 
-def test_films_are_ignored_unless_film_aided_is_set():
+def test_films_are_used_by_default_and_ignored_if_film_aided_is_false():
     slip = np.full(2, 0.1)
     run = cruising(0, slip, duration=8.0)
-    assert estimates(run, crossings(run, slip, 0))[1] == estimates(run)[1]
+    films, plain = crossings(run, slip, 0), estimates(run)[1]
+    assert estimates(run, films)[1] != plain
+    assert estimates(run, films, **{'slip.film_aided': False})[1] == plain
