@@ -91,12 +91,12 @@ class PidParams:
     """Speed control of one wheel; the default feed-forward is that of an unloaded motor."""
 
     feed_forward: float = param(
-        0.05, 's/rad', 'duty per wheel speed set point: 1 / free speed', low=0.0, live=True)
+        0.045, 's/rad', 'duty per wheel speed set point: 1 / free speed', low=0.0, live=True)
     proportional: float = param(0.04, 's/rad', 'duty per speed error', low=0.0, live=True)
     integral: float = param(
         0.15, '1/rad', 'duty per integrated speed error', low=0.0, live=True)
     derivative: float = param(
-        0.002, 's2/rad', 'duty per wheel acceleration', low=0.0, live=True)
+        0.0, 's2/rad', 'duty per wheel acceleration', low=0.0, live=True)
     limit: float = param(1.0, '-', 'maximum duty', low=0.0, high=1.0, live=True)
     rate_limit: float = param(
         4.0, '1/s', 'maximum rate of change of the duty', low=1e-2, live=True)
