@@ -111,6 +111,8 @@ class MotionModel:
         F[State.V_X, State.FORCE_X] = F[State.V_Y, State.FORCE_Y] = dt
         F[State.V_X, State.YAW_RATE], F[State.V_Y, State.YAW_RATE] = (
             x[State.V_Y] * dt, -x[State.V_X] * dt)
+        F[State.V_X, State.V_Y], F[State.V_Y, State.V_X] = (
+            x[State.YAW_RATE] * dt, -x[State.YAW_RATE] * dt)
         F[State.V_X, State.GYRO_BIAS_Z] = F[State.V_Y, State.GYRO_BIAS_Z] = 0.0
         F[State.V_X, State.ACCEL_BIAS_X] = F[State.V_Y, State.ACCEL_BIAS_Y] = 0.0
         for integral, rate, walk in ((State.V_X, State.FORCE_X, FORCE_RANDOM_WALK),
