@@ -20,12 +20,32 @@ def new_filter(state=None, **values):
     return slip_filter
 
 
+def roll(slip_filter, side_speeds, duration=0.0625):
+    """Predict without acceleration, then correct with the speeds of both sides [m/s]."""
+    slip_filter.predict(duration, ImuStep(ImuReading(0.0, 0.0, 0.0), 1e-6, 2.5e-5, 1e-3))
+    slip_filter.correct_wheels(WheelMeasurement(
+        duration, side_speeds, slip_filter.x[State.V_X], 0.0, 1e-8, (0.0, 0.0), 0.0,
+        from_positions=True))
+
+
 def test_wheel_speeds_determine_the_speed_if_slip_is_impossible():
     slip_filter = new_filter(differential_slip_sigma=1e-3)
     for _ in range(20):
-        slip_filter.correct_wheels(WheelMeasurement(
-            0.0625, (0.5, 0.5), slip_filter.x[State.V_X], 0.0, 1e-8, from_positions=True))
+        roll(slip_filter, (0.5, 0.5))
     assert slip_filter.x[State.V_X] == pytest.approx(0.5, abs=0.02)
+
+
+def test_a_late_timestamp_hardly_changes_the_slip_after_the_next_sample():
+    state = np.zeros(N)
+    state[State.V_X] = 0.5
+    late = 3.0 * SlipEstimatorParams().robot.encoder.stamp_jitter / 0.0625
+    slips = []
+    for errors in (0.0, 0.0), (late, -late), (late, late):
+        slip_filter = new_filter(state)
+        for error in (*[0.0] * 40, *errors):
+            roll(slip_filter, (0.5 * (1.0 + error),) * 2)
+        slips.append(slip_filter.x[State.SLIP_VEL_L] + slip_filter.x[State.V_X])
+    assert abs(slips[1] - slips[0]) < 0.2 * abs(slips[2] - slips[0])
 
 
 def test_lateral_correction_converges_to_minus_s_times_the_yaw_rate():

@@ -14,11 +14,12 @@ STEP = 0.01
 PERIOD = 0.1  # s, of the wheel samples
 
 
-def state(time, wheel_time, slip_velocities, segment=0):
+def state(time, wheel_time, slip_velocities, segment=0, by_forces=False):
     x = [float(row) for row in range(N)]
     x[State.SLIP_VEL_L], x[State.SLIP_VEL_R] = slip_velocities
     context = OutputContext(
-        round(time * 1e9), 0.0, ImuReading(0.0, 0.0, 0.0), 0.0, (0.0,) * 4, time, wheel_time)
+        round(time * 1e9), 0.0, ImuReading(0.0, 0.0, 0.0), 0.0, (0.0,) * 4, time, wheel_time,
+        by_forces)
     return SmoothedState(segment, context, x, 1e-4 * np.eye(N))
 
 
@@ -73,6 +74,20 @@ def test_constant_slip_velocity_is_unchanged():
 def test_segments_are_not_interpolated_into_each_other():
     states = run(lambda t: 0.1) + run(lambda t: 0.5, segment=1)
     assert np.abs(slip_velocities(compensate_lag(states)) - slip_velocities(states)).max() < 1e-12
+
+
+def test_states_that_the_force_balance_follows_are_unchanged():
+    lagging = run(lambda t: 0.3 * t, end=1.0)
+    exact = [state(1.0 + STEP * k, 0.95, (0.5, -0.5), by_forces=True) for k in range(50)]
+    later = [state(1.5 + STEP * k, 1.5 + PERIOD * (k // 10), (0.1 * (k // 10), 0.0))
+             for k in range(50)]
+    moved = list(compensate_lag(lagging + exact + later))
+    assert times(moved).tolist() == times(lagging + exact + later).tolist()
+    assert moved[100:150] == exact
+    # neither side of them is interpolated into them
+    assert slip_velocities(moved[:100]).max() <= slip_velocities(lagging).max()
+    assert slip_velocities(moved[150:160]) == pytest.approx(0.0, abs=0.1)
+    assert np.abs(slip_velocities(moved[:85]) - slip_velocities(lagging[:85])).max() > 0.01
 
 
 def test_a_long_gap_of_wheel_samples_does_not_delay_the_output():

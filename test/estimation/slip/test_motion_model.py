@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
-from smart_tire.estimation.slip.motion_model import MotionModel
+from smart_tire.estimation.slip.motion_model import (
+    DRAG_MEAN, GROUND_LENGTH, IDLE_SIGMAS, MotionModel)
 from smart_tire.estimation.slip.state import ImuReading, ImuStep, N, State
 from smart_tire.models.constants import GRAVITY
 from smart_tire.parameters import build, SlipEstimatorParams
@@ -13,6 +16,7 @@ from support.slip_state import random_state
 
 IMU = ImuReading(0.8, 0.4, 0.9)
 STEP = ImuStep(IMU, 1e-6, 2.5e-5, 1e-3)
+STILL = ImuStep(ImuReading(0.0, 0.0, 0.0), 1e-6, 2.5e-5, 1e-3)
 
 
 def new_model(**values):
@@ -24,11 +28,15 @@ def predict(model, x, imu, dt):
     return model.predict(x, ImuStep(imu, 1e-6, 2.5e-5, 1e-3), dt)[0]
 
 
+@pytest.mark.parametrize('by_forces', [False, True])
 @pytest.mark.parametrize('seed', range(3))
-def test_jacobian_equals_finite_differences(seed):
+def test_jacobian_equals_finite_differences(seed, by_forces):
     state, model, dt, step = random_state(seed), new_model(), 0.01, 1e-6
+    model.by_forces = by_forces
     _, F, _ = model.predict(state.tolist(), STEP, dt)
     for column in range(N):
+        if column in IDLE_SIGMAS and not by_forces:
+            continue
         ends = []
         for sign in (1.0, -1.0):
             moved = state.copy()
@@ -36,7 +44,54 @@ def test_jacobian_equals_finite_differences(seed):
             ends.append(np.array(predict(model, moved.tolist(), IMU, dt)))
         derivative = (ends[0] - ends[1]) / (2.0 * step)
         # the Jacobian omits terms of second order in dt
-        assert derivative == pytest.approx(F[:, column], abs=10.0 * dt ** 2)
+        assert derivative == pytest.approx(F[:, column], abs=10.0 * dt ** 2), State(column)
+
+
+def test_states_of_the_forces_are_independent_of_the_past_while_the_imu_drives():
+    _, F, Q = new_model().predict(random_state(0).tolist(), STEP, 0.01)
+    rows = list(IDLE_SIGMAS)
+    assert not F[rows, :].any() and not F[:, rows].any()
+    assert np.sqrt(np.diag(Q)[rows]) == pytest.approx(list(IDLE_SIGMAS.values()))
+
+
+def test_driven_by_forces_the_imu_does_not_accelerate():
+    model, state = new_model(), random_state(0).tolist()
+    model.by_forces = True
+    calm, pushed = (predict(model, state, IMU._replace(force_x=force), 0.01)
+                    for force in (0.0, 5.0))
+    assert calm == pushed
+    state[State.FORCE_X] += 1.0
+    assert predict(model, state, IMU, 0.01)[State.V_X] - calm[State.V_X] == pytest.approx(0.01)
+
+
+def test_travel_is_the_integral_of_the_wheel_speeds():
+    model, x = new_model(), [0.0] * N
+    x[State.V_X], x[State.SLIP_VEL_L], x[State.SLIP_VEL_R] = 0.8, 0.1, -0.05
+    robot, W = SlipEstimatorParams().robot, 0.4
+    arm = robot.imu.position[1]
+    imu = ImuReading(W, *model.steady_force(x, W))
+    moved = predict(model, x, imu, 0.01)
+    for row, slip, side in ((State.TRAVEL_L, 0.1, -1.0), (State.TRAVEL_R, -0.05, 1.0)):
+        ground = 0.8 + (arm + side * 0.5 * robot.track_width) * W
+        assert moved[row] == pytest.approx(0.01 * (ground + slip), abs=2e-6)
+
+
+@pytest.mark.parametrize('by_forces', [False, True])
+def test_properties_of_the_ground_return_to_their_priors_over_distance_only(by_forces):
+    model, x = new_model(), [0.0] * N
+    model.by_forces = by_forces
+    x[State.LN_STIFFNESS], x[State.LN_RATIO], x[State.DRAG] = -0.8, 0.5, 0.1
+    rows = [State.LN_STIFFNESS, State.LN_RATIO, State.DRAG]
+    stationary, _, Q = model.predict(x, STILL, 1e-3)
+    assert [stationary[row] for row in rows] == pytest.approx([x[row] for row in rows], abs=1e-6)
+    assert np.diag(Q)[rows] == pytest.approx([0.0] * 3, abs=1e-6)
+    x[State.V_X] = 1.0
+    for _ in range(300):
+        x = model.predict(x, STILL, 1.0)[0]
+        x[State.V_X] = 1.0
+    share = math.exp(-300.0 / GROUND_LENGTH)
+    assert [x[row] for row in rows] == pytest.approx(
+        [-0.8 * share, 0.5 * share, DRAG_MEAN + (0.1 - DRAG_MEAN) * share], rel=0.01)
 
 
 def test_gravity_on_a_slope_does_not_accelerate_a_stationary_robot():
@@ -69,7 +124,9 @@ def test_extrapolation_equals_prediction_of_pose_and_velocity():
     model, x = new_model(), random_state(1).tolist()
     predicted, extrapolated = predict(model, x, IMU, 0.01), model.extrapolate(x, IMU, 0.01)
     changed = [row for row in State if predicted[row] != extrapolated[row]]
-    assert changed == [State.ROLL, State.PITCH, State.SLIP_VEL_L, State.SLIP_VEL_R]
+    assert changed == [State.ROLL, State.PITCH, State.SLIP_VEL_L, State.SLIP_VEL_R,
+                       State.TRAVEL_L, State.TRAVEL_R, State.LN_STIFFNESS, State.LN_RATIO,
+                       State.DRAG]
     assert [extrapolated[row] for row in changed] == [x[row] for row in changed]
 
 

@@ -4,29 +4,29 @@ from __future__ import annotations
 
 import pytest
 
-from smart_tire.estimation.slip.odometry_buffer import HISTORY_LENGTH, OdometryBuffer
+from smart_tire.estimation.slip.odometry_buffer import HISTORY_LENGTH, Motion, OdometryBuffer
 
 
 def filled():
     buffer = OdometryBuffer()
     buffer.restart(1.0)
     for k in range(1, 11):
-        buffer.append(1.0 + 0.01 * k, float(k), 0.5)
+        buffer.append(1.0 + 0.01 * k, Motion(float(k), 0.5, 0.9 * k, 1.1 * k))
     return buffer
 
 
 def test_mean_over_whole_steps_is_the_mean_of_their_speeds():
-    assert filled().mean(1.0, 1.1) == pytest.approx((5.5, 0.5))
-    assert filled().mean(1.02, 1.04) == pytest.approx((3.5, 0.5))
+    assert filled().mean(1.0, 1.1) == pytest.approx((5.5, 0.5, 4.95, 6.05))
+    assert filled().mean(1.02, 1.04) == pytest.approx((3.5, 0.5, 3.15, 3.85))
 
 
 def test_partial_steps_are_weighted_by_their_duration():
-    assert filled().mean(1.025, 1.03)[0] == pytest.approx(3.0)
-    assert filled().mean(1.015, 1.025)[0] == pytest.approx(2.5)
+    assert filled().mean(1.025, 1.03).v_x == pytest.approx(3.0)
+    assert filled().mean(1.015, 1.025).v_x == pytest.approx(2.5)
 
 
 def test_the_last_step_is_extrapolated():
-    assert filled().mean(1.1, 1.105)[0] == pytest.approx(10.0)
+    assert filled().mean(1.1, 1.105).v_x == pytest.approx(10.0)
 
 
 def test_there_is_no_mean_before_the_history_or_of_an_empty_interval():
@@ -34,6 +34,7 @@ def test_there_is_no_mean_before_the_history_or_of_an_empty_interval():
     assert filled().mean(1.05, 1.05) is None
     buffer = filled()
     for k in range(1000):
-        buffer.append(1.11 + 0.01 * k, 1.0, 0.0)
+        buffer.append(1.11 + 0.01 * k, Motion(1.0, 0.0, 0.9, 1.1))
     assert buffer.mean(1.0, 1.1) is None
-    assert buffer.mean(11.1 - HISTORY_LENGTH + 0.02, 11.1) == pytest.approx((1.0, 0.0))
+    assert buffer.mean(11.1 - HISTORY_LENGTH + 0.02, 11.1) == pytest.approx(
+        (1.0, 0.0, 0.9, 1.1))

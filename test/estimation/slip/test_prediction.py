@@ -31,7 +31,7 @@ def test_acceleration_is_integrated_to_speed():
     assert predictor.time == pytest.approx(1.0)
     assert slip_filter.x[State.V_X] == pytest.approx(0.5)
     mean = predictor.odometry.mean(0.0, 1.0)
-    assert mean == pytest.approx((0.25, 0.0), abs=1e-9)
+    assert mean == pytest.approx((0.25, 0.0, 0.25, 0.25), abs=1e-9)
 
 
 def test_without_imu_samples_the_speed_is_constant_and_the_wheels_give_the_yaw_rate():
