@@ -112,7 +112,8 @@ class SensorErrorParams:
         0.1, '-', 'relative standard deviation of the friction of each motor and axle',
         low=0.0, high=0.3)
     bump_distance: tuple[float, ...] = param(
-        (0.010, 0.010), 'm', 'from film to patch at the maximum of a bump; before, after', low=0.0, high=0.05, length=2)
+        (0.010, 0.010), 'm', 'from film to patch at the maximum of a bump; before, after',
+        low=0.0, high=0.05, length=2)
     bump_width: tuple[float, ...] = param(
         (0.009, 0.009), 'm', 'full width at half height of the bumps; before, after',
         low=1e-4, high=0.05, length=2)

@@ -46,7 +46,7 @@ class SlipEstimatorParams:
         0.0002, 'rad', 'sigma of the ground slope: laboratory floor; larger outdoors',
         low=0.0)
     force_balance: str = param(
-        'auto', '-', 'use tire forces; auto: with films or motor torques',
+        'auto', '-', 'use tire forces; auto: from the first film or torque on',
         choices=('auto', 'on', 'off'))
     ground_stiffness_sigma: float = param(
         0.5, '-', 'sigma of ln C_x on ground other than the calibrated one', low=0.01, high=2.0)
