@@ -25,6 +25,8 @@ from smart_tire.uncertain import Uncertain
 GROUND_CHANGE_SIGMAS = 3.0    # of two consecutive common innovations of the wheels, same sign
 RATIO_CHANGE_SIGMAS = 3.5     # of the innovation of one adhesion ratio
 CHANGED_DRAG_SIGMA = 0.05     # -, of the rolling resistance on new ground
+LATERAL_SPEED_NOISE = 0.025   # m/s, of v_y; below, the lateral force does not determine C_x
+LATERAL_CORRELATION = 10.0    # samples over which the effect of C_x on v_y counts as white
 MEAN_TORQUE_GAIN = 0.2        # weight of a new sample in the mean torques
 
 GROUND_ROWS = (State.LN_STIFFNESS, State.LN_RATIO, State.DRAG)
@@ -39,7 +41,7 @@ class ForceUpdate:
 
     def __init__(self, params: SlipEstimatorParams, ekf: RobustEkf) -> None:
         robot = params.robot
-        self._ekf, self._imu = ekf, robot.imu
+        self._ekf, self._imu, self._x_imu = ekf, robot.imu, robot.imu.position[0]
         self._model = ForceModel(robot)
         self._sigmas = (params.ground_stiffness_sigma, params.ground_friction_sigma,
                         CHANGED_DRAG_SIGMA)
@@ -76,7 +78,22 @@ class ForceUpdate:
         step = P @ H.T @ np.linalg.solve(H @ P @ H.T + R, z - expected)
         step[list(GROUND_ROWS)] = 0.0
         z, expected, H, R = self._model.balance((before + step).tolist(), residual)
-        return Measurement(z, expected - H @ step, H, R)
+        return self._with_lateral_noise(Measurement(z, expected - H @ step, H, R))
+
+    def _with_lateral_noise(self, balance: Measurement) -> Measurement:
+        """
+        Replace the Jacobian of the lateral balance by ln C_x by noise at small lateral speed.
+
+        In a steady turn the lateral force determines the product of C_x and v_y only. Where v_y is
+        not larger than its noise, their correlation would let C_x drift along that hyperbola.
+        """
+        z, expected, H, R = balance
+        square = float(self._ekf.x[State.V_Y] - self._x_imu * self._ekf.x[State.YAW_RATE]) ** 2
+        share = square / (square + LATERAL_SPEED_NOISE ** 2)
+        force, variance = H[1, State.LN_STIFFNESS], self._ekf.P[GROUND_ROWS[0], GROUND_ROWS[0]]
+        H[1, State.LN_STIFFNESS] = share * force
+        R[1, 1] += LATERAL_CORRELATION * variance * ((1.0 - share) * force) ** 2
+        return Measurement(z, expected, H, R)
 
     def correct_torques(self, torques: Four, residual: Four) -> None:
         """Correct with the measured motor torques [N m], NaN where unknown."""
