@@ -15,7 +15,7 @@ from smart_tire.bags.cdr import Decoder
 from smart_tire.cli._processes import ESTIMATORS, isolated_environment, Stack
 from smart_tire.messages import topic_of, TOPICS
 from smart_tire.nodes.compat import message_class
-from smart_tire.samples import Friction, FRICTION_QUANTITIES, Odometry, WheelSlip
+from smart_tire.samples import Friction, FRICTION_QUANTITIES, GroundState, Odometry, WheelSlip
 from support.graph import Graph, node_arguments, Process
 from support.stack import count
 from support.waiting import PATIENCE, wait_for
@@ -38,6 +38,9 @@ def numbers(estimate) -> list[float]:
                 *estimate.pose_covariance, *estimate.twist_covariance]
     if isinstance(estimate, WheelSlip):
         return [*estimate.ratio, *estimate.slip_velocity, *estimate.sigma]
+    if isinstance(estimate, GroundState):
+        return [*estimate.stiffness, *estimate.rolling_resistance, *estimate.torque_scale,
+                *estimate.slip_correlation]
     return [estimate.x, estimate.y]
 
 

@@ -8,7 +8,12 @@ import numpy as np
 import pytest
 
 from smart_tire.estimation.friction.bayes_filter import FrictionFilter
-from smart_tire.estimation.friction.brush_inversion import FrictionSample
+from smart_tire.estimation.friction.brush_inversion import (
+    FrictionSample, GroundStiffness, single_friction, SlipFit)
+from smart_tire.uncertain import Uncertain
+
+NOMINAL, LOAD = 52.7, Uncertain(26.7, 0.0)  # N, C_0 and the load
+STRAIGHT = Uncertain(0.0, 0.0)              # -, lateral slip
 
 
 def sample(mu, white=0.1, systematic=0.02, scale=0.1, slip_effect=0.0):
@@ -85,6 +90,109 @@ def test_revolutions_without_information_increase_the_sigma():
     assert np.all(np.diff(sigmas) > 0.0)
     assert sigmas[-1] > 0.15
     assert friction_filter.update(sample(0.47)).sigma < sigmas[0]
+
+
+def test_an_uninformative_crossing_increases_the_sigma_like_one_without_result():
+    with_crossings, without = FrictionFilter(), FrictionFilter()
+    for friction_filter in (with_crossings, without):
+        update(friction_filter, *[sample(0.47, white=0.05)] * 20)
+    for _ in range(30):
+        before = with_crossings.estimate().sigma
+        wide = with_crossings.update(sample(0.47, white=200.0))
+        assert wide.sigma > before
+        assert tuple(wide) == pytest.approx(tuple(without.update(None)), rel=0.05)
+    assert wide.sigma > 0.2
+
+
+def crossing(rng, mu, slip, slip_error, slip_sigma, noise, stiffness=NOMINAL):
+    """Return a revolution of films with the ``noise`` of normalized slip."""
+    t = abs(slip) * stiffness / (3.0 * mu * LOAD.value) + noise * rng.standard_normal()
+    fit = SlipFit(slip + slip_error, t, np.diag([0.0, noise**2]), np.diag([slip_sigma**2, 0.0]))
+    return single_friction(fit, STRAIGHT, LOAD, NOMINAL, slip_sigma)
+
+
+@pytest.mark.parametrize(('before', 'after', 'slip'), [
+    (0.2, 0.2, 0.0), (0.2, 0.2, 0.003), (0.8, 0.2, 0.006), (0.47, 0.47, 0.006)])
+def test_after_hundreds_of_revolutions_without_slip_the_sigma_is_that_of_the_prior(
+        before, after, slip):
+    # the slip is wrong by a constant, which the filter must not take for many measurements
+    normalized, relative = [], []
+    for seed in range(20):
+        rng, friction_filter = np.random.default_rng(seed), FrictionFilter()
+        error = 0.004 * rng.standard_normal()
+        update(friction_filter, *[crossing(rng, before, 0.1, error, 0.004, 0.01)] * 15)
+        mu, sigma = update(friction_filter, *(
+            crossing(rng, after, slip, error, 0.004, 0.04) for _ in range(300)))
+        relative.append(sigma / mu if math.isfinite(mu) else 1.0)
+        normalized.append((mu - after) / sigma)
+    assert np.median(relative) > 0.75 and min(relative) > 0.4
+    assert np.nanmean(np.square(normalized)) < 1.6
+
+
+def test_mu_follows_the_present_stiffness_and_critical_slip_does_not():
+    friction_filter = FrictionFilter()
+    mu = update(friction_filter, *[sample(0.47)] * 20).value
+    nominal = friction_filter.estimate_nominal()
+    assert friction_filter.estimate(GroundStiffness(0.5)).value == pytest.approx(0.5 * mu)
+    friction_filter.update(None, GroundStiffness(0.5, 0.3))
+    assert friction_filter.estimate_nominal().value == pytest.approx(nominal.value, rel=0.02)
+
+
+def test_a_change_of_stiffness_alone_is_not_a_surface_change():
+    friction_filter = FrictionFilter()
+    for ratio in [1.0] * 20 + [0.4] * 20:
+        friction_filter.update(sample(0.47, white=0.02), GroundStiffness(ratio, 0.05))
+    assert friction_filter.changes == 0
+
+
+@pytest.mark.parametrize('ratio', [0.4, 0.8, 1.5])
+def test_the_prior_is_that_of_mu_on_any_ground(ratio):
+    vague = [sample(0.3, white=0.6), sample(0.5, white=0.9)]
+    mu, friction_filter = update(FrictionFilter(), *vague), FrictionFilter()
+    for one in vague:  # the same surface by its mu_0
+        found = friction_filter.update(FrictionSample(
+            ratio * one.inverse_mu, ratio * one.white_sigma, ratio * one.systematic_sigma,
+            one.scale_sigma), GroundStiffness(ratio))
+    assert found.value == pytest.approx(mu.value, rel=0.01)
+    assert found.sigma == pytest.approx(mu.sigma, rel=0.25)  # the grid ends at 4 for mu_0
+
+
+@pytest.mark.parametrize('sign', [1.0, -1.0])
+def test_errors_that_slip_and_stiffness_share_cancel(sign):
+    friction_filter = FrictionFilter()
+    # a larger slip lowers 1 / mu_0 when driving and raises it when braking
+    update(friction_filter, *[sample(0.47, white=0.03, systematic=0.1, scale=0.0,
+                                     slip_effect=-0.1 * sign)] * 400)
+    mu, nominal = friction_filter.estimate_nominal()
+    cancelled, independent, added = (
+        friction_filter.estimate(GroundStiffness(1.0, 0.1, rho * sign)).sigma / mu
+        for rho in (-1.0, 0.0, 1.0))
+    assert cancelled < 0.04
+    assert independent == pytest.approx(math.hypot(nominal / mu, 0.1))
+    assert added > 0.19
+
+
+@pytest.mark.parametrize(('rho', 'sigma', 'slip_sigma', 'slip'), [
+    (0.0, 0.1, 0.005, 0.1), (-1.0, 0.1, 0.01, 0.1), (-0.9, 0.1, 0.01, 0.1),
+    (0.9, 0.1, 0.01, -0.1), (0.6, 0.06, 0.005, 0.1), (-0.5, 0.06, 0.01, 0.15)])
+def test_errors_with_a_wrong_stiffness_are_consistent(rho, sigma, slip_sigma, slip):
+    rng, mu, stiffness = np.random.default_rng(1), 0.25, 25.0  # sand
+    covariance = [[sigma**2, rho * sigma * slip_sigma], [rho * sigma * slip_sigma, slip_sigma**2]]
+    fused, single = [], []
+    for _ in range(150):
+        log_error, slip_error = rng.multivariate_normal((0.0, 0.0), covariance)
+        ground = GroundStiffness(stiffness * math.exp(log_error) / NOMINAL, sigma, rho)
+        friction_filter = FrictionFilter()
+        for _ in range(10):
+            one = crossing(rng, mu, slip, slip_error, slip_sigma, 0.01, stiffness)
+            found = friction_filter.update(one, ground)
+        fused.append((found.value - mu) / found.sigma)
+        alone = one.estimate(ground)
+        single.append((alone.value - mu) / alone.sigma)
+    # errors that vary slowly are counted as partly white, too: small ones are overestimated
+    assert 0.4 < np.mean(np.square(fused)) < 1.3
+    assert 0.6 < np.nanmean(np.square(single)) < 1.3
+    assert np.mean(np.abs(fused) < 2.0) > 0.92
 
 
 def test_after_many_revolutions_without_information_friction_is_unknown():

@@ -150,6 +150,50 @@ def test_consistent_slips_change_nothing_and_others_inflate():
     assert slip_fit().inflated(factor).slip_sigma == pytest.approx(0.002 * math.sqrt(factor))
 
 
+@pytest.mark.parametrize('slip', [0.05, 0.11, -0.11])
+@pytest.mark.parametrize('normalized_slip', [0.1, 0.5, 0.9])
+def test_with_a_known_force_mu_needs_neither_stiffness_nor_the_amount_of_slip(
+        slip, normalized_slip):
+    mu, share = 0.25, 0.07  # of the slip, by which it is wrong
+    force = mu * LOAD.value * (1.0 - (1.0 - normalized_slip)**3)
+    found = []
+    for estimated in (slip, (1.0 + share) * slip):
+        stiffness = force / (abs(estimated) * (1.0 - normalized_slip + normalized_slip**2 / 3.0))
+        ground = GroundStiffness(stiffness / NOMINAL, share, -math.copysign(1.0, slip))
+        fit = SlipFit(estimated, normalized_slip, np.diag([0.0, (0.01 * normalized_slip)**2]),
+                      np.diag([(share * estimated)**2, 0.0]))
+        found.append(single_friction(fit, NO_LATERAL_SLIP, Uncertain(LOAD.value, 0.0), NOMINAL,
+                                     share * abs(estimated)).estimate(ground))
+    for estimate in found:
+        assert estimate.value == pytest.approx(mu)
+        assert estimate.sigma / mu == pytest.approx(0.01, rel=0.02)
+
+
+def test_only_the_error_of_the_slip_estimator_is_shared_with_the_stiffness():
+    # films with gains know the slip as well: half of the variance is that of the gains
+    fit = SlipFit(0.1, 0.2, NO_COV, np.diag([0.5 * 0.01**2, 0.0]))
+    sample = single_friction(fit, NO_LATERAL_SLIP, LOAD, NOMINAL, 0.01)
+    assert sample.slip_effect == pytest.approx(-0.05 * sample.inverse_mu)
+    assert sample.systematic_sigma == pytest.approx(math.sqrt(0.5) * 0.1 * sample.inverse_mu)
+    unknown = single_friction(fit, NO_LATERAL_SLIP, LOAD, NOMINAL)
+    assert unknown.slip_effect == 0.0
+
+
+def test_the_effect_of_a_slip_error_does_not_depend_on_a_normalized_slip_within_noise():
+    errors = [single_friction(
+        SlipFit(0.01, t, np.diag([0.0, 0.05**2]), np.diag([0.005**2, 0.0])), NO_LATERAL_SLIP,
+        LOAD, NOMINAL, 0.005) for t in (-0.05, 0.0, 0.05)]
+    for sample in errors:
+        assert sample.systematic_sigma == pytest.approx(0.5 * sample.white_sigma)
+
+
+def test_the_error_of_a_known_force_is_small_although_slip_and_stiffness_are_not_known():
+    fit = SlipFit(0.1, 0.01, NO_COV, np.diag([0.01**2, 0.0]))
+    force, independent = traction_force(fit, NO_LATERAL_SLIP, 1, LOAD, STIFFNESS)
+    assert independent == pytest.approx(math.hypot(0.1, 0.1) * force, rel=0.01)
+    assert traction_force(fit, NO_LATERAL_SLIP, 1, LOAD, STIFFNESS, -1.0).sigma < 0.01 * force
+
+
 @pytest.mark.parametrize('direction', [1, -1])
 @pytest.mark.parametrize('slip', [0.11, -0.11])
 def test_the_force_is_that_of_the_brush_tire_with_the_same_friction(slip, direction):

@@ -12,10 +12,12 @@ import pytest
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.contact.prediction import MAX_CROSSINGS_PER_STEP
 from smart_tire.estimation.friction.estimator import FrictionEstimator
+from smart_tire.estimation.streams import GROUND_STATE_PERIOD_NS
 from smart_tire.parameters import build, FrictionEstimatorParams, SimulatorParams
 from smart_tire.samples import (
-    FRICTION_QUANTITIES, ImuSample, Odometry, TireSample, WheelSample, WheelSlip)
+    FRICTION_QUANTITIES, GroundState, ImuSample, Odometry, TireSample, WheelSample, WheelSlip)
 from smart_tire.simulation.offline import simulate
+from smart_tire.uncertain import Uncertain, UNKNOWN
 from support.rolling import (
     along, CRITICAL, films, in_order, passes, ROBOT, ROUND, stamp, START_NS, steady,
     surroundings, WHEEL)
@@ -322,6 +324,47 @@ def test_without_slip_and_odometry_the_film_quantities_are_reported():
     assert math.isfinite(found[-1].adhesion_ratio.value)
     assert math.isnan(found[-1].friction_coefficient.value)
     assert math.isnan(found[-1].total_slip.value)
+
+
+def grounds(duration, stiffness):
+    """Return the states of the ground, every 64 ms on the grid, of ``stiffness`` (time)."""
+    first = -(-START_NS // GROUND_STATE_PERIOD_NS) * GROUND_STATE_PERIOD_NS
+    stamps = range(first, stamp(duration), GROUND_STATE_PERIOD_NS)
+    return [GroundState(ns, Uncertain(stiffness((ns - START_NS) * 1e-9), 2.0), UNKNOWN, UNKNOWN,
+                        (0.0, 0.0)) for ns in stamps]
+
+
+def test_friction_is_that_of_the_present_ground():
+    samples = rolled(steady(120.0), 6.0)
+    calibrated, _ = estimate(samples)
+    found, _ = estimate(in_order(
+        samples, grounds(6.0, lambda time: 52.7 if time < 3.0 else 26.35)))
+    assert len(found) == len(calibrated)
+    for crossing, other in zip(found, calibrated):
+        share = crossing.stiffness.value / 52.7
+        if abs((crossing.stamp_ns - START_NS) * 1e-9 - 3.0) > 0.2:
+            assert share == (1.0 if crossing.stamp_ns < stamp(3.0) else 0.5)
+        for name in ('friction_coefficient_single', 'traction_force'):
+            value, sigma = other.quantity(name)
+            if sigma < 0.2 * abs(value):
+                assert crossing.quantity(name).value == pytest.approx(share * value, rel=1e-3)
+    last, other = found[-1], calibrated[-1]
+    assert last.stiffness.sigma == 2.0
+    assert last.friction_coefficient.value == pytest.approx(
+        0.5 * other.friction_coefficient.value, rel=0.01)
+    assert tuple(last.critical_slip) == pytest.approx(tuple(other.critical_slip), rel=0.05)
+
+
+def test_a_ground_state_that_arrives_late_is_awaited():
+    samples, states = rolled(steady(120.0), 6.0), grounds(6.0, lambda time: 30.0 + 5.0 * time)
+    in_time, _ = estimate(in_order(samples, states))
+    delay = 300_000_000
+    arrivals = sorted([(s.stamp_ns, 0, s) for s in samples] + [
+        (s.stamp_ns + delay * (s.stamp_ns > stamp(0.5)), 1, s) for s in states],
+        key=lambda one: one[:2])
+    late, estimator = estimate([s for _, _, s in arrivals])
+    assert not estimator.late
+    assert len(late) > 6 and repr(late) == repr(in_time[:len(late)])
 
 
 def test_film_slip_is_independent_of_the_slip_estimator():
