@@ -10,7 +10,7 @@ import pytest
 from smart_tire.analysis.metrics import Score
 from smart_tire.analysis.series import Series
 from smart_tire.analysis.summary import estimates_tree, plain, surfaces, truth_tree, WHOLE
-from smart_tire.samples import Friction, Odometry, WheelSlip
+from smart_tire.samples import Friction, GroundState, Odometry, WheelSlip
 from smart_tire.uncertain import Uncertain
 
 EPOCH = 1_700_000_000_000_000_000
@@ -55,6 +55,17 @@ def test_estimates_are_summarized_without_ground_truth():
     assert tree['tire_friction'] == {'front_left': {
         'crossings': 20, 'informative': 20, 'median_single': pytest.approx(0.385),
         'last_fused': 0.3, 'last_fused_sigma': 0.05}}
+
+
+def test_the_ground_is_summarized_by_medians():
+    series = run()
+    for i, stiffness in enumerate((50.0, 25.0, 26.0)):
+        series.add(GroundState(EPOCH + i, Uncertain(stiffness, 2.0), Uncertain(0.05, 0.01),
+                               Uncertain(math.nan, math.inf), (0.0, 0.0)))
+    assert estimates_tree(series)['ground_state'] == {
+        'messages': 3, 'stiffness': {'median': 26.0, 'median_sigma': 2.0},
+        'rolling_resistance': {'median': 0.05, 'median_sigma': 0.01},
+        'torque_scale': {'median': None, 'median_sigma': None}}
 
 
 def test_a_recording_without_estimates_has_an_empty_tree():

@@ -9,8 +9,8 @@ import pytest
 from sensor_msgs.msg import JointState
 
 from smart_tire.samples import (
-    Friction, FRICTION_QUANTITIES, ImuSample, NS_PER_S, TireSample, WheelSample)
-from smart_tire.uncertain import Uncertain
+    Friction, FRICTION_QUANTITIES, GroundState, ImuSample, NS_PER_S, TireSample, WheelSample)
+from smart_tire.uncertain import Uncertain, UNKNOWN
 
 pytestmark = pytest.mark.processes
 
@@ -140,9 +140,11 @@ def test_the_friction_estimator_uses_all_inputs_and_rejects_invalid_ones(graph):
             if tick % 25 == 0:
                 angle = 6.0 * tick * 2.5e-3
                 graph.publish('wheel_states', WheelSample(stamp_ns, (6.0,) * 4, (angle,) * 4))
+                graph.publish('ground_state', GroundState(
+                    stamp_ns, Uncertain(40.0, 2.0), UNKNOWN, UNKNOWN, (0.0, 0.0)))
             if tick % 8 == 0:
                 graph.spin()  # about real time
-        graph.until(lambda: int(graph.value('friction_estimator', 'frames_ok')) >= before + 1664
+        graph.until(lambda: int(graph.value('friction_estimator', 'frames_ok')) >= before + 1728
                     and graph.value('friction_estimator', 'frames_bad') == '1')
         assert 'position is [nan' in node.output
         graph.until(lambda: graph.received['tire_friction'])
@@ -151,3 +153,4 @@ def test_the_friction_estimator_uses_all_inputs_and_rejects_invalid_ones(graph):
     for message in graph.received['tire_friction']:
         assert message.header.frame_id == 'front_right'
         assert tuple(message.name) == FRICTION_QUANTITIES
+    assert {crossing.stiffness for crossing in graph.samples('tire_friction')} == {(40.0, 2.0)}

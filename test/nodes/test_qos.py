@@ -28,8 +28,8 @@ def test_every_publisher_is_reliable_and_volatile_so_any_subscription_matches(na
 
 @pytest.mark.parametrize(('name', 'depth'), [
     ('imu/data', 200), ('wheel_states', 32), ('tire_samples', 800), ('odom', 250), ('icr', 250),
-    ('tire_friction', 250), ('motor_commands', 1), ('cmd_vel', 1), ('ground_truth/odom', 100),
-    ('/diagnostics', 100)])
+    ('tire_friction', 250), ('ground_state', 250), ('motor_commands', 1), ('cmd_vel', 1),
+    ('ground_truth/odom', 100), ('/diagnostics', 100)])
 def test_publisher_depths_follow_the_kind_of_topic(name, depth):
     assert publisher_qos(name).depth == depth
 
