@@ -33,7 +33,7 @@ def test_grid_instants_without_samples_are_closed():
 
 
 def test_at_the_end_all_instants_close_without_awaiting_a_topic():
-    buffer = ReorderBuffer(30 * MS, awaited=['odom'])
+    buffer = ReorderBuffer(30 * MS, awaited={'odom': 0})
     assert buffer.finish() == []
     assert feed(buffer, [('odom', 8 * MS), ('imu', 45 * MS), ('late', 17 * MS)]) == [
         (START + 8 * MS, [('odom', 8 * MS)])]
