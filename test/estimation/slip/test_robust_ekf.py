@@ -26,6 +26,54 @@ def test_correction_weights_prior_and_measurement_by_their_variances():
     assert np.allclose(ekf.P, np.diag([2.0, 1.0]))
 
 
+def correlated():
+    """Return a filter whose first state (to be considered) determines the second in part."""
+    return RobustEkf(np.array([1.0, 2.0, 0.0]), np.array(
+        [[1.0, 0.5, 0.0], [0.5, 2.0, 0.3], [0.0, 0.3, 1.0]]))
+
+
+def second(z):
+    H = np.array([[1.0, 1.0, 0.0]])
+    return Measurement(np.array([z]), np.array([3.0]), H, np.array([[0.5]]))
+
+
+def test_a_considered_state_keeps_mean_and_variance_but_not_its_correlations():
+    ekf = correlated()
+    before = ekf.P.copy()
+    ekf.correct(second(4.0), considered=[0])
+    assert ekf.x[0] == 1.0 and ekf.P[0, 0] == before[0, 0]
+    assert ekf.x[1] > 2.0 and ekf.P[1, 1] < before[1, 1]
+    assert ekf.P[0, 1] < before[0, 1]  # an error of the first now shows in the second
+    assert np.linalg.eigvalsh(ekf.P).min() > 0.0
+
+
+def test_considered_errors_are_part_of_the_covariance_of_the_others():
+    # over many draws the covariance of the corrected states is the reported one
+    rng = np.random.default_rng(0)
+    P = correlated().P
+    ekf, errors = correlated(), []
+    for row in rng.multivariate_normal([0.0] * 3, P, 2000):
+        ekf = correlated()
+        z = 3.0 + row[0] + row[1] + np.sqrt(0.5) * rng.standard_normal()
+        # without gating, which is for outliers
+        if abs(z - 3.0) < OUTLIER_SIGMAS * np.sqrt(1.0 + 1.0 + 2.0 + 0.5):
+            ekf.correct(second(z), considered=[0])
+            errors.append(ekf.x - np.array([1.0, 2.0, 0.0]) - row)
+    assert np.cov(np.array(errors).T) == pytest.approx(ekf.P, abs=0.12)
+
+
+def test_considering_no_state_is_the_kalman_filter_and_all_of_them_changes_nothing():
+    plain, none, every = correlated(), correlated(), correlated()
+    plain.correct(second(4.0))
+    none.correct(second(4.0), considered=[])
+    every.correct(second(4.0), considered=[0, 1, 2])
+    assert np.array_equal(plain.P, none.P) and np.array_equal(plain.x, none.x)
+    assert np.allclose(every.P, correlated().P) and np.array_equal(every.x, correlated().x)
+    S = second(0.0).H @ correlated().P @ second(0.0).H.T + 0.5
+    gain = (correlated().P @ second(0.0).H.T / S)[:, 0]
+    assert plain.x == pytest.approx(correlated().x + gain)
+
+
 def test_innovations_beyond_the_limit_change_the_state_less_and_less():
     limit, changes = OUTLIER_SIGMAS * np.sqrt(8.0), []
     for innovation in (limit, 2.0 * limit, 10.0 * limit):
