@@ -46,7 +46,8 @@ MIN_PRIOR_WEIGHT = 1e-6         # below, the free-rolling prior is not worth a c
 STRAIGHT_YAW_RATE = 0.1         # rad/s, below which S is hardly observable
 NIS_GAIN = 0.05                 # weight of a new value in the smoothed NIS
 TRAVEL_RESET_SIGMA = 1e-5       # m, so that P is not singular
-TORQUE_OFFSET_SIGMA = 0.025     # N m, of measured torques: current sensor and gear friction
+TORQUE_OFFSET_SIGMA = 0.02      # N m, of measured torques
+FRICTION_ERROR_SHARE = 0.1      # relative sigma of the Coulomb friction: temperature, wear
 
 
 class SlipFilter:
@@ -239,5 +240,6 @@ def initial_state(params: SlipEstimatorParams) -> tuple[Array, Array]:
     sigma[State.LN_RATIO] = params.ground_friction_sigma
     x[State.DRAG], sigma[State.DRAG] = DRAG_MEAN, DRAG_SIGMA
     sigma[State.TORQUE_SCALE] = robot.motor.torque_constant_sigma
-    sigma[TORQUE_OFFSETS] = TORQUE_OFFSET_SIGMA
+    sigma[TORQUE_OFFSETS] = math.hypot(
+        TORQUE_OFFSET_SIGMA, FRICTION_ERROR_SHARE * robot.motor.coulomb_friction)
     return x, np.diag(sigma ** 2)

@@ -104,7 +104,7 @@ class ForceUpdate:
         new = np.where(np.isfinite(torques), torques, self._mean_torques)
         self._mean_torques = self._mean_torques + MEAN_TORQUE_GAIN * (new - self._mean_torques)
         if measurement is not None:
-            self._ekf.correct(measurement, considered=GROUND_ROWS[:2])
+            self._ekf.correct(measurement, considered=(*GROUND_ROWS[:2], State.TORQUE_SCALE))
 
     def correct_adhesion(self, wheel: int, ratio: Uncertain, slip: Uncertain) -> None:
         """Correct mu / C_x with the adhesion ratio and the slip that the films measured."""

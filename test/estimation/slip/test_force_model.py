@@ -1,4 +1,4 @@
-"""Force model: Jacobians against finite differences, balance and torques of the simulated robot."""
+"""Force model: Jacobians by differences, balance and torques of the simulated robot."""
 
 from __future__ import annotations
 
