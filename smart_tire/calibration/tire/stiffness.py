@@ -1,55 +1,64 @@
 """
 Longitudinal stiffness C_x of the tires from acceleration and braking on straight lines.
 
-The regression explains wheel speeds by the acceleration (``stiffness_model``), not forces by
-slips: slips are noisy, and a regression on them underestimates the stiffness. Slips of the slip
-estimator, whose prior is free rolling, would bias it even more. The model is nearly linear in the
-inverse of C_x.
+All measurements have errors: accelerations, timestamps of the wheels, the force balance itself.
+A regression of one on another is biased by the errors of the regressor, so the motion of body and
+wheels is estimated together with the parameters (``stiffness_model``), by a Gauss-Newton fit.
+Slips of the slip estimator, whose prior is free rolling, would bias the stiffness even more.
 
 Parameters with similar effects are estimated as well: friction, which bends the curve at larger
-slips; drag; an error of the rolling radius; an error of the wheel latency (one millisecond
-corresponds to 2.4 % of C_x for the paper's robot at 0.8 m/s, with another share at other speeds);
-and for each segment its initial speed, and accelerometer bias plus slope of the ground.
+slips; drag; errors of the rolling radius, of the wheel latency (one millisecond corresponds to
+2.4 % of C_x for the paper's robot at 0.8 m/s, with another share at other speeds), and of the
+accelerometer (bias and scale); and the slope of the ground. The standard deviations of timestamp
+jitter and force balance are estimated from their residuals (variance components).
 
 The stiffness is proportional to the configured mass; it is that of the tire-ground pair.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 import math
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.optimize import least_squares, OptimizeResult
+from scipy import sparse
+from scipy.sparse.linalg import splu
 
 from smart_tire.arrays import Array
-from smart_tire.calibration.recording import Recording, Signal
-from smart_tire.calibration.tire.stiffness_model import Common, StiffnessModel
+from smart_tire.calibration.recording import Recording
+from smart_tire.calibration.tire.stiffness_model import Block, Common, Noise, SegmentModel
 from smart_tire.calibration.tire.straight_segments import (
     MIN_SEGMENT_INTERVALS, MIN_SPEED, straight_segments)
 from smart_tire.errors import EstimatorError
 from smart_tire.models.constants import GRAVITY
+from smart_tire.numerics.robust import huber_weights
 from smart_tire.parameters import RobotParams
 from smart_tire.uncertain import MAX_RELATIVE_SIGMA, Uncertain, weighted_mean
 
 FRICTION_PRIOR, FRICTION_FACTOR = 0.45, 2.0   # median and factor per sigma of grounds; assumed
 DRAG_PRIOR, DRAG_SIGMA = 0.015, 0.15          # of the weight: firm ground, and up to deep sand
-LATENCY_ERROR_SIGMA = 0.003  # s, of the configured latency between wheels and IMU; assumed
-RADIUS_ERROR_SIGMA = 0.02  # relative, of rolling radius and accelerometer scale; assumed
-COMPLIANCE_SIGMA = 100.0                      # -, uninformative
-INITIAL_SPEED_SIGMA = 1.0                     # m/s, of a segment; uninformative
-BIAS_SIGMA = 0.15  # m/s2, of a segment: turn-on bias, mounting, slope of the ground
-INITIAL_FRICTIONS = (0.9, 0.3)  # starts of the fit: a slippery ground may mimic a soft tire
-COMMON_SCALES = (0.3, 0.02, 0.3, 1e-3, 0.01)  # of the step, in the order of ``Common``
-SEGMENT_SCALE = 0.02                          # m/s and m/s2, of the step
-MAX_ADHESION_SHARE = 0.85  # of the friction limit, beyond which front or rear wheels may slide
-POOR_EXCESS = 2.0                             # excess of a fit that includes sliding,
-HARD_FORCE_SHARE = 0.7  # ... for which intervals above this share of the largest force are dropped
-RESTART_EXCESS = 1.5                          # above which another start is tried
-HUBER_THRESHOLD = 3.0                         # sigmas, beyond which an interval has lower weight
-MAX_EVALUATIONS = 60                          # of the residuals in a fit
+STIFFNESS_FACTOR = 10.0     # per sigma, uninformative
+LATENCY_ERROR_SIGMA = 0.01  # s, of the configured latency between wheels and IMU; assumed
+RADIUS_ERROR_SIGMA = 0.02   # relative, of the rolling radius; assumed
+ACCEL_SCALE_SIGMA = 0.05    # of accelerations; the body pitches by 0.3 degrees at 1 m/s2; assumed
+BIAS_SIGMA = 0.15           # m/s2, turn-on bias and mounting
+INITIAL_FRICTIONS = (0.6, 0.2)  # starts of the fit: a slippery ground may mimic a soft tire
+INITIAL_FORCE_NOISE = 0.1   # m/s2, of the force balance of a step
+MIN_FORCE_NOISE = 0.03      # m/s2, likewise, assumed
+MIN_JITTER = 1e-4           # s
+ROUNDS = 3                  # of the noise, then fit
+MAX_ITERATIONS = 40         # of Gauss-Newton
+MAX_STEP = np.array([0.3, 0.05, 0.3, 5e-3, 0.05, 0.1])  # of ``Common`` in one iteration
+MIN_SCALE = 1e-3            # of a damped step
+CONVERGED = 0.01            # of a step over the standard errors
+HUBER_THRESHOLD = 3.0       # sigmas, beyond which a row has lower weight
+USE_VOLUME = 0
+VOLUME_STEP = 0.01          # of the common parameters, for derivatives
+PROBES = 4                  # random vectors for the degrees of freedom of a group
+
+
+Factor = Callable[[Array], Array]  # solves the normal equations
 
 
 @dataclass(frozen=True)
@@ -62,8 +71,8 @@ class StiffnessFit:
     latency_error: Uncertain  # s, of the wheel timestamps in addition to the configured latency
     segments: int
     duration: float             # s, of all segments
-    slip: Array                 # (n,) -, of each interval between wheel samples, as measured
-    force: Array                # (n,) N, of one wheel, positive when driving
+    slip: Array                 # (n,) -, of steps of the grid, as smoothed
+    force: Array                # (n,) N, of one wheel, positive when driving, as measured
     excess: float               # mean squared normalized residual, at least 1
     curve: tuple[Array, Array]  # slip [-] and force [N] of one wheel as fitted
 
@@ -75,9 +84,10 @@ def identify_stiffness(recordings: Sequence[Recording], robot: RobotParams) -> S
     If recordings differ by more than their standard errors, those are scaled up. Raises
     EstimatorError with the reason if the stiffness is not observable.
     """
-    fits = [_fit_below_sliding(recording, robot) for recording in recordings]
-    fit = fits[0][0] if len(fits) == 1 else _fit([model for _, model in fits], robot)
-    combined, separate = fit.stiffness, [part.stiffness for part, _ in fits]
+    models = [_models(recording, robot) for recording in recordings]
+    fits = [_fit(segments, robot) for segments in models]
+    fit = fits[0] if len(fits) == 1 else _fit([one for part in models for one in part], robot)
+    combined, separate = fit.stiffness, [part.stiffness for part in fits]
     fit = replace(fit, stiffness=_scaled_by_scatter(combined, separate))
     if not (fit.stiffness.value > 0.0 and fit.stiffness.determined):
         raise EstimatorError(_refusal(fit.stiffness, separate if combined.determined else ()))
@@ -104,128 +114,216 @@ def _refusal(stiffness: Uncertain, separate: Sequence[Uncertain]) -> str:
             'critical slip')
 
 
-def _fit_below_sliding(recording: Recording, robot: RobotParams) -> tuple[StiffnessFit,
-                                                                          StiffnessModel]:
-    """Return the fit of the intervals below critical slip, and its model."""
-    left_out = np.empty(0, np.intp)
-    while True:
-        segments = straight_segments(recording, robot, left_out)
-        if segments is None:
-            excluded = (f'; {len(left_out)} more are excluded because wheels slide or the ground '
-                        'changes' if len(left_out) else '')
-            raise EstimatorError(f'no straight segment of {MIN_SEGMENT_INTERVALS} wheel samples '
-                                 f'above {MIN_SPEED:g} m/s{excluded}')
-        model = StiffnessModel(segments, robot)
-        fit = _fit([model], robot)
-        sliding = _sliding(fit, robot)
-        if not sliding.any():
-            return fit, model
-        left_out = np.concatenate([left_out, segments.row[sliding]])
+def _models(recording: Recording, robot: RobotParams) -> list[SegmentModel]:
+    """Return the models of the straight segments; EstimatorError if there are none."""
+    segments = straight_segments(recording, robot)
+    if not segments:
+        raise EstimatorError(f'no straight segment of {MIN_SEGMENT_INTERVALS} wheel samples '
+                             f'above {MIN_SPEED:g} m/s')
+    return [SegmentModel(segment, robot) for segment in segments]
 
 
-def _sliding(fit: StiffnessFit, robot: RobotParams) -> NDArray[np.bool_]:
-    """Return a mask of intervals in which wheels slide or nearly so."""
-    limit = MAX_ADHESION_SHARE * fit.friction.value * 0.25 * robot.mass * GRAVITY
-    if fit.excess > POOR_EXCESS:  # friction is unreliable: begin with the largest forces
-        limit = min(limit, HARD_FORCE_SHARE * float(np.max(np.abs(fit.force))))
-    return np.abs(fit.force) > limit
+class _Problem:
+    """All segments and the priors of the common parameters; unknowns: common, then local."""
+
+    def __init__(self, models: Sequence[SegmentModel], robot: RobotParams) -> None:
+        self.models = models
+        self.noise = Noise(robot.encoder.stamp_jitter, INITIAL_FORCE_NOISE)
+        self.mean = np.array([math.log(robot.tire.longitudinal_stiffness), DRAG_PRIOR,
+                              math.log(FRICTION_PRIOR), 0.0, 0.0, 0.0])
+        self._prior = 1.0 / np.array([
+            math.log(STIFFNESS_FACTOR), DRAG_SIGMA, math.log(FRICTION_FACTOR),
+            LATENCY_ERROR_SIGMA, ACCEL_SCALE_SIGMA, BIAS_SIGMA])
+        sizes = [len(Common), *(model.size for model in models)]
+        self._first = np.cumsum(sizes)[:-1].tolist()
+        self.size = sum(sizes)
+        orders = [first + np.argsort(model.order(), kind='stable')
+                  for model, first in zip(models, self._first)]
+        self._order = np.concatenate([*orders, np.arange(len(Common))])
+        self._local_order = np.concatenate(orders) - len(Common)
+        self.volume_gradient = np.zeros(len(Common))
+
+    def split(self, values: Array) -> tuple[Array, list[Array]]:
+        """Return the common and the local unknowns of each segment."""
+        return values[:len(Common)], [values[first:first + model.size]
+                                      for model, first in zip(self.models, self._first)]
+
+    def blocks(self, values: Array) -> list[tuple[int, Block]]:
+        """Return the residuals of all segments, with the index of their first local unknown."""
+        common, local = self.split(values)
+        return [(first, block) for model, first, own in zip(self.models, self._first, local)
+                for block in model.blocks(common, own, self.noise)]
+
+    def prior_gradient(self, values: Array) -> Array:
+        """Return the derivatives of half the cost of the priors by the common parameters."""
+        return np.asarray(self._prior ** 2 * (values[:len(Common)] - self.mean)
+                          + self.volume_gradient)
+
+    def cost(self, values: Array) -> float:
+        """Return the sum of Huber's losses and of the priors, times two."""
+        deviation = values[:len(Common)] - self.mean
+        cost = float(np.sum((self._prior * deviation) ** 2) + 2.0 * self.volume_gradient @ deviation)
+        for _, block in self.blocks(values):
+            size = np.abs(block.residual)
+            inner = np.minimum(size, HUBER_THRESHOLD)
+            cost += float(np.sum(inner * (2.0 * size - inner)))
+        return cost
+
+    def linearize_volume(self, values: Array) -> None:
+        """
+        Set the derivatives of half the logarithm of the determinant of the local equations.
+
+        The likelihood of the common parameters is an integral over the local unknowns. Their best
+        values alone would favor parameters for which noise needs small motions, like a stiff tire.
+        """
+        weights = [huber_weights(block.residual, HUBER_THRESHOLD)
+                   for _, block in self.blocks(values)]
+        for parameter in (Common.STIFFNESS, Common.DRAG, Common.FRICTION, Common.ACCEL_SCALE):
+            step = VOLUME_STEP * np.eye(self.size)[parameter]
+            upper, lower = (self._log_volume(values + sign * step, weights) for sign in (1.0, -1.0))
+            self.volume_gradient[parameter] = (upper - lower) / (4.0 * VOLUME_STEP)
+
+    def _log_volume(self, values: Array, weights: Sequence[Array]) -> float:
+        """Return the logarithm of the determinant of the normal equations of local unknowns."""
+        jacobian = sparse.vstack([
+            sparse.diags_array(np.sqrt(weight)) @ self.jacobian(first, block)
+            for weight, (first, block) in zip(weights, self.blocks(values))]).tocsc()[
+                :, len(Common):]
+        matrix = (jacobian.T @ jacobian + 1e-9 * sparse.eye_array(jacobian.shape[1])).tocsr()
+        ordered = matrix[self._local_order][:, self._local_order].tocsc()
+        solver = splu(ordered, permc_spec='NATURAL', diag_pivot_thresh=0.0,
+                      options={'SymmetricMode': True})
+        # the speed of the body that follows from the wheels has a density of its own
+        common, local = self.split(values)
+        own = sum(model.log_density(common, part) for model, part in zip(self.models, local))
+        return float(np.sum(np.log(np.abs(solver.U.diagonal())))) - 2.0 * own
+
+    def jacobian(self, first: int, block: Block) -> sparse.csr_array:
+        """Return the derivatives of a block by all unknowns."""
+        local = block.by_local.tocoo()
+        common = sparse.coo_array(block.by_common)
+        return sparse.csr_array((
+            np.concatenate([common.data, local.data]),
+            (np.concatenate([common.row, local.row]),
+             np.concatenate([common.col, local.col + first]))),
+            shape=(len(block.residual), self.size))
+
+    def factor(self, matrix: sparse.csr_array) -> Factor:
+        """Return the factorized normal equations, banded with a border of common unknowns."""
+        order, inverse = self._order, np.argsort(self._order)
+        ordered = matrix[order][:, order].tocsc()
+        solver = splu(ordered, permc_spec='NATURAL', diag_pivot_thresh=0.0,
+                      options={'SymmetricMode': True})
+        return lambda target: solver.solve(target[order])[inverse]
+
+    def prior_matrix(self) -> sparse.csr_array:
+        """Return the inverse covariance of the priors."""
+        diagonal = np.zeros(self.size)
+        diagonal[:len(Common)] = self._prior ** 2
+        diagonal[len(Common):] = 1e-9
+        return sparse.diags_array(diagonal).tocsr()
 
 
-class _LeastSquares:
-    """Residuals of all recordings and priors, for parameters of ``Common`` and of segments."""
-
-    def __init__(self, models: Sequence[StiffnessModel]) -> None:
-        self._models = models
-        self.segments = sum(model.segments.count for model in models)
-        ones = np.ones(self.segments)
-        self.mean = np.concatenate([
-            [1.0, DRAG_PRIOR, math.log(FRICTION_PRIOR), 0.0, 0.0],
-            [model.segments.speed[model.segments.segment == i][0]
-             for model in models for i in range(model.segments.count)], 0.0 * ones])
-        self._precision = 1.0 / np.concatenate([
-            [COMPLIANCE_SIGMA, DRAG_SIGMA, math.log(FRICTION_FACTOR), LATENCY_ERROR_SIGMA,
-             RADIUS_ERROR_SIGMA], INITIAL_SPEED_SIGMA * ones, BIAS_SIGMA * ones])
-        self.scale = np.concatenate([COMMON_SCALES, SEGMENT_SCALE * ones, SEGMENT_SCALE * ones])
-
-    def split(self, values: Array) -> list[tuple[StiffnessModel, int, Array, Array]]:
-        """Return each model, the index of its first segment, its initial speeds and biases."""
-        parts, segment = [], 0
-        for model in self._models:
-            own = slice(len(Common) + segment, len(Common) + segment + model.segments.count)
-            biases = values[own.start + self.segments:own.stop + self.segments]
-            parts.append((model, segment, values[own], biases))
-            segment += model.segments.count
-        return parts
-
-    def residuals(self, values: Array) -> Array:
-        """Return normalized residuals of wheel speeds and priors."""
-        common = values[:len(Common)]
-        rows = [model.segments.whitened(
-                    model.segments.speed - model.speeds(common, initial_speeds, biases))
-                for model, _, initial_speeds, biases in self.split(values)]
-        return np.concatenate([*rows, self._precision * (self.mean - values)])
-
-    def jacobian(self, values: Array) -> Array:
-        """Return the derivatives of ``residuals``."""
-        common, blocks = values[:len(Common)], []
-        for model, segment, initial_speeds, biases in self.split(values):
-            by_common, by_speed, by_bias = model.derivatives(common, initial_speeds, biases)
-            rows = np.arange(len(by_speed))
-            block = np.zeros((len(rows), len(values)))
-            block[:, :len(Common)] = by_common
-            column = len(Common) + segment + model.segments.segment
-            block[rows, column], block[rows, column + self.segments] = by_speed, by_bias
-            blocks.append(-model.segments.whitened(block))
-        return np.vstack([*blocks, -np.diag(self._precision)])
+@dataclass(frozen=True)
+class _Solution:
+    values: Array
+    cost: float      # sum of Huber's losses, times two
+    factor: Factor  # of the normal equations
+    sigma: Array     # of the common parameters
 
 
-def _fit(models: Sequence[StiffnessModel], robot: RobotParams) -> StiffnessFit:
-    problem = _LeastSquares(models)
-    rows = sum(len(model.segments.speed) for model in models)
-    freedom = max(rows - 2 * problem.segments - len(Common), 1)
-    results: list[OptimizeResult] = []
-    for friction in INITIAL_FRICTIONS:
-        if results and 2.0 * results[0].cost < RESTART_EXCESS * freedom:
+def _solve(problem: _Problem, values: Array) -> _Solution:
+    """Return the best fit near ``values`` by damped Gauss-Newton steps."""
+    for _ in range(MAX_ITERATIONS):
+        blocks = problem.blocks(values)
+        weights = [huber_weights(block.residual, HUBER_THRESHOLD) for _, block in blocks]
+        jacobian = sparse.vstack([
+            sparse.diags_array(np.sqrt(weight)) @ problem.jacobian(first, block)
+            for weight, (first, block) in zip(weights, blocks)]).tocsr()
+        residual = np.concatenate([np.sqrt(weight) * block.residual
+                                   for weight, (_, block) in zip(weights, blocks)])
+        gradient = jacobian.T @ residual
+        gradient[:len(Common)] += problem.prior_gradient(values)
+        factor = problem.factor((jacobian.T @ jacobian + problem.prior_matrix()).tocsr())
+        step = factor(-gradient)
+        scale = min(1.0, float(np.min(MAX_STEP / np.maximum(np.abs(step[:len(Common)]), 1e-12))))
+        sigma = _sigmas(factor, problem.size)
+        converged = np.max(np.abs(step[:len(Common)]) / sigma) < CONVERGED
+        before = problem.cost(values)
+        while problem.cost(values + scale * step) > before and scale > MIN_SCALE:
+            scale *= 0.5
+        values = values + scale * step
+        if converged or scale <= MIN_SCALE:
             break
-        start = problem.mean.copy()
-        start[Common.FRICTION] = math.log(friction)
-        results.append(least_squares(
-            problem.residuals, start, problem.jacobian, x_scale=problem.scale, loss='huber',
-            f_scale=HUBER_THRESHOLD, max_nfev=MAX_EVALUATIONS))
-    best = min(results, key=lambda result: float(result.cost))
-    excess = max(1.0, 2.0 * float(best.cost) / freedom)
-    covariance = excess * np.linalg.inv(best.jac.T @ best.jac)
-    return _result(problem, best.x, np.sqrt(np.diag(covariance)), excess, robot)
+    cost = problem.cost(values) / max(len(residual) - problem.size, 1)
+    return _Solution(values, cost, factor, sigma)
 
 
-def _result(problem: _LeastSquares, values: Array, sigma: Array, excess: float,
-            robot: RobotParams) -> StiffnessFit:
-    def uncertain(parameter: Common, value: float, derivative: float) -> Uncertain:
-        return Uncertain(value, abs(derivative) * float(sigma[parameter]))
+def _sigmas(factor: Factor, size: int) -> Array:
+    """Return the standard errors of the common parameters."""
+    columns = factor(np.eye(size, len(Common)))
+    return np.sqrt(np.maximum(np.diag(columns[:len(Common)]), 1e-300))
 
-    common = values[:len(Common)]
-    compliance, drag, friction, latency_error, _ = common.tolist()
-    stiffness, weight = robot.tire.longitudinal_stiffness / compliance, robot.mass * GRAVITY
-    friction = math.exp(friction)
-    parts = problem.split(values)
-    slip, force, fitted = (np.concatenate(column) for column in zip(*(
-        _measured(model, common, initial_speeds, biases)
-        for model, _, initial_speeds, biases in parts)))
-    duration = sum(float(np.sum(model.segments.end - model.segments.begin))
-                   for model, *_ in parts)
-    order = np.argsort(fitted)
+
+def _estimated_noise(problem: _Problem, found: _Solution) -> Noise:
+    """Return the noise with which the residuals of its groups have the expected variance."""
+    blocks = problem.blocks(found.values)
+    scale = {}
+    for group in ('stamp', 'force'):
+        squares = freedom = 0.0
+        rng = np.random.default_rng(0)
+        for first, block in blocks:
+            if block.group != group:
+                continue
+            weight = huber_weights(block.residual, HUBER_THRESHOLD)
+            counted = slice(None) if block.counted is None else np.flatnonzero(block.counted)
+            weight, residual = weight[counted], block.residual[counted]
+            jacobian = problem.jacobian(first, block)[counted]
+            probes = rng.choice([-1.0, 1.0], (len(residual), PROBES))
+            back = jacobian.T @ probes
+            used = float(np.sum(back * found.factor(back))) / PROBES
+            squares += float(np.sum(weight * residual ** 2))
+            freedom += len(residual) - used
+        scale[group] = math.sqrt(max(squares, 1e-6) / max(freedom, 1.0))
+    return Noise(max(problem.noise.stamp * scale['stamp'], MIN_JITTER),
+                 max(problem.noise.force * scale['force'], MIN_FORCE_NOISE))
+
+
+def _fit(models: Sequence[SegmentModel], robot: RobotParams) -> StiffnessFit:
+    problem = _Problem(models, robot)
+    found = min((_solve(problem, start) for start in _starts(problem)),
+                key=lambda solution: solution.cost)
+    for _ in range(ROUNDS):
+        problem.noise = _estimated_noise(problem, found)
+        if USE_VOLUME: problem.linearize_volume(found.values)
+        found = _solve(problem, found.values)
+    return _result(problem, found, robot)
+
+
+def _starts(problem: _Problem) -> list[Array]:
+    starts = []
+    for friction in INITIAL_FRICTIONS:
+        common = problem.mean.copy()
+        common[Common.FRICTION] = math.log(friction)
+        starts.append(np.concatenate([common, *(model.start() for model in problem.models)]))
+    return starts
+
+
+def _result(problem: _Problem, found: _Solution, robot: RobotParams) -> StiffnessFit:
+    excess = max(1.0, found.cost)
+    common, local = problem.split(found.values)
+    sigma = math.sqrt(excess) * found.sigma
+    stiffness, friction = (math.exp(common[row]) for row in (Common.STIFFNESS, Common.FRICTION))
+    weight = robot.mass * GRAVITY
+    slip, fitted = (np.concatenate(column) for column in zip(*(
+        model.motion(common, own) for model, own in zip(problem.models, local))))
+    order = np.argsort(slip)
     return StiffnessFit(
-        uncertain(Common.COMPLIANCE, stiffness, stiffness / compliance),
-        uncertain(Common.FRICTION, friction, friction),
-        uncertain(Common.DRAG, weight * drag, weight),
-        uncertain(Common.LATENCY_ERROR, latency_error, 1.0),
-        problem.segments, duration, slip, force, excess, (fitted[order], force[order]))
-
-
-def _measured(model: StiffnessModel, common: Array, initial_speeds: Array,
-              biases: Array) -> tuple[Array, Array, Array]:
-    """Return measured slip, force [N] of one wheel and fitted slip of each interval."""
-    segments, motion = model.segments, model.motion(common, initial_speeds, biases)
-    ground, force, slip = (Signal(segments.time, values).mean(segments.begin, segments.end)
-                           for values in (motion.ground, 0.25 * motion.force, motion.slip))
-    return 1.0 - ground / segments.speed, force, slip
+        # a wrong radius scales all speeds, and thereby the forces
+        Uncertain(stiffness, stiffness * math.hypot(
+            RADIUS_ERROR_SIGMA, float(sigma[Common.STIFFNESS]))),
+        Uncertain(friction, friction * float(sigma[Common.FRICTION])),
+        Uncertain(weight * float(common[Common.DRAG]), weight * float(sigma[Common.DRAG])),
+        Uncertain(float(common[Common.LATENCY_ERROR]), float(sigma[Common.LATENCY_ERROR])),
+        len(problem.models), sum(float(np.ptp(model.segment.stamps)) for model in problem.models),
+        slip, fitted, excess, (slip[order], fitted[order]))

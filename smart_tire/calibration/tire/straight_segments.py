@@ -1,10 +1,7 @@
 """
-Straight segments of a recording, with wheel speeds and integrated acceleration.
+Straight segments of a recording: specific force and rolled distances on one time grid.
 
-The errors of the wheel speed against the integral of the acceleration have a known covariance:
-timestamp jitter and quantization, shared by neighboring intervals with opposite signs, and the
-random walk of the integrated accelerometer noise since the start of the segment. A segment begins
-and ends in motion: its initial speed is unknown.
+A segment is a contiguous interval without turns, with standstill before, within and after it.
 """
 
 from __future__ import annotations
@@ -15,7 +12,6 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cholesky, solve_triangular
 
 from smart_tire.arrays import Array
 from smart_tire.calibration.recording import Recording, Signal, wheel_intervals, WheelIntervals
@@ -23,144 +19,116 @@ from smart_tire.numerics.robust import noise_level
 from smart_tire.parameters import RobotParams
 
 Indices = NDArray[np.intp]
+Mask = NDArray[np.bool_]
 
 MIN_INTERVAL = 0.05    # s; shorter intervals between wheel samples are merged
-MIN_SPEED = 0.2        # m/s; at lower speeds quantization and static friction dominate
+MIN_SPEED = 0.2        # m/s; at lower speeds the brush model does not apply: static friction
 MAX_TURN_SHARE = 0.05  # of the speed: lateral speed, or half the difference of the sides
-MIN_SEGMENT_INTERVALS = 6
-MAX_SEGMENT_INTERVALS = 400  # longer segments are split: the covariance is a dense matrix
-MAX_IMU_GAP = 0.05           # s between IMU samples; over longer gaps the speed is not integrated
-ROUGHNESS_SIGMA = 0.001      # m/s, of an interval, from uneven ground; assumed
+MAX_TURN_SPEED = 0.02  # m/s, of the same at low speed, where noise dominates
+STANDSTILL_SPEED = 0.002    # m/s, of stationary wheels
+SETTLING_TIME = 0.4         # s after the wheels have stopped, until the body is stationary
+MAX_STANDSTILL = 2.0        # s, before and after the motion of a segment
+MIN_SEGMENT_INTERVALS = 6   # in motion
+MAX_SEGMENT_INTERVALS = 2000
+MAX_IMU_GAP = 0.05          # s between IMU samples; over longer gaps the speed is not integrated
+MIN_STEP = 0.025            # s of the grid: half a wheel interval at 16 Hz; IMU samples are averaged
+GRID_MARGIN = 0.06          # s of the grid before and after the wheel intervals
 
 
 @dataclass(frozen=True)
-class StraightSegments:
+class StraightSegment:
     """
-    All straight segments of a recording: n intervals between wheel samples, m IMU samples.
+    One segment: m steps of a time grid around the IMU samples, n intervals of the wheels.
 
-    The IMU samples cover the whole recording; ``sample_segment`` is the segment of each, and
-    samples between two segments belong to either.
+    The intervals are contiguous: interval i is between the timestamps i and i + 1.
     """
 
-    row: Indices  # (n,) of the intervals among all intervals of the recording
-    begin: Array                         # (n,) s, by the timestamps of the wheels
-    end: Array                           # (n,) s
-    speed: Array                         # (n,) m/s, mean r w of the four wheels
-    segment: Indices                     # (n,) index of the segment, from 0
-    count: int                           # of segments
-    time: Array                          # (m,) s, of the IMU samples
-    force: Array                         # (m,) m/s2, forward specific force
-    speed_gain: Array                    # (m,) m/s, its integral since the start of the segment
-    elapsed: Array                       # (m,) s since the start of the segment
-    sample_segment: Indices              # (m,)
-    covariance_roots: tuple[Array, ...]  # per segment, lower Cholesky factor for ``speed``
+    time: Array        # (m + 1,) s, ends of the steps
+    force: Array       # (m,) m/s2, mean forward specific force of each step
+    noise: float       # m/s2, standard deviation of ``force``
+    stamps: Array      # (n + 1,) s, of the wheels, without the configured latency
+    distance: Array    # (n,) m, rolled by the mean of the four wheels
+    stationary: Mask   # (m + 1,) whether the robot is stationary for certain
 
-    def whitened(self, rows: Array) -> Array:
-        """Return ``rows`` (n,) or (n, p) of wheel speeds, whitened by their covariance."""
-        white = np.empty_like(rows)
-        for number, root in enumerate(self.covariance_roots):
-            own = self.segment == number
-            white[own] = solve_triangular(root, rows[own], lower=True, check_finite=False)
-        return white
+    @property
+    def speed(self) -> Array:
+        """Return the mean wheel speed [m/s] of each interval, shape (n,)."""
+        return self.distance / np.diff(self.stamps)
 
 
-def straight_segments(recording: Recording, robot: RobotParams,
-                      left_out: Indices | None = None) -> StraightSegments | None:
-    """
-    Return the straight segments of a recording, None if there are none.
-
-    ``left_out`` are rows of intervals to exclude, each of which ends a segment.
-    """
+def straight_segments(recording: Recording, robot: RobotParams) -> list[StraightSegment]:
+    """Return the straight segments of a recording."""
     intervals = wheel_intervals(recording.wheels, MIN_INTERVAL)
-    straight = _is_straight(intervals, recording, robot)
-    if left_out is not None:
-        straight[left_out] = False
-    segments = list(_contiguous(straight, intervals))
-    if not segments:
-        return None
-    selected = np.zeros(len(intervals.begin), bool)
-    selected[np.concatenate(segments)] = True
-    segment = np.repeat(np.arange(len(segments)), [len(rows) for rows in segments])
-    segment_begins = intervals.begin[[rows[0] for rows in segments]]
-    imu = recording.imu
-    force = recording.forward_force(robot.imu.position[0])
-    sample_segment = np.clip(np.searchsorted(
-        intervals.end[[rows[-1] for rows in segments]], imu.time), 0, len(segments) - 1)
-    speed_gain = Signal(imu.time, force).integral(imu.time)
-    selection = intervals.where(selected)
-    speed = robot.wheel_radius * selection.sides.mean(axis=1)
-    errors = _SpeedErrors(imu.time, force, _noise(imu.time, force, selection, robot), robot)
-    roots = tuple(errors.root(selection.where(segment == number), speed[segment == number])
-                  for number in range(len(segments)))
-    return StraightSegments(
-        np.flatnonzero(selected), selection.begin, selection.end, speed, segment, len(segments),
-        imu.time, force,
-        speed_gain - np.interp(segment_begins, imu.time, speed_gain)[sample_segment],
-        imu.time - segment_begins[sample_segment], sample_segment, roots)
+    speed = robot.wheel_radius * intervals.sides.mean(axis=1)
+    straight = _is_straight(intervals, speed, recording, robot)
+    return [_segment(intervals.where(rows), speed[rows], recording, robot)
+            for rows in _contiguous(straight, intervals, speed)]
 
 
-def _is_straight(intervals: WheelIntervals, recording: Recording,
-                 robot: RobotParams) -> NDArray[np.bool_]:
+def _is_straight(intervals: WheelIntervals, speed: Array, recording: Recording,
+                 robot: RobotParams) -> Mask:
     """Return a mask of intervals that are covered by IMU samples and straight."""
     sides = robot.wheel_radius * intervals.sides
-    speed = np.abs(sides.mean(axis=1))
     half_difference = 0.5 * np.abs(sides[:, 1] - sides[:, 0])
     imu = recording.imu
     rate = Signal(imu.time, imu.rate[:, 2] - float(np.median(imu.rate[:, 2])))
+    begin, end = (time - robot.encoder.latency for time in (intervals.begin, intervals.end))
     lever = 0.5 * math.hypot(robot.wheelbase, robot.track_width)
-    lateral_speed = lever * np.abs(rate.mean(intervals.begin, intervals.end))
-    gaps = np.flatnonzero(np.diff(imu.time) > MAX_IMU_GAP)
-    covered = (intervals.begin > imu.time[0] + MAX_IMU_GAP) & (
-        intervals.end < imu.time[-1] - MAX_IMU_GAP)
-    for index in gaps:
-        covered &= (intervals.end < imu.time[index] - MAX_IMU_GAP) | (
-            intervals.begin > imu.time[index + 1] + MAX_IMU_GAP)
-    return covered & (speed > MIN_SPEED) & (half_difference < MAX_TURN_SHARE * speed) & (
-        lateral_speed < MAX_TURN_SHARE * speed)
+    lateral_speed = lever * np.abs(rate.mean(begin, end))
+    margin = MAX_IMU_GAP + GRID_MARGIN
+    covered = (begin > imu.time[0] + margin) & (end < imu.time[-1] - margin)
+    for index in np.flatnonzero(np.diff(imu.time) > MAX_IMU_GAP):
+        covered &= (end < imu.time[index] - margin) | (begin > imu.time[index + 1] + margin)
+    limit = np.maximum(MAX_TURN_SHARE * np.abs(speed), MAX_TURN_SPEED)
+    return covered & (half_difference < limit) & (lateral_speed < limit)
 
 
-def _contiguous(straight: NDArray[np.bool_], intervals: WheelIntervals) -> Iterator[Indices]:
-    """Yield the indices of contiguous straight intervals."""
-    contiguous = straight[1:] & straight[:-1] & (intervals.begin[1:] == intervals.end[:-1])
-    breaks = np.flatnonzero(~contiguous) + 1
+def _contiguous(straight: Mask, intervals: WheelIntervals, speed: Array) -> Iterator[Indices]:
+    """Yield the indices of contiguous straight intervals, with little standstill at their ends."""
+    breaks = np.flatnonzero(~(straight[1:] & straight[:-1] & (
+        intervals.begin[1:] == intervals.end[:-1]))) + 1
     for part in np.split(np.arange(len(straight)), breaks):
-        for first in range(0, len(part), MAX_SEGMENT_INTERVALS):
-            rows = part[first:first + MAX_SEGMENT_INTERVALS]
-            if straight[part[0]] and len(rows) >= MIN_SEGMENT_INTERVALS:
-                yield rows
+        moving = part[np.abs(speed[part]) > MIN_SPEED]
+        if straight[part[0]] and len(moving) >= MIN_SEGMENT_INTERVALS:
+            near = (intervals.end[part] > intervals.begin[moving[0]] - MAX_STANDSTILL) & (
+                intervals.begin[part] < intervals.end[moving[-1]] + MAX_STANDSTILL)
+            for first in range(0, int(near.sum()), MAX_SEGMENT_INTERVALS):
+                rows = part[near][first:first + MAX_SEGMENT_INTERVALS]
+                if (np.abs(speed[rows]) > MIN_SPEED).sum() >= MIN_SEGMENT_INTERVALS:
+                    yield rows
 
 
-def _noise(time: Array, force: Array, intervals: WheelIntervals, robot: RobotParams) -> float:
-    """Return the standard deviation [m/s2] of a sample in motion, including vibration."""
-    after = np.searchsorted(intervals.end, time)
-    moving = intervals.begin[np.minimum(after, len(intervals.end) - 1)] <= time
-    return max(robot.imu.accel_noise, noise_level(force[moving], 2))
+def _segment(intervals: WheelIntervals, speed: Array, recording: Recording,
+             robot: RobotParams) -> StraightSegment:
+    stamps = np.append(intervals.begin, intervals.end[-1]) - robot.encoder.latency
+    time, force, noise = _steps(recording, robot, stamps[0] - GRID_MARGIN,
+                                stamps[-1] + GRID_MARGIN)
+    return StraightSegment(time, force, noise, stamps, speed * intervals.duration,
+                           _stationary(time, stamps, speed))
 
 
-class _SpeedErrors:
-    """Covariance of the wheel speeds against the integral of the accelerometer."""
+def _steps(recording: Recording, robot: RobotParams, begin: float,
+           end: float) -> tuple[Array, Array, float]:
+    """Return ends of the steps, mean specific force of each, and its noise in motion."""
+    imu = recording.imu
+    force = recording.forward_force(robot.imu.position[0])
+    first, last = np.searchsorted(imu.time, (begin, end)).tolist()
+    count = max(1, math.ceil(MIN_STEP / float(np.median(np.diff(imu.time)))))
+    edges = np.arange(first, last + 1, count)
+    time = 0.5 * (imu.time[edges] + imu.time[edges - 1])
+    means = np.add.reduceat(force, edges)[:-1] / count
+    noise = max(robot.imu.accel_noise, noise_level(force[first:last], 3))
+    return time, means, noise / math.sqrt(count)
 
-    def __init__(self, time: Array, force: Array, noise: float, robot: RobotParams) -> None:
-        jump_variance = np.maximum(np.diff(force) ** 2 - 2.0 * noise ** 2, 0.0)
-        # the time of a jump of the acceleration between two samples is uniformly distributed
-        steps = np.diff(time) ** 2 * (noise ** 2 + jump_variance / 12.0)
-        self._time = time
-        self._walk_variance = np.concatenate([[0.0], np.cumsum(steps)])  # (m/s)^2
-        encoder = robot.encoder
-        self._jitter = encoder.stamp_jitter
-        # quantization error is uniform; a speed is the mean of four wheels
-        self._count = math.tau / encoder.counts_per_revolution * robot.wheel_radius / (
-            math.sqrt(12.0 * 4.0))
 
-    def root(self, intervals: WheelIntervals, speed: Array) -> Array:
-        """Return the Cholesky factor of the covariance (n, n) of one segment's speeds [m/s]."""
-        n, begin, end = len(speed), intervals.begin, intervals.end
-        values = np.interp([begin[0], *0.5 * (begin + end)], self._time, self._walk_variance)
-        walk = values[1:] - values[0]
-        covariance = np.minimum(walk[:, None], walk[None, :])
-        ends = np.eye(n, n + 1, 1) - np.eye(n, n + 1)
-        for sigma in (self._jitter * speed, np.full(n, self._count)):
-            differences = ends * (sigma / intervals.duration)[:, None]
-            covariance = covariance + differences @ differences.T
-        covariance.flat[::n + 1] += ROUGHNESS_SIGMA ** 2
-        return np.asarray(cholesky(covariance, lower=True))
+def _stationary(time: Array, stamps: Array, speed: Array) -> Mask:
+    """Return a mask of the grid points at which the robot is stationary."""
+    stationary = np.zeros(len(time), bool)
+    still, begin = np.abs(speed) < STANDSTILL_SPEED, math.inf
+    for index, quiet in enumerate(still.tolist()):
+        begin = min(begin, stamps[index]) if quiet else math.inf
+        # without the last interval: the robot may start to move in it
+        if quiet and index + 1 < len(still) and still[index + 1]:
+            settled = begin if index == 0 or begin == stamps[0] else begin + SETTLING_TIME
+            stationary |= (time > max(settled, stamps[index])) & (time <= stamps[index + 1])
+    return stationary
