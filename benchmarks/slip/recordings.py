@@ -2,10 +2,12 @@
 Real recordings: ground truth are poses by lidar or motion capture; slip has no ground truth.
 
 Training and test data are separate: the initial part of a recording serves to identify
-parameters and lets the filter settle, the remaining part is scored. The true path is aligned with
-each estimate by the mean differences of heading and position over the last ``ALIGNMENT_WINDOW``
-of the initial part, because aligning a single pose would add its noise to the whole path. Only
-the fitted constants of the methods for comparison are fitted to the scored part itself.
+parameters and lets the filter settle, the remaining part is scored. Parameters are those of the
+data sheets, and what ``identify geometry`` writes from the initial part; no value is set by hand.
+The true path is aligned with each estimate by the mean differences of heading and position over
+the last ``ALIGNMENT_WINDOW`` of the initial part, because aligning a single pose would add its
+noise to the whole path. Only the fitted constants of the methods for comparison are fitted to the
+scored part itself.
 """
 
 from __future__ import annotations
@@ -49,17 +51,19 @@ class Recording:
     identified: bool        # whether parameters are identified from the initial part
 
 
-# Measured geometry, unknown IMU position, firm and not quite level surface, network timestamps.
-_COMMON = {'imu.position': [0.0, 0.0, 0.0], 'imu.accel_bias': 0.5,
-           'differential_slip_sigma': 0.05, 'slope_sigma': 0.02}
-_WARTHOG = {**_COMMON, 'wheel_radius': 0.30, 'track_width': 1.08, 'wheelbase': 1.05,
-            'encoder.stamp_jitter': 0.02}
-_HUSKY = {**_COMMON, 'wheel_radius': 0.1651, 'track_width': 0.555, 'wheelbase': 0.540}
+# Data sheet; the position of the IMU is unknown. Nothing else is set: all others are the defaults.
+_WARTHOG = {'wheel_radius': 0.30, 'track_width': 1.08, 'wheelbase': 1.05,
+            'imu.position': [0.0, 0.0, 0.0]}
+_HUSKY = {'wheel_radius': 0.1651, 'track_width': 0.555, 'wheelbase': 0.540,
+          'imu.position': [0.0, 0.0, 0.0]}
 RECORDINGS = (
-    # Stationary until 134 s, so the first 120 s show biases and noise only; again at 240 s.
-    Recording('warthog_120', 'warthog_asphalt', 'Warthog on asphalt, identified from 120 s',
-              120.0, _WARTHOG, True),
-    Recording('warthog_240', 'warthog_asphalt', 'Warthog on asphalt, identified from 240 s',
+    # Stationary until 134 s: nothing can be identified from the first 120 s; again at 240 s.
+    Recording('warthog_120', 'warthog_asphalt', 'Warthog on asphalt, from 120 s',
+              120.0, _WARTHOG, False),
+    Recording('warthog_240', 'warthog_asphalt', 'Warthog on asphalt, from 240 s',
+              240.0, _WARTHOG, False),
+    Recording('warthog_identified', 'warthog_asphalt',
+              'Warthog on asphalt, from 240 s, with identify geometry of the first 240 s',
               240.0, _WARTHOG, True),
     Recording('husky', 'husky_rectangle', 'Husky, only the mean wheel speed known',
               ALIGNMENT_WINDOW, _HUSKY, False),
@@ -83,11 +87,32 @@ def identified_params(path: Path, recording: Recording) -> SlipEstimatorParams:
     known = build(SlipEstimatorParams, recording.known)
     if not recording.identified:
         return known
-    found = identify_geometry(path, known.robot, until=recording.initial_duration)
+    return build(SlipEstimatorParams, {**recording.known, **_identified(path, recording)})
+
+
+def _identified(path: Path, recording: Recording) -> dict[str, Any]:
+    """Return what ``identify geometry`` writes from the initial part, without ground truth."""
+    robot = build(SlipEstimatorParams, recording.known).robot
+    found = identify_geometry(path, robot, until=recording.initial_duration)
     names = specs(SlipEstimatorParams).keys()
-    identified = {item.name: item.value for item in parameters(found, known.robot)
-            if item.name in names}
-    return build(SlipEstimatorParams, {**recording.known, **identified})
+    return {item.name: item.value for item in parameters(found, robot) if item.name in names}
+
+
+def parameter_sources(path: Path, recording: Recording) -> tuple[str, ...]:
+    """Return lines on the parameters that differ from the defaults, and where they come from."""
+    lines = [f'data sheet: {_listed(recording.known)}']
+    if recording.identified:
+        values = _listed(_identified(path, recording)) or 'nothing'
+        lines.append(f'identified from the first {recording.initial_duration:.0f} s, without '
+                     f'ground truth: {values}')
+    return (*lines, 'set by hand or fitted to the scored part: none; all others are the defaults')
+
+
+def _listed(values: Mapping[str, Any]) -> str:
+    def text(value: Any) -> str:
+        return (f'{value:.4g}' if isinstance(value, float)
+                else f'[{", ".join(f"{item:.3g}" for item in value)}]')
+    return ', '.join(f'{name} {text(value)}' for name, value in values.items())
 
 
 def run_recording(path: Path, recording: Recording) -> RecordedRun:

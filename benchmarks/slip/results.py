@@ -25,6 +25,7 @@ class RunResult:
     run: str
     seed: int
     figures: dict[str, Figures]  # method -> figures
+    notes: tuple[str, ...] = ()  # lines below the table
 
 
 def figures_of(score: RunScore) -> Figures:

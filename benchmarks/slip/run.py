@@ -7,7 +7,7 @@ and real recordings. Tables are printed, figures and ``results.json`` are writte
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 import json
@@ -23,7 +23,7 @@ from benchmarks.scenarios import SCENARIOS
 from benchmarks.slip.comparison import compare_methods, LIVE, METHODS
 from benchmarks.slip.figures import path_figure, save, slip_figure
 from benchmarks.slip.previous_results import PREVIOUS_RESULTS
-from benchmarks.slip.recordings import bags, RECORDINGS, run_recording
+from benchmarks.slip.recordings import bags, parameter_sources, RECORDINGS, run_recording
 from benchmarks.slip.reference_results import REFERENCE_RESULTS
 from benchmarks.slip.results import by_run, figures_of, path_figures, RunResult
 from benchmarks.slip.scoring import score_run
@@ -74,7 +74,8 @@ def benchmark(options: BenchOptions, machine_name: str) -> None:
                      key=lambda one: (list(TITLES).index(one.run), one.seed))
     _write(options.out / 'results.json', results, absent, machine_name)
     runs = by_run(results)
-    print_tables(new_console(), _tables(runs))
+    notes = {result.run: result.notes for result in results if result.notes}
+    print_tables(new_console(), _tables(runs, notes))
     print(f'{len(results)} runs; figures and results.json in {options.out}')
 
 
@@ -119,10 +120,11 @@ def run_recorded(name: str, path: Path, out: Path) -> RunResult:
     run = run_recording(path, KNOWN[name])
     save(path_figure(TITLES[name], run.estimates, run.aligned_poses), out / f'{name}_path.png')
     return RunResult(name, DRAWN_SEED, {method: path_figures(score)
-                                        for method, score in run.scores().items()})
+                                        for method, score in run.scores().items()},
+                     parameter_sources(path, KNOWN[name]))
 
 
-def _tables(runs: Runs) -> Iterator[Table]:
+def _tables(runs: Runs, notes: Mapping[str, Sequence[str]]) -> Iterator[Table]:
     simulated = {run: methods for run, methods in runs.items() if run in SCENARIOS}
     for run, methods in simulated.items():
         scenario = SCENARIOS[run]
@@ -131,7 +133,7 @@ def _tables(runs: Runs) -> Iterator[Table]:
         yield errors_table(title, run, methods, REFERENCE_RESULTS.get(run), scenario.averaged)
     for run, methods in runs.items():
         if run in KNOWN:
-            yield recordings_table(TITLES[run], methods)
+            yield recordings_table(TITLES[run], methods, notes.get(run, ()))
     if simulated:
         yield statistics_table(simulated, TITLES)
     if simulated.keys() & REFERENCE_RESULTS.keys():
@@ -148,6 +150,7 @@ def _write(path: Path, results: Sequence[RunResult], absent: Sequence[str],
         'runs': {run: {
             'title': TITLES[run], 'over_seeds': methods,
             'seeds': {result.seed: result.figures for result in results if result.run == run},
+            'parameters': next(result.notes for result in results if result.run == run),
             'reference': REFERENCE_RESULTS.get(run), 'before': PREVIOUS_RESULTS.get(run)}
             for run, methods in runs.items()}}
     path.write_text(json.dumps(plain(tree), indent=2, allow_nan=False) + '\n', encoding='utf-8')

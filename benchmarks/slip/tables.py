@@ -134,11 +134,13 @@ def statistics_table(runs: Runs, titles: Mapping[str, str]) -> Table:
     return table
 
 
-def recordings_table(title: str, methods: Mapping[str, Figures]) -> Table:
-    """Return the errors of the path of one real recording."""
+def recordings_table(title: str, methods: Mapping[str, Figures],
+                     sources: Sequence[str] = ()) -> Table:
+    """Return the errors of the path of one real recording; ``sources`` of its parameters below."""
     distance = methods[LIVE]['distance']
     table = new_table(f'{title}: {distance:.0f} m scored', '', 'position rms\n[m]', '[%]',
                       'position end\n[%]', 'heading rms\n[deg]', 'heading end\n[deg]')
+    table.caption, table.caption_justify = Text('\n'.join(sources)), 'left'
     for name, one in methods.items():
         table.add_row(METHODS[name], number(one['position_rms'], 3), *(
             number(one[key], 2) for key in ('position_rms_percent', 'position_end_percent')),

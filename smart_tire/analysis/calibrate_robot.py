@@ -24,7 +24,7 @@ from smart_tire.rotation import matrix
 from smart_tire.samples import ImuSample, MotorCommand, Odometry, WheelSample
 
 REFERENCES = ('ground_truth/odom', 'overhead/odom')  # in order of preference
-NO_REFERENCE = 'none'
+NO_REFERENCE, ANY_REFERENCE = 'none', 'any'
 MIN_READINGS = 20  # of each input
 NOT_MEASURED = (math.nan,) * 4
 
@@ -44,27 +44,27 @@ def load_robot(files: Iterable[Path]) -> RobotParams:
 
 
 def identify_geometry(path: Path, robot: RobotParams, *, since: float = 0.0,
-                      until: float = math.inf, reference: str | None = None) -> Geometry:
+                      until: float = math.inf, reference: str = NO_REFERENCE) -> Geometry:
     """
     Return the geometry identified from the bag at ``path`` between ``since`` and ``until`` [s].
 
-    ``reference`` is the topic of reference poses, or 'none'; by default the first of
-    ``REFERENCES`` that is recorded. Raises BagError if the bag cannot be read, EstimatorError if
-    it lacks the inputs.
+    ``reference`` is the topic of reference poses; by default none is used, and ``ANY_REFERENCE``
+    is the first of ``REFERENCES`` that is recorded. Raises BagError if the bag cannot be read,
+    EstimatorError if it lacks the inputs.
     """
     recording = read_recording(path, robot, TimeRange(since, until), reference)
     return geometry.identify_geometry(recording, robot)
 
 
 def identify_icr(path: Path, robot: RobotParams, *, since: float = 0.0, until: float = math.inf,
-                 reference: str | None = None) -> IcrFit:
+                 reference: str = NO_REFERENCE) -> IcrFit:
     """Return S from the bag at ``path``; EstimatorError if S is not observable."""
     recording = read_recording(path, robot, TimeRange(since, until), reference)
     return icr.identify_icr(recording, robot)
 
 
 def read_recording(path: Path, robot: RobotParams, time_range: TimeRange,
-                   reference: str | None = None, *, duties: bool = False) -> Recording:
+                   reference: str = NO_REFERENCE, *, duties: bool = False) -> Recording:
     """
     Return the inputs of a bag, in axes of ``base_link``, and the reference poses.
 
@@ -99,14 +99,15 @@ def read_recording(path: Path, robot: RobotParams, time_range: TimeRange,
                      _duty_record(commands, origin))
 
 
-def _reference(bag: Bag, requested: str | None) -> str | None:
+def _reference(bag: Bag, requested: str) -> str | None:
     """Return the topic of the reference poses, or None."""
     if requested == NO_REFERENCE:
         return None
-    names = REFERENCES if requested is None else (requested.strip('/'),)
+    names = REFERENCES if requested == ANY_REFERENCE else (requested.strip('/'),)
     available = bag.match(names)
-    if requested is not None and not available:
-        raise BagError(f'{bag.path}: has no {requested}, expected one of {", ".join(REFERENCES)}')
+    if not available:
+        raise BagError(f'{bag.path}: has no {" or ".join(names)}, expected one of '
+                       f'{", ".join(REFERENCES)}')
     return next((name for name in names if name in available), None)
 
 

@@ -41,9 +41,12 @@ def add_recordings(parser: argparse.ArgumentParser, *, reference: bool = True) -
     parser.add_argument('--until', type=positive, default=math.inf, metavar='S',
                         help='stop S seconds after the start of each bag (default: read all)')
     if reference:
-        parser.add_argument('--reference', metavar='TOPIC',
-                            help='topic of reference poses, or "none" (default: ground_truth/odom '
-                                 'or overhead/odom, if recorded)')
+        source = parser.add_mutually_exclusive_group()
+        source.add_argument('--truth', dest='reference', action='store_const', const='any',
+                            default='none', help='use the reference poses in the bags '
+                            '(ground_truth/odom or overhead/odom); by default they are not used')
+        source.add_argument('--reference', metavar='TOPIC',
+                            help='like --truth, with the topic of the reference poses')
     parser.add_argument('--out', type=Path, metavar='FILE',
                         help='parameter file to write; a figure with the same name is written '
                              'next to it (default: <bag>_KIND.yaml in the working directory)')

@@ -30,5 +30,8 @@ def run(args: argparse.Namespace) -> int:
               f'{item.unit:6}{item.note}')
     for name, why in found.refused.items():
         print(f'{name:24}not observable: {why}')
+    for name, verdict in found.verdicts.items():
+        print(f'{name:24}{"cross-validated" if verdict.accepted else "not written"}: '
+              f'{verdict.reason}')
     return write_parameters(args, NAME, parameters(found, robot),
                    lambda figure: write_geometry(figure, found))

@@ -11,13 +11,13 @@ from smart_tire.cli.main import main
 
 @pytest.fixture(scope='module')
 def bag(tmp_path_factory):
-    run = turning_run(13, 40.0, wheel_latency=0.07)
+    run = turning_run(13, 80.0, wheel_latency=0.07)
     return write_run(tmp_path_factory.mktemp('identified') / 'run', run, 'ground_truth/odom')
 
 
 def test_a_table_is_printed_and_the_written_file_can_be_loaded(bag, tmp_path, capsys):
     out = tmp_path / 'robot.yaml'
-    assert main(['identify', 'geometry', str(bag), '--out', str(out)]) == 0
+    assert main(['identify', 'geometry', str(bag), '--truth', '--out', str(out)]) == 0
     output = capsys.readouterr().out
     for name in ('wheel latency', 'effective track', 'rolling radius, left', 'stamp jitter',
                  'gyro bias z', 'mounting roll'):
@@ -29,12 +29,20 @@ def test_a_table_is_printed_and_the_written_file_can_be_loaded(bag, tmp_path, ca
 
 def test_unobservable_quantities_are_reported_with_the_reason(bag, tmp_path, capsys):
     out = tmp_path / 'rest.yaml'
-    assert main(['identify', 'geometry', str(bag), '--until', '2.5', '--reference', 'none',
-                 '--out', str(out)]) == 0
+    assert main(['identify', 'geometry', str(bag), '--until', '2.5', '--out', str(out)]) == 1
     output = capsys.readouterr().out
     assert 'wheel latency           not observable: the wheels do not rotate' in output
     assert 'no pose reference' in output
-    assert 'encoder' not in out.read_text()
+    assert 'imu.gyro_noise          not written: ' in output
+    assert not out.exists()
+
+
+def test_ground_truth_is_used_on_request_only(bag, tmp_path, capsys):
+    out = tmp_path / 'robot.yaml'
+    assert main(['identify', 'geometry', str(bag), '--out', str(out)]) == 0
+    output = capsys.readouterr().out
+    assert 'rolling radius          not observable: there is no pose reference' in output
+    assert 'encoder.latency         cross-validated: errors on the other half' in output
 
 
 def test_the_command_fails_if_nothing_is_identified(bag, tmp_path, capsys):

@@ -62,6 +62,11 @@ def fit_speed_changes(recording: Recording, robot: RobotParams) -> SpeedChangeFi
                           rows.matrix[:, RADIUS_COLUMN] * scale.value)
 
 
+def speed_change_problem(recording: Recording, robot: RobotParams) -> DelayProblem:
+    """Return the regression of speed changes on the wheels; EstimatorError without motion."""
+    return _SpeedChanges(recording, robot).problem()
+
+
 class _SpeedChanges:
     """Changes of speed between intervals, as a problem for ``fit_delay``."""
 

@@ -64,6 +64,11 @@ def fit_yaw_rate(recording: Recording, robot: RobotParams) -> YawRateFit:
     return regression.result(fit, latency)
 
 
+def yaw_rate_problem(recording: Recording, robot: RobotParams) -> DelayProblem:
+    """Return the regression of the yaw rate on the wheels; EstimatorError without motion."""
+    return _YawRateRegression(recording, robot).problem()
+
+
 def delay_grid(recording: Recording) -> Array:
     """Return the delays [s] of the coarse search."""
     step = min(MAX_GRID_STEP, 0.25 * max(min_interval(recording), period(recording.wheels.time)))

@@ -29,7 +29,7 @@ from smart_tire.arrays import Array
 from smart_tire.calibration.recording import Recording
 from smart_tire.calibration.tire.stiffness_model import Block, Common, Noise, SegmentModel
 from smart_tire.calibration.tire.straight_segments import (
-    MIN_SEGMENT_INTERVALS, MIN_SPEED, straight_segments)
+    MIN_SEGMENT_INTERVALS, MIN_SPEED, straight_segments, StraightSegment)
 from smart_tire.errors import EstimatorError
 from smart_tire.models.constants import GRAVITY
 from smart_tire.numerics.robust import huber_weights
@@ -53,8 +53,7 @@ MAX_STEP = np.array([0.3, 0.05, 0.3, 5e-3, 0.05, 0.1])  # of ``Common`` in one i
 MIN_SCALE = 1e-3            # of a damped step
 CONVERGED = 0.01            # of a step over the standard errors
 HUBER_THRESHOLD = 3.0       # sigmas, beyond which a row has lower weight
-USE_VOLUME = 0
-VOLUME_STEP = 0.01          # of the common parameters, for derivatives
+MAX_NOISE_SHARE = 0.08      # of accelerations; more noise makes a tire seem too stiff
 PROBES = 4                  # random vectors for the degrees of freedom of a group
 
 
@@ -120,7 +119,19 @@ def _models(recording: Recording, robot: RobotParams) -> list[SegmentModel]:
     if not segments:
         raise EstimatorError(f'no straight segment of {MIN_SEGMENT_INTERVALS} wheel samples '
                              f'above {MIN_SPEED:g} m/s')
+    share = noise_share(segments)
+    if share > MAX_NOISE_SHARE:
+        raise EstimatorError(
+            f'the accelerometer noise in motion is {share:.0%} of the accelerations, expected at '
+            f'most {MAX_NOISE_SHARE:.0%}: vibration would bias the stiffness')
     return [SegmentModel(segment, robot) for segment in segments]
+
+
+def noise_share(segments: Sequence[StraightSegment]) -> float:
+    """Return the accelerometer noise over the standard deviation of the accelerations."""
+    moving = np.concatenate([segment.force[~segment.stationary[1:]] for segment in segments])
+    noise = math.sqrt(float(np.mean([segment.noise ** 2 for segment in segments])))
+    return noise / max(float(np.std(moving)), 1e-9)
 
 
 class _Problem:
@@ -140,8 +151,6 @@ class _Problem:
         orders = [first + np.argsort(model.order(), kind='stable')
                   for model, first in zip(models, self._first)]
         self._order = np.concatenate([*orders, np.arange(len(Common))])
-        self._local_order = np.concatenate(orders) - len(Common)
-        self.volume_gradient = np.zeros(len(Common))
 
     def split(self, values: Array) -> tuple[Array, list[Array]]:
         """Return the common and the local unknowns of each segment."""
@@ -156,47 +165,16 @@ class _Problem:
 
     def prior_gradient(self, values: Array) -> Array:
         """Return the derivatives of half the cost of the priors by the common parameters."""
-        return np.asarray(self._prior ** 2 * (values[:len(Common)] - self.mean)
-                          + self.volume_gradient)
+        return np.asarray(self._prior ** 2 * (values[:len(Common)] - self.mean))
 
     def cost(self, values: Array) -> float:
         """Return the sum of Huber's losses and of the priors, times two."""
-        deviation = values[:len(Common)] - self.mean
-        cost = float(np.sum((self._prior * deviation) ** 2) + 2.0 * self.volume_gradient @ deviation)
+        cost = float(np.sum((self._prior * (values[:len(Common)] - self.mean)) ** 2))
         for _, block in self.blocks(values):
             size = np.abs(block.residual)
             inner = np.minimum(size, HUBER_THRESHOLD)
             cost += float(np.sum(inner * (2.0 * size - inner)))
         return cost
-
-    def linearize_volume(self, values: Array) -> None:
-        """
-        Set the derivatives of half the logarithm of the determinant of the local equations.
-
-        The likelihood of the common parameters is an integral over the local unknowns. Their best
-        values alone would favor parameters for which noise needs small motions, like a stiff tire.
-        """
-        weights = [huber_weights(block.residual, HUBER_THRESHOLD)
-                   for _, block in self.blocks(values)]
-        for parameter in (Common.STIFFNESS, Common.DRAG, Common.FRICTION, Common.ACCEL_SCALE):
-            step = VOLUME_STEP * np.eye(self.size)[parameter]
-            upper, lower = (self._log_volume(values + sign * step, weights) for sign in (1.0, -1.0))
-            self.volume_gradient[parameter] = (upper - lower) / (4.0 * VOLUME_STEP)
-
-    def _log_volume(self, values: Array, weights: Sequence[Array]) -> float:
-        """Return the logarithm of the determinant of the normal equations of local unknowns."""
-        jacobian = sparse.vstack([
-            sparse.diags_array(np.sqrt(weight)) @ self.jacobian(first, block)
-            for weight, (first, block) in zip(weights, self.blocks(values))]).tocsc()[
-                :, len(Common):]
-        matrix = (jacobian.T @ jacobian + 1e-9 * sparse.eye_array(jacobian.shape[1])).tocsr()
-        ordered = matrix[self._local_order][:, self._local_order].tocsc()
-        solver = splu(ordered, permc_spec='NATURAL', diag_pivot_thresh=0.0,
-                      options={'SymmetricMode': True})
-        # the speed of the body that follows from the wheels has a density of its own
-        common, local = self.split(values)
-        own = sum(model.log_density(common, part) for model, part in zip(self.models, local))
-        return float(np.sum(np.log(np.abs(solver.U.diagonal())))) - 2.0 * own
 
     def jacobian(self, first: int, block: Block) -> sparse.csr_array:
         """Return the derivatives of a block by all unknowns."""
@@ -295,7 +273,6 @@ def _fit(models: Sequence[SegmentModel], robot: RobotParams) -> StiffnessFit:
                 key=lambda solution: solution.cost)
     for _ in range(ROUNDS):
         problem.noise = _estimated_noise(problem, found)
-        if USE_VOLUME: problem.linearize_volume(found.values)
         found = _solve(problem, found.values)
     return _result(problem, found, robot)
 

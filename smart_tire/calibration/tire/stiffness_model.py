@@ -153,7 +153,8 @@ class SegmentModel:
         by_common[:, Common.DRAG] = scale * GRAVITY * direction
         net_by_v = -by_slip / (mass * size) - drag * (1.0 - direction ** 2) / DRAG_SPEED
         by_common[:, Common.ACCEL_SCALE] = -net + net_by_v * v
-        by_u = np.where(np.abs(u) > SLIP_FLOOR, v / (size * np.where(u == 0.0, 1.0, u)), 1.0 / size)
+        by_u = np.where(np.abs(u) > SLIP_FLOOR, v / (size * np.where(u == 0.0, 1.0, u)),
+                        1.0 / size)
         weigh = sparse.diags_array(1.0 / sigma)
         by_local = weigh @ (
             self._embed(self._rate - sparse.diags_array(net_by_v) @ self._mid, self._v)
@@ -161,16 +162,6 @@ class SegmentModel:
             + self._embed(sparse.eye_array(self._m).tocsr(), self._slope))
         residual = self._rate @ v_nodes + local[self._slope:self._stamp] - scale * net
         return Block(residual / sigma, by_common / sigma[:, None], by_local, 'force', fast)
-
-    def log_density(self, common: Array, local: Array) -> float:
-        """Return the logarithm of the derivatives of the balance by the next speed of the body."""
-        v, u = (self._mid @ speed for speed in self.speeds(local))
-        size = np.maximum(np.abs(u), SLIP_FLOOR)
-        v = v / (1.0 + common[Common.ACCEL_SCALE])
-        by_slip = sum(self._axle(common, (u - v) / size, load)[1] for load in self._loads)
-        fast = np.minimum(np.abs(u), np.abs(v)) > MIN_SPEED
-        return float(np.sum(np.log(1.0 + 0.5 * self._step * by_slip / (
-            self.robot.mass * size))[fast]))
 
     def _axle_loads(self) -> Array:
         """Return the loads [N] of both axles (2, m), from the measured acceleration."""

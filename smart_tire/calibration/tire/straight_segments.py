@@ -31,7 +31,7 @@ MAX_STANDSTILL = 2.0        # s, before and after the motion of a segment
 MIN_SEGMENT_INTERVALS = 6   # in motion
 MAX_SEGMENT_INTERVALS = 2000
 MAX_IMU_GAP = 0.05          # s between IMU samples; over longer gaps the speed is not integrated
-MIN_STEP = 0.025            # s of the grid: half a wheel interval at 16 Hz; IMU samples are averaged
+MIN_STEP = 0.025            # s of the grid, over which IMU samples are averaged
 GRID_MARGIN = 0.06          # s of the grid before and after the wheel intervals
 
 

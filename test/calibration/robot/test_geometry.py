@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from support.identifying import recorded, TRACK, turning_run
 
+from smart_tire.calibration.robot.cross_validation import Verdict
 from smart_tire.calibration.robot.geometry import (
     combine, Geometry, identify_geometry, JITTER, LATENCY, parameters, PITCH, RADIUS, ROLL,
     STATIC_IMU, TRACK as TRACK_NAME)
@@ -37,8 +39,9 @@ def test_everything_is_observable_in_a_recording_with_a_reference(found):
 
 def test_the_parameters_are_those_of_the_nodes(found):
     given = {item.name: item.value for item in parameters(found, WRONG)}
-    assert {'encoder.latency', 'encoder.stamp_jitter', 'wheel_radius', 'wheel_radius_sigma',
-            'effective_track', 'imu.gyro_noise', 'imu.accel_noise'} == set(given)
+    # jitter and noise are configured correctly: there is nothing to improve
+    assert {'encoder.latency', 'wheel_radius', 'wheel_radius_sigma',
+            'effective_track'} == set(given)
     robot = build(RobotParams, {k: v for k, v in given.items() if k != 'effective_track'})
     assert robot.wheel_radius == found.get(RADIUS).value
 
@@ -51,21 +54,23 @@ def test_without_a_reference_the_track_uses_the_configured_radius(recording):
     assert 'wheel_radius' not in [item.name for item in parameters(found, ROBOT)]
 
 
+def tilted(roll):
+    """Return a result with a tilt that passed the cross-validation."""
+    found = Geometry(verdicts={'imu.rotation': Verdict(True, '')})
+    found.add(ROLL, Uncertain(roll, 0.01), 'rad')
+    found.add(PITCH, Uncertain(0.0, 0.01), 'rad')
+    return found
+
+
 def test_a_tilt_is_written_only_if_bias_and_slope_cannot_explain_it():
     for roll, written in ((0.02, False), (0.05, True)):
-        found = Geometry()
-        found.add(ROLL, Uncertain(roll, 0.01), 'rad')
-        found.add(PITCH, Uncertain(0.0, 0.01), 'rad')
-        names = [item.name for item in parameters(found, ROBOT)]
+        names = [item.name for item in parameters(tilted(roll), ROBOT)]
         assert ('imu.rotation' in names) is written
 
 
 def test_a_tilt_adds_to_the_configured_mounting():
     turned = build(RobotParams, {'imu.rotation': [0.0, 0.0, 3.0]})
-    found = Geometry()
-    found.add(ROLL, Uncertain(0.1, 0.01), 'rad')
-    found.add(PITCH, Uncertain(0.0, 0.01), 'rad')
-    rotation = parameters(found, turned)[-1].value
+    rotation = parameters(tilted(0.1), turned)[-1].value
     assert rotation[2] == pytest.approx(3.0, abs=0.01)
     assert rotation[0] == pytest.approx(-0.1, abs=0.002)  # the IMU faces backward
 
@@ -83,6 +88,71 @@ def test_a_short_recording_gives_a_reason_for_each_quantity(recording):
     found = identify_geometry(start, ROBOT)
     assert {LATENCY, RADIUS, TRACK_NAME, JITTER} <= set(found.refused)
     assert STATIC_IMU not in found.refused  # it was stationary
+    assert parameters(found, ROBOT) == []
+    assert 'expected at least 16 s' in found.verdicts['imu.gyro_noise'].reason
+
+
+WRONG_NOISE = build(RobotParams, {
+    'imu.gyro_noise': 0.03, 'imu.accel_noise': 0.2, 'encoder.stamp_jitter': 0.004})
+
+
+@pytest.mark.slow
+def test_wrong_values_are_replaced_within_their_standard_errors():
+    true = {'encoder.latency': 0.07, 'effective_track': TRACK, 'encoder.stamp_jitter': 0.001,
+            'imu.gyro_noise': 0.01, 'imu.accel_noise': 0.05}
+    written = {name: [] for name in true}
+    for seed in range(8):
+        recording = recorded(turning_run(seed, 80.0, wheel_latency=0.07))
+        found = identify_geometry(recording, WRONG_NOISE)
+        for item in parameters(found, WRONG_NOISE):
+            written[item.name].append((item.value - true[item.name]) / item.sigma)
+    for name, errors in written.items():
+        assert len(errors) >= 6, name
+        assert np.sqrt(np.mean(np.square(errors))) < 1.6, name
+
+
+@pytest.mark.slow
+def test_a_wrong_radius_is_replaced_and_a_right_one_kept():
+    wrong, errors = build(RobotParams, {'wheel_radius': 0.092}), []
+    for seed in range(6):
+        recording = recorded(turning_run(seed, 80.0), 0.01, seed)
+        found = identify_geometry(recording, wrong)
+        items = {item.name: item for item in parameters(found, wrong)}
+        radius = items['wheel_radius']
+        errors.append((radius.value - ROBOT.wheel_radius) / radius.sigma)
+        kept = parameters(identify_geometry(recording, ROBOT), ROBOT)
+        assert 'wheel_radius' not in [item.name for item in kept]
+    assert np.sqrt(np.mean(np.square(errors))) < 1.6
+
+
+@pytest.mark.slow
+def test_right_values_are_not_replaced():
+    for seed in range(6):
+        found = identify_geometry(recorded(turning_run(seed, 80.0)), ROBOT)
+        assert [item.name for item in parameters(found, ROBOT)] == ['effective_track']
+        assert 'no improvement' in found.verdicts['encoder.latency'].reason or (
+            'no significant' in found.verdicts['encoder.latency'].reason)
+
+
+def test_the_noise_at_standstill_is_not_written_if_the_robot_vibrates():
+    recording = recorded(turning_run(2, 60.0))
+    imu = recording.imu
+    moving = (imu.time > 3.0) & (imu.time < 57.0)
+    shaken = imu.force + np.where(moving, 2.0, 0.0)[:, None] * np.random.default_rng(
+        2).standard_normal(imu.force.shape)
+    found = identify_geometry(replace(recording, imu=replace(imu, force=shaken)), WRONG_NOISE)
+    names = [item.name for item in parameters(found, WRONG_NOISE)]
+    assert 'imu.accel_noise' not in names and 'imu.gyro_noise' in names
+    assert 'm/s2 in motion' in found.verdicts['imu.accel_noise'].reason
+
+
+def test_one_recording_that_contradicts_is_enough_to_refuse():
+    parts = [Geometry(verdicts={'encoder.latency': Verdict(accepted, '')})
+             for accepted in (True, False)]
+    for part in parts:
+        part.add(LATENCY, Uncertain(0.05, 0.01), 's', parameter='encoder.latency')
+    assert parameters(combine(parts[:1]), ROBOT) != []
+    assert parameters(combine(parts), ROBOT) == []
 
 
 def test_several_recordings_give_their_weighted_mean():
