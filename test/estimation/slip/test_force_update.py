@@ -47,8 +47,8 @@ def predict(slip_filter, dt=0.01):
 def test_without_acceleration_the_common_slip_is_that_of_the_rolling_resistance():
     slip_filter = new_filter(sigmas={State.DRAG: KNOWN, State.LN_STIFFNESS: KNOWN})
     for _ in range(100):
-        slip_filter.forces.correct_balance(STEADY, 0.0, LEVEL)
         predict(slip_filter)
+        slip_filter.forces.correct_balance(STEADY, 0.0, LEVEL)
     slip = slip_filter.x[State.SLIP_VEL_L] / (0.8 + slip_filter.x[State.SLIP_VEL_L])
     robot = SlipEstimatorParams().robot
     level = 0.015 * robot.mass * 9.81 / (4.0 * robot.tire.longitudinal_stiffness)
