@@ -27,9 +27,35 @@ RATIO_CHANGE_SIGMAS = 3.5     # of the innovation of one adhesion ratio
 CHANGED_DRAG_SIGMA = 0.05     # -, of the rolling resistance on new ground
 LATERAL_SPEED_NOISE = 0.025   # m/s, of v_y; below, the lateral force does not determine C_x
 LATERAL_CORRELATION = 10.0    # samples over which the effect of C_x on v_y counts as white
+RATIO_ITERATIONS = 3          # of a correction that is not linear in ln mu / C_x
+MAX_TORQUE_REPEATS = 6        # equal readings in a row: torques are noisy at 10 mA
+TORQUE_CHECK_GAIN = 0.1       # weight of a new reading in the mean of normalized innovations
+TORQUE_FAULT_SIGMAS = 2.0     # of that mean; it is 0.25 for correct torques
+MAX_TORQUE_SIGMAS = 6.0       # at which one innovation is limited
 MEAN_TORQUE_GAIN = 0.2        # weight of a new sample in the mean torques
 
 GROUND_ROWS = (State.LN_STIFFNESS, State.LN_RATIO, State.DRAG)
+
+
+class TorqueCheck:
+    """Detects a failed torque measurement of one motor."""
+
+    def __init__(self) -> None:
+        self._last = math.nan
+        self._repeats = 0
+        self._mean = 0.0  # -, of the normalized innovations
+        self.failed = False
+
+    def update(self, torque: float, innovation: float) -> None:
+        """Add a reading [N m] with its ``innovation`` over its standard deviation."""
+        if not math.isfinite(torque):
+            return
+        self._repeats = self._repeats + 1 if torque == self._last else 0
+        self._last = torque
+        limited = min(max(innovation, -MAX_TORQUE_SIGMAS), MAX_TORQUE_SIGMAS)
+        self._mean += TORQUE_CHECK_GAIN * (limited - self._mean)
+        limit = TORQUE_FAULT_SIGMAS * (0.5 if self.failed else 1.0)  # hysteresis
+        self.failed = self._repeats >= MAX_TORQUE_REPEATS or abs(self._mean) > limit
 
 
 class ForceUpdate:
@@ -46,6 +72,7 @@ class ForceUpdate:
         self._sigmas = (params.ground_stiffness_sigma, params.ground_friction_sigma,
                         CHANGED_DRAG_SIGMA)
         self._last_score = 0.0
+        self._checks = [TorqueCheck() for _ in range(4)]
         self._mean_torques: Array = np.zeros(4)
         self.enabled = params.force_balance == 'on'
         self.active = False
@@ -100,11 +127,30 @@ class ForceUpdate:
         if not self.active:
             return
         measurement = self._model.torques(
-            self._ekf.x.tolist(), torques, residual, self._mean_torques)
+            self._ekf.x.tolist(), self._plausible(torques, residual), residual, self._mean_torques)
         new = np.where(np.isfinite(torques), torques, self._mean_torques)
         self._mean_torques = self._mean_torques + MEAN_TORQUE_GAIN * (new - self._mean_torques)
         if measurement is not None:
             self._ekf.correct(measurement, considered=(*GROUND_ROWS[:2], State.TORQUE_SCALE))
+
+    def _plausible(self, torques: Four, residual: Four) -> Four:
+        """
+        Return ``torques`` without those of failed current sensors and of lifted wheels.
+
+        Their readings repeat, or persistently differ from the expected ones.
+        """
+        measurement = self._model.torques(
+            self._ekf.x.tolist(), (0.0, 0.0, 0.0, 0.0), residual, self._mean_torques)
+        assert measurement is not None  # all torques are known
+        _, expected, H, R = measurement
+        sigma = np.sqrt(np.diag(H @ self._ekf.P @ H.T + R))
+        values: list[float] = []
+        for i, torque in enumerate(torques):
+            check = self._checks[i]
+            check.update(torque, float((torque - expected[i]) / sigma[i]))
+            values.append(math.nan if check.failed else torque)
+        fl, fr, rl, rr = values
+        return fl, fr, rl, rr
 
     def correct_adhesion(self, wheel: int, ratio: Uncertain, slip: Uncertain) -> None:
         """Correct mu / C_x with the adhesion ratio and the slip that the films measured."""
@@ -115,7 +161,16 @@ class ForceUpdate:
         y = float(z[0] - expected[0])
         if y * y > RATIO_CHANGE_SIGMAS ** 2 * float((H @ self._ekf.P @ H.T + R)[0, 0]):
             self._change_ground()
-        self._ekf.correct(measurement)
+        before, P = self._ekf.x, self._ekf.P
+        x = before
+        for _ in range(RATIO_ITERATIONS):
+            again = self._model.adhesion(x.tolist(), wheel, ratio, slip)
+            if again is None:
+                return
+            z, expected, H, R = again
+            expected = expected + H @ (before - x)
+            x = before + P @ H.T @ np.linalg.solve(H @ P @ H.T + R, z - expected)
+        self._ekf.correct(Measurement(z, expected, H, R))
 
     def detect_ground_change(self, travels: Measurement) -> None:
         """

@@ -221,8 +221,6 @@ def test_an_adhesion_ratio_that_contradicts_the_estimate_is_a_change_of_the_grou
     assert slip_filter.x[State.LN_RATIO] < 0.8 * math.log(0.3)
 
 
-@pytest.mark.xfail(strict=True, reason='linear in ln mu / C_x: at 0.3 of the estimate the first '
-                   'correction is 0.69 too low, 2.2 sigmas, the second one 0.26, 2.3 sigmas')
 def test_a_large_change_of_the_adhesion_ratio_is_followed_within_two_sigmas():
     slip_filter = new_filter(sigmas={State.LN_RATIO: 0.7})
     ratio = Uncertain(adhesion(slip_filter, 0.3), 0.02)
