@@ -1,0 +1,129 @@
+"""
+Slopes and rough ground for simulated events: tilt and vibration of the IMU.
+
+The simulated robot moves on a horizontal plane. These functions add what its IMU would measure on
+a slope, gravity in body axes and the attitude rates, and on rough ground. The motion stays that of
+the plane: the force of gravity along the slope, which the speed control compensates by slip below
+slope * weight / (4 C_x), is neglected.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+import math
+
+import numpy as np
+
+from smart_tire.arrays import Array
+from smart_tire.models.constants import GRAVITY
+from smart_tire.parameters.robot import RobotParams
+from smart_tire.rotation import euler, matrix
+from smart_tire.samples import ImuSample, NS_PER_S, Odometry, Sample
+from smart_tire.simulation.offline import Event
+
+Terrain = Callable[[Array, Array], tuple[Array, Array]]  # x, y [m] -> slopes dh/dx, dh/dy [-]
+
+TRUTH_TOPIC = 'ground_truth/odom'
+WAVES = 6                # superposed waves of rolling hills
+ROUGH_SPEED = 1.0        # m/s, at which rough ground vibrates with its nominal level
+RATE_PER_VIBRATION = 0.05  # rad/s per m/s2 of pitch and roll, of Warthog and Husky
+
+
+def rolling_hills(sigma: float, wavelengths: tuple[float, float], seed: int) -> Terrain:
+    """
+    Return hills with a slope of standard deviation ``sigma`` [rad] along any direction.
+
+    They are waves in random directions, with ``wavelengths`` [m] between the two limits.
+    """
+    rng = np.random.default_rng(seed)
+    direction, phase = rng.uniform(0.0, math.tau, (2, WAVES))
+    wavenumber = math.tau / np.exp(rng.uniform(*map(math.log, wavelengths), WAVES))
+    amplitude = 2.0 * sigma / math.sqrt(WAVES)
+    k_x, k_y = wavenumber * np.cos(direction), wavenumber * np.sin(direction)
+
+    def slopes(x: Array, y: Array) -> tuple[Array, Array]:
+        waves = amplitude * np.cos(np.multiply.outer(x, k_x) + np.multiply.outer(y, k_y) + phase)
+        return waves @ np.cos(direction), waves @ np.sin(direction)
+    return slopes
+
+
+def ramp(slope: float, begin: float, transition: float) -> Terrain:
+    """Return level ground up to x = ``begin`` [m], then ``slope`` after a ``transition`` [m]."""
+    def slopes(x: Array, y: Array) -> tuple[Array, Array]:
+        return slope * np.clip((x - begin) / transition, 0.0, 1.0), np.zeros_like(y)
+    return slopes
+
+
+def speed_bump(height: float, length: float, center: float) -> Terrain:
+    """Return level ground with a bump across x = ``center`` [m], a period of a cosine."""
+    def slopes(x: Array, y: Array) -> tuple[Array, Array]:
+        phase = math.tau * (x - center) / length
+        on_bump = np.abs(x - center) < 0.5 * length
+        return np.where(on_bump, -math.pi * height / length * np.sin(phase), 0.0), np.zeros_like(y)
+    return slopes
+
+
+def on_slopes(events: Sequence[Event], robot: RobotParams, terrain: Terrain, *,
+              with_rates: bool = True) -> list[Event]:
+    """
+    Return ``events`` with the IMU on ``terrain``, at the true pose of ``ground_truth/odom``.
+
+    ``with_rates`` adds the rates of roll and pitch to the gyroscope, too.
+    """
+    imu_ns = [event[2].stamp_ns for event in events if isinstance(event[2], ImuSample)]
+    roll, pitch = _attitude(events, terrain, np.array(imu_ns))
+    time = (np.array(imu_ns) - imu_ns[0]) / NS_PER_S
+    rates = np.gradient(np.column_stack([roll, pitch]), time, axis=0) * with_rates
+    up = np.column_stack([-np.sin(pitch), np.sin(roll) * np.cos(pitch),
+                          np.cos(roll) * np.cos(pitch) - 1.0])
+    to_imu = matrix(*robot.imu.rotation)
+    force, rate = GRAVITY * up @ to_imu, np.column_stack([rates, np.zeros(len(time))]) @ to_imu
+    return _with_added(events, force, rate)
+
+
+def on_rough_ground(events: Sequence[Event], vibration: float, seed: int) -> list[Event]:
+    """
+    Return ``events`` with a vibration [m/s2] of all axes of the IMU, in proportion to the speed.
+
+    It has this standard deviation at ``ROUGH_SPEED`` and is independent from sample to sample.
+    """
+    truth = [event[2] for event in events if isinstance(event[2], Odometry)]
+    imu_ns = [event[2].stamp_ns for event in events if isinstance(event[2], ImuSample)]
+    speed = np.interp(imu_ns, [sample.stamp_ns for sample in truth],
+                      [math.hypot(*sample.linear[:2]) for sample in truth])
+    noise = np.random.default_rng(seed).standard_normal((2, len(imu_ns), 3))
+    noise *= vibration * (speed / ROUGH_SPEED)[:, np.newaxis]
+    return _with_added(events, noise[0], RATE_PER_VIBRATION * noise[1])
+
+
+def _attitude(events: Sequence[Event], terrain: Terrain, stamps_ns: Array) -> tuple[Array, Array]:
+    """Return roll and pitch [rad] of the ground under the robot."""
+    truth = [event[2] for event in events
+             if event[1] == TRUTH_TOPIC and isinstance(event[2], Odometry)]
+    true_ns = [sample.stamp_ns for sample in truth]
+    x, y = (np.interp(stamps_ns, true_ns, [sample.position[axis] for sample in truth])
+            for axis in (0, 1))
+    yaw = np.interp(stamps_ns, true_ns,
+                    np.unwrap([euler(sample.orientation)[2] for sample in truth]))
+    g_x, g_y = terrain(x, y)
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    return np.arctan(cos * g_y - sin * g_x), -np.arctan(cos * g_x + sin * g_y)
+
+
+def _with_added(events: Sequence[Event], force: Array, rate: Array) -> list[Event]:
+    """Return ``events`` with ``force`` [m/s2] and ``rate`` [rad/s] (n, 3) added to the IMU's."""
+    added = iter(zip(force.tolist(), rate.tolist()))
+
+    def changed(sample: Sample) -> Sample:
+        if not isinstance(sample, ImuSample):
+            return sample
+        a, w = next(added)
+        return replace(sample, acceleration=_sum(sample.acceleration, a),
+                       rate=_sum(sample.rate, w))
+    return [(received, topic, changed(sample)) for received, topic, sample in events]
+
+
+def _sum(left: Sequence[float], right: Sequence[float]) -> tuple[float, float, float]:
+    x, y, z = (a + b for a, b in zip(left, right))
+    return x, y, z

@@ -1,0 +1,89 @@
+"""Slopes and rough ground change the IMU only, as gravity and the attitude demand."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from smart_tire.models.constants import GRAVITY
+from smart_tire.parameters import build, RobotParams
+from smart_tire.rotation import quaternion
+from smart_tire.samples import ImuSample, NS_PER_S, Odometry, WheelSample
+from smart_tire.simulation.terrain import (
+    on_rough_ground, on_slopes, ramp, rolling_hills, speed_bump)
+
+SPEED = 1.0  # m/s
+ZERO = (0.0,) * 36
+
+
+def events_along(heading=0.0, duration=10.0):
+    """Return events of a straight run with this heading [rad], without sensor errors."""
+    events = []
+    for n in range(round(100.0 * duration)):
+        stamp, way = n * NS_PER_S // 100, 0.01 * n * SPEED
+        events.append((stamp, 'imu/data', ImuSample(stamp, (0.0, 0.0, GRAVITY), (0.0,) * 3)))
+        events.append((stamp, 'ground_truth/odom', Odometry(
+            stamp, (way * math.cos(heading), way * math.sin(heading), 0.0),
+            quaternion(0.0, 0.0, heading), (SPEED, 0.0, 0.0), (0.0,) * 3, ZERO, ZERO)))
+    events.append((stamp, 'wheel_states', WheelSample(stamp, (0.0,) * 4)))
+    return events
+
+
+def imu(events):
+    """Return forces and rates (n, 3) of the IMU."""
+    samples = [sample for _, _, sample in events if isinstance(sample, ImuSample)]
+    return (np.array([sample.acceleration for sample in samples]),
+            np.array([sample.rate for sample in samples]))
+
+
+@pytest.mark.parametrize('heading, axis, sign', [
+    (0.0, 0, 1.0), (math.pi, 0, -1.0), (0.5 * math.pi, 1, -1.0), (-0.5 * math.pi, 1, 1.0)])
+def test_gravity_points_down_the_slope_for_each_heading(heading, axis, sign):
+    # the ground rises along x: the specific force points uphill
+    force, _ = imu(on_slopes(events_along(heading), RobotParams(), ramp(0.1, -50.0, 1.0)))
+    expected = np.zeros(3)
+    expected[axis], expected[2] = sign * math.sin(math.atan(0.1)), math.cos(math.atan(0.1))
+    assert force == pytest.approx(np.tile(GRAVITY * expected, (len(force), 1)), abs=1e-9)
+
+
+def test_the_attitude_rates_integrate_to_the_slope():
+    terrain = speed_bump(0.1, 2.0, 5.0)
+    changed = on_slopes(events_along(), RobotParams(), terrain)
+    force, rate = imu(changed)
+    pitch = np.cumsum(rate[:, 1]) * 0.01
+    assert np.ptp(pitch) > 0.25
+    assert -np.sin(pitch) * GRAVITY == pytest.approx(force[:, 0], abs=0.03)
+    assert np.all(imu(on_slopes(events_along(), RobotParams(), terrain, with_rates=False))[1] == 0)
+
+
+def test_the_mounting_of_the_imu_is_applied():
+    robot = build(RobotParams, {'imu.rotation': [0.0, 0.0, math.pi]})
+    force, _ = imu(on_slopes(events_along(), robot, ramp(0.1, -50.0, 1.0)))
+    assert force[-1, 0] == pytest.approx(-GRAVITY * math.sin(math.atan(0.1)))
+
+
+def test_a_bump_begins_and_ends_level_and_at_the_same_height():
+    x = np.linspace(0.0, 10.0, 10001)
+    slope, across = speed_bump(0.05, 1.0, 5.0)(x, 0.0 * x)
+    height = np.cumsum(slope) * 1e-3
+    assert height.max() == pytest.approx(0.05, rel=0.01) and abs(height[-1]) < 1e-6
+    assert np.all(across == 0.0)
+
+
+def test_hills_have_the_given_spread_along_both_axes():
+    x, y = np.random.default_rng(1).uniform(-500.0, 500.0, (2, 4000))
+    spreads = [np.std(rolling_hills(0.02, (5.0, 30.0), seed)(x, y), axis=1)
+               for seed in range(200)]
+    assert np.sqrt(np.mean(np.square(spreads), axis=0)) == pytest.approx([0.02, 0.02], rel=0.15)
+
+
+def test_rough_ground_vibrates_in_proportion_to_the_speed_and_changes_nothing_else():
+    events = events_along()
+    changed = on_rough_ground(events, 0.5, seed=3)
+    assert [event for event in changed if event[1] != 'imu/data'] == [
+        event for event in events if event[1] != 'imu/data']
+    force, rate = (after - before for after, before in zip(imu(changed), imu(events)))
+    assert np.std(force, axis=0) == pytest.approx(np.full(3, 0.5 * SPEED), rel=0.1)
+    assert np.std(rate) > 0.0
