@@ -10,6 +10,7 @@ import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.estimation.slip.state import WheelMeasurement
+from smart_tire.models.constants import GRAVITY
 from smart_tire.parameters import SlipEstimatorParams
 
 MIN_SLIP_VELOCITY = 0.02        # m/s, standard deviation of the slip velocity at standstill
@@ -17,8 +18,10 @@ STAMP_JITTER_SIGMAS = 2.5       # of a wheel speed change due to timestamps; mor
 MIN_GROUND_SPEED_CHANGE = 0.01  # m/s; a larger change of the speed over ground changes the slip
 SLIP_SETTLING_TIME = 0.3        # s, that slip takes to settle after a change of speed
 LOST_SLIP_SIGMA = 0.05          # -, at which the estimated slip is as good as lost; assumed
+UNOBSERVABLE_SLOPE = 0.02        # rad, standard deviation of the slope that hides common slip
 SOFT_GROUND_WINDOW = 3.0        # s, over which the observed slip indicates soft ground
 STRAIGHT_SPEED_DIFFERENCE = 0.15  # -, of the sides, over their mean; assumed
+MAX_SLIP_PER_ACCEL = 1.0 / GRAVITY  # s2/m, at a C_x equal to the load; lower: of another tire
 INNOVATION_SIGMAS = 2.0         # exceeded twice in a row with one sign: the slip has changed
 
 
@@ -40,7 +43,7 @@ class FreeRollingPrior:
     variance: float          # -, of ``slip``
     prior_variance: float    # -, of the slip on firm ground
     firm_probability: float  # -, 0 to 1, of firm ground and straight driving
-    weight: float            # -, 0 to 1, of the prior
+    information: float       # -, inverse variance of zero slip, on firm and on any other ground
 
 
 class InnovationChangeDetector:
@@ -93,14 +96,15 @@ class SlipChangeDetector:
         self._smoothed = (self._smoothed[0] + gain * wheel_step,
                           self._smoothed[1] + gain * ground_step)
         jitter = math.sqrt(2.0) * self._params.robot.encoder.stamp_jitter / duration
+        # m/s, of the ground speed
+        noise = STAMP_JITTER_SIGMAS * math.sqrt(accel_density * SLIP_SETTLING_TIME)
         change = self._params.slip_change_gain * (
             max(0.0, abs(wheel_step) - STAMP_JITTER_SIGMAS * abs(wheel) * jitter)
-            + max(0.0, abs(ground_step) - max(
-                MIN_GROUND_SPEED_CHANGE,
-                STAMP_JITTER_SIGMAS * math.sqrt(accel_density * SLIP_SETTLING_TIME))))
+            + max(0.0, abs(ground_step) - max(MIN_GROUND_SPEED_CHANGE, noise)))
         return SlipChange(
             change ** 2 * duration / SLIP_SETTLING_TIME + persistent, speed,
-            ground_step / SLIP_SETTLING_TIME, (ground_step - wheel_step) ** 2 + persistent)
+            ground_step / SLIP_SETTLING_TIME if abs(ground_step) > noise else 0.0,
+            (ground_step - wheel_step) ** 2 + persistent)
 
 
 class SlipPrior:
@@ -120,7 +124,8 @@ class SlipPrior:
         self._soft = 0.0          # -, mean square of the recently observed common slip
         self._acceleration = 0.0  # m/s2, latest
         # s2/m, of a robot whose wheels are all below their critical slip
-        self._slip_per_accel = robot.mass / (4.0 * robot.tire.longitudinal_stiffness)
+        self._slip_per_accel = min(
+            robot.mass / (4.0 * robot.tire.longitudinal_stiffness), MAX_SLIP_PER_ACCEL)
 
     def covariance(self, changes: Sequence[SlipChange]) -> Array:
         """Return the prior [m2/s2], shape (2, 2), for the changes of the two sides."""
@@ -143,14 +148,16 @@ class SlipPrior:
         self._soft += gain * (max(0.0, slip ** 2 - variance) - self._soft)
 
     def free_rolling(self, slip: float, variance: float, turn: float,
-                     radius_variance: float = 0.0) -> FreeRollingPrior:
+                     radius_variance: float = 0.0, slope_sigma: float = 0.0) -> FreeRollingPrior:
         """
         Return the prior of the common ``slip`` [-] that is estimated with ``variance``.
 
         ``turn`` [-] is the difference of the side speeds over their mean; ``radius_variance`` [-]
-        is the variance of apparent slip due to the wheel radius. The weight is the probability of
-        firm ground, by Bayes' rule with firm and soft ground equally likely, times a factor that
-        is small while the slip is well known: an observed slip is better than the prior.
+        is the variance of apparent slip due to the wheel radius. The prior is that of firm ground
+        with its probability, by Bayes' rule with firm and soft ground equally likely, otherwise
+        the one after a change. Its information is small while the slip is well known, because an
+        observed slip is better than the prior; ``slope_sigma`` [rad], the standard deviation of
+        the slope, lowers the variance at which that is so.
         """
         driving = (self._slip_per_accel * self._acceleration) ** 2
         firm = self._firm + driving
@@ -158,10 +165,13 @@ class SlipPrior:
         far = near + self._differential
         odds = math.sqrt(far / near) * math.exp(-0.5 * slip ** 2 * (1.0 / near - 1.0 / far))
         straight = math.exp(-(turn / STRAIGHT_SPEED_DIFFERENCE) ** 2)
-        lost = 1.0 / (1.0 + (self._lost / max(variance, 1e-12)) ** 2)
+        threshold = self._lost / (1.0 + (slope_sigma / UNOBSERVABLE_SLOPE) ** 2)
+        lost = 1.0 / (1.0 + (threshold / max(variance, 1e-12)) ** 2)
         probability = straight * odds / (1.0 + odds)
         return FreeRollingPrior(
-            slip, variance, firm + radius_variance, probability, lost * probability)
+            slip, variance, firm + radius_variance, probability,
+            lost * (probability / (firm + radius_variance) + (1.0 - probability) / (
+                self._common + self._soft + driving + radius_variance)))
 
 
 class SlipProcess:

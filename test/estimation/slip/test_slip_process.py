@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from smart_tire.estimation.slip.slip_process import SlipChange, SlipChangeDetector, SlipPrior
-from smart_tire.parameters import SlipEstimatorParams
+from smart_tire.models.constants import GRAVITY
+from smart_tire.parameters import build, SlipEstimatorParams
 
 T = 0.0625  # s, 16 Hz
 
@@ -89,13 +90,34 @@ def test_the_prior_is_positive_definite(speeds):
     assert np.linalg.eigvalsh(SlipPrior(SlipEstimatorParams()).covariance(changes)).min() > 0.0
 
 
-def test_weight_is_high_for_small_or_unknown_slip_only():
+def test_information_of_firm_ground_is_high_for_small_or_unknown_slip_only():
+    prior, firm, common = SlipPrior(SlipEstimatorParams()), 0.015 ** -2, 0.07 ** -2
+    assert prior.free_rolling(0.0, 0.12 ** 2, 0.0).information > 0.5 * firm
+    assert prior.free_rolling(0.15, 0.02 ** 2, 0.0).information < 0.05 * common
+    assert prior.free_rolling(0.15, 0.15 ** 2, 0.0).information > 0.3 * firm  # poorly known
+    assert prior.free_rolling(0.0, 0.01 ** 2, 0.0).information < 0.01 * firm  # well known
+
+
+def test_lost_slip_is_that_of_any_ground_in_a_turn():
     prior = SlipPrior(SlipEstimatorParams())
-    assert prior.free_rolling(0.0, 0.12 ** 2, 0.0).weight > 0.5
-    assert prior.free_rolling(0.15, 0.02 ** 2, 0.0).weight < 1e-3
-    assert prior.free_rolling(0.15, 0.15 ** 2, 0.0).weight > 0.3  # poorly known
-    assert prior.free_rolling(0.0, 0.08 ** 2, 0.5).weight < 1e-3  # observable in a turn
-    assert prior.free_rolling(0.0, 0.01 ** 2, 0.0).weight < 0.01  # well known
+    lost, known = (prior.free_rolling(0.0, sigma ** 2, 0.5) for sigma in (0.15, 0.01))
+    assert lost.firm_probability < 1e-3
+    assert lost.information == pytest.approx(0.07 ** -2, rel=0.02)
+    assert known.information < 0.01 * lost.information
+
+
+def test_a_slope_makes_the_prior_apply_to_slip_that_seems_well_known():
+    prior = SlipPrior(SlipEstimatorParams())
+    level, hills = (prior.free_rolling(0.0, 0.015 ** 2, 0.0, slope_sigma=sigma).information
+                    for sigma in (2e-4, 0.04))
+    assert hills > 10.0 * level
+
+
+def test_the_slip_of_an_acceleration_is_limited_for_a_robot_with_the_tire_of_another():
+    heavy = SlipPrior(build(SlipEstimatorParams, {'mass': 470.0}))
+    change = SlipChange(0.0, 1.0, 1.0, 0.0)
+    assert sigmas(heavy.covariance([change] * 2))[0] == pytest.approx(
+        np.hypot(0.07, 1.0 / GRAVITY), rel=0.05)
 
 
 def test_soft_ground_widens_the_prior_for_some_seconds():
