@@ -26,7 +26,7 @@ from smart_tire.estimation.slip.motion_model import (
     DRAG_MEAN, DRAG_SIGMA, IDLE_SIGMAS, MotionModel)
 from smart_tire.estimation.slip.robust_ekf import Measurement, RobustEkf, StateRecorder
 from smart_tire.estimation.slip.slip_process import (
-    FreeRollingPrior, InnovationChangeDetector, SlipProcess)
+    FreeRollingPrior, InnovationChangeDetector, SLIP_SETTLING_TIME, SlipProcess)
 from smart_tire.estimation.slip.state import (
     DelayedSpeed, ImuStep, N, SLIP_VEL_ROWS, SLIP_VELS, State, TORQUE_OFFSETS, TRAVELS,
     WheelMeasurement)
@@ -42,7 +42,7 @@ ICR_CHANGE_SHARE = 0.1          # sigma of the change of S with the slips, over 
 ICR_CHANGE_SIGMAS = 1.5         # exceeded twice in a row with one sign: S has changed
 ZERO_VELOCITY_SIGMA = 0.003     # m/s, of the zero-velocity update
 FREE_ROLLING_CORRELATION_TIME = 2.0  # s, of the slip of freely rolling wheels
-MIN_PRIOR_WEIGHT = 1e-6         # below, the free-rolling prior is not worth a correction
+MIN_PRIOR_INFORMATION = 0.01    # -, below, the free-rolling prior is not worth a correction
 STRAIGHT_YAW_RATE = 0.1         # rad/s, below which S is hardly observable
 NIS_GAIN = 0.05                 # weight of a new value in the smoothed NIS
 TRAVEL_RESET_SIGMA = 1e-5       # m, so that P is not singular
@@ -63,6 +63,7 @@ class SlipFilter:
         self._slip_process = SlipProcess(params)
         self._icr_change = InnovationChangeDetector(ICR_CHANGE_SIGMAS)
         self._accel_density = 0.0  # (m/s2)^2 s, of the last prediction
+        self._slope_sigma = params.slope_sigma  # rad, of the last prediction
         self._ekf = RobustEkf(*initial_state(params), recorder)
         self.forces = ForceUpdate(params, self._ekf)
         self.nis = 1.0  # normalized innovation squared of the wheel speeds, smoothed
@@ -84,7 +85,7 @@ class SlipFilter:
 
     def predict(self, dt: float, step: ImuStep) -> None:
         """Predict over ``dt`` [s] with the motion model."""
-        self._accel_density = step.accel_variance
+        self._accel_density, self._slope_sigma = step.accel_variance, step.slope_sigma
         self.motion_model.by_forces = self.forces.active
         predicted, F, Q = self.motion_model.predict(self.x, step, dt)
         self._ekf.predict(np.array(predicted), F, Q)
@@ -138,9 +139,11 @@ class SlipFilter:
         """
         dt = wheels.duration
         variance = np.diag(sides.H @ self._ekf.P @ sides.H.T + sides.R) / dt ** 2
+        slope_density = (GRAVITY ** 2 * float(self._ekf.P[State.PITCH, State.PITCH])
+                         * SLIP_SETTLING_TIME)
         share, prior = self._slip_process.update(
             wheels, self._travel_model.ground_speeds(wheels), (sides.z - sides.expected) / dt,
-            np.sqrt(variance), self._accel_density)
+            np.sqrt(variance), self._accel_density + slope_density)
         F, Q = np.eye(N), np.zeros((N, N))
         for row, travel in zip(SLIP_VELS, TRAVELS):  # the change may have occurred at any time
             F[row, row] = math.sqrt(1.0 - share)
@@ -151,12 +154,27 @@ class SlipFilter:
             ICR_CHANGE_SHARE * self._params.robot.wheelbase) ** 2
         self._ekf.predict(F @ self._ekf.x, F, Q)
 
+    def inflate_slope(self, before: float, after: float) -> None:
+        """
+        Inflate slope and common slip: the standard deviation of the slope has been too small.
+
+        It changes from ``before`` to ``after`` [rad]. Common slip has been inferred from the
+        accelerometer as if the ground were more level; with the speed over ground it loses its
+        evidence in proportion, while the wheel speeds stay.
+        """
+        common = np.zeros(N)
+        common[State.V_X], common[SLIP_VEL_ROWS] = 1.0, -1.0
+        slip_vel = 0.5 * float(self._ekf.x[SLIP_VEL_ROWS].sum())
+        Q = (1.0 - (before / after) ** 2) * slip_vel ** 2 * np.outer(common, common)
+        Q[State.ROLL, State.ROLL] = Q[State.PITCH, State.PITCH] = after ** 2 - before ** 2
+        self._ekf.predict(self._ekf.x, np.eye(N), Q)
+
     def correct_free_rolling(self, duration: float, gyro_z: float,
                              radius_variance: float = 0.0) -> FreeRollingPrior | None:
         """
         Correct with a pseudo-measurement: freely rolling wheels have near-zero common slip.
 
-        In straight driving the common slip is otherwise unobservable. The weight is the
+        In straight driving the common slip is otherwise unobservable. The prior depends on the
         probability of firm ground given the estimated slip, so that slip observed before (when
         starting, in a turn, on another surface) is kept. ``radius_variance`` [-] is the variance
         of apparent slip due to the wheel radius. Return the prior; None if the wheels are
@@ -172,9 +190,9 @@ class SlipFilter:
         variance = float(H[0] @ self._ekf.P @ H[0])
         self._slip_process.prior.update_soft_ground(slip, variance, duration)
         prior = self._slip_process.prior.free_rolling(
-            slip, variance, (right - left) / speed, radius_variance)
-        if prior.weight > MIN_PRIOR_WEIGHT:
-            R = prior.prior_variance * FREE_ROLLING_CORRELATION_TIME / (prior.weight * duration)
+            slip, variance, (right - left) / speed, radius_variance, self._slope_sigma)
+        if prior.information > MIN_PRIOR_INFORMATION:
+            R = FREE_ROLLING_CORRELATION_TIME / (prior.information * duration)
             self._correct_scalar(0.0, slip, H, R)
         return prior
 

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 import math
 
 from smart_tire.estimation.plausibility import is_imu_spike
+from smart_tire.estimation.slip.slope_monitor import SlopeMonitor
 from smart_tire.estimation.slip.state import ImuReading, ImuStep
+from smart_tire.estimation.slip.tilt_rates import TiltRates
 from smart_tire.estimation.slip.vibration import VibrationMonitor
 from smart_tire.models.constants import GRAVITY
 from smart_tire.parameters import SlipEstimatorParams
@@ -23,7 +26,7 @@ class TrapezoidalMean:
 
     def __init__(self, begin: float) -> None:
         self._begin, self._end = begin, begin
-        self._sums = [0.0, 0.0, 0.0]
+        self._sums = [0.0] * len(ImuReading._fields)
         self._count = 0
         self._step_variance = 0.0  # (m/s)^2, of speed, due to the shape between samples
 
@@ -60,7 +63,8 @@ class ImuPreprocessor:
 
     def __init__(self, params: SlipEstimatorParams) -> None:
         self._imu = params.robot.imu
-        self._slope_sigma = params.slope_sigma
+        self.tilt_rates = TiltRates(self._imu)
+        self.slope = SlopeMonitor(params.robot, params.slope_sigma)
         self._rotation: list[list[float]] = matrix(*self._imu.rotation).tolist()
         self._vibration = VibrationMonitor(self._imu.accel_noise)
         self._last_was_spike = False
@@ -77,7 +81,7 @@ class ImuPreprocessor:
     @property
     def slope_sigma(self) -> float:
         """Return the standard deviation [rad] of slope and body motion on it."""
-        return math.hypot(self._slope_sigma, SLOPE_VIBRATION_SHARE * self.vibration / GRAVITY)
+        return math.hypot(self.slope.sigma, SLOPE_VIBRATION_SHARE * self.vibration / GRAVITY)
 
     def add(self, time: float, sample: ImuSample) -> ImuReading | None:
         """Add a sample of ``time`` [s]; return its reading, None if it is not newer."""
@@ -87,18 +91,25 @@ class ImuPreprocessor:
         self._vibration.update(time, sample.acceleration[2])
         if self.time is not None:
             self.period += PERIOD_GAIN * (min(time - self.time, 1.0) - self.period)
+            if self.reading is not None:
+                self.tilt_rates.add(time - self.time, self.reading, reading)
         self.time, self.reading = time, reading
         return reading
 
     def step(self, mean: TrapezoidalMean) -> ImuStep | None:
         """Return the mean with its noise, None if it is of no interval."""
-        return mean.step(self._imu.gyro_noise, math.hypot(self._imu.accel_noise, self.vibration),
+        step = mean.step(self._imu.gyro_noise, math.hypot(self._imu.accel_noise, self.vibration),
                          self.slope_sigma)
+        return step and replace(
+            step, mean=self.tilt_rates.without_bias(step.mean),
+            tilt_variance=self.tilt_rates.density(step.mean.yaw_rate, self.period),
+            tilt_gain=self.slope.tilt_gain)
 
     def _in_base_axes(self, sample: ImuSample) -> ImuReading:
         x, y, z = self._rotation
         return ImuReading(_dot(z, sample.rate), _dot(x, sample.acceleration),
-                          _dot(y, sample.acceleration))
+                          _dot(y, sample.acceleration), _dot(x, sample.rate),
+                          _dot(y, sample.rate))
 
     def _without_spike(self, reading: ImuReading) -> ImuReading:
         """

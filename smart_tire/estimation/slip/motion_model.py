@@ -11,6 +11,7 @@ import numpy as np
 from smart_tire.arrays import Array
 from smart_tire.estimation.slip.kinematics import SlipKinematics
 from smart_tire.estimation.slip.slip_process import MIN_SLIP_VELOCITY
+from smart_tire.estimation.slip.slope_spread import SLOPE_CORRELATION_LENGTH
 from smart_tire.estimation.slip.state import (
     ImuReading, ImuStep, N, SIDE_SIGNS, SLIP_VEL_ROWS, SLIP_VELS, State, TRAVELS)
 from smart_tire.models.constants import GRAVITY
@@ -19,7 +20,6 @@ from smart_tire.parameters import SlipEstimatorParams
 SPEED_RANDOM_WALK = 0.002       # m/s per sqrt(s), errors of the planar model
 GYRO_BIAS_RANDOM_WALK = 2e-5    # rad/s per sqrt(s): 10 degrees per hour after five minutes
 ACCEL_BIAS_RANDOM_WALK = 5e-4   # m/s2 per sqrt(s)
-SLOPE_CORRELATION_LENGTH = 5.0  # m, of the ground
 FORCE_RANDOM_WALK = 10.0        # m/s2 per sqrt(s), of the specific force: 1 m/s2 in 10 ms
 YAW_ACCEL_RANDOM_WALK = 20.0    # rad/s2 per sqrt(s), of the yaw acceleration
 IDLE_SIGMAS = {                 # of states that are not used while the IMU drives the prediction
@@ -44,6 +44,9 @@ class _Motion(NamedTuple):
     sin: float
     slope_decay: float  # -, factor of roll and pitch
     slip_decay: float   # -, factor of the slip velocities
+    roll: float = 0.0             # rad, change of roll and pitch by the gyroscope
+    pitch: float = 0.0
+    slope_variance: float = 0.0   # rad^2, process noise of roll and pitch
 
 
 class MotionModel:
@@ -71,8 +74,8 @@ class MotionModel:
     def predict(self, x: Sequence[float], step: ImuStep, dt: float
                 ) -> tuple[list[float], Array, Array]:
         """Return the state after ``dt``, its Jacobian and its process noise, both (N, N)."""
-        motion = self._motion(x, self._driving(x, step.mean), dt, rate=(
-            x[State.YAW_RATE] if self.by_forces else None))
+        motion = _with_tilt(self._motion(x, self._driving(x, step.mean), dt, rate=(
+            x[State.YAW_RATE] if self.by_forces else None)), step, dt)
         predicted, F = _predicted(x, motion, dt), self._jacobian(x, motion, dt)
         Q = self._noise(x, motion, step, dt)
         for row, slip_vel, arm in zip(TRAVELS, SLIP_VELS, self._arms):
@@ -189,7 +192,7 @@ class MotionModel:
         params, Q = self._params, np.zeros(N)
         gyro, accel = step.gyro_variance * dt, step.accel_variance * dt
         Q[State.YAW] = gyro
-        Q[State.ROLL] = Q[State.PITCH] = step.slope_sigma ** 2 * (1.0 - motion.slope_decay ** 2)
+        Q[State.ROLL] = Q[State.PITCH] = motion.slope_variance
         Q[State.V_X] = accel + gyro * x[State.V_Y] ** 2 + SPEED_RANDOM_WALK ** 2 * dt
         Q[State.V_Y] = accel + gyro * x[State.V_X] ** 2 + SPEED_RANDOM_WALK ** 2 * dt
         Q[State.GYRO_BIAS_Z] = GYRO_BIAS_RANDOM_WALK ** 2 * dt
@@ -212,12 +215,25 @@ def _moved(x: Sequence[float], motion: _Motion, dt: float) -> list[float]:
     return moved
 
 
+def _with_tilt(motion: _Motion, step: ImuStep, dt: float) -> _Motion:
+    """Return ``motion`` with the change of slope: prior of the ground and gyroscope combined."""
+    decay, noise = motion.slope_decay, step.tilt_variance * dt
+    variance = step.slope_sigma ** 2 * (1.0 - decay ** 2)
+    if math.isinf(noise):
+        return motion._replace(slope_variance=variance)
+    gain = min(variance / (variance + noise), step.tilt_gain)
+    return motion._replace(
+        slope_decay=decay + gain * (1.0 - decay), roll=gain * step.mean.roll_rate * dt,
+        pitch=gain * step.mean.pitch_rate * dt,
+        slope_variance=(1.0 - gain) * variance + gain ** 2 * noise)
+
+
 def _predicted(x: Sequence[float], motion: _Motion, dt: float) -> list[float]:
     """Return the state ``x`` after ``dt``, with the decay of slope and slip velocities."""
     predicted = _moved(x, motion, dt)
     W, decay = motion.yaw_rate, motion.slope_decay
-    predicted[State.ROLL] = decay * (x[State.ROLL] + W * x[State.PITCH] * dt)
-    predicted[State.PITCH] = decay * (x[State.PITCH] - W * x[State.ROLL] * dt)
+    predicted[State.ROLL] = decay * (x[State.ROLL] + W * x[State.PITCH] * dt) + motion.roll
+    predicted[State.PITCH] = decay * (x[State.PITCH] - W * x[State.ROLL] * dt) + motion.pitch
     predicted[State.SLIP_VEL_L] *= motion.slip_decay
     predicted[State.SLIP_VEL_R] *= motion.slip_decay
     return predicted

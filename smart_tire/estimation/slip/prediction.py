@@ -125,6 +125,7 @@ class SlipPredictor:
         before = self._filter.x
         self._filter.predict(dt, step)
         after = self._filter.x
+        self.imu.slope.record_step(end, dt, step, after)
         rate = gyro_z - after[State.GYRO_BIAS_Z]
         self.odometry.append(end, Motion(0.5 * (before[State.V_X] + after[State.V_X]), rate, *(
             (after[row] - before[row]) / dt for row in TRAVELS)))

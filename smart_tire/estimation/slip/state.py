@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
+import math
 from typing import NamedTuple
 
 
@@ -53,6 +54,8 @@ class ImuReading(NamedTuple):
     yaw_rate: float  # rad/s
     force_x: float   # m/s2, specific force
     force_y: float   # m/s2
+    roll_rate: float = 0.0   # rad/s; without bias in the mean of a step
+    pitch_rate: float = 0.0  # rad/s
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +66,8 @@ class ImuStep:
     gyro_variance: float   # (rad/s)^2 s, noise density
     accel_variance: float  # (m/s2)^2 s, noise density
     slope_sigma: float     # rad, of the ground, or of a body that pitches and rolls on it
+    tilt_variance: float = math.inf  # (rad/s)^2 s, noise density of roll and pitch rate
+    tilt_gain: float = 0.0           # -, share of the slope that they show, at most
 
 
 @dataclass(frozen=True, slots=True)

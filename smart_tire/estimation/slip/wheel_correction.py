@@ -41,6 +41,7 @@ class WheelCorrector:
             return True
         self.period_center = time - 0.5 * wheels.duration
         self._correct_standstill(time, wheels)
+        self._update_slope(time, wheels)
         mean = self._predictor.odometry.mean(time - wheels.duration, time)
         if mean is not None:
             self._correct_wheels(time, wheels, mean)
@@ -52,6 +53,15 @@ class WheelCorrector:
             self._correct_free_rolling(wheels, imu)
         self._filter.correct_lateral(imu.yaw_rate, wheels.duration)
         return True
+
+    def _update_slope(self, time: float, wheels: WheelSpeeds) -> None:
+        """Learn the spread of the slope; a larger one casts doubt on slip that was estimated."""
+        imu = self._predictor.imu
+        imu.tilt_rates.finish_period(wheels.duration, self.stationary)
+        before = imu.slope_sigma
+        imu.slope.update(time, wheels, self._filter.P, self.stationary)
+        if imu.slope_sigma > before:
+            self._filter.inflate_slope(before, imu.slope_sigma)
 
     def _correct_standstill(self, time: float, wheels: WheelSpeeds) -> None:
         standstill = self.standstill.detect(time, max(map(abs, wheels.wheel_speeds)))

@@ -26,7 +26,7 @@ def test_the_mean_of_a_linear_signal_is_its_value_at_the_center():
         mean.add(1.0 + 0.1 * (k + 1), ImuReading(k, 2.0 * k, 0.0),
                  ImuReading(k + 1, 2.0 * (k + 1), 0.0))
     step = mean.step(0.01, 0.05, 1e-3)
-    assert step.mean == pytest.approx((2.0, 4.0, 0.0))
+    assert step.mean == pytest.approx((2.0, 4.0, 0.0, 0.0, 0.0))
     assert step.gyro_variance == pytest.approx(0.01 ** 2 * 0.1)
     # each step of 2 m/s2 at an unknown time within 0.1 s
     assert step.accel_variance == pytest.approx(0.05 ** 2 * 0.1 + 2.0 ** 2 * 0.1 / 12.0)
@@ -40,7 +40,9 @@ def test_an_empty_interval_has_no_mean():
 
 def test_readings_are_in_base_axes():
     imu = new_preprocessor(**{'imu.rotation': [0.0, 0.0, math.pi]})
-    assert imu.add(0.0, sample(1.0, 0.5)) == pytest.approx((0.5, -1.0, 0.0))
+    assert imu.add(0.0, sample(1.0, 0.5)) == pytest.approx((0.5, -1.0, 0.0, 0.0, 0.0))
+    tilting = ImuSample(0, (0.0, 0.0, 9.81), (0.1, 0.2, 0.0))
+    assert imu.add(0.01, tilting)[3:] == pytest.approx((-0.1, -0.2))
 
 
 def test_a_single_spike_is_replaced_and_a_second_one_in_a_row_accepted():

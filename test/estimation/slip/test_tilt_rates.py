@@ -1,0 +1,77 @@
+"""Horizontal axes of the gyroscope: bias at standstill, noise, and consistency with slopes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from smart_tire.estimation.slip.slope_spread import SlopeResidual
+from smart_tire.estimation.slip.state import ImuReading
+from smart_tire.estimation.slip.tilt_rates import TiltConsistency, TiltRates
+from smart_tire.parameters.robot import ImuParams
+
+PERIOD = 0.01  # s
+BIAS = (0.008, -0.005)  # rad/s
+
+
+def reading(roll_rate=0.0, pitch_rate=0.0):
+    return ImuReading(0.0, 0.0, 0.0, roll_rate, pitch_rate)
+
+
+def run(rates, duration, seed=0, noise=0.01, stationary=True):
+    """Feed ``duration`` [s] at standstill or in motion, in wheel periods of 0.1 s."""
+    rng, last = np.random.default_rng(seed), reading(*BIAS)
+    for step in range(round(duration / PERIOD)):
+        new = reading(*(np.array(BIAS) + noise * rng.standard_normal(2)).tolist())
+        rates.add(PERIOD, last, new)
+        last = new
+        if step % 10 == 9:
+            rates.finish_period(0.1, stationary)
+    return rates
+
+
+@pytest.mark.parametrize('seed', range(5))
+def test_the_bias_is_learned_at_standstill_only(seed):
+    moving = run(TiltRates(ImuParams()), 3.0, seed, stationary=False)
+    assert moving.without_bias(reading(*BIAS))[3:] == BIAS
+    stationary = run(TiltRates(ImuParams()), 3.0, seed)
+    assert stationary.without_bias(reading(*BIAS))[3:] == pytest.approx((0.0, 0.0), abs=2e-3)
+    assert stationary.density(0.0, PERIOD) < 0.05 * moving.density(0.0, PERIOD)
+
+
+def test_noise_and_yaw_rate_raise_the_density():
+    quiet = run(TiltRates(ImuParams()), 3.0)
+    rough = run(run(TiltRates(ImuParams()), 3.0), 3.0, noise=0.1, stationary=False)
+    assert rough.density(0.0, PERIOD) > 20.0 * quiet.density(0.0, PERIOD)
+    assert quiet.density(1.0, PERIOD) > quiet.density(0.0, PERIOD) + 3e-4
+
+
+def slopes(count, seed):
+    return np.random.default_rng(seed).normal(0.0, 0.2, (count, 2)).tolist()
+
+
+def compared(share, count=20, seed=1, noise=1e-4):
+    """Return the gain after slopes of which the gyroscope shows ``share``."""
+    tilt = TiltConsistency()
+    for x, y in slopes(count, seed):
+        residuals = SlopeResidual(x, noise, 1.0), SlopeResidual(y, noise, 1.0)
+        tilt.update(residuals, (share * x, share * y), noise)
+    return tilt.gain
+
+
+def test_a_gyroscope_is_trusted_if_it_shows_the_slopes():
+    assert compared(1.0) > 0.9
+    assert compared(0.0) < 0.1
+    assert compared(-1.0) == 0.0  # an axis is reversed
+
+
+def test_noise_is_no_evidence_about_the_gyroscope():
+    assert compared(0.0, noise=0.2 ** 2) == pytest.approx(TiltConsistency().gain, abs=0.1)
+
+
+def test_windows_before_a_stop_are_not_compared_with_those_after_it():
+    tilt = TiltConsistency()
+    for value in (0.3, -0.3) * 5:
+        tilt.restart()
+        tilt.update((SlopeResidual(value, 1e-4, 1.0), None), (0.0, 0.0), 1e-4)
+    assert tilt.gain == TiltConsistency().gain
