@@ -54,6 +54,9 @@ MIN_SCALE = 1e-3            # of a damped step
 CONVERGED = 0.01            # of a step over the standard errors
 HUBER_THRESHOLD = 3.0       # sigmas, beyond which a row has lower weight
 MAX_NOISE_SHARE = 0.08      # of accelerations; more noise makes a tire seem too stiff
+MAX_LATENCY_ERROR = 0.04    # s, of the configured latency
+IMPLAUSIBLE_SIGMAS = 4.0    # standard errors by which a drag may be negative
+MAX_FORCE_ERROR_SHARE = 0.3  # of accelerations, of the force balance
 PROBES = 4                  # random vectors for the degrees of freedom of a group
 
 
@@ -85,12 +88,22 @@ def identify_stiffness(recordings: Sequence[Recording], robot: RobotParams) -> S
     """
     models = [_models(recording, robot) for recording in recordings]
     fits = [_fit(segments, robot) for segments in models]
-    fit = fits[0] if len(fits) == 1 else _fit([one for part in models for one in part], robot)
-    combined, separate = fit.stiffness, [part.stiffness for part in fits]
+    separate = [part.stiffness for part in fits]
+    fit = fits[0] if len(fits) == 1 else _combined(models, separate, robot)
+    combined = fit.stiffness
     fit = replace(fit, stiffness=_scaled_by_scatter(combined, separate))
     if not (fit.stiffness.value > 0.0 and fit.stiffness.determined):
         raise EstimatorError(_refusal(fit.stiffness, separate if combined.determined else ()))
     return fit
+
+
+def _combined(models: Sequence[Sequence[SegmentModel]], separate: Sequence[Uncertain],
+              robot: RobotParams) -> StiffnessFit:
+    """Return the fit of all recordings; EstimatorError with their values if there is none."""
+    try:
+        return _fit([one for part in models for one in part], robot)
+    except EstimatorError as error:
+        raise EstimatorError(_refusal(separate[0], separate)) from error
 
 
 def _scaled_by_scatter(combined: Uncertain, separate: Sequence[Uncertain]) -> Uncertain:
@@ -119,19 +132,19 @@ def _models(recording: Recording, robot: RobotParams) -> list[SegmentModel]:
     if not segments:
         raise EstimatorError(f'no straight segment of {MIN_SEGMENT_INTERVALS} wheel samples '
                              f'above {MIN_SPEED:g} m/s')
-    share = noise_share(segments)
+    share = math.sqrt(float(np.mean([segment.noise ** 2 for segment in segments]))) / (
+        _acceleration_spread(segments))
     if share > MAX_NOISE_SHARE:
         raise EstimatorError(
             f'the accelerometer noise in motion is {share:.0%} of the accelerations, expected at '
-            f'most {MAX_NOISE_SHARE:.0%}: vibration would bias the stiffness')
+            f'most {MAX_NOISE_SHARE:.0%}: speed changes too little, or the robot vibrates')
     return [SegmentModel(segment, robot) for segment in segments]
 
 
-def noise_share(segments: Sequence[StraightSegment]) -> float:
-    """Return the accelerometer noise over the standard deviation of the accelerations."""
+def _acceleration_spread(segments: Sequence[StraightSegment]) -> float:
+    """Return the standard deviation [m/s2] of the accelerations in motion."""
     moving = np.concatenate([segment.force[~segment.stationary[1:]] for segment in segments])
-    noise = math.sqrt(float(np.mean([segment.noise ** 2 for segment in segments])))
-    return noise / max(float(np.std(moving)), 1e-9)
+    return max(float(np.std(moving)), 1e-9)
 
 
 class _Problem:
@@ -274,7 +287,26 @@ def _fit(models: Sequence[SegmentModel], robot: RobotParams) -> StiffnessFit:
     for _ in range(ROUNDS):
         problem.noise = _estimated_noise(problem, found)
         found = _solve(problem, found.values)
+    error = problem.noise.force / _acceleration_spread([model.segment for model in models])
+    if error > MAX_FORCE_ERROR_SHARE:
+        raise EstimatorError(
+            f'the force balance has an error of {error:.0%} of the accelerations, expected at '
+            f'most {MAX_FORCE_ERROR_SHARE:.0%}: wheels slide, the ground changes, or the axes of '
+            'the IMU are wrong')
+    _check_plausible(found)
     return _result(problem, found, robot)
+
+
+def _check_plausible(found: _Solution) -> None:
+    """Raise EstimatorError if parameters with known limits contradict them."""
+    latency, drag = (Uncertain(float(found.values[row]), float(found.sigma[row]))
+                     for row in (Common.LATENCY_ERROR, Common.DRAG))
+    if abs(latency.value) > MAX_LATENCY_ERROR:
+        raise EstimatorError(f'the wheels are late by {latency.value:.3f} s in addition to '
+                             'encoder.latency, or the axes of the IMU are wrong')
+    if drag.value < -IMPLAUSIBLE_SIGMAS * drag.sigma:
+        raise EstimatorError(f'the drag is negative, {drag.value:.2f} of the weight: the motion '
+                             'is not that of a robot on level ground')
 
 
 def _starts(problem: _Problem) -> list[Array]:

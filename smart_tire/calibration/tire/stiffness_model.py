@@ -25,6 +25,7 @@ from smart_tire.parameters import RobotParams
 
 SLIP_FLOOR = 0.1          # m/s, minimum denominator of the slip; such rows have no weight
 LOW_SPEED_ERROR = 10.0    # m/s2, of the force balance below MIN_SPEED: no information
+MAX_WHEEL_ACCELERATION = 4.0  # m/s2; the wheel samples do not resolve faster changes
 DRAG_SPEED = 0.02         # m/s, below which drag is linear in the speed
 LOAD_FILTER = 5           # steps, of the acceleration that transfers load
 STATIONARY_SIGMA = 0.001  # m/s, of a body at standstill
@@ -81,6 +82,7 @@ class SegmentModel:
         mid = sparse.diags_array([0.5, 0.5], offsets=[0, 1], shape=(m, m + 1))
         slope = sparse.diags_array([-1.0 / self._step, 1.0 / self._step], offsets=[0, 1],
                                    shape=(m, m + 1))
+        self._resolved = _resolved(segment)
         self._mid, self._rate = mid.tocsr(), slope.tocsr()
         self._loads, self._linear = self._axle_loads(), self._linear_rows()
 
@@ -145,7 +147,7 @@ class SegmentModel:
                                           for load in self._loads)))
         direction, drag = np.tanh(v / DRAG_SPEED), GRAVITY * common[Common.DRAG]
         net = force / mass - drag * direction  # m/s2
-        fast = np.minimum(np.abs(u), np.abs(v)) > MIN_SPEED
+        fast = self._resolved & (np.minimum(np.abs(u), np.abs(v)) > MIN_SPEED)
         sigma = np.where(fast, noise.force, LOW_SPEED_ERROR)
         by_common = np.zeros((self._m, len(Common)))
         by_common[:, Common.STIFFNESS] = -scale * by_stiffness / mass
@@ -227,6 +229,17 @@ class SegmentModel:
     def _linear_blocks(self, local: Array) -> list[Block]:
         return [Block(rows @ local, np.zeros((rows.shape[0], len(Common))), rows)
                 for rows in self._linear]
+
+
+def _resolved(segment: StraightSegment) -> Mask:
+    """Return a mask of the steps in which the wheel samples resolve changes of the wheel speed."""
+    middle = 0.5 * (segment.time[1:] + segment.time[:-1])
+    center = 0.5 * (segment.stamps[1:] + segment.stamps[:-1])
+    resolved = np.ones(len(middle), bool)
+    fast = np.abs(np.diff(segment.speed)) > MAX_WHEEL_ACCELERATION * np.diff(center)
+    for index in np.flatnonzero(fast):
+        resolved &= (middle < segment.stamps[index]) | (middle > segment.stamps[index + 2])
+    return resolved
 
 
 def _interpolation(time: Array, at: Array) -> sparse.csr_array:

@@ -7,17 +7,21 @@ import re
 
 import numpy as np
 import pytest
+from support.driving import Drive, START_NS
+from support.identifying import recorded
 from support.straight import CONCRETE, Ground, oscillation, SAND, straight_run
 
 from smart_tire.calibration.tire.stiffness import identify_stiffness
 from smart_tire.errors import EstimatorError
-from smart_tire.parameters import build, RobotParams
+from smart_tire.parameters import build, RobotParams, SimulatorParams
+from smart_tire.simulation.offline import simulate
 
 pytestmark = pytest.mark.slow
 
 ROBOT = RobotParams()
 LATENCY_ERROR = 0.003  # s, standard deviation of the error of the configured latency
 RADIUS_ERROR = 0.02    # standard deviation of the relative error of the rolling radius
+SCALE_ERROR = 0.05     # standard deviation of the relative error of accelerations: pitching
 
 
 def cruise(time):
@@ -33,7 +37,15 @@ def random_errors(seed):
 
 def fitted(ground, seed):
     late, robot = random_errors(seed)
-    return identify_stiffness([straight_run(ground, seed, wheel_latency=late, robot=robot)], ROBOT)
+    run = straight_run(ground, seed, wheel_latency=late, robot=robot)
+    scale = 1.0 + SCALE_ERROR * float(np.random.default_rng([seed, 6]).standard_normal())
+    return identify_stiffness([scaled(run, scale)], ROBOT)
+
+
+def scaled(recording, scale):
+    """Return a recording with the forward acceleration multiplied by ``scale``."""
+    force = recording.imu.force * np.array([scale, 1.0, 1.0])
+    return replace(recording, imu=replace(recording.imu, force=force))
 
 
 def test_concrete_and_sand_are_correct_within_their_standard_errors():
@@ -43,7 +55,7 @@ def test_concrete_and_sand_are_correct_within_their_standard_errors():
         stiffness = np.array([fit.stiffness.value for fit in found])
         sigma = np.array([fit.stiffness.sigma for fit in found])
         assert np.mean(stiffness) == pytest.approx(ground.stiffness, rel=0.05)
-        assert np.max(sigma / stiffness) < 0.1
+        assert np.max(sigma / stiffness) < 0.15
         errors += list((stiffness - ground.stiffness) / sigma)
     assert 0.7 < np.sqrt(np.mean(np.square(errors))) < 1.4
     assert abs(np.mean(errors)) < 0.6
@@ -127,23 +139,95 @@ def test_a_stationary_robot_is_refused():
 
 def test_wheels_that_only_slide_are_refused():
     ice = Ground(CONCRETE.stiffness, 0.03, 0.0)
-    with pytest.raises(EstimatorError, match='wheels slide|below critical slip'):
+    expected = 'wheels slide|below critical slip|speed changes too little'
+    with pytest.raises(EstimatorError, match=expected):
         identify_stiffness([straight_run(ice, 10, seconds=10.0)], ROBOT)
 
 
-def test_sliding_intervals_are_excluded_and_the_others_used():
+def test_sliding_wheels_determine_the_friction_and_do_not_bias_the_stiffness():
     """Gentle starts and stops, followed by some beyond the friction limit."""
     def mixed(time):
         return oscillation(time) if time < 14.0 else 0.75 + 0.5 * np.sign(np.sin(2.0 * time))
     slippery = Ground(CONCRETE.stiffness, 0.25, 0.015)
     fit = identify_stiffness([straight_run(slippery, 11, pace=mixed, seconds=24.0)], ROBOT)
     assert fit.stiffness.value == pytest.approx(CONCRETE.stiffness, abs=3.0 * fit.stiffness.sigma)
-    assert np.abs(fit.force).max() < 0.25 * 0.25 * ROBOT.mass * 9.80665
+    assert fit.friction.value == pytest.approx(0.25, abs=3.0 * fit.friction.sigma)
+
+
+def vibrating(recording, size, seed):
+    """Return a recording with white vibration [m/s2] while the wheels rotate."""
+    imu, wheels = recording.imu, recording.wheels
+    speed = np.interp(imu.time, wheels.time, np.abs(wheels.velocity).mean(axis=1))
+    noise = size * np.random.default_rng([seed, 3]).standard_normal(imu.force.shape)
+    return replace(recording, imu=replace(imu, force=imu.force + (speed > 1.0)[:, None] * noise))
+
+
+def test_moderate_vibration_increases_the_sigma_and_strong_vibration_is_refused():
+    recording = straight_run(CONCRETE, 13)
+    quiet, shaken = (identify_stiffness([run], ROBOT).stiffness
+                     for run in (recording, vibrating(recording, 0.07, 13)))
+    assert shaken.sigma > quiet.sigma
+    assert shaken.value == pytest.approx(CONCRETE.stiffness, abs=3.0 * shaken.sigma)
+    with pytest.raises(EstimatorError, match='or the robot vibrates'):
+        identify_stiffness([vibrating(recording, 0.5, 13)], ROBOT)
+
+
+@pytest.mark.parametrize('jitter', [0.0, 0.002])
+def test_the_timestamp_jitter_need_not_be_configured_correctly(jitter):
+    errors = []
+    for seed in range(4):
+        robot = build(RobotParams, {'encoder.stamp_jitter': jitter})
+        run = straight_run(CONCRETE, seed, seconds=40.0, robot=robot)
+        fit = identify_stiffness([run], ROBOT).stiffness
+        errors.append((fit.value - CONCRETE.stiffness) / fit.sigma)
+    assert np.sqrt(np.mean(np.square(errors))) < 1.5
+
+
+def test_a_pitching_body_does_not_matter():
+    run = straight_run(CONCRETE, 14)
+    fit = identify_stiffness([scaled(run, 1.06)], ROBOT).stiffness
+    assert fit.value == pytest.approx(CONCRETE.stiffness, abs=3.0 * fit.sigma)
+
+
+def legs(*parts):
+    """Return legs from (duration [s], rpm) after 3 s of standstill, and their end."""
+    times = np.cumsum([3.0, *(length for length, _ in parts)])
+    return [(time, rpm, rpm) for time, (_, rpm) in zip(times, parts)], float(times[-1])
+
+
+STARTS = legs(*((1.0, 140.0), (0.6, 0.0)) * 4, *((0.9, 140.0), (0.9, 20.0)) * 4, (0.6, 0.0))
+STOPS = legs(*((4.0, 90.0), (2.0, 0.0)) * 5)
+STEPS = legs(*((1.5, rpm) for rpm in (60.0, 120.0, 40.0, 100.0, 140.0, 60.0, 90.0, 30.0) * 2))
+SURFACES = {'concrete': (0.47, 52.7, 0.015), 'gravel': (0.55, 38.0, 0.045),
+            'sand': (0.25, 25.0, 0.11)}
+
+
+def simulated(schedule, surface, seed):
+    """Return a recording of the simulated robot."""
+    friction, stiffness, drag = SURFACES[surface]
+    params = build(SimulatorParams, {
+        'seed': seed, 'ground.names': ['ground'], 'ground.friction': [friction],
+        'ground.stiffness': [stiffness], 'ground.drag': [drag], 'ground.base': 'ground',
+        'ground.patches.names': [], 'film.wheels': []})
+    samples = [sample for _, topic, sample in simulate(params, *schedule, start_ns=START_NS)
+               if topic in ('imu/data', 'wheel_states')]
+    return recorded(Drive(samples, *(np.empty(0),) * 4))
+
+
+@pytest.mark.parametrize('surface', SURFACES)
+def test_the_simulated_robot_on_all_surfaces_and_schedules(surface):
+    """Starts from standstill, stops, drag, transients beyond critical slip, IMU bias and tilt."""
+    errors, true = [], SURFACES[surface][1]
+    for schedule in (STARTS, STOPS, STEPS):
+        for seed in range(1, 5):
+            fit = identify_stiffness([simulated(schedule, surface, seed)], ROBOT).stiffness
+            errors.append((fit.value - true) / fit.sigma)
+    assert np.sqrt(np.mean(np.square(errors))) < 1.5
+    assert np.max(np.abs(errors)) < 3.5
 
 
 def test_an_imu_mounted_backward_is_refused():
     run = straight_run(CONCRETE, 12, seconds=10.0)
     turned = replace(run, imu=replace(run.imu, force=run.imu.force * np.array([-1.0, -1.0, 1.0])))
-    expected = 'excluded because wheels slide|speed changes too little'
-    with pytest.raises(EstimatorError, match=expected):
+    with pytest.raises(EstimatorError, match='axes of the IMU are wrong|not that of a robot'):
         identify_stiffness([turned], ROBOT)

@@ -1,4 +1,4 @@
-"""Straight segments of a recording, and the covariance of their errors."""
+"""Straight segments of a recording on their time grid."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from support.driving import STEP
 from support.identifying import recorded, turning_run
-from support.straight import CONCRETE, motion, straight_run
+from support.straight import CONCRETE, motion, oscillation, straight_run
 
 from smart_tire.calibration.recording import ImuRecord, WheelRecord
 from smart_tire.calibration.tire.straight_segments import (
-    MAX_SEGMENT_INTERVALS, MIN_SEGMENT_INTERVALS, straight_segments)
+    MAX_SEGMENT_INTERVALS, MIN_STEP, straight_segments)
 from smart_tire.numerics.robust import noise_level
 from smart_tire.parameters import RobotParams
 
@@ -27,27 +27,56 @@ def without(recording, begin, end):
         imu.time[received], imu.rate[received], imu.force[received]))
 
 
-def test_a_start_and_the_drive_after_it_are_one_segment():
-    segments = straight_segments(straight_run(CONCRETE, 1), ROBOT)
-    assert segments.count == 1 and set(segments.segment) == {0}
-    assert 1.0 < segments.begin[0] < 1.5 and segments.end[-1] > 19.5
-    assert (segments.begin[1:] == segments.end[:-1]).all()
+def stop_and_go(time):
+    """Return the oscillating speed with a standstill from 8 to 11 s."""
+    return 0.0 if 8.0 < time < 11.0 else oscillation(time)
+
+
+def test_a_start_and_the_drive_after_it_are_one_segment_with_the_standstill_before():
+    segment, = straight_segments(straight_run(CONCRETE, 1), ROBOT)
+    assert segment.stamps[0] < 0.5 and segment.stamps[-1] > 19.5
     rolling, _ = motion(CONCRETE)
-    middle = 0.5 * (segments.begin + segments.end)
-    assert segments.speed == pytest.approx(rolling[(middle / STEP).astype(int)], abs=0.1)
+    middle = 0.5 * (segment.stamps[1:] + segment.stamps[:-1])
+    assert segment.speed == pytest.approx(rolling[(middle / STEP).astype(int)], abs=0.1)
+    assert segment.stationary[5:20].all() and not segment.stationary[80:].any()
+
+
+def test_the_grid_covers_all_intervals_and_averages_the_imu_samples():
+    segment, = straight_segments(straight_run(CONCRETE, 1), ROBOT)
+    assert segment.time[0] < segment.stamps[0] and segment.time[-1] > segment.stamps[-1]
+    assert np.diff(segment.time).min() > MIN_STEP - 1e-9
+    assert segment.noise < ROBOT.imu.accel_noise
+    over_ground = motion(CONCRETE)[1]
+    speed = over_ground[(segment.time / STEP).astype(int)]
+    assert np.std(segment.force - np.diff(speed) / np.diff(segment.time)) < 0.06
+
+
+def test_the_configured_latency_is_subtracted():
+    late = replace(ROBOT, encoder=replace(ROBOT.encoder, latency=0.1))
+    first, second = (straight_segments(straight_run(CONCRETE, 1), robot)[0]
+                     for robot in (ROBOT, late))
+    assert second.stamps[-1] == pytest.approx(first.stamps[-1] - 0.1, abs=0.13)
+    assert len(second.stamps) <= len(first.stamps)
+
+
+def test_a_body_settles_after_a_stop():
+    recording = straight_run(CONCRETE, 6, pace=stop_and_go)
+    segment, = straight_segments(recording, ROBOT)
+    still = segment.time[segment.stationary]
+    assert not ((still > 7.0) & (still < 8.3)).any()
+    assert ((still > 9.0) & (still < 10.5)).any()
 
 
 def test_turns_and_standstill_have_no_straight_segment():
-    assert straight_segments(straight_run(CONCRETE, 1, pace=lambda time: 0.0), ROBOT) is None
+    assert straight_segments(straight_run(CONCRETE, 1, pace=lambda time: 0.0), ROBOT) == []
     turning = straight_segments(recorded(turning_run(1, 20.0, turn=0.6)), ROBOT)
-    assert turning is None or len(turning.row) < 40
+    assert sum((np.abs(segment.speed) > 0.2).sum() for segment in turning) < 40
 
 
 def test_an_imu_gap_ends_a_segment():
-    recording = straight_run(CONCRETE, 2)
-    segments = straight_segments(without(recording, 10.0, 10.3), ROBOT)
-    assert segments.count == 2
-    assert not ((segments.end > 10.0) & (segments.begin < 10.3)).any()
+    segments = straight_segments(without(straight_run(CONCRETE, 2), 10.0, 10.3), ROBOT)
+    assert len(segments) == 2
+    assert segments[0].stamps[-1] < 10.0 and segments[1].stamps[0] > 10.3
 
 
 def test_a_missing_wheel_sample_ends_a_segment():
@@ -56,54 +85,19 @@ def test_a_missing_wheel_sample_ends_a_segment():
     received = np.arange(len(wheels.time)) != 200
     segments = straight_segments(replace(recording, wheels=WheelRecord(
         wheels.time[received], wheels.velocity[received], None)), ROBOT)
-    assert segments.count == 2
-
-
-def test_excluded_intervals_end_a_segment_and_short_segments_are_dropped():
-    recording = straight_run(CONCRETE, 3)
-    rows = straight_segments(recording, ROBOT).row
-    segments = straight_segments(recording, ROBOT, rows[[MIN_SEGMENT_INTERVALS - 1, 100]])
-    assert segments.count == 2
-    assert segments.row.tolist() == [*rows[MIN_SEGMENT_INTERVALS:100], *rows[101:]]
-    assert segments.elapsed[segments.sample_segment == 1].min() <= 0.01
+    assert len(segments) == 2
 
 
 def test_long_segments_are_split():
-    segments = straight_segments(straight_run(CONCRETE, 4, seconds=40.0), ROBOT)
-    assert segments.count == 2
-    assert np.bincount(segments.segment).max() == MAX_SEGMENT_INTERVALS
+    segments = straight_segments(
+        straight_run(CONCRETE, 4, seconds=140.0), ROBOT)
+    assert len(segments) == 2
+    assert max(len(segment.distance) for segment in segments) == MAX_SEGMENT_INTERVALS
 
 
 def test_a_high_wheel_rate_gives_merged_intervals():
-    segments = straight_segments(straight_run(CONCRETE, 5, wheel_rate=200.0), ROBOT)
-    assert np.median(segments.end - segments.begin) == pytest.approx(0.05, abs=0.006)
-
-
-def test_whitened_errors_are_white_with_unit_variance():
-    """Errors of wheel speeds minus those of the integrated acceleration, against truth."""
-    squares, correlations = [], []
-    rolling, over_ground = motion(CONCRETE)
-    rolled = np.cumsum(rolling) * STEP
-    distance = np.cumsum(over_ground) * STEP
-    fine = np.arange(len(rolling)) * STEP
-    for seed in range(8):
-        segments = straight_segments(straight_run(CONCRETE, seed), ROBOT)
-        true, ground = (np.interp(segments.end, fine, path) - np.interp(segments.begin, fine, path)
-                        for path in (rolled, distance))
-        # the estimated bias removes a linear trend of the error
-        steps = 0.5 * (segments.speed_gain[1:] + segments.speed_gain[:-1]) * np.diff(segments.time)
-        integral = np.concatenate([[0.0], np.cumsum(steps)])
-        integrated = np.interp(segments.end, segments.time, integral) - np.interp(
-            segments.begin, segments.time, integral)
-        duration = segments.end - segments.begin
-        error = segments.speed - true / duration + (ground - integrated) / duration
-        design = np.column_stack([np.ones(len(error)), 0.5 * (segments.begin + segments.end)])
-        white, columns = segments.whitened(error), segments.whitened(design)
-        white = white - columns @ np.linalg.lstsq(columns, white, rcond=None)[0]
-        squares.append(np.sum(white ** 2) / (len(white) - 2))
-        correlations.append(np.sum(white[1:] * white[:-1]) / np.sum(white ** 2))
-    assert 0.85 < np.mean(squares) < 1.15
-    assert abs(np.mean(correlations)) < 0.1
+    segment = straight_segments(straight_run(CONCRETE, 5, wheel_rate=200.0), ROBOT)[0]
+    assert np.median(np.diff(segment.stamps)) == pytest.approx(0.05, abs=0.006)
 
 
 def test_white_noise_is_separated_from_slow_changes():
