@@ -43,7 +43,7 @@ class SlipEstimatorParams:
         0.006, 'm/s', 'sigma of the lateral speed about B(8), correlated over 0.1 s',
         low=1e-5)
     slope_sigma: float = param(
-        0.0002, 'rad', 'sigma of the ground slope: laboratory floor; larger outdoors',
+        0.0002, 'rad', 'prior sigma of the ground slope, which is learned: laboratory floor',
         low=0.0)
     force_balance: str = param(
         'auto', '-', 'use tire forces; auto: from the first film or torque on',

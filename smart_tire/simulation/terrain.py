@@ -38,8 +38,8 @@ def rolling_hills(sigma: float, wavelengths: tuple[float, float], seed: int) -> 
     """
     rng = np.random.default_rng(seed)
     direction, phase = rng.uniform(0.0, math.tau, (2, WAVES))
-    shortest, longest = map(math.log, wavelengths)
-    wavenumber = math.tau / np.exp(rng.uniform(shortest, longest, WAVES))
+    wavenumber = math.tau / np.exp(rng.uniform(
+        math.log(wavelengths[0]), math.log(wavelengths[1]), WAVES))
     amplitude = 2.0 * sigma / math.sqrt(WAVES)
     k_x, k_y = wavenumber * np.cos(direction), wavenumber * np.sin(direction)
 

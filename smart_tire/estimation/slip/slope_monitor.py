@@ -18,7 +18,7 @@ import math
 from smart_tire.arrays import Array
 from smart_tire.estimation.slip.slope_residuals import SlopeResiduals
 from smart_tire.estimation.slip.slope_spread import (
-    change_sensitivity, SlopeResidual, SlopeSpread)
+    change_sensitivity, IMU_OUTLIER_SHARE, SlopeResidual, SlopeSpread)
 from smart_tire.estimation.slip.state import ImuStep
 from smart_tire.estimation.slip.tilt_rates import TiltConsistency
 from smart_tire.estimation.slip.wheel_odometry import WheelSpeeds
@@ -125,7 +125,7 @@ class SlopeMonitor:
         self._spread.elapse(length)
         self._spread.update_at_least([lateral])
         if longitudinal is not None:
-            self._spread.update([longitudinal])
+            self._spread.update(longitudinal)
         self._tilt.update((longitudinal, lateral), residuals.mean_tilts(begin, time),
                           GRAVITY ** 2 * residuals.tilt_density * length)
         self._begin = time
@@ -151,7 +151,10 @@ class SlopeMonitor:
         if last is not None:
             sensitivity = change_sensitivity(rest.distance - last.distance, rest.yaw - last.yaw)
             if sensitivity > MIN_REST_SENSITIVITY:
-                self._spread.update([
-                    SlopeResidual(after - before, rest.variance + last.variance, sensitivity)
-                    for before, after in zip(last.force, rest.force)])
+                # a road may be level across: the larger change counts
+                change = max((after - before for before, after in zip(last.force, rest.force)),
+                             key=abs)
+                self._spread.update(
+                    SlopeResidual(change, rest.variance + last.variance, sensitivity),
+                    IMU_OUTLIER_SHARE)
         self._rest = rest

@@ -136,8 +136,8 @@ class SlopeResiduals:
         scatter = float(np.sum((common - common.mean() - trend * time) ** 2)) / (len(points) - 2)
         scatter = max(scatter, *(point.variance for point in points))
         speed = max(abs(point.wheel_speed) for point in points)
-        bias = float(P[State.ACCEL_BIAS_X, State.ACCEL_BIAS_X])
-        noise = (scatter / square + _unsteadiness(points, trend) + bias
+        noise = (scatter / square + _unsteadiness(points, trend)
+                 + float(P[State.ACCEL_BIAS_X, State.ACCEL_BIAS_X])
                  + self.slip_change_noise(begin) + (0.5 * disagreement) ** 2
                  + LINE_FIT_NOISE / duration * (
                      self.accel_density + (SLIP_RANDOM_WALK * speed) ** 2))

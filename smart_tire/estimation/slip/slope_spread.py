@@ -55,10 +55,9 @@ class SlopeSpread:
         share = 1.0 - math.exp(-duration / GROUND_CHANGE_TIME)
         self._set((1.0 - share) * self._probability + share * self._prior)
 
-    def update(self, residuals: Iterable[SlopeResidual]) -> None:
-        """Add independent residuals."""
-        for residual in residuals:
-            self._set(self._probability * self._likelihood(residual, OUTLIER_SHARE))
+    def update(self, residual: SlopeResidual, outlier_share: float = OUTLIER_SHARE) -> None:
+        """Add a residual, which is independent of the previous ones."""
+        self._set(self._probability * self._likelihood(residual, outlier_share))
 
     def update_at_least(self, residuals: Iterable[SlopeResidual]) -> None:
         """Add residuals that rule out a smaller spread, but not a larger one."""

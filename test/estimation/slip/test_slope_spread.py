@@ -19,10 +19,15 @@ def residuals(spread, count, seed):
     return [SlopeResidual(value, NOISE ** 2, 1.0) for value in values.tolist()]
 
 
-def learned(spread, count, seed, prior=PRIOR):
+def fed(residuals, prior=PRIOR):
     slope = SlopeSpread(prior)
-    slope.update(residuals(spread, count, seed))
-    return slope.sigma
+    for residual in residuals:
+        slope.update(residual)
+    return slope
+
+
+def learned(spread, count, seed, prior=PRIOR):
+    return fed(residuals(spread, count, seed), prior).sigma
 
 
 @pytest.mark.parametrize('true', [0.005, 0.02, 0.05])
@@ -42,17 +47,12 @@ def test_level_ground_keeps_the_prior_within_its_sigma(seed):
 
 
 def test_a_single_outlier_does_not_make_hills():
-    slope = SlopeSpread(PRIOR)
-    slope.update(residuals(0.0, 10, 1))
-    slope.update([SlopeResidual(0.4, NOISE ** 2, 1.0)])
-    slope.update(residuals(0.0, 10, 2))
-    assert slope.sigma < 1e-3
+    outlier = SlopeResidual(0.4, NOISE ** 2, 1.0)
+    assert fed([*residuals(0.0, 10, 1), outlier, *residuals(0.0, 10, 2)]).sigma < 1e-3
 
 
 def test_an_imprecise_residual_is_no_evidence():
-    slope = SlopeSpread(PRIOR)
-    slope.update([SlopeResidual(0.3, 0.3 ** 2, 1.0)] * 5)
-    assert slope.sigma < 2.0 * PRIOR
+    assert fed([SlopeResidual(0.3, 0.3 ** 2, 1.0)] * 5).sigma < 2.0 * PRIOR
 
 
 def test_residuals_of_the_imu_alone_raise_the_spread_and_never_lower_it():
@@ -65,10 +65,10 @@ def test_residuals_of_the_imu_alone_raise_the_spread_and_never_lower_it():
 
 
 def test_level_ground_after_hills_is_learned_again():
-    slope = SlopeSpread(PRIOR)
-    slope.update(residuals(0.02, 20, 1))
+    slope = fed(residuals(0.02, 20, 1))
     slope.elapse(100.0)
-    slope.update(residuals(0.0, 60, 2))
+    for residual in residuals(0.0, 60, 2):
+        slope.update(residual)
     assert slope.sigma < 1e-3
 
 
