@@ -45,7 +45,7 @@ ACCEL_SCALE_SIGMA = 0.05    # of accelerations; the body pitches by 0.3 degrees 
 BIAS_SIGMA = 0.15           # m/s2, turn-on bias and mounting
 INITIAL_FRICTIONS = (0.6, 0.2)  # starts of the fit: a slippery ground may mimic a soft tire
 INITIAL_FORCE_NOISE = 0.1   # m/s2, of the force balance of a step
-MIN_FORCE_NOISE = 0.03      # m/s2, likewise, assumed
+MIN_FORCE_NOISE = 0.03      # m/s2, of a step; assumed
 MIN_JITTER = 1e-4           # s
 ROUNDS = 3                  # of the noise, then fit
 MAX_ITERATIONS = 40         # of Gauss-Newton
@@ -57,7 +57,8 @@ MAX_NOISE_SHARE = 0.08      # of accelerations; more noise makes a tire seem too
 MAX_LATENCY_ERROR = 0.04    # s, of the configured latency
 IMPLAUSIBLE_SIGMAS = 4.0    # standard errors by which a drag may be negative
 MAX_FORCE_ERROR_SHARE = 0.3  # of accelerations, of the force balance
-PROBES = 4                  # random vectors for the degrees of freedom of a group
+MIN_FREEDOM = 0.1           # degrees of freedom per row of a group; its estimate is random
+PROBES = 8                  # random vectors for the degrees of freedom of a group
 
 
 Factor = Callable[[Array], Array]  # solves the normal equations
@@ -274,7 +275,7 @@ def _estimated_noise(problem: _Problem, found: _Solution) -> Noise:
             back = jacobian.T @ probes
             used = float(np.sum(back * found.factor(back))) / PROBES
             squares += float(np.sum(weight * residual ** 2))
-            freedom += len(residual) - used
+            freedom += max(len(residual) - used, MIN_FREEDOM * len(residual))
         scale[group] = math.sqrt(max(squares, 1e-6) / max(freedom, 1.0))
     return Noise(max(problem.noise.stamp * scale['stamp'], MIN_JITTER),
                  max(problem.noise.force * scale['force'], MIN_FORCE_NOISE))
