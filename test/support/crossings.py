@@ -74,5 +74,5 @@ def _film_samples(
     volts = volts + film.noise * rng.standard_normal(len(x)) + film.rest_voltage
     codes = np.clip(np.rint(volts / film.code_voltage), 0, 2**film.bits - 1)
     rail = np.where(codes == 0, -1, np.where(codes == 2**film.bits - 1, 1, 0))
-    return FilmSamples(index, center + distance * (1.0 + scale),
+    return FilmSamples(index, (center + distance) * (1.0 + scale),
                        codes * film.code_voltage - film.rest_voltage, rail.astype(np.int8))
