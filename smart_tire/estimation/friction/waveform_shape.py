@@ -56,7 +56,7 @@ class ShapeEstimator:
         whole = prior.precision + information
         # the squared innovation relative to the prior, and its limit
         square = float(innovation @ prior.precision @ innovation)
-        freedom = float(np.sum(information * inverse_spd(whole)))
+        freedom = max(float(np.sum(information * inverse_spd(whole))), 1.0)
         limit = freedom + OUTLIER_SIGMAS * math.sqrt(2.0 * freedom)
         self._outliers = self._outliers + 1 if square > limit else 0
         if self._outliers == MAX_OUTLIERS:

@@ -111,6 +111,14 @@ def test_an_estimate_is_weighted_by_its_information():
     assert 0.1 < error @ shape.prior.precision @ error / SIZE < 1.0
 
 
+def test_a_crossing_without_information_changes_nothing():
+    shape = ShapeEstimator()
+    shape.update(shape.prior.value, np.zeros((SIZE, SIZE)))
+    assert np.all(shape.prior.value == 0.0)
+    np.testing.assert_allclose(
+        np.linalg.inv(shape.prior.precision), initial_covariance(), rtol=1e-4, atol=1e-6)
+
+
 def test_outliers_have_less_weight_until_they_persist():
     shape, exact = ShapeEstimator(), np.eye(SIZE) / 0.01**2
     zero = np.zeros(SIZE)
