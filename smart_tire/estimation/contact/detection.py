@@ -39,15 +39,19 @@ class CrossingDetector:
         self._film_length, self._patch = film.length, patch
         self._center_offset = 0.5 * (patch - film.length)  # x where the centers coincide
         self._variance = film.sample_variance
-        # table of the bending output, and of the stretch output per slip for NORMALIZED_SLIPS
+        # tables of the bending output, and of the stretch output per slip for NORMALIZED_SLIPS
         self._table_begin = -film.length - TABLE_STEP
         x = np.arange(self._table_begin, patch + RELEASE_TAIL, TABLE_STEP)
         t = NORMALIZED_SLIPS[:, np.newaxis]
-        self._table = np.concatenate([
+        strain = strain_charge.overlap_integral(x, t, t, 1.0, film.length, patch) / t
+        first, second = tread_film.RELEASE_WEIGHTS.values()
+        between = 0.5 * (first[0] + second[0]), 0.5 * (first[1] + second[1])
+        self._tables = [np.concatenate([
             tread_film.bending(x, film.length, patch, film.bending_alpha,
-                               film.release).value[np.newaxis],
-            strain_charge.overlap_integral(x, t, t, 1.0, film.length, patch) / t])
-        self._table[:, -1] = 0.0
+                               release).value[np.newaxis], strain])
+            for release in (film.release, between)]
+        for table in self._tables:
+            table[:, -1] = 0.0
 
     def detect(self, distance: Array, volts: Array, *, bending: float, gain: float,
                between: tuple[float, float]) -> Detection | None:
@@ -55,14 +59,23 @@ class CrossingDetector:
         Return the film crossing in ``volts`` above baseline, None if there is none.
 
         ``distance`` (n,) [m] is rolled in the direction of motion, up to a constant. The center
-        is searched ``between`` two distances. ``bending`` [V] and ``gain`` [V/m] are nominal.
+        is searched ``between`` two distances. ``bending`` [V] and ``gain`` [V/m] are nominal. A
+        release between the two conventions is tried if the configured one does not fit.
         """
         if len(distance) < MIN_SAMPLES:
             return None
+        for table in self._tables:
+            found = self._detect(table, distance, volts, bending, gain, between)
+            if found is not None:
+                return found
+        return None
+
+    def _detect(self, table: Array, distance: Array, volts: Array, bending: float, gain: float,
+                between: tuple[float, float]) -> Detection | None:
         centers = np.arange(between[0], between[1] + SEARCH_STEP, SEARCH_STEP)
         stride = max(len(distance) // MAX_SEARCH_SAMPLES, 1)
         shifted = distance + self._center_offset
-        score = self._score(self._templates(shifted[::stride] - centers[:, np.newaxis]),
+        score = self._score(self._templates(table, shifted[::stride] - centers[:, np.newaxis]),
                             volts[::stride], bending, gain)
         j, i = divmod(int(score.argmax()), len(centers))
         center = float(centers[i]) + SEARCH_STEP * _peak_offset(score[j], i)
@@ -71,7 +84,7 @@ class CrossingDetector:
         x, volts = x[inside], volts[inside]
         if len(x) < MIN_SAMPLES:
             return None
-        templates = self._templates(x)
+        templates = self._templates(table, x)
         bend, strain = templates[0], templates[1 + j]
         amplitude, stretch = map(float, self._amplitudes(
             bend @ bend, strain @ strain, bend @ strain, bend @ volts, strain @ volts, bending,
@@ -108,10 +121,10 @@ class CrossingDetector:
         determinant = bb * ss - bs * bs
         return (ss * bv - bs * sv) / determinant, (bb * sv - bs * bv) / determinant
 
-    def _templates(self, x: Array) -> Array:
+    def _templates(self, table: Array, x: Array) -> Array:
         """Return bending and stretch per slip at positions x, (1 + templates, ...)."""
         index = ((x - self._table_begin) * (1.0 / TABLE_STEP) + 0.5).astype(np.intp)
-        found: Array = self._table.take(index, axis=1, mode='clip')
+        found: Array = table.take(index, axis=1, mode='clip')
         return found
 
     def _coverage(self, x: Array) -> float:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.friction.grid import Case
+from benchmarks.friction.synthesis import CrossingSynthesizer
 from smart_tire.estimation.contact.detection import CrossingDetector
 from smart_tire.models.tire import tread_film
 from smart_tire.parameters import build, RobotParams
@@ -39,6 +41,18 @@ def test_a_crossing_is_detected_at_its_center(slip, rpm, release):
             assert detection.slip == pytest.approx(slip, abs=0.3 * abs(slip) + 0.07)
             assert detection.bending == pytest.approx(robot.film.bending(WHEEL)[i], rel=0.3)
             assert detection.coverage > 0.75  # clipped samples do not count
+
+
+@pytest.mark.parametrize('release', ['fig8', 'state'])
+@pytest.mark.parametrize('share', [0.3, 0.5, 0.7])
+@pytest.mark.parametrize('slip', [0.05, 0.3, -0.1, -0.3])
+def test_a_crossing_with_a_release_between_the_conventions_is_detected(slip, share, release):
+    source = CrossingSynthesizer(Case(slip=slip, release=release, release_share=share), 2)
+    for _ in range(10):
+        samples = source.crossing().samples
+        assert [film.film for film in samples.films] == [0, 1]
+        for detection, center in zip(samples.detections, (0.0, 0.03)):
+            assert detection.center == pytest.approx(center, abs=3e-3)
 
 
 def test_lost_samples_reduce_the_coverage():

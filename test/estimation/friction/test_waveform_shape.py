@@ -58,11 +58,17 @@ def test_sigmas_are_consistent_from_the_first_crossing_on(title):
 
 
 @pytest.mark.parametrize('release', ['fig8', 'state'])
-def test_the_share_of_the_other_release_is_learned(release):
-    case = Case(slip=0.1, release=release, release_share=0.3)
+@pytest.mark.parametrize('share', [0.2, 0.5, 0.7])
+@pytest.mark.parametrize('slip', [0.1, -0.1])
+def test_a_release_between_the_conventions_is_learned(slip, share, release):
+    case = Case(slip=slip, release=release, release_share=share)
     method = WaveformMethod(WHEEL, case.robot)
-    assert None not in results(case, 12, 3, method)
-    assert method.shape.prior.value[Release.SHARE] == pytest.approx(0.3, abs=0.03)
+    found = results(case, 20, 3, method)
+    assert method.shape.prior.value[Release.SHARE] == pytest.approx(share, abs=0.03)
+    errors = [((one.films_only.normalized_slip - case.normalized_slip)
+               / one.films_only.normalized_slip_sigma,
+               (one.films_only.slip - slip) / one.films_only.slip_sigma) for one in found]
+    assert np.all(np.mean(np.square(errors), axis=0) < 2.0)
 
 
 @pytest.mark.parametrize('title', OTHER_SHAPES)
