@@ -133,10 +133,12 @@ class WaveformFitter:
         if start is not None:
             last = self._last
             # the model is already evaluated where the last fit ended
-            return self._solve(samples, prior, last[1].point.p if last and last[0] is start
-                               else start.parameters)
+            p = last[1].point.p if last and last[0] is start else start.parameters
+            return self._solve(samples, self._prior(samples, prior, float(p[Shared.SLIP])), p)
         p = self._start(samples)
-        best = self._solve_in_steps(samples, prior, p), self._last
+        # the prior of a relative change of slip is that of the detected slip for all starts
+        whole = self._prior(samples, prior, float(p[Shared.SLIP]))
+        best = self._solve_in_steps(samples, whole, p), self._last
         for slip in (-float(p[Shared.SLIP]), 0.0):
             if best[0].excess <= RESTART_EXCESS:
                 break
@@ -144,22 +146,20 @@ class WaveformFitter:
             p[Shared.SLIP] = slip
             if not slip:  # the release has a wrong share, which the detector takes for slip
                 p[Shared.NORM_SLIP] = MIN_START_NORMALIZED_SLIP
-            best = min(best, (self._solve_in_steps(samples, prior, p), self._last),
+            best = min(best, (self._solve_in_steps(samples, whole, p), self._last),
                        key=lambda found: found[0].excess)
         found, self._last = best
         return found
 
-    def _solve_in_steps(self, samples: CrossingSamples, prior: CrossingSlipPrior, p: Array
-                        ) -> WaveformFit:
+    def _solve_in_steps(self, samples: CrossingSamples, prior: Prior, p: Array) -> WaveformFit:
         """Fit with the bumps as learned before all parameters: far from the minimum it is fast."""
         if self._shape is None:
             return self._solve(samples, prior, p)
-        whole = self._prior(samples, prior, float(p[Shared.SLIP]))
         return self._solve(samples, prior, self._solver.run(
-            p, whole.without(BUMPS), ROUGH_REDUCTION).point.p)
+            p, prior.without(BUMPS), ROUGH_REDUCTION).point.p)
 
-    def _solve(self, samples: CrossingSamples, prior: CrossingSlipPrior, p: Array) -> WaveformFit:
-        result = self._solver.run(p, self._prior(samples, prior, float(p[Shared.SLIP])))
+    def _solve(self, samples: CrossingSamples, prior: Prior, p: Array) -> WaveformFit:
+        result = self._solver.run(p, prior)
         found = _waveform_fit(samples, result)
         self._last = found, result
         return found

@@ -34,6 +34,7 @@ MAX_PEAK_SIGMA = 0.3     # of the contact length, of x_m
 UNKNOWN_COUPLING = 0.5   # of normalized slip to slip, where the lateral slip is unknown
 CURVATURE_SHARE = 0.5    # of the squared relative change of slip: error of the linear model
 MIN_SLIP_SCALE = 0.01    # -, below which a relative change is undefined
+MIN_NORMALIZED_SCALE = 0.1  # -, of normalized slip, in the same role
 COMPARISON_EXCESS = 1.25  # mean square of normalized residuals that triggers a film comparison
 DIFFERENCE_SIGMAS = 2.0  # between two films, beyond which they crossed two surfaces
 UNKNOWN_GAIN_SIGMA = 1.0  # relative, of gains that carry no information
@@ -69,7 +70,7 @@ class WaveformMethod:
             full_sliding = films_only is not varied
             last, fused = self._fuse(crossing, motion, first, full_sliding)
             fused = fused.inflated(consistency_inflation(films_only, motion.slip))
-        self.shape.update(*shape)
+        self.shape.update(*shape, crossing.speed_change)
         return MethodResult(films_only, fused, self._shift(first), *self._peaks(last, crossing))
 
     def _fuse(self, crossing: PatchCrossing, motion: WheelMotion, first: WaveformFit,
@@ -199,7 +200,7 @@ def _with_slip_variation(fit: WaveformFit, residual: float) -> SlipFit:
     growth, spread = (math.hypot(CURVATURE_SHARE * sum(map(_squared, fit.shared(which))),
                                  residual / scale)
                       for which in (Shared.SLIP_CHANGE, Shared.NORM_SLIP_CHANGE))
-    sigma = np.array([growth * scale, spread * normalized_slip])
+    sigma = np.array([growth * scale, spread * max(abs(normalized_slip), MIN_NORMALIZED_SCALE)])
     return SlipFit(slip, normalized_slip, fit.white_cov + np.diag(sigma**2), fit.systematic_cov)
 
 

@@ -24,7 +24,10 @@ CORRELATION_LENGTH = 0.003  # m, of the deviations from the nominal shape of a b
 UNCORRELATED_SIGMA = 0.03   # of the shape, uncorrelated between knots
 RANDOM_WALK_SHARE = 0.001   # of the initial standard deviations, random walk per crossing
 # of a crossing's information that is used: the errors of its samples over distance are correlated
-INFORMATION_SHARE = 0.3
+INFORMATION_SHARE = 0.5
+# relative change of the wheel speed in a crossing that halves the information: the slip changes,
+# too, in a way that the fit takes for a shape
+STEADY_SPEED_CHANGE = 0.02
 OUTLIER_SIGMAS = 5.0        # of the squared innovation, beyond which a crossing has less weight
 MAX_OUTLIERS = 3            # consecutive, after which the shape has changed
 
@@ -46,11 +49,12 @@ class ShapeEstimator:
         self._outliers = 0
         self.prior = ShapePrior(np.zeros(len(self._initial)), inverse_spd(self._covariance))
 
-    def update(self, value: Array, information: Array) -> None:
+    def update(self, value: Array, information: Array, speed_change: float = 0.0) -> None:
         """
         Correct with the estimate ``value`` of a crossing and the information matrix of its data.
 
-        ``value`` is the posterior mean with ``prior`` and ``information``.
+        ``value`` is the posterior mean with ``prior`` and ``information``. Less of the information
+        is used if the wheel speed changes by the share ``speed_change`` in the crossing.
         """
         prior, innovation = self.prior, value - self.prior.value
         whole = prior.precision + information
@@ -63,7 +67,8 @@ class ShapeEstimator:
             self._outliers = 0
             self._set(prior.value, self._covariance + self._initial)
             return
-        weight = INFORMATION_SHARE * limit / max(square, limit)
+        weight = INFORMATION_SHARE * limit / max(square, limit) / (
+            1.0 + (speed_change / STEADY_SPEED_CHANGE)**2)
         posterior = inverse_spd(prior.precision + weight * information)
         self._set(prior.value + weight * posterior @ (whole @ innovation), posterior)
 
