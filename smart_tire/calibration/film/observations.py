@@ -78,14 +78,14 @@ class ObservationFitter:
         slip = crossing.slip.value
         fit = fitter.fit(samples, CrossingSlipPrior(
             Uncertain(slip, UNINFORMATIVE_SLIP_SIGMA), crossing.change))
-        shape = None if fit is None else fitter.shape(fit)
+        first, shape = fit, None if fit is None else fitter.shape(fit)
         if fit is not None and gains:
             fit = fitter.fit(samples, CrossingSlipPrior(
                 Uncertain(slip, EXACT_SLIP_SIGMA), crossing.change), _with_slip(fit, slip))
         if fit is None or not self._plausible(fit, crossing.wheel):
             return None
-        if shape is not None:
-            self._shapes[crossing.wheel].update(*shape)
+        if first is not None and shape is not None:
+            self._shapes[crossing.wheel].update(*shape, excess=first.excess)
         count = len(samples.films)
         rows, value = _rows(fit, crossing.direction, gains)
         raw = fit.covariance / fit.excess

@@ -70,7 +70,8 @@ class WaveformMethod:
             full_sliding = films_only is not varied
             last, fused = self._fuse(crossing, motion, first, full_sliding)
             fused = fused.inflated(consistency_inflation(films_only, motion.slip))
-        self.shape.update(*shape, crossing.speed_change)
+        self.shape.update(
+            *shape, excess=first.excess, speed_change=crossing.speed_change)
         return MethodResult(films_only, fused, self._shift(first), *self._peaks(last, crossing))
 
     def _fuse(self, crossing: PatchCrossing, motion: WheelMotion, first: WaveformFit,

@@ -29,6 +29,7 @@ INFORMATION_SHARE = 0.5
 # too, in a way that the fit takes for a shape
 STEADY_SPEED_CHANGE = 0.02
 OUTLIER_SIGMAS = 5.0        # of the squared innovation, beyond which a crossing has less weight
+POOR_EXCESS = 2.0         # of a fit that contradicts the shape
 MAX_OUTLIERS = 3            # consecutive, after which the shape has changed
 
 
@@ -49,12 +50,14 @@ class ShapeEstimator:
         self._outliers = 0
         self.prior = ShapePrior(np.zeros(len(self._initial)), inverse_spd(self._covariance))
 
-    def update(self, value: Array, information: Array, speed_change: float = 0.0) -> None:
+    def update(self, value: Array, information: Array, *, excess: float = 1.0,
+               speed_change: float = 0.0) -> None:
         """
         Correct with the estimate ``value`` of a crossing and the information matrix of its data.
 
         ``value`` is the posterior mean with ``prior`` and ``information``. Less of the information
         is used if the wheel speed changes by the share ``speed_change`` in the crossing.
+        ``excess`` is that of the fit.
         """
         prior, innovation = self.prior, value - self.prior.value
         whole = prior.precision + information
@@ -62,7 +65,8 @@ class ShapeEstimator:
         square = float(innovation @ prior.precision @ innovation)
         freedom = max(float(np.sum(information * inverse_spd(whole))), 1.0)
         limit = freedom + OUTLIER_SIGMAS * math.sqrt(2.0 * freedom)
-        self._outliers = self._outliers + 1 if square > limit else 0
+        poor = square > limit or excess > POOR_EXCESS and speed_change < STEADY_SPEED_CHANGE
+        self._outliers = self._outliers + 1 if poor else 0
         if self._outliers == MAX_OUTLIERS:
             self._outliers = 0
             self._set(prior.value, self._covariance + self._initial)
