@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from smart_tire.analysis.calibrate_robot import identify_geometry, identify_icr
+from smart_tire.analysis.calibrate_robot import (
+    ANY_REFERENCE, identify_geometry, identify_icr)
 from smart_tire.calibration.robot.geometry import LATENCY, parameters, RADIUS, STATIC_IMU, TRACK
 from smart_tire.errors import EstimatorError
 from smart_tire.parameters import build, RobotParams
@@ -29,7 +30,8 @@ def recording(name):
 @pytest.mark.parametrize('until', [FIRST_DRIVE, 1e6])
 def test_the_warthog_shows_latency_radius_and_track(until):
     """Known: a rolling radius of 0.285 m and an effective track of about 1.9 m."""
-    found = identify_geometry(recording('warthog_asphalt'), WARTHOG, until=until)
+    found = identify_geometry(recording('warthog_asphalt'), WARTHOG, until=until,
+                              reference=ANY_REFERENCE)
     latency, radius, track = (found.get(name) for name in (LATENCY, RADIUS, TRACK))
     # 0.17 s as instantaneous speeds; about 0.06 s less as means over 0.1 to 0.15 s
     assert 0.05 < latency.value < 0.13 and latency.sigma < 0.01
@@ -55,14 +57,14 @@ def test_the_standstill_of_the_warthog_shows_noise_only():
 
 
 def test_the_mean_wheel_speed_of_the_husky_gives_a_radius_but_no_track():
-    found = identify_geometry(recording('husky_rectangle'), HUSKY)
+    found = identify_geometry(recording('husky_rectangle'), HUSKY, reference=ANY_REFERENCE)
     assert LATENCY in found.refused and TRACK in found.refused
     assert found.get(RADIUS).value == pytest.approx(0.1651, rel=0.04)
 
 
 def test_the_icr_of_both_robots_is_within_the_robot():
     for name, robot in (('warthog_asphalt', WARTHOG), ('husky_rectangle', HUSKY)):
-        fit = identify_icr(recording(name), robot)
+        fit = identify_icr(recording(name), robot, reference=ANY_REFERENCE)
         assert abs(fit.icr.value) < 0.5 * robot.wheelbase
         assert 'reference' in fit.source
 
