@@ -16,6 +16,7 @@ import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.estimation.slip.force_model import ForceModel, MIN_ROLLING_SPEED
+from smart_tire.estimation.slip.motion_model import DRAG_MEAN
 from smart_tire.estimation.slip.robust_ekf import Measurement, RobustEkf
 from smart_tire.estimation.slip.state import ImuReading, N, State
 from smart_tire.parameters import SlipEstimatorParams
@@ -24,6 +25,7 @@ from smart_tire.uncertain import Uncertain
 
 GROUND_CHANGE_SIGMAS = 3.0    # of two consecutive common innovations of the wheels, same sign
 RATIO_CHANGE_SIGMAS = 3.5     # of the innovation of one adhesion ratio
+MAX_PRIOR_SIGMAS = 3.0        # of ln C_x, beyond which the estimate has diverged
 CHANGED_DRAG_SIGMA = 0.05     # -, of the rolling resistance on new ground
 LATERAL_SPEED_NOISE = 0.025   # m/s, of v_y; below, the lateral force does not determine C_x
 LATERAL_CORRELATION = 10.0    # samples over which the effect of C_x on v_y counts as white
@@ -97,6 +99,8 @@ class ForceUpdate:
             self._last_score = 0.0
             return
         self._ekf.correct(self._iterated(residual), considered=GROUND_ROWS)
+        if abs(self._ekf.x[State.LN_STIFFNESS]) > MAX_PRIOR_SIGMAS * self._sigmas[0]:
+            self._forget_ground()
 
     def _iterated(self, residual: Four) -> Measurement:
         """Return the balance, linearized where it is fulfilled: slip is nonlinear at low speed."""
@@ -187,6 +191,15 @@ class ForceUpdate:
         if score * last > 0.0 and min(abs(score), abs(last)) > GROUND_CHANGE_SIGMAS:
             self._change_ground()
             self._last_score = 0.0
+
+    def _forget_ground(self) -> None:
+        """Return to the priors of the ground: no ground has such a stiffness."""
+        x, F, Q = self._ekf.x.copy(), np.eye(N), np.zeros((N, N))
+        for row, sigma in zip(GROUND_ROWS, self._sigmas):
+            x[row] = DRAG_MEAN if row is State.DRAG else 0.0
+            F[row, row], Q[row, row] = 0.0, sigma ** 2
+        self._ekf.predict(x, F, Q)
+        self.ground_changes += 1
 
     def _change_ground(self) -> None:
         Q, P = np.zeros((N, N)), self._ekf.P

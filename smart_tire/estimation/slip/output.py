@@ -21,6 +21,7 @@ from smart_tire.samples import Four, GroundState, Icr, Odometry, Vector3, WheelS
 from smart_tire.uncertain import Uncertain
 
 MIN_YAW_RATE = 0.05        # rad/s; below, the ICR is too far away to be observable
+OTHER_GROUND_SIGMA = 0.12  # of ln C_x far from the calibrated value, model; from simulated runs
 DRIVE_ACCELERATION = 1.0   # m/s2, typical of a robot; not observable under more vibration
 PLANAR_VARIANCE = 1e-6     # m^2, rad^2 and per s: height and its rate, zero in the plane
 
@@ -85,13 +86,16 @@ class SlipOutputBuilder:
         row, nominal = State.LN_STIFFNESS, self._robot.tire.longitudinal_stiffness
         sigma = math.sqrt(P[row, row])
         stiffness = nominal * math.exp(x[row])
+        departure = min(1.0, abs(x[row]) / (
+            2.0 * max(self._robot.tire.longitudinal_stiffness_sigma, 1e-3)))
+        total = math.hypot(sigma, departure * OTHER_GROUND_SIGMA)
         covariances = self._kinematics.slip_covariances(x, P, context.imu.yaw_rate, row)
         slip_sigmas = self._kinematics.slip_sigmas(x, P, context.imu.yaw_rate)
-        left, right = (min(max(covariance / max(sigma * slip_sigma, 1e-12), -1.0), 1.0)
+        left, right = (min(max(covariance / max(total * slip_sigma, 1e-12), -1.0), 1.0)
                        for covariance, slip_sigma in zip(covariances, slip_sigmas))
         scale = math.exp(x[State.TORQUE_SCALE])
         return GroundState(
-            context.instant_ns, Uncertain(stiffness, stiffness * sigma),
+            context.instant_ns, Uncertain(stiffness, stiffness * total),
             Uncertain(x[State.DRAG], math.sqrt(P[State.DRAG, State.DRAG])),
             Uncertain(scale, scale * math.sqrt(P[State.TORQUE_SCALE, State.TORQUE_SCALE])),
             (left, right))
