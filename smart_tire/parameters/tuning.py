@@ -46,7 +46,7 @@ class SlipEstimatorParams:
         0.0002, 'rad', 'prior sigma of the ground slope, which is learned: laboratory floor',
         low=0.0)
     force_balance: str = param(
-        'auto', '-', 'use tire forces; auto: from the first film or torque on',
+        'auto', '-', 'use tire forces and motor torques; auto: with films',
         choices=('auto', 'on', 'off'))
     ground_stiffness_sigma: float = param(
         0.5, '-', 'sigma of ln C_x on ground other than the calibrated one', low=0.01, high=2.0)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-import math
 from typing import Any, Protocol
 
 from smart_tire.arrays import Array
@@ -152,7 +151,8 @@ class SlipSegment:
         self._predict([sample for sample in samples if isinstance(sample, ImuSample)])
         self._predictor.bridge_dropout(
             self._seconds(instant_ns), self.wheels.odometry.side_speeds)
-        self._enable_forces(samples)
+        if self._automatic and self._films_used:  # torques alone: sigmas are not consistent
+            self.filter.forces.enabled = True
         for sample in samples:
             if isinstance(sample, WheelSample) and not self.wheels.correct(
                     self._seconds(sample.stamp_ns) - self._latency, sample):
@@ -161,13 +161,6 @@ class SlipSegment:
             self._correct_with_films(self._films, instant_ns)
         self._closed_ns = instant_ns
         return self._estimates(instant_ns)
-
-    def _enable_forces(self, samples: list[Any]) -> None:
-        """Enable the force balance once there are films or torques, if it is automatic."""
-        if self._automatic and not self.filter.forces.enabled:
-            efforts = (sample.effort for sample in samples if isinstance(sample, WheelSample))
-            self.filter.forces.enabled = self._films_used > 0 or any(
-                effort is not None and any(map(math.isfinite, effort)) for effort in efforts)
 
     def _seconds(self, stamp_ns: int) -> float:
         assert self._origin_ns is not None

@@ -84,7 +84,7 @@ def errors(name: str, ground: str) -> Errors:
             events = without_torque(events)
         elif case.efforts:
             events = with_efforts(events, case.efforts)
-        runs.append(estimate(events, **dict(case.values))[0])
+        runs.append(estimate(events, **{'force_balance': 'on', **dict(case.values)})[0])
     return pooled(runs)
 
 
