@@ -18,6 +18,7 @@ from smart_tire.arrays import Array
 from smart_tire.estimation.slip.force_model import ForceModel, MIN_ROLLING_SPEED
 from smart_tire.estimation.slip.motion_model import DRAG_MEAN
 from smart_tire.estimation.slip.robust_ekf import Measurement, RobustEkf
+from smart_tire.estimation.slip.slip_process import InnovationChangeDetector
 from smart_tire.estimation.slip.state import ImuReading, N, State
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.samples import Four
@@ -73,7 +74,7 @@ class ForceUpdate:
         self._model = ForceModel(robot)
         self._sigmas = (params.ground_stiffness_sigma, params.ground_friction_sigma,
                         CHANGED_DRAG_SIGMA)
-        self._last_score = 0.0
+        self._contradiction = InnovationChangeDetector(GROUND_CHANGE_SIGMAS)
         self._checks = [TorqueCheck() for _ in range(4)]
         self._mean_torques: Array = np.zeros(4)
         self.enabled = params.force_balance == 'on'
@@ -96,7 +97,7 @@ class ForceUpdate:
         self.active = self.enabled and min(
             abs(rolling[0] + rolling[2]), abs(rolling[1] + rolling[3])) > 2.0 * MIN_ROLLING_SPEED
         if not self.active:
-            self._last_score = 0.0
+            self._contradiction.update(0.0, 1.0)
             return
         self._ekf.correct(self._iterated(residual), considered=GROUND_ROWS)
         if abs(self._ekf.x[State.LN_STIFFNESS]) > MAX_PRIOR_SIGMAS * self._sigmas[0]:
@@ -187,10 +188,9 @@ class ForceUpdate:
             return
         S = travels.H @ self._ekf.P @ travels.H.T + travels.R
         score = float((travels.z - travels.expected).sum()) / math.sqrt(float(S.sum()))
-        last, self._last_score = self._last_score, score
-        if score * last > 0.0 and min(abs(score), abs(last)) > GROUND_CHANGE_SIGMAS:
+        if self._contradiction.update(score, 1.0) > 0.0:
             self._change_ground()
-            self._last_score = 0.0
+            self._contradiction.update(0.0, 1.0)
 
     def _forget_ground(self) -> None:
         """Return to the priors of the ground: no ground has such a stiffness."""
