@@ -23,7 +23,6 @@ missing, and no other request waits for them longer than ``MAX_CURRENT_WAIT``.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 import itertools
 import math
 import threading
@@ -31,11 +30,11 @@ import time
 from typing import Any
 
 from smart_tire.control.duty_gate import DutyGate, STOPPED
+from smart_tire.drivers.roboclaw_board import Board
 from smart_tire.drivers.roboclaw_line import RoboclawLine
 from smart_tire.drivers.wheel_encoder import MotionCheck, WheelEncoder
 from smart_tire.errors import FrameError
 from smart_tire.models.vehicle.drive import measured_torque
-from smart_tire.numerics.rates import mean_rates
 from smart_tire.parameters.hardware import MotorDriverParams
 from smart_tire.protocol.roboclaw import (
     ACKNOWLEDGE, BATTERY_RESOLUTION, current_from_code, duty_code, duty_from_code, READ_BATTERY,
@@ -54,49 +53,10 @@ MAX_SPEED_PERIODS = 4              # poll periods; a longer mean speed is outdat
 MIN_ZERO_REPLIES = 2               # consecutive; one may be a late reply to another duty
 MAX_CURRENT_RATE = 50.0            # Hz, of readings of the currents of a board
 MAX_CURRENT_WAIT = 0.02            # s for a reply with currents, at most one poll period
-CURRENT_RETRY_PERIOD = 0.25        # s, after the second missing reply; doubles with each further
-MAX_CURRENT_RETRY_PERIOD = 10.0    # s, also between requests to a board without that command
 MIN_MISSING_CURRENTS = 4           # consecutive missing replies that are reported
 AXLES = ('front', 'rear')
 LINE_HOLD = 'line'                 # name of the hold while the boards are not served
 NOT_READY = 'motor boards are not ready'
-
-
-@dataclass
-class _Board:
-    """One board with the encoders of its axle and its latest replies."""
-
-    address: int
-    name: str
-    encoders: list[WheelEncoder]
-    checks: list[MotionCheck]
-    read_ns: int | None = None   # steady clock, latest reading of the encoders
-    elapsed_ns: int = 0          # between the two latest readings
-    sampled: list[float] = field(default_factory=lambda: [0.0, 0.0])  # rad, at the last sample
-    span_ns: int = 0             # since the last sample
-    duty: tuple[float, float] = (0.0, 0.0)  # at the motor terminals, as acknowledged
-    zero_replies: int = 0        # consecutive acknowledgments of zero duty
-    torques: tuple[float, ...] = (NAN, NAN)  # N m, forward, at the wheels; of the present sample
-    missing_currents: int = 0    # consecutive requests for currents without a good reply
-    currents_ns: int = 0         # steady clock, before which currents are not requested
-    low_readings: int = 0        # of the supply voltage, consecutive
-    supply_voltage: float = math.nan  # V
-
-    def reset(self) -> None:
-        """Discard readings from before a pause."""
-        self.read_ns = None
-        self.begin_span()
-        for check in self.checks:
-            check.reset()
-
-    def begin_span(self) -> None:
-        """Begin a new period of the mean speeds."""
-        self.sampled, self.span_ns = [encoder.position for encoder in self.encoders], 0
-
-    def mean_speeds(self) -> list[float]:
-        """Return the mean speeds [rad/s] of both wheels since the last sample."""
-        positions = [encoder.position for encoder in self.encoders]
-        return mean_rates(self.sampled, positions, self.span_ns / NS_PER_S)
 
 
 class RoboclawPair:
@@ -116,7 +76,7 @@ class RoboclawPair:
         checks = [MotionCheck(encoder.resolution, params.free_speed, params.stall_duty,
                               params.stall_time) for encoder in encoders]
         self._boards = [
-            _Board(address, f'{name} board {address} (0x{address:x})',
+            Board(address, f'{name} board {address} (0x{address:x})',
                    encoders[2 * axle:2 * axle + 2], checks[2 * axle:2 * axle + 2])
             for axle, (name, address) in enumerate(zip(AXLES, params.addresses))]
         self._encoders = encoders
@@ -233,7 +193,7 @@ class RoboclawPair:
         if duty == STOPPED and self._unconfirmed():
             self._changed.set()
 
-    def _count_zero(self, board: _Board, acknowledged: bool) -> None:
+    def _count_zero(self, board: Board, acknowledged: bool) -> None:
         with self._stopped:
             board.zero_replies = board.zero_replies + 1 if acknowledged else 0
             self._stopped.notify_all()
@@ -252,7 +212,7 @@ class RoboclawPair:
             self._read_currents()
             self._deliver(self._sample())
 
-    def _read(self, board: _Board) -> bool:
+    def _read(self, board: Board) -> bool:
         """Read the encoders of ``board``; return whether the speed of its wheels is known."""
         asked_ns = time.monotonic_ns()
         counts = self.line.exchange(board.address, READ_ENCODERS)
@@ -285,24 +245,16 @@ class RoboclawPair:
                 self._drive()  # a new duty does not wait
             self._read_torques(board)
 
-    def _read_torques(self, board: _Board) -> None:
+    def _read_torques(self, board: Board) -> None:
         codes = self.line.ask(board.address, READ_CURRENTS, self._current_wait)
         if codes is None:
-            self._postpone_currents(board)
+            self.currents_missing += 1
+            board.postpone_currents(time.monotonic_ns())
             return
         board.missing_currents = 0
         currents = map(current_from_code, codes)
         board.torques = tuple(map(self._torque, currents, board.duty, board.encoders,
                                   board.mean_speeds()))
-
-    def _postpone_currents(self, board: _Board) -> None:
-        """Count a missing reply; after the second one, wait longer each time."""
-        self.currents_missing += 1
-        if board.missing_currents:
-            doublings = min(board.missing_currents - 1, 10)
-            wait = min(CURRENT_RETRY_PERIOD * 2**doublings, MAX_CURRENT_RETRY_PERIOD)
-            board.currents_ns = time.monotonic_ns() + round(wait * NS_PER_S)
-        board.missing_currents += 1
 
     def _torque(self, current: float, duty: float, encoder: WheelEncoder, speed: float) -> float:
         """Return the torque [N m] of ``current`` [A]; NaN if that is not plausible."""
@@ -324,7 +276,7 @@ class RoboclawPair:
                     self._changed.set()
                     check.reset()
 
-    def _check_health(self, board: _Board) -> None:
+    def _check_health(self, board: Board) -> None:
         """Hold the motors while a board reports a fault; raise FrameError if it has restarted."""
         (status,) = self.line.exchange(board.address, READ_STATUS)
         abnormal = status & ~self._params.tolerated_status
@@ -333,14 +285,14 @@ class RoboclawPair:
         self._check_timeout(board)
         self._check_supply(board)
 
-    def _check_timeout(self, board: _Board) -> None:
+    def _check_timeout(self, board: Board) -> None:
         (code,) = self.line.exchange(board.address, READ_TIMEOUT)
         if code != self._timeout_code:
             raise FrameError(f'{board.name} has restarted: its time-out is '
                              f'{code * TIMEOUT_RESOLUTION:.1f} s, expected '
                              f'{self._timeout_code * TIMEOUT_RESOLUTION:.1f} s')
 
-    def _check_supply(self, board: _Board) -> None:
+    def _check_supply(self, board: Board) -> None:
         (code,) = self.line.exchange(board.address, READ_BATTERY)
         board.supply_voltage, lowest = code * BATTERY_RESOLUTION, self._params.low_battery
         board.low_readings = board.low_readings + 1 if board.supply_voltage < lowest else 0
@@ -374,7 +326,7 @@ class RoboclawPair:
             acknowledged = all(replies)
         return acknowledged
 
-    def _post_zero(self, board: _Board) -> bool:
+    def _post_zero(self, board: Board) -> bool:
         time.sleep(ZERO_DUTY_PERIOD)  # the reply to the previous request may still arrive
         self.line.receive()
         self.line.post(board.address, SET_DUTY, 0, 0)

@@ -1,0 +1,58 @@
+"""One motor board: its encoders and latest replies."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+import math
+
+from smart_tire.drivers.wheel_encoder import MotionCheck, WheelEncoder
+from smart_tire.numerics.rates import mean_rates
+from smart_tire.samples import NAN, NS_PER_S
+
+CURRENT_RETRY_PERIOD = 0.25      # s, after the second missing reply; doubles with each further
+MAX_CURRENT_RETRY_PERIOD = 10.0  # s, also between requests to a board without that command
+
+
+@dataclass
+class Board:
+    """One board with the encoders of its axle and its latest replies."""
+
+    address: int
+    name: str
+    encoders: list[WheelEncoder]
+    checks: list[MotionCheck]
+    read_ns: int | None = None   # steady clock, latest reading of the encoders
+    elapsed_ns: int = 0          # between the two latest readings
+    sampled: list[float] = field(default_factory=lambda: [0.0, 0.0])  # rad, at the last sample
+    span_ns: int = 0             # since the last sample
+    duty: tuple[float, float] = (0.0, 0.0)  # at the motor terminals, as acknowledged
+    zero_replies: int = 0        # consecutive acknowledgments of zero duty
+    torques: tuple[float, ...] = (NAN, NAN)  # N m, forward, at the wheels; of the present sample
+    missing_currents: int = 0    # consecutive requests for currents without a good reply
+    currents_ns: int = 0         # steady clock, before which currents are not requested
+    low_readings: int = 0        # of the supply voltage, consecutive
+    supply_voltage: float = math.nan  # V
+
+    def reset(self) -> None:
+        """Discard readings from before a pause."""
+        self.read_ns = None
+        self.begin_span()
+        for check in self.checks:
+            check.reset()
+
+    def begin_span(self) -> None:
+        """Begin a new period of the mean speeds."""
+        self.sampled, self.span_ns = [encoder.position for encoder in self.encoders], 0
+
+    def mean_speeds(self) -> list[float]:
+        """Return the mean speeds [rad/s] of both wheels since the last sample."""
+        positions = [encoder.position for encoder in self.encoders]
+        return mean_rates(self.sampled, positions, self.span_ns / NS_PER_S)
+
+    def postpone_currents(self, now_ns: int) -> None:
+        """Count a missing reply; after the second one, wait longer each time."""
+        if self.missing_currents:
+            doublings = min(self.missing_currents - 1, 10)
+            wait = min(CURRENT_RETRY_PERIOD * 2**doublings, MAX_CURRENT_RETRY_PERIOD)
+            self.currents_ns = now_ns + round(wait * NS_PER_S)
+        self.missing_currents += 1
