@@ -142,7 +142,7 @@ def test_without_tire_samples_there_is_slip_but_no_friction(bag_of, drive, param
     assert run.summary['estimates']['tire_friction'] == {}
     assert run.summary['against_truth']['slip'][WHOLE]['left']['error']['count'] > 100
     with Bag(tmp_path / 'out' / 'estimates') as bag:
-        assert set(bag.topics) == {'/odom', '/wheel_slip', '/icr', '/ground_state'}
+        assert set(bag.topics) == {'/odom', '/wheel_slip', '/icr'}
 
 
 def test_films_of_a_wheel_not_in_the_parameters_are_skipped(drive_bag, tmp_path):

@@ -77,7 +77,6 @@ def test_smoothed_sigmas_are_consistent(run_errors, name):
     assert rms(normalized) < 1.2
 
 
-@pytest.mark.xfail(strict=True, reason='lag 0.8, not 0.5, since travel is a state')
 def test_smoothed_slips_do_not_lag_with_slow_and_late_wheel_samples():
     params = build(SlipEstimatorParams, {'encoder.latency': 0.2})
     found = []

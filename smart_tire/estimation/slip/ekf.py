@@ -30,7 +30,8 @@ from smart_tire.estimation.slip.slip_process import (
 from smart_tire.estimation.slip.state import (
     DelayedSpeed, ImuStep, N, SLIP_VEL_ROWS, SLIP_VELS, State, TORQUE_OFFSETS, TRAVELS,
     WheelMeasurement)
-from smart_tire.estimation.slip.wheel_model import CONSTRAINTS, TravelModel
+from smart_tire.estimation.slip.wheel_model import (
+    CONSTRAINTS, plain_constraint, travel_after, TravelModel)
 from smart_tire.models.constants import GRAVITY
 from smart_tire.parameters import SlipEstimatorParams
 
@@ -115,14 +116,14 @@ class SlipFilter:
         """
         Count the rolled distance from the wheel sample on.
 
-        Positions are exact references, whatever the error of their timestamps. Without them the
-        distance is counted from the timestamp.
+        Positions are exact references, whatever the error of their timestamps. Without them, and
+        with the constraint as printed, which is one of speeds, it is counted from the timestamp.
         """
         x, F, Q = self._ekf.x.copy(), np.eye(N), np.zeros((N, N))
         for travel, slip_vel, speed, after in zip(
-                TRAVELS, SLIP_VELS, wheels.side_speeds, wheels.travel_after):
+                TRAVELS, SLIP_VELS, wheels.side_speeds, travel_after(self.x, wheels)):
             Q[travel, travel] = TRAVEL_RESET_SIGMA ** 2
-            if wheels.from_positions:
+            if wheels.from_positions and self._constraint is plain_constraint:
                 x[travel] -= wheels.duration * speed
             else:
                 x[travel] = after
@@ -145,11 +146,12 @@ class SlipFilter:
             wheels, self._travel_model.ground_speeds(wheels), (sides.z - sides.expected) / dt,
             np.sqrt(variance), self._accel_density + slope_density)
         F, Q = np.eye(N), np.zeros((N, N))
-        for row, travel in zip(SLIP_VELS, TRAVELS):  # the change may have occurred at any time
+        since = dt + wheels.lag  # s, from a change at the start of the period to the state's time
+        for row, travel in zip(SLIP_VELS, TRAVELS):
             F[row, row] = math.sqrt(1.0 - share)
-            F[travel, row] = dt * (F[row, row] - 1.0)
+            F[travel, row] = since * (F[row, row] - 1.0)
         rows = [*SLIP_VELS, *TRAVELS]
-        Q[np.ix_(rows, rows)] = share * np.kron([[1.0, dt], [dt, dt ** 2]], prior)
+        Q[np.ix_(rows, rows)] = share * np.kron([[1.0, since], [since, since ** 2]], prior)
         Q[State.ICR_X, State.ICR_X] = share * (
             ICR_CHANGE_SHARE * self._params.robot.wheelbase) ** 2
         self._ekf.predict(F @ self._ekf.x, F, Q)

@@ -14,7 +14,7 @@ class Motion(NamedTuple):
 
     v_x: float        # m/s or m, forward
     yaw_rate: float   # rad/s or rad
-    left: float       # m/s or m, r w of the left side
+    left: float       # m/s or m, r w of the left side, as predicted: without corrections
     right: float      # m/s or m, r w of the right side
 
 

@@ -9,7 +9,8 @@ from smart_tire.estimation.slip.film_slip_update import FilmSlipBuffer
 from smart_tire.estimation.slip.imu_preprocessing import ImuPreprocessor, TrapezoidalMean
 from smart_tire.estimation.slip.kinematics import SlipKinematics
 from smart_tire.estimation.slip.odometry_buffer import Motion, OdometryBuffer
-from smart_tire.estimation.slip.state import ImuReading, ImuStep, State, TRAVELS
+from smart_tire.estimation.slip.state import (
+    ImuReading, ImuStep, SLIP_VELS, State, TRAVELS)
 from smart_tire.estimation.slip.steering_efficiency import SteeringEfficiency
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.samples import Four, ImuSample
@@ -17,7 +18,7 @@ from smart_tire.samples import Four, ImuSample
 IMU_DROPOUT = 0.1            # s without IMU samples (or 3 periods), then predict by the wheels
 ODOMETRY_YAW_CORRELATION_TIME = 2.0  # s, of the error of a yaw rate predicted by the wheels
 UNKNOWN_ACCEL_DENSITY = 0.1  # (m/s2)^2 s, of an acceleration that is not measured
-UNOBSERVED_SLIP_SHARE = 0.3  # of a ground speed change becomes slip velocity, standard deviation
+UNOBSERVED_SLIP_SHARE = 0.6  # of a ground speed change becomes slip velocity, standard deviation
 UNOBSERVED_DEAD_BAND = 0.03  # m/s; a smaller change is noise
 
 
@@ -65,6 +66,31 @@ class UnobservedSlip:
         return left, right
 
 
+class RollingSpeeds:
+    """
+    Predicted ``V_X`` plus slip velocity of both sides [m/s], without the steps of corrections.
+
+    A correction holds for the past, too: going back from the present state, only the predicted
+    changes are undone.
+    """
+
+    def __init__(self) -> None:
+        self.corrections = (0.0, 0.0)         # m/s, sum of all so far
+        self.predicted = (0.0, 0.0)           # m/s
+        self._last: list[float] | None = None
+
+    def step(self, before: list[float], after: list[float]) -> None:
+        """Add a prediction step from the state ``before`` to ``after``."""
+        last = self._last if self._last is not None else before
+        self.corrections = tuple(  # type: ignore[assignment]
+            correction + before[State.V_X] + before[row] - last[State.V_X] - last[row]
+            for row, correction in zip(SLIP_VELS, self.corrections))
+        self.predicted = tuple(  # type: ignore[assignment]
+            after[State.V_X] + after[row] - correction
+            for row, correction in zip(SLIP_VELS, self.corrections))
+        self._last = after
+
+
 class SlipPredictor:
     """Advances the filter through IMU samples and keeps the history of its motion."""
 
@@ -77,6 +103,7 @@ class SlipPredictor:
         self.unobserved_slip = UnobservedSlip(self._kinematics)
         self.odometry = OdometryBuffer()
         self.time = 0.0  # s, of the filter state
+        self._rolling = RollingSpeeds()
         self.wheel_residual: Four = (0.0, 0.0, 0.0, 0.0)  # m/s, wheel minus mean of its side
 
     def predict(self, samples: Iterable[tuple[float, ImuSample]]
@@ -104,6 +131,15 @@ class SlipPredictor:
                     readings[-1][1], self.imu.vibration, self.wheel_residual)
         return readings
 
+    def travel_change(self, time: float) -> tuple[float, float]:
+        """Return the travel [m] of both sides since ``time`` [s] beyond that at present speed."""
+        lag = self.time - time
+        mean = self.odometry.mean(min(time, self.time), max(time, self.time))
+        if mean is None:
+            return 0.0, 0.0
+        left, right = self._rolling.predicted
+        return lag * (mean.left - left), lag * (mean.right - right)
+
     def slip_change_sigma(self, gyro_z: float) -> tuple[float, float]:
         """Return the sigma [m/s] of both slip velocities in addition to the covariance."""
         if self._filter.forces.active:  # the force balance follows the slip
@@ -127,8 +163,11 @@ class SlipPredictor:
         after = self._filter.x
         self.imu.slope.record_step(end, dt, step, after)
         rate = gyro_z - after[State.GYRO_BIAS_Z]
-        self.odometry.append(end, Motion(0.5 * (before[State.V_X] + after[State.V_X]), rate, *(
-            (after[row] - before[row]) / dt for row in TRAVELS)))
+        self._rolling.step(before, after)
+        self.odometry.append(end, Motion(
+            0.5 * (before[State.V_X] + after[State.V_X]), rate, *(
+                (after[row] - before[row]) / dt - correction
+                for row, correction in zip(TRAVELS, self._rolling.corrections))))
         if self._films is not None:
             self._films.record_step(
                 end, after[State.V_X] - before[State.V_X], step.accel_variance * dt, rate * dt,

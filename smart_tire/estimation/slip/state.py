@@ -92,6 +92,6 @@ class WheelMeasurement:
     ground_speed: float                # m/s, mean of the filtered V_X
     yaw_rate: float                    # rad/s, mean of the filtered yaw rate
     variance: float                    # (m/s)^2, of a side's speed due to quantization
-    travel_after: tuple[float, float]  # m, predicted travel from the sample to the state's time
     lag: float                         # s, from the sample to the state's time
+    travel_change: tuple[float, float]  # m, travel in that time beyond that at the present speed
     from_positions: bool               # positions were differenced; otherwise velocities

@@ -87,14 +87,8 @@ class WheelCorrector:
         self._predictor.unobserved_slip.ground_speeds = center - half, center + half
         self._filter.correct_wheels(WheelMeasurement(
             wheels.duration, wheels.side_speeds, ground_speed, yaw_rate, wheels.variance,
-            self._travel_after(time), self._predictor.time - time, wheels.from_positions))
-
-    def _travel_after(self, time: float) -> tuple[float, float]:
-        """Return the predicted travel [m] of the sides from ``time`` [s] to that of the filter."""
-        now = self._predictor.time
-        mean = self._predictor.odometry.mean(min(time, now), max(time, now))
-        lag = now - time
-        return (lag * mean.left, lag * mean.right) if mean is not None else (0.0, 0.0)
+            self._predictor.time - time, self._predictor.travel_change(time),
+            wheels.from_positions))
 
     def _correct_free_rolling(self, wheels: WheelSpeeds, imu: ImuReading) -> None:
         """Correct slip and wheel radius with the free-rolling prior."""

@@ -40,9 +40,8 @@ class TravelModel:
         H, expected, R = np.zeros((2, N)), np.zeros(2), np.zeros((2, 2))
         # a mean velocity depends on two timestamps, of which each also enters its neighbor
         jitter = self._stamp_jitter * (1.0 if wheels.from_positions else math.sqrt(2.0))
-        for row, (travel, slip_vel, after) in enumerate(
-                zip(TRAVELS, SLIP_VELS, wheels.travel_after)):
-            expected[row] = x[travel] - after
+        for row, (travel, slip_vel) in enumerate(zip(TRAVELS, SLIP_VELS)):
+            expected[row] = x[travel] - travel_after(x, wheels)[row]
             H[row, travel] = 1.0
             H[row, State.V_X] = H[row, slip_vel] = -wheels.lag
             R[row, row] = wheels.duration ** 2 * (
@@ -50,6 +49,12 @@ class TravelModel:
         late = jitter * np.array(wheels.side_speeds)  # m, one timestamp for both sides
         R += np.outer(late, late) if wheels.from_positions else np.diag(late ** 2)
         return Measurement(wheels.duration * np.array(wheels.side_speeds), expected, H, R)
+
+
+def travel_after(x: Sequence[float], wheels: WheelMeasurement) -> list[float]:
+    """Return the distance [m] that each side has rolled since the wheel sample."""
+    return [wheels.lag * (x[State.V_X] + x[slip_vel]) + change
+            for slip_vel, change in zip(SLIP_VELS, wheels.travel_change)]
 
 
 def plain_constraint(measurement: Measurement, x: Array, duration: float) -> Measurement:

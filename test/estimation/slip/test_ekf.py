@@ -24,7 +24,7 @@ def roll(slip_filter, side_speeds, duration=0.0625):
     """Predict without acceleration, then correct with the speeds of both sides [m/s]."""
     slip_filter.predict(duration, ImuStep(ImuReading(0.0, 0.0, 0.0), 1e-6, 2.5e-5, 1e-3))
     slip_filter.correct_wheels(WheelMeasurement(
-        duration, side_speeds, slip_filter.x[State.V_X], 0.0, 1e-8, (0.0, 0.0), 0.0,
+        duration, side_speeds, slip_filter.x[State.V_X], 0.0, 1e-8, 0.0, (0.0, 0.0),
         from_positions=True))
 
 

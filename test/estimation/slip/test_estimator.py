@@ -245,7 +245,6 @@ def test_a_clock_jump_resets_the_estimator():
     assert first[-1].position == pytest.approx(of(Odometry, estimate(later)[1])[-1].position)
 
 
-@pytest.mark.xfail(strict=True, reason='6 % beyond the bound since the rolled distance is a state')
 def test_the_printed_constraint_does_not_observe_common_slip():
     run = turning(2, (0.28, 0.08))
     _, ratio, _, truth = slips(run, estimate(run.samples)[1])

@@ -15,17 +15,8 @@ from support.slip_state import random_state
 
 DURATION = 0.0625
 WHEELS = WheelMeasurement(
-    DURATION, (1.1, 0.6), 0.8, 0.9, 1e-6, (0.0044, 0.0024), 0.004, from_positions=True)
+    DURATION, (1.1, 0.6), 0.8, 0.9, 1e-6, 0.004, (0.0002, -0.0001), from_positions=True)
 MODEL = TravelModel(RobotParams())
-
-
-def move(state, column, step):
-    """Return state and measurement of a filter whose ``column`` was larger since the sample."""
-    moved = state.copy()
-    moved[column] += step
-    per_rate = np.array([column in (State.V_X, slip_vel) for slip_vel in SLIP_VELS])
-    after = np.array(WHEELS.travel_after) + WHEELS.lag * step * per_rate
-    return moved, replace(WHEELS, travel_after=tuple(after))
 
 
 @pytest.mark.parametrize('seed', range(3))
@@ -33,13 +24,15 @@ def test_jacobian_equals_finite_differences(seed):
     state, step = random_state(seed), 1e-6
     _, expected, H, _ = MODEL.linearize(state.tolist(), WHEELS, 0.0)
     for column in range(N):
-        moved, wheels = move(state, column, step)
-        derivative = (MODEL.linearize(moved.tolist(), wheels, 0.0).expected - expected) / step
+        moved = state.copy()
+        moved[column] += step
+        derivative = (MODEL.linearize(moved.tolist(), WHEELS, 0.0).expected - expected) / step
         assert derivative == pytest.approx(H[:, column], abs=1e-6), State(column)
 
 
 def test_the_distance_until_the_sample_is_that_of_the_state_without_the_one_since_then():
     x = [0.0] * N
+    x[State.V_X], x[State.SLIP_VEL_L], x[State.SLIP_VEL_R] = 0.8, 0.25, -0.175
     x[State.TRAVEL_L], x[State.TRAVEL_R] = 0.0744, 0.0374
     z, expected, _, _ = MODEL.linearize(x, WHEELS, 0.0)
     assert z == pytest.approx([DURATION * 1.1, DURATION * 0.6])
@@ -66,7 +59,7 @@ def test_the_printed_constraint_drops_slip_of_a_faster_braking_or_slower_driving
     x = np.zeros(N)
     x[list(SLIP_VELS)] = -0.1, -0.05  # left is faster and brakes, right is slower and brakes
     x[list(TRAVELS)] = 0.07, 0.035
-    wheels = replace(WHEELS, lag=0.0, travel_after=(0.0, 0.0))
+    wheels = replace(WHEELS, lag=0.0, travel_change=(0.0, 0.0))
     sides = MODEL.linearize(x.tolist(), wheels, 0.0)
     printed = printed_constraint(sides, x, DURATION)
     assert printed.z == pytest.approx([0.85 * DURATION, -0.5 * DURATION])  # mean and difference
