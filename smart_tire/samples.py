@@ -131,12 +131,11 @@ class Icr:
 
 @dataclass(frozen=True, slots=True)
 class GroundState:
-    """Tire and drive on the present ground, from the balance of forces of the robot."""
+    """Tire on the present ground, from the balance of forces of the robot."""
 
     stamp_ns: int
     stiffness: Uncertain           # N, C_x of the present ground
     rolling_resistance: Uncertain  # -, over the load
-    torque_scale: Uncertain        # -, true over nominal torque constant
     # -, of the error of ln C_x with that of the slip of the left and of the right side
     slip_correlation: tuple[float, float]
 

@@ -71,11 +71,11 @@ class SlipSeries:
 
 @dataclass(frozen=True)
 class GroundSeries:
-    """Stiffness of the ground, rolling resistance and scale of the motor torque."""
+    """Stiffness and rolling resistance of the ground."""
 
     stamp_ns: Stamps
-    value: Floats  # (n, 3) N, -, -
-    sigma: Floats  # (n, 3)
+    value: Floats  # (n, 2) N, -
+    sigma: Floats  # (n, 2)
 
 
 class Series:
@@ -84,7 +84,7 @@ class Series:
     def __init__(self) -> None:
         self._poses = Table(18)
         self._slips = Table(8)
-        self._grounds = Table(6)
+        self._grounds = Table(4)
         self._speeds = Table(4)
         self._films: dict[tuple[str, int], Table] = {}
         self.crossings: list[Friction] = []
@@ -115,7 +115,7 @@ class Series:
     def grounds(self) -> GroundSeries:
         """Return the states of the ground."""
         stamps, rows = self._grounds.arrays()
-        return GroundSeries(stamps, rows[:, :3], rows[:, 3:])
+        return GroundSeries(stamps, rows[:, :2], rows[:, 2:])
 
     def speeds(self) -> tuple[Stamps, Floats]:
         """Return timestamps and the four wheel speeds [rad/s]."""
@@ -144,7 +144,7 @@ class Series:
         self._slips.add(sample.stamp_ns, sample.ratio + sample.sigma)
 
     def _add_ground(self, sample: GroundState) -> None:
-        estimates = sample.stiffness, sample.rolling_resistance, sample.torque_scale
+        estimates = sample.stiffness, sample.rolling_resistance
         self._grounds.add(sample.stamp_ns, [*(estimate.value for estimate in estimates),
                                             *(estimate.sigma for estimate in estimates)])
 

@@ -17,7 +17,7 @@ from smart_tire.samples import Friction, WHEELS
 
 Tree = dict[str, Any]
 WHOLE = 'whole recording'
-GROUND_NAMES = 'stiffness', 'rolling_resistance', 'torque_scale'
+GROUND_NAMES = 'stiffness', 'rolling_resistance'
 SIGNIFICANT_DIGITS = 6  # more than any estimate has
 
 

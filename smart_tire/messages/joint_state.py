@@ -19,7 +19,7 @@ from smart_tire.samples import (
 from smart_tire.uncertain import Uncertain
 
 QUANTITIES = frozenset(FRICTION_QUANTITIES)
-GROUND_QUANTITIES = ('stiffness', 'rolling_resistance', 'torque_scale', 'slip_correlation_left',
+GROUND_QUANTITIES = ('stiffness', 'rolling_resistance', 'slip_correlation_left',
                      'slip_correlation_right')
 LAYOUT_CACHE_SIZE = 64  # lists of names; a robot has about ten
 
@@ -160,15 +160,14 @@ def ground_state_from_msg(msg: Any) -> GroundState:
         _values(msg, 'position', 'ground_state'), _values(msg, 'effort', 'ground_state')))
     if any(map(isnan, sigmas)):
         raise MessageError(f'ground_state: effort is {sigmas}, expected a sigma for each name')
-    stiffness, rolling_resistance, torque_scale = map(Uncertain, values[:3], sigmas[:3])
-    return GroundState(stamp_of(msg), stiffness, rolling_resistance, torque_scale,
-                       (values[3], values[4]))
+    stiffness, rolling_resistance = map(Uncertain, values[:2], sigmas[:2])
+    return GroundState(stamp_of(msg), stiffness, rolling_resistance, (values[2], values[3]))
 
 
 def ground_state_to_msg(msg: Any, sample: GroundState) -> Any:
     """Write ``sample`` into a JointState and return it."""
     set_header(msg, sample.stamp_ns, 'base_link')
-    estimates = sample.stiffness, sample.rolling_resistance, sample.torque_scale
+    estimates = sample.stiffness, sample.rolling_resistance
     msg.name = GROUND_QUANTITIES
     msg.position = [*(estimate.value for estimate in estimates), *sample.slip_correlation]
     msg.effort = [*(estimate.sigma for estimate in estimates), 0.0, 0.0]

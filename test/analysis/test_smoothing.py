@@ -89,6 +89,20 @@ def test_smoothed_slips_do_not_lag_with_slow_and_late_wheel_samples():
     assert rms([run[1][0] / run[1][1] for run in found]) < 1.2
 
 
+@pytest.mark.parametrize('latency', [0.03, 0.06])
+def test_late_wheel_samples_cost_little_accuracy(latency):
+    found = {}
+    for delay in 0.0, latency:
+        params = build(SlipEstimatorParams, {'encoder.latency': delay})
+        filtered = []
+        for seed in range(3):
+            run, ground = driven(seed, wheel_latency=delay)
+            filtered.append(errors(run, ground, smooth(params, run.samples).filtered)['slip'])
+        found[delay] = rms([error for error, _ in filtered])
+        assert rms([error / sigma for error, sigma in filtered]) < 1.2
+    assert found[latency] < 1.3 * found[0.0]
+
+
 def test_biases_are_known_from_the_start():
     run, _ = driven(1)
     filtered, recorder = [], RtsSmoother(N)

@@ -61,11 +61,10 @@ def test_the_ground_is_summarized_by_medians():
     series = run()
     for i, stiffness in enumerate((50.0, 25.0, 26.0)):
         series.add(GroundState(EPOCH + i, Uncertain(stiffness, 2.0), Uncertain(0.05, 0.01),
-                               Uncertain(math.nan, math.inf), (0.0, 0.0)))
+                               (0.0, 0.0)))
     assert estimates_tree(series)['ground_state'] == {
         'messages': 3, 'stiffness': {'median': 26.0, 'median_sigma': 2.0},
-        'rolling_resistance': {'median': 0.05, 'median_sigma': 0.01},
-        'torque_scale': {'median': None, 'median_sigma': None}}
+        'rolling_resistance': {'median': 0.05, 'median_sigma': 0.01}}
 
 
 def test_a_recording_without_estimates_has_an_empty_tree():

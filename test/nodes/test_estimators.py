@@ -141,7 +141,7 @@ def test_the_friction_estimator_uses_all_inputs_and_rejects_invalid_ones(graph):
                 angle = 6.0 * tick * 2.5e-3
                 graph.publish('wheel_states', WheelSample(stamp_ns, (6.0,) * 4, (angle,) * 4))
                 graph.publish('ground_state', GroundState(
-                    stamp_ns, Uncertain(40.0, 2.0), UNKNOWN, UNKNOWN, (0.0, 0.0)))
+                    stamp_ns, Uncertain(40.0, 2.0), UNKNOWN, (0.0, 0.0)))
             if tick % 8 == 0:
                 graph.spin()  # about real time
         graph.until(lambda: int(graph.value('friction_estimator', 'frames_ok')) >= before + 1728

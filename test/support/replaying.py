@@ -39,7 +39,7 @@ def numbers(estimate) -> list[float]:
     if isinstance(estimate, WheelSlip):
         return [*estimate.ratio, *estimate.slip_velocity, *estimate.sigma]
     if isinstance(estimate, GroundState):
-        return [*estimate.stiffness, *estimate.rolling_resistance, *estimate.torque_scale,
+        return [*estimate.stiffness, *estimate.rolling_resistance,
                 *estimate.slip_correlation]
     return [estimate.x, estimate.y]
 

@@ -45,6 +45,7 @@ ZERO_VELOCITY_SIGMA = 0.003     # m/s, of the zero-velocity update
 FREE_ROLLING_CORRELATION_TIME = 2.0  # s, of the slip of freely rolling wheels
 MIN_PRIOR_INFORMATION = 0.01    # -, below, the free-rolling prior is not worth a correction
 STRAIGHT_YAW_RATE = 0.1         # rad/s, below which S is hardly observable
+SLIP_CHANGE_SIGMAS = 2.0        # of an innovation, beyond which a difference of slips changed
 NIS_GAIN = 0.05                 # weight of a new value in the smoothed NIS
 TRAVEL_RESET_SIGMA = 1e-5       # m, so that P is not singular
 TORQUE_OFFSET_SIGMA = 0.02      # N m, of measured torques
@@ -65,7 +66,7 @@ class SlipFilter:
         self._icr_change = InnovationChangeDetector(ICR_CHANGE_SIGMAS)
         self._accel_density = 0.0  # (m/s2)^2 s, of the last prediction
         self._slope_sigma = params.slope_sigma  # rad, of the last prediction
-        self._ekf = RobustEkf(*initial_state(params), recorder)
+        self._ekf = RobustEkf(*initial_state(params), recorder, considered=(State.TORQUE_SCALE,))
         self.forces = ForceUpdate(params, self._ekf)
         self.nis = 1.0  # normalized innovation squared of the wheel speeds, smoothed
 
@@ -94,9 +95,11 @@ class SlipFilter:
     def correct_wheels(self, wheels: WheelMeasurement) -> None:
         """Correct with the distances rolled between two wheel samples, B(7)."""
         extra_variance = self._wheel_noise_inflation(wheels)
-        if not self.forces.active:  # otherwise the forces show a change at once
-            self._inflate_slip(wheels, self._travel_model.linearize(
-                self.x, wheels, extra_variance))
+        sides = self._travel_model.linearize(self.x, wheels, extra_variance)
+        if self.forces.active:  # they show a change of the common slip at once
+            self._inflate_slip_difference(wheels, sides)
+        else:
+            self._inflate_slip(wheels, sides)
         sides = self._travel_model.linearize(self.x, wheels, extra_variance)
         self.forces.detect_ground_change(sides)
         nis = self._ekf.correct(self._constraint(sides, self._ekf.x, wheels.duration))
@@ -155,6 +158,24 @@ class SlipFilter:
         Q[State.ICR_X, State.ICR_X] = share * (
             ICR_CHANGE_SHARE * self._params.robot.wheelbase) ** 2
         self._ekf.predict(F @ self._ekf.x, F, Q)
+
+    def _inflate_slip_difference(self, wheels: WheelMeasurement, sides: Measurement) -> None:
+        """
+        Inflate the difference of the slip velocities if the wheels contradict it.
+
+        It changes with the wheel speeds in turns, which no force shows; it may have changed at
+        the start of the period.
+        """
+        difference = np.array([-1.0, 1.0])
+        variance = difference @ (sides.H @ self._ekf.P @ sides.H.T + sides.R) @ difference
+        innovation = float(difference @ (sides.z - sides.expected))
+        if innovation ** 2 < SLIP_CHANGE_SIGMAS ** 2 * variance:
+            return
+        since = wheels.duration + wheels.lag
+        change = np.zeros(N)
+        change[SLIP_VEL_ROWS] = 0.5 * difference * innovation / wheels.duration
+        change[list(TRAVELS)] = since * change[SLIP_VEL_ROWS]
+        self._ekf.predict(self._ekf.x, np.eye(N), np.outer(change, change))
 
     def inflate_slope(self, before: float, after: float) -> None:
         """

@@ -180,7 +180,7 @@ class SlipSegment:
             if delayed is not None:
                 self.filter.correct_delayed_speed(delayed)
                 self.filter.forces.correct_adhesion(
-                    film.wheel, film.ratio, Uncertain(film.slip, film.sigma))
+                    film.wheel, film.ratio, Uncertain(film.slip, film.sigma), delayed)
                 self._films_used += 1
 
     def _estimates(self, instant_ns: int) -> list[EstimateRecord]:

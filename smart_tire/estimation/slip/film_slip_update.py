@@ -42,6 +42,7 @@ class MotionPoint(NamedTuple):
     right: float         # ... and of the right one
     change_sigma_left: float   # m/s, of their slip velocity change since the last wheel sample
     change_sigma_right: float
+    lateral_change: float = 0.0  # m/s, integrated lateral acceleration since the start
 
     @property
     def wheel_speeds(self) -> tuple[float, float]:
@@ -110,17 +111,17 @@ class FilmSlipBuffer:
 
     def record_step(self, time: float, speed_change: float, variance: float, yaw_change: float,
                     gyro_z: float, wheel_speeds: Sequence[float],
-                    slip_change_sigma: Sequence[float]) -> None:
+                    slip_change_sigma: Sequence[float], lateral_change: float = 0.0) -> None:
         """Append a prediction step that ended at ``time`` [s]: its changes and final values."""
         points = self._points
         if points:
             last = points[-1]
-            speed_change, variance, yaw_change = (
+            speed_change, variance, yaw_change, lateral_change = (
                 last.speed_change + speed_change, last.variance + variance,
-                last.yaw_change + yaw_change)
+                last.yaw_change + yaw_change, last.lateral_change + lateral_change)
         points.append(MotionPoint(time, speed_change, variance, yaw_change, gyro_z,
                                   wheel_speeds[0], wheel_speeds[1],
-                                  slip_change_sigma[0], slip_change_sigma[1]))
+                                  slip_change_sigma[0], slip_change_sigma[1], lateral_change))
         if points[0].time < time - 2.0 * HISTORY_LENGTH:
             del points[:bisect_right(points, (time - HISTORY_LENGTH,))]
 
@@ -141,7 +142,8 @@ class FilmSlipBuffer:
         return DelayedSpeed(
             side, rolling * (1.0 - film.slip), variance + now.variance - then.variance,
             now.time - then.time, now.speed_change - then.speed_change,
-            now.yaw_change - then.yaw_change, then.gyro_z)
+            now.yaw_change - then.yaw_change, then.gyro_z,
+            now.lateral_change - then.lateral_change)
 
     def _at(self, time: float) -> MotionPoint | None:
         """Interpolate the history; None outside of it."""

@@ -17,7 +17,8 @@ import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.estimation.slip.robust_ekf import Measurement
-from smart_tire.estimation.slip.state import N, SLIP_VELS, State, TORQUE_OFFSETS
+from smart_tire.estimation.slip.state import (
+    DelayedSpeed, N, SLIP_VELS, State, TORQUE_OFFSETS)
 from smart_tire.models.vehicle.drive import required_torque
 from smart_tire.models.vehicle.skid_steer import AXLE_SIGNS, normal_loads, SIDE_SIGNS
 from smart_tire.models.vehicle.tire_forces import wheel_forces, WheelForces
@@ -74,11 +75,16 @@ class ForceModel:
         v_x = x[State.V_X] + (self._y_imu - self._y) * W
         v_y = x[State.V_Y] + (self._x - self._x_imu) * W
         rolling = v_x + np.array([x[State.SLIP_VEL_L], x[State.SLIP_VEL_R]] * 2) + residual
-        load = np.maximum(self._load + self._load_by_x * x[State.FORCE_X]
-                          + self._load_by_y * x[State.FORCE_Y], 0.0)
+        load = self.loads(x)
         stiffness = self._robot.tire.longitudinal_stiffness * math.exp(x[State.LN_STIFFNESS])
         return Wheels(rolling, v_x, v_y, load, wheel_forces(
             rolling, v_x, v_y, load, stiffness, self._ratio(x), floor=SLIP_FLOOR))
+
+    def loads(self, x: Sequence[float]) -> Array:
+        """Return the wheel loads [N], (4,)."""
+        load: Array = np.maximum(self._load + self._load_by_x * x[State.FORCE_X]
+                                 + self._load_by_y * x[State.FORCE_Y], 0.0)
+        return load
 
     def balance(self, x: Sequence[float], residual: Four) -> Measurement:
         """Return the balance of forces along x and y [N] as a measurement of zero."""
@@ -113,22 +119,24 @@ class ForceModel:
             H[:, State.LN_STIFFNESS], BALANCE_SIGMA * mass)
         return Measurement(np.zeros(2), expected, H, variance * np.eye(2))
 
-    def torques(self, x: Sequence[float], torques: Four, residual: Four,
-                mean_torques: Array) -> Measurement | None:
-        """
-        Return the measured motor ``torques`` [N m], NaN where unknown; None without any.
+    def wheel_accelerations(self, x: Sequence[float]) -> Array:
+        """Return the acceleration [m/s2] of the wheel centers over ground, (4,)."""
+        acceleration: Array = (x[State.FORCE_X] + x[State.YAW_RATE] * x[State.V_Y]
+                               + (self._y_imu - self._y) * x[State.YAW_ACCEL])
+        return acceleration
 
-        ``mean_torques`` (4,) are recent means: the Jacobian by the scale must not contain the
-        noise of the expected torques, which would bias the scale.
+    def torques(self, x: Sequence[float], torques: Four, residual: Four,
+                acceleration_variance: Array) -> Measurement:
         """
-        known = np.isfinite(torques)
-        if not known.any():
-            return None
+        Return the measured motor ``torques`` [N m].
+
+        ``acceleration_variance`` (4,) [(m/s2)^2] is that of the wheels' own acceleration: a torque
+        is a momentary value, and the wheels follow each new command within milliseconds.
+        """
         motor, r = self._robot.motor, self._robot.wheel_radius
         wheels = self.wheels(x, residual)
         f, gain = wheels.forces, math.exp(-x[State.TORQUE_SCALE])
-        acceleration = (x[State.FORCE_X] + x[State.YAW_RATE] * x[State.V_Y]
-                        + (self._y_imu - self._y) * x[State.YAW_ACCEL]) / r
+        acceleration = self.wheel_accelerations(x) / r
         torque = required_torque(f.x, wheels.rolling / r, acceleration, wheels.load, motor, r)
         H = np.zeros((4, N))
         for i in range(4):
@@ -138,25 +146,27 @@ class ForceModel:
         H[:, State.V_Y] = r * f.x_by_v_y
         H[:, State.LN_STIFFNESS] = r * f.x * _significance(r * f.x, TORQUE_SIGMA)
         H[:, State.LN_RATIO] = r * f.x_by_log_ratio
-        H[:, State.TORQUE_SCALE] = -mean_torques
+        H[:, State.TORQUE_SCALE] = -torque
         H[:, State.FORCE_X] = motor.inertia / r
         H *= gain
         expected = gain * torque + np.array(x[TORQUE_OFFSETS])
         variance = (TORQUE_SIGMA ** 2 + (TORQUE_ERROR_SHARE * torque) ** 2
+                    + (motor.inertia / r) ** 2 * acceleration_variance
                     + (INERTIA_ERROR_SHARE * motor.inertia * acceleration) ** 2)
-        return Measurement(np.array(torques)[known], expected[known], H[known],
-                           np.diag(variance[known]))
+        return Measurement(np.array(torques), expected, H, np.diag(variance))
 
-    def adhesion(self, x: Sequence[float], wheel: int, ratio: Uncertain,
-                 slip: Uncertain) -> Measurement | None:
+    def adhesion(self, x: Sequence[float], wheel: int, ratio: Uncertain, slip: Uncertain,
+                 then: DelayedSpeed) -> Measurement | None:
         """
         Return the normalized slip t = 1 - L_a / L of a wheel; None if it is not informative.
 
         ``ratio`` L_a / L and ``slip`` lambda are those of the films; t = |s| / (3 kappa F_z).
+        They were measured at the time of ``then``.
         """
         t, sigma = 1.0 - ratio.value, ratio.sigma
-        wheels = self.wheels(x, (0.0, 0.0, 0.0, 0.0))
-        v_x, v_y, load = (float(part[wheel]) for part in (wheels.v_x, wheels.v_y, wheels.load))
+        load, v_x = float(self.loads(x)[wheel]), then.speed
+        v_y = x[State.V_Y] - then.lateral_change + float(self._x[wheel] - self._x_imu) * (
+            then.gyro_z - x[State.GYRO_BIAS_Z])
         if not (0.0 < sigma < MAX_RATIO_SIGMA and t < MAX_NORMALIZED_SLIP and abs(slip.value) < 1.0
                 and abs(v_x) > MIN_ROLLING_SPEED and load > 0.0):
             return None
@@ -167,6 +177,7 @@ class ForceModel:
         H = np.zeros((1, N))
         H[0, State.LN_RATIO] = -expected
         H[0, State.V_Y] = scale * v_y / (rolling ** 2 * total)
+        H[0, State.GYRO_BIAS_Z] = -float(self._x[wheel] - self._x_imu) * H[0, State.V_Y]
         covariance = (RATIO_CORRELATION * slip.value * sigma ** 2
                       if abs(t) > CORRELATED_SLIP else 0.0)
         variance = (sigma ** 2 + (by_slip * slip.sigma) ** 2 - 2.0 * by_slip * covariance)

@@ -19,7 +19,7 @@ from smart_tire.estimation.slip.force_model import ForceModel, MIN_ROLLING_SPEED
 from smart_tire.estimation.slip.motion_model import DRAG_MEAN
 from smart_tire.estimation.slip.robust_ekf import Measurement, RobustEkf
 from smart_tire.estimation.slip.slip_process import InnovationChangeDetector
-from smart_tire.estimation.slip.state import ImuReading, N, State
+from smart_tire.estimation.slip.state import DelayedSpeed, ImuReading, N, State
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.samples import Four
 from smart_tire.uncertain import Uncertain
@@ -35,13 +35,17 @@ MAX_TORQUE_REPEATS = 6        # equal readings in a row: torques are noisy at 10
 TORQUE_CHECK_GAIN = 0.1       # weight of a new reading in the mean of normalized innovations
 TORQUE_FAULT_SIGMAS = 2.0     # of that mean; it is 0.25 for correct torques
 MAX_TORQUE_SIGMAS = 6.0       # at which one innovation is limited
-MEAN_TORQUE_GAIN = 0.2        # weight of a new sample in the mean torques
+ACCELERATION_GAIN = 0.2       # weight of a new sample in the variance of wheel accelerations
 
 GROUND_ROWS = (State.LN_STIFFNESS, State.LN_RATIO, State.DRAG)
 
 
 class TorqueCheck:
-    """Detects a failed torque measurement of one motor."""
+    """
+    Detects a failed torque measurement of one motor, or a lifted wheel.
+
+    Its readings repeat, or persistently differ from the expected ones.
+    """
 
     def __init__(self) -> None:
         self._last = math.nan
@@ -76,7 +80,7 @@ class ForceUpdate:
                         CHANGED_DRAG_SIGMA)
         self._contradiction = InnovationChangeDetector(GROUND_CHANGE_SIGMAS)
         self._checks = [TorqueCheck() for _ in range(4)]
-        self._mean_torques: Array = np.zeros(4)
+        self._acceleration_variance: Array = np.zeros(4)  # (m/s2)^2
         self.enabled = params.force_balance == 'on'
         self.active = False
         self.ground_changes = 0
@@ -127,39 +131,33 @@ class ForceUpdate:
         R[1, 1] += LATERAL_CORRELATION * variance * ((1.0 - share) * force) ** 2
         return Measurement(z, expected, H, R)
 
-    def correct_torques(self, torques: Four, residual: Four) -> None:
-        """Correct with the measured motor torques [N m], NaN where unknown."""
+    def correct_torques(self, torques: Four, residual: Four, accelerations: Four) -> None:
+        """
+        Correct with the measured motor torques [N m], NaN where unknown.
+
+        ``accelerations`` [m/s2] are those of the wheels' circumferences, from the encoders.
+        """
         if not self.active:
             return
-        measurement = self._model.torques(
-            self._ekf.x.tolist(), self._plausible(torques, residual), residual, self._mean_torques)
-        new = np.where(np.isfinite(torques), torques, self._mean_torques)
-        self._mean_torques = self._mean_torques + MEAN_TORQUE_GAIN * (new - self._mean_torques)
-        if measurement is not None:
-            self._ekf.correct(measurement, considered=(*GROUND_ROWS[:2], State.TORQUE_SCALE))
-
-    def _plausible(self, torques: Four, residual: Four) -> Four:
-        """
-        Return ``torques`` without those of failed current sensors and of lifted wheels.
-
-        Their readings repeat, or persistently differ from the expected ones.
-        """
-        measurement = self._model.torques(
-            self._ekf.x.tolist(), (0.0, 0.0, 0.0, 0.0), residual, self._mean_torques)
-        assert measurement is not None  # all torques are known
-        _, expected, H, R = measurement
+        x = self._ekf.x.tolist()
+        deviation = np.array(accelerations) - self._model.wheel_accelerations(x)
+        self._acceleration_variance = self._acceleration_variance + ACCELERATION_GAIN * (
+            deviation ** 2 - self._acceleration_variance)
+        z, expected, H, R = self._model.torques(x, torques, residual, self._acceleration_variance)
         sigma = np.sqrt(np.diag(H @ self._ekf.P @ H.T + R))
-        values: list[float] = []
-        for i, torque in enumerate(torques):
-            check = self._checks[i]
-            check.update(torque, float((torque - expected[i]) / sigma[i]))
-            values.append(math.nan if check.failed else torque)
-        fl, fr, rl, rr = values
-        return fl, fr, rl, rr
+        for check, torque, normalized in zip(
+                self._checks, torques, ((z - expected) / sigma).tolist()):
+            check.update(torque, normalized)
+        used = np.isfinite(torques) & [not check.failed for check in self._checks]
+        if used.any():
+            self._ekf.correct(Measurement(
+                z[used], expected[used], H[used], R[np.ix_(used, used)]),
+                considered=GROUND_ROWS[:2])
 
-    def correct_adhesion(self, wheel: int, ratio: Uncertain, slip: Uncertain) -> None:
+    def correct_adhesion(self, wheel: int, ratio: Uncertain, slip: Uncertain,
+                         then: DelayedSpeed) -> None:
         """Correct mu / C_x with the adhesion ratio and the slip that the films measured."""
-        measurement = self._model.adhesion(self._ekf.x.tolist(), wheel, ratio, slip)
+        measurement = self._model.adhesion(self._ekf.x.tolist(), wheel, ratio, slip, then)
         if measurement is None:
             return
         z, expected, H, R = measurement
@@ -169,7 +167,7 @@ class ForceUpdate:
         before, P = self._ekf.x, self._ekf.P
         x = before
         for _ in range(RATIO_ITERATIONS):
-            again = self._model.adhesion(x.tolist(), wheel, ratio, slip)
+            again = self._model.adhesion(x.tolist(), wheel, ratio, slip, then)
             if again is None:
                 return
             z, expected, H, R = again

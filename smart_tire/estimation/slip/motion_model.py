@@ -29,7 +29,6 @@ COMMON_SLIP_RANDOM_WALK = 0.22  # m/s per sqrt(s), of a slip that the force bala
 SLIP_DIFFERENCE_RANDOM_WALK = 0.022  # m/s per sqrt(s), of each side against the other
 GROUND_LENGTH = 300.0           # m, over which properties of the ground return to their priors
 DRAG_MEAN, DRAG_SIGMA = 0.02, 0.04  # -, prior of the rolling resistance: concrete to sand
-TORQUE_SCALE_RANDOM_WALK = 5e-4  # per sqrt(s), of the torque constant: temperature of magnets
 
 
 class _Motion(NamedTuple):
@@ -199,7 +198,6 @@ class MotionModel:
         Q[State.ACCEL_BIAS_X] = Q[State.ACCEL_BIAS_Y] = ACCEL_BIAS_RANDOM_WALK ** 2 * dt
         for row, wheel in zip(SLIP_VELS, self._kinematics.wheel_speeds(x, step.mean.yaw_rate)):
             Q[row] = params.slip_random_walk ** 2 * (wheel ** 2 + MIN_SLIP_VELOCITY ** 2) * dt
-        Q[State.TORQUE_SCALE] = TORQUE_SCALE_RANDOM_WALK ** 2 * dt
         Q[State.ICR_X] = (params.icr_x_random_walk * params.robot.wheelbase) ** 2 * dt
         return np.diag(Q)
 

@@ -93,11 +93,9 @@ class SlipOutputBuilder:
         slip_sigmas = self._kinematics.slip_sigmas(x, P, context.imu.yaw_rate)
         left, right = (min(max(covariance / max(total * slip_sigma, 1e-12), -1.0), 1.0)
                        for covariance, slip_sigma in zip(covariances, slip_sigmas))
-        scale = math.exp(x[State.TORQUE_SCALE])
         return GroundState(
             context.instant_ns, Uncertain(stiffness, stiffness * total),
             Uncertain(x[State.DRAG], math.sqrt(P[State.DRAG, State.DRAG])),
-            Uncertain(scale, scale * math.sqrt(P[State.TORQUE_SCALE, State.TORQUE_SCALE])),
             (left, right))
 
     def _odometry(self, context: OutputContext, x: Sequence[float], P: Array, twist: Vector3,

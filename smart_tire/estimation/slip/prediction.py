@@ -172,5 +172,5 @@ class SlipPredictor:
             self._films.record_step(
                 end, after[State.V_X] - before[State.V_X], step.accel_variance * dt, rate * dt,
                 gyro_z, self._kinematics.wheel_speeds(after, gyro_z),
-                self.slip_change_sigma(gyro_z))
+                self.slip_change_sigma(gyro_z), after[State.V_Y] - before[State.V_Y])
         self.time = end

@@ -43,12 +43,15 @@ class RobustEkf:
     """
     Mean and covariance of a state of N values, with linearized prediction and correction.
 
-    The transitions are passed to the ``recorder`` if there is one.
+    The transitions are passed to the ``recorder`` if there is one. The states in the rows
+    ``considered`` are never corrected, but their errors are accounted for (Schmidt).
     """
 
-    def __init__(self, x: Array, P: Array, recorder: StateRecorder | None = None) -> None:
+    def __init__(self, x: Array, P: Array, recorder: StateRecorder | None = None,
+                 considered: Sequence[int] = ()) -> None:
         self._size = len(x)
         self._recorder = recorder
+        self._considered = list(considered)
         self._ekf = _NonlinearEkf(dim_x=self._size, dim_z=1)
         self._ekf.x, self._ekf.P = x[:, None], P
 
@@ -79,7 +82,7 @@ class RobustEkf:
 
         The variance of an innovation beyond ``OUTLIER_SIGMAS`` grows with its square: a single
         outlier hardly changes the state, persistent innovations prevail in the end. The states in
-        the rows ``considered`` are not corrected, but their errors are accounted for (Schmidt).
+        the rows ``considered`` are not corrected either.
         """
         z, expected, H, R = measurement
         y, P = z - expected, self.P
@@ -89,7 +92,7 @@ class RobustEkf:
             extra = np.diag((excess - 1.0) * np.diag(S))
             R, S = R + extra, S + extra
         K = np.linalg.solve(S, H @ P).T
-        K[list(considered)] = 0.0
+        K[[*self._considered, *considered]] = 0.0
         keep = np.eye(self._size) - K @ H
         self._ekf.x = self._ekf.x + (K @ y)[:, None]
         self._ekf.P = keep @ P @ keep.T + K @ R @ K.T  # Joseph form, for any gain

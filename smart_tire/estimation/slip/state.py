@@ -81,6 +81,7 @@ class DelayedSpeed:
     speed_change: float  # m/s, integrated acceleration of V_X since then
     yaw_change: float    # rad, since then
     gyro_z: float        # rad/s, at that time, bias included
+    lateral_change: float = 0.0  # m/s, integrated acceleration of V_Y since then
 
 
 @dataclass(frozen=True, slots=True)

@@ -47,7 +47,8 @@ class WheelCorrector:
             self._correct_wheels(time, wheels, mean)
         if self._filter.forces.active:  # they replace the priors on common slip and S
             if sample.effort is not None:
-                self._filter.forces.correct_torques(sample.effort, self.odometry.wheel_residual)
+                self._filter.forces.correct_torques(
+                    sample.effort, self.odometry.wheel_residual, self.odometry.accelerations)
             return True
         if mean is not None and not self.stationary:
             self._correct_free_rolling(wheels, imu)

@@ -41,6 +41,8 @@ class WheelOdometry:
         self._period: float | None = None
         self.side_speeds = (0.0, 0.0)                     # m/s, latest
         self.wheel_residual: Four = (0.0, 0.0, 0.0, 0.0)  # m/s, wheel minus mean of its side
+        self.accelerations: Four = (0.0, 0.0, 0.0, 0.0)   # m/s2, change of the mean speeds
+        self._speeds: Four | None = None                  # m/s, r w, latest
         self.position_jumps = 0
 
     @property
@@ -80,6 +82,9 @@ class WheelOdometry:
 
     def _mean_speeds(self, duration: float, speeds: Four, from_positions: bool) -> WheelSpeeds:
         left, right = 0.5 * (speeds[0] + speeds[2]), 0.5 * (speeds[1] + speeds[3])
+        before, self._speeds = self._speeds or speeds, speeds
+        self.accelerations = tuple(  # type: ignore[assignment]
+            (new - old) / duration for old, new in zip(before, speeds))
         self.side_speeds = left, right
         self.wheel_residual = tuple(  # type: ignore[assignment]
             old + RESIDUAL_GAIN * (speeds[i] - self.side_speeds[i % 2] - old)

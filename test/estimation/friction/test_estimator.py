@@ -330,7 +330,7 @@ def grounds(duration, stiffness):
     """Return the states of the ground, every 64 ms on the grid, of ``stiffness`` (time)."""
     first = -(-START_NS // GROUND_STATE_PERIOD_NS) * GROUND_STATE_PERIOD_NS
     stamps = range(first, stamp(duration), GROUND_STATE_PERIOD_NS)
-    return [GroundState(ns, Uncertain(stiffness((ns - START_NS) * 1e-9), 2.0), UNKNOWN, UNKNOWN,
+    return [GroundState(ns, Uncertain(stiffness((ns - START_NS) * 1e-9), 2.0), UNKNOWN,
                         (0.0, 0.0)) for ns in stamps]
 
 

@@ -72,7 +72,7 @@ def test_without_samples_the_motion_is_unknown():
 
 def ground(time, stiffness):
     """Return the state of the ground at ``time`` [s]."""
-    return GroundState(stamp(time), Uncertain(stiffness, 1.5), UNKNOWN, UNKNOWN, (-0.9, 0.4))
+    return GroundState(stamp(time), Uncertain(stiffness, 1.5), UNKNOWN, (-0.9, 0.4))
 
 
 @pytest.mark.parametrize('wheel', ['front_left', 'front_right', 'rear_left', 'rear_right'])

@@ -48,6 +48,37 @@ def test_a_late_timestamp_hardly_changes_the_slip_after_the_next_sample():
     assert abs(slips[1] - slips[0]) < 0.2 * abs(slips[2] - slips[0])
 
 
+def rolling_by_forces():
+    """Return a filter that rolls straight at 0.8 m/s with the balance of forces."""
+    state = np.zeros(N)
+    state[State.V_X] = 0.8
+    slip_filter = new_filter(state, force_balance='on')
+    slip_filter.forces.active = True
+    for _ in range(40):
+        roll(slip_filter, (0.8, 0.8))
+    return slip_filter
+
+
+def test_wheels_that_contradict_the_difference_of_slips_change_it_within_one_sample():
+    slip_filter = rolling_by_forces()
+    roll(slip_filter, (0.6, 1.0))
+    x, sigma = slip_filter.x, np.sqrt(np.diag(slip_filter.P))
+    assert x[State.SLIP_VEL_R] - x[State.SLIP_VEL_L] == pytest.approx(0.4, abs=0.05)
+    assert sigma[State.SLIP_VEL_R] > 0.05  # it may have changed before or after the mean
+    for _ in range(5):
+        roll(slip_filter, (0.6, 1.0))
+    assert slip_filter.nis < 2.0  # the change has not cast doubt on the wheels
+    x = slip_filter.x
+    assert x[State.SLIP_VEL_R] - x[State.SLIP_VEL_L] == pytest.approx(0.4, abs=0.02)
+
+
+def test_a_difference_within_two_sigmas_is_no_change_of_slip():
+    slip_filter = rolling_by_forces()
+    before = np.sqrt(slip_filter.P[State.SLIP_VEL_L, State.SLIP_VEL_L])
+    roll(slip_filter, (0.799, 0.801))
+    assert np.sqrt(slip_filter.P[State.SLIP_VEL_L, State.SLIP_VEL_L]) < 1.1 * before
+
+
 def test_lateral_correction_converges_to_minus_s_times_the_yaw_rate():
     state = np.zeros(N)
     state[State.ICR_X] = 0.05

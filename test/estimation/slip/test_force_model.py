@@ -9,7 +9,7 @@ import pytest
 
 from smart_tire.estimation.slip import force_model
 from smart_tire.estimation.slip.force_model import ForceModel
-from smart_tire.estimation.slip.state import N, State
+from smart_tire.estimation.slip.state import DelayedSpeed, N, State
 from smart_tire.parameters import build, RobotParams
 from smart_tire.parameters.simulation import SimulatorParams
 from smart_tire.simulation.plant import Plant
@@ -34,6 +34,11 @@ def rolling_state(seed, direction=1.0):
     x[State.SLIP_VEL_L] += 0.1
     x[State.SLIP_VEL_R] -= 0.1
     return x
+
+
+def motion(wheel, speed, lateral_change=0.0, gyro_z=0.0):
+    """Return the motion at the time of a film measurement."""
+    return DelayedSpeed(wheel % 2, speed, 1e-6, 0.5, 0.0, 0.0, gyro_z, lateral_change)
 
 
 def differences(predict, x, step=1e-6):
@@ -71,11 +76,7 @@ def test_jacobian_of_the_balance_equals_finite_differences(seed, direction, sign
 @pytest.mark.parametrize('seed', range(4))
 def test_jacobian_of_the_torques_equals_finite_differences(seed, direction, significant):
     x = rolling_state(seed, direction)
-    model_torque = MODEL.torques(x.tolist(), TORQUES, RESIDUAL, np.zeros(4)).expected - x[
-        State.TORQUE_OFFSET_FL:]
-    # the scale multiplies the torque without offset
-    H = MODEL.torques(x.tolist(), TORQUES, RESIDUAL,
-                      model_torque * math.exp(x[State.TORQUE_SCALE])).H
+    H = MODEL.torques(x.tolist(), TORQUES, RESIDUAL, np.zeros(4)).H
     numeric = differences(
         lambda x: MODEL.torques(x.tolist(), TORQUES, RESIDUAL, np.zeros(4)).expected, x)
     for column in range(N):
@@ -91,9 +92,10 @@ def test_jacobian_of_the_torques_equals_finite_differences(seed, direction, sign
 def test_jacobian_of_the_adhesion_ratio_equals_finite_differences(slip, direction):
     x = rolling_state(0, direction)
     film = Uncertain(0.6, 0.02), Uncertain(slip, 0.003)
-    H = MODEL.adhesion(x.tolist(), 1, *film).H
-    numeric = differences(lambda x: MODEL.adhesion(x.tolist(), 1, *film).expected, x)
-    rows = [State.LN_RATIO, State.V_Y, State.LN_STIFFNESS]
+    then = motion(1, direction * 0.9, lateral_change=0.02, gyro_z=0.4)
+    H = MODEL.adhesion(x.tolist(), 1, *film, then).H
+    numeric = differences(lambda x: MODEL.adhesion(x.tolist(), 1, *film, then).expected, x)
+    rows = [State.LN_RATIO, State.V_Y, State.GYRO_BIAS_Z, State.LN_STIFFNESS]
     assert H[0, rows] == pytest.approx(numeric[0, rows], rel=1e-4, abs=1e-7)
 
 
@@ -164,14 +166,28 @@ def test_a_torque_scale_lowers_and_an_offset_raises_the_measured_torque():
     assert after - [0.0, 0.0, 0.03, 0.0] == pytest.approx(before / 1.1)
 
 
-def test_unknown_torques_are_left_out():
+def test_the_own_acceleration_of_a_wheel_takes_torque():
     x = rolling_state(0).tolist()
-    full = MODEL.torques(x, TORQUES, LEVEL, np.ones(4))
-    part = MODEL.torques(x, (0.4, math.nan, 0.3, math.nan), LEVEL, np.ones(4))
-    assert part.z == pytest.approx([0.4, 0.3])
-    assert part.expected == pytest.approx(full.expected[[0, 2]])
-    assert np.array_equal(part.H, full.H[[0, 2]]) and part.R.shape == (2, 2)
-    assert MODEL.torques(x, (math.nan,) * 4, LEVEL, np.ones(4)) is None
+    steady = MODEL.torques(x, TORQUES, LEVEL, np.zeros(4)).R
+    unsteady = MODEL.torques(x, TORQUES, LEVEL, np.array([0.0, 1.0, 0.0, 4.0])).R
+    torque = ROBOT.motor.inertia / ROBOT.wheel_radius  # N m per m/s2
+    assert np.diag(unsteady - steady) == pytest.approx(torque ** 2 * np.array([0, 1.0, 0, 4.0]))
+
+
+def test_the_adhesion_ratio_belongs_to_the_lateral_speed_of_its_time():
+    x = np.zeros(N)
+    x[State.V_X], x[State.V_Y] = 0.8, 0.03
+    film = Uncertain(0.6, 0.02), Uncertain(0.05, 0.003)
+    same = MODEL.adhesion(x.tolist(), 0, *film, motion(0, 0.76)).expected
+    x[State.V_Y] = 0.01
+    later = MODEL.adhesion(x.tolist(), 0, *film, motion(0, 0.76, lateral_change=-0.02)).expected
+    assert later == pytest.approx(same)
+    assert MODEL.adhesion(x.tolist(), 0, *film, motion(0, 0.76)).expected < same
+    turning = MODEL.adhesion(x.tolist(), 0, *film, motion(0, 0.76, gyro_z=0.5)).expected
+    arm = 0.5 * ROBOT.wheelbase - ROBOT.imu.position[0]
+    x[State.V_Y] += 0.5 * arm
+    assert turning == pytest.approx(
+        MODEL.adhesion(x.tolist(), 0, *film, motion(0, 0.76)).expected)
 
 
 def test_without_slip_force_and_significance_of_c_x_vanish():
@@ -193,7 +209,8 @@ def test_the_adhesion_ratio_of_the_true_ratio_is_that_of_the_brush_model():
     load = 0.25 * robot.mass * 9.80665
     critical = 3.0 * force_model.PRIOR_FRICTION / robot.tire.longitudinal_stiffness * load
     slip = 0.5 * critical
-    found = ForceModel(robot).adhesion(x.tolist(), 0, Uncertain(0.5, 0.02), Uncertain(slip, .003))
+    found = ForceModel(robot).adhesion(x.tolist(), 0, Uncertain(0.5, 0.02), Uncertain(slip, .003),
+                                       motion(0, 0.8))
     assert found.z == pytest.approx([0.5]) and found.expected == pytest.approx([0.5], rel=0.01)
 
 
@@ -202,5 +219,5 @@ def test_the_adhesion_ratio_of_the_true_ratio_is_that_of_the_brush_model():
     (0.5, 0.02, math.nan, 0.8), (0.01, 0.02, 0.1, 0.8), (0.5, 0.02, 0.1, 0.05)])
 def test_adhesion_without_information_is_no_measurement(ratio, sigma, slip, speed):
     x = [0.0] * N
-    x[State.V_X] = speed
-    assert MODEL.adhesion(x, 0, Uncertain(ratio, sigma), Uncertain(slip, 0.003)) is None
+    assert MODEL.adhesion(
+        x, 0, Uncertain(ratio, sigma), Uncertain(slip, 0.003), motion(0, speed)) is None

@@ -10,13 +10,15 @@ import pytest
 from smart_tire.estimation.slip.ekf import SlipFilter
 from smart_tire.estimation.slip.force_update import GROUND_CHANGE_SIGMAS, GROUND_ROWS
 from smart_tire.estimation.slip.robust_ekf import Measurement
-from smart_tire.estimation.slip.state import ImuReading, ImuStep, N, State, TRAVELS
+from smart_tire.estimation.slip.state import (
+    DelayedSpeed, ImuReading, ImuStep, N, State, TRAVELS)
 from smart_tire.parameters import build, SlipEstimatorParams
 from smart_tire.uncertain import Uncertain
 
 LEVEL = (0.0, 0.0, 0.0, 0.0)
 NO_TORQUE = (math.nan,) * 4
 STEADY = ImuReading(0.0, 0.0, 0.0)
+THEN = DelayedSpeed(0, 0.76, 1e-6, 0.5, 0.0, 0.0, 0.0)  # of a film measurement
 KNOWN = 1e-4  # sigma of a state that is known
 SIGMAS = {State.LN_STIFFNESS: 0.2, State.LN_RATIO: 0.3, State.DRAG: 0.01}
 
@@ -97,7 +99,7 @@ def test_the_covariance_stays_positive(seed):
         predict(slip_filter)
         slip_filter.forces.correct_balance(
             ImuReading(*rng.normal(0.0, [0.3, 1.5, 1.0])), 0.1, LEVEL)
-        slip_filter.forces.correct_torques(tuple(rng.normal(0.5, 0.5, 4)), LEVEL)
+        slip_filter.forces.correct_torques(tuple(rng.normal(0.5, 0.5, 4)), LEVEL, LEVEL)
     assert np.isfinite(slip_filter.x).all()
     assert np.linalg.eigvalsh(slip_filter.P).min() > -1e-9
 
@@ -106,7 +108,7 @@ def test_torques_correct_the_slips_but_not_c_x_itself():
     slip_filter = new_filter()
     slip_filter.forces.correct_balance(STEADY, 0.0, LEVEL)
     before, sigmas = slip_filter.x, np.sqrt(np.diag(slip_filter.P))
-    slip_filter.forces.correct_torques((0.7,) * 4, LEVEL)
+    slip_filter.forces.correct_torques((0.7,) * 4, LEVEL, LEVEL)
     assert slip_filter.x[State.SLIP_VEL_L] > before[State.SLIP_VEL_L]
     assert sigma(slip_filter, State.SLIP_VEL_L) < sigmas[State.SLIP_VEL_L]
     for row in State.LN_STIFFNESS, State.LN_RATIO:
@@ -117,11 +119,32 @@ def test_unknown_torques_are_no_correction():
     slip_filter = new_filter()
     slip_filter.forces.correct_balance(STEADY, 0.0, LEVEL)
     before, P = slip_filter.x, slip_filter.P.copy()
-    slip_filter.forces.correct_torques(NO_TORQUE, LEVEL)
+    slip_filter.forces.correct_torques(NO_TORQUE, LEVEL, LEVEL)
     assert slip_filter.x == before and np.array_equal(slip_filter.P, P)
-    slip_filter.forces.correct_torques((0.5, math.nan, 0.5, math.nan), LEVEL)
+    slip_filter.forces.correct_torques((0.5, math.nan, 0.5, math.nan), LEVEL, LEVEL)
     assert np.isfinite(slip_filter.x).all() and np.isfinite(slip_filter.P).all()
     assert slip_filter.x[State.TORQUE_OFFSET_FL] != before[State.TORQUE_OFFSET_FL]
+
+
+def test_no_correction_changes_the_scale_of_the_torques():
+    slip_filter = new_filter(sigmas={State.TORQUE_SCALE: 0.05})
+    slip_filter.forces.correct_balance(STEADY, 0.0, LEVEL)
+    for _ in range(5):
+        slip_filter.forces.correct_torques((1.5,) * 4, LEVEL, LEVEL)
+    assert slip_filter.P[State.TORQUE_SCALE, State.SLIP_VEL_L] != 0.0
+    slip_filter.correct_zero_velocity()
+    assert slip_filter.x[State.TORQUE_SCALE] == 0.0
+    assert sigma(slip_filter, State.TORQUE_SCALE) == pytest.approx(0.05)
+
+
+def test_torques_of_wheels_that_follow_commands_count_less():
+    sigmas = []
+    for acceleration in 0.0, 2.0:  # m/s2, of the wheels beyond that of the robot
+        slip_filter = new_filter()
+        slip_filter.forces.correct_balance(STEADY, 0.0, LEVEL)
+        slip_filter.forces.correct_torques((0.7,) * 4, LEVEL, (acceleration, 0.0, 0.0, 0.0))
+        sigmas.append(sigma(slip_filter, State.SLIP_VEL_L))
+    assert sigmas[0] < sigmas[1]
 
 
 @pytest.mark.parametrize(('speed', 'enabled', 'active'), [
@@ -131,7 +154,7 @@ def test_forces_are_used_while_enabled_and_rolling_only(speed, enabled, active):
     slip_filter.forces.correct_balance(STEADY, 0.0, LEVEL)
     assert slip_filter.forces.active == active
     before = slip_filter.x
-    slip_filter.forces.correct_torques((0.9,) * 4, LEVEL)
+    slip_filter.forces.correct_torques((0.9,) * 4, LEVEL, LEVEL)
     assert (slip_filter.x != before) == active
 
 
@@ -204,7 +227,7 @@ def test_an_adhesion_ratio_corrects_mu_over_c_x():
     slip_filter = new_filter()
     ratio = Uncertain(adhesion(slip_filter, 0.8), 0.02)
     before = sigma(slip_filter, State.LN_RATIO)
-    slip_filter.forces.correct_adhesion(0, ratio, Uncertain(0.05, 0.003))
+    slip_filter.forces.correct_adhesion(0, ratio, Uncertain(0.05, 0.003), THEN)
     assert slip_filter.forces.ground_changes == 0
     assert math.log(0.8) * 1.2 < slip_filter.x[State.LN_RATIO] < -0.05
     assert sigma(slip_filter, State.LN_RATIO) < before
@@ -215,7 +238,7 @@ def test_an_adhesion_ratio_that_contradicts_the_estimate_is_a_change_of_the_grou
     slip_filter = new_filter(sigmas={State.LN_RATIO: 0.03})
     before = sigma(slip_filter, State.LN_STIFFNESS)
     slip_filter.forces.correct_adhesion(
-        0, Uncertain(adhesion(slip_filter, 0.3), 0.02), Uncertain(0.05, 0.003))
+        0, Uncertain(adhesion(slip_filter, 0.3), 0.02), Uncertain(0.05, 0.003), THEN)
     assert slip_filter.forces.ground_changes == 1
     assert sigma(slip_filter, State.LN_STIFFNESS) > before
     assert slip_filter.x[State.LN_RATIO] < 0.8 * math.log(0.3)
@@ -225,6 +248,6 @@ def test_a_large_change_of_the_adhesion_ratio_is_followed_within_two_sigmas():
     slip_filter = new_filter(sigmas={State.LN_RATIO: 0.7})
     ratio = Uncertain(adhesion(slip_filter, 0.3), 0.02)
     for _ in range(2):
-        slip_filter.forces.correct_adhesion(0, ratio, Uncertain(0.05, 0.003))
+        slip_filter.forces.correct_adhesion(0, ratio, Uncertain(0.05, 0.003), THEN)
         error = slip_filter.x[State.LN_RATIO] - math.log(0.3)
         assert abs(error) < 2.0 * sigma(slip_filter, State.LN_RATIO)
