@@ -3,9 +3,10 @@ Corrections of the slip EKF by forces, and changes of the ground.
 
 The force balance corrects slip and lateral velocity at the rate of the IMU. The parameters of the
 ground are considered there (Schmidt-Kalman filter): their errors are part of the covariance, but
-only distances, film slips and torques correct them, through their correlation with the slips.
-Their Jacobians are forces, which are as noisy as the residuals of the balance: corrected by it,
-C_x would drift.
+only distances and film slips correct them, through their correlation with the slips. Their
+Jacobians are forces, which are as noisy as the residuals of the balance: corrected by it, C_x
+would drift. Torques consider it for the same reason, unless it is unknown: then their bias is
+small beside its uncertainty.
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ MAX_TORQUE_REPEATS = 6        # equal readings in a row: torques are noisy at 10
 TORQUE_CHECK_GAIN = 0.1       # weight of a new reading in the mean of normalized innovations
 TORQUE_FAULT_SIGMAS = 2.0     # of that mean; it is 0.25 for correct torques
 MAX_TORQUE_SIGMAS = 6.0       # at which one innovation is limited
+UNKNOWN_STIFFNESS_SIGMA = 0.3  # -, of ln C_x, above which torques determine it directly
 ACCELERATION_GAIN = 0.2       # weight of a new sample in the variance of wheel accelerations
 
 GROUND_ROWS = (State.LN_STIFFNESS, State.LN_RATIO, State.DRAG)
@@ -150,9 +152,11 @@ class ForceUpdate:
             check.update(torque, normalized)
         used = np.isfinite(torques) & [not check.failed for check in self._checks]
         if used.any():
+            row = State.LN_STIFFNESS
+            unknown = float(self._ekf.P[row, row]) > UNKNOWN_STIFFNESS_SIGMA ** 2
             self._ekf.correct(Measurement(
                 z[used], expected[used], H[used], R[np.ix_(used, used)]),
-                considered=GROUND_ROWS[:2])
+                considered=[State.LN_RATIO] if unknown else [row, State.LN_RATIO])
 
     def correct_adhesion(self, wheel: int, ratio: Uncertain, slip: Uncertain,
                          then: DelayedSpeed) -> None:

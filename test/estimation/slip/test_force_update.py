@@ -115,6 +115,16 @@ def test_torques_correct_the_slips_but_not_c_x_itself():
         assert slip_filter.x[row] == pytest.approx(before[row], abs=1e-12)
 
 
+def test_torques_determine_an_unknown_c_x():
+    slip_filter = new_filter(sigmas={
+        State.LN_STIFFNESS: 0.5, State.LN_RATIO: 0.05, State.SLIP_VEL_L: 0.002,
+        State.SLIP_VEL_R: 0.002})
+    slip_filter.forces.correct_balance(STEADY, 0.0, LEVEL)
+    slip_filter.forces.correct_torques((0.7,) * 4, LEVEL, LEVEL)
+    assert slip_filter.x[State.LN_STIFFNESS] > 0.1
+    assert sigma(slip_filter, State.LN_STIFFNESS) < 0.3
+
+
 def test_unknown_torques_are_no_correction():
     slip_filter = new_filter()
     slip_filter.forces.correct_balance(STEADY, 0.0, LEVEL)
