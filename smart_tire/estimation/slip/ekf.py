@@ -27,6 +27,7 @@ from smart_tire.estimation.slip.motion_model import (
 from smart_tire.estimation.slip.robust_ekf import Measurement, RobustEkf, StateRecorder
 from smart_tire.estimation.slip.slip_process import (
     FreeRollingPrior, InnovationChangeDetector, SLIP_SETTLING_TIME, SlipProcess)
+from smart_tire.estimation.slip.slope_spread import SLOPE_CORRELATION_LENGTH
 from smart_tire.estimation.slip.state import (
     DelayedSpeed, ImuStep, N, SLIP_VEL_ROWS, SLIP_VELS, State, TORQUE_OFFSETS, TRAVELS,
     WheelMeasurement)
@@ -247,7 +248,11 @@ class SlipFilter:
         H[0, State.V_X], H[0, State.GYRO_BIAS_Z] = 1.0, -arm
         H[0, State.V_Y] = -delayed.yaw_change
         H[0, State.ACCEL_BIAS_X] = delayed.elapsed
-        self._correct_scalar(delayed.speed, expected, H, delayed.variance)
+        H[0, State.PITCH] = -GRAVITY * delayed.elapsed
+        slope_change = (2.0 * abs(delayed.speed) * delayed.elapsed / SLOPE_CORRELATION_LENGTH
+                        * self._slope_sigma ** 2)  # rad^2, variance since then
+        variance = delayed.variance + (GRAVITY * delayed.elapsed) ** 2 * slope_change / 3.0
+        self._correct_scalar(delayed.speed, expected, H, variance)
 
     def correct_zero_velocity(self) -> None:
         """Correct with zero velocity over ground and of the wheels."""

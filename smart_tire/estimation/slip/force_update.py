@@ -5,8 +5,8 @@ The force balance corrects slip and lateral velocity at the rate of the IMU. The
 ground are considered there (Schmidt-Kalman filter): their errors are part of the covariance, but
 only distances and film slips correct them, through their correlation with the slips. Their
 Jacobians are forces, which are as noisy as the residuals of the balance: corrected by it, C_x
-would drift. Torques consider it for the same reason, unless it is unknown: then their bias is
-small beside its uncertainty.
+would drift. Torques consider it for the same reason, unless it is unknown and the slips are
+certain: then their bias is small beside its uncertainty.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from smart_tire.estimation.slip.force_model import ForceModel, MIN_ROLLING_SPEED
 from smart_tire.estimation.slip.motion_model import DRAG_MEAN
 from smart_tire.estimation.slip.robust_ekf import Measurement, RobustEkf
 from smart_tire.estimation.slip.slip_process import InnovationChangeDetector
-from smart_tire.estimation.slip.state import DelayedSpeed, ImuReading, N, State
+from smart_tire.estimation.slip.state import DelayedSpeed, ImuReading, N, SLIP_VEL_ROWS, State
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.samples import Four
 from smart_tire.uncertain import Uncertain
@@ -37,6 +37,7 @@ TORQUE_CHECK_GAIN = 0.1       # weight of a new reading in the mean of normalize
 TORQUE_FAULT_SIGMAS = 2.0     # of that mean; it is 0.25 for correct torques
 MAX_TORQUE_SIGMAS = 6.0       # at which one innovation is limited
 UNKNOWN_STIFFNESS_SIGMA = 0.3  # -, of ln C_x, above which torques determine it directly
+CERTAIN_SLIP_SIGMAS = 4.0     # of slip velocities that are certain enough for that
 ACCELERATION_GAIN = 0.2       # weight of a new sample in the variance of wheel accelerations
 
 GROUND_ROWS = (State.LN_STIFFNESS, State.LN_RATIO, State.DRAG)
@@ -147,16 +148,25 @@ class ForceUpdate:
             deviation ** 2 - self._acceleration_variance)
         z, expected, H, R = self._model.torques(x, torques, residual, self._acceleration_variance)
         sigma = np.sqrt(np.diag(H @ self._ekf.P @ H.T + R))
+        trusted = [not check.failed for check in self._checks]
         for check, torque, normalized in zip(
                 self._checks, torques, ((z - expected) / sigma).tolist()):
             check.update(torque, normalized)
+        if any(check.failed and before for check, before in zip(self._checks, trusted)):
+            self._inflate_ground()  # it has been estimated with wrong torques
         used = np.isfinite(torques) & [not check.failed for check in self._checks]
         if used.any():
-            row = State.LN_STIFFNESS
-            unknown = float(self._ekf.P[row, row]) > UNKNOWN_STIFFNESS_SIGMA ** 2
             self._ekf.correct(Measurement(
                 z[used], expected[used], H[used], R[np.ix_(used, used)]),
-                considered=[State.LN_RATIO] if unknown else [row, State.LN_RATIO])
+                considered=GROUND_ROWS[:2] if not self._determines_stiffness()
+                else [State.LN_RATIO])
+
+    def _determines_stiffness(self) -> bool:
+        """Return whether C_x is unknown, and slips are known that torques have to explain."""
+        sigma = np.sqrt(np.diag(self._ekf.P))
+        slips = np.abs(self._ekf.x[SLIP_VEL_ROWS]) / sigma[SLIP_VEL_ROWS]
+        return bool(sigma[State.LN_STIFFNESS] > UNKNOWN_STIFFNESS_SIGMA
+                    and slips.min() > CERTAIN_SLIP_SIGMAS)
 
     def correct_adhesion(self, wheel: int, ratio: Uncertain, slip: Uncertain,
                          then: DelayedSpeed) -> None:
@@ -204,8 +214,12 @@ class ForceUpdate:
         self.ground_changes += 1
 
     def _change_ground(self) -> None:
+        self._inflate_ground()
+        self.ground_changes += 1
+
+    def _inflate_ground(self) -> None:
+        """Make the ground as uncertain as unknown ground, about its present estimate."""
         Q, P = np.zeros((N, N)), self._ekf.P
         for row, sigma in zip(GROUND_ROWS, self._sigmas):
             Q[row, row] = max(sigma ** 2 - P[row, row], 0.0)
         self._ekf.predict(self._ekf.x, np.eye(N), Q)
-        self.ground_changes += 1

@@ -54,21 +54,24 @@ CASES = {
     'pushed sideways, no torque': Case(pushed(0.0, 15.0, 12.0, 13.0), torque=False),
 }
 
-# (case, ground) that leave the bounds: forces that the balance does not contain
-FAILING = {
-    ('no torque', 'sand'), ('wheel in the air', 'sand'), ('wheel in the air, no torque', 'sand'),
-    ('pushed from behind', 'sand'), ('pushed from behind, no torque', 'concrete'),
-    ('pushed from behind, no torque', 'sand'), ('pushed sideways', 'sand'),
-    ('pushed sideways, no torque', 'sand')}
+# (case, ground) with forces that the balance does not contain: sigma is too small
+OVERCONFIDENT = {
+    ('wheel in the air', 'concrete'), ('wheel in the air', 'sand'),
+    ('wheel in the air, no torque', 'sand'), ('slope', 'sand'),
+    ('pushed from behind', 'concrete'), ('pushed from behind', 'sand'),
+    ('pushed from behind, no torque', 'concrete'), ('pushed from behind, no torque', 'sand'),
+    ('current stuck at zero', 'sand'), ('torque constants 15 % low', 'sand')}
+
+# on unknown ground and an unknown slope slip and C_x are not told apart for some seconds
+INACCURATE = {('slope', 'sand')}
 
 
-def robustness_cases():
+def robustness_cases(failing):
     for name in CASES:
         for ground in GROUNDS:
-            fails = (name, ground) in FAILING
             yield pytest.param(name, ground, id=f'{name}, {ground}', marks=[
-                pytest.mark.xfail(strict=True, reason='a force that is not modeled')] if fails
-                else [])
+                pytest.mark.xfail(strict=True, reason='a force that is not modeled')]
+                if (name, ground) in failing else [])
 
 
 @cache
@@ -86,11 +89,15 @@ def errors(name: str, ground: str) -> Errors:
     return pooled(runs)
 
 
-@pytest.mark.parametrize(('name', 'ground'), robustness_cases())
-def test_slip_and_speed_stay_within_their_sigma_and_below_a_bound(name, ground):
-    found = errors(name, ground)
-    rms = found.rms()
+@pytest.mark.parametrize(('name', 'ground'), [*robustness_cases(INACCURATE)])
+def test_disturbances_and_faults_do_not_pull_slip_and_speed_away(name, ground):
+    rms = errors(name, ground).rms()
     assert rms['slip'] < MAX_SLIP[ground] and rms['speed'] < MAX_SPEED[ground]
+
+
+@pytest.mark.parametrize(('name', 'ground'), [*robustness_cases(OVERCONFIDENT)])
+def test_slip_and_speed_stay_within_three_sigmas(name, ground):
+    found = errors(name, ground)
     assert found.share('slip') > MIN_SHARE and found.share('speed') > MIN_SHARE
 
 
