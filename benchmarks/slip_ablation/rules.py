@@ -50,6 +50,15 @@ def _false(*_: Any) -> bool:
     return False
 
 
+def _unchanged(_: Any, value: Any) -> Any:
+    return value
+
+
+def _linearized(update: Any, residual: Any) -> Any:
+    """Return the balance at the present state, in place of ``ForceUpdate._iterated``."""
+    return update._with_lateral_noise(update._model.balance(update._ekf.x.tolist(), residual))
+
+
 RULES: Mapping[str, Rule] = MappingProxyType({
     ALL_RULES: Rule('none is off'),
     # wheel measurements
@@ -79,6 +88,34 @@ RULES: Mapping[str, Rule] = MappingProxyType({
     'icr_change': Rule(
         'S changes with lasting innovations', {'ekf.ICR_CHANGE_SIGMAS': math.inf}),
     'icr_with_slip': Rule('S changes with the slips', {'ekf.ICR_CHANGE_SHARE': 0.0}),
+    # force balance
+    'slip_difference': Rule('the difference of slips follows contradicting wheels',
+                            {'ekf.SLIP_CHANGE_SIGMAS': math.inf}),
+    'iterated_balance': Rule('the balance is linearized where it is fulfilled',
+                             {'force_update.ForceUpdate._iterated': _linearized}),
+    'lateral_noise': Rule(
+        'at small lateral speed the lateral force does not determine C_x',
+        {'force_update.ForceUpdate._with_lateral_noise': _unchanged}),
+    'significant_forces': Rule('forces within their noise do not determine C_x',
+                               {'force_model.SIGNIFICANT_SIGMAS': 0.0}),
+    'unknown_stiffness': Rule('torques determine an unknown C_x directly',
+                              {'force_update.UNKNOWN_STIFFNESS_SIGMA': math.inf}),
+    'certain_slips': Rule('... but only where the slips are certain',
+                          {'force_update.CERTAIN_SLIP_SIGMAS': 0.0}),
+    'wheel_acceleration': Rule('the own acceleration of the wheels adds noise to torques',
+                               {'force_update.ACCELERATION_GAIN': 0.0}),
+    'torque_check': Rule('contradicting and repeating torques are not used',
+                         {'force_update.TorqueCheck.update': _nothing}),
+    'change_by_wheels': Rule('wheels that contradict the forces change the ground',
+                             {'force_update.ForceUpdate.detect_ground_change': _nothing}),
+    'change_by_films': Rule('a contradicting adhesion ratio changes the ground',
+                            {'force_update.RATIO_CHANGE_SIGMAS': math.inf}),
+    'stiffness_limit': Rule('a C_x that no ground has is forgotten',
+                            {'force_update.MAX_PRIOR_SIGMAS': math.inf}),
+    'ratio_correlation': Rule('errors of film slip and adhesion ratio are correlated',
+                              {'force_model.RATIO_CORRELATION': 0.0}),
+    'ratio_iterations': Rule('adhesion ratios are linearized repeatedly',
+                             {'force_update.RATIO_ITERATIONS': 1}),
     # standstill
     'standstill': Rule('zero velocity at standstill',
                        {'wheel_correction.ZeroVelocityDetector.detect': _nothing}),

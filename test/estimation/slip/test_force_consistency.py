@@ -1,0 +1,50 @@
+"""Force balance over simulated runs: normalized errors of slip, speed, v_y and C_x are near one."""
+
+from __future__ import annotations
+
+from functools import cache
+import math
+
+import numpy as np
+import pytest
+
+from smart_tire.parameters import RobotParams
+from support.simulated_slip import (
+    CONCRETE, Errors, estimate, pooled, run, SAND, with_films, without_torque)
+
+pytestmark = pytest.mark.slow
+
+SEEDS = range(21, 25)  # not used by a benchmark
+GROUNDS = {'concrete': CONCRETE, 'sand': SAND}
+BEGIN = 6.0  # s, after the first film slips
+
+
+@cache
+def errors(ground: str, torque: bool) -> Errors:
+    """Return the errors of all seeds, with films, with or without torque."""
+    params, runs = GROUNDS[ground], []
+    stiffness = params.stiffness[params.names.index(params.base)]
+    departure = math.log(stiffness / RobotParams().tire.longitudinal_stiffness)
+    for seed in SEEDS:
+        events = run(params, seed)
+        if not torque:
+            events = without_torque(events)
+        runs.append(estimate(
+            with_films(events, params, seed), begin=BEGIN, stiffness=departure)[0])
+    return pooled(runs)
+
+
+@pytest.mark.parametrize('torque', [True, False], ids=['torque', 'no torque'])
+@pytest.mark.parametrize('ground', GROUNDS)
+@pytest.mark.parametrize('name', ['slip', 'speed', 'lateral', 'stiffness'])
+def test_normalized_errors_are_consistent_with_the_reported_sigma(name, ground, torque):
+    normalized = errors(ground, torque).normalized(name)
+    assert 0.05 < np.mean(normalized ** 2) < 2.0
+    assert np.mean(np.abs(normalized) < 2.0) > 0.85
+
+
+@pytest.mark.parametrize('ground', GROUNDS)
+def test_torque_tells_the_stiffness_of_the_ground(ground):
+    found = errors(ground, torque=True)
+    assert np.median(np.abs(found.stiffness)) < 0.1
+    assert np.median(found.stiffness_sigma) < 0.1
