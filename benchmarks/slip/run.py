@@ -18,8 +18,9 @@ from rich.table import Table
 
 from benchmarks.command import (
     accuracy_parser, DATA, run_accuracy_benchmark)
+from benchmarks.hills import HILL_SCENARIOS
 from benchmarks.jobs import make_folder, run_jobs
-from benchmarks.scenarios import SCENARIOS
+from benchmarks.scenarios import Scenario, SCENARIOS
 from benchmarks.slip.comparison import compare_methods, LIVE, METHODS
 from benchmarks.slip.figures import path_figure, save, slip_figure
 from benchmarks.slip.previous_results import PREVIOUS_RESULTS
@@ -37,8 +38,9 @@ from smart_tire.parameters import SlipEstimatorParams
 
 DRAWN_SEED = 1   # seed of the run in the figures
 
+RUNS: Mapping[str, Scenario] = {**SCENARIOS, **HILL_SCENARIOS}
 KNOWN = {recording.name: recording for recording in RECORDINGS}
-TITLES = {**{name: scenario.title for name, scenario in SCENARIOS.items()},
+TITLES = {**{name: scenario.title for name, scenario in RUNS.items()},
           **{name: recording.title for name, recording in KNOWN.items()}}
 
 Job = Callable[[], RunResult]
@@ -85,7 +87,7 @@ def _jobs(options: BenchOptions) -> tuple[list[Job], list[str]]:
     paths, absent = bags(options.data)
     jobs: list[Job] = [partial(run_recorded, name, path, options.out)
                        for name, path in paths.items() if name in wanted]
-    scenarios = [SCENARIOS[name] for name in wanted if name in SCENARIOS]
+    scenarios = [RUNS[name] for name in wanted if name in RUNS]
     scenarios.sort(key=lambda scenario: -scenario.duration)
     jobs += [partial(run_scenario, scenario.name, seed, options.out)
              for scenario in scenarios for seed in options.seeds]
@@ -99,7 +101,7 @@ def label(result: RunResult) -> str:
 
 def run_scenario(name: str, seed: int, out: Path) -> RunResult:
     """Simulate one run and score all methods; draw the figures of the first seed."""
-    scenario = SCENARIOS[name]
+    scenario = RUNS[name]
     events = scenario.events(seed)
     truth = as_truth((sample for _, topic, sample in events
                       if topic.startswith('ground_truth/')), scenario.robot)
@@ -125,9 +127,9 @@ def run_recorded(name: str, path: Path, out: Path) -> RunResult:
 
 
 def _tables(runs: Runs, notes: Mapping[str, Sequence[str]]) -> Iterator[Table]:
-    simulated = {run: methods for run, methods in runs.items() if run in SCENARIOS}
+    simulated = {run: methods for run, methods in runs.items() if run in RUNS}
     for run, methods in simulated.items():
-        scenario = SCENARIOS[run]
+        scenario = RUNS[run]
         distance = methods[LIVE]['distance']
         title = f'{scenario.title}: {scenario.duration:.0f} s, {distance:.0f} m'
         yield errors_table(title, run, methods, REFERENCE_RESULTS.get(run), scenario.averaged)

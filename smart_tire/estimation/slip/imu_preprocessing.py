@@ -9,7 +9,7 @@ import math
 from smart_tire.estimation.plausibility import is_imu_spike
 from smart_tire.estimation.slip.slope_monitor import SlopeMonitor
 from smart_tire.estimation.slip.state import ImuReading, ImuStep
-from smart_tire.estimation.slip.tilt_rates import TiltRates
+from smart_tire.estimation.slip.tilt_rates import TiltExcursion, TiltRates
 from smart_tire.estimation.slip.vibration import VibrationMonitor
 from smart_tire.models.constants import GRAVITY
 from smart_tire.parameters import SlipEstimatorParams
@@ -47,11 +47,16 @@ class TrapezoidalMean:
         """Return the end [s] of the integral."""
         return self._end
 
+    @property
+    def duration(self) -> float:
+        """Return the length [s] of the integral."""
+        return self._end - self._begin
+
     def step(self, gyro_noise: float, accel_noise: float, slope_sigma: float) -> ImuStep | None:
         """Return the mean, with noise densities for standard deviations of a sample."""
         if not self._count:
             return None
-        dt = self._end - self._begin
+        dt = self.duration
         period = dt / self._count  # white noise per sample becomes noise density
         return ImuStep(
             ImuReading(*(total / dt for total in self._sums)), gyro_noise ** 2 * period,
@@ -64,6 +69,7 @@ class ImuPreprocessor:
     def __init__(self, params: SlipEstimatorParams) -> None:
         self._imu = params.robot.imu
         self.tilt_rates = TiltRates(self._imu)
+        self._excursion = TiltExcursion()
         self.slope = SlopeMonitor(params.robot, params.slope_sigma)
         self._rotation: list[list[float]] = matrix(*self._imu.rotation).tolist()
         self._vibration = VibrationMonitor(self._imu.accel_noise)
@@ -100,10 +106,15 @@ class ImuPreprocessor:
         """Return the mean with its noise, None if it is of no interval."""
         step = mean.step(self._imu.gyro_noise, math.hypot(self._imu.accel_noise, self.vibration),
                          self.slope_sigma)
-        return step and replace(
-            step, mean=self.tilt_rates.without_bias(step.mean),
-            tilt_variance=self.tilt_rates.density(step.mean.yaw_rate, self.period),
-            tilt_gain=self.slope.tilt_gain)
+        if step is None:
+            return None
+        reading = self.tilt_rates.without_bias(step.mean)
+        density = self.tilt_rates.density(reading.yaw_rate, self.period)
+        excursion = self._excursion.update(mean.duration, reading, density)
+        return replace(
+            step, mean=reading, tilt_variance=density, tilt_gain=self.slope.tilt_gain,
+            slope_sigma=math.hypot(step.slope_sigma,
+                                   self.slope.tilt_gain * math.sqrt(excursion)))
 
     def _in_base_axes(self, sample: ImuSample) -> ImuReading:
         x, y, z = self._rotation

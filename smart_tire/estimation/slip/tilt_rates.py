@@ -11,6 +11,8 @@ from smart_tire.parameters.robot import ImuParams
 TILT_BIAS_RANDOM_WALK = 2e-5  # rad/s per sqrt(s)
 MOUNTING_ERROR_SIGMA = 0.009  # rad, share of the yaw rate that a horizontal axis measures
 ERROR_CORRELATION_TIME = 2.0  # s, of bias and mounting error, over which a slope is estimated
+EXCURSION_TIME = 1.0          # s, time constant of the high-pass of roll and pitch
+EXCURSION_SIGMAS = 4.0        # standard deviations of an angle; below it is noise
 NOISE_WINDOW = 1.0            # s, for the variance of the noise
 INITIAL_TILT_GAIN = 0.75      # before any change of slope; assumed
 MAX_TILT_GAIN = 0.95
@@ -65,6 +67,30 @@ class TiltRates:
         lasting = self._bias_variance + (MOUNTING_ERROR_SIGMA * yaw_rate) ** 2
         return (max(self._noise, self._min_noise) * period
                 + 2.0 * ERROR_CORRELATION_TIME * lasting)
+
+
+class TiltExcursion:
+    """
+    Present departure of roll and pitch from their recent mean, by the gyroscope.
+
+    A speed bump or a curb tilts the robot by more than the learned slope before wheels and
+    accelerometer can tell.
+    """
+
+    def __init__(self) -> None:
+        self._angles = [0.0, 0.0]  # rad, high-pass of roll and pitch
+
+    def update(self, duration: float, reading: ImuReading, density: float) -> float:
+        """
+        Add a mean ``reading`` without bias over ``duration`` [s]; return the variance [rad^2].
+
+        ``density`` [(rad/s)^2 s] is that of the noise of its rates; smaller angles are noise.
+        """
+        decay = math.exp(-duration / EXCURSION_TIME)
+        self._angles = [decay * (angle + duration * rate) for angle, rate in zip(
+            self._angles, (reading.roll_rate, reading.pitch_rate))]
+        noise = EXCURSION_SIGMAS ** 2 * 0.5 * EXCURSION_TIME * density
+        return max(0.0, max(angle ** 2 for angle in self._angles) - noise)
 
 
 class TiltConsistency:

@@ -18,7 +18,7 @@ from benchmarks.slip.tables import reference_table
 @pytest.fixture
 def tiny(monkeypatch):
     """Shorten the first scenario to seconds."""
-    monkeypatch.setitem(run.SCENARIOS, 'concrete',
+    monkeypatch.setitem(run.RUNS, 'concrete',
                         replace(SCENARIOS['concrete'], duration=6.0))
 
 

@@ -1,4 +1,4 @@
-"""Force balance over simulated runs: normalized errors of slip, speed, v_y and C_x are near one."""
+"""Force balance over simulated runs: normalized errors of slip, speed, v_y and C_x near one."""
 
 from __future__ import annotations
 

@@ -7,7 +7,8 @@ import pytest
 
 from smart_tire.estimation.slip.slope_spread import SlopeResidual
 from smart_tire.estimation.slip.state import ImuReading
-from smart_tire.estimation.slip.tilt_rates import TiltConsistency, TiltRates
+from smart_tire.estimation.slip.tilt_rates import (
+    EXCURSION_SIGMAS, EXCURSION_TIME, TiltConsistency, TiltExcursion, TiltRates)
 from smart_tire.parameters.robot import ImuParams
 
 PERIOD = 0.01  # s
@@ -75,3 +76,32 @@ def test_windows_before_a_stop_are_not_compared_with_those_after_it():
         tilt.restart()
         tilt.update((SlopeResidual(value, 1e-4, 1.0), None), (0.0, 0.0), 1e-4)
     assert tilt.gain == TiltConsistency().gain
+
+
+# ---- present departure of roll and pitch ----
+
+DENSITY = 1e-5  # (rad/s)^2 s
+
+
+@pytest.mark.parametrize('axis', ['roll_rate', 'pitch_rate'])
+@pytest.mark.parametrize('sign', [1.0, -1.0])
+def test_a_quick_tilt_about_either_axis_is_an_excursion_that_decays(axis, sign):
+    excursion = TiltExcursion()
+    for _ in range(20):  # 0.1 rad in 0.2 s
+        variance = excursion.update(PERIOD, reading(**{axis: sign * 0.5}), DENSITY)
+    assert 0.08 < np.sqrt(variance) <= 0.1
+    for _ in range(round(3.0 * EXCURSION_TIME / PERIOD)):
+        variance = excursion.update(PERIOD, reading(), DENSITY)
+    assert variance == 0.0
+
+
+def test_noise_of_the_rates_is_no_excursion():
+    rng, excursion = np.random.default_rng(1), TiltExcursion()
+    noise = np.sqrt(DENSITY / PERIOD) * rng.standard_normal((6000, 2))
+    found = [excursion.update(PERIOD, reading(*rates), DENSITY) for rates in noise.tolist()]
+    assert max(found) == 0.0
+    limit = EXCURSION_SIGMAS * np.sqrt(0.5 * EXCURSION_TIME * DENSITY)  # rad
+    for share, expected in (0.9, False), (1.2, True):
+        excursion = TiltExcursion()
+        found = excursion.update(PERIOD, reading(pitch_rate=share * limit / PERIOD), DENSITY)
+        assert (found > 0.0) == expected
