@@ -23,7 +23,7 @@ from smart_tire.arrays import Array
 from smart_tire.estimation.slip.force_update import ForceUpdate
 from smart_tire.estimation.slip.kinematics import SlipKinematics
 from smart_tire.estimation.slip.motion_model import (
-    DRAG_MEAN, DRAG_SIGMA, IDLE_SIGMAS, MotionModel)
+    DRAG_MEAN, DRAG_SIGMA, IDLE_SIGMAS, MotionModel, SOFT_GROUND_CORRELATION)
 from smart_tire.estimation.slip.robust_ekf import Measurement, RobustEkf, StateRecorder
 from smart_tire.estimation.slip.slip_process import (
     FreeRollingPrior, InnovationChangeDetector, SLIP_SETTLING_TIME, SlipProcess)
@@ -288,4 +288,8 @@ def initial_state(params: SlipEstimatorParams) -> tuple[Array, Array]:
     sigma[State.TORQUE_SCALE] = robot.motor.torque_constant_sigma
     sigma[TORQUE_OFFSETS] = math.hypot(
         TORQUE_OFFSET_SIGMA, FRICTION_ERROR_SHARE * robot.motor.coulomb_friction)
-    return x, np.diag(sigma ** 2)
+    P = np.diag(sigma ** 2)
+    stiffness, drag = State.LN_STIFFNESS, State.DRAG
+    P[stiffness, drag] = P[drag, stiffness] = (
+        SOFT_GROUND_CORRELATION * sigma[stiffness] * sigma[drag])
+    return x, P

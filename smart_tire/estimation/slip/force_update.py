@@ -6,7 +6,7 @@ ground are considered there (Schmidt-Kalman filter): their errors are part of th
 only distances and film slips correct them, through their correlation with the slips. Their
 Jacobians are forces, which are as noisy as the residuals of the balance: corrected by it, C_x
 would drift. Torques consider it for the same reason, unless it is unknown and the slips are
-certain: then their bias is small beside its uncertainty.
+certain: then their bias is small against its uncertainty.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.estimation.slip.force_model import ForceModel, MIN_ROLLING_SPEED
-from smart_tire.estimation.slip.motion_model import DRAG_MEAN
+from smart_tire.estimation.slip.motion_model import DRAG_MEAN, SOFT_GROUND_CORRELATION
 from smart_tire.estimation.slip.robust_ekf import Measurement, RobustEkf
 from smart_tire.estimation.slip.slip_process import InnovationChangeDetector
 from smart_tire.estimation.slip.state import DelayedSpeed, ImuReading, N, SLIP_VEL_ROWS, State
@@ -28,6 +28,7 @@ from smart_tire.uncertain import Uncertain
 GROUND_CHANGE_SIGMAS = 3.0    # of two consecutive common innovations of the wheels, same sign
 RATIO_CHANGE_SIGMAS = 3.5     # of the innovation of one adhesion ratio
 MAX_PRIOR_SIGMAS = 3.0        # of ln C_x, beyond which the estimate has diverged
+SAME_FORCES_SIGMA = 0.15      # -, of ln C_x after a change of mu / C_x that no force shows
 CHANGED_DRAG_SIGMA = 0.05     # -, of the rolling resistance on new ground
 LATERAL_SPEED_NOISE = 0.025   # m/s, of v_y; below, the lateral force does not determine C_x
 LATERAL_CORRELATION = 100.0   # samples over which the effect of C_x on v_y counts as white
@@ -177,7 +178,7 @@ class ForceUpdate:
         z, expected, H, R = measurement
         y = float(z[0] - expected[0])
         if y * y > RATIO_CHANGE_SIGMAS ** 2 * float((H @ self._ekf.P @ H.T + R)[0, 0]):
-            self._change_ground()
+            self._change_ground((SAME_FORCES_SIGMA, *self._sigmas[1:]))
         before, P = self._ekf.x, self._ekf.P
         x = before
         for _ in range(RATIO_ITERATIONS):
@@ -213,13 +214,20 @@ class ForceUpdate:
         self._ekf.predict(x, F, Q)
         self.ground_changes += 1
 
-    def _change_ground(self) -> None:
-        self._inflate_ground()
+    def _change_ground(self, sigmas: tuple[float, ...] | None = None) -> None:
+        self._inflate_ground(sigmas)
         self.ground_changes += 1
 
-    def _inflate_ground(self) -> None:
-        """Make the ground as uncertain as unknown ground, about its present estimate."""
+    def _inflate_ground(self, sigmas: tuple[float, ...] | None = None) -> None:
+        """
+        Make the ground uncertain about its present estimate.
+
+        ``sigmas`` are those of its states, by default of unknown ground.
+        """
         Q, P = np.zeros((N, N)), self._ekf.P
-        for row, sigma in zip(GROUND_ROWS, self._sigmas):
+        for row, sigma in zip(GROUND_ROWS, sigmas or self._sigmas):
             Q[row, row] = max(sigma ** 2 - P[row, row], 0.0)
+        stiffness, drag = State.LN_STIFFNESS, State.DRAG
+        Q[stiffness, drag] = Q[drag, stiffness] = SOFT_GROUND_CORRELATION * math.sqrt(
+            Q[stiffness, stiffness] * Q[drag, drag])
         self._ekf.predict(self._ekf.x, np.eye(N), Q)

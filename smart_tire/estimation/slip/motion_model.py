@@ -29,6 +29,7 @@ COMMON_SLIP_RANDOM_WALK = 0.22  # m/s per sqrt(s), of a slip that the force bala
 SLIP_DIFFERENCE_RANDOM_WALK = 0.022  # m/s per sqrt(s), of each side against the other
 GROUND_LENGTH = 300.0           # m, over which properties of the ground return to their priors
 DRAG_MEAN, DRAG_SIGMA = 0.02, 0.04  # -, prior of the rolling resistance: concrete to sand
+SOFT_GROUND_CORRELATION = -0.6  # of ln C_x and rolling resistance: soft ground; assumed
 
 
 class _Motion(NamedTuple):

@@ -74,7 +74,7 @@ class TiltExcursion:
     Present departure of roll and pitch from their recent mean, by the gyroscope.
 
     A speed bump or a curb tilts the robot by more than the learned slope before wheels and
-    accelerometer can tell.
+    accelerometer show it.
     """
 
     def __init__(self) -> None:

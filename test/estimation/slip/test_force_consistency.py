@@ -44,7 +44,7 @@ def test_normalized_errors_are_consistent_with_the_reported_sigma(name, ground, 
 
 
 @pytest.mark.parametrize('ground', GROUNDS)
-def test_torque_tells_the_stiffness_of_the_ground(ground):
+def test_torque_determines_the_stiffness_of_the_ground(ground):
     found = errors(ground, torque=True)
     assert np.median(np.abs(found.stiffness)) < 0.1
     assert np.median(found.stiffness_sigma) < 0.1

@@ -62,7 +62,7 @@ OVERCONFIDENT = {
     ('pushed from behind, no torque', 'concrete'), ('pushed from behind, no torque', 'sand'),
     ('current stuck at zero', 'sand'), ('torque constants 15 % low', 'sand')}
 
-# on unknown ground and an unknown slope slip and C_x are not told apart for some seconds
+# on unknown ground and an unknown slope slip and C_x are not observable for some seconds
 INACCURATE = {('slope', 'sand')}
 
 

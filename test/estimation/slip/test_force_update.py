@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from smart_tire.estimation.slip.ekf import SlipFilter
-from smart_tire.estimation.slip.force_update import GROUND_CHANGE_SIGMAS, GROUND_ROWS
+from smart_tire.estimation.slip.force_update import (
+    GROUND_CHANGE_SIGMAS, GROUND_ROWS, SAME_FORCES_SIGMA)
+from smart_tire.estimation.slip.motion_model import SOFT_GROUND_CORRELATION
 from smart_tire.estimation.slip.robust_ekf import Measurement
 from smart_tire.estimation.slip.state import (
     DelayedSpeed, ImuReading, ImuStep, N, State, TRAVELS)
@@ -245,13 +247,27 @@ def test_an_adhesion_ratio_corrects_mu_over_c_x():
 
 
 def test_an_adhesion_ratio_that_contradicts_the_estimate_is_a_change_of_the_ground():
-    slip_filter = new_filter(sigmas={State.LN_RATIO: 0.03})
+    slip_filter = new_filter(sigmas={State.LN_RATIO: 0.03, State.LN_STIFFNESS: 0.05})
     before = sigma(slip_filter, State.LN_STIFFNESS)
     slip_filter.forces.correct_adhesion(
         0, Uncertain(adhesion(slip_filter, 0.3), 0.02), Uncertain(0.05, 0.003), THEN)
     assert slip_filter.forces.ground_changes == 1
-    assert sigma(slip_filter, State.LN_STIFFNESS) > before
+    # the forces do not contradict, so C_x has changed little
+    assert before < sigma(slip_filter, State.LN_STIFFNESS) <= SAME_FORCES_SIGMA
+    assert sigma(slip_filter, State.DRAG) > 0.04
     assert slip_filter.x[State.LN_RATIO] < 0.8 * math.log(0.3)
+
+
+def test_new_ground_that_is_softer_is_likely_to_resist_rolling_more():
+    slip_filter = active_filter()
+    slip_filter.forces._change_ground()
+    stiffness, drag = State.LN_STIFFNESS, State.DRAG
+    correlation = slip_filter.P[stiffness, drag] / (
+        sigma(slip_filter, stiffness) * sigma(slip_filter, drag))
+    assert -0.7 < correlation < -0.3
+    start = SlipFilter(build(SlipEstimatorParams, {})).P
+    assert start[stiffness, drag] == pytest.approx(
+        SOFT_GROUND_CORRELATION * math.sqrt(start[stiffness, stiffness] * start[drag, drag]))
 
 
 def test_a_large_change_of_the_adhesion_ratio_is_followed_within_two_sigmas():
