@@ -73,7 +73,8 @@ def run_estimator(samples: Sequence[Sample], params: FrictionEstimatorParams) ->
     """Return the estimates from ``samples`` in the given order."""
     estimator = FrictionEstimator(params)
     begin = time.thread_time()
-    found = [crossing for sample in samples for crossing in estimator.update(sample)]
+    found = [*(crossing for sample in samples for crossing in estimator.update(sample)),
+             *estimator.finish()]
     return EstimatorRun(found, 1e3 * (time.thread_time() - begin) / max(len(found), 1))
 
 

@@ -15,9 +15,6 @@ Two RoboClaws on one line: encoder counts and currents in, duties out, zero duty
 
 During the silence the watchdogs of the boards stop the motors, even if the boards did not receive
 any valid request: any byte on the line could restart these watchdogs.
-
-Currents are read last, and not every sample at high rates: without them only the torques are
-missing, and no other request waits for them longer than ``MAX_CURRENT_WAIT``.
 """
 
 from __future__ import annotations
@@ -30,17 +27,17 @@ import time
 from typing import Any
 
 from smart_tire.control.duty_gate import DutyGate, STOPPED
+from smart_tire.drivers.motor_currents import CurrentReader
 from smart_tire.drivers.roboclaw_board import Board
 from smart_tire.drivers.roboclaw_line import RoboclawLine
 from smart_tire.drivers.wheel_encoder import MotionCheck, WheelEncoder
 from smart_tire.errors import FrameError
-from smart_tire.models.vehicle.drive import measured_torque
 from smart_tire.parameters.hardware import MotorDriverParams
 from smart_tire.protocol.roboclaw import (
-    ACKNOWLEDGE, BATTERY_RESOLUTION, current_from_code, duty_code, duty_from_code, READ_BATTERY,
-    READ_CURRENTS, READ_ENCODERS, READ_STATUS, READ_TIMEOUT, SET_DUTY, SET_TIMEOUT,
-    STATUS_NORMAL, timeout_code, TIMEOUT_RESOLUTION)
-from smart_tire.samples import Four, NAN, NS_PER_S, WHEELS, WheelSample
+    ACKNOWLEDGE, BATTERY_RESOLUTION, duty_code, duty_from_code, READ_BATTERY, READ_ENCODERS,
+    READ_STATUS, READ_TIMEOUT, SET_DUTY, SET_TIMEOUT, STATUS_NORMAL, timeout_code,
+    TIMEOUT_RESOLUTION)
+from smart_tire.samples import Four, NS_PER_S, WHEELS, WheelSample
 
 MAX_POLL_PERIOD = 0.0625           # s between encoder readings, for the checks at low sample rates
 KEEP_ALIVE_PERIOD_NS = 30_000_000  # between duties, a fraction of any board time-out
@@ -51,9 +48,6 @@ ZERO_DUTY_PERIOD = 0.01            # s between these requests
 SILENCE_MARGIN = 0.1               # s of silence beyond the board time-out
 MAX_SPEED_PERIODS = 4              # poll periods; a longer mean speed is outdated
 MIN_ZERO_REPLIES = 2               # consecutive; one may be a late reply to another duty
-MAX_CURRENT_RATE = 50.0            # Hz, of readings of the currents of a board
-MAX_CURRENT_WAIT = 0.02            # s for a reply with currents, at most one poll period
-MIN_MISSING_CURRENTS = 4           # consecutive missing replies that are reported
 AXLES = ('front', 'rear')
 LINE_HOLD = 'line'                 # name of the hold while the boards are not served
 NOT_READY = 'motor boards are not ready'
@@ -90,13 +84,9 @@ class RoboclawPair:
         self._stopped = threading.Condition()  # notified when a board acknowledged zero duty
         self._since_ns = time.monotonic_ns()   # when the port was opened
         self._sample_ns = 0                    # due time of the next sample
-        self._samples = 0
-        self._current_interval = math.ceil(params.rate / MAX_CURRENT_RATE)  # in samples
-        self._current_wait = min(MAX_CURRENT_WAIT, self._poll_ns / NS_PER_S)
         self.line = RoboclawLine()
+        self.currents = CurrentReader(params, self._boards, self.line, self._poll_ns / NS_PER_S)
         self.faults = 0  # missing or unexpected replies that stopped the motors
-        self.currents_missing = 0   # requests for currents without a good reply
-        self.currents_rejected = 0  # currents beyond ``max_current``
         gate.hold(LINE_HOLD, NOT_READY, report=False)
 
     def wake(self) -> None:
@@ -122,11 +112,6 @@ class RoboclawPair:
         """Return the lower supply voltage of the boards [V], NaN before both are read."""
         readings = [board.supply_voltage for board in self._boards]
         return math.nan if any(map(math.isnan, readings)) else min(readings)
-
-    def boards_without_currents(self) -> list[str]:
-        """Return the boards that do not report the currents of their motors."""
-        return [board.name for board in self._boards
-                if board.missing_currents >= MIN_MISSING_CURRENTS]
 
     def run(self, port: Any, stopping: threading.Event) -> None:
         """Serve the boards until ``stopping`` is set; the motors are stopped before it returns."""
@@ -193,6 +178,10 @@ class RoboclawPair:
         if duty == STOPPED and self._unconfirmed():
             self._changed.set()
 
+    def _drive_if_changed(self) -> None:
+        if self._changed.is_set():  # a new duty does not wait for currents
+            self._drive()
+
     def _count_zero(self, board: Board, acknowledged: bool) -> None:
         with self._stopped:
             board.zero_replies = board.zero_replies + 1 if acknowledged else 0
@@ -209,7 +198,7 @@ class RoboclawPair:
         self._check_motion()
         if now_ns >= self._sample_ns - self._poll_ns // 2:
             self._sample_ns = max(self._sample_ns + self._period_ns, now_ns)
-            self._read_currents()
+            self.currents.read(before_each=self._drive_if_changed)
             self._deliver(self._sample())
 
     def _read(self, board: Board) -> bool:
@@ -230,41 +219,6 @@ class RoboclawPair:
             board.reset()
             return False
         return elapsed_ns > 0
-
-    def _read_currents(self) -> None:
-        """Read the currents of the boards whose turn it is; those that may not reply, last."""
-        self._samples += 1
-        due = []
-        for index, board in enumerate(self._boards):
-            board.torques = NAN, NAN
-            turn = self._samples + index * (self._current_interval // 2)
-            if not turn % self._current_interval and time.monotonic_ns() >= board.currents_ns:
-                due.append(board)
-        for board in sorted(due, key=lambda board: board.missing_currents):
-            if self._changed.is_set():
-                self._drive()  # a new duty does not wait
-            self._read_torques(board)
-
-    def _read_torques(self, board: Board) -> None:
-        codes = self.line.ask(board.address, READ_CURRENTS, self._current_wait)
-        if codes is None:
-            self.currents_missing += 1
-            board.postpone_currents(time.monotonic_ns())
-            return
-        board.missing_currents = 0
-        currents = map(current_from_code, codes)
-        board.torques = tuple(map(self._torque, currents, board.duty, board.encoders,
-                                  board.mean_speeds()))
-
-    def _torque(self, current: float, duty: float, encoder: WheelEncoder, speed: float) -> float:
-        """Return the torque [N m] of ``current`` [A]; NaN if that is not plausible."""
-        if not abs(current) <= self._params.max_current:
-            self.currents_rejected += 1
-            return NAN
-        motor = self._params.robot.motor
-        return encoder.sign * measured_torque(
-            current, duty, encoder.sign * speed, torque_constant=motor.torque_constant,
-            current_sign=motor.current_sign)
 
     def _check_motion(self) -> None:
         for axle, board in enumerate(self._boards):

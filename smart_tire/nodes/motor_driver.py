@@ -125,21 +125,21 @@ class MotorDriver(DriverNode[MotorDriverParams]):
     def fill_status(self, status: Status) -> None:
         """Add the reasons to stop the motors, and the board without which wheel_states stop."""
         super().fill_status(status)
-        boards, gate = self._boards, self._gate
+        boards, gate, currents = self._boards, self._gate, self._boards.currents
         status.values.update({
             'command_timeouts': gate.timeouts, 'board_faults': boards.faults,
             'motor_commands.rejected': self.inputs['motor_commands'].bad,
             'emergency_stop': gate.emergency, 'armed': gate.armed,
-            'supply': boards.supply_voltage(), 'currents_missing': boards.currents_missing,
-            'currents_rejected': boards.currents_rejected})
+            'supply': boards.supply_voltage(), 'currents_missing': currents.missing,
+            'currents_rejected': currents.rejected})
         self._commands.fill_status(status)
         for reason in gate.reasons():
             status.warn(f'motors stopped: {reason}')
-        if boards.currents_rejected > self._rejected_reported:
-            status.warn(f'{boards.currents_rejected - self._rejected_reported} motor currents '
+        if currents.rejected > self._rejected_reported:
+            status.warn(f'{currents.rejected - self._rejected_reported} motor currents '
                         f'beyond {self.params.max_current:g} A rejected')
-        self._rejected_reported = boards.currents_rejected
-        for board in boards.boards_without_currents():
+        self._rejected_reported = currents.rejected
+        for board in currents.silent_boards():
             status.warn(f'no motor torques: {board} does not report currents')
         if not self._port.problem:
             for board, age in boards.reading_ages().items():

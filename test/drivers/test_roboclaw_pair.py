@@ -181,10 +181,10 @@ def test_a_short_circuited_motor_brakes(rig):
 def test_without_currents_only_the_torques_of_that_board_are_missing(rig, faults):
     with Running(rig) as running:
         running.drive(0.4)
-        assert running.motors.boards_without_currents() == []
+        assert running.motors.currents.silent_boards() == []
         failed = rig.fail(**faults)
         seen = len(running.samples)
-        wait_for(lambda: running.motors.boards_without_currents())
+        wait_for(lambda: running.motors.currents.silent_boards())
         running.wait(8)
         late = running.samples[seen + 3:]
         assert all(sample.effort is None or np.isnan(sample.effort[:2]).all() for sample in late)
@@ -193,12 +193,12 @@ def test_without_currents_only_the_torques_of_that_board_are_missing(rig, faults
         assert all(min(sample.velocity) > 4.0 for sample in late)
         assert np.max(np.diff([sample.stamp_ns for sample in late])) < (
             0.0625 + SLACK) * NS_PER_S
-        assert running.motors.boards_without_currents() == ['front board 128 (0x80)']
-        assert running.motors.currents_missing >= 4
+        assert running.motors.currents.silent_boards() == ['front board 128 (0x80)']
+        assert running.motors.currents.missing >= 4
         assert rig.record(failed).always_driven()
         assert running.reports == []
         rig.fail()
-        wait_for(lambda: not running.motors.boards_without_currents())
+        wait_for(lambda: not running.motors.currents.silent_boards())
         assert np.isfinite(running.wait(2).effort).all()
 
 
@@ -254,8 +254,8 @@ def test_an_implausible_current_is_rejected_for_its_wheel_only(rig, code):
         effort = running.wait(1).effort
         assert math.isnan(effort[2])
         assert np.isfinite([effort[0], effort[1], effort[3]]).all()
-        assert running.motors.currents_rejected > 0
-        assert running.motors.boards_without_currents() == []
+        assert running.motors.currents.rejected > 0
+        assert running.motors.currents.silent_boards() == []
 
 
 @pytest.mark.parametrize(('rate', 'interval'), [(16.0, 1), (50.0, 1), (100.0, 2), (200.0, 4)])
