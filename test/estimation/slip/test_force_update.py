@@ -9,7 +9,7 @@ import pytest
 
 from smart_tire.estimation.slip.ekf import SlipFilter
 from smart_tire.estimation.slip.force_update import (
-    GROUND_CHANGE_SIGMAS, GROUND_ROWS, SAME_FORCES_SIGMA)
+    GROUND_CHANGE_SIGMAS, GROUND_ROWS, MAX_TORQUE_REPEATS, SAME_FORCES_SIGMA)
 from smart_tire.estimation.slip.motion_model import SOFT_GROUND_CORRELATION
 from smart_tire.estimation.slip.robust_ekf import Measurement
 from smart_tire.estimation.slip.state import (
@@ -136,6 +136,22 @@ def test_unknown_torques_are_no_correction():
     slip_filter.forces.correct_torques((0.5, math.nan, 0.5, math.nan), LEVEL, LEVEL)
     assert np.isfinite(slip_filter.x).all() and np.isfinite(slip_filter.P).all()
     assert slip_filter.x[State.TORQUE_OFFSET_FL] != before[State.TORQUE_OFFSET_FL]
+
+
+def test_ground_estimated_with_a_failed_torque_becomes_uncertain_once():
+    slip_filter = new_filter()
+    slip_filter.forces.correct_balance(STEADY, 0.0, LEVEL)
+    noise, row = np.random.default_rng(3), State.LN_STIFFNESS
+    sigmas = []
+    for _ in range(MAX_TORQUE_REPEATS + 4):
+        others = 0.3 + 0.05 * noise.standard_normal(3)
+        slip_filter.forces.correct_torques((0.3, *others), LEVEL, LEVEL)
+        sigmas.append(sigma(slip_filter, row))
+    steps = np.flatnonzero(np.diff(sigmas) > 0.05)
+    assert steps.tolist() == [MAX_TORQUE_REPEATS - 1]
+    assert sigmas[MAX_TORQUE_REPEATS] == pytest.approx(
+        SlipEstimatorParams().ground_stiffness_sigma, rel=0.1)
+    assert slip_filter.forces.ground_changes == 0
 
 
 def test_no_correction_changes_the_scale_of_the_torques():

@@ -36,6 +36,14 @@ def test_velocities_describe_one_period_after_a_lost_message():
     assert speeds.side_speeds == pytest.approx((3.0 * R, 3.0 * R))
 
 
+def test_accelerations_are_changes_of_the_mean_speeds_of_each_wheel():
+    odometry = WheelOdometry(ROBOT)
+    for time, positions in (0.0, (0.0,) * 4), (0.1, (1.0,) * 4), (0.2, (2.0, 2.1, 1.9, 2.0)):
+        odometry.update(time, WheelSample(0, (10.0,) * 4, positions))
+    assert odometry.accelerations == pytest.approx(
+        [0.0, 1.0 / 0.1 * R, -1.0 / 0.1 * R, 0.0], abs=1e-9)
+
+
 def test_an_encoder_reset_is_detected():
     odometry = WheelOdometry(ROBOT)
     odometry.update(0.0, sample(10.0, 1000.0))
