@@ -112,8 +112,6 @@ RULES: Mapping[str, Rule] = MappingProxyType({
                             {'force_update.RATIO_CHANGE_SIGMAS': math.inf}),
     'stiffness_limit': Rule('a C_x that no ground has is forgotten',
                             {'force_update.MAX_PRIOR_SIGMAS': math.inf}),
-    'ratio_correlation': Rule('errors of film slip and adhesion ratio are correlated',
-                              {'force_model.RATIO_CORRELATION': 0.0}),
     'ratio_iterations': Rule('adhesion ratios are linearized repeatedly',
                              {'force_update.RATIO_ITERATIONS': 1}),
     # standstill

@@ -39,8 +39,6 @@ SIGNIFICANT_SIGMAS = 2.0    # of a force that determines C_x
 MAX_RATIO_SIGMA = 0.3       # of an adhesion ratio; above, it carries no information
 MAX_NORMALIZED_SLIP = 0.95  # near full sliding the adhesion ratio is bounded, not measured
 RATIO_ERROR_SHARE = 0.1     # of the normalized slip: slip that changes within a crossing
-CORRELATED_SLIP = 0.25      # normalized slip from which errors of slip and ratio are correlated
-RATIO_CORRELATION = 1.2     # their covariance over slip and the variance of the ratio
 
 
 class Wheels(NamedTuple):
@@ -178,10 +176,8 @@ class ForceModel:
         H[0, State.LN_RATIO] = -expected
         H[0, State.V_Y] = scale * v_y / (rolling ** 2 * total)
         H[0, State.GYRO_BIAS_Z] = -float(self._x[wheel] - self._x_imu) * H[0, State.V_Y]
-        covariance = (RATIO_CORRELATION * slip.value * sigma ** 2
-                      if abs(t) > CORRELATED_SLIP else 0.0)
-        variance = (sigma ** 2 + (by_slip * slip.sigma) ** 2 - 2.0 * by_slip * covariance)
-        variance = max(variance, 0.3 * sigma ** 2) + (RATIO_ERROR_SHARE * expected) ** 2
+        variance = (sigma ** 2 + (by_slip * slip.sigma) ** 2
+                    + (RATIO_ERROR_SHARE * expected) ** 2)
         return Measurement(np.array([t]), np.array([expected]), H, np.array([[variance]]))
 
     def _ratio(self, x: Sequence[float]) -> float:
