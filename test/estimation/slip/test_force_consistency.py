@@ -34,13 +34,21 @@ def errors(ground: str, torque: bool) -> Errors:
     return pooled(runs)
 
 
-@pytest.mark.parametrize('torque', [True, False], ids=['torque', 'no torque'])
-@pytest.mark.parametrize('ground', GROUNDS)
-@pytest.mark.parametrize('name', ['slip', 'speed', 'lateral', 'stiffness'])
+def consistency_cases():
+    """Yield name, ground and torque; the speed on soft ground is overconfident without torque."""
+    for name in 'slip', 'speed', 'lateral', 'stiffness':
+        for ground in GROUNDS:
+            for torque in True, False:
+                fails = (name, ground, torque) == ('speed', 'sand', False)
+                yield pytest.param(name, ground, torque, marks=[pytest.mark.xfail(
+                    strict=True, reason='0.87 of the speeds within two sigmas')] if fails else [])
+
+
+@pytest.mark.parametrize(('name', 'ground', 'torque'), [*consistency_cases()])
 def test_normalized_errors_are_consistent_with_the_reported_sigma(name, ground, torque):
     normalized = errors(ground, torque).normalized(name)
     assert 0.05 < np.mean(normalized ** 2) < 2.0
-    assert np.mean(np.abs(normalized) < 2.0) > 0.85
+    assert np.mean(np.abs(normalized) < 2.0) > 0.9
 
 
 @pytest.mark.parametrize('ground', GROUNDS)

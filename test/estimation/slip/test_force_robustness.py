@@ -54,8 +54,8 @@ CASES = {
     'pushed sideways, no torque': Case(pushed(0.0, 15.0, 12.0, 13.0), torque=False),
 }
 
-# (case, ground) whose speed leaves three sigmas for about a second: forces that the balance does
-# not contain, and the first seconds on unknown soft ground
+# (case, ground) whose slip or speed leaves three sigmas for seconds: forces that the balance does
+# not contain, a failed sensor, and the first seconds on unknown soft ground
 OVERCONFIDENT = {
     ('wheel in the air', 'concrete'), ('wheel in the air', 'sand'),
     ('wheel in the air, no torque', 'sand'), ('slope', 'sand'),
@@ -68,12 +68,12 @@ OVERCONFIDENT = {
 INACCURATE = {('slope', 'sand')}
 
 
-def robustness_cases(failing):
+def robustness_cases(failing, reason):
     for name in CASES:
         for ground in GROUNDS:
-            yield pytest.param(name, ground, id=f'{name}, {ground}', marks=[
-                pytest.mark.xfail(strict=True, reason='a force that is not modeled')]
-                if (name, ground) in failing else [])
+            marks = [pytest.mark.xfail(strict=True, reason=reason)]
+            yield pytest.param(name, ground, id=f'{name}, {ground}',
+                               marks=marks if (name, ground) in failing else [])
 
 
 @cache
@@ -91,13 +91,15 @@ def errors(name: str, ground: str) -> Errors:
     return pooled(runs)
 
 
-@pytest.mark.parametrize(('name', 'ground'), [*robustness_cases(INACCURATE)])
+@pytest.mark.parametrize(('name', 'ground'), [
+    *robustness_cases(INACCURATE, 'speed rms 0.03 m/s or more')])
 def test_disturbances_and_faults_do_not_pull_slip_and_speed_away(name, ground):
     rms = errors(name, ground).rms()
     assert rms['slip'] < MAX_SLIP[ground] and rms['speed'] < MAX_SPEED[ground]
 
 
-@pytest.mark.parametrize(('name', 'ground'), [*robustness_cases(OVERCONFIDENT)])
+@pytest.mark.parametrize(('name', 'ground'), [
+    *robustness_cases(OVERCONFIDENT, 'the reported sigma is too small')])
 def test_slip_and_speed_stay_within_three_sigmas(name, ground):
     found = errors(name, ground)
     assert found.share('slip') > MIN_SHARE and found.share('speed') > MIN_SHARE
