@@ -50,13 +50,9 @@ def _false(*_: Any) -> bool:
     return False
 
 
-def _unchanged(_: Any, value: Any) -> Any:
-    return value
-
-
 def _linearized(update: Any, residual: Any) -> Any:
-    """Return the balance at the present state, in place of ``ForceUpdate._iterated``."""
-    return update._with_lateral_noise(update._model.balance(update._ekf.x.tolist(), residual))
+    """Return the balance at the present state, in place of ``ForceUpdate._longitudinal``."""
+    return update._model.longitudinal_balance(update._ekf.x.tolist(), residual)
 
 
 RULES: Mapping[str, Rule] = MappingProxyType({
@@ -92,10 +88,14 @@ RULES: Mapping[str, Rule] = MappingProxyType({
     'slip_difference': Rule('the difference of slips follows contradicting wheels',
                             {'ekf.SLIP_CHANGE_SIGMAS': math.inf}),
     'iterated_balance': Rule('the balance is linearized where it is fulfilled',
-                             {'force_update.ForceUpdate._iterated': _linearized}),
-    'lateral_noise': Rule(
-        'at small lateral speed the lateral force does not determine C_x',
-        {'force_update.ForceUpdate._with_lateral_noise': _unchanged}),
+                             {'force_update.ForceUpdate._longitudinal': _linearized}),
+    'lateral_balance': Rule('changes of the lateral speed determine C_x',
+                            {'force_update.ForceUpdate._is_plausible': _false}),
+    'plausible_balance': Rule(
+        '... but a contradicted lateral balance does not',
+        {'force_update.PLAUSIBLE_SIGMAS': math.inf, 'force_update.IMPLAUSIBLE_TORQUES': 5}),
+    'lateral_correlation': Rule('errors of the lateral balance are correlated',
+                                {'force_update.LATERAL_CORRELATION_TIME': 0.0}),
     'significant_forces': Rule('forces within their noise do not determine C_x',
                                {'force_model.SIGNIFICANT_SIGMAS': 0.0}),
     'unknown_stiffness': Rule('torques determine an unknown C_x directly',

@@ -84,8 +84,27 @@ class ForceModel:
                                  + self._load_by_y * x[State.FORCE_Y], 0.0)
         return load
 
-    def balance(self, x: Sequence[float], residual: Four) -> Measurement:
-        """Return the balance of forces along x and y [N] as a measurement of zero."""
+    def longitudinal_balance(self, x: Sequence[float], residual: Four) -> Measurement:
+        """Return the balance of forces along x [N] as a measurement of zero."""
+        z, expected, H, R = self._balance(x, residual)
+        H = H[:1]
+        H[:, State.LN_STIFFNESS] *= _significance(
+            H[:, State.LN_STIFFNESS], BALANCE_SIGMA * self._robot.mass)
+        return Measurement(z[:1], expected[:1], H, R[:1, :1])
+
+    def lateral_balance(self, x: Sequence[float], residual: Four, speed: float) -> Measurement:
+        """
+        Return the balance of forces along y [N] as a measurement of zero.
+
+        ``speed`` [m/s] is the lateral speed of base_link. A given lateral force determines only
+        the product of C_x and that speed; the Jacobian by ln C_x is the one for which this holds.
+        """
+        z, expected, H, R = self._balance(x, residual)
+        H = H[1:]
+        H[0, State.LN_STIFFNESS] = speed * H[0, State.V_Y]
+        return Measurement(z[1:], expected[1:], H, R[1:, 1:])
+
+    def _balance(self, x: Sequence[float], residual: Four) -> Measurement:
         mass, W, W_dot = self._robot.mass, x[State.YAW_RATE], x[State.YAW_ACCEL]
         wheels = self.wheels(x, residual)
         f = wheels.forces
@@ -113,8 +132,6 @@ class ForceModel:
         H[:, State.YAW_ACCEL] = mass * self._com_y, -mass * self._com_x
         variance = (BALANCE_SIGMA * mass) ** 2 + (
             MODEL_ERROR_SHARE * float(np.hypot(f.x, f.y).sum())) ** 2
-        H[:, State.LN_STIFFNESS] *= _significance(
-            H[:, State.LN_STIFFNESS], BALANCE_SIGMA * mass)
         return Measurement(np.zeros(2), expected, H, variance * np.eye(2))
 
     def wheel_accelerations(self, x: Sequence[float]) -> Array:

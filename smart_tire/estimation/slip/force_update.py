@@ -7,6 +7,11 @@ only distances and film slips correct them, through their correlation with the s
 Jacobians are forces, which are as noisy as the residuals of the balance: corrected by it, C_x
 would drift. Torques consider it for the same reason, unless it is unknown and the slips are
 certain: then their bias is small against its uncertainty.
+
+The exception is the lateral balance, which corrects C_x: where the lateral speed changes, the IMU
+measures by how much, and the forces do so in proportion to 1 / C_x. In a steady turn they do not
+determine C_x. The Jacobian contains a low-pass filtered lateral speed, an instrumental variable:
+the noise of the accelerometer in it is almost independent of that of the innovation.
 """
 
 from __future__ import annotations
@@ -30,8 +35,9 @@ RATIO_CHANGE_SIGMAS = 3.5     # of the innovation of one adhesion ratio
 MAX_PRIOR_SIGMAS = 3.0        # of ln C_x, beyond which the estimate has diverged
 SAME_FORCES_SIGMA = 0.15      # -, of ln C_x after a change of mu / C_x that no force shows
 CHANGED_DRAG_SIGMA = 0.05     # -, of the rolling resistance on new ground
-LATERAL_SPEED_NOISE = 0.025   # m/s, of v_y; below, the lateral force does not determine C_x
-LATERAL_CORRELATION = 100.0   # samples over which the effect of C_x on v_y counts as white
+LATERAL_CORRELATION_TIME = 0.1  # s, of errors of the lateral balance, and of the speed in it
+PLAUSIBLE_SIGMAS = 2.0        # of an innovation of the lateral balance that corrects C_x
+IMPLAUSIBLE_TORQUES = 2       # failed checks: not a motor, but the balance of forces is wrong
 RATIO_ITERATIONS = 3          # of a correction that is not linear in ln mu / C_x
 MAX_TORQUE_REPEATS = 6        # equal readings in a row: torques are noisy at 10 mA
 TORQUE_CHECK_GAIN = 0.1       # weight of a new reading in the mean of normalized innovations
@@ -85,12 +91,14 @@ class ForceUpdate:
         self._contradiction = InnovationChangeDetector(GROUND_CHANGE_SIGMAS)
         self._checks = [TorqueCheck() for _ in range(4)]
         self._acceleration_variance: Array = np.zeros(4)  # (m/s2)^2
+        self._lateral_speed: float | None = None  # m/s, of base_link, low-pass filtered
         self.enabled = params.force_balance == 'on'
         self.active = False
         self.ground_changes = 0
 
-    def correct_balance(self, imu: ImuReading, vibration: float, residual: Four) -> None:
-        """Correct with a reading of the IMU and the force balance."""
+    def correct_balance(self, dt: float, imu: ImuReading, vibration: float, residual: Four
+                        ) -> None:
+        """Correct with a reading of the IMU and the force balance, ``dt`` [s] after the last."""
         x = self._ekf.x
         H = np.zeros((3, N))
         for i, (row, bias) in enumerate(((State.FORCE_X, State.ACCEL_BIAS_X),
@@ -106,34 +114,40 @@ class ForceUpdate:
             abs(rolling[0] + rolling[2]), abs(rolling[1] + rolling[3])) > 2.0 * MIN_ROLLING_SPEED
         if not self.active:
             self._contradiction.update(0.0, 1.0)
+            self._lateral_speed = None
             return
-        self._ekf.correct(self._iterated(residual), considered=GROUND_ROWS)
+        self._ekf.correct(self._longitudinal(residual), considered=GROUND_ROWS)
+        lateral = self._lateral(residual, dt)
+        self._ekf.correct(lateral, considered=(
+            GROUND_ROWS[1:] if self._is_plausible(lateral) else GROUND_ROWS))
         if abs(self._ekf.x[State.LN_STIFFNESS]) > MAX_PRIOR_SIGMAS * self._sigmas[0]:
             self._forget_ground()
 
-    def _iterated(self, residual: Four) -> Measurement:
+    def _longitudinal(self, residual: Four) -> Measurement:
         """Return the balance, linearized where it is fulfilled: slip is nonlinear at low speed."""
         before, P = self._ekf.x, self._ekf.P
-        z, expected, H, R = self._model.balance(before.tolist(), residual)
+        z, expected, H, R = self._model.longitudinal_balance(before.tolist(), residual)
         step = P @ H.T @ np.linalg.solve(H @ P @ H.T + R, z - expected)
         step[list(GROUND_ROWS)] = 0.0
-        z, expected, H, R = self._model.balance((before + step).tolist(), residual)
-        return self._with_lateral_noise(Measurement(z, expected - H @ step, H, R))
+        z, expected, H, R = self._model.longitudinal_balance((before + step).tolist(), residual)
+        return Measurement(z, expected - H @ step, H, R)
 
-    def _with_lateral_noise(self, balance: Measurement) -> Measurement:
-        """
-        Replace the Jacobian of the lateral balance by ln C_x by noise at small lateral speed.
+    def _lateral(self, residual: Four, dt: float) -> Measurement:
+        """Return the lateral balance; its errors are correlated over several readings."""
+        x = self._ekf.x
+        speed = float(x[State.V_Y] - self._x_imu * x[State.YAW_RATE])
+        if self._lateral_speed is None:
+            self._lateral_speed = speed
+        self._lateral_speed += dt / (dt + LATERAL_CORRELATION_TIME) * (speed - self._lateral_speed)
+        balance = self._model.lateral_balance(x.tolist(), residual, self._lateral_speed)
+        return balance._replace(R=max(LATERAL_CORRELATION_TIME / dt, 1.0) * balance.R)
 
-        In a steady turn the lateral force determines the product of C_x and v_y only. Where v_y is
-        not larger than its noise, their correlation would let C_x drift along that hyperbola.
-        """
+    def _is_plausible(self, balance: Measurement) -> bool:
+        """Return whether nothing contradicts ``balance``, as a push or a lifted wheel does."""
         z, expected, H, R = balance
-        square = float(self._ekf.x[State.V_Y] - self._x_imu * self._ekf.x[State.YAW_RATE]) ** 2
-        share = square / (square + LATERAL_SPEED_NOISE ** 2)
-        force, variance = H[1, State.LN_STIFFNESS], self._ekf.P[GROUND_ROWS[0], GROUND_ROWS[0]]
-        H[1, State.LN_STIFFNESS] = share * force
-        R[1, 1] += LATERAL_CORRELATION * variance * ((1.0 - share) * force) ** 2
-        return Measurement(z, expected, H, R)
+        variance = float((H @ self._ekf.P @ H.T + R)[0, 0])
+        return (float(z[0] - expected[0]) ** 2 < PLAUSIBLE_SIGMAS ** 2 * variance
+                and sum(check.failed for check in self._checks) < IMPLAUSIBLE_TORQUES)
 
     def correct_torques(self, torques: Four, residual: Four, accelerations: Four) -> None:
         """

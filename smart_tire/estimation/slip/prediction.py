@@ -125,10 +125,11 @@ class SlipPredictor:
         step = self.imu.step(mean)
         if step is not None:
             self.blind.active = False
+            dt = mean.end - self.time
             self._advance(mean.end, step)
             if self._filter.forces.enabled:
                 self._filter.forces.correct_balance(
-                    readings[-1][1], self.imu.vibration, self.wheel_residual)
+                    dt, readings[-1][1], self.imu.vibration, self.wheel_residual)
         return readings
 
     def travel_change(self, time: float) -> tuple[float, float]:

@@ -9,6 +9,7 @@ import pytest
 
 from smart_tire.estimation.slip import force_model
 from smart_tire.estimation.slip.force_model import ForceModel
+from smart_tire.estimation.slip.robust_ekf import Measurement
 from smart_tire.estimation.slip.state import DelayedSpeed, N, State
 from smart_tire.parameters import build, RobotParams
 from smart_tire.parameters.simulation import SimulatorParams
@@ -52,6 +53,14 @@ def differences(predict, x, step=1e-6):
     return np.array(columns).T
 
 
+def balance(x, residual, model=MODEL):
+    """Return both balances of forces."""
+    speed = float(x[State.V_Y] - ROBOT.imu.position[0] * x[State.YAW_RATE])
+    both = (model.longitudinal_balance(x.tolist(), residual),
+            model.lateral_balance(x.tolist(), residual, speed))
+    return Measurement(*(np.concatenate(parts) for parts in list(zip(*both))[:3]), np.eye(2))
+
+
 @pytest.fixture
 def significant(monkeypatch):
     """Count every force as signal, so that the Jacobian by ln C_x is the true one."""
@@ -63,8 +72,9 @@ def significant(monkeypatch):
 def test_jacobian_of_the_balance_equals_finite_differences(seed, direction, significant):
     x = rolling_state(seed, direction)
     x[State.DRAG] = 0.0  # otherwise its direction changes with the velocity, which H omits
-    H = MODEL.balance(x.tolist(), RESIDUAL).H
-    numeric = differences(lambda x: MODEL.balance(x.tolist(), RESIDUAL).expected, x)
+    H = balance(x, RESIDUAL).H
+    numeric = differences(lambda x: balance(x, RESIDUAL).expected, x)
+    numeric[1, State.LN_STIFFNESS] = H[1, State.LN_STIFFNESS]  # see the next test
     for column in range(N):
         # H omits the transfer of load
         loose = column in (State.FORCE_X, State.FORCE_Y)
@@ -138,12 +148,12 @@ def true_state(plant, params):
 def test_forces_of_the_simulated_robot_are_balanced(duty, seconds):
     plant, params = driven(duty, seconds)
     x, residual = true_state(plant, params)
-    expected = ForceModel(params.robot).balance(x.tolist(), residual).expected
+    expected = balance(x, residual, ForceModel(params.robot)).expected
     total = params.robot.mass * 9.81
     assert np.abs(expected).max() < 0.02 * total * 0.25
     wrong = x.copy()
     wrong[State.FORCE_X] += 1.0
-    assert abs(ForceModel(params.robot).balance(wrong.tolist(), residual).expected[0]) > 5.0
+    assert abs(balance(wrong, residual, ForceModel(params.robot)).expected[0]) > 5.0
 
 
 @pytest.mark.parametrize('duty', [(0.4, 0.4), (0.5, 0.3), (-0.4, -0.4), (-0.3, -0.5)])
@@ -190,14 +200,32 @@ def test_the_adhesion_ratio_belongs_to_the_lateral_speed_of_its_time():
         MODEL.adhesion(x.tolist(), 0, *film, motion(0, 0.76)).expected)
 
 
+def test_the_lateral_force_determines_the_product_of_c_x_and_the_lateral_speed_only():
+    x = rolling_state(0)
+    speed = 0.04
+    H = MODEL.lateral_balance(x.tolist(), RESIDUAL, speed).H[0]
+    stiffer = np.zeros(N)
+    stiffer[State.LN_STIFFNESS], stiffer[State.V_Y] = 0.1, -0.1 * speed
+    assert H @ stiffer == pytest.approx(0.0, abs=1e-9) and abs(H[State.V_Y]) > 50.0
+    # with the true speed it is the force, but for the saturation
+    x[State.SLIP_VEL_L] = x[State.SLIP_VEL_R] = 0.01
+    x[State.YAW_RATE], x[State.V_Y], x[State.DRAG] = 0.0, 0.002, 0.0
+    H = MODEL.lateral_balance(x.tolist(), LEVEL, 0.002).H[0]
+    still = x.copy()
+    still[State.V_Y] = 0.0
+    force = (MODEL.lateral_balance(x.tolist(), LEVEL, 0.0).expected
+             - MODEL.lateral_balance(still.tolist(), LEVEL, 0.0).expected)[0]
+    assert H[State.LN_STIFFNESS] == pytest.approx(force, rel=0.05)
+
+
 def test_without_slip_force_and_significance_of_c_x_vanish():
     x = np.zeros(N)
     x[State.V_X] = 1.0
-    assert MODEL.balance(x.tolist(), LEVEL).H[:, State.LN_STIFFNESS] == pytest.approx([0.0, 0.0])
+    assert balance(x, LEVEL).H[:, State.LN_STIFFNESS] == pytest.approx([0.0, 0.0])
     shares = []
     for slip in 0.001, 0.15:
         x[State.SLIP_VEL_L] = x[State.SLIP_VEL_R] = slip
-        _, expected, H, _ = MODEL.balance(x.tolist(), LEVEL)
+        _, expected, H, _ = MODEL.longitudinal_balance(x.tolist(), LEVEL)
         shares.append(H[0, State.LN_STIFFNESS] / expected[0])
     assert shares[0] < 0.1 < 0.8 < shares[1] <= 1.0
 

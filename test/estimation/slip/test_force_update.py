@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from functools import cache
 import math
 
 import numpy as np
 import pytest
 
 from smart_tire.estimation.slip.ekf import SlipFilter
+from smart_tire.estimation.slip.force_model import ForceModel
 from smart_tire.estimation.slip.force_update import (
     GROUND_CHANGE_SIGMAS, GROUND_ROWS, MAX_TORQUE_REPEATS, SAME_FORCES_SIGMA)
 from smart_tire.estimation.slip.motion_model import SOFT_GROUND_CORRELATION
@@ -52,7 +54,7 @@ def test_without_acceleration_the_common_slip_is_that_of_the_rolling_resistance(
     slip_filter = new_filter(sigmas={State.DRAG: KNOWN, State.LN_STIFFNESS: KNOWN})
     for _ in range(100):
         predict(slip_filter)
-        slip_filter.forces.correct_balance(STEADY, 0.0, LEVEL)
+        slip_filter.forces.correct_balance(0.01, STEADY, 0.0, LEVEL)
     slip = slip_filter.x[State.SLIP_VEL_L] / (0.8 + slip_filter.x[State.SLIP_VEL_L])
     robot = SlipEstimatorParams().robot
     level = 0.015 * robot.mass * 9.81 / (4.0 * robot.tire.longitudinal_stiffness)
@@ -67,21 +69,86 @@ def test_without_acceleration_the_common_slip_is_that_of_the_rolling_resistance(
 def test_a_driving_force_is_explained_by_slip_in_the_direction_of_motion(direction):
     slip_filter = new_filter(direction * 0.8, 0.0)
     for _ in range(50):
-        slip_filter.forces.correct_balance(ImuReading(0.0, direction * 1.0, 0.0), 0.0, LEVEL)
+        slip_filter.forces.correct_balance(0.01, ImuReading(0.0, direction * 1.0, 0.0), 0.0, LEVEL)
     for row in State.SLIP_VEL_L, State.SLIP_VEL_R:
         assert direction * slip_filter.x[row] > 0.02
 
 
-def test_the_balance_considers_the_ground_but_does_not_correct_it():
+def test_in_straight_driving_the_balance_considers_the_ground_but_does_not_correct_it():
     slip_filter = new_filter()
     before = slip_filter.x, slip_filter.P.copy()
-    slip_filter.forces.correct_balance(ImuReading(0.0, 0.8, 0.0), 0.0, LEVEL)
+    slip_filter.forces.correct_balance(0.01, ImuReading(0.0, 0.8, 0.0), 0.0, LEVEL)
     rows = list(GROUND_ROWS)
-    assert np.array(slip_filter.x)[rows] == pytest.approx(np.array(before[0])[rows], abs=1e-12)
+    assert np.array(slip_filter.x)[rows] == pytest.approx(np.array(before[0])[rows], abs=1e-9)
     assert np.diag(slip_filter.P)[rows] == pytest.approx(np.diag(before[1])[rows])
     # but an error of C_x now is an error of the slips, and a firmer ground needs less slip
     assert slip_filter.P[State.LN_STIFFNESS, State.SLIP_VEL_L] < -1e-5
     assert not before[1][State.LN_STIFFNESS, State.SLIP_VEL_L]
+
+
+@cache
+def steady_turn(rate, share):
+    """Return v_y and the common slip velocity [m/s] at a yaw rate [rad/s], by the force model."""
+    x = np.array(new_filter().x)
+    x[State.LN_STIFFNESS], x[State.YAW_RATE] = math.log(share), rate
+    model = ForceModel(SlipEstimatorParams().robot)
+    slips = [State.SLIP_VEL_L, State.SLIP_VEL_R]
+    for _ in range(10):  # Newton
+        x[State.FORCE_X], x[State.FORCE_Y] = -rate * x[State.V_Y], 0.8 * rate
+        _, expected, H, _ = model.longitudinal_balance(x.tolist(), LEVEL)
+        x[slips] -= expected[0] / H[0, slips].sum()
+        _, expected, H, _ = model.lateral_balance(x.tolist(), LEVEL, 0.0)
+        x[State.V_Y] -= expected[0] / H[0, State.V_Y]
+    return float(x[State.V_Y]), float(x[State.SLIP_VEL_L])
+
+
+def turn(rates, share, noise):
+    """
+    Return the filter after turning with the yaw ``rates`` [rad/s] of steps of 10 ms.
+
+    The true C_x is ``share`` of the nominal one; ``noise`` [m/s2] is added to the accelerometer.
+    """
+    sigmas = dict.fromkeys((
+        State.DRAG, State.LN_RATIO, State.PITCH, State.ROLL, State.GYRO_BIAS_Z, State.ACCEL_BIAS_X,
+        State.ACCEL_BIAS_Y), KNOWN)
+    slip_filter = new_filter(sigmas={**sigmas, State.LN_STIFFNESS: 0.3, State.V_Y: 0.1})
+    truth = [steady_turn(rate, share) for rate in rates]
+    v_y, slip = np.array(truth).T
+    reading = None
+    for rate, speed, slip_vel, change, error in zip(
+            rates, v_y, slip, np.diff(v_y, prepend=v_y[0]), noise * np.ones(len(rates))):
+        last = reading
+        reading = ImuReading(rate, -rate * speed, change / 0.01 + 0.8 * rate + error)
+        mean = ImuReading(*(0.5 * (np.array((last or reading)[:3]) + reading[:3])))
+        slip_filter.predict(0.01, ImuStep(mean, 1e-6, 2.5e-5, 1e-3))
+        slip_filter.forces.correct_balance(0.01, reading, 0.0, LEVEL)
+        # measured by wheels and films
+        slip_filter._ekf.correct_states(
+            [State.V_X, State.SLIP_VEL_L, State.SLIP_VEL_R],
+            np.array([0.8, slip_vel, slip_vel]), np.full(3, 0.1 ** 2))
+    return slip_filter
+
+
+def test_a_changing_lateral_speed_determines_c_x():
+    rates, found = np.sin(2.0 * np.arange(0.0, 6.0, 0.01)), []
+    for share in 0.7, 1.3:
+        slip_filter = turn(rates, share, 0.0)
+        error = slip_filter.x[State.LN_STIFFNESS] - math.log(share)
+        assert abs(error) < 2.0 * sigma(slip_filter, State.LN_STIFFNESS)
+        assert sigma(slip_filter, State.LN_STIFFNESS) < 0.1
+        found.append(slip_filter.x[State.LN_STIFFNESS])
+    assert found[1] - found[0] == pytest.approx(math.log(1.3 / 0.7), abs=0.1)
+
+
+def test_in_a_steady_turn_the_noise_of_the_accelerometer_does_not_bias_c_x():
+    found, sigmas = [], []
+    for seed in range(4):
+        noise = np.random.default_rng(seed).normal(0.0, 0.05, 1500)
+        slip_filter = turn(np.full(1500, 0.8), 1.0, noise)
+        found.append(slip_filter.x[State.LN_STIFFNESS])
+        sigmas.append(sigma(slip_filter, State.LN_STIFFNESS))
+    assert np.abs(found).max() < 0.1, found
+    assert min(sigmas) > 0.1, sigmas  # it is hardly observable
 
 
 def test_an_unknown_ground_leaves_the_slip_less_certain():
@@ -89,7 +156,7 @@ def test_an_unknown_ground_leaves_the_slip_less_certain():
     for stiffness in KNOWN, 0.5:
         slip_filter = new_filter(sigmas={State.LN_STIFFNESS: stiffness, State.LN_RATIO: KNOWN})
         for _ in range(50):
-            slip_filter.forces.correct_balance(ImuReading(0.0, 1.0, 0.0), 0.0, LEVEL)
+            slip_filter.forces.correct_balance(0.01, ImuReading(0.0, 1.0, 0.0), 0.0, LEVEL)
         found.append(sigma(slip_filter, State.SLIP_VEL_L))
     assert found[1] > 1.1 * found[0]
 
@@ -100,7 +167,7 @@ def test_the_covariance_stays_positive(seed):
     for _ in range(300):
         predict(slip_filter)
         slip_filter.forces.correct_balance(
-            ImuReading(*rng.normal(0.0, [0.3, 1.5, 1.0])), 0.1, LEVEL)
+            0.01, ImuReading(*rng.normal(0.0, [0.3, 1.5, 1.0])), 0.1, LEVEL)
         slip_filter.forces.correct_torques(tuple(rng.normal(0.5, 0.5, 4)), LEVEL, LEVEL)
     assert np.isfinite(slip_filter.x).all()
     assert np.linalg.eigvalsh(slip_filter.P).min() > -1e-9
@@ -108,7 +175,7 @@ def test_the_covariance_stays_positive(seed):
 
 def test_torques_correct_the_slips_but_not_c_x_itself():
     slip_filter = new_filter()
-    slip_filter.forces.correct_balance(STEADY, 0.0, LEVEL)
+    slip_filter.forces.correct_balance(0.01, STEADY, 0.0, LEVEL)
     before, sigmas = slip_filter.x, np.sqrt(np.diag(slip_filter.P))
     slip_filter.forces.correct_torques((0.7,) * 4, LEVEL, LEVEL)
     assert slip_filter.x[State.SLIP_VEL_L] > before[State.SLIP_VEL_L]
@@ -121,7 +188,7 @@ def test_torques_determine_an_unknown_c_x():
     slip_filter = new_filter(sigmas={
         State.LN_STIFFNESS: 0.5, State.LN_RATIO: 0.05, State.SLIP_VEL_L: 0.002,
         State.SLIP_VEL_R: 0.002})
-    slip_filter.forces.correct_balance(STEADY, 0.0, LEVEL)
+    slip_filter.forces.correct_balance(0.01, STEADY, 0.0, LEVEL)
     slip_filter.forces.correct_torques((0.7,) * 4, LEVEL, LEVEL)
     assert slip_filter.x[State.LN_STIFFNESS] > 0.1
     assert sigma(slip_filter, State.LN_STIFFNESS) < 0.3
@@ -129,7 +196,7 @@ def test_torques_determine_an_unknown_c_x():
 
 def test_unknown_torques_are_no_correction():
     slip_filter = new_filter()
-    slip_filter.forces.correct_balance(STEADY, 0.0, LEVEL)
+    slip_filter.forces.correct_balance(0.01, STEADY, 0.0, LEVEL)
     before, P = slip_filter.x, slip_filter.P.copy()
     slip_filter.forces.correct_torques(NO_TORQUE, LEVEL, LEVEL)
     assert slip_filter.x == before and np.array_equal(slip_filter.P, P)
@@ -140,7 +207,7 @@ def test_unknown_torques_are_no_correction():
 
 def test_ground_estimated_with_a_failed_torque_becomes_uncertain_once():
     slip_filter = new_filter()
-    slip_filter.forces.correct_balance(STEADY, 0.0, LEVEL)
+    slip_filter.forces.correct_balance(0.01, STEADY, 0.0, LEVEL)
     noise, row = np.random.default_rng(3), State.LN_STIFFNESS
     sigmas = []
     for _ in range(MAX_TORQUE_REPEATS + 4):
@@ -156,7 +223,7 @@ def test_ground_estimated_with_a_failed_torque_becomes_uncertain_once():
 
 def test_no_correction_changes_the_scale_of_the_torques():
     slip_filter = new_filter(sigmas={State.TORQUE_SCALE: 0.05})
-    slip_filter.forces.correct_balance(STEADY, 0.0, LEVEL)
+    slip_filter.forces.correct_balance(0.01, STEADY, 0.0, LEVEL)
     for _ in range(5):
         slip_filter.forces.correct_torques((1.5,) * 4, LEVEL, LEVEL)
     assert slip_filter.P[State.TORQUE_SCALE, State.SLIP_VEL_L] != 0.0
@@ -169,7 +236,7 @@ def test_torques_of_wheels_that_follow_commands_count_less():
     sigmas = []
     for acceleration in 0.0, 2.0:  # m/s2, of the wheels beyond that of the robot
         slip_filter = new_filter()
-        slip_filter.forces.correct_balance(STEADY, 0.0, LEVEL)
+        slip_filter.forces.correct_balance(0.01, STEADY, 0.0, LEVEL)
         slip_filter.forces.correct_torques((0.7,) * 4, LEVEL, (acceleration, 0.0, 0.0, 0.0))
         sigmas.append(sigma(slip_filter, State.SLIP_VEL_L))
     assert sigmas[0] < sigmas[1]
@@ -179,7 +246,7 @@ def test_torques_of_wheels_that_follow_commands_count_less():
     (0.8, True, True), (-0.8, True, True), (0.05, True, False), (0.8, False, False)])
 def test_forces_are_used_while_enabled_and_rolling_only(speed, enabled, active):
     slip_filter = new_filter(speed, 0.0, force_balance='on' if enabled else 'off')
-    slip_filter.forces.correct_balance(STEADY, 0.0, LEVEL)
+    slip_filter.forces.correct_balance(0.01, STEADY, 0.0, LEVEL)
     assert slip_filter.forces.active == active
     before = slip_filter.x
     slip_filter.forces.correct_torques((0.9,) * 4, LEVEL, LEVEL)
@@ -197,7 +264,7 @@ def travels(innovations):
 def active_filter():
     slip_filter = new_filter()
     slip_filter._ekf.set_states(TRAVELS, 0.0, 1e-6)
-    slip_filter.forces.correct_balance(STEADY, 0.0, LEVEL)
+    slip_filter.forces.correct_balance(0.01, STEADY, 0.0, LEVEL)
     return slip_filter
 
 
@@ -238,7 +305,7 @@ def test_on_new_ground_its_properties_are_as_uncertain_as_their_priors_and_kept_
 
 def test_at_standstill_wheel_samples_change_no_ground():
     slip_filter = new_filter(0.0, 0.0)
-    slip_filter.forces.correct_balance(STEADY, 0.0, LEVEL)
+    slip_filter.forces.correct_balance(0.01, STEADY, 0.0, LEVEL)
     for _ in range(3):
         slip_filter.forces.detect_ground_change(travels([LARGE] * 2))
     assert slip_filter.forces.ground_changes == 0
@@ -293,3 +360,25 @@ def test_a_large_change_of_the_adhesion_ratio_is_followed_within_two_sigmas():
         slip_filter.forces.correct_adhesion(0, ratio, Uncertain(0.05, 0.003), THEN)
         error = slip_filter.x[State.LN_RATIO] - math.log(0.3)
         assert abs(error) < 2.0 * sigma(slip_filter, State.LN_RATIO)
+
+
+def change_of_stiffness(force, failed=0):
+    """Return that of ln C_x by one reading of a lateral force [m/s2] more than in the turn."""
+    slip_filter = turn(np.sin(2.0 * np.arange(0.0, 0.5, 0.01)), 1.0, 0.0)
+    for check in slip_filter.forces._checks[:failed]:
+        check.failed = True
+    x = slip_filter.x
+    for row in State.FORCE_X, State.FORCE_Y, State.YAW_RATE, State.YAW_ACCEL:
+        slip_filter._ekf.set_states([row], x[row], 3.0)  # the reading itself corrects no C_x
+    reading = ImuReading(x[State.YAW_RATE], x[State.FORCE_X], x[State.FORCE_Y] + force)
+    slip_filter.forces.correct_balance(0.01, reading, 0.0, LEVEL)
+    return abs(slip_filter.x[State.LN_STIFFNESS] - x[State.LN_STIFFNESS])
+
+
+def test_a_push_from_the_side_is_not_a_change_of_c_x():
+    assert change_of_stiffness(0.05) > 1e-3 and change_of_stiffness(5.0) < 1e-5
+
+
+@pytest.mark.parametrize(('failed', 'corrected'), [(0, True), (1, True), (2, False)])
+def test_torques_that_contradict_the_forces_of_several_wheels_keep_c_x(failed, corrected):
+    assert (change_of_stiffness(0.05, failed) > 1e-3) == corrected
