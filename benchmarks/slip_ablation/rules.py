@@ -91,8 +91,10 @@ RULES: Mapping[str, Rule] = MappingProxyType({
                              {'force_update.ForceUpdate._longitudinal': _linearized}),
     'lateral_balance': Rule('changes of the lateral speed determine C_x',
                             {'force_update.ForceUpdate._is_plausible': _false}),
+    'steady_turns': Rule('... but a steady one does not',
+                         {'force_update.LATERAL_SPEED_CHANGE': 0.0}),
     'plausible_balance': Rule(
-        '... but a contradicted lateral balance does not',
+        '... and a contradicted lateral balance does not',
         {'force_update.PLAUSIBLE_SIGMAS': math.inf, 'force_update.IMPLAUSIBLE_TORQUES': 5}),
     'lateral_correlation': Rule('errors of the lateral balance are correlated',
                                 {'force_update.LATERAL_CORRELATION_TIME': 0.0}),

@@ -10,8 +10,8 @@ certain: then their bias is small against its uncertainty.
 
 The exception is the lateral balance, which corrects C_x: where the lateral speed changes, the IMU
 measures by how much, and the forces do so in proportion to 1 / C_x. In a steady turn they do not
-determine C_x. The Jacobian contains a low-pass filtered lateral speed, an instrumental variable:
-the noise of the accelerometer in it is almost independent of that of the innovation.
+determine C_x, and are not used for it. The Jacobian contains a low-pass filtered lateral speed, an
+instrumental variable: its noise is almost independent of that of the innovation.
 """
 
 from __future__ import annotations
@@ -36,6 +36,8 @@ MAX_PRIOR_SIGMAS = 3.0        # of ln C_x, beyond which the estimate has diverge
 SAME_FORCES_SIGMA = 0.15      # -, of ln C_x after a change of mu / C_x that no force shows
 CHANGED_DRAG_SIGMA = 0.05     # -, of the rolling resistance on new ground
 LATERAL_CORRELATION_TIME = 0.1  # s, of errors of the lateral balance, and of the speed in it
+LATERAL_CHANGE_TIME = 1.0     # s, over which the lateral speed is compared
+LATERAL_SPEED_CHANGE = 0.004  # m/s, of the lateral speed, below which C_x is not observable
 PLAUSIBLE_SIGMAS = 2.0        # of an innovation of the lateral balance that corrects C_x
 IMPLAUSIBLE_TORQUES = 2       # failed checks: not a motor, but the balance of forces is wrong
 RATIO_ITERATIONS = 3          # of a correction that is not linear in ln mu / C_x
@@ -75,6 +77,25 @@ class TorqueCheck:
         self.failed = self._repeats >= MAX_TORQUE_REPEATS or abs(self._mean) > limit
 
 
+class LateralSpeed:
+    """Low-pass filtered lateral speed of base_link: ``mean`` [m/s], and whether it ``changes``."""
+
+    def __init__(self) -> None:
+        self.mean = self._slow = math.nan
+
+    @property
+    def changes(self) -> bool:
+        """Return whether it differs from its mean over the last second."""
+        return abs(self.mean - self._slow) > LATERAL_SPEED_CHANGE
+
+    def update(self, speed: float, dt: float) -> None:
+        """Add the ``speed`` [m/s] ``dt`` [s] after the last one."""
+        if math.isnan(self.mean):
+            self.mean = self._slow = speed
+        self.mean += dt / (dt + LATERAL_CORRELATION_TIME) * (speed - self.mean)
+        self._slow += dt / (dt + LATERAL_CHANGE_TIME) * (self.mean - self._slow)
+
+
 class ForceUpdate:
     """
     Corrects the filter by forces while ``enabled`` and rolling fast enough: ``active``.
@@ -91,7 +112,7 @@ class ForceUpdate:
         self._contradiction = InnovationChangeDetector(GROUND_CHANGE_SIGMAS)
         self._checks = [TorqueCheck() for _ in range(4)]
         self._acceleration_variance: Array = np.zeros(4)  # (m/s2)^2
-        self._lateral_speed: float | None = None  # m/s, of base_link, low-pass filtered
+        self._lateral_speed = LateralSpeed()
         self.enabled = params.force_balance == 'on'
         self.active = False
         self.ground_changes = 0
@@ -114,12 +135,13 @@ class ForceUpdate:
             abs(rolling[0] + rolling[2]), abs(rolling[1] + rolling[3])) > 2.0 * MIN_ROLLING_SPEED
         if not self.active:
             self._contradiction.update(0.0, 1.0)
-            self._lateral_speed = None
+            self._lateral_speed = LateralSpeed()
             return
         self._ekf.correct(self._longitudinal(residual), considered=GROUND_ROWS)
         lateral = self._lateral(residual, dt)
         self._ekf.correct(lateral, considered=(
-            GROUND_ROWS[1:] if self._is_plausible(lateral) else GROUND_ROWS))
+            GROUND_ROWS[1:] if self._lateral_speed.changes and self._is_plausible(lateral)
+            else GROUND_ROWS))
         if abs(self._ekf.x[State.LN_STIFFNESS]) > MAX_PRIOR_SIGMAS * self._sigmas[0]:
             self._forget_ground()
 
@@ -135,11 +157,9 @@ class ForceUpdate:
     def _lateral(self, residual: Four, dt: float) -> Measurement:
         """Return the lateral balance; its errors are correlated over several readings."""
         x = self._ekf.x
-        speed = float(x[State.V_Y] - self._x_imu * x[State.YAW_RATE])
-        if self._lateral_speed is None:
-            self._lateral_speed = speed
-        self._lateral_speed += dt / (dt + LATERAL_CORRELATION_TIME) * (speed - self._lateral_speed)
-        balance = self._model.lateral_balance(x.tolist(), residual, self._lateral_speed)
+        self._lateral_speed.update(
+            float(x[State.V_Y] - self._x_imu * x[State.YAW_RATE]), dt)
+        balance = self._model.lateral_balance(x.tolist(), residual, self._lateral_speed.mean)
         return balance._replace(R=max(LATERAL_CORRELATION_TIME / dt, 1.0) * balance.R)
 
     def _is_plausible(self, balance: Measurement) -> bool:

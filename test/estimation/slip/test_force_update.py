@@ -11,7 +11,8 @@ import pytest
 from smart_tire.estimation.slip.ekf import SlipFilter
 from smart_tire.estimation.slip.force_model import ForceModel
 from smart_tire.estimation.slip.force_update import (
-    GROUND_CHANGE_SIGMAS, GROUND_ROWS, MAX_TORQUE_REPEATS, SAME_FORCES_SIGMA)
+    GROUND_CHANGE_SIGMAS, GROUND_ROWS, LATERAL_CHANGE_TIME, LATERAL_CORRELATION_TIME,
+    LATERAL_SPEED_CHANGE, LateralSpeed, MAX_TORQUE_REPEATS, SAME_FORCES_SIGMA)
 from smart_tire.estimation.slip.motion_model import SOFT_GROUND_CORRELATION
 from smart_tire.estimation.slip.robust_ekf import Measurement
 from smart_tire.estimation.slip.state import (
@@ -362,9 +363,38 @@ def test_a_large_change_of_the_adhesion_ratio_is_followed_within_two_sigmas():
         assert abs(error) < 2.0 * sigma(slip_filter, State.LN_RATIO)
 
 
-def change_of_stiffness(force, failed=0):
+def test_the_lateral_speed_is_filtered_and_compared_with_that_of_a_second_ago():
+    speed = LateralSpeed()
+    assert not speed.changes  # unknown
+    speed.update(0.02, 0.01)
+    assert speed.mean == 0.02 and not speed.changes
+    means, changes = [], []
+    for _ in range(400):
+        speed.update(-0.02, 0.01)
+        means.append(speed.mean)
+        changes.append(speed.changes)
+    after = int(100 * LATERAL_CORRELATION_TIME)
+    assert means[after - 1] == pytest.approx(-0.02 + 0.04 / math.e, abs=1e-3)
+    # 40 mm/s decay to the threshold within a few times the longer time constant
+    settled = 100 * LATERAL_CHANGE_TIME * math.log(0.04 / LATERAL_SPEED_CHANGE)
+    assert changes.index(True) < 10 and all(changes[10:int(0.9 * settled)])
+    assert not any(changes[int(1.2 * settled):])
+
+
+def test_the_lateral_speed_depends_on_time_not_on_the_rate():
+    means = []
+    for rate in 100, 400:
+        speed = LateralSpeed()
+        speed.update(0.0, 1.0 / rate)
+        for _ in range(rate // 10):
+            speed.update(0.05, 1.0 / rate)
+        means.append(speed.mean)
+    assert means[0] == pytest.approx(means[1], rel=0.05)
+
+
+def change_of_stiffness(force, failed=0, rates=np.sin(2.0 * np.arange(0.0, 0.5, 0.01))):
     """Return that of ln C_x by one reading of a lateral force [m/s2] more than in the turn."""
-    slip_filter = turn(np.sin(2.0 * np.arange(0.0, 0.5, 0.01)), 1.0, 0.0)
+    slip_filter = turn(rates, 1.0, 0.0)
     for check in slip_filter.forces._checks[:failed]:
         check.failed = True
     x = slip_filter.x
@@ -377,6 +407,10 @@ def change_of_stiffness(force, failed=0):
 
 def test_a_push_from_the_side_is_not_a_change_of_c_x():
     assert change_of_stiffness(0.05) > 1e-3 and change_of_stiffness(5.0) < 1e-5
+
+
+def test_in_a_steady_turn_the_lateral_balance_keeps_c_x():
+    assert change_of_stiffness(0.05, rates=np.full(500, 0.8)) < 1e-5
 
 
 @pytest.mark.parametrize(('failed', 'corrected'), [(0, True), (1, True), (2, False)])
