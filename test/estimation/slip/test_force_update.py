@@ -392,7 +392,10 @@ def test_the_lateral_speed_depends_on_time_not_on_the_rate():
     assert means[0] == pytest.approx(means[1], rel=0.05)
 
 
-def change_of_stiffness(force, failed=0, rates=np.sin(2.0 * np.arange(0.0, 0.5, 0.01))):
+SWERVE = np.sin(2.0 * np.arange(0.0, 0.5, 0.01))  # rad/s
+
+
+def change_of_stiffness(force, failed=0, rates=SWERVE):
     """Return that of ln C_x by one reading of a lateral force [m/s2] more than in the turn."""
     slip_filter = turn(rates, 1.0, 0.0)
     for check in slip_filter.forces._checks[:failed]:
