@@ -55,12 +55,12 @@ CASES = {
 }
 
 # (case, ground) whose slip or speed leaves three sigmas for seconds: forces that the balance does
-# not contain, a failed sensor, an unknown slope
+# not contain, a failed sensor, an unknown slope, the first seconds on unknown soft ground
 OVERCONFIDENT = {
     ('wheel in the air', 'sand'), ('wheel in the air, no torque', 'sand'), ('slope', 'sand'),
     ('pushed from behind', 'sand'), ('pushed from behind, no torque', 'concrete'),
     ('pushed from behind, no torque', 'sand'), ('pushed sideways, no torque', 'sand'),
-    ('current stuck at zero', 'sand')}
+    ('current stuck at zero', 'sand'), ('no torque', 'sand')}
 
 # on unknown ground and an unknown slope slip and C_x are not observable for some seconds
 INACCURATE = {('slope', 'sand')}
