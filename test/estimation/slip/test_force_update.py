@@ -80,7 +80,7 @@ def test_in_straight_driving_the_balance_considers_the_ground_but_does_not_corre
     before = slip_filter.x, slip_filter.P.copy()
     slip_filter.forces.correct_balance(0.01, ImuReading(0.0, 0.8, 0.0), 0.0, LEVEL)
     rows = list(GROUND_ROWS)
-    assert np.array(slip_filter.x)[rows] == pytest.approx(np.array(before[0])[rows], abs=1e-9)
+    assert np.array(slip_filter.x)[rows] == pytest.approx(np.array(before[0])[rows], abs=1e-12)
     assert np.diag(slip_filter.P)[rows] == pytest.approx(np.diag(before[1])[rows])
     # but an error of C_x now is an error of the slips, and a firmer ground needs less slip
     assert slip_filter.P[State.LN_STIFFNESS, State.SLIP_VEL_L] < -1e-5
