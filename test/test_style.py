@@ -1,3 +1,17 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """
 The rules of style that ruff and mypy do not check.
 
@@ -24,6 +38,9 @@ THIS = 'test/test_style.py'
 PROSE = [source for source in read_sources(
     'README.md', 'CONTRIBUTING.md', 'Makefile', 'pyproject.toml', 'smart_tire', 'benchmarks',
     'config', 'docs', 'launch', 'test', suffixes=SUFFIXES) if source.name != THIS]
+
+LICENSE_HEADER = '\n'.join(TESTS[0].text.splitlines()[1:13])
+COPYRIGHT = re.compile(r'(#!.*\n)?# Copyright \d{4} The smart_tire developers\n')
 
 WITH_PROCESSES = {'test/nodes', 'test/safety', 'test/integration'}
 OWN = {'smart_tire', 'benchmarks'}
@@ -95,6 +112,13 @@ def missing_docstring(source: Source) -> Iterator[str]:
         yield source.at(1, 'no docstring')
 
 
+def missing_license(source: Source) -> Iterator[str]:
+    """Yield a file without the header that ament_copyright looks for."""
+    found = COPYRIGHT.match(source.text)
+    if found is None or not source.text.startswith(LICENSE_HEADER, found.end()):
+        yield source.at(1, 'no copyright and license header')
+
+
 def numeric_constants(tree: ast.Module) -> Iterator[tuple[int, str]]:
     """Yield line and name of the constants of a module whose value is made of numbers."""
     for node in tree.body:
@@ -147,6 +171,10 @@ def test_every_module_has_a_docstring():
     assert_kept(missing_docstring, PYTHON)
 
 
+def test_every_file_has_the_license_header():
+    assert_kept(missing_license, PYTHON)
+
+
 def test_tests_of_processes_are_in_a_group():
     assert_kept(ungrouped_tests, [source for source in TESTS if source.name != THIS])
 
@@ -164,6 +192,9 @@ def test_words_are_those_of_the_field():
     (unsorted_imports, 'import smart_tire\nimport numpy', '2: import of numpy comes too late'),
     (unsorted_imports, 'from os import sep, path', '1: names are not sorted'),
     (missing_docstring, 'import os', '1: no docstring'),
+    (missing_license, '"""A."""', '1: no copyright and license header'),
+    (missing_license, '# Copyright 2026 The smart_tire developers\n"""A."""',
+     '1: no copyright and license header'),
     (bare_superlatives, 'MOST = 3', '1: MOST: name quantity and role'),
     (bare_superlatives, '\n_MEMORY: float = 2.0 * math.pi', '2: _MEMORY: name quantity and role'),
     (bare_superlatives, 'MIN_SPEED, STEP = 1.0, 2.0', '1: STEP: name quantity and role'),
@@ -187,6 +218,8 @@ def test_an_ungrouped_test_is_found(name: str, text: str, offense: str):
 @pytest.mark.parametrize(('rule', 'text'), [
     (unsorted_imports, 'import os\nimport sys\n\nimport numpy\n\nimport smart_tire'),
     (missing_docstring, '"""What it is for."""'),
+    (missing_license, f'#!/usr/bin/env python3\n# Copyright 2027 The smart_tire developers\n'
+     f'{LICENSE_HEADER}\n'),
     (ungrouped_tests, 'pytestmark = [pytest.mark.slow, pytest.mark.safety]'),
     (bare_superlatives, "MIN_SPEED = 1.0\nMOST = 'a word'\nSTEP = {1: 2.0}"),
     (dialect, 'intellect, besides, untold'),
