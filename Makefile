@@ -41,7 +41,7 @@ ifdef ROS_DISTRO
 	@echo 'Installing into $(VENV), on top of ROS $(ROS_DISTRO)'
 	@$(PYTHON) -m venv --system-site-packages $(VENV)
 	@$(PIP) -r requirements.txt
-	@$(PIP) --editable '.[test]'
+	@$(PIP) --editable '.[test,view]'
 else
 	@test -n '$(PYTHON)' || { echo 'no Python 3.10 to 3.13 with venv found: install one (on' \
 		'Debian: python3-venv) or name it: make PYTHON=...' >&2; exit 1; }
@@ -49,7 +49,7 @@ else
 	@$(PYTHON) -m venv $(VENV)
 	@$(PIP) --constraint constraints.txt setuptools
 	@$(PIP) --constraint constraints.txt --no-build-isolation --use-pep517 \
-		--editable '.[ros,test,lint]'
+		--editable '.[ros,test,lint,view]'
 endif
 	@touch $@
 

@@ -39,8 +39,8 @@ setup(
     ],
     python_requires='>=3.10',
     install_requires=[
-        'filterpy>=2.0', 'lz4', 'matplotlib', 'mcap>=1.6', 'numpy', 'pyserial', 'pyyaml', 'rich',
-        'rosbags', 'scipy', 'zstandard',
+        'argcomplete', 'filterpy>=2.0', 'lz4', 'matplotlib', 'mcap>=1.6', 'numpy', 'plotly',
+        'pyserial', 'pyyaml', 'rich', 'rosbags', 'scipy', 'zstandard',
     ],
     extras_require={
         # rclpy and the messages for machines without a ROS distribution
@@ -49,7 +49,11 @@ setup(
             'ros-geometry-msgs', 'ros-nav-msgs', 'ros-rcl-interfaces', 'ros-rosgraph-msgs',
             'ros-sensor-msgs', 'ros-std-msgs', 'ros-std-srvs',
         ],
-        'test': ['hypothesis', 'pytest', 'pytest-cov', 'pytest-xdist'],
+        'view': ['rerun-sdk>=0.24'],  # smart_tire view
+        'pandas': ['pandas'],         # results as data frames
+        'docs': ['furo', 'ipykernel', 'myst-nb', 'sphinx', 'sphinx-argparse'],
+        'test': [
+            'hypothesis', 'pandas', 'pytest', 'pytest-cov', 'pytest-xdist', 'urdf-parser-py'],
         'lint': ['mypy==2.4.1', 'ruff==0.17.5'],
     },
     zip_safe=True,

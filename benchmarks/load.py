@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Sequence
+from functools import partial
 import os
 from pathlib import Path
 import sys
@@ -47,12 +48,13 @@ def main(argv: Sequence[str] | None = None) -> int:
                         help='duration of the live measurement (default: %(default)s)')
     args = parser.parse_args(argv)
     # Importing rclpy may start Python again, so it must come before any child is started.
-    from smart_tire.nodes.demo_driver import NodeRunner
+    from smart_tire.nodes.demo_driver import DemoDriver
+    from smart_tire.nodes.runner import NodeRunner
     print(machine())
 
     def measure() -> None:
         with tempfile.TemporaryDirectory(prefix='smart_tire_bench_') as folder:
-            measure_live(Path(folder), args.seconds, NodeRunner)
+            measure_live(Path(folder), args.seconds, partial(NodeRunner, DemoDriver))
             measure_offline(Path(folder))
     return run_benchmark('load', measure)
 

@@ -60,7 +60,7 @@ def pins(name: str) -> dict[str, set[str]]:
     found: dict[str, set[str]] = {}
     for line in (ROOT / name).read_text(encoding='utf-8').splitlines():
         if line and not line.startswith('#'):
-            match = re.fullmatch(r'([a-z0-9.-]+)==([0-9.]+)(; python_version .*)?', line)
+            match = re.fullmatch(r'([a-z0-9.-]+)==([0-9.]+(?:b[0-9]+)?)(; python_version .*)?', line)
             assert match, line
             found.setdefault(match[1], set()).add(match[2])
     return found

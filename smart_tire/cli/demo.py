@@ -19,6 +19,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 import json
 import os
 from pathlib import Path
@@ -95,11 +96,12 @@ def run(args: argparse.Namespace) -> int:
     refuse_existing([out / name for name in (*FILES, 'figures', 'logs')], force=args.force)
     # Importing rclpy may restart Python, so it must come before any child is started.
     from smart_tire.analysis.demo_report import evaluate
-    from smart_tire.nodes.demo_driver import NodeRunner
+    from smart_tire.nodes.demo_driver import DemoDriver
+    from smart_tire.nodes.runner import NodeRunner
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         params = _prepare(out, args.seed)
-        intervals = _drive(out, params, NodeRunner)
+        intervals = _drive(out, params, partial(NodeRunner, DemoDriver))
         summary = evaluate(out / 'bag', params, intervals, EXPECTED_TOPICS,
                            out / 'conversions.csv', out / 'figures')
     except KeyboardInterrupt:

@@ -21,17 +21,13 @@ import math
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-import rclpy
-from rclpy.signals import SignalHandlerOptions
 
 from smart_tire.nodes.base import SmartTireNode
-from smart_tire.nodes.compat import new_executor
 from smart_tire.nodes.qos import subscriber_qos
 from smart_tire.parameters import WheelControllerParams
 from smart_tire.samples import Friction, Odometry, VelocityCommand, WHEELS, WheelSample, WheelSlip
 
 COMMAND_PERIOD = 0.1   # s
-MAX_SPIN_TIME = 0.1    # s, of one call of the executor
 
 
 class DemoDriver(SmartTireNode[WheelControllerParams]):
@@ -81,28 +77,3 @@ class DemoDriver(SmartTireNode[WheelControllerParams]):
         for status in msg.status:
             self.health[status.name.rsplit('/', 1)[-1]] = {
                 item.key: item.value for item in status.values}
-
-
-class NodeRunner:
-    """Context manager around a DemoDriver and its executor; the caller spins it."""
-
-    def __init__(self, arguments: list[str]) -> None:
-        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
-        self.node = DemoDriver()
-        self._executor = new_executor()
-        self._executor.add_node(self.node)
-
-    def __enter__(self) -> NodeRunner:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._executor.remove_node(self.node)
-        self._executor.shutdown()
-        self.node.destroy_node()
-        rclpy.try_shutdown()
-
-    def spin(self, seconds: float) -> None:
-        """Handle callbacks for ``seconds``."""
-        end_ns = self.node.steady_ns() + round(seconds * 1e9)
-        while (left_ns := end_ns - self.node.steady_ns()) > 0:
-            self._executor.spin_once(timeout_sec=min(MAX_SPIN_TIME, left_ns * 1e-9))
