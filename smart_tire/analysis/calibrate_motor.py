@@ -20,18 +20,20 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from smart_tire.analysis.calibrate_robot import NO_REFERENCE, read_recording, TimeRange
+from smart_tire.bags import STANDARD_NAMES, TopicNames
 from smart_tire.calibration.robot import motor
 from smart_tire.calibration.robot.motor import MotorFit
 from smart_tire.parameters import RobotParams
 
 
 def identify_motor(bags: Sequence[Path], lifted: Sequence[Path], robot: RobotParams,
-                   time_range: TimeRange) -> MotorFit:
+                   time_range: TimeRange, names: TopicNames = STANDARD_NAMES) -> MotorFit:
     """
     Return the motor constants from ``bags`` on the ground and others with ``lifted`` wheels.
 
     Raises BagError if a bag cannot be read, EstimatorError if none of them is observable.
     """
-    grounds, off_ground = ([read_recording(bag, robot, time_range, NO_REFERENCE, duties=True)
-                            for bag in group] for group in (bags, lifted))
+    grounds, off_ground = ([
+        read_recording(bag, robot, time_range, NO_REFERENCE, duties=True, names=names)
+        for bag in group] for group in (bags, lifted))
     return motor.identify_motor(grounds, off_ground, robot)

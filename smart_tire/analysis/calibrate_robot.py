@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smart_tire.analysis.series import PoseSeries, seconds, Series, Stamps, Table
-from smart_tire.bags import Bag
+from smart_tire.bags import Bag, STANDARD_NAMES, TopicNames
 from smart_tire.calibration.recording import (
     DutyRecord, ImuRecord, PoseRecord, Recording, WheelRecord)
 from smart_tire.calibration.robot import geometry, icr
@@ -58,33 +58,35 @@ def load_robot(files: Iterable[Path]) -> RobotParams:
 
 
 def identify_geometry(path: Path, robot: RobotParams, *, since: float = 0.0,
-                      until: float = math.inf, reference: str = NO_REFERENCE) -> Geometry:
+                      until: float = math.inf, reference: str = NO_REFERENCE,
+                      names: TopicNames = STANDARD_NAMES) -> Geometry:
     """
     Return the geometry identified from the bag at ``path`` between ``since`` and ``until`` [s].
 
     ``reference`` is the topic of reference poses; by default none is used, and ``ANY_REFERENCE``
-    is the first of ``REFERENCES`` that is recorded. Raises BagError if the bag cannot be read,
-    EstimatorError if it lacks the inputs.
+    is the first of ``REFERENCES`` that is recorded. ``names`` are topics with other names in the
+    bag. Raises BagError if the bag cannot be read, EstimatorError if it lacks the inputs.
     """
-    recording = read_recording(path, robot, TimeRange(since, until), reference)
+    recording = read_recording(path, robot, TimeRange(since, until), reference, names=names)
     return geometry.identify_geometry(recording, robot)
 
 
 def identify_icr(path: Path, robot: RobotParams, *, since: float = 0.0, until: float = math.inf,
-                 reference: str = NO_REFERENCE) -> IcrFit:
+                 reference: str = NO_REFERENCE, names: TopicNames = STANDARD_NAMES) -> IcrFit:
     """Return S from the bag at ``path``; EstimatorError if S is not observable."""
-    recording = read_recording(path, robot, TimeRange(since, until), reference)
+    recording = read_recording(path, robot, TimeRange(since, until), reference, names=names)
     return icr.identify_icr(recording, robot)
 
 
 def read_recording(path: Path, robot: RobotParams, time_range: TimeRange,
-                   reference: str = NO_REFERENCE, *, duties: bool = False) -> Recording:
+                   reference: str = NO_REFERENCE, *, duties: bool = False,
+                   names: TopicNames = STANDARD_NAMES) -> Recording:
     """
     Return the inputs of a bag, in axes of ``base_link``, and the reference poses.
 
     With ``duties`` also those in ``motor_commands``, if they are recorded.
     """
-    with Bag(path) as bag:
+    with Bag(path, names, robot.joints) as bag:
         topic = _reference(bag, reference)
         wanted = (*SLIP.inputs.values(), *([topic] if topic else []),
                   *(['motor_commands'] if duties else []))

@@ -23,7 +23,7 @@ from pathlib import Path
 
 from smart_tire.analysis.calibrate_robot import NO_REFERENCE, read_recording, TimeRange
 from smart_tire.analysis.smoothing import SmoothedSlip
-from smart_tire.bags import Bag
+from smart_tire.bags import Bag, STANDARD_NAMES, TopicNames
 from smart_tire.calibration.film import gains
 from smart_tire.calibration.film.crossing_collector import CrossingCollector, CrossingWithSlip
 from smart_tire.calibration.film.results import GainFit
@@ -37,15 +37,16 @@ from smart_tire.samples import ImuSample, NS_PER_S, Sample, TireSample, WheelSam
 from smart_tire.uncertain import Uncertain
 
 
-def identify_stiffness(bags: Sequence[Path], robot: RobotParams,
-                       time_range: TimeRange) -> StiffnessFit:
+def identify_stiffness(bags: Sequence[Path], robot: RobotParams, time_range: TimeRange,
+                       names: TopicNames = STANDARD_NAMES) -> StiffnessFit:
     """
     Return the stiffness C_x from ``bags`` of one robot on one surface.
 
     Raises BagError if a bag cannot be read, EstimatorError if C_x is not observable.
     """
     return stiffness.identify_stiffness(
-        [read_recording(bag, robot, time_range, NO_REFERENCE) for bag in bags], robot)
+        [read_recording(bag, robot, time_range, NO_REFERENCE, names=names) for bag in bags],
+        robot)
 
 
 def stiffness_parameters(found: StiffnessFit) -> list[Identified]:
@@ -56,23 +57,24 @@ def stiffness_parameters(found: StiffnessFit) -> list[Identified]:
                        note='of this tire on the recorded surface')]
 
 
-def identify_gains(bags: Sequence[Path], robot: RobotParams, time_range: TimeRange) -> GainFit:
+def identify_gains(bags: Sequence[Path], robot: RobotParams, time_range: TimeRange,
+                   names: TopicNames = STANDARD_NAMES) -> GainFit:
     """
     Return gains, positions and contact length from ``bags`` of one robot.
 
     Raises BagError if a bag cannot be read, EstimatorError if nothing is observable.
     """
     return gains.identify_gains(
-        [read_crossings(bag, robot, time_range) for bag in bags], robot)
+        [read_crossings(bag, robot, time_range, names) for bag in bags], robot)
 
 
-def read_crossings(path: Path, robot: RobotParams,
-                   time_range: TimeRange) -> list[CrossingWithSlip]:
+def read_crossings(path: Path, robot: RobotParams, time_range: TimeRange,
+                   names: TopicNames = STANDARD_NAMES) -> list[CrossingWithSlip]:
     """Return the crossings in a bag with their smoothed slip, estimated without the films."""
     robot = replace(robot, slip=replace(robot.slip, film_aided=False))
     collector = CrossingCollector(robot, FrictionEstimatorParams(robot=robot).reorder_window)
     with closing(SmoothedSlip(SlipEstimatorParams(robot=robot))) as slip:
-        for sample in _inputs(path, time_range):
+        for sample in _inputs(Bag(path, names, robot.joints), time_range):
             if isinstance(sample, (ImuSample, WheelSample)):
                 slip.update(sample)
             if isinstance(sample, (TireSample, WheelSample)):
@@ -89,13 +91,13 @@ def read_crossings(path: Path, robot: RobotParams,
     return known
 
 
-def _inputs(path: Path, time_range: TimeRange) -> Iterator[Sample]:
+def _inputs(opened: Bag, time_range: TimeRange) -> Iterator[Sample]:
     """Yield the inputs within ``time_range``; EstimatorError if the bag lacks an input."""
-    with Bag(path) as bag:
+    with opened as bag:
         available = bag.match(INPUTS)
         missing = ', '.join(name for name in INPUTS if name not in available)
         if missing:
-            raise EstimatorError(f'{path}: has no {missing}, expected {", ".join(INPUTS)}')
+            raise EstimatorError(f'{bag.path}: has no {missing}, expected {", ".join(INPUTS)}')
         first_ns: int | None = None
         for _, _, sample in bag.samples(INPUTS):
             first_ns = sample.stamp_ns if first_ns is None else first_ns

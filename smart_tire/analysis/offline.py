@@ -37,7 +37,7 @@ from smart_tire.analysis.series import Series
 from smart_tire.analysis.smoothing import SmoothedSlip
 from smart_tire.analysis.stream_statistics import StampLog
 from smart_tire.analysis.summary import estimates_tree, plain, Tree, truth_tree
-from smart_tire.bags import Bag, BagWriter
+from smart_tire.bags import Bag, BagWriter, PARAMETERS_KEY, STANDARD_NAMES, TopicNames
 from smart_tire.errors import BagError
 from smart_tire.estimation import streams
 from smart_tire.estimation.slip.estimator import SlipEstimator
@@ -62,6 +62,7 @@ class BagContents:
     late: Counter[str] = field(default_factory=Counter)
     rejected: Counter[str] = field(default_factory=Counter)
     skipped: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)  # recognized topics and joints
     duration_s: float = 0.0
 
     def add_input(self, topic: str, sample: Sample) -> None:
@@ -95,10 +96,10 @@ class EstimateWriter:
     """Runs the friction stage and writes all estimates to a bag and a series."""
 
     def __init__(self, folder: Path, stage: FrictionStage | EstimatedFriction,
-                 bags: ExitStack) -> None:
+                 bags: ExitStack, params: EstimatorParams) -> None:
         self.estimates = Series()
         self.stage = stage
-        self._folder, self._bags = folder, bags
+        self._folder, self._bags, self._params = folder, bags, params
         self._writer: BagWriter | None = None
         self._newest_ns = 0  # receive time of the latest input
 
@@ -116,7 +117,8 @@ class EstimateWriter:
         for estimate in estimates:
             if self._writer is None:
                 _remove_old_bag(self._folder)
-                self._writer = self._bags.enter_context(BagWriter(self._folder))
+                self._writer = self._bags.enter_context(BagWriter(
+                    self._folder, custom_data={PARAMETERS_KEY: self._params.text}))
             self._writer.write_sample(topic_of(estimate), self._newest_ns, estimate)
             self.estimates.add(estimate)
 
@@ -127,13 +129,16 @@ class EstimateWriter:
 
 
 def analyze(path: Path, out: Path, params: EstimatorParams,
-            progress: Progress = lambda share: None, *, smooth: bool = False) -> Analysis:
+            progress: Progress = lambda share: None, *, smooth: bool = False,
+            names: TopicNames = STANDARD_NAMES, source: Tree | None = None) -> Analysis:
     """
     Analyze the bag at ``path``; write the bag ``out``/estimates and ``out``/summary.json.
 
-    With ``smooth`` also write the estimates of the RTS smoother to ``out``/smoothed. Nothing is
-    written if nothing can be estimated; existing estimates are replaced. Raises BagError if the
-    bag cannot be read or ``out`` cannot be written.
+    With ``smooth`` also write the estimates of the RTS smoother to ``out``/smoothed. ``names``
+    are the topics with other names in the bag; ``source``, where ``params`` are from, is written
+    to the summary. The bags of estimates carry ``params``. Nothing is written if nothing can be
+    estimated; existing estimates are replaced. Raises BagError if the bag cannot be read or
+    ``out`` cannot be written.
     """
     stages = {out / 'estimates': friction_stage(params)}
     if smooth:
@@ -144,8 +149,10 @@ def analyze(path: Path, out: Path, params: EstimatorParams,
             raise BagError(f'{folder} is the folder of the input bag: choose another')
     analysis = Analysis()
     with ExitStack() as stack:
-        writers = [EstimateWriter(folder, stage, stack) for folder, stage in stages.items()]
-        for item in stack.enter_context(closing(prefetch(partial(_read, path, params, smooth)))):
+        writers = [EstimateWriter(folder, stage, stack, params)
+                   for folder, stage in stages.items()]
+        read = partial(_read, path, params, smooth, names)
+        for item in stack.enter_context(closing(prefetch(read))):
             if isinstance(item, BagContents):
                 analysis.contents = item
                 continue
@@ -156,17 +163,18 @@ def analyze(path: Path, out: Path, params: EstimatorParams,
     analysis.estimates = writers[0].estimates
     analysis.smoothed = writers[1].estimates if smooth else None
     if not writers[0].empty:
-        analysis.summary = _summary(path, analysis, writers[0].stage.late)
+        analysis.summary = _summary(path, analysis, writers[0].stage.late, source)
         _write(out / 'summary.json', analysis.summary)
     return analysis
 
 
-def _read(path: Path, params: EstimatorParams, smooth: bool) -> Iterator[StageBatch | BagContents]:
+def _read(path: Path, params: EstimatorParams, smooth: bool,
+          names: TopicNames) -> Iterator[StageBatch | BagContents]:
     """Yield the output of the slip stage in batches, and finally the contents of the bag."""
     contents, received = BagContents(), array('q')
     slip = SmoothedSlip(params.slip) if smooth else SlipEstimator(params.slip)
     stage = SlipStage(params, slip)
-    with Bag(path) as bag:
+    with Bag(path, names, params.robot.joints) as bag:
         start, end = bag.span_ns
         work = (1 + smooth) * max(1, end - start)
         forwarded: list[Received] = []
@@ -186,16 +194,17 @@ def _read(path: Path, params: EstimatorParams, smooth: bool) -> Iterator[StageBa
         yield StageBatch(1.0 / (1 + smooth), forwarded)
         contents.late, contents.rejected = stage.late, bag.rejected
         contents.duration_s = (end - start) / NS_PER_S
+        contents.notes = bag.notes
         contents.skipped = _skipped(bag, contents, params.friction.robot.film.wheels)
     if isinstance(slip, SmoothedSlip):
-        yield from _read_smoothed(path, slip, received)
+        yield from _read_smoothed(Bag(path, names, params.robot.joints), slip, received)
     yield contents
 
 
-def _read_smoothed(path: Path, slip: SmoothedSlip,
+def _read_smoothed(opened: Bag, slip: SmoothedSlip,
                    received: Sequence[int]) -> Iterator[StageBatch]:
     """Yield the input of the friction stage with smoothed instead of filtered slip."""
-    with Bag(path) as bag, closing(slip):
+    with opened as bag, closing(slip):
         start, end = bag.span_ns
         smoothed = ((receive_ns, estimate) for receive_ns, estimates
                     in zip(received, slip.smoothed()) for estimate in estimates)
@@ -223,12 +232,13 @@ def _remove_old_bag(folder: Path) -> None:
         raise BagError(f'{folder}: cannot be replaced ({error.strerror})') from error
 
 
-def _summary(path: Path, analysis: Analysis, late: Counter[str]) -> Tree:
+def _summary(path: Path, analysis: Analysis, late: Counter[str], source: Tree | None) -> Tree:
     contents = analysis.contents
     late = contents.late | late  # the larger count if both stages use a topic
     inputs = {topic: {**asdict(stats), 'late': late[topic], 'rejected': contents.rejected[topic]}
               for topic, stats in contents.stamps.stats().items()}
     tree = {'bag': str(path), 'duration_s': plain(contents.duration_s),
+            'parameters': source, 'notes': contents.notes,
             'inputs': plain(inputs), 'left_out': contents.skipped,
             **_evaluation(analysis.estimates, contents)}
     if analysis.smoothed is not None:

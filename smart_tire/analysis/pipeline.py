@@ -22,12 +22,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from smart_tire.analysis.smoothing import SmoothedSlip
+from smart_tire.errors import ParameterError
 from smart_tire.estimation import streams
 from smart_tire.estimation.friction.estimator import FrictionEstimator
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.parameters import (
     build, FrictionEstimatorParams, known_names, load_files, NODE_PARAMS, RobotParams,
     SlipEstimatorParams, specs)
+from smart_tire.parameters.files import blocks_in, values_for
+from smart_tire.parameters.snapshot import snapshot_text
+from smart_tire.parameters.spec import values_of
 from smart_tire.samples import (
     Friction, GroundState, Icr, ImuSample, Odometry, Sample, WheelSample, WheelSlip)
 
@@ -52,6 +56,29 @@ class EstimatorParams:
             load_files(files, node, known, specs(NODE_PARAMS[node]))
             for node in ('slip_estimator', 'friction_estimator'))
         return cls(build(SlipEstimatorParams, slip), build(FrictionEstimatorParams, friction))
+
+    @classmethod
+    def from_text(cls, text: str, where: str) -> EstimatorParams:
+        """
+        Return the parameters in the text of a parameter file, such as one stored in a bag.
+
+        Names that are unknown to this version are ignored (``snapshot.unknown_names``). Raises
+        ParameterError, with ``where`` the text is from, if a value is invalid.
+        """
+        blocks = blocks_in(text, where)
+        slip, friction = (
+            values_for(node, blocks, known_names([NODE_PARAMS[node]]))
+            for node in ('slip_estimator', 'friction_estimator'))
+        try:
+            return cls(build(SlipEstimatorParams, slip), build(FrictionEstimatorParams, friction))
+        except ParameterError as error:
+            raise ParameterError(f'{where}: {error}') from error
+
+    @property
+    def text(self) -> str:
+        """Return all parameters as the text of a parameter file."""
+        return snapshot_text({'slip_estimator': values_of(self.slip),
+                              'friction_estimator': values_of(self.friction)})
 
     @property
     def robot(self) -> RobotParams:

@@ -37,10 +37,11 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel as ChannelRecord
-from mcap.records import ChunkIndex, McapRecord, Schema, Statistics
+from mcap.records import ChunkIndex, McapRecord, Metadata, MetadataIndex, Schema, Statistics
 from mcap.stream_reader import StreamReader
 import zstandard
 
+from smart_tire.bags.metadata import custom_data_in
 from smart_tire.bags.storage import add_warning, Channel, Message
 from smart_tire.errors import BagError
 
@@ -53,6 +54,7 @@ FOOTER = struct.Struct('<BQQQI8s')       # opcode, length, summary, summary offs
 MAX_RUN_MESSAGES = 4096                  # unchunked messages that are read at a time
 END_OPCODES = (0, Opcode.DATA_END, Opcode.FOOTER)  # 0: zeros that a power failure leaves
 FIRST_PRIVATE_OPCODE = 0x80              # opcodes from here on are application-defined
+METADATA_KEY = 'serialized_metadata'     # of the metadata record of rosbag2
 NO_SCHEMA = Schema(id=0, data=b'', encoding='', name='')
 DECODE_ERRORS = (McapError, struct.error, ValueError, EOFError, RuntimeError, zstandard.ZstdError)
 
@@ -78,6 +80,7 @@ class McapFile:
         self._records: dict[int, ChannelRecord] = {}
         self._channels: dict[int, Channel] = {}
         self._counts: Counter[Channel] | None = None
+        self._metadata_offsets: list[int] = []
         self._data = _map_file(path)
         if self._data[:len(MAGIC)] != MAGIC:
             self._data.close()
@@ -94,6 +97,20 @@ class McapFile:
         if not self._blocks:
             return None
         return self._blocks[0].start_ns, max(block.end_ns for block in self._blocks)
+
+    def custom_data(self) -> dict[str, str]:
+        """Return the custom data in the metadata records of rosbag2, later ones win."""
+        found: dict[str, str] = {}
+        for offset in self._metadata_offsets:
+            try:
+                length = RECORD.unpack_from(self._data, offset)[1]
+                start = offset + RECORD.size
+                record = Metadata.read(ReadDataStream(BytesIO(self._data[start:start + length])))
+            except DECODE_ERRORS as error:
+                add_warning(self.warnings, f'{self.path.name}: damaged at byte {offset}: {error}')
+            else:
+                found.update(custom_data_in(record.metadata.get(METADATA_KEY, '')))
+        return found
 
     def counts(self) -> dict[Channel, int]:
         """Return the message count of each channel; without index this reads the whole file."""
@@ -154,6 +171,8 @@ class McapFile:
         if not all(entry.schema_id in schemas for entry in channels.values()) or not all(
                 block.channels <= channels.keys() for block in blocks):
             return False
+        self._metadata_offsets = [entry.offset for entry in summary
+                                  if isinstance(entry, MetadataIndex)]
         for entry in summary:
             if isinstance(entry, (Schema, ChannelRecord)):
                 self._register(entry)
@@ -183,6 +202,8 @@ class McapFile:
                 run.add(MESSAGE.unpack_from(data, offset)[4], offset, end)
             elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                 self._read(Block(0, 0, offset, end - offset, frozenset(), is_chunk=False), None)
+            elif opcode == Opcode.METADATA:
+                self._metadata_offsets.append(offset)
             if opcode != Opcode.MESSAGE or run.messages == MAX_RUN_MESSAGES:
                 yield from run.take()
             offset = end

@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 import os
 from pathlib import Path, PurePath
 from typing import Any
@@ -32,8 +32,9 @@ ROOT = 'rosbag2_bagfile_information'
 VERSION = 9
 NO_START = 2**63 - 1                       # ns, start time of a bag without messages
 INFINITE_DURATION = {'sec': 9223372036, 'nsec': 854775807}  # RMW_DURATION_INFINITE
-# The dumper of the C library, if installed, is ten times as fast.
+# Those of the C library, if installed, are ten times as fast.
 DUMPER = getattr(yaml, 'CSafeDumper', yaml.SafeDumper)
+LOADER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
 
 
 @dataclass(frozen=True)
@@ -54,6 +55,7 @@ class Contents:
     start_ns: int = NO_START
     end_ns: int = 0
     ros_distro: str = ''
+    custom_data: dict[str, str] = field(default_factory=dict)  # as of ros2 bag record
 
 
 def qos_text(profiles: list[Qos]) -> str:
@@ -79,17 +81,25 @@ def write_metadata(directory: Path, contents: Contents) -> None:
     os.replace(draft, directory / NAME)
 
 
-def data_files(directory: Path) -> list[Path]:
-    """
-    Return the files listed in metadata.yaml; an empty list if there is no metadata.yaml.
+@dataclass(frozen=True)
+class Metadata:
+    """What a reader needs of metadata.yaml."""
 
-    Raises BagError if its content is invalid.
+    files: list[Path]
+    custom_data: dict[str, str]
+
+
+def read_metadata(directory: Path) -> Metadata | None:
+    """
+    Return the content of metadata.yaml in ``directory``; None if there is none.
+
+    Raises BagError if it is invalid.
     """
     path = directory / NAME
     try:
-        document = yaml.safe_load(path.read_text(encoding='utf-8'))
+        document = yaml.load(path.read_text(encoding='utf-8'), LOADER)
     except FileNotFoundError:
-        return []
+        return None
     except OSError as error:
         raise BagError(f'{path}: cannot be read ({error.strerror})') from error
     except (yaml.YAMLError, UnicodeDecodeError) as error:
@@ -98,7 +108,23 @@ def data_files(directory: Path) -> list[Path]:
     names = root.get('relative_file_paths') if isinstance(root, Mapping) else None
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         raise BagError(f'{path}: relative_file_paths is missing')
-    return [directory / PurePath(name).name for name in names]  # old versions prefix the folder
+    # Old versions prefix the folder.
+    return Metadata([directory / PurePath(name).name for name in names], custom_data_of(root))
+
+
+def custom_data_of(entry: object) -> dict[str, str]:
+    """Return the custom data of a metadata entry; versions before 6 have none."""
+    data = entry.get('custom_data') if isinstance(entry, Mapping) else None
+    return {str(key): str(value) for key, value in data.items()} if isinstance(
+        data, Mapping) else {}
+
+
+def custom_data_in(text: str) -> dict[str, str]:
+    """Return the custom data in the text of ``metadata_text``; none if it is not valid YAML."""
+    try:
+        return custom_data_of(yaml.load(text, LOADER))
+    except yaml.YAMLError:
+        return {}
 
 
 def _dump(document: Any) -> str:
@@ -120,7 +146,7 @@ def _entry(contents: Contents) -> dict[str, Any]:
         'relative_file_paths': [contents.file],
         'files': [{'path': contents.file, 'starting_time': start, 'duration': duration,
                    'message_count': messages}],
-        'custom_data': None, 'ros_distro': contents.ros_distro}
+        'custom_data': contents.custom_data or None, 'ros_distro': contents.ros_distro}
 
 
 def _topic(channel: Channel) -> dict[str, Any]:

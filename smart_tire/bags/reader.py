@@ -22,15 +22,17 @@ whose QoS profiles are written differently in metadata.yaml and in the file.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 import heapq
+from itertools import islice
 from operator import itemgetter
 from pathlib import Path
 import re
 import tempfile
 from types import TracebackType
+from typing import Any
 
 import zstandard
 
@@ -38,17 +40,25 @@ from smart_tire.bags.cdr import Decoder
 from smart_tire.bags.definitions import Encoder
 from smart_tire.bags.duty_efforts import efforts_are_duties
 from smart_tire.bags.mcap_file import MAGIC as MCAP_MAGIC, McapFile
-from smart_tire.bags.metadata import data_files
+from smart_tire.bags.metadata import read_metadata
 from smart_tire.bags.sqlite_file import SqliteFile
 from smart_tire.bags.storage import add_warning, Channel, Message, Storage
+from smart_tire.bags.topic_names import candidates, match_by_name, STANDARD_NAMES, TopicNames
 from smart_tire.errors import BagError, MessageError
-from smart_tire.messages import find_topic, TOPICS
+from smart_tire.messages import (
+    find_topic, OtherJointsError, resolved_joints, TOPICS, wheels_from_msg)
+from smart_tire.parameters import JointParams, STANDARD_JOINTS
 from smart_tire.samples import Sample, WheelSample
 
 SUFFIXES = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
 ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
 SQLITE_MAGIC = b'SQLite format 3\x00'
 DECOMPRESS_BLOCK_SIZE = 1 << 20  # bytes
+PARAMETERS_KEY = 'smart_tire.parameters'  # of the custom data: text of a ROS parameter file
+WHEELS_TOPIC = 'wheel_states'
+# Topics that are recognized by their type, and what else must hold.
+RECOGNIZED = {'imu/data': '', WHEELS_TOPIC: ' with joints of wheels'}
+MAX_JOINT_MESSAGES = 100  # in which all publishers of a JointState topic occur
 
 
 @dataclass(frozen=True)
@@ -63,12 +73,20 @@ class Bag:
     """
     A bag, open for reading.
 
-    Reading continues after damage and after invalid messages: ``warnings`` lists what could not
-    be read, ``rejected`` counts the invalid messages per topic, ``reasons`` has the first reason.
+    ``names`` are standard topics with other names in the bag, ``joints`` the wheels in its
+    ``wheel_states``. Without them, topics and joints are recognized if they are unambiguous;
+    ``notes`` lists those. Reading continues after damage and after invalid messages: ``warnings``
+    lists what could not be read, ``rejected`` counts the invalid messages per topic, ``reasons``
+    has the first reason.
     """
 
-    def __init__(self, path: str | Path) -> None:
+    def __init__(self, path: str | Path, names: TopicNames = STANDARD_NAMES,
+                 joints: JointParams = STANDARD_JOINTS) -> None:
         self.path = Path(path)
+        self.names, self.joints = names, joints
+        self.notes: list[str] = []
+        self._custom_data: dict[str, str] = {}
+        self._joint_names: dict[str, list[tuple[str, ...]]] = {}
         self.rejected: Counter[str] = Counter()
         self.reasons: dict[str, str] = {}
         self._warnings: list[str] = []
@@ -117,23 +135,58 @@ class Bag:
             return 0, 0
         return min(start for start, _ in spans), max(end for _, end in spans)
 
+    @cached_property
+    def custom_data(self) -> dict[str, str]:
+        """Return the texts stored with ``ros2 bag record --custom-data`` or by this package."""
+        stored = {key: text for file in self._files for key, text in file.custom_data().items()}
+        return {**stored, **self._custom_data}
+
+    @property
+    def parameters(self) -> str:
+        """Return the text of the ROS parameter file that is stored in the bag; '' if none is."""
+        return self.custom_data.get(PARAMETERS_KEY, '')
+
     def match(self, wanted: Iterable[str]) -> dict[str, str]:
         """
         Return standard name -> name in the bag of those topics of ``wanted`` that the bag has.
 
-        A name in the bag may have a namespace. If several namespaces match, all topics are taken
-        from the namespace with the most matches, so that topics of two robots are never mixed.
+        These are the topics in ``names``, then those with the standard name in the namespace with
+        the most matches (``match_by_name``), then for ``imu/data`` and ``wheel_states`` the only
+        suitable topic of the same type. Raises BagError if a topic of ``names`` is missing.
         """
-        found: dict[str, list[str]] = {name: [] for name in wanted}
-        for name in self.topics:
-            topic = find_topic(name)
-            if topic is not None and topic.name in found and not self._has_other_type(name):
-                found[topic.name].append(name)
-        spaces = Counter(_namespace(name, contract)
-                         for contract, names in found.items() for name in names)
-        return {contract: min(names, key=lambda name: (
-                    -spaces[_namespace(name, contract)], len(name), name))
-                for contract, names in found.items() if names}
+        wanted, types = tuple(wanted), self.types
+        found = self.names.remapped(wanted, types)
+        free = {name: kind for name, kind in types.items() if name not in found.values()}
+        found |= match_by_name((name for name in wanted if name not in found), free)
+        for standard in RECOGNIZED:
+            if standard in wanted and standard not in found and (
+                    len(suitable := self.suitable(standard)) == 1):
+                found[standard] = suitable[0]
+                add_warning(self.notes, f'{standard}: using {suitable[0]}, the only topic of type '
+                            f'{types[suitable[0]]}{RECOGNIZED[standard]}')
+        if WHEELS_TOPIC in found:
+            self._note_joints(found[WHEELS_TOPIC])
+        return {standard: found[standard] for standard in wanted if standard in found}
+
+    def suitable(self, standard: str) -> list[str]:
+        """Return the topics of the type of ``standard`` that may be it under another name."""
+        taken = {name.strip('/') for name in self.names.remap.values()}
+        return [name for name in candidates(standard, self.types)
+                if self.topics[name].messages and name.strip('/') not in taken
+                and (standard != WHEELS_TOPIC or self.wheel_joints(name) is not None)]
+
+    def joint_names(self, name: str) -> list[tuple[str, ...]]:
+        """Return the different lists of joints in the first messages of a JointState topic."""
+        if name not in self._joint_names:
+            read = Decoder(TOPICS[WHEELS_TOPIC].type)
+            found: dict[tuple[str, ...], None] = {}
+            for _, _, data in islice(self.raw({name}), MAX_JOINT_MESSAGES):
+                try:
+                    found[tuple(read(data).name)] = None
+                except MessageError:
+                    continue  # is counted when the messages are read
+            self._joint_names[name] = list(found)
+        return self._joint_names[name]
 
     def type_mismatches(self) -> list[str]:
         """Return the topics with a standard name but another message type."""
@@ -173,18 +226,42 @@ class Bag:
 
     def _samples(self, found: Mapping[str, str], *,
                  count_rejected: bool) -> Iterator[tuple[int, str, Sample]]:
-        readers = {name: (contract, Decoder(TOPICS[contract].type), TOPICS[contract].from_msg)
+        readers = {name: (contract, Decoder(TOPICS[contract].type), self._from_msg(contract))
                    for contract, name in found.items()}
         for receive_ns, channel, data in self.raw(readers):
             contract, read, decode = readers[channel.topic]
             try:
                 sample = decode(read(data))
             except MessageError as error:
-                if count_rejected:
+                if count_rejected and not (isinstance(error, OtherJointsError)
+                                           and self.wheel_joints(channel.topic)):
                     self.rejected[contract] += 1
                     self.reasons.setdefault(contract, str(error))
             else:
+                if not sample.stamp_ns:
+                    sample = replace(sample, stamp_ns=receive_ns)
+                    add_warning(self.notes, f'{contract}: header.stamp is zero, the time of '
+                                            'reception is used instead')
                 yield receive_ns, contract, sample
+
+    def _from_msg(self, contract: str) -> Callable[[Any], Sample]:
+        if contract == WHEELS_TOPIC:
+            return partial(wheels_from_msg, joints=self.joints)
+        return TOPICS[contract].from_msg
+
+    def wheel_joints(self, name: str) -> JointParams | None:
+        """Return the wheels among the joints of a topic; None if it has none."""
+        for names in self.joint_names(name):
+            joints = resolved_joints(names, self.joints)
+            if {joint for joint in joints.names if joint} <= set(names):
+                return joints
+        return None
+
+    def _note_joints(self, name: str) -> None:
+        joints = self.wheel_joints(name)
+        if joints is not None and joints != self.joints:
+            add_warning(self.notes, f'wheel_states: the wheels are the joints '
+                                    f'{", ".join(dict.fromkeys(joints.names))}, by their names')
 
     def _ignores_efforts(self, name: str) -> bool:
         """Return whether ``name`` is wheel_states whose efforts are duties; add a warning."""
@@ -200,9 +277,16 @@ class Bag:
                                         'recording): not used')
         return duties
 
+    @cached_property
+    def types(self) -> dict[str, str]:
+        """Return the message types by name in the bag."""
+        return {name: topic.channel.type if topic.channel.encoding == 'cdr'
+                else f'{topic.channel.type} in {topic.channel.encoding}'
+                for name, topic in self.topics.items()}
+
     def _has_other_type(self, name: str) -> bool:
-        topic, channel = find_topic(name), self.topics[name].channel
-        return topic is None or channel.type != topic.type or channel.encoding != 'cdr'
+        topic = find_topic(name)
+        return topic is None or self.types[name] != topic.type
 
     def _open_all(self) -> None:
         errors: list[BagError] = []
@@ -220,14 +304,16 @@ class Bag:
             raise BagError(f'{self.path}: no such file or directory')
         if not self.path.is_dir():
             return [self.path]
+        listed: list[Path] = []
         try:
-            listed = data_files(self.path)
+            metadata = read_metadata(self.path)
         except BagError as error:
             self._warnings.append(str(error))
-            listed = []
         else:
-            if not listed:
+            if metadata is None:
                 self._warnings.append(f'{self.path}: metadata.yaml is missing')
+            else:
+                listed, self._custom_data = metadata.files, metadata.custom_data
         for path in listed:
             if not path.exists():
                 self._warnings.append(f'{path}: file is missing')
@@ -266,10 +352,6 @@ def _first_bytes(path: Path) -> bytes:
             return file.read(len(SQLITE_MAGIC))
     except OSError as error:
         raise BagError(f'{path}: cannot be read ({error.strerror})') from error
-
-
-def _namespace(name: str, contract: str) -> str:
-    return name.strip('/')[:-len(contract)].strip('/')
 
 
 def _natural_sort_key(path: Path) -> list[str | int]:

@@ -37,11 +37,13 @@ def recover(path: str | Path, out: str | Path) -> Recovery:
     """
     Write all readable messages of the bag at ``path`` into a new, indexed bag at ``out``.
 
+    The parameters in the bag and other custom data are kept.
+
     Raises BagError if the bag cannot be read or ``out`` exists.
     """
     with Bag(path) as bag:
         topics = [topic.channel for topic in bag.topics.values()]
-        with BagWriter(out) as writer:
+        with BagWriter(out, custom_data=bag.custom_data) as writer:
             for channel in topics:
                 writer.add_topic(_completed(channel))
             for receive_ns, channel, data in bag.raw():

@@ -30,6 +30,7 @@ from urllib.parse import quote
 
 import zstandard
 
+from smart_tire.bags.metadata import custom_data_in
 from smart_tire.bags.storage import add_warning, Channel, Message
 from smart_tire.errors import BagError
 
@@ -55,6 +56,14 @@ class SqliteFile:
     def close(self) -> None:
         """Close the file."""
         self._stack.close()
+
+    def custom_data(self) -> dict[str, str]:
+        """Return the custom data in the file; schemas before version 4 have none."""
+        try:
+            texts = self._connection.execute('SELECT metadata FROM metadata ORDER BY id')
+            return {key: value for text, in texts for key, value in custom_data_in(text).items()}
+        except sqlite3.DatabaseError:
+            return {}
 
     def span(self) -> tuple[int, int] | None:
         """Return the receive times of the first and last message [ns]; None without messages."""

@@ -45,6 +45,9 @@ class Storage(Protocol):
     def counts(self) -> dict[Channel, int]:
         """Return the message count of each channel."""
 
+    def custom_data(self) -> dict[str, str]:
+        """Return the custom data of ``ros2 bag record --custom-data``."""
+
     def span(self) -> tuple[int, int] | None:
         """Return the receive times of the first and last message [ns]; None without messages."""
 

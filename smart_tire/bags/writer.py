@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -48,7 +49,8 @@ class BagWriter:
     ``flush`` periodically.
     """
 
-    def __init__(self, directory: str | Path, *, ros_distro: str = '') -> None:
+    def __init__(self, directory: str | Path, *, ros_distro: str = '',
+                 custom_data: Mapping[str, str] | None = None) -> None:
         self.directory = Path(directory)
         name = f'{self.directory.resolve().name}_0.mcap'
         try:
@@ -65,6 +67,8 @@ class BagWriter:
         self._mcap.start(profile='ros2', library='smart_tire')
         self._file.flush()
         self._write_metadata()
+        for key, text in (custom_data or {}).items():
+            self.set_custom_data(key, text)
 
     def __enter__(self) -> BagWriter:
         return self
@@ -77,6 +81,13 @@ class BagWriter:
     def counts(self) -> dict[str, int]:
         """Return the number of messages written per topic."""
         return {channel.topic: count for channel, count in self._contents.counts.items()}
+
+    def set_custom_data(self, key: str, text: str) -> None:
+        """Store ``text`` in the metadata, like ``ros2 bag record --custom-data``, at once."""
+        if self._contents.custom_data.get(key) != text:
+            self._contents.custom_data[key] = text
+            self._add_metadata_record()  # for readers of the file alone, after a crash
+            self._write_metadata()
 
     def add_topic(self, channel: Channel) -> None:
         """Register a topic; no effect if it is already registered."""
@@ -128,12 +139,19 @@ class BagWriter:
             return
         try:
             with self._file:
-                self._mcap.add_metadata(
-                    'rosbag2', {'serialized_metadata': metadata_text(self._contents)})
+                self._add_metadata_record()
                 self._mcap.finish()  # type: ignore[no-untyped-call]
         except OSError as error:
             raise self._write_error(error) from error
         self._write_metadata()
+
+    def _add_metadata_record(self) -> None:
+        try:
+            self._mcap.add_metadata(
+                'rosbag2', {'serialized_metadata': metadata_text(self._contents)})
+            self._file.flush()
+        except OSError as error:
+            raise self._write_error(error) from error
 
     def _write_metadata(self) -> None:
         try:

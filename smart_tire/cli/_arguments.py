@@ -20,6 +20,7 @@ import argparse
 import math
 from pathlib import Path
 
+from smart_tire.cli._bags import add_bag_options
 from smart_tire.cli._overwrite import add_force
 
 
@@ -47,9 +48,7 @@ def add_recordings(parser: argparse.ArgumentParser, *, reference: bool = True) -
     """
     parser.add_argument('bags', type=Path, nargs='+', metavar='BAG',
                         help='rosbag2 directory or a single bag file')
-    parser.add_argument('--params', type=Path, action='append', default=[], metavar='FILE',
-                        help='ROS parameter file with known parameters; may be repeated, '
-                             'later files override earlier ones')
+    add_bag_options(parser)
     parser.add_argument('--from', dest='since', type=not_negative, default=0.0, metavar='S',
                         help='skip the first S seconds of each bag (default: 0)')
     parser.add_argument('--until', type=positive, default=math.inf, metavar='S',

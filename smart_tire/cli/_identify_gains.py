@@ -20,6 +20,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 from smart_tire.cli._arguments import add_recordings
+from smart_tire.cli._bags import bag_settings
 from smart_tire.cli._output import check_output, write_parameters
 
 if TYPE_CHECKING:
@@ -38,11 +39,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Identify, print a table, and write parameters and figure."""
     check_output(args, NAME)
-    from smart_tire.analysis.calibrate_robot import load_robot, TimeRange
+    from smart_tire.analysis.calibrate_robot import TimeRange
     from smart_tire.analysis.calibrate_tire import gain_parameters, identify_gains
     from smart_tire.analysis.gain_figures import write_gains
-    robot = load_robot(args.params)
-    found = identify_gains(args.bags, robot, TimeRange(args.since, args.until))
+    settings = bag_settings(args.bags, args)
+    robot = settings.params.robot
+    found = identify_gains(args.bags, robot, TimeRange(args.since, args.until),
+                           settings.names)
     for line in _lines(found, [bag.name for bag in args.bags]):
         print(line)
     return write_parameters(args, NAME, gain_parameters(found, robot),

@@ -19,6 +19,7 @@ from __future__ import annotations
 import argparse
 
 from smart_tire.cli._arguments import add_recordings
+from smart_tire.cli._bags import bag_settings
 from smart_tire.cli._output import check_output, write_parameters
 
 NAME = 'geometry'
@@ -33,12 +34,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Identify, print a table, and write parameters and figure."""
     check_output(args, NAME)
-    from smart_tire.analysis.calibrate_robot import identify_geometry, load_robot
+    from smart_tire.analysis.calibrate_robot import identify_geometry
     from smart_tire.analysis.geometry_figures import write_geometry
     from smart_tire.calibration.robot.geometry import combine, parameters
-    robot = load_robot(args.params)
-    found = combine([identify_geometry(bag, robot, since=args.since, until=args.until,
-                                       reference=args.reference) for bag in args.bags])
+    settings = bag_settings(args.bags, args)
+    robot = settings.params.robot
+    found = combine([identify_geometry(
+        bag, robot, since=args.since, until=args.until, reference=args.reference,
+        names=settings.names) for bag in args.bags])
     for item in found.quantities:
         print(f'{item.name:24}{item.estimate.value:12.6g} ± {item.estimate.sigma:<8.2g} '
               f'{item.unit:6}{item.note}')

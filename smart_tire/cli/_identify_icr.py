@@ -19,6 +19,7 @@ from __future__ import annotations
 import argparse
 
 from smart_tire.cli._arguments import add_recordings
+from smart_tire.cli._bags import bag_settings
 from smart_tire.cli._output import check_output, write_parameters
 
 NAME = 'icr'
@@ -33,12 +34,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Fit S, print it, and write parameters and figure; EstimatorError if not observable."""
     check_output(args, NAME)
-    from smart_tire.analysis.calibrate_robot import identify_icr, load_robot
+    from smart_tire.analysis.calibrate_robot import identify_icr
     from smart_tire.analysis.geometry_figures import write_icr
     from smart_tire.calibration.robot.icr import combine
-    robot = load_robot(args.params)
-    fit = combine([identify_icr(bag, robot, since=args.since, until=args.until,
-                                reference=args.reference) for bag in args.bags])
+    settings = bag_settings(args.bags, args)
+    robot = settings.params.robot
+    fit = combine([identify_icr(
+        bag, robot, since=args.since, until=args.until, reference=args.reference,
+        names=settings.names) for bag in args.bags])
     for time, value, sigma in zip(fit.turn_time, fit.turn_icr, fit.turn_sigma):
         print(f'turn at {time:7.1f} s     {value:10.4f} ± {sigma:<7.2g} m')
     print(f'S                      {fit.icr.value:10.4f} ± {fit.icr.sigma:<7.2g} m  from '

@@ -20,6 +20,7 @@ import argparse
 from pathlib import Path
 
 from smart_tire.cli._arguments import add_recordings
+from smart_tire.cli._bags import bag_settings
 from smart_tire.cli._output import check_output, write_parameters
 
 NAME = 'motor'
@@ -38,10 +39,12 @@ def run(args: argparse.Namespace) -> int:
     """Identify, print a table, and write parameters and figure."""
     check_output(args, NAME)
     from smart_tire.analysis.calibrate_motor import identify_motor
-    from smart_tire.analysis.calibrate_robot import load_robot, TimeRange
+    from smart_tire.analysis.calibrate_robot import TimeRange
     from smart_tire.analysis.motor_figures import write_motor
-    robot = load_robot(args.params)
-    found = identify_motor(args.bags, args.lifted, robot, TimeRange(args.since, args.until))
+    settings = bag_settings([*args.bags, *args.lifted], args)
+    robot = settings.params.robot
+    found = identify_motor(args.bags, args.lifted, robot, TimeRange(args.since, args.until),
+                            settings.names)
     for item in found.quantities:
         print(f'{item.name:18}{item.estimate.value:11.5g} ± {item.estimate.sigma:<8.2g} '
               f'{item.unit:10}{item.note}')

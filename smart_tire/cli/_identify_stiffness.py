@@ -19,6 +19,7 @@ from __future__ import annotations
 import argparse
 
 from smart_tire.cli._arguments import add_recordings
+from smart_tire.cli._bags import bag_settings
 from smart_tire.cli._output import check_output, write_parameters
 
 NAME = 'stiffness'
@@ -33,11 +34,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Identify, print the result, and write parameters and figure."""
     check_output(args, NAME)
-    from smart_tire.analysis.calibrate_robot import load_robot, TimeRange
+    from smart_tire.analysis.calibrate_robot import TimeRange
     from smart_tire.analysis.calibrate_tire import identify_stiffness, stiffness_parameters
     from smart_tire.analysis.stiffness_figures import write_stiffness
-    robot = load_robot(args.params)
-    found = identify_stiffness(args.bags, robot, TimeRange(args.since, args.until))
+    settings = bag_settings(args.bags, args)
+    robot = settings.params.robot
+    found = identify_stiffness(args.bags, robot, TimeRange(args.since, args.until),
+                               settings.names)
     for name, value, unit, note in (
             ('stiffness', found.stiffness, 'N',
              f'C_x, proportional to the given mass of {robot.mass:g} kg'),

@@ -24,13 +24,13 @@ from pathlib import Path
 import sys
 from typing import TYPE_CHECKING
 
+from smart_tire.cli._bags import add_bag_options, check_options, open_bag
 from smart_tire.cli._overwrite import (
     add_force, FIGURES, refuse_existing, refuse_existing_bag, refuse_folder_of_bag)
 from smart_tire.errors import BagError
 
 if TYPE_CHECKING:
     from smart_tire.analysis.offline import Progress
-    from smart_tire.analysis.pipeline import EstimatorParams
 
 NAME = 'analyze'
 HELP = 'run the slip and friction estimators offline on bags; write estimates, summary, figures'
@@ -42,9 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this verb."""
     parser.add_argument('bags', type=Path, nargs='+', metavar='BAG',
                         help='rosbag2 directory or a single bag file')
-    parser.add_argument('--params', type=Path, action='append', default=[], metavar='FILE',
-                        help='ROS parameter file; may be repeated, later files override earlier '
-                             'ones')
+    add_bag_options(parser)
     parser.add_argument('--out', type=Path, required=True, metavar='DIR',
                         help='folder for estimates, summary.json and figures')
     parser.add_argument('--smooth', action='store_true',
@@ -63,13 +61,11 @@ def run(args: argparse.Namespace) -> int:
     outs = [args.out] if len(args.bags) == 1 else [args.out / name for name in names]
     for out in outs:
         check_out(out, args)
-    from smart_tire.analysis.pipeline import EstimatorParams
-    params = EstimatorParams.load(args.params)
+    check_options(args)
     status = ESTIMATED
     for bag, out in zip(args.bags, outs):
         try:
-            status = max(status, analyze_one(
-                bag, out, params, figures=not args.no_figures, smooth=args.smooth))
+            status = max(status, analyze_one(bag, out, args))
         except BagError as error:
             print(f'smart_tire analyze: {error}', file=sys.stderr)
             status = USAGE
@@ -92,13 +88,15 @@ def folder_name(bag: Path) -> str:
     return bag.name if bag.is_dir() else bag.stem
 
 
-def analyze_one(bag: Path, out: Path, params: EstimatorParams, *, figures: bool,
-                smooth: bool) -> int:
+def analyze_one(bag: Path, out: Path, args: argparse.Namespace) -> int:
     """Analyze one bag, write the results to ``out``, print a report; return the exit status."""
     from smart_tire.analysis.offline import analyze
     from smart_tire.analysis.report import lines
+    with open_bag(bag, args) as (opened, settings):
+        params, shown = settings.params, opened.notes
     with shown_progress(folder_name(bag)) as progress:
-        result = analyze(bag, out, params, progress, smooth=smooth)
+        result = analyze(bag, out, params, progress, smooth=args.smooth, names=settings.names,
+                         source=settings.source.tree)
     if result.summary is None:
         print(f'{bag}: nothing can be estimated')
         for text in result.contents.skipped:
@@ -106,7 +104,10 @@ def analyze_one(bag: Path, out: Path, params: EstimatorParams, *, figures: bool,
         return NOTHING_ESTIMATED
     for line in lines(result.summary):
         print(line)
-    if figures:
+    for note in result.contents.notes:
+        if note not in shown:  # found out while reading
+            print(f'  {note}')
+    if not args.no_figures:
         from smart_tire.analysis.figures import write_figures
         write_figures(out, result.contents.inputs, result.estimates, result.contents.truth,
                       params.robot, smoothed=result.smoothed)

@@ -27,9 +27,11 @@ from typing import Any, cast
 from smart_tire.errors import MessageError
 from smart_tire.messages.header import (
     check_magnitude, not_finite_error, set_header, stamp_of, wheel_of)
+from smart_tire.messages.joint_names import wheel_layout, WheelLayout
+from smart_tire.parameters.robot import JointParams, STANDARD_JOINTS
 from smart_tire.samples import (
-    Four, Friction, FRICTION_QUANTITIES, GroundState, MAX_WHEEL_SPEED, MotorCommand, TireSample,
-    WheelCommand, WHEELS, WheelSample, WheelSlip)
+    Four, Friction, FRICTION_QUANTITIES, GroundState, MAX_WHEEL_SPEED, MotorCommand, NAN,
+    TireSample, WheelCommand, WHEELS, WheelSample, WheelSlip)
 from smart_tire.uncertain import Uncertain
 
 QUANTITIES = frozenset(FRICTION_QUANTITIES)
@@ -70,34 +72,57 @@ def _finite_four(msg: Any, field: str, topic: str) -> Four:
     return four
 
 
-def _optional_four(msg: Any, field: str, topic: str) -> Four | None:
-    """Return the numbers of ``field``; None if it is empty or contains NaN (not measured)."""
-    if not len(getattr(msg, field)) or any(map(isnan, _four(msg, field, topic))):
+def wheels_from_msg(msg: Any, topic: str = 'wheel_states', joints: JointParams = STANDARD_JOINTS,
+                    *, recognize: bool = True) -> WheelSample:
+    """
+    Return the wheel sample in a JointState; ``joints`` are the wheels, other joints are ignored.
+
+    The position may be empty or NaN, the effort as well, also of single wheels. Raises
+    OtherJointsError if the message has none of the wheels. With ``recognize``, the default
+    ``joints`` also match other unambiguous names.
+    """
+    layout = wheel_layout(tuple(msg.name), joints, topic, recognize=recognize)
+    velocity = _wheel_values(msg, 'velocity', layout.signs, layout, topic)
+    _check_measured(topic, 'velocity', velocity, layout)
+    check_magnitude(topic, 'velocity', velocity, MAX_WHEEL_SPEED, 'rad/s')
+    return WheelSample(stamp_of(msg), velocity, _positions(msg, layout, topic),
+                       _torques(msg, layout, topic))
+
+
+def _wheel_values(msg: Any, field: str, factors: Four, layout: WheelLayout, topic: str) -> Four:
+    """Return the numbers of the wheels times ``factors``; NaN for wheels without a joint."""
+    values = _values(msg, field, topic)
+    a, b, c, d = [NAN if index is None else factor * values[index]
+                  for index, factor in zip(layout.indices, factors)]
+    return a, b, c, d
+
+
+def _check_measured(topic: str, field: str, values: Four, layout: WheelLayout) -> None:
+    """Raise MessageError unless the numbers of all wheels with a joint are finite."""
+    measured = [value for value, index in zip(values, layout.indices) if index is not None]
+    if not all(map(isfinite, measured)):
+        raise not_finite_error(topic, field, measured)
+
+
+def _positions(msg: Any, layout: WheelLayout, topic: str) -> Four | None:
+    """Return the angles of the wheels; None if one of those with a joint is not measured."""
+    if not len(msg.position):
         return None
-    return _finite_four(msg, field, topic)
+    angles = _wheel_values(msg, 'position', layout.signs, layout, topic)
+    if any(isnan(angle) for angle, index in zip(angles, layout.indices) if index is not None):
+        return None
+    _check_measured(topic, 'position', angles, layout)
+    return angles
 
 
-def _effort(msg: Any, topic: str) -> Four | None:
+def _torques(msg: Any, layout: WheelLayout, topic: str) -> Four | None:
     """Return the motor torques, NaN where not measured; None if none was measured."""
     if not len(msg.effort):
         return None
-    effort = _four(msg, 'effort', topic)
-    if any(map(isinf, effort)):
-        raise not_finite_error(topic, 'effort', effort)
-    return None if all(map(isnan, effort)) else effort
-
-
-def wheels_from_msg(msg: Any, topic: str = 'wheel_states') -> WheelSample:
-    """
-    Return the wheel sample in a JointState.
-
-    The position may be empty or NaN, the effort as well, also of single wheels.
-    """
-    velocity = _finite_four(msg, 'velocity', topic)
-    check_magnitude(topic, 'velocity', velocity, MAX_WHEEL_SPEED, 'rad/s')
-    return WheelSample(
-        stamp_of(msg), velocity,
-        _optional_four(msg, 'position', topic), _effort(msg, topic))
+    torques = _wheel_values(msg, 'effort', layout.torque_factors, layout, topic)
+    if any(map(isinf, torques)):
+        raise not_finite_error(topic, 'effort', torques)
+    return None if all(map(isnan, torques)) else torques
 
 
 def wheels_to_msg(msg: Any, sample: WheelSample) -> Any:
@@ -148,7 +173,11 @@ def wheel_slip_from_msg(msg: Any, topic: str = 'wheel_slip') -> WheelSlip:
     ratio, sigma = _four(msg, 'position', topic), _four(msg, 'effort', topic)
     if any(map(isnan, sigma)):
         raise MessageError(f'{topic}: effort is {list(sigma)}, expected a sigma for each wheel')
-    return WheelSlip(stamp_of(msg), ratio, _finite_four(msg, 'velocity', topic), sigma)
+    velocity = _four(msg, 'velocity', topic)
+    if any(not isfinite(speed) and not (isnan(speed) and isnan(slip))
+           for speed, slip in zip(velocity, ratio)):  # both are NaN of a wheel without encoder
+        raise not_finite_error(topic, 'velocity', velocity)
+    return WheelSlip(stamp_of(msg), ratio, velocity, sigma)
 
 
 def wheel_slip_to_msg(msg: Any, sample: WheelSlip) -> Any:

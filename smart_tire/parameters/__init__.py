@@ -16,7 +16,7 @@
 
 from smart_tire.parameters.files import load_files
 from smart_tire.parameters.hardware import ImuDriverParams, MotorDriverParams, TireReceiverParams
-from smart_tire.parameters.robot import RobotParams
+from smart_tire.parameters.robot import JointParams, RobotParams, STANDARD_JOINTS
 from smart_tire.parameters.simulation import SimulatorParams
 from smart_tire.parameters.spec import build, known_names, Spec, specs
 from smart_tire.parameters.tuning import (
@@ -33,6 +33,7 @@ NODE_PARAMS = {
 }
 
 __all__ = [
-    'build', 'FrictionEstimatorParams', 'ImuDriverParams', 'known_names', 'load_files',
-    'MotorDriverParams', 'NODE_PARAMS', 'RobotParams', 'SimulatorParams', 'SlipEstimatorParams',
-    'Spec', 'specs', 'TireReceiverParams', 'WheelControllerParams']
+    'build', 'FrictionEstimatorParams', 'ImuDriverParams', 'JointParams', 'known_names',
+    'load_files', 'MotorDriverParams', 'NODE_PARAMS', 'RobotParams', 'SimulatorParams',
+    'SlipEstimatorParams', 'Spec', 'specs', 'STANDARD_JOINTS', 'TireReceiverParams',
+    'WheelControllerParams']

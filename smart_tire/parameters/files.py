@@ -32,6 +32,9 @@ NUMBER = re.compile(r'[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?$')
 ROS_NAMES = ('use_sim_time', 'start_type_description_service')  # declared by rclpy on every node
 
 
+Block = tuple[str, dict[str, Any]]  # name of the node or pattern, flat parameters
+
+
 class Loader(yaml.SafeLoader):
     """YAML loader that reads 1e-3 as a number, as rcl and YAML 1.2 do."""
 
@@ -53,9 +56,7 @@ def load_files(paths: Iterable[str | Path], node: str, known: Iterable[str],
     for path in paths:
         for block, parameters in _blocks(Path(path)):
             check_names(parameters, known, f'{path}: ')
-            if _matches(block, node):
-                values.update((name, value) for name, value in parameters.items()
-                              if is_known(name, own))
+            values.update(values_for(node, [(block, parameters)], own))
     return values
 
 
@@ -100,19 +101,38 @@ def check_names(names: Iterable[str], known: Iterable[str], where: str = '') -> 
             raise unknown_name_error(name, known, where)
 
 
-def _blocks(path: Path) -> list[tuple[str, dict[str, Any]]]:
+def _blocks(path: Path) -> list[Block]:
     try:
-        document = yaml.load(path.read_text(encoding='utf-8'), Loader)
+        return blocks_in(path.read_text(encoding='utf-8'), str(path))
     except OSError as error:
         raise ParameterError(f'{path}: cannot be read ({error.strerror})') from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except UnicodeDecodeError as error:
         raise ParameterError(f'{path}: not a YAML file: {error}') from error
+
+
+def blocks_in(text: str, where: str) -> list[Block]:
+    """
+    Return the blocks in the text of a parameter file: the node of each and its flat parameters.
+
+    Raises ParameterError, with ``where`` the text is from, if it is not a parameter file.
+    """
+    try:
+        document = yaml.load(text, Loader)
+    except yaml.YAMLError as error:
+        raise ParameterError(f'{where}: not a YAML file: {error}') from error
     if not isinstance(document, Mapping):
-        raise ParameterError(f'{path}: expected "<node>: ros__parameters: ..." at the top')
-    return [block for key, value in document.items() for block in _walk(path, str(key), value)]
+        raise ParameterError(f'{where}: expected "<node>: ros__parameters: ..." at the top')
+    return [block for key, value in document.items() for block in _walk(where, str(key), value)]
 
 
-def _walk(path: Path, name: str, value: Any) -> list[tuple[str, dict[str, Any]]]:
+def values_for(node: str, blocks: Iterable[Block], own: Iterable[str]) -> dict[str, Any]:
+    """Return the flat parameters that ``blocks`` set for ``node``, of those in ``own``."""
+    own = set(own)
+    return {name: value for block, parameters in blocks if _matches(block, node)
+            for name, value in parameters.items() if is_known(name, own)}
+
+
+def _walk(path: str, name: str, value: Any) -> list[Block]:
     if not isinstance(value, Mapping):
         raise ParameterError(f'{path}: {name} has no ros__parameters')
     if 'ros__parameters' in value:

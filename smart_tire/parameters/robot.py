@@ -22,6 +22,7 @@ import math
 from smart_tire.parameters.spec import nested, param
 from smart_tire.samples import WHEELS
 
+SIDES = 'left', 'right'
 MAX_GROUP_EXTENT = 0.5  # of the circumference; all films of a group leave before one enters again
 
 
@@ -48,6 +49,66 @@ class EncoderParams:
         0.001, 's', 'standard deviation of timestamp errors of wheel_states', low=0.0)
     latency: float = param(
         0.0, 's', 'delay of wheel_states timestamps after the measurement', low=-1.0, high=1.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointParams:
+    """
+    Joints of the wheels in wheel_states, by their names in the message.
+
+    '' is a wheel that is not measured, such as a caster: its slip is unknown. Names that differ
+    from the defaults are recognized if they are unambiguous, such as wheel_left_front_joint.
+    """
+
+    front_left: str = param('front_left', '-', "joint of the front left wheel; '': not measured")
+    front_right: str = param(
+        'front_right', '-', "joint of the front right wheel; '': not measured")
+    rear_left: str = param('rear_left', '-', "joint of the rear left wheel; '': not measured")
+    rear_right: str = param('rear_right', '-', "joint of the rear right wheel; '': not measured")
+    left: str = param(
+        '', '-', 'joint of both left wheels, in place of front_left and rear_left: two-wheel '
+        'drive, or wheels coupled by belt, chain or track')
+    right: str = param(
+        '', '-', 'joint of both right wheels, in place of front_right and rear_right')
+    inverted: tuple[str, ...] = param(
+        (), '-', 'joints that rotate in the negative direction when the robot drives forward',
+        kind='str[]')
+
+    def __post_init__(self) -> None:
+        for side in SIDES:
+            own, pair = getattr(self, side), [f'{end}_{side}' for end in ('front', 'rear')]
+            names = [getattr(self, wheel) for wheel in pair]
+            if own and any(name not in ('', wheel) for name, wheel in zip(names, pair)):
+                raise ValueError(f'joints.{side} is given ({own}): leave out '
+                                 + ' and '.join(f'joints.{wheel}' for wheel in pair))
+            if not own and not any(names):
+                raise ValueError(f'joints.{pair[0]} and joints.{pair[1]} are both empty: one '
+                                 f'wheel of the {side} side must be measured')
+        left, right = (set(self.names[side::2]) - {''} for side in range(2))
+        if common := left & right:
+            raise ValueError(f'joints: {min(common)} is on both sides')
+        if not self.is_standard and (unknown := set(self.inverted) - left - right):
+            raise ValueError(f'joints.inverted: {min(unknown)} is not the joint of a wheel')
+
+    @property
+    def names(self) -> tuple[str, str, str, str]:
+        """Return the joint of each of ``WHEELS``; '' if it is not measured."""
+        return (self.left or self.front_left, self.right or self.front_right,
+                self.left or self.rear_left, self.right or self.rear_right)
+
+    @property
+    def is_standard(self) -> bool:
+        """Return whether the joints have the names of the wheels."""
+        return self.names == WHEELS
+
+    @property
+    def measured(self) -> tuple[bool, bool, bool, bool]:
+        """Return whether each of ``WHEELS`` is measured."""
+        a, b, c, d = map(bool, self.names)
+        return a, b, c, d
+
+
+STANDARD_JOINTS = JointParams()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -188,6 +249,7 @@ class RobotParams:
         (0.0, 0.0, 0.023), 'm', 'center of mass in base_link, so above the axles', length=3)
     imu: ImuParams = nested(ImuParams)
     encoder: EncoderParams = nested(EncoderParams)
+    joints: JointParams = nested(JointParams)
     tire: TireParams = nested(TireParams)
     film: FilmParams = nested(FilmParams)
     motor: MotorParams = nested(MotorParams)

@@ -228,6 +228,22 @@ def build(cls: type[Params], values: Mapping[str, Any]) -> Params:
         raise ParameterError(f'parameters: {error}') from error
 
 
+def values_of(params: Any, prefix: str = '') -> dict[str, Any]:
+    """Return the flat values of an instance, from which ``build`` makes an equal one."""
+    values: dict[str, Any] = {}
+    for item in fields(params):
+        metadata, value, name = item.metadata, getattr(params, item.name), prefix + item.name
+        if 'class' in metadata:
+            values |= values_of(value, f'{name}.' if metadata['prefix'] else prefix)
+        elif 'instances of' in metadata:
+            values[f'{name}.{NAMES}'] = [instance.name for instance in value]
+            for instance in value:
+                values |= values_of(instance, f'{name}.{instance.name}.')
+        elif 'unit' in metadata:
+            values[name] = list(value) if isinstance(value, tuple) else value
+    return values
+
+
 def _fill(cls: type[Params], prefix: str, values: Mapping[str, Any], **chosen: Any) -> Params:
     for item in fields(cls):  # type: ignore[arg-type]
         metadata, name = item.metadata, prefix + item.name

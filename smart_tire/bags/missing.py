@@ -1,0 +1,79 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What to do about an input that is not found in a bag: which option or parameter to give."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+
+from smart_tire.bags.reader import Bag, RECOGNIZED, WHEELS_TOPIC
+from smart_tire.bags.topic_names import candidates, SEPARATOR
+from smart_tire.errors import BagError
+from smart_tire.messages import TOPICS
+
+JOINTS_EXAMPLE = """\
+  /**:
+    ros__parameters:
+      joints:
+        front_left: NAME    # '': no encoder
+        front_right: NAME
+        rear_left: NAME
+        rear_right: NAME
+or, with one wheel or one motor per side, joints: {left: NAME, right: NAME}"""
+
+
+def check_inputs(bag: Bag, wanted: Collection[str]) -> None:
+    """
+    Raise BagError if a topic of ``wanted`` is missing, but the bag may have it by another name.
+
+    The message lists what may be meant and the option or parameter that selects it.
+    """
+    found = bag.match(wanted)
+    for standard in wanted:
+        if standard == WHEELS_TOPIC and (message := _joints_message(bag, found.get(standard))):
+            raise BagError(message)
+        if standard not in found and (message := _topics_message(bag, standard)):
+            raise BagError(message)
+
+
+def _topics_message(bag: Bag, standard: str) -> str:
+    """Return the choice between several topics that ``standard`` may be; '' if there is none."""
+    names = bag.suitable(standard) if standard in RECOGNIZED else []
+    if not names:
+        return ''
+    width = max(map(len, names))
+    return '\n'.join((
+        f'{bag.path}: {len(names)} topics may be {standard}; select one:',
+        *(f'  --remap {standard}{SEPARATOR}{name:{width}}  {TOPICS[standard].type}, '
+          f'{bag.topics[name].messages} messages' for name in names)))
+
+
+def _joints_message(bag: Bag, name: str | None) -> str:
+    """Return the joints of ``wheel_states`` if the wheels are not among them; else ''."""
+    names = [name] if name else [
+        other for other in candidates(WHEELS_TOPIC, bag.types) if bag.topics[other].messages]
+    lists = {other: bag.joint_names(other) for other in names}
+    if any(map(bag.wheel_joints, names)) or not any(lists.values()):
+        return ''
+    wanted = ', '.join(dict.fromkeys(filter(None, bag.joints.names)))
+    found = '\n'.join(f'  {other}: {_listed(lists[other])}' for other in names if lists[other])
+    reason = ('the joints of the wheels are not recognized' if bag.joints.is_standard else
+              f'the joints {wanted} of the parameters joints.* are not in the bag')
+    return (f'{bag.path}: {reason}. Joints by topic:\n{found}\n'
+            f'Name those of the wheels in a parameter file (--params FILE):\n{JOINTS_EXAMPLE}')
+
+
+def _listed(lists: Sequence[tuple[str, ...]]) -> str:
+    return ', '.join(dict.fromkeys(joint for names in lists for joint in names))
