@@ -59,6 +59,7 @@ class WheelSample:
     stamp_ns: int
     velocity: Four                 # rad/s, mean over the period that ends at the timestamp
     position: Four | None = None   # rad, unwrapped, at the timestamp
+    # Both are NaN for a wheel without encoder; one wheel of each side is measured.
     # N m, motor torque at the wheel, gear included, positive driving forward, from the current at
     # the timestamp; NaN where not measured
     effort: Four | None = None
@@ -129,9 +130,11 @@ class WheelSlip:
     """Longitudinal slip of the four wheels."""
 
     stamp_ns: int
-    ratio: Four          # -, B(3) in [-1, 1]; NaN where neither wheel nor robot moves
-    slip_velocity: Four  # m/s, r*omega - v_x of the wheel center, never clipped
-    sigma: Four          # -, standard deviation of the ratio
+    # -, B(3) in [-1, 1]; NaN where neither wheel nor robot moves, or the wheel is not measured
+    ratio: Four
+    # m/s, r*omega - v_x of the wheel center, never clipped; NaN if the wheel is not measured
+    slip_velocity: Four
+    sigma: Four          # -, standard deviation of the ratio; 1 where it is NaN
 
 
 @dataclass(frozen=True, slots=True)

@@ -259,7 +259,7 @@ class Bag:
 
     def _note_joints(self, name: str) -> None:
         joints = self.wheel_joints(name)
-        if joints is not None and joints != self.joints:
+        if joints is not None and self.joints.is_standard and not joints.is_standard:
             add_warning(self.notes, f'wheel_states: the wheels are the joints '
                                     f'{", ".join(dict.fromkeys(joints.names))}, by their names')
 

@@ -21,7 +21,7 @@ robot with wheels are in ``samples``, where decoders use them, too.
 
 from __future__ import annotations
 
-from math import inf, isfinite
+from math import inf, isfinite, isnan
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,8 +49,10 @@ def is_possible(sample: (ImuSample | WheelSample | TireSample | Odometry | Wheel
         case ImuSample():
             return (all(abs(force) <= MAX_SPECIFIC_FORCE for force in sample.acceleration)
                     and all(abs(rate) <= MAX_ANGULAR_RATE for rate in sample.rate))
-        case WheelSample():
-            return all(abs(speed) <= MAX_WHEEL_SPEED for speed in sample.velocity)
+        case WheelSample():  # NaN: not measured, but one wheel of each side must be
+            speeds = sample.velocity
+            return not any(abs(speed) > MAX_WHEEL_SPEED for speed in speeds) and not any(
+                isnan(speeds[i]) and isnan(speeds[i + 2]) for i in range(2))
         case Odometry():
             return all(map(isfinite, (*sample.linear, *sample.angular)))
         case WheelSlip():  # the slip of a stationary wheel is NaN

@@ -65,7 +65,7 @@ def recognized_joints(names: Sequence[str]) -> JointParams | None:
     None unless each wheel, or each side of a two-wheel drive, has exactly one candidate and no
     candidate is left over.
     """
-    if all(names.count(wheel) == 1 for wheel in WHEELS):
+    if _is_standard(names):
         return STANDARD_JOINTS
     found: dict[str, list[str]] = {}
     for name in names:
@@ -100,7 +100,7 @@ def wheel_layout(names: tuple[str, ...], joints: JointParams, topic: str, *,
     Raises OtherJointsError if it contains none of the wheels, MessageError if it contains some of
     them only, or one twice. Without ``recognize`` only the names in ``joints`` are accepted.
     """
-    resolved = resolved_joints(names, joints) if recognize else joints
+    resolved = resolved_joints(names, joints) if recognize or _is_standard(names) else joints
     wanted = [name for name in resolved.names if name]
     if not set(wanted) & set(names):
         raise OtherJointsError(_message(names, resolved, topic))
@@ -113,11 +113,29 @@ def wheel_layout(names: tuple[str, ...], joints: JointParams, topic: str, *,
 
 
 def resolved_joints(names: Sequence[str], joints: JointParams) -> JointParams:
-    """Return ``joints``, or if these are the defaults those that are recognized in ``names``."""
-    found = recognized_joints(names) if joints.is_standard else None
+    """
+    Return the joints of the wheels in a message with ``names``.
+
+    These are ``joints``, or if these are the defaults those that are recognized by their names.
+    A message with all standard names is always understood.
+    """
+    if not joints.is_standard:
+        return _standard(joints) if _is_standard(names) else joints
+    found = recognized_joints(names)
     if found is None or not set(joints.inverted) <= set(found.names):
         return joints
     return replace(found, inverted=joints.inverted)
+
+
+def _is_standard(names: Sequence[str]) -> bool:
+    return all(names.count(wheel) == 1 for wheel in WHEELS)
+
+
+def _standard(joints: JointParams) -> JointParams:
+    """Return ``joints`` in a message of the drivers of this package, which has standard names."""
+    given: dict[str, Any] = {wheel: wheel if measured else ''
+                             for wheel, measured in zip(WHEELS, joints.measured)}
+    return JointParams(**given)
 
 
 def _message(names: Sequence[str], joints: JointParams, topic: str) -> str:

@@ -36,7 +36,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.timer import Timer
 
 from smart_tire.errors import ParameterError, SmartTireError
-from smart_tire.messages import TOPICS
+from smart_tire.messages import OtherJointsError, TOPICS
 from smart_tire.nodes.compat import (
     foreign_arguments, message_class, new_executor, plain_message, RCLError, with_info,
     wrong_type_message)
@@ -105,21 +105,27 @@ class SmartTireNode(Node, Generic[Params]):
 
     def subscribe(self, topic_name: str, on_sample: Callable[..., None], *,
                   name: str | None = None, wheels: int = 1, reliability: str = 'reliable',
-                  required: bool = False, info: bool = False) -> None:
+                  required: bool = False, info: bool = False,
+                  from_msg: Callable[[Any], Any] | None = None) -> None:
         """
         Subscribe to a topic of ``TOPICS``; call ``on_sample`` with each valid sample.
 
-        Invalid messages are counted and logged. ``name`` replaces the topic's name. With ``info``,
-        ``on_sample`` also gets rclpy's message info. No message for ``MAX_INPUT_AGE`` on a
-        ``required`` topic is a warning.
+        Invalid messages are counted and logged, those of other joints ignored. ``name`` replaces
+        the topic's name, ``from_msg`` its conversion. With ``info``, ``on_sample`` also gets
+        rclpy's message info. No message for ``MAX_INPUT_AGE`` on a ``required`` topic is a
+        warning.
         """
         topic, name = TOPICS[topic_name], name or topic_name
         counter = InputCounter(required=required)
         self.inputs[name] = counter
+        convert = from_msg or topic.from_msg
 
         def handle(msg: Any, *info: Any) -> None:
             try:
-                on_sample(topic.from_msg(msg), *info)
+                on_sample(convert(msg), *info)
+            except OtherJointsError as error:
+                if not counter.ok:  # the wheels may be in other messages of this topic
+                    self._reject_input(name, counter, error)
             except SmartTireError as error:
                 self._reject_input(name, counter, error)
             else:

@@ -41,14 +41,15 @@ class CommandInput:
     commands older or further in the future than ``max_age`` [s] (None: not checked), commands
     queued while the process was stopped, if their timestamps do not show their age, and all
     commands while two publishers send: ``on_conflict`` is then called with the reason, and with
-    '' when the conflict ends.
+    '' when the conflict ends. ``from_msg`` replaces the conversion of the topic.
     """
 
     def __init__(self, node: SmartTireNode[Any], topic: str,
                  on_command: Callable[[Any, int], None],
                  on_conflict: Callable[[str], None], *, timeout: float,
                  max_age: float | None = None, name: str | None = None,
-                 required: bool = False, reliability: str = 'reliable') -> None:
+                 required: bool = False, reliability: str = 'reliable',
+                 from_msg: Callable[[Any], Any] | None = None) -> None:
         self._node, self._name = node, name or topic
         self._on_command, self._on_conflict, self._max_age = on_command, on_conflict, max_age
         window = max(MIN_PUBLISHER_WINDOW, PUBLISHER_WINDOW_TIMEOUTS * timeout)
@@ -58,7 +59,7 @@ class CommandInput:
         self._conflict = ''
         self._warned_unstamped = False
         node.subscribe(topic, self._on_message, name=name, info=True, required=required,
-                       reliability=reliability)
+                       reliability=reliability, from_msg=from_msg)
         node.create_steady_timer(TICK_PERIOD, self.tick)
 
     def tick(self) -> None:

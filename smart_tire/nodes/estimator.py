@@ -19,11 +19,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, Protocol, TypeVar
 
-from smart_tire.messages import topic_of
+from smart_tire.messages import resolved_joints, topic_of, TOPICS, wheels_from_msg
 from smart_tire.nodes.base import SmartTireNode
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.lockstep import Follower
-from smart_tire.samples import Sample
+from smart_tire.parameters import JointParams
+from smart_tire.samples import Sample, WheelSample
 
 Params = TypeVar('Params')
 
@@ -73,6 +74,27 @@ class EstimatorNode(SmartTireNode[Params]):
         """Return a callback that defers messages to their recorded order during a replay."""
         return self._follower.add_input(
             self.resolve_topic_name(name), on_message, feedback=name in self.feedback)
+
+    def conversion(self, name: str, joints: JointParams) -> Callable[[Any], Sample]:
+        """
+        Return the conversion of messages on the topic ``name`` to samples.
+
+        The wheels are ``joints``; others that are recognized by their names are logged once.
+        """
+        if name != 'wheel_states':
+            return TOPICS[name].from_msg
+        known = {joints.names}
+
+        def convert(msg: Any) -> WheelSample:
+            sample = wheels_from_msg(msg, joints=joints)
+            names = resolved_joints(tuple(msg.name), joints).names
+            if joints.is_standard and names not in known:
+                known.add(names)
+                self.get_logger().info('wheel_states: the wheels are the joints '
+                                       f'{", ".join(dict.fromkeys(names))}, by their names')
+            return sample
+
+        return convert
 
     def on_sample(self, sample: Sample) -> None:
         """Process a sample of any input and publish the estimates that it completes."""

@@ -43,7 +43,8 @@ class FrictionEstimatorNode(EstimatorNode[FrictionEstimatorParams]):
         wheels = len(self.params.robot.film.wheels)
         for kind, name in FRICTION.inputs.items():
             self.subscribe(name, self.on_sample, wheels=wheels if kind is TireSample else 1,
-                           required=True, reliability=self.params.reliability)
+                           required=True, reliability=self.params.reliability,
+                           from_msg=self.conversion(name, self.params.robot.joints))
 
     def finish(self) -> None:
         """Publish the last crossings of a replay."""

@@ -54,7 +54,7 @@ class SlipEstimatorNode(EstimatorNode[SlipEstimatorParams]):
                          tuple(SLIP.outputs.values()))
         for name in SLIP.inputs.values():
             self.subscribe(name, self.on_sample, reliability=self.params.reliability,
-                           required=True)
+                           required=True, from_msg=self.conversion(name, self.params.robot.joints))
         if self.params.robot.slip.film_aided:
             for name in SLIP.aiding.values():
                 self.subscribe(name, self.on_sample, wheels=len(self.params.robot.film.wheels))

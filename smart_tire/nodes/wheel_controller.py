@@ -24,6 +24,7 @@ from std_msgs.msg import Bool
 from smart_tire.control.duty_gate import STOPPED
 from smart_tire.control.velocity_mux import VelocityMux
 from smart_tire.control.wheel_control import WheelControl
+from smart_tire.messages import wheels_from_msg
 from smart_tire.nodes.base import run, SmartTireNode
 from smart_tire.nodes.command_input import CommandInput
 from smart_tire.nodes.diagnostics import Status
@@ -64,7 +65,9 @@ class WheelController(SmartTireNode[WheelControllerParams]):
             for name, _, timeout in params.inputs()]
         self._wheels = CommandInput(
             self, 'wheel_states', self._on_wheels, self._on_wheel_conflict,
-            timeout=params.wheel_states_timeout, required=True, reliability=params.reliability)
+            timeout=params.wheel_states_timeout, required=True, reliability=params.reliability,
+            # a joint that is only recognized by its name must not move the robot
+            from_msg=partial(wheels_from_msg, joints=params.robot.joints, recognize=False))
         profile = latched()
         profile.depth = STATE_DEPTH
         self.create_subscription(Bool, 'emergency_stop_active', self._on_emergency_stop, profile)

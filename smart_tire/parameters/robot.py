@@ -56,8 +56,9 @@ class JointParams:
     """
     Joints of the wheels in wheel_states, by their names in the message.
 
-    '' is a wheel that is not measured, such as a caster: its slip is unknown. Names that differ
-    from the defaults are recognized if they are unambiguous, such as wheel_left_front_joint.
+    '' is a wheel that is not measured, such as a caster: its slip is unknown. left and right are
+    for two-wheel drives, and for wheels of a side coupled by belt, chain or track. Names that
+    differ from the defaults are recognized if unambiguous, such as wheel_left_front_joint.
     """
 
     front_left: str = param('front_left', '-', "joint of the front left wheel; '': not measured")
@@ -66,12 +67,11 @@ class JointParams:
     rear_left: str = param('rear_left', '-', "joint of the rear left wheel; '': not measured")
     rear_right: str = param('rear_right', '-', "joint of the rear right wheel; '': not measured")
     left: str = param(
-        '', '-', 'joint of both left wheels, in place of front_left and rear_left: two-wheel '
-        'drive, or wheels coupled by belt, chain or track')
+        '', '-', 'of both left wheels, in place of front_left and rear_left')
     right: str = param(
-        '', '-', 'joint of both right wheels, in place of front_right and rear_right')
+        '', '-', 'of both right wheels, in place of front_right and rear_right')
     inverted: tuple[str, ...] = param(
-        (), '-', 'joints that rotate in the negative direction when the robot drives forward',
+        (), '-', 'joints whose angle decreases when the robot drives forward',
         kind='str[]')
 
     def __post_init__(self) -> None:
@@ -100,6 +100,11 @@ class JointParams:
     def is_standard(self) -> bool:
         """Return whether the joints have the names of the wheels."""
         return self.names == WHEELS
+
+    @property
+    def encoders_per_side(self) -> int:
+        """Return the number of encoders per side, 1 or 2: the smaller one if they differ."""
+        return min(len(set(self.names[side::2]) - {''}) for side in range(2))
 
     @property
     def measured(self) -> tuple[bool, bool, bool, bool]:
@@ -256,6 +261,10 @@ class RobotParams:
     slip: SlipParams = nested(SlipParams)
 
     def __post_init__(self) -> None:
+        for wheel in self.film.wheels:
+            if not self.joints.names[WHEELS.index(wheel)]:
+                raise ValueError(f'film.wheels: {wheel} is not measured (joints.{wheel} is empty), '
+                                 'so its patch crossings are unknown; [] without films')
         circumference, centers = 2.0 * math.pi * self.wheel_radius, self.film.centers
         if centers[-1] - centers[0] >= circumference:
             raise ValueError(f'film.positions: {list(centers)} span more than the wheel '

@@ -70,6 +70,11 @@ class SlipEstimatorParams:
         'reliable', '-', 'QoS reliability of the input subscriptions', choices=RELIABILITIES)
     robot: RobotParams = inlined(RobotParams)
 
+    def __post_init__(self) -> None:
+        if self.force_balance == 'on' and not all(self.robot.joints.measured):
+            raise ValueError('force_balance: on, but the forces of a wheel that is not measured '
+                             '(empty joints.*) are unknown; expected auto or off')
+
 
 @dataclass(frozen=True, kw_only=True)
 class FrictionEstimatorParams:
@@ -147,6 +152,8 @@ class WheelControllerParams:
         if not self.cmd_vel_inputs or len(set(self.cmd_vel_inputs)) < len(self.cmd_vel_inputs):
             raise ValueError(f'cmd_vel_inputs: {list(self.cmd_vel_inputs)}, '
                              'expected one topic or more, each once')
+        if not all(self.robot.joints.measured):
+            raise ValueError('joints: a wheel that is not measured cannot be controlled')
         self._check_one_per_input('cmd_vel_priorities', self.cmd_vel_priorities)
         if self.cmd_vel_timeouts:
             self._check_one_per_input('cmd_vel_timeouts', self.cmd_vel_timeouts)

@@ -48,7 +48,7 @@ def test_regular_samples_are_possible(sample):
 def test_samples_that_no_robot_produces_are_not_possible(impossible):
     assert not is_possible(replace(IMU, acceleration=(0.0, impossible, 9.81)))
     assert not is_possible(replace(IMU, rate=(impossible, 0.0, 0.0)))
-    assert not is_possible(replace(WHEELS, velocity=(impossible, 0.0, 0.0, 0.0)))
+    assert not is_possible(replace(WHEELS, velocity=(impossible, 0.0, impossible, 0.0)))
 
 
 @pytest.mark.parametrize('impossible', [math.nan, math.inf])
@@ -103,3 +103,10 @@ def test_only_isolated_speeds_are_spikes():
     assert not speed_spikes(step).any()
     speed[[0, -1]] = 500.0
     assert not speed_spikes(speed)[[0, -1]].any()
+
+
+def test_a_wheel_may_be_unmeasured_but_not_a_side():
+    nan = math.nan
+    assert is_possible(replace(WHEELS, velocity=(nan, 1.0, 1.0, nan)))
+    assert not is_possible(replace(WHEELS, velocity=(1.0, nan, 1.0, nan)))
+    assert not is_possible(replace(WHEELS, velocity=(nan, 1.0, math.inf, 1.0)))

@@ -86,7 +86,9 @@ class ContactTracker:
     def add_wheels(self, sample: WheelSample) -> None:
         """Add angles and speeds of the wheels."""
         position = None if sample.position is None else sample.position[self._wheel_index]
-        self._trajectory.add(sample.stamp_ns, sample.velocity[self._wheel_index], position)
+        speed = sample.velocity[self._wheel_index]
+        if not math.isnan(speed):
+            self._trajectory.add(sample.stamp_ns, speed, position)
 
     def add_films(self, sample: TireSample) -> None:
         """Add one conversion of this wheel's films; the last films may be absent."""

@@ -126,7 +126,7 @@ class SlipSegment:
             recorder.restart()
         robot = params.robot
         self._latency = robot.encoder.latency
-        self._automatic = params.force_balance == 'auto'
+        self._automatic = params.force_balance == 'auto' and all(robot.joints.measured)
         self._dropped = dropped
         self._recorder = recorder
         self._films = FilmSlipBuffer(robot) if robot.slip.film_aided else None

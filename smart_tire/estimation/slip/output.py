@@ -67,6 +67,7 @@ class SlipOutputBuilder:
 
     def __init__(self, params: SlipEstimatorParams) -> None:
         self._robot = params.robot
+        self._measured = params.robot.joints.measured
         self._kinematics = SlipKinematics(params.robot)
         self._motion_model = MotionModel(params)
         self._stiffness_prior = StiffnessPrior(params)
@@ -132,7 +133,8 @@ class SlipOutputBuilder:
         sigmas: Sequence[float] = self._kinematics.slip_sigmas(x, P, context.imu.yaw_rate)
         standstill = self._robot.slip.standstill_speed
         # wheel i is on side i % 2: left, right, left, right
-        wheels = [sides[i % 2] + context.wheel_residual[i] for i in range(4)]
+        wheels = [sides[i % 2] + context.wheel_residual[i] if measured else math.nan
+                  for i, measured in enumerate(self._measured)]
         over_ground = (ground[0], ground[1], ground[0], ground[1])
         ratio = [wheel_slip_ratio(r, v, standstill) for r, v in zip(wheels, over_ground)]
         slip_velocity = [r - v for r, v in zip(wheels, over_ground)]

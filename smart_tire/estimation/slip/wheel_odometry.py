@@ -34,7 +34,7 @@ class WheelSpeeds:
     """Mean speeds over the period that ends at a wheel sample."""
 
     duration: float                   # s
-    wheel_speeds: Four                # m/s, r w
+    wheel_speeds: Four                # m/s, r w; that of the side for a wheel not measured
     side_speeds: tuple[float, float]  # m/s, left and right
     variance: float                   # (m/s)^2 of a side speed, due to quantization
     from_positions: bool              # positions were differenced, so timestamp errors matter
@@ -45,12 +45,14 @@ class WheelOdometry:
     Differences positions, or takes velocities if there are no positions.
 
     Velocities are means over the period that ends at the stamp: after a lost message they still
-    describe one period, while positions bridge the gap.
+    describe one period, while positions bridge the gap. The speed of a side is the mean of its
+    wheels that are measured.
     """
 
     def __init__(self, robot: RobotParams) -> None:
         self.radius = robot.wheel_radius  # m, effective rolling radius; may be updated online
         self._count = 2.0 * math.pi / robot.encoder.counts_per_revolution * robot.wheel_radius
+        self._encoders = robot.joints.encoders_per_side
         self._last: tuple[float, WheelSample] | None = None
         self._period: float | None = None
         self.side_speeds = (0.0, 0.0)                     # m/s, latest
@@ -95,7 +97,9 @@ class WheelOdometry:
         return self._mean_speeds(duration, speeds, from_positions=False)
 
     def _mean_speeds(self, duration: float, speeds: Four, from_positions: bool) -> WheelSpeeds:
-        left, right = 0.5 * (speeds[0] + speeds[2]), 0.5 * (speeds[1] + speeds[3])
+        left, right = _mean(speeds[0], speeds[2]), _mean(speeds[1], speeds[3])
+        speeds = tuple(side if math.isnan(speed) else speed  # type: ignore[assignment]
+                       for speed, side in zip(speeds, (left, right) * 2))
         before, self._speeds = self._speeds or speeds, speeds
         self.accelerations = tuple(  # type: ignore[assignment]
             (new - old) / duration for old, new in zip(before, speeds))
@@ -103,6 +107,13 @@ class WheelOdometry:
         self.wheel_residual = tuple(  # type: ignore[assignment]
             old + RESIDUAL_GAIN * (speeds[i] - self.side_speeds[i % 2] - old)
             for i, old in enumerate(self.wheel_residual))
-        # both ends are uniform over a count; a side is the mean of two wheels
-        variance = (self._count / duration) ** 2 / 12.0
+        # both ends are uniform over a count; a side is the mean of its encoders
+        variance = (self._count / duration) ** 2 / (6.0 * self._encoders)
         return WheelSpeeds(duration, speeds, self.side_speeds, variance, from_positions)
+
+
+def _mean(front: float, rear: float) -> float:
+    """Return the mean speed of a side; NaN is a wheel that is not measured."""
+    if math.isnan(front) or math.isnan(rear):
+        return rear if math.isnan(front) else front
+    return 0.5 * (front + rear)
