@@ -20,6 +20,7 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from smart_tire.analysis.smoothing import SmoothedSlip
 from smart_tire.errors import ParameterError
@@ -77,8 +78,12 @@ class EstimatorParams:
     @property
     def text(self) -> str:
         """Return all parameters as the text of a parameter file."""
-        return snapshot_text({'slip_estimator': values_of(self.slip),
-                              'friction_estimator': values_of(self.friction)})
+        return snapshot_text(self.by_node())
+
+    def by_node(self) -> dict[str, dict[str, Any]]:
+        """Return the flat parameters by node."""
+        return {'slip_estimator': values_of(self.slip),
+                'friction_estimator': values_of(self.friction)}
 
     @property
     def robot(self) -> RobotParams:

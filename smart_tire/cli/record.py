@@ -33,6 +33,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help='new folder for the bag (default: rosbag2_<date and time>)')
     parser.add_argument('--topics', nargs='+', default=[], metavar='T',
                         help='topics to record (default: all, including those that appear later)')
+    parser.add_argument('--params', type=Path, action='append', default=[], metavar='FILE',
+                        help='ROS parameter file to store in the bag, for recordings without '
+                             'nodes of this package; may be repeated')
     add_force(parser)
 
 
@@ -44,9 +47,11 @@ def run(args: argparse.Namespace) -> int:
     """
     directory = args.out or Path(f'rosbag2_{datetime.now():%Y_%m_%d-%H_%M_%S}')
     refuse_existing_bag(directory, force=args.force)
+    from smart_tire.analysis.pipeline import EstimatorParams
+    parameters = EstimatorParams.load(args.params).by_node() if args.params else None
     from smart_tire.nodes.recorder import record
     remove_bag(directory)
-    recording = record(directory, args.topics)
+    recording = record(directory, args.topics, parameters)
     print(f'{directory}:')
     print_counts(recording.counts)
     for line in recording.losses:

@@ -25,12 +25,14 @@ from typing import Any
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-from smart_tire.bags import BagWriter, channel_of, Qos
+from smart_tire.bags import BagWriter, channel_of, PARAMETERS_KEY, Qos
 from smart_tire.messages import find_topic
 from smart_tire.nodes.base import run, SmartTireNode
 from smart_tire.nodes.compat import message_class, with_info
 from smart_tire.nodes.diagnostics import Status
+from smart_tire.nodes.parameter_collector import ParameterCollector
 from smart_tire.nodes.qos import subscriber_qos
+from smart_tire.parameters.snapshot import snapshot_text
 from smart_tire.samples import WHEELS
 
 DISCOVERY_PERIOD = 0.2      # s between queries of the published topics
@@ -91,13 +93,19 @@ class Recorder(SmartTireNode[RecorderParams]):
     """
     Subscribes to all published topics, or to ``topics``, and writes them to a bag.
 
-    Publishes ``/diagnostics``. Hidden topics, topics with several types and those whose type is
-    not installed are skipped. No parameters.
+    The bag also gets the parameters of the nodes of this package, by default ``parameters`` (flat
+    values by node). Publishes ``/diagnostics``, subscribes to ``/parameter_events``. Hidden
+    topics, topics with several types and those whose type is not installed are skipped. No
+    parameters.
     """
 
-    def __init__(self, writer: BagWriter, topics: Collection[str] = ()) -> None:
+    def __init__(self, writer: BagWriter, topics: Collection[str] = (),
+                 parameters: Mapping[str, Mapping[str, Any]] | None = None) -> None:
         super().__init__('recorder', RecorderParams)
         self._writer = writer
+        self._given = dict(parameters or {})
+        self._collector = ParameterCollector(self)
+        self._stored: Mapping[str, Mapping[str, Any]] = {}  # parameters in the bag
         self._names = {self.resolve_topic_name(topic) for topic in topics}
         self._recorded: dict[str, tuple[QoSProfile, Any]] = {}
         self._skipped: set[str] = set()
@@ -114,7 +122,9 @@ class Recorder(SmartTireNode[RecorderParams]):
     def start(self) -> None:
         """Record the topics that exist, and look for new ones."""
         self._discover()
+        self._collect_parameters()
         self.create_steady_timer(DISCOVERY_PERIOD, self._discover)
+        self.create_steady_timer(DISCOVERY_PERIOD, self._collect_parameters)
         self.create_steady_timer(FLUSH_PERIOD, self._writer.flush)
 
     def fill_status(self, status: Status) -> None:
@@ -142,6 +152,13 @@ class Recorder(SmartTireNode[RecorderParams]):
                 self._record(name, types[0])
             else:
                 self._skip(name, f'has several types: {", ".join(types)}')
+
+    def _collect_parameters(self) -> None:
+        self._collector.poll()
+        found = {**self._given, **self._collector.values}
+        if found != self._stored:
+            self._stored = found
+            self._writer.set_custom_data(PARAMETERS_KEY, snapshot_text(found))
 
     def _record(self, name: str, type_name: str) -> None:
         publishers = self.get_publishers_info_by_topic(name)
@@ -226,12 +243,17 @@ class Recording:
     losses: list[str]       # a line for each topic with lost messages
 
 
-def record(directory: Path, topics: Collection[str] = ()) -> Recording:
-    """Record all topics, or ``topics``, into ``directory`` until SIGINT or SIGTERM."""
+def record(directory: Path, topics: Collection[str] = (),
+           parameters: Mapping[str, Mapping[str, Any]] | None = None) -> Recording:
+    """
+    Record all topics, or ``topics``, into ``directory`` until SIGINT or SIGTERM.
+
+    The bag carries ``parameters`` (flat values by node), or those of the running nodes.
+    """
     recorders: list[Recorder] = []
 
     def new_recorder() -> Recorder:
-        recorders.append(Recorder(writer, topics))
+        recorders.append(Recorder(writer, topics, parameters))
         return recorders[-1]
 
     with BagWriter(directory, ros_distro=os.environ.get('ROS_DISTRO', '')) as writer:

@@ -1,0 +1,75 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Parameters of the running nodes in a recorded bag."""
+
+from __future__ import annotations
+
+import signal
+
+import pytest
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from support.command import command
+from support.waiting import wait_for
+
+from smart_tire.analysis.bag_params import bag_params
+from smart_tire.analysis.pipeline import EstimatorParams
+from smart_tire.bags import Bag
+from smart_tire.parameters.files import blocks_in, values_for
+
+pytestmark = pytest.mark.processes
+
+
+def stored(bag, node):
+    """Return the parameters of a node in a bag that is being written."""
+    with Bag(bag) as opened:
+        return values_for(node, blocks_in(opened.parameters or '{}', 'bag'), ['*'])
+
+
+def test_parameters_of_nodes_that_appear_and_change_outlive_a_killed_recorder(graph, tmp_path):
+    bag = tmp_path / 'bag'
+    with command('record', '--out', bag) as recorder:
+        wait_for((bag / 'metadata.yaml').exists)
+        assert stored(bag, 'slip_estimator') == {}
+        with graph.start('wheel_controller', wheel_radius=0.1, pid__integral=0.2), \
+                graph.start('slip_estimator', wheel_radius=0.1, film__positions='[0.0, 0.03]'):
+            wait_for(lambda: stored(bag, 'wheel_controller').get('pid.integral') == 0.2)
+            wait_for(lambda: 'slope_sigma' in stored(bag, 'slip_estimator'))
+            gain = Parameter(name='pid.integral', value=ParameterValue(
+                type=ParameterType.PARAMETER_DOUBLE, double_value=0.3))
+            graph.call('rcl_interfaces/srv/SetParameters', '/wheel_controller/set_parameters',
+                       parameters=[gain])
+            wait_for(lambda: stored(bag, 'wheel_controller')['pid.integral'] == 0.3)
+        recorder.signal(signal.SIGKILL)
+        recorder.end()
+    for path in (bag, bag / 'bag_0.mcap'):  # metadata.yaml, and the file alone
+        with Bag(path) as opened:
+            source = bag_params(opened)
+        assert source.origins == ('slip_estimator', 'wheel_controller')
+        robot = source.params.robot
+        assert (robot.wheel_radius, robot.film.positions) == (0.1, (0.0, 0.03))
+        assert (source.params.friction.robot.wheel_radius, source.unknown) == (0.1, ())
+    assert 'use_sim_time' not in stored(bag, 'slip_estimator')
+
+
+def test_a_recording_without_nodes_carries_the_parameters_of_a_file(graph, tmp_path):
+    file, bag = tmp_path / 'robot.yaml', tmp_path / 'bag'
+    file.write_text('/**: {ros__parameters: {track_width: 0.5, film.wheels: [rear_left]}}')
+    with command('record', '--out', bag, '--params', file) as recorder:
+        wait_for((bag / 'metadata.yaml').exists)
+        wait_for(lambda: stored(bag, 'slip_estimator'))
+        recorder.signal(signal.SIGINT)
+        assert recorder.end() == 0
+    with Bag(bag) as opened:
+        assert bag_params(opened).params == EstimatorParams.load([file])
