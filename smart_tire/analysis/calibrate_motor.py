@@ -19,7 +19,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from smart_tire.analysis.calibrate_robot import NO_REFERENCE, read_recording, TimeRange
+from smart_tire.analysis.calibrate_robot import (
+    check_all_measured, NO_REFERENCE, read_recording, TimeRange)
 from smart_tire.bags import STANDARD_NAMES, TopicNames
 from smart_tire.calibration.robot import motor
 from smart_tire.calibration.robot.motor import MotorFit
@@ -33,6 +34,7 @@ def identify_motor(bags: Sequence[Path], lifted: Sequence[Path], robot: RobotPar
 
     Raises BagError if a bag cannot be read, EstimatorError if none of them is observable.
     """
+    check_all_measured(robot, 'motor')
     grounds, off_ground = ([
         read_recording(bag, robot, time_range, NO_REFERENCE, duties=True, names=names)
         for bag in group] for group in (bags, lifted))

@@ -35,7 +35,7 @@ from smart_tire.errors import BagError, EstimatorError
 from smart_tire.estimation.streams import SLIP
 from smart_tire.parameters import build, known_names, load_files, NODE_PARAMS, RobotParams, specs
 from smart_tire.rotation import matrix
-from smart_tire.samples import ImuSample, MotorCommand, Odometry, WheelSample
+from smart_tire.samples import Four, ImuSample, MotorCommand, Odometry, WheelSample
 
 REFERENCES = ('ground_truth/odom', 'overhead/odom')  # in order of preference
 NO_REFERENCE, ANY_REFERENCE = 'none', 'any'
@@ -115,6 +115,13 @@ def read_recording(path: Path, robot: RobotParams, time_range: TimeRange,
                      _duty_record(commands, origin))
 
 
+def check_all_measured(robot: RobotParams, quantity: str) -> None:
+    """Raise EstimatorError if a wheel is not measured: its force is unknown."""
+    if not all(robot.joints.measured):
+        raise EstimatorError(f'{quantity}: the forces of all wheels are needed, but a wheel is '
+                             'not measured (empty joints.*)')
+
+
 def _reference(bag: Bag, requested: str) -> str | None:
     """Return the topic of the reference poses, or None."""
     if requested == NO_REFERENCE:
@@ -142,8 +149,8 @@ class _Wheels:
         return len(self._speeds)
 
     def add(self, sample: WheelSample) -> None:
-        self._speeds.add(sample.stamp_ns, sample.velocity)
-        self._angles.add(sample.stamp_ns, sample.position or NOT_MEASURED)
+        self._speeds.add(sample.stamp_ns, _filled(sample.velocity))
+        self._angles.add(sample.stamp_ns, _filled(sample.position or NOT_MEASURED))
         self._torques.add(sample.stamp_ns, sample.effort or NOT_MEASURED)
 
     @property
@@ -159,6 +166,13 @@ class _Wheels:
         return WheelRecord(seconds(stamps[chosen], origin), speeds[chosen],
                            None if np.isnan(angles).any() else angles,
                            None if np.isnan(torques).all() else torques)
+
+
+def _filled(values: Four) -> Four:
+    """Return ``values``, with those of the other wheel of its side for a wheel not measured."""
+    a, b, c, d = (values[i - 2] if math.isnan(value) else value  # i - 2: the same side
+                  for i, value in enumerate(values))
+    return a, b, c, d
 
 
 def _duty_record(commands: Table, origin: int) -> DutyRecord | None:

@@ -21,7 +21,8 @@ from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
-from smart_tire.analysis.calibrate_robot import NO_REFERENCE, read_recording, TimeRange
+from smart_tire.analysis.calibrate_robot import (
+    check_all_measured, NO_REFERENCE, read_recording, TimeRange)
 from smart_tire.analysis.smoothing import SmoothedSlip
 from smart_tire.bags import Bag, STANDARD_NAMES, TopicNames
 from smart_tire.calibration.film import gains
@@ -44,6 +45,7 @@ def identify_stiffness(bags: Sequence[Path], robot: RobotParams, time_range: Tim
 
     Raises BagError if a bag cannot be read, EstimatorError if C_x is not observable.
     """
+    check_all_measured(robot, 'stiffness')
     return stiffness.identify_stiffness(
         [read_recording(bag, robot, time_range, NO_REFERENCE, names=names) for bag in bags],
         robot)

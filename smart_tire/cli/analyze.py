@@ -24,7 +24,7 @@ from pathlib import Path
 import sys
 from typing import TYPE_CHECKING
 
-from smart_tire.cli._bags import add_bag_options, check_options, open_bag
+from smart_tire.cli._bags import add_bag_options, check_options, open_bag, REQUIRED
 from smart_tire.cli._overwrite import (
     add_force, FIGURES, refuse_existing, refuse_existing_bag, refuse_folder_of_bag)
 from smart_tire.errors import BagError
@@ -94,6 +94,11 @@ def analyze_one(bag: Path, out: Path, args: argparse.Namespace) -> int:
     from smart_tire.analysis.report import lines
     with open_bag(bag, args) as (opened, settings):
         params, shown = settings.params, opened.notes
+        if missing := [name for name in REQUIRED if name not in opened.match(REQUIRED)]:
+            print(f'{bag}: nothing can be estimated without {" and ".join(missing)}')
+            for name in missing:
+                print(f'  {name} is not in the bag, nor a topic that may be it by another name')
+            return NOTHING_ESTIMATED
     with shown_progress(folder_name(bag)) as progress:
         result = analyze(bag, out, params, progress, smooth=args.smooth, names=settings.names,
                          source=settings.source.tree)

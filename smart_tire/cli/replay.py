@@ -23,6 +23,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from smart_tire.cli._arguments import positive
+from smart_tire.cli._bags import add_remap, REQUIRED
 from smart_tire.cli._output import print_counts, print_warnings
 from smart_tire.errors import BagError
 from smart_tire.estimation.streams import INPUTS
@@ -48,6 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                              'published only if named here')
     parser.add_argument('--all', action='store_true', help='publish all topics except commands')
     parser.add_argument('--clock', action='store_true', help='also publish /clock')
+    add_remap(parser)
     parser.add_argument('--wait', type=float, default=5.0, metavar='S',
                         help='wait up to S seconds for subscribers of all topics (default: 5)')
     parser.add_argument('--wait-for', nargs='+', default=[], metavar='NODE',
@@ -62,20 +64,23 @@ def run(args: argparse.Namespace) -> int:
     The status is 1 if a node or an estimator was not ready or did not receive all messages. A
     topic without subscribers is only a warning.
     """
-    from smart_tire.bags import Bag
-    with Bag(args.bag) as bag:
+    from smart_tire.bags import Bag, TopicNames
+    with Bag(args.bag, TopicNames.parse(args.remap)) as bag:
         names = chosen(bag, args.topics, everything=args.all, clock=args.clock)
+        renamed = standard_names(bag, names)
         if not names:
             print(f'smart_tire replay: {args.bag} has none of {", ".join(INPUTS)}; its topics: '
                   f'{listed(bag)}', file=sys.stderr)
             return FAILED
         from smart_tire.nodes.replayer import replay
         result = replay(bag, names, rate=args.rate, clock=args.clock, wait=args.wait,
-                        wait_for=args.wait_for)
+                        wait_for=args.wait_for, renamed=renamed)
         print_warnings(bag.warnings)
     if any(result.counts.values()) or not result.failures:
         print(f'{args.bag}: published' + ('' if result.complete else ' in part'))
         print_counts(result.counts)
+        for name, standard in renamed.items():
+            print(f'{name} was published as {standard}')
     for name, type_name in result.missing.items():
         print(f'skipped: {name} ({type_name} is not installed)')
     if result.complete:
@@ -92,8 +97,11 @@ def chosen(bag: Bag, topics: Sequence[str], *, everything: bool, clock: bool) ->
     """
     Return the names in ``bag`` of the topics to publish; by default those of the inputs.
 
-    Raises BagError if the bag lacks one of ``topics``.
+    Raises BagError if the bag lacks one of ``topics``, or if an input has to be selected.
     """
+    from smart_tire.bags import check_inputs
+    if not topics and not everything:
+        check_inputs(bag, REQUIRED)
     found = {topic: find(bag, topic, topics) for topic in topics}
     if absent := [topic for topic, name in found.items() if name is None]:
         raise BagError(f'{bag.path} has no {", ".join(absent)}; its topics: {listed(bag)}')
@@ -103,6 +111,13 @@ def chosen(bag: Bag, topics: Sequence[str], *, everything: bool, clock: bool) ->
     elif not topics:
         names += bag.match(INPUTS).values()
     return list(dict.fromkeys(names))
+
+
+def standard_names(bag: Bag, names: Sequence[str]) -> dict[str, str]:
+    """Return name in the bag -> standard name for those of ``names`` that are named otherwise."""
+    from smart_tire.messages import find_topic, TOPICS
+    return {name: standard for standard, name in bag.match(TOPICS).items()
+            if name in names and ((topic := find_topic(name)) is None or topic.name != standard)}
 
 
 def find(bag: Bag, wanted: str, together: Sequence[str] = ()) -> str | None:

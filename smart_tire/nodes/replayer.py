@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 import math
 import signal
@@ -70,14 +70,15 @@ class Replay:
 
 class Replayer:
     """
-    Publishes those topics ``names`` of ``bag`` whose type is installed.
+    Publishes those topics ``names`` of ``bag`` whose type is installed, as ``renamed``.
 
     Estimators in the graph process them in lockstep, in order of reception. They and the nodes
     ``awaited`` must be ready before the first message. Publishes ``/clock`` if ``clock`` is true.
     """
 
     def __init__(self, node: Node, bag: Bag, names: Collection[str], *, rate: float,
-                 clock: bool, awaited: Collection[str], stop: threading.Event) -> None:
+                 clock: bool, awaited: Collection[str], stop: threading.Event,
+                 renamed: Mapping[str, str]) -> None:
         self.result = Replay()
         self._node, self._bag, self._rate, self._stop = node, bag, rate, stop
         self._publishers: dict[str, Publisher[Any]] = {}
@@ -89,7 +90,9 @@ class Replayer:
             except (ModuleNotFoundError, AttributeError):
                 self.result.missing[name] = topic.channel.type
             else:
-                self._publishers[name] = node.create_publisher(cls, name, replay_qos(topic, rate))
+                published = renamed.get(name, name)
+                self._publishers[name] = node.create_publisher(
+                    cls, published, replay_qos(topic, rate, published))
                 self.result.counts[name] = 0
         self._topics = {name: publisher.topic_name for name, publisher in self._publishers.items()}
         self._awaited = [resolved(node, name) for name in awaited]
@@ -285,9 +288,13 @@ def matches(offered: QoSProfile, requested: QoSProfile) -> bool:
             or offered.durability == DurabilityPolicy.TRANSIENT_LOCAL)
 
 
-def replay_qos(topic: BagTopic, rate: float) -> QoSProfile:
-    """Return the profile to replay a topic with, its queue sized for ``rate`` and for bursts."""
-    ours = find_topic(topic.channel.topic)
+def replay_qos(topic: BagTopic, rate: float, published: str) -> QoSProfile:
+    """
+    Return the profile to replay a topic as ``published``.
+
+    Its queue is sized for ``rate`` and for bursts.
+    """
+    ours = find_topic(published)
     if 'transient_local' in topic.channel.qos:
         transient = latched()
         transient.depth = min(max(1, topic.messages), QUEUE_DEPTH)
@@ -306,10 +313,12 @@ def clock_message(now_ns: int) -> Clock:
 
 
 def replay(bag: Bag, names: Collection[str], *, rate: float = 1.0, clock: bool = False,
-           wait: float = 0.0, wait_for: Collection[str] = ()) -> Replay:
+           wait: float = 0.0, wait_for: Collection[str] = (),
+           renamed: Mapping[str, str] | None = None) -> Replay:
     """
     Publish the topics ``names`` of ``bag`` at ``rate`` times the recorded rate.
 
+    ``renamed`` are names in the bag of topics that are published with other names.
     Begins when the nodes ``wait_for`` and all estimators are ready and, if no nodes are named,
     all topics have subscriptions, but after ``wait`` [s] at the latest. Publishes nothing if a
     node or an estimator is not ready by then. Ends early on SIGINT or SIGTERM.
@@ -320,7 +329,8 @@ def replay(bag: Bag, names: Collection[str], *, rate: float = 1.0, clock: bool =
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node('replayer')
     try:
-        replayer = Replayer(node, bag, names, rate=rate, clock=clock, awaited=wait_for, stop=stop)
+        replayer = Replayer(node, bag, names, rate=rate, clock=clock, awaited=wait_for, stop=stop,
+                            renamed=renamed or {})
         try:
             ready = replayer.wait(wait)
             for name in replayer.result.unsubscribed:
