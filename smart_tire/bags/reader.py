@@ -226,7 +226,7 @@ class Bag:
 
     def _samples(self, found: Mapping[str, str], *,
                  count_rejected: bool) -> Iterator[tuple[int, str, Sample]]:
-        readers = {name: (contract, Decoder(TOPICS[contract].type), self._from_msg(contract))
+        readers = {name: (contract, Decoder(TOPICS[contract].type), self._from_msg(contract, name))
                    for contract, name in found.items()}
         for receive_ns, channel, data in self.raw(readers):
             contract, read, decode = readers[channel.topic]
@@ -244,9 +244,9 @@ class Bag:
                                             'reception is used instead')
                 yield receive_ns, contract, sample
 
-    def _from_msg(self, contract: str) -> Callable[[Any], Sample]:
+    def _from_msg(self, contract: str, name: str) -> Callable[[Any], Sample]:
         if contract == WHEELS_TOPIC:
-            return partial(wheels_from_msg, joints=self.joints)
+            return partial(wheels_from_msg, joints=self.wheel_joints(name) or self.joints)
         return TOPICS[contract].from_msg
 
     def wheel_joints(self, name: str) -> JointParams | None:

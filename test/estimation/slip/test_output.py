@@ -93,3 +93,14 @@ def test_unobserved_slip_change_increases_sigma_up_to_one():
              + CONTEXT.imu.force_x * 0.008)
     assert sigmas[1][0] == pytest.approx(math.hypot(sigmas[0][0], 0.05 / speed), rel=0.02)
     assert sigmas[2][0] == 1.0
+
+
+def test_the_slip_of_a_wheel_that_is_not_measured_is_unknown():
+    robot = {'joints.rear_left': '', 'film.wheels': ['front_right']}
+    output, moved = SlipOutputBuilder(build(SlipEstimatorParams, robot)), filter_at()
+    slip, whole = (builder.build(CONTEXT, moved.x, moved.P)[1] for builder in (output, OUTPUT))
+    assert [math.isnan(one) for one in slip.ratio] == [False, False, True, False]
+    assert math.isnan(slip.slip_velocity[2]) and slip.sigma[2] == 1.0
+    for i in (0, 1, 3):
+        assert (slip.ratio[i], slip.slip_velocity[i], slip.sigma[i]) == (
+            whole.ratio[i], whole.slip_velocity[i], whole.sigma[i])

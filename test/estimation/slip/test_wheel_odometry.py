@@ -18,10 +18,13 @@ from __future__ import annotations
 
 import math
 
+from dataclasses import replace
+import math
+
 import pytest
 
 from smart_tire.estimation.slip.wheel_odometry import WheelOdometry
-from smart_tire.parameters import RobotParams
+from smart_tire.parameters import JointParams, RobotParams
 from smart_tire.samples import WheelSample
 
 ROBOT = RobotParams()
@@ -87,3 +90,21 @@ def test_variance_is_that_of_quantization_at_both_ends():
     count = math.tau / ROBOT.encoder.counts_per_revolution * R
     variance = odometry.update(0.1, sample(0.0, 0.0)).variance
     assert variance == pytest.approx((count / 0.1) ** 2 / 12.0)
+
+
+def test_the_speed_of_a_side_is_that_of_its_measured_wheels():
+    nan = math.nan
+    odometry = WheelOdometry(ROBOT)
+    odometry.update(0.0, WheelSample(0, (10.0, nan, nan, 8.0), (0.0, nan, nan, 0.0)))
+    speeds = odometry.update(0.1, WheelSample(0, (10.0, nan, nan, 8.0), (1.1, nan, nan, 0.9)))
+    assert speeds.side_speeds == pytest.approx((11.0 * R, 9.0 * R)) and speeds.from_positions
+    assert speeds.wheel_speeds == pytest.approx((11.0 * R, 9.0 * R) * 2)
+    assert odometry.wheel_residual == (0.0,) * 4
+    assert odometry.accelerations == pytest.approx([10.0 * R, 10.0 * R] * 2)
+
+
+def test_one_encoder_per_side_quantizes_with_twice_the_variance():
+    single = replace(ROBOT, joints=JointParams(front_left='l', rear_left='', right='r'))
+    both, one = (WheelOdometry(robot).update(0.0, sample(1.0)).variance
+                 for robot in (ROBOT, single))
+    assert one == pytest.approx(2.0 * both) and both > 0.0

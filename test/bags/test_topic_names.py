@@ -1,0 +1,133 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Standard topics under other names in a bag."""
+
+from __future__ import annotations
+
+import pytest
+from support.foreign import add_messages, Foreign, IMU, JOINTS
+from support.recordings import stream
+
+from smart_tire.bags import Bag, BagWriter, check_inputs, TopicNames
+from smart_tire.errors import BagError, ParameterError
+from smart_tire.parameters import JointParams
+from smart_tire.samples import WHEELS
+
+INPUTS = 'imu/data', 'wheel_states'
+
+
+def named(*names):
+    """Return a function that sets the joints of a message."""
+    def change(msg):
+        msg.name, msg.velocity = list(names), [0.0] * len(names)
+    return change
+
+
+def bag_of(path, *topics):
+    """Write a bag of (topic, type, joint names) with two messages each."""
+    with BagWriter(path) as writer:
+        for name, kind, joints in topics:
+            add_messages(writer, name, kind, 2, named(*joints) if joints else lambda msg: None)
+    return path
+
+
+def test_rules_have_the_order_of_ros_remapping():
+    names = TopicNames.parse(['/imu/data:=/mti30/imu', 'odom:=pose', 'odom:=pose'])
+    assert names.remap == {'imu/data': '/mti30/imu', 'odom': 'pose'}
+    for rules in (['imu/data:=/a', 'imu/data:=/b'], [':=/a'], ['imu/data:='], ['/mti30/imu']):
+        with pytest.raises(ParameterError):
+            TopicNames.parse(rules)
+
+
+def test_a_selected_topic_takes_precedence_and_is_not_used_twice(tmp_path):
+    bag = bag_of(tmp_path / 'bag', ('/imu/data', IMU, ()), ('/other/imu/data', IMU, ()))
+    with Bag(bag, TopicNames({'imu/data': 'other/imu/data'})) as opened:
+        assert opened.match(['imu/data']) == {'imu/data': '/other/imu/data'}
+    with Bag(bag) as opened:
+        assert opened.match(['imu/data']) == {'imu/data': '/imu/data'}
+    odometry = Foreign({'odom': 'imu/pose'}).write(tmp_path / 'odom', stream(0.1))
+    names = TopicNames({'ground_truth/odom': '/imu/pose'})
+    with Bag(odometry, names) as opened:
+        assert opened.match(['odom', 'ground_truth/odom']) == {'ground_truth/odom': '/imu/pose'}
+        sample, *_ = opened.samples(['ground_truth/odom'])
+        assert sample[1] == 'ground_truth/odom'
+
+
+def test_only_the_inputs_are_recognized_by_type(tmp_path):
+    odometry = Foreign({'odom': 'pose', 'tire_samples': 'films'}).write(
+        tmp_path / 'bag', stream(0.1))
+    with Bag(odometry) as opened:
+        assert opened.match(['odom', 'tire_samples', 'ground_truth/odom']) == {}
+
+
+def test_an_imu_is_recognized_if_it_is_the_only_one_with_messages(tmp_path):
+    bag = tmp_path / 'bag'
+    with BagWriter(bag) as writer:
+        add_messages(writer, '/silent', IMU, 0)
+        add_messages(writer, '/imu', IMU, 1)
+    with Bag(bag) as opened:
+        assert opened.match(INPUTS) == {'imu/data': '/imu'}
+        assert opened.match(INPUTS) and len(opened.notes) == 1
+    bag_of(tmp_path / 'two', ('/imu', IMU, ()), ('/imu2', IMU, ()))
+    with Bag(tmp_path / 'two') as opened:
+        assert opened.match(INPUTS) == {} and opened.notes == []
+
+
+def test_the_topic_with_joints_of_wheels_is_wheel_states(tmp_path):
+    bag = bag_of(tmp_path / 'bag', ('/arm/joint_states', JOINTS, ('shoulder', 'elbow')),
+                 ('/base/joint_states', JOINTS, ('left_wheel', 'right_wheel')),
+                 ('/wheel_slip', JOINTS, WHEELS), ('/motor_commands', JOINTS, WHEELS))
+    with Bag(bag) as opened:
+        assert opened.match(INPUTS) == {'wheel_states': '/base/joint_states'}
+    with Bag(bag, joints=JointParams(left='elbow', right='shoulder')) as opened:
+        assert opened.match(INPUTS) == {'wheel_states': '/arm/joint_states'}
+    with Bag(bag, joints=JointParams(left='a', right='b')) as opened:
+        assert opened.match(INPUTS) == {}
+        with pytest.raises(BagError, match='/arm/joint_states: shoulder, elbow'):
+            check_inputs(opened, INPUTS)
+
+
+def test_two_topics_with_joints_of_wheels_are_a_choice(tmp_path):
+    bag = bag_of(tmp_path / 'bag', ('/a', JOINTS, WHEELS), ('/b', JOINTS, WHEELS))
+    with Bag(bag) as opened, pytest.raises(BagError) as raised:
+        check_inputs(opened, INPUTS)
+    assert [line.split()[:2] for line in str(raised.value).splitlines()[1:]] == [
+        ['--remap', 'wheel_states:=/a'], ['--remap', 'wheel_states:=/b']]
+    with Bag(bag, TopicNames({'wheel_states': '/b'})) as opened:
+        check_inputs(opened, INPUTS)
+
+
+def test_messages_of_other_joints_on_the_same_topic_are_ignored(tmp_path):
+    bag = tmp_path / 'bag'
+    with BagWriter(bag) as writer:
+        add_messages(writer, '/joint_states', JOINTS, 3, named('arm'))
+        add_messages(writer, '/joint_states', JOINTS, 4, named('left_wheel', 'right_wheel'))
+        add_messages(writer, '/joint_states', JOINTS, 5, named('left_wheel'))  # incomplete
+    with Bag(bag) as opened:
+        assert len(list(opened.samples(INPUTS))) == 4
+        assert opened.rejected == {'wheel_states': 5}
+
+
+def test_wheel_states_of_unknown_joints_show_the_parameters_to_give(tmp_path):
+    bag = bag_of(tmp_path / 'bag', ('/wheel_states', JOINTS, ('m1', 'm2')))
+    with Bag(bag) as opened:
+        with pytest.raises(BagError, match='(?s)/wheel_states: m1, m2.*joints:.*left: NAME'):
+            check_inputs(opened, INPUTS)
+        assert list(opened.samples(INPUTS)) == [] and opened.rejected == {'wheel_states': 2}
+
+
+def test_inputs_that_are_not_in_the_bag_are_no_choice(tmp_path):
+    with Bag(bag_of(tmp_path / 'bag', ('/wheel_slip', JOINTS, WHEELS))) as opened:
+        check_inputs(opened, INPUTS)
