@@ -112,12 +112,13 @@ def _title(labeled: LabeledEstimates, label: str, name: str) -> str:
 
 
 def slip_curves(estimates: Series, truth: Series, origin_ns: int) -> list[drawing.SlipCurve]:
-    """Return the slip of each side, the mean of its two wheels."""
+    """Return the slip of each side, the mean of its measured wheels."""
     own, true = estimates.slips(), truth.slips()
+    sides = {side: own.measured(wheels) for side, wheels in SIDES.items()}
     return [drawing.SlipCurve(
         side, seconds(own.stamp_ns, origin_ns), own.ratio[:, wheels].mean(axis=1),
         own.sigma[:, wheels].mean(axis=1), seconds(true.stamp_ns, origin_ns),
-        true.ratio[:, wheels].mean(axis=1)) for side, wheels in SIDES.items()]
+        true.ratio[:, wheels].mean(axis=1)) for side, wheels in sides.items()]
 
 
 def _slip_limits(curves: Sequence[drawing.SlipCurve]) -> tuple[float, float]:

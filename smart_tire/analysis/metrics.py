@@ -96,12 +96,13 @@ def slip_scores(estimate: SlipSeries, truth: SlipSeries,
     """
     Return the scores of each side and wheel at the true timestamps, within ``intervals`` if given.
 
-    Only times at which both slips are defined count. The slip of a side is the mean of its two
-    wheels. Their errors are fully correlated, so the sigma of a side is the mean of both.
+    Only times at which both slips are defined count. The slip of a side is the mean of its
+    measured wheels. Their errors are fully correlated, so the sigma of a side is the mean of both.
     """
     ratio = at(truth.stamp_ns, estimate.stamp_ns, estimate.ratio)
     sigma = at(truth.stamp_ns, estimate.stamp_ns, estimate.sigma)
-    members = {**SIDES, **{wheel: (index,) for index, wheel in enumerate(WHEELS)}}
+    members = {**{side: estimate.measured(wheels) for side, wheels in SIDES.items()},
+               **{wheel: (index,) for index, wheel in enumerate(WHEELS)}}
     chosen = within(truth.stamp_ns, intervals)
     return {name: _slip_score(ratio[chosen][:, wheels], sigma[chosen][:, wheels],
                               truth.ratio[chosen][:, wheels])

@@ -82,6 +82,11 @@ class SlipSeries:
     ratio: Floats  # (n, 4)
     sigma: Floats  # (n, 4)
 
+    def measured(self, wheels: Sequence[int]) -> list[int]:
+        """Return those of ``wheels`` (indices) that have a slip; all if none has."""
+        found = [wheel for wheel in wheels if np.isfinite(self.ratio[:, wheel]).any()]
+        return found or list(wheels)
+
 
 @dataclass(frozen=True)
 class GroundSeries:

@@ -214,3 +214,16 @@ def test_timestamps_are_compared_with_the_nearest_true_time():
 def test_timestamps_can_be_compared_with_few_true_times(instants):
     found = stamp_score(ticks(1) + 1000, ticks(instants), sigma=1e-3)
     assert found.count == instants
+
+
+def test_the_slip_of_a_side_is_the_mean_of_its_measured_wheels():
+    stamps = np.arange(4) * 10**8
+    ratio = np.tile([0.1, 0.2, math.nan, 0.4], (4, 1))
+    ratio[0, 1] = math.nan  # at standstill
+    estimate = SlipSeries(stamps, ratio, np.full((4, 4), 0.1))
+    truth = SlipSeries(stamps, np.tile([0.15, 0.2, 0.9, 0.2], (4, 1)), np.zeros((4, 4)))
+    scores = slip_scores(estimate, truth)
+    assert (scores['left'].error.count, scores['right'].error.count) == (4, 2)
+    assert scores['left'].error.mean == pytest.approx(-0.05)
+    assert scores['right'].error.mean == pytest.approx(0.1)
+    assert scores['rear_left'].error.count == 0

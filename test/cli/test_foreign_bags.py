@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 import json
+import math
 import re
 
 import pytest
@@ -196,3 +197,21 @@ def test_bags_of_different_robots_are_not_identified_together(events, tmp_path, 
             tmp_path / f'bag{radius}', events[:50])))
     assert main(['identify', 'geometry', *bags, '--out', str(tmp_path / 'out.yaml')]) == 2
     assert 'carry different parameters of the robot' in capsys.readouterr().err
+
+
+def test_the_slip_of_a_wheel_without_encoder_is_unknown(events, standard, tmp_path):
+    joints = {'a': 'front_left', 'b': 'front_right', 'c': 'rear_right'}
+    bag = Foreign(joints=joints).write(tmp_path / 'bag', events)
+    file = tmp_path / 'robot.yaml'
+    file.write_text(JOINT_BLOCK.format(
+        "{front_left: a, front_right: b, rear_left: '', rear_right: c}"))
+    assert analyze(bag, tmp_path / 'out', '--params', file) == 0
+    found = summary(tmp_path / 'out')['estimates']
+    assert found['odom']['distance_m'] == pytest.approx(standard['odom']['distance_m'], rel=1e-3)
+    assert found['wheel_slip']['left']['mean'] == pytest.approx(
+        standard['wheel_slip']['left']['mean'], abs=1e-3)
+    with Bag(tmp_path / 'out' / 'estimates') as opened:
+        slips = [sample for _, _, sample in opened.samples(['wheel_slip'])]
+        assert not opened.rejected
+    assert all(math.isnan(slip.ratio[2]) and slip.sigma[2] == 1.0 for slip in slips)
+    assert sum(math.isfinite(slip.ratio[0]) for slip in slips) > 300
