@@ -124,6 +124,16 @@ def wrong_type_message(error: Exception) -> str:
     return f'parameter {name}: {value!r}, expected a {kind.lower()}'
 
 
+def ros_arguments(words: Sequence[str]) -> list[str]:
+    """
+    Return the ROS arguments of a command line, for ``rclpy.init``.
+
+    Without them rcl takes any ``from:=to``, such as that of ``--remap`` of this package, for a
+    deprecated remapping.
+    """
+    return list(words[words.index(ROS_ARGS):]) if ROS_ARGS in words else []
+
+
 def foreign_arguments(words: Sequence[str]) -> list[str]:
     """Return the arguments of a command line that are not ROS arguments; rclpy ignores most."""
     in_ros_args, foreign = False, []

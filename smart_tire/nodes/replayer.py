@@ -21,6 +21,7 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 import math
 import signal
+import sys
 import threading
 import time
 from typing import Any
@@ -35,7 +36,7 @@ from rosgraph_msgs.msg import Clock
 
 from smart_tire.bags import Bag, BagTopic
 from smart_tire.messages import find_topic
-from smart_tire.nodes.compat import message_class, new_executor
+from smart_tire.nodes.compat import message_class, new_executor, ros_arguments
 from smart_tire.nodes.lockstep import full_name, Leader, MAX_STEPS_AHEAD, stamp_in
 from smart_tire.nodes.qos import latched, publisher_qos
 from smart_tire.samples import NS_PER_S, WHEELS
@@ -326,7 +327,7 @@ def replay(bag: Bag, names: Collection[str], *, rate: float = 1.0, clock: bool =
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    rclpy.init(args=ros_arguments(sys.argv), signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node('replayer')
     try:
         replayer = Replayer(node, bag, names, rate=rate, clock=clock, awaited=wait_for, stop=stop,

@@ -20,6 +20,7 @@ import signal
 
 import pytest
 from support.command import command, Python
+from support.foreign import Foreign
 from support.graph import node_arguments
 from support.recordings import INPUTS, START_NS, stream, write_bag
 
@@ -223,3 +224,16 @@ def test_a_bag_without_inputs_is_not_replayed(tmp_path, capsys):
 def test_a_missing_bag_is_a_usage_error(tmp_path, capsys):
     assert main(['replay', str(tmp_path / 'nowhere')]) == 2
     assert capsys.readouterr().err.endswith('nowhere: no such file or directory\n')
+
+
+def test_inputs_of_other_names_are_published_under_the_standard_ones(tmp_path):
+    pytest.importorskip('rclpy')
+    events = stream(0.5)
+    names_in_bag = {'imu/data': 'mti30/imu', 'wheel_states': 'base/joint_states'}
+    bag = Foreign(names_in_bag, omitted=('odom',)).write(tmp_path / 'bag', events)
+    received, output = played(bag, tmp_path, '--remap', 'wheel_states:=/base/joint_states')
+    assert names(received) == {'/imu/data', '/wheel_states', '/tire_samples'}
+    count = sum(topic == 'wheel_states' for _, topic, _ in events)
+    assert sum(channel.topic == '/wheel_states' for _, channel, _ in received) == count
+    assert '/base/joint_states was published as wheel_states' in output
+    assert '/mti30/imu was published as imu/data' in output

@@ -168,3 +168,25 @@ def test_the_friction_estimator_uses_all_inputs_and_rejects_invalid_ones(graph):
         assert message.header.frame_id == 'front_right'
         assert tuple(message.name) == FRICTION_QUANTITIES
     assert {crossing.stiffness for crossing in graph.samples('tire_friction')} == {(40.0, 2.0)}
+
+
+def test_joints_of_other_names_are_given_by_parameters_or_recognized(graph):
+    def wheel_states(**speeds):
+        msg = JointState(name=['arm', *speeds], velocity=[9.0, *speeds.values()])
+        msg.header.stamp.sec = START_NS // NS_PER_S
+        return msg
+
+    graph.connect('wheel_states', JointState, readers=0)
+    arm = JointState(name=['arm'], velocity=[9.0])
+    with graph.start('slip_estimator', joints__left='M1', joints__right='M2'), \
+            graph.start('friction_estimator') as guess:
+        def accepted(node, **speeds):
+            def publish():
+                graph.publish_message('wheel_states', wheel_states(**speeds))
+                graph.publish_message('wheel_states', arm)
+            graph.until(lambda: graph.value(node, 'wheel_states.last_message_age')
+                        not in ('', 'inf'), publish)
+
+        accepted('slip_estimator', M1=1.0, M2=2.0)
+        accepted('friction_estimator', left_wheel=1.0, right_wheel=2.0)
+        graph.until(lambda: 'the wheels are the joints left_wheel, right_wheel' in guess.output)
