@@ -26,8 +26,8 @@ import yaml
 
 from smart_tire.bags.storage import Channel
 from smart_tire.errors import BagError
+from smart_tire.paths import BAG_METADATA
 
-NAME = 'metadata.yaml'
 ROOT = 'rosbag2_bagfile_information'
 VERSION = 9
 NO_START = 2**63 - 1                       # ns, start time of a bag without messages
@@ -76,9 +76,9 @@ def metadata_text(contents: Contents) -> str:
 
 def write_metadata(directory: Path, contents: Contents) -> None:
     """Write metadata.yaml atomically."""
-    draft = directory / f'.{NAME}'
+    draft = directory / f'.{BAG_METADATA}'
     draft.write_text(_dump({ROOT: _entry(contents)}), encoding='utf-8')
-    os.replace(draft, directory / NAME)
+    os.replace(draft, directory / BAG_METADATA)
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ def read_metadata(directory: Path) -> Metadata | None:
 
     Raises BagError if it is invalid.
     """
-    path = directory / NAME
+    path = directory / BAG_METADATA
     try:
         document = yaml.load(path.read_text(encoding='utf-8'), LOADER)
     except FileNotFoundError:

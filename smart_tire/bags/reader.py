@@ -48,9 +48,9 @@ from smart_tire.errors import BagError, MessageError
 from smart_tire.messages import (
     find_topic, OtherJointsError, resolved_joints, TOPICS, wheels_from_msg)
 from smart_tire.parameters import JointParams, STANDARD_JOINTS
+from smart_tire.paths import BAG_SUFFIXES
 from smart_tire.samples import Sample, WheelSample
 
-SUFFIXES = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
 ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
 SQLITE_MAGIC = b'SQLite format 3\x00'
 DECOMPRESS_BLOCK_SIZE = 1 << 20  # bytes
@@ -318,7 +318,7 @@ class Bag:
             if not path.exists():
                 self._warnings.append(f'{path}: file is missing')
         paths = [path for path in listed if path.exists()] or sorted(
-            (path for path in self.path.iterdir() if path.name.endswith(SUFFIXES)),
+            (path for path in self.path.iterdir() if path.name.endswith(BAG_SUFFIXES)),
             key=_natural_sort_key)
         if not paths:
             raise BagError(f'{self.path}: not a rosbag2 directory (contains no .mcap or .db3 '

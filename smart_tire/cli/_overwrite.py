@@ -26,9 +26,9 @@ import os
 from pathlib import Path
 
 from smart_tire.errors import ParameterError
+from smart_tire.paths import BAG_METADATA
 
 FIGURES = ('slip.png', 'path.png', 'friction.png', 'crossing.png')  # of analysis/figures.py
-METADATA = 'metadata.yaml'  # of a bag
 
 
 def add_force(parser: argparse.ArgumentParser) -> None:
@@ -63,7 +63,7 @@ def refuse_folder_of_bag(out: Path, bags: Iterable[Path]) -> None:
     for bag in bags:
         path = bag.resolve()
         folder = path if path.is_dir() else path.parent
-        inside = path.is_dir() or (folder / METADATA).exists()  # not if a single file
+        inside = path.is_dir() or (folder / BAG_METADATA).exists()  # not if a single file
         if out.resolve() == folder or inside and folder in out.resolve().parents:
             raise ParameterError(f'{out} is in the folder of the bag {bag}: choose another --out')
 
@@ -86,4 +86,4 @@ def remove(folder: Path, names: Iterable[str]) -> None:
 
 
 def _bag_files(folder: Path) -> set[str]:
-    return {f'{folder.resolve().name}_0.mcap', METADATA}
+    return {f'{folder.resolve().name}_0.mcap', BAG_METADATA}

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import argparse
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 import sys
@@ -53,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Analyze all bags; return the largest exit status."""
-    names = [folder_name(bag) for bag in args.bags]
+    names = folder_names(args.bags)
     for name, count in Counter(names).items():
         if count > 1:
             print(f'smart_tire analyze: {count} bags have the name {name}', file=sys.stderr)
@@ -80,6 +80,15 @@ def check_out(out: Path, args: argparse.Namespace) -> None:
         refuse_existing_bag(out / folder, force=args.force)
     figures = () if args.no_figures else FIGURES
     refuse_existing([out / name for name in ('summary.json', *figures)], force=args.force)
+
+
+def folder_names(bags: Sequence[Path]) -> list[str]:
+    """Return a name for each bag: its own, or that of its folder where the names are equal."""
+    names = [folder_name(bag) for bag in bags]
+    if len(set(names)) < len(names):
+        folders = [bag.resolve().parent.name for bag in bags]
+        return folders if len(set(folders)) == len(folders) else names
+    return names
 
 
 def folder_name(bag: Path) -> str:

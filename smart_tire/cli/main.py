@@ -17,6 +17,7 @@ The command ``smart_tire VERB ...``.
 
 A verb is a module of this folder with ``NAME``, ``HELP``, ``add_arguments(parser)`` and
 ``run(args)``, which returns the exit status. Only the module of the given verb is imported.
+Completion in the shell: PYTHON_ARGCOMPLETE_OK
 """
 
 from __future__ import annotations
@@ -25,10 +26,13 @@ import argparse
 from collections.abc import Sequence
 from importlib import import_module
 import os
+import platform
 import signal
 import sys
 from typing import Any
 
+from smart_tire import __version__
+from smart_tire.cli._inputs import check_paths
 from smart_tire.errors import BagError, ParameterError, SmartTireError
 
 VERBS = {
@@ -39,9 +43,11 @@ VERBS = {
     'analyze': 'run the estimators on bags; write estimates, summary and figures',
     'identify': 'identify parameters from recordings, with standard errors',
     'measure': 'measure deflections with an identified film',
+    'topics': 'print what the fields of each topic mean, with their units',
     'reproduce': 'recompute the figures and tables of both papers',
 }
 FAILED, USAGE, INTERRUPTED, BROKEN_PIPE = 1, 2, 130, 141  # exit statuses
+COMPLETING = '_ARGCOMPLETE'   # set by the shell that asks for completions
 ROS_ARGUMENTS = '--ros-args'  # rclpy reads the arguments from here on
 ROS_PACKAGE_SUFFIXES = ('rclpy', '_msgs', '_srvs', '_interfaces')
 
@@ -52,6 +58,7 @@ def new_parser(selected: str | None) -> argparse.ArgumentParser:
         prog='smart_tire',
         description='Wheel slip, localization and tire-road friction from sensors in the tires.',
         epilog='"smart_tire VERB --help" describes the arguments of a verb.')
+    parser.add_argument('--version', action='version', version=version_text())
     choices = parser.add_subparsers(dest='verb', metavar='VERB', required=True)
     for name, summary in VERBS.items():
         verb = choices.add_parser(name, help=summary)
@@ -63,14 +70,33 @@ def new_parser(selected: str | None) -> argparse.ArgumentParser:
     return parser
 
 
+def version_text() -> str:
+    """Return the version of the package, of Python and of the ROS distribution, if any."""
+    distribution = os.environ.get('ROS_DISTRO')
+    ros = f'ROS {distribution}' if distribution else 'no ROS distribution'
+    return f'smart_tire {__version__} (Python {platform.python_version()}, {ros})'
+
+
+def complete() -> None:
+    """Write the completions of the command line that the shell is editing, and exit."""
+    import argcomplete
+    _, _, _, words, _ = argcomplete.split_line(
+        os.environ['COMP_LINE'], int(os.environ['COMP_POINT']))
+    after_program = words[int(os.environ[COMPLETING]):]
+    argcomplete.autocomplete(new_parser(after_program[0] if after_program else None))
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the verb given on the command line; return the exit status."""
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # see smart_tire.launching
     words = list(sys.argv[1:] if argv is None else argv)
     if ROS_ARGUMENTS in words:
         words = words[:words.index(ROS_ARGUMENTS)]
+    if COMPLETING in os.environ:
+        complete()
     args = new_parser(words[0] if words else None).parse_args(words)
     try:
+        check_paths(args)
         status = int(args.run(args))
         sys.stdout.flush()
         return status

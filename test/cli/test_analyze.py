@@ -122,11 +122,25 @@ def test_a_bag_without_inputs_gives_status_one_and_the_others_are_analyzed(bag, 
     assert (tmp_path / 'out' / 'drive' / 'summary.json').exists()
 
 
-def test_a_missing_bag_gives_status_two_and_the_others_are_analyzed(bag, tmp_path, capsys):
+def test_a_missing_bag_is_refused_before_any_bag_is_analyzed(bag, tmp_path, capsys):
     out = tmp_path / 'out'
-    assert analyze(tmp_path / 'nowhere', bag, '--no-figures', '--out', out) == 2
+    assert analyze(bag, tmp_path / 'nowhere', '--no-figures', '--out', out) == 2
     assert 'nowhere: no such file' in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_a_damaged_bag_gives_status_two_and_the_others_are_analyzed(bag, tmp_path, capsys):
+    out, damaged = tmp_path / 'out', tmp_path / 'damaged.mcap'
+    damaged.write_text('no bag')
+    assert analyze(damaged, bag, '--no-figures', '--out', out) == 2
+    assert 'damaged.mcap: not a bag file' in capsys.readouterr().err
     assert (out / 'drive' / 'summary.json').exists()
+
+
+def test_bags_of_the_same_name_in_several_folders_are_named_by_the_folders():
+    assert folder_names([Path('a/bag'), Path('b/bag'), Path('b/other')]) == ['bag', 'bag', 'other']
+    assert folder_names([Path('a/bag'), Path('b/bag')]) == ['a', 'b']
+    assert folder_names([Path('a/first'), Path('a/second.mcap')]) == ['first', 'second']
 
 
 @pytest.mark.parametrize('text, message', [

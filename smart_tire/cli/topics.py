@@ -1,0 +1,55 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""``smart_tire topics``: what the fields of each topic mean."""
+
+from __future__ import annotations
+
+import argparse
+
+from smart_tire.errors import ParameterError
+from smart_tire.messages.describe import columns, describe, Described, topic_lines, TOPIC_NAMES
+
+NAME = 'topics'
+HELP = 'list the topics, or print what the fields of a topic mean, with their units'
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of this verb."""
+    names = parser.add_argument('topics', nargs='*', metavar='TOPIC',
+                                help='topic to describe, with or without namespace (default: '
+                                     'list all)')
+    names.completer = lambda **_: TOPIC_NAMES  # type: ignore[attr-defined]  # of argcomplete
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the list, or the description of each given topic."""
+    described = [_described(name) for name in args.topics]
+    if not described:
+        rows = [(topic.name, topic.content.summary)
+                for topic in map(describe, TOPIC_NAMES) if topic is not None]
+        print('\n'.join(columns(rows, '')))
+        print('\n"smart_tire topics TOPIC" describes the fields of a topic.')
+    for number, topic in enumerate(described):
+        print('\n' * bool(number) + '\n'.join(topic_lines(topic)))
+        print(f'    published by {topic.publishers}'
+              + (f'; subscribers: {topic.subscribers}' if topic.subscribers else ''))
+    return 0
+
+
+def _described(name: str) -> Described:
+    topic = describe(name)
+    if topic is None:
+        raise ParameterError(f'{name}: no topic of this package; known: {", ".join(TOPIC_NAMES)}')
+    return topic

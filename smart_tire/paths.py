@@ -1,0 +1,75 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Checks of the paths given to a program, before anything slow is imported.
+
+A bag may be given by a folder that contains it, such as ``demo_output``.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from smart_tire.errors import BagError, ParameterError
+
+BAG_SUFFIXES = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
+BAG_METADATA = 'metadata.yaml'
+
+
+def find_bag(path: Path) -> Path:
+    """
+    Return the bag that ``path`` names: itself, or the only bag one level below.
+
+    Raises BagError if there is no bag, and if there are several.
+    """
+    if not path.exists():
+        raise BagError(f'{path}: no such file or directory')
+    if not path.is_dir() or is_bag(path):
+        return path
+    below = sorted(child for child in path.iterdir() if child.is_dir() and is_bag(child))
+    if not below:
+        raise BagError(f'{path}: not a rosbag2 directory (contains no .mcap or .db3 file)')
+    if len(below) > 1:
+        raise BagError(f'{path} contains {len(below)} bags, expected one: '
+                       + ', '.join(map(str, below)))
+    return below[0]
+
+
+def is_bag(folder: Path) -> bool:
+    """Return whether ``folder`` has the files of a bag; a bag may lack its metadata."""
+    return (folder / BAG_METADATA).is_file() or any(
+        child.name.endswith(BAG_SUFFIXES) and child.is_file() for child in folder.iterdir())
+
+
+def check_file(path: Path) -> None:
+    """Raise ParameterError unless ``path`` is a file that can be read."""
+    if not path.exists():
+        raise ParameterError(f'{path}: no such file')
+    if path.is_dir():
+        raise ParameterError(f'{path} is a folder, expected a file')
+    if not os.access(path, os.R_OK):
+        raise ParameterError(f'{path}: cannot be read (permission denied)')
+
+
+def check_writable(path: Path) -> None:
+    """Raise ParameterError if ``path`` can be neither created nor replaced."""
+    folder = path.absolute().parent
+    while not os.path.lexists(folder):
+        folder = folder.parent
+    if not folder.is_dir():
+        raise ParameterError(f'{path}: cannot be written ({folder} is not a folder)')
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise ParameterError(f'{path}: cannot be written (no permission to write to {folder})')
