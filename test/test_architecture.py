@@ -103,8 +103,9 @@ def misplaced_libraries(source: Source) -> Iterator[str]:
     here = room_of(source.name)
     for line, module in imported_modules(source.tree):
         root = module.partition('.')[0]
-        if not root or root in sys.stdlib_module_names or room_of_module(module):
-            continue
+        if not root or root in sys.stdlib_module_names or root == 'smart_tire' \
+                or room_of_module(module):
+            continue  # the package itself has the version
         rooms: set[str] = set().union(
             *(rooms for library, rooms in LIBRARIES.items() if fnmatch(root, library)))
         if rooms != EVERY_ROOM and here not in rooms:

@@ -35,7 +35,8 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / 'smart_tire'
 MANIFEST = ElementTree.parse(ROOT / 'package.xml').getroot()
 ROSDEP_KEYS = {  # top-level module -> its key in rosdep's python.yaml
-    'matplotlib': 'python3-matplotlib', 'numpy': 'python3-numpy', 'rich': 'python3-rich',
+    'argcomplete': 'python3-argcomplete', 'matplotlib': 'python3-matplotlib',
+    'numpy': 'python3-numpy', 'rich': 'python3-rich',
     'scipy': 'python3-scipy', 'serial': 'python3-serial', 'yaml': 'python3-yaml',
 }
 PIP_NAMES = {'serial': 'pyserial', 'yaml': 'pyyaml'}  # where module and distribution differ

@@ -31,7 +31,7 @@ import signal
 import sys
 from typing import Any
 
-from smart_tire import __version__
+import smart_tire
 from smart_tire.cli._inputs import check_paths
 from smart_tire.errors import BagError, ParameterError, SmartTireError
 
@@ -74,13 +74,14 @@ def version_text() -> str:
     """Return the version of the package, of Python and of the ROS distribution, if any."""
     distribution = os.environ.get('ROS_DISTRO')
     ros = f'ROS {distribution}' if distribution else 'no ROS distribution'
-    return f'smart_tire {__version__} (Python {platform.python_version()}, {ros})'
+    return f'smart_tire {smart_tire.__version__} (Python {platform.python_version()}, {ros})'
 
 
 def complete() -> None:
     """Write the completions of the command line that the shell is editing, and exit."""
     import argcomplete
-    _, _, _, words, _ = argcomplete.split_line(
+    from argcomplete.lexers import split_line
+    _, _, _, words, _ = split_line(
         os.environ['COMP_LINE'], int(os.environ['COMP_POINT']))
     after_program = words[int(os.environ[COMPLETING]):]
     argcomplete.autocomplete(new_parser(after_program[0] if after_program else None))

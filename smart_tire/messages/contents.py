@@ -77,7 +77,7 @@ TIRE_BATTERY = Content('battery of the sensor node of one wheel', (
     rate='1 Hz per sensor node')
 ODOM = Content('pose of `base_link` in `odom`, and its velocity', (
     Field('pose.pose.position', 'm', 'position; z is 0'),
-    Field('pose.pose.orientation', '-', 'unit quaternion: yaw only'),
+    Field('pose.pose.orientation', '-', 'unit quaternion'),
     Field('twist.twist.linear', 'm/s', 'velocity in `base_link`: x forward, y to the left'),
     Field('twist.twist.angular', 'rad/s', 'z: yaw rate, counter-clockwise'),
     Field('pose.covariance', 'm2, rad2', 'row-major 6x6: x, y, z, rotation about x, y, z'),
@@ -86,7 +86,7 @@ WHEEL_SLIP = Content('longitudinal slip of the four wheels', (
     WHEEL_NAMES,
     Field('position', '-', 'slip ratio in [-1, 1], positive when driving, in both directions of '
           'travel; -1 for a locked wheel on a moving robot; NaN if and only if |r omega| and the '
-          'wheel center\'s |v_x| are both below `slip.standstill_speed`'),
+          '|v_x| of its center are both below `slip.standstill_speed`'),
     Field('velocity', 'm/s', 'slip velocity r omega - v_x of the wheel, never clipped'),
     Field('effort', '-', 'standard deviation of the slip ratio; 1 where it is NaN')))
 ICR = Content('instantaneous center of rotation of the body in `base_link`', (

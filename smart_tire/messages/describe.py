@@ -22,7 +22,7 @@ from textwrap import wrap
 
 from smart_tire.messages.contents import Content, Field
 from smart_tire.messages.node_table import NODE_TABLE, publishers_of, subscribers_of
-from smart_tire.messages.states import STATE_TOPICS
+from smart_tire.messages.states import STATE_TOPICS, StateTopic
 from smart_tire.messages.topics import find_topic, Topic, TOPICS
 
 WIDTH = 99             # characters of a line
@@ -45,7 +45,7 @@ class Described:
 
 def describe(name: str) -> Described | None:
     """Return the description of a topic, also with a namespace; None if it is not known."""
-    topic = STATE_TOPICS.get(name) or STATE_TOPICS.get(name.strip('/')) or find_topic(name)
+    topic = _find_state(name) or find_topic(name)
     if topic is None:
         return None
     content = topic.content
@@ -55,6 +55,11 @@ def describe(name: str) -> Described | None:
         rate, frame = content.rate, topic.frame or ''
     return Described(topic.name, topic.type, rate, frame, _publishers(topic.name),
                      ', '.join(subscribers_of(topic.name)), content)
+
+
+def _find_state(name: str) -> StateTopic | None:
+    return next((topic for topic in STATE_TOPICS.values()
+                 if f'/{name}'.endswith('/' + topic.name.strip('/'))), None)
 
 
 def _publishers(topic: str) -> str:
@@ -70,10 +75,11 @@ def plain(text: str) -> str:
 
 
 def topic_lines(topic: Described, *, indent: str = '', width: int = WIDTH) -> Iterator[str]:
-    """Yield the lines that describe ``topic``: head, summary, fields and quantities."""
-    yield f'{indent}{topic.name}  [{topic.type}]  {plain(topic.rate)}'
+    """Yield the lines that describe ``topic``: summary, rate, frame, fields and quantities."""
+    yield f'{indent}{topic.name}  [{topic.type}]'
     inner = indent + '    '
     yield from paragraph(topic.content.summary, inner, width)
+    yield from paragraph(f'rate: {topic.rate}', inner, width)
     if topic.frame:
         yield f'{inner}header.frame_id: {topic.frame}'
     yield from field_lines(topic.content.fields, inner, width)

@@ -15,8 +15,9 @@
 """
 ROS 2 nodes: each connects drivers or estimators to topics and contains no algorithm.
 
-On import as the main program of a node, SIGINT and SIGTERM are set to end the process with
-status 0 until the node installs its own handlers, since importing takes a noticeable time.
+On import as the main program of a node, ``--help`` and ``--version`` are answered, and SIGINT and
+SIGTERM are set to end the process with status 0 until the node installs its own handlers, since
+importing takes a noticeable time.
 """
 
 import os
@@ -44,3 +45,9 @@ if sys.argv[0] == '-m' or Path(sys.argv[0]).name in EXECUTABLES:  # ``python -m`
     for _number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(_number, _exit)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # see smart_tire.launching
+    if any(word in ('-h', '--help', '--version') for word in sys.argv[1:]):
+        from smart_tire.nodes.command_line import answer, started_module
+        _answer = answer(sys.argv, started_module() if sys.argv[0] == '-m' else '')
+        if _answer is not None:
+            sys.stdout.write(_answer)
+            sys.exit(0)

@@ -37,17 +37,19 @@ from rclpy.timer import Timer
 
 from smart_tire.errors import ParameterError, SmartTireError
 from smart_tire.messages import OtherJointsError, TOPICS
+from smart_tire.nodes.command_line import foreign_arguments
 from smart_tire.nodes.compat import (
-    foreign_arguments, message_class, new_executor, plain_message, RCLError, with_info,
-    wrong_type_message)
+    message_class, new_executor, plain_message, RCLError, with_info, wrong_type_message)
 from smart_tire.nodes.diagnostics import diagnostic_array, InputCounter, Status
+from smart_tire.nodes.input_watch import CHECK_PERIOD, InputLog, SILENCE_NS
 from smart_tire.nodes.parameters import declare, read
 from smart_tire.nodes.qos import publisher_qos, subscriber_qos
 from smart_tire.parameters import build
+from smart_tire.samples import NS_PER_S
 
 Params = TypeVar('Params')
 DIAGNOSTICS_PERIOD = 1.0  # s, docs/topics.md
-MAX_INPUT_AGE = 2.0       # s without a message on a required input before a warning
+MAX_INPUT_AGE = SILENCE_NS / NS_PER_S  # s without a message on a required input
 SIGNAL_POLL_PERIOD = 0.1  # s, longest delay until a signal is handled
 EXIT_OK, EXIT_DEFECT, EXIT_REFUSED = 0, 1, 2
 
@@ -77,6 +79,8 @@ class SmartTireNode(Node, Generic[Params]):
         self._publish_diagnostics = self.make_guarded_publisher(
             DiagnosticArray, '/diagnostics', publisher_qos('/diagnostics'))
         self.create_steady_timer(DIAGNOSTICS_PERIOD, self._on_diagnostics_timer)
+        self.input_log = InputLog(self.get_logger(), self.steady_ns)
+        self.create_steady_timer(CHECK_PERIOD, self.input_log.check)
         self.add_on_set_parameters_callback(self._on_set_parameters)
 
     def start(self) -> None:
@@ -105,7 +109,7 @@ class SmartTireNode(Node, Generic[Params]):
 
     def subscribe(self, topic_name: str, on_sample: Callable[..., None], *,
                   name: str | None = None, wheels: int = 1, reliability: str = 'reliable',
-                  required: bool = False, info: bool = False,
+                  required: bool = False, announced: bool = False, info: bool = False,
                   from_msg: Callable[[Any], Any] | None = None) -> None:
         """
         Subscribe to a topic of ``TOPICS``; call ``on_sample`` with each valid sample.
@@ -113,12 +117,14 @@ class SmartTireNode(Node, Generic[Params]):
         Invalid messages are counted and logged, those of other joints ignored. ``name`` replaces
         the topic's name, ``from_msg`` its conversion. With ``info``, ``on_sample`` also gets
         rclpy's message info. No message for ``MAX_INPUT_AGE`` on a ``required`` topic is a
-        warning.
+        warning. The first message on a required or ``announced`` topic is logged.
         """
         topic, name = TOPICS[topic_name], name or topic_name
         counter = InputCounter(required=required)
         self.inputs[name] = counter
         convert = from_msg or topic.from_msg
+        if required or announced:
+            self.input_log.add(name, lambda: counter.ok, required=required)
 
         def handle(msg: Any, *info: Any) -> None:
             try:

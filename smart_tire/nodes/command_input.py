@@ -59,7 +59,7 @@ class CommandInput:
         self._conflict = ''
         self._warned_unstamped = False
         node.subscribe(topic, self._on_message, name=name, info=True, required=required,
-                       reliability=reliability, from_msg=from_msg)
+                       announced=True, reliability=reliability, from_msg=from_msg)
         node.create_steady_timer(TICK_PERIOD, self.tick)
 
     def tick(self) -> None:

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from importlib import import_module
 import inspect
 import re
@@ -30,7 +30,6 @@ from rclpy.node import Node
 from smart_tire.parameters.files import from_arguments
 
 RCLError: type[RuntimeError] = rclpy_implementation.RCLError  # of ``publish``; not exported
-ROS_ARGS, END_OF_ROS_ARGS = '--ros-args', '--'  # on a command line
 
 
 def new_executor() -> Any:
@@ -122,24 +121,3 @@ def wrong_type_message(error: Exception) -> str:
         return text
     name, value, kind = found.groups()
     return f'parameter {name}: {value!r}, expected a {kind.lower()}'
-
-
-def ros_arguments(words: Sequence[str]) -> list[str]:
-    """
-    Return the ROS arguments of a command line, for ``rclpy.init``.
-
-    Without them rcl takes any ``from:=to``, such as that of ``--remap`` of this package, for a
-    deprecated remapping.
-    """
-    return list(words[words.index(ROS_ARGS):]) if ROS_ARGS in words else []
-
-
-def foreign_arguments(words: Sequence[str]) -> list[str]:
-    """Return the arguments of a command line that are not ROS arguments; rclpy ignores most."""
-    in_ros_args, foreign = False, []
-    for word in words[1:]:
-        if word in (ROS_ARGS, END_OF_ROS_ARGS):
-            in_ros_args = word == ROS_ARGS
-        elif not in_ros_args:
-            foreign.append(word)  # also ``from:=to``, which rcl takes for a deprecated remapping
-    return foreign

@@ -68,6 +68,7 @@ class EstimatorNode(SmartTireNode[Params]):
         """Replace the estimator by a new one in its initial state."""
         self.estimator = self._new_estimator(self.params)
         self._late_reported = 0
+        self._has_estimates = False
 
     def wrap_callback(self, name: str,
                       on_message: Callable[[Any], None]) -> Callable[[Any], None]:
@@ -107,6 +108,9 @@ class EstimatorNode(SmartTireNode[Params]):
     def publish_estimate(self, estimate: Sample) -> None:
         """Publish one estimate."""
         name = topic_of(estimate)
+        if not self._has_estimates:
+            self._has_estimates = True
+            self.get_logger().info(f'first estimate: {name}')
         self._publish[name](estimate)
         self._follower.published(self._topics[name], estimate.stamp_ns)
 

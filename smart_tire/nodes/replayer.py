@@ -36,7 +36,8 @@ from rosgraph_msgs.msg import Clock
 
 from smart_tire.bags import Bag, BagTopic
 from smart_tire.messages import find_topic
-from smart_tire.nodes.compat import message_class, new_executor, ros_arguments
+from smart_tire.nodes.command_line import ros_arguments
+from smart_tire.nodes.compat import message_class, new_executor
 from smart_tire.nodes.lockstep import full_name, Leader, MAX_STEPS_AHEAD, stamp_in
 from smart_tire.nodes.qos import latched, publisher_qos
 from smart_tire.samples import NS_PER_S, WHEELS

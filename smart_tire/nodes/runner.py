@@ -17,12 +17,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+import sys
 from typing import Any, Generic, TypeVar
 
 import rclpy
 from rclpy.signals import SignalHandlerOptions
 
 from smart_tire.nodes.base import SmartTireNode
+from smart_tire.nodes.command_line import ros_arguments
 from smart_tire.nodes.compat import new_executor
 
 MAX_SPIN_TIME = 0.1  # s, of one call of the executor
@@ -40,7 +42,7 @@ class NodeRunner(Generic[Running]):
 
         ``arguments`` are those of ROS, by default the command line of the process.
         """
-        rclpy.init(args=None if arguments is None else list(arguments),
+        rclpy.init(args=ros_arguments(sys.argv) if arguments is None else list(arguments),
                    signal_handler_options=SignalHandlerOptions.NO)
         self.node = node_class()
         self._executor = new_executor()

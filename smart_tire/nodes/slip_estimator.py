@@ -26,10 +26,13 @@ from smart_tire.estimation.streams import SLIP
 from smart_tire.messages import transform_to_msg
 from smart_tire.nodes.base import run
 from smart_tire.nodes.compat import transform_class
+from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.estimator import EstimatorNode
 from smart_tire.nodes.qos import publisher_qos
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.samples import Odometry, Sample
+
+MAX_BIAS_SHARE = 0.2  # of its prior, standard deviation of the gyro bias once it is determined
 
 
 class SlipEstimatorNode(EstimatorNode[SlipEstimatorParams]):
@@ -63,6 +66,21 @@ class SlipEstimatorNode(EstimatorNode[SlipEstimatorParams]):
         if self._tf_class is not None:
             self._tf_publisher = self.create_publisher(
                 self._tf_class, '/tf', publisher_qos('/tf'))
+
+    def restart(self) -> None:
+        """Replace the estimator by a new one, whose gyro bias is unknown."""
+        super().restart()
+        self._is_initialized = False
+
+    def fill_status(self, status: Status) -> None:
+        """Add the state of the estimator; log when a rest has determined the gyro bias."""
+        super().fill_status(status)
+        bias = self.estimator.gyro_bias
+        if not self._is_initialized and (
+                bias.sigma < MAX_BIAS_SHARE * self.params.robot.imu.gyro_bias):
+            self._is_initialized = True
+            self.get_logger().info(f'initialized: gyro bias {bias.value:+.4f} rad/s, standard '
+                                   f'deviation {bias.sigma:.4f} rad/s, from standstill')
 
     def publish_estimate(self, estimate: Sample) -> None:
         """Publish one estimate; the pose also as a transform."""

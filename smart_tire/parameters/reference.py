@@ -66,10 +66,15 @@ def _section(file: str, node: str) -> Iterator[str]:
                                 else ', for all nodes, the simulator and the offline analysis.')
     yield ''
     yield HEADER
-    instances = _instance_prefixes(described)
-    for name, spec in described.items():
+    for name, shown, spec in zip(described, placeholder_names(described), described.values()):
         if name not in shared:
-            yield _row(_placeholder_name(name, instances), spec)
+            yield _row(shown, spec)
+
+
+def placeholder_names(described: dict[str, Spec]) -> list[str]:
+    """Return the names of parameters, with ``<name>`` for the name of an instance."""
+    instances = _instance_prefixes(described)
+    return [_placeholder_name(name, instances) for name in described]
 
 
 def _instance_prefixes(described: dict[str, Spec]) -> dict[str, str]:
@@ -90,10 +95,11 @@ def _placeholder_name(name: str, instances: dict[str, str]) -> str:
 def _row(name: str, spec: Spec) -> str:
     meaning = spec.meaning + (' (*live*)' if spec.live else '')
     return (f'| `{name}` | {spec.kind} | `{value_text(spec.default)}` | {spec.unit} | '
-            f'{_range(spec) or "-"} | {meaning} |')
+            f'{range_cell(spec) or "-"} | {meaning} |')
 
 
-def _range(spec: Spec) -> str:
+def range_cell(spec: Spec) -> str:
+    """Return the allowed values of a parameter in short, '' if there is no limit."""
     if spec.choices:
         return ', '.join(f'`{choice}`' for choice in spec.choices)
     parts = [] if spec.length is None else [f'{spec.length} values']

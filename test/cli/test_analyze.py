@@ -15,10 +15,12 @@
 """The command line of ``smart_tire analyze``: grammar, files and exit status."""
 
 import json
+from pathlib import Path
 
 import pytest
 
 from smart_tire.bags import BagWriter
+from smart_tire.cli.analyze import folder_names
 from smart_tire.cli.main import main
 from smart_tire.parameters import build, SimulatorParams
 from smart_tire.simulation.offline import simulate
@@ -138,7 +140,7 @@ def test_a_damaged_bag_gives_status_two_and_the_others_are_analyzed(bag, tmp_pat
 
 
 def test_bags_of_the_same_name_in_several_folders_are_named_by_the_folders():
-    assert folder_names([Path('a/bag'), Path('b/bag'), Path('b/other')]) == ['bag', 'bag', 'other']
+    assert folder_names([Path('a/bag'), Path('b/bag'), Path('b/c')]) == ['bag', 'bag', 'c']
     assert folder_names([Path('a/bag'), Path('b/bag')]) == ['a', 'b']
     assert folder_names([Path('a/first'), Path('a/second.mcap')]) == ['first', 'second']
 

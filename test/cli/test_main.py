@@ -17,11 +17,13 @@
 from __future__ import annotations
 
 from importlib import import_module
+import platform
 import subprocess
 import sys
 
 import pytest
 
+import smart_tire
 from smart_tire.cli.main import main, VERBS
 from smart_tire.errors import BagError, EstimatorError, ParameterError
 
@@ -32,6 +34,7 @@ SLOW = ('numpy', 'scipy', 'matplotlib', 'rosbags', 'mcap', 'rclpy', 'yaml')
 def verb(monkeypatch):
     """Return a function that replaces ``run`` of the verb ``recover``."""
     def replace(run):
+        monkeypatch.setattr(import_module('smart_tire.cli.main'), 'check_paths', lambda args: None)
         monkeypatch.setattr(import_module('smart_tire.cli.recover'), 'run', run)
         return main(['recover', 'some_bag'])
     return replace
@@ -62,6 +65,19 @@ def test_help_lists_all_verbs_without_slow_imports():
                           check=True, env={'PYTHONPATH': ':'.join(filter(None, sys.path))})
     assert done.stderr.strip() == '[]'
     assert all(f'  {name}' in done.stdout for name in VERBS)
+
+
+@pytest.mark.parametrize(('environment', 'ros'), [
+    ({}, 'no ROS distribution'), ({'ROS_DISTRO': 'jazzy'}, 'ROS jazzy')])
+def test_the_version_names_package_python_and_ros(environment, ros, capsys, monkeypatch):
+    monkeypatch.delenv('ROS_DISTRO', raising=False)
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    with pytest.raises(SystemExit) as ended:
+        main(['--version'])
+    assert ended.value.code == 0
+    assert capsys.readouterr().out == (
+        f'smart_tire {smart_tire.__version__} (Python {platform.python_version()}, {ros})\n')
 
 
 @pytest.mark.parametrize('words', [[], ['fly'], ['recover'], ['replay', 'bag', '--rate', '-1'],
@@ -104,6 +120,7 @@ def test_ros_arguments_are_left_to_rclpy(monkeypatch):
 
 def test_a_closed_output_pipe_is_not_an_error():
     code = ('import sys; from smart_tire.cli import main, recover\n'
+            'main.check_paths = lambda args: None\n'
             'recover.run = lambda args: [print(line) for line in range(100_000)] and 0\n'
             'sys.exit(main.main(["recover", "some_bag"]))')
     with subprocess.Popen([sys.executable, '-c', code], stdout=subprocess.PIPE,

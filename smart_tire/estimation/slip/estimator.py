@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+import math
 from typing import Any, Protocol
 
 from smart_tire.arrays import Array
@@ -80,6 +81,12 @@ class SlipEstimator:
         return self._reorder_buffer.late
 
     @property
+    def gyro_bias(self) -> Uncertain:
+        """Return the bias of the yaw rate [rad/s]."""
+        kalman, row = self._segment.filter, State.GYRO_BIAS_Z
+        return Uncertain(float(kalman.x[row]), math.sqrt(kalman.P[row, row]))
+
+    @property
     def counters(self) -> Counter[str]:
         """Return the number of rejected IMU spikes, position jumps and used film slips."""
         return self._past + self._segment.counters()
@@ -90,7 +97,7 @@ class SlipEstimator:
         return {
             'state': segment.state,
             'normalized_innovation_squared': round(segment.filter.nis, 3),
-            'gyro_bias': round(segment.filter.x[State.GYRO_BIAS_Z], 6),
+            'gyro_bias': round(self.gyro_bias.value, 6),
             'rolling_radius': round(segment.wheels.radius.radius, 6),
             'clock_jumps': self._reorder_buffer.resets,
             'position_jumps': counters['position_jumps'],

@@ -1,0 +1,168 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Write the tables of ``docs/topics.md`` from the table of topics of the package.
+
+Run it after a change of ``smart_tire/messages``; a test checks that the document is current. The
+examples remain as they are; ``python docs/write_topics.py BAG`` replaces them by messages of BAG,
+as ``ros2 topic echo --flow-style`` prints them, and requires a ROS distribution.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+import re
+import sys
+from typing import Any
+
+from smart_tire.messages.contents import Field
+from smart_tire.messages.describe import describe, Described, TOPIC_NAMES
+from smart_tire.messages.node_table import NODE_TABLE
+from smart_tire.messages.topics import TOPICS
+
+DOCUMENT = Path(__file__).parent / 'topics.md'
+GROUPS = {  # marker in the document -> topics of its table
+    'measurements': [name for name, topic in TOPICS.items() if topic.quality == 'sensor'],
+    'estimates': ['odom', '/tf', 'wheel_slip', 'icr', 'ground_state', 'tire_friction'],
+    'commands': ['cmd_vel', 'wheel_commands', 'motor_commands', 'emergency_stop_active',
+                 'motors_enabled', '/diagnostics'],
+    'reference': [name for name, topic in TOPICS.items() if topic.quality == 'truth']}
+HEADER = '| topic | type | publisher | rate | content |\n| --- | --- | --- | --- | --- |'
+EXAMPLE = re.compile(
+    r'^ros2 topic echo --once(?: --flow-style)? /(\S+)\n```\n\n```yaml\n(.*?)^```$',
+    re.MULTILINE | re.DOTALL)
+EXAMPLE_TIME_NS = 12_000_000_000  # ns after the start of the bag, on the first leg of the demo
+PREFERRED_NODE = 'slip_estimator'  # of which to show the diagnostics
+IN_BLOCK_STYLE = ('diagnostics',)  # nested lists are not readable on one line
+
+
+def described(name: str) -> Described:
+    """Return the description of a topic that is known to exist."""
+    topic = describe(name)
+    assert topic is not None, name
+    return topic
+
+
+def anchor(name: str) -> str:
+    """Return the anchor of a heading as GitHub makes it."""
+    return re.sub(r'[^\w\- ]', '', name.lower())
+
+
+def cell(text: str) -> str:
+    """Return ``text`` for a cell of a table."""
+    return text.replace('|', '\\|')
+
+
+def overview(names: Iterable[str]) -> str:
+    """Return the table of topics."""
+    rows = [HEADER]
+    for topic in map(described, names):
+        rows.append(f'| [`{topic.name}`](#{anchor(topic.name)}) | `{topic.type}` | '
+                    f'{topic.publishers} | {cell(topic.rate)} | {cell(topic.content.summary)} |')
+    return '\n'.join(rows)
+
+
+def services() -> str:
+    """Return the table of services."""
+    rows = ['| service | type | node | effect |\n| --- | --- | --- | --- |']
+    for node in NODE_TABLE.values():
+        for service in node.services:
+            condition = f', {service.condition}' if service.condition else ''
+            rows.append(f'| `{service.name}` | `{service.type}` | `{node.name}`{condition} | '
+                        f'{cell(service.meaning)} |')
+    return '\n'.join(rows)
+
+
+def field_table(fields: Iterable[Field], title: str) -> str:
+    """Return the table of fields or quantities."""
+    rows = [f'| {title} | unit | meaning |', '| --- | --- | --- |']
+    rows += [f'| `{field.name}` | {field.unit} | {cell(field.meaning)} |' for field in fields]
+    return '\n'.join(rows)
+
+
+def details(examples: dict[str, str]) -> str:
+    """Return a section for each topic: fields, quantities and an example."""
+    return '\n\n'.join('\n\n'.join(_section(described(name), examples))
+                       for names in GROUPS.values() for name in names)
+
+
+def _section(topic: Described, examples: dict[str, str]) -> Iterator[str]:
+    frame = f' `header.frame_id`: {topic.frame}.' if topic.frame else ''
+    subscribers = f' Subscribers: {topic.subscribers}.' if topic.subscribers else ''
+    summary = topic.content.summary
+    yield f'### {topic.name}'
+    yield f'{summary[0].upper()}{summary[1:]}.{frame}{subscribers}'
+    yield field_table(topic.content.fields, 'field')
+    if topic.content.quantities:
+        yield field_table(topic.content.quantities, 'quantity')
+    if (example := examples.get(topic.name.lstrip('/'))) is not None:
+        name = topic.name.lstrip('/')
+        style = '' if name in IN_BLOCK_STYLE else '--flow-style '
+        yield (f'```bash\nros2 topic echo --once {style}/{name}\n```\n\n'
+               f'```yaml\n{example}```')
+
+
+def written(text: str, examples: dict[str, str]) -> str:
+    """Return the text of the document with new tables and ``examples``."""
+    parts = {**{name: overview(topics) for name, topics in GROUPS.items()},
+             'services': services(), 'details': details(examples)}
+    for name, content in parts.items():
+        begin, end = f'<!-- begin {name} -->', f'<!-- end {name} -->'
+        before, found, rest = text.partition(begin)
+        if not found or end not in rest:
+            raise ValueError(f'{DOCUMENT.name} lacks the markers {begin} and {end}')
+        text = f'{before}{begin}\n{content}\n{end}{rest.partition(end)[2]}'
+    return text
+
+
+def read_examples(text: str) -> dict[str, str]:
+    """Return topic -> example in the document."""
+    return dict(EXAMPLE.findall(text))
+
+
+def recorded_examples(path: Path) -> dict[str, str]:
+    """Return topic -> a message of the bag at ``path``, as ``ros2 topic echo`` prints it."""
+    from rclpy.serialization import deserialize_message
+    from rosidl_runtime_py import message_to_yaml
+
+    from smart_tire.bags import Bag
+    from smart_tire.nodes.compat import message_class
+    found: dict[str, str] = {}
+    with Bag(path) as bag:
+        begin_ns = bag.span_ns[0] + EXAMPLE_TIME_NS
+        for receive_ns, channel, data in bag.raw():
+            name = channel.topic.strip('/')
+            if receive_ns < begin_ns or name in found:
+                continue
+            if describe(channel.topic) is not None:
+                msg: Any = deserialize_message(data, message_class(channel.type))
+                if name != 'diagnostics' or msg.status[0].name == PREFERRED_NODE:
+                    found[name] = message_to_yaml(
+                        msg, flow_style=name not in IN_BLOCK_STYLE) + '---\n'
+    return found
+
+
+def main(words: list[str]) -> None:
+    """Write the document, with examples from the bag named in ``words``, if any."""
+    text = DOCUMENT.read_text(encoding='utf-8')
+    examples = recorded_examples(Path(words[0])) if words else read_examples(text)
+    DOCUMENT.write_text(written(text, examples), encoding='utf-8')
+    print(f'{DOCUMENT.name}: {len(examples)} examples, none of '
+          + (', '.join(name for name in TOPIC_NAMES if name.lstrip('/') not in examples) or '-'))
+
+
+if __name__ == '__main__':
+    main(sys.argv[1:])

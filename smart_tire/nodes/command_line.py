@@ -1,0 +1,150 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Command line of the nodes: ``--help`` and ``--version``, answered without importing rclpy.
+
+All other arguments are those of ROS.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+import sys
+
+import smart_tire
+from smart_tire.messages.describe import columns, describe, paragraph, plain, topic_lines
+from smart_tire.messages.node_table import DIAGNOSTICS, NODE_TABLE, NodeEntry
+from smart_tire.parameters import NODE_PARAMS, RobotParams, Spec, specs
+from smart_tire.parameters.reference import placeholder_names, range_cell
+from smart_tire.parameters.yaml_writer import FILES, value_text
+
+ROS_ARGS, END_OF_ROS_ARGS = '--ros-args', '--'  # on a command line
+HELP, VERSION = ('-h', '--help'), ('--version',)
+INDENT = '  '
+EXIT_STATUSES = (
+    ('0', 'ended by SIGINT or SIGTERM'),
+    ('1', 'ended by an uncaught exception, which is printed'),
+    ('2', 'refused: unknown argument, unknown parameter or invalid value'))
+
+
+def foreign_arguments(words: Sequence[str]) -> list[str]:
+    """Return the arguments of a command line that are not ROS arguments; rclpy ignores most."""
+    in_ros_args, foreign = False, []
+    for word in words[1:]:
+        if word in (ROS_ARGS, END_OF_ROS_ARGS):
+            in_ros_args = word == ROS_ARGS
+        elif not in_ros_args:
+            foreign.append(word)  # also ``from:=to``, which rcl takes for a deprecated remapping
+    return foreign
+
+
+def ros_arguments(words: Sequence[str]) -> list[str]:
+    """
+    Return the ROS arguments of a command line, for ``rclpy.init``.
+
+    Without them rcl takes any ``from:=to``, such as that of ``--remap`` of this package, for a
+    deprecated remapping.
+    """
+    return list(words[words.index(ROS_ARGS):]) if ROS_ARGS in words else []
+
+
+def answer(words: Sequence[str], module: str = '') -> str | None:
+    """
+    Return the text that answers ``--help`` or ``--version`` on a node's command line, or None.
+
+    ``module`` is that of ``python -m``, which the first word does not name.
+    """
+    name = module.rpartition('.')[2] or Path(words[0]).name
+    if name not in NODE_TABLE:
+        return None
+    foreign = foreign_arguments(words)
+    if any(word in HELP for word in foreign):
+        return '\n'.join(help_lines(NODE_TABLE[name])) + '\n'
+    if any(word in VERSION for word in foreign):
+        return f'{name} (smart_tire {smart_tire.__version__})\n'
+    return None
+
+
+def started_module(command: Sequence[str] = ()) -> str:
+    """Return the module of ``python -m MODULE`` in the command line of Python, '' without -m."""
+    words = list(command or sys.orig_argv)
+    return words[words.index('-m') + 1] if '-m' in words[1:-1] else ''
+
+
+def help_lines(node: NodeEntry) -> Iterator[str]:
+    """Yield the lines of the help of a node."""
+    yield f'{node.name} (smart_tire {smart_tire.__version__})'
+    yield from paragraph(node.purpose, '')
+    yield ''
+    yield f'usage: ros2 run smart_tire {node.name} [--help] [--version] [--ros-args ...]'
+    yield '       ROS arguments: --params-file FILE, -p NAME:=VALUE, -r FROM:=TO and others'
+    for title, topics in (('subscribes to', node.subscribes),
+                          ('publishes', (*node.publishes, DIAGNOSTICS))):
+        yield from _topics(title, topics)
+    yield from _services(node)
+    yield from _parameters(node.name)
+    yield ''
+    yield 'exit status'
+    yield from columns(list(EXIT_STATUSES), INDENT)
+
+
+def _topics(title: str, names: Sequence[str]) -> Iterator[str]:
+    for number, name in enumerate(names):
+        yield ''
+        if number == 0:
+            yield title
+        topic = describe(name)
+        assert topic is not None, name
+        yield from topic_lines(topic, indent=INDENT)
+
+
+def _services(node: NodeEntry) -> Iterator[str]:
+    if node.services:
+        yield ''
+        yield 'services'
+    for service in node.services:
+        condition = f', {plain(service.condition)}' if service.condition else ''
+        yield f'{INDENT}{service.name}  [{service.type}]{condition}'
+        yield from paragraph(service.meaning, INDENT * 3)
+
+
+def _parameters(node: str) -> Iterator[str]:
+    described, shared = specs(NODE_PARAMS[node]), specs(RobotParams)
+    file = next(name for name, (_, nodes) in FILES.items() if node in nodes)
+    own = {name: spec for name, spec in described.items() if name not in shared}
+    robot = {name: spec for name, spec in described.items() if name in shared}
+    for title, group in ((f'parameters (config/{file})', own),
+                         ('parameters of the robot, the same for all nodes (config/robot.yaml)',
+                          robot)):
+        if group:
+            yield ''
+            yield title
+            yield from _parameter_lines(group)
+
+
+def _parameter_lines(group: dict[str, Spec]) -> Iterator[str]:
+    last = ''
+    for name, spec in zip(placeholder_names(group), group.values()):
+        prefix = name.rpartition('.')[0]
+        if prefix != last and last:
+            yield ''
+        last = prefix
+        unit = '' if spec.unit == '-' else f' {spec.unit}'
+        limits = range_cell(spec).replace('`', '')
+        yield f'{INDENT}{name} = {value_text(spec.default)}{unit}'
+        yield from paragraph(spec.meaning + (f' ({limits})' if limits else '')
+                             + (' (can be changed while the node runs)' if spec.live else ''),
+                             INDENT * 3)

@@ -1,0 +1,105 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Checks of paths: the bag in a folder, files to read, and files to write."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from smart_tire.errors import BagError, ParameterError
+from smart_tire.paths import check_file, check_writable, find_bag
+
+
+def made(folder: Path, *files: str) -> Path:
+    """Create ``folder`` with empty files and return it."""
+    folder.mkdir(parents=True)
+    for name in files:
+        (folder / name).touch()
+    return folder
+
+
+@pytest.mark.parametrize('file', ['metadata.yaml', 'drive_0.mcap', 'drive_0.db3',
+                                  'drive_0.mcap.zstd', 'drive_0.db3.zstd'])
+def test_a_folder_with_files_of_a_bag_is_the_bag_also_with_bags_below(file, tmp_path):
+    bag = made(tmp_path / 'drive', file)
+    made(bag / 'below', 'metadata.yaml')
+    assert find_bag(bag) == bag
+
+
+def test_a_file_is_taken_as_a_bag(tmp_path):
+    file = made(tmp_path / 'drive', 'anything') / 'anything'
+    assert find_bag(file) == file
+
+
+def test_the_only_bag_one_level_below_is_found(tmp_path):
+    made(tmp_path / 'demo' / 'figures', 'slip.png')
+    bag = made(tmp_path / 'demo' / 'bag', 'bag_0.mcap')
+    (tmp_path / 'demo' / 'other.mcap').mkdir()  # not a file of a bag
+    assert find_bag(tmp_path / 'demo') == bag
+
+
+def test_several_bags_one_level_below_are_an_error_that_lists_them(tmp_path):
+    second, first = made(tmp_path / 'b', 'x.mcap'), made(tmp_path / 'a', 'metadata.yaml')
+    with pytest.raises(BagError) as raised:
+        find_bag(tmp_path)
+    assert str(raised.value) == f'{tmp_path} contains 2 bags, expected one: {first}, {second}'
+
+
+def test_a_bag_two_levels_below_is_not_found(tmp_path):
+    made(tmp_path / 'a' / 'bag', 'metadata.yaml')
+    with pytest.raises(BagError, match='not a rosbag2 directory'):
+        find_bag(tmp_path)
+
+
+def test_a_missing_bag_is_an_error_with_its_path(tmp_path):
+    with pytest.raises(BagError, match=r'nowhere: no such file or directory$'):
+        find_bag(tmp_path / 'nowhere')
+
+
+def test_a_file_to_read_must_exist_and_be_no_folder(tmp_path):
+    check_file(made(tmp_path / 'config', 'robot.yaml') / 'robot.yaml')
+    with pytest.raises(ParameterError, match=r'none.yaml: no such file$'):
+        check_file(tmp_path / 'none.yaml')
+    with pytest.raises(ParameterError, match='config is a folder, expected a file'):
+        check_file(tmp_path / 'config')
+
+
+def test_an_output_may_be_new_with_new_folders_or_existing(tmp_path, monkeypatch):
+    existing = made(tmp_path / 'results', 'summary.json')
+    check_writable(existing)
+    check_writable(existing / 'summary.json')
+    check_writable(tmp_path / 'new' / 'folder' / 'file')
+    monkeypatch.chdir(existing)
+    check_writable(Path('figure.png'))
+
+
+def test_an_output_below_a_file_is_refused(tmp_path):
+    file = made(tmp_path / 'results', 'summary.json') / 'summary.json'
+    with pytest.raises(ParameterError, match=r'summary.json is not a folder'):
+        check_writable(file / 'new' / 'bag')
+
+
+def test_files_without_permission_are_refused(tmp_path, monkeypatch):
+    file = made(tmp_path / 'results', 'robot.yaml') / 'robot.yaml'
+    asked = []  # root may read and write everything, so that real permissions show nothing
+    monkeypatch.setattr(os, 'access', lambda path, mode: bool(asked.append((path, mode))))
+    with pytest.raises(ParameterError, match='robot.yaml: cannot be read'):
+        check_file(file)
+    with pytest.raises(ParameterError, match=f'no permission to write to {file.parent}'):
+        check_writable(file)
+    assert asked == [(file, os.R_OK), (file.parent, os.W_OK | os.X_OK)]
