@@ -17,11 +17,15 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable, Mapping
 from datetime import datetime
 from pathlib import Path
+import shutil
+import time
 
 from smart_tire.cli._output import print_counts
 from smart_tire.cli._overwrite import add_force, refuse_existing_bag, remove_bag
+from smart_tire.cli._status_line import duration_text, Rate, size_text, StatusLine
 
 NAME = 'record'
 HELP = 'record topics into a rosbag2 bag until Ctrl-C'
@@ -39,6 +43,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_force(parser)
 
 
+class RecordStatus:
+    """Progress of a recording into ``directory`` as text."""
+
+    def __init__(self, directory: Path, clock: Callable[[], float] = time.monotonic) -> None:
+        self._directory, self._clock = directory, clock  # s
+        self._start = clock()
+        self._rate = Rate()
+
+    def text(self, counts: Mapping[str, int], lost: int) -> str:
+        """Return elapsed time, messages, rate, size, free disk space and lost messages."""
+        now, messages = self._clock(), sum(counts.values())
+        rate = self._rate.update(messages, now)
+        size = sum(file.stat().st_size for file in self._directory.iterdir())
+        parts = [duration_text(now - self._start),
+                 f'{messages} messages on {len(counts)} topic' + 's' * (len(counts) != 1),
+                 '' if rate is None else f'{rate:.0f}/s', size_text(size),
+                 f'{size_text(shutil.disk_usage(self._directory).free)} free',
+                 f'{lost} lost' if lost else '']
+        return '  '.join(part for part in parts if part)
+
+
 def run(args: argparse.Namespace) -> int:
     """
     Record until interrupted; print the message count of each topic.
@@ -51,7 +76,10 @@ def run(args: argparse.Namespace) -> int:
     parameters = EstimatorParams.load(args.params).by_node() if args.params else None
     from smart_tire.nodes.recorder import record
     remove_bag(directory)
-    recording = record(directory, args.topics, parameters)
+    with StatusLine() as line:
+        status = RecordStatus(directory)
+        recording = record(directory, args.topics, parameters,
+                           lambda counts, lost: line.show(status.text(counts, lost)))
     print(f'{directory}:')
     print_counts(recording.counts)
     for line in recording.losses:

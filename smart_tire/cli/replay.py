@@ -17,14 +17,17 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+import math
 from pathlib import Path
 import sys
+import time
 from typing import TYPE_CHECKING
 
 from smart_tire.cli._arguments import positive
 from smart_tire.cli._bags import add_remap, REQUIRED
 from smart_tire.cli._output import print_counts, print_warnings
+from smart_tire.cli._status_line import duration_text, Rate, StatusLine
 from smart_tire.errors import BagError
 from smart_tire.estimation.streams import INPUTS
 
@@ -57,6 +60,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                              'missing')
 
 
+class ReplayStatus:
+    """Progress of the replay of a bag of ``duration`` [s] as text."""
+
+    def __init__(self, duration: float, clock: Callable[[], float] = time.monotonic) -> None:
+        self._duration, self._clock = duration, clock  # s
+        self._rate = Rate()
+
+    def text(self, position: float) -> str:
+        """Return position in the bag, duration, rate and remaining time."""
+        rate = self._rate.update(position, self._clock())
+        share = min(1.0, position / self._duration) if self._duration > 0.0 else 1.0
+        text = f'{duration_text(position)} of {duration_text(self._duration)}  {share:4.0%}'
+        if rate is None or rate <= 0.0:
+            return text
+        left = duration_text(math.ceil((self._duration - position) / rate))
+        return f'{text}  {rate:.3g} times the recorded rate  {left} left'
+
+
 def run(args: argparse.Namespace) -> int:
     """
     Publish the bag; print the message count of each topic.
@@ -73,8 +94,12 @@ def run(args: argparse.Namespace) -> int:
                   f'{listed(bag)}', file=sys.stderr)
             return FAILED
         from smart_tire.nodes.replayer import replay
-        result = replay(bag, names, rate=args.rate, clock=args.clock, wait=args.wait,
-                        wait_for=args.wait_for, renamed=renamed)
+        start_ns, end_ns = bag.span_ns
+        status = ReplayStatus((end_ns - start_ns) * 1e-9)
+        with StatusLine() as line:
+            result = replay(bag, names, rate=args.rate, clock=args.clock, wait=args.wait,
+                            wait_for=args.wait_for, renamed=renamed,
+                            on_progress=lambda position: line.show(status.text(position)))
         print_warnings(bag.warnings)
     if any(result.counts.values()) or not result.failures:
         print(f'{args.bag}: published' + ('' if result.complete else ' in part'))

@@ -37,9 +37,12 @@ from smart_tire.samples import WHEELS
 
 DISCOVERY_PERIOD = 0.2      # s between queries of the published topics
 FLUSH_PERIOD = 0.25         # s between chunks, half of what a crash may cost
+PROGRESS_PERIOD = 1.0       # s between reports of the progress
 DISCOVERY_GRACE_NS = 2_000_000_000  # ns after start: publishers found until then existed before
 MIN_QUEUE_DEPTH = 100       # messages of any topic: all commands are recorded, not only the latest
 FOREIGN_QUEUE_DEPTH = 1000  # messages of a topic that is not in TOPICS, while the disk is busy
+
+Progress = Callable[[Mapping[str, int], int], None]  # topic -> messages, number of lost ones
 
 
 class SequenceGaps:
@@ -96,13 +99,15 @@ class Recorder(SmartTireNode[RecorderParams]):
     The bag also gets the parameters of the nodes of this package, by default ``parameters`` (flat
     values by node). Publishes ``/diagnostics``, subscribes to ``/parameter_events``. Hidden
     topics, topics with several types and those whose type is not installed are skipped. No
-    parameters.
+    parameters. ``on_progress`` is called once a second.
     """
 
     def __init__(self, writer: BagWriter, topics: Collection[str] = (),
-                 parameters: Mapping[str, Mapping[str, Any]] | None = None) -> None:
+                 parameters: Mapping[str, Mapping[str, Any]] | None = None,
+                 on_progress: Progress | None = None) -> None:
         super().__init__('recorder', RecorderParams)
         self._writer = writer
+        self._on_progress = on_progress
         self._given = dict(parameters or {})
         self._collector = ParameterCollector(self)
         self._stored: Mapping[str, Mapping[str, Any]] = {}  # parameters in the bag
@@ -126,6 +131,7 @@ class Recorder(SmartTireNode[RecorderParams]):
         self.create_steady_timer(DISCOVERY_PERIOD, self._discover)
         self.create_steady_timer(DISCOVERY_PERIOD, self._collect_parameters)
         self.create_steady_timer(FLUSH_PERIOD, self._writer.flush)
+        self.create_steady_timer(PROGRESS_PERIOD, self._report)
 
     def fill_status(self, status: Status) -> None:
         """Add counts of recorded and lost messages, and requested topics without messages."""
@@ -141,6 +147,11 @@ class Recorder(SmartTireNode[RecorderParams]):
                 status.warn(f'lost {new} messages of {name}')
         for name in sorted(self._names - counts.keys()):
             status.warn(f'no {name}')
+
+    def _report(self) -> None:
+        if self._on_progress is not None:
+            lost = sum(gaps.lost + gaps.missed for gaps in self._gaps.values())
+            self._on_progress(self._writer.counts, lost)
 
     def _discover(self) -> None:
         for name, types in self.get_topic_names_and_types():
@@ -244,16 +255,18 @@ class Recording:
 
 
 def record(directory: Path, topics: Collection[str] = (),
-           parameters: Mapping[str, Mapping[str, Any]] | None = None) -> Recording:
+           parameters: Mapping[str, Mapping[str, Any]] | None = None,
+           on_progress: Progress | None = None) -> Recording:
     """
     Record all topics, or ``topics``, into ``directory`` until SIGINT or SIGTERM.
 
     The bag carries ``parameters`` (flat values by node), or those of the running nodes.
+    ``on_progress`` is called once a second.
     """
     recorders: list[Recorder] = []
 
     def new_recorder() -> Recorder:
-        recorders.append(Recorder(writer, topics, parameters))
+        recorders.append(Recorder(writer, topics, parameters, on_progress))
         return recorders[-1]
 
     with BagWriter(directory, ros_distro=os.environ.get('ROS_DISTRO', '')) as writer:

@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 import math
 import signal
@@ -50,10 +50,12 @@ WAIT_LOG_DELAY = 2.0                # s of waiting until a line names the nodes 
 ANNOUNCE_PERIOD = 0.1               # s between announcements to the estimators
 MAX_STEP_NS = 20_000_000            # ns of reception time in one step of the lockstep
 MAX_TOPIC_MESSAGES = 50             # of one topic in a step: three steps fit into all queues
+PROGRESS_PERIOD = 0.5               # s between reports of the progress
 STEP_TIMEOUT = 15.0                 # s for the estimators to complete a step
 ACK_TIMEOUT = Duration(seconds=2)   # for subscribers to acknowledge the last messages
 QUEUE_DEPTH = 1000                  # messages of a publisher: a bag may contain long bursts
 
+Progress = Callable[[float], None]  # s since the start of the bag
 Event = tuple[int, str, bytes]      # time of reception [ns], topic ('': /clock), message
 
 
@@ -76,12 +78,16 @@ class Replayer:
 
     Estimators in the graph process them in lockstep, in order of reception. They and the nodes
     ``awaited`` must be ready before the first message. Publishes ``/clock`` if ``clock`` is true.
+    ``on_progress`` is called every PROGRESS_PERIOD while messages are published.
     """
 
     def __init__(self, node: Node, bag: Bag, names: Collection[str], *, rate: float,
                  clock: bool, awaited: Collection[str], stop: threading.Event,
-                 renamed: Mapping[str, str]) -> None:
+                 renamed: Mapping[str, str], on_progress: Progress | None = None) -> None:
         self.result = Replay()
+        self._on_progress, self._report_at = on_progress, 0.0
+        self._next_ns = 0               # reception time of the next message
+        self._first_ns, self._started_ns = 0, 0  # that of the first one, and when it was sent
         self._node, self._bag, self._rate, self._stop = node, bag, rate, stop
         self._publishers: dict[str, Publisher[Any]] = {}
         self._clock = node.create_publisher(Clock, '/clock', 10) if clock else None
@@ -187,7 +193,10 @@ class Replayer:
             if not self._send_step(number, step):
                 return
             for bag_ns, name, data in step:
-                start_ns = bag_ns if start_ns is None else start_ns
+                if start_ns is None:
+                    start_ns = self._first_ns = bag_ns
+                    self._started_ns = started_ns
+                self._next_ns = bag_ns
                 if not self._sleep_until(started_ns + int((bag_ns - start_ns) / self._rate)):
                     return
                 self._publish(bag_ns, name, data)
@@ -213,8 +222,18 @@ class Replayer:
         """Sleep until ``due_ns`` (steady time); return False if stopped."""
         while (not self._stop.is_set()
                and (left_ns := due_ns - time.monotonic_ns()) > PACING_TOLERANCE_NS):
-            self._stop.wait(left_ns / NS_PER_S)
+            self._stop.wait(min(PROGRESS_PERIOD, left_ns / NS_PER_S))
+            self._report()
+        self._report()
         return not self._stop.is_set()
+
+    def _report(self) -> None:
+        """Report the position: that of the next message, or less while it is not due."""
+        if self._on_progress is None or (now := time.monotonic()) < self._report_at:
+            return
+        self._report_at = now + PROGRESS_PERIOD
+        due_ns = self._first_ns + (time.monotonic_ns() - self._started_ns) * self._rate
+        self._on_progress((min(self._next_ns, due_ns) - self._bag.span_ns[0]) / NS_PER_S)
 
     def _send_step(self, number: int, step: list[Event]) -> bool:
         """Send a step's order once the estimators are near enough; return False if stopped."""
@@ -241,6 +260,7 @@ class Replayer:
                                         for name in behind]
                 return False
             self._executor.spin_once(timeout_sec=POLL_PERIOD)
+            self._report()
         return True
 
     def _steps(self) -> Iterator[list[Event]]:
@@ -316,14 +336,16 @@ def clock_message(now_ns: int) -> Clock:
 
 def replay(bag: Bag, names: Collection[str], *, rate: float = 1.0, clock: bool = False,
            wait: float = 0.0, wait_for: Collection[str] = (),
-           renamed: Mapping[str, str] | None = None) -> Replay:
+           renamed: Mapping[str, str] | None = None,
+           on_progress: Progress | None = None) -> Replay:
     """
     Publish the topics ``names`` of ``bag`` at ``rate`` times the recorded rate.
 
     ``renamed`` are names in the bag of topics that are published with other names.
     Begins when the nodes ``wait_for`` and all estimators are ready and, if no nodes are named,
     all topics have subscriptions, but after ``wait`` [s] at the latest. Publishes nothing if a
-    node or an estimator is not ready by then. Ends early on SIGINT or SIGTERM.
+    node or an estimator is not ready by then. Ends early on SIGINT or SIGTERM. ``on_progress`` is
+    called with the position in the bag [s].
     """
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -332,7 +354,7 @@ def replay(bag: Bag, names: Collection[str], *, rate: float = 1.0, clock: bool =
     node = rclpy.create_node('replayer')
     try:
         replayer = Replayer(node, bag, names, rate=rate, clock=clock, awaited=wait_for, stop=stop,
-                            renamed=renamed or {})
+                            renamed=renamed or {}, on_progress=on_progress)
         try:
             ready = replayer.wait(wait)
             for name in replayer.result.unsubscribed:

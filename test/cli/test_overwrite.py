@@ -29,8 +29,8 @@ from smart_tire.cli.main import main
 from smart_tire.errors import ParameterError
 
 SLOW = ('numpy', 'scipy', 'matplotlib', 'rosbags', 'mcap', 'rclpy')
-# Command line, existing file, and the path in the message. The inputs do not exist, so that a
-# verb that checks them first prints another message.
+INPUTS = ('BAG', 'OTHER', 'DATA.csv', 'P')  # empty files: a verb that reads one first reports it
+# Command line, existing file, and the path in the message.
 CASES = {
     'demo, bag': (['demo', '--out', 'OUT'], 'OUT/bag/bag_0.mcap', 'OUT/bag'),
     'demo, figures': (['demo', '--out', 'OUT'], 'OUT/figures/slip.png', 'OUT/figures'),
@@ -68,8 +68,10 @@ every_case = pytest.mark.parametrize(('words', 'file', 'named'), CASES.values(),
 
 @pytest.fixture
 def here(tmp_path, monkeypatch):
-    """Return an empty working directory."""
+    """Return a working directory that contains the inputs only."""
     monkeypatch.chdir(tmp_path)
+    for name in INPUTS:
+        (tmp_path / name).touch()
     return tmp_path
 
 
@@ -145,7 +147,7 @@ def test_only_named_files_and_empty_folders_are_deleted(here):
     make(here / 'figures' / 'slip.png')
     notes = make(here / 'figures' / 'notes.txt')
     remove(here / 'figures', FIGURES)
-    assert sorted(here.rglob('*.*')) == [notes]
+    assert sorted((here / 'figures').iterdir()) == [notes]
     notes.unlink()
     remove(here / 'figures', FIGURES)
     assert not (here / 'figures').exists()

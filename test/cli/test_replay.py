@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+import re
 import signal
 
 import pytest
@@ -104,6 +105,24 @@ def test_commands_are_published_if_named(source, tmp_path):
     pytest.importorskip('rclpy')
     received, _ = played(source, tmp_path, '--topics', 'cmd_vel', 'path')
     assert names(received) == {'/cmd_vel', '/robot/path'}
+
+
+def test_the_progress_of_replay_and_recording_is_shown_on_a_terminal(
+        source, tmp_path, monkeypatch):
+    pytest.importorskip('rclpy')
+    monkeypatch.setenv('FORCE_COLOR', '1')  # taken for a terminal
+    monkeypatch.setenv('TERM', 'xterm')
+    with command('record', '--out', tmp_path / 'received') as recorder, command(
+            'replay', source, '--wait', 0, '--rate', 0.5) as player:
+        assert player.end() == 0
+        recorder.wait_for(' messages on ')
+        recorder.signal(signal.SIGINT)
+        assert recorder.end() == 0
+    shares = [int(share) for share in re.findall(
+        r'0:0\d of 0:01 +(\d+)%  0\.\d+ times the recorded rate  0:0\d left', player.output)]
+    assert len(set(shares)) >= 2
+    assert shares == sorted(shares)
+    assert re.search(r'0:0[1-9]  \d+ messages on \d+ topic', recorder.output)
 
 
 def test_a_replay_ends_on_interrupt(source):
