@@ -46,6 +46,7 @@ VERBS = {
     'topics': 'print what the fields of each topic mean, with their units',
     'reproduce': 'recompute the figures and tables of both papers',
 }
+COMPUTING = {'analyze', 'identify', 'measure', 'recover', 'reproduce'}  # long without output
 FAILED, USAGE, INTERRUPTED, BROKEN_PIPE = 1, 2, 130, 141  # exit statuses
 COMPLETING = '_ARGCOMPLETE'   # set by the shell that asks for completions
 ROS_ARGUMENTS = '--ros-args'  # rclpy reads the arguments from here on
@@ -98,7 +99,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     args = new_parser(words[0] if words else None).parse_args(words)
     try:
         check_paths(args)
-        status = int(args.run(args))
+        status = run_verb(args)
         sys.stdout.flush()
         return status
     except (BagError, ParameterError) as error:
@@ -115,6 +116,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # the reader has closed the pipe, as "head" does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return BROKEN_PIPE
+
+
+def run_verb(args: argparse.Namespace) -> int:
+    """Run the verb in ``args``; return the exit status."""
+    if args.verb not in COMPUTING:
+        return int(args.run(args))
+    from smart_tire.cli._heartbeat import heartbeat
+    with heartbeat(f'smart_tire {args.verb}'):
+        return int(args.run(args))
 
 
 def install_hint(module: str) -> str:
