@@ -4,15 +4,29 @@
 ifdef ROS_DISTRO
 PYTHON ?= python3
 VENV := .venv-$(ROS_DISTRO)
+EXTRAS := [test,view]
 else
 SUPPORTED := import ensurepip, sys, venv; sys.exit(not (3, 10) <= sys.version_info < (3, 14))
 PYTHON ?= $(firstword $(shell for python in python3 python3.13 python3.12 python3.11 python3.10; \
 	do "$$python" -c '$(SUPPORTED)' 2> /dev/null && echo "$$python"; done; true))
 VENV := .venv
+EXTRAS := [ros,test,lint,view]
 endif
 BIN := $(VENV)/bin
-PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+PIP := $(BIN)/python -m pip install --disable-pip-version-check --progress-bar off
 READY := $(VENV)/ready
+LOG := $(VENV)/install.log
+
+# $(call step,TEXT,COMMAND) prints what is done, every five seconds the last line of its log, and
+# how long it took; the end of the log if it failed.
+define step
+@echo '$(1)'; begin=$$(date +%s); : > $(LOG); \
+( while sleep 5 > /dev/null 2>&1 && kill -0 $$$$ 2> /dev/null; do printf '  %3d s  %.80s\n' \
+	$$(($$(date +%s) - begin)) "$$(tail -n 1 $(LOG))"; done ) & ticker=$$!; \
+$(2) >> $(LOG) 2>&1; status=$$?; kill $$ticker; \
+if [ $$status -ne 0 ]; then tail -n 30 $(LOG) >&2; exit $$status; fi; \
+echo "  done in $$(($$(date +%s) - begin)) s"
+endef
 
 # Set inside a Python process with the rclpy wheels; must not be inherited by another one.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
@@ -38,18 +52,19 @@ setup: $(READY)
 
 $(READY): constraints.txt requirements.txt setup.py setup.cfg pyproject.toml
 ifdef ROS_DISTRO
-	@echo 'Installing into $(VENV), on top of ROS $(ROS_DISTRO)'
+	@echo 'Installing into $(VENV), on top of ROS $(ROS_DISTRO); log: $(LOG)'
 	@$(PYTHON) -m venv --system-site-packages $(VENV)
-	@$(PIP) -r requirements.txt
-	@$(PIP) --editable '.[test,view]'
+	$(call step,1/2 packages without rosdep key,$(PIP) -r requirements.txt)
+	$(call step,2/2 smart_tire and its tools,$(PIP) --editable '.$(EXTRAS)')
 else
 	@test -n '$(PYTHON)' || { echo 'no Python 3.10 to 3.13 with venv found: install one (on' \
 		'Debian: python3-venv) or name it: make PYTHON=...' >&2; exit 1; }
-	@echo 'Installing into $(VENV)'
+	@echo 'Installing into $(VENV), with $(PYTHON); log: $(LOG)'
 	@$(PYTHON) -m venv $(VENV)
-	@$(PIP) --constraint constraints.txt setuptools
-	@$(PIP) --constraint constraints.txt --no-build-isolation --use-pep517 \
-		--editable '.[ros,test,lint,view]'
+	$(call step,1/2 setuptools,$(PIP) --constraint constraints.txt setuptools)
+	$(call step,2/2 smart_tire with rclpy and libraries: one to three minutes,$(PIP) \
+		--constraint constraints.txt --no-build-isolation --use-pep517 \
+		--editable '.$(EXTRAS)')
 endif
 	@touch $@
 

@@ -120,12 +120,12 @@ def test_every_node_and_the_command_are_executables(setup_arguments):
                        **{node: f'smart_tire.nodes.{node}:main' for node in NODE_PARAMS}}
 
 
-def test_every_executable_refers_to_a_function(setup_arguments):
-    for script in setup_arguments['entry_points']['console_scripts']:
+def test_every_entry_point_refers_to_a_function_or_class(setup_arguments):
+    for script in sum(setup_arguments['entry_points'].values(), []):
         module, _, function = script.partition('= ')[2].partition(':')
         path = ROOT.joinpath(*module.split('.')).with_suffix('.py')
         names = {node.name for node in ast.parse(path.read_text(encoding='utf-8')).body
-                 if isinstance(node, ast.FunctionDef)}
+                 if isinstance(node, ast.FunctionDef | ast.ClassDef)}
         assert function in names, script
 
 

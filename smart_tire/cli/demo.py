@@ -31,6 +31,7 @@ from typing import Any, TYPE_CHECKING
 import yaml
 
 from smart_tire.cli._dashboard import Dashboard
+from smart_tire.cli._heartbeat import heartbeat
 from smart_tire.cli._overwrite import (
     add_force, FIGURES, refuse_existing, refuse_existing_bag, remove, remove_bag)
 from smart_tire.cli._processes import isolated_environment, NODES, Stack
@@ -51,6 +52,7 @@ STANDSTILL_DURATION = 2.5     # s before the first leg
 MIN_SAND_DISTANCE = 6.2       # m from the origin in x or y: two circles from there stay on sand
 MAX_TRANSFER_DURATION = 12.0  # s
 START_TIMEOUT = 20.0          # s until all nodes run
+WAIT_REPORT_PERIOD = 4.0      # s between lines that name the nodes waited for
 DASHBOARD_PERIOD = 0.25       # s between two updates
 EXPECTED_TOPICS = (
     'imu/data', 'wheel_states', 'tire_samples', 'tire_battery', 'odom', 'wheel_slip', 'icr',
@@ -94,6 +96,7 @@ def run(args: argparse.Namespace) -> int:
     out: Path = args.out
     refuse_existing_bag(out / 'bag', force=args.force)
     refuse_existing([out / name for name in (*FILES, 'figures', 'logs')], force=args.force)
+    print(f'starting {len(NODES)} nodes and a recorder', flush=True)
     # Importing rclpy may restart Python, so it must come before any child is started.
     from smart_tire.analysis.demo_report import evaluate
     from smart_tire.nodes.demo_driver import DemoDriver
@@ -102,8 +105,10 @@ def run(args: argparse.Namespace) -> int:
     try:
         params = _prepare(out, args.seed)
         intervals = _drive(out, params, partial(NodeRunner, DemoDriver))
-        summary = evaluate(out / 'bag', params, intervals, EXPECTED_TOPICS,
-                           out / 'conversions.csv', out / 'figures')
+        print('evaluating the recording', flush=True)
+        with heartbeat('smart_tire demo'):
+            summary = evaluate(out / 'bag', params, intervals, EXPECTED_TOPICS,
+                               out / 'conversions.csv', out / 'figures')
     except KeyboardInterrupt:
         print('interrupted', file=sys.stderr)
         return 130
@@ -162,11 +167,15 @@ def _drive(out: Path, params: Path, runner_class: Callable[[list[str]], Any]) ->
 
 def _await_nodes(stack: Stack, runner: Any) -> None:
     """Wait until estimates are published and every node has sent diagnostics."""
-    pilot, deadline = runner.node, time.monotonic() + START_TIMEOUT
+    pilot, begin, report_at = runner.node, time.monotonic(), WAIT_REPORT_PERIOD
     while pilot.slip is None or pilot.wheels is None or set(NODES) - pilot.health.keys():
         _check_alive(stack)
-        if time.monotonic() > deadline:
-            missing = sorted(set(NODES) - pilot.health.keys()) or ['wheel_slip']
+        waited = time.monotonic() - begin
+        missing = sorted(set(NODES) - pilot.health.keys()) or ['wheel_slip']
+        if waited > report_at:
+            report_at += WAIT_REPORT_PERIOD
+            print(f'waiting for messages from {", ".join(missing)}', flush=True)
+        if waited > START_TIMEOUT:
             raise DemoError(f'no messages from {", ".join(missing)} within {START_TIMEOUT:.0f} s')
         runner.spin(DASHBOARD_PERIOD)
 

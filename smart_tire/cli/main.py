@@ -59,6 +59,12 @@ def new_parser(selected: str | None) -> argparse.ArgumentParser:
         prog='smart_tire',
         description='Wheel slip, localization and tire-road friction from sensors in the tires.',
         epilog='"smart_tire VERB --help" describes the arguments of a verb.')
+    fill_parser(parser, selected)
+    return parser
+
+
+def fill_parser(parser: argparse.ArgumentParser, selected: str | None) -> None:
+    """Add the verbs to ``parser``, and the arguments of the ``selected`` one, if any."""
     parser.add_argument('--version', action='version', version=version_text())
     choices = parser.add_subparsers(dest='verb', metavar='VERB', required=True)
     for name, summary in VERBS.items():
@@ -68,7 +74,6 @@ def new_parser(selected: str | None) -> argparse.ArgumentParser:
             verb.description = module.HELP
             module.add_arguments(verb)
             verb.set_defaults(run=module.run)
-    return parser
 
 
 def version_text() -> str:
@@ -96,7 +101,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         words = words[:words.index(ROS_ARGUMENTS)]
     if COMPLETING in os.environ:
         complete()
-    args = new_parser(words[0] if words else None).parse_args(words)
+    return execute(new_parser(words[0] if words else None).parse_args(words))
+
+
+def execute(args: argparse.Namespace) -> int:
+    """Run the verb in ``args``; print an error in one line; return the exit status."""
     try:
         check_paths(args)
         status = run_verb(args)
