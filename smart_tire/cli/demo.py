@@ -96,11 +96,11 @@ def run(args: argparse.Namespace) -> int:
     out: Path = args.out
     refuse_existing_bag(out / 'bag', force=args.force)
     refuse_existing([out / name for name in (*FILES, 'figures', 'logs')], force=args.force)
-    print(f'starting {len(NODES)} nodes and a recorder', flush=True)
-    # Importing rclpy may restart Python, so it must come before any child is started.
-    from smart_tire.analysis.demo_report import evaluate
+    # Importing rclpy may restart Python, so it must come before any child and any output.
     from smart_tire.nodes.demo_driver import DemoDriver
     from smart_tire.nodes.runner import NodeRunner
+    print(f'starting {len(NODES)} nodes and a recorder', flush=True)
+    from smart_tire.analysis.demo_report import evaluate
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         params = _prepare(out, args.seed)
