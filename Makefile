@@ -44,7 +44,7 @@ help:
 	@echo 'make bench           measure CPU load, latency, offline speed and models'
 	@echo 'make bench-slip      measure slip and localization; results in bench_output/slip/'
 	@echo 'make bench-friction  measure friction; results in bench_output/friction/'
-	@echo 'make config          regenerate config/*.yaml and docs/parameters.md'
+	@echo 'make config          regenerate config/*.yaml, urdf/ and docs/parameters.md'
 	@echo 'make docs            regenerate docs/architecture.svg and the import tables'
 	@echo 'make clean           remove installed and built files'
 
@@ -110,7 +110,7 @@ check: test current
 	$(BIN)/python -m benchmarks.friction --quick --force --out bench_output/check/friction
 
 # Regenerate files derived from the source; fail if one of them was outdated.
-GENERATED := config/*.yaml docs/architecture.md docs/parameters.md
+GENERATED := config/*.yaml urdf/smart_tire.urdf docs/architecture.md docs/parameters.md
 current: $(READY)
 	@files="$(GENERATED) $$($(NEWEST) && echo docs/architecture.svg)"; \
 	before=$$(cat $$files | cksum); \
@@ -130,6 +130,7 @@ config: $(READY)
 	$(BIN)/python -m smart_tire.parameters.yaml_writer config
 	$(BIN)/python -m smart_tire.parameters.reference docs/parameters.md
 	$(BIN)/python -m smart_tire.nodes.qos config/rosbag2_qos.yaml
+	$(BIN)/python -m smart_tire.parameters.urdf_writer urdf/smart_tire.urdf
 
 docs: $(READY)
 	$(BIN)/python docs/draw_architecture.py

@@ -34,8 +34,10 @@ setup(
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
         (f'share/{PACKAGE}', ['package.xml']),
-        (f'share/{PACKAGE}/launch', sorted(glob('launch/*.launch.py'))),
+        (f'share/{PACKAGE}/launch', sorted(glob('launch/*.py'))),
         (f'share/{PACKAGE}/config', sorted(glob('config/*.yaml'))),
+        (f'share/{PACKAGE}/config/view', sorted(glob('config/view/*'))),
+        (f'share/{PACKAGE}/urdf', sorted(glob('urdf/*.urdf'))),
     ],
     python_requires='>=3.10',
     install_requires=[

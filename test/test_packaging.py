@@ -61,7 +61,8 @@ def pins(name: str) -> dict[str, set[str]]:
     found: dict[str, set[str]] = {}
     for line in (ROOT / name).read_text(encoding='utf-8').splitlines():
         if line and not line.startswith('#'):
-            match = re.fullmatch(r'([a-z0-9.-]+)==([0-9.]+(?:b[0-9]+)?)(; python_version .*)?', line)
+            match = re.fullmatch(
+                r'([a-z0-9.-]+)==([0-9.]+(?:b[0-9]+)?)(; python_version .*)?', line)
             assert match, line
             found.setdefault(match[1], set()).add(match[2])
     return found
@@ -134,14 +135,15 @@ def test_every_folder_of_the_package_is_installed(setup_arguments):
     assert {'.'.join(folder.parts) for folder in folders} == set(setup_arguments['packages'])
 
 
-def test_marker_manifest_launch_files_and_parameters_are_installed(setup_arguments):
+def test_marker_manifest_launch_files_parameters_views_and_urdf_are_installed(setup_arguments):
     installed = {f'{target}/{Path(source).name}'
                  for target, sources in setup_arguments['data_files'] for source in sources}
     share = 'share/smart_tire'
     assert installed == {
         'share/ament_index/resource_index/packages/smart_tire', f'{share}/package.xml',
-        *(f'{share}/launch/{path.name}' for path in (ROOT / 'launch').glob('*.launch.py')),
-        *(f'{share}/config/{path.name}' for path in (ROOT / 'config').glob('*.yaml'))}
+        *(f'{share}/{path.relative_to(ROOT)}' for pattern in (
+            'launch/*.py', 'config/*.yaml', 'config/view/*', 'urdf/*')
+          for path in ROOT.glob(pattern))}
     assert (ROOT / 'resource' / 'smart_tire').is_file()
 
 

@@ -16,7 +16,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 import math
 from pathlib import Path
@@ -33,7 +32,7 @@ from smart_tire.calibration.robot.geometry import Geometry
 from smart_tire.calibration.robot.icr import IcrFit
 from smart_tire.errors import BagError, EstimatorError
 from smart_tire.estimation.streams import SLIP
-from smart_tire.parameters import build, known_names, load_files, NODE_PARAMS, RobotParams, specs
+from smart_tire.parameters import RobotParams
 from smart_tire.rotation import matrix
 from smart_tire.samples import Four, ImuSample, MotorCommand, Odometry, WheelSample
 
@@ -49,12 +48,6 @@ class TimeRange:
 
     since: float = 0.0
     until: float = math.inf
-
-
-def load_robot(files: Iterable[Path]) -> RobotParams:
-    """Return the robot parameters of the slip estimator; raise ParameterError if invalid."""
-    return build(RobotParams, load_files(files, 'slip_estimator', known_names(
-        NODE_PARAMS.values()), specs(RobotParams)))
 
 
 def identify_geometry(path: Path, robot: RobotParams, *, since: float = 0.0,

@@ -14,6 +14,9 @@
 
 """Parameters: validated frozen dataclasses, filled from YAML files, from ROS or in tests."""
 
+from collections.abc import Iterable
+from pathlib import Path
+
 from smart_tire.parameters.files import load_files
 from smart_tire.parameters.hardware import ImuDriverParams, MotorDriverParams, TireReceiverParams
 from smart_tire.parameters.robot import JointParams, RobotParams, STANDARD_JOINTS
@@ -32,8 +35,15 @@ NODE_PARAMS = {
     'robot_simulator': SimulatorParams,
 }
 
+
+def load_robot(files: Iterable[str | Path]) -> RobotParams:
+    """Return the robot of the slip estimator's parameters; raise ParameterError if invalid."""
+    return build(RobotParams, load_files(files, 'slip_estimator', known_names(
+        NODE_PARAMS.values()), specs(RobotParams)))
+
+
 __all__ = [
     'build', 'FrictionEstimatorParams', 'ImuDriverParams', 'JointParams', 'known_names',
-    'load_files', 'MotorDriverParams', 'NODE_PARAMS', 'RobotParams', 'SimulatorParams',
-    'SlipEstimatorParams', 'Spec', 'specs', 'STANDARD_JOINTS', 'TireReceiverParams',
-    'WheelControllerParams']
+    'load_files', 'load_robot', 'MotorDriverParams', 'NODE_PARAMS', 'RobotParams',
+    'SimulatorParams', 'SlipEstimatorParams', 'Spec', 'specs', 'STANDARD_JOINTS',
+    'TireReceiverParams', 'WheelControllerParams']

@@ -21,11 +21,10 @@ from dataclasses import replace
 import pytest
 
 from benchmarks.scenarios import CONCRETE, sequence
-from smart_tire.analysis.calibrate_robot import load_robot
 from smart_tire.bags import BagWriter
 from smart_tire.cli.main import main
 from smart_tire.estimation.streams import INPUTS
-from smart_tire.parameters import load_files, RobotParams, SimulatorParams, specs
+from smart_tire.parameters import load_files, load_robot, RobotParams, SimulatorParams, specs
 from smart_tire.simulation.offline import simulate
 
 LENGTH, SPACING, GAINS = 0.048, 0.031, (290.0, 255.0)

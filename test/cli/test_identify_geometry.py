@@ -19,8 +19,8 @@ from __future__ import annotations
 import pytest
 from support.identifying import turning_run, write_run
 
-from smart_tire.analysis.calibrate_robot import load_robot
 from smart_tire.cli.main import main
+from smart_tire.parameters import load_robot
 
 
 @pytest.fixture(scope='module')
