@@ -122,10 +122,26 @@ def odometry_to_msg(msg: Any, sample: Odometry, frame: str = 'odom') -> Any:
 
 def transform_to_msg(msg: Any, sample: Odometry) -> Any:
     """Write the pose of ``sample`` into a TransformStamped, for /tf, and return it."""
-    set_header(msg, sample.stamp_ns, 'odom')
-    msg.child_frame_id = 'base_link'
-    _set_vector(msg.transform.translation, sample.position)
-    _set_quaternion(msg.transform.rotation, sample.orientation)
+    return _fill_transform(msg, sample.stamp_ns, ('odom', 'base_link'), sample.position,
+                           sample.orientation)
+
+
+def imu_mounting_to_msg(msg: Any, stamp_ns: int, position: Sequence[float],
+                        orientation: Sequence[float]) -> Any:
+    """
+    Write the pose of ``imu_link`` in ``base_link`` into a TransformStamped, for /tf_static.
+
+    ``position`` is in m, ``orientation`` a unit quaternion (x, y, z, w). Returns the message.
+    """
+    return _fill_transform(msg, stamp_ns, ('base_link', 'imu_link'), position, orientation)
+
+
+def _fill_transform(msg: Any, stamp_ns: int, frames: tuple[str, str], position: Sequence[float],
+                    orientation: Sequence[float]) -> Any:
+    set_header(msg, stamp_ns, frames[0])
+    msg.child_frame_id = frames[1]
+    _set_vector(msg.transform.translation, position)
+    _set_quaternion(msg.transform.rotation, orientation)
     return msg
 
 

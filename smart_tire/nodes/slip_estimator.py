@@ -17,19 +17,21 @@
 from __future__ import annotations
 
 import sys
+from typing import Any
 
 from geometry_msgs.msg import TransformStamped
 from std_srvs.srv import Trigger
 
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.estimation.streams import SLIP
-from smart_tire.messages import transform_to_msg
+from smart_tire.messages import imu_mounting_to_msg, transform_to_msg
 from smart_tire.nodes.base import run
 from smart_tire.nodes.compat import transform_class
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.estimator import EstimatorNode
 from smart_tire.nodes.qos import publisher_qos
 from smart_tire.parameters import SlipEstimatorParams
+from smart_tire.rotation import quaternion
 from smart_tire.samples import Odometry, Sample
 
 MAX_BIAS_SHARE = 0.2  # of its prior, standard deviation of the gyro bias once it is determined
@@ -41,12 +43,13 @@ class SlipEstimatorNode(EstimatorNode[SlipEstimatorParams]):
 
     Subscribes to ``imu/data``, ``wheel_states`` and, with ``slip.film_aided``, ``tire_friction``;
     publishes ``odom``, ``wheel_slip``, ``icr``, ``ground_state``, ``/diagnostics`` and, if
-    tf2_msgs is installed, ``/tf``. Service: ``reset_odometry``.
+    tf2_msgs is installed, ``/tf`` and, with ``publish_imu_tf``, ``/tf_static``. Service:
+    ``reset_odometry``.
 
     Parameters: ``reorder_window``, ``constraint``, ``differential_slip_sigma``,
     ``common_slip_sigma``, ``free_rolling_slip_sigma``, ``slip_random_walk``,
     ``slip_change_gain``, ``icr_x``, ``icr_x_sigma``, ``icr_x_random_walk``, ``lateral_sigma``,
-    ``slope_sigma``, ``reliability``, and those of the robot.
+    ``slope_sigma``, ``publish_imu_tf``, ``reliability``, and those of the robot.
     """
 
     estimator: SlipEstimator
@@ -66,6 +69,16 @@ class SlipEstimatorNode(EstimatorNode[SlipEstimatorParams]):
         if self._tf_class is not None:
             self._tf_publisher = self.create_publisher(
                 self._tf_class, '/tf', publisher_qos('/tf'))
+            if self.params.publish_imu_tf:
+                self._publish_imu_mounting(self._tf_class)
+
+    def _publish_imu_mounting(self, cls: type[Any]) -> None:
+        """Publish the pose of the IMU once: the topic keeps it for late subscribers."""
+        imu = self.params.robot.imu
+        transform = imu_mounting_to_msg(
+            TransformStamped(), self.now_ns(), imu.position, quaternion(*imu.rotation))
+        publisher = self.create_publisher(cls, '/tf_static', publisher_qos('/tf_static'))
+        publisher.publish(cls(transforms=[transform]))
 
     def restart(self) -> None:
         """Replace the estimator by a new one, whose gyro bias is unknown."""

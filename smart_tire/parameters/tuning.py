@@ -66,6 +66,8 @@ class SlipEstimatorParams:
         0.5, '-', 'sigma of ln C_x on ground other than the calibrated one', low=0.01, high=2.0)
     ground_friction_sigma: float = param(
         0.7, '-', 'sigma of ln mu / C_x on unknown ground', low=0.01, high=2.0)
+    publish_imu_tf: bool = param(
+        True, '-', 'publish imu_link on /tf_static; false: robot_state_publisher does')
     reliability: str = param(
         'reliable', '-', 'QoS reliability of the input subscriptions', choices=RELIABILITIES)
     robot: RobotParams = inlined(RobotParams)

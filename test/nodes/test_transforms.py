@@ -12,15 +12,20 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Pose on /tf, published only if tf2_msgs is installed."""
+"""Poses on /tf and /tf_static, published only if tf2_msgs is installed."""
 
 from __future__ import annotations
 
+from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import contextmanager
+import math
 import sys
 from types import SimpleNamespace
 
 import pytest
 import rclpy
+from rclpy.qos import DurabilityPolicy
 
 from smart_tire.nodes import compat, slip_estimator
 from smart_tire.samples import Odometry
@@ -32,31 +37,74 @@ ODOMETRY = Odometry(1_500_000_000, (1.0, 2.0, 0.0), (0.0, 0.0, 0.6, 0.8), (0.0, 
 
 
 class Node(slip_estimator.SlipEstimatorNode):
-    """The node with a publisher of /tf that stores its messages."""
+    """The node with publishers of transforms that store their messages, with their profile."""
 
     def create_publisher(self, cls, name, qos):
-        """Return a real publisher except for /tf."""
-        if name != '/tf':
+        """Return a real publisher except for /tf and /tf_static."""
+        if not name.startswith('/tf'):
             return super().create_publisher(cls, name, qos)
-        self.sent = []
-        return SimpleNamespace(publish=self.sent.append)
+        if not hasattr(self, 'sent'):
+            self.sent, self.profiles = defaultdict(list), {}
+        self.profiles[name] = qos
+        return SimpleNamespace(publish=self.sent[name].append)
 
 
-def test_the_pose_is_published_on_tf(monkeypatch, isolated_ros):
-    monkeypatch.setattr(slip_estimator, 'transform_class', lambda: SimpleNamespace)
-    rclpy.init(args=[])
+@contextmanager
+def started(*parameters: str) -> Iterator[Node]:
+    """Yield the node with ROS parameters such as ``name:=value``."""
+    words = [word for parameter in parameters for word in ('-p', parameter)]
+    rclpy.init(args=['--ros-args', *words])
     try:
-        node = Node()
-        node.publish_estimate(ODOMETRY)
+        yield Node()
     finally:
         rclpy.shutdown()
-    ((transform,),) = (message.transforms for message in node.sent)
+
+
+@pytest.fixture
+def tf2_msgs(monkeypatch, isolated_ros):
+    """Replace the message class of tf2_msgs by a stand-in."""
+    monkeypatch.setattr(slip_estimator, 'transform_class', lambda: SimpleNamespace)
+
+
+def only_transform(messages):
+    """Return the transform of the only message."""
+    ((transform,),) = (message.transforms for message in messages)
+    return transform
+
+
+def test_the_pose_is_published_on_tf(tf2_msgs):
+    with started() as node:
+        node.publish_estimate(ODOMETRY)
+        transform = only_transform(node.sent['/tf'])
     assert (transform.header.frame_id, transform.child_frame_id) == ('odom', 'base_link')
     assert (transform.header.stamp.sec, transform.header.stamp.nanosec) == (1, 500_000_000)
     assert transform.transform.translation.y == 2.0
     assert transform.transform.rotation.z == 0.6
 
 
-def test_tf_is_not_published_without_tf2_msgs(monkeypatch):
+def test_the_mounting_of_the_imu_is_published_once_for_late_subscribers(tf2_msgs):
+    with started('imu.position:=[0.1, -0.2, 0.3]', f'imu.rotation:=[{math.pi}, 0.0, 0.0]') as node:
+        before_ns = node.now_ns()
+        node.publish_estimate(ODOMETRY)
+        transform = only_transform(node.sent['/tf_static'])
+        assert node.profiles['/tf_static'].durability == DurabilityPolicy.TRANSIENT_LOCAL
+    assert (transform.header.frame_id, transform.child_frame_id) == ('base_link', 'imu_link')
+    stamp_ns = transform.header.stamp.sec * 10**9 + transform.header.stamp.nanosec
+    assert 0 < stamp_ns <= before_ns
+    place, turn = transform.transform.translation, transform.transform.rotation
+    assert (place.x, place.y, place.z) == (0.1, -0.2, 0.3)
+    assert (turn.x, turn.y, turn.z, turn.w) == pytest.approx((1.0, 0.0, 0.0, 0.0))
+
+
+def test_the_mounting_of_the_imu_is_left_to_robot_state_publisher_on_request(tf2_msgs):
+    with started('publish_imu_tf:=false') as node:
+        node.publish_estimate(ODOMETRY)
+    assert node.sent.keys() == {'/tf'}
+
+
+def test_nothing_is_published_on_tf_without_tf2_msgs(monkeypatch, isolated_ros):
     monkeypatch.setitem(sys.modules, 'tf2_msgs', None)
     assert compat.transform_class() is None
+    with started() as node:
+        node.publish_estimate(ODOMETRY)
+    assert not hasattr(node, 'sent')
