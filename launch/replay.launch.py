@@ -15,19 +15,23 @@
 """Start the estimators on a bag: ``ros2 launch smart_tire replay.launch.py bag:=DIR rate:=5``."""
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown, TimerAction
+from launch.actions import (
+    DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction, Shutdown, TimerAction)
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
-from smart_tire.launching import check_arguments, file, hold_interrupts, path, positive, text
+from smart_tire.launching import (
+    boolean, check_arguments, file, hold_interrupts, is_described, path, positive, text, viewer)
 
-NODES = ('slip_estimator', 'friction_estimator')
+ESTIMATORS = ('slip_estimator', 'friction_estimator')
 FILES = {  # parameter file -> its content
     'robot': 'geometry, tires, films and sensors',
     'tuning': 'estimators',
 }
-ARGUMENTS = {'namespace': text, 'bag': path, 'rate': positive, **dict.fromkeys(FILES, file)}
+ARGUMENTS = {'namespace': text, 'bag': path, 'rate': positive, 'description': boolean,
+             'rviz': viewer, **dict.fromkeys(FILES, file)}
+DESCRIBED = ('namespace', 'description', 'rviz', 'robot', 'tuning')  # arguments of description.py
 ESTIMATOR_END_DELAY = 1.0  # s from the end of the bag to the end of the estimators
 MAX_START_TIME = 30.0      # s for the estimators to start and match
 
@@ -46,6 +50,25 @@ def fail(context):
     raise RuntimeError('the replay failed, estimates are missing or incomplete: see its log')
 
 
+def estimator(executable, *parameters):
+    """Return an estimator; ``parameters`` take precedence over the parameter files."""
+    return Node(package='smart_tire', executable=executable, output='screen',
+                namespace=LaunchConfiguration('namespace'),
+                parameters=[*map(LaunchConfiguration, FILES), *parameters])
+
+
+def describe(context):
+    """Return the description of the robot, and slip_estimator without its static transform."""
+    described = is_described(context.launch_configurations['description'])
+    own = [{'publish_imu_tf': False}] if described else []
+    return [
+        IncludeLaunchDescription(
+            PathJoinSubstitution([FindPackageShare('smart_tire'), 'launch', 'description.py']),
+            launch_arguments={name: LaunchConfiguration(name) for name in DESCRIBED}.items()),
+        estimator('slip_estimator', *own),
+    ]
+
+
 def generate_launch_description():
     """Return the estimators and the replay, which waits for them; all end with the bag."""
     config = PathJoinSubstitution([FindPackageShare('smart_tire'), 'config'])
@@ -55,19 +78,20 @@ def generate_launch_description():
         DeclareLaunchArgument('bag', description='rosbag2 directory'),
         DeclareLaunchArgument('rate', default_value='1',
                               description='multiple of the recorded rate'),
+        DeclareLaunchArgument('description', default_value='true',
+                              description='start robot_state_publisher, if it is installed'),
+        DeclareLaunchArgument('rviz', default_value='false', description='start RViz'),
         *(DeclareLaunchArgument(name, description=f'parameter file: {content}',
                                 default_value=PathJoinSubstitution([config, f'{name}.yaml']))
           for name, content in FILES.items()),
         OpaqueFunction(function=check_arguments, args=[ARGUMENTS]),
         OpaqueFunction(function=hold_interrupts),
-        *(Node(package='smart_tire', executable=node, output='screen',
-               namespace=LaunchConfiguration('namespace'),
-               parameters=[LaunchConfiguration(name) for name in FILES])
-          for node in NODES),
+        OpaqueFunction(function=describe),
+        estimator('friction_estimator'),
         Node(package='smart_tire', executable='smart_tire', output='screen',
              namespace=LaunchConfiguration('namespace'),
              arguments=['replay', LaunchConfiguration('bag'),
                         '--rate', LaunchConfiguration('rate'),
-                        '--wait', str(MAX_START_TIME), '--wait-for', *NODES],
+                        '--wait', str(MAX_START_TIME), '--wait-for', *ESTIMATORS],
              on_exit=end),
     ])

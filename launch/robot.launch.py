@@ -15,21 +15,24 @@
 """Start the drivers, the estimators and the controller of one robot."""
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, OpaqueFunction, TimerAction
+from launch.actions import (
+    DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction, TimerAction)
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
-from smart_tire.launching import boolean, check_arguments, file, hold_interrupts, text
+from smart_tire.launching import (
+    boolean, check_arguments, file, hold_interrupts, is_described, text, viewer)
 
-NODES = ('tire_receiver', 'imu_driver', 'slip_estimator', 'friction_estimator',
-         'wheel_controller')
+NODES = ('tire_receiver', 'imu_driver', 'friction_estimator', 'wheel_controller')
 FILES = {  # parameter file -> its content
     'robot': 'geometry, tires, films and sensors',
     'hardware': 'drivers and ports',
     'tuning': 'estimators and controller',
 }
-ARGUMENTS = {'namespace': text, 'respawn': boolean, **dict.fromkeys(FILES, file)}
+ARGUMENTS = {'namespace': text, 'respawn': boolean, 'description': boolean, 'rviz': viewer,
+             **dict.fromkeys(FILES, file)}
+DESCRIBED = ('namespace', 'description', 'rviz', 'robot', 'tuning')  # arguments of description.py
 RESPAWN_DELAY = 2.0  # s, so that a port can reappear and the log remains readable
 
 
@@ -49,6 +52,24 @@ def restart_stopped(event, context):
     return [TimerAction(period=RESPAWN_DELAY, actions=[again])]
 
 
+def respawning(executable, *parameters):
+    """Return a node that restarts with ``respawn:=true``."""
+    return new_node(executable, *parameters, respawn=LaunchConfiguration('respawn'),
+                    respawn_delay=RESPAWN_DELAY)
+
+
+def describe(context):
+    """Return the description of the robot, and slip_estimator without its static transform."""
+    described = is_described(context.launch_configurations['description'])
+    own = [{'publish_imu_tf': False}] if described else []
+    return [
+        IncludeLaunchDescription(
+            PathJoinSubstitution([FindPackageShare('smart_tire'), 'launch', 'description.py']),
+            launch_arguments={name: LaunchConfiguration(name) for name in DESCRIBED}.items()),
+        respawning('slip_estimator', *own),
+    ]
+
+
 def generate_launch_description():
     """Return one process per node, all with the same parameter files."""
     config = PathJoinSubstitution([FindPackageShare('smart_tire'), 'config'])
@@ -58,12 +79,15 @@ def generate_launch_description():
         DeclareLaunchArgument('respawn', default_value='false',
                               description='restart nodes that die; motor_driver with the '
                                           'emergency stop latched'),
+        DeclareLaunchArgument('description', default_value='true',
+                              description='start robot_state_publisher, if it is installed'),
+        DeclareLaunchArgument('rviz', default_value='false', description='start RViz'),
         *(DeclareLaunchArgument(name, description=f'parameter file: {content}',
                                 default_value=PathJoinSubstitution([config, f'{name}.yaml']))
           for name, content in FILES.items()),
         OpaqueFunction(function=check_arguments, args=[ARGUMENTS]),
         OpaqueFunction(function=hold_interrupts),
         new_node('motor_driver', on_exit=restart_stopped),
-        *(new_node(name, respawn=LaunchConfiguration('respawn'), respawn_delay=RESPAWN_DELAY)
-          for name in NODES),
+        *map(respawning, NODES),
+        OpaqueFunction(function=describe),
     ])

@@ -20,14 +20,15 @@ from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
-from smart_tire.launching import boolean, check_arguments, file, hold_interrupts, text
+from smart_tire.launching import boolean, check_arguments, file, hold_interrupts, text, viewer
 
 FILES = {  # parameter file -> its content
     'robot': 'geometry, tires, films and sensors',
     'simulation': 'ground, drive, radio and ports',
     'tuning': 'estimators and controller',
 }
-ARGUMENTS = {'namespace': text, 'respawn': boolean, **dict.fromkeys(FILES, file)}
+ARGUMENTS = {'namespace': text, 'respawn': boolean, 'description': boolean, 'rviz': viewer,
+             **dict.fromkeys(FILES, file)}
 
 
 def robot(context):
@@ -51,6 +52,9 @@ def generate_launch_description():
                               description='namespace of all nodes'),
         DeclareLaunchArgument('respawn', default_value='false',
                               description='restart nodes that die, as in robot.launch.py'),
+        DeclareLaunchArgument('description', default_value='true',
+                              description='start robot_state_publisher, if it is installed'),
+        DeclareLaunchArgument('rviz', default_value='false', description='start RViz'),
         *(DeclareLaunchArgument(name, description=f'parameter file: {content}',
                                 default_value=PathJoinSubstitution([config, f'{name}.yaml']))
           for name, content in FILES.items()),

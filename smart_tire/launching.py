@@ -35,6 +35,8 @@ from smart_tire.errors import ParameterError
 LAUNCH_ARGUMENTS = ('emulate_tty', 'launch-prefix', 'launch-prefix-filter', 'sigkill_timeout',
                     'sigterm_timeout')
 BOOLEANS = {'true': True, 'false': False}
+INDEX = 'share/ament_index/resource_index/packages'  # below each path of AMENT_PREFIX_PATH
+PUBLISHER, VIEWER = 'robot_state_publisher', 'rviz2'  # packages
 
 Converter = Callable[[str], Any]  # of a launch argument; raises ValueError if it is invalid
 
@@ -68,6 +70,25 @@ def boolean(value: str) -> bool:
     if value.lower() not in BOOLEANS:
         raise ValueError('expected true or false')
     return BOOLEANS[value.lower()]
+
+
+def viewer(value: str) -> bool:
+    """Return a Boolean; raise ValueError if it is true and RViz is not installed."""
+    shown = boolean(value)
+    if shown and not is_installed(VIEWER):
+        raise ValueError(f'{VIEWER} is not installed')
+    return shown
+
+
+def is_described(description: str) -> bool:
+    """Return whether robot_state_publisher is to be started: wanted, and installed."""
+    return boolean(description) and is_installed(PUBLISHER)
+
+
+def is_installed(package: str) -> bool:
+    """Return whether ROS knows ``package``."""
+    prefixes = filter(None, os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep))
+    return any(Path(prefix, INDEX, package).exists() for prefix in prefixes)
 
 
 def positive(value: str) -> float:

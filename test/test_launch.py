@@ -37,18 +37,24 @@ from typing import Any
 import pytest
 
 from smart_tire.launching import check_arguments, hold_interrupts
-from smart_tire.parameters import NODE_PARAMS
+from smart_tire.parameters import build, NODE_PARAMS, RobotParams
+from smart_tire.parameters.urdf_writer import urdf_text
 
 pytestmark = pytest.mark.processes
 
 ROOT = Path(__file__).resolve().parents[1]
 LAUNCH = ROOT / 'launch'
 MODULES = ('launch', 'launch.actions', 'launch.substitutions', 'launch_ros',
-           'launch_ros.actions', 'launch_ros.substitutions')
+           'launch_ros.actions', 'launch_ros.parameter_descriptions', 'launch_ros.substitutions')
+DEFAULTS = {'description': 'true', 'rviz': 'false', 'robot': str(ROOT / 'config' / 'robot.yaml'),
+            'tuning': str(ROOT / 'config' / 'tuning.yaml')}
 ESTIMATORS = {'slip_estimator', 'friction_estimator'}
+INCLUDED = LAUNCH / 'description.py'  # starts no nodes of this package
 
 every_file = pytest.mark.parametrize('path', sorted(LAUNCH.glob('*.py')),
                                      ids=lambda path: path.name)
+every_start = pytest.mark.parametrize('path', sorted(LAUNCH.glob('*.launch.py')),
+                                      ids=lambda path: path.name)
 
 
 @dataclass
@@ -78,34 +84,50 @@ def calls(value: Any) -> Iterator[Call]:
         yield from value.inside()
     elif isinstance(value, dict):
         yield from calls(list(value.items()))
-    elif hasattr(value, '__iter__') and not isinstance(value, str):
+    elif hasattr(value, '__iter__') and not isinstance(value, (str, type)):
         for item in value:
             yield from calls(item)
 
 
 @pytest.fixture
 def stand_ins(monkeypatch):
-    """Replace the launch system by stand-ins."""
+    """Replace the launch system by stand-ins; no package is installed."""
+    monkeypatch.delenv('AMENT_PREFIX_PATH', raising=False)
     for name in MODULES:
         monkeypatch.setitem(sys.modules, name, Recorder(name))
 
 
 @pytest.fixture
+def installed(monkeypatch, tmp_path):
+    """Return a function that makes packages appear as installed."""
+    def install(*packages: str) -> None:
+        index = tmp_path / 'share' / 'ament_index' / 'resource_index' / 'packages'
+        index.mkdir(parents=True)
+        for package in packages:
+            (index / package).touch()
+        monkeypatch.setenv('AMENT_PREFIX_PATH', f'/no/such:{tmp_path}')
+
+    return install
+
+
+@pytest.fixture
 def described(stand_ins):
-    """Return a function that returns all calls of a launch file."""
-    def describe(path: Path) -> list[Call]:
-        return list(described_by(runpy.run_path(str(path))['generate_launch_description']()))
+    """Return a function that returns all calls of a launch file with some arguments."""
+    def describe(path: Path, **arguments: str) -> list[Call]:
+        context = SimpleNamespace(launch_configurations={**DEFAULTS, **arguments})
+        return list(described_by(runpy.run_path(str(path))['generate_launch_description'](),
+                                 context))
 
     return describe
 
 
-def described_by(value: Any) -> Iterator[Call]:
-    """Yield the calls in ``value``, and those returned by its functions."""
+def described_by(value: Any, context: Any) -> Iterator[Call]:
+    """Yield the calls in ``value``, and those returned by its functions in ``context``."""
     for call in calls(value):
         yield call
         if call.kind == 'OpaqueFunction' and not call.options.get('args') \
                 and call.options['function'] is not hold_interrupts:
-            yield from described_by(call.options['function'](None))
+            yield from described_by(call.options['function'](context), context)
 
 
 def of_kind(found: list[Call], kind: str) -> list[Call]:
@@ -129,20 +151,20 @@ def used(found: list[Call]) -> set[str]:
 def test_arguments_that_are_used_are_declared_and_described(path, described):
     found = described(path)
     declared = {call.args[0]: call.options for call in of_kind(found, 'DeclareLaunchArgument')}
-    assert used(found) == declared.keys()
     assert all(options['description'] for options in declared.values())
+    assert used(found) == declared.keys() or path == INCLUDED  # read by its function
 
 
 @every_file
 def test_all_arguments_are_checked_before_any_process_starts(path, described):
     found = described(path)
     declared = {call.args[0] for call in of_kind(found, 'DeclareLaunchArgument')}
-    check, hold = of_kind(found, 'OpaqueFunction')[:2]
+    check, following = of_kind(found, 'OpaqueFunction')[:2]
     assert check.options['function'] is check_arguments
     assert check.options['args'][0].keys() == declared
-    assert hold.options['function'] is hold_interrupts
-    first = next(call for call in found if call.kind == 'Node')
-    assert found.index(check) < found.index(hold) < found.index(first)
+    assert found.index(check) < found.index(following)
+    assert (following.options['function'] is hold_interrupts) == (path != INCLUDED)
+    assert all(found.index(following) < found.index(node) for node in of_kind(found, 'Node'))
 
 
 @every_file
@@ -155,14 +177,14 @@ def test_default_files_exist(path, described):
                 assert (ROOT / 'config' / name).is_file()
 
 
-@every_file
+@every_start
 def test_each_node_gets_the_robot_file_and_its_own(path, described):
     own = {'slip_estimator': 'tuning', 'friction_estimator': 'tuning',
            'wheel_controller': 'tuning', 'robot_simulator': 'simulation'}
     nodes = [node for node in of_kind(described(path), 'Node')
              if node.options['executable'] != 'smart_tire']
     for node in nodes:
-        files = {call.args[0] for call in node.options['parameters']}
+        files = {call.args[0] for call in node.options['parameters'] if isinstance(call, Call)}
         assert {'robot', own.get(node.options['executable'], 'hardware')} <= files
 
 
@@ -208,7 +230,7 @@ def test_a_motor_driver_that_died_restarts_with_the_stop_latched(
 
 def test_a_replay_starts_the_estimators_and_requires_a_bag(described):
     found = described(LAUNCH / 'replay.launch.py')
-    assert set(executables(found)) == ESTIMATORS | {'smart_tire'}
+    assert sorted(executables(found)) == sorted([*ESTIMATORS, 'smart_tire'])
     bag, = (call for call in of_kind(found, 'DeclareLaunchArgument') if call.args[0] == 'bag')
     assert 'default_value' not in bag.options
     player, = (node for node in of_kind(found, 'Node') if 'arguments' in node.options)
@@ -234,6 +256,70 @@ def test_the_launch_ends_with_the_replay_and_fails_with_it(
     for action in of_kind(found, 'OpaqueFunction'):
         with pytest.raises(RuntimeError, match='the replay failed'):
             action.options['function'](None)
+
+
+@pytest.mark.parametrize('name', ['robot.launch.py', 'replay.launch.py'])
+@pytest.mark.parametrize(('description', 'packages', 'own'), [
+    ('true', ['robot_state_publisher'], [{'publish_imu_tf': False}]),
+    ('false', ['robot_state_publisher'], []), ('true', ['rviz2'], []), ('true', [], [])])
+def test_the_static_transform_is_left_to_robot_state_publisher_only_if_it_starts(
+        name, description, packages, own, described, installed):
+    installed(*packages)
+    found = described(LAUNCH / name, description=description)
+    estimator, = (node for node in of_kind(found, 'Node')
+                  if node.options['executable'] == 'slip_estimator')
+    assert [part for part in estimator.options['parameters'] if isinstance(part, dict)] == own
+    include, = of_kind(found, 'IncludeLaunchDescription')
+    assert (LAUNCH / include.args[0].args[0][-1]) == INCLUDED
+    given = {key: call.args[0] for key, call in include.options['launch_arguments']}
+    taken = {call.args[0] for call in of_kind(described(INCLUDED), 'DeclareLaunchArgument')}
+    assert given == {key: key for key in taken}
+    programs = of_kind(described(INCLUDED, description=description), 'Node')
+    assert bool(programs) == bool(own)
+
+
+def test_the_description_is_the_urdf_of_the_parameter_files_with_wheel_states_as_joints(
+        described, installed, tmp_path):
+    installed('robot_state_publisher')
+    mine = tmp_path / 'mine.yaml'
+    mine.write_text('/**: {ros__parameters: {wheel_radius: 0.1, mass: 20.0}}')
+    found = described(INCLUDED, tuning=str(mine))
+    program, = of_kind(found, 'Node')
+    assert program.options['namespace'].args == ('namespace',)
+    assert program.options['package'] == program.options['executable'] == 'robot_state_publisher'
+    assert program.options['remappings'] == [('joint_states', 'wheel_states')]
+    value = program.options['parameters'][0]['robot_description']  # as text: XML is not YAML
+    assert (value.kind, value.options) == ('ParameterValue', {'value_type': str})
+    assert value.args == (urdf_text(build(RobotParams, {'wheel_radius': 0.1, 'mass': 20.0})),)
+
+
+def test_programs_that_do_not_unblock_sigint_start_later(described, installed):
+    installed('robot_state_publisher', 'rviz2')
+    found = described(INCLUDED, rviz='true')
+    timer, = of_kind(found, 'TimerAction')
+    assert timer.options['period'] > 0.0
+    assert timer.options['actions'] == of_kind(found, 'Node')
+    assert [node.options['package'] for node in timer.options['actions']] \
+        == ['robot_state_publisher', 'rviz2']
+
+
+def test_rviz_shows_the_view_of_this_package_with_or_without_description(described, installed):
+    installed('rviz2')
+    node, = of_kind(described(INCLUDED, rviz='true', description='false'), 'Node')
+    flag, place = node.options['arguments']
+    assert (node.options['package'], flag) == ('rviz2', '-d')
+    assert ROOT.joinpath(*place.args[0][1:]).is_file()
+    assert not of_kind(described(INCLUDED, description='false'), 'Node')
+
+
+@pytest.mark.parametrize(('packages', 'description', 'logged'), [
+    ([], 'true', 1), ([], 'false', 0), (['robot_state_publisher'], 'true', 0)])
+def test_a_missing_robot_state_publisher_is_logged_and_the_launch_continues(
+        packages, description, logged, described, installed):
+    installed(*packages)
+    lines = of_kind(described(INCLUDED, description=description), 'LogInfo')
+    assert len(lines) == logged
+    assert all('robot_state_publisher is not installed' in line.options['msg'] for line in lines)
 
 
 real = pytest.mark.skipif(find_spec('launch_ros') is None or find_spec('ros2launch') is None,

@@ -25,7 +25,9 @@ from types import SimpleNamespace
 import pytest
 
 from smart_tire.errors import ParameterError
-from smart_tire.launching import boolean, check_arguments, file, path, positive, text
+from smart_tire.launching import (
+    boolean, check_arguments, file, INDEX, is_described, is_installed, path, positive, text,
+    viewer)
 
 LAUNCHED = '/opt/share/smart_tire/launch/robot.launch.py'
 CONVERTERS = {'namespace': text, 'respawn': boolean}
@@ -96,6 +98,45 @@ def test_an_unreadable_file_is_refused(tmp_path):
     secret.touch(mode=0)
     with pytest.raises(ValueError, match='no permission'):
         file(str(secret))
+
+
+@pytest.fixture
+def prefixes(tmp_path, monkeypatch):
+    """Return an overlay and an underlay of ROS, in this order in AMENT_PREFIX_PATH."""
+    found = [tmp_path / 'overlay', tmp_path / 'underlay']
+    for prefix in found:
+        (prefix / INDEX).mkdir(parents=True)
+    monkeypatch.setenv('AMENT_PREFIX_PATH', os.pathsep.join(map(str, found)))
+    return found
+
+
+@pytest.mark.parametrize('layer', [0, 1])
+def test_a_package_in_any_layer_is_installed(layer, prefixes):
+    (prefixes[layer] / INDEX / 'rviz2').touch()
+    assert is_installed('rviz2') and not is_installed('rviz')
+    assert viewer('true') is True
+
+
+def test_rviz_is_refused_where_it_is_not_installed(prefixes):
+    assert viewer('false') is False
+    with pytest.raises(ValueError, match='rviz2 is not installed'):
+        viewer('true')
+
+
+def test_nothing_is_installed_without_a_distribution(monkeypatch, tmp_path):
+    monkeypatch.setenv('AMENT_PREFIX_PATH', '')
+    (tmp_path / INDEX).mkdir(parents=True)
+    (tmp_path / INDEX / 'rviz2').touch()
+    monkeypatch.chdir(tmp_path)
+    assert not is_installed('rviz2')
+    monkeypatch.delenv('AMENT_PREFIX_PATH')
+    assert not is_installed('rviz2')
+
+
+def test_the_robot_is_described_if_that_is_wanted_and_possible(prefixes):
+    assert not is_described('true')
+    (prefixes[1] / INDEX / 'robot_state_publisher').touch()
+    assert is_described('true') and not is_described('false')
 
 
 def test_valid_values_are_accepted():

@@ -40,7 +40,7 @@ ROSDEP_KEYS = {  # top-level module -> its key in rosdep's python.yaml
     'scipy': 'python3-scipy', 'serial': 'python3-serial', 'yaml': 'python3-yaml',
 }
 PIP_NAMES = {'serial': 'pyserial', 'yaml': 'pyyaml'}  # where module and distribution differ
-WITHOUT_KEY = {'filterpy', 'lz4', 'mcap', 'rosbags', 'zstandard'}
+WITHOUT_KEY = {'filterpy', 'lz4', 'mcap', 'plotly', 'rosbags', 'zstandard'}
 OPTIONAL = {'tf2_msgs'}  # not among the wheels; used where it is installed
 ROS_SUFFIXES = ('_msgs', '_srvs', '_interfaces')
 
