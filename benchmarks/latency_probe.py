@@ -26,7 +26,7 @@ from types import TracebackType
 from smart_tire.protocol.tire_payload import decode_batch, volts
 from smart_tire.protocol.xbee import decode_receive_packet, XBeeDeframer
 from smart_tire.samples import NS_PER_S, TireSample
-from smart_tire.simulation.pty import PtyPort
+from smart_tire.simulation.pseudo_terminal import PtyPort
 
 MAX_READ = 4096      # bytes
 POLL_PERIOD = 0.1    # s

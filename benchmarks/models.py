@@ -91,7 +91,7 @@ def duhem() -> list[Figure]:
     def slope_at(t: float) -> float:
         amplitude = 0.5 + 0.3 * math.sin(t / 3.0)
         return INPUT_AMPLITUDE * (0.1 * math.cos(t / 3.0) * math.sin(math.tau * t)
-                             + amplitude * math.tau * math.cos(math.tau * t))
+                                  + amplitude * math.tau * math.cos(math.tau * t))
 
     def output_slope(t: float, y: Array) -> Array:
         speed = slope_at(t)

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 
 def matrix(roll: float, pitch: float, yaw: float) -> NDArray[np.float64]:
-    """Return the matrix (3, 3) that rotates vectors from the child frame to its parent."""
+    """Return the 3x3 matrix that rotates vectors from the child frame to its parent."""
     cr, sr = math.cos(roll), math.sin(roll)
     cp, sp = math.cos(pitch), math.sin(pitch)
     cy, sy = math.cos(yaw), math.sin(yaw)
@@ -41,7 +41,7 @@ def angles(rotation: NDArray[np.float64]) -> tuple[float, float, float]:
 
 
 def quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
-    """Return the unit quaternion (x, y, z, w)."""
+    """Return the unit quaternion, ordered x, y, z, w."""
     cr, sr = math.cos(0.5 * roll), math.sin(0.5 * roll)
     cp, sp = math.cos(0.5 * pitch), math.sin(0.5 * pitch)
     cy, sy = math.cos(0.5 * yaw), math.sin(0.5 * yaw)

@@ -80,6 +80,7 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     from xdist.scheduler import LoadFileScheduling
 
     class GroupsAndFiles(LoadFileScheduling):
+
         def _split_scope(self, nodeid: str) -> str:
             """Return the group of a test, or its file."""
             file = super()._split_scope(nodeid)

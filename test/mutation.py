@@ -168,7 +168,7 @@ def equivalents(path: Path, plan: set[str], keys: set[Key]) -> dict[Key, str]:
 
 
 def evaluate_all(root: Path, todo: list[Mutant], plan: Mapping[str, list[Tests]],
-              options: argparse.Namespace) -> list[Verdict]:
+                 options: argparse.Namespace) -> list[Verdict]:
     """Return the verdicts on the mutants; incomplete after the time limit."""
     verdicts: list[Verdict] = []
     killers: defaultdict[object, Counter[str]] = defaultdict(Counter)

@@ -23,9 +23,9 @@ from smart_tire.parameters import build, known_names, load_files, NODE_PARAMS, R
 from smart_tire.parameters.calibration_file import Identified, identified_text, write_text
 
 IDENTIFIED = [Identified('encoder.latency', 0.07833513, 0.0024, 'from turns'),
-         Identified('wheel_radius', 0.28993, 0.0023),
-         Identified('imu.rotation', (0.01, -0.02, 0.0), (0.006, 0.006, 0.0)),
-         Identified('imu.gyro_noise', 0.0062), Identified('effective_track', 1.816, 0.016)]
+              Identified('wheel_radius', 0.28993, 0.0023),
+              Identified('imu.rotation', (0.01, -0.02, 0.0), (0.006, 0.006, 0.0)),
+              Identified('imu.gyro_noise', 0.0062), Identified('effective_track', 1.816, 0.016)]
 
 
 def test_nodes_read_a_calibration_file(tmp_path):

@@ -50,7 +50,7 @@ def waveform_figure() -> Figure:
     """Return samples, fits and residuals of two crossings, driving and braking."""
     names = list(EXAMPLE_SLIPS)
     figure, axes = drawing.new_figure([names, [f'{name} residual' for name in names]], width=12.0,
-                                    height=6.2, share_x=True)
+                                      height=6.2, share_x=True)
     for seed, (name, slip) in enumerate(EXAMPLE_SLIPS.items()):
         found = example(slip, seed)
         _draw_waveform(axes[name], found)
@@ -88,7 +88,7 @@ def friction_figure(title: str, result: RunResult) -> Figure:
     panels = [[f'{wheel.replace("_", " ")}, {SOURCES[source]}' for source in SHOWN_SOURCES]
               for wheel in wheels]
     figure, axes = drawing.new_figure(panels, width=13.0, height=1.0 + 3.0 * len(wheels),
-                                    share_x=True, share_y=True)
+                                      share_x=True, share_y=True)
     top = 0.0
     for wheel, row in zip(wheels, panels):
         for source, panel in zip(SHOWN_SOURCES, row):
@@ -143,7 +143,7 @@ def bound_figure(cases: Sequence[CaseResult]) -> Figure:
     ax.legend(frameon=False, loc='lower right')
     informative = bound < MAX_INFORMATIVE_BOUND
     _draw_ratio(axes['ratio'], slip[informative], (deviation / bound)[informative],
-               RELATIVE_SPREAD_ERROR / np.sqrt([one.crossings for one in cases])[informative])
+                RELATIVE_SPREAD_ERROR / np.sqrt([one.crossings for one in cases])[informative])
     axes['bias'].plot(slip[informative], 100.0 * bias[informative], 'o', markersize=4,
                       color=drawing.BLUE)
     axes['bias'].axhline(0.0, color=drawing.INK, linewidth=1.1)

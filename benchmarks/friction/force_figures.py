@@ -34,7 +34,7 @@ def force_figure(title: str, result: ForceResult) -> Figure:
     wheels = list(result.variants[TORQUE].wheels)
     panels = [[f'{wheel} {quantity}' for wheel in wheels] for quantity in QUANTITIES]
     figure, axes = drawing.new_figure(panels, width=1.0 + 6.0 * len(wheels), height=6.5,
-                                    share_x=True)
+                                      share_x=True)
     for wheel in wheels:
         for quantity, (label, headroom) in QUANTITIES.items():
             ax = axes[f'{wheel} {quantity}']

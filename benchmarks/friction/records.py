@@ -72,7 +72,7 @@ def true_crossings(records: Iterable[Sample], robot: RobotParams, wheel: str) ->
     end = int(motion.stamp_ns[-1]) - round(EXCLUDED_END * NS_PER_S)
     crossings = sorted((one for one in records if isinstance(one, Friction)
                        and one.wheel == wheel and one.stamp_ns < end),
-                      key=lambda one: one.stamp_ns)
+                       key=lambda one: one.stamp_ns)
     speed = np.abs(at(_stamps(crossings), motion.stamp_ns, motion.rolling)[:, index])
     bounds = [_bound(one, robot, speed) for one, speed in zip(crossings, speed.tolist())]
     return Truths(crossings, speed, np.array(bounds, np.float64), motion.stamp_ns,

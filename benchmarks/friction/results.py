@@ -80,7 +80,7 @@ def _from_peaks(rows: Rows, robot: RobotParams, method: str) -> Floats | None:
     if method not in (EXACT_MAP, PRINTED_MAP):
         return None
     return friction_from_peaks(rows.value['peak_interval'], rows.speed, rows.value['total_slip'],
-                             rows.value['normal_load'], robot, method)
+                               rows.value['normal_load'], robot, method)
 
 
 def by_run(results: Iterable[RunResult]) -> dict[str, dict[Key, Figures]]:

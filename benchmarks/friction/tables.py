@@ -173,7 +173,7 @@ def _statistics(own: Figures, strict: bool) -> list[str | Text]:
             _marked(_percent(bias), not strict or not abs(bias) > MAX_BIAS),
             _marked(number(over, 2), not strict or not over > MAX_BOUND_RATIO),
             *(_marked(number(own[f'nees_{name}'], 2), not math.isfinite(own[f'nees_{name}'])
-                    or NEES_RANGE[0] <= own[f'nees_{name}'] <= NEES_RANGE[1])
+                      or NEES_RANGE[0] <= own[f'nees_{name}'] <= NEES_RANGE[1])
               for name in ('single', 'fused', 'adhesion_ratio', 'film_slip')),
             _shares(own, 'single'), _shares(own, 'fused'), number(own['adhesion_ratio_rms'], 4),
             _marked(number(own['ms'], 1), own['ms'] <= MAX_TIME)]

@@ -59,7 +59,7 @@ def slip_figure(title: str, estimates: Estimates, truth: Truth) -> Figure:
     turns = bool(np.isfinite(truth.icr.position).any())
     rows = ['left', 'right', *['icr'] * turns, 'nis']
     figure, axes = drawing.new_figure([[row] for row in rows], width=11.0,
-                                    height=2.5 * len(rows), share_x=True)
+                                      height=2.5 * len(rows), share_x=True)
     origin = int(truth.stamp_ns[0])
     for side, name in enumerate(('left', 'right')):
         _draw_slip(axes[name], side, estimates, truth, origin)
@@ -138,7 +138,7 @@ def path_figure(title: str, estimates: Estimates,
     ``aligned_poses`` has the poses of each method and the true ones in the frame of the method.
     """
     figure, axes = drawing.new_figure([['path', 'position'], ['path', 'heading']], width=13.0,
-                                    height=6.5)
+                                      height=6.5)
     frame, origin = aligned_poses[LIVE][1], int(aligned_poses[LIVE][2][0])
     for name, (estimated, true, stamps) in reversed(list(aligned_poses.items())):
         own = name in OWN

@@ -68,7 +68,7 @@ def gyro_odometry(inputs: Inputs, scale: float = 1.0) -> EstimateSeries:
     rolling = at(stamps, inputs.wheel_ns, inputs.rolling, MAX_GAP)
     known = np.isfinite(travel[:, 0])
     return _dead_reckoning(inputs, stamps[known], yaw[known], scale * travel[known].mean(axis=1),
-                     rate[known], rolling[known], scale)
+                           rate[known], rolling[known], scale)
 
 
 def fitted_scale(inputs: Inputs, truth: PoseSeries) -> float:
@@ -90,7 +90,7 @@ def _heading(inputs: Inputs, track: float) -> Floats:
 
 
 def _dead_reckoning(inputs: Inputs, stamps: Stamps, yaw: Floats, distance: Floats, rate: Floats,
-              rolling: Floats, scale: float = 1.0) -> EstimateSeries:
+                    rolling: Floats, scale: float = 1.0) -> EstimateSeries:
     """Return the estimate for travel of ``distance`` [m] with heading ``yaw`` [rad] along arcs."""
     turn = np.diff(yaw)
     chord = np.diff(distance) * np.sinc(0.5 * turn / math.pi)

@@ -143,7 +143,7 @@ def run_recording(path: Path, recording: Recording) -> RecordedRun:
     rest = poses_from(truth, begin_ns)
     estimates = compare_methods(samples, params, rest)
     aligned_poses = {name: align_after(estimate.poses, truth, begin_ns)
-              for name, estimate in estimates.items()}
+                     for name, estimate in estimates.items()}
     return RecordedRun(estimates, aligned_poses)
 
 

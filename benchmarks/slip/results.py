@@ -55,7 +55,7 @@ def figures_of(score: RunScore) -> Figures:
     for name, parts in sides.items():
         figures |= {name: parts.selected.rms, f'{name}_all_times': parts.all_times.rms}
     for name, selected in {**{name: parts.selected for name, parts in sides.items()},
-                         'speed': score.speed.selected}.items():
+                           'speed': score.speed.selected}.items():
         figures |= _statistics(name, selected)
     return figures | path_figures(score.path) | {
         'icr_x': score.icr_x, 'nis': score.nis, 'step_us': score.step_us}

@@ -193,7 +193,7 @@ def estimated_at(wanted_ns: Stamps, stamp_ns: Stamps, values: Floats) -> Floats:
 
 
 def slip_errors(estimate: EstimateSeries, truth: Truth, width: float = 0.0
-                 ) -> tuple[Floats, Floats]:
+                ) -> tuple[Floats, Floats]:
     """Return errors and sigmas (n, 2) of the slips of both sides; NaN if undefined."""
     true = side_means(truth.ratio)
     if width:

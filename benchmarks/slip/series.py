@@ -115,7 +115,7 @@ def as_truth(records: Iterable[Sample], robot: RobotParams) -> Truth:
             sliding.add(record.stamp_ns, record.slip_velocity)
     poses, slips, (stamps, slip_velocity) = series.poses(), series.slips(), sliding.arrays()
     count = (np.searchsorted(stamps, stamps[-1] - round(EXCLUDED_END * NS_PER_S), side='right')
-            if len(stamps) else 0)
+             if len(stamps) else 0)
     if not (np.array_equal(poses.stamp_ns, stamps) and count > 1):
         raise ValueError('ground truth needs at least two timestamps with odometry and slip')
     v_x, W = poses.twist[:, 0], poses.twist[:, 2]

@@ -89,7 +89,7 @@ def _reference(one: Reference, distance: float) -> list[str]:
 
 
 def reference_table(runs: Runs, titles: Mapping[str, str],
-                  targets: Mapping[str, ReferenceRun]) -> Table:
+                    targets: Mapping[str, ReferenceRun]) -> Table:
     """Return the ratio of errors to those of the reference filter, run by run."""
     table = new_table(
         f'Ratio to the errors of the reference filter, worse side (! above {MAX_LIVE_RATIO:g} '

@@ -41,7 +41,7 @@ from benchmarks.slip.series import as_estimate, as_truth, EstimateSeries
 from benchmarks.slip_ablation.recorded import (
     KNOWN, present_recordings, RecordedResult, run_recorded_rules)
 from benchmarks.slip_ablation.rules import ALL_RULES, Rule, RULES, switched_off
-from benchmarks.slip_ablation.scoring import CaseKey, change, Change, FIGURES, Scores, scores_of
+from benchmarks.slip_ablation.scoring import CaseKey, Change, change, FIGURES, Scores, scores_of
 from benchmarks.tables import markdown, new_console, new_table, number, print_all
 from smart_tire.analysis.pipeline import EstimatorParams, Pipeline
 from smart_tire.analysis.summary import plain

@@ -93,7 +93,7 @@ def slip_figure(labeled: LabeledEstimates, truth: Series, origin_ns: int,
     rows = [names[i:i + columns] for i in range(0, len(names), columns)]
     rows[-1] += ['.'] * (len(rows[0]) - len(rows[-1]))
     figure, axes = drawing.new_figure(rows, height=1.2 + 2.8 * len(rows), share_x=not intervals,
-                                    share_y=True)
+                                      share_y=True)
     for title, (own, name) in panels.items():
         drawing.draw_slip(axes[title], own)
         axes[title].set(title=title)
@@ -140,7 +140,7 @@ def path_figure(labeled: LabeledEstimates, truth: Series) -> Figure:
         drawing.draw_path(axes['path'], paths, None)
     else:
         figure, axes = drawing.new_figure([['path', 'position'], ['path', 'heading']], width=10.0,
-                                        height=5.5)
+                                          height=5.5)
         drawing.draw_path(axes['path'], paths, true[:, :2])
         for path, series in zip(paths, labeled.values()):
             _draw_errors(axes, path, series, truth)
@@ -158,9 +158,9 @@ def _draw_errors(axes: dict[str, Axes], path: drawing.Path, estimates: Series,
     covariance = at(stamps, poses.stamp_ns, poses.pose_covariance)
     longest = np.sqrt(np.linalg.eigvalsh(covariance[:, :2, :2])[:, -1])
     drawing.draw_error(axes['position'], time, np.linalg.norm(error[:, :2], axis=1), longest,
-                     'position error [m]', path)
+                       'position error [m]', path)
     drawing.draw_error(axes['heading'], time, error[:, 2], np.sqrt(covariance[:, 2, 2]),
-                     'heading error [rad]', path)
+                       'heading error [rad]', path)
 
 
 def friction_figure(labeled: LabeledEstimates, truth: Series, origin_ns: int) -> Figure:
@@ -170,7 +170,7 @@ def friction_figure(labeled: LabeledEstimates, truth: Series, origin_ns: int) ->
     rows = [[_title(labeled, label, wheel.replace('_', ' ')) for label in labeled]
             for wheel in wheels]
     figure, axes = drawing.new_figure(rows, height=1.2 + 2.6 * len(wheels), share_x=True,
-                                    share_y=True)
+                                      share_y=True)
     for wheel, titles in zip(wheels, rows):
         for title, series in zip(titles, labeled.values()):
             drawing.draw_friction(axes[title], friction_curve(wheel, series, truth, origin_ns))
@@ -228,7 +228,7 @@ def crossing_waveform(crossing: Friction, inputs: Series,
     if shown.sum() < 0.9 * 2.0 * reach * robot.film.sample_rate:
         return None  # a lost batch would leave a gap
     return drawing.CrossingWaveform(crossing.wheel, 1e3 * time[shown], volts[shown],
-                         _inside(robot, speed, volts.shape[1]))
+                                    _inside(robot, speed, volts.shape[1]))
 
 
 def _inside(robot: RobotParams, speed: float, films: int) -> list[tuple[float, float]]:

@@ -35,7 +35,7 @@ def write_fit(path: Path, time: Floats, inputs: Floats, measured: Floats, fitted
               input_label: str, output_label: str) -> None:
     """Draw measured and fitted output over input and time, and the residual over time."""
     figure, axes = drawing.new_figure([['loop', 'time'], ['loop', 'residual']], width=11.0,
-                                    height=5.0)
+                                      height=5.0)
     time, inputs, measured, fitted = _thinned(time, inputs, measured, fitted)
     for name, x in (('loop', inputs), ('time', time)):
         axes[name].plot(x, measured, color=drawing.SKY, linewidth=1.6, label='measured')

@@ -65,8 +65,8 @@ def match(estimates: Iterable[Friction], truths: Iterable[Friction],
     truths = sorted(truths, key=lambda crossing: crossing.stamp_ns)
     estimates = sorted(estimates, key=lambda crossing: crossing.stamp_ns)
     candidates = sorted((abs(e.stamp_ns - t.stamp_ns), i, j)
-                  for wheel in {truth.wheel for truth in truths}
-                  for i, t, j, e in _candidates(truths, estimates, wheel, tolerance))
+                        for wheel in {truth.wheel for truth in truths}
+                        for i, t, j, e in _candidates(truths, estimates, wheel, tolerance))
     partner: dict[int, int] = {}
     taken: set[int] = set()
     for _, i, j in candidates:

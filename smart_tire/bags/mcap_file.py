@@ -210,7 +210,7 @@ class McapFile:
         yield from run.take()
         if offset >= len(data) or data[offset] not in (Opcode.DATA_END, Opcode.FOOTER):
             add_warning(self.warnings, f'{self.path.name}: file is truncated: no index, '
-                         f'{len(data) - offset} bytes after the last complete record')
+                        f'{len(data) - offset} bytes after the last complete record')
 
     def _read(self, block: Block, topics: Collection[str] | None) -> list[Message]:
         """Return the messages in ``block``; add a warning if some cannot be read."""
@@ -228,7 +228,7 @@ class McapFile:
         return found
 
     def _parse_records(self, records: bytes, topics: Collection[str] | None,
-                    found: list[Message]) -> int:
+                       found: list[Message]) -> int:
         """Append the messages in ``records`` to ``found``; return the end of the last record."""
         wanted = self._wanted(topics)
         offset, size, unpack = 0, len(records), MESSAGE.unpack_from

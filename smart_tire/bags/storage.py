@@ -26,7 +26,7 @@ class Channel:
     """A topic as recorded in a bag file; one object per topic and file."""
 
     topic: str
-    type: str                     # such as 'sensor_msgs/msg/Imu'
+    type: str                     # such as 'sensor_msgs/msg/Imu'  # noqa: A003
     encoding: str = 'cdr'         # of the messages
     definition: str = ''          # full text, including nested types
     definition_encoding: str = ''

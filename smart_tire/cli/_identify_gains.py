@@ -49,7 +49,7 @@ def run(args: argparse.Namespace) -> int:
     for line in _lines(found, [bag.name for bag in args.bags]):
         print(line)
     return write_parameters(args, NAME, gain_parameters(found, robot),
-                   lambda figure: write_gains(figure, found))
+                            lambda figure: write_gains(figure, found))
 
 
 def _lines(found: GainFit, bags: list[str]) -> list[str]:

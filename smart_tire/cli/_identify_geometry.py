@@ -51,4 +51,4 @@ def run(args: argparse.Namespace) -> int:
         print(f'{name:24}{"cross-validated" if verdict.accepted else "not written"}: '
               f'{verdict.reason}')
     return write_parameters(args, NAME, parameters(found, robot),
-                   lambda figure: write_geometry(figure, found))
+                            lambda figure: write_geometry(figure, found))

@@ -51,4 +51,4 @@ def run(args: argparse.Namespace) -> int:
     print(f'{found.segments} straight segments, {found.duration:.1f} s in total; residuals '
           f'{found.excess ** 0.5:.2g} times the expected noise')
     return write_parameters(args, NAME, stiffness_parameters(found),
-                   lambda figure: write_stiffness(figure, found))
+                            lambda figure: write_stiffness(figure, found))

@@ -38,7 +38,7 @@ def check_output(args: argparse.Namespace, kind: str) -> None:
 
 
 def write_parameters(args: argparse.Namespace, kind: str, identified: Sequence[Identified],
-            draw: Callable[[Path], bool | None]) -> int:
+                     draw: Callable[[Path], bool | None]) -> int:
     """
     Write a parameter file and its figure, print their paths and return the exit status.
 

@@ -85,7 +85,7 @@ class RoboclawPair:
                               params.stall_time) for encoder in encoders]
         self._boards = [
             Board(address, f'{name} board {address} (0x{address:x})',
-                   encoders[2 * axle:2 * axle + 2], checks[2 * axle:2 * axle + 2])
+                  encoders[2 * axle:2 * axle + 2], checks[2 * axle:2 * axle + 2])
             for axle, (name, address) in enumerate(zip(AXLES, params.addresses))]
         self._encoders = encoders
         self._period_ns = round(NS_PER_S / params.rate)

@@ -42,7 +42,7 @@ class Topic:
     """One topic: its type, sample class, conversions, rate and frame."""
 
     name: str
-    type: str                         # of the messages, such as 'sensor_msgs/msg/Imu'
+    type: str                         # such as 'sensor_msgs/msg/Imu'  # noqa: A003
     sample: SampleClass
     from_msg: Callable[[Any], Sample]     # message -> sample, or MessageError
     to_msg: Callable[[Any, Any], Any]     # message, sample -> message with the sample

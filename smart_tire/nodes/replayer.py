@@ -141,7 +141,7 @@ class Replayer:
                 report_at = math.inf
             self._executor.spin_once(timeout_sec=POLL_PERIOD)
         self.result.unsubscribed = [name for name, publisher in self._publishers.items()
-                               if not publisher.get_subscription_count()]
+                                    if not publisher.get_subscription_count()]
         if not self._stop.is_set():
             self.result.failures = [f'{name} {why}' for name, why in self._unready_nodes().items()]
         self.result.followers = self._leader.followers

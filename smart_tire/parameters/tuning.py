@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.parameters.spec import inlined, nested, param
 
@@ -87,7 +88,7 @@ class FrictionEstimatorParams:
     method: str = param(
         'waveform', '-', 'fit of the whole waveform, or the method of paper B',
         choices=('waveform', 'two_peaks'))
-    map: str = param(
+    map: str = param(  # noqa: A003
         'exact', '-', 'two_peaks only: peak interval to adhesion length, exact or as printed',
         choices=('exact', 'printed'))
     load_sigma: float = param(

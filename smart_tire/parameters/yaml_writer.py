@@ -27,10 +27,10 @@ from inspect import cleandoc
 from pathlib import Path
 import sys
 from typing import Any
-import yaml
 
 from smart_tire.parameters import NODE_PARAMS, RobotParams
 from smart_tire.parameters.spec import Spec, specs
+import yaml
 
 MAX_LINE_LENGTH = 90  # characters; the items of a list that exceeds it get lines of their own
 

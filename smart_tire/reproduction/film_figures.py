@@ -58,7 +58,7 @@ def trace_figure(trace: Trace) -> Figure:
 def rate_figure(result: RateIndependence) -> Figure:
     """Return Fig. 6: loops at two frequencies, and the peak over frequency."""
     figure, axes = drawing.new_figure([['loops', 'peaks'], ['loops', 'rest']], width=11.0,
-                                    height=5.0)
+                                      height=5.0)
     for (frequency, loop), color, style in zip(result.loops.items(), (drawing.SKY, drawing.INK),
                                                ({'linewidth': 4.0}, {'linewidth': 1.1})):
         _draw_loop(axes['loops'], loop, color, f'{frequency:.0f} Hz', **style)

@@ -26,7 +26,7 @@ from smart_tire.reproduction import (
     film_figures, film_fit, film_loops, paper_a_report, paper_b_report, tire_figures, tire_maps,
     tire_runs)
 from smart_tire.reproduction.experiments import Laboratory
-from smart_tire.reproduction.html import write_report
+from smart_tire.reproduction.report_page import write_report
 from smart_tire.reproduction.report_section import Section
 from smart_tire.reproduction.tire_runs import Crossings, crossings, drive, steady
 

@@ -82,7 +82,7 @@ def slip_figure(runs: dict[str, Run]) -> Figure:
 def signal_figure(result: Signals, run: Run) -> Figure:
     """Return Fig. 11: the film voltages over the drive, and in one crossing."""
     figure, axes = drawing.new_figure([['film 1', 'contact'], ['film 2', 'contact']], width=12.0,
-                                    height=5.4)
+                                      height=5.4)
     for film, color in enumerate(drawing.FILM_COLORS):
         ax = axes[f'film {film + 1}']
         ax.plot(result.time, result.volts[:, film], color=color, linewidth=0.6)

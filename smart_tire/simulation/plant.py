@@ -151,7 +151,7 @@ class Plant:
             self.wheel_v_x[i] = self.v_x - y * self.yaw_rate
             self.wheel_v_y[i] = self.v_y + x * self.yaw_rate
             self.surface[i] = self._surfaces.at(self.x + cos * x - sin * y,
-                                              self.y + sin * x + cos * y)
+                                                self.y + sin * x + cos * y)
             self.load[i] = max(static + per_x * a_x + per_y * a_y, 0.0)
 
     def _linear_loads(self) -> list[tuple[float, float, float]]:

@@ -32,7 +32,7 @@ from smart_tire.samples import ImuSample, NS_PER_S
 from smart_tire.simulation.device_emulators import ImuEmulator, RadioEmulator, RoboclawEmulator
 from smart_tire.simulation.films import FilmBatch
 from smart_tire.simulation.plant import STEP_NS, TIME_STEP
-from smart_tire.simulation.pty import PtyPort
+from smart_tire.simulation.pseudo_terminal import PtyPort
 from smart_tire.simulation.robot import Observation, Robot
 from smart_tire.simulation.sensors import encoder_counts
 from smart_tire.simulation.truth import Truth
@@ -60,7 +60,7 @@ class SimulatedHardware:
         self._counts_per_revolution = params.robot.encoder.counts_per_revolution
         rng, radio = np.random.default_rng([params.seed, DEVICE_RNG_STREAM]), params.radio
         self._imu = ImuEmulator(params.protocol,
-                              clock_error=rng.normal(0.0, params.errors.imu_clock))
+                                clock_error=rng.normal(0.0, params.errors.imu_clock))
         self._boards = RoboclawEmulator(params.addresses)
         self._radio = RadioEmulator(self._robot.sensor_nodes, rng, delay=radio.delay,
                                     jitter=radio.jitter, max_delay=radio.max_delay,

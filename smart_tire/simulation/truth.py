@@ -86,7 +86,7 @@ class CrossingTruth:
         self._gain = robot.film.gains(films.wheel)[0] if group[0] == 0 else NAN
         # m, distance of the group from the patch center at which all films are outside
         self._reach = 0.5 * (robot.wheel_radius * (last - self._first) + robot.film.length
-                            + robot.tire.contact_length)
+                             + robot.tire.contact_length)
         self._last: tuple[int, float] | None = None  # time and position [m] of the latest sample
         self._entry = 0.0      # side of entry of the present crossing, -1 or 1; 0: none
         self._center_ns = 0    # time at the patch center

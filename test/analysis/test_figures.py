@@ -101,7 +101,7 @@ def test_every_axis_has_a_unit():
 
 def test_each_interval_has_a_slip_panel():
     intervals = {name: [(ns(start), ns(start + 1.0))] for name, start in
-             (('concrete', 0.0), ('sand', 1.0), ('sand again', 2.0))}
+                 (('concrete', 0.0), ('sand', 1.0), ('sand again', 2.0))}
     figure = figures.slip_figure(label_estimates(driven()), driven(), EPOCH, intervals)
     assert [ax.get_title() for ax in figure.axes] == ['concrete', 'sand', 'sand again']
     assert [ax.get_xlim() for ax in figure.axes] == [(0.0, 1.0), (1.0, 2.0), (2.0, 3.0)]

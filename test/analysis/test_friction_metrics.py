@@ -38,7 +38,7 @@ def true(time_s, slip=0.1, mu=0.47, **others):
 
 def estimate(time_s, single, sigma=0.05, **others):
     return crossing(time_s, friction_coefficient_single=single,
-                   friction_coefficient_single_sigma=sigma, **others)
+                    friction_coefficient_single_sigma=sigma, **others)
 
 
 def test_each_crossing_is_matched_with_the_nearest_of_its_wheel():
@@ -105,7 +105,7 @@ def test_the_bias_has_a_sign():
 
 def test_fused_values_and_adhesion_are_scored_separately():
     pairs = [(true(0.0), crossing(0.0, friction_coefficient=0.517, friction_coefficient_sigma=0.03,
-                                 adhesion_ratio=0.6, adhesion_ratio_sigma=0.05))]
+                                  adhesion_ratio=0.6, adhesion_ratio_sigma=0.05))]
     found = friction_score(pairs)
     assert found.informative == 0
     assert found.fused_median_relative_error == pytest.approx(0.1)

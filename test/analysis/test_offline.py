@@ -241,7 +241,7 @@ def test_late_samples_are_counted(bag_of, drive, params, tmp_path):
 
 
 def test_invalid_messages_are_counted_with_the_reason(bag_of, drive, params,
-                                                                      tmp_path):
+                                                      tmp_path):
     events = of_topics(drive, 'imu/data', 'wheel_states')
     hit = [i for i, (_, topic, _) in enumerate(events) if topic == 'imu/data' and i % 100 == 0]
     for i in hit:
@@ -302,8 +302,8 @@ def test_smoothed_estimates_have_the_same_timestamps_in_a_separate_bag(smoothed)
     for folder in ('estimates', 'smoothed'):
         with Bag(smoothed[0] / folder) as bag:
             received.append([(receive_ns, topic, sample.stamp_ns)
-                         for receive_ns, topic, sample in bag.samples(ESTIMATES)
-                         if topic in ('odom', 'wheel_slip')])
+                             for receive_ns, topic, sample in bag.samples(ESTIMATES)
+                             if topic in ('odom', 'wheel_slip')])
             assert set(bag.topics) == {f'/{name}' for name in ESTIMATES}
     assert received[0] == received[1] and len(received[0]) > 2000
 

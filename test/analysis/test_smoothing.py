@@ -136,6 +136,7 @@ def test_biases_are_known_from_the_start():
 
 def test_smoothed_variances_do_not_exceed_those_of_the_filter():
     class Both(RtsSmoother):
+
         def __init__(self):
             super().__init__(N)
             self.filtered = []

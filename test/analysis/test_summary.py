@@ -104,7 +104,7 @@ def test_errors_are_computed_for_the_available_ground_truth():
 def test_surfaces_are_distinguished_by_true_friction():
     intervals = surfaces(run().crossings)
     assert intervals == {'mu 0.47': [(EPOCH, EPOCH + 9 * SECOND // 2)],
-                     'mu 0.30': [(EPOCH + 5 * SECOND, EPOCH + 19 * SECOND // 2)]}
+                         'mu 0.30': [(EPOCH + 5 * SECOND, EPOCH + 19 * SECOND // 2)]}
 
 
 def test_a_repeated_surface_has_two_intervals_and_a_single_one_no_name():

@@ -24,7 +24,7 @@ from benchmarks.latency_probe import RadioTap
 from smart_tire.protocol.tire_payload import encode_batch, TireBatch, volts
 from smart_tire.protocol.xbee import encode_frame, encode_receive_packet, ReceivePacket
 from smart_tire.samples import TireSample
-from smart_tire.simulation.pty import PtyPort
+from smart_tire.simulation.pseudo_terminal import PtyPort
 
 READ_TIMEOUT = 10.0  # s
 

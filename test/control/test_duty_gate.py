@@ -201,6 +201,7 @@ def test_arming_is_not_required_by_default(gate):
 
 
 class TestRequireArming:
+
     def test_duties_are_accepted_only_while_armed(self):
         gate = Gate(require_arming=True)
         assert not gate.armed

@@ -120,7 +120,7 @@ def test_an_active_awaited_topic_delays_closing():
     buffer = ReorderBuffer(30 * MS, awaited={'odom': 0})
     feed(buffer, [('odom', 8 * MS), ('tire', 8 * MS)])
     assert feed(buffer, [('tire', 500 * MS)]) == [(START + 8 * MS, [('odom', 8 * MS),
-                                                                 ('tire', 8 * MS)])]
+                                                                    ('tire', 8 * MS)])]
     closed = feed(buffer, [('odom', 16 * MS), ('odom', 24 * MS)])
     assert closed == [(START + k * MS, [('odom', k * MS)]) for k in (16, 24)]
     assert not buffer.late

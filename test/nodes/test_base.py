@@ -54,7 +54,7 @@ def test_locations_in_the_sources_of_rcl_are_removed_from_its_messages():
                          "x.yaml'. Error: Error opening YAML file, at /project/src/parser.c:271, "
                          'at /project/src/rcl/arguments.c:415')
     assert plain_message(error) == ("Couldn't parse params file: '--params-file x.yaml'. "
-                            'Error: Error opening YAML file')
+                                    'Error: Error opening YAML file')
 
 
 def test_only_the_1st_2nd_4th_and_8th_rejection_is_logged():

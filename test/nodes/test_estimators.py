@@ -96,7 +96,7 @@ def test_late_and_invalid_messages_are_counted_and_the_estimator_continues(graph
     publish_stationary(graph)
     graph.until(lambda: len(graph.received['odom']) > 110)
     graph.publish('imu/data', ImuSample(START_NS + 500_000_000, GRAVITY_UP, (0.0, 0.0, 0.0)),
-              ImuSample(START_NS + NS_PER_S, (math.nan, 0.0, 9.81), (0.0, 0.0, 0.0)))
+                  ImuSample(START_NS + NS_PER_S, (math.nan, 0.0, 9.81), (0.0, 0.0, 0.0)))
     graph.publish_message('wheel_states', JointState(name=['front_left'], velocity=[0.0]))
     graph.until(lambda: graph.value('slip_estimator', 'frames_bad') == '2')
     assert graph.value('slip_estimator', 'late_messages') == '1'
@@ -120,7 +120,7 @@ def test_the_slip_estimator_uses_tire_friction(graph):
         publish_stationary(graph, 1.5, wheel_speed=6.0)
         graph.until(lambda: len(graph.received['odom']) > 150)
         in_time, late = (replace(friction, stamp_ns=START_NS + after * 1_000_000)
-                             for after in (1300, 200))
+                         for after in (1300, 200))
         graph.publish('tire_friction', late)
         graph.publish('tire_friction', in_time)
         graph.until(lambda: graph.value('slip_estimator', 'tire_friction.late_messages') == '1')

@@ -177,7 +177,7 @@ def test_a_downstream_node_handles_estimates_before_the_input_that_completed_the
         publishers[topic].publish(imu(stamp_ns))
     rig.completed(0)
     assert downstream.handled == [('/y', 1), ('/made', 2), ('/x', 2), ('/y', 3), ('/y', 4),
-                             ('/made', 5), ('/x', 5)]
+                                  ('/made', 5), ('/x', 5)]
 
 
 def test_feedback_has_the_same_position_in_every_replay(rig):

@@ -58,6 +58,7 @@ class Rolling:
 
 
 class Surface:
+
     def __init__(self, friction, stiffness):
         self.friction, self.stiffness = friction, stiffness
 

@@ -56,7 +56,8 @@ class Faults:
     deaf: bool = False                                # requests are not received
     flood: bool = False                               # the host gets a flood of bytes
     frozen: set[int] = field(default_factory=set)     # wheels whose counts do not change
-    reversed: set[int] = field(default_factory=set)   # wheels whose encoder counts backwards
+    # wheels whose encoder counts backwards
+    reversed: set[int] = field(default_factory=set)  # noqa: A003
     ignoring_duties: set[int] = field(default_factory=set)    # addresses that ignore duties
     status: dict[int, int] = field(default_factory=dict)  # address -> status, if not normal
     supply: dict[int, int] = field(default_factory=dict)  # address -> 0.1 V, if not full

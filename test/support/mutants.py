@@ -68,7 +68,7 @@ class Mutant:
     source: str = field(compare=False, repr=False)
 
     @property
-    def id(self) -> str:
+    def id(self) -> str:  # noqa: A003
         """Return a short name for reports."""
         return self.rank('')[:10]
 

@@ -19,7 +19,6 @@ from __future__ import annotations
 from pathlib import Path
 
 from smart_tire.bags import BagWriter
-from smart_tire.estimation.streams import INPUTS as INPUTS
 from smart_tire.samples import ImuSample, NS_PER_S, Odometry, TireSample, WheelSample
 
 START_NS = 1_700_000_000 * NS_PER_S

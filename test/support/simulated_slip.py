@@ -86,6 +86,7 @@ def with_plant(step_body: Callable[[Plant], None] | None = None,
                update_wheels: Callable[[Plant], None] | None = None) -> type[Plant]:
     """Return a plant with a change before each step of the body, or after that of the wheels."""
     class Disturbed(Plant):
+
         def _step_body(self) -> None:
             forces = self.acceleration
             if step_body:

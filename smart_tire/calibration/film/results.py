@@ -303,4 +303,4 @@ def relative_position(result: Adjustment, film: int, reference: int) -> Uncertai
     both = [result.index.position(film), result.index.position(reference)]
     variance = np.array([1.0, -1.0]) @ result.covariance[np.ix_(both, both)] @ [1.0, -1.0]
     return Uncertain(float(result.value[both[0]] - result.value[both[1]]),
-                    math.sqrt(max(float(variance), 0.0)))
+                     math.sqrt(max(float(variance), 0.0)))

@@ -71,8 +71,9 @@ class MotorRows:
     duty_rate: Array      # (n, 4) 1/s, its rate of change
     force: Array          # (n,) m/s2, forward specific force at the center of mass
     force_rate: Array     # (n,) m/s3, its rate of change
-    sampled_force: Array  # (n, 2) m/s2, its means at the wheel samples, as of the torque, and a
-                          # quarter of a period of the wheels later minus earlier, halved
+    # (n, 2) m/s2, means of the force at the wheel samples, as of the torque, and a quarter of a
+    # period of the wheels later minus earlier, halved
+    sampled_force: Array
     center_torque: Array  # (n, 4) N m, measured at the center
     center_duty: Array    # (n, 4) in force at the center; NaN close to a change
     center_speed: Array   # (n, 4) rad/s, at the center

@@ -63,7 +63,7 @@ class CrossingDetector:
         self._tables = [np.concatenate([
             tread_film.bending(x, film.length, patch, film.bending_alpha,
                                release).value[np.newaxis], strain])
-            for release in (film.release, between)]
+                        for release in (film.release, between)]
         for table in self._tables:
             table[:, -1] = 0.0
 

@@ -73,12 +73,12 @@ class ContactFeed:
 
     @property
     def late(self) -> Counter[str]:
-        """Samples per topic that arrived after their grid instant had closed."""
+        """Return the samples per topic that arrived after their grid instant had closed."""
         return self._buffer.late
 
     @property
     def clock_resets(self) -> int:
-        """Number of times that the clock of all inputs was reset."""
+        """Return the number of times that the clock of all inputs was reset."""
         return self._buffer.resets
 
     def undetected(self, wheel: str) -> int:

@@ -47,7 +47,7 @@ class SmoothedTrajectory:
 
     @property
     def speed_sigma(self) -> float:
-        """Standard deviation of the speed [m/s]."""
+        """Return the standard deviation of the speed [m/s]."""
         return self._radius * (self._density * JERK_DENSITY)**0.25
 
     def errors(self, begin_ns: int, end_ns: int) -> TrajectoryErrors:

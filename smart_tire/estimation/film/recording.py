@@ -36,7 +36,7 @@ class FilmRecording:
     """Samples of one experiment, in SI units unless other columns are selected."""
 
     time: Array    # s, increasing
-    input: Array   # m, deflection from the flat film
+    input: Array   # m, deflection from the flat film  # noqa: A003
     output: Array  # C
 
     def __post_init__(self) -> None:

@@ -71,12 +71,12 @@ class SlipFit:
 
     @property
     def slip_sigma(self) -> float:
-        """Standard deviation of ``slip``."""
+        """Return the standard deviation of ``slip``."""
         return math.sqrt(self.white_cov[0, 0] + self.systematic_cov[0, 0])
 
     @property
     def normalized_slip_sigma(self) -> float:
-        """Standard deviation of ``normalized_slip``."""
+        """Return the standard deviation of ``normalized_slip``."""
         return math.sqrt(self.white_cov[1, 1] + self.systematic_cov[1, 1])
 
     def inflated(self, factor: float) -> SlipFit:

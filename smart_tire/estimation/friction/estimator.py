@@ -57,7 +57,7 @@ class FrictionEstimator:
 
     @property
     def late(self) -> Counter[str]:
-        """Samples per topic that arrived after their grid instant had closed."""
+        """Return the samples per topic that arrived after their grid instant had closed."""
         return self._feed.late
 
     @property

@@ -47,7 +47,7 @@ class VibrationMonitor:
 
     @property
     def sigma(self) -> float:
-        """Standard deviation [m/s2] of the vibration; 0 if not distinguishable from noise."""
+        """Return the standard deviation [m/s2] of the vibration; 0 if hidden by noise."""
         if self._variance < (MIN_NOISE_RATIO * self._noise) ** 2:
             return 0.0
         return math.sqrt(self._variance - self._noise ** 2)

@@ -58,7 +58,7 @@ class SignalChain:
                                  f'{MAX_BITS}')
         validation.positive('voltage_range', self.voltage_range)
         validation.within('rest_voltage', self.rest_voltage, 0.0, self.voltage_range,
-                       f'expected 0 to the range of {self.voltage_range} V')
+                          f'expected 0 to the range of {self.voltage_range} V')
         if validation.finite('amplifier', self.amplifier) == 0.0:
             raise ParameterError('amplifier is 0, expected a number that is not zero')
 
@@ -96,7 +96,7 @@ class SignalChain:
 
     def _checked(self, counts: ArrayLike) -> Array:
         array = validation.within('counts', counts, 0.0, float(self.max_count),
-                               f'expected 0 to {self.max_count}')
+                                  f'expected 0 to {self.max_count}')
         if (broken := array != np.rint(array)).any():
             raise ParameterError(f'counts holds {array[broken].flat[0]}, expected whole numbers')
         return array

@@ -113,7 +113,7 @@ def traction(zeta: ArrayLike, s_x: ArrayLike, s_y: ArrayLike, mu: ArrayLike, loa
              stiffness: ArrayLike, contact_length: ArrayLike, contact_width: ArrayLike, *,
              method: str = 'exact') -> tuple[Array, Array]:
     """
-    Return the traction (x, y) [Pa] of the ground on the tread at ``zeta`` [m], B(20).
+    Return x and y of the traction [Pa] of the ground on the tread at ``zeta`` [m], B(20).
 
     Positive along the slip vector (``s_x``, ``s_y``) [-]; its integral over the patch is
     ``brush_tire.brush_force``. ``load`` and ``stiffness`` are in N. The method ``printed`` ignores

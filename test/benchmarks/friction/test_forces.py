@@ -70,6 +70,7 @@ def test_only_the_variant_with_torque_receives_efforts(monkeypatch):
     seen = []
 
     class Pipeline:
+
         def __init__(self, params):
             seen.append(set())
 

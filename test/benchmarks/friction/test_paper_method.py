@@ -29,13 +29,13 @@ def exact_interval(case):
     """Return the time [s] between the exact peaks of film 1."""
     film, patch = case.robot.film.length, case.robot.tire.contact_length
     return (patch - strain_charge.peak_position((1.0 - case.normalized_slip) * patch, film,
-                                             patch)) / case.speed
+                                                patch)) / case.speed
 
 
 def read(case, method):
     return float(friction_from_peaks(np.array([exact_interval(case)]), np.array([case.speed]),
-                                   np.array([case.total_slip]), np.array([LOAD]), case.robot,
-                                   method)[0])
+                                     np.array([case.total_slip]), np.array([LOAD]), case.robot,
+                                     method)[0])
 
 
 @pytest.mark.parametrize('slip', [0.02, 0.1, 0.3])

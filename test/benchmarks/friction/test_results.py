@@ -102,7 +102,7 @@ def test_a_waveform_is_drawn_with_fit_and_residual_in_mv():
     assert any('driving' in title for title in titles)
     assert any('braking' in title for title in titles)
     residuals = [line.get_ydata() for ax in figure.axes if '[mV]' in ax.get_ylabel()
-            for line in ax.lines]
+                 for line in ax.lines]
     assert residuals
     assert all(4.0 < np.std(one) < 6.5 for one in residuals)  # noise of 5 mV, and quantization
 

@@ -43,7 +43,7 @@ def tiny(monkeypatch):
 def test_a_run_gives_tables_a_figure_and_results(tiny, tmp_path, capsys):
     out = tmp_path / 'friction'
     assert run.main(['--seeds', '1', '--runs', 'concrete',
-                 '--out', str(out)]) == 0
+                     '--out', str(out)]) == 0
     output = capsys.readouterr().out
     for words in (FRICTION_SCENARIOS['concrete'].title, 'reference', 'NEES', 'exact map',
                   'printed map', 'estimated slip', 'true slip', 'front left', 'aided'):
@@ -63,7 +63,7 @@ def test_a_run_gives_tables_a_figure_and_results(tiny, tmp_path, capsys):
 
 def test_synthesized_crossings_are_compared_with_the_bound(tiny, tmp_path, capsys):
     assert run.main(['--quick', '--runs', 'crossings',
-                 '--out', str(tmp_path)]) == 0
+                     '--out', str(tmp_path)]) == 0
     assert '4 synthesized crossings each' in capsys.readouterr().out
     assert {path.name for path in tmp_path.iterdir()} == {
         'waveform.png', 'bound.png', 'fig_12.png', 'fig_13.png', 'results.json'}

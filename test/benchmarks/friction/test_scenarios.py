@@ -49,8 +49,8 @@ def test_a_run_starts_at_standstill_and_has_films_in_both_front_wheels(scenario)
 def test_only_the_gains_of_the_films_differ_by_their_tolerance(scenario):
     nominal = scenario.robot.film
     errors = np.array([[np.divide(film.gains(wheel), nominal.gains(wheel)) - 1.0
-                     for wheel in nominal.wheels]
-                    for film in (scenario.simulator(seed).robot.film for seed in range(200))])
+                        for wheel in nominal.wheels]
+                       for film in (scenario.simulator(seed).robot.film for seed in range(200))])
     assert np.all(np.abs(np.mean(errors, axis=0)) < 0.01)
     assert np.std(errors, axis=0) == pytest.approx(nominal.stretch_gain_tolerance, rel=0.2)
     true = scenario.simulator(1).robot.film
@@ -72,7 +72,7 @@ def test_the_noisy_run_has_noise_lost_batches_and_a_low_wheel_rate():
                  for events in (plain, noisy)]
         assert heard[1] / heard[0] == pytest.approx(0.925, abs=0.05)
         baseline = [np.std([sample.volts for sample in of(events, 'tire_samples')
-                        if sample.wheel == wheel][:300], axis=0) for events in (plain, noisy)]
+                            if sample.wheel == wheel][:300], axis=0) for events in (plain, noisy)]
         assert baseline[0] == pytest.approx([0.005] * 2, rel=0.15)
         assert baseline[1] == pytest.approx([0.02] * 2, rel=0.15)
     assert len(of(noisy, 'wheel_states')) == pytest.approx(48, abs=2)

@@ -35,7 +35,7 @@ BEGIN_NS = 20 * NS_PER_S
 
 
 def poses(pose):
-    """Return poses (n, 3) at 10 Hz as a series."""
+    """Return a series of the given poses, (n, 3), at 10 Hz."""
     n = len(pose)
     unknown = np.full((n, 3, 3), math.nan)
     return PoseSeries(np.arange(n) * (NS_PER_S // 10), pose, unknown[:, 0], unknown, unknown[:, 0])

@@ -39,7 +39,7 @@ def tiny(monkeypatch):
 def test_a_run_gives_tables_figures_and_results(tiny, tmp_path, capsys):
     out = tmp_path / 'slip'
     assert run.main(['--seeds', '1', '--runs', 'concrete', '--out', str(out),
-                 '--data', str(tmp_path)]) == 0
+                     '--data', str(tmp_path)]) == 0
     output = capsys.readouterr().out
     for title in (SCENARIOS['concrete'].title, *METHODS.values(), 'reference', 'NEES'):
         assert title in output
@@ -57,7 +57,7 @@ def test_a_run_gives_tables_figures_and_results(tiny, tmp_path, capsys):
 
 def test_missing_recordings_are_skipped_with_a_message(tiny, tmp_path, capsys):
     assert run.main(['--quick', '--runs', 'concrete', 'warthog_120',
-                 '--out', str(tmp_path / 'out'), '--data', str(tmp_path)]) == 0
+                     '--out', str(tmp_path / 'out'), '--data', str(tmp_path)]) == 0
     assert f'warthog_120: not in {tmp_path}, skipped (--data DIR)' in capsys.readouterr().out
     results = json.loads((tmp_path / 'out' / 'results.json').read_text())
     assert results['skipped'] == ['warthog_120']
@@ -72,7 +72,7 @@ def test_an_unknown_run_is_a_usage_error_that_names_the_known_ones(tmp_path, cap
 def test_an_output_folder_that_cannot_be_created_is_an_error_in_one_line(tiny, tmp_path, capsys):
     (tmp_path / 'file').write_text('')
     assert run.main(['--quick', '--runs', 'concrete', '--data', str(tmp_path),
-                 '--out', str(tmp_path / 'file')]) == 2
+                     '--out', str(tmp_path / 'file')]) == 2
     assert 'cannot be written' in capsys.readouterr().err
 
 
@@ -91,6 +91,6 @@ def test_ratios_above_the_limits_are_marked(share, marks):
     console = Console(width=160, record=True, file=None)
     with console.capture() as capture:
         console.print(reference_table({'concrete': {LIVE: figures, SMOOTHED: figures}},
-                                    {'concrete': 'concrete'}, REFERENCE_RESULTS))
+                                      {'concrete': 'concrete'}, REFERENCE_RESULTS))
     rows = [line for line in capture.get().splitlines() if line.strip().startswith('concrete')]
     assert rows[0].count('!') == marks

@@ -33,7 +33,7 @@ NO_COVARIANCE = (0.0,) * 36
 
 
 def poses(stamps, pose, twist, sigma=math.nan, speed_sigma=math.nan):
-    """Return poses (n, 3) and twists (n, 3) with constant sigmas."""
+    """Return a series of poses and twists, each (n, 3), with constant sigmas."""
     n = len(stamps)
     return PoseSeries(stamps, pose, twist, np.tile(sigma ** 2 * np.eye(3), (n, 1, 1)),
                       np.full((n, 3), speed_sigma ** 2))
@@ -173,7 +173,7 @@ def test_the_icr_is_scored_while_the_robot_turns():
     truth.poses.twist[:, 1:] = -0.02 * 0.5, 0.5  # v_y = -S W with S = 0.02 m
     centers = IcrSeries(truth.stamp_ns, np.tile([0.05, 1.0], (len(truth.stamp_ns), 1)))
     estimate = EstimateSeries(truth.poses, estimate_with(truth).slips, centers,
-                        Statistic(truth.stamp_ns, np.full(len(truth.stamp_ns), 1.5)), 80.0)
+                              Statistic(truth.stamp_ns, np.full(len(truth.stamp_ns), 1.5)), 80.0)
     result = score_run(estimate, truth)
     assert result.icr_x == pytest.approx(0.03)
     assert (result.nis, result.step_us) == (1.5, 80.0)

@@ -135,8 +135,8 @@ def test_one_film_alone_is_not_a_crossing_of_the_pair():
 @pytest.mark.parametrize('wait', [0.5, 60.0])
 def test_a_wait_inside_the_patch_is_one_crossing_for_any_duration(wait):
     trajectory = along([(0.0, 0.0), (1.0, 0.0), (4.0, 2.0 * ROUND), (5.0, 2.0 * ROUND + 0.29),
-                    (5.0 + wait, 2.0 * ROUND + 0.29), (6.0 + wait, 3.0 * ROUND),
-                    (7.0 + wait, 3.0 * ROUND)])
+                        (5.0 + wait, 2.0 * ROUND + 0.29), (6.0 + wait, 3.0 * ROUND),
+                        (7.0 + wait, 3.0 * ROUND)])
     found, _ = estimate(rolled(trajectory, 7.0 + wait))
     assert seconds(found) == pytest.approx(passes(trajectory, 7.0 + wait), abs=0.05)
     assert math.isnan(found[2].friction_coefficient_single.value)
@@ -494,7 +494,7 @@ def test_any_number_of_films_anywhere_on_the_wheel(positions, turns):
         finite = [(t, f) for t, f in pairs if math.isfinite(f.adhesion_ratio.value)]
         assert len(finite) > 0.8 * len(pairs)
         errors += [(f.adhesion_ratio.value - t.adhesion_ratio.value)
-                / f.adhesion_ratio.sigma for t, f in finite]
+                   / f.adhesion_ratio.sigma for t, f in finite]
     assert 0.5 < np.mean(np.square(errors)) < 1.8
 
 

@@ -92,7 +92,7 @@ def test_with_the_true_slip_the_fit_is_unbiased_near_the_bound_and_consistent(
 
 
 @pytest.mark.parametrize(('slip', 'normalized_slip'), [(0.03, 0.05), (0.1, 0.18), (0.3, 0.5),
-                                               (-0.05, 0.1), (-0.2, 0.4), (0.0, 0.2)])
+                                                       (-0.05, 0.1), (-0.2, 0.4), (0.0, 0.2)])
 def test_the_films_alone_determine_slip_within_the_gain_tolerance(slip, normalized_slip):
     value, sigma = columns(fits(robot(), 120, slip, normalized_slip), Shared.SLIP)
     assert abs(np.median(value) - slip) < 0.4 * np.median(sigma)

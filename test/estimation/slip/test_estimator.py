@@ -210,7 +210,7 @@ def test_an_imu_spike_is_rejected_and_counted(rate, force):
     bad = run.samples[index]
     corrupted = list(run.samples)
     corrupted[index] = ImuSample(bad.stamp_ns, (force, *bad.acceleration[1:]),
-                              (*bad.rate[:2], bad.rate[2] + rate))
+                                 (*bad.rate[:2], bad.rate[2] + rate))
     estimator, out = estimate(corrupted)
     assert estimator.status()['imu_spikes'] == 1
     _, ratio, _, _ = slips(run, out)
@@ -234,8 +234,8 @@ def test_a_lasting_impact_is_accepted():
     rolling = ramp([(0, 0, 0), (5, 0, 0)])
     run = drive(rolling, rolling, noise=0.0)
     impact = [s if not (isinstance(s, ImuSample) and 4.0 < (s.stamp_ns - START_NS) / NS_PER_S
-                         < 4.05) else ImuSample(s.stamp_ns, (30.0, 0.0, 9.81), s.rate)
-               for s in run.samples]
+                        < 4.05) else ImuSample(s.stamp_ns, (30.0, 0.0, 9.81), s.rate)
+              for s in run.samples]
     estimator, out = estimate(impact)
     assert estimator.status()['imu_spikes'] == 2  # its first sample, and the first one after it
     assert max(o.linear[0] for o in of(Odometry, out)) > 0.5

@@ -89,7 +89,7 @@ def test_delayed_speed_is_that_at_film_1_with_the_motion_since_then(direction):
     films = new_buffer(duration=0.0)
     for step in range(101):  # wheels accelerate by 1 m/s2 from 0.5 m/s
         films.record_step(0.01 * step, direction * 0.009, 1e-6, 0.002, 0.2,
-                   (0.0, direction * (0.5 + 0.01 * step)), (0.0, 0.0), 0.004)
+                          (0.0, direction * (0.5 + 0.01 * step)), (0.0, 0.0), 0.004)
     sample = friction(START_NS + 400 * MS, 0.1, 0.01)
     (film,) = add(films, sample, START_NS) and films.pop_due(START_NS + 2 * NS_PER_S)
     delayed = films.delayed_speed(film, 0.4)

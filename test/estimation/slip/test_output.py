@@ -56,7 +56,7 @@ def test_extrapolated_pose_and_twist_equal_a_prediction_of_the_filter():
 def test_vibration_reduces_extrapolation_by_one_imu_sample():
     moved = filter_at()
     calm, vibrating = (OUTPUT.build(replace(CONTEXT, vibration=vibration), moved.x, moved.P)[0]
-                    for vibration in (0.0, 10.0))
+                       for vibration in (0.0, 10.0))
     change = [odometry.linear[0] - OUTPUT.build(
         replace(CONTEXT, extrapolation=0.0), moved.x, moved.P)[0].linear[0]
         for odometry in (calm, vibrating)]

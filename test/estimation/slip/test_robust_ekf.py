@@ -102,6 +102,7 @@ def test_prediction_sets_state_and_covariance_and_is_recorded():
     recorded = []
 
     class Recorder:
+
         def record_transition(self, *transition):
             recorded.append([part.copy() for part in transition])
     ekf, F = new_filter(Recorder()), np.array([[1.0, 0.5], [0.0, 1.0]])

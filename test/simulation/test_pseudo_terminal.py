@@ -21,7 +21,7 @@ import time
 import pytest
 import serial
 from smart_tire.errors import LinkError
-from smart_tire.simulation.pty import PtyPort
+from smart_tire.simulation.pseudo_terminal import PtyPort
 
 ALL_BYTES = bytes(range(256))
 PATIENCE = 10.0  # s, only a failing test waits so long
