@@ -36,7 +36,8 @@ from smart_tire.messages.topics import TOPICS
 DOCUMENT = Path(__file__).parent / 'topics.md'
 GROUPS = {  # marker in the document -> topics of its table
     'measurements': [name for name, topic in TOPICS.items() if topic.quality == 'sensor'],
-    'estimates': ['odom', '/tf', 'wheel_slip', 'icr', 'ground_state', 'tire_friction'],
+    'estimates': ['odom', '/tf', '/tf_static', 'wheel_slip', 'icr', 'ground_state',
+                  'tire_friction'],
     'commands': ['cmd_vel', 'wheel_commands', 'motor_commands', 'emergency_stop_active',
                  'motors_enabled', '/diagnostics'],
     'reference': [name for name, topic in TOPICS.items() if topic.quality == 'truth']}

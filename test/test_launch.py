@@ -394,6 +394,8 @@ def given_files(name: str) -> list[str]:
     ('simulation', 'hardware:=x', 'unknown argument hardware:='),
     ('robot', 'use_sim_time:=maybe', 'unknown argument use_sim_time:='),
     ('robot', 'respawn:=maybe', 'respawn:=maybe: expected true or false'),
+    ('replay', 'description:=maybe', 'description:=maybe: expected true or false'),
+    ('simulation', 'rviz:=maybe', 'rviz:=maybe: expected true or false'),
 ])
 def test_an_invalid_argument_ends_the_launch_in_one_line(name, word, message, isolated_ros):
     file = f'{name}.launch.py'
@@ -422,7 +424,7 @@ def simulation(tmp_path):
 @real
 @pytest.mark.parametrize('moment', ['wheel_controller.*process started', 'motors is open'])
 def test_ctrl_c_of_a_simulation_prints_no_errors(moment, simulation, isolated_ros):
-    with Launch('simulation.launch.py', simulation) as launch:
+    with Launch('simulation.launch.py', simulation, 'description:=false') as launch:
         launch.until(moment)
         launch.interrupt()
         assert launch.end() == 0

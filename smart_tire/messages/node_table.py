@@ -68,7 +68,7 @@ NODE_TABLE: dict[str, NodeEntry] = {node.name: node for node in (
         'Extended Kalman filter: pose, velocity, slip of each wheel, center of rotation and '
         'state of the ground from IMU, wheels and, with `slip.film_aided`, films.',
         ('imu/data', 'wheel_states', 'tire_friction'),
-        ('odom', '/tf', 'wheel_slip', 'icr', 'ground_state'), (
+        ('odom', '/tf', '/tf_static', 'wheel_slip', 'icr', 'ground_state'), (
             Service('reset_odometry', 'std_srvs/srv/Trigger',
                     'makes the present pose the origin of `odom`; biases and slips are kept'),)),
     NodeEntry(

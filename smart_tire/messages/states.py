@@ -45,6 +45,12 @@ STATE_TOPICS: dict[str, StateTopic] = {topic.name: topic for topic in (
         'the pose of `odom` as a transform; only if `tf2_msgs` is installed', (
             Field('transforms', '', 'one transform from `odom` to `base_link`'),),
         rate='125 Hz'), 'odom'),
+    StateTopic('/tf_static', 'tf2_msgs/msg/TFMessage', Content(
+        'the mounting of the IMU, unless `publish_imu_tf` is false; only if `tf2_msgs` is '
+        'installed', (
+            Field('transforms', '', 'one transform from `base_link` to `imu_link`, from the '
+                  'parameters `imu.position` and `imu.rotation`'),),
+        rate='once, transient local'), 'base_link'),
     StateTopic('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', Content(
         'health of each node', (
             Field('status', '', 'one status: name of the node, level (0 ok, 1 warning, 2 error), '
