@@ -45,7 +45,7 @@ help:
 	@echo 'make bench-slip      measure slip and localization; results in bench_output/slip/'
 	@echo 'make bench-friction  measure friction; results in bench_output/friction/'
 	@echo 'make config          regenerate config/*.yaml, urdf/ and docs/parameters.md'
-	@echo 'make docs            regenerate docs/architecture.svg and the import tables'
+	@echo 'make docs            regenerate docs/architecture.svg and the tables in docs/'
 	@echo 'make clean           remove installed and built files'
 
 setup: $(READY)
@@ -62,7 +62,7 @@ else
 	@echo 'Installing into $(VENV), with $(PYTHON); log: $(LOG)'
 	@$(PYTHON) -m venv $(VENV)
 	$(call step,1/2 setuptools,$(PIP) --constraint constraints.txt setuptools)
-	$(call step,2/2 smart_tire with rclpy and libraries: one to three minutes,$(PIP) \
+	$(call step,2/2 smart_tire with rclpy and libraries: takes a few minutes,$(PIP) \
 		--constraint constraints.txt --no-build-isolation --use-pep517 \
 		--editable '.$(EXTRAS)')
 endif
@@ -110,7 +110,7 @@ check: test current
 	$(BIN)/python -m benchmarks.friction --quick --force --out bench_output/check/friction
 
 # Regenerate files derived from the source; fail if one of them was outdated.
-GENERATED := config/*.yaml urdf/smart_tire.urdf docs/architecture.md docs/parameters.md
+GENERATED := config/*.yaml urdf/smart_tire.urdf docs/architecture.md docs/parameters.md docs/topics.md
 current: $(READY)
 	@files="$(GENERATED) $$($(NEWEST) && echo docs/architecture.svg)"; \
 	before=$$(cat $$files | cksum); \
@@ -134,6 +134,7 @@ config: $(READY)
 
 docs: $(READY)
 	$(BIN)/python docs/draw_architecture.py
+	$(BIN)/python docs/write_topics.py
 
 clean:
 	rm -rf .venv .venv-* build install log *.egg-info .coverage* .hypothesis .mypy_cache \

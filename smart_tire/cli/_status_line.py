@@ -78,10 +78,9 @@ def duration_text(seconds: float) -> str:
 
 def size_text(size: float) -> str:
     """Return a number of bytes with a decimal unit."""
-    for unit in UNITS[:-1]:
-        if size < 999.5:  # rounds to 1000
-            break
+    power = 0
+    while size >= 999.5 and power < len(UNITS) - 1:  # rounds to 1000
         size /= 1000.0
-    else:
-        unit = UNITS[-1]
-    return f'{size:.0f} {unit}' if unit == 'B' or size >= 99.95 else f'{size:.1f} {unit}'
+        power += 1
+    digits = 0 if power == 0 or size >= 99.95 else 1
+    return f'{size:.{digits}f} {UNITS[power]}'

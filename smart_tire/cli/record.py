@@ -82,6 +82,6 @@ def run(args: argparse.Namespace) -> int:
                            lambda counts, lost: line.show(status.text(counts, lost)))
     print(f'{directory}:')
     print_counts(recording.counts)
-    for line in recording.losses:
-        print(line)
+    for loss in recording.losses:
+        print(loss)
     return recording.status
