@@ -65,8 +65,8 @@ def check_file(path: Path) -> None:
 
 
 def check_writable(path: Path) -> None:
-    """Raise ParameterError if ``path`` can be neither created nor replaced."""
-    folder = path.absolute().parent
+    """Raise ParameterError if ``path``, or a file in it if it is a folder, cannot be written."""
+    folder = path.absolute() if path.is_dir() else path.absolute().parent
     while not os.path.lexists(folder):
         folder = folder.parent
     if not folder.is_dir():

@@ -100,6 +100,10 @@ def test_files_without_permission_are_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(os, 'access', lambda path, mode: bool(asked.append((path, mode))))
     with pytest.raises(ParameterError, match='robot.yaml: cannot be read'):
         check_file(file)
-    with pytest.raises(ParameterError, match=f'no permission to write to {file.parent}'):
+    with pytest.raises(ParameterError, match=r'no permission to write to .*results\)$'):
         check_writable(file)
-    assert asked == [(file, os.R_OK), (file.parent, os.W_OK | os.X_OK)]
+    with pytest.raises(ParameterError, match=r'no permission to write to .*results\)$'):
+        check_writable(file.parent)
+    with pytest.raises(ParameterError, match=r'no permission to write to .*results\)$'):
+        check_writable(file.parent / 'new' / 'folder' / 'file')
+    assert asked == [(file, os.R_OK), *[(file.parent, os.W_OK | os.X_OK)] * 3]

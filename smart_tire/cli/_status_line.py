@@ -52,6 +52,8 @@ class StatusLine:
         """Replace the line by ``text``; without a terminal, print it after LINE_PERIOD."""
         if self._console.is_terminal:
             self._live.update(Text(text, no_wrap=True, overflow='ellipsis'), refresh=True)
+            self._console.file.write('\r')  # so that log lines of ROS replace the line
+            self._console.file.flush()
         elif self._clock() >= self._next:
             self._next = self._clock() + LINE_PERIOD
             self._console.print(text, soft_wrap=True, highlight=False, markup=False)
