@@ -39,7 +39,7 @@ __all__ = [
     'friction_to_msg', 'ground_state_from_msg', 'ground_state_to_msg', 'icr_from_msg',
     'icr_to_msg', 'imu_from_msg', 'imu_mounting_to_msg', 'imu_to_msg', 'motor_command_from_msg',
     'motor_command_to_msg', 'odometry_from_msg', 'odometry_to_msg', 'OtherJointsError',
-    'recognized_joints', 'resolved_joints', 'set_header', 'stamp_of', 'tire_from_msg', 'tire_to_msg', 'Topic',
-    'topic_of', 'TOPICS', 'transform_to_msg', 'velocity_from_msg', 'velocity_to_msg',
-    'wheel_command_from_msg', 'wheel_command_to_msg', 'wheel_slip_from_msg', 'wheel_slip_to_msg',
-    'wheels_from_msg', 'wheels_to_msg']
+    'recognized_joints', 'resolved_joints', 'set_header', 'stamp_of', 'tire_from_msg',
+    'tire_to_msg', 'Topic', 'topic_of', 'TOPICS', 'transform_to_msg', 'velocity_from_msg',
+    'velocity_to_msg', 'wheel_command_from_msg', 'wheel_command_to_msg', 'wheel_slip_from_msg',
+    'wheel_slip_to_msg', 'wheels_from_msg', 'wheels_to_msg']

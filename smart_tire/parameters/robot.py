@@ -263,8 +263,8 @@ class RobotParams:
     def __post_init__(self) -> None:
         for wheel in self.film.wheels:
             if not self.joints.names[WHEELS.index(wheel)]:
-                raise ValueError(f'film.wheels: {wheel} is not measured (joints.{wheel} is empty), '
-                                 'so its patch crossings are unknown; [] without films')
+                raise ValueError(f'film.wheels: {wheel} is not measured (joints.{wheel} is '
+                                 'empty), so its patch crossings are unknown; [] without films')
         circumference, centers = 2.0 * math.pi * self.wheel_radius, self.film.centers
         if centers[-1] - centers[0] >= circumference:
             raise ValueError(f'film.positions: {list(centers)} span more than the wheel '
