@@ -55,7 +55,7 @@ class BagParams:
             yield f'parameters: {names}' + (
                 ' (instead of those in the bag)' if self.overridden else '')
         elif self.source == BAG:
-            yield f'parameters: from the bag (recorded with {names})'
+            yield 'parameters: from the bag' + (f' (recorded with {names})' if names else '')
         else:
             yield 'parameters: defaults (the bag carries none; --params FILE gives others)'
         if self.unknown:

@@ -83,6 +83,15 @@ def test_unknown_names_of_another_version_are_a_warning(tmp_path):
         'warning: parameters in the bag are unknown to this version and ignored: future.gain']
 
 
+def test_a_text_given_to_ros2_bag_record_is_used_as_a_parameter_file_is(tmp_path):
+    text = '/**:\n  ros__parameters:\n    wheel_radius: 0.2\n    imu: {position: [0, 0, 1]}\n'
+    with Bag(bag_with(tmp_path / 'bag', text)) as bag:
+        source = bag_params(bag)
+    robot = source.params.robot
+    assert (robot.wheel_radius, robot.imu.position) == (0.2, (0.0, 0.0, 1.0))
+    assert list(source.lines()) == ['parameters: from the bag']
+
+
 def test_an_invalid_value_in_a_bag_is_an_error_that_files_avoid(tmp_path):
     text = snapshot_text({'slip_estimator': {'wheel_radius': -0.2}})
     file = tmp_path / 'robot.yaml'
