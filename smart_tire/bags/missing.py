@@ -16,13 +16,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 from smart_tire.bags.reader import Bag, RECOGNIZED, WHEELS_TOPIC
 from smart_tire.bags.topic_names import candidates, SEPARATOR
 from smart_tire.errors import BagError
 from smart_tire.messages import TOPICS
 
+MAX_CLOCK_DIFFERENCE = 30.0  # s; a recorder on a busy machine may be late by less
 JOINTS_EXAMPLE = """\
   /**:
     ros__parameters:
@@ -38,7 +39,8 @@ def check_inputs(bag: Bag, wanted: Collection[str]) -> None:
     """
     Raise BagError if a topic of ``wanted`` is missing, but the bag may have it by another name.
 
-    The message lists what may be meant and the option or parameter that selects it.
+    The message lists what may be meant and the option or parameter that selects it. Also raises
+    BagError if the topics have timestamps of different clocks.
     """
     found = bag.match(wanted)
     for standard in wanted:
@@ -46,6 +48,17 @@ def check_inputs(bag: Bag, wanted: Collection[str]) -> None:
             raise BagError(message)
         if standard not in found and (message := _topics_message(bag, standard)):
             raise BagError(message)
+    _check_clocks(bag, found)
+
+
+def _check_clocks(bag: Bag, found: Mapping[str, str]) -> None:
+    """Raise BagError if topics have timestamps of different clocks."""
+    offsets = {standard: offset for standard, name in found.items()
+               if (offset := bag.clock_offset(standard, name)) is not None}
+    if offsets and max(offsets.values()) - min(offsets.values()) > MAX_CLOCK_DIFFERENCE:
+        raise BagError(f'{bag.path}: timestamps are of different clocks: header.stamp is ' + ', '
+                       .join(f'{offset:.6g} s before reception on {standard}'
+                             for standard, offset in offsets.items()))
 
 
 def _topics_message(bag: Bag, standard: str) -> str:

@@ -29,31 +29,21 @@ import heapq
 from itertools import islice
 from operator import itemgetter
 from pathlib import Path
-import re
-import tempfile
 from types import TracebackType
 from typing import Any
-
-import zstandard
 
 from smart_tire.bags.cdr import Decoder
 from smart_tire.bags.definitions import Encoder
 from smart_tire.bags.duty_efforts import efforts_are_duties
-from smart_tire.bags.mcap_file import MAGIC as MCAP_MAGIC, McapFile
-from smart_tire.bags.metadata import read_metadata
-from smart_tire.bags.sqlite_file import SqliteFile
-from smart_tire.bags.storage import add_warning, Channel, Message, Storage
+from smart_tire.bags.opening import OpenFiles
+from smart_tire.bags.storage import add_warning, Channel, Message
 from smart_tire.bags.topic_names import candidates, match_by_name, STANDARD_NAMES, TopicNames
-from smart_tire.errors import BagError, MessageError
+from smart_tire.errors import MessageError
 from smart_tire.messages import (
     find_topic, OtherJointsError, resolved_joints, TOPICS, wheels_from_msg)
 from smart_tire.parameters import JointParams, STANDARD_JOINTS
-from smart_tire.paths import BAG_SUFFIXES
-from smart_tire.samples import Sample, WheelSample
+from smart_tire.samples import NS_PER_S, Sample, WheelSample
 
-ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
-SQLITE_MAGIC = b'SQLite format 3\x00'
-DECOMPRESS_BLOCK_SIZE = 1 << 20  # bytes
 PARAMETERS_KEY = 'smart_tire.parameters'  # of the custom data: text of a ROS parameter file
 WHEELS_TOPIC = 'wheel_states'
 # Topics that are recognized by their type, and what else must hold.
@@ -85,18 +75,12 @@ class Bag:
         self.path = Path(path)
         self.names, self.joints = names, joints
         self.notes: list[str] = []
-        self._custom_data: dict[str, str] = {}
         self._joint_names: dict[str, list[tuple[str, ...]]] = {}
         self.rejected: Counter[str] = Counter()
         self.reasons: dict[str, str] = {}
         self._warnings: list[str] = []
-        self._decompressed = tempfile.TemporaryDirectory(prefix='smart_tire_')
-        self._files: list[Storage] = []
-        try:
-            self._open_all()
-        except BagError:
-            self.close()
-            raise
+        self._opened = OpenFiles(self.path, self._warnings)
+        self._files = self._opened.files
 
     def __enter__(self) -> Bag:
         return self
@@ -107,9 +91,7 @@ class Bag:
 
     def close(self) -> None:
         """Close all files."""
-        for file in self._files:
-            file.close()
-        self._decompressed.cleanup()
+        self._opened.close()
 
     @property
     def warnings(self) -> list[str]:
@@ -139,7 +121,7 @@ class Bag:
     def custom_data(self) -> dict[str, str]:
         """Return the texts stored with ``ros2 bag record --custom-data`` or by this package."""
         stored = {key: text for file in self._files for key, text in file.custom_data().items()}
-        return {**stored, **self._custom_data}
+        return {**stored, **self._opened.custom_data}
 
     @property
     def parameters(self) -> str:
@@ -192,6 +174,11 @@ class Bag:
         """Return the topics with a standard name but another message type."""
         return [f'{name} is {self.topics[name].channel.type}' for name in self.topics
                 if find_topic(name) is not None and self._has_other_type(name)]
+
+    def clock_offset(self, standard: str, name: str) -> float | None:
+        """Return reception minus header.stamp [s] of the first valid message of a topic."""
+        first = next(self._samples({standard: name}, count_rejected=False), None)
+        return None if first is None else (first[0] - first[2].stamp_ns) / NS_PER_S
 
     def raw(self, topics: Collection[str] | None = None) -> Iterator[Message]:
         """Yield the messages of ``topics`` (names as in the bag) in order of receive time."""
@@ -287,72 +274,3 @@ class Bag:
     def _has_other_type(self, name: str) -> bool:
         topic = find_topic(name)
         return topic is None or self.types[name] != topic.type
-
-    def _open_all(self) -> None:
-        errors: list[BagError] = []
-        for path in self._paths():
-            try:
-                self._files.append(self._open(path))
-            except BagError as error:
-                errors.append(error)
-        if not self._files:
-            raise errors[0]
-        self._warnings += map(str, errors)
-
-    def _paths(self) -> list[Path]:
-        if not self.path.exists():
-            raise BagError(f'{self.path}: no such file or directory')
-        if not self.path.is_dir():
-            return [self.path]
-        listed: list[Path] = []
-        try:
-            metadata = read_metadata(self.path)
-        except BagError as error:
-            self._warnings.append(str(error))
-        else:
-            if metadata is None:
-                self._warnings.append(f'{self.path}: metadata.yaml is missing')
-            else:
-                listed, self._custom_data = metadata.files, metadata.custom_data
-        for path in listed:
-            if not path.exists():
-                self._warnings.append(f'{path}: file is missing')
-        paths = [path for path in listed if path.exists()] or sorted(
-            (path for path in self.path.iterdir() if path.name.endswith(BAG_SUFFIXES)),
-            key=_natural_sort_key)
-        if not paths:
-            raise BagError(f'{self.path}: not a rosbag2 directory (contains no .mcap or .db3 '
-                           'file)')
-        return paths
-
-    def _open(self, path: Path) -> Storage:
-        plain = self._decompress(path) if _first_bytes(path).startswith(ZSTD_MAGIC) else path
-        head = _first_bytes(plain)
-        if head.startswith(MCAP_MAGIC):
-            return McapFile(plain)
-        if head == SQLITE_MAGIC:
-            return SqliteFile(plain)
-        raise BagError(f'{path}: not a bag file (neither MCAP nor sqlite3)')
-
-    def _decompress(self, path: Path) -> Path:
-        plain = Path(self._decompressed.name) / path.stem
-        with path.open('rb') as compressed, plain.open('wb') as file:
-            decompressor = zstandard.ZstdDecompressor().decompressobj()
-            try:
-                while part := compressed.read(DECOMPRESS_BLOCK_SIZE):
-                    file.write(decompressor.decompress(part))
-            except zstandard.ZstdError as error:
-                self._warnings.append(f'{path.name}: compressed file is damaged ({error})')
-        return plain
-
-
-def _first_bytes(path: Path) -> bytes:
-    try:
-        with path.open('rb') as file:
-            return file.read(len(SQLITE_MAGIC))
-    except OSError as error:
-        raise BagError(f'{path}: cannot be read ({error.strerror})') from error
-
-
-def _natural_sort_key(path: Path) -> list[str | int]:
-    return [int(part) if part.isdigit() else part for part in re.split(r'(\d+)', path.name)]

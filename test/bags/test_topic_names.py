@@ -16,9 +16,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from support.foreign import add_messages, Foreign, IMU, JOINTS
-from support.recordings import stream
+from support.recordings import START_NS, stream
 
 from smart_tire.bags import Bag, BagWriter, check_inputs, TopicNames
 from smart_tire.errors import BagError, ParameterError
@@ -131,3 +133,18 @@ def test_wheel_states_of_unknown_joints_show_the_parameters_to_give(tmp_path):
 def test_inputs_that_are_not_in_the_bag_are_no_choice(tmp_path):
     with Bag(bag_of(tmp_path / 'bag', ('/wheel_slip', JOINTS, WHEELS))) as opened:
         check_inputs(opened, INPUTS)
+
+
+def test_timestamps_of_different_clocks_are_refused(tmp_path):
+    since_boot = [(ns, topic, replace(sample, stamp_ns=sample.stamp_ns - START_NS + 10**9)
+                   if topic == 'imu/data' else sample) for ns, topic, sample in stream(0.2)]
+    with Bag(Foreign().write(tmp_path / 'bag', since_boot)) as bag:
+        with pytest.raises(BagError, match=r'1\.7e\+09 s before reception on imu/data, '
+                                           r'0\.00\d+ s before reception on wheel_states'):
+            check_inputs(bag, INPUTS)
+        check_inputs(bag, ['wheel_states'])
+    late = [(ns + 10**10 * (topic == 'imu/data'), topic, sample)
+            for ns, topic, sample in stream(0.2)]
+    with Bag(Foreign().write(tmp_path / 'late', late)) as bag:
+        check_inputs(bag, INPUTS)
+        assert bag.clock_offset('imu/data', '/imu/data') == pytest.approx(10.001)

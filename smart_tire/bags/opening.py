@@ -1,0 +1,129 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Opens the files of a bag: directories or single files, compressed or not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+import re
+import tempfile
+
+import zstandard
+
+from smart_tire.bags.mcap_file import MAGIC as MCAP_MAGIC, McapFile
+from smart_tire.bags.metadata import read_metadata
+from smart_tire.bags.sqlite_file import SqliteFile
+from smart_tire.bags.storage import Storage
+from smart_tire.errors import BagError
+from smart_tire.paths import BAG_SUFFIXES
+
+ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
+SQLITE_MAGIC = b'SQLite format 3\x00'
+DECOMPRESS_BLOCK_SIZE = 1 << 20  # bytes
+
+
+class OpenFiles:
+    """
+    The files of the bag at ``path``, open for reading.
+
+    What is missing or damaged is appended to ``warnings``. Raises BagError if no file can be
+    read. ``custom_data`` is that in metadata.yaml.
+    """
+
+    def __init__(self, path: Path, warnings: list[str]) -> None:
+        self.files: list[Storage] = []
+        self.custom_data: dict[str, str] = {}
+        self._path, self._warnings = path, warnings
+        self._decompressed = tempfile.TemporaryDirectory(prefix='smart_tire_')
+        try:
+            self._open_all()
+        except BagError:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """Close all files."""
+        for file in self.files:
+            file.close()
+        self._decompressed.cleanup()
+
+    def _open_all(self) -> None:
+        errors: list[BagError] = []
+        for path in self._paths():
+            try:
+                self.files.append(self._open(path))
+            except BagError as error:
+                errors.append(error)
+        if not self.files:
+            raise errors[0]
+        self._warnings += map(str, errors)
+
+    def _paths(self) -> list[Path]:
+        if not self._path.exists():
+            raise BagError(f'{self._path}: no such file or directory')
+        if not self._path.is_dir():
+            return [self._path]
+        listed: list[Path] = []
+        try:
+            metadata = read_metadata(self._path)
+        except BagError as error:
+            self._warnings.append(str(error))
+        else:
+            if metadata is None:
+                self._warnings.append(f'{self._path}: metadata.yaml is missing')
+            else:
+                listed, self.custom_data = metadata.files, metadata.custom_data
+        for path in listed:
+            if not path.exists():
+                self._warnings.append(f'{path}: file is missing')
+        paths = [path for path in listed if path.exists()] or sorted(
+            (path for path in self._path.iterdir() if path.name.endswith(BAG_SUFFIXES)),
+            key=_natural_sort_key)
+        if not paths:
+            raise BagError(f'{self._path}: not a rosbag2 directory (contains no .mcap or .db3 '
+                           'file)')
+        return paths
+
+    def _open(self, path: Path) -> Storage:
+        plain = self._decompress(path) if _first_bytes(path).startswith(ZSTD_MAGIC) else path
+        head = _first_bytes(plain)
+        if head.startswith(MCAP_MAGIC):
+            return McapFile(plain)
+        if head == SQLITE_MAGIC:
+            return SqliteFile(plain)
+        raise BagError(f'{path}: not a bag file (neither MCAP nor sqlite3)')
+
+    def _decompress(self, path: Path) -> Path:
+        plain = Path(self._decompressed.name) / path.stem
+        with path.open('rb') as compressed, plain.open('wb') as file:
+            decompressor = zstandard.ZstdDecompressor().decompressobj()
+            try:
+                while part := compressed.read(DECOMPRESS_BLOCK_SIZE):
+                    file.write(decompressor.decompress(part))
+            except zstandard.ZstdError as error:
+                self._warnings.append(f'{path.name}: compressed file is damaged ({error})')
+        return plain
+
+
+def _first_bytes(path: Path) -> bytes:
+    try:
+        with path.open('rb') as file:
+            return file.read(len(SQLITE_MAGIC))
+    except OSError as error:
+        raise BagError(f'{path}: cannot be read ({error.strerror})') from error
+
+
+def _natural_sort_key(path: Path) -> list[str | int]:
+    return [int(part) if part.isdigit() else part for part in re.split(r'(\d+)', path.name)]
