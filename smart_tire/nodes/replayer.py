@@ -46,7 +46,8 @@ CLOCK_RATE = 100.0                  # Hz, of /clock
 PACING_TOLERANCE_NS = 500_000       # ns that a message may be early: fewer, longer sleeps
 MATCHING_SETTLE_TIME = 0.5          # s without a new subscription until matching is complete
 POLL_PERIOD = 0.02                  # s between checks of the subscriptions
-WAIT_LOG_DELAY = 2.0                # s of waiting until a line names the nodes waited for
+WAIT_LOG_DELAY = 2.0                # s of waiting until a line names what is waited for
+WAIT_LOG_PERIOD = 5.0               # s between these lines
 ANNOUNCE_PERIOD = 0.1               # s between announcements to the estimators
 MAX_STEP_NS = 20_000_000            # ns of reception time in one step of the lockstep
 MAX_TOPIC_MESSAGES = 50             # of one topic in a step: three steps fit into all queues
@@ -135,10 +136,9 @@ class Replayer:
             if now >= announce_at:
                 self._leader.announce(list(self._topics.values()))
                 announce_at = now + ANNOUNCE_PERIOD
-            if now >= report_at and (unready := self._unready_nodes()):
-                self._node.get_logger().info('waiting: ' + '; '.join(
-                    f'{name} {why}' for name, why in unready.items()))
-                report_at = math.inf
+            if now >= report_at and (reasons := self._waiting_reasons()):
+                self._node.get_logger().info(f'waiting: {"; ".join(reasons)}')
+                report_at = now + WAIT_LOG_PERIOD
             self._executor.spin_once(timeout_sec=POLL_PERIOD)
         self.result.unsubscribed = [name for name, publisher in self._publishers.items()
                                     if not publisher.get_subscription_count()]
@@ -146,6 +146,13 @@ class Replayer:
             self.result.failures = [f'{name} {why}' for name, why in self._unready_nodes().items()]
         self.result.followers = self._leader.followers
         return not self._stop.is_set() and not self.result.failures
+
+    def _waiting_reasons(self) -> list[str]:
+        """Return what the replay waits for, in words."""
+        return [f'{name} {why}' for name, why in self._unready_nodes().items()] or [
+            f'{self._topics[name]} has no subscribers'
+            for name, publisher in self._publishers.items()
+            if not self._awaited and not publisher.get_subscription_count()]
 
     def _unready_nodes(self) -> dict[str, str]:
         """Return node -> why it is not ready."""
@@ -193,9 +200,9 @@ class Replayer:
             if not self._send_step(number, step):
                 return
             for bag_ns, name, data in step:
-                if start_ns is None:
+                if start_ns is None:  # the time to read the bag until here does not count
                     start_ns = self._first_ns = bag_ns
-                    self._started_ns = started_ns
+                    started_ns = self._started_ns = time.monotonic_ns()
                 self._next_ns = bag_ns
                 if not self._sleep_until(started_ns + int((bag_ns - start_ns) / self._rate)):
                     return
@@ -229,7 +236,8 @@ class Replayer:
 
     def _report(self) -> None:
         """Report the position: that of the next message, or less while it is not due."""
-        if self._on_progress is None or (now := time.monotonic()) < self._report_at:
+        now = time.monotonic()
+        if self._on_progress is None or not self._started_ns or now < self._report_at:
             return
         self._report_at = now + PROGRESS_PERIOD
         due_ns = self._first_ns + (time.monotonic_ns() - self._started_ns) * self._rate
