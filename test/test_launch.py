@@ -431,3 +431,33 @@ def test_ctrl_c_of_a_simulation_prints_no_errors(moment, simulation, isolated_ro
     log = ''.join(launch.lines)
     assert not re.search(r'ERROR|FATAL|Traceback|KeyboardInterrupt|has died', log), log
     assert len(re.findall('has finished cleanly', log)) == 7, log
+
+
+PUBLISHER = """#!/usr/bin/env python3
+import os, signal, sys
+blocked = signal.pthread_sigmask(signal.SIG_BLOCK, [])
+signal.signal(signal.SIGINT, lambda *_: os._exit(0))  # SIGINT comes twice
+print('blocked', signal.SIGINT in blocked, 'arguments', *sys.argv[1:], flush=True)
+signal.pause()
+"""
+
+
+@real
+def test_robot_state_publisher_gets_the_wheels_and_ends_with_ctrl_c(
+        simulation, isolated_ros, installed, tmp_path, monkeypatch):
+    layers = os.environ['AMENT_PREFIX_PATH']
+    installed('robot_state_publisher')
+    monkeypatch.setenv('AMENT_PREFIX_PATH', f'{tmp_path}:{layers}')
+    program = tmp_path / 'lib' / 'robot_state_publisher' / 'robot_state_publisher'
+    program.parent.mkdir(parents=True)
+    program.write_text(PUBLISHER)
+    program.chmod(0o755)
+    with Launch('simulation.launch.py', simulation) as launch:
+        launch.until('blocked .* arguments .*--params-file .* -r joint_states:=wheel_states')
+        assert 'blocked False' in launch.lines[-1]
+        launch.until('motors is open')
+        launch.interrupt()
+        assert launch.end() == 0
+    log = ''.join(launch.lines)
+    assert 'is not installed' not in log and 'has died' not in log, log
+    assert len(re.findall('has finished cleanly', log)) == 8, log
