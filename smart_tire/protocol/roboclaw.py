@@ -17,7 +17,7 @@ RoboClaw packet serial with CRC-16: requests of the host and replies of a board.
 
 Write request: address, command, values, CRC of all these bytes; reply: 0xFF.
 Read request: address, command; reply: values, CRC of address, command and values.
-Values and CRC are big-endian. A board discards an incomplete packet after 10 ms without a byte.
+Values and CRC are big-endian. The version is a text that ends with LF and 0, then the CRC. A board discards an incomplete packet after 10 ms without a byte.
 Basicmicro, "RoboClaw Series User Manual", sections "Packet Serial", "Advanced Packet Serial" and
 "Encoders".
 """
@@ -41,6 +41,8 @@ TIMEOUT_RESOLUTION = 0.1    # s per count of the serial time-out
 BATTERY_RESOLUTION = 0.1    # V per count of the battery voltage
 MAX_CURRENT_CODE = 32767    # largest magnitude: the current may be larger
 CURRENT_RESOLUTION = 0.01   # A per count of a motor current
+MAX_TEXT_LENGTH = 48        # bytes of a text with its end
+TEXT_END = b'\n\0'
 STATUS_NORMAL = 0           # status without error or warning bits
 
 _CRC = struct.Struct('>H')
@@ -53,11 +55,12 @@ class Command:
     code: int
     request: str = '>'
     reply: str = '>'
+    text: bool = False  # whether the reply is a text, of any length up to MAX_TEXT_LENGTH
 
     @property
     def reads(self) -> bool:
         """Return whether the reply holds values; otherwise it is an acknowledgement."""
-        return self.reply != '>'
+        return self.text or self.reply != '>'
 
     @property
     def request_size(self) -> int:
@@ -66,7 +69,9 @@ class Command:
 
     @property
     def reply_size(self) -> int:
-        """Return the size of the whole reply in bytes."""
+        """Return the size of the whole reply in bytes, the largest one of a text."""
+        if self.text:
+            return MAX_TEXT_LENGTH + _CRC.size
         return struct.calcsize(self.reply) + _CRC.size if self.reads else len(ACKNOWLEDGE)
 
 
@@ -75,6 +80,7 @@ READ_TIMEOUT = Command(15, reply='>B')
 RESET_ENCODERS = Command(20)
 SET_ENCODER_1 = Command(22, request='>I')    # counts
 SET_ENCODER_2 = Command(23, request='>I')
+READ_VERSION = Command(21, text=True)        # moves nothing; every board in packet mode replies
 READ_BATTERY = Command(24, reply='>H')       # in BATTERY_RESOLUTION
 SET_DUTY = Command(34, request='>hh')        # M1, M2, 100 % is MAX_DUTY_CODE
 READ_CURRENTS = Command(49, reply='>hh')     # M1, M2, in CURRENT_RESOLUTION
@@ -83,8 +89,8 @@ READ_SPEEDS = Command(79, reply='>ii')       # M1, M2, counts per second, averag
 READ_STATUS = Command(90, reply='>H')        # bit field, STATUS_NORMAL if no bit is set
 
 COMMANDS = {command.code: command for command in (
-    SET_TIMEOUT, READ_TIMEOUT, RESET_ENCODERS, SET_ENCODER_1, SET_ENCODER_2, READ_BATTERY,
-    SET_DUTY, READ_CURRENTS, READ_ENCODERS, READ_SPEEDS, READ_STATUS)}
+    SET_TIMEOUT, READ_TIMEOUT, RESET_ENCODERS, READ_VERSION, SET_ENCODER_1, SET_ENCODER_2,
+    READ_BATTERY, SET_DUTY, READ_CURRENTS, READ_ENCODERS, READ_SPEEDS, READ_STATUS)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,6 +128,21 @@ def decode_reply(address: int, command: Command, reply: bytes) -> tuple[int, ...
     if crc16(bytes((address, command.code)) + reply):
         raise FrameError(f'{name} has a wrong CRC: {reply.hex()}')
     return struct.unpack(command.reply, reply[:-_CRC.size])
+
+
+def encode_text_reply(address: int, command: Command, text: str) -> bytes:
+    """Return the reply of the board at ``address`` with a ``text``."""
+    content = text.encode('ascii') + TEXT_END
+    return content + _CRC.pack(crc16(bytes((address, command.code)) + content))
+
+
+def decode_text_reply(address: int, command: Command, reply: bytes) -> str:
+    """Return the text in ``reply``; raise FrameError if it does not answer ``command``."""
+    text, end, checksum = reply.partition(TEXT_END)
+    if not end or len(checksum) != _CRC.size or crc16(bytes((address, command.code)) + reply):
+        raise FrameError(f'reply of {address:#04x} to command {command.code} is no text with a '
+                         f'correct CRC: {reply.hex()}')
+    return text.decode('ascii', 'replace')
 
 
 def count_step(new: int, old: int) -> int:

@@ -37,6 +37,7 @@ START_TIMER_US = tire_payload.TIMER_WRAP_US - 25_000_000  # wraps after 25 s
 START_IMU_NS = xsens.SAMPLE_TIME_WRAP_NS - 30 * NS_PER_S  # wraps after 30 s
 FULL_BATTERY_MV = 3900                                    # of a sensor node
 SUPPLY_VOLTAGE_CODE = 148                                 # 0.1 V, of the motor boards
+VERSION = 'USB Roboclaw 2x15a v4.1.34'                     # of the firmware of the boards
 NO_CURRENTS = (0.0, 0.0, 0.0, 0.0)                        # A
 
 
@@ -241,6 +242,8 @@ class _Board:
         self._request_ns = now_ns
         own = [counts[motor] for motor in self._motors]
         self._execute(request, own)
+        if request.command == roboclaw.READ_VERSION:
+            return roboclaw.encode_text_reply(self.address, request.command, VERSION)
         first, second = (round(speeds[motor]) for motor in self._motors)
         values = {
             roboclaw.READ_TIMEOUT: (self._timeout,),

@@ -60,6 +60,14 @@ def test_a_documented_reply_encodes_and_decodes(frame):
     assert decode_reply(address, command, frame.data) == frame['received']
 
 
+@each_frame('roboclaw', 'text')
+def test_a_documented_text_encodes_and_decodes(frame):
+    address, command = frame['address'], command_of(frame)
+    assert roboclaw.encode_text_reply(address, command, frame['text']) == frame.data
+    assert roboclaw.decode_text_reply(address, command, frame.data) == frame['text']
+    assert len(frame.data) <= command.reply_size == 50
+
+
 @each_frame('roboclaw', 'request')
 def test_the_crc_of_a_reply_covers_address_and_command_of_its_request(frame):
     assert encode_request(frame['address'], command_of(frame)) == bytes.fromhex(frame['request'])

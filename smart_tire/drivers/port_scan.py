@@ -1,0 +1,191 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Which serial ports exist, who holds them, and which device answers on them.
+
+Sensors are recognized by listening. Only the port that is configured for the motor boards, and
+those with the USB identifier of a RoboClaw, are written to: a read request for the firmware
+version, which moves nothing in the packet serial mode that the driver requires. A board in another
+mode could take any byte for a motor command, so no other port is written to. A port that another
+process holds is not opened.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing, suppress
+from dataclasses import dataclass
+import grp
+import os
+from pathlib import Path
+import time
+from typing import Any
+
+from serial.tools import list_ports
+
+from smart_tire.drivers.imu_receiver import PROTOCOLS
+from smart_tire.drivers.serial_port import open_port, PORT_ERRORS
+from smart_tire.errors import FrameError, LinkError
+from smart_tire.protocol.deframer import Deframer
+from smart_tire.protocol.roboclaw import (
+    ADDRESSES, decode_text_reply, encode_request, READ_VERSION, TEXT_END)
+from smart_tire.protocol.tire_payload import decode_batch
+from smart_tire.protocol.xbee import decode_receive_packet, XBeeDeframer
+
+TIRE_RADIO, MOTOR_BOARDS = 'tire_radio', 'roboclaw'
+BAUD_RATES = (115200, 57600, 230400, 921600, 38400, 9600)  # of these devices, most usual first
+LISTEN_TIME = 0.3      # s at each baud rate: 7 batches of a sensor node, 12 frames of an IMU
+MIN_FRAMES = 2         # a checksum may fit by chance once
+REPLY_TIMEOUT = 0.04   # s; a board replies within a few ms
+ROBOCLAW_USB = (0x03EB, 0x2404)  # vendor and product
+PROC, BY_ID = Path('/proc'), Path('/dev/serial/by-id')
+
+
+@dataclass(frozen=True)
+class Device:
+    """A serial port of this machine."""
+
+    path: str
+    description: str = ''
+    by_id: str = ''  # link that stays the same when devices are plugged in in another order
+    roboclaw: bool = False  # by its USB identifier
+
+
+@dataclass(frozen=True)
+class ScannedPort:
+    """What was found on a port."""
+
+    path: str
+    problem: str = ''       # why it could not be opened
+    holder: str = ''        # process that has it open: it was not opened
+    protocol: str = ''      # one of IMU_PROTOCOLS, TIRE_RADIO or MOTOR_BOARDS; '' if none
+    baud_rate: int = 0      # at which it answers
+    details: str = ''       # number of frames, or versions of the motor boards
+    received: int = 0       # bytes at all baud rates
+
+
+def serial_devices() -> list[Device]:
+    """Return the serial ports of this machine."""
+    links = {os.path.realpath(link): str(link) for link in BY_ID.glob('*')}
+    return [Device(port.device, port.description or '', links.get(port.device, ''),
+                   (port.vid, port.pid) == ROBOCLAW_USB)
+            for port in sorted(list_ports.comports())]
+
+
+def holder(path: str, proc: Path = PROC) -> str:
+    """Return the process that has ``path`` open; '' if none is visible to this user."""
+    target = os.path.realpath(path)
+    for folder in proc.glob('[0-9]*'):
+        if folder.name == str(os.getpid()):
+            continue
+        with suppress(OSError):  # the process has ended, or belongs to another user
+            for link in (folder / 'fd').iterdir():
+                if os.readlink(link) == target:
+                    name = (folder / 'comm').read_text(encoding='utf-8').strip()
+                    return f'process {folder.name} ({name})'
+    return ''
+
+
+def permission_problem(path: str) -> str:
+    """Return why this user must not open ``path``; '' if it may."""
+    if os.access(path, os.R_OK | os.W_OK):
+        return ''
+    group = os.stat(path).st_gid
+    try:
+        name = grp.getgrgid(group).gr_name
+    except KeyError:
+        name = str(group)
+    return f'no permission; its group is {name}'
+
+
+def scan(ports: Mapping[str, Iterable[int]], boards: Iterable[str] = ()) -> list[ScannedPort]:
+    """
+    Return what answers on ``ports`` (path -> baud rates to try), all at the same time.
+
+    Of these, ``boards`` are asked for a RoboClaw if they are silent, at their first baud rate.
+    """
+    asked = set(boards)
+    with ThreadPoolExecutor(max(1, len(ports))) as threads:
+        futures = [threads.submit(scan_port, path, tuple(rates), path in asked)
+                   for path, rates in ports.items()]
+        return [future.result() for future in futures]
+
+
+def scan_port(path: str, baud_rates: tuple[int, ...], ask: bool) -> ScannedPort:
+    """Return what answers on one port."""
+    if not os.path.exists(path):
+        return ScannedPort(path, 'does not exist')
+    if problem := permission_problem(path):
+        return ScannedPort(path, problem)
+    if process := holder(path):
+        return ScannedPort(path, holder=process)
+    received = 0
+    try:
+        for baud_rate in baud_rates:
+            with closing(open_port(path, baud_rate, timeout=0.02)) as port:
+                data = _listen(port)
+                received += len(data)
+                if (found := identify(data)) is not None:
+                    return ScannedPort(path, '', '', found[0], baud_rate, f'{found[1]} frames',
+                                       received)
+                if ask and not data and baud_rate == baud_rates[0] and (
+                        versions := _versions(port)):
+                    return ScannedPort(path, '', '', MOTOR_BOARDS, baud_rate, versions)
+    except LinkError as error:
+        return ScannedPort(path, str(error))
+    except PORT_ERRORS as error:
+        return ScannedPort(path, f'lost: {error}')
+    return ScannedPort(path, received=received)
+
+
+def identify(data: bytes) -> tuple[str, int] | None:
+    """Return protocol and number of valid frames in ``data``; None if it is none of these."""
+    counts = {name: _count(protocol.deframer(), data, lambda body, decode=protocol.decode:
+                           decode(body, 0)) for name, protocol in PROTOCOLS.items()}
+    counts[TIRE_RADIO] = _count(XBeeDeframer(), data, lambda body: decode_batch(
+        decode_receive_packet(body).data))
+    name = max(counts, key=counts.__getitem__)
+    return (name, counts[name]) if counts[name] >= MIN_FRAMES else None
+
+
+def _count(deframer: Deframer, data: bytes, decode: Any) -> int:
+    count = 0
+    for body in deframer.feed(data):
+        with suppress(FrameError):
+            decode(body)
+            count += 1
+    return count
+
+
+def _listen(port: Any) -> bytes:
+    data, end = b'', time.monotonic() + LISTEN_TIME
+    while time.monotonic() < end:
+        data += port.read(port.in_waiting or 1)
+    return data
+
+
+def _versions(port: Any) -> str:
+    """Return addresses and firmware versions of the boards that reply."""
+    found = []
+    for address in ADDRESSES:
+        port.reset_input_buffer()
+        port.write(encode_request(address, READ_VERSION))
+        reply, end = b'', time.monotonic() + REPLY_TIMEOUT
+        while time.monotonic() < end and not reply[:-2].endswith(TEXT_END):
+            reply += port.read(port.in_waiting or 1)
+        with suppress(FrameError):
+            found.append(f'{address} {decode_text_reply(address, READ_VERSION, reply)}')
+    return ', '.join(found)
