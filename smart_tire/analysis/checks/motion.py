@@ -1,0 +1,278 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Checks of wheels against IMU: signs, units, rolling radius, effective track, latency, lever arm.
+
+The radius has two independent references. Changes of the speed integrate the forward specific
+force (``calibration/robot/accelerometer_fit.py``). In a turn, the lateral specific force is
+``a_y = W r u (1 - slip) - y W^2 + x dW/dt``: W the yaw rate, u the mean wheel speed, (x, y) the
+IMU. Both have a systematic error, because the body tilts when it accelerates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+import math
+
+import numpy as np
+
+from smart_tire.analysis.checks.recording import CheckedRecording
+from smart_tire.analysis.checks.wheels import UNITS, unit_of
+from smart_tire.arrays import Array
+from smart_tire.calibration.recording import period, Recording, side_slip, Signal
+from smart_tire.calibration.robot.accelerometer_fit import (
+    PITCHING_ERROR, RADIUS_COLUMN, speed_change_problem)
+from smart_tire.calibration.robot.rolling_radius import TURN_SLIP
+from smart_tire.calibration.robot.wheel_latency import (
+    delay_grid, fit_yaw_rate, MAX_DELAY, min_interval, YawRateFit)
+from smart_tire.errors import EstimatorError
+from smart_tire.findings import Finding, Level
+from smart_tire.numerics.delay_regression import fit_delay
+from smart_tire.numerics.regression import Prior, robust_regression
+from smart_tire.parameters import RobotParams
+from smart_tire.uncertain import Uncertain
+
+SIGMAS = 3.0              # standard errors beyond which a value is a contradiction
+MIN_DIFFERENCE = 0.1      # relative, of a parameter that is reported
+MAX_SLIP = 0.3            # slip on soft ground: the body is slower than its wheels, not faster
+MAX_FITTING_SIGMA = 0.15  # relative standard error of a radius that supports the configured one
+MAX_SIGMA = 0.3           # relative standard error above which a value says nothing
+MIN_YAW_RATE = 0.1        # rad/s rms of a recording with turns
+MIN_CORRELATION = 0.5     # of yaw rate and wheel difference, in magnitude, to see their sign
+MIN_TRACK_RATIO, MAX_TRACK_RATIO = 0.9, 4.0  # effective over geometric track: skid-steer 1 to 3
+DEGREES = 180.0 / math.pi
+DEGREE_RATIO = 12.0       # yaw rate over that of the wheels; 57 / 4 with the largest track
+MIN_LATENCY_ERROR = 0.03  # s; half a period of wheel_states at 16 Hz
+MIN_LEVER_ERROR = 0.1     # m
+CORRELATION_TIME = 2.0    # s over which slip is correlated
+COLUMNS = RADIUS, SLIP, LEVER_X, LEVER_Y, BIAS = range(5)
+UNIT_TOLERANCE = 0.25     # relative, of a radius ratio that identifies a unit of the wheel speeds
+
+
+@dataclass(frozen=True)
+class LateralFit:
+    """Rolling radius and position of the IMU from the lateral specific force."""
+
+    radius: Uncertain   # m
+    lever_x: Uncertain  # m, of the IMU ahead of the center of rotation
+    lever_y: Uncertain  # m, of the IMU to the left of ``base_link``
+
+
+def check_sides(recording: CheckedRecording) -> Iterator[Finding]:
+    """Yield a yaw rate without wheel difference, or one of the opposite sign."""
+    motion = recording.motion
+    if motion is None:
+        return
+    intervals = _intervals(motion, recording.robot)
+    if intervals is None:
+        yield Finding(Level.INFO, 'wheel_states', 'the robot does not drive: wheels and IMU are '
+                      'not compared', action='' if recording.live else 'record a drive with '
+                      'turns, starts and stops')
+        return
+    yaw, difference = intervals.yaw_rate, intervals.difference
+    if float(np.sqrt(np.mean(yaw ** 2))) < MIN_YAW_RATE:
+        return
+    if float(np.abs(difference).max()) < 1e-6:
+        yield Finding(Level.WARNING, 'wheel_states', 'left and right wheels always have the same '
+                      'speed although the robot turns', 'a speed of each side', 'record the '
+                      'encoders of both sides')
+        return
+    correlation = float(np.corrcoef(yaw, difference)[0, 1])
+    if correlation < -MIN_CORRELATION:
+        yield _opposite(intervals)
+
+
+def _opposite(intervals: _Intervals) -> Finding:
+    """Return whether the gyro or the wheels are reversed: the lateral force is the third."""
+    turning = float(np.sum(intervals.lateral * intervals.yaw_rate * intervals.mean))
+    if turning > 0.0:
+        return Finding(Level.ERROR, 'wheel_states', 'left and right are swapped: the robot turns '
+                       'opposite to the wheel difference, with the lateral force of the gyro',
+                       'right faster than left in a left turn', 'swap the sides in the driver '
+                       '(addresses, wiring)')
+    return Finding(Level.ERROR, 'imu/data', 'the yaw rate has the opposite sign of the wheel '
+                   'difference and of the lateral force', 'positive counter-clockwise',
+                   'set imu.rotation, or convert to REP-103 axes')
+
+
+def check_yaw_rate(recording: CheckedRecording) -> Iterator[Finding]:
+    """Yield a gyro in degrees per second, or an effective track that no robot has."""
+    fit, robot = yaw_rate_fit(recording), recording.robot
+    if fit is None or fit.slope.sigma > MAX_SIGMA * fit.slope.value:
+        return
+    geometric = robot.track_width / robot.wheel_radius
+    ratio = geometric / fit.slope.value  # yaw rate over that of the wheels without slip
+    if ratio > DEGREE_RATIO:
+        yield Finding(Level.ERROR, 'imu/data', f'yaw rate is {ratio:.3g} times that of the '
+                      'wheels: in deg/s', 'rad/s', f'divide angular_velocity by {DEGREES:.4g}')
+        return
+    track = Uncertain(robot.wheel_radius * fit.slope.value, robot.wheel_radius * fit.slope.sigma)
+    share = track.value / robot.track_width
+    error = SIGMAS * track.sigma / robot.track_width
+    outside = share + error < MIN_TRACK_RATIO or share - error > MAX_TRACK_RATIO
+    yield Finding(
+        Level.WARNING if outside else Level.OK, 'track_width',
+        f'effective track {track.value:.3f} +- {track.sigma:.3f} m with wheel_radius '
+        f'{robot.wheel_radius:g} m, {share:.2f} times track_width {robot.track_width:g} m',
+        f'{MIN_TRACK_RATIO:g} to {MAX_TRACK_RATIO:g} times, for skid steering' if outside else '',
+        'check track_width, wheel_radius and the unit of the wheel speeds' if outside else '')
+
+
+def check_radius(recording: CheckedRecording) -> Iterator[Finding]:
+    """Yield a wheel radius that contradicts the accelerometer, or reversed wheels or x axis."""
+    motion, robot = recording.motion, recording.robot
+    if motion is None:
+        return
+    latency = _latency(recording)
+    found = [radius for radius in (_speed_change_radius(motion, robot),
+                                   _lateral_radius(motion, robot, latency)) if radius is not None]
+    if not found:
+        return
+    weights = np.array([1.0 / radius.sigma ** 2 for radius in found])
+    value = float(np.sum(weights * [radius.value for radius in found]) / weights.sum())
+    spread = max(abs(radius.value - value) for radius in found)  # includes what neither models
+    sigma = math.hypot(1.0 / math.sqrt(float(weights.sum())), 0.5 * spread)
+    error = value - robot.wheel_radius
+    slip = MAX_SLIP * robot.wheel_radius if error < 0.0 else 0.0
+    if abs(error) <= max(SIGMAS * sigma, MIN_DIFFERENCE * robot.wheel_radius) + slip:
+        if abs(error) - slip < sigma < MAX_FITTING_SIGMA * abs(value):
+            yield Finding(Level.OK, 'wheel_radius', f'{robot.wheel_radius:g} m fits wheel speeds '
+                          f'and IMU ({value:.3f} +- {sigma:.3f} m)')
+        return
+    if value < 0.0:
+        yield Finding(Level.ERROR, 'imu/data', 'the forward force has the opposite sign of the '
+                      'changes of wheel speed', 'x forward, wheels positive forward',
+                      'set imu.rotation, or correct signs of motor_driver')
+        return
+    unit = unit_of(robot.wheel_radius / value, UNITS, UNIT_TOLERANCE)
+    convert = f', or convert the wheel speeds from {unit} to rad/s' if unit else ''
+    yield Finding(
+        Level.ERROR, 'wheel_radius', f'wheel speeds fit the IMU with a radius of {value:.2g} +- '
+        f'{sigma:.1g} m', f'{robot.wheel_radius:g} m as configured',
+        f'measure wheel_radius{convert}')
+
+
+def check_latency(recording: CheckedRecording) -> Iterator[Finding]:
+    """Yield timestamps of the wheels that are later or earlier than configured."""
+    fit, robot = yaw_rate_fit(recording), recording.robot
+    if fit is None:
+        return
+    error = fit.latency.value - robot.encoder.latency
+    if abs(error) > max(SIGMAS * fit.latency.sigma, MIN_LATENCY_ERROR):
+        yield Finding(Level.WARNING, 'encoder.latency', f'timestamps of wheel_states are '
+                      f'{fit.latency.value:.3f} +- {fit.latency.sigma:.3f} s late',
+                      f'{robot.encoder.latency:g} s as configured',
+                      'smart_tire identify geometry')
+
+
+def check_imu_position(recording: CheckedRecording) -> Iterator[Finding]:
+    """Yield a position of the IMU that contradicts the lateral force in turns."""
+    if recording.motion is None:
+        return
+    robot = recording.robot
+    fit = lateral_fit(recording.motion, robot, _latency(recording))
+    if fit is None:
+        return
+    tolerance_x = max(MIN_LEVER_ERROR, 0.5 * robot.wheelbase)  # of the center of rotation
+    for axis, lever, tolerance in ((0, fit.lever_x, tolerance_x),
+                                   (1, fit.lever_y, MIN_LEVER_ERROR)):
+        configured = robot.imu.position[axis]
+        if abs(lever.value - configured) - tolerance > SIGMAS * lever.sigma:
+            yield Finding(Level.WARNING, 'imu.position', f'{"xy"[axis]} is {lever.value:.2f} +- '
+                          f'{lever.sigma:.2f} m by the lateral force in turns',
+                          f'{configured:g} m as configured', 'measure imu.position')
+
+
+def yaw_rate_fit(recording: CheckedRecording) -> YawRateFit | None:
+    """Return latency and effective track; None if not observable."""
+    if recording.motion is None:
+        return None
+    try:
+        return fit_yaw_rate(recording.motion, recording.robot)
+    except EstimatorError:
+        return None
+
+
+def lateral_fit(motion: Recording, robot: RobotParams, latency: float) -> LateralFit | None:
+    """Return radius and lever arms from the lateral force; None without turns."""
+    data = _intervals(motion, robot, latency)
+    if data is None or float(np.sqrt(np.mean(data.yaw_rate ** 2))) < MIN_YAW_RATE:
+        return None
+    W, slip = data.yaw_rate, side_slip(data.mean, 0.5 * np.abs(data.difference))
+    matrix = np.column_stack([W * data.mean, -W * slip * robot.wheel_radius, data.yaw_acceleration,
+                              -W ** 2, np.ones(len(W))])
+    prior = Prior(np.array([0.0, TURN_SLIP, 0.0, 0.0, 0.0]),
+                  np.array([np.inf, TURN_SLIP, np.inf, np.inf, np.inf]))
+    lags = math.ceil(CORRELATION_TIME / float(np.median(np.diff(data.time))))
+    fit = robust_regression(matrix, data.lateral, prior, model_sigma=np.zeros(len(W)),
+                            initial_sigma=float(np.std(data.lateral)) + 1e-9, hac_lags=lags)
+    radius = fit.estimate(RADIUS)
+    return LateralFit(
+        Uncertain(radius.value, math.hypot(radius.sigma, PITCHING_ERROR * radius.value)),
+        fit.estimate(LEVER_X), fit.estimate(LEVER_Y))
+
+
+def _lateral_radius(motion: Recording, robot: RobotParams, latency: float) -> Uncertain | None:
+    fit = lateral_fit(motion, robot, latency)
+    if fit is None or not fit.radius.sigma < MAX_SIGMA * abs(fit.radius.value):
+        return None
+    return fit.radius
+
+
+def _speed_change_radius(motion: Recording, robot: RobotParams) -> Uncertain | None:
+    try:
+        fit = fit_delay(speed_change_problem(motion, robot), delay_grid(motion))
+    except EstimatorError:
+        return None
+    scale = float(fit.coefficients[RADIUS_COLUMN])
+    sigma = math.hypot(fit.coefficient_sigma(RADIUS_COLUMN), PITCHING_ERROR * scale)
+    if not sigma < MAX_SIGMA * abs(scale):
+        return None
+    return Uncertain(robot.wheel_radius * scale, robot.wheel_radius * sigma)
+
+
+def _latency(recording: CheckedRecording) -> float:
+    fit = yaw_rate_fit(recording)
+    return recording.robot.encoder.latency if fit is None else fit.latency.value
+
+
+@dataclass(frozen=True)
+class _Intervals:
+    """Means over intervals near motion."""
+
+    time: Array              # (n,) s
+    mean: Array              # (n,) rad/s, of all wheels
+    difference: Array        # (n,) rad/s, right minus left
+    yaw_rate: Array          # (n,) rad/s
+    yaw_acceleration: Array  # (n,) rad/s2
+    lateral: Array           # (n,) m/s2
+
+
+def _intervals(motion: Recording, robot: RobotParams, latency: float = 0.0) -> _Intervals | None:
+    """Return the intervals in which the robot drives, None if it does not."""
+    imu = motion.imu
+    try:
+        found = motion.moving_intervals(
+            min_interval(motion), robot.slip.standstill_speed / robot.wheel_radius, MAX_DELAY)
+    except EstimatorError:
+        return None
+    begin, end, reach = found.begin - latency, found.end - latency, 2.0 * period(imu.time)
+    yaw, force = Signal(imu.time, imu.rate[:, 2]), Signal(imu.time, imu.force[:, 1])
+    sides = found.sides
+    acceleration = (yaw.centered_mean(end, reach) - yaw.centered_mean(begin, reach)) / (
+        end - begin)
+    return _Intervals(0.5 * (begin + end), sides.mean(axis=1), sides[:, 1] - sides[:, 0],
+                      yaw.mean(begin, end), acceleration, force.mean(begin, end))

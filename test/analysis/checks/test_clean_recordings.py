@@ -1,0 +1,74 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""No false findings: simulated drives on two grounds, and real recordings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from support.checked import clean, problems, recording, texts
+
+from smart_tire.analysis.checks.catalog import CHECKS, findings
+from smart_tire.analysis.checks.recording import read
+from smart_tire.bags import Bag
+from smart_tire.findings import Level
+from smart_tire.parameters import RobotParams
+
+DATA = Path(__file__).resolve().parents[4] / 'shared' / 'data'
+WARTHOG = RobotParams(wheel_radius=0.30, track_width=1.08, wheelbase=0.8, mass=250.0)
+HUSKY = RobotParams(wheel_radius=0.165, track_width=0.555, wheelbase=0.54, mass=50.0)
+
+
+@pytest.mark.parametrize('seed, base', [(1, 'concrete'), (2, 'concrete'), (3, 'sand')])
+def test_a_clean_drive_has_no_warnings(seed, base):
+    assert texts(problems(clean(seed, base))) == ''
+
+
+def test_a_clean_drive_confirms_radius_track_and_gravity():
+    confirmed = {one.where for one in findings(recording(clean())) if one.level is Level.OK}
+    assert {'wheel_radius', 'track_width', 'imu/data', 'wheel_states'} <= confirmed
+
+
+def test_an_empty_recording_lacks_its_inputs():
+    found = texts(problems([]))
+    assert found.count('no messages') == 3
+    assert 'ERROR imu/data' in found and 'ERROR wheel_states' in found
+    assert 'WARNING tire_samples' in found
+
+
+@pytest.mark.parametrize('check', CHECKS)
+@pytest.mark.parametrize('count', [1, 3, 30])
+def test_checks_accept_short_recordings(check, count):
+    list(check(recording(clean()[:count])))
+
+
+def errors(name, robot):
+    """Return the errors of a real recording."""
+    path = DATA / name
+    if not path.exists():
+        pytest.skip(f'the recording {name} is not on this machine')
+    with Bag(path) as bag:
+        return [one for one in findings(read(bag, robot)) if one.level is Level.ERROR]
+
+
+def test_the_default_radius_contradicts_a_robot_with_larger_wheels():
+    found, = errors('warthog_asphalt', RobotParams())
+    assert found.where == 'wheel_radius' and 'radius of 0.2' in found.found
+
+
+@pytest.mark.parametrize('name, robot', [('warthog_asphalt', WARTHOG), ('husky_rectangle', HUSKY)])
+def test_real_recordings_with_their_geometry_have_no_errors(name, robot):
+    assert texts(errors(name, robot)) == ''

@@ -1,0 +1,380 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Each injected fault is found, by level, place and text."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+import math
+
+import numpy as np
+import pytest
+from support.checked import changed, clean, problems, recording, texts
+
+from smart_tire.analysis.checks import contents, films, imu, motion, timing, tire, wheels
+from smart_tire.analysis.checks.recording import Collector
+from smart_tire.bags.definitions import empty, Encoder
+from smart_tire.messages import TOPICS
+from smart_tire.parameters import RobotParams
+from smart_tire.parameters.robot import EncoderParams, FilmParams, ImuParams, TireParams
+from smart_tire.samples import BatterySample, NS_PER_S
+from smart_tire.simulation.faults import delayed, interrupted
+
+FIRST_NS = clean()[0][2].stamp_ns
+RPM = 60.0 / math.tau
+
+
+def found(check, events, robot=None):
+    """Return the findings of one check as text."""
+    return texts(check(recording(events, robot)))
+
+
+def rotated(vector):
+    """Return a vector as an IMU that is mounted upside down measures it."""
+    return vector[0], -vector[1], -vector[2]
+
+
+def scaled(vector, factor):
+    """Return ``vector`` times ``factor``."""
+    return tuple(factor * number for number in vector)
+
+
+# --- topics, frames, films ------------------------------------------------------------------
+
+
+def test_samples_of_a_wheel_that_is_not_configured_are_reported():
+    robot = RobotParams(film=FilmParams(wheels=('rear_left',)))
+    text = found(contents.check_film_wheels, clean(), robot)
+    assert 'WARNING tire_samples of rear_left: no samples' in text
+    assert 'WARNING tire_samples of front_right: samples are not used' in text
+
+
+def test_another_number_of_films_is_an_error():
+    events = changed('tire_samples', lambda one: replace(one, volts=(*one.volts, 1.65)))
+    assert 'ERROR tire_samples of front_right: 3 films (expected 2' in found(
+        contents.check_film_wheels, events)
+
+
+@pytest.mark.parametrize('invalid, level', [(1, 'WARNING'), (10, 'ERROR')])
+def test_invalid_messages_are_counted_with_the_first_reason(invalid, level):
+    collector = Collector()
+    sample = clean()[0][2]
+    topic, encode = TOPICS['imu/data'], Encoder(TOPICS['imu/data'].type)
+    for index in range(500):
+        msg = topic.to_msg(empty(topic.type), replace(
+            sample, rate=(0.0, 0.0, 1e4 if index < invalid else 0.0)))
+        msg.header.frame_id = 'base_imu'
+        collector.add_message('imu/data', index, encode(msg))
+    checked = collector.recording(RobotParams())
+    text = texts(contents.check_rejected(checked))
+    assert f'{level} imu/data: {invalid} of 500 messages are invalid' in text and 'rad/s' in text
+    assert "INFO imu/data: header.frame_id is 'base_imu' in 500 messages (expected 'imu_link')" \
+        in texts(contents.check_frames(checked))
+
+
+def test_missing_positions_and_torques_are_mentioned():
+    events = changed('wheel_states', lambda one: replace(one, position=None, effort=None))
+    text = found(contents.check_torques, events)
+    assert 'INFO wheel_states: effort' in text and 'INFO wheel_states: position' in text
+    assert found(contents.check_torques, clean()) == ''
+
+
+# --- rates and timestamps -------------------------------------------------------------------
+
+
+def kept(topic, share):
+    """Return the clean events with one of ``share`` messages of ``topic``."""
+    seen = iter(range(10**6))
+    return changed(topic, lambda one: one if next(seen) % share == 0 else None)
+
+
+def test_slow_inputs_are_reported():
+    assert 'WARNING imu/data: 10 Hz (expected at least 20 Hz)' in found(
+        timing.check_rates, kept('imu/data', 10))
+    assert 'INFO imu/data: 50 Hz' in found(timing.check_rates, kept('imu/data', 2))
+    assert 'WARNING wheel_states: 3.2 Hz' in found(timing.check_rates, kept('wheel_states', 5))
+    assert 'WARNING tire_samples of front_right: 200 Hz (expected film.sample_rate 400 Hz)' \
+        in found(timing.check_rates, kept('tire_samples', 2))
+
+
+def test_a_gap_is_reported_with_its_time():
+    events = interrupted(clean(), 'imu/data', [(10.0, 10.4)])
+    assert '1 gaps, the longest 0.41 s, the first at 10.0 s' in found(timing.check_gaps, events)
+    events = interrupted(clean(), 'imu/data', [(10.0, 10.06)])
+    assert 'imu/data' not in found(timing.check_gaps, events)
+
+
+def test_many_lost_batches_are_a_warning():
+    spans = [(0.4 * count, 0.4 * count + 0.04) for count in range(60)]
+    assert 'WARNING tire_samples of front_right: 1' in found(
+        timing.check_gaps, interrupted(clean(), 'tire_samples', spans))
+    assert 'WARNING' not in found(timing.check_gaps, clean())
+
+
+def test_zero_timestamps_are_an_error():
+    events = changed('imu/data', lambda one: replace(one, stamp_ns=0))
+    assert 'timestamps are zero' in found(timing.check_stamps, events)
+    assert 'repeat' not in found(timing.check_stamps, events)
+
+
+def test_timestamps_that_run_backwards_or_repeat_are_reported():
+    seen = iter(range(10**6))
+    events = changed('imu/data', lambda one: replace(
+        one, stamp_ns=one.stamp_ns - 50_000_000 * (next(seen) == 500)))
+    assert '1 timestamps are earlier than the one before, by up to 0.04 s' in found(
+        timing.check_stamps, events)
+    events = sorted([*clean(), *clean()[:50]], key=lambda event: event[0])
+    assert 'timestamps repeat' in found(timing.check_stamps, events)
+
+
+def test_timestamps_of_arrival_vary():
+    rng = np.random.default_rng(1)
+    events = changed('imu/data', lambda one: replace(
+        one, stamp_ns=one.stamp_ns + round(rng.normal(0.0, 5e6))))
+    assert 'WARNING imu/data: periods of the timestamps vary' in found(timing.check_jitter, events)
+
+
+def shifted(topic, seconds):
+    """Return the clean events with other timestamps of ``topic``."""
+    return changed(topic, lambda one: replace(
+        one, stamp_ns=one.stamp_ns + round(seconds * NS_PER_S)))
+
+
+def test_clocks_that_differ_are_reported():
+    text = found(timing.check_delays, shifted('wheel_states', -2.0))
+    assert 'WARNING wheel_states: timestamps are 2 s before their reception' in text
+    assert 'ERROR wheel_states: timestamps are 2 s behind those of' in text
+    text = found(timing.check_delays, shifted('imu/data', 0.1))
+    assert 'WARNING imu/data: timestamps are 0.098 s after their reception' in text
+    assert 'ERROR' not in text
+    assert found(timing.check_delays, shifted('imu/data', 0.03)) == ''
+
+
+@pytest.mark.parametrize('drift, reported', [(2e-3, True), (-2e-3, True), (5e-5, False)])
+def test_a_drifting_clock_is_reported_with_its_sign(drift, reported):
+    events = changed('imu/data', lambda one: replace(
+        one, stamp_ns=one.stamp_ns + round(drift * (one.stamp_ns - FIRST_NS))))
+    text = found(timing.check_drift, events)
+    assert (f'imu/data: timestamps drift by {1e3 * drift:+.0f}00' in text) is reported
+    assert 'wheel_states' not in text
+
+
+def test_held_samples_are_reported():
+    held = []
+
+    def hold(sample):
+        if len(held) % 2 == 0:
+            held.append(sample)
+        else:
+            held.append(held[-1])
+        return replace(held[-1], stamp_ns=sample.stamp_ns)
+
+    text = found(timing.check_held, changed('imu/data', hold))
+    assert '50% of the samples repeat' in text and 'only 50 Hz' in text
+
+
+# --- IMU ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize('factor, unit', [(1.0 / 9.80665, 'in g'), (100.0, 'in cm/s2')])
+def test_the_unit_of_the_accelerometer_is_named(factor, unit):
+    events = changed('imu/data', lambda one: replace(
+        one, acceleration=scaled(one.acceleration, factor)))
+    assert f'at rest: {unit} (expected 9.81 m/s2)' in found(imu.check_gravity, events)
+
+
+@pytest.mark.parametrize('change, text', [
+    (rotated, 'ERROR imu/data: gravity is on -z at rest'),
+    (lambda f: (f[2], f[1], -f[0]), 'ERROR imu/data: gravity is on +x at rest'),
+    (lambda f: (f[0], f[1], f[2] - 9.81), 'gravity was removed'),
+    (lambda f: (f[0] + 2.5, f[1], f[2]), 'tilted by 14 degrees'),
+    (lambda f: scaled(f, 1.045), 'WARNING imu/data: specific force is 10')])
+def test_a_wrong_direction_or_size_of_gravity_is_reported(change, text):
+    events = changed('imu/data', lambda one: replace(one, acceleration=change(one.acceleration)))
+    assert text in found(imu.check_gravity, events)
+
+
+def test_the_mounting_is_taken_into_account():
+    events = changed('imu/data', lambda one: replace(
+        one, acceleration=rotated(one.acceleration), rate=rotated(one.rate)))
+    robot = RobotParams(imu=ImuParams(rotation=(math.pi, 0.0, 0.0)))
+    assert texts(problems(events, robot)) == ''
+
+
+def test_a_gyro_that_turns_at_rest_is_reported():
+    events = changed('imu/data', lambda one: replace(
+        one, rate=(one.rate[0], one.rate[1] + 0.1, one.rate[2])))
+    assert 'angular rate at rest is 0.09' in found(imu.check_gyro_bias, events)
+    assert found(imu.check_gyro_bias, clean()) == ''
+
+
+# --- wheels ---------------------------------------------------------------------------------
+
+
+def with_velocity(change):
+    """Return the clean events with other wheel velocities, and positions to match."""
+    return changed('wheel_states', lambda one: replace(
+        one, velocity=change(one.velocity), position=change(one.position)))
+
+
+def test_a_stuck_encoder_is_an_error():
+    text = found(wheels.check_encoders, with_velocity(lambda v: (v[0], v[1], 0.0, v[3])))
+    assert text.startswith('ERROR wheel_states of rear_left: stands still while front_left turns')
+    assert 'right' not in text
+
+
+def test_wheels_of_a_side_with_opposite_signs_are_an_error():
+    text = found(wheels.check_encoders, with_velocity(lambda v: (v[0], v[1], v[2], -v[3])))
+    assert text.startswith('ERROR wheel_states of front_right and rear_right: turn in opposite')
+    assert 'left' not in text
+
+
+def test_velocities_in_rpm_contradict_positions():
+    events = changed('wheel_states', lambda one: replace(one, velocity=scaled(one.velocity, RPM)))
+    assert 'velocity is 9.55 times the change of position per second: in rpm?' in found(
+        wheels.check_velocity_unit, events)
+
+
+@pytest.mark.parametrize('factor, text', [(-1.0, 'motors absorb'), (1e3, 'motor torques give')])
+def test_wrong_torques_are_reported(factor, text):
+    events = changed('wheel_states', lambda one: replace(one, effort=scaled(one.effort, factor)))
+    assert text in found(wheels.check_torques, events)
+
+
+# --- wheels against IMU ---------------------------------------------------------------------
+
+
+def test_swapped_sides_and_a_reversed_gyro_are_distinguished():
+    events = with_velocity(lambda v: (v[1], v[0], v[3], v[2]))
+    assert 'ERROR wheel_states: left and right are swapped' in found(motion.check_sides, events)
+    events = changed('imu/data', lambda one: replace(
+        one, rate=(one.rate[0], one.rate[1], -one.rate[2])))
+    assert 'ERROR imu/data: the yaw rate has the opposite sign' in found(
+        motion.check_sides, events)
+
+
+def test_sides_recorded_as_their_mean_are_reported():
+    events = with_velocity(lambda v: ((v[0] + v[1]) / 2.0,) * 4)
+    assert 'left and right wheels always have the same speed' in found(motion.check_sides, events)
+
+
+def test_a_gyro_in_degrees_is_an_error():
+    events = changed('imu/data', lambda one: replace(
+        one, rate=scaled(one.rate, 180.0 / math.pi)))
+    assert 'in deg/s (expected rad/s)' in found(motion.check_yaw_rate, events)
+
+
+def test_wheel_speeds_in_rpm_are_an_error():
+    events = with_velocity(lambda v: scaled(v, RPM))
+    assert 'unit of the wheel speeds' in found(motion.check_yaw_rate, events)
+    assert 'convert the wheel speeds from rpm to rad/s' in found(motion.check_radius, events)
+
+
+@pytest.mark.parametrize('radius', [0.025, 0.16, 0.3])
+def test_a_wrong_radius_is_an_error_with_the_right_value(radius):
+    text = found(motion.check_radius, clean(), RobotParams(wheel_radius=radius))
+    assert 'ERROR wheel_radius: wheel speeds fit the IMU with a radius of 0.08' in text
+
+
+def test_reversed_wheels_are_an_error():
+    events = with_velocity(lambda v: (-v[1], -v[0], -v[3], -v[2]))
+    assert 'opposite sign of the changes of wheel speed' in found(motion.check_radius, events)
+
+
+def test_a_wrong_track_is_reported():
+    assert 'WARNING track_width: effective track' in found(
+        motion.check_yaw_rate, clean(), RobotParams(track_width=1.0))
+    assert 'WARNING track_width: effective track' in found(
+        motion.check_yaw_rate, clean(), RobotParams(track_width=0.1))
+
+
+@pytest.mark.parametrize('configured, reported', [(0.0, True), (0.1, False)])
+def test_late_wheels_contradict_the_configured_latency(configured, reported):
+    events = shifted('wheel_states', 0.1)
+    robot = RobotParams(encoder=EncoderParams(latency=configured))
+    assert ('timestamps of wheel_states are 0.09' in found(
+        motion.check_latency, events, robot)) is reported
+
+
+def test_a_wrong_position_of_the_imu_is_reported():
+    robot = RobotParams(imu=ImuParams(position=(0.05, 0.9, 0.1)))
+    text = found(motion.check_imu_position, clean(), robot)
+    assert 'WARNING imu.position: y is 0.0' in text and 'x is' not in text
+
+
+def test_a_robot_that_stands_is_not_compared():
+    events = [event for event in clean() if event[0] < FIRST_NS + 1_800_000_000]
+    assert 'the robot does not drive' in found(motion.check_sides, events)
+
+
+# --- films ----------------------------------------------------------------------------------
+
+
+def with_volts(change):
+    """Return the clean events with other film voltages."""
+    return changed('tire_samples', lambda one: replace(one, volts=change(*one.volts)))
+
+
+@pytest.mark.parametrize('change, text', [
+    (lambda a, b: (a, b + 0.3), 'WARNING film 2 of front_right: rests at 1.9'),
+    (lambda a, b: (0.0, b), 'ERROR film 1 of front_right: at a rail in 100%'),
+    (lambda a, b: (max(a, 0.0) if a < 1.7 else 3.3, b), 'film 1 of front_right: clipped in')])
+def test_voltages_out_of_place_are_reported(change, text):
+    report = found(films.check_voltages, with_volts(change))
+    assert text in report and report.count('\n') == 0
+
+
+def test_a_dead_film_is_an_error_and_a_weak_one_a_warning():
+    rng = np.random.default_rng(2)
+    text = found(films.check_crossings,
+                 with_volts(lambda a, b: (a, 1.65 + rng.normal(0.0, 0.005))))
+    assert text.startswith('ERROR film 2 of front_right: no signal while the wheel rolls')
+    text = found(films.check_crossings,
+                 with_volts(lambda a, b: (a, 1.65 + 0.08 * (b - 1.65))))
+    assert 'film 2 of front_right' in text
+    assert 'film 1' not in text
+
+
+def test_swapped_films_are_an_error():
+    assert found(films.check_order, clean()) == ''
+    text = found(films.check_order, with_volts(lambda a, b: (b, a)))
+    assert text.startswith('ERROR films of front_right: film 2 enters the patch')
+
+
+def test_another_spacing_is_reported():
+    robot = RobotParams(film=FilmParams(spacing=0.08))
+    assert 'WARNING films of front_right: film 2 follows film 1 by' in found(
+        films.check_order, clean(), robot)
+
+
+@pytest.mark.parametrize('volts, reported', [(3.2, True), (3.4, False)])
+def test_a_low_battery_is_reported(volts, reported):
+    events = [(FIRST_NS, 'tire_battery', BatterySample(FIRST_NS, 'front_right', volts))]
+    assert ('charge' in found(films.check_battery, events)) is reported
+
+
+# --- tire -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize('stiffness, text', [
+    (30.0, 'critical slip 1.3'), (2000.0, 'times the load'), (52.7, ''), (1000.0, '')])
+def test_an_implausible_stiffness_is_reported(stiffness, text):
+    robot = RobotParams(tire=TireParams(longitudinal_stiffness=stiffness))
+    report = found(tire.check_stiffness, clean(), robot)
+    assert text in report and bool(report) is bool(text)
+
+
+def test_late_reception_alone_is_no_clock_error():
+    assert 'ERROR' not in found(timing.check_delays, delayed(clean(), 'imu/data', 0.3))

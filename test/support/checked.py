@@ -1,0 +1,64 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Simulated recordings with injected faults, as input of the checks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from functools import lru_cache
+from typing import Any
+
+from smart_tire.analysis.checks.catalog import findings
+from smart_tire.analysis.checks.recording import CheckedRecording, Collector, READ
+from smart_tire.findings import Finding, Level
+from smart_tire.parameters import RobotParams
+from smart_tire.parameters.simulation import GroundParams, SimulatorParams
+from smart_tire.simulation.offline import Event, simulate
+
+DRIVE = ((2.0, 90.0, 90.0), (5.0, 100.0, 60.0), (9.0, 40.0, 80.0), (12.0, 0.0, 0.0),
+         (15.0, -60.0, -80.0), (19.0, 90.0, 90.0), (22.0, 0.0, 0.0))  # start time [s], rpm
+DURATION = 24.0  # s
+
+
+@lru_cache
+def clean(seed: int = 1, base: str = 'concrete') -> tuple[Event, ...]:
+    """Return the events of a drive with turns, starts, stops and standstill."""
+    ground = GroundParams(base=base, patches=())
+    params = SimulatorParams(seed=seed, ground=ground)
+    return tuple(event for event in simulate(params, DRIVE, DURATION) if event[1] in READ)
+
+
+def changed(topic: str, change: Callable[[Any], Any]) -> list[Event]:
+    """Return the clean events with each sample of ``topic`` changed; None removes it."""
+    return [(at, name, new) for at, name, sample in clean()
+            if (new := change(sample) if name == topic else sample) is not None]
+
+
+def recording(events: Iterable[Event], robot: RobotParams | None = None) -> CheckedRecording:
+    """Return ``events`` as input of the checks."""
+    collector = Collector()
+    for receive_ns, topic, sample in events:
+        collector.add(topic, receive_ns, sample)
+    return collector.recording(robot or RobotParams())
+
+
+def problems(events: Iterable[Event], robot: RobotParams | None = None) -> list[Finding]:
+    """Return the warnings and errors of all checks."""
+    return [one for one in findings(recording(events, robot)) if one.level >= Level.WARNING]
+
+
+def texts(found: Iterable[Finding]) -> str:
+    """Return level and text of the findings, one per line."""
+    return '\n'.join(f'{one.level.name} {one.text}' for one in found)
