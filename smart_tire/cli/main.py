@@ -41,6 +41,8 @@ VERBS = {
     'replay': 'publish the messages of a bag',
     'recover': 'repair a truncated or damaged bag',
     'analyze': 'run the estimators on bags; write estimates, summary and figures',
+    'doctor': 'check a recording, or the ports, host and nodes of a robot',
+    'status': 'show the state of all nodes and topics',
     'identify': 'identify parameters from recordings, with standard errors',
     'measure': 'measure deflections with an identified film',
     'topics': 'print what the fields of each topic mean, with their units',

@@ -17,7 +17,8 @@ RoboClaw packet serial with CRC-16: requests of the host and replies of a board.
 
 Write request: address, command, values, CRC of all these bytes; reply: 0xFF.
 Read request: address, command; reply: values, CRC of address, command and values.
-Values and CRC are big-endian. The version is a text that ends with LF and 0, then the CRC. A board discards an incomplete packet after 10 ms without a byte.
+Values and CRC are big-endian; a text ends with LF and 0 before the CRC. A board discards an
+incomplete packet after 10 ms without a byte.
 Basicmicro, "RoboClaw Series User Manual", sections "Packet Serial", "Advanced Packet Serial" and
 "Encoders".
 """

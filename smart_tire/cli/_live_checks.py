@@ -1,0 +1,146 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Live part of ``smart_tire doctor``: host, nodes and topics, ports."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from importlib.util import find_spec
+import os
+from pathlib import Path
+import time
+from typing import TYPE_CHECKING
+
+from smart_tire.cli._host_check import host_findings, NOMINAL_RATE
+from smart_tire.findings import Finding, Level
+from smart_tire.messages import find_topic
+
+if TYPE_CHECKING:
+    from smart_tire.analysis.checks.recording import Collector
+    from smart_tire.nodes.listener import NodeStatus
+
+SIMULATOR = 'robot_simulator'
+DISCOVERY_TIME = 2.0  # s before messages are counted, to subscribe to what is published
+Progress = Callable[[str], None]
+
+
+@dataclass
+class Heard:
+    """What a few seconds of listening gave."""
+
+    nodes: list[str] = field(default_factory=list)
+    statuses: dict[str, NodeStatus] = field(default_factory=dict)
+    robots: dict[str, Collector] = field(default_factory=dict)  # namespace -> samples
+    size: int = 0                                               # bytes of all messages
+
+    def on_message(self, name: str, data: bytes) -> None:
+        """Add a message of a topic."""
+        from smart_tire.analysis.checks.recording import Collector, READ
+        self.size += len(data)
+        topic = find_topic(name)
+        if topic is None or topic.name not in READ:
+            return
+        namespace = name[:-len(topic.name)].rstrip('/')
+        collector = self.robots.setdefault(namespace, Collector())
+        collector.add_message(topic.name, time.time_ns(), data)
+
+
+def live_findings(args: argparse.Namespace, files: list[Path],
+                  progress: Progress) -> Iterator[Finding]:
+    """Yield the findings on this robot."""
+    heard = Heard()
+    if find_spec('rclpy') is None:
+        yield Finding(Level.INFO, 'ROS', 'rclpy is not installed: nodes and topics are not '
+                      'checked', action='source a ROS 2 distribution, or pip install '
+                      'smart_tire[ros]')
+    else:
+        yield from _ros_findings(args.seconds, files, heard, progress)
+    progress('measuring timers and disk (2 s)')
+    yield from host_findings(args.out, heard.size / args.seconds or NOMINAL_RATE)
+    if any(name.rpartition('/')[2] == SIMULATOR for name in heard.nodes):
+        yield Finding(Level.INFO, 'ports', 'the robot is simulated: serial ports are not checked')
+    elif not args.no_ports:
+        progress('listening to the serial ports (3 s)')
+        yield from _port_findings(files)
+
+
+def _ros_findings(seconds: float, files: list[Path], heard: Heard,
+                  progress: Progress) -> Iterator[Finding]:
+    from smart_tire.nodes.graph_checks import discovery_findings, middleware_findings
+    yield from middleware_findings()
+    progress('two participants look for each other (up to 5 s)')
+    yield from discovery_findings()
+    progress(f'listening to nodes and topics ({DISCOVERY_TIME + seconds:g} s)')
+    yield from _listen(seconds, heard)
+    for name, status in sorted(heard.statuses.items()):
+        level = (Level.OK, Level.WARNING, Level.ERROR, Level.ERROR)[min(status.level, 3)]
+        yield Finding(level, f'node {name}', status.message)
+    yield from robot_findings(heard, files)
+
+
+def _listen(seconds: float, heard: Heard) -> Iterator[Finding]:
+    """Listen; yield the findings on the graph."""
+    from smart_tire.nodes.graph_checks import graph_findings, node_names, read_graph
+    from smart_tire.nodes.observer import Observer
+    from smart_tire.nodes.runner import NodeRunner
+    name, listening = f'doctor_{os.getpid()}', [False]
+
+    def on_message(topic: str, data: bytes) -> None:
+        if listening[0]:
+            heard.on_message(topic, data)
+
+    def on_status(status: NodeStatus) -> None:
+        if status.name != name:
+            heard.statuses[status.name] = status
+
+    with NodeRunner(lambda: Observer(on_message, on_status, name=name), []) as runner:
+        runner.spin(DISCOVERY_TIME)
+        listening[0] = True
+        runner.spin(seconds)
+        graph, heard.nodes = read_graph(runner.node), node_names(runner.node)
+    yield from graph_findings(graph, heard.nodes)
+    if heard.nodes:
+        yield Finding(Level.OK, 'ROS', f'{len(heard.nodes)} nodes: {", ".join(heard.nodes)}')
+    else:
+        yield Finding(Level.INFO, 'ROS', 'no other node is running in this domain',
+                      action='start robot.launch.py, or check ROS_DOMAIN_ID')
+
+
+def robot_findings(heard: Heard, files: list[Path]) -> Iterator[Finding]:
+    """Yield the findings on the samples of each robot."""
+    from smart_tire.analysis.calibrate_robot import load_robot
+    from smart_tire.analysis.checks.catalog import findings
+    robot = load_robot(files)
+    for namespace, collector in sorted(heard.robots.items()):
+        for finding in findings(collector.recording(robot, live=True)):
+            yield replace(finding, where=f'{namespace}: {finding.where}') if namespace else finding
+
+
+def _port_findings(files: list[Path]) -> Iterator[Finding]:
+    from smart_tire.drivers.port_findings import expected_ports, port_findings, ports_to_scan
+    from smart_tire.drivers.port_scan import scan, serial_devices
+    from smart_tire.parameters import (
+        build, ImuDriverParams, known_names, load_files, MotorDriverParams, NODE_PARAMS, specs,
+        TireReceiverParams)
+    known = known_names(NODE_PARAMS.values())
+    tire, imu, motor = (load_files(files, name, known, specs(NODE_PARAMS[name]))
+                        for name in ('tire_receiver', 'imu_driver', 'motor_driver'))
+    expected = expected_ports(build(TireReceiverParams, tire), build(ImuDriverParams, imu),
+                              build(MotorDriverParams, motor))
+    devices = serial_devices()
+    rates, boards = ports_to_scan(expected, devices)
+    yield from port_findings(expected, devices, scan(rates, boards))

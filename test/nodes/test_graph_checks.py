@@ -1,0 +1,122 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Checks of the ROS graph, and the observer of all robots."""
+
+from __future__ import annotations
+
+import pytest
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+from smart_tire.bags.cdr import Decoder
+from smart_tire.findings import Level
+from smart_tire.messages import TOPICS
+from smart_tire.nodes.compat import message_class
+from smart_tire.nodes.graph_checks import (
+    discovery_time, Endpoint, graph_findings, node_names, read_graph, TopicEnds)
+from smart_tire.nodes.observer import Observer, state_of
+from smart_tire.nodes.qos import publisher_qos
+from smart_tire.nodes.runner import NodeRunner
+from smart_tire.samples import ImuSample
+
+pytestmark = pytest.mark.processes
+JOINTS, IMU = TOPICS['motor_commands'].type, TOPICS['imu/data'].type
+RELIABLE = QoSProfile(depth=1)
+BEST_EFFORT = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+SAMPLE = ImuSample(5, (0.0, 0.0, 9.81), (0.0, 0.0, 0.1))
+
+
+def ends(*publishers, types=(JOINTS,), subscriptions=(), profile=RELIABLE):
+    """Return the ends of a topic."""
+    return TopicEnds(types, tuple(Endpoint(name, profile) for name in publishers),
+                     tuple(Endpoint(name, asked) for name, asked in subscriptions))
+
+
+def found(graph, nodes=()):
+    """Return level and text of the findings."""
+    return [f'{one.level.name} {one.text}' for one in graph_findings(graph, nodes)]
+
+
+def test_one_controller_is_fine():
+    assert found({'/a/motor_commands': ends('/a/wheel_controller'), '/chatter': ends(
+        '/x', '/y', types=('std_msgs/msg/String',))}, ['/a/wheel_controller', '/b/x']) == []
+
+
+def test_several_and_foreign_publishers_of_commands_are_reported():
+    double, foreign = found({'/a/motor_commands': ends('/a/wheel_controller', '/teleop')})
+    assert double.startswith('ERROR /a/motor_commands: 2 publishers: /a/wheel_controller, /teleop')
+    assert foreign.startswith('WARNING /a/motor_commands: is published by /teleop')
+    assert found({'/cmd_vel': ends('/teleop', types=(TOPICS['cmd_vel'].type,))}) == []
+    assert len(found({'/cmd_vel': ends('/a', '/b', types=(TOPICS['cmd_vel'].type,))})) == 1
+
+
+def test_two_nodes_with_one_name_are_an_error():
+    assert found({}, ['/a', '/b', '/a']) == [
+        'ERROR /a: 2 nodes have this name (expected one); end one of them, or use namespaces']
+
+
+def test_another_type_is_an_error():
+    line, = found({'/imu/data': ends('/x', types=('std_msgs/msg/String',))})
+    assert line.startswith('ERROR /imu/data: has the type std_msgs/msg/String')
+    assert len(found({'/imu/data': ends('/x', types=(IMU, 'std_msgs/msg/String'))})) == 1
+
+
+@pytest.mark.parametrize('offered, requested, fails', [
+    (RELIABLE, RELIABLE, False), (RELIABLE, BEST_EFFORT, False), (BEST_EFFORT, RELIABLE, True),
+    (LATCHED, RELIABLE, False), (RELIABLE, LATCHED, True)])
+def test_incompatible_profiles_are_an_error(offered, requested, fails):
+    lines = found({'/any': ends('/x', subscriptions=[('/y', requested)], profile=offered)})
+    assert [line.startswith('ERROR /any: /y does not receive what /x sends')
+            for line in lines] == [True] * fails
+
+
+def test_states_are_known_in_any_namespace():
+    assert state_of('/a/b/motors_enabled') == 'motors_enabled'
+    assert state_of('/emergency_stop_active') == 'emergency_stop_active'
+    assert state_of('/motors_enabled/x') == ''
+
+
+def test_an_observer_receives_from_all_namespaces_and_the_graph_is_read(graph):
+    received, statuses = {}, {}
+
+    def new_observer() -> Observer:
+        return Observer(received.__setitem__,
+                        lambda status: statuses.update({status.name: status}), name='watcher')
+
+    topic, cls = TOPICS['imu/data'], message_class(IMU)
+    publishers = [graph.node.create_publisher(cls, f'/{space}/imu/data', profile)
+                  for space, profile in (('one', publisher_qos('imu/data')), ('two', BEST_EFFORT))]
+    other = graph.node.create_publisher(message_class('std_msgs/msg/Bool'), '/three/imu/data', 1)
+    with NodeRunner(new_observer, []) as runner:
+        def step():
+            for publisher in publishers:
+                publisher.publish(topic.to_msg(cls(), SAMPLE))
+            other.publish(message_class('std_msgs/msg/Bool')(data=True))
+            runner.spin(0.05)
+
+        graph.until(lambda: len(received) == 2 and 'watcher' in statuses, step)
+        read, names = read_graph(runner.node), node_names(runner.node)
+    assert set(received) == {'/one/imu/data', '/two/imu/data'}
+    assert all(topic.from_msg(Decoder(IMU)(data)) == SAMPLE for data in received.values())
+    assert '/test' in names and not any('watcher' in name for name in names)
+    assert [end.node for end in read['/two/imu/data'].publishers] == ['/test']
+    assert read['/two/imu/data'].subscriptions == ()
+    levels = {one.where: one.level for one in graph_findings(read, names)}
+    assert levels == {'/three/imu/data': Level.ERROR}
+
+
+def test_participants_of_this_host_find_each_other(isolated_ros):
+    elapsed = discovery_time()
+    assert elapsed is not None and 0.0 < elapsed < 5.0
