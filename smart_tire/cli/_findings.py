@@ -43,7 +43,8 @@ def print_summary(findings: list[Finding], console: Console) -> None:
     """Print the number of errors and warnings."""
     counts = [sum(one.level is level for one in findings) for level in (
         Level.ERROR, Level.WARNING)]
-    console.print(f'{counts[0]} errors, {counts[1]} warnings', highlight=False)
+    console.print(', '.join(f'{count} {word}{"" if count == 1 else "s"}' for count, word in zip(
+        counts, ('error', 'warning'))), highlight=False)
 
 
 def to_json(findings: Iterable[Finding]) -> str:

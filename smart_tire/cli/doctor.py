@@ -20,6 +20,7 @@ import argparse
 from collections.abc import Iterator
 from pathlib import Path
 import sys
+import time
 from typing import TYPE_CHECKING
 
 from smart_tire.cli._arguments import positive
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
 NAME = 'doctor'
 HELP = ('check a recording, or without BAG the ports, host and nodes of this robot; exit status '
         '0 without errors (warnings allowed), 1 with errors, 2 if the bag cannot be read')
+PROGRESS_PERIOD = 2.0  # s between two lines while a bag is read
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -86,9 +88,14 @@ def bag_findings(bag: Bag, robot: RobotParams) -> Iterator[Finding]:
     """Yield the findings on a bag."""
     from smart_tire.analysis.checks.catalog import findings
     from smart_tire.analysis.checks.recording import read
-    if sys.stderr.isatty():
-        progress(f'reading {bag.path}')
-    yield from findings(read(bag, robot))
+    latest = [time.monotonic()]
+
+    def show(share: float) -> None:
+        if time.monotonic() - latest[0] >= PROGRESS_PERIOD:
+            latest[0] = time.monotonic()
+            progress(f'reading {bag.path}: {share:.0%}')
+
+    yield from findings(read(bag, robot, show))
 
 
 def progress(text: str) -> None:

@@ -50,6 +50,7 @@ BAUD_RATES = (115200, 57600, 230400, 921600, 38400, 9600)  # of these devices, m
 LISTEN_TIME = 0.3      # s at each baud rate: 7 batches of a sensor node, 12 frames of an IMU
 MIN_FRAMES = 2         # a checksum may fit by chance once
 REPLY_TIMEOUT = 0.04   # s; a board replies within a few ms
+NO_HARDWARE = 'n/a'    # of pyserial
 ROBOCLAW_USB = (0x03EB, 0x2404)  # vendor and product
 PROC, BY_ID = Path('/proc'), Path('/dev/serial/by-id')
 
@@ -78,11 +79,11 @@ class ScannedPort:
 
 
 def serial_devices() -> list[Device]:
-    """Return the serial ports of this machine."""
+    """Return the serial ports of this machine that have a device; UARTs of PCs may have none."""
     links = {os.path.realpath(link): str(link) for link in BY_ID.glob('*')}
     return [Device(port.device, port.description or '', links.get(port.device, ''),
                    (port.vid, port.pid) == ROBOCLAW_USB)
-            for port in sorted(list_ports.comports())]
+            for port in sorted(list_ports.comports()) if port.hwid != NO_HARDWARE]
 
 
 def holder(path: str, proc: Path = PROC) -> str:

@@ -39,6 +39,7 @@ MIN_REVOLUTIONS = 3.0       # for the checks of crossings
 DEAD_SIGMAS = 4.0           # spread of the signal of a rolling wheel, in standard deviations
 MIN_CROSSING_SIGMAS, MIN_CROSSING = 10.0, 0.1  # of the noise; V
 MIN_CROSSING_SHARE = 0.5    # of the revolutions that a film crosses the patch
+QUIET_TIME_SHARE = 0.2      # of a mean revolution, that separates two crossings
 MIN_ROLLING = 0.2           # rad/s
 DISTANCE_STEP = 0.002       # m, of the signal over rolled distance
 MIN_RUN = 1.2               # revolutions in one direction without a gap
@@ -98,9 +99,6 @@ def _signal(where: str, volts: Floats, rolling: np.ndarray, revolutions: float,
     if crossings < MIN_CROSSING_SHARE * revolutions:
         yield Finding(Level.WARNING, where, f'{crossings} patch crossings in {revolutions:.0f} '
                       'revolutions', 'one in each', 'check film and amplifier gain')
-
-
-QUIET_TIME_SHARE = 0.2  # of a mean revolution, that separates two crossings
 
 
 def check_order(recording: CheckedRecording) -> Iterator[Finding]:

@@ -30,14 +30,14 @@ import math
 import numpy as np
 
 from smart_tire.analysis.checks.recording import CheckedRecording
-from smart_tire.analysis.checks.wheels import UNITS, unit_of
+from smart_tire.analysis.checks.wheels import unit_of, UNITS
 from smart_tire.arrays import Array
 from smart_tire.calibration.recording import period, Recording, side_slip, Signal
 from smart_tire.calibration.robot.accelerometer_fit import (
     PITCHING_ERROR, RADIUS_COLUMN, speed_change_problem)
 from smart_tire.calibration.robot.rolling_radius import TURN_SLIP
 from smart_tire.calibration.robot.wheel_latency import (
-    delay_grid, fit_yaw_rate, MAX_DELAY, min_interval, YawRateFit)
+    delay_grid, MAX_DELAY, min_interval)
 from smart_tire.errors import EstimatorError
 from smart_tire.findings import Finding, Level
 from smart_tire.numerics.delay_regression import fit_delay
@@ -110,7 +110,7 @@ def _opposite(intervals: _Intervals) -> Finding:
 
 def check_yaw_rate(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield a gyro in degrees per second, or an effective track that no robot has."""
-    fit, robot = yaw_rate_fit(recording), recording.robot
+    fit, robot = recording.yaw_rate_fit, recording.robot
     if fit is None or fit.slope.sigma > MAX_SIGMA * fit.slope.value:
         return
     geometric = robot.track_width / robot.wheel_radius
@@ -167,7 +167,7 @@ def check_radius(recording: CheckedRecording) -> Iterator[Finding]:
 
 def check_latency(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield timestamps of the wheels that are later or earlier than configured."""
-    fit, robot = yaw_rate_fit(recording), recording.robot
+    fit, robot = recording.yaw_rate_fit, recording.robot
     if fit is None:
         return
     error = fit.latency.value - robot.encoder.latency
@@ -194,16 +194,6 @@ def check_imu_position(recording: CheckedRecording) -> Iterator[Finding]:
             yield Finding(Level.WARNING, 'imu.position', f'{"xy"[axis]} is {lever.value:.2f} +- '
                           f'{lever.sigma:.2f} m by the lateral force in turns',
                           f'{configured:g} m as configured', 'measure imu.position')
-
-
-def yaw_rate_fit(recording: CheckedRecording) -> YawRateFit | None:
-    """Return latency and effective track; None if not observable."""
-    if recording.motion is None:
-        return None
-    try:
-        return fit_yaw_rate(recording.motion, recording.robot)
-    except EstimatorError:
-        return None
 
 
 def lateral_fit(motion: Recording, robot: RobotParams, latency: float) -> LateralFit | None:
@@ -245,7 +235,7 @@ def _speed_change_radius(motion: Recording, robot: RobotParams) -> Uncertain | N
 
 
 def _latency(recording: CheckedRecording) -> float:
-    fit = yaw_rate_fit(recording)
+    fit = recording.yaw_rate_fit
     return recording.robot.encoder.latency if fit is None else fit.latency.value
 
 

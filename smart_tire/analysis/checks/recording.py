@@ -31,7 +31,8 @@ from smart_tire.analysis.series import Floats, seconds, Stamps
 from smart_tire.bags import Bag
 from smart_tire.bags.cdr import Decoder
 from smart_tire.calibration.recording import ImuRecord, Recording, WheelRecord
-from smart_tire.errors import MessageError
+from smart_tire.calibration.robot.wheel_latency import fit_yaw_rate, YawRateFit
+from smart_tire.errors import EstimatorError, MessageError
 from smart_tire.messages import TOPICS
 from smart_tire.parameters import RobotParams
 from smart_tire.rotation import matrix
@@ -39,6 +40,8 @@ from smart_tire.samples import (
     BatterySample, ImuSample, MotorCommand, NS_PER_S, Sample, TireSample, WheelSample)
 
 READ = ('imu/data', 'wheel_states', 'tire_samples', 'tire_battery', 'motor_commands', 'cmd_vel')
+REST_MARGIN = 1.0  # s before and after motion in which the body may settle
+PROGRESS_MESSAGES = 1000  # between two reports of progress
 MIN_READINGS = 20  # of IMU and wheels, for the checks of the motion
 NOT_MEASURED = (math.nan,) * 4
 VALUES: dict[type, Callable[[Any], tuple[float, ...]]] = {
@@ -81,7 +84,7 @@ class Stream:
         return float(np.median(np.diff(stamps))) / NS_PER_S if len(stamps) > 1 else math.nan
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CheckedRecording:
     """Input of the checks."""
 
@@ -133,6 +136,14 @@ class CheckedRecording:
             None if np.isnan(torques).all() else torques))
 
     @cached_property
+    def yaw_rate_fit(self) -> YawRateFit | None:
+        """Return wheel latency and effective track; None if not observable."""
+        try:
+            return None if self.motion is None else fit_yaw_rate(self.motion, self.robot)
+        except EstimatorError:
+            return None
+
+    @cached_property
     def stationary(self) -> NDArray[np.bool_]:
         """Return a mask of the IMU samples, sorted, at standstill; all False without wheels."""
         if self.motion is None:
@@ -148,9 +159,6 @@ class CheckedRecording:
         inside = (time >= wheels.time[0]) & (time <= wheels.time[-1])
         return np.asarray(inside & (np.minimum(
             np.abs(time - before), np.abs(after - time)) > REST_MARGIN))
-
-
-REST_MARGIN = 1.0  # s before and after motion in which the body may settle
 
 
 class Collector:
@@ -218,6 +226,3 @@ def read(bag: Bag, robot: RobotParams, progress: Callable[[float], None] = lambd
             progress((receive_ns - start) / max(1, end - start))
     problems = (*(f'{text}: not read' for text in bag.type_mismatches()), *bag.warnings)
     return collector.recording(robot, problems)
-
-
-PROGRESS_MESSAGES = 1000  # between two reports of progress

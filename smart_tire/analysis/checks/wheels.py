@@ -30,6 +30,7 @@ UNITS = {'rpm': 60.0 / math.tau, 'deg/s': 180.0 / math.pi, 'revolutions/s': 1.0 
 UNIT_TOLERANCE = 0.1      # relative, of the ratio that identifies a unit
 RATIO_TOLERANCE = 0.1     # relative, of velocity over change of position
 MIN_MOVING = 10           # samples
+CORRELATED_SAMPLES = 16.0  # one second of wheel_states at the nominal rate
 MIN_SPEED = 0.5           # rad/s, of the wheel that shows motion
 STUCK_SHARE = 0.02        # of the speed of the other wheel of its side
 MAX_STUCK_TIME = 0.5      # of the samples in motion
@@ -108,6 +109,3 @@ def check_torques(recording: CheckedRecording) -> Iterator[Finding]:
         yield Finding(Level.WARNING, 'wheel_states', f'motor torques give {force:.3g} N',
                       f'at most {limit:.3g} N, {MAX_FORCE_WEIGHTS:g} weights', 'check the unit '
                       '(N m at the wheel), motor.torque_constant and mass')
-
-
-CORRELATED_SAMPLES = 16.0  # one second of wheel_states at the nominal rate
