@@ -30,14 +30,19 @@ from smart_tire.simulation.offline import Event, simulate
 DRIVE = ((2.0, 90.0, 90.0), (5.0, 100.0, 60.0), (9.0, 40.0, 80.0), (12.0, 0.0, 0.0),
          (15.0, -60.0, -80.0), (19.0, 90.0, 90.0), (22.0, 0.0, 0.0))  # start time [s], rpm
 DURATION = 24.0  # s
+DEFAULT = RobotParams()
+
+Drive = tuple[tuple[float, float, float], ...]
 
 
 @lru_cache
-def clean(seed: int = 1, base: str = 'concrete') -> tuple[Event, ...]:
-    """Return the events of a drive with turns, starts, stops and standstill."""
+def clean(seed: int = 1, base: str = 'concrete', drive: Drive = DRIVE,
+          wheel_rate: float = 16.0, robot: RobotParams = DEFAULT) -> tuple[Event, ...]:
+    """Return the events of a drive, by default with turns, starts, stops and standstill."""
     ground = GroundParams(base=base, patches=())
-    params = SimulatorParams(seed=seed, ground=ground)
-    return tuple(event for event in simulate(params, DRIVE, DURATION) if event[1] in READ)
+    params = SimulatorParams(seed=seed, ground=ground, robot=robot)
+    return tuple(event for event in simulate(
+        params, drive, DURATION, wheel_rate=wheel_rate) if event[1] in READ)
 
 
 def changed(topic: str, change: Callable[[Any], Any]) -> list[Event]:

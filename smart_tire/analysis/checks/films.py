@@ -33,7 +33,7 @@ from smart_tire.samples import NS_PER_S, WHEELS
 
 MIN_SAMPLES = 100
 REST_TOLERANCE = 0.1        # V
-CLIPPED_SHARE = 0.03        # of the samples at a rail: a quarter of each crossing
+CLIPPED_SHARE, MOSTLY_CLIPPED = 0.01, 0.1  # of the samples; a crossing is an eighth of them
 RAIL_SHARE = 0.5            # of the samples at a rail of a broken film
 MIN_REVOLUTIONS = 3.0       # for the checks of crossings
 DEAD_SIGMAS = 4.0           # spread of the signal of a rolling wheel, in standard deviations
@@ -62,7 +62,8 @@ def check_voltages(recording: CheckedRecording) -> Iterator[Finding]:
                 yield Finding(Level.ERROR, where, f'at a rail in {clipped:.0%} of the samples',
                               f'rest voltage {film.rest_voltage:g} V', 'check film and amplifier')
             elif clipped > CLIPPED_SHARE:
-                yield Finding(Level.WARNING, where, f'clipped in {clipped:.1%} of the samples',
+                yield Finding(Level.WARNING if clipped > MOSTLY_CLIPPED else Level.INFO, where,
+                              f'clipped in {clipped:.1%} of the samples',
                               f'within 0 to {film.voltage_range:g} V', 'lower the amplifier gain')
             if clipped <= RAIL_SHARE and abs(rest - film.rest_voltage) > REST_TOLERANCE:
                 yield Finding(Level.WARNING, where, f'rests at {rest:.3f} V',

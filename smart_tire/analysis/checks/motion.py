@@ -49,6 +49,8 @@ SIGMAS = 3.0              # standard errors beyond which a value is a contradict
 MIN_DIFFERENCE = 0.1      # relative, of a parameter that is reported
 MAX_SLIP = 0.3            # slip on soft ground: the body is slower than its wheels, not faster
 MAX_FITTING_SIGMA = 0.15  # relative standard error of a radius that supports the configured one
+MIN_SIGNAL = 0.1          # m/s2 or m/s per s, rms: what 0.6 degrees of slope mimic
+MIN_VARIATION = 0.3       # standard deviation over rms of a wheel difference that shows a delay
 MAX_SIGMA = 0.3           # relative standard error above which a value says nothing
 MIN_YAW_RATE = 0.1        # rad/s rms of a recording with turns
 MIN_CORRELATION = 0.5     # of yaw rate and wheel difference, in magnitude, to see their sign
@@ -57,6 +59,7 @@ DEGREES = 180.0 / math.pi
 DEGREE_RATIO = 12.0       # yaw rate over that of the wheels; 57 / 4 with the largest track
 MIN_LATENCY_ERROR = 0.03  # s; half a period of wheel_states at 16 Hz
 MIN_LEVER_ERROR = 0.1     # m
+MAX_LEVER_SIGMA = 0.1     # m; larger in steady turns, where radius and lever are not separable
 CORRELATION_TIME = 2.0    # s over which slip is correlated
 COLUMNS = RADIUS, SLIP, LEVER_X, LEVER_Y, BIAS = range(5)
 UNIT_TOLERANCE = 0.25     # relative, of a radius ratio that identifies a unit of the wheel speeds
@@ -69,6 +72,7 @@ class LateralFit:
     radius: Uncertain   # m
     lever_x: Uncertain  # m, of the IMU ahead of the center of rotation
     lever_y: Uncertain  # m, of the IMU to the left of ``base_link``
+    signal: float       # m/s2, spread of the centripetal acceleration
 
 
 def check_sides(recording: CheckedRecording) -> Iterator[Finding]:
@@ -136,6 +140,9 @@ def check_radius(recording: CheckedRecording) -> Iterator[Finding]:
     motion, robot = recording.motion, recording.robot
     if motion is None:
         return
+    data = _intervals(motion, robot)
+    if data is None or np.mean(data.mean ** 2) < 0.25 * np.mean(data.difference ** 2):
+        return  # mostly turns in place: the wheels' mean is small, and what it loses in slip
     latency = _latency(recording)
     found = [radius for radius in (_speed_change_radius(motion, robot),
                                    _lateral_radius(motion, robot, latency)) if radius is not None]
@@ -168,7 +175,8 @@ def check_radius(recording: CheckedRecording) -> Iterator[Finding]:
 def check_latency(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield timestamps of the wheels that are later or earlier than configured."""
     fit, robot = recording.yaw_rate_fit, recording.robot
-    if fit is None:
+    if fit is None or float(np.std(fit.wheel_difference)) < MIN_VARIATION * float(
+            np.sqrt(np.mean(fit.wheel_difference ** 2))):
         return
     error = fit.latency.value - robot.encoder.latency
     if abs(error) > max(SIGMAS * fit.latency.sigma, MIN_LATENCY_ERROR):
@@ -190,7 +198,8 @@ def check_imu_position(recording: CheckedRecording) -> Iterator[Finding]:
     for axis, lever, tolerance in ((0, fit.lever_x, tolerance_x),
                                    (1, fit.lever_y, MIN_LEVER_ERROR)):
         configured = robot.imu.position[axis]
-        if abs(lever.value - configured) - tolerance > SIGMAS * lever.sigma:
+        if lever.sigma < MAX_LEVER_SIGMA and (
+                abs(lever.value - configured) - tolerance > SIGMAS * lever.sigma):
             yield Finding(Level.WARNING, 'imu.position', f'{"xy"[axis]} is {lever.value:.2f} +- '
                           f'{lever.sigma:.2f} m by the lateral force in turns',
                           f'{configured:g} m as configured', 'measure imu.position')
@@ -212,24 +221,28 @@ def lateral_fit(motion: Recording, robot: RobotParams, latency: float) -> Latera
     radius = fit.estimate(RADIUS)
     return LateralFit(
         Uncertain(radius.value, math.hypot(radius.sigma, PITCHING_ERROR * radius.value)),
-        fit.estimate(LEVER_X), fit.estimate(LEVER_Y))
+        fit.estimate(LEVER_X), fit.estimate(LEVER_Y),
+        float(np.std(matrix[:, RADIUS] * radius.value)))
 
 
 def _lateral_radius(motion: Recording, robot: RobotParams, latency: float) -> Uncertain | None:
     fit = lateral_fit(motion, robot, latency)
-    if fit is None or not fit.radius.sigma < MAX_SIGMA * abs(fit.radius.value):
+    if fit is None or not fit.radius.sigma < MAX_SIGMA * abs(fit.radius.value) or (
+            fit.signal < MIN_SIGNAL):
         return None
     return fit.radius
 
 
 def _speed_change_radius(motion: Recording, robot: RobotParams) -> Uncertain | None:
     try:
-        fit = fit_delay(speed_change_problem(motion, robot), delay_grid(motion))
+        problem = speed_change_problem(motion, robot)
+        fit = fit_delay(problem, delay_grid(motion))
     except EstimatorError:
         return None
     scale = float(fit.coefficients[RADIUS_COLUMN])
     sigma = math.hypot(fit.coefficient_sigma(RADIUS_COLUMN), PITCHING_ERROR * scale)
-    if not sigma < MAX_SIGMA * abs(scale):
+    signal = abs(scale) * float(np.std(problem.rows(fit.delay).matrix[:, RADIUS_COLUMN]))
+    if not sigma < MAX_SIGMA * abs(scale) or signal < MIN_SIGNAL:
         return None
     return Uncertain(robot.wheel_radius * scale, robot.wheel_radius * sigma)
 

@@ -26,6 +26,7 @@ from smart_tire.analysis.checks.recording import read
 from smart_tire.bags import Bag
 from smart_tire.findings import Level
 from smart_tire.parameters import RobotParams
+from smart_tire.parameters.robot import FilmParams
 
 DATA = Path(__file__).resolve().parents[4] / 'shared' / 'data'
 WARTHOG = RobotParams(wheel_radius=0.30, track_width=1.08, wheelbase=0.8, mass=250.0)
@@ -35,6 +36,15 @@ HUSKY = RobotParams(wheel_radius=0.165, track_width=0.555, wheelbase=0.54, mass=
 @pytest.mark.parametrize('seed, base', [(1, 'concrete'), (2, 'concrete'), (3, 'sand')])
 def test_a_clean_drive_has_no_warnings(seed, base):
     assert texts(problems(clean(seed, base))) == ''
+
+
+@pytest.mark.parametrize('seed, base, drive, wheel_rate', [
+    (2, 'concrete', ((2.0, -60.0, 60.0), (8.0, 0.0, 0.0), (10.0, 60.0, -60.0)), 4.0),
+    (1, 'sand', ((1.0, 15.0, 15.0), (10.0, 20.0, 12.0), (20.0, 12.0, 20.0)), 16.0),
+    (1, 'sand', ((0.5, 100.0, 70.0),), 16.0)], ids=['pivot', 'slow', 'circle'])
+def test_a_drive_that_excites_little_proves_nothing(seed, base, drive, wheel_rate):
+    robot = RobotParams(film=FilmParams(wheels=()))
+    assert texts(problems(clean(seed, base, drive, wheel_rate, robot), robot)) == ''
 
 
 def test_a_clean_drive_confirms_radius_track_and_gravity():
