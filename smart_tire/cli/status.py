@@ -40,8 +40,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--once', action='store_true',
                         help='print once and exit; always so without a terminal')
     parser.add_argument('--json', action='store_true', help='print JSON once and exit')
-    parser.add_argument('--seconds', type=positive, default=4.0, metavar='S',
-                        help='how long to listen with --once or --json (default: 4)')
+    parser.add_argument('--seconds', type=positive, default=5.0, metavar='S',
+                        help='how long to listen with --once or --json (default: 5)')
 
 
 def run(args: argparse.Namespace) -> int:

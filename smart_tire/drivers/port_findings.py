@@ -23,7 +23,7 @@ from smart_tire.drivers.port_scan import BAUD_RATES, Device, MOTOR_BOARDS, Scann
 from smart_tire.findings import Finding, Level
 from smart_tire.parameters import ImuDriverParams, MotorDriverParams, TireReceiverParams
 
-NAMES = {TIRE_RADIO: 'XBee coordinator with sensor nodes', MOTOR_BOARDS: 'RoboClaw boards',
+NAMES = {TIRE_RADIO: 'XBee coordinator with sensor nodes', MOTOR_BOARDS: 'RoboClaw',
          'vectornav_binary': 'VectorNav (binary)', 'vectornav_ascii': 'VectorNav (ASCII)',
          'xsens': 'Xsens'}
 
@@ -36,14 +36,17 @@ class Expected:
     path: str
     baud_rate: int
     protocol: str
+    addresses: tuple[int, ...] = ()  # of motor boards or sensor nodes
 
 
 def expected_ports(tire: TireReceiverParams, imu: ImuDriverParams,
                    motor: MotorDriverParams) -> list[Expected]:
     """Return the ports that the parameters of the drivers name."""
-    return [Expected('tire_receiver', tire.port, tire.baud_rate, TIRE_RADIO),
+    return [Expected('tire_receiver', tire.port, tire.baud_rate, TIRE_RADIO,
+                     tuple(tire.wheel_of())),
             Expected('imu_driver', imu.port, imu.baud_rate, imu.protocol),
-            Expected('motor_driver', motor.port, motor.baud_rate, MOTOR_BOARDS)]
+            Expected('motor_driver', motor.port, motor.baud_rate, MOTOR_BOARDS,
+                     tuple(motor.addresses))]
 
 
 def ports_to_scan(expected: Sequence[Expected],
@@ -68,6 +71,8 @@ def port_findings(expected: Sequence[Expected], devices: Sequence[Device],
         return
     for one in expected:
         yield _configured(one, found[one.path], scanned)
+        if found[one.path].protocol == one.protocol:
+            yield from _addresses(one, found[one.path])
     used = {one.path for one in expected}
     for device in devices:
         if device.path not in used:
@@ -95,6 +100,25 @@ def _configured(one: Expected, port: ScannedPort, scanned: Sequence[ScannedPort]
                        _remedy(one, port, scanned))
     found = f'{port.received} bytes without a valid frame' if port.received else 'silent'
     return Finding(Level.ERROR, where, found, name, 'check supply, wiring, baud rate and protocol')
+
+
+def _addresses(one: Expected, port: ScannedPort) -> Iterator[Finding]:
+    """Yield boards and sensor nodes that are silent, or not configured."""
+    where, boards = f'{one.node} on {one.path}', one.protocol == MOTOR_BOARDS
+    name, parameter = ('board', 'addresses') if boards else ('sensor node', 'units')
+
+    def text(address: int) -> str:
+        return str(address) if boards else f'{address:016X}'
+
+    for address in one.addresses:
+        if address not in port.addresses:
+            yield Finding(Level.ERROR if boards else Level.WARNING, where,
+                          f'{name} {text(address)} is silent', f'{parameter} lists it',
+                          f'check its supply, and {parameter}')
+    for address in port.addresses:
+        if address not in one.addresses:
+            yield Finding(Level.WARNING, where, f'{name} {text(address)} answers',
+                          ', '.join(map(text, one.addresses)), f'add it to {parameter}')
 
 
 def _remedy(one: Expected, port: ScannedPort, scanned: Sequence[ScannedPort]) -> str:

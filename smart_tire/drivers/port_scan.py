@@ -76,6 +76,7 @@ class ScannedPort:
     baud_rate: int = 0      # at which it answers
     details: str = ''       # number of frames, or versions of the motor boards
     received: int = 0       # bytes at all baud rates
+    addresses: tuple[int, ...] = ()  # of motor boards or sensor nodes
 
 
 def serial_devices() -> list[Device]:
@@ -141,10 +142,13 @@ def scan_port(path: str, baud_rates: tuple[int, ...], ask: bool) -> ScannedPort:
                 received += len(data)
                 if (found := identify(data)) is not None:
                     return ScannedPort(path, '', '', found[0], baud_rate, f'{found[1]} frames',
-                                       received)
+                                       received, sensor_nodes(data))
                 if ask and not data and baud_rate == baud_rates[0] and (
                         versions := _versions(port)):
-                    return ScannedPort(path, '', '', MOTOR_BOARDS, baud_rate, versions)
+                    return ScannedPort(
+                        path, '', '', MOTOR_BOARDS, baud_rate, ', '.join(
+                            f'{address} {text}' for address, text in versions.items()),
+                        addresses=tuple(versions))
     except LinkError as error:
         return ScannedPort(path, str(error))
     except PORT_ERRORS as error:
@@ -160,6 +164,17 @@ def identify(data: bytes) -> tuple[str, int] | None:
         decode_receive_packet(body).data))
     name = max(counts, key=counts.__getitem__)
     return (name, counts[name]) if counts[name] >= MIN_FRAMES else None
+
+
+def sensor_nodes(data: bytes) -> tuple[int, ...]:
+    """Return the 64-bit addresses of the sensor nodes whose batches are in ``data``."""
+    found = set()
+    for body in XBeeDeframer().feed(data):
+        with suppress(FrameError):
+            packet = decode_receive_packet(body)
+            decode_batch(packet.data)
+            found.add(packet.source)
+    return tuple(sorted(found))
 
 
 def _count(deframer: Deframer, data: bytes, decode: Any) -> int:
@@ -178,9 +193,9 @@ def _listen(port: Any) -> bytes:
     return data
 
 
-def _versions(port: Any) -> str:
-    """Return addresses and firmware versions of the boards that reply."""
-    found = []
+def _versions(port: Any) -> dict[int, str]:
+    """Return address -> firmware version of the boards that reply."""
+    found = {}
     for address in ADDRESSES:
         port.reset_input_buffer()
         port.write(encode_request(address, READ_VERSION))
@@ -188,5 +203,5 @@ def _versions(port: Any) -> str:
         while time.monotonic() < end and not reply[:-2].endswith(TEXT_END):
             reply += port.read(port.in_waiting or 1)
         with suppress(FrameError):
-            found.append(f'{address} {decode_text_reply(address, READ_VERSION, reply)}')
-    return ', '.join(found)
+            found[address] = decode_text_reply(address, READ_VERSION, reply)
+    return found

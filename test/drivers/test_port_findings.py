@@ -27,9 +27,11 @@ TIRE, IMU, MOTORS = '/dev/ttyUSB0', '/dev/ttyUSB1', '/dev/ttyACM0'
 EXPECTED = expected_ports(TireReceiverParams(), ImuDriverParams(), MotorDriverParams(
     baud_rate=38400))
 DEVICES = [Device(path) for path in (TIRE, IMU, MOTORS)]
-GOOD = (ScannedPort(TIRE, protocol='tire_radio', baud_rate=115200, details='7 frames'),
+UNIT = 0x0013A20040A1B2C3  # the default of units
+GOOD = (ScannedPort(TIRE, protocol='tire_radio', baud_rate=115200, details='7 frames',
+                    addresses=(UNIT,)),
         ScannedPort(IMU, protocol='vectornav_binary', baud_rate=115200),
-        ScannedPort(MOTORS, protocol='roboclaw', baud_rate=38400))
+        ScannedPort(MOTORS, protocol='roboclaw', baud_rate=38400, addresses=(128, 129)))
 
 
 def found(*changed, devices=DEVICES):
@@ -58,6 +60,17 @@ def test_a_configured_port_with_another_state_is_reported(port, level, text):
     finding = found(port)[1]
     assert finding.level is level and text in finding.text
     assert finding.where == 'imu_driver on /dev/ttyUSB1'
+
+
+def test_silent_and_unknown_boards_and_sensor_nodes_are_named():
+    lines = [one.text for one in found(
+        ScannedPort(MOTORS, protocol='roboclaw', baud_rate=38400, addresses=(128, 130)),
+        ScannedPort(TIRE, protocol='tire_radio', baud_rate=115200, addresses=(5,)))]
+    assert len(lines) == 7
+    assert 'sensor node 0013A20040A1B2C3 is silent' in lines[1]
+    assert 'sensor node 0000000000000005 answers (expected 0013A20040A1B2C3)' in lines[2]
+    assert 'board 129 is silent' in lines[5]
+    assert 'board 130 answers (expected 128, 129); add it to addresses' in lines[6]
 
 
 def test_exchanged_ports_name_the_right_one():

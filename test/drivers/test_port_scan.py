@@ -85,6 +85,8 @@ def test_an_imu_is_recognized_by_its_frames(protocol):
 
 def test_the_radio_is_recognized_and_one_frame_is_not_enough():
     assert identify(radio_bytes()) == ('tire_radio', 8)
+    assert port_scan.sensor_nodes(radio_bytes()) == (0x13A20040A1B2C3,)
+    assert port_scan.sensor_nodes(imu_bytes('xsens')) == ()
     assert identify(radio_bytes(2)) == ('tire_radio', 2)
     assert identify(radio_bytes(1)) is None
     assert identify(bytes(range(256)) * 8) is None
@@ -108,6 +110,7 @@ def test_motor_boards_are_asked_for_their_version_only(port):
     with boards_on(port, (128, 130)) as received:
         found = scan_port(str(port.path), (115200, 9600), ask=True)
     assert found.protocol == 'roboclaw' and found.baud_rate == 115200
+    assert found.addresses == (128, 130)
     assert found.details == ('128 USB Roboclaw 2x15a v4.1.34, 130 USB Roboclaw 2x15a v4.1.34')
     assert b''.join(received) == bytes(
         byte for address in range(0x80, 0x88) for byte in (address, 21))
