@@ -48,6 +48,16 @@ class Finding:
             f'; {self.action}' if self.action else '')
 
 
+def counted(count: int, noun: str) -> str:
+    """
+    Return ``count`` with its noun.
+
+    >>> counted(1, 'gap'), counted(0, 'gap')
+    ('1 gap', '0 gaps')
+    """
+    return f'{count} {noun}{"" if count == 1 else "s"}'
+
+
 def worst(findings: Iterable[Finding]) -> Level:
     """Return the highest level of ``findings``, OK if there are none."""
     return max((finding.level for finding in findings), default=Level.OK)

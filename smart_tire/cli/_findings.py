@@ -22,7 +22,7 @@ import json
 from rich.console import Console
 from rich.text import Text
 
-from smart_tire.findings import Finding, Level, worst
+from smart_tire.findings import counted, Finding, Level, worst
 
 STYLES = {Level.OK: 'green', Level.INFO: 'cyan', Level.WARNING: 'yellow', Level.ERROR: 'bold red'}
 NO_ERRORS, ERRORS = 0, 1  # exit statuses
@@ -41,10 +41,9 @@ def print_findings(findings: Iterable[Finding], console: Console) -> list[Findin
 
 def print_summary(findings: list[Finding], console: Console) -> None:
     """Print the number of errors and warnings."""
-    counts = [sum(one.level is level for one in findings) for level in (
-        Level.ERROR, Level.WARNING)]
-    console.print(', '.join(f'{count} {word}{"" if count == 1 else "s"}' for count, word in zip(
-        counts, ('error', 'warning'))), highlight=False)
+    console.print(', '.join(
+        counted(sum(one.level is level for one in findings), level.name.lower())
+        for level in (Level.ERROR, Level.WARNING)), highlight=False)
 
 
 def to_json(findings: Iterable[Finding]) -> str:

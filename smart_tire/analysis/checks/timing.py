@@ -27,7 +27,7 @@ import numpy as np
 
 from smart_tire.analysis.checks.recording import CheckedRecording, Stream
 from smart_tire.analysis.series import Floats
-from smart_tire.findings import Finding, Level
+from smart_tire.findings import counted, Finding, Level
 from smart_tire.messages import TOPICS
 from smart_tire.numerics.robust import MAD_TO_SIGMA
 from smart_tire.samples import NS_PER_S
@@ -84,7 +84,7 @@ def check_gaps(recording: CheckedRecording) -> Iterator[Finding]:
         long = steps > max(MAX_GAP[stream.topic], MIN_GAP_PERIODS * stream.period)
         if long.any():
             at = (stream.sorted[0][:-1][long][0] - recording.origin_ns) / NS_PER_S
-            yield Finding(Level.WARNING, stream.name, f'{long.sum()} gaps, the longest '
+            yield Finding(Level.WARNING, stream.name, f'{counted(long.sum(), "gap")}, the longest '
                           f'{steps.max():.3g} s, the first at {at:.1f} s',
                           f'none above {MAX_GAP[stream.topic]:g} s',
                           'check the cable and the load of the host')
@@ -97,7 +97,7 @@ def _lost_batches(stream: Stream, steps: Floats) -> Iterator[Finding]:
     if long.any():
         yield Finding(
             Level.WARNING if share > MAX_LOST_SHARE else Level.INFO, stream.name,
-            f'{share:.1%} of the samples are missing, in {long.sum()} gaps',
+            f'{share:.1%} of the samples are missing, in {counted(long.sum(), "gap")}',
             f'at most {MAX_LOST_SHARE:.0%}' if share > MAX_LOST_SHARE else '',
             'radio batches were lost: move the antenna, change the channel'
             if share > MAX_LOST_SHARE else '')
@@ -116,11 +116,11 @@ def check_stamps(recording: CheckedRecording) -> Iterator[Finding]:
                           'the time of the measurement', 'set header.stamp in the driver')
         if back:
             yield Finding(Level.WARNING, stream.name,
-                          f'{back} timestamps are earlier than the one before, by up to '
+                          f'{counted(back, "timestamp")} before the previous one, by up to '
                           f'{-steps.min() / NS_PER_S:.3g} s', 'ascending timestamps',
                           'late samples are dropped: check clock steps and several publishers')
         if same and not zero:
-            yield Finding(Level.WARNING, stream.name, f'{same} timestamps repeat', 'one message '
+            yield Finding(Level.WARNING, stream.name, f'{counted(same, "repeated timestamp")}', 'one message '
                           'per timestamp', 'check for a second publisher')
 
 

@@ -111,7 +111,7 @@ def test_slow_inputs_are_reported():
 
 def test_a_gap_is_reported_with_its_time():
     events = interrupted(clean(), 'imu/data', [(10.0, 10.4)])
-    assert '1 gaps, the longest 0.41 s, the first at 10.0 s' in found(timing.check_gaps, events)
+    assert '1 gap, the longest 0.41 s, the first at 10.0 s' in found(timing.check_gaps, events)
     events = interrupted(clean(), 'imu/data', [(10.0, 10.06)])
     assert 'imu/data' not in found(timing.check_gaps, events)
 
@@ -126,17 +126,17 @@ def test_many_lost_batches_are_a_warning():
 def test_zero_timestamps_are_an_error():
     events = changed('imu/data', lambda one: replace(one, stamp_ns=0))
     assert 'timestamps are zero' in found(timing.check_stamps, events)
-    assert 'repeat' not in found(timing.check_stamps, events)
+    assert 'repeated' not in found(timing.check_stamps, events)
 
 
 def test_timestamps_that_run_backwards_or_repeat_are_reported():
     seen = iter(range(10**6))
     events = changed('imu/data', lambda one: replace(
         one, stamp_ns=one.stamp_ns - 50_000_000 * (next(seen) == 500)))
-    assert '1 timestamps are earlier than the one before, by up to 0.04 s' in found(
+    assert '1 timestamp before the previous one, by up to 0.04 s' in found(
         timing.check_stamps, events)
     events = sorted([*clean(), *clean()[:50]], key=lambda event: event[0])
-    assert 'timestamps repeat' in found(timing.check_stamps, events)
+    assert '12 repeated timestamps' in found(timing.check_stamps, events)
 
 
 def test_timestamps_of_arrival_vary():
