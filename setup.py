@@ -31,6 +31,7 @@ setup(
     maintainer='The smart_tire maintainers',
     maintainer_email='maintainers@smart-tire.example',
     packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
+    package_data={PACKAGE: ['analysis/html_report/page.*']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
         (f'share/{PACKAGE}', ['package.xml']),

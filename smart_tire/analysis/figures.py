@@ -67,12 +67,10 @@ def label_estimates(estimates: Series, smoothed: Series | None = None) -> Labele
 def _figures(inputs: Series, labeled: LabeledEstimates, truth: Series, robot: RobotParams,
              intervals: Intervals | None) -> Iterator[tuple[str, Figure]]:
     estimates = next(iter(labeled.values()))
-    slips, poses = estimates.slips().stamp_ns, estimates.poses().stamp_ns
-    stamps = np.concatenate([slips, poses, _stamps(estimates.crossings)])
-    origin = int(stamps.min(initial=np.iinfo(np.int64).max))
-    if len(slips):
+    origin = time_origin(estimates)
+    if len(estimates.slips().stamp_ns):
         yield 'slip', slip_figure(labeled, truth, origin, intervals)
-    if len(poses):
+    if len(estimates.poses().stamp_ns):
         yield 'path', path_figure(labeled, truth)
     if estimates.crossings:
         yield 'friction', friction_figure(labeled, truth, origin)
@@ -81,6 +79,13 @@ def _figures(inputs: Series, labeled: LabeledEstimates, truth: Series, robot: Ro
         if waveform is not None:
             yield 'crossing', waveform_figure(waveform)
             return
+
+
+def time_origin(estimates: Series) -> int:
+    """Return the timestamp [ns] of the first estimate, at which the time axes are zero."""
+    stamps = np.concatenate([estimates.slips().stamp_ns, estimates.poses().stamp_ns,
+                             stamps_of(estimates.crossings)])
+    return int(stamps.min(initial=np.iinfo(np.int64).max))
 
 
 def slip_figure(labeled: LabeledEstimates, truth: Series, origin_ns: int,
@@ -183,22 +188,24 @@ def friction_figure(labeled: LabeledEstimates, truth: Series, origin_ns: int) ->
 def friction_curve(wheel: str, estimates: Series, truth: Series,
                    origin_ns: int) -> drawing.FrictionCurve:
     """Return the friction of ``wheel``; uninformative single estimates are NaN."""
-    own, true = _of_wheel(estimates.crossings, wheel), _of_wheel(truth.crossings, wheel)
+    own, true = of_wheel(estimates.crossings, wheel), of_wheel(truth.crossings, wheel)
     single = column(own, 'friction_coefficient_single')
     sigma = column(own, 'friction_coefficient_single', sigmas=True)
     single[~is_informative(single, sigma)] = np.nan
     return drawing.FrictionCurve(
-        wheel, seconds(_stamps(own), origin_ns), single, sigma,
+        wheel, seconds(stamps_of(own), origin_ns), single, sigma,
         column(own, 'friction_coefficient'),
         column(own, 'friction_coefficient', sigmas=True),
-        seconds(_stamps(true), origin_ns), column(true, 'friction_coefficient'))
+        seconds(stamps_of(true), origin_ns), column(true, 'friction_coefficient'))
 
 
-def _of_wheel(crossings: Sequence[Friction], wheel: str) -> list[Friction]:
+def of_wheel(crossings: Sequence[Friction], wheel: str) -> list[Friction]:
+    """Return the crossings of ``wheel`` in order of time."""
     return sorted((p for p in crossings if p.wheel == wheel), key=lambda p: p.stamp_ns)
 
 
-def _stamps(crossings: Sequence[Friction]) -> Stamps:
+def stamps_of(crossings: Sequence[Friction]) -> Stamps:
+    """Return the timestamps [ns] of ``crossings``."""
     return np.array([crossing.stamp_ns for crossing in crossings], np.int64)
 
 

@@ -37,7 +37,8 @@ from smart_tire.analysis.series import Series
 from smart_tire.analysis.smoothing import SmoothedSlip
 from smart_tire.analysis.stream_statistics import StampLog
 from smart_tire.analysis.summary import estimates_tree, plain, Tree, truth_tree
-from smart_tire.bags import Bag, BagWriter, PARAMETERS_KEY, STANDARD_NAMES, TopicNames
+from smart_tire.bags import (
+    Bag, BagTopic, BagWriter, PARAMETERS_KEY, STANDARD_NAMES, TopicNames)
 from smart_tire.errors import BagError
 from smart_tire.estimation import streams
 from smart_tire.estimation.slip.estimator import SlipEstimator
@@ -62,7 +63,10 @@ class BagContents:
     late: Counter[str] = field(default_factory=Counter)
     rejected: Counter[str] = field(default_factory=Counter)
     skipped: list[str] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)  # recognized topics and joints
+    notes: list[str] = field(default_factory=list)     # recognized topics and joints
+    warnings: list[str] = field(default_factory=list)  # of the reader; also in ``skipped``
+    topics: dict[str, BagTopic] = field(default_factory=dict)  # all, by name in the bag
+    start_ns: int = 0   # receive time of the first message
     duration_s: float = 0.0
 
     def add_input(self, topic: str, sample: Sample) -> None:
@@ -93,12 +97,13 @@ class Analysis:
 
 
 class EstimateWriter:
-    """Runs the friction stage and writes all estimates to a bag and a series."""
+    """Runs the friction stage and writes all estimates to a series and, with a folder, a bag."""
 
-    def __init__(self, folder: Path, stage: FrictionStage | EstimatedFriction,
+    def __init__(self, folder: Path | None, stage: FrictionStage | EstimatedFriction,
                  bags: ExitStack, params: EstimatorParams) -> None:
         self.estimates = Series()
         self.stage = stage
+        self.empty = True  # until the first estimate
         self._folder, self._bags, self._params = folder, bags, params
         self._writer: BagWriter | None = None
         self._newest_ns = 0  # receive time of the latest input
@@ -115,20 +120,18 @@ class EstimateWriter:
 
     def _write(self, estimates: Iterable[EstimateRecord]) -> None:
         for estimate in estimates:
+            self.empty = False
+            self.estimates.add(estimate)
+            if self._folder is None:
+                continue
             if self._writer is None:
                 _remove_old_bag(self._folder)
                 self._writer = self._bags.enter_context(BagWriter(
                     self._folder, custom_data={PARAMETERS_KEY: self._params.text}))
             self._writer.write_sample(topic_of(estimate), self._newest_ns, estimate)
-            self.estimates.add(estimate)
-
-    @property
-    def empty(self) -> bool:
-        """Return whether nothing was estimated."""
-        return self._writer is None
 
 
-def analyze(path: Path, out: Path, params: EstimatorParams,
+def analyze(path: Path, out: Path | None, params: EstimatorParams,
             progress: Progress = lambda share: None, *, smooth: bool = False,
             names: TopicNames = STANDARD_NAMES, source: Tree | None = None) -> Analysis:
     """
@@ -136,21 +139,22 @@ def analyze(path: Path, out: Path, params: EstimatorParams,
 
     With ``smooth`` also write the estimates of the RTS smoother to ``out``/smoothed. ``names``
     are the topics with other names in the bag; ``source``, where ``params`` are from, is written
-    to the summary. The bags of estimates carry ``params``. Nothing is written if nothing can be
-    estimated; existing estimates are replaced. Raises BagError if the bag cannot be read or
-    ``out`` cannot be written.
+    to the summary. The bags of estimates carry ``params``. Nothing is written without ``out`` or
+    if nothing can be estimated; existing estimates are replaced. Raises BagError if the bag
+    cannot be read or ``out`` cannot be written.
     """
-    stages = {out / 'estimates': friction_stage(params)}
+    stages = {'estimates': friction_stage(params)}
     if smooth:
-        stages[out / 'smoothed'] = FrictionStage(params.friction)
+        stages['smoothed'] = FrictionStage(params.friction)
+    folders = [None if out is None else out / name for name in stages]
     bag_folder = path.resolve() if path.is_dir() else path.resolve().parent
-    for folder in (out, *stages):
-        if folder.resolve() == bag_folder:
+    for folder in (out, *folders):
+        if folder is not None and folder.resolve() == bag_folder:
             raise BagError(f'{folder} is the folder of the input bag: choose another')
     analysis = Analysis()
     with ExitStack() as stack:
         writers = [EstimateWriter(folder, stage, stack, params)
-                   for folder, stage in stages.items()]
+                   for folder, stage in zip(folders, stages.values())]
         read = partial(_read, path, params, smooth, names)
         for item in stack.enter_context(closing(prefetch(read))):
             if isinstance(item, BagContents):
@@ -164,7 +168,8 @@ def analyze(path: Path, out: Path, params: EstimatorParams,
     analysis.smoothed = writers[1].estimates if smooth else None
     if not writers[0].empty:
         analysis.summary = _summary(path, analysis, writers[0].stage.late, source)
-        _write(out / 'summary.json', analysis.summary)
+        if out is not None:
+            _write(out / 'summary.json', analysis.summary)
     return analysis
 
 
@@ -193,9 +198,10 @@ def _read(path: Path, params: EstimatorParams, smooth: bool,
         forwarded += [(receive_ns, item) for item in stage.finish()]
         yield StageBatch(1.0 / (1 + smooth), forwarded)
         contents.late, contents.rejected = stage.late, bag.rejected
-        contents.duration_s = (end - start) / NS_PER_S
+        contents.start_ns, contents.duration_s = start, (end - start) / NS_PER_S
         contents.notes = bag.notes
         contents.skipped = _skipped(bag, contents, params.friction.robot.film.wheels)
+        contents.topics, contents.warnings = bag.topics, bag.warnings
     if isinstance(slip, SmoothedSlip):
         yield from _read_smoothed(Bag(path, names, params.robot.joints), slip, received)
     yield contents

@@ -41,6 +41,7 @@ VERBS = {
     'replay': 'publish the messages of a bag',
     'recover': 'repair a truncated or damaged bag',
     'analyze': 'run the estimators on bags; write estimates, summary and figures',
+    'report': 'run the estimators on bags; write one HTML file with interactive figures',
     'doctor': 'check a recording, or the ports, host and nodes of a robot',
     'status': 'show the state of all nodes and topics',
     'identify': 'identify parameters from recordings, with standard errors',
@@ -48,7 +49,7 @@ VERBS = {
     'topics': 'print what the fields of each topic mean, with their units',
     'reproduce': 'recompute the figures and tables of both papers',
 }
-COMPUTING = {'analyze', 'identify', 'measure', 'recover', 'reproduce'}  # long without output
+COMPUTING = {'analyze', 'identify', 'measure', 'recover', 'report', 'reproduce'}  # without output
 FAILED, USAGE, INTERRUPTED, BROKEN_PIPE = 1, 2, 130, 141  # exit statuses
 COMPLETING = '_ARGCOMPLETE'   # set by the shell that asks for completions
 ROS_ARGUMENTS = '--ros-args'  # rclpy reads the arguments from here on

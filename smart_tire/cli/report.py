@@ -1,0 +1,127 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""``smart_tire report``: one HTML file per bag, with interactive figures and tables."""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter
+from collections.abc import Sequence
+from datetime import datetime, timezone
+from importlib import import_module
+from pathlib import Path
+import sys
+
+from smart_tire.cli._overwrite import add_force, METADATA, refuse_existing, refuse_folder_of_bag
+from smart_tire.cli.analyze import (
+    ESTIMATED, folder_name, NOTHING_ESTIMATED, shown_progress, USAGE)
+from smart_tire.errors import BagError, ParameterError
+
+NAME = 'report'
+HELP = ('run the estimators offline on bags as "analyze" does; write one HTML file per bag, with '
+        'interactive figures and tables, that needs no network')
+SUFFIXES = ('.html', '.htm')
+DEMO_BAG = 'bag'                 # folder of the bag in the output of "smart_tire demo"
+FIRST_DATE_NS = 946_684_800 * 10 ** 9  # 2000-01-01; earlier timestamps are not dates
+NS_PER_S = 10 ** 9
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of this verb."""
+    parser.add_argument('bags', type=Path, nargs='+', metavar='BAG',
+                        help='rosbag2 directory, a single bag file, or the output folder of '
+                             '"smart_tire demo"')
+    parser.add_argument('--params', type=Path, action='append', default=[], metavar='FILE',
+                        help='ROS parameter file; may be repeated, later files override earlier '
+                             'ones')
+    parser.add_argument('--out', type=Path, metavar='FILE.html',
+                        help='file to write, or a folder for several bags (default: '
+                             '<bag>_report.html in the working directory)')
+    add_force(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Write the reports of all bags; return the largest exit status."""
+    outs = output_files(args.bags, args.out)
+    bags = [bag_in(path) for path in args.bags]
+    for out in outs:
+        refuse_folder_of_bag(out, bags)
+    refuse_existing(outs, force=args.force, inputs=[*bags, *args.params])
+    status = ESTIMATED
+    for path, bag, out in zip(args.bags, bags, outs):
+        try:
+            status = max(status, report_one(folder_name(path), bag, out, args.params))
+        except BagError as error:
+            print(f'smart_tire report: {error}', file=sys.stderr)
+            status = USAGE
+    return status
+
+
+def output_files(paths: Sequence[Path], out: Path | None) -> list[Path]:
+    """Return the file to write for each of ``paths``; raise ParameterError if two are equal."""
+    if out is not None and out.suffix in SUFFIXES:
+        if len(paths) > 1:
+            raise ParameterError(f'--out {out} is one file for {len(paths)} bags: give a folder')
+        return [out]
+    names = [f'{folder_name(path)}_report.html' for path in paths]
+    for name, count in Counter(names).items():
+        if count > 1:
+            raise ParameterError(f'{count} bags would be written to {name}: report them one by '
+                                 'one')
+    return [(out or Path()) / name for name in names]
+
+
+def bag_in(path: Path) -> Path:
+    """Return ``path``, or the bag in it if it is the output folder of the demo."""
+    inner = path / DEMO_BAG
+    return inner if not (path / METADATA).exists() and (inner / METADATA).exists() else path
+
+
+def report_one(name: str, bag: Path, out: Path, params: Sequence[Path]) -> int:
+    """Analyze one bag and write its report, titled ``name``; return the exit status."""
+    from smart_tire.analysis.html_report.content import report_of
+    from smart_tire.analysis.html_report.model import Facts
+    from smart_tire.analysis.html_report.page import html_page
+    from smart_tire.analysis.offline import analyze
+    from smart_tire.analysis.pipeline import EstimatorParams
+    loaded = EstimatorParams.load(params)
+    with shown_progress(name) as progress:
+        result = analyze(bag, None, loaded, progress)
+    if result.summary is None:
+        print(f'{bag}: nothing can be estimated, no report is written')
+        for text in result.contents.skipped:
+            print(f'  skipped: {text}')
+        return NOTHING_ESTIMATED
+    facts = Facts(name, str(bag.resolve()), date_text(result.contents.start_ns),
+                  f'{datetime.now(timezone.utc):%Y-%m-%d %H:%M} UTC', import_module('smart_tire').__version__)
+    write_text(out, html_page(report_of(result, params, facts)))
+    print(f'{bag}: report written to {out} ({out.stat().st_size / 1e6:.1f} MB)')
+    return ESTIMATED
+
+
+def date_text(stamp_ns: int) -> str:
+    """Return a receive time as date and time; simulated time is not a date."""
+    if stamp_ns < FIRST_DATE_NS:
+        return f'date unknown (receive times start at {stamp_ns / NS_PER_S:.1f} s)'
+    return f'{datetime.fromtimestamp(stamp_ns // NS_PER_S, timezone.utc):%Y-%m-%d %H:%M:%S} UTC'
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file and create its folder; raise ParameterError if that is not possible."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding='utf-8')
+    except OSError as error:
+        raise ParameterError(f'{path}: cannot be written ({error.strerror})') from error
