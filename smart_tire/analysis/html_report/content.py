@@ -32,6 +32,7 @@ from smart_tire.analysis.html_report.friction_figures import adhesion_figure, fr
 from smart_tire.analysis.html_report.left_out import left_out_table, skipped_lines
 from smart_tire.analysis.html_report.model import Block, Facts, Folded, Report, Section
 from smart_tire.analysis.html_report.parameters import parameter_tables
+from smart_tire.analysis.metrics import SIDES
 from smart_tire.analysis.offline import Analysis
 from smart_tire.analysis.pipeline import ESTIMATES, INPUTS, TRUTHS
 from smart_tire.analysis.report import number
@@ -58,8 +59,7 @@ def _notes(analysis: Analysis) -> list[str]:
               'rejected messages': sum(one['rejected'] for one in inputs),
               'late messages': sum(one['late'] for one in inputs)}
     found = [f'{what}: {count}' for what, count in counts.items() if count]
-    return [f'{"; ".join(found)}. Details in the section "Left out and warnings".'.capitalize()
-            ] if found else []
+    return [f'Of note: {"; ".join(found)}. See "Left out and warnings".'] if found else []
 
 
 def _time_range(estimates: Series, origin_ns: int) -> tuple[float, float]:
@@ -86,9 +86,9 @@ def _tiles(analysis: Analysis, summary: Tree) -> list[tuple[str, str, str]]:
                       f'{number(pose["end_percent_of_distance"], 2)} % of the distance'))
         tiles.append(('heading error at the end', f'{number(pose["yaw_end_rad"], 3)} rad', ''))
     if 'slip' in against:
-        scores = [against['slip'][WHOLE][side]['error'] for side in ('left', 'right')]
-        tiles.append(('slip error, rms', ' / '.join(number(one['rms'], 3) for one in scores),
-                      'left / right side'))
+        for side in SIDES:
+            score = against['slip'][WHOLE][side]['error']
+            tiles.append((f'slip error, {side} side', number(score['rms'], 3), 'rms'))
     for wheel, one in estimates['tire_friction'].items():
         tiles.append((f'friction, {wheel.replace("_", " ")}', number(one['last_fused'], 2),
                       f'± {number(2.0 * (one["last_fused_sigma"] or 0.0), 2)} (2σ) at the end'))

@@ -40,7 +40,7 @@ def error_figure(name: str, title: str, errors: Sequence[ErrorCurve]) -> Figure 
     panels = []
     for row, error in enumerate(errors):
         curve = interrupted(error.curve)
-        sigma = np.zeros(0) if curve.sigma is None else curve.sigma
+        sigma = np.zeros(0) if curve.sigma is None else curve.sigma[np.isfinite(curve.value)]
         unit = f' {error.unit}' if error.unit else ''
         drawn = line(curve, 'error', '@blue', unit, legend=row == 0)
         panels.append(Panel(

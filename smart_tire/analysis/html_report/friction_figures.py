@@ -38,9 +38,9 @@ def friction_figure(estimates: Series, truths: Series, origin_ns: int) -> Figure
         found, first = friction_curve(wheel, estimates, truths, origin_ns), not panels
         fused = interrupted(Curve(found.time_s, found.fused, found.fused_sigma), MAX_CROSSING_GAP)
         single = Curve(found.time_s, found.single, found.single_sigma)
-        traces = [band(fused, 'blue', 'fused'),
-                  points(single, 'single crossing', 'orange', '', legend=first),
-                  line(fused, 'fused', '@blue', '', legend=first)]
+        traces = [band(fused, 'blue', 'fused ± 2σ'),
+                  points(single, 'single crossing ± 2σ', 'orange', '', legend=first),
+                  line(fused, 'fused ± 2σ', '@blue', '', legend=first)]
         if len(found.true_time_s):
             true = interrupted(Curve(found.true_time_s, found.true), MAX_CROSSING_GAP)
             traces.append(truth(true, '', legend=first, shape='hvh'))
@@ -62,7 +62,7 @@ def adhesion_figure(estimates: Series, truths: Series, origin_ns: int) -> Figure
         sigma = column(own, 'adhesion_ratio', sigmas=True)
         sigma[sigma == math.inf] = math.nan
         traces = [points(Curve(seconds(stamps_of(own), origin_ns), column(own, 'adhesion_ratio'),
-                               sigma), 'single crossing', 'orange', '', legend=first)]
+                               sigma), 'single crossing ± 2σ', 'orange', '', legend=first)]
         if true:
             curve = interrupted(Curve(seconds(stamps_of(true), origin_ns),
                                       column(true, 'adhesion_ratio')), MAX_CROSSING_GAP)

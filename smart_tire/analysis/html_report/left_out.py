@@ -38,7 +38,7 @@ def skipped_lines(contents: BagContents) -> list[str]:
 
 def left_out_table(analysis: Analysis, inputs: Tree) -> Table:
     """Return the numbers of messages and estimates that were left out, with the reasons."""
-    rows = [[topic, str(one[kind]), reason] for topic, one in sorted(inputs.items())
+    rows = [[topic, reason, str(one[kind])] for topic, one in sorted(inputs.items())
             for kind, reason in (
                 ('late', 'late: arrived after the estimators had passed its timestamp'),
                 ('rejected', 'rejected: invalid content')) if one[kind]]
@@ -46,13 +46,13 @@ def left_out_table(analysis: Analysis, inputs: Tree) -> Table:
     if slips.ratio.size:
         rows += _slip_rows(slips)
     rows += _friction_rows(analysis.estimates.crossings)
-    return Table('Messages and estimates left out.', ['what', 'number', 'reason'], rows)
+    return Table('Messages and estimates left out.', ['what', 'reason', 'number'], rows, 2)
 
 
 def _slip_rows(slips: SlipSeries) -> list[list[str]]:
     standstill = np.isnan(slips.ratio)
     unknown = ~standstill & ~(slips.sigma <= MAX_SLIP_SIGMA)
-    return [['slip ratios of wheels', f'{part.sum()} ({percent(part.mean())})', reason]
+    return [['slip ratios of wheels', reason, f'{part.sum()} ({percent(part.mean())})']
             for part, reason in (
                 (standstill, 'standstill: the slip ratio is undefined'),
                 (unknown, f'σ above {MAX_SLIP_SIGMA}: not observable; not drawn, but counted in '
@@ -67,8 +67,8 @@ def _friction_rows(crossings: Sequence[Friction]) -> list[list[str]]:
         sigma = column(own, 'friction_coefficient_single', sigmas=True)
         unknown = ~np.isfinite(single)
         vague = ~unknown & ~is_informative(single, sigma)
-        rows += [[f'single crossings of {wheel.replace("_", " ")}', f'{part.sum()} of {count}',
-                  reason] for part, reason in (
+        rows += [[f'single crossings of {wheel.replace("_", " ")}', reason,
+                  f'{part.sum()} of {count}'] for part, reason in (
                       (unknown, 'friction not observable, such as at low slip'),
                       (vague, f'uninformative: σ above {MAX_RELATIVE_SIGMA:.0%} of the value'))
                  if part.any()]

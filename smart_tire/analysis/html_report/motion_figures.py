@@ -33,6 +33,7 @@ from smart_tire.samples import WHEELS
 ELLIPSES = 12        # along the path
 ELLIPSE_POINTS = 48
 WHEEL_COLORS = dict(zip(WHEELS, ('blue', 'vermillion', 'sky', 'orange')))
+ESTIMATE = 'estimate ± 2σ'
 BAND = 'Shaded bands: ± 2σ, where σ is the standard deviation that the estimator reports.'
 TRUTH = 'Dashed: ground truth.'
 GROUND_LABELS = 'C<sub>x</sub> [N]', 'rolling resistance [-]'
@@ -99,7 +100,7 @@ def velocity_figure(estimates: Series, truths: Series, origin_ns: int) -> Figure
     panels = []
     for i, ((name, unit), long) in enumerate(zip(TWIST_NAMES, ('forward', 'lateral', 'yaw rate'))):
         own = interrupted(Curve(time, poses.twist[:, i], sigma[:, i]))
-        traces = estimate(own, 'estimate', 'blue', f' {unit}', legend=i == 0)
+        traces = estimate(own, ESTIMATE, 'blue', f' {unit}', legend=i == 0)
         if known:
             traces.append(truth(interrupted(Curve(
                 seconds(true.stamp_ns, origin_ns), true.twist[:, i])), f' {unit}', legend=i == 0))
@@ -137,7 +138,7 @@ def slip_figure(estimates: Series, truths: Series, origin_ns: int) -> Figure | N
     low, high = max(low, -1.05), min(high, 1.05)
     panels = []
     for i, wheel in enumerate(WHEELS):
-        traces = estimate(curves[i], 'estimate', 'blue', '', legend=i == 0)
+        traces = estimate(curves[i], ESTIMATE, 'blue', '', legend=i == 0)
         if len(true_time):
             traces.append(truth(interrupted(Curve(true_time, true.ratio[:, i])), '',
                                 legend=i == 0))
@@ -163,7 +164,7 @@ def ground_figure(estimates: Series, truths: Series, origin_ns: int) -> Figure |
         unit = ' N' if i == 0 else ''
         panels.append(Panel(
             ('longitudinal stiffness', 'rolling resistance')[i], label,
-            estimate(own, 'estimate', 'blue', unit, legend=i == 0), _band_limits(own)))
+            estimate(own, ESTIMATE, 'blue', unit, legend=i == 0), _band_limits(own)))
     crossings = sorted(truths.crossings, key=lambda one: one.stamp_ns)
     if crossings:
         stamps = np.array([one.stamp_ns for one in crossings], np.int64)

@@ -20,7 +20,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from smart_tire.analysis.errors import ErrorCurve
-from smart_tire.analysis.metrics import Score
+from smart_tire.analysis.metrics import Score, SIDES
 from smart_tire.analysis.report import number, percent
 from smart_tire.analysis.summary import Tree
 from smart_tire.bags import BagTopic
@@ -77,7 +77,7 @@ def slip_table(estimates: Tree) -> Table | None:
     if not slip:
         return None
     rows = [[side, number(slip[side]['mean'], 4), number(slip[side]['mean_sigma'], 4)]
-            for side in ('left', 'right')]
+            for side in SIDES]
     return Table('Slip ratio while the wheels move, mean of the recording.',
                  ['side', 'mean slip [-]', 'mean σ [-]'], rows)
 

@@ -1,0 +1,86 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Errors over time: differences, standard deviations and which values count."""
+
+import math
+
+import numpy as np
+import pytest
+
+from smart_tire.analysis.curves import Curve
+from smart_tire.analysis.errors import (
+    ErrorCurve, friction_errors, pose_errors, slip_errors, twist_errors)
+from smart_tire.analysis.friction_metrics import match
+from smart_tire.analysis.series import Series
+from smart_tire.samples import Friction, NS_PER_S, Odometry, WheelSlip
+from smart_tire.uncertain import Uncertain
+
+COVARIANCE = tuple(0.04 if i % 7 == 0 else 0.0 for i in range(36))
+
+
+def driven(speed, slip=0.1, sigma=0.02, known=True):
+    """Return two seconds of straight driving at ``speed`` [m/s]."""
+    series = Series()
+    twist = COVARIANCE if known else (-1.0, *(0.0,) * 35)
+    for i in range(20):
+        stamp = round(0.1 * i * NS_PER_S)
+        series.add(Odometry(stamp, (0.1 * i * speed, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0),
+                            (speed, 0.0, 0.0), (0.0, 0.0, 0.0), COVARIANCE, twist))
+        series.add(WheelSlip(stamp, (slip,) * 4, (0.0,) * 4, (sigma,) * 4))
+    return series
+
+
+def test_pose_errors_grow_along_the_path_and_keep_the_standard_deviations():
+    x, y, heading = pose_errors(driven(1.1), driven(1.0), 0)
+    assert (x.name, x.unit, heading.unit) == ('x', 'm', 'rad')
+    assert x.curve.value == pytest.approx(0.1 * x.curve.time_s)
+    assert y.curve.value == pytest.approx(0.0) and heading.curve.value == pytest.approx(0.0)
+    assert x.curve.sigma == pytest.approx(0.2)
+    assert x.score.count == 20 and x.score.within_one == 1.0
+    assert x.normalized == pytest.approx(0.5 * x.curve.time_s)
+
+
+def test_errors_need_an_overlap_and_a_true_twist():
+    assert twist_errors(driven(1.1), driven(1.0), 0)[0].curve.value == pytest.approx(0.1)
+    assert twist_errors(driven(1.1), driven(1.0, known=False), 0) == []
+    assert pose_errors(driven(1.0), Series(), 0) == []
+    assert slip_errors(driven(1.0), Series(), 0) == []
+
+
+def test_slip_errors_count_where_slip_is_observable():
+    errors = slip_errors(driven(1.0, slip=0.2), driven(1.0, slip=0.1), 0)
+    assert [one.name for one in errors] == [
+        'slip front left', 'slip front right', 'slip rear left', 'slip rear right']
+    assert errors[0].score.mean == pytest.approx(0.1)
+    unknown = slip_errors(driven(1.0, slip=1.0, sigma=0.6), driven(1.0), 0)
+    assert unknown[0].score.count == 0 and not len(unknown[0].normalized)
+
+
+def test_uninformative_single_crossings_do_not_count():
+    truth = [Friction(i * NS_PER_S, 'front_left', friction_coefficient=Uncertain(0.5, 0.0),
+                      friction_coefficient_single=Uncertain(0.5, 0.0)) for i in range(3)]
+    own = [Friction(i * NS_PER_S, 'front_left', friction_coefficient=Uncertain(0.6, 0.1),
+                    friction_coefficient_single=Uncertain(0.7, sigma))
+           for i, sigma in enumerate((0.1, 0.9))]
+    single, fused = friction_errors(match(own, truth), 0)
+    assert (single.score.count, fused.score.count) == (1, 2)
+    assert single.curve.value[0] == pytest.approx(0.2)
+    assert fused.normalized == pytest.approx([1.0, 1.0])
+    assert friction_errors(match([], truth), 0) == []
+
+
+def test_errors_without_standard_deviation_are_not_normalized():
+    curve = Curve(np.arange(3.0), np.array([1.0, math.nan, 2.0]), np.array([0.0, 1.0, 4.0]))
+    assert ErrorCurve('x', 'm', curve).normalized.tolist() == [0.5]
