@@ -32,6 +32,7 @@ from benchmarks.friction.records import FUSED, SINGLE
 from benchmarks.friction.results import Part, RunResult
 from benchmarks.friction.scoring import MAX_INFORMATIVE_BOUND, own_sigma
 from smart_tire.analysis import drawing
+from smart_tire.analysis.curves import Curve
 from smart_tire.analysis.series import Floats, seconds
 from smart_tire.reproduction import tire_maps
 
@@ -110,7 +111,8 @@ def _draw_run(ax: Axes, wheel: str, part: Part) -> None:
                     linewidth=0.0, label='fused ± 2σ, including $C_x$ and load')
     fused = mu * rows.sigma['critical_slip'] / rows.value['critical_slip']
     drawing.draw_friction(ax, drawing.FrictionCurve(
-        wheel, time, rows.value[SINGLE], own_sigma(rows), mu, fused, time, rows.true[FUSED]))
+        wheel, Curve(time, rows.value[SINGLE], own_sigma(rows)), Curve(time, mu, fused),
+        Curve(time, rows.true[FUSED])))
 
 
 def _top(part: Part) -> float:

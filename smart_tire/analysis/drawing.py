@@ -18,20 +18,26 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from textwrap import wrap
 from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+import numpy as np
 
+from smart_tire.analysis.curves import Curve
 from smart_tire.analysis.series import Floats
 
 # Palette of Okabe and Ito, distinguishable with color vision deficiency.
 BLUE, VERMILLION, ORANGE, SKY = '#0072b2', '#d55e00', '#e69f00', '#56b4e9'
-INK, SHADE = '#222222', '#8c8c8c'
+INK, SOFT, SHADE = '#222222', '#55626f', '#8c8c8c'
 SIDE_COLORS = {'left': BLUE, 'right': VERMILLION}
 FILM_COLORS = (BLUE, ORANGE)
 TRUTH: dict[str, Any] = {'color': INK, 'linewidth': 1.1, 'linestyle': (0, (4, 2))}
 DOTS_PER_INCH = 150
+CAPTION_SIZE = 8.5      # points
+CAPTION_DENSITY = 15.5  # characters per inch in this size
+TWO_SIGMA = '± 2σ, where σ is the standard deviation that the estimator reports.'
 
 
 @dataclass(frozen=True)
@@ -39,11 +45,9 @@ class SlipCurve:
     """Slip of one side over time; NaN leaves a gap."""
 
     side: str
-    time_s: Floats
-    slip: Floats
-    sigma: Floats
-    true_time_s: Floats  # empty without ground truth
-    true_slip: Floats
+    estimate: Curve
+    truth: Curve         # empty without ground truth
+    hidden_share: float  # of the estimates, which are not drawn
 
 
 @dataclass(frozen=True)
@@ -58,16 +62,12 @@ class CrossingWaveform:
 
 @dataclass(frozen=True)
 class FrictionCurve:
-    """Friction of one wheel, one value per revolution."""
+    """Friction of one wheel, one value per revolution; NaN leaves a gap."""
 
     wheel: str
-    time_s: Floats
-    single: Floats
-    single_sigma: Floats
-    fused: Floats
-    fused_sigma: Floats
-    true_time_s: Floats  # empty without ground truth
-    true: Floats
+    single: Curve
+    fused: Curve
+    truth: Curve  # empty without ground truth
 
 
 @dataclass(frozen=True)
@@ -103,24 +103,47 @@ def finish(figure: Figure, axes: dict[str, Axes]) -> None:
             ax.set_ylabel('')
         if cell is not None and not cell.is_last_row():
             ax.set_xlabel('')
-    ax = next(iter(axes.values()))
+    legend_above(figure, next(iter(axes.values())))
+
+
+def legend_above(figure: Figure, ax: Axes) -> None:
+    """Put the legend of ``ax`` above all panels, where it covers no data."""
     handles, labels = ax.get_legend_handles_labels()
     figure.legend(handles, labels, loc='outside upper center', ncols=len(labels), frameon=False)
+
+
+def add_caption(figure: Figure, text: str) -> None:
+    """Write ``text`` below all panels, in lines as wide as the figure."""
+    lines = wrap(text, round(CAPTION_DENSITY * figure.get_figwidth()))
+    figure.supxlabel('\n'.join(lines), x=0.01, ha='left', fontsize=CAPTION_SIZE, color=SOFT)
+
+
+def mark_segment(ax: Axes, letter: str, first: float, last: float) -> None:
+    """Shade a segment [s] of an overview and write its letter above."""
+    ax.axvspan(first, last, color=SHADE, alpha=0.16, linewidth=0.0)
+    ax.text(0.5 * (first + last), 0.98, letter, transform=ax.get_xaxis_transform(), ha='center',
+            va='top', fontsize=CAPTION_SIZE, fontweight='bold', color=SOFT)
 
 
 def draw_slip(ax: Axes, curves: Sequence[SlipCurve]) -> None:
     """Draw slip with two-sigma bands and dashed ground truth, as in paper B, Fig. 10."""
     for curve in curves:
         color = SIDE_COLORS[curve.side]
-        ax.fill_between(curve.time_s, curve.slip - 2.0 * curve.sigma,
-                        curve.slip + 2.0 * curve.sigma, color=color, alpha=0.2, linewidth=0.0)
-        ax.plot(curve.time_s, curve.slip, color=color, linewidth=1.3,
+        draw_band(ax, curve.estimate, color)
+        ax.plot(curve.estimate.time_s, curve.estimate.value, color=color, linewidth=1.3,
                 label=f'{curve.side} side ± 2σ')
     for number, curve in enumerate(curves):
-        if len(curve.true_time_s):
-            ax.plot(curve.true_time_s, curve.true_slip, **TRUTH,
+        if len(curve.truth.time_s):
+            ax.plot(curve.truth.time_s, curve.truth.value, **TRUTH,
                     label='truth' if number == 0 else None)
     ax.set(xlabel='time [s]', ylabel='slip ratio [-]')
+
+
+def draw_band(ax: Axes, curve: Curve, color: str) -> None:
+    """Draw the band of two standard deviations of a curve that has them."""
+    if curve.sigma is not None:
+        ax.fill_between(curve.time_s, curve.value - 2.0 * curve.sigma,
+                        curve.value + 2.0 * curve.sigma, color=color, alpha=0.2, linewidth=0.0)
 
 
 def draw_waveform(ax: Axes, waveform: CrossingWaveform) -> None:
@@ -139,13 +162,14 @@ def draw_waveform(ax: Axes, waveform: CrossingWaveform) -> None:
 
 def draw_friction(ax: Axes, curve: FrictionCurve) -> None:
     """Draw single estimates with two-sigma bars and fused ones with a two-sigma band."""
-    ax.fill_between(curve.time_s, curve.fused - 2.0 * curve.fused_sigma,
-                    curve.fused + 2.0 * curve.fused_sigma, color=BLUE, alpha=0.2, linewidth=0.0)
-    ax.errorbar(curve.time_s, curve.single, yerr=2.0 * curve.single_sigma, color=ORANGE, fmt='o',
-                markersize=3.5, elinewidth=0.9, label='single crossing ± 2σ')
-    ax.plot(curve.time_s, curve.fused, color=BLUE, linewidth=1.6, label='fused ± 2σ')
-    if len(curve.true_time_s):
-        ax.plot(curve.true_time_s, curve.true, **TRUTH, drawstyle='steps-mid', label='truth')
+    single, fused, truth = curve.single, curve.fused, curve.truth
+    draw_band(ax, fused, BLUE)
+    bars = None if single.sigma is None else 2.0 * single.sigma
+    ax.errorbar(single.time_s, single.value, yerr=bars, color=ORANGE, fmt='o', markersize=3.5,
+                elinewidth=0.9, label='single crossing ± 2σ')
+    ax.plot(fused.time_s, fused.value, color=BLUE, linewidth=1.6, label='fused ± 2σ')
+    if len(truth.time_s):
+        ax.plot(truth.time_s, truth.value, **TRUTH, drawstyle='steps-mid', label='truth')
     ax.set(xlabel='time [s]', ylabel='friction coefficient [-]',
            title=curve.wheel.replace('_', ' '))
 
@@ -162,9 +186,11 @@ def draw_path(ax: Axes, estimates: Sequence[Path], truth: Floats | None) -> None
     ax.set_aspect('equal', adjustable='datalim')
 
 
-def draw_error(ax: Axes, time_s: Floats, error: Floats, sigma: Floats, label: str,
-               path: Path) -> None:
+def draw_error(ax: Axes, curve: Curve, label: str, path: Path) -> None:
     """Draw an error of ``path`` over time with the two-sigma band around zero."""
-    ax.fill_between(time_s, -2.0 * sigma, 2.0 * sigma, color=path.color, alpha=0.2, linewidth=0.0)
-    ax.plot(time_s, error, color=path.color, linewidth=1.2, label=f'{path.name}: error and 2σ')
+    if curve.sigma is not None:
+        reach = np.where(np.isfinite(curve.value), 2.0 * curve.sigma, np.nan)
+        ax.fill_between(curve.time_s, -reach, reach, color=path.color, alpha=0.2, linewidth=0.0)
+    ax.plot(curve.time_s, curve.value, color=path.color, linewidth=1.2,
+            label=f'{path.name}: error and 2σ')
     ax.set(xlabel='time [s]', ylabel=label)

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smart_tire.analysis.metrics import Score, score
-from smart_tire.analysis.series import Floats
+from smart_tire.analysis.series import Floats, Stamps
 from smart_tire.samples import Friction, NS_PER_S
 from smart_tire.uncertain import UNKNOWN
 
@@ -133,6 +133,16 @@ def column(crossings: Sequence[Friction | None], name: str, sigmas: bool = False
     quantities = [UNKNOWN if crossing is None else crossing.quantity(name)
                   for crossing in crossings]
     return np.array([one.sigma if sigmas else one.value for one in quantities], np.float64)
+
+
+def of_wheel(crossings: Sequence[Friction], wheel: str) -> list[Friction]:
+    """Return the crossings of ``wheel`` in order of time."""
+    return sorted((p for p in crossings if p.wheel == wheel), key=lambda p: p.stamp_ns)
+
+
+def stamps_of(crossings: Sequence[Friction]) -> Stamps:
+    """Return the timestamps [ns] of ``crossings``."""
+    return np.array([crossing.stamp_ns for crossing in crossings], np.int64)
 
 
 def is_informative(value: Floats, sigma: Floats) -> NDArray[np.bool_]:

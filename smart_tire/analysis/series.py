@@ -203,3 +203,10 @@ def at(wanted_ns: Stamps, stamp_ns: Stamps, values: Floats, max_gap: float = 0.5
     between = (1.0 - share) * values[left] + share * values[right]
     result[inside] = between[inside]
     return result
+
+
+def time_origin(estimates: Series) -> int:
+    """Return the timestamp [ns] of the first estimate, at which the time axes are zero."""
+    crossings = np.array([crossing.stamp_ns for crossing in estimates.crossings], np.int64)
+    stamps = np.concatenate([estimates.slips().stamp_ns, estimates.poses().stamp_ns, crossings])
+    return int(stamps.min(initial=np.iinfo(np.int64).max))

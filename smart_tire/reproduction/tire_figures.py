@@ -21,7 +21,8 @@ from matplotlib.figure import Figure
 import numpy as np
 
 from smart_tire.analysis import drawing
-from smart_tire.analysis.figures import crossing_waveform, slip_curves, typical_crossings
+from smart_tire.analysis.figures import crossing_waveform, typical_crossings
+from smart_tire.analysis.slip_figures import slip_curves
 from smart_tire.reproduction import tire_maps
 from smart_tire.reproduction.tire_maps import CRITICAL, METHODS, MU, Outline, Signals, Sweep
 from smart_tire.reproduction.tire_runs import ROBOT, Run, StiffnessFit

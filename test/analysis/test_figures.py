@@ -20,7 +20,8 @@ import numpy as np
 import pytest
 
 from smart_tire.analysis import figures
-from smart_tire.analysis.figures import label_estimates
+from smart_tire.analysis.friction_figures import friction_curve
+from smart_tire.analysis.labels import label_estimates
 from smart_tire.analysis.series import Series
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import Friction, NS_PER_S, Odometry, TireSample, WheelSample, WheelSlip
@@ -143,9 +144,9 @@ def test_undefined_slip_has_valid_axis_limits():
 
 
 def test_an_uninformative_single_estimate_is_not_drawn():
-    curve = figures.friction_curve('front_left', driven(), Series(), EPOCH)
-    assert np.isnan(curve.single).tolist() == [False, True, False]
-    assert curve.time_s.tolist() == [1.0, 2.0, 3.0]
+    curve = friction_curve('front_left', driven(), Series(), EPOCH)
+    assert np.isnan(curve.single.value).tolist() == [False, True, False]
+    assert curve.single.time_s.tolist() == [1.0, 2.0, 3.0]
 
 
 def test_the_crossing_shown_is_one_in_traction_with_median_slip():

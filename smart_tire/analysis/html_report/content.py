@@ -21,11 +21,10 @@ from pathlib import Path
 
 import numpy as np
 
-from smart_tire.analysis.curves import Curve, segments
 from smart_tire.analysis.errors import (
     ErrorCurve, friction_errors, pose_errors, slip_errors, twist_errors)
-from smart_tire.analysis.figures import stamps_of, time_origin
-from smart_tire.analysis.friction_metrics import match
+from smart_tire.analysis.figures import busiest_segments
+from smart_tire.analysis.friction_metrics import match, stamps_of
 from smart_tire.analysis.html_report import motion_figures, tables
 from smart_tire.analysis.html_report.error_figures import error_figure, histogram_figure
 from smart_tire.analysis.html_report.friction_figures import adhesion_figure, friction_figure
@@ -36,7 +35,7 @@ from smart_tire.analysis.metrics import SIDES
 from smart_tire.analysis.offline import Analysis
 from smart_tire.analysis.pipeline import ESTIMATES, INPUTS, TRUTHS
 from smart_tire.analysis.report import number
-from smart_tire.analysis.series import seconds, Series
+from smart_tire.analysis.series import seconds, Series, time_origin
 from smart_tire.analysis.summary import Tree, WHOLE
 from smart_tire.messages import find_topic
 
@@ -50,7 +49,8 @@ def report_of(analysis: Analysis, files: Sequence[Path], facts: Facts) -> Report
                 _errors(analysis, summary, origin), _left_out(analysis, summary),
                 _parameters(files)]
     return Report(facts, _tiles(analysis, summary), _notes(analysis), sections,
-                  _time_range(analysis.estimates, origin), _segments(analysis, origin))
+                  _time_range(analysis.estimates, origin),
+                  busiest_segments(analysis.contents.inputs, origin))
 
 
 def _notes(analysis: Analysis) -> list[str]:
@@ -67,12 +67,6 @@ def _time_range(estimates: Series, origin_ns: int) -> tuple[float, float]:
                              stamps_of(estimates.crossings)])
     end = float(seconds(stamps, origin_ns).max())
     return 0.0, round(max(end, 1.0), 3)
-
-
-def _segments(analysis: Analysis, origin_ns: int) -> list[tuple[float, float]]:
-    stamps, speeds = analysis.contents.inputs.speeds()
-    time = seconds(stamps, origin_ns)
-    return segments([Curve(time, column) for column in speeds.T])
 
 
 def _tiles(analysis: Analysis, summary: Tree) -> list[tuple[str, str, str]]:

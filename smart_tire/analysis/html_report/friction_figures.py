@@ -19,15 +19,15 @@ from __future__ import annotations
 import math
 
 from smart_tire.analysis.curves import Curve, interrupted
-from smart_tire.analysis.figures import friction_curve, MAX_FRICTION, of_wheel, stamps_of
-from smart_tire.analysis.friction_metrics import column
+from smart_tire.analysis.friction_figures import (
+    friction_curve, MAX_CROSSING_GAP, MAX_FRICTION)
+from smart_tire.analysis.friction_metrics import column, of_wheel, stamps_of
 from smart_tire.analysis.html_report.layout import Figure, Panel
 from smart_tire.analysis.html_report.motion_figures import TRUTH
 from smart_tire.analysis.html_report.traces import band, line, points, truth
 from smart_tire.analysis.series import seconds, Series
 from smart_tire.samples import WHEELS
 
-MAX_CROSSING_GAP = 5.0  # s between two crossings, over which no line is drawn
 BARS = 'Bars and bands: ± 2σ, where σ is the standard deviation that the estimator reports.'
 
 
@@ -36,14 +36,11 @@ def friction_figure(estimates: Series, truths: Series, origin_ns: int) -> Figure
     panels: list[Panel] = []
     for wheel in _wheels(estimates):
         found, first = friction_curve(wheel, estimates, truths, origin_ns), not panels
-        fused = interrupted(Curve(found.time_s, found.fused, found.fused_sigma), MAX_CROSSING_GAP)
-        single = Curve(found.time_s, found.single, found.single_sigma)
-        traces = [band(fused, 'blue', 'fused ± 2σ'),
-                  points(single, 'single crossing ± 2σ', 'orange', '', legend=first),
-                  line(fused, 'fused ± 2σ', '@blue', '', legend=first)]
-        if len(found.true_time_s):
-            true = interrupted(Curve(found.true_time_s, found.true), MAX_CROSSING_GAP)
-            traces.append(truth(true, '', legend=first, shape='hvh'))
+        traces = [band(found.fused, 'blue', 'fused ± 2σ'),
+                  points(found.single, 'single crossing ± 2σ', 'orange', '', legend=first),
+                  line(found.fused, 'fused ± 2σ', '@blue', '', legend=first)]
+        if len(found.truth.time_s):
+            traces.append(truth(found.truth, '', legend=first, shape='hvh'))
         panels.append(Panel(wheel.replace('_', ' '), 'µ<sub>x</sub> [-]', traces,
                             (0.0, MAX_FRICTION)))
     return Figure(

@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from smart_tire.analysis.html_report.layout import Figure
@@ -68,4 +69,4 @@ class Report:
     notes: list[str]                   # what a reader should know first
     sections: list[Section]
     time_range: tuple[float, float]      # s, of all plots over time
-    segments: list[tuple[float, float]]  # s, proposed for a closer look
+    segments: Sequence[tuple[float, float]]  # s, proposed for a closer look
