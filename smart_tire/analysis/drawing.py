@@ -112,6 +112,14 @@ def legend_above(figure: Figure, ax: Axes) -> None:
     figure.legend(handles, labels, loc='outside upper center', ncols=len(labels), frameon=False)
 
 
+def legend_on_top(ax: Axes) -> None:
+    """Put title and legend of ``ax`` above its panel, where they cover no data."""
+    title = ax.get_title()
+    ax.set_title('')
+    ax.legend(loc='lower left', bbox_to_anchor=(0.0, 1.0), borderaxespad=0.3, frameon=False,
+              fontsize='small', title=title or None, alignment='left')
+
+
 def add_caption(figure: Figure, text: str) -> None:
     """Write ``text`` below all panels, in lines as wide as the figure."""
     lines = wrap(text, round(CAPTION_DENSITY * figure.get_figwidth()))

@@ -48,7 +48,10 @@ def write_fit(path: Path, time: Floats, inputs: Floats, measured: Floats, fitted
         axes['residual'].set_ylim(-size, size)
     axes['loop'].set(xlabel=input_label, ylabel=output_label)
     axes['time'].set(xlabel='time [s]', ylabel=output_label)
-    axes['loop'].legend(frameon=False)
+    drawing.legend_above(figure, axes['loop'])
+    drawing.add_caption(
+        figure, 'Output of the film over its input and over time, measured and fitted. Residual: '
+        'measured minus fitted; its axis ends at five times the 90 % quantile.')
     figure.savefig(path, dpi=drawing.DOTS_PER_INCH)
 
 
@@ -64,5 +67,7 @@ def write_measurement(path: Path, time: Floats, value: Floats, sigma: Floats,
     if reference is not None:
         ax.plot(time, *_thinned(reference), label='reference', **drawing.TRUTH)
     ax.set(xlabel='time [s]', ylabel=label)
-    ax.legend(frameon=False)
+    drawing.legend_above(figure, ax)
+    drawing.add_caption(figure, 'Measurement with the film. Band: ± 2σ, where σ is its standard '
+                        'deviation.')
     figure.savefig(path, dpi=drawing.DOTS_PER_INCH)

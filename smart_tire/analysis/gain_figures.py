@@ -40,7 +40,14 @@ def write_gains(path: Path, found: GainFit) -> bool:
     if found.example is not None:
         draw_waveform(axes['waveform'], found.example)
     for ax in axes.values():
-        ax.legend(frameon=False, fontsize='small')
+        drawing.legend_on_top(ax)
+    drawing.add_caption(
+        figure, 'Points: patch crossings, bars: ± 1σ of stretch voltage and slip. Lines: '
+        'identified gains with their standard errors. Right: the films during one crossing; '
+        'samples at the limit of the amplifier output are not fitted.'
+        if found.example is not None else
+        'Points: patch crossings, bars: ± 1σ of stretch voltage and slip. Lines: identified gains '
+        'with their standard errors.')
     figure.savefig(path, dpi=drawing.DOTS_PER_INCH)
     return True
 

@@ -44,7 +44,11 @@ def write_geometry(path: Path, found: Geometry) -> bool:
     if radius_fit is not None:
         draw_radius(axes['radius'], radius_fit)
     for ax in axes.values():
-        ax.legend(frameon=False, fontsize='small')
+        drawing.legend_on_top(ax)
+    drawing.add_caption(
+        figure, 'Values are given with their standard errors. The yaw rate is shown in the '
+        f'{SHOWN_DURATION:.0f} s in which it changes most; an interval is the time between two '
+        'wheel messages, or between reference poses.')
     figure.savefig(path, dpi=drawing.DOTS_PER_INCH)
     return True
 
@@ -98,7 +102,11 @@ def write_icr(path: Path, fit: IcrFit) -> None:
     draw_icr_fit(axes['fit'], fit)
     draw_icr_turns(axes['turns'], fit)
     for ax in axes.values():
-        ax.legend(frameon=False, fontsize='small')
+        drawing.legend_on_top(ax)
+    drawing.add_caption(
+        figure, 'Left: the slope is S, the x coordinate of the instantaneous centers of rotation, '
+        'given with its standard error; points beyond the axes are extreme intervals. Right: S of '
+        'each turn and its standard error; shaded: standard deviation of S in another recording.')
     figure.savefig(path, dpi=drawing.DOTS_PER_INCH)
 
 
@@ -121,7 +129,7 @@ def draw_icr_turns(ax: Axes, fit: IcrFit) -> None:
     """Draw S of each turn with its standard error, and the overall S with its spread."""
     icr, spread = fit.icr.value, fit.initial_sigma
     ax.axhspan(1e3 * (icr - spread), 1e3 * (icr + spread), color=drawing.BLUE, alpha=0.2,
-               linewidth=0.0, label='S ± 1σ over turns')
+               linewidth=0.0, label='S ± 1σ')
     ax.axhline(1e3 * icr, color=drawing.BLUE, linewidth=1.4)
     ax.errorbar(fit.turn_time, 1e3 * fit.turn_icr, yerr=1e3 * fit.turn_sigma, fmt='o',
                 color=drawing.ORANGE, markersize=4, elinewidth=0.9, label='turns ± 1σ')

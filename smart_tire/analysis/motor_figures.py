@@ -36,7 +36,10 @@ def write_motor(path: Path, found: MotorFit) -> bool:
     if 'duty' in names:
         draw_duty(axes['duty'], found)
     for ax in axes.values():
-        ax.legend(frameon=False, fontsize='small')
+        drawing.legend_on_top(ax)
+    drawing.add_caption(
+        figure, 'Torque: with the right torque constant, the measured torque equals the one that '
+        'force and inertia require (dashed). Values are given with their standard errors.')
     figure.savefig(path, dpi=drawing.DOTS_PER_INCH)
     return True
 

@@ -29,7 +29,9 @@ def write_stiffness(path: Path, found: StiffnessFit) -> None:
     """Draw the fit to ``path``."""
     figure, axes = drawing.new_figure([['force']], width=7.0, height=5.0)
     draw_stiffness(axes['force'], found)
-    axes['force'].legend(frameon=False, fontsize='small')
+    drawing.legend_on_top(axes['force'])
+    drawing.add_caption(figure, 'Force of one wheel over its slip; the slope at zero is C_x, '
+                        'given with its standard error.')
     figure.savefig(path, dpi=drawing.DOTS_PER_INCH)
 
 

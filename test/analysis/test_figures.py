@@ -190,3 +190,82 @@ def test_a_crossing_with_a_lost_batch_is_not_shown():
 def test_a_waveform_needs_samples_and_speed_of_its_wheel(inputs):
     elsewhere = Friction(ns(1.0), 'rear_left', slip=Uncertain(0.1, 0.0))
     assert figures.crossing_waveform(elsewhere, inputs, ROBOT) is None
+
+
+def long_drive(duration=120.0):
+    """Return slips of a drive with a standstill, and wheel speeds that change at 20 and 90 s."""
+    estimates, inputs = Series(), Series()
+    for i in range(round(10 * duration)):
+        time = 0.1 * i
+        standing, sigma = 40.0 <= time < 60.0, 1.0 if 60.0 <= time < 61.0 else 0.02
+        ratio = math.nan if standing else -1.0 if sigma == 1.0 else 0.1
+        estimates.add(WheelSlip(ns(time), (ratio,) * 4, (0.0,) * 4, (sigma,) * 4))
+        turning = 20.0 <= time < 25.0 or 90.0 <= time < 95.0
+        inputs.add(WheelSample(ns(time), (OMEGA + (i % 2 if turning else 0.0),) * 4))
+    estimates.crossings = [Friction(
+        ns(time), 'front_left', friction_coefficient=Uncertain(0.5, 0.03),
+        friction_coefficient_single=Uncertain(value, sigma), slip=Uncertain(0.1, 0.0))
+        for time, value, sigma in ((20.0, 0.5, 0.05), (21.0, 2.0, 0.05), (22.0, 0.5, 0.9),
+                                   (91.0, 0.5, 0.05))]
+    return estimates, inputs
+
+
+def drawn_parts(line):
+    """Return the number of pieces into which NaN values divide a line."""
+    known = np.isfinite(line.get_ydata())
+    return int(known[0]) + int((np.diff(known.astype(int)) == 1).sum())
+
+
+def test_long_recordings_have_an_overview_and_segments():
+    estimates, inputs = long_drive()
+    parts = figures.busiest_segments(inputs, EPOCH)
+    assert len(parts) == 2
+    labeled = label_estimates(estimates)
+    for figure in (figures.slip_figure(labeled, Series(), EPOCH, segments=parts),
+                   figures.friction_figure(labeled, Series(), EPOCH, segments=parts)):
+        overview, first, second = figure.axes
+        assert [text.get_text() for text in overview.texts] == ['A', 'B']
+        assert [first.get_xlim(), second.get_xlim()] == parts
+        assert first.get_title().startswith('A: ') and second.get_title().startswith('B: ')
+        assert first.get_ylim() == overview.get_ylim()
+
+
+def test_intervals_replace_segments_and_short_recordings_have_none():
+    estimates, inputs = long_drive()
+    figure = figures.slip_figure(label_estimates(estimates), Series(), EPOCH,
+                                 {'all': [(ns(0.0), ns(100.0))]}, [(20.0, 35.0)])
+    assert [ax.get_title() for ax in figure.axes] == ['all']
+    assert figures.busiest_segments(long_drive(59.0)[1], EPOCH) == []
+    assert figures.busiest_segments(Series(), EPOCH) == []
+
+
+def test_slip_has_no_line_at_standstill_and_where_it_is_unknown():
+    estimates, _ = long_drive()
+    figure = figures.slip_figure(label_estimates(estimates), Series(), EPOCH)
+    line = figure.axes[0].lines[0]
+    assert np.nanmin(line.get_ydata()) == pytest.approx(0.1)
+    assert drawn_parts(line) == 2
+    low, high = figure.axes[0].get_ylim()
+    assert (low, high) == pytest.approx((0.0, 0.2))
+    assert '(1.0 % of the values)' in caption_of(figure)
+
+
+def caption_of(figure):
+    return figure.get_supxlabel().replace('\n', ' ')
+
+
+def test_the_caption_of_friction_counts_what_is_not_shown():
+    figure = figures.friction_figure(label_estimates(long_drive()[0]), Series(), EPOCH)
+    text = caption_of(figure)
+    assert '1 of 4 single crossings' in text and '33.3 % of the others are outside' in text
+    assert 'Dashed' not in text
+    assert drawn_parts(figure.axes[0].lines[1]) == 2  # between 22 and 91 s
+
+
+def test_every_figure_says_what_its_bands_mean_and_its_legend_covers_no_data():
+    labeled, truth = label_estimates(driven()), driven()
+    for figure in (figures.slip_figure(labeled, truth, EPOCH), figures.path_figure(labeled, truth),
+                   figures.friction_figure(labeled, truth, EPOCH)):
+        assert 'σ is the standard deviation that the estimator reports' in caption_of(figure)
+        assert len(figure.legends) == 1
+        assert all(ax.get_legend() is None for ax in figure.axes)
