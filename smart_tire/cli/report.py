@@ -105,7 +105,7 @@ def report_one(name: str, bag: Path, out: Path, params: Sequence[Path]) -> int:
             print(f'  skipped: {text}')
         return NOTHING_ESTIMATED
     version: str = import_module('smart_tire').__version__
-    facts = Facts(name, str(bag.resolve()), date_text(result.contents.start_ns),
+    facts = Facts(name, str(bag), date_text(result.contents.start_ns),
                   f'{datetime.now(timezone.utc):%Y-%m-%d %H:%M} UTC', version)
     write_text(out, html_page(report_of(result, params, facts)))
     print(f'{bag}: report written to {out} ({out.stat().st_size / 1e6:.1f} MB)')

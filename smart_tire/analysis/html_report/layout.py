@@ -51,6 +51,17 @@ class Figure:
     layout: Spec = field(default_factory=dict)  # changes of the layout below
 
     @property
+    def inner_height(self) -> int:
+        """Return the height [px] from the first to the last panel."""
+        rows = len(self.panels)
+        return rows * self.panel_height + (rows - 1) * PANEL_GAP
+
+    @property
+    def height(self) -> int:
+        """Return the height [px] of the figure."""
+        return self.inner_height + TOP + BOTTOM
+
+    @property
     def over_time(self) -> bool:
         """Return whether the horizontal axis is the time, common to all figures."""
         return self.x_label == TIME_LABEL
@@ -58,10 +69,9 @@ class Figure:
 
 def plotly_spec(figure: Figure) -> Spec:
     """Return data and layout of a figure; its panels share the horizontal axis."""
-    rows = len(figure.panels)
-    inner = rows * figure.panel_height + (rows - 1) * PANEL_GAP
+    rows, inner = len(figure.panels), figure.inner_height
     data: list[Spec] = []
-    layout = _base_layout(inner)
+    layout = _base_layout(figure)
     for row, panel in enumerate(figure.panels):
         number = '' if row == 0 else str(row + 1)
         top = 1.0 - row * (figure.panel_height + PANEL_GAP) / inner
@@ -79,16 +89,16 @@ def plotly_spec(figure: Figure) -> Spec:
     return {'data': data, 'layout': _merged(layout, figure.layout)}
 
 
-def _base_layout(inner: int) -> Spec:
+def _base_layout(figure: Figure) -> Spec:
     return {
-        'height': inner + TOP + BOTTOM, 'hovermode': 'x unified', 'dragmode': 'zoom',
+        'height': figure.height, 'hovermode': 'x unified', 'dragmode': 'zoom',
         'margin': {'l': 74, 'r': 16, 't': TOP, 'b': BOTTOM}, 'annotations': [],
         'paper_bgcolor': 'rgba(0,0,0,0)', 'plot_bgcolor': 'rgba(0,0,0,0)',
         'font': {'family': 'system-ui, sans-serif', 'size': 12, 'color': '@ink'},
         'hoverlabel': {'bgcolor': '@paper', 'bordercolor': '@shade', 'font': {'color': '@ink'}},
         'modebar': {'bgcolor': 'rgba(0,0,0,0)', 'color': '@shade', 'activecolor': '@ink'},
         'legend': {'orientation': 'h', 'x': 0.0, 'xanchor': 'left', 'yanchor': 'bottom',
-                   'y': 1.0 + 22.0 / inner, 'bgcolor': 'rgba(0,0,0,0)'}}
+                   'y': 1.0 + 22.0 / figure.inner_height, 'bgcolor': 'rgba(0,0,0,0)'}}
 
 
 def _axis(label: str) -> Spec:

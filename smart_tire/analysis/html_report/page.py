@@ -125,7 +125,8 @@ def _figure(figure: Figure, specs: Specs) -> str:
     name = escape(figure.name)
     time = ' data-time' if figure.over_time else ''
     return (f'<figure>\n<div class="plot" id="{name}_plot" role="img" '
-            f'aria-label="{escape(figure.alt)}" data-spec="{name}_spec"{time}></div>\n'
+            f'aria-label="{escape(figure.alt)}" data-spec="{name}_spec"{time} '
+            f'style="min-height: {figure.height}px"></div>\n'
             f'<script type="application/json" id="{name}_spec">{specs.text(figure)}</script>\n'
             f'<figcaption>{escape(figure.caption)}</figcaption>\n</figure>')
 
