@@ -122,8 +122,8 @@ def _listen(seconds: float, heard: Heard) -> Iterator[Finding]:
 
 def robot_findings(heard: Heard, files: list[Path]) -> Iterator[Finding]:
     """Yield the findings on the samples of each robot."""
-    from smart_tire.analysis.calibrate_robot import load_robot
     from smart_tire.analysis.checks.catalog import findings
+    from smart_tire.parameters import load_robot
     robot = load_robot(files)
     for namespace, collector in sorted(heard.robots.items()):
         for finding in findings(collector.recording(robot, live=True)):

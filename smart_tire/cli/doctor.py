@@ -73,7 +73,7 @@ def _findings(args: argparse.Namespace) -> Iterator[Finding]:
         from smart_tire.cli._live_checks import live_findings
         yield from live_findings(args, files, progress)
     else:
-        from smart_tire.analysis.calibrate_robot import load_robot
+        from smart_tire.parameters import load_robot
         with open_bag(args.bag) as bag:
             yield from bag_findings(bag, load_robot(files))
 
@@ -105,7 +105,7 @@ def progress(text: str) -> None:
 
 def _valid_files(files: list[Path]) -> tuple[list[Path], list[Finding]]:
     """Return the valid parameter files, and a finding on each other one."""
-    from smart_tire.analysis.calibrate_robot import load_robot
+    from smart_tire.parameters import load_robot
     valid: list[Path] = []
     findings = []
     for file in files:

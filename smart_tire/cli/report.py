@@ -20,11 +20,12 @@ import argparse
 from collections import Counter
 from collections.abc import Sequence
 from datetime import datetime, timezone
-from importlib import import_module
 from pathlib import Path
 import sys
 
-from smart_tire.cli._overwrite import add_force, METADATA, refuse_existing, refuse_folder_of_bag
+import smart_tire
+from smart_tire.cli._bags import add_bag_options, check_options, open_bag
+from smart_tire.cli._overwrite import add_force, refuse_existing, refuse_folder_of_bag
 from smart_tire.cli.analyze import (
     ESTIMATED, folder_name, NOTHING_ESTIMATED, shown_progress, USAGE)
 from smart_tire.errors import BagError, ParameterError
@@ -33,7 +34,7 @@ NAME = 'report'
 HELP = ('run the estimators offline on bags as "analyze" does; write one HTML file per bag, with '
         'interactive figures and tables, that needs no network')
 SUFFIXES = ('.html', '.htm')
-DEMO_BAG = 'bag'                 # folder of the bag in the output of "smart_tire demo"
+DEMO_BAG = 'bag'  # folder of the bag in the output of "smart_tire demo", which has no name
 FIRST_DATE_NS = 946_684_800 * 10 ** 9  # 2000-01-01; earlier timestamps are not dates
 NS_PER_S = 10 ** 9
 
@@ -43,9 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('bags', type=Path, nargs='+', metavar='BAG',
                         help='rosbag2 directory, a single bag file, or the output folder of '
                              '"smart_tire demo"')
-    parser.add_argument('--params', type=Path, action='append', default=[], metavar='FILE',
-                        help='ROS parameter file; may be repeated, later files override earlier '
-                             'ones')
+    add_bag_options(parser)
     parser.add_argument('--out', type=Path, metavar='FILE.html',
                         help='file to write, or a folder for several bags (default: '
                              '<bag>_report.html in the working directory)')
@@ -55,14 +54,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Write the reports of all bags; return the largest exit status."""
     outs = output_files(args.bags, args.out)
-    bags = [bag_in(path) for path in args.bags]
     for out in outs:
-        refuse_folder_of_bag(out, bags)
-    refuse_existing(outs, force=args.force, inputs=[*bags, *args.params])
+        refuse_folder_of_bag(out, args.bags)
+    refuse_existing(outs, force=args.force, inputs=[*args.bags, *args.params])
+    check_options(args)
     status = ESTIMATED
-    for path, bag, out in zip(args.bags, bags, outs):
+    for bag, out in zip(args.bags, outs):
         try:
-            status = max(status, report_one(folder_name(path), bag, out, args.params))
+            status = max(status, report_one(bag, out, args))
         except BagError as error:
             print(f'smart_tire report: {error}', file=sys.stderr)
             status = USAGE
@@ -75,7 +74,7 @@ def output_files(paths: Sequence[Path], out: Path | None) -> list[Path]:
         if len(paths) > 1:
             raise ParameterError(f'--out {out} is one file for {len(paths)} bags: give a folder')
         return [out]
-    names = [f'{folder_name(path)}_report.html' for path in paths]
+    names = [f'{report_name(path)}_report.html' for path in paths]
     for name, count in Counter(names).items():
         if count > 1:
             raise ParameterError(f'{count} bags would be written to {name}: report them one by '
@@ -83,31 +82,31 @@ def output_files(paths: Sequence[Path], out: Path | None) -> list[Path]:
     return [(out or Path()) / name for name in names]
 
 
-def bag_in(path: Path) -> Path:
-    """Return ``path``, or the bag in it if it is the output folder of the demo."""
-    inner = path / DEMO_BAG
-    return inner if not (path / METADATA).exists() and (inner / METADATA).exists() else path
+def report_name(bag: Path) -> str:
+    """Return the title of the report: the name of the bag, of its folder if it has none."""
+    name = folder_name(bag)
+    return bag.resolve().parent.name if name == DEMO_BAG else name
 
 
-def report_one(name: str, bag: Path, out: Path, params: Sequence[Path]) -> int:
-    """Analyze one bag and write its report, titled ``name``; return the exit status."""
+def report_one(bag: Path, out: Path, args: argparse.Namespace) -> int:
+    """Analyze one bag and write its report; return the exit status."""
     from smart_tire.analysis.html_report.content import report_of
     from smart_tire.analysis.html_report.model import Facts
     from smart_tire.analysis.html_report.page import html_page
     from smart_tire.analysis.offline import analyze
-    from smart_tire.analysis.pipeline import EstimatorParams
-    loaded = EstimatorParams.load(params)
-    with shown_progress(name) as progress:
-        result = analyze(bag, None, loaded, progress)
+    with open_bag(bag, args) as (_, settings):
+        pass
+    with shown_progress(report_name(bag)) as progress:
+        result = analyze(bag, None, settings.params, progress, names=settings.names,
+                         source=settings.source.tree)
     if result.summary is None:
         print(f'{bag}: nothing can be estimated, no report is written')
         for text in result.contents.skipped:
             print(f'  skipped: {text}')
         return NOTHING_ESTIMATED
-    version: str = import_module('smart_tire').__version__
-    facts = Facts(name, str(bag), date_text(result.contents.start_ns),
-                  f'{datetime.now(timezone.utc):%Y-%m-%d %H:%M} UTC', version)
-    write_text(out, html_page(report_of(result, params, facts)))
+    facts = Facts(report_name(bag), str(bag.resolve()), date_text(result.contents.start_ns),
+                  f'{datetime.now(timezone.utc):%Y-%m-%d %H:%M} UTC', smart_tire.__version__)
+    write_text(out, html_page(report_of(result, settings.source, facts)))
     print(f'{bag}: report written to {out} ({out.stat().st_size / 1e6:.1f} MB)')
     return ESTIMATED
 

@@ -14,11 +14,15 @@
 
 """The command line of ``smart_tire report``: files, names, dates and exit status."""
 
+from dataclasses import replace
 from pathlib import Path
+import re
+import shutil
 
 import pytest
 
-from smart_tire.bags import BagWriter
+from smart_tire.analysis.pipeline import EstimatorParams
+from smart_tire.bags import BagWriter, PARAMETERS_KEY
 from smart_tire.cli import report as verb
 from smart_tire.cli.main import main
 from smart_tire.parameters import build, SimulatorParams
@@ -62,21 +66,40 @@ def test_a_report_is_replaced_with_force_only(demo, tmp_path, capsys):
     assert out.read_text().startswith('<!DOCTYPE html>')
 
 
-def test_several_bags_have_a_file_each_in_a_new_folder(demo, tmp_path, capsys):
-    other = tmp_path / 'other'
-    other.symlink_to(demo / 'bag')
-    missing = tmp_path / 'missing'
-    assert report(demo, missing, '--out', tmp_path / 'out') == 2
+def test_several_bags_have_a_file_each_in_a_new_folder(demo, tmp_path):
+    copy = tmp_path / 'copy'
+    shutil.copytree(demo / 'bag', copy)
+    assert report(demo, copy, '--out', tmp_path / 'out') == 0
+    assert {path.name for path in (tmp_path / 'out').iterdir()} == {
+        'my_demo_report.html', 'copy_report.html'}
+
+
+def test_a_missing_bag_is_reported_before_any_is_analyzed(demo, tmp_path, capsys):
+    assert report(demo, tmp_path / 'missing', '--out', tmp_path / 'out') == 2
     assert 'missing: no such file' in capsys.readouterr().err
-    assert [path.name for path in (tmp_path / 'out').iterdir()] == ['my_demo_report.html']
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_one_file_for_two_bags_is_refused(demo, tmp_path, capsys):
-    assert report(demo, tmp_path / 'b', '--out', tmp_path / 'x.html') == 2
+    assert report(demo, demo / 'bag', '--out', tmp_path / 'x.html') == 2
     assert 'give a folder' in capsys.readouterr().err
-    assert report(tmp_path / 'a' / 'bag', tmp_path / 'b' / 'bag') == 2
-    assert '2 bags would be written to bag_report.html' in capsys.readouterr().err
+    assert report(demo, demo / 'bag') == 2
+    assert '2 bags would be written to my_demo_report.html' in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_report_has_the_parameters_in_the_bag_and_their_source(tmp_path):
+    params = EstimatorParams.load([])
+    params = replace(params, slip=replace(
+        params.slip, robot=replace(params.robot, wheel_radius=0.0875)))
+    with BagWriter(tmp_path / 'bag', custom_data={PARAMETERS_KEY: params.text}) as writer:
+        for receive_ns, topic, sample in simulate(SimulatorParams(), [(0.2, 100.0, 60.0)], 0.6):
+            writer.write_sample(topic, receive_ns, sample)
+    out = tmp_path / 'x.html'
+    assert report(tmp_path / 'bag', '--out', out) == 0
+    rows = re.findall(r'<tr>.*?</tr>', out.read_text(), re.DOTALL)
+    row, = (row for row in rows if 'wheel_radius<' in row and '0.0875' in row)
+    assert 'the bag' in row and 'slip_estimator' in row
 
 
 def test_nothing_is_written_into_the_folder_of_a_bag(demo, capsys):
@@ -98,12 +121,6 @@ def test_a_file_instead_of_the_folder_is_an_error_in_one_line(demo, tmp_path, ca
     (tmp_path / 'file').write_text('')
     assert report(demo, '--out', tmp_path / 'file' / 'x.html') == 2
     assert 'cannot be written' in capsys.readouterr().err
-
-
-def test_a_folder_that_is_itself_a_bag_is_preferred(demo):
-    assert verb.bag_in(demo) == demo / 'bag'
-    assert verb.bag_in(demo / 'bag') == demo / 'bag'
-    assert verb.bag_in(demo / 'nothing') == demo / 'nothing'
 
 
 def test_simulated_time_is_not_a_date():

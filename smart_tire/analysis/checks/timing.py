@@ -120,8 +120,8 @@ def check_stamps(recording: CheckedRecording) -> Iterator[Finding]:
                           f'{-steps.min() / NS_PER_S:.3g} s', 'ascending timestamps',
                           'late samples are dropped: check clock steps and several publishers')
         if same and not zero:
-            yield Finding(Level.WARNING, stream.name, f'{counted(same, "repeated timestamp")}', 'one message '
-                          'per timestamp', 'check for a second publisher')
+            yield Finding(Level.WARNING, stream.name, counted(same, 'repeated timestamp'),
+                          'one message per timestamp', 'check for a second publisher')
 
 
 def check_jitter(recording: CheckedRecording) -> Iterator[Finding]:

@@ -16,8 +16,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
@@ -25,6 +23,7 @@ from smart_tire.analysis.errors import (
     ErrorCurve, friction_errors, pose_errors, slip_errors, twist_errors)
 from smart_tire.analysis.figures import busiest_segments
 from smart_tire.analysis.friction_metrics import match, stamps_of
+from smart_tire.analysis.bag_params import BagParams
 from smart_tire.analysis.html_report import motion_figures, tables
 from smart_tire.analysis.html_report.error_figures import error_figure, histogram_figure
 from smart_tire.analysis.html_report.friction_figures import adhesion_figure, friction_figure
@@ -40,14 +39,14 @@ from smart_tire.analysis.summary import Tree, WHOLE
 from smart_tire.messages import find_topic
 
 
-def report_of(analysis: Analysis, files: Sequence[Path], facts: Facts) -> Report:
+def report_of(analysis: Analysis, used: BagParams, facts: Facts) -> Report:
     """Return the report of ``analysis``, whose parameters are in ``files``."""
     origin = time_origin(analysis.estimates)
     summary = analysis.summary or {}
     sections = [_recording(analysis, summary, origin), _motion(analysis, summary, origin),
                 _slip(analysis, summary, origin), _friction(analysis, summary, origin),
                 _errors(analysis, summary, origin), _left_out(analysis, summary),
-                _parameters(files)]
+                _parameters(used)]
     return Report(facts, _tiles(analysis, summary), _notes(analysis), sections,
                   _time_range(analysis.estimates, origin),
                   busiest_segments(analysis.contents.inputs, origin))
@@ -166,8 +165,8 @@ def _left_out(analysis: Analysis, summary: Tree) -> Section:
     return Section('left_out', 'Left out', 'Left out and warnings', blocks)
 
 
-def _parameters(files: Sequence[Path]) -> Section:
-    given, default = parameter_tables(files)
+def _parameters(used: BagParams) -> Section:
+    given, default = parameter_tables(used)
     first: Block = given if given.rows else (
         'No parameter file sets a parameter of the estimators: all values are defaults.')
     return Section('parameters', 'Parameters', 'Parameters', [

@@ -16,9 +16,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
+from smart_tire.analysis.bag_params import BAG, BagParams, FILES
 from smart_tire.analysis.html_report.tables import Table
 from smart_tire.parameters import known_names, load_files, NODE_PARAMS, Spec, specs
 from smart_tire.parameters.yaml_writer import value_text
@@ -26,33 +26,36 @@ from smart_tire.parameters.yaml_writer import value_text
 NODES = 'slip_estimator', 'friction_estimator'
 HEAD = ('parameter', 'value', 'unit', 'from', 'node', 'meaning')
 DEFAULT = 'default'
+FROM_BAG = 'the bag'
 BOTH = 'both'
+CAPTIONS = {FILES: 'Parameters set in files. Of several files the last one counts.',
+            BAG: 'Parameters in the bag that differ from the default values.'}
 
 
-def parameter_tables(files: Sequence[Path]) -> tuple[Table, Table]:
-    """
-    Return the table of the parameters set in ``files``, and that of the default values.
-
-    Raises ParameterError if a file is missing or not a parameter file.
-    """
+def parameter_tables(used: BagParams) -> tuple[Table, Table]:
+    """Return the table of the parameters that were set, and that of the default values."""
     rows: dict[tuple[str, str, str], tuple[Spec, list[str]]] = {}
-    for node in NODES:
-        sources = _sources(files, node)
-        for name, spec in specs(NODE_PARAMS[node]).items():
-            value, source = sources.get(name, (spec.default, DEFAULT))
-            rows.setdefault((name, value_text(value), source), (spec, []))[1].append(node)
+    for node, values in used.params.by_node().items():
+        described = specs(NODE_PARAMS[node], values)
+        origins = _origins(used, node, described)
+        for name, spec in described.items():
+            value = value_text(values[name])
+            source = origins.get(name, FROM_BAG if used.source == BAG
+                                 and value != value_text(spec.default) else DEFAULT)
+            rows.setdefault((name, value, source), (spec, []))[1].append(node)
     cells = [[name, value, spec.unit, source, BOTH if len(nodes) == len(NODES) else nodes[0],
               spec.meaning] for (name, value, source), (spec, nodes) in sorted(
                   rows.items(), key=lambda item: item[0])]
     given = [row for row in cells if row[3] != DEFAULT]
     default = [row for row in cells if row[3] == DEFAULT]
-    return (Table('Parameters set in files. Of several files the last one counts.', HEAD, given,
-                  len(HEAD)),
+    return (Table(CAPTIONS.get(used.source, 'No parameters were given.'), HEAD, given, len(HEAD)),
             Table('Parameters with their default values.', HEAD, default, len(HEAD)))
 
 
-def _sources(files: Sequence[Path], node: str) -> dict[str, tuple[object, str]]:
-    """Return the parameters that ``files`` set for ``node``: name -> value, file."""
-    known, own = known_names(NODE_PARAMS.values()), specs(NODE_PARAMS[node])
-    return {name: (value, str(file)) for file in files
-            for name, value in load_files([file], node, known, own).items()}
+def _origins(used: BagParams, node: str, own: dict[str, Spec]) -> dict[str, str]:
+    """Return the parameters of ``node`` that are set in files: name -> file."""
+    if used.source != FILES:
+        return {}
+    known = known_names(NODE_PARAMS.values())
+    return {name: file for file in used.origins
+            for name in load_files([Path(file)], node, known, own)}

@@ -20,6 +20,7 @@ from dataclasses import replace
 
 import pytest
 
+from smart_tire.analysis.bag_params import BagParams, FILES
 from smart_tire.analysis.html_report.content import report_of
 from smart_tire.analysis.html_report.model import Facts
 from smart_tire.analysis.html_report.page import html_page
@@ -59,7 +60,8 @@ def analysis(params, tmp_path_factory):
 @pytest.fixture(scope='session')
 def report(analysis, params):
     """Return the report of the analysis."""
-    return report_of(analysis, [params], Facts(
+    used = BagParams(EstimatorParams.load([params]), FILES, (str(params),))
+    return report_of(analysis, used, Facts(
         ODD_NAME, '/bags/drive', '2026-01-02 03:04:05 UTC', '2026-02-03 04:05 UTC', '1.2.3'))
 
 
