@@ -94,6 +94,12 @@ def test_an_output_below_a_file_is_refused(tmp_path):
         check_writable(file / 'new' / 'bag')
 
 
+def test_an_output_below_a_dangling_link_is_refused(tmp_path):
+    (tmp_path / 'link').symlink_to(tmp_path / 'nowhere')
+    with pytest.raises(ParameterError, match='link is not a folder'):
+        check_writable(tmp_path / 'link' / 'bag')
+
+
 def test_files_without_permission_are_refused(tmp_path, monkeypatch):
     file = made(tmp_path / 'results', 'robot.yaml') / 'robot.yaml'
     asked = []  # root may read and write everything, so that real permissions show nothing
