@@ -17,12 +17,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, TYPE_CHECKING
 
 from smart_tire.estimation.contact.records import PatchCrossing
 from smart_tire.estimation.friction.brush_inversion import SlipFit
 from smart_tire.estimation.friction.motion_history import WheelMotion
 from smart_tire.uncertain import Uncertain, UNKNOWN
+
+if TYPE_CHECKING:
+    from smart_tire.estimation.friction.waveform_fit import WaveformFit
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +37,7 @@ class MethodResult:
     shift: float         # m, by which the crossing was later than detected
     stretch_voltage: Uncertain = UNKNOWN  # V, of film 1
     peak_interval: Uncertain = UNKNOWN    # s, of film 1
+    waveform: WaveformFit | None = None   # the last fit; None if the method fits none
 
     @property
     def film_correlation(self) -> float:

@@ -21,14 +21,29 @@ All inputs pass one reorder buffer, so live, replayed and recorded data give ide
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
 
 from smart_tire.estimation.contact.feed import Block, ContactFeed
 from smart_tire.estimation.contact.records import PatchCrossing
 from smart_tire.estimation.friction.motion_history import MotionHistory
 from smart_tire.estimation.friction.output import OutputBuilder
+from smart_tire.estimation.friction.waveform_fit import WaveformFit
 from smart_tire.estimation.streams import FRICTION, HOLDING, SLIP
 from smart_tire.parameters import FrictionEstimatorParams
 from smart_tire.samples import Friction, GroundState, Odometry, Sample, WheelSlip
+
+
+@dataclass(frozen=True, slots=True)
+class EvaluatedCrossing:
+    """One patch crossing with the fit behind its estimates."""
+
+    friction: Friction
+    waveform: WaveformFit | None  # None if no waveform was fitted, or if it is implausible
+    surface_changed: bool         # the friction coefficient differs from that before
+
+
+OnCrossing = Callable[[EvaluatedCrossing], None]
 
 
 class FrictionEstimator:
@@ -37,11 +52,12 @@ class FrictionEstimator:
 
     Requires tire and wheel samples. Without odometry or slip, crossings are still found, with the
     quantities that the films determine alone; without the state of the ground, its stiffness is
-    the calibrated one.
+    the calibrated one. ``on_crossing`` is called with each record and its fit, for display.
     """
 
-    def __init__(self, params: FrictionEstimatorParams) -> None:
-        self._params = params
+    def __init__(self, params: FrictionEstimatorParams,
+                 on_crossing: OnCrossing = lambda crossing: None) -> None:
+        self._params, self._on_crossing = params, on_crossing
         self._feed = ContactFeed(
             params.robot, params.reorder_window,
             {topic: HOLDING.get(topic, 0) for kind, topic in FRICTION.inputs.items()
@@ -100,7 +116,12 @@ class FrictionEstimator:
         self.crossings += 1
         self.crossings_lost += crossing.samples is None
         motion = self._motion.mean(wheel, crossing.begin_ns, crossing.end_ns)
-        return self._outputs[wheel].build(crossing, motion)
+        output = self._outputs[wheel]
+        changes = output.filter.changes
+        friction = output.build(crossing, motion)
+        self._on_crossing(EvaluatedCrossing(
+            friction, output.waveform, output.filter.changes > changes))
+        return friction
 
     def status(self) -> dict[str, str | int | float]:
         """Return the values for diagnostics."""

@@ -25,6 +25,7 @@ from smart_tire.estimation.friction.brush_inversion import (
 from smart_tire.estimation.friction.crossing_method import MethodResult
 from smart_tire.estimation.friction.methods import make_method
 from smart_tire.estimation.friction.motion_history import WheelMotion
+from smart_tire.estimation.friction.waveform_fit import WaveformFit
 from smart_tire.parameters import FrictionEstimatorParams
 from smart_tire.samples import Friction, NS_PER_S
 from smart_tire.uncertain import Uncertain, UNKNOWN
@@ -41,6 +42,7 @@ class OutputBuilder:
         self._method = make_method(wheel, params)
         self.filter = FrictionFilter()
         self.friction = UNKNOWN  # latest friction coefficient, from all crossings
+        self.waveform: WaveformFit | None = None  # of the latest crossing, None without
 
     def build(self, crossing: PatchCrossing, motion: WheelMotion) -> Friction:
         """Return the record of ``crossing`` of a wheel with the given ``motion``."""
@@ -51,6 +53,7 @@ class OutputBuilder:
         lateral = Uncertain(-motion.lateral_velocity.value / crossing.speed,
                             motion.lateral_velocity.sigma / crossing.speed)
         result = self._method.evaluate(crossing, motion)
+        self.waveform = None if result is None else result.waveform
         if result is None:
             sample, slip, stamp_ns, measured = None, motion.slip, crossing.stamp_ns, {}
         else:

@@ -86,7 +86,8 @@ class WaveformMethod:
             fused = fused.inflated(consistency_inflation(films_only, motion.slip))
         self.shape.update(
             *shape, excess=first.excess, speed_change=crossing.speed_change)
-        return MethodResult(films_only, fused, self._shift(first), *self._peaks(last, crossing))
+        return MethodResult(films_only, fused, self._shift(first),
+                            *self._peaks(last, crossing), waveform=last)
 
     def _fuse(self, crossing: PatchCrossing, motion: WheelMotion, first: WaveformFit,
               full_sliding: bool) -> tuple[WaveformFit, SlipFit]:

@@ -1,0 +1,178 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Path of the robot from above: estimate, truth, pose with its bounds."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import rerun as rr
+
+from smart_tire.arrays import Array
+from smart_tire.rotation import euler
+from smart_tire.samples import NS_PER_S, Odometry
+from smart_tire.view.recorder import Recorder
+from smart_tire.view.style import AXIS, Color, ESTIMATE, SIGMAS, TRUTH
+
+SEGMENT_NS = NS_PER_S // 2  # of the path that becomes one shape
+MIN_STEP = 0.005            # m between two points of the path
+ROBOT_LENGTH = 0.3          # m, of the arrow that shows the pose
+ELLIPSE = np.linspace(0.0, math.tau, 33)
+GRID_STEPS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0)  # m
+MAX_GRID_LINES = 12
+COVARIANCE_XY = (0, 1, 6, 7)  # in the row-major 6x6 covariance of the pose
+
+
+def on_screen(points: Array) -> Array:
+    """Return points (..., 2) with x to the right and y up; on the screen y points down."""
+    return points * np.array([1.0, -1.0])
+
+
+class _Strip:
+    """A path that is sent in segments, so that a long one costs no more than a short one."""
+
+    def __init__(self, recorder: Recorder, path: str, name: str, color: Color) -> None:
+        self._recorder, self._path, self._name, self._color = recorder, path, name, color
+        self._points: list[tuple[float, float]] = []
+        self._begin_ns: int | None = None
+        self._newest_ns = 0
+
+    def add(self, stamp_ns: int, x: float, y: float) -> None:
+        if not self._points or math.dist(self._points[-1], (x, y)) >= MIN_STEP:
+            self._points.append((x, y))
+        self._newest_ns = stamp_ns
+        if self._begin_ns is None:
+            self._begin_ns = stamp_ns
+        elif stamp_ns - self._begin_ns >= SEGMENT_NS:
+            self.finish()
+
+    def finish(self) -> None:
+        """Send the points since the last segment."""
+        if len(self._points) > 1:
+            self._recorder.shape(self._path, self._newest_ns, rr.LineStrips2D(
+                [on_screen(np.array(self._points))], colors=self._color, labels=self._name,
+                show_labels=False, radii=rr.Radius.ui_points(1.5)))
+            self._points = self._points[-1:]
+        self._begin_ns = self._newest_ns
+
+
+class PathLayer:
+    """
+    Paths in the frame of ``odom``.
+
+    The true path is transformed so that both start with the same pose, because its frame is
+    unrelated to ``odom``; without an estimate it is shown as it is, by ``finish``.
+    """
+
+    def __init__(self, recorder: Recorder) -> None:
+        self._recorder = recorder
+        self._estimate = _Strip(recorder, 'path/estimate', 'estimate', ESTIMATE)
+        self._truth = _Strip(recorder, 'path/truth', 'truth', TRUTH)
+        self._pose: tuple[float, float, float] | None = None  # latest estimate
+        self._frame: tuple[float, float, float] | None = None  # of the truth in odom
+        self._waiting: list[Odometry] = []
+        self._shown_ns: int | None = None
+        self._extent = np.zeros((2, 2))  # m, lowest and highest x, y of the grid
+
+    def add(self, sample: Odometry) -> None:
+        """Add an estimated pose."""
+        x, y, _ = sample.position
+        yaw = euler(sample.orientation)[2]
+        self._pose = x, y, yaw
+        self._estimate.add(sample.stamp_ns, x, y)
+        if self._shown_ns is None or sample.stamp_ns - self._shown_ns >= NS_PER_S // 10:
+            self._shown_ns = sample.stamp_ns
+            self._show_pose(sample, x, y, yaw)
+            self._cover(x, y)
+
+    def add_truth(self, sample: Odometry) -> None:
+        """Add a true pose."""
+        if self._frame is None:
+            if self._pose is None:
+                self._waiting.append(sample)
+                return
+            self._frame = _frame(self._pose, sample)
+            self._release()
+        self._add_moved(sample, self._frame)
+
+    def finish(self) -> None:
+        """Send what is left, at the end of the recording."""
+        if self._frame is None:
+            self._frame = 0.0, 0.0, 0.0
+            self._release()
+        self._estimate.finish()
+        self._truth.finish()
+
+    def _release(self) -> None:
+        waiting, self._waiting = self._waiting, []
+        for sample in waiting:
+            self.add_truth(sample)
+
+    def _add_moved(self, sample: Odometry, frame: tuple[float, float, float]) -> None:
+        x_0, y_0, turn = frame
+        x, y, _ = sample.position
+        cos, sin = math.cos(turn), math.sin(turn)
+        moved = x_0 + cos * x - sin * y, y_0 + sin * x + cos * y
+        self._truth.add(sample.stamp_ns, *moved)
+        self._cover(*moved)
+
+    def _show_pose(self, sample: Odometry, x: float, y: float, yaw: float) -> None:
+        position = np.array([x, y])
+        heading = ROBOT_LENGTH * np.array([math.cos(yaw), math.sin(yaw)])
+        self._recorder.shape('path/robot', sample.stamp_ns, rr.Arrows2D(
+            vectors=[on_screen(heading)], origins=[on_screen(position - 0.5 * heading)],
+            colors=ESTIMATE, radii=rr.Radius.ui_points(3.0)))
+        covariance = np.array([sample.pose_covariance[i] for i in COVARIANCE_XY]).reshape(2, 2)
+        values, axes = np.linalg.eigh(covariance)
+        radii = SIGMAS * np.sqrt(np.maximum(values, 0.0))
+        circle = np.stack([np.cos(ELLIPSE), np.sin(ELLIPSE)], axis=-1) * radii
+        self._recorder.shape('path/bounds', sample.stamp_ns, rr.LineStrips2D(
+            [on_screen(position + circle @ axes.T)], colors=ESTIMATE, show_labels=False,
+            labels=f'{SIGMAS:g} σ', radii=rr.Radius.ui_points(0.75)))
+
+    def _cover(self, x: float, y: float) -> None:
+        """Draw a larger grid if the position is outside the present one."""
+        point, empty = np.array([x, y]), not self._extent.any()
+        if not empty and (self._extent[0] <= point).all() and (point <= self._extent[1]).all():
+            return
+        low, high = np.minimum(self._extent[0], point), np.maximum(self._extent[1], point)
+        size = max(float((high - low).max()), 1.0)
+        step = next((step for step in GRID_STEPS if size / step < MAX_GRID_LINES), GRID_STEPS[-1])
+        self._extent = np.array([np.floor(low / step - 0.2), np.ceil(high / step + 0.2)]) * step
+        self._draw_grid(step)
+
+    def _draw_grid(self, step: float) -> None:
+        (left, bottom), (right, top) = self._extent.tolist()
+        columns = np.arange(left, right + 0.5 * step, step)
+        rows = np.arange(bottom, top + 0.5 * step, step)
+        lines = [*([(x, bottom), (x, top)] for x in columns),
+                 *([(left, y), (right, y)] for y in rows)]
+        self._recorder.static('path/grid', rr.LineStrips2D(
+            on_screen(np.array(lines)), colors=(*AXIS, 110), radii=rr.Radius.ui_points(0.5)))
+        ticks = [*((x, bottom) for x in columns), *((left, y) for y in rows)]
+        labels = [*(f'{x:g} m' for x in columns), *(f'{y:g} m' for y in rows)]
+        self._recorder.static('path/ticks', rr.Points2D(
+            on_screen(np.array(ticks)), labels=labels, show_labels=True, colors=AXIS,
+            radii=rr.Radius.ui_points(1.0)))
+
+
+def _frame(pose: tuple[float, float, float], truth: Odometry) -> tuple[float, float, float]:
+    """Return origin and rotation of the frame of ``truth``, which is at ``pose`` in odom."""
+    x, y, yaw = pose
+    turn = yaw - euler(truth.orientation)[2]
+    true_x, true_y, _ = truth.position
+    cos, sin = math.cos(turn), math.sin(turn)
+    return x - cos * true_x + sin * true_y, y - sin * true_x - cos * true_y, turn

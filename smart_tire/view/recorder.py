@@ -1,0 +1,132 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Series and shapes over time, sent to a rerun stream in columns."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Sequence
+import math
+
+import numpy as np
+import rerun as rr
+
+from smart_tire.uncertain import Uncertain
+from smart_tire.view.style import BOUND_WIDTH, Color, dimmed, LINE_WIDTH, SIGMAS, TIMELINE
+
+# Where several samples share a pixel, a peak of one sample remains visible.
+AGGREGATION = rr.components.AggregationPolicy.MinMax
+STEPS = rr.components.InterpolationMode.StepAfter
+
+
+class Track:
+    """Values of the series of one entity since they were last sent."""
+
+    def __init__(self, path: str, style: rr.SeriesLines | rr.SeriesPoints, width: int) -> None:
+        self.path, self.style, self.width = path, style, width
+        self._stamps, self._values = array('q'), array('d')
+
+    def add(self, stamp_ns: int, *values: float) -> None:
+        """Add one value per series; infinite values are shown as gaps, like NaN."""
+        self._stamps.append(stamp_ns)
+        self._values.extend(value if math.isfinite(value) else math.nan for value in values)
+
+    def add_estimate(self, stamp_ns: int, value: float, sigma: float) -> None:
+        """Add an estimate and its bounds; an unknown sigma leaves these out."""
+        self.add(stamp_ns, value, value - SIGMAS * sigma, value + SIGMAS * sigma)
+
+    def take(self) -> tuple[array[int], array[float]]:
+        """Return timestamps [ns] and values, and forget them."""
+        taken = self._stamps, self._values
+        self._stamps, self._values = array('q'), array('d')
+        return taken
+
+
+class Recorder:
+    """
+    The stream of a recording.
+
+    Times in the viewer are those since ``origin_ns``, by default the first stamp. Nothing is sent
+    before ``flush``, except shapes and texts, which rerun itself collects.
+    """
+
+    def __init__(self, stream: rr.RecordingStream, origin_ns: int | None = None) -> None:
+        self.stream = stream
+        self._origin_ns = origin_ns
+        self._tracks: dict[str, Track] = {}
+        self._described: set[str] = set()
+
+    def line(self, path: str, name: str, color: Color, *, steps: bool = False,
+             width: float = LINE_WIDTH) -> Track:
+        """Return the track of a line."""
+        return self._track(path, rr.SeriesLines(
+            names=name, colors=color, widths=width, aggregation_policy=AGGREGATION,
+            interpolation_mode=STEPS if steps else None), 1)
+
+    def estimate(self, path: str, name: str, color: Color) -> Track:
+        """Return the track of an estimate with its lower and upper bound."""
+        bound = dimmed(color)
+        return self._track(path, rr.SeriesLines(
+            names=[name, f'{name} - {SIGMAS:g} σ', f'{name} + {SIGMAS:g} σ'],
+            colors=[color, bound, bound], widths=[LINE_WIDTH, BOUND_WIDTH, BOUND_WIDTH],
+            aggregation_policy=AGGREGATION), 3)
+
+    def points(self, path: str, name: str, color: Color, *, marker: str = 'circle',
+               size: float = 3.0) -> Track:
+        """Return the track of single points."""
+        return self._track(path, rr.SeriesPoints(
+            names=name, colors=color, markers=marker, marker_sizes=size), 1)
+
+    def _track(self, path: str, style: rr.SeriesLines | rr.SeriesPoints, width: int) -> Track:
+        return self._tracks.setdefault(path, Track(path, style, width))
+
+    def shape(self, path: str, stamp_ns: int, *shapes: rr.AsComponents) -> None:
+        """Show ``shapes`` from an instant on, until the next ones at the same path."""
+        self.stream.set_time(TIMELINE, duration=self._since_origin([stamp_ns])[0])
+        self.stream.log(path, *shapes)
+
+    def static(self, path: str, *shapes: rr.AsComponents) -> None:
+        """Show ``shapes`` at all times."""
+        self.stream.log(path, *shapes, static=True)
+
+    def flush(self) -> None:
+        """Send all values; returns when they have left this process."""
+        for path, track in self._tracks.items():
+            stamps, values = track.take()
+            if stamps:
+                self._send(path, track, stamps, np.array(values))
+        self.stream.flush()
+
+    def _send(self, path: str, track: Track, stamps: Sequence[int],
+              values: np.ndarray[tuple[int], np.dtype[np.float64]]) -> None:
+        if path not in self._described:
+            self._described.add(path)
+            self.static(path, track.style)
+        columns = rr.Scalars.columns(scalars=values)
+        if track.width > 1:
+            columns = columns.partition(np.full(len(stamps), track.width))
+        times = rr.TimeColumn(TIMELINE, duration=self._since_origin(stamps))
+        self.stream.send_columns(path, indexes=[times], columns=columns)
+
+    def _since_origin(self, stamps: Sequence[int]) -> np.ndarray[
+            tuple[int], np.dtype[np.timedelta64]]:
+        if self._origin_ns is None:
+            self._origin_ns = min(stamps)
+        return (np.array(stamps, np.int64) - self._origin_ns).astype('timedelta64[ns]')
+
+
+def finite(estimate: Uncertain) -> bool:
+    """Return whether value and sigma are known."""
+    return math.isfinite(estimate.value) and math.isfinite(estimate.sigma)
