@@ -40,10 +40,12 @@ from smart_tire.bags.storage import add_warning, Channel, Message
 from smart_tire.bags.topic_names import candidates, match_by_name, STANDARD_NAMES, TopicNames
 from smart_tire.errors import MessageError
 from smart_tire.messages import (
-    find_topic, OtherJointsError, resolved_joints, TOPICS, wheels_from_msg)
+    find_topic, NodeStatus, OtherJointsError, resolved_joints, stamp_of, statuses_from_msg, TOPICS,
+    wheels_from_msg)
 from smart_tire.parameters import JointParams, STANDARD_JOINTS
 from smart_tire.samples import NS_PER_S, Sample, WheelSample
 
+DIAGNOSTICS, DIAGNOSTICS_TYPE = 'diagnostics', 'diagnostic_msgs/msg/DiagnosticArray'
 PARAMETERS_KEY = 'smart_tire.parameters'  # of the custom data: text of a ROS parameter file
 WHEELS_TOPIC = 'wheel_states'
 # Topics that are recognized by their type, and what else must hold.
@@ -210,6 +212,22 @@ class Bag:
             if duties and isinstance(sample, WheelSample):
                 sample = replace(sample, effort=None)
             yield receive_ns, contract, sample
+
+    def statuses(self) -> Iterator[tuple[int, NodeStatus]]:
+        """Yield the diagnostic statuses of all nodes with their timestamps [ns]."""
+        names = {name for name, topic in self.topics.items()
+                 if name.rpartition('/')[2] == DIAGNOSTICS
+                 and topic.channel.type == DIAGNOSTICS_TYPE and topic.channel.encoding == 'cdr'}
+        read = Decoder(DIAGNOSTICS_TYPE)
+        for _, channel, data in self.raw(names) if names else ():
+            try:
+                msg = read(data)
+            except MessageError as error:
+                self.rejected[channel.topic] += 1
+                self.reasons.setdefault(channel.topic, str(error))
+            else:
+                stamp_ns = stamp_of(msg)
+                yield from ((stamp_ns, status) for status in statuses_from_msg(msg))
 
     def _samples(self, found: Mapping[str, str], *,
                  count_rejected: bool) -> Iterator[tuple[int, str, Sample]]:

@@ -41,7 +41,8 @@ def isolated_environment() -> dict[str, str]:
             'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST', 'PYTHONUNBUFFERED': '1'}
 
 
-def _end_with_parent() -> None:
+def end_with_parent() -> None:
+    """Make the calling process end with its parent; for ``preexec_fn`` of a child."""
     ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
@@ -78,7 +79,7 @@ class Stack:
             self.processes[name] = subprocess.Popen(
                 [sys.executable, '-m', module, *arguments], env=self._environment,
                 stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
-                start_new_session=True, preexec_fn=_end_with_parent)
+                start_new_session=True, preexec_fn=end_with_parent)
 
     def log(self, name: str) -> str:
         """Return the output of a process."""

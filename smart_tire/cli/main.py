@@ -41,6 +41,7 @@ VERBS = {
     'replay': 'publish the messages of a bag',
     'recover': 'repair a truncated or damaged bag',
     'analyze': 'run the estimators on bags; write estimates, summary and figures',
+    'view': 'show a bag or live topics in the rerun viewer',
     'report': 'run the estimators on bags; write one HTML file with interactive figures',
     'doctor': 'check a recording, or the ports, host and nodes of a robot',
     'status': 'show the state of all nodes and topics',
@@ -143,6 +144,8 @@ def install_hint(module: str) -> str:
     """Return how to install a missing module."""
     if module.split('.')[0].endswith(ROS_PACKAGE_SUFFIXES):
         return 'source a ROS 2 distribution, or pip install smart_tire[ros]'
+    if module.split('.')[0] in ('rerun', 'rerun_cli'):
+        return 'pip install smart_tire[view]'
     return 'pip install smart_tire installs all dependencies'
 
 

@@ -21,6 +21,7 @@ MessageError, naming topic and field, for a message that docs/topics.md does not
 ``x_to_msg`` writes a sample into a message, new or written by it before, and returns it.
 """
 
+from smart_tire.messages.diagnostics import NodeStatus, statuses_from_msg
 from smart_tire.messages.header import set_header, stamp_of
 from smart_tire.messages.joint_names import OtherJointsError, recognized_joints, resolved_joints
 from smart_tire.messages.joint_state import (
@@ -38,8 +39,9 @@ __all__ = [
     'battery_from_msg', 'battery_to_msg', 'film_names', 'find_topic', 'friction_from_msg',
     'friction_to_msg', 'ground_state_from_msg', 'ground_state_to_msg', 'icr_from_msg',
     'icr_to_msg', 'imu_from_msg', 'imu_mounting_to_msg', 'imu_to_msg', 'motor_command_from_msg',
-    'motor_command_to_msg', 'odometry_from_msg', 'odometry_to_msg', 'OtherJointsError',
-    'recognized_joints', 'resolved_joints', 'set_header', 'stamp_of', 'tire_from_msg',
-    'tire_to_msg', 'Topic', 'topic_of', 'TOPICS', 'transform_to_msg', 'velocity_from_msg',
-    'velocity_to_msg', 'wheel_command_from_msg', 'wheel_command_to_msg', 'wheel_slip_from_msg',
-    'wheel_slip_to_msg', 'wheels_from_msg', 'wheels_to_msg']
+    'motor_command_to_msg', 'NodeStatus', 'odometry_from_msg', 'odometry_to_msg',
+    'OtherJointsError', 'recognized_joints', 'resolved_joints', 'set_header', 'stamp_of',
+    'statuses_from_msg', 'tire_from_msg', 'tire_to_msg', 'Topic', 'topic_of', 'TOPICS',
+    'transform_to_msg', 'velocity_from_msg', 'velocity_to_msg', 'wheel_command_from_msg',
+    'wheel_command_to_msg', 'wheel_slip_from_msg', 'wheel_slip_to_msg', 'wheels_from_msg',
+    'wheels_to_msg']

@@ -22,10 +22,12 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 
-from smart_tire.messages import TOPICS
+from smart_tire.messages import NodeStatus, statuses_from_msg, TOPICS
 from smart_tire.nodes.base import SmartTireNode
 from smart_tire.nodes.qos import subscriber_qos
 from smart_tire.samples import Sample, WHEELS
+
+__all__ = ['Listener', 'ListenerParams', 'NodeStatus', 'OnSample', 'OnStatus']
 
 WITH_MANY_WHEELS = 'tire_samples', 'tire_friction'  # topics that several wheels share
 
@@ -33,16 +35,6 @@ WITH_MANY_WHEELS = 'tire_samples', 'tire_friction'  # topics that several wheels
 @dataclass(frozen=True, kw_only=True)
 class ListenerParams:
     """No ROS parameters."""
-
-
-@dataclass(frozen=True)
-class NodeStatus:
-    """Diagnostic status of a node."""
-
-    name: str               # fully qualified, without the leading slash
-    level: int              # DiagnosticStatus: 0 OK, 1 warning, 2 error, 3 stale
-    message: str
-    values: dict[str, str]
 
 
 OnSample = Callable[[str, Sample], None]
@@ -72,8 +64,5 @@ class Listener(SmartTireNode[ListenerParams]):
         return lambda sample: on_sample(topic, sample)
 
     def _on_diagnostics(self, msg: Any) -> None:
-        for status in msg.status:
-            level = status.level  # a byte
-            self._on_status(NodeStatus(
-                status.name, level[0] if isinstance(level, bytes) else int(level), status.message,
-                {item.key: item.value for item in status.values}))
+        for status in statuses_from_msg(msg):
+            self._on_status(status)

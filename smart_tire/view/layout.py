@@ -46,7 +46,7 @@ class Layout:
             rrb.Tabs(self._overview(), self._contact(), self._motion(), self._ground(),
                      self._links(), self._sensors(), active_tab=0),
             rrb.BlueprintPanel(state='collapsed'), rrb.SelectionPanel(state='collapsed'),
-            rrb.TimePanel(state='collapsed', timeline=TIMELINE, play_state='following'),
+            rrb.TimePanel(state='expanded', timeline=TIMELINE, play_state='following'),
             auto_layout=False, auto_views=False)
 
     def _overview(self) -> rrb.Container:
@@ -121,7 +121,7 @@ class Layout:
         history = rrb.VisibleTimeRanges([rrb.VisibleTimeRange(
             TIMELINE, start=start, end=rrb.TimeRangeBoundary.cursor_relative())])
         return rrb.Spatial2DView(
-            origin='path', name='Path [m]: estimate (blue), truth (white)',
+            origin='path', name='Path [m]: estimate (blue), truth (gray)',
             overrides={path: history for path in ('path/estimate', 'path/truth')})
 
     def _forces(self) -> rrb.View:

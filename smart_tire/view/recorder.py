@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 import math
 
 import numpy as np
@@ -28,14 +28,15 @@ from smart_tire.view.style import BOUND_WIDTH, Color, dimmed, LINE_WIDTH, SIGMAS
 
 # Where several samples share a pixel, a peak of one sample remains visible.
 AGGREGATION = rr.components.AggregationPolicy.MinMax
+Style = Callable[[], rr.SeriesLines | rr.SeriesPoints]
 STEPS = rr.components.InterpolationMode.StepAfter
 
 
 class Track:
     """Values of the series of one entity since they were last sent."""
 
-    def __init__(self, path: str, style: rr.SeriesLines | rr.SeriesPoints, width: int) -> None:
-        self.path, self.style, self.width = path, style, width
+    def __init__(self, style: Style, width: int) -> None:
+        self.style, self.width = style, width
         self._stamps, self._values = array('q'), array('d')
 
     def add(self, stamp_ns: int, *values: float) -> None:
@@ -71,14 +72,14 @@ class Recorder:
     def line(self, path: str, name: str, color: Color, *, steps: bool = False,
              width: float = LINE_WIDTH) -> Track:
         """Return the track of a line."""
-        return self._track(path, rr.SeriesLines(
+        return self._track(path, lambda: rr.SeriesLines(
             names=name, colors=color, widths=width, aggregation_policy=AGGREGATION,
             interpolation_mode=STEPS if steps else None), 1)
 
     def estimate(self, path: str, name: str, color: Color) -> Track:
         """Return the track of an estimate with its lower and upper bound."""
         bound = dimmed(color)
-        return self._track(path, rr.SeriesLines(
+        return self._track(path, lambda: rr.SeriesLines(
             names=[name, f'{name} - {SIGMAS:g} σ', f'{name} + {SIGMAS:g} σ'],
             colors=[color, bound, bound], widths=[LINE_WIDTH, BOUND_WIDTH, BOUND_WIDTH],
             aggregation_policy=AGGREGATION), 3)
@@ -86,11 +87,13 @@ class Recorder:
     def points(self, path: str, name: str, color: Color, *, marker: str = 'circle',
                size: float = 3.0) -> Track:
         """Return the track of single points."""
-        return self._track(path, rr.SeriesPoints(
+        return self._track(path, lambda: rr.SeriesPoints(
             names=name, colors=color, markers=marker, marker_sizes=size), 1)
 
-    def _track(self, path: str, style: rr.SeriesLines | rr.SeriesPoints, width: int) -> Track:
-        return self._tracks.setdefault(path, Track(path, style, width))
+    def _track(self, path: str, style: Style, width: int) -> Track:
+        if path not in self._tracks:
+            self._tracks[path] = Track(style, width)
+        return self._tracks[path]
 
     def shape(self, path: str, stamp_ns: int, *shapes: rr.AsComponents) -> None:
         """Show ``shapes`` from an instant on, until the next ones at the same path."""
@@ -113,7 +116,7 @@ class Recorder:
               values: np.ndarray[tuple[int], np.dtype[np.float64]]) -> None:
         if path not in self._described:
             self._described.add(path)
-            self.static(path, track.style)
+            self.static(path, track.style())
         columns = rr.Scalars.columns(scalars=values)
         if track.width > 1:
             columns = columns.partition(np.full(len(stamps), track.width))

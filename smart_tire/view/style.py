@@ -27,14 +27,14 @@ SIGMAS = 2.0       # of the bounds around an estimate
 WHEEL_COLORS: dict[str, Color] = dict(zip(WHEELS, (
     (86, 180, 233), (230, 159, 0), (0, 158, 115), (204, 121, 167))))
 ESTIMATE: Color = (86, 180, 233)
-TRUTH: Color = (235, 235, 235)
-COMMAND: Color = (240, 228, 66)
+TRUTH: Color = (128, 128, 128)  # visible on dark and on light background
+COMMAND: Color = (213, 94, 0)
 AXIS: Color = (110, 110, 110)
 WARNING: Color = (213, 94, 0)
 FILM_COLORS: tuple[Color, ...] = ((86, 180, 233), (230, 159, 0), (0, 158, 115), (204, 121, 167))
 XYZ_COLORS: tuple[Color, ...] = ((220, 80, 80), (90, 200, 90), (90, 130, 250))
 NODE_COLORS: tuple[Color, ...] = (
-    (86, 180, 233), (230, 159, 0), (0, 158, 115), (204, 121, 167), (213, 94, 0), (240, 228, 66),
+    (86, 180, 233), (230, 159, 0), (0, 158, 115), (204, 121, 167), (213, 94, 0), (0, 114, 178),
     (150, 150, 255), (190, 190, 190), (160, 110, 60))
 
 LINE_WIDTH, BOUND_WIDTH = 2.0, 0.75  # points of the screen
