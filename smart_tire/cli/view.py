@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from functools import partial
 import os
@@ -32,8 +32,11 @@ from smart_tire.cli._processes import end_with_parent
 
 if TYPE_CHECKING:
     from smart_tire.analysis.pipeline import EstimatorParams
+    from smart_tire.view.bag import Recording
     from smart_tire.view.scene import Scene
     from smart_tire.view.viewer import Viewer
+
+    Show = Callable[[Scene, Viewer | None], int]
 
 NAME = 'view'
 HELP = 'show a bag, or live topics, in the rerun viewer; needs no ROS distribution'
@@ -85,7 +88,7 @@ def run(args: argparse.Namespace) -> int:
     from smart_tire.bags import Bag
     Bag(recording.bag).close()  # an error before the viewer appears
     return _with_viewer(args, recording.bag.resolve().name, params,
-                        partial(_show_bag, args, recording))
+                        partial(_show_bag, args, recording, params))
 
 
 def has_display(environment: Mapping[str, str]) -> bool:
@@ -93,7 +96,8 @@ def has_display(environment: Mapping[str, str]) -> bool:
     return bool(environment.get('DISPLAY') or environment.get('WAYLAND_DISPLAY'))
 
 
-def _with_viewer(args: argparse.Namespace, name: str, params: EstimatorParams, show) -> int:
+def _with_viewer(args: argparse.Namespace, name: str, params: EstimatorParams,
+                 show: Show) -> int:
     """Start the viewer, call ``show(scene, viewer)`` and stop a viewer for browsers."""
     from smart_tire.view.layout import Layout
     from smart_tire.view.scene import Scene
@@ -107,11 +111,11 @@ def _with_viewer(args: argparse.Namespace, name: str, params: EstimatorParams, s
             if web:
                 stack.enter_context(viewer)
                 print(f'viewer: {viewer.address.page} (Ctrl-C ends it)', flush=True)
+                if display:
+                    webbrowser.open(viewer.address.page)
         layout = Layout(params.robot.film.wheels, live=args.live)
         stream = open_stream(name, layout.blueprint(), file=args.save,
                              address=viewer.address.stream if viewer else None)
-        if web and display:
-            webbrowser.open(viewer.address.page)
         status = show(Scene(stream, params.friction, fit=not args.no_fit), viewer)
         stream.disconnect()
         if args.save is not None:
@@ -119,12 +123,11 @@ def _with_viewer(args: argparse.Namespace, name: str, params: EstimatorParams, s
         return status
 
 
-def _show_bag(args: argparse.Namespace, recording, scene: Scene, viewer: Viewer | None) -> int:
+def _show_bag(args: argparse.Namespace, recording: Recording, params: EstimatorParams,
+              scene: Scene, viewer: Viewer | None) -> int:
     """Show a recording; wait while a viewer for browsers is served."""
-    from smart_tire.analysis.pipeline import EstimatorParams
     from smart_tire.cli.analyze import shown_progress
     from smart_tire.view.bag import show
-    params = EstimatorParams.load([*recording.params, *args.params])
     with shown_progress(recording.bag.name) as progress:
         show(recording, scene, params, estimate=args.estimate,
              describe=partial(print, flush=True), progress=progress)

@@ -31,7 +31,7 @@ from smart_tire.messages import topic_of
 from smart_tire.samples import Sample
 from smart_tire.view.scene import Scene
 
-FLUSH_SAMPLES = 5000  # between two transmissions to the viewer
+FLUSH_SAMPLES = 20_000  # between two transmissions to the viewer
 REQUIRED = 'odom', 'wheel_slip'  # without these a bag has no estimates to show
 
 Progress = Callable[[float], None]  # is called with the completed share, 0 to 1

@@ -27,7 +27,7 @@ from smart_tire.estimation.friction.estimator import EvaluatedCrossing, Friction
 from smart_tire.estimation.friction.fitted_waveform import fitted_waveforms
 from smart_tire.parameters import FrictionEstimatorParams
 from smart_tire.parameters.robot import RobotParams
-from smart_tire.samples import Friction, NS_PER_S, Sample, TireSample
+from smart_tire.samples import Friction, Sample, TireSample
 from smart_tire.uncertain import Uncertain
 from smart_tire.view.recorder import finite, Recorder, Track
 from smart_tire.view.style import AXIS, FILM_COLORS
@@ -39,7 +39,7 @@ MM_PER_M = 1e3
 MM_PER_V = 30.0      # vertical scale of a crossing
 REACH = 60.0         # mm, on either side of the center of the patch
 VOLTS = np.arange(-1.5, 1.6, 0.5)   # V, ticks
-PLACES = np.arange(-60.0, 61.0, 20.0)  # mm, ticks
+PLACES = np.arange(-60.0, 61.0, 30.0)  # mm, ticks
 
 OnChange = Callable[[Friction], None]
 

@@ -17,8 +17,10 @@
 from __future__ import annotations
 
 from smart_tire.samples import Friction, GroundState
-from smart_tire.view.recorder import finite, Recorder
-from smart_tire.view.style import dimmed, ESTIMATE, TRUTH, WARNING, WHEEL_COLORS
+from smart_tire.view.recorder import finite, Marker, Recorder
+from smart_tire.view.style import dimmed, ESTIMATE, SIGMAS, TRUTH, WARNING, WHEEL_COLORS
+
+BOUND_MARKERS: tuple[tuple[float, Marker], ...] = ((-SIGMAS, 'down'), (SIGMAS, 'up'))
 
 
 class FrictionLayer:
@@ -32,9 +34,9 @@ class FrictionLayer:
             f'friction/{wheel}/single', f'{wheel}, single crossing [-]', color)
             for wheel, color in colors}
         self._single_bounds = {(wheel, sign): recorder.points(
-            f'friction/{wheel}/single_{name}', f'{wheel}, single {name} [-]', dimmed(color),
-            marker=name, size=2.0)
-            for wheel, color in colors for sign, name in ((-2.0, 'down'), (2.0, 'up'))}
+            f'friction/{wheel}/single_bound/{name}', f'{wheel}, single {sign:+g} σ [-]',
+            dimmed(color), marker=name, size=2.0)
+            for wheel, color in colors for sign, name in BOUND_MARKERS}
         self._truths = {wheel: recorder.line(
             f'friction/{wheel}/truth', f'{wheel}, truth [-]', TRUTH, steps=True)
             for wheel, color in colors}
@@ -57,7 +59,7 @@ class FrictionLayer:
         self._fused[wheel].add_estimate(stamp_ns, *sample.friction_coefficient)
         if finite(single := sample.friction_coefficient_single):
             self._single[wheel].add(stamp_ns, single.value)
-            for sign in (-2.0, 2.0):
+            for sign, _ in BOUND_MARKERS:
                 self._single_bounds[wheel, sign].add(
                     stamp_ns, single.value + sign * single.sigma)
         if finite(sample.traction_force):

@@ -46,18 +46,20 @@ class Layout:
             rrb.Tabs(self._overview(), self._contact(), self._motion(), self._ground(),
                      self._links(), self._sensors(), active_tab=0),
             rrb.BlueprintPanel(state='collapsed'), rrb.SelectionPanel(state='collapsed'),
-            rrb.TimePanel(state='expanded', timeline=TIMELINE, play_state='following'),
+            rrb.TimePanel(state='collapsed', timeline=TIMELINE, play_state='following'),
             auto_layout=False, auto_views=False)
 
     def _overview(self) -> rrb.Container:
         front = self._films[:2]
         return rrb.Grid(
-            *(self._slip(wheel) for wheel in WHEELS[:2]), self._friction(), self._path(),
-            *(self._slip(wheel) for wheel in WHEELS[2:]), self._stiffness(), self._forces(),
+            *(self._slip(wheel) for wheel in WHEELS[:2]), self._friction(legend=False),
+            self._path(), *(self._slip(wheel) for wheel in WHEELS[2:]),
+            self._stiffness(legend=False), self._forces(),
             *(self._crossing(wheel) for wheel in front),
-            *([self._plot('Commands: velocity [m/s]', 'body/velocity')] * (len(front) < 2)),
-            self._plot('Commands and wheel speeds [rad/s]', 'wheels', contents=(
-                'wheels/speed/**', 'wheels/set_point/**')),
+            *([self._plot('Velocity v_x: cmd_vel, estimate [m/s]', 'body/velocity')]
+              * (len(front) < 2)),
+            self._plot('Wheels: set points (steps), speeds [rad/s]', 'wheels', contents=(
+                '/wheels/speed/**', '/wheels/set_point/**'), legend=False),
             self._counts(), grid_columns=4, name='Overview')
 
     def _contact(self) -> rrb.Container:
@@ -104,29 +106,30 @@ class Layout:
             self._plot('Batteries of the sensor nodes [V]', 'battery'), name='Sensors')
 
     def _slip(self, wheel: str) -> rrb.View:
-        return self._plot(f'Slip, {wheel} [-], {BOUNDS}', f'slip/{wheel}')
+        return self._plot(f'Slip, {wheel} [-], {BOUNDS}; truth (gray)', f'slip/{wheel}',
+                          legend=False)
 
-    def _friction(self) -> rrb.View:
-        return self._plot('Friction coefficient mu [-]: fused (lines, '
-                          f'{BOUNDS}), single crossings (points)', 'friction', low=0.0, high=1.2)
+    def _friction(self, *, legend: bool = True) -> rrb.View:
+        return self._plot(f'Friction mu [-]: fused {BOUNDS} (lines), single (points)', 'friction',
+                          bounds=(0.0, 1.2), legend=legend)
 
-    def _stiffness(self) -> rrb.View:
-        return self._plot(f'Stiffness C_x of the ground [N], {BOUNDS}', 'stiffness')
+    def _stiffness(self, *, legend: bool = True) -> rrb.View:
+        return self._plot(f'Stiffness C_x of the ground [N], {BOUNDS}', 'stiffness', legend=legend)
 
     def _counts(self) -> rrb.View:
         return self._plot('Lost, bad and late, all nodes [-]', 'links/total')
 
     def _path(self) -> rrb.View:
-        start = (rrb.TimeRangeBoundary.infinite())
         history = rrb.VisibleTimeRanges([rrb.VisibleTimeRange(
-            TIMELINE, start=start, end=rrb.TimeRangeBoundary.cursor_relative())])
+            TIMELINE, start=rrb.TimeRangeBoundary.infinite(),
+            end=rrb.TimeRangeBoundary.cursor_relative())])
         return rrb.Spatial2DView(
             origin='path', name='Path [m]: estimate (blue), truth (gray)',
-            overrides={path: history for path in ('path/estimate', 'path/truth')})
+            overrides=dict.fromkeys(('path/estimate', 'path/truth'), history))
 
     def _forces(self) -> rrb.View:
         return rrb.Spatial2DView(
-            origin='forces', name='Forces of the ground and friction circles [N], forward is up',
+            origin='forces', name='Friction circles and forces [N], forward is up',
             visual_bounds=rrb.VisualBounds2D(x_range=(-WIDE, WIDE), y_range=(-WIDE, WIDE)))
 
     @staticmethod
@@ -135,16 +138,14 @@ class Layout:
             origin=f'contact/{wheel}', visual_bounds=rrb.VisualBounds2D(
                 x_range=(-CONTACT_WIDTH, CONTACT_WIDTH),
                 y_range=(-CONTACT_HEIGHT, CONTACT_HEIGHT)),
-            name=f'Latest crossing, {wheel}: voltage [V] over film position [mm], '
-                 'samples (points) and fit (lines)')
+            name=f'Crossing, {wheel}: V over mm, samples and fit')
 
-    def _plot(self, name: str, origin: str, *, contents: Sequence[str] = (), low: float | None = None,
-              high: float | None = None) -> rrb.View:
+    def _plot(self, name: str, origin: str, *, contents: Sequence[str] = ('$origin/**',),
+              bounds: tuple[float, float] | None = None, legend: bool = True) -> rrb.View:
         span = [rrb.VisibleTimeRange(
             TIMELINE, start=rrb.TimeRangeBoundary.cursor_relative(seconds=-LIVE_SPAN),
             end=rrb.TimeRangeBoundary.cursor_relative())] if self._live else None
         return rrb.TimeSeriesView(
-            origin=origin, name=name, time_ranges=span,
-            **({'contents': [f'/{path}' for path in contents]} if contents else {}),
-            plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop),
-            axis_y=None if low is None or high is None else rrb.ScalarAxis(range=(low, high)))
+            origin=origin, name=name, time_ranges=span, contents=list(contents),
+            plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop, visible=legend),
+            axis_y=None if bounds is None else rrb.ScalarAxis(range=bounds))

@@ -32,7 +32,7 @@ MIN_STEP = 0.005            # m between two points of the path
 ROBOT_LENGTH = 0.3          # m, of the arrow that shows the pose
 ELLIPSE = np.linspace(0.0, math.tau, 33)
 GRID_STEPS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0)  # m
-MAX_GRID_LINES = 12
+MAX_GRID_LINES = 6
 COVARIANCE_XY = (0, 1, 6, 7)  # in the row-major 6x6 covariance of the pose
 
 
@@ -161,7 +161,7 @@ class PathLayer:
         lines = [*([(x, bottom), (x, top)] for x in columns),
                  *([(left, y), (right, y)] for y in rows)]
         self._recorder.static('path/grid', rr.LineStrips2D(
-            on_screen(np.array(lines)), colors=(*AXIS, 110), radii=rr.Radius.ui_points(0.5)))
+            list(on_screen(np.array(lines))), colors=(*AXIS, 110), radii=rr.Radius.ui_points(0.5)))
         ticks = [*((x, bottom) for x in columns), *((left, y) for y in rows)]
         labels = [*(f'{x:g} m' for x in columns), *(f'{y:g} m' for y in rows)]
         self._recorder.static('path/ticks', rr.Points2D(

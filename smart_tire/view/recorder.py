@@ -19,6 +19,7 @@ from __future__ import annotations
 from array import array
 from collections.abc import Callable, Sequence
 import math
+from typing import Literal
 
 import numpy as np
 import rerun as rr
@@ -28,6 +29,7 @@ from smart_tire.view.style import BOUND_WIDTH, Color, dimmed, LINE_WIDTH, SIGMAS
 
 # Where several samples share a pixel, a peak of one sample remains visible.
 AGGREGATION = rr.components.AggregationPolicy.MinMax
+Marker = Literal['circle', 'diamond', 'down', 'up']
 Style = Callable[[], rr.SeriesLines | rr.SeriesPoints]
 STEPS = rr.components.InterpolationMode.StepAfter
 
@@ -84,7 +86,7 @@ class Recorder:
             colors=[color, bound, bound], widths=[LINE_WIDTH, BOUND_WIDTH, BOUND_WIDTH],
             aggregation_policy=AGGREGATION), 3)
 
-    def points(self, path: str, name: str, color: Color, *, marker: str = 'circle',
+    def points(self, path: str, name: str, color: Color, *, marker: Marker = 'circle',
                size: float = 3.0) -> Track:
         """Return the track of single points."""
         return self._track(path, lambda: rr.SeriesPoints(

@@ -23,6 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib.util import find_spec
 import os
 from pathlib import Path
 import socket
@@ -33,7 +34,6 @@ from urllib.parse import quote
 
 import rerun as rr
 import rerun.blueprint as rrb
-import rerun_cli
 
 from smart_tire.errors import SmartTireError
 
@@ -78,12 +78,12 @@ class Viewer:
         """
         grpc = free_port(GRPC_PORT)
         self.address = Address(grpc, free_port(WEB_PORT, grpc) if web else None)
-        self._log = tempfile.TemporaryFile()
+        self._log = tempfile.TemporaryFile()  # noqa: SIM115 (as long as the viewer)
         options = (['--serve-web', '--web-viewer-port', str(self.address.web)] if web
                    else ['--expect-data-soon', '--hide-welcome-screen'])
         # A session of its own: Ctrl-C ends the program that streams, not a viewer with its data.
         self._process = subprocess.Popen(
-            [str(Path(rerun_cli.__file__).with_name('rerun')), '--bind', LOOPBACK,
+            [_program(), '--bind', LOOPBACK,
              '--port', str(grpc), '--server-memory-limit', MEMORY_LIMIT, *options],
             env={**os.environ, 'RERUN_APP_ONLY': 'true'}, stdin=subprocess.DEVNULL,
             stdout=self._log, stderr=self._log, start_new_session=True, preexec_fn=prepare)
@@ -158,6 +158,14 @@ def free_port(wanted: int, *taken: int) -> int:
             if found not in taken:
                 return found
     raise ViewError('no free TCP port')
+
+
+def _program() -> str:
+    """Return the path of the viewer that comes with rerun."""
+    spec = find_spec('rerun_cli')
+    if spec is None or spec.origin is None:
+        raise ViewError('rerun is installed without its viewer: pip install rerun-sdk')
+    return str(Path(spec.origin).with_name('rerun'))
 
 
 def _accepts(port: int) -> bool:
