@@ -128,12 +128,12 @@ class CrossingLayer:
         self.fits += bool(waveforms)
         colors = [FILM_COLORS[one.film % len(FILM_COLORS)] for one in waveforms]
         counts = [len(one.position) for one in waveforms]
-        self._recorder.shape(f'{base}/measured', stamp_ns, rr.Points2D(
+        # one entity, so that samples and fit are always those of the same crossing
+        self._recorder.shape(f'{base}/waveforms', stamp_ns, rr.Points2D(
             np.concatenate([_plot(one.position, one.volts) for one in waveforms]
                            or [np.empty((0, 2))]),
             colors=np.repeat(np.array(colors, np.uint8).reshape(-1, 3), counts, axis=0),
-            radii=rr.Radius.ui_points(2.5)))
-        self._recorder.shape(f'{base}/fit', stamp_ns, rr.LineStrips2D(
+            radii=rr.Radius.ui_points(2.5)), rr.LineStrips2D(
             [_plot(one.fit_position, one.fit_volts) for one in waveforms], colors=colors,
             labels=[f'film {one.film + 1}, fit' for one in waveforms], show_labels=False,
             radii=rr.Radius.ui_points(1.0)))
@@ -153,8 +153,8 @@ def draw_axes(recorder: Recorder, base: str, robot: RobotParams) -> None:
     recorder.static(f'{base}/patch', rr.LineStrips2D(
         [[(x, top), (x, bottom)] for x in (-edge, edge)], colors=AXIS,
         radii=rr.Radius.ui_points(1.5), labels='edge of the patch', show_labels=False))
-    ticks = [*((-REACH, y) for y in volts), *((x, bottom) for x in PLACES)]
-    labels = [*(f'{value:+.1f} V' for value in VOLTS), *(f'{x:g} mm' for x in PLACES)]
+    ticks = [*((-REACH, y) for y in volts[1:]), *((x, bottom) for x in PLACES)]
+    labels = [*(f'{value:+.1f} V' for value in VOLTS[1:]), *(f'{x:g} mm' for x in PLACES)]
     recorder.static(f'{base}/ticks', rr.Points2D(
         ticks, labels=labels, show_labels=True, colors=AXIS, radii=rr.Radius.ui_points(1.0)))
 

@@ -32,7 +32,8 @@ from smart_tire.view.style import WHEEL_COLORS
 
 PERIOD_NS = 64_000_000      # between two evaluations
 MAX_AGE_NS = NS_PER_S // 10  # of the odometry
-PLACES = np.array([[-30.0, -30.0], [30.0, -30.0], [-30.0, 30.0], [30.0, 30.0]])  # N, on screen
+PLACES = np.array([[-50.0, -35.0], [50.0, -35.0], [-50.0, 30.0], [50.0, 30.0]])  # N, on screen
+LABEL_GAP = 6.0  # N, below a circle
 CIRCLE = np.linspace(0.0, math.tau, 49)
 
 
@@ -107,8 +108,10 @@ class ForceLayer:
         circle = np.stack([np.cos(CIRCLE), np.sin(CIRCLE)], axis=-1)
         self._recorder.shape('forces/circles', stamp_ns, rr.LineStrips2D(
             PLACES[:, np.newaxis] + limit[:, np.newaxis, np.newaxis] * circle, colors=colors,
+            radii=rr.Radius.ui_points(1.0)), rr.Points2D(
+            PLACES + np.stack([np.zeros(len(limit)), limit + LABEL_GAP], axis=-1), colors=colors,
             labels=[self._label(wheel, float(value)) for wheel, value in zip(WHEELS, limit)],
-            show_labels=True, radii=rr.Radius.ui_points(1.0)))
+            show_labels=True, radii=rr.Radius.ui_points(0.0)))
         # forward is up, left is left: both against the axes of the screen
         self._recorder.shape('forces/arrows', stamp_ns, rr.Arrows2D(
             vectors=-force[:, ::-1], origins=PLACES, colors=colors,
@@ -117,5 +120,5 @@ class ForceLayer:
 
     def _label(self, wheel: str, limit: float) -> str:
         source = self.source(wheel)
-        note = '' if source == wheel else f' (mu of {source})'
-        return f'{wheel}: mu F_z = {limit:.0f} N{note}'
+        note = '' if source == wheel else f'\nwith mu of {source}'
+        return f'{wheel}: mu F_z {limit:.0f} N{note}'

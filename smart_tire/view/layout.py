@@ -25,7 +25,7 @@ from smart_tire.view.style import SIGMAS, TIMELINE
 
 LIVE_SPAN = 30.0  # s, shown by the plots of live data
 BOUNDS = f'± {SIGMAS:g} σ'
-WIDE = 60.0       # N, half the size of the view of the friction circles
+WIDE = 65.0       # N, half the size of the view of the friction circles
 CONTACT_WIDTH, CONTACT_HEIGHT = 75.0, 55.0  # half the size of the view of a crossing
 
 

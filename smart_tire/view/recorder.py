@@ -61,15 +61,20 @@ class Recorder:
     """
     The stream of a recording.
 
-    Times in the viewer are those since ``origin_ns``, by default the first stamp. Nothing is sent
-    before ``flush``, except shapes and texts, which rerun itself collects.
+    Times in the viewer are those since the instant given to ``begin``. Nothing is sent before
+    ``flush``, except shapes and texts, which rerun itself collects.
     """
 
-    def __init__(self, stream: rr.RecordingStream, origin_ns: int | None = None) -> None:
+    def __init__(self, stream: rr.RecordingStream) -> None:
         self.stream = stream
-        self._origin_ns = origin_ns
+        self._origin_ns: int | None = None
         self._tracks: dict[str, Track] = {}
         self._described: set[str] = set()
+
+    def begin(self, stamp_ns: int) -> None:
+        """Set the origin of the times, if it is not set yet."""
+        if self._origin_ns is None:
+            self._origin_ns = stamp_ns
 
     def line(self, path: str, name: str, color: Color, *, steps: bool = False,
              width: float = LINE_WIDTH) -> Track:
@@ -127,9 +132,7 @@ class Recorder:
 
     def _since_origin(self, stamps: Sequence[int]) -> np.ndarray[
             tuple[int], np.dtype[np.timedelta64]]:
-        if self._origin_ns is None:
-            self._origin_ns = min(stamps)
-        return (np.array(stamps, np.int64) - self._origin_ns).astype('timedelta64[ns]')
+        return (np.array(stamps, np.int64) - (self._origin_ns or 0)).astype('timedelta64[ns]')
 
 
 def finite(estimate: Uncertain) -> bool:

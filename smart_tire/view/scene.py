@@ -79,11 +79,13 @@ class Scene:
 
     def add(self, topic: str, sample: Sample) -> None:
         """Show a sample; samples of topics that are not shown are ignored."""
+        self._recorder.begin(sample.stamp_ns)
         for handler in self._handlers.get(topic, ()):
             handler(sample)
 
     def add_status(self, stamp_ns: int, status: Status) -> None:
         """Show the diagnostic status of a node at a time [ns]."""
+        self._recorder.begin(stamp_ns)
         self._links.add(stamp_ns, status)
 
     def add_delay(self, stamp_ns: int, delay: float) -> None:
