@@ -32,9 +32,10 @@ endef
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
 .PHONY: help setup demo test lint check current mutants stop-times bench bench-slip \
-	bench-friction config docs clean
+	bench-friction config docs screenshots clean
 help:
 	@echo 'make demo            run the simulated robot and all nodes; results in demo_output/'
+	@echo 'make demo VIEW=1     the same, live in the viewer'
 	@echo 'make test            check style and types, run the tests'
 	@echo 'make lint            check style and types only'
 	@echo 'make check           make test with coverage, generated files, stop times, quick'
@@ -69,7 +70,8 @@ endif
 	@touch $@
 
 demo: $(READY)
-	$(BIN)/smart_tire demo --force
+	$(BIN)/smart_tire demo --force $(if $(VIEW),--view)
+	@echo 'to see the run: $(BIN)/smart_tire view demo_output'
 
 bench: $(READY)
 	$(BIN)/python -m benchmarks.load

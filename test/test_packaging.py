@@ -41,6 +41,7 @@ ROSDEP_KEYS = {  # top-level module -> its key in rosdep's python.yaml
 }
 PIP_NAMES = {'serial': 'pyserial', 'yaml': 'pyyaml'}  # where module and distribution differ
 WITHOUT_KEY = {'filterpy', 'lz4', 'mcap', 'plotly', 'rosbags', 'zstandard'}
+EXTRAS = {'rerun': ('view', 'rerun-sdk')}  # module -> extra and distribution with it
 OPTIONAL = {'tf2_msgs'}  # not among the wheels; used where it is installed
 ROS_SUFFIXES = ('_msgs', '_srvs', '_interfaces')
 
@@ -162,7 +163,9 @@ def test_every_message_package_is_declared_twice(setup_arguments):
 
 
 def test_every_library_is_declared_with_its_rosdep_key_or_as_having_none(setup_arguments):
-    used = {root for root in imported_roots() - {'smart_tire', 'rclpy'}
+    for extra, name in (EXTRAS[root] for root in imported_roots() & EXTRAS.keys()):
+        assert name in map(distribution, setup_arguments['extras_require'][extra])
+    used = {root for root in imported_roots() - {'smart_tire', 'rclpy', *EXTRAS}
             if root not in sys.stdlib_module_names and not root.endswith(ROS_SUFFIXES)}
     assert used <= ROSDEP_KEYS.keys() | WITHOUT_KEY
     assert {ROSDEP_KEYS[name] for name in used - WITHOUT_KEY} <= depends()

@@ -20,6 +20,7 @@ import argparse
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from importlib import import_module
 import json
 import os
 from pathlib import Path
@@ -35,6 +36,7 @@ from smart_tire.cli._heartbeat import heartbeat
 from smart_tire.cli._overwrite import (
     add_force, FIGURES, refuse_existing, refuse_existing_bag, remove, remove_bag)
 from smart_tire.cli._processes import isolated_environment, NODES, Stack
+from smart_tire.cli.view import ANNOUNCED
 
 if TYPE_CHECKING:
     from smart_tire.analysis.demo_report import Intervals
@@ -59,6 +61,7 @@ EXPECTED_TOPICS = (
     'ground_state', 'tire_friction', 'cmd_vel', 'wheel_commands', 'motor_commands',
     'ground_truth/odom', 'ground_truth/wheel_slip', 'ground_truth/tire_friction', '/diagnostics')
 PORTS = ('tire_radio', 'imu', 'motors')
+VIEWER = 'viewer'  # name of its process
 FILES = ('demo.yaml', 'conversions.csv', 'summary.json')
 
 
@@ -88,6 +91,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help='folder for bag, figures and summary (default: %(default)s)')
     parser.add_argument('--seed', type=int, default=1,
                         help='random seed of the simulation (default: %(default)s)')
+    parser.add_argument('--view', action='store_true',
+                        help='show the run in the rerun viewer, as "smart_tire view --live"')
     add_force(parser)
 
 
@@ -96,6 +101,8 @@ def run(args: argparse.Namespace) -> int:
     out: Path = args.out
     refuse_existing_bag(out / 'bag', force=args.force)
     refuse_existing([out / name for name in (*FILES, 'figures', 'logs')], force=args.force)
+    if args.view:
+        import_module('smart_tire.view.viewer')  # is it installed?
     # Importing rclpy may restart Python, so it must come before any child and any output.
     from smart_tire.nodes.demo_driver import DemoDriver
     from smart_tire.nodes.runner import NodeRunner
@@ -104,7 +111,7 @@ def run(args: argparse.Namespace) -> int:
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         params = _prepare(out, args.seed)
-        intervals = _drive(out, params, partial(NodeRunner, DemoDriver))
+        intervals = _drive(out, params, partial(NodeRunner, DemoDriver), view=args.view)
         print('evaluating the recording', flush=True)
         with heartbeat('smart_tire demo'):
             summary = evaluate(out / 'bag', params, intervals, EXPECTED_TOPICS,
@@ -122,7 +129,7 @@ def _prepare(out: Path, seed: int) -> Path:
     """Delete the results of an earlier demo and write the parameter file."""
     remove_bag(out / 'bag')
     remove(out / 'figures', FIGURES)
-    remove(out / 'logs', [f'{name}.log' for name in (*NODES, 'recorder')])
+    remove(out / 'logs', [f'{name}.log' for name in (*NODES, 'recorder', VIEWER)])
     remove(out / 'ports', PORTS)
     remove(out, FILES)
     out.mkdir(parents=True, exist_ok=True)
@@ -143,12 +150,15 @@ def _prepare(out: Path, seed: int) -> Path:
     return file
 
 
-def _drive(out: Path, params: Path, runner_class: Callable[[list[str]], Any]) -> Intervals:
+def _drive(out: Path, params: Path, runner_class: Callable[[list[str]], Any], *,
+           view: bool = False) -> Intervals:
     """Start all processes, drive the legs, stop all; return the time intervals of the legs."""
     environment = isolated_environment()
     os.environ.update(environment)  # the node runner is in this process
     with Stack(out / 'logs', environment) as stack:
         stack.start('recorder', 'smart_tire.cli.main', 'record', '--out', str(out / 'bag'))
+        if view:
+            _start_viewer(stack, params)
         for node in NODES:
             stack.node(node, [params])
         with runner_class(['--ros-args', '--params-file', str(params)]) as runner:
@@ -157,12 +167,24 @@ def _drive(out: Path, params: Path, runner_class: Callable[[list[str]], Any]) ->
                 intervals = _drive_legs(stack, runner, dashboard)
         _check_alive(stack)
         # Subscribers first, then the owner of the ports; the recorder last, to record all.
-        for names in (NODES[1:], NODES[:1], ('recorder',)):
+        for names in (NODES[1:], NODES[:1], ('recorder', *[VIEWER] * view)):
             for name, status in stack.stop(*names).items():
                 if status:
                     raise DemoError(f'{name} ended with status {status}\n{stack.tail(name)}')
     remove(out / 'ports', PORTS)
     return intervals
+
+
+def _start_viewer(stack: Stack, params: Path) -> None:
+    """Start the viewer in the environment of the nodes; print where it is."""
+    stack.start(VIEWER, 'smart_tire.cli.main', 'view', '--live', '--params', str(params))
+    deadline = time.monotonic() + START_TIMEOUT
+    while not (lines := [line for line in stack.log(VIEWER).splitlines()
+                         if line.startswith(ANNOUNCED)]):
+        if stack.died() or time.monotonic() > deadline:
+            raise DemoError(f'the viewer does not start\n{stack.tail(VIEWER)}')
+        time.sleep(DASHBOARD_PERIOD)
+    print(lines[0], flush=True)
 
 
 def _await_nodes(stack: Stack, runner: Any) -> None:
@@ -182,6 +204,8 @@ def _await_nodes(stack: Stack, runner: Any) -> None:
 
 def _check_alive(stack: Stack) -> None:
     for name, status in stack.died().items():
+        if name == VIEWER and not status:
+            continue  # closed by the user
         raise DemoError(f'{name} died with status {status}\n{stack.tail(name)}')
 
 
@@ -216,7 +240,8 @@ def _report(out: Path, summary: Tree) -> int:
     from smart_tire.analysis.demo_report import lines
     (out / 'summary.json').write_text(json.dumps(summary, indent=2) + '\n', encoding='utf-8')
     print('\n'.join(lines(summary)))
-    print(f'\nbag, figures and summary.json are in {out}/')
+    print(f'\nbag, figures and summary.json are in {out}/; to see the run: '
+          f'smart_tire view {out}')
     if summary['silent']:
         print(f'demo: no messages on {", ".join(summary["silent"])}', file=sys.stderr)
         return 1

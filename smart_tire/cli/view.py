@@ -42,6 +42,7 @@ NAME = 'view'
 HELP = 'show a bag, or live topics, in the rerun viewer; needs no ROS distribution'
 USAGE = 2            # exit status
 LIVE_NAME = 'live'
+ANNOUNCED = 'viewer: '  # start of the line that is printed when the viewer runs
 CHECK_PERIOD = 0.2   # s, in which a closed viewer is noticed
 
 
@@ -110,9 +111,10 @@ def _with_viewer(args: argparse.Namespace, name: str, params: EstimatorParams,
             viewer = Viewer(web=web, wait=time.sleep, prepare=end_with_parent if web else None)
             if web:
                 stack.enter_context(viewer)
-                print(f'viewer: {viewer.address.page} (Ctrl-C ends it)', flush=True)
-                if display:
-                    webbrowser.open(viewer.address.page)
+            print(f'{ANNOUNCED}{viewer.address.page} (Ctrl-C ends it)' if web
+                  else f'{ANNOUNCED}a window of its own', flush=True)
+            if web and display:
+                webbrowser.open(viewer.address.page)
         layout = Layout(params.robot.film.wheels, live=args.live)
         stream = open_stream(name, layout.blueprint(), file=args.save,
                              address=viewer.address.stream if viewer else None)
