@@ -71,7 +71,6 @@ endif
 
 demo: $(READY)
 	$(BIN)/smart_tire demo --force $(if $(VIEW),--view)
-	@echo 'to see the run: $(BIN)/smart_tire view demo_output'
 
 bench: $(READY)
 	$(BIN)/python -m benchmarks.load
@@ -137,6 +136,10 @@ config: $(READY)
 docs: $(READY)
 	$(BIN)/python docs/draw_architecture.py
 	$(BIN)/python docs/write_topics.py
+
+# Pictures of the viewer from the bag of a demo; requires playwright, pillow and Chromium.
+screenshots: $(READY)
+	$(BIN)/python docs/take_screenshots.py demo_output
 
 clean:
 	rm -rf .venv .venv-* build install log *.egg-info .coverage* .hypothesis .mypy_cache \

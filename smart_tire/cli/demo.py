@@ -235,13 +235,18 @@ def _drive_leg(stack: Stack, runner: Any, dashboard: Dashboard, leg: Leg, durati
         dashboard.update(leg.name, pilot)
 
 
+def _command() -> str:
+    """Return the command of this program, with its path if it was started with one."""
+    return sys.argv[0] if Path(sys.argv[0]).name == 'smart_tire' else 'smart_tire'
+
+
 def _report(out: Path, summary: Tree) -> int:
     """Write and print the summary; return 1 if an expected topic has no messages."""
     from smart_tire.analysis.demo_report import lines
     (out / 'summary.json').write_text(json.dumps(summary, indent=2) + '\n', encoding='utf-8')
     print('\n'.join(lines(summary)))
     print(f'\nbag, figures and summary.json are in {out}/; to see the run: '
-          f'smart_tire view {out}')
+          f'{_command()} view {out}')
     if summary['silent']:
         print(f'demo: no messages on {", ".join(summary["silent"])}', file=sys.stderr)
         return 1

@@ -1,0 +1,74 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Take the pictures of the viewer in ``docs/images`` from the output folder of a demo.
+
+Usage: ``python docs/take_screenshots.py demo_output``. Requires rerun, Chromium, and
+``pip install playwright pillow``.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+import shutil
+import sys
+import tempfile
+import time
+
+from PIL import Image
+from playwright.sync_api import sync_playwright
+
+from smart_tire.analysis.pipeline import EstimatorParams
+from smart_tire.view.bag import find_recording, show
+from smart_tire.view.layout import Layout
+from smart_tire.view.scene import Scene
+from smart_tire.view.viewer import open_stream, Viewer
+
+IMAGES = Path(__file__).resolve().parent / 'images'
+SIZE = {'width': 1920, 'height': 1080}
+TABS = {'view_bag': None, 'view_contact': 170}  # picture -> horizontal position of its tab
+LOADING_TIME, DRAWING_TIME = 150.0, 20.0  # s; without a GPU the viewer is slow
+COLORS = 64
+FLAGS = ('--no-sandbox', '--use-gl=angle', '--use-angle=swiftshader',
+         '--enable-unsafe-swiftshader', '--ignore-gpu-blocklist')
+
+
+def take(folder: Path) -> None:
+    """Serve the recording in ``folder`` and take all pictures."""
+    IMAGES.mkdir(exist_ok=True)
+    with tempfile.TemporaryDirectory() as scratch, sync_playwright() as tools, \
+            Viewer(web=True, wait=time.sleep) as viewer:
+        recording = find_recording(folder)
+        params = EstimatorParams.load(recording.params)
+        layout = Layout(params.robot.film.wheels, live=False)
+        stream = open_stream('demo', layout.blueprint(), address=viewer.address.stream)
+        show(recording, Scene(stream, params.friction), params, estimate=False, describe=print)
+        browser = tools.chromium.launch(executable_path=shutil.which('chromium'), args=FLAGS)
+        page = browser.new_page(viewport=SIZE, color_scheme='dark')
+        page.goto(viewer.address.page)
+        time.sleep(LOADING_TIME)
+        for name, tab in TABS.items():
+            if tab is not None:
+                page.mouse.click(tab, 50)
+                time.sleep(DRAWING_TIME)
+            page.screenshot(path=f'{scratch}/{name}.png')
+            with Image.open(f'{scratch}/{name}.png') as picture:
+                picture.convert('RGB').quantize(COLORS, dither=Image.Dither.NONE).save(
+                    IMAGES / f'{name}.png', optimize=True)
+        browser.close()
+
+
+if __name__ == '__main__':
+    take(Path(sys.argv[1]))

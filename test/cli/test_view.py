@@ -1,0 +1,78 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""``smart_tire view``: arguments, the recording as a file, live topics, missing rerun."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+import sys
+
+import pytest
+
+from smart_tire.bags import BagWriter
+from smart_tire.cli.main import install_hint, main
+from smart_tire.cli.view import has_display
+from smart_tire.samples import WheelSlip
+
+needs_rerun = pytest.mark.skipif(find_spec('rerun') is None, reason='rerun is not installed')
+SLIP = WheelSlip(1_000_000_000, (0.25,) * 4, (0.0,) * 4, (0.1,) * 4)
+
+
+@pytest.mark.parametrize('words', [[], ['a', '--live'], ['--live', '--estimate']])
+def test_either_a_bag_or_live_topics_are_shown(words, capsys):
+    assert main(['view', *words]) == 2
+    assert 'either BAG or --live' in capsys.readouterr().err
+
+
+@needs_rerun
+def test_a_recording_is_saved_without_a_viewer(tmp_path, capsys, monkeypatch):
+    from support.rerun_file import RerunFile
+    monkeypatch.setattr('smart_tire.view.viewer.Viewer', None)
+    bag, file = tmp_path / 'drive', tmp_path / 'drive.rrd'
+    with BagWriter(bag) as writer:
+        writer.write_sample('wheel_slip', 0, SLIP)
+        writer.write_sample('ground_truth/wheel_slip', 0, SLIP)
+    assert main(['view', str(bag), '--save', str(file), '--no-fit']) == 0
+    assert f'written to {file}' in capsys.readouterr().out
+    assert RerunFile(file).scalars('slip/rear_left/truth') == [(0, [0.25])]
+    assert main(['view', str(bag), '--save', str(file)]) == 2
+    assert 'exists' in capsys.readouterr().err
+
+
+@needs_rerun
+def test_a_missing_bag_is_reported_before_a_viewer_appears(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr('smart_tire.view.viewer.Viewer', None)
+    assert main(['view', str(tmp_path / 'none')]) == 2
+    assert 'no such file' in capsys.readouterr().err
+
+
+def test_a_missing_rerun_is_reported_with_the_command_that_installs_it(
+        tmp_path, capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, 'rerun', None)
+    for name in [name for name in sys.modules if name.startswith('smart_tire.view.')]:
+        monkeypatch.delitem(sys.modules, name)
+    bag = tmp_path / 'drive'
+    with BagWriter(bag) as writer:
+        writer.write_sample('wheel_slip', 0, SLIP)
+    assert main(['view', str(bag)]) == 1
+    assert 'rerun is not installed (pip install smart_tire[view])' in capsys.readouterr().err
+    assert install_hint('rerun.blueprint') == 'pip install smart_tire[view]'
+
+
+@pytest.mark.parametrize(('environment', 'expected'), [
+    ({}, False), ({'DISPLAY': ''}, False), ({'DISPLAY': ':0'}, True),
+    ({'WAYLAND_DISPLAY': 'wayland-0'}, True)])
+def test_a_display_is_noticed(environment, expected):
+    assert has_display(environment) is expected
