@@ -32,7 +32,7 @@ pytestmark = [pytest.mark.processes, pytest.mark.skipif(
 
 
 def test_live_topics_and_diagnostics_are_recorded_until_a_signal(
-        isolated_ros, tmp_path, monkeypatch, capsys):
+        isolated_ros, tmp_path, monkeypatch, capfd):
     from smart_tire.cli._live_view import LiveFeed
     from smart_tire.cli.main import main
     from support.rerun_file import RerunFile
@@ -68,4 +68,4 @@ def test_live_topics_and_diagnostics_are_recorded_until_a_signal(
     assert {value for _, (value,) in found.scalars('body/icr/y')} == {-2.0}
     assert found.scalars('links/total/frames_bad')
     assert all(0.0 < value < 2.0 for _, (value,) in found.scalars('links/delay'))
-    assert 'from reception until sent to the viewer: median 0.' in capsys.readouterr().out
+    assert 'from reception until sent to the viewer: median 0.' in capfd.readouterr().out
