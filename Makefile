@@ -47,6 +47,7 @@ help:
 	@echo 'make bench-friction  measure friction; results in bench_output/friction/'
 	@echo 'make config          regenerate config/*.yaml, urdf/ and docs/parameters.md'
 	@echo 'make docs            regenerate docs/architecture.svg and the tables in docs/'
+	@echo 'make screenshots     take the pictures of the viewer in docs/images/'
 	@echo 'make clean           remove installed and built files'
 
 setup: $(READY)

@@ -39,7 +39,8 @@ from smart_tire.view.viewer import open_stream, Viewer
 IMAGES = Path(__file__).resolve().parent / 'images'
 SIZE = {'width': 1920, 'height': 1080}
 TABS = {'view_bag': None, 'view_contact': 170}  # picture -> horizontal position of its tab
-LOADING_TIME, DRAWING_TIME = 150.0, 20.0  # s; without a GPU the viewer is slow
+LOADING_TIME, DRAWING_TIME = 120.0, 15.0  # s; without a GPU the viewer is slow
+MAX_FRAME_TIME = 300_000.0  # ms
 COLORS = 64
 FLAGS = ('--no-sandbox', '--use-gl=angle', '--use-angle=swiftshader',
          '--enable-unsafe-swiftshader', '--ignore-gpu-blocklist')
@@ -63,7 +64,7 @@ def take(folder: Path) -> None:
             if tab is not None:
                 page.mouse.click(tab, 50)
                 time.sleep(DRAWING_TIME)
-            page.screenshot(path=f'{scratch}/{name}.png')
+            page.screenshot(path=f'{scratch}/{name}.png', timeout=MAX_FRAME_TIME)
             with Image.open(f'{scratch}/{name}.png') as picture:
                 picture.convert('RGB').quantize(COLORS, dither=Image.Dither.NONE).save(
                     IMAGES / f'{name}.png', optimize=True)

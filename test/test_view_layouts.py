@@ -48,7 +48,7 @@ def names(topic: str) -> tuple[str, ...]:
 def has_field(type_name: str, fields: list[str]) -> bool:
     """Return whether messages of a type have a nested field."""
     for field in fields:
-        found = {name: kind for name, kind in typestore().get_msgdef(type_name).fields}
+        found = dict(typestore().get_msgdef(type_name).fields)
         if field not in found:
             return False
         type_name = str(found[field][1])

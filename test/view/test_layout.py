@@ -51,8 +51,8 @@ def test_everything_is_on_the_first_page(tmp_path):
     for wheel in WHEELS:
         assert any(name.startswith(f'Slip, {wheel} [-], ± 2 σ') for name in names)
     for start in ('Friction mu [-]', 'Stiffness C_x of the ground [N]', 'Path [m]',
-                  'Friction circles and forces [N]', 'Crossing, front_left', 'Crossing, front_right',
-                  'Film voltages, front_left [V]', 'Lost, bad and late', 'Ages', 'Events',
+                  'Friction circles and forces [N]', 'Crossing, front_left',
+                  'Crossing, front_right', 'Film voltages, front_left [V]', 'Lost, bad and late', 'Ages', 'Events',
                   'Wheels: set points', 'motor_commands', 'Velocity v_x [m/s]', 'Yaw rate'):
         assert any(name.startswith(start) for name in names), start
 
