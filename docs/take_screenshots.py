@@ -69,6 +69,7 @@ def take(folder: Path) -> None:
                 picture.convert('RGB').quantize(COLORS, dither=Image.Dither.NONE).save(
                     IMAGES / f'{name}.png', optimize=True)
         browser.close()
+        stream.disconnect()
 
 
 if __name__ == '__main__':

@@ -26,6 +26,7 @@ from smart_tire.messages import NodeStatus
 from smart_tire.nodes.listener import Listener
 from smart_tire.nodes.runner import NodeRunner
 from smart_tire.samples import Sample
+from smart_tire.view.recorder import ViewError
 
 if TYPE_CHECKING:
     from smart_tire.view.scene import Scene
@@ -85,10 +86,12 @@ def show_live(scene: Scene, viewer: Viewer | None) -> int:
     feed = LiveFeed(scene)
     with NodeRunner(partial(Listener, feed.on_sample, feed.on_status, topics=scene.topics,
                             name=NODE)) as runner:
-        while not stopped and (viewer is None or viewer.running):
-            runner.spin(FLUSH_PERIOD)
-            feed.flush()
-    if viewer is None or viewer.running:
-        scene.finish()
+        try:
+            while not stopped and (viewer is None or viewer.running):
+                runner.spin(FLUSH_PERIOD)
+                feed.flush()
+            scene.finish()
+        except ViewError:
+            pass  # the user has closed the viewer
     print(feed.report())
     return 0

@@ -24,6 +24,7 @@ from typing import Literal
 import numpy as np
 import rerun as rr
 
+from smart_tire.errors import SmartTireError
 from smart_tire.uncertain import Uncertain
 from smart_tire.view.style import BOUND_WIDTH, Color, dimmed, LINE_WIDTH, SIGMAS, TIMELINE
 
@@ -32,6 +33,10 @@ AGGREGATION = rr.components.AggregationPolicy.MinMax
 Marker = Literal['circle', 'diamond', 'down', 'up']
 Style = Callable[[], rr.SeriesLines | rr.SeriesPoints]
 STEPS = rr.components.InterpolationMode.StepAfter
+
+
+class ViewError(SmartTireError, RuntimeError):
+    """The viewer does not start, or has ended."""
 
 
 class Track:
@@ -112,12 +117,15 @@ class Recorder:
         self.stream.log(path, *shapes, static=True)
 
     def flush(self) -> None:
-        """Send all values; returns when they have left this process."""
+        """Send all values; returns when they have left this process. Raises ViewError."""
         for path, track in self._tracks.items():
             stamps, values = track.take()
             if stamps:
                 self._send(path, track, stamps, np.array(values))
-        self.stream.flush()
+        try:
+            self.stream.flush()
+        except RuntimeError as error:
+            raise ViewError('the viewer has ended') from error
 
     def _send(self, path: str, track: Track, stamps: Sequence[int],
               values: np.ndarray[tuple[int], np.dtype[np.float64]]) -> None:

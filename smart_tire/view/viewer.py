@@ -35,17 +35,13 @@ from urllib.parse import quote
 import rerun as rr
 import rerun.blueprint as rrb
 
-from smart_tire.errors import SmartTireError
+from smart_tire.view.recorder import ViewError
 
 APPLICATION = 'smart_tire'
 LOOPBACK = '127.0.0.1'
 GRPC_PORT, WEB_PORT = 9876, 9090  # the usual ones of rerun, if they are free
 START_TIMEOUT, STOP_TIMEOUT, POLL_PERIOD = 20.0, 5.0, 0.05  # s
 MEMORY_LIMIT = '2GB'    # of the server, which then drops the oldest data
-
-
-class ViewError(SmartTireError, RuntimeError):
-    """The viewer does not start, or has ended."""
 
 
 @dataclass(frozen=True)

@@ -26,9 +26,11 @@ import pytest
 from smart_tire.cli._live_view import FLUSH_PERIOD, LiveFeed
 from smart_tire.messages import TOPICS
 from smart_tire.parameters import build, FrictionEstimatorParams
+from smart_tire.samples import Icr
 from smart_tire.view.layout import Layout
 from smart_tire.view.scene import Scene
-from smart_tire.view.viewer import Address, free_port, open_stream, Viewer, ViewError
+from smart_tire.view.recorder import ViewError
+from smart_tire.view.viewer import Address, free_port, open_stream, Viewer
 from support.rolling import films, in_order, steady, surroundings, WHEEL
 
 pytestmark = pytest.mark.processes
@@ -97,8 +99,14 @@ def test_live_data_at_full_load_leave_the_process_in_time(viewer):
 def test_a_stopped_viewer_is_noticed_and_frees_its_ports():
     viewer = Viewer(web=True, wait=time.sleep)
     assert viewer.running
+    stream = open_stream('a', Layout((), live=True).blueprint(), address=viewer.address.stream)
+    scene = Scene(stream, FrictionEstimatorParams(), fit=False)
+    scene.flush()
     viewer.stop()
     assert not viewer.running
+    scene.add('icr', Icr(1, 2.0, 3.0))
+    with pytest.raises(ViewError, match='has ended'):
+        scene.flush()
     assert free_port(viewer.address.grpc) == viewer.address.grpc
 
 
