@@ -31,7 +31,7 @@ setup(
     maintainer='The smart_tire maintainers',
     maintainer_email='maintainers@smart-tire.example',
     packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
-    package_data={PACKAGE: ['analysis/html_report/page.*']},
+    package_data={PACKAGE: ['analysis/html_report/page.*', 'py.typed']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
         (f'share/{PACKAGE}', ['package.xml']),
@@ -54,7 +54,7 @@ setup(
         ],
         'view': ['rerun-sdk>=0.24'],  # smart_tire view
         'pandas': ['pandas'],         # results as data frames
-        'docs': ['furo', 'ipykernel', 'myst-nb', 'sphinx', 'sphinx-argparse'],
+        'docs': ['furo', 'ipykernel', 'latex2mathml', 'myst-nb', 'pandas', 'sphinx'],
         'test': [
             'hypothesis', 'pandas', 'pytest', 'pytest-cov', 'pytest-xdist', 'urdf-parser-py'],
         'lint': ['mypy==2.4.1', 'ruff==0.17.5'],

@@ -12,6 +12,58 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Slip, pose and tire-road friction of a skid-steer robot from PVDF films in its tires."""
+"""
+Slip, pose and tire-road friction of a skid-steer robot from PVDF films in its tires.
+
+A drive is recorded or simulated, and estimated in one call; all data are numpy arrays:
+
+>>> from smart_tire import estimate, simulate
+>>> recording = simulate([(0.5, 9.0, 7.0)], duration=2.0)  # s, left and right rad/s
+>>> estimates = estimate(recording)
+>>> estimates.slip.ratio.shape == (len(estimates.slip.stamp_ns), 4)
+True
+
+The names below are stable (semantic versioning); ``smart_tire.api`` has the classes of arguments
+and results in addition. Everything else may change. Units are SI, timestamps integers [ns].
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any, TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from smart_tire.api.bag_files import read_bag, write_bag
+    from smart_tire.api.estimators import estimate, estimate_friction, estimate_slip
+    from smart_tire.api.films import BucklingFilm, FilmSensor
+    from smart_tire.api.params import load_params
+    from smart_tire.api.recording import Recording
+    from smart_tire.api.results import FrictionEstimate, SlipEstimate
+    from smart_tire.api.simulator import simulate
+    from smart_tire.api.tires import BrushTire, TreadFilm
 
 __version__ = '0.1.0'
+__all__ = [
+    'BrushTire', 'BucklingFilm', 'estimate', 'estimate_friction', 'estimate_slip', 'FilmSensor',
+    'FrictionEstimate', 'load_params', 'read_bag', 'Recording', 'simulate', 'SlipEstimate',
+    'TreadFilm', 'write_bag']
+
+_MODULES = {
+    'BrushTire': 'tires', 'BucklingFilm': 'films', 'estimate': 'estimators',
+    'estimate_friction': 'estimators', 'estimate_slip': 'estimators', 'FilmSensor': 'films',
+    'FrictionEstimate': 'results', 'load_params': 'params', 'read_bag': 'bag_files',
+    'Recording': 'recording', 'simulate': 'simulator', 'SlipEstimate': 'results',
+    'TreadFilm': 'tires', 'write_bag': 'bag_files'}
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name at its first use (PEP 562): nodes and command need none of them."""
+    if name not in _MODULES:
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    value = getattr(import_module(f'{__name__}.api.{_MODULES[name]}'), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

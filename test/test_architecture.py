@@ -45,6 +45,7 @@ SOURCES = read_sources('smart_tire', 'benchmarks')
 EVERY_ROOM = {'every', 'room'}
 BROAD = {'Exception', 'BaseException'}
 PART = re.compile(r'smart_tire[./]estimation[./](\w+)')
+PACKAGE_INIT, PUBLIC_ROOM = 'smart_tire/__init__.py', 'api'
 COMMAND, INTERFACE = 'main', ('NAME', 'HELP', 'add_arguments', 'run')  # of cli/, of its verbs
 
 
@@ -56,15 +57,25 @@ def imports(source: Source) -> list[tuple[int, str, str]]:
     return [(line, room, module) for line, room, module in found if room and room != here]
 
 
+def imports_of_the_package(source: Source) -> Iterator[str]:
+    """Yield what ``smart_tire/__init__.py`` imports from other rooms than that of its names."""
+    if source.name == PACKAGE_INIT:
+        for line, room, _ in imports(source):
+            if room != PUBLIC_ROOM:
+                yield source.at(line, f'the package imports {room}')
+
+
 def rooms_without_level(source: Source) -> Iterator[str]:
     """Yield a file in a room that the table of levels lacks."""
-    if source.name != 'smart_tire/__init__.py' and room_of(source.name) not in LEVELS:
+    if source.name != PACKAGE_INIT and room_of(source.name) not in LEVELS:
         yield source.at(1, f'room {room_of(source.name)} has no level')
 
 
 def upward_imports(source: Source) -> Iterator[str]:
     """Yield imports from the same or a higher level that are not an exception."""
     here = room_of(source.name)
+    if source.name == PACKAGE_INIT:
+        return
     for line, room, _ in imports(source):
         if LEVELS[room] >= LEVELS[here] and (here, room) not in ALLOWED:
             yield source.at(line, f'{here} imports {room}')
@@ -167,6 +178,10 @@ def test_imports_only_go_down():
     assert_kept(upward_imports, SOURCES)
 
 
+def test_the_package_imports_only_its_public_names():
+    assert_kept(imports_of_the_package, SOURCES)
+
+
 def test_forbidden_imports_do_not_occur():
     assert_kept(forbidden_imports, SOURCES)
 
@@ -227,6 +242,8 @@ def test_tables_name_rooms_that_have_a_level():
      '2: cli imports benchmarks'),
     (upward_imports, 'smart_tire/bags/x.py', 'from smart_tire import drivers',
      '1: bags imports drivers'),
+    (imports_of_the_package, 'smart_tire/__init__.py', 'from smart_tire.bags import Bag',
+     '1: the package imports bags'),
     (forbidden_imports, 'smart_tire/nodes/x.py', 'from smart_tire.analysis import metrics',
      '1: nodes never imports analysis'),
     (relative_imports, 'smart_tire/nodes/x.py', 'from . import base', '1: relative import'),

@@ -41,7 +41,8 @@ ROSDEP_KEYS = {  # top-level module -> its key in rosdep's python.yaml
 }
 PIP_NAMES = {'serial': 'pyserial', 'yaml': 'pyyaml'}  # where module and distribution differ
 WITHOUT_KEY = {'filterpy', 'lz4', 'mcap', 'plotly', 'rosbags', 'zstandard'}
-EXTRAS = {'rerun': ('view', 'rerun-sdk')}  # module -> extra and distribution with it
+# module -> extra and distribution with it
+EXTRAS = {'rerun': ('view', 'rerun-sdk'), 'pandas': ('pandas', 'pandas')}
 OPTIONAL = {'tf2_msgs'}  # not among the wheels; used where it is installed
 ROS_SUFFIXES = ('_msgs', '_srvs', '_interfaces')
 
@@ -134,6 +135,12 @@ def test_every_entry_point_refers_to_a_function_or_class(setup_arguments):
 def test_every_folder_of_the_package_is_installed(setup_arguments):
     folders = {path.parent.relative_to(ROOT) for path in PACKAGE.rglob('*.py')}
     assert {'.'.join(folder.parts) for folder in folders} == set(setup_arguments['packages'])
+
+
+def test_the_types_and_the_page_of_the_report_are_installed(setup_arguments):
+    patterns = setup_arguments['package_data'][PACKAGE.name]
+    assert {path.name for pattern in patterns for path in PACKAGE.glob(pattern)} == {
+        'py.typed', 'page.css', 'page.html', 'page.js'}
 
 
 def test_marker_manifest_launch_files_parameters_views_and_urdf_are_installed(setup_arguments):

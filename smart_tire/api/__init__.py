@@ -1,0 +1,40 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The stable Python interface: numpy arrays in, numpy arrays out.
+
+``smart_tire`` offers the names that most programs need; the classes of their arguments and
+results are here. Both follow semantic versioning; all other modules may change at any time.
+"""
+
+from smart_tire.api.bag_files import read_bag, write_bag
+from smart_tire.api.estimators import estimate, estimate_friction, estimate_slip
+from smart_tire.api.films import BucklingFilm, FilmMeasurement, FilmParams, FilmSensor
+from smart_tire.api.params import load_params, Params
+from smart_tire.api.recording import FilmData, ImuData, Recording, WheelData
+from smart_tire.api.results import (
+    Estimates, FrictionEstimate, GroundEstimate, PoseEstimate, Quantity, RotationCenter,
+    SlipEstimate, Truth)
+from smart_tire.api.simulator import simulate
+from smart_tire.api.tires import BrushTire, TreadFilm
+from smart_tire.errors import BagError, EstimatorError, ParameterError, SmartTireError
+from smart_tire.samples import WHEELS
+
+__all__ = [
+    'BagError', 'BrushTire', 'BucklingFilm', 'estimate', 'estimate_friction', 'estimate_slip',
+    'Estimates', 'EstimatorError', 'FilmData', 'FilmMeasurement', 'FilmParams', 'FilmSensor',
+    'FrictionEstimate', 'GroundEstimate', 'ImuData', 'load_params', 'ParameterError', 'Params',
+    'PoseEstimate', 'Quantity', 'read_bag', 'Recording', 'RotationCenter', 'simulate',
+    'SlipEstimate', 'SmartTireError', 'TreadFilm', 'Truth', 'WheelData', 'WHEELS', 'write_bag']

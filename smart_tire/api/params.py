@@ -1,0 +1,73 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Parameters of robot, estimators and simulator together."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+from smart_tire.analysis.pipeline import EstimatorParams
+from smart_tire.parameters import (
+    build, FrictionEstimatorParams, known_names, load_files, NODE_PARAMS, RobotParams,
+    SimulatorParams, SlipEstimatorParams)
+from smart_tire.parameters.files import check_names
+from smart_tire.parameters.spec import is_known
+
+Node = TypeVar('Node')
+
+
+@dataclass(frozen=True)
+class Params:
+    """Parameters of both estimators and of the simulator; by default the robot of paper B."""
+
+    estimators: EstimatorParams = field(default_factory=EstimatorParams)
+    simulator: SimulatorParams = field(default_factory=SimulatorParams)
+
+    @property
+    def robot(self) -> RobotParams:
+        """Geometry, mass, tires, films and sensors: ``config/robot.yaml``."""
+        return self.estimators.robot
+
+    def with_seed(self, seed: int) -> Params:
+        """Return the same parameters with another seed of the simulator."""
+        return replace(self, simulator=replace(self.simulator, seed=seed))
+
+
+def load_params(*files: str | Path, values: Mapping[str, Any] | None = None) -> Params:
+    """
+    Return the parameters in ROS parameter files, with ``values`` on top.
+
+    Later files override earlier ones. ``values`` maps names of ``docs/parameters.md``, such as
+    ``'film.wheels'``, to values in the units given there; each applies to all that have it.
+    Without arguments all parameters have their defaults. Raises ParameterError for an unknown
+    name, a value that is not allowed, or a file that cannot be read.
+    """
+    given = dict(values or {})
+    check_names(given, known_names(NODE_PARAMS.values()))
+    estimators = EstimatorParams(
+        _of_node(SlipEstimatorParams, 'slip_estimator', files, given),
+        _of_node(FrictionEstimatorParams, 'friction_estimator', files, given))
+    return Params(estimators, _of_node(SimulatorParams, 'robot_simulator', files, given))
+
+
+def _of_node(cls: type[Node], node: str, files: tuple[str | Path, ...],
+             values: Mapping[str, Any]) -> Node:
+    own = known_names([cls])
+    found = load_files(files, node, known_names(NODE_PARAMS.values()), own)
+    return build(cls, {**found, **{name: value for name, value in values.items()
+                                   if is_known(name, own)}})

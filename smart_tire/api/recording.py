@@ -1,0 +1,260 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Recordings as arrays: measurements of IMU, wheels and films, and ground truth where known.
+
+The rows of a stream are in order of reception, which is nearly that of the timestamps. Axes are
+those of REP-103, wheels are in the order of ``WHEELS``: front left, front right, rear left, rear
+right.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+import math
+from typing import Any, cast, NamedTuple
+
+import numpy as np
+
+from smart_tire.api.collecting import Collector, Rows
+from smart_tire.api.frames import by_wheel, Tabular
+from smart_tire.api.results import Truth
+from smart_tire.arrays import Array, Instants
+from smart_tire.errors import ParameterError
+from smart_tire.samples import (
+    Four, ImuSample, NS_PER_S, Sample, TireSample, Vector3, WHEELS, WheelSample)
+
+ABSENT: Any = None  # default of an array that __post_init__ then makes
+
+
+class Received(NamedTuple):
+    """A sample with its topic and the time of its reception."""
+
+    receive_ns: int
+    topic: str
+    sample: Sample
+
+
+@dataclass(frozen=True, eq=False)
+class Stream(Tabular):
+    """Measurements of one device in order of reception."""
+
+    stamp_ns: Instants    #: (n,) ns, instants of the measurements
+
+    def __post_init__(self) -> None:
+        stamps = np.asarray(self.stamp_ns)
+        if stamps.ndim != 1 or stamps.dtype.kind != 'i':
+            raise ParameterError(f'stamp_ns has shape {stamps.shape} and type {stamps.dtype}, '
+                                 'expected integers (n,)')
+        object.__setattr__(self, 'stamp_ns', stamps.astype(np.int64))
+        self._fill('receive_ns', (), self.stamp_ns, np.int64)
+
+    def _fill(self, name: str, shape: tuple[int, ...], default: Any = math.nan,
+              kind: type = float) -> None:
+        """Convert the field ``name`` to (n, *shape); None becomes ``default``."""
+        given, expected = getattr(self, name), (len(self.stamp_ns), *shape)
+        values = np.broadcast_to(default, expected) if given is None else np.asarray(given)
+        if values.shape != expected:
+            raise ParameterError(f'{name} has shape {values.shape}, expected {expected}')
+        object.__setattr__(self, name, values.astype(kind))
+
+    def received(self) -> Iterator[Received]:
+        """Yield the samples in order of reception."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True, eq=False)
+class ImuData(Stream):
+    """Readings of the IMU in ``imu_link``."""
+
+    acceleration: Array  #: (n, 3) m/s2, specific force: +g on z when stationary
+    rate: Array          #: (n, 3) rad/s
+    orientation: Array = ABSENT    #: (n, 4) quaternion x, y, z, w; NaN if unknown
+    receive_ns: Instants = ABSENT  #: (n,) ns; default: the timestamps
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name, shape in ('acceleration', 3), ('rate', 3), ('orientation', 4):
+            self._fill(name, (shape,))
+
+    def columns(self) -> dict[str, Any]:
+        """Return name -> array (n,) of all columns, without the timestamps."""
+        return {f'{name}_{axis}': column
+                for name, rows in (('acceleration', self.acceleration), ('rate', self.rate))
+                for axis, column in zip('xyz', rows.T)}
+
+    def received(self) -> Iterator[Received]:
+        """Yield the samples in order of reception."""
+        for receive_ns, stamp_ns, force, rate, turn in zip(*(values.tolist() for values in (
+                self.receive_ns, self.stamp_ns, self.acceleration, self.rate,
+                self.orientation))):
+            yield Received(receive_ns, 'imu/data', ImuSample(
+                stamp_ns, cast(Vector3, tuple(force)), cast(Vector3, tuple(rate)),
+                None if math.isnan(turn[0]) else cast(Four, tuple(turn))))
+
+
+@dataclass(frozen=True, eq=False)
+class WheelData(Stream):
+    """Readings of the four wheels, positive rolling forward on both sides."""
+
+    velocity: Array  #: (n, 4) rad/s, mean over the period that ends at the timestamp
+    position: Array = ABSENT  #: (n, 4) rad, unwrapped angle; NaN if not measured
+    effort: Array = ABSENT    #: (n, 4) N m, motor torque at the wheel; NaN if not
+    receive_ns: Instants = ABSENT  #: (n,) ns; default: the timestamps
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in 'velocity', 'position', 'effort':
+            self._fill(name, (len(WHEELS),))
+
+    def columns(self) -> dict[str, Any]:
+        """Return name -> array (n,) of all columns, without the timestamps."""
+        return {**by_wheel('velocity', self.velocity, WHEELS),
+                **by_wheel('position', self.position, WHEELS),
+                **by_wheel('effort', self.effort, WHEELS)}
+
+    def received(self) -> Iterator[Received]:
+        """Yield the samples in order of reception."""
+        for receive_ns, stamp_ns, velocity, position, effort in zip(*(
+                values.tolist() for values in (self.receive_ns, self.stamp_ns, self.velocity,
+                                               self.position, self.effort))):
+            yield Received(receive_ns, 'wheel_states', WheelSample(
+                stamp_ns, cast(Four, tuple(velocity)),
+                None if any(map(math.isnan, position)) else cast(Four, tuple(position)),
+                None if all(map(math.isnan, effort)) else cast(Four, tuple(effort))))
+
+
+@dataclass(frozen=True, eq=False)
+class FilmData(Stream):
+    """A/D conversions of the films of one wheel."""
+
+    wheel: str    #: name of the wheel
+    volts: Array  #: (n, films) V; rolling forward, film 1 enters the patch first
+    receive_ns: Instants = ABSENT  #: (n,) ns; default: the timestamps
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.wheel not in WHEELS:
+            raise ParameterError(f'wheel is {self.wheel!r}, expected one of {", ".join(WHEELS)}')
+        if np.ndim(self.volts) != 2:
+            raise ParameterError(f'volts has shape {np.shape(self.volts)}, expected (n, films)')
+        self._fill('volts', (np.shape(self.volts)[1],))
+
+    def columns(self) -> dict[str, Any]:
+        """Return name -> array (n,) of all columns, without the timestamps."""
+        return {f'film_{i + 1}': column for i, column in enumerate(self.volts.T)}
+
+    def received(self) -> Iterator[Received]:
+        """Yield the samples in order of reception; films that are NaN at the end are absent."""
+        for receive_ns, stamp_ns, volts in zip(self.receive_ns.tolist(), self.stamp_ns.tolist(),
+                                               self.volts.tolist()):
+            while volts and math.isnan(volts[-1]):
+                volts.pop()
+            yield Received(receive_ns, 'tire_samples',
+                           TireSample(stamp_ns, self.wheel, tuple(volts)))
+
+
+def no_truth() -> Truth:
+    """Return ground truth without any data."""
+    return Collector().truth()
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """
+    Measurements of one drive.
+
+    ``order`` (N,) gives the device of each sample in order of reception: 0 the IMU, 1 the wheels,
+    2 and more the ``films`` in their order. By default it follows from ``receive_ns``. Raises
+    ParameterError if it does not fit the streams.
+    """
+
+    imu: ImuData
+    wheels: WheelData
+    films: Mapping[str, FilmData] = field(default_factory=dict)  #: wheel -> its films
+    truth: Truth = field(default_factory=no_truth)
+    warnings: tuple[str, ...] = ()  #: what could not be read
+    order: Instants = ABSENT
+
+    def __post_init__(self) -> None:
+        lengths = [len(stream) for stream in self.streams]
+        if self.order is None:
+            devices = np.repeat(np.arange(len(lengths)), lengths)
+            received = np.concatenate([stream.receive_ns for stream in self.streams])
+            object.__setattr__(self, 'order', devices[np.argsort(received, kind='stable')])
+        if np.bincount(self.order, minlength=len(lengths)).tolist() != lengths:
+            raise ParameterError('order does not have one entry for each sample of the streams')
+
+    @property
+    def streams(self) -> tuple[ImuData | WheelData | FilmData, ...]:
+        """IMU, wheels and films."""
+        return (self.imu, self.wheels, *self.films.values())
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last measurement [s]; 0 without measurements."""
+        stamps = np.concatenate([stream.stamp_ns for stream in self.streams])
+        return float(np.ptp(stamps)) / NS_PER_S if len(stamps) else 0.0
+
+    def received(self) -> Iterator[Received]:
+        """Yield the samples of all devices in order of reception."""
+        streams = [stream.received() for stream in self.streams]
+        for device in self.order.tolist():
+            yield next(streams[device])
+
+
+class RecordingBuilder:
+    """Collects samples, in order of reception, into a recording."""
+
+    def __init__(self) -> None:
+        self._imu, self._wheels = Rows(10), Rows(12)
+        self._films: dict[str, Rows] = {}
+        self._order: list[int] = []
+        self._truth = Collector()
+
+    def add(self, receive_ns: int, sample: Sample) -> None:
+        """Add a measurement."""
+        unknown = (math.nan,) * len(WHEELS)
+        if isinstance(sample, ImuSample):
+            device, rows = 0, self._imu
+            row = (*sample.acceleration, *sample.rate, *(sample.orientation or unknown))
+        elif isinstance(sample, WheelSample):
+            device, rows = 1, self._wheels
+            row = (*sample.velocity, *(sample.position or unknown), *(sample.effort or unknown))
+        elif isinstance(sample, TireSample):
+            rows, row = self._films.setdefault(sample.wheel, Rows(1)), sample.volts
+            device = 2 + list(self._films).index(sample.wheel)
+        else:
+            raise ParameterError(f'{type(sample).__name__} is not a measurement')
+        rows.add(sample.stamp_ns, receive_ns, row)
+        self._order.append(device)
+
+    def add_truth(self, sample: Sample) -> None:
+        """Add a sample of ground truth."""
+        self._truth.add(sample)
+
+    def recording(self, warnings: tuple[str, ...] = ()) -> Recording:
+        """Return everything added."""
+        stamps, received, rows = self._imu.arrays()
+        imu = ImuData(stamps, rows[:, :3], rows[:, 3:6], rows[:, 6:], received)
+        stamps, received, rows = self._wheels.arrays()
+        wheels = WheelData(stamps, rows[:, :4], rows[:, 4:8], rows[:, 8:], received)
+        films = {}
+        for wheel, table in self._films.items():
+            stamps, received, rows = table.arrays()
+            films[wheel] = FilmData(stamps, wheel, rows, received)
+        return Recording(imu, wheels, films, self._truth.truth(), warnings,
+                         np.array(self._order, np.int64))

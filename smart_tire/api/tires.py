@@ -1,0 +1,120 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Tire with films in the tread, paper B: brush model and waveform of a patch crossing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from smart_tire.api.params import Params
+from smart_tire.arrays import Array, ArrayLike
+from smart_tire.models import validation
+from smart_tire.models.tire import brush_tire
+from smart_tire.models.tire.tread_film import crossing_voltage, RECOVERY, RELEASES
+from smart_tire.samples import WHEELS
+
+
+@dataclass(frozen=True, kw_only=True)
+class BrushTire:
+    """
+    Brush model of a tire on one surface under constant load; the defaults are those of paper B.
+
+    ``slip`` is the magnitude of the slip vector [-] in all methods. Arguments broadcast. Raises
+    ParameterError unless stiffness and load are positive.
+
+    >>> tire = BrushTire()
+    >>> print(f'{tire.adhesion_ratio(0.13, 0.47):.3f} {tire.friction(0.818, 0.13):.2f}')
+    0.818 0.47
+    """
+
+    stiffness: float = 52.7  #: N per unit slip, C_x
+    load: float = 26.7       #: N, F_z
+
+    def __post_init__(self) -> None:
+        validation.positive('stiffness', self.stiffness)
+        validation.positive('load', self.load)
+
+    def critical_slip(self, friction: ArrayLike) -> Array:
+        """Return the slip [-] from which on the whole patch slides: ``3 mu F_z / C_x``, B(22)."""
+        return brush_tire.critical_slip(friction, self.load, self.stiffness)
+
+    def adhesion_ratio(self, slip: ArrayLike, friction: ArrayLike) -> Array:
+        """Return the adhesion ratio L_a / L [-], 0 where the whole patch slides: B(22)."""
+        return brush_tire.adhesion_ratio(slip, friction, self.load, self.stiffness)
+
+    def friction(self, adhesion_ratio: ArrayLike, slip: ArrayLike) -> Array:
+        """Return the friction coefficient [-] by the inverse of B(22); NaN where undetermined."""
+        return brush_tire.friction_from_adhesion(adhesion_ratio, slip, self.load, self.stiffness)
+
+    def force(self, s_x: ArrayLike, s_y: ArrayLike, friction: ArrayLike) -> tuple[Array, Array]:
+        """Return the force (F_x, F_y) [N] of the ground on the robot for a slip vector [-]."""
+        return brush_tire.brush_force(s_x, s_y, friction, self.load, self.stiffness)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TreadFilm:
+    """
+    Film in the tread of a rolling tire; the defaults are film 1 of paper B.
+
+    Raises ParameterError for lengths that are not positive and an unknown release.
+
+    >>> film = TreadFilm()
+    >>> print(film.voltage([0.0, 0.02, 0.046], slip=0.1, critical_slip=0.71).round(2))
+    [ 0.96  1.23 -0.83]
+    """
+
+    length: float = 0.020          #: m, of the film
+    contact_length: float = 0.046  #: m, L of the patch
+    bending_peak: float = 0.83     #: V, output of the film when flat and without slip
+    bending_alpha: float = 67.0    #: 1/m, shape of entry and exit, B(14)
+    stretch_gain: float = 307.5    #: V/m, output per overlap integral of B(23)
+    release: str = 'fig8'          #: 'fig8' (opposite peak at the exit) or 'state' (none)
+    recovery: float = RECOVERY     #: m of travel in which the opposite peak decays by e
+
+    def __post_init__(self) -> None:
+        for name in 'length', 'contact_length', 'bending_alpha', 'recovery':
+            validation.positive(name, getattr(self, name))
+        validation.one_of('release', self.release, RELEASES)
+
+    @classmethod
+    def of(cls, params: Params, wheel: str, film: int = 0) -> TreadFilm:
+        """Return film number ``film``, 0 for film 1, of a wheel; raise ParameterError."""
+        robot = params.robot
+        validation.one_of('wheel', wheel, WHEELS)
+        validation.one_of('film', str(film), tuple(map(str, range(len(robot.film.centers)))))
+        return cls(length=robot.film.length, contact_length=robot.tire.contact_length,
+                   bending_peak=robot.film.bending(wheel)[film],
+                   bending_alpha=robot.film.bending_alpha,
+                   stretch_gain=robot.film.gains(wheel)[film], release=robot.film.release)
+
+    def voltage(self, position: ArrayLike, *, slip: ArrayLike, critical_slip: ArrayLike,
+                total_slip: ArrayLike | None = None) -> Array:
+        """
+        Return the output of the amplifier above rest [V] at the positions [m] (n,).
+
+        ``position`` is the travel of the film's trailing edge past the leading edge of the patch:
+        the film is fully inside from 0 to ``contact_length - length``. ``slip`` is the slip ratio
+        of B(3), positive when driving; ``total_slip`` the magnitude of the slip vector, by
+        default ``|slip|``. Arguments broadcast.
+        """
+        total: ArrayLike = np.abs(np.asarray(slip)) if total_slip is None else total_slip
+        return crossing_voltage(
+            position, slip=slip, total_slip=total,
+            critical_slip=critical_slip, film_length=self.length,
+            contact_length=self.contact_length, bending_peak=self.bending_peak,
+            bending_alpha=self.bending_alpha, stretch_gain=self.stretch_gain,
+            release=self.release, recovery=self.recovery)

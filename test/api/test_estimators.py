@@ -1,0 +1,139 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Estimates as arrays: those of the offline analysis, to 1e-9."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import pytest
+from support.arrays import assert_same_arrays
+
+from smart_tire import (
+    estimate, estimate_friction, estimate_slip, load_params, read_bag, Recording)
+from smart_tire.analysis.offline import analyze
+from smart_tire.analysis.pipeline import ESTIMATES
+from smart_tire.api import ImuData, WheelData
+from smart_tire.api.collecting import Collector
+from smart_tire.bags import Bag
+from smart_tire.errors import ParameterError
+from smart_tire.samples import FRICTION_QUANTITIES, Odometry, WheelSlip
+
+
+@pytest.fixture(scope='module')
+def estimates(bag, params):
+    """Return the estimates of the bag."""
+    return estimate(read_bag(bag), params)
+
+
+@pytest.fixture(scope='module')
+def analyzed(bag, params, tmp_path_factory):
+    """Return the samples in the bag that the offline analysis writes."""
+    out = tmp_path_factory.mktemp('analyzed') / 'out'
+    analyze(bag, out, params.estimators)
+    with Bag(out / 'estimates') as found:
+        return [sample for _, _, sample in found.samples(ESTIMATES)]
+
+
+def test_estimates_are_those_of_analyze(estimates, analyzed):
+    collector = Collector()
+    for sample in analyzed:
+        collector.add(sample)
+    assert_same_arrays(estimates, collector.estimates(), 1e-9)
+    assert len(estimates.friction) >= 3
+    assert min(map(len, (estimates.pose, estimates.slip, estimates.center))) > 200
+
+
+def test_columns_are_the_quantities_of_their_names(estimates, analyzed):
+    slips = [sample for sample in analyzed if isinstance(sample, WheelSlip)]
+    poses = [sample for sample in analyzed if isinstance(sample, Odometry)]
+    np.testing.assert_allclose(estimates.slip.ratio, [one.ratio for one in slips])
+    np.testing.assert_allclose(estimates.slip.sigma, [one.sigma for one in slips])
+    np.testing.assert_allclose(estimates.slip.velocity, [one.slip_velocity for one in slips])
+    np.testing.assert_allclose(estimates.pose.twist[:, :2], [one.linear[:2] for one in poses])
+    np.testing.assert_allclose(estimates.pose.twist_sigma[:, 2] ** 2,
+                               [one.twist_covariance[35] for one in poses])
+
+
+def test_single_estimates_are_parts_of_all(recording, params, estimates):
+    slip, friction = estimate_slip(recording, params), estimate_friction(recording, params)
+    np.testing.assert_array_equal(slip.ratio, estimates.slip.ratio)
+    for name in FRICTION_QUANTITIES:
+        np.testing.assert_array_equal(getattr(friction, name).value,
+                                      getattr(estimates.friction, name).value)
+
+
+def test_crossings_of_one_wheel(estimates):
+    friction = estimates.friction
+    left, right = friction.of('front_left'), friction.of('front_right')
+    assert len(left) + len(right) == len(friction) and set(left.wheel) == {'front_left'}
+    np.testing.assert_array_equal(
+        left.normal_load.value, friction.normal_load.value[friction.wheel == 'front_left'])
+    assert (np.diff(friction.stamp_ns) >= 0).all()
+
+
+def test_a_data_frame_has_all_columns(estimates):
+    frame = estimates.friction.to_pandas()
+    assert frame.index.name == 'stamp_ns' and len(frame) == len(estimates.friction)
+    assert list(frame.columns[:3]) == ['wheel', 'friction_coefficient',
+                                       'friction_coefficient_sigma']
+    assert frame.shape[1] == 1 + 2 * len(FRICTION_QUANTITIES)
+    slip = estimates.slip.to_pandas()
+    np.testing.assert_array_equal(slip['velocity.rear_left'], estimates.slip.velocity[:, 2])
+    pose = estimates.pose.to_pandas()
+    np.testing.assert_allclose(pose['y_sigma'] ** 2, estimates.pose.covariance[:, 1, 1])
+    np.testing.assert_array_equal(pose['yaw_rate_sigma'], estimates.pose.twist_sigma[:, 2])
+    assert list(estimates.center.to_pandas()) == ['x', 'y']
+    assert list(estimates.ground.to_pandas())[1] == 'stiffness_sigma'
+
+
+def test_measurements_as_data_frames(recording):
+    assert list(recording.imu.to_pandas())[-1] == 'rate_z'
+    assert list(recording.films['front_left'].to_pandas()) == ['film_1', 'film_2']
+    assert recording.wheels.to_pandas().shape == (len(recording.wheels), 12)
+
+
+def test_without_pandas_the_error_names_the_extra(estimates, monkeypatch):
+    monkeypatch.setitem(sys.modules, 'pandas', None)
+    with pytest.raises(ModuleNotFoundError, match=r'pip install smart_tire\[pandas\]'):
+        estimates.slip.to_pandas()
+
+
+def test_an_empty_recording_has_empty_estimates_of_the_right_shape():
+    none = np.empty(0, np.int64)
+    empty = estimate(Recording(ImuData(none, np.empty((0, 3)), np.empty((0, 3))),
+                               WheelData(none, np.empty((0, 4)))))
+    assert empty.pose.covariance.shape == (0, 3, 3) and empty.slip.ratio.shape == (0, 4)
+    assert len(empty.friction) == 0 and empty.friction.slip.sigma.shape == (0,)
+
+
+def test_parameters_come_from_files_and_values(tmp_path):
+    file, other = tmp_path / 'a.yaml', tmp_path / 'b.yaml'
+    file.write_text('/**: {ros__parameters: {wheel_radius: 0.1, mass: 20.0, seed: 4}}')
+    other.write_text('/**: {ros__parameters: {mass: 30.0}}')
+    params = load_params(file, other, values={'wheel_radius': 0.12, 'cmd_vel_timeout': 0.2})
+    assert (params.robot.wheel_radius, params.robot.mass) == (0.12, 30.0)
+    assert params.simulator.robot == params.robot == params.estimators.friction.robot
+    assert params.simulator.seed == 4 and params.with_seed(5).simulator.seed == 5
+
+
+@pytest.mark.parametrize(('values', 'message'), [
+    ({'wheel_radios': 0.1}, 'did you mean wheel_radius'),
+    ({'wheel_radius': -1.0}, 'parameter wheel_radius: -1.0, expected'),
+])
+def test_a_wrong_parameter_is_refused(values, message):
+    with pytest.raises(ParameterError, match=message):
+        load_params(values=values)

@@ -1,0 +1,144 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Recordings: arrays in, arrays out, through bags and in order of reception."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from support.arrays import arrays, assert_same_arrays
+
+from smart_tire import read_bag, Recording, simulate, write_bag
+from smart_tire.api import FilmData, ImuData, WheelData
+from smart_tire.api.recording import RecordingBuilder
+from smart_tire.bags import Bag, BagWriter
+from smart_tire.errors import BagError, ParameterError
+from smart_tire.samples import ImuSample, TireSample, WheelSample
+
+STAMPS = np.array([10, 20, 30])
+
+
+def imu(stamps=STAMPS, **others) -> ImuData:
+    """Return an IMU at rest."""
+    zeros = np.zeros((len(stamps), 3))
+    return ImuData(stamps, zeros, zeros, **others)
+
+
+def wheels(stamps=STAMPS, **others) -> WheelData:
+    """Return wheels at rest."""
+    return WheelData(stamps, np.zeros((len(stamps), 4)), **others)
+
+
+def test_a_recording_survives_a_bag(recording, bag):
+    assert_same_arrays(read_bag(bag), recording, 1e-12)
+    assert len(arrays(recording)) > 50
+
+
+def test_the_streams_have_their_rates_and_truth(recording):
+    assert list(recording.films) == ['front_left', 'front_right']
+    assert len(recording.imu) == 300 and 45 <= len(recording.wheels) <= 48
+    assert recording.films['front_left'].volts.shape[1] == 2
+    assert recording.duration == pytest.approx(3.0, abs=0.05)
+    assert len(recording.truth.pose) == len(recording.truth.slip) == 300
+    assert len(recording.truth.friction) >= 3 and recording.warnings == ()
+
+
+def test_samples_are_received_in_the_recorded_order_also_at_equal_times(tmp_path):
+    samples = [TireSample(5, 'rear_left', (1.0,)), ImuSample(7, (0.0,) * 3, (0.0,) * 3),
+               WheelSample(6, (0.0,) * 4), ImuSample(4, (1.0,) * 3, (0.0,) * 3),
+               TireSample(8, 'rear_left', (1.0, 2.0)), TireSample(8, 'front_left', (3.0,))]
+    builder = RecordingBuilder()
+    for sample in samples:
+        builder.add(100, sample)
+    assert [item.sample for item in builder.recording().received()] == samples
+    write_bag(tmp_path / 'ties', builder.recording())
+    assert [item.sample for item in read_bag(tmp_path / 'ties').received()] == samples
+
+
+def test_what_was_not_measured_is_nan_and_absent_again_in_samples():
+    recording = Recording(imu(), wheels())
+    assert np.isnan(recording.imu.orientation).all() and np.isnan(recording.wheels.effort).all()
+    samples = [item.sample for item in recording.received()]
+    assert samples[0].orientation is None
+    assert samples[-1].position is None and samples[-1].effort is None
+
+
+def test_one_missing_torque_is_not_all_of_them_and_one_missing_angle_is():
+    partly = np.array([[np.nan, 1.0, 1.0, 1.0]])
+    [sample] = [item.sample for item in
+                wheels(STAMPS[:1], position=partly, effort=partly).received()]
+    assert sample.position is None
+    assert sample.effort[1:] == (1.0, 1.0, 1.0)
+
+
+def test_by_default_samples_are_in_order_of_reception_and_that_is_by_timestamp():
+    recording = Recording(imu(STAMPS + 5), wheels(receive_ns=STAMPS + 6))
+    assert recording.order.tolist() == [0, 1, 0, 1, 0, 1]
+    assert [item.receive_ns for item in recording.received()] == [15, 16, 25, 26, 35, 36]
+
+
+@pytest.mark.parametrize(('make', 'message'), [
+    (lambda: imu(STAMPS.astype(float)), r'stamp_ns has shape \(3,\) and type float64'),
+    (lambda: imu(STAMPS[:, np.newaxis]), r'stamp_ns has shape \(3, 1\)'),
+    (lambda: ImuData(STAMPS, np.zeros((3, 3)), np.zeros((2, 3))), r'rate has shape \(2, 3\)'),
+    (lambda: imu(orientation=np.zeros((3, 3))), r'orientation has shape \(3, 3\), expected'),
+    (lambda: wheels(receive_ns=STAMPS[:2]), r'receive_ns has shape \(2,\), expected \(3,\)'),
+    (lambda: FilmData(STAMPS, 'left', np.zeros((3, 2))), "wheel is 'left', expected one of"),
+    (lambda: FilmData(STAMPS, 'rear_left', np.zeros(3)), r'volts has shape \(3,\), expected \(n'),
+    (lambda: Recording(imu(), wheels(), order=np.array([0, 1])), 'order does not have one entry'),
+])
+def test_arrays_that_do_not_fit_are_refused(make, message):
+    with pytest.raises(ParameterError, match=message):
+        make()
+
+
+def test_a_bag_is_not_replaced_and_a_missing_one_is_an_error(recording, bag, tmp_path):
+    with pytest.raises(BagError, match='cannot be written'):
+        write_bag(bag, recording)
+    with pytest.raises(BagError, match='no such file'):
+        read_bag(tmp_path / 'none')
+
+
+def test_damage_and_rejected_messages_are_in_the_warnings(bag, tmp_path):
+    with Bag(bag) as source, BagWriter(tmp_path / 'bad') as writer:
+        for topic in source.topics.values():
+            writer.add_topic(topic.channel)
+        for receive_ns, channel, data in source.raw(['/imu/data']):
+            writer.write(channel.topic, receive_ns, data[:40])
+    read = read_bag(tmp_path / 'bad')
+    assert len(read.imu) == 0
+    assert [line for line in read.warnings if line.startswith('300 messages of imu/data')]
+
+
+@pytest.mark.parametrize(('speeds', 'duration', 'rate', 'message'), [
+    ([(0.0, 1.0)], 1.0, 16.0, r'speeds has shape \(1, 2\)'),
+    ([(0.0, 1.0, np.nan)], 1.0, 16.0, 'expected finite numbers'),
+    ([(0.0, 1.0, 1.0)], 0.0, 16.0, 'duration is 0.0'),
+    ([(0.0, 1.0, 1.0)], np.inf, 16.0, 'duration is inf'),
+    ([(0.0, 1.0, 1.0)], 1.0, -1.0, 'wheel_rate is -1.0'),
+])
+def test_a_simulation_refuses_impossible_arguments(speeds, duration, rate, message):
+    with pytest.raises(ParameterError, match=message):
+        simulate(speeds, duration, wheel_rate=rate)
+
+
+def test_speeds_are_in_radians_per_second_and_the_seed_decides():
+    first, same, other = (simulate([(0.0, 6.0, 3.0)], 1.0, seed=seed, torque=False)
+                          for seed in (1, 1, 2))
+    speed = first.wheels.velocity[-5:].mean(axis=0)
+    assert speed == pytest.approx([6.0, 3.0, 6.0, 3.0], rel=0.05)
+    np.testing.assert_array_equal(first.imu.rate, same.imu.rate)
+    assert not np.array_equal(first.imu.rate, other.imu.rate)
+    assert np.isnan(first.wheels.effort).all()
