@@ -32,12 +32,12 @@ from support.sources import assert_kept, read_sources, Rule, Source
 
 PRODUCT = read_sources('smart_tire', 'benchmarks')
 TESTS = read_sources('test')
-PYTHON = [*PRODUCT, *TESTS, *read_sources('setup.py', 'launch', 'docs')]
+PYTHON = [*PRODUCT, *TESTS, *read_sources('setup.py', 'launch', 'docs', 'examples')]
 SUFFIXES = ('.py', '.yaml', '.md', '.txt', '.toml')
 THIS = 'test/test_style.py'
 PROSE = [source for source in read_sources(
     'README.md', 'CONTRIBUTING.md', 'Makefile', 'pyproject.toml', 'smart_tire', 'benchmarks',
-    'config', 'docs', 'launch', 'test', suffixes=SUFFIXES) if source.name != THIS]
+    'config', 'docs', 'examples', 'launch', 'test', suffixes=SUFFIXES) if source.name != THIS]
 
 LICENSE_HEADER = '\n'.join(TESTS[0].text.splitlines()[1:13])
 COPYRIGHT = re.compile(r'(#!.*\n)?# Copyright \d{4} The smart_tire developers\n')
