@@ -32,14 +32,14 @@ endef
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
 .PHONY: help setup demo test lint check current mutants stop-times bench bench-slip \
-	bench-friction config docs screenshots clean
+	bench-friction config docs screenshots site clean
 help:
 	@echo 'make demo            run the simulated robot and all nodes; results in demo_output/'
 	@echo 'make demo VIEW=1     the same, live in the viewer'
 	@echo 'make test            check style and types, run the tests'
 	@echo 'make lint            check style and types only'
-	@echo 'make check           make test with coverage, generated files, stop times, quick'
-	@echo '                     benchmarks: under half an hour on two cores'
+	@echo 'make check           make test with coverage, generated files, documentation site, stop'
+	@echo '                     times, quick benchmarks: under half an hour on two cores'
 	@echo 'make stop-times      measure the stop time of the wheels for each hazard'
 	@echo 'make mutants         mutation test of the safety path; survivors in mutants_output.md'
 	@echo 'make bench           measure CPU load, latency, offline speed and models'
@@ -48,6 +48,7 @@ help:
 	@echo 'make config          regenerate config/*.yaml, urdf/ and docs/parameters.md'
 	@echo 'make docs            regenerate docs/architecture.svg and the tables in docs/'
 	@echo 'make screenshots     take the pictures of the viewer in docs/images/'
+	@echo 'make site            build the documentation site in site_output/html/'
 	@echo 'make clean           remove installed and built files'
 
 setup: $(READY)
@@ -106,7 +107,7 @@ test: lint
 
 # The results of the benchmarks are in bench_output/check/.
 check: COVERAGE := --cov --cov-report=term
-check: test current
+check: test current site
 	$(BIN)/python test/safety/stop_times.py --runs 1
 	$(BIN)/python -m benchmarks.slip --quick --force --out bench_output/check/slip
 	$(BIN)/python -m benchmarks.friction --quick --force --out bench_output/check/friction
@@ -142,7 +143,20 @@ docs: $(READY)
 screenshots: $(READY)
 	$(BIN)/python docs/take_screenshots.py demo_output
 
+# Its libraries are installed when first needed. Notebooks run in a kernel of this environment.
+$(VENV)/ready-site: $(READY)
+	@echo 'Installing the libraries of the site into $(VENV)'
+ifdef ROS_DISTRO
+	@$(PIP) --editable '.[docs]'
+else
+	@$(PIP) --constraint constraints.txt --no-build-isolation --use-pep517 --editable '.[docs]'
+endif
+	@touch $@
+
+site: $(VENV)/ready-site
+	$(BIN)/python -m sphinx -W --keep-going -q -E -b html docs site_output/html
+
 clean:
 	rm -rf .venv .venv-* build install log *.egg-info .coverage* .hypothesis .mypy_cache \
-		.pytest_cache .ruff_cache
+		.pytest_cache .ruff_cache site_output docs/examples
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

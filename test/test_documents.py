@@ -18,21 +18,29 @@ from __future__ import annotations
 
 from pathlib import Path
 import re
+import shlex
 
 from architecture_tables import read_imports, read_levels
+from command_line_page import verbs_text
 from draw_architecture import check_nodes, check_rooms, read_nodes, with_imports
+import pytest
 
+from smart_tire.cli.main import new_parser, VERBS
 from smart_tire.messages import TOPICS
 from smart_tire.parameters import known_names, NODE_PARAMS
+from smart_tire.protocol.tire_payload import decode_batch
+from smart_tire.protocol.xbee import decode_receive_packet, XBeeDeframer
 from smart_tire.samples import FRICTION_QUANTITIES
 
 ROOT = Path(__file__).resolve().parents[1]
-DOCUMENTS = sorted([*ROOT.glob('*.md'), *(ROOT / 'docs').glob('*.md')])
+DOCUMENTS = sorted([*ROOT.glob('*.md'), *(ROOT / 'docs').rglob('*.md')])
+TUTORIALS = sorted(path.stem for path in (ROOT / 'docs' / 'tutorials').glob('*.md'))
 SOURCES = [path for folder in ('smart_tire', 'benchmarks')
            for path in sorted((ROOT / folder).rglob('*.py'))]
 MAX_README_WORDS = 700
 LINK = re.compile(r'\]\(([^)\s]+)\)')
 CODE = re.compile(r'`([^`\n]+)`')
+FENCE = re.compile(r'^```(\w*)\n(.*?)^```', re.MULTILINE | re.DOTALL)
 FILE = re.compile(r'(?:[\w.-]+/)+[\w.-]+\.(?:py|md|yaml|rst|txt|svg)')
 EQUATION = re.compile(r'\b([AB])\((\d+)[a-d]?\)')
 EQUATION_RANGE = re.compile(r'\b([AB])\((\d+)[a-d]?\) to [AB]\((\d+)[a-d]?\)')
@@ -43,6 +51,26 @@ ROOMS = {path.name.removesuffix('.py') for path in (ROOT / 'smart_tire').iterdir
 def text_of(name: str) -> str:
     """Return the text of a document."""
     return (ROOT / name).read_text(encoding='utf-8')
+
+
+def fenced(path: Path, *languages: str) -> list[str]:
+    """Return the fenced blocks of a document in some languages."""
+    return [code for language, code in FENCE.findall(path.read_text(encoding='utf-8'))
+            if language in languages]
+
+
+def commands(path: Path) -> list[list[str]]:
+    """Return the words of each ``smart_tire`` command in the shell blocks of a document."""
+    lines = '\n'.join(fenced(path, 'bash')).replace('\\\n', ' ').splitlines()
+    words = [shlex.split(line, comments=True) for line in lines if 'smart_tire ' in line]
+    return [found[found.index('smart_tire') + 1:] for found in words
+            if 'smart_tire' in found and found[0] in ('smart_tire', '.venv/bin/smart_tire')]
+
+
+def source_literals() -> str:
+    """Return the source of package and Makefile with adjacent string literals joined."""
+    text = '\n'.join(path.read_text(encoding='utf-8') for path in [*SOURCES, ROOT / 'Makefile'])
+    return re.sub(r"'\s*(#[^\n]*)?\s*(?:\+ )?f?'", '', text)
 
 
 def anchors(path: Path) -> set[str]:
@@ -133,3 +161,65 @@ def test_the_architecture_has_every_room_node_and_import_of_the_source():
     assert with_imports(text, levels, imports) == text, 'run docs/draw_architecture.py'
     picture = text_of('docs/architecture.svg')
     assert [room for room in imports if room not in picture] == []
+
+
+@pytest.mark.parametrize('path', DOCUMENTS, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_every_command_in_a_document_is_accepted_by_its_parser(path):
+    for words in commands(path):
+        assert words[0] in VERBS, words
+        assert new_parser(words[0]).parse_args(words).verb == words[0]
+
+
+def test_commands_are_found():
+    found = [words for path in DOCUMENTS for words in commands(path)]
+    assert len(found) > 15 and {words[0] for words in found} >= {'analyze', 'identify', 'record'}
+
+
+def test_a_wrong_command_is_refused(tmp_path):
+    (tmp_path / 'a.md').write_text('```bash\nsmart_tire record --nowhere \\\n  x  # why\n```\n')
+    [words] = commands(tmp_path / 'a.md')
+    assert words == ['record', '--nowhere', 'x']
+    with pytest.raises(SystemExit):
+        new_parser('record').parse_args(words)
+
+
+def test_messages_in_troubleshooting_are_those_of_the_software():
+    source = source_literals()
+    rows = [line for line in text_of('docs/troubleshooting.md').splitlines()
+            if line.startswith('| ')]
+    messages = [span for row in rows for span in CODE.findall(row.split(' | ')[0])
+                if ' ' in span]
+    parts = [part.strip() for message in messages for part in message.split('...')]
+    assert len(messages) > 20
+    assert [part for part in parts if part and part not in source] == []
+
+
+def test_the_payload_in_the_document_is_that_of_the_decoder():
+    table, frame = [block for block in fenced(ROOT / 'docs' / 'hardware.md', 'text')
+                    if re.match('[0-9a-f]{2} ', block)]
+    payload = bytes.fromhex(' '.join(line[:11] for line in table.splitlines()))
+    batch = decode_batch(payload)
+    assert (batch.sequence, batch.timer_us, batch.period_us, batch.battery_mv) == (
+        258, 1_000_000, 2500, 3700)
+    assert batch.codes == ((511, 512), (514, 512)) and not batch.saturated
+    [body] = XBeeDeframer().feed(bytes.fromhex(frame))
+    packet = decode_receive_packet(body)
+    assert packet.data == payload and packet.source == 0x0013A20040A1B2C3
+
+
+@pytest.mark.parametrize('name', TUTORIALS)
+def test_the_python_code_of_a_tutorial_runs(name):
+    names: dict[str, object] = {'__name__': name}
+    blocks = fenced(ROOT / 'docs' / 'tutorials' / f'{name}.md', 'python')
+    assert blocks
+    for number, block in enumerate(blocks):
+        exec(compile(block, f'{name}.md, block {number}', 'exec'), names)
+
+
+def test_every_verb_is_in_the_reference_of_the_command():
+    text = verbs_text()
+    for verb in VERBS:
+        assert f'## smart_tire {verb}\n' in text
+    assert '### smart_tire identify gains\n' in text
+    assert '| `--rate R` | speed relative to the recording' in text
+    assert '%(' not in text

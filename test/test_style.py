@@ -45,7 +45,8 @@ COPYRIGHT = re.compile(r'(#!.*\n)?# Copyright \d{4} The smart_tire developers\n'
 WITH_PROCESSES = {'test/nodes', 'test/safety', 'test/integration'}
 OWN = {'smart_tire', 'benchmarks'}
 # Modules of test/ and docs/: third party to some, own to others; linters do not agree.
-ON_PYTHONPATH = ('support.', 'architecture_tables', 'draw_architecture', 'write_topics')
+ON_PYTHONPATH = ('support.', 'architecture_tables', 'command_line_page', 'draw_architecture',
+                 'write_topics')
 
 # Names of constants that say neither which quantity nor which role.
 SUPERLATIVES = {
