@@ -61,9 +61,9 @@ def write_bag(path: str | Path, recording: Recording) -> None:
     """
     Write the measurements and the ground truth of ``recording`` to the new bag ``path``.
 
-    ``smart_tire analyze``, ``ros2 bag`` and ``read_bag`` read it; ``read_bag`` returns the same
-    arrays, except for a rotation of less than 1e-15 rad of the true yaw. Raises BagError if the
-    folder ``path`` exists or cannot be written.
+    ``smart_tire analyze``, ``ros2 bag`` and ``read_bag`` read it, the latter as the same arrays to
+    rounding. The true pose is written as planar motion. Raises BagError if the folder ``path``
+    exists or cannot be written.
     """
     truth = recording.truth
     truths = heapq.merge(_odometry(truth.pose), _slips(truth.slip), _crossings(truth.friction),

@@ -179,7 +179,7 @@ class Recording:
 
     ``order`` (N,) gives the device of each sample in order of reception: 0 the IMU, 1 the wheels,
     2 and more the ``films`` in their order. By default it follows from ``receive_ns``. Raises
-    ParameterError if it does not fit the streams.
+    ParameterError if it does not fit the streams, or if films have another wheel than their key.
     """
 
     imu: ImuData
@@ -190,12 +190,15 @@ class Recording:
     order: Instants = ABSENT
 
     def __post_init__(self) -> None:
+        for wheel, films in self.films.items():
+            if films.wheel != wheel:
+                raise ParameterError(f'films[{wheel!r}] are those of {films.wheel}')
         lengths = [len(stream) for stream in self.streams]
+        devices = np.repeat(np.arange(len(lengths)), lengths)
         if self.order is None:
-            devices = np.repeat(np.arange(len(lengths)), lengths)
             received = np.concatenate([stream.receive_ns for stream in self.streams])
             object.__setattr__(self, 'order', devices[np.argsort(received, kind='stable')])
-        if np.bincount(self.order, minlength=len(lengths)).tolist() != lengths:
+        if not np.array_equal(np.sort(self.order), devices):
             raise ParameterError('order does not have one entry for each sample of the streams')
 
     @property

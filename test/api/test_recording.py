@@ -98,6 +98,11 @@ def test_by_default_samples_are_in_order_of_reception_and_that_is_by_timestamp()
     (lambda: FilmData(STAMPS, 'left', np.zeros((3, 2))), "wheel is 'left', expected one of"),
     (lambda: FilmData(STAMPS, 'rear_left', np.zeros(3)), r'volts has shape \(3,\), expected \(n'),
     (lambda: Recording(imu(), wheels(), order=np.array([0, 1])), 'order does not have one entry'),
+    (lambda: Recording(imu(), wheels(), order=np.array([-1, 0, 0, 1, 1, 1])), 'order does not'),
+    (lambda: Recording(imu(), wheels(), order=np.array([0, 0, 0, 1, 1, 2])), 'order does not'),
+    (lambda: Recording(imu(), wheels(), {
+        'rear_left': FilmData(STAMPS, 'rear_right', np.zeros((3, 2)))}),
+     r"films\['rear_left'\] are those of rear_right"),
 ])
 def test_arrays_that_do_not_fit_are_refused(make, message):
     with pytest.raises(ParameterError, match=message):
