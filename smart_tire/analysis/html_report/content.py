@@ -40,20 +40,26 @@ from smart_tire.messages import find_topic
 
 
 def report_of(analysis: Analysis, used: BagParams, facts: Facts) -> Report:
-    """Return the report of ``analysis``, whose parameters are in ``files``."""
+    """
+    Return the report of ``analysis``, which used the parameters ``used``.
+
+    Raises ValueError if nothing was estimated.
+    """
     origin = time_origin(analysis.estimates)
-    summary = analysis.summary or {}
+    summary = analysis.summary
+    if summary is None:
+        raise ValueError('nothing was estimated: there is nothing to report')
     sections = [_recording(analysis, summary, origin), _motion(analysis, summary, origin),
                 _slip(analysis, summary, origin), _friction(analysis, summary, origin),
                 _errors(analysis, summary, origin), _left_out(analysis, summary),
                 _parameters(used)]
-    return Report(facts, _tiles(analysis, summary), _notes(analysis), sections,
+    return Report(facts, _tiles(analysis, summary), _notes(analysis, summary), sections,
                   _time_range(analysis.estimates, origin),
                   busiest_segments(analysis.contents.inputs, origin))
 
 
-def _notes(analysis: Analysis) -> list[str]:
-    inputs = (analysis.summary or {}).get('inputs', {}).values()
+def _notes(analysis: Analysis, summary: Tree) -> list[str]:
+    inputs = summary['inputs'].values()
     counts = {'warnings of the bag reader': len(analysis.contents.warnings),
               'rejected messages': sum(one['rejected'] for one in inputs),
               'late messages': sum(one['late'] for one in inputs)}

@@ -25,6 +25,7 @@ from smart_tire.analysis.curves import Curve
 from smart_tire.analysis.series import Floats
 
 MAX_POINTS = 5000  # of a curve
+KEPT = 'largest value', 'smallest value', 'largest sigma', 'first NaN'  # of each interval
 Rows = NDArray[np.intp]
 
 
@@ -43,7 +44,7 @@ def decimated(curve: Curve, limit: int = MAX_POINTS) -> Curve:
         return curve.at_rows(rows)
     sigma = np.zeros(len(rows)) if curve.sigma is None else curve.sigma[rows]
     value = curve.value[rows]
-    buckets = (limit - 2) // 4
+    buckets = bucket_count(limit)
     criteria = (_filled(value, buckets), _filled(-value, buckets), _filled(sigma, buckets),
                 _filled(np.where(np.isfinite(value), math.nan, 1.0), buckets))
     width = criteria[0].shape[1]
@@ -52,6 +53,11 @@ def decimated(curve: Curve, limit: int = MAX_POINTS) -> Curve:
     kept = [best[np.isfinite(table.max(axis=1))] for best, table in zip(kept, criteria)]
     kept.append(np.array([0, len(rows) - 1]))
     return curve.at_rows(rows[np.unique(np.concatenate(kept))])
+
+
+def bucket_count(limit: int) -> int:
+    """Return the number of intervals of a curve with at most ``limit`` points."""
+    return (limit - 2) // len(KEPT)
 
 
 def _filled(values: Floats, buckets: int) -> Floats:

@@ -25,7 +25,7 @@ from typing import Any
 
 from plotly.offline import get_plotlyjs
 
-from smart_tire.analysis.html_report.decimation import MAX_POINTS
+from smart_tire.analysis.html_report.decimation import bucket_count, MAX_POINTS
 from smart_tire.analysis.html_report.layout import Figure, plotly_spec
 from smart_tire.analysis.html_report.model import Block, Folded, Report, Section
 from smart_tire.analysis.html_report.tables import Table
@@ -36,8 +36,9 @@ ABOUT = (
     'after the first estimate. σ is one standard deviation as reported by the estimator; bands, '
     'bars and ellipses show 2σ.',
     f'A curve has at most {MAX_POINTS} points. Where it has more values, the smallest and largest '
-    'value and the largest σ of each interval are kept, so that extremes are shown; every point '
-    'is an original value. Tables are computed from all values.',
+    'value and the largest σ of each interval are kept, here of up to $interval s, so that '
+    'extremes are shown, but less detail than in the bag. Every point is an original value. '
+    'Tables are computed from all values.',
     'Drag to zoom, double-click to reset; plots over time have linked axes. This file makes no '
     'network requests. The plots are drawn by plotly.js (MIT license), which it contains.')
 
@@ -58,8 +59,15 @@ def html_page(report: Report) -> str:
         zoom=_zoom(report), notes=_notes(report.notes), sections=sections,
         tiles='\n'.join(f'<div><dt>{escape(label)}</dt><dd class="value">{escape(value)}</dd>'
                         f'<dd>{escape(note)}</dd></div>' for label, value, note in report.tiles),
-        about=''.join(f'<p>{escape(text)}</p>' for text in ABOUT),
+        about=_about(report),
         plotly=get_plotlyjs(), script=_resource('page.js'))
+
+
+def _about(report: Report) -> str:
+    start, end = report.time_range
+    interval = f'{(end - start) / bucket_count(MAX_POINTS):.2g}'
+    return ''.join(f'<p>{escape(Template(text).substitute(interval=interval))}</p>'
+                   for text in ABOUT)
 
 
 class Specs:

@@ -23,11 +23,17 @@ import re
 import plotly.graph_objects as go
 import pytest
 
+from smart_tire.analysis.html_report.content import report_of
 from smart_tire.analysis.html_report.layout import plotly_spec
-from smart_tire.analysis.html_report.model import Folded
-from smart_tire.analysis.html_report.page import script_json
+from smart_tire.analysis.html_report.model import Facts, Folded
+from smart_tire.analysis.html_report.page import html_page, script_json
 from smart_tire.analysis.html_report.tables import Table
+from smart_tire.analysis.offline import Analysis, analyze
+from smart_tire.analysis.pipeline import EstimatorParams
 from smart_tire.analysis.report import number, percent
+from smart_tire.bags import BagWriter
+from smart_tire.parameters import build, SimulatorParams
+from smart_tire.simulation.offline import simulate
 
 SECTIONS = [
     'recording', 'motion', 'slip', 'friction', 'errors', 'left_out', 'parameters', 'about']
@@ -76,6 +82,13 @@ class Outline(HTMLParser):
 
 
 @pytest.fixture(scope='module')
+def events():
+    """Return the events of one and a half seconds."""
+    return simulate(build(SimulatorParams, {'film.wheels': ['front_left'], 'seed': 2}),
+                    [(0.2, 120.0, 60.0)], 1.5)
+
+
+@pytest.fixture(scope='module')
 def outline(page):
     """Return the parsed page."""
     return Outline(page)
@@ -93,6 +106,28 @@ def test_the_page_has_all_sections_in_the_order_of_the_navigation(outline):
     headings = [values['id'] for tag, values in outline.tags if tag == 'h2']
     assert headings == SECTIONS
     assert len(set(outline.ids)) == len(outline.ids)
+
+
+@pytest.mark.parametrize('missing', [
+    ('imu/data',), ('tire_samples',),
+    ('ground_truth/odom', 'ground_truth/wheel_slip', 'ground_truth/tire_friction')],
+    ids='+'.join)
+def test_a_report_without_some_topics_has_all_sections(missing, events, params, tmp_path):
+    with BagWriter(tmp_path / 'bag') as writer:
+        for receive_ns, topic, sample in events:
+            if topic not in missing:
+                writer.write_sample(topic, receive_ns, sample)
+    run = analyze(tmp_path / 'bag', None, EstimatorParams.load([params]))
+    outline = Outline(html_page(report_of(run, [params], Facts('bag', '', '', '', ''))))
+    assert [values['id'] for tag, values in outline.tags if tag == 'h2'] == SECTIONS
+    skipped = ' '.join(outline.texts['li'])
+    for topic in missing[:2]:
+        assert f'{topic} is not in the bag' in skipped or 'ground truth is not' in skipped
+
+
+def test_a_recording_without_estimates_has_no_report(params):
+    with pytest.raises(ValueError, match='nothing was estimated'):
+        report_of(Analysis(), [params], Facts('bag', '', '', '', ''))
 
 
 def test_nothing_is_loaded_from_elsewhere(outline):
