@@ -22,7 +22,7 @@ import shutil
 import pytest
 
 from smart_tire.analysis.pipeline import EstimatorParams
-from smart_tire.bags import BagWriter, PARAMETERS_KEY
+from smart_tire.bags import Bag, BagWriter, PARAMETERS_KEY
 from smart_tire.cli import report as verb
 from smart_tire.cli.main import main
 from smart_tire.parameters import build, SimulatorParams
@@ -51,6 +51,8 @@ def test_the_report_of_a_demo_folder_has_its_name(demo, tmp_path, monkeypatch, c
     text = Path('my_demo_report.html').read_text()
     assert '<h1>my_demo</h1>' in text and str(demo / 'bag') in text
     assert 'Software</dt><dd>smart_tire 0.' in text
+    with Bag(demo / 'bag') as bag:
+        assert f'Recorded</dt><dd>{verb.date_text(bag.span_ns[0])}</dd>' in text
     assert 'my_demo: 100 %' in capsys.readouterr().out
     assert [path.name for path in tmp_path.iterdir()] == ['my_demo_report.html']
 

@@ -163,7 +163,8 @@ def _error_groups(estimates: Series, truth: Series,
 
 def _left_out(analysis: Analysis, summary: Tree) -> Section:
     contents = analysis.contents
-    blocks: list[Block] = [left_out_table(analysis, summary['inputs'])]
+    table = left_out_table(analysis, summary['inputs'])
+    blocks: list[Block] = [table if table.rows else 'No message and no estimate was left out.']
     lines = skipped_lines(contents)
     blocks += ['Skipped:', lines] if lines else ['Nothing was skipped.']
     blocks += ['Warnings of the bag reader:', contents.warnings] if contents.warnings else [

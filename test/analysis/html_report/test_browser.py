@@ -30,7 +30,7 @@ OPTIONS = (
     '--disable-background-networking', '--enable-logging=stderr', '--virtual-time-budget=20000',
     '--blink-settings=preferredColorScheme=0',  # dark
     '--host-resolver-rules=MAP * ~NOTFOUND', '--dump-dom')
-TIMEOUT = 60.0  # s, on a loaded machine; it takes about 4 s
+TIMEOUT = 120.0  # s, on a loaded machine; it takes about 4 s
 RANGE = [1.0, 2.0]  # s, to which the probe zooms the slip
 # Zooms one plot, prints the page, and records what happened in the document.
 PROBE = """
