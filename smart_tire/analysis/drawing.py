@@ -168,16 +168,23 @@ def draw_waveform(ax: Axes, waveform: CrossingWaveform) -> None:
            title=f'one crossing of {waveform.wheel.replace("_", " ")}')
 
 
-def draw_friction(ax: Axes, curve: FrictionCurve) -> None:
-    """Draw single estimates with two-sigma bars and fused ones with a two-sigma band."""
+def draw_friction(ax: Axes, curve: FrictionCurve, *, bars: bool = True) -> None:
+    """
+    Draw single estimates with two-sigma bars and fused ones with a two-sigma band.
+
+    Without ``bars`` many crossings can be drawn in one panel.
+    """
     single, fused, truth = curve.single, curve.fused, curve.truth
     draw_band(ax, fused, BLUE)
-    bars = None if single.sigma is None else 2.0 * single.sigma
-    ax.errorbar(single.time_s, single.value, yerr=bars, color=ORANGE, fmt='o', markersize=3.5,
-                elinewidth=0.9, label='single crossing ± 2σ')
-    ax.plot(fused.time_s, fused.value, color=BLUE, linewidth=1.6, label='fused ± 2σ')
+    size = 2.0 * single.sigma if bars and single.sigma is not None else None
+    ax.errorbar(single.time_s, single.value, yerr=size, color=ORANGE, fmt='o',
+                markersize=3.5 if bars else 2.0, elinewidth=0.9,
+                label=f'single crossing{" ± 2σ" if bars else ""}')
+    ax.plot(fused.time_s, fused.value, color=BLUE, linewidth=1.6, zorder=3,
+            label='fused ± 2σ')
     if len(truth.time_s):
-        ax.plot(truth.time_s, truth.value, **TRUTH, drawstyle='steps-mid', label='truth')
+        ax.plot(truth.time_s, truth.value, **TRUTH, zorder=4, drawstyle='steps-mid',
+                label='truth')
     ax.set(xlabel='time [s]', ylabel='friction coefficient [-]',
            title=curve.wheel.replace('_', ' '))
 

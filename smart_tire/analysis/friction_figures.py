@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 
 from matplotlib.axes import Axes
@@ -29,7 +29,7 @@ from smart_tire.analysis.friction_metrics import (
     column, is_informative, MAX_RELATIVE_SIGMA, of_wheel, stamps_of)
 from smart_tire.analysis.labels import LabeledEstimates, panel_title
 from smart_tire.analysis.series import seconds, Series
-from smart_tire.analysis.zoomed import overview_figure, Segments
+from smart_tire.analysis.zoomed import Draw, overview_figure, Segments
 from smart_tire.samples import WHEELS
 
 MAX_FRICTION = 1.2      # upper end of the friction axis
@@ -44,13 +44,16 @@ def friction_figure(labeled: LabeledEstimates, truth: Series, origin_ns: int,
     curves = {panel_title(labeled, label, wheel.replace('_', ' ')):
               friction_curve(wheel, series, truth, origin_ns)
               for wheel in wheels for label, series in labeled.items()}
-    draw: dict[str, Callable[[Axes], None]] = {
-        title: partial(drawing.draw_friction, curve=curve) for title, curve in curves.items()}
+    draw: dict[str, Draw] = {title: partial(_draw, curve) for title, curve in curves.items()}
     figure, axes = overview_figure(draw, segments, panel_height=2.6)
     next(iter(axes.values())).set_ylim(0.0, MAX_FRICTION)
     drawing.finish(figure, axes)
     drawing.add_caption(figure, _caption([*curves.values()]))
     return figure
+
+
+def _draw(curve: drawing.FrictionCurve, ax: Axes, brief: bool) -> None:
+    drawing.draw_friction(ax, curve, bars=not brief)
 
 
 def friction_curve(wheel: str, estimates: Series, truth: Series,

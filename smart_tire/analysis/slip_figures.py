@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 
 from matplotlib.axes import Axes
@@ -29,7 +29,7 @@ from smart_tire.analysis.curves import (
 from smart_tire.analysis.labels import LabeledEstimates, panel_title
 from smart_tire.analysis.metrics import Intervals, SIDES
 from smart_tire.analysis.series import seconds, Series
-from smart_tire.analysis.zoomed import overview_figure, Segments
+from smart_tire.analysis.zoomed import Draw, overview_figure, Segments
 from smart_tire.samples import NS_PER_S
 
 MIN_SLIP_MARGIN = 0.1  # -
@@ -47,9 +47,8 @@ def slip_figure(labeled: LabeledEstimates, truth: Series, origin_ns: int,
     if intervals:
         figure, axes = _interval_panels(labeled, curves, intervals, origin_ns)
     else:
-        draw: dict[str, Callable[[Axes], None]] = {
-            panel_title(labeled, label, ''): partial(drawing.draw_slip, curves=own)
-            for label, own in curves.items()}
+        draw: dict[str, Draw] = {panel_title(labeled, label, ''): partial(_draw, own)
+                                 for label, own in curves.items()}
         figure, axes = overview_figure(draw, segments, panel_height=2.8)
     every = [curve for own in curves.values() for curve in own]
     low, high = slip_limits(every)
@@ -57,6 +56,10 @@ def slip_figure(labeled: LabeledEstimates, truth: Series, origin_ns: int,
     drawing.finish(figure, axes)
     drawing.add_caption(figure, _caption(every, low, high))
     return figure
+
+
+def _draw(curves: Sequence[drawing.SlipCurve], ax: Axes, brief: bool) -> None:
+    drawing.draw_slip(ax, curves)
 
 
 def _interval_panels(labeled: LabeledEstimates, curves: dict[str, list[drawing.SlipCurve]],

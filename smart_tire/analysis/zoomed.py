@@ -25,9 +25,10 @@ from matplotlib.figure import Figure
 from smart_tire.analysis import drawing
 
 Segments = Sequence[tuple[float, float]]  # s
+Draw = Callable[[Axes, bool], None]       # draws a panel, in brief if it is an overview
 
 
-def overview_figure(draw: Mapping[str, Callable[[Axes], None]], segments: Segments, *,
+def overview_figure(draw: Mapping[str, Draw], segments: Segments, *,
                     panel_height: float) -> tuple[Figure, dict[str, Axes]]:
     """
     Return a figure with a panel of each name, and its axes by name.
@@ -44,11 +45,11 @@ def overview_figure(draw: Mapping[str, Callable[[Axes], None]], segments: Segmen
         rows, height=1.6 + panel_height * len(rows), share_x=not segments, share_y=True,
         width=9.0 if not segments else 11.0)
     for name, draw_panel in draw.items():
-        draw_panel(axes[name])
+        draw_panel(axes[name], bool(segments))
         axes[name].set_title(name)
         for letter, (first, last) in zip(ascii_uppercase, segments):
             part = axes[f'{name}, {letter}']
-            draw_panel(part)
+            draw_panel(part, False)
             part.set(xlim=(first, last), title=f'{letter}: {first:.0f} s to {last:.0f} s')
             drawing.mark_segment(axes[name], letter, first, last)
     return figure, axes

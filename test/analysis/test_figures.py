@@ -228,6 +228,8 @@ def test_long_recordings_have_an_overview_and_segments():
         assert [first.get_xlim(), second.get_xlim()] == parts
         assert first.get_title().startswith('A: ') and second.get_title().startswith('B: ')
         assert first.get_ylim() == overview.get_ylim()
+    assert not overview.containers[0].has_yerr  # friction: the bars of many crossings overlap
+    assert first.containers[0].has_yerr
 
 
 def test_intervals_replace_segments_and_short_recordings_have_none():
