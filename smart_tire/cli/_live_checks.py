@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 
 SIMULATOR = 'robot_simulator'
 DISCOVERY_TIME = 2.0  # s before messages are counted, to subscribe to what is published
+STATUS_LEVELS = (Level.OK, Level.WARNING, Level.ERROR, Level.ERROR)  # of DiagnosticStatus
+
 Progress = Callable[[str], None]
 
 
@@ -86,10 +88,15 @@ def _ros_findings(seconds: float, files: list[Path], heard: Heard,
     yield from discovery_findings()
     progress(f'listening to nodes and topics ({DISCOVERY_TIME + seconds:g} s)')
     yield from _listen(seconds, heard)
-    for name, status in sorted(heard.statuses.items()):
-        level = (Level.OK, Level.WARNING, Level.ERROR, Level.ERROR)[min(status.level, 3)]
-        yield Finding(level, f'node {name}', status.message)
+    yield from status_findings(heard)
     yield from robot_findings(heard, files)
+
+
+def status_findings(heard: Heard) -> Iterator[Finding]:
+    """Yield the diagnostics of each node; a stale one is an error."""
+    for name, status in sorted(heard.statuses.items()):
+        yield Finding(STATUS_LEVELS[min(status.level, len(STATUS_LEVELS) - 1)], f'node {name}',
+                      status.message)
 
 
 def _listen(seconds: float, heard: Heard) -> Iterator[Finding]:

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 import json
+from types import SimpleNamespace
 
 import pytest
 from support.checked import changed, clean, texts
@@ -25,7 +26,7 @@ from support.recordings import write_bag
 from smart_tire.bags.definitions import empty, Encoder
 from smart_tire.cli import _live_checks
 from smart_tire.cli._findings import status_of
-from smart_tire.cli._live_checks import Heard, robot_findings
+from smart_tire.cli._live_checks import Heard, robot_findings, status_findings
 from smart_tire.cli.main import main
 from smart_tire.findings import Finding, Level
 from smart_tire.messages import TOPICS
@@ -90,6 +91,14 @@ def test_live_samples_are_checked_per_namespace():
     assert 'OK /robot: imu/data: gravity 9.' in text
     assert 'WARNING /robot: imu/data: timestamps are' in text  # those of the simulation
     assert list(heard.robots) == ['/robot'] and heard.size > 13
+
+
+@pytest.mark.parametrize('level, text', [
+    (0, 'ok'), (1, 'warning'), (2, 'error'), (3, 'error'), (9, 'error')])
+def test_levels_of_diagnostics_become_levels_of_findings(level, text):
+    heard = Heard(statuses={'a/imu_driver': SimpleNamespace(level=level, message='why')})
+    finding, = status_findings(heard)
+    assert (finding.level.name.lower(), finding.text) == (text, 'node a/imu_driver: why')
 
 
 def test_without_rclpy_host_and_ports_are_checked(monkeypatch, tmp_path, capsys):

@@ -22,6 +22,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from smart_tire.bags.cdr import Decoder
 from smart_tire.findings import Level
 from smart_tire.messages import TOPICS
+from smart_tire.nodes import graph_checks
 from smart_tire.nodes.compat import message_class
 from smart_tire.nodes.graph_checks import (
     discovery_time, Endpoint, graph_findings, node_names, read_graph, TopicEnds)
@@ -106,7 +107,11 @@ def test_an_observer_receives_from_all_namespaces_and_the_graph_is_read(graph):
             other.publish(message_class('std_msgs/msg/Bool')(data=True))
             runner.spin(0.05)
 
-        graph.until(lambda: len(received) == 2 and 'watcher' in statuses, step)
+        def discovered():
+            ends = read_graph(runner.node).get('/three/imu/data')
+            return ends and [end.node for end in ends.publishers] == ['/test']
+
+        graph.until(lambda: len(received) == 2 and 'watcher' in statuses and discovered(), step)
         read, names = read_graph(runner.node), node_names(runner.node)
     assert set(received) == {'/one/imu/data', '/two/imu/data'}
     assert all(topic.from_msg(Decoder(IMU)(data)) == SAMPLE for data in received.values())
@@ -115,6 +120,22 @@ def test_an_observer_receives_from_all_namespaces_and_the_graph_is_read(graph):
     assert read['/two/imu/data'].subscriptions == ()
     levels = {one.where: one.level for one in graph_findings(read, names)}
     assert levels == {'/three/imu/data': Level.ERROR}
+
+
+@pytest.mark.parametrize('elapsed, level', [
+    (3.4, Level.OK), (3.6, Level.WARNING), (None, Level.ERROR)])
+def test_slow_and_failed_discovery_are_reported(monkeypatch, elapsed, level):
+    monkeypatch.setattr(graph_checks, 'discovery_time', lambda: elapsed)
+    finding, = graph_checks.discovery_findings()
+    assert finding.level is level
+
+
+def test_the_environment_of_discovery_is_named(monkeypatch):
+    monkeypatch.setenv('ROS_DOMAIN_ID', '42')
+    monkeypatch.setenv('ROS_LOCALHOST_ONLY', '1')
+    finding, = graph_checks.middleware_findings()
+    assert 'domain 42 (' in finding.found and 'ROS_LOCALHOST_ONLY=1' in finding.found
+    assert finding.found.startswith('rmw_')
 
 
 def test_participants_of_this_host_find_each_other(isolated_ros):
