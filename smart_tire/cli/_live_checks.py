@@ -72,7 +72,7 @@ def live_findings(args: argparse.Namespace, files: list[Path],
     else:
         yield from _ros_findings(args.seconds, files, heard, progress)
     progress('measuring timers and disk (2 s)')
-    yield from host_findings(args.out, heard.size / args.seconds or NOMINAL_RATE)
+    yield from host_findings(args.out, max(heard.size / args.seconds, NOMINAL_RATE))
     if any(name.rpartition('/')[2] == SIMULATOR for name in heard.nodes):
         yield Finding(Level.INFO, 'ports', 'the robot is simulated: serial ports are not checked')
     elif not args.no_ports:

@@ -39,7 +39,8 @@ def test_a_running_node_is_shown_by_status_and_doctor(tmp_path, isolated_ros, ca
         graph.until(lambda: 1 in statuses,  # discovery may take several attempts
                     lambda: statuses.append(main(['status', '--json', '--seconds', '1.2'])))
         out = capfd.readouterr().out
-        graph.until(lambda: 'slip_estimator' in heard.statuses,
+        graph.until(lambda: 'slip_estimator' in heard.statuses
+                    and '/slip_estimator' in heard.nodes,
                     lambda: findings.append(list(_live_checks._listen(1.2, heard))))
     tree = json.loads(out[out.rindex('{\n  "exit_status"'):])
     names = {row['name']: row['level'] for robot in tree['robots'] for row in robot['nodes']}
