@@ -30,6 +30,7 @@ from smart_tire.cli._live_checks import Heard, robot_findings, status_findings
 from smart_tire.cli.main import main
 from smart_tire.findings import Finding, Level
 from smart_tire.messages import TOPICS
+from smart_tire.samples import Icr
 
 
 @pytest.fixture(scope='module')
@@ -62,6 +63,12 @@ def test_an_unknown_parameter_is_a_finding(bag, tmp_path, capsys):
     assert main(['doctor', str(bag), '--params', str(params)]) == 1
     out = capsys.readouterr().out
     assert 'error   parameters:' in out and 'wheel_radios' in out and 'wheel_radius: 0.087' in out
+
+
+def test_a_bag_without_inputs_has_errors(tmp_path, capsys):
+    bag = write_bag(tmp_path / 'bag', [(10, 'icr', Icr(10, 1.0, 0.0))])
+    assert main(['doctor', str(bag)]) == 1
+    assert capsys.readouterr().out.count('no messages') == 3
 
 
 def test_a_missing_bag_has_exit_status_2(capsys):
