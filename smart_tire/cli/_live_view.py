@@ -18,14 +18,11 @@ from __future__ import annotations
 
 from functools import partial
 import signal
-from statistics import median
-import time
 from typing import TYPE_CHECKING
 
-from smart_tire.messages import NodeStatus
+from smart_tire.cli._live_feed import FLUSH_PERIOD, LiveFeed
 from smart_tire.nodes.listener import Listener
 from smart_tire.nodes.runner import NodeRunner
-from smart_tire.samples import Sample
 from smart_tire.view.recorder import ViewError
 
 if TYPE_CHECKING:
@@ -33,49 +30,6 @@ if TYPE_CHECKING:
     from smart_tire.view.viewer import Viewer
 
 NODE = 'smart_tire_view'
-FLUSH_PERIOD = 0.1  # s between two transmissions to the viewer
-
-
-class LiveFeed:
-    """
-    Passes samples and statuses to the scene, and measures the delay of the program.
-
-    The delay is the time from the reception of a sample until it has left this process, of the
-    oldest sample of each transmission.
-    """
-
-    def __init__(self, scene: Scene) -> None:
-        self._scene = scene
-        self._oldest: float | None = None  # s, reception of the oldest sample not yet sent
-        self.samples = 0
-        self.delays: list[float] = []  # s
-
-    def on_sample(self, topic: str, sample: Sample) -> None:
-        """Show a sample that was just received."""
-        if self._oldest is None:
-            self._oldest = time.monotonic()
-        self.samples += 1
-        self._scene.add(topic, sample)
-
-    def on_status(self, status: NodeStatus) -> None:
-        """Show the status of a node that was just received."""
-        self._scene.add_status(time.time_ns(), status)
-
-    def flush(self) -> None:
-        """Send what was received."""
-        self._scene.flush()
-        if self._oldest is not None:
-            delay = time.monotonic() - self._oldest
-            self._oldest = None
-            self.delays.append(delay)
-            self._scene.add_delay(time.time_ns(), delay)
-
-    def report(self) -> str:
-        """Return the delays as a line of text."""
-        if not self.delays:
-            return 'no samples received'
-        return (f'{self.samples} samples; from reception until sent to the viewer: median '
-                f'{median(self.delays):.2f} s, at most {max(self.delays):.2f} s')
 
 
 def show_live(scene: Scene, viewer: Viewer | None) -> int:

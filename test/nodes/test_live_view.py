@@ -33,7 +33,7 @@ pytestmark = [pytest.mark.processes, pytest.mark.skipif(
 
 def test_live_topics_and_diagnostics_are_recorded_until_a_signal(
         isolated_ros, tmp_path, monkeypatch, capfd):
-    from smart_tire.cli._live_view import LiveFeed
+    from smart_tire.cli._live_feed import LiveFeed
     from smart_tire.cli.main import main
     from support.rerun_file import RerunFile
     topic, publishers, flushes = TOPICS['icr'], [], []
