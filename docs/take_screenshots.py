@@ -38,8 +38,9 @@ from smart_tire.view.viewer import open_stream, Viewer
 
 IMAGES = Path(__file__).resolve().parent / 'images'
 SIZE = {'width': 1920, 'height': 1080}
+LOADING_SIZE = {'width': 320, 'height': 240}  # drawn faster while data arrive
 TABS = {'view_bag': None, 'view_contact': 170}  # picture -> horizontal position of its tab
-LOADING_TIME, DRAWING_TIME = 120.0, 15.0  # s; without a GPU the viewer is slow
+LOADING_TIME, DRAWING_TIME = 40.0, 20.0  # s; without a GPU the viewer is slow
 MAX_FRAME_TIME = 300_000.0  # ms
 COLORS = 64
 FLAGS = ('--no-sandbox', '--use-gl=angle', '--use-angle=swiftshader',
@@ -57,9 +58,11 @@ def take(folder: Path) -> None:
         stream = open_stream('demo', layout.blueprint(), address=viewer.address.stream)
         show(recording, Scene(stream, params.friction), params, estimate=False, describe=print)
         browser = tools.chromium.launch(executable_path=shutil.which('chromium'), args=FLAGS)
-        page = browser.new_page(viewport=SIZE, color_scheme='dark')
+        page = browser.new_page(viewport=LOADING_SIZE, color_scheme='dark')
         page.goto(viewer.address.page)
         time.sleep(LOADING_TIME)
+        page.set_viewport_size(SIZE)
+        time.sleep(DRAWING_TIME)
         for name, tab in TABS.items():
             if tab is not None:
                 page.mouse.click(tab, 50)

@@ -41,6 +41,8 @@ APPLICATION = 'smart_tire'
 LOOPBACK = '127.0.0.1'
 GRPC_PORT, WEB_PORT = 9876, 9090  # the usual ones of rerun, if they are free
 START_TIMEOUT, STOP_TIMEOUT, POLL_PERIOD = 20.0, 5.0, 0.05  # s
+# Data are sent by ``Scene.flush``; viewers read few large parts much faster than many small ones.
+FLUSH_TICK, FLUSH_BYTES, FLUSH_ROWS = 10.0, 1 << 23, 1 << 20  # s, bytes, rows
 MEMORY_LIMIT = '2GB'    # of the server, which then drops the oldest data
 
 
@@ -126,7 +128,8 @@ def open_stream(name: str, blueprint: rrb.Blueprint, *, address: str | None = No
 
     Raises ViewError if the file cannot be written.
     """
-    stream = rr.RecordingStream(APPLICATION)
+    stream = rr.RecordingStream(APPLICATION, batcher_config=rr.ChunkBatcherConfig(
+        flush_tick=FLUSH_TICK, flush_num_bytes=FLUSH_BYTES, flush_num_rows=FLUSH_ROWS))
     sinks: list[rr.GrpcSink | rr.FileSink] = []
     if address is not None:
         sinks.append(rr.GrpcSink(address))
