@@ -16,13 +16,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from support.arrays import arrays, assert_same_arrays
 
 from smart_tire import read_bag, Recording, simulate, write_bag
-from smart_tire.api import FilmData, ImuData, WheelData
-from smart_tire.api.recording import RecordingBuilder
+from smart_tire.api import FilmData, ImuData, PoseEstimate, WheelData
+from smart_tire.api.recording import no_truth, RecordingBuilder
 from smart_tire.bags import Bag, BagWriter
 from smart_tire.errors import BagError, ParameterError
 from smart_tire.samples import ImuSample, TireSample, WheelSample
@@ -116,6 +118,21 @@ def test_a_bag_is_not_replaced_and_a_missing_one_is_an_error(recording, bag, tmp
         read_bag(tmp_path / 'none')
 
 
+def test_at_equal_times_the_imu_comes_before_the_wheels():
+    same = np.repeat([7, 8, 9], 100)
+    order = Recording(imu(same), wheels(same)).order
+    assert order.tolist() == 3 * (100 * [0] + 100 * [1])
+
+
+def test_uncertain_truth_survives_a_bag_also_without_twist(tmp_path):
+    half = np.random.default_rng(1).standard_normal((3, 3, 3))
+    twist = np.array([[1.0, 2.0, 3.0], [np.nan] * 3, [4.0, 5.0, 6.0]])
+    pose = PoseEstimate(STAMPS, np.ones((3, 3)), twist, half @ half.transpose(0, 2, 1),
+                        0.1 * twist)
+    write_bag(tmp_path / 'bag', Recording(imu(), wheels(), truth=replace(no_truth(), pose=pose)))
+    assert_same_arrays(read_bag(tmp_path / 'bag').truth.pose, pose, 1e-12)
+
+
 def test_damage_and_rejected_messages_are_in_the_warnings(bag, tmp_path):
     with Bag(bag) as source, BagWriter(tmp_path / 'bad') as writer:
         for topic in source.topics.values():
@@ -141,7 +158,7 @@ def test_a_simulation_refuses_impossible_arguments(speeds, duration, rate, messa
 
 def test_speeds_are_in_radians_per_second_and_the_seed_decides():
     first, same, other = (simulate([(0.0, 6.0, 3.0)], 1.0, seed=seed, torque=False)
-                          for seed in (1, 1, 2))
+                          for seed in (1, 1, 0))
     speed = first.wheels.velocity[-5:].mean(axis=0)
     assert speed == pytest.approx([6.0, 3.0, 6.0, 3.0], rel=0.05)
     np.testing.assert_array_equal(first.imu.rate, same.imu.rate)
