@@ -41,6 +41,7 @@ from scipy.sparse.linalg import splu
 
 from smart_tire.arrays import Array
 from smart_tire.calibration.recording import Recording
+from smart_tire.calibration.tire.simulated_segments import simulated
 from smart_tire.calibration.tire.stiffness_model import Block, Common, Noise, SegmentModel
 from smart_tire.calibration.tire.straight_segments import (
     MIN_SEGMENT_INTERVALS, MIN_SPEED, straight_segments, StraightSegment)
@@ -57,8 +58,9 @@ LATENCY_ERROR_SIGMA = 0.01  # s, of the configured latency between wheels and IM
 RADIUS_ERROR_SIGMA = 0.02   # relative, of the rolling radius; assumed
 ACCEL_SCALE_SIGMA = 0.05    # of accelerations; the body pitches by 0.3 degrees at 1 m/s2; assumed
 BIAS_SIGMA = 0.15           # m/s2, turn-on bias and mounting
-INITIAL_FRICTIONS = (0.6, 0.2)  # starts of the fit: a slippery ground may mimic a soft tire
-INITIAL_FORCE_NOISE = 0.1   # m/s2, of the force balance of a step
+# starts of the fit, friction and C_x over the configured one: slippery ground may mimic a soft tire
+INITIAL_VALUES = ((0.6, 1.0), (0.2, 2.0))
+INITIAL_FORCE_NOISE = 0.03  # m/s2, of the force balance of a step; 0.1 leads to wrong minima
 MIN_FORCE_NOISE = 0.03      # m/s2, of a step; assumed
 MIN_JITTER = 1e-4           # s
 ROUNDS = 3                  # of the noise, then fit
@@ -66,12 +68,17 @@ MAX_ITERATIONS = 40         # of Gauss-Newton
 MAX_STEP = np.array([0.3, 0.05, 0.3, 5e-3, 0.05, 0.1])  # of ``Common`` in one iteration
 MIN_SCALE = 1e-3            # of a damped step
 CONVERGED = 0.01            # of a step over the standard errors
+NOT_ROBUST = 1e6            # sigmas, in place of the next one
 HUBER_THRESHOLD = 3.0       # sigmas, beyond which a row has lower weight
 MAX_NOISE_SHARE = 0.08      # of accelerations; more noise makes a tire seem too stiff
 MAX_LATENCY_ERROR = 0.04    # s, of the configured latency
 IMPLAUSIBLE_SIGMAS = 4.0    # standard errors by which a drag may be negative
 MAX_FORCE_ERROR_SHARE = 0.3  # of accelerations, of the force balance
 MIN_FREEDOM = 0.1           # degrees of freedom per row of a group; its estimate is random
+REPETITIONS = 5             # of the fit, on simulated segments
+REPEATED_CONVERGED = 0.1    # of a step over the standard errors, in a repetition
+AMBIGUITY_CHI_SQUARE = 9.0  # by which all other solutions must be worse: three sigmas
+DISTINCT_SIGMAS = 3.0       # standard errors of C_x beyond which solutions differ
 PROBES = 8                  # random vectors for the degrees of freedom of a group
 
 
@@ -94,17 +101,19 @@ class StiffnessFit:
     curve: tuple[Array, Array]  # slip [-] and force [N] of one wheel as fitted
 
 
-def identify_stiffness(recordings: Sequence[Recording], robot: RobotParams) -> StiffnessFit:
+def identify_stiffness(recordings: Sequence[Recording], robot: RobotParams,
+                       latency_sigma: float = LATENCY_ERROR_SIGMA) -> StiffnessFit:
     """
     Return the stiffness from recordings on the same ground.
 
-    If recordings differ by more than their standard errors, those are scaled up. Raises
+    ``latency_sigma`` [s] is the standard deviation of the error of ``encoder.latency``. If recordings differ by more than their standard errors, those are scaled up. Raises
     EstimatorError with the reason if the stiffness is not observable.
     """
     models = [_models(recording, robot) for recording in recordings]
-    fits = [_fit(segments, robot) for segments in models]
+    fits = [_fit(segments, robot, latency_sigma) for segments in models]
     separate = [part.stiffness for part in fits]
-    fit = fits[0] if len(fits) == 1 else _combined(models, separate, robot)
+    fit = fits[0] if len(fits) == 1 else _combined(models, separate, robot,
+                                                             latency_sigma)
     combined = fit.stiffness
     fit = replace(fit, stiffness=_scaled_by_scatter(combined, separate))
     if not (fit.stiffness.value > 0.0 and fit.stiffness.determined):
@@ -113,10 +122,10 @@ def identify_stiffness(recordings: Sequence[Recording], robot: RobotParams) -> S
 
 
 def _combined(models: Sequence[Sequence[SegmentModel]], separate: Sequence[Uncertain],
-              robot: RobotParams) -> StiffnessFit:
+              robot: RobotParams, latency_sigma: float) -> StiffnessFit:
     """Return the fit of all recordings; EstimatorError with their values if there is none."""
     try:
-        return _fit([one for part in models for one in part], robot)
+        return _fit([one for part in models for one in part], robot, latency_sigma)
     except EstimatorError as error:
         raise EstimatorError(_refusal(separate[0], separate)) from error
 
@@ -165,14 +174,16 @@ def _acceleration_spread(segments: Sequence[StraightSegment]) -> float:
 class _Problem:
     """All segments and the priors of the common parameters; unknowns: common, then local."""
 
-    def __init__(self, models: Sequence[SegmentModel], robot: RobotParams) -> None:
-        self.models = models
-        self.noise = Noise(robot.encoder.stamp_jitter, INITIAL_FORCE_NOISE)
+    def __init__(self, models: Sequence[SegmentModel], robot: RobotParams,
+                 latency_sigma: float) -> None:
+        self.models, self.latency_sigma, self.threshold = models, latency_sigma, HUBER_THRESHOLD
+        self.noise = self.initial_noise = Noise(
+            max(robot.encoder.stamp_jitter, MIN_JITTER), INITIAL_FORCE_NOISE)
         self.mean = np.array([math.log(robot.tire.longitudinal_stiffness), DRAG_PRIOR,
                               math.log(FRICTION_PRIOR), 0.0, 0.0, 0.0])
         self._prior = 1.0 / np.array([
             math.log(STIFFNESS_FACTOR), DRAG_SIGMA, math.log(FRICTION_FACTOR),
-            LATENCY_ERROR_SIGMA, ACCEL_SCALE_SIGMA, BIAS_SIGMA])
+            latency_sigma, ACCEL_SCALE_SIGMA, BIAS_SIGMA])
         sizes = [len(Common), *(model.size for model in models)]
         self._first = np.cumsum(sizes)[:-1].tolist()
         self.size = sum(sizes)
@@ -200,7 +211,7 @@ class _Problem:
         cost = float(np.sum((self._prior * (values[:len(Common)] - self.mean)) ** 2))
         for _, block in self.blocks(values):
             size = np.abs(block.residual)
-            inner = np.minimum(size, HUBER_THRESHOLD)
+            inner = np.minimum(size, self.threshold)
             cost += float(np.sum(inner * (2.0 * size - inner)))
         return cost
 
@@ -233,16 +244,17 @@ class _Problem:
 @dataclass(frozen=True)
 class _Solution:
     values: Array
-    cost: float      # sum of Huber's losses, times two
+    total: float     # sum of Huber's losses, times two
+    cost: float      # the same per degree of freedom
     factor: Factor  # of the normal equations
     sigma: Array     # of the common parameters
 
 
-def _solve(problem: _Problem, values: Array) -> _Solution:
+def _solve(problem: _Problem, values: Array, tolerance: float = CONVERGED) -> _Solution:
     """Return the best fit near ``values`` by damped Gauss-Newton steps."""
     for _ in range(MAX_ITERATIONS):
         blocks = problem.blocks(values)
-        weights = [huber_weights(block.residual, HUBER_THRESHOLD) for _, block in blocks]
+        weights = [huber_weights(block.residual, problem.threshold) for _, block in blocks]
         jacobian = sparse.vstack([
             sparse.diags_array(np.sqrt(weight)) @ problem.jacobian(first, block)
             for weight, (first, block) in zip(weights, blocks)]).tocsr()
@@ -254,15 +266,15 @@ def _solve(problem: _Problem, values: Array) -> _Solution:
         step = factor(-gradient)
         scale = min(1.0, float(np.min(MAX_STEP / np.maximum(np.abs(step[:len(Common)]), 1e-12))))
         sigma = _sigmas(factor, problem.size)
-        converged = np.max(np.abs(step[:len(Common)]) / sigma) < CONVERGED
+        converged = np.max(np.abs(step[:len(Common)]) / sigma) < tolerance
         before = problem.cost(values)
         while problem.cost(values + scale * step) > before and scale > MIN_SCALE:
             scale *= 0.5
         values = values + scale * step
         if converged or scale <= MIN_SCALE:
             break
-    cost = problem.cost(values) / max(len(residual) - problem.size, 1)
-    return _Solution(values, cost, factor, sigma)
+    total = problem.cost(values)
+    return _Solution(values, total, total / max(len(residual) - problem.size, 1), factor, sigma)
 
 
 def _sigmas(factor: Factor, size: int) -> Array:
@@ -295,13 +307,10 @@ def _estimated_noise(problem: _Problem, found: _Solution) -> Noise:
                  max(problem.noise.force * scale['force'], MIN_FORCE_NOISE))
 
 
-def _fit(models: Sequence[SegmentModel], robot: RobotParams) -> StiffnessFit:
-    problem = _Problem(models, robot)
-    found = min((_solve(problem, start) for start in _starts(problem)),
-                key=lambda solution: solution.cost)
-    for _ in range(ROUNDS):
-        problem.noise = _estimated_noise(problem, found)
-        found = _solve(problem, found.values)
+def _fit(models: Sequence[SegmentModel], robot: RobotParams,
+         latency_sigma: float) -> StiffnessFit:
+    problem = _Problem(models, robot, latency_sigma)
+    found = _unambiguous(problem, [_solved_from(problem, start) for start in _starts(problem)])
     error = problem.noise.force / _acceleration_spread([model.segment for model in models])
     if error > MAX_FORCE_ERROR_SHARE:
         raise EstimatorError(
@@ -309,7 +318,55 @@ def _fit(models: Sequence[SegmentModel], robot: RobotParams) -> StiffnessFit:
             f'most {MAX_FORCE_ERROR_SHARE:.0%}: wheels slide, the ground changes, or the axes of '
             'the IMU are wrong')
     _check_plausible(found)
-    return _result(problem, found, robot)
+    return _result(problem, found, _bias(problem, found, robot), robot)
+
+
+def _bias(problem: _Problem, found: _Solution, robot: RobotParams) -> Array:
+    """Return the mean error of the common parameters, and its standard error, (2, p)."""
+    common, local = problem.split(found.values)
+    rng, errors = np.random.default_rng(0), []
+    for _ in range(REPETITIONS):
+        repeated = _Problem([SegmentModel(simulated(model, common, own, problem.noise, rng), robot)
+                             for model, own in zip(problem.models, local)], robot,
+                            problem.latency_sigma)
+        repeated.noise = problem.noise
+        fit = _solve(repeated, found.values, REPEATED_CONVERGED)
+        repeated.noise = _estimated_noise(repeated, fit)
+        fit = _solve(repeated, fit.values, REPEATED_CONVERGED)
+        errors.append(fit.values[:len(Common)] - common)
+    return np.stack([np.mean(errors, axis=0),
+                     np.std(errors, axis=0, ddof=1) / math.sqrt(REPETITIONS)])
+
+
+def _solved_from(problem: _Problem, values: Array) -> tuple[_Solution, Noise]:
+    """
+    Return the solution near ``values``, and its noise.
+
+    The first solution is not robust: at the start all rows of a step may be outliers, and with low
+    weights they would remain so.
+    """
+    problem.noise, problem.threshold = problem.initial_noise, NOT_ROBUST
+    found = _solve(problem, values)
+    problem.threshold = HUBER_THRESHOLD
+    for _ in range(ROUNDS):
+        problem.noise = _estimated_noise(problem, found)
+        found = _solve(problem, found.values)
+    return found, problem.noise
+
+
+def _unambiguous(problem: _Problem, solved: Sequence[tuple[_Solution, Noise]]) -> _Solution:
+    """Return the best solution, all with its noise; EstimatorError if another fits as well."""
+    _, problem.noise = min(solved, key=lambda pair: pair[1].force)
+    solutions = [_solve(problem, solution.values) for solution, _ in solved]
+    best = min(solutions, key=lambda solution: solution.total)
+    for other in solutions:
+        shift = abs(other.values[Common.STIFFNESS] - best.values[Common.STIFFNESS])
+        if shift > DISTINCT_SIGMAS * best.sigma[Common.STIFFNESS] and (
+                other.total - best.total < AMBIGUITY_CHI_SQUARE * max(best.cost, 1.0)):
+            first, second = (math.exp(one.values[Common.STIFFNESS]) for one in (best, other))
+            raise EstimatorError(f'{first:.3g} N and {second:.3g} N fit equally well: requires '
+                                 'speed changes of several sizes')
+    return best
 
 
 def _check_plausible(found: _Solution) -> None:
@@ -326,17 +383,20 @@ def _check_plausible(found: _Solution) -> None:
 
 def _starts(problem: _Problem) -> list[Array]:
     starts = []
-    for friction in INITIAL_FRICTIONS:
+    for friction, factor in INITIAL_VALUES:
         common = problem.mean.copy()
         common[Common.FRICTION] = math.log(friction)
+        common[Common.STIFFNESS] += math.log(factor)
         starts.append(np.concatenate([common, *(model.start() for model in problem.models)]))
     return starts
 
 
-def _result(problem: _Problem, found: _Solution, robot: RobotParams) -> StiffnessFit:
+def _result(problem: _Problem, found: _Solution, bias: Array,
+            robot: RobotParams) -> StiffnessFit:
     excess = max(1.0, found.cost)
     common, local = problem.split(found.values)
-    sigma = math.sqrt(excess) * found.sigma
+    sigma = np.hypot(math.sqrt(excess) * found.sigma, bias[1])
+    common = common - bias[0]
     stiffness, friction = (math.exp(common[row]) for row in (Common.STIFFNESS, Common.FRICTION))
     weight = robot.mass * GRAVITY
     slip, fitted = (np.concatenate(column) for column in zip(*(

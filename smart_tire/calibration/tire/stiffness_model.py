@@ -91,7 +91,8 @@ class SegmentModel:
         self.size = self._stamp + n + 1
         count = math.tau / robot.encoder.counts_per_revolution * robot.wheel_radius / (
             math.sqrt(12.0 * 4.0))  # m; quantization error is uniform, mean of four wheels
-        self._distance_sigma = np.hypot(math.sqrt(2.0) * count,
+        self.distance_resolution = math.sqrt(2.0) * count  # m, of a rolled distance
+        self._distance_sigma = np.hypot(self.distance_resolution,
                                         ROUGHNESS_SIGMA * np.diff(segment.stamps))
         mid = sparse.diags_array([0.5, 0.5], offsets=[0, 1], shape=(m, m + 1))
         slope = sparse.diags_array([-1.0 / self._step, 1.0 / self._step], offsets=[0, 1],
@@ -116,6 +117,10 @@ class SegmentModel:
     def speeds(self, local: Array) -> tuple[Array, Array]:
         """Return the speeds [m/s] of body and wheels (m + 1,)."""
         return local[self._v:self._u], local[self._u:self._slope]
+
+    def slope(self, local: Array) -> Array:
+        """Return the accelerations [m/s2] (m,) by slope."""
+        return local[self._slope:self._stamp]
 
     def blocks(self, common: Array, local: Array, noise: Noise) -> list[Block]:
         """Return all residuals."""
