@@ -46,6 +46,7 @@ VERBS = {
     'doctor': 'check a recording, or the ports, host and nodes of a robot',
     'status': 'show the state of all nodes and topics',
     'identify': 'identify parameters from recordings, with standard errors',
+    'calibrate': 'calibrate a robot step by step, live or from recordings',
     'measure': 'measure deflections with an identified film',
     'topics': 'print what the fields of each topic mean, with their units',
     'reproduce': 'recompute the figures and tables of both papers',

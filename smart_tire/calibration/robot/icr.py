@@ -95,7 +95,6 @@ class _Rows:
     prior: Prior        # of the coefficients
     source: str
     unit: str
-    common_sigma: float  # m, standard deviation of S from errors that all rows share
 
 
 def identify_icr(recording: Recording, robot: RobotParams) -> IcrFit:
@@ -105,7 +104,7 @@ def identify_icr(recording: Recording, robot: RobotParams) -> IcrFit:
     Raises EstimatorError with both reasons if neither does.
     """
     gyro = Signal(recording.imu.time, recording.imu.rate[:, 2])
-    turns = _turns(recording)
+    turns = turns_of(recording)
     total_yaw = sum(abs(float(gyro.integral(np.array([end]))[0] - gyro.integral(
         np.array([begin]))[0])) for begin, end in turns)
     if total_yaw < MIN_TOTAL_YAW:
@@ -128,7 +127,7 @@ def combine(fits: Sequence[IcrFit]) -> IcrFit:
                    turn_icr=value, turn_sigma=sigma, spread=_spread(value, sigma))
 
 
-def _turns(recording: Recording) -> list[tuple[float, float]]:
+def turns_of(recording: Recording) -> list[tuple[float, float]]:
     """Return begin and end [s] of the turns (constant sign of the yaw rate)."""
     imu = recording.imu
     smooth = Signal(imu.time, imu.rate[:, 2]).centered_mean(imu.time, TURN_MARGIN)
@@ -151,7 +150,7 @@ def _from_reference(recording: Recording, robot: RobotParams) -> _Rows:
         poses.yaw[first] - poses.yaw[last], forward[last] - forward[first]])
     return _Rows(0.5 * (poses.time[first] + poses.time[last]), matrix, left[last] - left[first],
                  np.zeros(len(first)), Prior(np.zeros(2), np.array([np.inf, REFERENCE_YAW_SIGMA])),
-                 'lateral displacement of the reference', 'm', 0.0)
+                 'lateral displacement of the reference', 'm')
 
 
 def _from_imu(recording: Recording, robot: RobotParams) -> _Rows:
@@ -169,15 +168,19 @@ def _from_imu(recording: Recording, robot: RobotParams) -> _Rows:
     speed = robot.wheel_radius * intervals.sides.mean(axis=1)
     centripetal = rate * speed  # m/s2
     x, y, _ = robot.imu.position
-    matrix = np.column_stack([-yaw_acceleration, centripetal, -rate ** 2, np.ones(len(rate))])
+    time = 0.5 * (begin + end)
+    # a delay of the force by body roll; with one speed only it cannot be separated from S
+    delayed = -(yaw_acceleration * speed + rate * np.gradient(speed, time))
+    matrix = np.column_stack([-yaw_acceleration, centripetal, -rate ** 2, np.ones(len(rate)),
+                              delayed])
     return _Rows(
-        0.5 * (begin + end), matrix,
+        time, matrix,
         force.mean(begin, end) - x * yaw_acceleration + y * rate ** 2,
         SPEED_RELATIVE_SIGMA * np.abs(centripetal),
-        Prior(np.array([0.0, 1.0, 0.0, 0.0]),
-              np.array([np.inf, SPEED_RELATIVE_SIGMA, YAW_RATE_SQUARED_SIGMA, np.inf])),
-        'lateral acceleration of the IMU', 'm/s2',
-        ROLL_DELAY * float(np.average(np.abs(speed), weights=np.abs(rate) + 1e-9)))
+        Prior(np.array([0.0, 1.0, 0.0, 0.0, 0.0]),
+              np.array([np.inf, SPEED_RELATIVE_SIGMA, YAW_RATE_SQUARED_SIGMA, np.inf,
+                        ROLL_DELAY])),
+        'lateral acceleration of the IMU', 'm/s2')
 
 
 def _fit(rows: _Rows, turns: list[tuple[float, float]], robot: RobotParams) -> IcrFit:
@@ -193,15 +196,17 @@ def _fit(rows: _Rows, turns: list[tuple[float, float]], robot: RobotParams) -> I
         initial_sigma=float(np.std(target)),
         hac_lags=math.ceil(HAC_TIME / float(np.median(np.diff(rows.time)))))
     estimate = fit.estimate(0)
-    icr = Uncertain(estimate.value, math.hypot(estimate.sigma, rows.common_sigma))
+    response = target - matrix[:, 1:] @ fit.coefficients[1:]
+    table = _turn_by_turn(of_turn[:, selected], matrix[:, 0], response, fit.row_sigma, turns)
+    spread = _spread(table[1], table[2])
+    # S depends on the speed: the mean of other turns would differ by this spread
+    icr = Uncertain(estimate.value, math.hypot(
+        estimate.sigma, spread / math.sqrt(max(len(table[0]), 1))))
     limit = MAX_ICR_SIGMA * robot.wheelbase
     if not icr.sigma <= limit:
         raise EstimatorError(f'{rows.source}: standard error of {icr.sigma:.2g} m, expected at '
                              f'most {limit:.2g} m')
-    response = target - matrix[:, 1:] @ fit.coefficients[1:]
-    table = _turn_by_turn(of_turn[:, selected], matrix[:, 0], response, fit.row_sigma, turns)
-    return IcrFit(icr, rows.source, _spread(table[1], table[2]), *table, matrix[:, 0], response,
-                  rows.unit)
+    return IcrFit(icr, rows.source, spread, *table, matrix[:, 0], response, rows.unit)
 
 
 def _turn_by_turn(of_turn: NDArray[np.bool_], regressor: Array, response: Array, row_sigma: Array,

@@ -32,6 +32,7 @@ from smart_tire.calibration.tire.straight_segments import StraightSegment
 from smart_tire.models.constants import GRAVITY
 
 TIME_STEP = 0.002   # s, of the integration of the force balance
+SMOOTHING = np.array([1.0, 2.0, 3.0, 2.0, 1.0])  # weights of neighboring steps
 DRAG_SPEED = 0.02   # m/s, below which drag is linear in the speed
 
 
@@ -41,11 +42,8 @@ def simulated(model: SegmentModel, common: Array, local: Array, noise: Noise,
     segment, scale = model.segment, 1.0 + float(common[Common.ACCEL_SCALE])
     count = max(1, round(float(np.ptp(segment.time)) / TIME_STEP))
     time = np.linspace(segment.time[0], segment.time[-1], count + 1)
-    wheels = np.interp(time, segment.time, model.speeds(local)[1])
-    # white errors of the balance: those of longer steps are smaller
-    disturbance = np.repeat(noise.force * rng.standard_normal(len(segment.force)),
-                            np.bincount(_steps(segment.time, time), minlength=len(segment.force)))
-    speed = _driven(model, common, wheels, time[1] - time[0], disturbance)
+    wheels = np.interp(time, segment.time, _smooth(model.speeds(local)[1]))
+    speed = _driven(model, common, wheels, time[1] - time[0])
     force = scale * np.diff(np.interp(segment.time, time, speed)) / np.diff(segment.time) + (
         model.slope(local) + common[Common.ACCEL_BIAS]
         + segment.noise * rng.standard_normal(len(segment.force)))
@@ -59,28 +57,29 @@ def simulated(model: SegmentModel, common: Array, local: Array, noise: Noise,
                            segment.stationary)
 
 
-def _steps(coarse: Array, time: Array) -> Array:
-    """Return the index of the step of ``coarse`` that contains each step of ``time``."""
-    middle = 0.5 * (time[1:] + time[:-1])
-    return np.clip(np.searchsorted(coarse, middle) - 1, 0, len(coarse) - 2)
+def _smooth(speed: Array) -> Array:
+    """Return fitted wheel speeds without their noise, which would add to the bias."""
+    reach = len(SMOOTHING) // 2
+    return np.asarray(np.convolve(np.pad(speed, reach, 'edge'), SMOOTHING / SMOOTHING.sum(),
+                                  'valid'))
 
 
-def _driven(model: SegmentModel, common: Array, wheels: Array, step: float,
-            disturbance: Array) -> Array:
+def _driven(model: SegmentModel, common: Array, wheels: Array,
+            step: float) -> Array:
     """Return the speeds [m/s] of a body driven by ``wheels``, from rest or free rolling."""
     robot, drag = model.robot, GRAVITY * float(common[Common.DRAG])
     stiffness, friction = np.exp(common[[Common.STIFFNESS, Common.FRICTION]]).tolist()
     limit = friction * GRAVITY                       # m/s2
     slope = 4.0 * stiffness / (3.0 * limit * robot.mass)
     speed, v = [float(wheels[0])], float(wheels[0])
-    for u, extra in zip((0.5 * (wheels[1:] + wheels[:-1])).tolist(), disturbance.tolist()):
+    for u in (0.5 * (wheels[1:] + wheels[:-1])).tolist():
         # the middle of the step, where the slip of small speeds is stable
         middle = v
         for _ in range(3):
             slip = (u - middle) / max(abs(u), SLIP_FLOOR)
             t = min(abs(slip) * slope, 1.0)
             force = math.copysign(limit * t * (3.0 - 3.0 * t + t * t), slip)
-            change = force - drag * math.tanh(middle / DRAG_SPEED) + extra
+            change = force - drag * math.tanh(middle / DRAG_SPEED)
             middle = v + 0.5 * step * change
         v += step * change
         speed.append(v)

@@ -102,18 +102,22 @@ class StiffnessFit:
 
 
 def identify_stiffness(recordings: Sequence[Recording], robot: RobotParams,
-                       latency_sigma: float = LATENCY_ERROR_SIGMA) -> StiffnessFit:
+                       latency_sigma: float = LATENCY_ERROR_SIGMA, *,
+                       debiased: bool = True) -> StiffnessFit:
     """
     Return the stiffness from recordings on the same ground.
 
-    ``latency_sigma`` [s] is the standard deviation of the error of ``encoder.latency``. If recordings differ by more than their standard errors, those are scaled up. Raises
+    ``latency_sigma`` [s] is the standard deviation of the error of ``encoder.latency``; without
+    ``debiased`` the bias of the fit is not measured, which takes most of the time. If recordings differ by more than their standard errors, those are scaled up. Raises
     EstimatorError with the reason if the stiffness is not observable.
     """
     models = [_models(recording, robot) for recording in recordings]
-    fits = [_fit(segments, robot, latency_sigma) for segments in models]
+    several = len(models) > 1  # then only the bias of the fit of all is of interest
+    fits = [_fit(segments, robot, latency_sigma, debiased and not several)
+            for segments in models]
     separate = [part.stiffness for part in fits]
     fit = fits[0] if len(fits) == 1 else _combined(models, separate, robot,
-                                                             latency_sigma)
+                                                             latency_sigma, debiased)
     combined = fit.stiffness
     fit = replace(fit, stiffness=_scaled_by_scatter(combined, separate))
     if not (fit.stiffness.value > 0.0 and fit.stiffness.determined):
@@ -122,10 +126,11 @@ def identify_stiffness(recordings: Sequence[Recording], robot: RobotParams,
 
 
 def _combined(models: Sequence[Sequence[SegmentModel]], separate: Sequence[Uncertain],
-              robot: RobotParams, latency_sigma: float) -> StiffnessFit:
+              robot: RobotParams, latency_sigma: float, debiased: bool) -> StiffnessFit:
     """Return the fit of all recordings; EstimatorError with their values if there is none."""
     try:
-        return _fit([one for part in models for one in part], robot, latency_sigma)
+        return _fit([one for part in models for one in part], robot, latency_sigma,
+                    debiased)
     except EstimatorError as error:
         raise EstimatorError(_refusal(separate[0], separate)) from error
 
@@ -307,8 +312,8 @@ def _estimated_noise(problem: _Problem, found: _Solution) -> Noise:
                  max(problem.noise.force * scale['force'], MIN_FORCE_NOISE))
 
 
-def _fit(models: Sequence[SegmentModel], robot: RobotParams,
-         latency_sigma: float) -> StiffnessFit:
+def _fit(models: Sequence[SegmentModel], robot: RobotParams, latency_sigma: float,
+         debiased: bool) -> StiffnessFit:
     problem = _Problem(models, robot, latency_sigma)
     found = _unambiguous(problem, [_solved_from(problem, start) for start in _starts(problem)])
     error = problem.noise.force / _acceleration_spread([model.segment for model in models])
@@ -318,7 +323,8 @@ def _fit(models: Sequence[SegmentModel], robot: RobotParams,
             f'most {MAX_FORCE_ERROR_SHARE:.0%}: wheels slide, the ground changes, or the axes of '
             'the IMU are wrong')
     _check_plausible(found)
-    return _result(problem, found, _bias(problem, found, robot), robot)
+    bias = _bias(problem, found, robot) if debiased else np.zeros((2, len(Common)))
+    return _result(problem, found, bias, robot)
 
 
 def _bias(problem: _Problem, found: _Solution, robot: RobotParams) -> Array:

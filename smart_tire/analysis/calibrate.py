@@ -1,0 +1,131 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Calibration of a robot from the bags of the calibration steps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from smart_tire.analysis.calibrate_robot import (
+    ANY_REFERENCE, NO_REFERENCE, read_recording, TimeRange)
+from smart_tire.analysis.calibrate_tire import gain_parameters, identify_gains
+from smart_tire.analysis.geometry_figures import write_icr
+from smart_tire.analysis.motor_figures import write_motor
+from smart_tire.analysis.stiffness_figures import write_stiffness
+from smart_tire.bags import Bag
+from smart_tire.calibration.procedure.results import Calibration
+from smart_tire.calibration.procedure.sequence import calibrate, Inputs, REST, STRAIGHT, TURNS
+from smart_tire.calibration.recording import Recording
+from smart_tire.parameters import known_names, load_files, NODE_PARAMS, RobotParams, specs
+from smart_tire.parameters.calibrated_text import Calibrated, calibrated_text
+from smart_tire.parameters.calibration_file import Identified
+from smart_tire.uncertain import MAX_RELATIVE_SIGMA
+
+MIXED = 'mixed'  # a recording with rest, straight starts and stops, and turns
+PARTS = (REST, STRAIGHT, TURNS)  # of a mixed recording
+FIGURES = ('stiffness.png', 'motor.png', 'icr.png')
+TIRE_SAMPLES = 'tire_samples'
+
+Bags = Mapping[str, Sequence[Path]]  # step -> bags; MIXED: of all parts
+
+
+@dataclass(frozen=True)
+class Result:
+    """A calibration, and the parameter file with its values."""
+
+    calibration: Calibration
+    text: str
+
+
+def calibrate_bags(bags: Bags, robot: RobotParams, params: Sequence[Path], date: str, *,
+                   truth: bool = False) -> Result:
+    """
+    Return what ``bags`` show of a robot with the parameters ``robot`` of the files ``params``.
+
+    Ground truth in the bags is used with ``truth`` only. Raises BagError if a bag cannot be read,
+    EstimatorError if it lacks IMU or wheels.
+    """
+    reference = ANY_REFERENCE if truth else NO_REFERENCE
+    recordings = {path: read_recording(path, robot, TimeRange(), reference, duties=True)
+                  for paths in bags.values() for path in paths}
+
+    def of(step: str) -> list[Recording]:
+        return [recordings[path] for path in bags_of(bags, step)]
+
+    films = [path for step in (STRAIGHT, TURNS) for path in bags_of(bags, step)
+             if has_films(path)]
+
+    def gains(known: RobotParams) -> list[Identified]:
+        found = gain_parameters(identify_gains(list(dict.fromkeys(films)), known, TimeRange()),
+                                known)
+        return [item for item in found if _determined(item)]
+
+    found = calibrate(Inputs(**{step: of(step) for step in (*PARTS, 'lifted')}), robot,
+                      gains if films else None)
+    return Result(found, _text(found, bags, params, date))
+
+
+def bags_of(bags: Bags, step: str) -> list[Path]:
+    """Return the bags of a step, with mixed ones."""
+    mixed = bags.get(MIXED, ()) if step in PARTS else ()
+    return [*bags.get(step, ()), *mixed]
+
+
+def has_films(path: Path) -> bool:
+    """Return whether a bag contains film samples."""
+    with Bag(path) as bag:
+        return bool(bag.match([TIRE_SAMPLES]))
+
+
+def _determined(item: Identified) -> bool:
+    """Return whether all values of a film parameter have a useful standard error."""
+    if item.sigma is None or not isinstance(item.value, tuple):
+        return True
+    assert isinstance(item.sigma, tuple)
+    return all(sigma <= MAX_RELATIVE_SIGMA * abs(value)
+               for value, sigma in zip(item.value, item.sigma))
+
+
+def _text(found: Calibration, bags: Bags, params: Sequence[Path], date: str) -> str:
+    items = [Calibrated(Identified(one.name, one.value, one.sigma, one.note),
+                        tuple(path.name for path in bags_of(bags, one.step)))
+             for one in found.findings]
+    present = present_values(params)
+    return calibrated_text(date, items, {
+        name: (present[name], reason) for name, reason in found.kept.items()})
+
+
+def present_values(files: Iterable[Path]) -> dict[str, Any]:
+    """Return the values of all parameters of the nodes, from ``files`` or the defaults."""
+    known, values = known_names(NODE_PARAMS.values()), dict[str, Any]()
+    for node, cls in NODE_PARAMS.items():
+        given = load_files(files, node, known, specs(cls))
+        values.update({name: spec.default for name, spec in specs(cls).items()
+                       if name not in values})
+        values.update({name: value for name, value in given.items() if name in specs(cls)})
+    return values
+
+
+def write_figures(folder: Path, found: Calibration) -> list[Path]:
+    """Write the figures of the fits into ``folder``; return their paths."""
+    drawn = []
+    for name, fit, write in zip(FIGURES, (found.stiffness, found.motor, found.icr),
+                                (write_stiffness, write_motor, write_icr)):
+        if fit is not None and write(folder / name, fit) is not False:  # type: ignore[operator]
+            drawn.append(folder / name)
+    return drawn

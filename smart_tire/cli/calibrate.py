@@ -1,0 +1,120 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""``smart_tire calibrate``: guided calibration of a robot, live or from recordings."""
+
+from __future__ import annotations
+
+import argparse
+from datetime import date
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from smart_tire.cli._overwrite import add_force, refuse_existing
+from smart_tire.errors import ParameterError
+
+if TYPE_CHECKING:
+    from smart_tire.analysis.calibrate import Bags
+    from smart_tire.calibration.procedure.results import Calibration
+
+NAME = 'calibrate'
+HELP = ('calibrate a robot step by step: rest, straight starts and stops, turns; live, or from '
+        'recordings with --bags')
+PARAMETER_FILE = 'robot.yaml'
+OUTPUTS = (PARAMETER_FILE, 'stiffness.png', 'motor.png', 'icr.png')
+STEP_NAMES = ('rest', 'straight', 'turns', 'lifted')
+IDENTIFIED, NOT_IDENTIFIED = 0, 1  # exit statuses
+
+
+def step_and_bag(text: str) -> tuple[str, Path]:
+    """Return step and bag of ``STEP=BAG``, or of ``BAG``, a recording of several steps."""
+    step, separator, path = text.partition('=')
+    if not separator:
+        return 'mixed', Path(text)
+    if step not in STEP_NAMES or not path:
+        raise argparse.ArgumentTypeError(
+            f'{text}: expected BAG or STEP=BAG with one of {", ".join(STEP_NAMES)}')
+    return step, Path(path)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of this verb."""
+    parser.add_argument('--out', type=Path, required=True, metavar='DIR',
+                        help=f'folder for {PARAMETER_FILE}, figures and, live, recordings')
+    parser.add_argument('--bags', type=step_and_bag, nargs='+', default=[], metavar='[STEP=]BAG',
+                        help='calibrate from these recordings instead of live: rest=, straight=, '
+                             'turns=, lifted=, or a recording with several of them')
+    parser.add_argument('--params', type=Path, action='append', default=[], metavar='FILE',
+                        help='ROS parameter file with known parameters (mass, track, wheelbase); '
+                             'may be repeated')
+    parser.add_argument('--truth', action='store_true',
+                        help='use the reference poses in the recordings; by default they are not '
+                             'used')
+    parser.add_argument('--lifted', action='store_true',
+                        help='live: with a step for wheels off the ground')
+    parser.add_argument('--drive', action='store_true',
+                        help='live: drive the robot by cmd_vel, after a confirmation; without '
+                             'this option nothing is driven')
+    add_force(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Record the steps unless bags are given, identify, and write the parameter file."""
+    if args.bags and (args.drive or args.lifted):
+        raise ParameterError('--drive and --lifted are for a live calibration, without --bags')
+    inputs = [*args.params, *(path for _, path in args.bags)]
+    refuse_existing([args.out / name for name in OUTPUTS], force=args.force, inputs=inputs)
+    from smart_tire.analysis.calibrate_robot import load_robot
+    robot = load_robot(args.params)
+    if args.bags:
+        bags: dict[str, list[Path]] = {}
+        for step, path in args.bags:
+            bags.setdefault(step, []).append(path)
+    else:
+        from smart_tire.cli._calibrate_live import record_steps
+        bags = record_steps(args, robot)
+    return identify(args, bags)
+
+
+def identify(args: argparse.Namespace, bags: Bags) -> int:
+    """Identify from ``bags``, print a table, write parameter file and figures."""
+    from smart_tire.analysis.calibrate import calibrate_bags, write_figures
+    from smart_tire.analysis.calibrate_robot import load_robot
+    from smart_tire.parameters.calibration_file import write_text
+    result = calibrate_bags(bags, load_robot(args.params), args.params, f'{date.today():%Y-%m-%d}',
+                            truth=args.truth)
+    found = result.calibration
+    print_calibration(found)
+    if not found.findings:
+        print('nothing could be identified from these recordings: no file is written')
+        return NOT_IDENTIFIED
+    args.out.mkdir(parents=True, exist_ok=True)
+    out = args.out / PARAMETER_FILE
+    write_text(out, result.text)
+    figures = write_figures(args.out, found)
+    print(f'written to {", ".join(map(str, (out, *figures)))}')
+    return IDENTIFIED
+
+
+def print_calibration(found: Calibration) -> None:
+    """Print the identified values, and the reasons of those that are kept."""
+    from smart_tire.parameters.calibrated_text import rounded
+    for one in found.findings:
+        value, sigma = rounded(one.value, one.sigma)
+        error = '' if sigma is None else f' ± {sigma}'
+        print(f'{one.name:34}{value}{error}  {one.step}' + (f', {one.note}' if one.note else ''))
+    for name, reason in found.kept.items():
+        print(f'{name:34}kept: {reason}')
+    for note in found.notes:
+        print(f'note: {note}')
