@@ -13,31 +13,152 @@
 # limitations under the License.
 
 """
-Simulated recordings of the calibration benchmark, with true values.
+Simulated recordings of the calibration benchmark, with the true parameters.
 
-``demo`` is the route of ``smart_tire demo``: turns on concrete, then on sand. ``guided`` is the
-sequence that ``smart_tire calibrate --drive`` drives, on one ground, in one recording per step;
-latency, jitter and stiffness differ between seeds.
+``demo`` is the route of ``smart_tire demo``: turns on concrete, then on sand, in one recording.
+``guided`` are the recordings of the steps that ``smart_tire calibrate --drive`` drives, on one
+ground; latency, jitter, stiffness and the scale of the measured forward acceleration (pitching of
+the body) differ between seeds.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from itertools import accumulate
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 import math
+from pathlib import Path
 
 import numpy as np
 
+from smart_tire.arrays import Array
+from smart_tire.bags import BagWriter
+from smart_tire.calibration.procedure.legs import (
+    Leg, leg_schedule, REST_LEGS, STRAIGHT_LEGS, TURN_LEGS)
+from smart_tire.calibration.tire.stiffness import ACCEL_SCALE_SIGMA
 from smart_tire.parameters import build, SimulatorParams
-from smart_tire.rotation import matrix
-from smart_tire.samples import ImuSample, NS_PER_S, Odometry, Sample, WheelSample, WheelSlip
+from smart_tire.samples import ImuSample, NS_PER_S, Odometry, WheelSlip
 from smart_tire.simulation.offline import EPOCH_NS, Event, simulate
 from smart_tire.simulation.robot import Robot
 
-Leg = tuple[float, float, float]  # duration [s], rpm left, rpm right
-
-TRUTH_STREAM = 7          # of random numbers: differs from those of the simulator
-SAND_DISTANCE = 6.2       # m in x or y, where the demo begins to turn on the sand
-MAX_TRANSFER = 12.0       # s
+TRUTH_STREAM = 7            # of random numbers, not one of the simulator
+FILM_WHEELS = ('front_right',)
+SAND_DISTANCE = 6.2         # m in x or y, where the demo begins to turn on the sand
+MAX_TRANSFER = 12.0         # s
 TURNS: tuple[Leg, ...] = ((9.0, 120.0, 60.0), (9.0, 60.0, 120.0))
+MAX_LATENCY = 0.03          # s, of the guided recordings
+JITTER_RANGE = (0.0005, 0.002)  # s
+STIFFNESS_SIGMA = 0.15      # of ln C_x
+MIN_YAW_RATE = 0.1          # rad/s, of a turn
+TOPICS = ('imu/data', 'wheel_states', 'tire_samples')
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """Recordings of the steps of a calibration, and the true values of the parameters."""
+
+    events: dict[str, list[Event]]  # step -> messages
+    truth: dict[str, tuple[float, ...]]
+
+
+def demo(seed: int, *, films: bool = True) -> Simulated:
+    """Return the route of the demo as one recording."""
+    first = _demo_legs(MAX_TRANSFER)
+    time = first[1]
+    scout = simulate(_params(seed, {}, films=False), first[0], time)
+    turned = leg_schedule(((2.5, 0.0, 0.0), *TURNS))[1]
+    reached = next(_seconds(sample.stamp_ns) for _, _, sample in scout
+                   if isinstance(sample, Odometry) and _seconds(sample.stamp_ns) > turned
+                   and max(map(abs, sample.position)) > SAND_DISTANCE)
+    legs, end = _demo_legs(reached - turned)
+    params = _params(seed, {}, films=films)
+    events = simulate(params, legs, end)
+    return Simulated({'mixed': events}, _truth(params, events))
+
+
+def _demo_legs(transfer: float) -> tuple[list[Leg], float]:
+    return leg_schedule(((2.5, 0.0, 0.0), *TURNS, (transfer, 120.0, 120.0), *TURNS,
+                         (1.5, 0.0, 0.0)))
+
+
+def guided(seed: int, *, films: bool = True) -> Simulated:
+    """Return the recordings of rest, straight and turns on one ground."""
+    rng = np.random.default_rng([seed, TRUTH_STREAM])
+    stiffness = 52.7 * math.exp(STIFFNESS_SIGMA * float(rng.standard_normal()))
+    params = _params(seed, {
+        'encoder.latency': float(rng.uniform(0.0, MAX_LATENCY)),
+        'encoder.stamp_jitter': float(rng.uniform(*JITTER_RANGE)),
+        'ground.names': ['ground'], 'ground.friction': [0.47], 'ground.stiffness': [stiffness],
+        'ground.drag': [0.015], 'ground.base': 'ground', 'ground.patches.names': []}, films=films)
+    steps = {'rest': REST_LEGS, 'straight': (*STRAIGHT_LEGS, (1.0, 0.0, 0.0)),
+             'turns': (*TURN_LEGS, (1.0, 0.0, 0.0))}
+    legs, end = leg_schedule([leg for step in steps.values() for leg in step])
+    scale = 1.0 + ACCEL_SCALE_SIGMA * float(rng.standard_normal())
+    events = [_pitched(event, scale) for event in simulate(params, legs, end)]
+    ends = np.cumsum([leg_schedule(step)[1] for step in steps.values()])
+    parts = {name: [event for event in events if begin <= _seconds(event[2].stamp_ns) < end]
+             for name, begin, end in zip(steps, (0.0, *ends[:-1]), (*ends[:-1], math.inf))}
+    return Simulated(parts, {**_truth(params, parts['turns']),
+                             'tire.longitudinal_stiffness': (stiffness,)})
+
+
+ROUTES = {'demo': demo, 'guided': guided}
+
+
+def write_bags(folder: Path, run: Simulated) -> dict[str, list[Path]]:
+    """Write the recordings without ground truth to ``folder``; return step -> bags."""
+    for step, events in run.events.items():
+        with BagWriter(folder / step) as writer:
+            for received, topic, sample in events:
+                if topic in TOPICS:
+                    writer.write_sample(topic, received, sample)
+    return {step: [folder / step] for step in run.events}
+
+
+def _params(seed: int, values: dict[str, object], *, films: bool) -> SimulatorParams:
+    wheels = list(FILM_WHEELS) if films else []
+    return build(SimulatorParams, {'seed': seed, 'film.wheels': wheels, **values})
+
+
+def _seconds(stamp_ns: int) -> float:
+    return (stamp_ns - EPOCH_NS) / NS_PER_S
+
+
+def _pitched(event: Event, scale: float) -> Event:
+    """Return an event with the forward acceleration of a pitching body."""
+    received, topic, sample = event
+    if not isinstance(sample, ImuSample):
+        return event
+    x, y, z = sample.acceleration
+    return received, topic, replace(sample, acceleration=(scale * x, y, z))
+
+
+def _truth(params: SimulatorParams, events: Sequence[Event]) -> dict[str, tuple[float, ...]]:
+    """Return the true value of each parameter; track and S are those of ``events``."""
+    robot, own = params.robot, Robot(params)
+    constants = own.motors._torque_constant  # noqa: SLF001
+    yaw_rate, lateral, difference = _motion(events, params)
+    turning = np.abs(yaw_rate) > MIN_YAW_RATE
+    W = yaw_rate[turning]
+    return {
+        'imu.gyro_noise': (robot.imu.gyro_noise,), 'imu.accel_noise': (robot.imu.accel_noise,),
+        'encoder.latency': (robot.encoder.latency,),
+        'encoder.stamp_jitter': (robot.encoder.stamp_jitter,),
+        'effective_track': (float(np.sum(np.abs(difference[turning])) / np.sum(np.abs(W))),),
+        'icr_x': (float(-np.sum(W * lateral[turning]) / np.sum(W * W)),),
+        'motor.torque_constant': (float(np.mean(constants)),),
+        'film.stretch_gain': robot.film.stretch_gain,
+        'film.bending_peak': robot.film.bending_peak, 'film.spacing': (robot.film.spacing,),
+        'tire.contact_length': (robot.tire.contact_length,),
+        'tire.longitudinal_stiffness': (params.ground.stiffness[0],)}
+
+
+def _motion(events: Sequence[Event], params: SimulatorParams) -> tuple[Array, Array, Array]:
+    """Return true yaw rate, lateral speed, and difference of the surface speeds of the sides."""
+    poses = {sample.stamp_ns: sample for _, _, sample in events if isinstance(sample, Odometry)}
+    slips = {sample.stamp_ns: sample for _, _, sample in events if isinstance(sample, WheelSlip)}
+    stamps = sorted(poses.keys() & slips.keys())
+    yaw_rate = np.array([poses[stamp].angular[2] for stamp in stamps])
+    lateral = np.array([poses[stamp].linear[1] for stamp in stamps])
+    velocity = np.array([slips[stamp].slip_velocity for stamp in stamps])
+    slip = 0.5 * (velocity[:, 1] + velocity[:, 3] - velocity[:, 0] - velocity[:, 2])
+    return yaw_rate, lateral, slip + params.robot.track_width * yaw_rate

@@ -67,12 +67,11 @@ def calibrate_bags(bags: Bags, robot: RobotParams, params: Sequence[Path], date:
     def of(step: str) -> list[Recording]:
         return [recordings[path] for path in bags_of(bags, step)]
 
-    films = [path for step in (STRAIGHT, TURNS) for path in bags_of(bags, step)
-             if has_films(path)]
+    # in starts and stops the wheel angle between two samples is less certain than in turns
+    films = [path for path in bags_of(bags, TURNS) if has_films(path)]
 
     def gains(known: RobotParams) -> list[Identified]:
-        found = gain_parameters(identify_gains(list(dict.fromkeys(films)), known, TimeRange()),
-                                known)
+        found = gain_parameters(identify_gains(films, known, TimeRange()), known)
         return [item for item in found if _determined(item)]
 
     found = calibrate(Inputs(**{step: of(step) for step in (*PARTS, 'lifted')}), robot,
