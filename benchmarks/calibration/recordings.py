@@ -97,8 +97,10 @@ def guided(seed: int, *, films: bool = True) -> Simulated:
     ends = np.cumsum([leg_schedule(step)[1] for step in steps.values()])
     parts = {name: [event for event in events if begin <= _seconds(event[2].stamp_ns) < end]
              for name, begin, end in zip(steps, (0.0, *ends[:-1]), (*ends[:-1], math.inf))}
-    return Simulated(parts, {**_truth(params, parts['turns']),
-                             'tire.longitudinal_stiffness': (stiffness,)})
+    truth = _truth(params, parts['turns'])
+    noise = truth['imu.accel_noise'][0]  # of both horizontal axes, one of them scaled
+    return Simulated(parts, {**truth, 'imu.accel_noise': (
+        noise * math.sqrt(0.5 * (1.0 + scale ** 2)),)})
 
 
 ROUTES = {'demo': demo, 'guided': guided}

@@ -149,12 +149,15 @@ class Session:
         if self._drive:
             self._enable(runner)
         keyboard, announced = Keyboard(), ''
-        while (step := self.guide.step) is not None:
+        while True:
+            self._carry_out(stack, runner)
+            step = self.guide.step
+            if step is None:
+                return
             if step != announced:
                 announced = step
                 print(f'\nStep {self.guide.number}, {step}: {INSTRUCTIONS[step]}\n{KEYS_HELP}',
                       flush=True)
-            self._carry_out(stack, runner)
             for key in keyboard.keys():
                 self._actions += self.guide.key(key)
                 self._carry_out(stack, runner)
@@ -162,7 +165,6 @@ class Session:
             self._drive_on(runner)
             self._show()
             self._check(stack)
-        self._carry_out(stack, runner)
 
     def _await_samples(self, runner: Any) -> None:
         end_ns = runner.node.steady_ns() + round(INPUT_TIMEOUT * 1e9)
@@ -203,6 +205,8 @@ class Session:
                                        f'\n{stack.tail("recorder")}')
             runner.spin(SPIN_TIME)
         self._recording = step
+        self._actions.clear()
+        self.guide.restart_watch()
         print('recording', flush=True)
         if self._drive:
             self._legs = limited(LEGS[step], self._robot.wheel_radius)

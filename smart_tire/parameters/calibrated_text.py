@@ -21,6 +21,8 @@ from dataclasses import dataclass
 import math
 from typing import Any
 
+import numpy as np
+
 from smart_tire.errors import ParameterError
 from smart_tire.parameters import NODE_PARAMS
 from smart_tire.parameters.calibration_file import Identified, Value
@@ -117,6 +119,6 @@ def _plain(value: Any) -> str:
     """Return a value as YAML reads it back as a number or a list of numbers."""
     if isinstance(value, (tuple, list)):
         return '[' + ', '.join(_plain(one) for one in value) + ']'
-    # YAML 1.1 reads 5e-05 as a text
-    return format(value, 'f').rstrip('0') + '0' * (value == int(value)) if (
-        isinstance(value, float) and 'e' in repr(value)) else repr(value)
+    if isinstance(value, float):  # YAML 1.1 reads 5e-05 as a text
+        return np.format_float_positional(value, trim='0')
+    return repr(value)

@@ -93,6 +93,11 @@ class Guide:
         self._index = self._index + 1 if key is Key.SKIP else len(self._steps)
         return recording
 
+    def restart_watch(self) -> None:
+        """Forget what has been seen of the step: its recording begins now."""
+        if self.step is not None and self.watch is not None:
+            self.watch = WATCHES[self.step]()
+
     def finish(self) -> list[Action]:
         """End the recording of the step and continue with the next one."""
         if self.watch is None or self.step is None:

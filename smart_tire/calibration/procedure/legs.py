@@ -41,7 +41,7 @@ REST_LEGS: tuple[Leg, ...] = ((12.0, 0.0, 0.0),)
 STRAIGHT_LEGS: tuple[Leg, ...] = (
     *shuttle(110.0, 1.4), *shuttle(60.0, 1.8), *shuttle(140.0, 1.1)) * 3
 TURN_LEGS: tuple[Leg, ...] = (
-    *turn(100.0, 60.0, 6.0), *turn(60.0, 30.0, 6.0), *turn(-45.0, 45.0, 5.0))
+    *turn(90.0, 30.0, 6.0), *turn(60.0, 15.0, 6.0), *turn(-45.0, 45.0, 5.0))
 
 
 LIFTED_LEGS: tuple[Leg, ...] = tuple(
