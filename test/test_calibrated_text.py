@@ -49,8 +49,8 @@ def test_each_value_has_date_standard_error_and_recordings():
     lines = text().splitlines()
     assert lines[0] == '# Calibrated on 2026-11-22 by smart_tire calibrate.'
     assert '# kept: wheel_radius: 0.087  (no reference)' in lines
-    assert ('      longitudinal_stiffness: 55.0  # standard error 3.3 N, 2026-11-22, from straight, '
-            'on concrete') in lines
+    assert ('      longitudinal_stiffness: 55.0  # standard error 3.3 N, 2026-11-22, '
+            'from straight, on concrete') in lines
     assert any('2026-11-22, from a and b' in line for line in lines)
     assert not any(line.lstrip().startswith('wheel_radius') for line in lines)
 

@@ -137,7 +137,7 @@ def _pitched(event: Event, scale: float) -> Event:
 def _truth(params: SimulatorParams, events: Sequence[Event]) -> dict[str, tuple[float, ...]]:
     """Return the true value of each parameter; track and S are those of ``events``."""
     robot, own = params.robot, Robot(params)
-    constants = own.motors._torque_constant  # noqa: SLF001
+    constants = own.motors._torque_constant
     yaw_rate, lateral, difference = _motion(events, params)
     turning = np.abs(yaw_rate) > MIN_YAW_RATE
     W = yaw_rate[turning]

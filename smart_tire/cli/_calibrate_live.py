@@ -70,9 +70,9 @@ def record_steps(args: argparse.Namespace, robot: RobotParams) -> dict[str, list
     arguments = ['--ros-args', *(part for path in args.params
                                  for part in ('--params-file', str(path)))]
     with Stack(args.out / 'logs', os.environ) as stack, NodeRunner(
-            lambda: CalibrationDriver(session.on_sample), arguments) as runner:
-        with driving_ends(runner):
-            session.run(stack, runner)
+            lambda: CalibrationDriver(session.on_sample), arguments) as runner, driving_ends(
+            runner):
+        session.run(stack, runner)
     return {step: [args.out / step] for step in session.guide.recorded}
 
 
@@ -103,7 +103,7 @@ class Keyboard:
         self._pending = b''
         self._open = True
 
-    def keys(self) -> list[Key]:
+    def typed(self) -> list[Key]:
         """Return the requests typed since the last call; the end of the input is QUIT."""
         found: list[Key] = []
         while self._open and select.select([sys.stdin], [], [], 0.0)[0]:
@@ -158,7 +158,7 @@ class Session:
                 announced = step
                 print(f'\nStep {self.guide.number}, {step}: {INSTRUCTIONS[step]}\n{KEYS_HELP}',
                       flush=True)
-            for key in keyboard.keys():
+            for key in keyboard.typed():
                 self._actions += self.guide.key(key)
                 self._carry_out(stack, runner)
             runner.spin(SPIN_TIME)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The guided sequence: which step is next, recorded, repeated or skipped. Without clock and ROS."""
+"""The guided sequence: which step is next, recorded, repeated or skipped."""
 
 from __future__ import annotations
 

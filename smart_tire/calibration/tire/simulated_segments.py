@@ -15,9 +15,9 @@
 """
 Straight segments simulated with fitted parameters, to measure the bias of the fit.
 
-The most likely motion is smoother than the true one, so a fit to noisy samples is biased: timestamp
-jitter makes a tire seem too stiff and the wheels too early. The same fit of segments whose
-parameters are known shows by how much (indirect inference, Gourieroux et al. 1993).
+The most likely motion is smoother than the true one, so a fit to noisy samples is biased:
+timestamp jitter makes a tire seem too stiff and the wheels too early. The same fit of segments
+whose parameters are known shows by how much (indirect inference, Gourieroux et al. 1993).
 """
 
 from __future__ import annotations

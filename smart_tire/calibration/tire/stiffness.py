@@ -58,7 +58,7 @@ LATENCY_ERROR_SIGMA = 0.01  # s, of the configured latency between wheels and IM
 RADIUS_ERROR_SIGMA = 0.02   # relative, of the rolling radius; assumed
 ACCEL_SCALE_SIGMA = 0.05    # of accelerations; the body pitches by 0.3 degrees at 1 m/s2; assumed
 BIAS_SIGMA = 0.15           # m/s2, turn-on bias and mounting
-# starts of the fit, friction and C_x over the configured one: slippery ground may mimic a soft tire
+# starts of the fit, friction and C_x over the configured one: slippery ground mimics a soft tire
 INITIAL_VALUES = ((0.6, 1.0), (0.2, 2.0))
 INITIAL_FORCE_NOISE = 0.03  # m/s2, of the force balance of a step; 0.1 leads to wrong minima
 MIN_FORCE_NOISE = 0.03      # m/s2, of a step; assumed
@@ -108,16 +108,17 @@ def identify_stiffness(recordings: Sequence[Recording], robot: RobotParams,
     Return the stiffness from recordings on the same ground.
 
     ``latency_sigma`` [s] is the standard deviation of the error of ``encoder.latency``; without
-    ``debiased`` the bias of the fit is not measured, which takes most of the time. If recordings differ by more than their standard errors, those are scaled up. Raises
-    EstimatorError with the reason if the stiffness is not observable.
+    ``debiased`` the bias of the fit is not measured, which takes most of the time. If recordings
+    differ by more than their standard errors, those are scaled up. Raises EstimatorError with the
+    reason if the stiffness is not observable.
     """
     models = [_models(recording, robot) for recording in recordings]
     several = len(models) > 1  # then only the bias of the fit of all is of interest
     fits = [_fit(segments, robot, latency_sigma, debiased and not several)
             for segments in models]
     separate = [part.stiffness for part in fits]
-    fit = fits[0] if len(fits) == 1 else _combined(models, separate, robot,
-                                                             latency_sigma, debiased)
+    fit = fits[0] if len(fits) == 1 else _combined(
+        models, separate, robot, latency_sigma, debiased)
     combined = fit.stiffness
     fit = replace(fit, stiffness=_scaled_by_scatter(combined, separate))
     if not (fit.stiffness.value > 0.0 and fit.stiffness.determined):

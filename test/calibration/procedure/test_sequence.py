@@ -38,7 +38,7 @@ def recording(positions=True, vibration=0.0, speed=5.0, seconds=60.0):
     """Return a recording with rotating wheels; the fits of it are replaced."""
     rng = np.random.default_rng(1)
     imu = np.arange(0.0, seconds, 0.01)
-    time = TIME[TIME < seconds]
+    time = TIME[seconds > TIME]
     velocity = np.full((len(time), 4), speed)
     return Recording(
         ImuRecord(imu, 0.01 * rng.standard_normal((len(imu), 3)),
