@@ -20,8 +20,9 @@ import pytest
 
 from smart_tire.analysis.calibrate_robot import load_robot
 from smart_tire.errors import ParameterError
-from smart_tire.parameters import build, load_files, known_names, NODE_PARAMS, specs
-from smart_tire.parameters import SlipEstimatorParams, WheelControllerParams
+from smart_tire.parameters import (
+    build, known_names, load_files, NODE_PARAMS, SlipEstimatorParams, specs,
+    WheelControllerParams)
 from smart_tire.parameters.calibrated_text import Calibrated, calibrated_text, rounded
 from smart_tire.parameters.calibration_file import Identified
 

@@ -47,7 +47,7 @@ TURN_LEGS: tuple[Leg, ...] = (
 LIFTED_LEGS: tuple[Leg, ...] = tuple(
     leg for rpm in (40.0, 80.0, 120.0) for leg in shuttle(rpm, 4.0))
 MAX_SPEED = 1.3      # m/s, of the surface of a wheel
-MARGIN = 0.5         # m, free space around the path
+FREE_SPACE_MARGIN = 0.5  # m, free space around the path
 PATH_STEP = 0.02     # s
 TRACK_FACTORS = (1.0, 2.0)  # effective track over the geometric one: tight and wide turns
 
@@ -65,7 +65,7 @@ def reach(legs: Sequence[Leg], wheel_radius: float, track: float) -> float:
 
     Turns may be as tight as those of the geometric ``track`` [m] or twice as wide.
     """
-    return MARGIN + max(_distance(legs, wheel_radius, factor * track) for factor in TRACK_FACTORS)
+    return FREE_SPACE_MARGIN + max(_distance(legs, wheel_radius, factor * track) for factor in TRACK_FACTORS)
 
 
 def _distance(legs: Sequence[Leg], wheel_radius: float, track: float) -> float:
