@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import pytest
 
-from smart_tire.analysis.calibrate_robot import load_robot
 from smart_tire.errors import ParameterError
 from smart_tire.parameters import (
     build, known_names, load_files, NODE_PARAMS, SlipEstimatorParams, specs,

@@ -25,7 +25,7 @@ import numpy as np
 
 from benchmarks.calibration.recordings import ROUTES, write_bags
 from smart_tire.analysis.calibrate import calibrate_bags
-from smart_tire.parameters import RobotParams
+from smart_tire.analysis.pipeline import EstimatorParams
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ def calibrated_run(route: str, seed: int, *, films: bool = True) -> Run:
     """Return the errors of a simulated calibration."""
     run = ROUTES[route](seed, films=films)
     with TemporaryDirectory() as folder:
-        found = calibrate_bags(write_bags(Path(folder), run), RobotParams(), (), '').calibration
+        found = calibrate_bags(write_bags(Path(folder), run), EstimatorParams(), '').calibration
     errors, relative = {}, {}
     for one in found.findings:
         if one.sigma is None or one.name not in run.truth:

@@ -48,16 +48,19 @@ class BagParams:
         return {'source': self.source,
                 'files' if self.source == FILES else 'nodes': list(self.origins)}
 
-    def lines(self) -> Iterator[str]:
-        """Yield the source of the parameters and warnings about it, as text."""
+    @property
+    def origin(self) -> str:
+        """Return the source of the parameters as text."""
         names = ', '.join(self.origins)
         if self.source == FILES:
-            yield f'parameters: {names}' + (
-                ' (instead of those in the bag)' if self.overridden else '')
-        elif self.source == BAG:
-            yield 'parameters: from the bag' + (f' (recorded with {names})' if names else '')
-        else:
-            yield 'parameters: defaults (the bag carries none; --params FILE gives others)'
+            return names + (' (instead of those in the bag)' if self.overridden else '')
+        if self.source == BAG:
+            return 'from the bag' + (f' (recorded with {names})' if names else '')
+        return 'defaults (the bag carries none; --params FILE gives others)'
+
+    def lines(self) -> Iterator[str]:
+        """Yield the source of the parameters and warnings about it, as text."""
+        yield f'parameters: {self.origin}'
         if self.unknown:
             yield (f'warning: parameters in the bag are unknown to this version and ignored: '
                    f'{", ".join(self.unknown)}')

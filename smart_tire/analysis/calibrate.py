@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -27,11 +27,12 @@ from smart_tire.analysis.calibrate_tire import gain_parameters, identify_gains
 from smart_tire.analysis.geometry_figures import write_icr
 from smart_tire.analysis.motor_figures import write_motor
 from smart_tire.analysis.stiffness_figures import write_stiffness
-from smart_tire.bags import Bag
+from smart_tire.analysis.pipeline import EstimatorParams
+from smart_tire.bags import Bag, STANDARD_NAMES, TopicNames
 from smart_tire.calibration.procedure.results import Calibration
 from smart_tire.calibration.procedure.sequence import calibrate, Inputs, REST, STRAIGHT, TURNS
 from smart_tire.calibration.recording import Recording
-from smart_tire.parameters import known_names, load_files, NODE_PARAMS, RobotParams, specs
+from smart_tire.parameters import NODE_PARAMS, RobotParams, specs
 from smart_tire.parameters.calibrated_text import Calibrated, calibrated_text
 from smart_tire.parameters.calibration_file import Identified
 from smart_tire.uncertain import MAX_RELATIVE_SIGMA
@@ -52,26 +53,29 @@ class Result:
     text: str
 
 
-def calibrate_bags(bags: Bags, robot: RobotParams, params: Sequence[Path], date: str, *,
-                   truth: bool = False) -> Result:
+def calibrate_bags(bags: Bags, params: EstimatorParams, date: str, *, truth: bool = False,
+                   names: TopicNames = STANDARD_NAMES) -> Result:
     """
-    Return what ``bags`` show of a robot with the parameters ``robot`` of the files ``params``.
+    Return what ``bags`` show of a robot with the parameters ``params``.
 
-    Ground truth in the bags is used with ``truth`` only. Raises BagError if a bag cannot be read,
-    EstimatorError if it lacks IMU or wheels.
+    ``names`` are the topics with other names in the bags. Ground truth in the bags is used with
+    ``truth`` only. Raises BagError if a bag cannot be read, EstimatorError if it lacks IMU or
+    wheels.
     """
-    reference = ANY_REFERENCE if truth else NO_REFERENCE
-    recordings = {path: read_recording(path, robot, TimeRange(), reference, duties=True)
+    robot, reference = params.robot, ANY_REFERENCE if truth else NO_REFERENCE
+    recordings = {path: read_recording(path, robot, TimeRange(), reference, duties=True,
+                                       names=names)
                   for paths in bags.values() for path in paths}
 
     def of(step: str) -> list[Recording]:
         return [recordings[path] for path in bags_of(bags, step)]
 
     # in starts and stops the wheel angle between two samples is less certain than in turns
-    films = [path for path in bags_of(bags, TURNS) if has_films(path)]
+    films = [path for path in bags_of(bags, TURNS) if has_films(path, names)]
 
     def gains(known: RobotParams) -> list[Identified]:
-        found = gain_parameters(identify_gains(films, known, TimeRange()), known)
+        found = gain_parameters(identify_gains(films, known, TimeRange(), names),
+                                known)
         return [item for item in found if _determined(item)]
 
     found = calibrate(Inputs(**{step: of(step) for step in (*PARTS, 'lifted')}), robot,
@@ -85,9 +89,9 @@ def bags_of(bags: Bags, step: str) -> list[Path]:
     return [*bags.get(step, ()), *mixed]
 
 
-def has_films(path: Path) -> bool:
+def has_films(path: Path, names: TopicNames = STANDARD_NAMES) -> bool:
     """Return whether a bag contains film samples."""
-    with Bag(path) as bag:
+    with Bag(path, names) as bag:
         return bool(bag.match([TIRE_SAMPLES]))
 
 
@@ -100,7 +104,7 @@ def _determined(item: Identified) -> bool:
                for value, sigma in zip(item.value, item.sigma))
 
 
-def _text(found: Calibration, bags: Bags, params: Sequence[Path], date: str) -> str:
+def _text(found: Calibration, bags: Bags, params: EstimatorParams, date: str) -> str:
     items = [Calibrated(Identified(one.name, one.value, one.sigma, one.note),
                         tuple(path.name for path in bags_of(bags, one.step)))
              for one in found.findings]
@@ -109,14 +113,12 @@ def _text(found: Calibration, bags: Bags, params: Sequence[Path], date: str) -> 
         name: (present[name], reason) for name, reason in found.kept.items()})
 
 
-def present_values(files: Iterable[Path]) -> dict[str, Any]:
-    """Return the values of all parameters of the nodes, from ``files`` or the defaults."""
-    known, values = known_names(NODE_PARAMS.values()), dict[str, Any]()
-    for node, cls in NODE_PARAMS.items():
-        given = load_files(files, node, known, specs(cls))
-        values.update({name: spec.default for name, spec in specs(cls).items()
-                       if name not in values})
-        values.update({name: value for name, value in given.items() if name in specs(cls)})
+def present_values(params: EstimatorParams) -> dict[str, Any]:
+    """Return the values of all parameters of the nodes: ``params``, of others the defaults."""
+    values = {name: spec.default for cls in NODE_PARAMS.values()
+              for name, spec in specs(cls).items()}
+    for given in params.by_node().values():
+        values.update(given)
     return values
 
 

@@ -54,7 +54,14 @@ def apply(args: argparse.Namespace, name: str, function: Callable[[Path], Path])
     if isinstance(given, Path):
         setattr(args, name, function(given))
     elif isinstance(given, list):
-        setattr(args, name, [function(one) if isinstance(one, Path) else one for one in given])
+        setattr(args, name, [_applied(one, function) for one in given])
+
+
+def _applied(given: Any, function: Callable[[Path], Path]) -> Any:
+    """Return ``given`` with ``function`` of it, or of the paths in it if it is a tuple."""
+    if isinstance(given, tuple):
+        return tuple(_applied(one, function) for one in given)
+    return function(given) if isinstance(given, Path) else given
 
 
 def _found(path: Path) -> Path:

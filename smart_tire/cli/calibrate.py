@@ -21,6 +21,7 @@ from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from smart_tire.cli._bags import add_bag_options, bag_settings
 from smart_tire.cli._overwrite import add_force, refuse_existing
 from smart_tire.errors import ParameterError
 
@@ -55,9 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--bags', type=step_and_bag, nargs='+', default=[], metavar='[STEP=]BAG',
                         help='calibrate from these recordings instead of live: rest=, straight=, '
                              'turns=, lifted=, or a recording with several of them')
-    parser.add_argument('--params', type=Path, action='append', default=[], metavar='FILE',
-                        help='ROS parameter file with known parameters (mass, track, wheelbase); '
-                             'may be repeated')
+    add_bag_options(parser)
     parser.add_argument('--truth', action='store_true',
                         help='use the reference poses in the recordings; by default they are not '
                              'used')
@@ -75,25 +74,24 @@ def run(args: argparse.Namespace) -> int:
         raise ParameterError('--drive and --lifted are for a live calibration, without --bags')
     inputs = [*args.params, *(path for _, path in args.bags)]
     refuse_existing([args.out / name for name in OUTPUTS], force=args.force, inputs=inputs)
-    from smart_tire.analysis.calibrate_robot import load_robot
-    robot = load_robot(args.params)
     if args.bags:
         bags: dict[str, list[Path]] = {}
         for step, path in args.bags:
             bags.setdefault(step, []).append(path)
     else:
         from smart_tire.cli._calibrate_live import record_steps
-        bags = record_steps(args, robot)
+        from smart_tire.parameters import load_robot
+        bags = record_steps(args, load_robot(args.params))
     return identify(args, bags)
 
 
 def identify(args: argparse.Namespace, bags: Bags) -> int:
     """Identify from ``bags``, print a table, write parameter file and figures."""
     from smart_tire.analysis.calibrate import calibrate_bags, write_figures
-    from smart_tire.analysis.calibrate_robot import load_robot
     from smart_tire.parameters.calibration_file import write_text
-    result = calibrate_bags(bags, load_robot(args.params), args.params, f'{date.today():%Y-%m-%d}',
-                            truth=args.truth)
+    settings = bag_settings([path for paths in bags.values() for path in paths], args)
+    result = calibrate_bags(bags, settings.params, f'{date.today():%Y-%m-%d}', truth=args.truth,
+                            names=settings.names)
     found = result.calibration
     print_calibration(found)
     if not found.findings:

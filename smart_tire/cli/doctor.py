@@ -17,13 +17,14 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 import sys
 import time
 from typing import TYPE_CHECKING
 
 from smart_tire.cli._arguments import positive
+from smart_tire.cli._bags import add_bag_options
 from smart_tire.cli._findings import print_findings, print_summary, status_of, to_json
 from smart_tire.errors import ParameterError
 from smart_tire.findings import Finding, Level
@@ -42,9 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this verb."""
     parser.add_argument('bag', type=Path, nargs='?', metavar='BAG',
                         help='rosbag2 directory or a single bag file (default: check this robot)')
-    parser.add_argument('--params', type=Path, action='append', default=[], metavar='FILE',
-                        help='ROS parameter file; may be repeated, later files override earlier '
-                             'ones')
+    add_bag_options(parser)
     parser.add_argument('--json', action='store_true', help='print JSON')
     parser.add_argument('--seconds', type=positive, default=3.0, metavar='S',
                         help='how long to listen to the topics (default: 3)')
@@ -73,15 +72,31 @@ def _findings(args: argparse.Namespace) -> Iterator[Finding]:
         from smart_tire.cli._live_checks import live_findings
         yield from live_findings(args, files, progress)
     else:
-        from smart_tire.parameters import load_robot
-        with open_bag(args.bag) as bag:
-            yield from bag_findings(bag, load_robot(files))
+        from smart_tire.bags import Bag, TopicNames
+        with Bag(args.bag, TopicNames.parse(args.remap)) as bag:
+            yield from _with_parameters(bag, files)
 
 
-def open_bag(path: Path) -> Bag:
-    """Return the bag; raise BagError if it cannot be read."""
-    from smart_tire.bags import Bag
-    return Bag(path)
+def _with_parameters(bag: Bag, files: Sequence[Path]) -> Iterator[Finding]:
+    """Yield the findings on a bag with the parameters in ``files``, or with its own."""
+    from smart_tire.analysis.bag_params import bag_params
+    from smart_tire.parameters import RobotParams
+    try:
+        used = bag_params(bag, files)
+    except ParameterError as error:
+        yield Finding(Level.ERROR, 'parameters', str(error), action='defaults are used')
+        robot = RobotParams()
+    else:
+        yield Finding(Level.INFO, 'parameters', used.origin)
+        if used.unknown:
+            yield Finding(Level.WARNING, 'parameters', f'unknown to this version: '
+                          f'{", ".join(used.unknown)}', action='these are ignored')
+        robot = used.params.robot
+    bag.joints = robot.joints
+    yield from bag_findings(bag, robot)
+    for note in bag.notes:
+        where, _, text = note.partition(': ')
+        yield Finding(Level.INFO, where, text)
 
 
 def bag_findings(bag: Bag, robot: RobotParams) -> Iterator[Finding]:

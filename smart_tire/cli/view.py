@@ -27,6 +27,7 @@ import time
 from typing import TYPE_CHECKING
 import webbrowser
 
+from smart_tire.cli._bags import add_bag_options, BagSettings, open_bag
 from smart_tire.cli._overwrite import add_force, refuse_existing
 from smart_tire.cli._processes import end_with_parent
 
@@ -53,9 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                              '"smart_tire demo" or "smart_tire analyze"')
     parser.add_argument('--live', action='store_true',
                         help='show the topics of the running nodes (needs rclpy)')
-    parser.add_argument('--params', type=Path, action='append', default=[], metavar='FILE',
-                        help='ROS parameter file of robot and estimators; may be repeated, later '
-                             'files override earlier ones')
+    add_bag_options(parser)
     parser.add_argument('--estimate', action='store_true',
                         help='compute the estimates instead of showing those in the bag')
     parser.add_argument('--no-fit', action='store_true',
@@ -85,11 +84,10 @@ def run(args: argparse.Namespace) -> int:
         from smart_tire.cli._live_view import show_live
         return _with_viewer(args, LIVE_NAME, EstimatorParams.load(args.params), show_live)
     recording = find_recording(args.bag)
-    params = EstimatorParams.load([*recording.params, *args.params])
-    from smart_tire.bags import Bag
-    Bag(recording.bag).close()  # an error before the viewer appears
-    return _with_viewer(args, recording.bag.resolve().name, params,
-                        partial(_show_bag, args, recording, params))
+    with open_bag(recording.bag, args, required=()) as (_, settings):
+        pass  # an error before the viewer appears
+    return _with_viewer(args, recording.bag.resolve().name, settings.params,
+                        partial(_show_bag, args, recording, settings))
 
 
 def has_display(environment: Mapping[str, str]) -> bool:
@@ -125,14 +123,14 @@ def _with_viewer(args: argparse.Namespace, name: str, params: EstimatorParams,
         return status
 
 
-def _show_bag(args: argparse.Namespace, recording: Recording, params: EstimatorParams,
+def _show_bag(args: argparse.Namespace, recording: Recording, settings: BagSettings,
               scene: Scene, viewer: Viewer | None) -> int:
     """Show a recording; wait while a viewer for browsers is served."""
     from smart_tire.cli.analyze import shown_progress
     from smart_tire.view.bag import show
     with shown_progress(recording.bag.name) as progress:
-        show(recording, scene, params, estimate=args.estimate,
-             describe=partial(print, flush=True), progress=progress)
+        show(recording, scene, settings.params, estimate=args.estimate,
+             describe=partial(print, flush=True), progress=progress, names=settings.names)
     if viewer is not None and viewer.address.web is not None:
         try:
             while viewer.running:

@@ -25,13 +25,14 @@ from operator import itemgetter
 from pathlib import Path
 
 from smart_tire.analysis.pipeline import ESTIMATES, EstimatorParams, INPUTS, Pipeline
-from smart_tire.bags import Bag
+from smart_tire.bags import Bag, STANDARD_NAMES, TopicNames
 from smart_tire.errors import BagError
 from smart_tire.messages import topic_of
 from smart_tire.samples import Sample
 from smart_tire.view.scene import Scene
 
 FLUSH_SAMPLES = 20_000  # between two transmissions to the viewer
+ANALYZED = 'estimates', 'smoothed'  # folders that "smart_tire analyze" writes
 REQUIRED = 'odom', 'wheel_slip'  # without these a bag has no estimates to show
 
 Progress = Callable[[float], None]  # is called with the completed share, 0 to 1
@@ -39,26 +40,22 @@ Progress = Callable[[float], None]  # is called with the completed share, 0 to 1
 
 @dataclass(frozen=True)
 class Recording:
-    """Files of a recording: its bag, a bag with estimates, and parameter files."""
+    """Files of a recording: its bag, and a bag with estimates."""
 
     bag: Path
     estimates: Path | None = None
-    params: tuple[Path, ...] = ()
 
 
 def find_recording(path: Path) -> Recording:
     """
-    Return the recording at ``path``: a bag or the output folder of the demo or of an analysis.
+    Return the recording at ``path``: a bag, or the estimates of an analysis with the input bag.
 
-    The output of an analysis without its input bag is shown on its own.
+    The estimates of an analysis without its input bag are shown on their own.
     """
-    bag, estimates, params = path / 'bag', path / 'estimates', path / 'demo.yaml'
-    if estimates.is_dir():
-        source = _analyzed_bag(path / 'summary.json')
-        return Recording(estimates) if source is None else Recording(source, estimates)
-    if bag.is_dir() and not (path / 'metadata.yaml').exists():
-        return Recording(bag, params=(params,) if params.exists() else ())
-    return Recording(path)
+    if path.name not in ANALYZED:
+        return Recording(path)
+    source = _analyzed_bag(path.parent / 'summary.json')
+    return Recording(path) if source is None else Recording(source, path)
 
 
 def _analyzed_bag(summary: Path) -> Path | None:
@@ -73,14 +70,16 @@ def _analyzed_bag(summary: Path) -> Path | None:
 
 
 def show(recording: Recording, scene: Scene, params: EstimatorParams, *, estimate: bool,
-         describe: Callable[[str], None], progress: Progress = lambda share: None) -> None:
+         describe: Callable[[str], None], progress: Progress = lambda share: None,
+         names: TopicNames = STANDARD_NAMES) -> None:
     """
     Show a recording; with ``estimate`` or without recorded estimates, run the estimators on it.
 
-    ``describe`` is called with one line that says which estimates are shown. Raises BagError.
+    ``describe`` is called with one line that says which estimates are shown. ``names`` are the
+    topics with other names in the bag. Raises BagError.
     """
     with ExitStack() as stack:
-        bag = stack.enter_context(Bag(recording.bag))
+        bag = stack.enter_context(Bag(recording.bag, names, params.robot.joints))
         for stamp_ns, status in bag.statuses():
             scene.add_status(stamp_ns, status)
         if estimate or (recording.estimates is None and not set(REQUIRED) <= bag.match(

@@ -21,10 +21,10 @@ import io
 import pytest
 
 from benchmarks.calibration.recordings import demo
-from smart_tire.analysis.calibrate_robot import load_robot
 from smart_tire.bags import BagWriter
 from smart_tire.cli import _calibrate_live as live
 from smart_tire.cli.main import main
+from smart_tire.parameters import load_robot
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import NS_PER_S, Odometry
 

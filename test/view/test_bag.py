@@ -115,7 +115,7 @@ def test_estimates_of_an_analysis_replace_the_recorded_ones_in_order_of_time(tmp
     middle = START + 505_000_000
     write(tmp_path / 'out' / 'estimates', odometry(7.0, middle), slip(middle))
     (tmp_path / 'out' / 'summary.json').write_text(json.dumps({'bag': str(bag)}))
-    scene, (line,), _ = shown(find_recording(tmp_path / 'out'))
+    scene, (line,), _ = shown(find_recording(tmp_path / 'out' / 'estimates'))
     assert line == f'{bag}: estimates of {tmp_path / "out" / "estimates"}'
     assert [sample.position[0] for sample in of_topic(scene, 'odom')] == [7.0]
     stamps = [sample.stamp_ns for _, sample in scene.samples]
@@ -126,9 +126,9 @@ def test_estimates_of_an_analysis_replace_the_recorded_ones_in_order_of_time(tmp
 def test_an_analysis_without_its_bag_is_shown_alone(tmp_path):
     estimates = write(tmp_path / 'out' / 'estimates', odometry(7.0), slip())
     (tmp_path / 'out' / 'summary.json').write_text('{"bag": "/does/not/exist"}')
-    assert find_recording(tmp_path / 'out') == Recording(estimates)
+    assert find_recording(estimates) == Recording(estimates)
     (tmp_path / 'out' / 'summary.json').unlink()
-    assert find_recording(tmp_path / 'out') == Recording(estimates)
+    assert find_recording(estimates) == Recording(estimates)
 
 
 @pytest.mark.parametrize('text', ['no json', '{}', '[]'])
@@ -136,12 +136,10 @@ def test_a_damaged_summary_is_reported(tmp_path, text):
     write(tmp_path / 'estimates', odometry(7.0))
     (tmp_path / 'summary.json').write_text(text)
     with pytest.raises(BagError, match='not the summary of an analysis'):
-        find_recording(tmp_path)
+        find_recording(tmp_path / 'estimates')
 
 
-def test_the_folder_of_a_demo_is_a_recording_with_its_parameters(tmp_path):
+def test_another_bag_is_shown_as_it_is(tmp_path):
     bag = write(tmp_path / 'bag', odometry(1.0))
-    assert find_recording(tmp_path) == Recording(bag)
-    (tmp_path / 'demo.yaml').write_text('')
-    assert find_recording(tmp_path) == Recording(bag, params=(tmp_path / 'demo.yaml',))
+    (tmp_path / 'summary.json').write_text('{"bag": "/elsewhere"}')
     assert find_recording(bag) == Recording(bag)
