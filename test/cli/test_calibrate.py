@@ -67,7 +67,8 @@ def test_a_recording_at_rest_only_writes_its_noise_and_nothing_else(bags, tmp_pa
     assert main(['calibrate', '--out', str(tmp_path), '--bags', f'rest={bags / "rest"}']) == 0
     assert 'no recording with turns' in capsys.readouterr().out
     text = (tmp_path / 'robot.yaml').read_text(encoding='utf-8')
-    values = [line for line in text.splitlines() if 'standard error' in line and not line.startswith('#')]
+    values = [line for line in text.splitlines()
+              if 'standard error' in line and not line.startswith('#')]
     assert [line.split(':')[0].strip() for line in values] == ['gyro_noise', 'accel_noise']
 
 

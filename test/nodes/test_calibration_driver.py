@@ -26,7 +26,7 @@ from smart_tire.nodes.qos import latched, subscriber_qos
 from smart_tire.nodes.runner import NodeRunner
 
 pytestmark = pytest.mark.processes
-MAX_SPINS = 100  # of 0.1 s
+MAX_SPINS = 300  # of 0.1 s
 
 
 def spin_until(runner, condition):

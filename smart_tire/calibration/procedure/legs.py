@@ -65,7 +65,8 @@ def reach(legs: Sequence[Leg], wheel_radius: float, track: float) -> float:
 
     Turns may be as tight as those of the geometric ``track`` [m] or twice as wide.
     """
-    return FREE_SPACE_MARGIN + max(_distance(legs, wheel_radius, factor * track) for factor in TRACK_FACTORS)
+    return FREE_SPACE_MARGIN + max(
+        _distance(legs, wheel_radius, factor * track) for factor in TRACK_FACTORS)
 
 
 def _distance(legs: Sequence[Leg], wheel_radius: float, track: float) -> float:
