@@ -199,8 +199,10 @@ def _fit(rows: _Rows, turns: list[tuple[float, float]], robot: RobotParams) -> I
     response = target - matrix[:, 1:] @ fit.coefficients[1:]
     table = _turn_by_turn(of_turn[:, selected], matrix[:, 0], response, fit.row_sigma, turns)
     spread = _spread(table[1], table[2])
-    # S depends on the speed: the mean of other turns would differ by this spread
-    icr = Uncertain(estimate.value, math.hypot(
+    # S depends on the speed: all turns count, and the mean of others would differ by the spread
+    mean = float(np.average(table[1], weights=1.0 / (table[2] ** 2 + spread ** 2))) if (
+        spread > 0.0) else estimate.value
+    icr = Uncertain(mean, math.hypot(
         estimate.sigma, spread / math.sqrt(max(len(table[0]), 1))))
     limit = MAX_ICR_SIGMA * robot.wheelbase
     if not icr.sigma <= limit:
