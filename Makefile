@@ -78,6 +78,7 @@ bench: $(READY)
 	$(BIN)/python -m benchmarks.load
 	$(BIN)/python -m benchmarks.models
 	$(BIN)/python -m benchmarks.film
+	$(BIN)/python -m benchmarks.calibration
 
 bench-slip: $(READY)
 	$(BIN)/python -m benchmarks.slip --force
