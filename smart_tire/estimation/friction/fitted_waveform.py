@@ -26,7 +26,7 @@ from smart_tire.estimation.friction.waveform_fit import WaveformFit
 from smart_tire.estimation.friction.waveform_model import PerFilm, WaveformModel
 from smart_tire.parameters.robot import RobotParams
 
-CURVE_STEP = 0.0005  # m, between two points of a fitted curve: its features are millimeters wide
+CURVE_STEP = 0.00025  # m, between two points of a fitted curve: its minimum is sharp
 
 
 @dataclass(frozen=True, slots=True, eq=False)

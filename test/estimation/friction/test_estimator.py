@@ -511,3 +511,16 @@ def test_in_rough_driving_no_crossing_is_missed_or_invented():
 def test_the_wheel_is_the_one_whose_films_were_sampled():
     found, _ = estimate(rolled(steady(120.0), 3.0))
     assert {crossing.wheel for crossing in found} == {WHEEL}
+
+
+def test_each_crossing_is_passed_on_with_its_fit():
+    course, found = steady(60.0), []
+    estimator = FrictionEstimator(
+        FrictionEstimatorParams(robot=ROBOT), on_crossing=found.append)
+    estimates = [estimate for sample in in_order(films(course, 4.0), surroundings(course, 4.0))
+                 for estimate in estimator.update(sample)] + estimator.finish()
+    assert [crossing.friction for crossing in found] == estimates
+    assert sum(crossing.waveform is not None for crossing in found) >= 3
+    fitted = [crossing for crossing in found if crossing.waveform is not None]
+    assert all(len(crossing.waveform.samples.films) == 2 for crossing in fitted)
+    assert not any(crossing.surface_changed for crossing in found)
