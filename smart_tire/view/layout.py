@@ -25,6 +25,7 @@ from smart_tire.view.style import SIGMAS, TIMELINE
 
 LIVE_SPAN = 30.0  # s, shown by the plots of live data
 BOUNDS = f'± {SIGMAS:g} σ'
+SLIP_RANGE = (-1.0, 1.0)  # of the slip ratio; its bounds are wider at standstill
 WIDE = 65.0       # N, half the size of the view of the friction circles
 CONTACT_WIDTH, CONTACT_HEIGHT = 75.0, 55.0  # half the size of the view of a crossing
 
@@ -107,7 +108,7 @@ class Layout:
 
     def _slip(self, wheel: str) -> rrb.View:
         return self._plot(f'Slip, {wheel} [-], {BOUNDS}; truth (gray)', f'slip/{wheel}',
-                          legend=False)
+                          bounds=SLIP_RANGE, legend=False)
 
     def _friction(self, *, legend: bool = True) -> rrb.View:
         return self._plot(f'Friction mu [-]: fused {BOUNDS} (lines), single (points)', 'friction',

@@ -28,8 +28,8 @@ from smart_tire.messages import TOPICS
 from smart_tire.parameters import build, FrictionEstimatorParams
 from smart_tire.samples import Icr
 from smart_tire.view.layout import Layout
-from smart_tire.view.scene import Scene
 from smart_tire.view.recorder import ViewError
+from smart_tire.view.scene import Scene
 from smart_tire.view.viewer import Address, free_port, open_stream, Viewer
 from support.rolling import films, in_order, steady, surroundings, WHEEL
 
