@@ -34,8 +34,8 @@ class SlipLayer:
     def __init__(self, recorder: Recorder) -> None:
         self._estimates = [recorder.estimate(f'slip/{wheel}/estimate', f'{wheel} [-]', color)
                            for wheel, color in WHEEL_COLORS.items()]
-        self._truths = [recorder.line(f'slip/{wheel}/truth', f'{wheel}, truth [-]', TRUTH, width=1.0)
-                        for wheel in WHEELS]
+        self._truths = [recorder.line(
+            f'slip/{wheel}/truth', f'{wheel}, truth [-]', TRUTH, width=1.0) for wheel in WHEELS]
 
     def add(self, sample: WheelSlip) -> None:
         """Add estimated slips."""
