@@ -72,8 +72,10 @@ def run(args: argparse.Namespace) -> int:
     """
     directory = args.out or Path(f'rosbag2_{datetime.now():%Y_%m_%d-%H_%M_%S}')
     refuse_existing_bag(directory, force=args.force)
-    from smart_tire.analysis.pipeline import EstimatorParams
-    parameters = EstimatorParams.load(args.params).by_node() if args.params else None
+    parameters = None
+    if args.params:  # the import would delay the start of the recording
+        from smart_tire.analysis.pipeline import EstimatorParams
+        parameters = EstimatorParams.load(args.params).by_node()
     from smart_tire.nodes.recorder import record
     remove_bag(directory)
     with StatusLine() as line:
