@@ -20,7 +20,7 @@ import pytest
 
 from smart_tire.errors import ParameterError
 from smart_tire.parameters import (
-    build, known_names, load_files, NODE_PARAMS, SlipEstimatorParams, specs,
+    build, known_names, load_files, load_robot, NODE_PARAMS, SlipEstimatorParams, specs,
     WheelControllerParams)
 from smart_tire.parameters.calibrated_text import Calibrated, calibrated_text, rounded
 from smart_tire.parameters.calibration_file import Identified

@@ -19,7 +19,7 @@ from __future__ import annotations
 import sys
 
 from smart_tire.estimation.friction.estimator import FrictionEstimator
-from smart_tire.estimation.streams import FRICTION
+from smart_tire.estimation.streams import FRICTION, HOLDING
 from smart_tire.nodes.base import run
 from smart_tire.nodes.estimator import EstimatorNode
 from smart_tire.parameters import FrictionEstimatorParams
@@ -43,7 +43,8 @@ class FrictionEstimatorNode(EstimatorNode[FrictionEstimatorParams]):
         wheels = len(self.params.robot.film.wheels)
         for kind, name in FRICTION.inputs.items():
             self.subscribe(name, self.on_sample, wheels=wheels if kind is TireSample else 1,
-                           required=True, reliability=self.params.reliability,
+                           required=name not in HOLDING, announced=True,
+                           reliability=self.params.reliability,
                            from_msg=self.conversion(name, self.params.robot.joints))
 
     def finish(self) -> None:

@@ -111,6 +111,12 @@ def test_inputs_without_messages_are_named_in_the_diagnostics(graph, slip):
     graph.until(lambda: 'no imu/data; no wheel_states' in graph.status_message('slip_estimator'))
 
 
+def test_silence_of_ground_state_is_no_fault(graph):
+    with graph.start('friction_estimator'):
+        graph.until(lambda: 'no wheel_slip' in graph.status_message('friction_estimator'))
+        assert 'ground_state' not in graph.status_message('friction_estimator')
+
+
 def test_the_slip_estimator_uses_tire_friction(graph):
     friction = Friction(START_NS, 'front_right', film_slip=Uncertain(0.1, 0.01))
     graph.subscribe('odom')
