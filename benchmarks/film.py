@@ -24,9 +24,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 import sys
 
-import numpy as np
-
 from benchmarks.command import machine, parse_no_arguments, run_benchmark
+import numpy as np
 from smart_tire.arrays import Array
 from smart_tire.calibration.bench.film_parameters import identify_film
 from smart_tire.estimation.film.measure import measure

@@ -27,9 +27,9 @@ import sys
 import time
 from typing import Any, NamedTuple
 
+from benchmarks.command import machine, parse_no_arguments, run_benchmark
 import numpy as np
 from scipy.integrate import fixed_quad, quad, solve_bvp, solve_ivp
-from benchmarks.command import machine, parse_no_arguments, run_benchmark
 from smart_tire.arrays import Array
 from smart_tire.errors import SmartTireError
 from smart_tire.models.film import elastica, elastica_with_weight, hysteresis

@@ -28,10 +28,9 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import accumulate
 
-import numpy as np
-
 from benchmarks.efforts import scaled_efforts
 from benchmarks.event_cache import cached_events
+import numpy as np
 from smart_tire.parameters import RobotParams, SimulatorParams
 from smart_tire.parameters.robot import EncoderParams, FilmParams, TireParams
 from smart_tire.parameters.simulation import (

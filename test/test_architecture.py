@@ -30,9 +30,8 @@ import sys
 from architecture_tables import DOCUMENT, imported_modules, names, read_exceptions, read_levels, \
     read_rooms, room_of, room_of_module, table
 import pytest
-from support.sources import assert_kept, read_sources, Rule, Source
-
 from smart_tire.cli.main import VERBS
+from support.sources import assert_kept, read_sources, Rule, Source
 
 TEXT = DOCUMENT.read_text(encoding='utf-8')
 LEVELS = read_levels(TEXT)

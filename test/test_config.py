@@ -20,11 +20,10 @@ from pathlib import Path
 import re
 
 import pytest
-import yaml
-
 from smart_tire.parameters import build, known_names, load_files, NODE_PARAMS, RobotParams, specs
 from smart_tire.parameters.reference import reference_text
 from smart_tire.parameters.yaml_writer import file_text, FILES, SIMULATED_PORTS, write_files
+import yaml
 
 OTHER_FILES = {'rosbag2_qos.yaml', 'view'}  # without parameters: test/nodes/test_qos.py
 CONFIG = Path(__file__).resolve().parents[1] / 'config'

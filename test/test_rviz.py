@@ -19,10 +19,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-import yaml
-
 from smart_tire.messages import TOPICS
 from smart_tire.parameters import RobotParams
+import yaml
 
 VIEW = Path(__file__).resolve().parents[1] / 'config' / 'view' / 'smart_tire.rviz'
 MANAGER = yaml.safe_load(VIEW.read_text(encoding='utf-8'))['Visualization Manager']

@@ -43,10 +43,6 @@ LICENSE_HEADER = '\n'.join(TESTS[0].text.splitlines()[1:13])
 COPYRIGHT = re.compile(r'(#!.*\n)?# Copyright \d{4} The smart_tire developers\n')
 
 WITH_PROCESSES = {'test/nodes', 'test/safety', 'test/integration'}
-OWN = {'smart_tire', 'benchmarks'}
-# Modules of test/ and docs/: third party to some, own to others; linters do not agree.
-ON_PYTHONPATH = ('support.', 'architecture_tables', 'command_line_page', 'draw_architecture',
-                 'write_topics')
 
 # Names of constants that say neither which quantity nor which role.
 SUPERLATIVES = {
@@ -86,25 +82,23 @@ def imported(node: Import) -> str:
 
 
 def group(name: str) -> int:
-    """Return the group of a module: future, standard library, third party, own."""
+    """Return the group of a module: future, standard library, all others (also own ones)."""
     root = name.split('.')[0]
-    return 0 if root == '__future__' else 1 if root in sys.stdlib_module_names else \
-        3 if root in OWN else 2
+    return 0 if root == '__future__' else 1 if root in sys.stdlib_module_names else 2
 
 
 def unsorted_imports(source: Source) -> Iterator[str]:
-    """Yield imports that are not in the order of the Google style."""
+    """Yield imports that are not in the order of ament_flake8: Google style, no own group."""
     for block in blocks(source.tree):
         last = (0, '')
         for node in block:
-            names = [alias.name.lower() for alias in node.names]
+            names = [(alias.name.lower(), alias.name) for alias in node.names]
             if names != sorted(names):
                 yield source.at(node.lineno, 'names are not sorted')
-            if not imported(node).startswith(ON_PYTHONPATH):
-                now = (group(imported(node)), imported(node).lower())
-                if now < last:
-                    yield source.at(node.lineno, f'import of {imported(node)} comes too late')
-                last = now
+            now = (group(imported(node)), imported(node).lower())
+            if now < last:
+                yield source.at(node.lineno, f'import of {imported(node)} comes too late')
+            last = now
 
 
 def missing_docstring(source: Source) -> Iterator[str]:
@@ -164,7 +158,7 @@ def dialect(source: Source) -> Iterator[str]:
         yield source.at(line, ' '.join(match[1].replace('#', ' ').split()).lower())
 
 
-def test_imports_are_in_the_order_of_the_google_style():
+def test_imports_are_in_the_order_of_ament_flake8():
     assert_kept(unsorted_imports, PYTHON)
 
 
@@ -191,6 +185,9 @@ def test_words_are_those_of_the_field():
 @pytest.mark.parametrize(('rule', 'text', 'offense'), [
     (unsorted_imports, '"""A."""\nimport sys\nimport os', '3: import of os comes too late'),
     (unsorted_imports, 'import smart_tire\nimport numpy', '2: import of numpy comes too late'),
+    (unsorted_imports, 'import yaml\n\nimport smart_tire',
+     '3: import of smart_tire comes too late'),
+    (unsorted_imports, 'from a import b, B', '1: names are not sorted'),
     (unsorted_imports, 'from os import sep, path', '1: names are not sorted'),
     (missing_docstring, 'import os', '1: no docstring'),
     (missing_license, '"""A."""', '1: no copyright and license header'),
@@ -217,7 +214,7 @@ def test_an_ungrouped_test_is_found(name: str, text: str, offense: str):
 
 
 @pytest.mark.parametrize(('rule', 'text'), [
-    (unsorted_imports, 'import os\nimport sys\n\nimport numpy\n\nimport smart_tire'),
+    (unsorted_imports, 'import os\nimport sys\n\nimport numpy\n\nimport smart_tire\nimport yaml'),
     (missing_docstring, '"""What it is for."""'),
     (missing_license, f'#!/usr/bin/env python3\n# Copyright 2027 The smart_tire developers\n'
      f'{LICENSE_HEADER}\n'),

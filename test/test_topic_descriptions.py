@@ -23,9 +23,6 @@ from typing import Any
 
 from draw_architecture import read_nodes
 import pytest
-from write_topics import DOCUMENT, GROUPS, read_examples, written
-import yaml
-
 from smart_tire.bags.definitions import empty
 from smart_tire.estimation.streams import FRICTION, SLIP, Streams
 from smart_tire.messages import TOPICS
@@ -36,6 +33,8 @@ from smart_tire.messages.node_table import NODE_TABLE, publishers_of, subscriber
 from smart_tire.messages.states import STATE_TOPICS
 from smart_tire.parameters import NODE_PARAMS
 from smart_tire.samples import FRICTION_QUANTITIES, WHEELS
+from write_topics import DOCUMENT, GROUPS, read_examples, written
+import yaml
 
 ROOT = Path(__file__).resolve().parents[1]
 TEXT = DOCUMENT.read_text(encoding='utf-8')

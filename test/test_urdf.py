@@ -25,14 +25,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from urdf_parser_py.urdf import Robot
-
 from smart_tire.messages import film_names
 from smart_tire.parameters import build, RobotParams
 from smart_tire.parameters.rigid_bodies import rigid_bodies, RigidBody
 from smart_tire.parameters.urdf_writer import urdf_text
 from smart_tire.rotation import matrix
 from smart_tire.samples import WHEELS
+from urdf_parser_py.urdf import Robot
 
 FILE = Path(__file__).resolve().parents[1] / 'urdf' / 'smart_tire.urdf'
 OTHER = {  # parameters far from the defaults

@@ -25,13 +25,12 @@ import argparse
 from collections.abc import Sequence
 from functools import partial
 
-from rich.table import Table
-
 from benchmarks.calibration.recordings import ROUTES
 from benchmarks.calibration.scoring import calibrated_run, parameters, Run, Score, score
 from benchmarks.command import machine, positive, run_benchmark
 from benchmarks.jobs import run_jobs
 from benchmarks.tables import new_console
+from rich.table import Table
 from smart_tire.errors import ParameterError
 
 FIRST_SEED, LAST_SEED = 201, 220

@@ -21,9 +21,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import numpy as np
-
 from benchmarks.calibration.recordings import ROUTES, write_bags
+import numpy as np
 from smart_tire.analysis.calibrate import calibrate_bags
 from smart_tire.analysis.pipeline import EstimatorParams
 

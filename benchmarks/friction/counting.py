@@ -18,12 +18,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from benchmarks.friction.records import FUSED, Mask, Rows
 from benchmarks.friction.scoring import MAX_SAME_FRICTION
 from benchmarks.slip.scoring import FAST_ACCELERATION, MIN_ROLLING_SPEED, wheel_accelerations
 from benchmarks.slip.series import Truth
+import numpy as np
 from smart_tire.analysis.series import Floats
 from smart_tire.samples import NS_PER_S
 

@@ -18,12 +18,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from benchmarks.friction.grid import Case, WHEEL
 from benchmarks.friction.methods import estimator_params, WAVEFORM
 from benchmarks.friction.records import SINGLE
 from benchmarks.friction.synthesis import CrossingSynthesizer, TRUE_SLIP_SIGMA
+import numpy as np
 from smart_tire.analysis.series import Floats
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.contact.records import CrossingSamples, FilmSamples

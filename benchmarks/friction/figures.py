@@ -18,10 +18,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-import numpy as np
-
 from benchmarks.friction.example_figures import Example, example
 from benchmarks.friction.grid import FASTER_SPEED
 from benchmarks.friction.methods import (
@@ -31,6 +27,9 @@ from benchmarks.friction.paper_points import paper_points
 from benchmarks.friction.records import FUSED, SINGLE
 from benchmarks.friction.results import Part, RunResult
 from benchmarks.friction.scoring import MAX_INFORMATIVE_BOUND, own_sigma
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+import numpy as np
 from smart_tire.analysis import drawing
 from smart_tire.analysis.curves import Curve
 from smart_tire.analysis.series import Floats, seconds

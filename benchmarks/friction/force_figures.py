@@ -16,12 +16,11 @@
 
 from __future__ import annotations
 
+from benchmarks.friction.forces import ForceResult, NO_TORQUE, TORQUE, VARIANTS, WheelPart
+from benchmarks.friction.records import FUSED
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 import numpy as np
-
-from benchmarks.friction.forces import ForceResult, NO_TORQUE, TORQUE, VARIANTS, WheelPart
-from benchmarks.friction.records import FUSED
 from smart_tire.analysis import drawing
 from smart_tire.analysis.series import Floats, seconds, Stamps
 

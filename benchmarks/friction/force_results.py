@@ -20,11 +20,10 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 import math
 
-import numpy as np
-
 from benchmarks.friction.forces import Errors, ForceResult, Motion, Variant, WheelPart
 from benchmarks.friction.records import concatenated, FUSED, Mask, Rows, selected_rows
 from benchmarks.friction.scoring import Figures
+import numpy as np
 from smart_tire.analysis.metrics import rms, score
 from smart_tire.analysis.series import Floats
 from smart_tire.parameters.simulation import GroundParams

@@ -19,8 +19,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 import math
 
-from rich.table import Table
-from rich.text import Text
 from benchmarks.friction.force_results import (
     ALL_GROUNDS, EXCITED_SUFFIX, PartKey, pooled, Row)
 from benchmarks.friction.forces import ForceResult, NO_TORQUE, TORQUE, VARIANTS
@@ -30,6 +28,8 @@ from benchmarks.friction.requirements import (
     limits_of, MIN_WITHIN_TWO, POOLED_NEES, POOLED_WITHIN_TWO)
 from benchmarks.friction.scoring import Figures
 from benchmarks.tables import new_table, number
+from rich.table import Table
+from rich.text import Text
 
 Rows = Mapping[PartKey, Row]
 

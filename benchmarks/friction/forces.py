@@ -26,8 +26,6 @@ from dataclasses import dataclass
 import math
 import time
 
-import numpy as np
-
 from benchmarks.efforts import without_efforts
 from benchmarks.friction.counting import counted, COUNTED_FROM, excited
 from benchmarks.friction.methods import Event, ground_truth
@@ -35,6 +33,7 @@ from benchmarks.friction.records import Mask, match_rows, Rows, true_crossings
 from benchmarks.friction.scoring import Change, changes
 from benchmarks.slip.scoring import MIN_ROLLING_SPEED, slip_errors, steady_sides
 from benchmarks.slip.series import as_estimate, as_truth, EstimateSeries, Truth
+import numpy as np
 from smart_tire.analysis.pipeline import EstimatorParams, Pipeline
 from smart_tire.analysis.series import at, Floats
 from smart_tire.parameters import FrictionEstimatorParams, RobotParams, SlipEstimatorParams

@@ -20,8 +20,6 @@ from dataclasses import dataclass
 import math
 import time
 
-import numpy as np
-
 from benchmarks.friction.cramer_rao import friction_bound
 from benchmarks.friction.grid import Case, LOAD, WHEEL
 from benchmarks.friction.methods import estimator_params, EXACT_MAP, PRINTED_MAP, WAVEFORM
@@ -29,6 +27,7 @@ from benchmarks.friction.paper_method import friction_from_peaks
 from benchmarks.friction.records import SINGLE
 from benchmarks.friction.scoring import spread
 from benchmarks.friction.synthesis import CrossingSynthesizer
+import numpy as np
 from smart_tire.analysis.series import Floats
 from smart_tire.estimation.contact.records import PatchCrossing
 from smart_tire.estimation.friction.motion_history import WheelMotion

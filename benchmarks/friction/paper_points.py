@@ -18,12 +18,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from benchmarks.friction.grid import Case, WHEEL
 from benchmarks.friction.methods import estimator_params, EXACT_MAP, PRINTED_MAP, WAVEFORM
 from benchmarks.friction.paper_method import adhesion_ratio_from_peaks
 from benchmarks.friction.synthesis import CrossingSynthesizer
+import numpy as np
 from smart_tire.analysis.series import Floats
 from smart_tire.estimation.friction.output import OutputBuilder
 from smart_tire.samples import Friction

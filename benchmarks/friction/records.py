@@ -20,11 +20,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from benchmarks.friction.cramer_rao import friction_bound
 from benchmarks.slip.series import as_truth, EXCLUDED_END, Truth
+import numpy as np
+from numpy.typing import NDArray
 from smart_tire.analysis.friction_metrics import column, match
 from smart_tire.analysis.series import at, Floats, Stamps
 from smart_tire.parameters import RobotParams

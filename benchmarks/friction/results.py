@@ -19,8 +19,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from benchmarks.friction.methods import (
     COMPARED, estimator_params, Event, EXACT_MAP, ground_truth, inputs, PRINTED_MAP, robot_of,
     run_estimator, TRUE)
@@ -29,6 +27,7 @@ from benchmarks.friction.records import concatenated, match_rows, Rows, true_cro
 from benchmarks.friction.scoring import Change, changes, Figures, figures_of, peak_figures
 from benchmarks.slip.scoring import steady_slips
 from benchmarks.slip.series import as_estimate, as_truth
+import numpy as np
 from smart_tire.analysis.metrics import rms, score
 from smart_tire.analysis.series import Floats
 from smart_tire.parameters import RobotParams

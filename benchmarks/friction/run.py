@@ -29,8 +29,6 @@ import json
 from pathlib import Path
 from typing import Any
 
-from rich.table import Table
-
 from benchmarks.command import accuracy_parser, run_accuracy_benchmark
 from benchmarks.friction.counting import COUNTED_FROM
 from benchmarks.friction.figures import (
@@ -54,6 +52,7 @@ from benchmarks.friction.tables import (
 from benchmarks.jobs import make_folder, run_jobs
 from benchmarks.slip.figures import save
 from benchmarks.tables import markdown, new_console, print_all
+from rich.table import Table
 from smart_tire.analysis.summary import plain
 
 CROSSINGS = 'crossings'          # name of the synthesized crossings among the runs

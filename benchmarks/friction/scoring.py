@@ -26,9 +26,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 import math
 
-import numpy as np
-
 from benchmarks.friction.records import FUSED, Mask, Rows, selected_rows, SINGLE
+import numpy as np
 from smart_tire.analysis.metrics import score
 from smart_tire.analysis.series import Floats
 

@@ -18,9 +18,8 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from benchmarks.friction.grid import Case, ERRORS, LOAD, WHEEL
+import numpy as np
 from smart_tire.analysis.series import Floats
 from smart_tire.estimation.contact.assembly import SAMPLE_MARGIN
 from smart_tire.estimation.contact.detection import CrossingDetector

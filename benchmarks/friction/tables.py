@@ -19,8 +19,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 import math
 
-from rich.table import Table
-from rich.text import Text
 from benchmarks.friction.grid import Case
 from benchmarks.friction.methods import AIDED, ESTIMATED, EXACT_MAP, PRINTED_MAP, TRUE, WAVEFORM
 from benchmarks.friction.monte_carlo import CaseResult, Trial
@@ -28,6 +26,8 @@ from benchmarks.friction.reference_results import Reference
 from benchmarks.friction.results import Key, SteadySlip
 from benchmarks.friction.scoring import Figures, MAX_INFORMATIVE_BOUND
 from benchmarks.tables import new_table, number
+from rich.table import Table
+from rich.text import Text
 
 Runs = Mapping[str, Mapping[Key, Figures]]  # run -> wheel, source and method -> figures
 

@@ -21,13 +21,12 @@ import math
 from pathlib import Path
 from typing import Any
 
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-import numpy as np
-
 from benchmarks.slip.comparison import (
     LIVE, LIVE_TORQUE, METHODS, OWN, SMOOTHED, SMOOTHED_TORQUE, WITH_TORQUE)
 from benchmarks.slip.series import EstimateSeries, side_means, Truth
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+import numpy as np
 from smart_tire.analysis import drawing
 from smart_tire.analysis.series import at, Floats, PoseSeries, seconds, Stamps
 

@@ -19,9 +19,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-import numpy as np
-
 from benchmarks.slip.series import side_means
+import numpy as np
 from smart_tire.analysis.series import Floats, Stamps, Table
 from smart_tire.errors import EstimatorError
 from smart_tire.parameters import RobotParams

@@ -24,10 +24,9 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from benchmarks.slip.inputs import Inputs
 from benchmarks.slip.series import EstimateSeries
+import numpy as np
 from smart_tire.analysis.metrics import aligned
 from smart_tire.analysis.series import at, Floats, PoseSeries, SlipSeries, Stamps
 from smart_tire.models.vehicle.skid_steer import slip_ratio

@@ -27,11 +27,10 @@ from __future__ import annotations
 from enum import IntEnum
 import math
 
-import numpy as np
-
 from benchmarks.slip.inputs import Inputs
 from benchmarks.slip.odometry import side_slips
 from benchmarks.slip.series import EstimateSeries
+import numpy as np
 from smart_tire.analysis.series import at, Floats, PoseSeries, Stamps
 from smart_tire.samples import NS_PER_S
 

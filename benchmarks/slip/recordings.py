@@ -32,11 +32,10 @@ import math
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from benchmarks.slip.comparison import compare_methods
 from benchmarks.slip.scoring import PathScore
 from benchmarks.slip.series import EstimateSeries
+import numpy as np
 from smart_tire.analysis.calibrate_robot import identify_geometry
 from smart_tire.analysis.metrics import distance, rms, rotated, score
 from smart_tire.analysis.series import at, Floats, PoseSeries, Series, Stamps

@@ -28,8 +28,6 @@ import json
 from pathlib import Path
 from typing import Any
 
-from rich.table import Table
-
 from benchmarks.command import (
     accuracy_parser, DATA, run_accuracy_benchmark)
 from benchmarks.hills import HILL_SCENARIOS
@@ -46,6 +44,7 @@ from benchmarks.slip.series import as_truth
 from benchmarks.slip.tables import (
     errors_table, print_tables, recordings_table, reference_table, Runs, statistics_table)
 from benchmarks.tables import new_console
+from rich.table import Table
 from smart_tire.analysis.metrics import aligned
 from smart_tire.analysis.summary import plain
 from smart_tire.parameters import SlipEstimatorParams

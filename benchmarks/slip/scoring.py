@@ -27,10 +27,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 import math
 
+from benchmarks.slip.series import EstimateSeries, side_means, Truth
 import numpy as np
 from numpy.typing import NDArray
-
-from benchmarks.slip.series import EstimateSeries, side_means, Truth
 from smart_tire.analysis.metrics import aligned, distance, rms, Score, score
 from smart_tire.analysis.series import at, Floats, Stamps
 from smart_tire.samples import NS_PER_S

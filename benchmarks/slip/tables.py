@@ -19,15 +19,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 import math
 
-from rich.console import Console
-from rich.table import Table
-from rich.text import Text
 from benchmarks.slip.comparison import LIVE, LIVE_TORQUE, METHODS, OWN, SMOOTHED
 from benchmarks.slip.previous_results import PREVIOUS_RESULTS
 from benchmarks.slip.reference_results import Reference, ReferenceRun, TITLES
 from benchmarks.slip.requirements import MAX_SLIP_ERRORS
 from benchmarks.slip.results import Figures
 from benchmarks.tables import new_table, number, print_all
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
 
 MAX_LIVE_RATIO = 1.5      # of errors to those of the reference filter, in steady intervals
 MAX_SMOOTHED_RATIO = 1.0

@@ -28,9 +28,6 @@ import json
 from pathlib import Path
 from typing import Any
 
-from rich.table import Table
-from rich.text import Text
-
 from benchmarks.command import accuracy_parser, DATA, run_accuracy_benchmark
 from benchmarks.friction.forces import inputs_of, VARIANTS
 from benchmarks.friction.ground_scenarios import GROUND_SCENARIOS
@@ -43,6 +40,8 @@ from benchmarks.slip_ablation.recorded import (
 from benchmarks.slip_ablation.rules import ALL_RULES, Rule, RULES, switched_off
 from benchmarks.slip_ablation.scoring import CaseKey, Change, change, FIGURES, Scores, scores_of
 from benchmarks.tables import markdown, new_console, new_table, number, print_all
+from rich.table import Table
+from rich.text import Text
 from smart_tire.analysis.pipeline import EstimatorParams, Pipeline
 from smart_tire.analysis.summary import plain
 from smart_tire.parameters import FrictionEstimatorParams, SlipEstimatorParams

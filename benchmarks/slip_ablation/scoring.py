@@ -20,10 +20,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 import math
 
-import numpy as np
-
 from benchmarks.slip.scoring import MIN_ROLLING_SPEED, score_run
 from benchmarks.slip.series import EstimateSeries, Truth
+import numpy as np
 from smart_tire.analysis.metrics import rms
 from smart_tire.analysis.series import at
 

@@ -39,11 +39,10 @@ from mcap.opcode import Opcode
 from mcap.records import Channel as ChannelRecord
 from mcap.records import ChunkIndex, McapRecord, Metadata, MetadataIndex, Schema, Statistics
 from mcap.stream_reader import StreamReader
-import zstandard
-
 from smart_tire.bags.metadata import custom_data_in
 from smart_tire.bags.storage import add_warning, Channel, Message
 from smart_tire.errors import BagError
+import zstandard
 
 MAGIC = b'\x89MCAP0\r\n'
 RECORD = struct.Struct('<BQ')            # opcode, length of the content

@@ -22,11 +22,10 @@ import os
 from pathlib import Path, PurePath
 from typing import Any
 
-import yaml
-
 from smart_tire.bags.storage import Channel
 from smart_tire.errors import BagError
 from smart_tire.paths import BAG_METADATA
+import yaml
 
 ROOT = 'rosbag2_bagfile_information'
 VERSION = 9

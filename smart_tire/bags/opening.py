@@ -20,14 +20,13 @@ from pathlib import Path
 import re
 import tempfile
 
-import zstandard
-
 from smart_tire.bags.mcap_file import MAGIC as MCAP_MAGIC, McapFile
 from smart_tire.bags.metadata import read_metadata
 from smart_tire.bags.sqlite_file import SqliteFile
 from smart_tire.bags.storage import Storage
 from smart_tire.errors import BagError
 from smart_tire.paths import BAG_SUFFIXES
+import zstandard
 
 ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
 SQLITE_MAGIC = b'SQLite format 3\x00'

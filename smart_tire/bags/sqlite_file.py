@@ -28,11 +28,10 @@ import sqlite3
 import tempfile
 from urllib.parse import quote
 
-import zstandard
-
 from smart_tire.bags.metadata import custom_data_in
 from smart_tire.bags.storage import add_warning, Channel, Message
 from smart_tire.errors import BagError
+import zstandard
 
 ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'  # start of compressed data, but of no CDR message
 # Bytes from the start of the file.

@@ -29,14 +29,13 @@ import sys
 import time
 from typing import Any, TYPE_CHECKING
 
-import yaml
-
 from smart_tire.cli._dashboard import Dashboard
 from smart_tire.cli._heartbeat import heartbeat
 from smart_tire.cli._overwrite import (
     add_force, FIGURES, refuse_existing, refuse_existing_bag, remove, remove_bag)
 from smart_tire.cli._processes import isolated_environment, NODES, Stack
 from smart_tire.cli.view import ANNOUNCED
+import yaml
 
 if TYPE_CHECKING:
     from smart_tire.analysis.demo_report import Intervals

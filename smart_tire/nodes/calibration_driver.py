@@ -20,12 +20,11 @@ from collections.abc import Callable
 import math
 from typing import Any
 
-from std_msgs.msg import Bool
-
 from smart_tire.nodes.base import SmartTireNode
 from smart_tire.nodes.qos import latched
 from smart_tire.parameters import WheelControllerParams
 from smart_tire.samples import Sample, VelocityCommand
+from std_msgs.msg import Bool
 
 COMMAND_PERIOD = 0.05    # s: several commands within the time-out of wheel_controller
 WATCHED = ('imu/data', 'wheel_states')

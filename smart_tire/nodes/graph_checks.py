@@ -28,11 +28,10 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import qos_check_compatible, QoSCompatibility, QoSProfile
-from std_msgs.msg import Bool
-
 from smart_tire.findings import Finding, Level
 from smart_tire.messages import find_topic
 from smart_tire.nodes.qos import latched
+from std_msgs.msg import Bool
 
 OWNERS = {'motor_commands': 'wheel_controller', 'wheel_commands': 'wheel_controller'}
 ENVIRONMENT = ('ROS_DOMAIN_ID', 'ROS_AUTOMATIC_DISCOVERY_RANGE', 'ROS_LOCALHOST_ONLY',

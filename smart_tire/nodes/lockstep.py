@@ -44,10 +44,9 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
-from std_msgs.msg import String
-
 from smart_tire.nodes.compat import has_matched
 from smart_tire.samples import NS_PER_S
+from std_msgs.msg import String
 
 TOPIC = '/_replay_lockstep'
 CONTROL_DEPTH = 1000  # control messages; with two followers, fewer than ten are in transit

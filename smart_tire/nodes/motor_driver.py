@@ -22,9 +22,6 @@ from __future__ import annotations
 
 import sys
 
-from std_msgs.msg import Bool
-from std_srvs.srv import SetBool
-
 from smart_tire.control.duty_gate import DutyGate
 from smart_tire.drivers.roboclaw_pair import RoboclawPair
 from smart_tire.nodes.base import MAX_INPUT_AGE, run
@@ -34,6 +31,8 @@ from smart_tire.nodes.driver import DriverNode
 from smart_tire.nodes.qos import latched
 from smart_tire.parameters import MotorDriverParams
 from smart_tire.samples import MotorCommand
+from std_msgs.msg import Bool
+from std_srvs.srv import SetBool
 
 ZERO_DUTY_TIMEOUT = 0.4    # s for the boards to acknowledge an emergency stop
 STATE_PERIOD = 1.0         # s between repetitions of the state, docs/topics.md

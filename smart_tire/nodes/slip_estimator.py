@@ -20,8 +20,6 @@ import sys
 from typing import Any
 
 from geometry_msgs.msg import TransformStamped
-from std_srvs.srv import Trigger
-
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.estimation.streams import SLIP
 from smart_tire.messages import imu_mounting_to_msg, transform_to_msg
@@ -33,6 +31,7 @@ from smart_tire.nodes.qos import publisher_qos
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.rotation import quaternion
 from smart_tire.samples import Odometry, Sample
+from std_srvs.srv import Trigger
 
 MAX_BIAS_SHARE = 0.2  # of its prior, standard deviation of the gyro bias once it is determined
 

@@ -19,8 +19,6 @@ from __future__ import annotations
 from functools import partial
 import sys
 
-from std_msgs.msg import Bool
-
 from smart_tire.control.duty_gate import STOPPED
 from smart_tire.control.velocity_mux import VelocityMux
 from smart_tire.control.wheel_control import WheelControl
@@ -31,6 +29,7 @@ from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.qos import latched
 from smart_tire.parameters import WheelControllerParams
 from smart_tire.samples import MotorCommand, VelocityCommand, WheelCommand, WheelSample
+from std_msgs.msg import Bool
 
 EXPIRY_CHECK_PERIOD = 0.025   # s between checks for expired commands, at any control rate
 DUTY_REPEAT_NS = 100_000_000  # after which a duty is sent again; time-out of motor_driver: longer

@@ -22,10 +22,9 @@ from pathlib import Path
 import re
 from typing import Any
 
-import yaml
-
 from smart_tire.errors import ParameterError
 from smart_tire.parameters.spec import is_known, unknown_name_error
+import yaml
 
 WILDCARDS = {'**': '(?:/[^/]+)*', '*': '/[^/]+'}  # token of a block's name -> regular expression
 NUMBER = re.compile(r'[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?$')

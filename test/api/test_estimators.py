@@ -20,8 +20,6 @@ import sys
 
 import numpy as np
 import pytest
-from support.arrays import assert_same_arrays
-
 from smart_tire import (
     estimate, estimate_friction, estimate_slip, load_params, read_bag, Recording)
 from smart_tire.analysis.offline import analyze
@@ -31,6 +29,7 @@ from smart_tire.api.collecting import Collector
 from smart_tire.bags import Bag
 from smart_tire.errors import ParameterError
 from smart_tire.samples import FRICTION_QUANTITIES, Odometry, WheelSlip
+from support.arrays import assert_same_arrays
 
 
 @pytest.fixture(scope='module')

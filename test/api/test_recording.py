@@ -20,14 +20,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.arrays import arrays, assert_same_arrays
-
 from smart_tire import read_bag, Recording, simulate, write_bag
 from smart_tire.api import FilmData, ImuData, PoseEstimate, WheelData
 from smart_tire.api.recording import no_truth, RecordingBuilder
 from smart_tire.bags import Bag, BagWriter
 from smart_tire.errors import BagError, ParameterError
 from smart_tire.samples import ImuSample, TireSample, WheelSample
+from support.arrays import arrays, assert_same_arrays
 
 STAMPS = np.array([10, 20, 30])
 

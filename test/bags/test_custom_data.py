@@ -18,10 +18,9 @@ from __future__ import annotations
 
 import sqlite3
 
+from smart_tire.bags import Bag, BagWriter, recover
 from support.recordings import stream, write_bag
 import yaml
-
-from smart_tire.bags import Bag, BagWriter, recover
 
 TEXT = '/**:\n  ros__parameters:\n    name: "ä: {x}"\n'
 

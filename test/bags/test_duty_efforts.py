@@ -18,8 +18,6 @@ from dataclasses import replace
 import math
 
 import pytest
-from support.recordings import START_NS
-
 from smart_tire.bags import Bag, BagWriter, channel_of
 from smart_tire.bags.cdr import Decoder
 from smart_tire.bags.definitions import empty, Encoder
@@ -27,6 +25,7 @@ from smart_tire.bags.duty_efforts import efforts_are_duties
 from smart_tire.messages import TOPICS
 from smart_tire.messages.joint_state import wheels_from_msg
 from smart_tire.samples import MotorCommand, WheelSample
+from support.recordings import START_NS
 
 SPEED = (5.0, 5.0, 5.0, 5.0)
 

@@ -18,10 +18,9 @@ from __future__ import annotations
 
 from mcap.writer import CompressionType, IndexType, Writer
 import pytest
-from support.recordings import stream, write_bag
-
 from smart_tire.bags.mcap_file import McapFile
 from smart_tire.errors import BagError
+from support.recordings import stream, write_bag
 
 CHUNK = b'\x06'
 

@@ -22,14 +22,13 @@ from pathlib import Path
 import shutil
 
 import pytest
-from support.recordings import START_NS, stream, write_bag
-
 from smart_tire.bags import Bag, BagWriter, channel_of
 from smart_tire.bags.definitions import empty, Encoder
 from smart_tire.errors import BagError
 from smart_tire.estimation.streams import INPUTS
 from smart_tire.messages import TOPICS
 from smart_tire.samples import ImuSample, WheelSample
+from support.recordings import START_NS, stream, write_bag
 
 SHARED = Path(__file__).resolve().parents[3] / 'shared' / 'data'
 

@@ -20,11 +20,10 @@ from mcap.reader import make_reader
 import pytest
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin, Writer
-from support.recordings import stream, write_bag
-
 from smart_tire.bags import Bag, recover
 from smart_tire.errors import BagError
 from smart_tire.messages import TOPICS
+from support.recordings import stream, write_bag
 
 
 @pytest.fixture

@@ -21,13 +21,12 @@ import sqlite3
 
 import pytest
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
-from support.recordings import stream
-
 from smart_tire.bags import Bag
 from smart_tire.bags.definitions import empty, Encoder, typestore
 from smart_tire.errors import BagError
 from smart_tire.estimation.streams import INPUTS
 from smart_tire.messages import TOPICS
+from support.recordings import stream
 
 # Schema of rosbag2 in Foxy, before QoS profiles and definitions were added.
 FOXY = """

@@ -19,13 +19,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from support.foreign import add_messages, Foreign, IMU, JOINTS
-from support.recordings import START_NS, stream
-
 from smart_tire.bags import Bag, BagWriter, check_inputs, TopicNames
 from smart_tire.errors import BagError, ParameterError
 from smart_tire.parameters import JointParams
 from smart_tire.samples import WHEELS
+from support.foreign import add_messages, Foreign, IMU, JOINTS
+from support.recordings import START_NS, stream
 
 INPUTS = 'imu/data', 'wheel_states'
 

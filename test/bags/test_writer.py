@@ -26,13 +26,12 @@ import textwrap
 from mcap.reader import make_reader
 import pytest
 from rosbags.highlevel import AnyReader
-from support.recordings import stream, write_bag
-import yaml
-
 from smart_tire.bags import Bag, BagWriter, Channel, channel_of, Qos
 from smart_tire.errors import BagError
 from smart_tire.estimation.streams import INPUTS
 from smart_tire.messages import TOPICS
+from support.recordings import stream, write_bag
+import yaml
 
 
 def metadata(bag):

@@ -16,11 +16,10 @@
 
 from __future__ import annotations
 
-import pytest
-
 from benchmarks.calibration.recordings import demo, TOPICS
 from benchmarks.calibration.run import print_runs, table
 from benchmarks.calibration.scoring import calibrated_run, parameters, Run, score
+import pytest
 
 
 def test_the_demo_identifies_what_it_shows_and_refuses_what_two_grounds_hide():

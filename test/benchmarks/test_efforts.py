@@ -18,9 +18,8 @@ from __future__ import annotations
 
 import math
 
-import pytest
-
 from benchmarks.efforts import has_efforts, scaled_efforts, without_efforts
+import pytest
 from smart_tire.samples import ImuSample, WheelSample
 
 IMU = ImuSample(1, (0.0, 0.0, 9.8), (0.0, 0.0, 0.0))

@@ -19,10 +19,9 @@ from __future__ import annotations
 from dataclasses import replace
 import sys
 
-import pytest
-
 from benchmarks import event_cache
 from benchmarks.scenarios import SCENARIOS
+import pytest
 
 
 class Maker:

@@ -18,9 +18,8 @@ import os
 import select
 import tty
 
-import pytest
-
 from benchmarks.latency_probe import RadioTap
+import pytest
 from smart_tire.protocol.tire_payload import encode_batch, TireBatch, volts
 from smart_tire.protocol.xbee import encode_frame, encode_receive_packet, ReceivePacket
 from smart_tire.samples import TireSample

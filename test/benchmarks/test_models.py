@@ -14,8 +14,8 @@
 
 """Benchmark of the models: model and general method solve the same problem."""
 
-import pytest
 from benchmarks import models
+import pytest
 
 
 @pytest.fixture(autouse=True)

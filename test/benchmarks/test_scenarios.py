@@ -18,9 +18,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import pytest
-
 from benchmarks.scenarios import Scenario, SCENARIOS, STANDSTILL
+import pytest
 from smart_tire.samples import NS_PER_S, WheelSlip
 
 every_scenario = pytest.mark.parametrize('scenario', SCENARIOS.values(), ids=list(SCENARIOS))

@@ -21,8 +21,6 @@ import importlib
 import json
 import math
 
-import pytest
-
 from benchmarks.scenarios import SCENARIOS
 from benchmarks.slip_ablation import run
 from benchmarks.slip_ablation.recorded import KNOWN, RecordedResult
@@ -30,6 +28,7 @@ from benchmarks.slip_ablation.rules import ALL_RULES, PACKAGE, Rule, RULES, swit
 from benchmarks.slip_ablation.run import recordings_table
 from benchmarks.slip_ablation.scoring import change, FIGURES
 from benchmarks.tables import markdown
+import pytest
 from smart_tire.parameters import SlipEstimatorParams
 
 every_rule = pytest.mark.parametrize(

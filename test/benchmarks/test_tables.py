@@ -16,9 +16,8 @@
 
 from __future__ import annotations
 
-from rich.text import Text
-
 from benchmarks.tables import markdown, new_table
+from rich.text import Text
 
 
 def test_a_table_becomes_markdown_with_groups_in_all_headers():

@@ -18,9 +18,8 @@ from __future__ import annotations
 
 import io
 
-import pytest
-
 from benchmarks.calibration.recordings import demo
+import pytest
 from smart_tire.bags import BagWriter
 from smart_tire.cli import _calibrate_live as live
 from smart_tire.cli.main import main

@@ -20,9 +20,6 @@ import json
 from types import SimpleNamespace
 
 import pytest
-from support.checked import changed, clean, texts
-from support.recordings import write_bag
-
 from smart_tire.bags.definitions import empty, Encoder
 from smart_tire.cli import _live_checks
 from smart_tire.cli._findings import status_of
@@ -31,6 +28,8 @@ from smart_tire.cli.main import main
 from smart_tire.findings import Finding, Level
 from smart_tire.messages import TOPICS
 from smart_tire.samples import Icr
+from support.checked import changed, clean, texts
+from support.recordings import write_bag
 
 
 @pytest.fixture(scope='module')

@@ -22,14 +22,13 @@ import math
 import re
 
 import pytest
-from support.foreign import add_messages, Foreign, IMU, JOINTS
-
 from smart_tire.analysis.pipeline import EstimatorParams
 from smart_tire.bags import Bag, BagWriter, PARAMETERS_KEY
 from smart_tire.cli.main import main
 from smart_tire.parameters import build, SimulatorParams
 from smart_tire.samples import WheelSample
 from smart_tire.simulation.offline import simulate
+from support.foreign import add_messages, Foreign, IMU, JOINTS
 
 SENSORS = ('imu/data', 'wheel_states', 'ground_truth/odom')
 JOINT_BLOCK = '/**: {{ros__parameters: {{joints: {}}}}}'

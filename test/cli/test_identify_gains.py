@@ -18,9 +18,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import pytest
-
 from benchmarks.scenarios import CONCRETE, sequence
+import pytest
 from smart_tire.bags import BagWriter
 from smart_tire.cli.main import main
 from smart_tire.estimation.streams import INPUTS

@@ -17,10 +17,9 @@
 from __future__ import annotations
 
 import pytest
-from support.identifying import turning_run, write_run
-
 from smart_tire.cli.main import main
 from smart_tire.parameters import load_robot
+from support.identifying import turning_run, write_run
 
 
 @pytest.fixture(scope='module')

@@ -20,12 +20,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.motors import in_step_events, truth
-
 from smart_tire.bags import BagWriter
 from smart_tire.cli.main import main
 from smart_tire.parameters import load_files, specs, WheelControllerParams
 from smart_tire.samples import WheelSample
+from support.motors import in_step_events, truth
 
 SEED = 31
 

@@ -16,9 +16,8 @@
 
 from __future__ import annotations
 
-import pytest
-
 from benchmarks.scenarios import SCENARIOS
+import pytest
 from smart_tire.bags import BagWriter
 from smart_tire.cli.main import main
 from smart_tire.estimation.streams import SLIP

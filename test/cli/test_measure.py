@@ -20,13 +20,12 @@ import argparse
 
 import numpy as np
 import pytest
-from support.film_bench import several_loops
-
 from smart_tire.calibration.bench.film_parameters import identify_film, write_params
 from smart_tire.cli import measure
 from smart_tire.errors import ParameterError
 from smart_tire.estimation.film.recording import read_columns, write_columns, write_recording
 from smart_tire.models.film.buckling_film import FILMS
+from support.film_bench import several_loops
 
 
 def command(*words):

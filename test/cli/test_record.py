@@ -22,13 +22,12 @@ import textwrap
 import time
 
 import pytest
+from smart_tire.bags import Bag
 from support.command import command, Python
 from support.recordings import stream, write_bag
 from support.stack import count
 from support.waiting import wait_for
 import yaml
-
-from smart_tire.bags import Bag
 
 pytestmark = pytest.mark.processes
 

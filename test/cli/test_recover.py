@@ -17,10 +17,9 @@
 from __future__ import annotations
 
 import pytest
-from support.recordings import stream, write_bag
-
 from smart_tire.bags import Bag
 from smart_tire.cli.main import main
+from support.recordings import stream, write_bag
 
 
 @pytest.fixture

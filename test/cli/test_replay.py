@@ -20,11 +20,6 @@ import re
 import signal
 
 import pytest
-from support.command import command, Python
-from support.foreign import Foreign
-from support.graph import node_arguments
-from support.recordings import START_NS, stream, write_bag
-
 from smart_tire.bags import Bag, BagWriter, channel_of, Qos
 from smart_tire.bags.definitions import empty, Encoder
 from smart_tire.cli.main import main
@@ -32,6 +27,10 @@ from smart_tire.cli.replay import find, without_commands
 from smart_tire.estimation.streams import INPUTS
 from smart_tire.messages import TOPICS
 from smart_tire.samples import MotorCommand, VelocityCommand, WheelCommand
+from support.command import command, Python
+from support.foreign import Foreign
+from support.graph import node_arguments
+from support.recordings import START_NS, stream, write_bag
 
 pytestmark = pytest.mark.processes
 

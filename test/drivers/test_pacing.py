@@ -20,12 +20,11 @@ import threading
 import time
 
 import pytest
-from support.waiting import PATIENCE
-
 from smart_tire.drivers.pacing import (
     MAX_BURST_SAMPLES, MAX_PENDING_SAMPLES, PacedSender, PacingQueue, SAMPLE_SPACING_NS,
     WAKE_PERIOD_NS)
 from smart_tire.samples import TireSample, WHEELS
+from support.waiting import PATIENCE
 
 pytestmark = pytest.mark.processes
 

@@ -21,13 +21,12 @@ import time
 
 import pytest
 from serial import SerialTimeoutException
-from support.pty_port import PtyPort
-
 from smart_tire.drivers.roboclaw_line import MAX_UNREQUESTED_BYTES, REPLY_TIMEOUT, RoboclawLine
 from smart_tire.drivers.serial_port import open_port
 from smart_tire.errors import FrameError
 from smart_tire.protocol.roboclaw import (
     encode_reply, encode_request, READ_CURRENTS, READ_ENCODERS, READ_TIMEOUT, SET_DUTY)
+from support.pty_port import PtyPort
 
 pytestmark = pytest.mark.safety
 

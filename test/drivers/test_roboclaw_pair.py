@@ -24,9 +24,6 @@ import time
 
 import numpy as np
 import pytest
-from support.motor_rig import MotorRig
-from support.waiting import wait_for
-
 from smart_tire.control.duty_gate import DutyGate
 from smart_tire.drivers.roboclaw_pair import RoboclawPair
 from smart_tire.drivers.serial_port import open_port
@@ -34,6 +31,8 @@ from smart_tire.parameters import build, MotorDriverParams
 from smart_tire.protocol.roboclaw import (
     READ_BATTERY, READ_CURRENTS, READ_ENCODERS, READ_STATUS, READ_TIMEOUT, SET_DUTY, SET_TIMEOUT)
 from smart_tire.samples import NS_PER_S
+from support.motor_rig import MotorRig
+from support.waiting import wait_for
 
 pytestmark = pytest.mark.safety
 

@@ -21,10 +21,9 @@ import time
 
 import pytest
 import serial
-from support.waiting import wait_for
-
 from smart_tire.drivers.serial_port import open_port, read_loop, SerialPort
 from smart_tire.errors import LinkError
+from support.waiting import wait_for
 
 pytestmark = pytest.mark.safety
 

@@ -17,16 +17,15 @@
 from __future__ import annotations
 
 import pytest
-from support.replaying import (
-    assert_same, normalized_errors, offline_estimates, played_live, replayed)
-from support.stack import parameter_file
-
 from smart_tire.analysis.pipeline import INPUTS
 from smart_tire.bags import BagWriter
 from smart_tire.parameters import build, SimulatorParams
 from smart_tire.samples import Friction
 from smart_tire.simulation.faults import reordered, stalled
 from smart_tire.simulation.offline import simulate
+from support.replaying import (
+    assert_same, normalized_errors, offline_estimates, played_live, replayed)
+from support.stack import parameter_file
 
 pytestmark = pytest.mark.processes
 

@@ -20,8 +20,6 @@ from collections import defaultdict
 
 import numpy as np
 import pytest
-import yaml
-
 from smart_tire.bags import Bag, BagWriter
 from smart_tire.bags.cdr import Decoder
 from smart_tire.cli._processes import isolated_environment, NODES, Stack
@@ -31,6 +29,7 @@ from smart_tire.samples import NS_PER_S, VelocityCommand
 from support.machine import exclusive_cores
 from support.stack import count, parameter_file
 from support.waiting import wait_for
+import yaml
 
 pytestmark = pytest.mark.processes
 

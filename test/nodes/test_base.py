@@ -18,10 +18,9 @@ from __future__ import annotations
 
 import pytest
 from rosgraph_msgs.msg import Clock
-from support.graph import node_arguments, Process
-
 from smart_tire.nodes.compat import message_class, plain_message
 from smart_tire.nodes.diagnostics import InputCounter, Status
+from support.graph import node_arguments, Process
 
 pytestmark = pytest.mark.processes
 

@@ -17,13 +17,12 @@
 from __future__ import annotations
 
 import pytest
-from std_msgs.msg import Bool
-
 from smart_tire.messages import TOPICS
 from smart_tire.nodes.calibration_driver import CalibrationDriver
 from smart_tire.nodes.compat import message_class
 from smart_tire.nodes.qos import latched, subscriber_qos
 from smart_tire.nodes.runner import NodeRunner
+from std_msgs.msg import Bool
 
 pytestmark = pytest.mark.processes
 MAX_SPINS = 300  # of 0.1 s

@@ -24,16 +24,15 @@ from diagnostic_msgs.msg import DiagnosticStatus
 import numpy as np
 import pytest
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool
-from support.graph import Process
-from support.robot_rig import RobotRig
-
 from smart_tire.drivers.serial_port import open_port
 from smart_tire.nodes.qos import latched
 from smart_tire.protocol import vectornav, vectornav_ascii, xsens
 from smart_tire.protocol.tire_payload import encode_batch, TireBatch
 from smart_tire.protocol.xbee import encode_frame, encode_receive_packet, ReceivePacket
 from smart_tire.samples import ImuSample, MotorCommand
+from std_msgs.msg import Bool
+from support.graph import Process
+from support.robot_rig import RobotRig
 
 pytestmark = pytest.mark.processes
 

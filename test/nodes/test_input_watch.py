@@ -17,10 +17,9 @@
 from __future__ import annotations
 
 import pytest
-from support.graph import node_arguments, Process
-
 from smart_tire.nodes.input_watch import InputLog, RATE_NS, SILENCE_NS, WAIT_FACTOR, WAIT_NS
 from smart_tire.samples import ImuSample, WheelSample
+from support.graph import node_arguments, Process
 
 pytestmark = pytest.mark.processes
 

@@ -20,11 +20,10 @@ import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from sensor_msgs.msg import Imu
-from std_msgs.msg import String
-from support.waiting import wait_for
-
 from smart_tire.nodes.lockstep import (
     ControlMessage, Follower, Leader, MAX_STEPS_AHEAD, stamp_in, stamp_of, TOPIC)
+from std_msgs.msg import String
+from support.waiting import wait_for
 
 pytestmark = pytest.mark.processes
 

@@ -20,13 +20,12 @@ import signal
 
 import pytest
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
-from support.command import command
-from support.waiting import wait_for
-
 from smart_tire.analysis.bag_params import bag_params
 from smart_tire.analysis.pipeline import EstimatorParams
 from smart_tire.bags import Bag
 from smart_tire.parameters.files import blocks_in, values_for
+from support.command import command
+from support.waiting import wait_for
 
 pytestmark = pytest.mark.processes
 

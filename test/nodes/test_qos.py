@@ -22,10 +22,9 @@ import pytest
 from rclpy.qos import (
     DurabilityPolicy, HistoryPolicy, qos_check_compatible, QoSCompatibility, QoSProfile,
     ReliabilityPolicy)
-import yaml
-
 from smart_tire.messages import TOPICS
 from smart_tire.nodes.qos import LATCHED, publisher_qos, rosbag2_overrides, subscriber_qos
+import yaml
 
 pytestmark = pytest.mark.processes
 

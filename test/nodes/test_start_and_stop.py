@@ -19,9 +19,8 @@ from __future__ import annotations
 import signal
 
 import pytest
-from support.graph import node_arguments, Process
-
 from smart_tire.parameters import NODE_PARAMS
+from support.graph import node_arguments, Process
 
 pytestmark = pytest.mark.processes
 

@@ -21,12 +21,11 @@ from pathlib import Path
 import time
 
 import pytest
+from smart_tire.protocol.tire_payload import encode_batch, TireBatch
+from smart_tire.protocol.xbee import encode_frame, encode_receive_packet, ReceivePacket
 from support import keep_last
 from support.graph import Process
 from support.waiting import PATIENCE
-
-from smart_tire.protocol.tire_payload import encode_batch, TireBatch
-from smart_tire.protocol.xbee import encode_frame, encode_receive_packet, ReceivePacket
 
 pytestmark = pytest.mark.processes
 

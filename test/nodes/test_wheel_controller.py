@@ -22,10 +22,9 @@ import time
 from geometry_msgs.msg import TwistStamped
 import pytest
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
-from std_msgs.msg import Bool
-
 from smart_tire.nodes.qos import latched
 from smart_tire.samples import VelocityCommand, WheelSample
+from std_msgs.msg import Bool
 
 pytestmark = pytest.mark.processes
 

@@ -35,10 +35,9 @@ import time
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from support.robot_rig import RobotRig, Stranger  # noqa: E402
-
 from smart_tire.cli._processes import isolated_environment  # noqa: E402
 from smart_tire.samples import MotorCommand, VelocityCommand, WheelSample  # noqa: E402
+from support.robot_rig import RobotRig, Stranger  # noqa: E402
 
 Scenario = Callable[[RobotRig, Path], float]  # returns the seconds from the fault to zero duty
 

@@ -22,9 +22,8 @@ import signal
 import time
 
 import pytest
-from support.robot_rig import RobotRig
-
 from smart_tire.samples import NS_PER_S
+from support.robot_rig import RobotRig
 
 pytestmark = pytest.mark.safety
 

@@ -23,9 +23,8 @@ import time
 
 import pytest
 from sensor_msgs.msg import JointState
-from support.robot_rig import RobotRig
-
 from smart_tire.samples import MotorCommand, NS_PER_S, WHEELS
+from support.robot_rig import RobotRig
 
 pytestmark = pytest.mark.safety
 

@@ -19,10 +19,9 @@ from __future__ import annotations
 import time
 
 import pytest
-from support.robot_rig import RobotRig, Stranger
-
 from smart_tire.protocol.roboclaw import SET_DUTY
 from smart_tire.samples import MotorCommand
+from support.robot_rig import RobotRig, Stranger
 
 pytestmark = pytest.mark.safety
 

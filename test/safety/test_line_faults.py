@@ -20,10 +20,9 @@ from collections.abc import Iterator
 import time
 
 import pytest
-from support.robot_rig import RobotRig
-
 from smart_tire.protocol.roboclaw import (
     READ_TIMEOUT, SET_DUTY, SET_TIMEOUT)
+from support.robot_rig import RobotRig
 
 pytestmark = pytest.mark.safety
 

@@ -19,9 +19,8 @@ from __future__ import annotations
 import time
 
 import pytest
-from support.robot_rig import RobotRig, Stranger
-
 from smart_tire.samples import MotorCommand, VelocityCommand, WheelSample
+from support.robot_rig import RobotRig, Stranger
 
 pytestmark = pytest.mark.safety
 

@@ -19,13 +19,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from support.crossings import crossing_samples, WHEEL
-
 from smart_tire.calibration.film.crossing_collector import CrossingWithSlip
 from smart_tire.estimation.contact.trajectory_error import TrajectoryErrors
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import NS_PER_S
 from smart_tire.uncertain import Uncertain
+from support.crossings import crossing_samples, WHEEL
 
 TURNS = (0.1, -0.12, 0.06, 0.15, -0.07)  # -, slips
 CRITICAL = 0.55   # -, critical slip of the ground

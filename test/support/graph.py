@@ -28,11 +28,10 @@ from diagnostic_msgs.msg import DiagnosticArray
 import rclpy
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
-from support.waiting import PATIENCE, wait_for
-
 from smart_tire.messages import TOPICS
 from smart_tire.nodes.compat import message_class
 from smart_tire.nodes.qos import publisher_qos, subscriber_qos
+from support.waiting import PATIENCE, wait_for
 
 
 def node_arguments(name: str) -> list[str]:

@@ -18,13 +18,12 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.signal import oaconvolve
-from support.driving import drive, START_NS, STEP
-
 from smart_tire.bags import BagWriter
 from smart_tire.calibration.recording import ImuRecord, PoseRecord, Recording, WheelRecord
 from smart_tire.parameters import RobotParams
 from smart_tire.rotation import quaternion
 from smart_tire.samples import ImuSample, NS_PER_S, Odometry, WheelSample
+from support.driving import drive, START_NS, STEP
 
 TRACK = 0.57  # m, effective; the geometric one is 0.38 m
 PAUSE = 3.0   # s of standstill at both ends

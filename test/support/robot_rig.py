@@ -23,15 +23,14 @@ import time
 from typing import Any
 
 from geometry_msgs.msg import TwistStamped
-from std_msgs.msg import Bool
-from support.graph import Graph, Process
-from support.motor_rig import MotorRig, STILL
-from support.waiting import wait_for
-
 from smart_tire.messages import TOPICS
 from smart_tire.nodes.compat import message_class
 from smart_tire.nodes.qos import latched
 from smart_tire.samples import VelocityCommand
+from std_msgs.msg import Bool
+from support.graph import Graph, Process
+from support.motor_rig import MotorRig, STILL
+from support.waiting import wait_for
 
 SPEED = 0.7      # m/s, 8 rad/s at the wheels
 COMMAND_PERIOD = 0.05  # s

@@ -18,10 +18,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import yaml
-
 from smart_tire.bags import Bag
 from smart_tire.errors import BagError
+import yaml
 
 
 def parameter_file(path: Path, nodes) -> Path:

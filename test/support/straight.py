@@ -21,10 +21,9 @@ from functools import lru_cache
 import math
 
 import numpy as np
+from smart_tire.parameters import RobotParams
 from support.driving import drive, STEP
 from support.identifying import recorded
-
-from smart_tire.parameters import RobotParams
 
 G = 9.80665  # m/s2
 

@@ -16,14 +16,12 @@
 
 from __future__ import annotations
 
-
 import numpy as np
-
+from smart_tire.analysis.bag_params import BagParams
 from smart_tire.analysis.errors import (
     ErrorCurve, friction_errors, pose_errors, slip_errors, twist_errors)
 from smart_tire.analysis.figures import busiest_segments
 from smart_tire.analysis.friction_metrics import match, stamps_of
-from smart_tire.analysis.bag_params import BagParams
 from smart_tire.analysis.html_report import motion_figures, tables
 from smart_tire.analysis.html_report.error_figures import error_figure, histogram_figure
 from smart_tire.analysis.html_report.friction_figures import adhesion_figure, friction_figure

@@ -21,8 +21,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
-
 from smart_tire.calibration.bench.identify import FilmFit, identify
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.film.denoise import smoothed, without_spikes
@@ -33,6 +31,7 @@ from smart_tire.models.film.elastica import TOUCHING_STROKE
 from smart_tire.numerics.robust import noise_level
 from smart_tire.parameters.calibration_file import write_text
 from smart_tire.uncertain import Uncertain
+import yaml
 
 TENSION_NOISE_FACTOR = 5.0  # of the laser's noise, beyond which a film is under tension
 MAX_TENSION_SHARE = 0.5     # of the samples

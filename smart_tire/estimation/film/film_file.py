@@ -23,13 +23,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
-
 from smart_tire.arrays import Array
 from smart_tire.errors import ParameterError
 from smart_tire.models.film.buckling_film import BucklingFilm
 from smart_tire.models.film.hysteresis import DuhemParams
 from smart_tire.uncertain import MAX_RELATIVE_SIGMA
+import yaml
 
 PRODUCTS = ('alpha_gain', 'a_gain', 'b_gain')
 AMPLIFIER = ('low_corner', 'drift')  # Hz, C/s

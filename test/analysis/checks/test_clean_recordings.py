@@ -19,14 +19,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from support.checked import clean, problems, recording, texts
-
 from smart_tire.analysis.checks.catalog import CHECKS, findings
 from smart_tire.analysis.checks.recording import read
 from smart_tire.bags import Bag
 from smart_tire.findings import Level
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.robot import FilmParams
+from support.checked import clean, problems, recording, texts
 
 DATA = Path(__file__).resolve().parents[4] / 'shared' / 'data'
 WARTHOG = RobotParams(wheel_radius=0.30, track_width=1.08, wheelbase=0.8, mass=250.0)

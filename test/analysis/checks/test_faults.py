@@ -21,8 +21,6 @@ import math
 
 import numpy as np
 import pytest
-from support.checked import changed, clean, problems, recording, texts
-
 from smart_tire.analysis.checks import contents, films, imu, motion, timing, tire, wheels
 from smart_tire.analysis.checks.recording import Collector
 from smart_tire.bags.definitions import empty, Encoder
@@ -31,6 +29,7 @@ from smart_tire.parameters import RobotParams
 from smart_tire.parameters.robot import EncoderParams, FilmParams, ImuParams, TireParams
 from smart_tire.samples import BatterySample, NS_PER_S
 from smart_tire.simulation.faults import delayed, interrupted
+from support.checked import changed, clean, problems, recording, texts
 
 FIRST_NS = clean()[0][2].stamp_ns
 RPM = 60.0 / math.tau

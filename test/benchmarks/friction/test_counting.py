@@ -16,11 +16,10 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from benchmarks.friction.counting import counted, excited, revolutions_on_ground
 from benchmarks.friction.records import FUSED, QUANTITIES, Rows
 from benchmarks.slip.series import Truth
+import numpy as np
 from smart_tire.analysis.series import PoseSeries
 from smart_tire.samples import NS_PER_S
 

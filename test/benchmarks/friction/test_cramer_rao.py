@@ -18,9 +18,8 @@ from __future__ import annotations
 
 import math
 
-import pytest
-
 from benchmarks.friction.cramer_rao import friction_bound
+import pytest
 from smart_tire.parameters import build, RobotParams
 
 ROBOT = RobotParams()

@@ -19,10 +19,6 @@ from __future__ import annotations
 from dataclasses import replace
 import math
 
-import numpy as np
-import pytest
-from rich.console import Console
-
 from benchmarks.friction import force_tables, forces
 from benchmarks.friction.force_figures import force_figure
 from benchmarks.friction.force_results import (
@@ -35,6 +31,9 @@ from benchmarks.friction.reference_results import FORCE_REFERENCES
 from benchmarks.friction.requirements import Limits, limits_of, REQUIREMENTS
 from benchmarks.friction.run import SCENARIOS, TITLES
 from benchmarks.grounds import CONCRETE, ground, SAND
+import numpy as np
+import pytest
+from rich.console import Console
 from smart_tire.samples import WheelSample
 
 SHORT_TOUR = replace(

@@ -18,9 +18,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-import pytest
-
 from benchmarks.friction.counting import COUNTED_FROM, revolutions_on_ground
 from benchmarks.friction.forces import inputs_of, NO_TORQUE, TORQUE
 from benchmarks.friction.ground_scenarios import (
@@ -28,6 +25,8 @@ from benchmarks.friction.ground_scenarios import (
 from benchmarks.friction.methods import ground_truth
 from benchmarks.friction.records import match_rows, true_crossings
 from benchmarks.scenarios import STANDSTILL
+import numpy as np
+import pytest
 from smart_tire.samples import WheelSample
 
 MIN_REVOLUTIONS = 15  # of each instrumented wheel on each ground

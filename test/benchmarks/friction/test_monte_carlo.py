@@ -18,13 +18,12 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-import pytest
-
 from benchmarks.friction.grid import Case
 from benchmarks.friction.methods import EXACT_MAP, PRINTED_MAP, WAVEFORM
 from benchmarks.friction.monte_carlo import run_case, trial
 from benchmarks.friction.reference_results import REFERENCE_BOUNDS
+import numpy as np
+import pytest
 
 
 def test_errors_are_relative_and_normalized_by_sigma():

@@ -16,12 +16,11 @@
 
 from __future__ import annotations
 
-import numpy as np
-import pytest
-
 from benchmarks.friction.grid import Case, LOAD
 from benchmarks.friction.methods import EXACT_MAP, PRINTED_MAP
 from benchmarks.friction.paper_method import adhesion_ratio_from_peaks, friction_from_peaks
+import numpy as np
+import pytest
 from smart_tire.models.tire import strain_charge
 
 

@@ -19,11 +19,10 @@ from __future__ import annotations
 from dataclasses import replace
 import math
 
-import numpy as np
-import pytest
-
 from benchmarks.friction.records import (
     concatenated, FUSED, match_rows, selected_rows, SINGLE, true_crossings)
+import numpy as np
+import pytest
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import Friction, NS_PER_S, Odometry, WheelSlip
 from smart_tire.uncertain import Uncertain

@@ -18,9 +18,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-import pytest
-
 from benchmarks.friction.figures import (
     adhesion_figure, bound_figure, friction_figure, stretch_figure, waveform_figure)
 from benchmarks.friction.grid import Case
@@ -29,6 +26,8 @@ from benchmarks.friction.monte_carlo import run_case
 from benchmarks.friction.reference_results import REFERENCE_RESULTS
 from benchmarks.friction.results import by_run, run_all, slips_by_run
 from benchmarks.friction.scenarios import FRICTION_SCENARIOS, INSTRUMENTED
+import numpy as np
+import pytest
 
 
 @pytest.fixture(scope='module')

@@ -20,15 +20,14 @@ from dataclasses import replace
 import json
 import math
 
-import pytest
-from rich.console import Console
-
 from benchmarks.friction import run
 from benchmarks.friction.grid import Case
 from benchmarks.friction.methods import ESTIMATED, METHODS, SOURCES, WAVEFORM
 from benchmarks.friction.monte_carlo import CaseResult, Trial
 from benchmarks.friction.scenarios import FRICTION_SCENARIOS, INSTRUMENTED
 from benchmarks.friction.tables import cases_table
+import pytest
+from rich.console import Console
 
 
 @pytest.fixture

@@ -18,11 +18,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-import pytest
-
 from benchmarks.friction.scenarios import FRICTION_SCENARIOS, INSTRUMENTED
 from benchmarks.scenarios import STANDSTILL
+import numpy as np
+import pytest
 
 every_scenario = pytest.mark.parametrize(
     'scenario', FRICTION_SCENARIOS.values(), ids=list(FRICTION_SCENARIOS))

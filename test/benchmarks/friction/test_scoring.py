@@ -18,12 +18,11 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-import pytest
-
 from benchmarks.friction.records import FUSED, QUANTITIES, Rows, SINGLE
 from benchmarks.friction.scoring import (
     changes, figures_of, on_one_surface, own_sigma, peak_figures, single_squares, spread)
+import numpy as np
+import pytest
 
 LOAD, STIFFNESS = 26.7, 52.7
 

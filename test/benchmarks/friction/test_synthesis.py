@@ -18,11 +18,10 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-import pytest
-
 from benchmarks.friction.grid import all_cases, Case, LOAD, quick_cases
 from benchmarks.friction.synthesis import CrossingSynthesizer
+import numpy as np
+import pytest
 from smart_tire.estimation.friction.waveform_fit import WaveformFitter
 from smart_tire.estimation.friction.waveform_model import Shared
 from smart_tire.models.tire import brush_tire

@@ -18,13 +18,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-import pytest
-
 from benchmarks.scenarios import SCENARIOS
 from benchmarks.slip.comparison import compare_methods, METHODS
 from benchmarks.slip.figures import path_figure, save, slip_figure
 from benchmarks.slip.series import as_truth
+import numpy as np
+import pytest
 from smart_tire.analysis.metrics import aligned
 from smart_tire.parameters import SlipEstimatorParams
 

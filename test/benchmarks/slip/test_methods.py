@@ -19,21 +19,20 @@ from __future__ import annotations
 from dataclasses import replace
 import math
 
-import numpy as np
-import pytest
-from support.driving import drive, ramp, START_NS
-
 from benchmarks.efforts import has_efforts
 from benchmarks.slip import comparison
 from benchmarks.slip.comparison import compare_methods, LIVE, METHODS, WITH_TORQUE
 from benchmarks.slip.inputs import as_inputs
 from benchmarks.slip.odometry import fitted_scale, fitted_track, gyro_odometry, wheel_odometry
 from benchmarks.slip.plain_ekf import plain_ekf
+import numpy as np
+import pytest
 from smart_tire.analysis.series import at, PoseSeries
 from smart_tire.errors import EstimatorError
 from smart_tire.parameters import RobotParams, SlipEstimatorParams
 from smart_tire.parameters.robot import EncoderParams, ImuParams
 from smart_tire.samples import ImuSample, NS_PER_S, WheelSample
+from support.driving import drive, ramp, START_NS
 
 # Nearly exact encoders with timestamps of whole milliseconds, to test the arithmetic.
 ROBOT = RobotParams(encoder=EncoderParams(counts_per_revolution=1e7))

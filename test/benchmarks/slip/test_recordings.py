@@ -19,11 +19,10 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-import numpy as np
-import pytest
-
 from benchmarks.slip.recordings import (
     align_after, bags, identified_params, poses_from, RECORDINGS, remaining_score)
+import numpy as np
+import pytest
 from smart_tire.analysis.metrics import rotated
 from smart_tire.analysis.series import PoseSeries
 from smart_tire.errors import EstimatorError

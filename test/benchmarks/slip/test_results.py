@@ -18,12 +18,11 @@ from __future__ import annotations
 
 import math
 
-import pytest
-
 from benchmarks.scenarios import SCENARIOS
 from benchmarks.slip.reference_results import REFERENCE_RESULTS
 from benchmarks.slip.results import by_run, combined, ERRORS, figures_of, path_figures, RunResult
 from benchmarks.slip.scoring import Parts, PathScore, RunScore
+import pytest
 from smart_tire.analysis.metrics import Score
 
 UNKNOWN = Score(10, 0.0, 0.3, math.nan, 0.0, 0.0)

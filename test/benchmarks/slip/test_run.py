@@ -19,14 +19,13 @@ from __future__ import annotations
 from dataclasses import replace
 import json
 
-import pytest
-from rich.console import Console
-
 from benchmarks.scenarios import SCENARIOS
 from benchmarks.slip import run
 from benchmarks.slip.comparison import LIVE, METHODS, SMOOTHED
 from benchmarks.slip.reference_results import REFERENCE_RESULTS
 from benchmarks.slip.tables import reference_table
+import pytest
+from rich.console import Console
 
 
 @pytest.fixture

@@ -18,11 +18,10 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-import pytest
-
 from benchmarks.slip.scoring import estimated_at, moving_mean, score_run, steady_sides
 from benchmarks.slip.series import as_truth, EstimateSeries, IcrSeries, Statistic, Truth
+import numpy as np
+import pytest
 from smart_tire.analysis.series import PoseSeries, SlipSeries
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import NS_PER_S, Odometry, WheelSlip

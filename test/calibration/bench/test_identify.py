@@ -18,13 +18,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from support.film_bench import several_loops, TRUE
-
 from smart_tire.calibration.bench.identify import identify
 from smart_tire.errors import EstimatorError, ParameterError
 from smart_tire.estimation.film.denoise import smoothed
 from smart_tire.models.film.buckling_film import FILMS
 from smart_tire.models.film.hysteresis import DuhemParams, respond
+from support.film_bench import several_loops, TRUE
 
 PRODUCTS = ('alpha_gain', 'a_gain', 'b_gain')
 OPERATOR = DuhemParams(alpha=5.0, a=2.0, b=1.1)

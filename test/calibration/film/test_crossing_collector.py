@@ -20,12 +20,11 @@ from dataclasses import replace
 import math
 
 import pytest
-from support.rolling import (
-    along, films, in_order, passes, PLACE, ROBOT, stamp, steady, surroundings, WHEEL)
-
 from smart_tire.calibration.film.crossing_collector import CrossingCollector
 from smart_tire.calibration.film.gains import identify_gains
 from smart_tire.samples import TireSample, WheelSample, WheelSlip
+from support.rolling import (
+    along, films, in_order, passes, PLACE, ROBOT, stamp, steady, surroundings, WHEEL)
 
 WINDOW = 0.06   # s
 DURATION = 7.0  # s

@@ -21,15 +21,14 @@ import math
 
 import numpy as np
 import pytest
-from support.crossings import WHEEL
-from support.gains import ANGLE, recording
-
 from smart_tire.calibration.film.gains import identify_gains
 from smart_tire.calibration.film.results import volts_per_slip
 from smart_tire.errors import EstimatorError
 from smart_tire.models.tire import strain_charge
 from smart_tire.parameters import RobotParams
 from smart_tire.uncertain import Uncertain
+from support.crossings import WHEEL
+from support.gains import ANGLE, recording
 
 NOMINAL = RobotParams()
 LENGTH, SPACING = 0.048, 0.0312  # m, against nominal 46 and 30 mm

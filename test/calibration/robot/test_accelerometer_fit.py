@@ -18,12 +18,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from support.driving import drive
-from support.identifying import random_signal, recorded
-
 from smart_tire.calibration.robot.accelerometer_fit import fit_speed_changes
 from smart_tire.errors import EstimatorError
 from smart_tire.parameters import build, RobotParams
+from support.driving import drive
+from support.identifying import random_signal, recorded
 
 FIRM = build(RobotParams, {'tire.longitudinal_stiffness': 2000.0})  # stiff tires, little slip
 

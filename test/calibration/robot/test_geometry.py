@@ -20,14 +20,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.identifying import recorded, TRACK, turning_run
-
 from smart_tire.calibration.robot.cross_validation import Verdict
 from smart_tire.calibration.robot.geometry import (
     combine, Geometry, identify_geometry, JITTER, LATENCY, parameters, PITCH, RADIUS, ROLL,
     STATIC_IMU, TRACK as TRACK_NAME)
 from smart_tire.parameters import build, RobotParams
 from smart_tire.uncertain import Uncertain, weighted_mean
+from support.identifying import recorded, TRACK, turning_run
 
 ROBOT = RobotParams()
 WRONG = build(RobotParams, {'wheel_radius': 0.1, 'encoder.latency': 0.0})

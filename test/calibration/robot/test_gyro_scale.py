@@ -20,10 +20,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.identifying import recorded, turning_run
-
 from smart_tire.calibration.robot.gyro_scale import fit_gyro_scale, usable_reference
 from smart_tire.errors import EstimatorError
+from support.identifying import recorded, turning_run
 
 
 def test_scale_and_delay_are_correct_within_their_standard_errors():

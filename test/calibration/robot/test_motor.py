@@ -21,12 +21,11 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
-from support.motors import in_step_run, offline_run, truth
-
 from smart_tire.calibration.robot.motor import (
     AXLE, CONSTANT, COULOMB, FEED_FORWARD, identify_motor, INERTIA, RESISTANCE, STALL, VISCOUS)
 from smart_tire.errors import EstimatorError
 from smart_tire.parameters import build, RobotParams
+from support.motors import in_step_run, offline_run, truth
 
 pytestmark = pytest.mark.slow
 

@@ -20,12 +20,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.identifying import recorded, turning_run
-
 from smart_tire.calibration.recording import PoseRecord
 from smart_tire.calibration.robot.rolling_radius import fit_radius
 from smart_tire.errors import EstimatorError
 from smart_tire.parameters import build, RobotParams
+from support.identifying import recorded, turning_run
 
 ROBOT = RobotParams()
 WRONG = build(RobotParams, {'wheel_radius': 0.1})  # 15 % off, which must not matter

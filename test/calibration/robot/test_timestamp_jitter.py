@@ -18,12 +18,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from support.identifying import recorded, turning_run
-
 from smart_tire.calibration.recording import WheelRecord
 from smart_tire.calibration.robot.timestamp_jitter import fit_jitter
 from smart_tire.errors import EstimatorError
 from smart_tire.parameters import build, RobotParams
+from support.identifying import recorded, turning_run
 
 
 @pytest.mark.parametrize('jitter, rate', [(0.001, 16.0), (0.003, 16.0), (0.001, 50.0)])

@@ -20,14 +20,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.driving import Drive, START_NS
-from support.identifying import recorded, TRACK, turning_run
-
 from smart_tire.calibration.recording import ImuRecord, Recording, WheelRecord
 from smart_tire.calibration.robot.wheel_latency import fit_yaw_rate, MAX_LATENCY_SIGMA
 from smart_tire.errors import EstimatorError
 from smart_tire.parameters import build, RobotParams, SimulatorParams
 from smart_tire.simulation.offline import simulate
+from support.driving import Drive, START_NS
+from support.identifying import recorded, TRACK, turning_run
 
 pytestmark = pytest.mark.slow
 

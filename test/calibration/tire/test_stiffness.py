@@ -23,16 +23,15 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from support.driving import Drive, START_NS
-from support.identifying import recorded
-from support.straight import CONCRETE, Ground, oscillation, SAND, straight_run
-
 from smart_tire.calibration.tire import stiffness as module
 from smart_tire.calibration.tire.stiffness import identify_stiffness
 from smart_tire.calibration.tire.stiffness_model import Common
 from smart_tire.errors import EstimatorError
 from smart_tire.parameters import build, RobotParams, SimulatorParams
 from smart_tire.simulation.offline import simulate
+from support.driving import Drive, START_NS
+from support.identifying import recorded
+from support.straight import CONCRETE, Ground, oscillation, SAND, straight_run
 
 pytestmark = pytest.mark.slow
 

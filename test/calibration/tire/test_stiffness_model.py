@@ -20,12 +20,11 @@ import math
 
 import numpy as np
 import pytest
-from support.driving import STEP
-from support.straight import CONCRETE, motion, SAND, straight_run
-
 from smart_tire.calibration.tire.stiffness_model import Common, Noise, SegmentModel
 from smart_tire.calibration.tire.straight_segments import straight_segments
 from smart_tire.parameters import build, RobotParams
+from support.driving import STEP
+from support.straight import CONCRETE, motion, SAND, straight_run
 
 ROBOT = RobotParams()
 FINE = build(RobotParams, {'encoder.counts_per_revolution': 1_000_000})

@@ -20,15 +20,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.driving import STEP
-from support.identifying import recorded, turning_run
-from support.straight import CONCRETE, motion, oscillation, straight_run
-
 from smart_tire.calibration.recording import ImuRecord, WheelRecord
 from smart_tire.calibration.tire.straight_segments import (
     MAX_SEGMENT_INTERVALS, MIN_STEP, straight_segments)
 from smart_tire.numerics.robust import noise_level
 from smart_tire.parameters import RobotParams
+from support.driving import STEP
+from support.identifying import recorded, turning_run
+from support.straight import CONCRETE, motion, oscillation, straight_run
 
 ROBOT = RobotParams()
 

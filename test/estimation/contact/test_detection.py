@@ -16,11 +16,10 @@
 
 from __future__ import annotations
 
-import numpy as np
-import pytest
-
 from benchmarks.friction.grid import Case
 from benchmarks.friction.synthesis import CrossingSynthesizer
+import numpy as np
+import pytest
 from smart_tire.estimation.contact.detection import CrossingDetector
 from smart_tire.models.tire import tread_film
 from smart_tire.parameters import build, RobotParams

@@ -21,10 +21,9 @@ import random
 
 import numpy as np
 import pytest
-from support.rolling import films, in_order, passes, ROBOT, stamp, steady, surroundings, WHEEL
-
 from smart_tire.estimation.contact.feed import ContactFeed
 from smart_tire.samples import NS_PER_S, TireSample, WheelSample
+from support.rolling import films, in_order, passes, ROBOT, stamp, steady, surroundings, WHEEL
 
 WINDOW = 0.06   # s
 DURATION = 4.0  # s

@@ -21,14 +21,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.film_bench import one_loop, several_loops, TRUE
-import yaml
-
 from smart_tire.calibration.bench.film_parameters import identify_film, write_params
 from smart_tire.errors import EstimatorError, ParameterError
 from smart_tire.estimation.film.film_file import PRODUCTS, read_params
 from smart_tire.estimation.film.recording import FilmRecording, read_recording
 from smart_tire.models.film.buckling_film import FILMS
+from support.film_bench import one_loop, several_loops, TRUE
+import yaml
 
 FILM = FILMS['25x3']
 PIEZO = Path(__file__).resolve().parents[4] / 'shared' / 'data' / 'piezo_loop' / 'loop.csv'

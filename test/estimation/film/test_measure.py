@@ -21,14 +21,13 @@ from functools import cache
 
 import numpy as np
 import pytest
-from support.film_bench import RATE, several_loops, TRUE
-
 from smart_tire.calibration.bench.film_parameters import identify_film
 from smart_tire.errors import ParameterError
 from smart_tire.estimation.film.film_file import FilmParams
 from smart_tire.estimation.film.measure import measure
 from smart_tire.models.film.buckling_film import FILMS
 from smart_tire.simulation.film_test_stand import FilmTestStand, ramps, sine
+from support.film_bench import RATE, several_loops, TRUE
 
 pytestmark = pytest.mark.slow
 

@@ -18,10 +18,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from benchmarks.friction.cramer_rao import friction_bound
 import numpy as np
 import pytest
-
-from benchmarks.friction.cramer_rao import friction_bound
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.contact.records import FilmSamples
 from smart_tire.estimation.contact.trajectory_error import TrajectoryErrors

@@ -18,11 +18,10 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-import pytest
-
 from benchmarks.friction.grid import Case, OTHER_SHAPES, WHEEL
 from benchmarks.friction.synthesis import CrossingSynthesizer
+import numpy as np
+import pytest
 from smart_tire.estimation.friction.waveform_method import WaveformMethod
 from smart_tire.estimation.friction.waveform_model import Release
 from smart_tire.estimation.friction.waveform_shape import (

@@ -16,10 +16,9 @@
 
 from __future__ import annotations
 
+from benchmarks.scenarios import SCENARIOS
 import numpy as np
 import pytest
-
-from benchmarks.scenarios import SCENARIOS
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.parameters import build, SlipEstimatorParams
 from smart_tire.samples import Odometry, WheelSlip

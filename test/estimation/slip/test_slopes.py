@@ -19,9 +19,6 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 
-import numpy as np
-import pytest
-
 from benchmarks.hills import HILL_SCENARIOS, STOP, WAVELENGTHS
 from benchmarks.scenarios import sequence
 from benchmarks.slip.candidates import live_estimate
@@ -29,6 +26,8 @@ from benchmarks.slip.inputs import as_inputs
 from benchmarks.slip.odometry import gyro_odometry
 from benchmarks.slip.scoring import path_score, slip_errors, steady_sides
 from benchmarks.slip.series import as_truth, side_means
+import numpy as np
+import pytest
 from smart_tire.analysis.series import at
 from smart_tire.parameters import build, SimulatorParams, SlipEstimatorParams
 from smart_tire.parameters.simulation import GroundParams
