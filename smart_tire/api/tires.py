@@ -61,7 +61,7 @@ class BrushTire:
         return brush_tire.friction_from_adhesion(adhesion_ratio, slip, self.load, self.stiffness)
 
     def force(self, s_x: ArrayLike, s_y: ArrayLike, friction: ArrayLike) -> tuple[Array, Array]:
-        """Return the force (F_x, F_y) [N] of the ground on the robot for a slip vector [-]."""
+        """Return the force of the ground on the robot, F_x and F_y [N], for a slip vector [-]."""
         return brush_tire.brush_force(s_x, s_y, friction, self.load, self.stiffness)
 
 

@@ -44,7 +44,7 @@ def run(args: argparse.Namespace) -> int:
     settings = bag_settings([*args.bags, *args.lifted], args)
     robot = settings.params.robot
     found = identify_motor(args.bags, args.lifted, robot, TimeRange(args.since, args.until),
-                            settings.names)
+                           settings.names)
     for item in found.quantities:
         print(f'{item.name:18}{item.estimate.value:11.5g} ± {item.estimate.sigma:<8.2g} '
               f'{item.unit:10}{item.note}')

@@ -56,7 +56,7 @@ SIGNATURES = {  # without annotations
     'Recording.received': '(self)',
     'SlipEstimate.columns': '(self)',
     'SlipEstimate.to_pandas': '(self)',
-    'TreadFilm': "(*, length=0.02, contact_length=0.046, bending_peak=0.83, bending_alpha=67.0, "
+    'TreadFilm': '(*, length=0.02, contact_length=0.046, bending_peak=0.83, bending_alpha=67.0, '
                  "stretch_gain=307.5, release='fig8', recovery=0.005)",
     'TreadFilm.of': '(params, wheel, film=0)',
     'TreadFilm.voltage': '(self, position, *, slip, critical_slip, total_slip=None)',

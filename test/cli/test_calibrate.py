@@ -113,6 +113,7 @@ class FakeNode:
 
 
 class FakeRunner:
+
     def __init__(self):
         self.node = FakeNode()
 

@@ -273,6 +273,7 @@ def distance_to_curves(points, curves):
 
 def test_times_count_from_the_first_stamp_also_for_late_samples():
     class Stream:
+
         def __init__(self):
             self.times = []
 

@@ -77,10 +77,10 @@ def check_crossings(recording: CheckedRecording) -> Iterator[Finding]:
     for stream in _streams(recording):
         angle = _angles(recording, stream)
         revolutions = float(np.nansum(np.abs(np.diff(angle)))) / (2.0 * np.pi)
-        rolling = np.abs(np.gradient(angle, stream.sorted[0] / NS_PER_S)) > MIN_ROLLING
+        rolling = np.abs(np.gradient(angle, stream.ordered[0] / NS_PER_S)) > MIN_ROLLING
         if revolutions < MIN_REVOLUTIONS or rolling.sum() < MIN_SAMPLES:
             continue
-        for index, volts in enumerate(stream.sorted[1].T):
+        for index, volts in enumerate(stream.ordered[1].T):
             yield from _signal(f'film {index + 1} of {stream.wheel}', volts, rolling,
                                revolutions, film)
 
@@ -111,8 +111,8 @@ def check_order(recording: CheckedRecording) -> Iterator[Finding]:
     for stream in _streams(recording):
         if stream.values.shape[1] != 2:
             continue
-        shift = _shift(stream.sorted[1], radius * _angles(recording, stream),
-                       stream.sorted[0] / NS_PER_S, 2.0 * np.pi * radius)
+        shift = _shift(stream.ordered[1], radius * _angles(recording, stream),
+                       stream.ordered[0] / NS_PER_S, 2.0 * np.pi * radius)
         if shift is not None and abs(shift + spacing) < 0.5 * spacing:
             yield Finding(Level.ERROR, f'films of {stream.wheel}', f'film 2 enters the patch '
                           f'{1e3 * -shift:.0f} mm before film 1', f'{1e3 * spacing:.0f} mm after '
@@ -158,7 +158,7 @@ def _runs(distance: Floats, time: Floats, length: float) -> Iterator[tuple[int, 
 def check_battery(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield sensor nodes with a low battery."""
     for stream in recording.of('tire_battery'):
-        volts = float(np.median(stream.sorted[1][-10:]))
+        volts = float(np.median(stream.ordered[1][-10:]))
         if volts < LOW_BATTERY:
             yield Finding(Level.WARNING, stream.name, f'{volts:.2f} V',
                           f'at least {LOW_BATTERY:g} V', 'charge the battery of the sensor node')
@@ -166,16 +166,16 @@ def check_battery(recording: CheckedRecording) -> Iterator[Finding]:
 
 def _streams(recording: CheckedRecording) -> list[Stream]:
     return [stream for stream in recording.of('tire_samples')
-            if len(stream.sorted[0]) >= MIN_SAMPLES]
+            if len(stream.ordered[0]) >= MIN_SAMPLES]
 
 
 def _angles(recording: CheckedRecording, stream: Stream) -> Floats:
     """Return the angle [rad] of the wheel at each film sample, NaN outside the wheel samples."""
-    time = stream.sorted[0] / NS_PER_S
+    time = stream.ordered[0] / NS_PER_S
     wheels, index = recording.wheels, WHEELS.index(stream.wheel)
-    if wheels is None or len(wheels.sorted[0]) < 2:
+    if wheels is None or len(wheels.ordered[0]) < 2:
         return np.full(len(time), np.nan)
-    stamps, values = wheels.sorted
+    stamps, values = wheels.ordered
     position = values[:, 4 + index]
     if np.isnan(position).any():
         steps = np.diff(stamps) / NS_PER_S

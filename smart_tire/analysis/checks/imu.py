@@ -38,10 +38,10 @@ AXES = ('x', 'y', 'z')
 def check_gravity(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield a wrong unit or a wrong direction of gravity, at standstill if there is any."""
     imu = recording.imu
-    if imu is None or len(imu.sorted[0]) < MIN_SAMPLES:
+    if imu is None or len(imu.ordered[0]) < MIN_SAMPLES:
         return
     still = recording.stationary
-    force = imu.sorted[1][:, 3:] @ matrix(*recording.robot.imu.rotation).T
+    force = imu.ordered[1][:, 3:] @ matrix(*recording.robot.imu.rotation).T
     used = force[still] if still.sum() >= MIN_SAMPLES else force
     when = 'at rest' if used is not force else 'in the median'
     mean = np.median(used, axis=0)
@@ -86,7 +86,7 @@ def check_gyro_bias(recording: CheckedRecording) -> Iterator[Finding]:
     imu, still = recording.imu, recording.stationary
     if imu is None or still.sum() < MIN_SAMPLES:
         return
-    bias = np.median(imu.sorted[1][still, :3], axis=0)
+    bias = np.median(imu.ordered[1][still, :3], axis=0)
     largest = float(np.abs(bias).max())
     if largest > max(MIN_BIAS, MIN_BIAS_SIGMAS * recording.robot.imu.gyro_bias):
         yield Finding(Level.WARNING, imu.name, f'angular rate at rest is {largest:.3g} rad/s',

@@ -70,7 +70,7 @@ class Stream:
         return f'{self.topic} of {self.wheel}' if self.wheel else self.topic
 
     @cached_property
-    def sorted(self) -> tuple[Stamps, Floats]:
+    def ordered(self) -> tuple[Stamps, Floats]:
         """Return timestamps and values in the order of the timestamps, of equal ones the last."""
         order = np.argsort(self.stamp_ns, kind='stable')
         stamps, values = self.stamp_ns[order], self.values[order]
@@ -80,7 +80,7 @@ class Stream:
     @cached_property
     def period(self) -> float:
         """Return the median period [s] of the timestamps; NaN for fewer than two."""
-        stamps, _ = self.sorted
+        stamps, _ = self.ordered
         return float(np.median(np.diff(stamps))) / NS_PER_S if len(stamps) > 1 else math.nan
 
 
@@ -121,14 +121,14 @@ class CheckedRecording:
     def motion(self) -> Recording | None:
         """Return IMU, in axes of ``base_link``, and wheels; None without enough of both."""
         imu, wheels = self.imu, self.wheels
-        if imu is None or wheels is None or min(len(imu.sorted[0]),
-                                                len(wheels.sorted[0])) < MIN_READINGS:
+        if imu is None or wheels is None or min(len(imu.ordered[0]),
+                                                len(wheels.ordered[0])) < MIN_READINGS:
             return None
         turn = matrix(*self.robot.imu.rotation)
-        stamps, values = imu.sorted
+        stamps, values = imu.ordered
         record = ImuRecord(seconds(stamps, self.origin_ns), values[:, :3] @ turn.T,
                            values[:, 3:] @ turn.T)
-        stamps, values = wheels.sorted
+        stamps, values = wheels.ordered
         angles, torques = values[:, 4:8], values[:, 8:]
         return Recording(record, WheelRecord(
             seconds(stamps, self.origin_ns), values[:, :4],
@@ -147,7 +147,7 @@ class CheckedRecording:
     def stationary(self) -> NDArray[np.bool_]:
         """Return a mask of the IMU samples, sorted, at standstill; all False without wheels."""
         if self.motion is None:
-            return np.zeros(0 if self.imu is None else len(self.imu.sorted[0]), bool)
+            return np.zeros(0 if self.imu is None else len(self.imu.ordered[0]), bool)
         wheels, limit = self.motion.wheels, self.robot.slip.standstill_speed
         moving = wheels.time[np.abs(wheels.velocity).max(axis=1) * self.robot.wheel_radius > limit]
         if not len(moving):

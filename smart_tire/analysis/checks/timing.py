@@ -77,13 +77,13 @@ def check_rates(recording: CheckedRecording) -> Iterator[Finding]:
 def check_gaps(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield gaps between timestamps; in film samples these are lost radio batches."""
     for stream in _regular(recording):
-        steps = np.diff(stream.sorted[0]) / NS_PER_S
+        steps = np.diff(stream.ordered[0]) / NS_PER_S
         if stream.topic == 'tire_samples':
             yield from _lost_batches(stream, steps)
             continue
         long = steps > max(MAX_GAP[stream.topic], MIN_GAP_PERIODS * stream.period)
         if long.any():
-            at = (stream.sorted[0][:-1][long][0] - recording.origin_ns) / NS_PER_S
+            at = (stream.ordered[0][:-1][long][0] - recording.origin_ns) / NS_PER_S
             yield Finding(Level.WARNING, stream.name, f'{counted(long.sum(), "gap")}, the longest '
                           f'{steps.max():.3g} s, the first at {at:.1f} s',
                           f'none above {MAX_GAP[stream.topic]:g} s',
@@ -127,7 +127,7 @@ def check_stamps(recording: CheckedRecording) -> Iterator[Finding]:
 def check_jitter(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield irregular timestamps: those of arrival instead of measurement."""
     for stream in _regular(recording):
-        steps = np.diff(stream.sorted[0]) / NS_PER_S
+        steps = np.diff(stream.ordered[0]) / NS_PER_S
         jitter = MAD_TO_SIGMA * float(np.median(np.abs(steps - stream.period))) / stream.period
         if jitter > MAX_JITTER:
             yield Finding(Level.WARNING, stream.name, f'periods of the timestamps vary by '
@@ -190,9 +190,9 @@ def _drift(stream: Stream) -> tuple[float, float, float] | None:
 def check_held(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield IMU samples that repeat the previous one."""
     imu = recording.imu
-    if imu is None or len(imu.sorted[0]) < MIN_MESSAGES:
+    if imu is None or len(imu.ordered[0]) < MIN_MESSAGES:
         return
-    share = float((np.diff(imu.sorted[1], axis=0) == 0.0).all(axis=1).mean())
+    share = float((np.diff(imu.ordered[1], axis=0) == 0.0).all(axis=1).mean())
     if share > MAX_HELD_SHARE:
         yield Finding(Level.WARNING, imu.name, f'{share:.0%} of the samples repeat the one before',
                       'a measurement per message', f'the device delivers only '
@@ -201,7 +201,7 @@ def check_held(recording: CheckedRecording) -> Iterator[Finding]:
 
 def _regular(recording: CheckedRecording) -> list[Stream]:
     return [stream for topic in INPUTS for stream in recording.of(topic)
-            if len(stream.sorted[0]) >= MIN_MESSAGES]
+            if len(stream.ordered[0]) >= MIN_MESSAGES]
 
 
 def _stamped(recording: CheckedRecording) -> list[Stream]:
