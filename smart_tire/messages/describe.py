@@ -35,7 +35,7 @@ class Described:
     """What a user reads about a topic."""
 
     name: str
-    type: str
+    type: str  # noqa: A003
     rate: str
     frame: str          # header.frame_id in words; '' if there is none
     publishers: str

@@ -24,7 +24,7 @@ class Service:
     """A service of a node."""
 
     name: str
-    type: str
+    type: str  # noqa: A003
     meaning: str
     condition: str = ''  # under which the node offers it
 

@@ -26,7 +26,7 @@ class StateTopic:
     """A topic whose messages are not converted to samples."""
 
     name: str
-    type: str
+    type: str  # noqa: A003
     content: Content
     frame: str | None = None  # header.frame_id; None: no header
 
