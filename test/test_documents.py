@@ -38,7 +38,7 @@ TUTORIALS = sorted(path.stem for path in (ROOT / 'docs' / 'tutorials').glob('*.m
 SOURCES = [path for folder in ('smart_tire', 'benchmarks')
            for path in sorted((ROOT / folder).rglob('*.py'))]
 MAX_README_WORDS = 700
-LINK = re.compile(r'\]\(([^)\s]+)\)')
+LINK = re.compile(r'\]\((?!https?:)([^)\s]+)\)')
 CODE = re.compile(r'`([^`\n]+)`')
 FENCE = re.compile(r'^```(\w*)\n(.*?)^```', re.MULTILINE | re.DOTALL)
 FILE = re.compile(r'(?:[\w.-]+/)+[\w.-]+\.(?:py|md|yaml|rst|txt|svg)')

@@ -16,18 +16,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 import heapq
 import math
 from operator import itemgetter
 from pathlib import Path
 from typing import cast
 
+from smart_tire.analysis.bag_params import bag_params
 from smart_tire.analysis.pipeline import INPUTS, TRUTHS
+from smart_tire.api.params import Params
 from smart_tire.api.recording import Received, Recording, RecordingBuilder
 from smart_tire.api.results import FrictionEstimate, PoseEstimate, SlipEstimate
 from smart_tire.arrays import Array
-from smart_tire.bags import Bag, BagWriter
+from smart_tire.bags import Bag, BagWriter, PARAMETERS_KEY, TopicNames
+from smart_tire.paths import find_bag
 from smart_tire.rotation import quaternion
 from smart_tire.samples import Four, Friction, FRICTION_QUANTITIES, Odometry, WheelSlip
 from smart_tire.uncertain import Uncertain
@@ -36,17 +39,24 @@ PLANAR = (0, 1, 5)  # x, y and rotation about z in the covariances of ROS
 ZERO = (0.0, 0.0, 0.0)
 
 
-def read_bag(path: str | Path) -> Recording:
+def read_bag(path: str | Path, *, params: Params | None = None,
+             remap: Mapping[str, str] | None = None) -> Recording:
     """
     Return the measurements and the ground truth in a rosbag2 bag.
 
-    ``path`` is a rosbag2 directory or a single file, MCAP or sqlite3. Topics may have a
-    namespace; recorded estimates are not read. A damaged bag is read up to the damage:
-    ``Recording.warnings`` lists what could not be read. Raises BagError if the bag cannot be read
-    at all.
+    ``path`` is a rosbag2 directory, a folder that contains one, or a single file, MCAP or
+    sqlite3. Topics may have a namespace or, with ``remap``, other names: ``{'imu/data':
+    '/mti30/imu'}``. Recorded estimates are not read. ``Recording.params`` are ``params``, whose
+    ``joints`` name the wheels, by default the parameters in the bag. A damaged bag is read up to
+    the damage: ``Recording.warnings`` lists what could not be read. Raises BagError if the bag
+    cannot be read at all, ParameterError if ``remap`` or a parameter in the bag is invalid.
     """
     builder = RecordingBuilder()
-    with Bag(path) as bag:
+    with Bag(find_bag(Path(path)), TopicNames(remap or {})) as bag:
+        if params is None and bag.parameters:
+            params = Params(bag_params(bag).params)
+        if params is not None:
+            bag.joints = params.robot.joints
         for receive_ns, topic, sample in bag.samples((*INPUTS, *TRUTHS)):
             if topic in TRUTHS:
                 builder.add_truth(sample)
@@ -54,7 +64,7 @@ def read_bag(path: str | Path) -> Recording:
                 builder.add(receive_ns, sample)
         rejected = (f'{count} messages of {topic}: rejected, first reason: {bag.reasons[topic]}'
                     for topic, count in bag.rejected.items())
-        return builder.recording((*bag.warnings, *bag.type_mismatches(), *rejected))
+        return builder.recording(params, (*bag.warnings, *bag.type_mismatches(), *rejected))
 
 
 def write_bag(path: str | Path, recording: Recording) -> None:
@@ -62,13 +72,15 @@ def write_bag(path: str | Path, recording: Recording) -> None:
     Write the measurements and the ground truth of ``recording`` to the new bag ``path``.
 
     ``smart_tire analyze``, ``ros2 bag`` and ``read_bag`` read it, the latter as the same arrays to
-    rounding. The true pose is written as planar motion. Raises BagError if the folder ``path``
-    exists or cannot be written.
+    rounding, with the parameters of its estimators. The true pose is written as planar motion.
+    Raises BagError if the folder ``path`` exists or cannot be written.
     """
     truth = recording.truth
     truths = heapq.merge(_odometry(truth.pose), _slips(truth.slip), _crossings(truth.friction),
                          key=itemgetter(0))
-    with BagWriter(path) as writer:
+    params = recording.params
+    with BagWriter(path, custom_data={} if params is None else {
+            PARAMETERS_KEY: params.estimators.text}) as writer:
         for item in heapq.merge(recording.received(), truths, key=itemgetter(0)):
             writer.write_sample(item.topic, item.receive_ns, item.sample)
 

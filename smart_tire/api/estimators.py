@@ -27,11 +27,12 @@ def estimate(recording: Recording, params: Params | None = None) -> Estimates:
     """
     Return all estimates of ``recording``: pose, slip, center of rotation, ground and friction.
 
-    ``params`` describe the robot; by default it is that of paper B. The estimates equal those of
+    ``params`` describe the robot; by default they are those of the recording, or the robot of
+    paper B if it has none. The estimates equal those of
     ``smart_tire analyze``. Estimates whose inputs are missing are empty. All arrays have one row
     per timestamp, ``stamp_ns`` (n,) [ns]; units and shapes are given in the classes.
     """
-    pipeline = Pipeline((params or Params()).estimators)
+    pipeline = Pipeline((params or recording.params or Params()).estimators)
     collector = Collector()
     for item in recording.received():
         for one in pipeline.update(item.sample):

@@ -31,6 +31,7 @@ import numpy as np
 
 from smart_tire.api.collecting import Collector, Rows
 from smart_tire.api.frames import by_wheel, Tabular
+from smart_tire.api.params import Params
 from smart_tire.api.results import Truth
 from smart_tire.arrays import Array, Instants
 from smart_tire.errors import ParameterError
@@ -133,8 +134,14 @@ class WheelData(Stream):
                                                self.position, self.effort))):
             yield Received(receive_ns, 'wheel_states', WheelSample(
                 stamp_ns, cast(Four, tuple(velocity)),
-                None if any(map(math.isnan, position)) else cast(Four, tuple(position)),
+                cast(Four, tuple(position)) if _measured(position, velocity) else None,
                 None if all(map(math.isnan, effort)) else cast(Four, tuple(effort))))
+
+
+def _measured(position: list[float], velocity: list[float]) -> bool:
+    """Return whether the angles of all wheels that have a speed are measured."""
+    return not any(math.isnan(angle) and not math.isnan(speed)
+                   for angle, speed in zip(position, velocity))
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,6 +195,7 @@ class Recording:
     truth: Truth = field(default_factory=no_truth)
     warnings: tuple[str, ...] = ()  #: what could not be read
     order: Instants = ABSENT
+    params: Params | None = None    #: with which it was recorded or simulated, if known
 
     def __post_init__(self) -> None:
         for wheel, films in self.films.items():
@@ -249,7 +257,8 @@ class RecordingBuilder:
         """Add a sample of ground truth."""
         self._truth.add(sample)
 
-    def recording(self, warnings: tuple[str, ...] = ()) -> Recording:
+    def recording(self, params: Params | None = None,
+                  warnings: tuple[str, ...] = ()) -> Recording:
         """Return everything added."""
         stamps, received, rows = self._imu.arrays()
         imu = ImuData(stamps, rows[:, :3], rows[:, 3:6], rows[:, 6:], received)
@@ -260,4 +269,4 @@ class RecordingBuilder:
             stamps, received, rows = table.arrays()
             films[wheel] = FilmData(stamps, wheel, rows, received)
         return Recording(imu, wheels, films, self._truth.truth(), warnings,
-                         np.array(self._order, np.int64))
+                         np.array(self._order, np.int64), params)

@@ -53,7 +53,7 @@ def simulate(speeds: ArrayLike, duration: float, *, params: Params | None = None
             builder.add(receive_ns, sample)
         else:
             builder.add_truth(sample)
-    return builder.recording()
+    return builder.recording(params)
 
 
 def _phases(speeds: ArrayLike) -> list[tuple[float, float, float]]:

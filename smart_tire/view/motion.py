@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import math
 
+from smart_tire.analysis.curves import MAX_SLIP_SIGMA
 from smart_tire.samples import (
     BatterySample, Four, Icr, ImuSample, MotorCommand, Odometry, VelocityCommand, WheelCommand,
     WHEELS, WheelSample, WheelSlip)
@@ -38,9 +39,10 @@ class SlipLayer:
             f'slip/{wheel}/truth', f'{wheel}, truth [-]', TRUTH, width=1.0) for wheel in WHEELS]
 
     def add(self, sample: WheelSlip) -> None:
-        """Add estimated slips."""
+        """Add estimated slips; where they are not observable, as around a standstill, a gap."""
         for track, ratio, sigma in zip(self._estimates, sample.ratio, sample.sigma):
-            track.add_estimate(sample.stamp_ns, ratio, sigma)
+            track.add_estimate(sample.stamp_ns, ratio if sigma <= MAX_SLIP_SIGMA else math.nan,
+                               sigma)
 
     def add_truth(self, sample: WheelSlip) -> None:
         """Add true slips."""

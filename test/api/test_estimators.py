@@ -34,8 +34,9 @@ from support.arrays import assert_same_arrays
 
 @pytest.fixture(scope='module')
 def estimates(bag, params):
-    """Return the estimates of the bag."""
-    return estimate(read_bag(bag), params)
+    """Return the estimates of the bag, which carries its parameters."""
+    assert read_bag(bag).params.estimators == params.estimators != load_params().estimators
+    return estimate(read_bag(bag))
 
 
 @pytest.fixture(scope='module')

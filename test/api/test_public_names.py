@@ -52,7 +52,8 @@ SIGNATURES = {  # without annotations
     'FrictionEstimate.columns': '(self)',
     'FrictionEstimate.of': '(self, wheel)',
     'FrictionEstimate.to_pandas': '(self)',
-    'Recording': '(imu, wheels, films=<factory>, truth=<factory>, warnings=(), order=None)',
+    'Recording': '(imu, wheels, films=<factory>, truth=<factory>, warnings=(), order=None, '
+                 'params=None)',
     'Recording.received': '(self)',
     'SlipEstimate.columns': '(self)',
     'SlipEstimate.to_pandas': '(self)',
@@ -64,7 +65,7 @@ SIGNATURES = {  # without annotations
     'estimate_friction': '(recording, params=None)',
     'estimate_slip': '(recording, params=None)',
     'load_params': '(*files, values=None)',
-    'read_bag': '(path)',
+    'read_bag': '(path, *, params=None, remap=None)',
     'simulate': '(speeds, duration, *, params=None, seed=None, wheel_rate=16.0, torque=True)',
     'write_bag': '(path, recording)',
 }

@@ -47,10 +47,10 @@ def slip(time_ms, ratio, sigma, velocity=0.0):
     return WheelSlip(START + time_ms * MS, ratio, (velocity,) * 4, sigma)
 
 
-def test_slip_has_bounds_of_two_sigmas_and_gaps_where_it_is_undefined(recorded):
+def test_slip_has_bounds_of_two_sigmas_and_gaps_where_it_is_not_observable(recorded):
     def feed(scene):
         scene.add('wheel_slip', slip(0, (0.1, 0.2, math.nan, 0.4), (0.01, math.inf, 1.0, 0.0)))
-        scene.add('wheel_slip', slip(8, (0.2, 0.2, 0.3, 0.4), (0.02,) * 4))
+        scene.add('wheel_slip', slip(8, (0.2, 0.2, 0.3, 0.4), (0.02, 0.49, 0.51, 0.02)))
         scene.add('ground_truth/wheel_slip', slip(5, (0.11, 0.2, 0.3, math.nan), (0.0,) * 4))
 
     found = recorded(feed)
@@ -58,9 +58,9 @@ def test_slip_has_bounds_of_two_sigmas_and_gaps_where_it_is_undefined(recorded):
     assert times == (0, 8 * MS)
     assert values[0] == pytest.approx([0.1, 0.08, 0.12])
     assert values[1] == pytest.approx([0.2, 0.16, 0.24])
-    unknown_sigma = found.scalars('slip/front_right/estimate')[0][1]
-    assert unknown_sigma[0] == 0.2 and np.isnan(unknown_sigma[1:]).all()
-    assert np.isnan(found.scalars('slip/rear_left/estimate')[0][1]).all()
+    unknown, uncertain = (one for _, one in found.scalars('slip/front_right/estimate'))
+    assert np.isnan(unknown).all() and uncertain[0] == 0.2
+    assert all(np.isnan(one).all() for _, one in found.scalars('slip/rear_left/estimate'))
     assert found.scalars('slip/front_left/truth') == [(5 * MS, [0.11])]
     assert np.isnan(found.scalars('slip/rear_right/truth')[0][1]).all()
 
