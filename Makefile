@@ -104,10 +104,10 @@ endif
 
 # Two workers; test/conftest.py describes the order of the tests.
 test: lint
-	$(BIN)/python -m pytest -n 2 $(COVERAGE)
+	$(BIN)/python -m pytest -n 2 $(SELECTION)
 
 # The results of the benchmarks are in bench_output/check/.
-check: COVERAGE := --cov --cov-report=term
+check: SELECTION := -m '' --cov --cov-report=term
 check: test current site
 	$(BIN)/python test/safety/stop_times.py --runs 1
 	$(BIN)/python -m benchmarks.slip --quick --force --out bench_output/check/slip

@@ -31,7 +31,8 @@ setup(
     maintainer='The smart_tire maintainers',
     maintainer_email='maintainers@smart-tire.example',
     packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
-    package_data={PACKAGE: ['analysis/html_report/page.*', 'py.typed']},
+    package_data={PACKAGE: ['analysis/html_report/page.css', 'analysis/html_report/page.html',
+                            'analysis/html_report/page.js', 'py.typed']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
         (f'share/{PACKAGE}', ['package.xml']),

@@ -25,7 +25,7 @@ from smart_tire.parameters.reference import reference_text
 from smart_tire.parameters.yaml_writer import file_text, FILES, SIMULATED_PORTS, write_files
 import yaml
 
-OTHER_FILES = {'rosbag2_qos.yaml', 'view'}  # without parameters: test/nodes/test_qos.py
+OTHER_FILES = {'rosbag2_qos.yaml'}  # without parameters: test/nodes/test_qos.py
 CONFIG = Path(__file__).resolve().parents[1] / 'config'
 REFERENCE = CONFIG.parent / 'docs' / 'parameters.md'
 PATHS = [CONFIG / name for name in FILES]

@@ -31,7 +31,7 @@ from smart_tire.paths import check_file, check_writable, find_bag
 
 BAGS = ('bag', 'bags', 'lifted')
 FILES = ('params', 'data')
-OUTPUTS = ('out',)
+OUTPUTS = ('out', 'save')
 
 
 def check_paths(args: argparse.Namespace) -> None:

@@ -73,7 +73,7 @@ def test_a_recording_at_rest_only_writes_its_noise_and_nothing_else(bags, tmp_pa
 
 @pytest.mark.parametrize('words, message', [
     (['--bags', 'curve=x'], 'expected BAG or STEP=BAG'),
-    (['--bags', 'x', '--drive'], 'for a live calibration'),
+    (['--bags', __file__, '--drive'], 'for a live calibration'),
     (['--bags', 'missing'], 'missing')])
 def test_wrong_arguments_are_usage_errors(words, message, tmp_path, capsys):
     try:

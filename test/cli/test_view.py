@@ -30,7 +30,7 @@ needs_rerun = pytest.mark.skipif(find_spec('rerun') is None, reason='rerun is no
 SLIP = WheelSlip(1_000_000_000, (0.25,) * 4, (0.0,) * 4, (0.1,) * 4)
 
 
-@pytest.mark.parametrize('words', [[], ['a', '--live'], ['--live', '--estimate']])
+@pytest.mark.parametrize('words', [[], [__file__, '--live'], ['--live', '--estimate']])
 def test_either_a_bag_or_live_topics_are_shown(words, capsys):
     assert main(['view', *words]) == 2
     assert 'either BAG or --live' in capsys.readouterr().err

@@ -58,9 +58,14 @@ def analysis(params, tmp_path_factory):
 
 
 @pytest.fixture(scope='session')
-def report(analysis, params):
+def used(params):
+    """Return the parameters of the analysis and their source."""
+    return BagParams(EstimatorParams.load([params]), FILES, (str(params),))
+
+
+@pytest.fixture(scope='session')
+def report(analysis, used):
     """Return the report of the analysis."""
-    used = BagParams(EstimatorParams.load([params]), FILES, (str(params),))
     return report_of(analysis, used, Facts(
         ODD_NAME, '/bags/drive', '2026-01-02 03:04:05 UTC', '2026-02-03 04:05 UTC', '1.2.3'))
 

@@ -29,7 +29,6 @@ from smart_tire.analysis.html_report.model import Facts, Folded
 from smart_tire.analysis.html_report.page import html_page, script_json
 from smart_tire.analysis.html_report.tables import Table
 from smart_tire.analysis.offline import Analysis, analyze
-from smart_tire.analysis.pipeline import EstimatorParams
 from smart_tire.analysis.report import number, percent
 from smart_tire.bags import BagWriter
 from smart_tire.parameters import build, SimulatorParams
@@ -112,22 +111,22 @@ def test_the_page_has_all_sections_in_the_order_of_the_navigation(outline):
     ('imu/data',), ('tire_samples',),
     ('ground_truth/odom', 'ground_truth/wheel_slip', 'ground_truth/tire_friction')],
     ids='+'.join)
-def test_a_report_without_some_topics_has_all_sections(missing, events, params, tmp_path):
+def test_a_report_without_some_topics_has_all_sections(missing, events, used, tmp_path):
     with BagWriter(tmp_path / 'bag') as writer:
         for receive_ns, topic, sample in events:
             if topic not in missing:
                 writer.write_sample(topic, receive_ns, sample)
-    run = analyze(tmp_path / 'bag', None, EstimatorParams.load([params]))
-    outline = Outline(html_page(report_of(run, [params], Facts('bag', '', '', '', ''))))
+    run = analyze(tmp_path / 'bag', None, used.params)
+    outline = Outline(html_page(report_of(run, used, Facts('bag', '', '', '', ''))))
     assert [values['id'] for tag, values in outline.tags if tag == 'h2'] == SECTIONS
     skipped = ' '.join(outline.texts['li'])
     for topic in missing[:2]:
         assert f'{topic} is not in the bag' in skipped or 'ground truth is not' in skipped
 
 
-def test_a_recording_without_estimates_has_no_report(params):
+def test_a_recording_without_estimates_has_no_report(used):
     with pytest.raises(ValueError, match='nothing was estimated'):
-        report_of(Analysis(), [params], Facts('bag', '', '', '', ''))
+        report_of(Analysis(), used, Facts('bag', '', '', '', ''))
 
 
 def test_nothing_is_loaded_from_elsewhere(outline):

@@ -39,6 +39,7 @@ def tiny(monkeypatch):
     monkeypatch.setattr(run, 'quick_cases', lambda: {'slip': [Case(slip=0.1)]})
 
 
+@pytest.mark.long
 def test_a_run_gives_tables_a_figure_and_results(tiny, tmp_path, capsys):
     out = tmp_path / 'friction'
     assert run.main(['--seeds', '1', '--runs', 'concrete',

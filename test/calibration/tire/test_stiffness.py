@@ -61,7 +61,8 @@ def fitted(ground, seed):
 
 
 @pytest.mark.parametrize('ground', [
-    pytest.param(CONCRETE, id='concrete'), pytest.param(SAND, id='sand')])
+    pytest.param(CONCRETE, id='concrete'),
+    pytest.param(SAND, id='sand', marks=pytest.mark.long)])
 def test_the_mean_of_many_recordings_is_within_five_percent(ground):
     stiffness = [fitted(ground, seed).stiffness.value for seed in range(10)]
     assert np.mean(stiffness) == pytest.approx(ground.stiffness, rel=0.05)
@@ -239,7 +240,8 @@ def simulated(schedule, surface, seed):
     return recorded(Drive(samples, *(np.empty(0),) * 4))
 
 
-@pytest.mark.parametrize('surface', SURFACES)
+@pytest.mark.parametrize('surface', [
+    'concrete', *(pytest.param(name, marks=pytest.mark.long) for name in ('gravel', 'sand'))])
 def test_the_simulated_robot_on_all_surfaces_and_schedules(surface):
     """Starts from standstill, stops, drag, transients beyond critical slip, IMU bias and tilt."""
     errors, true = [], SURFACES[surface][1]

@@ -152,6 +152,7 @@ def errors(run, out, slip):
             np.array([item.sigma[0] for item in slips]))
 
 
+@pytest.mark.long
 def test_films_make_common_slip_observable_in_straight_driving():
     plain, aided = [], []
     for seed in range(10):

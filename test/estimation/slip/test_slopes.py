@@ -98,8 +98,9 @@ def longest(time, outside):
 
 @pytest.mark.parametrize('run', [
     pytest.param(lambda seed: small_run('hills', seed), id='hills'),
-    pytest.param(lambda seed: small_run('rough_hills', seed), id='rough_hills'),
-    pytest.param(lambda seed: small_run('ramp', seed), id='ramp'),
+    pytest.param(lambda seed: small_run('rough_hills', seed), id='rough_hills',
+                 marks=pytest.mark.long),
+    pytest.param(lambda seed: small_run('ramp', seed), id='ramp', marks=pytest.mark.long),
     pytest.param(lambda seed: small_run('speed_bump', seed), id='speed_bump'),
     pytest.param(large_run, id='large_robot')])
 def test_speed_path_and_slip_are_right_on_slopes(run):
