@@ -30,7 +30,9 @@ import time
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
-from smart_tire.analysis.pipeline import EstimatorParams
+from smart_tire.analysis.bag_params import bag_params
+from smart_tire.bags import Bag
+from smart_tire.paths import find_bag
 from smart_tire.view.bag import find_recording, show
 from smart_tire.view.layout import Layout
 from smart_tire.view.scene import Scene
@@ -52,8 +54,9 @@ def take(folder: Path) -> None:
     IMAGES.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory() as scratch, sync_playwright() as tools, \
             Viewer(web=True, wait=time.sleep) as viewer:
-        recording = find_recording(folder)
-        params = EstimatorParams.load(recording.params)
+        recording = find_recording(find_bag(folder))
+        with Bag(recording.bag) as bag:
+            params = bag_params(bag).params
         layout = Layout(params.robot.film.wheels, live=False)
         stream = open_stream('demo', layout.blueprint(), address=viewer.address.stream)
         show(recording, Scene(stream, params.friction), params, estimate=False, describe=print)

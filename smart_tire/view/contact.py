@@ -128,15 +128,15 @@ class CrossingLayer:
         self.fits += bool(waveforms)
         colors = [FILM_COLORS[one.film % len(FILM_COLORS)] for one in waveforms]
         counts = [len(one.position) for one in waveforms]
-        # one entity, so that samples and fit are always those of the same crossing
-        self._recorder.shape(f'{base}/waveforms', stamp_ns, rr.Points2D(
-            np.concatenate([_plot(one.position, one.volts) for one in waveforms]
-                           or [np.empty((0, 2))]),
-            colors=np.repeat(np.array(colors, np.uint8).reshape(-1, 3), counts, axis=0),
-            radii=rr.Radius.ui_points(2.5)), rr.LineStrips2D(
-            [_plot(one.fit_position, one.fit_volts) for one in waveforms], colors=colors,
-            labels=[f'film {one.film + 1}, fit' for one in waveforms], show_labels=False,
-            radii=rr.Radius.ui_points(1.0)))
+        if waveforms:  # otherwise the last ones remain
+            # one entity, so that samples and fit are always those of the same crossing
+            self._recorder.shape(f'{base}/waveforms', stamp_ns, rr.Points2D(
+                np.concatenate([_plot(one.position, one.volts) for one in waveforms]),
+                colors=np.repeat(np.array(colors, np.uint8).reshape(-1, 3), counts, axis=0),
+                radii=rr.Radius.ui_points(2.5)), rr.LineStrips2D(
+                [_plot(one.fit_position, one.fit_volts) for one in waveforms], colors=colors,
+                labels=[f'film {one.film + 1}, fit' for one in waveforms], show_labels=False,
+                radii=rr.Radius.ui_points(1.0)))
         self._recorder.shape(f'{base}/result', stamp_ns, rr.TextDocument(
             _summary(friction, fitted=bool(waveforms)), media_type='text/markdown'))
 
@@ -167,7 +167,8 @@ def _plot(position: Array, volts: Array) -> Array:
 def _summary(friction: Friction, *, fitted: bool) -> str:
     """Return the result of a crossing as a table."""
     if not fitted:
-        return f'**{friction.wheel}**: no waveform was fitted to the latest crossing'
+        return f'**{friction.wheel}**: no waveform was fitted to the latest crossing; ' \
+               'the one before is shown'
     rows = (('slip', friction.slip, '-'), ('slip, films alone', friction.film_slip, '-'),
             ('adhesion ratio', friction.adhesion_ratio, '-'),
             ('friction, this crossing', friction.friction_coefficient_single, '-'),

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -263,6 +264,29 @@ def test_a_scene_shows_each_fit_with_its_samples_and_the_change_of_the_ground(re
         assert distance_to_curves(np.array(measured), fits) < 1.0  # of 30 mm per volt
     summary = found.rows(f'contact/{WHEEL}/result', 'TextDocument:text')[-1][1][0]
     assert '| adhesion ratio | 0.' in summary
+
+
+def test_a_crossing_without_fit_leaves_the_one_before(recorded, monkeypatch):
+    line = np.array([0.0, 0.01])
+    wave = SimpleNamespace(film=0, position=line, volts=line, fit_position=line, fit_volts=line)
+    crossings = [(True, 0), (False, 8), (True, 16)]
+
+    class Estimator:
+
+        def __init__(self, params, on_crossing):
+            self.update = lambda sample: [on_crossing(SimpleNamespace(
+                friction=Friction(START + time * MS, 'front_left'), surface_changed=False,
+                waveform=[wave] if fitted else None)) for fitted, time in crossings]
+            self.finish = list
+
+    monkeypatch.setattr('smart_tire.view.contact.FrictionEstimator', Estimator)
+    monkeypatch.setattr('smart_tire.view.contact.fitted_waveforms', lambda fit, robot, wheel: fit)
+    found = recorded(lambda scene: scene.add('tire_samples', TireSample(START, 'front_left', (
+        0.0, 0.0))), fit=True, **{'film.wheels': ['front_left']})
+    shown = found.rows('contact/front_left/waveforms', 'LineStrips2D:strips')
+    assert [time for time, _ in shown] == [0, 16 * MS]
+    texts = [text for _, (text,) in found.rows('contact/front_left/result', 'TextDocument:text')]
+    assert ['no waveform' in text for text in texts] == [False, True, False]
 
 
 def distance_to_curves(points, curves):
