@@ -252,6 +252,13 @@ def test_wrong_torques_are_reported(factor, text):
     assert text in found(wheels.check_torques, events)
 
 
+def test_torques_without_a_clear_sign_are_not_reported():
+    rng = np.random.default_rng(4)
+    events = changed('wheel_states', lambda one: replace(
+        one, effort=tuple(rng.normal(0.0, 0.2, 4).tolist())))
+    assert found(wheels.check_torques, events) == ''
+
+
 # --- wheels against IMU ---------------------------------------------------------------------
 
 
