@@ -314,6 +314,14 @@ def test_late_wheels_contradict_the_configured_latency(configured, reported):
         motion.check_latency, events, robot)) is reported
 
 
+@pytest.mark.parametrize('early, reported', [(0.05, False), (0.12, True)])
+def test_wheels_that_lead_the_body_may_be_slip(early, reported):
+    """Allowed are 0.03 s of the fit and 0.04 s by which the body follows in yaw at 0.8 m/s."""
+    events = shifted('wheel_states', -early)
+    assert ('timestamps of wheel_states are -0.' in found(
+        motion.check_latency, events)) is reported
+
+
 def test_a_wrong_position_of_the_imu_is_reported():
     robot = RobotParams(imu=ImuParams(position=(0.05, 0.9, 0.1)))
     text = found(motion.check_imu_position, clean(), robot)
