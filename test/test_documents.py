@@ -114,6 +114,22 @@ def missing_modules(path: Path) -> list[str]:
     return missing
 
 
+def open_code_blocks(text: str) -> list[int]:
+    """Return the lines of headings inside a code block that was not ended."""
+    inside, found = False, []
+    for number, line in enumerate(text.splitlines(), 1):
+        inside ^= line.startswith('```')
+        if inside and line.startswith('## '):
+            found.append(number)
+    return found
+
+
+def test_code_blocks_end_before_the_next_section():
+    assert open_code_blocks('```\na\n\n## B\n```') == [4]
+    assert {path.name: lines for path in DOCUMENTS
+            if (lines := open_code_blocks(path.read_text(encoding='utf-8')))} == {}
+
+
 def test_links_between_documents_have_a_target():
     assert [link for path in DOCUMENTS for link in broken_links(path)] == []
 
