@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import argparse
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 import sys
@@ -62,12 +62,18 @@ def run(args: argparse.Namespace) -> int:
     for out in outs:
         check_out(out, args)
     check_options(args)
+    return each_bag(args, outs, analyze_one)
+
+
+def each_bag(args: argparse.Namespace, outs: Sequence[Path],
+             work: Callable[[Path, Path, argparse.Namespace], int]) -> int:
+    """Call ``work`` with each bag and its output; return the largest exit status."""
     status = ESTIMATED
     for bag, out in zip(args.bags, outs):
         try:
-            status = max(status, analyze_one(bag, out, args))
+            status = max(status, work(bag, out, args))
         except BagError as error:
-            print(f'smart_tire analyze: {error}', file=sys.stderr)
+            print(f'smart_tire {args.verb}: {error}', file=sys.stderr)
             status = USAGE
     return status
 

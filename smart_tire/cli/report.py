@@ -21,14 +21,13 @@ from collections import Counter
 from collections.abc import Sequence
 from datetime import datetime, timezone
 from pathlib import Path
-import sys
 
 import smart_tire
 from smart_tire.cli._bags import add_bag_options, check_options, open_bag
 from smart_tire.cli._overwrite import add_force, refuse_existing, refuse_folder_of_bag
 from smart_tire.cli.analyze import (
-    ESTIMATED, folder_name, NOTHING_ESTIMATED, shown_progress, USAGE)
-from smart_tire.errors import BagError, ParameterError
+    each_bag, ESTIMATED, folder_name, NOTHING_ESTIMATED, shown_progress)
+from smart_tire.errors import ParameterError
 
 NAME = 'report'
 HELP = ('run the estimators offline on bags as "analyze" does; write one HTML file per bag, with '
@@ -58,14 +57,7 @@ def run(args: argparse.Namespace) -> int:
         refuse_folder_of_bag(out, args.bags)
     refuse_existing(outs, force=args.force, inputs=[*args.bags, *args.params])
     check_options(args)
-    status = ESTIMATED
-    for bag, out in zip(args.bags, outs):
-        try:
-            status = max(status, report_one(bag, out, args))
-        except BagError as error:
-            print(f'smart_tire report: {error}', file=sys.stderr)
-            status = USAGE
-    return status
+    return each_bag(args, outs, report_one)
 
 
 def output_files(paths: Sequence[Path], out: Path | None) -> list[Path]:
