@@ -32,6 +32,7 @@ from pathlib import Path
 import pickle
 
 from smart_tire.simulation import offline
+from smart_tire.simulation.host import Event
 
 FOLDER_VARIABLE = 'SMART_TIRE_EVENT_CACHE'
 ROOT = Path(offline.__file__).parents[2]  # of the modules
@@ -64,7 +65,7 @@ def imported_modules(name: str) -> dict[str, Path]:
     return found
 
 
-def cached_events(run: str, make: Callable[[], list[offline.Event]]) -> list[offline.Event]:
+def cached_events(run: str, make: Callable[[], list[Event]]) -> list[Event]:
     """
     Return ``make()``, or what it has returned for the same ``run``.
 
@@ -85,12 +86,12 @@ def cached_events(run: str, make: Callable[[], list[offline.Event]]) -> list[off
     return events
 
 
-def _load(path: Path) -> list[offline.Event]:
+def _load(path: Path) -> list[Event]:
     # without garbage collection, which would search the growing list of samples again and again
     enabled = gc.isenabled()
     gc.disable()
     try:
-        events: list[offline.Event] = pickle.loads(path.read_bytes())
+        events: list[Event] = pickle.loads(path.read_bytes())
     finally:
         if enabled:
             gc.enable()

@@ -25,7 +25,7 @@ from collections.abc import Mapping
 
 from benchmarks.scenarios import Fault, Leg, Scenario, sequence
 from smart_tire.parameters import RobotParams
-from smart_tire.simulation.offline import Event
+from smart_tire.simulation.host import Event
 from smart_tire.simulation.terrain import (
     on_rough_ground, on_slopes, ramp, rolling_hills, speed_bump, Terrain)
 

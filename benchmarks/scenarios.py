@@ -36,7 +36,8 @@ from smart_tire.parameters.robot import EncoderParams, FilmParams, TireParams
 from smart_tire.parameters.simulation import (
     DriveParams, GroundParams, PatchParams, RadioParams, SensorErrorParams)
 from smart_tire.simulation.faults import delayed, interrupted, reordered
-from smart_tire.simulation.offline import Event, simulate
+from smart_tire.simulation.host import Event
+from smart_tire.simulation.offline import simulate
 
 Leg = tuple[float, float, float]  # start time [s], rpm left, rpm right
 Fault = Callable[[list[Event], int], list[Event]]  # events and seed to modified events

@@ -21,16 +21,16 @@ from itertools import accumulate
 import math
 
 import numpy as np
-
 from smart_tire.calibration.recording import DutyRecord, ImuRecord, Recording, WheelRecord
 from smart_tire.control.pid import Pid
 from smart_tire.parameters import RobotParams, SimulatorParams
+from smart_tire.parameters.control import PidParams
 from smart_tire.parameters.robot import FilmParams
 from smart_tire.parameters.simulation import GroundParams, SensorErrorParams
-from smart_tire.parameters.tuning import PidParams
 from smart_tire.samples import ImuSample, MotorCommand, NS_PER_S, WheelSample
+from smart_tire.simulation.host import EPOCH_NS
 from smart_tire.simulation.motors import Motors
-from smart_tire.simulation.offline import EPOCH_NS, simulate
+from smart_tire.simulation.offline import simulate
 from smart_tire.simulation.plant import TIME_STEP
 from smart_tire.simulation.robot import PeriodicTimer, Robot
 from smart_tire.simulation.sensors import encoder_counts, wheel_angles

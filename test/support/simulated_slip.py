@@ -32,7 +32,8 @@ from smart_tire.parameters import build, SlipEstimatorParams
 from smart_tire.parameters.robot import FilmParams, RobotParams
 from smart_tire.parameters.simulation import GroundParams, SimulatorParams
 from smart_tire.samples import Friction, NS_PER_S, Odometry, WHEELS, WheelSample, WheelSlip
-from smart_tire.simulation.offline import EPOCH_NS, simulate
+from smart_tire.simulation.host import EPOCH_NS
+from smart_tire.simulation.offline import simulate
 from smart_tire.simulation.plant import Plant, TIME_STEP
 from smart_tire.uncertain import Uncertain
 
