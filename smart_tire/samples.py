@@ -109,6 +109,35 @@ class MotorCommand:
 
 
 @dataclass(frozen=True, slots=True)
+class PlannedPath:
+    """Path to follow, in the frame ``frame``."""
+
+    stamp_ns: int
+    frame: str
+    # m, m, rad: x, y, yaw of base_link; yaw is NaN where the message gives no orientation
+    poses: tuple[Vector3, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class GoalPose:
+    """Pose to drive to, in the frame ``frame``."""
+
+    stamp_ns: int
+    frame: str
+    pose: Vector3  # m, m, rad: x, y, yaw of base_link; yaw NaN: any
+
+
+@dataclass(frozen=True, slots=True)
+class PathProgress:
+    """Progress along the path; distances are NaN while none is followed."""
+
+    stamp_ns: int
+    remaining_distance: float  # m, along the path
+    cross_track_error: float   # m, of the robot from the path, positive to the left
+    state: int                 # see control.trajectory_control.State
+
+
+@dataclass(frozen=True, slots=True)
 class Odometry:
     """
     Pose of ``base_link`` in ``odom`` and its twist in ``base_link``.
@@ -191,4 +220,5 @@ FRICTION_QUANTITIES = tuple(one.name for one in fields(Friction) if one.default 
 
 
 Sample = (ImuSample | WheelSample | TireSample | BatterySample | VelocityCommand | WheelCommand
-          | MotorCommand | Odometry | WheelSlip | Icr | GroundState | Friction)
+          | MotorCommand | PlannedPath | GoalPose | PathProgress | Odometry | WheelSlip | Icr
+          | GroundState | Friction)

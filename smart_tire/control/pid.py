@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from smart_tire.parameters.tuning import PidParams
+from smart_tire.parameters.control import PidParams
 
 
 class Pid:

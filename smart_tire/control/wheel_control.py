@@ -22,7 +22,8 @@ import math
 from smart_tire.control.differential_drive import wheel_speeds
 from smart_tire.control.duty_gate import STOPPED
 from smart_tire.control.pid import Pid
-from smart_tire.parameters.tuning import WheelControllerParams
+from smart_tire.control.traction import TractionControl
+from smart_tire.parameters.control import WheelControllerParams
 from smart_tire.samples import Four, NS_PER_S, VelocityCommand
 
 MAX_STEP_PERIODS = 4    # upper limit of the time step of the controllers, in periods
@@ -42,6 +43,7 @@ class WheelControl:
         self._measured = STOPPED
         self._measured_ns: int | None = None
         self._stepped_ns: int | None = None
+        self.traction = TractionControl(params.traction, params.robot)
         self.emergency_stop = False  # whether the emergency stop is engaged
         self.motors_enabled = True   # whether the duties reach the motors
         self.set_params(params)
@@ -49,6 +51,7 @@ class WheelControl:
     def set_params(self, params: WheelControllerParams) -> None:
         """Use these parameters from now on."""
         self._params = params
+        self.traction.params = params.traction
         for pid in self._pids:
             pid.params = params.pid
 
@@ -66,20 +69,24 @@ class WheelControl:
                 and now_ns - self._measured_ns
                 <= math.ceil(self._params.wheel_states_timeout * NS_PER_S))
 
-    def follow(self, command: VelocityCommand | None, now_ns: int) -> tuple[Four, Four]:
+    def follow(self, command: VelocityCommand | None, now_ns: int,
+               stamp_ns: int | None = None) -> tuple[Four, Four]:
         """Return the result of ``step`` for a body velocity; None if there is no command."""
         if command is None:
-            return self.step(None, now_ns)
-        return self.step(wheel_speeds(command, radius=self._params.robot.wheel_radius,
-                                      effective_track=self._params.effective_track), now_ns)
+            return self.step(None, now_ns, stamp_ns)
+        return self.step(
+            wheel_speeds(command, radius=self._params.robot.wheel_radius,
+                         effective_track=self._params.effective_track), now_ns, stamp_ns)
 
-    def step(self, velocity: Sequence[float] | None, now_ns: int) -> tuple[Four, Four]:
+    def step(self, velocity: Sequence[float] | None, now_ns: int,
+             stamp_ns: int | None = None) -> tuple[Four, Four]:
         """
         Return the set points of the wheel speeds [rad/s] and the duties [-1, 1].
 
         ``velocity`` [rad/s] are the commanded wheel speeds, None without a valid command. If one
         exceeds ``max_wheel_speed``, all are scaled down by the same factor. While the motors are
-        not enabled, the controllers are reset in every step, which prevents windup.
+        not enabled, the controllers are reset in every step, which prevents windup. ``stamp_ns``
+        is the time of the message clock; without it there is no traction control.
         """
         dt = self._elapsed(now_ns)
         driven = velocity is not None and not self.emergency_stop

@@ -17,13 +17,13 @@
 from collections.abc import Iterable
 from pathlib import Path
 
+from smart_tire.parameters.control import TrajectoryControllerParams, WheelControllerParams
 from smart_tire.parameters.files import load_files
 from smart_tire.parameters.hardware import ImuDriverParams, MotorDriverParams, TireReceiverParams
 from smart_tire.parameters.robot import JointParams, RobotParams, STANDARD_JOINTS
 from smart_tire.parameters.simulation import SimulatorParams
 from smart_tire.parameters.spec import build, known_names, Spec, specs
-from smart_tire.parameters.tuning import (
-    FrictionEstimatorParams, SlipEstimatorParams, WheelControllerParams)
+from smart_tire.parameters.tuning import FrictionEstimatorParams, SlipEstimatorParams
 
 NODE_PARAMS = {
     'tire_receiver': TireReceiverParams,
@@ -46,4 +46,4 @@ __all__ = [
     'build', 'FrictionEstimatorParams', 'ImuDriverParams', 'JointParams', 'known_names',
     'load_files', 'load_robot', 'MotorDriverParams', 'NODE_PARAMS', 'RobotParams',
     'SimulatorParams', 'SlipEstimatorParams', 'Spec', 'specs', 'STANDARD_JOINTS',
-    'TireReceiverParams', 'WheelControllerParams']
+    'TireReceiverParams', 'TrajectoryControllerParams', 'WheelControllerParams']

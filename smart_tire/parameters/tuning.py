@@ -16,11 +16,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from smart_tire.parameters.robot import RobotParams
-from smart_tire.parameters.spec import inlined, nested, param
+from smart_tire.parameters.spec import inlined, param
 
 RELIABILITIES = ('reliable', 'best_effort')
 
@@ -106,67 +105,3 @@ class FrictionEstimatorParams:
         if self.method == 'two_peaks' and film.release != 'fig8':
             raise ValueError(f'method: two_peaks needs film.release fig8, not {film.release}: '
                              'the second peak occurs only with fig8')
-
-
-@dataclass(frozen=True, kw_only=True)
-class PidParams:
-    """Speed control of one wheel; the default feed-forward is that of an unloaded motor."""
-
-    feed_forward: float = param(
-        0.045, 's/rad', 'duty per wheel speed set point: 1 / free speed', low=0.0, live=True)
-    proportional: float = param(0.04, 's/rad', 'duty per speed error', low=0.0, live=True)
-    integral: float = param(
-        0.15, '1/rad', 'duty per integrated speed error', low=0.0, live=True)
-    derivative: float = param(
-        0.0, 's2/rad', 'duty per wheel acceleration', low=0.0, live=True)
-    limit: float = param(1.0, '-', 'maximum duty', low=0.0, high=1.0, live=True)
-    rate_limit: float = param(
-        4.0, '1/s', 'maximum rate of change of the duty', low=1e-2, live=True)
-
-
-@dataclass(frozen=True, kw_only=True)
-class WheelControllerParams:
-    """Wheel controller: one PID speed controller per wheel."""
-
-    rate: float = param(16.0, 'Hz', 'control rate', low=1.0, high=200.0)
-    cmd_vel_inputs: tuple[str, ...] = param(
-        ('cmd_vel',), '-', 'topics of velocity commands, one publisher each')
-    cmd_vel_priorities: tuple[int, ...] = param(
-        (0,), '-', 'priority of each of cmd_vel_inputs; the highest wins')
-    cmd_vel_timeouts: tuple[float, ...] = param(
-        (), 's', 'time-out of each of cmd_vel_inputs; []: cmd_vel_timeout', low=0.02,
-        high=60.0, kind='float[]')
-    cmd_vel_timeout: float = param(
-        0.25, 's', 'stop if no cmd_vel arrives for this long', low=0.02, high=60.0)
-    cmd_vel_max_age: float = param(
-        0.5, 's', 'cmd_vel older or further in the future is refused', low=0.02, high=60.0)
-    effective_track: float = param(
-        0.38, 'm', 'track of the differential drive with the same yaw rate', low=1e-2)
-    wheel_states_timeout: float = param(
-        0.5, 's', 'zero duty if no wheel_states arrive for this long', low=0.02, high=60.0)
-    max_wheel_speed: float = param(
-        20.0, 'rad/s', 'maximum set point; all wheels are scaled by the same factor', low=0.1)
-    pid: PidParams = nested(PidParams)
-    reliability: str = param(
-        'reliable', '-', 'QoS reliability of the input subscriptions', choices=RELIABILITIES)
-    robot: RobotParams = inlined(RobotParams)
-
-    def __post_init__(self) -> None:
-        if not self.cmd_vel_inputs or len(set(self.cmd_vel_inputs)) < len(self.cmd_vel_inputs):
-            raise ValueError(f'cmd_vel_inputs: {list(self.cmd_vel_inputs)}, '
-                             'expected one topic or more, each once')
-        if not all(self.robot.joints.measured):
-            raise ValueError('joints: a wheel that is not measured cannot be controlled')
-        self._check_one_per_input('cmd_vel_priorities', self.cmd_vel_priorities)
-        if self.cmd_vel_timeouts:
-            self._check_one_per_input('cmd_vel_timeouts', self.cmd_vel_timeouts)
-
-    def _check_one_per_input(self, name: str, values: Sequence[float]) -> None:
-        if len(values) != len(self.cmd_vel_inputs):
-            raise ValueError(f'{name}: {list(values)}, expected one for each of '
-                             f'{list(self.cmd_vel_inputs)}')
-
-    def inputs(self) -> list[tuple[str, int, float]]:
-        """Return (topic, priority, time-out [s]) of each source of velocity commands."""
-        timeouts = self.cmd_vel_timeouts or (self.cmd_vel_timeout,) * len(self.cmd_vel_inputs)
-        return list(zip(self.cmd_vel_inputs, self.cmd_vel_priorities, timeouts))

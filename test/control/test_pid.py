@@ -22,7 +22,7 @@ import math
 import pytest
 
 from smart_tire.control.pid import Pid
-from smart_tire.parameters.tuning import PidParams
+from smart_tire.parameters.control import PidParams
 
 DT = 1.0 / 16.0
 PURE = PidParams(feed_forward=0.0, proportional=0.0, integral=0.0, derivative=0.0,

@@ -21,7 +21,7 @@ from dataclasses import replace
 import pytest
 
 from smart_tire.control.wheel_control import WheelControl
-from smart_tire.parameters.tuning import PidParams, WheelControllerParams
+from smart_tire.parameters.control import PidParams, WheelControllerParams
 from smart_tire.samples import NS_PER_S, VelocityCommand
 
 PARAMS = WheelControllerParams(wheel_states_timeout=0.5)
