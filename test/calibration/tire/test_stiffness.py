@@ -23,7 +23,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from smart_tire.calibration.tire import stiffness as module
+from smart_tire.calibration.tire import stiffness_solver
 from smart_tire.calibration.tire.stiffness import identify_stiffness
 from smart_tire.calibration.tire.stiffness_model import Common
 from smart_tire.errors import EstimatorError
@@ -272,11 +272,11 @@ def fake_solution(stiffness, total, sigma=0.05):
     (75.0, 8.0, True), (75.0, 10.0, False), (52.0, 1.0, False)])
 def test_two_solutions_that_fit_equally_well_are_refused(monkeypatch, stiffness, worse, ambiguous):
     solutions = iter([fake_solution(50.0, 100.0), fake_solution(stiffness, 100.0 + worse)])
-    monkeypatch.setattr(module, '_solve', lambda *_: next(solutions))
+    monkeypatch.setattr(stiffness_solver, 'solve', lambda *_: next(solutions))
     solved = [(fake_solution(50.0, 0.0), SimpleNamespace(force=0.03))] * 2
     problem = SimpleNamespace(noise=None)
     if ambiguous:
         with pytest.raises(EstimatorError, match='50 N and 75 N fit equally well'):
-            module._unambiguous(problem, solved)
+            stiffness_solver.unambiguous(problem, solved)
     else:
-        assert module._unambiguous(problem, solved).total == 100.0
+        assert stiffness_solver.unambiguous(problem, solved).total == 100.0
