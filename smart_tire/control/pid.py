@@ -12,46 +12,80 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""PID controller with feed-forward, output and rate limits, and anti-windup."""
+"""PID controller with two degrees of freedom, output and rate limits, and anti-windup."""
 
 from __future__ import annotations
 
+from smart_tire.control.drive_model import Gains
 from smart_tire.parameters.control import PidParams
 
 
 class Pid:
-    """Speed controller of one wheel: speed [rad/s] to duty [-1, 1]."""
+    """
+    Feedback of one wheel: duty [-1, 1] of the feed-forward, corrected by the speed error.
+
+    The integral is a duty. Changes of the gains or of the feed-forward at run time change it such
+    that the output remains; limits act at once.
+    """
 
     def __init__(self, params: PidParams) -> None:
-        self.params = params  # may be replaced at run time: the integral is a duty
+        self._params = params
+        self._gains = Gains(params.proportional, params.integral, params.derivative)
         self.reset()
 
     def reset(self) -> None:
-        """Set integral and output to zero and discard the previous measurement."""
+        """Set integral and output to zero."""
         self._integral = 0.0
         self._output = 0.0
-        self._measured: float | None = None
+        self.excess = 0.0  # duty that the limits cut off
+        self._error = self._slope = 0.0
 
-    def update(self, set_point: float, measured: float, dt: float) -> float:
-        """
-        Return the duty after ``dt`` seconds, within its magnitude and rate limits.
+    def set_gains(self, params: PidParams, gains: Gains) -> None:
+        """Use the limits of ``params`` and these ``gains`` from now on, without a jump."""
+        self._params = params
+        if gains != self._gains:
+            before = self._proportional_derivative(self._error, self._slope)
+            self._gains = gains
+            self._integral += before - self._proportional_derivative(self._error, self._slope)
 
-        The derivative term acts on the measurement, so a step of the set point causes no spike.
-        The integral is frozen while a limit is active and the error would increase the excess.
+    def compensate(self, change: float) -> None:
+        """Make up for a ``change`` of the feed-forward duty by its parameters."""
+        self._integral -= change
+
+    def update(self, feed_forward: float, error: float, slope: float, dt: float, *,
+               current: bool = True) -> float:
         """
-        params = self.params
-        error = set_point - measured
-        slope = 0.0 if self._measured is None else (measured - self._measured) / dt
-        integral = self._integral + params.integral * error * dt
-        sum_ = (params.feed_forward * set_point + params.proportional * error + integral
-                - params.derivative * slope)
-        output = self._limited(sum_, dt)
-        if output == sum_ or (sum_ - output) * error < 0.0:
-            self._integral = integral
-        self._measured, self._output = measured, output
+        Return the duty after ``dt`` [s], within its limits of magnitude and rate.
+
+        ``error`` [rad/s] is the speed error, ``slope`` [rad/s2] the measured acceleration: a step
+        of the set point causes no spike of the derivative. Unless the error is ``current``, the
+        integral is held. So it is while a limit is active and the error would increase the excess
+        (conditional integration); an integral that causes the excess of a magnitude limit decays
+        with the tracking time (back-calculation).
+        """
+        self._error, self._slope = error, slope
+        partial = feed_forward + self._proportional_derivative(error, slope)
+        integral = self._integral + (self._gains.integral * error * dt if current else 0.0)
+        output = self._limited(partial + integral, dt)
+        if (partial + integral - output) * error > 0.0:
+            integral = self._integral
+        self._integral = self._unwound(partial, integral, dt)
+        self._output, self.excess = output, partial + self._integral - output
         return output
 
+    def _proportional_derivative(self, error: float, slope: float) -> float:
+        return self._gains.proportional * error - self._gains.derivative * slope
+
+    def _unwound(self, partial: float, integral: float, dt: float) -> float:
+        """Return the integral after back-calculation, which does not change its sign."""
+        sum_, limit = partial + integral, self._params.limit
+        excess = sum_ - min(max(sum_, -limit), limit)
+        if excess * integral <= 0.0:
+            return integral
+        step = min(abs(excess) * min(dt / self._params.tracking_time, 1.0), abs(integral))
+        return integral - (step if integral > 0.0 else -step)
+
     def _limited(self, output: float, dt: float) -> float:
-        step = self.params.rate_limit * dt
+        step = self._params.rate_limit * dt
         output = min(max(output, self._output - step), self._output + step)
-        return min(max(output, -self.params.limit), self.params.limit)
+        return min(max(output, -self._params.limit), self._params.limit)

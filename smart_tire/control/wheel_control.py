@@ -20,14 +20,15 @@ from collections.abc import Sequence
 import math
 
 from smart_tire.control.differential_drive import wheel_speeds
+from smart_tire.control.drive_model import drive_model
 from smart_tire.control.duty_gate import STOPPED
-from smart_tire.control.pid import Pid
 from smart_tire.control.traction import TractionControl
+from smart_tire.control.wheel_feedback import WheelFeedback
+from smart_tire.control.wheel_servo import WheelServo
 from smart_tire.parameters.control import WheelControllerParams
 from smart_tire.samples import Four, NS_PER_S, VelocityCommand
 
 MAX_STEP_PERIODS = 4    # upper limit of the time step of the controllers, in periods
-STANDSTILL_SPEED = 0.1  # rad/s; a slower wheel with a set point of zero gets no duty
 
 
 class WheelControl:
@@ -39,9 +40,8 @@ class WheelControl:
     """
 
     def __init__(self, params: WheelControllerParams) -> None:
-        self._pids = [Pid(params.pid) for _ in STOPPED]
-        self._measured = STOPPED
-        self._measured_ns: int | None = None
+        self._feedback = WheelFeedback(params.feedback_window)
+        self._servos = [WheelServo(wheel, params) for wheel in range(len(STOPPED))]
         self._stepped_ns: int | None = None
         self.traction = TractionControl(params.traction, params.robot)
         self.emergency_stop = False  # whether the emergency stop is engaged
@@ -49,25 +49,30 @@ class WheelControl:
         self.set_params(params)
 
     def set_params(self, params: WheelControllerParams) -> None:
-        """Use these parameters from now on."""
+        """Use these parameters from now on; the duties do not jump."""
         self._params = params
         self.traction.params = params.traction
-        for pid in self._pids:
-            pid.params = params.pid
+        model = drive_model(params.pid, params.robot)
+        for servo in self._servos:
+            servo.set_params(params, model)
 
-    def update_measurement(self, velocity: Four, now_ns: int) -> None:
-        """Set the measured wheel speeds [rad/s]."""
-        self._measured, self._measured_ns = velocity, now_ns
+    def update_measurement(self, velocity: Four, now_ns: int, stamp_ns: int = 0) -> None:
+        """
+        Set the wheel speeds [rad/s] received at ``now_ns``; those not finite are ignored.
+
+        ``stamp_ns`` is their timestamp, of any clock.
+        """
+        self._feedback.add(velocity, now_ns, stamp_ns)
 
     def discard_measurement(self) -> None:
         """Discard the measured wheel speeds; no duty until the next ones."""
-        self._measured_ns = None
+        self._feedback.discard()
 
     def has_measurement(self, now_ns: int) -> bool:
         """Return whether the measured wheel speeds have not timed out."""
-        return (self._measured_ns is not None
-                and now_ns - self._measured_ns
-                <= math.ceil(self._params.wheel_states_timeout * NS_PER_S))
+        latest = self._feedback.latest
+        return latest is not None and (
+            now_ns - latest.arrived_ns <= math.ceil(self._params.wheel_states_timeout * NS_PER_S))
 
     def follow(self, command: VelocityCommand | None, now_ns: int,
                stamp_ns: int | None = None) -> tuple[Four, Four]:
@@ -83,25 +88,30 @@ class WheelControl:
         """
         Return the set points of the wheel speeds [rad/s] and the duties [-1, 1].
 
-        ``velocity`` [rad/s] are the commanded wheel speeds, None without a valid command. If one
-        exceeds ``max_wheel_speed``, all are scaled down by the same factor. While the motors are
-        not enabled, the controllers are reset in every step, which prevents windup. ``stamp_ns``
-        is the time of the message clock; without it there is no traction control.
+        ``velocity`` [rad/s] are the commanded wheel speeds, None without a valid command; one that
+        is not finite is none. If one exceeds ``max_wheel_speed``, all are scaled down by the same
+        factor. While the motors are not enabled, the controllers are reset in every step, which
+        prevents windup. ``stamp_ns`` is the time of the message clock; without it there is no
+        traction control.
         """
         dt = self._elapsed(now_ns)
-        driven = velocity is not None and not self.emergency_stop
+        driven = (velocity is not None and all(map(math.isfinite, velocity))
+                  and not self.emergency_stop)
         set_points = self._limited(velocity) if velocity is not None and driven else STOPPED
+        if driven and stamp_ns is not None:
+            set_points = self.traction.limit(set_points, stamp_ns)
         if not driven or not self.has_measurement(now_ns):
             self._reset()
             return set_points, STOPPED
         if not self.motors_enabled:
             self._reset()
-        a, b, c, d = (_duty(*wheel, dt) for wheel in zip(self._pids, set_points, self._measured))
+        a, b, c, d = (servo.update(set_point, self._feedback, dt, now_ns)
+                      for servo, set_point in zip(self._servos, set_points))
         return set_points, (a, b, c, d)
 
     def _reset(self) -> None:
-        for pid in self._pids:
-            pid.reset()
+        for servo in self._servos:
+            servo.reset()
 
     def _limited(self, velocity: Sequence[float]) -> Four:
         excess = max(max(map(abs, velocity)) / self._params.max_wheel_speed, 1.0)
@@ -114,10 +124,3 @@ class WheelControl:
         if before is None or now_ns <= before:
             return period
         return min((now_ns - before) / NS_PER_S, MAX_STEP_PERIODS * period)
-
-
-def _duty(pid: Pid, set_point: float, measured: float, dt: float) -> float:
-    if set_point == 0.0 and abs(measured) < STANDSTILL_SPEED:
-        pid.reset()
-        return 0.0
-    return pid.update(set_point, measured, dt)

@@ -19,6 +19,7 @@ from __future__ import annotations
 import time
 from typing import Any
 
+from smart_tire.drivers.line_timing import LineTiming
 from smart_tire.errors import FrameError
 from smart_tire.protocol.roboclaw import Command, decode_reply, encode_request
 
@@ -46,6 +47,7 @@ class RoboclawLine:
         self.last_error = ''
         # addresses and read requests, in order, to which a reply may still arrive
         self._late: dict[tuple[int, Command], None] = {}
+        self.timing = LineTiming()
         self.retried = False     # whether the latest exchange needed more than one attempt
 
     def use(self, port: Any) -> None:
@@ -113,6 +115,7 @@ class RoboclawLine:
 
     def _attempt(self, address: int, command: Command, *values: int) -> tuple[int, ...]:
         self._flush()  # a late reply would be mistaken for the reply to this request
+        asked_ns = time.monotonic_ns()
         self._port.write(encode_request(address, command, *values))
         reply = self._port.read(command.reply_size)
         if self._late and not (command.reads and _answers(address, command, reply)):
@@ -128,6 +131,7 @@ class RoboclawLine:
             raise
         if command.reads:
             self._forget_late(address, command)
+        self.timing.record(command, time.monotonic_ns() - asked_ns)
         self.frames_ok += 1
         self.last_ok_ns = time.time_ns()
         return answer

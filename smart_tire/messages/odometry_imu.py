@@ -160,11 +160,20 @@ def icr_to_msg(msg: Any, sample: Icr) -> Any:
 
 def velocity_from_msg(msg: Any) -> VelocityCommand:
     """Return the command in a TwistStamped; only ``linear.x`` and ``angular.z`` are used."""
-    linear = _vector(msg.twist.linear, 'twist.linear', 'cmd_vel')
-    angular = _vector(msg.twist.angular, 'twist.angular', 'cmd_vel')
-    check_magnitude('cmd_vel', 'twist.linear', linear, MAX_SPEED, 'm/s')
-    check_magnitude('cmd_vel', 'twist.angular', angular, MAX_ANGULAR_RATE, 'rad/s')
-    return VelocityCommand(stamp_of(msg), linear[0], angular[2])
+    return _velocity(msg.twist, stamp_of(msg), 'twist.')
+
+
+def velocity_from_twist(msg: Any) -> VelocityCommand:
+    """Return the command in a Twist, which has no timestamp: zero."""
+    return _velocity(msg, 0, '')
+
+
+def _velocity(twist: Any, stamp_ns: int, prefix: str) -> VelocityCommand:
+    linear = _vector(twist.linear, f'{prefix}linear', 'cmd_vel')
+    angular = _vector(twist.angular, f'{prefix}angular', 'cmd_vel')
+    check_magnitude('cmd_vel', f'{prefix}linear', linear, MAX_SPEED, 'm/s')
+    check_magnitude('cmd_vel', f'{prefix}angular', angular, MAX_ANGULAR_RATE, 'rad/s')
+    return VelocityCommand(stamp_ns, linear[0], angular[2])
 
 
 def velocity_to_msg(msg: Any, sample: VelocityCommand) -> Any:

@@ -110,14 +110,16 @@ class SmartTireNode(Node, Generic[Params]):
     def subscribe(self, topic_name: str, on_sample: Callable[..., None], *,
                   name: str | None = None, wheels: int = 1, reliability: str = 'reliable',
                   required: bool = False, announced: bool = False, info: bool = False,
-                  from_msg: Callable[[Any], Any] | None = None) -> None:
+                  from_msg: Callable[[Any], Any] | None = None,
+                  type_name: str | None = None) -> None:
         """
         Subscribe to a topic of ``TOPICS``; call ``on_sample`` with each valid sample.
 
         Invalid messages are counted and logged, those of other joints ignored. ``name`` replaces
-        the topic's name, ``from_msg`` its conversion. With ``info``, ``on_sample`` also gets
-        rclpy's message info. No message for ``MAX_INPUT_AGE`` on a ``required`` topic is a
-        warning. The first message on a required or ``announced`` topic is logged.
+        the topic's name, ``from_msg`` its conversion, ``type_name`` its type. With ``info``,
+        ``on_sample`` also gets rclpy's message info. No message for ``MAX_INPUT_AGE`` on a
+        ``required`` topic is a warning. The first message on a required or ``announced`` topic
+        is logged.
         """
         topic, name = TOPICS[topic_name], name or topic_name
         counter = InputCounter(required=required)
@@ -146,7 +148,7 @@ class SmartTireNode(Node, Generic[Params]):
         callback = (with_info(on_message_with_info) if info
                     else self.wrap_callback(name, on_message))
         self.create_subscription(
-            message_class(topic.type), name, callback,
+            message_class(type_name or topic.type), name, callback,
             subscriber_qos(topic_name, wheels=wheels, reliability=reliability))
 
     def wrap_callback(self, name: str,

@@ -41,7 +41,8 @@ class CommandInput:
     commands older or further in the future than ``max_age`` [s] (None: not checked), commands
     queued while the process was stopped, if their timestamps do not show their age, and all
     commands while two publishers send: ``on_conflict`` is then called with the reason, and with
-    '' when the conflict ends. ``from_msg`` replaces the conversion of the topic.
+    '' when the conflict ends. ``from_msg`` replaces the conversion of the topic,
+    ``unstamped_type`` its type, for messages without a timestamp by design.
     """
 
     def __init__(self, node: SmartTireNode[Any], topic: str,
@@ -49,7 +50,8 @@ class CommandInput:
                  on_conflict: Callable[[str], None], *, timeout: float,
                  max_age: float | None = None, name: str | None = None,
                  required: bool = False, reliability: str = 'reliable',
-                 from_msg: Callable[[Any], Any] | None = None) -> None:
+                 from_msg: Callable[[Any], Any] | None = None,
+                 unstamped_type: str | None = None) -> None:
         self._node, self._name = node, name or topic
         self._on_command, self._on_conflict, self._max_age = on_command, on_conflict, max_age
         window = max(MIN_PUBLISHER_WINDOW, PUBLISHER_WINDOW_TIMEOUTS * timeout)
@@ -57,9 +59,10 @@ class CommandInput:
         self._sequences = SequenceTracker()
         self._stalls = StallDetector(node.steady_ns())
         self._conflict = ''
-        self._warned_unstamped = False
+        self._warned_unstamped = unstamped_type is not None
         node.subscribe(topic, self._on_message, name=name, info=True, required=required,
-                       announced=True, reliability=reliability, from_msg=from_msg)
+                       announced=True, reliability=reliability, from_msg=from_msg,
+                       type_name=unstamped_type)
         node.create_steady_timer(TICK_PERIOD, self.tick)
 
     def tick(self) -> None:

@@ -73,6 +73,7 @@ class MotorDriver(DriverNode[MotorDriverParams]):
         self._publish_enabled = self.make_guarded_publisher(Bool, 'motors_enabled', latched())
         self._was_enabled = False
         self._rejected_reported = 0  # currents at the last report
+        self._line_logged = False
         self.create_service(SetBool, 'emergency_stop', self._on_emergency_stop)
         if params.require_arming:
             self.create_service(SetBool, 'arm', self._on_arm)
@@ -145,6 +146,7 @@ class MotorDriver(DriverNode[MotorDriverParams]):
             'emergency_stop': gate.emergency, 'armed': gate.armed,
             'supply': boards.supply_voltage(), 'currents_missing': currents.missing,
             'currents_rejected': currents.rejected})
+        self._fill_line_limit(status)
         self._commands.fill_status(status)
         for reason in gate.reasons():
             status.warn(f'motors stopped: {reason}')
@@ -158,6 +160,20 @@ class MotorDriver(DriverNode[MotorDriverParams]):
             for board, age in boards.reading_ages().items():
                 if age > MAX_INPUT_AGE:
                     status.error(f'wheel_states stopped: {board} does not respond')
+
+    def _fill_line_limit(self, status: Status) -> None:
+        """Add the rate that the line permits, log it once, and warn if ``rate`` exceeds it."""
+        timing, rate = self._boards.line.timing, self.params.rate
+        limit = timing.max_rate
+        if limit is None:
+            return
+        status.values['line_rate_limit'] = limit
+        if rate > limit:
+            status.warn(f'rate is {rate:g} Hz; {timing}')
+        if not self._line_logged:
+            self._line_logged = True
+            log = self.get_logger().warning if rate > limit else self.get_logger().info
+            log(str(timing))
 
 
 def main() -> int:

@@ -22,7 +22,7 @@ import sys
 from smart_tire.control.duty_gate import STOPPED
 from smart_tire.control.velocity_mux import VelocityMux
 from smart_tire.control.wheel_control import WheelControl
-from smart_tire.messages import wheels_from_msg
+from smart_tire.messages import velocity_from_twist, wheels_from_msg
 from smart_tire.nodes.base import run, SmartTireNode
 from smart_tire.nodes.command_input import CommandInput
 from smart_tire.nodes.diagnostics import Status
@@ -33,6 +33,7 @@ from std_msgs.msg import Bool
 
 EXPIRY_CHECK_PERIOD = 0.025   # s between checks for expired commands, at any control rate
 DUTY_REPEAT_NS = 100_000_000  # after which a duty is sent again; time-out of motor_driver: longer
+TWIST = 'geometry_msgs/msg/Twist'
 STATE_DEPTH = 10  # queued states of the emergency stop, so that a short one is not missed
 
 
@@ -44,9 +45,10 @@ class WheelController(SmartTireNode[WheelControllerParams]):
     and ``motors_enabled``; publishes ``wheel_commands``, ``motor_commands`` and ``/diagnostics``.
 
     Parameters: ``rate``, ``cmd_vel_inputs``, ``cmd_vel_priorities``, ``cmd_vel_timeouts``,
-    ``cmd_vel_timeout``, ``cmd_vel_max_age``, ``effective_track``, ``wheel_states_timeout``,
-    ``max_wheel_speed``, ``pid.*`` (can be changed at run time), ``reliability``, and those of the
-    robot.
+    ``cmd_vel_types``, ``cmd_vel_timeout``, ``cmd_vel_max_age``, ``effective_track``,
+    ``wheel_states_timeout``, ``max_wheel_speed``, ``feedback_window``, ``reliability``, and those
+    of the robot; ``max_wheel_acceleration``, ``max_wheel_deceleration`` and ``pid.*`` can be
+    changed at run time.
     """
 
     def __init__(self) -> None:
@@ -57,11 +59,8 @@ class WheelController(SmartTireNode[WheelControllerParams]):
         self._duty, self._sent_ns = STOPPED, 0
         self._publish_wheels = self.make_publisher('wheel_commands')
         self._publish_motors = self.make_publisher('motor_commands')
-        self._inputs = [
-            CommandInput(self, 'cmd_vel', partial(self._on_velocity, name),
-                         partial(self._on_velocity_conflict, name), timeout=timeout,
-                         max_age=params.cmd_vel_max_age, name=name)
-            for name, _, timeout in params.inputs()]
+        self._inputs = [self._velocity_input(name, timeout)
+                        for name, _, timeout in params.inputs()]
         self._wheels = CommandInput(
             self, 'wheel_states', self._on_wheels, self._on_wheel_conflict,
             timeout=params.wheel_states_timeout, required=True, reliability=params.reliability,
@@ -73,6 +72,16 @@ class WheelController(SmartTireNode[WheelControllerParams]):
         self.create_subscription(Bool, 'motors_enabled', self._on_motors_enabled, latched())
         self.create_steady_timer(1.0 / params.rate, self._step)
         self.create_steady_timer(EXPIRY_CHECK_PERIOD, self._check_expiry)
+
+    def _velocity_input(self, name: str, timeout: float) -> CommandInput:
+        """Return the subscription to a source of velocity commands."""
+        unstamped = name in self.params.unstamped_inputs()
+        return CommandInput(
+            self, 'cmd_vel', partial(self._on_velocity, name),
+            partial(self._on_velocity_conflict, name), timeout=timeout,
+            max_age=self.params.cmd_vel_max_age, name=name,
+            from_msg=velocity_from_twist if unstamped else None,
+            unstamped_type=TWIST if unstamped else None)
 
     def on_parameters_changed(self) -> None:
         """Use the new controller gains."""
@@ -89,7 +98,7 @@ class WheelController(SmartTireNode[WheelControllerParams]):
             self._mux.unblock(name)
 
     def _on_wheels(self, sample: WheelSample, received_ns: int) -> None:
-        self._control.update_measurement(sample.velocity, received_ns)
+        self._control.update_measurement(sample.velocity, received_ns, sample.stamp_ns)
 
     def _on_wheel_conflict(self, reason: str) -> None:
         if reason:
@@ -118,8 +127,10 @@ class WheelController(SmartTireNode[WheelControllerParams]):
     def _step(self) -> None:
         now_ns = self.steady_ns()
         selected = self._mux.selected(now_ns)
-        set_points, self._duty = self._control.follow(selected[1] if selected else None, now_ns)
-        self._publish_wheels(WheelCommand(self.now_ns(), set_points))
+        stamp_ns = self.now_ns()
+        set_points, self._duty = self._control.follow(
+            selected[1] if selected else None, now_ns, stamp_ns)
+        self._publish_wheels(WheelCommand(stamp_ns, set_points))
         self._publish_duty(now_ns)
 
     def _publish_duty(self, now_ns: int) -> None:

@@ -23,21 +23,38 @@ from smart_tire.parameters.robot import RobotParams
 from smart_tire.parameters.spec import inlined, nested, param
 from smart_tire.parameters.tuning import RELIABILITIES
 
+UNSTAMPED = 'Twist'  # of geometry_msgs, without a timestamp
+VELOCITY_TYPES = ('TwistStamped', UNSTAMPED)
+
 
 @dataclass(frozen=True, kw_only=True)
 class PidParams:
-    """Speed control of one wheel; the default feed-forward is that of an unloaded motor."""
+    """
+    Speed control of one wheel.
+
+    The defaults of the feed-forward are those of the simulated motors; ``smart_tire identify
+    motor`` measures them. Friction and inertia in the feed-forward are those of ``motor.*``.
+    """
 
     feed_forward: float = param(
-        0.045, 's/rad', 'duty per wheel speed set point: 1 / free speed', low=0.0, live=True)
-    proportional: float = param(0.04, 's/rad', 'duty per speed error', low=0.0, live=True)
+        0.045, 's/rad', 'duty per wheel speed set point: 1 / free speed', low=1e-3, live=True)
+    stall_torque: float = param(
+        5.0, 'N m', 'torque at the wheel at full duty, for the feed-forward of friction and '
+        'inertia', low=1e-3, live=True)
+    acceleration: float = param(
+        0.6, '-', 'share of the duty for accelerations on the ground; 0: never too much for '
+        'lifted wheels, 1: no lag', low=0.0, high=1.0, live=True)
+    proportional: float = param(0.03, 's/rad', 'duty per speed error', low=0.0, live=True)
     integral: float = param(
-        0.15, '1/rad', 'duty per integrated speed error', low=0.0, live=True)
+        0.3, '1/rad', 'duty per integrated speed error', low=0.0, live=True)
     derivative: float = param(
         0.0, 's2/rad', 'duty per wheel acceleration', low=0.0, live=True)
     limit: float = param(1.0, '-', 'maximum duty', low=0.0, high=1.0, live=True)
     rate_limit: float = param(
-        4.0, '1/s', 'maximum rate of change of the duty', low=1e-2, live=True)
+        6.0, '1/s', 'maximum rate of change of the duty', low=1e-2, live=True)
+    tracking_time: float = param(
+        0.3, 's', 'time constant with which an integral beyond the maximum duty decays',
+        low=1e-3, live=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,6 +77,9 @@ class WheelControllerParams:
     cmd_vel_timeouts: tuple[float, ...] = param(
         (), 's', 'time-out of each of cmd_vel_inputs; []: cmd_vel_timeout', low=0.02,
         high=60.0, kind='float[]')
+    cmd_vel_types: tuple[str, ...] = param(
+        (), '-', 'message type of each of cmd_vel_inputs; []: TwistStamped',
+        choices=VELOCITY_TYPES, kind='str[]')
     cmd_vel_timeout: float = param(
         0.25, 's', 'stop if no cmd_vel arrives for this long', low=0.02, high=60.0)
     cmd_vel_max_age: float = param(
@@ -70,6 +90,13 @@ class WheelControllerParams:
         0.5, 's', 'zero duty if no wheel_states arrive for this long', low=0.02, high=60.0)
     max_wheel_speed: float = param(
         20.0, 'rad/s', 'maximum set point; all wheels are scaled by the same factor', low=0.1)
+    max_wheel_acceleration: float = param(
+        40.0, 'rad/s2', 'maximum acceleration of the wheel speed reference', low=0.1, live=True)
+    max_wheel_deceleration: float = param(
+        60.0, 'rad/s2', 'maximum deceleration of the wheel speed reference', low=0.1, live=True)
+    feedback_window: float = param(
+        0.06, 's', 'measured wheel speeds are averaged over at least this time', low=0.0,
+        high=1.0)
     pid: PidParams = nested(PidParams)
     traction: TractionParams = nested(TractionParams)
     reliability: str = param(
@@ -85,8 +112,10 @@ class WheelControllerParams:
         self._check_one_per_input('cmd_vel_priorities', self.cmd_vel_priorities)
         if self.cmd_vel_timeouts:
             self._check_one_per_input('cmd_vel_timeouts', self.cmd_vel_timeouts)
+        if self.cmd_vel_types:
+            self._check_one_per_input('cmd_vel_types', self.cmd_vel_types)
 
-    def _check_one_per_input(self, name: str, values: Sequence[float]) -> None:
+    def _check_one_per_input(self, name: str, values: Sequence[object]) -> None:
         if len(values) != len(self.cmd_vel_inputs):
             raise ValueError(f'{name}: {list(values)}, expected one for each of '
                              f'{list(self.cmd_vel_inputs)}')
@@ -95,6 +124,11 @@ class WheelControllerParams:
         """Return (topic, priority, time-out [s]) of each source of velocity commands."""
         timeouts = self.cmd_vel_timeouts or (self.cmd_vel_timeout,) * len(self.cmd_vel_inputs)
         return list(zip(self.cmd_vel_inputs, self.cmd_vel_priorities, timeouts))
+
+    def unstamped_inputs(self) -> set[str]:
+        """Return the sources of velocity commands whose messages are plain Twist."""
+        return {name for name, kind in zip(self.cmd_vel_inputs, self.cmd_vel_types)
+                if kind == UNSTAMPED}
 
 
 @dataclass(frozen=True, kw_only=True)

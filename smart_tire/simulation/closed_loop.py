@@ -16,13 +16,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 import heapq
 from typing import Protocol
 
 from smart_tire.parameters.simulation import SimulatorParams
 from smart_tire.samples import Four, NS_PER_S, Sample
 from smart_tire.simulation.host import EPOCH_NS, Event, SimulatedHost
-from smart_tire.simulation.plant import TIME_STEP
+from smart_tire.simulation.plant import Plant, TIME_STEP
 from smart_tire.simulation.robot import PeriodicTimer, Robot
 
 DUTY_DELAY_NS = 2_000_000  # from the controller to the motors: one request to each board
@@ -43,14 +44,16 @@ class Controller(Protocol):
 
 def run_closed_loop(params: SimulatorParams, controller: Controller, duration: float, *,
                     wheel_rate: float = 16.0, control_rate: float = 16.0,
-                    start_ns: int = EPOCH_NS, torque: bool = True) -> list[Event]:
+                    start_ns: int = EPOCH_NS, torque: bool = True,
+                    watch: Callable[[Plant], None] | None = None) -> list[Event]:
     """
     Return the messages of a run in which ``controller`` drives the robot, sorted by reception.
 
     The run ends after ``duration`` [s], or when the controller has finished. ``wheel_rate`` [Hz]
     is that of ``wheel_states``, ``control_rate`` [Hz] that of the duties. Each message reaches the
     controller at its time of reception; a duty reaches the motors ``DUTY_DELAY_NS`` later. The
-    same seed and controller give the same run.
+    same seed and controller give the same run. ``watch`` is called with the true state at each
+    step.
     """
     robot, host = Robot(params), SimulatedHost(params, wheel_rate, start_ns)
     control_due = PeriodicTimer(NS_PER_S / control_rate)
@@ -64,6 +67,8 @@ def run_closed_loop(params: SimulatorParams, controller: Controller, duration: f
         for observation in robot.step(duty):
             host.receive(observation)
         host.poll_wheels(robot, duty if torque else None)
+        if watch is not None:
+            watch(robot.plant)
         for receive_ns, topic, sample in host.events[taken:]:
             heapq.heappush(arriving, (receive_ns, taken, topic, sample))
             taken += 1

@@ -52,6 +52,7 @@ def test_the_constants_are_identified_on_the_ground_and_lifted(tmp_path, capsys)
     assert values['motor.torque_constant'] == pytest.approx(true, rel=2.0 * sigma)
     assert values['motor.inertia'] == pytest.approx(0.008, rel=0.2)
     assert values['pid.feed_forward'] == pytest.approx(1.0 / 22.0, rel=0.02)
+    assert values['pid.stall_torque'] == pytest.approx(5.0, rel=0.06)
     assert 'up' in out.read_text(encoding='utf-8').splitlines()[0]
     assert out.with_suffix('.png').read_bytes().startswith(b'\x89PNG')
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Speed controller of one wheel: limits, feed-forward, anti-windup."""
+"""Feedback of one wheel: limits, anti-windup, and changes of gains without a jump."""
 
 from __future__ import annotations
 
@@ -21,84 +21,125 @@ import math
 
 import pytest
 
+from smart_tire.control.drive_model import Gains
 from smart_tire.control.pid import Pid
 from smart_tire.parameters.control import PidParams
 
 DT = 1.0 / 16.0
-PURE = PidParams(feed_forward=0.0, proportional=0.0, integral=0.0, derivative=0.0,
-                 rate_limit=1e6)
+FREE = PidParams(rate_limit=1e6, tracking_time=0.5)
 
 
-def test_feed_forward_alone_is_proportional_to_the_set_point():
-    pid = Pid(replace(PURE, feed_forward=0.05))
-    assert [pid.update(set_point, 0.0, DT) for set_point in (4.0, -8.0, 0.0)] == [0.2, -0.4, 0.0]
+def made(proportional=0.0, integral=0.0, derivative=0.0, params=FREE):
+    """Return a controller with these gains and the limits of ``params``."""
+    return Pid(replace(params, proportional=proportional, integral=integral,
+                       derivative=derivative))
+
+
+def test_the_output_is_the_sum_of_feed_forward_and_terms():
+    pid = made(proportional=0.1, integral=0.5, derivative=0.01)
+    assert pid.update(0.2, 1.0, -3.0, 0.25) == pytest.approx(0.2 + 0.1 + 0.125 + 0.03)
 
 
 def test_the_integral_grows_with_error_and_time():
-    pid = Pid(replace(PURE, integral=0.5))
-    assert pid.update(1.0, 0.0, 0.25) == pytest.approx(0.125)
-    assert pid.update(1.0, 0.0, 0.5) == pytest.approx(0.375)
-    assert pid.update(0.0, 1.0, 0.75) == pytest.approx(0.0)
+    pid = made(integral=0.5)
+    assert pid.update(0.0, 1.0, 0.0, 0.25) == pytest.approx(0.125)
+    assert pid.update(0.0, 1.0, 0.0, 0.5) == pytest.approx(0.375)
+    assert pid.update(0.0, -1.0, 0.0, 0.75) == pytest.approx(0.0)
 
 
-def test_the_derivative_brakes_a_rising_speed_and_ignores_the_set_point():
-    pid = Pid(replace(PURE, derivative=0.01))
-    assert pid.update(0.0, 1.0, DT) == 0.0
-    assert pid.update(100.0, 1.0, DT) == 0.0
-    assert pid.update(100.0, 2.0, DT) == pytest.approx(-0.01 / DT)
+def test_an_error_that_is_not_current_is_not_integrated():
+    pid = made(proportional=0.1, integral=0.5)
+    pid.update(0.0, 1.0, 0.0, 1.0)
+    for _ in range(3):
+        assert pid.update(0.0, 1.0, 0.0, 1.0, current=False) == pytest.approx(0.6)
 
 
 def test_the_duty_never_leaves_its_limits():
-    pid = Pid(PidParams(limit=0.6, rate_limit=2.0))
-    last = 0.0
+    pid = made(0.04, 0.4, 0.001, PidParams(limit=0.6, rate_limit=2.0))
+    last, seen = 0.0, []
     for step in range(400):
-        duty = pid.update(20.0 * math.copysign(1.0, math.sin(0.05 * step)), 0.0, DT)
-        assert abs(duty) <= 0.6
-        assert abs(duty - last) <= 2.0 * DT + 1e-12
-        last = duty
+        sign = math.copysign(1.0, math.sin(0.05 * step))
+        seen.append(pid.update(0.9 * sign, 20.0 * sign, 0.0, DT))
+        assert abs(seen[-1] - last) <= 2.0 * DT + 1e-12
+        last = seen[-1]
+    assert (min(seen), max(seen)) == (-0.6, 0.6)
 
 
-def test_recovery_from_saturation_does_not_depend_on_its_duration():
-    responses = []
-    for steps in (3, 300):
-        pid = Pid(PidParams(rate_limit=1e6))
-        for _ in range(steps):
-            assert pid.update(30.0, 0.0, DT) == 1.0
-        responses.append([pid.update(5.0, 6.0, DT) for _ in range(3)])
-    assert responses[0] == responses[1]
+def test_while_the_duty_is_at_its_limit_the_integral_does_not_grow():
+    for sign in (1.0, -1.0):
+        pid = made(integral=0.5)
+        for _ in range(300):
+            assert pid.update(sign * 0.9, sign * 30.0, 0.0, DT) == sign
+        assert sign * pid.update(0.0, 0.0, 0.0, DT) <= 0.1
+
+
+def test_at_the_limit_an_error_that_leads_back_is_integrated():
+    pid = made(integral=0.5, params=replace(FREE, tracking_time=1e9))
+    pid.update(0.0, 1.0, 0.0, 1.0)  # integral 0.5
+    assert pid.update(0.9, -0.5, 0.0, 1.0) == 1.0
+    assert pid.update(0.0, 0.0, 0.0, DT) == pytest.approx(0.25)
+
+
+def test_an_integral_beyond_the_limit_decays_with_the_tracking_time():
+    pid = made(integral=1.0)
+    pid.update(0.0, 0.8, 0.0, 1.0)  # integral 0.8
+    for _ in range(8):  # excess 0.4, 0.35, ...
+        pid.update(0.6, 0.0, 0.0, DT)
+    assert pid.update(0.0, 0.0, 0.0, DT) == pytest.approx(0.4 + 0.4 * (1.0 - DT / 0.5) ** 8)
+
+
+def test_back_calculation_does_not_reverse_an_integral_that_is_not_the_cause():
+    pid = made(proportional=1.0, integral=0.1)
+    for sign in (1.0, -1.0):
+        pid.reset()
+        pid.update(0.0, sign * 0.5, 0.0, 1.0)  # integral 0.05
+        for _ in range(300):
+            pid.update(0.0, sign * 30.0, 0.0, DT)
+        assert pid.update(0.0, 0.0, 0.0, DT) == pytest.approx(0.0, abs=1e-12)
+        pid.update(0.0, -sign * 0.5, 0.0, 1.0)
+        for _ in range(300):  # the integral reduces the excess
+            pid.update(0.0, sign * 30.0, 0.0, DT)
+        assert pid.update(0.0, 0.0, 0.0, DT) == pytest.approx(-sign * 0.05)
 
 
 def test_the_rate_limit_causes_no_windup():
-    pid = Pid(PidParams(rate_limit=0.1))
+    pid = made(0.04, 0.4, params=PidParams(rate_limit=0.1))
     for _ in range(50):
-        pid.update(10.0, 0.0, DT)
-    rising = pid.update(10.0, 10.0, DT)
-    assert rising <= 51 * 0.1 * DT + 1e-9
+        pid.update(0.5, 10.0, 0.0, DT)
+    for _ in range(40):
+        duty = pid.update(0.5, 0.0, 0.0, DT)
+    assert duty == pytest.approx(0.5, abs=1e-9)
 
 
 def test_after_a_reset_the_output_is_that_of_a_new_controller():
-    pid = Pid(PidParams())
-    first = pid.update(3.0, 1.0, DT)
-    pid.update(9.0, 4.0, DT)
+    pid = made(0.04, 0.4)
+    first = pid.update(0.1, 2.0, 0.0, DT)
+    pid.update(0.5, 4.0, 0.0, DT)
     pid.reset()
-    assert pid.update(3.0, 1.0, DT) == first
+    assert pid.update(0.1, 2.0, 0.0, DT) == first
 
 
-@pytest.mark.parametrize('set_point', [-12.0, 0.5, 6.3, 12.6])
-@pytest.mark.parametrize('load', [0.0, 0.6])
-def test_a_geared_motor_reaches_its_set_point_and_settles(set_point, load):
-    """A motor of 4 N m and 20 rad/s whose speed is measured as the mean over the last period."""
-    pid, speed, duty, measured = Pid(PidParams()), 0.0, 0.0, 0.0
-    history = []
-    for _ in range(80):
-        before, travelled = speed, 0.0
-        for _ in range(62):
-            torque = 4.0 * (duty - speed / 20.0) - math.copysign(load, set_point)
-            speed += torque / 0.04 * DT / 62
-            travelled += speed * DT / 62
-        duty = pid.update(set_point, measured, DT)  # one period late, as over a bus
-        measured = travelled / DT
-        history.append(before)
-    assert history[-20:] == [pytest.approx(set_point, rel=0.02, abs=0.05)] * 20
-    overshoot = max(speed * math.copysign(1.0, set_point) for speed in history) - abs(set_point)
-    assert overshoot < 0.3 * abs(set_point) + 0.3
+@pytest.mark.parametrize('gains', [Gains(0.2, 0.4, 0.0), Gains(0.0, 0.1, 0.002),
+                                   Gains(0.04, 3.0, 0.01)])
+def test_a_change_of_the_gains_does_not_move_the_output(gains):
+    pid = made(0.04, 0.4, 0.001)
+    for _ in range(5):
+        before = pid.update(0.1, 2.0, 5.0, DT)
+    pid.set_gains(FREE, gains)
+    after = pid.update(0.1, 2.0, 5.0, DT)
+    assert after - before == pytest.approx(gains.integral * 2.0 * DT)
+    assert before > 0.2
+
+
+def test_a_change_of_the_feed_forward_is_compensated_by_the_integral():
+    pid = made(0.04, 0.4)
+    before = pid.update(0.3, 0.5, 0.0, DT)
+    pid.compensate(0.1)
+    assert pid.update(0.4, 0.5, 0.0, DT) == pytest.approx(before + 0.4 * 0.5 * DT)
+
+
+def test_a_lower_limit_acts_at_once():
+    pid = made(0.04, 0.4)
+    assert pid.update(0.9, 0.0, 0.0, DT) == 0.9
+    pid.set_gains(replace(FREE, limit=0.3), Gains(0.04, 0.4, 0.0))
+    assert pid.update(0.9, 0.0, 0.0, DT) == 0.3

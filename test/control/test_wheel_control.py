@@ -17,9 +17,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
+import math
 
 import pytest
 
+from smart_tire.control.drive_model import drive_model
 from smart_tire.control.wheel_control import WheelControl
 from smart_tire.parameters.control import PidParams, WheelControllerParams
 from smart_tire.samples import NS_PER_S, VelocityCommand
@@ -149,25 +151,127 @@ def test_stationary_wheels_with_zero_set_points_get_zero_duty():
     assert duty[3] < 0.0
 
 
-def test_a_long_pause_between_two_steps_has_a_bounded_effect_on_the_integral():
-    control = started(replace(PARAMS, pid=PidParams(proportional=0.0, feed_forward=0.0,
-                                                    rate_limit=1e6)))
-    control.step(AHEAD, 0)
-    control.update_measurement((1.0,) * 4, 100 * NS_PER_S)
-    _, duty = control.step(AHEAD, 100 * NS_PER_S)
-    error = 0.5 / RADIUS - 1.0
-    assert duty[0] == pytest.approx(PARAMS.pid.integral * error * 5 / 16)
+ERROR = 0.2  # rad/s
+GAIN = 0.1   # 1/rad, below the limit of the delay
+ONLY_INTEGRAL = replace(PARAMS, pid=PidParams(proportional=0.0, integral=GAIN))
 
 
-def test_the_integral_uses_the_elapsed_time():
-    control = started(replace(PARAMS, pid=PidParams(proportional=0.0, feed_forward=0.0,
-                                                    rate_limit=1e6)))
+class Settled:
+    """A controller whose wheels have been slower than ``AHEAD`` by ``ERROR`` for 40 periods."""
+
+    def __init__(self, params):
+        self.control, self.now_ns = WheelControl(params), 0
+        for _ in range(40):
+            duty = self.step()
+        self.duty = duty
+
+    def step(self, elapsed_ns=PERIOD_NS, *, speed=AHEAD[0] - ERROR, read=True):
+        """Return the duty of the front left wheel after a reading and a step."""
+        self.now_ns += elapsed_ns
+        if read:
+            self.control.update_measurement((speed,) * 4, self.now_ns)
+        return self.control.step(AHEAD, self.now_ns)[1][0]
+
+
+@pytest.mark.parametrize(('periods', 'counted'), [
+    (0.5, 0.5), (1.0, 1.0), (1.4, 1.4), (0.0, 1.0), (4.0, 4.0), (100.0, 4.0)])
+def test_the_integral_uses_the_elapsed_time(periods, counted):
+    """No elapsed time counts as one period, a long pause as four."""
+    settled = Settled(ONLY_INTEGRAL)
+    change = settled.step(round(periods * PERIOD_NS)) - settled.duty
+    assert change == pytest.approx(GAIN * ERROR * counted / 16, rel=1e-3)
+
+
+def test_a_reading_that_is_overdue_is_not_integrated_any_longer():
+    settled = Settled(ONLY_INTEGRAL)
+    duties = [settled.step(read=False) for _ in range(6)]
+    assert duties[1] - settled.duty == pytest.approx(GAIN * ERROR * 2 / 16, rel=1e-3)
+    assert duties[2:] == [duties[1]] * 4
+    assert settled.step() > duties[1]
+
+
+@pytest.mark.parametrize('changes', [
+    {'proportional': 0.2}, {'integral': 0.01}, {'derivative': 0.02}, {'feed_forward': 0.06},
+    {'stall_torque': 3.0}, {'acceleration': 0.0}])
+def test_a_change_of_a_parameter_does_not_move_the_duty(changes):
+    pid = PidParams(proportional=0.02, integral=GAIN, derivative=0.001)
+    settled = Settled(replace(PARAMS, pid=pid))
+    settled.control.set_params(replace(PARAMS, pid=replace(pid, **changes)))
+    assert settled.step() == pytest.approx(settled.duty, abs=1.1 * GAIN * ERROR / 16)
+
+
+def test_during_an_acceleration_a_change_of_the_feed_forward_does_not_move_the_duty():
+    control, twin = started(), started()
+    for one in (control, twin):
+        one.step((15.0,) * 4, 0)
+    control.set_params(replace(PARAMS, pid=replace(PARAMS.pid, feed_forward=0.06)))
+    changed, unchanged = (one.step((15.0,) * 4, PERIOD_NS)[1][0] for one in (control, twin))
+    assert changed == pytest.approx(unchanged, abs=0.01)
+
+
+def test_the_duty_is_the_same_after_a_change_that_comes_while_disabled():
+    """While the controllers are reset there is nothing to be continued."""
+    params = replace(PARAMS, pid=replace(PARAMS.pid, feed_forward=0.06))
+    control = started()
+    control.step(None, 0)
+    control.set_params(params)
+    assert control.step(AHEAD, PERIOD_NS) == started(params).step(AHEAD, PERIOD_NS)
+
+
+@pytest.mark.parametrize('bad', [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize('wheel', range(4))
+def test_a_command_that_is_not_finite_is_no_command(bad, wheel):
+    control = started()
     control.step(AHEAD, 0)
-    _, duty = control.step(AHEAD, PERIOD_NS // 2)
-    error = 0.5 / RADIUS - 1.0
-    assert duty[0] == pytest.approx(PARAMS.pid.integral * error * 1.5 / 16)
-    assert control.step(AHEAD, PERIOD_NS // 2)[1][0] == pytest.approx(
-        PARAMS.pid.integral * error * 2.5 / 16)  # no elapsed time: counted as one period
+    velocity = [bad if index == wheel else 5.0 for index in range(4)]
+    assert control.step(velocity, PERIOD_NS) == (STOPPED, STOPPED)
+
+
+@pytest.mark.parametrize('command', [
+    VelocityCommand(0, math.nan, 0.0), VelocityCommand(0, 0.0, math.inf),
+    VelocityCommand(0, 1.7e308, 0.0)])
+def test_a_body_velocity_that_is_not_possible_moves_no_wheel(command):
+    assert started().follow(command, 0) == (STOPPED, STOPPED)
+
+
+@pytest.mark.parametrize('bad', [math.nan, math.inf, 1e9])
+def test_measured_speeds_that_are_not_possible_time_out(bad):
+    """One wheel without a speed stops all: the robot would turn."""
+    control = started()
+    duties = []
+    for tick in range(1, 12):
+        control.update_measurement((1.0, 1.0, bad, 1.0), tick * PERIOD_NS)
+        duties.append(control.step(AHEAD, tick * PERIOD_NS)[1])
+    assert duties[7] != STOPPED and duties[8:] == [STOPPED] * 3
+    assert all(math.isfinite(duty) for one in duties for duty in one)
+
+
+def test_a_rolling_robot_is_taken_over_at_its_speed():
+    """Its first duty is that of the speed: it neither brakes nor accelerates."""
+    control = started(velocity=AHEAD)
+    model = drive_model(PARAMS.pid, PARAMS.robot)
+    for tick in range(8):
+        _, duty = control.step(AHEAD, tick * PERIOD_NS)
+        assert duty == pytest.approx((model.duty(AHEAD[0], 1.0),) * 4, rel=1e-3)
+        control.update_measurement(AHEAD, (tick + 1) * PERIOD_NS)
+
+
+def test_set_points_are_published_without_the_limit_of_acceleration():
+    control = started(replace(PARAMS, max_wheel_acceleration=1.0), STOPPED)
+    set_points, duty = control.step(AHEAD, 0)
+    assert set_points == pytest.approx(AHEAD)
+    assert 0.0 < duty[0] < 0.1
+
+
+def test_the_duty_follows_the_set_points_of_the_traction_control():
+    control, slow = started(velocity=STOPPED), tuple(0.5 * speed for speed in AHEAD)
+    seen = []
+    control.traction.limit = lambda set_points, now_ns: seen.append((set_points, now_ns)) or slow
+    assert control.step(AHEAD, 0, 77) == (slow, started(velocity=STOPPED).step(slow, 0)[1])
+    assert seen == [(pytest.approx(AHEAD), 77)]
+    assert control.step(AHEAD, 1)[0] == pytest.approx(AHEAD)
+    assert control.step(None, 2, 78) == (STOPPED, STOPPED)
+    assert len(seen) == 1
 
 
 def test_parameters_can_change_while_running():

@@ -22,9 +22,9 @@ import math
 
 import numpy as np
 from smart_tire.calibration.recording import DutyRecord, ImuRecord, Recording, WheelRecord
-from smart_tire.control.pid import Pid
+from smart_tire.control.wheel_control import WheelControl
 from smart_tire.parameters import RobotParams, SimulatorParams
-from smart_tire.parameters.control import PidParams
+from smart_tire.parameters.control import WheelControllerParams
 from smart_tire.parameters.robot import FilmParams
 from smart_tire.parameters.simulation import GroundParams, SensorErrorParams
 from smart_tire.samples import ImuSample, MotorCommand, NS_PER_S, WheelSample
@@ -93,7 +93,7 @@ def in_step_events(seed, *, lifted=False, parts=None, phase=None, **options):
     control = _Control(schedule, random_phase if phase is None else phase)
     for step in range(round(duration / TIME_STEP)):
         time = step * TIME_STEP
-        if control.update(time, host.velocity):
+        if control.update(time):
             stamp = EPOCH_NS + round((time - delay) * NS_PER_S)
             events.append((stamp, 'motor_commands', MotorCommand(stamp, control.duty)))
         for item in robot.step(control.duty):
@@ -102,6 +102,7 @@ def in_step_events(seed, *, lifted=False, parts=None, phase=None, **options):
                 events.append((stamp, 'imu/data', replace(item, stamp_ns=stamp)))
         if sample := host.poll(robot, control.duty):
             events.append((sample.stamp_ns, 'wheel_states', sample))
+            control.measure(time, sample)
     return sorted(events, key=lambda event: event[0])
 
 
@@ -111,30 +112,27 @@ def in_step_run(seed, **options):
 
 
 class _Control:
-    """Speed control of ``wheel_controller``, with ramps of the set points."""
+    """Wheel controller, with ramps of the set points."""
 
     def __init__(self, schedule, phase):
         self._schedule, self._next = schedule, phase
-        self._pids, self._set_point = [Pid(PidParams()) for _ in range(4)], 0.0
+        self._control = WheelControl(WheelControllerParams(
+            rate=RATE, max_wheel_acceleration=RAMP, max_wheel_deceleration=RAMP))
         self.duty = (0.0,) * 4
 
-    def update(self, time, measured):
+    def measure(self, time, sample):
+        """Receive a wheel sample."""
+        self._control.update_measurement(sample.velocity, round(time * NS_PER_S), sample.stamp_ns)
+
+    def update(self, time):
         """Return whether there is a new duty."""
         if time < self._next:
             return False
         self._next += 1.0 / RATE
         started = [rpm for begin, rpm, _ in self._schedule if begin <= time]
         wanted = (started[-1] if started else 0.0) * math.tau / 60.0
-        step = RAMP / RATE
-        self._set_point += min(max(wanted - self._set_point, -step), step)
-        self.duty = tuple(self._duty(*wheel) for wheel in zip(self._pids, measured))
+        _, self.duty = self._control.step((wanted,) * 4, round(time * NS_PER_S))
         return True
-
-    def _duty(self, pid, measured):
-        if self._set_point == 0.0 and abs(measured) < 0.1:
-            pid.reset()
-            return 0.0
-        return pid.update(self._set_point, measured, 1.0 / RATE)
 
 
 class _Host:

@@ -110,7 +110,7 @@ def identify_motor(grounds: Sequence[Recording], lifted: Sequence[Recording],
     if best.drive is not None:
         stall = float(best.drive.stall_torque.mean())
         found.add(STALL, _over(Uncertain(stall, best.drive.relative_sigma * stall), kappa), 'N m',
-                  'of one motor; not written')
+                  'of one motor', 'pid.stall_torque')
     _add_scales(found, best)
     return found
 

@@ -99,7 +99,8 @@ def test_parameters_contain_what_is_observable_and_its_accuracy():
     items = {item.name: item for item in fit.parameters()}
     assert items.keys() == {
         'motor.torque_constant', 'motor.torque_constant_sigma', 'motor.inertia',
-        'motor.coulomb_friction', 'motor.viscous_friction', 'pid.feed_forward'}
+        'motor.coulomb_friction', 'motor.viscous_friction', 'pid.feed_forward',
+        'pid.stall_torque'}
     constant = items['motor.torque_constant']
     assert items['motor.torque_constant_sigma'].value == pytest.approx(
         constant.sigma / constant.value)

@@ -1,0 +1,156 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Steps of the wheel speeds: rise, overshoot and settling, for several rates of the readings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+import itertools
+from statistics import fmean
+
+from benchmarks.control.previous_wheel_control import PreviousWheelControl
+import numpy as np
+from smart_tire.arrays import Array
+from smart_tire.control.wheel_control import WheelControl
+from smart_tire.parameters import RobotParams, SimulatorParams
+from smart_tire.parameters.control import WheelControllerParams
+from smart_tire.parameters.robot import FilmParams
+from smart_tire.parameters.simulation import GroundParams
+from smart_tire.samples import Four, NS_PER_S, Sample, WheelSample
+from smart_tire.simulation.closed_loop import run_closed_loop
+from smart_tire.simulation.plant import Plant
+
+RATES = ((4.0, 16.0), (16.0, 16.0), (100.0, 100.0))  # Hz, of readings and of duties
+SET_POINTS = (6.0, 12.0, 3.0, -6.0, 0.0)  # rad/s
+START, STEP_TIME = 0.5, 2.0               # s, of the first step and between steps
+BAND = 0.05                               # of the step, within which the speed has settled
+AIR = GroundParams(names=('air',), friction=(0.0,), stiffness=(1e-3,), drag=(0.0,), base='air',
+                   patches=())
+LIFTED_MASS = 0.01                        # kg: nearly no load on wheels off the ground
+GROUNDS = {'concrete': (GroundParams(base='concrete', patches=()), 10.9),
+           'lifted wheels': (AIR, LIFTED_MASS)}
+BEFORE, NEW = 'before', 'new'
+
+
+@dataclass(frozen=True)
+class Step:
+    """Response of one wheel to one step of the set point."""
+
+    rise: float       # s, from 10 % to 90 %
+    overshoot: float  # of the step
+    settling: float   # s, from the step until the speed stays within ``BAND``
+    settled: bool     # whether it stays there before the next step
+
+
+@dataclass(frozen=True)
+class Row:
+    """Responses of all wheels to all steps with all seeds."""
+
+    ground: str
+    reading_rate: float  # Hz
+    control_rate: float  # Hz
+    controller: str
+    steps: tuple[Step, ...]
+
+    def mean(self, name: str) -> float:
+        """Return the mean of a field of the steps."""
+        return fmean(getattr(step, name) for step in self.steps)
+
+    def worst(self, name: str) -> float:
+        """Return the largest value of a field of the steps."""
+        return max(getattr(step, name) for step in self.steps)
+
+
+class _Steps:
+    """Gives the set points to a wheel controller, as ``Controller`` of ``run_closed_loop``."""
+
+    def __init__(self, rate: float, previous: bool) -> None:
+        self._previous = PreviousWheelControl(rate) if previous else None
+        self._control = WheelControl(WheelControllerParams(rate=rate))
+        self._first_ns: int | None = None
+
+    def receive(self, topic: str, sample: Sample, now_ns: int) -> None:
+        """Take the wheel speeds."""
+        if isinstance(sample, WheelSample):
+            self._control.update_measurement(sample.velocity, now_ns, sample.stamp_ns)
+            if self._previous:
+                self._previous.update_measurement(sample.velocity)
+
+    def duty(self, now_ns: int) -> Four:
+        """Return the duties for the set point at ``now_ns``."""
+        if self._first_ns is None:
+            self._first_ns = now_ns
+        step = int(((now_ns - self._first_ns) / NS_PER_S - START + STEP_TIME) / STEP_TIME)
+        set_point = SET_POINTS[min(step, len(SET_POINTS)) - 1] if step else 0.0
+        if self._previous:
+            return self._previous.step(set_point)
+        return self._control.step((set_point,) * 4, now_ns)[1]
+
+    def finished(self, now_ns: int) -> bool:
+        """Return False: the run ends by its duration."""
+        return False
+
+
+def responses(ground: str, reading_rate: float, control_rate: float, controller: str,
+              seed: int) -> tuple[Step, ...]:
+    """Return the responses of four wheels to all steps of one run."""
+    params, mass = GROUNDS[ground]
+    robot = RobotParams(film=FilmParams(wheels=()), mass=mass)
+    speeds: list[list[float]] = []
+
+    def watch(plant: Plant) -> None:
+        speeds.append([plant.time_ns / NS_PER_S, *plant.wheel_speed])
+
+    run_closed_loop(
+        SimulatorParams(seed=seed, ground=params, robot=robot),
+        _Steps(control_rate, controller == BEFORE), START + STEP_TIME * len(SET_POINTS),
+        wheel_rate=reading_rate, control_rate=control_rate, watch=watch)
+    time, *wheels = np.array(speeds).T
+    return tuple(
+        _score(time - begin, wheel, before, after)
+        for wheel in wheels
+        for begin, (before, after) in zip(
+            _step_times(control_rate), itertools.pairwise((0.0, *SET_POINTS))))
+
+
+def _step_times(control_rate: float) -> list[float]:
+    """Return the times of the steps [s]: the first duty is computed after one period."""
+    grid = [START + STEP_TIME * index for index in range(len(SET_POINTS))]
+    return [float(np.ceil(time * control_rate - 1e-6) + 1.0) / control_rate for time in grid]
+
+
+def _score(time: Array, speed: Array, before: float, after: float) -> Step:
+    """Return the response of a wheel to the step at time zero [s]."""
+    during = (time >= 0.0) & (time < STEP_TIME - 0.1)
+    time, share = time[during], (speed[during] - before) / (after - before)
+    tenth, most = (float(time[np.argmax(share > level)]) for level in (0.1, 0.9))
+    outside = np.flatnonzero(np.abs(share - 1.0) > BAND)
+    settling = float(time[outside[-1]]) if len(outside) else 0.0
+    return Step(most - tenth, max(float(share.max()) - 1.0, 0.0), settling,
+                settling < float(time[-1]) - 0.01)
+
+
+def wheel_steps(seeds: Sequence[int],
+                report: Callable[[str], None] = lambda text: None) -> list[Row]:
+    """Return a row for each ground, rate and controller; ``report`` gets the progress."""
+    rows = []
+    for ground, (readings, control), controller in itertools.product(
+            GROUNDS, RATES, (BEFORE, NEW)):
+        steps = itertools.chain.from_iterable(
+            responses(ground, readings, control, controller, seed) for seed in seeds)
+        rows.append(Row(ground, readings, control, controller, tuple(steps)))
+        report(f'wheel steps: {ground}, readings at {readings:g} Hz, {controller}')
+    return rows

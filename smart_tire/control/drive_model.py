@@ -1,0 +1,91 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Model of a wheel with its motor: feed-forward duty, and limits of the gains by the delay."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+
+from smart_tire.parameters.control import PidParams
+from smart_tire.parameters.robot import RobotParams
+
+GRAVITY = 9.81  # m/s2
+WHEELS = 4      # that share mass and weight of the robot
+
+
+@dataclass(frozen=True)
+class Gains:
+    """Gains of the feedback: duty per speed error, its integral, and acceleration."""
+
+    proportional: float  # s/rad
+    integral: float      # 1/rad
+    derivative: float    # s2/rad
+
+
+@dataclass(frozen=True)
+class DriveModel:
+    """
+    A wheel on the ground: a first-order lag with dry friction.
+
+    ``J_eff dw/dt = T (d - w / w_0) - friction sign(w)`` for duty d, stall torque T and free speed
+    w_0; J_eff is the inertia of the wheel and its share of the mass of the robot.
+    """
+
+    speed_gain: float     # s/rad, duty per wheel speed
+    friction: float       # duty that overcomes the dry friction
+    time_constant: float  # s, of the wheel speed on the ground
+    acceleration: float   # share of the duty for accelerations, 0 to 1
+
+    def input_speed(self, before: float, after: float, dt: float) -> float:
+        """
+        Return the input [rad/s], as steady speed, for a change of the speed in ``dt`` [s].
+
+        With a share of 1 the wheel reaches ``after`` at the end of the period; with 0 the input
+        is ``after``, which the wheel follows with its time constant.
+        """
+        return before + (after - before) * (
+            1.0 + self.acceleration * (1.0 / -math.expm1(-dt / self.time_constant) - 1.0))
+
+    def duty(self, input_speed: float, direction: float) -> float:
+        """Return the duty for an input, and for the friction in the ``direction`` -1, 0 or 1."""
+        return self.speed_gain * input_speed + self.friction * direction
+
+    def limited(self, pid: PidParams, delay: float) -> Gains:
+        """
+        Return the gains of ``pid``, reduced by one factor to those that ``delay`` [s] permits.
+
+        Internal model control of a first-order lag with a delay, for a closed loop as fast as the
+        delay: the proportional gain is at most ``time constant / (2 delay)``, the integral gain
+        at most ``1 / (2 delay)``, both in units of ``speed_gain``. With a proportional gain below
+        ``speed_gain`` the loop is stable for a wheel of any smaller inertia as well, such as a
+        lifted one.
+        """
+        fastest = self.speed_gain / (2.0 * delay)
+        factor = min([1.0] + [most / gain for gain, most in (
+            (pid.proportional, min(self.time_constant * fastest, self.speed_gain)),
+            (pid.integral, fastest)) if gain > 0.0])
+        return Gains(factor * pid.proportional, factor * pid.integral, factor * pid.derivative)
+
+
+def drive_model(pid: PidParams, robot: RobotParams) -> DriveModel:
+    """Return the model of a wheel that carries a quarter of the robot."""
+    motor, radius, stall = robot.motor, robot.wheel_radius, pid.stall_torque
+    friction = motor.coulomb_friction + (
+        motor.axle_friction * radius * robot.mass * GRAVITY / WHEELS)
+    speed_gain = pid.feed_forward + motor.viscous_friction / stall
+    inertia = motor.inertia + robot.mass * radius ** 2 / WHEELS
+    return DriveModel(speed_gain, friction / stall, inertia / (stall * speed_gain),
+                      pid.acceleration)

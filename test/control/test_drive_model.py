@@ -1,0 +1,89 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Feed-forward of a wheel on the ground, and gains that the delay permits."""
+
+from __future__ import annotations
+
+from dataclasses import astuple, replace
+import math
+
+import pytest
+from smart_tire.control.drive_model import drive_model, DriveModel, Gains
+from smart_tire.parameters import build, RobotParams
+from smart_tire.parameters.control import PidParams
+
+MODEL = DriveModel(speed_gain=0.05, friction=0.03, time_constant=0.1, acceleration=1.0)
+
+
+def test_the_model_follows_from_motor_and_mass():
+    robot = build(RobotParams, {
+        'motor.coulomb_friction': 0.2, 'motor.axle_friction': 0.02, 'motor.inertia': 0.01,
+        'motor.viscous_friction': 0.04, 'mass': 8.0, 'wheel_radius': 0.1})
+    model = drive_model(PidParams(feed_forward=0.05, stall_torque=4.0, acceleration=0.7), robot)
+    assert model.speed_gain == pytest.approx(0.05 + 0.04 / 4.0)
+    assert model.friction == pytest.approx((0.2 + 0.02 * 0.1 * 2.0 * 9.81) / 4.0)
+    assert model.time_constant == pytest.approx((0.01 + 2.0 * 0.1 ** 2) / (4.0 * 0.06))
+    assert model.acceleration == 0.7
+
+
+def test_the_duty_has_a_part_for_the_speed_and_one_for_the_friction():
+    assert [MODEL.duty(4.0, direction) for direction in (1.0, 0.0, -1.0)] == pytest.approx(
+        [0.23, 0.2, 0.17])
+
+
+@pytest.mark.parametrize('dt', [0.005, 0.0625, 0.5])
+def test_with_the_whole_acceleration_the_wheel_reaches_the_reference_in_time(dt):
+    input_speed = MODEL.input_speed(2.0, 5.0, dt)
+    after = input_speed + (2.0 - input_speed) * math.exp(-dt / 0.1)
+    assert after == pytest.approx(5.0)
+
+
+def test_without_acceleration_the_input_is_the_reference():
+    model = replace(MODEL, acceleration=0.0)
+    assert model.input_speed(2.0, 5.0, 0.01) == 5.0
+    half = replace(MODEL, acceleration=0.5).input_speed(2.0, 5.0, 0.01)
+    assert half == pytest.approx(0.5 * (5.0 + MODEL.input_speed(2.0, 5.0, 0.01)))
+
+
+PID = PidParams(proportional=0.04, integral=0.4, derivative=0.002)
+
+
+def test_gains_below_the_limit_of_the_delay_are_used_as_configured():
+    assert MODEL.limited(PID, 0.0625) == Gains(0.04, 0.4, 0.002)
+
+
+@pytest.mark.parametrize(('delay', 'factor'), [(0.125, 0.5), (0.25, 0.25)])
+def test_gains_fall_with_the_delay_by_one_factor(delay, factor):
+    """The integral gain is at most 0.05 / (2 delay), the proportional 0.1 times that."""
+    limited = MODEL.limited(PID, delay)
+    assert astuple(limited) == pytest.approx((0.04 * factor, 0.4 * factor, 0.002 * factor))
+
+
+def test_the_proportional_gain_limits_on_its_own():
+    limited = MODEL.limited(replace(PID, proportional=0.4), 0.0625)
+    assert limited.proportional == pytest.approx(0.04)
+    assert limited.integral == pytest.approx(0.04)
+    assert MODEL.limited(replace(PID, integral=0.0), 0.125).proportional == pytest.approx(0.02)
+    assert MODEL.limited(replace(PID, proportional=0.0), 0.125).integral == pytest.approx(0.2)
+
+
+def test_at_any_delay_the_proportional_gain_is_below_that_of_the_motor():
+    """Above it a lifted wheel, whose lag is shorter, would oscillate."""
+    limited = MODEL.limited(replace(PID, proportional=1.0, integral=0.0), 1e-3)
+    assert limited.proportional == pytest.approx(MODEL.speed_gain)
+
+
+def test_without_a_known_delay_there_is_no_feedback():
+    assert MODEL.limited(PID, math.inf) == Gains(0.0, 0.0, 0.0)
