@@ -17,12 +17,23 @@
 from __future__ import annotations
 
 from enum import IntEnum
-import math
 
+from smart_tire.control.friction_limit import FrictionLimit
+from smart_tire.control.motion_limits import motion_limits
+from smart_tire.control.motion_monitor import MotionMonitor
+from smart_tire.control.path_checks import (
+    check_goal, check_maneuvers, check_path, check_start)
+from smart_tire.control.path_follower import PathFollower
+from smart_tire.control.path_plan import plan_goal, plan_path
+from smart_tire.control.progress_monitor import ProgressMonitor
+from smart_tire.control.slip_kinematics import SlipKinematics
 from smart_tire.errors import CommandError
 from smart_tire.parameters.control import TrajectoryControllerParams
 from smart_tire.samples import (
-    Friction, GoalPose, NAN, Odometry, PathProgress, PlannedPath, VelocityCommand, WheelSlip)
+    Friction, GoalPose, NAN, NS_PER_S, Odometry, PathProgress, PlannedPath, VelocityCommand,
+    WheelSlip)
+
+MAX_STEP_PERIODS = 4  # upper limit of the time step, in periods
 
 
 class State(IntEnum):
@@ -39,42 +50,50 @@ class TrajectoryControl:
     """
     Follows one path or drives to one goal; all times are nanoseconds of the message clock.
 
-    ``reason`` is the text for the present state: why it was stopped or refused.
+    A new path replaces the one that is followed without stop. If it is refused, the robot stops:
+    whoever sent it does not expect that the old one is driven on. ``reason`` is the text for the
+    present state: why it was stopped or refused.
     """
 
     def __init__(self, params: TrajectoryControllerParams) -> None:
         self.params = params  # may be replaced at run time
+        self._kinematics = SlipKinematics(params)
+        self._friction = FrictionLimit()
+        self._motion = MotionMonitor()
+        self._target: PlannedPath | GoalPose | None = None  # until the first odometry after it
+        self._follower: PathFollower | None = None
+        self._progress = ProgressMonitor()
+        self._stepped_ns: int | None = None
+        self._stop_due = False             # a command of zero is to be published
+        self._last = (0.0, 0.0)            # command before the compensation of slip
         self.state = State.IDLE
         self.reason = ''
-        self._path: PlannedPath | None = None
-        self._index = 0
-        self._odometry: Odometry | None = None
 
     def set_path(self, path: PlannedPath, now_ns: int) -> None:
         """Follow ``path`` from now on; the state is REFUSED, with the reason, if it is invalid."""
-        try:
-            self._accept(path)
-        except CommandError as error:
-            self.state, self.reason, self._path = State.REFUSED, str(error), None
+        self._set_target(path, now_ns)
 
     def set_goal(self, goal: GoalPose, now_ns: int) -> None:
         """Drive to ``goal`` from now on; the state is REFUSED if it is invalid."""
-        self.set_path(PlannedPath(goal.stamp_ns, goal.frame, (goal.pose,)), now_ns)
+        self._set_target(goal, now_ns)
 
     def cancel(self, reason: str) -> None:
         """Stop following; nothing happens if no path is followed."""
         if self.state == State.FOLLOWING:
-            self.state, self.reason, self._path = State.STOPPED, reason, None
+            self._end(State.STOPPED, reason)
 
     def update_odometry(self, odometry: Odometry, now_ns: int) -> None:
         """Add the latest pose and velocity."""
-        self._odometry = odometry
+        self._friction.drive(self._motion.update(odometry, self.params.checks))
+        self._kinematics.update_odometry(odometry)
 
     def update_slip(self, slip: WheelSlip) -> None:
         """Add the latest slips of the wheels."""
+        self._kinematics.update_slip(slip)
 
     def update_friction(self, friction: Friction) -> None:
         """Add the friction of one patch crossing."""
+        self._friction.update(friction)
 
     def step(self, now_ns: int) -> VelocityCommand | None:
         """
@@ -82,33 +101,105 @@ class TrajectoryControl:
 
         After following has ended, the first result is a command of zero, then None.
         """
-        if self._path is None or self._odometry is None:
-            return None
-        x, y, _ = self._odometry.position
-        q = self._odometry.orientation
-        yaw = math.atan2(2.0 * q[3] * q[2], 1.0 - 2.0 * q[2] ** 2)
-        poses = self._path.poses
-        while (self._index < len(poses) - 1
-               and math.hypot(poses[self._index][0] - x, poses[self._index][1] - y) < 0.3):
-            self._index += 1
-        to_x, to_y, _ = poses[self._index]
-        distance = math.hypot(to_x - x, to_y - y)
-        if self._index == len(poses) - 1 and distance < 0.05:
-            self.state, self._path = State.ARRIVED, None
-            return VelocityCommand(now_ns, 0.0, 0.0)
-        error = math.remainder(math.atan2(to_y - y, to_x - x) - yaw, math.tau)
-        if abs(error) > 1.0:
-            return VelocityCommand(now_ns, 0.0, math.copysign(0.8, error))
-        speed = min(self.params.max_speed, distance + 0.05)
-        return VelocityCommand(now_ns, speed, 2.0 * speed * math.sin(error) / distance)
+        last_ns, self._stepped_ns = self._stepped_ns, now_ns
+        if self.state == State.FOLLOWING:
+            if last_ns is not None and now_ns < last_ns:
+                self.cancel('time runs back, expected increasing times')
+            else:
+                self._check(now_ns)
+        if self.state == State.FOLLOWING and self._follower is not None:
+            return self._follow(self._follower, now_ns, self._time_step(now_ns, last_ns))
+        return self._stop(now_ns)
 
     def progress(self, now_ns: int) -> PathProgress:
         """Return the progress for ``path_progress``."""
-        return PathProgress(now_ns, NAN, NAN, int(self.state))
+        if self._follower is None:
+            return PathProgress(now_ns, NAN, NAN, int(self.state))
+        point = self._follower.point
+        return PathProgress(now_ns, self._follower.remaining_distance(),
+                            NAN if point is None else point.lateral, int(self.state))
 
-    def _accept(self, path: PlannedPath) -> None:
-        if path.frame != 'odom':
-            raise CommandError(f'path: frame {path.frame!r}, expected odom')
-        if not path.poses:
-            raise CommandError('path: no poses')
-        self._path, self._index, self.state, self.reason = path, 0, State.FOLLOWING, ''
+    def _set_target(self, target: PlannedPath | GoalPose, now_ns: int) -> None:
+        try:
+            if isinstance(target, PlannedPath):
+                check_path(target, self.params.checks)
+            else:
+                check_goal(target)
+            if self._motion.initialized and not self._stale(now_ns):
+                self._begin(target)
+            else:
+                self._target, self._progress = target, ProgressMonitor()
+        except CommandError as error:
+            self._end(State.REFUSED, str(error))
+            return
+        self.state, self.reason, self._motion.fault = State.FOLLOWING, '', ''
+
+    def _end(self, state: State, reason: str = '') -> None:
+        self._stop_due = self._stop_due or self.state == State.FOLLOWING
+        self.state, self.reason = state, reason
+        self._target, self._follower, self._last = None, None, (0.0, 0.0)
+
+    def _stop(self, now_ns: int) -> VelocityCommand | None:
+        """Return a command of zero, once after following has ended."""
+        due, self._stop_due = self._stop_due, False
+        return VelocityCommand(now_ns, 0.0, 0.0) if due else None
+
+    def _check(self, now_ns: int) -> None:
+        """Begin with a new target; end following where a condition for it is not met."""
+        reason = self._motion.fault or (
+            self._stale(now_ns) if self._motion.initialized else self._progress.waiting(now_ns))
+        if reason:
+            self._end(State.STOPPED, reason)
+        elif self._target is not None and self._motion.initialized:
+            try:
+                self._begin(self._target)
+            except CommandError as error:
+                self._end(State.REFUSED, str(error))
+
+    def _stale(self, now_ns: int) -> str:
+        age, limit = self._motion.age(now_ns), self.params.checks.odom_timeout
+        if abs(age) <= limit:
+            return ''
+        return f'odom: {age:.2f} s old, expected at most {limit:g} s'
+
+    def _begin(self, target: PlannedPath | GoalPose) -> None:
+        self._target = None
+        motion, params = self._motion.measured(), self.params
+        check_start(target, motion, params.checks)
+        if isinstance(target, PlannedPath):
+            maneuvers = plan_path(target.poses, params.follower.corner_angle)
+            check_maneuvers(maneuvers)
+        else:
+            maneuvers = plan_goal((motion.x, motion.y, motion.yaw), target.pose,
+                                  tolerance=params.arrival.xy_tolerance,
+                                  reverse_distance=params.arrival.reverse_distance)
+        self._follower = PathFollower(maneuvers, *self._last)
+        self._progress = ProgressMonitor()
+
+    def _follow(self, follower: PathFollower, now_ns: int, dt: float) -> VelocityCommand | None:
+        params = self.params
+        motion = self._motion.predict(now_ns, params.follower.actuation_delay)
+        limits = motion_limits(params, self._friction.acceleration(params.friction))
+        self._last = follower.step(motion, dt, limits, params, self._heading_offset)
+        reason = self._progress.check(follower, self._motion.measured(), now_ns, params)
+        if follower.finished or reason:
+            self._end(State.STOPPED if reason else State.ARRIVED, reason)
+            return self._stop(now_ns)
+        return VelocityCommand(now_ns, *self._compensated(now_ns))
+
+    def _compensated(self, now_ns: int) -> tuple[float, float]:
+        """Return the command for the wanted motion of the body; at rest there is no slip."""
+        if self._last == (0.0, 0.0) or not self.params.slip_compensation:
+            return self._last
+        return self._kinematics.command(*self._last, now_ns)
+
+    def _heading_offset(self, v_x: float, yaw_rate: float) -> float:
+        if not self.params.slip_compensation:
+            return 0.0
+        return self._kinematics.heading_offset(v_x, yaw_rate)
+
+    def _time_step(self, now_ns: int, last_ns: int | None) -> float:
+        period = 1.0 / self.params.rate
+        if last_ns is None:
+            return period
+        return min((now_ns - last_ns) / NS_PER_S, MAX_STEP_PERIODS * period)

@@ -19,6 +19,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from smart_tire.parameters.path_following import (
+    ArrivalParams, FollowerParams, FrictionLimitParams, MotionLimitParams, PathCheckParams)
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.parameters.spec import inlined, nested, param
 from smart_tire.parameters.tuning import RELIABILITIES
@@ -141,6 +143,11 @@ class TrajectoryControllerParams:
         True, '-', 'compensate the estimated slip; false: kinematics without slip', live=True)
     effective_track: float = param(
         0.38, 'm', 'effective_track of wheel_controller', low=1e-2)
+    limits: MotionLimitParams = nested(MotionLimitParams)
+    follower: FollowerParams = nested(FollowerParams)
+    arrival: ArrivalParams = nested(ArrivalParams)
+    friction: FrictionLimitParams = nested(FrictionLimitParams)
+    checks: PathCheckParams = nested(PathCheckParams)
     reliability: str = param(
         'reliable', '-', 'QoS reliability of the input subscriptions', choices=RELIABILITIES)
     robot: RobotParams = inlined(RobotParams)

@@ -1,0 +1,132 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Software of the robot in a closed loop offline: estimators, trajectory and wheel control."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from smart_tire.analysis.pipeline import EstimatorParams, Pipeline
+from smart_tire.control.trajectory_control import State, TrajectoryControl
+from smart_tire.control.wheel_control import WheelControl
+from smart_tire.parameters.control import TrajectoryControllerParams, WheelControllerParams
+from smart_tire.samples import (
+    Four, Friction, NS_PER_S, Odometry, PlannedPath, Sample, VelocityCommand, WheelSample,
+    WheelSlip)
+
+STANDSTILL = 3.0   # s, before the path is set, in which the estimators settle
+STOPPING = 1.0     # s, after arrival, until the run ends
+ENDED = (State.ARRIVED, State.STOPPED, State.REFUSED)
+
+
+@dataclass(frozen=True)
+class StackParams:
+    """Parameters of all parts; ``true_pose`` is localization without error and delay."""
+
+    estimators: EstimatorParams
+    trajectory: TrajectoryControllerParams
+    wheels: WheelControllerParams
+    true_pose: bool
+
+
+class RobotStack:
+    """
+    Controller for ``run_closed_loop`` that follows ``path`` after ``STANDSTILL``.
+
+    Estimates reach the controllers when the last of their inputs is received, as live. Slips are
+    always the estimated ones.
+    """
+
+    def __init__(self, params: StackParams, path: PlannedPath) -> None:
+        self._params, self._path = params, path
+        self._pipeline = Pipeline(params.estimators)
+        self.trajectory = TrajectoryControl(params.trajectory)
+        self._wheels = WheelControl(params.wheels)
+        self._period_ns = round(NS_PER_S / params.trajectory.rate)
+        self._start_ns: int | None = None   # of the path
+        self._due_ns = 0                    # next step of the trajectory controller
+        self._command: VelocityCommand | None = None
+        self._command_ns = 0
+        self._ended_ns: int | None = None
+        self.commands: list[VelocityCommand] = []
+        self.frictions: list[Friction] = []
+        self.slips: list[WheelSlip] = []
+        self.poses: list[Odometry] = []     # estimated
+
+    @property
+    def start_ns(self) -> int:
+        """Return when the path was set."""
+        return self._start_ns or 0
+
+    @property
+    def ended_ns(self) -> int | None:
+        """Return when following ended; None if it has not."""
+        return self._ended_ns
+
+    def receive(self, topic: str, sample: Sample, now_ns: int) -> None:
+        """Process a message received at ``now_ns``."""
+        if topic.startswith('ground_truth/'):
+            if self._params.true_pose and isinstance(sample, Odometry):
+                self.trajectory.update_odometry(sample, now_ns)
+            return
+        if isinstance(sample, WheelSample):
+            self._wheels.update_measurement(sample.velocity, now_ns)
+        for estimate in self._pipeline.update(sample):
+            self._distribute(estimate, now_ns)
+        self._follow(now_ns)
+
+    def _distribute(self, estimate: Sample, now_ns: int) -> None:
+        if isinstance(estimate, Odometry):
+            self.poses.append(estimate)
+            if not self._params.true_pose:
+                self.trajectory.update_odometry(estimate, now_ns)
+            self._wheels.traction.update_odometry(estimate)
+        elif isinstance(estimate, WheelSlip):
+            self.slips.append(estimate)
+            self.trajectory.update_slip(estimate)
+            self._wheels.traction.update_slip(estimate)
+        elif isinstance(estimate, Friction):
+            self.frictions.append(estimate)
+            self.trajectory.update_friction(estimate)
+            self._wheels.traction.update_friction(estimate)
+
+    def _follow(self, now_ns: int) -> None:
+        """Step the trajectory controller when it is due."""
+        if self._start_ns is None:
+            self._start_ns = now_ns + round(STANDSTILL * NS_PER_S)
+            self._due_ns = self._start_ns
+        if now_ns < self._due_ns:
+            return
+        if self._due_ns == self._start_ns:
+            self.trajectory.set_path(self._path, now_ns)
+        self._due_ns += self._period_ns
+        command = self.trajectory.step(now_ns)
+        if command is not None:
+            self._command, self._command_ns = command, now_ns
+            self.commands.append(command)
+        if self._ended_ns is None and self.trajectory.state in ENDED:
+            self._ended_ns = now_ns
+
+    def duty(self, now_ns: int) -> Four:
+        """Return the duties of the wheel controller."""
+        command, timeout = self._command, self._params.wheels.cmd_vel_timeout
+        if command is not None and now_ns - self._command_ns > timeout * NS_PER_S:
+            command = None
+        return self._wheels.follow(command, now_ns, now_ns)[1]
+
+    def finished(self, now_ns: int) -> bool:
+        """Return whether following has ended ``STOPPING`` ago."""
+        return (self._ended_ns is not None
+                and now_ns - self._ended_ns > round(STOPPING * NS_PER_S))

@@ -1,0 +1,89 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Limits of speed and yaw rate: of the robot, of the friction, and of the path ahead."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+
+import numpy as np
+
+from smart_tire.control.path_geometry import Segment
+from smart_tire.parameters.control import TrajectoryControllerParams
+
+# Share of friction for lateral acceleration in curves; the rest of the circle is longitudinal.
+LATERAL_SHARE = 0.8
+LONGITUDINAL_SHARE = math.sqrt(1.0 - LATERAL_SHARE ** 2)
+PLANNED_SHARE = 0.85   # of deceleration and yaw acceleration, in plans; the rest is for control
+MIN_CURVATURE = 1e-9   # 1/m
+
+
+@dataclass(frozen=True)
+class MotionLimits:
+    """Limits of the commanded motion on the present ground."""
+
+    speed: float             # m/s
+    acceleration: float      # m/s2
+    deceleration: float      # m/s2
+    lateral: float           # m/s2, of speed times yaw rate
+    yaw_rate: float          # rad/s
+    yaw_acceleration: float  # rad/s2
+
+    def curve_speed(self, curvature: float) -> float:
+        """Return the speed [m/s] in a curve with ``curvature`` [1/m]."""
+        magnitude = max(abs(curvature), MIN_CURVATURE)
+        return min(self.speed, self.yaw_rate / magnitude, math.sqrt(self.lateral / magnitude))
+
+    def path_speed(self, segment: Segment, distance: float) -> float:
+        """
+        Return the speed [m/s] at ``distance`` [m] along ``segment``.
+
+        From it the speed limits of all curves ahead and the stop at the end are reached with the
+        planned deceleration: v(s)^2 <= v_limit(s')^2 + 2 d (s' - s) for all s' ahead.
+        """
+        planned = PLANNED_SHARE * self.deceleration
+        first = segment.index(distance)
+        last = segment.index(distance + self.speed ** 2 / (2.0 * planned)) + 1
+        ahead = np.maximum(segment.distance[first:last] - distance, 0.0)
+        curvature = np.maximum(np.abs(segment.curvature[first:last]), MIN_CURVATURE)
+        rate = np.maximum(segment.curvature_rate[first:last], MIN_CURVATURE)
+        squared = np.minimum((self.yaw_rate / curvature) ** 2, self.lateral / curvature)
+        squared = np.minimum(squared, PLANNED_SHARE * self.yaw_acceleration / rate)
+        to_end = 2.0 * planned * max(segment.length - distance, 0.0)
+        return math.sqrt(min(self.speed ** 2, to_end, float(np.min(
+            squared + 2.0 * planned * ahead))))
+
+    def next_speed(self, wanted: float, last: float, dt: float) -> float:
+        """Return the speed [m/s] towards ``wanted``, ``dt`` [s] after ``last``; both >= 0."""
+        low, high = last - self.deceleration * dt, last + self.acceleration * dt
+        return max(0.0, min(max(min(wanted, self.speed), low), high))
+
+    def next_yaw_rate(self, wanted: float, last: float, speed: float, dt: float) -> float:
+        """Return the yaw rate [rad/s] towards ``wanted``, ``dt`` [s] after ``last``."""
+        change = self.yaw_acceleration * dt
+        rate = min(max(wanted, last - change), last + change)
+        bound = min(self.yaw_rate, self.lateral / max(abs(speed), MIN_CURVATURE))
+        return min(max(rate, -bound), bound)
+
+
+def motion_limits(params: TrajectoryControllerParams, friction: float) -> MotionLimits:
+    """Return the limits where the body may accelerate with ``friction`` [m/s2]."""
+    limits, longitudinal = params.limits, LONGITUDINAL_SHARE * friction
+    return MotionLimits(
+        params.max_speed, min(limits.acceleration, longitudinal),
+        min(limits.deceleration, longitudinal),
+        min(limits.lateral_acceleration, LATERAL_SHARE * friction),
+        limits.yaw_rate, limits.yaw_acceleration)

@@ -1,0 +1,129 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Geometry of a path: segments without stop, and turns in place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+GRID_STEP = 0.02          # m, maximum distance between the points of a segment
+SMOOTHING_WINDOW = 0.15   # m, of the moving averages of the tangent's direction
+FORWARD, REVERSE = 1, -1
+
+
+@dataclass(frozen=True)
+class Spin:
+    """Turn in place to ``yaw`` [rad]."""
+
+    yaw: float
+    length: float = 0.0
+
+
+@dataclass(frozen=True)
+class PathPoint:
+    """Point of a segment, and the position of the robot relative to it."""
+
+    distance: float   # m, arc length from the begin of the segment
+    along: float      # m, robot ahead of the point; not zero beyond the ends only
+    lateral: float    # m, robot left of the path (seen along the direction of travel)
+    heading: float    # rad, direction of travel
+    curvature: float  # 1/m, positive to the left
+
+    def offset(self) -> float:
+        """Return the distance [m] of the robot from the point."""
+        return math.hypot(self.along, self.lateral)
+
+
+class Segment:
+    """
+    Part of a path that is driven without stop; arrays (n,) are on a uniform grid of arc length.
+
+    The path is the polygon through the given points. Direction and curvature are those of the
+    polygon after two moving averages over ``SMOOTHING_WINDOW``, which are shorter near the ends.
+    """
+
+    def __init__(self, x: Array, y: Array, direction: int = FORWARD) -> None:
+        lengths = np.hypot(np.diff(x), np.diff(y))
+        arc = np.concatenate([[0.0], np.cumsum(lengths)])
+        self.length = float(arc[-1])
+        count = math.ceil(self.length / GRID_STEP) + 1
+        self.direction = direction
+        self.distance = np.linspace(0.0, self.length, max(count, 2))
+        self.x, self.y = np.interp(self.distance, arc, x), np.interp(self.distance, arc, y)
+        self._step = float(self.distance[1])
+        half = int(0.5 * SMOOTHING_WINDOW / self._step)
+        edges = np.unwrap(np.arctan2(np.diff(self.y), np.diff(self.x)))
+        heading = np.concatenate([edges[:1], 0.5 * (edges[1:] + edges[:-1]), edges[-1:]])
+        self.heading = moving_average(moving_average(heading, half), half)
+        self.curvature = np.gradient(self.heading, self._step)
+        self.curvature_rate = np.abs(np.gradient(self.curvature, self._step))
+
+    @property
+    def end(self) -> tuple[float, float]:
+        """Position [m] of the end."""
+        return float(self.x[-1]), float(self.y[-1])
+
+    def index(self, distance: float) -> int:
+        """Return the index of the last grid point that is not further than ``distance`` [m]."""
+        return min(max(int(distance / self._step), 0), self.distance.size - 1)
+
+    def project(self, x: float, y: float, low: float, high: float) -> PathPoint:
+        """Return the point nearest to (x, y) with an arc length [m] from ``low`` to ``high``."""
+        first = min(self.index(low), self.distance.size - 2)
+        last = min(self.index(high) + 2, self.distance.size)
+        px, py = self.x[first:last], self.y[first:last]
+        ex, ey = np.diff(px), np.diff(py)
+        share = np.clip(((x - px[:-1]) * ex + (y - py[:-1]) * ey) / self._edge2(ex, ey), 0.0, 1.0)
+        best = int(np.argmin((px[:-1] + share * ex - x) ** 2 + (py[:-1] + share * ey - y) ** 2))
+        distance = (first + best + float(share[best])) * self._step
+        return self.point(min(max(distance, low), high, self.length), x, y)
+
+    @staticmethod
+    def _edge2(ex: Array, ey: Array) -> Array:
+        return np.maximum(ex ** 2 + ey ** 2, 1e-18)
+
+    def point(self, distance: float, x: float, y: float) -> PathPoint:
+        """Return the point at an arc length [m], with the position of (x, y) relative to it."""
+        start = min(self.index(distance), self.distance.size - 2)
+        share = distance / self._step - start
+        px, py, heading, curvature = (
+            float(values[start] + share * (values[start + 1] - values[start]))
+            for values in (self.x, self.y, self.heading, self.curvature))
+        cos, sin = math.cos(heading), math.sin(heading)
+        return PathPoint(distance, (x - px) * cos + (y - py) * sin,
+                         (y - py) * cos - (x - px) * sin, heading, curvature)
+
+
+Maneuver = Segment | Spin
+
+
+def moving_average(values: Array, half: int) -> Array:
+    """Return means (n,) of up to ``half`` neighbors on each side, as many on both."""
+    index = np.arange(values.size)
+    reach = np.minimum(np.minimum(index, index[::-1]), half)
+    total = np.concatenate([[0.0], np.cumsum(values)])
+    means: Array = (total[index + reach + 1] - total[index - reach]) / (2 * reach + 1)
+    return means
+
+
+def wrap(angle: float) -> float:
+    """Return ``angle`` [rad] in [-pi, pi]."""
+    return math.remainder(angle, math.tau)

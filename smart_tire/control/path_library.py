@@ -1,0 +1,75 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Paths that begin at the origin along +x: for benchmarks and ``smart_tire drive``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+import math
+
+import numpy as np
+
+from smart_tire.samples import NAN, PlannedPath, Vector3
+
+SPACING = 0.02  # m, between poses of a curve
+FRAME = 'odom'
+
+
+def line(length: float) -> PlannedPath:
+    """Return a straight path of ``length`` [m]; negative: backward, in reverse."""
+    if length < 0.0:
+        return _path([(0.0, 0.0, 0.0), (length, 0.0, 0.0)])
+    return _path([(0.0, 0.0, NAN), (length, 0.0, NAN)])
+
+
+def figure_eight(radius: float) -> PlannedPath:
+    """
+    Return a figure-eight of ``radius`` [m], the smallest radius of curvature: first to the left.
+
+    It is a lemniscate of Bernoulli: its curvature is proportional to the distance from the
+    crossing, where it begins and ends. It is 15.7 radii long, and 6 radii wide.
+    """
+    scale = 3.0 * radius
+    count = math.ceil(5.2441 * scale / SPACING)
+    t = np.linspace(-0.5 * math.pi, 1.5 * math.pi, max(count, 100) + 1)
+    x = scale * np.cos(t) / (1.0 + np.sin(t) ** 2)
+    y = x * np.sin(t)
+    half = math.sqrt(0.5)  # the first tangent is at -45 degrees
+    return _path([(px, py, NAN) for px, py in zip(
+        (half * (x - y)).tolist(), (half * (x + y)).tolist())])
+
+
+def square(side: float) -> PlannedPath:
+    """Return a square with corners, counter-clockwise, each ``side`` [m] long."""
+    corners = ((0.0, 0.0), (side, 0.0), (side, side), (0.0, side), (0.0, 0.0))
+    return _path([(x, y, NAN) for x, y in corners])
+
+
+def lane_change(length: float, width: float) -> PlannedPath:
+    """
+    Return a lane change to the left by ``width`` [m] within ``length`` [m].
+
+    Straight parts of a quarter of ``length`` come before and after it. Its shape is the quintic
+    polynomial with neither slope nor curvature at both ends.
+    """
+    run = 0.25 * length
+    u = np.linspace(0.0, 1.0, max(math.ceil(length / SPACING), 2) + 1)
+    x, y = run + length * u, width * u ** 3 * (10.0 - 15.0 * u + 6.0 * u ** 2)
+    curve = [(px, py, NAN) for px, py in zip(x.tolist(), y.tolist())]
+    return _path([(0.0, 0.0, NAN), *curve, (2.0 * run + length, width, NAN)])
+
+
+def _path(poses: Iterable[Vector3]) -> PlannedPath:
+    return PlannedPath(0, FRAME, tuple(poses))

@@ -1,0 +1,154 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Poses of a path to maneuvers: segments without stop, and turns in place.
+
+The path is split at corners sharper than ``corner_angle`` (so also at cusps), where the direction
+of travel changes, and where two poses have the same position and different yaw, which is a turn
+in place. Orientations count as given if the yaw of the poses agrees, modulo pi, with the path
+within ``YAW_AGREEMENT`` on ``MIN_AGREEING_SHARE`` of its length; where they agree modulo 2 pi the
+robot drives forward, else in reverse, and the last yaw is that of arrival. Otherwise (yaw NaN,
+or the same yaw everywhere on a path that is not straight, as in messages with the identity for
+all orientations) the robot drives forward and arrives with the direction of the path.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import math
+
+import numpy as np
+
+from smart_tire.control.path_geometry import (
+    Array, FORWARD, Maneuver, REVERSE, Segment, Spin, wrap)
+from smart_tire.samples import Vector3
+
+MIN_SPACING = 0.002        # m; nearer poses count as one position
+CHORD_LENGTH = 0.03        # m, before and after a point, for the angle of a corner
+YAW_AGREEMENT = math.radians(30.0)
+MIN_AGREEING_SHARE = 0.75  # of the length
+MIN_SPIN = math.radians(10.0)  # yaw between poses at the same position
+
+
+def plan_path(poses: Sequence[Vector3], corner_angle: float) -> tuple[Maneuver, ...]:
+    """
+    Return the maneuvers along ``poses`` (x [m], y [m], yaw [rad], NaN: not given).
+
+    ``corner_angle`` [rad] is the sharpest corner that is driven without stop.
+    """
+    points, spins = _distinct(poses)
+    if len(points) == 1:
+        yaw = spins.get(0, points[0, 2])
+        return () if math.isnan(yaw) else (Spin(float(yaw)),)
+    directions = _directions(points)
+    if directions is None:
+        spins, directions = {}, np.full(len(points) - 1, FORWARD)
+        final = math.nan
+    else:
+        final = spins.pop(len(points) - 1, float(points[-1, 2]))
+    ends = _split(points, directions, spins, corner_angle)
+    maneuvers: list[Maneuver] = [Spin(spins[0])] if 0 in spins else []
+    for first, last in zip(ends, ends[1:]):
+        part = points[first:last + 1]
+        maneuvers.append(Segment(part[:, 0], part[:, 1], int(directions[first])))
+        if last in spins:
+            maneuvers.append(Spin(spins[last]))
+    return (*maneuvers, *([] if math.isnan(final) else [Spin(final)]))
+
+
+def plan_goal(start: Vector3, goal: Vector3, *, tolerance: float,
+              reverse_distance: float) -> tuple[Maneuver, ...]:
+    """
+    Return the maneuvers from ``start`` to ``goal`` (x [m], y [m], yaw [rad]): straight, then turn.
+
+    A goal behind within ``reverse_distance`` [m] is reached in reverse. There is no way to drive
+    if the goal is within ``tolerance`` [m]. A yaw of NaN is any.
+    """
+    distance = math.hypot(goal[0] - start[0], goal[1] - start[1])
+    bearing = wrap(math.atan2(goal[1] - start[1], goal[0] - start[0]) - start[2])
+    maneuvers: list[Maneuver] = []
+    if distance > tolerance:
+        behind = abs(bearing) > 0.5 * math.pi and distance <= reverse_distance
+        maneuvers.append(Segment(np.array([start[0], goal[0]]), np.array([start[1], goal[1]]),
+                                 REVERSE if behind else FORWARD))
+    if not math.isnan(goal[2]):
+        maneuvers.append(Spin(goal[2]))
+    return tuple(maneuvers)
+
+
+def _distinct(poses: Sequence[Vector3]) -> tuple[Array, dict[int, float]]:
+    """Return the poses at distinct positions (n, 3), and the yaw of turns in place by index."""
+    kept = [poses[0]]
+    spins: dict[int, float] = {}
+    for pose in poses[1:]:
+        if math.hypot(pose[0] - kept[-1][0], pose[1] - kept[-1][1]) >= MIN_SPACING:
+            kept.append(pose)
+        elif (abs(wrap(pose[2] - kept[-1][2])) > MIN_SPIN
+              or len(kept) - 1 in spins and not math.isnan(pose[2])):
+            spins[len(kept) - 1] = pose[2]
+    if len(kept) > 1 and len(kept) - 1 not in spins:
+        kept[-1] = poses[-1]
+    return np.array(kept, dtype=np.float64), spins
+
+
+def _directions(points: Array) -> Array | None:
+    """Return FORWARD or REVERSE (n-1,) of each edge; None if orientations are not given."""
+    dx, dy, yaw = np.diff(points[:, 0]), np.diff(points[:, 1]), points[:, 2]
+    heading, lengths = np.arctan2(dy, dx), np.hypot(dx, dy)
+    ends = np.cos(np.stack([yaw[:-1] - heading, yaw[1:] - heading]))
+    agreement = np.where(np.abs(ends[0]) >= np.abs(ends[1]), ends[0], ends[1])
+    agrees = np.abs(agreement) >= math.cos(YAW_AGREEMENT)
+    if lengths[agrees].sum() < MIN_AGREEING_SHARE * lengths.sum():
+        return None
+    if np.ptp(yaw) == 0.0 and not agrees.all():
+        return None
+    # an edge that does not agree has the direction of the last one that does
+    known = np.maximum.accumulate(np.where(agrees, np.arange(agrees.size), -1))
+    known[known < 0] = int(np.argmax(agrees))
+    directions: Array = np.where(agreement[known] > 0.0, FORWARD, REVERSE)
+    return directions
+
+
+def _split(points: Array, directions: Array, spins: dict[int, float],
+           corner_angle: float) -> list[int]:
+    """Return the indices of the points at which segments begin and end."""
+    ends = {0, len(points) - 1, *spins, *_corners(points, corner_angle)}
+    ends.update((np.flatnonzero(np.diff(directions)) + 1).tolist())
+    return sorted(ends)
+
+
+def _corners(points: Array, corner_angle: float) -> list[int]:
+    """Return the indices of corners sharper than ``corner_angle`` [rad]."""
+    x, y = points[:, 0], points[:, 1]
+    arc = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))])
+    inner = arc[1:-1]
+    # chords of dense points are longer than their edges; those of coarse ones are the edges
+    before, after = inner - CHORD_LENGTH, inner + CHORD_LENGTH
+    into = np.arctan2(y[1:-1] - np.interp(before, arc, y), x[1:-1] - np.interp(before, arc, x))
+    out = np.arctan2(np.interp(after, arc, y) - y[1:-1], np.interp(after, arc, x) - x[1:-1])
+    turn = np.abs((out - into + math.pi) % math.tau - math.pi)
+    return _peaks(turn, inner, corner_angle)
+
+
+def _peaks(turn: Array, arc: Array, limit: float) -> list[int]:
+    """Return the indices of points (inner ones from 1 on) with the largest turn of each run."""
+    corners: list[int] = []
+    for index in np.flatnonzero(turn > limit).tolist():
+        if corners and arc[index] - arc[corners[-1] - 1] < CHORD_LENGTH:
+            if turn[index] > turn[corners[-1] - 1]:
+                corners[-1] = index + 1
+        else:
+            corners.append(index + 1)
+    return corners

@@ -1,0 +1,138 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Coefficients of the slip of a skid-steer robot, learned recursively from its estimated slip."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+import math
+
+import numpy as np
+
+from smart_tire.arrays import Array
+from smart_tire.models.vehicle.steady_turn import steady_turn, TurnModel
+
+FIRM_RESISTANCE = 0.01   # -, slip of a tire driving straight on firm ground
+SIGMAS = (0.08, 0.05, 0.3, 1.0)   # prior standard deviations, in the order of Coefficient
+TIMES = (30.0, 5.0, 60.0, 60.0)   # s, correlation times, likewise
+LOW = (-0.05, -0.2, 0.0, 0.0)     # limits, likewise
+HIGH = (0.5, 0.2, 3.0, 5.0)
+STEPS = (0.01, 0.01, 0.02, 0.02)  # of the numerical derivatives, likewise
+MODEL_SIGMA = 0.03       # of a slip velocity or lateral speed, over the largest wheel speed
+GATE = 9.0               # normalized innovation squared that indicates another ground
+
+
+class Coefficient(IntEnum):
+    """States of the filter."""
+
+    COMMON_RESISTANCE = 0  # -, slip while driving straight, mean of both sides
+    RESISTANCE_STEP = 1    # -, half the difference of the right side and the left side
+    SCRUB = 2              # -, moment against turning over that of the isotropic brush tire
+    COMPLIANCE = 3         # -, lateral compliance over that on the calibrated ground
+
+
+N = len(Coefficient)
+Values = tuple[float, float, float, float]
+Sides = tuple[float, float]  # left, right
+
+
+@dataclass(frozen=True)
+class BodyMotion:
+    """Mean velocity of the body, and how uncertain the wheel speeds are for its acceleration."""
+
+    v_x: float       # m/s
+    v_y: float       # m/s
+    yaw_rate: float  # rad/s
+    inertia: float   # -, slip that accelerates the body
+
+
+class SlipCoefficients:
+    """
+    Extended Kalman filter of the coefficients, an Ornstein-Uhlenbeck process around the prior.
+
+    ``lateral_gain`` is m / C_x [s2/m] on the calibrated ground; times are nanoseconds.
+    """
+
+    def __init__(self, model: TurnModel, lateral_gain: float, scrub: float) -> None:
+        self._model, self._lateral_gain = model, lateral_gain
+        self._prior = np.array([FIRM_RESISTANCE, 0.0, scrub, 1.0])
+        self._variance = np.diag(np.square(SIGMAS))
+        self.reset()
+
+    def reset(self) -> None:
+        """Return to the prior."""
+        self._x, self._P = self._prior.copy(), self._variance.copy()
+
+    def after(self, duration: float) -> Values:
+        """Return the coefficients that are expected ``duration`` [s] after the last update."""
+        return _values(self._prior + _kept(duration) * (self._x - self._prior))
+
+    def predict(self, duration: float) -> None:
+        """Advance by ``duration`` [s]."""
+        kept = _kept(duration)
+        self._x = self._prior + kept * (self._x - self._prior)
+        self._P = np.outer(kept, kept) * self._P + np.diag(1.0 - kept ** 2) * self._variance
+
+    def update(self, motion: BodyMotion, slip: Sides, sigma: Sides) -> None:
+        """Correct with slip velocities [m/s] of both sides and their standard deviations."""
+        H = np.empty((3, N))
+        expected = self._expected(self._x, motion)
+        for column, step in enumerate(STEPS):
+            moved = self._x.copy()
+            moved[column] += step
+            H[:, column] = (self._expected(moved, motion) - expected) / step
+        half = 0.5 * self._model.track * abs(motion.yaw_rate)
+        scale = abs(motion.v_x) + half + max(map(abs, slip))
+        own = math.hypot(MODEL_SIGMA, motion.inertia) * scale
+        R = np.diag(np.square([*(math.hypot(one, own) for one in sigma), MODEL_SIGMA * scale]))
+        innovation = np.array([*slip, motion.v_y]) - expected
+        self._correct(H, R, innovation)
+
+    def _correct(self, H: Array, R: Array, innovation: Array) -> None:
+        S = H @ self._P @ H.T + R
+        nis = float(innovation @ np.linalg.solve(S, innovation))
+        if nis > GATE:
+            # another ground: the coefficients are as uncertain as at the start, at most
+            spread = np.sqrt(np.diag(self._variance) / np.diag(self._P))
+            growth = np.clip(math.sqrt(nis / GATE), 1.0, np.maximum(spread, 1.0))
+            self._P = np.outer(growth, growth) * self._P
+            S = H @ self._P @ H.T + R
+        K = np.linalg.solve(S, H @ self._P).T
+        self._x = np.clip(self._x + K @ innovation, LOW, HIGH)
+        rest = np.eye(N) - K @ H
+        self._P = rest @ self._P @ rest.T + K @ R @ K.T
+
+    def _expected(self, x: Array, motion: BodyMotion) -> Array:
+        common, step, scrub, compliance = x.tolist()
+        turn = steady_turn(self._model, motion.v_x, motion.yaw_rate,
+                           (common - step, common + step), scrub)
+        lateral = lateral_speed(motion.v_x, motion.yaw_rate, turn.lateral_compliance
+                                * compliance * self._lateral_gain)
+        return np.array([turn.left, turn.right, lateral])
+
+
+def lateral_speed(v_x: float, yaw_rate: float, compliance: float) -> float:
+    """Return v_y [m/s], with the lateral speed per centripetal acceleration [s]."""
+    return -compliance * v_x * yaw_rate
+
+
+def _kept(duration: float) -> Array:
+    return np.exp(-duration / np.array(TIMES))
+
+
+def _values(x: Array) -> Values:
+    common, step, scrub, compliance = x.tolist()
+    return common, step, scrub, compliance

@@ -1,0 +1,112 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Check of odometry, and prediction of the pose."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+import math
+
+import pytest
+from support.ideal_robot import odometry
+
+from smart_tire.control.motion_monitor import Motion, MotionMonitor
+from smart_tire.parameters.path_following import PathCheckParams
+from smart_tire.samples import NS_PER_S
+
+PARAMS = PathCheckParams(odom_jump=0.2)
+
+
+def monitor(*samples):
+    made = MotionMonitor()
+    for sample in samples:
+        made.update(sample, PARAMS)
+    return made
+
+
+def test_a_pose_is_predicted_on_a_circle():
+    motion = Motion(1.0, 2.0, 0.5, 0.4, 0.0, 1.0).after(0.2)
+    chord, middle = 2.0 * 0.4 * math.sin(0.1), 0.6
+    assert (motion.x, motion.y) == pytest.approx(
+        (1.0 + chord * math.cos(middle), 2.0 + chord * math.sin(middle)), abs=2e-4)
+    assert motion.yaw == pytest.approx(0.7)
+    assert (motion.v_x, motion.yaw_rate) == (0.4, 1.0)
+
+
+def test_lateral_velocity_is_to_the_left():
+    motion = Motion(0.0, 0.0, math.pi / 2, 0.0, 0.3, 0.0).after(1.0)
+    assert (motion.x, motion.y) == pytest.approx((-0.3, 0.0))
+    assert motion.speed() == 0.3
+
+
+def test_the_pose_is_predicted_from_its_stamp_with_the_delay():
+    made = monitor(odometry(NS_PER_S, v_x=0.5))
+    assert made.age(NS_PER_S + NS_PER_S // 5) == pytest.approx(0.2)
+    assert made.predict(NS_PER_S + NS_PER_S // 5, 0.1).x == pytest.approx(0.15)
+    assert made.measured().x == 0.0
+    assert not made.fault
+    assert made.initialized
+
+
+def test_without_odometry_its_age_is_infinite():
+    assert monitor().age(0) == math.inf
+    assert not monitor().initialized
+
+
+def test_the_distance_driven_is_returned():
+    made = monitor(odometry(0))
+    assert made.update(odometry(NS_PER_S, x=0.3, y=0.4, v_x=0.5), PARAMS) == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize(('x', 'speed', 'fault'), [
+    (0.19, 0.0, False), (0.21, 0.0, True), (-0.21, 0.0, True),
+    (0.69, 0.5, False), (0.71, 0.5, True), (0.69, -0.5, False)])
+def test_a_position_that_the_speed_does_not_explain_is_a_jump(x, speed, fault):
+    made = monitor(odometry(0))
+    moved = made.update(odometry(NS_PER_S, x=x, v_x=speed), PARAMS)
+    assert ('position jumped' in made.fault) == fault
+    assert moved == pytest.approx(0.0 if fault else abs(x))
+
+
+@pytest.mark.parametrize(('before', 'after', 'rate', 'fault'), [
+    (0.0, 0.49, 0.0, False), (0.0, 0.51, 0.0, True), (0.0, -0.51, 0.0, True),
+    (0.0, 1.4, 1.0, False), (0.0, 1.6, -1.0, True), (3.1, -3.1, 0.0, False)])
+def test_a_yaw_that_the_rate_does_not_explain_is_a_jump(before, after, rate, fault):
+    made = monitor(odometry(0, yaw=before), odometry(NS_PER_S, yaw=after, yaw_rate=rate))
+    assert ('yaw jumped' in made.fault) == fault
+
+
+def test_stamps_that_run_back_are_a_fault():
+    assert 'time runs back by 1.000 s' in monitor(odometry(NS_PER_S), odometry(0)).fault
+    assert not monitor(odometry(NS_PER_S), odometry(NS_PER_S)).fault
+
+
+@pytest.mark.parametrize('change', [
+    {'position': (math.nan, 0.0, 0.0)}, {'orientation': (0.0, 0.0, math.nan, 1.0)},
+    {'linear': (0.0, math.inf, 0.0)}, {'angular': (0.0, 0.0, math.nan)}])
+def test_numbers_that_are_not_finite_are_a_fault_and_not_used(change):
+    made = monitor(odometry(0, x=1.0), replace(odometry(NS_PER_S), **change))
+    assert 'not finite' in made.fault
+    assert made.measured().x == 1.0
+    assert made.age(NS_PER_S) == pytest.approx(1.0)
+
+
+def test_the_first_fault_remains_until_it_is_cleared():
+    made = monitor(odometry(0), odometry(1, x=5.0), odometry(0))
+    assert 'position jumped' in made.fault
+    made.fault = ''
+    made.update(odometry(2, x=5.0), PARAMS)
+    made.update(odometry(3, x=5.01), PARAMS)
+    assert 'position jumped' in made.fault  # from the pose before, which was back at 0

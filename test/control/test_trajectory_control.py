@@ -1,0 +1,386 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""States of the trajectory controller: what it refuses, and what makes it stop."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+import math
+
+import pytest
+from support.ideal_robot import IDEAL, odometry, path, Run
+
+from smart_tire.control.path_library import figure_eight, line
+from smart_tire.control.trajectory_control import State, TrajectoryControl
+from smart_tire.parameters.path_following import PathCheckParams
+from smart_tire.samples import Friction, GoalPose, NAN, NS_PER_S, PlannedPath, WheelSlip
+from smart_tire.uncertain import Uncertain
+
+FAR = line(3.0)
+
+
+def under_way(planned=FAR, seconds=1.5, params=IDEAL, **robot):
+    """Return a run that has followed a path for some time."""
+    run = Run(params, **robot).start(planned).for_seconds(seconds)
+    assert run.control.state == State.FOLLOWING, run.control.reason
+    return run
+
+
+def assert_stopped(run, reason, state=State.STOPPED):
+    """Check that the next commands are zero, once, and then none."""
+    command = run.control.step(run.now_ns)
+    assert (command.stamp_ns, command.v_x, command.yaw_rate) == (run.now_ns, 0.0, 0.0)
+    assert run.control.state == state
+    assert reason in run.control.reason
+    run.now_ns += 1
+    assert run.control.step(run.now_ns) is None
+    assert math.isnan(run.control.progress(run.now_ns).remaining_distance)
+
+
+def test_nothing_is_published_without_path():
+    run = Run()
+    assert run.step() is None
+    progress = run.control.progress(5)
+    assert (progress.stamp_ns, progress.state) == (5, 0)
+    assert math.isnan(progress.remaining_distance)
+    assert math.isnan(progress.cross_track_error)
+
+
+def test_following_ends_with_one_command_of_zero():
+    run = Run().start(line(0.5))
+    commands = []
+    while run.control.state == State.FOLLOWING:
+        commands.append(run.step())
+    assert [one.stamp_ns for one in commands] == sorted({one.stamp_ns for one in commands})
+    assert (commands[-1].v_x, commands[-1].yaw_rate) == (0.0, 0.0)
+    assert (run.control.state, run.control.reason) == (State.ARRIVED, '')
+    assert run.step() is None
+    assert run.control.progress(0).state == 2
+
+
+def test_progress_is_measured_along_the_path_and_to_the_left():
+    run = Run(y=0.1).start(FAR)
+    run.step()
+    progress = run.control.progress(run.now_ns)
+    assert progress.state == 1
+    assert progress.remaining_distance == pytest.approx(3.0, abs=0.01)
+    assert progress.cross_track_error == pytest.approx(0.1, abs=0.01)
+    assert under_way(seconds=2.0).progress[-1].remaining_distance < 2.6
+
+
+@pytest.mark.parametrize(('planned', 'reason'), [
+    (path((0, 0), (1, 0), frame='map'), "path: frame 'map', expected odom"),
+    (path(), 'path: 0 poses, expected 2 to'),
+    (path((0, 0)), 'path: 1 poses, expected 2 to'),
+    (path((0, 0), (math.nan, 0), (1, 0)), 'path: pose 1: position (nan, 0) m, expected finite'),
+    (path((0, 0), (1, math.inf)), 'path: pose 1: position (1, inf) m'),
+    (path((0, 0), (1e6, 0)), 'path: pose 1: position (1e+06, 0) m'),
+    (path((0, 0), (1, 0, math.inf)), 'path: pose 1: yaw inf rad'),
+    (path((0, 0), (900, 0), (700, 0)), 'path: 1100.0 m long, expected at most 1000 m'),
+    (path((0, 0), (0, 0.001)), 'all poses at one position'),
+    (path((-1.01, 0), (2, 0)), 'm from the robot, expected at most 1 m (checks.max_start_dist'),
+    (GoalPose(0, 'map', (1.0, 0.0, 0.0)), "goal_pose: frame 'map', expected odom"),
+    (GoalPose(0, 'odom', (1.0, NAN, 0.0)), 'goal_pose: position (1, nan) m'),
+    (GoalPose(0, 'odom', (1.0, 0.0, math.inf)), 'goal_pose: yaw inf rad'),
+    (GoalPose(0, 'odom', (-1001.0, 0.0, 0.0)), 'm from the robot, expected at most 1000 m (che'),
+])
+def test_an_invalid_target_is_refused_and_stops_the_robot(planned, reason):
+    idle = Run().start(planned)
+    assert idle.control.state == State.REFUSED
+    assert reason in idle.control.reason
+    assert idle.step() is None
+    run = under_way(seconds=0.5)
+    run.start(planned)
+    assert_stopped(run, reason, State.REFUSED)
+    run.start(line(1.0))
+    assert (run.control.state, run.control.reason) == (State.FOLLOWING, '')
+
+
+def test_a_path_may_begin_within_the_distance():
+    assert Run().start(path((0.99, 0), (2, 0))).control.state == State.FOLLOWING
+
+
+def test_cancel_stops_and_does_nothing_otherwise():
+    run = under_way()
+    run.control.cancel('canceled by the user')
+    assert_stopped(run, 'canceled by the user')
+    run.control.cancel('again')
+    assert run.control.reason == 'canceled by the user'
+    assert run.control.step(run.now_ns + 2) is None
+
+
+def test_old_odometry_stops():
+    run = under_way()
+    last_ns = run.now_ns - run.period_ns
+    assert run.control.step(last_ns + NS_PER_S // 2).v_x > 0.1
+    run.now_ns = last_ns + NS_PER_S // 2 + 1_000_000
+    assert_stopped(run, 'odom: 0.50 s old, expected at most 0.5 s')
+
+
+def test_odometry_of_the_future_stops():
+    run = under_way()
+    run.control.update_odometry(
+        replace(run.robot.odometry(run.now_ns + 6 * NS_PER_S // 10)), run.now_ns)
+    assert_stopped(run, 'odom: -0.60 s old')
+
+
+@pytest.mark.parametrize(('change', 'reason'), [
+    ({'x': 0.0, 'y': 0.0}, 'odom: position jumped by'),
+    ({'yaw': 1.0}, 'odom: yaw jumped by'),
+    ({'v_x': math.nan}, 'odom: pose or twist is not finite')])
+def test_a_jump_of_odometry_stops_until_the_next_path(change, reason):
+    run = under_way()
+    for name, value in change.items():
+        setattr(run.robot, name, value)
+    run.observe()
+    assert_stopped(run, reason)
+    run.robot.v_x = 0.0
+    run.observe()
+    run.start(line(1.0))
+    assert run.step() is not None
+    assert run.control.state == State.FOLLOWING
+
+
+def test_a_jump_between_two_paths_does_not_matter():
+    run = Run(x=5.0)
+    run.robot.x = 0.0
+    run.observe()
+    run.start(line(0.3)).until_end()
+    assert run.control.state == State.ARRIVED
+
+
+def test_time_that_runs_back_stops():
+    run = under_way()
+    run.now_ns -= 2 * run.period_ns
+    assert_stopped(run, 'time runs back')
+    run = under_way()
+    run.control.update_odometry(run.robot.odometry(run.now_ns - NS_PER_S // 10), run.now_ns)
+    assert_stopped(run, 'odom: time runs back')
+
+
+def test_a_robot_that_is_pushed_off_the_path_stops():
+    run = under_way()
+    for _ in range(40):
+        run.robot.y += 0.04
+        run.step()
+        if run.control.state != State.FOLLOWING:
+            break
+    assert 'm from the path, expected at most 0.5 m' in run.control.reason
+    assert 0.5 < run.robot.y < 0.6
+
+
+def test_a_robot_that_begins_off_the_path_may_be_further_from_it_first():
+    checks = PathCheckParams(max_cross_track_error=0.1)
+    params = replace(IDEAL, checks=checks)
+    run = Run(params, y=0.6).start(FAR)
+    run.for_seconds(4.0)
+    assert abs(run.robot.y) < 0.03
+    run.robot.y += 0.15
+    run.step()
+    assert '0.1 m' in run.control.reason
+    run = Run(params, y=0.6).start(FAR)
+    run.step()
+    run.robot.y += 0.15
+    run.step()
+    assert 'expected at most 0.7 m' in run.control.reason
+
+
+def blocked(seconds, planned=FAR, timeout=2.0):
+    """Return a run whose robot does not move any more."""
+    params = replace(IDEAL, checks=PathCheckParams(progress_timeout=timeout))
+    run = Run(params).start(planned).for_seconds(1.0)
+    run.robot.v_x = run.robot.yaw_rate = 0.0
+    run.robot.drive = lambda *_: None
+    return run.for_seconds(seconds)
+
+
+@pytest.mark.parametrize('planned', [FAR, GoalPose(0, 'odom', (0.0, 0.0, 3.0))])
+def test_a_blocked_robot_stops(planned):
+    assert blocked(1.8, planned).control.state == State.FOLLOWING
+    run = blocked(2.3, planned)
+    assert run.control.state == State.STOPPED
+    assert 'no progress for 2 s' in run.control.reason
+    assert run.step() is None
+
+
+@pytest.mark.parametrize(('speed', 'start'), [(0.02, (-0.3, 0.0)), (0.03, (0.0, -0.2))])
+def test_slow_driving_is_progress(speed, start):
+    params = replace(IDEAL, max_speed=speed, checks=PathCheckParams(progress_timeout=3.0))
+    run = Run(params, x=start[0], y=start[1]).start(line(0.3)).until_end(90.0)
+    assert run.control.state == State.ARRIVED, run.control.reason
+
+
+def test_a_missed_end_is_not_arrival():
+    run = Run(y=0.3).start(path((0.0, 0.0), (0.05, 0.0))).until_end()
+    assert run.control.state == State.STOPPED
+    assert 'm from the end of the path, expected at most 0.05 m' in run.control.reason
+
+
+def test_a_new_path_replaces_the_old_one_without_stop():
+    run = under_way()
+    x = run.robot.x
+    run.start(path((x, 0.0), (x + 1.0, 0.0), (x + 2.0, 0.3)))
+    speeds = [run.step().v_x for _ in range(20)]
+    assert min(speeds) > 0.5
+    run.until_end()
+    assert run.robot.y == pytest.approx(0.3, abs=0.01)
+    assert (run.log[1:, 6] - run.log[:-1, 6]).max() <= 0.5 / 20 + 1e-9
+
+
+def test_a_new_path_backward_first_stops_the_robot():
+    run = under_way()
+    x = run.robot.x
+    run.start(path((x, 0.0, 0.0), (x - 0.5, 0.0, 0.0))).until_end()
+    assert run.control.state == State.ARRIVED
+    assert abs(run.log[1:, 6] - run.log[:-1, 6]).max() <= 0.5 / 20 + 1e-9
+    assert run.robot.x == pytest.approx(x - 0.5, abs=0.01)
+
+
+def test_a_new_goal_to_the_side_first_stops_the_robot():
+    run = under_way()
+    count = len(run.rows)
+    run.start(GoalPose(0, 'odom', (run.robot.x, 1.0, NAN))).until_end()
+    log = run.log[count:]
+    fast = log[:, 6] > 0.02
+    turning = abs(log[:, 7]) > 0.9
+    assert turning.any()
+    assert not (fast & turning)[:30].any()
+    assert run.control.state == State.ARRIVED
+
+
+def test_a_path_before_the_first_odometry_waits_for_it():
+    control = TrajectoryControl(IDEAL)
+    control.set_path(line(1.0), 0)
+    assert control.state == State.FOLLOWING
+    assert control.step(NS_PER_S) is None
+    assert math.isnan(control.progress(0).remaining_distance)
+    control.update_odometry(odometry(2 * NS_PER_S), 2 * NS_PER_S)
+    assert control.step(2 * NS_PER_S).v_x > 0.0
+
+
+def test_without_odometry_waiting_ends():
+    control = TrajectoryControl(IDEAL)
+    control.set_path(line(1.0), 0)
+    assert control.step(NS_PER_S) is None
+    assert control.step(11 * NS_PER_S) is None
+    assert control.state == State.FOLLOWING
+    assert control.step(11 * NS_PER_S + 1).v_x == 0.0
+    assert control.state == State.STOPPED
+    assert 'odom: none for 10 s' in control.reason
+
+
+def test_a_path_that_waited_is_refused_if_it_begins_too_far_away():
+    control = TrajectoryControl(IDEAL)
+    control.set_path(line(1.0), 0)
+    control.update_odometry(odometry(0, x=3.0), 0)
+    assert control.step(0).v_x == 0.0
+    assert control.state == State.REFUSED
+    assert 'begins 3.00 m from the robot' in control.reason
+
+
+def test_with_old_odometry_a_path_is_not_followed():
+    run = Run()
+    run.now_ns += NS_PER_S
+    run.start(line(1.0))
+    assert_stopped(run, 'odom: 1.00 s old')
+
+
+def test_parameters_may_be_changed_while_following():
+    run = under_way()
+    run.control.params = replace(run.params, max_speed=0.2)
+    run.for_seconds(1.5)
+    assert run.log[-1, 6] == pytest.approx(0.2)
+
+
+def test_late_steps_do_not_accelerate_more():
+    run = Run().start(FAR)
+    run.step()
+    run.now_ns += 10 * run.period_ns
+    run.observe()
+    assert run.control.step(run.now_ns).v_x == pytest.approx(5 * 0.5 / 20)
+
+
+def test_friction_is_used_by_the_follower():
+    run = under_way(seconds=0.1)
+    run.control.update_friction(Friction(0, 'front_left', Uncertain(0.02, 0.0)))
+    before = run.step().v_x
+    allowed = 0.6 * 0.7 * 0.02 * 9.81
+    assert run.step().v_x - before == pytest.approx(allowed / 20, rel=3e-2)
+
+
+class Kinematics:
+    """Records what is commanded; commands more."""
+
+    def __init__(self, offset=0.0):
+        self.wanted, self.offset, self.slips = [], offset, []
+
+    def update_odometry(self, odometry):
+        self.odometry = odometry
+
+    def update_slip(self, slip):
+        self.slips.append(slip)
+
+    def command(self, v_x, yaw_rate, now_ns):
+        self.wanted.append((v_x, yaw_rate, now_ns))
+        return 1.5 * v_x, 2.0 * yaw_rate
+
+    def heading_offset(self, v_x, yaw_rate):
+        return self.offset
+
+
+def compensated(enabled, offset=0.0, **robot):
+    run = Run(replace(IDEAL, slip_compensation=enabled), **robot)
+    run.control._kinematics = Kinematics(offset)
+    return run
+
+
+def test_wanted_velocities_are_compensated_for_slip():
+    run = compensated(True, y=0.05).start(FAR)
+    command = run.step()
+    (v_x, yaw_rate, now_ns), = run.control._kinematics.wanted
+    assert (command.v_x, command.yaw_rate) == (1.5 * v_x, 2.0 * yaw_rate)
+    assert now_ns == command.stamp_ns == run.now_ns - run.period_ns
+    slip = WheelSlip(0, (0.0,) * 4, (0.0,) * 4, (0.0,) * 4)
+    run.control.update_slip(slip)
+    assert run.control._kinematics.slips == [slip]
+    assert run.control._kinematics.odometry.position[1] == 0.05
+
+
+def test_without_compensation_the_wanted_velocity_is_commanded():
+    run = compensated(False, offset=0.3).start(FAR).for_seconds(1.0)
+    assert not run.control._kinematics.wanted
+    assert run.robot.y == 0.0
+
+
+@pytest.mark.parametrize(('length', 'offset'), [(3.0, 0.1), (-3.0, 0.1), (-3.0, 0.1 - math.pi)])
+def test_the_velocity_points_along_the_path_not_the_body(length, offset):
+    """A velocity to the left of the body makes the body point to the right of the path."""
+    run = compensated(True, offset).start(line(length))
+    run.step()
+    run.step()
+    assert run.control._kinematics.wanted[-1][1] < -0.005
+
+
+def test_a_stop_is_not_compensated():
+    run = compensated(True).start(PlannedPath(0, 'odom', ((0, 0, 0.0), (0, 0, 1.0))))
+    run.until_end()
+    assert run.control.state == State.ARRIVED
+    assert all(any(one[:2]) for one in run.control._kinematics.wanted)
+
+
+def test_a_figure_eight_can_be_repeated():
+    run = Run().start(figure_eight(0.3)).until_end()
+    run.start(figure_eight(0.3)).until_end()
+    assert run.control.state == State.ARRIVED
