@@ -22,6 +22,7 @@ from smart_tire.parameters.path_following import FrictionLimitParams
 from smart_tire.samples import Friction
 
 GRAVITY = 9.81        # m/s2
+PRIOR_SIGMA = 0.1     # -, of the friction coefficient of unknown ground
 MAX_FADE_LENGTHS = 3.0  # older estimates, in fade distances, do not count
 
 
@@ -29,8 +30,10 @@ class FrictionLimit:
     """
     Lower bound of the friction coefficient, from the latest estimate of each wheel.
 
-    The bound of a wheel is mu - k sigma. Its difference from ``unknown`` decays exponentially
-    with the distance driven since, and the smallest of the bounds counts.
+    The bound of a wheel is mu - k sigma, after fusion with a prior whose bound is ``unknown``: an
+    estimate that is less certain than the prior does not lower the bound. Its difference from
+    ``unknown`` decays exponentially with the distance driven since, and the smallest of the
+    bounds counts.
     """
 
     def __init__(self) -> None:
@@ -53,10 +56,18 @@ class FrictionLimit:
         for mu, sigma, at in self._estimates.values():
             lengths = (self._driven - at) / params.fade_distance
             if lengths <= MAX_FADE_LENGTHS:
-                bound = max(mu - params.sigmas * sigma, params.minimum)
+                bound = max(_fused_bound(mu, sigma, params), params.minimum)
                 bounds.append(params.unknown + math.exp(-lengths) * (bound - params.unknown))
         return min(bounds, default=params.unknown)
 
     def acceleration(self, params: FrictionLimitParams) -> float:
         """Return the acceleration [m/s2] of the body, in any direction, that is allowed."""
         return params.share * self.lower_bound(params) * GRAVITY
+
+
+def _fused_bound(mu: float, sigma: float, params: FrictionLimitParams) -> float:
+    """Return the lower bound from an estimate and the prior."""
+    prior = params.unknown + params.sigmas * PRIOR_SIGMA
+    share = PRIOR_SIGMA ** 2 / (PRIOR_SIGMA ** 2 + sigma ** 2)  # weight of the estimate
+    mean, variance = prior + share * (mu - prior), (1.0 - share) * PRIOR_SIGMA ** 2
+    return mean - params.sigmas * math.sqrt(variance)

@@ -45,29 +45,37 @@ class Coefficient(IntEnum):
 
 
 N = len(Coefficient)
-Values = tuple[float, float, float, float]
 Sides = tuple[float, float]  # left, right
 
 
 @dataclass(frozen=True)
+class Coefficients:
+    """Values of the coefficients [-], see ``Coefficient``."""
+
+    resistance: Sides  # of the left and of the right side
+    scrub: float
+    compliance: float
+
+
+@dataclass(frozen=True)
 class BodyMotion:
-    """Mean velocity of the body, and how uncertain the wheel speeds are for its acceleration."""
+    """Mean velocity of the body, and the slip that its acceleration needs."""
 
     v_x: float       # m/s
     v_y: float       # m/s
     yaw_rate: float  # rad/s
-    inertia: float   # -, slip that accelerates the body
+    inertia: float   # -, magnitude
 
 
 class SlipCoefficients:
     """
     Extended Kalman filter of the coefficients, an Ornstein-Uhlenbeck process around the prior.
 
-    ``lateral_gain`` is m / C_x [s2/m] on the calibrated ground; times are nanoseconds.
+    ``mass`` [s2/m] is that of the robot over C_x on the calibrated ground, ``scrub`` the prior.
     """
 
-    def __init__(self, model: TurnModel, lateral_gain: float, scrub: float) -> None:
-        self._model, self._lateral_gain = model, lateral_gain
+    def __init__(self, model: TurnModel, mass: float, scrub: float) -> None:
+        self._model, self._mass = model, mass
         self._prior = np.array([FIRM_RESISTANCE, 0.0, scrub, 1.0])
         self._variance = np.diag(np.square(SIGMAS))
         self.reset()
@@ -76,9 +84,17 @@ class SlipCoefficients:
         """Return to the prior."""
         self._x, self._P = self._prior.copy(), self._variance.copy()
 
-    def after(self, duration: float) -> Values:
+    @property
+    def sigmas(self) -> Array:
+        """Return the standard deviations, in the order of ``Coefficient``."""
+        deviations: Array = np.sqrt(np.diag(self._P))
+        return deviations
+
+    def after(self, duration: float) -> Coefficients:
         """Return the coefficients that are expected ``duration`` [s] after the last update."""
-        return _values(self._prior + _kept(duration) * (self._x - self._prior))
+        x = self._prior + _kept(duration) * (self._x - self._prior)
+        common, step, scrub, compliance = x.tolist()
+        return Coefficients((common - step, common + step), scrub, compliance)
 
     def predict(self, duration: float) -> None:
         """Advance by ``duration`` [s]."""
@@ -88,26 +104,23 @@ class SlipCoefficients:
 
     def update(self, motion: BodyMotion, slip: Sides, sigma: Sides) -> None:
         """Correct with slip velocities [m/s] of both sides and their standard deviations."""
-        H = np.empty((3, N))
-        expected = self._expected(self._x, motion)
+        expected, H = self._expected(self._x, motion), np.empty((3, N))
         for column, step in enumerate(STEPS):
             moved = self._x.copy()
             moved[column] += step
             H[:, column] = (self._expected(moved, motion) - expected) / step
-        half = 0.5 * self._model.track * abs(motion.yaw_rate)
-        scale = abs(motion.v_x) + half + max(map(abs, slip))
-        own = math.hypot(MODEL_SIGMA, motion.inertia) * scale
-        R = np.diag(np.square([*(math.hypot(one, own) for one in sigma), MODEL_SIGMA * scale]))
-        innovation = np.array([*slip, motion.v_y]) - expected
-        self._correct(H, R, innovation)
+        scale = (abs(motion.v_x) + 0.5 * self._model.track * abs(motion.yaw_rate)
+                 + max(map(abs, slip)))
+        model = math.hypot(MODEL_SIGMA, motion.inertia) * scale
+        R = np.diag(np.square([*(math.hypot(one, model) for one in sigma), MODEL_SIGMA * scale]))
+        self._correct(H, R, np.array([*slip, motion.v_y]) - expected)
 
     def _correct(self, H: Array, R: Array, innovation: Array) -> None:
         S = H @ self._P @ H.T + R
         nis = float(innovation @ np.linalg.solve(S, innovation))
-        if nis > GATE:
-            # another ground: the coefficients are as uncertain as at the start, at most
-            spread = np.sqrt(np.diag(self._variance) / np.diag(self._P))
-            growth = np.clip(math.sqrt(nis / GATE), 1.0, np.maximum(spread, 1.0))
+        if nis > GATE:  # another ground: as uncertain as at the start, at most
+            most = np.maximum(np.sqrt(np.diag(self._variance)) / self.sigmas, 1.0)
+            growth = np.minimum(math.sqrt(nis / GATE), most)
             self._P = np.outer(growth, growth) * self._P
             S = H @ self._P @ H.T + R
         K = np.linalg.solve(S, H @ self._P).T
@@ -116,23 +129,15 @@ class SlipCoefficients:
         self._P = rest @ self._P @ rest.T + K @ R @ K.T
 
     def _expected(self, x: Array, motion: BodyMotion) -> Array:
+        """Return the slip velocities of both sides and the lateral speed [m/s]."""
         common, step, scrub, compliance = x.tolist()
         turn = steady_turn(self._model, motion.v_x, motion.yaw_rate,
                            (common - step, common + step), scrub)
-        lateral = lateral_speed(motion.v_x, motion.yaw_rate, turn.lateral_compliance
-                                * compliance * self._lateral_gain)
-        return np.array([turn.left, turn.right, lateral])
-
-
-def lateral_speed(v_x: float, yaw_rate: float, compliance: float) -> float:
-    """Return v_y [m/s], with the lateral speed per centripetal acceleration [s]."""
-    return -compliance * v_x * yaw_rate
+        centripetal = motion.v_x * motion.yaw_rate
+        return np.array([turn.left, turn.right, -turn.lateral_compliance * compliance
+                         * self._mass * centripetal])
 
 
 def _kept(duration: float) -> Array:
-    return np.exp(-duration / np.array(TIMES))
-
-
-def _values(x: Array) -> Values:
-    common, step, scrub, compliance = x.tolist()
-    return common, step, scrub, compliance
+    share: Array = np.exp(-duration / np.array(TIMES))
+    return share

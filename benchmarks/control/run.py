@@ -1,0 +1,138 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Benchmark of the controllers: wheel speed steps and path tracking in closed loop.
+
+Tables are printed, figures and ``results.json`` are written.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+import json
+from pathlib import Path
+from typing import Any
+
+from benchmarks.command import accuracy_parser, run_accuracy_benchmark
+from benchmarks.control.figures import tracking_figure
+from benchmarks.control.requirements import met
+from benchmarks.control.scenarios import all_cases, ESTIMATED, KINEMATICS, title
+from benchmarks.control.tables import is_concrete, tracking_table, TRACKING_NOTES
+from benchmarks.control.tracking import run_tracking, TrackingResult
+from benchmarks.control.tracking_results import as_tree, by_case
+from benchmarks.control.wheel_steps import Row, wheel_steps
+from benchmarks.control.wheel_tables import line_table, wheel_steps_table
+from benchmarks.jobs import make_folder, run_jobs
+from benchmarks.slip.figures import save
+from benchmarks.tables import new_console, print_all
+from rich.table import Table
+from smart_tire.analysis.summary import plain
+
+WHEEL_STEPS = 'wheel_steps'
+TITLES = {WHEEL_STEPS: 'wheel speed steps',
+          **{case.name: title(case.name) for case in all_cases()}}
+
+
+@dataclass(frozen=True)
+class WheelSteps:
+    """Rows of the table of wheel speed steps."""
+
+    rows: tuple[Row, ...]
+
+
+Result = TrackingResult | WheelSteps
+Job = Callable[[], Result]
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the benchmark; return the exit status."""
+    args = accuracy_parser(
+        'control', 'wheel speed steps and path tracking in closed loop').parse_args(argv)
+    return run_accuracy_benchmark(
+        'control', args, TITLES,
+        lambda seeds, on: benchmark(seeds, args.runs or list(TITLES), args.out, on))
+
+
+def benchmark(seeds: Sequence[int], runs: Sequence[str], out: Path, machine_name: str) -> None:
+    """Run all jobs, print the tables and write figures and results."""
+    make_folder(out)
+    results = list(run_jobs(jobs(seeds, runs), label))
+    order = list(all_cases())
+    tracking = sorted((one for one in results if isinstance(one, TrackingResult)),
+                      key=lambda one: (order.index(one.case), one.seed))
+    steps = [row for one in results if isinstance(one, WheelSteps) for row in one.rows]
+    _write(out / 'results.json', tracking, steps, machine_name)
+    print_all(new_console(), TRACKING_NOTES, _tables(tracking, steps))
+    for one in tracking:
+        if not one.score.arrived:
+            print(f'{label(one)}: {one.reason or "not arrived in time"}')
+    count = _draw(tracking, out)
+    rows = by_case(tracking)
+    missed = [name for name, row in rows.items() if not met(row, concrete=is_concrete(name))]
+    print(f'{len(tracking)} runs, {len(rows) - len(missed)} of {len(rows)} requirements met; '
+          f'{count} figures and results.json in {out}')
+
+
+def jobs(seeds: Sequence[int], runs: Sequence[str]) -> list[Job]:
+    """Return the jobs of ``runs``, the longest first; the first seed is drawn."""
+    found: list[Job] = [partial(run_wheel_steps, tuple(seeds))] if WHEEL_STEPS in runs else []
+    cases = list(all_cases([run for run in runs if run != WHEEL_STEPS])) if set(runs) - {
+        WHEEL_STEPS} else []
+    return found + [
+        partial(run_tracking, case, seed,
+                traced=seed == seeds[0] and case.localization == ESTIMATED)
+        for case in cases for seed in seeds]
+
+
+def run_wheel_steps(seeds: Sequence[int]) -> WheelSteps:
+    """Return the rows of the wheel speed steps."""
+    return WheelSteps(tuple(wheel_steps(seeds)))
+
+
+def label(result: Result) -> str:
+    """Return the label of ``result`` for progress lines."""
+    if isinstance(result, WheelSteps):
+        return TITLES[WHEEL_STEPS]
+    return (f'{title(result.case.name)}, {KINEMATICS[result.case.kinematics]}, '
+            f'seed {result.seed}')
+
+
+def _tables(tracking: Sequence[TrackingResult], steps: Sequence[Row]) -> Iterator[Table]:
+    if steps:
+        yield wheel_steps_table(steps)
+        yield line_table()
+    if tracking:
+        yield tracking_table(by_case(tracking))
+
+
+def _draw(tracking: Sequence[TrackingResult], out: Path) -> int:
+    """Draw a figure for each path and ground; return their number."""
+    drawn = [one for one in tracking if one.trace is not None]
+    cases = dict.fromkeys(replace(one.case, kinematics='') for one in drawn)
+    for case in cases:
+        traces = {one.case.kinematics: one.trace for one in drawn
+                  if one.case.name == case.name and one.trace is not None}
+        save(tracking_figure(case, traces), out / f'{case.path}_{case.ground}.png')
+    return len(cases)
+
+
+def _write(path: Path, tracking: Sequence[TrackingResult], steps: Sequence[Row],
+           machine: str) -> None:
+    tree: dict[str, Any] = {
+        'machine': machine, 'units': 'SI', 'kinematics': KINEMATICS,
+        'wheel_steps': [asdict(row) for row in steps], 'path_tracking': as_tree(tracking)}
+    path.write_text(json.dumps(plain(tree), indent=2, allow_nan=False) + '\n', encoding='utf-8')
