@@ -16,9 +16,35 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+import math
+
+from smart_tire.control.ground_speed import GroundSpeed, Motion, Onset
+from smart_tire.control.slip_limit import GroundKnowledge, Measured, slip_limits
+from smart_tire.models.constants import GRAVITY
+from smart_tire.models.vehicle.skid_steer import AXLE_SIGNS, normal_loads, SIDE_SIGNS
 from smart_tire.parameters.control import TractionParams
 from smart_tire.parameters.robot import RobotParams
-from smart_tire.samples import Four, Friction, Odometry, WheelSlip
+from smart_tire.samples import Four, Friction, LEFT, NS_PER_S, Odometry, RIGHT, WheelSlip
+
+AXLES = (0, 1), (2, 3)   # indices into WHEELS
+SIDES = tuple(map(float, SIDE_SIGNS))
+ENDS = tuple(map(float, AXLE_SIGNS))
+MAX_ACCELERATION = GRAVITY  # m/s2, of the robot on ground of unknown friction
+MAX_PERIOD = 0.1            # s, of the controller
+MIN_SHARE = 0.5             # of a slip limit that remains for the longitudinal slip
+MIN_EXCESS = 0.1            # m/s, sum of wanted minus limited rolling speeds that is an onset
+
+
+@dataclass(frozen=True)
+class TractionState:
+    """What traction control did in the latest step, for diagnostics."""
+
+    reason: str = 'no odom'          # why it was not active, '' if it was
+    limiting: bool = False           # whether set points were changed
+    slip_limit: float = math.nan     # -, smallest one of the wheels
+    friction: float = math.nan       # -, smallest one assumed; NaN where unknown
+    limited_steps: int = 0           # steps in which set points were changed, since the start
 
 
 class TractionControl:
@@ -30,17 +56,180 @@ class TractionControl:
 
     def __init__(self, params: TractionParams, robot: RobotParams) -> None:
         self.params = params  # may be replaced at run time
+        self.state = TractionState()
         self._robot = robot
+        self._ground, self._motion = GroundKnowledge(), GroundSpeed()
+        self._slip_sigma = 0.0           # -, of the side that is known least
+        self.wheel_lag = 0.0             # s, of the wheel speeds after a ramp of the set points
+        self._onset, self._direction = Onset(), 0
+        self._ratio = 0.0                # difference over sum of the sides, latest command
+        self._limited_ns: int | None = None
+        # m, between wheels that roll without longitudinal force in a turn (isotropic tires)
+        self._rolling_track = robot.track_width + robot.wheelbase ** 2 / robot.track_width
 
     def update_odometry(self, odometry: Odometry) -> None:
-        """Add an estimate of the motion of the robot."""
+        """Add an estimate of the motion of the robot; one that is not finite is ignored."""
+        before_ns = self._motion.stamp_ns
+        if (self._motion.update(odometry, self.params.acceleration_filter)
+                and before_ns is not None and odometry.stamp_ns < before_ns):
+            self._ground.clear()  # a new clock: another run
 
     def update_slip(self, slip: WheelSlip) -> None:
         """Add estimated slips with their standard deviations."""
+        known = [sigma for ratio, sigma in zip(slip.ratio, slip.sigma)
+                 if math.isfinite(ratio) and math.isfinite(sigma)]
+        self._slip_sigma = max(known, default=0.0)
 
     def update_friction(self, friction: Friction) -> None:
         """Add the friction of one patch crossing."""
+        self._ground.update(friction, self._motion.distance_at(friction.stamp_ns))
 
     def limit(self, set_points: Four, now_ns: int) -> Four:
         """Return ``set_points`` [rad/s], limited at time ``now_ns``."""
-        return set_points
+        period = self._period(now_ns)
+        if reason := self._inactive(now_ns):
+            self._report(reason)
+            return set_points
+        sides = self._ground.on_sides(self._motion.distance, self.params.max_distance)
+        motion = self._motion.predicted(
+            now_ns, 0.5 * period + self.params.lead + self.wheel_lag, self._onset,
+            _acceleration_bound(sides))
+        assert motion is not None  # else it was inactive
+        limits = slip_limits(sides, self._loads(motion), self.params)
+        radius = self._robot.wheel_radius
+        a, b, c, d = (radius * speed for speed in set_points)
+        limited = self._within((a, b, c, d), motion, limits)
+        self._follow_onset(sum((a, b, c, d)) - sum(limited), now_ns, sides)
+        self._report('', limited != (a, b, c, d), min(limits), sides)
+        a, b, c, d = (speed / radius for speed in limited)
+        return (a, b, c, d) if self.state.limiting else set_points
+
+    def _follow_onset(self, excess: float, now_ns: int,
+                      sides: tuple[Measured | None, Measured | None]) -> None:
+        """Expect the acceleration of the present friction from the first limited step on."""
+        direction = (excess > MIN_EXCESS) - (excess < -MIN_EXCESS)
+        if direction and direction != self._direction:
+            friction = _low_friction(sides, self.params)
+            self._onset = Onset(now_ns, direction * GRAVITY * friction,
+                                self.params.acceleration_filter + self.wheel_lag)
+        self._direction = direction
+
+    def _inactive(self, now_ns: int) -> str:
+        """Return why set points are not limited, '' if they are."""
+        if not self.params.enabled:
+            return 'disabled'
+        age = self._motion.age(now_ns)
+        if math.isinf(age):
+            return 'no odom'
+        return '' if abs(age) <= self.params.max_age else f'odom is {age:.2f} s old'
+
+    def _report(self, reason: str, limiting: bool = False, slip: float = math.nan,
+                sides: tuple[Measured | None, ...] = ()) -> None:
+        friction = [one.friction.value for one in sides if one is not None]
+        self.state = TractionState(reason, limiting, slip, min(friction, default=math.nan),
+                                   self.state.limited_steps + limiting)
+
+    def _period(self, now_ns: int) -> float:
+        before, self._limited_ns = self._limited_ns, now_ns
+        elapsed = 0.0 if before is None else (now_ns - before) / NS_PER_S
+        return min(max(elapsed, 0.0), MAX_PERIOD)
+
+    def _loads(self, motion: Motion) -> Four:
+        robot = self._robot
+        a, b, c, d = normal_loads(
+            robot.mass, robot.center_of_mass, robot.wheelbase, robot.track_width,
+            motion.acceleration, motion.v_x * motion.yaw_rate, radius=robot.wheel_radius).tolist()
+        return a, b, c, d
+
+    def _within(self, wanted: Four, motion: Motion, limits: Four) -> Four:
+        """
+        Return rolling speeds [m/s] within the limits of slip, on the commanded curve.
+
+        Both wheels of an axle take the same share of the way from free rolling on the commanded
+        curve to the wanted speeds: the largest share for which both are within their limits.
+        """
+        rolling = self._rolling(wanted, motion)
+        result = list(wanted)
+        for axle in AXLES:
+            bands = [self._band(i, motion, limits[i]) for i in axle]
+            share = min(_share(rolling[i], wanted[i], band) for i, band in zip(axle, bands))
+            for i, (low, high) in zip(axle, bands):
+                speed = (wanted[i] if share == 1.0
+                         else rolling[i] + share * (wanted[i] - rolling[i]))
+                result[i] = min(max(speed, low), high)
+        a, b, c, d = result
+        return a, b, c, d
+
+    def _rolling(self, wanted: Four, motion: Motion) -> Four:
+        """Return the rolling speeds [m/s] at the present speed on the commanded curve."""
+        left, right = wanted[LEFT[0]], wanted[RIGHT[0]]
+        if left or right:  # a command to stop keeps the curve
+            sum_ = abs(left + right)
+            self._ratio = (right - left) / (left + right) if sum_ > abs(right - left) else math.nan
+        if math.isnan(self._ratio):  # spinning
+            a, b, c, d = (self._free_rolling(i, motion) for i in range(4))
+        else:
+            a, b, c, d = (motion.v_x * (1.0 - side * self._ratio) for side in SIDES)
+        return a, b, c, d
+
+    def _free_rolling(self, wheel: int, motion: Motion) -> float:
+        """Return the rolling speed [m/s] of a wheel without longitudinal force."""
+        return motion.v_x - 0.5 * SIDES[wheel] * self._rolling_track * motion.yaw_rate
+
+    def _band(self, wheel: int, motion: Motion, limit: float) -> tuple[float, float]:
+        """Return the smallest and the largest rolling speed [m/s] of a wheel."""
+        speed = self._free_rolling(wheel, motion)
+        lateral = motion.v_y + 0.5 * ENDS[wheel] * self._robot.wheelbase * motion.yaw_rate
+        slip = self._longitudinal(limit, lateral / max(abs(speed), self.params.floor))
+        return slip_band(speed, slip, self.params.floor)
+
+    def _longitudinal(self, limit: float, lateral: float) -> float:
+        """Return the slip [-] that a lateral slip and the error of the estimate leave."""
+        rest = math.sqrt(max(limit * limit - lateral * lateral, 0.0))
+        return max(rest - self.params.sigmas * self._slip_sigma, MIN_SHARE * limit)
+
+
+def slip_band(speed: float, slip: float, floor: float) -> tuple[float, float]:
+    """
+    Return the rolling speeds r w [m/s] with at most this slip when braking and when driving.
+
+    ``speed`` [m/s] is that of the wheel center, ``slip`` [-] the limit relative to r w. A sliding
+    speed of ``floor`` [m/s] is always within.
+
+    >>> slip_band(0.8, 0.2, 0.05)
+    (0.6666666666666667, 1.0)
+    >>> slip_band(-0.8, 0.2, 0.05)
+    (-1.0, -0.6666666666666667)
+    >>> slip_band(0.0, 0.2, 0.05)
+    (-0.05, 0.05)
+    """
+    if speed < 0.0:
+        low, high = slip_band(-speed, slip, floor)
+        return -high, -low
+    return (min(speed / (1.0 + slip), speed - floor), max(speed / (1.0 - slip), speed + floor))
+
+
+def _share(start: float, wanted: float, band: tuple[float, float]) -> float:
+    """Return the largest share of the way to ``wanted`` that is within ``band``, 0 to 1."""
+    low, high = band
+    way = wanted - start
+    room = high - start if way > 0.0 else low - start
+    if way == 0.0 or room / way >= 1.0:
+        return 1.0
+    return max(room / way, 0.0)
+
+
+def _acceleration_bound(sides: tuple[Measured | None, Measured | None]) -> float:
+    """Return the largest acceleration [m/s2] that friction permits."""
+    bounds = [one.friction.value + one.friction.sigma for one in sides if one is not None]
+    known = [bound for bound in bounds if math.isfinite(bound)]
+    return GRAVITY * max(known) if known else MAX_ACCELERATION
+
+
+def _low_friction(sides: tuple[Measured | None, Measured | None],
+                  params: TractionParams) -> float:
+    """Return the friction [-] assumed: lower bound of the lower side."""
+    bounds = [one.friction.value - params.sigmas * one.friction.sigma
+              for one in sides if one is not None]
+    known = [max(bound, 0.0) for bound in bounds if math.isfinite(bound)]
+    return min(known) if known else params.unknown_friction

@@ -53,6 +53,7 @@ class WheelControl:
         self._params = params
         self.traction.params = params.traction
         model = drive_model(params.pid, params.robot)
+        self.traction.wheel_lag = (1.0 - model.acceleration) * model.time_constant
         for servo in self._servos:
             servo.set_params(params, model)
 

@@ -61,10 +61,40 @@ class PidParams:
 
 @dataclass(frozen=True, kw_only=True)
 class TractionParams:
-    """Traction control: limits the wheel speeds to a share of the critical slip."""
+    """
+    Traction control: limits the wheel speeds to a share of the critical slip.
+
+    The defaults are tuned on simulated starts and stops (``benchmarks/control/traction.py``).
+    """
 
     enabled: bool = param(
         False, '-', 'limit the slip of each wheel', live=True)
+    share: float = param(
+        0.75, '-', 'slip aimed at over critical slip; 0.75 uses 98 % of the friction',
+        low=0.1, high=1.0, live=True)
+    sigmas: float = param(
+        1.0, '-', 'standard deviations below the estimate at which friction is assumed',
+        low=0.0, high=5.0, live=True)
+    unknown_slip: float = param(
+        0.2, '-', 'slip limit on ground that no film has measured', low=0.02, high=0.9, live=True)
+    unknown_friction: float = param(
+        0.15, '-', 'friction coefficient expected at a start on ground that no film has measured',
+        low=0.0, high=2.0, live=True)
+    max_slip: float = param(
+        0.6, '-', 'maximum slip limit on any ground', low=0.02, high=0.9, live=True)
+    floor: float = param(
+        0.1, 'm/s', 'sliding speed that is always allowed, for starts', low=0.01, high=1.0,
+        live=True)
+    lead: float = param(
+        0.02, 's', 'delay of the wheel speeds after their set points, in addition to half a period '
+        'and the lag of the drive',
+        low=0.0, high=0.5, live=True)
+    acceleration_filter: float = param(
+        0.05, 's', 'time constant of the acceleration from odom', low=0.0, high=1.0, live=True)
+    max_age: float = param(
+        0.3, 's', 'no limit while odom is older', low=0.05, high=5.0, live=True)
+    max_distance: float = param(
+        5.0, 'm', 'distance after which measured ground counts as unknown', low=0.0, live=True)
 
 
 @dataclass(frozen=True, kw_only=True)

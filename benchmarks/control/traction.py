@@ -1,0 +1,225 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Starts and stops on slippery ground, with and without traction control.
+
+The estimators and the wheel controller run in the loop (``simulation.closed_loop``). Ground that
+was measured before is that of a gentle lap with films; unknown ground is the first start of a
+robot without films.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from itertools import accumulate
+
+import numpy as np
+from smart_tire.analysis.pipeline import EstimatorParams, Pipeline
+from smart_tire.arrays import Array
+from smart_tire.control.wheel_control import WheelControl
+from smart_tire.models.tire.brush_tire import brush_force
+from smart_tire.parameters import (
+    FrictionEstimatorParams, RobotParams, SimulatorParams, SlipEstimatorParams,
+    WheelControllerParams)
+from smart_tire.parameters.control import TractionParams
+from smart_tire.parameters.robot import FilmParams
+from smart_tire.parameters.simulation import GroundParams, PatchParams
+from smart_tire.samples import (
+    Four, Friction, NS_PER_S, Odometry, Sample, VelocityCommand, WHEELS, WheelSample, WheelSlip)
+from smart_tire.simulation.closed_loop import run_closed_loop
+from smart_tire.simulation.plant import Plant
+
+
+STANDSTILL = 3.0      # s, before the robot drives
+LAP_SPEED = 0.5       # m/s, of the gentle lap
+LAP_YAW_RATE = 0.6    # rad/s
+LAP_TIME = 12.0       # s
+FULL_SPEED = 1.6      # m/s
+DRIVE_TIME, STOP_TIME = 2.0, 2.5  # s, of each start and of each stop
+LOG_STEPS = 2         # steps of the plant between logged states
+FILM_WHEELS = ('front_left', 'front_right')
+
+
+@dataclass(frozen=True)
+class Leg:
+    """A command for some time."""
+
+    kind: str        # 'wait', 'lap', 'start', 'stop'
+    duration: float  # s
+    v_x: float = 0.0       # m/s
+    yaw_rate: float = 0.0  # rad/s
+
+
+@dataclass(frozen=True, kw_only=True)
+class TractionScenario:
+    """A robot on ground, and the commands it gets."""
+
+    name: str
+    title: str
+    legs: tuple[Leg, ...]
+    ground: GroundParams
+    films: bool = True        # whether the wheels of the front axle have films
+    wheel_rate: float = 16.0  # Hz, of wheel_states and of the controller
+
+    @property
+    def robot(self) -> RobotParams:
+        """Return the parameters of the robot."""
+        return RobotParams(film=FilmParams(wheels=FILM_WHEELS if self.films else ()))
+
+
+@dataclass
+class PlantLog:
+    """True states of a run; arrays over (time,) or (time, wheel)."""
+
+    rows: list[tuple[float, ...]] = field(default_factory=list)
+    count: int = 0
+
+    def __call__(self, plant: Plant) -> None:
+        """Add the present state of the plant at every LOG_STEPS-th call."""
+        self.count += 1
+        if self.count % LOG_STEPS:
+            return
+        self.rows.append((
+            1e-9 * plant.time_ns, plant.x, plant.y, plant.yaw, plant.v_x, *plant.wheel_speed,
+            *plant.wheel_v_x, *plant.wheel_v_y, *plant.load,
+            *(surface.friction for surface in plant.surface),
+            *(surface.stiffness for surface in plant.surface)))
+
+    def history(self, radius: float) -> TractionHistory:
+        """Return the logged states."""
+        table = np.array(self.rows)
+        wheels = table[:, 5:].reshape(len(table), 6, 4).transpose(1, 0, 2)
+        return TractionHistory(*table[:, :5].T, radius * wheels[0], *wheels[1:])
+
+
+@dataclass(frozen=True)
+class TractionHistory:
+    """True motion, slips and forces; arrays over (time,) or (time, wheel)."""
+
+    time: Array       # s
+    x: Array          # m
+    y: Array          # m
+    yaw: Array        # rad
+    v_x: Array        # m/s
+    rolling: Array    # m/s, r w
+    wheel_v_x: Array  # m/s
+    wheel_v_y: Array  # m/s
+    load: Array       # N
+    friction: Array   # -
+    stiffness: Array  # N
+
+    @property
+    def slip(self) -> tuple[Array, Array]:
+        """Return the slip vectors (s_x, s_y); 0 where the wheels do not turn."""
+        scale = np.maximum(np.abs(self.rolling), 1e-3)
+        return (self.rolling - self.wheel_v_x) / scale, -self.wheel_v_y / scale
+
+    @property
+    def critical_slip(self) -> Array:
+        """Return the critical slip of each wheel."""
+        return 3.0 * self.friction * self.load / self.stiffness
+
+    @property
+    def forces(self) -> tuple[Array, Array]:
+        """Return the forces (F_x, F_y) [N] of the ground on each wheel."""
+        return brush_force(*self.slip, self.friction, self.load, self.stiffness)
+
+    def between(self, begin: float, end: float) -> TractionHistory:
+        """Return the part of the history between two times [s]."""
+        chosen = (self.time >= begin) & (self.time < end)
+        return TractionHistory(*(getattr(self, name)[chosen]
+                                 for name in self.__dataclass_fields__))
+
+
+class TractionStack:
+    """Estimators and wheel controller, driven by the legs of a scenario."""
+
+    def __init__(self, scenario: TractionScenario, traction: TractionParams) -> None:
+        robot = scenario.robot
+        self._pipeline = Pipeline(EstimatorParams(
+            SlipEstimatorParams(robot=robot), FrictionEstimatorParams(robot=robot)))
+        self.control = WheelControl(WheelControllerParams(
+            rate=scenario.wheel_rate, robot=robot, traction=traction))
+        self._legs = scenario.legs
+        self._ends = list(accumulate(leg.duration for leg in scenario.legs))
+        self._start_ns: int | None = None
+        self.begins: list[float] = []  # s, first control step of each leg, since the start
+        self.trace: list[tuple[float, ...]] = []
+
+    def receive(self, topic: str, sample: Sample, now_ns: int) -> None:
+        """Process a message."""
+        if topic.startswith('ground_truth/'):
+            return
+        if isinstance(sample, WheelSample):
+            self.control.update_measurement(sample.velocity, now_ns, sample.stamp_ns)
+        for estimate in self._pipeline.update(sample):
+            if isinstance(estimate, Odometry):
+                self.control.traction.update_odometry(estimate)
+            elif isinstance(estimate, WheelSlip):
+                self.control.traction.update_slip(estimate)
+            elif isinstance(estimate, Friction):
+                self.control.traction.update_friction(estimate)
+
+    def duty(self, now_ns: int) -> Four:
+        """Return the duties for the command in force."""
+        time = self._elapsed(now_ns)
+        number = sum(end <= time for end in self._ends)
+        leg = self._legs[min(number, len(self._legs) - 1)]
+        if len(self.begins) <= number:
+            self.begins.append(time)
+        command = VelocityCommand(now_ns, leg.v_x, leg.yaw_rate)
+        set_points, duties = self.control.follow(command, now_ns, now_ns)
+        self.trace.append((time, *set_points))
+        return duties
+
+    def finished(self, now_ns: int) -> bool:
+        """Return whether all legs are over."""
+        return self._elapsed(now_ns) >= self._ends[-1]
+
+    def _elapsed(self, now_ns: int) -> float:
+        if self._start_ns is None:
+            self._start_ns = now_ns - now_ns % NS_PER_S
+        return (now_ns - self._start_ns) / NS_PER_S
+
+
+@dataclass(frozen=True)
+class TractionRun:
+    """History of a run, and the times at which its legs began."""
+
+    scenario: TractionScenario
+    seed: int
+    traction: bool
+    begins: tuple[float, ...]  # s
+    history: TractionHistory
+
+    def legs(self) -> list[tuple[Leg, TractionHistory]]:
+        """Return each leg with its history."""
+        ends = (*self.begins[1:], self.history.time[-1] + 1.0)
+        return [(leg, self.history.between(begin, end)) for leg, begin, end
+                in zip(self.scenario.legs, self.begins, ends)]
+
+
+def run(scenario: TractionScenario, seed: int, traction: bool,
+        params: TractionParams | None = None) -> TractionRun:
+    """Return a run of a scenario, with or without traction control."""
+    stack = TractionStack(scenario, replace(params or TractionParams(), enabled=traction))
+    log = PlantLog()
+    simulator = SimulatorParams(seed=seed, ground=scenario.ground, robot=scenario.robot)
+    run_closed_loop(simulator, stack, 3600.0, wheel_rate=scenario.wheel_rate,
+                    control_rate=scenario.wheel_rate, watch=log)
+    run.stack = stack
+    return TractionRun(scenario, seed, traction, tuple(stack.begins[:len(scenario.legs)]),
+                       log.history(scenario.robot.wheel_radius))
