@@ -21,7 +21,7 @@ from setuptools import find_packages, setup
 PACKAGE = 'smart_tire'
 NODES = (
     'tire_receiver', 'imu_driver', 'motor_driver', 'slip_estimator', 'friction_estimator',
-    'wheel_controller', 'robot_simulator')
+    'wheel_controller', 'trajectory_controller', 'robot_simulator')
 
 setup(
     name=PACKAGE,

@@ -38,8 +38,8 @@ GROUPS = {  # marker in the document -> topics of its table
     'measurements': [name for name, topic in TOPICS.items() if topic.quality == 'sensor'],
     'estimates': ['odom', '/tf', '/tf_static', 'wheel_slip', 'icr', 'ground_state',
                   'tire_friction'],
-    'commands': ['cmd_vel', 'wheel_commands', 'motor_commands', 'emergency_stop_active',
-                 'motors_enabled', '/diagnostics'],
+    'commands': ['path', 'goal_pose', 'path_progress', 'cmd_vel', 'wheel_commands',
+                 'motor_commands', 'emergency_stop_active', 'motors_enabled', '/diagnostics'],
     'reference': [name for name, topic in TOPICS.items() if topic.quality == 'truth']}
 HEADER = '| topic | type | publisher | rate | content |\n| --- | --- | --- | --- | --- |'
 EXAMPLE = re.compile(

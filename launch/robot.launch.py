@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Start the drivers, the estimators and the controller of one robot."""
+"""Start the drivers, the estimators and the controllers of one robot."""
 
 from launch import LaunchDescription
 from launch.actions import (
@@ -24,11 +24,12 @@ from launch_ros.substitutions import FindPackageShare
 from smart_tire.launching import (
     boolean, check_arguments, file, hold_interrupts, is_described, text, viewer)
 
-NODES = ('tire_receiver', 'imu_driver', 'friction_estimator', 'wheel_controller')
+NODES = ('tire_receiver', 'imu_driver', 'friction_estimator', 'wheel_controller',
+         'trajectory_controller')
 FILES = {  # parameter file -> its content
     'robot': 'geometry, tires, films and sensors',
     'hardware': 'drivers and ports',
-    'tuning': 'estimators and controller',
+    'tuning': 'estimators and controllers',
 }
 ARGUMENTS = {'namespace': text, 'respawn': boolean, 'description': boolean, 'rviz': viewer,
              **dict.fromkeys(FILES, file)}

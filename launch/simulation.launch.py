@@ -25,7 +25,7 @@ from smart_tire.launching import boolean, check_arguments, file, hold_interrupts
 FILES = {  # parameter file -> its content
     'robot': 'geometry, tires, films and sensors',
     'simulation': 'ground, drive, radio and ports',
-    'tuning': 'estimators and controller',
+    'tuning': 'estimators and controllers',
 }
 ARGUMENTS = {'namespace': text, 'respawn': boolean, 'description': boolean, 'rviz': viewer,
              **dict.fromkeys(FILES, file)}

@@ -180,7 +180,8 @@ def test_default_files_exist(path, described):
 @every_start
 def test_each_node_gets_the_robot_file_and_its_own(path, described):
     own = {'slip_estimator': 'tuning', 'friction_estimator': 'tuning',
-           'wheel_controller': 'tuning', 'robot_simulator': 'simulation'}
+           'wheel_controller': 'tuning', 'trajectory_controller': 'tuning',
+           'robot_simulator': 'simulation'}
     nodes = [node for node in of_kind(described(path), 'Node')
              if node.options['executable'] != 'smart_tire']
     for node in nodes:

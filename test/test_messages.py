@@ -35,8 +35,9 @@ from smart_tire.messages import (
     tire_from_msg, tire_to_msg, topic_of, TOPICS, transform_to_msg, velocity_from_msg,
     wheel_slip_from_msg, wheel_slip_to_msg, wheels_from_msg, wheels_to_msg)
 from smart_tire.samples import (
-    BatterySample, Friction, FRICTION_QUANTITIES, GroundState, Icr, ImuSample, MotorCommand,
-    Odometry, Sample, TireSample, VelocityCommand, WheelCommand, WHEELS, WheelSample, WheelSlip)
+    BatterySample, Friction, FRICTION_QUANTITIES, GoalPose, GroundState, Icr, ImuSample,
+    MotorCommand, NAN, Odometry, PathProgress, PlannedPath, Sample, TireSample, VelocityCommand,
+    WheelCommand, WHEELS, WheelSample, WheelSlip)
 from smart_tire.uncertain import Uncertain, UNKNOWN
 
 STAMP = 1_700_000_000_123_456_789
@@ -61,6 +62,9 @@ SAMPLES = [
     GroundState(STAMP, Uncertain(25.0, 1.5), Uncertain(0.05, math.inf),
                 (-0.9, 0.25)),
     Friction(STAMP, 'rear_right', **dict.fromkeys(FRICTION_QUANTITIES, Uncertain(0.5, math.inf))),
+    PlannedPath(STAMP, 'odom', ((1.0, -2.5, 0.0), (1.5, 0.25, NAN))),
+    GoalPose(STAMP, 'odom', (1.0, -2.5, 0.0)),
+    PathProgress(STAMP, 2.5, -0.125, 1),
 ]
 
 

@@ -208,8 +208,9 @@ def test_services_are_those_that_the_node_creates(name):
 def test_publishers_and_subscribers_of_a_topic():
     assert publishers_of('odom') == ('slip_estimator',)
     assert publishers_of('/diagnostics') == tuple(NODE_TABLE)
-    assert publishers_of('cmd_vel') == ()
+    assert publishers_of('cmd_vel') == ('trajectory_controller',)
     assert subscribers_of('motor_commands') == ('motor_driver',)
-    assert describe('cmd_vel').publishers == 'user, navigation'
+    assert describe('cmd_vel').publishers == 'user, navigation, trajectory_controller'
+    assert describe('path').publishers == 'user, navigation'
     assert describe('/diagnostics').publishers == 'every node'
     assert describe('overhead/odom').publishers == 'recordings'

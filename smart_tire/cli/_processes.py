@@ -29,7 +29,8 @@ from types import TracebackType
 
 DRIVERS = ('tire_receiver', 'imu_driver', 'motor_driver')
 ESTIMATORS = ('slip_estimator', 'friction_estimator')
-NODES = ('robot_simulator', *ESTIMATORS, 'wheel_controller', *DRIVERS)
+CONTROLLERS = ('wheel_controller', 'trajectory_controller')
+NODES = ('robot_simulator', *ESTIMATORS, *CONTROLLERS, *DRIVERS)
 SHUTDOWN_TIMEOUT = 10.0  # s from SIGINT to SIGKILL
 PR_SET_PDEATHSIG = 1     # prctl(2): signal to a child when its parent ends, even if killed
 

@@ -82,6 +82,10 @@ class TrajectoryControl:
         if self.state == State.FOLLOWING:
             self._end(State.STOPPED, reason)
 
+    def refuse(self, reason: str) -> None:
+        """End following for an order that cannot be read or is too old."""
+        self._end(State.REFUSED, reason)
+
     def update_odometry(self, odometry: Odometry, now_ns: int) -> None:
         """Add the latest pose and velocity."""
         self._friction.drive(self._motion.update(odometry, self.params.checks))

@@ -131,6 +131,29 @@ TIRE_FRICTION = Content('friction coefficient and waveform of one patch crossing
     Field('traction_force', 'N', 'longitudinal force on the robot at this wheel from the brush '
           'model, positive forward')),
     rate=ONE_PER_CROSSING)
+POSES = ('position; z is ignored', 'unit quaternion, of which the yaw is used; all zero: none')
+PATH = Content('path to follow; replaces the one that is followed', (
+    Field('header.stamp', '', 'refused if older than `path_max_age`; zero: its age is counted '
+          'from its publication'),
+    Field('header.frame_id', '', '`odom`, expected also in each pose, or none there'),
+    Field('poses[].pose.position', 'm', POSES[0]),
+    Field('poses[].pose.orientation', '-', POSES[1])),
+    rate='on change, transient local')
+GOAL_POSE = Content('pose to drive to; replaces the path that is followed', (
+    Field('header.stamp', '', 'as in `path`'),
+    Field('pose.position', 'm', POSES[0]),
+    Field('pose.orientation', '-', POSES[1] + ', any yaw')),
+    rate='on change')
+PATH_PROGRESS = Content('progress along the path', (
+    QUANTITY_NAMES,
+    Field('position', '', 'values; the distances are NaN while no path is followed'),
+    Field('velocity', '', 'empty'),
+    Field('effort', '', 'empty')), (
+    Field('remaining_distance', 'm', 'distance to the end along the path'),
+    Field('cross_track_error', 'm', 'distance of the robot from the path, positive to the left'),
+    Field('state', '', '0 idle, 1 following, 2 arrived, 3 stopped, 4 refused; the reason is in '
+          'the log and in `/diagnostics`')),
+    rate='4 Hz and at each change of the state')
 CMD_VEL = Content('commanded velocity of the body; more inputs with `cmd_vel_inputs`', (
     Field('header.stamp', '', 'time of the command; zero: its age is counted from its arrival'),
     Field('twist.linear.x', 'm/s', 'speed, forward'),
@@ -151,7 +174,8 @@ MOTOR_COMMANDS = Content('duties of the motors', (
 CONTENTS: dict[str, Content] = {
     'imu/data': IMU, 'wheel_states': WHEEL_STATES, 'tire_samples': TIRE_SAMPLES,
     'tire_battery': TIRE_BATTERY, 'odom': ODOM, 'wheel_slip': WHEEL_SLIP, 'icr': ICR,
-    'ground_state': GROUND_STATE, 'tire_friction': TIRE_FRICTION, 'cmd_vel': CMD_VEL,
+    'ground_state': GROUND_STATE, 'tire_friction': TIRE_FRICTION, 'path': PATH,
+    'goal_pose': GOAL_POSE, 'path_progress': PATH_PROGRESS, 'cmd_vel': CMD_VEL,
     'wheel_commands': WHEEL_COMMANDS, 'motor_commands': MOTOR_COMMANDS,
     'ground_truth/odom': Content('exact pose and velocity of the simulated robot', ODOM.fields),
     'ground_truth/wheel_slip': Content(

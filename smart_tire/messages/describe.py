@@ -27,6 +27,7 @@ from smart_tire.messages.topics import find_topic, Topic, TOPICS
 
 WIDTH = 99             # characters of a line
 MAX_NAME_COLUMN = 28   # characters; longer names have a line of their own
+FROM_USER = ('path', 'goal_pose', 'cmd_vel')  # published from outside of this package
 TOPIC_NAMES = (*TOPICS, *STATE_TOPICS)
 
 
@@ -64,8 +65,8 @@ def _find_state(name: str) -> StateTopic | None:
 
 def _publishers(topic: str) -> str:
     nodes = publishers_of(topic)
-    if topic == 'cmd_vel':
-        return 'user, navigation'
+    if topic in FROM_USER:
+        return ', '.join(('user', 'navigation', *nodes))
     return 'every node' if len(nodes) == len(NODE_TABLE) else ', '.join(nodes) or 'recordings'
 
 

@@ -83,6 +83,14 @@ NODE_TABLE: dict[str, NodeEntry] = {node.name: node for node in (
         ('cmd_vel', 'wheel_states', 'emergency_stop_active', 'motors_enabled'),
         ('wheel_commands', 'motor_commands')),
     NodeEntry(
+        'trajectory_controller',
+        'Follows a path or drives to a goal on `odom`, and compensates the slip of the wheels in '
+        'its velocity commands.',
+        ('path', 'goal_pose', 'odom', 'wheel_slip', 'tire_friction', 'emergency_stop_active'),
+        ('cmd_vel', 'path_progress'), (
+            Service('cancel_path', 'std_srvs/srv/Trigger',
+                    'stops the robot; `success` only if it followed a path or drove to a goal'),)),
+    NodeEntry(
         'robot_simulator',
         'Simulated robot in real time: opens pseudo-terminals and emits the bytes of tire radio, '
         'IMU and motor boards, so that the drivers used are those of the hardware.',

@@ -30,9 +30,12 @@ from smart_tire.messages.joint_state import (
 from smart_tire.messages.odometry_imu import (
     battery_from_msg, battery_to_msg, icr_from_msg, icr_to_msg, imu_from_msg, imu_to_msg,
     odometry_from_msg, odometry_to_msg, velocity_from_msg, velocity_to_msg)
+from smart_tire.messages.path import (
+    goal_from_msg, goal_to_msg, path_from_msg, path_to_msg, progress_from_msg, progress_to_msg)
 from smart_tire.samples import (
-    BatterySample, Friction, GroundState, Icr, ImuSample, MotorCommand, Odometry, Sample,
-    TireSample, VelocityCommand, WheelCommand, WheelSample, WheelSlip)
+    BatterySample, Friction, GoalPose, GroundState, Icr, ImuSample, MotorCommand, Odometry,
+    PathProgress, PlannedPath, Sample, TireSample, VelocityCommand, WheelCommand, WheelSample,
+    WheelSlip)
 
 SampleClass = type[Any]
 
@@ -77,6 +80,12 @@ TOPICS: dict[str, Topic] = {topic.name: topic for topic in (
           15.625, 'base_link', 'estimate'),
     Topic('tire_friction', JOINTS, Friction, friction_from_msg, friction_to_msg,
           2.0, '', 'estimate'),
+    Topic('path', 'nav_msgs/msg/Path', PlannedPath, path_from_msg, path_to_msg,
+          0.0, 'odom', 'command'),
+    Topic('goal_pose', 'geometry_msgs/msg/PoseStamped', GoalPose, goal_from_msg, goal_to_msg,
+          0.0, 'odom', 'command'),
+    Topic('path_progress', JOINTS, PathProgress, progress_from_msg, progress_to_msg,
+          4.0, 'odom', 'estimate'),
     Topic('cmd_vel', 'geometry_msgs/msg/TwistStamped', VelocityCommand,
           velocity_from_msg, velocity_to_msg, 0.0, 'base_link', 'command'),
     Topic('wheel_commands', JOINTS, WheelCommand, wheel_command_from_msg, wheel_command_to_msg,

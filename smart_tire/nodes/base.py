@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 import signal
 import sys
 import threading
@@ -27,6 +27,7 @@ from rcl_interfaces.msg import SetParametersResult
 import rclpy
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.exceptions import InvalidParameterTypeException
 from rclpy.logging import get_logger
 from rclpy.node import Node
@@ -39,7 +40,7 @@ from smart_tire.errors import ParameterError, SmartTireError
 from smart_tire.messages import OtherJointsError, TOPICS
 from smart_tire.nodes.command_line import foreign_arguments
 from smart_tire.nodes.compat import (
-    message_class, new_executor, plain_message, RCLError, with_info, wrong_type_message)
+    message_class, new_executor, once, plain_message, RCLError, with_info, wrong_type_message)
 from smart_tire.nodes.diagnostics import diagnostic_array, InputCounter, Status
 from smart_tire.nodes.input_watch import CHECK_PERIOD, InputLog, SILENCE_NS
 from smart_tire.nodes.parameters import declare, read
@@ -111,7 +112,7 @@ class SmartTireNode(Node, Generic[Params]):
                   name: str | None = None, wheels: int = 1, reliability: str = 'reliable',
                   required: bool = False, announced: bool = False, info: bool = False,
                   from_msg: Callable[[Any], Any] | None = None,
-                  type_name: str | None = None) -> None:
+                  type_name: str | None = None, profiles: Sequence[QoSProfile] = ()) -> None:
         """
         Subscribe to a topic of ``TOPICS``; call ``on_sample`` with each valid sample.
 
@@ -119,7 +120,8 @@ class SmartTireNode(Node, Generic[Params]):
         the topic's name, ``from_msg`` its conversion, ``type_name`` its type. With ``info``,
         ``on_sample`` also gets rclpy's message info. No message for ``MAX_INPUT_AGE`` on a
         ``required`` topic is a warning. The first message on a required or ``announced`` topic
-        is logged.
+        is logged. With ``profiles`` there is a subscription for each of them, but a message is
+        handled once, with its info.
         """
         topic, name = TOPICS[topic_name], name or topic_name
         counter = InputCounter(required=required)
@@ -133,9 +135,9 @@ class SmartTireNode(Node, Generic[Params]):
                 on_sample(convert(msg), *info)
             except OtherJointsError as error:
                 if not counter.ok:  # the wheels may be in other messages of this topic
-                    self._reject_input(name, counter, error)
+                    self.reject_input(name, counter, error)
             except SmartTireError as error:
-                self._reject_input(name, counter, error)
+                self.reject_input(name, counter, error)
             else:
                 counter.accept(self.steady_ns())
 
@@ -145,18 +147,30 @@ class SmartTireNode(Node, Generic[Params]):
         def on_message_with_info(msg: Any, message_info: Any) -> None:  # rclpy counts arguments
             handle(msg, message_info)
 
-        callback = (with_info(on_message_with_info) if info
-                    else self.wrap_callback(name, on_message))
+        cls = message_class(type_name or topic.type)
+        if profiles:
+            self._subscribe_once(cls, name, on_message_with_info, profiles)
+            return
         self.create_subscription(
-            message_class(type_name or topic.type), name, callback,
+            cls, name, (with_info(on_message_with_info) if info
+                        else self.wrap_callback(name, on_message)),
             subscriber_qos(topic_name, wheels=wheels, reliability=reliability))
+
+    def _subscribe_once(self, cls: type[Any], name: str, callback: Callable[[Any, Any], None],
+                        profiles: Sequence[QoSProfile]) -> None:
+        """Subscribe with each of ``profiles``; a publisher need not match all of them."""
+        silent = SubscriptionEventCallbacks(use_default_callbacks=False)  # no warning of rclpy
+        adapter = with_info(once(callback))
+        for profile in profiles:
+            self.create_subscription(cls, name, adapter, profile, event_callbacks=silent)
 
     def wrap_callback(self, name: str,
                       on_message: Callable[[Any], None]) -> Callable[[Any], None]:
         """Return the callback of the subscription to ``name``; a subclass may defer it."""
         return on_message
 
-    def _reject_input(self, name: str, counter: InputCounter, error: Exception) -> None:
+    def reject_input(self, name: str, counter: InputCounter, error: Exception) -> None:
+        """Count and log an invalid message; a subclass may also react."""
         if counter.reject(str(error)):
             reason = counter.latest.removeprefix(f'{name}: ')
             self.get_logger().warning(f'{name}: {counter.bad} messages rejected, latest: {reason}')

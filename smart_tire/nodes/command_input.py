@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping
 import time
 from typing import Any
 
@@ -28,9 +28,20 @@ from smart_tire.nodes.compat import publisher_names
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.samples import NS_PER_S
 
+ON_DEMAND = {'cmd_vel': 'trajectory_controller'}  # topic -> node that publishes temporarily
 TICK_PERIOD = 0.025        # s, a tenth of the shortest stall that must be detected
 MIN_PUBLISHER_WINDOW = 1.5  # s after its latest message that a publisher counts; a line fault ends
 PUBLISHER_WINDOW_TIMEOUTS = 2.0  # the same in time-outs: a slow publisher must not be overlooked
+
+
+def without_idle(topic: str, publishers: Iterable[str]) -> list[str]:
+    """
+    Return the nodes of ``publishers`` that may send at any time on ``topic``, one of ``TOPICS``.
+
+    Left out is the one that publishes only while it follows a path: it is no second publisher as
+    long as it is idle, and messages of both at the same time are detected as such.
+    """
+    return [name for name in publishers if name.rpartition('/')[2] != ON_DEMAND.get(topic)]
 
 
 class CommandInput:
@@ -52,7 +63,7 @@ class CommandInput:
                  required: bool = False, reliability: str = 'reliable',
                  from_msg: Callable[[Any], Any] | None = None,
                  unstamped_type: str | None = None) -> None:
-        self._node, self._name = node, name or topic
+        self._node, self._topic, self._name = node, topic, name or topic
         self._on_command, self._on_conflict, self._max_age = on_command, on_conflict, max_age
         window = max(MIN_PUBLISHER_WINDOW, PUBLISHER_WINDOW_TIMEOUTS * timeout)
         self._monitor = PublisherMonitor(round(window * NS_PER_S))
@@ -122,6 +133,7 @@ class CommandInput:
         """Add a conflict of publishers, and a warning while a second publisher exists."""
         if self._conflict:
             status.error(f'motors stopped: {self._conflict}')
-        elif len(names := publisher_names(self._node, self._name)) > 1:
+        elif len(names := without_idle(
+                self._topic, publisher_names(self._node, self._name).values())) > 1:
             status.warn(f'{len(names)} publishers exist on {self._name}: '
-                        + ', '.join(sorted(names.values())))
+                        + ', '.join(sorted(names)))

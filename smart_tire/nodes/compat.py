@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Mapping
 from importlib import import_module
 import inspect
@@ -29,6 +30,7 @@ from rclpy.node import Node
 
 from smart_tire.parameters.files import from_arguments
 
+REMEMBERED_MESSAGES = 16  # of a topic with several subscriptions
 RCLError: type[RuntimeError] = rclpy_implementation.RCLError  # of ``publish``; not exported
 
 
@@ -65,6 +67,25 @@ def with_info(callback: Callable[[Any, Mapping[str, Any]], None]) -> Callable[..
 
     adapter.__signature__ = inspect.signature(callback)  # type: ignore[attr-defined]
     return adapter
+
+
+def once(callback: Callable[[Any, Mapping[str, Any]], None],
+         ) -> Callable[[Any, Mapping[str, Any]], None]:
+    """
+    Return a callback that calls ``callback`` once per message that several subscriptions receive.
+
+    A message is identified by the time and the number of its publication; repeated content is not
+    a repeated message.
+    """
+    seen: deque[tuple[Any, Any]] = deque(maxlen=REMEMBERED_MESSAGES)
+
+    def on_message(msg: Any, info: Mapping[str, Any]) -> None:
+        key = info['source_timestamp'], info.get('publication_sequence_number')
+        if key not in seen:
+            seen.append(key)
+            callback(msg, info)
+
+    return on_message
 
 
 def has_matched(node: Node, topic: str) -> bool:

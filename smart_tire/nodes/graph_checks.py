@@ -30,9 +30,11 @@ from rclpy.node import Node
 from rclpy.qos import qos_check_compatible, QoSCompatibility, QoSProfile
 from smart_tire.findings import Finding, Level
 from smart_tire.messages import find_topic
+from smart_tire.nodes.command_input import without_idle
 from smart_tire.nodes.qos import latched
 from std_msgs.msg import Bool
 
+ORDERS = ('path', 'goal_pose')  # the latest one counts, whoever publishes it
 OWNERS = {'motor_commands': 'wheel_controller', 'wheel_commands': 'wheel_controller'}
 ENVIRONMENT = ('ROS_DOMAIN_ID', 'ROS_AUTOMATIC_DISCOVERY_RANGE', 'ROS_LOCALHOST_ONLY',
                'ROS_STATIC_PEERS', 'RMW_IMPLEMENTATION')
@@ -142,9 +144,9 @@ def graph_findings(graph: Mapping[str, TopicEnds], nodes: Sequence[str]) -> Iter
 
 def _command_findings(name: str, ends: TopicEnds) -> Iterator[Finding]:
     topic = find_topic(name)
-    if topic is None or topic.quality != 'command':
+    if topic is None or topic.quality != 'command' or topic.name in ORDERS:
         return
-    publishers = [end.node for end in ends.publishers]
+    publishers = without_idle(topic.name, [end.node for end in ends.publishers])
     listed = ', '.join(sorted(publishers))
     if len(publishers) > 1:
         yield Finding(Level.ERROR, name, f'{len(publishers)} publishers: {listed}', 'one',
@@ -164,9 +166,18 @@ def _type_findings(name: str, ends: TopicEnds) -> Iterator[Finding]:
                       'correct the node that publishes or subscribes to it')
 
 
+def reaches(publisher: Endpoint, subscription: Endpoint) -> bool:
+    """Return whether the profiles are compatible."""
+    verdict, _ = qos_check_compatible(publisher.profile, subscription.profile)
+    return bool(verdict != QoSCompatibility.ERROR)
+
+
 def _qos_findings(name: str, ends: TopicEnds) -> Iterator[Finding]:
     for publisher in ends.publishers:
         for subscription in ends.subscriptions:
+            if any(reaches(publisher, other) for other in ends.subscriptions
+                   if other.node == subscription.node):
+                continue  # a node may subscribe with several profiles
             verdict, reason = qos_check_compatible(publisher.profile, subscription.profile)
             if verdict == QoSCompatibility.ERROR:
                 yield Finding(Level.ERROR, name, f'{subscription.node} does not receive what '

@@ -88,6 +88,17 @@ def subscriber_qos(name: str, *, wheels: int = 1, reliability: str = 'reliable')
     return profile
 
 
+def order_profiles(name: str) -> list[QoSProfile]:
+    """
+    Return the profiles of two subscriptions to the order ``name``, such as ``path``.
+
+    One receives what was published before, the other also serves publishers that keep nothing.
+    """
+    volatile = subscriber_qos(name)
+    volatile.durability = DurabilityPolicy.VOLATILE
+    return [latched(), volatile]
+
+
 def rosbag2_overrides() -> str:
     """
     Return the file for ``ros2 bag record --qos-profile-overrides-path``.
@@ -106,7 +117,7 @@ OVERRIDES_HEADER = (
 
 
 def _overrides() -> Iterator[str]:
-    for name in (*TOPICS, 'tf', 'diagnostics'):
+    for name in (*(name for name in TOPICS if name not in LATCHED), 'tf', 'diagnostics'):
         profile = subscriber_qos(name, wheels=len(WHEELS))
         yield from (
             f'/{name}:', '  history: keep_last', f'  depth: {max(profile.depth, OTHER_DEPTH)}',

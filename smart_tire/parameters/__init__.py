@@ -32,6 +32,7 @@ NODE_PARAMS = {
     'slip_estimator': SlipEstimatorParams,
     'friction_estimator': FrictionEstimatorParams,
     'wheel_controller': WheelControllerParams,
+    'trajectory_controller': TrajectoryControllerParams,
     'robot_simulator': SimulatorParams,
 }
 

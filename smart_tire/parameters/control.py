@@ -173,6 +173,9 @@ class TrajectoryControllerParams:
         True, '-', 'compensate the estimated slip; false: kinematics without slip', live=True)
     effective_track: float = param(
         0.38, 'm', 'effective_track of wheel_controller', low=1e-2)
+    path_max_age: float = param(
+        2.0, 's', 'path or goal_pose older or further in the future is refused', low=0.1,
+        high=3600.0, live=True)
     limits: MotionLimitParams = nested(MotionLimitParams)
     follower: FollowerParams = nested(FollowerParams)
     arrival: ArrivalParams = nested(ArrivalParams)

@@ -40,8 +40,9 @@ FILES = {
                    'the analysis.', ('',)),
     'hardware.yaml': ('Drivers: ports and devices.',
                       ('tire_receiver', 'imu_driver', 'motor_driver')),
-    'tuning.yaml': ('Estimators and controller.',
-                    ('slip_estimator', 'friction_estimator', 'wheel_controller')),
+    'tuning.yaml': ('Estimators and controllers.',
+                    ('slip_estimator', 'friction_estimator', 'wheel_controller',
+                     'trajectory_controller')),
     'simulation.yaml': ('Simulated robot and ground; the geometry of the robot is in robot.yaml.',
                         ('robot_simulator',)),
 }

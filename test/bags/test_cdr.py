@@ -16,6 +16,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
@@ -32,6 +34,7 @@ JOINTS = 'sensor_msgs/msg/JointState'
 TYPES = sorted({topic.type for topic in TOPICS.values()})
 NUMBERS = st.lists(st.floats(width=64), max_size=5)
 NAMES = st.lists(st.text(st.characters(min_codepoint=1, codec='utf-8'), max_size=9), max_size=4)
+LISTS = (Nodetype.ARRAY, Nodetype.SEQUENCE)
 BOUNDS = {'float32': {'width': 32}, 'float64': {'width': 64}}
 
 
@@ -57,6 +60,8 @@ def values(kind):
     if node == Nodetype.BASE:
         return NAMES.map(''.join) if what[0] == 'string' else scalars(what[0])
     item, length = what
+    if item[0] == Nodetype.NAME:
+        return st.lists(messages(item[1]), max_size=3)
     if item[1][0] == 'string':
         return NAMES
     return arrays.arrays(item[1][0], length if node == Nodetype.ARRAY else st.integers(0, 5),
@@ -79,6 +84,9 @@ def same(type_name, one, other):
         a, b = getattr(one, name), getattr(other, name)
         if node == Nodetype.NAME:
             if not same(what, a, b):
+                return False
+        elif node in LISTS and what[0][0] == Nodetype.NAME:
+            if len(a) != len(b) or not all(map(partial(same, what[0][1]), a, b)):
                 return False
         elif isinstance(a, (str, list)) or (node != Nodetype.BASE and what[0][1][0] == 'string'):
             if list(a) != list(b):

@@ -22,13 +22,15 @@ import pytest
 
 from smart_tire.bags.definitions import definition, empty, Encoder
 from smart_tire.messages import topic_of, TOPICS
-from smart_tire.samples import Friction, FRICTION_QUANTITIES, Icr, TireSample
+from smart_tire.samples import (
+    Friction, FRICTION_QUANTITIES, Icr, NAN, PlannedPath, TireSample)
 from smart_tire.uncertain import Uncertain
 
 SAMPLES = [
     TireSample(1_700_000_000_123_456_789, 'rear_left', (1.65, 2.5)),
     Icr(5, 0.02, -1.5),
     Friction(7, 'rear_right', **dict.fromkeys(FRICTION_QUANTITIES, Uncertain(0.5, 0.25))),
+    PlannedPath(8, 'odom', ((1.0, -2.5, 0.0), (1.5, 0.25, NAN))),
 ]
 
 

@@ -23,7 +23,8 @@ from rclpy.qos import (
     DurabilityPolicy, HistoryPolicy, qos_check_compatible, QoSCompatibility, QoSProfile,
     ReliabilityPolicy)
 from smart_tire.messages import TOPICS
-from smart_tire.nodes.qos import LATCHED, publisher_qos, rosbag2_overrides, subscriber_qos
+from smart_tire.nodes.qos import (
+    LATCHED, order_profiles, publisher_qos, rosbag2_overrides, subscriber_qos)
 import yaml
 
 pytestmark = pytest.mark.processes
@@ -31,7 +32,10 @@ pytestmark = pytest.mark.processes
 OVERRIDES = Path(__file__).resolve().parents[2] / 'config' / 'rosbag2_qos.yaml'
 
 
-@pytest.mark.parametrize('name', [*TOPICS, '/diagnostics', '/tf'])
+VOLATILE = [*(name for name in TOPICS if name not in LATCHED), 'tf', 'diagnostics']
+
+
+@pytest.mark.parametrize('name', VOLATILE)
 def test_every_publisher_is_reliable_and_volatile_so_any_subscription_matches(name):
     profile = publisher_qos(name)
     assert profile.reliability == ReliabilityPolicy.RELIABLE
@@ -79,13 +83,21 @@ def test_topics_published_on_change_are_transient_local(name):
     assert profile.depth == 1
 
 
+def test_orders_are_subscribed_twice_so_that_any_publisher_matches_and_a_kept_one_is_read():
+    kept, volatile = order_profiles('path')
+    assert kept.durability == DurabilityPolicy.TRANSIENT_LOCAL
+    assert volatile.durability == DurabilityPolicy.VOLATILE
+    assert {kept.reliability, volatile.reliability} == {ReliabilityPolicy.RELIABLE}
+    assert (kept.depth, volatile.depth) == (1, 1)
+
+
 def test_the_file_for_rosbag2_is_current():
     assert OVERRIDES.read_text(encoding='utf-8') == rosbag2_overrides(), 'run: make config'
 
 
 def test_rosbag2_gets_a_complete_profile_of_every_volatile_topic():
     overrides = yaml.safe_load(OVERRIDES.read_text(encoding='utf-8'))
-    assert overrides.keys() == {f'/{name}' for name in (*TOPICS, 'tf', 'diagnostics')}
+    assert overrides.keys() == {f'/{name}' for name in VOLATILE}
     assert not overrides.keys() & {f'/{name}' for name in LATCHED}
     for name, policies in overrides.items():
         # as ros2bag parses it: short keys of policies, a number for the depth

@@ -1,0 +1,130 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Messages of path following: the path, the goal and the progress."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from math import hypot, isfinite, isinf, isnan
+import re
+from types import SimpleNamespace
+from typing import Any
+
+from smart_tire.errors import MessageError
+from smart_tire.messages.header import not_finite_error, set_header, stamp_of
+from smart_tire.rotation import euler, quaternion
+from smart_tire.samples import GoalPose, NAN, PathProgress, PlannedPath, Vector3
+
+PROGRESS_NAMES = ('remaining_distance', 'cross_track_error', 'state')
+STATES = range(5)           # of ``path_progress``: idle, following, arrived, stopped, refused
+QUATERNION_TOLERANCE = 0.01  # of the norm; planners publish single precision or rounded values
+
+
+def path_from_msg(msg: Any) -> PlannedPath:
+    """Return the path in a Path; the frame of each pose is that of the path, or empty."""
+    frame = msg.header.frame_id
+    for index, item in enumerate(msg.poses):
+        if item.header.frame_id not in ('', frame):
+            raise MessageError(f'path: poses[{index}].header.frame_id is '
+                               f'{item.header.frame_id!r}, expected {frame!r} or none')
+    return PlannedPath(stamp_of(msg), frame, tuple(
+        _pose(item.pose, 'path', f'poses[{index}].pose') for index, item in enumerate(msg.poses)))
+
+
+def path_to_msg(msg: Any, sample: PlannedPath) -> Any:
+    """Write ``sample`` into a Path and return it."""
+    set_header(msg, sample.stamp_ns, sample.frame)
+    msg.poses = [_set_pose(item, sample.stamp_ns, sample.frame, pose)
+                 for item, pose in zip(_new_poses(msg, len(sample.poses)), sample.poses)]
+    return msg
+
+
+def goal_from_msg(msg: Any) -> GoalPose:
+    """Return the goal in a PoseStamped."""
+    return GoalPose(stamp_of(msg), msg.header.frame_id, _pose(msg.pose, 'goal_pose', 'pose'))
+
+
+def goal_to_msg(msg: Any, sample: GoalPose) -> Any:
+    """Write ``sample`` into a PoseStamped and return it."""
+    return _set_pose(msg, sample.stamp_ns, sample.frame, sample.pose)
+
+
+def progress_from_msg(msg: Any) -> PathProgress:
+    """Return the progress in a JointState; a distance may be NaN."""
+    numbers = dict(zip(msg.name, msg.position))
+    if any(list(msg.name).count(name) != 1 for name in PROGRESS_NAMES):
+        raise MessageError(f'path_progress: name is {list(msg.name)}, '
+                           f'expected each of {", ".join(PROGRESS_NAMES)} once')
+    if len(msg.position) != len(msg.name):
+        raise MessageError(f'path_progress: position has {len(msg.position)} numbers, '
+                           f'expected one for each of {len(msg.name)} names')
+    remaining, error, state = (float(numbers[name]) for name in PROGRESS_NAMES)
+    if isinf(remaining) or isinf(error):
+        raise not_finite_error('path_progress', 'position', msg.position)
+    if state not in STATES:
+        raise MessageError(f'path_progress: state is {state:g}, expected 0 to {STATES[-1]}')
+    return PathProgress(stamp_of(msg), remaining, error, int(state))
+
+
+def progress_to_msg(msg: Any, sample: PathProgress) -> Any:
+    """Write ``sample`` into a JointState and return it."""
+    set_header(msg, sample.stamp_ns, 'odom')
+    msg.name = PROGRESS_NAMES
+    msg.position = (sample.remaining_distance, sample.cross_track_error, float(sample.state))
+    return msg
+
+
+def _pose(pose: Any, topic: str, field: str) -> Vector3:
+    """Return x, y and yaw of a Pose; yaw is NaN if the quaternion is all zero."""
+    position = pose.position.x, pose.position.y, pose.position.z
+    if not all(map(isfinite, position)):
+        raise not_finite_error(topic, f'{field}.position', position)
+    given = pose.orientation
+    xyzw = given.x, given.y, given.z, given.w
+    norm = hypot(*xyzw)
+    if norm == 0.0:
+        return position[0], position[1], NAN
+    if not abs(norm - 1.0) <= QUATERNION_TOLERANCE:  # also if a number is not finite
+        raise MessageError(f'{topic}: {field}.orientation is {list(xyzw)}, expected a unit '
+                           'quaternion, or zeros for no orientation')
+    return position[0], position[1], euler([number / norm for number in xyzw])[2]
+
+
+def _set_pose(msg: Any, stamp_ns: int, frame: str, pose: Vector3) -> Any:
+    """Write a pose into a PoseStamped and return it."""
+    set_header(msg, stamp_ns, frame)
+    x, y, yaw = pose
+    position, rotation = msg.pose.position, msg.pose.orientation
+    position.x, position.y, position.z = x, y, 0.0
+    rotation.x, rotation.y, rotation.z, rotation.w = (
+        (0.0,) * 4 if isnan(yaw) else quaternion(0.0, 0.0, yaw))
+    return msg
+
+
+def _new_poses(msg: Any, count: int) -> list[Any]:
+    """Return new elements of ``msg.poses``: rclpy accepts those of its own class only."""
+    fields = getattr(msg, 'get_fields_and_field_types', None)
+    if fields is None:
+        return [_empty_pose() for _ in range(count)]
+    found = re.fullmatch(r'sequence<(\w+)/(\w+)>', fields()['poses'])
+    assert found is not None, 'poses of a Path are a sequence of messages'
+    cls = getattr(import_module(f'{found[1]}.msg'), found[2])
+    return [cls() for _ in range(count)]
+
+
+def _empty_pose() -> SimpleNamespace:
+    return SimpleNamespace(
+        header=SimpleNamespace(stamp=SimpleNamespace(sec=0, nanosec=0), frame_id=''),
+        pose=SimpleNamespace(position=SimpleNamespace(), orientation=SimpleNamespace()))

@@ -1,0 +1,198 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Node ``trajectory_controller``: ``path`` or ``goal_pose``, and estimates, to ``cmd_vel``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+import math
+import sys
+import time
+from typing import Any
+
+from smart_tire.control.command_check import check_age
+from smart_tire.control.trajectory_control import State, TrajectoryControl
+from smart_tire.errors import CommandError
+from smart_tire.nodes.base import run, SmartTireNode
+from smart_tire.nodes.diagnostics import InputCounter, Status
+from smart_tire.nodes.qos import latched, order_profiles
+from smart_tire.parameters import TrajectoryControllerParams
+from smart_tire.samples import GoalPose, Odometry, PlannedPath
+from std_msgs.msg import Bool
+from std_srvs.srv import Trigger
+
+PROGRESS_PERIOD = 0.25  # s between messages of path_progress, docs/topics.md
+STATE_DEPTH = 10  # queued states of the emergency stop, so that a short one is not missed
+LOG_PERIOD = 1.0  # s between log lines for messages that are refused
+Order = PlannedPath | GoalPose
+
+
+class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
+    """
+    Follows a path, or drives to a goal, with commands of the body velocity.
+
+    Subscribes to ``path``, ``goal_pose``, ``odom``, ``wheel_slip``, ``tire_friction`` and
+    ``emergency_stop_active``; publishes ``cmd_vel`` (only while it follows, then one command of
+    zero), ``path_progress`` and ``/diagnostics``. Service: ``cancel_path``.
+
+    Parameters: those of ``TrajectoryControllerParams``.
+    """
+
+    def __init__(self) -> None:
+        super().__init__('trajectory_controller', TrajectoryControllerParams)
+        params = self.params
+        self._control = TrajectoryControl(params)
+        self._order: Order | None = None  # the latest one that was accepted
+        self._odometry: Odometry | None = None
+        self._emergency_stop = False
+        self._reported = self._control.state, self._control.reason
+        self._publish_velocity = self.make_publisher('cmd_vel')
+        self._publish_progress = self.make_publisher('path_progress')
+        self._subscribe_orders()
+        self.subscribe('odom', self._on_odometry, required=True, reliability=params.reliability)
+        self.subscribe('wheel_slip', self._control.update_slip, announced=True,
+                       reliability=params.reliability)
+        self.subscribe('tire_friction', self._control.update_friction, announced=True,
+                       wheels=len(params.robot.film.wheels), reliability=params.reliability)
+        profile = latched()
+        profile.depth = STATE_DEPTH
+        self.create_subscription(Bool, 'emergency_stop_active', self._on_emergency_stop, profile)
+        self.create_service(Trigger, 'cancel_path', self._on_cancel)
+        self.create_steady_timer(1.0 / params.rate, self._step)
+        self.create_steady_timer(PROGRESS_PERIOD, self._send_progress)
+
+    def _subscribe_orders(self) -> None:
+        follow: dict[str, Callable[[Any, int], None]] = {
+            'path': self._control.set_path, 'goal_pose': self._control.set_goal}
+        for name in follow:
+            self.subscribe(name, partial(self._on_order, name, follow[name]),
+                           profiles=order_profiles(name))
+
+    def stop(self) -> None:
+        """Stop the robot if it follows a path."""
+        self._end('node ended')
+
+    def on_parameters_changed(self) -> None:
+        """Use the new parameters."""
+        self._control.params = self.params
+
+    def _on_order(self, name: str, follow: Callable[[Any, int], None], order: Order,
+                  info: Mapping[str, Any]) -> None:
+        """Follow a new path or goal, unless it is of the past."""
+        if self._control.state == State.FOLLOWING and order == self._order:
+            return  # repeated: a new beginning would lead back to parts already driven
+        # from its publication on, since a latched one is received when this node starts
+        waited_ns = max(time.time_ns() - info['source_timestamp'], 0)
+        check_age(name, order.stamp_ns, self.now_ns(), waited_ns, self.params.path_max_age)
+        if self._emergency_stop:
+            raise CommandError(f'{name}: the emergency stop is active')
+        self._order = order
+        follow(order, self.now_ns())
+        self._reported = self._reported[0], 'new order'  # report it, also if the state is the same
+        self._step()
+
+    def reject_input(self, name: str, counter: InputCounter, error: Exception) -> None:
+        """Stop the robot for a path or goal that is invalid: the one before is outdated."""
+        if name not in ('path', 'goal_pose'):
+            super().reject_input(name, counter, error)
+            return
+        counter.reject(str(error))
+        self._control.refuse(str(error))
+        self._step()
+
+    def _on_odometry(self, odometry: Odometry) -> None:
+        self._odometry = odometry
+        self._control.update_odometry(odometry, self.now_ns())
+
+    def _on_emergency_stop(self, state: Bool) -> None:
+        self._emergency_stop = state.data
+        if state.data:
+            self._end('emergency stop')
+
+    def _on_cancel(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.success = self._end('canceled by cancel_path')
+        response.message = 'stopped' if response.success else 'no path is followed'
+        return response
+
+    def _end(self, reason: str) -> bool:
+        """Stop at once; return whether a path was followed."""
+        if self._control.state != State.FOLLOWING:
+            return False
+        self._control.cancel(reason)
+        self._step()
+        return True
+
+    def _step(self) -> None:
+        command = self._control.step(self.now_ns())
+        if command is not None:
+            self._publish_velocity(command)
+        if self._reported != (found := (self._control.state, self._control.reason)):
+            self._log_state(before=self._reported[0])
+            self._reported = found
+            self._send_progress()
+
+    def _log_state(self, before: State) -> None:
+        state, reason = self._control.state, self._control.reason
+        if state == State.FOLLOWING:
+            length = self._control.progress(self.now_ns()).remaining_distance
+            self.get_logger().info(f'following {described(self._order, length)}')
+        elif state == State.ARRIVED:
+            self.get_logger().info(f'arrived {self._distance_from_end():.3f} m from the end')
+        elif state == State.STOPPED:
+            self.get_logger().warning(f'stopped: {reason}')
+        elif state == State.REFUSED and before != State.REFUSED:
+            self.get_logger().warning(f'refused: {reason}')
+        elif state == State.REFUSED:  # perhaps for each message of a fast publisher
+            self.get_logger().warning(f'again refused: {reason}', throttle_duration_sec=LOG_PERIOD)
+
+    def _distance_from_end(self) -> float:
+        if self._order is None or self._odometry is None:
+            return math.nan
+        end = self._order.pose if isinstance(self._order, GoalPose) else self._order.poses[-1]
+        return math.dist(end[:2], self._odometry.position[:2])
+
+    def _send_progress(self) -> None:
+        self._publish_progress(self._control.progress(self.now_ns()))
+
+    def fill_status(self, status: Status) -> None:
+        """Add state and progress, and why the robot does not follow."""
+        state, reason = self._control.state, self._control.reason
+        progress = self._control.progress(self.now_ns())
+        status.values.update(
+            state=state.name.lower(), reason=reason, emergency_stop=self._emergency_stop,
+            remaining_distance=progress.remaining_distance,
+            cross_track_error=progress.cross_track_error)
+        if state in (State.STOPPED, State.REFUSED):
+            status.warn(f'{state.name.lower()}: {reason}')
+
+
+def described(order: Order | None, length: float) -> str:
+    """Return what is followed, for the log; ``length`` [m] is NaN while there is no odometry."""
+    text = ''
+    if isinstance(order, GoalPose):
+        text = f'goal_pose: x {order.pose[0]:.2f} m, y {order.pose[1]:.2f} m'
+    elif order is not None:
+        text = f'path: {len(order.poses)} poses'
+    return f'{text}, {length:.2f} m to drive' if math.isfinite(length) else f'{text}, without odom'
+
+
+def main() -> int:
+    """Run the node."""
+    return run(TrajectoryController)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,286 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Trajectory controller as a process, with a robot in the test that moves as commanded."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import math
+import time
+
+import pytest
+from rclpy.qos import QoSProfile
+from smart_tire.control.trajectory_control import State
+from smart_tire.messages import path_to_msg
+from smart_tire.nodes.compat import message_class
+from smart_tire.nodes.qos import latched
+from smart_tire.rotation import quaternion
+from smart_tire.samples import (
+    GoalPose, NAN, NS_PER_S, Odometry, PathProgress, PlannedPath, WheelSlip)
+from std_msgs.msg import Bool
+from support.graph import Graph, node_arguments, Process
+
+pytestmark = pytest.mark.processes
+
+NODE = 'trajectory_controller'
+PATH = message_class('nav_msgs/msg/Path')
+PERIOD_NS = 20_000_000  # of the odometry
+COVARIANCE = tuple(1e-4 * (index % 7 == 0) for index in range(36))
+SHORT, LONG = 0.3, 10.0  # m
+
+
+class Robot:
+    """A robot without slip that publishes ``odom`` and moves along x as ``cmd_vel`` says."""
+
+    def __init__(self, graph: Graph) -> None:
+        self.graph = graph
+        self.x = 0.0
+        self.is_silent = False
+        self.log: Callable[[], str] = lambda: self.node.output
+        self._sent_ns = 0
+        graph.subscribe('cmd_vel', 'path_progress')
+
+    def step(self) -> None:
+        """Move and publish, if it is time."""
+        now_ns = time.time_ns()
+        if self.is_silent or now_ns - self._sent_ns < PERIOD_NS:
+            return
+        passed = min(now_ns - self._sent_ns, 2 * PERIOD_NS) / NS_PER_S
+        self._sent_ns = now_ns
+        self.x += self.speed * passed
+        self.graph.publish('odom', Odometry(
+            now_ns, (self.x, 0.0, 0.0), quaternion(0.0, 0.0, 0.0), (self.speed, 0.0, 0.0),
+            (0.0, 0.0, 0.0), COVARIANCE, COVARIANCE))
+        self.graph.publish('wheel_slip', WheelSlip(now_ns, (0.0,) * 4, (0.0,) * 4, (0.01,) * 4))
+
+    @property
+    def commands(self) -> list[tuple[float, float]]:
+        """Return speed and yaw rate of all commands."""
+        return [(sample.v_x, sample.yaw_rate) for sample in self.graph.samples('cmd_vel')]
+
+    @property
+    def speed(self) -> float:
+        """Return the latest speed commanded."""
+        return self.commands[-1][0] if self.commands else 0.0
+
+    @property
+    def progress(self) -> PathProgress:
+        """Return the latest progress."""
+        progress = self.graph.samples('path_progress')
+        return progress[-1] if progress else PathProgress(0, NAN, NAN, -1)
+
+    def until(self, condition: Callable[[], object]) -> None:
+        """Drive until ``condition``."""
+        self.graph.until(condition, self.step)
+
+    def until_state(self, state: State) -> None:
+        """Drive until the progress has ``state``."""
+        self.until(lambda: self.progress.state == state)
+
+    def until_more_progress(self) -> None:
+        """Drive until two more messages of the progress."""
+        count = len(self.graph.received['path_progress'])
+        self.until(lambda: len(self.graph.received['path_progress']) == count + 2)
+
+    def path(self, length: float = LONG, stamp_ns: int | None = None,
+             frame: str = 'odom') -> PlannedPath:
+        """Return a path straight ahead of ``length`` [m], by default with the present time."""
+        return PlannedPath(time.time_ns() if stamp_ns is None else stamp_ns, frame, tuple(
+            (self.x + 0.05 * index, 0.0, 0.0) for index in range(round(length / 0.05) + 1)))
+
+    def follow(self, path: PlannedPath) -> None:
+        """Publish a path."""
+        self.graph.publish('path', path)
+
+    def drive(self) -> None:
+        """Publish a long path; return when the robot moves."""
+        self.follow(self.path())
+        self.until(lambda: self.speed > 0.1)
+
+    def assert_stopped(self, state: State, reason: str) -> None:
+        """Assert that one command of zero is sent, that ``state`` remains and why is logged."""
+        self.until_state(state)
+        self.until(lambda: self.speed == 0.0)
+        count = len(self.commands)
+        self.until(lambda: f'{state.name.lower()}: ' in self.log())
+        assert reason in self.log()
+        self.until_more_progress()
+        assert self.progress.state == state
+        assert len(self.commands) == count
+
+
+@pytest.fixture(scope='module')
+def running(tmp_path_factory, isolated_ros):
+    """Return a robot with a node that the tests share; the node ends while it follows."""
+    with Graph(tmp_path_factory.mktemp('graph')) as graph:
+        robot = Robot(graph)
+        with graph.start(NODE) as robot.node:
+            robot.until_state(State.IDLE)
+            assert math.isnan(robot.progress.remaining_distance)
+            assert math.isnan(robot.progress.cross_track_error)
+            yield robot
+            robot.until_more_progress()  # the latest odom may be old
+            robot.drive()
+            assert robot.node.end() == 0
+            robot.until(lambda: robot.commands[-1] == (0.0, 0.0))
+
+
+@pytest.fixture
+def robot(running):
+    """Return the robot at rest; its log begins with the test."""
+    running.is_silent = False
+    before = running.node.output
+    running.graph.received['cmd_vel'].clear()
+    running.log = lambda: running.node.output.removeprefix(before)
+    yield running
+    running.graph.call('std_srvs/srv/Trigger', 'cancel_path')
+
+
+def test_a_path_is_followed_to_its_end_and_then_nothing_is_commanded(robot):
+    start = robot.x
+    robot.follow(robot.path(SHORT))
+    robot.until(lambda: 0.0 < robot.progress.remaining_distance <= SHORT)
+    assert robot.progress.state == State.FOLLOWING
+    robot.until_state(State.ARRIVED)
+    assert robot.x - start == pytest.approx(SHORT, abs=0.1)
+    robot.until(lambda: robot.commands[-1] == (0.0, 0.0))
+    count = len(robot.commands)
+    robot.until_more_progress()
+    assert (len(robot.commands), robot.progress.state) == (count, State.ARRIVED)
+    assert 'following path: 7 poses, 0.30 m to drive' in robot.log()
+    assert 'arrived 0.0' in robot.log()
+
+
+def test_progress_is_published_at_4_hz_with_names_and_frame(robot):
+    received = robot.graph.received['path_progress']
+    count = len(received)
+    robot.until(lambda: len(received) == count + 5)
+    first, last = (sample.stamp_ns for sample in robot.graph.samples('path_progress')[-4::3])
+    assert (last - first) / NS_PER_S == pytest.approx(0.75, rel=0.1)
+    assert list(received[-1].name) == ['remaining_distance', 'cross_track_error', 'state']
+    assert received[-1].header.frame_id == 'odom'
+
+
+def test_a_goal_is_driven_to_and_replaces_the_path(robot):
+    robot.drive()
+    goal = robot.x + SHORT
+    robot.graph.publish('goal_pose', GoalPose(time.time_ns(), 'odom', (goal, 0.0, NAN)))
+    robot.until_state(State.ARRIVED)
+    assert robot.x == pytest.approx(goal, abs=0.1)
+    assert f'following goal_pose: x {goal:.2f} m, y 0.00 m' in robot.log()
+
+
+@pytest.mark.parametrize(('change', 'reason'), [
+    ({'frame': 'map'}, "frame 'map', expected odom"),
+    ({'length': 0.0}, '1 poses'),
+    ({'length': math.inf}, 'poses[1].pose.position is [nan'),
+    ({'stamp_ns': 1}, 's old, expected at most 2 s')], ids=['frame', 'length', 'nan', 'age'])
+def test_an_invalid_path_ends_following_with_its_reason(robot, change, reason):
+    robot.drive()
+    if change.get('length') == math.inf:
+        robot.follow(PlannedPath(time.time_ns(), 'odom', ((0.0, 0.0, 0.0), (NAN, 0.0, 0.0))))
+    else:
+        robot.follow(robot.path(**change))
+    robot.assert_stopped(State.REFUSED, f'refused: path: {reason}' if 'old' not in reason
+                         else reason)
+
+
+def test_a_path_of_the_future_is_refused_and_a_valid_one_followed_afterwards(robot):
+    robot.follow(robot.path(stamp_ns=time.time_ns() + 60 * NS_PER_S))
+    robot.until(lambda: 's ahead, expected at most 2 s' in robot.log())
+    robot.drive()
+
+
+def test_cancel_path_stops_the_robot_and_says_whether_it_followed(robot):
+    cancel = 'std_srvs/srv/Trigger', 'cancel_path'
+    robot.drive()
+    answer = robot.graph.call(*cancel)
+    assert (answer.success, answer.message) == (True, 'stopped')
+    robot.assert_stopped(State.STOPPED, 'canceled by cancel_path')
+    answer = robot.graph.call(*cancel)
+    assert (answer.success, answer.message) == (False, 'no path is followed')
+
+
+def test_the_robot_stops_soon_when_odom_ends_and_the_diagnostics_have_the_reason(robot):
+    robot.drive()
+    robot.until(lambda: robot.graph.value(NODE, 'state') == 'following')
+    robot.is_silent, ended = True, time.monotonic()
+    robot.until(lambda: robot.speed == 0.0)
+    assert 0.3 < time.monotonic() - ended < 0.8  # checks.odom_timeout is 0.5 s
+    robot.assert_stopped(State.STOPPED, 'odom')
+    robot.until(lambda: robot.graph.value(NODE, 'state') == 'stopped')
+    assert robot.graph.status_message(NODE).startswith('stopped: odom')
+    assert robot.graph.value(NODE, 'reason') in robot.log()
+    robot.is_silent = False
+    robot.until_more_progress()
+    assert robot.progress.state == State.STOPPED  # also when odom is back
+
+
+def test_an_emergency_stop_ends_following_until_a_new_path_after_its_release(robot):
+    robot.drive()
+    stop = robot.graph.node.create_publisher(Bool, 'emergency_stop_active', latched())
+    stop.publish(Bool(data=True))
+    robot.assert_stopped(State.STOPPED, 'emergency stop')
+    robot.follow(robot.path())
+    robot.assert_stopped(State.REFUSED, 'the emergency stop is active')
+    stop.publish(Bool(data=False))
+    robot.until_more_progress()
+    assert robot.progress.state == State.REFUSED
+    robot.drive()
+
+
+def test_the_same_path_again_does_not_begin_anew(robot):
+    path = robot.path()
+    robot.follow(path)
+    robot.until(lambda: robot.speed > 0.1)
+    for _ in range(3):
+        robot.follow(path)
+    robot.until_more_progress()
+    assert robot.log().count('following path') == 1
+    robot.follow(robot.path())
+    robot.until(lambda: robot.log().count('following path') == 2)
+
+
+def message(stamp_ns):
+    """Return a path as a message."""
+    return path_to_msg(PATH(), PlannedPath(stamp_ns, 'odom', ((0.0, 0.0, NAN), (5.0, 0.0, NAN))))
+
+
+@pytest.mark.parametrize(('profile', 'matches'), [(latched(), 2), (QoSProfile(depth=1), 1)],
+                         ids=['latched', 'volatile'])
+def test_a_path_of_any_publisher_is_handled_once(robot, profile, matches):
+    publisher = robot.graph.node.create_publisher(PATH, 'path', profile)
+    robot.until(lambda: publisher.get_subscription_count() == matches)
+    robot.graph.health.clear()
+    robot.until(lambda: NODE in robot.graph.health)
+    before = int(robot.graph.value(NODE, 'frames_bad'))
+    publisher.publish(message(1))
+    robot.until(lambda: int(robot.graph.value(NODE, 'frames_bad')) > before)
+    assert int(robot.graph.value(NODE, 'frames_bad')) == before + 1
+    robot.graph.node.destroy_publisher(publisher)
+
+
+def test_a_path_from_before_the_start_is_followed_only_if_it_is_recent(graph, tmp_path):
+    """Without a timestamp, its age is counted from its publication."""
+    publisher = graph.node.create_publisher(PATH, 'path', latched())
+    publisher.publish(message(0))
+    nodes = [Process([*node_arguments(NODE), '-p', f'path_max_age:={limit}', '-r',
+                      f'__ns:=/{space}', '-r', 'path:=/path'], tmp_path / space)
+             for space, limit in (('patient', 60.0), ('strict', 0.1))]
+    with nodes[0] as patient, nodes[1] as strict:
+        graph.until(lambda: 'following path: 2 poses, without odom' in patient.output)
+        graph.until(lambda: 'refused: path: ' in strict.output)
+        assert 's old, expected at most 0.1 s' in strict.output
+        assert (patient.end(), strict.end()) == (0, 0)
