@@ -24,12 +24,15 @@ from typing import Any
 
 import numpy as np
 
+from smart_tire.analysis.drawing import DOTS_PER_INCH
+from smart_tire.analysis.driven_paths import driven_lines, driven_tree, PATH_TOPICS, PathLog
 from smart_tire.analysis.figures import write_figures
 from smart_tire.analysis.metrics import stamp_score
 from smart_tire.analysis.pipeline import ESTIMATES, EstimatorParams, INPUTS, TRUTHS
 from smart_tire.analysis.report import table_lines
 from smart_tire.analysis.series import Series, Stamps
 from smart_tire.analysis.summary import estimates_tree, plain, Tree, truth_tree
+from smart_tire.analysis.tracking_figures import tracking_figure
 from smart_tire.bags import Bag
 
 REFERENCE_STAMP_SIGMA = 0.5e-3  # s, standard deviation for normalized timestamp errors
@@ -38,28 +41,36 @@ Intervals = dict[str, list[tuple[int, int]]]  # name -> time intervals [ns]
 
 
 def evaluate(bag_path: Path, params: Path, intervals: Intervals, expected: Sequence[str],
-             conversions: Path, figures: Path) -> Tree:
+             conversions: Path, figures: Path, paths: Sequence[str] = ()) -> Tree:
     """
     Return the summary of a recorded run of the full stack and draw its figures.
 
     ``intervals`` are also evaluated separately, ``expected`` are the topics that must have
-    messages, ``conversions`` is the simulator's log of the true conversion times.
+    messages, ``conversions`` is the simulator's log of the true conversion times, ``paths`` are
+    names for the paths that were followed, the last of which is drawn.
     """
-    inputs, estimates, truth = Series(), Series(), Series()
+    inputs, estimates, truth, log = Series(), Series(), Series(), PathLog()
     with Bag(bag_path) as bag:
         begin, end = bag.span_ns
         counts = {name.lstrip('/'): topic.messages for name, topic in bag.topics.items()}
-        for _, topic, sample in bag.samples((*INPUTS, *ESTIMATES, *TRUTHS)):
+        for receive_ns, topic, sample in bag.samples(
+                (*INPUTS, *ESTIMATES, *TRUTHS, *PATH_TOPICS)):
+            log.add(receive_ns, sample)
             series = truth if topic in TRUTHS else estimates if topic in ESTIMATES else inputs
             series.add(sample)
     robot, batches = EstimatorParams.load([params]).robot, read_conversions(conversions)
-    write_figures(figures, inputs, estimates, truth, robot, intervals)
+    write_figures(figures, inputs, estimates, truth, robot, intervals, wanted=log.wanted())
+    drives = dict(zip(paths, log.driven(estimates.poses(), truth.poses())))
+    if drives:
+        last = list(drives.values())[-1]
+        tracking_figure(last).savefig(figures / 'tracking.png', dpi=DOTS_PER_INCH)
     return plain({
         'bag': str(bag_path), 'duration_s': (end - begin) * 1e-9,
         'messages': counts,
         'silent': [name for name in expected if not counts.get(name.lstrip('/'))],
         'radio': radio_counts(inputs, batches),
         'stamps': stamp_errors(inputs, batches),
+        'tracking': {name: driven_tree(drive) for name, drive in drives.items()},
         'estimates': estimates_tree(estimates),
         'against_truth': truth_tree(estimates, truth, intervals)})
 
@@ -125,4 +136,6 @@ def lines(tree: Tree) -> Iterator[str]:
         yield (f'final odom error after {pose["distance_m"]:.1f} m: '
                f'{pose["position_end_m"]:.2f} m, '
                f'{pose["yaw_end_rad"]:+.3f} rad')
+    for name, score in tree['tracking'].items():
+        yield from driven_lines(name, score)
     yield from table_lines(truth)

@@ -201,6 +201,13 @@ def draw_path(ax: Axes, estimates: Sequence[Path], truth: Floats | None) -> None
     ax.set_aspect('equal', adjustable='datalim')
 
 
+def draw_wanted(ax: Axes, paths: Sequence[Floats]) -> None:
+    """Draw the paths (n, 2) that were to be followed, below all others."""
+    for number, path in enumerate(paths):
+        ax.plot(*path.T, color=SHADE, linewidth=5.0, alpha=0.4, solid_capstyle='round', zorder=1.5,
+                label='wanted' if number == 0 else None)
+
+
 def draw_error(ax: Axes, curve: Curve, label: str, path: Path) -> None:
     """Draw an error of ``path`` over time with the two-sigma band around zero."""
     if curve.sigma is not None:

@@ -29,7 +29,7 @@ from smart_tire.analysis.friction_metrics import column, kind_of
 from smart_tire.analysis.labels import label_estimates, LabeledEstimates
 from smart_tire.analysis.metrics import Intervals
 from smart_tire.analysis.path_figures import path_figure
-from smart_tire.analysis.series import at, seconds, Series, time_origin
+from smart_tire.analysis.series import at, Floats, seconds, Series, time_origin
 from smart_tire.analysis.slip_figures import slip_figure
 from smart_tire.analysis.zoomed import Segments
 from smart_tire.parameters import RobotParams
@@ -40,32 +40,35 @@ WAVEFORM_REACH = 1.5  # patch lengths of travel drawn before and after a crossin
 
 def write_figures(directory: Path, inputs: Series, estimates: Series, truth: Series,
                   robot: RobotParams, intervals: Intervals | None = None,
-                  smoothed: Series | None = None) -> list[Path]:
+                  smoothed: Series | None = None,
+                  wanted: Sequence[Floats] = ()) -> list[Path]:
     """
     Draw slip, path, friction and one crossing, where available; return the files.
 
     ``truth`` may be empty; with ``intervals`` each interval has its own slip panel; ``smoothed``
-    estimates are drawn in addition to those of the filter. Of long recordings, the segments with
+    estimates are drawn in addition to those of the filter; ``wanted`` are the paths (n, 2) that
+    were to be followed. Of long recordings, the segments with
     the largest changes of the wheel speeds are also drawn in detail.
     """
     directory.mkdir(parents=True, exist_ok=True)
     written = []
     labeled = label_estimates(estimates, smoothed)
-    for name, figure in _figures(inputs, labeled, truth, robot, intervals):
+    for name, figure in _figures(inputs, labeled, truth, robot, intervals, wanted):
         written.append(directory / f'{name}.png')
         figure.savefig(written[-1], dpi=drawing.DOTS_PER_INCH)
     return written
 
 
 def _figures(inputs: Series, labeled: LabeledEstimates, truth: Series, robot: RobotParams,
-             intervals: Intervals | None) -> Iterator[tuple[str, Figure]]:
+             intervals: Intervals | None,
+             wanted: Sequence[Floats]) -> Iterator[tuple[str, Figure]]:
     estimates = next(iter(labeled.values()))
     origin = time_origin(estimates)
     parts = busiest_segments(inputs, origin)
     if len(estimates.slips().stamp_ns):
         yield 'slip', slip_figure(labeled, truth, origin, intervals, parts)
     if len(estimates.poses().stamp_ns):
-        yield 'path', path_figure(labeled, truth)
+        yield 'path', path_figure(labeled, truth, wanted)
     if estimates.crossings:
         yield 'friction', friction_figure(labeled, truth, origin, parts)
     for crossing in typical_crossings(estimates.crossings):

@@ -16,6 +16,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 import numpy as np
@@ -24,24 +26,31 @@ from smart_tire.analysis import drawing
 from smart_tire.analysis.curves import Curve, interrupted
 from smart_tire.analysis.labels import FILTERED, LabeledEstimates
 from smart_tire.analysis.metrics import aligned
-from smart_tire.analysis.series import at, seconds, Series
+from smart_tire.analysis.series import at, Floats, seconds, Series
 
 PATH_COLORS = {FILTERED: drawing.ORANGE}  # if smoothed estimates are drawn, too
 
 
-def path_figure(labeled: LabeledEstimates, truth: Series) -> Figure:
-    """Return the path and, with ground truth, position and heading errors over time."""
+def path_figure(labeled: LabeledEstimates, truth: Series,
+                wanted: Sequence[Floats] = ()) -> Figure:
+    """
+    Return the path and, with ground truth, position and heading errors over time.
+
+    ``wanted`` are the paths (n, 2) that were to be followed.
+    """
     paths = [drawing.Path(label, series.poses().pose[:, :2], PATH_COLORS.get(label, drawing.BLUE))
              for label, series in labeled.items()]
     _, true, _ = aligned(truth.poses(), next(iter(labeled.values())).poses())
     if not len(true):
         figure, axes = drawing.new_figure([['path']], width=6.0, height=5.8)
+        drawing.draw_wanted(axes['path'], wanted)
         drawing.draw_path(axes['path'], paths, None)
         drawing.legend_above(figure, axes['path'])
         drawing.add_caption(figure, 'Path in the frame odom, which starts at (0, 0).')
         return figure
     figure, axes = drawing.new_figure([['path', 'position'], ['path', 'heading']], width=10.0,
                                       height=6.2)
+    drawing.draw_wanted(axes['path'], wanted)
     drawing.draw_path(axes['path'], paths, true[:, :2])
     for path, series in zip(paths, labeled.values()):
         _draw_errors(axes, path, series, truth)

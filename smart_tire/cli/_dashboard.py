@@ -62,15 +62,19 @@ class Dashboard:
         if self._console.is_terminal:
             self._live.stop()
 
-    def update(self, phase: str, status: RobotStatus) -> None:
-        """Show ``status`` and the name of the current ``phase`` of the drive."""
+    def update(self, phase: str, status: RobotStatus, note: str = '') -> None:
+        """Show ``status``, the name of the current ``phase`` of the drive, and a ``note``."""
         now = time.monotonic() - self._start
         if self._console.is_terminal:
-            lines = _header(now, phase, status), _table(status), _radio_line(status)
+            header = _header(now, phase, status)
+            if note:
+                header.append(f'\n{note}', style='')
+            lines = header, _table(status), _radio_line(status)
             self._live.update(Group(*lines), refresh=True)
         elif now >= self._last_line + LINE_PERIOD:
             self._last_line = now
-            self._console.print(_line(now, phase, status), soft_wrap=True, highlight=False)
+            text = _line(now, phase, status) + (f'  {note}' if note else '')
+            self._console.print(text, soft_wrap=True, highlight=False)
 
 
 def _header(now: float, phase: str, status: RobotStatus) -> Text:

@@ -28,7 +28,8 @@ from pathlib import Path
 from smart_tire.errors import ParameterError
 from smart_tire.paths import BAG_METADATA
 
-FIGURES = ('slip.png', 'path.png', 'friction.png', 'crossing.png')  # of analysis/figures.py
+# of analysis/figures.py and, for followed paths, analysis/tracking_figures.py
+FIGURES = ('slip.png', 'path.png', 'friction.png', 'crossing.png', 'tracking.png')
 
 
 def add_force(parser: argparse.ArgumentParser) -> None:

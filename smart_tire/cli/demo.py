@@ -22,6 +22,7 @@ from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
 import json
+import math
 import os
 from pathlib import Path
 import signal
@@ -29,43 +30,46 @@ import sys
 import time
 from typing import Any, TYPE_CHECKING
 
-from smart_tire.cli._dashboard import Dashboard
 from smart_tire.cli._heartbeat import heartbeat
 from smart_tire.cli._overwrite import (
     add_force, FIGURES, refuse_existing, refuse_existing_bag, remove, remove_bag)
 from smart_tire.cli._processes import isolated_environment, NODES, Stack
-from smart_tire.cli.view import ANNOUNCED
-import yaml
+from smart_tire.cli._simulated_robot import (
+    check_alive, PORTS, RECORDER, remove_traces, RobotError, start_viewer, stop_all, UNITS,
+    write_parameters)
 
 if TYPE_CHECKING:
     from smart_tire.analysis.demo_report import Intervals
     from smart_tire.analysis.summary import Tree
+    from smart_tire.cli._dashboard import Dashboard
+    from smart_tire.cli._drive_session import Session
+
+__all__ = ['add_arguments', 'EXPECTED_TOPICS', 'HELP', 'NAME', 'PATH_TOPICS', 'run', 'UNITS']
 
 NAME = 'demo'
-HELP = 'drive the simulated robot on concrete and sand, record a bag and evaluate the estimates'
+HELP = ('drive the simulated robot on concrete and sand, then along a figure-eight over both; '
+        'record a bag and evaluate the estimates')
 
-UNITS = ('0013A20040A1B2C2=front_left', '0013A20040A1B2C3=front_right')
-RADIO_LATENCY = 0.005         # s, radio.delay of the simulator
 FAST_SPEED, SLOW_SPEED = 120.0, 60.0  # rpm, paper B Fig. 10
 LEG_DURATION = 9.0            # s of each turn
 SETTLING_TIME = 1.0           # s at the start of a leg that are excluded from its means
 STANDSTILL_DURATION = 2.5     # s before the first leg
+BRAKING_TIME = 0.5            # s in which standstill is commanded after the last leg
+HANDOVER_TIME = 1.6           # s until wheel_controller accepts another source of commands
 MIN_SAND_DISTANCE = 6.2       # m from the origin in x or y: two circles from there stay on sand
 MAX_TRANSFER_DURATION = 12.0  # s
-START_TIMEOUT = 20.0          # s until all nodes run
-WAIT_REPORT_PERIOD = 4.0      # s between lines that name the nodes waited for
+BORDER = 3.0                  # m, half the side of the concrete square of the simulator
+EIGHT_RADIUS = 0.5            # m
+PATH_SPEED = 0.7              # m/s, on straight parts
+TO_BORDER, EIGHT = 'to the border', 'figure-eight'
 DASHBOARD_PERIOD = 0.25       # s between two updates
 EXPECTED_TOPICS = (
     'imu/data', 'wheel_states', 'tire_samples', 'tire_battery', 'odom', 'wheel_slip', 'icr',
     'ground_state', 'tire_friction', 'cmd_vel', 'wheel_commands', 'motor_commands',
-    'ground_truth/odom', 'ground_truth/wheel_slip', 'ground_truth/tire_friction', '/diagnostics')
-PORTS = ('tire_radio', 'imu', 'motors')
-VIEWER = 'viewer'  # name of its process
+    'path_progress', 'ground_truth/odom', 'ground_truth/wheel_slip', 'ground_truth/tire_friction',
+    '/diagnostics')
+PATH_TOPICS = ('path',)  # expected only if a path is followed
 FILES = ('demo.yaml', 'conversions.csv', 'summary.json')
-
-
-class DemoError(Exception):
-    """The demo cannot continue; the text has the reason."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +100,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run the demo; return 0 if no node failed and no topic stayed silent."""
+    """Run the demo; return 0 if no node failed, no topic stayed silent and the robot arrived."""
     out: Path = args.out
     refuse_existing_bag(out / 'bag', force=args.force)
     refuse_existing([out / name for name in (*FILES, 'figures', 'logs')], force=args.force)
@@ -108,19 +112,12 @@ def run(args: argparse.Namespace) -> int:
     print(f'starting {len(NODES)} nodes and a recorder', flush=True)
     from smart_tire.analysis.demo_report import evaluate
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        params = _prepare(out, args.seed)
-        intervals = _drive(out, params, partial(NodeRunner, DemoDriver), view=args.view)
-        print('evaluating the recording', flush=True)
-        with heartbeat('smart_tire demo'):
-            summary = evaluate(out / 'bag', params, intervals, EXPECTED_TOPICS,
-                               out / 'conversions.csv', out / 'figures')
-    except KeyboardInterrupt:
-        print('interrupted', file=sys.stderr)
-        return 130
-    except DemoError as error:
-        print(f'demo: {error}', file=sys.stderr)
-        return 1
+    params = _prepare(out, args.seed)
+    intervals = _drive(out, params, partial(NodeRunner, DemoDriver), view=args.view)
+    print('evaluating the recording', flush=True)
+    with heartbeat('smart_tire demo'):
+        summary = evaluate(out / 'bag', params, intervals, (*EXPECTED_TOPICS, *PATH_TOPICS),
+                           out / 'conversions.csv', out / 'figures', (TO_BORDER, EIGHT))
     return _report(out, summary)
 
 
@@ -128,87 +125,40 @@ def _prepare(out: Path, seed: int) -> Path:
     """Delete the results of an earlier demo and write the parameter file."""
     remove_bag(out / 'bag')
     remove(out / 'figures', FIGURES)
-    remove(out / 'logs', [f'{name}.log' for name in (*NODES, 'recorder', VIEWER)])
-    remove(out / 'ports', PORTS)
+    remove_traces(out)
     remove(out, FILES)
-    out.mkdir(parents=True, exist_ok=True)
-    ports = (out / 'ports').resolve()
-    links = {name: str(ports / name) for name in PORTS}
-    nodes: dict[str, dict[str, Any]] = {
-        '/**': {'film.wheels': ['front_left', 'front_right']},
-        'robot_simulator': {'seed': seed, 'units': list(UNITS),
-                            'truth_log': str((out / 'conversions.csv').resolve()),
-                            **{f'ports.{name}': link for name, link in links.items()}},
-        'tire_receiver': {'port': links['tire_radio'], 'units': list(UNITS),
-                          'radio_latency': RADIO_LATENCY},
-        'imu_driver': {'port': links['imu']},
-        'motor_driver': {'port': links['motors']}}
-    file = out / 'demo.yaml'
-    file.write_text(yaml.safe_dump({name: {'ros__parameters': values}
-                                    for name, values in nodes.items()}), encoding='utf-8')
-    return file
+    return write_parameters(out, FILES[0], seed, {
+        'robot_simulator': {'truth_log': str((out / 'conversions.csv').resolve())},
+        'wheel_controller': {'traction.enabled': False},
+        'trajectory_controller': {'max_speed': PATH_SPEED}})
 
 
 def _drive(out: Path, params: Path, runner_class: Callable[[list[str]], Any], *,
            view: bool = False) -> Intervals:
-    """Start all processes, drive the legs, stop all; return the time intervals of the legs."""
+    """Start all processes, drive both acts, stop all; return the time intervals of the legs."""
+    from smart_tire.cli._dashboard import Dashboard
+    from smart_tire.cli._drive_session import Session
     environment = isolated_environment()
     os.environ.update(environment)  # the node runner is in this process
     with Stack(out / 'logs', environment) as stack:
-        stack.start('recorder', 'smart_tire.cli.main', 'record', '--out', str(out / 'bag'))
+        stack.start(RECORDER, 'smart_tire.cli.main', 'record', '--out', str(out / 'bag'))
         if view:
-            _start_viewer(stack, params)
+            start_viewer(stack, '--params', str(params))
         for node in NODES:
             stack.node(node, [params])
         with runner_class(['--ros-args', '--params-file', str(params)]) as runner:
-            _await_nodes(stack, runner)
+            session = Session(stack, runner)
+            session.await_nodes()
             with Dashboard() as dashboard:
                 intervals = _drive_legs(stack, runner, dashboard)
-        _check_alive(stack)
-        # Subscribers first, then the owner of the ports; the recorder last, to record all.
-        for names in (NODES[1:], NODES[:1], ('recorder', *[VIEWER] * view)):
-            for name, status in stack.stop(*names).items():
-                if status:
-                    raise DemoError(f'{name} ended with status {status}\n{stack.tail(name)}')
+                _drive_paths(session, dashboard)
+        stop_all(stack)
     remove(out / 'ports', PORTS)
     return intervals
 
 
-def _start_viewer(stack: Stack, params: Path) -> None:
-    """Start the viewer in the environment of the nodes; print where it is."""
-    stack.start(VIEWER, 'smart_tire.cli.main', 'view', '--live', '--params', str(params))
-    deadline = time.monotonic() + START_TIMEOUT
-    while not (lines := [line for line in stack.log(VIEWER).splitlines()
-                         if line.startswith(ANNOUNCED)]):
-        if stack.died() or time.monotonic() > deadline:
-            raise DemoError(f'the viewer does not start\n{stack.tail(VIEWER)}')
-        time.sleep(DASHBOARD_PERIOD)
-    print(lines[0], flush=True)
-
-
-def _await_nodes(stack: Stack, runner: Any) -> None:
-    """Wait until estimates are published and every node has sent diagnostics."""
-    pilot, begin, report_at = runner.node, time.monotonic(), WAIT_REPORT_PERIOD
-    while pilot.slip is None or pilot.wheels is None or set(NODES) - pilot.health.keys():
-        _check_alive(stack)
-        waited = time.monotonic() - begin
-        missing = sorted(set(NODES) - pilot.health.keys()) or ['wheel_slip']
-        if waited > report_at:
-            report_at += WAIT_REPORT_PERIOD
-            print(f'waiting for messages from {", ".join(missing)}', flush=True)
-        if waited > START_TIMEOUT:
-            raise DemoError(f'no messages from {", ".join(missing)} within {START_TIMEOUT:.0f} s')
-        runner.spin(DASHBOARD_PERIOD)
-
-
-def _check_alive(stack: Stack) -> None:
-    for name, status in stack.died().items():
-        if name == VIEWER and not status:
-            continue  # closed by the user
-        raise DemoError(f'{name} died with status {status}\n{stack.tail(name)}')
-
-
 def _drive_legs(stack: Stack, runner: Any, dashboard: Dashboard) -> Intervals:
+    """Drive by wheel speeds; return the time intervals of the legs."""
     intervals: Intervals = {}
     _drive_leg(stack, runner, dashboard, Leg('standstill', 0.0, 0.0), STANDSTILL_DURATION)
     for leg in LEGS:
@@ -217,21 +167,65 @@ def _drive_legs(stack: Stack, runner: Any, dashboard: Dashboard) -> Intervals:
         _drive_leg(stack, runner, dashboard, leg, duration)
         if leg.evaluated:
             intervals[leg.name] = [(begin + round(SETTLING_TIME * 1e9), runner.node.now_ns())]
-    _drive_leg(stack, runner, dashboard, Leg('standstill', 0.0, 0.0), 1.5)
+    _drive_leg(stack, runner, dashboard, Leg('standstill', 0.0, 0.0), BRAKING_TIME)
+    runner.node.release()
+    _spin(stack, runner, dashboard, 'standstill', HANDOVER_TIME)
     return intervals
 
 
 def _drive_leg(stack: Stack, runner: Any, dashboard: Dashboard, leg: Leg, duration: float) -> None:
     """Drive ``leg`` for ``duration`` [s]; a transfer ends when the sand is reached."""
-    pilot, end = runner.node, time.monotonic() + duration
+    pilot = runner.node
     pilot.drive(leg.left, leg.right)
-    while time.monotonic() < end:
-        distance = max(map(abs, pilot.odometry.position))
-        if leg.left == leg.right != 0.0 and distance > MIN_SAND_DISTANCE:
-            return
+    _spin(stack, runner, dashboard, leg.name, duration,
+          lambda: leg.left == leg.right != 0.0
+          and max(map(abs, pilot.odometry.position)) > MIN_SAND_DISTANCE)
+
+
+def _spin(stack: Stack, runner: Any, dashboard: Dashboard, name: str, duration: float,
+          ended: Callable[[], bool] = lambda: False) -> None:
+    """Show messages for ``duration`` [s], or until the interval has ``ended``."""
+    end = time.monotonic() + duration
+    while time.monotonic() < end and not ended():
         runner.spin(DASHBOARD_PERIOD)
-        _check_alive(stack)
-        dashboard.update(leg.name, pilot)
+        check_alive(stack)
+        dashboard.update(name, runner.node)
+
+
+def _drive_paths(session: Session, dashboard: Dashboard) -> None:
+    """Drive with the trajectory controller: to the border of both grounds, then an eight."""
+    from smart_tire.cli._path_file import placed
+    from smart_tire.control.path_library import figure_eight
+    from smart_tire.control.trajectory_control import State
+    x, y, _ = session.start_pose()
+    border = border_point(x, y)
+    if session.follow(TO_BORDER, ((x, y, math.nan), (*border, math.nan)),
+                      dashboard) == State.ARRIVED:
+        session.follow(EIGHT, placed(figure_eight(EIGHT_RADIUS).poses, session.start_pose()),
+                       dashboard)
+
+
+def border_point(x: float, y: float) -> tuple[float, float]:
+    """
+    Return where to cross the border of the concrete square, coming straight from (x, y).
+
+    Raises RobotError inside the square.
+
+    The figure-eight begins there in the direction of travel, and its first loop is to the left of
+    this direction by 45 degrees: that is where the middle of the square should be.
+    """
+    def error(point: tuple[float, float]) -> float:
+        to_point = math.atan2(point[1] - y, point[0] - x)
+        to_middle = math.atan2(-point[1], -point[0])
+        return abs(math.remainder(to_middle - to_point - 0.25 * math.pi, math.tau))
+
+    places = [BORDER * step / 50.0 for step in range(-50, 51)]
+    sides = [((x > 0.0) - (x < 0.0), 0), (0, (y > 0.0) - (y < 0.0))]
+    points = [(side_x * BORDER or place, side_y * BORDER or place)
+              for side_x, side_y in sides if abs(x if side_x else y) > BORDER for place in places]
+    if not points:
+        raise RobotError(f'the robot is at ({x:.1f}, {y:.1f}) m, it should be on the sand')
+    return min(points, key=error)
 
 
 def _command() -> str:
@@ -240,7 +234,7 @@ def _command() -> str:
 
 
 def _report(out: Path, summary: Tree) -> int:
-    """Write and print the summary; return 1 if an expected topic has no messages."""
+    """Write and print the summary; return 1 for a silent topic or a path not driven."""
     from smart_tire.analysis.demo_report import lines
     (out / 'summary.json').write_text(json.dumps(summary, indent=2) + '\n', encoding='utf-8')
     print('\n'.join(lines(summary)))
@@ -248,5 +242,9 @@ def _report(out: Path, summary: Tree) -> int:
           f'{_command()} view {out}')
     if summary['silent']:
         print(f'demo: no messages on {", ".join(summary["silent"])}', file=sys.stderr)
+        return 1
+    if unfinished := [name for name in (TO_BORDER, EIGHT)
+                      if summary['tracking'].get(name, {}).get('state') != 'arrived']:
+        print(f'demo: the robot did not arrive: {", ".join(unfinished)}', file=sys.stderr)
         return 1
     return 0

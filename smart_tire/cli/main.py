@@ -37,6 +37,7 @@ from smart_tire.errors import BagError, ParameterError, SmartTireError
 
 VERBS = {
     'demo': 'run the full stack on a simulated robot and evaluate it',
+    'drive': 'drive the simulated or the running robot along a path or by the keyboard',
     'record': 'record topics into a bag',
     'replay': 'publish the messages of a bag',
     'recover': 'repair a truncated or damaged bag',

@@ -40,11 +40,11 @@ def moving():
         crossings={'front_left': 7}, health={'tire_receiver': {'batches_ok': '99'}})
 
 
-def shown(status, terminal):
+def shown(status, terminal, note=''):
     text = io.StringIO()
     console = Console(file=text, force_terminal=terminal, width=120, color_system=None)
     with Dashboard(console) as dashboard:
-        dashboard.update('concrete', status)
+        dashboard.update('concrete', status, note)
     return text.getvalue()
 
 
@@ -65,3 +65,8 @@ def test_without_a_terminal_plain_lines_are_printed():
 def test_unknown_values_are_omitted():
     for terminal in (True, False):
         assert 'concrete' in shown(robot_status(), terminal)
+
+
+def test_a_note_is_shown_with_the_phase():
+    for terminal in (True, False):
+        assert '1.20 m left' in shown(robot_status(), terminal, note='1.20 m left')

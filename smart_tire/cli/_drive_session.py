@@ -1,0 +1,166 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Live part of ``smart_tire drive``: along a path, or by the keyboard."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+import time
+from typing import Any
+
+from smart_tire.cli._dashboard import Dashboard
+from smart_tire.cli._following import Following, note
+from smart_tire.cli._keyboard import Key, Keyboard
+from smart_tire.cli._path_file import length, Poses
+from smart_tire.cli._processes import Stack
+from smart_tire.cli._simulated_robot import (
+    await_nodes, check_alive, RobotError, START_TIMEOUT)
+from smart_tire.cli._stop_request import StopRequest
+from smart_tire.cli._teleoperation import Teleoperation
+from smart_tire.control.trajectory_control import State
+from smart_tire.errors import ParameterError
+from smart_tire.rotation import euler
+
+SPIN_TIME = 0.05         # s between two looks at keys, progress and signals
+SHOW_PERIOD = 0.2        # s between two updates of the dashboard
+CANCEL_TIME = 2.0        # s for the answer of cancel_path
+DISCOVERY_TIME = 3.0     # s until the nodes of a running robot are known
+STANDSTILL_TIME = 1.0    # s that are recorded after the end of a path
+ZERO_TIME = 0.5          # s in which standstill is commanded after the keys were released
+REASON_TIME = 1.5        # s until a reason is in the diagnostics, which come once a second
+FOLLOWER = 'trajectory_controller'
+KEYS_HELP = ('arrows or WASD: drive and turn, held down; space: stop; + and -: speed; q: quit. '
+             'The robot stops when no key is held.')
+
+
+class Session:
+    """One drive: processes, the node of this program, and requests to stop."""
+
+    def __init__(self, stack: Stack, runner: Any, stopped: StopRequest | None = None) -> None:
+        self.stack, self.pilot = stack, runner.node
+        self._runner, self._stopped = runner, stopped
+
+    def spin(self, seconds: float = SPIN_TIME) -> None:
+        """Handle messages; raise KeyboardInterrupt or RobotError if the drive has to end."""
+        self._runner.spin(seconds)
+        if self._stopped:
+            raise KeyboardInterrupt
+        check_alive(self.stack)
+
+    def await_nodes(self) -> None:
+        """Wait until all nodes of the simulated robot run."""
+        await_nodes(self.stack, self.pilot, self.spin)
+
+    def refuse_other_driver(self) -> None:
+        """Raise RobotError while a path is followed: two sources of commands stop the motors."""
+        report = self.pilot.progress
+        if report is not None and report.state == State.FOLLOWING:
+            raise RobotError('trajectory_controller follows a path: cancel it first (cancel_path)')
+
+    def await_robot(self, topic: str, listener: str) -> None:
+        """
+        Wait until the pose is known and ``listener`` has subscribed to ``topic``.
+
+        Raises ParameterError if nothing listens, RobotError without a pose or while the
+        emergency stop is active.
+        """
+        self._wait(lambda: self.pilot.listeners(topic) > 0, DISCOVERY_TIME, ParameterError(
+            f'no node subscribes to {topic}: start {listener}, or give the namespace of the '
+            'robot: --ros-args -r __ns:=/NAME'))
+        self._wait(lambda: self.pilot.odometry is not None, START_TIMEOUT,
+                   RobotError(f'no messages on odom within {START_TIMEOUT:.0f} s'))
+        if self.pilot.emergency_stop:
+            raise RobotError('the emergency stop is active: release it first')
+
+    def _wait(self, condition: Any, seconds: float, error: Exception) -> None:
+        end = time.monotonic() + seconds
+        while not condition():
+            if time.monotonic() > end:
+                raise error
+            self.spin()
+
+    @contextmanager
+    def ending(self) -> Iterator[None]:
+        """Cancel the path and command standstill at the end, however it comes."""
+        try:
+            yield
+        finally:
+            self._end()
+
+    def _end(self) -> None:
+        self.pilot.halt()
+        report = self.pilot.progress
+        if report is not None and report.state != State.FOLLOWING or not self.pilot.has_path:
+            self._runner.spin(SPIN_TIME)  # sends the last command
+            return
+        answer, end = self.pilot.cancel(), time.monotonic() + CANCEL_TIME
+        while answer is not None and not answer.done() and time.monotonic() < end:
+            self._runner.spin(SPIN_TIME)
+        if answer is None or not answer.done():
+            print('cancel_path does not answer: stop the robot by its emergency stop', flush=True)
+
+    def start_pose(self) -> tuple[float, float, float]:
+        """Return x, y and yaw of the robot in ``odom``."""
+        odometry = self.pilot.odometry
+        return odometry.position[0], odometry.position[1], euler(odometry.orientation)[2]
+
+    def follow(self, name: str, poses: Poses, dashboard: Dashboard) -> State:
+        """Follow a path in ``odom``, then stand still; return the state in which it ended."""
+        self.pilot.follow(poses)
+        following, state = Following(length(poses), time.monotonic()), None
+        while state is None:
+            self.spin(SHOW_PERIOD)
+            state = following.update(self.pilot.progress, time.monotonic())
+            dashboard.update(name, self.pilot, note(self.pilot.progress))
+        end = time.monotonic() + STANDSTILL_TIME
+        while time.monotonic() < end:
+            self.spin(SHOW_PERIOD)
+            dashboard.update(name, self.pilot, note(self.pilot.progress))
+        return state
+
+    def reason(self) -> str:
+        """Return why the controller has stopped or refused the path, from its diagnostics."""
+        self._runner.spin(REASON_TIME)
+        return str(self.pilot.health.get(FOLLOWER, {}).get('reason', ''))
+
+    def teleoperate(self, keyboard: Keyboard, teleoperation: Teleoperation) -> None:
+        """Drive by the keyboard until it asks for the end."""
+        shown = active_until = 0.0
+        with Dashboard() as dashboard:
+            while True:
+                now = time.monotonic()
+                for key in keyboard.pressed():
+                    if key is Key.QUIT:
+                        return
+                    teleoperation.press(key, now)
+                    active_until = max(active_until, now + ZERO_TIME)
+                if self.pilot.emergency_stop:
+                    teleoperation.stop()
+                command = teleoperation.step(now)
+                if command != (0.0, 0.0):
+                    active_until = now + ZERO_TIME
+                if now < active_until:  # silent otherwise, so that other sources may drive
+                    self.pilot.command(*command)
+                if now - shown > SHOW_PERIOD:
+                    shown = now
+                    dashboard.update('keyboard', self.pilot, self._keys_note(
+                        command, teleoperation.limits))
+                self.spin(max(0.0, now + SPIN_TIME - time.monotonic()))
+
+    def _keys_note(self, command: tuple[float, float], limits: tuple[float, float]) -> str:
+        stopped = '  EMERGENCY STOP' if self.pilot.emergency_stop else ''
+        return (f'command {command[0]:+.2f} m/s, {command[1]:+.2f} rad/s '
+                f'(keys: {limits[0]:.2f} m/s, {limits[1]:.2f} rad/s){stopped}\n{KEYS_HELP}')

@@ -1,0 +1,80 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A path given to the trajectory controller: when it has ended, and how."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from smart_tire.cli._simulated_robot import RobotError
+from smart_tire.control.trajectory_control import State
+
+if TYPE_CHECKING:
+    from smart_tire.samples import PathProgress
+
+ANSWER_TIME = 3.0    # s until the controller reports that it follows, or why not
+OLD_REPORT_TIME = 0.6  # s in which a report may still be that of the path before
+SILENCE_TIME = 3.0   # s without a report, nominally four per second
+MIN_MEAN_SPEED = 0.05  # m/s, expected at least
+EXTRA_TIME = 30.0    # s, beyond the time at this speed
+
+
+class Following:
+    """
+    The progress of one path; times are seconds of one steady clock.
+
+    ``update`` raises RobotError if the controller does not answer, falls silent, or does not
+    arrive in the time of a mean speed of ``MIN_MEAN_SPEED``.
+    """
+
+    def __init__(self, length: float, time: float) -> None:
+        """Begin with a path of ``length`` [m] that was published at ``time``."""
+        self._begin = self._heard = time
+        self._limit = EXTRA_TIME + length / MIN_MEAN_SPEED
+        self._latest: PathProgress | None = None
+        self._started = False
+
+    def update(self, report: PathProgress | None, time: float) -> State | None:
+        """Return the state in which the path has ended, None while it is followed."""
+        if report is not None and report is not self._latest:
+            self._latest, self._heard = report, time
+        elif time - self._heard > SILENCE_TIME:
+            raise RobotError('trajectory_controller does not report its progress (path_progress)')
+        if time - self._begin > self._limit:
+            raise RobotError(f'the end of the path was not reached within {self._limit:.0f} s')
+        if self._latest is None:
+            return None
+        state = State(self._latest.state)
+        if state == State.FOLLOWING:
+            self._started = True
+            return None
+        if self._started or state != State.IDLE and time - self._begin > OLD_REPORT_TIME:
+            return state
+        if time - self._begin > ANSWER_TIME:
+            raise RobotError('trajectory_controller has not received the path')
+        return None
+
+
+def note(report: PathProgress | None) -> str:
+    """Return the progress as text."""
+    if report is None:
+        return 'waiting for trajectory_controller'
+    text = State(report.state).name.lower()
+    if math.isfinite(report.remaining_distance):
+        text += f', {report.remaining_distance:.2f} m left'
+    if math.isfinite(report.cross_track_error):
+        text += f', {report.cross_track_error:+.3f} m from the path'
+    return text

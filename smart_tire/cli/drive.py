@@ -1,0 +1,234 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""``smart_tire drive``: along a path or by the keyboard, the simulated or the running robot."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from importlib import import_module
+import json
+import os
+from pathlib import Path
+import sys
+from typing import Any, TYPE_CHECKING
+
+from smart_tire.cli._arguments import positive
+from smart_tire.cli._keyboard import Keyboard
+from smart_tire.cli._overwrite import (
+    add_force, refuse_existing, refuse_existing_bag, remove, remove_bag)
+from smart_tire.cli._processes import isolated_environment, NODES, Stack
+from smart_tire.cli._stop_request import StopRequest
+from smart_tire.errors import ParameterError
+
+if TYPE_CHECKING:
+    from smart_tire.cli._drive_session import Session
+    from smart_tire.cli._path_file import Poses
+
+NAME = 'drive'
+HELP = ('drive along a path or by the keyboard: the simulated robot, which it starts with all '
+        'nodes, or with --robot the running one; record a bag, draw wanted, driven and true path')
+PATHS = ('figure_eight', 'square', 'lane_change')
+RADIUS, SIDE, LANE_CHANGE = 0.6, 2.0, (3.0, 1.0)  # m, with --scale 1
+KEYBOARD_SPEED = 0.3   # m/s
+CONFIRMATION = 'drive'
+FILES = ('drive.yaml', 'summary.json', 'path.png')
+ARRIVED, NOT_ARRIVED, USAGE = 0, 1, 2  # exit statuses
+CANCEL = 'ros2 service call /cancel_path std_srvs/srv/Trigger'
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of this verb."""
+    kind = parser.add_mutually_exclusive_group(required=True)
+    kind.add_argument('--path', metavar='PATH',
+                      help=f'{", ".join(PATHS)}, a CSV file x,y[,yaw] in m and rad, or a bag '
+                           'whose odom is driven again; it begins at the robot, in its direction')
+    kind.add_argument('--keyboard', action='store_true',
+                      help='drive by arrow keys or WASD; the robot stops when no key is held')
+    parser.add_argument('--robot', action='store_true',
+                        help='drive the running robot instead of a simulated one; ROS arguments '
+                             'come last, after --ros-args')
+    parser.add_argument('--speed', type=positive, metavar='V',
+                        help='m/s: max_speed of the simulated trajectory_controller, or of the '
+                             f'keyboard (default: {KEYBOARD_SPEED})')
+    parser.add_argument('--scale', type=positive, default=1.0, metavar='S',
+                        help='size of the path (default: 1)')
+    parser.add_argument('--absolute', action='store_true',
+                        help='the path is in coordinates of odom: not moved to the robot')
+    parser.add_argument('--seed', type=int, default=1,
+                        help='random seed of the simulation (default: %(default)s)')
+    parser.add_argument('--params', type=Path, action='append', default=[], metavar='FILE',
+                        help='parameter file of the simulated robot and the nodes; may be '
+                             'repeated, later ones win')
+    parser.add_argument('--out', type=Path, default=Path('drive_output'),
+                        help='folder for bag, figure and summary (default: %(default)s)')
+    parser.add_argument('--view', action='store_true',
+                        help='show the drive in the rerun viewer, as "smart_tire view --live"')
+    add_force(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Drive, evaluate the recording; return 0 if the end was reached or the keyboard was left."""
+    poses = _checked(args)
+    if args.view:
+        import_module('smart_tire.view.viewer')  # is it installed?
+    # Importing rclpy may restart Python, so it must come before any child and any output.
+    from smart_tire.nodes.pilot import Pilot
+    from smart_tire.nodes.runner import NodeRunner
+    _announce(args, poses)
+    _remove_results(args.out)
+    arrived = True
+    with StopRequest() as stopped, _session(
+            args, partial(NodeRunner, partial(Pilot, f'smart_tire_drive_{os.getpid()}')),
+            stopped) as session, session.ending():
+        arrived = _follow(args, session, poses) if poses else _teleoperate(args, session)
+    _report(args)
+    return ARRIVED if arrived else NOT_ARRIVED
+
+
+def _checked(args: argparse.Namespace) -> Poses:
+    """Return the path, empty for the keyboard; raise ParameterError for a wrong argument."""
+    if args.keyboard:
+        Keyboard(sys.stdin)
+        if args.absolute or args.scale != 1.0:
+            raise ParameterError('--absolute and --scale are for --path')
+    elif args.robot and args.speed is not None:
+        raise ParameterError('--speed: the speed along a path is a parameter of the running robot:'
+                             ' ros2 param set /trajectory_controller max_speed V')
+    if args.robot and args.params:
+        raise ParameterError('--params is for the simulated robot; the running one has parameters')
+    poses = () if args.keyboard else read_plan(args.path, args.scale)
+    refuse_existing_bag(args.out / 'bag', force=args.force)
+    refuse_existing([args.out / name for name in (*FILES, 'logs')], force=args.force,
+                    inputs=[*args.params, *([] if args.keyboard else [Path(args.path)])])
+    return poses
+
+
+def read_plan(name: str, scale: float) -> Poses:
+    """Return the path with this name, or in this file; raise ParameterError if there is none."""
+    from smart_tire.cli._path_file import read_path, scaled
+    from smart_tire.control import path_library
+    plans: dict[str, Callable[[], Any]] = {
+        'figure_eight': lambda: path_library.figure_eight(RADIUS * scale),
+        'square': lambda: path_library.square(SIDE * scale),
+        'lane_change': lambda: path_library.lane_change(*(scale * d for d in LANE_CHANGE))}
+    if name in plans:
+        found: Poses = plans[name]().poses
+        return found
+    if not Path(name).exists():
+        raise ParameterError(f'--path {name}: no such file, and not one of {", ".join(PATHS)}')
+    return scaled(read_path(Path(name)), scale)
+
+
+def _announce(args: argparse.Namespace, poses: Poses) -> None:
+    """Print what will be done; raise ParameterError unless driving a robot is confirmed."""
+    from smart_tire.cli._path_file import extent, length
+    if not args.robot:
+        print(f'starting {len(NODES)} nodes and a recorder', flush=True)
+        return
+    if not poses:
+        print('The running robot will drive while keys are held. Keep its surroundings free, and '
+              'the emergency stop at hand.', flush=True)
+        return
+    place = 'where the path is in odom' if args.absolute else 'its present pose'
+    print(f'The running robot will follow {args.path}, {length(poses):.1f} m long, up to '
+          f'{extent(poses):.1f} m from {place}.\nKeep this space free, and the emergency stop at '
+          'hand; Ctrl-C stops the robot, and so does closing this terminal.\nIf this program is '
+          f'killed by SIGKILL, the robot drives on to the end of the path: {CANCEL}')
+    print(f'Type "{CONFIRMATION}" to continue: ', end='', flush=True)
+    if sys.stdin.readline().strip() != CONFIRMATION:
+        raise ParameterError('driving was not confirmed: nothing was driven')
+
+
+def _remove_results(out: Path) -> None:
+    """Delete the results of an earlier drive."""
+    from smart_tire.cli._simulated_robot import remove_traces
+    remove_bag(out / 'bag')
+    remove_traces(out)
+    remove(out, FILES)
+    out.mkdir(parents=True, exist_ok=True)
+
+
+@contextmanager
+def _session(args: argparse.Namespace, runner_class: Callable[[list[str] | None], Any],
+             stopped: StopRequest) -> Iterator[Session]:
+    """Start recorder and, unless the robot runs, simulator and nodes; stop all at the end."""
+    from smart_tire.cli import _simulated_robot as robot
+    from smart_tire.cli._drive_session import Session
+    environment = dict(os.environ) if args.robot else isolated_environment()
+    os.environ.update(environment)  # the node runner is in this process
+    with Stack(args.out / 'logs', environment) as stack:
+        stack.start(robot.RECORDER, 'smart_tire.cli.main', 'record', '--out',
+                    str(args.out / 'bag'))
+        params: list[Path] = [] if args.robot else [
+            robot.write_parameters(args.out, FILES[0], args.seed, {}), *args.params]
+        if args.view:
+            robot.start_viewer(stack, *(word for file in params
+                                        for word in ('--params', str(file))))
+        speed = ('-p', f'max_speed:={float(args.speed)}') if args.speed and args.path else ()
+        for node in () if args.robot else NODES:
+            stack.node(node, params, *(speed if node == 'trajectory_controller' else ()))
+        words = [word for file in params for word in ('--params-file', str(file))]
+        with runner_class(None if args.robot else ['--ros-args', *words]) as runner:
+            session = Session(stack, runner, stopped)
+            if not args.robot:
+                session.await_nodes()
+            yield session
+        robot.stop_all(stack)
+    if not args.robot:
+        remove(args.out / 'ports', robot.PORTS)
+
+
+def _follow(args: argparse.Namespace, session: Session, poses: Poses) -> bool:
+    """Follow the path; return whether its end was reached."""
+    from smart_tire.cli._dashboard import Dashboard
+    from smart_tire.cli._path_file import placed
+    from smart_tire.control.trajectory_control import State
+    try:
+        session.await_robot('path', 'trajectory_controller')
+        with Dashboard() as dashboard:
+            state = session.follow(Path(args.path).name, poses if args.absolute else placed(
+                poses, session.start_pose()), dashboard)
+    except KeyboardInterrupt:
+        print('interrupted: the path is canceled', file=sys.stderr)
+        return False
+    if state != State.ARRIVED:
+        print(f'smart_tire drive: {state.name.lower()}: {session.reason()}', file=sys.stderr)
+    return state == State.ARRIVED
+
+
+def _teleoperate(args: argparse.Namespace, session: Session) -> bool:
+    """Drive by the keyboard; return true, as there is no end to be reached."""
+    from smart_tire.cli._teleoperation import Teleoperation
+    session.await_robot('cmd_vel', 'wheel_controller')
+    session.refuse_other_driver()
+    try:
+        with Keyboard(sys.stdin) as keyboard:
+            session.teleoperate(keyboard, Teleoperation(args.speed or KEYBOARD_SPEED))
+    except KeyboardInterrupt:
+        pass  # Ctrl-C is as good as q
+    return True
+
+
+def _report(args: argparse.Namespace) -> None:
+    """Evaluate the recording; write and print the summary."""
+    from smart_tire.analysis.drive_report import evaluate_drive, lines
+    name = Path(args.path).name if args.path else 'keyboard'
+    summary = evaluate_drive(args.out / 'bag', name, args.out / 'path.png')
+    (args.out / 'summary.json').write_text(json.dumps(summary, indent=2) + '\n', encoding='utf-8')
+    print('\n'.join(lines(summary)))
+    print(f'bag, path.png and summary.json are in {args.out}/')

@@ -1,0 +1,122 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A node in a program that drives the robot, and keeps its latest estimates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+
+from smart_tire.nodes.base import SmartTireNode
+from smart_tire.nodes.qos import latched, subscriber_qos
+from smart_tire.parameters import WheelControllerParams
+from smart_tire.samples import (
+    Friction, Odometry, PathProgress, PlannedPath, Vector3, VelocityCommand, WHEELS, WheelSample,
+    WheelSlip)
+from std_msgs.msg import Bool
+from std_srvs.srv import Trigger
+
+FRAME = 'odom'  # of the paths
+CANCEL_SERVICE = 'cancel_path'
+
+
+class Pilot(SmartTireNode[WheelControllerParams]):
+    """
+    Publishes paths or velocity commands; attributes hold the latest samples received.
+
+    Publishes ``path`` from the first ``follow`` on, ``cmd_vel`` from the first ``command`` until
+    ``release``, and ``/diagnostics``; subscribes to ``odom``, ``wheel_states``, ``wheel_slip``,
+    ``tire_friction``, ``path_progress``, ``emergency_stop_active`` and ``/diagnostics``; calls
+    ``cancel_path``. Parameters: those of ``wheel_controller``.
+    """
+
+    def __init__(self, name: str = 'pilot') -> None:
+        super().__init__(name, WheelControllerParams)
+        self.odometry: Odometry | None = None
+        self.wheels: WheelSample | None = None
+        self.slip: WheelSlip | None = None
+        self.friction: dict[str, Friction] = {}      # wheel -> latest estimate
+        self.crossings: dict[str, int] = {}           # wheel -> number of patch crossings
+        self.health: dict[str, dict[str, str]] = {}  # node -> its diagnostics
+        self.progress: PathProgress | None = None     # since the latest ``follow``
+        self.emergency_stop = False
+        self._publish_velocity: Callable[[Any], None] | None = None
+        self._publish_path: Callable[[Any], None] | None = None
+        self._cancel = self.create_client(Trigger, CANCEL_SERVICE)
+        for topic, field in (('odom', 'odometry'), ('wheel_states', 'wheels'),
+                             ('wheel_slip', 'slip'), ('path_progress', 'progress')):
+            self.subscribe(topic, self._store_in(field))
+        self.subscribe('tire_friction', self._on_friction, wheels=len(WHEELS))
+        self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics,
+                                 subscriber_qos('/diagnostics'))
+        self.create_subscription(Bool, 'emergency_stop_active', self._on_emergency_stop, latched())
+
+    def listeners(self, topic: str) -> int:
+        """Return how many nodes listen to ``path`` or ``cmd_vel``, as far as discovered."""
+        return self.count_subscribers(topic)
+
+    @property
+    def has_path(self) -> bool:
+        """Return whether this node has published a path."""
+        return self._publish_path is not None
+
+    def follow(self, poses: tuple[Vector3, ...]) -> None:
+        """Publish a path through ``poses`` (m, m, rad in ``odom``)."""
+        if self._publish_path is None:
+            self._publish_path = self.make_publisher('path')
+        self.progress = None
+        self._publish_path(PlannedPath(self.now_ns(), FRAME, poses))
+
+    def cancel(self) -> Any:
+        """Return the future of the answer of ``cancel_path``; None if nothing offers it."""
+        return self._cancel.call_async(Trigger.Request()) if (
+            self._cancel.service_is_ready()) else None
+
+    def command(self, speed: float, yaw_rate: float) -> None:
+        """Publish a velocity command [m/s], [rad/s]."""
+        if self._publish_velocity is None:
+            self._publish_velocity = self.make_publisher('cmd_vel')
+        self._publish_velocity(VelocityCommand(self.now_ns(), speed, yaw_rate))
+
+    def halt(self) -> None:
+        """Command standstill, if this node has commanded a velocity."""
+        if self._publish_velocity is not None:
+            self.command(0.0, 0.0)
+
+    def release(self) -> None:
+        """Command standstill and end the publisher of ``cmd_vel``, so that others may drive."""
+        self.halt()
+        self._publish_velocity = None
+        name = self.resolve_topic_name('cmd_vel')
+        for publisher in list(self.publishers):
+            if publisher.topic_name == name:
+                self.destroy_publisher(publisher)
+
+    def _store_in(self, field: str) -> Callable[[Any], None]:
+        return lambda sample: setattr(self, field, sample)
+
+    def _on_friction(self, friction: Friction) -> None:
+        self.friction[friction.wheel] = friction
+        self.crossings[friction.wheel] = self.crossings.get(friction.wheel, 0) + 1
+
+    def _on_emergency_stop(self, msg: Any) -> None:
+        self.emergency_stop = bool(msg.data)
+
+    def _on_diagnostics(self, msg: Any) -> None:
+        for status in msg.status:
+            self.health[status.name.rsplit('/', 1)[-1]] = {
+                item.key: item.value for item in status.values}
