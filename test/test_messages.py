@@ -33,7 +33,8 @@ from smart_tire.messages import (
     find_topic, friction_from_msg, ground_state_from_msg, ground_state_to_msg, imu_from_msg,
     imu_to_msg, motor_command_from_msg, odometry_from_msg, odometry_to_msg, stamp_of,
     tire_from_msg, tire_to_msg, topic_of, TOPICS, transform_to_msg, velocity_from_msg,
-    wheel_slip_from_msg, wheel_slip_to_msg, wheels_from_msg, wheels_to_msg)
+    velocity_from_twist, wheel_slip_from_msg, wheel_slip_to_msg, wheels_from_msg,
+    wheels_to_msg)
 from smart_tire.samples import (
     BatterySample, Friction, FRICTION_QUANTITIES, GoalPose, GroundState, Icr, ImuSample,
     MotorCommand, NAN, Odometry, PathProgress, PlannedPath, Sample, TireSample, VelocityCommand,
@@ -381,5 +382,8 @@ def test_an_implausible_velocity_is_refused(linear, angular, text):
         angular=SimpleNamespace(x=0.0, y=0.0, z=angular)))
     with pytest.raises(MessageError, match=text):
         velocity_from_msg(message)
+    with pytest.raises(MessageError, match=text.removeprefix('twist.')):
+        velocity_from_twist(message.twist)
     message.twist.linear.x, message.twist.angular.z = 100.0, -100.0
     assert velocity_from_msg(message).v_x == 100.0
+    assert velocity_from_twist(message.twist) == VelocityCommand(0, 100.0, -100.0)

@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import itertools
 from statistics import fmean
 
@@ -26,7 +26,7 @@ import numpy as np
 from smart_tire.arrays import Array
 from smart_tire.control.wheel_control import WheelControl
 from smart_tire.parameters import RobotParams, SimulatorParams
-from smart_tire.parameters.control import WheelControllerParams
+from smart_tire.parameters.control import PidParams, WheelControllerParams
 from smart_tire.parameters.robot import FilmParams
 from smart_tire.parameters.simulation import GroundParams
 from smart_tire.samples import Four, NS_PER_S, Sample, WheelSample
@@ -36,6 +36,8 @@ from smart_tire.simulation.plant import Plant
 RATES = ((4.0, 16.0), (16.0, 16.0), (100.0, 100.0))  # Hz, of readings and of duties
 SET_POINTS = (6.0, 12.0, 3.0, -6.0, 0.0)  # rad/s
 START, STEP_TIME = 0.5, 2.0               # s, of the first step and between steps
+NEXT_MARGIN = 0.1                         # s before the next step that are not scored
+END_MARGIN = 0.4                          # s before the next step; a later settling is none
 BAND = 0.05                               # of the step, within which the speed has settled
 AIR = GroundParams(names=('air',), friction=(0.0,), stiffness=(1e-3,), drag=(0.0,), base='air',
                    patches=())
@@ -43,6 +45,9 @@ LIFTED_MASS = 0.01                        # kg: nearly no load on wheels off the
 GROUNDS = {'concrete': (GroundParams(base='concrete', patches=()), 10.9),
            'lifted wheels': (AIR, LIFTED_MASS)}
 BEFORE, NEW = 'before', 'new'
+# an error of the whole feed-forward, as of a motor that was not identified
+CONTROLLERS = {BEFORE: 1.0, NEW: 1.0, 'new, feed-forward 15 % low': 0.85,
+               'new, feed-forward 15 % high': 1.15}
 
 
 @dataclass(frozen=True)
@@ -77,9 +82,11 @@ class Row:
 class _Steps:
     """Gives the set points to a wheel controller, as ``Controller`` of ``run_closed_loop``."""
 
-    def __init__(self, rate: float, previous: bool) -> None:
-        self._previous = PreviousWheelControl(rate) if previous else None
-        self._control = WheelControl(WheelControllerParams(rate=rate))
+    def __init__(self, rate: float, controller: str) -> None:
+        factor, pid = CONTROLLERS[controller], PidParams()
+        self._previous = PreviousWheelControl(rate) if controller == BEFORE else None
+        self._control = WheelControl(WheelControllerParams(rate=rate, pid=replace(
+            pid, feed_forward=factor * pid.feed_forward, stall_torque=pid.stall_torque / factor)))
         self._first_ns: int | None = None
 
     def receive(self, topic: str, sample: Sample, now_ns: int) -> None:
@@ -116,7 +123,7 @@ def responses(ground: str, reading_rate: float, control_rate: float, controller:
 
     run_closed_loop(
         SimulatorParams(seed=seed, ground=params, robot=robot),
-        _Steps(control_rate, controller == BEFORE), START + STEP_TIME * len(SET_POINTS),
+        _Steps(control_rate, controller), START + STEP_TIME * len(SET_POINTS),
         wheel_rate=reading_rate, control_rate=control_rate, watch=watch)
     time, *wheels = np.array(speeds).T
     return tuple(
@@ -134,13 +141,13 @@ def _step_times(control_rate: float) -> list[float]:
 
 def _score(time: Array, speed: Array, before: float, after: float) -> Step:
     """Return the response of a wheel to the step at time zero [s]."""
-    during = (time >= 0.0) & (time < STEP_TIME - 0.1)
+    during = (time >= 0.0) & (time < STEP_TIME - NEXT_MARGIN)
     time, share = time[during], (speed[during] - before) / (after - before)
     tenth, most = (float(time[np.argmax(share > level)]) for level in (0.1, 0.9))
     outside = np.flatnonzero(np.abs(share - 1.0) > BAND)
     settling = float(time[outside[-1]]) if len(outside) else 0.0
     return Step(most - tenth, max(float(share.max()) - 1.0, 0.0), settling,
-                settling < float(time[-1]) - 0.01)
+                settling < STEP_TIME - END_MARGIN)
 
 
 def wheel_steps(seeds: Sequence[int],
@@ -148,7 +155,7 @@ def wheel_steps(seeds: Sequence[int],
     """Return a row for each ground, rate and controller; ``report`` gets the progress."""
     rows = []
     for ground, (readings, control), controller in itertools.product(
-            GROUNDS, RATES, (BEFORE, NEW)):
+            GROUNDS, RATES, CONTROLLERS):
         steps = itertools.chain.from_iterable(
             responses(ground, readings, control, controller, seed) for seed in seeds)
         rows.append(Row(ground, readings, control, controller, tuple(steps)))

@@ -19,11 +19,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 import math
 
+from smart_tire.models.constants import GRAVITY
 from smart_tire.parameters.control import PidParams
 from smart_tire.parameters.robot import RobotParams
-
-GRAVITY = 9.81  # m/s2
-WHEELS = 4      # that share mass and weight of the robot
+from smart_tire.samples import WHEELS
 
 
 @dataclass(frozen=True)
@@ -83,9 +82,9 @@ class DriveModel:
 def drive_model(pid: PidParams, robot: RobotParams) -> DriveModel:
     """Return the model of a wheel that carries a quarter of the robot."""
     motor, radius, stall = robot.motor, robot.wheel_radius, pid.stall_torque
-    friction = motor.coulomb_friction + (
-        motor.axle_friction * radius * robot.mass * GRAVITY / WHEELS)
+    mass = robot.mass / len(WHEELS)
+    friction = motor.coulomb_friction + motor.axle_friction * radius * mass * GRAVITY
     speed_gain = pid.feed_forward + motor.viscous_friction / stall
-    inertia = motor.inertia + robot.mass * radius ** 2 / WHEELS
+    inertia = motor.inertia + mass * radius ** 2
     return DriveModel(speed_gain, friction / stall, inertia / (stall * speed_gain),
                       pid.acceleration)

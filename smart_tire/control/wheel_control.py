@@ -75,6 +75,11 @@ class WheelControl:
         return latest is not None and (
             now_ns - latest.arrived_ns <= math.ceil(self._params.wheel_states_timeout * NS_PER_S))
 
+    @property
+    def reading_rate(self) -> float:
+        """Return the rate of the measured wheel speeds [Hz], NaN before the second ones."""
+        return 1.0 / self._feedback.period if self._feedback.period else math.nan
+
     def follow(self, command: VelocityCommand | None, now_ns: int,
                stamp_ns: int | None = None) -> tuple[Four, Four]:
         """Return the result of ``step`` for a body velocity; None if there is no command."""

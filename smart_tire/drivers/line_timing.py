@@ -55,6 +55,12 @@ class LineTiming:
         """Return the maximum rate of polls [Hz], None until it is known."""
         return None if self.poll_time is None else 1.0 / self.poll_time
 
+    def excess(self, rate: float) -> str:
+        """Return why the ``rate`` of polls [Hz] is too high, '' if it is not or not known."""
+        if self.max_rate is None or rate <= self.max_rate:
+            return ''
+        return f'rate is {rate:g} Hz, expected less; {self}'
+
     def __str__(self) -> str:
         """Return poll time and maximum rate as text, '' until they are known."""
         if self.poll_time is None:

@@ -163,17 +163,17 @@ class MotorDriver(DriverNode[MotorDriverParams]):
 
     def _fill_line_limit(self, status: Status) -> None:
         """Add the rate that the line permits, log it once, and warn if ``rate`` exceeds it."""
-        timing, rate = self._boards.line.timing, self.params.rate
-        limit = timing.max_rate
-        if limit is None:
+        timing = self._boards.line.timing
+        if timing.max_rate is None:
             return
-        status.values['line_rate_limit'] = limit
-        if rate > limit:
-            status.warn(f'rate is {rate:g} Hz; {timing}')
+        status.values['line_rate_limit'] = timing.max_rate
+        if excess := timing.excess(self.params.rate):
+            status.warn(excess)
         if not self._line_logged:
             self._line_logged = True
-            log = self.get_logger().warning if rate > limit else self.get_logger().info
-            log(str(timing))
+            self.get_logger().info(str(timing))
+            if excess:
+                self.get_logger().warning(excess)
 
 
 def main() -> int:

@@ -144,7 +144,8 @@ class WheelController(SmartTireNode[WheelControllerParams]):
         status.values.update(
             emergency_stop=self._control.emergency_stop,
             commanded=selected is not None and not self._control.emergency_stop,
-            command_input=selected[0] if selected else '')
+            command_input=selected[0] if selected else '',
+            reading_rate=self._control.reading_rate)
         if self._control.emergency_stop:
             status.warn('emergency stop')
         if not self._control.has_measurement(now_ns):

@@ -36,16 +36,18 @@ class PidParams:
 
     The defaults of the feed-forward are those of the simulated motors; ``smart_tire identify
     motor`` measures them. Friction and inertia in the feed-forward are those of ``motor.*``.
+    With an ``acceleration`` of 1 the wheels follow the reference on the ground without a lag;
+    with 0 lifted wheels, which need less duty, do not overshoot either.
     """
 
     feed_forward: float = param(
         0.045, 's/rad', 'duty per wheel speed set point: 1 / free speed', low=1e-3, live=True)
     stall_torque: float = param(
-        5.0, 'N m', 'torque at the wheel at full duty, for the feed-forward of friction and '
-        'inertia', low=1e-3, live=True)
+        5.0, 'N m', 'torque at full duty, for the duty of friction and inertia', low=1e-3,
+        live=True)
     acceleration: float = param(
-        0.6, '-', 'share of the duty for accelerations on the ground; 0: never too much for '
-        'lifted wheels, 1: no lag', low=0.0, high=1.0, live=True)
+        0.6, '-', 'share of the duty for accelerations that is fed forward', low=0.0, high=1.0,
+        live=True)
     proportional: float = param(0.03, 's/rad', 'duty per speed error', low=0.0, live=True)
     integral: float = param(
         0.3, '1/rad', 'duty per integrated speed error', low=0.0, live=True)

@@ -33,7 +33,7 @@ def test_the_model_follows_from_motor_and_mass():
         'motor.viscous_friction': 0.04, 'mass': 8.0, 'wheel_radius': 0.1})
     model = drive_model(PidParams(feed_forward=0.05, stall_torque=4.0, acceleration=0.7), robot)
     assert model.speed_gain == pytest.approx(0.05 + 0.04 / 4.0)
-    assert model.friction == pytest.approx((0.2 + 0.02 * 0.1 * 2.0 * 9.81) / 4.0)
+    assert model.friction == pytest.approx((0.2 + 0.02 * 0.1 * 2.0 * 9.80665) / 4.0)
     assert model.time_constant == pytest.approx((0.01 + 2.0 * 0.1 ** 2) / (4.0 * 0.06))
     assert model.acceleration == 0.7
 

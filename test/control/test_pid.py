@@ -143,3 +143,37 @@ def test_a_lower_limit_acts_at_once():
     assert pid.update(0.9, 0.0, 0.0, DT) == 0.9
     pid.set_gains(replace(FREE, limit=0.3), Gains(0.04, 0.4, 0.0))
     assert pid.update(0.9, 0.0, 0.0, DT) == 0.3
+
+
+@pytest.mark.parametrize('sign', [1.0, -1.0])
+def test_a_small_excess_with_a_small_error_is_not_integrated_either(sign):
+    pid = made(integral=0.5, params=replace(FREE, tracking_time=1e9))
+    for _ in range(20):
+        assert pid.update(sign * 1.01, sign * 0.1, 0.0, DT) == sign
+    assert pid.update(0.0, 0.0, 0.0, DT) == 0.0
+
+
+def test_in_one_step_an_integral_decays_by_the_excess_at_most():
+    pid = made(integral=1.0)
+    pid.update(0.0, 0.8, 0.0, 1.0)  # integral 0.8
+    pid.update(0.6, 0.0, 0.0, 5.0)  # ten tracking times
+    assert pid.update(0.0, 0.0, 0.0, DT) == pytest.approx(0.4)
+
+
+def test_what_the_limits_cut_off_is_the_excess():
+    pid = made(params=PidParams(limit=0.5, rate_limit=4.0))
+    assert (pid.update(0.9, 0.0, 0.0, DT), pid.excess) == (0.25, pytest.approx(0.65))
+    pid.update(0.9, 0.0, 0.0, DT)
+    assert (pid.update(0.9, 0.0, 0.0, DT), pid.excess) == (0.5, pytest.approx(0.4))
+    assert (pid.update(0.4, 0.0, 0.0, DT), pid.excess) == (0.4, 0.0)
+    pid.update(0.9, 0.0, 0.0, DT)
+    pid.reset()
+    assert pid.excess == 0.0
+
+
+def test_gains_changed_after_a_reset_leave_the_integral_at_zero():
+    pid = made(proportional=0.1, derivative=0.01)
+    pid.update(0.0, 2.0, 3.0, DT)
+    pid.reset()
+    pid.set_gains(FREE, Gains(0.5, 0.1, 0.1))
+    assert pid.update(0.0, 0.0, 0.0, DT) == 0.0

@@ -94,6 +94,13 @@ def test_without_wheel_speeds_the_duty_is_zero():
     assert WheelControl(PARAMS).step(AHEAD, 0)[1] == STOPPED
 
 
+def test_the_rate_of_the_readings_is_that_of_their_arrival():
+    control = started()
+    assert math.isnan(control.reading_rate)
+    control.update_measurement(STOPPED, NS_PER_S // 4)
+    assert control.reading_rate == pytest.approx(4.0)
+
+
 def test_measured_wheel_speeds_can_be_discarded():
     control = started()
     control.discard_measurement()
@@ -278,3 +285,12 @@ def test_parameters_can_change_while_running():
     control = started()
     control.set_params(replace(PARAMS, pid=PidParams(limit=0.1)))
     assert max(control.step(AHEAD, 0)[1]) <= 0.1
+
+
+def test_the_derivative_brakes_wheels_that_accelerate():
+    pid = PidParams(proportional=0.0, integral=0.0, derivative=0.001)
+    plain, braking = (Settled(replace(PARAMS, pid=one)) for one in (
+        replace(pid, derivative=0.0), pid))
+    faster = AHEAD[0] + 1.0
+    difference = plain.step(speed=faster) - braking.step(speed=faster)
+    assert difference == pytest.approx(0.001 * (1.0 + ERROR) * 16.0)

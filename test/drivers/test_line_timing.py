@@ -42,6 +42,13 @@ def test_a_poll_is_encoders_currents_and_duty_of_both_boards():
     assert str(timing) == '2 boards on the line: one poll takes 9.0 ms, at most 111 Hz'
 
 
+def test_a_rate_above_that_of_the_line_is_named():
+    timing = polled(MIN_EXCHANGES)
+    assert timing.excess(111.0) == ''
+    assert timing.excess(112.0) == f'rate is 112 Hz, expected less; {timing}'
+    assert LineTiming().excess(200.0) == ''
+
+
 def test_the_time_is_unknown_before_enough_polls():
     timing = polled(MIN_EXCHANGES - 1)
     assert timing.poll_time is None and timing.max_rate is None and str(timing) == ''

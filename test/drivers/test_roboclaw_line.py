@@ -74,6 +74,17 @@ def line_on(*replies):
     return line, port
 
 
+def test_the_time_of_good_replies_only_is_recorded(monkeypatch):
+    line, _ = line_on(BAD, GOOD)
+    recorded = []
+    monkeypatch.setattr(line.timing, 'record', lambda *one: recorded.append(one))
+    before = time.monotonic_ns()
+    line.exchange(128, READ_TIMEOUT)
+    ((command, duration_ns),) = recorded
+    assert command == READ_TIMEOUT
+    assert 0 <= duration_ns <= time.monotonic_ns() - before
+
+
 def test_a_good_reply_is_returned_and_counted():
     line, port = line_on(GOOD)
     before = time.time_ns()

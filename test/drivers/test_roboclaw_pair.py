@@ -142,6 +142,17 @@ def test_samples_have_the_configured_rate_and_the_mean_speed_of_their_period(rig
         assert max(sample.velocity[0] for sample in samples) > 5.0
 
 
+def test_the_time_of_a_poll_is_measured(rig):
+    with Running(rig, rate=50.0) as running:
+        running.drive(0.3)
+        wait_for(lambda: running.motors.line.timing.poll_time)
+        record = rig.record(running.began)
+        times = [when for when, request in record.requests
+                 if request.command in (READ_ENCODERS, READ_CURRENTS, SET_DUTY)]
+        shortest = float(np.percentile(np.diff(times), 10))  # between requests
+        assert shortest < running.motors.line.timing.poll_time < 0.06
+
+
 def test_wheels_are_checked_16_times_a_second_at_any_sample_rate(rig):
     with Running(rig, rate=1.0) as running:
         running.wait(2)

@@ -260,6 +260,9 @@ def test_the_motors_follow_commands_and_their_state_is_published(tmp_path, isola
         assert graph.value('motor_driver', 'emergency_stop') == 'False'
         assert graph.value('motor_driver', 'armed') == 'True'
         assert graph.value('motor_driver', 'board_faults') == '0'
+        graph.until(lambda: float(graph.value('motor_driver', 'line_rate_limit') or 0.0) > 1.0)
+        assert robot.processes['motor_driver'].output.count(
+            'motor_driver]: 2 boards on the line: one poll takes ') == 1
         assert robot.processes['motor_driver'].end() == 0
         assert robot.processes['motor_driver'].output.count(
             'motors stopped: no motor command for 0.25 s') == 1

@@ -17,9 +17,10 @@
 from __future__ import annotations
 
 import math
+import signal
 import time
 
-from geometry_msgs.msg import TwistStamped
+from geometry_msgs.msg import Twist, TwistStamped
 import pytest
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from smart_tire.nodes.qos import latched
@@ -148,6 +149,8 @@ def test_wheel_states_at_a_low_rate_and_from_another_clock_are_used(graph, contr
 @pytest.mark.parametrize(('parameters', 'text'), [
     ({'cmd_vel_inputs': '[a, a]'}, 'expected one topic or more, each once'),
     ({'cmd_vel_inputs': '[a, b]'}, 'cmd_vel_priorities: [0], expected one for each of'),
+    ({'cmd_vel_types': '[Twist, Twist]'}, "cmd_vel_types: ['Twist', 'Twist'], expected one"),
+    ({'cmd_vel_types': '[Pose]'}, 'expected one of TwistStamped, Twist'),
     ({'cmd_vel_timeouts': '[1.0, 2.0]'}, 'cmd_vel_timeouts: [1.0, 2.0], expected one for each'),
 ])
 def test_inconsistent_command_inputs_are_refused(graph, parameters, text):
@@ -173,6 +176,73 @@ def test_gains_can_be_changed_at_run_time_and_other_parameters_cannot(graph, con
     before = len(graph.received['motor_commands'])
     graph.until(lambda: len(graph.received['motor_commands']) >= before + 8, driving(graph))
     assert {sample.duty for sample in graph.samples('motor_commands')} == {ZERO}
+
+
+def test_a_change_of_the_gains_while_driving_does_not_move_the_duties(graph, controller):
+    graph.until(lambda: len(graph.received['motor_commands']) >= 24, driving(graph, speed=5.0))
+    before = latest(graph)[1][0]
+    assert before > 0.2  # feed-forward and integral
+    assert set_parameter(graph, 'pid.integral', 0.0).successful
+    assert set_parameter(graph, 'pid.proportional', 0.0).successful
+    assert set_parameter(graph, 'max_wheel_acceleration', 5.0).successful
+    count = len(graph.received['motor_commands'])
+    graph.until(lambda: len(graph.received['motor_commands']) >= count + 8,
+                driving(graph, speed=5.0))
+    after = [sample.duty[0] for sample in graph.samples('motor_commands')[count + 4:]]
+    assert after == pytest.approx([after[0]] * len(after))
+    assert after[0] == pytest.approx(before, abs=0.1)
+
+
+def twist(v_x, yaw_rate=0.0):
+    """Return a message as standard teleoperation sends it."""
+    message = Twist()
+    message.linear.x, message.angular.z = v_x, yaw_rate
+    return message
+
+
+@pytest.fixture
+def unstamped(graph):
+    graph.subscribe('wheel_commands', 'motor_commands')
+    with graph.start('wheel_controller', wheel_states_timeout=5.0, cmd_vel_timeout=0.5,
+                     cmd_vel_inputs='[teleop, nav]', cmd_vel_priorities='[10, 0]',
+                     cmd_vel_types='[Twist, TwistStamped]') as node:
+        graph.until(lambda: 'wheel_controller' in graph.health)
+        yield node
+        assert node.end() == 0
+
+
+def test_plain_twists_drive_until_they_expire(graph, unstamped):
+    def publish():
+        graph.publish_message('teleop', twist(0.5, 1.0))
+        graph.publish_as('nav', 'cmd_vel', VelocityCommand(time.time_ns(), 0.2, 0.0))
+        graph.publish('wheel_states', WheelSample(time.time_ns(), (1.0,) * 4))
+
+    graph.until(lambda: latest(graph)[1][1] > 0.1, publish)
+    assert latest(graph)[0] == pytest.approx([(0.5 - 0.19) / 0.087, (0.5 + 0.19) / 0.087] * 2)
+    ended = time.monotonic()
+    graph.until(lambda: latest(graph)[1] == ZERO)
+    assert 0.3 < time.monotonic() - ended < 0.5 + 0.15
+    assert 'no timestamp' not in unstamped.output  # they never have one
+    graph.publish_message('teleop', twist(math.nan))
+    graph.until(lambda: graph.value('wheel_controller', 'frames_bad') == '1')
+    assert graph.value('wheel_controller', 'commanded') == 'False'
+    assert 'linear is [nan' in unstamped.output
+    graph.until(lambda: latest(graph)[0][0] == pytest.approx(0.2 / 0.087), lambda: (
+        graph.publish_as('nav', 'cmd_vel', VelocityCommand(time.time_ns(), 0.2, 0.0))))
+
+
+def test_plain_twists_that_were_queued_while_the_process_was_stopped_are_refused(graph, unstamped):
+    graph.publish_message('teleop', twist(0.5))
+    graph.until(lambda: latest(graph)[0] != ZERO)
+    unstamped.popen.send_signal(signal.SIGSTOP)
+    stopped = time.monotonic()
+    graph.until(lambda: time.monotonic() - stopped > 0.6,
+                lambda: graph.publish_message('teleop', twist(0.5)))
+    before = len(graph.received['wheel_commands'])
+    unstamped.popen.send_signal(signal.SIGCONT)
+    graph.until(lambda: 'was queued' in unstamped.output)
+    graph.until(lambda: len(graph.received['wheel_commands']) >= before + 4)
+    assert {sample.velocity for sample in graph.samples('wheel_commands')[before:]} == {ZERO}
 
 
 def test_parameters_have_ros_descriptions(graph, controller):
