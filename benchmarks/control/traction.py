@@ -22,7 +22,6 @@ robot without films.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import accumulate
 
@@ -36,9 +35,9 @@ from smart_tire.parameters import (
     WheelControllerParams)
 from smart_tire.parameters.control import TractionParams
 from smart_tire.parameters.robot import FilmParams
-from smart_tire.parameters.simulation import GroundParams, PatchParams
+from smart_tire.parameters.simulation import GroundParams
 from smart_tire.samples import (
-    Four, Friction, NS_PER_S, Odometry, Sample, VelocityCommand, WHEELS, WheelSample, WheelSlip)
+    Four, Friction, NS_PER_S, Odometry, Sample, VelocityCommand, WheelSample, WheelSlip)
 from smart_tire.simulation.closed_loop import run_closed_loop
 from smart_tire.simulation.plant import Plant
 

@@ -17,12 +17,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 import math
 
 from smart_tire.control.motion_limits import MotionLimits
 from smart_tire.control.motion_monitor import Motion
 from smart_tire.control.path_geometry import FORWARD, Maneuver, PathPoint, Segment, Spin, wrap
-from smart_tire.control.spin_control import SpinControl
+from smart_tire.control.spin_control import MAX_HOLD_SPEED, SpinControl
 from smart_tire.parameters.control import TrajectoryControllerParams
 
 PROJECTION_WINDOW = 0.2   # m, in addition to twice the distance driven since the last step
@@ -36,6 +37,17 @@ MAX_ALIGN_FACTOR = 2.0    # of align_angle, while driving
 HeadingOffset = Callable[[float, float], float]
 
 
+@dataclass(frozen=True)
+class Conditions:
+    """What one step depends on; ``motion`` is predicted for the time of effect of the command."""
+
+    motion: Motion
+    dt: float  # s, until the next step
+    limits: MotionLimits
+    params: TrajectoryControllerParams
+    heading_offset: HeadingOffset
+
+
 class PathFollower:
     """
     Drives along ``maneuvers``; they begin at standstill, except the first one.
@@ -47,6 +59,7 @@ class PathFollower:
         self._maneuvers, self._number = maneuvers, 0
         self._distance: float | None = None  # m, arc length reached in the segment
         self._spin: SpinControl | None = None
+        self._hold: tuple[float, float] | None = None  # m, where the robot turns in place
         self._settling: float | None = None  # s, since the zero command at the end
         self._v_x, self._yaw_rate = v_x, yaw_rate  # last command
         self.point: PathPoint | None = None
@@ -87,118 +100,106 @@ class PathFollower:
         return (self._number - self.remaining_distance() + before,
                 -abs(spin.error) if spin is not None else -math.inf)
 
-    def step(self, motion: Motion, dt: float, limits: MotionLimits,
-             params: TrajectoryControllerParams,
-             heading_offset: HeadingOffset) -> tuple[float, float]:
-        """
-        Return forward speed [m/s] and yaw rate [rad/s] for the next ``dt`` [s].
-
-        ``motion`` is the one predicted for the time when the command takes effect.
-        """
+    def step(self, now: Conditions) -> tuple[float, float]:
+        """Return forward speed [m/s] and yaw rate [rad/s] to command until the next step."""
         if self._settling is not None:
-            self._settle(motion, dt, params.arrival.yaw_tolerance)
+            self._settle(now)
         if self.finished:
-            wanted = (0.0, 0.0)
+            command = (0.0, 0.0)
         elif self._settling is not None:
-            wanted = self._stop(dt, limits)
+            command = self._stop(now)
         else:
-            wanted = self._drive(motion, dt, limits, params, heading_offset)
-        self._v_x, self._yaw_rate = wanted
-        return wanted
+            command = self._drive(now, self._maneuvers[self._number])
+        self._v_x, self._yaw_rate = command
+        return command
 
-    def _settle(self, motion: Motion, dt: float, tolerance: float) -> None:
+    def _settle(self, now: Conditions) -> None:
         """Wait for standstill, then go on; a turn that misses its yaw is repeated."""
-        self._settling = (self._settling or 0.0) + dt
-        at_rest = (motion.speed() < STANDSTILL_SPEED and abs(motion.yaw_rate) < STANDSTILL_RATE
+        self._settling = (self._settling or 0.0) + now.dt
+        at_rest = (now.motion.speed() < STANDSTILL_SPEED
+                   and abs(now.motion.yaw_rate) < STANDSTILL_RATE
                    and self._v_x == self._yaw_rate == 0.0)
-        if at_rest or self._settling > MAX_SETTLING:
-            self._settling, self._spin, self._distance, self.point = None, None, None, None
-            maneuver = self._maneuvers[self._number]
-            if not isinstance(maneuver, Spin) or abs(wrap(maneuver.yaw - motion.yaw)) <= tolerance:
-                self._number += 1
+        if not at_rest and self._settling <= MAX_SETTLING:
+            return
+        self._settling, self._spin, self._distance, self.point = None, None, None, None
+        maneuver, tolerance = self._maneuvers[self._number], now.params.arrival.yaw_tolerance
+        if isinstance(maneuver, Segment):
+            self._hold = maneuver.end
+        if isinstance(maneuver, Segment) or abs(wrap(maneuver.yaw - now.motion.yaw)) <= tolerance:
+            self._number += 1
 
-    def _stop(self, dt: float, limits: MotionLimits) -> tuple[float, float]:
-        speed = limits.next_speed(0.0, abs(self._v_x), dt)
+    def _stop(self, now: Conditions) -> tuple[float, float]:
+        speed = now.limits.next_speed(0.0, abs(self._v_x), now.dt)
         v_x = math.copysign(speed, self._v_x) if speed > 0.0 else 0.0
-        return v_x, limits.next_yaw_rate(0.0, self._yaw_rate, speed, dt)
+        return v_x, now.limits.next_yaw_rate(0.0, self._yaw_rate, speed, now.dt)
 
-    def _drive(self, motion: Motion, dt: float, limits: MotionLimits,
-               params: TrajectoryControllerParams,
-               heading_offset: HeadingOffset) -> tuple[float, float]:
-        maneuver = self._maneuvers[self._number]
+    def _drive(self, now: Conditions, maneuver: Maneuver) -> tuple[float, float]:
         if isinstance(maneuver, Spin):
-            return self._turn(maneuver.yaw, motion, dt, limits, params, ends=True)
-        self._project(maneuver, motion, dt)
-        return self._follow(maneuver, motion, dt, limits, params, heading_offset)
-
-    def _turn(self, yaw: float, motion: Motion, dt: float, limits: MotionLimits,
-              params: TrajectoryControllerParams, *, ends: bool) -> tuple[float, float]:
-        """Turn in place; at its end settle, or follow the segment if it does not end there."""
-        if self._v_x != 0.0:
-            return self._stop(dt, limits)
-        if self._spin is None:
-            self._spin = SpinControl()
-        rate = self._spin.step(wrap(yaw - motion.yaw), motion.yaw_rate, dt, limits, params)
-        if self._spin.done:
-            if ends:
-                self._settling = 0.0
-            else:
-                self._spin = None
-        return 0.0, limits.next_yaw_rate(rate, self._yaw_rate, 0.0, dt)
-
-    def _project(self, segment: Segment, motion: Motion, dt: float) -> None:
-        """Advance the projection of the robot, within a window along the segment."""
-        if self._distance is None:
-            low = 0.0
-            start = segment.point(0.0, motion.x, motion.y)
-            high = start.offset() + PROJECTION_WINDOW
-        else:
-            low = self._distance
-            high = low + PROJECTION_WINDOW + 2.0 * motion.speed() * dt
-        self.point = segment.project(motion.x, motion.y, low, min(high, segment.length))
+            return self._turn(now, maneuver.yaw, ends=True)
+        self.point = self._project(now, maneuver)
         self._distance = self.point.distance
-
-    def _follow(self, segment: Segment, motion: Motion, dt: float, limits: MotionLimits,
-                params: TrajectoryControllerParams,
-                heading_offset: HeadingOffset) -> tuple[float, float]:
-        point, follower = self.point, params.follower
-        assert point is not None
-        # beyond the end the path continues straight, so that the end is not missed
-        remaining = segment.length - point.distance or -point.along
-        if remaining <= 0.5 * params.arrival.approach_speed * dt:
+        # beyond its end the path continues straight, so that the robot does not turn to the end
+        remaining = maneuver.length - self._distance or -self.point.along
+        if remaining <= 0.5 * now.params.arrival.approach_speed * now.dt:
             self._settling = 0.0
-            return self._stop(dt, limits)
-        offset = self._heading_offset(segment, heading_offset)
+            return self._stop(now)
+        return self._follow(now, maneuver, self.point)
+
+    def _turn(self, now: Conditions, yaw: float, *, ends: bool) -> tuple[float, float]:
+        """Turn in place; at its end settle, or follow the segment if it does not end there."""
+        motion = now.motion
+        if abs(self._v_x) > MAX_HOLD_SPEED:
+            return self._stop(now)
+        if self._spin is None:
+            self._spin = SpinControl(self._hold or (motion.x, motion.y))
+        rate = self._spin.step(wrap(yaw - motion.yaw), motion.yaw_rate, now.dt, now.limits,
+                               now.params)
+        speed = self._spin.holding_speed(motion, self._v_x, now.dt, now.limits)
+        if self._spin.done and ends:
+            self._settling = 0.0
+        elif self._spin.done:
+            self._spin, self._hold = None, None
+        return speed, now.limits.next_yaw_rate(rate, self._yaw_rate, speed, now.dt)
+
+    def _project(self, now: Conditions, segment: Segment) -> PathPoint:
+        """Return the projection of the robot, within a window along the segment."""
+        x, y = now.motion.x, now.motion.y
+        if self._distance is None:
+            low, reach = 0.0, segment.point(0.0, x, y).offset()
+        else:
+            low, reach = self._distance, 2.0 * now.motion.speed() * now.dt
+        return segment.project(x, y, low, min(low + PROJECTION_WINDOW + reach, segment.length))
+
+    def _follow(self, now: Conditions, segment: Segment, point: PathPoint) -> tuple[float, float]:
+        """Pursue a point on the tangent, and add the curvature of the path."""
+        follower, limits = now.params.follower, now.limits
         look_ahead = min(max(abs(self._v_x) * follower.look_ahead_time,
                              follower.min_look_ahead), follower.max_look_ahead)
-        bearing = point.heading - math.atan2(point.lateral, look_ahead)
-        error = wrap(bearing - motion.yaw - offset)
-        if self._must_align(error, params):
-            return self._turn(bearing - offset, motion, dt, limits, params, ends=False)
-        curvature = point.curvature + 2.0 * math.sin(error) / math.hypot(
-            look_ahead, point.lateral)
-        speed = limits.next_speed(
-            self._wanted_speed(segment, point, curvature, limits, params), abs(self._v_x), dt)
+        yaw = (point.heading - math.atan2(point.lateral, look_ahead)
+               - self._heading_offset(now, segment))
+        error = wrap(yaw - now.motion.yaw)
+        if self._must_align(error, follower.align_angle):
+            return self._turn(now, yaw, ends=False)
         if self._v_x * segment.direction < 0.0:  # a new path in the other direction: stop first
-            return self._stop(dt, limits)
-        yaw_rate = limits.next_yaw_rate(speed * curvature, self._yaw_rate, speed, dt)
+            return self._stop(now)
+        pursuit = 2.0 * math.sin(error) / math.hypot(look_ahead, point.lateral)
+        curvature = point.curvature + pursuit
+        wanted = max(min(limits.path_speed(segment, point.distance),
+                         limits.curve_speed(curvature)), now.params.arrival.approach_speed)
+        speed = limits.next_speed(wanted, abs(self._v_x), now.dt)
+        yaw_rate = limits.next_yaw_rate(speed * curvature, self._yaw_rate, speed, now.dt)
         return segment.direction * speed, yaw_rate
 
-    def _heading_offset(self, segment: Segment, heading_offset: HeadingOffset) -> float:
+    def _heading_offset(self, now: Conditions, segment: Segment) -> float:
+        """Return the angle [rad] from the x axis of the body to its direction of travel."""
+        fast = abs(self._v_x) > MIN_HEADING_SPEED
         v_x = segment.direction * max(abs(self._v_x), MIN_HEADING_SPEED)
-        rate = self._yaw_rate if abs(self._v_x) > MIN_HEADING_SPEED else 0.0
-        drift = math.remainder(heading_offset(v_x, rate), math.pi)
+        drift = math.remainder(
+            now.heading_offset(v_x, self._yaw_rate if fast else 0.0), math.pi)
         return drift if segment.direction == FORWARD else drift + math.pi
 
-    def _must_align(self, error: float, params: TrajectoryControllerParams) -> bool:
+    def _must_align(self, error: float, limit: float) -> bool:
         """Return whether the direction of travel is corrected by turning in place."""
         if self._spin is not None:
             return True
-        at_rest = self._v_x == 0.0
-        limit = params.follower.align_angle * (1.0 if at_rest else MAX_ALIGN_FACTOR)
-        return abs(error) > limit
-
-    def _wanted_speed(self, segment: Segment, point: PathPoint, curvature: float,
-                      limits: MotionLimits, params: TrajectoryControllerParams) -> float:
-        wanted = min(limits.path_speed(segment, point.distance), limits.curve_speed(curvature))
-        return max(wanted, min(params.arrival.approach_speed, limits.speed))
+        return abs(error) > limit * (1.0 if self._v_x == 0.0 else MAX_ALIGN_FACTOR)

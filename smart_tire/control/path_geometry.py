@@ -20,9 +20,8 @@ from dataclasses import dataclass
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from smart_tire.arrays import Array
 
 GRID_STEP = 0.02          # m, maximum distance between the points of a segment
 SMOOTHING_WINDOW = 0.15   # m, of the moving averages of the tangent's direction

@@ -31,8 +31,8 @@ import math
 
 import numpy as np
 
-from smart_tire.control.path_geometry import (
-    Array, FORWARD, Maneuver, REVERSE, Segment, Spin, wrap)
+from smart_tire.arrays import Array
+from smart_tire.control.path_geometry import FORWARD, Maneuver, REVERSE, Segment, Spin, wrap
 from smart_tire.samples import Vector3
 
 MIN_SPACING = 0.002        # m; nearer poses count as one position
@@ -124,15 +124,18 @@ def _directions(points: Array) -> Array | None:
 def _split(points: Array, directions: Array, spins: dict[int, float],
            corner_angle: float) -> list[int]:
     """Return the indices of the points at which segments begin and end."""
-    ends = {0, len(points) - 1, *spins, *_corners(points, corner_angle)}
-    ends.update((np.flatnonzero(np.diff(directions)) + 1).tolist())
-    return sorted(ends)
+    changes = (np.flatnonzero(np.diff(directions)) + 1).tolist()
+    ends = sorted({0, len(points) - 1, *spins, *changes})
+    arc = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points[:, :2], axis=0).T))])
+    # noise next to an end, or a cusp found one point too late, is not a segment of its own
+    corners = [corner for corner in _corners(points, arc, corner_angle)
+               if np.abs(arc[ends] - arc[corner]).min() >= CHORD_LENGTH]
+    return sorted([*ends, *corners])
 
 
-def _corners(points: Array, corner_angle: float) -> list[int]:
+def _corners(points: Array, arc: Array, corner_angle: float) -> list[int]:
     """Return the indices of corners sharper than ``corner_angle`` [rad]."""
     x, y = points[:, 0], points[:, 1]
-    arc = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))])
     inner = arc[1:-1]
     # chords of dense points are longer than their edges; those of coarse ones are the edges
     before, after = inner - CHORD_LENGTH, inner + CHORD_LENGTH

@@ -26,12 +26,13 @@ from smart_tire.arrays import Array
 from smart_tire.models.vehicle.steady_turn import steady_turn, TurnModel
 
 FIRM_RESISTANCE = 0.01   # -, slip of a tire driving straight on firm ground
-SIGMAS = (0.08, 0.05, 0.3, 1.0)   # prior standard deviations, in the order of Coefficient
+SIGMAS = (0.08, 0.02, 0.3, 1.0)   # prior standard deviations, in the order of Coefficient
 TIMES = (30.0, 5.0, 60.0, 60.0)   # s, correlation times, likewise
 LOW = (-0.05, -0.2, 0.0, 0.0)     # limits, likewise
 HIGH = (0.5, 0.2, 3.0, 5.0)
 STEPS = (0.01, 0.01, 0.02, 0.02)  # of the numerical derivatives, likewise
 MODEL_SIGMA = 0.03       # of a slip velocity or lateral speed, over the largest wheel speed
+INERTIA_SIGMA = 0.7      # of the slip that accelerates the body, relative
 GATE = 9.0               # normalized innovation squared that indicates another ground
 
 
@@ -59,23 +60,32 @@ class Coefficients:
 
 @dataclass(frozen=True)
 class BodyMotion:
-    """Mean velocity of the body, and the slip that its acceleration needs."""
+    """Mean velocity and acceleration of the body."""
 
-    v_x: float       # m/s
-    v_y: float       # m/s
-    yaw_rate: float  # rad/s
-    inertia: float   # -, magnitude
+    v_x: float               # m/s
+    v_y: float               # m/s
+    yaw_rate: float          # rad/s
+    acceleration: float      # m/s2, forward
+    yaw_acceleration: float  # rad/s2
+
+
+@dataclass(frozen=True)
+class Inertia:
+    """Inertia of the robot, divided by C_x of a tire on the calibrated ground."""
+
+    mass: float  # s2/m
+    yaw: float   # s2, yaw moment of inertia over the track
 
 
 class SlipCoefficients:
     """
     Extended Kalman filter of the coefficients, an Ornstein-Uhlenbeck process around the prior.
 
-    ``mass`` [s2/m] is that of the robot over C_x on the calibrated ground, ``scrub`` the prior.
+    ``scrub`` is its prior.
     """
 
-    def __init__(self, model: TurnModel, mass: float, scrub: float) -> None:
-        self._model, self._mass = model, mass
+    def __init__(self, model: TurnModel, inertia: Inertia, scrub: float) -> None:
+        self._model, self._inertia = model, inertia
         self._prior = np.array([FIRM_RESISTANCE, 0.0, scrub, 1.0])
         self._variance = np.diag(np.square(SIGMAS))
         self.reset()
@@ -104,14 +114,20 @@ class SlipCoefficients:
 
     def update(self, motion: BodyMotion, slip: Sides, sigma: Sides) -> None:
         """Correct with slip velocities [m/s] of both sides and their standard deviations."""
-        expected, H = self._expected(self._x, motion), np.empty((3, N))
+        # of the forward acceleration; that of the yaw rate is too noisy, it is part of sigma
+        thrust = 0.25 * self._x[Coefficient.COMPLIANCE] * self._inertia.mass * motion.acceleration
+        yaw = 0.5 * self._inertia.yaw * motion.yaw_acceleration
+        expected, H = self._expected(self._x, motion, thrust), np.empty((3, N))
         for column, step in enumerate(STEPS):
             moved = self._x.copy()
             moved[column] += step
-            H[:, column] = (self._expected(moved, motion) - expected) / step
+            H[:, column] = (self._expected(moved, motion, thrust) - expected) / step
+        if abs(motion.v_x) < 0.5 * self._model.track * abs(motion.yaw_rate):
+            # the sides move in opposite directions: resistance is not told apart from scrub
+            H[:, [Coefficient.COMMON_RESISTANCE, Coefficient.RESISTANCE_STEP]] = 0.0
         scale = (abs(motion.v_x) + 0.5 * self._model.track * abs(motion.yaw_rate)
                  + max(map(abs, slip)))
-        model = math.hypot(MODEL_SIGMA, motion.inertia) * scale
+        model = math.hypot(MODEL_SIGMA, INERTIA_SIGMA * thrust, yaw) * scale
         R = np.diag(np.square([*(math.hypot(one, model) for one in sigma), MODEL_SIGMA * scale]))
         self._correct(H, R, np.array([*slip, motion.v_y]) - expected)
 
@@ -128,14 +144,14 @@ class SlipCoefficients:
         rest = np.eye(N) - K @ H
         self._P = rest @ self._P @ rest.T + K @ R @ K.T
 
-    def _expected(self, x: Array, motion: BodyMotion) -> Array:
+    def _expected(self, x: Array, motion: BodyMotion, thrust: float) -> Array:
         """Return the slip velocities of both sides and the lateral speed [m/s]."""
         common, step, scrub, compliance = x.tolist()
         turn = steady_turn(self._model, motion.v_x, motion.yaw_rate,
-                           (common - step, common + step), scrub)
+                           (common - step, common + step), scrub, thrust)
         centripetal = motion.v_x * motion.yaw_rate
         return np.array([turn.left, turn.right, -turn.lateral_compliance * compliance
-                         * self._mass * centripetal])
+                         * self._inertia.mass * centripetal])
 
 
 def _kept(duration: float) -> Array:

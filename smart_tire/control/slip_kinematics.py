@@ -24,7 +24,8 @@ from __future__ import annotations
 from collections import deque
 import math
 
-from smart_tire.control.slip_coefficients import BodyMotion, Coefficients, SlipCoefficients
+from smart_tire.control.slip_coefficients import (
+    BodyMotion, Coefficients, Inertia, SlipCoefficients)
 from smart_tire.models.constants import GRAVITY
 from smart_tire.models.vehicle.steady_turn import steady_turn, SteadyTurn, TurnModel
 from smart_tire.parameters.control import TrajectoryControllerParams
@@ -35,7 +36,8 @@ WINDOW_NS = 80_000_000        # of slip and motion that are averaged for one cor
 MAX_OFFSET_NS = 30_000_000    # from the motion that belongs to a slip
 HISTORY = 256                 # odometry messages: 2 s, longer than slip is late
 MIN_ROLLING = 0.1             # m/s, of the faster side, below which nothing is learned
-MAX_SLIP = 0.5                # -, of the faster side, above which it slides: nothing is learned
+MAX_SLIP = 0.7                # -, of the faster side, above which it slides: nothing is learned
+MAX_COMPENSATION = 1.5        # slip velocity over the largest speed of a wheel center
 RESTART_NS = NS_PER_S         # step back in time that indicates another clock
 
 Motion = tuple[float, float, float]  # v_x, v_y [m/s], yaw rate [rad/s]
@@ -56,10 +58,9 @@ class SlipKinematics:
         self._track, self._effective_track = robot.track_width, params.effective_track
         self._model = TurnModel(robot.wheelbase, robot.track_width,
                                 3.0 * FIRM_FRICTION * load / stiffness)
-        self._mass = robot.mass / stiffness                  # s2/m
-        self._per_acceleration = 0.25 * self._mass           # slip per m/s2
-        self._per_yaw_acceleration = robot.yaw_inertia / (2.0 * robot.track_width * stiffness)
-        self._coefficients = SlipCoefficients(self._model, self._mass, _prior_scrub(params))
+        self._inertia = Inertia(robot.mass / stiffness,
+                                robot.yaw_inertia / (robot.track_width * stiffness))
+        self._coefficients = SlipCoefficients(self._model, self._inertia, _prior_scrub(params))
         self.reset()
 
     def reset(self) -> None:
@@ -106,15 +107,17 @@ class SlipKinematics:
     def command(self, v_x: float, yaw_rate: float, now_ns: int) -> tuple[float, float]:
         """Return v_x [m/s] and yaw rate [rad/s] to command for wanted ones of the body."""
         turn = self._turn(v_x, yaw_rate, self.coefficients(now_ns))
-        difference = self._track * yaw_rate + turn.right - turn.left
-        return v_x + 0.5 * (turn.left + turn.right), difference / self._effective_track
+        half = 0.5 * self._track * yaw_rate
+        limit = MAX_COMPENSATION * max(abs(v_x - half), abs(v_x + half))
+        left, right = (min(max(u, -limit), limit) for u in (turn.left, turn.right))
+        return v_x + 0.5 * (left + right), (2.0 * half + right - left) / self._effective_track
 
     def heading_offset(self, v_x: float, yaw_rate: float) -> float:
         """Return the angle [rad] from the x axis of the body to its direction of travel."""
         coefficients = self.coefficients(self._learned_ns or 0)
         turn = self._turn(v_x, yaw_rate, coefficients)
         return -math.atan(
-            turn.lateral_compliance * coefficients.compliance * self._mass * yaw_rate)
+            turn.lateral_compliance * coefficients.compliance * self._inertia.mass * yaw_rate)
 
     def _turn(self, v_x: float, yaw_rate: float, coefficients: Coefficients) -> SteadyTurn:
         return steady_turn(self._model, v_x, yaw_rate, coefficients.resistance,
@@ -143,10 +146,9 @@ class SlipKinematics:
         if before is None or rolling < MIN_ROLLING or sliding > MAX_SLIP * rolling:
             return
         dt = (stamp_ns - before[0]) / NS_PER_S
-        inertia = (self._per_acceleration * abs(v_x - before[1][0])
-                   + self._per_yaw_acceleration * abs(yaw_rate - before[1][2])) / dt
-        self._coefficients.update(BodyMotion(v_x, v_y, yaw_rate, inertia), (left, right),
-                                  (left_sigma, right_sigma))
+        motion = BodyMotion(v_x, v_y, yaw_rate, (v_x - before[1][0]) / dt,
+                            (yaw_rate - before[1][2]) / dt)
+        self._coefficients.update(motion, (left, right), (left_sigma, right_sigma))
 
 
 def _prior_scrub(params: TrajectoryControllerParams) -> float:

@@ -73,30 +73,34 @@ class GroundKnowledge:
         return left or right, right or left
 
 
-def slip_limit(critical: Uncertain, params: TractionParams) -> float:
+def slip_limit(critical: Uncertain, slip_sigma: float, params: TractionParams) -> float:
     """
-    Return the total slip [-] aimed at: a share of the lower bound of the critical slip.
+    Return the total slip [-] aimed at: a share of the critical slip, less the uncertainty.
 
-    The lower bound is not below the limit for unknown ground, unless the estimate itself is.
+    The latter is that of the critical slip and ``slip_sigma`` [-] of the present slip. The limit
+    is not below that for unknown ground, unless the estimate itself is.
 
     >>> params = TractionParams(share=0.5, sigmas=1.0, unknown_slip=0.1)
-    >>> slip_limit(Uncertain(0.4, 0.1), params)
+    >>> slip_limit(Uncertain(0.4, 0.06), 0.04, params)
     0.15
+    >>> slip_limit(Uncertain(0.1, 0.06), 0.04, params)
+    0.05
     """
-    bound = params.share * (critical.value - params.sigmas * critical.sigma)
-    return max(bound, min(params.share * critical.value, params.unknown_slip))
+    target = params.share * critical.value
+    margin = params.sigmas * math.hypot(params.share * critical.sigma, slip_sigma)
+    return min(max(target - margin, min(target, params.unknown_slip)), params.max_slip)
 
 
-def slip_limits(sides: tuple[Measured | None, Measured | None], loads: Four,
+def slip_limits(sides: tuple[Measured | None, Measured | None], loads: Four, slip_sigma: float,
                 params: TractionParams) -> Four:
     """Return the total slip [-] aimed at for each wheel with its load [N]."""
     def limit(wheel: int) -> float:
         known = sides[wheel % 2]
         if known is None:
-            return params.unknown_slip
+            return min(params.unknown_slip, params.max_slip)
         value, sigma = known.per_load
-        return min(slip_limit(Uncertain(value * loads[wheel], sigma * loads[wheel]), params),
-                   params.max_slip)
+        return slip_limit(Uncertain(value * loads[wheel], sigma * loads[wheel]), slip_sigma,
+                          params)
 
     a, b, c, d = map(limit, range(len(WHEELS)))
     return a, b, c, d

@@ -19,10 +19,13 @@ from __future__ import annotations
 import math
 
 from smart_tire.control.motion_limits import MotionLimits, PLANNED_SHARE
+from smart_tire.control.motion_monitor import Motion
 from smart_tire.parameters.control import TrajectoryControllerParams
 
 DONE_SHARE = 0.5   # of the yaw tolerance; it is left for the rest of the rotation
 BOOST_GAIN = 1.0   # 1/s, of the integral of the yaw rate error
+HOLD_GAIN = 3.0    # 1/s, from the distance to the speed that holds the position
+MAX_HOLD_SPEED = 0.1  # m/s
 
 
 class SpinControl:
@@ -30,9 +33,12 @@ class SpinControl:
     Yaw rate of one turn in place; ``done`` once the yaw error is small, and remains so.
 
     On ground on which the robot turns slower than commanded, an integrator raises the command.
+    Wheels that turn in place slide in all directions: the speed keeps the robot at ``hold``
+    (x, y) [m], ahead and behind only.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, hold: tuple[float, float]) -> None:
+        self._hold = hold
         self.done = False
         self.error = math.inf  # rad
         self._boost = 0.0      # rad/s
@@ -57,3 +63,13 @@ class SpinControl:
         self._boost += BOOST_GAIN * dt * (wanted - side * yaw_rate)
         self._boost = min(max(self._boost, 0.0), highest - wanted)
         return side * (wanted + self._boost)
+
+    def holding_speed(self, motion: Motion, last: float, dt: float,
+                      limits: MotionLimits) -> float:
+        """Return the speed [m/s] towards the position to hold, ``dt`` [s] after ``last``."""
+        x, y = self._hold
+        ahead = (x - motion.x) * math.cos(motion.yaw) + (y - motion.y) * math.sin(motion.yaw)
+        bound = min(MAX_HOLD_SPEED, limits.speed)
+        wanted = min(max(HOLD_GAIN * ahead, -bound), bound)
+        change = min(limits.acceleration, limits.deceleration) * dt
+        return min(max(wanted, last - change), last + change)

@@ -27,12 +27,15 @@ from smart_tire.parameters.control import TractionParams
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import Four, Friction, LEFT, NS_PER_S, Odometry, RIGHT, WheelSlip
 
+Sides = tuple[Measured | None, Measured | None]  # of the ground: left, right
+
 AXLES = (0, 1), (2, 3)   # indices into WHEELS
 SIDES = tuple(map(float, SIDE_SIGNS))
 ENDS = tuple(map(float, AXLE_SIGNS))
 MAX_ACCELERATION = GRAVITY  # m/s2, of the robot on ground of unknown friction
 MAX_PERIOD = 0.1            # s, of the controller
 MIN_SHARE = 0.5             # of a slip limit that remains for the longitudinal slip
+LEAD_PERIODS = 1.0          # periods from a set point to the mean wheel speed it causes
 MIN_EXCESS = 0.1            # m/s, sum of wanted minus limited rolling speeds that is an onset
 
 
@@ -62,6 +65,7 @@ class TractionControl:
         self._slip_sigma = 0.0           # -, of the side that is known least
         self.wheel_lag = 0.0             # s, of the wheel speeds after a ramp of the set points
         self._onset, self._direction = Onset(), 0
+        self._held: Four = (0.0, 0.0, 0.0, 0.0)  # rad/s, most that may be held while stopping
         self._ratio = 0.0                # difference over sum of the sides, latest command
         self._limited_ns: int | None = None
         # m, between wheels that roll without longitudinal force in a turn (isotropic tires)
@@ -89,30 +93,48 @@ class TractionControl:
         period = self._period(now_ns)
         if reason := self._inactive(now_ns):
             self._report(reason)
+            self._held = set_points
             return set_points
         sides = self._ground.on_sides(self._motion.distance, self.params.max_distance)
-        motion = self._motion.predicted(
-            now_ns, 0.5 * period + self.params.lead + self.wheel_lag, self._onset,
-            _acceleration_bound(sides))
-        assert motion is not None  # else it was inactive
-        limits = slip_limits(sides, self._loads(motion), self.params)
         radius = self._robot.wheel_radius
         a, b, c, d = (radius * speed for speed in set_points)
-        limited = self._within((a, b, c, d), motion, limits)
-        self._follow_onset(sum((a, b, c, d)) - sum(limited), now_ns, sides)
-        self._report('', limited != (a, b, c, d), min(limits), sides)
+        wanted = a, b, c, d
+        limited, limits = self._predicted_limit(wanted, now_ns, period, sides)
+        if self._begins(sum(wanted) - sum(limited), now_ns, sides):
+            limited, limits = self._predicted_limit(wanted, now_ns, period, sides)
+        self._held = _most_held(self._held, wanted, limited, self._step(period), radius)
+        self._report('', limited != wanted, min(limits), sides)
         a, b, c, d = (speed / radius for speed in limited)
         return (a, b, c, d) if self.state.limiting else set_points
 
-    def _follow_onset(self, excess: float, now_ns: int,
-                      sides: tuple[Measured | None, Measured | None]) -> None:
-        """Expect the acceleration of the present friction from the first limited step on."""
+    def _step(self, period: float) -> float:
+        """Return the change of speed [m/s] of a wheel that stops, whatever the estimates."""
+        return self.params.min_deceleration * period
+
+    def _predicted_limit(self, wanted: Four, now_ns: int, period: float,
+                         sides: Sides) -> tuple[Four, Four]:
+        """Return limited rolling speeds [m/s], and the slip limits [-]."""
+        motion = self._motion.predicted(
+            now_ns, LEAD_PERIODS * period + self.params.lead + self.wheel_lag, self._onset,
+            _acceleration_bound(sides))
+        assert motion is not None  # else it was inactive
+        limits = slip_limits(sides, self._loads(motion), self._slip_sigma, self.params)
+        radius, step = self._robot.wheel_radius, self._step(period)
+        a, b, c, d = (
+            _stopping(speed, target, _lowered(radius * held, step)) for speed, target, held
+            in zip(self._within(wanted, motion, limits), wanted, self._held))
+        return (a, b, c, d), limits
+
+    def _begins(self, excess: float, now_ns: int, sides: Sides) -> bool:
+        """Return whether the robot begins to accelerate or to brake at the limit."""
         direction = (excess > MIN_EXCESS) - (excess < -MIN_EXCESS)
-        if direction and direction != self._direction:
+        begins = direction not in (0, self._direction)
+        if begins:
             friction = _low_friction(sides, self.params)
             self._onset = Onset(now_ns, direction * GRAVITY * friction,
                                 self.params.acceleration_filter + self.wheel_lag)
         self._direction = direction
+        return begins
 
     def _inactive(self, now_ns: int) -> str:
         """Return why set points are not limited, '' if they are."""
@@ -124,7 +146,7 @@ class TractionControl:
         return '' if abs(age) <= self.params.max_age else f'odom is {age:.2f} s old'
 
     def _report(self, reason: str, limiting: bool = False, slip: float = math.nan,
-                sides: tuple[Measured | None, ...] = ()) -> None:
+                sides: Sides = (None, None)) -> None:
         friction = [one.friction.value for one in sides if one is not None]
         self.state = TractionState(reason, limiting, slip, min(friction, default=math.nan),
                                    self.state.limited_steps + limiting)
@@ -180,13 +202,9 @@ class TractionControl:
         """Return the smallest and the largest rolling speed [m/s] of a wheel."""
         speed = self._free_rolling(wheel, motion)
         lateral = motion.v_y + 0.5 * ENDS[wheel] * self._robot.wheelbase * motion.yaw_rate
-        slip = self._longitudinal(limit, lateral / max(abs(speed), self.params.floor))
+        lateral_slip = lateral / max(abs(speed), self.params.floor)
+        slip = math.sqrt(max(limit ** 2 - lateral_slip ** 2, (MIN_SHARE * limit) ** 2))
         return slip_band(speed, slip, self.params.floor)
-
-    def _longitudinal(self, limit: float, lateral: float) -> float:
-        """Return the slip [-] that a lateral slip and the error of the estimate leave."""
-        rest = math.sqrt(max(limit * limit - lateral * lateral, 0.0))
-        return max(rest - self.params.sigmas * self._slip_sigma, MIN_SHARE * limit)
 
 
 def slip_band(speed: float, slip: float, floor: float) -> tuple[float, float]:
@@ -194,7 +212,7 @@ def slip_band(speed: float, slip: float, floor: float) -> tuple[float, float]:
     Return the rolling speeds r w [m/s] with at most this slip when braking and when driving.
 
     ``speed`` [m/s] is that of the wheel center, ``slip`` [-] the limit relative to r w. A sliding
-    speed of ``floor`` [m/s] is always within.
+    speed of ``floor`` [m/s] is always within, half of it for braking.
 
     >>> slip_band(0.8, 0.2, 0.05)
     (0.6666666666666667, 1.0)
@@ -206,7 +224,9 @@ def slip_band(speed: float, slip: float, floor: float) -> tuple[float, float]:
     if speed < 0.0:
         low, high = slip_band(-speed, slip, floor)
         return -high, -low
-    return (min(speed / (1.0 + slip), speed - floor), max(speed / (1.0 - slip), speed + floor))
+    braking = speed - 0.5 * floor  # below zero the sliding speed grows to the floor of a start
+    low = min(speed / (1.0 + slip), braking if braking > 0.0 else 2.0 * braking)
+    return low, max(speed / (1.0 - slip), speed + floor)
 
 
 def _share(start: float, wanted: float, band: tuple[float, float]) -> float:
@@ -219,17 +239,47 @@ def _share(start: float, wanted: float, band: tuple[float, float]) -> float:
     return max(room / way, 0.0)
 
 
-def _acceleration_bound(sides: tuple[Measured | None, Measured | None]) -> float:
+def _acceleration_bound(sides: Sides) -> float:
     """Return the largest acceleration [m/s2] that friction permits."""
     bounds = [one.friction.value + one.friction.sigma for one in sides if one is not None]
     known = [bound for bound in bounds if math.isfinite(bound)]
     return GRAVITY * max(known) if known else MAX_ACCELERATION
 
 
-def _low_friction(sides: tuple[Measured | None, Measured | None],
+def _low_friction(sides: Sides,
                   params: TractionParams) -> float:
     """Return the friction [-] assumed: lower bound of the lower side."""
     bounds = [one.friction.value - params.sigmas * one.friction.sigma
               for one in sides if one is not None]
     known = [max(bound, 0.0) for bound in bounds if math.isfinite(bound)]
     return min(known) if known else params.unknown_friction
+
+
+def _lowered(speed: float, step: float) -> float:
+    """Return ``speed``, nearer to zero by ``step``."""
+    return math.copysign(max(abs(speed) - step, 0.0), speed)
+
+
+def _obeys(speed: float, wanted: float) -> bool:
+    """Return whether a wheel turns as wanted, no faster."""
+    return 0.0 <= speed * wanted <= wanted * wanted and (wanted != 0.0 or speed == 0.0)
+
+
+def _stopping(speed: float, wanted: float, held: float) -> float:
+    """
+    Return ``speed`` of a wheel, at most ``held`` if that is not what is wanted.
+
+    Whatever the estimates are, a wheel that is to stop does so in the end, and none turns against
+    both the command and its own motion.
+    """
+    if _obeys(speed, wanted):
+        return speed
+    return min(max(speed, min(held, wanted, 0.0)), max(held, wanted, 0.0))
+
+
+def _most_held(before: Four, wanted: Four, limited: Four, step: float, radius: float) -> Four:
+    """Return the speeds [rad/s] that may be held against a command to stop in the next step."""
+    a, b, c, d = (
+        speed / radius if _obeys(speed, target) else _lowered(held, step / radius)
+        for held, target, speed in zip(before, wanted, limited))
+    return a, b, c, d

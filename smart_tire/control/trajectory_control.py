@@ -23,7 +23,7 @@ from smart_tire.control.motion_limits import motion_limits
 from smart_tire.control.motion_monitor import MotionMonitor
 from smart_tire.control.path_checks import (
     check_goal, check_maneuvers, check_path, check_start)
-from smart_tire.control.path_follower import PathFollower
+from smart_tire.control.path_follower import Conditions, PathFollower
 from smart_tire.control.path_plan import plan_goal, plan_path
 from smart_tire.control.progress_monitor import ProgressMonitor
 from smart_tire.control.slip_kinematics import SlipKinematics
@@ -184,7 +184,8 @@ class TrajectoryControl:
         params = self.params
         motion = self._motion.predict(now_ns, params.follower.actuation_delay)
         limits = motion_limits(params, self._friction.acceleration(params.friction))
-        self._last = follower.step(motion, dt, limits, params, self._heading_offset)
+        self._last = follower.step(
+            Conditions(motion, dt, limits, params, self._heading_offset))
         reason = self._progress.check(follower, self._motion.measured(), now_ns, params)
         if follower.finished or reason:
             self._end(State.STOPPED if reason else State.ARRIVED, reason)

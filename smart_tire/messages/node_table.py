@@ -79,8 +79,9 @@ NODE_TABLE: dict[str, NodeEntry] = {node.name: node for node in (
     NodeEntry(
         'wheel_controller',
         'Controls the wheel speeds, one PID controller per wheel, for the velocity command in '
-        'force.',
-        ('cmd_vel', 'wheel_states', 'emergency_stop_active', 'motors_enabled'),
+        'force; with `traction.enabled` within the slip that friction permits.',
+        ('cmd_vel', 'wheel_states', 'emergency_stop_active', 'motors_enabled', 'odom',
+         'wheel_slip', 'tire_friction'),
         ('wheel_commands', 'motor_commands')),
     NodeEntry(
         'trajectory_controller',

@@ -42,13 +42,14 @@ class WheelController(SmartTireNode[WheelControllerParams]):
     Controls the wheel speeds for the velocity command in force.
 
     Subscribes to ``cmd_vel`` (or ``cmd_vel_inputs``), ``wheel_states``, ``emergency_stop_active``
-    and ``motors_enabled``; publishes ``wheel_commands``, ``motor_commands`` and ``/diagnostics``.
+    and ``motors_enabled``; with ``traction.enabled`` also to ``odom``, ``wheel_slip`` and
+    ``tire_friction``. Publishes ``wheel_commands``, ``motor_commands`` and ``/diagnostics``.
 
     Parameters: ``rate``, ``cmd_vel_inputs``, ``cmd_vel_priorities``, ``cmd_vel_timeouts``,
     ``cmd_vel_types``, ``cmd_vel_timeout``, ``cmd_vel_max_age``, ``effective_track``,
     ``wheel_states_timeout``, ``max_wheel_speed``, ``feedback_window``, ``reliability``, and those
-    of the robot; ``max_wheel_acceleration``, ``max_wheel_deceleration`` and ``pid.*`` can be
-    changed at run time.
+    of the robot; ``max_wheel_acceleration``, ``max_wheel_deceleration``, ``pid.*`` and
+    ``traction.*`` can be changed at run time.
     """
 
     def __init__(self) -> None:
@@ -70,6 +71,8 @@ class WheelController(SmartTireNode[WheelControllerParams]):
         profile.depth = STATE_DEPTH
         self.create_subscription(Bool, 'emergency_stop_active', self._on_emergency_stop, profile)
         self.create_subscription(Bool, 'motors_enabled', self._on_motors_enabled, latched())
+        self._estimates_subscribed = False
+        self._subscribe_estimates()
         self.create_steady_timer(1.0 / params.rate, self._step)
         self.create_steady_timer(EXPIRY_CHECK_PERIOD, self._check_expiry)
 
@@ -84,8 +87,20 @@ class WheelController(SmartTireNode[WheelControllerParams]):
             unstamped_type=TWIST if unstamped else None)
 
     def on_parameters_changed(self) -> None:
-        """Use the new controller gains."""
+        """Use the new controller gains; subscribe to the inputs of traction control."""
         self._control.set_params(self.params)
+        self._subscribe_estimates()
+
+    def _subscribe_estimates(self) -> None:
+        """Subscribe to the estimates when traction control is enabled for the first time."""
+        if self._estimates_subscribed or not self.params.traction.enabled:
+            return
+        self._estimates_subscribed = True
+        traction = self._control.traction
+        for name, on_estimate in (('odom', traction.update_odometry),
+                                  ('wheel_slip', traction.update_slip),
+                                  ('tire_friction', traction.update_friction)):
+            self.subscribe(name, on_estimate, reliability=self.params.reliability, announced=True)
 
     def _on_velocity(self, name: str, command: VelocityCommand, received_ns: int) -> None:
         self._mux.update(name, command, received_ns)
@@ -150,8 +165,22 @@ class WheelController(SmartTireNode[WheelControllerParams]):
             status.warn('emergency stop')
         if not self._control.has_measurement(now_ns):
             status.error('no recent wheel_states: motors disabled')
+        self._fill_traction(status, driven=selected is not None)
         for item in (*self._inputs, self._wheels):
             item.fill_status(status)
+
+    def _fill_traction(self, status: Status, *, driven: bool) -> None:
+        """Add what traction control does, and why it does nothing."""
+        state, enabled = self._control.traction.state, self.params.traction.enabled
+        reason = state.reason if driven or not enabled else 'no command'
+        status.values.update({
+            'traction.active': enabled and not reason, 'traction.reason': reason,
+            'traction.limiting': state.limiting and driven,
+            'traction.limited_steps': state.limited_steps,
+            'traction.slip_limit': round(state.slip_limit, 3),
+            'traction.friction': round(state.friction, 3)})
+        if enabled and driven and reason:
+            status.warn(f'no traction control: {reason}')
 
 
 def main() -> int:

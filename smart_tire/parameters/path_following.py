@@ -42,13 +42,14 @@ class FollowerParams:
     """Look-ahead pursuit with curvature feed-forward, and turning in place."""
 
     look_ahead_time: float = param(
-        0.35, 's', 'look-ahead distance over speed', low=0.05, high=10.0, live=True)
+        0.6, 's', 'look-ahead distance over speed', low=0.05, high=10.0, live=True)
     min_look_ahead: float = param(
-        0.18, 'm', 'minimum look-ahead distance', low=0.02, high=10.0, live=True)
+        0.25, 'm', 'minimum look-ahead distance', low=0.02, high=10.0, live=True)
     max_look_ahead: float = param(
         0.8, 'm', 'maximum look-ahead distance', low=0.02, high=20.0, live=True)
     actuation_delay: float = param(
-        0.15, 's', 'from cmd_vel to the motion of the body: dead time and lag', low=0.0, high=1.0, live=True)
+        0.15, 's', 'from cmd_vel to the motion of the body: dead time and lag', low=0.0,
+        high=1.0, live=True)
     corner_angle: float = param(
         0.8, 'rad', 'corners of the path above it are turned in place', low=0.1, high=math.pi)
     align_angle: float = param(

@@ -42,9 +42,18 @@ def test_unknown_friction_is_the_configured_one():
     assert limit().acceleration(PARAMS) == pytest.approx(0.5 * 0.3 * GRAVITY)
 
 
-def test_the_lower_bound_is_some_standard_deviations_below_the_estimate():
-    assert limit(('a', 0.8, 0.1)).lower_bound(PARAMS) == pytest.approx(0.6)
-    assert limit(('a', 0.3, 0.2)).lower_bound(PARAMS) == pytest.approx(0.05)  # minimum
+@pytest.mark.parametrize(('mu', 'sigma', 'bound'), [
+    (0.8, 1e-4, 0.8 - 2e-4),  # mu - 2 sigma
+    (0.8, 0.1, 0.65 - 2.0 * 0.1 / math.sqrt(2.0)),  # as certain as the prior, 0.5 +- 0.1
+    (0.2, 0.1, 0.35 - 2.0 * 0.1 / math.sqrt(2.0)),
+    (0.5, 10.0, 0.3),         # nothing is known: the prior
+    (0.01, 1e-4, 0.05)])      # minimum
+def test_the_lower_bound_is_some_standard_deviations_below_estimate_and_prior(mu, sigma, bound):
+    assert limit(('a', mu, sigma)).lower_bound(PARAMS) == pytest.approx(bound, rel=1e-3)
+
+
+def test_an_uncertain_estimate_does_not_lower_the_bound_of_unknown_ground():
+    assert limit(('a', 0.6, 0.3)).lower_bound(PARAMS) >= 0.3
 
 
 def test_the_smallest_bound_counts_and_the_latest_of_each_wheel():

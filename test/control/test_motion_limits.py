@@ -107,7 +107,8 @@ def test_friction_is_shared_by_lateral_and_longitudinal_acceleration():
     limits = motion_limits(params, 0.3)
     assert math.hypot(limits.lateral, limits.deceleration) == pytest.approx(0.3)
     assert math.hypot(limits.lateral, limits.acceleration) == pytest.approx(0.3)
-    assert (LATERAL_SHARE, LONGITUDINAL_SHARE) == pytest.approx((0.8, 0.6))
+    assert limits.deceleration / limits.lateral == pytest.approx(
+        LONGITUDINAL_SHARE / LATERAL_SHARE)
     assert limits.speed == 0.7
 
 

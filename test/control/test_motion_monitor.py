@@ -20,11 +20,11 @@ from dataclasses import replace
 import math
 
 import pytest
-from support.ideal_robot import odometry
 
 from smart_tire.control.motion_monitor import Motion, MotionMonitor
 from smart_tire.parameters.path_following import PathCheckParams
 from smart_tire.samples import NS_PER_S
+from support.ideal_robot import odometry
 
 PARAMS = PathCheckParams(odom_jump=0.2)
 

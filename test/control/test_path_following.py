@@ -22,7 +22,6 @@ import math
 from hypothesis import given, settings, strategies as st
 import numpy as np
 import pytest
-from support.ideal_robot import distances, IDEAL, path, Run
 
 from smart_tire.control.path_library import figure_eight, lane_change, line, square
 from smart_tire.control.trajectory_control import State
@@ -30,6 +29,7 @@ from smart_tire.parameters.path_following import (
     ArrivalParams, FollowerParams, FrictionLimitParams, MotionLimitParams)
 from smart_tire.samples import Friction, GoalPose, NAN, PlannedPath
 from smart_tire.uncertain import Uncertain
+from support.ideal_robot import distances, IDEAL, path, Run
 
 
 def arrived(planned, params=IDEAL, seconds=120.0, **robot):
@@ -44,8 +44,8 @@ def travelled(log):
 
 
 @pytest.mark.parametrize(('planned', 'error'), [
-    (figure_eight(0.5), 0.005), (figure_eight(1.0), 0.003), (lane_change(2.0, 0.6), 0.004),
-    (square(1.0), 0.004), (line(1.5), 0.001), (line(-1.0), 0.001)])
+    (figure_eight(0.5), 0.007), (figure_eight(1.0), 0.003), (lane_change(2.0, 0.6), 0.007),
+    (square(1.0), 0.006), (line(1.5), 0.001), (line(-1.0), 0.001)])
 def test_paths_of_the_library_are_followed(planned, error):
     log = arrived(planned)
     assert distances(planned, log).max() < error
@@ -56,9 +56,9 @@ def test_paths_of_the_library_are_followed(planned, error):
 
 
 @pytest.mark.parametrize(('rate', 'robot', 'error'), [
-    (10.0, {}, 0.012), (50.0, {}, 0.004), (20.0, {'lag': 0.2}, 0.012),
-    (20.0, {'lag': 0.03}, 0.012), (20.0, {'lag': 0.05, 'dead_time': 2}, 0.01), (20.0, {'yaw_gain': 0.8}, 0.03),
-    (20.0, {'yaw_gain': 1.2}, 0.03)])
+    (10.0, {}, 0.012), (50.0, {}, 0.007), (20.0, {'lag': 0.2}, 0.012),
+    (20.0, {'lag': 0.03}, 0.012), (20.0, {'lag': 0.05, 'dead_time': 2}, 0.01),
+    (20.0, {'yaw_gain': 0.8}, 0.03), (20.0, {'yaw_gain': 1.2}, 0.03)])
 def test_a_figure_eight_is_followed_with_other_rates_and_plants(rate, robot, error):
     log = arrived(figure_eight(0.5), rate=rate, **robot)
     assert distances(figure_eight(0.5), log).max() < error
@@ -112,7 +112,7 @@ def test_at_a_cusp_the_robot_stops_and_reverses():
 def test_a_corner_is_turned_in_place():
     log = arrived(square(1.0))
     turning = np.abs(log[:, 7]) > 0.15
-    assert log[turning & (np.abs(log[:, 6]) < 1e-9), 5].max() > 0.8
+    assert log[turning & (np.abs(log[:, 6]) < 0.02), 5].max() > 0.8
     assert np.abs(log[turning, 6]).max() < 0.6
     assert log[-1, 3] == pytest.approx(1.5 * math.pi, abs=0.08)
 
@@ -153,7 +153,7 @@ def test_a_robot_off_the_path_joins_it(x, y, yaw):
     ((-1.0, 0.0, 3.0), -3.1)])
 def test_goals_are_reached(goal, start_yaw):
     log = arrived(GoalPose(0, 'odom', goal), yaw=start_yaw)
-    assert log[-1, 1:3] == pytest.approx(goal[:2], abs=0.012)
+    assert log[-1, 1:3] == pytest.approx(goal[:2], abs=0.017)
     if not math.isnan(goal[2]):
         assert math.remainder(log[-1, 3] - goal[2], math.tau) == pytest.approx(0.0, abs=0.08)
     assert np.abs(np.diff(log[:, 3])).sum() < math.pi + 1.6  # no detour at +-pi
@@ -251,10 +251,10 @@ def test_accelerations_remain_below_a_share_of_friction(mu):
 
 
 def test_the_lower_bound_of_friction_counts():
-    fast, _ = on_friction(0.4)
-    slow, _ = on_friction(0.4, 0.15)
-    assert slow[-1, 0] > 1.2 * fast[-1, 0]
-    assert on_friction(0.1, 0.0)[0] == pytest.approx(on_friction(0.4, 0.15)[0])
+    certain, uncertain = (on_friction(0.1, sigma, unknown=0.05)[0] for sigma in (0.0, 0.1))
+    bound = 0.5 * (0.1 + 0.25) - 2.0 * 0.1 / math.sqrt(2.0)  # with the prior, 0.25 +- 0.1
+    assert uncertain[-1, 0] > 1.2 * certain[-1, 0]
+    assert uncertain == pytest.approx(on_friction(bound, unknown=0.05)[0])
 
 
 def test_the_robot_slows_down_before_a_curve_on_slippery_ground():

@@ -74,3 +74,11 @@ def test_a_negative_line_is_driven_in_reverse():
     assert plan_path(line(-1.0).poses, 0.8)[0].direction == -1
     assert plan_path(line(1.0).poses, 0.8)[0].direction == 1
     assert line(-1.0).poses[-1] == (-1.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize('planned', [figure_eight(0.5), figure_eight(2.0)])
+def test_curves_have_poses_every_two_centimeters(planned):
+    x, y, _ = np.array(planned.poses).T
+    spacing = np.hypot(np.diff(x), np.diff(y))
+    assert spacing.mean() == pytest.approx(0.02, rel=0.01)
+    assert spacing.max() < 0.03

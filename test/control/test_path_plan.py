@@ -103,6 +103,17 @@ def test_the_same_yaw_everywhere_on_a_curve_is_not_an_orientation(yaw):
     assert plan(*long) == [(10, 0, 1), (10, 0.5, 1), (0, 0.5, 1)]
 
 
+def test_a_cusp_found_twice_or_noise_at_an_end_is_not_a_segment():
+    forward = [(0.01 * i, 0.0, 0.0) for i in range(101)]
+    back = [(1.0 - 0.01 * i, 0.01 * i, -0.7) for i in range(1, 101)]
+    late = [(1.004, 0.003, 0.0), (1.003, 0.006, 0.0)]  # forward still, after a corner
+    maneuvers = plan_path([*forward, *late, *back], CORNER)
+    assert [one.direction for one in maneuvers[:-1]] == [FORWARD, REVERSE]
+    assert plan((0, 0), (1, 0), (1, 0.029)) == [(1, 0.029, FORWARD)]
+    assert plan((0, 0), (1, 0), (1, 0.031)) == [(1, 0, FORWARD), (1, 0.031, FORWARD)]
+    assert plan((0, 0), (0, 0.029), (1, 0.029)) == [(1, 0.029, FORWARD)]
+
+
 def test_a_few_wrong_orientations_do_not_count():
     poses = with_yaw(figure_eight(0.5).poses, math.pi)
     poses[30:40] = [(x, y, yaw + 1.5) for x, y, yaw in poses[30:40]]
@@ -126,6 +137,11 @@ def test_two_poses_at_one_position_are_a_turn_in_place():
         ('spin', 1.570796), (0, 1, 1), ('spin', 0.0), (1, 1, 1), ('spin', 3.0)]
     assert plan((0, 0, 0.0), (0, 0, 2.0)) == [('spin', 2.0)]
     assert plan((0, 0), (0, 0)) == []
+    assert plan((0, 0, 0.0), (0, 0, 1.0), (0, 0, 0.05)) == [('spin', 0.05)]
+    assert plan((0, 0, 0.0), (0, 0, 0.17), (1, 0, 0.0)) == [(1, 0, 1), ('spin', 0.0)]
+    assert plan((0, 0, 0.0), (0, 0, 0.18), (1, 0, 0.0)) == [
+        ('spin', 0.18), (1, 0, 1), ('spin', 0.0)]
+    assert plan((0, 0, 0.0), (1, 0, 0.0), (1.001, 0.001, 1.0)) == [(1, 0, 1), ('spin', 1.0)]
 
 
 def test_turns_are_ignored_with_the_orientations():
@@ -145,6 +161,8 @@ def test_a_path_ends_exactly_at_its_last_pose():
     ((2.0, 1.0, 0.5), [(2, 1, FORWARD), ('spin', 0.5)]),
     ((2.0, 1.0, NAN), [(2, 1, FORWARD)]),
     ((0.6, 1.0, NAN), [(0.6, 1, REVERSE)]),    # behind, near
+    ((0.6, 1.1, NAN), [(0.6, 1.1, REVERSE)]),
+    ((0.6, 0.8, NAN), [(0.6, 0.8, REVERSE)]),
     ((0.3, 1.0, 0.0), [(0.3, 1, FORWARD), ('spin', 0.0)]),  # behind, far
     ((1.0, 1.4, NAN), [(1, 1.4, FORWARD)]),    # to the side
     ((1.03, 1.0, 2.0), [('spin', 2.0)]),

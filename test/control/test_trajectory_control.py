@@ -20,13 +20,13 @@ from dataclasses import replace
 import math
 
 import pytest
-from support.ideal_robot import IDEAL, odometry, path, Run
 
 from smart_tire.control.path_library import figure_eight, line
 from smart_tire.control.trajectory_control import State, TrajectoryControl
 from smart_tire.parameters.path_following import PathCheckParams
 from smart_tire.samples import Friction, GoalPose, NAN, NS_PER_S, PlannedPath, WheelSlip
 from smart_tire.uncertain import Uncertain
+from support.ideal_robot import IDEAL, odometry, path, Run
 
 FAR = line(3.0)
 
@@ -384,3 +384,14 @@ def test_a_figure_eight_can_be_repeated():
     run = Run().start(figure_eight(0.3)).until_end()
     run.start(figure_eight(0.3)).until_end()
     assert run.control.state == State.ARRIVED
+
+
+def test_the_distance_of_the_begin_is_from_the_robot():
+    assert Run(x=5.0, y=-4.0).start(path((5.0, -4.9), (6, -4))).control.state == State.FOLLOWING
+    assert Run(x=5.0, y=-4.0).start(path((5.0, -5.1), (6, -4))).control.state == State.REFUSED
+
+
+def test_too_many_poses_are_refused():
+    poses = ((0.0, 0.0, NAN),) * 1_000_001
+    run = Run().start(PlannedPath(0, 'odom', poses))
+    assert '1000001 poses, expected 2 to 1000000' in run.control.reason

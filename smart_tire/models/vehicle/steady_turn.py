@@ -29,7 +29,8 @@ import math
 ITERATIONS = 25        # of the fixed point; the error is then below 1 % of the slip velocity
 RELAXATION = 0.6       # share of each iteration that is applied
 MIN_SPEED = 0.02       # m/s, lower limit of speeds in a denominator
-MAX_SLIDING = 1.5      # slip velocity over the largest speed of a wheel center, at most
+MAX_SLIDING = 5.0      # slip velocity over the largest speed of a wheel center, at most
+TANGENT = 0.7          # of lambda_cr, above which the force grows along its tangent
 
 
 @dataclass(frozen=True)
@@ -51,17 +52,19 @@ class SteadyTurn:
 
 
 def steady_turn(model: TurnModel, v_x: float, yaw_rate: float, resistance: tuple[float, float],
-                scrub: float = 1.0) -> SteadyTurn:
+                scrub: float = 1.0, thrust: float = 0.0) -> SteadyTurn:
     """
     Return the slip velocities that a body velocity [m/s], [rad/s] needs.
 
     ``resistance`` [-] is the slip of the left and of the right side when driving straight on;
-    ``scrub`` is the moment against turning relative to that of an isotropic brush tire. Demands
-    beyond the friction are limited to ``MAX_SLIDING``.
+    ``scrub`` is the moment against turning relative to that of an isotropic brush tire,
+    ``thrust`` [-] the force of a wheel, over C_x, that accelerates the body. Above ``TANGENT`` the
+    force is larger than that of the brush model, so that the slip remains finite and depends on
+    all arguments near the limit of friction, too; it is at most ``MAX_SLIDING``.
 
     >>> turn = steady_turn(TurnModel(0.26, 0.38, 0.7), 0.5, 0.5, (0.0, 0.0))
     >>> print(f'{turn.left:.3f} {turn.right:.3f} m/s')
-    -0.037 0.059 m/s
+    -0.036 0.058 m/s
     """
     half = 0.5 * model.track * yaw_rate
     ground = v_x - half, v_x + half
@@ -76,7 +79,7 @@ def steady_turn(model: TurnModel, v_x: float, yaw_rate: float, resistance: tuple
     for _ in range(ITERATIONS):
         moment = scrub * lever * (sum(grip) + dragging)
         for i, side in enumerate((-1.0, 1.0)):
-            wanted = (drag[i] + side * moment) / grip[i]
+            wanted = (drag[i] + thrust + side * moment) / grip[i]
             wanted = sliding[i] + RELAXATION * (wanted - sliding[i])
             sliding[i] = min(max(wanted, -limit), limit)
         grip = _grips(model, ground, sliding, lateral)
@@ -89,7 +92,13 @@ def _grips(model: TurnModel, ground: tuple[float, float], sliding: list[float],
     grips = []
     for v, u in zip(ground, sliding):
         rolling, speed = max(abs(v + u), MIN_SPEED), math.hypot(u, lateral)
-        t = speed / (rolling * model.critical_slip)
-        grips.append((1.0 - t + t * t / 3.0) / rolling if t < 1.0
-                     else model.critical_slip / (3.0 * speed))
+        grips.append(_share(speed / (rolling * model.critical_slip)) / rolling)
     return grips
+
+
+def _share(t: float) -> float:
+    """Return the force over C_x and slip, for a slip ``t`` in units of lambda_cr."""
+    if t < TANGENT:
+        return 1.0 - t + t * t / 3.0
+    at_tangent = TANGENT * (1.0 - TANGENT + TANGENT * TANGENT / 3.0)
+    return (at_tangent + (1.0 - TANGENT) ** 2 * (t - TANGENT)) / t

@@ -1,0 +1,171 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Single steps of the path follower."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from smart_tire.control.motion_limits import MotionLimits
+from smart_tire.control.motion_monitor import Motion
+from smart_tire.control.path_follower import Conditions, PathFollower
+from smart_tire.control.path_geometry import FORWARD, REVERSE, Segment, Spin
+from smart_tire.parameters.control import TrajectoryControllerParams
+from smart_tire.parameters.path_following import ArrivalParams, FollowerParams
+
+LIMITS = MotionLimits(speed=1.0, acceleration=0.5, deceleration=0.5, lateral=1.0, yaw_rate=3.0,
+                      yaw_acceleration=100.0)
+PARAMS = TrajectoryControllerParams(
+    follower=FollowerParams(min_look_ahead=0.2, look_ahead_time=0.5, max_look_ahead=0.4,
+                            align_angle=0.6),
+    arrival=ArrivalParams(approach_speed=0.05, yaw_tolerance=0.1))
+DT = 0.1
+
+
+def line(length=5.0, direction=FORWARD, heading=0.0):
+    return Segment(np.array([0.0, length * math.cos(heading)]),
+                   np.array([0.0, length * math.sin(heading)]), direction)
+
+
+def at(x=0.0, y=0.0, yaw=0.0, v_x=0.0, yaw_rate=0.0, heading_offset=lambda v_x, rate: 0.0):
+    return Conditions(Motion(x, y, yaw, v_x, 0.0, yaw_rate), DT, LIMITS, PARAMS, heading_offset)
+
+
+@pytest.mark.parametrize(('v_x', 'look_ahead'), [(0.2, 0.2), (0.6, 0.3), (0.95, 0.4)])
+@pytest.mark.parametrize(('y', 'yaw'), [(0.02, 0.0), (-0.05, 0.0), (0.0, 0.1), (0.03, -0.1)])
+def test_the_curvature_is_that_of_pursuit_on_the_tangent(v_x, look_ahead, y, yaw):
+    speed, rate = PathFollower((line(),), v_x, 0.0).step(at(1.0, y, yaw))
+    assert speed == pytest.approx(v_x + 0.05)
+    x_body = look_ahead * math.cos(yaw) - y * math.sin(yaw)
+    y_body = -y * math.cos(yaw) - look_ahead * math.sin(yaw)
+    assert rate / speed == pytest.approx(2.0 * y_body / (x_body ** 2 + y_body ** 2), rel=1e-6)
+
+
+def test_on_a_circle_the_curvature_is_that_of_the_path():
+    angle = np.linspace(0.0, math.pi, 400)
+    circle = Segment(np.sin(angle), 1.0 - np.cos(angle))
+    follower = PathFollower((circle,), 0.3, 0.0)
+    follower._distance = 0.9
+    speed, rate = follower.step(at(math.sin(1.0), 1.0 - math.cos(1.0), 1.0))
+    assert rate / speed == pytest.approx(1.0, rel=0.02)
+
+
+@pytest.mark.parametrize(('v_x', 'error', 'turns'), [
+    (0.0, 0.59, False), (0.0, 0.61, True), (0.0, -0.61, True), (0.0, -0.59, False),
+    (0.3, 1.19, False), (0.3, 1.21, True)])
+def test_a_large_error_is_corrected_by_a_turn_in_place(v_x, error, turns):
+    speed, rate = PathFollower((line(),), v_x, 0.0).step(at(1.0, 0.0, error))
+    assert (speed < v_x or speed == 0.0) == turns
+    if not turns:
+        assert math.copysign(1.0, rate) == -math.copysign(1.0, error)
+
+
+def settled(**motion):
+    """Return the steps until the end of a segment is left, with a motion of the robot there."""
+    follower = PathFollower((line(1.0), Spin(1.0)), 0.0, 0.0)
+    assert follower.step(at(1.0)) == (0.0, 0.0)
+    for count in range(1, 30):
+        follower.step(at(1.0, **motion))
+        if follower.segment is None:
+            return count
+    return None
+
+
+@pytest.mark.parametrize(('motion', 'steps'), [
+    ({}, 1), ({'v_x': 0.019}, 1), ({'v_x': -0.021}, 11), ({'yaw_rate': 0.049}, 1),
+    ({'yaw_rate': -0.051}, 11)])
+def test_after_a_segment_the_robot_comes_to_rest_for_up_to_a_second(motion, steps):
+    assert settled(**motion) == steps
+
+
+def test_a_segment_ends_half_a_step_before_its_end():
+    for x, ends in ((0.9970, False), (0.9976, True), (1.1, True)):
+        follower = PathFollower((line(1.0),), 0.0, 0.0)
+        follower.step(at(0.95))
+        assert (follower.step(at(x))[0] == 0.0) == ends
+
+
+def test_beyond_the_end_the_path_is_straight():
+    """The robot behind the end of a path that turned, where the end is its nearest point."""
+    follower = PathFollower((line(1.0),), 0.05, 0.0)
+    follower._distance = 1.0
+    speed, rate = follower.step(at(0.99, 0.0))
+    assert (speed, rate) == (pytest.approx(0.05), 0.0)
+
+
+def test_a_turn_that_misses_its_yaw_is_repeated():
+    follower = PathFollower((Spin(1.0),), 0.0, 0.0)
+    follower.step(at(yaw=0.97))
+    follower.step(at(yaw=1.2))
+    assert not follower.finished
+    assert follower.step(at(yaw=1.2))[1] < 0.0
+    follower.step(at(yaw=0.97))
+    follower.step(at(yaw=0.95))
+    for _ in range(3):
+        follower.step(at(yaw=0.95))
+    assert follower.finished
+    assert follower.step(at(yaw=0.95)) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize('direction', [FORWARD, REVERSE])
+def test_the_direction_of_the_velocity_is_asked_for_the_present_motion(direction):
+    asked = []
+
+    def offset(v_x, yaw_rate):
+        asked.append((v_x, yaw_rate))
+        return 0.1
+
+    yaw = 0.0 if direction == FORWARD else math.pi
+    for v_x, rate in ((0.0, 0.4), (0.04, 0.4), (0.3, 0.4)):
+        follower = PathFollower((line(direction=direction),), direction * v_x, rate)
+        follower.step(at(1.0, 0.0, yaw, heading_offset=offset))
+    assert asked == [(direction * 0.05, 0.0), (direction * 0.05, 0.0), (direction * 0.3, 0.4)]
+
+
+def test_a_turn_in_place_waits_for_a_slow_robot():
+    follower = PathFollower((Spin(1.0),), 0.3, 0.0)
+    assert follower.step(at(v_x=0.3)) == (pytest.approx(0.25), 0.0)
+    assert PathFollower((Spin(1.0),), 0.09, 0.0).step(at())[1] > 0.0
+
+
+def test_numbers_of_progress():
+    follower = PathFollower((line(1.0), line(2.0), Spin(2.0)), 0.0, 0.0)
+    assert follower.remaining_distance() == 3.0
+    follower.step(at(-0.2))
+    assert follower.advance() == (pytest.approx(-3.2), -math.inf)
+    follower.step(at(0.1))
+    assert follower.remaining_distance() == pytest.approx(2.9)
+    assert follower.advance() == (pytest.approx(-2.9), -math.inf)
+    assert not follower.on_last_segment
+    turning = PathFollower((Spin(2.0),), 0.0, 0.0)
+    turning.step(at(yaw=0.5))
+    assert turning.advance() == (0.0, -1.5)
+    assert turning.on_last_segment
+    assert turning.end_segment is None
+
+
+def test_the_projection_advances_within_its_window():
+    follower = PathFollower((line(5.0),), 0.0, 0.0)
+    follower.step(at(0.0, 0.3))
+    follower.step(at(4.0, v_x=1.0))
+    assert follower.point.distance == pytest.approx(0.2 + 2.0 * 1.0 * DT)
+    follower.step(at(0.1))
+    assert follower.point.distance == pytest.approx(0.4)  # never back
+    started = PathFollower((line(5.0),), 0.0, 0.0)
+    started.step(at(0.6))
+    assert started.point.distance == pytest.approx(0.6)

@@ -1,0 +1,261 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Slip-compensated kinematics in closed loop with a robot of constant slip coefficients."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+import math
+
+import pytest
+from smart_tire.control.slip_kinematics import SlipKinematics
+from smart_tire.parameters.control import TrajectoryControllerParams
+from smart_tire.samples import NS_PER_S, Odometry, WheelSlip
+
+TRACK, WHEELBASE = 0.38, 0.26
+STEP = 0.008   # s, between estimates
+START = 1_000 * NS_PER_S
+ZEROS = (0.0,) * 36
+NANS = (math.nan,) * 4
+
+
+class World:
+    """
+    A robot whose body moves with (1 - slip) r w of each side, over an effective track.
+
+    No brush model: the kinematics must learn what it is.
+    """
+
+    def __init__(self, kinematics, *, slip=(0.0, 0.0), track=0.57, icr_x=0.0, base_track=TRACK,
+                 sigma=0.01):
+        self.kinematics, self.slip, self.track, self.icr_x = kinematics, slip, track, icr_x
+        self.base_track, self.sigma = base_track, sigma
+        self.now_ns, self.motion = START, (0.0, 0.0)
+
+    def drive(self, v_x, yaw_rate, duration, *, estimates=True):
+        """Command the wanted velocity; return the one of the body at the end."""
+        for _ in range(round(duration / STEP)):
+            command = self.kinematics.command(v_x, yaw_rate, self.now_ns)
+            self.move(*command)
+            if estimates:
+                self.kinematics.update_odometry(self.odometry())
+                self.kinematics.update_slip(self.wheel_slip())
+        return self.motion
+
+    def move(self, v_x, yaw_rate):
+        """Turn the wheels as the ideal base does."""
+        half = 0.5 * self.base_track * yaw_rate
+        self.rolling = v_x - half, v_x + half
+        left, right = (speed * (1.0 - slip) for speed, slip in zip(self.rolling, self.slip))
+        self.motion = 0.5 * (left + right), (right - left) / self.track
+        self.now_ns += round(STEP * NS_PER_S)
+
+    def odometry(self):
+        v_x, yaw_rate = self.motion
+        return Odometry(self.now_ns, (0.0,) * 3, (0.0, 0.0, 0.0, 1.0),
+                        (v_x, -self.icr_x * yaw_rate, 0.0), (0.0, 0.0, yaw_rate), ZEROS, ZEROS)
+
+    def wheel_slip(self):
+        half = 0.5 * TRACK * self.motion[1]
+        left, right = self.rolling[0] - self.motion[0] + half, \
+            self.rolling[1] - self.motion[0] - half
+        ratio = [u / p if p else math.nan for u, p in zip((left, right), self.rolling)]
+        return WheelSlip(self.now_ns, (*ratio, *ratio), (left, right, left, right),
+                         (self.sigma,) * 4)
+
+
+def kinematics(**params):
+    return SlipKinematics(TrajectoryControllerParams(**params))
+
+
+@pytest.mark.parametrize('slip', [0.0, 0.15])
+@pytest.mark.parametrize('track', [0.45, 0.57, 0.75])
+@pytest.mark.parametrize('v_x, yaw_rate', [
+    (0.5, 0.4), (0.5, -0.4), (-0.4, 0.4), (-0.4, -0.4), (0.0, 0.8), (0.0, -0.8)])
+def test_the_body_moves_as_wanted_after_three_seconds(slip, track, v_x, yaw_rate):
+    world = World(kinematics(), slip=(slip, slip), track=track)
+    reached = world.drive(v_x, yaw_rate, 3.0)
+    assert reached == (pytest.approx(v_x, rel=0.04, abs=0.01),
+                       pytest.approx(yaw_rate, rel=0.05))
+
+
+@pytest.mark.parametrize('v_x', [0.5, -0.5])
+def test_sides_on_different_ground_get_their_own_compensation(v_x):
+    world = World(kinematics(), slip=(0.02, 0.12))
+    ideal = World(kinematics(), slip=(0.02, 0.12))
+    ideal.move(v_x, 0.0)
+    reached = world.drive(v_x, 0.0, 2.0)
+    assert reached[0] == pytest.approx(v_x, rel=0.02)
+    assert abs(reached[1]) < 0.15 * abs(ideal.motion[1])
+
+
+def test_another_ground_is_learned_within_half_a_second():
+    world = World(kinematics(), slip=(0.01, 0.01))
+    world.drive(0.5, 0.0, 5.0)
+    world.slip = (0.2, 0.2)
+    assert world.drive(0.5, 0.0, STEP)[0] == pytest.approx(0.4, abs=0.02)
+    assert world.drive(0.5, 0.0, 0.5)[0] == pytest.approx(0.5, abs=0.02)
+    world.slip = (0.01, 0.01)
+    assert world.drive(0.5, 0.0, 0.5)[0] == pytest.approx(0.5, abs=0.02)
+
+
+def test_what_is_learned_in_one_curve_applies_to_the_next():
+    world = World(kinematics(), slip=(0.1, 0.1), track=0.7)
+    world.drive(0.5, 0.3, 4.0)
+    for v_x, yaw_rate in ((0.5, -0.3), (0.3, 0.3), (-0.5, 0.3), (0.5, 0.5)):
+        reached = world.drive(v_x, yaw_rate, STEP, estimates=False)
+        assert reached == (pytest.approx(v_x, rel=0.05), pytest.approx(yaw_rate, rel=0.25))
+
+
+def test_coefficients_last_for_seconds_and_return_to_the_prior_in_minutes():
+    world, fresh = World(kinematics(), slip=(0.15, 0.15), track=0.75), kinematics()
+    world.drive(0.5, 0.4, 4.0)
+    learned = world.kinematics.command(0.5, 0.4, world.now_ns)
+    assert world.kinematics.command(0.5, 0.4, world.now_ns + 2 * NS_PER_S) == (
+        pytest.approx(learned, rel=0.08))
+    late = world.kinematics.command(0.5, 0.4, world.now_ns + 1000 * NS_PER_S)
+    assert late == pytest.approx(fresh.command(0.5, 0.4, START), rel=1e-4)
+    assert learned[1] > 1.2 * late[1]
+
+
+def test_the_prior_is_the_calibrated_effective_track():
+    calibrated = kinematics(effective_track=0.6)
+    v_x, yaw_rate = calibrated.command(0.5, 0.02, START)
+    assert yaw_rate == pytest.approx(0.02, rel=0.03)
+    assert v_x == pytest.approx(0.5, rel=0.03)
+    plain = kinematics(effective_track=TRACK).command(0.5, 0.02, START)
+    assert plain[1] == pytest.approx(0.02 * (1.0 + (WHEELBASE / TRACK) ** 2), rel=0.03)
+
+
+def test_the_command_is_the_one_of_the_base_with_its_effective_track():
+    world = World(kinematics(effective_track=0.5), slip=(0.1, 0.1), track=0.7, base_track=0.5)
+    assert world.drive(0.4, 0.5, 3.0) == (pytest.approx(0.4, rel=0.04),
+                                          pytest.approx(0.5, rel=0.05))
+
+
+def test_slips_without_motion_of_the_same_time_are_ignored():
+    world = World(kinematics(), slip=(0.2, 0.2))
+    before = world.kinematics.command(0.5, 0.0, START)
+    for _ in range(100):
+        world.move(0.5, 0.0)
+        world.kinematics.update_slip(world.wheel_slip())
+    assert world.kinematics.command(0.5, 0.0, START) == before
+    world.kinematics.update_odometry(world.odometry())
+    stopped = world.now_ns
+    for _ in range(100):  # odometry has stopped: the first slips only belong to it
+        world.move(0.5, 0.0)
+        world.kinematics.update_slip(world.wheel_slip())
+    world.kinematics.update_odometry(replace(world.odometry(), stamp_ns=stopped + 10 ** 9))
+    assert world.kinematics.command(0.5, 0.0, START) == before
+
+
+@pytest.mark.parametrize('change', [
+    {'slip_velocity': NANS, 'ratio': NANS, 'sigma': (1.0,) * 4},
+    {'slip_velocity': (math.nan, 0.1, math.nan, 0.1)},
+    {'sigma': (math.nan,) * 4}, {'sigma': (math.inf,) * 4}])
+def test_unknown_slips_are_not_learned(change):
+    world = World(kinematics(), slip=(0.2, 0.2))
+    before = world.kinematics.command(0.5, 0.3, START)
+    for _ in range(200):
+        world.move(0.5, 0.3)
+        world.kinematics.update_odometry(world.odometry())
+        world.kinematics.update_slip(replace(world.wheel_slip(), **change))
+    assert world.kinematics.command(0.5, 0.3, START) == before
+
+
+def test_one_measured_wheel_of_a_side_is_enough():
+    world = World(kinematics(), slip=(0.15, 0.15))
+    for _ in range(250):
+        world.move(0.5, 0.0)
+        slip = world.wheel_slip()
+        velocity = (math.nan, *slip.slip_velocity[1:])
+        world.kinematics.update_odometry(world.odometry())
+        world.kinematics.update_slip(replace(slip, slip_velocity=velocity))
+    assert world.kinematics.command(0.5, 0.0, world.now_ns)[0] == pytest.approx(0.588, rel=0.02)
+
+
+def test_uncertain_slips_change_little():
+    certain, uncertain = (World(kinematics(), slip=(0.2, 0.2), sigma=sigma)
+                          for sigma in (0.01, 1.0))
+    for world in (certain, uncertain):
+        world.drive(0.5, 0.0, 1.0)
+    learned, vague = (world.kinematics.coefficients(world.now_ns).resistance[0]
+                      for world in (certain, uncertain))
+    assert learned > 0.1
+    assert abs(vague - 0.01) < 0.25 * (learned - 0.01)
+
+
+def test_slips_of_a_creeping_robot_and_of_spinning_wheels_are_not_learned():
+    for speed, slip in ((0.09, 0.3), (0.5, 0.75)):
+        world = World(kinematics(), slip=(slip, slip))
+        before = world.kinematics.command(0.5, 0.0, START)
+        for _ in range(200):
+            world.move(speed, 0.0)
+            world.kinematics.update_odometry(world.odometry())
+            world.kinematics.update_slip(world.wheel_slip())
+        assert world.kinematics.command(0.5, 0.0, START) == before
+
+
+def test_commands_are_bounded_however_large_the_slip_is():
+    world = World(kinematics(), slip=(0.69, 0.69), track=2.0)
+    for v_x, yaw_rate in ((0.5, 0.0), (0.5, 1.0), (0.0, 1.0), (-0.5, -1.0)):
+        world.drive(v_x, yaw_rate, 5.0)
+        command = world.kinematics.command(v_x, yaw_rate, world.now_ns)
+        wheel = abs(command[0]) + 0.5 * TRACK * abs(command[1])
+        assert wheel <= 2.5 * (abs(v_x) + 0.5 * TRACK * abs(yaw_rate)) + 1e-9
+
+
+def test_at_rest_the_command_is_zero():
+    world = World(kinematics(), slip=(0.15, 0.15))
+    world.drive(0.5, 0.3, 2.0)
+    assert world.kinematics.command(0.0, 0.0, world.now_ns) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize('v_x, yaw_rate', [(0.5, 0.5), (0.5, -0.5), (-0.5, 0.5)])
+def test_the_direction_of_travel_is_learned_from_the_lateral_speed(v_x, yaw_rate):
+    icr_x = math.copysign(0.03, v_x)  # the body slides outward, behind the direction of travel
+    world = World(kinematics(), icr_x=icr_x)
+    world.drive(v_x, yaw_rate, 3.0)
+    offset = world.kinematics.heading_offset(v_x, yaw_rate)
+    assert offset == pytest.approx(math.atan(-icr_x * yaw_rate / v_x), rel=0.15)
+    assert world.kinematics.heading_offset(v_x, 0.0) == 0.0
+
+
+def test_older_odometry_is_ignored_and_another_clock_starts_anew():
+    world = World(kinematics(), slip=(0.2, 0.2))
+    world.drive(0.5, 0.0, 2.0)
+    learned = world.kinematics.command(0.5, 0.0, world.now_ns)
+    world.kinematics.update_odometry(replace(world.odometry(), stamp_ns=world.now_ns - 10 ** 8))
+    assert world.kinematics.command(0.5, 0.0, world.now_ns) == learned
+    world.now_ns -= 10 * NS_PER_S
+    world.kinematics.update_odometry(world.odometry())
+    assert world.kinematics.command(0.5, 0.0, world.now_ns) == kinematics().command(
+        0.5, 0.0, world.now_ns)
+    world.slip = (0.1, 0.1)
+    assert world.drive(0.5, 0.0, 2.0)[0] == pytest.approx(0.5, rel=0.02)
+
+
+def test_accelerating_does_not_count_as_resistance():
+    world = World(kinematics(), slip=(0.0, 0.0))
+    mass, stiffness = 10.9, 52.7
+    for step in range(150):  # 0.5 m/s2 with the slip that this needs
+        speed = 0.1 + 0.5 * STEP * step
+        slip = 0.01 + mass * 0.5 / (4.0 * stiffness)
+        world.slip = (slip, slip)
+        world.move(speed / (1.0 - slip), 0.0)
+        world.kinematics.update_odometry(world.odometry())
+        world.kinematics.update_slip(world.wheel_slip())
+    assert world.kinematics.coefficients(world.now_ns).resistance == (
+        pytest.approx((0.01, 0.01), abs=0.008))
