@@ -22,6 +22,7 @@ robot without films.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import accumulate
 
@@ -35,31 +36,33 @@ from smart_tire.parameters import (
     WheelControllerParams)
 from smart_tire.parameters.control import TractionParams
 from smart_tire.parameters.robot import FilmParams
-from smart_tire.parameters.simulation import GroundParams
+from smart_tire.parameters.simulation import GroundParams, PatchParams
 from smart_tire.samples import (
     Four, Friction, NS_PER_S, Odometry, Sample, VelocityCommand, WheelSample, WheelSlip)
 from smart_tire.simulation.closed_loop import run_closed_loop
 from smart_tire.simulation.plant import Plant
 
 
-STANDSTILL = 3.0      # s, before the robot drives
-LAP_SPEED = 0.5       # m/s, of the gentle lap
-LAP_YAW_RATE = 0.6    # rad/s
-LAP_TIME = 12.0       # s
-FULL_SPEED = 1.6      # m/s
-DRIVE_TIME, STOP_TIME = 2.0, 2.5  # s, of each start and of each stop
+WAIT = 'wait', 3.0, 0.0, 0.0         # kind, duration [s], v_x [m/s], yaw rate [rad/s]
+LAP = 'lap', 12.0, 0.5, 0.6          # gentle, with films
+REST = 'rest', 1.5, 0.0, 0.0
+START, STOP = ('start', 2.0, 1.6, 0.0), ('stop', 2.5, 0.0, 0.0)
+SHUTTLE = (('there', 1.2, 0.8, 0.0), REST, ('back', 1.2, -0.8, 0.0), REST)  # on a straight line
 LOG_STEPS = 2         # steps of the plant between logged states
 FILM_WHEELS = ('front_left', 'front_right')
+SPLIT_FRICTION = 0.17  # -, on the right of the ground with two sides
+CHANGE_AT = 0.1        # m, from the start to the patch with less friction
+FIELD = 50.0           # m, half the size of a patch
 
 
 @dataclass(frozen=True)
 class Leg:
     """A command for some time."""
 
-    kind: str        # 'wait', 'lap', 'start', 'stop'
+    kind: str        # 'start' and 'stop' are scored
     duration: float  # s
-    v_x: float = 0.0       # m/s
-    yaw_rate: float = 0.0  # rad/s
+    v_x: float       # m/s
+    yaw_rate: float  # rad/s
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,6 +75,8 @@ class TractionScenario:
     ground: GroundParams
     films: bool = True        # whether the wheels of the front axle have films
     wheel_rate: float = 16.0  # Hz, of wheel_states and of the controller
+    seed: int = 1
+    traction: bool = True     # whether traction control is enabled
 
     @property
     def robot(self) -> RobotParams:
@@ -101,7 +106,8 @@ class PlantLog:
         """Return the logged states."""
         table = np.array(self.rows)
         wheels = table[:, 5:].reshape(len(table), 6, 4).transpose(1, 0, 2)
-        return TractionHistory(*table[:, :5].T, radius * wheels[0], *wheels[1:])
+        time, x, y, yaw, v_x = table[:, :5].T
+        return TractionHistory(time, x, y, yaw, v_x, radius * wheels[0], *wheels[1:])
 
 
 @dataclass(frozen=True)
@@ -199,8 +205,6 @@ class TractionRun:
     """History of a run, and the times at which its legs began."""
 
     scenario: TractionScenario
-    seed: int
-    traction: bool
     begins: tuple[float, ...]  # s
     history: TractionHistory
 
@@ -211,14 +215,66 @@ class TractionRun:
                 in zip(self.scenario.legs, self.begins, ends)]
 
 
-def run(scenario: TractionScenario, seed: int, traction: bool,
-        params: TractionParams | None = None) -> TractionRun:
-    """Return a run of a scenario, with or without traction control."""
-    stack = TractionStack(scenario, replace(params or TractionParams(), enabled=traction))
+def run(scenario: TractionScenario, params: TractionParams | None = None) -> TractionRun:
+    """Return a run of a scenario, by default with the default parameters."""
+    stack = TractionStack(
+        scenario, replace(params or TractionParams(), enabled=scenario.traction))
     log = PlantLog()
-    simulator = SimulatorParams(seed=seed, ground=scenario.ground, robot=scenario.robot)
-    run_closed_loop(simulator, stack, 3600.0, wheel_rate=scenario.wheel_rate,
-                    control_rate=scenario.wheel_rate, watch=log)
-    run.stack = stack
-    return TractionRun(scenario, seed, traction, tuple(stack.begins[:len(scenario.legs)]),
+    simulator = SimulatorParams(
+        seed=scenario.seed, ground=scenario.ground, robot=scenario.robot)
+    run_closed_loop(simulator, stack, sum(leg.duration for leg in scenario.legs) + 1.0,
+                    wheel_rate=scenario.wheel_rate, control_rate=scenario.wheel_rate, watch=log)
+    return TractionRun(scenario, tuple(stack.begins[:len(scenario.legs)]),
                        log.history(scenario.robot.wheel_radius))
+
+
+def ground(friction: float, stiffness: float, drag: float, *, right: float | None = None,
+           beyond: float | None = None) -> GroundParams:
+    """
+    Return ground of one friction, on the right (y < 0) that of ``right`` instead.
+
+    With ``beyond``, ``friction`` ends after CHANGE_AT, where that of ``beyond`` begins.
+    """
+    patches = []
+    if right is not None:
+        patches.append(PatchParams(name='right', surface='other', x=(-FIELD, FIELD),
+                                   y=(-FIELD, 0.0)))
+    if beyond is not None:
+        patches.append(PatchParams(name='beyond', surface='other', x=(CHANGE_AT, FIELD),
+                                   y=(-FIELD, FIELD)))
+    other = next((value for value in (right, beyond) if value is not None), friction)
+    return GroundParams(names=('base', 'other'), friction=(friction, other),
+                        stiffness=(stiffness,) * 2, drag=(drag,) * 2, base='base',
+                        patches=tuple(patches))
+
+
+def legs(*parts: tuple[str, float, float, float]) -> tuple[Leg, ...]:
+    """Return legs from (kind, duration [s], v_x [m/s], yaw rate [rad/s])."""
+    return tuple(Leg(*part) for part in parts)
+
+
+KNOWN, UNKNOWN = legs(WAIT, LAP, REST, START, STOP), legs(WAIT, START, STOP)
+SHUTTLED = legs(WAIT, *SHUTTLE, *SHUTTLE, START, STOP)
+SLIPPERY, SOFT = ground(0.2, 52.7, 0.015), ground(0.2, 30.0, 0.05)
+SPLIT = ground(0.2, 52.7, 0.015, right=SPLIT_FRICTION)
+SCENARIOS = (
+    TractionScenario(name='slippery', title='mu 0.2, measured', legs=KNOWN, ground=SLIPPERY),
+    TractionScenario(name='slippery_unknown', title='mu 0.2, unknown', legs=UNKNOWN,
+                     ground=SLIPPERY, films=False),
+    TractionScenario(name='soft', title='mu 0.2, soft, measured', legs=KNOWN, ground=SOFT),
+    TractionScenario(name='soft_unknown', title='mu 0.2, soft, unknown', legs=UNKNOWN,
+                     ground=SOFT, films=False),
+    TractionScenario(name='split', title='mu 0.2 left, 0.17 right, measured', legs=SHUTTLED,
+                     ground=SPLIT),
+    TractionScenario(name='split_unknown', title='mu 0.2 left, 0.17 right, unknown',
+                     legs=UNKNOWN, ground=SPLIT, films=False),
+    TractionScenario(name='change', title='mu 0.47, then 0.2, unknown', legs=UNKNOWN,
+                     ground=ground(0.47, 52.7, 0.015, beyond=0.2), films=False))
+RATES = (16.0, 100.0)  # Hz
+
+
+def scenarios(seeds: Sequence[int]) -> list[TractionScenario]:
+    """Return all runs of the benchmark: each scenario with and without traction control."""
+    return [replace(scenario, wheel_rate=rate, seed=seed, traction=traction)
+            for scenario in SCENARIOS for rate in RATES for traction in (False, True)
+            for seed in seeds]

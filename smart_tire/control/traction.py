@@ -20,6 +20,8 @@ from dataclasses import dataclass
 import math
 
 from smart_tire.control.ground_speed import GroundSpeed, Motion, Onset
+from smart_tire.control.slip_band import (
+    lowered, most_held, share_within, slip_band, stopping_speed)
 from smart_tire.control.slip_limit import GroundKnowledge, Measured, slip_limits
 from smart_tire.models.constants import GRAVITY
 from smart_tire.models.vehicle.skid_steer import AXLE_SIGNS, normal_loads, SIDE_SIGNS
@@ -34,6 +36,7 @@ SIDES = tuple(map(float, SIDE_SIGNS))
 ENDS = tuple(map(float, AXLE_SIGNS))
 MAX_ACCELERATION = GRAVITY  # m/s2, of the robot on ground of unknown friction
 MAX_PERIOD = 0.1            # s, of the controller
+RESISTANCE = 0.2            # -, rolling resistance and slope that add to friction, at most
 MIN_SHARE = 0.5             # of a slip limit that remains for the longitudinal slip
 LEAD_PERIODS = 1.0          # periods from a set point to the mean wheel speed it causes
 MIN_EXCESS = 0.1            # m/s, sum of wanted minus limited rolling speeds that is an onset
@@ -102,7 +105,7 @@ class TractionControl:
         limited, limits = self._predicted_limit(wanted, now_ns, period, sides)
         if self._begins(sum(wanted) - sum(limited), now_ns, sides):
             limited, limits = self._predicted_limit(wanted, now_ns, period, sides)
-        self._held = _most_held(self._held, wanted, limited, self._step(period), radius)
+        self._held = most_held(self._held, wanted, limited, self._step(period), radius)
         self._report('', limited != wanted, min(limits), sides)
         a, b, c, d = (speed / radius for speed in limited)
         return (a, b, c, d) if self.state.limiting else set_points
@@ -121,7 +124,7 @@ class TractionControl:
         limits = slip_limits(sides, self._loads(motion), self._slip_sigma, self.params)
         radius, step = self._robot.wheel_radius, self._step(period)
         a, b, c, d = (
-            _stopping(speed, target, _lowered(radius * held, step)) for speed, target, held
+            stopping_speed(speed, target, lowered(radius * held, step)) for speed, target, held
             in zip(self._within(wanted, motion, limits), wanted, self._held))
         return (a, b, c, d), limits
 
@@ -174,7 +177,7 @@ class TractionControl:
         result = list(wanted)
         for axle in AXLES:
             bands = [self._band(i, motion, limits[i]) for i in axle]
-            share = min(_share(rolling[i], wanted[i], band) for i, band in zip(axle, bands))
+            share = min(share_within(rolling[i], wanted[i], band) for i, band in zip(axle, bands))
             for i, (low, high) in zip(axle, bands):
                 speed = (wanted[i] if share == 1.0
                          else rolling[i] + share * (wanted[i] - rolling[i]))
@@ -207,79 +210,16 @@ class TractionControl:
         return slip_band(speed, slip, self.params.floor)
 
 
-def slip_band(speed: float, slip: float, floor: float) -> tuple[float, float]:
-    """
-    Return the rolling speeds r w [m/s] with at most this slip when braking and when driving.
-
-    ``speed`` [m/s] is that of the wheel center, ``slip`` [-] the limit relative to r w. A sliding
-    speed of ``floor`` [m/s] is always within, half of it for braking.
-
-    >>> slip_band(0.8, 0.2, 0.05)
-    (0.6666666666666667, 1.0)
-    >>> slip_band(-0.8, 0.2, 0.05)
-    (-1.0, -0.6666666666666667)
-    >>> slip_band(0.0, 0.2, 0.05)
-    (-0.05, 0.05)
-    """
-    if speed < 0.0:
-        low, high = slip_band(-speed, slip, floor)
-        return -high, -low
-    braking = speed - 0.5 * floor  # below zero the sliding speed grows to the floor of a start
-    low = min(speed / (1.0 + slip), braking if braking > 0.0 else 2.0 * braking)
-    return low, max(speed / (1.0 - slip), speed + floor)
-
-
-def _share(start: float, wanted: float, band: tuple[float, float]) -> float:
-    """Return the largest share of the way to ``wanted`` that is within ``band``, 0 to 1."""
-    low, high = band
-    way = wanted - start
-    room = high - start if way > 0.0 else low - start
-    if way == 0.0 or room / way >= 1.0:
-        return 1.0
-    return max(room / way, 0.0)
-
-
 def _acceleration_bound(sides: Sides) -> float:
     """Return the largest acceleration [m/s2] that friction permits."""
     bounds = [one.friction.value + one.friction.sigma for one in sides if one is not None]
     known = [bound for bound in bounds if math.isfinite(bound)]
-    return GRAVITY * max(known) if known else MAX_ACCELERATION
+    return GRAVITY * (max(known) + RESISTANCE) if known else MAX_ACCELERATION
 
 
-def _low_friction(sides: Sides,
-                  params: TractionParams) -> float:
+def _low_friction(sides: Sides, params: TractionParams) -> float:
     """Return the friction [-] assumed: lower bound of the lower side."""
     bounds = [one.friction.value - params.sigmas * one.friction.sigma
               for one in sides if one is not None]
     known = [max(bound, 0.0) for bound in bounds if math.isfinite(bound)]
     return min(known) if known else params.unknown_friction
-
-
-def _lowered(speed: float, step: float) -> float:
-    """Return ``speed``, nearer to zero by ``step``."""
-    return math.copysign(max(abs(speed) - step, 0.0), speed)
-
-
-def _obeys(speed: float, wanted: float) -> bool:
-    """Return whether a wheel turns as wanted, no faster."""
-    return 0.0 <= speed * wanted <= wanted * wanted and (wanted != 0.0 or speed == 0.0)
-
-
-def _stopping(speed: float, wanted: float, held: float) -> float:
-    """
-    Return ``speed`` of a wheel, at most ``held`` if that is not what is wanted.
-
-    Whatever the estimates are, a wheel that is to stop does so in the end, and none turns against
-    both the command and its own motion.
-    """
-    if _obeys(speed, wanted):
-        return speed
-    return min(max(speed, min(held, wanted, 0.0)), max(held, wanted, 0.0))
-
-
-def _most_held(before: Four, wanted: Four, limited: Four, step: float, radius: float) -> Four:
-    """Return the speeds [rad/s] that may be held against a command to stop in the next step."""
-    a, b, c, d = (
-        speed / radius if _obeys(speed, target) else _lowered(held, step / radius)
-        for held, target, speed in zip(before, wanted, limited))
-    return a, b, c, d

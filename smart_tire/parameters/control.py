@@ -72,26 +72,26 @@ class TractionParams:
     enabled: bool = param(
         False, '-', 'limit the slip of each wheel', live=True)
     share: float = param(
-        0.72, '-', 'slip aimed at over critical slip; 0.72 uses 98 % of the friction',
+        0.7, '-', 'slip aimed at over critical slip; 0.7 uses 97 % of the friction',
         low=0.1, high=1.0, live=True)
     sigmas: float = param(
         1.0, '-', 'standard deviations below the estimate at which friction is assumed',
         low=0.0, high=5.0, live=True)
     unknown_slip: float = param(
-        0.22, '-', 'slip limit on ground that no film has measured', low=0.02, high=0.9, live=True)
+        0.23, '-', 'slip limit on ground that no film has measured', low=0.02, high=0.9, live=True)
     unknown_friction: float = param(
         0.15, '-', 'friction coefficient expected at a start on ground that no film has measured',
         low=0.0, high=2.0, live=True)
     max_slip: float = param(
         0.6, '-', 'maximum slip limit on any ground', low=0.02, high=0.9, live=True)
     floor: float = param(
-        0.08, 'm/s', 'sliding speed that is always allowed, for starts', low=0.01, high=1.0,
+        0.05, 'm/s', 'sliding speed that is always allowed, for starts', low=0.01, high=1.0,
         live=True)
     min_deceleration: float = param(
         0.5, 'm/s2', 'deceleration of the wheels that a command to stop causes on any ground',
         low=0.1, high=20.0, live=True)
     lead: float = param(
-        0.02, 's', 'delay of the wheel speeds after their set points, in addition to one period '
+        0.01, 's', 'delay of the wheel speeds after their set points, in addition to one period '
         'and the lag of the drive', low=0.0, high=0.5, live=True)
     acceleration_filter: float = param(
         0.05, 's', 'time constant of the acceleration from odom', low=0.0, high=1.0, live=True)

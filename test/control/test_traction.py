@@ -1,0 +1,320 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Limits of the wheel speeds by the slip that friction permits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+import math
+
+import pytest
+
+from smart_tire.control.slip_band import slip_band, stopping_speed
+from smart_tire.control.slip_limit import slip_limit
+from smart_tire.control.traction import TractionControl
+from smart_tire.control.wheel_control import WheelControl
+from smart_tire.models.constants import GRAVITY
+from smart_tire.parameters.control import TractionParams, WheelControllerParams
+from smart_tire.parameters.robot import RobotParams
+from smart_tire.samples import Friction, NS_PER_S, Odometry, WheelSlip
+from smart_tire.uncertain import Uncertain, UNKNOWN
+
+ROBOT = RobotParams()
+RADIUS, LOAD = ROBOT.wheel_radius, ROBOT.mass * GRAVITY / 4.0
+PARAMS = TractionParams(enabled=True, share=0.5, sigmas=1.0, unknown_slip=0.1, floor=0.02,
+                        unknown_friction=0.0, lead=0.0)
+NOW_NS = 1_000 * NS_PER_S
+NO_COVARIANCE = (0.0,) * 36
+FAST, REVERSE, STOPPED = (20.0,) * 4, (-20.0,) * 4, (0.0,) * 4
+
+
+def odometry(v_x=1.0, *, stamp_ns=NOW_NS, v_y=0.0, yaw_rate=0.0):
+    return Odometry(stamp_ns, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), (v_x, v_y, 0.0),
+                    (0.0, 0.0, yaw_rate), NO_COVARIANCE, NO_COVARIANCE)
+
+
+def friction(critical=0.4, sigma=0.0, *, wheel='front_right', stamp_ns=NOW_NS, load=LOAD, mu=0.0):
+    return Friction(stamp_ns, wheel, critical_slip=Uncertain(critical, sigma),
+                    normal_load=Uncertain(load, 0.0), friction_coefficient=Uncertain(mu, 0.0))
+
+
+def control(*samples, params=PARAMS, v_x=1.0, held=None):
+    """Return traction control that has received samples, after wheels turned at ``held``."""
+    traction = TractionControl(params, ROBOT)
+    traction.update_odometry(odometry(v_x))
+    traction.limit((v_x / RADIUS if held is None else held,) * 4, NOW_NS)
+    for sample in samples:
+        {Odometry: traction.update_odometry, Friction: traction.update_friction,
+         WheelSlip: traction.update_slip}[type(sample)](sample)
+    return traction
+
+
+def rolling(traction, set_points, now_ns=NOW_NS):
+    """Return the limited rolling speeds [m/s]."""
+    return [RADIUS * speed for speed in traction.limit(set_points, now_ns)]
+
+
+def test_driving_and_braking_slip_have_the_limit_in_both_directions():
+    assert rolling(control(), FAST) == pytest.approx([1.0 / 0.9] * 4)
+    assert rolling(control(), STOPPED) == pytest.approx([1.0 / 1.1] * 4)
+    assert rolling(control(v_x=-1.0), REVERSE) == pytest.approx([-1.0 / 0.9] * 4)
+    assert rolling(control(v_x=-1.0), STOPPED) == pytest.approx([-1.0 / 1.1] * 4)
+
+
+def test_a_command_against_the_motion_brakes_first():
+    assert rolling(control(), REVERSE) == pytest.approx([1.0 / 1.1] * 4)
+    assert rolling(control(v_x=-1.0), FAST) == pytest.approx([-1.0 / 1.1] * 4)
+
+
+def test_a_start_is_not_blocked_in_either_direction():
+    assert rolling(control(v_x=0.0), FAST) == pytest.approx([0.02] * 4)
+    assert rolling(control(v_x=0.0), REVERSE) == pytest.approx([-0.02] * 4)
+
+
+@pytest.mark.parametrize('floor', [0.02, 0.1])
+def test_the_band_is_continuous_through_standstill_and_odd(floor):
+    bands = [slip_band(0.001 * step, 0.2, floor) for step in range(-500, 501)]
+    for (low, high), (low_after, high_after), mirrored in zip(bands, bands[1:], bands[::-1]):
+        assert 0.0 <= low_after - low <= 0.0021
+        assert 0.0 <= high_after - high <= 0.0021
+        assert (low, high) == (-mirrored[1], -mirrored[0])
+        assert high - low >= floor
+
+
+def test_set_points_within_the_limit_are_not_changed_at_all():
+    traction = control()
+    assert traction.limit((12.0, 12.1, 12.2, 12.3), NOW_NS) == (12.0, 12.1, 12.2, 12.3)
+    assert not traction.state.limiting
+    assert traction.state.limited_steps == 0
+    traction.limit(FAST, NOW_NS)
+    assert traction.state.limiting
+    assert traction.state.limited_steps == 1
+
+
+def test_measured_ground_counts_for_all_wheels_and_its_share_is_aimed_at():
+    traction = control(friction(0.4))
+    assert rolling(traction, FAST) == pytest.approx([1.0 / 0.8] * 4, rel=1e-6)
+    assert traction.state.slip_limit == pytest.approx(0.2)
+    traction.update_friction(friction(0.4, wheel='front_left', mu=0.3))
+    traction.update_friction(friction(0.4, mu=0.2))
+    traction.limit(FAST, NOW_NS)
+    assert traction.state.friction == 0.2
+
+
+def test_the_critical_slip_is_proportional_to_the_load_of_the_wheel():
+    assert rolling(control(friction(0.4, load=2.0 * LOAD)), FAST) == pytest.approx(
+        [1.0 / 0.9] * 4, rel=1e-6)
+
+
+def accelerating(v_x, samples=40):
+    """Return odometry that ends now with ``v_x`` [m/s] at 1.25 m/s2."""
+    return [odometry(v_x - 0.01 * step, stamp_ns=NOW_NS - 8_000_000 * step)
+            for step in range(samples, -1, -1)]
+
+
+def test_a_wheel_that_acceleration_relieves_gets_less_slip():
+    traction = TractionControl(PARAMS, ROBOT)
+    for sample in accelerating(1.0):
+        traction.update_odometry(sample)
+    traction.update_friction(friction(0.4, mu=1.25 / GRAVITY))
+    front, front_right, rear, rear_right = rolling(traction, FAST)
+    assert front == front_right < 0.98 * rear
+    assert rear == rear_right
+    assert 1.0 - 1.0 / rear == pytest.approx(0.2 * (1.0 + 1.25 * 0.11 / 0.26 / GRAVITY * 2.0),
+                                             rel=0.02)
+
+
+@pytest.mark.parametrize('sigma, expected', [(0.06, 0.17), (0.3, 0.1)])
+def test_an_uncertain_critical_slip_is_taken_at_its_lower_bound(sigma, expected):
+    assert slip_limit(Uncertain(0.4, sigma), 0.0, PARAMS) == pytest.approx(expected)
+    assert slip_limit(Uncertain(0.4, 0.0), 0.5 * sigma, PARAMS) == pytest.approx(expected)
+    none = replace(PARAMS, sigmas=0.0)
+    assert slip_limit(Uncertain(0.4, sigma), sigma, none) == pytest.approx(0.2)
+
+
+def test_a_measured_low_critical_slip_is_below_the_limit_of_unknown_ground():
+    assert slip_limit(Uncertain(0.1, 0.0), 0.0, PARAMS) == pytest.approx(0.05)
+    assert slip_limit(Uncertain(3.0, 0.0), 0.0, PARAMS) == PARAMS.max_slip
+
+
+def test_the_standard_deviation_of_the_slip_estimate_counts():
+    slip = WheelSlip(NOW_NS, (0.1,) * 4, (0.1,) * 4, (0.01, 0.04, 0.01, 0.01))
+    assert rolling(control(friction(0.4), slip), FAST) == pytest.approx([1.0 / 0.84] * 4, rel=1e-6)
+    unknown = replace(slip, ratio=(math.nan,) * 4, sigma=(1.0,) * 4)
+    assert rolling(control(friction(0.4), unknown), FAST) == pytest.approx(
+        [1.0 / 0.8] * 4, rel=1e-6)
+
+
+@pytest.mark.parametrize('bad', [
+    friction(math.nan, math.inf), friction(0.4, math.inf), friction(-0.4), friction(0.0),
+    friction(0.4, load=math.nan), friction(0.4, load=0.0), friction(0.4, 0.21),
+    friction(0.4, wheel='spare'), Friction(NOW_NS, 'front_left'),
+    replace(friction(0.4), normal_load=UNKNOWN)])
+def test_a_crossing_without_result_leaves_the_ground_unknown(bad):
+    assert rolling(control(bad), FAST) == pytest.approx([1.0 / 0.9] * 4)
+
+
+def test_a_crossing_without_result_does_not_replace_one_with():
+    assert rolling(control(friction(0.4), Friction(NOW_NS, 'front_right')), FAST) == (
+        pytest.approx([1.0 / 0.8] * 4, rel=1e-6))
+
+
+def test_ground_measured_too_far_back_is_unknown():
+    driven = [odometry(1.0, stamp_ns=NOW_NS + step * 10_000_000) for step in range(1, 401)]
+    for distance, slip in ((4.5, 0.2), (3.5, 0.1)):
+        traction = control(friction(0.4), *driven, params=replace(PARAMS, max_distance=distance))
+        assert rolling(traction, FAST, driven[-1].stamp_ns) == pytest.approx(
+            [1.0 / (1.0 - slip)] * 4, rel=1e-6)
+
+
+def test_each_side_has_its_ground_and_the_lower_one_decides():
+    both = control(friction(0.4, wheel='front_left'), friction(0.2, wheel='front_right'))
+    assert rolling(both, FAST) == pytest.approx([1.0 / 0.9] * 4, rel=1e-6)
+    assert both.state.slip_limit == pytest.approx(0.1)
+
+
+def test_the_commanded_curve_is_kept():
+    for yaw_rate in (0.1, -0.1):
+        traction = control(odometry(1.0, stamp_ns=NOW_NS + 1, yaw_rate=yaw_rate))
+        left, right, *rear = rolling(traction, (18.0, 20.0, 18.0, 20.0))
+        assert left / right == pytest.approx(0.9)
+        assert rear == pytest.approx([left, right])
+        assert right < 1.2
+
+
+def test_a_stop_in_a_curve_keeps_the_curve_of_the_command_before():
+    traction = control()
+    traction.limit((11.0, 12.0, 11.0, 12.0), NOW_NS)
+    left, right, *_ = rolling(traction, STOPPED)
+    assert left / right == pytest.approx(11.0 / 12.0)
+    assert 0.85 < left < right < 1.0
+
+
+def test_a_robot_that_yaws_by_a_disturbance_is_steered_back():
+    """Equal commands give equal wheel speeds: the faster side brakes relative to the ground."""
+    left, right, *_ = rolling(control(odometry(1.0, stamp_ns=NOW_NS + 1, yaw_rate=0.2)), FAST)
+    assert left == right
+    assert left == pytest.approx((1.0 - 0.1 * (0.38 + 0.26 ** 2 / 0.38)) / 0.9, rel=0.01)
+
+
+def test_a_steady_turn_of_a_skid_steer_robot_is_not_limited():
+    """Its wheels roll without longitudinal force at a larger track than that of the robot."""
+    yaw_rate, track = 0.5, 0.38 + 0.26 ** 2 / 0.38
+    traction = control(odometry(0.5, stamp_ns=NOW_NS + 1, yaw_rate=yaw_rate))
+    set_points = tuple((0.5 + sign * 0.5 * track * yaw_rate) / RADIUS for sign in (-1, 1, -1, 1))
+    assert traction.limit(set_points, NOW_NS) == set_points
+
+
+def test_spinning_in_place_is_possible():
+    speeds = rolling(control(v_x=0.0), (-10.0, 10.0, -10.0, 10.0))
+    assert speeds == pytest.approx([-0.02, 0.02, -0.02, 0.02])
+
+
+def test_lateral_slip_leaves_less_room_for_longitudinal_slip():
+    limited = rolling(control(odometry(1.0, stamp_ns=NOW_NS + 1, v_y=0.06)), FAST)
+    assert limited == pytest.approx([1.0 / 0.92] * 4)
+    sideways = rolling(control(odometry(1.0, stamp_ns=NOW_NS + 1, v_y=0.5)), FAST)
+    assert sideways == pytest.approx([1.0 / 0.95] * 4)
+
+
+@pytest.mark.parametrize('age, active', [(0.29, True), (0.31, False), (-0.29, True),
+                                         (-0.31, False)])
+def test_without_recent_odometry_there_is_no_limit(age, active):
+    traction = control()
+    now_ns = NOW_NS + round(age * NS_PER_S)
+    assert (traction.limit(FAST, now_ns) != FAST) is active
+    assert (not traction.state.reason) is active
+    assert TractionControl(PARAMS, ROBOT).limit(FAST, NOW_NS) == FAST
+
+
+def test_the_reason_is_reported():
+    traction = TractionControl(PARAMS, ROBOT)
+    assert traction.state.reason == 'no odom'
+    traction.update_odometry(odometry())
+    traction.limit(FAST, NOW_NS + 2 * NS_PER_S)
+    assert traction.state.reason == 'odom is 2.00 s old'
+    traction.params = replace(PARAMS, enabled=False)
+    traction.limit(FAST, NOW_NS)
+    assert traction.state.reason == 'disabled'
+
+
+@pytest.mark.parametrize('bad', [
+    odometry(math.nan, stamp_ns=NOW_NS + 1), odometry(math.inf, stamp_ns=NOW_NS + 1),
+    odometry(5.0, stamp_ns=NOW_NS + 1, yaw_rate=math.nan),
+    odometry(5.0, stamp_ns=NOW_NS), odometry(5.0, stamp_ns=NOW_NS - NS_PER_S)])
+def test_odometry_that_is_not_finite_or_late_is_ignored(bad):
+    assert rolling(control(bad), FAST) == pytest.approx([1.0 / 0.9] * 4)
+
+
+def test_a_clock_that_was_set_back_is_followed_and_the_ground_unknown():
+    earlier_ns = NOW_NS - 10 * NS_PER_S
+    traction = control(friction(0.4), odometry(1.0, stamp_ns=earlier_ns))
+    assert rolling(traction, FAST, earlier_ns) == pytest.approx([1.0 / 0.9] * 4)
+
+
+def test_the_speed_is_extrapolated_with_the_acceleration_of_the_robot():
+    traction = TractionControl(replace(
+        PARAMS, lead=0.03, unknown_friction=1.25 / GRAVITY), ROBOT)
+    for sample in accelerating(1.0):
+        traction.update_odometry(sample)
+    traction.wheel_lag = 0.02
+    assert rolling(traction, (1.05 / RADIUS,) * 4, NOW_NS + 40_000_000) == (
+        pytest.approx([1.05] * 4))  # within the limit: no acceleration is expected
+    speeds = rolling(traction, FAST, NOW_NS + 50_000_000)
+    # the delay of one period of the controller, too
+    assert speeds == pytest.approx([(1.0 + 1.25 * (0.05 + 0.03 + 0.02 + 0.01)) / 0.9] * 4,
+                                   rel=1e-3)
+
+
+def test_a_start_is_expected_before_estimates_show_it():
+    params = replace(PARAMS, unknown_friction=0.2, lead=0.05)
+    assert rolling(control(v_x=0.0, params=params), FAST)[0] == pytest.approx(
+        0.2 * GRAVITY * 0.05 + 0.02)
+    assert rolling(control(v_x=0.0, params=params), REVERSE)[0] == pytest.approx(
+        -0.2 * GRAVITY * 0.05 - 0.02)
+
+
+def test_a_stop_ends_at_standstill_whatever_the_odometry_is():
+    traction, period_ns = control(), NS_PER_S // 100
+    speeds = []
+    for step in range(1, 301):
+        traction.update_odometry(odometry(1.0, stamp_ns=NOW_NS + step * period_ns))
+        speeds.append(rolling(traction, STOPPED, NOW_NS + step * period_ns)[0])
+    assert speeds[10] == pytest.approx(1.0 / 1.1)
+    assert speeds == sorted(speeds, reverse=True)
+    assert speeds[-1] == 0.0
+    assert speeds[150] > 0.0
+
+
+def test_a_stop_never_drives_against_the_motion_of_the_wheel():
+    assert rolling(control(held=5.0, v_x=-1.0), STOPPED) == [0.0] * 4
+    assert rolling(control(held=0.0, v_x=1.0), STOPPED) == [0.0] * 4
+    assert stopping_speed(-0.3, 1.0, 0.5) == 0.0
+    assert stopping_speed(0.8, -1.0, 0.5) == 0.5
+
+
+def test_it_can_be_switched_at_run_time_in_the_wheel_controller():
+    params = WheelControllerParams(traction=replace(PARAMS, enabled=False))
+    wheels = WheelControl(params)
+    wheels.update_measurement(STOPPED, 0)
+    wheels.traction.update_odometry(odometry(0.0))
+    assert wheels.step((5.0,) * 4, 0, NOW_NS)[0] == (5.0,) * 4
+    wheels.set_params(replace(params, traction=PARAMS))
+    limited = wheels.step((5.0,) * 4, 1, NOW_NS)[0]
+    assert max(limited) < 1.0
+    assert wheels.step((5.0,) * 4, 2)[0] == (5.0,) * 4  # without the time of the message clock
+    assert wheels.step(None, 3, NOW_NS)[0] == STOPPED
+    wheels.set_params(params)
+    assert wheels.step((5.0,) * 4, 4, NOW_NS)[0] == (5.0,) * 4
