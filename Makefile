@@ -32,7 +32,7 @@ endef
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
 .PHONY: help setup demo test lint check current mutants stop-times bench bench-slip \
-	bench-friction config docs screenshots site clean
+	bench-friction bench-control config docs screenshots site clean
 help:
 	@echo 'make demo            run the simulated robot and all nodes; results in demo_output/'
 	@echo 'make demo VIEW=1     the same, live in the viewer'
@@ -45,6 +45,7 @@ help:
 	@echo 'make bench           measure CPU load, latency, offline speed and models'
 	@echo 'make bench-slip      measure slip and localization; results in bench_output/slip/'
 	@echo 'make bench-friction  measure friction; results in bench_output/friction/'
+	@echo 'make bench-control   measure wheel and path control; results in bench_output/control/'
 	@echo 'make config          regenerate config/*.yaml, urdf/ and docs/parameters.md'
 	@echo 'make docs            regenerate docs/architecture.svg and the tables in docs/'
 	@echo 'make screenshots     take the pictures of the viewer in docs/images/'
@@ -86,6 +87,9 @@ bench-slip: $(READY)
 bench-friction: $(READY)
 	$(BIN)/python -m benchmarks.friction --force
 
+bench-control: $(READY)
+	$(BIN)/python -m benchmarks.control --force
+
 # Types and the drawing depend on the versions of numpy and matplotlib, which are different in a ROS
 # distribution and on Python 3.10.
 ifdef ROS_DISTRO
@@ -112,6 +116,7 @@ check: test current site
 	$(BIN)/python test/safety/stop_times.py --runs 1
 	$(BIN)/python -m benchmarks.slip --quick --force --out bench_output/check/slip
 	$(BIN)/python -m benchmarks.friction --quick --force --out bench_output/check/friction
+	$(BIN)/python -m benchmarks.control --quick --force --out bench_output/check/control
 
 # Regenerate files derived from the source; fail if one of them was outdated.
 GENERATED := config/*.yaml urdf/smart_tire.urdf docs/architecture.md docs/parameters.md docs/topics.md

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Benchmark of the controllers: wheel speed steps and path tracking in closed loop.
+Benchmark of the controllers: wheel speed steps, path tracking, starts and stops.
 
 Tables are printed, figures and ``results.json`` are written.
 """
@@ -34,6 +34,8 @@ from benchmarks.control.scenarios import all_cases, ESTIMATED, KINEMATICS, title
 from benchmarks.control.tables import is_concrete, tracking_table, TRACKING_NOTES
 from benchmarks.control.tracking import run_tracking, TrackingResult
 from benchmarks.control.tracking_results import as_tree, by_case
+from benchmarks.control.traction import run, scenarios, TractionScenario
+from benchmarks.control.traction_scoring import scores, traction_table, TractionScore
 from benchmarks.control.wheel_steps import Row, wheel_steps
 from benchmarks.control.wheel_tables import line_table, wheel_steps_table
 from benchmarks.jobs import make_folder, run_jobs
@@ -42,8 +44,8 @@ from benchmarks.tables import new_console, print_all
 from rich.table import Table
 from smart_tire.analysis.summary import plain
 
-WHEEL_STEPS = 'wheel_steps'
-TITLES = {WHEEL_STEPS: 'wheel speed steps',
+WHEEL_STEPS, TRACTION = 'wheel_steps', 'traction'
+TITLES = {WHEEL_STEPS: 'wheel speed steps', TRACTION: 'starts and stops',
           **{case.name: title(case.name) for case in all_cases()}}
 
 
@@ -54,14 +56,22 @@ class WheelSteps:
     rows: tuple[Row, ...]
 
 
-Result = TrackingResult | WheelSteps
+@dataclass(frozen=True)
+class Starts:
+    """Scores of the starts and stops of one scenario."""
+
+    scenario: TractionScenario
+    scores: tuple[TractionScore, ...]
+
+
+Result = TrackingResult | WheelSteps | Starts
 Job = Callable[[], Result]
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the benchmark; return the exit status."""
     args = accuracy_parser(
-        'control', 'wheel speed steps and path tracking in closed loop').parse_args(argv)
+        'control', 'wheel speed steps, path tracking, starts and stops').parse_args(argv)
     return run_accuracy_benchmark(
         'control', args, TITLES,
         lambda seeds, on: benchmark(seeds, args.runs or list(TITLES), args.out, on))
@@ -75,8 +85,11 @@ def benchmark(seeds: Sequence[int], runs: Sequence[str], out: Path, machine_name
     tracking = sorted((one for one in results if isinstance(one, TrackingResult)),
                       key=lambda one: (order.index(one.case), one.seed))
     steps = [row for one in results if isinstance(one, WheelSteps) for row in one.rows]
-    _write(out / 'results.json', tracking, steps, machine_name)
-    print_all(new_console(), TRACKING_NOTES, _tables(tracking, steps))
+    starts = [one for one in results if isinstance(one, Starts)]
+    starts.sort(key=lambda one: list(scenarios(seeds)).index(one.scenario))
+    found = [score for one in starts for score in one.scores]
+    _write(out / 'results.json', tracking, steps, found, machine_name)
+    print_all(new_console(), TRACKING_NOTES, _tables(tracking, steps, found))
     for one in tracking:
         if not one.score.arrived:
             print(f'{label(one)}: {one.reason or "not arrived in time"}')
@@ -90,12 +103,13 @@ def benchmark(seeds: Sequence[int], runs: Sequence[str], out: Path, machine_name
 def jobs(seeds: Sequence[int], runs: Sequence[str]) -> list[Job]:
     """Return the jobs of ``runs``, the longest first; the first seed is drawn."""
     found: list[Job] = [partial(run_wheel_steps, tuple(seeds))] if WHEEL_STEPS in runs else []
-    cases = list(all_cases([run for run in runs if run != WHEEL_STEPS])) if set(runs) - {
-        WHEEL_STEPS} else []
-    return found + [
+    if TRACTION in runs:
+        found += [partial(run_starts, scenario) for scenario in scenarios(seeds)]
+    found += [
         partial(run_tracking, case, seed,
                 traced=seed == seeds[0] and case.localization == ESTIMATED)
-        for case in cases for seed in seeds]
+        for case in all_cases() if case.name in runs for seed in seeds]
+    return found
 
 
 def run_wheel_steps(seeds: Sequence[int]) -> WheelSteps:
@@ -103,20 +117,30 @@ def run_wheel_steps(seeds: Sequence[int]) -> WheelSteps:
     return WheelSteps(tuple(wheel_steps(seeds)))
 
 
+def run_starts(scenario: TractionScenario) -> Starts:
+    """Return the scores of the starts and stops of ``scenario``."""
+    return Starts(scenario, tuple(scores(run(scenario))))
+
+
 def label(result: Result) -> str:
     """Return the label of ``result`` for progress lines."""
     if isinstance(result, WheelSteps):
         return TITLES[WHEEL_STEPS]
+    if isinstance(result, Starts):
+        return f'{result.scenario.title}, seed {result.scenario.seed}'
     return (f'{title(result.case.name)}, {KINEMATICS[result.case.kinematics]}, '
             f'seed {result.seed}')
 
 
-def _tables(tracking: Sequence[TrackingResult], steps: Sequence[Row]) -> Iterator[Table]:
+def _tables(tracking: Sequence[TrackingResult], steps: Sequence[Row],
+            found: Sequence[TractionScore]) -> Iterator[Table]:
     if steps:
         yield wheel_steps_table(steps)
         yield line_table()
     if tracking:
         yield tracking_table(by_case(tracking))
+    if found:
+        yield traction_table(found)
 
 
 def _draw(tracking: Sequence[TrackingResult], out: Path) -> int:
@@ -131,8 +155,12 @@ def _draw(tracking: Sequence[TrackingResult], out: Path) -> int:
 
 
 def _write(path: Path, tracking: Sequence[TrackingResult], steps: Sequence[Row],
-           machine: str) -> None:
+           found: Sequence[TractionScore], machine: str) -> None:
     tree: dict[str, Any] = {
         'machine': machine, 'units': 'SI', 'kinematics': KINEMATICS,
-        'wheel_steps': [asdict(row) for row in steps], 'path_tracking': as_tree(tracking)}
+        'wheel_steps': [asdict(row) for row in steps], 'path_tracking': as_tree(tracking),
+        'traction': [{**{name: value for name, value in asdict(one).items()
+                         if name != 'scenario'}, 'scenario': one.scenario.name,
+                      'wheel_rate': one.scenario.wheel_rate, 'seed': one.scenario.seed,
+                      'traction_control': one.scenario.traction} for one in found]}
     path.write_text(json.dumps(plain(tree), indent=2, allow_nan=False) + '\n', encoding='utf-8')

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import product
 
@@ -90,17 +90,15 @@ class TrackingCase:
                         ground=surface, film=FILM, gain_error=FILM.stretch_gain_tolerance)
 
 
-def all_cases(runs: Sequence[str] = ()) -> Iterator[TrackingCase]:
-    """Yield the cases of ``runs``, names of cases; by default all."""
+def all_cases() -> Iterator[TrackingCase]:
+    """Yield all runs."""
     for path, surface, localization, kinematics in product(
             PATHS, GROUNDS, (TRUE, ESTIMATED), KINEMATICS):
-        case = TrackingCase(path, surface, localization, kinematics)
-        if not runs or case.name in runs:
-            yield case
+        yield TrackingCase(path, surface, localization, kinematics)
 
 
 def title(name: str) -> str:
     """Return the title of the cases with this name."""
-    case = next(all_cases([name]))
+    case = next(case for case in all_cases() if case.name == name)
     return (f'{PATHS[case.path][0]}, {GROUNDS[case.ground]}, '
             f'{case.localization} localization')
