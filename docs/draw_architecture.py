@@ -51,6 +51,7 @@ FONTS = ['DejaVu Sans', 'Verdana', 'Arial', 'Helvetica']  # the first one that a
 
 COLUMNS = 6             # of rooms
 ROOM_SIZE = (0.86, 0.56)  # of the distance between columns, and between levels
+SAME_LEVEL_BEND = 0.08  # height over length of an arrow within a level
 CENTERING = 0.05        # cost of a column away from the middle, in columns of arrow length
 CLEARANCE = 0.6         # columns between an arrow and the center of a room that it passes
 
@@ -162,11 +163,12 @@ def draw_box(ax: Axes, box: Box, label: str, color: str, *, note: str = '',
 
 
 def draw_arrow(ax: Axes, tail: tuple[float, float], head: tuple[float, float], *,
-               color: str = '#555555', dashed: bool = False) -> None:
-    """Draw an arrow between two points."""
+               color: str = '#555555', dashed: bool = False, bend: float = 0.0) -> None:
+    """Draw an arrow between two points; ``bend`` is its height over its length."""
     ax.add_patch(FancyArrowPatch(
-        tail, head, arrowstyle='-|>', mutation_scale=9, linewidth=0.9, color=color, zorder=2,
-        shrinkA=0, shrinkB=1, linestyle=(0, (4, 2)) if dashed else 'solid'))
+        tail, head, arrowstyle='-|>', connectionstyle=f'arc3,rad={bend}', mutation_scale=9,
+        linewidth=0.9, color=color, zorder=2, shrinkA=0, shrinkB=1,
+        linestyle=(0, (4, 2)) if dashed else 'solid'))
 
 
 def columns_of(rows: Iterable[NodeRow]) -> list[list[str]]:
@@ -294,6 +296,10 @@ def draw_rooms(ax: Axes, levels: Mapping[str, int], imports: Edges) -> None:
         draw_box(ax, Box(x, y, *ROOM_SIZE), room, COLORS['room'], note=contents(room))
         for other in sorted(edges[room]):
             head = places[other]
+            if head[1] == y:  # an exception, below the rooms between them
+                below = y - 0.5 * ROOM_SIZE[1]
+                draw_arrow(ax, (x, below), (head[0], below), bend=SAME_LEVEL_BEND)
+                continue
             shift = max(-0.3, min(0.3, 0.15 * (head[0] - x)))
             draw_arrow(ax, (x + shift, y - 0.5 * ROOM_SIZE[1]),
                        (head[0] - shift, head[1] + 0.5 * ROOM_SIZE[1]))

@@ -57,6 +57,7 @@ SAFETY_PATH: Mapping[str, tuple[str, ...]] = {
     'smart_tire/nodes/wheel_controller.py': (
         'test/nodes/test_wheel_controller.py',
         'test/safety/test_publishers.py -k "wheel_states or cmd_vel"'),
+    'smart_tire/nodes/trajectory_controller.py': ('test/nodes/test_trajectory_controller.py',),
 }
 ROOT = Path(__file__).resolve().parents[1]
 EQUIVALENT = 'test/equivalent_mutants.txt'

@@ -21,7 +21,7 @@ import pytest
 from smart_tire.errors import ParameterError
 from smart_tire.parameters import (
     build, known_names, load_files, load_robot, NODE_PARAMS, SlipEstimatorParams, specs,
-    WheelControllerParams)
+    TrajectoryControllerParams, WheelControllerParams)
 from smart_tire.parameters.calibrated_text import Calibrated, calibrated_text, rounded
 from smart_tire.parameters.calibration_file import Identified
 
@@ -64,6 +64,7 @@ def test_the_nodes_read_the_values_back(tmp_path):
     known = known_names(NODE_PARAMS.values())
     for node, cls, name, value in (
             ('wheel_controller', WheelControllerParams, 'effective_track', 0.5725),
+            ('trajectory_controller', TrajectoryControllerParams, 'effective_track', 0.5725),
             ('slip_estimator', SlipEstimatorParams, 'icr_x', 0.0041)):
         assert getattr(build(cls, load_files([path], node, known, specs(cls))), name) == value
 

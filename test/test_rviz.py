@@ -21,6 +21,7 @@ from pathlib import Path
 import pytest
 from smart_tire.messages import TOPICS
 from smart_tire.parameters import RobotParams
+from smart_tire.samples import GoalPose
 import yaml
 
 VIEW = Path(__file__).resolve().parents[1] / 'config' / 'view' / 'smart_tire.rviz'
@@ -29,8 +30,8 @@ DISPLAYS = {display['Name']: display for display in MANAGER['Displays']}
 TYPES = {  # class of a display -> type of its topic
     'Odometry': 'nav_msgs/msg/Odometry', 'PointStamped': 'geometry_msgs/msg/PointStamped',
     'Path': 'nav_msgs/msg/Path', 'RobotModel': 'std_msgs/msg/String'}
-STANDARD = {'robot_description': 'std_msgs/msg/String', 'path': 'nav_msgs/msg/Path'}
-LATCHED = set(STANDARD)  # transient local
+STANDARD = {'robot_description': 'std_msgs/msg/String'}
+LATCHED = {*STANDARD, 'path'}  # transient local
 
 
 def kind(display):
@@ -54,7 +55,14 @@ def test_robot_frames_estimate_and_ground_truth_are_shown_in_odom():
     shown = {(kind(display), (topic(display) or {}).get('Value')) for display in DISPLAYS.values()
              if display['Enabled']}
     assert shown >= {('RobotModel', 'robot_description'), ('TF', None), ('Odometry', 'odom'),
-                     ('Odometry', 'ground_truth/odom'), ('PointStamped', 'icr')}
+                     ('Odometry', 'ground_truth/odom'), ('PointStamped', 'icr'),
+                     ('Path', 'path')}
+
+
+def test_the_tool_for_goals_publishes_what_the_controller_subscribes_to():
+    tool, = (tool for tool in MANAGER['Tools'] if tool['Class'].endswith('/SetGoal'))
+    assert TOPICS[tool['Topic']['Value']].sample is GoalPose  # in the fixed frame, odom
+    assert tool['Topic']['Reliability Policy'] == 'Reliable'
 
 
 @with_topic

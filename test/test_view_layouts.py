@@ -27,7 +27,8 @@ import pytest
 from smart_tire.bags.definitions import typestore
 from smart_tire.messages import film_names, TOPICS
 from smart_tire.messages.joint_state import GROUND_QUANTITIES
-from smart_tire.samples import FRICTION_QUANTITIES, WHEELS
+from smart_tire.messages.path import PROGRESS_NAMES
+from smart_tire.samples import FRICTION_QUANTITIES, GoalPose, WHEELS
 
 FOLDER = Path(__file__).resolve().parents[1] / 'config' / 'view'
 FOXGLOVE = json.loads((FOLDER / 'foxglove.json').read_text(encoding='utf-8'))
@@ -35,7 +36,8 @@ PLOTJUGGLER = ElementTree.parse(FOLDER / 'plotjuggler.xml').getroot()
 JOINTS = 'sensor_msgs/msg/JointState'
 FILMS = tuple(name for wheel in WHEELS for name in film_names(wheel, 2))
 NAMES = {'tire_samples': FILMS, 'tire_friction': FRICTION_QUANTITIES,
-         'ground_truth/tire_friction': FRICTION_QUANTITIES, 'ground_state': GROUND_QUANTITIES}
+         'ground_truth/tire_friction': FRICTION_QUANTITIES, 'ground_state': GROUND_QUANTITIES,
+         'path_progress': PROGRESS_NAMES}
 FOXGLOVE_PATH = re.compile(r'/(?P<topic>[\w/]+)(\{header\.frame_id=="(?P<frame>\w+)"\})?'
                            r'\.(?P<fields>[\w.]+)(\[(?P<index>\d+)\])?')
 
@@ -109,6 +111,14 @@ def test_other_topics_of_foxglove_exist():
         for topic in panel.get('topics', ()):
             assert topic.strip('/') in TOPICS
     assert FOXGLOVE['configById']['DiagnosticSummary!nodes']['topicToRender'] == '/diagnostics'
+
+
+def test_the_3d_panel_of_foxglove_shows_the_path_and_publishes_goals_in_odom():
+    panel = FOXGLOVE['configById']['3D!robot']
+    assert panel['topics']['/path']['visible']
+    assert panel['followTf'] == 'odom'
+    assert panel['publish']['type'] == 'pose'
+    assert TOPICS[panel['publish']['poseTopic'].strip('/')].sample is GoalPose
 
 
 def test_sizes_of_plotjuggler_match_the_number_of_areas():

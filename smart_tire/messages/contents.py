@@ -131,18 +131,17 @@ TIRE_FRICTION = Content('friction coefficient and waveform of one patch crossing
     Field('traction_force', 'N', 'longitudinal force on the robot at this wheel from the brush '
           'model, positive forward')),
     rate=ONE_PER_CROSSING)
-POSES = ('position; z is ignored', 'unit quaternion, of which the yaw is used; all zero: none')
+ORIENTATION = 'unit quaternion, of which the yaw is used; all zero: none'
 PATH = Content('path to follow; replaces the one that is followed', (
     Field('header.stamp', '', 'refused if older than `path_max_age`; zero: its age is counted '
           'from its publication'),
-    Field('header.frame_id', '', '`odom`, expected also in each pose, or none there'),
-    Field('poses[].pose.position', 'm', POSES[0]),
-    Field('poses[].pose.orientation', '-', POSES[1])),
+    Field('poses', 'm, -', 'poses of `base_link` in `odom`, whose `header.frame_id` is `odom` or '
+          'empty: position (z is ignored) and orientation (' + ORIENTATION + ' given)')),
     rate='on change, transient local')
 GOAL_POSE = Content('pose to drive to; replaces the path that is followed', (
     Field('header.stamp', '', 'as in `path`'),
-    Field('pose.position', 'm', POSES[0]),
-    Field('pose.orientation', '-', POSES[1] + ', any yaw')),
+    Field('pose.position', 'm', 'position of `base_link`; z is ignored'),
+    Field('pose.orientation', '-', ORIENTATION + ' given, any yaw')),
     rate='on change')
 PATH_PROGRESS = Content('progress along the path', (
     QUANTITY_NAMES,
@@ -151,7 +150,7 @@ PATH_PROGRESS = Content('progress along the path', (
     Field('effort', '', 'empty')), (
     Field('remaining_distance', 'm', 'distance to the end along the path'),
     Field('cross_track_error', 'm', 'distance of the robot from the path, positive to the left'),
-    Field('state', '', '0 idle, 1 following, 2 arrived, 3 stopped, 4 refused; the reason is in '
+    Field('state', '-', '0 idle, 1 following, 2 arrived, 3 stopped, 4 refused; the reason is in '
           'the log and in `/diagnostics`')),
     rate='4 Hz and at each change of the state')
 CMD_VEL = Content('commanded velocity of the body; more inputs with `cmd_vel_inputs`', (

@@ -17,14 +17,13 @@
 from __future__ import annotations
 
 from importlib import import_module
-from math import hypot, isfinite, isinf, isnan
+from math import atan2, cos, hypot, isfinite, isinf, isnan, sin
 import re
 from types import SimpleNamespace
 from typing import Any
 
 from smart_tire.errors import MessageError
 from smart_tire.messages.header import not_finite_error, set_header, stamp_of
-from smart_tire.rotation import euler, quaternion
 from smart_tire.samples import GoalPose, NAN, PathProgress, PlannedPath, Vector3
 
 PROGRESS_NAMES = ('remaining_distance', 'cross_track_error', 'state')
@@ -99,7 +98,8 @@ def _pose(pose: Any, topic: str, field: str) -> Vector3:
     if not abs(norm - 1.0) <= QUATERNION_TOLERANCE:  # also if a number is not finite
         raise MessageError(f'{topic}: {field}.orientation is {list(xyzw)}, expected a unit '
                            'quaternion, or zeros for no orientation')
-    return position[0], position[1], euler([number / norm for number in xyzw])[2]
+    x, y, z, w = (number / norm for number in xyzw)
+    return position[0], position[1], atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
 def _set_pose(msg: Any, stamp_ns: int, frame: str, pose: Vector3) -> Any:
@@ -109,7 +109,7 @@ def _set_pose(msg: Any, stamp_ns: int, frame: str, pose: Vector3) -> Any:
     position, rotation = msg.pose.position, msg.pose.orientation
     position.x, position.y, position.z = x, y, 0.0
     rotation.x, rotation.y, rotation.z, rotation.w = (
-        (0.0,) * 4 if isnan(yaw) else quaternion(0.0, 0.0, yaw))
+        (0.0,) * 4 if isnan(yaw) else (0.0, 0.0, sin(0.5 * yaw), cos(0.5 * yaw)))
     return msg
 
 

@@ -26,6 +26,7 @@ from smart_tire.view.style import SIGMAS, TIMELINE
 LIVE_SPAN = 30.0  # s, shown by the plots of live data
 BOUNDS = f'± {SIGMAS:g} σ'
 SLIP_RANGE = (-1.0, 1.0)  # of the slip ratio; its bounds are wider at standstill
+STATE_RANGE = (-0.5, 4.5)  # of path_progress
 WIDE = 65.0       # N, half the size of the view of the friction circles
 CONTACT_WIDTH, CONTACT_HEIGHT = 75.0, 55.0  # half the size of the view of a crossing
 
@@ -79,6 +80,9 @@ class Layout:
             self._plot('wheel_commands: set points [rad/s]', 'wheels/set_point'),
             self._plot('motor_commands: duties [-]', 'wheels/duty'),
             self._plot('Motor torques at the wheels [N m]', 'wheels/torque'),
+            self._plot('path_progress: cross-track error [m]', 'progress/cross_track_error'),
+            self._plot('path_progress: state (0 idle, 1 following, 2 arrived, 3 stopped, '
+                       '4 refused)', 'progress/state', bounds=STATE_RANGE),
             grid_columns=2, name='Commands and motion')
 
     def _ground(self) -> rrb.Container:
@@ -125,7 +129,7 @@ class Layout:
             TIMELINE, start=rrb.TimeRangeBoundary.infinite(),
             end=rrb.TimeRangeBoundary.cursor_relative())])
         return rrb.Spatial2DView(
-            origin='path', name='Path [m]: estimate (blue), truth (gray)',
+            origin='path', name='Path [m]: estimate (blue), truth (gray), wanted (red)',
             overrides=dict.fromkeys(('path/estimate', 'path/truth'), history))
 
     def _forces(self) -> rrb.View:

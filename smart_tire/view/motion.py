@@ -20,8 +20,8 @@ import math
 
 from smart_tire.analysis.curves import MAX_SLIP_SIGMA
 from smart_tire.samples import (
-    BatterySample, Four, Icr, ImuSample, MotorCommand, Odometry, VelocityCommand, WheelCommand,
-    WHEELS, WheelSample, WheelSlip)
+    BatterySample, Four, Icr, ImuSample, MotorCommand, Odometry, PathProgress, VelocityCommand,
+    WheelCommand, WHEELS, WheelSample, WheelSlip)
 from smart_tire.view.recorder import Recorder, Track
 from smart_tire.view.style import COMMAND, ESTIMATE, TRUTH, WHEEL_COLORS, XYZ_COLORS
 
@@ -87,6 +87,22 @@ class BodyLayer:
         """Add the center of rotation."""
         for track, value in zip(self._icr, (sample.x, sample.y)):
             track.add(sample.stamp_ns, value)
+
+
+class ProgressLayer:
+    """Cross-track error, remaining distance and state of path following."""
+
+    def __init__(self, recorder: Recorder) -> None:
+        self._error = recorder.line('progress/cross_track_error', 'cross-track error [m]', COMMAND)
+        self._remaining = recorder.line('progress/remaining_distance', 'remaining distance [m]',
+                                        TRUTH)
+        self._state = recorder.line('progress/state', 'state', COMMAND, steps=True)
+
+    def add(self, sample: PathProgress) -> None:
+        """Add the progress; the distances are gaps while no path is followed."""
+        self._error.add(sample.stamp_ns, sample.cross_track_error)
+        self._remaining.add(sample.stamp_ns, sample.remaining_distance)
+        self._state.add(sample.stamp_ns, float(sample.state))
 
 
 class WheelLayer:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Path of the robot from above: estimate, truth, pose with its bounds."""
+"""Path of the robot from above: wanted, estimate, truth, pose with its bounds."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ import rerun as rr
 
 from smart_tire.arrays import Array
 from smart_tire.rotation import euler
-from smart_tire.samples import NS_PER_S, Odometry
+from smart_tire.samples import GoalPose, NS_PER_S, Odometry, PlannedPath
 from smart_tire.view.recorder import Recorder
-from smart_tire.view.style import AXIS, Color, ESTIMATE, SIGMAS, TRUTH
+from smart_tire.view.style import AXIS, Color, COMMAND, ESTIMATE, SIGMAS, TRUTH
 
 SEGMENT_NS = NS_PER_S // 2  # of the path that becomes one shape
 MIN_STEP = 0.005            # m between two points of the path
@@ -81,6 +81,7 @@ class PathLayer:
         self._recorder = recorder
         self._estimate = _Strip(recorder, 'path/estimate', 'estimate', ESTIMATE)
         self._truth = _Strip(recorder, 'path/truth', 'truth', TRUTH)
+        self._wanted: PlannedPath | GoalPose | None = None  # not shown yet
         self._pose: tuple[float, float, float] | None = None  # latest estimate
         self._frame: tuple[float, float, float] | None = None  # of the truth in odom
         self._waiting: list[Odometry] = []
@@ -92,11 +93,17 @@ class PathLayer:
         x, y, _ = sample.position
         yaw = euler(sample.orientation)[2]
         self._pose = x, y, yaw
+        if self._wanted is not None:
+            self._show_wanted(self._wanted, sample.stamp_ns)
         self._estimate.add(sample.stamp_ns, x, y)
         if self._shown_ns is None or sample.stamp_ns - self._shown_ns >= NS_PER_S // 10:
             self._shown_ns = sample.stamp_ns
             self._show_pose(sample, x, y, yaw)
             self._cover(x, y)
+
+    def add_wanted(self, order: PlannedPath | GoalPose) -> None:
+        """Show a path to follow, or a goal, from the next estimate on: it may have no stamp."""
+        self._wanted = order
 
     def add_truth(self, sample: Odometry) -> None:
         """Add a true pose."""
@@ -113,8 +120,23 @@ class PathLayer:
         if self._frame is None:
             self._frame = 0.0, 0.0, 0.0
             self._release()
+        if self._wanted is not None and self._wanted.stamp_ns:
+            self._show_wanted(self._wanted, self._wanted.stamp_ns)
         self._estimate.finish()
         self._truth.finish()
+
+    def _show_wanted(self, order: PlannedPath | GoalPose, stamp_ns: int) -> None:
+        poses = [order.pose] if isinstance(order, GoalPose) else order.poses
+        points = np.array(poses).reshape(-1, 3)[:, :2]
+        strips = [on_screen(points)] if len(points) > 1 else []
+        self._recorder.shape('path/wanted', stamp_ns, rr.LineStrips2D(
+            strips, colors=COMMAND, labels=['wanted'] * len(strips), show_labels=False,
+            radii=rr.Radius.ui_points(1.5)))
+        self._recorder.shape('path/goal', stamp_ns, rr.Points2D(
+            on_screen(points[-1:]), colors=COMMAND, radii=rr.Radius.ui_points(5.0)))
+        for corner in (points.min(axis=0), points.max(axis=0)) if len(points) else ():
+            self._cover(*corner.tolist())
+        self._wanted = None
 
     def _release(self) -> None:
         waiting, self._waiting = self._waiting, []

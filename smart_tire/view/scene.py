@@ -28,7 +28,7 @@ from smart_tire.view.contact import CrossingLayer, FilmLayer
 from smart_tire.view.forces import ForceLayer
 from smart_tire.view.friction import FrictionLayer
 from smart_tire.view.links import LinkLayer, Status
-from smart_tire.view.motion import BodyLayer, ImuLayer, SlipLayer, WheelLayer
+from smart_tire.view.motion import BodyLayer, ImuLayer, ProgressLayer, SlipLayer, WheelLayer
 from smart_tire.view.path import PathLayer
 from smart_tire.view.recorder import Recorder
 
@@ -61,6 +61,8 @@ class Scene:
             'wheel_slip': (slip.add, forces.add_slip), 'icr': (body.add_icr,),
             'ground_state': (friction.add_ground, forces.add_ground),
             'tire_friction': (friction.add, forces.add_friction),
+            'path': (path.add_wanted,), 'goal_pose': (path.add_wanted,),
+            'path_progress': (ProgressLayer(recorder).add,),
             'cmd_vel': (body.add_command,), 'wheel_commands': (wheels.add_set_points,),
             'motor_commands': (wheels.add_duties,),
             'ground_truth/odom': (body.add_truth, path.add_truth),
@@ -79,7 +81,8 @@ class Scene:
 
     def add(self, topic: str, sample: Sample) -> None:
         """Show a sample; samples of topics that are not shown are ignored."""
-        self._recorder.begin(sample.stamp_ns)
+        if sample.stamp_ns:  # a command may have none
+            self._recorder.begin(sample.stamp_ns)
         for handler in self._handlers.get(topic, ()):
             handler(sample)
 

@@ -63,6 +63,29 @@ def test_several_and_foreign_publishers_of_commands_are_reported():
     assert len(found({'/cmd_vel': ends('/a', '/b', types=(TOPICS['cmd_vel'].type,))})) == 1
 
 
+def test_a_node_that_sends_temporarily_is_no_second_publisher_of_cmd_vel():
+    kind = (TOPICS['cmd_vel'].type,)
+    assert found({'/a/cmd_vel': ends('/a/trajectory_controller', '/teleop', types=kind)}) == []
+    three = found({'/cmd_vel': ends('/a/trajectory_controller', '/b', '/c', types=kind)})
+    assert len(three) == 1 and '2 publishers: /b, /c' in three[0]
+    line, = found({'/wheel_commands': ends('/trajectory_controller')})
+    assert 'is published by /trajectory_controller (expected wheel_controller)' in line
+
+
+@pytest.mark.parametrize('name', ['path', 'goal_pose'])
+def test_several_publishers_of_paths_and_goals_are_fine(name):
+    assert found({f'/{name}': ends('/rviz', '/planner', types=(TOPICS[name].type,))}) == []
+
+
+@pytest.mark.parametrize('offered', [RELIABLE, LATCHED])
+def test_one_of_the_profiles_of_a_node_must_match(offered):
+    both = [('/y', LATCHED), ('/y', RELIABLE)]
+    assert found({'/any': ends('/x', subscriptions=both, profile=offered)}) == []
+    apart = [('/y', LATCHED), ('/z', RELIABLE)]
+    assert len(found({'/any': ends('/x', subscriptions=apart, profile=offered)})) == (
+        offered == RELIABLE)
+
+
 def test_two_nodes_with_one_name_are_an_error():
     assert found({}, ['/a', '/b', '/a']) == [
         'ERROR /a: 2 nodes have this name (expected one); end one of them, or use namespaces']

@@ -18,9 +18,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 import math
+import re
 import time
 
 import pytest
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rclpy.qos import QoSProfile
 from smart_tire.control.trajectory_control import State
 from smart_tire.messages import path_to_msg
@@ -159,7 +161,7 @@ def test_a_path_is_followed_to_its_end_and_then_nothing_is_commanded(robot):
     count = len(robot.commands)
     robot.until_more_progress()
     assert (len(robot.commands), robot.progress.state) == (count, State.ARRIVED)
-    assert 'following path: 7 poses, 0.30 m to drive' in robot.log()
+    assert 'following path: 7 poses' in robot.log()
     assert 'arrived 0.0' in robot.log()
 
 
@@ -167,8 +169,8 @@ def test_progress_is_published_at_4_hz_with_names_and_frame(robot):
     received = robot.graph.received['path_progress']
     count = len(received)
     robot.until(lambda: len(received) == count + 5)
-    first, last = (sample.stamp_ns for sample in robot.graph.samples('path_progress')[-4::3])
-    assert (last - first) / NS_PER_S == pytest.approx(0.75, rel=0.1)
+    first, last = (sample.stamp_ns for sample in robot.graph.samples('path_progress')[-5::4])
+    assert (last - first) / NS_PER_S == pytest.approx(1.0, rel=0.2)  # on a busy machine
     assert list(received[-1].name) == ['remaining_distance', 'cross_track_error', 'state']
     assert received[-1].header.frame_id == 'odom'
 
@@ -179,7 +181,8 @@ def test_a_goal_is_driven_to_and_replaces_the_path(robot):
     robot.graph.publish('goal_pose', GoalPose(time.time_ns(), 'odom', (goal, 0.0, NAN)))
     robot.until_state(State.ARRIVED)
     assert robot.x == pytest.approx(goal, abs=0.1)
-    assert f'following goal_pose: x {goal:.2f} m, y 0.00 m' in robot.log()
+    assert re.search(rf'following goal_pose: x {goal:.2f} m, y 0.00 m, 0.[23]. m to drive',
+                     robot.log())
 
 
 @pytest.mark.parametrize(('change', 'reason'), [
@@ -215,7 +218,6 @@ def test_cancel_path_stops_the_robot_and_says_whether_it_followed(robot):
 
 def test_the_robot_stops_soon_when_odom_ends_and_the_diagnostics_have_the_reason(robot):
     robot.drive()
-    robot.until(lambda: robot.graph.value(NODE, 'state') == 'following')
     robot.is_silent, ended = True, time.monotonic()
     robot.until(lambda: robot.speed == 0.0)
     assert 0.3 < time.monotonic() - ended < 0.8  # checks.odom_timeout is 0.5 s
@@ -241,7 +243,25 @@ def test_an_emergency_stop_ends_following_until_a_new_path_after_its_release(rob
     robot.drive()
 
 
-def test_the_same_path_again_does_not_begin_anew(robot):
+def set_max_speed(robot, value):
+    """Set the parameter with the service that ``ros2 param set`` uses."""
+    parameter = Parameter(name='max_speed', value=ParameterValue(
+        type=ParameterType.PARAMETER_DOUBLE, double_value=value))
+    (result,) = robot.graph.call('rcl_interfaces/srv/SetParameters', f'{NODE}/set_parameters',
+                                 parameters=[parameter]).results
+    assert result.successful
+
+
+def test_the_maximum_speed_can_be_changed_while_driving(robot):
+    robot.drive()
+    set_max_speed(robot, 0.05)
+    robot.until(lambda: robot.speed <= 0.06)
+    robot.until_more_progress()
+    assert (robot.progress.state, robot.speed) == (State.FOLLOWING, pytest.approx(0.05, abs=0.01))
+    set_max_speed(robot, 0.6)
+
+
+def test_the_same_path_again_is_no_new_begin(robot):
     path = robot.path()
     robot.follow(path)
     robot.until(lambda: robot.speed > 0.1)
@@ -263,12 +283,10 @@ def message(stamp_ns):
 def test_a_path_of_any_publisher_is_handled_once(robot, profile, matches):
     publisher = robot.graph.node.create_publisher(PATH, 'path', profile)
     robot.until(lambda: publisher.get_subscription_count() == matches)
-    robot.graph.health.clear()
-    robot.until(lambda: NODE in robot.graph.health)
-    before = int(robot.graph.value(NODE, 'frames_bad'))
     publisher.publish(message(1))
-    robot.until(lambda: int(robot.graph.value(NODE, 'frames_bad')) > before)
-    assert int(robot.graph.value(NODE, 'frames_bad')) == before + 1
+    robot.until(lambda: 'refused: path: ' in robot.log())
+    robot.drive()
+    assert robot.log().count('refused: path: ') == 1
     robot.graph.node.destroy_publisher(publisher)
 
 

@@ -51,7 +51,7 @@ def test_everything_is_on_the_first_page(tmp_path):
                   'Friction circles and forces [N]', 'Crossing, front_left',
                   'Crossing, front_right', 'Film voltages, front_left [V]', 'Lost, bad and late',
                   'Ages', 'Events', 'Wheels: set points', 'motor_commands', 'Velocity v_x [m/s]',
-                  'Yaw rate'):
+                  'Yaw rate', 'path_progress: cross-track error [m]', 'path_progress: state'):
         assert any(name.startswith(start) for name in names), start
 
 

@@ -24,8 +24,8 @@ import pytest
 
 from smart_tire.messages import NodeStatus, TOPICS
 from smart_tire.samples import (
-    Friction, GroundState, MotorCommand, Odometry, TireSample, VelocityCommand, WheelCommand,
-    WHEELS, WheelSample, WheelSlip)
+    Friction, GoalPose, GroundState, MotorCommand, Odometry, PathProgress, PlannedPath, TireSample,
+    VelocityCommand, WheelCommand, WHEELS, WheelSample, WheelSlip)
 from smart_tire.uncertain import Uncertain
 from smart_tire.view.contact import thinned
 from smart_tire.view.recorder import Recorder
@@ -212,6 +212,35 @@ def test_counts_are_summed_over_nodes_and_states_become_events(recorded):
     events = [(text[0], level[0]) for (_, text), (_, level) in zip(
         found.rows('links/events', 'TextLog:text'), found.rows('links/events', 'TextLog:level'))]
     assert events == [('a: ok', 'INFO'), ('ns/b: ok', 'INFO'), ('a: no port', 'ERROR')]
+
+
+def test_a_wanted_path_and_a_goal_are_shown_from_the_next_estimate_on(recorded):
+    def feed(scene):
+        scene.add('path', PlannedPath(0, 'odom', ((0.0, 0.0, math.nan), (2.0, 1.0, math.nan))))
+        scene.add('odom', odometry(0, 0.0))
+        scene.add('goal_pose', GoalPose(0, 'odom', (1.0, -1.0, 0.0)))
+        scene.add('odom', odometry(100, 0.1))
+        scene.add('path', PlannedPath(START + 150 * MS, 'odom', ()))
+
+    found = recorded(feed)
+    strips, goals = (found.rows(path, component) for path, component in (
+        ('path/wanted', 'LineStrips2D:strips'), ('path/goal', 'Points2D:positions')))
+    assert [time for time, _ in strips] == [time for time, _ in goals] == [0, 100 * MS, 150 * MS]
+    assert [np.array(shapes).tolist() for _, shapes in strips] == [
+        [[[0.0, 0.0], [2.0, -1.0]]], [], []]  # y points down on the screen
+    assert [np.array(points).tolist() for _, points in goals] == [[[2.0, -1.0]], [[1.0, 1.0]], []]
+
+
+def test_the_progress_is_shown_with_gaps_where_no_path_is_followed(recorded):
+    def feed(scene):
+        scene.add('path_progress', PathProgress(START, 2.5, -0.125, 1))
+        scene.add('path_progress', PathProgress(START + 250 * MS, math.nan, math.nan, 2))
+
+    found = recorded(feed)
+    assert found.scalars('progress/state') == [(0, [1.0]), (250 * MS, [2.0])]
+    for name, value in ('cross_track_error', -0.125), ('remaining_distance', 2.5):
+        (_, first), (_, second) = found.scalars(f'progress/{name}')
+        assert first == [value] and math.isnan(second[0])
 
 
 def test_every_topic_of_the_interface_is_shown(recorded):
