@@ -19,8 +19,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from smart_tire.analysis.driven_paths import driven_lines, driven_tree, PATH_TOPICS, PathLog
 from smart_tire.analysis.drawing import DOTS_PER_INCH
+from smart_tire.analysis.driven_paths import driven_lines, driven_tree, PATH_TOPICS, PathLog
 from smart_tire.analysis.labels import label_estimates
 from smart_tire.analysis.path_figures import path_figure
 from smart_tire.analysis.report import estimate_lines

@@ -28,7 +28,9 @@ from smart_tire.analysis.tracking import tracking_score
 from smart_tire.control.trajectory_control import State
 from smart_tire.samples import NS_PER_S, PathProgress, PlannedPath, Sample
 
-PATH_TOPICS = ('path', 'path_progress')
+PATH = 'path'
+PATH_TOPICS = (PATH, 'path_progress')
+FRAME = 'odom'  # of the estimates; a path in another frame is refused by the controller
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,7 @@ class PathLog:
 
     def add(self, receive_ns: int, sample: Sample) -> None:
         """Add one sample; other sample types are ignored."""
-        if isinstance(sample, PlannedPath):
+        if isinstance(sample, PlannedPath) and sample.frame == FRAME:
             self._paths.append((sample.stamp_ns or receive_ns, sample))
         elif isinstance(sample, PathProgress):
             self._progress.append(sample)

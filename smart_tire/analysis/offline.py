@@ -29,6 +29,7 @@ from pathlib import Path
 
 import numpy as np
 
+from smart_tire.analysis.driven_paths import PATH, PathLog
 from smart_tire.analysis.pipeline import (
     EstimatedFriction, EstimateRecord, ESTIMATES, EstimatorParams, friction_stage, FrictionStage,
     INPUTS, SlipStage, TRUTHS)
@@ -54,10 +55,11 @@ Received = tuple[int, Sample]       # receive time [ns], sample
 
 @dataclass
 class BagContents:
-    """Inputs and ground truth of a bag."""
+    """Inputs, ground truth and wanted paths of a bag."""
 
     inputs: Series = field(default_factory=Series)
     truth: Series = field(default_factory=Series)
+    paths: PathLog = field(default_factory=PathLog)  # that were to be followed
     stamps: StampLog = field(default_factory=StampLog)
     without_positions: int = 0  # wheel samples
     late: Counter[str] = field(default_factory=Counter)
@@ -184,9 +186,12 @@ def _read(path: Path, params: EstimatorParams, smooth: bool,
         work = (1 + smooth) * max(1, end - start)
         forwarded: list[Received] = []
         receive_ns = end
-        for count, (receive_ns, topic, sample) in enumerate(bag.samples((*INPUTS, *TRUTHS))):
+        for count, (receive_ns, topic, sample) in enumerate(
+                bag.samples((*INPUTS, *TRUTHS, PATH))):
             if topic in TRUTHS:
                 contents.truth.add(sample)
+            elif topic == PATH:
+                contents.paths.add(receive_ns, sample)
             else:
                 contents.add_input(topic, sample)
                 outputs = stage.update(sample)

@@ -18,6 +18,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
+import re
 import time
 from typing import Any
 
@@ -27,7 +29,7 @@ from smart_tire.cli._keyboard import Key, Keyboard
 from smart_tire.cli._path_file import length, Poses
 from smart_tire.cli._processes import Stack
 from smart_tire.cli._simulated_robot import (
-    await_nodes, check_alive, RobotError, START_TIMEOUT)
+    await_nodes, check_alive, RECORDER, RobotError, START_TIMEOUT)
 from smart_tire.cli._stop_request import StopRequest
 from smart_tire.cli._teleoperation import Teleoperation
 from smart_tire.control.trajectory_control import State
@@ -41,6 +43,7 @@ DISCOVERY_TIME = 3.0     # s until the nodes of a running robot are known
 STANDSTILL_TIME = 1.0    # s that are recorded after the end of a path
 ZERO_TIME = 0.5          # s in which standstill is commanded after the keys were released
 REASON_TIME = 1.5        # s until a reason is in the diagnostics, which come once a second
+RECORDED = re.compile(r'recording \S*/odom\b')  # a line of the recorder
 FOLLOWER = 'trajectory_controller'
 KEYS_HELP = ('arrows or WASD: drive and turn, held down; space: stop; + and -: speed; q: quit. '
              'The robot stops when no key is held.')
@@ -84,6 +87,12 @@ class Session:
                    RobotError(f'no messages on odom within {START_TIMEOUT:.0f} s'))
         if self.pilot.emergency_stop:
             raise RobotError('the emergency stop is active: release it first')
+
+    def record(self, bag: Path) -> None:
+        """Start to record all topics; wait until the poses are recorded."""
+        self.stack.start(RECORDER, 'smart_tire.cli.main', 'record', '--out', str(bag))
+        self._wait(lambda: RECORDED.search(self.stack.log(RECORDER)) is not None, START_TIMEOUT,
+                   RobotError('the recorder does not receive odom'))
 
     def _wait(self, condition: Any, seconds: float, error: Exception) -> None:
         end = time.monotonic() + seconds

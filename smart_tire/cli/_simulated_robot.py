@@ -30,6 +30,7 @@ import yaml
 UNITS = ('0013A20040A1B2C2=front_left', '0013A20040A1B2C3=front_right')
 RADIO_LATENCY = 0.005     # s, radio.delay of the simulator
 START_TIMEOUT = 20.0      # s until all nodes run
+ODOM_TIMEOUT = 1.0        # s, more than for a robot: other programs may slow the nodes down
 WAIT_REPORT_PERIOD = 4.0  # s between lines that name the nodes waited for
 SPIN_TIME = 0.25          # s between two looks at the processes
 PORTS = ('tire_radio', 'imu', 'motors')
@@ -56,7 +57,8 @@ def write_parameters(out: Path, name: str, seed: int,
         'tire_receiver': {'port': links['tire_radio'], 'units': list(UNITS),
                           'radio_latency': RADIO_LATENCY},
         'imu_driver': {'port': links['imu']},
-        'motor_driver': {'port': links['motors']}}
+        'motor_driver': {'port': links['motors']},
+        'trajectory_controller': {'checks.odom_timeout': ODOM_TIMEOUT}}
     for node, values in more.items():
         nodes.setdefault(node, {}).update(values)
     out.mkdir(parents=True, exist_ok=True)

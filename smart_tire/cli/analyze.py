@@ -130,7 +130,8 @@ def analyze_one(bag: Path, out: Path, args: argparse.Namespace) -> int:
     if not args.no_figures:
         from smart_tire.analysis.figures import write_figures
         write_figures(out, result.contents.inputs, result.estimates, result.contents.truth,
-                      params.robot, smoothed=result.smoothed)
+                      params.robot, smoothed=result.smoothed,
+                      wanted=result.contents.paths.wanted())
     print(f'  written to {out}')
     return ESTIMATED
 

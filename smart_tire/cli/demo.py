@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from smart_tire.analysis.summary import Tree
     from smart_tire.cli._dashboard import Dashboard
     from smart_tire.cli._drive_session import Session
+    from smart_tire.cli._path_file import Poses
 
 __all__ = ['add_arguments', 'EXPECTED_TOPICS', 'HELP', 'NAME', 'PATH_TOPICS', 'run', 'UNITS']
 
@@ -196,13 +197,20 @@ def _drive_paths(session: Session, dashboard: Dashboard) -> None:
     """Drive with the trajectory controller: to the border of both grounds, then an eight."""
     from smart_tire.cli._path_file import placed
     from smart_tire.control.path_library import figure_eight
-    from smart_tire.control.trajectory_control import State
     x, y, _ = session.start_pose()
-    border = border_point(x, y)
-    if session.follow(TO_BORDER, ((x, y, math.nan), (*border, math.nan)),
-                      dashboard) == State.ARRIVED:
-        session.follow(EIGHT, placed(figure_eight(EIGHT_RADIUS).poses, session.start_pose()),
-                       dashboard)
+    to_border = (x, y, math.nan), (*border_point(x, y), math.nan)
+    if _follow(session, TO_BORDER, to_border, dashboard):
+        _follow(session, EIGHT, placed(figure_eight(EIGHT_RADIUS).poses, session.start_pose()),
+                dashboard)
+
+
+def _follow(session: Session, name: str, poses: Poses, dashboard: Dashboard) -> bool:
+    """Follow a path; return whether its end was reached, else print why not."""
+    from smart_tire.control.trajectory_control import State
+    state = session.follow(name, poses, dashboard)
+    if state != State.ARRIVED:
+        print(f'demo: {name}: {state.name.lower()}: {session.reason()}', file=sys.stderr)
+    return state == State.ARRIVED
 
 
 def border_point(x: float, y: float) -> tuple[float, float]:

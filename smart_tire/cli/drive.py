@@ -46,6 +46,7 @@ PATHS = ('figure_eight', 'square', 'lane_change')
 RADIUS, SIDE, LANE_CHANGE = 0.6, 2.0, (3.0, 1.0)  # m, with --scale 1
 KEYBOARD_SPEED = 0.3   # m/s
 CONFIRMATION = 'drive'
+FOLLOWER = 'trajectory_controller'
 FILES = ('drive.yaml', 'summary.json', 'path.png')
 ARRIVED, NOT_ARRIVED, USAGE = 0, 1, 2  # exit statuses
 CANCEL = 'ros2 service call /cancel_path std_srvs/srv/Trigger'
@@ -113,7 +114,7 @@ def _checked(args: argparse.Namespace) -> Poses:
         raise ParameterError('--params is for the simulated robot; the running one has parameters')
     poses = () if args.keyboard else read_plan(args.path, args.scale)
     refuse_existing_bag(args.out / 'bag', force=args.force)
-    refuse_existing([args.out / name for name in (*FILES, 'logs')], force=args.force,
+    refuse_existing([args.out / name for name in FILES], force=args.force,
                     inputs=[*args.params, *([] if args.keyboard else [Path(args.path)])])
     return poses
 
@@ -150,7 +151,10 @@ def _announce(args: argparse.Namespace, poses: Poses) -> None:
           'hand; Ctrl-C stops the robot, and so does closing this terminal.\nIf this program is '
           f'killed by SIGKILL, the robot drives on to the end of the path: {CANCEL}')
     print(f'Type "{CONFIRMATION}" to continue: ', end='', flush=True)
-    if sys.stdin.readline().strip() != CONFIRMATION:
+    typed = sys.stdin.readline().strip()
+    if not sys.stdin.isatty():
+        print()  # nobody has pressed Enter
+    if typed != CONFIRMATION:
         raise ParameterError('driving was not confirmed: nothing was driven')
 
 
@@ -167,30 +171,33 @@ def _remove_results(out: Path) -> None:
 def _session(args: argparse.Namespace, runner_class: Callable[[list[str] | None], Any],
              stopped: StopRequest) -> Iterator[Session]:
     """Start recorder and, unless the robot runs, simulator and nodes; stop all at the end."""
-    from smart_tire.cli import _simulated_robot as robot
+    from smart_tire.cli import _simulated_robot as simulated
     from smart_tire.cli._drive_session import Session
     environment = dict(os.environ) if args.robot else isolated_environment()
     os.environ.update(environment)  # the node runner is in this process
+    params = [] if args.robot else [
+        simulated.write_parameters(args.out, FILES[0], args.seed, {}), *args.params]
+    words = [word for file in params for word in ('--params-file', str(file))]
     with Stack(args.out / 'logs', environment) as stack:
-        stack.start(robot.RECORDER, 'smart_tire.cli.main', 'record', '--out',
-                    str(args.out / 'bag'))
-        params: list[Path] = [] if args.robot else [
-            robot.write_parameters(args.out, FILES[0], args.seed, {}), *args.params]
-        if args.view:
-            robot.start_viewer(stack, *(word for file in params
-                                        for word in ('--params', str(file))))
         speed = ('-p', f'max_speed:={float(args.speed)}') if args.speed and args.path else ()
         for node in () if args.robot else NODES:
-            stack.node(node, params, *(speed if node == 'trajectory_controller' else ()))
-        words = [word for file in params for word in ('--params-file', str(file))]
+            stack.node(node, params, *(speed if node == FOLLOWER else ()))
         with runner_class(None if args.robot else ['--ros-args', *words]) as runner:
             session = Session(stack, runner, stopped)
             if not args.robot:
                 session.await_nodes()
+            session.await_robot(*(('path', FOLLOWER) if args.path else (
+                'cmd_vel', 'wheel_controller')))
+            if args.keyboard:
+                session.refuse_other_driver()
+            if args.view:
+                simulated.start_viewer(stack, *(word for file in params
+                                                for word in ('--params', str(file))))
+            session.record(args.out / 'bag')
             yield session
-        robot.stop_all(stack)
+        simulated.stop_all(stack)
     if not args.robot:
-        remove(args.out / 'ports', robot.PORTS)
+        remove(args.out / 'ports', simulated.PORTS)
 
 
 def _follow(args: argparse.Namespace, session: Session, poses: Poses) -> bool:
@@ -199,7 +206,6 @@ def _follow(args: argparse.Namespace, session: Session, poses: Poses) -> bool:
     from smart_tire.cli._path_file import placed
     from smart_tire.control.trajectory_control import State
     try:
-        session.await_robot('path', 'trajectory_controller')
         with Dashboard() as dashboard:
             state = session.follow(Path(args.path).name, poses if args.absolute else placed(
                 poses, session.start_pose()), dashboard)
@@ -214,8 +220,6 @@ def _follow(args: argparse.Namespace, session: Session, poses: Poses) -> bool:
 def _teleoperate(args: argparse.Namespace, session: Session) -> bool:
     """Drive by the keyboard; return true, as there is no end to be reached."""
     from smart_tire.cli._teleoperation import Teleoperation
-    session.await_robot('cmd_vel', 'wheel_controller')
-    session.refuse_other_driver()
     try:
         with Keyboard(sys.stdin) as keyboard:
             session.teleoperate(keyboard, Teleoperation(args.speed or KEYBOARD_SPEED))

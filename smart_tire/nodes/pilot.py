@@ -66,7 +66,7 @@ class Pilot(SmartTireNode[WheelControllerParams]):
         self.create_subscription(Bool, 'emergency_stop_active', self._on_emergency_stop, latched())
 
     def listeners(self, topic: str) -> int:
-        """Return how many nodes listen to ``path`` or ``cmd_vel``, as far as discovered."""
+        """Return how many of the nodes discovered so far listen to ``path`` or ``cmd_vel``."""
         return self.count_subscribers(topic)
 
     @property

@@ -22,6 +22,9 @@ import numpy as np
 import pytest
 
 from smart_tire.analysis.driven_paths import driven_lines, driven_tree, PathLog
+from smart_tire.analysis.html_report.motion_figures import path_figure as html_path_figure
+from smart_tire.analysis.offline import analyze
+from smart_tire.analysis.pipeline import EstimatorParams
 from smart_tire.analysis.series import Series
 from smart_tire.analysis.tracking_figures import tracking_figure
 from smart_tire.control.trajectory_control import State
@@ -118,6 +121,25 @@ def test_without_truth_the_errors_are_those_of_the_estimate():
     assert tree['in_truth'] is None
     assert 'in truth' not in '\n'.join(driven_lines('path', tree))
     assert len(tracking_figure(drive).axes[1].lines) == 2  # estimate and zero
+
+
+def test_a_path_in_another_frame_is_not_compared():
+    other = PlannedPath(stamp(2.0), 'map', straight(2.0).poses)
+    assert log(*FOLLOWED, paths=(other,)).driven(poses(), poses()) == []
+    assert log(*FOLLOWED, paths=(other,)).wanted() == []
+
+
+def test_a_path_in_a_bag_is_drawn_with_the_analysis(drive, bag_of, tmp_path):
+    begin = drive[0][0]
+    path = PlannedPath(begin, 'odom', ((0.0, 0.0, NAN), (1.0, 0.5, NAN)))
+    events = [(begin, 'path', path), *(event for event in drive
+                                       if event[0] < begin + 2 * NS_PER_S)]
+    result = analyze(bag_of(tmp_path / 'bag', events), None, EstimatorParams())
+    [wanted] = result.contents.paths.wanted()
+    assert wanted.tolist() == [[0.0, 0.0], [1.0, 0.5]]
+    figure = html_path_figure(result.estimates, result.contents.truth, [wanted])
+    assert [trace['name'] for trace in figure.panels[0].traces][:2] == [
+        'wanted', '2σ of the position']
 
 
 def test_the_figure_shows_wanted_driven_and_true_path():

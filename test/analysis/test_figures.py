@@ -122,6 +122,17 @@ def test_filtered_and_smoothed_estimates_are_both_drawn():
         assert len(set(colors)) == len(colors) == 2
 
 
+@pytest.mark.parametrize('truth', [Series(), None])
+def test_wanted_paths_are_drawn_once_in_the_legend(truth):
+    wanted = [np.array([[0.0, 0.0], [1.0, 0.0]]), np.array([[1.0, 0.0], [1.0, 1.0]])]
+    ax = figures.path_figure(label_estimates(driven()), driven() if truth is None else truth,
+                             wanted).axes[0]
+    labels = ax.get_legend_handles_labels()[1]
+    assert labels[0] == 'wanted' and labels.count('wanted') == 1
+    assert [line.get_xydata().tolist() for line in ax.lines[:2]] == [
+        path.tolist() for path in wanted]
+
+
 def test_ground_truth_is_drawn_if_available():
     with_truth, without = (figures.slip_figure(label_estimates(driven()), truth, EPOCH).axes[0]
                            for truth in (driven(), Series()))

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import numpy as np
 from smart_tire.analysis.bag_params import BagParams
+from smart_tire.analysis.driven_paths import PATH
 from smart_tire.analysis.errors import (
     ErrorCurve, friction_errors, pose_errors, slip_errors, twist_errors)
 from smart_tire.analysis.figures import busiest_segments
@@ -100,6 +101,7 @@ def _recording(analysis: Analysis, summary: Tree, origin: int) -> Section:
             roles[name] = ('input' if topic.name in INPUTS else
                            'ground truth' if topic.name in TRUTHS else
                            'recorded estimate, not read' if topic.name in ESTIMATES else
+                           'drawn in the path' if topic.name == PATH else
                            'not used')
     return Section('recording', 'Recording', 'Recording', _known(
         tables.inputs_table(summary['inputs']),
@@ -110,7 +112,8 @@ def _recording(analysis: Analysis, summary: Tree, origin: int) -> Section:
 def _motion(analysis: Analysis, summary: Tree, origin: int) -> Section:
     estimates, truth = analysis.estimates, analysis.contents.truth
     return Section('motion', 'Motion', 'Path and velocity', _known(
-        tables.motion_table(summary['estimates']), motion_figures.path_figure(estimates, truth),
+        tables.motion_table(summary['estimates']), motion_figures.path_figure(
+            estimates, truth, analysis.contents.paths.wanted()),
         motion_figures.velocity_figure(estimates, truth, origin)) or [
             'No odometry was estimated.'])
 

@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 import math
 
 import numpy as np
@@ -39,14 +40,21 @@ TRUTH = 'Dashed: ground truth.'
 GROUND_LABELS = 'C<sub>x</sub> [N]', 'rolling resistance [-]'
 
 
-def path_figure(estimates: Series, true_poses: Series) -> Figure | None:
-    """Return the path with ellipses of two standard deviations; None without poses."""
+def path_figure(estimates: Series, true_poses: Series,
+                wanted: Sequence[Floats] = ()) -> Figure | None:
+    """
+    Return the path with ellipses of two standard deviations; None without poses.
+
+    ``wanted`` are the paths (n, 2) that were to be followed.
+    """
     poses = estimates.poses()
     if not len(poses.stamp_ns):
         return None
     position = poses.pose[:, :2]
     rows = equidistant(position)
-    traces = [_ellipses(position, poses.pose_covariance),
+    traces = [_xy(path, 'wanted', {'color': '@ink', 'width': 5}) | {
+        'opacity': 0.25, 'showlegend': number == 0} for number, path in enumerate(wanted)]
+    traces += [_ellipses(position, poses.pose_covariance),
               _xy(position[rows], 'estimate', {'color': '@blue', 'width': 2})]
     true = aligned(true_poses.poses(), poses)[1]
     if len(true):
