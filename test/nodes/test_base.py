@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import pytest
 from rosgraph_msgs.msg import Clock
-from smart_tire.nodes.compat import message_class, plain_message
+from smart_tire.nodes.compat import message_class, once, plain_message
 from smart_tire.nodes.diagnostics import InputCounter, Status
 from support.graph import node_arguments, Process
 
@@ -41,6 +41,15 @@ def test_nodes_run_with_the_single_threaded_executor_of_older_distributions(grap
         graph.until(lambda: 'emergency stop' in graph.status_message('motor_driver'))
         assert node.end() == 0
         assert 'Traceback' not in node.output
+
+
+def test_a_message_that_several_subscriptions_receive_is_handled_once():
+    handled = []
+    callback = once(lambda msg, info: handled.append(msg))
+    for name, stamp, number in (('a', 1, 1), ('a again', 1, 1), ('b', 1, 2), ('c', 2, 1),
+                                ('a late', 1, 1), ('d', 3, None), ('d again', 3, None)):
+        callback(name, {'source_timestamp': stamp, 'publication_sequence_number': number})
+    assert handled == ['a', 'b', 'c', 'd']
 
 
 def test_message_class_returns_the_class_of_a_type_name():
