@@ -53,8 +53,8 @@ def traction_figure(runs: Sequence[TractionRun]) -> Figure:
     for i, result in enumerate(runs):
         part = _scored_part(result)
         name = 'with' if result.scenario.traction else 'without'
-        axes[f'slip_{i}'].set(title=f'{result.scenario.title}, {result.scenario.wheel_rate:g} Hz, '
-                                    f'{name} traction control')
+        axes[f'slip_{i}'].set_title(f'{result.scenario.title}\n{result.scenario.wheel_rate:g} Hz, '
+                                    f'{name} traction control', fontsize='medium')
         _draw_slip(axes[f'slip_{i}'], part)
         _draw_circle(axes[f'circle_{i}'], part)
         _draw_path(axes[f'path_{i}'], part)
@@ -81,12 +81,12 @@ def _draw_slip(axes: Axes, part: TractionHistory) -> None:
                   label='critical, least load' if sign > 0.0 else None)
     axes.set(xlabel='time since the command [s]', ylabel='longitudinal slip [-]',
              ylim=(-SHOWN_SLIP, SHOWN_SLIP))
-    axes.legend(fontsize='small', ncols=2)
 
 
 def _draw_circle(axes: Axes, part: TractionHistory) -> None:
     f_x, f_y = part.forces
-    limit = np.maximum(part.friction * part.load, 1e-6)
+    turning = np.abs(part.rolling) > MIN_ROLLING_SPEED  # at standstill forces are vibration
+    limit = np.where(turning, np.maximum(part.friction * part.load, 1e-6), np.nan)
     axes.plot(np.cos(CIRCLE), np.sin(CIRCLE), color='black', linewidth=0.8)
     for i in range(len(WHEELS)):
         axes.plot((f_y / limit)[::POINT_STEP, i], (f_x / limit)[::POINT_STEP, i], '.',

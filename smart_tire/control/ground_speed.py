@@ -23,6 +23,7 @@ from smart_tire.samples import NS_PER_S, Odometry
 
 MIN_INTERVAL_NS = 4_000_000    # between estimates whose difference is an acceleration
 MAX_INTERVAL_NS = 200_000_000  # larger gaps restart the acceleration
+STANDSTILL_SPEED = 0.03        # m/s, of estimates at standstill, at most
 CLOCK_JUMP_NS = NS_PER_S       # timestamps that go back by more are those of a new clock
 
 
@@ -58,6 +59,11 @@ class GroundSpeed:
     def stamp_ns(self) -> int | None:
         """Return the timestamp of the latest estimate, None without any."""
         return None if self._latest is None else self._latest.stamp_ns
+
+    @property
+    def v_x(self) -> float:
+        """Return the latest forward speed [m/s], 0 without an estimate."""
+        return 0.0 if self._latest is None else self._latest.linear[0]
 
     def update(self, odometry: Odometry, time_constant: float) -> bool:
         """
@@ -120,6 +126,6 @@ class GroundSpeed:
         acceleration = weight * onset.acceleration + (1.0 - weight) * measured
         change = (acceleration * expected_time + measured * (horizon - expected_time))
         later = v_x + change
-        if later * v_x < 0.0 and change * v_x < 0.0:
+        if later * v_x < 0.0 and abs(v_x) > STANDSTILL_SPEED:
             later = 0.0
         return Motion(later, v_y, self._latest.angular[2], acceleration)

@@ -38,6 +38,10 @@ MAX_ACCELERATION = GRAVITY  # m/s2, of the robot on ground of unknown friction
 MAX_PERIOD = 0.1            # s, of the controller
 RESISTANCE = 0.2            # -, rolling resistance and slope that add to friction, at most
 MIN_SHARE = 0.5             # of a slip limit that remains for the longitudinal slip
+# change of the lag of the wheels at a stop, at standstill and from BRAKING_SPEED on: the force of
+# the tires, of which the drive compensates a share, is that of a start at a smaller slope of the
+# wheel speeds; at low speeds an error of the prediction is a large slip
+BRAKING_LAG, BRAKING_SPEED = (-0.4, 0.5), 1.6  # -, m/s
 LEAD_PERIODS = 1.0          # periods from a set point to the mean wheel speed it causes
 MIN_EXCESS = 0.1            # m/s, sum of wanted minus limited rolling speeds that is an onset
 
@@ -118,7 +122,7 @@ class TractionControl:
                          sides: Sides) -> tuple[Four, Four]:
         """Return limited rolling speeds [m/s], and the slip limits [-]."""
         motion = self._motion.predicted(
-            now_ns, LEAD_PERIODS * period + self.params.lead + self.wheel_lag, self._onset,
+            now_ns, LEAD_PERIODS * period + self.params.lead + self._lag(), self._onset,
             _acceleration_bound(sides))
         assert motion is not None  # else it was inactive
         limits = slip_limits(sides, self._loads(motion), self._slip_sigma, self.params)
@@ -128,12 +132,21 @@ class TractionControl:
             in zip(self._within(wanted, motion, limits), wanted, self._held))
         return (a, b, c, d), limits
 
+    def _lag(self) -> float:
+        """Return the lag [s] of the wheels after their set points."""
+        v_x = self._motion.v_x
+        if self._direction * v_x >= 0.0:
+            return self.wheel_lag
+        slow, fast = BRAKING_LAG
+        return self.wheel_lag * (
+            1.0 + slow + (fast - slow) * min(abs(v_x) / BRAKING_SPEED, 1.0))
+
     def _begins(self, excess: float, now_ns: int, sides: Sides) -> bool:
         """Return whether the robot begins to accelerate or to brake at the limit."""
         direction = (excess > MIN_EXCESS) - (excess < -MIN_EXCESS)
         begins = direction not in (0, self._direction)
         if begins:
-            friction = _low_friction(sides, self.params)
+            friction = _expected_friction(sides, self.params)
             self._onset = Onset(now_ns, direction * GRAVITY * friction,
                                 self.params.acceleration_filter + self.wheel_lag)
         self._direction = direction
@@ -217,9 +230,8 @@ def _acceleration_bound(sides: Sides) -> float:
     return GRAVITY * (max(known) + RESISTANCE) if known else MAX_ACCELERATION
 
 
-def _low_friction(sides: Sides, params: TractionParams) -> float:
-    """Return the friction [-] assumed: lower bound of the lower side."""
-    bounds = [one.friction.value - params.sigmas * one.friction.sigma
-              for one in sides if one is not None]
-    known = [max(bound, 0.0) for bound in bounds if math.isfinite(bound)]
+def _expected_friction(sides: Sides, params: TractionParams) -> float:
+    """Return the friction [-] expected: that of the lower side."""
+    found = [one.friction.value for one in sides if one is not None]
+    known = [friction for friction in found if math.isfinite(friction)]
     return min(known) if known else params.unknown_friction

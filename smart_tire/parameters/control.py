@@ -78,7 +78,7 @@ class TractionParams:
         1.0, '-', 'standard deviations below the estimate at which friction is assumed',
         low=0.0, high=5.0, live=True)
     unknown_slip: float = param(
-        0.23, '-', 'slip limit on ground that no film has measured', low=0.02, high=0.9, live=True)
+        0.2, '-', 'slip limit on ground that no film has measured', low=0.02, high=0.9, live=True)
     unknown_friction: float = param(
         0.15, '-', 'friction coefficient expected at a start on ground that no film has measured',
         low=0.0, high=2.0, live=True)
@@ -91,7 +91,7 @@ class TractionParams:
         0.5, 'm/s2', 'deceleration of the wheels that a command to stop causes on any ground',
         low=0.1, high=20.0, live=True)
     lead: float = param(
-        0.01, 's', 'delay of the wheel speeds after their set points, in addition to one period '
+        0.005, 's', 'delay of the wheel speeds after their set points, in addition to one period '
         'and the lag of the drive', low=0.0, high=0.5, live=True)
     acceleration_filter: float = param(
         0.05, 's', 'time constant of the acceleration from odom', low=0.0, high=1.0, live=True)

@@ -286,6 +286,20 @@ def test_a_start_is_expected_before_estimates_show_it():
         -0.2 * GRAVITY * 0.05 - 0.02)
 
 
+@pytest.mark.parametrize('noise', [-0.02, 0.02])
+def test_an_error_of_the_speed_at_standstill_does_not_delay_a_start(noise):
+    params = replace(PARAMS, unknown_friction=0.2, lead=0.05)
+    for command, sign in ((FAST, 1.0), (REVERSE, -1.0)):
+        assert rolling(control(v_x=noise, held=0.0, params=params), command)[0] == pytest.approx(
+            sign * (0.2 * GRAVITY * 0.05 + 0.02) + noise)
+
+
+def test_the_predicted_speed_of_a_stop_does_not_change_its_sign():
+    traction = control(params=replace(PARAMS, unknown_friction=0.2, lead=0.5), v_x=0.1)
+    assert rolling(traction, STOPPED) == [0.0] * 4
+    assert rolling(traction, REVERSE) == pytest.approx([-0.02] * 4)
+
+
 def test_a_stop_ends_at_standstill_whatever_the_odometry_is():
     traction, period_ns = control(), NS_PER_S // 100
     speeds = []

@@ -24,7 +24,7 @@ from geometry_msgs.msg import Twist, TwistStamped
 import pytest
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from smart_tire.nodes.qos import latched
-from smart_tire.samples import VelocityCommand, WheelSample
+from smart_tire.samples import Odometry, VelocityCommand, WheelSample
 from std_msgs.msg import Bool
 
 pytestmark = pytest.mark.processes
@@ -257,3 +257,38 @@ def test_parameters_have_ros_descriptions(graph, controller):
     assert not described['pid.limit'].read_only
     assert described['center_of_mass'].additional_constraints == '3 values'
     assert described['reliability'].additional_constraints == 'one of reliable, best_effort'
+
+
+def switch_traction(graph, on):
+    """Switch traction control on or off with the service that ``ros2 param set`` uses."""
+    parameter = Parameter(name='traction.enabled', value=ParameterValue(
+        type=ParameterType.PARAMETER_BOOL, bool_value=on))
+    (result,) = graph.call('rcl_interfaces/srv/SetParameters', 'wheel_controller/set_parameters',
+                           parameters=[parameter]).results
+    assert result.successful
+
+
+def test_traction_control_is_switched_on_and_off_at_run_time(graph, controller):
+    """On unknown ground at 0.1 m/s set points are limited; without odom they are not."""
+    drive = driving(graph, 0.8)
+
+    def drive_with_odometry():
+        drive()
+        graph.publish('odom', Odometry(
+            time.time_ns(), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), (0.1, 0.0, 0.0),
+            (0.0, 0.0, 0.0), (0.0,) * 36, (0.0,) * 36))
+
+    wanted = 0.8 / 0.087
+    graph.until(lambda: latest(graph)[0][0] == pytest.approx(wanted), drive)
+    assert graph.value('wheel_controller', 'traction.active') == 'False'
+    switch_traction(graph, True)
+    graph.until(lambda: 0.0 < latest(graph)[0][0] < 0.5 * wanted, drive_with_odometry)
+    graph.until(lambda: graph.value('wheel_controller', 'traction.limiting') == 'True',
+                drive_with_odometry)
+    assert graph.value('wheel_controller', 'traction.reason') == ''
+    graph.until(lambda: latest(graph)[0][0] == pytest.approx(wanted), drive)
+    graph.until(lambda: 'no traction control: odom is' in graph.status_message(
+        'wheel_controller'), drive)
+    switch_traction(graph, False)
+    graph.until(lambda: graph.value('wheel_controller', 'traction.reason') == 'disabled', drive)
+    graph.until(lambda: latest(graph)[0][0] == pytest.approx(wanted), drive_with_odometry)

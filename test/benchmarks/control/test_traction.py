@@ -1,0 +1,86 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Starts and stops with the estimators in the loop: slip, distance, drift."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from benchmarks.control.traction import run, SCENARIOS, TractionHistory
+from benchmarks.control.traction_figures import traction_figure
+from benchmarks.control.traction_scoring import (
+    longest_sliding, MAX_SLIDING, scores, traction_table)
+import numpy as np
+import pytest
+
+NAMED = {scenario.name: scenario for scenario in SCENARIOS}
+
+
+def result_of(name, *, rate=100.0, traction=True, seed=104):
+    return run(replace(NAMED[name], wheel_rate=rate, traction=traction, seed=seed))
+
+
+@pytest.fixture(scope='module')
+def split():
+    """Return runs without and with traction control on ground of two sides."""
+    return [result_of('split_unknown', traction=traction) for traction in (False, True)]
+
+
+def history(rolling, v_x, step=0.01):
+    """Return a history of one wheel moving at ``v_x`` [m/s] with ``rolling`` speeds [m/s]."""
+    rolling = np.array(rolling)[:, np.newaxis]
+    time, one = step * np.arange(len(rolling)), np.ones_like(rolling)
+    return TractionHistory(time, v_x * time, 0.0 * time, 0.0 * time, v_x + 0.0 * time, rolling,
+                           v_x * one, 0.0 * one, 26.7 * one, 0.2 * one, 52.7 * one)
+
+
+def test_the_longest_time_above_critical_slip_counts():
+    sliding = [1.5] * 5 + [1.0] * 3 + [1.5] * 8 + [1.4]  # critical slip 0.304: 1.437 m/s
+    assert longest_sliding(history(sliding, 1.0)) == pytest.approx(0.08)
+    assert longest_sliding(history([0.09] * 5, 0.01)) == 0.0  # too slow to count
+
+
+@pytest.mark.parametrize('rate', [16.0, 100.0])
+def test_a_wheel_that_spins_up_on_a_slippery_patch_is_back_below_critical_slip(rate):
+    start = scores(result_of('change', rate=rate))[0]
+    assert 0.0 < start.sliding < MAX_SLIDING[rate]
+
+
+def test_a_start_on_unknown_ground_uses_most_of_the_friction():
+    start, stop = scores(result_of('slippery_unknown'))
+    assert start.distance > 0.8
+    assert stop.distance > 0.8
+
+
+def test_the_robot_drifts_far_less_than_without_traction_control(split):
+    (without, *_), (with_control, *_) = map(scores, split)
+    assert with_control.drift < 0.5 * without.drift
+    assert abs(with_control.turn) < 0.5 * abs(without.turn)
+    assert with_control.sliding < 0.5 * without.sliding
+
+
+def test_table_and_figure_show_both_runs(split):
+    found = [score for result in split for score in scores(result)]
+    assert traction_table(found).row_count == 4
+    assert len(traction_figure(split).axes) >= 6
+
+
+@pytest.mark.long
+@pytest.mark.parametrize('name', ['slippery', 'soft'])
+@pytest.mark.parametrize('rate', [16.0, 100.0])
+def test_a_start_on_measured_ground_uses_the_friction_that_is_there(name, rate):
+    start = scores(result_of(name, rate=rate))[0]
+    assert start.distance > 0.9
+    assert start.sliding < MAX_SLIDING[rate]
