@@ -53,6 +53,13 @@ def test_a_reversal_brakes_and_accelerates_each_at_its_rate(sign):
     assert speeds == pytest.approx([sign * speed for speed in (1.0, -0.5, -1.5, -2.5)])
 
 
+@pytest.mark.parametrize('sign', [1.0, -1.0])
+def test_slow_wheels_accelerate_within_the_same_limit(sign):
+    reference = SpeedReference(sign * 0.1, 0)
+    reference.advance(sign * 0.9, 0.01, 0, EXACT, LIMITS)
+    assert reference.velocity == pytest.approx(sign * 0.3)
+
+
 def test_the_reference_begins_at_the_measured_speed():
     reference, speeds = driven([5.0], start=5.0)
     assert speeds == [5.0]

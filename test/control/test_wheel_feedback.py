@@ -76,6 +76,24 @@ def test_timestamps_that_are_not_plausible_are_replaced_by_the_arrival(stamps):
     assert read([0, 60, 120], stamps=stamps).period == pytest.approx(0.06)
 
 
+@pytest.mark.parametrize(('gap', 'period'), [(1, 0.001), (1900, 1.9)])
+def test_timestamps_give_any_plausible_period(gap, period):
+    assert read([0, 60, 120], stamps=[1, 1 + gap, 1 + 2 * gap]).period == pytest.approx(period)
+
+
+def test_timestamps_closer_than_a_millisecond_are_not_plausible():
+    feedback = WheelFeedback(0.0)
+    for index in range(2):
+        feedback.add((1.0,) * 4, index * 60 * MS, 1 + index * MS // 2)
+    assert feedback.period == pytest.approx(0.06)
+
+
+def test_a_new_rate_of_the_readings_is_known_after_three_of_them():
+    times = [*range(0, 500, 10), 590, 690, 790]
+    assert read(times).period == pytest.approx(0.1)
+    assert read(times[:-1]).period == pytest.approx(0.01)
+
+
 def test_after_a_lost_reading_only_the_latest_counts_with_its_own_period():
     feedback = read([0, 10, 20, 30, 40, 70], window=0.03, speeds=[1.0] * 5 + [4.0])
     assert feedback.mean(0) == (4.0, 60 * MS - LINE_NS, 70 * MS - LINE_NS)
