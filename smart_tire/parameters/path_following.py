@@ -53,8 +53,8 @@ class FollowerParams:
     corner_angle: float = param(
         0.8, 'rad', 'corners of the path above it are turned in place', low=0.1, high=math.pi)
     align_angle: float = param(
-        0.6, 'rad', 'a direction of travel further off is corrected by turning in place, at the '
-        'begin of a segment; twice this angle while driving', low=0.05, high=1.5, live=True)
+        0.6, 'rad', 'heading error at rest that is turned in place; twice while driving',
+        low=0.05, high=1.5, live=True)
     spin_rate: float = param(
         1.0, 'rad/s', 'maximum yaw rate of turning in place', low=0.05, high=20.0, live=True)
     min_spin_rate: float = param(
@@ -81,7 +81,7 @@ class ArrivalParams:
     approach_speed: float = param(
         0.05, 'm/s', 'minimum speed before the end of a segment', low=0.001, high=1.0, live=True)
     reverse_distance: float = param(
-        0.6, 'm', 'a goal behind the robot within this distance is reached in reverse', low=0.0,
+        0.6, 'm', 'a goal behind within this distance is reached in reverse', low=0.0,
         high=100.0, live=True)
 
 
@@ -119,7 +119,7 @@ class PathCheckParams:
     odom_timeout: float = param(
         0.5, 's', 'stop if the latest odom is older', low=0.05, high=10.0, live=True)
     odom_jump: float = param(
-        0.2, 'm', 'stop if the position differs more from the one expected with the last twist',
+        0.2, 'm', 'stop if the position changes by this more than the twist explains',
         low=0.01, high=10.0, live=True)
     progress_timeout: float = param(
         5.0, 's', 'stop without progress for this long', low=0.5, high=600.0, live=True)
