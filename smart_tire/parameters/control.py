@@ -80,7 +80,7 @@ class TractionParams:
     unknown_slip: float = param(
         0.2, '-', 'slip limit on ground that no film has measured', low=0.02, high=0.9, live=True)
     unknown_friction: float = param(
-        0.15, '-', 'friction coefficient expected at a start on ground that no film has measured',
+        0.15, '-', 'friction coefficient expected at a start on unknown ground',
         low=0.0, high=2.0, live=True)
     max_slip: float = param(
         0.6, '-', 'maximum slip limit on any ground', low=0.02, high=0.9, live=True)
@@ -88,11 +88,11 @@ class TractionParams:
         0.05, 'm/s', 'sliding speed that is always allowed, for starts', low=0.01, high=1.0,
         live=True)
     min_deceleration: float = param(
-        0.5, 'm/s2', 'deceleration of the wheels that a command to stop causes on any ground',
+        0.5, 'm/s2', 'least deceleration of the wheels after a command to stop',
         low=0.1, high=20.0, live=True)
     lead: float = param(
-        0.005, 's', 'delay of the wheel speeds after their set points, in addition to one period '
-        'and the lag of the drive', low=0.0, high=0.5, live=True)
+        0.008, 's', 'delay of the wheels in addition to one period and the lag of the drive',
+        low=0.0, high=0.5, live=True)
     acceleration_filter: float = param(
         0.05, 's', 'time constant of the acceleration from odom', low=0.0, high=1.0, live=True)
     max_age: float = param(

@@ -286,6 +286,42 @@ def test_a_start_is_expected_before_estimates_show_it():
         -0.2 * GRAVITY * 0.05 - 0.02)
 
 
+@pytest.mark.parametrize('v_x, factor', [(1.6, 1.7), (0.8, 1.225), (-1.6, 1.7)])
+def test_wheels_that_brake_follow_later_the_faster_the_robot_is(v_x, factor):
+    traction = control(params=replace(PARAMS, unknown_friction=0.2), v_x=v_x)
+    traction.wheel_lag = 0.1
+    predicted = abs(v_x) - 0.2 * GRAVITY * 0.1 * factor
+    assert rolling(traction, STOPPED) == pytest.approx(
+        [math.copysign(predicted / 1.1, v_x)] * 4)
+
+
+def test_a_crossing_that_is_reported_late_counts_from_its_place():
+    """It was 0.5 s, 0.5 m before the present; the robot then drives another 0.3 m."""
+    for distance, slip in ((0.85, 0.2), (0.75, 0.1)):
+        traction = control(params=replace(PARAMS, max_distance=distance))
+        driven = [odometry(1.0, stamp_ns=NOW_NS + step * 10_000_000) for step in range(1, 81)]
+        for sample in driven[:50]:
+            traction.update_odometry(sample)
+        traction.update_friction(friction(0.4, stamp_ns=NOW_NS))
+        for sample in driven[50:]:
+            traction.update_odometry(sample)
+        assert rolling(traction, FAST, driven[-1].stamp_ns) == pytest.approx(
+            [1.0 / (1.0 - slip)] * 4, rel=1e-6)
+
+
+def test_the_robot_cannot_brake_more_than_known_friction_permits():
+    """The measured 5 m/s2 are an error of the estimate on ground of mu 0.1."""
+    traction = TractionControl(replace(PARAMS, lead=0.1), ROBOT)
+    traction.update_friction(friction(0.4, mu=0.1))
+    for step in range(41):
+        traction.update_odometry(odometry(0.4 + 0.04 * step,
+                                          stamp_ns=NOW_NS + 8_000_000 * (step - 40)))
+    traction.limit((2.1 / RADIUS,) * 4, NOW_NS)
+    predicted = 2.0 + GRAVITY * (0.1 + 0.2) * 0.1
+    late = rolling(traction, (100.0,) * 4, NOW_NS)
+    assert max(late) < predicted / (1.0 - 0.2 * 1.3)
+
+
 @pytest.mark.parametrize('noise', [-0.02, 0.02])
 def test_an_error_of_the_speed_at_standstill_does_not_delay_a_start(noise):
     params = replace(PARAMS, unknown_friction=0.2, lead=0.05)

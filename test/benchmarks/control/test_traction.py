@@ -35,7 +35,7 @@ def result_of(name, *, rate=100.0, traction=True, seed=104):
 @pytest.fixture(scope='module')
 def split():
     """Return runs without and with traction control on ground of two sides."""
-    return [result_of('split_unknown', traction=traction) for traction in (False, True)]
+    return [result_of('split_unknown', rate=16.0, traction=traction) for traction in (False, True)]
 
 
 def history(rolling, v_x, step=0.01):
