@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from benchmarks.control.scenarios import (
-    CHANGE, GROUNDS, KINEMATICS, PATHS, SAND_FIELDS, TrackingCase)
+    CHANGE, KINEMATICS, SAND_FIELDS, title, TrackingCase)
 from benchmarks.control.scoring import dense_points
 from benchmarks.control.tracking import Trace
 from benchmarks.grounds import SAND
@@ -31,22 +31,22 @@ from smart_tire.samples import WHEELS
 SAND_COLOR = '#f3e3c3'
 WHEEL_COLORS = drawing.BLUE, drawing.VERMILLION, drawing.SKY, drawing.ORANGE
 CAPTION = (
-    'Top: wanted path, pose that was followed (estimated localization) and true path of '
-    'base_link; sand is shaded. Below, over time: distance of the true position from the wanted '
+    'Top: wanted path, path of the pose that is followed, and true path of base_link; sand is '
+    'shaded. Below, over time: distance of the true position from the wanted '
     'path, magnitude of the slip of each wheel, and its tire force over the friction available '
     '(1: the whole patch slides). The same path follower and gains in all columns.')
 
 
 def tracking_figure(case: TrackingCase, traces: Mapping[str, Trace]) -> Figure:
-    """Return the figure of the runs of one path and ground, a column for each kinematics."""
-    columns = list(KINEMATICS)
+    """Return the figure of the runs of one case, a column for each kinematics."""
+    columns, run = list(KINEMATICS), title(case.name)
     figure, axes = drawing.new_figure(
         [[f'{row}_{name}' for name in columns] for row in
          ('path', 'path', 'error', 'slip', 'used')], width=13.0, height=11.0)
     for name in columns:
         trace = traces[name]
         _draw_paths(axes[f'path_{name}'], case, trace)
-        axes[f'path_{name}'].set(title=KINEMATICS[name])
+        axes[f'path_{name}'].set(title=f'{run}:\n{KINEMATICS[name]}')
         axes[f'error_{name}'].plot(trace.time, 1e3 * trace.error, color=drawing.BLUE)
         axes[f'error_{name}'].set(ylabel='tracking error [mm]', ylim=(0.0, _top(traces)))
         for i, (wheel, color) in enumerate(zip(WHEELS, WHEEL_COLORS)):
@@ -60,7 +60,6 @@ def tracking_figure(case: TrackingCase, traces: Mapping[str, Trace]) -> Figure:
             axes[f'{row}_{name}'].set_ylabel('')
     axes[f'slip_{columns[0]}'].legend(frameon=False, fontsize='small', ncols=2)
     drawing.legend_above(figure, axes[f'path_{columns[0]}'])
-    figure.suptitle(f'{PATHS[case.path][0]}, {GROUNDS[case.ground]}')
     drawing.add_caption(figure, CAPTION)
     return figure
 
@@ -72,11 +71,11 @@ def _draw_paths(ax: Axes, case: TrackingCase, trace: Trace) -> None:
     elif case.ground == SAND:
         ax.set_facecolor(SAND_COLOR)
     ax.plot(*wanted.T, color=drawing.SHADE, linewidth=3.0, alpha=0.6, label='wanted')
-    ax.plot(*trace.followed.T, color=drawing.BLUE, linewidth=1.2, label='driven, as estimated')
+    ax.plot(*trace.followed.T, color=drawing.BLUE, linewidth=1.2, label='driven, as localized')
     ax.plot(*trace.position.T, **drawing.TRUTH, label='true')
     low, high = wanted.min(axis=0) - 0.3, wanted.max(axis=0) + 0.3
     ax.set(xlabel='x [m]', ylabel='y [m]', xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-    ax.set_aspect('equal', adjustable='datalim')
+    ax.set_aspect('equal', adjustable='box')
 
 
 def _top(traces: Mapping[str, Trace]) -> float:

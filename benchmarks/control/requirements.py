@@ -32,10 +32,12 @@ def max_error(row: Mapping[str, Combined], *, concrete: bool) -> float:
     """
     Return the largest rms error [m] that is allowed for a row of the table.
 
-    With estimated localization its error is added. It is never less than ``RESOLUTION``.
+    With estimated localization its error is added, except on concrete. It is never less than
+    ``RESOLUTION``.
     """
-    share = MAX_CONCRETE_SHARE if concrete else MAX_SHARE
-    return max(share * row[IDEAL].rms + row[OURS].localization, RESOLUTION)
+    if concrete:
+        return max(MAX_CONCRETE_SHARE * row[IDEAL].rms, RESOLUTION)
+    return max(MAX_SHARE * row[IDEAL].rms + row[OURS].localization, RESOLUTION)
 
 
 def met(row: Mapping[str, Combined], *, concrete: bool) -> bool:

@@ -30,11 +30,13 @@ from typing import Any
 from benchmarks.command import accuracy_parser, run_accuracy_benchmark
 from benchmarks.control.figures import tracking_figure
 from benchmarks.control.requirements import met
-from benchmarks.control.scenarios import all_cases, ESTIMATED, KINEMATICS, title
-from benchmarks.control.tables import is_concrete, tracking_table, TRACKING_NOTES
+from benchmarks.control.scenarios import all_cases, KINEMATICS, title
+from benchmarks.control.tables import (
+    duration_table, is_concrete, TRACKING_NOTES, tracking_table)
 from benchmarks.control.tracking import run_tracking, TrackingResult
 from benchmarks.control.tracking_results import as_tree, by_case
-from benchmarks.control.traction import run, scenarios, TractionScenario
+from benchmarks.control.traction import run, scenarios, TractionRun, TractionScenario
+from benchmarks.control.traction_figures import traction_figure
 from benchmarks.control.traction_scoring import scores, traction_table, TractionScore
 from benchmarks.control.wheel_steps import Row, wheel_steps
 from benchmarks.control.wheel_tables import line_table, wheel_steps_table
@@ -44,6 +46,7 @@ from benchmarks.tables import new_console, print_all
 from rich.table import Table
 from smart_tire.analysis.summary import plain
 
+DRAWN_RATE = 16.0  # Hz, of the readings in figures of starts and stops
 WHEEL_STEPS, TRACTION = 'wheel_steps', 'traction'
 TITLES = {WHEEL_STEPS: 'wheel speed steps', TRACTION: 'starts and stops',
           **{case.name: title(case.name) for case in all_cases()}}
@@ -62,6 +65,7 @@ class Starts:
 
     scenario: TractionScenario
     scores: tuple[TractionScore, ...]
+    drawn: TractionRun | None
 
 
 Result = TrackingResult | WheelSteps | Starts
@@ -93,7 +97,7 @@ def benchmark(seeds: Sequence[int], runs: Sequence[str], out: Path, machine_name
     for one in tracking:
         if not one.score.arrived:
             print(f'{label(one)}: {one.reason or "not arrived in time"}')
-    count = _draw(tracking, out)
+    count = _draw(tracking, out) + _draw_starts(starts, out)
     rows = by_case(tracking)
     missed = [name for name, row in rows.items() if not met(row, concrete=is_concrete(name))]
     print(f'{len(tracking)} runs, {len(rows) - len(missed)} of {len(rows)} requirements met; '
@@ -104,10 +108,10 @@ def jobs(seeds: Sequence[int], runs: Sequence[str]) -> list[Job]:
     """Return the jobs of ``runs``, the longest first; the first seed is drawn."""
     found: list[Job] = [partial(run_wheel_steps, tuple(seeds))] if WHEEL_STEPS in runs else []
     if TRACTION in runs:
-        found += [partial(run_starts, scenario) for scenario in scenarios(seeds)]
+        found += [partial(run_starts, one, drawn=one.seed == seeds[0]
+                          and one.wheel_rate == DRAWN_RATE) for one in scenarios(seeds)]
     found += [
-        partial(run_tracking, case, seed,
-                traced=seed == seeds[0] and case.localization == ESTIMATED)
+        partial(run_tracking, case, seed, traced=seed == seeds[0])
         for case in all_cases() if case.name in runs for seed in seeds]
     return found
 
@@ -117,9 +121,10 @@ def run_wheel_steps(seeds: Sequence[int]) -> WheelSteps:
     return WheelSteps(tuple(wheel_steps(seeds)))
 
 
-def run_starts(scenario: TractionScenario) -> Starts:
+def run_starts(scenario: TractionScenario, *, drawn: bool) -> Starts:
     """Return the scores of the starts and stops of ``scenario``."""
-    return Starts(scenario, tuple(scores(run(scenario))))
+    result = run(scenario)
+    return Starts(scenario, tuple(scores(result)), result if drawn else None)
 
 
 def label(result: Result) -> str:
@@ -138,20 +143,33 @@ def _tables(tracking: Sequence[TrackingResult], steps: Sequence[Row],
         yield wheel_steps_table(steps)
         yield line_table()
     if tracking:
-        yield tracking_table(by_case(tracking))
+        rows = by_case(tracking)
+        yield tracking_table(rows)
+        yield duration_table(rows)
     if found:
         yield traction_table(found)
 
 
 def _draw(tracking: Sequence[TrackingResult], out: Path) -> int:
-    """Draw a figure for each path and ground; return their number."""
+    """Draw a figure for each path, ground and localization; return their number."""
     drawn = [one for one in tracking if one.trace is not None]
     cases = dict.fromkeys(replace(one.case, kinematics='') for one in drawn)
     for case in cases:
         traces = {one.case.kinematics: one.trace for one in drawn
                   if one.case.name == case.name and one.trace is not None}
-        save(tracking_figure(case, traces), out / f'{case.path}_{case.ground}.png')
+        save(tracking_figure(case, traces), out / f'{case.name}.png')
     return len(cases)
+
+
+def _draw_starts(starts: Sequence[Starts], out: Path) -> int:
+    """Draw a figure for each ground, without and with traction control; return their number."""
+    pairs: dict[str, list[TractionRun]] = {}
+    for one in starts:
+        if one.drawn is not None:
+            pairs.setdefault(one.scenario.name, []).append(one.drawn)
+    for name, runs in pairs.items():
+        save(traction_figure(runs), out / f'traction_{name}.png')
+    return len(pairs)
 
 
 def _write(path: Path, tracking: Sequence[TrackingResult], steps: Sequence[Row],

@@ -100,5 +100,4 @@ def all_cases() -> Iterator[TrackingCase]:
 def title(name: str) -> str:
     """Return the title of the cases with this name."""
     case = next(case for case in all_cases() if case.name == name)
-    return (f'{PATHS[case.path][0]}, {GROUNDS[case.ground]}, '
-            f'{case.localization} localization')
+    return f'{PATHS[case.path][0]}, {GROUNDS[case.ground]}, {case.localization} pose'

@@ -25,7 +25,7 @@ from smart_tire.analysis.metrics import rms
 from smart_tire.analysis.series import Floats
 from smart_tire.samples import NS_PER_S, Odometry, PlannedPath
 
-SPACING = 0.005        # m, of the points of the wanted path
+SPACING = 0.001        # m, of the points of the wanted path
 BACKWARD, FORWARD = 0.1, 0.5  # m along the path, in which the next projection is searched
 MATCH_NS = 5_000_000   # from an estimated to the true pose at the same time
 

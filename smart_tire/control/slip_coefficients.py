@@ -27,10 +27,10 @@ from smart_tire.models.vehicle.steady_turn import steady_turn, TurnModel
 
 FIRM_RESISTANCE = 0.01   # -, slip of a tire driving straight on firm ground
 SIGMAS = (0.08, 0.02, 0.3, 1.0)   # prior standard deviations, in the order of Coefficient
-TIMES = (30.0, 5.0, 60.0, 60.0)   # s, correlation times, likewise
-LOW = (-0.05, -0.2, 0.0, 0.0)     # limits, likewise
+TIMES = (30.0, 5.0, 60.0, 60.0)   # s, correlation times of each
+LOW = (-0.05, -0.2, 0.0, 0.0)     # limits of each
 HIGH = (0.5, 0.2, 3.0, 5.0)
-STEPS = (0.01, 0.01, 0.02, 0.02)  # of the numerical derivatives, likewise
+STEPS = (0.01, 0.01, 0.02, 0.02)  # of the numerical derivative by each
 MODEL_SIGMA = 0.03       # of a slip velocity or lateral speed, over the largest wheel speed
 INERTIA_SIGMA = 0.7      # of the slip that accelerates the body, relative
 GATE = 9.0               # normalized innovation squared that indicates another ground
@@ -123,7 +123,7 @@ class SlipCoefficients:
             moved[column] += step
             H[:, column] = (self._expected(moved, motion, thrust) - expected) / step
         if abs(motion.v_x) < 0.5 * self._model.track * abs(motion.yaw_rate):
-            # the sides move in opposite directions: resistance is not told apart from scrub
+            # the sides move in opposite directions: resistance looks like scrub
             H[:, [Coefficient.COMMON_RESISTANCE, Coefficient.RESISTANCE_STEP]] = 0.0
         scale = (abs(motion.v_x) + 0.5 * self._model.track * abs(motion.yaw_rate)
                  + max(map(abs, slip)))

@@ -233,7 +233,7 @@ def test_the_direction_of_travel_is_learned_from_the_lateral_speed(v_x, yaw_rate
     assert world.kinematics.heading_offset(v_x, 0.0) == 0.0
 
 
-def test_older_odometry_is_ignored_and_another_clock_starts_anew():
+def test_older_odometry_is_ignored_and_another_clock_discards_all():
     world = World(kinematics(), slip=(0.2, 0.2))
     world.drive(0.5, 0.0, 2.0)
     learned = world.kinematics.command(0.5, 0.0, world.now_ns)
