@@ -27,6 +27,7 @@ import numpy as np
 from smart_tire.analysis.drawing import DOTS_PER_INCH
 from smart_tire.analysis.driven_paths import driven_lines, driven_tree, PATH_TOPICS, PathLog
 from smart_tire.analysis.figures import write_figures
+from smart_tire.analysis.ground_areas import load_grounds
 from smart_tire.analysis.metrics import stamp_score
 from smart_tire.analysis.pipeline import ESTIMATES, EstimatorParams, INPUTS, TRUTHS
 from smart_tire.analysis.report import table_lines
@@ -63,7 +64,8 @@ def evaluate(bag_path: Path, params: Path, intervals: Intervals, expected: Seque
     drives = dict(zip(paths, log.driven(estimates.poses(), truth.poses())))
     if drives:
         last = list(drives.values())[-1]
-        tracking_figure(last).savefig(figures / 'tracking.png', dpi=DOTS_PER_INCH)
+        tracking_figure(last, load_grounds([params])).savefig(
+            figures / 'tracking.png', dpi=DOTS_PER_INCH)
     return plain({
         'bag': str(bag_path), 'duration_s': (end - begin) * 1e-9,
         'messages': counts,

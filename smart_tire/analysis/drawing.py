@@ -18,11 +18,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import cycle
 from textwrap import wrap
 from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
 import numpy as np
 
 from smart_tire.analysis.curves import Curve
@@ -31,6 +33,7 @@ from smart_tire.analysis.series import Floats
 # Palette of Okabe and Ito, distinguishable with color vision deficiency.
 BLUE, VERMILLION, ORANGE, SKY = '#0072b2', '#d55e00', '#e69f00', '#56b4e9'
 INK, SOFT, SHADE = '#222222', '#55626f', '#8c8c8c'
+AREA_COLORS = SKY, ORANGE, VERMILLION, BLUE
 SIDE_COLORS = {'left': BLUE, 'right': VERMILLION}
 FILM_COLORS = (BLUE, ORANGE)
 TRUTH: dict[str, Any] = {'color': INK, 'linewidth': 1.1, 'linestyle': (0, (4, 2))}
@@ -206,6 +209,15 @@ def draw_wanted(ax: Axes, paths: Sequence[Floats]) -> None:
     for number, path in enumerate(paths):
         ax.plot(*path.T, color=SHADE, linewidth=5.0, alpha=0.4, solid_capstyle='round', zorder=1.5,
                 label='wanted' if number == 0 else None)
+
+
+def draw_areas(ax: Axes, areas: Sequence[tuple[str, Floats]]) -> None:
+    """Shade areas given by name and corners (n, 2), one color per name; keep the axes' limits."""
+    colors = dict(zip(dict.fromkeys(name for name, _ in areas), cycle(AREA_COLORS)))
+    for name, corners in areas:
+        label = None if name in ax.get_legend_handles_labels()[1] else name
+        ax.add_artist(Polygon(corners, facecolor=colors[name], alpha=0.13, zorder=0.5,
+                              label=label))
 
 
 def draw_error(ax: Axes, curve: Curve, label: str, path: Path) -> None:

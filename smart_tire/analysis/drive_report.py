@@ -21,6 +21,7 @@ from pathlib import Path
 
 from smart_tire.analysis.drawing import DOTS_PER_INCH
 from smart_tire.analysis.driven_paths import driven_lines, driven_tree, PATH_TOPICS, PathLog
+from smart_tire.analysis.ground_areas import Grounds
 from smart_tire.analysis.labels import label_estimates
 from smart_tire.analysis.path_figures import path_figure
 from smart_tire.analysis.report import estimate_lines
@@ -33,12 +34,13 @@ from smart_tire.estimation.streams import ESTIMATES
 TRUTHS = ('ground_truth/odom', 'ground_truth/wheel_slip', 'ground_truth/tire_friction')
 
 
-def evaluate_drive(bag_path: Path, name: str, figure: Path) -> Tree:
+def evaluate_drive(bag_path: Path, name: str, figure: Path,
+                   grounds: Grounds | None = None) -> Tree:
     """
     Return the summary of a drive and draw its ``figure``.
 
     The figure shows the last path that was followed, or the driven path alone if there is none;
-    it is not drawn without poses.
+    it is not drawn without poses. ``grounds`` are those of the simulation.
     """
     estimates, truth, log = Series(), Series(), PathLog()
     with Bag(bag_path) as bag:
@@ -48,7 +50,7 @@ def evaluate_drive(bag_path: Path, name: str, figure: Path) -> Tree:
             (truth if topic in TRUTHS else estimates).add(sample)
     drives = log.driven(estimates.poses(), truth.poses())
     if drives or len(estimates.poses().stamp_ns):
-        drawn = (tracking_figure(drives[-1]) if drives
+        drawn = (tracking_figure(drives[-1], grounds) if drives
                  else path_figure(label_estimates(estimates), truth))
         drawn.savefig(figure, dpi=DOTS_PER_INCH)
     return plain({

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 
 from matplotlib.axes import Axes
@@ -50,12 +51,25 @@ def slip_figure(labeled: LabeledEstimates, truth: Series, origin_ns: int,
         draw: dict[str, Draw] = {panel_title(labeled, label, ''): partial(_draw, own)
                                  for label, own in curves.items()}
         figure, axes = overview_figure(draw, segments, panel_height=2.8)
-    every = [curve for own in curves.values() for curve in own]
+    every = [_shown(curve, intervals, origin_ns) for own in curves.values() for curve in own]
     low, high = slip_limits(every)
     next(iter(axes.values())).set_ylim(low, high)
     drawing.finish(figure, axes)
     drawing.add_caption(figure, _caption(every, low, high))
     return figure
+
+
+def _shown(curve: drawing.SlipCurve, intervals: Intervals | None,
+           origin_ns: int) -> drawing.SlipCurve:
+    """Return the part of the curve within ``intervals``, all if there are none."""
+    if not intervals:
+        return curve
+    edges = [[(edge - origin_ns) / NS_PER_S for edge in interval]
+             for several in intervals.values() for interval in several]
+    estimate, truth = (part.at_rows(np.flatnonzero(np.any(
+        [(part.time_s >= begin) & (part.time_s <= end) for begin, end in edges], axis=0)))
+        for part in (curve.estimate, curve.truth))
+    return replace(curve, estimate=estimate, truth=truth)
 
 
 def _draw(curves: Sequence[drawing.SlipCurve], ax: Axes, brief: bool) -> None:

@@ -16,30 +16,46 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from smart_tire.analysis import drawing
 from smart_tire.analysis.driven_paths import DrivenPath
+from smart_tire.analysis.ground_areas import Grounds
 from smart_tire.analysis.series import Floats
 from smart_tire.analysis.tracking import track
 
 
-def tracking_figure(drive: DrivenPath) -> Figure:
-    """Return the path in the plane, and the distance from it over the driven distance."""
+def tracking_figure(drive: DrivenPath, grounds: Grounds | None = None) -> Figure:
+    """
+    Return the path in the plane, and the distance from it over the driven distance.
+
+    ``grounds`` are shown below the path; they do not change the limits of the axes.
+    """
     figure, axes = drawing.new_figure([['path', 'error']], width=10.0, height=4.6)
     drawing.draw_wanted(axes['path'], [drive.wanted])
     has_truth = bool(len(drive.true))
     drawing.draw_path(axes['path'], [drawing.Path('driven, estimate', drive.estimated)],
                       drive.true if has_truth else None)
+    if grounds is not None:
+        drawing.draw_areas(axes['path'], [
+            (area.surface, area.corners) for area in grounds.areas])
     _draw_error(axes['error'], drive.wanted, drive.estimated, drive.true)
     drawing.legend_above(figure, axes['path'])
-    drawing.add_caption(
-        figure, 'Left: path in the frame odom' + (
-            ', ground truth aligned with the estimate where the path begins' if has_truth else '')
-        + '. Right: distance from the wanted path, positive to the left of its direction'
-        + ('; that in truth contains the error of the localization.' if has_truth else '.'))
+    drawing.add_caption(figure, ' '.join(_caption(has_truth, grounds)))
     return figure
+
+
+def _caption(has_truth: bool, grounds: Grounds | None) -> Iterator[str]:
+    """Yield the sentences of the caption."""
+    yield 'Left: path in the frame odom' + (
+        ', ground truth aligned with the estimate where the path begins.' if has_truth else '.')
+    if grounds is not None and grounds.areas:
+        yield f'Around the shaded patches: {grounds.base}.'
+    yield ('Right: distance from the wanted path, positive to the left of its direction'
+           + ('; that in truth contains the error of the localization.' if has_truth else '.'))
 
 
 def _draw_error(ax: Axes, wanted: Floats, estimated: Floats, true: Floats) -> None:

@@ -40,6 +40,7 @@ SPIN_TIME = 0.05         # s between two looks at keys, progress and signals
 SHOW_PERIOD = 0.2        # s between two updates of the dashboard
 CANCEL_TIME = 2.0        # s for the answer of cancel_path
 DISCOVERY_TIME = 3.0     # s until the nodes of a running robot are known
+REPORT_TIME = 1.5        # s, in which a controller that follows a path has reported it
 STANDSTILL_TIME = 1.0    # s that are recorded after the end of a path
 ZERO_TIME = 0.5          # s in which standstill is commanded after the keys were released
 REASON_TIME = 1.5        # s until a reason is in the diagnostics, which come once a second
@@ -69,6 +70,9 @@ class Session:
 
     def refuse_other_driver(self) -> None:
         """Raise RobotError while a path is followed: two sources of commands stop the motors."""
+        end = time.monotonic() + REPORT_TIME
+        while self.pilot.progress is None and time.monotonic() < end:
+            self.spin()
         report = self.pilot.progress
         if report is not None and report.state == State.FOLLOWING:
             raise RobotError('trajectory_controller follows a path: cancel it first (cancel_path)')

@@ -55,9 +55,11 @@ CANCEL = 'ros2 service call /cancel_path std_srvs/srv/Trigger'
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this verb."""
     kind = parser.add_mutually_exclusive_group(required=True)
-    kind.add_argument('--path', metavar='PATH',
-                      help=f'{", ".join(PATHS)}, a CSV file x,y[,yaw] in m and rad, or a bag '
-                           'whose odom is driven again; it begins at the robot, in its direction')
+    path = kind.add_argument(
+        '--path', metavar='PATH',
+        help=f'{", ".join(PATHS)}, a CSV file x,y[,yaw] in m and rad, or a bag whose odom is '
+             'driven again; it begins at the robot, in its direction')
+    path.completer = complete_path  # type: ignore[attr-defined]  # of argcomplete
     kind.add_argument('--keyboard', action='store_true',
                       help='drive by arrow keys or WASD; the robot stops when no key is held')
     parser.add_argument('--robot', action='store_true',
@@ -80,6 +82,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--view', action='store_true',
                         help='show the drive in the rerun viewer, as "smart_tire view --live"')
     add_force(parser)
+
+
+def complete_path(prefix: str, **_: object) -> list[str]:
+    """Return the names of paths and the files that begin with ``prefix``, for the shell."""
+    from argcomplete.completers import FilesCompleter
+    return [name for name in PATHS if name.startswith(prefix)] + list(FilesCompleter()(prefix))
 
 
 def run(args: argparse.Namespace) -> int:
@@ -231,8 +239,10 @@ def _teleoperate(args: argparse.Namespace, session: Session) -> bool:
 def _report(args: argparse.Namespace) -> None:
     """Evaluate the recording; write and print the summary."""
     from smart_tire.analysis.drive_report import evaluate_drive, lines
+    from smart_tire.analysis.ground_areas import load_grounds
     name = Path(args.path).name if args.path else 'keyboard'
-    summary = evaluate_drive(args.out / 'bag', name, args.out / 'path.png')
+    grounds = None if args.robot else load_grounds([args.out / FILES[0], *args.params])
+    summary = evaluate_drive(args.out / 'bag', name, args.out / 'path.png', grounds)
     (args.out / 'summary.json').write_text(json.dumps(summary, indent=2) + '\n', encoding='utf-8')
     print('\n'.join(lines(summary)))
     print(f'bag, path.png and summary.json are in {args.out}/')

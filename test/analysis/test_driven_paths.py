@@ -22,12 +22,14 @@ import numpy as np
 import pytest
 
 from smart_tire.analysis.driven_paths import driven_lines, driven_tree, PathLog
+from smart_tire.analysis.ground_areas import grounds_of
 from smart_tire.analysis.html_report.motion_figures import path_figure as html_path_figure
 from smart_tire.analysis.offline import analyze
 from smart_tire.analysis.pipeline import EstimatorParams
 from smart_tire.analysis.series import Series
 from smart_tire.analysis.tracking_figures import tracking_figure
 from smart_tire.control.trajectory_control import State
+from smart_tire.parameters import build, SimulatorParams
 from smart_tire.rotation import quaternion
 from smart_tire.samples import NAN, NS_PER_S, Odometry, PathProgress, PlannedPath
 
@@ -149,3 +151,17 @@ def test_the_figure_shows_wanted_driven_and_true_path():
     assert labels == ['wanted', 'driven, estimate', 'truth', 'start']
     assert error.lines[0].get_ydata()[-1] == pytest.approx(0.1, abs=1e-6)
     assert error.lines[1].get_ydata()[-1] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_the_ground_is_shown_in_the_frame_of_the_start_without_changing_the_axes():
+    params = build(SimulatorParams, {'start': [1.0, 0.0, math.pi / 2]})
+    grounds = grounds_of(params)
+    assert grounds.base == 'sand' and [area.surface for area in grounds.areas] == ['concrete']
+    # the robot looks along y of the world: its x is 3 m to the border, its y 4 m (x = -3)
+    corners = grounds.areas[0].corners
+    assert corners.max(axis=0) == pytest.approx([3.0, 4.0])
+    assert corners.min(axis=0) == pytest.approx([-3.0, -2.0])
+    [drive] = log(*FOLLOWED).driven(poses(y=0.1), poses())
+    plain, shaded = tracking_figure(drive), tracking_figure(drive, grounds)
+    assert plain.axes[0].get_xlim() == shaded.axes[0].get_xlim()
+    assert 'concrete' in shaded.axes[0].get_legend_handles_labels()[1]

@@ -108,6 +108,16 @@ def test_each_interval_has_a_slip_panel():
     assert [ax.get_xlim() for ax in figure.axes] == [(0.0, 1.0), (1.0, 2.0), (2.0, 3.0)]
 
 
+def test_the_slip_axis_is_that_of_the_intervals():
+    spinning = driven()
+    for k in range(100):
+        spinning.add(WheelSlip(ns(4.0 + 0.01 * k), (0.9,) * 4, (0.0,) * 4, (0.02,) * 4))
+    labeled, intervals = label_estimates(spinning), {'concrete': [(ns(0.0), ns(1.0))]}
+    high = {name: figures.slip_figure(labeled, Series(), EPOCH, chosen).axes[0].get_ylim()[1]
+            for name, chosen in (('all', None), ('interval', intervals))}
+    assert high['all'] > 0.9 and high['interval'] < 0.3
+
+
 def test_filtered_and_smoothed_estimates_are_both_drawn():
     labeled, truth = label_estimates(driven(), driven()), driven()
     slip, friction = (draw(labeled, truth, EPOCH)

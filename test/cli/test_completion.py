@@ -53,6 +53,8 @@ def test_all_verbs_are_offered(tmp_path):
     ('smart_tire identify motor --li', {'--lifted'}),
     ('smart_tire analyze my_b', {'my_bag/'}),
     ('smart_tire analyze my_bag --params rob', {'robot.yaml'}),
+    ('smart_tire drive --path figure', {'figure_eight'}),
+    ('smart_tire drive --path my_', {'my_bag/'}),
     ('smart_tire topics wheel_s', {'wheel_slip', 'wheel_states'})])
 def test_options_kinds_files_and_topics_are_completed(line, offered, tmp_path):
     (tmp_path / 'my_bag').mkdir()

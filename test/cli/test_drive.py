@@ -106,8 +106,9 @@ def dashboard():
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch):
-    """Do not wait for standstill."""
-    monkeypatch.setattr(_drive_session, 'STANDSTILL_TIME', 0.0)
+    """Do not wait for standstill, nor for a report that does not come."""
+    for name in ('STANDSTILL_TIME', 'REPORT_TIME'):
+        monkeypatch.setattr(_drive_session, name, 0.0)
 
 
 def session_of(pilot, stopped=None):
