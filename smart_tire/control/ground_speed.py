@@ -80,7 +80,7 @@ class GroundSpeed:
             latest = self._anchor = None
         if latest is not None:
             elapsed = (odometry.stamp_ns - latest.stamp_ns) / NS_PER_S
-            self.distance += abs(odometry.linear[0]) * min(elapsed, 1.0)
+            self.distance += abs(odometry.linear[0]) * elapsed
         self._latest = odometry
         self._differentiate(odometry, time_constant)
         return True

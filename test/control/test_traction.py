@@ -309,17 +309,31 @@ def test_a_crossing_that_is_reported_late_counts_from_its_place():
             [1.0 / (1.0 - slip)] * 4, rel=1e-6)
 
 
-def test_the_robot_cannot_brake_more_than_known_friction_permits():
-    """The measured 5 m/s2 are an error of the estimate on ground of mu 0.1."""
+def test_the_acceleration_is_at_most_that_of_known_friction():
+    """The estimated 5 m/s2 are an error on ground of mu 0.1."""
     traction = TractionControl(replace(PARAMS, lead=0.1), ROBOT)
-    traction.update_friction(friction(0.4, mu=0.1))
-    for step in range(41):
-        traction.update_odometry(odometry(0.4 + 0.04 * step,
-                                          stamp_ns=NOW_NS + 8_000_000 * (step - 40)))
-    traction.limit((2.1 / RADIUS,) * 4, NOW_NS)
-    predicted = 2.0 + GRAVITY * (0.1 + 0.2) * 0.1
-    late = rolling(traction, (100.0,) * 4, NOW_NS)
-    assert max(late) < predicted / (1.0 - 0.2 * 1.3)
+    for step in range(101):
+        traction.update_odometry(odometry(0.04 * step, stamp_ns=NOW_NS + 8_000_000 * step))
+        traction.update_friction(friction(0.4, mu=0.1, stamp_ns=NOW_NS + 8_000_000 * step))
+        traction.limit((100.0,) * 4, NOW_NS + 8_000_000 * step)
+    rear = rolling(traction, (100.0,) * 4, NOW_NS + 800_000_000)[2]
+    assert 4.0 / 0.8 < rear < (4.0 + GRAVITY * (0.1 + 0.2) * 0.1) / (1.0 - 0.2 * 1.26)
+
+
+def test_the_latest_measurement_of_a_side_holds():
+    traction = control(friction(0.2, wheel='front_left'))
+    for step in range(1, 11):
+        traction.update_odometry(odometry(1.0, stamp_ns=NOW_NS + step * 10_000_000))
+    traction.update_friction(friction(0.4, wheel='rear_left', stamp_ns=NOW_NS + 100_000_000))
+    assert rolling(traction, FAST, NOW_NS + 100_000_000) == pytest.approx(
+        [1.0 / 0.8] * 4, rel=1e-6)
+
+
+def test_a_stop_begins_at_the_set_points_from_before_the_limit_was_active():
+    traction = TractionControl(PARAMS, ROBOT)
+    traction.limit((1.0 / RADIUS,) * 4, NOW_NS)
+    traction.update_odometry(odometry(1.0))
+    assert rolling(traction, STOPPED) == pytest.approx([1.0 / 1.1] * 4)
 
 
 @pytest.mark.parametrize('noise', [-0.02, 0.02])
@@ -352,6 +366,7 @@ def test_a_stop_never_drives_against_the_motion_of_the_wheel():
     assert rolling(control(held=5.0, v_x=-1.0), STOPPED) == [0.0] * 4
     assert rolling(control(held=0.0, v_x=1.0), STOPPED) == [0.0] * 4
     assert stopping_speed(-0.3, 1.0, 0.5) == 0.0
+    assert stopping_speed(-1.5, -1.0, 0.5) == -1.0
     assert stopping_speed(0.8, -1.0, 0.5) == 0.5
 
 

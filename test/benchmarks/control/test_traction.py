@@ -82,5 +82,5 @@ def test_table_and_figure_show_both_runs(split):
 @pytest.mark.parametrize('rate', [16.0, 100.0])
 def test_a_start_on_measured_ground_uses_the_friction_that_is_there(name, rate):
     start = scores(result_of(name, rate=rate))[0]
-    assert start.distance > 0.9
+    assert start.distance > (0.93 if name == 'slippery' else 0.85)
     assert start.sliding < MAX_SLIDING[rate]
