@@ -46,7 +46,7 @@ def tracking_figure(case: TrackingCase, traces: Mapping[str, Trace]) -> Figure:
     for name in columns:
         trace = traces[name]
         _draw_paths(axes[f'path_{name}'], case, trace)
-        axes[f'path_{name}'].set(title=f'{run}:\n{KINEMATICS[name]}')
+        axes[f'path_{name}'].set_title(f'{run}:\n{KINEMATICS[name]}', fontsize='medium')
         axes[f'error_{name}'].plot(trace.time, 1e3 * trace.error, color=drawing.BLUE)
         axes[f'error_{name}'].set(ylabel='tracking error [mm]', ylim=(0.0, _top(traces)))
         for i, (wheel, color) in enumerate(zip(WHEELS, WHEEL_COLORS)):

@@ -100,8 +100,10 @@ def benchmark(seeds: Sequence[int], runs: Sequence[str], out: Path, machine_name
     count = _draw(tracking, out) + _draw_starts(starts, out)
     rows = by_case(tracking)
     missed = [name for name, row in rows.items() if not met(row, concrete=is_concrete(name))]
-    print(f'{len(tracking)} runs, {len(rows) - len(missed)} of {len(rows)} requirements met; '
-          f'{count} figures and results.json in {out}')
+    if rows:
+        print(f'path tracking: {len(tracking)} runs, {len(rows) - len(missed)} of {len(rows)} '
+              'requirements met')
+    print(f'{count} figures and results.json in {out}')
 
 
 def jobs(seeds: Sequence[int], runs: Sequence[str]) -> list[Job]:
