@@ -72,9 +72,13 @@ def test_silence_is_an_error():
 def test_the_time_is_limited_by_a_mean_speed():
     limit = EXTRA_TIME + 2.0 / MIN_MEAN_SPEED
     steps = [(float(k), State.FOLLOWING) for k in range(int(limit))]
-    assert run(*steps, (limit - 0.1, State.FOLLOWING), length=2.0) is None
+    assert run(*steps, (limit, State.FOLLOWING), length=2.0) is None
     with pytest.raises(RobotError, match='not reached within 70 s'):
         run(*steps, (limit + 0.1, State.FOLLOWING), length=2.0)
+
+
+def test_times_are_those_that_a_user_waits():
+    assert (ANSWER_TIME, SILENCE_TIME, EXTRA_TIME, MIN_MEAN_SPEED) == (3.0, 3.0, 30.0, 0.05)
 
 
 def test_the_note_omits_unknown_distances():

@@ -20,9 +20,11 @@ from contextlib import suppress
 import io
 import os
 import termios
+import time
 
 import pytest
 
+from smart_tire.cli import _keyboard
 from smart_tire.cli._keyboard import Key, Keyboard, KeyDecoder
 from smart_tire.errors import ParameterError
 
@@ -59,6 +61,12 @@ def test_a_sequence_may_be_split_anywhere():
         assert keys == [Key.FORWARD, Key.QUIT, Key.BACKWARD, Key.FASTER]
 
 
+def test_a_sequence_that_was_completed_is_not_decoded_again():
+    decoder = KeyDecoder()
+    assert decoder.feed(b'\x1b[') == [] and decoder.feed(b'A') == [Key.FORWARD]
+    assert decoder.feed(b'q') == [Key.QUIT] and decoder.feed(b'') == []
+
+
 def test_escape_before_a_letter_is_no_sequence():
     assert KeyDecoder().feed(b'\x1bw ') == [Key.FORWARD, Key.STOP]
 
@@ -66,7 +74,9 @@ def test_escape_before_a_letter_is_no_sequence():
 def test_keys_arrive_without_enter_and_are_not_echoed(terminal):
     user, stream = terminal
     with Keyboard(stream) as keyboard:
+        begin = time.monotonic()
         assert keyboard.pressed() == []
+        assert time.monotonic() - begin < 0.5  # commands are sent meanwhile
         os.write(user, b'w ')
         assert keyboard.pressed() == [Key.FORWARD, Key.STOP]
         assert keyboard.pressed() == []
@@ -90,6 +100,7 @@ def test_the_terminal_is_restored_on_every_way_out(terminal, error):
     assert settings(stream) == before
     assert inside[3] & (termios.ICANON | termios.ECHO) == 0
     assert inside[3] & termios.ISIG  # Ctrl-C interrupts
+    assert inside[0] == before[0] & ~termios.IXON  # Ctrl-S does not stop the output
     assert {inside[6][key] for key in (termios.VSUSP, termios.VQUIT)} == {b'\0'}
     os.write(user, b'\n')
     assert os.read(stream.fileno(), 100) == b'\n'
@@ -100,6 +111,18 @@ def test_a_closed_terminal_is_the_end(terminal):
     with Keyboard(stream) as keyboard:
         os.close(user)
         assert keyboard.pressed() == [Key.QUIT]
+
+
+def test_a_terminal_that_cannot_be_read_is_the_end(terminal, monkeypatch):
+    def fail(*_):
+        raise OSError(5, 'Input/output error')
+
+    user, stream = terminal
+    with Keyboard(stream) as keyboard:
+        os.write(user, b'w')
+        monkeypatch.setattr(_keyboard.os, 'read', fail)
+        assert keyboard.pressed() == [Key.QUIT]
+        monkeypatch.undo()
 
 
 def test_a_pipe_is_refused():

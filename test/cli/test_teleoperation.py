@@ -21,7 +21,7 @@ import pytest
 from smart_tire.cli._keyboard import Key
 from smart_tire.cli._teleoperation import (
     ACCELERATION, BRAKING, FIRST_HOLD, MAX_SCALE, MIN_SCALE, REPEAT_HOLD, STEP_FACTOR,
-    Teleoperation, YAW_RATE)
+    Teleoperation, YAW_BRAKING, YAW_RATE)
 
 PERIOD = 0.05  # s
 SPEED = 0.3    # m/s
@@ -51,6 +51,25 @@ class Hand:
         self.pilot.press(key, self.time)
         self.wait(min(delay, seconds))
         return self.wait(max(seconds - delay, 0.0), repeat=key)
+
+
+def test_times_and_limits_are_those_of_the_document():
+    assert (FIRST_HOLD, REPEAT_HOLD, STEP_FACTOR) == (0.75, 0.3, 1.1)
+    assert (BRAKING, YAW_BRAKING) == (1.6, 6.0)
+    assert (YAW_RATE, MIN_SCALE, MAX_SCALE) == (1.2, 0.2, 3.0)
+
+
+@pytest.mark.parametrize('key', [Key.FORWARD, Key.LEFT])
+def test_a_key_is_in_force_until_its_time_is_over_not_longer(key):
+    pilot = Teleoperation(10.0)
+    pilot.step(0.0)
+    pilot.press(key, 0.0)
+    for time in (0.1, 0.2, 0.3):
+        held = max(pilot.step(time))
+    pilot.press(key, 0.3)
+    for time in (0.4, 0.5, 0.59):
+        held = max(pilot.step(time))
+    assert max(pilot.step(0.6)) < held  # exactly the time-out after a repetition
 
 
 def test_a_held_key_drives_at_the_speed_without_a_gap():
