@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 from benchmarks.control.robot_stack import StackParams
@@ -35,8 +35,11 @@ FILM = FilmParams(wheels=('front_right', 'front_left'))
 MAX_DURATION = 90.0      # s, of a run
 CALIBRATED_TRACK = 0.57  # m, effective track on concrete
 
-IDEAL, FIXED, OURS = 'ideal', 'fixed', 'ours'
-KINEMATICS = {IDEAL: 'ideal', FIXED: 'fixed effective track', OURS: 'slip-compensated'}
+IDEAL, FIXED, OURS, SHORT = 'ideal', 'fixed', 'ours', 'ideal_short'
+KINEMATICS = {IDEAL: 'ideal', FIXED: 'fixed effective track', OURS: 'slip-compensated',
+              SHORT: 'ideal, short look-ahead'}
+# s, m: the look-ahead with which the ideal kinematics track best (seeds 101, 102)
+SHORT_LOOK_AHEAD, SHORT_MIN_LOOK_AHEAD = 0.35, 0.18
 TRUE, ESTIMATED = 'true', 'estimated'
 CHANGE = 'change'
 GROUNDS = {CONCRETE: 'concrete', SAND: 'sand', CHANGE: 'concrete with sand'}
@@ -71,14 +74,18 @@ class TrackingCase:
         return self._scenario().simulator(seed)
 
     def stack(self) -> StackParams:
-        """Return the parameters of the software; gains are the same for all kinematics."""
+        """Return the parameters of the software; gains are the same for all but SHORT."""
         robot = self._scenario().robot
         track = CALIBRATED_TRACK if self.kinematics == FIXED else robot.track_width
+        trajectory = TrajectoryControllerParams(
+            robot=robot, effective_track=track, slip_compensation=self.kinematics == OURS)
+        if self.kinematics == SHORT:
+            trajectory = replace(trajectory, follower=replace(
+                trajectory.follower, look_ahead_time=SHORT_LOOK_AHEAD,
+                min_look_ahead=SHORT_MIN_LOOK_AHEAD))
         return StackParams(
             EstimatorParams(SlipEstimatorParams(robot=robot),
-                            FrictionEstimatorParams(robot=robot)),
-            TrajectoryControllerParams(robot=robot, effective_track=track,
-                                       slip_compensation=self.kinematics == OURS),
+                            FrictionEstimatorParams(robot=robot)), trajectory,
             WheelControllerParams(robot=robot, effective_track=track),
             true_pose=self.localization == TRUE)
 

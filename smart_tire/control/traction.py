@@ -38,10 +38,11 @@ MAX_ACCELERATION = GRAVITY  # m/s2, of the robot on ground of unknown friction
 MAX_PERIOD = 0.1            # s, of the controller
 RESISTANCE = 0.2            # -, rolling resistance and slope that add to friction, at most
 MIN_SHARE = 0.5             # of a slip limit that remains for the longitudinal slip
-# change of the lag of the wheels at a stop, at standstill and from BRAKING_SPEED on: the force of
-# the tires, of which the drive compensates a share, is that of a start at a smaller slope of the
-# wheel speeds; at low speeds an error of the prediction is a large slip
-BRAKING_LAG, BRAKING_SPEED = (-0.25, 0.7), 1.6  # -, m/s
+# change of the lag of the wheels at a stop, at standstill and from BRAKING_SPEED on, fitted to
+# stops of the simulated robot (seeds 101 to 103): the force of the tires, of which the drive
+# compensates a share, is that of a start at a smaller slope of the wheel speeds; at low speeds an
+# error of the prediction is a large slip
+BRAKING_LAG, BRAKING_SPEED = (-1.0, 2.3), 1.6  # -, m/s
 LEAD_PERIODS = 1.0          # periods from a set point to the mean wheel speed it causes
 MIN_EXCESS = 0.1            # m/s, sum of wanted minus limited rolling speeds that is an onset
 

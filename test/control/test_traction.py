@@ -286,7 +286,7 @@ def test_a_start_is_expected_before_estimates_show_it():
         -0.2 * GRAVITY * 0.05 - 0.02)
 
 
-@pytest.mark.parametrize('v_x, factor', [(1.6, 1.7), (0.8, 1.225), (-1.6, 1.7)])
+@pytest.mark.parametrize('v_x, factor', [(1.6, 3.3), (0.8, 1.65), (-1.6, 3.3)])
 def test_wheels_that_brake_follow_later_the_faster_the_robot_is(v_x, factor):
     traction = control(params=replace(PARAMS, unknown_friction=0.2), v_x=v_x)
     traction.wheel_lag = 0.1
