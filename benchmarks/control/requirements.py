@@ -23,21 +23,17 @@ from benchmarks.control.tracking_results import Combined
 
 MAX_SHARE = 0.5           # of the error of the ideal kinematics, on sand and over changes
 MAX_CONCRETE_SHARE = 1.0  # on concrete
-# m, of the follower itself, which no kinematics reduce: it holds its position while it turns in
-# place at the corners of the square, and its other parts are straight
-RESOLUTION = 0.004
 
 
 def max_error(row: Mapping[str, Combined], *, concrete: bool) -> float:
     """
     Return the largest rms error [m] that is allowed for a row of the table.
 
-    With estimated localization its error is added, except on concrete. It is never less than
-    ``RESOLUTION``.
+    With estimated localization its error is added, except on concrete.
     """
     if concrete:
-        return max(MAX_CONCRETE_SHARE * row[IDEAL].rms, RESOLUTION)
-    return max(MAX_SHARE * row[IDEAL].rms + row[OURS].localization, RESOLUTION)
+        return MAX_CONCRETE_SHARE * row[IDEAL].rms
+    return MAX_SHARE * row[IDEAL].rms + row[OURS].localization
 
 
 def met(row: Mapping[str, Combined], *, concrete: bool) -> bool:

@@ -30,7 +30,7 @@ and maximum from the start to the end of following. The same path follower and g
 the last kinematics. ideal: r w = v -+ track / 2 * yaw rate; fixed: with the effective track
 calibrated on concrete; ours: slip-compensated; short: ideal, with the shorter look-ahead that is
 best for them. allowed: half the error of the ideal kinematics plus that of the localization where
-it is estimated, on concrete the error of the ideal kinematics; at least 4 mm.
+it is estimated, on concrete the error of the ideal kinematics.
 ! requirement missed, or not arrived (benchmarks/control/requirements.py).
 """
 

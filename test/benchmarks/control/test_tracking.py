@@ -21,7 +21,7 @@ import math
 
 from benchmarks.control import tracking
 from benchmarks.control.figures import tracking_figure
-from benchmarks.control.requirements import max_error, met, RESOLUTION
+from benchmarks.control.requirements import max_error, met
 from benchmarks.control.run import jobs, label, TITLES, TRACTION, WHEEL_STEPS
 from benchmarks.control.scenarios import (
     all_cases, CALIBRATED_TRACK, FIXED, IDEAL, KINEMATICS, OURS, SHORT, title, TrackingCase)
@@ -101,7 +101,7 @@ def row(ideal, ours, localization=0.0, arrived=1.0):
     (0.04, 0.0399, 0.0, True, True), (0.04, 0.0401, 0.0, True, False),
     (0.04, 0.0299, 0.01, False, True), (0.04, 0.0301, 0.01, False, False),
     (0.04, 0.0399, 0.01, True, True), (0.04, 0.0401, 0.01, True, False),
-    (0.002, 0.0039, 0.0, False, True), (0.002, 0.0041, 0.0, False, False)])
+    (0.002, 0.0009, 0.0, False, True), (0.002, 0.0011, 0.0, False, False)])
 def test_half_the_error_is_required_on_sand_and_no_more_on_concrete(
         ideal, ours, localization, concrete, expected):
     assert met(row(ideal, ours, localization), concrete=concrete) is expected
@@ -109,7 +109,7 @@ def test_half_the_error_is_required_on_sand_and_no_more_on_concrete(
 
 def test_a_run_that_does_not_arrive_misses_its_requirement():
     assert not met(row(0.04, 0.01, arrived=0.67), concrete=False)
-    assert max_error(row(0.001, 0.0), concrete=True) == RESOLUTION
+    assert max_error(row(0.001, 0.0), concrete=True) == 0.001
 
 
 def test_only_the_kinematics_differ_between_the_runs_of_a_case():
