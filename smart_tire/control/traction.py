@@ -41,8 +41,8 @@ MIN_SHARE = 0.5             # of a slip limit that remains for the longitudinal 
 # change of the lag of the wheels at a stop, at standstill and from BRAKING_SPEED on, fitted to
 # stops of the simulated robot (seeds 101 to 103): the force of the tires, of which the drive
 # compensates a share, is that of a start at a smaller slope of the wheel speeds; at low speeds an
-# error of the prediction is a large slip
-BRAKING_LAG, BRAKING_SPEED = (-1.0, 2.3), 1.6  # -, m/s
+# error of the prediction is a large slip, as it is on unknown ground
+BRAKING_LAG, UNKNOWN_BRAKING_LAG, BRAKING_SPEED = (-1.0, 2.3), (-1.0, 1.2), 1.6  # -, -, m/s
 LEAD_PERIODS = 1.0          # periods from a set point to the mean wheel speed it causes
 MIN_EXCESS = 0.1            # m/s, sum of wanted minus limited rolling speeds that is an onset
 
@@ -123,7 +123,7 @@ class TractionControl:
                          sides: Sides) -> tuple[Four, Four]:
         """Return limited rolling speeds [m/s], and the slip limits [-]."""
         motion = self._motion.predicted(
-            now_ns, LEAD_PERIODS * period + self.params.lead + self._lag(), self._onset,
+            now_ns, LEAD_PERIODS * period + self.params.lead + self._lag(sides), self._onset,
             _acceleration_bound(sides))
         assert motion is not None  # else it was inactive
         limits = slip_limits(sides, self._loads(motion), self._slip_sigma, self.params)
@@ -133,12 +133,12 @@ class TractionControl:
             in zip(self._within(wanted, motion, limits), wanted, self._held))
         return (a, b, c, d), limits
 
-    def _lag(self) -> float:
+    def _lag(self, sides: Sides) -> float:
         """Return the lag [s] of the wheels after their set points."""
         v_x = self._motion.v_x
         if self._direction * v_x >= 0.0:
             return self.wheel_lag
-        slow, fast = BRAKING_LAG
+        slow, fast = UNKNOWN_BRAKING_LAG if None in sides else BRAKING_LAG
         return self.wheel_lag * (
             1.0 + slow + (fast - slow) * min(abs(v_x) / BRAKING_SPEED, 1.0))
 

@@ -55,7 +55,7 @@ class PidParams:
         0.0, 's2/rad', 'duty per wheel acceleration', low=0.0, live=True)
     limit: float = param(1.0, '-', 'maximum duty', low=0.0, high=1.0, live=True)
     rate_limit: float = param(
-        20.0, '1/s', 'maximum rate of change of the duty', low=1e-2, live=True)
+        10.0, '1/s', 'maximum rate of change of the duty', low=1e-2, live=True)
     tracking_time: float = param(
         0.3, 's', 'time constant with which an integral beyond the maximum duty decays',
         low=1e-3, live=True)

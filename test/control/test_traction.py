@@ -286,13 +286,25 @@ def test_a_start_is_expected_before_estimates_show_it():
         -0.2 * GRAVITY * 0.05 - 0.02)
 
 
-@pytest.mark.parametrize('v_x, factor', [(1.6, 3.3), (0.8, 1.65), (-1.6, 3.3)])
+@pytest.mark.parametrize('v_x, factor', [(1.6, 2.2), (0.8, 1.1), (-1.6, 2.2)])
 def test_wheels_that_brake_follow_later_the_faster_the_robot_is(v_x, factor):
     traction = control(params=replace(PARAMS, unknown_friction=0.2), v_x=v_x)
     traction.wheel_lag = 0.1
     predicted = abs(v_x) - 0.2 * GRAVITY * 0.1 * factor
     assert rolling(traction, STOPPED) == pytest.approx(
         [math.copysign(predicted / 1.1, v_x)] * 4)
+
+
+def test_wheels_on_measured_ground_are_expected_to_brake_later():
+    traction = control(friction(mu=0.2), friction(mu=0.2, wheel='front_left'), v_x=1.6,
+                       params=replace(PARAMS, unknown_friction=0.2))
+    traction.wheel_lag = 0.1
+    speeds = rolling(traction, STOPPED)
+    unknown = control(v_x=1.6, params=replace(PARAMS, unknown_friction=0.2))
+    unknown.wheel_lag = 0.1
+    assert max(speeds) < min(rolling(unknown, STOPPED))
+    # braking loads the front wheels, which may slip more
+    assert speeds[0] < speeds[2]
 
 
 def test_a_crossing_that_is_reported_late_counts_from_its_place():
