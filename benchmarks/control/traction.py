@@ -139,7 +139,7 @@ class TractionHistory:
 
     @property
     def forces(self) -> tuple[Array, Array]:
-        """Return the forces (F_x, F_y) [N] of the ground on each wheel."""
+        """Return F_x and F_y [N] of the ground on each wheel."""
         return brush_force(*self.slip, self.friction, self.load, self.stiffness)
 
     def between(self, begin: float, end: float) -> TractionHistory:

@@ -67,7 +67,7 @@ class Terminal:
             self.read(REPETITION)
         return time.time()
 
-    def type(self, key):
+    def send_key(self, key):
         os.write(self._end, key)
 
     def echoes(self):
@@ -112,7 +112,7 @@ def test_keys_drive_and_the_terminal_is_restored(tmp_path):
         assert not terminal.echoes()
         released = terminal.hold(UP, 2.0)
         terminal.read(1.5)
-        terminal.type(b'q')
+        terminal.send_key(b'q')
         assert terminal.ended() == 0
         assert terminal.echoes()
         terminal.close()

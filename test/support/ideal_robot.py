@@ -127,7 +127,7 @@ class Run:
 
 
 def distances(planned, log):
-    """Return the distances (n,) of the positions in ``log`` from the polygon of a path."""
+    """Return the distance of each position in ``log`` from the polygon of a path, shape (n,)."""
     points = np.array(planned.poses)[:, :2]
     start, edge = points[:-1], np.diff(points, axis=0)
     squared = np.maximum((edge ** 2).sum(axis=1), 1e-12)

@@ -174,9 +174,9 @@ def _bias(problem: Problem, found: Solution, robot: RobotParams) -> Array:
     common, local = problem.split(found.values)
     rng, errors = np.random.default_rng(0), []
     for _ in range(REPETITIONS):
-        repeated = Problem([SegmentModel(simulated(model, common, own, problem.noise, rng), robot)
-                             for model, own in zip(problem.models, local)], robot,
-                            problem.latency_sigma)
+        models = [SegmentModel(simulated(model, common, own, problem.noise, rng), robot)
+                  for model, own in zip(problem.models, local)]
+        repeated = Problem(models, robot, problem.latency_sigma)
         repeated.noise = problem.noise
         fit = solve(repeated, found.values, REPEATED_CONVERGED)
         repeated.noise = estimated_noise(repeated, fit)
