@@ -52,9 +52,9 @@ def path_figure(estimates: Series, true_poses: Series,
         return None
     position = poses.pose[:, :2]
     rows = equidistant(position)
-    traces = [
-        {**_xy(path, 'wanted', {'color': '@ink', 'width': 5}),
-         'opacity': 0.25, 'showlegend': number == 0} for number, path in enumerate(wanted)]
+    traces = [_xy(path, 'wanted', {'color': '@ink', 'width': 5}) for path in wanted]
+    for number, trace in enumerate(traces):
+        trace.update(opacity=0.25, showlegend=number == 0)
     traces += [_ellipses(position, poses.pose_covariance),
               _xy(position[rows], 'estimate', {'color': '@blue', 'width': 2})]
     true = aligned(true_poses.poses(), poses)[1]
