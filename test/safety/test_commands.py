@@ -58,12 +58,13 @@ def test_the_wheels_stop_when_commands_end_and_stay_stopped(driving):
 
 
 def test_commands_at_a_low_rate_drive_the_wheels_without_interruption(driving):
-    since = time.monotonic()
-    end = since + 1.5
-    while time.monotonic() < end:
-        driving.command()
-        driving.hold(0.17)
-    assert driving.rig.record(since).always_driven()
+    def command_slowly():
+        end = time.monotonic() + 1.5
+        while time.monotonic() < end:
+            driving.command()
+            driving.hold(0.17)
+
+    driving.keep_driving(command_slowly)
 
 
 @pytest.mark.parametrize('v_x', [math.nan, math.inf, -math.inf, 1e308, 1e3])

@@ -96,11 +96,13 @@ def test_garbled_requests_let_the_boards_time_out(robot):
 
 
 def test_one_lost_reply_is_requested_again_without_a_stop(robot):
-    bad = int(robot.graph.value('motor_driver', 'frames_bad'))
-    since = robot.rig.fail(drop=1)
-    robot.graph.until(lambda: int(robot.graph.value('motor_driver', 'frames_bad')) > bad,
-                      robot.command)
-    assert robot.rig.record(since).always_driven()
+    def lose_a_reply():
+        bad = int(robot.graph.value('motor_driver', 'frames_bad'))
+        robot.rig.fail(drop=1)
+        robot.graph.until(lambda: int(robot.graph.value('motor_driver', 'frames_bad')) > bad,
+                          robot.command)
+
+    robot.keep_driving(lose_a_reply)
 
 
 @pytest.mark.parametrize('address', [128, 129])
@@ -141,9 +143,8 @@ def test_a_board_fault_causes_zero_duty_until_it_ends_and_commands_pause(
 
 
 def test_a_supply_at_the_limit_is_accepted(robot):
-    since = robot.rig.fail(supply={128: 105, 129: 105})
-    robot.hold(0.8, robot.command)
-    assert robot.rig.record(since).always_driven()
+    robot.rig.fail(supply={128: 105, 129: 105})
+    robot.keep_driving(lambda: robot.hold(0.8, robot.command))
 
 
 ENCODER_FAULTS = {'frozen': 'no encoder counts', 'reversed': 'encoder or motor reversed'}

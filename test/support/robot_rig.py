@@ -36,6 +36,10 @@ SPEED = 0.7      # m/s, 8 rad/s at the wheels
 COMMAND_PERIOD = 0.05  # s
 PAUSE = 0.6      # s without commands, longer than their time-out
 MIN_DRIVING_DUTY = 0.2  # of every motor while the robot counts as driving
+STARVED = 'no motor command for'  # reported by motor_driver when wheel_controller did not run
+MAX_SILENCE = 0.15  # s without bytes to the boards, whose time-out is 0.2 s
+MAX_COMMAND_GAP = 0.22  # s between velocity commands, whose time-out is 0.25 s
+ATTEMPTS = 5
 
 
 class RobotRig:
@@ -43,7 +47,7 @@ class RobotRig:
 
     def __init__(self, folder: Path, *, controller: bool = True, **driver: Any) -> None:
         self._folder, self._controller, self._driver = folder, controller, driver
-        self._commanded = 0.0
+        self._commanded, self._command_gap = 0.0, 0.0
         self.processes: dict[str, Process] = {}
 
     def __enter__(self) -> RobotRig:
@@ -75,6 +79,7 @@ class RobotRig:
         """Publish cmd_vel, at most every ``COMMAND_PERIOD``."""
         now = time.monotonic()
         if now - self._commanded >= COMMAND_PERIOD:
+            self._command_gap = max(self._command_gap, now - self._commanded)
             self._commanded = now
             self.graph.publish('cmd_vel', self.velocity(v_x, stamp_ns))
 
@@ -91,6 +96,26 @@ class RobotRig:
 
         self.hold(2.0 * COMMAND_PERIOD, lambda: self.command(v_x))  # until one is in force
         self.graph.until(driving, lambda: self.command(v_x))
+
+    def keep_driving(self, do: Callable[[], object]) -> None:
+        """
+        Call ``do``, which commands; fail if the motors had zero duty at any time meanwhile.
+
+        A stop that a process of this test caused, because the machine did not run it for 0.2 s, is
+        right and proves nothing: then, drive and call ``do`` again.
+        """
+        for _ in range(ATTEMPTS):
+            self.drive()
+            since, self._command_gap = time.monotonic(), 0.0
+            starved = self.processes['motor_driver'].output.count(STARVED)
+            do()
+            record = self.rig.record(since)
+            if record.always_driven():
+                return
+            assert (self.processes['motor_driver'].output.count(STARVED) > starved
+                    or self._command_gap > MAX_COMMAND_GAP
+                    or record.silence() > MAX_SILENCE), record.duties
+        raise AssertionError(f'a process stalled in each of {ATTEMPTS} attempts')
 
     def until_stopped(self, since: float, do: Callable[[], object] | None = None) -> float:
         """
