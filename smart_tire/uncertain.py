@@ -38,6 +38,19 @@ class Uncertain(NamedTuple):
 UNKNOWN = Uncertain(math.nan, math.inf)
 
 
+def fused(a: Uncertain, b: Uncertain) -> Uncertain:
+    """
+    Return the mean of two independent estimates, weighted by 1 / sigma^2.
+
+    >>> fused(Uncertain(1.0, 0.5), Uncertain(3.0, 0.5)).value
+    2.0
+    """
+    if min(a.sigma, b.sigma) == 0.0:
+        return a if a.sigma == 0.0 else b
+    w_a, w_b = a.sigma ** -2, b.sigma ** -2
+    return Uncertain((w_a * a.value + w_b * b.value) / (w_a + w_b), (w_a + w_b) ** -0.5)
+
+
 def weighted_mean(estimates: Sequence[Uncertain]) -> Uncertain:
     """Return the mean weighted by 1 / sigma^2, its sigma scaled by the scatter (Birge ratio)."""
     weights = [item.sigma ** -2 for item in estimates]

@@ -96,7 +96,6 @@ class RobotStack:
         elif isinstance(estimate, WheelSlip):
             self.slips.append(estimate)
             self.trajectory.update_slip(estimate)
-            self._wheels.traction.update_slip(estimate)
         elif isinstance(estimate, Friction):
             self.frictions.append(estimate)
             self.trajectory.update_friction(estimate)

@@ -38,7 +38,7 @@ from smart_tire.parameters.control import TractionParams
 from smart_tire.parameters.robot import FilmParams
 from smart_tire.parameters.simulation import GroundParams, PatchParams
 from smart_tire.samples import (
-    Four, Friction, NS_PER_S, Odometry, Sample, VelocityCommand, WheelSample, WheelSlip)
+    Four, Friction, NS_PER_S, Odometry, Sample, VelocityCommand, WheelSample)
 from smart_tire.simulation.closed_loop import run_closed_loop
 from smart_tire.simulation.plant import Plant
 
@@ -173,8 +173,6 @@ class TractionStack:
         for estimate in self._pipeline.update(sample):
             if isinstance(estimate, Odometry):
                 self.control.traction.update_odometry(estimate)
-            elif isinstance(estimate, WheelSlip):
-                self.control.traction.update_slip(estimate)
             elif isinstance(estimate, Friction):
                 self.control.traction.update_friction(estimate)
 

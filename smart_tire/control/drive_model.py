@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import math
 
 from smart_tire.models.constants import GRAVITY
@@ -40,13 +40,33 @@ class DriveModel:
     A wheel on the ground: a first-order lag with dry friction.
 
     ``J_eff dw/dt = T (d - w / w_0) - friction sign(w)`` for duty d, stall torque T and free speed
-    w_0; J_eff is the inertia of the wheel and its share of the mass of the robot.
+    w_0; J_eff is the inertia of the wheel and its share of the mass of the robot. A wheel that
+    slips near the limit of friction has its own inertia and the torque r F_x of the tire instead.
     """
 
     speed_gain: float     # s/rad, duty per wheel speed
     friction: float       # duty that overcomes the dry friction
     time_constant: float  # s, of the wheel speed on the ground
     acceleration: float   # share of the duty for accelerations, 0 to 1
+    wheel_time_constant: float = 0.01  # s, of a wheel with its own inertia only
+    stall_torque: float = 1.0          # N m, T
+
+    def slipping(self) -> DriveModel:
+        """Return the model of a wheel at the limit of friction."""
+        return replace(self, time_constant=self.wheel_time_constant, acceleration=1.0)
+
+    def slipping_deceleration(self, limit: float, torque: float) -> float:
+        """
+        Return the ``limit`` of deceleration [rad/s2] for a slipping wheel.
+
+        A limit above the deceleration that the ``torque`` [N m] of the sliding tire gives to the
+        robot is one of the torque of the motor: with its own inertia only, the wheel slows down
+        faster. A lower limit is one of the robot. (Starts keep their limit: near standstill the
+        slip depends on small errors of the speed.)
+        """
+        of_robot = self.load_speed(torque) / (self.time_constant - self.wheel_time_constant)
+        return limit * (self.time_constant / self.wheel_time_constant) if limit > of_robot else (
+            limit)
 
     def input_speed(self, before: float, after: float, dt: float) -> float:
         """
@@ -57,6 +77,10 @@ class DriveModel:
         """
         return before + (after - before) * (
             1.0 + self.acceleration * (1.0 / -math.expm1(-dt / self.time_constant) - 1.0))
+
+    def load_speed(self, torque: float) -> float:
+        """Return the input [rad/s] that makes up for a ``torque`` [N m] against the wheel."""
+        return torque / (self.stall_torque * self.speed_gain)
 
     def duty(self, input_speed: float, direction: float) -> float:
         """Return the duty for an input, and for the friction in the ``direction`` -1, 0 or 1."""
@@ -87,4 +111,4 @@ def drive_model(pid: PidParams, robot: RobotParams) -> DriveModel:
     speed_gain = pid.feed_forward + motor.viscous_friction / stall
     inertia = motor.inertia + mass * radius ** 2
     return DriveModel(speed_gain, friction / stall, inertia / (stall * speed_gain),
-                      pid.acceleration)
+                      pid.acceleration, motor.inertia / (stall * speed_gain), stall)

@@ -24,6 +24,7 @@ from smart_tire.samples import NS_PER_S, Odometry
 MIN_INTERVAL_NS = 4_000_000    # between estimates whose difference is an acceleration
 MAX_INTERVAL_NS = 200_000_000  # larger gaps restart the acceleration
 STANDSTILL_SPEED = 0.03        # m/s, of estimates at standstill, at most
+EXTRAPOLATION_SIGMA = 0.02  # m/s, of a speed: 0.2 m/s2 for 0.1 s, the age of odom and a period
 CLOCK_JUMP_NS = NS_PER_S       # timestamps that go back by more are those of a new clock
 
 
@@ -35,6 +36,7 @@ class Motion:
     v_y: float           # m/s, to the left
     yaw_rate: float      # rad/s
     acceleration: float  # m/s2, forward
+    v_x_sigma: float     # m/s
 
 
 @dataclass(frozen=True)
@@ -128,4 +130,7 @@ class GroundSpeed:
         later = v_x + change
         if later * v_x < 0.0 and abs(v_x) > STANDSTILL_SPEED:
             later = 0.0
-        return Motion(later, v_y, self._latest.angular[2], acceleration)
+        variance = self._latest.twist_covariance[0]
+        sigma = math.sqrt(variance) if 0.0 <= variance < math.inf else 0.0
+        return Motion(later, v_y, self._latest.angular[2], acceleration,
+                      math.hypot(sigma, EXTRAPOLATION_SIGMA))

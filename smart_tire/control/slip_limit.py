@@ -19,11 +19,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 import math
 
+from smart_tire.models.constants import GRAVITY
 from smart_tire.parameters.control import TractionParams
 from smart_tire.samples import Four, Friction, LEFT, RIGHT, WHEELS
-from smart_tire.uncertain import Uncertain
+from smart_tire.uncertain import fused, Uncertain
 
-MAX_RELATIVE_SIGMA = 0.5  # of the critical slip, above which it counts as unknown
+MIN_LOAD, MIN_CRITICAL_SLIP = 1e-3, 1e-3  # N, -; lower limits in denominators
+PRIOR_FRICTION_SIGMA = 0.15  # -, of the friction coefficient of unknown ground
+PRIOR_RELATIVE_SIGMA = 0.5   # of the critical slip of unknown ground
+MIN_BOUND = 0.1              # lower bound of the critical slip over its estimate, at least
 
 
 @dataclass(frozen=True)
@@ -33,6 +37,18 @@ class Measured:
     per_load: Uncertain  # 1/N, critical slip over load: 3 mu / C_x
     friction: Uncertain  # -
     distance: float      # m, traveled until then
+
+
+@dataclass(frozen=True)
+class WheelGround:
+    """Ground under one wheel."""
+
+    limit: float     # -, total slip aimed at
+    critical: float  # -, critical slip expected
+    friction: float  # N, force of a sliding wheel: mu F_z
+
+
+Sides = tuple[Measured | None, Measured | None]  # of the ground: left, right
 
 
 class GroundKnowledge:
@@ -49,15 +65,13 @@ class GroundKnowledge:
         """Add a patch crossing at a ``distance`` [m] traveled; without a result it is ignored."""
         critical, load = friction.critical_slip, friction.normal_load.value
         known = (friction.wheel in WHEELS and math.isfinite(critical.value + critical.sigma)
-                 and critical.value > 0.0 and critical.sigma >= 0.0 and load > 0.0
-                 and critical.sigma <= MAX_RELATIVE_SIGMA * critical.value)
+                 and critical.value > 0.0 and critical.sigma >= 0.0 and load > 0.0)
         if known and math.isfinite(load):
             per_load = Uncertain(critical.value / load, critical.sigma / load)
             self._measured[friction.wheel] = Measured(
                 per_load, friction.friction_coefficient, distance)
 
-    def on_sides(self, distance: float, max_distance: float) -> tuple[
-            Measured | None, Measured | None]:
+    def on_sides(self, distance: float, max_distance: float) -> Sides:
         """
         Return what is known of the ground on the left and on the right; None if unknown.
 
@@ -73,34 +87,64 @@ class GroundKnowledge:
         return left or right, right or left
 
 
-def slip_limit(critical: Uncertain, slip_sigma: float, params: TractionParams) -> float:
+def prior_critical_slip(load_share: float, params: TractionParams) -> Uncertain:
     """
-    Return the total slip [-] aimed at: a share of the critical slip, less the uncertainty.
+    Return the critical slip [-] of ground that no film has measured.
 
-    The latter is that of the critical slip and ``slip_sigma`` [-] of the present slip. The limit
-    is not below that for unknown ground, unless the estimate itself is.
+    It is the one whose limit is ``unknown_slip`` for the mean load; ``load_share`` is the load
+    over the mean.
+    """
+    mean = params.unknown_slip / (params.share * max(
+        1.0 - params.sigmas * PRIOR_RELATIVE_SIGMA, MIN_BOUND))
+    return Uncertain(load_share * mean, load_share * mean * PRIOR_RELATIVE_SIGMA)
 
-    >>> params = TractionParams(share=0.5, sigmas=1.0, unknown_slip=0.1)
-    >>> slip_limit(Uncertain(0.4, 0.06), 0.04, params)
+
+def expected_friction(ground: Measured | None, params: TractionParams) -> Uncertain:
+    """
+    Return the friction coefficient, fused with that of unknown ground.
+
+    >>> friction = Uncertain(0.2, 0.02)
+    >>> params = TractionParams(unknown_friction=0.15)
+    >>> expected_friction(Measured(friction, friction, 0.0), params).value > 0.199
+    True
+    """
+    prior = Uncertain(params.unknown_friction, PRIOR_FRICTION_SIGMA)
+    if ground is None or not math.isfinite(sum(ground.friction)):
+        return prior
+    return fused(prior, ground.friction)
+
+
+def slip_limit(critical: Uncertain, params: TractionParams) -> float:
+    """
+    Return the total slip [-] aimed at: a share of the lower bound of the critical slip.
+
+    >>> params = TractionParams(share=0.5, sigmas=1.0)
+    >>> slip_limit(Uncertain(0.4, 0.1), params)
     0.15
-    >>> slip_limit(Uncertain(0.1, 0.06), 0.04, params)
-    0.05
     """
-    target = params.share * critical.value
-    margin = params.sigmas * math.hypot(params.share * critical.sigma, slip_sigma)
-    return min(max(target - margin, min(target, params.unknown_slip)), params.max_slip)
+    bound = max(critical.value - params.sigmas * critical.sigma, MIN_BOUND * critical.value)
+    return min(params.share * bound, params.max_slip)
 
 
-def slip_limits(sides: tuple[Measured | None, Measured | None], loads: Four, slip_sigma: float,
-                params: TractionParams) -> Four:
-    """Return the total slip [-] aimed at for each wheel with its load [N]."""
-    def limit(wheel: int) -> float:
-        known = sides[wheel % 2]
+def wheel_grounds(sides: Sides, loads: Four, acceleration: float, params: TractionParams) -> tuple[
+        WheelGround, ...]:
+    """
+    Return the ground under each wheel with its load [N].
+
+    Critical slip is proportional to the load; what was measured is fused with the prior. Friction
+    is at least what the ``acceleration`` [m/s2] of the robot uses where it was not measured.
+    """
+    mean = max(sum(loads) / len(loads), MIN_LOAD)
+
+    def ground(wheel: int, load: float) -> WheelGround:
+        known, critical = sides[wheel % 2], prior_critical_slip(load / mean, params)
+        friction = expected_friction(known, params).value
         if known is None:
-            return min(params.unknown_slip, params.max_slip)
-        value, sigma = known.per_load
-        return slip_limit(Uncertain(value * loads[wheel], sigma * loads[wheel]), slip_sigma,
-                          params)
+            friction = max(friction, abs(acceleration) / GRAVITY)
+        else:
+            value, sigma = known.per_load
+            critical = fused(critical, Uncertain(value * load, sigma * load))
+        return WheelGround(slip_limit(critical, params), max(critical.value, MIN_CRITICAL_SLIP),
+                           friction * load)
 
-    a, b, c, d = map(limit, range(len(WHEELS)))
-    return a, b, c, d
+    return tuple(map(ground, range(len(WHEELS)), loads))

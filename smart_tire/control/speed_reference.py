@@ -20,6 +20,7 @@ from collections import deque
 import math
 
 from smart_tire.control.drive_model import DriveModel
+from smart_tire.control.tire_load import TireLoad
 from smart_tire.samples import NS_PER_S
 
 MAX_HISTORY_NS = 3 * NS_PER_S  # of the expected angle; more than two readings at 1 Hz
@@ -38,7 +39,8 @@ class SpeedReference:
     def __init__(self, velocity: float, now_ns: int) -> None:
         """Begin at rest or at a measured ``velocity`` [rad/s]."""
         self.velocity = velocity    # rad/s, now
-        self._input = velocity      # rad/s, of the drive model until the next step
+        self._input = velocity      # rad/s, of the drive model until the next step, without load
+        self._load, self._lag = 0.0, 1.0  # rad/s and s, of the latest step
         self._expected = velocity   # rad/s
         self._initial = velocity    # rad/s, before the first step
         self._history = deque([(now_ns, 0.0)])  # time and integral of the expected speed [rad]
@@ -49,17 +51,27 @@ class SpeedReference:
         return math.copysign(1.0, self.velocity) if self.velocity else 0.0
 
     def advance(self, set_point: float, dt: float, now_ns: int, model: DriveModel,
-                limits: tuple[float, float]) -> float:
+                limits: tuple[float, float],
+                tire: TireLoad | None = None) -> float:
         """
         Move towards the set point [rad/s]; return the input of ``model`` [rad/s] from now on.
 
         ``dt`` [s] is the length of a control period, ``limits`` are those of acceleration and
-        deceleration [rad/s2].
+        deceleration [rad/s2]. With ``tire``, the set point is at the limit of slip: as soon as the
+        wheel slips, it accelerates on its own, not with the robot.
         """
-        self._expect(now_ns, model)
-        before, self.velocity = self.velocity, _limited(self.velocity, set_point, dt, limits)
-        self._input = model.input_speed(before, self.velocity, dt)
-        return self._input
+        self._expect(now_ns)
+        before, self._load = self.velocity, 0.0
+        self.velocity = _limited(before, set_point, dt, limits)
+        if tire is not None:
+            acceleration, deceleration = limits
+            faster = _limited(before, set_point, dt, (
+                acceleration, model.slipping_deceleration(deceleration, tire.torque)))
+            if tire.slips(faster, set_point):
+                self.velocity, model = faster, model.slipping()
+                self._load = model.load_speed(tire.torque_at(faster))
+        self._input, self._lag = model.input_speed(before, self.velocity, dt), model.time_constant
+        return self._input + self._load
 
     def limit_input(self, input_speed: float) -> None:
         """
@@ -68,19 +80,19 @@ class SpeedReference:
         The expected speed then remains below the reference as that of the wheel does, and nothing
         is left to be made up for when the limit ends.
         """
-        self._input = input_speed
+        self._input = input_speed - self._load
 
     def mean(self, begin_ns: int, end_ns: int) -> float:
         """Return the mean of the expected speed [rad/s] in an interval of the past."""
         angle = self._angle(end_ns) - self._angle(begin_ns)
         return angle * NS_PER_S / (end_ns - begin_ns)
 
-    def _expect(self, now_ns: int, model: DriveModel) -> None:
+    def _expect(self, now_ns: int) -> None:
         """Advance the expected speed from the latest step to ``now_ns``."""
         last_ns, angle = self._history[-1]
         if now_ns <= last_ns:
             return
-        elapsed, lag = (now_ns - last_ns) / NS_PER_S, model.time_constant
+        elapsed, lag = (now_ns - last_ns) / NS_PER_S, self._lag
         rest = (self._expected - self._input) * math.exp(-elapsed / lag)
         angle += self._input * elapsed + lag * (self._expected - self._input - rest)
         self._expected = self._input + rest

@@ -16,21 +16,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 import math
 
 from smart_tire.control.ground_speed import GroundSpeed, Motion, Onset
 from smart_tire.control.slip_band import (
     lowered, most_held, share_within, slip_band, stopping_speed)
-from smart_tire.control.slip_limit import GroundKnowledge, Measured, slip_limits
+from smart_tire.control.slip_limit import (
+    expected_friction, GroundKnowledge, Sides, wheel_grounds, WheelGround)
+from smart_tire.control.tire_load import TireLoad
+from smart_tire.control.yaw_control import yaw_deviation, YawControl
 from smart_tire.models.constants import GRAVITY
 from smart_tire.models.vehicle.skid_steer import AXLE_SIGNS, normal_loads, SIDE_SIGNS
 from smart_tire.parameters.control import TractionParams
 from smart_tire.parameters.robot import RobotParams
-from smart_tire.samples import Four, Friction, LEFT, NS_PER_S, Odometry, RIGHT, WheelSlip
+from smart_tire.samples import Four, Friction, LEFT, NS_PER_S, Odometry, RIGHT, WHEELS
 
-Sides = tuple[Measured | None, Measured | None]  # of the ground: left, right
-
+NOT_SLIPPING = (None,) * len(WHEELS)
 AXLES = (0, 1), (2, 3)   # indices into WHEELS
 SIDES = tuple(map(float, SIDE_SIGNS))
 ENDS = tuple(map(float, AXLE_SIGNS))
@@ -38,12 +41,9 @@ MAX_ACCELERATION = GRAVITY  # m/s2, of the robot on ground of unknown friction
 MAX_PERIOD = 0.1            # s, of the controller
 RESISTANCE = 0.2            # -, rolling resistance and slope that add to friction, at most
 MIN_SHARE = 0.5             # of a slip limit that remains for the longitudinal slip
-# change of the lag of the wheels at a stop, at standstill and from BRAKING_SPEED on, fitted to
-# stops of the simulated robot (seeds 101 to 103): the force of the tires, of which the drive
-# compensates a share, is that of a start at a smaller slope of the wheel speeds; at low speeds an
-# error of the prediction is a large slip, as it is on unknown ground
-BRAKING_LAG, UNKNOWN_BRAKING_LAG, BRAKING_SPEED = (-1.0, 2.3), (-1.0, 1.2), 1.6  # -, -, m/s
+ONSET_DELAY = 0.05          # s, from an onset until the robot accelerates
 LEAD_PERIODS = 1.0          # periods from a set point to the mean wheel speed it causes
+MIN_SLIP_SHARE = 0.3        # of critical slip, down to which a wheel that was limited slips
 MIN_EXCESS = 0.1            # m/s, sum of wanted minus limited rolling speeds that is an onset
 
 
@@ -70,11 +70,12 @@ class TractionControl:
         self.state = TractionState()
         self._robot = robot
         self._ground, self._motion = GroundKnowledge(), GroundSpeed()
-        self._slip_sigma = 0.0           # -, of the side that is known least
-        self.wheel_lag = 0.0             # s, of the wheel speeds after a ramp of the set points
+        # of the latest step, for the feed-forward; None for wheels that do not slip
+        self.tires: tuple[TireLoad | None, ...] = NOT_SLIPPING
         self._onset, self._direction = Onset(), 0
         self._held: Four = (0.0, 0.0, 0.0, 0.0)  # rad/s, most that may be held while stopping
         self._ratio = 0.0                # difference over sum of the sides, latest command
+        self._yaw = YawControl(0.5 * robot.track_width / robot.yaw_inertia)
         self._limited_ns: int | None = None
         # m, between wheels that roll without longitudinal force in a turn (isotropic tires)
         self._rolling_track = robot.track_width + robot.wheelbase ** 2 / robot.track_width
@@ -86,61 +87,83 @@ class TractionControl:
                 and before_ns is not None and odometry.stamp_ns < before_ns):
             self._ground.clear()  # a new clock: another run
 
-    def update_slip(self, slip: WheelSlip) -> None:
-        """Add estimated slips with their standard deviations."""
-        known = [sigma for ratio, sigma in zip(slip.ratio, slip.sigma)
-                 if math.isfinite(ratio) and math.isfinite(sigma)]
-        self._slip_sigma = max(known, default=0.0)
-
     def update_friction(self, friction: Friction) -> None:
         """Add the friction of one patch crossing."""
         self._ground.update(friction, self._motion.distance_at(friction.stamp_ns))
 
     def limit(self, set_points: Four, now_ns: int) -> Four:
         """Return ``set_points`` [rad/s], limited at time ``now_ns``."""
-        period = self._period(now_ns)
+        period, before_tires, self.tires = self._period(now_ns), self.tires, NOT_SLIPPING
         if reason := self._inactive(now_ns):
             self._report(reason)
             self._held = set_points
+            self._yaw.reset()
             return set_points
         sides = self._ground.on_sides(self._motion.distance, self.params.max_distance)
         radius = self._robot.wheel_radius
         a, b, c, d = (radius * speed for speed in set_points)
         wanted = a, b, c, d
-        limited, limits = self._predicted_limit(wanted, now_ns, period, sides)
+        limited, motion, grounds = self._predicted_limit(wanted, now_ns, period, sides)
         if self._begins(sum(wanted) - sum(limited), now_ns, sides):
-            limited, limits = self._predicted_limit(wanted, now_ns, period, sides)
+            limited, motion, grounds = self._predicted_limit(wanted, now_ns, period, sides)
+        tires = [self._tire(*one, motion) for one in enumerate(grounds)]
+        if limited == wanted:
+            self._yaw.reset()
+        else:
+            limited = self._balanced(limited, tires, motion, now_ns, period)
+            limited = self._stopping(limited, wanted, period)
+        self.tires = tuple(
+            tire if speed != target or before is not None and target and tire.slip_share(
+                speed / radius) > MIN_SLIP_SHARE else None
+            for tire, before, speed, target in zip(tires, before_tires, limited, wanted))
         self._held = most_held(self._held, wanted, limited, self._step(period), radius)
-        self._report('', limited != wanted, min(limits), sides)
+        self._report('', limited != wanted, min(ground.limit for ground in grounds), sides)
         a, b, c, d = (speed / radius for speed in limited)
         return (a, b, c, d) if self.state.limiting else set_points
+
+    def _stopping(self, speeds: Four, wanted: Four, period: float) -> Four:
+        """Return the rolling speeds [m/s] of wheels that stop, whatever the estimates."""
+        radius, step = self._robot.wheel_radius, self._step(period)
+        a, b, c, d = (stopping_speed(speed, target, lowered(radius * held, step))
+                      for speed, target, held in zip(speeds, wanted, self._held))
+        return a, b, c, d
 
     def _step(self, period: float) -> float:
         """Return the change of speed [m/s] of a wheel that stops, whatever the estimates."""
         return self.params.min_deceleration * period
 
-    def _predicted_limit(self, wanted: Four, now_ns: int, period: float,
-                         sides: Sides) -> tuple[Four, Four]:
-        """Return limited rolling speeds [m/s], and the slip limits [-]."""
+    def _predicted_limit(self, wanted: Four, now_ns: int, period: float, sides: Sides) -> tuple[
+            Four, Motion, tuple[WheelGround, ...]]:
+        """Return limited rolling speeds [m/s], and the motion and the ground for them."""
         motion = self._motion.predicted(
-            now_ns, LEAD_PERIODS * period + self.params.lead + self._lag(sides), self._onset,
-            _acceleration_bound(sides))
+            now_ns, LEAD_PERIODS * period + self.params.lead, self._onset,
+            _acceleration_bound(sides, self.params))
         assert motion is not None  # else it was inactive
-        limits = slip_limits(sides, self._loads(motion), self._slip_sigma, self.params)
-        radius, step = self._robot.wheel_radius, self._step(period)
-        a, b, c, d = (
-            stopping_speed(speed, target, lowered(radius * held, step)) for speed, target, held
-            in zip(self._within(wanted, motion, limits), wanted, self._held))
-        return (a, b, c, d), limits
+        grounds = wheel_grounds(sides, self._loads(motion), motion.acceleration, self.params)
+        return self._within(wanted, motion, grounds), motion, grounds
 
-    def _lag(self, sides: Sides) -> float:
-        """Return the lag [s] of the wheels after their set points."""
-        v_x = self._motion.v_x
-        if self._direction * v_x >= 0.0:
-            return self.wheel_lag
-        slow, fast = UNKNOWN_BRAKING_LAG if None in sides else BRAKING_LAG
-        return self.wheel_lag * (
-            1.0 + slow + (fast - slow) * min(abs(v_x) / BRAKING_SPEED, 1.0))
+    def _tire(self, wheel: int, ground: WheelGround, motion: Motion) -> TireLoad:
+        radius = self._robot.wheel_radius
+        return TireLoad(self._free_rolling(wheel, motion) / radius, radius * ground.friction,
+                        ground.critical)
+
+    def _balanced(self, speeds: Four, tires: Sequence[TireLoad], motion: Motion, now_ns: int,
+                  period: float) -> Four:
+        """Return the rolling speeds [m/s] with less force on the side that turns the robot."""
+        if not self._direction or math.isnan(self._ratio):
+            self._yaw.reset()
+            return speeds
+        if abs(motion.v_x) < self.params.floor:  # a start is not prevented
+            return speeds
+        radius = self._robot.wheel_radius
+        commanded = 2.0 * motion.v_x * self._ratio / self._rolling_track
+        shares = self._yaw.shares(
+            yaw_deviation(motion.yaw_rate, commanded), period,
+            self._motion.age(now_ns) + period + self.params.lead,
+            0.5 * sum(tire.torque for tire in tires) / radius, self._direction)
+        a, b, c, d = (radius * tire.with_share(speed / radius, shares[i % 2])
+                      for i, (speed, tire) in enumerate(zip(speeds, tires)))
+        return a, b, c, d
 
     def _begins(self, excess: float, now_ns: int, sides: Sides) -> bool:
         """Return whether the robot begins to accelerate or to brake at the limit."""
@@ -149,7 +172,7 @@ class TractionControl:
         if begins:
             friction = _expected_friction(sides, self.params)
             self._onset = Onset(now_ns, direction * GRAVITY * friction,
-                                self.params.acceleration_filter + self.wheel_lag)
+                                self.params.acceleration_filter + ONSET_DELAY)
         self._direction = direction
         return begins
 
@@ -180,7 +203,7 @@ class TractionControl:
             motion.acceleration, motion.v_x * motion.yaw_rate, radius=robot.wheel_radius).tolist()
         return a, b, c, d
 
-    def _within(self, wanted: Four, motion: Motion, limits: Four) -> Four:
+    def _within(self, wanted: Four, motion: Motion, grounds: Sequence[WheelGround]) -> Four:
         """
         Return rolling speeds [m/s] within the limits of slip, on the commanded curve.
 
@@ -190,7 +213,7 @@ class TractionControl:
         rolling = self._rolling(wanted, motion)
         result = list(wanted)
         for axle in AXLES:
-            bands = [self._band(i, motion, limits[i]) for i in axle]
+            bands = [self._band(i, motion, grounds[i].limit) for i in axle]
             share = min(share_within(rolling[i], wanted[i], band) for i, band in zip(axle, bands))
             for i, (low, high) in zip(axle, bands):
                 speed = (wanted[i] if share == 1.0
@@ -220,19 +243,20 @@ class TractionControl:
         speed = self._free_rolling(wheel, motion)
         lateral = motion.v_y + 0.5 * ENDS[wheel] * self._robot.wheelbase * motion.yaw_rate
         lateral_slip = lateral / max(abs(speed), self.params.floor)
+        margin = motion.v_x_sigma / max(abs(speed), self.params.floor)
         slip = math.sqrt(max(limit ** 2 - lateral_slip ** 2, (MIN_SHARE * limit) ** 2))
+        slip = max(slip - margin, MIN_SHARE * limit)
         return slip_band(speed, slip, self.params.floor)
 
 
-def _acceleration_bound(sides: Sides) -> float:
+def _acceleration_bound(sides: Sides, params: TractionParams) -> float:
     """Return the largest acceleration [m/s2] that friction permits."""
-    bounds = [one.friction.value + one.friction.sigma for one in sides if one is not None]
-    known = [bound for bound in bounds if math.isfinite(bound)]
-    return GRAVITY * (max(known) + RESISTANCE) if known else MAX_ACCELERATION
+    if None in sides:
+        return MAX_ACCELERATION
+    return GRAVITY * (RESISTANCE + max(
+        sum(expected_friction(side, params)) for side in sides))
 
 
 def _expected_friction(sides: Sides, params: TractionParams) -> float:
     """Return the friction [-] expected: that of the lower side."""
-    found = [one.friction.value for one in sides if one is not None]
-    known = [friction for friction in found if math.isfinite(friction)]
-    return min(known) if known else params.unknown_friction
+    return min(expected_friction(side, params).value for side in sides)

@@ -53,7 +53,6 @@ class WheelControl:
         self._params = params
         self.traction.params = params.traction
         model = drive_model(params.pid, params.robot)
-        self.traction.wheel_lag = (1.0 - model.acceleration) * model.time_constant
         for servo in self._servos:
             servo.set_params(params, model)
 
@@ -111,8 +110,9 @@ class WheelControl:
             return set_points, STOPPED
         if not self.motors_enabled:
             self._reset()
-        a, b, c, d = (servo.update(set_point, self._feedback, dt, now_ns)
-                      for servo, set_point in zip(self._servos, set_points))
+        tires = self.traction.tires if driven and stamp_ns is not None else (None,) * 4
+        a, b, c, d = (servo.update(set_point, self._feedback, dt, now_ns, tire)
+                      for servo, set_point, tire in zip(self._servos, set_points, tires))
         return set_points, (a, b, c, d)
 
     def _reset(self) -> None:

@@ -21,6 +21,7 @@ import math
 from smart_tire.control.drive_model import drive_model, DriveModel
 from smart_tire.control.pid import Pid
 from smart_tire.control.speed_reference import SpeedReference
+from smart_tire.control.tire_load import TireLoad
 from smart_tire.control.wheel_feedback import WheelFeedback
 from smart_tire.parameters.control import WheelControllerParams
 
@@ -49,8 +50,13 @@ class WheelServo:
         self._params, self._model = params, model
         self._pid.compensate(change)
 
-    def update(self, set_point: float, feedback: WheelFeedback, dt: float, now_ns: int) -> float:
-        """Return the duty [-1, 1] for a set point [rad/s], ``dt`` [s] after the latest step."""
+    def update(self, set_point: float, feedback: WheelFeedback, dt: float, now_ns: int,
+               tire: TireLoad | None = None) -> float:
+        """
+        Return the duty [-1, 1] for a set point [rad/s], ``dt`` [s] after the latest step.
+
+        ``tire`` is given for a set point at the limit of slip.
+        """
         latest = feedback.latest
         measured = latest.velocity[self._wheel] if latest else 0.0
         if set_point == 0.0 and abs(measured) < STANDSTILL_SPEED:
@@ -61,7 +67,7 @@ class WheelServo:
             reference = self._reference = SpeedReference(measured, now_ns)
         self._input = reference.advance(
             set_point, dt, now_ns, self._model,
-            (params.max_wheel_acceleration, params.max_wheel_deceleration))
+            (params.max_wheel_acceleration, params.max_wheel_deceleration), tire)
         self._direction = reference.direction
         delay = feedback.delay(1.0 / params.rate)
         self._pid.set_gains(params.pid, self._model.limited(params.pid, delay))

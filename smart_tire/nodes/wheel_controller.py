@@ -42,7 +42,7 @@ class WheelController(SmartTireNode[WheelControllerParams]):
     Controls the wheel speeds for the velocity command in force.
 
     Subscribes to ``cmd_vel`` (or ``cmd_vel_inputs``), ``wheel_states``, ``emergency_stop_active``
-    and ``motors_enabled``; with ``traction.enabled`` also to ``odom``, ``wheel_slip`` and
+    and ``motors_enabled``; with ``traction.enabled`` also to ``odom`` and
     ``tire_friction``. Publishes ``wheel_commands``, ``motor_commands`` and ``/diagnostics``.
 
     Parameters: ``rate``, ``cmd_vel_inputs``, ``cmd_vel_priorities``, ``cmd_vel_timeouts``,
@@ -98,7 +98,6 @@ class WheelController(SmartTireNode[WheelControllerParams]):
         self._estimates_subscribed = True
         traction = self._control.traction
         for name, on_estimate in (('odom', traction.update_odometry),
-                                  ('wheel_slip', traction.update_slip),
                                   ('tire_friction', traction.update_friction)):
             self.subscribe(name, on_estimate, reliability=self.params.reliability, announced=True)
 

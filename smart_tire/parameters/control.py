@@ -55,7 +55,7 @@ class PidParams:
         0.0, 's2/rad', 'duty per wheel acceleration', low=0.0, live=True)
     limit: float = param(1.0, '-', 'maximum duty', low=0.0, high=1.0, live=True)
     rate_limit: float = param(
-        10.0, '1/s', 'maximum rate of change of the duty', low=1e-2, live=True)
+        60.0, '1/s', 'maximum rate of change of the duty', low=1e-2, live=True)
     tracking_time: float = param(
         0.3, 's', 'time constant with which an integral beyond the maximum duty decays',
         low=1e-3, live=True)
@@ -72,15 +72,15 @@ class TractionParams:
     enabled: bool = param(
         False, '-', 'limit the slip of each wheel', live=True)
     share: float = param(
-        0.7, '-', 'slip aimed at over critical slip; 0.7 uses 97 % of the friction',
+        0.97, '-', 'slip aimed at over the lower bound of the critical slip',
         low=0.1, high=1.0, live=True)
     sigmas: float = param(
-        1.0, '-', 'standard deviations below the estimate at which friction is assumed',
+        0.25, '-', 'standard deviations from the critical slip to its lower bound',
         low=0.0, high=5.0, live=True)
     unknown_slip: float = param(
-        0.2, '-', 'slip limit on ground that no film has measured', low=0.02, high=0.9, live=True)
+        0.23, '-', 'slip limit on ground that no film has measured', low=0.02, high=0.9, live=True)
     unknown_friction: float = param(
-        0.15, '-', 'friction coefficient expected at a start on unknown ground',
+        0.15, '-', 'friction coefficient of unknown ground until the robot shows more',
         low=0.0, high=2.0, live=True)
     max_slip: float = param(
         0.6, '-', 'maximum slip limit on any ground', low=0.02, high=0.9, live=True)
@@ -91,7 +91,7 @@ class TractionParams:
         0.5, 'm/s2', 'least deceleration of the wheels after a command to stop',
         low=0.1, high=20.0, live=True)
     lead: float = param(
-        0.008, 's', 'delay of the wheels in addition to one period and the lag of the drive',
+        0.006, 's', 'delay of the wheels in addition to one control period',
         low=0.0, high=0.5, live=True)
     acceleration_filter: float = param(
         0.05, 's', 'time constant of the acceleration from odom', low=0.0, high=1.0, live=True)

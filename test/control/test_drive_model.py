@@ -36,6 +36,19 @@ def test_the_model_follows_from_motor_and_mass():
     assert model.friction == pytest.approx((0.2 + 0.02 * 0.1 * 2.0 * 9.80665) / 4.0)
     assert model.time_constant == pytest.approx((0.01 + 2.0 * 0.1 ** 2) / (4.0 * 0.06))
     assert model.acceleration == 0.7
+    assert model.wheel_time_constant == pytest.approx(0.01 / (4.0 * 0.06))
+    assert model.stall_torque == 4.0
+    assert model.load_speed(0.48) == pytest.approx(2.0)
+    assert model.slipping() == replace(
+        model, time_constant=model.wheel_time_constant, acceleration=1.0)
+
+
+def test_a_deceleration_above_that_of_the_robot_is_higher_for_a_slipping_wheel():
+    model = replace(MODEL, wheel_time_constant=0.02, stall_torque=4.0)
+    of_robot = 0.8 / (4.0 * MODEL.speed_gain * (MODEL.time_constant - 0.02))
+    assert model.slipping_deceleration(1.01 * of_robot, 0.8) == pytest.approx(
+        1.01 * of_robot * MODEL.time_constant / 0.02)
+    assert model.slipping_deceleration(0.99 * of_robot, 0.8) == 0.99 * of_robot
 
 
 def test_the_duty_has_a_part_for_the_speed_and_one_for_the_friction():

@@ -21,6 +21,7 @@ import math
 import pytest
 from smart_tire.control.drive_model import DriveModel
 from smart_tire.control.speed_reference import SpeedReference
+from smart_tire.control.tire_load import TireLoad
 from smart_tire.samples import NS_PER_S
 
 LIMITS = (20.0, 40.0)  # rad/s2, of acceleration and deceleration
@@ -100,6 +101,39 @@ def test_the_speed_before_the_first_step_is_that_of_the_begin():
     assert reference.mean(-3 * DT_NS, 0) == pytest.approx(2.0)
     assert reference.mean(-DT_NS, DT_NS) == pytest.approx(
         0.5 * (2.0 + reference.mean(0, DT_NS)))
+
+
+LIGHT = DriveModel(speed_gain=0.05, friction=0.0, time_constant=0.1, acceleration=0.6,
+                   wheel_time_constant=0.02, stall_torque=4.0)
+
+
+def test_a_wheel_at_the_limit_of_slip_gets_the_torque_of_its_tire_and_its_own_inertia():
+    reference = SpeedReference(10.0, 0)
+    tire = TireLoad(speed=10.0, torque=0.5, critical_slip=0.3)
+    applied = reference.advance(11.0, DT, 0, LIGHT, LIMITS, tire)
+    assert reference.velocity == pytest.approx(11.0)
+    load = tire.torque_at(11.0) / (4.0 * 0.05)
+    assert applied == pytest.approx(load + 10.0 + 1.0 / -math.expm1(-DT / 0.02))
+    reference.limit_input(applied)
+    reference.advance(11.0, DT, DT_NS, LIGHT, LIMITS, tire)
+    assert reference.velocity == 11.0
+    reference.advance(11.0, DT, 2 * DT_NS, LIGHT, LIMITS, tire)
+    assert reference.mean(DT_NS, 2 * DT_NS) == pytest.approx(11.0)
+
+
+@pytest.mark.parametrize('torque, speed', [(0.65, 2.0), (0.63, -0.6)])
+def test_a_slipping_wheel_brakes_faster_unless_the_limit_is_that_of_the_robot(torque, speed):
+    """The tire slows the robot with torque / (4 N m * 0.05 s/rad * 0.08 s): 40 rad/s2."""
+    reference = SpeedReference(4.0, 0)
+    reference.advance(-1.0, DT, 0, LIGHT, LIMITS, TireLoad(3.5, torque, 0.3))
+    assert reference.velocity == pytest.approx(speed)
+
+
+def test_a_wheel_that_does_not_slip_yet_accelerates_with_the_robot():
+    tire = TireLoad(speed=12.0, torque=0.5, critical_slip=0.3)
+    with_tire, without = SpeedReference(10.0, 0), SpeedReference(10.0, 0)
+    assert with_tire.advance(14.0, DT, 0, LIGHT, LIMITS, tire) == without.advance(
+        14.0, DT, 0, LIGHT, LIMITS)
 
 
 def test_a_step_at_the_same_time_does_not_advance_the_expected_speed():

@@ -21,14 +21,16 @@ import math
 
 import pytest
 
+from smart_tire.control import ground_speed
 from smart_tire.control.slip_band import slip_band, stopping_speed
-from smart_tire.control.slip_limit import slip_limit
+from smart_tire.control.slip_limit import (
+    expected_friction, Measured, prior_critical_slip, slip_limit, wheel_grounds)
 from smart_tire.control.traction import TractionControl
 from smart_tire.control.wheel_control import WheelControl
 from smart_tire.models.constants import GRAVITY
 from smart_tire.parameters.control import TractionParams, WheelControllerParams
 from smart_tire.parameters.robot import RobotParams
-from smart_tire.samples import Friction, NS_PER_S, Odometry, WheelSlip
+from smart_tire.samples import Friction, NS_PER_S, Odometry
 from smart_tire.uncertain import Uncertain, UNKNOWN
 
 ROBOT = RobotParams()
@@ -40,9 +42,14 @@ NO_COVARIANCE = (0.0,) * 36
 FAST, REVERSE, STOPPED = (20.0,) * 4, (-20.0,) * 4, (0.0,) * 4
 
 
-def odometry(v_x=1.0, *, stamp_ns=NOW_NS, v_y=0.0, yaw_rate=0.0):
+@pytest.fixture(autouse=True)
+def exact_extrapolation(monkeypatch):
+    monkeypatch.setattr(ground_speed, 'EXTRAPOLATION_SIGMA', 0.0)
+
+
+def odometry(v_x=1.0, *, stamp_ns=NOW_NS, v_y=0.0, yaw_rate=0.0, sigma=0.0):
     return Odometry(stamp_ns, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), (v_x, v_y, 0.0),
-                    (0.0, 0.0, yaw_rate), NO_COVARIANCE, NO_COVARIANCE)
+                    (0.0, 0.0, yaw_rate), NO_COVARIANCE, (sigma ** 2, *NO_COVARIANCE[1:]))
 
 
 def friction(critical=0.4, sigma=0.0, *, wheel='front_right', stamp_ns=NOW_NS, load=LOAD, mu=0.0):
@@ -56,8 +63,8 @@ def control(*samples, params=PARAMS, v_x=1.0, held=None):
     traction.update_odometry(odometry(v_x))
     traction.limit((v_x / RADIUS if held is None else held,) * 4, NOW_NS)
     for sample in samples:
-        {Odometry: traction.update_odometry, Friction: traction.update_friction,
-         WheelSlip: traction.update_slip}[type(sample)](sample)
+        (traction.update_odometry if isinstance(sample, Odometry)
+         else traction.update_friction)(sample)
     return traction
 
 
@@ -136,30 +143,63 @@ def test_a_wheel_that_acceleration_relieves_gets_less_slip():
                                              rel=0.02)
 
 
-@pytest.mark.parametrize('sigma, expected', [(0.06, 0.17), (0.3, 0.1)])
-def test_an_uncertain_critical_slip_is_taken_at_its_lower_bound(sigma, expected):
-    assert slip_limit(Uncertain(0.4, sigma), 0.0, PARAMS) == pytest.approx(expected)
-    assert slip_limit(Uncertain(0.4, 0.0), 0.5 * sigma, PARAMS) == pytest.approx(expected)
-    none = replace(PARAMS, sigmas=0.0)
-    assert slip_limit(Uncertain(0.4, sigma), sigma, none) == pytest.approx(0.2)
+@pytest.mark.parametrize('sigma', [0.06, 0.3, 3.0])
+def test_an_uncertain_critical_slip_is_fused_with_the_prior_and_taken_at_its_lower_bound(sigma):
+    """Prior: 0.4 +- 0.2, whose lower bound gives the limit of unknown ground, 0.1."""
+    value = (0.4 / 0.2 ** 2 + 0.6 / sigma ** 2) / (0.2 ** -2 + sigma ** -2)
+    bound = value - (0.2 ** -2 + sigma ** -2) ** -0.5
+    traction = control(friction(0.6, sigma))
+    traction.limit(FAST, NOW_NS)
+    assert traction.state.slip_limit == pytest.approx(0.5 * bound, rel=1e-6)
 
 
-def test_a_measured_low_critical_slip_is_below_the_limit_of_unknown_ground():
-    assert slip_limit(Uncertain(0.1, 0.0), 0.0, PARAMS) == pytest.approx(0.05)
-    assert slip_limit(Uncertain(3.0, 0.0), 0.0, PARAMS) == PARAMS.max_slip
+def test_the_lower_bound_of_the_critical_slip_is_positive():
+    params = replace(PARAMS, sigmas=3.0)
+    assert slip_limit(Uncertain(0.4, 0.05), params) == pytest.approx(0.125)
+    assert slip_limit(Uncertain(0.4, 0.4), params) == pytest.approx(0.02)
+    assert prior_critical_slip(1.0, params).value == pytest.approx(2.0)
 
 
-def test_the_standard_deviation_of_the_slip_estimate_counts():
-    slip = WheelSlip(NOW_NS, (0.1,) * 4, (0.1,) * 4, (0.01, 0.04, 0.01, 0.01))
-    assert rolling(control(friction(0.4), slip), FAST) == pytest.approx([1.0 / 0.84] * 4, rel=1e-6)
-    unknown = replace(slip, ratio=(math.nan,) * 4, sigma=(1.0,) * 4)
-    assert rolling(control(friction(0.4), unknown), FAST) == pytest.approx(
-        [1.0 / 0.8] * 4, rel=1e-6)
+def test_the_limit_is_at_most_the_maximum():
+    assert slip_limit(Uncertain(3.0, 0.0), PARAMS) == PARAMS.max_slip
+
+
+def test_unknown_ground_has_the_limit_of_the_parameters_in_proportion_to_the_load():
+    for wheel, load in enumerate((0.9, 0.9, 1.1, 1.1)):
+        ground = wheel_grounds((None, None), (0.9, 0.9, 1.1, 1.1), 0.0, PARAMS)[wheel]
+        assert ground.limit == pytest.approx(0.1 * load)
+        assert ground.critical == pytest.approx(0.4 * load)
+
+
+def test_friction_is_fused_with_that_of_unknown_ground_which_the_acceleration_shows():
+    params, loads = replace(PARAMS, unknown_friction=0.15), (20.0,) * 4
+    known = Measured(Uncertain(0.01, 0.0), Uncertain(0.45, 0.15), 0.0)
+    grounds = wheel_grounds((known, None), loads, 0.0, params)
+    assert [one.friction for one in grounds] == pytest.approx([6.0, 3.0] * 2)
+    grounds = wheel_grounds((known, None), loads, -0.5 * GRAVITY, params)
+    assert [one.friction for one in grounds] == pytest.approx([6.0, 10.0] * 2)
+    assert expected_friction(
+        replace(known, friction=Uncertain(math.nan, math.inf)), params) == (0.15, 0.15)
+
+
+@pytest.mark.parametrize('v_x', [1.0, -1.0])
+def test_the_standard_deviation_of_the_speed_counts(v_x, monkeypatch):
+    limited = [abs(speed) for speed in rolling(control(odometry(
+        v_x, stamp_ns=NOW_NS + 1, sigma=0.03), v_x=v_x), FAST if v_x > 0.0 else REVERSE)]
+    assert limited == pytest.approx([1.0 / 0.93] * 4)
+    monkeypatch.setattr(ground_speed, 'EXTRAPOLATION_SIGMA', 0.04)
+    assert rolling(control(odometry(stamp_ns=NOW_NS + 1, sigma=0.03)), FAST) == pytest.approx(
+        [1.0 / 0.95] * 4)
+    assert rolling(control(odometry(stamp_ns=NOW_NS + 1, sigma=0.3)), FAST) == pytest.approx(
+        [1.0 / 0.95] * 4)  # half of the limit remains
+    for unknown in (math.nan, math.inf):
+        assert rolling(control(odometry(stamp_ns=NOW_NS + 1, sigma=unknown)), FAST) == (
+            pytest.approx([1.0 / 0.94] * 4))
 
 
 @pytest.mark.parametrize('bad', [
     friction(math.nan, math.inf), friction(0.4, math.inf), friction(-0.4), friction(0.0),
-    friction(0.4, load=math.nan), friction(0.4, load=0.0), friction(0.4, 0.21),
+    friction(0.4, load=math.nan), friction(0.4, load=0.0),
     friction(0.4, wheel='spare'), Friction(NOW_NS, 'front_left'),
     replace(friction(0.4), normal_load=UNKNOWN)])
 def test_a_crossing_without_result_leaves_the_ground_unknown(bad):
@@ -185,28 +225,47 @@ def test_each_side_has_its_ground_and_the_lower_one_decides():
     assert both.state.slip_limit == pytest.approx(0.1)
 
 
-def test_the_commanded_curve_is_kept():
-    for yaw_rate in (0.1, -0.1):
-        traction = control(odometry(1.0, stamp_ns=NOW_NS + 1, yaw_rate=yaw_rate))
-        left, right, *rear = rolling(traction, (18.0, 20.0, 18.0, 20.0))
-        assert left / right == pytest.approx(0.9)
-        assert rear == pytest.approx([left, right])
-        assert right < 1.2
+TRACK = 0.38 + 0.26 ** 2 / 0.38  # m, of wheels that roll freely in a turn
+
+
+@pytest.mark.parametrize('share', [0.6, 1.0, 1.4])
+@pytest.mark.parametrize('side', [1.0, -1.0])
+def test_the_commanded_curve_is_kept_while_the_yaw_rate_is_about_the_commanded_one(side, share):
+    yaw_rate = side * 2.0 / 19.0 / TRACK * share
+    traction = control(odometry(1.0, stamp_ns=NOW_NS + 1, yaw_rate=yaw_rate))
+    left, right, *rear = rolling(traction, (19.0 - side, 19.0 + side) * 2)
+    assert left / right == pytest.approx((19.0 - side) / (19.0 + side))
+    assert rear == pytest.approx([left, right])
+    assert max(left, right) < 1.2
 
 
 def test_a_stop_in_a_curve_keeps_the_curve_of_the_command_before():
     traction = control()
     traction.limit((11.0, 12.0, 11.0, 12.0), NOW_NS)
+    traction.update_odometry(odometry(stamp_ns=NOW_NS + 1, yaw_rate=2.0 / 23.0 / TRACK))
     left, right, *_ = rolling(traction, STOPPED)
     assert left / right == pytest.approx(11.0 / 12.0)
     assert 0.85 < left < right < 1.0
 
 
-def test_a_robot_that_yaws_by_a_disturbance_is_steered_back():
-    """Equal commands give equal wheel speeds: the faster side brakes relative to the ground."""
-    left, right, *_ = rolling(control(odometry(1.0, stamp_ns=NOW_NS + 1, yaw_rate=0.2)), FAST)
-    assert left == right
-    assert left == pytest.approx((1.0 - 0.1 * (0.38 + 0.26 ** 2 / 0.38)) / 0.9, rel=0.01)
+@pytest.mark.parametrize('command', [FAST, STOPPED, REVERSE])
+@pytest.mark.parametrize('yaw_rate', [0.2, -0.2])
+def test_a_robot_that_yaws_by_a_disturbance_is_steered_back(command, yaw_rate):
+    """The side that pushes more gets less slip, relative to its own speed over ground."""
+    v_x = -1.0 if command is REVERSE else 1.0
+    params = replace(PARAMS, unknown_friction=0.2)
+    traction = control(params=params, v_x=v_x)
+    now_ns = NOW_NS + 10_000_000
+    for _ in range(2):  # the direction is known from the second step on
+        now_ns += 10_000_000
+        traction.update_odometry(odometry(v_x, stamp_ns=now_ns, yaw_rate=yaw_rate))
+        left, right, *rear = rolling(traction, command, now_ns)
+    half = 0.5 * TRACK * yaw_rate
+    ground = v_x - half, v_x + half
+    slips = [abs(1.0 - v / speed) for v, speed in zip(ground, (left, right))]
+    pushing = 1 if (yaw_rate > 0.0) == (command is FAST) else 0
+    assert slips[pushing] < 0.6 * slips[1 - pushing]
+    assert traction.state.limiting
 
 
 def test_a_steady_turn_of_a_skid_steer_robot_is_not_limited():
@@ -265,16 +324,15 @@ def test_a_clock_that_was_set_back_is_followed_and_the_ground_unknown():
 
 
 def test_the_speed_is_extrapolated_with_the_acceleration_of_the_robot():
-    traction = TractionControl(replace(
-        PARAMS, lead=0.03, unknown_friction=1.25 / GRAVITY), ROBOT)
+    low = replace(ROBOT, center_of_mass=(0.0, 0.0, -RADIUS))  # its wheel loads do not change
+    traction = TractionControl(replace(PARAMS, lead=0.03, unknown_friction=1.25 / GRAVITY), low)
     for sample in accelerating(1.0):
         traction.update_odometry(sample)
-    traction.wheel_lag = 0.02
     assert rolling(traction, (1.05 / RADIUS,) * 4, NOW_NS + 40_000_000) == (
         pytest.approx([1.05] * 4))  # within the limit: no acceleration is expected
     speeds = rolling(traction, FAST, NOW_NS + 50_000_000)
     # the delay of one period of the controller, too
-    assert speeds == pytest.approx([(1.0 + 1.25 * (0.05 + 0.03 + 0.02 + 0.01)) / 0.9] * 4,
+    assert speeds == pytest.approx([(1.0 + 1.25 * (0.05 + 0.03 + 0.01)) / 0.9] * 4,
                                    rel=1e-3)
 
 
@@ -284,27 +342,6 @@ def test_a_start_is_expected_before_estimates_show_it():
         0.2 * GRAVITY * 0.05 + 0.02)
     assert rolling(control(v_x=0.0, params=params), REVERSE)[0] == pytest.approx(
         -0.2 * GRAVITY * 0.05 - 0.02)
-
-
-@pytest.mark.parametrize('v_x, factor', [(1.6, 2.2), (0.8, 1.1), (-1.6, 2.2)])
-def test_wheels_that_brake_follow_later_the_faster_the_robot_is(v_x, factor):
-    traction = control(params=replace(PARAMS, unknown_friction=0.2), v_x=v_x)
-    traction.wheel_lag = 0.1
-    predicted = abs(v_x) - 0.2 * GRAVITY * 0.1 * factor
-    assert rolling(traction, STOPPED) == pytest.approx(
-        [math.copysign(predicted / 1.1, v_x)] * 4)
-
-
-def test_wheels_on_measured_ground_are_expected_to_brake_later():
-    traction = control(friction(mu=0.2), friction(mu=0.2, wheel='front_left'), v_x=1.6,
-                       params=replace(PARAMS, unknown_friction=0.2))
-    traction.wheel_lag = 0.1
-    speeds = rolling(traction, STOPPED)
-    unknown = control(v_x=1.6, params=replace(PARAMS, unknown_friction=0.2))
-    unknown.wheel_lag = 0.1
-    assert max(speeds) < min(rolling(unknown, STOPPED))
-    # braking loads the front wheels, which may slip more
-    assert speeds[0] < speeds[2]
 
 
 def test_a_crossing_that_is_reported_late_counts_from_its_place():
@@ -372,6 +409,55 @@ def test_a_stop_ends_at_standstill_whatever_the_odometry_is():
     assert speeds == sorted(speeds, reverse=True)
     assert speeds[-1] == 0.0
     assert speeds[150] > 0.0
+
+
+@pytest.mark.parametrize('yaw_rate', [0.5, -0.5])
+def test_a_start_is_not_prevented_by_a_yaw_rate(yaw_rate):
+    level = replace(ROBOT, track_width=0.001, wheelbase=1e-6)  # rolls at v_x on both sides
+    traction = TractionControl(PARAMS, level)
+    for step in range(100):
+        traction.update_odometry(
+            odometry(0.0, stamp_ns=NOW_NS + step * 10_000_000, yaw_rate=yaw_rate))
+        speeds = rolling(traction, FAST, NOW_NS + step * 10_000_000)
+    assert speeds == pytest.approx([0.02] * 4, abs=1e-3)
+
+
+@pytest.mark.parametrize('yaw_rate', [0.0, 0.5, -0.5])
+def test_a_stop_ends_at_standstill_whatever_the_yaw_rate_is(yaw_rate):
+    traction, period_ns = control(), NS_PER_S // 100
+    for step in range(1, 301):
+        traction.update_odometry(
+            odometry(1.0, stamp_ns=NOW_NS + step * period_ns, yaw_rate=yaw_rate))
+        speeds = rolling(traction, STOPPED, NOW_NS + step * period_ns)
+    assert speeds == [0.0] * 4
+    assert traction.tires == (None,) * 4
+
+
+def test_wheels_have_the_load_of_their_tires_from_the_limit_until_they_hardly_slip():
+    traction = control(params=replace(PARAMS, unknown_friction=0.2))
+    assert traction.tires == (None,) * 4
+    traction.limit((1.05 / RADIUS,) * 4, NOW_NS)
+    assert traction.tires == (None,) * 4  # within the limit from the beginning
+    traction.limit(FAST, NOW_NS)
+    load = traction.tires[2]
+    assert load.speed == pytest.approx(1.0 / RADIUS)
+    assert load.torque == pytest.approx(0.2 * LOAD * RADIUS, rel=0.2)
+    assert load.critical_slip == pytest.approx(0.4, rel=0.2)
+    traction.limit((1.08 / RADIUS,) * 4, NOW_NS)  # 0.07 of 0.33 or more
+    assert traction.tires == (None,) * 4
+    traction.limit(FAST, NOW_NS)
+    traction.params = replace(PARAMS, unknown_slip=0.2, unknown_friction=0.2)
+    traction.limit((1.15 / RADIUS,) * 4, NOW_NS)  # 0.13 of 0.8: below the share
+    assert traction.tires == (None,) * 4
+    traction.params = replace(PARAMS, unknown_friction=0.2)
+    traction.limit(FAST, NOW_NS)
+    traction.params = replace(PARAMS, share=0.9, sigmas=0.0, unknown_slip=0.2)
+    assert traction.limit((1.15 / RADIUS,) * 4, NOW_NS) == pytest.approx((1.15 / RADIUS,) * 4)
+    assert not traction.state.limiting
+    assert None not in traction.tires  # 0.13 of 0.22
+    traction.params = replace(PARAMS, enabled=False)
+    traction.limit(FAST, NOW_NS)
+    assert traction.tires == (None,) * 4
 
 
 def test_a_stop_never_drives_against_the_motion_of_the_wheel():
