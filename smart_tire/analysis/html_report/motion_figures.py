@@ -55,8 +55,8 @@ def path_figure(estimates: Series, true_poses: Series,
     traces = [_xy(path, 'wanted', {'color': '@ink', 'width': 5}) for path in wanted]
     for number, trace in enumerate(traces):
         trace.update(opacity=0.25, showlegend=number == 0)
-    traces += [_ellipses(position, poses.pose_covariance),
-              _xy(position[rows], 'estimate', {'color': '@blue', 'width': 2})]
+    traces.append(_ellipses(position, poses.pose_covariance))
+    traces.append(_xy(position[rows], 'estimate', {'color': '@blue', 'width': 2}))
     true = aligned(true_poses.poses(), poses)[1]
     if len(true):
         traces.append(_xy(true[equidistant(true[:, :2]), :2], 'truth',
