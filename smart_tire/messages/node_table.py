@@ -81,7 +81,7 @@ NODE_TABLE: dict[str, NodeEntry] = {node.name: node for node in (
         'Controls the wheel speeds, one PID controller per wheel, for the velocity command in '
         'force; with `traction.enabled` within the slip that friction permits.',
         ('cmd_vel', 'wheel_states', 'emergency_stop_active', 'motors_enabled', 'odom',
-         'wheel_slip', 'tire_friction'),
+         'tire_friction'),
         ('wheel_commands', 'motor_commands')),
     NodeEntry(
         'trajectory_controller',
