@@ -48,8 +48,8 @@ class DriveModel:
     friction: float       # duty that overcomes the dry friction
     time_constant: float  # s, of the wheel speed on the ground
     acceleration: float   # share of the duty for accelerations, 0 to 1
-    wheel_time_constant: float = 0.01  # s, of a wheel with its own inertia only
-    stall_torque: float = 1.0          # N m, T
+    wheel_time_constant: float  # s, of a wheel with its own inertia only
+    stall_torque: float   # N m, T
 
     def slipping(self) -> DriveModel:
         """Return the model of a wheel at the limit of friction."""

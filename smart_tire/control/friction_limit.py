@@ -20,6 +20,7 @@ import math
 
 from smart_tire.parameters.path_following import FrictionLimitParams
 from smart_tire.samples import Friction
+from smart_tire.uncertain import fused, Uncertain
 
 GRAVITY = 9.81        # m/s2
 PRIOR_SIGMA = 0.1     # -, of the friction coefficient of unknown ground
@@ -68,6 +69,5 @@ class FrictionLimit:
 def _fused_bound(mu: float, sigma: float, params: FrictionLimitParams) -> float:
     """Return the lower bound from an estimate and the prior."""
     prior = params.unknown + params.sigmas * PRIOR_SIGMA
-    share = PRIOR_SIGMA ** 2 / (PRIOR_SIGMA ** 2 + sigma ** 2)  # weight of the estimate
-    mean, variance = prior + share * (mu - prior), (1.0 - share) * PRIOR_SIGMA ** 2
-    return mean - params.sigmas * math.sqrt(variance)
+    mean, sigma = fused(Uncertain(prior, PRIOR_SIGMA), Uncertain(mu, sigma))
+    return mean - params.sigmas * sigma

@@ -112,10 +112,11 @@ class TractionControl:
         else:
             limited = self._balanced(limited, tires, motion, now_ns, period)
             limited = self._stopping(limited, wanted, period)
-        self.tires = tuple(
-            tire if speed != target or before is not None and target and tire.slip_share(
-                speed / radius) > MIN_SLIP_SHARE else None
-            for tire, before, speed, target in zip(tires, before_tires, limited, wanted))
+        slipping = [speed != target or (
+            before is not None and target != 0.0
+            and tire.slip_share(speed / radius) > MIN_SLIP_SHARE)
+            for tire, before, speed, target in zip(tires, before_tires, limited, wanted)]
+        self.tires = tuple(tire if slips else None for tire, slips in zip(tires, slipping))
         self._held = most_held(self._held, wanted, limited, self._step(period), radius)
         self._report('', limited != wanted, min(ground.limit for ground in grounds), sides)
         a, b, c, d = (speed / radius for speed in limited)

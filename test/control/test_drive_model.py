@@ -24,7 +24,8 @@ from smart_tire.control.drive_model import drive_model, DriveModel, Gains
 from smart_tire.parameters import build, RobotParams
 from smart_tire.parameters.control import PidParams
 
-MODEL = DriveModel(speed_gain=0.05, friction=0.03, time_constant=0.1, acceleration=1.0)
+MODEL = DriveModel(speed_gain=0.05, friction=0.03, time_constant=0.1, acceleration=1.0,
+                   wheel_time_constant=0.02, stall_torque=4.0)
 
 
 def test_the_model_follows_from_motor_and_mass():
@@ -44,11 +45,10 @@ def test_the_model_follows_from_motor_and_mass():
 
 
 def test_a_deceleration_above_that_of_the_robot_is_higher_for_a_slipping_wheel():
-    model = replace(MODEL, wheel_time_constant=0.02, stall_torque=4.0)
     of_robot = 0.8 / (4.0 * MODEL.speed_gain * (MODEL.time_constant - 0.02))
-    assert model.slipping_deceleration(1.01 * of_robot, 0.8) == pytest.approx(
+    assert MODEL.slipping_deceleration(1.01 * of_robot, 0.8) == pytest.approx(
         1.01 * of_robot * MODEL.time_constant / 0.02)
-    assert model.slipping_deceleration(0.99 * of_robot, 0.8) == 0.99 * of_robot
+    assert MODEL.slipping_deceleration(0.99 * of_robot, 0.8) == 0.99 * of_robot
 
 
 def test_the_duty_has_a_part_for_the_speed_and_one_for_the_friction():

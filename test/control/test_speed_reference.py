@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 import math
 
 import pytest
@@ -27,8 +28,9 @@ from smart_tire.samples import NS_PER_S
 LIMITS = (20.0, 40.0)  # rad/s2, of acceleration and deceleration
 DT = 0.05
 DT_NS = round(DT * NS_PER_S)
-EXACT = DriveModel(speed_gain=0.05, friction=0.0, time_constant=0.1, acceleration=1.0)
-SLOW = DriveModel(speed_gain=0.05, friction=0.0, time_constant=0.1, acceleration=0.0)
+EXACT = DriveModel(speed_gain=0.05, friction=0.0, time_constant=0.1, acceleration=1.0,
+                   wheel_time_constant=0.02, stall_torque=4.0)
+SLOW = replace(EXACT, acceleration=0.0)
 
 
 def driven(set_points, start=0.0, model=EXACT):
@@ -103,8 +105,7 @@ def test_the_speed_before_the_first_step_is_that_of_the_begin():
         0.5 * (2.0 + reference.mean(0, DT_NS)))
 
 
-LIGHT = DriveModel(speed_gain=0.05, friction=0.0, time_constant=0.1, acceleration=0.6,
-                   wheel_time_constant=0.02, stall_torque=4.0)
+LIGHT = replace(EXACT, acceleration=0.6)
 
 
 def test_a_wheel_at_the_limit_of_slip_gets_the_torque_of_its_tire_and_its_own_inertia():

@@ -81,7 +81,8 @@ def test_table_and_figure_show_both_runs(split):
 @pytest.mark.long
 @pytest.mark.parametrize('name', ['slippery', 'soft'])
 @pytest.mark.parametrize('rate', [16.0, 100.0])
-def test_a_start_on_measured_ground_uses_the_friction_that_is_there(name, rate):
-    start = scores(result_of(name, rate=rate))[0]
+def test_a_start_and_a_stop_on_measured_ground_use_the_friction_that_is_there(name, rate):
+    start, stop = scores(result_of(name, rate=rate))
     assert start.distance > (0.93 if name == 'slippery' else 0.85)
-    assert start.sliding < MAX_SLIDING[rate]
+    assert stop.distance > (0.9 if name == 'slippery' else 0.85)
+    assert max(start.sliding, stop.sliding) < MAX_SLIDING[rate]
