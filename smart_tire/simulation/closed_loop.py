@@ -45,7 +45,8 @@ class Controller(Protocol):
 def run_closed_loop(params: SimulatorParams, controller: Controller, duration: float, *,
                     wheel_rate: float = 16.0, control_rate: float = 16.0,
                     start_ns: int = EPOCH_NS, torque: bool = True,
-                    watch: Callable[[Plant], None] | None = None) -> list[Event]:
+                    watch: Callable[[Plant], None] | None = None,
+                    plant: type[Plant] = Plant) -> list[Event]:
     """
     Return the messages of a run in which ``controller`` drives the robot, sorted by reception.
 
@@ -53,9 +54,9 @@ def run_closed_loop(params: SimulatorParams, controller: Controller, duration: f
     is that of ``wheel_states``, ``control_rate`` [Hz] that of the duties. Each message reaches the
     controller at its time of reception; a duty reaches the motors ``DUTY_DELAY_NS`` later. The
     same seed and controller give the same run. ``watch`` is called with the true state at each
-    step.
+    step; ``plant`` may have other tires.
     """
-    robot, host = Robot(params), SimulatedHost(params, wheel_rate, start_ns)
+    robot, host = Robot(params, plant), SimulatedHost(params, wheel_rate, start_ns)
     control_due = PeriodicTimer(NS_PER_S / control_rate)
     arriving: list[tuple[int, int, str, Sample]] = []  # heap: reception, number, topic, sample
     commanded: list[tuple[int, Four]] = []             # time at the motors, duty

@@ -42,9 +42,12 @@ class Plant:
 
     Pose and velocity are those of ``base_link``, vectors in body axes, lists in the order of
     ``WHEELS``. The denominator of the slip is at least ``slip_floor`` [m/s], the minimum for
-    explicit steps not to overshoot; above it the brush tire is exact. ``friction_scale`` are the
-    factors of the friction of each drive.
+    explicit steps not to overshoot; above it the tire is exact. ``friction_scale`` are the factors
+    of the friction of each drive. A subclass may have other tires: ``tire_slope`` is the force over
+    the slip, ``lateral_share`` the lateral stiffness over the longitudinal one.
     """
+
+    lateral_share = 1.0
 
     def __init__(self, robot: RobotParams, drive: DriveParams, surfaces: SurfaceMap,
                  start: Sequence[float] = (0.0, 0.0, 0.0),
@@ -107,8 +110,9 @@ class Plant:
         speed, load = self.wheel_speed[i], self.load[i]
         v_x, v_y = self.wheel_v_x[i], self.wheel_v_y[i]
         scale = 1.0 / max(abs(radius * speed), self.slip_floor)
-        slip = math.hypot(radius * speed - v_x, v_y) * scale
-        grip = scale * force_slope(slip, surface.friction, load, surface.stiffness)  # N s/m
+        share = self.lateral_share
+        slip = math.hypot(radius * speed - v_x, share * v_y) * scale
+        grip = scale * self.tire_slope(slip, surface.friction, load, surface.stiffness)  # N s/m
         dry = self._coulomb[i] + self._axle[i] * load  # N m
         resistance = (back_emf + self._viscous[i]
                       + dry / max(abs(speed), DRY_FRICTION_SPEED / radius))
@@ -119,7 +123,17 @@ class Plant:
         self.wheel_speed[i] = new_speed
         self.wheel_angle[i] += 0.5 * TIME_STEP * (speed + new_speed)
         drag = surface.drag * load / max(math.hypot(v_x, v_y), DRY_FRICTION_SPEED)  # N s/m
-        return grip * (radius * new_speed - v_x) - drag * v_x, -(grip + drag) * v_y
+        return grip * (radius * new_speed - v_x) - drag * v_x, -(share * grip + drag) * v_y
+
+    @staticmethod
+    def tire_slope(total_slip: float, mu: float, load: float, stiffness: float) -> float:
+        """Return ``brush_tire.brush_force`` divided by the slip [N], for plain floats."""
+        limit = mu * load
+        share = stiffness * total_slip
+        if share < 3.0 * limit:
+            t = share / (3.0 * limit)
+            return stiffness * (1.0 - t + t * t / 3.0)
+        return limit / total_slip if total_slip > 0.0 else 0.0
 
     def _step_body(self) -> None:
         """Advance velocity and pose of the body; exact without forces."""
@@ -169,13 +183,3 @@ class Plant:
         com_x, com_y, _ = robot.center_of_mass
         arms = sum((x - com_x)**2 + (y - com_y)**2 for x, y in zip(self._wheel_x, self._wheel_y))
         return TIME_STEP * stiffness * (4.0 / robot.mass + arms / robot.yaw_inertia)
-
-
-def force_slope(total_slip: float, mu: float, load: float, stiffness: float) -> float:
-    """Return ``brush_tire.brush_force`` divided by the slip [N], for plain floats."""
-    limit = mu * load
-    share = stiffness * total_slip
-    if share < 3.0 * limit:
-        t = share / (3.0 * limit)
-        return stiffness * (1.0 - t + t * t / 3.0)
-    return limit / total_slip if total_slip > 0.0 else 0.0

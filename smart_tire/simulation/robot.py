@@ -58,12 +58,12 @@ class PeriodicTimer:
 class Robot:
     """Plant, motors, IMU, films and ground truth; all times are since the start."""
 
-    def __init__(self, params: SimulatorParams) -> None:
+    def __init__(self, params: SimulatorParams, plant: type[Plant] = Plant) -> None:
         robot = params.robot
         seeds = np.random.SeedSequence(params.seed).spawn(1 + len(robot.film.wheels))
         imu_rng, *film_rngs = map(np.random.default_rng, seeds)
         self.motors = Motors(params)
-        self.plant = Plant(robot, params.drive, SurfaceMap(params.ground), params.start,
+        self.plant = plant(robot, params.drive, SurfaceMap(params.ground), params.start,
                            self.motors.friction_scale)
         self.sensor_nodes = {wheel: _sensor_node(wheel, params, rng)
                              for wheel, rng in zip(robot.film.wheels, film_rngs)}

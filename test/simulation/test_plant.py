@@ -21,7 +21,7 @@ import pytest
 from smart_tire.models.constants import GRAVITY
 from smart_tire.models.tire import brush_tire
 from smart_tire.parameters import build, SimulatorParams
-from smart_tire.simulation.plant import force_slope, Plant, TIME_STEP
+from smart_tire.simulation.plant import Plant, TIME_STEP
 from smart_tire.simulation.surfaces import SurfaceMap
 
 EVERYWHERE = {'concrete': {'ground.base': 'concrete', 'ground.patches.names': []},
@@ -77,10 +77,10 @@ def test_the_scalar_tire_force_agrees_with_the_brush_tire_model():
     total = rng.uniform(0.0, 2.0, 500)
     mu, load = rng.uniform(0.0, 1.0, 500), rng.uniform(0.0, 50.0, 500)
     force, _ = brush_tire.brush_force(total, 0.0, mu, load, 52.7)
-    scalar = [force_slope(*row, 52.7) * row[0] for row in zip(total, mu, load)]
+    scalar = [Plant.tire_slope(*row, 52.7) * row[0] for row in zip(total, mu, load)]
     np.testing.assert_allclose(scalar, force, rtol=1e-12, atol=1e-12)
-    assert force_slope(0.0, 0.47, 26.7, 52.7) == 52.7
-    assert force_slope(0.0, 0.0, 26.7, 52.7) == 0.0
+    assert Plant.tire_slope(0.0, 0.47, 26.7, 52.7) == 52.7
+    assert Plant.tire_slope(0.0, 0.0, 26.7, 52.7) == 0.0
 
 
 def test_slips_on_concrete_agree_with_fig_10a():
