@@ -82,7 +82,8 @@ class RobotStack:
                 self.trajectory.update_odometry(sample, now_ns)
             return
         if isinstance(sample, WheelSample):
-            self._wheels.update_measurement(sample.velocity, now_ns, sample.stamp_ns)
+            self._wheels.update_measurement(sample.velocity, now_ns, sample.stamp_ns,
+                                            sample.position)
         for estimate in self._pipeline.update(sample):
             self._distribute(estimate, now_ns)
         self._follow(now_ns)

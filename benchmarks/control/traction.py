@@ -169,7 +169,8 @@ class TractionStack:
         if topic.startswith('ground_truth/'):
             return
         if isinstance(sample, WheelSample):
-            self.control.update_measurement(sample.velocity, now_ns, sample.stamp_ns)
+            self.control.update_measurement(sample.velocity, now_ns, sample.stamp_ns,
+                                            sample.position)
         for estimate in self._pipeline.update(sample):
             if isinstance(estimate, Odometry):
                 self.control.traction.update_odometry(estimate)

@@ -16,10 +16,12 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 import itertools
 from statistics import fmean
+from typing import NamedTuple
 
 from benchmarks.control.previous_wheel_control import PreviousWheelControl
 import numpy as np
@@ -33,7 +35,7 @@ from smart_tire.samples import Four, NS_PER_S, Sample, WheelSample
 from smart_tire.simulation.closed_loop import run_closed_loop
 from smart_tire.simulation.plant import Plant
 
-RATES = ((4.0, 16.0), (16.0, 16.0), (100.0, 100.0))  # Hz, of readings and of duties
+MAX_LATENESS = 0.015                      # s, of readings on a host that is busy
 SET_POINTS = (6.0, 12.0, 3.0, -6.0, 0.0)  # rad/s
 START, STEP_TIME = 0.5, 2.0               # s, of the first step and between steps
 NEXT_MARGIN = 0.1                         # s before the next step that are not scored
@@ -48,6 +50,22 @@ BEFORE, NEW = 'before', 'new'
 # an error of the whole feed-forward, as of a motor that was not identified
 CONTROLLERS = {BEFORE: 1.0, NEW: 1.0, 'new, feed-forward 15 % low': 0.85,
                'new, feed-forward 15 % high': 1.15}
+
+
+class Readings(NamedTuple):
+    """Rates [Hz] of the readings and of the duties, and largest lateness of the former [s]."""
+
+    rate: float
+    control_rate: float
+    lateness: float = 0.0
+
+    def __str__(self) -> str:
+        late = f', up to {1e3 * self.lateness:g} ms late' if self.lateness else ''
+        return f'{self.rate:g} Hz{late}'
+
+
+READINGS = (Readings(4.0, 16.0), Readings(16.0, 16.0), Readings(100.0, 100.0),
+            Readings(100.0, 100.0, MAX_LATENESS))
 
 
 @dataclass(frozen=True)
@@ -65,8 +83,7 @@ class Row:
     """Responses of all wheels to all steps with all seeds."""
 
     ground: str
-    reading_rate: float  # Hz
-    control_rate: float  # Hz
+    readings: Readings
     controller: str
     steps: tuple[Step, ...]
 
@@ -82,22 +99,33 @@ class Row:
 class _Steps:
     """Gives the set points to a wheel controller, as ``Controller`` of ``run_closed_loop``."""
 
-    def __init__(self, rate: float, controller: str) -> None:
-        factor, pid = CONTROLLERS[controller], PidParams()
+    def __init__(self, readings: Readings, controller: str, seed: int) -> None:
+        factor, pid, rate = CONTROLLERS[controller], PidParams(), readings.control_rate
         self._previous = PreviousWheelControl(rate) if controller == BEFORE else None
         self._control = WheelControl(WheelControllerParams(rate=rate, pid=replace(
             pid, feed_forward=factor * pid.feed_forward, stall_torque=pid.stall_torque / factor)))
         self._first_ns: int | None = None
+        self._rng, self._lateness = np.random.default_rng(seed), readings.lateness
+        self._arriving = deque[tuple[int, WheelSample]]()
 
     def receive(self, topic: str, sample: Sample, now_ns: int) -> None:
-        """Take the wheel speeds."""
+        """Take the wheel speeds, which arrive late and in order."""
         if isinstance(sample, WheelSample):
-            self._control.update_measurement(sample.velocity, now_ns, sample.stamp_ns)
+            late_ns = round(self._lateness * self._rng.random() * NS_PER_S)
+            last_ns = self._arriving[-1][0] if self._arriving else 0
+            self._arriving.append((max(now_ns + late_ns, last_ns), sample))
+
+    def _take_arrived(self, now_ns: int) -> None:
+        while self._arriving and self._arriving[0][0] <= now_ns:
+            arrived_ns, sample = self._arriving.popleft()
+            self._control.update_measurement(sample.velocity, arrived_ns, sample.stamp_ns,
+                                             sample.position)
             if self._previous:
                 self._previous.update_measurement(sample.velocity)
 
     def duty(self, now_ns: int) -> Four:
         """Return the duties for the set point at ``now_ns``."""
+        self._take_arrived(now_ns)
         if self._first_ns is None:
             self._first_ns = now_ns
         step = int(((now_ns - self._first_ns) / NS_PER_S - START + STEP_TIME) / STEP_TIME)
@@ -111,8 +139,7 @@ class _Steps:
         return False
 
 
-def responses(ground: str, reading_rate: float, control_rate: float, controller: str,
-              seed: int) -> tuple[Step, ...]:
+def responses(ground: str, readings: Readings, controller: str, seed: int) -> tuple[Step, ...]:
     """Return the responses of four wheels to all steps of one run."""
     params, mass = GROUNDS[ground]
     robot = RobotParams(film=FilmParams(wheels=()), mass=mass)
@@ -123,14 +150,14 @@ def responses(ground: str, reading_rate: float, control_rate: float, controller:
 
     run_closed_loop(
         SimulatorParams(seed=seed, ground=params, robot=robot),
-        _Steps(control_rate, controller), START + STEP_TIME * len(SET_POINTS),
-        wheel_rate=reading_rate, control_rate=control_rate, watch=watch)
+        _Steps(readings, controller, seed), START + STEP_TIME * len(SET_POINTS),
+        wheel_rate=readings.rate, control_rate=readings.control_rate, watch=watch)
     time, *wheels = np.array(speeds).T
     return tuple(
         _score(time - begin, wheel, before, after)
         for wheel in wheels
         for begin, (before, after) in zip(
-            _step_times(control_rate), itertools.pairwise((0.0, *SET_POINTS))))
+            _step_times(readings.control_rate), itertools.pairwise((0.0, *SET_POINTS))))
 
 
 def _step_times(control_rate: float) -> list[float]:
@@ -154,10 +181,9 @@ def wheel_steps(seeds: Sequence[int],
                 report: Callable[[str], None] = lambda text: None) -> list[Row]:
     """Return a row for each ground, rate and controller; ``report`` gets the progress."""
     rows = []
-    for ground, (readings, control), controller in itertools.product(
-            GROUNDS, RATES, CONTROLLERS):
+    for ground, readings, controller in itertools.product(GROUNDS, READINGS, CONTROLLERS):
         steps = itertools.chain.from_iterable(
-            responses(ground, readings, control, controller, seed) for seed in seeds)
-        rows.append(Row(ground, readings, control, controller, tuple(steps)))
-        report(f'wheel steps: {ground}, readings at {readings:g} Hz, {controller}')
+            responses(ground, readings, controller, seed) for seed in seeds)
+        rows.append(Row(ground, readings, controller, tuple(steps)))
+        report(f'wheel steps: {ground}, readings at {readings}, {controller}')
     return rows

@@ -36,7 +36,7 @@ def wheel_steps_table(rows: Sequence[Row]) -> Table:
         'settling [s]\nmean', '\nworst', 'settled\n[%]')
     for row in rows:
         table.add_row(
-            f'{row.ground}, {row.reading_rate:g} Hz', number(row.control_rate, 0), row.controller,
+            f'{row.ground}, {row.readings}', number(row.readings.control_rate, 0), row.controller,
             number(row.mean('rise'), 2),
             *(number(100.0 * value, 1) for value in (row.mean('overshoot'),
                                                      row.worst('overshoot'))),

@@ -56,13 +56,14 @@ class WheelControl:
         for servo in self._servos:
             servo.set_params(params, model)
 
-    def update_measurement(self, velocity: Four, now_ns: int, stamp_ns: int = 0) -> None:
+    def update_measurement(self, velocity: Four, now_ns: int, stamp_ns: int = 0,
+                           position: Four | None = None) -> None:
         """
         Set the wheel speeds [rad/s] received at ``now_ns``; those not finite are ignored.
 
-        ``stamp_ns`` is their timestamp, of any clock.
+        ``stamp_ns`` is their timestamp, of any clock, ``position`` the angles [rad].
         """
-        self._feedback.add(velocity, now_ns, stamp_ns)
+        self._feedback.add(velocity, now_ns, stamp_ns, position)
 
     def discard_measurement(self) -> None:
         """Discard the measured wheel speeds; no duty until the next ones."""

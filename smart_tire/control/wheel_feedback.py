@@ -19,77 +19,97 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass
 import math
-from statistics import median
+from statistics import fmean, median
 
 from smart_tire.samples import Four, NS_PER_S
 
 MAX_SPEED = 100.0        # rad/s; a larger one is no measurement
 PERIODS = 5              # gaps between readings whose median is their period
+ARRIVALS = 32            # latest readings, of which the earliest arrival relates both clocks
+MAX_LATENESS_NS = 100_000_000  # of an arrival after the earliest one; more: the clocks differ
 MAX_GAP_RATIO = 1.5      # gap over period, above which a reading was lost
-MIN_PERIOD_NS, MAX_PERIOD_NS = 1_000_000, 2 * NS_PER_S  # between plausible timestamps
+MIN_PERIOD_NS, MAX_PERIOD_NS = 100_000, 2 * NS_PER_S  # between plausible timestamps
 MAX_AGE_PERIODS = 2.0    # age of a reading that still advances integrals
+NO_ANGLE: Four = (0.0, 0.0, 0.0, 0.0)
 LINE_DELAY = 0.005       # s, of a duty to the motors and of a reading from the encoders; assumed
 
 
 @dataclass(frozen=True)
 class Reading:
-    """Wheel speeds, each the mean over ``duration`` before their arrival."""
+    """Wheel speeds and angles at one time."""
 
-    velocity: Four     # rad/s
+    velocity: Four         # rad/s
     arrived_ns: int
-    stamp_ns: int      # of any clock
-    duration_ns: int   # 0 if unknown
+    stamp_ns: int          # of any clock
+    time_ns: int           # by the timestamps, on the steady clock but for a constant delay
+    angle: Four            # rad, since the first reading
+    position: Four | None  # rad, as measured
 
 
 class WheelFeedback:
     """
     Latest readings of the wheel speeds; times are nanoseconds of one steady clock.
 
-    A reading of ``wheel_states`` is the mean since the reading before it, by their timestamps,
-    which may be those of another clock; without plausible ones, by their arrivals. Readings are
-    averaged over at least ``window`` [s]: weighted with their durations, the errors of all
-    timestamps but the first and the last cancel.
+    A reading of ``wheel_states`` belongs to its timestamp, which may be that of another clock: it
+    can arrive late by more than a period. The earliest of the latest arrivals relates both clocks.
+    Without plausible timestamps it belongs to its arrival. Mean speeds are those over at least
+    ``window`` [s], so that the errors of all timestamps but the first and the last cancel.
     """
 
     def __init__(self, window: float) -> None:
         self._window_ns = round(window * NS_PER_S)
         self._gaps: deque[int] = deque(maxlen=PERIODS)
+        self._lateness: deque[int] = deque(maxlen=ARRIVALS)  # ns, of arrivals after ``time_ns``
         self._readings: deque[Reading] = deque()
-        self._slope: Four = (0.0, 0.0, 0.0, 0.0)
 
-    def add(self, velocity: Four, now_ns: int, stamp_ns: int = 0) -> None:
+    def add(self, velocity: Four, now_ns: int, stamp_ns: int = 0,
+            position: Four | None = None) -> None:
         """
         Add wheel speeds [rad/s] that arrived at ``now_ns``; ``stamp_ns`` is their timestamp.
 
-        Speeds that are not finite or not possible are ignored.
+        ``position`` are the angles [rad] at that time; without them a speed is the mean since the
+        reading before. Speeds that are not finite or not possible are ignored.
         """
         if not all(abs(speed) <= MAX_SPEED for speed in velocity):  # false for NaN, too
             return
-        before, duration_ns = self.latest, round((self.period or 0.0) * NS_PER_S)
-        if before is not None:
-            gap_ns = _gap(before, now_ns, stamp_ns)
-            if gap_ns <= 0:  # another one of the same time
-                self._readings[-1] = Reading(velocity, now_ns, stamp_ns, before.duration_ns)
-                return
-            duration_ns = self._duration(gap_ns)
-            self._slope = _slope(before.velocity, velocity, gap_ns)
-        self._readings.append(Reading(velocity, now_ns, stamp_ns, duration_ns))
-        while sum(one.duration_ns for one in list(self._readings)[1:]) >= max(self._window_ns, 1):
-            self._readings.popleft()
+        before = self.latest
+        if before is not None and (gap_ns := _gap(before, now_ns, stamp_ns)) > 0:
+            self._gaps.append(gap_ns)
+            if position is None and gap_ns > MAX_GAP_RATIO * median(self._gaps):
+                self._readings.clear()  # others are missing in between
+        elif before is not None:  # another one of the same time
+            self._readings.pop()
+            gap_ns = before.time_ns - self._readings[-1].time_ns if self._readings else 0
+        if not self._readings:
+            gap_ns = self._begin(velocity, now_ns)
+        self._append(velocity, now_ns, stamp_ns, position, gap_ns)
 
-    def _duration(self, gap_ns: int) -> int:
-        """Return the time [ns] of which a reading is the mean, ``gap_ns`` after the latest one."""
-        self._gaps.append(gap_ns)
-        period_ns = round(median(self._gaps))
-        if gap_ns > MAX_GAP_RATIO * period_ns:  # others are missing in between
-            self._readings.clear()
-            return period_ns
-        return gap_ns
+    def _begin(self, velocity: Four, now_ns: int) -> int:
+        """Begin with the period [ns] of the readings, if it is known; return it."""
+        period_ns = round((self.period or 0.0) * NS_PER_S)
+        self._lateness.clear()
+        if period_ns:
+            time_ns = now_ns - period_ns
+            self._readings.append(Reading(velocity, time_ns, 0, time_ns, NO_ANGLE, None))
+        return period_ns
+
+    def _append(self, velocity: Four, now_ns: int, stamp_ns: int, position: Four | None,
+                gap_ns: int) -> None:
+        before = self.latest
+        angle = NO_ANGLE if before is None else _angle(before, velocity, position, gap_ns)
+        time_ns = now_ns if before is None else before.time_ns + gap_ns
+        late_ns = now_ns - time_ns
+        if self._lateness and late_ns > min(self._lateness) + MAX_LATENESS_NS:
+            self._lateness.clear()
+        self._lateness.append(late_ns)
+        readings = self._readings
+        readings.append(Reading(velocity, now_ns, stamp_ns, time_ns, angle, position))
+        while len(readings) > 2 and time_ns - readings[1].time_ns >= self._window_ns:
+            readings.popleft()
 
     def discard(self) -> None:
         """Discard all readings; their period remains known."""
         self._readings.clear()
-        self._slope = (0.0, 0.0, 0.0, 0.0)
 
     @property
     def latest(self) -> Reading | None:
@@ -105,35 +125,43 @@ class WheelFeedback:
         """
         Return the mean speed [rad/s] of a wheel over the window, and begin and end of the latter.
 
-        None if the duration of no reading is known.
+        None before the second reading.
         """
-        known = [reading for reading in self._readings if reading.duration_ns]
-        if not known:
+        if len(self._readings) < 2:
             return None
-        total_ns = sum(reading.duration_ns for reading in known)
-        speed = sum(reading.velocity[wheel] * reading.duration_ns for reading in known) / total_ns
-        end_ns = known[-1].arrived_ns - round(LINE_DELAY * NS_PER_S)
-        return speed, end_ns - total_ns, end_ns
+        first, last = self._readings[0], self._readings[-1]
+        duration_ns = last.time_ns - first.time_ns
+        end_ns = last.time_ns + min(self._lateness) - round(LINE_DELAY * NS_PER_S)
+        turned = last.angle[wheel] - first.angle[wheel]
+        return turned * NS_PER_S / duration_ns, end_ns - duration_ns, end_ns
 
     def slope(self, wheel: int) -> float:
-        """Return the acceleration of a wheel [rad/s2] between the two latest readings."""
-        return self._slope[wheel]
+        """Return the acceleration of a wheel [rad/s2] over the window, 0 without two readings."""
+        if len(self._readings) < 2:
+            return 0.0
+        first, last = self._readings[0], self._readings[-1]
+        return ((last.velocity[wheel] - first.velocity[wheel])
+                * NS_PER_S / (last.time_ns - first.time_ns))
 
     def is_current(self, now_ns: int) -> bool:
         """Return whether the latest reading is not older than it should be."""
-        return self.latest is not None and self.period is not None and (
-            now_ns - self.latest.arrived_ns <= MAX_AGE_PERIODS * self.period * NS_PER_S)
+        if self.latest is None or self.period is None:
+            return False
+        most_ns = (MAX_AGE_PERIODS * self.period * NS_PER_S
+                   + max(self._lateness) - min(self._lateness))
+        return now_ns - self.latest.arrived_ns <= most_ns
 
     def delay(self, control_period: float) -> float:
         """
         Return the mean delay of the control loop [s] for a period of the controller [s].
 
-        Half of the time of which a reading is the mean, half a period until the next one, and
-        half a period until the next duty.
+        Half of the time of which a reading is the mean, half a period until the next one, half a
+        period until the next duty, and the mean lateness of the arrivals.
         """
         period = self.period or math.inf
         window = max(self._window_ns / NS_PER_S, period)
-        return 0.5 * (window + period + control_period) + LINE_DELAY
+        late = fmean(self._lateness) - min(self._lateness) if self._lateness else 0.0
+        return 0.5 * (window + period + control_period) + LINE_DELAY + late / NS_PER_S
 
 
 def _gap(before: Reading, now_ns: int, stamp_ns: int) -> int:
@@ -143,6 +171,13 @@ def _gap(before: Reading, now_ns: int, stamp_ns: int) -> int:
     return gap_ns if plausible else now_ns - before.arrived_ns
 
 
-def _slope(before: Four, after: Four, gap_ns: int) -> Four:
-    a, b, c, d = ((new - old) * NS_PER_S / gap_ns for old, new in zip(before, after))
+def _angle(before: Reading, velocity: Four, position: Four | None, gap_ns: int) -> Four:
+    """Return the angles [rad] ``gap_ns`` after ``before``; by the speeds without positions."""
+    elapsed = gap_ns / NS_PER_S
+    turned = [speed * elapsed for speed in velocity]
+    if position is not None and before.position is not None:
+        measured = [new - old for old, new in zip(before.position, position)]
+        if all(abs(angle) <= MAX_SPEED * elapsed for angle in measured):  # else restarted, or NaN
+            turned = measured
+    a, b, c, d = (old + angle for old, angle in zip(before.angle, turned))
     return a, b, c, d

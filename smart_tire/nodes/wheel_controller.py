@@ -112,7 +112,8 @@ class WheelController(SmartTireNode[WheelControllerParams]):
             self._mux.unblock(name)
 
     def _on_wheels(self, sample: WheelSample, received_ns: int) -> None:
-        self._control.update_measurement(sample.velocity, received_ns, sample.stamp_ns)
+        self._control.update_measurement(sample.velocity, received_ns, sample.stamp_ns,
+                                         sample.position)
 
     def _on_wheel_conflict(self, reason: str) -> None:
         if reason:

@@ -43,8 +43,8 @@ class Plant:
     Pose and velocity are those of ``base_link``, vectors in body axes, lists in the order of
     ``WHEELS``. The denominator of the slip is at least ``slip_floor`` [m/s], the minimum for
     explicit steps not to overshoot; above it the tire is exact. ``friction_scale`` are the factors
-    of the friction of each drive. A subclass may have other tires: ``tire_slope`` is the force over
-    the slip, ``lateral_share`` the lateral stiffness over the longitudinal one.
+    of the friction of each drive. A subclass may have other tires: ``tire_slope`` is the force
+    over the slip, ``lateral_share`` the lateral stiffness over the longitudinal one.
     """
 
     lateral_share = 1.0

@@ -58,7 +58,7 @@ def test_readings_are_averaged_over_the_window_with_their_durations():
 
 def test_a_reading_longer_than_the_window_stands_alone():
     speed, begin_ns, end_ns = read([0, 50, 100], window=0.03).mean(0)
-    assert (speed, end_ns - begin_ns) == (2.0, 50 * MS)
+    assert (speed, end_ns - begin_ns) == (pytest.approx(2.0), 50 * MS)
 
 
 def test_errors_of_timestamps_within_the_window_cancel():
@@ -71,6 +71,43 @@ def test_errors_of_timestamps_within_the_window_cancel():
     assert unstamped.mean(0)[0] > 10.5
 
 
+def feed(arrivals, stamps, positions, window=0.03):
+    """Return feedback with readings whose wheels are at ``positions`` [rad], times in ms."""
+    feedback = WheelFeedback(window)
+    for arrival, stamp, position in zip(arrivals, stamps, positions, strict=True):
+        # the speeds contradict the positions: they must not be used
+        feedback.add((1.0,) * 4, arrival * MS, stamp * MS, (position, 0.0, 0.0, -position))
+    return feedback
+
+
+def test_a_late_arrival_does_not_move_the_period_of_its_mean_speed():
+    stamps = [1000 + 10 * index for index in range(9)]
+    late = [3, 15, 5, 0, 14, 4, 11, 1, 15]
+    feedback = feed([10 * i + one for i, one in enumerate(late)], stamps,
+                    [0.002 * i * i for i in range(9)])
+    assert feedback.mean(0) == (
+        pytest.approx((0.002 * 64 - 0.002 * 25) / 0.03), 50 * MS - LINE_NS, 80 * MS - LINE_NS)
+    assert feedback.delay(0.01) == pytest.approx(
+        0.5 * (0.03 + 0.01 + 0.01) + LINE_DELAY + sum(late) / 9e3)
+
+
+def test_a_clock_of_the_timestamps_that_runs_slowly_moves_the_period_by_a_tenth_of_a_second():
+    feedback = feed(range(0, 4000, 50), range(1000, 3000, 25), [0.0] * 80)
+    assert 3850 * MS - LINE_NS <= feedback.mean(0)[2] <= 3950 * MS - LINE_NS
+
+
+def test_the_mean_over_a_lost_reading_follows_from_the_positions():
+    feedback = feed([0, 50, 100, 200], [0, 50, 100, 200], [0.0, 0.1, 0.2, 0.9])
+    assert feedback.mean(0) == (pytest.approx(7.0), 100 * MS - LINE_NS, 200 * MS - LINE_NS)
+    assert feedback.mean(3)[0] == pytest.approx(-7.0)
+
+
+@pytest.mark.parametrize('restarted', [-400.0, 400.0, math.nan])
+def test_speeds_replace_positions_that_jump(restarted):
+    feedback = feed([0, 50, 100], [0, 50, 100], [0.0, 0.5, restarted])
+    assert feedback.mean(0)[0] == pytest.approx(1.0)
+
+
 @pytest.mark.parametrize('stamps', [[5, 5, 5], [50, 30, 10], [0, 9000, 18000]])
 def test_timestamps_that_are_not_plausible_are_replaced_by_the_arrival(stamps):
     assert read([0, 60, 120], stamps=stamps).period == pytest.approx(0.06)
@@ -81,10 +118,10 @@ def test_timestamps_give_any_plausible_period(gap, period):
     assert read([0, 60, 120], stamps=[1, 1 + gap, 1 + 2 * gap]).period == pytest.approx(period)
 
 
-def test_timestamps_closer_than_a_millisecond_are_not_plausible():
+def test_timestamps_closer_than_a_tenth_of_a_millisecond_are_not_plausible():
     feedback = WheelFeedback(0.0)
     for index in range(2):
-        feedback.add((1.0,) * 4, index * 60 * MS, 1 + index * MS // 2)
+        feedback.add((1.0,) * 4, index * 60 * MS, 1 + index * MS // 20)
     assert feedback.period == pytest.approx(0.06)
 
 
@@ -102,7 +139,7 @@ def test_after_a_lost_reading_only_the_latest_counts_with_its_own_period():
 
 def test_another_reading_of_the_same_time_replaces_the_latest():
     feedback = read([0, 50, 50], speeds=[1.0, 2.0, 3.0])
-    assert feedback.mean(0) == (3.0, 0 - LINE_NS, 50 * MS - LINE_NS)
+    assert feedback.mean(0) == (pytest.approx(3.0), 0 - LINE_NS, 50 * MS - LINE_NS)
 
 
 @pytest.mark.parametrize('bad', [math.nan, math.inf, -math.inf, 100.1, -100.1])
@@ -128,12 +165,15 @@ def test_discarded_readings_leave_their_period():
     assert not feedback.is_current(50 * MS)
     assert feedback.slope(0) == 0.0
     feedback.add((3.0,) * 4, 500 * MS)
-    assert feedback.mean(0) == (3.0, 450 * MS - LINE_NS, 500 * MS - LINE_NS)
+    assert feedback.mean(0) == (
+        pytest.approx(3.0), 450 * MS - LINE_NS, 500 * MS - LINE_NS)
 
 
-def test_the_slope_is_that_between_the_latest_readings():
+def test_the_slope_is_that_over_the_window():
     assert read([0, 50]).slope(0) == pytest.approx(20.0)
-    assert read([0, 50, 150], window=1.0, speeds=[0.0, 1.0, 4.0]).slope(0) == pytest.approx(30.0)
+    assert read([0, 50, 150], window=0.1, speeds=[0.0, 1.0, 4.0]).slope(0) == pytest.approx(30.0)
+    assert read([0, 50, 150], window=1.0, speeds=[0.0, 1.0, 4.0]).slope(0) == pytest.approx(
+        4.0 / 0.15)
     assert read([0]).slope(0) == 0.0
 
 

@@ -47,7 +47,7 @@ def test_an_oscillation_does_not_settle():
 
 
 def test_at_low_rates_the_new_controller_overshoots_less_and_settles_earlier(monkeypatch):
-    monkeypatch.setattr(bench, 'RATES', ((4.0, 16.0),))
+    monkeypatch.setattr(bench, 'READINGS', (bench.Readings(4.0, 16.0),))
     monkeypatch.setattr(bench, 'SET_POINTS', (6.0, 0.0))
     rows = bench.wheel_steps([101])
     assert [(row.ground, row.controller) for row in rows] == [
@@ -60,6 +60,18 @@ def test_at_low_rates_the_new_controller_overshoots_less_and_settles_earlier(mon
     assert text.count('| concrete, 4 Hz | 16 |') == 4
     mean, worst = (100.0 * value for value in (new.mean('overshoot'), new.worst('overshoot')))
     assert f'| {mean:.1f} | {worst:.1f} |' in text
+
+
+@pytest.mark.parametrize('lateness', [0.0, 0.015])
+@pytest.mark.parametrize('rate', [50.0, 100.0, 200.0])
+def test_frequent_readings_settle_no_later_than_those_at_16_hz_although_they_are_late(
+        rate, lateness):
+    slow, fast = (
+        bench.Row('concrete', readings, bench.NEW, bench.responses(
+            'concrete', readings, bench.NEW, seed=31))
+        for readings in (bench.Readings(16.0, 16.0), bench.Readings(rate, rate, lateness)))
+    assert fast.mean('settling') <= slow.mean('settling') < 0.45
+    assert fast.worst('overshoot') < 0.07
 
 
 def test_the_line_of_the_boards_permits_199_polls_at_115200_baud():
