@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 import math
 
 from smart_tire.control.drive_model import drive_model, DriveModel
@@ -25,7 +26,10 @@ from smart_tire.control.tire_load import TireLoad
 from smart_tire.control.wheel_feedback import WheelFeedback
 from smart_tire.parameters.control import WheelControllerParams
 
-STANDSTILL_SPEED = 0.1  # rad/s; a slower wheel with a set point of zero gets no duty
+STANDSTILL_SPEED = 0.1  # rad/s; a slower wheel with a set point of zero is held
+# -, holds on slopes of 35 degrees, and is below ``stall_duty`` of motor_driver: a wheel that
+# stands at this duty is not taken for a blocked one.
+MAX_HOLD_DUTY = 0.25
 
 
 class WheelServo:
@@ -42,6 +46,7 @@ class WheelServo:
         self._pid.reset()
         self._reference: SpeedReference | None = None
         self._input, self._direction = 0.0, 0.0
+        self._holding = False
 
     def set_params(self, params: WheelControllerParams, model: DriveModel) -> None:
         """Use these parameters from now on; the duty does not jump."""
@@ -55,22 +60,29 @@ class WheelServo:
         """
         Return the duty [-1, 1] for a set point [rad/s], ``dt`` [s] after the latest step.
 
-        ``tire`` is given for a set point at the limit of slip.
+        ``tire`` is given for a set point at the limit of slip. A wheel at rest with a set point
+        of zero is held: the integral of its speed is the angle by which it was turned. It begins
+        at zero, so that dry friction alone holds a wheel on level ground.
         """
         latest = feedback.latest
         measured = latest.velocity[self._wheel] if latest else 0.0
-        if set_point == 0.0 and abs(measured) < STANDSTILL_SPEED:
+        if set_point != 0.0:
+            self._holding = False
+        elif not self._holding and abs(measured) < STANDSTILL_SPEED:
             self.reset()
-            return 0.0
+            self._holding = True
         params, reference = self._params, self._reference
+        pid = params.pid if not self._holding else replace(
+            params.pid, limit=min(params.pid.limit, MAX_HOLD_DUTY))
         if reference is None:  # a rolling wheel is taken over at its speed
-            reference = self._reference = SpeedReference(measured, now_ns)
+            reference = self._reference = SpeedReference(
+                0.0 if self._holding else measured, now_ns)
         self._input = reference.advance(
             set_point, dt, now_ns, self._model,
             (params.max_wheel_acceleration, params.max_wheel_deceleration), tire)
         self._direction = reference.direction
         delay = feedback.delay(1.0 / params.rate)
-        self._pid.set_gains(params.pid, self._model.limited(params.pid, delay))
+        self._pid.set_gains(pid, self._model.limited(params.pid, delay))
         duty = self._pid.update(
             self._model.duty(self._input, self._direction), self._error(reference, feedback),
             feedback.slope(self._wheel), dt, current=feedback.is_current(now_ns))

@@ -1,0 +1,171 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Wheels at a set point of zero: held on a slope, and without duty on level ground."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from smart_tire.control.wheel_control import WheelControl
+from smart_tire.control.wheel_servo import MAX_HOLD_DUTY
+from smart_tire.drivers.wheel_encoder import MotionCheck
+from smart_tire.parameters.control import WheelControllerParams
+from smart_tire.parameters.hardware import MotorDriverParams
+from smart_tire.samples import NS_PER_S, WheelSample
+from smart_tire.simulation.closed_loop import run_closed_loop
+from support.motors import simulator
+from support.slope import sloped_plant
+
+STOP = 1.0       # s, when the set points become zero
+DURATION = 7.0   # s
+RADIUS = 0.087   # m
+RESOLUTION = math.tau / 2000  # rad
+SPEED = 6.0      # rad/s
+FREE_SPEED = 22.2  # rad/s
+
+
+class Host:
+    """Drives with ``speed`` [rad/s], then commands zero; checks it as motor_driver does."""
+
+    def __init__(self, speed, rate):
+        self._speed, self._control = speed, WheelControl(WheelControllerParams(rate=rate))
+        driver = MotorDriverParams()
+        self._checks = [MotionCheck(RESOLUTION, FREE_SPEED, driver.stall_duty, driver.stall_time)
+                        for _ in range(4)]
+        self._begin_ns, self._last, self._duty = None, None, (0.0,) * 4
+        self.rows, self.faults = [], []
+
+    def receive(self, topic, sample, now_ns):
+        """Take a reading of the wheels."""
+        if not isinstance(sample, WheelSample):
+            return
+        self._control.update_measurement(sample.velocity, now_ns, sample.stamp_ns)
+        if self._last is not None:
+            elapsed = (sample.stamp_ns - self._last.stamp_ns) / NS_PER_S
+            self.faults += filter(None, (
+                check.update(duty, new - old, elapsed) for check, duty, new, old in zip(
+                    self._checks, self._duty, sample.position, self._last.position)))
+        self._last = sample
+
+    def duty(self, now_ns):
+        """Return the duties."""
+        self._begin_ns = self._begin_ns or now_ns
+        driving = now_ns - self._begin_ns < STOP * NS_PER_S
+        self._duty = self._control.step((self._speed * driving,) * 4, now_ns)[1]
+        self.rows.append((now_ns - self._begin_ns, *self._duty))
+        return self._duty
+
+    def finished(self, now_ns):
+        """Return False: the run has a fixed duration."""
+        return False
+
+
+def stopped(monkeypatch, degrees, speed, rate=16.0):
+    """Return rolled distances [m] after the stop, at the end and in 3 s before, duties, faults."""
+    monkeypatch.setattr('smart_tire.simulation.robot.Plant', sloped_plant(math.radians(degrees)))
+    host, states = Host(speed, rate), []
+    run_closed_loop(simulator(21), host, DURATION, wheel_rate=rate, control_rate=rate,
+                    watch=lambda plant: states.append([*plant.wheel_speed, *plant.wheel_angle]))
+    states = np.array(states)
+    after = round(1000 * STOP) + 100
+    rest = after + int(np.argmax(np.abs(states[after:, :4]).max(axis=1) < 0.1))
+    rolled = RADIUS * np.abs(states[:, 4:] - states[rest, 4:]).max(axis=1)
+    rows = np.array(host.rows)
+    return (rolled[rest:].max(), RADIUS * np.ptp(states[-3000:, 4:], axis=0).max(),
+            rows[rows[:, 0] > (DURATION - 3.0) * NS_PER_S, 1:], host.faults)
+
+
+@pytest.mark.parametrize('speed', [SPEED, -SPEED], ids=['uphill', 'downhill'])
+@pytest.mark.parametrize('rate', [16.0, 100.0])
+def test_wheels_hold_on_8_degrees_and_do_not_count_as_blocked(monkeypatch, speed, rate):
+    rolled, late, duties, faults = stopped(monkeypatch, 8.0, speed, rate)
+    assert rolled < 0.03  # 90 mm in 2 s, and on, without the hold
+    assert late < 0.005   # dry friction of the plant is linear at low speeds
+    assert np.ptp(duties, axis=0).max() < 0.02
+    assert 0.02 < duties.min() <= duties.max() < 0.1
+    assert not faults
+
+
+@pytest.mark.parametrize('rate', [4.0, 16.0, 100.0])
+def test_wheels_on_level_ground_get_no_duty_and_do_not_move(monkeypatch, rate):
+    rolled, late, duties, faults = stopped(monkeypatch, 0.0, SPEED, rate)
+    assert rolled < 0.004
+    assert late < 0.001
+    assert np.abs(duties).max() < 0.005  # of 0.037, which overcomes friction
+    assert not faults or rate < 16.0  # motor_driver checks faster, whatever it publishes
+
+
+class StickingWheel:
+    """A wheel with static friction above the kinetic one, and its encoder."""
+
+    INERTIA, STALL, KINETIC, STATIC = 0.028, 5.0, 0.18, 0.3  # kg m2, N m
+
+    def __init__(self, load):
+        self.load, self.speed, self.angle = load, 0.0, 0.0
+
+    def move(self, duty, seconds=1.0 / 16):
+        """Return the mean speed by the counts."""
+        before = math.floor(self.angle / RESOLUTION)
+        for _ in range(125):
+            step = seconds / 125
+            torque = self.STALL * (duty - self.speed / FREE_SPEED) - self.load
+            if self.speed == 0.0 and abs(torque) <= self.STATIC:
+                continue
+            direction = math.copysign(1.0, self.speed or torque)
+            speed = self.speed + (torque - direction * self.KINETIC) / self.INERTIA * step
+            self.speed = speed if speed * direction > 0.0 else 0.0
+            self.angle += self.speed * step
+        return (math.floor(self.angle / RESOLUTION) - before) * RESOLUTION / seconds
+
+
+@pytest.mark.parametrize('load', [0.0, 0.32, -0.32, 0.6])
+def test_static_friction_causes_no_limit_cycle(load):
+    control, wheel, duties, angles = WheelControl(WheelControllerParams()), StickingWheel(load), \
+        [], []
+    duty = 0.0
+    for tick in range(200):
+        now_ns = tick * NS_PER_S // 16
+        control.update_measurement((wheel.move(duty),) * 4, now_ns, now_ns + 1)
+        duty = control.step((SPEED * (tick < 24),) * 4, now_ns)[1][0]
+        duties.append(duty)
+        angles.append(wheel.angle)
+    assert max(angles[72:]) == min(angles[72:])  # from 3 s after the stop
+    assert max(duties[80:]) == min(duties[80:])
+    assert abs(duties[-1]) < (0.02 if load == 0.0 else 0.15)
+
+
+def test_a_wheel_that_is_turned_by_force_resists_with_a_limited_duty():
+    control = WheelControl(WheelControllerParams())
+    for tick in range(160):
+        now_ns = tick * NS_PER_S // 16
+        control.update_measurement((-2.0 * (tick > 2),) * 4, now_ns, now_ns + 1)
+        duty = control.step((0.0,) * 4, now_ns)[1]
+    assert duty == (MAX_HOLD_DUTY,) * 4
+    assert MotorDriverParams().stall_duty > MAX_HOLD_DUTY
+
+
+def test_the_hold_ends_with_the_commands():
+    control, wheel = WheelControl(WheelControllerParams()), StickingWheel(0.32)
+    duty = 0.0
+    for tick in range(80):
+        now_ns = tick * NS_PER_S // 16
+        control.update_measurement((wheel.move(duty),) * 4, now_ns, now_ns + 1)
+        duty = control.step((SPEED * (tick < 24),) * 4, now_ns)[1][0]
+    assert duty > 0.0
+    assert control.step(None, now_ns + 1)[1] == (0.0,) * 4
+    assert control.step((0.0,) * 4, now_ns + 2)[1] == (0.0,) * 4  # begins at zero again
