@@ -35,6 +35,7 @@ from smart_tire.messages.odometry_imu import (
     velocity_from_twist, velocity_to_msg)
 from smart_tire.messages.path import (
     goal_from_msg, goal_to_msg, path_from_msg, path_to_msg, progress_from_msg, progress_to_msg)
+from smart_tire.messages.serialized_path import path_from_bytes
 from smart_tire.messages.topics import find_topic, Topic, topic_of, TOPICS
 
 __all__ = [
@@ -42,9 +43,9 @@ __all__ = [
     'friction_to_msg', 'goal_from_msg', 'goal_to_msg', 'ground_state_from_msg',
     'ground_state_to_msg', 'icr_from_msg', 'icr_to_msg', 'imu_from_msg', 'imu_mounting_to_msg',
     'imu_to_msg', 'motor_command_from_msg', 'motor_command_to_msg', 'NodeStatus',
-    'odometry_from_msg', 'odometry_to_msg', 'OtherJointsError', 'path_from_msg', 'path_to_msg',
-    'progress_from_msg', 'progress_to_msg', 'recognized_joints', 'resolved_joints', 'set_header',
-    'stamp_of', 'statuses_from_msg', 'tire_from_msg', 'tire_to_msg', 'Topic', 'topic_of', 'TOPICS',
-    'transform_to_msg', 'velocity_from_msg', 'velocity_from_twist', 'velocity_to_msg',
-    'wheel_command_from_msg', 'wheel_command_to_msg', 'wheel_slip_from_msg', 'wheel_slip_to_msg',
-    'wheels_from_msg', 'wheels_to_msg']
+    'odometry_from_msg', 'odometry_to_msg', 'OtherJointsError', 'path_from_bytes', 'path_from_msg',
+    'path_to_msg', 'progress_from_msg', 'progress_to_msg', 'recognized_joints', 'resolved_joints',
+    'set_header', 'stamp_of', 'statuses_from_msg', 'tire_from_msg', 'tire_to_msg', 'Topic',
+    'topic_of', 'TOPICS', 'transform_to_msg', 'velocity_from_msg', 'velocity_from_twist',
+    'velocity_to_msg', 'wheel_command_from_msg', 'wheel_command_to_msg', 'wheel_slip_from_msg',
+    'wheel_slip_to_msg', 'wheels_from_msg', 'wheels_to_msg']

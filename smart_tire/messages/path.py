@@ -34,12 +34,15 @@ QUATERNION_TOLERANCE = 0.01  # of the norm; planners publish single precision or
 def path_from_msg(msg: Any) -> PlannedPath:
     """Return the path in a Path; the frame of each pose is that of the path, or empty."""
     frame = msg.header.frame_id
-    for index, item in enumerate(msg.poses):
-        if item.header.frame_id not in ('', frame):
-            raise MessageError(f'path: poses[{index}].header.frame_id is '
-                               f'{item.header.frame_id!r}, expected {frame!r} or none')
     return PlannedPath(stamp_of(msg), frame, tuple(
-        _pose(item.pose, 'path', f'poses[{index}].pose') for index, item in enumerate(msg.poses)))
+        _pose_in(frame, item, index) for index, item in enumerate(msg.poses)))
+
+
+def _pose_in(frame: str, item: Any, index: int) -> Vector3:
+    if item.header.frame_id not in ('', frame):
+        raise MessageError(f'path: poses[{index}].header.frame_id is '
+                           f'{item.header.frame_id!r}, expected {frame!r} or none')
+    return _pose(item.pose, 'path', f'poses[{index}].pose')
 
 
 def path_to_msg(msg: Any, sample: PlannedPath) -> Any:
