@@ -84,6 +84,7 @@ class RobotStack:
         if isinstance(sample, WheelSample):
             self._wheels.update_measurement(sample.velocity, now_ns, sample.stamp_ns,
                                             sample.position)
+            self.trajectory.update_wheels(sample)
         for estimate in self._pipeline.update(sample):
             self._distribute(estimate, now_ns)
         self._follow(now_ns)

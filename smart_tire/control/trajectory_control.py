@@ -21,6 +21,7 @@ from enum import IntEnum
 from smart_tire.control.friction_limit import FrictionLimit
 from smart_tire.control.motion_limits import motion_limits
 from smart_tire.control.motion_monitor import MotionMonitor
+from smart_tire.control.odometry_check import OdometryCheck
 from smart_tire.control.path_checks import (
     check_goal, check_maneuvers, check_path, check_start)
 from smart_tire.control.path_follower import Conditions, PathFollower
@@ -31,7 +32,7 @@ from smart_tire.errors import CommandError
 from smart_tire.parameters.control import TrajectoryControllerParams
 from smart_tire.samples import (
     Friction, GoalPose, NAN, NS_PER_S, Odometry, PathProgress, PlannedPath, VelocityCommand,
-    WheelSlip)
+    WheelSample, WheelSlip)
 
 MAX_STEP_PERIODS = 4  # upper limit of the time step, in periods
 
@@ -60,14 +61,21 @@ class TrajectoryControl:
         self._kinematics = SlipKinematics(params)
         self._friction = FrictionLimit()
         self._motion = MotionMonitor()
+        self._odometry_check = OdometryCheck(params.robot)
         self._target: PlannedPath | GoalPose | None = None  # until the first odometry after it
         self._follower: PathFollower | None = None
         self._progress = ProgressMonitor()
         self._stepped_ns: int | None = None
         self._stop_due = False             # a command of zero is to be published
+        self.holding = False               # commands of zero are published since the arrival
         self._last = (0.0, 0.0)            # command before the compensation of slip
         self.state = State.IDLE
         self.reason = ''
+
+    @property
+    def active(self) -> bool:
+        """Return whether commands are published."""
+        return self.state == State.FOLLOWING or self.holding
 
     def set_path(self, path: PlannedPath, now_ns: int) -> None:
         """Follow ``path`` from now on; the state is REFUSED, with the reason, if it is invalid."""
@@ -78,9 +86,10 @@ class TrajectoryControl:
         self._set_target(goal, now_ns)
 
     def cancel(self, reason: str) -> None:
-        """Stop following; nothing happens if no path is followed."""
-        if self.state == State.FOLLOWING:
+        """Stop following or holding; nothing happens if neither is done."""
+        if self.active:
             self._end(State.STOPPED, reason)
+            self.holding = False
 
     def refuse(self, reason: str) -> None:
         """End following for an order that cannot be read or is too old."""
@@ -89,7 +98,12 @@ class TrajectoryControl:
     def update_odometry(self, odometry: Odometry, now_ns: int) -> None:
         """Add the latest pose and velocity."""
         self._friction.drive(self._motion.update(odometry, self.params.checks))
+        self._odometry_check.add_motion(self._motion.measured(), odometry.stamp_ns)
         self._kinematics.update_odometry(odometry)
+
+    def update_wheels(self, wheels: WheelSample) -> None:
+        """Add the latest speeds of the wheels; without them, odometry is not compared."""
+        self._odometry_check.add_wheels(wheels)
 
     def update_slip(self, slip: WheelSlip) -> None:
         """Add the latest slips of the wheels."""
@@ -103,7 +117,8 @@ class TrajectoryControl:
         """
         Return the next ``cmd_vel``; None if nothing is to be published.
 
-        After following has ended, the first result is a command of zero, then None.
+        After following has ended, the first result is a command of zero, then None, except that
+        with ``hold_on_arrival`` commands of zero go on.
         """
         last_ns, self._stepped_ns = self._stepped_ns, now_ns
         if self.state == State.FOLLOWING:
@@ -136,7 +151,10 @@ class TrajectoryControl:
         except CommandError as error:
             self._end(State.REFUSED, str(error))
             return
+        if self.state != State.FOLLOWING:
+            self._odometry_check.clear()
         self.state, self.reason, self._motion.fault = State.FOLLOWING, '', ''
+        self.holding = False
 
     def _end(self, state: State, reason: str = '') -> None:
         self._stop_due = self._stop_due or self.state == State.FOLLOWING
@@ -145,13 +163,14 @@ class TrajectoryControl:
 
     def _stop(self, now_ns: int) -> VelocityCommand | None:
         """Return a command of zero, once after following has ended."""
-        due, self._stop_due = self._stop_due, False
+        due, self._stop_due = self._stop_due or self.holding, False
         return VelocityCommand(now_ns, 0.0, 0.0) if due else None
 
     def _check(self, now_ns: int) -> None:
         """Begin with a new target; end following where a condition for it is not met."""
         reason = self._motion.fault or (
-            self._stale(now_ns) if self._motion.initialized else self._progress.waiting(now_ns))
+            self._stale(now_ns) if self._motion.initialized else self._progress.waiting(now_ns)
+        ) or self._odometry_check.fault(self.params.checks.max_slip)
         if reason:
             self._end(State.STOPPED, reason)
         elif self._target is not None and self._motion.initialized:
@@ -189,6 +208,7 @@ class TrajectoryControl:
         reason = self._progress.check(follower, self._motion.measured(), now_ns, params)
         if follower.finished or reason:
             self._end(State.STOPPED if reason else State.ARRIVED, reason)
+            self.holding = params.hold_on_arrival and not reason
             return self._stop(now_ns)
         return VelocityCommand(now_ns, *self._compensated(now_ns))
 

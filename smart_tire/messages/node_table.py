@@ -87,10 +87,12 @@ NODE_TABLE: dict[str, NodeEntry] = {node.name: node for node in (
         'trajectory_controller',
         'Follows a path or drives to a goal on `odom`, and compensates the slip of the wheels in '
         'its velocity commands.',
-        ('path', 'goal_pose', 'odom', 'wheel_slip', 'tire_friction', 'emergency_stop_active'),
+        ('path', 'goal_pose', 'odom', 'wheel_states', 'wheel_slip', 'tire_friction',
+         'emergency_stop_active'),
         ('cmd_vel', 'path_progress'), (
             Service('cancel_path', 'std_srvs/srv/Trigger',
-                    'stops the robot; `success` only if it followed a path or drove to a goal'),)),
+                    'stops the robot; `success` only if it followed a path, drove to a goal or '
+                    'held after arrival'),)),
     NodeEntry(
         'robot_simulator',
         'Simulated robot in real time: opens pseudo-terminals and emits the bytes of tire radio, '

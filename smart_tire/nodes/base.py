@@ -112,7 +112,8 @@ class SmartTireNode(Node, Generic[Params]):
                   name: str | None = None, wheels: int = 1, reliability: str = 'reliable',
                   required: bool = False, announced: bool = False, info: bool = False,
                   from_msg: Callable[[Any], Any] | None = None,
-                  type_name: str | None = None, profiles: Sequence[QoSProfile] = ()) -> None:
+                  type_name: str | None = None, profiles: Sequence[QoSProfile] = (),
+                  raw: bool = False) -> None:
         """
         Subscribe to a topic of ``TOPICS``; call ``on_sample`` with each valid sample.
 
@@ -121,7 +122,7 @@ class SmartTireNode(Node, Generic[Params]):
         ``on_sample`` also gets rclpy's message info. No message for ``MAX_INPUT_AGE`` on a
         ``required`` topic is a warning. The first message on a required or ``announced`` topic
         is logged. With ``profiles`` there is a subscription for each of them, but a message is
-        handled once, with its info.
+        handled once, with its info. With ``raw``, ``from_msg`` gets the serialized message.
         """
         topic, name = TOPICS[topic_name], name or topic_name
         counter = InputCounter(required=required)
@@ -149,20 +150,20 @@ class SmartTireNode(Node, Generic[Params]):
 
         cls = message_class(type_name or topic.type)
         if profiles:
-            self._subscribe_once(cls, name, on_message_with_info, profiles)
+            self._subscribe_once(cls, name, on_message_with_info, profiles, raw)
             return
         self.create_subscription(
             cls, name, (with_info(on_message_with_info) if info
                         else self.wrap_callback(name, on_message)),
-            subscriber_qos(topic_name, wheels=wheels, reliability=reliability))
+            subscriber_qos(topic_name, wheels=wheels, reliability=reliability), raw=raw)
 
     def _subscribe_once(self, cls: type[Any], name: str, callback: Callable[[Any, Any], None],
-                        profiles: Sequence[QoSProfile]) -> None:
+                        profiles: Sequence[QoSProfile], raw: bool) -> None:
         """Subscribe with each of ``profiles``; a publisher need not match all of them."""
         silent = SubscriptionEventCallbacks(use_default_callbacks=False)  # no warning of rclpy
         adapter = with_info(once(callback))
         for profile in profiles:
-            self.create_subscription(cls, name, adapter, profile, event_callbacks=silent)
+            self.create_subscription(cls, name, adapter, profile, event_callbacks=silent, raw=raw)
 
     def wrap_callback(self, name: str,
                       on_message: Callable[[Any], None]) -> Callable[[Any], None]:

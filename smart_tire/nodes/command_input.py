@@ -29,6 +29,7 @@ from smart_tire.nodes.diagnostics import Status
 from smart_tire.samples import NS_PER_S
 
 ON_DEMAND = {'cmd_vel': 'trajectory_controller'}  # topic -> node that publishes temporarily
+UNDISCOVERED = 'a publisher not discovered yet'  # or one that has ended
 TICK_PERIOD = 0.025        # s, a tenth of the shortest stall that must be detected
 MIN_PUBLISHER_WINDOW = 1.5  # s after its latest message that a publisher counts; a line fault ends
 PUBLISHER_WINDOW_TIMEOUTS = 2.0  # the same in time-outs: a slow publisher must not be overlooked
@@ -42,6 +43,48 @@ def without_idle(topic: str, publishers: Iterable[str]) -> list[str]:
     long as it is idle, and messages of both at the same time are detected as such.
     """
     return [name for name in publishers if name.rpartition('/')[2] != ON_DEMAND.get(topic)]
+
+
+class PublisherCheck:
+    """Names the publishers that send on the topic ``name`` within ``window`` [s], if several."""
+
+    def __init__(self, node: SmartTireNode[Any], name: str, window: float) -> None:
+        self._node, self._name = node, name
+        self._monitor = PublisherMonitor(round(window * NS_PER_S))
+        self._sequences = SequenceTracker()
+
+    def record(self, info: Mapping[str, Any], now_ns: int, *, by_node: bool = False) -> str:
+        """
+        Record a message; return the text for a conflict of publishers, '' if there is none.
+
+        With ``by_node``, publishers of one node are none, and those that have ended do not count.
+        """
+        self._monitor.record(self._publisher(info), now_ns)
+        if not (publishers := self._monitor.conflicting(now_ns)):
+            return ''
+        names, count = self._names(publishers), len(publishers)
+        if by_node:
+            names = sorted({*names} - {UNDISCOVERED})
+            count = len(names)
+        return f'{count} publishers on {self._name}: {", ".join(names)}' if count > 1 else ''
+
+    def conflicting(self, now_ns: int) -> bool:
+        """Return whether several publishers are active."""
+        return len(self._monitor.conflicting(now_ns)) > 1
+
+    def _publisher(self, info: Mapping[str, Any]) -> Hashable:
+        """Return an identifier of the publisher; rclpy of Jazzy gives sequence numbers only."""
+        identifier = info.get('publisher_gid')
+        if identifier is not None:
+            return bytes(identifier['data'])
+        return self._sequences.publisher(info['publication_sequence_number'])
+
+    def _names(self, publishers: list[Hashable]) -> list[str]:
+        names = publisher_names(self._node, self._name)
+        if any(isinstance(publisher, int) for publisher in publishers):
+            return sorted(names.values())
+        return sorted(names.get(publisher, UNDISCOVERED)
+                      if isinstance(publisher, bytes) else '' for publisher in publishers)
 
 
 class CommandInput:
@@ -66,8 +109,7 @@ class CommandInput:
         self._node, self._topic, self._name = node, topic, name or topic
         self._on_command, self._on_conflict, self._max_age = on_command, on_conflict, max_age
         window = max(MIN_PUBLISHER_WINDOW, PUBLISHER_WINDOW_TIMEOUTS * timeout)
-        self._monitor = PublisherMonitor(round(window * NS_PER_S))
-        self._sequences = SequenceTracker()
+        self._publishers = PublisherCheck(node, self._name, window)
         self._stalls = StallDetector(node.steady_ns())
         self._conflict = ''
         self._warned_unstamped = unstamped_type is not None
@@ -80,7 +122,7 @@ class CommandInput:
         """Detect stalls of this process and the end of a conflict."""
         now_ns = self._node.steady_ns()
         self._stalls.tick(now_ns)
-        if self._conflict and not self._monitor.conflicting(now_ns):
+        if self._conflict and not self._publishers.conflicting(now_ns):
             self._conflict = ''
             self._on_conflict('')
 
@@ -107,27 +149,10 @@ class CommandInput:
 
     def _check_publisher(self, info: Mapping[str, Any], now_ns: int) -> None:
         """Raise CommandError while more than one publisher sends."""
-        self._monitor.record(self._publisher(info), now_ns)
-        if publishers := self._monitor.conflicting(now_ns):
-            names = ', '.join(self._names(publishers))
-            text = f'{len(publishers)} publishers on {self._name}: {names}'
+        if text := self._publishers.record(info, now_ns):
             self._conflict = text
             self._on_conflict(text)
             raise CommandError(text)
-
-    def _publisher(self, info: Mapping[str, Any]) -> Hashable:
-        """Return an identifier of the publisher; rclpy of Jazzy gives sequence numbers only."""
-        identifier = info.get('publisher_gid')
-        if identifier is not None:
-            return bytes(identifier['data'])
-        return self._sequences.publisher(info['publication_sequence_number'])
-
-    def _names(self, publishers: list[Hashable]) -> list[str]:
-        names = publisher_names(self._node, self._name)
-        if any(isinstance(publisher, int) for publisher in publishers):
-            return sorted(names.values())
-        return sorted(names.get(publisher, 'a publisher not discovered yet')
-                      if isinstance(publisher, bytes) else '' for publisher in publishers)
 
     def fill_status(self, status: Status) -> None:
         """Add a conflict of publishers, and a warning while a second publisher exists."""

@@ -26,7 +26,9 @@ from typing import Any
 from smart_tire.control.command_check import check_age
 from smart_tire.control.trajectory_control import State, TrajectoryControl
 from smart_tire.errors import CommandError
+from smart_tire.messages import path_from_bytes, wheels_from_msg
 from smart_tire.nodes.base import run, SmartTireNode
+from smart_tire.nodes.command_input import PublisherCheck
 from smart_tire.nodes.diagnostics import InputCounter, Status
 from smart_tire.nodes.qos import latched, order_profiles
 from smart_tire.parameters import TrajectoryControllerParams
@@ -36,6 +38,7 @@ from std_srvs.srv import Trigger
 
 PROGRESS_PERIOD = 0.25  # s between messages of path_progress, docs/topics.md
 STATE_DEPTH = 10  # queued states of the emergency stop, so that a short one is not missed
+PUBLISHER_WINDOW = 5.0  # s: planners that renew their paths at 0.2 Hz and faster are in conflict
 LOG_PERIOD = 1.0  # s between log lines for messages that are refused
 Order = PlannedPath | GoalPose
 
@@ -44,9 +47,10 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
     """
     Follows a path, or drives to a goal, with commands of the body velocity.
 
-    Subscribes to ``path``, ``goal_pose``, ``odom``, ``wheel_slip``, ``tire_friction`` and
-    ``emergency_stop_active``; publishes ``cmd_vel`` (only while it follows, then one command of
-    zero), ``path_progress`` and ``/diagnostics``. Service: ``cancel_path``.
+    Subscribes to ``path``, ``goal_pose``, ``odom``, ``wheel_states``, ``wheel_slip``,
+    ``tire_friction`` and ``emergency_stop_active``; publishes ``cmd_vel`` (only while it follows,
+    then one command of zero, or zero from then on with ``hold_on_arrival``), ``path_progress`` and
+    ``/diagnostics``. Service: ``cancel_path``.
 
     Parameters: those of ``TrajectoryControllerParams``.
     """
@@ -63,6 +67,9 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
         self._publish_progress = self.make_publisher('path_progress')
         self._subscribe_orders()
         self.subscribe('odom', self._on_odometry, required=True, reliability=params.reliability)
+        self.subscribe('wheel_states', self._control.update_wheels, announced=True,
+                       reliability=params.reliability,
+                       from_msg=partial(wheels_from_msg, joints=params.robot.joints))
         self.subscribe('wheel_slip', self._control.update_slip, announced=True,
                        reliability=params.reliability)
         self.subscribe('tire_friction', self._control.update_friction, announced=True,
@@ -75,11 +82,15 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
         self.create_steady_timer(PROGRESS_PERIOD, self._send_progress)
 
     def _subscribe_orders(self) -> None:
-        follow: dict[str, Callable[[Any, int], None]] = {
-            'path': self._control.set_path, 'goal_pose': self._control.set_goal}
-        for name in follow:
-            self.subscribe(name, partial(self._on_order, name, follow[name]),
-                           profiles=order_profiles(name))
+        self._senders = {name: PublisherCheck(self, name, PUBLISHER_WINDOW)
+                            for name in ('path', 'goal_pose')}
+        self.subscribe('path', partial(self._on_order, 'path', self._control.set_path),
+                       profiles=order_profiles('path'), raw=True, from_msg=self._read_path)
+        self.subscribe('goal_pose', partial(self._on_order, 'goal_pose', self._control.set_goal),
+                       profiles=order_profiles('goal_pose'))
+
+    def _read_path(self, data: bytes) -> PlannedPath:
+        return path_from_bytes(data, self.params.checks.max_path_poses)
 
     def stop(self) -> None:
         """Stop the robot if it follows a path."""
@@ -91,7 +102,8 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
 
     def _on_order(self, name: str, follow: Callable[[Any, int], None], order: Order,
                   info: Mapping[str, Any]) -> None:
-        """Follow a new path or goal, unless it is of the past."""
+        """Follow a new path or goal, unless it is of the past, or another node sends them, too."""
+        self._check_publisher(name, info)
         if self._control.state == State.FOLLOWING and order == self._order:
             return  # repeated: a new beginning would lead back to parts already driven
         # from its publication on, since a latched one is received when this node starts
@@ -103,6 +115,11 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
         follow(order, self.now_ns())
         self._reported = self._reported[0], 'new order'  # report it, also if the state is the same
         self._step()
+
+    def _check_publisher(self, name: str, info: Mapping[str, Any]) -> None:
+        """Raise CommandError if another node has sent the same kind of order a short time ago."""
+        if conflict := self._senders[name].record(info, self.steady_ns(), by_node=True):
+            raise CommandError(conflict)
 
     def reject_input(self, name: str, counter: InputCounter, error: Exception) -> None:
         """Stop the robot for a path or goal that is invalid: the one before is outdated."""
@@ -128,8 +145,8 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
         return response
 
     def _end(self, reason: str) -> bool:
-        """Stop at once; return whether a path was followed."""
-        if self._control.state != State.FOLLOWING:
+        """Stop at once; return whether a path was followed, or the robot held after it."""
+        if not self._control.active:
             return False
         self._control.cancel(reason)
         self._step()
@@ -149,6 +166,7 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
         if state == State.FOLLOWING:
             length = self._control.progress(self.now_ns()).remaining_distance
             self.get_logger().info(f'following {described(self._order, length)}')
+            self._warn_without_wheels()
         elif state == State.ARRIVED:
             self.get_logger().info(f'arrived {self._distance_from_end():.3f} m from the end')
         elif state == State.STOPPED:
@@ -157,6 +175,11 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
             self.get_logger().warning(f'refused: {reason}')
         elif state == State.REFUSED:  # perhaps for each message of a fast publisher
             self.get_logger().warning(f'again refused: {reason}', throttle_duration_sec=LOG_PERIOD)
+
+    def _warn_without_wheels(self) -> None:
+        if not self.inputs['wheel_states'].ok:
+            self.get_logger().warning('no wheel_states: odom is not compared with the motion of '
+                                      'the wheels', once=True)
 
     def _distance_from_end(self) -> float:
         if self._order is None or self._odometry is None:

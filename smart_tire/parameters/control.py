@@ -180,6 +180,8 @@ class TrajectoryControllerParams:
     path_max_age: float = param(
         2.0, 's', 'path or goal_pose older or further in the future is refused', low=0.1,
         high=3600.0, live=True)
+    hold_on_arrival: bool = param(
+        False, '-', 'keep commanding zero after arrival, so that the wheels hold', live=True)
     limits: MotionLimitParams = nested(MotionLimitParams)
     follower: FollowerParams = nested(FollowerParams)
     arrival: ArrivalParams = nested(ArrivalParams)

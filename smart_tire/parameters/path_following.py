@@ -114,6 +114,9 @@ class PathCheckParams:
     max_path_length: float = param(
         1000.0, 'm', 'a longer path is refused; also a goal further away', low=0.1, high=1e4,
         live=True)
+    max_path_poses: int = param(
+        5000, '-', 'a path of more poses is refused; reading takes 6 us per pose', low=2,
+        high=20_000, live=True)
     max_cross_track_error: float = param(
         0.5, 'm', 'stop if the robot is further from the path', low=0.02, high=100.0, live=True)
     odom_timeout: float = param(
@@ -121,5 +124,8 @@ class PathCheckParams:
     odom_jump: float = param(
         0.2, 'm', 'stop if the position changes by this more than the twist explains',
         low=0.01, high=10.0, live=True)
+    max_slip: float = param(
+        0.8, '-', 'stop if the motions in odom and of the wheels differ by more slip', low=0.5,
+        high=1.0, live=True)
     progress_timeout: float = param(
         5.0, 's', 'stop without progress for this long', low=0.5, high=600.0, live=True)

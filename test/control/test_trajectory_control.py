@@ -396,3 +396,51 @@ def test_too_many_poses_are_refused():
     poses = ((0.0, 0.0, NAN),) * 1_000_001
     run = Run().start(PlannedPath(0, 'odom', poses))
     assert '1000001 poses, expected 2 to 1000000' in run.control.reason
+
+
+HOLDING = replace(IDEAL, hold_on_arrival=True)
+
+
+def arrived():
+    """Return a run that holds after its arrival."""
+    run = Run(HOLDING).start(line(0.5)).until_end()
+    assert (run.control.state, run.control.active) == (State.ARRIVED, True)
+    return run
+
+
+def stands(command):
+    """Return whether a command is one of zero."""
+    return command is not None and (command.v_x, command.yaw_rate) == (0.0, 0.0)
+
+
+def test_the_robot_is_held_after_arrival_until_cancelled():
+    run = arrived()
+    assert all(stands(run.step()) for _ in range(50))
+    run.control.cancel('canceled by the user')
+    assert run.step() is None
+    assert (run.control.state, run.control.reason) == (State.STOPPED, 'canceled by the user')
+
+
+def test_the_hold_goes_on_without_odometry_and_when_an_order_is_refused():
+    run = arrived()
+    run.now_ns += 10 * NS_PER_S
+    assert stands(run.control.step(run.now_ns))
+    run.start(path((0, 0), (1, 0), frame='map'))
+    assert run.control.state == State.REFUSED
+    assert stands(run.control.step(run.now_ns + 1))
+
+
+def test_a_new_path_ends_the_hold():
+    run = arrived()
+    run.start(path((0.5, 0), (1.0, 0)))
+    assert run.for_seconds(0.5).robot.v_x > 0.05
+    run.control.cancel('canceled')
+    assert stands(run.step())
+    assert run.step() is None
+
+
+@pytest.mark.parametrize('params', [IDEAL, HOLDING])
+def test_only_arrival_begins_a_hold(params):
+    run = under_way(params=params)
+    run.control.cancel('canceled')
+    assert_stopped(run, 'canceled')

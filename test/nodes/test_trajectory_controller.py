@@ -24,20 +24,23 @@ import time
 import pytest
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rclpy.qos import QoSProfile
+from rclpy.serialization import serialize_message
 from smart_tire.control.trajectory_control import State
 from smart_tire.messages import path_to_msg
 from smart_tire.nodes.compat import message_class
 from smart_tire.nodes.qos import latched
 from smart_tire.rotation import quaternion
 from smart_tire.samples import (
-    GoalPose, NAN, NS_PER_S, Odometry, PathProgress, PlannedPath, WheelSlip)
+    GoalPose, NAN, NS_PER_S, Odometry, PathProgress, PlannedPath, WheelSample, WheelSlip)
 from std_msgs.msg import Bool
 from support.graph import Graph, node_arguments, Process
+from support.robot_rig import Stranger
 
 pytestmark = pytest.mark.processes
 
 NODE = 'trajectory_controller'
 PATH = message_class('nav_msgs/msg/Path')
+RADIUS = 0.087  # m
 PERIOD_NS = 20_000_000  # of the odometry
 COVARIANCE = tuple(1e-4 * (index % 7 == 0) for index in range(36))
 SHORT, LONG = 0.3, 10.0  # m
@@ -49,7 +52,9 @@ class Robot:
     def __init__(self, graph: Graph) -> None:
         self.graph = graph
         self.x = 0.0
-        self.is_silent = False
+        self.is_silent = self.has_wheels = False
+        self.odom_speed: float | None = None  # m/s, None: that of the robot
+        self.shown_x = 0.0
         self.log: Callable[[], str] = lambda: self.node.output
         self._sent_ns = 0
         graph.subscribe('cmd_vel', 'path_progress')
@@ -62,8 +67,12 @@ class Robot:
         passed = min(now_ns - self._sent_ns, 2 * PERIOD_NS) / NS_PER_S
         self._sent_ns = now_ns
         self.x += self.speed * passed
+        self.shown_x = self.x if self.odom_speed is None else (
+            self.shown_x + self.odom_speed * passed)
+        if self.has_wheels:
+            self.graph.publish('wheel_states', WheelSample(now_ns, (self.speed / RADIUS,) * 4))
         self.graph.publish('odom', Odometry(
-            now_ns, (self.x, 0.0, 0.0), quaternion(0.0, 0.0, 0.0), (self.speed, 0.0, 0.0),
+            now_ns, (self.shown_x, 0.0, 0.0), quaternion(0.0, 0.0, 0.0), (self.speed, 0.0, 0.0),
             (0.0, 0.0, 0.0), COVARIANCE, COVARIANCE))
         self.graph.publish('wheel_slip', WheelSlip(now_ns, (0.0,) * 4, (0.0,) * 4, (0.01,) * 4))
 
@@ -142,7 +151,7 @@ def running(tmp_path_factory, isolated_ros):
 @pytest.fixture
 def robot(running):
     """Return the robot at rest; its log begins with the test."""
-    running.is_silent = False
+    running.is_silent, running.odom_speed = False, None
     before = running.node.output
     running.graph.received['cmd_vel'].clear()
     running.log = lambda: running.node.output.removeprefix(before)
@@ -245,8 +254,13 @@ def test_an_emergency_stop_ends_following_until_a_new_path_after_its_release(rob
 
 def set_max_speed(robot, value):
     """Set the parameter with the service that ``ros2 param set`` uses."""
-    parameter = Parameter(name='max_speed', value=ParameterValue(
+    set_parameter(robot, 'max_speed', ParameterValue(
         type=ParameterType.PARAMETER_DOUBLE, double_value=value))
+
+
+def set_parameter(robot, name, value):
+    """Set a parameter of the node."""
+    parameter = Parameter(name=name, value=value)
     (result,) = robot.graph.call('rcl_interfaces/srv/SetParameters', f'{NODE}/set_parameters',
                                  parameters=[parameter]).results
     assert result.successful
@@ -271,6 +285,99 @@ def test_the_same_path_again_is_no_new_begin(robot):
     assert robot.log().count('following path') == 1
     robot.follow(robot.path())
     robot.until(lambda: robot.log().count('following path') == 2)
+
+
+def test_odometry_that_contradicts_the_wheels_stops_the_robot_within_1_s(robot):
+    assert robot.node.output.count('no wheel_states: odom is not compared') == 1
+    robot.has_wheels = True
+    for speed in (0.0, 0.025):
+        robot.drive()
+        robot.odom_speed, began = speed, time.monotonic()
+        robot.until(lambda: robot.speed == 0.0)
+        assert time.monotonic() - began < 1.0
+        robot.assert_stopped(State.STOPPED, 'in which the wheels rolled')
+        robot.odom_speed, robot.x = None, robot.shown_x
+    robot.has_wheels = False
+    robot.graph.received['cmd_vel'].clear()
+
+
+def test_a_path_of_too_many_poses_is_refused_with_their_number_before_it_is_read(robot):
+    long = path_to_msg(PATH(), PlannedPath(0, 'odom', tuple(
+        (robot.x + 0.005 * index, 0.0, 0.0) for index in range(20_000))))
+    robot.until_more_progress()  # the latest odom may be old
+    robot.drive()
+    robot.graph.publish_message('path', long)
+    robot.assert_stopped(State.REFUSED, 'refused: path: 20000 poses, expected at most 5000')
+    robot.drive()
+
+
+def test_bytes_that_are_no_path_are_refused_and_the_node_lives(robot):
+    publisher = robot.graph.node.create_publisher(PATH, 'path', latched())
+    robot.until(lambda: publisher.get_subscription_count() == 2)
+    data = serialize_message(message(0))
+    for bad in (data[:50], data[:4] + b'\xff' * 60, b'\0\7' + data[2:]):
+        robot.drive()
+        robot.graph.received['cmd_vel'].clear()
+        publisher.publish(bad)
+        robot.until_state(State.REFUSED)
+    assert 'bytes are no nav_msgs/Path' in robot.log()
+    assert 'encapsulation is 0007' in robot.log()
+    robot.graph.node.destroy_publisher(publisher)
+
+
+def test_a_goal_of_another_node_takes_over_from_a_path(robot, tmp_path):
+    with Stranger(tmp_path, 'goal_pose') as stranger:
+        robot.until_more_progress()  # the latest odom may be old
+        robot.drive()
+        stranger.publish(GoalPose(time.time_ns(), 'odom', (robot.x + SHORT, 0.0, NAN)))
+        robot.until_state(State.ARRIVED)
+    assert 'publishers' not in robot.log()
+
+
+@pytest.mark.parametrize('topic', ['path', 'goal_pose'])
+def test_a_second_publisher_of_orders_stops_the_robot_and_both_are_named(robot, topic, tmp_path):
+    def order():
+        return robot.path() if topic == 'path' else GoalPose(
+            time.time_ns(), 'odom', (robot.x + LONG, 0.0, NAN))
+
+    with Stranger(tmp_path, topic) as stranger:
+        robot.until_more_progress()  # the latest odom may be old
+        robot.graph.publish(topic, order())
+        robot.until(lambda: robot.speed > 0.1)
+        stranger.publish(order())
+        robot.assert_stopped(State.REFUSED, f'refused: 2 publishers on {topic}: /stranger, /test')
+        robot.graph.publish(topic, order())  # also refused
+        robot.until_more_progress()
+        assert (robot.progress.state, robot.speed) == (State.REFUSED, 0.0)
+    robot.until(lambda: not robot.graph.publish(topic, order()) and robot.speed > 0.1)
+
+
+def hold_on_arrival(robot, value):
+    """Set the parameter."""
+    set_parameter(robot, 'hold_on_arrival', ParameterValue(
+        type=ParameterType.PARAMETER_BOOL, bool_value=value))
+
+
+def test_after_arrival_the_robot_is_held_by_commands_of_zero_until_a_stop(robot):
+    hold_on_arrival(robot, True)
+    stop = robot.graph.node.create_publisher(Bool, 'emergency_stop_active', latched())
+    ends = (lambda: robot.graph.call('std_srvs/srv/Trigger', 'cancel_path'),
+            lambda: stop.publish(Bool(data=True)))
+    for end in ends:
+        robot.follow(robot.path(SHORT))
+        robot.until_state(State.ARRIVED)
+        count = len(robot.commands)
+        robot.until_more_progress()
+        assert len(robot.commands) > count + 4
+        assert set(robot.commands[count:]) == {(0.0, 0.0)}
+        end()
+        robot.until_state(State.STOPPED)
+        count = len(robot.commands)
+        robot.until_more_progress()
+        assert len(robot.commands) <= count + 1  # one was on its way
+    stop.publish(Bool(data=False))
+    hold_on_arrival(robot, False)
+    robot.until_more_progress()
 
 
 def message(stamp_ns):

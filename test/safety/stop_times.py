@@ -37,6 +37,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from smart_tire.cli._processes import isolated_environment  # noqa: E402
 from smart_tire.samples import MotorCommand, VelocityCommand, WheelSample  # noqa: E402
+from support.following_rig import FollowingRig  # noqa: E402
 from support.robot_rig import RobotRig, Stranger  # noqa: E402
 
 Scenario = Callable[[RobotRig, Path], float]  # returns the seconds from the fault to zero duty
@@ -109,6 +110,31 @@ def unplugged(robot: RobotRig, _: Path) -> float:
     return robot.until_stopped(robot.rig.unplug())
 
 
+def odom_moves(speed: float) -> Scenario:
+    """Return a scenario in which ``odom`` moves with ``speed`` [m/s], unlike the wheels."""
+    def run(robot: RobotRig, _: Path) -> float:
+        assert isinstance(robot, FollowingRig)
+        robot.odom_speed = speed
+        return robot.until_stopped(time.monotonic())
+    return run
+
+
+def second_path(robot: RobotRig, folder: Path) -> float:
+    """Publish a path from another node."""
+    assert isinstance(robot, FollowingRig)
+    with Stranger(folder, 'path') as stranger:
+        robot.drive()
+        began = time.monotonic()
+        stranger.publish(robot.path())
+        return robot.until_stopped(began)
+
+
+FOLLOWING: Mapping[str, tuple[float, Scenario]] = {  # the same, while a path is followed
+    'odom repeats one pose': (1.0, odom_moves(0.0)),
+    'odom creeps at 2.5 cm/s': (1.0, odom_moves(0.025)),
+    'second publisher on path': (0.5, second_path),
+}
+
 SCENARIOS: Mapping[str, tuple[float, Scenario]] = {  # hazard -> bound [s], scenario
     'replies of both boards lost': (0.3, fails(mute={128, 129})),
     'replies of one board lost': (0.3, fails(mute={129})),
@@ -151,11 +177,11 @@ def load(busy: bool) -> Iterator[None]:
             child.wait()
 
 
-def measure(scenario: Scenario, runs: int) -> list[float]:
+def measure(scenario: Scenario, runs: int, rig: type[RobotRig]) -> list[float]:
     """Return the stop times [s] of ``runs`` runs, each with new processes."""
     times = []
     for _ in range(runs):
-        with tempfile.TemporaryDirectory() as folder, RobotRig(Path(folder)) as robot:
+        with tempfile.TemporaryDirectory() as folder, rig(Path(folder)) as robot:
             robot.drive()
             times.append(scenario(robot, Path(folder)))
     return times
@@ -172,13 +198,14 @@ def main() -> int:
     os.environ.pop('_ROS_WHEELS_BOOTSTRAP_COMPLETE', None)
     exceeded = 0
     print('| hazard | bound [s] | idle: median, longest [s] | cores loaded [s] |\n|' + '---|' * 4)
-    for name, (bound, scenario) in SCENARIOS.items():
+    for name, (bound, scenario) in {**SCENARIOS, **FOLLOWING}.items():
         if args.only not in name:
             continue
         cells = []
         for busy in (False, True):
             with load(busy):
-                times = measure(scenario, args.runs)
+                times = measure(scenario, args.runs,
+                                FollowingRig if name in FOLLOWING else RobotRig)
             cells.append(f'{statistics.median(times):.3f}, {max(times):.3f}')
             exceeded += max(times) > bound
         print(f'| {name} | {bound:g} | {" | ".join(cells)} |', flush=True)

@@ -65,6 +65,7 @@ class Faults:
     garbled_currents: set[int] = field(default_factory=set)  # addresses, only these replies
     late_currents: dict[int, float] = field(default_factory=dict)  # address -> delay [s]
     currents: dict[int, int] = field(default_factory=dict)  # wheel -> code, if not measured
+    load: float = 0.0  # N m, against the forward rotation of each wheel, as gravity on a slope
 
 
 @dataclass
@@ -321,7 +322,7 @@ class _Boards:
         duties = (value for board in self._boards.values() for value in board.duty)
         for wheel, duty in enumerate(duties):
             torque = STALL_TORQUE * (duty - self._speeds[wheel] / FREE_SPEED)
-            free = self._speeds[wheel] + torque / INERTIA * STEP
+            free = self._speeds[wheel] + (torque - self.faults.load) / INERTIA * STEP
             friction = min(FRICTION / INERTIA * STEP, abs(free))
             speed = free - math.copysign(friction, free)
             self._speeds[wheel] = speed

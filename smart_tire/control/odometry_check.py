@@ -1,0 +1,143 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Plausibility check of odometry: its motion against that of the wheels."""
+
+from __future__ import annotations
+
+from bisect import bisect
+from collections.abc import Iterable
+import math
+from statistics import fmean
+
+from smart_tire.control.motion_monitor import Motion
+from smart_tire.control.path_geometry import wrap
+from smart_tire.parameters.robot import RobotParams
+from smart_tire.samples import LEFT, NS_PER_S, RIGHT, WheelSample
+
+WINDOW_NS = 600_000_000  # of the comparison: a stop within 1 s also with readings at 4 Hz
+# m in the window, from which on it is judged. A start with 0.5 m/s2 takes 0.45 s for it, in which
+# odometry that lags by 0.2 s, with plausible stamps, has seen 0.3 of it: more than 1 - max_slip.
+MIN_DISTANCE = 0.05
+HISTORY_NS = 2 * NS_PER_S  # kept: the window, and by how much one input is later than the other
+MAX_GAP_NS = NS_PER_S      # between samples; what happens in a longer one is unknown
+Distances = tuple[float, float]  # m: mean of both sides, and half of right - left
+
+
+class Travel:
+    """Distances driven, as sums over the samples of one input."""
+
+    def __init__(self) -> None:
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget all samples."""
+        self.stamps: list[int] = []  # ns
+        self._sums: list[Distances] = []
+
+    def elapsed(self, stamp_ns: int) -> float:
+        """Return the time [s] since the latest sample; 0 if there is none in ``MAX_GAP_NS``."""
+        if self.stamps and not 0 <= stamp_ns - self.stamps[-1] <= MAX_GAP_NS:
+            self.clear()
+        return (stamp_ns - self.stamps[-1]) / NS_PER_S if self.stamps else 0.0
+
+    def add(self, stamp_ns: int, forward: float, turning: float) -> None:
+        """Add distances [m] since the latest sample."""
+        before = self._sums[-1] if self._sums else (0.0, 0.0)
+        self.stamps.append(stamp_ns)
+        self._sums.append((before[0] + forward, before[1] + turning))
+        old = bisect(self.stamps, stamp_ns - HISTORY_NS)
+        del self.stamps[:old], self._sums[:old]
+
+    def between(self, begin_ns: int, end_ns: int) -> Distances:
+        """Return the distances in an interval within that of the samples."""
+        (forward, turning), (before_forward, before_turning) = self._at(end_ns), self._at(begin_ns)
+        return forward - before_forward, turning - before_turning
+
+    def _at(self, time_ns: int) -> Distances:
+        after = min(max(bisect(self.stamps, time_ns), 1), len(self.stamps) - 1)
+        (t_0, t_1), (one, two) = self.stamps[after - 1:after + 1], self._sums[after - 1:after + 1]
+        share = (time_ns - t_0) / max(t_1 - t_0, 1)
+        return one[0] + share * (two[0] - one[0]), one[1] + share * (two[1] - one[1])
+
+
+class OdometryCheck:
+    """
+    Compares the motion in ``odom`` with that of the wheels over ``WINDOW_NS``, by their stamps.
+
+    Wheels that roll move the robot in the direction in which they roll or, with opposite sides,
+    turn it: on ice with a slip of up to ``max_slip``. A robot that moves rolls at least one side.
+    """
+
+    def __init__(self, robot: RobotParams) -> None:
+        self._radius, self._arm = robot.wheel_radius, 0.5 * robot.track_width
+        self._wheels, self._odom = Travel(), Travel()
+        self._motion: Motion | None = None
+
+    def clear(self) -> None:
+        """Discard the motion so far: the robot may have been moved by hand."""
+        self._wheels.clear()
+        self._odom.clear()
+
+    def add_wheels(self, sample: WheelSample) -> None:
+        """Add the mean speeds since the sample before."""
+        scale = self._radius * self._wheels.elapsed(sample.stamp_ns)
+        left, right = (scale * fmean(_finite(sample.velocity[wheel] for wheel in side))
+                       for side in (LEFT, RIGHT))
+        self._wheels.add(sample.stamp_ns, 0.5 * (right + left), 0.5 * (right - left))
+
+    def add_motion(self, motion: Motion, stamp_ns: int) -> None:
+        """Add a pose; the twist is not used."""
+        self._odom.elapsed(stamp_ns)
+        last, self._motion = self._motion if self._odom.stamps else None, motion
+        last = last or motion
+        turned = wrap(motion.yaw - last.yaw)
+        heading = last.yaw + 0.5 * turned
+        self._odom.add(stamp_ns, (motion.x - last.x) * math.cos(heading)
+                       + (motion.y - last.y) * math.sin(heading), self._arm * turned)
+
+    def fault(self, max_slip: float) -> str:
+        """Return the contradiction; empty if there is none, or no wheels are measured."""
+        if min(len(self._wheels.stamps), len(self._odom.stamps)) < 2:
+            return ''
+        end_ns = min(self._wheels.stamps[-1], self._odom.stamps[-1])
+        begin_ns = max(self._wheels.stamps[0], self._odom.stamps[0], end_ns - WINDOW_NS)
+        if begin_ns >= end_ns:
+            return ''
+        wheels, odom = (item.between(begin_ns, end_ns) for item in (self._wheels, self._odom))
+        if not contradict(wheels, odom, max_slip):
+            return ''
+        return (f'odom: {self._described(odom)} in {(end_ns - begin_ns) / NS_PER_S:.1f} s, in '
+                f'which the wheels rolled {self._described(wheels)}, expected at most a slip of '
+                f'{max_slip:g} (checks.max_slip)')
+
+    def _described(self, distances: Distances) -> str:
+        return f'{distances[0]:.2f} m and {distances[1] / self._arm:.2f} rad'
+
+
+def contradict(wheels: Distances, odom: Distances, max_slip: float) -> bool:
+    """Return whether wheels rolled these distances [m] while odometry moved by the others."""
+    # wheels that roll: the component of the motion in their direction. Resistance to turning
+    # makes one of drive and turn slip much more than the other.
+    rolled = math.hypot(*wheels)
+    moved = (wheels[0] * odom[0] + wheels[1] * odom[1]) / max(rolled, MIN_DISTANCE)
+    # wheels that stand: on ground of two kinds, one rolling side can turn and move the robot
+    most_rolled, most_moved = (sum(map(abs, distances)) for distances in (wheels, odom))
+    return (rolled > MIN_DISTANCE and moved < (1.0 - max_slip) * rolled
+            or most_moved > MIN_DISTANCE and most_rolled < (1.0 - max_slip) * most_moved)
+
+
+def _finite(values: Iterable[float]) -> list[float]:
+    """Return the speeds of the measured wheels."""
+    return [value for value in values if math.isfinite(value)]

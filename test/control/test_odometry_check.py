@@ -1,0 +1,190 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Plausibility check of odometry: contradictions are found within 1 s, real slip is none."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+import math
+
+import pytest
+
+from smart_tire.control.motion_monitor import Motion
+from smart_tire.control.odometry_check import contradict, OdometryCheck
+from smart_tire.control.path_library import figure_eight, square
+from smart_tire.control.trajectory_control import State, TrajectoryControl
+from smart_tire.control.wheel_control import WheelControl
+from smart_tire.parameters.control import TrajectoryControllerParams, WheelControllerParams
+from smart_tire.parameters.robot import FilmParams, RobotParams
+from smart_tire.parameters.simulation import GroundParams, SimulatorParams
+from smart_tire.samples import NAN, NS_PER_S, Odometry, WheelSample, WheelSlip
+from smart_tire.simulation.closed_loop import run_closed_loop
+
+pytestmark = pytest.mark.slow
+
+ROBOT = RobotParams(film=FilmParams(wheels=()))
+RADIUS, ARM = ROBOT.wheel_radius, 0.5 * ROBOT.track_width
+MAX_SLIP = 0.8
+GROUNDS = {'concrete': (0.47, 52.7, 0.01), 'sand': (0.25, 25.0, 0.11), 'ice': (0.1, 30.0, 0.01)}
+
+
+class Host:
+    """Trajectory and wheel control with the true pose, ``late`` [s], which may be falsified."""
+
+    def __init__(self, path, late=0.0, falsify=lambda odometry, seconds: odometry):
+        self.trajectory = TrajectoryControl(TrajectoryControllerParams(robot=ROBOT))
+        self._wheels = WheelControl(WheelControllerParams(robot=ROBOT))
+        self._path, self._late_ns, self._falsify = path, round(late * NS_PER_S), falsify
+        self._odometry, self._begin_ns, self._due_ns = [], None, 0
+        self._command, self.ended = None, None
+
+    def receive(self, topic, sample, now_ns):
+        """Take a message; step the trajectory controller at 20 Hz."""
+        self._begin_ns = self._begin_ns or now_ns
+        seconds = (now_ns - self._begin_ns) / NS_PER_S
+        if isinstance(sample, Odometry):
+            self._odometry.append((now_ns + self._late_ns, self._falsify(sample, seconds)))
+            while self._odometry and self._odometry[0][0] <= now_ns:
+                self.trajectory.update_odometry(self._odometry.pop(0)[1], now_ns)
+        elif isinstance(sample, WheelSlip):
+            self.trajectory.update_slip(sample)
+        elif isinstance(sample, WheelSample):
+            self._wheels.update_measurement(sample.velocity, now_ns, sample.stamp_ns)
+            self.trajectory.update_wheels(sample)
+        if seconds >= 0.5 and self.trajectory.state == State.IDLE:
+            self.trajectory.set_path(self._path, now_ns)
+        if now_ns >= self._due_ns:
+            self._due_ns = now_ns + NS_PER_S // 20
+            self._command = self.trajectory.step(now_ns)
+        if self.ended is None and self.trajectory.state not in (State.IDLE, State.FOLLOWING):
+            self.ended = seconds
+
+    def duty(self, now_ns):
+        """Return the duties."""
+        return self._wheels.follow(self._command, now_ns)[1]
+
+    def finished(self, now_ns):
+        """Return whether following has ended."""
+        return self.ended is not None
+
+
+def drive(path, ground, rate, **host):
+    """Return the host after it has followed ``path``, with readings of the wheels at ``rate``."""
+    friction, stiffness, drag = GROUNDS[ground]
+    made = Host(path, **host)
+    run_closed_loop(SimulatorParams(seed=31, robot=ROBOT, ground=GroundParams(
+        names=(ground,), friction=(friction,), stiffness=(stiffness,), drag=(drag,), base=ground,
+        patches=())), made, 60.0, wheel_rate=rate)
+    return made
+
+
+@pytest.mark.parametrize('path', [figure_eight(0.7), square(1.0)], ids=['eight', 'square'])
+@pytest.mark.parametrize('ground', GROUNDS)
+@pytest.mark.parametrize(('rate', 'late'), [(4.0, 0.0), (16.0, 0.4), (200.0, 0.0)])
+def test_real_slip_is_no_contradiction(path, ground, rate, late):
+    host = drive(path, ground, rate, late=late)
+    assert 'slip' not in host.trajectory.reason
+    assert host.ended > 10.0
+
+
+def creeping(since, speed):
+    """Return a falsification: from ``since`` [s] on the position moves with ``speed`` [m/s]."""
+    last = []
+
+    def falsify(odometry, seconds):
+        if seconds < since:
+            last[:] = [odometry]
+            return odometry
+        x, y, z = last[0].position
+        return replace(last[0], stamp_ns=odometry.stamp_ns,
+                       position=(x + speed * (seconds - since), y, z))
+
+    return falsify
+
+
+@pytest.mark.parametrize('path', [figure_eight(0.7), square(1.0)], ids=['eight', 'square'])
+@pytest.mark.parametrize('rate', [4.0, 16.0])
+@pytest.mark.parametrize('speed', [0.0, 0.025])
+@pytest.mark.parametrize('since', [0.4, 3.0])
+def test_odometry_that_stands_or_creeps_while_the_wheels_roll_stops_within_1_s(
+        path, rate, speed, since):
+    host = drive(path, 'concrete', rate, falsify=creeping(since, speed))
+    assert 'in which the wheels rolled' in host.trajectory.reason
+    began = max(since, 0.5)  # the path
+    assert host.ended - began < 1.0
+
+
+def check(wheels, odom, *, seconds=3.0, rate=16.0, unmeasured=()):
+    """Return the time [s] of the first fault at constant motions (m/s, rad/s), or None."""
+    made = OdometryCheck(ROBOT)
+    speeds = [(wheels[0] + side * ARM * wheels[1]) / RADIUS for side in (-1, 1, -1, 1)]
+    speeds = tuple(NAN if wheel in unmeasured else speed for wheel, speed in enumerate(speeds))
+    x = y = yaw = 0.0
+    for tick in range(round(seconds * 100)):
+        now = tick / 100
+        yaw += 0.01 * odom[1]
+        x, y = x + 0.01 * odom[0] * math.cos(yaw), y + 0.01 * odom[0] * math.sin(yaw)
+        made.add_motion(Motion(x, y, yaw, 0.0, 0.0, 0.0), round(now * NS_PER_S))
+        if now * rate % 1.0 < 0.01 * rate:
+            made.add_wheels(WheelSample(round(now * NS_PER_S), speeds))
+        if made.fault(MAX_SLIP):
+            return now
+    return None
+
+
+@pytest.mark.parametrize(('wheels', 'odom'), [
+    ((0.5, 0.0), (0.0, 0.0)), ((0.5, 0.0), (0.025, 0.0)), ((-0.2, 0.0), (0.0, 0.0)),
+    ((0.5, 0.0), (-0.5, 0.0)), ((0.0, 1.5), (0.0, 0.0)), ((0.0, 1.5), (0.0, -0.5)),
+    ((0.5, 0.5), (0.0, 0.5)), ((0.0, 0.0), (0.3, 0.0)), ((0.0, 0.0), (0.0, 1.0)),
+    ((0.0, 0.0), (-0.2, 0.5))])
+def test_contradictions_are_found_within_1_s(wheels, odom):
+    assert check(wheels, odom) < 1.0
+    assert check(wheels, odom, rate=4.0) < 1.0
+    assert check(wheels, odom, unmeasured=(2, 3)) < 1.0
+
+
+@pytest.mark.parametrize(('wheels', 'odom'), [
+    ((0.0, 0.0), (0.0, 0.0)), ((0.5, 0.0), (0.15, 0.0)), ((0.15, 0.0), (0.5, 0.0)),
+    ((0.0, 2.0), (0.0, 0.6)), ((0.05, 0.0), (0.0, 0.0)), ((0.3, 1.6), (0.0, 1.5)),
+    ((0.0, 0.5), (0.09, 0.3))])  # the last one: only one side has a grip
+def test_motions_that_slip_explains_are_no_contradiction(wheels, odom):
+    assert check(wheels, odom) is None
+
+
+def test_without_wheels_or_after_a_gap_nothing_is_compared():
+    made = OdometryCheck(ROBOT)
+    for tick in range(100):
+        made.add_motion(Motion(0.01 * tick, 0.0, 0.0, 0.5, 0.0, 0.0), tick * 20_000_000)
+    assert not made.fault(MAX_SLIP)
+    made.add_wheels(WheelSample(0, (0.0,) * 4))
+    made.add_wheels(WheelSample(2 * NS_PER_S, (0.0,) * 4))  # 2 s later: unknown in between
+    assert not made.fault(MAX_SLIP)
+
+
+def test_the_motion_before_a_new_order_is_discarded():
+    made = OdometryCheck(ROBOT)
+    for tick in range(20):
+        made.add_motion(Motion(0.1 * tick, 0.0, 0.0, 0.0, 0.0, 0.0), tick * 50_000_000)
+        made.add_wheels(WheelSample(tick * 50_000_000, (0.0,) * 4))
+    assert made.fault(MAX_SLIP)
+    made.clear()
+    assert not made.fault(MAX_SLIP)
+
+
+def test_max_slip_is_the_limit_in_both_directions():
+    assert contradict((1.0, 0.0), (0.19, 0.0), 0.8)
+    assert not contradict((1.0, 0.0), (0.21, 0.0), 0.8)
+    assert contradict((0.19, 0.0), (1.0, 0.0), 0.8)
+    assert not contradict((0.21, 0.0), (1.0, 0.0), 0.8)
