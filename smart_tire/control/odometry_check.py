@@ -26,7 +26,7 @@ from smart_tire.control.path_geometry import wrap
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import LEFT, NS_PER_S, RIGHT, WheelSample
 
-WINDOW_NS = 600_000_000  # of the comparison: a stop within 1 s also with readings at 4 Hz
+WINDOW_NS = 500_000_000  # of the comparison: a stop within 1 s also with readings at 4 Hz
 # m in the window, from which on it is judged. A start with 0.5 m/s2 takes 0.45 s for it, in which
 # odometry that lags by 0.2 s, with plausible stamps, has seen 0.3 of it: more than 1 - max_slip.
 MIN_DISTANCE = 0.05
