@@ -31,17 +31,19 @@ endef
 # Set inside a Python process with the rclpy wheels; must not be inherited by another one.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help setup demo test lint check current mutants stop-times bench bench-slip \
+.PHONY: help setup demo demo-loaded test lint check current mutants stop-times bench bench-slip \
 	bench-friction bench-control config docs screenshots site clean
 help:
 	@echo 'make demo            run the simulated robot and all nodes; results in demo_output/'
 	@echo 'make demo VIEW=1     the same, live in the viewer'
+	@echo 'make demo-loaded     the same, ten times on a busy machine; RUNS=N for N times'
 	@echo 'make test            check style and types, run the tests'
 	@echo 'make lint            check style and types only'
 	@echo 'make check           make test with coverage, generated files, documentation site, stop'
 	@echo '                     times, quick benchmarks: under half an hour on two cores'
 	@echo 'make stop-times      measure the stop time of the wheels for each hazard'
-	@echo 'make mutants         mutation test of the safety path; survivors in mutants_output.md'
+	@echo 'make mutants         mutation test of the safety path; survivors in mutants_output.md;'
+	@echo '                     SAMPLE=N for N mutants, SEED=S for others'
 	@echo 'make bench           measure CPU load, latency, offline speed and models'
 	@echo 'make bench-slip      measure slip and localization; results in bench_output/slip/'
 	@echo 'make bench-friction  measure friction; results in bench_output/friction/'
@@ -131,9 +133,14 @@ current: $(READY)
 stop-times: $(READY)
 	$(BIN)/python test/safety/stop_times.py
 
-# At most 300 mutants of the safety path; see test/mutation.py.
+# 300 mutants of the safety path; see test/mutation.py.
 mutants: $(READY)
-	$(BIN)/python test/mutation.py --report mutants_output.md
+	$(BIN)/python test/mutation.py --report mutants_output.md $(if $(SAMPLE),--sample $(SAMPLE)) \
+		$(if $(SEED),--seed $(SEED))
+
+# With two busy processes per core; see test/loaded_demo.py.
+demo-loaded: $(READY)
+	$(BIN)/python test/loaded_demo.py $(if $(RUNS),--runs $(RUNS))
 
 config: $(READY)
 	$(BIN)/python -m smart_tire.parameters.yaml_writer config

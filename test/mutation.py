@@ -23,7 +23,7 @@ from __future__ import annotations
 
 import argparse
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from concurrent import futures
 from pathlib import Path
 import queue
@@ -34,6 +34,7 @@ import sys
 import tempfile
 import time
 
+from support.imported_files import reached
 from support.mutant_runs import stages, Tests, Verdict, Workplace
 from support.mutants import Mutant, mutants, sample
 
@@ -64,6 +65,8 @@ SAFETY_PATH: Mapping[str, tuple[str, ...]] = {
 }
 ROOT = Path(__file__).resolve().parents[1]
 EQUIVALENT = 'test/equivalent_mutants.txt'
+# location, original, mutant and reason; a reason may have further, indented lines
+ENTRY = re.compile(r'(\S+?)(?: (.*))?: (\w+)\n- (.*)\n\+ (.*)\n= (.*(?:\n  .*)*)(?:\n|$)')
 REQUIRED_SCORE = 0.9  # share of killed mutants, without equivalent ones
 
 Key = tuple[str, str, str, str, str]
@@ -84,8 +87,10 @@ def main(words: Sequence[str] | None = None, root: Path = ROOT,
         found = [mutant for file in plan
                  for mutant in mutants(file, (root / file).read_text(encoding='utf-8'))]
         chosen = survivors_of(options.rerun, found) if options.rerun else \
-            sample(found, options.limit, options.seed)
-        known = equivalents(root / EQUIVALENT, set(plan), {key(mutant) for mutant in found})
+            sample(found, options.sample, options.seed)
+        known = read_equivalents(root / EQUIVALENT)
+        for line in stale(known, plan, {key(mutant) for mutant in found}):
+            print(line)
         print(f'{len(chosen)} of {len(found)} mutants in {len(plan)} files', flush=True)
         if options.list:
             print('\n'.join(f'{mutant.id} {block(mutant)}' for mutant in chosen))
@@ -105,7 +110,8 @@ def main(words: Sequence[str] | None = None, root: Path = ROOT,
 def arguments(words: Sequence[str] | None) -> argparse.Namespace:
     """Return the options on the command line."""
     parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
-    parser.add_argument('--limit', type=int, default=300, help='maximum of mutants (%(default)s)')
+    parser.add_argument('--sample', type=int, default=300, metavar='N',
+                        help='number of mutants, a random choice of all (%(default)s)')
     parser.add_argument('--seed', type=int, default=1, help='seed of the sample (%(default)s)')
     parser.add_argument('--jobs', type=int, default=2, help='parallel runs (%(default)s)')
     parser.add_argument('--only', metavar='FILE', action='append',
@@ -122,16 +128,19 @@ def arguments(words: Sequence[str] | None) -> argparse.Namespace:
 
 
 def test_plan(root: Path, table: Mapping[str, tuple[str, ...]]) -> dict[str, list[Tests]]:
-    """Return source file -> pytest arguments of each of its test files."""
+    """
+    Return source file -> pytest arguments of each of its test files.
+
+    Of the test files that match a pattern, those that import the source file, themselves or
+    through others: nothing else can tell a mutant from the original.
+    """
     plan: dict[str, list[Tests]] = {}
     for pattern, entries in table.items():
-        tests = []
-        for entry in entries:
-            name, *options = shlex.split(entry)
-            tests += [(file, *options) for file in files(root, name)
-                      if Path(file).name.startswith('test_')]
-        for file in files(root, pattern):
-            plan[file] = list(dict.fromkeys([*plan.get(file, []), *tests]))
+        for source in files(root, pattern):
+            tests = [(file, *options) for name, *options in map(shlex.split, entries)
+                     for file in files(root, name) if Path(file).name.startswith('test_')
+                     and ('*' not in name or source in reached(root, file))]
+            plan[source] = list(dict.fromkeys([*plan.get(source, []), *tests]))
     return plan
 
 
@@ -154,21 +163,28 @@ def block(mutant: Mutant) -> str:
     return f'{location}: {mutant.operator}\n- {mutant.old}\n+ {mutant.new}\n'
 
 
-def equivalents(path: Path, plan: set[str], keys: set[Key]) -> dict[Key, str]:
-    """Return equivalent mutants with their reasons; report those that no longer exist."""
+def read_equivalents(path: Path) -> dict[Key, str]:
+    """Return the equivalent mutants with their reasons."""
     known: dict[Key, str] = {}
     text = path.read_text(encoding='utf-8') if path.exists() else ''
-    for entry in re.split(r'\n\s*\n', re.sub(r'(?m)^#.*\n', '', text).strip()):
-        match = re.fullmatch(r'(\S+?)(?: (.*))?: (\w+)\n- (.*)\n\+ (.*)\n= (.*(?:\n  .*)*)', entry)
-        if match:
-            file, function, operator, old, new, reason = match.groups('')
-            known[file, function, operator, old, new] = ' '.join(reason.split())
-        elif entry:
-            raise MutationError(f'{path.name}: expected location, -, +, = reason:\n{entry}')
-    for file, *rest in known.keys() - keys:
-        if file in plan:
-            print(f'{path.name}: mutant no longer exists: {file} {" ".join(rest)}')
+    rest = re.sub(r'(?m)^#.*\n', '', text).lstrip()
+    while rest:
+        match = ENTRY.match(rest)
+        if match is None:
+            raise MutationError(f'{path.name}: expected location, -, +, = reason:\n'
+                                + '\n'.join(rest.splitlines()[:4]))
+        file, function, operator, old, new, reason = match.groups('')
+        if (found := (file, function, operator, old, new)) in known:
+            raise MutationError(f'{path.name}: listed twice: {file} {function}: {operator}')
+        known[found] = ' '.join(reason.split())
+        rest = rest[match.end():].lstrip()
     return known
+
+
+def stale(known: Iterable[Key], plan: Container[str], keys: Container[Key]) -> list[str]:
+    """Return the listed mutants of the files of ``plan`` that no longer exist."""
+    return [f'{EQUIVALENT}: mutant no longer exists: {" ".join(entry)}'
+            for entry in known if entry[0] in plan and entry not in keys]
 
 
 def evaluate_all(root: Path, todo: list[Mutant], plan: Mapping[str, list[Tests]],
@@ -267,7 +283,11 @@ def conclude(verdicts: list[Verdict], elapsed: float, report: Path | None) -> fl
               f'required {REQUIRED_SCORE:.0%}; {elapsed / 60:.1f} min')
     print(f'\n{totals}')
     if report:
-        report.write_text('\n'.join([f'{totals}\n', *table_rows(verdicts), '']), encoding='utf-8')
+        survivors = [verdict for verdict in verdicts if verdict.result == 'survived']
+        others = [verdict for verdict in verdicts if verdict.result != 'survived']
+        report.write_text('\n'.join([
+            totals, '\n## Survivors\n', *table_rows(survivors), '\n## Others\n',
+            *table_rows(others), '']), encoding='utf-8')
     return score
 
 

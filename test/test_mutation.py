@@ -214,7 +214,7 @@ def test_drain():
     assert drain([1, 2]) == [True]
 """,
 }
-TABLE = {'toy/clock.py': ('test/*_clock.py',), 'toy/loop.py': ('test/test_loop.py -k drain',)}
+TABLE = {'toy/clock.py': ('test/test_clock.py',), 'toy/loop.py': ('test/test_loop.py -k drain',)}
 
 
 @pytest.fixture
@@ -314,7 +314,41 @@ def test_equivalent_mutants_that_no_longer_exist_are_reported(toy, capsys):
     assert mutation.main(['--list'], toy, TABLE) == 2
 
 
+def test_entries_need_no_blank_line_between_them_but_are_not_repeated(tmp_path):
+    entry = 'toy/clock.py late: comparison\n- return age < limit\n+ return age <= limit\n= no\n'
+    file = tmp_path / 'equivalent.txt'
+    file.write_text(f'# Reasons.\n\n{entry}  reason\n{entry.replace("late", "early")}')
+    known = mutation.read_equivalents(file)
+    assert [(function, reason) for (_, function, *_), reason in known.items()] == [
+        ('late', 'no reason'), ('early', 'no')]
+    file.write_text(f'{entry}\n{entry}')
+    with pytest.raises(mutation.MutationError, match='listed twice: toy/clock.py late'):
+        mutation.read_equivalents(file)
+    file.write_text(f'{entry}one line more\n')
+    with pytest.raises(mutation.MutationError, match='one line more'):
+        mutation.read_equivalents(file)
+
+
+def test_every_equivalent_mutant_in_the_file_still_exists():
+    known = mutation.read_equivalents(mutation.ROOT / mutation.EQUIVALENT)
+    plan = mutation.test_plan(mutation.ROOT, mutation.SAFETY_PATH)
+    assert known
+    assert {file for file, *_ in known} <= plan.keys()
+    keys = {mutation.key(mutant) for file in {file for file, *_ in known}
+            for mutant in mutants(file, (mutation.ROOT / file).read_text(encoding='utf-8'))}
+    assert mutation.stale(known, plan, keys) == []
+
+
 def test_every_pattern_of_the_safety_path_matches_files():
     plan = mutation.test_plan(mutation.ROOT, mutation.SAFETY_PATH)
     assert {'smart_tire/protocol/crc.py', 'smart_tire/control/pid.py'} <= plan.keys()
     assert all(plan.values())
+
+
+def test_of_a_pattern_those_files_run_that_import_the_source():
+    plan = mutation.test_plan(mutation.ROOT, mutation.SAFETY_PATH)
+    assert plan['smart_tire/control/velocity_mux.py'] == [('test/control/test_velocity_mux.py',)]
+    chosen = plan['smart_tire/control/pid.py']
+    assert ('test/control/test_pid.py',) in chosen
+    assert ('test/control/test_wheel_control.py',) in chosen  # through other modules
+    assert ('test/control/test_path_plan.py',) not in chosen
