@@ -30,7 +30,7 @@ import sys
 import time
 
 LOOPS_PER_CORE = 2
-SAID = 'host', 'demo:', 'Error', 'error'  # in the lines that are shown
+SAID = 'host', 'demo: '  # in the lines that are shown
 
 
 @contextmanager
@@ -50,7 +50,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
     parser.add_argument('--runs', type=int, default=10, help='demos (%(default)s)')
     parser.add_argument('--loops', type=int, default=LOOPS_PER_CORE * (os.cpu_count() or 1),
-                        help='busy processes beside them (%(default)s: two per core)')
+                        help='busy processes at the same time (%(default)s: two per core)')
     parser.add_argument('--out', type=Path, default=Path('bench_output/demo-loaded'),
                         help='folder of the results (%(default)s)')
     args = parser.parse_args()

@@ -132,7 +132,7 @@ def test_plan(root: Path, table: Mapping[str, tuple[str, ...]]) -> dict[str, lis
     Return source file -> pytest arguments of each of its test files.
 
     Of the test files that match a pattern, those that import the source file, themselves or
-    through others: nothing else can tell a mutant from the original.
+    through others: the others cannot distinguish a mutant from it.
     """
     plan: dict[str, list[Tests]] = {}
     for pattern, entries in table.items():

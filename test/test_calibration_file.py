@@ -51,7 +51,7 @@ def test_each_value_has_standard_error_and_unit():
 
 @pytest.mark.parametrize('item, message', [
     (Identified('wheel_raduis', 0.1), 'unknown parameter wheel_raduis'),
-    (Identified('wheel_radius', -0.1), 'parameter wheel_radius: -0.1, expected at least 0.001 m'),
+    (Identified('wheel_radius', -0.1), 'parameter wheel_radius: -0.1, expected 0.001 to 2 m'),
     (Identified('imu.rotation', (0.1, 0.2)), 'expected 3 numbers')])
 def test_unknown_and_invalid_parameters_are_not_written(item, message):
     with pytest.raises(ParameterError, match=message):

@@ -33,18 +33,19 @@ from smart_tire.parameters.simulation import PatchParams
 from smart_tire.parameters.spec import inlined, is_known, nested, param
 
 SPEED = Spec('speed', 'float', 1.0, 'm/s', 'speed', low=0.0, high=3.0)
-COUNT = Spec('count', 'int', 4, '-', 'count', low=1)
+COUNT = Spec('count', 'int', 4, '-', 'count', low=1, high=99)
 COLOR = Spec('color', 'str', 'red', '-', 'color', choices=('red', 'blue'))
 FLAG = Spec('flag', 'bool', False, '-', 'flag')
-PAIR = Spec('pair', 'float[]', (0.0, 1.0), 'm', 'minimum and maximum', length=2)
-ANY_LIST = Spec('list', 'float[]', (), 'm', 'any number of values')
+PAIR = Spec('pair', 'float[]', (0.0, 1.0), 'm', 'minimum and maximum', low=-9.0, high=9.0,
+            length=2)
+ANY_LIST = Spec('list', 'float[]', (), 'm', 'any number of values', low=0.0, high=9.0)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Wheel:
     """A wheel."""
 
-    radius: float = param(0.1, 'm', 'rolling radius', low=0.01)
+    radius: float = param(0.1, 'm', 'rolling radius', low=0.01, high=2.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,11 +77,11 @@ def test_a_value_of_the_described_kind_is_accepted(spec, value, expected):
     (SPEED, -0.1, '0 to 3 m/s'), (SPEED, 3.1, '0 to 3 m/s'), (SPEED, math.nan, '0 to 3 m/s'),
     (SPEED, math.inf, '0 to 3 m/s'), (SPEED, '1.0', 'a float'), (SPEED, True, 'a float'),
     (SPEED, None, 'a float'), (SPEED, [1.0], 'a float'),
-    (COUNT, 0, 'at least 1'), (COUNT, 1.5, 'an int'), (COUNT, False, 'an int'),
+    (COUNT, 0, '1 to 99'), (COUNT, 1.5, 'an int'), (COUNT, False, 'an int'),
     (COLOR, 'green', 'one of red, blue'), (COLOR, 1, 'a str'),
     (FLAG, 1, 'a bool'), (FLAG, 'true', 'a bool'),
     (PAIR, [1.0], '2 numbers'), (PAIR, [1.0, 2.0, 3.0], '2 numbers'), (PAIR, 1.0, 'a list of'),
-    (PAIR, '12', 'a list of'), (PAIR, [1.0, 'x'], 'a float'), (PAIR, [1.0, math.nan], 'finite'),
+    (PAIR, '12', 'a list of'), (PAIR, [1.0, 'x'], 'a float'), (PAIR, [1.0, math.nan], '-9 to 9 m'),
 ])
 def test_an_error_names_parameter_value_and_expectation(spec, value, expected):
     with pytest.raises(ParameterError) as caught:
@@ -128,6 +129,38 @@ def test_every_parameter_has_unit_and_meaning(cls):
     for spec in specs(cls).values():
         assert spec.unit
         assert spec.meaning
+
+
+@pytest.mark.parametrize('cls', NODE_PARAMS.values())
+def test_every_number_has_a_finite_range_that_holds_its_default(cls):
+    for spec in specs(cls).values():
+        if spec.kind.startswith(('int', 'float')):
+            assert -math.inf < spec.low < spec.high < math.inf, spec.name
+            assert spec.check(spec.default) == spec.default
+
+
+@pytest.mark.parametrize('limits', [
+    {}, {'low': 0.0}, {'high': 1.0}, {'low': 0.0, 'high': math.inf}])
+def test_a_number_without_a_finite_range_cannot_be_declared(limits):
+    with pytest.raises(ValueError, match='gain: a number needs finite low and high'):
+        Spec('gain', 'float', 0.5, '-', 'gain', **limits)
+    Spec('name', 'str', '', '-', 'name')
+
+
+@pytest.mark.parametrize('values', [
+    {'motor.coulomb_friction': 3.0}, {'motor.viscous_friction': 0.2}, {'pid.stall_torque': 0.2},
+    {'mass': 1000.0, 'motor.axle_friction': 0.2}])
+def test_friction_that_the_motor_cannot_overcome_is_refused(values):
+    with pytest.raises(ParameterError, match='N m at free speed, expected at most 0.5 of pid.st'):
+        build(WheelControllerParams, values)
+
+
+def test_a_heavy_robot_is_within_all_ranges():
+    build(WheelControllerParams, {
+        'wheel_radius': 0.3, 'mass': 100.0, 'track_width': 1.1, 'wheelbase': 0.9,
+        'effective_track': 1.9, 'yaw_inertia': 25.0, 'motor.inertia': 0.8,
+        'motor.coulomb_friction': 4.0, 'pid.stall_torque': 120.0, 'pid.feed_forward': 0.12,
+        'max_wheel_speed': 8.0, 'max_wheel_acceleration': 4.0, 'max_wheel_deceleration': 6.0})
 
 
 def test_robot_parameters_are_identical_for_all_nodes():

@@ -214,5 +214,5 @@ def test_the_program_refuses_invalid_parameters_in_one_line(tmp_path):
     result = write(str(tmp_path / 'robot.urdf'), '--params', str(tmp_path / 'a.yaml'))
     assert result.returncode == 2
     assert result.stderr.splitlines()[-1].endswith(
-        'parameter mass: -1.0, expected at least 0.01 kg')
+        'parameter mass: -1.0, expected 0.01 to 10000 kg')
     assert not (tmp_path / 'robot.urdf').exists()

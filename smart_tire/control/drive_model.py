@@ -24,6 +24,10 @@ from smart_tire.parameters.control import PidParams
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import WHEELS
 
+# Of the wheel's own inertia, added by the derivative. With a delay the loop is stable below 1 for
+# the true acceleration; readings give its mean of the past, with the noise of their timestamps.
+MAX_DERIVATIVE_SHARE = 0.25
+
 
 @dataclass(frozen=True)
 class Gains:
@@ -94,13 +98,15 @@ class DriveModel:
         delay: the proportional gain is at most ``time constant / (2 delay)``, the integral gain
         at most ``1 / (2 delay)``, both in units of ``speed_gain``. With a proportional gain below
         ``speed_gain`` the loop is stable for a wheel of any smaller inertia as well, such as a
-        lifted one.
+        lifted one. The derivative gain acts as an inertia of the wheel, but later than its own.
         """
         fastest = self.speed_gain / (2.0 * delay)
         factor = min([1.0] + [most / gain for gain, most in (
             (pid.proportional, min(self.time_constant * fastest, self.speed_gain)),
             (pid.integral, fastest)) if gain > 0.0])
-        return Gains(factor * pid.proportional, factor * pid.integral, factor * pid.derivative)
+        wheel_inertia = self.wheel_time_constant * self.speed_gain  # s2/rad: over stall torque
+        return Gains(factor * pid.proportional, factor * pid.integral,
+                     min(factor * pid.derivative, MAX_DERIVATIVE_SHARE * wheel_inertia))
 
 
 def drive_model(pid: PidParams, robot: RobotParams) -> DriveModel:

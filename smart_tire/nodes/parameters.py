@@ -17,7 +17,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-import math
 from typing import Any, TypeVar
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
@@ -30,7 +29,6 @@ from smart_tire.parameters.files import check_names
 from smart_tire.parameters.spec import is_known
 
 Params = TypeVar('Params')
-INT_LIMITS = (-2**63, 2**63 - 1)  # an IntegerRange has no open ends
 
 
 def declare(node: Node, cls: type[Params]) -> Params:
@@ -69,16 +67,12 @@ def descriptor(spec: Spec) -> ParameterDescriptor:
         name=spec.name, description=spec.meaning + unit, read_only=not spec.live,
         dynamic_typing=True,  # integers are accepted for floats; ``Spec.check`` decides
         additional_constraints=_constraints(spec))
-    if spec.low is None and spec.high is None:
-        return described
     if spec.kind == 'float':
         described.floating_point_range = [FloatingPointRange(
-            from_value=-math.inf if spec.low is None else float(spec.low),
-            to_value=math.inf if spec.high is None else float(spec.high))]
+            from_value=float(spec.low), to_value=float(spec.high))]
     elif spec.kind == 'int':
         described.integer_range = [IntegerRange(
-            from_value=INT_LIMITS[0] if spec.low is None else int(spec.low),
-            to_value=INT_LIMITS[1] if spec.high is None else int(spec.high))]
+            from_value=int(spec.low), to_value=int(spec.high))]
     return described
 
 
@@ -88,6 +82,6 @@ def _constraints(spec: Spec) -> str:
         texts.append(f'{spec.length} values')
     if spec.choices:
         texts.append('one of ' + ', '.join(spec.choices))
-    elif spec.low is not None or spec.high is not None:
+    if spec.is_number:
         texts.append(spec.range_text())
     return ', '.join(texts)

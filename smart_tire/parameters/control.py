@@ -24,8 +24,11 @@ from smart_tire.parameters.path_following import (
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.parameters.spec import inlined, nested, param
 from smart_tire.parameters.tuning import RELIABILITIES
+from smart_tire.samples import WHEELS
 
 UNSTAMPED = 'Twist'  # of geometry_msgs, without a timestamp
+MAX_LOSS_SHARE = 0.5  # friction of a wheel at free speed over its stall torque; assumed
+GRAVITY = 9.81        # m/s2, for that check
 VELOCITY_TYPES = ('TwistStamped', UNSTAMPED)
 
 
@@ -41,24 +44,26 @@ class PidParams:
     """
 
     feed_forward: float = param(
-        0.045, 's/rad', 'duty per wheel speed set point: 1 / free speed', low=1e-3, live=True)
+        0.045, 's/rad', 'duty per wheel speed set point: 1 / free speed',
+        low=1e-3, high=1.0, live=True)
     stall_torque: float = param(
-        5.0, 'N m', 'torque at full duty, for the duty of friction and inertia', low=1e-3,
-        live=True)
+        5.0, 'N m', 'torque at full duty, for the duty of friction and inertia',
+        low=1e-3, high=1e4, live=True)
     acceleration: float = param(
         0.6, '-', 'share of the duty for accelerations that is fed forward', low=0.0, high=1.0,
         live=True)
-    proportional: float = param(0.03, 's/rad', 'duty per speed error', low=0.0, live=True)
+    proportional: float = param(
+        0.03, 's/rad', 'duty per speed error', low=0.0, high=10.0, live=True)
     integral: float = param(
-        0.3, '1/rad', 'duty per integrated speed error', low=0.0, live=True)
+        0.3, '1/rad', 'duty per integrated speed error', low=0.0, high=100.0, live=True)
     derivative: float = param(
-        0.0, 's2/rad', 'duty per wheel acceleration', low=0.0, live=True)
+        0.0, 's2/rad', 'duty per wheel acceleration', low=0.0, high=10.0, live=True)
     limit: float = param(1.0, '-', 'maximum duty', low=0.0, high=1.0, live=True)
     rate_limit: float = param(
-        60.0, '1/s', 'maximum rate of change of the duty', low=1e-2, live=True)
+        60.0, '1/s', 'maximum rate of change of the duty', low=2.0, high=1e3, live=True)
     tracking_time: float = param(
         0.3, 's', 'time constant with which an integral beyond the maximum duty decays',
-        low=1e-3, live=True)
+        low=1e-3, high=10.0, live=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,7 +103,8 @@ class TractionParams:
     max_age: float = param(
         0.3, 's', 'no limit while odom is older', low=0.05, high=5.0, live=True)
     max_distance: float = param(
-        5.0, 'm', 'distance after which measured ground counts as unknown', low=0.0, live=True)
+        5.0, 'm', 'distance after which measured ground counts as unknown',
+        low=0.0, high=1e3, live=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,7 +115,7 @@ class WheelControllerParams:
     cmd_vel_inputs: tuple[str, ...] = param(
         ('cmd_vel',), '-', 'topics of velocity commands, one publisher each')
     cmd_vel_priorities: tuple[int, ...] = param(
-        (0,), '-', 'priority of each of cmd_vel_inputs; the highest wins')
+        (0,), '-', 'priority of each of cmd_vel_inputs; the highest wins', low=0, high=255)
     cmd_vel_timeouts: tuple[float, ...] = param(
         (), 's', 'time-out of each of cmd_vel_inputs; []: cmd_vel_timeout', low=0.02,
         high=60.0, kind='float[]')
@@ -121,15 +127,18 @@ class WheelControllerParams:
     cmd_vel_max_age: float = param(
         0.5, 's', 'cmd_vel older or further in the future is refused', low=0.02, high=60.0)
     effective_track: float = param(
-        0.38, 'm', 'track of the differential drive with the same yaw rate', low=1e-2)
+        0.38, 'm', 'track of the differential drive with the same yaw rate', low=1e-2, high=20.0)
     wheel_states_timeout: float = param(
         0.5, 's', 'zero duty if no wheel_states arrive for this long', low=0.02, high=60.0)
     max_wheel_speed: float = param(
-        20.0, 'rad/s', 'maximum set point; all wheels are scaled by the same factor', low=0.1)
+        20.0, 'rad/s', 'maximum set point; all wheels are scaled by the same factor',
+        low=0.1, high=100.0)
     max_wheel_acceleration: float = param(
-        40.0, 'rad/s2', 'maximum acceleration of the wheel speed reference', low=0.1, live=True)
+        40.0, 'rad/s2', 'maximum acceleration of the wheel speed reference',
+        low=1.0, high=1e4, live=True)
     max_wheel_deceleration: float = param(
-        60.0, 'rad/s2', 'maximum deceleration of the wheel speed reference', low=0.1, live=True)
+        60.0, 'rad/s2', 'maximum deceleration of the wheel speed reference',
+        low=1.0, high=1e4, live=True)
     feedback_window: float = param(
         0.06, 's', 'measured wheel speeds are averaged over at least this time', low=0.0,
         high=1.0)
@@ -150,6 +159,19 @@ class WheelControllerParams:
             self._check_one_per_input('cmd_vel_timeouts', self.cmd_vel_timeouts)
         if self.cmd_vel_types:
             self._check_one_per_input('cmd_vel_types', self.cmd_vel_types)
+
+        self._check_losses()
+
+    def _check_losses(self) -> None:
+        """Refuse friction that the motor cannot overcome: its feed-forward would be full duty."""
+        motor, robot, stall_torque = self.robot.motor, self.robot, self.pid.stall_torque
+        losses = (motor.coulomb_friction + motor.viscous_friction / self.pid.feed_forward
+                  + motor.axle_friction * robot.wheel_radius * robot.mass / len(WHEELS) * GRAVITY)
+        if losses > MAX_LOSS_SHARE * stall_torque:
+            raise ValueError(
+                f'motor: coulomb_friction, axle_friction and viscous_friction take {losses:.3g} '
+                f'N m at free speed, expected at most {MAX_LOSS_SHARE:g} of pid.stall_torque, '
+                f'{stall_torque:g} N m')
 
     def _check_one_per_input(self, name: str, values: Sequence[object]) -> None:
         if len(values) != len(self.cmd_vel_inputs):
@@ -176,7 +198,7 @@ class TrajectoryControllerParams:
     slip_compensation: bool = param(
         True, '-', 'compensate the estimated slip; false: kinematics without slip', live=True)
     effective_track: float = param(
-        0.38, 'm', 'effective_track of wheel_controller', low=1e-2)
+        0.38, 'm', 'effective_track of wheel_controller', low=1e-2, high=20.0)
     path_max_age: float = param(
         2.0, 's', 'path or goal_pose older or further in the future is refused', low=0.1,
         high=3600.0, live=True)

@@ -30,7 +30,7 @@ class TireReceiverParams:
     """XBee coordinator and the sensor nodes that it receives from."""
 
     port: str = param('/dev/ttyUSB0', '-', 'serial port of the XBee coordinator')
-    baud_rate: int = param(115200, 'baud', 'rate of the port', low=300)
+    baud_rate: int = param(115200, 'baud', 'rate of the port', low=300, high=12_000_000)
     units: tuple[str, ...] = param(
         ('0013A20040A1B2C3=front_right',), '-', 'sensor nodes, 64-bit address=wheel')
     radio_latency: float = param(
@@ -63,7 +63,7 @@ class ImuDriverParams:
     """IMU."""
 
     port: str = param('/dev/ttyUSB1', '-', 'serial port of the IMU')
-    baud_rate: int = param(115200, 'baud', 'rate of the port', low=300)
+    baud_rate: int = param(115200, 'baud', 'rate of the port', low=300, high=12_000_000)
     protocol: str = param('vectornav_binary', '-', 'protocol of the IMU', choices=IMU_PROTOCOLS)
     latency: float = param(
         0.0, 's', 'constant part of the delay, which is not observable', low=-1.0, high=1.0)
@@ -75,7 +75,7 @@ class MotorDriverParams:
     """Two RoboClaw boards, front and rear; motor M1 left, M2 right."""
 
     port: str = param('/dev/ttyACM0', '-', 'serial port that both boards share')
-    baud_rate: int = param(115200, 'baud', 'rate of the port', low=300)
+    baud_rate: int = param(115200, 'baud', 'rate of the port', low=300, high=12_000_000)
     addresses: tuple[int, ...] = param(
         (128, 129), '-', 'packet serial addresses, front and rear', low=128, high=135, length=2)
     rate: float = param(16.0, 'Hz', 'polling rate of the encoders', low=1.0, high=200.0)
@@ -96,7 +96,7 @@ class MotorDriverParams:
         0, '-', 'bits of the board status (command 90) that do not stop the motors', low=0,
         high=65535)
     free_speed: float = param(
-        22.0, 'rad/s', 'wheel speed at full duty without load', low=0.1)
+        22.0, 'rad/s', 'wheel speed at full duty without load', low=0.1, high=1e3)
     stall_duty: float = param(
         0.3, '-', 'duty at which every wheel turns unless blocked', low=0.05, high=1.0)
     stall_time: float = param(

@@ -103,12 +103,8 @@ def range_cell(spec: Spec) -> str:
     if spec.choices:
         return ', '.join(f'`{choice}`' for choice in spec.choices)
     parts = [] if spec.length is None else [f'{spec.length} values']
-    if spec.low is not None and spec.high is not None:
+    if spec.is_number:
         parts.append(f'{spec.low:g} to {spec.high:g}')
-    elif spec.low is not None:
-        parts.append(f'>= {spec.low:g}')
-    elif spec.high is not None:
-        parts.append(f'<= {spec.high:g}')
     return ', '.join(parts)
 
 

@@ -31,22 +31,29 @@ class ImuParams:
     """Mounting and errors of the IMU."""
 
     position: tuple[float, ...] = param(
-        (0.05, 0.02, 0.10), 'm', 'position of imu_link in base_link', length=3)
+        (0.05, 0.02, 0.10), 'm', 'position of imu_link in base_link',
+        low=-10.0, high=10.0, length=3)
     rotation: tuple[float, ...] = param(
-        (0.0, 0.0, 0.0), 'rad', 'roll, pitch, yaw of imu_link in base_link', length=3)
-    gyro_noise: float = param(0.01, 'rad/s', 'standard deviation of one sample', low=1e-6)
-    accel_noise: float = param(0.05, 'm/s2', 'standard deviation of one sample', low=1e-6)
-    gyro_bias: float = param(0.01, 'rad/s', 'standard deviation of the turn-on bias', low=0.0)
-    accel_bias: float = param(0.05, 'm/s2', 'standard deviation of the turn-on bias', low=0.0)
+        (0.0, 0.0, 0.0), 'rad', 'roll, pitch, yaw of imu_link in base_link',
+        low=-math.tau, high=math.tau, length=3)
+    gyro_noise: float = param(
+        0.01, 'rad/s', 'standard deviation of one sample', low=1e-6, high=1.0)
+    accel_noise: float = param(
+        0.05, 'm/s2', 'standard deviation of one sample', low=1e-6, high=10.0)
+    gyro_bias: float = param(
+        0.01, 'rad/s', 'standard deviation of the turn-on bias', low=0.0, high=1.0)
+    accel_bias: float = param(
+        0.05, 'm/s2', 'standard deviation of the turn-on bias', low=0.0, high=10.0)
 
 
 @dataclass(frozen=True, kw_only=True)
 class EncoderParams:
     """Wheel encoders."""
 
-    counts_per_revolution: float = param(2000.0, '-', 'counts per wheel revolution', low=1.0)
+    counts_per_revolution: float = param(
+        2000.0, '-', 'counts per wheel revolution', low=1.0, high=1e7)
     stamp_jitter: float = param(
-        0.001, 's', 'standard deviation of timestamp errors of wheel_states', low=0.0)
+        0.001, 's', 'standard deviation of timestamp errors of wheel_states', low=0.0, high=0.1)
     latency: float = param(
         0.0, 's', 'delay of wheel_states timestamps after the measurement', low=-1.0, high=1.0)
 
@@ -120,12 +127,12 @@ STANDARD_JOINTS = JointParams()
 class TireParams:
     """Contact patch and stiffness of a tire."""
 
-    contact_length: float = param(0.046, 'm', 'length L of the contact patch', low=1e-3)
-    contact_width: float = param(0.089, 'm', 'width B of the contact patch', low=1e-3)
+    contact_length: float = param(0.046, 'm', 'length L of the contact patch', low=1e-3, high=1.0)
+    contact_width: float = param(0.089, 'm', 'width B of the contact patch', low=1e-3, high=1.0)
     longitudinal_stiffness: float = param(
-        52.7, 'N', 'per unit slip and wheel, C_x of the tire-ground pair', low=1e-3)
+        52.7, 'N', 'per unit slip and wheel, C_x of the tire-ground pair', low=1e-3, high=1e6)
     longitudinal_stiffness_sigma: float = param(
-        0.1, '-', 'relative standard deviation of C_x', low=0.0)
+        0.1, '-', 'relative standard deviation of C_x', low=0.0, high=2.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,29 +140,30 @@ class FilmParams:
     """PVDF films and signal chain; lists: one value per film, for one wheel or for all wheels."""
 
     wheels: tuple[str, ...] = param(('front_right',), '-', 'instrumented wheels', choices=WHEELS)
-    length: float = param(0.020, 'm', 'length l of a film', low=1e-3)
-    width: float = param(0.003, 'm', 'width b of a film', low=1e-4)
+    length: float = param(0.020, 'm', 'length l of a film', low=1e-3, high=0.5)
+    width: float = param(0.003, 'm', 'width b of a film', low=1e-4, high=0.5)
     spacing: float = param(
-        0.030, 'm', 'distance between film centers along the circumference', low=0.0)
+        0.030, 'm', 'distance between film centers along the circumference', low=0.0, high=10.0)
     positions: tuple[float, ...] = param(
         (), 'm', 'film centers along the circumference; []: two, film.spacing apart',
-        low=0.0, kind='float[]')
+        low=0.0, high=10.0, kind='float[]')
     stretch_gain: tuple[float, ...] = param(
         (307.5, 242.5), 'V/m', 'per film, stretch voltage over overlap integral',
-        low=1e-3)
+        low=1e-3, high=1e6)
     stretch_gain_tolerance: float = param(
-        0.03, '-', 'relative standard deviation of the gains', low=0.0)
+        0.03, '-', 'relative standard deviation of the gains', low=0.0, high=1.0)
     bending_peak: tuple[float, ...] = param(
-        (0.83, 0.66), 'V', 'per film, peak q_bm of the bending voltage', low=0.0)
-    bending_alpha: float = param(67.0, '1/m', 'shape of the bending charge, B(15)', low=1e-3)
+        (0.83, 0.66), 'V', 'per film, peak q_bm of the bending voltage', low=0.0, high=100.0)
+    bending_alpha: float = param(
+        67.0, '1/m', 'shape of the bending charge, B(15)', low=1e-3, high=1e4)
     release: str = param(
         'fig8', '-', 'convention for the voltage when the film leaves the patch',
         choices=('fig8', 'state'))
-    noise: float = param(0.005, 'V', 'standard deviation of one sample', low=0.0)
-    rest_voltage: float = param(1.65, 'V', 'output without deformation', low=0.0)
-    voltage_range: float = param(3.3, 'V', 'full scale of the A/D converter', low=1e-3)
+    noise: float = param(0.005, 'V', 'standard deviation of one sample', low=0.0, high=10.0)
+    rest_voltage: float = param(1.65, 'V', 'output without deformation', low=0.0, high=100.0)
+    voltage_range: float = param(3.3, 'V', 'full scale of the A/D converter', low=1e-3, high=100.0)
     bits: int = param(10, '-', 'resolution of the A/D converter', low=1, high=24)
-    sample_rate: float = param(400.0, 'Hz', 'sampling rate of a sensor node', low=1.0)
+    sample_rate: float = param(400.0, 'Hz', 'sampling rate of a sensor node', low=1.0, high=1e5)
 
     def __post_init__(self) -> None:
         films = self.count
@@ -210,16 +218,19 @@ class MotorParams:
     """Motor, gear and losses of each wheel; assumed values of a robot of this size."""
 
     torque_constant: float = param(
-        1.2, 'N m/A', 'motor torque at the wheel over current, gear included', low=1e-4)
+        1.2, 'N m/A', 'motor torque at the wheel over current, gear included',
+        low=1e-4, high=100.0)
     torque_constant_sigma: float = param(
         0.05, '-', 'relative standard deviation of the torque constant', low=0.0, high=1.0)
-    coulomb_friction: float = param(0.15, 'N m', 'dry friction torque at the wheel', low=0.0)
+    coulomb_friction: float = param(
+        0.15, 'N m', 'dry friction torque at the wheel', low=0.0, high=100.0)
     viscous_friction: float = param(
-        0.0, 'N m s/rad', 'friction torque over wheel speed', low=0.0)
+        0.0, 'N m s/rad', 'friction torque over wheel speed', low=0.0, high=100.0)
     axle_friction: float = param(
         0.015, '-', 'friction torque over wheel load and radius', low=0.0, high=1.0)
     inertia: float = param(
-        0.008, 'kg m2', 'inertia of wheel, gear and rotor about the wheel axis', low=1e-5)
+        0.008, 'kg m2', 'inertia of wheel, gear and rotor about the wheel axis',
+        low=1e-5, high=100.0)
     current_sign: str = param(
         'draw', '-', 'currents: positive along the duty (draw) or a positive duty (signed)',
         choices=('draw', 'signed'))
@@ -230,7 +241,7 @@ class SlipParams:
     """Definition and inputs of the slip estimate."""
 
     standstill_speed: float = param(
-        0.05, 'm/s', 'slip is NaN while both wheel and robot are slower', low=1e-4)
+        0.05, 'm/s', 'slip is NaN while both wheel and robot are slower', low=1e-4, high=1.0)
     film_aided: bool = param(
         True, '-', 'use tire_friction in slip_estimator, where it is published')
 
@@ -239,19 +250,20 @@ class SlipParams:
 class RobotParams:
     """The robot, common to all nodes; the defaults are those of paper B where it gives them."""
 
-    wheel_radius: float = param(0.087, 'm', 'effective rolling radius', low=1e-3)
+    wheel_radius: float = param(0.087, 'm', 'effective rolling radius', low=1e-3, high=2.0)
     wheel_radius_sigma: float = param(
         0.002, '-', 'relative standard deviation of the initial wheel radius',
         low=0.0, high=0.3)
     track_width: float = param(
-        0.38, 'm', 'distance between left and right wheel centers', low=1e-2)
+        0.38, 'm', 'distance between left and right wheel centers', low=1e-2, high=10.0)
     wheelbase: float = param(
-        0.26, 'm', 'distance between front and rear wheel centers', low=1e-2)
-    mass: float = param(10.9, 'kg', 'mass of the robot', low=1e-2)
+        0.26, 'm', 'distance between front and rear wheel centers', low=1e-2, high=10.0)
+    mass: float = param(10.9, 'kg', 'mass of the robot', low=1e-2, high=1e4)
     yaw_inertia: float = param(
-        0.35, 'kg m2', 'moment of inertia about the vertical axis', low=1e-4)
+        0.35, 'kg m2', 'moment of inertia about the vertical axis', low=1e-4, high=1e5)
     center_of_mass: tuple[float, ...] = param(
-        (0.0, 0.0, 0.023), 'm', 'center of mass in base_link, so above the axles', length=3)
+        (0.0, 0.0, 0.023), 'm', 'center of mass in base_link, so above the axles',
+        low=-5.0, high=5.0, length=3)
     imu: ImuParams = nested(ImuParams)
     encoder: EncoderParams = nested(EncoderParams)
     joints: JointParams = nested(JointParams)

@@ -29,8 +29,10 @@ class PatchParams:
 
     name: str
     surface: str = param('', '-', 'one of ground.names')
-    x: tuple[float, ...] = param((0.0, 0.0), 'm', 'minimum and maximum', length=2)
-    y: tuple[float, ...] = param((0.0, 0.0), 'm', 'minimum and maximum', length=2)
+    x: tuple[float, ...] = param(
+        (0.0, 0.0), 'm', 'minimum and maximum', low=-1e4, high=1e4, length=2)
+    y: tuple[float, ...] = param(
+        (0.0, 0.0), 'm', 'minimum and maximum', low=-1e4, high=1e4, length=2)
 
     def check(self, surfaces: tuple[str, ...]) -> None:
         """Raise ValueError if the surface is none of ``surfaces`` or the rectangle is empty."""
@@ -49,11 +51,12 @@ class GroundParams:
 
     names: tuple[str, ...] = param(('concrete', 'sand'), '-', 'surfaces')
     friction: tuple[float, ...] = param(
-        (0.47, 0.35), '-', 'friction coefficient mu of each surface', low=0.0)
+        (0.47, 0.35), '-', 'friction coefficient mu of each surface', low=0.0, high=5.0)
     stiffness: tuple[float, ...] = param(
-        (52.7, 30.0), 'N', 'per unit slip, C_x of a tire on each surface', low=1e-3)
+        (52.7, 30.0), 'N', 'per unit slip, C_x of a tire on each surface', low=1e-3, high=1e6)
     drag: tuple[float, ...] = param(
-        (0.015, 0.16), '-', 'rolling resistance coefficient of a wheel on each surface', low=0.0)
+        (0.015, 0.16), '-', 'rolling resistance coefficient of a wheel on each surface',
+        low=0.0, high=1.0)
     base: str = param('sand', '-', 'surface outside all patches')
     patches: tuple[PatchParams, ...] = named(
         PatchParams,
@@ -75,9 +78,10 @@ class GroundParams:
 class DriveParams:
     """Geared DC motor of each wheel; all other properties are those of ``motor.*``."""
 
-    stall_torque: float = param(5.0, 'N m', 'stall torque at the wheel at full duty', low=1e-3)
+    stall_torque: float = param(
+        5.0, 'N m', 'stall torque at the wheel at full duty', low=1e-3, high=1e4)
     free_speed: float = param(
-        22.0, 'rad/s', 'wheel speed at full duty without load and friction', low=1e-2)
+        22.0, 'rad/s', 'wheel speed at full duty without load and friction', low=1e-2, high=1e3)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,7 +105,8 @@ class SensorErrorParams:
     """Sensor errors without a parameter in ``RobotParams``; no calibration removes them."""
 
     imu_tilt: float = param(
-        0.0087, 'rad', 'standard deviation of the mounting error in roll and pitch', low=0.0)
+        0.0087, 'rad', 'standard deviation of the mounting error in roll and pitch',
+        low=0.0, high=1.0)
     imu_clock: float = param(
         20e-6, '-', 'standard deviation of the relative clock rate error of the IMU', low=0.0,
         high=0.01)
@@ -119,9 +124,9 @@ class SensorErrorParams:
         low=0.0, high=0.3)
     torque_offset: float = param(
         0.015, 'N m', 'standard deviation of the offset of measured motor torques',
-        low=0.0)
+        low=0.0, high=100.0)
     torque_noise: float = param(
-        0.05, 'N m', 'standard deviation of one motor torque measurement', low=0.0)
+        0.05, 'N m', 'standard deviation of one motor torque measurement', low=0.0, high=100.0)
     motor_friction: float = param(
         0.1, '-', 'relative standard deviation of the friction of each motor and axle',
         low=0.0, high=0.3)
@@ -152,10 +157,10 @@ class PortsParams:
 class SimulatorParams:
     """Simulated robot; ``units``, ``protocol`` and ``addresses`` must equal the drivers'."""
 
-    seed: int = param(1, '-', 'seed of all random numbers', low=0)
+    seed: int = param(1, '-', 'seed of all random numbers', low=0, high=2**32 - 1)
     start: tuple[float, ...] = param(
         (0.0, 0.0, 0.0), 'm, m, rad', 'x, y, yaw of odom in the world frame of the ground',
-        length=3)
+        low=-1e4, high=1e4, length=3)
     imu_rate: float = param(100.0, 'Hz', 'sampling rate of the IMU', low=1.0, high=1000.0)
     units: tuple[str, ...] = param(
         ('0013A20040A1B2C2=front_left', '0013A20040A1B2C3=front_right',

@@ -47,12 +47,21 @@ class Spec:
     default: Any
     unit: str                     # '-' if dimensionless
     meaning: str
-    low: float | None = None      # smallest value allowed
-    high: float | None = None     # largest value allowed
+    low: float = -math.inf        # smallest value allowed; numbers need both, finite
+    high: float = math.inf        # largest value allowed
     choices: tuple[str, ...] = ()
     length: int | None = None     # of a list, if fixed
     live: bool = False            # may be changed while the node runs
     instances: bool = False       # lists the names of a ``named`` field
+
+    def __post_init__(self) -> None:
+        if self.is_number and not (math.isfinite(self.low) and math.isfinite(self.high)):
+            raise ValueError(f'parameter {self.name}: a number needs finite low and high')
+
+    @property
+    def is_number(self) -> bool:
+        """Return whether this is a number or a list of them."""
+        return self.kind.removesuffix('[]') in ('int', 'float')
 
     def check(self, value: Any) -> Any:
         """
@@ -85,17 +94,12 @@ class Spec:
         return value
 
     def _in_range(self, value: float) -> bool:
-        return (math.isfinite(value) and (self.low is None or value >= self.low)
-                and (self.high is None or value <= self.high))
+        return self.low <= value <= self.high  # false for NaN, too
 
     def range_text(self) -> str:
         """Return the range as text, with the unit."""
         unit = '' if self.unit == '-' else f' {self.unit}'
-        if self.low is not None and self.high is not None:
-            return f'{self.low:g} to {self.high:g}{unit}'
-        if self.low is not None:
-            return f'at least {self.low:g}{unit}'
-        return f'at most {self.high:g}{unit}' if self.high is not None else 'a finite number'
+        return f'{self.low:g} to {self.high:g}{unit}'
 
     def _error(self, value: Any, expected: str) -> ParameterError:
         return ParameterError(f'parameter {self.name}: {value!r}, expected {expected}')

@@ -41,24 +41,25 @@ class SlipEstimatorParams:
         low=1e-3, high=1.0)
     free_rolling_slip_sigma: float = param(
         0.015, '-', 'sigma of the slip of freely rolling wheels on firm ground',
-        low=1e-4)
+        low=1e-4, high=1.0)
     slip_random_walk: float = param(
-        0.005, '1/sqrt(s)', 'random walk of the slip of each side', low=0.0)
+        0.005, '1/sqrt(s)', 'random walk of the slip of each side', low=0.0, high=1.0)
     slip_change_gain: float = param(
         1.0, '-', 'sigma of slip-velocity change per unit change of wheel or ground speed',
-        low=0.0)
+        low=0.0, high=10.0)
     icr_x: float = param(
-        0.0, 'm', 'initial S: x of the instantaneous center of rotation in base_link')
+        0.0, 'm', 'initial S: x of the instantaneous center of rotation in base_link',
+        low=-10.0, high=10.0)
     icr_x_sigma: float = param(
-        0.2, '-', 'sigma of icr_x, divided by the wheelbase', low=0.0)
+        0.2, '-', 'sigma of icr_x, divided by the wheelbase', low=0.0, high=10.0)
     icr_x_random_walk: float = param(
-        0.005, '1/sqrt(s)', 'random walk of S, divided by the wheelbase', low=0.0)
+        0.005, '1/sqrt(s)', 'random walk of S, divided by the wheelbase', low=0.0, high=1.0)
     lateral_sigma: float = param(
         0.006, 'm/s', 'sigma of the lateral speed about B(8), correlated over 0.1 s',
-        low=1e-5)
+        low=1e-5, high=1.0)
     slope_sigma: float = param(
         0.0002, 'rad', 'prior sigma of the ground slope, which is learned: laboratory floor',
-        low=0.0)
+        low=0.0, high=1.0)
     force_balance: str = param(
         'auto', '-', 'use tire forces and motor torques; auto: with films',
         choices=('auto', 'on', 'off'))
@@ -92,7 +93,7 @@ class FrictionEstimatorParams:
         choices=('exact', 'printed'))
     load_sigma: float = param(
         0.02, '-', 'relative standard deviation of a wheel load: uneven ground, suspension',
-        low=0.0)
+        low=0.0, high=1.0)
     reliability: str = param(
         'reliable', '-', 'QoS reliability of the input subscriptions', choices=RELIABILITIES)
     robot: RobotParams = inlined(RobotParams)

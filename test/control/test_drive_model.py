@@ -70,18 +70,18 @@ def test_without_acceleration_the_input_is_the_reference():
     assert half == pytest.approx(0.5 * (5.0 + MODEL.input_speed(2.0, 5.0, 0.01)))
 
 
-PID = PidParams(proportional=0.04, integral=0.4, derivative=0.002)
+PID = PidParams(proportional=0.04, integral=0.4, derivative=0.0002)
 
 
 def test_gains_below_the_limit_of_the_delay_are_used_as_configured():
-    assert MODEL.limited(PID, 0.0625) == Gains(0.04, 0.4, 0.002)
+    assert MODEL.limited(PID, 0.0625) == Gains(0.04, 0.4, 0.0002)
 
 
 @pytest.mark.parametrize(('delay', 'factor'), [(0.125, 0.5), (0.25, 0.25)])
 def test_gains_fall_with_the_delay_by_one_factor(delay, factor):
     """The integral gain is at most 0.05 / (2 delay), the proportional 0.1 times that."""
     limited = MODEL.limited(PID, delay)
-    assert astuple(limited) == pytest.approx((0.04 * factor, 0.4 * factor, 0.002 * factor))
+    assert astuple(limited) == pytest.approx((0.04 * factor, 0.4 * factor, 0.0002 * factor))
 
 
 def test_the_proportional_gain_limits_on_its_own():
@@ -96,6 +96,13 @@ def test_at_any_delay_the_proportional_gain_is_below_that_of_the_motor():
     """Above it a lifted wheel, whose lag is shorter, would oscillate."""
     limited = MODEL.limited(replace(PID, proportional=1.0, integral=0.0), 1e-3)
     assert limited.proportional == pytest.approx(MODEL.speed_gain)
+
+
+def test_the_derivative_adds_at_most_a_quarter_of_the_inertia_of_the_wheel():
+    """0.25 of wheel time constant times speed gain, which is inertia over stall torque."""
+    for delay in (1e-3, 0.0625, 0.25):
+        assert MODEL.limited(replace(PID, derivative=10.0), delay).derivative == pytest.approx(
+            0.25 * 0.02 * 0.05)
 
 
 def test_without_a_known_delay_there_is_no_feedback():

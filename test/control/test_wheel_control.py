@@ -296,9 +296,9 @@ def test_new_parameters_reach_the_traction_control():
 
 
 def test_the_derivative_brakes_wheels_that_accelerate():
-    pid = PidParams(proportional=0.0, integral=0.0, derivative=0.001)
+    pid = PidParams(proportional=0.0, integral=0.0, derivative=0.0003)
     plain, braking = (Settled(replace(PARAMS, pid=one)) for one in (
         replace(pid, derivative=0.0), pid))
     faster = AHEAD[0] + 1.0
     difference = plain.step(speed=faster) - braking.step(speed=faster)
-    assert difference == pytest.approx(0.001 * (1.0 + ERROR) * 16.0)
+    assert difference == pytest.approx(0.0003 * (1.0 + ERROR) * 16.0)

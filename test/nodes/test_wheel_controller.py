@@ -172,6 +172,9 @@ def test_gains_can_be_changed_at_run_time_and_other_parameters_cannot(graph, con
     assert set_parameter(graph, 'pid.limit', 0.0).successful
     assert not set_parameter(graph, 'pid.limit', 2.0).successful
     assert not set_parameter(graph, 'wheel_radius', 0.1).successful
+    for value in (1e308, 0.0):
+        assert not set_parameter(graph, 'pid.feed_forward', value).successful
+    assert not set_parameter(graph, 'pid.stall_torque', 0.2).successful  # less than the friction
     graph.until(lambda: latest(graph)[0] != ZERO, driving(graph))
     before = len(graph.received['motor_commands'])
     graph.until(lambda: len(graph.received['motor_commands']) >= before + 8, driving(graph))
@@ -255,7 +258,7 @@ def test_parameters_have_ros_descriptions(graph, controller):
     assert radius.read_only
     assert radius.floating_point_range[0].from_value == 0.001
     assert not described['pid.limit'].read_only
-    assert described['center_of_mass'].additional_constraints == '3 values'
+    assert described['center_of_mass'].additional_constraints == '3 values, -5 to 5 m'
     assert described['reliability'].additional_constraints == 'one of reliable, best_effort'
 
 
