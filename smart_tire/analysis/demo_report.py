@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 import csv
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,17 +25,21 @@ from typing import Any
 import numpy as np
 
 from smart_tire.analysis.drawing import DOTS_PER_INCH
-from smart_tire.analysis.driven_paths import driven_lines, driven_tree, PATH_TOPICS, PathLog
+from smart_tire.analysis.driven_paths import (
+    driven_lines, driven_tree, DrivenPath, PATH_TOPICS, PathLog)
 from smart_tire.analysis.figures import write_figures
 from smart_tire.analysis.ground_areas import load_grounds
 from smart_tire.analysis.metrics import stamp_score
 from smart_tire.analysis.pipeline import ESTIMATES, EstimatorParams, INPUTS, TRUTHS
 from smart_tire.analysis.report import table_lines
-from smart_tire.analysis.series import Series, Stamps
+from smart_tire.analysis.series import Floats, Series, Stamps
 from smart_tire.analysis.summary import estimates_tree, plain, Tree, truth_tree
 from smart_tire.analysis.tracking_figures import tracking_figure
 from smart_tire.bags import Bag
+from smart_tire.samples import NS_PER_S
 
+MAX_AGE = 0.25  # s, of odom when it is recorded; as cmd_vel_timeout of wheel_controller
+MIN_PUNCTUAL_TIME = 1.0  # s between two times that the host was late
 REFERENCE_STAMP_SIGMA = 0.5e-3  # s, standard deviation for normalized timestamp errors
 
 Intervals = dict[str, list[tuple[int, int]]]  # name -> time intervals [ns]
@@ -51,12 +55,16 @@ def evaluate(bag_path: Path, params: Path, intervals: Intervals, expected: Seque
     names for the paths that were followed, the last of which is drawn.
     """
     inputs, estimates, truth, log = Series(), Series(), Series(), PathLog()
+    ages: list[tuple[int, int]] = []
     with Bag(bag_path) as bag:
         begin, end = bag.span_ns
+        driving_ns = min((first for spans in intervals.values() for first, _ in spans), default=0)
         counts = {name.lstrip('/'): topic.messages for name, topic in bag.topics.items()}
         for receive_ns, topic, sample in bag.samples(
                 (*INPUTS, *ESTIMATES, *TRUTHS, *PATH_TOPICS)):
             log.add(receive_ns, sample)
+            if topic == 'odom' and driving_ns <= receive_ns:
+                ages.append((receive_ns, receive_ns - sample.stamp_ns))
             series = truth if topic in TRUTHS else estimates if topic in ESTIMATES else inputs
             series.add(sample)
     robot, batches = EstimatorParams.load([params]).robot, read_conversions(conversions)
@@ -72,9 +80,24 @@ def evaluate(bag_path: Path, params: Path, intervals: Intervals, expected: Seque
         'silent': [name for name in expected if not counts.get(name.lstrip('/'))],
         'radio': radio_counts(inputs, batches),
         'stamps': stamp_errors(inputs, batches),
+        'late_host': late_host(np.array(ages).reshape(-1, 2), drives.values()),
         'tracking': {name: driven_tree(drive) for name, drive in drives.items()},
         'estimates': estimates_tree(estimates),
         'against_truth': truth_tree(estimates, truth, intervals)})
+
+
+def late_host(ages: Floats, drives: Iterable[DrivenPath]) -> Tree:
+    """
+    Return how often and by how much the host was late, and how often paths were resumed.
+
+    Rows of ``ages`` are the times of receipt and the ages [ns] of ``odom``. Late messages less
+    than ``MIN_PUNCTUAL_TIME`` apart count once.
+    """
+    late = ages[ages[:, 1] > MAX_AGE * NS_PER_S]
+    apart = np.diff(late[:, 0]) > MIN_PUNCTUAL_TIME * NS_PER_S
+    return {'times': int(len(late) > 0) + int(np.count_nonzero(apart)),
+            'longest_s': float(np.max(late[:, 1], initial=0.0)) / NS_PER_S,
+            'resumed': sum(drive.resumed for drive in drives)}
 
 
 @dataclass(frozen=True)
@@ -130,6 +153,10 @@ def lines(tree: Tree) -> Iterator[str]:
     yield f'recorded {tree["duration_s"]:.0f} s, {sum(tree["messages"].values())} messages'
     yield ('radio batches: {sent} sent, {dropped} dropped by the simulated radio, {missing} lost '
            'after it'.format(**tree['radio']))
+    late = tree['late_host']
+    if late['times'] or late['resumed']:
+        yield (f'host late {late["times"]} x: odom up to {late["longest_s"]:.2f} s old, expected '
+               f'at most {MAX_AGE:g} s; path resumed {late["resumed"]} x after a stop for it')
     for wheel, score in tree['stamps'].items():
         yield (f'timestamp error of {wheel} samples: {1e3 * score["rms"]:.2f} ms rms, '
                f'mean {1e3 * score["mean"]:+.2f} ms')

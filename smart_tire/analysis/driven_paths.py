@@ -43,6 +43,7 @@ class DrivenPath:
     wanted: Floats      # (n, 2) m
     estimated: Floats   # (m, 2) m
     true: Floats        # (k, 2) m, aligned with the estimate at the begin; empty without truth
+    resumed: int = 0    # times that the rest of the path was sent after a stop
 
     @property
     def duration(self) -> float:
@@ -65,18 +66,29 @@ class PathLog:
             self._progress.append(sample)
 
     def driven(self, estimates: PoseSeries, truth: PoseSeries) -> list[DrivenPath]:
-        """Return the paths that were followed, in order."""
+        """
+        Return the paths that were followed, in order.
+
+        The rest of a path, sent after a stop, is a part of it.
+        """
         limits = [begin for begin, _ in self._paths[1:]] + [np.iinfo(np.int64).max]
-        return [replace(drive, true=_true_positions(drive, estimates, truth))
-                for (begin, path), limit in zip(self._paths, limits)
-                if (drive := self._followed(path, begin, limit, estimates)) is not None]
+        found: list[DrivenPath] = []
+        for (begin, path), limit in zip(self._paths, limits):
+            if (drive := self._followed(path, begin, limit)) is None:
+                continue
+            if found and found[-1].state == State.STOPPED and _is_rest(drive, found[-1]):
+                before = found.pop()
+                drive = replace(drive, begin_ns=before.begin_ns, wanted=before.wanted,
+                                resumed=before.resumed + 1)
+            found.append(drive)
+        return [replace(drive, estimated=_between(estimates, drive).pose[:, :2],
+                        true=_true_positions(drive, estimates, truth)) for drive in found]
 
     def wanted(self) -> list[Floats]:
         """Return the positions (n, 2) [m] of each path."""
         return [_positions(path) for _, path in self._paths]
 
-    def _followed(self, path: PlannedPath, begin: int, limit: int,
-                  estimates: PoseSeries) -> DrivenPath | None:
+    def _followed(self, path: PlannedPath, begin: int, limit: int) -> DrivenPath | None:
         reports = [report for report in self._progress if begin <= report.stamp_ns < limit]
         first = next((index for index, report in enumerate(reports)
                       if report.state == State.FOLLOWING), None)
@@ -84,9 +96,14 @@ class PathLog:
             return None
         later = [report for report in reports[first:] if report.state != State.FOLLOWING]
         last = later[0] if later else reports[-1]
-        chosen = (estimates.stamp_ns >= begin) & (estimates.stamp_ns <= last.stamp_ns)
         return DrivenPath(begin, last.stamp_ns, State(last.state), _positions(path),
-                          estimates.pose[chosen, :2], np.empty((0, 2)))
+                          np.empty((0, 2)), np.empty((0, 2)))
+
+
+def _is_rest(drive: DrivenPath, before: DrivenPath) -> bool:
+    """Return whether all places of a path but the first are the last ones of ``before``."""
+    tail = drive.wanted[1:]
+    return np.array_equal(tail, before.wanted[-len(tail):])
 
 
 def _positions(path: PlannedPath) -> Floats:
@@ -108,7 +125,7 @@ def driven_tree(drive: DrivenPath) -> Tree:
     scores = {name: tracking_score(drive.wanted, positions)
               for name, positions in (('in_odom', drive.estimated), ('in_truth', drive.true))}
     return plain({'state': drive.state.name.lower(), 'duration_s': drive.duration,
-                  **{name: None if score is None else asdict(score)
+                  'resumed': drive.resumed, **{name: None if score is None else asdict(score)
                      for name, score in scores.items()}})
 
 

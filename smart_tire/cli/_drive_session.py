@@ -35,6 +35,7 @@ from smart_tire.cli._teleoperation import Teleoperation
 from smart_tire.control.trajectory_control import State
 from smart_tire.errors import ParameterError
 from smart_tire.rotation import euler
+from smart_tire.samples import NS_PER_S
 
 SPIN_TIME = 0.05         # s between two looks at keys, progress and signals
 SHOW_PERIOD = 0.2        # s between two updates of the dashboard
@@ -43,7 +44,8 @@ DISCOVERY_TIME = 3.0     # s until the nodes of a running robot are known
 REPORT_TIME = 1.5        # s, in which a controller that follows a path has reported it
 STANDSTILL_TIME = 1.0    # s that are recorded after the end of a path
 ZERO_TIME = 0.5          # s in which standstill is commanded after the keys were released
-REASON_TIME = 1.5        # s until a reason is in the diagnostics, which come once a second
+REASON_TIME = 5.0        # s until a reason is in the diagnostics, which come once a second
+STANDING_SPEED = 0.02    # m/s, of a robot that stands
 RECORDED = re.compile(r'recording \S*/odom\b')  # a line of the recorder
 FOLLOWER = 'trajectory_controller'
 KEYS_HELP = ('arrows or WASD: drive and turn, held down; space: stop; + and -: speed; q: quit. '
@@ -56,6 +58,8 @@ class Session:
     def __init__(self, stack: Stack, runner: Any, stopped: StopRequest | None = None) -> None:
         self.stack, self.pilot = stack, runner.node
         self._runner, self._stopped = runner, stopped
+        self.remaining = 0.0  # m of the latest path when it was last reported
+        self.lateness = 0.0   # s, largest age of odom while it was followed
 
     def spin(self, seconds: float = SPIN_TIME) -> None:
         """Handle messages; raise KeyboardInterrupt or RobotError if the drive has to end."""
@@ -130,24 +134,40 @@ class Session:
         odometry = self.pilot.odometry
         return odometry.position[0], odometry.position[1], euler(odometry.orientation)[2]
 
-    def follow(self, name: str, poses: Poses, dashboard: Dashboard) -> State:
+    def follow(self, name: str, poses: Poses, dashboard: Dashboard,
+               patience: float = 1.0) -> State:
         """Follow a path in ``odom``, then stand still; return the state in which it ended."""
         self.pilot.follow(poses)
-        following, state = Following(length(poses), time.monotonic()), None
+        following, state = Following(length(poses), time.monotonic(), patience), None
+        self.lateness = 0.0
         while state is None:
             self.spin(SHOW_PERIOD)
             state = following.update(self.pilot.progress, time.monotonic())
+            age_ns = self.pilot.now_ns() - self.pilot.odometry.stamp_ns
+            self.lateness = max(self.lateness, age_ns / NS_PER_S)
             dashboard.update(name, self.pilot, note(self.pilot.progress))
+        self.remaining = following.remaining
         end = time.monotonic() + STANDSTILL_TIME
         while time.monotonic() < end:
             self.spin(SHOW_PERIOD)
             dashboard.update(name, self.pilot, note(self.pilot.progress))
         return state
 
-    def reason(self) -> str:
+    def reason(self, state: State) -> str:
         """Return why the controller has stopped or refused the path, from its diagnostics."""
-        self._runner.spin(REASON_TIME)
-        return str(self.pilot.health.get(FOLLOWER, {}).get('reason', ''))
+        self.pilot.health.pop(FOLLOWER, None)  # it may be that of a path before
+        end, found = time.monotonic() + REASON_TIME, dict[str, str]()
+        while found.get('state') != state.name.lower() and time.monotonic() < end:
+            self._runner.spin(SPIN_TIME)
+            found = self.pilot.health.get(FOLLOWER, {})
+        return found.get('reason', '')
+
+    def await_standstill(self) -> None:
+        """Wait for a pose of the standing robot that is measured from now on."""
+        begin_ns = self.pilot.now_ns()
+        self._wait(lambda: self.pilot.odometry.stamp_ns >= begin_ns
+                   and abs(self.pilot.odometry.linear[0]) < STANDING_SPEED, START_TIMEOUT,
+                   RobotError(f'no recent odom of a standing robot within {START_TIMEOUT:.0f} s'))
 
     def teleoperate(self, keyboard: Keyboard, teleoperation: Teleoperation) -> None:
         """Drive by the keyboard until it asks for the end."""

@@ -37,11 +37,18 @@ class Following:
     The progress of one path; times are seconds of one steady clock.
 
     ``update`` raises RobotError if the controller does not answer, falls silent, or does not
-    arrive in the time of a mean speed of ``MIN_MEAN_SPEED``.
+    arrive in the time of a mean speed of ``MIN_MEAN_SPEED``. ``remaining`` is the distance [m]
+    that was reported last.
     """
 
-    def __init__(self, length: float, time: float) -> None:
-        """Begin with a path of ``length`` [m] that was published at ``time``."""
+    def __init__(self, length: float, time: float, patience: float = 1.0) -> None:
+        """
+        Begin with a path of ``length`` [m] that was published at ``time``.
+
+        The controller has ``patience`` times the usual times to answer and to report: on a busy
+        host it may report the end of the path before for long.
+        """
+        self.remaining, self._patience = length, patience
         self._begin = self._heard = time
         self._limit = EXTRA_TIME + length / MIN_MEAN_SPEED
         self._latest: PathProgress | None = None
@@ -51,7 +58,7 @@ class Following:
         """Return the state in which the path has ended, None while it is followed."""
         if report is not None and report is not self._latest:
             self._latest, self._heard = report, time
-        elif time - self._heard > SILENCE_TIME:
+        elif time - self._heard > self._patience * SILENCE_TIME:
             raise RobotError('trajectory_controller does not report its progress (path_progress)')
         if time - self._begin > self._limit:
             raise RobotError(f'the end of the path was not reached within {self._limit:.0f} s')
@@ -60,10 +67,13 @@ class Following:
         state = State(self._latest.state)
         if state == State.FOLLOWING:
             self._started = True
+            if math.isfinite(self._latest.remaining_distance):
+                self.remaining = self._latest.remaining_distance
             return None
-        if self._started or state != State.IDLE and time - self._begin > OLD_REPORT_TIME:
+        answered = time - self._begin > self._patience * OLD_REPORT_TIME
+        if self._started or state != State.IDLE and answered:
             return state
-        if time - self._begin > ANSWER_TIME:
+        if time - self._begin > self._patience * ANSWER_TIME:
             raise RobotError('trajectory_controller has not received the path')
         return None
 

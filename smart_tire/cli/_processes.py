@@ -31,7 +31,7 @@ DRIVERS = ('tire_receiver', 'imu_driver', 'motor_driver')
 ESTIMATORS = ('slip_estimator', 'friction_estimator')
 CONTROLLERS = ('wheel_controller', 'trajectory_controller')
 NODES = ('robot_simulator', *ESTIMATORS, *CONTROLLERS, *DRIVERS)
-SHUTDOWN_TIMEOUT = 10.0  # s from SIGINT to SIGKILL
+SHUTDOWN_TIMEOUT = 30.0  # s from SIGINT to SIGKILL, on a busy machine
 PR_SET_PDEATHSIG = 1     # prctl(2): signal to a child when its parent ends, even if killed
 
 

@@ -29,7 +29,7 @@ import yaml
 
 UNITS = ('0013A20040A1B2C2=front_left', '0013A20040A1B2C3=front_right')
 RADIO_LATENCY = 0.005     # s, radio.delay of the simulator
-START_TIMEOUT = 20.0      # s until all nodes run
+START_TIMEOUT = 60.0      # s until all nodes run, on a busy machine
 ODOM_TIMEOUT = 1.0        # s, more than for a robot: other programs may slow the nodes down
 WAIT_REPORT_PERIOD = 4.0  # s between lines that name the nodes waited for
 SPIN_TIME = 0.25          # s between two looks at the processes

@@ -58,7 +58,7 @@ STANDSTILL_DURATION = 2.5     # s before the first leg
 BRAKING_TIME = 0.5            # s in which standstill is commanded after the last leg
 HANDOVER_TIME = 1.6           # s until wheel_controller accepts another source of commands
 MIN_SAND_DISTANCE = 6.2       # m from the origin in x or y: two circles from there stay on sand
-MAX_TRANSFER_DURATION = 12.0  # s
+MAX_TRANSFER_DURATION = 60.0  # s; about 7 unless a busy host stops the wheels
 BORDER = 3.0                  # m, half the side of the concrete square of the simulator
 EIGHT_RADIUS = 0.5            # m
 PATH_SPEED = 0.7              # m/s, on straight parts
@@ -197,19 +197,22 @@ def _drive_paths(session: Session, dashboard: Dashboard) -> None:
     """Drive with the trajectory controller: to the border of both grounds, then an eight."""
     from smart_tire.cli._path_file import placed
     from smart_tire.control.path_library import figure_eight
+    session.await_standstill()
     x, y, _ = session.start_pose()
     to_border = (x, y, math.nan), (*border_point(x, y), math.nan)
     if _follow(session, TO_BORDER, to_border, dashboard):
+        session.await_standstill()
         _follow(session, EIGHT, placed(figure_eight(EIGHT_RADIUS).poses, session.start_pose()),
                 dashboard)
 
 
 def _follow(session: Session, name: str, poses: Poses, dashboard: Dashboard) -> bool:
     """Follow a path; return whether its end was reached, else print why not."""
+    from smart_tire.cli._resuming import follow_resuming
     from smart_tire.control.trajectory_control import State
-    state = session.follow(name, poses, dashboard)
+    state, reason = follow_resuming(session, name, poses, dashboard)
     if state != State.ARRIVED:
-        print(f'demo: {name}: {state.name.lower()}: {session.reason()}', file=sys.stderr)
+        print(f'demo: {name}: {state.name.lower()}: {reason}', file=sys.stderr)
     return state == State.ARRIVED
 
 

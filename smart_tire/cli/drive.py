@@ -221,7 +221,7 @@ def _follow(args: argparse.Namespace, session: Session, poses: Poses) -> bool:
         print('interrupted: the path is canceled', file=sys.stderr)
         return False
     if state != State.ARRIVED:
-        print(f'smart_tire drive: {state.name.lower()}: {session.reason()}', file=sys.stderr)
+        print(f'smart_tire drive: {state.name.lower()}: {session.reason(state)}', file=sys.stderr)
     return state == State.ARRIVED
 
 

@@ -22,7 +22,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 
 from smart_tire.nodes.base import SmartTireNode
-from smart_tire.nodes.qos import latched, subscriber_qos
+from smart_tire.nodes.qos import latched, latest_qos, subscriber_qos
 from smart_tire.parameters import WheelControllerParams
 from smart_tire.samples import (
     Friction, Odometry, PathProgress, PlannedPath, Vector3, VelocityCommand, WHEELS, WheelSample,
@@ -58,8 +58,9 @@ class Pilot(SmartTireNode[WheelControllerParams]):
         self._publish_path: Callable[[Any], None] | None = None
         self._cancel = self.create_client(Trigger, CANCEL_SERVICE)
         for topic, field in (('odom', 'odometry'), ('wheel_states', 'wheels'),
-                             ('wheel_slip', 'slip'), ('path_progress', 'progress')):
-            self.subscribe(topic, self._store_in(field))
+                             ('wheel_slip', 'slip')):  # on a busy machine a queue is always full
+            self.subscribe(topic, self._store_in(field), profiles=[latest_qos(topic)])
+        self.subscribe('path_progress', self._store_in('progress'))
         self.subscribe('tire_friction', self._on_friction, wheels=len(WHEELS))
         self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics,
                                  subscriber_qos('/diagnostics'))
@@ -107,7 +108,7 @@ class Pilot(SmartTireNode[WheelControllerParams]):
                 self.destroy_publisher(publisher)
 
     def _store_in(self, field: str) -> Callable[[Any], None]:
-        return lambda sample: setattr(self, field, sample)
+        return lambda sample, *_: setattr(self, field, sample)
 
     def _on_friction(self, friction: Friction) -> None:
         self.friction[friction.wheel] = friction

@@ -88,6 +88,13 @@ def subscriber_qos(name: str, *, wheels: int = 1, reliability: str = 'reliable')
     return profile
 
 
+def latest_qos(name: str) -> QoSProfile:
+    """Return the profile of a subscription that needs the latest message only."""
+    profile = subscriber_qos(name)
+    profile.depth = 1
+    return profile
+
+
 def order_profiles(name: str) -> list[QoSProfile]:
     """
     Return the profiles of two subscriptions to the order ``name``, such as ``path``.

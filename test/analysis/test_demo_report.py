@@ -16,12 +16,15 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from smart_tire.analysis.demo_report import radio_counts, read_conversions, stamp_errors
+from smart_tire.analysis.demo_report import (
+    late_host, lines, radio_counts, read_conversions, stamp_errors)
 from smart_tire.analysis.series import Series
-from smart_tire.samples import TireSample
+from smart_tire.samples import NS_PER_S, TireSample
 
 PERIOD = 2_500_000  # ns
 START = 1_700_000_000_000_000_000
@@ -63,3 +66,26 @@ def test_timestamp_errors_are_relative_to_the_true_conversion_times(log):
     assert score.mean == pytest.approx(0.3e-3)
     assert score.rms == pytest.approx(0.3e-3)
     assert np.isclose(score.within_one, 1.0)
+
+
+def ages(*rows):
+    """Return ages of ``odom`` from rows (time of receipt [s], age [s])."""
+    return np.round(np.array(rows, float).reshape(-1, 2) * NS_PER_S).astype(np.int64)
+
+
+def test_late_messages_in_a_row_are_one_time_that_the_host_was_late():
+    rows = (1.0, 0.01), (2.0, 0.3), (2.4, 0.9), (3.2, 0.26), (3.3, 0.1), (5.0, 0.4)
+    late = late_host(ages(*rows), [SimpleNamespace(resumed=1), SimpleNamespace(resumed=2)])
+    assert late == {'times': 2, 'longest_s': pytest.approx(0.9), 'resumed': 3}
+    for none in (ages(), ages((1.0, 0.01), (2.0, 0.24))):
+        assert late_host(none, []) == {'times': 0, 'longest_s': 0.0, 'resumed': 0}
+
+
+@pytest.mark.parametrize('times, resumed, said', [(0, 0, False), (3, 0, True), (3, 1, True)])
+def test_a_late_host_is_one_line_of_the_report(times, resumed, said):
+    tree = {'against_truth': None, 'duration_s': 60.0, 'messages': {'odom': 10},
+            'radio': {'sent': 1, 'dropped': 0, 'missing': 0}, 'stamps': {}, 'tracking': {},
+            'late_host': {'times': times, 'longest_s': 0.92, 'resumed': resumed}}
+    found = [line for line in lines(tree) if 'host' in line]
+    assert found == ([f'host late 3 x: odom up to 0.92 s old, expected at most 0.25 s; path '
+                      f'resumed {resumed} x after a stop for it'] if said else [])

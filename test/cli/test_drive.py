@@ -36,7 +36,7 @@ from smart_tire.cli.drive import PATHS, read_plan
 from smart_tire.cli.main import main
 from smart_tire.control.trajectory_control import State
 from smart_tire.errors import ParameterError
-from smart_tire.samples import NAN, Odometry, PathProgress
+from smart_tire.samples import NAN, NS_PER_S, Odometry, PathProgress
 
 LINE = ((0.0, 0.0, NAN), (1.0, 0.0, NAN))
 
@@ -66,6 +66,9 @@ class Pilot:
 
     def listeners(self, topic):
         return 1
+
+    def now_ns(self):
+        return NS_PER_S // 2
 
     def follow(self, poses):
         self.paths.append(poses)
@@ -168,6 +171,7 @@ def test_the_end_of_the_path_is_the_state_after_following(end, dashboard):
     with session.ending():
         assert session.follow('line', LINE, dashboard) == end
     assert pilot.paths == [LINE] and not pilot.canceled
+    assert session.lateness == 0.5
 
 
 @pytest.mark.parametrize('error', [KeyboardInterrupt(), RobotError('a node died')])

@@ -52,6 +52,27 @@ def test_a_report_about_the_path_before_is_no_result(old):
     assert run((OLD_REPORT_TIME + 0.1, old)) == old
 
 
+def test_on_a_busy_host_all_times_are_longer():
+    following = Following(1.0, BEGIN, patience=10.0)
+    arrived = report(State.ARRIVED)
+    assert following.update(arrived, BEGIN + 10.0 * OLD_REPORT_TIME - 0.1) is None
+    assert following.update(arrived, BEGIN + 10.0 * OLD_REPORT_TIME + 0.1) == State.ARRIVED
+    idle = report(State.IDLE)
+    assert Following(1.0, BEGIN, patience=10.0).update(idle, BEGIN + 10.0 * ANSWER_TIME) is None
+    assert following.update(report(State.FOLLOWING), BEGIN + 15.0) is None
+    assert following.update(None, BEGIN + 15.0 + 10.0 * SILENCE_TIME) is None
+    with pytest.raises(RobotError, match='does not report'):
+        following.update(None, BEGIN + 15.1 + 10.0 * SILENCE_TIME)
+
+
+def test_the_latest_distance_that_was_reported_is_kept():
+    following = Following(2.0, BEGIN)
+    assert following.remaining == 2.0
+    for distance, state in ((1.5, State.FOLLOWING), (NAN, State.FOLLOWING), (NAN, State.STOPPED)):
+        following.update(PathProgress(0, distance, NAN, int(state)), BEGIN + 1.0)
+    assert following.remaining == 1.5
+
+
 def test_a_controller_that_stays_idle_has_not_received_the_path():
     assert run((ANSWER_TIME - 0.1, State.IDLE)) is None
     with pytest.raises(RobotError, match='has not received the path'):

@@ -1,0 +1,208 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A path is resumed after stops for late data, and only after those."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from smart_tire.cli import _drive_session
+from smart_tire.cli._drive_session import Session
+from smart_tire.cli._resuming import (
+    follow_resuming, LATE, MAX_RESUMPTIONS, MIN_REST, remaining_path)
+from smart_tire.cli._simulated_robot import RobotError
+from smart_tire.control.command_check import check_age
+from smart_tire.control.path_library import figure_eight
+from smart_tire.control.trajectory_control import State
+from smart_tire.errors import CommandError
+from smart_tire.samples import NAN, NS_PER_S
+from support.ideal_robot import distances, odometry, path, Run
+
+LATE_REASON = 'odom: 1.04 s old, expected at most 1 s'
+LINE = ((0.0, 0.0, NAN), (2.0, 0.0, NAN), (4.0, 0.0, NAN))
+
+
+class Drives:
+    """A session whose drives end as given: (state, reason, distance left, position)."""
+
+    def __init__(self, *ends):
+        self._ends = list(ends)
+        self.paths, self.awaited, self.remaining, self.lateness = [], 0, 0.0, 0.0
+
+    def follow(self, name, poses, dashboard, patience):
+        assert patience > 1.0
+        self.paths.append(poses)
+        state, self._reason, self.remaining, self._position = self._ends.pop(0)
+        return state
+
+    def reason(self, state):
+        return self._reason
+
+    def await_standstill(self):
+        self.awaited += 1
+
+    def start_pose(self):
+        return (*self._position, 0.0)
+
+
+def test_after_a_stop_for_late_data_the_rest_of_the_path_is_followed():
+    drives = Drives((State.STOPPED, LATE_REASON, 3.2, (1.1, 0.1)),
+                    (State.REFUSED, 'path: 2.31 s old, expected at most 2 s', 2.9, (1.1, 0.1)),
+                    (State.ARRIVED, '', 0.0, (4.0, 0.0)))
+    assert follow_resuming(drives, 'line', LINE, None) == (State.ARRIVED, '')
+    assert drives.paths[0] == LINE
+    for rest in drives.paths[1:]:
+        assert rest[0][:2] == (1.1, 0.1)
+        assert rest[1:] == LINE[1:]
+    assert drives.awaited == 2
+
+
+@pytest.mark.parametrize('reason', [
+    'no progress for 5 s', 'emergency stop', 'odom: position jumped by 0.50 m', ''])
+def test_a_stop_for_another_reason_is_final(reason):
+    drives = Drives((State.STOPPED, reason, 3.0, (1.0, 0.0)))
+    assert follow_resuming(drives, 'line', LINE, None) == (State.STOPPED, reason)
+
+
+FAR = '0.60 m from the path, expected at most 0.5 m'
+
+
+@pytest.mark.parametrize('lateness, reason, resumed', [
+    (0.7, FAR, True), (0.4, FAR, False), (0.7, 'odom: position jumped by 0.50 m', True),
+    (0.7, 'no progress for 5 s', False), (0.7, 'emergency stop', False)])
+def test_a_pose_is_wrong_because_of_the_host_only_if_odom_was_late(lateness, reason, resumed):
+    drives = Drives((State.STOPPED, reason, 3.0, (1.0, 0.0)), (State.ARRIVED, '', 0.0, (4.0, 0.0)))
+    drives.lateness = lateness
+    assert follow_resuming(drives, 'line', LINE, None)[0] == (
+        State.ARRIVED if resumed else State.STOPPED)
+
+
+def test_after_too_many_stops_the_reason_names_the_host():
+    drives = Drives(*[(State.STOPPED, LATE_REASON, 3.0, (1.0, 0.0))] * (MAX_RESUMPTIONS + 1))
+    state, reason = follow_resuming(drives, 'line', LINE, None)
+    assert state == State.STOPPED
+    assert reason == f'the host is late, stopped 11 times, the last one: {LATE_REASON}'
+
+
+def test_the_reasons_of_the_controller_for_late_data_are_recognized():
+    run = Run().start(path((0.0, 0.0), (3.0, 0.0))).for_seconds(2.0)
+    run.control.step(run.now_ns + round(0.6 * NS_PER_S))
+    assert run.control.state == State.STOPPED
+    assert LATE.match(run.control.reason), run.control.reason
+    with pytest.raises(CommandError) as error:
+        check_age('path', NS_PER_S, 4 * NS_PER_S, 0, 2.0)
+    assert LATE.match(str(error.value))
+
+
+def test_the_rest_begins_at_the_nearest_place_within_the_distance_driven_since_the_report():
+    eight = figure_eight(0.5).poses  # crosses itself at its beginning
+    total = sum(math.dist(one[:2], other[:2]) for one, other in zip(eight, eight[1:]))
+    for remaining in (total, 0.5 * total):
+        rest = remaining_path(eight, remaining, (eight[0][0], eight[0][1] + 0.001))
+        left = sum(math.dist(one[:2], other[:2]) for one, other in zip(rest, rest[1:]))
+        assert left == pytest.approx(remaining, abs=0.02)
+        assert rest[-1] == eight[-1]
+
+
+def test_turns_in_place_that_were_not_made_are_kept():
+    corner = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 0.0, 1.5), (1.0, 1.0, 1.5))
+    assert remaining_path(corner, 1.5, (0.5, 0.0))[1:] == corner[1:]
+    assert remaining_path(corner, 1.0, (1.0, 0.0))[1:] == corner[1:]
+
+
+def test_a_robot_away_from_the_path_joins_it_further_on():
+    line = tuple((0.1 * k, 0.0, NAN) for k in range(41))
+    rest = remaining_path(line, 3.0, (1.2, 0.4))
+    assert rest[0][:2] == (1.2, 0.4) and rest[1:] == line[20:]
+    assert remaining_path(line, 0.5, (3.8, 0.4))[1:] == line[-1:]
+
+
+@pytest.mark.parametrize('remaining', [0.0, 0.02])
+def test_at_the_end_a_short_part_is_left_so_that_it_is_a_path(remaining):
+    rest = remaining_path(LINE, remaining, (4.01, 0.0))
+    assert rest == ((4.0 - MIN_REST, 0.0, pytest.approx(NAN, nan_ok=True)), LINE[-1])
+
+
+def test_the_robot_arrives_on_the_path_after_stops_for_late_data():
+    planned = figure_eight(0.5)
+    poses, rows = planned.poses, []
+    run = Run()
+    for pause in (4.0, 3.0, 5.0, 60.0):  # s until odom is late
+        run.start(path(*poses)).until_end(pause)
+        rows += run.rows
+        remaining = run.progress[-1].remaining_distance
+        run.rows.clear()
+        if run.control.state == State.FOLLOWING:
+            robot = run.robot
+            while run.control.state == State.FOLLOWING:  # blind, until it stops
+                command = run.control.step(run.now_ns)
+                robot.drive(command.v_x, command.yaw_rate, 0.05)
+                run.now_ns += run.period_ns
+            run.for_seconds(1.0)
+            poses = remaining_path(poses, remaining, (robot.x, robot.y))
+    assert run.control.state == State.ARRIVED
+    assert distances(planned, np.array(rows)).max() < 0.1
+
+
+class Controller:
+    """A pilot whose controller sends its diagnostics at the third look."""
+
+    def __init__(self):
+        self.health = {'trajectory_controller': {'state': 'stopped', 'reason': 'of another path'}}
+        self.looks = 0
+
+    def look(self, seconds):
+        self.looks += 1
+        if self.looks == 3:
+            self.health['trajectory_controller'] = {'state': 'stopped', 'reason': LATE_REASON}
+
+
+class Robot:
+    """A pilot that receives odometry (time of measurement [s], speed), one at each look."""
+
+    def __init__(self, *received):
+        self._received, self.looks = list(received), 0
+        self.odometry = odometry(round(9.9 * NS_PER_S))
+
+    def now_ns(self):
+        return 10 * NS_PER_S
+
+    def look(self, seconds):
+        self.looks += 1
+        time, speed = self._received.pop(0)
+        self.odometry = odometry(round(time * NS_PER_S), v_x=speed)
+
+
+def session_of(pilot):
+    return Session(SimpleNamespace(died=dict), SimpleNamespace(node=pilot, spin=pilot.look))
+
+
+def test_the_reason_is_that_of_the_diagnostics_after_the_stop():
+    pilot = Controller()
+    assert session_of(pilot).reason(State.STOPPED) == LATE_REASON
+    assert pilot.looks == 3
+
+
+def test_a_pose_of_the_standing_robot_that_is_measured_from_now_on_is_awaited(monkeypatch):
+    pilot = Robot((9.99, 0.0), (10.1, 0.1), (10.2, 0.01), (10.3, 0.0))
+    session_of(pilot).await_standstill()
+    assert pilot.looks == 3
+    monkeypatch.setattr(_drive_session, 'START_TIMEOUT', 0.0)
+    with pytest.raises(RobotError, match='no recent odom of a standing robot within 0 s'):
+        session_of(Robot(*[(9.99, 0.0)] * 9)).await_standstill()
