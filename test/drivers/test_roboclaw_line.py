@@ -219,6 +219,14 @@ def test_a_reply_of_the_same_board_ends_the_wait_for_a_late_one():
     assert time.monotonic() - began < 0.003
 
 
+def test_a_late_reply_that_has_come_ends_the_wait_for_it():
+    line, port = line_on(b'', CURRENTS + b'\xff', b'\xff\x00')
+    line.ask(128, READ_CURRENTS, 0.01)
+    line.exchange(129, SET_DUTY, 0, 0)
+    line.exchange(129, SET_DUTY, 0, 0)  # a byte behind an acknowledgement is of no concern
+    assert not line.retried
+
+
 def test_a_reply_of_another_board_does_not():
     other = encode_reply(129, READ_TIMEOUT, 2)
     line, port = line_on(b'', other, b'\xff\x00', b'\xff')
