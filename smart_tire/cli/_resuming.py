@@ -33,14 +33,14 @@ if TYPE_CHECKING:
 
 # Reasons of the controller to stop: late data, and a pose that is wrong if they were late before.
 LATE = re.compile(r'(odom|path): -?[\d.]+ s (old|ahead)')
-WRONG_POSE = re.compile(r'odom: |[\d.]+ m from the path')
+WRONG_POSE = re.compile(r'odom: |[\d.]+ m from the (end of the )?path')
 MAX_LATENESS = 0.5     # s, of odom: above the default of checks.odom_timeout a robot stops
 MAX_RESUMPTIONS = 10   # of one path
 PATIENCE = 10.0        # longest waits for the controller over those for a robot
 SEARCH_LENGTH = 1.5    # m that the robot may have driven since its latest report
 PLACES = 151           # on that length, for one per centimeter
 JOIN_RATIO = 2.0       # distance along the path over that from it: turns by 27 degrees
-MIN_REST = 0.1         # m of the path that are sent again at least: no path is a single place
+MIN_REST = 0.05        # m of the path that are sent again at least; arrival.xy_tolerance
 
 
 def follow_resuming(session: Session, name: str, poses: Poses,
