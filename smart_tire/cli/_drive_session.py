@@ -59,7 +59,7 @@ class Session:
         self.stack, self.pilot = stack, runner.node
         self._runner, self._stopped = runner, stopped
         self.remaining = 0.0  # m of the latest path when it was last reported
-        self.lateness = 0.0   # s, largest age of odom while it was followed
+        self.lateness = 0.0   # s, largest age of odom or wheel_states while it was followed
 
     def spin(self, seconds: float = SPIN_TIME) -> None:
         """Handle messages; raise KeyboardInterrupt or RobotError if the drive has to end."""
@@ -143,8 +143,9 @@ class Session:
         while state is None:
             self.spin(SHOW_PERIOD)
             state = following.update(self.pilot.progress, time.monotonic())
-            age_ns = self.pilot.now_ns() - self.pilot.odometry.stamp_ns
-            self.lateness = max(self.lateness, age_ns / NS_PER_S)
+            oldest_ns = min(sample.stamp_ns for sample in (self.pilot.odometry, self.pilot.wheels)
+                            if sample is not None)
+            self.lateness = max(self.lateness, (self.pilot.now_ns() - oldest_ns) / NS_PER_S)
             dashboard.update(name, self.pilot, note(self.pilot.progress))
         self.remaining = following.remaining
         end = time.monotonic() + STANDSTILL_TIME

@@ -31,10 +31,11 @@ if TYPE_CHECKING:
     from smart_tire.cli._dashboard import Dashboard
     from smart_tire.cli._drive_session import Session
 
-# Reasons of the controller to stop: late data, and a pose that is wrong if they were late before.
+# Reasons of the controller to stop: late data, and what they cause if they were late before: a
+# wrong pose, or motors that their driver has stopped because boards answer late.
 LATE = re.compile(r'(odom|path): -?[\d.]+ s (old|ahead)')
-WRONG_POSE = re.compile(r'odom: |[\d.]+ m from the (end of the )?path')
-MAX_LATENESS = 0.5     # s, of odom: above the default of checks.odom_timeout a robot stops
+CAUSED = re.compile(r'odom: |[\d.]+ m from the (end of the )?path|no progress')
+MAX_LATENESS = 0.5     # s, of odom and wheel_states: above the default of checks.odom_timeout a robot stops
 MAX_RESUMPTIONS = 10   # of one path
 PATIENCE = 10.0        # longest waits for the controller over those for a robot
 SEARCH_LENGTH = 1.5    # m that the robot may have driven since its latest report
@@ -59,7 +60,7 @@ def follow_resuming(session: Session, name: str, poses: Poses,
             return state, ''
         reason = session.reason(state)
         if not (LATE.match(reason) or session.lateness > MAX_LATENESS
-                and WRONG_POSE.match(reason)):
+                and CAUSED.match(reason)):
             return state, reason
         session.await_standstill()
         rest = remaining_path(rest, session.remaining, session.start_pose()[:2])

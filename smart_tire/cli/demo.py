@@ -37,6 +37,7 @@ from smart_tire.cli._processes import isolated_environment, NODES, Stack
 from smart_tire.cli._simulated_robot import (
     check_alive, PORTS, RECORDER, remove_traces, RobotError, start_viewer, stop_all, UNITS,
     write_parameters)
+from smart_tire.samples import NS_PER_S
 
 if TYPE_CHECKING:
     from smart_tire.analysis.demo_report import Intervals
@@ -52,7 +53,10 @@ HELP = ('drive the simulated robot on concrete and sand, then along a figure-eig
         'record a bag and evaluate the estimates')
 
 FAST_SPEED, SLOW_SPEED = 120.0, 60.0  # rpm, paper B Fig. 10
-LEG_DURATION = 9.0            # s of each turn
+LEG_DURATION = 9.0            # s of each turn, in which the wheels turn
+MAX_LEG_DURATION = 60.0       # s, if a busy host stops them meanwhile
+MIN_WHEEL_SPEED = 1.0         # rad/s of a wheel that turns
+MAX_WHEELS_AGE = 0.5          # s; older wheel_states do not show it
 SETTLING_TIME = 1.0           # s at the start of a leg that are excluded from its means
 STANDSTILL_DURATION = 2.5     # s before the first leg
 BRAKING_TIME = 0.5            # s in which standstill is commanded after the last leg
@@ -175,12 +179,29 @@ def _drive_legs(stack: Stack, runner: Any, dashboard: Dashboard) -> Intervals:
 
 
 def _drive_leg(stack: Stack, runner: Any, dashboard: Dashboard, leg: Leg, duration: float) -> None:
-    """Drive ``leg`` for ``duration`` [s]; a transfer ends when the sand is reached."""
-    pilot = runner.node
+    """
+    Drive ``leg`` for ``duration`` [s]; a transfer ends when the sand is reached.
+
+    Evaluated legs, which are turns, last until the wheels have turned for ``duration``.
+    """
+    pilot, periods = runner.node, round(duration / DASHBOARD_PERIOD)
+
+    def turned() -> bool:
+        nonlocal periods
+        age_ns = pilot.now_ns() - pilot.wheels.stamp_ns
+        periods -= (age_ns < MAX_WHEELS_AGE * NS_PER_S
+                    and max(map(abs, pilot.wheels.velocity)) > MIN_WHEEL_SPEED)
+        return periods < 0
+
+    def reached() -> bool:
+        return (leg.left == leg.right != 0.0
+                and max(map(abs, pilot.odometry.position)) > MIN_SAND_DISTANCE)
+
     pilot.drive(leg.left, leg.right)
-    _spin(stack, runner, dashboard, leg.name, duration,
-          lambda: leg.left == leg.right != 0.0
-          and max(map(abs, pilot.odometry.position)) > MIN_SAND_DISTANCE)
+    if leg.left != leg.right:
+        _spin(stack, runner, dashboard, leg.name, MAX_LEG_DURATION, turned)
+    else:
+        _spin(stack, runner, dashboard, leg.name, duration, reached)
 
 
 def _spin(stack: Stack, runner: Any, dashboard: Dashboard, name: str, duration: float,

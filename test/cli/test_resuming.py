@@ -87,8 +87,9 @@ FAR = '0.60 m from the path, expected at most 0.5 m'
     (0.7, FAR, True), (0.4, FAR, False),
     (0.7, '0.113 m from the end of the path, expected at most 0.05 m', True),
     (0.7, 'odom: position jumped by 0.50 m', True),
-    (0.7, 'no progress for 5 s', False), (0.7, 'emergency stop', False)])
-def test_a_pose_is_wrong_because_of_the_host_only_if_odom_was_late(lateness, reason, resumed):
+    (0.7, 'no progress for 5 s', True), (0.4, 'no progress for 5 s', False),
+    (0.7, 'emergency stop', False), (0.7, 'canceled by cancel_path', False)])
+def test_a_stop_is_caused_by_the_host_only_if_data_were_late(lateness, reason, resumed):
     drives = Drives((State.STOPPED, reason, 3.0, (1.0, 0.0)), (State.ARRIVED, '', 0.0, (4.0, 0.0)))
     drives.lateness = lateness
     assert follow_resuming(drives, 'line', LINE, None)[0] == (
