@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 # wrong pose, or motors that their driver has stopped because boards answer late.
 LATE = re.compile(r'(odom|path): -?[\d.]+ s (old|ahead)')
 CAUSED = re.compile(r'odom: |[\d.]+ m from the (end of the )?path|no progress')
-MAX_LATENESS = 0.5     # s, of odom and wheel_states: above the default of checks.odom_timeout a robot stops
+MAX_LATENESS = 0.5     # s, of odom and wheel_states; the default of checks.odom_timeout
 MAX_RESUMPTIONS = 10   # of one path
 PATIENCE = 10.0        # longest waits for the controller over those for a robot
 SEARCH_LENGTH = 1.5    # m that the robot may have driven since its latest report

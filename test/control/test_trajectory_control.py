@@ -113,6 +113,10 @@ def test_a_path_may_begin_within_the_distance():
     assert Run().start(path((0.99, 0), (2, 0))).control.state == State.FOLLOWING
 
 
+def test_a_path_may_have_the_maximum_length():
+    assert Run().start(path((0, 0), (1000, 0))).control.state == State.FOLLOWING
+
+
 def test_cancel_stops_and_does_nothing_otherwise():
     run = under_way()
     run.control.cancel('canceled by the user')
