@@ -126,6 +126,12 @@ def test_the_first_known_direction_counts_for_poses_before_it():
     assert plan(*poses)[0] == (2, 0, REVERSE)
 
 
+@pytest.mark.parametrize('agreeing, direction', [(6, FORWARD), (8, REVERSE)])
+def test_orientations_count_if_they_agree_on_three_quarters_of_the_path(agreeing, direction):
+    poses = [(float(k), 0.0, math.pi if k < agreeing else 0.5 * math.pi) for k in range(11)]
+    assert plan_path(poses, CORNER)[0].direction == direction
+
+
 def test_a_reversal_of_the_orientation_separates_segments():
     assert plan((0, 0, 0.0), (1, 0, 0.0), (2, 0, math.pi), (3, 0, math.pi)) == [
         (2, 0, FORWARD), (3, 0, REVERSE), ('spin', 3.141593)]
