@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable
+import math
 
 from smart_tire.errors import CommandError
 from smart_tire.samples import NS_PER_S
@@ -52,20 +53,26 @@ class StallDetector:
         return self._resumed_ns is not None and received_ns < self._resumed_ns + QUEUE_DRAIN_NS
 
 
-def check_age(topic: str, stamp_ns: int, now_ns: int, waited_ns: int, max_age: float) -> None:
+def check_age(topic: str, stamp_ns: int, now_ns: int, waited_ns: int, max_age: float,
+              timeout: float = math.inf) -> int:
     """
-    Raise CommandError if a command is too old, too far in the future or its timestamp negative.
+    Return the age [ns] of a command: since its timestamp or its arrival, whichever is earlier.
 
-    ``stamp_ns`` and ``now_ns`` are times of the message clock. A timestamp of zero means none;
-    the age is then ``waited_ns``, the time since the message was received. ``max_age`` [s] limits
-    the age in both directions.
+    ``stamp_ns`` and ``now_ns`` are times of the message clock, ``waited_ns`` is the time since the
+    arrival; a timestamp of zero means none. Raises CommandError if the timestamp is negative or
+    further in the future than ``max_age`` [s], or if the command is older than that or than its
+    ``timeout`` [s].
     """
     if stamp_ns < 0:
         raise CommandError(f'{topic}: the timestamp is negative')
-    age = (now_ns - stamp_ns if stamp_ns else waited_ns) / NS_PER_S
-    if abs(age) > max_age:
-        raise CommandError(f'{topic}: {abs(age):.3g} s {"old" if age > 0.0 else "ahead"}, '
-                           f'expected at most {max_age:g} s')
+    ahead = (stamp_ns - now_ns) / NS_PER_S if stamp_ns else 0.0
+    if ahead > max_age:
+        raise CommandError(f'{topic}: {ahead:.3g} s ahead, expected at most {max_age:g} s')
+    age_ns = max(now_ns - stamp_ns, waited_ns) if stamp_ns else waited_ns
+    if age_ns > min(max_age, timeout) * NS_PER_S:
+        raise CommandError(f'{topic}: {age_ns / NS_PER_S:.3g} s old, expected at most '
+                           f'{min(max_age, timeout):g} s')
+    return age_ns
 
 
 class PublisherMonitor:

@@ -44,13 +44,17 @@ class DutyGate:
     """
 
     def __init__(self, command_timeout: float, report: Callable[[str], None], *,
-                 stopped: bool = False, require_arming: bool = False) -> None:
+                 stopped: bool = False, require_arming: bool = False,
+                 release_hold_off: float = 0.0) -> None:
         self._timeout_ns = round(command_timeout * NS_PER_S)
         self._timeout = command_timeout
         self._report = report
         self._lock = threading.RLock()
         self._require_arming = require_arming
         self._emergency = stopped
+        self._hold_off_ns = round(release_hold_off * NS_PER_S)
+        self._asked_ns: int | None = None  # latest request to engage or to release the stop
+        self.refused_releases = 0
         self._armed = not require_arming
         self._holds: dict[str, str] = {}  # name -> reason
         self._trip = ''                   # reason, '' without a trip
@@ -138,18 +142,30 @@ class DutyGate:
             if not known:
                 self._report(f'motors stopped: {reason}')
 
-    def engage(self) -> None:
+    def engage(self, now_ns: int) -> None:
         """Latch the emergency stop and disarm."""
         with self._lock:
-            self._emergency = True
+            self._emergency, self._asked_ns = True, now_ns
             self._armed = not self._require_arming
             self._discard()
 
-    def release(self) -> None:
-        """Release the emergency stop; motion needs a new command."""
+    def release(self, now_ns: int) -> str:
+        """
+        Release the emergency stop; return why that is refused, '' if it is released.
+
+        It is refused within ``release_hold_off`` [s] after the latest engagement or request to
+        release, refused ones included: a client that repeats its request does not undo a stop.
+        Motion needs a new command.
+        """
         with self._lock:
+            before_ns, self._asked_ns = self._asked_ns, now_ns
+            if before_ns is not None and now_ns - before_ns < self._hold_off_ns:
+                self.refused_releases += 1
+                return (f'release refused: {(now_ns - before_ns) / NS_PER_S:.2g} s after the last '
+                        f'request, expected at least {self._hold_off_ns / NS_PER_S:g} s')
             self._emergency = False
             self._discard()
+            return ''
 
     def arm(self, armed: bool) -> list[str]:
         """Arm or disarm; return the causes that prevent arming, empty on success."""

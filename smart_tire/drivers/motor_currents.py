@@ -16,7 +16,7 @@
 Currents of the motors of both boards, read after everything else.
 
 Without them only the torques are missing, so no other request waits for them longer than
-``MAX_CURRENT_WAIT``, and at high rates not every sample has them.
+``MAX_CURRENT_WAIT``, and at high rates not every poll has them.
 """
 
 from __future__ import annotations
@@ -44,8 +44,8 @@ class CurrentReader:
     def __init__(self, params: MotorDriverParams, boards: Sequence[Board], line: RoboclawLine,
                  poll_period: float) -> None:
         self._params, self._boards, self._line = params, boards, line
-        self._samples = 0
-        self._interval = math.ceil(params.rate / MAX_CURRENT_RATE)  # in samples
+        self._polls = 0
+        self._interval = math.ceil(1.0 / (poll_period * MAX_CURRENT_RATE))  # in polls
         self._wait = min(MAX_CURRENT_WAIT, poll_period)  # s
         self.missing = 0   # requests for currents without a good reply
         self.rejected = 0  # currents beyond ``max_current``
@@ -57,11 +57,11 @@ class CurrentReader:
 
     def read(self, before_each: Callable[[], None]) -> None:
         """Read the boards whose turn it is, those that may not reply last."""
-        self._samples += 1
+        self._polls += 1
         due = []
         for index, board in enumerate(self._boards):
             board.torques = NAN, NAN
-            turn = self._samples + index * (self._interval // 2)
+            turn = self._polls + index * (self._interval // 2)
             if not turn % self._interval and time.monotonic_ns() >= board.currents_ns:
                 due.append(board)
         for board in sorted(due, key=lambda board: board.missing_currents):
@@ -78,6 +78,7 @@ class CurrentReader:
         currents = map(current_from_code, codes)
         board.torques = tuple(map(self._torque, currents, board.duty, board.encoders,
                                   board.mean_speeds()))
+        board.measured = tuple(zip(board.forward_duty(), board.torques))
 
     def _torque(self, current: float, duty: float, encoder: WheelEncoder, speed: float) -> float:
         """Return the torque [N m] of ``current`` [A]; NaN if that is not plausible."""

@@ -19,10 +19,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 import math
 
-from smart_tire.drivers.wheel_encoder import MotionCheck, WheelEncoder
+from smart_tire.drivers.wheel_encoder import MotionCheck, Reading, WheelEncoder
 from smart_tire.numerics.rates import mean_rates
 from smart_tire.samples import NAN, NS_PER_S
 
+CHECK_PERIOD_NS = 45_000_000     # between checks of the motion: four or more in a stall time
 CURRENT_RETRY_PERIOD = 0.25      # s, after the second missing reply; doubles with each further
 MAX_CURRENT_RETRY_PERIOD = 10.0  # s, also between requests to a board without that command
 
@@ -41,7 +42,9 @@ class Board:
     span_ns: int = 0             # since the last sample
     duty: tuple[float, float] = (0.0, 0.0)  # at the motor terminals, as acknowledged
     zero_replies: int = 0        # consecutive acknowledgments of zero duty
-    torques: tuple[float, ...] = (NAN, NAN)  # N m, forward, at the wheels; of the present sample
+    torques: tuple[float, ...] = (NAN, NAN)  # N m, forward, at the wheels; of the latest poll
+    measured: tuple[tuple[float, float], ...] = ()  # duties and torques since the last check
+    checked_ns: int = 0          # steady clock, of the readings of the latest check
     missing_currents: int = 0    # consecutive requests for currents without a good reply
     currents_ns: int = 0         # steady clock, before which currents are not requested
     low_readings: int = 0        # of the supply voltage, consecutive
@@ -53,6 +56,24 @@ class Board:
         self.begin_span()
         for check in self.checks:
             check.reset()
+
+    def check_motion(self) -> list[str]:
+        """Return a fault of each wheel, '' if there is none; at most every ``CHECK_PERIOD``."""
+        if self.read_ns is None or self.read_ns - self.checked_ns < CHECK_PERIOD_NS:
+            return []
+        measured = self.measured or [(duty, NAN) for duty in self.forward_duty()]
+        self.checked_ns, self.measured = self.read_ns, ()
+        found = []
+        for encoder, check, driven in zip(self.encoders, self.checks, measured):
+            found.append(check.update(
+                Reading(self.read_ns / NS_PER_S, encoder.position, *driven)))
+            if found[-1]:
+                check.reset()
+        return found
+
+    def forward_duty(self) -> list[float]:
+        """Return the duties, positive driving forward."""
+        return [encoder.sign * duty for encoder, duty in zip(self.encoders, self.duty)]
 
     def begin_span(self) -> None:
         """Begin a new period of the mean speeds."""

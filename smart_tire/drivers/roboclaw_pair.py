@@ -81,8 +81,7 @@ class RoboclawPair:
         self._params, self._gate, self._deliver = params, gate, deliver
         encoders = [WheelEncoder(sign, params.robot.encoder.counts_per_revolution)
                     for sign in params.signs]
-        checks = [MotionCheck(encoder.resolution, params.free_speed, params.stall_duty,
-                              params.stall_time) for encoder in encoders]
+        checks = [MotionCheck(params, encoder.resolution) for encoder in encoders]
         self._boards = [
             Board(address, f'{name} board {address} (0x{address:x})',
                   encoders[2 * axle:2 * axle + 2], checks[2 * axle:2 * axle + 2])
@@ -205,14 +204,14 @@ class RoboclawPair:
         return [board.name for board in self._boards if board.zero_replies < MIN_ZERO_REPLIES]
 
     def _poll(self, now_ns: int) -> None:
-        """Read the encoders, check the wheels, and deliver a sample when one is due."""
+        """Read encoders and currents, check the wheels, and deliver a sample when one is due."""
         read = [self._read(board) for board in self._boards]  # both, even if the first fails
         if not all(read):
             return
+        self.currents.read(before_each=self._drive_if_changed)
         self._check_motion()
         if now_ns >= self._sample_ns - self._poll_ns // 2:
             self._sample_ns = max(self._sample_ns + self._period_ns, now_ns)
-            self.currents.read(before_each=self._drive_if_changed)
             self._deliver(self._sample())
 
     def _read(self, board: Board) -> bool:
@@ -236,13 +235,10 @@ class RoboclawPair:
 
     def _check_motion(self) -> None:
         for axle, board in enumerate(self._boards):
-            for side, (encoder, check) in enumerate(zip(board.encoders, board.checks)):
-                problem = check.update(encoder.sign * board.duty[side], encoder.step,
-                                       board.elapsed_ns / NS_PER_S)
+            for side, problem in enumerate(board.check_motion()):
                 if problem:
                     self._gate.trip(f'{WHEELS[2 * axle + side]} {problem}')
                     self._changed.set()
-                    check.reset()
 
     def _check_health(self, board: Board) -> None:
         """Hold the motors while a board reports a fault; raise FrameError if it has restarted."""

@@ -16,19 +16,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+import itertools
 import math
+from statistics import fmean
 
+from smart_tire.parameters.hardware import MotorDriverParams
 from smart_tire.protocol.roboclaw import count_step
+from smart_tire.samples import WHEELS
 
 MAX_SPEED = 100.0           # rad/s; a larger step of the counts means that the board lost them
 MIN_DRIVING_DUTY = 0.05     # -, below it gear friction may stop a wheel
 MIN_ROLLING_SPEED = 0.5     # rad/s, above it a wheel counts as rolling
-MIN_ROLLING_COUNTS = 5      # counts of a rolling wheel within the stall time
-BRAKING_SPEED_RATIO = 0.85  # -, speed over initial speed below which a wheel is slowing down
-# Motor torque against the rotation over stall torque, duty + speed / free speed. The tire force
-# can keep a wheel rotating against it up to friction * load * radius: 0.47 * 26.7 N * 0.087 m is
-# 0.22 of a stall torque of 5 N m, and about twice that on surfaces with high friction.
-MAX_OPPOSING_TORQUE = 0.5
+MIN_ROLLING_COUNTS = 4      # counts of a rolling wheel within two stall times, in 1.5 counts
+MIN_DUTY_RATIO = 0.9        # duty over that of the rolling wheel, above which it is not reduced
+# N m, of the mean of measured torques: three sigma of noise (0.05) and offset (0.015), see
+# errors.torque_noise and errors.torque_offset of the simulator
+MAX_TORQUE_ERROR = 0.1
+MIN_MEASURED = 2            # readings of the torque within the stall time, for their mean
+# Torque of the tire over stall torque at most, friction * load * radius: 0.47 * 26.7 N * 0.087 m
+# is 0.22 of a stall torque of 5 N m, and about twice that on surfaces with high friction.
+MAX_LOAD = 0.5
 
 
 class WheelEncoder:
@@ -59,61 +68,99 @@ class WheelEncoder:
         return self._radians_per_count
 
 
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """Angle of a wheel, duty and torque of its motor at one time."""
+
+    time: float      # s
+    position: float  # rad
+    duty: float      # [-1, 1]
+    torque: float    # N m at the wheel, NaN if it was not measured at this duty
+
+
 class MotionCheck:
     """
-    Compares the encoder counts of a wheel with the duty of its motor.
+    Plausibility check of an encoder by a model of its motor.
 
-    A wheel that was rolling and stops while its duty continues, or that does not start at
-    ``stall_duty``, is blocked or its encoder is broken. A wheel that rotates against a large motor
-    torque without slowing down has a reversed encoder or motor. Both are faults after
-    ``stall_time`` [s], which is short enough for zero duty within 0.5 s. ``free_speed`` [rad/s] is
-    the speed of the unloaded motor at full duty, ``resolution`` the angle of one count [rad].
+    With duty d and torque tau at the wheel the motor turns at ``w_0 (d - tau / tau_0)``, with
+    free speed w_0 and stall torque tau_0. Speed, duty and torque are averaged over the stall
+    time, which leaves this linear relation as it is. An encoder that reports less than the duty
+    and the largest torque permit is a fault. The largest torque is the measured one with its
+    errors; if the board does not measure it, the largest one of the tire. The torque that
+    accelerates wheel and robot as the encoder reports is added: not every board measures the
+    current of a braking motor.
+
+    A wheel that does not turn at ``stall_duty``, or that was rolling and stops although its duty
+    is not reduced, is blocked or its encoder is broken: a fault, too.
     """
 
-    def __init__(self, resolution: float, free_speed: float, stall_duty: float,
-                 stall_time: float) -> None:
-        self._free_speed = free_speed
-        self._stall_duty, self._stall_time = stall_duty, stall_time
-        self._rolling_speed = max(MIN_ROLLING_SPEED, MIN_ROLLING_COUNTS * resolution / stall_time)
-        self.reset()
+    def __init__(self, params: MotorDriverParams, resolution: float) -> None:
+        """Check against the motor of ``params``; ``resolution`` is the angle of a count [rad]."""
+        self._params, self._toggle = params, 1.5 * resolution  # rad, above one count
+        robot = params.robot
+        self._inertia = robot.motor.inertia + robot.mass / len(WHEELS) * robot.wheel_radius**2
+        self._readings: list[Reading] = []  # of the latest three stall times
 
     def reset(self) -> None:
-        """Reset all timers, after a pause in the readings."""
-        self._rolling = 0         # direction of the latest motion, 0 if it was not rolling
-        self._still = 0.0         # s without a count under duty
-        self._opposed = 0.0       # s of rotation against the torque without slowing down
-        self._opposed_from = 0.0  # rad/s, speed at the start of that time
+        """Discard all readings, after a pause."""
+        self._readings = []
 
-    def update(self, duty: float, step: float, elapsed: float) -> str:
-        """
-        Check a reading: angle ``step`` [rad] in ``elapsed`` [s] under ``duty`` [-1, 1].
-
-        Returns a description of the fault, '' if there is none.
-        """
-        return self._check_still(duty, step, elapsed) or self._check_opposed(duty, step, elapsed)
-
-    def _check_still(self, duty: float, step: float, elapsed: float) -> str:
-        if step != 0.0:
-            rolls = abs(step) >= self._rolling_speed * elapsed
-            self._rolling = int(math.copysign(rolls, step))
-            self._still = 0.0
-        elif abs(duty) < (MIN_DRIVING_DUTY if duty * self._rolling > 0.0 else self._stall_duty):
-            self._rolling, self._still = 0, 0.0
-        else:
-            self._still += elapsed
-        if self._still < self._stall_time:
+    def update(self, latest: Reading) -> str:
+        """Add a reading; return a description of the fault, '' if there is none."""
+        begin = latest.time - self._params.stall_time
+        self._readings = [one for one in self._readings
+                          if one.time > begin - 2.0 * self._params.stall_time] + [latest]
+        count = sum(one.time <= begin for one in self._readings)
+        if count == 0 or latest.duty == 0.0:
             return ''
-        return f'no encoder counts under duty {duty:.2f}: wheel blocked or encoder broken'
-
-    def _check_opposed(self, duty: float, step: float, elapsed: float) -> str:
-        speed = abs(step) / elapsed
-        if (duty * step >= 0.0 or speed < MIN_ROLLING_SPEED
-                or abs(duty) + speed / self._free_speed < MAX_OPPOSING_TORQUE):
-            self._opposed = self._opposed_from = 0.0
-        elif speed < BRAKING_SPEED_RATIO * self._opposed_from or self._opposed_from == 0.0:
-            self._opposed, self._opposed_from = 0.0, speed
-        else:
-            self._opposed += elapsed
-        if self._opposed < self._stall_time:
+        before, during = self._readings[:count], self._readings[count - 1:]
+        duty, load = self._duty_and_load(during)
+        if abs(duty) < MIN_DRIVING_DUTY:
             return ''
-        return f'turns against duty {duty:.2f}: encoder or motor reversed'
+        turned = math.copysign(1.0, duty) * (during[-1].position - during[0].position)
+        stopped = abs(turned) < self._toggle and (
+            abs(duty) >= self._params.stall_duty or self._was_rolling(before))
+        lowest = self._unloaded_speed(abs(duty) - load) * (during[-1].time - during[0].time)
+        if stopped or turned + self._toggle < lowest:
+            return self._description(turned, duty)
+        return ''
+
+    def _description(self, turned: float, duty: float) -> str:
+        before, latest = self._readings[-2:]
+        if abs(latest.position - before.position) < self._toggle:
+            return f'no encoder counts under duty {duty:.2f}: wheel blocked or encoder broken'
+        if turned < 0.0:
+            return f'turns against duty {duty:.2f}: encoder or motor reversed'
+        return (f'turns too slowly under duty {duty:.2f}: encoder counts lost, or free_speed or '
+                'stall_torque wrong')
+
+    def _duty_and_load(self, readings: Sequence[Reading]) -> tuple[float, float]:
+        """Return the mean duty and the largest load as a duty, torque over stall torque."""
+        params, speeds = self._params, [
+            (late.position - early.position) / (late.time - early.time)
+            for early, late in itertools.pairwise(readings)]
+        inertial = self._inertia * abs(speeds[-1] - speeds[0]) / (
+            (readings[-1].time - readings[0].time) * params.stall_torque)
+        measured = [one for one in readings[1:] if not math.isnan(one.torque)]
+        if len(measured) < MIN_MEASURED:
+            return fmean(one.duty for one in readings[1:]), MAX_LOAD + inertial
+        torque = fmean(abs(one.torque) for one in measured)
+        ratio = (1.0 + params.motor_tolerance) / (1.0 - params.motor_tolerance)
+        return (fmean(one.duty for one in measured),
+                (ratio * torque + MAX_TORQUE_ERROR) / params.stall_torque + inertial)
+
+    def _unloaded_speed(self, duty: float) -> float:
+        """Return the lowest speed [rad/s] of a motor without load at ``duty``."""
+        tolerance = math.copysign(self._params.motor_tolerance, duty)
+        return (1.0 - tolerance) * self._params.free_speed * duty
+
+    def _was_rolling(self, before: Sequence[Reading]) -> bool:
+        """Return whether the wheel rolled ``before``, and its duty has not been reduced since."""
+        first, last = before[0], before[-1]
+        direction = math.copysign(1.0, last.duty)
+        duties = [direction * one.duty for one in self._readings]
+        most = max(duties[:len(before)])
+        turned = direction * (last.position - first.position)
+        return (min(duties[duties.index(most):]) >= MIN_DUTY_RATIO * most
+                and turned >= max(MIN_ROLLING_SPEED * (last.time - first.time),
+                                  MIN_ROLLING_COUNTS * self._toggle))

@@ -91,9 +91,10 @@ class CommandInput:
     """
     Subscription of ``node`` to the commands on ``topic``, a topic of ``TOPICS``.
 
-    Calls ``on_command`` with each accepted command and its time of arrival [ns]. Refused are
-    commands older or further in the future than ``max_age`` [s] (None: not checked), commands
-    queued while the process was stopped, if their timestamps do not show their age, and all
+    Calls ``on_command`` with each accepted command and the time [ns] from which its time-out
+    counts: its timestamp or its arrival, whichever is earlier. Refused are commands older than
+    their ``timeout`` [s], older or further in the future than ``max_age`` [s] (None: timestamps
+    are not read), commands queued while the process was stopped, if their timestamps do not show their age, and all
     commands while two publishers send: ``on_conflict`` is then called with the reason, and with
     '' when the conflict ends. ``from_msg`` replaces the conversion of the topic,
     ``unstamped_type`` its type, for messages without a timestamp by design.
@@ -108,6 +109,7 @@ class CommandInput:
                  unstamped_type: str | None = None) -> None:
         self._node, self._topic, self._name = node, topic, name or topic
         self._on_command, self._on_conflict, self._max_age = on_command, on_conflict, max_age
+        self._timeout = timeout
         window = max(MIN_PUBLISHER_WINDOW, PUBLISHER_WINDOW_TIMEOUTS * timeout)
         self._publishers = PublisherCheck(node, self._name, window)
         self._stalls = StallDetector(node.steady_ns())
@@ -131,14 +133,14 @@ class CommandInput:
         self._stalls.tick(now_ns)
         waited_ns = max(time.time_ns() - info['received_timestamp'], 0)
         self._check_publisher(info, now_ns)
-        self._check_time(command, now_ns, waited_ns)
-        self._on_command(command, now_ns - waited_ns)
+        self._on_command(command, now_ns - self._age(command, now_ns, waited_ns))
 
-    def _check_time(self, command: Any, now_ns: int, waited_ns: int) -> None:
-        """Raise CommandError for a command that is not of the present."""
+    def _age(self, command: Any, now_ns: int, waited_ns: int) -> int:
+        """Return the age [ns] of a command; raise CommandError if it is not of the present."""
+        age_ns = waited_ns
         if self._max_age is not None:
-            check_age(self._name, command.stamp_ns, self._node.now_ns(), waited_ns,
-                      self._max_age)
+            age_ns = check_age(self._name, command.stamp_ns, self._node.now_ns(), waited_ns,
+                               self._max_age, self._timeout)
         age_checked = self._max_age and command.stamp_ns
         if not age_checked and self._stalls.may_be_queued(now_ns - waited_ns):
             raise CommandError(f'{self._name}: was queued while this process was stopped')
@@ -146,6 +148,7 @@ class CommandInput:
             self._warned_unstamped = True
             self._node.get_logger().warning(
                 f'{self._name} has no timestamp: its age is counted from its arrival')
+        return age_ns
 
     def _check_publisher(self, info: Mapping[str, Any], now_ns: int) -> None:
         """Raise CommandError while more than one publisher sends."""

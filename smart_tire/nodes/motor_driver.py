@@ -53,16 +53,18 @@ class MotorDriver(DriverNode[MotorDriverParams]):
 
     Parameters: ``port``, ``baud_rate``, ``addresses``, ``rate``, ``command_timeout``,
     ``command_max_age``, ``board_timeout``, ``start_stopped``, ``require_arming``,
-    ``low_battery``, ``tolerated_status``, ``free_speed``, ``stall_duty``, ``stall_time``,
-    ``max_current``, ``signs``, and those of the robot: of these ``encoder.counts_per_revolution``,
-    ``motor.torque_constant`` and ``motor.current_sign``.
+    ``release_hold_off``, ``low_battery``, ``tolerated_status``, ``free_speed``, ``stall_torque``,
+    ``motor_tolerance``, ``stall_duty``, ``stall_time``, ``max_current``, ``signs``, and those of
+    the robot: of these ``wheel_radius``, ``mass``, ``encoder.counts_per_revolution``,
+    ``motor.torque_constant``, ``motor.inertia`` and ``motor.current_sign``.
     """
 
     def __init__(self) -> None:
         super().__init__('motor_driver', MotorDriverParams)
         params = self.params
         self._gate = DutyGate(params.command_timeout, self._on_stop,
-                              stopped=params.start_stopped, require_arming=params.require_arming)
+                              stopped=params.start_stopped, require_arming=params.require_arming,
+                              release_hold_off=params.release_hold_off)
         self._boards = RoboclawPair(
             params, self._gate, self.make_publisher('wheel_states', rate=params.rate))
         self._commands = CommandInput(
@@ -102,7 +104,7 @@ class MotorDriver(DriverNode[MotorDriverParams]):
     def _on_emergency_stop(self, request: SetBool.Request,
                            response: SetBool.Response) -> SetBool.Response:
         if request.data:
-            self._gate.engage()
+            self._gate.engage(self.steady_ns())
             self._publish_state()
             unconfirmed = self._boards.await_zero(ZERO_DUTY_TIMEOUT)
             response.success = not unconfirmed
@@ -110,9 +112,11 @@ class MotorDriver(DriverNode[MotorDriverParams]):
                 f'; zero duty not acknowledged by {" and ".join(unconfirmed)}'
                 if unconfirmed else '')
         else:
-            self._gate.release()
+            refused = self._gate.release(self.steady_ns())
+            response.success, response.message = not refused, refused or 'released'
+            if refused and self._gate.refused_releases.bit_count() != 1:  # logged: 1st, 2nd, 4th
+                return response
             self._publish_state()
-            response.success, response.message = True, 'released'
         self.get_logger().warning(f'emergency stop: {response.message}')
         return response
 
@@ -144,6 +148,7 @@ class MotorDriver(DriverNode[MotorDriverParams]):
             'command_timeouts': gate.timeouts, 'board_faults': boards.faults,
             'motor_commands.rejected': self.inputs['motor_commands'].bad,
             'emergency_stop': gate.emergency, 'armed': gate.armed,
+            'releases_refused': gate.refused_releases,
             'supply': boards.supply_voltage(), 'currents_missing': currents.missing,
             'currents_rejected': currents.rejected})
         self._fill_line_limit(status)

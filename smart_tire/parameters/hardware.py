@@ -90,6 +90,9 @@ class MotorDriverParams:
         False, '-', 'start with the emergency stop latched, e.g. after a crash')
     require_arming: bool = param(
         False, '-', 'zero duty until the service arm is called')
+    release_hold_off: float = param(
+        1.0, 's', 'from an emergency stop or a request to release it to a release', low=0.1,
+        high=60.0)
     low_battery: float = param(
         10.5, 'V', 'zero duty while the supply of a board is below', low=0.0, high=40.0)
     tolerated_status: int = param(
@@ -97,6 +100,11 @@ class MotorDriverParams:
         high=65535)
     free_speed: float = param(
         22.0, 'rad/s', 'wheel speed at full duty without load', low=0.1, high=1e3)
+    stall_torque: float = param(
+        5.0, 'N m', 'torque at the wheel at full duty and standstill', low=1e-3, high=1e3)
+    motor_tolerance: float = param(
+        0.2, '-', 'relative error of free_speed and stall_torque, also by supply and temperature',
+        low=0.0, high=0.9)
     stall_duty: float = param(
         0.3, '-', 'duty at which every wheel turns unless blocked', low=0.05, high=1.0)
     stall_time: float = param(

@@ -54,8 +54,22 @@ def test_without_a_timestamp_the_age_is_the_time_since_reception():
         check_age('cmd_vel', 0, NOW, HALF + 1, 0.5)
 
 
-def test_the_time_since_reception_is_ignored_if_there_is_a_timestamp():
-    check_age('cmd_vel', NOW, NOW, 10 * NS_PER_S, 0.5)
+@pytest.mark.parametrize(('age', 'waited', 'expected'), [
+    (HALF, 0, HALF), (0, HALF, HALF), (-HALF, 100, 100)])
+def test_the_age_counts_from_the_earlier_one_of_timestamp_and_arrival(age, waited, expected):
+    assert check_age('cmd_vel', NOW - age, NOW, waited, 0.5) == expected
+
+
+def test_a_command_that_waited_is_old_whatever_its_timestamp_says():
+    with pytest.raises(CommandError, match='10 s old'):
+        check_age('cmd_vel', NOW, NOW, 10 * NS_PER_S, 0.5)
+
+
+@pytest.mark.parametrize(('stamp', 'waited'), [(NOW - HALF // 2 - 1, 0), (0, HALF // 2 + 1)])
+def test_a_command_older_than_its_time_out_is_refused(stamp, waited):
+    with pytest.raises(CommandError, match='expected at most 0.25 s'):
+        check_age('cmd_vel', stamp, NOW, waited, 0.5, 0.25)
+    assert check_age('cmd_vel', stamp and stamp + 1, NOW, max(waited - 1, 0), 0.5, 0.25)
 
 
 def test_messages_right_after_a_stall_may_be_queued():

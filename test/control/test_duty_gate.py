@@ -84,14 +84,14 @@ def test_a_duty_that_is_not_finite_stops_the_motors(gate, bad):
 
 
 def test_the_emergency_stop_is_latched_and_discards_the_command(gate):
-    gate.engage()
+    gate.engage(0)
     assert gate.emergency
     assert not gate.enabled
     assert gate.reasons() == ['emergency stop']
     assert gate.output(MS) == STOPPED
     assert not gate.command(AHEAD, 2 * MS)
     assert gate.output(2 * MS) == STOPPED
-    gate.release()
+    gate.release(0)
     assert not gate.emergency
     assert gate.output(3 * MS) == STOPPED
     assert gate.command(AHEAD, 4 * MS)
@@ -99,8 +99,38 @@ def test_the_emergency_stop_is_latched_and_discards_the_command(gate):
 
 
 def test_a_release_discards_the_command_even_without_an_emergency_stop(gate):
-    gate.release()
+    gate.release(0)
     assert gate.output(MS) == STOPPED
+
+
+def test_a_release_is_refused_within_the_hold_off_after_the_engagement():
+    gate = Gate(release_hold_off=1.0)
+    gate.engage(0)
+    assert gate.release(999 * MS) == ('release refused: 1 s after the last request, '
+                                      'expected at least 1 s')
+    assert gate.emergency
+    assert gate.release(1999 * MS) == ''
+    assert not gate.emergency
+
+
+def test_a_repeated_release_never_undoes_an_emergency_stop():
+    gate = Gate(release_hold_off=1.0)
+    assert gate.release(0) == ''
+    for tick in range(1, 2000):  # 500 requests per second
+        if tick == 1000:
+            gate.engage(2 * tick * MS)
+        assert gate.release(2 * tick * MS) != ''
+        assert gate.emergency == (tick >= 1000)
+    assert gate.refused_releases == 1999
+    assert gate.release(5000 * MS) == ''
+
+
+def test_an_engagement_is_immediate_right_after_a_release():
+    gate = Gate(release_hold_off=1.0)
+    assert gate.release(0) == ''
+    gate.command(AHEAD, MS)
+    gate.engage(2 * MS)
+    assert gate.output(2 * MS) == STOPPED
 
 
 def test_a_gate_may_start_with_the_emergency_stop_engaged():
@@ -220,7 +250,7 @@ class TestRequireArming:
         gate.hold('line', 'no answer')
         assert gate.arm(True) == ['emergency stop', 'no answer']
         assert not gate.armed
-        gate.release()
+        gate.release(0)
         gate.clear('line')
         assert not gate.armed
         assert gate.arm(True) == []
@@ -228,8 +258,8 @@ class TestRequireArming:
     def test_the_emergency_stop_disarms(self):
         gate = Gate(require_arming=True)
         gate.arm(True)
-        gate.engage()
-        gate.release()
+        gate.engage(0)
+        gate.release(0)
         assert not gate.armed
 
     def test_arming_again_discards_the_command(self):

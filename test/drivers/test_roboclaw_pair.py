@@ -243,11 +243,11 @@ def test_a_stop_does_not_wait_for_currents(rig):
             rig.fail(without_currents={128, 129})
             pause(0.2)
             asked = time.monotonic()
-            running.gate.engage()
+            running.gate.engage(time.monotonic_ns())
             running.motors.wake()
             assert running.stopped(asked) < 0.03 + SLACK
             running.duty = None
-            running.gate.release()
+            running.gate.release(time.monotonic_ns())
             rig.fail()
             wait_for(lambda: running.gate.enabled)
 
@@ -325,7 +325,7 @@ def test_zero_is_sent_at_once_when_the_gate_stops(rig):
     with Running(rig, rate=1.0) as running:
         running.drive(0.5)
         asked = time.monotonic()
-        running.gate.engage()
+        running.gate.engage(time.monotonic_ns())
         running.motors.wake()
         assert running.stopped(asked) < 0.03
 
@@ -565,7 +565,7 @@ def test_a_wheel_that_contradicts_its_duty_stops_all_motors(rig, faults, text):
 def test_a_stop_is_confirmed_by_both_boards(rig):
     with Running(rig) as running:
         running.drive(0.4)
-        running.gate.engage()
+        running.gate.engage(time.monotonic_ns())
         asked = time.monotonic()
         assert running.motors.await_zero(0.4) == []
         assert time.monotonic() - asked < 0.1
@@ -578,7 +578,7 @@ def test_the_boards_that_do_not_confirm_a_stop_are_named(rig, mute):
     with Running(rig) as running:
         running.drive(0.4)
         rig.fail(mute=mute)
-        running.gate.engage()
+        running.gate.engage(time.monotonic_ns())
         asked = time.monotonic()
         silent = running.motors.await_zero(0.4)
         assert time.monotonic() - asked == pytest.approx(0.4, abs=0.1)

@@ -58,6 +58,8 @@ class Faults:
     frozen: set[int] = field(default_factory=set)     # wheels whose counts do not change
     # wheels whose encoder counts backwards
     reversed: set[int] = field(default_factory=set)  # noqa: A003
+    toggling: set[int] = field(default_factory=set)   # wheels with one encoder channel open
+    losing: dict[int, float] = field(default_factory=dict)    # wheel -> share of lost counts
     ignoring_duties: set[int] = field(default_factory=set)    # addresses that ignore duties
     status: dict[int, int] = field(default_factory=dict)  # address -> status, if not normal
     supply: dict[int, int] = field(default_factory=dict)  # address -> 0.1 V, if not full
@@ -195,6 +197,7 @@ class _Boards:
         self._plugged = True
         self._boards = {address: _Board() for address in ADDRESSES}
         self._speeds = [0.0] * 4
+        self._turned = [0.0] * 4  # rad
         self._angles = [0.0] * 4  # rad, as seen by the encoders
         self._byte_time = time.monotonic()
         self._late: list[tuple[float, int, bytes]] = []  # times, addresses and replies
@@ -290,8 +293,7 @@ class _Boards:
             return (0,)
         return {
             roboclaw.READ_ENCODERS: tuple(
-                math.floor(self._angles[wheel] * COUNTS_PER_RAD) % roboclaw.COUNT_WRAP
-                for wheel in (first, first + 1)),
+                self._count(wheel) % roboclaw.COUNT_WRAP for wheel in (first, first + 1)),
             roboclaw.READ_CURRENTS: tuple(
                 faults.currents.get(wheel, self._current_code(wheel, duty))
                 for wheel, duty in zip((first, first + 1), board.duty)),
@@ -299,6 +301,12 @@ class _Boards:
             roboclaw.READ_STATUS: (faults.status.get(address, 0),),
             roboclaw.READ_BATTERY: (faults.supply.get(address, SUPPLY_VOLTAGE_CODE),),
         }.get(command, ())
+
+    def _count(self, wheel: int) -> int:
+        count = math.floor(self._angles[wheel] * COUNTS_PER_RAD)
+        if wheel in self.faults.toggling:
+            count += math.floor(self._turned[wheel] * COUNTS_PER_RAD) % 2
+        return count
 
     def _current_code(self, wheel: int, duty: float) -> int:
         """Return the current of a motor, positive along its duty."""
@@ -326,5 +334,11 @@ class _Boards:
             friction = min(FRICTION / INERTIA * STEP, abs(free))
             speed = free - math.copysign(friction, free)
             self._speeds[wheel] = speed
-            if wheel not in self.faults.frozen:
-                self._angles[wheel] += (-speed if wheel in self.faults.reversed else speed) * STEP
+            self._turned[wheel] += speed * STEP
+            self._angles[wheel] += self._share(wheel) * speed * STEP
+
+    def _share(self, wheel: int) -> float:
+        """Return the counts of an encoder over those of the wheel."""
+        if wheel in self.faults.frozen | self.faults.toggling:
+            return 0.0
+        return -1.0 if wheel in self.faults.reversed else 1.0 - self.faults.losing.get(wheel, 0.0)

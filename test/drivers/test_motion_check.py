@@ -1,0 +1,104 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Check of the encoders in closed loop: every fault is found in time, and no drive is stopped."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from support.encoder_faults import Drive, Fault, GROUNDS, other_robot, random_drive
+
+pytestmark = pytest.mark.safety
+
+CASES = range(20)
+LATENCY = 0.05  # s from a trip to zero duty at the motors, at most
+
+
+def robot_of(case):
+    """Return the configured robot, or one whose motors differ by up to 20 %."""
+    return other_robot(case) if case % 2 else None
+
+
+def found_after(case, kind, speed, **options):
+    """Return the time [s] from a fault at a random phase to its trip, inf if it is missed."""
+    rng = np.random.default_rng([case, 5])
+    begin, wheel = 1.5 + rng.uniform(), int(rng.integers(4))
+    speed = rng.uniform(*speed) * rng.choice((-1.0, 1.0))
+    trip = Drive(lambda now: (speed, 0.0), seed=case, robot=robot_of(case),
+                 fault=Fault(kind, wheel, begin), **options).first_trip(begin + 1.5)
+    if trip is None:
+        return math.inf
+    assert trip[0] > begin
+    assert trip[1] == wheel
+    return trip[0] - begin
+
+
+SLOW, ANY = (0.1, 0.1), (0.1, 1.4)  # m/s
+
+
+@pytest.mark.parametrize(('kind', 'speed', 'currents'), [
+    (kind, speed, currents) for kind in ('frozen', 'toggling', 'reversed')
+    for speed in (SLOW, ANY) for currents in (True, False)
+    if currents or kind != 'reversed' or speed != SLOW])
+def test_an_encoder_that_stops_counting_or_reverses_is_found_within_half_a_second(
+        kind, speed, currents):
+    assert max(found_after(case, kind, speed, currents=currents)
+               for case in CASES) < 0.5 - LATENCY
+
+
+def test_an_encoder_that_loses_four_of_five_counts_is_found_within_a_second():
+    assert max(found_after(case, 'losing', (0.3, 1.4)) for case in CASES) < 1.0 - LATENCY
+
+
+@pytest.mark.parametrize('kind', ['frozen', 'toggling'])
+def test_a_fault_is_found_in_open_loop_at_a_low_duty(kind):
+    for case in CASES:
+        begin = 1.5 + 0.05 * case
+        trip = Drive(duty=(0.15,) * 4, seed=case, fault=Fault(kind, case % 4, begin),
+                     robot=robot_of(case)).first_trip(begin + 1.0)
+        assert trip
+        assert 0.0 < trip[0] - begin < 0.5 - LATENCY
+
+
+@pytest.mark.parametrize('surface', GROUNDS)
+@pytest.mark.parametrize('currents', [True, False], ids=['currents', 'no currents'])
+def test_no_drive_is_stopped(surface, currents):
+    for case in range(10):
+        assert Drive(random_drive(case, 20.0), surface=surface, seed=case, robot=robot_of(case),
+                     currents=currents).trips(20.0) == []
+
+
+@pytest.mark.parametrize('rate', [50.0, 100.0, 200.0])
+def test_no_drive_is_stopped_at_other_rates(rate):
+    for case in range(3):
+        assert Drive(random_drive(case, 10.0), seed=case, rate=rate).trips(10.0) == []
+
+
+@pytest.mark.parametrize('degrees', [-8.0, 8.0])
+def test_no_drive_on_a_slope_is_stopped(degrees):
+    for case in range(5):
+        assert Drive(random_drive(case, 20.0), seed=case, robot=robot_of(case),
+                     slope=math.radians(degrees)).trips(20.0) == []
+
+
+def test_a_robot_held_on_a_slope_is_not_stopped():
+    assert Drive(duty=(0.065,) * 4, slope=math.radians(8.0)).trips(5.0) == []
+
+
+def test_a_toggling_encoder_at_rest_is_not_a_fault():
+    for wheel in range(4):
+        assert Drive(lambda now: (0.0, 0.0), fault=Fault('toggling', wheel, 0.5)).trips(3.0) == []
