@@ -29,6 +29,7 @@ from support.robot_rig import RobotRig
 pytestmark = pytest.mark.safety
 
 HOUR = 3600 * NS_PER_S
+LATENCY = 0.05  # s, from the expiry of a duty to zero at the motors, on a busy machine
 
 
 @pytest.fixture(scope='module')
@@ -59,6 +60,33 @@ def test_the_driver_refuses_a_duty_from_the_past_or_future(driver, age_ns):
     # a duty stamped now drives: the timestamp was the reason
     driver.graph.until(lambda: min(driver.rig.state().duty) > 0.4,
                        lambda: duties(driver, 0.5, time.time_ns()))
+
+
+@pytest.mark.parametrize('age', [0.2, 0.24, 0.3, 0.45])
+def test_the_time_out_of_a_duty_counts_from_its_timestamp(driver, age):
+    driver.graph.until(lambda: min(driver.rig.state().duty) > 0.4,
+                       lambda: duties(driver, 0.5, time.time_ns()))
+    driver.pause()
+    sent, stamp_ns = time.monotonic(), time.time_ns() - round(age * NS_PER_S)
+    duties(driver, 0.5, stamp_ns)
+    driver.hold(0.4)
+    driven = [when for when, duty in driver.rig.record(sent).duties if min(duty) > 0.4]
+    assert all(when - sent < 0.25 - age for when in driven)
+    assert not driver.rig.record(max(sent + 0.25 - age, sent) + LATENCY).driven()
+
+
+def test_duties_queued_for_less_than_their_maximum_age_move_no_wheel(driver):
+    driver.graph.until(lambda: min(driver.rig.state().duty) > 0.4,
+                       lambda: duties(driver, 0.5, time.time_ns()))
+    process = driver.processes['motor_driver'].popen
+    process.send_signal(signal.SIGSTOP)
+    stopped = time.monotonic()
+    assert driver.until_stopped(stopped, lambda: duties(driver, 0.5, time.time_ns())) < 0.3
+    driver.hold(0.27)
+    resumed = time.monotonic()
+    process.send_signal(signal.SIGCONT)
+    driver.hold(0.6)
+    assert not driver.rig.record(resumed).driven()
 
 
 def test_duties_without_a_timestamp_drive(driver):

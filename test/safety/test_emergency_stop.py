@@ -21,14 +21,16 @@ import time
 import pytest
 from smart_tire.protocol.roboclaw import SET_DUTY
 from smart_tire.samples import MotorCommand
-from support.robot_rig import RobotRig, Stranger
+from support.robot_rig import Releases, RobotRig, Stranger
 
 pytestmark = pytest.mark.safety
+
+HOLD_OFF = 0.1  # s, so that a release may follow while the latest velocity command is valid
 
 
 @pytest.fixture
 def robot(tmp_path, isolated_ros):
-    with RobotRig(tmp_path) as started:
+    with RobotRig(tmp_path, release_hold_off=HOLD_OFF) as started:
         started.drive()
         yield started
 
@@ -64,8 +66,24 @@ def test_a_stop_that_is_released_at_once_also_discards_the_command(robot):
     with robot.start('wheel_controller', cmd_vel_timeout=5.0):
         robot.drive()
         assert robot.emergency_stop(True).success
+        robot.hold(1.1 * HOLD_OFF)
         assert robot.emergency_stop(False).success
         robot.stay_stopped(1.0, lambda: None)
+
+
+def test_repeated_releases_do_not_undo_an_emergency_stop(tmp_path, isolated_ros):
+    with RobotRig(tmp_path) as robot:
+        robot.drive()
+        with Releases(robot) as releases:
+            robot.graph.until(lambda: releases.answered > 100, robot.command)
+            asked = time.monotonic()
+            assert robot.emergency_stop(True).success
+            assert robot.rig.record(asked).first_zero() - asked < 0.3
+            robot.stay_stopped(1.5)
+            assert releases.granted <= 1  # the first one, before the stop
+        robot.hold(1.1)
+        assert robot.emergency_stop(False).success
+        robot.drive()
 
 
 def test_the_state_reaches_late_subscribers_and_is_repeated(robot):
@@ -74,6 +92,7 @@ def test_the_state_reaches_late_subscribers_and_is_repeated(robot):
     robot.graph.until(lambda: states)
     assert states == [True]
     robot.graph.until(lambda: len(states) >= 2)
+    robot.hold(1.1 * HOLD_OFF)
     robot.emergency_stop(False)
     robot.graph.until(lambda: not states[-1])
 
@@ -126,7 +145,7 @@ def test_a_driver_with_start_stopped_starts_with_the_stop_latched(robot):
 
 
 def test_with_require_arming_the_motors_run_only_while_armed(tmp_path, isolated_ros):
-    with RobotRig(tmp_path, require_arming=True) as robot:
+    with RobotRig(tmp_path, require_arming=True, release_hold_off=HOLD_OFF) as robot:
         robot.stay_stopped(0.5)
         assert robot.arm(True).success
         robot.drive()
@@ -138,6 +157,7 @@ def test_with_require_arming_the_motors_run_only_while_armed(tmp_path, isolated_
         response = robot.arm(True)
         assert not response.success
         assert 'emergency stop' in response.message
+        robot.hold(1.1 * HOLD_OFF)
         assert robot.emergency_stop(False).success
         robot.stay_stopped(0.5)  # the stop disarms
         assert robot.arm(True).success

@@ -162,6 +162,38 @@ def test_a_broken_encoder_causes_zero_duty_until_commands_pause(robot, kind, whe
     robot.drive()
 
 
+ENCODER_CHANNELS = {'toggling': {'toggling': {1}}, 'losing': {'losing': {2: 0.8}}}
+
+
+@pytest.mark.parametrize('faults', ENCODER_CHANNELS.values(), ids=ENCODER_CHANNELS)
+@pytest.mark.parametrize('speed', [0.1, 0.7])
+def test_an_encoder_with_an_open_channel_or_lost_counts_causes_zero_duty(robot, faults, speed):
+    robot.hold(1.0, lambda: robot.command(speed))
+    failed = robot.rig.fail(**faults)
+    assert robot.until_stopped(failed, lambda: robot.command(speed)) < (
+        1.0 if 'losing' in faults else 0.5)
+    robot.rig.fail()
+    robot.stay_stopped(0.6)
+    robot.pause()
+    robot.drive()
+
+
+def test_an_encoder_frozen_at_a_low_speed_causes_zero_duty(robot):
+    robot.hold(1.0, lambda: robot.command(0.1))
+    failed = robot.rig.fail(frozen={0})
+    assert robot.until_stopped(failed, lambda: robot.command(0.1)) < 0.5
+    robot.rig.fail()
+    robot.pause()
+
+
+def test_an_encoder_that_toggles_at_rest_does_not_stop_the_robot(robot):
+    robot.pause()
+    robot.rig.fail(toggling={0})
+    robot.hold(1.0)
+    robot.rig.fail()
+    robot.keep_driving(lambda: robot.hold(0.3, robot.command))
+
+
 @pytest.mark.parametrize('kind', ENCODER_FAULTS)
 def test_an_encoder_broken_before_the_start_causes_zero_duty_within_half_a_second(
         robot, kind):

@@ -28,6 +28,7 @@ from smart_tire.nodes.compat import message_class
 from smart_tire.nodes.qos import latched
 from smart_tire.samples import VelocityCommand
 from std_msgs.msg import Bool
+from std_srvs.srv import SetBool
 from support.graph import Graph, Process
 from support.motor_rig import MotorRig, STILL
 from support.waiting import wait_for
@@ -40,6 +41,7 @@ STARVED = 'no motor command for'  # reported by motor_driver when wheel_controll
 MAX_SILENCE = 0.15  # s without bytes to the boards, whose time-out is 0.2 s
 MAX_COMMAND_GAP = 0.22  # s between velocity commands, whose time-out is 0.25 s
 ATTEMPTS = 5
+RELEASE_PERIOD = 0.002  # s between requests to release the emergency stop
 
 
 class RobotRig:
@@ -168,6 +170,28 @@ class RobotRig:
         message.header.stamp = self.graph.node.get_clock().now().to_msg()
         message.twist.linear.x = v_x
         self.graph.publish_message('cmd_vel', message)
+
+
+class Releases:
+    """Context manager of a client that releases the emergency stop as fast as it is answered."""
+
+    def __init__(self, robot: RobotRig) -> None:
+        self._client = robot.graph.node.create_client(SetBool, 'emergency_stop')
+        self._timer = robot.graph.node.create_timer(RELEASE_PERIOD, self._ask)
+        self.answered = self.granted = 0
+
+    def __enter__(self) -> Releases:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._timer.cancel()
+
+    def _ask(self) -> None:
+        self._client.call_async(SetBool.Request(data=False)).add_done_callback(self._on_answer)
+
+    def _on_answer(self, future: Any) -> None:
+        self.answered += 1
+        self.granted += future.result().success
 
 
 class Stranger:
