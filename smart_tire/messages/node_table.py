@@ -59,7 +59,8 @@ NODE_TABLE: dict[str, NodeEntry] = {node.name: node for node in (
         ('motor_commands',), ('wheel_states', 'emergency_stop_active', 'motors_enabled'), (
             Service('emergency_stop', 'std_srvs/srv/SetBool',
                     '`true` latches the stop; `success` only if both boards acknowledged zero '
-                    'duty within 0.4 s. `false` releases it; a new command is needed'),
+                    'duty within 0.4 s. `false` releases it, not within `release_hold_off` after '
+                    'the latest request; a new command is needed'),
             Service('arm', 'std_srvs/srv/SetBool',
                     'enables (or disables) the output; refused while the emergency stop is '
                     'latched or a hold is active', 'only with `require_arming: true`'))),

@@ -94,9 +94,9 @@ class CommandInput:
     Calls ``on_command`` with each accepted command and the time [ns] from which its time-out
     counts: its timestamp or its arrival, whichever is earlier. Refused are commands older than
     their ``timeout`` [s], older or further in the future than ``max_age`` [s] (None: timestamps
-    are not read), commands queued while the process was stopped, if their timestamps do not show their age, and all
-    commands while two publishers send: ``on_conflict`` is then called with the reason, and with
-    '' when the conflict ends. ``from_msg`` replaces the conversion of the topic,
+    are not read), commands queued while the process was stopped, if their timestamps do not show
+    their age, and all commands while two publishers send: ``on_conflict`` is then called with the
+    reason, and with '' when the conflict ends. ``from_msg`` replaces the conversion of the topic,
     ``unstamped_type`` its type, for messages without a timestamp by design.
     """
 

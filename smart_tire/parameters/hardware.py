@@ -103,7 +103,7 @@ class MotorDriverParams:
     stall_torque: float = param(
         5.0, 'N m', 'torque at the wheel at full duty and standstill', low=1e-3, high=1e3)
     motor_tolerance: float = param(
-        0.2, '-', 'relative error of free_speed and stall_torque, also by supply and temperature',
+        0.2, '-', 'relative error of free_speed and stall_torque, by supply and heat, too',
         low=0.0, high=0.9)
     stall_duty: float = param(
         0.3, '-', 'duty at which every wheel turns unless blocked', low=0.05, high=1.0)

@@ -64,6 +64,11 @@ def test_an_encoder_that_loses_four_of_five_counts_is_found_within_a_second():
     assert max(found_after(case, 'losing', (0.3, 1.4)) for case in CASES) < 1.0 - LATENCY
 
 
+def test_with_identified_motors_lost_counts_are_found_at_low_speed_too():
+    assert max(found_after(case, 'losing', SLOW, tolerance=0.1)
+               for case in CASES[::2]) < 1.0 - LATENCY
+
+
 @pytest.mark.parametrize('kind', ['frozen', 'toggling'])
 def test_a_fault_is_found_in_open_loop_at_a_low_duty(kind):
     for case in CASES:

@@ -38,7 +38,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from smart_tire.cli._processes import isolated_environment  # noqa: E402
 from smart_tire.samples import MotorCommand, VelocityCommand, WheelSample  # noqa: E402
 from support.following_rig import FollowingRig  # noqa: E402
-from support.robot_rig import RobotRig, Stranger  # noqa: E402
+from support.motor_rig import STILL  # noqa: E402
+from support.robot_rig import Releases, RobotRig, Stranger  # noqa: E402
 
 Scenario = Callable[[RobotRig, Path], float]  # returns the seconds from the fault to zero duty
 
@@ -74,6 +75,50 @@ def stop(robot: RobotRig, _: Path) -> float:
     asked = time.monotonic()
     assert robot.emergency_stop(True).success
     return robot.rig.record(asked).first_zero() - asked
+
+
+def slowly(**faults: object) -> Scenario:
+    """Return a scenario in which the boards get ``faults`` at 0.1 m/s."""
+    def run(robot: RobotRig, _: Path) -> float:
+        robot.hold(1.0, lambda: robot.command(0.1))
+        return robot.until_stopped(robot.rig.fail(**faults), lambda: robot.command(0.1))
+    return run
+
+
+def constant_duty(robot: RobotRig, _: Path) -> float:
+    """Freeze an encoder while every motor has a duty of 0.15, without the wheel controller."""
+    robot.processes.pop('wheel_controller').end()
+    robot.pause()
+
+    def command() -> None:
+        robot.graph.publish('motor_commands', MotorCommand(time.time_ns(), (0.15,) * 4))
+
+    robot.hold(2.0, command)
+    return robot.until_stopped(robot.rig.fail(frozen={1}), command)
+
+
+def queued(robot: RobotRig, _: Path) -> float:
+    """Stop the driver and resume it 0.45 s later; from the latest command to the last duty."""
+    robot.drive()
+    latest = time.monotonic()
+    robot.processes['motor_driver'].popen.send_signal(signal.SIGSTOP)
+    robot.processes['wheel_controller'].popen.send_signal(signal.SIGSTOP)
+    robot.hold(0.45)
+    robot.processes['motor_driver'].popen.send_signal(signal.SIGCONT)
+    robot.hold(0.5)
+    return float(max(when for when, duty in robot.rig.record(latest).duties
+                     if duty == STILL)) - latest
+
+
+def released_repeatedly(robot: RobotRig, _: Path) -> float:
+    """Call the emergency stop while another client releases it 500 times a second."""
+    with Releases(robot) as releases:
+        robot.graph.until(lambda: releases.answered > 100, robot.command)
+        robot.drive()
+        asked = time.monotonic()
+        assert robot.emergency_stop(True).success
+        robot.stay_stopped(1.5)
+        return robot.rig.record(asked).first_zero() - asked
 
 
 def second(topic: str, make: Callable[[], object]) -> Scenario:
@@ -142,6 +187,11 @@ SCENARIOS: Mapping[str, tuple[float, Scenario]] = {  # hazard -> bound [s], scen
     'line flooded towards the host': (0.3, fails(flood=True)),
     'requests garbled': (0.55, fails(deaf=True)),
     'encoder frozen': (0.5, fails(frozen={1})),
+    'encoder channel open': (0.5, fails(toggling={1})),
+    'encoder channel open at 0.1 m/s': (0.5, slowly(toggling={1})),
+    'encoder frozen at 0.1 m/s': (0.5, slowly(frozen={1})),
+    'encoder frozen in open loop at duty 0.15': (0.5, constant_duty),
+    'encoder loses 80 % of its counts': (1.0, fails(losing={1: 0.8})),
     'encoder or motor reversed': (0.5, fails(reversed={2})),
     'board restarted': (0.5, restarts),
     'board status not normal': (0.5, fails(status={128: 4})),
@@ -149,6 +199,8 @@ SCENARIOS: Mapping[str, tuple[float, Scenario]] = {  # hazard -> bound [s], scen
     'cmd_vel ends': (0.35, commands_end),
     'cmd_vel becomes NaN': (0.35, commands_are_nan),
     'emergency stop': (0.3, stop),
+    'emergency stop, released 500 times a second': (0.3, released_repeatedly),
+    'queued motor_commands': (0.5, queued),
     'second publisher on motor_commands': (0.3, second('motor_commands', lambda: MotorCommand(
         time.time_ns(), (1.0, 1.0, 1.0, 1.0)))),
     'second publisher on wheel_states': (0.3, second('wheel_states', lambda: WheelSample(

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Simulated drives in closed loop with the plausibility check of the encoders, and their faults."""
+"""Simulated drives in closed loop with the check of the encoders, and faults of these."""
 
 from __future__ import annotations
 
@@ -82,8 +82,9 @@ def random_drive(seed, duration):
     rng, parts, time = np.random.default_rng([seed, 9]), [], 0.5
     while time < duration:
         forward, turn = rng.uniform(-1.4, 1.4), rng.uniform(-3.0, 3.0)
-        parts.append((time, *[(forward, 0.0), (0.0, turn), (0.6 * forward, 0.6 * turn),
-                              (0.1 * forward, 0.0), (0.0, 0.2 * turn), (0.0, 0.0)][rng.integers(6)]))
+        choices = ((forward, 0.0), (0.0, turn), (0.6 * forward, 0.6 * turn), (0.1 * forward, 0.0),
+                   (0.0, 0.2 * turn), (0.0, 0.0))
+        parts.append((time, *choices[rng.integers(len(choices))]))
         time += rng.uniform(0.3, 3.0)
 
     def command(now):
@@ -99,12 +100,13 @@ class Drive:
     """
 
     def __init__(self, command=None, *, surface='concrete', seed=1, robot=None, rate=16.0,
-                 duty=None, fault=None, currents=True, slope=0.0):
+                 duty=None, fault=None, currents=True, slope=0.0, tolerance=0.2):
         robot, drive = robot or (RobotParams(film=FilmParams(wheels=())), DriveParams())
         if surface == 'air':
             robot = replace(robot, mass=0.01)
         params = SimulatorParams(seed=seed, ground=GROUNDS[surface], robot=robot, drive=drive)
-        self._motors, self._driver = Motors(params), MotorDriverParams(rate=rate)
+        self._motors, self._driver = Motors(params), MotorDriverParams(
+            rate=rate, motor_tolerance=tolerance)
         self.plant = Plant(robot, drive, SurfaceMap(params.ground),
                            friction_scale=self._motors.friction_scale)
         self._command, self._open_loop, self._fault = command, duty, fault
