@@ -52,7 +52,7 @@ class Board:
 
     def reset(self) -> None:
         """Discard readings from before a pause."""
-        self.read_ns = None
+        self.read_ns, self.measured = None, ()
         self.begin_span()
         for check in self.checks:
             check.reset()

@@ -155,12 +155,13 @@ class MotionCheck:
         return (1.0 - tolerance) * self._params.free_speed * duty
 
     def _was_rolling(self, before: Sequence[Reading]) -> bool:
-        """Return whether the wheel rolled ``before``, and its duty has not been reduced since."""
+        """Return whether the wheel was driven ``before``, at a duty that was not reduced since."""
         first, last = before[0], before[-1]
         direction = math.copysign(1.0, last.duty)
         duties = [direction * one.duty for one in self._readings]
         most = max(duties[:len(before)])
+        driven = (min(duties) >= MIN_DRIVING_DUTY
+                  and min(duties[duties.index(most):]) >= MIN_DUTY_RATIO * most)
         turned = direction * (last.position - first.position)
-        return (min(duties[duties.index(most):]) >= MIN_DUTY_RATIO * most
-                and turned >= max(MIN_ROLLING_SPEED * (last.time - first.time),
-                                  MIN_ROLLING_COUNTS * self._toggle))
+        return driven and turned >= max(MIN_ROLLING_SPEED * (last.time - first.time),
+                                        MIN_ROLLING_COUNTS * self._toggle)

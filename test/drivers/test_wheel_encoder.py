@@ -130,6 +130,11 @@ def test_a_rolling_wheel_may_stop_below_the_driving_duty(motor):
     assert motor.run(0.049, 0.0, 1.0)[0] == ''
 
 
+def test_a_wheel_that_coasted_may_be_started_slowly(motor):
+    motor.run(0.0, 2.0, 1.0)
+    assert motor.run(0.1, 0.0, 2.0)[0] == ''
+
+
 def test_a_slow_wheel_may_stop(motor):
     motor.run(0.1, 0.4, 1.0)
     assert motor.run(0.1, 0.0, 1.0)[0] == ''
