@@ -107,6 +107,15 @@ def test_without_duty_any_motion_is_accepted(motor):
         assert motor.run(0.0, speed, 1.0, 0.0)[0] == ''
 
 
+def test_a_duty_that_has_ended_is_no_fault(motor):
+    assert motor.run(0.5, 0.0, 0.2)[0] == ''
+    assert motor.run(0.0, 0.0, 1.0)[0] == ''
+
+
+def test_a_duty_below_the_gear_friction_need_not_move_the_wheel(motor):
+    assert motor.run(0.045, 0.0, 2.0, 0.0)[0] == ''
+
+
 @pytest.mark.parametrize('sign', [1, -1])
 @pytest.mark.parametrize('load', [math.nan, 0.04])
 def test_a_rolling_wheel_that_stops_while_its_duty_continues_is_a_fault(motor, sign, load):
@@ -163,7 +172,7 @@ def test_an_encoder_without_counts_is_a_fault_if_the_current_does_not_explain_it
 @pytest.mark.parametrize('duty', [0.4, -0.4])
 def test_an_encoder_that_toggles_by_one_count_is_a_fault(check, duty):
     for tick in range(10):
-        position = (tick % 2) * RESOLUTION
+        position = (tick // 4 % 2) * RESOLUTION
         if check.update(Reading(tick * DT, position, duty, math.nan)):
             break
     assert 0.2 <= tick * DT < 0.3
