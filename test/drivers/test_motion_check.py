@@ -93,6 +93,12 @@ def test_no_drive_is_stopped_at_other_rates(rate):
         assert Drive(random_drive(case, 10.0), seed=case, rate=rate).trips(10.0) == []
 
 
+def test_no_drive_is_stopped_if_the_boards_report_no_braking_currents():
+    for case in range(6):
+        assert Drive(random_drive(case, 20.0), seed=case,
+                     braking_currents=False).trips(20.0) == []
+
+
 @pytest.mark.parametrize('degrees', [-8.0, 8.0])
 def test_no_drive_on_a_slope_is_stopped(degrees):
     for case in range(5):

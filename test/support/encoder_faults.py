@@ -96,11 +96,13 @@ class Drive:
     """
     One simulated drive; ``command`` gives (m/s, rad/s) at each time, or ``duty`` the duties.
 
-    ``currents`` is False for boards that do not measure them, ``slope`` [rad] is positive uphill.
+    ``currents`` is False for boards that do not measure them, ``braking_currents`` for those that
+    report none while a motor brakes. ``slope`` [rad] is positive uphill.
     """
 
     def __init__(self, command=None, *, surface='concrete', seed=1, robot=None, rate=16.0,
-                 duty=None, fault=None, currents=True, slope=0.0, tolerance=0.2):
+                 duty=None, fault=None, currents=True, slope=0.0, tolerance=0.2,
+                 braking_currents=True):
         robot, drive = robot or (RobotParams(film=FilmParams(wheels=())), DriveParams())
         if surface == 'air':
             robot = replace(robot, mass=0.01)
@@ -110,7 +112,8 @@ class Drive:
         self.plant = Plant(robot, drive, SurfaceMap(params.ground),
                            friction_scale=self._motors.friction_scale)
         self._command, self._open_loop, self._fault = command, duty, fault
-        self._currents, self._pull = currents, GRAVITY * math.sin(slope) * TIME_STEP
+        self._currents, self._braking = currents, braking_currents
+        self._pull = GRAVITY * math.sin(slope) * TIME_STEP
         self._checks = [MotionCheck(self._driver, RESOLUTION) for _ in WHEELS]
         self._control = WheelControl(WheelControllerParams(rate=rate))
         self._period = 1.0 / rate
@@ -173,6 +176,8 @@ class Drive:
         if not self._currents:
             return (math.nan,) * 4
         currents = self._motors.reported(self._motors.currents(self.plant), self._duty)
+        if not self._braking:
+            currents = [max(current, 0.0) for current in currents]
         return tuple(measured_torque(
             *one, torque_constant=self._driver.robot.motor.torque_constant, current_sign='draw')
             for one in zip(currents, self._duty, velocity))
