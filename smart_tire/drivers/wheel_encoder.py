@@ -127,7 +127,7 @@ class MotionCheck:
 
     def _description(self, turned: float, duty: float) -> str:
         before, latest = self._readings[-2:]
-        if abs(latest.position - before.position) < self._toggle:
+        if min(abs(turned), abs(latest.position - before.position)) < self._toggle:
             return f'no encoder counts under duty {duty:.2f}: wheel blocked or encoder broken'
         if turned < 0.0:
             return f'turns against duty {duty:.2f}: encoder or motor reversed'
