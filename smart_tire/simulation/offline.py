@@ -35,17 +35,17 @@ SPEED_KI = 0.5               # 1/rad, duty per integrated speed error
 
 
 def simulate(params: SimulatorParams, schedule: Schedule, duration: float, *,
-             wheel_rate: float = 16.0, start_ns: int = EPOCH_NS, torque: bool = True
-             ) -> list[Event]:
+             wheel_rate: float = 16.0, start_ns: int = EPOCH_NS, torque: bool = True,
+             plant: type[Plant] = Plant) -> list[Event]:
     """
     Return the messages of ``duration`` [s], sorted by time of reception.
 
     ``schedule`` gives the wheel speeds (left, right) [rpm]: a function of time [s], or a list of
     (start time, left, right). The events are ``imu/data``, ``wheel_states`` at
     ``wheel_rate`` [Hz], with motor torques if ``torque``, ``tire_samples`` in batches over the
-    lossy radio, and ``ground_truth/*``. The same seed gives the same events.
+    lossy radio, and ``ground_truth/*``. The same seed gives the same events. ``plant`` may differ.
     """
-    robot, host = Robot(params), SimulatedHost(params, wheel_rate, start_ns)
+    robot, host = Robot(params, plant), SimulatedHost(params, wheel_rate, start_ns)
     control = _SpeedControl(_as_function(schedule), params.drive.free_speed)
     duty: Four = (0.0, 0.0, 0.0, 0.0)
     for step in range(round(duration / TIME_STEP)):

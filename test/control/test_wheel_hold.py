@@ -23,13 +23,13 @@ import pytest
 
 from smart_tire.control.wheel_control import WheelControl
 from smart_tire.control.wheel_servo import MAX_HOLD_DUTY
-from smart_tire.drivers.wheel_encoder import MotionCheck
+from smart_tire.drivers.wheel_encoder import MotionCheck, Reading
 from smart_tire.parameters.control import WheelControllerParams
 from smart_tire.parameters.hardware import MotorDriverParams
 from smart_tire.samples import NS_PER_S, WheelSample
 from smart_tire.simulation.closed_loop import run_closed_loop
 from support.motors import simulator
-from support.slope import sloped_plant
+from support.simulated_slip import sloped
 
 STOP = 1.0       # s, when the set points become zero
 DURATION = 7.0   # s
@@ -44,23 +44,19 @@ class Host:
 
     def __init__(self, speed, rate):
         self._speed, self._control = speed, WheelControl(WheelControllerParams(rate=rate))
-        driver = MotorDriverParams()
-        self._checks = [MotionCheck(RESOLUTION, FREE_SPEED, driver.stall_duty, driver.stall_time)
-                        for _ in range(4)]
-        self._begin_ns, self._last, self._duty = None, None, (0.0,) * 4
+        self._checks = [MotionCheck(MotorDriverParams(), RESOLUTION) for _ in range(4)]
+        self._begin_ns, self._duty = None, (0.0,) * 4
         self.rows, self.faults = [], []
 
     def receive(self, topic, sample, now_ns):
         """Take a reading of the wheels."""
         if not isinstance(sample, WheelSample):
             return
-        self._control.update_measurement(sample.velocity, now_ns, sample.stamp_ns)
-        if self._last is not None:
-            elapsed = (sample.stamp_ns - self._last.stamp_ns) / NS_PER_S
-            self.faults += filter(None, (
-                check.update(duty, new - old, elapsed) for check, duty, new, old in zip(
-                    self._checks, self._duty, sample.position, self._last.position)))
-        self._last = sample
+        self._control.update_measurement(
+            sample.velocity, now_ns, sample.stamp_ns, sample.position)
+        self.faults += filter(None, (
+            check.update(Reading(sample.stamp_ns / NS_PER_S, *reading)) for check, *reading in zip(
+                self._checks, sample.position, self._duty, sample.effort)))
 
     def duty(self, now_ns):
         """Return the duties."""
@@ -75,11 +71,11 @@ class Host:
         return False
 
 
-def stopped(monkeypatch, degrees, speed, rate=16.0):
+def stopped(degrees, speed, rate=16.0):
     """Return rolled distances [m] after the stop, at the end and in 3 s before, duties, faults."""
-    monkeypatch.setattr('smart_tire.simulation.robot.Plant', sloped_plant(math.radians(degrees)))
     host, states = Host(speed, rate), []
     run_closed_loop(simulator(21), host, DURATION, wheel_rate=rate, control_rate=rate,
+                    plant=sloped(math.radians(degrees)),
                     watch=lambda plant: states.append([*plant.wheel_speed, *plant.wheel_angle]))
     states = np.array(states)
     after = round(1000 * STOP) + 100
@@ -92,8 +88,8 @@ def stopped(monkeypatch, degrees, speed, rate=16.0):
 
 @pytest.mark.parametrize('speed', [SPEED, -SPEED], ids=['uphill', 'downhill'])
 @pytest.mark.parametrize('rate', [16.0, 100.0])
-def test_wheels_hold_on_8_degrees_and_do_not_count_as_blocked(monkeypatch, speed, rate):
-    rolled, late, duties, faults = stopped(monkeypatch, 8.0, speed, rate)
+def test_wheels_hold_on_8_degrees_and_do_not_count_as_blocked(speed, rate):
+    rolled, late, duties, faults = stopped(8.0, speed, rate)
     assert rolled < 0.03  # 90 mm in 2 s, and on, without the hold
     assert late < 0.005   # dry friction of the plant is linear at low speeds
     assert np.ptp(duties, axis=0).max() < 0.02
@@ -102,8 +98,8 @@ def test_wheels_hold_on_8_degrees_and_do_not_count_as_blocked(monkeypatch, speed
 
 
 @pytest.mark.parametrize('rate', [4.0, 16.0, 100.0])
-def test_wheels_on_level_ground_get_no_duty_and_do_not_move(monkeypatch, rate):
-    rolled, late, duties, faults = stopped(monkeypatch, 0.0, SPEED, rate)
+def test_wheels_on_level_ground_get_no_duty_and_do_not_move(rate):
+    rolled, late, duties, faults = stopped(0.0, SPEED, rate)
     assert rolled < 0.004
     assert late < 0.001
     assert np.abs(duties).max() < 0.005  # of 0.037, which overcomes friction

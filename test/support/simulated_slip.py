@@ -17,10 +17,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 import math
-from unittest import mock
 
 import numpy as np
 
@@ -134,19 +132,12 @@ def lifted(wheel: int, begin: float, end: float) -> type[Plant]:
     return with_plant(update_wheels=lift)
 
 
-@contextmanager
-def simulated_by(plant: type[Plant]):
-    """Simulate with another plant."""
-    with mock.patch('smart_tire.simulation.robot.Plant', plant):
-        yield
-
-
 def run(ground: GroundParams = CONCRETE, seed: int = 1, *, legs=TURNS, duration: float = DURATION,
         robot: RobotParams | None = None, plant: type[Plant] = Plant) -> Events:
     """Return the events of a simulated run."""
     robot = replace(robot or RobotParams(), film=FilmParams(wheels=()))
-    with simulated_by(plant):
-        return simulate(SimulatorParams(seed=seed, ground=ground, robot=robot), legs, duration)
+    return simulate(SimulatorParams(seed=seed, ground=ground, robot=robot), legs, duration,
+                    plant=plant)
 
 
 def with_efforts(events: Events, change: Callable[[tuple], tuple | None]) -> Events:
