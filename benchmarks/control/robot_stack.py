@@ -33,20 +33,24 @@ ENDED = (State.ARRIVED, State.STOPPED, State.REFUSED)
 
 @dataclass(frozen=True)
 class StackParams:
-    """Parameters of all parts; ``true_pose`` is localization without error and delay."""
+    """
+    Parameters of all parts; ``true_pose`` is localization without error and delay.
+
+    With ``true_slip`` there are no estimators: it takes a quarter of the time.
+    """
 
     estimators: EstimatorParams
     trajectory: TrajectoryControllerParams
     wheels: WheelControllerParams
     true_pose: bool
+    true_slip: bool = False
 
 
 class RobotStack:
     """
     Controller for ``run_closed_loop`` that follows ``path`` after ``STANDSTILL``.
 
-    Estimates reach the controllers when the last of their inputs is received, as live. Slips are
-    always the estimated ones.
+    Estimates reach the controllers when the last of their inputs is received, as live.
     """
 
     def __init__(self, params: StackParams, path: PlannedPath) -> None:
@@ -80,13 +84,16 @@ class RobotStack:
         if topic.startswith('ground_truth/'):
             if self._params.true_pose and isinstance(sample, Odometry):
                 self.trajectory.update_odometry(sample, now_ns)
+            if self._params.true_slip and isinstance(sample, WheelSlip):
+                self.trajectory.update_slip(sample)
             return
         if isinstance(sample, WheelSample):
             self._wheels.update_measurement(sample.velocity, now_ns, sample.stamp_ns,
                                             sample.position)
             self.trajectory.update_wheels(sample)
-        for estimate in self._pipeline.update(sample):
-            self._distribute(estimate, now_ns)
+        if not self._params.true_slip:
+            for estimate in self._pipeline.update(sample):
+                self._distribute(estimate, now_ns)
         self._follow(now_ns)
 
     def _distribute(self, estimate: Sample, now_ns: int) -> None:

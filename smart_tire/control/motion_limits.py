@@ -29,6 +29,7 @@ LATERAL_SHARE = 0.8
 LONGITUDINAL_SHARE = math.sqrt(1.0 - LATERAL_SHARE ** 2)
 PLANNED_SHARE = 0.85   # of deceleration and yaw acceleration, in plans; the rest is for control
 MIN_CURVATURE = 1e-9   # 1/m
+COMMAND_SHARE = 1.1    # of the largest speed and yaw rate, that the wheels are commanded at most
 
 
 @dataclass(frozen=True)
@@ -79,11 +80,31 @@ class MotionLimits:
         return min(max(rate, -bound), bound)
 
 
-def motion_limits(params: TrajectoryControllerParams, friction: float) -> MotionLimits:
-    """Return the limits where the body may accelerate with ``friction`` [m/s2]."""
+def motion_limits(params: TrajectoryControllerParams, friction: float,
+                  factors: tuple[float, float] = (1.0, 1.0)) -> MotionLimits:
+    """
+    Return the limits where the body may accelerate with ``friction`` [m/s2].
+
+    ``factors`` are the commanded over the reached speed and yaw rate: what the body can reach
+    within the limits of the command.
+    """
     limits, longitudinal = params.limits, LONGITUDINAL_SHARE * friction
+    speed, yaw_rate = (COMMAND_SHARE / max(factor, COMMAND_SHARE) for factor in factors)
     return MotionLimits(
-        params.max_speed, min(limits.acceleration, longitudinal),
+        speed * params.max_speed, min(limits.acceleration, longitudinal),
         min(limits.deceleration, longitudinal),
         min(limits.lateral_acceleration, LATERAL_SHARE * friction),
-        limits.yaw_rate, limits.yaw_acceleration)
+        yaw_rate * limits.yaw_rate, limits.yaw_acceleration)
+
+
+def command_share(command: tuple[float, float], params: TrajectoryControllerParams) -> float:
+    """
+    Return the factor that brings a command [m/s], [rad/s] into its bounds.
+
+    The factor is the same for both, so that the curvature is kept; 0 if one is not finite. The
+    wheels that execute it bound the body, whatever the estimates are.
+    """
+    if not all(map(math.isfinite, command)):
+        return 0.0
+    return COMMAND_SHARE / max(COMMAND_SHARE, abs(command[0]) / params.max_speed,
+                               abs(command[1]) / params.limits.yaw_rate)

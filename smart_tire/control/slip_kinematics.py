@@ -15,8 +15,8 @@
 """
 Inverse kinematics that compensate slip: docs/theory.md, "Slip-compensated kinematics".
 
-Estimated slip belongs to the present motion, the command to the next one. Coefficients that carry
-over are learned from the estimates; with them a brush model predicts the slip of the command.
+Three coefficients that carry over from the present motion to the next one are learned from the
+estimated slip; feedback of the reached velocity removes what they leave.
 """
 
 from __future__ import annotations
@@ -24,21 +24,25 @@ from __future__ import annotations
 from collections import deque
 import math
 
-from smart_tire.control.slip_coefficients import (
-    BodyMotion, Coefficients, Inertia, SlipCoefficients)
-from smart_tire.models.constants import GRAVITY
-from smart_tire.models.vehicle.steady_turn import steady_turn, SteadyTurn, TurnModel
+from smart_tire.control.motion_limits import command_share
+from smart_tire.control.slip_coefficients import Prior, SlipCoefficient
+from smart_tire.control.velocity_feedback import Velocity, VelocityFeedback
 from smart_tire.parameters.control import TrajectoryControllerParams
 from smart_tire.samples import LEFT, NS_PER_S, Odometry, RIGHT, WheelSlip
 
-FIRM_FRICTION = 0.5           # -, mu of the brush model; affects large slip only
 WINDOW_NS = 80_000_000        # of slip and motion that are averaged for one correction
 MAX_OFFSET_NS = 30_000_000    # from the motion that belongs to a slip
 HISTORY = 256                 # odometry messages: 2 s, longer than slip is late
-MIN_ROLLING = 0.1             # m/s, of the faster side, below which nothing is learned
-MAX_SLIP = 0.7                # -, of the faster side, above which it slides: nothing is learned
-MAX_COMPENSATION = 1.5        # slip velocity over the largest speed of a wheel center
 RESTART_NS = NS_PER_S         # step back in time that indicates another clock
+MAX_SPEED_SHARE = 0.5         # of the wanted speed, by which the feedback changes it at most
+MAX_YAW_SHARE = 0.3           # of the largest yaw rate, by which it changes the yaw rate at most
+SPREAD = 0.02                 # m/s, of slip velocities and v_y around the model, at the start
+FADE = 30.0                   # s, in which the ground is forgotten without new estimates
+TURNING_LENGTH = 0.2          # -, change of the turning share that decorrelates tires' behavior
+MIN_SPEED = 0.01              # m/s, lower limit in a denominator
+RESISTANCE = Prior(0.01, 0.15, -0.05, 0.5)  # slip velocity over speed, from firm ground to sand
+WIDENING_SIGMA, MAX_WIDENING = 0.5, 2.5  # of the track, over it; the most in narrow turns on sand
+MAX_COMPLIANCE = 4.0          # over that of the calibrated ground
 
 Motion = tuple[float, float, float]  # v_x, v_y [m/s], yaw rate [rad/s]
 
@@ -53,29 +57,27 @@ class SlipKinematics:
 
     def __init__(self, params: TrajectoryControllerParams) -> None:
         robot = params.robot
-        stiffness = robot.tire.longitudinal_stiffness
-        load = 0.25 * robot.mass * GRAVITY
-        self._track, self._effective_track = robot.track_width, params.effective_track
-        self._model = TurnModel(robot.wheelbase, robot.track_width,
-                                3.0 * FIRM_FRICTION * load / stiffness)
-        self._inertia = Inertia(robot.mass / stiffness,
-                                robot.yaw_inertia / (robot.track_width * stiffness))
-        self._coefficients = SlipCoefficients(self._model, self._inertia, _prior_scrub(params))
+        self._feedback = VelocityFeedback()
+        self._track, self._wheelbase = robot.track_width, robot.wheelbase
+        self._effective_track = params.effective_track
+        compliance = 0.25 * robot.mass / robot.tire.longitudinal_stiffness
+        self._resistance = SlipCoefficient(RESISTANCE, SPREAD)
+        self._widening = SlipCoefficient(
+            Prior(_prior_widening(params), WIDENING_SIGMA, 0.0, MAX_WIDENING), SPREAD)
+        self._compliance = SlipCoefficient(  # s2/m, slip angle over v_x and yaw rate
+            Prior(compliance, compliance, 0.0, MAX_COMPLIANCE * compliance), SPREAD)
         self.reset()
 
     def reset(self) -> None:
         """Discard everything learned and received."""
-        self._coefficients.reset()
+        for one in (self._resistance, self._widening, self._compliance):
+            one.reset()
+        self._feedback.reset()
         self._learned_ns: int | None = None             # time of the coefficients
+        self._turning = 0.0                             # turning share that they belong to
         self._motions = deque[tuple[int, Motion]](maxlen=HISTORY)
         self._window = list[tuple[float, ...]]()        # motion, slip velocity, sigma of sides
         self._window_ns = 0                             # its first timestamp
-        self._before: tuple[int, Motion] | None = None  # mean motion in the window before
-
-    def coefficients(self, now_ns: int) -> Coefficients:
-        """Return the coefficients; without slip estimates they return to the prior."""
-        learned_ns = now_ns if self._learned_ns is None else self._learned_ns
-        return self._coefficients.after(max(now_ns - learned_ns, 0) / NS_PER_S)
 
     def update_odometry(self, odometry: Odometry) -> None:
         """Add an estimate of the motion of the body; older ones than the last are ignored."""
@@ -104,24 +106,46 @@ class SlipKinematics:
             self._window_ns = slip.stamp_ns
         self._window.append((*motion, *left, *right))
 
-    def command(self, v_x: float, yaw_rate: float, now_ns: int) -> tuple[float, float]:
+    def command(self, v_x: float, yaw_rate: float, now_ns: int,
+                params: TrajectoryControllerParams) -> Velocity:
         """Return v_x [m/s] and yaw rate [rad/s] to command for wanted ones of the body."""
-        turn = self._turn(v_x, yaw_rate, self.coefficients(now_ns))
-        half = 0.5 * self._track * yaw_rate
-        limit = MAX_COMPENSATION * max(abs(v_x - half), abs(v_x + half))
-        left, right = (min(max(u, -limit), limit) for u in (turn.left, turn.right))
-        return v_x + 0.5 * (left + right), (2.0 * half + right - left) / self._effective_track
+        if v_x == yaw_rate == 0.0:
+            self._feedback.reset()
+            return 0.0, 0.0
+        speed, turn = self.factors(v_x, yaw_rate, now_ns)
+        if self._motions:
+            reached_ns, (reached, _, reached_rate) = self._motions[-1]
+            added = self._feedback.correction(
+                (reached, reached_rate), reached_ns, params.follower.actuation_delay,
+                (MAX_SPEED_SHARE * abs(v_x), MAX_YAW_SHARE * params.limits.yaw_rate))
+        else:
+            added = 0.0, 0.0
+        command = speed * (v_x + added[0]), turn * (yaw_rate + added[1])
+        share = command_share(command, params)
+        self._feedback.want((share * v_x, share * yaw_rate), now_ns)
+        return share * command[0], share * command[1]
+
+    def factors(self, v_x: float, yaw_rate: float, now_ns: int) -> Velocity:
+        """Return commanded over reached speed and yaw rate, for wanted ones of the body."""
+        learned_ns = now_ns if self._learned_ns is None else self._learned_ns
+        aged = max(now_ns - learned_ns, 0) / NS_PER_S / FADE
+        widening = self._widening.after(aged + self._change(v_x, yaw_rate))
+        return (1.0 + self._resistance.after(aged),
+                (1.0 + widening) * self._track / self._effective_track)
 
     def heading_offset(self, v_x: float, yaw_rate: float) -> float:
         """Return the angle [rad] from the x axis of the body to its direction of travel."""
-        coefficients = self.coefficients(self._learned_ns or 0)
-        turn = self._turn(v_x, yaw_rate, coefficients)
-        return -math.atan(
-            turn.lateral_compliance * coefficients.compliance * self._inertia.mass * yaw_rate)
+        compliance = self._compliance.after(self._change(v_x, yaw_rate))
+        return -math.atan(compliance * abs(v_x) * yaw_rate)
 
-    def _turn(self, v_x: float, yaw_rate: float, coefficients: Coefficients) -> SteadyTurn:
-        return steady_turn(self._model, v_x, yaw_rate, coefficients.resistance,
-                           coefficients.scrub)
+    def _change(self, v_x: float, yaw_rate: float) -> float:
+        """Return the change of the turning share from the one learned last, over its length."""
+        return abs(self._turning_share(v_x, yaw_rate) - self._turning) / TURNING_LENGTH
+
+    def _turning_share(self, v_x: float, yaw_rate: float) -> float:
+        """Return the share of sideways motion of the wheels: 0 straight on, 1 in place."""
+        sideways = 0.5 * self._wheelbase * abs(yaw_rate)
+        return sideways / (sideways + abs(v_x) + MIN_SPEED)
 
     def _motion_at(self, stamp_ns: int) -> Motion | None:
         """Return the latest motion up to then, None if there is no recent one."""
@@ -132,30 +156,26 @@ class SlipKinematics:
 
     def _learn(self) -> None:
         """Correct the coefficients with the means of the window, and empty it."""
-        count, stamp_ns, before = len(self._window), self._window_ns, self._before
+        count, stamp_ns, last_ns = len(self._window), self._window_ns, self._learned_ns
         v_x, v_y, yaw_rate, left, left_sigma, right, right_sigma = (
             sum(column) / count for column in zip(*self._window))
         self._window.clear()
-        self._before = stamp_ns, (v_x, v_y, yaw_rate)
-        if self._learned_ns is not None:
-            self._coefficients.predict((stamp_ns - self._learned_ns) / NS_PER_S)
         self._learned_ns = stamp_ns
-        half = 0.5 * self._track * yaw_rate
-        rolling, sliding = max((abs(v + u), abs(u)) for v, u in (
-            (v_x - half, left), (v_x + half, right)))
-        if before is None or rolling < MIN_ROLLING or sliding > MAX_SLIP * rolling:
-            return
-        dt = (stamp_ns - before[0]) / NS_PER_S
-        motion = BodyMotion(v_x, v_y, yaw_rate, (v_x - before[1][0]) / dt,
-                            (yaw_rate - before[1][2]) / dt)
-        self._coefficients.update(motion, (left, right), (left_sigma, right_sigma))
+        duration = 0.0 if last_ns is None else max(stamp_ns - last_ns, 0) / NS_PER_S
+        aged, sigma = duration / FADE, 0.5 * math.hypot(left_sigma, right_sigma)
+        change = aged + self._change(v_x, yaw_rate)
+        self._turning = self._turning_share(v_x, yaw_rate)
+        self._resistance.update(v_x, 0.5 * (left + right), sigma, aged, duration)
+        self._widening.update(
+            0.5 * self._track * yaw_rate, 0.5 * (right - left), sigma, change, duration)
+        self._compliance.update(-abs(v_x) * v_x * yaw_rate, v_y, 0.0, change, duration)
 
 
-def _prior_scrub(params: TrajectoryControllerParams) -> float:
-    """Return the scrub of a calibrated ``effective_track``; 1 if it is that of the wheels."""
+def _prior_widening(params: TrajectoryControllerParams) -> float:
+    """Return that of a calibrated ``effective_track``, else of isotropic tires in a wide turn."""
     robot = params.robot
-    added = params.effective_track - robot.track_width
-    return added * robot.track_width / robot.wheelbase ** 2 if added > 0.0 else 1.0
+    added = params.effective_track / robot.track_width - 1.0
+    return added if added > 0.0 else (robot.wheelbase / robot.track_width) ** 2
 
 
 def _side(slip: WheelSlip, wheels: tuple[int, int], v_x: float) -> tuple[float, float] | None:

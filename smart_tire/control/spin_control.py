@@ -60,8 +60,9 @@ class SpinControl:
         stopping = math.sqrt(2.0 * PLANNED_SHARE * limits.yaw_acceleration * abs(error))
         wanted = min(highest, max(stopping, follower.min_spin_rate))
         side = math.copysign(1.0, error)
-        self._boost += BOOST_GAIN * dt * (wanted - side * yaw_rate)
-        self._boost = min(max(self._boost, 0.0), highest - wanted)
+        if not params.slip_compensation:  # else the feedback of the reached velocity does it
+            self._boost += BOOST_GAIN * dt * (wanted - side * yaw_rate)
+            self._boost = min(max(self._boost, 0.0), highest - wanted)
         return side * (wanted + self._boost)
 
     def holding_speed(self, motion: Motion, last: float, dt: float,

@@ -19,7 +19,7 @@ from __future__ import annotations
 from enum import IntEnum
 
 from smart_tire.control.friction_limit import FrictionLimit
-from smart_tire.control.motion_limits import motion_limits
+from smart_tire.control.motion_limits import command_share, motion_limits
 from smart_tire.control.motion_monitor import MotionMonitor
 from smart_tire.control.odometry_check import OdometryCheck
 from smart_tire.control.path_checks import (
@@ -202,7 +202,9 @@ class TrajectoryControl:
     def _follow(self, follower: PathFollower, now_ns: int, dt: float) -> VelocityCommand | None:
         params = self.params
         motion = self._motion.predict(now_ns, params.follower.actuation_delay)
-        limits = motion_limits(params, self._friction.acceleration(params.friction))
+        factors = (self._kinematics.factors(*self._last, now_ns) if params.slip_compensation
+                   else (1.0, 1.0))
+        limits = motion_limits(params, self._friction.acceleration(params.friction), factors)
         self._last = follower.step(
             Conditions(motion, dt, limits, params, self._heading_offset))
         reason = self._progress.check(follower, self._motion.measured(), now_ns, params)
@@ -213,10 +215,12 @@ class TrajectoryControl:
         return VelocityCommand(now_ns, *self._compensated(now_ns))
 
     def _compensated(self, now_ns: int) -> tuple[float, float]:
-        """Return the command for the wanted motion of the body; at rest there is no slip."""
-        if self._last == (0.0, 0.0) or not self.params.slip_compensation:
-            return self._last
-        return self._kinematics.command(*self._last, now_ns)
+        """Return the command for the wanted motion of the body, within its bounds."""
+        command = self._last
+        if self.params.slip_compensation:
+            command = self._kinematics.command(*command, now_ns, self.params)
+        share = command_share(command, self.params)
+        return (share * command[0], share * command[1]) if share else (0.0, 0.0)
 
     def _heading_offset(self, v_x: float, yaw_rate: float) -> float:
         if not self.params.slip_compensation:

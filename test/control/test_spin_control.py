@@ -29,7 +29,7 @@ from smart_tire.parameters.path_following import ArrivalParams, FollowerParams
 LIMITS = MotionLimits(speed=1.0, acceleration=0.5, deceleration=0.4, lateral=1.0, yaw_rate=0.9,
                       yaw_acceleration=0.5)
 PARAMS = TrajectoryControllerParams(
-    follower=FollowerParams(spin_rate=0.8, min_spin_rate=0.2),
+    slip_compensation=False, follower=FollowerParams(spin_rate=0.8, min_spin_rate=0.2),
     arrival=ArrivalParams(yaw_tolerance=0.1))
 
 

@@ -337,9 +337,12 @@ class Kinematics:
     def update_slip(self, slip):
         self.slips.append(slip)
 
-    def command(self, v_x, yaw_rate, now_ns):
+    def command(self, v_x, yaw_rate, now_ns, params):
         self.wanted.append((v_x, yaw_rate, now_ns))
         return 1.5 * v_x, 2.0 * yaw_rate
+
+    def factors(self, v_x, yaw_rate, now_ns):
+        return 1.5, 2.0
 
     def heading_offset(self, v_x, yaw_rate):
         return self.offset
@@ -376,13 +379,6 @@ def test_the_velocity_points_along_the_path_not_the_body(length, offset):
     run.step()
     run.step()
     assert run.control._kinematics.wanted[-1][1] < -0.005
-
-
-def test_a_stop_is_not_compensated():
-    run = compensated(True).start(PlannedPath(0, 'odom', ((0, 0, 0.0), (0, 0, 1.0))))
-    run.until_end()
-    assert run.control.state == State.ARRIVED
-    assert all(any(one[:2]) for one in run.control._kinematics.wanted)
 
 
 def test_a_figure_eight_can_be_repeated():
