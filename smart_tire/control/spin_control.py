@@ -57,7 +57,8 @@ class SpinControl:
             return 0.0
         follower = params.follower
         highest = min(follower.spin_rate, limits.yaw_rate)
-        stopping = math.sqrt(2.0 * PLANNED_SHARE * limits.yaw_acceleration * abs(error))
+        stopping = min(math.sqrt(2.0 * PLANNED_SHARE * limits.yaw_acceleration * abs(error)),
+                       abs(error) / max(2.0 * follower.actuation_delay, dt))
         wanted = min(highest, max(stopping, follower.min_spin_rate))
         side = math.copysign(1.0, error)
         if not params.slip_compensation:  # else the feedback of the reached velocity does it

@@ -42,9 +42,9 @@ class FollowerParams:
     """Look-ahead pursuit with curvature feed-forward, and turning in place."""
 
     look_ahead_time: float = param(
-        0.6, 's', 'look-ahead distance over speed', low=0.05, high=10.0, live=True)
+        0.5, 's', 'look-ahead distance over speed', low=0.05, high=10.0, live=True)
     min_look_ahead: float = param(
-        0.25, 'm', 'minimum look-ahead distance', low=0.02, high=10.0, live=True)
+        0.15, 'm', 'minimum look-ahead distance', low=0.02, high=10.0, live=True)
     max_look_ahead: float = param(
         0.8, 'm', 'maximum look-ahead distance', low=0.02, high=20.0, live=True)
     actuation_delay: float = param(
