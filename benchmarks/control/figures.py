@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from benchmarks.control.scenarios import (
-    CHANGE, FIXED, IDEAL, KINEMATICS, OURS, SAND_FIELDS, title, TrackingCase)
+    CHANGE, FIXED, KINEMATICS, OURS, SAND_FIELDS, SHORT, title, TrackingCase)
 from benchmarks.control.scoring import dense_points
 from benchmarks.control.tracking import Trace
 from benchmarks.grounds import SAND
@@ -39,7 +39,7 @@ CAPTION = (
 
 def tracking_figure(case: TrackingCase, traces: Mapping[str, Trace]) -> Figure:
     """Return the figure of the runs of one case, a column for each kinematics."""
-    columns, run = [IDEAL, FIXED, OURS], title(case.name)
+    columns, run = [SHORT, FIXED, OURS], title(case.name)
     figure, axes = drawing.new_figure(
         [[f'{row}_{name}' for name in columns] for row in
          ('path', 'path', 'error', 'slip', 'used')], width=13.0, height=11.0)

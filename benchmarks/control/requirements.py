@@ -12,31 +12,41 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Required tracking errors of the slip-compensated kinematics, relative to the ideal ones."""
+"""Requirements of path tracking: control error against the ideal kinematics, localization."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
-from benchmarks.control.scenarios import IDEAL, OURS
+from benchmarks.control.scenarios import BEST, OURS, SHORT
 from benchmarks.control.tracking_results import Combined
 
-MAX_SHARE = 0.5           # of the error of the ideal kinematics, on sand and over changes
-MAX_CONCRETE_SHARE = 1.0  # on concrete
+MAX_SHARE = 1.0              # of the control error of the ideal kinematics
+MAX_BEST_SHARE = 1.5         # of it with the best look-ahead of each path
+MAX_DURATION_SHARE = 1.05    # of the time of the ideal kinematics with the best look-ahead
+MAX_YAW_ACCELERATION = 1.2   # rad/s2, rms
+MAX_LOCALIZATION = 0.005     # rms error over the length of the path
+RESOLUTION = 5e-4            # m, of the comparisons
 
 
-def max_error(row: Mapping[str, Combined], *, concrete: bool) -> float:
+def max_error(row: Mapping[str, Combined]) -> float:
     """
-    Return the largest rms error [m] that is allowed for a row of the table.
+    Return the largest rms control error [m] that is allowed for a row of the table.
 
-    With estimated localization its error is added, except on concrete.
+    A best look-ahead counts only where it arrives, and smoothly.
     """
-    if concrete:
-        return MAX_CONCRETE_SHARE * row[IDEAL].rms
-    return MAX_SHARE * row[IDEAL].rms + row[OURS].localization
+    best = row[BEST]
+    counts = best.arrived == 1.0 and best.yaw_acceleration <= MAX_YAW_ACCELERATION
+    return min(MAX_SHARE * row[SHORT].rms,
+               MAX_BEST_SHARE * best.rms if counts else row[SHORT].rms) + RESOLUTION
 
 
-def met(row: Mapping[str, Combined], *, concrete: bool) -> bool:
-    """Return whether a row of the table meets the requirements, arrival included."""
+def missed(row: Mapping[str, Combined]) -> list[str]:
+    """Return what a row of the table misses: nothing if all requirements are met."""
     ours = row[OURS]
-    return ours.arrived == 1.0 and ours.rms <= max_error(row, concrete=concrete)
+    checks = {
+        'arrival': ours.arrived == 1.0, 'error': ours.rms <= max_error(row),
+        'time': ours.duration <= MAX_DURATION_SHARE * row[BEST].duration,
+        'yaw': ours.yaw_acceleration <= max(MAX_YAW_ACCELERATION, row[SHORT].yaw_acceleration),
+        'localization': ours.localization <= MAX_LOCALIZATION * ours.length}
+    return [name for name, met in checks.items() if not met]

@@ -34,16 +34,15 @@ ENDED = (State.ARRIVED, State.STOPPED, State.REFUSED)
 @dataclass(frozen=True)
 class StackParams:
     """
-    Parameters of all parts; ``true_pose`` is localization without error and delay.
+    Parameters of all parts.
 
-    With ``true_slip`` there are no estimators: it takes a quarter of the time.
+    Without ``estimated``, motion and slip are the true ones, without error and delay.
     """
 
     estimators: EstimatorParams
     trajectory: TrajectoryControllerParams
     wheels: WheelControllerParams
-    true_pose: bool
-    true_slip: bool = False
+    estimated: bool
 
 
 class RobotStack:
@@ -67,7 +66,7 @@ class RobotStack:
         self.commands: list[VelocityCommand] = []
         self.frictions: list[Friction] = []
         self.slips: list[WheelSlip] = []
-        self.poses: list[Odometry] = []     # estimated
+        self.poses: list[Odometry] = []     # of the trajectory controller
 
     @property
     def start_ns(self) -> int:
@@ -81,17 +80,14 @@ class RobotStack:
 
     def receive(self, topic: str, sample: Sample, now_ns: int) -> None:
         """Process a message received at ``now_ns``."""
-        if topic.startswith('ground_truth/'):
-            if self._params.true_pose and isinstance(sample, Odometry):
-                self.trajectory.update_odometry(sample, now_ns)
-            if self._params.true_slip and isinstance(sample, WheelSlip):
-                self.trajectory.update_slip(sample)
-            return
+        true = topic.startswith('ground_truth/')
         if isinstance(sample, WheelSample):
             self._wheels.update_measurement(sample.velocity, now_ns, sample.stamp_ns,
                                             sample.position)
             self.trajectory.update_wheels(sample)
-        if not self._params.true_slip:
+        if true and not self._params.estimated:
+            self._distribute(sample, now_ns)
+        elif not true and self._params.estimated:
             for estimate in self._pipeline.update(sample):
                 self._distribute(estimate, now_ns)
         self._follow(now_ns)
@@ -99,8 +95,7 @@ class RobotStack:
     def _distribute(self, estimate: Sample, now_ns: int) -> None:
         if isinstance(estimate, Odometry):
             self.poses.append(estimate)
-            if not self._params.true_pose:
-                self.trajectory.update_odometry(estimate, now_ns)
+            self.trajectory.update_odometry(estimate, now_ns)
             self._wheels.traction.update_odometry(estimate)
         elif isinstance(estimate, WheelSlip):
             self.slips.append(estimate)

@@ -20,6 +20,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import product
 
+from benchmarks.control.other_plant import other_robot
 from benchmarks.control.robot_stack import StackParams
 from benchmarks.grounds import CONCRETE, ground, SAND
 from benchmarks.scenarios import Scenario
@@ -35,18 +36,32 @@ FILM = FilmParams(wheels=('front_right', 'front_left'))
 MAX_DURATION = 90.0      # s, of a run
 CALIBRATED_TRACK = 0.57  # m, effective track on concrete
 
-IDEAL, FIXED, OURS, SHORT = 'ideal', 'fixed', 'ours', 'ideal_short'
-KINEMATICS = {IDEAL: 'ideal', FIXED: 'fixed effective track', OURS: 'slip-compensated',
-              SHORT: 'ideal, short look-ahead'}
-# s, m: the look-ahead with which the ideal kinematics track best (seeds 101, 102)
-SHORT_LOOK_AHEAD, SHORT_MIN_LOOK_AHEAD = 0.35, 0.18
+SHORT, BEST, FIXED, OURS = 'ideal', 'ideal_best', 'fixed', 'ours'
+KINEMATICS = {SHORT: 'ideal', BEST: 'ideal, best look-ahead', FIXED: 'fixed effective track',
+              OURS: 'slip-compensated'}
+SHORT_LOOK_AHEAD = 0.35, 0.18  # s, m: the same for all paths
 TRUE, ESTIMATED = 'true', 'estimated'
 CHANGE = 'change'
 GROUNDS = {CONCRETE: 'concrete', SAND: 'sand', CHANGE: 'concrete with sand'}
+OWN, OTHER = 'own', 'other'    # plant, see other_plant.py
+PLANTS = {OWN: '', OTHER: ', other plant'}
 PATHS: Mapping[str, tuple[str, PlannedPath]] = {
     'figure_eight': ('figure-eight', path_library.figure_eight(0.7)),
     'square': ('square', path_library.square(2.0)),
-    'lane_change': ('lane change', path_library.lane_change(3.0, 1.0))}
+    'lane_change': ('lane change', path_library.lane_change(3.0, 1.0)),
+    'u_turn_30': ('U-turn 0.3 m', path_library.u_turn(0.3)),
+    'u_turn_40': ('U-turn 0.4 m', path_library.u_turn(0.4)),
+    'u_turn_50': ('U-turn 0.5 m', path_library.u_turn(0.5)),
+    'slalom': ('slalom', path_library.slalom(2.0, 0.4)),
+    'spiral': ('spiral', path_library.spiral(0.3, 4.0)),
+    'reverse_parking': ('reverse parking', path_library.reverse_parking(0.5))}
+# s, m: look-ahead with which the ideal kinematics track each path best, on concrete and sand and
+# on both plants: python -m benchmarks.control.look_ahead
+BEST_LOOK_AHEAD: dict[str, tuple[float, float]] = {
+    'figure_eight': (0.2, 0.12), 'square': (0.2, 0.08), 'lane_change': (0.2, 0.12),
+    'u_turn_30': (0.2, 0.12), 'u_turn_40': (0.2, 0.12), 'u_turn_50': (0.2, 0.12),
+    'slalom': (0.2, 0.12), 'spiral': (0.2, 0.12), 'reverse_parking': (0.2, 0.12)}
+WITH_ESTIMATES = ('figure_eight', 'square', 'lane_change', 'u_turn_30', 'reverse_parking')
 SAND_FIELDS = {  # m, begin and end along x, of the run over changes
     'figure_eight': (0.7, 10.0), 'square': (0.8, 10.0), 'lane_change': (1.2, 3.0)}
 
@@ -59,11 +74,12 @@ class TrackingCase:
     ground: str
     localization: str
     kinematics: str
+    plant: str = OWN
 
     @property
     def name(self) -> str:
-        """Return path, ground and localization: what the kinematics are compared on."""
-        return f'{self.path}_{self.ground}_{self.localization}'
+        """Return all but the kinematics: what they are compared on."""
+        return f'{self.path}_{self.ground}_{self.localization}_{self.plant}'
 
     def wanted(self) -> PlannedPath:
         """Return the path to follow."""
@@ -71,40 +87,45 @@ class TrackingCase:
 
     def simulator(self, seed: int) -> SimulatorParams:
         """Return the parameters of the simulated robot and its ground."""
-        return self._scenario().simulator(seed)
+        params = self._scenario().simulator(seed)
+        return (params if self.plant == OWN
+                else replace(params, robot=other_robot(params.robot)))
 
     def stack(self) -> StackParams:
-        """Return the parameters of the software; gains are the same for all but SHORT."""
+        """Return the parameters of the software, which knows nothing of the other plant."""
         robot = self._scenario().robot
         track = CALIBRATED_TRACK if self.kinematics == FIXED else robot.track_width
         trajectory = TrajectoryControllerParams(
             robot=robot, effective_track=track, slip_compensation=self.kinematics == OURS)
-        if self.kinematics == SHORT:
+        if self.kinematics in (SHORT, BEST):
+            time, distance = (SHORT_LOOK_AHEAD if self.kinematics == SHORT
+                              else BEST_LOOK_AHEAD[self.path])
             trajectory = replace(trajectory, follower=replace(
-                trajectory.follower, look_ahead_time=SHORT_LOOK_AHEAD,
-                min_look_ahead=SHORT_MIN_LOOK_AHEAD))
+                trajectory.follower, look_ahead_time=time, min_look_ahead=distance))
         return StackParams(
             EstimatorParams(SlipEstimatorParams(robot=robot),
                             FrictionEstimatorParams(robot=robot)), trajectory,
             WheelControllerParams(robot=robot, effective_track=track),
-            true_pose=self.localization == TRUE)
+            estimated=self.localization == ESTIMATED)
 
     def _scenario(self) -> Scenario:
-        begin, end = SAND_FIELDS[self.path]
-        surface = (ground(CONCRETE, fields=[(SAND, begin, end)]) if self.ground == CHANGE
-                   else ground(self.ground))
+        surface = (ground(CONCRETE, fields=[(SAND, *SAND_FIELDS[self.path])])
+                   if self.ground == CHANGE else ground(self.ground))
         return Scenario(name=self.name, title=self.name, legs=(), duration=MAX_DURATION,
                         ground=surface, film=FILM, gain_error=FILM.stretch_gain_tolerance)
 
 
 def all_cases() -> Iterator[TrackingCase]:
-    """Yield all runs."""
-    for path, surface, localization, kinematics in product(
-            PATHS, GROUNDS, (TRUE, ESTIMATED), KINEMATICS):
-        yield TrackingCase(path, surface, localization, kinematics)
+    """Yield all runs: with true motion and slip on both plants, some with estimates."""
+    for path, surface, localization, plant, kinematics in product(
+            PATHS, GROUNDS, (TRUE, ESTIMATED), PLANTS, KINEMATICS):
+        if ((surface != CHANGE or path in SAND_FIELDS)
+                and (localization == TRUE or (path in WITH_ESTIMATES and plant == OWN))):
+            yield TrackingCase(path, surface, localization, kinematics, plant)
 
 
 def title(name: str) -> str:
     """Return the title of the cases with this name."""
     case = next(case for case in all_cases() if case.name == name)
-    return f'{PATHS[case.path][0]}, {GROUNDS[case.ground]}, {case.localization} pose'
+    return (f'{PATHS[case.path][0]}, {GROUNDS[case.ground]}, {case.localization} pose'
+            f'{PLANTS[case.plant]}')

@@ -27,6 +27,7 @@ from smart_tire.samples import NS_PER_S, Odometry, PlannedPath
 
 SPACING = 0.001        # m, of the points of the wanted path
 BACKWARD, FORWARD = 0.1, 0.5  # m along the path, in which the next projection is searched
+YAW_STEP = 0.05        # s, the period of the trajectory controller
 MATCH_NS = 5_000_000   # from an estimated to the true pose at the same time
 
 
@@ -34,9 +35,12 @@ MATCH_NS = 5_000_000   # from an estimated to the true pose at the same time
 class TrackingScore:
     """Errors of one run, from the start of following to its end."""
 
-    rms: float           # m, distance from the path
-    maximum: float       # m
-    localization: float  # m, rms error of the pose that was followed
+    rms: float           # m, control error: distance of the pose that was followed from the path
+    maximum: float       # m, of it
+    true_rms: float      # m, distance of the true pose from the path
+    localization: float  # m, distance of the pose that was followed from the true one
+    length: float        # m, of the path
+    yaw_acceleration: float  # rad/s2, rms, true, over steps of ``YAW_STEP``
     final: float         # m, from the end of the path
     duration: float      # s
     arrived: bool
@@ -76,15 +80,26 @@ def score_tracking(wanted: PlannedPath, truth: Sequence[Odometry], followed: Seq
     """
     Return the score from ``start_ns`` to ``end_ns``.
 
-    ``truth`` are the true poses, ``followed`` the estimated ones, empty if the true ones were
-    followed.
+    ``truth`` are the true poses, ``followed`` those of the controller, maybe the same.
     """
-    within = [one for one in truth if start_ns <= one.stamp_ns <= end_ns]
-    position = np.array([one.position[:2] for one in within])
-    errors = path_errors(wanted, position)
-    final = math.dist(position[-1], wanted.poses[-1][:2])
-    return TrackingScore(rms(errors), float(errors.max()), _localization(within, followed),
-                         final, (end_ns - start_ns) / NS_PER_S, arrived)
+    within, given = ([one for one in poses if start_ns <= one.stamp_ns <= end_ns]
+                     for poses in (truth, followed))
+    true, control = (path_errors(wanted, np.array([one.position[:2] for one in poses]))
+                     for poses in (within, given))
+    final = math.dist(within[-1].position[:2], wanted.poses[-1][:2])
+    return TrackingScore(
+        rms(control), float(control.max()), rms(true), _localization(within, given),
+        SPACING * (len(dense_points(wanted)) - 1), _yaw_acceleration(within), final,
+        (end_ns - start_ns) / NS_PER_S, arrived)
+
+
+def _yaw_acceleration(truth: Sequence[Odometry]) -> float:
+    """Return the rms of the change of the mean yaw rate [rad/s2]."""
+    time = np.array([one.stamp_ns for one in truth], dtype=np.float64) / NS_PER_S
+    step = ((time - time[0]) / YAW_STEP).astype(int)
+    count = np.maximum(np.bincount(step), 1)
+    mean = np.bincount(step, [one.angular[2] for one in truth]) / count
+    return rms(np.diff(mean) / YAW_STEP) if len(mean) > 1 else 0.0
 
 
 def _localization(truth: Sequence[Odometry], followed: Sequence[Odometry]) -> float:

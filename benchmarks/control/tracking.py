@@ -20,8 +20,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 import math
 
+from benchmarks.control.other_plant import OtherPlant
 from benchmarks.control.robot_stack import RobotStack
-from benchmarks.control.scenarios import MAX_DURATION, TrackingCase, TRUE
+from benchmarks.control.scenarios import MAX_DURATION, OWN, TrackingCase
 from benchmarks.control.scoring import path_errors, score_tracking, TrackingScore
 import numpy as np
 from smart_tire.analysis.series import Floats
@@ -61,15 +62,15 @@ def run_tracking(case: TrackingCase, seed: int, traced: bool) -> TrackingResult:
     """Simulate ``case`` and return its score."""
     stack, params = RobotStack(case.stack(), case.wanted()), case.simulator(seed)
     watch = _Watch(params.robot.wheel_radius)
-    events = run_closed_loop(params, stack, MAX_DURATION, watch=watch)
+    events = run_closed_loop(params, stack, MAX_DURATION, watch=watch,
+                             plant=Plant if case.plant == OWN else OtherPlant)
     truth = [sample for _, topic, sample in events
              if topic == 'ground_truth/odom' and isinstance(sample, Odometry)]
     end_ns = stack.ended_ns or truth[-1].stamp_ns
-    followed = truth if case.localization == TRUE else stack.poses
-    followed = [pose for pose in followed if stack.start_ns <= pose.stamp_ns <= end_ns]
+    followed = [pose for pose in stack.poses if stack.start_ns <= pose.stamp_ns <= end_ns]
     score = score_tracking(
-        case.wanted(), truth, [] if case.localization == TRUE else followed,
-        start_ns=stack.start_ns, end_ns=end_ns, arrived=stack.trajectory.state == State.ARRIVED)
+        case.wanted(), truth, followed, start_ns=stack.start_ns, end_ns=end_ns,
+        arrived=stack.trajectory.state == State.ARRIVED)
     begin = (stack.start_ns - truth[0].stamp_ns) / NS_PER_S
     trace = watch.trace(case, followed, begin, begin + score.duration) if traced else None
     return TrackingResult(case, seed, score, stack.trajectory.reason, trace)

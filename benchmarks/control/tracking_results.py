@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 import math
+from statistics import mean
 from typing import Any
 
 from benchmarks.control.scenarios import KINEMATICS
@@ -30,9 +31,12 @@ from benchmarks.control.tracking import TrackingResult
 class Combined:
     """Scores of one case over all seeds."""
 
-    rms: float           # m, root mean square
-    maximum: float       # m, largest
+    rms: float           # m, control error, root mean square
+    maximum: float       # m, largest control error
+    true_rms: float      # m, root mean square
     localization: float  # m, root mean square
+    length: float        # m, of the path
+    yaw_acceleration: float  # rad/s2, root mean square
     duration: float      # s, mean
     arrived: float       # share
 
@@ -42,13 +46,19 @@ Rows = Mapping[str, Mapping[str, Combined]]  # name of the case -> kinematics ->
 
 def combined(scores: Sequence[TrackingScore]) -> Combined:
     """Return the scores of several seeds as one."""
-    count = len(scores)
     return Combined(
-        math.sqrt(sum(one.rms ** 2 for one in scores) / count),
-        max(one.maximum for one in scores),
-        math.sqrt(sum(one.localization ** 2 for one in scores) / count),
-        sum(one.duration for one in scores) / count,
-        sum(one.arrived for one in scores) / count)
+        rms=_rms([one.rms for one in scores]),
+        maximum=max(one.maximum for one in scores),
+        true_rms=_rms([one.true_rms for one in scores]),
+        localization=_rms([one.localization for one in scores]),
+        length=scores[0].length,
+        yaw_acceleration=_rms([one.yaw_acceleration for one in scores]),
+        duration=mean(one.duration for one in scores),
+        arrived=mean(float(one.arrived) for one in scores))
+
+
+def _rms(values: Sequence[float]) -> float:
+    return math.sqrt(mean(value * value for value in values))
 
 
 def by_case(results: Sequence[TrackingResult]) -> Rows:

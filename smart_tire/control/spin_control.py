@@ -57,11 +57,12 @@ class SpinControl:
             return 0.0
         follower = params.follower
         highest = min(follower.spin_rate, limits.yaw_rate)
-        stopping = min(math.sqrt(2.0 * PLANNED_SHARE * limits.yaw_acceleration * abs(error)),
-                       abs(error) / max(2.0 * follower.actuation_delay, dt))
+        stopping = math.sqrt(2.0 * PLANNED_SHARE * limits.yaw_acceleration * abs(error))
+        if params.slip_compensation:  # its feedback of the reached yaw rate follows with a delay
+            stopping = min(stopping, abs(error) / max(follower.actuation_delay, dt))
         wanted = min(highest, max(stopping, follower.min_spin_rate))
         side = math.copysign(1.0, error)
-        if not params.slip_compensation:  # else the feedback of the reached velocity does it
+        if not params.slip_compensation:
             self._boost += BOOST_GAIN * dt * (wanted - side * yaw_rate)
             self._boost = min(max(self._boost, 0.0), highest - wanted)
         return side * (wanted + self._boost)

@@ -1,0 +1,62 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Best look-ahead of the ideal kinematics for each path, for ``scenarios.BEST_LOOK_AHEAD``.
+
+``python -m benchmarks.control.look_ahead``: a grid on both grounds and plants, true motion, seed
+101. Printed is the one with the smallest sum of squares of control errors among those that arrive
+with a yaw acceleration that is permitted and in the time of the ideal kinematics.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+from unittest import mock
+
+from benchmarks.control import scenarios
+from benchmarks.control.requirements import MAX_DURATION_SHARE, MAX_YAW_ACCELERATION
+from benchmarks.control.scenarios import BEST, PATHS, PLANTS, SHORT, TrackingCase, TRUE
+from benchmarks.control.scoring import TrackingScore
+from benchmarks.control.tracking import run_tracking
+from benchmarks.grounds import CONCRETE, SAND
+
+TIMES, DISTANCES = (0.2, 0.28), (0.08, 0.12)  # s, m
+SEED = 101
+
+
+def scores(path: str, kinematics: str) -> list[TrackingScore]:
+    """Return the scores on both grounds and plants."""
+    return [run_tracking(TrackingCase(path, ground, TRUE, kinematics, plant), SEED,
+                         traced=False).score
+            for ground, plant in product((CONCRETE, SAND), PLANTS)]
+
+
+def main() -> None:
+    """Print the best look-ahead of each path."""
+    for path in PATHS:
+        short, found = scores(path, SHORT), {}
+        for look_ahead in product(TIMES, DISTANCES):
+            with mock.patch.dict(scenarios.BEST_LOOK_AHEAD, {path: look_ahead}):
+                tried = scores(path, BEST)
+            if all(one.arrived and one.yaw_acceleration <= max(
+                    MAX_YAW_ACCELERATION, other.yaw_acceleration)
+                    and one.duration <= MAX_DURATION_SHARE * other.duration
+                    for one, other in zip(tried, short)):
+                found[look_ahead] = sum(one.rms ** 2 for one in tried)
+        print(f'{path!r}: {min(found, key=found.__getitem__)}', flush=True)
+
+
+if __name__ == '__main__':
+    main()
