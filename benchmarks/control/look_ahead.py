@@ -27,7 +27,7 @@ from unittest import mock
 
 from benchmarks.control import scenarios
 from benchmarks.control.requirements import MAX_DURATION_SHARE, MAX_YAW_ACCELERATION
-from benchmarks.control.scenarios import BEST, PATHS, PLANTS, SHORT, TrackingCase, TRUE
+from benchmarks.control.scenarios import BEST, PATHS, PLANTS, SHORT, SHORT_LOOK_AHEAD, TrackingCase, TRUE
 from benchmarks.control.scoring import TrackingScore
 from benchmarks.control.tracking import run_tracking
 from benchmarks.grounds import CONCRETE, SAND
@@ -46,7 +46,8 @@ def scores(path: str, kinematics: str) -> list[TrackingScore]:
 def main() -> None:
     """Print the best look-ahead of each path."""
     for path in PATHS:
-        short, found = scores(path, SHORT), {}
+        short = scores(path, SHORT)
+        found = {SHORT_LOOK_AHEAD: sum(one.rms ** 2 for one in short)}
         for look_ahead in product(TIMES, DISTANCES):
             with mock.patch.dict(scenarios.BEST_LOOK_AHEAD, {path: look_ahead}):
                 tried = scores(path, BEST)

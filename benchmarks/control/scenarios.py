@@ -52,13 +52,13 @@ PATHS: Mapping[str, tuple[str, PlannedPath]] = {
     'u_turn_30': ('U-turn 0.3 m', path_library.u_turn(0.3)),
     'u_turn_40': ('U-turn 0.4 m', path_library.u_turn(0.4)),
     'u_turn_50': ('U-turn 0.5 m', path_library.u_turn(0.5)),
-    'slalom': ('slalom', path_library.slalom(2.0, 0.4)),
+    'slalom': ('slalom', path_library.slalom(2.0, 0.3)),
     'spiral': ('spiral', path_library.spiral(0.3, 4.0)),
     'reverse_parking': ('reverse parking', path_library.reverse_parking(0.5))}
 # s, m: look-ahead with which the ideal kinematics track each path best, on concrete and sand and
 # on both plants: python -m benchmarks.control.look_ahead
 BEST_LOOK_AHEAD: dict[str, tuple[float, float]] = {
-    'figure_eight': (0.2, 0.12), 'square': (0.2, 0.08), 'lane_change': (0.2, 0.12),
+    'figure_eight': (0.2, 0.08), 'square': (0.28, 0.12), 'lane_change': (0.2, 0.08),
     'u_turn_30': (0.2, 0.12), 'u_turn_40': (0.2, 0.12), 'u_turn_50': (0.2, 0.12),
     'slalom': (0.2, 0.12), 'spiral': (0.2, 0.12), 'reverse_parking': (0.2, 0.12)}
 WITH_ESTIMATES = ('figure_eight', 'square', 'lane_change', 'u_turn_30', 'reverse_parking')

@@ -42,7 +42,7 @@ class FollowerParams:
     """Look-ahead pursuit with curvature feed-forward, and turning in place."""
 
     look_ahead_time: float = param(
-        0.5, 's', 'look-ahead distance over speed', low=0.05, high=10.0, live=True)
+        0.6, 's', 'look-ahead distance over speed', low=0.05, high=10.0, live=True)
     min_look_ahead: float = param(
         0.15, 'm', 'minimum look-ahead distance', low=0.02, high=10.0, live=True)
     max_look_ahead: float = param(

@@ -55,6 +55,8 @@ class Robot:
         self.is_silent = self.has_wheels = False
         self.odom_speed: float | None = None  # m/s, None: that of the robot
         self.shown_x = 0.0
+        self.slip_velocity = 0.0
+        self.yaw_rate = 0.0  # reported
         self.log: Callable[[], str] = lambda: self.node.output
         self._sent_ns = 0
         graph.subscribe('cmd_vel', 'path_progress')
@@ -73,8 +75,9 @@ class Robot:
             self.graph.publish('wheel_states', WheelSample(now_ns, (self.speed / RADIUS,) * 4))
         self.graph.publish('odom', Odometry(
             now_ns, (self.shown_x, 0.0, 0.0), quaternion(0.0, 0.0, 0.0), (self.speed, 0.0, 0.0),
-            (0.0, 0.0, 0.0), COVARIANCE, COVARIANCE))
-        self.graph.publish('wheel_slip', WheelSlip(now_ns, (0.0,) * 4, (0.0,) * 4, (0.01,) * 4))
+            (0.0, 0.0, self.yaw_rate), COVARIANCE, COVARIANCE))
+        self.graph.publish('wheel_slip', WheelSlip(
+            now_ns, (0.0,) * 4, (self.slip_velocity,) * 4, (0.01,) * 4))
 
     @property
     def commands(self) -> list[tuple[float, float]]:
@@ -156,6 +159,7 @@ def robot(running):
     running.graph.received['cmd_vel'].clear()
     running.log = lambda: running.node.output.removeprefix(before)
     yield running
+    running.slip_velocity, running.yaw_rate = 0.0, 0.0
     running.graph.call('std_srvs/srv/Trigger', 'cancel_path')
 
 
@@ -273,6 +277,16 @@ def test_the_maximum_speed_can_be_changed_while_driving(robot):
     robot.until_more_progress()
     assert (robot.progress.state, robot.speed) == (State.FOLLOWING, pytest.approx(0.05, abs=0.01))
     set_max_speed(robot, 0.6)
+
+
+@pytest.mark.parametrize('slip_velocity, yaw_rate', [(0.3, 0.0), (-0.3, 0.0), (1e9, 5.0)])
+def test_commands_are_bounded_whatever_slip_and_odom_say(robot, slip_velocity, yaw_rate):
+    robot.slip_velocity, robot.yaw_rate = slip_velocity, yaw_rate
+    robot.drive()
+    count = len(robot.commands)
+    robot.until(lambda: len(robot.commands) >= count + 50)  # 2.5 s
+    assert max(abs(v_x) for v_x, _ in robot.commands) <= 0.66 + 1e-9
+    assert max(abs(yaw_rate) for _, yaw_rate in robot.commands) <= 1.65 + 1e-9
 
 
 def test_the_same_path_again_is_no_new_begin(robot):

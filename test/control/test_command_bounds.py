@@ -1,0 +1,143 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Bounds of the command that leaves the trajectory controller, whatever the estimates are."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+import math
+
+from hypothesis import given, settings, strategies as st
+import pytest
+
+from smart_tire.control.motion_limits import command_share, motion_limits
+from smart_tire.control.path_library import figure_eight, line, reverse_parking, u_turn
+from smart_tire.control.slip_coefficients import Prior, SlipCoefficient
+from smart_tire.control.trajectory_control import State, TrajectoryControl
+from smart_tire.control.velocity_feedback import VelocityFeedback
+from smart_tire.parameters.control import TrajectoryControllerParams
+from smart_tire.parameters.path_following import PathCheckParams
+from smart_tire.samples import NS_PER_S, WheelSlip
+from support.ideal_robot import odometry
+
+# no check of odometry but that it is finite: the bounds do not rest on any
+PARAMS = TrajectoryControllerParams(checks=PathCheckParams(
+    odom_jump=10.0, max_cross_track_error=100.0, progress_timeout=600.0))
+PERIOD_NS = 50_000_000
+HOSTILE = st.one_of(st.floats(-3.0, 3.0), st.floats(), st.sampled_from(
+    [math.nan, math.inf, -math.inf, 1e9, -1e9, 1e308, 5e-324]))
+MOTION = st.tuples(HOSTILE, HOSTILE, HOSTILE)
+SLIP = st.tuples(*[HOSTILE] * 5)
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.sampled_from([figure_eight(0.3), u_turn(0.3), reverse_parking(0.5)]),
+       st.lists(st.tuples(MOTION, SLIP), min_size=40, max_size=40))
+def test_every_command_is_bounded_whatever_odometry_and_slip_say(path, stream):
+    control, now_ns = TrajectoryControl(PARAMS), NS_PER_S
+    for (v_x, v_y, yaw_rate), slip in stream:
+        sample = odometry(now_ns, v_x=v_x, yaw_rate=yaw_rate)
+        control.update_odometry(replace(sample, linear=(v_x, v_y, 0.0)), now_ns)
+        control.update_slip(WheelSlip(now_ns, slip[:4], slip[:4], (abs(slip[4]),) * 4))
+        if control.state != State.FOLLOWING:
+            control.update_odometry(odometry(now_ns + 1), now_ns + 1)
+            control.set_path(path, now_ns)
+        command = control.step(now_ns + 1)
+        if command is not None:
+            assert abs(command.v_x) <= 1.1 * PARAMS.max_speed + 1e-12
+            assert abs(command.yaw_rate) <= 1.1 * PARAMS.limits.yaw_rate + 1e-12
+        now_ns += PERIOD_NS
+
+
+@given(st.tuples(HOSTILE, HOSTILE))
+def test_a_command_is_scaled_with_its_curvature(command):
+    share = command_share(command, PARAMS)
+    assert 0.0 <= share <= 1.0
+    if not all(map(math.isfinite, command)):
+        assert share == 0.0
+    elif abs(command[0]) <= 0.66 and abs(command[1]) <= 1.65:
+        assert share == 1.0
+    else:
+        assert max(share * abs(command[0]) / 0.66,
+                   share * abs(command[1]) / 1.65) == pytest.approx(1.0)
+
+
+def test_the_robot_slows_down_for_what_the_command_can_reach():
+    plain, slipping = (motion_limits(PARAMS, 9.0, factors) for factors in ((1.05, 1.1), (1.5, 2.2)))
+    assert (plain.speed, plain.yaw_rate) == (0.6, 1.5)
+    assert (slipping.speed, slipping.yaw_rate) == pytest.approx((0.6 / 1.5 * 1.1, 0.75))
+
+
+def followed(path, slip_velocity, seconds):
+    """Return the largest speed and yaw rate of wheels without slip, and the last speed."""
+    control, fastest, turning = TrajectoryControl(PARAMS), 0.0, 0.0
+    x, y, yaw, v_x, yaw_rate, now_ns = 0.0, 0.0, 0.0, 0.0, 0.0, NS_PER_S
+    control.update_odometry(odometry(now_ns), now_ns)
+    control.set_path(path, now_ns)
+    for _ in range(round(seconds * NS_PER_S / PERIOD_NS)):
+        control.update_odometry(odometry(now_ns, x, y, yaw, v_x, yaw_rate), now_ns)
+        control.update_slip(WheelSlip(now_ns, (0.3,) * 4, (slip_velocity,) * 4, (0.01,) * 4))
+        command = control.step(now_ns)
+        if command is not None:
+            v_x, yaw_rate = command.v_x, command.yaw_rate
+        x, y = x + 0.05 * v_x * math.cos(yaw), y + 0.05 * v_x * math.sin(yaw)
+        yaw, now_ns = yaw + 0.05 * yaw_rate, now_ns + PERIOD_NS
+        fastest, turning = max(fastest, abs(v_x)), max(turning, abs(yaw_rate))
+    return fastest, turning, v_x
+
+
+@pytest.mark.parametrize('slip_velocity', [0.3, -0.3, 3.0])
+def test_a_fault_of_the_slip_makes_the_robot_no_faster(slip_velocity):
+    fastest, turning, _ = followed(u_turn(0.5), slip_velocity, 8.0)
+    assert fastest <= 0.66 + 1e-9 and turning <= 1.65 + 1e-9
+
+
+def test_a_slip_fault_makes_the_robot_slower_instead():
+    assert 0.4 <= followed(line(4.0), 0.3, 4.0)[2] <= 0.6
+
+
+def test_a_gyro_that_is_faster_than_wanted_lowers_the_command():
+    feedback = VelocityFeedback()
+    for step in range(1, 40):
+        feedback.want((0.5, 1.0), step * PERIOD_NS)
+        added = feedback.correction((0.5, 1.7), step * PERIOD_NS, 0.15, (0.25, 0.45))
+    assert added == (pytest.approx(0.0, abs=0.2), -0.45)
+
+
+def test_feedback_ends_at_its_bound_and_leaves_it_at_once():
+    feedback, added = VelocityFeedback(), (0.0, 0.0)
+    for step in range(1, 400):
+        feedback.want((0.5, 0.0), step * PERIOD_NS)
+        added = feedback.correction((0.0, 0.0), step * PERIOD_NS, 0.15, (0.25, 0.45))
+    assert added[0] == 0.25
+    added = feedback.correction((0.6, 0.0), 400 * PERIOD_NS, 0.15, (0.25, 0.45))
+    assert added[0] < 0.25
+
+
+@given(st.lists(st.tuples(HOSTILE, HOSTILE, HOSTILE), max_size=30))
+def test_a_coefficient_remains_in_its_range_and_finite(measurements):
+    coefficient = SlipCoefficient(Prior(0.5, 0.4, 0.0, 2.0), 0.02)
+    for regressor, measured, sigma in measurements:
+        coefficient.update(regressor, measured, abs(sigma), 0.003, 0.08)
+        assert 0.0 <= coefficient.value <= 2.0
+
+
+def test_one_outlier_changes_a_coefficient_little():
+    coefficient = SlipCoefficient(Prior(0.5, 0.4, 0.0, 2.0), 0.02)
+    for _ in range(50):
+        coefficient.update(0.2, 0.12, 0.0, 0.003, 0.08)
+    assert coefficient.value == pytest.approx(0.6, abs=0.01)
+    coefficient.update(0.2, 5.0, 0.0, 0.003, 0.08)
+    assert coefficient.value == pytest.approx(0.6, abs=0.1)
