@@ -55,8 +55,8 @@ PATHS: Mapping[str, tuple[str, PlannedPath]] = {
     'slalom': ('slalom', path_library.slalom(2.0, 0.3)),
     'spiral': ('spiral', path_library.spiral(0.3, 4.0)),
     'reverse_parking': ('reverse parking', path_library.reverse_parking(0.5))}
-# s, m: look-ahead with which the ideal kinematics track each path best, on concrete and sand and
-# on both plants: python -m benchmarks.control.look_ahead
+# s, m: look-ahead with which the ideal kinematics track each path best on concrete and sand:
+# python -m benchmarks.control.look_ahead
 BEST_LOOK_AHEAD: dict[str, tuple[float, float]] = {
     'figure_eight': (0.2, 0.08), 'square': (0.28, 0.12), 'lane_change': (0.2, 0.08),
     'u_turn_30': (0.2, 0.12), 'u_turn_40': (0.2, 0.12), 'u_turn_50': (0.2, 0.12),

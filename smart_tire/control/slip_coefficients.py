@@ -21,7 +21,7 @@ import math
 
 GATE = 5.0         # -, innovations beyond this many times their spread are clipped to it
 SPREAD_TIME = 1.0  # s, of the mean over squared innovations
-MIN_SPREAD = 5e-3 # m/s, of innovations, lower limit: that of wheel speeds and odometry
+MIN_SPREAD = 5e-3  # m/s, of innovations, lower limit: that of wheel speeds and odometry
 
 
 @dataclass(frozen=True)
