@@ -15,7 +15,8 @@
 """
 Best look-ahead of the ideal kinematics for each path, for ``scenarios.BEST_LOOK_AHEAD``.
 
-``python -m benchmarks.control.look_ahead``: a grid on concrete and sand, true motion, seed 101. Printed is the one with the smallest sum of squares of control errors among those that arrive
+``python -m benchmarks.control.look_ahead``: a grid on concrete and sand, true motion, seed
+101. Printed is the one with the smallest sum of squares of control errors among those that arrive
 with a yaw acceleration that is permitted and in the time of the ideal kinematics.
 """
 

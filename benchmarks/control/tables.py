@@ -25,8 +25,8 @@ from rich.text import Text
 
 TRACKING_NOTES = """\
 Path tracking, in millimeters. Control error: distance of the pose that the controller was given
-from the wanted path, rms from the start to the end of following. Localization: rms distance of that
-pose from the true one. ideal: r w = v -+ track / 2 * yaw rate, look-ahead 0.35 s and at least
+from the wanted path, rms from the start to the end of following. Localization: rms distance of
+that pose from the true one. ideal: r w = v -+ track / 2 * yaw rate, look-ahead 0.35 s and at least
 0.18 m; best: with the best look-ahead of each path; fixed: with the effective track calibrated on
 concrete; ours: slip-compensated. Poses and slips are true or estimated, both. missed:
 benchmarks/control/requirements.py.

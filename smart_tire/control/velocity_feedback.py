@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Feedback of the reached velocity: integral control beside the feed-forward."""
+"""Feedback of the reached velocity: integral control in addition to the feed-forward."""
 
 from __future__ import annotations
 

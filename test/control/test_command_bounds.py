@@ -75,7 +75,7 @@ def test_a_command_is_scaled_with_its_curvature(command):
 
 
 def test_the_robot_slows_down_for_what_the_command_can_reach():
-    plain, slipping = (motion_limits(PARAMS, 9.0, factors) for factors in ((1.05, 1.1), (1.5, 2.2)))
+    plain, slipping = (motion_limits(PARAMS, 9.0, one) for one in ((1.05, 1.1), (1.5, 2.2)))
     assert (plain.speed, plain.yaw_rate) == (0.6, 1.5)
     assert (slipping.speed, slipping.yaw_rate) == pytest.approx((0.6 / 1.5 * 1.1, 0.75))
 
