@@ -44,7 +44,7 @@ class FollowerParams:
     look_ahead_time: float = param(
         0.6, 's', 'look-ahead distance over speed', low=0.05, high=10.0, live=True)
     min_look_ahead: float = param(
-        0.15, 'm', 'minimum look-ahead distance', low=0.02, high=10.0, live=True)
+        0.18, 'm', 'minimum look-ahead distance', low=0.02, high=10.0, live=True)
     max_look_ahead: float = param(
         0.8, 'm', 'maximum look-ahead distance', low=0.02, high=20.0, live=True)
     actuation_delay: float = param(
