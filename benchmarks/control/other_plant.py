@@ -19,6 +19,8 @@ from __future__ import annotations
 from dataclasses import replace
 import math
 
+import numpy as np
+from smart_tire.arrays import Array, ArrayLike
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.simulation.plant import Plant
 
@@ -48,14 +50,15 @@ class OtherPlant(Plant):
             total_slip)
 
 
-def peak_slip(mu: float, load: float, stiffness: float) -> float:
+def peak_slip(mu: ArrayLike, load: ArrayLike, stiffness: ArrayLike) -> Array:
     """
     Return the slip [-] of the largest force, beyond which a wheel slides.
 
-    >>> round(peak_slip(0.47, 26.7, 52.7), 3)
+    >>> print(peak_slip(0.47, 26.7, 52.7).round(3))
     0.552
     """
-    return SHAPE * mu * load / stiffness * math.tan(0.5 * math.pi / SHAPE)
+    return (SHAPE * math.tan(0.5 * math.pi / SHAPE) * np.asarray(mu, dtype=float)
+            * np.asarray(load, dtype=float) / np.asarray(stiffness, dtype=float))
 
 
 def other_robot(robot: RobotParams) -> RobotParams:

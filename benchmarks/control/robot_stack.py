@@ -84,6 +84,7 @@ class RobotStack:
         if isinstance(sample, WheelSample):
             self._wheels.update_measurement(sample.velocity, now_ns, sample.stamp_ns,
                                             sample.position)
+            self._wheels.traction.update_wheels(sample)
             self.trajectory.update_wheels(sample)
         if true and not self._params.estimated:
             self._distribute(sample, now_ns)

@@ -17,7 +17,8 @@ Starts and stops on slippery ground, with and without traction control.
 
 The estimators and the wheel controller run in the loop (``simulation.closed_loop``). Ground that
 was measured before is that of a gentle lap with films; unknown ground is the first start of a
-robot without films.
+robot without films. With a fault, estimates are replaced by wrong ones. The other robot has tires
+with a falling friction curve and another mass; the software does not know.
 """
 
 from __future__ import annotations
@@ -26,6 +27,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import accumulate
 
+from benchmarks.control.other_plant import other_robot, OtherPlant, peak_slip
+from benchmarks.control.wrong_estimates import FAULTS
 import numpy as np
 from smart_tire.analysis.pipeline import EstimatorParams, Pipeline
 from smart_tire.arrays import Array
@@ -77,6 +80,8 @@ class TractionScenario:
     wheel_rate: float = 16.0  # Hz, of wheel_states and of the controller
     seed: int = 1
     traction: bool = True     # whether traction control is enabled
+    other: bool = False       # whether the plant is the other robot
+    fault: str = ''           # key of FAULTS: wrong estimates
 
     @property
     def robot(self) -> RobotParams:
@@ -88,6 +93,7 @@ class TractionScenario:
 class PlantLog:
     """True states of a run; arrays over (time,) or (time, wheel)."""
 
+    peaks: bool = False  # whether the friction curve falls beyond a peak
     rows: list[tuple[float, ...]] = field(default_factory=list)
     count: int = 0
 
@@ -106,8 +112,16 @@ class PlantLog:
         """Return the logged states."""
         table = np.array(self.rows)
         wheels = table[:, 5:].reshape(len(table), 6, 4).transpose(1, 0, 2)
-        time, x, y, yaw, v_x = table[:, :5].T
-        return TractionHistory(time, x, y, yaw, v_x, radius * wheels[0], *wheels[1:])
+        omega, v_x, v_y, load, friction, stiffness = wheels
+        critical = (peak_slip if self.peaks else critical_slip)(friction, load, stiffness)
+        time, x, y, yaw, speed = table[:, :5].T
+        return TractionHistory(time, x, y, yaw, speed, radius * omega, v_x, v_y, load, friction,
+                               stiffness, critical)
+
+
+def critical_slip(friction: Array, load: Array, stiffness: Array) -> Array:
+    """Return the slip at which the whole contact patch of a brush tire slides."""
+    return 3.0 * friction * load / stiffness
 
 
 @dataclass(frozen=True)
@@ -125,17 +139,13 @@ class TractionHistory:
     load: Array       # N
     friction: Array   # -
     stiffness: Array  # N
+    critical_slip: Array  # -, of full sliding, or of the largest force
 
     @property
     def slip(self) -> tuple[Array, Array]:
         """Return the slip vectors (s_x, s_y); 0 where the wheels do not turn."""
         scale = np.maximum(np.abs(self.rolling), 1e-3)
         return (self.rolling - self.wheel_v_x) / scale, -self.wheel_v_y / scale
-
-    @property
-    def critical_slip(self) -> Array:
-        """Return the critical slip of each wheel."""
-        return 3.0 * self.friction * self.load / self.stiffness
 
     @property
     def forces(self) -> tuple[Array, Array]:
@@ -158,7 +168,7 @@ class TractionStack:
             SlipEstimatorParams(robot=robot), FrictionEstimatorParams(robot=robot)))
         self.control = WheelControl(WheelControllerParams(
             rate=scenario.wheel_rate, robot=robot, traction=traction))
-        self._legs = scenario.legs
+        self._legs, self._fault = scenario.legs, FAULTS[scenario.fault]
         self._ends = list(accumulate(leg.duration for leg in scenario.legs))
         self._start_ns: int | None = None
         self.begins: list[float] = []  # s, first control step of each leg, since the start
@@ -171,7 +181,8 @@ class TractionStack:
         if isinstance(sample, WheelSample):
             self.control.update_measurement(sample.velocity, now_ns, sample.stamp_ns,
                                             sample.position)
-        for estimate in self._pipeline.update(sample):
+            self.control.traction.update_wheels(sample)
+        for estimate in self._fault(self._pipeline.update(sample)):
             if isinstance(estimate, Odometry):
                 self.control.traction.update_odometry(estimate)
             elif isinstance(estimate, Friction):
@@ -218,11 +229,12 @@ def run(scenario: TractionScenario, params: TractionParams | None = None) -> Tra
     """Return a run of a scenario, by default with the default parameters."""
     stack = TractionStack(
         scenario, replace(params or TractionParams(), enabled=scenario.traction))
-    log = PlantLog()
-    simulator = SimulatorParams(
-        seed=scenario.seed, ground=scenario.ground, robot=scenario.robot)
+    log = PlantLog(scenario.other)
+    robot = other_robot(scenario.robot) if scenario.other else scenario.robot
+    simulator = SimulatorParams(seed=scenario.seed, ground=scenario.ground, robot=robot)
     run_closed_loop(simulator, stack, sum(leg.duration for leg in scenario.legs) + 1.0,
-                    wheel_rate=scenario.wheel_rate, control_rate=scenario.wheel_rate, watch=log)
+                    wheel_rate=scenario.wheel_rate, control_rate=scenario.wheel_rate, watch=log,
+                    plant=OtherPlant if scenario.other else Plant)
     return TractionRun(scenario, tuple(stack.begins[:len(scenario.legs)]),
                        log.history(scenario.robot.wheel_radius))
 

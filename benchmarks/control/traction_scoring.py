@@ -29,7 +29,8 @@ from smart_tire.arrays import Array
 from smart_tire.models.constants import GRAVITY
 
 SCORED_SPEED = 1.2        # m/s, up to which starts count; then the command limits the slip
-MIN_ROLLING_SPEED = 0.1   # m/s, of wheels whose slip counts
+MIN_SLIDING_SPEED, MIN_SPEED = 0.05, 0.2  # m/s, of the tread and of the robot, for slip to count
+TURNING_SPEED = 0.05            # m/s, rolling speed of a wheel that turns
 MAX_SLIDING = {16.0: 0.3, 100.0: 0.15}  # s, requirement by the rate of the readings [Hz]
 
 
@@ -43,13 +44,22 @@ class TractionScore:
     sliding: float   # s, longest time of a wheel above critical slip
     drift: float     # m, largest lateral deviation from the heading at the beginning
     turn: float      # rad, change of heading
+    against: int     # times at which a wheel begins to turn against the command
+    beyond: float    # m/s, most by which a wheel turns faster than commanded; at a stop: at begin
+    stopped: float   # s, until all wheels stand; NaN for a start
 
 
 def scores(result: TractionRun) -> list[TractionScore]:
     """Return the scores of all starts and stops of a run."""
-    return [TractionScore(result.scenario, leg.kind, _distance(result, leg, part),
-                          longest_sliding(part), *_drift(part))
+    return [_score(result, leg, part)
             for leg, part in result.legs() if leg.kind in ('start', 'stop')]
+
+
+def _score(result: TractionRun, leg: Leg, part: TractionHistory) -> TractionScore:
+    drift, turn = _drift(part)
+    against, beyond, stopped = _bounds(leg, part)
+    return TractionScore(result.scenario, leg.kind, _distance(result, leg, part),
+                         longest_sliding(part), drift, turn, against, beyond, stopped)
 
 
 def all_scores(runs: Iterable[TractionScenario], *,
@@ -60,8 +70,9 @@ def all_scores(runs: Iterable[TractionScenario], *,
 
 def longest_sliding(part: TractionHistory) -> float:
     """Return the longest time [s] for which one wheel is above its critical slip."""
-    sliding = ((np.hypot(*part.slip) > part.critical_slip)
-               & (np.abs(part.rolling) > MIN_ROLLING_SPEED))
+    speed = np.hypot(part.rolling - part.wheel_v_x, part.wheel_v_y)
+    sliding = ((np.hypot(*part.slip) > part.critical_slip) & (speed > MIN_SLIDING_SPEED)
+               & (np.abs(part.v_x) > MIN_SPEED)[:, np.newaxis])
     return float(max(map(_longest, sliding.T)) * np.median(np.diff(part.time)))
 
 
@@ -69,6 +80,18 @@ def _longest(flags: Array) -> int:
     """Return the length of the longest run of true values."""
     edges = np.flatnonzero(np.diff(np.concatenate(([0], flags.astype(int), [0]))))
     return int(max(edges[1::2] - edges[::2], default=0))
+
+
+def _bounds(leg: Leg, part: TractionHistory) -> tuple[int, float, float]:
+    """Return how often wheels turn against the command, how far beyond it, and until when."""
+    forward = part.rolling * np.sign(leg.v_x or part.v_x[0])
+    against = int(sum(np.sum(np.diff((wheel < -TURNING_SPEED).astype(int)) > 0) for wheel in forward.T))
+    beyond = float((forward - (abs(leg.v_x) or forward[0])).max())
+    if leg.v_x:
+        return against, beyond, math.nan
+    turning = np.flatnonzero((np.abs(part.rolling) > TURNING_SPEED).any(axis=1))
+    last = int(turning[-1]) if len(turning) else 0
+    return against, beyond, float(part.time[last] - part.time[0])
 
 
 def _drag(scenario: TractionScenario) -> float:
@@ -106,7 +129,7 @@ def traction_table(found: Sequence[TractionScore]) -> Table:
     """Return mean and worst scores of each scenario, rate and kind, with and without."""
     table = new_table(
         'Starts and stops (distance: over that of full friction, at a stop its inverse; sliding: '
-        f'longest time above critical slip at more than {MIN_ROLLING_SPEED:g} m/s)',
+        f'longest time above critical slip at more than {MIN_SPEED:g} m/s)',
         'ground, readings', '\ncommand', 'traction\ncontrol', 'distance [%]\nmean', '\nworst',
         'sliding [s]\nworst', 'drift [m]\nworst', 'turn [deg]\nworst')
     groups: dict[tuple[str, float, str, bool], list[TractionScore]] = {}

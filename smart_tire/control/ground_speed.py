@@ -19,7 +19,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 import math
 
-from smart_tire.samples import NS_PER_S, Odometry
+from smart_tire.samples import MAX_ANGULAR_RATE, MAX_SPEED, NS_PER_S, Odometry
 
 MIN_INTERVAL_NS = 4_000_000    # between estimates whose difference is an acceleration
 MAX_INTERVAL_NS = 200_000_000  # larger gaps restart the acceleration
@@ -35,8 +35,10 @@ class Motion:
     v_x: float           # m/s, forward
     v_y: float           # m/s, to the left
     yaw_rate: float      # rad/s
-    acceleration: float  # m/s2, forward
+    acceleration: float  # m/s2, forward; that expected at an onset until estimates show it
     v_x_sigma: float     # m/s
+    measured: float      # m/s2, acceleration that estimates show
+    unseen: float        # -, weight of the acceleration expected at an onset, 1 to 0
 
 
 @dataclass(frozen=True)
@@ -69,11 +71,12 @@ class GroundSpeed:
 
     def update(self, odometry: Odometry, time_constant: float) -> bool:
         """
-        Add an estimate; return whether it is valid and newer than those before.
+        Add an estimate; return whether it is plausible and newer than those before.
 
         ``time_constant`` [s] is that of the low-pass filter of the acceleration.
         """
-        if not all(map(math.isfinite, (*odometry.linear, *odometry.angular))):
+        if not (all(abs(speed) <= MAX_SPEED for speed in odometry.linear)  # false for NaN, too
+                and all(abs(rate) <= MAX_ANGULAR_RATE for rate in odometry.angular)):
             return False
         latest = self._latest
         if latest is not None and odometry.stamp_ns <= latest.stamp_ns:
@@ -133,4 +136,4 @@ class GroundSpeed:
         variance = self._latest.twist_covariance[0]
         sigma = math.sqrt(variance) if 0.0 <= variance < math.inf else 0.0
         return Motion(later, v_y, self._latest.angular[2], acceleration,
-                      math.hypot(sigma, EXTRAPOLATION_SIGMA))
+                      math.hypot(sigma, EXTRAPOLATION_SIGMA), measured, weight)

@@ -12,13 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Bands of wheel speeds within slip limits, and how wheels stop whatever the estimates are."""
+"""Bands of wheel speeds within slip limits, and bounds of set points for any estimates."""
 
 from __future__ import annotations
 
 import math
-
-from smart_tire.samples import Four
 
 
 def slip_band(speed: float, slip: float, floor: float) -> tuple[float, float]:
@@ -53,31 +51,22 @@ def share_within(start: float, wanted: float, band: tuple[float, float]) -> floa
     return max(room / way, 0.0)
 
 
-def lowered(speed: float, step: float) -> float:
-    """Return ``speed``, nearer to zero by ``step``."""
-    return math.copysign(max(abs(speed) - step, 0.0), speed)
-
-
-def obeys(speed: float, wanted: float) -> bool:
-    """Return whether a wheel turns as wanted, no faster."""
-    return 0.0 <= speed * wanted <= wanted * wanted and (wanted != 0.0 or speed == 0.0)
-
-
-def stopping_speed(speed: float, wanted: float, held: float) -> float:
+def bounded(set_point: float, command: float, latest: float, step: float) -> float:
     """
-    Return ``speed`` of a wheel, at most ``held`` if that is not what is wanted.
+    Return the set point of a wheel within its bounds, whatever the estimates are.
 
-    Whatever the estimates are, a wheel that is to stop does so in the end, and none turns against
-    both the command and its own motion.
+    The new set point is between the smallest and the largest of zero, the ``command``, and the
+    ``latest`` set point after a ``step`` towards the command if it was beyond it or opposite. So
+    it never leaves the commands and ramps to them, and reaches zero after a command of zero. One
+    that is not finite is zero.
+
+    >>> bounded(-5.0, 10.0, 8.0, 1.0), bounded(5.0, 0.0, 8.0, 1.0), bounded(9.0, 0.0, 8.0, 1.0)
+    (0.0, 5.0, 7.0)
+    >>> bounded(9.0, -3.0, 8.0, 1.0), bounded(math.nan, 10.0, 8.0, 1.0)
+    (7.0, 0.0)
     """
-    if obeys(speed, wanted):
-        return speed
-    return min(max(speed, min(held, wanted, 0.0)), max(held, wanted, 0.0))
-
-
-def most_held(before: Four, wanted: Four, limited: Four, step: float, radius: float) -> Four:
-    """Return the speeds [rad/s] that may be held against a command to stop in the next step."""
-    a, b, c, d = (
-        speed / radius if obeys(speed, target) else lowered(held, step / radius)
-        for held, target, speed in zip(before, wanted, limited))
-    return a, b, c, d
+    if not math.isfinite(set_point):
+        return 0.0
+    if abs(latest) > abs(command) or latest * command < 0.0:
+        latest += math.copysign(min(step, abs(command - latest)), command - latest)
+    return min(max(set_point, min(0.0, command, latest)), max(0.0, command, latest))

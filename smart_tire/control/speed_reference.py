@@ -51,14 +51,15 @@ class SpeedReference:
         return math.copysign(1.0, self.velocity) if self.velocity else 0.0
 
     def advance(self, set_point: float, dt: float, now_ns: int, model: DriveModel,
-                limits: tuple[float, float],
-                tire: TireLoad | None = None) -> float:
+                limits: tuple[float, float], tire: TireLoad | None = None) -> float:
         """
         Move towards the set point [rad/s]; return the input of ``model`` [rad/s] from now on.
 
         ``dt`` [s] is the length of a control period, ``limits`` are those of acceleration and
         deceleration [rad/s2]. With ``tire``, the set point is at the limit of slip: as soon as the
-        wheel slips, it accelerates on its own, not with the robot.
+        wheel slips, it accelerates on its own, not with the robot. The input is then between
+        zero, the commanded speed and the input without ``tire``: even a wheel that finds no
+        friction at all does not leave the command.
         """
         self._expect(now_ns)
         before, self._load = self.velocity, 0.0
@@ -68,10 +69,15 @@ class SpeedReference:
             faster = _limited(before, set_point, dt, (
                 acceleration, model.slipping_deceleration(deceleration, tire.torque)))
             if tire.slips(faster, set_point):
+                bounds = 0.0, tire.command, model.input_speed(before, self.velocity, dt)
                 self.velocity, model = faster, model.slipping()
-                self._load = model.load_speed(tire.torque_at(faster))
+                self._input, self._lag = model.input_speed(before, faster, dt), model.time_constant
+                wanted = self._input + model.load_speed(tire.torque_at(faster))
+                applied = min(max(wanted, min(bounds)), max(bounds))
+                self._load = applied - self._input
+                return applied
         self._input, self._lag = model.input_speed(before, self.velocity, dt), model.time_constant
-        return self._input + self._load
+        return self._input
 
     def limit_input(self, input_speed: float) -> None:
         """

@@ -29,6 +29,8 @@ class TireLoad:
     speed: float          # rad/s, of the wheel if it rolled without slip
     torque: float         # N m, of the force on a sliding wheel: mu F_z r
     critical_slip: float  # -
+    speed_sigma: float    # rad/s, standard deviation of ``speed``
+    command: float        # rad/s, commanded wheel speed; the feed-forward does not leave it
 
     def slips(self, speed: float, set_point: float) -> bool:
         """Return whether a wheel at ``speed`` [rad/s] slips, in the direction of a set point."""
@@ -38,7 +40,8 @@ class TireLoad:
         """
         Return the torque [N m] of the tire force against a wheel at ``speed`` [rad/s], B(22).
 
-        >>> TireLoad(speed=9.0, torque=0.5, critical_slip=0.2).torque_at(10.0)
+        >>> tire = TireLoad(9.0, torque=0.5, critical_slip=0.2, speed_sigma=0.0, command=20.0)
+        >>> tire.torque_at(10.0)
         0.4375
         """
         return math.copysign(self.torque * self._force_share(speed), speed - self.speed)
@@ -47,7 +50,7 @@ class TireLoad:
         """
         Return the speed [rad/s] at which a wheel has a ``share`` of its force at ``speed``.
 
-        >>> tire = TireLoad(speed=9.0, torque=0.5, critical_slip=0.2)
+        >>> tire = TireLoad(9.0, torque=0.5, critical_slip=0.2, speed_sigma=0.1, command=20.0)
         >>> round(tire.torque_at(tire.with_share(10.0, 0.5)) / tire.torque_at(10.0), 9)
         0.5
         """
@@ -58,7 +61,8 @@ class TireLoad:
 
     def slip_share(self, speed: float) -> float:
         """Return the slip of a wheel at ``speed`` [rad/s] over the critical slip, 0 or more."""
-        return abs(speed - self.speed) / (max(abs(speed), MIN_SPEED) * self.critical_slip)
+        return abs(speed - self.speed) / (
+            max(abs(speed), MIN_SPEED) * self.critical_slip + self.speed_sigma)
 
     def _force_share(self, speed: float) -> float:
         """Return the force over that of a sliding wheel, 0 to 1."""

@@ -20,31 +20,38 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 import math
 
+from smart_tire.control.ground_knowledge import GroundKnowledge, Measured
 from smart_tire.control.ground_speed import GroundSpeed, Motion, Onset
-from smart_tire.control.slip_band import (
-    lowered, most_held, share_within, slip_band, stopping_speed)
-from smart_tire.control.slip_limit import (
-    expected_friction, GroundKnowledge, Sides, wheel_grounds, WheelGround)
+from smart_tire.control.shown_friction import MAX_RESISTANCE, ShownFriction
+from smart_tire.control.slip_band import bounded, share_within, slip_band
 from smart_tire.control.tire_load import TireLoad
 from smart_tire.control.yaw_control import yaw_deviation, YawControl
 from smart_tire.models.constants import GRAVITY
 from smart_tire.models.vehicle.skid_steer import AXLE_SIGNS, normal_loads, SIDE_SIGNS
 from smart_tire.parameters.control import TractionParams
 from smart_tire.parameters.robot import RobotParams
-from smart_tire.samples import Four, Friction, LEFT, NS_PER_S, Odometry, RIGHT, WHEELS
+from smart_tire.samples import Four, Friction, LEFT, Odometry, RIGHT, WHEELS, WheelSample
+from smart_tire.uncertain import fused, Uncertain
 
 NOT_SLIPPING = (None,) * len(WHEELS)
 AXLES = (0, 1), (2, 3)   # indices into WHEELS
 SIDES = tuple(map(float, SIDE_SIGNS))
 ENDS = tuple(map(float, AXLE_SIGNS))
 MAX_ACCELERATION = GRAVITY  # m/s2, of the robot on ground of unknown friction
-MAX_PERIOD = 0.1            # s, of the controller
-RESISTANCE = 0.2            # -, rolling resistance and slope that add to friction, at most
+PRIOR_SIGMA = 0.15          # -, of the friction coefficient of unknown ground; assumed
+MAX_STIFFENING = 1.3        # C_x of any ground over that of the tire: three sigma
+PRIOR_RELATIVE_SIGMA = 0.5  # of the critical slip of unknown ground; assumed
+CONFIRMED = 1.2             # friction used over that shown, at most; error of the force
+MAX_ONSET_WEIGHT = 0.3                # weight of an onset, below which estimates show the friction
+MIN_CRITICAL_SLIP = 1e-3    # -, lower limit in denominators
 MIN_SHARE = 0.5             # of a slip limit that remains for the longitudinal slip
 ONSET_DELAY = 0.05          # s, from an onset until the robot accelerates
 LEAD_PERIODS = 1.0          # periods from a set point to the mean wheel speed it causes
 MIN_SLIP_SHARE = 0.3        # of critical slip, down to which a wheel that was limited slips
 MIN_EXCESS = 0.1            # m/s, sum of wanted minus limited rolling speeds that is an onset
+
+
+Side = tuple[Measured, float] | None  # latest measurement of the ground, and its weight
 
 
 @dataclass(frozen=True)
@@ -54,15 +61,26 @@ class TractionState:
     reason: str = 'no odom'          # why it was not active, '' if it was
     limiting: bool = False           # whether set points were changed
     slip_limit: float = math.nan     # -, smallest one of the wheels
-    friction: float = math.nan       # -, smallest one assumed; NaN where unknown
+    friction: float = math.nan       # -, that the robot has shown or is expected to show
     limited_steps: int = 0           # steps in which set points were changed, since the start
+
+
+@dataclass(frozen=True)
+class WheelGround:
+    """Ground under one wheel."""
+
+    limit: float     # -, total slip aimed at
+    critical: float  # -, critical slip expected
+    friction: float  # N, force of a sliding wheel: mu F_z
 
 
 class TractionControl:
     """
     Limits set points of the wheel speeds; all times are nanoseconds of the message clock.
 
-    Without recent estimates of the motion of the robot set points are not changed.
+    Whatever the estimates are, a set point is between zero and the command, or on its way there
+    (``slip_band.bounded``). Without recent estimates of the motion of the robot set points are
+    not changed.
     """
 
     def __init__(self, params: TractionParams, robot: RobotParams) -> None:
@@ -70,83 +88,134 @@ class TractionControl:
         self.state = TractionState()
         self._robot = robot
         self._ground, self._motion = GroundKnowledge(), GroundSpeed()
+        self._shown = ShownFriction(robot, params.unknown_friction)
         # of the latest step, for the feed-forward; None for wheels that do not slip
         self.tires: tuple[TireLoad | None, ...] = NOT_SLIPPING
         self._onset, self._direction = Onset(), 0
-        self._held: Four = (0.0, 0.0, 0.0, 0.0)  # rad/s, most that may be held while stopping
+        self._latest: Four | None = None  # rad/s, set points of the latest step
         self._ratio = 0.0                # difference over sum of the sides, latest command
         self._yaw = YawControl(0.5 * robot.track_width / robot.yaw_inertia)
-        self._limited_ns: int | None = None
         # m, between wheels that roll without longitudinal force in a turn (isotropic tires)
         self._rolling_track = robot.track_width + robot.wheelbase ** 2 / robot.track_width
 
     def update_odometry(self, odometry: Odometry) -> None:
-        """Add an estimate of the motion of the robot; one that is not finite is ignored."""
-        before_ns = self._motion.stamp_ns
-        if (self._motion.update(odometry, self.params.acceleration_filter)
-                and before_ns is not None and odometry.stamp_ns < before_ns):
-            self._ground.clear()  # a new clock: another run
+        """Add an estimate of the motion of the robot; one that is not plausible is ignored."""
+        before_ns, before = self._motion.stamp_ns, self._motion.distance
+        if self._motion.update(odometry, self.params.acceleration_filter):
+            if before_ns is not None and odometry.stamp_ns < before_ns:
+                self._ground.clear()  # a new clock: another run
+            self._ground.drive(self._motion.distance - before, odometry.stamp_ns)
 
     def update_friction(self, friction: Friction) -> None:
         """Add the friction of one patch crossing."""
-        self._ground.update(friction, self._motion.distance_at(friction.stamp_ns))
+        self._ground.update(
+            friction, self._motion.distance - self._motion.distance_at(friction.stamp_ns))
 
-    def limit(self, set_points: Four, now_ns: int) -> Four:
-        """Return ``set_points`` [rad/s], limited at time ``now_ns``."""
-        period, before_tires, self.tires = self._period(now_ns), self.tires, NOT_SLIPPING
+    def update_wheels(self, wheels: WheelSample) -> None:
+        """Add wheel speeds and motor torques."""
+        self._shown.update_wheels(wheels)
+
+    def reset(self) -> None:
+        """Forget the set points: the motors do not follow them."""
+        self._latest, self.tires = None, NOT_SLIPPING
+        self._direction = 0
+
+    def limit(self, set_points: Four, now_ns: int, period: float) -> Four:
+        """Return ``set_points`` [rad/s], limited at ``now_ns`` for a control ``period`` [s]."""
+        limited: Four = set_points
+        tires: Sequence[TireLoad] = ()
         if reason := self._inactive(now_ns):
             self._report(reason)
-            self._held = set_points
+            self._direction = 0
             self._yaw.reset()
-            return set_points
-        sides = self._ground.on_sides(self._motion.distance, self.params.max_distance)
-        radius = self._robot.wheel_radius
+        else:
+            limited, tires = self._limited(set_points, now_ns, period)
+        step = self.params.min_deceleration * period / self._robot.wheel_radius
+        a, b, c, d = map(bounded, limited, set_points, self._latest or set_points, (step,) * 4)
+        self._latest = a, b, c, d
+        self.tires = tuple(
+            tire if speed != target or (before is not None and target != 0.0
+                                        and tire.slip_share(target) > MIN_SLIP_SHARE) else None
+            for tire, before, speed, target in zip(tires, self.tires, self._latest, set_points)
+        ) or NOT_SLIPPING
+        return self._latest
+
+    def _limited(self, set_points: Four, now_ns: int, period: float) -> tuple[
+            Four, list[TireLoad]]:
+        """Return the set points [rad/s] with slips within their limits, and the tires there."""
+        sides, radius = self._sides(), self._robot.wheel_radius
         a, b, c, d = (radius * speed for speed in set_points)
         wanted = a, b, c, d
         limited, motion, grounds = self._predicted_limit(wanted, now_ns, period, sides)
         if self._begins(sum(wanted) - sum(limited), now_ns, sides):
             limited, motion, grounds = self._predicted_limit(wanted, now_ns, period, sides)
-        tires = [self._tire(*one, motion) for one in enumerate(grounds)]
+        elif self._direction and motion.unseen < MAX_ONSET_WEIGHT:
+            self._shown.update(motion.measured, motion.v_x, period)
+        self._shown.update_resistance(motion.measured, motion.v_x, period)
+        tires = [self._tire(*one, motion) for one in zip(range(4), grounds, set_points)]
         if limited == wanted:
             self._yaw.reset()
         else:
             limited = self._balanced(limited, tires, motion, now_ns, period)
-            limited = self._stopping(limited, wanted, period)
-        slipping = [speed != target or (
-            before is not None and target != 0.0
-            and tire.slip_share(speed / radius) > MIN_SLIP_SHARE)
-            for tire, before, speed, target in zip(tires, before_tires, limited, wanted)]
-        self.tires = tuple(tire if slips else None for tire, slips in zip(tires, slipping))
-        self._held = most_held(self._held, wanted, limited, self._step(period), radius)
-        self._report('', limited != wanted, min(ground.limit for ground in grounds), sides)
+        self._report('', limited != wanted, min(ground.limit for ground in grounds))
         a, b, c, d = (speed / radius for speed in limited)
-        return (a, b, c, d) if self.state.limiting else set_points
+        return (a, b, c, d) if self.state.limiting else set_points, tires
 
-    def _stopping(self, speeds: Four, wanted: Four, period: float) -> Four:
-        """Return the rolling speeds [m/s] of wheels that stop, whatever the estimates."""
-        radius, step = self._robot.wheel_radius, self._step(period)
-        a, b, c, d = (stopping_speed(speed, target, lowered(radius * held, step))
-                      for speed, target, held in zip(speeds, wanted, self._held))
-        return a, b, c, d
+    def _sides(self) -> tuple[Side, Side]:
+        """Return the ground of the left and the right side; one without films has the other's."""
+        left, right = (self._ground.latest(side, self.params) for side in (LEFT, RIGHT))
+        return left or right, right or left
 
-    def _step(self, period: float) -> float:
-        """Return the change of speed [m/s] of a wheel that stops, whatever the estimates."""
-        return self.params.min_deceleration * period
-
-    def _predicted_limit(self, wanted: Four, now_ns: int, period: float, sides: Sides) -> tuple[
-            Four, Motion, tuple[WheelGround, ...]]:
+    def _predicted_limit(self, wanted: Four, now_ns: int, period: float,
+                         sides: tuple[Side, Side]) -> tuple[Four, Motion, list[WheelGround]]:
         """Return limited rolling speeds [m/s], and the motion and the ground for them."""
+        bound = MAX_ACCELERATION if None in sides else GRAVITY * (MAX_RESISTANCE + max(
+            sum(self._friction(side)) for side in sides))
         motion = self._motion.predicted(
-            now_ns, LEAD_PERIODS * period + self.params.lead, self._onset,
-            _acceleration_bound(sides, self.params))
+            now_ns, LEAD_PERIODS * period + self.params.lead, self._onset, bound)
         assert motion is not None  # else it was inactive
-        grounds = wheel_grounds(sides, self._loads(motion), motion.acceleration, self.params)
+        grounds = [self._wheel_ground(sides[i % 2], load)
+                   for i, load in enumerate(self._loads(motion))]
         return self._within(wanted, motion, grounds), motion, grounds
 
-    def _tire(self, wheel: int, ground: WheelGround, motion: Motion) -> TireLoad:
+    def _friction(self, side: Side) -> Uncertain:
+        """Return the friction [-] measured on a side, fused with that of unknown ground."""
+        prior = Uncertain(self.params.unknown_friction, PRIOR_SIGMA)
+        if side is None:
+            return prior
+        measured, weight = side
+        mean, sigma = fused(prior, measured.friction)
+        return Uncertain(prior.value + weight * (mean - prior.value), sigma)
+
+    def _wheel_ground(self, side: Side, load: float) -> WheelGround:
+        """
+        Return the ground under a wheel with its load [N].
+
+        The critical slip is 3 mu F_z / C_x, with the friction that the robot shows and the
+        stiffness of the tire; it is fused with the measured one, in so far as the robot confirms
+        the friction that was measured with it.
+        """
+        params, shown = self.params, self._shown.value
+        per_friction = 3.0 * load / self._robot.tire.longitudinal_stiffness
+        critical = Uncertain(shown * per_friction, PRIOR_RELATIVE_SIGMA * shown * per_friction)
+        friction = shown
+        if side is not None:
+            measured, weight = side
+            friction = min(self._friction(side).value, CONFIRMED * shown)
+            confirmed = min(CONFIRMED * shown / measured.friction.value, 1.0)
+            slip, sigma = measured.per_load
+            if math.isfinite(slip):
+                slip = max(slip * load, measured.friction.value * per_friction / MAX_STIFFENING)
+                mean, sigma = fused(critical, Uncertain(confirmed * slip, sigma * load))
+                critical = Uncertain(critical.value + weight * (mean - critical.value), sigma)
+        bound = max(critical.value - params.sigmas * critical.sigma, 0.0)
+        return WheelGround(min(params.share * bound, params.max_slip),
+                           max(critical.value, MIN_CRITICAL_SLIP), friction * load)
+
+    def _tire(self, wheel: int, ground: WheelGround, command: float, motion: Motion) -> TireLoad:
         radius = self._robot.wheel_radius
         return TireLoad(self._free_rolling(wheel, motion) / radius, radius * ground.friction,
-                        ground.critical)
+                        ground.critical, motion.v_x_sigma / radius, command)
 
     def _balanced(self, speeds: Four, tires: Sequence[TireLoad], motion: Motion, now_ns: int,
                   period: float) -> Four:
@@ -166,13 +235,14 @@ class TractionControl:
                       for i, (speed, tire) in enumerate(zip(speeds, tires)))
         return a, b, c, d
 
-    def _begins(self, excess: float, now_ns: int, sides: Sides) -> bool:
+    def _begins(self, excess: float, now_ns: int, sides: tuple[Side, Side]) -> bool:
         """Return whether the robot begins to accelerate or to brake at the limit."""
         direction = (excess > MIN_EXCESS) - (excess < -MIN_EXCESS)
         begins = direction not in (0, self._direction)
         if begins:
-            friction = _expected_friction(sides, self.params)
-            self._onset = Onset(now_ns, direction * GRAVITY * friction,
+            self._shown.begin(self._shown.value if None in sides else min(
+                self._friction(side).value for side in sides))
+            self._onset = Onset(now_ns, direction * GRAVITY * self._shown.value,
                                 self.params.acceleration_filter + ONSET_DELAY)
         self._direction = direction
         return begins
@@ -186,22 +256,16 @@ class TractionControl:
             return 'no odom'
         return '' if abs(age) <= self.params.max_age else f'odom is {age:.2f} s old'
 
-    def _report(self, reason: str, limiting: bool = False, slip: float = math.nan,
-                sides: Sides = (None, None)) -> None:
-        friction = [one.friction.value for one in sides if one is not None]
-        self.state = TractionState(reason, limiting, slip, min(friction, default=math.nan),
+    def _report(self, reason: str, limiting: bool = False, slip: float = math.nan) -> None:
+        self.state = TractionState(reason, limiting, slip, self._shown.value,
                                    self.state.limited_steps + limiting)
-
-    def _period(self, now_ns: int) -> float:
-        before, self._limited_ns = self._limited_ns, now_ns
-        elapsed = 0.0 if before is None else (now_ns - before) / NS_PER_S
-        return min(max(elapsed, 0.0), MAX_PERIOD)
 
     def _loads(self, motion: Motion) -> Four:
         robot = self._robot
+        lateral = min(max(motion.v_x * motion.yaw_rate, -MAX_ACCELERATION), MAX_ACCELERATION)
         a, b, c, d = normal_loads(
             robot.mass, robot.center_of_mass, robot.wheelbase, robot.track_width,
-            motion.acceleration, motion.v_x * motion.yaw_rate, radius=robot.wheel_radius).tolist()
+            motion.acceleration, lateral, radius=robot.wheel_radius).tolist()
         return a, b, c, d
 
     def _within(self, wanted: Four, motion: Motion, grounds: Sequence[WheelGround]) -> Four:
@@ -248,16 +312,3 @@ class TractionControl:
         slip = math.sqrt(max(limit ** 2 - lateral_slip ** 2, (MIN_SHARE * limit) ** 2))
         slip = max(slip - margin, MIN_SHARE * limit)
         return slip_band(speed, slip, self.params.floor)
-
-
-def _acceleration_bound(sides: Sides, params: TractionParams) -> float:
-    """Return the largest acceleration [m/s2] that friction permits."""
-    if None in sides:
-        return MAX_ACCELERATION
-    return GRAVITY * (RESISTANCE + max(
-        sum(expected_friction(side, params)) for side in sides))
-
-
-def _expected_friction(sides: Sides, params: TractionParams) -> float:
-    """Return the friction [-] expected: that of the lower side."""
-    return min(expected_friction(side, params).value for side in sides)

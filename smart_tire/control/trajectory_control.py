@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from enum import IntEnum
 
-from smart_tire.control.friction_limit import FrictionLimit
+from smart_tire.control.ground_knowledge import GroundKnowledge
 from smart_tire.control.motion_limits import command_share, motion_limits
 from smart_tire.control.motion_monitor import MotionMonitor
 from smart_tire.control.odometry_check import OdometryCheck
@@ -59,7 +59,7 @@ class TrajectoryControl:
     def __init__(self, params: TrajectoryControllerParams) -> None:
         self.params = params  # may be replaced at run time
         self._kinematics = SlipKinematics(params)
-        self._friction = FrictionLimit()
+        self._friction = GroundKnowledge()
         self._motion = MotionMonitor()
         self._odometry_check = OdometryCheck(params.robot)
         self._target: PlannedPath | GoalPose | None = None  # until the first odometry after it
@@ -97,7 +97,8 @@ class TrajectoryControl:
 
     def update_odometry(self, odometry: Odometry, now_ns: int) -> None:
         """Add the latest pose and velocity."""
-        self._friction.drive(self._motion.update(odometry, self.params.checks))
+        self._friction.drive(
+            self._motion.update(odometry, self.params.checks), odometry.stamp_ns)
         self._odometry_check.add_motion(self._motion.measured(), odometry.stamp_ns)
         self._kinematics.update_odometry(odometry)
 

@@ -105,20 +105,23 @@ class WheelControl:
                   and not self.emergency_stop)
         set_points = self._limited(velocity) if velocity is not None and driven else STOPPED
         if driven and stamp_ns is not None:
-            set_points = self.traction.limit(set_points, stamp_ns)
+            set_points = self.traction.limit(set_points, stamp_ns, dt)
+        else:
+            self.traction.reset()
         if not driven or not self.has_measurement(now_ns):
             self._reset()
             return set_points, STOPPED
         if not self.motors_enabled:
             self._reset()
-        tires = self.traction.tires if driven and stamp_ns is not None else (None,) * 4
-        a, b, c, d = (servo.update(set_point, self._feedback, dt, now_ns, tire)
-                      for servo, set_point, tire in zip(self._servos, set_points, tires))
+        a, b, c, d = (
+            servo.update(set_point, self._feedback, dt, now_ns, tire)
+            for servo, set_point, tire in zip(self._servos, set_points, self.traction.tires))
         return set_points, (a, b, c, d)
 
     def _reset(self) -> None:
         for servo in self._servos:
             servo.reset()
+        self.traction.reset()
 
     def _limited(self, velocity: Sequence[float]) -> Four:
         excess = max(max(map(abs, velocity)) / self._params.max_wheel_speed, 1.0)

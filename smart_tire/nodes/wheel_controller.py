@@ -114,6 +114,7 @@ class WheelController(SmartTireNode[WheelControllerParams]):
     def _on_wheels(self, sample: WheelSample, received_ns: int) -> None:
         self._control.update_measurement(sample.velocity, received_ns, sample.stamp_ns,
                                          sample.position)
+        self._control.traction.update_wheels(sample)
 
     def _on_wheel_conflict(self, reason: str) -> None:
         if reason:

@@ -82,10 +82,8 @@ class TractionParams:
     sigmas: float = param(
         0.25, '-', 'standard deviations from the critical slip to its lower bound',
         low=0.0, high=5.0, live=True)
-    unknown_slip: float = param(
-        0.23, '-', 'slip limit on ground that no film has measured', low=0.02, high=0.9, live=True)
     unknown_friction: float = param(
-        0.15, '-', 'friction coefficient of unknown ground until the robot shows more',
+        0.18, '-', 'friction coefficient of unknown ground until the robot shows more',
         low=0.0, high=2.0, live=True)
     max_slip: float = param(
         0.6, '-', 'maximum slip limit on any ground', low=0.02, high=0.9, live=True)
@@ -102,9 +100,12 @@ class TractionParams:
         0.05, 's', 'time constant of the acceleration from odom', low=0.0, high=1.0, live=True)
     max_age: float = param(
         0.3, 's', 'no limit while odom is older', low=0.05, high=5.0, live=True)
-    max_distance: float = param(
-        5.0, 'm', 'distance after which measured ground counts as unknown',
-        low=0.0, high=1e3, live=True)
+    fade_distance: float = param(
+        5.0, 'm', 'distance in which the weight of measured ground decreases to 1/e', low=0.05,
+        high=1e3, live=True)
+    fade_time: float = param(
+        30.0, 's', 'time in which the weight of measured ground decreases to 1/e', low=1.0,
+        high=3600.0, live=True)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -102,6 +102,9 @@ class FrictionLimitParams:
     fade_distance: float = param(
         2.0, 'm', 'distance in which the weight of an estimate decreases to 1/e', low=0.05,
         high=1e3, live=True)
+    fade_time: float = param(
+        30.0, 's', 'time in which the weight of an estimate decreases to 1/e', low=1.0,
+        high=3600.0, live=True)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,8 +20,8 @@ import pytest
 from smart_tire.control.tire_load import TireLoad
 from smart_tire.models.tire.brush_tire import brush_force
 
-FORWARD = TireLoad(speed=10.0, torque=0.5, critical_slip=0.3)
-REVERSE = TireLoad(speed=-10.0, torque=0.5, critical_slip=0.3)
+FORWARD = TireLoad(speed=10.0, torque=0.5, critical_slip=0.3, speed_sigma=0.0, command=20.0)
+REVERSE = TireLoad(speed=-10.0, torque=0.5, critical_slip=0.3, speed_sigma=0.0, command=20.0)
 
 
 @pytest.mark.parametrize('speed', [4.0, 8.0, 9.9, 10.0, 10.5, 12.0, 14.0, 20.0])
@@ -36,11 +36,11 @@ def test_the_torque_is_that_of_the_brush_tire_against_driving_and_braking_wheels
 def test_a_locked_wheel_and_one_against_the_motion_slide():
     assert FORWARD.torque_at(0.0) == -0.5
     assert FORWARD.torque_at(-3.0) == -0.5
-    assert TireLoad(0.0, 0.5, 0.3).torque_at(0.0) == 0.0
+    assert TireLoad(0.0, 0.5, 0.3, 0.0, 20.0).torque_at(0.0) == 0.0
 
 
 def test_near_standstill_the_slip_refers_to_a_minimum_speed():
-    assert TireLoad(0.0, 0.5, 0.3).slip_share(0.03) == pytest.approx(0.5)
+    assert TireLoad(0.0, 0.5, 0.3, 0.0, 20.0).slip_share(0.03) == pytest.approx(0.5)
 
 
 @pytest.mark.parametrize('tire, speed, set_point, slips', [
@@ -64,3 +64,11 @@ def test_a_share_of_the_force_is_that_at_the_returned_speed(tire, factor, share)
 
 def test_the_whole_force_does_not_change_the_speed_at_all():
     assert FORWARD.with_share(17.3, 1.0) == 17.3
+
+
+def test_the_force_is_continuous_and_small_where_the_speed_is_uncertain():
+    sure, unsure = (TireLoad(10.0, 2.0, 0.01, sigma, 20.0) for sigma in (0.0, 1.0))
+    assert sure.torque_at(10.1) == pytest.approx(2.0, rel=1e-3)
+    assert abs(unsure.torque_at(10.1)) < 0.6
+    steps = [unsure.torque_at(9.0 + 0.01 * step) for step in range(201)]
+    assert all(0.0 < after - before < 0.06 for before, after in zip(steps, steps[1:]))

@@ -22,9 +22,7 @@ import math
 import pytest
 
 from smart_tire.control import ground_speed
-from smart_tire.control.slip_band import slip_band, stopping_speed
-from smart_tire.control.slip_limit import (
-    expected_friction, Measured, prior_critical_slip, slip_limit, wheel_grounds)
+from smart_tire.control.slip_band import slip_band
 from smart_tire.control.traction import TractionControl
 from smart_tire.control.wheel_control import WheelControl
 from smart_tire.models.constants import GRAVITY
@@ -33,10 +31,14 @@ from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import Friction, NS_PER_S, Odometry
 from smart_tire.uncertain import Uncertain, UNKNOWN
 
-ROBOT = RobotParams()
-RADIUS, LOAD = ROBOT.wheel_radius, ROBOT.mass * GRAVITY / 4.0
-PARAMS = TractionParams(enabled=True, share=0.5, sigmas=1.0, unknown_slip=0.1, floor=0.02,
-                        unknown_friction=0.0, lead=0.0)
+RADIUS = RobotParams().wheel_radius
+ROBOT = RobotParams(center_of_mass=(0.0, 0.0, -RADIUS))  # its wheel loads do not change
+LOAD = ROBOT.mass * GRAVITY / 4.0
+STIFFNESS = ROBOT.tire.longitudinal_stiffness
+UNKNOWN_FRICTION = 0.4 * STIFFNESS / (3.0 * LOAD)  # critical slip 0.4 +- 0.2: a limit of 0.1
+MEASURED = 0.5 * (0.4 - (0.2 ** -2 + (0.04 * 0.4) ** -2) ** -0.5)  # limit: critical slip 0.4
+PARAMS = TractionParams(enabled=True, share=0.5, sigmas=1.0, floor=0.02,
+                        unknown_friction=UNKNOWN_FRICTION, lead=0.0)
 NOW_NS = 1_000 * NS_PER_S
 NO_COVARIANCE = (0.0,) * 36
 FAST, REVERSE, STOPPED = (20.0,) * 4, (-20.0,) * 4, (0.0,) * 4
@@ -52,7 +54,9 @@ def odometry(v_x=1.0, *, stamp_ns=NOW_NS, v_y=0.0, yaw_rate=0.0, sigma=0.0):
                     (0.0, 0.0, yaw_rate), NO_COVARIANCE, (sigma ** 2, *NO_COVARIANCE[1:]))
 
 
-def friction(critical=0.4, sigma=0.0, *, wheel='front_right', stamp_ns=NOW_NS, load=LOAD, mu=0.0):
+def friction(critical=0.4, sigma=0.0, *, wheel='front_right', stamp_ns=NOW_NS, load=LOAD, mu=None):
+    """Return a crossing; by default with the friction of tires of the nominal stiffness."""
+    mu = critical * STIFFNESS / (3.0 * LOAD) if mu is None else mu
     return Friction(stamp_ns, wheel, critical_slip=Uncertain(critical, sigma),
                     normal_load=Uncertain(load, 0.0), friction_coefficient=Uncertain(mu, 0.0))
 
@@ -61,16 +65,16 @@ def control(*samples, params=PARAMS, v_x=1.0, held=None):
     """Return traction control that has received samples, after wheels turned at ``held``."""
     traction = TractionControl(params, ROBOT)
     traction.update_odometry(odometry(v_x))
-    traction.limit((v_x / RADIUS if held is None else held,) * 4, NOW_NS)
+    traction.limit((v_x / RADIUS if held is None else held,) * 4, NOW_NS, 0.0)
     for sample in samples:
         (traction.update_odometry if isinstance(sample, Odometry)
          else traction.update_friction)(sample)
     return traction
 
 
-def rolling(traction, set_points, now_ns=NOW_NS):
+def rolling(traction, set_points, now_ns=NOW_NS, period=0.0):
     """Return the limited rolling speeds [m/s]."""
-    return [RADIUS * speed for speed in traction.limit(set_points, now_ns)]
+    return [RADIUS * speed for speed in traction.limit(set_points, now_ns, period)]
 
 
 def test_driving_and_braking_slip_have_the_limit_in_both_directions():
@@ -102,27 +106,23 @@ def test_the_band_is_continuous_through_standstill_and_odd(floor):
 
 def test_set_points_within_the_limit_are_not_changed_at_all():
     traction = control()
-    assert traction.limit((12.0, 12.1, 12.2, 12.3), NOW_NS) == (12.0, 12.1, 12.2, 12.3)
+    assert traction.limit((12.0, 12.1, 12.2, 12.3), NOW_NS, 0.0) == (12.0, 12.1, 12.2, 12.3)
     assert not traction.state.limiting
     assert traction.state.limited_steps == 0
-    traction.limit(FAST, NOW_NS)
+    traction.limit(FAST, NOW_NS, 0.0)
     assert traction.state.limiting
     assert traction.state.limited_steps == 1
 
 
 def test_measured_ground_counts_for_all_wheels_and_its_share_is_aimed_at():
     traction = control(friction(0.4))
-    assert rolling(traction, FAST) == pytest.approx([1.0 / 0.8] * 4, rel=1e-6)
-    assert traction.state.slip_limit == pytest.approx(0.2)
-    traction.update_friction(friction(0.4, wheel='front_left', mu=0.3))
-    traction.update_friction(friction(0.4, mu=0.2))
-    traction.limit(FAST, NOW_NS)
-    assert traction.state.friction == 0.2
+    assert rolling(traction, FAST) == pytest.approx([1.0 / (1.0 - MEASURED)] * 4, rel=1e-6)
+    assert traction.state.slip_limit == pytest.approx(MEASURED)
 
 
 def test_the_critical_slip_is_proportional_to_the_load_of_the_wheel():
-    assert rolling(control(friction(0.4, load=2.0 * LOAD)), FAST) == pytest.approx(
-        [1.0 / 0.9] * 4, rel=1e-6)
+    found = control(friction(0.4, load=2.0 * LOAD, mu=0.5 * UNKNOWN_FRICTION))
+    assert rolling(found, FAST) == pytest.approx([1.0 / (1.0 - 0.5 * MEASURED)] * 4, rel=2e-3)
 
 
 def accelerating(v_x, samples=40):
@@ -132,54 +132,38 @@ def accelerating(v_x, samples=40):
 
 
 def test_a_wheel_that_acceleration_relieves_gets_less_slip():
-    traction = TractionControl(PARAMS, ROBOT)
+    traction = TractionControl(PARAMS, RobotParams())
     for sample in accelerating(1.0):
         traction.update_odometry(sample)
-    traction.update_friction(friction(0.4, mu=1.25 / GRAVITY))
+    traction.update_friction(friction(0.4))
     front, front_right, rear, rear_right = rolling(traction, FAST)
     assert front == front_right < 0.98 * rear
     assert rear == rear_right
-    assert 1.0 - 1.0 / rear == pytest.approx(0.2 * (1.0 + 1.25 * 0.11 / 0.26 / GRAVITY * 2.0),
-                                             rel=0.02)
+    assert 1.0 - 1.0 / rear == pytest.approx(
+        MEASURED * (1.0 + UNKNOWN_FRICTION * 0.11 / 0.26 * 2.0), rel=0.02)
 
 
 @pytest.mark.parametrize('sigma', [0.06, 0.3, 3.0])
-def test_an_uncertain_critical_slip_is_fused_with_the_prior_and_taken_at_its_lower_bound(sigma):
-    """Prior: 0.4 +- 0.2, whose lower bound gives the limit of unknown ground, 0.1."""
-    value = (0.4 / 0.2 ** 2 + 0.6 / sigma ** 2) / (0.2 ** -2 + sigma ** -2)
-    bound = value - (0.2 ** -2 + sigma ** -2) ** -0.5
+def test_an_uncertain_critical_slip_is_fused_with_that_of_the_friction_and_the_tire(sigma):
     traction = control(friction(0.6, sigma))
-    traction.limit(FAST, NOW_NS)
-    assert traction.state.slip_limit == pytest.approx(0.5 * bound, rel=1e-6)
-
-
-def test_the_lower_bound_of_the_critical_slip_is_positive():
-    params = replace(PARAMS, sigmas=3.0)
-    assert slip_limit(Uncertain(0.4, 0.05), params) == pytest.approx(0.125)
-    assert slip_limit(Uncertain(0.4, 0.4), params) == pytest.approx(0.02)
-    assert prior_critical_slip(1.0, params).value == pytest.approx(2.0)
+    traction.limit(FAST, NOW_NS, 0.0)
+    expected = 0.4 * traction.state.friction / UNKNOWN_FRICTION
+    value = (expected / (0.5 * expected) ** 2 + 0.6 / sigma ** 2) / (
+        (0.5 * expected) ** -2 + sigma ** -2)
+    bound = value - ((0.5 * expected) ** -2 + sigma ** -2) ** -0.5
+    assert traction.state.slip_limit == pytest.approx(0.5 * bound, rel=1e-3)
 
 
 def test_the_limit_is_at_most_the_maximum():
-    assert slip_limit(Uncertain(3.0, 0.0), PARAMS) == PARAMS.max_slip
+    traction = control(params=replace(PARAMS, unknown_friction=1.0, max_slip=0.3))
+    traction.limit(FAST, NOW_NS, 0.0)
+    assert traction.state.slip_limit == 0.3
 
 
-def test_unknown_ground_has_the_limit_of_the_parameters_in_proportion_to_the_load():
-    for wheel, load in enumerate((0.9, 0.9, 1.1, 1.1)):
-        ground = wheel_grounds((None, None), (0.9, 0.9, 1.1, 1.1), 0.0, PARAMS)[wheel]
-        assert ground.limit == pytest.approx(0.1 * load)
-        assert ground.critical == pytest.approx(0.4 * load)
-
-
-def test_friction_is_fused_with_that_of_unknown_ground_which_the_acceleration_shows():
-    params, loads = replace(PARAMS, unknown_friction=0.15), (20.0,) * 4
-    known = Measured(Uncertain(0.01, 0.0), Uncertain(0.45, 0.15), 0.0)
-    grounds = wheel_grounds((known, None), loads, 0.0, params)
-    assert [one.friction for one in grounds] == pytest.approx([6.0, 3.0] * 2)
-    grounds = wheel_grounds((known, None), loads, -0.5 * GRAVITY, params)
-    assert [one.friction for one in grounds] == pytest.approx([6.0, 10.0] * 2)
-    assert expected_friction(
-        replace(known, friction=Uncertain(math.nan, math.inf)), params) == (0.15, 0.15)
+def test_no_ground_makes_the_tire_stiffer_than_it_is():
+    traction = control(friction(0.01, mu=1.0))
+    traction.limit((100.0,) * 4, NOW_NS, 0.0)
+    assert min(tire.critical_slip for tire in traction.tires) > 3.0 * LOAD / STIFFNESS / 1.4
 
 
 @pytest.mark.parametrize('v_x', [1.0, -1.0])
@@ -208,21 +192,22 @@ def test_a_crossing_without_result_leaves_the_ground_unknown(bad):
 
 def test_a_crossing_without_result_does_not_replace_one_with():
     assert rolling(control(friction(0.4), Friction(NOW_NS, 'front_right')), FAST) == (
-        pytest.approx([1.0 / 0.8] * 4, rel=1e-6))
+        pytest.approx([1.0 / (1.0 - MEASURED)] * 4, rel=1e-6))
 
 
 def test_ground_measured_too_far_back_is_unknown():
     driven = [odometry(1.0, stamp_ns=NOW_NS + step * 10_000_000) for step in range(1, 401)]
-    for distance, slip in ((4.5, 0.2), (3.5, 0.1)):
-        traction = control(friction(0.4), *driven, params=replace(PARAMS, max_distance=distance))
+    for distance, slip in ((1.4, MEASURED), (1.3, 0.1)):
+        traction = control(friction(0.4), *driven, params=replace(
+            PARAMS, fade_distance=distance, fade_time=1e3))
         assert rolling(traction, FAST, driven[-1].stamp_ns) == pytest.approx(
-            [1.0 / (1.0 - slip)] * 4, rel=1e-6)
+            [1.0 / (1.0 - slip)] * 4, rel=1e-3)
 
 
 def test_each_side_has_its_ground_and_the_lower_one_decides():
     both = control(friction(0.4, wheel='front_left'), friction(0.2, wheel='front_right'))
-    assert rolling(both, FAST) == pytest.approx([1.0 / 0.9] * 4, rel=1e-6)
-    assert both.state.slip_limit == pytest.approx(0.1)
+    assert rolling(both, FAST) == pytest.approx([1.0 / (1.0 - 0.5 * MEASURED)] * 4, rel=1e-2)
+    assert both.state.slip_limit == pytest.approx(0.5 * MEASURED, rel=0.05)
 
 
 TRACK = 0.38 + 0.26 ** 2 / 0.38  # m, of wheels that roll freely in a turn
@@ -241,7 +226,7 @@ def test_the_commanded_curve_is_kept_while_the_yaw_rate_is_about_the_commanded_o
 
 def test_a_stop_in_a_curve_keeps_the_curve_of_the_command_before():
     traction = control()
-    traction.limit((11.0, 12.0, 11.0, 12.0), NOW_NS)
+    traction.limit((11.0, 12.0, 11.0, 12.0), NOW_NS, 0.0)
     traction.update_odometry(odometry(stamp_ns=NOW_NS + 1, yaw_rate=2.0 / 23.0 / TRACK))
     left, right, *_ = rolling(traction, STOPPED)
     assert left / right == pytest.approx(11.0 / 12.0)
@@ -273,7 +258,7 @@ def test_a_steady_turn_of_a_skid_steer_robot_is_not_limited():
     yaw_rate, track = 0.5, 0.38 + 0.26 ** 2 / 0.38
     traction = control(odometry(0.5, stamp_ns=NOW_NS + 1, yaw_rate=yaw_rate))
     set_points = tuple((0.5 + sign * 0.5 * track * yaw_rate) / RADIUS for sign in (-1, 1, -1, 1))
-    assert traction.limit(set_points, NOW_NS) == set_points
+    assert traction.limit(set_points, NOW_NS, 0.0) == set_points
 
 
 def test_spinning_in_place_is_possible():
@@ -293,19 +278,19 @@ def test_lateral_slip_leaves_less_room_for_longitudinal_slip():
 def test_without_recent_odometry_there_is_no_limit(age, active):
     traction = control()
     now_ns = NOW_NS + round(age * NS_PER_S)
-    assert (traction.limit(FAST, now_ns) != FAST) is active
+    assert (traction.limit(FAST, now_ns, 0.0) != FAST) is active
     assert (not traction.state.reason) is active
-    assert TractionControl(PARAMS, ROBOT).limit(FAST, NOW_NS) == FAST
+    assert TractionControl(PARAMS, ROBOT).limit(FAST, NOW_NS, 0.0) == FAST
 
 
 def test_the_reason_is_reported():
     traction = TractionControl(PARAMS, ROBOT)
     assert traction.state.reason == 'no odom'
     traction.update_odometry(odometry())
-    traction.limit(FAST, NOW_NS + 2 * NS_PER_S)
+    traction.limit(FAST, NOW_NS + 2 * NS_PER_S, 0.0)
     assert traction.state.reason == 'odom is 2.00 s old'
     traction.params = replace(PARAMS, enabled=False)
-    traction.limit(FAST, NOW_NS)
+    traction.limit(FAST, NOW_NS, 0.0)
     assert traction.state.reason == 'disabled'
 
 
@@ -324,16 +309,16 @@ def test_a_clock_that_was_set_back_is_followed_and_the_ground_unknown():
 
 
 def test_the_speed_is_extrapolated_with_the_acceleration_of_the_robot():
-    low = replace(ROBOT, center_of_mass=(0.0, 0.0, -RADIUS))  # its wheel loads do not change
-    traction = TractionControl(replace(PARAMS, lead=0.03, unknown_friction=1.25 / GRAVITY), low)
+    params = replace(PARAMS, lead=0.03, unknown_friction=1.25 / GRAVITY)
+    traction, slip = TractionControl(params, ROBOT), 0.1 * 1.25 / GRAVITY / UNKNOWN_FRICTION
     for sample in accelerating(1.0):
         traction.update_odometry(sample)
     assert rolling(traction, (1.05 / RADIUS,) * 4, NOW_NS + 40_000_000) == (
         pytest.approx([1.05] * 4))  # within the limit: no acceleration is expected
-    speeds = rolling(traction, FAST, NOW_NS + 50_000_000)
+    speeds = rolling(traction, FAST, NOW_NS + 50_000_000, period=0.01)
     # the delay of one period of the controller, too
-    assert speeds == pytest.approx([(1.0 + 1.25 * (0.05 + 0.03 + 0.01)) / 0.9] * 4,
-                                   rel=1e-3)
+    assert speeds == pytest.approx(
+        [(1.0 + 1.25 * (0.05 + 0.03 + 0.01)) / (1.0 - slip)] * 4, rel=1e-3)
 
 
 def test_a_start_is_expected_before_estimates_show_it():
@@ -346,8 +331,8 @@ def test_a_start_is_expected_before_estimates_show_it():
 
 def test_a_crossing_that_is_reported_late_counts_from_its_place():
     """It was 0.5 s, 0.5 m before the present; the robot then drives another 0.3 m."""
-    for distance, slip in ((0.85, 0.2), (0.75, 0.1)):
-        traction = control(params=replace(PARAMS, max_distance=distance))
+    for distance, slip in ((0.85 / 3.0, MEASURED), (0.75 / 3.0, 0.1)):
+        traction = control(params=replace(PARAMS, fade_distance=distance, fade_time=1e3))
         driven = [odometry(1.0, stamp_ns=NOW_NS + step * 10_000_000) for step in range(1, 81)]
         for sample in driven[:50]:
             traction.update_odometry(sample)
@@ -355,7 +340,7 @@ def test_a_crossing_that_is_reported_late_counts_from_its_place():
         for sample in driven[50:]:
             traction.update_odometry(sample)
         assert rolling(traction, FAST, driven[-1].stamp_ns) == pytest.approx(
-            [1.0 / (1.0 - slip)] * 4, rel=1e-6)
+            [1.0 / (1.0 - slip)] * 4, rel=1e-3)
 
 
 def test_the_acceleration_is_at_most_that_of_known_friction():
@@ -364,7 +349,7 @@ def test_the_acceleration_is_at_most_that_of_known_friction():
     for step in range(101):
         traction.update_odometry(odometry(0.04 * step, stamp_ns=NOW_NS + 8_000_000 * step))
         traction.update_friction(friction(0.4, mu=0.1, stamp_ns=NOW_NS + 8_000_000 * step))
-        traction.limit((100.0,) * 4, NOW_NS + 8_000_000 * step)
+        traction.limit((100.0,) * 4, NOW_NS + 8_000_000 * step, 0.0)
     rear = rolling(traction, (100.0,) * 4, NOW_NS + 800_000_000)[2]
     assert 4.0 / 0.8 < rear < (4.0 + GRAVITY * (0.1 + 0.2) * 0.1) / (1.0 - 0.2 * 1.26)
 
@@ -375,12 +360,12 @@ def test_the_latest_measurement_of_a_side_holds():
         traction.update_odometry(odometry(1.0, stamp_ns=NOW_NS + step * 10_000_000))
     traction.update_friction(friction(0.4, wheel='rear_left', stamp_ns=NOW_NS + 100_000_000))
     assert rolling(traction, FAST, NOW_NS + 100_000_000) == pytest.approx(
-        [1.0 / 0.8] * 4, rel=1e-6)
+        [1.0 / (1.0 - MEASURED)] * 4, rel=1e-2)
 
 
 def test_a_stop_begins_at_the_set_points_from_before_the_limit_was_active():
     traction = TractionControl(PARAMS, ROBOT)
-    traction.limit((1.0 / RADIUS,) * 4, NOW_NS)
+    traction.limit((1.0 / RADIUS,) * 4, NOW_NS, 0.0)
     traction.update_odometry(odometry(1.0))
     assert rolling(traction, STOPPED) == pytest.approx([1.0 / 1.1] * 4)
 
@@ -404,8 +389,8 @@ def test_a_stop_ends_at_standstill_whatever_the_odometry_is():
     speeds = []
     for step in range(1, 301):
         traction.update_odometry(odometry(1.0, stamp_ns=NOW_NS + step * period_ns))
-        speeds.append(rolling(traction, STOPPED, NOW_NS + step * period_ns)[0])
-    assert speeds[10] == pytest.approx(1.0 / 1.1)
+        speeds.append(rolling(traction, STOPPED, NOW_NS + step * period_ns, 0.01)[0])
+    assert 0.8 < speeds[3] < speeds[0] == pytest.approx(1.0 / 1.1, rel=0.1)
     assert speeds == sorted(speeds, reverse=True)
     assert speeds[-1] == 0.0
     assert speeds[150] > 0.0
@@ -428,7 +413,7 @@ def test_a_stop_ends_at_standstill_whatever_the_yaw_rate_is(yaw_rate):
     for step in range(1, 301):
         traction.update_odometry(
             odometry(1.0, stamp_ns=NOW_NS + step * period_ns, yaw_rate=yaw_rate))
-        speeds = rolling(traction, STOPPED, NOW_NS + step * period_ns)
+        speeds = rolling(traction, STOPPED, NOW_NS + step * period_ns, 0.01)
     assert speeds == [0.0] * 4
     assert traction.tires == (None,) * 4
 
@@ -436,36 +421,23 @@ def test_a_stop_ends_at_standstill_whatever_the_yaw_rate_is(yaw_rate):
 def test_wheels_have_the_load_of_their_tires_from_the_limit_until_they_hardly_slip():
     traction = control(params=replace(PARAMS, unknown_friction=0.2))
     assert traction.tires == (None,) * 4
-    traction.limit((1.05 / RADIUS,) * 4, NOW_NS)
+    traction.limit((1.05 / RADIUS,) * 4, NOW_NS, 0.0)
     assert traction.tires == (None,) * 4  # within the limit from the beginning
-    traction.limit(FAST, NOW_NS)
+    traction.limit(FAST, NOW_NS, 0.0)
     load = traction.tires[2]
-    assert load.speed == pytest.approx(1.0 / RADIUS)
-    assert load.torque == pytest.approx(0.2 * LOAD * RADIUS, rel=0.2)
-    assert load.critical_slip == pytest.approx(0.4, rel=0.2)
-    traction.limit((1.08 / RADIUS,) * 4, NOW_NS)  # 0.07 of 0.33 or more
+    assert (load.speed, load.command) == (pytest.approx(1.0 / RADIUS), 20.0)
+    assert load.torque == pytest.approx(0.2 * LOAD * RADIUS)
+    assert load.critical_slip == pytest.approx(0.4 * 0.2 / UNKNOWN_FRICTION)
+    traction.limit((1.08 / RADIUS,) * 4, NOW_NS, 0.0)  # 0.074 of 0.30: below the share
     assert traction.tires == (None,) * 4
-    traction.limit(FAST, NOW_NS)
-    traction.params = replace(PARAMS, unknown_slip=0.2, unknown_friction=0.2)
-    traction.limit((1.15 / RADIUS,) * 4, NOW_NS)  # 0.13 of 0.8: below the share
-    assert traction.tires == (None,) * 4
-    traction.params = replace(PARAMS, unknown_friction=0.2)
-    traction.limit(FAST, NOW_NS)
-    traction.params = replace(PARAMS, share=0.9, sigmas=0.0, unknown_slip=0.2)
-    assert traction.limit((1.15 / RADIUS,) * 4, NOW_NS) == pytest.approx((1.15 / RADIUS,) * 4)
+    traction.limit(FAST, NOW_NS, 0.0)
+    traction.params = replace(PARAMS, share=0.9, sigmas=0.0, unknown_friction=0.2)
+    assert traction.limit((1.15 / RADIUS,) * 4, NOW_NS, 0.0) == pytest.approx((1.15 / RADIUS,) * 4)
     assert not traction.state.limiting
-    assert None not in traction.tires  # 0.13 of 0.22
+    assert None not in traction.tires  # 0.13 of 0.30
     traction.params = replace(PARAMS, enabled=False)
-    traction.limit(FAST, NOW_NS)
+    traction.limit(FAST, NOW_NS, 0.0)
     assert traction.tires == (None,) * 4
-
-
-def test_a_stop_never_drives_against_the_motion_of_the_wheel():
-    assert rolling(control(held=5.0, v_x=-1.0), STOPPED) == [0.0] * 4
-    assert rolling(control(held=0.0, v_x=1.0), STOPPED) == [0.0] * 4
-    assert stopping_speed(-0.3, 1.0, 0.5) == 0.0
-    assert stopping_speed(-1.5, -1.0, 0.5) == -1.0
-    assert stopping_speed(0.8, -1.0, 0.5) == 0.5
 
 
 def test_it_can_be_switched_at_run_time_in_the_wheel_controller():

@@ -319,9 +319,10 @@ def test_late_steps_do_not_accelerate_more():
 
 def test_friction_is_used_by_the_follower():
     run = under_way(seconds=0.1)
-    run.control.update_friction(Friction(0, 'front_left', Uncertain(0.02, 0.0)))
+    run.control.update_friction(Friction(run.now_ns, 'front_left', Uncertain(0.02, 0.0)))
     before = run.step().v_x
-    allowed = 0.6 * 0.7 * 0.02 * 9.81
+    faded = 0.3 + math.exp(-0.1 / 30.0) * (0.02 - 0.3)  # in 0.1 s
+    allowed = 0.6 * 0.7 * faded * 9.81
     assert run.step().v_x - before == pytest.approx(allowed / 20, rel=3e-2)
 
 

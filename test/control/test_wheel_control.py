@@ -275,9 +275,9 @@ def test_set_points_are_published_without_the_limit_of_acceleration():
 def test_the_duty_follows_the_set_points_of_the_traction_control():
     control, slow = started(velocity=STOPPED), tuple(0.5 * speed for speed in AHEAD)
     seen = []
-    control.traction.limit = lambda set_points, now_ns: seen.append((set_points, now_ns)) or slow
+    control.traction.limit = lambda *given: seen.append(given) or slow
     assert control.step(AHEAD, 0, 77) == (slow, started(velocity=STOPPED).step(slow, 0)[1])
-    assert seen == [(pytest.approx(AHEAD), 77)]
+    assert seen == [(pytest.approx(AHEAD), 77, 1.0 / PARAMS.rate)]
     assert control.step(AHEAD, 1)[0] == pytest.approx(AHEAD)
     assert control.step(None, 2, 78) == (STOPPED, STOPPED)
     assert len(seen) == 1
