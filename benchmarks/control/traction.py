@@ -280,7 +280,19 @@ SCENARIOS = (
     TractionScenario(name='split_unknown', title='mu 0.2 left, 0.17 right, unknown',
                      legs=UNKNOWN, ground=SPLIT, films=False),
     TractionScenario(name='change', title='mu 0.47, then 0.2, unknown', legs=UNKNOWN,
-                     ground=ground(0.47, 52.7, 0.015, beyond=0.2), films=False))
+                     ground=ground(0.47, 52.7, 0.015, beyond=0.2), films=False),
+    TractionScenario(name='ice_unknown', title='mu 0.1, unknown', legs=UNKNOWN,
+                     ground=ground(0.1, 52.7, 0.015), films=False),
+    TractionScenario(name='sand_unknown', title='sand, mu 0.35, unknown', legs=UNKNOWN,
+                     ground=ground(0.35, 30.0, 0.16), films=False),
+    TractionScenario(name='other_unknown', title='mu 0.2, unknown, other robot', legs=UNKNOWN,
+                     ground=SLIPPERY, films=False, other=True),
+    TractionScenario(name='other_ice', title='mu 0.1, unknown, other robot', legs=UNKNOWN,
+                     ground=ground(0.1, 52.7, 0.015), films=False, other=True))
+CONCRETE = ground(0.47, 52.7, 0.015)
+HOSTILE = TractionScenario(
+    name='concrete', title='concrete', films=False, ground=CONCRETE,
+    legs=legs(('wait', 1.5, 0.0, 0.0), ('start', 1.5, 1.0, 0.0), ('stop', 2.5, 0.0, 0.0)))
 RATES = (16.0, 100.0)  # Hz
 
 
@@ -288,4 +300,6 @@ def scenarios(seeds: Sequence[int]) -> list[TractionScenario]:
     """Return all runs of the benchmark: each scenario with and without traction control."""
     return [replace(scenario, wheel_rate=rate, seed=seed, traction=traction)
             for scenario in SCENARIOS for rate in RATES for traction in (False, True)
-            for seed in seeds]
+            for seed in seeds] + [
+                replace(HOSTILE, wheel_rate=rate, seed=seed, fault=fault, title=f'concrete, {fault}')
+                for fault in FAULTS if fault for rate in RATES for seed in seeds]

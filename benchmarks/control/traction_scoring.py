@@ -85,7 +85,8 @@ def _longest(flags: Array) -> int:
 def _bounds(leg: Leg, part: TractionHistory) -> tuple[int, float, float]:
     """Return how often wheels turn against the command, how far beyond it, and until when."""
     forward = part.rolling * np.sign(leg.v_x or part.v_x[0])
-    against = int(sum(np.sum(np.diff((wheel < -TURNING_SPEED).astype(int)) > 0) for wheel in forward.T))
+    wrong = (forward < -TURNING_SPEED).astype(int)
+    against = int(np.sum(np.diff(wrong, axis=0) > 0))
     beyond = float((forward - (abs(leg.v_x) or forward[0])).max())
     if leg.v_x:
         return against, beyond, math.nan
@@ -131,7 +132,8 @@ def traction_table(found: Sequence[TractionScore]) -> Table:
         'Starts and stops (distance: over that of full friction, at a stop its inverse; sliding: '
         f'longest time above critical slip at more than {MIN_SPEED:g} m/s)',
         'ground, readings', '\ncommand', 'traction\ncontrol', 'distance [%]\nmean', '\nworst',
-        'sliding [s]\nworst', 'drift [m]\nworst', 'turn [deg]\nworst')
+        'sliding [s]\nworst', 'drift [m]\nworst', 'turn [deg]\nworst', 'against\nmost',
+        'beyond [m/s]\nworst', 'stopped [s]\nworst')
     groups: dict[tuple[str, float, str, bool], list[TractionScore]] = {}
     for one in found:
         key = one.scenario.title, one.scenario.wheel_rate, one.kind, one.scenario.traction
@@ -144,5 +146,7 @@ def traction_table(found: Sequence[TractionScore]) -> Table:
             number(max(one.sliding for one in group), 2),
             number(max(one.drift for one in group), 3),
             number(math.degrees(max(abs(one.turn) for one in group)), 1),
+            str(max(one.against for one in group)), number(max(one.beyond for one in group), 2),
+            number(max(one.stopped for one in group), 2),
             style='bold' if traction else None)
     return table

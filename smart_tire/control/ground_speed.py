@@ -23,6 +23,7 @@ from smart_tire.samples import MAX_ANGULAR_RATE, MAX_SPEED, NS_PER_S, Odometry
 
 MIN_INTERVAL_NS = 4_000_000    # between estimates whose difference is an acceleration
 MAX_INTERVAL_NS = 200_000_000  # larger gaps restart the acceleration
+MAX_SHIFT = 0.2                # s, between an estimate and a speed that is derived from it
 STANDSTILL_SPEED = 0.03        # m/s, of estimates at standstill, at most
 EXTRAPOLATION_SIGMA = 0.02  # m/s, of a speed: 0.2 m/s2 for 0.1 s, the age of odom and a period
 CLOCK_JUMP_NS = NS_PER_S       # timestamps that go back by more are those of a new clock
@@ -108,6 +109,11 @@ class GroundSpeed:
             return self.distance
         elapsed = (self._latest.stamp_ns - stamp_ns) / NS_PER_S
         return self.distance - abs(self._latest.linear[0]) * max(elapsed, 0.0)
+
+    def speed_at(self, stamp_ns: int) -> float:
+        """Return the forward speed [m/s] at a recent time, 0 without an estimate."""
+        later = (stamp_ns - (self.stamp_ns or stamp_ns)) / NS_PER_S
+        return self.v_x + self._acceleration * min(max(later, -MAX_SHIFT), MAX_SHIFT)
 
     def age(self, now_ns: int) -> float:
         """Return the age [s] of the latest estimate, infinite without any."""

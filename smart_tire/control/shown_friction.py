@@ -29,41 +29,50 @@ RESISTANCE_TIME = 0.3  # s, in which the resistance is learned; several readings
 MIN_SPEED = 0.1        # m/s, at which the resistance is learned
 MAX_VALUE = 1e3        # N m and rad/s, of plausible torques and wheel speeds
 MAX_GAP = 0.5          # s, between readings of the wheels whose difference is an acceleration
-# Share of the largest force that tires at the aimed slip still have on ground half as stiff as
-# that of the calibration (brush model); less is a lower friction.
-SOFT_SHARE = 0.8
-HOLD_TIME, DROP_TIME = 1.0, 0.1  # s, in which the largest force is forgotten, and a lower one held
+MIN_SLIP = 0.02        # -, that still tells friction and stiffness apart
+MIN_STIFFNESS = 0.6    # C_x of the softest ground over that of the tire; loose sand: 25 N of 52.7 N
+DROP_TIME = 0.1        # s, in which friction that the slip contradicts is forgotten
+RAISE_SHARE = 0.45     # of the upper bound, up to which friction is raised
+# Force over friction of a tire at the slip aimed at, on the softest ground (brush model): a
+# larger share is no sign of less friction.
+SOFT_SHARE = 0.77
+REACHED_SHARE = 0.7    # of the slip aimed at, from which a wheel tells the friction
+RAISE_TIME = 0.5       # s, in which friction is raised by e while force and slip permit it
 
 
 class ShownFriction:
     """
-    Friction coefficient that the robot shows at the limit of slip.
+    Friction coefficient that the robot shows at the limit of slip, from forces and slips.
 
-    It is the largest force of late over the weight: that of the body's acceleration and of its
-    resistance, by which the motor torques exceed the acceleration. A start from standstill shows
-    the friction first, as the wheels slip fully, and then a slip limit may be too low to do so.
+    The force over the weight is that of the acceleration and of the resistance, by which the motor
+    torques exceed it. It is a lower bound of the friction; the largest friction with which the
+    softest ground has this force at this slip is an upper one. Between them friction is raised.
     """
 
     def __init__(self, robot: RobotParams, value: float) -> None:
         """Begin with the friction ``value`` of unknown ground."""
-        self._robot, self.value, self._least = robot, value, value
+        self._robot, self.value = robot, value
         self._resistance = 0.0            # -, against the motion
+        self._slip = 0.0                  # -, mean of the wheels
         self._wheels: WheelSample | None = None
-        self._force: float | None = None  # N, of all tires on the robot, positive forward
+        self._force: float | None = None  # N, of all motors at the tires, without inertia
 
-    def update_wheels(self, wheels: WheelSample) -> None:
-        """Add wheel speeds with motor torques; without torques there is no resistance."""
-        before, self._wheels, self._force = self._wheels, wheels, None
-        gap = 0.0 if before is None else (wheels.stamp_ns - before.stamp_ns) / NS_PER_S
-        if before is None or wheels.effort is None or not 0.0 < gap <= MAX_GAP:
-            return
-        if not all(abs(one) < MAX_VALUE for one in (*wheels.effort, *wheels.velocity,
-                                                    *before.velocity)):  # false for NaN, too
-            return
-        robot, change = self._robot, zip(wheels.velocity, before.velocity)
-        self._force = float(traction_force(
-            wheels.effort, wheels.velocity, [(new - old) / gap for new, old in change],
-            robot.mass * GRAVITY / len(WHEELS), robot.motor, robot.wheel_radius).sum())
+    def period_ns(self, stamp_ns: int) -> int:
+        """Return the time [ns] since the latest reading of the wheels, 0 if it is not plausible."""
+        gap_ns = 0 if self._wheels is None else stamp_ns - self._wheels.stamp_ns
+        return gap_ns if 0 < gap_ns <= MAX_GAP * NS_PER_S else 0
+
+    def update_wheels(self, wheels: WheelSample, v_x: float) -> None:
+        """Add wheel speeds and motor torques; ``v_x`` [m/s] is the speed of the robot then."""
+        self._wheels, self._force, self._slip = wheels, None, 0.0
+        robot, torques = self._robot, wheels.effort or (math.nan,)
+        rolling = robot.wheel_radius * sum(wheels.velocity) / len(WHEELS)
+        if abs(rolling) < MAX_VALUE:  # false for NaN, too
+            self._slip = abs(rolling - v_x) / max(abs(rolling), abs(v_x), MIN_SPEED)
+            if all(abs(torque) < MAX_VALUE for torque in torques):
+                self._force = float(traction_force(
+                    torques, wheels.velocity, 0.0, robot.mass * GRAVITY / len(WHEELS),
+                    robot.motor, robot.wheel_radius).sum())
 
     def begin(self, expected: float) -> None:
         """Begin an acceleration at the limit, on ground of the ``expected`` friction."""
@@ -73,14 +82,40 @@ class ShownFriction:
         """Learn the resistance at an acceleration [m/s2] and a speed [m/s]."""
         if self._force is None or abs(v_x) < MIN_SPEED:
             return
-        excess = self._force / (self._robot.mass * GRAVITY) - acceleration / GRAVITY
+        robot = self._robot
+        inertia = robot.mass + len(WHEELS) * robot.motor.inertia / robot.wheel_radius ** 2
+        excess = (self._force - inertia * acceleration) / (robot.mass * GRAVITY)
         excess = math.copysign(1.0, v_x) * min(max(excess, -MAX_RESISTANCE), MAX_RESISTANCE)
         self._resistance += period / (period + RESISTANCE_TIME) * (excess - self._resistance)
 
-    def update(self, acceleration: float, v_x: float, period: float) -> None:
-        """Use the measured acceleration [m/s2] at the limit, ``period`` [s] after the last one."""
+    def update(self, acceleration: float, v_x: float, aimed: float, period: float) -> None:
+        """
+        Use the measured acceleration [m/s2] at the limit, ``period`` [s] after the last one.
+
+        A slip far below the one ``aimed`` at, as when the wheels lag behind, tells nothing.
+        """
         resistance = self._resistance * math.copysign(1.0, acceleration * v_x)
         used = max(abs(acceleration) / GRAVITY + resistance, 0.0)
-        time = HOLD_TIME if used > SOFT_SHARE * self.value else DROP_TIME
-        held = used + math.exp(-period / time) * (self.value - used)
-        self.value = min(max(used, held, self._least), MAX_FRICTION)
+        if self._slip > REACHED_SHARE * aimed:
+            most = self._largest(used)
+            bound = max(most, used / SOFT_SHARE)
+            if self.value > bound:
+                self.value = bound + math.exp(-period / DROP_TIME) * (self.value - bound)
+            elif self.value < RAISE_SHARE * most:
+                self.value *= math.exp(period / RAISE_TIME)
+        self.value = min(max(used, self.value), MAX_FRICTION)
+
+    def _largest(self, used: float) -> float:
+        """
+        Return the largest friction with which a tire has the force ``used`` (over its load) now.
+
+        The brush model for small slip, F = p (1 - t + t^2 / 3) with p = C_x s and t = p / (3 mu).
+        """
+        robot = self._robot
+        elastic = MIN_STIFFNESS * robot.tire.longitudinal_stiffness * self._slip / (
+            robot.mass * GRAVITY / len(WHEELS))
+        if self._slip < MIN_SLIP or used >= elastic:
+            return MAX_FRICTION
+        if 3.0 * used <= elastic:
+            return used
+        return elastic / (1.5 * (3.0 - math.sqrt(12.0 * used / elastic - 3.0)))

@@ -113,7 +113,8 @@ class TractionControl:
 
     def update_wheels(self, wheels: WheelSample) -> None:
         """Add wheel speeds and motor torques."""
-        self._shown.update_wheels(wheels)
+        middle_ns = wheels.stamp_ns - self._shown.period_ns(wheels.stamp_ns) // 2
+        self._shown.update_wheels(wheels, self._motion.speed_at(middle_ns))
 
     def reset(self) -> None:
         """Forget the set points: the motors do not follow them."""
@@ -150,7 +151,8 @@ class TractionControl:
         if self._begins(sum(wanted) - sum(limited), now_ns, sides):
             limited, motion, grounds = self._predicted_limit(wanted, now_ns, period, sides)
         elif self._direction and motion.unseen < MAX_ONSET_WEIGHT:
-            self._shown.update(motion.measured, motion.v_x, period)
+            self._shown.update(motion.measured, motion.v_x,
+                               min(ground.limit for ground in grounds), period)
         self._shown.update_resistance(motion.measured, motion.v_x, period)
         tires = [self._tire(*one, motion) for one in zip(range(4), grounds, set_points)]
         if limited == wanted:

@@ -77,13 +77,13 @@ class TractionParams:
     enabled: bool = param(
         False, '-', 'limit the slip of each wheel', live=True)
     share: float = param(
-        0.97, '-', 'slip aimed at over the lower bound of the critical slip',
+        0.85, '-', 'slip aimed at over the lower bound of the critical slip',
         low=0.1, high=1.0, live=True)
     sigmas: float = param(
         0.25, '-', 'standard deviations from the critical slip to its lower bound',
         low=0.0, high=5.0, live=True)
     unknown_friction: float = param(
-        0.18, '-', 'friction coefficient of unknown ground until the robot shows more',
+        0.20, '-', 'friction coefficient of unknown ground until the robot shows more',
         low=0.0, high=2.0, live=True)
     max_slip: float = param(
         0.6, '-', 'maximum slip limit on any ground', low=0.02, high=0.9, live=True)

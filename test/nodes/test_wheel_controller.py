@@ -24,7 +24,8 @@ from geometry_msgs.msg import Twist, TwistStamped
 import pytest
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from smart_tire.nodes.qos import latched
-from smart_tire.samples import Odometry, VelocityCommand, WheelSample
+from smart_tire.samples import Friction, Odometry, VelocityCommand, WheelSample
+from smart_tire.uncertain import Uncertain
 from std_msgs.msg import Bool
 
 pytestmark = pytest.mark.processes
@@ -295,3 +296,31 @@ def test_traction_control_is_switched_on_and_off_at_run_time(graph, controller):
     switch_traction(graph, False)
     graph.until(lambda: graph.value('wheel_controller', 'traction.reason') == 'disabled', drive)
     graph.until(lambda: latest(graph)[0][0] == pytest.approx(wanted), drive_with_odometry)
+
+
+@pytest.mark.parametrize('mu', [1.0, math.nan, 1e9])
+def test_wrong_friction_and_odometry_move_no_set_point_beyond_the_command(graph, controller, mu):
+    """Odometry jumps between directions, friction is far too high; then the robot must stop."""
+    switch_traction(graph, True)
+    speeds = iter([1.0, -1.0, 3.0, math.nan, 1e9, 0.0] * 1000)
+    wanted = 1.0 / 0.087
+
+    def publish(v_x):
+        driving(graph, v_x)()
+        now_ns, zero = time.time_ns(), (0.0, 0.0, 0.0)
+        graph.publish('odom', Odometry(now_ns, zero, (0.0, 0.0, 0.0, 1.0),
+                                       (next(speeds), 0.0, 0.0), zero, (0.0,) * 36, (0.0,) * 36))
+        graph.publish('tire_friction', Friction(
+            now_ns, 'front_right', Uncertain(mu, 1e-3), normal_load=Uncertain(26.7, 1.0),
+            critical_slip=Uncertain(0.1, 1e-3)))
+
+    graph.until(lambda: int(graph.value('wheel_controller', 'traction.limited_steps') or 0) > 10,
+                lambda: publish(1.0))
+    found = [one for sample in graph.samples('wheel_commands') for one in sample.velocity]
+    assert -1e-9 <= min(found) <= max(found) <= wanted + 1e-9
+    before = len(graph.received['wheel_commands'])
+    graph.until(lambda: len(graph.received['wheel_commands']) > before + 5
+                and latest(graph)[0] == ZERO, lambda: publish(0.0))
+    ramp = [sample.velocity for sample in graph.samples('wheel_commands')[before + 3:]]
+    for old, new in zip(ramp, ramp[1:]):
+        assert all(0.0 <= after <= ahead + 1e-9 for ahead, after in zip(old, new))

@@ -18,10 +18,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from benchmarks.control.traction import run, SCENARIOS, TractionHistory
+from benchmarks.control.traction import HOSTILE, run, SCENARIOS, TractionHistory
 from benchmarks.control.traction_figures import traction_figure
 from benchmarks.control.traction_scoring import (
     longest_sliding, MAX_SLIDING, scores, traction_table)
+from benchmarks.control.wrong_estimates import FAULTS
 import numpy as np
 import pytest
 
@@ -43,13 +44,14 @@ def history(rolling, v_x, step=0.01):
     rolling = np.array(rolling)[:, np.newaxis]
     time, one = step * np.arange(len(rolling)), np.ones_like(rolling)
     return TractionHistory(time, v_x * time, 0.0 * time, 0.0 * time, v_x + 0.0 * time, rolling,
-                           v_x * one, 0.0 * one, 26.7 * one, 0.2 * one, 52.7 * one)
+                           v_x * one, 0.0 * one, 26.7 * one, 0.2 * one, 52.7 * one, 0.304 * one)
 
 
 def test_the_longest_time_above_critical_slip_counts():
     sliding = [1.5] * 5 + [1.0] * 3 + [1.5] * 8 + [1.4]  # critical slip 0.304: 1.437 m/s
     assert longest_sliding(history(sliding, 1.0)) == pytest.approx(0.08)
-    assert longest_sliding(history([0.09] * 5, 0.01)) == 0.0  # too slow to count
+    assert longest_sliding(history([0.19] * 5, 0.1)) == 0.0    # too slow to count
+    assert longest_sliding(history([0.0] * 5, 1.0)) == pytest.approx(0.05)  # blocked
 
 
 @pytest.mark.parametrize('rate', [16.0, 100.0])
@@ -86,3 +88,21 @@ def test_a_start_and_a_stop_on_measured_ground_use_the_friction_that_is_there(na
     assert start.distance > (0.93 if name == 'slippery' else 0.85)
     assert stop.distance > (0.9 if name == 'slippery' else 0.85)
     assert max(start.sliding, stop.sliding) < MAX_SLIDING[rate]
+
+
+@pytest.mark.parametrize('fault', [name for name in FAULTS if name])
+@pytest.mark.parametrize('other', [False, True])
+def test_wheels_obey_the_command_whatever_the_estimates_are(fault, other):
+    """No wheel turns against the command or much faster, and a stop ends in a stated time."""
+    start, stop = scores(run(replace(HOSTILE, fault=fault, other=other, seed=104)))
+    assert start.against == stop.against == 0
+    assert start.beyond < 0.15  # m/s; 0.08 with right estimates
+    assert stop.beyond < 0.05
+    assert stop.stopped < 2.3   # 1 m/s with least deceleration, and the lag of the wheels
+
+
+@pytest.mark.parametrize('rate', [16.0, 100.0])
+def test_wheels_do_not_slide_on_ice_that_no_film_has_measured(rate):
+    start, stop = scores(result_of('ice_unknown', rate=rate))
+    assert max(start.sliding, stop.sliding) < MAX_SLIDING[rate]
+    assert min(start.distance, stop.distance) > 0.65
