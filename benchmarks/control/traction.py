@@ -301,5 +301,6 @@ def scenarios(seeds: Sequence[int]) -> list[TractionScenario]:
     return [replace(scenario, wheel_rate=rate, seed=seed, traction=traction)
             for scenario in SCENARIOS for rate in RATES for traction in (False, True)
             for seed in seeds] + [
-                replace(HOSTILE, wheel_rate=rate, seed=seed, fault=fault, title=f'concrete, {fault}')
+                replace(HOSTILE, wheel_rate=rate, seed=seed, fault=fault,
+                        title=f'concrete, {fault}')
                 for fault in FAULTS if fault for rate in RATES for seed in seeds]

@@ -29,14 +29,14 @@ RESISTANCE_TIME = 0.3  # s, in which the resistance is learned; several readings
 MIN_SPEED = 0.1        # m/s, at which the resistance is learned
 MAX_VALUE = 1e3        # N m and rad/s, of plausible torques and wheel speeds
 MAX_GAP = 0.5          # s, between readings of the wheels whose difference is an acceleration
-MIN_SLIP = 0.02        # -, that still tells friction and stiffness apart
-MIN_STIFFNESS = 0.6    # C_x of the softest ground over that of the tire; loose sand: 25 N of 52.7 N
+MIN_SLIP = 0.02        # -, smaller ones are no evidence of the friction
+MIN_STIFFNESS = 0.6    # C_x of the softest ground over that of the tire; sand: 30 N of 52.7 N
 DROP_TIME = 0.1        # s, in which friction that the slip contradicts is forgotten
 RAISE_SHARE = 0.45     # of the upper bound, up to which friction is raised
 # Force over friction of a tire at the slip aimed at, on the softest ground (brush model): a
 # larger share is no sign of less friction.
 SOFT_SHARE = 0.77
-REACHED_SHARE = 0.7    # of the slip aimed at, from which a wheel tells the friction
+REACHED_SHARE = 0.7    # of the slip aimed at, from which it is evidence
 RAISE_TIME = 0.5       # s, in which friction is raised by e while force and slip permit it
 
 
@@ -58,7 +58,7 @@ class ShownFriction:
         self._force: float | None = None  # N, of all motors at the tires, without inertia
 
     def period_ns(self, stamp_ns: int) -> int:
-        """Return the time [ns] since the latest reading of the wheels, 0 if it is not plausible."""
+        """Return the time [ns] since the latest reading, 0 if it is not plausible."""
         gap_ns = 0 if self._wheels is None else stamp_ns - self._wheels.stamp_ns
         return gap_ns if 0 < gap_ns <= MAX_GAP * NS_PER_S else 0
 
@@ -92,7 +92,7 @@ class ShownFriction:
         """
         Use the measured acceleration [m/s2] at the limit, ``period`` [s] after the last one.
 
-        A slip far below the one ``aimed`` at, as when the wheels lag behind, tells nothing.
+        A slip far below the one ``aimed`` at, as when the wheels lag behind, is no evidence.
         """
         resistance = self._resistance * math.copysign(1.0, acceleration * v_x)
         used = max(abs(acceleration) / GRAVITY + resistance, 0.0)
