@@ -63,13 +63,8 @@ class Board:
             return []
         measured = self.measured or [(duty, NAN) for duty in self.forward_duty()]
         self.checked_ns, self.measured = self.read_ns, ()
-        found = []
-        for encoder, check, driven in zip(self.encoders, self.checks, measured):
-            found.append(check.update(
-                Reading(self.read_ns / NS_PER_S, encoder.position, *driven)))
-            if found[-1]:
-                check.reset()
-        return found
+        return [check.update(Reading(self.read_ns / NS_PER_S, encoder.position, *driven))
+                for encoder, check, driven in zip(self.encoders, self.checks, measured)]
 
     def forward_duty(self) -> list[float]:
         """Return the duties, positive driving forward."""

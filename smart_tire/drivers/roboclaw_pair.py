@@ -234,11 +234,16 @@ class RoboclawPair:
         return elapsed_ns > 0
 
     def _check_motion(self) -> None:
-        for axle, board in enumerate(self._boards):
-            for side, problem in enumerate(board.check_motion()):
-                if problem:
-                    self._gate.trip(f'{WHEELS[2 * axle + side]} {problem}')
-                    self._changed.set()
+        found = [board.check_motion() for board in self._boards]
+        if not any(found):
+            return
+        problems = [problem for axle in found for problem in axle or ('', '')]
+        checks = [check for board in self._boards for check in board.checks]
+        for wheel, problem in enumerate(problems):
+            if problem := problem or checks[wheel].lag(checks[wheel - 2]):
+                self._gate.trip(f'{WHEELS[wheel]} {problem}')
+                self._changed.set()
+                checks[wheel].reset()
 
     def _check_health(self, board: Board) -> None:
         """Hold the motors while a board reports a fault; raise FrameError if it has restarted."""

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Mapping
+import math
 import time
 from typing import Any
 
@@ -91,25 +92,27 @@ class CommandInput:
     """
     Subscription of ``node`` to the commands on ``topic``, a topic of ``TOPICS``.
 
-    Calls ``on_command`` with each accepted command and the time [ns] from which its time-out
-    counts: its timestamp or its arrival, whichever is earlier. Refused are commands older than
-    their ``timeout`` [s], older or further in the future than ``max_age`` [s] (None: timestamps
-    are not read), commands queued while the process was stopped, if their timestamps do not show
-    their age, and all commands while two publishers send: ``on_conflict`` is then called with the
-    reason, and with '' when the conflict ends. ``from_msg`` replaces the conversion of the topic,
-    ``unstamped_type`` its type, for messages without a timestamp by design.
+    Calls ``on_command`` with each accepted command and the time [ns] from which its ``timeout``
+    [s] counts: its timestamp or its arrival, whichever is earlier. The timestamp of another host
+    (not ``same_host``), whose clock may be off by ``max_age`` [s], counts only for a command that
+    may have been queued while this process was stopped. Refused are expired commands, those older
+    or further in the future than ``max_age`` (None: timestamps are not read), those that may have
+    been queued without a timestamp, and all while two publishers send: ``on_conflict`` is then
+    called with the reason, and with '' when the conflict ends. ``from_msg`` replaces the
+    conversion of the topic, ``unstamped_type`` its type, for messages without a timestamp by
+    design.
     """
 
     def __init__(self, node: SmartTireNode[Any], topic: str,
                  on_command: Callable[[Any, int], None],
                  on_conflict: Callable[[str], None], *, timeout: float,
-                 max_age: float | None = None, name: str | None = None,
-                 required: bool = False, reliability: str = 'reliable',
+                 max_age: float | None = None, same_host: bool = False,
+                 name: str | None = None, required: bool = False, reliability: str = 'reliable',
                  from_msg: Callable[[Any], Any] | None = None,
                  unstamped_type: str | None = None) -> None:
         self._node, self._topic, self._name = node, topic, name or topic
         self._on_command, self._on_conflict, self._max_age = on_command, on_conflict, max_age
-        self._timeout = timeout
+        self._timeout, self._same_host = timeout, same_host
         window = max(MIN_PUBLISHER_WINDOW, PUBLISHER_WINDOW_TIMEOUTS * timeout)
         self._publishers = PublisherCheck(node, self._name, window)
         self._stalls = StallDetector(node.steady_ns())
@@ -137,12 +140,13 @@ class CommandInput:
 
     def _age(self, command: Any, now_ns: int, waited_ns: int) -> int:
         """Return the age [ns] of a command; raise CommandError if it is not of the present."""
-        age_ns = waited_ns
+        queued, age_ns = self._stalls.may_be_queued(now_ns - waited_ns), waited_ns
         if self._max_age is not None:
-            age_ns = check_age(self._name, command.stamp_ns, self._node.now_ns(), waited_ns,
-                               self._max_age, self._timeout)
-        age_checked = self._max_age and command.stamp_ns
-        if not age_checked and self._stalls.may_be_queued(now_ns - waited_ns):
+            by_stamp = queued or self._same_host
+            oldest_ns = check_age(self._name, command.stamp_ns, self._node.now_ns(), waited_ns,
+                                  self._max_age, self._timeout if by_stamp else math.inf)
+            age_ns = oldest_ns if by_stamp else waited_ns
+        if queued and not (self._max_age and command.stamp_ns):
             raise CommandError(f'{self._name}: was queued while this process was stopped')
         if self._max_age is not None and not command.stamp_ns and not self._warned_unstamped:
             self._warned_unstamped = True

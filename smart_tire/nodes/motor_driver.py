@@ -69,7 +69,7 @@ class MotorDriver(DriverNode[MotorDriverParams]):
             params, self._gate, self.make_publisher('wheel_states', rate=params.rate))
         self._commands = CommandInput(
             self, 'motor_commands', self._on_command, self._on_conflict,
-            timeout=params.command_timeout, max_age=params.command_max_age)
+            timeout=params.command_timeout, max_age=params.command_max_age, same_host=True)
         self._publish_stopped = self.make_guarded_publisher(
             Bool, 'emergency_stop_active', latched())
         self._publish_enabled = self.make_guarded_publisher(Bool, 'motors_enabled', latched())

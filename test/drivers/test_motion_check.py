@@ -60,13 +60,11 @@ def test_an_encoder_that_stops_counting_or_reverses_is_found_within_half_a_secon
                for case in CASES) < 0.5 - LATENCY
 
 
-def test_an_encoder_that_loses_four_of_five_counts_is_found_within_a_second():
-    assert max(found_after(case, 'losing', (0.3, 1.4)) for case in CASES) < 1.0 - LATENCY
-
-
-def test_with_identified_motors_lost_counts_are_found_at_low_speed_too():
-    assert max(found_after(case, 'losing', SLOW, tolerance=0.1)
-               for case in CASES[::2]) < 1.0 - LATENCY
+@pytest.mark.parametrize('speed', [SLOW, ANY], ids=['slow', 'any'])
+@pytest.mark.parametrize('currents', [True, False], ids=['currents', 'no currents'])
+def test_an_encoder_that_loses_four_of_five_counts_is_found_within_a_second(speed, currents):
+    assert max(found_after(case, 'losing', speed, currents=currents)
+               for case in CASES) < 1.0 - LATENCY
 
 
 @pytest.mark.parametrize('kind', ['frozen', 'toggling'])

@@ -166,10 +166,11 @@ class Drive:
             return
         self._check = now + CHECK_PERIOD_NS / NS_PER_S
         torques = self._torques(velocity)
-        for wheel in WHEELS:
-            if text := self._checks[wheel].update(
-                    Reading(now, angles[wheel], self._duty[wheel], torques[wheel])):
-                self._checks[wheel].reset()
+        found = [check.update(Reading(now, *reading)) for check, *reading in zip(
+            self._checks, angles, self._duty, torques)]
+        for wheel, check in enumerate(self._checks):
+            if text := found[wheel] or check.lag(self._checks[wheel - 2]):
+                check.reset()
                 yield wheel, text
 
     def _torques(self, velocity):
