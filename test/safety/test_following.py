@@ -74,9 +74,9 @@ def test_on_a_slope_the_robot_holds_after_arrival_until_the_emergency_stop(robot
     assert robot.x == pytest.approx(x, abs=0.002)
     assert 'blocked' not in robot.processes['motor_driver'].output
     assert robot.emergency_stop(True).success
-    robot.hold(0.5, robot.command)
+    robot.hold(1.2, robot.command)  # longer than release_hold_off
     assert robot.rig.state().still
-    robot.emergency_stop(False)
+    assert robot.emergency_stop(False).success
     robot.stay_stopped(0.5)  # the hold has ended: a new path is needed
     robot.rig.fail()
     robot.drive(0.3)
