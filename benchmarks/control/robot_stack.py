@@ -43,6 +43,7 @@ class StackParams:
     trajectory: TrajectoryControllerParams
     wheels: WheelControllerParams
     estimated: bool
+    control: type[TrajectoryControl] = TrajectoryControl
 
 
 class RobotStack:
@@ -55,7 +56,7 @@ class RobotStack:
     def __init__(self, params: StackParams, path: PlannedPath) -> None:
         self._params, self._path = params, path
         self._pipeline = Pipeline(params.estimators)
-        self.trajectory = TrajectoryControl(params.trajectory)
+        self.trajectory = params.control(params.trajectory)
         self._wheels = WheelControl(params.wheels)
         self._period_ns = round(NS_PER_S / params.trajectory.rate)
         self._start_ns: int | None = None   # of the path

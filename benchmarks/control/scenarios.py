@@ -20,12 +20,14 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import product
 
+from benchmarks.control.icr_kinematics import IcrControl
 from benchmarks.control.other_plant import other_robot
 from benchmarks.control.robot_stack import StackParams
 from benchmarks.grounds import CONCRETE, ground, SAND
 from benchmarks.scenarios import Scenario
 from smart_tire.analysis.pipeline import EstimatorParams
 from smart_tire.control import path_library
+from smart_tire.control.trajectory_control import TrajectoryControl
 from smart_tire.parameters import (
     FrictionEstimatorParams, SimulatorParams, SlipEstimatorParams)
 from smart_tire.parameters.control import TrajectoryControllerParams, WheelControllerParams
@@ -36,9 +38,9 @@ FILM = FilmParams(wheels=('front_right', 'front_left'))
 MAX_DURATION = 90.0      # s, of a run
 CALIBRATED_TRACK = 0.57  # m, effective track on concrete
 
-SHORT, BEST, FIXED, OURS = 'ideal', 'ideal_best', 'fixed', 'ours'
+SHORT, BEST, FIXED, ICR, OURS = 'ideal', 'ideal_best', 'fixed', 'icr', 'ours'
 KINEMATICS = {SHORT: 'ideal', BEST: 'ideal, best look-ahead', FIXED: 'fixed effective track',
-              OURS: 'slip-compensated'}
+              ICR: 'ICR filter', OURS: 'slip-compensated'}
 SHORT_LOOK_AHEAD = 0.35, 0.18  # s, m: the same for all paths
 TRUE, ESTIMATED = 'true', 'estimated'
 CHANGE = 'change'
@@ -52,7 +54,7 @@ PATHS: Mapping[str, tuple[str, PlannedPath]] = {
     'u_turn_30': ('U-turn 0.3 m', path_library.u_turn(0.3)),
     'u_turn_40': ('U-turn 0.4 m', path_library.u_turn(0.4)),
     'u_turn_50': ('U-turn 0.5 m', path_library.u_turn(0.5)),
-    'slalom': ('slalom', path_library.slalom(2.0, 0.3)),
+    'slalom': ('slalom', path_library.slalom(2.0, 0.4)),
     'spiral': ('spiral', path_library.spiral(0.3, 4.0)),
     'reverse_parking': ('reverse parking', path_library.reverse_parking(0.5))}
 # s, m: look-ahead with which the ideal kinematics track each path best on concrete and sand:
@@ -96,7 +98,7 @@ class TrackingCase:
         robot = self._scenario().robot
         track = CALIBRATED_TRACK if self.kinematics == FIXED else robot.track_width
         trajectory = TrajectoryControllerParams(
-            robot=robot, effective_track=track, slip_compensation=self.kinematics == OURS)
+            robot=robot, effective_track=track, slip_compensation=self.kinematics in (ICR, OURS))
         if self.kinematics in (SHORT, BEST):
             time, distance = (SHORT_LOOK_AHEAD if self.kinematics == SHORT
                               else BEST_LOOK_AHEAD[self.path])
@@ -106,7 +108,8 @@ class TrackingCase:
             EstimatorParams(SlipEstimatorParams(robot=robot),
                             FrictionEstimatorParams(robot=robot)), trajectory,
             WheelControllerParams(robot=robot, effective_track=track),
-            estimated=self.localization == ESTIMATED)
+            estimated=self.localization == ESTIMATED,
+            control=IcrControl if self.kinematics == ICR else TrajectoryControl)
 
     def _scenario(self) -> Scenario:
         surface = (ground(CONCRETE, fields=[(SAND, *SAND_FIELDS[self.path])])

@@ -28,8 +28,8 @@ Path tracking, in millimeters. Control error: distance of the pose that the cont
 from the wanted path, rms from the start to the end of following. Localization: rms distance of
 that pose from the true one. ideal: r w = v -+ track / 2 * yaw rate, look-ahead 0.35 s and at least
 0.18 m; best: with the best look-ahead of each path; fixed: with the effective track calibrated on
-concrete; ours: slip-compensated. Poses and slips are true or estimated, both. missed:
-benchmarks/control/requirements.py.
+concrete; ICR: filter of the instantaneous centers of rotation; ours: slip-compensated. Poses and
+slips are true or estimated, both. missed: benchmarks/control/requirements.py.
 """
 
 
@@ -59,7 +59,7 @@ def duration_table(rows: Rows) -> Table:
 
 
 def _columns(heading: str) -> list[str]:
-    return [f'{heading}\nideal', '\nbest', '\nfixed', '\nours']
+    return [f'{heading}\nideal', '\nbest', '\nfixed', '\nICR', '\nours']
 
 
 def _mm(value: float) -> str:

@@ -162,7 +162,14 @@ class SlipKinematics:
         self._window.clear()
         self._learned_ns = stamp_ns
         duration = 0.0 if last_ns is None else max(stamp_ns - last_ns, 0) / NS_PER_S
-        aged, sigma = duration / FADE, 0.5 * (left_sigma + right_sigma)
+        self._correct((v_x, v_y, yaw_rate), left, right, 0.5 * (left_sigma + right_sigma),
+                      duration)
+
+    def _correct(self, motion: Motion, left: float, right: float, sigma: float,
+                 duration: float) -> None:
+        """Correct the coefficients, ``duration`` [s] after the last time, with slip velocities."""
+        v_x, v_y, yaw_rate = motion
+        aged = duration / FADE
         change = aged + self._change(v_x, yaw_rate)
         self._turning = self._turning_share(v_x, yaw_rate)
         self._resistance.update(v_x, 0.5 * (left + right), sigma, aged, duration)
