@@ -60,9 +60,9 @@ PATHS: Mapping[str, tuple[str, PlannedPath]] = {
 # s, m: look-ahead with which the ideal kinematics track each path best on concrete and sand:
 # python -m benchmarks.control.look_ahead
 BEST_LOOK_AHEAD: dict[str, tuple[float, float]] = {
-    'figure_eight': (0.2, 0.08), 'square': (0.28, 0.12), 'lane_change': (0.2, 0.08),
-    'u_turn_30': (0.2, 0.12), 'u_turn_40': (0.2, 0.12), 'u_turn_50': (0.2, 0.12),
-    'slalom': (0.2, 0.12), 'spiral': (0.2, 0.12), 'reverse_parking': (0.2, 0.12)}
+    'figure_eight': (0.15, 0.06), 'square': (0.1, 0.06), 'lane_change': (0.1, 0.06),
+    'u_turn_30': (0.28, 0.09), 'u_turn_40': (0.15, 0.12), 'u_turn_50': (0.15, 0.12),
+    'slalom': (0.15, 0.09), 'spiral': (0.15, 0.09), 'reverse_parking': SHORT_LOOK_AHEAD}
 WITH_ESTIMATES = ('figure_eight', 'square', 'lane_change', 'u_turn_30', 'reverse_parking')
 SAND_FIELDS = {  # m, begin and end along x, of the run over changes
     'figure_eight': (0.7, 10.0), 'square': (0.8, 10.0), 'lane_change': (1.2, 3.0)}

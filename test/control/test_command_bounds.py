@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 import math
+from unittest import mock
 
 from hypothesis import given, settings, strategies as st
 import pytest
@@ -25,6 +26,7 @@ import pytest
 from smart_tire.control.motion_limits import command_share, motion_limits
 from smart_tire.control.path_library import figure_eight, line, reverse_parking, u_turn
 from smart_tire.control.slip_coefficients import Prior, SlipCoefficient
+from smart_tire.control.slip_kinematics import SlipKinematics
 from smart_tire.control.trajectory_control import State, TrajectoryControl
 from smart_tire.control.velocity_feedback import VelocityFeedback
 from smart_tire.parameters.control import TrajectoryControllerParams
@@ -74,6 +76,34 @@ def test_a_command_is_scaled_with_its_curvature(command):
                    share * abs(command[1]) / 1.65) == pytest.approx(1.0)
 
 
+@given(st.tuples(HOSTILE, HOSTILE))
+def test_the_last_bound_holds_whatever_the_kinematics_return(wrong):
+    control = TrajectoryControl(PARAMS)
+    control.update_odometry(odometry(NS_PER_S), NS_PER_S)
+    control.set_path(line(4.0), NS_PER_S)
+    with mock.patch.object(SlipKinematics, 'command', return_value=wrong):
+        command = control.step(NS_PER_S)
+    assert command is not None
+    assert abs(command.v_x) <= 0.66 + 1e-12 and abs(command.yaw_rate) <= 1.65 + 1e-12
+    if not all(map(math.isfinite, wrong)):
+        assert (command.v_x, command.yaw_rate) == (0.0, 0.0)
+
+
+def test_a_bounded_command_does_not_wind_up_the_feedback():
+    kinematics, wanted, now_ns = SlipKinematics(PARAMS), (0.3, 1.5), NS_PER_S
+    first = kinematics.command(*wanted, now_ns, PARAMS)
+    factors = kinematics.factors(*wanted, now_ns)
+    assert first[1] == pytest.approx(1.65) and 1.5 * factors[1] > 2.0
+    for step in range(1, 60):  # the body moves as the bounded command says
+        now_ns = NS_PER_S + step * PERIOD_NS
+        reached = first if step > 3 else (0.0, 0.0)
+        kinematics.update_odometry(odometry(
+            now_ns, v_x=reached[0] / factors[0], yaw_rate=reached[1] / factors[1]))
+        kinematics.command(*wanted, now_ns, PARAMS)
+    slower = kinematics.command(0.3, 0.5, now_ns + PERIOD_NS, PARAMS)
+    assert slower[1] == pytest.approx(0.5 * factors[1], abs=0.15)
+
+
 def test_the_robot_slows_down_for_what_the_command_can_reach():
     plain, slipping = (motion_limits(PARAMS, 9.0, one) for one in ((1.05, 1.1), (1.5, 2.2)))
     assert (plain.speed, plain.yaw_rate) == (0.6, 1.5)
@@ -114,6 +144,26 @@ def test_a_gyro_that_is_faster_than_wanted_lowers_the_command():
         feedback.want((0.5, 1.0), step * PERIOD_NS)
         added = feedback.correction((0.5, 1.7), step * PERIOD_NS, 0.15, (0.25, 0.45))
     assert added == (pytest.approx(0.0, abs=0.2), -0.45)
+
+
+def test_feedback_waits_for_the_delay_of_the_base():
+    feedback, added = VelocityFeedback(), (0.0, 0.0)
+    for step in range(1, 6):
+        feedback.want((0.5, 1.0) if step > 2 else (0.0, 0.0), step * PERIOD_NS)
+        added = feedback.correction((0.0, 0.0), step * PERIOD_NS, 0.15, (0.25, 0.45))
+        assert added == (0.0, 0.0)
+    added = feedback.correction((0.0, 0.0), 6 * PERIOD_NS, 0.15, (0.25, 0.45))
+    assert added[0] > 0.0 and added[1] > 0.0
+
+
+def test_feedback_begins_anew_after_standstill():
+    kinematics = SlipKinematics(PARAMS)
+    for step in range(1, 20):
+        kinematics.update_odometry(odometry(step * PERIOD_NS, v_x=0.1))
+        raised = kinematics.command(0.3, 0.0, step * PERIOD_NS, PARAMS)
+    assert raised[0] > 0.4
+    assert kinematics.command(0.0, 0.0, 20 * PERIOD_NS, PARAMS) == (0.0, 0.0)
+    assert kinematics.command(0.3, 0.0, 21 * PERIOD_NS, PARAMS)[0] < 0.35
 
 
 def test_feedback_ends_at_its_bound_and_leaves_it_at_once():
