@@ -166,6 +166,17 @@ def test_feedback_begins_anew_after_standstill():
     assert kinematics.command(0.3, 0.0, 21 * PERIOD_NS, PARAMS)[0] < 0.35
 
 
+@pytest.mark.parametrize('wrong', [math.nan, math.inf, -math.inf])
+def test_odometry_that_is_not_finite_changes_no_command(wrong):
+    kinematics, other = SlipKinematics(PARAMS), SlipKinematics(PARAMS)
+    for step in range(1, 10):
+        for one in (kinematics, other):
+            one.update_odometry(odometry(step * PERIOD_NS, v_x=0.2, yaw_rate=0.3))
+        kinematics.update_odometry(odometry(step * PERIOD_NS + 1, v_x=wrong, yaw_rate=wrong))
+        assert kinematics.command(0.3, 0.4, step * PERIOD_NS + 2, PARAMS) == other.command(
+            0.3, 0.4, step * PERIOD_NS + 2, PARAMS)
+
+
 def test_feedback_ends_at_its_bound_and_leaves_it_at_once():
     feedback, added = VelocityFeedback(), (0.0, 0.0)
     for step in range(1, 400):

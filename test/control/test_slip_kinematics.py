@@ -94,6 +94,23 @@ def test_the_body_moves_as_wanted_after_three_seconds(slip, track, v_x, yaw_rate
                        pytest.approx(yaw_rate, rel=0.05))
 
 
+@pytest.mark.parametrize('v_x, yaw_rate', [(0.5, 0.4), (0.5, -0.4), (-0.5, 0.4), (-0.5, -0.4)])
+def test_the_feed_forward_alone_is_learned_in_both_directions(v_x, yaw_rate):
+    world = World(kinematics(), slip=(0.12, 0.12), track=0.65)
+    world.drive(v_x, yaw_rate, 4.0)
+    assert world.kinematics.factors(v_x, yaw_rate, world.now_ns) == (
+        pytest.approx(1.0 / 0.88, rel=0.03), pytest.approx(0.65 / TRACK / 0.88, rel=0.05))
+
+
+def test_the_widening_of_a_turn_in_place_is_not_kept_on_the_straight_after_it():
+    world = World(kinematics(), track=1.0)
+    world.drive(0.0, 0.8, 4.0)
+    learned, straight = (world.kinematics.factors(*one, world.now_ns)[1]
+                         for one in ((0.0, 0.8), (0.5, 0.05)))
+    assert learned == pytest.approx(1.0 / TRACK, rel=0.05)
+    assert straight == pytest.approx(kinematics().factors(0.5, 0.05, START)[1], rel=0.05)
+
+
 @pytest.mark.parametrize('v_x', [0.5, -0.5])
 def test_sides_on_different_ground_get_their_own_compensation(v_x):
     world = World(kinematics(), slip=(0.02, 0.12))

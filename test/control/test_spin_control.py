@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 import math
 
 import pytest
@@ -52,6 +53,13 @@ def test_the_rate_has_a_minimum_and_the_limit_of_the_robot():
     assert rate(0.06, limits=slow) == 0.2
     fast = MotionLimits(1.0, 0.5, 0.4, 1.0, 0.5, 10.0)
     assert rate(2.0, limits=fast) == 0.5
+
+
+def test_with_slip_compensation_the_rate_ends_the_turn_no_sooner_than_its_delay():
+    fast = MotionLimits(1.0, 0.5, 0.4, 1.0, 0.5, 10.0)
+    spin = SpinControl((0.0, 0.0))
+    params = replace(PARAMS, slip_compensation=True)
+    assert spin.step(0.06, 0.5, 0.1, fast, params) == pytest.approx(0.4)  # 0.06 rad in 0.15 s
 
 
 @pytest.mark.parametrize(('error', 'done'), [(0.049, True), (-0.049, True), (0.051, False)])
