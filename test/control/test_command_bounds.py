@@ -156,7 +156,7 @@ def test_feedback_waits_for_the_delay_of_the_base():
     assert added[0] > 0.0 and added[1] > 0.0
 
 
-def test_feedback_begins_anew_after_standstill():
+def test_feedback_begins_at_zero_after_standstill():
     kinematics = SlipKinematics(PARAMS)
     for step in range(1, 20):
         kinematics.update_odometry(odometry(step * PERIOD_NS, v_x=0.1))
