@@ -25,19 +25,20 @@ from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import NS_PER_S, WHEELS, WheelSample
 
 MAX_RESISTANCE = 0.2   # -, rolling resistance and slope over the weight
-RESISTANCE_TIME = 0.3  # s, in which the resistance is learned; several readings at 16 Hz
+RESISTANCE_TIME = 0.05  # s, in which the resistance is learned; several readings at 16 Hz
 MIN_SPEED = 0.1        # m/s, at which the resistance is learned
 MAX_VALUE = 1e3        # N m and rad/s, of plausible torques and wheel speeds
 MAX_GAP = 0.5          # s, between readings of the wheels whose difference is an acceleration
 MIN_SLIP = 0.02        # -, smaller ones are no evidence of the friction
-MIN_STIFFNESS = 0.6    # C_x of the softest ground over that of the tire; sand: 30 N of 52.7 N
+MIN_STIFFNESS = 0.57    # C_x of the softest ground over that of the tire; sand: 30 N of 52.7 N
 DROP_TIME = 0.1        # s, in which friction that the slip contradicts is forgotten
-RAISE_SHARE = 0.45     # of the upper bound, up to which friction is raised
+RAISE_SHARE = 0.55
+MASS_ERROR, SOFT_RESISTANCE = 0.6, 0.06
 # Force over friction of a tire at the slip aimed at, on the softest ground (brush model): a
 # larger share is no sign of less friction.
 SOFT_SHARE = 0.77
 REACHED_SHARE = 0.7    # of the slip aimed at, from which it is evidence
-RAISE_TIME = 0.5       # s, in which friction is raised by e while force and slip permit it
+RAISE_TIME = 0.1       # s, in which friction is raised by e while force and slip permit it
 
 
 class ShownFriction:
@@ -62,17 +63,26 @@ class ShownFriction:
         gap_ns = 0 if self._wheels is None else stamp_ns - self._wheels.stamp_ns
         return gap_ns if 0 < gap_ns <= MAX_GAP * NS_PER_S else 0
 
-    def update_wheels(self, wheels: WheelSample, v_x: float) -> None:
-        """Add wheel speeds and motor torques; ``v_x`` [m/s] is the speed of the robot then."""
+    def update_wheels(self, wheels: WheelSample, v_x: float, time_constant: float) -> None:
+        """
+        Add wheel speeds and motor torques; ``v_x`` [m/s] is the speed of the robot then.
+
+        Slip and force pass low-pass filters with the ``time_constant`` [s] of the acceleration.
+        """
+        elapsed = self.period_ns(wheels.stamp_ns) / NS_PER_S
+        gain = elapsed / (elapsed + time_constant) if elapsed else 1.0
+        slip, force = self._slip, self._force
         self._wheels, self._force, self._slip = wheels, None, 0.0
         robot, torques = self._robot, wheels.effort or (math.nan,)
         rolling = robot.wheel_radius * sum(wheels.velocity) / len(WHEELS)
         if abs(rolling) < MAX_VALUE:  # false for NaN, too
-            self._slip = abs(rolling - v_x) / max(abs(rolling), abs(v_x), MIN_SPEED)
+            new = (rolling - v_x) / max(abs(rolling), abs(v_x), MIN_SPEED)
+            self._slip = slip + gain * (new - slip)
             if all(abs(torque) < MAX_VALUE for torque in torques):
-                self._force = float(traction_force(
+                new = float(traction_force(
                     torques, wheels.velocity, 0.0, robot.mass * GRAVITY / len(WHEELS),
                     robot.motor, robot.wheel_radius).sum())
+                self._force = new if force is None else force + gain * (new - force)
 
     def begin(self, expected: float) -> None:
         """Begin an acceleration at the limit, on ground of the ``expected`` friction."""
@@ -88,21 +98,24 @@ class ShownFriction:
         excess = math.copysign(1.0, v_x) * min(max(excess, -MAX_RESISTANCE), MAX_RESISTANCE)
         self._resistance += period / (period + RESISTANCE_TIME) * (excess - self._resistance)
 
-    def update(self, acceleration: float, v_x: float, aimed: float, period: float) -> None:
+    def update(self, acceleration: float, v_x: float, direction: int, aimed: float,
+               period: float) -> None:
         """
         Use the measured acceleration [m/s2] at the limit, ``period`` [s] after the last one.
 
         A slip far below the one ``aimed`` at, as when the wheels lag behind, is no evidence.
         """
-        resistance = self._resistance * math.copysign(1.0, acceleration * v_x)
-        used = max(abs(acceleration) / GRAVITY + resistance, 0.0)
-        if self._slip > REACHED_SHARE * aimed:
-            most = self._largest(used)
-            bound = max(most, used / SOFT_SHARE)
+        driving = direction * v_x >= 0.0
+        used = max(direction * acceleration / GRAVITY
+                   + (self._resistance if driving else -self._resistance), 0.0)
+        soft = self._resistance > MASS_ERROR * abs(acceleration) / GRAVITY + SOFT_RESISTANCE
+        share = RAISE_SHARE if soft else SOFT_SHARE
+        if soft and self.value < used / share:
+            self.value *= math.exp(period / RAISE_TIME)
+        elif direction * self._slip > REACHED_SHARE * aimed:
+            bound = max(self._largest(used), used / share)
             if self.value > bound:
                 self.value = bound + math.exp(-period / DROP_TIME) * (self.value - bound)
-            elif self.value < RAISE_SHARE * most:
-                self.value *= math.exp(period / RAISE_TIME)
         self.value = min(max(used, self.value), MAX_FRICTION)
 
     def _largest(self, used: float) -> float:
@@ -112,9 +125,9 @@ class ShownFriction:
         The brush model for small slip, F = p (1 - t + t^2 / 3) with p = C_x s and t = p / (3 mu).
         """
         robot = self._robot
-        elastic = MIN_STIFFNESS * robot.tire.longitudinal_stiffness * self._slip / (
+        elastic = MIN_STIFFNESS * robot.tire.longitudinal_stiffness * abs(self._slip) / (
             robot.mass * GRAVITY / len(WHEELS))
-        if self._slip < MIN_SLIP or used >= elastic:
+        if abs(self._slip) < MIN_SLIP or used >= elastic:
             return MAX_FRICTION
         if 3.0 * used <= elastic:
             return used

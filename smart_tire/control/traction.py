@@ -40,7 +40,7 @@ ENDS = tuple(map(float, AXLE_SIGNS))
 MAX_ACCELERATION = GRAVITY  # m/s2, of the robot on ground of unknown friction
 PRIOR_SIGMA = 0.15          # -, of the friction coefficient of unknown ground; assumed
 MAX_STIFFENING = 1.3        # C_x of any ground over that of the tire: three sigma
-PRIOR_RELATIVE_SIGMA = 0.5  # of the critical slip of unknown ground; assumed
+PRIOR_RELATIVE_SIGMA = 1.6  # of the critical slip of unknown ground: falling curves, loads
 CONFIRMED = 1.2             # friction used over that shown, at most; error of the force
 MAX_ONSET_WEIGHT = 0.3                # weight of an onset, below which estimates show the friction
 MIN_CRITICAL_SLIP = 1e-3    # -, lower limit in denominators
@@ -114,7 +114,8 @@ class TractionControl:
     def update_wheels(self, wheels: WheelSample) -> None:
         """Add wheel speeds and motor torques."""
         middle_ns = wheels.stamp_ns - self._shown.period_ns(wheels.stamp_ns) // 2
-        self._shown.update_wheels(wheels, self._motion.speed_at(middle_ns))
+        self._shown.update_wheels(
+            wheels, self._motion.speed_at(middle_ns), self.params.acceleration_filter)
 
     def reset(self) -> None:
         """Forget the set points: the motors do not follow them."""
@@ -151,9 +152,10 @@ class TractionControl:
         if self._begins(sum(wanted) - sum(limited), now_ns, sides):
             limited, motion, grounds = self._predicted_limit(wanted, now_ns, period, sides)
         elif self._direction and motion.unseen < MAX_ONSET_WEIGHT:
-            self._shown.update(motion.measured, motion.v_x,
+            self._shown.update(motion.measured, motion.v_x, self._direction,
                                min(ground.limit for ground in grounds), period)
-        self._shown.update_resistance(motion.measured, motion.v_x, period)
+        if motion.unseen < MAX_ONSET_WEIGHT:
+            self._shown.update_resistance(motion.measured, motion.v_x, period)
         tires = [self._tire(*one, motion) for one in zip(range(4), grounds, set_points)]
         if limited == wanted:
             self._yaw.reset()
@@ -310,7 +312,7 @@ class TractionControl:
         speed = self._free_rolling(wheel, motion)
         lateral = motion.v_y + 0.5 * ENDS[wheel] * self._robot.wheelbase * motion.yaw_rate
         lateral_slip = lateral / max(abs(speed), self.params.floor)
-        margin = motion.v_x_sigma / max(abs(speed), self.params.floor)
+        margin = self.params.sigmas * motion.v_x_sigma / max(abs(speed), self.params.floor)
         slip = math.sqrt(max(limit ** 2 - lateral_slip ** 2, (MIN_SHARE * limit) ** 2))
         slip = max(slip - margin, MIN_SHARE * limit)
         return slip_band(speed, slip, self.params.floor)

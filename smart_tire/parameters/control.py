@@ -77,10 +77,10 @@ class TractionParams:
     enabled: bool = param(
         False, '-', 'limit the slip of each wheel', live=True)
     share: float = param(
-        0.85, '-', 'slip aimed at over the lower bound of the critical slip',
+        0.88, '-', 'slip aimed at over the lower bound of the critical slip',
         low=0.1, high=1.0, live=True)
     sigmas: float = param(
-        0.25, '-', 'standard deviations from the critical slip to its lower bound',
+        0.25, '-', 'standard deviations of critical slip and speed that the slip limit is lower',
         low=0.0, high=5.0, live=True)
     unknown_friction: float = param(
         0.20, '-', 'friction coefficient of unknown ground until the robot shows more',
