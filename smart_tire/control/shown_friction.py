@@ -25,20 +25,21 @@ from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import NS_PER_S, WHEELS, WheelSample
 
 MAX_RESISTANCE = 0.2   # -, rolling resistance and slope over the weight
-RESISTANCE_TIME = 0.05  # s, in which the resistance is learned; several readings at 16 Hz
+RESISTANCE_TIME = 0.05  # s, in which the resistance is learned; a start lasts 0.6 s
 MIN_SPEED = 0.1        # m/s, at which the resistance is learned
 MAX_VALUE = 1e3        # N m and rad/s, of plausible torques and wheel speeds
 MAX_GAP = 0.5          # s, between readings of the wheels whose difference is an acceleration
 MIN_SLIP = 0.02        # -, smaller ones are no evidence of the friction
-MIN_STIFFNESS = 0.57    # C_x of the softest ground over that of the tire; sand: 30 N of 52.7 N
+MIN_STIFFNESS = 0.57   # C_x of the softest ground over that of the tire: 30 N of 52.7 N
 DROP_TIME = 0.1        # s, in which friction that the slip contradicts is forgotten
-RAISE_SHARE = 0.55
-MASS_ERROR, SOFT_RESISTANCE = 0.6, 0.06
+# Soft ground has a rolling resistance over the weight above this one, and above the share of the
+# acceleration that a wrong mass resembles; its force grows with the slip far beyond SOFT_SHARE.
+SOFT_RESISTANCE, MASS_ERROR = 0.06, 0.6
+RAISE_SHARE = 0.5      # force over friction, up to which friction is raised on such ground
 # Force over friction of a tire at the slip aimed at, on the softest ground (brush model): a
 # larger share is no sign of less friction.
 SOFT_SHARE = 0.77
 REACHED_SHARE = 0.7    # of the slip aimed at, from which it is evidence
-RAISE_TIME = 0.1       # s, in which friction is raised by e while force and slip permit it
 
 
 class ShownFriction:
@@ -47,7 +48,8 @@ class ShownFriction:
 
     The force over the weight is that of the acceleration and of the resistance, by which the motor
     torques exceed it. It is a lower bound of the friction; the largest friction with which the
-    softest ground has this force at this slip is an upper one. Between them friction is raised.
+    softest ground has this force at this slip is an upper one. On ground with a large rolling
+    resistance, which is soft, friction is raised.
     """
 
     def __init__(self, robot: RobotParams, value: float) -> None:
@@ -110,9 +112,9 @@ class ShownFriction:
                    + (self._resistance if driving else -self._resistance), 0.0)
         soft = self._resistance > MASS_ERROR * abs(acceleration) / GRAVITY + SOFT_RESISTANCE
         share = RAISE_SHARE if soft else SOFT_SHARE
-        if soft and self.value < used / share:
-            self.value *= math.exp(period / RAISE_TIME)
-        elif direction * self._slip > REACHED_SHARE * aimed:
+        if soft:
+            self.value = max(self.value, used / share)
+        if direction * self._slip > REACHED_SHARE * aimed:
             bound = max(self._largest(used), used / share)
             if self.value > bound:
                 self.value = bound + math.exp(-period / DROP_TIME) * (self.value - bound)

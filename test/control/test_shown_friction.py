@@ -39,9 +39,9 @@ def shown(force, slip, *, prior=0.2, drag=0.0, seconds=1.0, aimed=0.2, effort=Tr
                                    ROBOT.motor, ROBOT.wheel_radius))
     for step in range(round(seconds / PERIOD)):
         friction.update_wheels(WheelSample(round(step * PERIOD * NS_PER_S), (omega,) * 4, None,
-                                           (torque,) * 4 if effort else None), V_X)
+                                           (torque,) * 4 if effort else None), V_X, 0.0)
         friction.update_resistance(acceleration, V_X, PERIOD)
-        friction.update(acceleration, V_X, aimed, PERIOD)
+        friction.update(acceleration, V_X, 1, aimed, PERIOD)
     return friction
 
 
@@ -59,8 +59,13 @@ def test_wheels_that_lag_behind_the_aimed_slip_are_no_evidence():
     assert shown(0.02, 0.1, aimed=0.2).value == 0.2
 
 
-def test_a_force_in_proportion_to_the_slip_raises_the_friction():
-    assert shown(0.22, 0.2).value > 0.3
+def test_only_soft_ground_with_its_rolling_resistance_raises_the_friction():
+    assert shown(0.22, 0.2, drag=0.16).value == pytest.approx(0.44, rel=0.02)
+    assert shown(0.22, 0.2).value == pytest.approx(0.22, rel=0.02)
+
+
+def test_slip_against_the_direction_of_the_limit_is_no_evidence():
+    assert shown(0.02, -0.2).value == 0.2
 
 
 @pytest.mark.parametrize('drag', [0.05, 0.15])
@@ -74,7 +79,7 @@ def test_readings_that_are_not_plausible_are_ignored(bad):
     friction = shown(0.3, 0.01)
     sample = WheelSample(10 * NS_PER_S, (bad,) * 4, None, (bad,) * 4)
     for one in (sample, replace(sample, velocity=(10.0,) * 4)):
-        friction.update_wheels(one, V_X)
+        friction.update_wheels(one, V_X, 0.0)
         friction.update_resistance(0.0, V_X, PERIOD)
-        friction.update(0.0, V_X, 1.0, PERIOD)
+        friction.update(0.0, V_X, 1, 1.0, PERIOD)
     assert friction.value == pytest.approx(0.3, rel=1e-3)

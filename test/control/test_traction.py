@@ -22,6 +22,7 @@ import math
 import pytest
 
 from smart_tire.control import ground_speed
+from smart_tire.control import traction as control_of_traction
 from smart_tire.control.slip_band import slip_band
 from smart_tire.control.traction import TractionControl
 from smart_tire.control.wheel_control import WheelControl
@@ -47,6 +48,7 @@ FAST, REVERSE, STOPPED = (20.0,) * 4, (-20.0,) * 4, (0.0,) * 4
 @pytest.fixture(autouse=True)
 def exact_extrapolation(monkeypatch):
     monkeypatch.setattr(ground_speed, 'EXTRAPOLATION_SIGMA', 0.0)
+    monkeypatch.setattr(control_of_traction, 'PRIOR_RELATIVE_SIGMA', 0.5)
 
 
 def odometry(v_x=1.0, *, stamp_ns=NOW_NS, v_y=0.0, yaw_rate=0.0, sigma=0.0):
