@@ -31,11 +31,11 @@ MAX_VALUE = 1e3        # N m and rad/s, of plausible torques and wheel speeds
 MAX_GAP = 0.5          # s, between readings of the wheels whose difference is an acceleration
 MIN_SLIP = 0.02        # -, smaller ones are no evidence of the friction
 MIN_STIFFNESS = 0.57   # C_x of the softest ground over that of the tire: 30 N of 52.7 N
-DROP_TIME = 0.1        # s, in which friction that the slip contradicts is forgotten
+DROP_TIME = 0.3        # s, in which a start forgets friction that the slip contradicts
 # Soft ground has a rolling resistance over the weight above this one, and above the share of the
 # acceleration that a wrong mass resembles; its force grows with the slip far beyond SOFT_SHARE.
 SOFT_RESISTANCE, MASS_ERROR = 0.06, 0.6
-RAISE_SHARE = 0.5      # force over friction, up to which friction is raised on such ground
+RAISE_SHARE = 0.36     # force over friction, up to which friction is raised on such ground
 # Force over friction of a tire at the slip aimed at, on the softest ground (brush model): a
 # larger share is no sign of less friction.
 SOFT_SHARE = 0.77
@@ -114,7 +114,8 @@ class ShownFriction:
         share = RAISE_SHARE if soft else SOFT_SHARE
         if soft:
             self.value = max(self.value, used / share)
-        if direction * self._slip > REACHED_SHARE * aimed:
+        # the force of a stop builds up late: an early doubt would prolong it
+        if driving and direction * self._slip > REACHED_SHARE * aimed:
             bound = max(self._largest(used), used / share)
             if self.value > bound:
                 self.value = bound + math.exp(-period / DROP_TIME) * (self.value - bound)
