@@ -233,9 +233,9 @@ def slippery(mu, sigma=0.0):
 
 def on_friction(mu, sigma=0.0, planned=None, **friction):
     params = replace(IDEAL, max_speed=1.5, friction=FrictionLimitParams(
-        fade_distance=1e3, fade_time=3600.0, share=0.5, minimum=0.01, **friction), limits=MotionLimitParams(
-        acceleration=1.0, deceleration=1.0, lateral_acceleration=5.0, yaw_rate=5.0,
-        yaw_acceleration=20.0))
+        fade_distance=1e3, fade_time=3600.0, share=0.5, minimum=0.01, **friction),
+        limits=MotionLimitParams(acceleration=1.0, deceleration=1.0, lateral_acceleration=5.0,
+                                 yaw_rate=5.0, yaw_acceleration=20.0))
     run = Run(params)
     run.control.update_friction(slippery(mu, sigma))
     run.start(planned or figure_eight(0.5)).until_end()
