@@ -21,7 +21,7 @@ import math
 
 import pytest
 
-from smart_tire.control.shown_friction import MAX_FRICTION, ShownFriction
+from smart_tire.control.shown_friction import MAX_FRICTION, RAISE_SHARE, ShownFriction
 from smart_tire.models.constants import GRAVITY
 from smart_tire.models.vehicle.drive import required_torque
 from smart_tire.parameters.robot import RobotParams
@@ -51,7 +51,7 @@ def test_the_force_in_use_is_a_lower_bound_of_the_friction():
 
 
 def test_wheels_that_slip_with_little_force_show_little_friction():
-    assert 0.1 <= shown(0.1, 0.25, prior=0.5).value < 0.14
+    assert 0.1 <= shown(0.1, 0.25, prior=0.5, seconds=2.0).value < 0.14
     assert shown(0.1, 0.25, prior=0.5, seconds=0.05).value > 0.3  # it takes a moment
 
 
@@ -60,8 +60,15 @@ def test_wheels_that_lag_behind_the_aimed_slip_are_no_evidence():
 
 
 def test_only_soft_ground_with_its_rolling_resistance_raises_the_friction():
-    assert shown(0.22, 0.2, drag=0.16).value == pytest.approx(0.44, rel=0.02)
+    assert shown(0.22, 0.2, drag=0.16).value == pytest.approx(0.22 / RAISE_SHARE, rel=0.02)
     assert shown(0.22, 0.2).value == pytest.approx(0.22, rel=0.02)
+
+
+def test_a_stop_whose_force_builds_up_late_is_no_evidence():
+    friction = shown(0.02, -0.3, prior=0.4, seconds=0.01)
+    for _ in range(100):
+        friction.update(-0.2, V_X, -1, 0.2, PERIOD)
+    assert friction.value == 0.4
 
 
 def test_slip_against_the_direction_of_the_limit_is_no_evidence():
