@@ -22,7 +22,7 @@ import numpy as np
 import pytest
 from support.encoder_faults import Drive, Fault, GROUNDS, other_robot, random_drive
 
-pytestmark = pytest.mark.safety
+pytestmark = pytest.mark.slow
 
 CASES = range(20)
 LATENCY = 0.05  # s from a trip to zero duty at the motors, at most
