@@ -77,10 +77,11 @@ def test_a_fault_is_found_in_open_loop_at_a_low_duty(kind):
         assert 0.0 < trip[0] - begin < 0.5 - LATENCY
 
 
-@pytest.mark.parametrize('surface', GROUNDS)
 @pytest.mark.parametrize('currents', [True, False], ids=['currents', 'no currents'])
-def test_no_drive_is_stopped(surface, currents):
-    for case in range(10):
+@pytest.mark.parametrize(('surface', 'cases'), [('concrete', range(3))] + [
+    pytest.param(surface, range(10), marks=pytest.mark.long) for surface in GROUNDS])
+def test_no_drive_is_stopped(surface, cases, currents):
+    for case in cases:
         assert Drive(random_drive(case, 20.0), surface=surface, seed=case, robot=robot_of(case),
                      currents=currents).trips(20.0) == []
 
