@@ -32,6 +32,7 @@ from smart_tire.parameters.files import from_arguments
 
 REMEMBERED_MESSAGES = 16  # of a topic with several subscriptions
 RCLError: type[RuntimeError] = rclpy_implementation.RCLError  # of ``publish``; not exported
+UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'  # rcl, of an endpoint before its node
 
 
 def new_executor() -> Any:
@@ -123,9 +124,14 @@ def given_parameters(node: Node) -> dict[str, Any]:
 
 
 def publisher_names(node: Node, topic: str) -> dict[bytes, str]:
-    """Return endpoint identifier -> fully qualified node name of the publishers of ``topic``."""
+    """
+    Return endpoint identifier -> fully qualified node name of the publishers of ``topic``.
+
+    Those whose node is not discovered yet are left out: rcl gives them a placeholder as name.
+    """
     return {bytes(info.endpoint_gid): f'{info.node_namespace.rstrip("/")}/{info.node_name}'
-            for info in node.get_publishers_info_by_topic(topic)}
+            for info in node.get_publishers_info_by_topic(topic)
+            if info.node_name != UNKNOWN_NODE}
 
 
 def plain_message(error: Exception) -> str:
