@@ -27,7 +27,7 @@ tuning, those below for tests.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 import hashlib
 import math
@@ -54,6 +54,7 @@ from smart_tire.samples import Four, NS_PER_S, Sample, WheelSample
 from smart_tire.simulation.faults import delayed
 from smart_tire.simulation.host import Event
 from smart_tire.simulation.offline import simulate
+from smart_tire.simulation.plant import LOAD_TRANSFER_TIME
 from smart_tire.simulation.terrain import on_slopes
 
 TUNING_SEED = 1001  # first of the seeds for tuning; those for tests are below
@@ -77,6 +78,7 @@ class Distribution:
 
     kind: str  # uniform, gaussian
     parameters: tuple[float, float]
+    nominal: float  # as in the models, the simulator and the parameters of the estimators
     unit: str
     origin: str
     count: int = 1
@@ -94,27 +96,47 @@ class Distribution:
 # Besides these, the simulator draws the turn-on biases and the tilt of the IMU, torque constants
 # (4 % common, 1 % per motor), torque offsets and motor friction (10 %): SensorErrorParams.
 DISTRIBUTIONS: Mapping[str, Distribution] = {
-    'resistance_share': Distribution('uniform', (0.0, 1.0), '-', 'PHYSICS D, lateral share'),
-    'stiffness_ratio': Distribution('uniform', (0.6, 1.0), '-', 'issue 22, C_y / C_x'),
-    'fall': Distribution('uniform', (0.0, 0.45), '-', 'Magic Formula, C = 1.65: falls to 0.52'),
-    'relaxation_length': Distribution('uniform', (0.0, 0.03), 'm', 'up to 2/3 of the contact'),
-    'load_transfer_time': Distribution('uniform', (0.01, 0.06), 's', 'Plant: 0.02 s'),
-    'slope': Distribution('uniform', (0.0, 0.030), 'rad', 'issue 22, rms'),
-    'center_of_mass': Distribution('uniform', (-1.0, 1.0), '-', 'of the range of the row', 2),
-    'wheel_radius': Distribution('uniform', (0.99, 1.01), '-', 'issue 22, of the nominal one'),
-    'friction': Distribution('uniform', (0.9, 1.1), '-', 'mu of each surface, nominal', 5),
-    'stiffness': Distribution('uniform', (0.9, 1.1), '-', 'C_x of each surface, nominal', 5),
-    'drag': Distribution('uniform', (0.9, 1.1), '-', 'of each surface, nominal', 5),
-    'stiffness_scale': Distribution('gaussian', (1.0, 0.03), '-', 'C_x of each tire', 4),
-    'stamp_jitter': Distribution('uniform', (0.0003, 0.0015), 's', 'EncoderParams: 0.001 s'),
-    'latency': Distribution('uniform', (0.0, 0.010), 's', 'of wheel_states, unknown'),
-    'gain': Distribution('gaussian', (1.0, 0.03), '-', 'FilmParams.stretch_gain_tolerance', 4),
-    'yaw_inertia': Distribution('uniform', (0.9, 1.1), '-', 'issue 22, of the nominal one'),
-    'mass': Distribution('uniform', (0.97, 1.03), '-', 'issue 22, of the nominal one'),
-    'bump_height': Distribution('uniform', (0.08, 0.18), '-', 'paper B, Fig. 11(b): 0.10-0.15',
-                                2),
-    'bump_distance': Distribution('uniform', (0.008, 0.015), 'm', 'paper B, Fig. 11(b)', 2),
-    'bump_width': Distribution('uniform', (0.007, 0.013), 'm', 'paper B, Fig. 11(b)', 2)}
+    'resistance_share': Distribution(
+        'uniform', (0.0, 1.0), 1.0, '-', 'PHYSICS D, lateral share'),
+    'stiffness_ratio': Distribution(
+        'uniform', (0.6, 1.0), 1.0, '-', 'issue 22, C_y / C_x'),
+    'fall': Distribution(
+        'uniform', (0.0, 0.45), 0.0, '-', 'Magic Formula, C = 1.65: falls to 0.52'),
+    'relaxation_length': Distribution(
+        'uniform', (0.0, 0.03), 0.0, 'm', 'up to 2/3 of the contact'),
+    'load_transfer_time': Distribution(
+        'uniform', (0.01, 0.06), LOAD_TRANSFER_TIME, 's', 'Plant: 0.02 s'),
+    'slope': Distribution(
+        'uniform', (0.0, 0.030), 0.0, 'rad', 'issue 22, rms'),
+    'center_of_mass': Distribution(
+        'uniform', (-1.0, 1.0), 0.0, '-', 'of the range of the row', 2),
+    'wheel_radius': Distribution(
+        'uniform', (0.99, 1.01), 1.0, '-', 'issue 22, of the nominal one'),
+    'friction': Distribution(
+        'uniform', (0.9, 1.1), 1.0, '-', 'mu of each surface, nominal', 5),
+    'stiffness': Distribution(
+        'uniform', (0.9, 1.1), 1.0, '-', 'C_x of each surface, nominal', 5),
+    'drag': Distribution(
+        'uniform', (0.9, 1.1), 1.0, '-', 'of each surface, nominal', 5),
+    'stiffness_scale': Distribution(
+        'gaussian', (1.0, 0.03), 1.0, '-', 'C_x of each tire', 4),
+    'stamp_jitter': Distribution(
+        'uniform', (0.0003, 0.0015), 0.001, 's', 'EncoderParams: 0.001 s'),
+    'latency': Distribution(
+        'uniform', (0.0, 0.010), 0.0, 's', 'of wheel_states, unknown'),
+    'gain': Distribution(
+        'gaussian', (1.0, 0.03), 1.0, '-', 'FilmParams.stretch_gain_tolerance', 4),
+    'yaw_inertia': Distribution(
+        'uniform', (0.9, 1.1), 1.0, '-', 'issue 22, of the nominal one'),
+    'mass': Distribution(
+        'uniform', (0.97, 1.03), 1.0, '-', 'issue 22, of the nominal one'),
+    'bump_height': Distribution(
+        'uniform', (0.08, 0.18), 0.125, '-', 'paper B, Fig. 11(b): 0.10-0.15', 2),
+    'bump_distance': Distribution(
+        'uniform', (0.008, 0.015), 0.010, 'm', 'paper B, Fig. 11(b)', 2),
+    'bump_width': Distribution(
+        'uniform', (0.007, 0.013), 0.009, 'm', 'paper B, Fig. 11(b)', 2),
+    'bump_shape': Distribution('uniform', (0.0, len(bump_shapes.SHAPES)), 0.0, '-', 'index')}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -249,17 +271,23 @@ def recordings(row: str, seeds: Iterable[int]
     return found
 
 
-def draw(name: str, seed: int) -> Draw:
-    """Return the robot of row ``name`` with ``seed``."""
+def draw(name: str, seed: int, nominal: Collection[str] = ()) -> Draw:
+    """
+    Return the robot of row ``name`` with ``seed``.
+
+    The properties ``nominal``, of ``DISTRIBUTIONS``, are not drawn: what each error costs.
+    """
     row = ROWS[name]
     rng = np.random.default_rng([seed, zlib.crc32(name.encode())])
     value = {one: distribution.draw(rng) for one, distribution in DISTRIBUTIONS.items()}
+    if row.slope is not None:
+        value['slope'] = (row.slope,)
+    value |= {one: (DISTRIBUTIONS[one].nominal,) * len(value[one]) for one in nominal}
     robot = replace(row.platform, film=FILM, tire=row.tire)
     legs, duration = sequence(*((float(a), float(b), float(c)) for a, b, c in row.manoeuvre(rng)))
     simulator = SimulatorParams(
         seed=seed, ground=_ground(row, value), drive=row.drive,
-        errors=_errors(value, str(rng.choice(bump_shapes.SHAPES))),
-        robot=_true_robot(robot, row, value))
+        errors=_errors(value), robot=_true_robot(robot, row, value))
     pushes, lifts, stuck = _disturbances(row, duration, rng)
     traits = Traits(
         resistance_share=value['resistance_share'][0],
@@ -267,8 +295,7 @@ def draw(name: str, seed: int) -> Draw:
         fall=value['fall'][0] * bool(rng.random() > PURE_BRUSH_SHARE),
         relaxation_length=value['relaxation_length'][0],
         load_transfer_time=value['load_transfer_time'][0],
-        stiffness_scale=_four(value['stiffness_scale']),
-        slope=value['slope'][0] if row.slope is None else row.slope,
+        stiffness_scale=_four(value['stiffness_scale']), slope=value['slope'][0],
         terrain_seed=int(rng.integers(2**31)), sides=row.sides, pushes=pushes, lifts=lifts)
     return Draw(name, seed, robot, simulator, traits, legs, duration, stuck)
 
@@ -299,10 +326,11 @@ def _ground(row: Row, value: Values) -> GroundParams:
     return ground(row.base, surfaces, row.fields)
 
 
-def _errors(value: Values, shape: str) -> SensorErrorParams:
+def _errors(value: Values) -> SensorErrorParams:
     low, high = sorted(value['bump_height'])
     return SensorErrorParams(bumps=(low, high), bump_distance=value['bump_distance'],
-                             bump_width=value['bump_width'], bump_shape=shape)
+                             bump_width=value['bump_width'],
+                             bump_shape=bump_shapes.SHAPES[int(value['bump_shape'][0])])
 
 
 def _disturbances(row: Row, duration: float, rng: np.random.Generator) -> tuple[

@@ -29,7 +29,7 @@ from typing import Any
 
 from benchmarks.command import accuracy_parser, run_accuracy_benchmark
 from benchmarks.jobs import make_folder, run_jobs
-from benchmarks.robots.draws import draw, ROWS, TUNING_SEED
+from benchmarks.robots.draws import DISTRIBUTIONS, draw, ROWS, TUNING_SEED
 from benchmarks.robots.scoring import RobotResult, row_figures, run_robot
 from benchmarks.robots.tables import BEFORE, compact, NOTES, tables
 from benchmarks.tables import markdown, new_console, print_all
@@ -47,21 +47,25 @@ def main(argv: Sequence[str] | None = None) -> int:
                         help=f'seeds for tuning: counted from {TUNING_SEED}')
     parser.add_argument('--known-radius', action='store_true',
                         help='give the true wheel radius to the estimators')
+    parser.add_argument('--nominal', nargs='+', default=[], choices=DISTRIBUTIONS,
+                        metavar='PROPERTY', help='properties that are not drawn: '
+                        + ', '.join(DISTRIBUTIONS))
     parser.add_argument('--keep-before', action='store_true',
                         help=f'write the figures to {BEFORE.name}, shown by later runs')
     args = parser.parse_args(argv)
     if args.tuning:
         args.first_seed += TUNING_SEED - 1
     return run_accuracy_benchmark('robots', args, TITLES, lambda seeds, on: benchmark(
-        args.runs or list(ROWS), seeds, args.out, on, known_radius=args.known_radius,
-        keep=args.keep_before))
+        args.runs or list(ROWS), seeds, args.out, on, nominal=args.nominal,
+        known_radius=args.known_radius, keep=args.keep_before))
 
 
 def benchmark(names: Sequence[str], seeds: Sequence[int], out: Path, machine_name: str, *,
-              known_radius: bool = False, keep: bool = False) -> None:
+              nominal: Sequence[str] = (), known_radius: bool = False, keep: bool = False
+              ) -> None:
     """Run all robots, print the tables and write the results."""
     make_folder(out)
-    jobs: list[Job] = [partial(run, name, seed, known_radius)
+    jobs: list[Job] = [partial(run, name, seed, nominal, known_radius)
                        for seed in seeds for name in names]
     results = sorted(run_jobs(jobs, label), key=lambda one: one.seed)
     by_row = {name: [one for one in results if one.row == name]
@@ -69,6 +73,7 @@ def benchmark(names: Sequence[str], seeds: Sequence[int], out: Path, machine_nam
     rows = {name: row_figures(own) for name, own in by_row.items()}
     tree: dict[str, Any] = {
         'machine': machine_name, 'seeds': list(seeds), 'known_radius': known_radius,
+        'nominal': list(nominal),
         'units': 'mu: relative errors; slip: -; u, v_y: m/s; load: CPU time over duration',
         'rows': {name: {'title': TITLES[name], 'over_robots': rows[name], 'robots': {
             one.seed: one.figures for one in own}} for name, own in by_row.items()}}
@@ -83,9 +88,10 @@ def benchmark(names: Sequence[str], seeds: Sequence[int], out: Path, machine_nam
     print(f'{len(results)} robots; robots.md and results.json in {out}')
 
 
-def run(name: str, seed: int, known_radius: bool = False) -> RobotResult:
+def run(name: str, seed: int, nominal: Sequence[str] = (), known_radius: bool = False
+        ) -> RobotResult:
     """Return the results of one robot."""
-    one = draw(name, seed)
+    one = draw(name, seed, nominal)
     return run_robot(one.known_radius() if known_radius else one)
 
 

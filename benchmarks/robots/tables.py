@@ -115,11 +115,12 @@ def _motion_table(rows: Mapping[str, RowFigures], old: Mapping[str, RowFigures])
 
 
 def _distributions_table() -> Table:
-    table = new_table('Drawn', 'property', 'values', 'distribution', 'parameters', 'unit',
-                      'origin')
+    table = new_table('Drawn', 'property', 'values', 'distribution', 'parameters', 'nominal',
+                      'unit', 'origin')
     for name, one in DISTRIBUTIONS.items():
         low, high = one.parameters
-        table.add_row(name, str(one.count), one.kind, f'{low:g}, {high:g}', one.unit, one.origin)
+        table.add_row(name, str(one.count), one.kind, f'{low:g}, {high:g}',
+                      f'{one.nominal:g}', one.unit, one.origin)
     return table
 
 

@@ -1,0 +1,134 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Robots drawn at random: their plant, their reproducibility, and a run of the benchmark."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+import json
+import math
+
+from benchmarks.robots import run
+from benchmarks.robots.draws import DISTRIBUTIONS, draw, Draw, recordings, ROWS, TUNING_SEED
+from benchmarks.robots.plant import Lift, MIN_LOAD, plant_with, Push, Traits
+from benchmarks.robots.scoring import Errors, QUANTITIES
+import numpy as np
+import pytest
+from smart_tire.models.constants import GRAVITY
+from smart_tire.parameters import RobotParams
+from smart_tire.parameters.simulation import DriveParams, GroundParams
+from smart_tire.samples import Odometry
+from smart_tire.simulation.plant import Plant, TIME_STEP
+from smart_tire.simulation.surfaces import SurfaceMap
+
+CONCRETE = GroundParams(base='concrete', patches=())
+
+
+def driven(kind: type[Plant], duty=(0.4, 0.3, 0.4, 0.3), seconds=0.4):
+    """Return a plant after some time with constant duties."""
+    plant = kind(RobotParams(), DriveParams(), SurfaceMap(CONCRETE))
+    for _ in range(round(seconds / TIME_STEP)):
+        plant.step(duty)
+    return plant
+
+
+def motion(plant):
+    """Return the state of a plant."""
+    return [plant.x, plant.y, plant.yaw, plant.v_x, plant.v_y, plant.yaw_rate,
+            *plant.wheel_speed, *plant.load]
+
+
+def test_without_traits_the_plant_is_that_of_the_simulator():
+    assert motion(driven(plant_with(Traits()))) == pytest.approx(motion(driven(Plant)), rel=1e-9)
+
+
+@pytest.mark.parametrize('trait', [
+    {'resistance_share': 0.0}, {'stiffness_ratio': 0.6}, {'relaxation_length': 0.03},
+    {'load_transfer_time': 0.06}, {'stiffness_scale': (1.05, 1.0, 1.0, 1.0)}, {'slope': 0.03},
+    {'pushes': (Push(0.1, 0.4, (10.0, 0.0), 0.0),)}, {'lifts': (Lift(0.1, 0.5, 0),)}])
+def test_each_trait_changes_the_motion(trait):
+    assert motion(driven(plant_with(Traits(**trait)))) != pytest.approx(
+        motion(driven(Plant)), rel=1e-4)
+
+
+def test_friction_falls_with_the_slip_from_that_of_the_surface():
+    plant = driven(plant_with(Traits(fall=0.4)))
+    (mu,) = {surface.friction for surface in SurfaceMap(CONCRETE).surfaces.values()
+             if surface.name == 'concrete'}
+    assert [one.friction for one in plant.surface] == [mu] * 4
+    plant._slip = [(5.0, 0.0)] * 4
+    plant._update_wheels()
+    assert all(0.6 * mu < one.friction < 0.7 * mu for one in plant.surface)
+
+
+def test_a_lifted_wheel_has_no_load_and_the_weight_remains():
+    plant = driven(plant_with(Traits(lifts=(Lift(0.0, 1.0, 1),))), duty=(0.0,) * 4)
+    assert plant.load[1] == MIN_LOAD
+    assert sum(plant.load) == pytest.approx(RobotParams().mass * GRAVITY, rel=0.01)
+
+
+def test_gravity_rolls_the_robot_downhill():
+    class Downhill(plant_with(Traits(slope=0.01))):
+        def _vertical(self):
+            return -0.3, 0.0
+    assert driven(Downhill, duty=(0.0,) * 4).v_x > 0.01
+
+
+@pytest.mark.parametrize('name', ROWS)
+def test_a_draw_is_reproducible_and_the_estimators_get_the_nominal_robot(name):
+    one, other = draw(name, TUNING_SEED), draw(name, TUNING_SEED + 1)
+    assert one == draw(name, TUNING_SEED) != other
+    assert one.robot == other.robot
+    assert one.true.wheel_radius != one.robot.wheel_radius == one.params.robot.wheel_radius
+    assert one.known_radius().robot.wheel_radius == one.true.wheel_radius
+    assert 40.0 < one.duration < 60.0
+    exact = draw(name, TUNING_SEED, tuple(DISTRIBUTIONS))
+    assert replace(exact.true, film=exact.robot.film) == exact.robot
+    assert set(exact.true.film.stretch_gain) == set(exact.robot.film.stretch_gain)
+    assert replace(exact.traits, terrain_seed=0, pushes=(), lifts=(), sides=()) == Traits()
+
+
+def test_errors_are_scored_with_their_sigmas():
+    figures = Errors(np.array([0.1, -0.3, math.nan]), np.array([0.1, 0.1, math.nan])).figures
+    assert figures['finite'] == pytest.approx(2.0 / 3.0)
+    assert figures['median'] == pytest.approx(0.2)
+    assert figures['within_two'] == 0.5
+    assert figures['nees'] == pytest.approx(5.0)
+
+
+def test_a_run_writes_a_table_and_results(monkeypatch, tmp_path, capsys):
+    whole = draw('no_torque', 1)
+    monkeypatch.setattr(run, 'draw', lambda name, seed, nominal: Draw(
+        name, seed, whole.robot, whole.simulator, whole.traits, whole.legs, 6.0))
+    assert run.main(['--quick', '--runs', 'no_torque', '--out', str(tmp_path)]) == 0
+    assert ROWS['no_torque'].title in capsys.readouterr().out
+    results = json.loads((tmp_path / 'results.json').read_text())
+    assert results['rows']['no_torque']['over_robots'].keys() == {*QUANTITIES, 'run'}
+    assert ROWS['no_torque'].title in (tmp_path / 'robots.md').read_text()
+
+
+def test_recordings_hold_inputs_and_truth_apart(monkeypatch):
+    monkeypatch.setattr(Draw, 'events', lambda self: [
+        (1, 'ground_truth/odom', 'truth'), (2, 'imu/data', 'input')])
+    ((params, inputs, truth),) = recordings('ice', [1])
+    assert (inputs, truth) == (['input'], ['truth'])
+    assert params.robot == draw('ice', 1).robot
+
+
+def test_the_start_of_a_drive_is_cut():
+    one = replace(draw('start_in_motion', 1), duration=8.0)
+    speeds = [sample.linear[0] for sample in one.truth() if isinstance(sample, Odometry)]
+    assert len(speeds) == pytest.approx(200, abs=2)
+    assert abs(speeds[0]) > 0.1
