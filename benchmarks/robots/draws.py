@@ -57,6 +57,8 @@ from smart_tire.simulation.offline import simulate
 from smart_tire.simulation.plant import LOAD_TRANSFER_TIME
 from smart_tire.simulation.terrain import on_slopes
 
+Values = Mapping[str, tuple[float, ...]]
+
 TUNING_SEED = 1001  # first of the seeds for tuning; those for tests are below
 FILM = FilmParams(wheels=('front_right', 'front_left'))
 ICE = 'ice'
@@ -209,6 +211,7 @@ class Draw:
     traits: Traits
     legs: tuple[Leg, ...]
     duration: float           # s
+    values: Values            # drawn properties, of DISTRIBUTIONS
     stuck: tuple[tuple[int, float], ...] = ()  # wheel and begin [s] of constant currents
 
     @property
@@ -289,18 +292,15 @@ def draw(name: str, seed: int, nominal: Collection[str] = ()) -> Draw:
         seed=seed, ground=_ground(row, value), drive=row.drive,
         errors=_errors(value), robot=_true_robot(robot, row, value))
     pushes, lifts, stuck = _disturbances(row, duration, rng)
+    value['fall'] = (value['fall'][0] * bool(rng.random() > PURE_BRUSH_SHARE),)
     traits = Traits(
         resistance_share=value['resistance_share'][0],
         stiffness_ratio=value['stiffness_ratio'][0],
-        fall=value['fall'][0] * bool(rng.random() > PURE_BRUSH_SHARE),
-        relaxation_length=value['relaxation_length'][0],
+        fall=value['fall'][0], relaxation_length=value['relaxation_length'][0],
         load_transfer_time=value['load_transfer_time'][0],
         stiffness_scale=_four(value['stiffness_scale']), slope=value['slope'][0],
         terrain_seed=int(rng.integers(2**31)), sides=row.sides, pushes=pushes, lifts=lifts)
-    return Draw(name, seed, robot, simulator, traits, legs, duration, stuck)
-
-
-Values = Mapping[str, tuple[float, ...]]
+    return Draw(name, seed, robot, simulator, traits, legs, duration, value, stuck)
 
 
 def _true_robot(robot: RobotParams, row: Row, value: Values) -> RobotParams:

@@ -76,7 +76,8 @@ def benchmark(names: Sequence[str], seeds: Sequence[int], out: Path, machine_nam
         'nominal': list(nominal),
         'units': 'mu: relative errors; slip: -; u, v_y: m/s; load: CPU time over duration',
         'rows': {name: {'title': TITLES[name], 'over_robots': rows[name], 'robots': {
-            one.seed: one.figures for one in own}} for name, own in by_row.items()}}
+            one.seed: {**one.figures, 'drawn': draw(name, one.seed, nominal).values}
+            for one in own}} for name, own in by_row.items()}}
     (out / 'results.json').write_text(
         json.dumps(plain(tree), indent=1, allow_nan=False) + '\n', encoding='utf-8')
     if keep:

@@ -52,7 +52,7 @@ def before() -> Mapping[str, RowFigures]:
 
 def tables(rows: Mapping[str, RowFigures]) -> Iterator[Table]:
     """Return the tables of mu, of the motion, and of what was drawn."""
-    old = before()
+    old = {name: row for name, row in before().items() if name in rows}
     yield _friction_table(rows, old)
     yield _motion_table(rows, old)
     yield _distributions_table()

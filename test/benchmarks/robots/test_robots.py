@@ -110,8 +110,8 @@ def test_errors_are_scored_with_their_sigmas():
 
 def test_a_run_writes_a_table_and_results(monkeypatch, tmp_path, capsys):
     whole = draw('no_torque', 1)
-    monkeypatch.setattr(run, 'draw', lambda name, seed, nominal: Draw(
-        name, seed, whole.robot, whole.simulator, whole.traits, whole.legs, 6.0))
+    monkeypatch.setattr(run, 'draw', lambda name, seed, nominal=(): Draw(
+        name, seed, whole.robot, whole.simulator, whole.traits, whole.legs, 6.0, {}))
     assert run.main(['--quick', '--runs', 'no_torque', '--out', str(tmp_path)]) == 0
     assert ROWS['no_torque'].title in capsys.readouterr().out
     results = json.loads((tmp_path / 'results.json').read_text())
