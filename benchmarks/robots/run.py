@@ -31,7 +31,7 @@ from benchmarks.command import accuracy_parser, run_accuracy_benchmark
 from benchmarks.jobs import make_folder, run_jobs
 from benchmarks.robots.draws import DISTRIBUTIONS, draw, ROWS, TUNING_SEED
 from benchmarks.robots.scoring import RobotResult, row_figures, run_robot
-from benchmarks.robots.tables import BEFORE, compact, NOTES, tables
+from benchmarks.robots.tables import before_path, compact, NOTES, tables
 from benchmarks.tables import markdown, new_console, print_all
 from smart_tire.analysis.summary import plain
 
@@ -51,7 +51,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                         metavar='PROPERTY', help='properties that are not drawn: '
                         + ', '.join(DISTRIBUTIONS))
     parser.add_argument('--keep-before', action='store_true',
-                        help=f'write the figures to {BEFORE.name}, shown by later runs')
+                        help=f'write the figures to {before_path().name}, shown by later runs')
     args = parser.parse_args(argv)
     if args.tuning:
         args.first_seed += TUNING_SEED - 1
@@ -65,6 +65,7 @@ def benchmark(names: Sequence[str], seeds: Sequence[int], out: Path, machine_nam
               ) -> None:
     """Run all robots, print the tables and write the results."""
     make_folder(out)
+    variant = [*nominal, *['known_radius'] * known_radius]
     jobs: list[Job] = [partial(run, name, seed, nominal, known_radius)
                        for seed in seeds for name in names]
     results = sorted(run_jobs(jobs, label), key=lambda one: one.seed)
@@ -81,8 +82,8 @@ def benchmark(names: Sequence[str], seeds: Sequence[int], out: Path, machine_nam
     (out / 'results.json').write_text(
         json.dumps(plain(tree), indent=1, allow_nan=False) + '\n', encoding='utf-8')
     if keep:
-        BEFORE.write_text(compact(rows, seeds), encoding='utf-8')
-    found = list(tables(rows))
+        before_path(variant).write_text(compact(rows, seeds), encoding='utf-8')
+    found = list(tables(rows, variant))
     print_all(new_console(), NOTES, found)
     (out / 'robots.md').write_text(
         NOTES + '\n\n' + '\n'.join(map(markdown, found)), encoding='utf-8')

@@ -27,7 +27,7 @@ from benchmarks.robots.scoring import Figures, LATERAL, MU, QUANTITIES, SLIP, SP
 from benchmarks.tables import new_table, number
 from rich.table import Table
 
-BEFORE = Path(__file__).with_name('before.json')  # figures of the estimators before issue 22
+FOLDER = Path(__file__).parent
 PERCENT, MILLI = 100.0, 1000.0
 POOLED = 'all rows'
 NOTES = ('Robots drawn at random. <: required, was: the estimators before. mu: relative error of '
@@ -39,20 +39,26 @@ NOTES = ('Robots drawn at random. <: required, was: the estimators before. mu: r
 RowFigures = Mapping[str, Figures]
 
 
-def before() -> Mapping[str, RowFigures]:
+def before_path(variant: Sequence[str] = ()) -> Path:
+    """Return the file of the figures before, of robots with nominal or known ``variant``."""
+    return FOLDER / ('_'.join(['before', *sorted(variant)]) + '.json')
+
+
+def before(variant: Sequence[str] = ()) -> Mapping[str, RowFigures]:
     """Return the figures of each row before; empty without the file."""
-    if not BEFORE.exists():
+    path = before_path(variant)
+    if not path.exists():
         return {}
-    found: dict[str, Any] = json.loads(BEFORE.read_text(encoding='utf-8'))
+    found: dict[str, Any] = json.loads(path.read_text(encoding='utf-8'))
     return {row: {name: {part: math.nan if value is None else value
                          for part, value in figures.items()}
                   for name, figures in quantities.items()}
             for row, quantities in found['rows'].items()}
 
 
-def tables(rows: Mapping[str, RowFigures]) -> Iterator[Table]:
+def tables(rows: Mapping[str, RowFigures], variant: Sequence[str] = ()) -> Iterator[Table]:
     """Return the tables of mu, of the motion, and of what was drawn."""
-    old = {name: row for name, row in before().items() if name in rows}
+    old = {name: row for name, row in before(variant).items() if name in rows}
     yield _friction_table(rows, old)
     yield _motion_table(rows, old)
     yield _distributions_table()
