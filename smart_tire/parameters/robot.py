@@ -264,6 +264,9 @@ class RobotParams:
     center_of_mass: tuple[float, ...] = param(
         (0.0, 0.0, 0.023), 'm', 'center of mass in base_link, so above the axles',
         low=-5.0, high=5.0, length=3)
+    center_of_mass_sigma: tuple[float, ...] = param(
+        (0.005, 0.005), 'm', 'standard deviation of its x and y: an unknown load', low=1e-4,
+        high=1.0, length=2)
     imu: ImuParams = nested(ImuParams)
     encoder: EncoderParams = nested(EncoderParams)
     joints: JointParams = nested(JointParams)

@@ -1,0 +1,344 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Measurements of a window, and what the model of the motion predicts for them.
+
+Block means over ``BLOCK`` steps of yaw rate, of the specific force of the IMU along both axes and
+of the four motor torques; slip and normalized slip of each passage of a wheel's films.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from smart_tire.arrays import Array
+from smart_tire.estimation.ground import body_model as model, body_model_numpy
+from smart_tire.estimation.ground.unknowns import (
+    DYNAMIC, GAINS, GROUND, MOTORS, OFFSETS, OLD_GROUND, SIZE, START, Unknown)
+from smart_tire.estimation.ground.wheel_motion import rate_weights, smoothed
+from smart_tire.models.constants import GRAVITY
+from smart_tire.models.vehicle.drive import friction_torque
+from smart_tire.models.vehicle.skid_steer import AXLE_SIGNS, SIDE_SIGNS
+from smart_tire.parameters.robot import RobotParams
+
+STEP = 0.016             # s, of the model
+BLOCK = 8                # steps of a block mean
+BLOCK_TIME = STEP * BLOCK
+YAW_RATE, FORCE_X, FORCE_Y, TORQUE = range(4)  # streams of block means; four of torques
+STREAMS = 7
+UNMEASURED = 1e6         # standard deviation of a block without measurement
+SLIP_FLOOR = 0.05        # m/s, least denominator of a slip
+DRAG_FLOOR = 0.02        # m/s, below which rolling resistance is in proportion to the speed
+MODEL_ERROR = 0.05       # of forces, yaw rates and torques: shape of the tire curve, uneven tires
+MODEL_TIME = 1.0         # s, correlation time of the errors of the model
+LEAST_FORCE = 0.3        # m/s2, on which that share is taken at least; torques: the same force
+TIMING_ERROR = 0.006     # s, of the model: relaxation length, latencies that differ
+TORQUE_NOISE = 0.05      # N m, of one torque measurement: ripple; of small robots
+TRANSIENT_SHARE = 0.3    # of the change of acceleration within a wheel period: error of torques
+FILM_SLIP_ERROR = 0.02, 0.002        # relative and absolute error of a film's slip
+FILM_RATIO_ERROR, LEAST_RATIO = 0.04, 0.1  # relative error of a normalized slip, taken on at least
+MAX_RATIO = 1.5          # normalized slip: beyond, a waveform does not change
+PASSAGE_TIME = 0.05      # s, on either side of a passage, over which its motion is averaged
+SLIDING_WEIGHT = 10.0    # of a passage in full sliding: sigma over its slip along slip / t
+
+
+class Passage(NamedTuple):
+    """Slip and normalized slip of a film pair in the patch."""
+
+    time: float        # s, in the middle of the patch
+    wheel: int         # index in WHEELS
+    slip: float        # -, B(3)
+    ratio: float       # -, t = |s| / lambda_cr
+    covariance: Array  # (2, 2)
+    sliding: bool      # the whole patch slides: only slip / t is determined
+
+
+@dataclass(frozen=True, eq=False)
+class WindowData:
+    """Samples of a window, times in s in ascending order."""
+
+    imu: Array       # (n, 4): time, yaw rate [rad/s], specific force x, y [m/s2] in base axes
+    wheels: Array    # (m, 9): time, angles [rad], motor torques [N m], NaN where not measured
+    passages: list[Passage]
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Simulated motion of all runs, and the speeds at the passages."""
+
+    states: Array   # (runs, n, OUTPUTS)
+    passages: Array  # (runs, passages, 4): slip, normalized slip, load [N], traction force [N]
+
+
+class Measurements:
+    """
+    The measurements from ``begin`` to ``end`` [s], and their model.
+
+    Those before ``first`` are not used: the model forgets its start there.
+    """
+
+    def __init__(self, robot: RobotParams, data: WindowData, begin: float, first: float,
+                 end: float) -> None:
+        self._robot, motor = robot, robot.motor
+        blocks = int((end - begin) / BLOCK_TIME + 1e-6)
+        self.begin = begin = end - blocks * BLOCK_TIME
+        self.times = begin + STEP * np.arange(1, blocks * BLOCK + 1)
+        self.edges = begin + BLOCK_TIME * np.arange(blocks + 1)
+        self.centers = self.edges[1:] - 0.5 * BLOCK_TIME
+        self.used = self.edges[:-1] > first - 0.5 * BLOCK_TIME
+        near = data.wheels[(data.wheels[:, 0] > begin - 0.3) & (data.wheels[:, 0] <= end)]
+        motion = smoothed(near[:, 0], near[:, 1:5], robot.encoder.stamp_jitter,
+                          math.tau / robot.encoder.counts_per_revolution / math.sqrt(12.0))
+        radius = robot.wheel_radius
+        self.rates = rate_weights(motion.times, self.times) @ motion.angles
+        self.rolling = np.ascontiguousarray(radius * self.rates)
+        self.acceleration = np.gradient(self.rates, STEP, axis=0)
+        period = float(np.median(np.diff(motion.times)))
+        at_edges = radius * rate_weights(motion.times, self.edges)
+        self._speed_errors = [at_edges @ error @ at_edges.T
+                              for error in (motion.mean_error, motion.difference_error)]
+        self.spread = _block_spread(self.acceleration, self.edges, self.times, period)
+        mean_imu, self.imu_count = _block_means(data.imu, self.edges)
+        mean_wheels, self.torque_count = _block_means(
+            near[np.isfinite(near[:, 5:]).all(axis=1)], self.edges)
+        self.values = np.vstack([mean_imu.T, mean_wheels[:, 4:].T])  # (STREAMS, blocks)
+        self.passages = [one for one in data.passages if first < one.time <= end]
+        self.passage_measured = np.array(
+            [value for one in self.passages for value in (one.slip, one.ratio)])
+        self._heading_data = data.imu
+        self._inertia_torque = motor.inertia * _means(self.acceleration.T)
+        self._moving = _means(self.rates.T)
+        self.robot_constants = np.array([
+            STEP, robot.mass, robot.yaw_inertia, 0.5 * robot.wheelbase, 0.5 * robot.track_width,
+            robot.center_of_mass[2] + radius, SLIP_FLOOR, DRAG_FLOOR, GRAVITY])
+        self._delayed = radius * 0.5 * (self.acceleration[:, :2] + self.acceleration[:, 2:])
+        self._near_passages = _near(self.passages, self.times)
+
+    @property
+    def travel(self) -> float:
+        """Return the mean distance [m] that the wheels roll over the whole window."""
+        return float(np.abs(self.rolling).mean()) * STEP * len(self.rolling)
+
+    def heading(self, gyro_bias: float, reference: tuple[float, float]) -> Array:
+        """
+        Return the heading [rad] at ``times``.
+
+        ``reference``: time [s] and heading there.
+        """
+        time, rate = self._heading_data[:, 0], self._heading_data[:, 1]
+        turned = np.concatenate([[0.0], np.cumsum(
+            0.5 * (rate[1:] + rate[:-1]) * np.diff(time))]) - gyro_bias * time
+        at = np.interp([reference[0], *self.times], time, turned)
+        heading: Array = reference[1] + at[1:] - at[0]
+        return heading
+
+    def simulate(self, x: Array, start: Array, heading: Array, change: Array) -> Motion:
+        """
+        Return the motion for each row of ``x`` (runs, SIZE).
+
+        ``start`` (3,): velocity of the center of mass at ``begin``; ``heading`` (n,) [rad];
+        ``change`` (runs,) [s]: when the ground changes.
+        """
+        runs = np.empty((len(x), model.PARAMETERS))
+        runs[:, model.STIFFNESS:model.RESISTANCE + 1] = np.exp(x[:, GROUND])
+        runs[:, :model.OLD_RESISTANCE + 1] = np.exp(x[:, OLD_GROUND])
+        runs[:, model.CHANGE_STEP] = np.searchsorted(self.times, change)
+        runs[:, model.LATERAL_SHARE] = 1.0 / (1.0 + np.exp(-x[:, Unknown.LATERAL_SHARE]))
+        runs[:, model.LATERAL_RATIO] = np.exp(x[:, Unknown.LATERAL_RATIO])
+        runs[:, model.COM_X:model.COM_Y + 1] = x[:, Unknown.COM_X:Unknown.COM_Y + 1]
+        runs[:, model.RADIUS] = np.exp(x[:, Unknown.RADIUS])
+        runs[:, model.SLOPE_X:model.SLOPE_Y + 1] = x[:, Unknown.SLOPE_X:Unknown.SLOPE_Y + 1]
+        runs[:, model.SIDE_STIFFNESS:model.SIDE_RESISTANCE + 1] = np.exp(
+            x[:, Unknown.SIDE_STIFFNESS:Unknown.SIDE_RESISTANCE + 1])
+        runs[:, model.START_U:] = start + x[:, START]
+        offsets = x[:, Unknown.DELAY, np.newaxis, np.newaxis] * self._delayed
+        directions = np.column_stack([np.cos(heading), np.sin(heading)])
+        states = np.empty((len(x), len(self.times), model.OUTPUTS))
+        simulate = model.simulate if model.COMPILED else body_model_numpy.simulate
+        simulate(self.rolling, offsets, directions, runs, self.robot_constants, states)
+        return Motion(states, self._at_passages(x, runs, offsets, states))
+
+    def predict(self, x: Array, motion: Motion) -> Array:
+        """Return the block means (runs, STREAMS, blocks) for ``x`` (runs, SIZE)."""
+        states, robot = motion.states, self._robot
+        arm_x, arm_y = (robot.imu.position[axis] - x[:, Unknown.COM_X + axis, np.newaxis]
+                        for axis in (0, 1))
+        w, w_dot = states[:, :, model.W], states[:, :, model.W_DOT]
+        streams = np.stack([
+            w, states[:, :, model.A_X] - w_dot * arm_y - w * w * arm_x,
+            states[:, :, model.A_Y] + w_dot * arm_x - w * w * arm_y], axis=1)
+        found = np.empty((len(x), STREAMS, len(self.centers)))
+        found[:, :TORQUE] = _means(streams) + x[
+            :, Unknown.GYRO_BIAS:Unknown.ACCEL_BIAS_Y + 1, np.newaxis]
+        loads = self._loads(x, _means(states[:, :, model.A_X]), _means(states[:, :, model.A_Y]))
+        radius = robot.wheel_radius * np.exp(x[:, Unknown.RADIUS])[:, np.newaxis, np.newaxis]
+        torque = (radius * _means(states[:, :, model.FORCE:].transpose(0, 2, 1))
+                  + friction_torque(self._moving, loads, robot.motor, robot.wheel_radius)
+                  + self._inertia_torque)
+        scale = np.exp(-x[:, Unknown.TORQUE_SCALE, np.newaxis] - x[:, MOTORS])
+        found[:, TORQUE:] = scale[:, :, np.newaxis] * torque + x[:, OFFSETS, np.newaxis]
+        return found
+
+    def linear(self, x: Array, predicted: Array) -> Array:
+        """Return the derivatives (STREAMS, blocks, SIZE - DYNAMIC) by the other unknowns."""
+        found = np.zeros((*predicted.shape, SIZE - DYNAMIC))
+        for stream in range(TORQUE):
+            found[stream, :, stream] = 1.0
+        for i in range(4):
+            motor = x[Unknown.TORQUE_OFFSET + i] - predicted[TORQUE + i]
+            found[TORQUE + i, :, Unknown.TORQUE_SCALE - DYNAMIC] = motor
+            found[TORQUE + i, :, Unknown.MOTOR_SCALE - DYNAMIC + i] = motor
+            found[TORQUE + i, :, Unknown.TORQUE_OFFSET - DYNAMIC + i] = 1.0
+        return found
+
+    def passage_values(self, x: Array, motion: Motion) -> Array:
+        """Return the measured quantities of the passages (runs, 2 * passages) for ``x``."""
+        found = motion.passages[:, :, :2].copy()
+        found[:, :, 0] *= np.exp(x[:, GAINS])[:, [one.wheel for one in self.passages]]
+        return found.reshape(len(x), -1)
+
+    def noise(self, predicted: Array, biases: Array) -> Array:
+        """
+        Return the covariances (STREAMS, blocks, blocks) of the block means.
+
+        ``predicted`` (STREAMS, blocks), ``biases`` (3,) those of the IMU.
+        """
+        robot, count = self._robot, len(self.centers)
+        imu = np.maximum(self.imu_count, 1)
+        force = np.maximum(np.hypot(*(predicted[FORCE_X:TORQUE] - biases[1:, np.newaxis])),
+                           LEAST_FORCE)
+        least_torque = 0.25 * robot.mass * robot.wheel_radius * LEAST_FORCE
+        size = np.vstack([predicted[:1] - biases[0], force[np.newaxis], force[np.newaxis],
+                          np.maximum(np.abs(predicted[TORQUE:]), least_torque)])
+        change = np.diff(np.eye(count + 1), axis=0) / BLOCK_TIME
+        mean = 0.5 * np.abs(np.diff(np.eye(count + 1), axis=0))
+        common, difference = self._speed_errors
+        effective = robot.motor.inertia + 0.25 * robot.mass * robot.wheel_radius ** 2
+        white = TIMING_ERROR * np.gradient(predicted, BLOCK_TIME, axis=1)
+        white[YAW_RATE] = np.hypot(white[YAW_RATE], np.hypot(
+            robot.imu.gyro_noise / np.sqrt(imu), 1e-3))
+        white[FORCE_X:TORQUE] = np.hypot(
+            white[FORCE_X:TORQUE], robot.imu.accel_noise / np.sqrt(imu))
+        white[TORQUE:] = np.sqrt(
+            white[TORQUE:] ** 2 + TORQUE_NOISE ** 2 / np.maximum(self.torque_count, 1)
+            + (TRANSIENT_SHARE * effective * self.spread.T) ** 2)
+        white[:TORQUE, self.imu_count == 0] = UNMEASURED
+        white[TORQUE:, self.torque_count == 0] = UNMEASURED
+        white[:, ~self.used] = UNMEASURED
+        lasting = MODEL_ERROR * size
+        found = (np.exp(-np.abs(self.centers[:, np.newaxis] - self.centers) / MODEL_TIME)
+                 * lasting[:, :, np.newaxis] * lasting[:, np.newaxis])
+        difference = mean @ difference @ mean.T
+        found[YAW_RATE] += difference / (0.5 * robot.track_width) ** 2
+        found[FORCE_X] += change @ common @ change.T
+        found[FORCE_Y] += difference
+        found[:, range(count), range(count)] += white ** 2
+        return found
+
+    def passage_noise(self, predicted: Array) -> Array:
+        """Return the covariance of the passages; ``predicted`` (2 * passages,)."""
+        times = np.array([one.time for one in self.passages])
+        wheels = np.array([one.wheel for one in self.passages])
+        lasting = np.exp(-np.abs(times[:, np.newaxis] - times) / MODEL_TIME) * (
+            wheels[:, np.newaxis] == wheels)
+        slip, ratio = predicted[::2], np.maximum(predicted[1::2], LEAST_RATIO)
+        found = np.zeros((len(predicted), len(predicted)))
+        found[::2, ::2] = lasting * (FILM_SLIP_ERROR[0] ** 2 * np.outer(slip, slip)
+                                     + FILM_SLIP_ERROR[1] ** 2)
+        found[1::2, 1::2] = lasting * FILM_RATIO_ERROR ** 2 * np.outer(ratio, ratio)
+        for i, one in enumerate(self.passages):
+            measured = np.array([one.slip, one.ratio])
+            found[2 * i:2 * i + 2, 2 * i:2 * i + 2] += one.covariance + (
+                one.sliding * SLIDING_WEIGHT ** 2 * np.outer(measured, measured))
+        return found
+
+    def _loads(self, x: Array, a_x: Array, a_y: Array) -> Array:
+        """Return the loads [N] (runs, 4, m) for accelerations (runs, m)."""
+        robot, height = self._robot, self.robot_constants[model.HEIGHT]
+        pitch, roll = ((GRAVITY * x[:, com, np.newaxis] - height * a) / arm for com, a, arm in (
+            (Unknown.COM_X, a_x, 0.5 * robot.wheelbase),
+            (Unknown.COM_Y, a_y, 0.5 * robot.track_width)))
+        loads: Array = 0.25 * robot.mass * (
+            GRAVITY + AXLE_SIGNS[:, np.newaxis] * pitch[:, np.newaxis]
+            + SIDE_SIGNS[:, np.newaxis] * roll[:, np.newaxis])
+        return np.maximum(loads, 0.0)
+
+    def _at_passages(self, x: Array, runs: Array, offsets: Array, states: Array) -> Array:
+        found = np.empty((len(x), len(self.passages), 4))
+        half_base, half_track = self.robot_constants[model.HALF_BASE:model.HALF_TRACK + 1]
+        for i, (one, near) in enumerate(zip(self.passages, self._near_passages)):
+            side = SIDE_SIGNS[one.wheel]
+            x_wheel = half_base * AXLE_SIGNS[one.wheel] - x[:, Unknown.COM_X, np.newaxis]
+            y_wheel = half_track * side - x[:, Unknown.COM_Y, np.newaxis]
+            u, v, w, a_x, a_y = (states[:, near, column] for column in range(model.W_DOT))
+            rolling = (runs[:, model.RADIUS, np.newaxis] * self.rolling[near, one.wheel]
+                       + offsets[:, near, one.wheel % 2])
+            rolling = np.where(np.abs(rolling) < SLIP_FLOOR, SLIP_FLOOR, rolling)
+            slip = (rolling - u + y_wheel * w) / rolling
+            lateral = runs[:, model.LATERAL_RATIO, np.newaxis] * (v + x_wheel * w) / rolling
+            load = np.maximum(self._loads(x, a_x, a_y)[:, one.wheel], 0.1)
+            ground = np.where(near.start < runs[:, model.CHANGE_STEP], model.OLD_STIFFNESS,
+                              model.STIFFNESS)
+            each = np.arange(len(x))
+            critical = (3.0 * load * (runs[each, ground + 1] / runs[each, ground] * (
+                runs[:, model.SIDE_FRICTION] / runs[:, model.SIDE_STIFFNESS]) ** side
+            )[:, np.newaxis])
+            ratio = np.hypot(slip, lateral) / critical
+            if not one.sliding:
+                ratio = np.minimum(ratio, MAX_RATIO)
+            for column, values in enumerate((
+                    slip, ratio, load, states[:, near, model.FORCE + one.wheel])):
+                found[:, i, column] = values.mean(axis=1)
+        return found
+
+
+def _means(values: Array) -> Array:
+    """Return the block means of values (..., n) at the ends of steps, by trapezoids."""
+    blocks = values.reshape(*values.shape[:-1], -1, BLOCK)
+    found = blocks.mean(axis=-1)
+    found[..., 1:] += 0.5 / BLOCK * (blocks[..., :-1, -1] - blocks[..., 1:, -1])
+    return found
+
+
+def _block_means(samples: Array, edges: Array) -> tuple[Array, Array]:
+    """Return means (blocks, columns - 1) of samples with time in column 0, and their counts."""
+    block = np.searchsorted(edges, samples[:, 0]) - 1
+    inside = (block >= 0) & (samples[:, 0] <= edges[-1])
+    block, values = block[inside], samples[inside, 1:]
+    count = np.bincount(block, minlength=len(edges) - 1)
+    sums = np.zeros((len(edges) - 1, values.shape[1]))
+    np.add.at(sums, block, values)
+    return sums / np.maximum(count, 1)[:, np.newaxis], count
+
+
+def _block_spread(values: Array, edges: Array, times: Array, period: float) -> Array:
+    """Return the range (blocks, 4) of ``values`` (n, 4) within a ``period`` [s] of each block."""
+    low = np.searchsorted(times, edges[:-1] - period)
+    high = np.searchsorted(times, edges[1:] + period, side='right')
+    return np.array([np.ptp(values[a:b], axis=0) for a, b in zip(low, high)])
+
+
+def _near(passages: list[Passage], times: Array) -> list[slice]:
+    """Return the steps close to each passage."""
+    found = []
+    for one in passages:
+        low, high = np.searchsorted(times, [one.time - PASSAGE_TIME, one.time + PASSAGE_TIME])
+        low = min(low, len(times) - 1)
+        found.append(slice(int(low), int(max(high, low + 1))))
+    return found

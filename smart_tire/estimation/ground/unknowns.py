@@ -1,0 +1,162 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the window estimates: names, priors, and how fast each quantity may change."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from smart_tire.arrays import Array
+from smart_tire.models.constants import GRAVITY
+from smart_tire.parameters.robot import RobotParams
+
+
+class Unknown(IntEnum):
+    """Rows of the vector of unknowns; the motion depends on those before ``GYRO_BIAS``."""
+
+    STIFFNESS = 0         # ln C_x [N]
+    FRICTION = 1          # ln mu
+    RESISTANCE = 2        # ln f, rolling resistance over the load
+    OLD_STIFFNESS = 3     # the same before the last change of ground, while that is in the window
+    OLD_FRICTION = 4
+    OLD_RESISTANCE = 5
+    LATERAL_SHARE = 6     # logit, of the rolling resistance along the velocity
+    LATERAL_RATIO = 7     # ln C_y / C_x
+    COM_X = 8             # m, center of mass in base_link
+    COM_Y = 9
+    RADIUS = 10           # ln of the true over the nominal wheel radius
+    SLOPE_X = 11          # rad, rise of the ground along the axes of the start
+    SLOPE_Y = 12
+    SIDE_STIFFNESS = 13   # ln of C_x under the left side over the geometric mean of both sides
+    SIDE_FRICTION = 14
+    SIDE_RESISTANCE = 15
+    DELAY = 16            # s, of the wheels' stamps, and of the forces by the relaxation length
+    START_U = 17          # m/s, error of the velocity at the start of the window
+    START_V = 18
+    START_W = 19          # rad/s
+    GYRO_BIAS = 20        # rad/s
+    ACCEL_BIAS_X = 21     # m/s2, including the tilt of the mounting
+    ACCEL_BIAS_Y = 22
+    TORQUE_SCALE = 23     # ln of the true over the nominal torque constant, of all motors
+    MOTOR_SCALE = 24      # four rows: the same of each motor
+    TORQUE_OFFSET = 28    # four rows: N m, of the measured torque, with the friction of the motor
+    FILM_GAIN = 32        # four rows, by wheel: ln of the true over the nominal stretch gain
+
+
+SIZE = Unknown.FILM_GAIN + 4
+DYNAMIC = int(Unknown.GYRO_BIAS)
+GROUND = slice(Unknown.STIFFNESS, Unknown.RESISTANCE + 1)
+OLD_GROUND = slice(Unknown.OLD_STIFFNESS, Unknown.OLD_RESISTANCE + 1)
+SIDES = slice(Unknown.SIDE_STIFFNESS, Unknown.SIDE_RESISTANCE + 1)
+START = slice(Unknown.START_U, Unknown.START_W + 1)
+MOTORS = slice(Unknown.MOTOR_SCALE, Unknown.MOTOR_SCALE + 4)
+OFFSETS = slice(Unknown.TORQUE_OFFSET, Unknown.TORQUE_OFFSET + 4)
+GAINS = slice(Unknown.FILM_GAIN, Unknown.FILM_GAIN + 4)
+
+
+class Row(NamedTuple):
+    """Prior of one unknown, all in its unit."""
+
+    mean: float
+    sigma: float
+    walk: float      # standard deviation of its change in one second
+    ground: float    # ... and over one meter of travel
+    step: float      # for numerical derivatives
+
+
+MOUNTING_TILT = 0.009  # rad, of the IMU: half a degree
+
+# Grounds from ice to rough concrete; tires from C_y = 0.6 C_x (narrow) to isotropic. How fast the
+# ground changes, without a sudden change, and the uneven tires are assumptions.
+_COMMON = {
+    #                             mean         sigma  walk    ground  step
+    Unknown.FRICTION:        Row(math.log(0.4), 0.6,  0.0,    0.024,  1e-3),
+    Unknown.RESISTANCE:      Row(math.log(0.025), 1.0, 0.0,   0.05,   1e-2),
+    Unknown.LATERAL_SHARE:   Row(0.0,          1.5,   0.0,    0.05,   1e-2),
+    Unknown.LATERAL_RATIO:   Row(-0.1,         0.15,  0.0015, 0.0,    1e-3),
+    Unknown.SLOPE_X:         Row(0.0,          0.01,  0.0,    0.005,  1e-4),
+    Unknown.SLOPE_Y:         Row(0.0,          0.01,  0.0,    0.005,  1e-4),
+    Unknown.SIDE_STIFFNESS:  Row(0.0,          0.03,  0.0,    0.008,  1e-3),
+    Unknown.SIDE_FRICTION:   Row(0.0,          0.03,  0.0,    0.008,  1e-3),
+    Unknown.SIDE_RESISTANCE: Row(0.0,          0.1,   0.0,    0.016,  1e-2),
+    Unknown.DELAY:           Row(0.0,          0.008, 0.0005, 0.0,    1e-4),
+    Unknown.START_U:         Row(0.0,          0.1,   0.0,    0.0,    1e-4),
+    Unknown.START_V:         Row(0.0,          0.1,   0.0,    0.0,    1e-4),
+    Unknown.START_W:         Row(0.0,          0.1,   0.0,    0.0,    1e-4)}
+
+
+def priors(robot: RobotParams) -> list[Row]:
+    """Return the priors of all unknowns in the order of ``Unknown``, for this robot."""
+    imu, motor, sigma = robot.imu, robot.motor, robot.center_of_mass_sigma
+    stiffness = Row(math.log(robot.tire.longitudinal_stiffness) - 0.2, 0.4, 0.0, 0.024, 1e-3)
+    bias = Row(0.0, math.hypot(imu.accel_bias, GRAVITY * MOUNTING_TILT), 0.0015, 0.0, 1e-4)
+    gain = Row(0.0, robot.film.stretch_gain_tolerance / math.sqrt(robot.film.count), 0.0015, 0.0,
+               1e-4)
+    offset = Row(0.0, math.hypot(0.02, 0.1 * motor.coulomb_friction), 0.003, 0.0, 1e-4)
+    rows = {
+        **_COMMON,
+        Unknown.STIFFNESS: stiffness, Unknown.OLD_STIFFNESS: stiffness,
+        Unknown.OLD_FRICTION: _COMMON[Unknown.FRICTION],
+        Unknown.OLD_RESISTANCE: _COMMON[Unknown.RESISTANCE],
+        Unknown.COM_X: Row(robot.center_of_mass[0], sigma[0], 0.0, 0.0, 1e-4),
+        Unknown.COM_Y: Row(robot.center_of_mass[1], sigma[1], 0.0, 0.0, 1e-4),
+        Unknown.RADIUS: Row(0.0, max(robot.wheel_radius_sigma, 0.006), 0.0015, 0.0, 1e-4),
+        Unknown.GYRO_BIAS: Row(0.0, imu.gyro_bias, 0.0003, 0.0, 1e-4),
+        Unknown.ACCEL_BIAS_X: bias, Unknown.ACCEL_BIAS_Y: bias,
+        Unknown.TORQUE_SCALE: Row(0.0, motor.torque_constant_sigma, 0.0015, 0.0, 1e-4)}
+    found = [rows[one] for one in list(Unknown)[:Unknown.MOTOR_SCALE]]
+    return [*found, *[Row(0.0, 0.015, 0.0015, 0.0, 1e-4)] * 4, *[offset] * 4, *[gain] * 4]
+
+
+class Prior(NamedTuple):
+    """Mean and covariance of the unknowns."""
+
+    mean: Array        # (SIZE,)
+    covariance: Array  # (SIZE, SIZE)
+
+    def without_start(self, rows: list[Row]) -> Prior:
+        """Return this prior with the error of the start as in ``rows``, whatever it was before."""
+        mean, covariance = self.mean.copy(), self.covariance.copy()
+        mean[START] = 0.0
+        covariance[START], covariance[:, START] = 0.0, 0.0
+        for row in range(START.start, START.stop):
+            covariance[row, row] = rows[row].sigma ** 2
+        return Prior(mean, covariance)
+
+    def with_change(self, rows: list[Row]) -> Prior:
+        """Return this prior if the ground changes to an unknown one: the present becomes old."""
+        mean, covariance = self.mean.copy(), self.covariance.copy()
+        mean[OLD_GROUND] = mean[GROUND]
+        covariance[OLD_GROUND] = covariance[GROUND]
+        covariance[:, OLD_GROUND] = covariance[:, GROUND]
+        covariance[GROUND], covariance[:, GROUND] = 0.0, 0.0
+        for row in range(GROUND.start, GROUND.stop):
+            mean[row], covariance[row, row] = rows[row].mean, rows[row].sigma ** 2
+        return Prior(mean, covariance)
+
+    def after(self, seconds: float, travel: float, rows: list[Row]) -> Prior:
+        """Return this prior after a random walk for ``seconds`` and ``travel`` [m]."""
+        variance = [row.walk ** 2 * seconds + row.ground ** 2 * travel for row in rows]
+        return Prior(self.mean, self.covariance + np.diag(variance))
+
+
+def initial(rows: list[Row]) -> Prior:
+    """Return the prior on an unknown ground."""
+    return Prior(np.array([row.mean for row in rows]),
+                 np.diag([row.sigma ** 2 for row in rows]))

@@ -1,0 +1,307 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Nonlinear least squares over a window of some seconds, with the past in its prior.
+
+The unknowns (``unknowns``) are fitted to the measurements of the window (``measurements``) by
+Gauss-Newton steps with weights of a Student distribution. What leaves the window is marginalized
+into the prior, linearized at the estimate; the prior then walks.
+
+A change of ground is a second hypothesis: the same window, in which the ground changes at a
+candidate time to one of which nothing is known. It is tried where the evidence of the linearized
+equations favors it, lives beside the first one, and replaces it if its evidence still is higher
+``DECISION_TIME`` after the change: a push or a lifted wheel explains the window as well for a
+moment, but not what follows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from smart_tire.arrays import Array
+from smart_tire.estimation.ground import body_model as model
+from smart_tire.estimation.ground.measurements import Measurements, Motion, WindowData
+from smart_tire.estimation.ground.unknowns import (
+    DYNAMIC, GROUND, initial, OLD_GROUND, Prior, priors, SIDES, SIZE, START, Unknown)
+from smart_tire.parameters.robot import RobotParams
+
+LENGTH = 3.0       # s, of the window
+SETTLING = 0.5     # s before, in which the model forgets its start
+ITERATIONS = 3     # Gauss-Newton steps at most
+CONVERGED = 0.1    # of a standard deviation: no further step
+FREEDOM = 5.0      # degrees of freedom of the Student distribution
+MAX_STEP = 0.7     # change of the ground in one step; beyond, the model is not linear
+CANDIDATES = 0.5, 1.0, 1.5, 2.0  # s before the end: times of a change of ground
+CHANGE_EVIDENCE = 12.0  # twice the log likelihood ratio of a change: one in 400 windows
+DECISION_TIME = 1.75    # s after a change: one of two hypotheses is dropped
+SIDES_DIFFER = 4.0      # squared normalized difference of the sides, beyond which its prior grows
+
+
+class Rows(NamedTuple):
+    """Residuals and derivatives of the measurements, each whitened by its covariance."""
+
+    residual: Array    # (rows,)
+    jacobian: Array    # (rows, SIZE)
+
+
+class Fit(NamedTuple):
+    """Unknowns of a window with their covariance."""
+
+    x: Array           # (SIZE,)
+    covariance: Array  # (SIZE, SIZE)
+    evidence: float    # twice its logarithm, up to a constant
+    motion: Motion     # of one run
+    heading: Array     # rad, (n,), by the start of the fit
+    rows: Rows
+    whiten: Whitening
+    leaving: tuple[Array, Array]  # information matrix and vector of what leaves the window
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """What is known before a window."""
+
+    prior: Prior
+    x: Array                    # start of the fit
+    change: float = -math.inf   # s, time of the latest change of ground
+    times: Array | None = None  # s, of the velocities in the window before; None without one
+    velocities: Array | None = None  # (n, 3), of the center of mass
+    heading: tuple[float, float] = (0.0, 0.0)  # s, rad: a time and the heading there
+
+
+class Solution(NamedTuple):
+    """Estimate at the end of a window."""
+
+    end: float         # s
+    measurements: Measurements
+    hypothesis: Hypothesis
+    fit: Fit
+
+
+class Whitening:
+    """Covariances of blocks (STREAMS, n, n) and passages (m, m) with weights for outliers."""
+
+    def __init__(self, blocks: Array, films: Array, residual: Array, passages: Array,
+                 weighted: bool) -> None:
+        self.blocks, self.films = blocks, films
+        if weighted:
+            square = residual ** 2 / np.diagonal(blocks, axis1=1, axis2=2)
+            scale = np.sqrt(np.maximum((FREEDOM + square) / (FREEDOM + 1.0), 1.0))
+            self.blocks = blocks * scale[:, :, np.newaxis] * scale[:, np.newaxis]
+            each = (passages ** 2 / np.diag(films)).reshape(-1, 2).mean(axis=1)
+            film_scale = np.repeat(
+                np.sqrt(np.maximum((FREEDOM + each) / (FREEDOM + 1.0), 1.0)), 2)
+            self.films = films * np.outer(film_scale, film_scale)
+        self._block_factor = np.linalg.cholesky(self.blocks)
+        self._film_factor = np.linalg.cholesky(self.films)
+
+    def __call__(self, blocks: Array, passages: Array) -> Array:
+        """Return blocks (STREAMS, n, k) and passages (m, k), whitened: (rows, k)."""
+        columns = blocks.shape[-1]
+        return np.concatenate([
+            np.linalg.solve(self._block_factor, blocks).reshape(-1, columns),
+            np.linalg.solve(self._film_factor, passages)])
+
+    def information(self, blocks: Array, passages: Array, leaving: Array, films: Array) -> Array:
+        """Return the products (k, k) of the columns of the rows that leave the window."""
+        own = self.blocks[:, leaving][:, :, leaving]
+        rows = blocks[:, leaving]
+        found: Array = np.einsum('sik,sil->kl', rows, np.linalg.solve(own, rows))
+        part = passages[films]
+        return found + part.T @ np.linalg.solve(self.films[films][:, films], part)
+
+
+class GroundWindow:
+    """The window of one robot; ``update`` moves it on."""
+
+    def __init__(self, robot: RobotParams) -> None:
+        self._robot, self._rows = robot, priors(robot)
+        self._steps = np.array([row.step for row in self._rows[:DYNAMIC]])
+        prior = initial(self._rows)
+        self._main = Hypothesis(prior, prior.mean)
+        self._rival: Hypothesis | None = None
+        self.changes = 0  # of the ground
+
+    def update(self, data: WindowData, begin: float, end: float, hop: float) -> Solution:
+        """Return the estimate from samples of ``begin`` to ``end`` [s], ``hop`` after the last."""
+        start = max(begin, end - LENGTH - SETTLING)
+        first = max(start, end - LENGTH)
+        measurements = Measurements(self._robot, data, start, first, end)
+        leaving = first + hop if start < first else -math.inf
+        main, fit = self._fitted(self._main, measurements, leaving)
+        found: tuple[Hypothesis, Fit] | None = None
+        if self._rival is not None:
+            found = self._fitted(self._rival, measurements, leaving)
+        elif main.change < end - LENGTH and start < first:
+            found = self._changed(main, fit, measurements, leaving)
+        best = main, fit
+        if found is not None:
+            gain = found[1].evidence - fit.evidence
+            decided = end - found[0].change > DECISION_TIME
+            if gain > 0.0:
+                best = found
+            if decided and gain > 0.0:
+                self.changes += 1
+                main, fit = found
+            if decided or gain < -CHANGE_EVIDENCE:
+                found = None
+        self._main = self._advanced(main, fit, measurements, hop)
+        self._rival = None if found is None else self._advanced(*found, measurements, hop)
+        return Solution(end, measurements, *best)
+
+    def _fitted(self, hypothesis: Hypothesis, measurements: Measurements, leaving: float
+                ) -> tuple[Hypothesis, Fit]:
+        """Return the fit; if it contradicts equal sides, with a prior that lets them differ."""
+        fit = self._fit(hypothesis, measurements, leaving)
+        mean, covariance = hypothesis.prior
+        difference = (fit.x - mean)[SIDES]
+        square = difference @ np.linalg.solve(covariance[SIDES, SIDES], difference) / 3.0
+        if square < SIDES_DIFFER:
+            return hypothesis, fit
+        covariance = covariance.copy()
+        covariance[SIDES] *= math.sqrt(square)
+        covariance[:, SIDES] *= math.sqrt(square)
+        wider = replace(hypothesis, prior=Prior(mean, covariance), x=fit.x)
+        return wider, self._fit(wider, measurements, leaving)
+
+    def _fit(self, hypothesis: Hypothesis, measurements: Measurements, leaving: float) -> Fit:
+        prior = hypothesis.prior.without_start(self._rows)
+        information = np.linalg.inv(prior.covariance)
+        x = hypothesis.x.copy()
+        x[START] = 0.0
+        start, heading = _start(hypothesis, measurements)
+        change, known = hypothesis.change, hypothesis.times is not None
+        blocks = films = None
+        for iteration in range(ITERATIONS if known else 2 * ITERATIONS):
+            runs = np.tile(x, (DYNAMIC + 1, 1))
+            runs[range(1, DYNAMIC + 1), range(DYNAMIC)] += self._steps
+            motion = measurements.simulate(runs, start, heading, np.full(len(runs), change))
+            predicted, passages = (measurements.predict(runs, motion),
+                                   measurements.passage_values(runs, motion))
+            if blocks is None or films is None:
+                blocks = measurements.noise(
+                    predicted[0], x[Unknown.GYRO_BIAS:Unknown.ACCEL_BIAS_Y + 1])
+                films = measurements.passage_noise(passages[0])
+            residual = measurements.values - predicted[0]
+            film_residual = measurements.passage_measured - passages[0]
+            whiten = Whitening(blocks, films, residual, film_residual, known or iteration > 0)
+            columns = self._columns(x, predicted, residual, measurements)
+            film_columns = self._film_columns(x, passages, film_residual, measurements)
+            white = whiten(columns, film_columns)
+            rows = Rows(white[:, -1], white[:, :-1])
+            hessian = information + rows.jacobian.T @ rows.jacobian
+            covariance = np.linalg.inv(hessian)
+            step = covariance @ (information @ (prior.mean - x) + rows.jacobian.T @ rows.residual)
+            step *= min(1.0, MAX_STEP / max(float(np.abs(step[:DYNAMIC]).max()), 1e-9))
+            at, x = x, x + step
+            if np.max(np.abs(step) / np.sqrt(np.diag(covariance))) < CONVERGED:
+                break
+        motion = measurements.simulate(x[np.newaxis], start, heading, np.array([change]))
+        final = rows._replace(residual=rows.residual - rows.jacobian @ (x - at))
+        cost = float(final.residual @ final.residual
+                     + (x - prior.mean) @ information @ (x - prior.mean)
+                     + np.linalg.slogdet(hessian)[1] - np.linalg.slogdet(information)[1])
+        columns[:, :, -1] += columns[:, :, :-1] @ at
+        film_columns[:, -1] += film_columns[:, :-1] @ at
+        left = whiten.information(
+            columns, film_columns, measurements.used & (measurements.centers < leaving),
+            np.repeat([one.time < leaving for one in measurements.passages], 2).astype(bool))
+        return Fit(x, covariance, -cost, motion, heading, final, whiten,
+                   (left[:-1, :-1], left[:-1, -1]))
+
+    def _columns(self, x: Array, predicted: Array, residual: Array, measurements: Measurements
+                 ) -> Array:
+        """Return derivatives of the block means and their residual (STREAMS, blocks, SIZE + 1)."""
+        dynamic = (predicted[1:] - predicted[0]) / self._steps[:, np.newaxis, np.newaxis]
+        return np.concatenate([
+            dynamic.transpose(1, 2, 0), measurements.linear(x, predicted[0]),
+            residual[:, :, np.newaxis]], axis=2)
+
+    def _film_columns(self, x: Array, passages: Array, residual: Array,
+                      measurements: Measurements) -> Array:
+        """Return derivatives of the passages and their residual (2 * passages, SIZE + 1)."""
+        found = np.zeros((len(residual), SIZE + 1))
+        found[:, :DYNAMIC] = ((passages[1:] - passages[0]) / self._steps[:, np.newaxis]).T
+        for i, one in enumerate(measurements.passages):
+            found[2 * i, Unknown.FILM_GAIN + one.wheel] = passages[0, 2 * i]
+        found[:, -1] = residual
+        return found
+
+    def _changed(self, main: Hypothesis, fit: Fit, measurements: Measurements, leaving: float
+                 ) -> tuple[Hypothesis, Fit] | None:
+        """Return a fit with a change of ground if that is much more likely; None otherwise."""
+        candidates = [measurements.times[-1] - before for before in CANDIDATES]
+        runs = np.tile(fit.x, (3 * len(candidates) + 1, 1))
+        runs[:, OLD_GROUND] = fit.x[GROUND]
+        steps = np.tile(self._steps[GROUND], len(candidates))
+        runs[range(1, len(runs)), np.tile(range(3), len(candidates))] += steps
+        start, _ = _start(main, measurements)
+        motion = measurements.simulate(runs, start + fit.x[START], fit.heading, np.array(
+            [-math.inf, *np.repeat(candidates, 3)]))
+        blocks = measurements.predict(runs, motion)
+        films = measurements.passage_values(runs, motion)
+        white = fit.whiten(((blocks[1:] - blocks[0]).T / steps).transpose(1, 0, 2),
+                           ((films[1:] - films[0]).T / steps))
+        spread = np.diag([self._rows[row].sigma ** -2 for row in range(3)])
+        best, found = CHANGE_EVIDENCE, None
+        for i, candidate in enumerate(candidates):
+            own = white[:, 3 * i:3 * i + 3]
+            mixed = own.T @ fit.rows.jacobian
+            matrix = own.T @ own - mixed @ fit.covariance @ mixed.T
+            gradient = own.T @ fit.rows.residual
+            gain = float(gradient @ np.linalg.solve(matrix + spread, gradient)
+                         - np.linalg.slogdet(np.eye(3) + np.linalg.solve(spread, matrix))[1])
+            if gain > best:
+                best, found = gain, candidate
+        if found is None:
+            return None
+        x = fit.x.copy()
+        x[OLD_GROUND] = x[GROUND]
+        rival = replace(main, prior=main.prior.with_change(self._rows), x=x, change=found)
+        rival, changed = self._fitted(rival, measurements, leaving)
+        return (rival, changed) if changed.evidence - fit.evidence > CHANGE_EVIDENCE else None
+
+    def _advanced(self, hypothesis: Hypothesis, fit: Fit, measurements: Measurements,
+                  hop: float) -> Hypothesis:
+        """Return the hypothesis before the next window."""
+        prior = hypothesis.prior
+        information = np.linalg.inv(prior.covariance)
+        matrix, vector = fit.leaving
+        covariance = np.linalg.inv(information + matrix)
+        moved = Prior(covariance @ (information @ prior.mean + vector), covariance).after(
+            hop, measurements.travel * hop / (measurements.times[-1] - measurements.begin),
+            self._rows)
+        middle = int(np.searchsorted(measurements.times, measurements.begin + hop))
+        middle = min(middle, len(measurements.times) - 1)
+        return replace(
+            hypothesis, prior=moved.without_start(self._rows), x=fit.x, times=measurements.times,
+            velocities=fit.motion.states[0, :, :model.W + 1],
+            heading=(float(measurements.times[middle]), float(fit.heading[middle])))
+
+
+def _start(hypothesis: Hypothesis, measurements: Measurements) -> tuple[Array, Array]:
+    """Return the velocity (3,) at the begin of the window, and the heading (n,) [rad]."""
+    bias = float(hypothesis.x[Unknown.GYRO_BIAS])
+    heading = measurements.heading(bias, hypothesis.heading)
+    times, velocities = hypothesis.times, hypothesis.velocities
+    if times is None or velocities is None or not times[0] <= measurements.begin <= times[-1]:
+        return np.array([measurements.rolling[0].mean(), 0.0,
+                         measurements.values[0, 0] - bias]), heading
+    return np.array([np.interp(measurements.begin, times, column)
+                     for column in velocities.T]), heading
