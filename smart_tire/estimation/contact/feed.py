@@ -22,7 +22,7 @@ crossings. The friction estimator and the calibration of the films use this feed
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import chain
@@ -35,11 +35,10 @@ from smart_tire.estimation.plausibility import is_possible
 from smart_tire.estimation.reorder_buffer import ClosedInstant, ReorderBuffer
 from smart_tire.estimation.streams import FRICTION
 from smart_tire.parameters.robot import RobotParams
-from smart_tire.samples import (
-    GroundState, NS_PER_S, Odometry, Sample, TireSample, WheelSample, WheelSlip)
+from smart_tire.samples import ImuSample, NS_PER_S, Odometry, Sample, TireSample, WheelSample
 
 BLOCK_NS = 48_000_000  # of message time, six grid steps, in which samples are processed together
-Input = TireSample | WheelSample | Odometry | WheelSlip | GroundState
+Input = TireSample | WheelSample | ImuSample | Odometry
 
 
 @dataclass
@@ -49,15 +48,15 @@ class Block:
     restarted: bool = False  # the clock was reset: earlier samples are invalid
     samples: list[Input] = field(default_factory=list)
     crossings: list[tuple[str, PatchCrossing]] = field(default_factory=list)
+    end_ns: int | None = None  # instant up to which the samples are complete; None in between
 
 
 class ContactFeed:
     """Contact trackers of all instrumented wheels, fed in order of time."""
 
-    def __init__(self, robot: RobotParams, reorder_window: float,
-                 awaited: Mapping[str, int] | None = None) -> None:
+    def __init__(self, robot: RobotParams, reorder_window: float) -> None:
         self._robot = robot
-        self._buffer = ReorderBuffer(round(reorder_window * NS_PER_S), awaited=awaited)
+        self._buffer = ReorderBuffer(round(reorder_window * NS_PER_S))
         self._resets = 0
         self.foreign_samples = 0   # of wheels that are not instrumented
         self.dropped: Counter[str] = Counter()  # topic -> duplicates and impossible samples
@@ -65,7 +64,7 @@ class ContactFeed:
 
     def _start(self) -> None:
         robot = self._robot
-        self._closed_ns: int | None = None  # latest grid instant
+        self.closed_ns: int | None = None  # latest grid instant
         self._newest: dict[tuple[type, str], int] = {}  # stream, of films by wheel -> timestamp
         self._trackers = {wheel: [ContactTracker(wheel, robot, films)
                                   for films in robot.film_groups]
@@ -115,7 +114,7 @@ class ContactFeed:
 
         Call this at the end of all inputs, then ``reset`` before any further sample.
         """
-        blocks, now = self._blocks(self._buffer.finish(), Block()), self._closed_ns
+        blocks, now = self._blocks(self._buffer.finish(), Block()), self.closed_ns
         if now is not None:
             blocks[-1].crossings += self._sorted(partial(ContactTracker.finish, now_ns=now))
         return blocks
@@ -123,11 +122,12 @@ class ContactFeed:
     def _blocks(self, closed: list[ClosedInstant], first: Block) -> list[Block]:
         blocks = [first]
         for instant, samples in closed:
-            self._closed_ns = instant
+            self.closed_ns = instant
             blocks[-1].samples += filter(self._accept, samples)
             if instant % BLOCK_NS == 0:  # a fixed phase, independent of the first sample
                 blocks[-1].crossings += self._sorted(partial(ContactTracker.advance,
                                                              now_ns=instant))
+                blocks[-1].end_ns = instant
                 blocks.append(Block())
         return blocks
 

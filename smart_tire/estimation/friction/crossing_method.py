@@ -21,7 +21,6 @@ from typing import Protocol, TYPE_CHECKING
 
 from smart_tire.estimation.contact.records import PatchCrossing
 from smart_tire.estimation.friction.brush_inversion import SlipFit
-from smart_tire.estimation.friction.motion_history import WheelMotion
 from smart_tire.uncertain import Uncertain, UNKNOWN
 
 if TYPE_CHECKING:
@@ -30,14 +29,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class MethodResult:
-    """Result of one crossing, before load and stiffness are used."""
+    """What the films show of one crossing, before load and stiffness are used."""
 
-    films_only: SlipFit  # without the slip estimator
-    fused: SlipFit       # with the slip estimator
-    shift: float         # m, by which the crossing was later than detected
+    films_only: SlipFit
+    shift: float   # m, by which the crossing was later than detected
+    sliding: bool  # the whole patch slides: only slip over normalized slip is determined
     stretch_voltage: Uncertain = UNKNOWN  # V, of film 1
     peak_interval: Uncertain = UNKNOWN    # s, of film 1
-    waveform: WaveformFit | None = None   # the last fit; None if the method fits none
+    waveform: WaveformFit | None = None   # None if the method fits none
 
     @property
     def film_correlation(self) -> float:
@@ -51,5 +50,7 @@ class MethodResult:
 class CrossingMethod(Protocol):
     """Estimates slip and normalized slip of one wheel's crossings."""
 
-    def evaluate(self, crossing: PatchCrossing, motion: WheelMotion) -> MethodResult | None:
+    needs_slip: bool  # of the motion of the robot
+
+    def measure(self, crossing: PatchCrossing, slip: Uncertain = UNKNOWN) -> MethodResult | None:
         """Return the result of ``crossing``, None if its samples do not fit the method."""

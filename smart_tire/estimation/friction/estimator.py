@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Friction estimator: one record for each patch crossing of an instrumented wheel.
+Friction estimator: a record for each patch crossing of an instrumented wheel, and the ground.
 
 All inputs pass one reorder buffer, so live, replayed and recorded data give identical results.
 """
@@ -26,12 +26,16 @@ from dataclasses import dataclass
 
 from smart_tire.estimation.contact.feed import Block, ContactFeed
 from smart_tire.estimation.contact.records import PatchCrossing
-from smart_tire.estimation.friction.motion_history import MotionHistory
-from smart_tire.estimation.friction.output import OutputBuilder
+from smart_tire.estimation.friction.crossing_method import MethodResult
+from smart_tire.estimation.friction.output import OutputBuilder, stamp_of
 from smart_tire.estimation.friction.waveform_fit import WaveformFit
-from smart_tire.estimation.streams import FRICTION, HOLDING, SLIP
+from smart_tire.estimation.ground.estimator import GroundEstimator, WheelState
+from smart_tire.estimation.ground.window import Solution
 from smart_tire.parameters import FrictionEstimatorParams
-from smart_tire.samples import Friction, GroundState, Odometry, Sample, WheelSlip
+from smart_tire.samples import (
+    Friction, GroundState, ImuSample, NS_PER_S, Odometry, Sample, WheelSample)
+
+MAX_WAIT_NS = 2 * NS_PER_S  # of a crossing for a window; then its record is without one
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,35 +44,43 @@ class EvaluatedCrossing:
 
     friction: Friction
     waveform: WaveformFit | None  # None if no waveform was fitted, or if it is implausible
-    surface_changed: bool         # the friction coefficient differs from that before
+    surface_changed: bool         # the ground has changed since the crossing before
 
 
 OnCrossing = Callable[[EvaluatedCrossing], None]
 
 
+@dataclass(frozen=True, slots=True)
+class _Pending:
+    """A crossing that waits for the window to reach it."""
+
+    wheel: str
+    crossing: PatchCrossing
+    result: MethodResult | None
+
+
 class FrictionEstimator:
     """
-    Friction from the films of all instrumented wheels.
+    Friction from the films of all instrumented wheels, and the state of the ground.
 
-    Requires tire and wheel samples. Without odometry or slip, crossings are still found, with the
-    quantities that the films determine alone; without the state of the ground, its stiffness is
-    the calibrated one. ``on_crossing`` is called with each record and its fit, for display.
+    Motion, slip and load are those of a window over IMU, wheels and films; without IMU, over
+    odometry. Without either, crossings are still found, with the quantities that the films
+    determine alone. ``on_crossing`` is called with each record and its fit, for display.
     """
 
     def __init__(self, params: FrictionEstimatorParams,
                  on_crossing: OnCrossing = lambda crossing: None) -> None:
         self._params, self._on_crossing = params, on_crossing
-        self._feed = ContactFeed(
-            params.robot, params.reorder_window,
-            {topic: HOLDING.get(topic, 0) for kind, topic in FRICTION.inputs.items()
-             if kind in SLIP.outputs})
+        self._feed = ContactFeed(params.robot, params.reorder_window)
         self.crossings = 0
         self.crossings_lost = 0  # without samples of any film
         self._start()
 
     def _start(self) -> None:
         robot = self._params.robot
-        self._motion = MotionHistory(robot, self._params.load_sigma)
+        self._ground = GroundEstimator(robot)
+        self._pending: list[_Pending] = []
+        self._changes = {wheel: 0 for wheel in robot.film.wheels}  # of ground, by crossings
         self._outputs = {wheel: OutputBuilder(wheel, self._params) for wheel in robot.film.wheels}
 
     @property
@@ -86,41 +98,78 @@ class FrictionEstimator:
         self._feed.reset()
         self._start()
 
-    def update(self, sample: Sample) -> list[Friction]:
-        """Add a sample of one of the inputs; return the records that it completes."""
+    def update(self, sample: Sample) -> list[Friction | GroundState]:
+        """Add a sample of one of the inputs; return the estimates that it completes."""
         return self._process(self._feed.update(sample))
 
-    def finish(self) -> list[Friction]:
-        """Return the last records, at the end of all inputs; ``reset`` before any further one."""
-        return self._process(self._feed.finish())
+    def finish(self) -> list[Friction | GroundState]:
+        """Return the last estimates, at the end of all inputs; ``reset`` before a further one."""
+        found = self._process(self._feed.finish())
+        if self._feed.closed_ns is not None:
+            found += self._solved(self._feed.closed_ns, last=True)
+        return found
 
-    def _process(self, blocks: list[Block]) -> list[Friction]:
-        found: list[Friction] = []
+    def _process(self, blocks: list[Block]) -> list[Friction | GroundState]:
+        found: list[Friction | GroundState] = []
         for block in blocks:
             if block.restarted:
                 self._start()
             for item in block.samples:
-                self._add_motion(item)
-            found += [self._estimate(wheel, crossing) for wheel, crossing in block.crossings]
+                if isinstance(item, (ImuSample, WheelSample, Odometry)):
+                    self._ground.add(item)
+            for wheel, crossing in block.crossings:
+                self._add_crossing(wheel, crossing)
+            if block.end_ns is not None:
+                found += self._solved(block.end_ns)
         return found
 
-    def _add_motion(self, sample: Sample) -> None:
-        if isinstance(sample, Odometry):
-            self._motion.add_odometry(sample)
-        elif isinstance(sample, WheelSlip):
-            self._motion.add_slip(sample)
-        elif isinstance(sample, GroundState):
-            self._motion.add_ground(sample)
-
-    def _estimate(self, wheel: str, crossing: PatchCrossing) -> Friction:
+    def _add_crossing(self, wheel: str, crossing: PatchCrossing) -> None:
         self.crossings += 1
         self.crossings_lost += crossing.samples is None
-        motion = self._motion.mean(wheel, crossing.begin_ns, crossing.end_ns)
+        method = self._outputs[wheel].method
+        result = None if method.needs_slip else method.measure(crossing)
+        self._pending.append(_Pending(wheel, crossing, result))
+        self._add_passage(wheel, crossing, result)
+
+    def _add_passage(self, wheel: str, crossing: PatchCrossing,
+                     result: MethodResult | None) -> None:
+        if result is not None:
+            films = result.films_only
+            self._ground.add_passage(
+                stamp_of(crossing, result), wheel, films.slip, films.normalized_slip,
+                films.white_cov + films.systematic_cov, result.sliding)
+
+    def _solved(self, now_ns: int, *, last: bool = False) -> list[Friction | GroundState]:
+        """Return the estimates of a window up to ``now_ns``, if one is due."""
+        solution = self._ground.advance(now_ns, last)
+        if solution is None:
+            waiting = now_ns - (0 if last else MAX_WAIT_NS)
+            return self._released(waiting, None)
+        found = self._released(self._ground.end_ns, solution)
+        if last:
+            found += self._released(now_ns, solution)
+        return [*found, self._ground.state(solution)] if self._ground.known else found
+
+    def _released(self, until_ns: int, solution: Solution | None
+                  ) -> list[Friction | GroundState]:
+        """Return the records of the crossings up to an instant."""
+        due = [one for one in self._pending if one.crossing.stamp_ns <= until_ns]
+        self._pending = [one for one in self._pending if one.crossing.stamp_ns > until_ns]
+        return [self._estimate(one, solution) for one in due]
+
+    def _estimate(self, pending: _Pending, solution: Solution | None) -> Friction:
+        wheel, crossing, result = pending.wheel, pending.crossing, pending.result
+        state = WheelState() if solution is None else self._ground.wheel_state(
+            solution, crossing.stamp_ns, wheel)
         output = self._outputs[wheel]
-        changes = output.filter.changes
-        friction = output.build(crossing, motion)
+        if output.method.needs_slip:
+            result = output.method.measure(crossing, state.slip)
+            self._add_passage(wheel, crossing, result)
+        friction = output.build(crossing, result, state)
+        changes, self._changes[wheel] = self._changes[wheel], self._ground.changes
         self._on_crossing(EvaluatedCrossing(
-            friction, output.waveform, output.filter.changes > changes))
+            friction, None if result is None else result.waveform,
+            self._ground.changes > changes))
         return friction
 
     def status(self) -> dict[str, str | int | float]:
@@ -129,10 +178,10 @@ class FrictionEstimator:
         shown: dict[str, str | int | float] = {
             'crossings': self.crossings, 'crossings_lost': self.crossings_lost,
             'foreign_samples': feed.foreign_samples, 'clock_resets': feed.clock_resets,
-            **{f'dropped.{topic}': count for topic, count in feed.dropped.items()}}
+            **{f'dropped.{topic}': count for topic, count in feed.dropped.items()},
+            **self._ground.status}
         for wheel, output in self._outputs.items():
             mu, sigma = output.friction
             shown[f'{wheel}_friction'] = f'{mu:.3f} +- {sigma:.3f}' if mu == mu else 'unknown'
             shown[f'{wheel}_segments_undetected'] = feed.undetected(wheel)
-            shown[f'{wheel}_surface_changes'] = output.filter.changes
         return shown

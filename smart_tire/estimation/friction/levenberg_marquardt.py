@@ -127,27 +127,6 @@ class LevenbergMarquardt:
         self._last = point
         return FitResult(parameters, point, prior, weight, hessian)
 
-    def per_film_sliding(self, end: FitResult) -> list[Uncertain]:
-        """Return the normalized slip by one step from ``end`` with each film's samples only."""
-        prior, point = end.prior, end.point
-        weight, jacobian = self._weights(point), point.jacobian.take(prior.free, axis=0)
-        normalized_slip = int(np.searchsorted(prior.free, Shared.NORM_SLIP))
-        prior_gradient = prior.precision @ (prior.value - point.p)[prior.free]
-        right = np.zeros((len(prior.free), 2))
-        right[normalized_slip, 1] = 1.0
-        estimates, begin = [], 0
-        for count in self._counts:
-            own_part = slice(begin, begin + count)
-            begin = own_part.stop
-            hessian = gram(jacobian[:, own_part], weight[own_part])
-            hessian += prior.precision
-            right[:, 0] = jacobian[:, own_part] @ (
-                weight[own_part] * point.residual[own_part]) + prior_gradient
-            step, inverse = solve_spd(hessian, right)[normalized_slip].tolist()
-            estimates.append(Uncertain(
-                float(point.p[Shared.NORM_SLIP]) + step, math.sqrt(inverse)))
-        return estimates
-
     def _at(self, p: Array) -> Point:
         output, jacobian = self._model.linearized(p)
         return Point(p, self._volts - output, jacobian)

@@ -12,20 +12,18 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Assembly of one ``Friction`` record per patch crossing: fit, invert, fuse."""
+"""Assembly of one ``Friction`` record per patch crossing."""
 
 from __future__ import annotations
 
 import math
 
 from smart_tire.estimation.contact.records import PatchCrossing
-from smart_tire.estimation.friction.bayes_filter import FrictionFilter
 from smart_tire.estimation.friction.brush_inversion import (
-    FrictionSample, GroundStiffness, single_friction, SlipFit, total_slip, traction_force)
+    friction_estimate, SlipFit)
 from smart_tire.estimation.friction.crossing_method import MethodResult
 from smart_tire.estimation.friction.methods import make_method
-from smart_tire.estimation.friction.motion_history import WheelMotion
-from smart_tire.estimation.friction.waveform_fit import WaveformFit
+from smart_tire.estimation.ground.estimator import WheelState
 from smart_tire.parameters import FrictionEstimatorParams
 from smart_tire.samples import Friction, NS_PER_S
 from smart_tire.uncertain import Uncertain, UNKNOWN
@@ -35,66 +33,68 @@ MAX_RATIO_SIGMA = 0.3  # of the adhesion ratio; above, it is unknown
 
 
 class OutputBuilder:
-    """Builds the records of one wheel's crossings, and filters friction over revolutions."""
+    """Builds the records of one wheel's crossings."""
 
     def __init__(self, wheel: str, params: FrictionEstimatorParams) -> None:
-        self._wheel, self._tire = wheel, params.robot.tire
-        self._method = make_method(wheel, params)
-        self.filter = FrictionFilter()
+        self._wheel, self._length = wheel, params.robot.tire.contact_length
+        self.method = make_method(wheel, params)
         self.friction = UNKNOWN  # latest friction coefficient, from all crossings
-        self.waveform: WaveformFit | None = None  # of the latest crossing, None without
 
-    def build(self, crossing: PatchCrossing, motion: WheelMotion) -> Friction:
-        """Return the record of ``crossing`` of a wheel with the given ``motion``."""
-        nominal, load, stiffness = (
-            self._tire.longitudinal_stiffness, motion.load, motion.stiffness)
-        ground = GroundStiffness(stiffness.value / nominal, stiffness.sigma / stiffness.value,
-                                 motion.slip_correlation)
-        lateral = Uncertain(-motion.lateral_velocity.value / crossing.speed,
-                            motion.lateral_velocity.sigma / crossing.speed)
-        result = self._method.evaluate(crossing, motion)
-        self.waveform = None if result is None else result.waveform
-        if result is None:
-            sample, slip, stamp_ns, measured = None, motion.slip, crossing.stamp_ns, {}
-        else:
-            sample = single_friction(result.fused, lateral, load, nominal, motion.slip.sigma)
-            slip = Uncertain(result.fused.slip, result.fused.slip_sigma)
-            stamp_ns = crossing.stamp_ns + round(result.shift / crossing.speed * NS_PER_S)
-            measured = self._measured(result)
-            measured['traction_force'] = traction_force(
-                result.fused, lateral, crossing.direction, load, stiffness,
-                motion.slip_correlation)
+    def build(self, crossing: PatchCrossing, result: MethodResult | None, state: WheelState
+              ) -> Friction:
+        """Return the record of ``crossing``, while the wheel was in ``state``."""
+        total = _product(state.normalized_slip, state.critical_slip)
+        self.friction = state.friction
+        found = {} if result is None else self._measured(result, state, total)
         return Friction(
-            stamp_ns, self._wheel, slip=slip, total_slip=total_slip(slip, lateral),
-            normal_load=load, stiffness=stiffness, **measured,
-            **self._friction(sample, load, ground))
+            stamp_of(crossing, result), self._wheel, slip=state.slip, total_slip=total,
+            normal_load=state.load, stiffness=state.stiffness,
+            friction_coefficient=state.friction, critical_slip=state.critical_slip,
+            traction_force=state.traction_force, **found)
 
-    def _measured(self, result: MethodResult) -> dict[str, Uncertain]:
-        """Return the quantities that do not depend on load and stiffness."""
-        films_only = result.films_only
-        known = films_only.slip_sigma < MAX_SLIP_SIGMA
-        ratio = _adhesion_ratio(films_only)
-        length = self._tire.contact_length
-        return {'film_slip': (Uncertain(films_only.slip, films_only.slip_sigma) if known
-                              else UNKNOWN),
+    def _measured(self, result: MethodResult, state: WheelState, total: Uncertain
+                  ) -> dict[str, Uncertain]:
+        """Return the quantities that need the films."""
+        films = result.films_only
+        known, ratio = films.slip_sigma < MAX_SLIP_SIGMA, _adhesion_ratio(films)
+        return {'film_slip': Uncertain(films.slip, films.slip_sigma) if known else UNKNOWN,
                 'adhesion_ratio': ratio,
-                'adhesion_length': Uncertain(ratio.value * length, ratio.sigma * length),
-                'stretch_voltage': result.stretch_voltage, 'peak_interval': result.peak_interval}
+                'adhesion_length': Uncertain(
+                    ratio.value * self._length, ratio.sigma * self._length),
+                'stretch_voltage': result.stretch_voltage, 'peak_interval': result.peak_interval,
+                'friction_coefficient_single': _single(films, total, state)}
 
-    def _friction(self, sample: FrictionSample | None, load: Uncertain,
-                  ground: GroundStiffness) -> dict[str, Uncertain]:
-        """Update the filter; return friction of this and of all crossings, and critical slip."""
-        likely = self.filter.estimate(ground).value
-        self.friction = self.filter.update(sample, ground)
-        found = {'friction_coefficient': self.friction}
-        if sample is not None:
-            found['friction_coefficient_single'] = sample.estimate(ground, likely)
-        if math.isfinite(load.value):
-            # 3 kappa F_z: C_x does not enter, and errors of the load cancel
-            mu_0, sigma = self.filter.estimate_nominal()
-            scale = 3.0 * load.value / self._tire.longitudinal_stiffness
-            found['critical_slip'] = Uncertain(scale * mu_0, scale * sigma)
-        return found
+
+def stamp_of(crossing: PatchCrossing, result: MethodResult | None) -> int:
+    """Return the instant [ns] at which the films are at the patch's middle."""
+    shift = 0.0 if result is None else result.shift / crossing.speed
+    return crossing.stamp_ns + round(shift * NS_PER_S)
+
+
+def _single(films: SlipFit, total: Uncertain, state: WheelState) -> Uncertain:
+    """
+    Return mu from one crossing alone, C_x |s| / (3 F_z t).
+
+    Its normalized slip t is that of the films, given the slip of the motion.
+    """
+    if not (total.value > 0.0 and state.load.value > 0.0 and state.stiffness.value > 0.0):
+        return UNKNOWN
+    covariance = films.white_cov + films.systematic_cov
+    gain = float(covariance[0, 1] / (covariance[0, 0] + state.slip.sigma ** 2))
+    ratio = films.normalized_slip + gain * (state.slip.value - films.slip)
+    sigma = math.sqrt(max(float(covariance[1, 1]) - gain * float(covariance[0, 1]), 0.0))
+    scale = 3.0 * state.load.value / (state.stiffness.value * total.value)
+    mu, spread = friction_estimate(scale * ratio, scale * sigma, state.friction.value)
+    if not math.isfinite(mu):
+        return UNKNOWN
+    return Uncertain(mu, math.hypot(spread, *(mu * one.sigma / one.value for one in (
+        state.load, state.stiffness, total))))
+
+
+def _product(first: Uncertain, second: Uncertain) -> Uncertain:
+    """Return the product of two independent quantities."""
+    return Uncertain(first.value * second.value, math.hypot(
+        first.value * second.sigma, first.sigma * second.value))
 
 
 def _adhesion_ratio(fit: SlipFit) -> Uncertain:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Variation of a wheel's slip within one crossing, from the slip estimator and the speed."""
+"""Variation of a wheel's slip within one crossing, from the change of its speed."""
 
 from __future__ import annotations
 
@@ -20,12 +20,9 @@ from dataclasses import dataclass
 import math
 
 from smart_tire.estimation.contact.records import PatchCrossing
-from smart_tire.estimation.friction.motion_history import WheelMotion
 from smart_tire.uncertain import Uncertain
 
-MIN_CHANGE_SIGMA = 0.0005  # -, of the slip change over a contact length in steady motion ...
-UNKNOWN_CHANGE_SIGMA = 0.01  # -, ... and without a slip estimate
-CHANGE_ERROR_SHARE = 0.5   # of an estimated change, its standard deviation
+UNKNOWN_CHANGE_SIGMA = 0.01  # -, of the slip change over a contact length
 SPEED_TO_SLIP_SHARE = 0.5  # of a relative change of wheel speed that may be a change of slip
 SPEED_TO_RESIDUAL_SHARE = 0.05  # of a relative change of wheel speed, nonlinear change of slip
 SPEED_CHANGE_NOISE = 0.01  # relative, apparent change of speed from timestamp jitter
@@ -39,25 +36,10 @@ class SlipVariation:
     residual: float
 
 
-def unknown_variation(crossing: PatchCrossing, contact_length: float) -> SlipVariation:
-    """Return the variation from the change of wheel speed alone."""
-    speed_change = _speed_change(crossing)
+def slip_variation(crossing: PatchCrossing, contact_length: float) -> SlipVariation:
+    """Return the variation that the change of wheel speed allows."""
+    speed_change = max(crossing.speed_change - SPEED_CHANGE_NOISE, 0.0)
     return SlipVariation(
         Uncertain(0.0, math.hypot(UNKNOWN_CHANGE_SIGMA, SPEED_TO_SLIP_SHARE * speed_change
                                   * contact_length / crossing.distance)),
         SPEED_TO_RESIDUAL_SHARE * speed_change)
-
-
-def estimated_variation(crossing: PatchCrossing, motion: WheelMotion,
-                        contact_length: float) -> SlipVariation:
-    """Return the variation from the slip estimates in ``motion``."""
-    speed_change = _speed_change(crossing)
-    change = motion.slip_rate * contact_length / crossing.speed
-    sigma = math.hypot(MIN_CHANGE_SIGMA, CHANGE_ERROR_SHARE * change,
-                       SPEED_TO_SLIP_SHARE * speed_change * contact_length / crossing.distance)
-    return SlipVariation(Uncertain(change, sigma), math.hypot(
-        motion.slip_residual, SPEED_TO_RESIDUAL_SHARE * speed_change))
-
-
-def _speed_change(crossing: PatchCrossing) -> float:
-    return max(crossing.speed_change - SPEED_CHANGE_NOISE, 0.0)

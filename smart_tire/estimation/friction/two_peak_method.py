@@ -16,8 +16,8 @@
 Two-peak method of paper B: two peaks of the raw samples, B(22) to B(26) and Fig. 8.
 
 The highest sample is taken for the stretch peak at x_m, the lowest for the release. The travel
-between them gives the adhesion length, by the exact or the printed map; slip is that of the slip
-estimator. At 400 Hz the peaks have errors of some millimeters and 0.1 V, and only in traction do
+between them gives the adhesion length, by the exact or the printed map; slip is that of the motion of the
+robot. At 400 Hz the peaks have errors of some millimeters and 0.1 V, and only in traction do
 these two samples represent the two peaks.
 """
 
@@ -31,7 +31,6 @@ import numpy as np
 from smart_tire.estimation.contact.records import FilmSamples, PatchCrossing
 from smart_tire.estimation.friction.brush_inversion import SlipFit
 from smart_tire.estimation.friction.crossing_method import MethodResult
-from smart_tire.estimation.friction.motion_history import WheelMotion
 from smart_tire.models.tire import strain_charge, tread_film
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.uncertain import Uncertain, UNKNOWN
@@ -59,6 +58,8 @@ class FilmPeaks:
 class TwoPeakMethod:
     """Estimates normalized slip of one wheel's crossings; ``map_name`` is the map of x_m."""
 
+    needs_slip = True
+
     def __init__(self, wheel: str, robot: RobotParams, map_name: str) -> None:
         self._film, self._patch, self._map_name = robot.film, robot.tire.contact_length, map_name
         self._gains = robot.film.gains(wheel)
@@ -72,24 +73,23 @@ class TwoPeakMethod:
                                   robot.film.bending_alpha).value
         self._release_slope = float(np.mean(np.abs(np.diff(bend)))) / SLOPE_STEP
 
-    def evaluate(self, crossing: PatchCrossing, motion: WheelMotion) -> MethodResult | None:
+    def measure(self, crossing: PatchCrossing, slip: Uncertain = UNKNOWN) -> MethodResult | None:
         """Return the result of ``crossing``, None unless in traction with both peaks sampled."""
-        if crossing.samples is None or not motion.slip.value > 0.0:
+        if crossing.samples is None or not slip.value > 0.0:
             return None
         found = [peaks for film, detection in zip(
             crossing.samples.films, crossing.samples.detections)
-            if (peaks := self._peaks(film, detection.center, motion.slip.value)) is not None]
+            if (peaks := self._peaks(film, detection.center, slip.value)) is not None]
         if not found:
             return None
         table = np.array([(*peaks.slip, *peaks.normalized_slip) for peaks in found])
-        slip, normalized_slip = table[:, [0, 2]].mean(axis=0).tolist()
+        film_slip, normalized_slip = table[:, [0, 2]].mean(axis=0).tolist()
         white = np.diag(np.sum(table[:, [1, 3]]**2, axis=0) / len(found)**2)
-        gains = self._film.stretch_gain_tolerance * slip
-        films_only = SlipFit(slip, normalized_slip, white,
+        gains = self._film.stretch_gain_tolerance * film_slip
+        films_only = SlipFit(film_slip, normalized_slip, white,
                              np.diag([gains**2 / len(found), 0.0]))
-        fused = SlipFit(motion.slip.value, normalized_slip, np.diag([0.0, white[1, 1]]),
-                        np.diag([motion.slip.sigma**2, 0.0]))
-        return MethodResult(films_only, fused, 0.0, *self._reported_peaks(crossing, found[0]))
+        return MethodResult(
+            films_only, 0.0, False, *self._reported_peaks(crossing, found[0]))
 
     def _peaks(self, film: FilmSamples, center: float, slip: float) -> FilmPeaks | None:
         """Return the peaks of one film, None if they are not sampled or contradict the model."""

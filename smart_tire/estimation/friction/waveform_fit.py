@@ -178,16 +178,6 @@ class WaveformFitter:
         self._last = found, result
         return found
 
-    def per_film_normalized_slip(self, fit: WaveformFit) -> list[Uncertain]:
-        """
-        Return the normalized slip by each film alone, to first order.
-
-        ``fit`` must be the last one of this fitter.
-        """
-        if self._last is None or self._last[0] is not fit:
-            raise EstimatorError('normalized slip per film is available for the last fit only')
-        return self._solver.per_film_sliding(self._last[1])
-
     def shape(self, fit: WaveformFit) -> tuple[Array, Array]:
         """
         Return the shape of release and bumps by ``fit``, and the information of its data.

@@ -55,6 +55,7 @@ FILM_SLIP_ERROR = 0.02, 0.002        # relative and absolute error of a film's s
 FILM_RATIO_ERROR, LEAST_RATIO = 0.04, 0.1  # relative error of a normalized slip, taken on at least
 MAX_RATIO = 1.5          # normalized slip: beyond, a waveform does not change
 PASSAGE_TIME = 0.05      # s, on either side of a passage, over which its motion is averaged
+MIN_LOAD = 0.1           # N, of a lifted wheel
 SLIDING_WEIGHT = 10.0    # of a passage in full sliding: sigma over its slip along slip / t
 
 
@@ -128,7 +129,6 @@ class Measurements:
             STEP, robot.mass, robot.yaw_inertia, 0.5 * robot.wheelbase, 0.5 * robot.track_width,
             robot.center_of_mass[2] + radius, SLIP_FLOOR, DRAG_FLOOR, GRAVITY])
         self._delayed = radius * 0.5 * (self.acceleration[:, :2] + self.acceleration[:, 2:])
-        self._near_passages = _near(self.passages, self.times)
 
     @property
     def travel(self) -> float:
@@ -172,7 +172,8 @@ class Measurements:
         states = np.empty((len(x), len(self.times), model.OUTPUTS))
         simulate = model.simulate if model.COMPILED else body_model_numpy.simulate
         simulate(self.rolling, offsets, directions, runs, self.robot_constants, states)
-        return Motion(states, self._at_passages(x, runs, offsets, states))
+        passages = [self.at(one, x, change, states) for one in self.passages]
+        return Motion(states, np.stack(passages, axis=1) if passages else np.empty((len(x), 0, 4)))
 
     def predict(self, x: Array, motion: Motion) -> Array:
         """Return the block means (runs, STREAMS, blocks) for ``x`` (runs, SIZE)."""
@@ -279,33 +280,35 @@ class Measurements:
             + SIDE_SIGNS[:, np.newaxis] * roll[:, np.newaxis])
         return np.maximum(loads, 0.0)
 
-    def _at_passages(self, x: Array, runs: Array, offsets: Array, states: Array) -> Array:
-        found = np.empty((len(x), len(self.passages), 4))
-        half_base, half_track = self.robot_constants[model.HALF_BASE:model.HALF_TRACK + 1]
-        for i, (one, near) in enumerate(zip(self.passages, self._near_passages)):
-            side = SIDE_SIGNS[one.wheel]
-            x_wheel = half_base * AXLE_SIGNS[one.wheel] - x[:, Unknown.COM_X, np.newaxis]
-            y_wheel = half_track * side - x[:, Unknown.COM_Y, np.newaxis]
-            u, v, w, a_x, a_y = (states[:, near, column] for column in range(model.W_DOT))
-            rolling = (runs[:, model.RADIUS, np.newaxis] * self.rolling[near, one.wheel]
-                       + offsets[:, near, one.wheel % 2])
-            rolling = np.where(np.abs(rolling) < SLIP_FLOOR, SLIP_FLOOR, rolling)
-            slip = (rolling - u + y_wheel * w) / rolling
-            lateral = runs[:, model.LATERAL_RATIO, np.newaxis] * (v + x_wheel * w) / rolling
-            load = np.maximum(self._loads(x, a_x, a_y)[:, one.wheel], 0.1)
-            ground = np.where(near.start < runs[:, model.CHANGE_STEP], model.OLD_STIFFNESS,
-                              model.STIFFNESS)
-            each = np.arange(len(x))
-            critical = (3.0 * load * (runs[each, ground + 1] / runs[each, ground] * (
-                runs[:, model.SIDE_FRICTION] / runs[:, model.SIDE_STIFFNESS]) ** side
-            )[:, np.newaxis])
-            ratio = np.hypot(slip, lateral) / critical
-            if not one.sliding:
-                ratio = np.minimum(ratio, MAX_RATIO)
-            for column, values in enumerate((
-                    slip, ratio, load, states[:, near, model.FORCE + one.wheel])):
-                found[:, i, column] = values.mean(axis=1)
-        return found
+    def at(self, passage: Passage, x: Array, change: Array, states: Array) -> Array:
+        """
+        Return slip, normalized slip, load [N] and traction force [N] (runs, 4) at a passage.
+
+        ``x`` (runs, SIZE), ``change`` (runs,) [s] and ``states`` as in ``simulate``.
+        """
+        low, high = np.searchsorted(
+            self.times, [passage.time - PASSAGE_TIME, passage.time + PASSAGE_TIME])
+        low = min(int(low), len(self.times) - 1)
+        near, wheel = slice(low, max(int(high), low + 1)), passage.wheel
+        side = SIDE_SIGNS[wheel]
+        arm_x, arm_y = (arm - x[:, com, np.newaxis] for com, arm in (
+            (Unknown.COM_X, 0.5 * self._robot.wheelbase * AXLE_SIGNS[wheel]),
+            (Unknown.COM_Y, 0.5 * self._robot.track_width * side)))
+        u, v, w, a_x, a_y = (states[:, near, column] for column in range(model.W_DOT))
+        rolling = (np.exp(x[:, Unknown.RADIUS, np.newaxis]) * self.rolling[near, wheel]
+                   + x[:, Unknown.DELAY, np.newaxis] * self._delayed[near, wheel % 2])
+        rolling = np.where(np.abs(rolling) < SLIP_FLOOR, SLIP_FLOOR, rolling)
+        slip = (rolling - u + arm_y * w) / rolling
+        lateral = np.exp(x[:, Unknown.LATERAL_RATIO, np.newaxis]) * (v + arm_x * w) / rolling
+        load = np.maximum(self._loads(x, a_x, a_y)[:, wheel], MIN_LOAD)
+        ground = np.where((passage.time < change)[:, np.newaxis], x[:, OLD_GROUND], x[:, GROUND])
+        ln_ratio = ground[:, 1] - ground[:, 0] + side * (
+            x[:, Unknown.SIDE_FRICTION] - x[:, Unknown.SIDE_STIFFNESS])
+        ratio = np.hypot(slip, lateral) / (3.0 * load * np.exp(ln_ratio)[:, np.newaxis])
+        if not passage.sliding:
+            ratio = np.minimum(ratio, MAX_RATIO)
+        force = states[:, near, model.FORCE + wheel]
+        return np.stack([slip, ratio, load, force]).mean(axis=2).T
 
 
 def _means(values: Array) -> Array:
@@ -332,13 +335,3 @@ def _block_spread(values: Array, edges: Array, times: Array, period: float) -> A
     low = np.searchsorted(times, edges[:-1] - period)
     high = np.searchsorted(times, edges[1:] + period, side='right')
     return np.array([np.ptp(values[a:b], axis=0) for a, b in zip(low, high)])
-
-
-def _near(passages: list[Passage], times: Array) -> list[slice]:
-    """Return the steps close to each passage."""
-    found = []
-    for one in passages:
-        low, high = np.searchsorted(times, [one.time - PASSAGE_TIME, one.time + PASSAGE_TIME])
-        low = min(low, len(times) - 1)
-        found.append(slice(int(low), int(max(high, low + 1))))
-    return found

@@ -36,7 +36,7 @@ import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.estimation.ground import body_model as model
-from smart_tire.estimation.ground.measurements import Measurements, Motion, WindowData
+from smart_tire.estimation.ground.measurements import Measurements, Motion, Passage, WindowData
 from smart_tire.estimation.ground.unknowns import (
     DYNAMIC, GROUND, initial, OLD_GROUND, Prior, priors, SIDES, SIZE, START, Unknown)
 from smart_tire.parameters.robot import RobotParams
@@ -48,7 +48,7 @@ CONVERGED = 0.1    # of a standard deviation: no further step
 FREEDOM = 5.0      # degrees of freedom of the Student distribution
 MAX_STEP = 0.7     # change of the ground in one step; beyond, the model is not linear
 CANDIDATES = 0.5, 1.0, 1.5, 2.0  # s before the end: times of a change of ground
-CHANGE_EVIDENCE = 12.0  # twice the log likelihood ratio of a change: one in 400 windows
+CHANGE_EVIDENCE = 30.0  # twice the log likelihood ratio of a change of ground
 DECISION_TIME = 1.75    # s after a change: one of two hypotheses is dropped
 SIDES_DIFFER = 4.0      # squared normalized difference of the sides, beyond which its prior grows
 
@@ -67,6 +67,8 @@ class Fit(NamedTuple):
     covariance: Array  # (SIZE, SIZE)
     evidence: float    # twice its logarithm, up to a constant
     motion: Motion     # of one run
+    varied_x: Array    # (DYNAMIC + 1, SIZE), unknowns with small differences ...
+    varied: Motion     # ... and the motion by them
     heading: Array     # rad, (n,), by the start of the fit
     rows: Rows
     whiten: Whitening
@@ -92,6 +94,17 @@ class Solution(NamedTuple):
     measurements: Measurements
     hypothesis: Hypothesis
     fit: Fit
+    steps: Array       # (DYNAMIC,), of the derivatives
+
+    def values_at(self, passage: Passage) -> tuple[Array, Array]:
+        """Return slip, normalized slip, load and force (4,) at a passage, and derivatives."""
+        fit, change = self.fit, self.hypothesis.change
+        runs = np.vstack([fit.x, fit.varied_x])
+        values = np.concatenate([
+            self.measurements.at(passage, runs[:1], np.array([change]), fit.motion.states),
+            self.measurements.at(passage, runs[1:], np.full(len(runs) - 1, change),
+                                 fit.varied.states)])
+        return values[0], ((values[2:] - values[1]) / self.steps[:, np.newaxis]).T
 
 
 class Whitening:
@@ -154,16 +167,16 @@ class GroundWindow:
         if found is not None:
             gain = found[1].evidence - fit.evidence
             decided = end - found[0].change > DECISION_TIME
-            if gain > 0.0:
+            if gain > CHANGE_EVIDENCE:
                 best = found
-            if decided and gain > 0.0:
-                self.changes += 1
-                main, fit = found
+                if decided:
+                    self.changes += 1
+                    main, fit = found
             if decided or gain < -CHANGE_EVIDENCE:
                 found = None
         self._main = self._advanced(main, fit, measurements, hop)
         self._rival = None if found is None else self._advanced(*found, measurements, hop)
-        return Solution(end, measurements, *best)
+        return Solution(end, measurements, *best, self._steps)
 
     def _fitted(self, hypothesis: Hypothesis, measurements: Measurements, leaving: float
                 ) -> tuple[Hypothesis, Fit]:
@@ -191,9 +204,9 @@ class GroundWindow:
         for iteration in range(ITERATIONS if known else 2 * ITERATIONS):
             runs = np.tile(x, (DYNAMIC + 1, 1))
             runs[range(1, DYNAMIC + 1), range(DYNAMIC)] += self._steps
-            motion = measurements.simulate(runs, start, heading, np.full(len(runs), change))
-            predicted, passages = (measurements.predict(runs, motion),
-                                   measurements.passage_values(runs, motion))
+            varied = measurements.simulate(runs, start, heading, np.full(len(runs), change))
+            predicted, passages = (measurements.predict(runs, varied),
+                                   measurements.passage_values(runs, varied))
             if blocks is None or films is None:
                 blocks = measurements.noise(
                     predicted[0], x[Unknown.GYRO_BIAS:Unknown.ACCEL_BIAS_Y + 1])
@@ -222,7 +235,7 @@ class GroundWindow:
         left = whiten.information(
             columns, film_columns, measurements.used & (measurements.centers < leaving),
             np.repeat([one.time < leaving for one in measurements.passages], 2).astype(bool))
-        return Fit(x, covariance, -cost, motion, heading, final, whiten,
+        return Fit(x, covariance, -cost, motion, runs, varied, heading, final, whiten,
                    (left[:-1, :-1], left[:-1, -1]))
 
     def _columns(self, x: Array, predicted: Array, residual: Array, measurements: Measurements

@@ -1,0 +1,272 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Ground estimator: IMU, wheels and passages of films in, state of the ground out.
+
+All times are message time; a window ends at multiples of ``HOP_NS``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+import math
+
+import numpy as np
+
+from smart_tire.arrays import Array
+from smart_tire.estimation.ground.measurements import MODEL_ERROR, Passage, WindowData
+from smart_tire.estimation.ground.unknowns import DYNAMIC, SIZE, Unknown
+from smart_tire.estimation.ground.window import GroundWindow, LENGTH, SETTLING, Solution
+from smart_tire.estimation.plausibility import is_speed_contradicted
+from smart_tire.models.vehicle.skid_steer import SIDE_SIGNS
+from smart_tire.parameters.robot import RobotParams
+from smart_tire.rotation import matrix
+from smart_tire.samples import GroundState, ImuSample, NS_PER_S, Odometry, WheelSample, WHEELS
+from smart_tire.uncertain import Uncertain, UNKNOWN
+
+HOP_NS = 500_000_000  # of message time, between two windows
+MIN_DURATION = 1.5    # s, of the first window
+MAX_GAP = 0.6         # s, of a stream: the window begins anew after a longer one
+MARGIN = 1.0          # s before the window, of samples that are kept: smoothing, heading
+CURVE_ERROR = 0.03    # of mu: it varies with the slip where the tire is not a brush
+LOAD_ERROR = 0.02     # of a load: mass, uneven suspension
+MAX_LN_SIGMA = 0.35   # of ln mu; above, mu is unknown
+
+
+@dataclass(frozen=True, slots=True)
+class WheelState:
+    """Slip, load and ground of a wheel, averaged over a passage of its films."""
+
+    slip: Uncertain = UNKNOWN           # -, B(3)
+    normalized_slip: Uncertain = UNKNOWN  # -, |s| / lambda_cr
+    load: Uncertain = UNKNOWN           # N
+    traction_force: Uncertain = UNKNOWN  # N, on the robot, positive forward
+    stiffness: Uncertain = UNKNOWN      # N, C_x
+    friction: Uncertain = UNKNOWN       # -, mu
+    critical_slip: Uncertain = UNKNOWN  # -
+
+
+class GroundEstimator:
+    """Collects samples, solves a window at each hop and interprets its solution."""
+
+    def __init__(self, robot: RobotParams) -> None:
+        self._robot = robot
+        self._rotation = matrix(*robot.imu.rotation)
+        self._window = GroundWindow(robot)
+        self._origin_ns: int | None = None
+        self._imu: list[tuple[float, ...]] = []
+        self._wheels: list[tuple[float, ...]] = []
+        self._passages: list[Passage] = []
+        self._odometry: Odometry | None = None
+        self._imu_seen = False
+        self._angles = np.zeros(4)      # rad, integrated where no positions are measured
+        self._begin = -math.inf         # s, after the last gap
+        self._next_hop_ns: int | None = None
+        self.solution: Solution | None = None
+        self.films_used = 0
+
+    @property
+    def status(self) -> dict[str, str | int | float]:
+        """Return the values for diagnostics: what was learned, and why nothing is published."""
+        solution = self.solution
+        if solution is None:
+            return {'ground': 'unknown: no motion yet' if self._imu_seen else
+                    'unknown: no imu/data'}
+        shown: dict[str, str | int | float] = {
+            'ground': 'known' if self.known else 'unknown: no films and no motor torques',
+            'ground_changes': self._window.changes}
+        x, sigma = solution.fit.x, np.sqrt(np.diag(solution.fit.covariance))
+        for name, row in (('torque_scale', Unknown.TORQUE_SCALE), ('wheel_radius', Unknown.RADIUS),
+                          ('wheel_delay', Unknown.DELAY), ('slope_x', Unknown.SLOPE_X),
+                          ('slope_y', Unknown.SLOPE_Y)):
+            shown[name] = f'{x[row]:+.4f} +- {sigma[row]:.4f}'
+        return shown
+
+    @property
+    def changes(self) -> int:
+        """Return how often the ground has changed."""
+        return self._window.changes
+
+    @property
+    def end_ns(self) -> int:
+        """Return the end of the latest window [ns]."""
+        assert self.solution is not None and self._origin_ns is not None
+        return self._origin_ns + round(self.solution.end * NS_PER_S)
+
+    @property
+    def known(self) -> bool:
+        """Return whether films or motor torques tell anything about the ground."""
+        return self.solution is not None and (
+            self.films_used > 0 or bool(self.solution.measurements.torque_count.any()))
+
+    def add(self, sample: ImuSample | WheelSample | Odometry) -> None:
+        """Add a sample; stamps of each kind must increase."""
+        if self._origin_ns is None:
+            self._origin_ns = sample.stamp_ns
+        time = self._seconds(sample.stamp_ns)
+        if isinstance(sample, ImuSample):
+            self._imu_seen = True
+            force, rate = (self._rotation @ vector for vector in (
+                sample.acceleration, sample.rate))
+            self._append(self._imu, (time, rate[2], force[0], force[1]))
+        elif isinstance(sample, WheelSample):
+            self._add_wheels(time - self._robot.encoder.latency, sample)
+        elif not self._imu_seen:
+            self._add_odometry(time, sample)
+
+    def add_passage(self, stamp_ns: int, wheel: str, slip: float, ratio: float, covariance: Array,
+                    sliding: bool) -> None:
+        """Add what the films of ``wheel`` measured: see ``Passage``."""
+        if self._origin_ns is not None:
+            self.films_used += 1
+            self._passages.append(Passage(self._seconds(stamp_ns), WHEELS.index(wheel), slip,
+                                          ratio, covariance, sliding))
+
+    def advance(self, now_ns: int, last: bool = False) -> Solution | None:
+        """
+        Return a new solution if the window moves on with the samples up to ``now_ns``.
+
+        ``last``: the window ends at ``now_ns``, no further sample follows.
+        """
+        if self._next_hop_ns is None:
+            self._next_hop_ns = (now_ns // HOP_NS + 1) * HOP_NS
+        if now_ns < self._next_hop_ns and not last:
+            return None
+        end_ns = now_ns if last else now_ns // HOP_NS * HOP_NS
+        self._next_hop_ns = (now_ns // HOP_NS + 1) * HOP_NS
+        if not self._imu or len(self._wheels) < 4:
+            return None
+        end = self._seconds(end_ns)
+        end = min(end, self._wheels[-1][0] + MAX_GAP, self._imu[-1][0] + MAX_GAP)
+        begin = max(self._begin, self._imu[0][0], self._wheels[0][0])
+        if end - begin < MIN_DURATION or (
+                self.solution is not None and end <= self.solution.end):
+            return None
+        data = WindowData(np.array(self._imu), np.array(self._wheels), self._passages)
+        before = end - HOP_NS / NS_PER_S if self.solution is None else self.solution.end
+        self.solution = self._window.update(data, begin, end, end - before)
+        self._forget(end - LENGTH - SETTLING - MARGIN)
+        return self.solution
+
+    def state(self, solution: Solution) -> GroundState:
+        """Return the state of the ground at the end of a window."""
+        assert self._origin_ns is not None
+        x, covariance = solution.fit.x, solution.fit.covariance
+        sigma = np.sqrt(np.diag(covariance))
+
+        def scaled(row: Unknown) -> Uncertain:
+            value = math.exp(x[row])
+            return Uncertain(value, value * float(sigma[row]))
+
+        friction = scaled(Unknown.FRICTION)
+        share = 1.0 / (1.0 + math.exp(-x[Unknown.LATERAL_SHARE]))
+        known = sigma[Unknown.FRICTION] < MAX_LN_SIGMA
+        both = float(covariance[Unknown.STIFFNESS, Unknown.FRICTION])
+        return GroundState(
+            self.end_ns, stiffness=scaled(Unknown.STIFFNESS),
+            friction_coefficient=Uncertain(friction.value, math.hypot(
+                friction.sigma, CURVE_ERROR * friction.value)) if known else UNKNOWN,
+            rolling_resistance=scaled(Unknown.RESISTANCE),
+            lateral_share=Uncertain(
+                share, share * (1.0 - share) * float(sigma[Unknown.LATERAL_SHARE])),
+            lateral_stiffness_ratio=scaled(Unknown.LATERAL_RATIO),
+            center_of_mass_x=Uncertain(float(x[Unknown.COM_X]), float(sigma[Unknown.COM_X])),
+            center_of_mass_y=Uncertain(float(x[Unknown.COM_Y]), float(sigma[Unknown.COM_Y])),
+            stiffness_friction_correlation=both / float(
+                sigma[Unknown.STIFFNESS] * sigma[Unknown.FRICTION]))
+
+    def wheel_state(self, solution: Solution, stamp_ns: int, wheel: str) -> WheelState:
+        """Return the state of ``wheel`` around an instant within the window."""
+        passage = Passage(self._seconds(stamp_ns), WHEELS.index(wheel), 0.0, 0.0, np.eye(2), False)
+        fit, index = solution.fit, passage.wheel
+        values, slopes = solution.values_at(passage)
+        covariance = fit.covariance
+        spread = np.sqrt(np.einsum('ij,jk,ik->i', slopes, covariance[:DYNAMIC, :DYNAMIC], slopes))
+        slip, ratio, load, force = map(float, values)
+        x, row = fit.x, np.zeros((3, SIZE))
+        old = passage.time < solution.hypothesis.change
+        stiffness, friction = ((Unknown.OLD_STIFFNESS, Unknown.OLD_FRICTION) if old else
+                               (Unknown.STIFFNESS, Unknown.FRICTION))
+        row[0, [stiffness, Unknown.SIDE_STIFFNESS]] = 1.0, SIDE_SIGNS[index]
+        row[1, [friction, Unknown.SIDE_FRICTION]] = 1.0, SIDE_SIGNS[index]
+        row[2] = row[1] - row[0]
+        logs, errors = row @ x, np.sqrt(np.einsum('ij,jk,ik->i', row, covariance, row))
+        load_sigma = math.hypot(float(spread[2]), LOAD_ERROR * load)
+        mu_sigma = math.hypot(float(errors[1]), CURVE_ERROR)
+        mu, c_x = math.exp(logs[1]), math.exp(logs[0])
+        critical = 3.0 * load * math.exp(logs[2])
+        known = errors[1] < MAX_LN_SIGMA
+        return WheelState(
+            Uncertain(slip, float(spread[0])), Uncertain(ratio, float(spread[1])),
+            Uncertain(load, load_sigma),
+            Uncertain(force, math.hypot(float(spread[3]), MODEL_ERROR * force)),
+            Uncertain(c_x, c_x * float(errors[0])),
+            Uncertain(mu, mu * mu_sigma) if known else UNKNOWN,
+            Uncertain(critical, critical * math.hypot(float(errors[2]), load_sigma / load))
+            if known else UNKNOWN)
+
+    def _seconds(self, stamp_ns: int) -> float:
+        assert self._origin_ns is not None
+        return (stamp_ns - self._origin_ns) / NS_PER_S
+
+    def _append(self, rows: list[tuple[float, ...]], row: tuple[float, ...]) -> None:
+        """Append ``row``, which begins with its time [s]; after a gap, the window begins anew."""
+        if rows and row[0] - rows[-1][0] > MAX_GAP:
+            self._begin = row[0]
+        if not rows or row[0] > rows[-1][0]:
+            rows.append(row)
+
+    def _add_wheels(self, time: float, sample: WheelSample) -> None:
+        """Add angles; those of a wheel that is not measured are those of its side."""
+        speed = _of_sides(sample.velocity)
+        before = self._angles
+        if sample.position is None:
+            elapsed = time - self._wheels[-1][0] if self._wheels else 0.0
+            self._angles = before + speed * min(max(elapsed, 0.0), MAX_GAP)
+        else:
+            self._angles = _of_sides(sample.position)
+            if self._wheels and any(map(
+                    is_speed_contradicted, (self._angles - before) / max(
+                        time - self._wheels[-1][0], 1e-3), speed)):
+                self._begin = time  # the counter was reset
+        effort = sample.effort or (math.nan,) * 4
+        self._append(self._wheels, (time, *self._angles, *effort))
+
+    def _add_odometry(self, time: float, sample: Odometry) -> None:
+        """Add the motion of an estimate of others in place of the IMU, at its position."""
+        last, self._odometry = self._odometry, sample
+        if last is None or sample.stamp_ns <= last.stamp_ns:
+            return
+        elapsed = (sample.stamp_ns - last.stamp_ns) / NS_PER_S
+        u, v, w = sample.linear[0], sample.linear[1], sample.angular[2]
+        du, dv, dw = ((new - old) / elapsed for new, old in (
+            (u, last.linear[0]), (v, last.linear[1]), (w, last.angular[2])))
+        arm_x, arm_y, _ = self._robot.imu.position
+        self._append(self._imu, (time, w, du - v * w - dw * arm_y - w * w * arm_x,
+                                 dv + u * w + dw * arm_x - w * w * arm_y))
+
+    def _forget(self, time: float) -> None:
+        """Drop samples before ``time`` [s]."""
+        for rows in (self._imu, self._wheels, self._passages):
+            count = next((i for i, row in enumerate(rows) if row[0] >= time), len(rows))
+            del rows[:count]
+
+
+def _of_sides(values: Sequence[float]) -> Array:
+    """Return values (4,) of the wheels; NaN is replaced by the other wheel of the side."""
+    found = np.array(values, dtype=float)
+    other = found[[2, 3, 0, 1]]
+    return np.where(np.isnan(found), other, found)
