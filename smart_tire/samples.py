@@ -177,13 +177,22 @@ class Icr:
 
 @dataclass(frozen=True, slots=True)
 class GroundState:
-    """Tire on the present ground, from the balance of forces of the robot."""
+    """
+    Tire on the present ground and mass distribution of the robot.
+
+    A quantity that is not observable is ``UNKNOWN``: mu without films.
+    """
 
     stamp_ns: int
-    stiffness: Uncertain           # N, C_x of the present ground
-    rolling_resistance: Uncertain  # -, over the load
-    # -, of the error of ln C_x with that of the slip of the left and of the right side
-    slip_correlation: tuple[float, float]
+    stiffness: Uncertain                # N, C_x of the present ground
+    friction_coefficient: Uncertain     # -, mu
+    rolling_resistance: Uncertain       # -, over the load
+    # -, of that resistance: 0 along the wheel heading, 1 along the velocity of the wheel center
+    lateral_share: Uncertain
+    lateral_stiffness_ratio: Uncertain  # -, C_y / C_x
+    center_of_mass_x: Uncertain         # m, in base_link
+    center_of_mass_y: Uncertain         # m
+    stiffness_friction_correlation: float = 0.0  # -, of the errors of ln C_x and ln mu
 
 
 @dataclass(frozen=True, slots=True)

@@ -61,7 +61,7 @@ SAMPLES = [
     WheelSlip(STAMP, (0.1, -1.0, 0.0, 1.0), FOUR, (0.01, 0.02, 1.0, math.inf)),
     Icr(STAMP, 0.02, -1.5),
     GroundState(STAMP, Uncertain(25.0, 1.5), Uncertain(0.05, math.inf),
-                (-0.9, 0.25)),
+                *(Uncertain(0.1 * k, 0.01) for k in range(5)), -0.9),
     Friction(STAMP, 'rear_right', **dict.fromkeys(FRICTION_QUANTITIES, Uncertain(0.5, math.inf))),
     PlannedPath(STAMP, 'odom', ((1.0, -2.5, 0.0), (1.5, 0.25, NAN))),
     GoalPose(STAMP, 'odom', (1.0, -2.5, 0.0)),
@@ -305,7 +305,7 @@ def test_a_slip_ratio_may_be_nan_but_not_its_sigma(new):
 def test_the_ground_state_is_found_by_name_in_any_order_among_other_quantities():
     sample = next(sample for sample in SAMPLES if isinstance(sample, GroundState))
     msg = ground_state_to_msg(joints(), sample)
-    assert list(msg.effort)[-2:] == [0.0, 0.0]  # a correlation has no standard deviation
+    assert list(msg.effort)[-1] == 0.0  # a correlation has no standard deviation
     for field in ('name', 'position', 'effort'):
         other = 'other' if field == 'name' else 5.0
         setattr(msg, field, [other, *reversed(getattr(msg, field))])
@@ -313,8 +313,8 @@ def test_the_ground_state_is_found_by_name_in_any_order_among_other_quantities()
 
 
 @pytest.mark.parametrize(('change', 'named'), [
-    ({'name': ['stiffness'] * 4}, 'name'), ({'position': [1.0] * 3}, 'position'),
-    ({'effort': [math.nan] * 4}, 'effort')])
+    ({'name': ['stiffness'] * 8}, 'name'), ({'position': [1.0] * 7}, 'position'),
+    ({'effort': [math.nan] * 8}, 'effort')])
 def test_an_invalid_ground_state_is_refused_by_field(change, named):
     msg = ground_state_to_msg(joints(), next(
         sample for sample in SAMPLES if isinstance(sample, GroundState)))

@@ -106,7 +106,7 @@ class SlipStage:
     def update(self, sample: Sample) -> list[Sample]:
         """Process an input, in order of reception."""
         forwarded: list[Sample] = []
-        if isinstance(sample, (ImuSample, WheelSample)):
+        if isinstance(sample, (ImuSample, WheelSample, GroundState)):
             forwarded += self._slip.update(sample)
         if type(sample) in streams.FRICTION.inputs:
             forwarded.append(sample)
@@ -116,18 +116,12 @@ class SlipStage:
 
     def finish(self) -> list[Sample]:
         """Return the last output, at the end of all inputs."""
-        return [] if self._friction is None else self._correct(self._friction.finish())
+        return [] if self._friction is None else [*self._friction.finish()]
 
     def _aid(self, friction: FrictionEstimator, item: Sample) -> list[Sample]:
-        """Return ``item`` and the friction estimates from it; correct slip with these."""
+        """Return ``item`` and the friction estimates from it."""
         estimates = friction.update(item) if type(item) in streams.FRICTION.inputs else []
-        return [item, *self._correct(estimates)]
-
-    def _correct(self, estimates: list[Friction]) -> list[Sample]:
-        """Return ``estimates``; correct slip with them."""
-        for estimate in estimates:
-            self._slip.update(estimate)
-        return [*estimates]
+        return [item, *estimates]
 
     @property
     def late(self) -> Counter[str]:

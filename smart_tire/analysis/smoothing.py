@@ -22,23 +22,22 @@ from dataclasses import dataclass
 
 from smart_tire.analysis.series import Series
 from smart_tire.estimation.slip.estimator import SlipEstimator
-from smart_tire.estimation.slip.lag_compensation import compensate_lag
 from smart_tire.estimation.slip.output import EstimateRecord, SlipOutputBuilder
 from smart_tire.estimation.slip.rts_smoother import RtsSmoother
-from smart_tire.estimation.slip.state import N
+from smart_tire.estimation.slip.state import ESTIMATED
 from smart_tire.parameters import SlipEstimatorParams
-from smart_tire.samples import Friction, ImuSample, Sample, WheelSample
+from smart_tire.samples import GroundState, ImuSample, Sample, WheelSample
 
 
 class SmoothedSlip:
     """Slip estimator that also yields RTS-smoothed estimates."""
 
     def __init__(self, params: SlipEstimatorParams) -> None:
-        self._smoother = RtsSmoother(N)
+        self._smoother = RtsSmoother(ESTIMATED)
         self._estimator = SlipEstimator(params, self._smoother)
         self._output = SlipOutputBuilder(params)
 
-    def update(self, sample: ImuSample | WheelSample | Friction) -> list[EstimateRecord]:
+    def update(self, sample: ImuSample | WheelSample | GroundState) -> list[EstimateRecord]:
         """Process a sample; return the filter estimates that it completes."""
         return self._estimator.update(sample)
 
@@ -49,7 +48,7 @@ class SmoothedSlip:
 
     def smoothed(self) -> Iterator[list[EstimateRecord]]:
         """Yield the smoothed estimates for the instants of ``update``, in the same order."""
-        for state in compensate_lag(self._smoother.states()):
+        for state in self._smoother.states():
             yield self._output.build(state.context, state.x, state.P)
 
     def close(self) -> None:
@@ -69,11 +68,11 @@ def smooth(params: SlipEstimatorParams, samples: Iterable[Sample]) -> FilteredAn
     """
     Return filtered and smoothed estimates from ``samples`` in order of reception.
 
-    Samples other than those of IMU and wheels are ignored.
+    Samples other than those of IMU, wheels and ground are ignored.
     """
     both, slip = FilteredAndSmoothed(Series(), Series()), SmoothedSlip(params)
     for sample in samples:
-        if isinstance(sample, (ImuSample, WheelSample)):
+        if isinstance(sample, (ImuSample, WheelSample, GroundState)):
             for estimate in slip.update(sample):
                 both.filtered.add(estimate)
     for estimates in slip.smoothed():

@@ -61,7 +61,7 @@ def is_possible(sample: (ImuSample | WheelSample | TireSample | Odometry | Wheel
         case GroundState():  # what friction is estimated with
             stiffness, sigma = sample.stiffness
             return (0.0 < stiffness < inf and 0.0 <= sigma < inf
-                    and all(abs(one) <= 1.0 for one in sample.slip_correlation))
+                    and abs(sample.stiffness_friction_correlation) <= 1.0)
 
 
 def is_imu_spike(rate: float, force_x: float, force_y: float, vibration: float) -> bool:

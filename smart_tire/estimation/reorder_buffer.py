@@ -99,7 +99,8 @@ class ReorderBuffer:
             self.late[topic] += 1
             return
         heapq.heappush(self._heap, (stamp_ns, topic, next(self._order), sample))
-        if self._newest is None or stamp_ns > self._newest:
+        # an awaited sample may be stamped ahead of the inputs: it takes effect later
+        if topic not in self._awaited and (self._newest is None or stamp_ns > self._newest):
             self._newest = stamp_ns
 
     def _close(self) -> list[ClosedInstant]:

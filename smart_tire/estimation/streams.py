@@ -28,7 +28,7 @@ from smart_tire.samples import (
     Friction, GroundState, Icr, ImuSample, Odometry, TireSample, WheelSample, WheelSlip)
 
 Topics = Mapping[type[Any], str]  # class of the samples -> topic
-GROUND_STATE_PERIOD_NS = 64_000_000  # of message time: at grid instants that are multiples of it
+GROUND_STATE_PERIOD_NS = 500_000_000  # of message time: at multiples of it
 
 
 @dataclass(frozen=True)
@@ -41,13 +41,12 @@ class Streams:
 
 
 SLIP = Streams(
-    inputs={ImuSample: 'imu/data', WheelSample: 'wheel_states'},
-    outputs={Odometry: 'odom', WheelSlip: 'wheel_slip', Icr: 'icr', GroundState: 'ground_state'},
-    aiding={Friction: 'tire_friction'})
+    inputs={ImuSample: 'imu/data', WheelSample: 'wheel_states', GroundState: 'ground_state'},
+    outputs={Odometry: 'odom', WheelSlip: 'wheel_slip', Icr: 'icr'})
 FRICTION = Streams(
     inputs={WheelSample: 'wheel_states', TireSample: 'tire_samples', Odometry: 'odom',
             WheelSlip: 'wheel_slip', GroundState: 'ground_state'},
-    outputs={Friction: 'tire_friction'})
+    outputs={Friction: 'tire_friction', GroundState: 'ground_state'})
 
 # samples of these topics hold until the next one: topic -> period [ns]
 HOLDING = {'ground_state': GROUND_STATE_PERIOD_NS}

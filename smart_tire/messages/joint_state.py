@@ -35,8 +35,10 @@ from smart_tire.samples import (
 from smart_tire.uncertain import Uncertain
 
 QUANTITIES = frozenset(FRICTION_QUANTITIES)
-GROUND_QUANTITIES = ('stiffness', 'rolling_resistance', 'slip_correlation_left',
-                     'slip_correlation_right')
+GROUND_QUANTITIES = (
+    'stiffness', 'friction_coefficient', 'rolling_resistance', 'lateral_share',
+    'lateral_stiffness_ratio', 'center_of_mass_x', 'center_of_mass_y',
+    'stiffness_friction_correlation')
 LAYOUT_CACHE_SIZE = 64  # lists of names; a robot has about ten
 
 
@@ -203,17 +205,19 @@ def ground_state_from_msg(msg: Any) -> GroundState:
         _values(msg, 'position', 'ground_state'), _values(msg, 'effort', 'ground_state')))
     if any(map(isnan, sigmas)):
         raise MessageError(f'ground_state: effort is {sigmas}, expected a sigma for each name')
-    stiffness, rolling_resistance = map(Uncertain, values[:2], sigmas[:2])
-    return GroundState(stamp_of(msg), stiffness, rolling_resistance, (values[2], values[3]))
+    quantities = dict(zip(GROUND_QUANTITIES[:-1], map(Uncertain, values, sigmas)))
+    return GroundState(
+        stamp_of(msg), **quantities, stiffness_friction_correlation=values[-1])
 
 
 def ground_state_to_msg(msg: Any, sample: GroundState) -> Any:
     """Write ``sample`` into a JointState and return it."""
     set_header(msg, sample.stamp_ns, 'base_link')
-    estimates = sample.stiffness, sample.rolling_resistance
+    estimates = [getattr(sample, name) for name in GROUND_QUANTITIES[:-1]]
     msg.name = GROUND_QUANTITIES
-    msg.position = [*(estimate.value for estimate in estimates), *sample.slip_correlation]
-    msg.effort = [*(estimate.sigma for estimate in estimates), 0.0, 0.0]
+    msg.position = [*(estimate.value for estimate in estimates),
+                    sample.stiffness_friction_correlation]
+    msg.effort = [*(estimate.sigma for estimate in estimates), 0.0]
     return msg
 
 

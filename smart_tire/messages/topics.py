@@ -77,7 +77,7 @@ TOPICS: dict[str, Topic] = {topic.name: topic for topic in (
     Topic('icr', 'geometry_msgs/msg/PointStamped', Icr, icr_from_msg, icr_to_msg,
           125.0, 'base_link', 'estimate'),
     Topic('ground_state', JOINTS, GroundState, ground_state_from_msg, ground_state_to_msg,
-          15.625, 'base_link', 'estimate'),
+          2.0, 'base_link', 'estimate'),
     Topic('tire_friction', JOINTS, Friction, friction_from_msg, friction_to_msg,
           2.0, '', 'estimate'),
     Topic('path', 'nav_msgs/msg/Path', PlannedPath, path_from_msg, path_to_msg,

@@ -34,49 +34,31 @@ class SlipEstimatorParams:
         'plain', '-', 'form of the kinematic constraint B(7): plain, or as printed in paper B',
         choices=('plain', 'printed'))
     differential_slip_sigma: float = param(
-        0.15, '-', 'prior sigma of the slip difference between left and right', low=1e-3,
-        high=1.0)
+        0.05, '-', 'prior sigma of half the slip difference about the ICRs', low=1e-3, high=1.0)
     common_slip_sigma: float = param(
-        0.07, '-', 'prior sigma of the slip common to both sides at constant speed',
+        0.04, '-', 'prior sigma of the slip common to both sides at constant speed',
         low=1e-3, high=1.0)
     free_rolling_slip_sigma: float = param(
-        0.015, '-', 'sigma of the slip of freely rolling wheels on firm ground',
+        0.005, '-', 'least sigma of the slip about the ICRs, which is learned',
         low=1e-4, high=1.0)
-    slip_random_walk: float = param(
-        0.005, '1/sqrt(s)', 'random walk of the slip of each side', low=0.0, high=1.0)
-    slip_change_gain: float = param(
-        1.0, '-', 'sigma of slip-velocity change per unit change of wheel or ground speed',
-        low=0.0, high=10.0)
     icr_x: float = param(
         0.0, 'm', 'initial S: x of the instantaneous center of rotation in base_link',
         low=-10.0, high=10.0)
     icr_x_sigma: float = param(
         0.2, '-', 'sigma of icr_x, divided by the wheelbase', low=0.0, high=10.0)
-    icr_x_random_walk: float = param(
-        0.005, '1/sqrt(s)', 'random walk of S, divided by the wheelbase', low=0.0, high=1.0)
     lateral_sigma: float = param(
-        0.006, 'm/s', 'sigma of the lateral speed about B(8), correlated over 0.1 s',
+        0.006, 'm/s', 'least sigma of the lateral speed about B(8), which is learned',
         low=1e-5, high=1.0)
     slope_sigma: float = param(
-        0.0002, 'rad', 'prior sigma of the ground slope, which is learned: laboratory floor',
+        0.01, 'rad', 'initial sigma of the ground slope, which is learned',
         low=0.0, high=1.0)
-    force_balance: str = param(
-        'auto', '-', 'use tire forces and motor torques; auto: with films',
-        choices=('auto', 'on', 'off'))
-    ground_stiffness_sigma: float = param(
-        0.5, '-', 'sigma of ln C_x on ground other than the calibrated one', low=0.01, high=2.0)
-    ground_friction_sigma: float = param(
-        0.7, '-', 'sigma of ln mu / C_x on unknown ground', low=0.01, high=2.0)
+    ground_delay: float = param(
+        0.3, 's', 'message time after which a ground_state takes effect', low=0.0, high=0.8)
     publish_imu_tf: bool = param(
         True, '-', 'publish imu_link on /tf_static; false: robot_state_publisher does')
     reliability: str = param(
         'reliable', '-', 'QoS reliability of the input subscriptions', choices=RELIABILITIES)
     robot: RobotParams = inlined(RobotParams)
-
-    def __post_init__(self) -> None:
-        if self.force_balance == 'on' and not all(self.robot.joints.measured):
-            raise ValueError('force_balance: on, but the forces of a wheel that is not measured '
-                             '(empty joints.*) are unknown; expected auto or off')
 
 
 @dataclass(frozen=True, kw_only=True)

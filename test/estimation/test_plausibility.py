@@ -36,7 +36,7 @@ ODOMETRY = Odometry(0, (0.0,) * 3, (0.0, 0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 
                     (0.0,) * 36, (0.0,) * 36)
 SLIP = WheelSlip(0, (math.nan, 0.1, -1.0, 1.0), (0.0,) * 4, (math.inf, 0.01, 1.0, 1.0))
 
-GROUND = GroundState(0, Uncertain(25.0, 1.5), UNKNOWN, (-1.0, 0.9))
+GROUND = GroundState(0, Uncertain(25.0, 1.5), *(UNKNOWN,) * 6, -1.0)
 
 
 @pytest.mark.parametrize('sample', [IMU, WHEELS, TIRE, ODOMETRY, SLIP, GROUND])
@@ -68,7 +68,7 @@ def test_slip_beyond_one_or_with_an_invalid_sigma_is_not_possible():
 @pytest.mark.parametrize('change', [
     {'stiffness': UNKNOWN}, {'stiffness': Uncertain(0.0, 1.0)},
     {'stiffness': Uncertain(25.0, math.inf)}, {'stiffness': Uncertain(25.0, -1.0)},
-    {'slip_correlation': (0.0, 1.1)}, {'slip_correlation': (math.nan, 0.0)}])
+    {'stiffness_friction_correlation': 1.1}, {'stiffness_friction_correlation': math.nan}])
 def test_a_ground_without_stiffness_or_with_an_invalid_correlation_is_not_possible(change):
     assert not is_possible(replace(GROUND, **change))
 

@@ -37,7 +37,7 @@ def test_sensor_inputs_are_not_published_by_an_estimator():
 
 
 def test_each_estimate_has_one_source():
-    assert ESTIMATES == ('odom', 'wheel_slip', 'icr', 'ground_state', 'tire_friction')
+    assert ESTIMATES == ('odom', 'wheel_slip', 'icr', 'tire_friction', 'ground_state')
     assert set(SLIP.aiding.values()) <= set(FRICTION.outputs.values())
 
 

@@ -54,7 +54,7 @@ def numbers(estimate) -> list[float]:
         return [*estimate.ratio, *estimate.slip_velocity, *estimate.sigma]
     if isinstance(estimate, GroundState):
         return [*estimate.stiffness, *estimate.rolling_resistance,
-                *estimate.slip_correlation]
+                estimate.stiffness_friction_correlation]
     return [estimate.x, estimate.y]
 
 

@@ -132,7 +132,7 @@ class MotionHistory:
         if not count:
             return self._calibrated, 0.0
         ground = self._grounds[count - 1]
-        return ground.stiffness, ground.slip_correlation[index % 2]  # left, right, left, right
+        return ground.stiffness, 0.0
 
     def _load(self, a_x: float, a_y: float, index: int) -> Uncertain:
         """Return the wheel's load [N] with the accelerations during a crossing."""

@@ -24,16 +24,22 @@ from typing import Any, Protocol
 from smart_tire.arrays import Array
 from smart_tire.estimation.plausibility import is_possible
 from smart_tire.estimation.reorder_buffer import ReorderBuffer
-from smart_tire.estimation.slip.ekf import SlipFilter
-from smart_tire.estimation.slip.film_slip_update import FilmSlipBuffer
+from smart_tire.estimation.slip.filter import SlipFilter
+from smart_tire.estimation.slip.imu_input import ImuInput
+from smart_tire.estimation.slip.kalman import StateRecorder
 from smart_tire.estimation.slip.output import EstimateRecord, OutputContext, SlipOutputBuilder
-from smart_tire.estimation.slip.prediction import SlipPredictor
-from smart_tire.estimation.slip.robust_ekf import StateRecorder
-from smart_tire.estimation.slip.state import State
-from smart_tire.estimation.slip.wheel_correction import WheelCorrector
+from smart_tire.estimation.slip.state import ESTIMATED, ImuReading, State
+from smart_tire.estimation.slip.wheel_odometry import WheelOdometry, WheelSpeeds
+from smart_tire.estimation.slip.zero_velocity import (
+    StationaryInterval, UNWINDING_TIME, ZeroVelocityDetector)
+from smart_tire.estimation.streams import HOLDING
 from smart_tire.parameters import SlipEstimatorParams
-from smart_tire.samples import Friction, ImuSample, NS_PER_S, WheelSample
+from smart_tire.samples import GroundState, ImuSample, NS_PER_S, WheelSample
 from smart_tire.uncertain import Uncertain
+
+IMU_DROPOUT = 0.1         # s without IMU samples (or 3 periods), then predict by the wheels
+TRUSTED_STANDSTILL = 3.0  # s; longer standstill overrules a state that has diverged
+TOPICS = {ImuSample: 'imu/data', WheelSample: 'wheel_states', GroundState: 'ground_state'}
 
 
 class EstimatorRecorder(StateRecorder, Protocol):
@@ -50,16 +56,19 @@ class SlipEstimator:
     """
     Slip estimator, to be updated with samples in any order within the reorder window.
 
-    Estimates begin with the first grid instant at which both inputs have been received. With
-    ``slip.film_aided``, slip measured by the films is used, too. A ``recorder`` receives what the
-    RTS smoother needs.
+    Estimates begin with the first grid instant at which IMU and wheels have been received. A
+    ``GroundState`` takes effect ``ground_delay`` after its stamp and is awaited while they flow. A
+    ``recorder`` receives what the RTS smoother needs.
     """
 
     def __init__(self, params: SlipEstimatorParams,
                  recorder: EstimatorRecorder | None = None) -> None:
         self._params = params
         self._recorder = recorder
-        self._reorder_buffer = ReorderBuffer(round(params.reorder_window * NS_PER_S))
+        self._reorder_buffer = ReorderBuffer(
+            round(params.reorder_window * NS_PER_S),
+            awaited={'ground_state': HOLDING['ground_state']})
+        self._ground_delay_ns = round(params.ground_delay * NS_PER_S)
         self.dropped: Counter[str] = Counter()  # topic -> duplicates and rejected samples
         self._past: Counter[str] = Counter()    # counters of the segments before a reset
         self._segment = SlipSegment(params, self.dropped, recorder)
@@ -83,12 +92,12 @@ class SlipEstimator:
     @property
     def gyro_bias(self) -> Uncertain:
         """Return the bias of the yaw rate [rad/s]."""
-        kalman, row = self._segment.filter, State.GYRO_BIAS_Z
+        kalman, row = self._segment.filter.kalman, State.GYRO_BIAS_Z
         return Uncertain(float(kalman.x[row]), math.sqrt(kalman.P[row, row]))
 
     @property
     def counters(self) -> Counter[str]:
-        """Return the number of rejected IMU spikes, position jumps and used film slips."""
+        """Return the number of rejected IMU spikes, position jumps and changes of ground."""
         return self._past + self._segment.counters()
 
     def status(self) -> dict[str, str | int | float]:
@@ -98,26 +107,21 @@ class SlipEstimator:
             'state': segment.state,
             'normalized_innovation_squared': round(segment.filter.nis, 3),
             'gyro_bias': round(self.gyro_bias.value, 6),
-            'rolling_radius': round(segment.wheels.radius.radius, 6),
+            **segment.filter.status(),
             'clock_jumps': self._reorder_buffer.resets,
             'position_jumps': counters['position_jumps'],
             'imu_spikes': counters['imu_spikes'],
-            **({'films_used': counters['films_used']} if self._params.robot.slip.film_aided
-               else {}),
             **{f'dropped.{topic}': count for topic, count in self.dropped.items()},
         }
 
-    def update(self, sample: ImuSample | WheelSample | Friction) -> list[EstimateRecord]:
+    def update(self, sample: ImuSample | WheelSample | GroundState) -> list[EstimateRecord]:
         """Add a sample; return the estimates of the grid instants that it completes."""
-        if isinstance(sample, Friction):
-            if not self._segment.add_film_slip(sample):
-                self.late['tire_friction'] += 1
-            return []
-        topic = 'imu/data' if isinstance(sample, ImuSample) else 'wheel_states'
+        topic = TOPICS[type(sample)]
         if not is_possible(sample):
             self.dropped[topic] += 1
             return []
-        closed = self._reorder_buffer.push(topic, sample.stamp_ns, sample)
+        delay = self._ground_delay_ns if isinstance(sample, GroundState) else 0
+        closed = self._reorder_buffer.push(topic, sample.stamp_ns + delay, sample)
         if self._reorder_buffer.resets != self._handled_resets:
             self.reset()
         return [record for instant_ns, samples in closed
@@ -131,56 +135,46 @@ class SlipSegment:
                  recorder: EstimatorRecorder | None) -> None:
         if recorder is not None:
             recorder.restart()
-        robot = params.robot
-        self._latency = robot.encoder.latency
-        self._automatic = params.force_balance == 'auto' and all(robot.joints.measured)
+        self._robot = params.robot
         self._dropped = dropped
         self._recorder = recorder
-        self._films = FilmSlipBuffer(robot) if robot.slip.film_aided else None
-        self._films_used = 0
         self._output = SlipOutputBuilder(params)
         self.filter = SlipFilter(params, recorder)
-        self._predictor = SlipPredictor(params, self.filter, self._films)
-        self.wheels = WheelCorrector(robot, self.filter, self._predictor)
+        self._imu = ImuInput(params.robot)
+        self._odometry = WheelOdometry(params.robot)
+        self._standstill = ZeroVelocityDetector(
+            params.robot.imu.gyro_noise, params.robot.imu.accel_noise)
+        self._stationary = False
+        self._time = 0.0                    # s, of the filter state
         self._origin_ns: int | None = None  # instant from which seconds are counted
-        self._closed_ns = 0                 # latest grid instant
 
     @property
     def state(self) -> str:
         """Return a description of the operating state."""
-        if self._predictor.imu.reading is None:
+        if self._imu.reading is None:
             return 'waiting for imu/data'
-        if not self.wheels.odometry.started:
+        if not self._odometry.started:
             return 'waiting for wheel_states'
-        return 'stationary' if self.wheels.stationary else 'moving'
+        return 'stationary' if self._stationary else 'moving'
 
     def counters(self) -> Counter[str]:
-        """Return counts of rejected and of used samples."""
-        return Counter(imu_spikes=self._predictor.imu.spikes, films_used=self._films_used,
-                       position_jumps=self.wheels.odometry.position_jumps)
-
-    def add_film_slip(self, sample: Friction) -> bool:
-        """Add a slip measured by the films; return False if it is too late to be used."""
-        if self._films is None or self._origin_ns is None:
-            return True
-        return self._films.add(sample, self._seconds(sample.stamp_ns), self._closed_ns)
+        """Return counts of rejected samples and of changes of the ground."""
+        return Counter(imu_spikes=self._imu.spikes, position_jumps=self._odometry.position_jumps,
+                       ground_changes=self.filter.forces.changes)
 
     def step(self, instant_ns: int, samples: list[Any]) -> list[EstimateRecord]:
         """Process the samples up to a grid instant; return its estimates, if there are any."""
         if self._origin_ns is None:
             self._origin_ns = instant_ns
-        self._predict([sample for sample in samples if isinstance(sample, ImuSample)])
-        self._predictor.bridge_dropout(
-            self._seconds(instant_ns), self.wheels.odometry.side_speeds)
-        if self._automatic and self._films_used:  # torques alone: sigmas are not consistent
-            self.filter.forces.enabled = True
         for sample in samples:
-            if isinstance(sample, WheelSample) and not self.wheels.correct(
-                    self._seconds(sample.stamp_ns) - self._latency, sample):
-                self._dropped['wheel_states'] += 1
-        if self._films is not None:
-            self._correct_with_films(self._films, instant_ns)
-        self._closed_ns = instant_ns
+            if isinstance(sample, GroundState):
+                self.filter.forces.set_ground(sample)
+        self._predict([sample for sample in samples if isinstance(sample, ImuSample)])
+        self._bridge_dropout(self._seconds(instant_ns))
+        for sample in samples:
+            if isinstance(sample, WheelSample):
+                self._correct_wheels(
+                    self._seconds(sample.stamp_ns) - self._robot.encoder.latency, sample)
         return self._estimates(instant_ns)
 
     def _seconds(self, stamp_ns: int) -> float:
@@ -188,32 +182,82 @@ class SlipSegment:
         return (stamp_ns - self._origin_ns) / NS_PER_S
 
     def _predict(self, samples: list[ImuSample]) -> None:
-        readings = self._predictor.predict(
-            (self._seconds(sample.stamp_ns), sample) for sample in samples)
-        if len(readings) < len(samples):
-            self._dropped['imu/data'] += len(samples) - len(readings)
-        for time, reading in readings:
-            self.wheels.standstill.update(time, reading)
+        """Predict through samples that are newer than the state, as one step."""
+        readings: list[tuple[float, ImuReading]] = []
+        if self._imu.reading is not None:
+            readings.append((self._time, self._imu.reading))
+        for sample in samples:
+            time = self._seconds(sample.stamp_ns)
+            reading = self._imu.add(time, sample)
+            if reading is None or time <= self._time and readings:
+                self._dropped['imu/data'] += 1
+                continue
+            readings.append((time, reading))
+            self._standstill.update(time, reading)
+        if len(readings) > 1:
+            step = self._imu.step(readings[0][0], readings)
+            self.filter.predict(readings[-1][0], step)
+            if not self._stationary:
+                self.filter.correct_forces(
+                    self._imu, self._odometry.wheel_residual, step.dt)
+        if readings:
+            self._time = readings[-1][0]
 
-    def _correct_with_films(self, films: FilmSlipBuffer, instant_ns: int) -> None:
-        for film in films.pop_due(instant_ns):
-            delayed = films.delayed_speed(film, self._seconds(film.stamp_ns))
-            if delayed is not None:
-                self.filter.correct_delayed_speed(delayed)
-                self.filter.forces.correct_adhesion(
-                    film.wheel, film.ratio, Uncertain(film.slip, film.sigma), delayed)
-                self._films_used += 1
+    def _bridge_dropout(self, now: float) -> None:
+        """Predict to ``now`` [s] by the wheels if the IMU samples have stopped."""
+        imu = self._imu
+        if imu.time is None or imu.reading is None or (
+                now - imu.time <= max(IMU_DROPOUT, 3.0 * imu.period)):
+            return
+        step = self.filter.blind_step(now - self._time, self._odometry.side_speeds)
+        imu.reading, self._time = step.mean, now
+        self.filter.predict(now, step)
+
+    def _correct_wheels(self, time: float, sample: WheelSample) -> None:
+        """Use a wheel sample of ``time`` [s], latency removed."""
+        wheels = self._odometry.update(time, sample)
+        if wheels is None:
+            self._dropped['wheel_states'] += 1
+            return
+        reading = self._imu.reading
+        if reading is None:
+            return
+        self._correct_standstill(time, wheels)
+        self.filter.correct_wheels(time, wheels, reading.yaw_rate, self._odometry.independent)
+        if not self._stationary:
+            self.filter.correct_lateral(reading.yaw_rate, wheels.duration)
+
+    def _correct_standstill(self, time: float, wheels: WheelSpeeds) -> None:
+        standstill = self._standstill.detect(time, max(map(abs, wheels.wheel_speeds)))
+        self._stationary = standstill is not None and (
+            standstill.duration > TRUSTED_STANDSTILL or self._is_slow())
+        if standstill is not None and self._stationary:
+            self.filter.correct_zero_velocity()
+            if standstill.rate_settled:
+                self._correct_gyro_bias(standstill, wheels.duration)
+
+    def _correct_gyro_bias(self, standstill: StationaryInterval, duration: float) -> None:
+        """Correct with the mean rate; as means overlap, its weight is that of the new part."""
+        sigma = self._robot.imu.gyro_noise * math.sqrt(self._imu.period / duration)
+        unwinding = standstill.unwinding_sigma * math.sqrt(UNWINDING_TIME / duration)
+        self.filter.correct_gyro_bias(
+            standstill.rate, math.hypot(max(sigma, standstill.sigma), unwinding))
+
+    def _is_slow(self) -> bool:
+        """Return whether the estimated speed is compatible with standstill."""
+        x, P = self.filter.kalman.x, self.filter.kalman.P
+        limit = self._robot.slip.standstill_speed
+        return all(abs(x[row]) < limit + 3.0 * math.sqrt(P[row, row])
+                   for row in (State.V_X, State.V_Y))
 
     def _estimates(self, instant_ns: int) -> list[EstimateRecord]:
-        predictor, wheels, x, P = self._predictor, self.wheels, self.filter.x, self.filter.P
-        imu = predictor.imu.reading
-        if imu is None or not wheels.odometry.started:
+        imu = self._imu
+        if imu.reading is None or not self._odometry.started:
             return []
+        x, P = self.filter.kalman.x, self.filter.kalman.P
         context = OutputContext(
-            instant_ns, self._seconds(instant_ns) - predictor.time, imu, predictor.imu.vibration,
-            wheels.odometry.wheel_residual, predictor.time, wheels.period_center,
-            self.filter.forces.active, self.filter.forces.enabled)
+            instant_ns, self._seconds(instant_ns) - self._time, imu.reading, imu.vibration,
+            self._odometry.wheel_residual)
         if self._recorder is not None:
-            self._recorder.record_output(context, x, P)
-        return self._output.build(
-            context, x, P, predictor.slip_change_sigma(imu.yaw_rate))
+            self._recorder.record_output(context, x[:ESTIMATED], P[:ESTIMATED, :ESTIMATED])
+        return self._output.build(context, x, P)

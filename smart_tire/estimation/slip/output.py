@@ -23,19 +23,15 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.estimation.slip.kinematics import SlipKinematics
-from smart_tire.estimation.slip.motion_model import MotionModel
-from smart_tire.estimation.slip.state import ImuReading, State
-from smart_tire.estimation.slip.stiffness_prior import StiffnessPrior
-from smart_tire.estimation.streams import GROUND_STATE_PERIOD_NS
+from smart_tire.estimation.slip.motion import MotionModel
+from smart_tire.estimation.slip.state import (
+    ImuReading, N, SIDE_SIGNS, SLIP_VELS, State)
 from smart_tire.models.vehicle.skid_steer import wheel_slip_ratio
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.rotation import quaternion
-from smart_tire.samples import Four, GroundState, Icr, Odometry, Vector3, WheelSlip
-from smart_tire.uncertain import Uncertain
+from smart_tire.samples import Four, Icr, Odometry, Vector3, WheelSlip
 
 MIN_YAW_RATE = 0.05        # rad/s; below, the ICR is too far away to be observable
-OTHER_GROUND_SIGMA = 0.12  # of ln C_x far from the calibrated value, model; from simulated runs
 DRIVE_ACCELERATION = 1.0   # m/s2, typical of a robot; not observable under more vibration
 PLANAR_VARIANCE = 1e-6     # m^2, rad^2 and per s: height and its rate, zero in the plane
 
@@ -44,7 +40,7 @@ POSE_INDICES = np.ix_([0, 1, 3, 4, 5], [0, 1, 3, 4, 5])  # of the planar pose in
 TWIST_INDICES = np.ix_([0, 1, 5], [0, 1, 5])
 POSE_STATES = np.ix_(*[[State.X, State.Y, State.ROLL, State.PITCH, State.YAW]] * 2)
 
-EstimateRecord = Odometry | WheelSlip | Icr | GroundState
+EstimateRecord = Odometry | WheelSlip | Icr
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,10 +52,6 @@ class OutputContext:
     imu: ImuReading       # last IMU sample
     vibration: float      # m/s2, standard deviation of its force in excess of the IMU's noise
     wheel_residual: Four  # m/s, speed of each wheel minus the mean of its side
-    time: float           # s, of the state
-    wheel_time: float     # s, center of the period of the last wheel measurement
-    by_forces: bool = False  # the force balance is active: the slip is that of ``time``
-    ground_known: bool = False  # the force balance is in use
 
 
 class SlipOutputBuilder:
@@ -68,50 +60,30 @@ class SlipOutputBuilder:
     def __init__(self, params: SlipEstimatorParams) -> None:
         self._robot = params.robot
         self._measured = params.robot.joints.measured
-        self._kinematics = SlipKinematics(params.robot)
-        self._motion_model = MotionModel(params)
-        self._stiffness_prior = StiffnessPrior(params)
+        self._motion = MotionModel(params.robot)
+        self._x_imu, self._y_imu = params.robot.imu.position[:2]
+        self._twist = T = np.zeros((3, N))  # Jacobian of the twist of base_link
+        T[0, State.V_X] = T[1, State.V_Y] = 1.0
+        T[:, State.GYRO_BIAS_Z] = -self._y_imu, self._x_imu, -1.0
 
-    def build(self, context: OutputContext, x: Sequence[float], P: Array,
-              slip_change_sigma: tuple[float, float] = (0.0, 0.0)) -> list[EstimateRecord]:
-        """
-        Return the records for a state ``x`` (N numbers) with covariance ``P`` (N, N).
-
-        ``slip_change_sigma`` [m/s] is the standard deviation of each side's slip velocity change
-        since the last wheel measurement, which ``P`` does not contain.
-        """
+    def build(self, context: OutputContext, x: Sequence[float], P: Array
+              ) -> list[EstimateRecord]:
+        """Return the records for at least the estimated states ``x`` with covariance ``P``."""
         # vibration hides the acceleration of the robot, which is then extrapolated less
-        accel_share = 1.0 / (1.0 + (context.vibration / DRIVE_ACCELERATION) ** 2)
-        if context.ground_known:
-            x, P = self._stiffness_prior.condition(x, P)
-        x = self._motion_model.extrapolate(
-            x, context.imu, context.extrapolation, accel_share)
-        twist, covariance = self._kinematics.base_twist(x, P, context.imu.yaw_rate)
+        share = 1.0 / (1.0 + (context.vibration / DRIVE_ACCELERATION) ** 2)
+        x = self._motion.extrapolate(x, context.imu, context.extrapolation, share)
+        W = context.imu.yaw_rate - x[State.GYRO_BIAS_Z]
+        T = self._twist[:, :len(P)]
+        T[1, State.IMU_X] = -W
+        covariance = T @ P @ T.T
+        twist = (x[State.V_X] + self._y_imu * W,
+                 x[State.V_Y] - (self._x_imu + x[State.IMU_X]) * W, W)
         records: list[EstimateRecord] = [
-            self._odometry(context, x, P, twist, covariance),
-            self._slip(context, x, P, slip_change_sigma)]
-        if abs(twist[2]) > MIN_YAW_RATE:
-            S = -twist[1] / twist[2] if context.by_forces else x[State.ICR_X]
-            records.append(Icr(context.instant_ns, S, twist[0] / twist[2]))
-        if context.ground_known and context.instant_ns % GROUND_STATE_PERIOD_NS == 0:
-            records.append(self._ground(context, x, P))
+            self._odometry(context, x, P, twist, 0.5 * (covariance + covariance.T)),
+            self._slip(context, x, P, W)]
+        if abs(W) > MIN_YAW_RATE:
+            records.append(Icr(context.instant_ns, -twist[1] / W, twist[0] / W))
         return records
-
-    def _ground(self, context: OutputContext, x: Sequence[float], P: Array) -> GroundState:
-        row, nominal = State.LN_STIFFNESS, self._robot.tire.longitudinal_stiffness
-        sigma = math.sqrt(P[row, row])
-        stiffness = nominal * math.exp(x[row])
-        departure = min(1.0, abs(x[row]) / (
-            2.0 * max(self._robot.tire.longitudinal_stiffness_sigma, 1e-3)))
-        total = math.hypot(sigma, departure * OTHER_GROUND_SIGMA)
-        covariances = self._kinematics.slip_covariances(x, P, context.imu.yaw_rate, row)
-        slip_sigmas = self._kinematics.slip_sigmas(x, P, context.imu.yaw_rate)
-        left, right = (min(max(covariance / max(total * slip_sigma, 1e-12), -1.0), 1.0)
-                       for covariance, slip_sigma in zip(covariances, slip_sigmas))
-        return GroundState(
-            context.instant_ns, Uncertain(stiffness, stiffness * total),
-            Uncertain(x[State.DRAG], math.sqrt(P[State.DRAG, State.DRAG])),
-            (left, right))
 
     def _odometry(self, context: OutputContext, x: Sequence[float], P: Array, twist: Vector3,
                   covariance: Array) -> Odometry:
@@ -126,23 +98,34 @@ class SlipOutputBuilder:
             (v_x, v_y, 0.0), (0.0, 0.0, W),
             tuple(pose.ravel().tolist()), tuple(rates.ravel().tolist()))
 
-    def _slip(self, context: OutputContext, x: Sequence[float], P: Array,
-              slip_change_sigma: tuple[float, float]) -> WheelSlip:
-        ground = self._kinematics.side_speeds(x, context.imu.yaw_rate)
-        sides = self._kinematics.wheel_speeds(x, context.imu.yaw_rate)
-        sigmas: Sequence[float] = self._kinematics.slip_sigmas(x, P, context.imu.yaw_rate)
+    def _slip(self, context: OutputContext, x: Sequence[float], P: Array, W: float) -> WheelSlip:
+        sides = self._motion.rolling_rates(x, W)
+        ground = [side - x[row] for side, row in zip(sides, SLIP_VELS)]
         standstill = self._robot.slip.standstill_speed
         # wheel i is on side i % 2: left, right, left, right
         wheels = [sides[i % 2] + context.wheel_residual[i] if measured else math.nan
                   for i, measured in enumerate(self._measured)]
-        over_ground = (ground[0], ground[1], ground[0], ground[1])
-        ratio = [wheel_slip_ratio(r, v, standstill) for r, v in zip(wheels, over_ground)]
-        slip_velocity = [r - v for r, v in zip(wheels, over_ground)]
-        sigmas = [min(1.0, math.hypot(sigma, change / max(abs(speed), standstill)))
-                  for sigma, change, speed in zip(sigmas, slip_change_sigma, sides)]
+        ratio = [wheel_slip_ratio(wheel, ground[i % 2], standstill)
+                 for i, wheel in enumerate(wheels)]
+        slip_velocity = [wheel - ground[i % 2] for i, wheel in enumerate(wheels)]
+        sigmas = self._slip_sigmas(x, P, ground, sides)
         sigma = [1.0 if math.isnan(ratio[i]) else sigmas[i % 2] for i in range(4)]
         return WheelSlip(
             context.instant_ns, *(_four(values) for values in (ratio, slip_velocity, sigma)))
+
+    def _slip_sigmas(self, x: Sequence[float], P: Array, ground: Sequence[float],
+                     sides: Sequence[float]) -> list[float]:
+        """Return the standard deviations [-] of the left and right slip ratio, at most 1."""
+        v_x, bias = State.V_X, State.GYRO_BIAS_Z
+        sigmas = []
+        for sign, row, v, u in zip(SIDE_SIGNS, SLIP_VELS, ground, sides):
+            # slip ratio = slip velocity / u, with u = v + slip velocity
+            arm, by_v = self._y_imu + sign * 0.5 * self._robot.track_width, -x[row]
+            speed_variance = P[v_x, v_x] - 2.0 * arm * P[v_x, bias]
+            variance = (v * v * P[row, row] + by_v * by_v * speed_variance
+                        + 2.0 * v * by_v * P[row, v_x])
+            sigmas.append(min(1.0, math.sqrt(max(0.0, float(variance))) / max(u * u, 1e-9)))
+        return sigmas
 
 
 def _four(values: Sequence[float]) -> Four:

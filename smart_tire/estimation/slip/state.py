@@ -12,18 +12,16 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""State vector and measurements of the slip EKF."""
+"""State vector of the slip filter and the inputs of its equations."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import IntEnum
-import math
 from typing import NamedTuple
 
 
 class State(IntEnum):
-    """Rows of the filter state."""
+    """Rows of the filter state; those from ``LN_STIFFNESS`` on are considered, not corrected."""
 
     X = 0                  # m, base_link in odom
     Y = 1                  # m
@@ -37,76 +35,45 @@ class State(IntEnum):
     ACCEL_BIAS_Y = 9       # m/s2
     SLIP_VEL_L = 10        # m/s, slip velocity r w - v_x of the left side
     SLIP_VEL_R = 11        # m/s
-    ICR_X = 12             # m, S: x of the instantaneous centers of rotation
-    TRAVEL_L = 13          # m, rolled distance of the left side since the last wheel sample
-    TRAVEL_R = 14          # m
-    FORCE_X = 15           # m/s2, specific force at the IMU without bias, body axes
-    FORCE_Y = 16           # m/s2
-    YAW_RATE = 17          # rad/s
-    YAW_ACCEL = 18         # rad/s2
-    LN_STIFFNESS = 19      # -, ln of C_x on the present ground over its calibrated value
-    LN_RATIO = 20          # -, ln of mu / C_x on the present ground over its prior
-    DRAG = 21              # -, rolling resistance coefficient of the present ground
-    TORQUE_SCALE = 22      # -, ln of the true over the nominal torque constant
-    TORQUE_OFFSET_FL = 23  # N m, of the measured torque of each motor
-    TORQUE_OFFSET_FR = 24
-    TORQUE_OFFSET_RL = 25
-    TORQUE_OFFSET_RR = 26
+    TRAVEL_L = 12          # m, rolled distance of the left side since the last wheel sample
+    TRAVEL_R = 13          # m
+    ICR_X = 14             # m, S: x of the ICRs in base_link
+    ICR_L = 15             # m, y of the ICR of the left side, beyond its wheels
+    ICR_R = 16             # m, likewise, to the right
+    RADIUS = 17            # -, relative error of the wheel radius
+    IMU_X = 18             # m, error of the x position of the IMU
+    LN_STIFFNESS = 19      # -, ln of C_x over the value that is given
+    LN_FRICTION = 20       # -, ln of mu over the value that is given
+    RESISTANCE = 21        # -, error of the rolling resistance coefficient
+    LATERAL_SHARE = 22     # -, error of the lateral share of the rolling resistance
+    LN_LATERAL = 23        # -, ln of C_y / C_x over the value that is given
+    COM_X = 24             # m, error of the center of mass
+    COM_Y = 25             # m
 
 
 N = len(State)
+ESTIMATED = int(State.LN_STIFFNESS)  # number of states that are corrected
+GROUND = slice(State.LN_STIFFNESS, N)
 SLIP_VELS = (State.SLIP_VEL_L, State.SLIP_VEL_R)
-SLIP_VEL_ROWS = slice(State.SLIP_VEL_L, State.SLIP_VEL_R + 1)
 TRAVELS = (State.TRAVEL_L, State.TRAVEL_R)
-TORQUE_OFFSETS = slice(State.TORQUE_OFFSET_FL, State.TORQUE_OFFSET_RR + 1)
+ICRS = (State.ICR_L, State.ICR_R)
 SIDE_SIGNS = (-1.0, 1.0)  # sign of the yaw rate in v_x of the left and of the right side
 
 
 class ImuReading(NamedTuple):
-    """Planar IMU measurement in base axes, biases included."""
+    """IMU measurement in base axes; the biases of yaw rate and forces are included."""
 
     yaw_rate: float  # rad/s
     force_x: float   # m/s2, specific force
     force_y: float   # m/s2
-    roll_rate: float = 0.0   # rad/s; without bias in the mean of a step
-    pitch_rate: float = 0.0  # rad/s
 
 
-@dataclass(frozen=True, slots=True)
-class ImuStep:
+class ImuStep(NamedTuple):
     """IMU input of one prediction step."""
 
+    dt: float              # s
     mean: ImuReading
     gyro_variance: float   # (rad/s)^2 s, noise density
     accel_variance: float  # (m/s2)^2 s, noise density
-    slope_sigma: float     # rad, of the ground, or of a body that pitches and rolls on it
-    tilt_variance: float = math.inf  # (rad/s)^2 s, noise density of roll and pitch rate
-    tilt_gain: float = 0.0           # -, share of the slope that they show, at most
-
-
-@dataclass(frozen=True, slots=True)
-class DelayedSpeed:
-    """Speed over ground of one side at an earlier time, and the motion since then."""
-
-    side: int            # 0 left, 1 right
-    speed: float         # m/s, v_x of the wheel centers
-    variance: float      # m2/s2, including that of ``speed_change``
-    elapsed: float       # s, since then
-    speed_change: float  # m/s, integrated acceleration of V_X since then
-    yaw_change: float    # rad, since then
-    gyro_z: float        # rad/s, at that time, bias included
-    lateral_change: float = 0.0  # m/s, integrated acceleration of V_Y since then
-
-
-@dataclass(frozen=True, slots=True)
-class WheelMeasurement:
-    """Mean side speeds between two wheel samples, and the filtered motion over that period."""
-
-    duration: float                    # s
-    side_speeds: tuple[float, float]   # m/s, r w of the left and of the right side
-    ground_speed: float                # m/s, mean of the filtered V_X
-    yaw_rate: float                    # rad/s, mean of the filtered yaw rate
-    variance: float                    # (m/s)^2, of a side's speed due to quantization
-    lag: float                         # s, from the sample to the state's time
-    travel_change: tuple[float, float]  # m, travel in that time beyond that at the present speed
-    from_positions: bool               # positions were differenced; otherwise velocities
+    begin_rate: float      # rad/s, smoothed yaw rate at the begin and at the end of the step
+    end_rate: float

@@ -50,15 +50,14 @@ class WheelOdometry:
     """
 
     def __init__(self, robot: RobotParams) -> None:
-        self.radius = robot.wheel_radius  # m, effective rolling radius; may be updated online
+        self._radius = robot.wheel_radius  # m, effective rolling radius
         self._count = 2.0 * math.pi / robot.encoder.counts_per_revolution * robot.wheel_radius
         self._encoders = robot.joints.encoders_per_side
         self._last: tuple[float, WheelSample] | None = None
         self._period: float | None = None
         self.side_speeds = (0.0, 0.0)                     # m/s, latest
         self.wheel_residual: Four = (0.0, 0.0, 0.0, 0.0)  # m/s, wheel minus mean of its side
-        self.accelerations: Four = (0.0, 0.0, 0.0, 0.0)   # m/s2, change of the mean speeds
-        self._speeds: Four | None = None                  # m/s, r w, latest
+        self.independent = False  # the sides differed once; otherwise both are only their mean
         self.position_jumps = 0
 
     @property
@@ -90,20 +89,18 @@ class WheelOdometry:
         if any(map(is_speed_contradicted, rates, sample.velocity)):
             self.position_jumps += 1
             return None
-        return tuple(self.radius * rate for rate in rates)  # type: ignore[return-value]
+        return tuple(self._radius * rate for rate in rates)  # type: ignore[return-value]
 
     def _from_velocities(self, sample: WheelSample, duration: float) -> WheelSpeeds:
-        speeds: Four = tuple(self.radius * w for w in sample.velocity)  # type: ignore[assignment]
+        speeds: Four = tuple(self._radius * w for w in sample.velocity)  # type: ignore[assignment]
         return self._mean_speeds(duration, speeds, from_positions=False)
 
     def _mean_speeds(self, duration: float, speeds: Four, from_positions: bool) -> WheelSpeeds:
         left, right = _mean(speeds[0], speeds[2]), _mean(speeds[1], speeds[3])
         speeds = tuple(side if math.isnan(speed) else speed  # type: ignore[assignment]
                        for speed, side in zip(speeds, (left, right) * 2))
-        before, self._speeds = self._speeds or speeds, speeds
-        self.accelerations = tuple(  # type: ignore[assignment]
-            (new - old) / duration for old, new in zip(before, speeds))
         self.side_speeds = left, right
+        self.independent = self.independent or left != right
         self.wheel_residual = tuple(  # type: ignore[assignment]
             old + RESIDUAL_GAIN * (speeds[i] - self.side_speeds[i % 2] - old)
             for i, old in enumerate(self.wheel_residual))

@@ -51,14 +51,6 @@ def test_velocities_describe_one_period_after_a_lost_message():
     assert speeds.side_speeds == pytest.approx((3.0 * R, 3.0 * R))
 
 
-def test_accelerations_are_changes_of_the_mean_speeds_of_each_wheel():
-    odometry = WheelOdometry(ROBOT)
-    for time, positions in (0.0, (0.0,) * 4), (0.1, (1.0,) * 4), (0.2, (2.0, 2.1, 1.9, 2.0)):
-        odometry.update(time, WheelSample(0, (10.0,) * 4, positions))
-    assert odometry.accelerations == pytest.approx(
-        [0.0, 1.0 / 0.1 * R, -1.0 / 0.1 * R, 0.0], abs=1e-9)
-
-
 def test_an_encoder_reset_is_detected():
     odometry = WheelOdometry(ROBOT)
     odometry.update(0.0, sample(10.0, 1000.0))
@@ -98,7 +90,6 @@ def test_the_speed_of_a_side_is_that_of_its_measured_wheels():
     assert speeds.side_speeds == pytest.approx((11.0 * R, 9.0 * R)) and speeds.from_positions
     assert speeds.wheel_speeds == pytest.approx((11.0 * R, 9.0 * R) * 2)
     assert odometry.wheel_residual == (0.0,) * 4
-    assert odometry.accelerations == pytest.approx([10.0 * R, 10.0 * R] * 2)
 
 
 def test_one_encoder_per_side_quantizes_with_twice_the_variance():

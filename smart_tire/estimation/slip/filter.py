@@ -1,0 +1,395 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Kalman filter for slip, pose and sensor biases of a skid-steer robot.
+
+The IMU drives the prediction, B(5); rolled distances, ICR kinematics, standstill and, where the
+ground is known, the balance of forces are the corrections, B(6) to B(8). Three choices:
+
+- The slip of a side is represented by its slip velocity ``r w - v_x`` [m/s]. Wheel speeds are then
+  linear in the state, for locked and for spinning wheels too. B(3) is derived on output.
+- The robot moves in the plane of the ground, so B(6) holds by construction.
+- The distance rolled since the last wheel sample is a state: one late timestamp makes one wheel
+  speed too high and the next one too low, so that the errors cancel, and the slip may change
+  between two samples.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections import deque
+import math
+
+import numpy as np
+
+from smart_tire.arrays import Array
+from smart_tire.estimation.slip.ground import ForceBalance
+from smart_tire.estimation.slip.imu_input import ImuInput
+from smart_tire.estimation.slip.kalman import (
+    KalmanFilter, OUTLIER_SIGMAS, SENSORS_HELD, StateRecorder)
+from smart_tire.estimation.slip.motion import (
+    MotionModel, Noise, SLIP_CORRELATION_TIME, slip_speed)
+from smart_tire.estimation.slip.noise import LearnedVariance, LearnedScale
+from smart_tire.estimation.slip.state import (
+    GROUND, ICRS, ImuReading, ImuStep, N, SLIP_VELS, State, TRAVELS)
+from smart_tire.estimation.slip.wheel_odometry import WheelSpeeds
+from smart_tire.models.constants import GRAVITY
+from smart_tire.parameters import SlipEstimatorParams
+from smart_tire.samples import Four
+
+MOUNTING_TILT_SIGMA = 0.009   # rad, of the IMU: half a degree
+MIN_POSE_SIGMA = 1e-4         # m, rad: the origin is exact, but P must not be singular
+INITIAL_SPEED_SIGMA = 0.5     # m/s, of a robot that is switched on while it moves
+INITIAL_SLIP_SIGMAS = 0.1, 0.3  # m/s, likewise, common and half the difference: in a turn
+ICR_SHARES = 0.25, 0.2        # mean and sigma of ICR_L, ICR_R over the track: effective tracks
+# of 1 to 2.2 times the track are published for skid-steer robots
+SIDE_DIFFERENCE_SHARE = 0.3   # of that sigma: both sides are alike; assumed
+ICR_WALK_SHARE = 0.02         # per sqrt(rad), of ICRs over the track: another ground in minutes
+WALK_LIMITS = 0.1, 10.0       # of learned random walks, over their priors
+MIN_SLOPE, MAX_SLOPE = 0.001, 0.1  # rad, standard deviations: laboratory floor, steep ground
+SLOPE_RATE = 0.3              # learning rates per innovation; assumed
+WALK_RATE = 0.02
+FORCE_WHITENESS_TIME = 0.06   # s between innovations of the forces that count in full
+WHEEL_SPEED_SIGMA = 0.003     # m/s, of a side, in addition to quantization and timestamps
+MAX_WHEEL_NOISE = 30.0        # times that: wheel speeds of unknown recordings
+SLIP_LEARNING_TIME = 20.0     # s of driving, over which the spread of the slip is learned
+SLIP_CHANGE_SHARE = 0.2       # of a change of the side's speed becomes slip; assumed
+STEADY_SIGMAS = 2.0           # of a change of measured speed; a smaller one is noise
+MIN_SLIDING_TIME = 0.05       # s, in which locked wheels slide at the standstill speed at least
+NOISE_LEARNING_TIME = 5.0     # s, over which the noise of a measurement is learned
+LATERAL_TIME = 0.5            # s, correlation time of the lateral speed about the ICR
+STRAIGHT_RATE = 0.02          # rad/s, sigma of the yaw rate by wheels of equal speed; assumed
+BLIND_RATE_SHARE = 0.05       # sigma of the yaw rate by wheels and learned ICRs; turns differ
+BLIND_CORRELATION_TIME = 2.0  # s, of its error
+BLIND_ACCEL_DENSITY = 0.1     # (m/s2)^2 s, of an acceleration that is not measured
+UNKNOWN_SPEED = 100.0         # m/s, sigma of a difference that is not measured
+ZERO_VELOCITY_SIGMA = 0.003   # m/s, of the zero-velocity update
+TRAVEL_SIGMA = 1e-5           # m, of a new travel, so that P is not singular
+HISTORY = 1.5                 # s, of predicted wheel speeds: beyond the largest encoder latency
+NIS_GAIN = 0.05               # weight of a new value in the smoothed NIS
+
+
+class RollingHistory:
+    """
+    Predicted r w of both sides over time, without the steps of corrections.
+
+    A correction holds for the past, too: going back from the present state, only the predicted
+    changes are undone.
+    """
+
+    def __init__(self) -> None:
+        # time [s], r w [m/s] and distance [m] of both sides, all by predictions alone
+        self._points: deque[tuple[float, list[float], list[float]]] = deque()
+
+    def add(self, time: float, dt: float, changes: list[float]) -> None:
+        """Add a prediction over ``dt`` [s] to ``time`` [s] that changes r w by ``changes``."""
+        if not self._points:
+            self._points.append((time - dt, [0.0, 0.0], [0.0, 0.0]))
+        _, speeds, ways = self._points[-1]
+        self._points.append((
+            time, [a + b for a, b in zip(speeds, changes)],
+            [s + dt * (a + 0.5 * b) for s, a, b in zip(ways, speeds, changes)]))
+        while self._points[0][0] < time - HISTORY:
+            self._points.popleft()
+
+    def travel_change(self, since: float) -> list[float]:
+        """Return the distances [m] since a time [s] beyond those at the present speeds."""
+        if not self._points or since >= self._points[-1][0]:
+            return [0.0, 0.0]
+        points = list(self._points)
+        i = min(max(bisect_right(points, since, key=lambda point: point[0]), 1), len(points) - 1)
+        (t0, u0, s0), (t1, u1, _), (now, speeds, ways) = points[i - 1], points[i], points[-1]
+        h = min(max(since - t0, 0.0), t1 - t0)
+        return [end - (s + h * (a + 0.5 * (b - a) * h / (t1 - t0))) - (now - t0 - h) * u
+                for end, s, a, b, u in zip(ways, s0, u0, u1, speeds)]
+
+
+class SlipFilter:
+    """Prediction and corrections; the constraint B(7) is plain or as printed."""
+
+    def __init__(self, params: SlipEstimatorParams, recorder: StateRecorder | None = None) -> None:
+        robot = params.robot
+        self._robot, self._printed = robot, params.constraint == 'printed'
+        self._x_imu = robot.imu.position[0]
+        self.kalman = KalmanFilter(*initial_state(params), recorder)
+        self.motion = MotionModel(robot)
+        self.forces = ForceBalance(robot, self.kalman)
+        self._history = RollingHistory()
+        walk, (low, high) = ICR_WALK_SHARE * robot.track_width, WALK_LIMITS
+        self._pitch, self._roll = (LearnedScale(
+            params.slope_sigma, MIN_SLOPE, MAX_SLOPE, SLOPE_RATE) for _ in 'xy')
+        self._icr_walk, self._icr_x_walk = (LearnedScale(
+            walk, low * walk, high * walk, WALK_RATE) for _ in 'yx')
+        self._lateral_sigma = params.lateral_sigma
+        self._common, self._difference = (LearnedVariance(
+            sigma, params.free_rolling_slip_sigma, SLIP_LEARNING_TIME)
+            for sigma in (params.common_slip_sigma, params.differential_slip_sigma))
+        self._wheel_noise = LearnedVariance(
+            WHEEL_SPEED_SIGMA, WHEEL_SPEED_SIGMA, NOISE_LEARNING_TIME)
+        self._time, self._gyro_z = 0.0, 0.0  # s and rad/s, of the last step
+        self._mean_difference = 0.0  # -, half of that of both slips about the ICRs
+        self._sides = [0.0, 0.0]  # m/s, side speeds of the last wheel sample
+        self.nis = 1.0            # normalized innovation squared of the wheel speeds, smoothed
+
+    def status(self) -> dict[str, str | int | float]:
+        """Return what was learned, for diagnostics."""
+        x, radius = self.kalman.x, self._robot.wheel_radius
+        return {
+            'ground': 'given' if self.forces.active else 'unknown',
+            'rolling_radius': round(radius * (1.0 + x[State.RADIUS]), 6),
+            'effective_track': round(
+                self._robot.track_width + x[State.ICR_L] + x[State.ICR_R], 4),
+            'icr_x': round(x[State.ICR_X], 4),
+            'slope_sigma': round(max(self._pitch.sigma, self._roll.sigma), 5),
+            'slip_difference_sigma': round(math.sqrt(self._difference.variance), 4),
+            'wheel_speed_sigma': round(math.sqrt(self._wheel_noise.variance), 4)}
+
+    @property
+    def _common_variance(self) -> float:
+        """Return the variance [-] of the common slip; on ice the difference is large, too."""
+        return self._common.variance + self._difference.variance
+
+    def reset_pose(self) -> None:
+        """Set the pose to the origin of ``odom``."""
+        self.kalman.set_states([State.X, State.Y, State.YAW], 0.0, MIN_POSE_SIGMA)
+
+    def predict(self, time: float, step: ImuStep) -> None:
+        """Predict to ``time`` [s] through a step of the IMU."""
+        kalman, motion = self.kalman, self.motion
+        self.forces.age(step.dt)
+        noise = Noise((self._roll.sigma, self._pitch.sigma), math.sqrt(self._common_variance),
+                      math.sqrt(self._difference.variance), self._icr_walk.sigma,
+                      self._icr_x_walk.sigma)
+        before = motion.rolling_rates(kalman.x, motion.yaw_rate(kalman.x, self._gyro_z))
+        after, F, Q = motion.predict(kalman.x, step, noise)
+        kalman.predict(after, F, Q)
+        self._gyro_z = step.mean.yaw_rate
+        now = motion.rolling_rates(after, motion.yaw_rate(after, self._gyro_z))
+        self._history.add(time, step.dt, [b - a for a, b in zip(before, now)])
+        self._time = time
+
+    def correct_forces(self, imu: ImuInput, residual: Four, dt: float) -> None:
+        """Correct with the balance of forces after a step of ``dt`` [s]."""
+        if self.forces.correct(imu, residual, dt):
+            self._roll.add_innovation(self.forces.innovation, dt / FORCE_WHITENESS_TIME)
+
+    def blind_step(self, dt: float, sides: tuple[float, float]) -> ImuStep:
+        """Return the step of an IMU dropout: yaw rate by the wheels' ``sides`` [m/s] and ICRs."""
+        x = self.kalman.x
+        track = self._robot.track_width + x[State.ICR_L] + x[State.ICR_R]
+        W = (sides[1] - sides[0]) / track
+        sigma = math.hypot(BLIND_RATE_SHARE * W, STRAIGHT_RATE)
+        mean = ImuReading(W + x[State.GYRO_BIAS_Z], *self.motion.steady_force(x, W))
+        return ImuStep(dt, mean, 2.0 * sigma ** 2 * BLIND_CORRELATION_TIME, BLIND_ACCEL_DENSITY,
+                       mean.yaw_rate, mean.yaw_rate)
+
+    def correct_wheels(self, time: float, wheels: WheelSpeeds, gyro_z: float,
+                       independent: bool) -> None:
+        """
+        Correct with the distances rolled up to ``time`` [s], B(7).
+
+        ``independent`` sides were measured each; otherwise both carry their mean.
+        """
+        kalman, lag, dt = self.kalman, self._time - time, wheels.duration
+        x, W = kalman.x, self.motion.yaw_rate(kalman.x, gyro_z)
+        sides = [speed * (1.0 + x[State.RADIUS]) for speed in wheels.side_speeds]
+        change = self._history.travel_change(time)
+        after = [lag * rate + more
+                 for rate, more in zip(self.motion.rolling_rates(x, W), change)]
+        y, H = np.zeros(2), np.zeros((2, N))
+        for i, (travel, slip, arm) in enumerate(zip(TRAVELS, SLIP_VELS, self.motion.arms)):
+            y[i] = dt * sides[i] - (x[travel] - after[i])
+            H[i, travel], H[i, State.V_X], H[i, slip] = 1.0, -lag, -lag
+            H[i, State.GYRO_BIAS_Z], H[i, State.RADIUS] = lag * arm, -dt * wheels.side_speeds[i]
+        R = self._wheel_covariance(wheels, sides, independent)
+        self._add_slip_change(sides, R, dt, lag)
+        moving = max(map(abs, sides)) >= self._robot.slip.standstill_speed
+        if not moving:
+            self._add_sliding(y, H, R, dt)
+        if moving and independent:
+            difference = np.array([-1.0, 1.0])
+            self._icr_walk.add_innovation(float(difference @ y) / math.sqrt(float(
+                difference @ (H @ kalman.P @ H.T + R) @ difference)))
+        if moving and self.forces.active:
+            self._pitch.add_innovation(float(y.sum()) / math.sqrt(float(
+                (H @ kalman.P @ H.T + R).sum())))
+        nis = kalman.correct_jointly(*(self._as_printed(y, H, R, sides, dt) if self._printed
+                                       else (y, H, R)))
+        if moving:
+            self.nis += NIS_GAIN * (nis - self.nis)  # stationary wheels have no noise
+            self.forces.add_wheel_innovation(nis, dt)
+            self._wheel_noise.add(min(
+                self._wheel_noise.variance * nis, (MAX_WHEEL_NOISE * WHEEL_SPEED_SIGMA) ** 2), dt)
+            self._learn_slip(W, dt, independent)
+        self._restart_travel(wheels, sides, lag, change, W)
+
+    def _wheel_covariance(self, wheels: WheelSpeeds, sides: list[float],
+                          independent: bool) -> Array:
+        """Return the covariance (2, 2) of both rolled distances [m2]."""
+        # a mean velocity depends on two timestamps, of which each also enters its neighbor
+        jitter = self._robot.encoder.stamp_jitter * (
+            1.0 if wheels.from_positions else math.sqrt(2.0))
+        late = jitter * np.array(sides)  # m, one timestamp for both sides
+        own = wheels.duration ** 2 * (wheels.variance + self._wheel_noise.variance)
+        R = np.outer(late, late) + own * np.eye(2)
+        if not independent:  # the difference is unknown
+            R += (UNKNOWN_SPEED * wheels.duration) ** 2 * np.array(
+                [[1.0, -1.0], [-1.0, 1.0]])
+        return R
+
+    def _add_slip_change(self, sides: list[float], R: Array, dt: float, lag: float) -> None:
+        """
+        Inflate the slip of both sides after a change of their speeds since the last sample.
+
+        It has changed at some time of the period, on average in its middle.
+        """
+        Q, noise = np.zeros((N, N)), STEADY_SIGMAS * math.sqrt(2.0 * R[0, 0]) / dt
+        for slip, travel, now, before in zip(SLIP_VELS, TRAVELS, sides, self._sides):
+            step = SLIP_CHANGE_SHARE * max(abs(now - before) - noise, 0.0)
+            a, b = int(slip), int(travel)
+            since = 0.5 * dt + lag
+            Q[a, a], Q[b, b] = step ** 2, (step * since) ** 2
+            Q[a, b] = Q[b, a] = step ** 2 * since
+        self._sides = sides
+        if Q.any():
+            self.kalman.add_noise(Q)
+
+    def _add_sliding(self, y: Array, H: Array, R: Array, dt: float) -> None:
+        """Inflate the common slip after an innovation beyond noise: locked wheels slide."""
+        innovation = float(y.mean())
+        variance = 0.25 * float((H @ self.kalman.P @ H.T + R).sum())
+        least = self._robot.slip.standstill_speed * max(dt, MIN_SLIDING_TIME)
+        if innovation ** 2 > max(OUTLIER_SIGMAS ** 2 * variance, least ** 2):
+            g = np.zeros(N)
+            g[list(SLIP_VELS)] = innovation / (0.5 * dt)
+            g[list(TRAVELS)] = innovation / (0.5 * dt) * (0.5 * dt - H[0, State.V_X])
+            self.kalman.add_noise(np.outer(g, g))
+
+    def _as_printed(self, y: Array, H: Array, R: Array, sides: list[float], dt: float
+                    ) -> tuple[Array, Array, Array]:
+        """
+        Return the distances as printed in B(7): the mean, with lambda', and the difference.
+
+        Lambda' is 0 for a faster side that brakes and for a slower side that drives.
+        """
+        mix = np.array([[0.5, 0.5], [-1.0, 1.0]])
+        y, H = mix @ y, mix @ H
+        for slip, own, other in zip(SLIP_VELS, sides, sides[::-1]):
+            value = self.kalman.x[slip] * own
+            if value < 0.0 if abs(own) >= abs(other) else value > 0.0:
+                y[0] += 0.5 * dt * self.kalman.x[slip]
+                H[0, slip] -= 0.5 * dt
+        return y, H, mix @ R @ mix.T
+
+    def _learn_slip(self, W: float, dt: float, independent: bool) -> None:
+        """
+        Learn the spread of slip and slope from the slip about the ICR kinematics.
+
+        The gyroscope shows the slip difference, the forces the common slip. Without them, common
+        slip beyond its spread is that of an accelerometer on a slope.
+        """
+        x, P = self.kalman.x, self.kalman.P
+        speed = slip_speed(self.motion.rolling_rates(x, W))
+        left, right = (x[row] - icr for row, icr in zip(SLIP_VELS, self.motion.icr_slip(x, W)))
+        a, b = SLIP_VELS
+        variance = float(P[a, a] + P[b, b] + 2.0 * P[a, b])
+        common = 0.25 * ((left + right) ** 2 + variance) / speed ** 2
+        # a mean over the correlation time has half the variance, and no noise of single samples
+        gain = dt / (dt + SLIP_CORRELATION_TIME)
+        self._mean_difference += gain * (0.5 * (right - left) / speed - self._mean_difference)
+        if independent:
+            self._difference.add(2.0 * self._mean_difference ** 2, dt)
+        if self.forces.active:
+            self._common.add(common, dt)
+        else:
+            self._pitch.add_square(common / self._common_variance, dt / SLIP_CORRELATION_TIME)
+
+    def _restart_travel(self, wheels: WheelSpeeds, sides: list[float], lag: float,
+                        change: list[float], W: float) -> None:
+        """
+        Count the rolled distance from the wheel sample on.
+
+        Positions are exact references, whatever the error of their timestamps. Without them, and
+        with the constraint as printed, which is one of speeds, it is counted from the timestamp.
+        """
+        x, F, Q = list(self.kalman.x), np.eye(N), np.zeros((N, N))
+        rates = self.motion.rolling_rates(x, W)
+        for i, (travel, slip) in enumerate(zip(TRAVELS, SLIP_VELS)):
+            Q[travel, travel] = TRAVEL_SIGMA ** 2
+            if wheels.from_positions and not self._printed:
+                x[travel] -= wheels.duration * sides[i]
+                F[travel, State.RADIUS] = -wheels.duration * wheels.side_speeds[i]
+            else:
+                x[travel] = lag * rates[i] + change[i]
+                F[travel, travel] = 0.0
+                F[travel, State.V_X] = F[travel, slip] = lag
+                F[travel, State.GYRO_BIAS_Z] = -lag * self.motion.arms[i]
+        self.kalman.predict(x, F, Q)
+
+    def correct_lateral(self, gyro_z: float, duration: float) -> None:
+        """Correct with B(8): the lateral speed of base_link is -S times the yaw rate."""
+        x = self.kalman.x
+        W = self.motion.yaw_rate(x, gyro_z)
+        arm = self._x_imu + x[State.IMU_X] - x[State.ICR_X]
+        rows = [State.V_Y, State.ICR_X, State.IMU_X, State.GYRO_BIAS_Z]
+        h = [1.0, W, -W, arm]
+        y = arm * W - x[State.V_Y]
+        # slip that varies moves the ICRs forward and backward by a share of the wheelbase
+        sigma = math.hypot(self._lateral_sigma, math.sqrt(self._difference.variance)
+                           * W * self._robot.wheelbase)
+        variance = sigma ** 2 * 2.0 * LATERAL_TIME / max(duration, 1e-3)
+        total = self.kalman.correct(
+            y, [int(row) for row in rows], h, variance, held=SENSORS_HELD)
+        normalized = y / math.sqrt(total)
+        self._icr_x_walk.add_innovation(normalized)
+        if not self.forces.active:
+            self._roll.add_square(normalized ** 2, duration)
+
+    def correct_zero_velocity(self) -> None:
+        """Correct with zero velocity over ground and of the wheels."""
+        for row in (State.V_X, State.V_Y, *SLIP_VELS):
+            self._correct_state(row, 0.0, ZERO_VELOCITY_SIGMA)
+
+    def correct_gyro_bias(self, rate: float, sigma: float) -> None:
+        """Correct with the mean measured yaw ``rate`` [rad/s] at standstill."""
+        self._correct_state(State.GYRO_BIAS_Z, rate, sigma)
+
+    def _correct_state(self, row: State, value: float, sigma: float) -> None:
+        self.kalman.correct(value - self.kalman.x[row], [int(row)], [1.0], sigma ** 2)
+
+
+def initial_state(params: SlipEstimatorParams) -> tuple[list[float], Array]:
+    """Return state (N,) and covariance (N, N) of a robot at the origin of ``odom``."""
+    robot = params.robot
+    x, sigma = [0.0] * N, np.full(N, MIN_POSE_SIGMA)
+    sigma[State.ROLL] = sigma[State.PITCH] = params.slope_sigma
+    sigma[State.V_X] = sigma[State.V_Y] = INITIAL_SPEED_SIGMA
+    sigma[State.GYRO_BIAS_Z] = robot.imu.gyro_bias
+    sigma[State.ACCEL_BIAS_X] = sigma[State.ACCEL_BIAS_Y] = math.hypot(
+        robot.imu.accel_bias, GRAVITY * MOUNTING_TILT_SIGMA)
+    sigma[list(TRAVELS)] = TRAVEL_SIGMA
+    x[State.ICR_X], sigma[State.ICR_X] = params.icr_x, params.icr_x_sigma * robot.wheelbase
+    sigma[State.RADIUS] = max(robot.wheel_radius_sigma, 1e-9)
+    sigma[State.IMU_X] = max(robot.imu.position_sigma, 1e-9)
+    sigma[GROUND] = 0.0
+    mean, spread = (share * robot.track_width for share in ICR_SHARES)
+    for row in ICRS:
+        x[row], sigma[row] = mean, spread
+    P = np.diag(sigma ** 2)
+    common, difference = (one ** 2 for one in INITIAL_SLIP_SIGMAS)
+    P[np.ix_(SLIP_VELS, SLIP_VELS)] = common + difference * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    P[State.ICR_L, State.ICR_R] = P[State.ICR_R, State.ICR_L] = spread ** 2 * (
+        1.0 - 0.5 * SIDE_DIFFERENCE_SHARE ** 2)
+    return x, P

@@ -1,0 +1,68 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Noise levels that the filter learns from its own innovations and estimates."""
+
+from __future__ import annotations
+
+import math
+
+MAX_NIS = 9.0  # of an innovation that a level is learned from: three sigma
+
+
+class LearnedScale:
+    """
+    Standard deviation of a process noise that grows and shrinks until innovations agree with it.
+
+    Either their mean square is that of their covariance, or they are white (Mehra): innovations of
+    the same sign in a row show that the filter follows too slowly, alternating ones that it
+    follows noise. ``rate`` is the change of the log of the variance per unit of disagreement.
+    """
+
+    def __init__(self, sigma: float, low: float, high: float, rate: float) -> None:
+        self.sigma = sigma
+        self._low, self._high, self._rate = low, high, rate
+        self._last = 0.0
+
+    def add_square(self, nis: float, weight: float = 1.0) -> None:
+        """Add a squared value over its variance, that should be 1 on average."""
+        self._grow(weight * (min(nis, MAX_NIS) - 1.0))
+
+    def add_innovation(self, normalized: float, weight: float = 1.0) -> None:
+        """Add an innovation in units of its standard deviation, that should be white."""
+        limit = math.sqrt(MAX_NIS)
+        normalized = min(max(normalized, -limit), limit)
+        self._grow(weight * normalized * self._last)
+        self._last = normalized
+
+    def _grow(self, excess: float) -> None:
+        self.sigma = min(max(
+            self._low, self.sigma * math.exp(0.5 * self._rate * excess)), self._high)
+
+
+class LearnedVariance:
+    """Exponential mean of a variance over ``time`` [s], from a prior standard deviation."""
+
+    def __init__(self, sigma: float, floor: float, time: float) -> None:
+        self._variance, self._floor, self._time = sigma ** 2, floor ** 2, time
+
+    @property
+    def variance(self) -> float:
+        """Return the variance, at least the square of the floor."""
+        return max(self._variance, self._floor)
+
+    def add(self, square: float, duration: float) -> None:
+        """Add a squared value that held for ``duration`` [s]."""
+        gain = min(duration / self._time, 1.0)
+        self._variance += gain * (square - self._variance)

@@ -1,0 +1,119 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Slip filter with the ground given: consistency, changes of the ground, its end."""
+
+from __future__ import annotations
+
+from functools import cache
+import math
+
+from benchmarks.scenarios import SCENARIOS
+import numpy as np
+import pytest
+
+from smart_tire.estimation.slip.estimator import SlipEstimator
+from smart_tire.estimation.slip.ground import brush_force
+from smart_tire.models.vehicle.tire_forces import wheel_forces
+from smart_tire.parameters import SlipEstimatorParams
+from smart_tire.samples import ImuSample, Odometry, WheelSample, WheelSlip
+from support.given_ground import DELAY_NS, ground_states
+
+pytestmark = pytest.mark.slow
+
+SEEDS = (11, 12)  # not used by a benchmark
+
+
+@pytest.mark.parametrize('slip', [(0.05, 0.0), (0.1, -0.04), (-0.3, 0.2), (0.9, 0.1)])
+def test_the_brush_force_is_that_of_the_vehicle_model(slip):
+    rolling, load, stiffness, mu = 1.0, 26.7, 52.7, 0.47
+    one = np.ones(1)
+    model = wheel_forces(rolling * one, (rolling - slip[0]) * one, -slip[1] * one, load * one,
+                         stiffness, mu / stiffness, floor=0.05)
+    force = brush_force(*slip, stiffness, mu * load)
+    assert (force.x, force.y) == pytest.approx((model.x[0], model.y[0]))
+    assert (force.xx, force.xy, force.yy) == pytest.approx(
+        (-model.x_by_v_x[0], -model.x_by_v_y[0], -model.y_by_v_y[0]))
+    assert (force.x_by_friction, force.y_by_friction) == pytest.approx(
+        (model.x_by_log_ratio[0], model.y_by_log_ratio[0]))
+
+
+@cache
+def errors(name, seed, begin=0.0, until=math.inf):
+    """Return time [s] and errors with sigmas of the left slip and of v_x, and the estimator."""
+    scenario = SCENARIOS[name]
+    events = scenario.events(seed)
+    poses = [sample for _, topic, sample in events if topic == 'ground_truth/odom']
+    slips = {sample.stamp_ns: sample for _, topic, sample in events
+             if topic == 'ground_truth/wheel_slip'}
+    speeds = {pose.stamp_ns: pose for pose in poses}
+    states = list(ground_states(scenario.ground, poses, seed, until))
+    estimator = SlipEstimator(SlipEstimatorParams(robot=scenario.robot))
+    rows = []
+    last = {}
+    for _, topic, sample in events:
+        if topic.startswith('ground_truth/') or not isinstance(sample, (ImuSample, WheelSample)):
+            continue
+        if (sample.stamp_ns - poses[0].stamp_ns) * 1e-9 < begin:
+            continue
+        due = []
+        while states and states[0].stamp_ns + DELAY_NS < sample.stamp_ns:
+            due.append(states.pop(0))
+        for item in (*due, sample):
+            for record in estimator.update(item):
+                if isinstance(record, Odometry):
+                    last[record.stamp_ns] = record
+                elif isinstance(record, WheelSlip) and record.stamp_ns in slips:
+                    true, speed = slips[record.stamp_ns], speeds[record.stamp_ns]
+                    odometry = last[record.stamp_ns]
+                    rows.append((
+                        (record.stamp_ns - poses[0].stamp_ns) * 1e-9,
+                        record.ratio[0] - 0.5 * (true.ratio[0] + true.ratio[2]), record.sigma[0],
+                        odometry.linear[0] - speed.linear[0],
+                        math.sqrt(odometry.twist_covariance[0])))
+    table = np.array(rows)
+    return table[np.isfinite(table).all(axis=1)], estimator
+
+
+@pytest.mark.parametrize('name', ['concrete', 'sand', 'sweep_60', 'spin_reverse'])
+def test_slip_and_speed_are_accurate_and_within_two_sigma(name):
+    table = np.concatenate([errors(name, seed)[0] for seed in SEEDS])
+    late = table[table[:, 0] > 5.0]
+    assert np.sqrt(np.mean(late[:, 3] ** 2)) < 0.03
+    assert np.median(np.abs(late[:, 1])) < 0.015
+    assert np.mean(np.abs(late[:, 1]) < 2.0 * late[:, 2]) > 0.88
+    assert np.mean(np.abs(late[:, 3]) < 2.0 * late[:, 4]) > 0.88
+
+
+def test_after_a_change_of_ground_slip_and_speed_stay_within_two_sigma():
+    table = np.concatenate([errors('mu_jumps', seed)[0] for seed in SEEDS])
+    late = table[table[:, 0] > 5.0]
+    assert np.mean(np.abs(late[:, 1]) < 2.0 * late[:, 2]) > 0.85
+    assert np.mean(np.abs(late[:, 3]) < 2.0 * late[:, 4]) > 0.85
+
+
+def test_the_filter_goes_on_when_ground_state_ends():
+    table, estimator = errors('concrete', 11, until=15.0)
+    with_ground, without = (table[(table[:, 0] > a) & (table[:, 0] < b)]
+                            for a, b in ((10.0, 15.0), (25.0, 33.0)))
+    assert estimator.status()['ground'] == 'unknown'
+    assert np.mean(without[:, 2]) > np.mean(with_ground[:, 2])
+    assert np.mean(np.abs(without[:, 1]) < 2.0 * without[:, 2]) > 0.85
+
+
+def test_a_start_in_motion_does_not_ruin_the_heading():
+    _, estimator = errors('figure_eight', 11, begin=8.0, until=0.0)
+    bias = estimator.gyro_bias
+    _, rested = errors('figure_eight', 11, until=0.0)
+    assert abs(bias.value - rested.gyro_bias.value) < 3.0 * bias.sigma + 0.002
