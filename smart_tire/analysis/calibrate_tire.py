@@ -73,7 +73,6 @@ def identify_gains(bags: Sequence[Path], robot: RobotParams, time_range: TimeRan
 def read_crossings(path: Path, robot: RobotParams, time_range: TimeRange,
                    names: TopicNames = STANDARD_NAMES) -> list[CrossingWithSlip]:
     """Return the crossings in a bag with their smoothed slip, estimated without the films."""
-    robot = replace(robot, slip=replace(robot.slip, film_aided=False))
     collector = CrossingCollector(robot, FrictionEstimatorParams(robot=robot).reorder_window)
     with closing(SmoothedSlip(SlipEstimatorParams(robot=robot))) as slip:
         for sample in _inputs(Bag(path, names, robot.joints), time_range):

@@ -31,8 +31,7 @@ import numpy as np
 
 from smart_tire.analysis.driven_paths import PATH, PathLog
 from smart_tire.analysis.pipeline import (
-    EstimatedFriction, EstimateRecord, ESTIMATES, EstimatorParams, friction_stage, FrictionStage,
-    INPUTS, SlipStage, TRUTHS)
+    EstimateRecord, ESTIMATES, EstimatorParams, FrictionStage, INPUTS, SlipStage, TRUTHS)
 from smart_tire.analysis.prefetch import prefetch
 from smart_tire.analysis.series import Series
 from smart_tire.analysis.smoothing import SmoothedSlip
@@ -44,7 +43,8 @@ from smart_tire.errors import BagError
 from smart_tire.estimation import streams
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.messages import find_topic, topic_of
-from smart_tire.samples import NS_PER_S, Odometry, Sample, WheelSample
+from smart_tire.samples import (
+    Friction, GroundState, NS_PER_S, Odometry, Sample, WheelSample)
 
 BATCH_SIZE = 500  # messages that are sent together from one process to the other
 COMPARED_VALUES = dict(zip(TRUTHS, ('poses', 'slips', 'friction values')))
@@ -81,11 +81,10 @@ class BagContents:
 
 @dataclass
 class StageBatch:
-    """Output of the slip stage for some messages: input of the friction stage."""
+    """Output of the friction stage for some messages: input of the slip stage."""
 
     share: float            # completed share of the analysis
     forwarded: list[Received]
-    smoothed: bool = False  # estimates of the smoother
 
 
 @dataclass
@@ -99,28 +98,16 @@ class Analysis:
 
 
 class EstimateWriter:
-    """Runs the friction stage and writes all estimates to a series and, with a folder, a bag."""
+    """Writes estimates to a series and, with a folder, to a bag."""
 
-    def __init__(self, folder: Path | None, stage: FrictionStage | EstimatedFriction,
-                 bags: ExitStack, params: EstimatorParams) -> None:
+    def __init__(self, folder: Path | None, bags: ExitStack, params: EstimatorParams) -> None:
         self.estimates = Series()
-        self.stage = stage
         self.empty = True  # until the first estimate
         self._folder, self._bags, self._params = folder, bags, params
         self._writer: BagWriter | None = None
-        self._newest_ns = 0  # receive time of the latest input
 
-    def process(self, forwarded: Iterable[Received]) -> None:
-        """Process output of the slip stage; the first estimate creates the bag."""
-        for receive_ns, sample in forwarded:
-            self._newest_ns = receive_ns
-            self._write(self.stage.update(sample))
-
-    def finish(self) -> None:
-        """Write the last estimates, after all output of the slip stage."""
-        self._write(self.stage.finish())
-
-    def _write(self, estimates: Iterable[EstimateRecord]) -> None:
+    def write(self, receive_ns: int, estimates: Iterable[EstimateRecord]) -> None:
+        """Write estimates; the first one creates the bag."""
         for estimate in estimates:
             self.empty = False
             self.estimates.add(estimate)
@@ -130,7 +117,7 @@ class EstimateWriter:
                 _remove_old_bag(self._folder)
                 self._writer = self._bags.enter_context(BagWriter(
                     self._folder, custom_data={PARAMETERS_KEY: self._params.text}))
-            self._writer.write_sample(topic_of(estimate), self._newest_ns, estimate)
+            self._writer.write_sample(topic_of(estimate), receive_ns, estimate)
 
 
 def analyze(path: Path, out: Path | None, params: EstimatorParams,
@@ -145,45 +132,70 @@ def analyze(path: Path, out: Path | None, params: EstimatorParams,
     if nothing can be estimated; existing estimates are replaced. Raises BagError if the bag
     cannot be read or ``out`` cannot be written.
     """
-    stages = {'estimates': friction_stage(params)}
-    if smooth:
-        stages['smoothed'] = FrictionStage(params.friction)
-    folders = [None if out is None else out / name for name in stages]
+    names_out = ('estimates', 'smoothed') if smooth else ('estimates',)
+    folders = [None if out is None else out / name for name in names_out]
     bag_folder = path.resolve() if path.is_dir() else path.resolve().parent
     for folder in (out, *folders):
         if folder is not None and folder.resolve() == bag_folder:
             raise BagError(f'{folder} is the folder of the input bag: choose another')
     analysis = Analysis()
     with ExitStack() as stack:
-        writers = [EstimateWriter(folder, stage, stack, params)
-                   for folder, stage in zip(folders, stages.values())]
-        read = partial(_read, path, params, smooth, names)
+        writers = [EstimateWriter(folder, stack, params) for folder in folders]
+        slip = (SmoothedSlip if smooth else SlipEstimator)(params.slip)
+        stage, smoothed = SlipStage(slip), _Smoothed()
+        read = partial(_read, path, params, names)
         for item in stack.enter_context(closing(prefetch(read))):
             if isinstance(item, BagContents):
                 analysis.contents = item
                 continue
-            progress(item.share)
-            writers[item.smoothed].process(item.forwarded)
-        for writer in writers:
-            writer.finish()
+            progress(item.share / (1 + smooth))
+            for receive_ns, sample in item.forwarded:
+                estimates = stage.update(sample)
+                writers[0].write(receive_ns, estimates)
+                if smooth:
+                    smoothed.add(receive_ns, estimates)
+        if isinstance(slip, SmoothedSlip):
+            with closing(slip):
+                for receive_ns, records in smoothed.merged(slip):
+                    writers[1].write(receive_ns, records)
     analysis.estimates = writers[0].estimates
     analysis.smoothed = writers[1].estimates if smooth else None
     if not writers[0].empty:
-        analysis.summary = _summary(path, analysis, writers[0].stage.late, source)
+        analysis.summary = _summary(path, analysis, stage.late, source)
         if out is not None:
             _write(out / 'summary.json', analysis.summary)
     return analysis
 
 
-def _read(path: Path, params: EstimatorParams, smooth: bool,
-          names: TopicNames) -> Iterator[StageBatch | BagContents]:
-    """Yield the output of the slip stage in batches, and finally the contents of the bag."""
-    contents, received = BagContents(), array('q')
-    slip = SmoothedSlip(params.slip) if smooth else SlipEstimator(params.slip)
-    stage = SlipStage(params, slip)
+class _Smoothed:
+    """Merges smoothed motion with the estimates of the ground, which are not smoothed."""
+
+    def __init__(self) -> None:
+        self._received = array('q')  # receive time of each odometry
+        self._others: list[tuple[int, EstimateRecord]] = []
+
+    def add(self, receive_ns: int, estimates: Iterable[EstimateRecord]) -> None:
+        """Add estimates of the filter."""
+        for estimate in estimates:
+            if isinstance(estimate, Odometry):
+                self._received.append(receive_ns)
+            elif isinstance(estimate, (Friction, GroundState)):
+                self._others.append((receive_ns, estimate))
+
+    def merged(self, slip: SmoothedSlip) -> Iterator[tuple[int, list[EstimateRecord]]]:
+        """Yield all estimates in the order of the receive times of their last inputs."""
+        yield from heapq.merge(
+            zip(self._received, slip.smoothed()),
+            ((receive_ns, [estimate]) for receive_ns, estimate in self._others),
+            key=itemgetter(0))
+
+
+def _read(path: Path, params: EstimatorParams, names: TopicNames
+          ) -> Iterator[StageBatch | BagContents]:
+    """Yield the output of the friction stage in batches, and finally the contents of the bag."""
+    contents, stage = BagContents(), FrictionStage(params.friction)
     with Bag(path, names, params.robot.joints) as bag:
         start, end = bag.span_ns
-        work = (1 + smooth) * max(1, end - start)
         forwarded: list[Received] = []
         receive_ns = end
         for count, (receive_ns, topic, sample) in enumerate(
@@ -194,41 +206,18 @@ def _read(path: Path, params: EstimatorParams, smooth: bool,
                 contents.paths.add(receive_ns, sample)
             else:
                 contents.add_input(topic, sample)
-                outputs = stage.update(sample)
-                forwarded += [(receive_ns, item) for item in outputs]
-                received.extend(receive_ns for item in outputs if isinstance(item, Odometry))
+                forwarded += [(receive_ns, item) for item in stage.update(sample)]
             if count % BATCH_SIZE == 0:
-                yield StageBatch((receive_ns - start) / work, forwarded)
+                yield StageBatch((receive_ns - start) / max(1, end - start), forwarded)
                 forwarded = []
         forwarded += [(receive_ns, item) for item in stage.finish()]
-        yield StageBatch(1.0 / (1 + smooth), forwarded)
+        yield StageBatch(1.0, forwarded)
         contents.late, contents.rejected = stage.late, bag.rejected
         contents.start_ns, contents.duration_s = start, (end - start) / NS_PER_S
         contents.notes = bag.notes
         contents.skipped = _skipped(bag, contents, params.friction.robot.film.wheels)
         contents.topics, contents.warnings = bag.topics, bag.warnings
-    if isinstance(slip, SmoothedSlip):
-        yield from _read_smoothed(Bag(path, names, params.robot.joints), slip, received)
     yield contents
-
-
-def _read_smoothed(opened: Bag, slip: SmoothedSlip,
-                   received: Sequence[int]) -> Iterator[StageBatch]:
-    """Yield the input of the friction stage with smoothed instead of filtered slip."""
-    with opened as bag, closing(slip):
-        start, end = bag.span_ns
-        smoothed = ((receive_ns, estimate) for receive_ns, estimates
-                    in zip(received, slip.smoothed()) for estimate in estimates)
-        inputs = ((receive_ns, sample) for receive_ns, _, sample
-                  in bag.samples(streams.sensor_inputs(streams.FRICTION)))
-        forwarded: list[Received] = []
-        for item in heapq.merge(smoothed, inputs, key=itemgetter(0)):
-            forwarded.append(item)
-            if len(forwarded) == BATCH_SIZE:
-                share = 0.5 + 0.5 * (item[0] - start) / max(1, end - start)
-                yield StageBatch(share, forwarded, True)
-                forwarded = []
-        yield StageBatch(1.0, forwarded, True)
 
 
 def _remove_old_bag(folder: Path) -> None:

@@ -91,62 +91,23 @@ class EstimatorParams:
         return self.slip.robot
 
 
-class SlipStage:
-    """
-    The slip estimator: inputs in; its estimates and the inputs of the friction estimator out.
-
-    With ``slip.film_aided`` it contains a friction estimator, whose results it also forwards.
-    """
-
-    def __init__(self, params: EstimatorParams, slip: SlipEstimator | SmoothedSlip) -> None:
-        self._slip = slip
-        self._friction = (FrictionEstimator(params.friction)
-                          if params.slip.robot.slip.film_aided else None)
-
-    def update(self, sample: Sample) -> list[Sample]:
-        """Process an input, in order of reception."""
-        forwarded: list[Sample] = []
-        if isinstance(sample, (ImuSample, WheelSample, GroundState)):
-            forwarded += self._slip.update(sample)
-        if type(sample) in streams.FRICTION.inputs:
-            forwarded.append(sample)
-        if self._friction is None:
-            return forwarded
-        return [output for item in forwarded for output in self._aid(self._friction, item)]
-
-    def finish(self) -> list[Sample]:
-        """Return the last output, at the end of all inputs."""
-        return [] if self._friction is None else [*self._friction.finish()]
-
-    def _aid(self, friction: FrictionEstimator, item: Sample) -> list[Sample]:
-        """Return ``item`` and the friction estimates from it."""
-        estimates = friction.update(item) if type(item) in streams.FRICTION.inputs else []
-        return [item, *estimates]
-
-    @property
-    def late(self) -> Counter[str]:
-        """Return topic -> number of late samples."""
-        late = self._slip.late
-        return late if self._friction is None else late | self._friction.late
-
-
 class FrictionStage:
-    """The friction estimator after the slip stage: output of that in, estimates out."""
+    """The friction estimator: inputs in; its estimates and the inputs of the slip stage out."""
 
     def __init__(self, params: FrictionEstimatorParams) -> None:
         self._friction = FrictionEstimator(params)
 
-    def update(self, sample: Sample) -> list[EstimateRecord]:
-        """Process output of the slip stage, in order."""
-        estimates: list[EstimateRecord] = []
-        if isinstance(sample, (Odometry, WheelSlip, Icr, GroundState)):
-            estimates.append(sample)
+    def update(self, sample: Sample) -> list[Sample]:
+        """Process an input, in order of reception."""
+        found: list[Sample] = []
         if type(sample) in streams.FRICTION.inputs:
-            estimates += self._friction.update(sample)
-        return estimates
+            found += self._friction.update(sample)
+        if type(sample) in streams.SLIP.inputs:
+            found.append(sample)
+        return found
 
-    def finish(self) -> list[EstimateRecord]:
-        """Return the last estimates, after all output of the slip stage."""
+    def finish(self) -> list[Sample]:
+        """Return the last estimates, at the end of all inputs."""
         return [*self._friction.finish()]
 
     @property
@@ -155,44 +116,41 @@ class FrictionStage:
         return self._friction.late
 
 
-class EstimatedFriction:
-    """Replacement of the friction stage after a slip stage that estimates friction, too."""
+class SlipStage:
+    """The slip estimator after the friction stage: output of that in, all estimates out."""
+
+    def __init__(self, slip: SlipEstimator | SmoothedSlip) -> None:
+        self._slip = slip
 
     def update(self, sample: Sample) -> list[EstimateRecord]:
-        """Return the estimates in the output of the slip stage."""
-        return [sample] if isinstance(
-            sample, (Odometry, WheelSlip, Icr, GroundState, Friction)) else []
-
-    def finish(self) -> list[EstimateRecord]:
-        """Return no estimates; the slip stage forwards them all."""
-        return []
+        """Process output of the friction stage, in order."""
+        found: list[EstimateRecord] = []
+        if isinstance(sample, (Friction, GroundState)):
+            found.append(sample)
+        if isinstance(sample, (ImuSample, WheelSample, GroundState)):
+            found += self._slip.update(sample)
+        return found
 
     @property
     def late(self) -> Counter[str]:
-        """Return no late samples; those are counted by the slip stage."""
-        return Counter()
-
-
-def friction_stage(params: EstimatorParams) -> FrictionStage | EstimatedFriction:
-    """Return the stage after a ``SlipStage`` with the same parameters."""
-    if params.slip.robot.slip.film_aided:
-        return EstimatedFriction()
-    return FrictionStage(params.friction)
+        """Return topic -> number of late samples."""
+        return self._slip.late
 
 
 class Pipeline:
     """Both stages: inputs in, estimates out."""
 
     def __init__(self, params: EstimatorParams) -> None:
-        self._slip = SlipStage(params, SlipEstimator(params.slip))
-        self._friction = friction_stage(params)
+        self._friction = FrictionStage(params.friction)
+        self._slip = SlipStage(SlipEstimator(params.slip))
 
     def update(self, sample: Sample) -> list[EstimateRecord]:
         """Process an input, in order of reception; return the estimates that it completes."""
-        return [estimate for forwarded in self._slip.update(sample)
-                for estimate in self._friction.update(forwarded)]
+        return self._estimates(self._friction.update(sample))
 
     def finish(self) -> list[EstimateRecord]:
         """Return the last estimates, at the end of all inputs."""
-        return [*(estimate for forwarded in self._slip.finish()
-                  for estimate in self._friction.update(forwarded)), *self._friction.finish()]
+        return self._estimates(self._friction.finish())
+
+    def _estimates(self, forwarded: list[Sample]) -> list[EstimateRecord]:
+        return [estimate for item in forwarded for estimate in self._slip.update(item)]

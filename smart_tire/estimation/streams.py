@@ -21,7 +21,7 @@ Nodes, offline analysis, calibration and tests all use this table.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from smart_tire.samples import (
@@ -37,16 +37,15 @@ class Streams:
 
     inputs: Topics
     outputs: Topics
-    aiding: Topics = field(default_factory=dict)  # inputs with ``slip.film_aided`` only
 
 
+FRICTION = Streams(
+    inputs={ImuSample: 'imu/data', WheelSample: 'wheel_states', TireSample: 'tire_samples',
+            Odometry: 'odom'},  # odometry in place of the IMU
+    outputs={Friction: 'tire_friction', GroundState: 'ground_state'})
 SLIP = Streams(
     inputs={ImuSample: 'imu/data', WheelSample: 'wheel_states', GroundState: 'ground_state'},
     outputs={Odometry: 'odom', WheelSlip: 'wheel_slip', Icr: 'icr'})
-FRICTION = Streams(
-    inputs={WheelSample: 'wheel_states', TireSample: 'tire_samples', Odometry: 'odom',
-            WheelSlip: 'wheel_slip', GroundState: 'ground_state'},
-    outputs={Friction: 'tire_friction', GroundState: 'ground_state'})
 
 # samples of these topics hold until the next one: topic -> period [ns]
 HOLDING = {'ground_state': GROUND_STATE_PERIOD_NS}

@@ -12,14 +12,14 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Node ``friction_estimator``: friction under each instrumented wheel from ``tire_samples``."""
+"""Node ``friction_estimator``: friction under each instrumented wheel, state of the ground."""
 
 from __future__ import annotations
 
 import sys
 
 from smart_tire.estimation.friction.estimator import FrictionEstimator
-from smart_tire.estimation.streams import FRICTION, HOLDING
+from smart_tire.estimation.streams import FRICTION
 from smart_tire.nodes.base import run
 from smart_tire.nodes.estimator import EstimatorNode
 from smart_tire.parameters import FrictionEstimatorParams
@@ -28,14 +28,16 @@ from smart_tire.samples import TireSample
 
 class FrictionEstimatorNode(EstimatorNode[FrictionEstimatorParams]):
     """
-    Estimates the friction coefficient of each patch crossing.
+    Estimates the friction coefficient of each patch crossing, and the state of the ground.
 
-    Subscribes to ``tire_samples``, ``wheel_states``, ``wheel_slip``, ``odom`` and
-    ``ground_state``; publishes ``tire_friction`` and ``/diagnostics``.
+    Subscribes to ``imu/data``, ``wheel_states``, ``tire_samples`` and, where no IMU publishes,
+    ``odom``; publishes ``tire_friction``, ``ground_state`` and ``/diagnostics``.
 
     Parameters: ``reorder_window``, ``method``, ``map``, ``load_sigma``, ``reliability``, and those
     of the robot.
     """
+
+    feedback = ('odom',)  # in a replay it comes after the order of the inputs is known
 
     def __init__(self) -> None:
         super().__init__('friction_estimator', FrictionEstimatorParams, FrictionEstimator,
@@ -43,7 +45,7 @@ class FrictionEstimatorNode(EstimatorNode[FrictionEstimatorParams]):
         wheels = len(self.params.robot.film.wheels)
         for kind, name in FRICTION.inputs.items():
             self.subscribe(name, self.on_sample, wheels=wheels if kind is TireSample else 1,
-                           required=name not in HOLDING, announced=True,
+                           required=name != 'odom', announced=True,
                            reliability=self.params.reliability,
                            from_msg=self.conversion(name, self.params.robot.joints))
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Node ``slip_estimator``: odometry, slip, ICR and ground state from IMU, wheels and films."""
+"""Node ``slip_estimator``: odometry, slip and ICR from IMU, wheels and the state of the ground."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from typing import Any
 
 from geometry_msgs.msg import TransformStamped
 from smart_tire.estimation.slip.estimator import SlipEstimator
-from smart_tire.estimation.streams import SLIP
+from smart_tire.estimation.streams import HOLDING, SLIP
 from smart_tire.messages import imu_mounting_to_msg, transform_to_msg
 from smart_tire.nodes.base import run
 from smart_tire.nodes.compat import transform_class
@@ -38,31 +38,26 @@ MAX_BIAS_SHARE = 0.2  # of its prior, standard deviation of the gyro bias once i
 
 class SlipEstimatorNode(EstimatorNode[SlipEstimatorParams]):
     """
-    Estimates pose, velocity, slip of each wheel, center of rotation and state of the ground.
+    Estimates pose, velocity, slip of each wheel and center of rotation.
 
-    Subscribes to ``imu/data``, ``wheel_states`` and, with ``slip.film_aided``, ``tire_friction``;
-    publishes ``odom``, ``wheel_slip``, ``icr``, ``ground_state``, ``/diagnostics`` and, if
-    tf2_msgs is installed, ``/tf`` and, with ``publish_imu_tf``, ``/tf_static``. Service:
-    ``reset_odometry``.
+    Subscribes to ``imu/data``, ``wheel_states`` and ``ground_state``; publishes ``odom``,
+    ``wheel_slip``, ``icr``, ``/diagnostics`` and, if tf2_msgs is installed, ``/tf`` and, with
+    ``publish_imu_tf``, ``/tf_static``. Service: ``reset_odometry``.
 
     Parameters: ``reorder_window``, ``constraint``, ``differential_slip_sigma``,
-    ``common_slip_sigma``, ``free_rolling_slip_sigma``, ``slip_random_walk``,
-    ``slip_change_gain``, ``icr_x``, ``icr_x_sigma``, ``icr_x_random_walk``, ``lateral_sigma``,
-    ``slope_sigma``, ``publish_imu_tf``, ``reliability``, and those of the robot.
+    ``common_slip_sigma``, ``free_rolling_slip_sigma``, ``icr_x``, ``icr_x_sigma``,
+    ``lateral_sigma``, ``slope_sigma``, ``ground_delay``, ``publish_imu_tf``, ``reliability``, and
+    those of the robot.
     """
 
     estimator: SlipEstimator
-    feedback = tuple(SLIP.aiding.values())
 
     def __init__(self) -> None:
         super().__init__('slip_estimator', SlipEstimatorParams, SlipEstimator,
                          tuple(SLIP.outputs.values()))
         for name in SLIP.inputs.values():
             self.subscribe(name, self.on_sample, reliability=self.params.reliability,
-                           required=True, from_msg=self.conversion(name, self.params.robot.joints))
-        if self.params.robot.slip.film_aided:
-            for name in SLIP.aiding.values():
-                self.subscribe(name, self.on_sample, wheels=len(self.params.robot.film.wheels))
+                           required=name not in HOLDING, from_msg=self.conversion(name, self.params.robot.joints))
         self.create_service(Trigger, 'reset_odometry', self._on_reset_odometry)
         self._tf_class = transform_class()
         if self._tf_class is not None:

@@ -245,8 +245,6 @@ class SlipParams:
 
     standstill_speed: float = param(
         0.05, 'm/s', 'slip is NaN while both wheel and robot are slower', low=1e-4, high=1.0)
-    film_aided: bool = param(
-        True, '-', 'use tire_friction in slip_estimator, where it is published')
 
 
 @dataclass(frozen=True, kw_only=True)

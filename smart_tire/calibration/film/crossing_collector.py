@@ -25,14 +25,16 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 import math
 
+from smart_tire.calibration.film.slip_history import SlipHistory
 from smart_tire.estimation.contact.feed import Block, ContactFeed
 from smart_tire.estimation.contact.records import CrossingSamples, PatchCrossing
-from smart_tire.estimation.friction.motion_history import MotionHistory
-from smart_tire.estimation.friction.slip_variation import estimated_variation
+from smart_tire.estimation.friction.slip_variation import slip_variation, UNKNOWN_CHANGE_SIGMA
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import TireSample, WHEELS, WheelSample, WheelSlip
 from smart_tire.uncertain import Uncertain
 
+MIN_CHANGE_SIGMA = 0.0005  # -, of the slip change over a contact length in steady motion
+CHANGE_ERROR_SHARE = 0.5   # of an estimated change, its standard deviation
 SLIP_MARGIN_NS = 500_000_000  # of slips after a crossing that are used for mean and slope
 
 
@@ -100,21 +102,26 @@ class CrossingCollector:
     def with_slip(self, slips: Iterable[WheelSlip]) -> Iterator[CrossingWithSlip]:
         """Yield the crossings covered by ``slips``, which must be in the order of time."""
         pending = sorted(self._found, key=lambda found: found.crossing.end_ns, reverse=True)
-        motion = MotionHistory(self.robot, 0.0)
+        history = SlipHistory()
         for slip in slips:
-            motion.add_slip(slip)
+            history.add(slip)
             while pending and pending[-1].crossing.end_ns + SLIP_MARGIN_NS < slip.stamp_ns:
-                yield from self._with_slip(pending.pop(), motion)
+                yield from self._with_slip(pending.pop(), history)
         while pending:
-            yield from self._with_slip(pending.pop(), motion)
+            yield from self._with_slip(pending.pop(), history)
 
     def _with_slip(self, found: _FoundCrossing,
-                   motion: MotionHistory) -> Iterator[CrossingWithSlip]:
+                   history: SlipHistory) -> Iterator[CrossingWithSlip]:
         crossing = found.crossing
-        mean = motion.mean(found.wheel, crossing.begin_ns, crossing.end_ns)
+        mean = history.mean(found.wheel, crossing.begin_ns, crossing.end_ns)
         if crossing.samples is None or not math.isfinite(mean.slip.value):
             return
-        variation = estimated_variation(crossing, mean, self.robot.tire.contact_length)
+        length = self.robot.tire.contact_length
+        change = mean.rate * length / crossing.speed
+        spread = slip_variation(crossing, length)
+        sigma = math.hypot(MIN_CHANGE_SIGMA, CHANGE_ERROR_SHARE * change,
+                           max(spread.change.sigma - UNKNOWN_CHANGE_SIGMA, 0.0))
         yield CrossingWithSlip(
             found.wheel, crossing.stamp_ns, crossing.direction, crossing.speed, crossing.samples,
-            mean.slip, variation.residual, variation.change, found.origin)
+            mean.slip, math.hypot(mean.residual, spread.residual), Uncertain(change, sigma),
+            found.origin)

@@ -78,7 +78,7 @@ class FrictionEstimator:
 
     def _start(self) -> None:
         robot = self._params.robot
-        self._ground = GroundEstimator(robot)
+        self._ground = GroundEstimator(robot, self._params.load_sigma)
         self._pending: list[_Pending] = []
         self._changes = {wheel: 0 for wheel in robot.film.wheels}  # of ground, by crossings
         self._outputs = {wheel: OutputBuilder(wheel, self._params) for wheel in robot.film.wheels}
@@ -143,8 +143,8 @@ class FrictionEstimator:
         """Return the estimates of a window up to ``now_ns``, if one is due."""
         solution = self._ground.advance(now_ns, last)
         if solution is None:
-            waiting = now_ns - (0 if last else MAX_WAIT_NS)
-            return self._released(waiting, None)
+            wait_ns = MAX_WAIT_NS if self._ground.waits and not last else 0
+            return self._released(now_ns - wait_ns, None)
         found = self._released(self._ground.end_ns, solution)
         if last:
             found += self._released(now_ns, solution)

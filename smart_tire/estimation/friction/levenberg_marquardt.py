@@ -33,7 +33,6 @@ from smart_tire.estimation.contact.records import FilmSamples
 from smart_tire.estimation.friction.waveform_model import (
     film_index, PerFilm, Shared, WaveformModel)
 from smart_tire.numerics.robust import huber_weights, MAD_TO_SIGMA
-from smart_tire.uncertain import Uncertain
 
 Indices = NDArray[np.intp]
 

@@ -42,7 +42,6 @@ MIN_DURATION = 1.5    # s, of the first window
 MAX_GAP = 0.6         # s, of a stream: the window begins anew after a longer one
 MARGIN = 1.0          # s before the window, of samples that are kept: smoothing, heading
 CURVE_ERROR = 0.03    # of mu: it varies with the slip where the tire is not a brush
-LOAD_ERROR = 0.02     # of a load: mass, uneven suspension
 MAX_LN_SIGMA = 0.35   # of ln mu; above, mu is unknown
 
 
@@ -60,10 +59,14 @@ class WheelState:
 
 
 class GroundEstimator:
-    """Collects samples, solves a window at each hop and interprets its solution."""
+    """
+    Collects samples, solves a window at each hop and interprets its solution.
 
-    def __init__(self, robot: RobotParams) -> None:
-        self._robot = robot
+    ``load_sigma`` is the relative standard deviation of a wheel's load: mass, suspension.
+    """
+
+    def __init__(self, robot: RobotParams, load_sigma: float) -> None:
+        self._robot, self._load_sigma = robot, load_sigma
         self._rotation = matrix(*robot.imu.rotation)
         self._window = GroundWindow(robot)
         self._origin_ns: int | None = None
@@ -77,6 +80,11 @@ class GroundEstimator:
         self._next_hop_ns: int | None = None
         self.solution: Solution | None = None
         self.films_used = 0
+
+    @property
+    def waits(self) -> bool:
+        """Return whether a window can be expected: its motion is measured."""
+        return bool(self._imu)
 
     @property
     def status(self) -> dict[str, str | int | float]:
@@ -204,7 +212,7 @@ class GroundEstimator:
         row[1, [friction, Unknown.SIDE_FRICTION]] = 1.0, SIDE_SIGNS[index]
         row[2] = row[1] - row[0]
         logs, errors = row @ x, np.sqrt(np.einsum('ij,jk,ik->i', row, covariance, row))
-        load_sigma = math.hypot(float(spread[2]), LOAD_ERROR * load)
+        load_sigma = math.hypot(float(spread[2]), self._load_sigma * load)
         mu_sigma = math.hypot(float(errors[1]), CURVE_ERROR)
         mu, c_x = math.exp(logs[1]), math.exp(logs[0])
         critical = 3.0 * load * math.exp(logs[2])
