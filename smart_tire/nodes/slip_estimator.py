@@ -57,7 +57,8 @@ class SlipEstimatorNode(EstimatorNode[SlipEstimatorParams]):
                          tuple(SLIP.outputs.values()))
         for name in SLIP.inputs.values():
             self.subscribe(name, self.on_sample, reliability=self.params.reliability,
-                           required=name not in HOLDING, from_msg=self.conversion(name, self.params.robot.joints))
+                           required=name not in HOLDING,
+                           from_msg=self.conversion(name, self.params.robot.joints))
         self.create_service(Trigger, 'reset_odometry', self._on_reset_odometry)
         self._tf_class = transform_class()
         if self._tf_class is not None:

@@ -80,7 +80,7 @@ class FrictionEstimator:
         robot = self._params.robot
         self._ground = GroundEstimator(robot, self._params.load_sigma)
         self._pending: list[_Pending] = []
-        self._changes = {wheel: 0 for wheel in robot.film.wheels}  # of ground, by crossings
+        self._changes = dict.fromkeys(robot.film.wheels, 0)  # of the ground, at the last crossing
         self._outputs = {wheel: OutputBuilder(wheel, self._params) for wheel in robot.film.wheels}
 
     @property

@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The ground under the robot: C_x, friction and rolling resistance, from a window of its motion."""
+"""The ground: C_x, friction and rolling resistance, from a window of the robot's motion."""

@@ -27,7 +27,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from smart_tire.arrays import Array
+from smart_tire.arrays import Array, Instants
 from smart_tire.estimation.ground import body_model as model, body_model_numpy
 from smart_tire.estimation.ground.unknowns import (
     DYNAMIC, GAINS, GROUND, MOTORS, OFFSETS, OLD_GROUND, SIZE, START, Unknown)
@@ -54,7 +54,7 @@ TRANSIENT_SHARE = 0.3    # of the change of acceleration within a wheel period: 
 FILM_SLIP_ERROR = 0.02, 0.002        # relative and absolute error of a film's slip
 FILM_RATIO_ERROR, LEAST_RATIO = 0.04, 0.1  # relative error of a normalized slip, taken on at least
 MAX_RATIO = 1.5          # normalized slip: beyond, a waveform does not change
-PASSAGE_TIME = 0.05      # s, on either side of a passage, over which its motion is averaged
+PASSAGE_STEPS = np.arange(-3, 3)  # around a passage, over which its motion is averaged: 0.1 s
 MIN_LOAD = 0.1           # N, of a lifted wheel
 SLIDING_WEIGHT = 10.0    # of a passage in full sliding: sigma over its slip along slip / t
 
@@ -99,9 +99,9 @@ class Measurements:
         self._robot, motor = robot, robot.motor
         blocks = int((end - begin) / BLOCK_TIME + 1e-6)
         self.begin = begin = end - blocks * BLOCK_TIME
-        self.times = begin + STEP * np.arange(1, blocks * BLOCK + 1)
-        self.edges = begin + BLOCK_TIME * np.arange(blocks + 1)
-        self.centers = self.edges[1:] - 0.5 * BLOCK_TIME
+        self.times: Array = begin + STEP * np.arange(1.0, blocks * BLOCK + 1.0)
+        self.edges: Array = begin + BLOCK_TIME * np.arange(blocks + 1.0)
+        self.centers: Array = self.edges[1:] - 0.5 * BLOCK_TIME
         self.used = self.edges[:-1] > first - 0.5 * BLOCK_TIME
         near = data.wheels[(data.wheels[:, 0] > begin - 0.3) & (data.wheels[:, 0] <= end)]
         motion = smoothed(near[:, 0], near[:, 1:5], robot.encoder.stamp_jitter,
@@ -172,8 +172,7 @@ class Measurements:
         states = np.empty((len(x), len(self.times), model.OUTPUTS))
         simulate = model.simulate if model.COMPILED else body_model_numpy.simulate
         simulate(self.rolling, offsets, directions, runs, self.robot_constants, states)
-        passages = [self.at(one, x, change, states) for one in self.passages]
-        return Motion(states, np.stack(passages, axis=1) if passages else np.empty((len(x), 0, 4)))
+        return Motion(states, self.at(self.passages, x, change, states))
 
     def predict(self, x: Array, motion: Motion) -> Array:
         """Return the block means (runs, STREAMS, blocks) for ``x`` (runs, SIZE)."""
@@ -280,35 +279,48 @@ class Measurements:
             + SIDE_SIGNS[:, np.newaxis] * roll[:, np.newaxis])
         return np.maximum(loads, 0.0)
 
-    def at(self, passage: Passage, x: Array, change: Array, states: Array) -> Array:
+    def at(self, passages: list[Passage], x: Array, change: Array, states: Array) -> Array:
         """
-        Return slip, normalized slip, load [N] and traction force [N] (runs, 4) at a passage.
+        Return slip, normalized slip, load [N] and traction force [N] (runs, passages, 4).
 
         ``x`` (runs, SIZE), ``change`` (runs,) [s] and ``states`` as in ``simulate``.
         """
-        low, high = np.searchsorted(
-            self.times, [passage.time - PASSAGE_TIME, passage.time + PASSAGE_TIME])
-        low = min(int(low), len(self.times) - 1)
-        near, wheel = slice(low, max(int(high), low + 1)), passage.wheel
-        side = SIDE_SIGNS[wheel]
-        arm_x, arm_y = (arm - x[:, com, np.newaxis] for com, arm in (
-            (Unknown.COM_X, 0.5 * self._robot.wheelbase * AXLE_SIGNS[wheel]),
-            (Unknown.COM_Y, 0.5 * self._robot.track_width * side)))
+        if not passages:
+            return np.empty((len(x), 0, 4))
+        times, wheel = np.array([(one.time, one.wheel) for one in passages]).T
+        wheel = wheel.astype(int)
+        near = np.clip(np.searchsorted(self.times, times)[:, np.newaxis] + PASSAGE_STEPS,
+                       0, len(self.times) - 1)  # (passages, k)
+        side, axle = SIDE_SIGNS[wheel, np.newaxis], AXLE_SIGNS[wheel, np.newaxis]
+
+        def each(row: int) -> Array:
+            column: Array = x[:, row, np.newaxis, np.newaxis]
+            return column
+
+        arm_x = 0.5 * self._robot.wheelbase * axle - each(Unknown.COM_X)
+        arm_y = 0.5 * self._robot.track_width * side - each(Unknown.COM_Y)
         u, v, w, a_x, a_y = (states[:, near, column] for column in range(model.W_DOT))
-        rolling = (np.exp(x[:, Unknown.RADIUS, np.newaxis]) * self.rolling[near, wheel]
-                   + x[:, Unknown.DELAY, np.newaxis] * self._delayed[near, wheel % 2])
+        rolling = (np.exp(each(Unknown.RADIUS)) * self.rolling[near, wheel[:, np.newaxis]]
+                   + each(Unknown.DELAY) * self._delayed[near, wheel[:, np.newaxis] % 2])
         rolling = np.where(np.abs(rolling) < SLIP_FLOOR, SLIP_FLOOR, rolling)
         slip = (rolling - u + arm_y * w) / rolling
-        lateral = np.exp(x[:, Unknown.LATERAL_RATIO, np.newaxis]) * (v + arm_x * w) / rolling
-        load = np.maximum(self._loads(x, a_x, a_y)[:, wheel], MIN_LOAD)
-        ground = np.where((passage.time < change)[:, np.newaxis], x[:, OLD_GROUND], x[:, GROUND])
-        ln_ratio = ground[:, 1] - ground[:, 0] + side * (
-            x[:, Unknown.SIDE_FRICTION] - x[:, Unknown.SIDE_STIFFNESS])
-        ratio = np.hypot(slip, lateral) / (3.0 * load * np.exp(ln_ratio)[:, np.newaxis])
-        if not passage.sliding:
-            ratio = np.minimum(ratio, MAX_RATIO)
-        force = states[:, near, model.FORCE + wheel]
-        return np.stack([slip, ratio, load, force]).mean(axis=2).T
+        lateral = np.exp(each(Unknown.LATERAL_RATIO)) * (v + arm_x * w) / rolling
+        height = self.robot_constants[model.HEIGHT]
+        load = np.maximum(0.25 * self._robot.mass * (
+            GRAVITY
+            + (GRAVITY * each(Unknown.COM_X) - height * a_x) * axle / (0.5 * self._robot.wheelbase)
+            + (GRAVITY * each(Unknown.COM_Y) - height * a_y) * side / (
+                0.5 * self._robot.track_width)), MIN_LOAD)
+        old = times < change[:, np.newaxis]  # (runs, passages)
+        ln_ratio = np.where(old, *(x[:, ground, np.newaxis] - x[:, ground - 1, np.newaxis]
+                                   for ground in (Unknown.OLD_FRICTION, Unknown.FRICTION)))
+        ln_ratio += side[:, 0] * (x[:, Unknown.SIDE_FRICTION] - x[:, Unknown.SIDE_STIFFNESS]
+                                  )[:, np.newaxis]
+        ratio = np.hypot(slip, lateral) / (3.0 * load * np.exp(ln_ratio)[:, :, np.newaxis])
+        limit = np.where([one.sliding for one in passages], np.inf, MAX_RATIO)
+        force = states[:, near, model.FORCE + wheel[:, np.newaxis]]
+        return np.stack([slip, np.minimum(ratio, limit[:, np.newaxis]), load, force],
+                        axis=-1).mean(axis=2)
 
 
 def _means(values: Array) -> Array:
@@ -319,7 +331,7 @@ def _means(values: Array) -> Array:
     return found
 
 
-def _block_means(samples: Array, edges: Array) -> tuple[Array, Array]:
+def _block_means(samples: Array, edges: Array) -> tuple[Array, Instants]:
     """Return means (blocks, columns - 1) of samples with time in column 0, and their counts."""
     block = np.searchsorted(edges, samples[:, 0]) - 1
     inside = (block >= 0) & (samples[:, 0] <= edges[-1])

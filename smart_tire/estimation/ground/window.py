@@ -33,6 +33,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from smart_tire.arrays import Array
 from smart_tire.estimation.ground import body_model as model
@@ -47,7 +48,7 @@ ITERATIONS = 3     # Gauss-Newton steps at most
 CONVERGED = 0.1    # of a standard deviation: no further step
 FREEDOM = 5.0      # degrees of freedom of the Student distribution
 MAX_STEP = 0.7     # change of the ground in one step; beyond, the model is not linear
-CANDIDATES = 0.5, 1.0, 1.5, 2.0  # s before the end: times of a change of ground
+CANDIDATES = 0.5, 1.0, 1.5  # s before the end: times of a change of ground
 CHANGE_EVIDENCE = 30.0  # twice the log likelihood ratio of a change of ground
 DECISION_TIME = 1.75    # s after a change: one of two hypotheses is dropped
 SIDES_DIFFER = 4.0      # squared normalized difference of the sides, beyond which its prior grows
@@ -100,10 +101,9 @@ class Solution(NamedTuple):
         """Return slip, normalized slip, load and force (4,) at a passage, and derivatives."""
         fit, change = self.fit, self.hypothesis.change
         runs = np.vstack([fit.x, fit.varied_x])
-        values = np.concatenate([
-            self.measurements.at(passage, runs[:1], np.array([change]), fit.motion.states),
-            self.measurements.at(passage, runs[1:], np.full(len(runs) - 1, change),
-                                 fit.varied.states)])
+        values = self.measurements.at(
+            [passage], runs, np.full(len(runs), change),
+            np.concatenate([fit.motion.states, fit.varied.states]))[:, 0]
         return values[0], ((values[2:] - values[1]) / self.steps[:, np.newaxis]).T
 
 
@@ -131,7 +131,8 @@ class Whitening:
             np.linalg.solve(self._block_factor, blocks).reshape(-1, columns),
             np.linalg.solve(self._film_factor, passages)])
 
-    def information(self, blocks: Array, passages: Array, leaving: Array, films: Array) -> Array:
+    def information(self, blocks: Array, passages: Array, leaving: NDArray[np.bool_],
+                    films: NDArray[np.bool_]) -> Array:
         """Return the products (k, k) of the columns of the rows that leave the window."""
         own = self.blocks[:, leaving][:, :, leaving]
         rows = blocks[:, leaving]
@@ -296,7 +297,7 @@ class GroundWindow:
         prior = hypothesis.prior
         information = np.linalg.inv(prior.covariance)
         matrix, vector = fit.leaving
-        covariance = np.linalg.inv(information + matrix)
+        covariance: Array = np.linalg.inv(information + matrix)
         moved = Prior(covariance @ (information @ prior.mean + vector), covariance).after(
             hop, measurements.travel * hop / (measurements.times[-1] - measurements.begin),
             self._rows)
