@@ -181,7 +181,7 @@ class GroundEstimator:
 
         friction = scaled(Unknown.FRICTION)
         share = 1.0 / (1.0 + math.exp(-x[Unknown.LATERAL_SHARE]))
-        known = sigma[Unknown.FRICTION] < MAX_LN_SIGMA
+        known = self.films_used > 0 and sigma[Unknown.FRICTION] < MAX_LN_SIGMA
         both = float(covariance[Unknown.STIFFNESS, Unknown.FRICTION])
         return GroundState(
             self.end_ns, stiffness=scaled(Unknown.STIFFNESS),

@@ -1,0 +1,310 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Tests of the window on robots of the simulator, and of its parts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+import math
+
+import numpy as np
+import pytest
+from smart_tire.estimation.ground import body_model as model
+from smart_tire.estimation.ground.estimator import GroundEstimator, HOP_NS
+from smart_tire.estimation.ground.measurements import (
+    FORCE_X, Measurements, Passage, TORQUE, WindowData)
+from smart_tire.estimation.ground.unknowns import (
+    DYNAMIC, GROUND, initial, OLD_GROUND, priors, SIZE, Unknown)
+from smart_tire.estimation.ground.window import GroundWindow
+from smart_tire.parameters import RobotParams, SimulatorParams
+from smart_tire.parameters.robot import FilmParams
+from smart_tire.parameters.simulation import GroundParams, PatchParams
+from smart_tire.samples import ImuSample, NS_PER_S, Odometry, WheelSample
+from smart_tire.simulation.offline import simulate
+
+ROBOT = RobotParams(film=FilmParams(wheels=()))
+STIFFNESS, FRICTION, DRAG = 30.0, 0.4, 0.05
+LEGS = [(2.0, 90.0, 90.0), (4.0, 120.0, 70.0), (6.0, 70.0, 120.0), (8.0, 120.0, 60.0)]
+
+
+def ground(**change):
+    """Return one surface, with a patch of another one if given."""
+    return GroundParams(names=('one', 'other'), friction=(FRICTION, 0.2), drag=(DRAG, 0.1),
+                        stiffness=(STIFFNESS, 60.0), base='one', **{'patches': (), **change})
+
+
+def drive(duration=10.0, legs=LEGS, seed=3, surfaces=None):
+    """Return the samples of a simulated drive, without films."""
+    params = SimulatorParams(seed=seed, ground=surfaces or ground(), robot=ROBOT)
+    return [sample for _, _, sample in simulate(params, legs, duration)]
+
+
+@pytest.fixture(scope='module')
+def samples():
+    return drive()
+
+
+def run(samples, robot=ROBOT, passages=()):
+    """Return the estimator after ``samples``, and its solutions."""
+    estimator, found, waiting = GroundEstimator(robot, 0.02), [], sorted(
+        passages, key=lambda one: one[0])
+    for sample in samples:
+        if not isinstance(sample, (ImuSample, WheelSample)):
+            continue
+        estimator.add(sample)
+        while waiting and waiting[0][0] <= sample.stamp_ns:
+            estimator.add_passage(*waiting.pop(0))
+        solution = estimator.advance(sample.stamp_ns)
+        if solution is not None:
+            found.append(solution)
+    return estimator, found
+
+
+def true_passages(samples, every=0.6, sigma=(0.003, 0.006), scale=1.0, wheel=1):
+    """Return exact film results of a front wheel, from the ground truth."""
+    found, due = [], 0.0
+    truths = [s for s in samples if type(s).__name__ == 'WheelSlip']
+    motion = {s.stamp_ns: s for s in samples if isinstance(s, Odometry)}
+    covariance = np.diag(np.square(sigma))
+    for truth in truths:
+        time = truth.stamp_ns / NS_PER_S
+        odometry = motion.get(truth.stamp_ns)
+        slip = truth.ratio[wheel]
+        if odometry is None or time < due or not math.isfinite(slip) or abs(slip) > 0.9:
+            continue
+        due = time + every
+        lateral = (odometry.linear[1] + 0.13 * odometry.angular[2]) / (
+            truth.slip_velocity[wheel] / slip if slip else math.inf)
+        load = 10.9 * 9.80665 / 4.0
+        ratio = math.hypot(slip, lateral) * STIFFNESS / (3.0 * FRICTION * load)
+        found.append((truth.stamp_ns, 'front_right', slip, min(ratio * scale, 1.0), covariance,
+                      False))
+    return found
+
+
+def test_the_ground_is_found_from_torques_and_films(samples):
+    estimator, found = run(samples, passages=true_passages(samples))
+    state = estimator.state(found[-1])
+    for value, true in ((state.stiffness, STIFFNESS), (state.friction_coefficient, FRICTION),
+                        (state.rolling_resistance, DRAG)):
+        assert value.value == pytest.approx(true, rel=0.2)
+        assert abs(value.value - true) < 3.0 * value.sigma
+    assert state.stiffness.sigma < 0.1 * state.stiffness.value
+    assert state.center_of_mass_x.sigma <= 0.005
+    assert estimator.known
+
+
+def test_without_films_friction_is_unknown_while_the_stiffness_is_estimated(samples):
+    estimator, found = run(samples)
+    state = estimator.state(found[-1])
+    assert math.isnan(state.friction_coefficient.value)
+    assert math.isinf(state.friction_coefficient.sigma)
+    assert abs(math.log(state.stiffness.value / STIFFNESS)) < 3.0 * (
+        state.stiffness.sigma / state.stiffness.value)
+
+
+def test_without_films_and_torques_nothing_is_known(samples):
+    plain = [replace(s, effort=None) if isinstance(s, WheelSample) else s for s in samples]
+    estimator, found = run(plain)
+    assert found and not estimator.known
+    assert 'no films' in estimator.status['ground']
+
+
+def test_windows_end_at_multiples_of_the_hop(samples):
+    estimator, found = run(samples)
+    begin = next(s.stamp_ns for s in samples if isinstance(s, (ImuSample, WheelSample)))
+    for solution in found:
+        assert (begin + round(solution.end * NS_PER_S)) % HOP_NS == 0
+    assert 14 <= len(found) <= 17
+
+
+def test_a_change_of_ground_is_found_and_located():
+    surfaces = ground(patches=(PatchParams(name='p', surface='other', x=(2.2, 99.0),
+                                           y=(-99.0, 99.0)),))
+    samples = drive(9.0, [(1.0, 90.0, 90.0), (3.0, 110.0, 90.0), (4.5, 80.0, 110.0),
+                          (6.5, 110.0, 80.0)], surfaces=surfaces)
+    estimator, found = run(samples)
+    crossed = next(s.stamp_ns for s in samples if isinstance(s, Odometry)
+                   and s.position[0] > 2.2) / NS_PER_S
+    origin = found[0].end - 0.0
+    assert estimator.changes == 1
+    change = found[-1].hypothesis.change
+    begin = min(s.stamp_ns for s in samples) / NS_PER_S
+    assert change + begin == pytest.approx(crossed, abs=0.6)
+    assert origin > 0.0
+    assert estimator.state(found[-1]).rolling_resistance.value == pytest.approx(0.1, rel=0.4)
+
+
+def test_a_steady_ground_has_no_change(samples):
+    estimator, _ = run(samples, passages=true_passages(samples))
+    assert estimator.changes == 0
+
+
+def test_a_gap_of_the_imu_restarts_the_window_and_keeps_what_was_learned(samples):
+    begin = samples[0].stamp_ns
+    kept = [s for s in samples if not (
+        isinstance(s, ImuSample) and 5.0 < (s.stamp_ns - begin) / NS_PER_S < 6.5)]
+    estimator, found = run(kept, passages=true_passages(samples))
+    state = estimator.state(found[-1])
+    assert abs(math.log(state.stiffness.value / STIFFNESS)) < 0.25
+    assert all(np.isfinite(one.fit.x).all() for one in found)
+
+
+def test_velocities_serve_where_there_are_no_positions(samples):
+    plain = [replace(s, position=None) if isinstance(s, WheelSample) else s for s in samples]
+    estimator, found = run(plain, passages=true_passages(samples))
+    assert estimator.state(found[-1]).stiffness.value == pytest.approx(STIFFNESS, rel=0.3)
+
+
+def test_one_encoder_per_side_is_enough(samples):
+    def front(values):
+        return (*values[:2], math.nan, math.nan)
+    plain = [replace(s, position=front(s.position), velocity=front(s.velocity), effort=None)
+             if isinstance(s, WheelSample) else s for s in samples]
+    _, found = run(plain, passages=true_passages(samples))
+    assert np.isfinite(found[-1].fit.x).all()
+    assert math.exp(found[-1].fit.x[Unknown.STIFFNESS]) == pytest.approx(STIFFNESS, rel=0.4)
+
+
+def test_odometry_serves_in_place_of_the_imu_until_there_is_one(samples):
+    estimator, found = GroundEstimator(ROBOT, 0.02), []
+    passages = true_passages(samples)
+    for sample in samples:
+        if isinstance(sample, (Odometry, WheelSample)):
+            estimator.add(sample)
+            while passages and passages[0][0] <= sample.stamp_ns:
+                estimator.add_passage(*passages.pop(0))
+            solution = estimator.advance(sample.stamp_ns)
+            found += [] if solution is None else [solution]
+    assert estimator.state(found[-1]).stiffness.value == pytest.approx(STIFFNESS, rel=0.3)
+    before = len(estimator._imu)
+    estimator.add(next(s for s in samples if isinstance(s, ImuSample)))
+    estimator.add(replace(next(s for s in samples if isinstance(s, Odometry)),
+                          stamp_ns=samples[-1].stamp_ns + 10_000_000))
+    assert len(estimator._imu) == before
+
+
+def test_an_outlying_passage_hardly_matters(samples):
+    passages = true_passages(samples)
+    wild = [*passages]
+    wild[5] = (*wild[5][:2], -0.6, 0.95, *wild[5][4:])
+    (one, found), (other, changed) = run(samples, passages=passages), run(samples, passages=wild)
+    values = [e.state(f[-1]).friction_coefficient for e, f in ((one, found), (other, changed))]
+    assert abs(values[0].value - values[1].value) < values[0].sigma
+
+
+def test_the_sides_may_differ(samples):
+    slippery = [(stamp, 'front_left', *rest) for stamp, _, *rest in true_passages(
+        samples, wheel=0, scale=1.8)]
+    _, found = run(samples, passages=[*true_passages(samples), *slippery])
+    x, covariance = found[-1].fit.x, found[-1].fit.covariance
+    rows = [Unknown.SIDE_FRICTION, Unknown.SIDE_STIFFNESS]
+    difference = x[rows[0]] - x[rows[1]]  # of the left side: half of ln (1 / 1.8)
+    assert difference == pytest.approx(-0.5 * math.log(1.8), abs=0.15)
+    assert math.sqrt(covariance[rows[0], rows[0]]) > 0.03  # wider than for equal sides
+
+
+def test_the_wheel_state_is_that_of_the_motion(samples):
+    estimator, found = run(samples, passages=true_passages(samples))
+    end = estimator.end_ns - 700_000_000
+    state = estimator.wheel_state(found[-1], end, 'front_right')
+    near = min((s for s in samples if type(s).__name__ == 'WheelSlip'),
+               key=lambda s: abs(s.stamp_ns - end))
+    assert state.slip.value == pytest.approx(near.ratio[1], abs=0.02)
+    assert state.load.value == pytest.approx(26.7, rel=0.15)
+    assert state.load.sigma >= 0.02 * state.load.value
+    assert state.critical_slip.value == pytest.approx(
+        3.0 * state.friction.value * state.load.value / state.stiffness.value, rel=0.02)
+    assert state.friction.sigma > 0.03 * state.friction.value
+
+
+# parts
+
+
+@pytest.fixture(scope='module')
+def measurements(samples):
+    estimator = GroundEstimator(ROBOT, 0.02)
+    for sample in samples:
+        if isinstance(sample, (ImuSample, WheelSample)):
+            estimator.add(sample)
+    passage = Passage(8.0, 1, 0.1, 0.2, 1e-4 * np.eye(2), False)
+    data = WindowData(np.array(estimator._imu), np.array(estimator._wheels), [passage])
+    return Measurements(ROBOT, data, 5.5, 6.0, 9.0)
+
+
+def test_derivatives_by_the_linear_unknowns_are_those_of_the_prediction(measurements):
+    x = initial(priors(ROBOT)).mean
+    heading = measurements.heading(0.0, (6.0, 0.0))
+    start = np.array([0.7, 0.0, 0.3])
+
+    def predicted(x):
+        motion = measurements.simulate(x[np.newaxis], start, heading, np.array([-math.inf]))
+        return measurements.predict(x[np.newaxis], motion)[0]
+
+    linear, base = measurements.linear(x, predicted(x)), predicted(x)
+    for row in range(DYNAMIC, SIZE - 4):
+        changed = x.copy()
+        changed[row] += 1e-5
+        assert linear[:, :, row - DYNAMIC] == pytest.approx(
+            (predicted(changed) - base) / 1e-5, abs=1e-3), Unknown
+
+
+def test_covariances_are_positive_definite_and_blocks_without_samples_have_no_weight(measurements):
+    predicted = measurements.values
+    noise = measurements.noise(predicted, np.zeros(3))
+    assert np.linalg.eigvalsh(noise).min() > 0.0
+    assert (np.sqrt(np.diagonal(noise, axis1=1, axis2=2))[:, ~measurements.used] > 1e5).all()
+    used = np.sqrt(np.diagonal(noise, axis1=1, axis2=2))[:, measurements.used]
+    assert used[FORCE_X].max() < 1.0 and used[TORQUE:].max() < 1.0
+
+
+def test_a_passage_in_full_sliding_determines_the_ratio_of_slips_only(measurements):
+    sliding = measurements.passages[0]._replace(slip=0.1, ratio=0.9, sliding=True)
+    measurements.passages[0] = sliding
+    noise = measurements.passage_noise(np.array([0.5, 1.5]))
+    along, across = np.array([0.1, 0.9]), np.array([0.9, -0.1])
+    assert along @ noise @ along > 50.0 * (across @ noise @ across)
+    measurements.passages[0] = sliding._replace(sliding=False)
+
+
+def test_the_prior_of_a_changed_ground_keeps_the_old_one_aside():
+    rows = priors(ROBOT)
+    prior = initial(rows)
+    prior.mean[GROUND] = 1.0, -2.0, -3.0
+    prior.covariance[GROUND, GROUND] = np.diag([0.01, 0.02, 0.03])
+    changed = prior.with_change(rows)
+    assert changed.mean[OLD_GROUND].tolist() == [1.0, -2.0, -3.0]
+    assert np.diag(changed.covariance)[OLD_GROUND] == pytest.approx([0.01, 0.02, 0.03])
+    assert np.diag(changed.covariance)[GROUND] == pytest.approx(
+        [row.sigma ** 2 for row in rows[:3]])
+    assert np.linalg.eigvalsh(changed.covariance).min() > 0.0
+
+
+def test_priors_walk_with_time_and_travel():
+    rows = priors(ROBOT)
+    prior = initial(rows)
+    later = prior.after(2.0, 3.0, rows)
+    added = np.diag(later.covariance - prior.covariance)
+    assert added[Unknown.STIFFNESS] == pytest.approx(3.0 * rows[Unknown.STIFFNESS].ground ** 2)
+    assert added[Unknown.TORQUE_SCALE] == pytest.approx(
+        2.0 * rows[Unknown.TORQUE_SCALE].walk ** 2)
+
+
+def test_the_same_samples_give_the_same_numbers_whatever_came_before_the_window(samples):
+    _, first = run(samples)
+    _, again = run(samples)
+    assert np.array_equal(first[-1].fit.x, again[-1].fit.x)
+    assert GroundWindow(ROBOT).changes == 0
+    assert model.OUTPUTS == first[-1].fit.motion.states.shape[2]
