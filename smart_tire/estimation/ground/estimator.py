@@ -41,6 +41,7 @@ HOP_NS = 500_000_000  # of message time, between two windows
 MIN_DURATION = 1.5    # s, of the first window
 MAX_GAP = 0.6         # s, of a stream: the window begins anew after a longer one
 MARGIN = 1.0          # s before the window, of samples that are kept: smoothing, heading
+MIN_TRAVEL = 0.3      # m in a window, in which torques show the ground
 CURVE_ERROR = 0.03    # of mu: it varies with the slip where the tire is not a brush
 MAX_LN_SIGMA = 0.35   # of ln mu; above, mu is unknown
 
@@ -80,6 +81,7 @@ class GroundEstimator:
         self._next_hop_ns: int | None = None
         self.solution: Solution | None = None
         self.films_used = 0
+        self._shown = False             # by torques, while the robot has moved
 
     @property
     def waits(self) -> bool:
@@ -116,9 +118,8 @@ class GroundEstimator:
 
     @property
     def known(self) -> bool:
-        """Return whether films or motor torques tell anything about the ground."""
-        return self.solution is not None and (
-            self.films_used > 0 or bool(self.solution.measurements.torque_count.any()))
+        """Return whether films, or motor torques in motion, have shown the ground."""
+        return self.solution is not None and (self.films_used > 0 or self._shown)
 
     def add(self, sample: ImuSample | WheelSample | Odometry) -> None:
         """Add a sample; stamps of each kind must increase."""
@@ -166,6 +167,8 @@ class GroundEstimator:
         data = WindowData(np.array(self._imu), np.array(self._wheels), self._passages)
         before = end - HOP_NS / NS_PER_S if self.solution is None else self.solution.end
         self.solution = self._window.update(data, begin, end, end - before)
+        measured = self.solution.measurements
+        self._shown |= bool(measured.torque_count.any()) and measured.travel > MIN_TRAVEL
         self._forget(end - LENGTH - SETTLING - MARGIN)
         return self.solution
 

@@ -125,6 +125,9 @@ class Measurements:
         self._heading_data = data.imu
         self._inertia_torque = motor.inertia * _means(self.acceleration.T)
         self._moving = _means(self.rates.T)
+        # N m per m/s, (4, blocks): an encoder count of a stationary wheel is a large slip
+        self._torque_by_speed = radius * robot.tire.longitudinal_stiffness / np.maximum(
+            np.abs(radius * self._moving), SLIP_FLOOR)
         self.robot_constants = np.array([
             STEP, robot.mass, robot.yaw_inertia, 0.5 * robot.wheelbase, 0.5 * robot.track_width,
             robot.center_of_mass[2] + radius, SLIP_FLOOR, DRAG_FLOOR, GRAVITY])
@@ -229,6 +232,7 @@ class Measurements:
         change = np.diff(np.eye(count + 1), axis=0) / BLOCK_TIME
         mean = 0.5 * np.abs(np.diff(np.eye(count + 1), axis=0))
         common, difference = self._speed_errors
+        difference = mean @ difference @ mean.T
         effective = robot.motor.inertia + 0.25 * robot.mass * robot.wheel_radius ** 2
         white = TIMING_ERROR * np.gradient(predicted, BLOCK_TIME, axis=1)
         white[YAW_RATE] = np.hypot(white[YAW_RATE], np.hypot(
@@ -237,14 +241,14 @@ class Measurements:
             white[FORCE_X:TORQUE], robot.imu.accel_noise / np.sqrt(imu))
         white[TORQUE:] = np.sqrt(
             white[TORQUE:] ** 2 + TORQUE_NOISE ** 2 / np.maximum(self.torque_count, 1)
-            + (TRANSIENT_SHARE * effective * self.spread.T) ** 2)
+            + (TRANSIENT_SHARE * effective * self.spread.T) ** 2
+            + (self._torque_by_speed * np.sqrt(np.diag(difference))) ** 2)
         white[:TORQUE, self.imu_count == 0] = UNMEASURED
         white[TORQUE:, self.torque_count == 0] = UNMEASURED
         white[:, ~self.used] = UNMEASURED
         lasting = MODEL_ERROR * size
         found = (np.exp(-np.abs(self.centers[:, np.newaxis] - self.centers) / MODEL_TIME)
                  * lasting[:, :, np.newaxis] * lasting[:, np.newaxis])
-        difference = mean @ difference @ mean.T
         found[YAW_RATE] += difference / (0.5 * robot.track_width) ** 2
         found[FORCE_X] += change @ common @ change.T
         found[FORCE_Y] += difference
