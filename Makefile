@@ -56,7 +56,12 @@ help:
 
 setup: $(READY)
 
-$(READY): constraints.txt requirements.txt setup.py setup.cfg pyproject.toml
+# An editable installation compiles in the source tree: again after each change of COMPILED.
+COMPILED := smart_tire/estimation/ground/body_model.py
+REMOVE_EXTENSIONS := find smart_tire -name '*.so' -delete
+
+$(READY): constraints.txt requirements.txt setup.py setup.cfg pyproject.toml $(COMPILED)
+	@$(REMOVE_EXTENSIONS)
 ifdef ROS_DISTRO
 	@echo 'Installing into $(VENV), on top of ROS $(ROS_DISTRO); log: $(LOG)'
 	@$(PYTHON) -m venv --system-site-packages $(VENV)
@@ -67,7 +72,7 @@ else
 		'Debian: python3-venv) or name it: make PYTHON=...' >&2; exit 1; }
 	@echo 'Installing into $(VENV), with $(PYTHON); log: $(LOG)'
 	@$(PYTHON) -m venv $(VENV)
-	$(call step,1/2 setuptools,$(PIP) --constraint constraints.txt setuptools)
+	$(call step,1/2 setuptools,$(PIP) --constraint constraints.txt cython setuptools)
 	$(call step,2/2 smart_tire with rclpy and libraries: takes a few minutes,$(PIP) \
 		--constraint constraints.txt --no-build-isolation --use-pep517 \
 		--editable '.$(EXTRAS)')
@@ -172,4 +177,5 @@ site: $(VENV)/ready-site
 clean:
 	rm -rf .venv .venv-* build install log *.egg-info .coverage* .hypothesis .mypy_cache \
 		.pytest_cache .ruff_cache site_output docs/examples
+	$(REMOVE_EXTENSIONS)
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -15,13 +15,42 @@
 """Build and install the package, with colcon (ament_python) or with pip."""
 
 from glob import glob
+import os
 
-from setuptools import find_packages, setup
+from setuptools import Extension, find_packages, setup
+from setuptools.command.build_ext import build_ext
+from setuptools.errors import CompileError
 
 PACKAGE = 'smart_tire'
 NODES = (
     'tire_receiver', 'imu_driver', 'motor_driver', 'slip_estimator', 'friction_estimator',
     'wheel_controller', 'trajectory_controller', 'robot_simulator')
+COMPILED = ('smart_tire/estimation/ground/body_model.py',)
+
+
+class BuildFromPython(build_ext):
+    """
+    Compile Python modules with Cython; they are installed as Python, too.
+
+    Without Cython or a compiler, and if ``SMART_TIRE_NO_COMPILER`` is set, setuptools warns and
+    installs the modules as Python only, because the extensions are optional.
+    """
+
+    def build_extension(self, ext: Extension) -> None:
+        """Translate the module to C in the build folder, and compile that."""
+        if os.environ.get('SMART_TIRE_NO_COMPILER'):
+            raise CompileError('SMART_TIRE_NO_COMPILER is set')
+        try:
+            from Cython.Build import cythonize
+            from Cython.Compiler.Errors import CompileError as TranslationError
+        except ImportError as error:
+            raise CompileError(f'no Cython: {error}') from error
+        try:
+            ext.sources = cythonize(ext, build_dir=self.build_temp)[0].sources
+        except TranslationError as error:
+            raise CompileError(f'Cython: {error}') from error
+        super().build_extension(ext)
+
 
 setup(
     name=PACKAGE,
@@ -33,6 +62,12 @@ setup(
     packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
     package_data={PACKAGE: ['analysis/html_report/page.css', 'analysis/html_report/page.html',
                             'analysis/html_report/page.js', 'py.typed']},
+    ext_modules=[
+        # without fused multiply-add, results are those of Python on every processor
+        Extension(path.removesuffix('.py').replace('/', '.'), [path], optional=True,
+                  extra_compile_args=['-ffp-contract=off'])
+        for path in COMPILED],
+    cmdclass={'build_ext': BuildFromPython},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
         (f'share/{PACKAGE}', ['package.xml']),
@@ -60,7 +95,7 @@ setup(
             'hypothesis', 'pandas', 'pytest', 'pytest-cov', 'pytest-xdist', 'urdf-parser-py'],
         'lint': ['mypy==2.4.1', 'ruff==0.17.5'],
     },
-    zip_safe=True,
+    zip_safe=False,
     entry_points={
         'console_scripts': [
             *(f'{node} = {PACKAGE}.nodes.{node}:main' for node in NODES),

@@ -43,6 +43,7 @@ PIP_NAMES = {'serial': 'pyserial', 'yaml': 'pyyaml'}  # where module and distrib
 WITHOUT_KEY = {'filterpy', 'lz4', 'mcap', 'plotly', 'rosbags', 'zstandard'}
 # module -> extra and distribution with it
 EXTRAS = {'rerun': ('view', 'rerun-sdk'), 'pandas': ('pandas', 'pandas')}
+BUILD = {'cython': 'cython3'}  # module -> its key; used to build, and not needed to run
 OPTIONAL = {'tf2_msgs'}  # not among the wheels; used where it is installed
 ROS_SUFFIXES = ('_msgs', '_srvs', '_interfaces')
 
@@ -169,10 +170,42 @@ def test_every_message_package_is_declared_twice(setup_arguments):
     assert {f'ros-{name.replace("_", "-")}' for name in ros_packages() - OPTIONAL} <= wheels
 
 
+def test_what_compiles_modules_is_declared_for_pip_and_for_rosdep():
+    project = (ROOT / 'pyproject.toml').read_text(encoding='utf-8')
+    build = set(re.findall(r"'(\w+)>=", project.partition('requires = ')[2].partition('\n')[0]))
+    assert BUILD.keys() <= build & pins('constraints.txt').keys() & imported_roots()
+    assert set(BUILD.values()) <= {item.text for item in MANIFEST.iter('build_depend')}
+
+
+def test_a_change_of_a_compiled_module_compiles_it_again(setup_arguments):
+    makefile = (ROOT / 'Makefile').read_text(encoding='utf-8')
+    sources = [path for ext in setup_arguments['ext_modules'] for path in ext.sources]
+    assert f'\nCOMPILED := {" ".join(sources)}\n' in makefile
+    assert not setup_arguments['zip_safe']
+
+
+@pytest.mark.parametrize('missing', ['permission', 'Cython', 'compiler'])
+def test_modules_are_installed_as_python_if_they_cannot_be_compiled(
+        missing, setup_arguments, monkeypatch, tmp_path):
+    if missing == 'permission':
+        monkeypatch.setenv('SMART_TIRE_NO_COMPILER', '1')
+    elif missing == 'Cython':
+        monkeypatch.setitem(sys.modules, 'Cython.Build', None)
+    else:
+        pytest.importorskip('Cython')
+        monkeypatch.setenv('CC', str(tmp_path / 'no_compiler'))
+    monkeypatch.chdir(ROOT)
+    package = setuptools.Distribution(setup_arguments)
+    command = package.get_command_obj('build_ext')
+    command.build_lib, command.build_temp = str(tmp_path / 'lib'), str(tmp_path / 'temp')
+    package.run_command('build_ext')
+    assert not list(tmp_path.rglob('*.so'))
+
+
 def test_every_library_is_declared_with_its_rosdep_key_or_as_having_none(setup_arguments):
     for extra, name in (EXTRAS[root] for root in imported_roots() & EXTRAS.keys()):
         assert name in map(distribution, setup_arguments['extras_require'][extra])
-    used = {root for root in imported_roots() - {'smart_tire', 'rclpy', *EXTRAS}
+    used = {root for root in imported_roots() - {'smart_tire', 'rclpy', *EXTRAS, *BUILD}
             if root not in sys.stdlib_module_names and not root.endswith(ROS_SUFFIXES)}
     assert used <= ROSDEP_KEYS.keys() | WITHOUT_KEY
     assert {ROSDEP_KEYS[name] for name in used - WITHOUT_KEY} <= depends()

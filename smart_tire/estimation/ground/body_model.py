@@ -12,6 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+
 """
 Motion of the robot on brush tires for given wheel speeds.
 
@@ -26,16 +28,26 @@ Steps are implicit, by the second backward differentiation formula, with the sec
 ``|F| / |s|`` at the extrapolated velocity: stable at any speed, where explicit steps of a
 millisecond would be needed close to standstill.
 
-Python as it stands, and compiled by Cython where a compiler is found: ``body_model_numpy`` has
-the same equations for many runs at once.
+This is plain Python; ``setup.py`` compiles it with Cython where there is a compiler. The same
+equations for many runs at once, for robots without one: ``body_model_numpy``.
 """
 
-# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+from __future__ import annotations
 
-import cython
-from cython.cimports.libc.math import sqrt
+from types import SimpleNamespace
 
-COMPILED = cython.compiled
+try:
+    import cython
+except ImportError:  # as plain Python, without Cython: decorators that do nothing
+    cython = SimpleNamespace(
+        compiled=False, cfunc=lambda f: f, exceptval=lambda check: lambda f: f)
+
+if cython.compiled:
+    from cython.cimports.libc.math import sqrt
+else:
+    from math import sqrt
+
+COMPILED: bool = cython.compiled
 
 # parameters of a run; those of the ground before and after its change at CHANGE_STEP
 (OLD_STIFFNESS, OLD_FRICTION, OLD_RESISTANCE, STIFFNESS, FRICTION, RESISTANCE, CHANGE_STEP,
@@ -51,10 +63,9 @@ U, V, W, A_X, A_Y, W_DOT, FORCE = range(7)
 OUTPUTS = 10
 
 
-@cython.ccall
 def simulate(rolling: cython.double[:, ::1], offsets: cython.double[:, :, ::1],
              heading: cython.double[:, ::1], runs: cython.double[:, ::1],
-             robot: cython.double[::1], out: cython.double[:, :, ::1]) -> cython.void:
+             robot: cython.double[::1], out: cython.double[:, :, ::1]) -> None:
     """
     Simulate all runs over n steps.
 
@@ -62,22 +73,27 @@ def simulate(rolling: cython.double[:, ::1], offsets: cython.double[:, :, ::1],
     ``offsets`` (runs, n, 2): added to r w of the left and of the right side [m/s].
     ``heading`` (n, 2): cosine and sine of the heading in the frame of the slopes.
     ``runs`` (runs, PARAMETERS): C_x [N], mu, f, their ratios of the left side to the mean, and so
-    on. ``robot``: constants. ``out`` (runs, n, OUTPUTS) is filled.
+    on. ``robot``: constants. ``out`` (runs, n, OUTPUTS) is filled. Raise ValueError where shapes
+    disagree.
     """
-    i: cython.Py_ssize_t
-    for i in range(runs.shape[0]):
-        _simulate_run(rolling, offsets[i], heading, runs[i], robot, out[i])
+    n: cython.Py_ssize_t = rolling.shape[0]
+    count: cython.Py_ssize_t = runs.shape[0]
+    run: cython.Py_ssize_t
+    if not (rolling.shape[1] == 4 and heading.shape[0] == n and heading.shape[1] == 2
+            and runs.shape[1] == PARAMETERS and robot.shape[0] == GRAVITY + 1
+            and offsets.shape[0] == count and offsets.shape[1] == n and offsets.shape[2] == 2
+            and out.shape[0] == count and out.shape[1] == n and out.shape[2] == OUTPUTS):
+        raise ValueError('the shapes of the arrays disagree')
+    for run in range(count):
+        _simulate_run(rolling, offsets[run], heading, runs[run], robot, out[run])
 
 
 @cython.cfunc
 @cython.exceptval(check=False)
-def _load(i: cython.int, p: cython.double[::1], robot: cython.double[::1], a_x: cython.double,
+def _load(level: cython.double, by_x: cython.double, by_y: cython.double, a_x: cython.double,
           a_y: cython.double) -> cython.double:
-    """Return the load [N] of wheel ``i`` on level ground, 0 if it is lifted."""
-    pitch: cython.double = (robot[GRAVITY] * p[COM_X] - robot[HEIGHT] * a_x) / robot[HALF_BASE]
-    roll: cython.double = (robot[GRAVITY] * p[COM_Y] - robot[HEIGHT] * a_y) / robot[HALF_TRACK]
-    return max(0.25 * robot[MASS] * (robot[GRAVITY] + (pitch if i < 2 else -pitch)
-                                     + (roll if i % 2 == 0 else -roll)), 0.0)
+    """Return the load [N] of a wheel, 0 if it is lifted, from ``level`` at rest."""
+    return max(level - by_x * a_x - by_y * a_y, 0.0)
 
 
 @cython.cfunc
@@ -85,20 +101,59 @@ def _load(i: cython.int, p: cython.double[::1], robot: cython.double[::1], a_x: 
 def _secant(total: cython.double, stiffness: cython.double, limit: cython.double
             ) -> cython.double:
     """Return |F| / |s| [N] of the brush model; ``limit`` is mu F_z [N]."""
-    t: cython.double
-    if stiffness * total >= 3.0 * limit:
+    full: cython.double = 3.0 * limit
+    force: cython.double = stiffness * total
+    if force >= full:
         return limit / max(total, 1e-9)
-    t = stiffness * total / (3.0 * limit)
+    t: cython.double = force / full
     return stiffness * (1.0 - t + t * t / 3.0)
 
 
 @cython.cfunc
-@cython.exceptval(check=False)
 def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
                   heading: cython.double[:, ::1], p: cython.double[::1],
                   robot: cython.double[::1], out: cython.double[:, ::1]) -> cython.void:
-    step: cython.double = robot[STEP]
+    """Simulate one run; what its steps have in common is computed before them."""
+    frequency: cython.double = 1.0 / robot[STEP]
     mass: cython.double = robot[MASS]
+    inertia: cython.double = robot[INERTIA]
+    min_rolling: cython.double = robot[SLIP_FLOOR]
+    min_speed: cython.double = robot[DRAG_FLOOR]
+    gravity_x: cython.double = robot[GRAVITY] * p[SLOPE_X]
+    gravity_y: cython.double = robot[GRAVITY] * p[SLOPE_Y]
+    change: cython.double = p[CHANGE_STEP]
+    share: cython.double = p[LATERAL_SHARE]
+    ratio: cython.double = p[LATERAL_RATIO]
+    radius: cython.double = p[RADIUS]
+    # of the wheels: position [m], load at rest [N] and by acceleration [kg], ground before and
+    # (4-7) after its change, r w [m/s] and |F| / (|s| r |w|) [N s/m] in a step
+    x: cython.double[4] = [0.0] * 4
+    y: cython.double[4] = [0.0] * 4
+    level: cython.double[4] = [0.0] * 4
+    by_x: cython.double[4] = [0.0] * 4
+    by_y: cython.double[4] = [0.0] * 4
+    stiffness: cython.double[8] = [0.0] * 8
+    friction: cython.double[8] = [0.0] * 8
+    resistance: cython.double[8] = [0.0] * 8
+    roll: cython.double[4] = [0.0] * 4
+    grip: cython.double[4] = [0.0] * 4
+    i: cython.int
+    for i in range(4):
+        left: cython.bint = i % 2 == 0
+        base: cython.double = robot[HALF_BASE] if i < 2 else -robot[HALF_BASE]
+        track: cython.double = robot[HALF_TRACK] if left else -robot[HALF_TRACK]
+        x[i] = base - p[COM_X]
+        y[i] = track - p[COM_Y]
+        level[i] = 0.25 * mass * robot[GRAVITY] * (1.0 + p[COM_X] / base + p[COM_Y] / track)
+        by_x[i] = 0.25 * mass * robot[HEIGHT] / base
+        by_y[i] = 0.25 * mass * robot[HEIGHT] / track
+        side: cython.double = p[SIDE_STIFFNESS] if left else 1.0 / p[SIDE_STIFFNESS]
+        stiffness[i], stiffness[4 + i] = p[OLD_STIFFNESS] * side, p[STIFFNESS] * side
+        side = p[SIDE_FRICTION] if left else 1.0 / p[SIDE_FRICTION]
+        friction[i], friction[4 + i] = p[OLD_FRICTION] * side, p[FRICTION] * side
+        side = p[SIDE_RESISTANCE] if left else 1.0 / p[SIDE_RESISTANCE]
+        resistance[i], resistance[4 + i] = p[OLD_RESISTANCE] * side, p[RESISTANCE] * side
+
     u: cython.double = p[START_U]
     v: cython.double = p[START_V]
     w: cython.double = p[START_W]
@@ -107,75 +162,59 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
     last_w: cython.double = w
     a_x: cython.double = 0.0
     a_y: cython.double = 0.0
-    new_u: cython.double
-    new_v: cython.double
-    new_w: cython.double
     n: cython.Py_ssize_t
-    i: cython.int
-    ground: cython.int
-    grip: cython.double[4]
     for n in range(rolling.shape[0]):
         # y' = (rate y - old_y): BDF2, in the first step Euler
-        rate: cython.double = (1.5 if n else 1.0) / step
-        old_u: cython.double = (2.0 * u - 0.5 * last_u if n else u) / step
-        old_v: cython.double = (2.0 * v - 0.5 * last_v if n else v) / step
-        old_w: cython.double = (2.0 * w - 0.5 * last_w if n else w) / step
-        new_u, new_v, new_w = 2.0 * u - last_u, 2.0 * v - last_v, 2.0 * w - last_w
-        slope_x: cython.double = robot[GRAVITY] * (
-            heading[n, 0] * p[SLOPE_X] + heading[n, 1] * p[SLOPE_Y])
-        slope_y: cython.double = robot[GRAVITY] * (
-            heading[n, 0] * p[SLOPE_Y] - heading[n, 1] * p[SLOPE_X])
+        rate: cython.double = (1.5 if n else 1.0) * frequency
+        old_u: cython.double = (2.0 * u - 0.5 * last_u if n else u) * frequency
+        old_v: cython.double = (2.0 * v - 0.5 * last_v if n else v) * frequency
+        old_w: cython.double = (2.0 * w - 0.5 * last_w if n else w) * frequency
+        new_u: cython.double = 2.0 * u - last_u
+        new_v: cython.double = 2.0 * v - last_v
+        new_w: cython.double = 2.0 * w - last_w
+        slope_x: cython.double = heading[n, 0] * gravity_x + heading[n, 1] * gravity_y
+        slope_y: cython.double = heading[n, 0] * gravity_y - heading[n, 1] * gravity_x
         # symmetric equations of the new velocity: [uu 0 uw; 0 vv vw; uw vw ww] y = (bu, bv, bw)
         uu: cython.double = mass * rate
         vv: cython.double = mass * rate
-        ww: cython.double = robot[INERTIA] * rate
+        ww: cython.double = inertia * rate
         uw: cython.double = 0.0
         vw: cython.double = 0.0
         bu: cython.double = mass * (old_u + new_w * new_v - slope_x)
         bv: cython.double = mass * (old_v - new_w * new_u - slope_y)
-        bw: cython.double = robot[INERTIA] * old_w
-        ground = OLD_STIFFNESS if n < p[CHANGE_STEP] else STIFFNESS
+        bw: cython.double = inertia * old_w
+        ground: cython.int = 0 if n < change else 4
         for i in range(4):
-            x: cython.double = (robot[HALF_BASE] if i < 2 else -robot[HALF_BASE]) - p[COM_X]
-            y: cython.double = (
-                robot[HALF_TRACK] if i % 2 == 0 else -robot[HALF_TRACK]) - p[COM_Y]
-            left: cython.bint = i % 2 == 0
-            stiffness: cython.double = p[ground] * (
-                p[SIDE_STIFFNESS] if left else 1.0 / p[SIDE_STIFFNESS])
-            friction: cython.double = p[ground + 1] * (
-                p[SIDE_FRICTION] if left else 1.0 / p[SIDE_FRICTION])
-            load: cython.double = _load(i, p, robot, a_x, a_y)
-            drag: cython.double = p[ground + 2] * load * (
-                p[SIDE_RESISTANCE] if left else 1.0 / p[SIDE_RESISTANCE])
-            roll: cython.double = p[RADIUS] * rolling[n, i] + offset[n, i % 2]
-            v_x: cython.double = new_u - y * new_w
-            v_y: cython.double = new_v + x * new_w
-            scale: cython.double = 1.0 / max(abs(roll), robot[SLIP_FLOOR])
-            s_x: cython.double = (roll - v_x) * scale
-            s_y: cython.double = p[LATERAL_RATIO] * v_y * scale
-            grip[i] = scale * _secant(sqrt(s_x * s_x + s_y * s_y), stiffness, friction * load)
-            drag_y: cython.double = p[LATERAL_SHARE] * drag / max(
-                sqrt(v_x * v_x + v_y * v_y), robot[DRAG_FLOOR])
-            along: cython.double = grip[i] + drag_y + (
-                1.0 - p[LATERAL_SHARE]) * drag / max(abs(v_x), robot[DRAG_FLOOR])
-            across: cython.double = p[LATERAL_RATIO] * grip[i] + drag_y
+            load: cython.double = _load(level[i], by_x[i], by_y[i], a_x, a_y)
+            drag: cython.double = resistance[ground + i] * load
+            roll[i] = radius * rolling[n, i] + offset[n, i % 2]
+            v_x: cython.double = new_u - y[i] * new_w
+            v_y: cython.double = new_v + x[i] * new_w
+            scale: cython.double = 1.0 / max(abs(roll[i]), min_rolling)
+            s_x: cython.double = (roll[i] - v_x) * scale
+            s_y: cython.double = ratio * v_y * scale
+            grip[i] = scale * _secant(sqrt(s_x * s_x + s_y * s_y), stiffness[ground + i],
+                                      friction[ground + i] * load)
+            drag_y: cython.double = share * drag / max(sqrt(v_x * v_x + v_y * v_y), min_speed)
+            along: cython.double = grip[i] + drag_y + (1.0 - share) * drag / max(
+                abs(v_x), min_speed)
+            across: cython.double = ratio * grip[i] + drag_y
             uu += along
-            uw -= along * y
+            uw -= along * y[i]
             vv += across
-            vw += across * x
-            ww += across * x * x + along * y * y
-            bu += grip[i] * roll
-            bw -= y * grip[i] * roll
+            vw += across * x[i]
+            ww += across * x[i] * x[i] + along * y[i] * y[i]
+            bu += grip[i] * roll[i]
+            bw -= y[i] * grip[i] * roll[i]
         new_w = (bw - uw * bu / uu - vw * bv / vv) / (ww - uw * uw / uu - vw * vw / vv)
         new_u = (bu - uw * new_w) / uu
         new_v = (bv - vw * new_w) / vv
         a_x = rate * new_u - old_u - new_w * new_v + slope_x
         a_y = rate * new_v - old_v + new_w * new_u + slope_y
-        out[n, U], out[n, V], out[n, W] = new_u, new_v, new_w
-        out[n, A_X], out[n, A_Y], out[n, W_DOT] = a_x, a_y, rate * new_w - old_w
+        # columns U to FORCE + 3 by their numbers: names of the module are slow here
+        out[n, 0], out[n, 1], out[n, 2] = new_u, new_v, new_w
+        out[n, 3], out[n, 4], out[n, 5] = a_x, a_y, rate * new_w - old_w
         for i in range(4):
-            out[n, FORCE + i] = grip[i] * (
-                p[RADIUS] * rolling[n, i] + offset[n, i % 2] - new_u
-                + ((robot[HALF_TRACK] if i % 2 == 0 else -robot[HALF_TRACK]) - p[COM_Y]) * new_w)
+            out[n, 6 + i] = grip[i] * (roll[i] - new_u + y[i] * new_w)
         last_u, last_v, last_w = u, v, w
         u, v, w = new_u, new_v, new_w

@@ -1,0 +1,236 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Motion on brush tires: compiled, as Python and with numpy; physics that holds in each."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+from pathlib import Path
+import shutil
+import sysconfig
+from types import ModuleType
+
+import numpy as np
+import pytest
+from smart_tire.estimation.ground import body_model as model, body_model_numpy
+
+STEP, MASS, INERTIA, GRAVITY = 0.016, 15.0, 0.6, 9.81  # s, kg, kg m2, m/s2
+HALF_BASE, HALF_TRACK, HEIGHT = 0.2, 0.18, 0.1         # m
+MIN_ROLLING, MIN_SPEED = 0.02, 0.01                    # m/s
+ROBOT = np.array([STEP, MASS, INERTIA, HALF_BASE, HALF_TRACK, HEIGHT, MIN_ROLLING, MIN_SPEED,
+                  GRAVITY])
+X = HALF_BASE * np.array([1.0, 1.0, -1.0, -1.0])
+Y = HALF_TRACK * np.array([1.0, -1.0, 1.0, -1.0])
+FORCES = slice(model.FORCE, model.OUTPUTS)
+VELOCITY = slice(model.START_U, model.START_W + 1)
+
+SOURCE = Path(body_model_numpy.__file__).with_name('body_model.py')
+BUILT_BY_MAKE = not os.environ.keys() & {'ROS_DISTRO', 'SMART_TIRE_NO_COMPILER'} \
+    and shutil.which('gcc') and Path(sysconfig.get_path('include'), 'Python.h').exists()
+
+
+def load_source() -> ModuleType:
+    """Return the module as Python, although it is compiled."""
+    spec = importlib.util.spec_from_file_location('body_model_source', SOURCE)
+    assert spec and spec.loader
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def ground(count: int = 1, **values: float) -> np.ndarray:
+    """Return runs on one level ground, both sides equal, from standstill."""
+    runs = np.zeros((count, model.PARAMETERS))
+    for name, value in {
+            'STIFFNESS': 1200.0, 'FRICTION': 0.6, 'RADIUS': 1.0, 'LATERAL_RATIO': 1.0,
+            'SIDE_STIFFNESS': 1.0, 'SIDE_FRICTION': 1.0, 'SIDE_RESISTANCE': 1.0,
+            **values}.items():
+        runs[:, getattr(model, name)] = value
+    return runs
+
+
+def simulate(rolling: np.ndarray, runs: np.ndarray, by=model, robot: np.ndarray = ROBOT,
+             offsets: np.ndarray | None = None, heading: np.ndarray | None = None) -> np.ndarray:
+    """Return the output of all runs, without offsets and at heading zero if not given."""
+    n = len(rolling)
+    out = np.full((len(runs), n, model.OUTPUTS), np.nan)
+    by.simulate(
+        rolling, np.zeros((len(runs), n, 2)) if offsets is None else offsets,
+        np.tile([1.0, 0.0], (n, 1)) if heading is None else heading, runs, robot, out)
+    return out
+
+
+def random_case(kind: str) -> dict[str, np.ndarray]:
+    """Return random runs with changes of ground, slopes and different sides, by ``kind``."""
+    random = np.random.default_rng(7)
+    count, n = 8, 120
+    speeds = {'lifted': 1.5, 'standstill': 0.0, 'reverse': -0.4}.get(kind, 0.5)
+    rolling = speeds * (1.0 + np.sin(np.linspace(0.0, 20.0, n)))[:, np.newaxis] \
+        + (0.0 if kind == 'standstill' else 0.1) * random.standard_normal((n, 4))
+    runs = ground(count, CHANGE_STEP=n // 2)
+    for name, low, high in (
+            ('LATERAL_SHARE', 0.0, 1.0), ('LATERAL_RATIO', 0.6, 1.0), ('COM_X', -0.03, 0.03),
+            ('COM_Y', -0.03, 0.03), ('RADIUS', 0.98, 1.02), ('SLOPE_X', -0.03, 0.03),
+            ('SLOPE_Y', -0.03, 0.03), ('SIDE_STIFFNESS', 0.8, 1.2), ('SIDE_FRICTION', 0.8, 1.2),
+            ('SIDE_RESISTANCE', 0.8, 1.2), ('START_U', -0.5, 0.5), ('START_V', -0.2, 0.2),
+            ('START_W', -1.0, 1.0), ('OLD_STIFFNESS', 300.0, 3000.0), ('STIFFNESS', 300.0, 3000.0),
+            ('OLD_FRICTION', 0.3, 1.0), ('FRICTION', 0.3, 1.0), ('OLD_RESISTANCE', 0.0, 0.15),
+            ('RESISTANCE', 0.0, 0.15)):
+        runs[:, getattr(model, name)] = random.uniform(low, high, count)
+    if kind == 'sliding':
+        runs[:, [model.OLD_FRICTION, model.FRICTION]] = 0.05
+    robot = ROBOT.copy()
+    if kind == 'lifted':
+        robot[model.HEIGHT] = 0.5
+    angle = np.linspace(0.0, 4.0, n)
+    return {'rolling': rolling, 'runs': runs, 'robot': robot,
+            'offsets': 0.01 * random.standard_normal((count, n, 2)),
+            'heading': np.column_stack([np.cos(angle), np.sin(angle)])}
+
+
+KINDS = ('driving', 'lifted', 'standstill', 'reverse', 'sliding')
+
+
+@pytest.mark.skipif(not BUILT_BY_MAKE, reason='no compiler, or not built by make')
+def test_it_is_compiled_where_there_is_a_compiler():
+    assert model.COMPILED, 'run make; the reason is in the log of "pip install -v --editable ."'
+
+
+@pytest.mark.skipif(not model.COMPILED, reason='not compiled')
+def test_the_extension_is_newer_than_its_source():
+    assert Path(model.__file__).stat().st_mtime >= SOURCE.stat().st_mtime, 'run make'
+
+
+@pytest.mark.skipif(not model.COMPILED, reason='not compiled')
+@pytest.mark.parametrize('kind', KINDS)
+def test_the_extension_computes_what_its_source_does(kind):
+    source = load_source()
+    assert not source.COMPILED
+    case = random_case(kind)
+    np.testing.assert_array_equal(simulate(**case), simulate(**case, by=source))
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_numpy_computes_the_same(kind):
+    case = random_case(kind)
+    expected = simulate(**case)
+    error = np.abs(simulate(**case, by=body_model_numpy) - expected)
+    assert (error.max(axis=1) <= 1e-12 * np.abs(expected).max(axis=(0, 1))).all()
+
+
+def test_arrays_of_other_shapes_are_refused():
+    for name in ('rolling', 'offsets', 'heading', 'runs', 'robot'):
+        case = random_case('driving')
+        with pytest.raises(ValueError, match='shapes'):
+            simulate(**case | {name: np.ascontiguousarray(case[name][..., :-1])})
+
+
+def test_standstill_lasts():
+    assert not simulate(np.zeros((50, 4)), ground(RESISTANCE=0.1, COM_X=0.02)).any()
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_the_mirror_image_of_a_drive_is_its_mirror_image(kind):
+    case = random_case(kind)
+    mirrored = {name: array.copy() for name, array in case.items()}
+    mirrored['rolling'] = np.ascontiguousarray(case['rolling'][:, [1, 0, 3, 2]])
+    mirrored['offsets'] = np.ascontiguousarray(case['offsets'][..., ::-1])
+    mirrored['heading'][:, 1] *= -1.0
+    runs = mirrored['runs']
+    runs[:, [model.COM_Y, model.SLOPE_Y, model.START_V, model.START_W]] *= -1.0
+    sides = [model.SIDE_STIFFNESS, model.SIDE_FRICTION, model.SIDE_RESISTANCE]
+    runs[:, sides] = 1.0 / runs[:, sides]
+    expected = simulate(**case)
+    expected[..., [model.V, model.W, model.A_Y, model.W_DOT]] *= -1.0
+    expected[..., FORCES] = expected[..., FORCES][..., [1, 0, 3, 2]]
+    np.testing.assert_allclose(simulate(**mirrored), expected, rtol=0.0, atol=1e-9)
+
+
+def test_the_ground_changes_at_its_step():
+    case = random_case('driving')
+    changed = simulate(**case)
+    step = int(case['runs'][0, model.CHANGE_STEP])
+    case['runs'][:, model.CHANGE_STEP] = np.inf
+    old = simulate(**case)
+    np.testing.assert_array_equal(changed[:, :step], old[:, :step])
+    assert (changed[:, step] != old[:, step]).any(axis=1).all()
+
+
+@pytest.mark.parametrize('share', [0.0, 0.4, 1.0])
+def test_forces_of_a_steady_turn_are_mass_times_acceleration(share):
+    com_x, com_y, friction, resistance, ratio = 0.02, -0.01, 0.6, 0.1, 0.7
+    speed = np.array([0.8, 0.3, 0.8, 0.3])
+    runs = ground(COM_X=com_x, COM_Y=com_y, FRICTION=friction, RESISTANCE=resistance,
+                  LATERAL_SHARE=share, LATERAL_RATIO=ratio)
+    last = simulate(np.tile(speed, (2000, 1)), runs)[0, -1]
+    u, v, w = last[:model.A_X]
+    acceleration = np.array([-w * v, w * u, 0.0])
+    np.testing.assert_allclose(last[model.A_X:model.FORCE], acceleration, atol=1e-9)
+    # brush tires, PHYSICS.md B and D
+    x, y = X - com_x, Y - com_y
+    load = 0.25 * MASS * (GRAVITY + (GRAVITY * com_x - HEIGHT * acceleration[0]) / X
+                          + (GRAVITY * com_y - HEIGHT * acceleration[1]) / Y)
+    velocity = np.stack([u - y * w, v + x * w])
+    slip = np.stack([speed - velocity[0], -ratio * velocity[1]]) / speed
+    total = np.hypot(*slip)
+    t = np.minimum(1200.0 * total / (3.0 * friction * load), 1.0)
+    tread = friction * load * (1.0 - (1.0 - t)**3) * slip / total
+    drag = resistance * load * (share * velocity / np.hypot(*velocity) + np.stack(
+        [(1.0 - share) * np.sign(velocity[0]), np.zeros(4)]))
+    force = tread * [[1.0], [1.0]] - drag
+    np.testing.assert_allclose(last[FORCES], tread[0], atol=1e-8)
+    np.testing.assert_allclose(
+        [force[0].sum(), force[1].sum(), (x * force[1] - y * force[0]).sum()],
+        [MASS * acceleration[0], MASS * acceleration[1], 0.0], atol=1e-8)
+
+
+def test_locked_wheels_brake_by_their_friction():
+    out = simulate(np.zeros((30, 4)), ground(FRICTION=0.5, START_U=3.0))[0]
+    np.testing.assert_allclose(out[15:, model.A_X], -0.5 * GRAVITY, rtol=1e-6)
+
+
+def test_locked_wheels_take_energy_only():
+    random = np.random.default_rng(3)
+    runs = ground(50, RESISTANCE=0.05, LATERAL_SHARE=0.5)
+    runs[:, VELOCITY] = random.uniform(-1.0, 1.0, (50, 3)) * [1.0, 1.0, 5.0]
+    velocity = np.concatenate([runs[:, np.newaxis, VELOCITY],
+                               simulate(np.zeros((200, 4)), runs)[..., :model.A_X]], axis=1)
+    energy = 0.5 * velocity**2 @ [MASS, MASS, INERTIA]
+    assert (np.diff(energy) <= 1e-3 * energy[:, :1]).all()  # the last step before it stands
+    assert (energy[:, -1] <= 1e-9 * energy[:, 0]).all()
+
+
+def test_a_lifted_wheel_has_no_force():
+    robot = ROBOT.copy()
+    robot[model.HEIGHT] = 0.5
+    forces = simulate(np.full((6, 4), 2.0), ground(FRICTION=1.0), robot=robot)[0, 1:, FORCES]
+    assert (forces[:, :2] == 0.0).all()
+    assert (forces[:, 2:] > 0.0).all()
+
+
+def test_errors_decrease_with_the_square_of_the_step():
+    def end(parts: int) -> np.ndarray:
+        robot = ROBOT.copy()
+        robot[[model.STEP, model.HEIGHT]] = STEP / parts, 0.0  # loads lag by one step
+        time = np.arange(1, 60 * parts + 1)[:, np.newaxis] * STEP / parts
+        rolling = 0.6 + np.array([0.2, -0.1, 0.2, -0.1]) * np.sin(3.0 * time)**2
+        return simulate(rolling, ground(START_U=0.6, COM_X=0.02), robot=robot)[0, -1, :model.A_X]
+
+    exact = end(64)
+    errors = [np.abs(end(parts) - exact).max() for parts in (1, 2, 4)]
+    assert errors[0] < 1e-3
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.4)
+    assert np.log2(errors[1] / errors[2]) == pytest.approx(2.0, abs=0.4)
