@@ -46,7 +46,7 @@ class BuildFromPython(build_ext):
         except ImportError as error:
             raise CompileError(f'no Cython: {error}') from error
         try:
-            ext.sources = cythonize(ext, build_dir=self.build_temp)[0].sources
+            ext.sources = cythonize(ext, build_dir=self.build_temp, quiet=True)[0].sources
         except TranslationError as error:
             raise CompileError(f'Cython: {error}') from error
         super().build_extension(ext)
@@ -65,7 +65,7 @@ setup(
     ext_modules=[
         # without fused multiply-add, results are those of Python on every processor
         Extension(path.removesuffix('.py').replace('/', '.'), [path], optional=True,
-                  extra_compile_args=['-ffp-contract=off'])
+                  extra_compile_args=['-ffp-contract=off', '-Wno-unused-variable'])
         for path in COMPILED],
     cmdclass={'build_ext': BuildFromPython},
     data_files=[
