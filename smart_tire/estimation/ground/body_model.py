@@ -57,7 +57,7 @@ COMPILED: bool = cython.compiled
 PARAMETERS = 20
 # constants of the robot: step [s], mass [kg], yaw inertia [kg m2], half wheelbase and track [m],
 # height of the center of mass [m], least speeds [m/s] of slip and of resistance, gravity [m/s2]
-STEP, MASS, INERTIA, HALF_BASE, HALF_TRACK, HEIGHT, SLIP_FLOOR, DRAG_FLOOR, GRAVITY = range(9)
+TIME_STEP, MASS, INERTIA, HALF_BASE, HALF_TRACK, HEIGHT, SLIP_FLOOR, DRAG_FLOOR, GRAVITY = range(9)
 # output of a step: velocity, acceleration of the center of mass by forces, angular acceleration,
 # tread forces along x of the wheels
 U, V, W, A_X, A_Y, W_DOT, FORCE = range(7)
@@ -115,7 +115,7 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
                   heading: cython.double[:, ::1], p: cython.double[::1],
                   robot: cython.double[::1], out: cython.double[:, ::1]) -> cython.void:
     """Simulate one run; what its steps have in common is computed before them."""
-    frequency: cython.double = 1.0 / robot[STEP]
+    frequency: cython.double = 1.0 / robot[TIME_STEP]
     mass: cython.double = robot[MASS]
     inertia: cython.double = robot[INERTIA]
     min_rolling: cython.double = robot[SLIP_FLOOR]

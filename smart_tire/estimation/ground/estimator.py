@@ -34,13 +34,13 @@ from smart_tire.estimation.plausibility import is_speed_contradicted
 from smart_tire.models.vehicle.skid_steer import SIDE_SIGNS
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.rotation import matrix
-from smart_tire.samples import GroundState, ImuSample, NS_PER_S, Odometry, WheelSample, WHEELS
+from smart_tire.samples import GroundState, ImuSample, NS_PER_S, Odometry, WHEELS, WheelSample
 from smart_tire.uncertain import Uncertain, UNKNOWN
 
 HOP_NS = 500_000_000  # of message time, between two windows
 MIN_DURATION = 1.5    # s, of the first window
-MAX_GAP = 0.6         # s, of a stream: the window begins anew after a longer one
-MARGIN = 1.0          # s before the window, of samples that are kept: smoothing, heading
+MAX_GAP = 0.6         # s, of a stream: after a longer one the window restarts
+KEPT_TIME = 1.0          # s before the window, of samples that are kept: smoothing, heading
 MIN_TRAVEL = 0.3      # m in a window, in which torques show the ground
 CURVE_ERROR = 0.03    # of mu: it varies with the slip where the tire is not a brush
 MAX_LN_SIGMA = 0.35   # of ln mu; above, mu is unknown
@@ -169,7 +169,7 @@ class GroundEstimator:
         self.solution = self._window.update(data, begin, end, end - before)
         measured = self.solution.measurements
         self._shown |= bool(measured.torque_count.any()) and measured.travel > MIN_TRAVEL
-        self._forget(end - LENGTH - SETTLING - MARGIN)
+        self._forget(end - LENGTH - SETTLING - KEPT_TIME)
         return self.solution
 
     def state(self, solution: Solution) -> GroundState:
@@ -234,7 +234,7 @@ class GroundEstimator:
         return (stamp_ns - self._origin_ns) / NS_PER_S
 
     def _append(self, rows: list[tuple[float, ...]], row: tuple[float, ...]) -> None:
-        """Append ``row``, which begins with its time [s]; after a gap, the window begins anew."""
+        """Append ``row``, which begins with its time [s]; after a gap, the window restarts."""
         if rows and row[0] - rows[-1][0] > MAX_GAP:
             self._begin = row[0]
         if not rows or row[0] > rows[-1][0]:

@@ -37,9 +37,9 @@ from smart_tire.models.vehicle.drive import friction_torque
 from smart_tire.models.vehicle.skid_steer import AXLE_SIGNS, SIDE_SIGNS
 from smart_tire.parameters.robot import RobotParams
 
-STEP = 0.016             # s, of the model
+TIME_STEP = 0.016             # s, of the model
 BLOCK = 8                # steps of a block mean
-BLOCK_TIME = STEP * BLOCK
+BLOCK_TIME = TIME_STEP * BLOCK
 YAW_RATE, FORCE_X, FORCE_Y, TORQUE = range(4)  # streams of block means; four of torques
 STREAMS = 7
 UNMEASURED = 1e6         # standard deviation of a block without measurement
@@ -99,7 +99,7 @@ class Measurements:
         self._robot, motor = robot, robot.motor
         blocks = int((end - begin) / BLOCK_TIME + 1e-6)
         self.begin = begin = end - blocks * BLOCK_TIME
-        self.times: Array = begin + STEP * np.arange(1.0, blocks * BLOCK + 1.0)
+        self.times: Array = begin + TIME_STEP * np.arange(1.0, blocks * BLOCK + 1.0)
         self.edges: Array = begin + BLOCK_TIME * np.arange(blocks + 1.0)
         self.centers: Array = self.edges[1:] - 0.5 * BLOCK_TIME
         self.used = self.edges[:-1] > first - 0.5 * BLOCK_TIME
@@ -109,7 +109,7 @@ class Measurements:
         radius = robot.wheel_radius
         self.rates = rate_weights(motion.times, self.times) @ motion.angles
         self.rolling = np.ascontiguousarray(radius * self.rates)
-        self.acceleration = np.gradient(self.rates, STEP, axis=0)
+        self.acceleration = np.gradient(self.rates, TIME_STEP, axis=0)
         period = float(np.median(np.diff(motion.times)))
         at_edges = radius * rate_weights(motion.times, self.edges)
         self._speed_errors = [at_edges @ error @ at_edges.T
@@ -129,14 +129,14 @@ class Measurements:
         self._torque_by_speed = radius * robot.tire.longitudinal_stiffness / np.maximum(
             np.abs(radius * self._moving), SLIP_FLOOR)
         self.robot_constants = np.array([
-            STEP, robot.mass, robot.yaw_inertia, 0.5 * robot.wheelbase, 0.5 * robot.track_width,
+            TIME_STEP, robot.mass, robot.yaw_inertia, 0.5 * robot.wheelbase, 0.5 * robot.track_width,
             robot.center_of_mass[2] + radius, SLIP_FLOOR, DRAG_FLOOR, GRAVITY])
         self._delayed = radius * 0.5 * (self.acceleration[:, :2] + self.acceleration[:, 2:])
 
     @property
     def travel(self) -> float:
         """Return the mean distance [m] that the wheels roll over the whole window."""
-        return float(np.abs(self.rolling).mean()) * STEP * len(self.rolling)
+        return float(np.abs(self.rolling).mean()) * TIME_STEP * len(self.rolling)
 
     def heading(self, gyro_bias: float, reference: tuple[float, float]) -> Array:
         """

@@ -21,7 +21,7 @@ into the prior, linearized at the estimate; the prior then walks.
 
 A change of ground is a second hypothesis: the same window, in which the ground changes at a
 candidate time to one of which nothing is known. It is tried where the evidence of the linearized
-equations favors it, lives beside the first one, and replaces it if its evidence still is higher
+equations favors it, is kept with the first one, and replaces it if its evidence still is higher
 ``DECISION_TIME`` after the change: a push or a lifted wheel explains the window as well for a
 moment, but not what follows.
 """

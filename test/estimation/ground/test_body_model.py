@@ -224,7 +224,7 @@ def test_a_lifted_wheel_has_no_force():
 def test_errors_decrease_with_the_square_of_the_step():
     def end(parts: int) -> np.ndarray:
         robot = ROBOT.copy()
-        robot[[model.STEP, model.HEIGHT]] = STEP / parts, 0.0  # loads lag by one step
+        robot[[model.TIME_STEP, model.HEIGHT]] = STEP / parts, 0.0  # loads lag by one step
         time = np.arange(1, 60 * parts + 1)[:, np.newaxis] * STEP / parts
         rolling = 0.6 + np.array([0.2, -0.1, 0.2, -0.1]) * np.sin(3.0 * time)**2
         return simulate(rolling, ground(START_U=0.6, COM_X=0.02), robot=robot)[0, -1, :model.A_X]
