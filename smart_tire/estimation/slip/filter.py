@@ -38,10 +38,10 @@ from smart_tire.arrays import Array
 from smart_tire.estimation.slip.ground import ForceBalance
 from smart_tire.estimation.slip.imu_input import ImuInput
 from smart_tire.estimation.slip.kalman import (
-    KalmanFilter, OUTLIER_SIGMAS, SENSORS_HELD, StateRecorder)
+    GYRO_HELD, KalmanFilter, OUTLIER_SIGMAS, SENSORS_HELD, StateRecorder)
 from smart_tire.estimation.slip.motion import (
     MotionModel, Noise, SLIP_CORRELATION_TIME, slip_speed)
-from smart_tire.estimation.slip.noise import LearnedVariance, LearnedScale
+from smart_tire.estimation.slip.noise import AccelError, LearnedScale, LearnedVariance
 from smart_tire.estimation.slip.state import (
     GROUND, ICRS, ImuReading, ImuStep, N, SLIP_VELS, State, TRAVELS)
 from smart_tire.estimation.slip.wheel_odometry import WheelSpeeds
@@ -51,12 +51,13 @@ from smart_tire.samples import Four
 
 MOUNTING_TILT_SIGMA = 0.009   # rad, of the IMU: half a degree
 MIN_POSE_SIGMA = 1e-4         # m, rad: the origin is exact, but P must not be singular
-INITIAL_SPEED_SIGMA = 0.5     # m/s, of a robot that is switched on while it moves
+INITIAL_SPEED_SIGMA = 3.0     # m/s, of a robot that is switched on while it moves
 INITIAL_SLIP_SIGMAS = 0.1, 0.3  # m/s, likewise, common and half the difference: in a turn
 ICR_SHARES = 0.25, 0.2        # mean and sigma of ICR_L, ICR_R over the track: effective tracks
 # of 1 to 2.2 times the track are published for skid-steer robots
 SIDE_DIFFERENCE_SHARE = 0.3   # of that sigma: both sides are alike; assumed
 ICR_WALK_SHARE = 0.02         # per sqrt(rad), of ICRs over the track: another ground in minutes
+ACCEL_ERROR_SIGMA = 0.3       # m/s2, prior of slopes, suspension and tilt; other robots on grass
 WALK_LIMITS = 0.1, 10.0       # of learned random walks, over their priors
 MIN_SLOPE, MAX_SLOPE = 0.001, 0.1  # rad, standard deviations: laboratory floor, steep ground
 SLOPE_RATE = 0.3              # learning rates per innovation; assumed
@@ -130,6 +131,7 @@ class SlipFilter:
         walk, (low, high) = ICR_WALK_SHARE * robot.track_width, WALK_LIMITS
         self._pitch, self._roll = (LearnedScale(
             params.slope_sigma, MIN_SLOPE, MAX_SLOPE, SLOPE_RATE) for _ in 'xy')
+        self._accel_errors = [AccelError(ACCEL_ERROR_SIGMA, GRAVITY * MIN_SLOPE) for _ in 'xy']
         self._icr_walk, self._icr_x_walk = (LearnedScale(
             walk, low * walk, high * walk, WALK_RATE) for _ in 'yx')
         self._lateral_sigma = params.lateral_sigma
@@ -169,7 +171,8 @@ class SlipFilter:
         """Predict to ``time`` [s] through a step of the IMU."""
         kalman, motion = self.kalman, self.motion
         self.forces.age(step.dt)
-        noise = Noise((self._roll.sigma, self._pitch.sigma), math.sqrt(self._common_variance),
+        self._add_force(step)
+        noise = Noise(self._slope_sigmas(), math.sqrt(self._common_variance),
                       math.sqrt(self._difference.variance), self._icr_walk.sigma,
                       self._icr_x_walk.sigma)
         before = motion.rolling_rates(kalman.x, motion.yaw_rate(kalman.x, self._gyro_z))
@@ -179,6 +182,28 @@ class SlipFilter:
         now = motion.rolling_rates(after, motion.yaw_rate(after, self._gyro_z))
         self._history.add(time, step.dt, [b - a for a, b in zip(before, now)])
         self._time = time
+
+    def _add_force(self, step: ImuStep) -> None:
+        """Add the mean force of a step to the levels of the accelerometer's errors."""
+        x, imu = self.kalman.x, step.mean
+        W = self.motion.yaw_rate(x, imu.yaw_rate)
+        for level, force, bias, centripetal in zip(
+                self._accel_errors, (imu.force_x, imu.force_y),
+                (x[State.ACCEL_BIAS_X], x[State.ACCEL_BIAS_Y]), (0.0, W * x[State.V_X])):
+            level.add_force(force - bias - centripetal, step.dt)
+
+    def _slope_sigmas(self) -> tuple[float, float]:
+        """
+        Return the standard deviations [rad] of roll and pitch.
+
+        Without a known ground they are those of all errors of the accelerometer, so that the
+        wheels rule beyond tenths of a second.
+        """
+        if self.forces.active:
+            return self._roll.sigma, self._pitch.sigma
+        x, y = self._accel_errors
+        slip = self._common_variance * slip_speed(self._sides) ** 2 / SLIP_CORRELATION_TIME ** 2
+        return tuple(math.sqrt(one.variance + slip) / GRAVITY for one in (y, x))
 
     def correct_forces(self, imu: ImuInput, residual: Four, dt: float) -> None:
         """Correct with the balance of forces after a step of ``dt`` [s]."""
@@ -216,6 +241,9 @@ class SlipFilter:
         R = self._wheel_covariance(wheels, sides, independent)
         self._add_slip_change(sides, R, dt, lag)
         moving = max(map(abs, sides)) >= self._robot.slip.standstill_speed
+        if moving:
+            self._accel_errors[0].add_speed(0.5 * (sides[0] + sides[1]), dt)
+            self._accel_errors[1].add_speed(0.0, dt)
         if not moving:
             self._add_sliding(y, H, R, dt)
         if moving and independent:
@@ -226,7 +254,7 @@ class SlipFilter:
             self._pitch.add_innovation(float(y.sum()) / math.sqrt(float(
                 (H @ kalman.P @ H.T + R).sum())))
         nis = kalman.correct_jointly(*(self._as_printed(y, H, R, sides, dt) if self._printed
-                                       else (y, H, R)))
+                                       else (y, H, R)), GYRO_HELD)
         if moving:
             self.nis += NIS_GAIN * (nis - self.nis)  # stationary wheels have no noise
             self.forces.add_wheel_innovation(nis, dt)
@@ -313,8 +341,6 @@ class SlipFilter:
             self._difference.add(2.0 * self._mean_difference ** 2, dt)
         if self.forces.active:
             self._common.add(common, dt)
-        else:
-            self._pitch.add_square(common / self._common_variance, dt / SLIP_CORRELATION_TIME)
 
     def _restart_travel(self, wheels: WheelSpeeds, sides: list[float], lag: float,
                         change: list[float], W: float) -> None:
@@ -354,8 +380,6 @@ class SlipFilter:
             y, [int(row) for row in rows], h, variance, held=SENSORS_HELD)
         normalized = y / math.sqrt(total)
         self._icr_x_walk.add_innovation(normalized)
-        if not self.forces.active:
-            self._roll.add_square(normalized ** 2, duration)
 
     def correct_zero_velocity(self) -> None:
         """Correct with zero velocity over ground and of the wheels."""

@@ -32,6 +32,9 @@ CONSIDERED = (np.arange(N) >= ESTIMATED).astype(float)  # (N,), 1 for states nev
 # lasting errors of the forces and of the ICR kinematics must not calibrate sensors
 SENSORS_HELD = CONSIDERED.copy()
 SENSORS_HELD[[State.GYRO_BIAS_Z, State.ACCEL_BIAS_X, State.ACCEL_BIAS_Y, State.RADIUS]] = 1.0
+# unequal radii and slip of the sides last: they would be taken for a bias, which a rest shows
+GYRO_HELD = CONSIDERED.copy()
+GYRO_HELD[State.GYRO_BIAS_Z] = 1.0
 
 
 class StateRecorder(Protocol):
@@ -91,7 +94,7 @@ class KalmanFilter:
         self._apply(scale * PH[:, None], np.array([scale * y]), held)
         return total
 
-    def correct_jointly(self, y: Array, H: Array, R: Array) -> float:
+    def correct_jointly(self, y: Array, H: Array, R: Array, held: Array) -> float:
         """Correct with m innovations ``y`` with Jacobian ``H`` (m, N); return the NIS over m."""
         PH = self.P @ H.T
         S = H @ PH + R
@@ -99,7 +102,7 @@ class KalmanFilter:
         S += np.diag(excess * np.diag(S))
         root = np.linalg.inv(np.linalg.cholesky(S)).T  # S^-1 = root root'
         whitened = y @ root
-        self._apply(PH @ root, whitened)
+        self._apply(PH @ root, whitened, held)
         return float(whitened @ whitened) / len(y)
 
     def _apply(self, G: Array, whitened: Array, held: Array = CONSIDERED) -> None:

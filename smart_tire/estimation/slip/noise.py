@@ -19,6 +19,8 @@ from __future__ import annotations
 import math
 
 MAX_NIS = 9.0  # of an innovation that a level is learned from: three sigma
+ACCEL_BLOCK_TIME = 1.0      # s, beyond which an accelerometer says less than the wheels; assumed
+ACCEL_LEARNING_TIME = 10.0  # s, over which the level of its errors is learned
 
 
 class LearnedScale:
@@ -66,3 +68,35 @@ class LearnedVariance:
         """Add a squared value that held for ``duration`` [s]."""
         gain = min(duration / self._time, 1.0)
         self._variance += gain * (square - self._variance)
+
+
+class AccelError:
+    """
+    Level of the error of an accelerometer axis, from the wheels: tilt, slope and suspension.
+
+    Low-passed specific force minus low-passed acceleration by the wheels. Slip that varies is
+    taken for an error, too: which of both it is cannot be seen without a known ground.
+    """
+
+    def __init__(self, sigma: float, floor: float) -> None:
+        self._level = LearnedVariance(sigma, floor, ACCEL_LEARNING_TIME)
+        self._force = self._speed = 0.0  # m/s2 and m/s, low-passed
+        self._last: float | None = None  # m/s, speed by the wheels
+
+    @property
+    def variance(self) -> float:
+        """Return the variance [(m/s2)^2]."""
+        return self._level.variance
+
+    def add_force(self, force: float, dt: float) -> None:
+        """Add the mean specific force [m/s2] without bias and centripetal part over ``dt``."""
+        self._force += -math.expm1(-dt / ACCEL_BLOCK_TIME) * (force - self._force)
+
+    def add_speed(self, speed: float, dt: float) -> None:
+        """Add the mean speed by the wheels [m/s] over ``dt`` [s]."""
+        if self._last is None:
+            self._speed = speed
+        self._last = speed
+        self._speed += -math.expm1(-dt / ACCEL_BLOCK_TIME) * (speed - self._speed)
+        acceleration = (speed - self._speed) / ACCEL_BLOCK_TIME
+        self._level.add((self._force - acceleration) ** 2, dt)
