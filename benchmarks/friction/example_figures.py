@@ -21,16 +21,14 @@ from dataclasses import dataclass
 from benchmarks.friction.grid import Case, WHEEL
 from benchmarks.friction.methods import estimator_params, WAVEFORM
 from benchmarks.friction.records import SINGLE
-from benchmarks.friction.synthesis import CrossingSynthesizer, TRUE_SLIP_SIGMA
+from benchmarks.friction.synthesis import CrossingSynthesizer
 import numpy as np
 from smart_tire.analysis.series import Floats
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.contact.records import CrossingSamples, FilmSamples
 from smart_tire.estimation.friction.output import OutputBuilder
-from smart_tire.estimation.friction.waveform_fit import CrossingSlipPrior, WaveformFitter
 from smart_tire.estimation.friction.waveform_model import WaveformModel
 from smart_tire.parameters import RobotParams
-from smart_tire.uncertain import Uncertain
 
 CURVE_STEP = 1e-4  # m, between points of a drawn curve
 
@@ -58,18 +56,16 @@ class Example:
 
 
 def example(slip: float, seed: int = 1) -> Example:
-    """Return a crossing on concrete at 60 rpm, fitted with the true slip."""
+    """Return a crossing on concrete at 60 rpm, fitted."""
     case = Case(slip=slip)
     synthesizer, robot = CrossingSynthesizer(case, seed), case.robot
     crossing = synthesizer.crossing()
-    estimate = OutputBuilder(WHEEL, estimator_params(WAVEFORM, robot)).build(
-        crossing, synthesizer.motion())
-    fitter = WaveformFitter(robot, robot.film.gains(WHEEL), robot.film.bending(WHEEL))
-    fit = None if crossing.samples is None else fitter.fit(
-        crossing.samples, CrossingSlipPrior(Uncertain(slip, TRUE_SLIP_SIGMA)))
-    if crossing.samples is None or fit is None:
+    output = OutputBuilder(WHEEL, estimator_params(WAVEFORM, robot))
+    result = output.method.measure(crossing)
+    if result is None or result.waveform is None:
         raise EstimatorError(f'the crossing of seed {seed} with slip {slip:g} was not fitted')
-    return Example(_films(robot, crossing.samples, fit.parameters),
+    estimate, fit = output.build(crossing, result, synthesizer.state()), result.waveform
+    return Example(_films(robot, fit.samples, fit.parameters),
                    estimate.quantity(SINGLE), case.mu,
                    float(np.sqrt(robot.film.sample_variance)))
 

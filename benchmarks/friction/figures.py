@@ -20,8 +20,7 @@ from collections.abc import Sequence
 
 from benchmarks.friction.example_figures import Example, example
 from benchmarks.friction.grid import FASTER_SPEED
-from benchmarks.friction.methods import (
-    ESTIMATED, EXACT_MAP, METHODS, PRINTED_MAP, SOURCES, TRUE, WAVEFORM)
+from benchmarks.friction.methods import EXACT_MAP, METHODS, PRINTED_MAP, WAVEFORM
 from benchmarks.friction.monte_carlo import CaseResult
 from benchmarks.friction.paper_points import paper_points
 from benchmarks.friction.records import FUSED, SINGLE
@@ -35,7 +34,6 @@ from smart_tire.analysis.curves import Curve
 from smart_tire.analysis.series import Floats, seconds
 from smart_tire.reproduction import tire_maps
 
-SHOWN_SOURCES = TRUE, ESTIMATED  # of slip, in the figures of friction
 EXAMPLE_SLIPS = {'driving': 0.1, 'braking': -0.1}  # -, of the crossings in the figure
 MM, MV = 1e3, 1e3
 SPEED_COLORS = {60.0: drawing.BLUE, FASTER_SPEED: drawing.ORANGE}  # rpm, of the paper
@@ -83,20 +81,14 @@ def _draw_residual(ax: Axes, found: Example) -> None:
 
 
 def friction_figure(title: str, result: RunResult) -> Figure:
-    """Return mu per crossing with bands, for each wheel, with true and estimated slip."""
-    wheels = list(dict.fromkeys(wheel for wheel, _, _ in result.parts))
-    panels = [[f'{wheel.replace("_", " ")}, {SOURCES[source]}' for source in SHOWN_SOURCES]
-              for wheel in wheels]
-    figure, axes = drawing.new_figure(panels, width=13.0, height=1.0 + 3.0 * len(wheels),
-                                      share_x=True, share_y=True)
-    top = 0.0
-    for wheel, row in zip(wheels, panels):
-        for source, panel in zip(SHOWN_SOURCES, row):
-            part = result.parts[wheel, source, WAVEFORM]
-            _draw_run(axes[panel], wheel, part)
-            axes[panel].set(title=f'{title}: {panel}')
-            top = max(top, _top(part))
-    axes[panels[0][0]].set_ylim(0.0, top)
+    """Return mu per crossing with bands, for each wheel."""
+    wheels = list(dict.fromkeys(wheel for wheel, _ in result.parts))
+    figure, axes = drawing.new_figure([[wheel] for wheel in wheels], width=13.0,
+                                      height=1.0 + 3.0 * len(wheels), share_x=True, share_y=True)
+    for wheel in wheels:
+        _draw_run(axes[wheel], wheel, result.parts[wheel, WAVEFORM])
+        axes[wheel].set(title=f'{title}: {wheel.replace("_", " ")}')
+    axes[wheels[0]].set_ylim(0.0, max(_top(result.parts[wheel, WAVEFORM]) for wheel in wheels))
     drawing.finish(figure, axes)
     return figure
 

@@ -23,7 +23,7 @@ from typing import Any
 from smart_tire.models.constants import GRAVITY
 from smart_tire.models.tire import brush_tire
 from smart_tire.parameters import RobotParams
-from smart_tire.parameters.robot import FilmParams, SlipParams
+from smart_tire.parameters.robot import FilmParams
 from smart_tire.parameters.simulation import SensorErrorParams
 
 RPM = math.tau / 60.0  # rad/s
@@ -73,8 +73,8 @@ class Case:
 
     @property
     def robot(self) -> RobotParams:
-        """Return the robot with films on one wheel, and a slip that is known without them."""
-        return replace(ROBOT, slip=SlipParams(film_aided=False), film=FilmParams(
+        """Return the robot with films on one wheel."""
+        return replace(ROBOT, film=FilmParams(
             wheels=(WHEEL,), noise=self.noise, release=self.release))
 
     @property

@@ -17,25 +17,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
-import math
+from dataclasses import dataclass
 import time
 
-from smart_tire.analysis.pipeline import EstimatorParams, SlipStage
 from smart_tire.estimation import streams
 from smart_tire.estimation.friction.estimator import FrictionEstimator
-from smart_tire.estimation.slip.estimator import SlipEstimator
-from smart_tire.parameters import FrictionEstimatorParams, RobotParams, SlipEstimatorParams
-from smart_tire.samples import Friction, Odometry, Sample, TireSample, WheelSample, WheelSlip
+from smart_tire.parameters import FrictionEstimatorParams, RobotParams
+from smart_tire.samples import Friction, Odometry, Sample, WheelSlip
 
 WAVEFORM, EXACT_MAP, PRINTED_MAP = 'waveform', 'two_peaks_exact', 'two_peaks_printed'
 METHODS = {WAVEFORM: 'waveform', EXACT_MAP: 'two peaks, exact map',
            PRINTED_MAP: 'two peaks, printed map'}
-TRUE, ESTIMATED, AIDED = 'true', 'estimated', 'aided'
-SOURCES = {TRUE: 'true slip', ESTIMATED: 'slip of slip_estimator',
-           AIDED: 'slip of slip_estimator, aided by the films'}
-COMPARED = {TRUE: (WAVEFORM,), ESTIMATED: tuple(METHODS), AIDED: (WAVEFORM,)}  # in simulated runs
-TRUE_SLIP_SIGMA = 1e-4  # -, of true slip interpolated between samples at 100 Hz
 
 Event = tuple[int, str, Sample]  # receive time [ns], topic, sample
 
@@ -56,39 +48,19 @@ def estimator_params(method: str, robot: RobotParams) -> FrictionEstimatorParams
         method='two_peaks', map='exact' if method == EXACT_MAP else 'printed', robot=robot)
 
 
-def robot_of(source: str, robot: RobotParams) -> RobotParams:
-    """Return the robot parameters of the estimators for one of ``SOURCES``."""
-    return replace(robot, slip=replace(robot.slip, film_aided=source == AIDED))
-
-
-def inputs(events: Iterable[Event], source: str, robot: RobotParams) -> list[Sample]:
-    """Return the inputs of the friction estimator with slip and motion of one of ``SOURCES``."""
-    if source == TRUE:
-        return [_exact(sample) for _, topic, sample in events
-                if isinstance(sample, (TireSample, WheelSample))
-                or topic in ('ground_truth/odom', 'ground_truth/wheel_slip')]
-    params = EstimatorParams(
-        SlipEstimatorParams(robot=robot), FrictionEstimatorParams(robot=robot))
-    stage = SlipStage(params, SlipEstimator(params.slip))
-    return [forwarded for _, topic, sample in events if not topic.startswith('ground_truth/')
-            for forwarded in stage.update(sample)
-            if type(forwarded) in streams.FRICTION.inputs]
-
-
-def _exact(sample: Sample) -> Sample:
-    """Return a true slip with a small sigma."""
-    if not isinstance(sample, WheelSlip):
-        return sample
-    fl, fr, rl, rr = (1.0 if math.isnan(ratio) else TRUE_SLIP_SIGMA for ratio in sample.ratio)
-    return replace(sample, sigma=(fl, fr, rl, rr))
+def inputs(events: Iterable[Event]) -> list[Sample]:
+    """Return the inputs of the friction estimator in ``events``."""
+    return [sample for _, topic, sample in events
+            if streams.FRICTION.inputs.get(type(sample)) == topic]
 
 
 def run_estimator(samples: Sequence[Sample], params: FrictionEstimatorParams) -> EstimatorRun:
     """Return the estimates from ``samples`` in the given order."""
     estimator = FrictionEstimator(params)
     begin = time.thread_time()
-    found = [*(crossing for sample in samples for crossing in estimator.update(sample)),
-             *estimator.finish()]
+    estimates = [*(one for sample in samples for one in estimator.update(sample)),
+                 *estimator.finish()]
+    found = [one for one in estimates if isinstance(one, Friction)]
     return EstimatorRun(found, 1e3 * (time.thread_time() - begin) / max(len(found), 1))
 
 

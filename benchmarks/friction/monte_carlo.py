@@ -30,8 +30,8 @@ from benchmarks.friction.synthesis import CrossingSynthesizer
 import numpy as np
 from smart_tire.analysis.series import Floats
 from smart_tire.estimation.contact.records import PatchCrossing
-from smart_tire.estimation.friction.motion_history import WheelMotion
 from smart_tire.estimation.friction.output import OutputBuilder
+from smart_tire.estimation.ground.estimator import WheelState
 from smart_tire.samples import Friction
 
 
@@ -62,12 +62,12 @@ class CaseResult:
 def run_case(group: str, case: Case, count: int, seed: int = 1) -> CaseResult:
     """Return the scores of all applicable methods on ``count`` crossings."""
     synthesizer = CrossingSynthesizer(case, seed)
-    crossings, motion = [synthesizer.crossing() for _ in range(count)], synthesizer.motion()
-    estimates, ms = _report(crossings, motion, case, WAVEFORM)
+    crossings, state = [synthesizer.crossing() for _ in range(count)], synthesizer.state()
+    estimates, ms = _report(crossings, state, case, WAVEFORM)
     trials = {WAVEFORM: trial(_column(estimates, SINGLE), case.mu, ms, sigma=np.array(
         [one.quantity(SINGLE).sigma for one in estimates]))}
     if case.release == 'fig8' and case.slip > 0.0:  # where two peaks exist
-        estimates, ms = _report(crossings, motion, case, PRINTED_MAP)
+        estimates, ms = _report(crossings, state, case, PRINTED_MAP)
         interval, constant = _column(estimates, 'peak_interval'), np.ones(count)
         for method in (EXACT_MAP, PRINTED_MAP):
             trials[method] = trial(friction_from_peaks(
@@ -80,12 +80,13 @@ def run_case(group: str, case: Case, count: int, seed: int = 1) -> CaseResult:
         float(np.mean(complete)), trials)
 
 
-def _report(crossings: list[PatchCrossing], motion: WheelMotion, case: Case,
+def _report(crossings: list[PatchCrossing], state: WheelState, case: Case,
             method: str) -> tuple[list[Friction], float]:
     """Return the estimates of one method, and CPU time per crossing [ms]."""
     builder = OutputBuilder(WHEEL, estimator_params(method, case.robot))
     begin = time.thread_time()
-    estimates = [builder.build(crossing, motion) for crossing in crossings]
+    estimates = [builder.build(crossing, builder.method.measure(crossing, state.slip), state)
+                 for crossing in crossings]
     return estimates, 1e3 * (time.thread_time() - begin) / len(crossings)
 
 

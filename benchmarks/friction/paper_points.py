@@ -46,14 +46,17 @@ class Points:
 def paper_points(rpm: float, seed: int = 1) -> Points:
     """Return the points at ``rpm`` on concrete, with exact gains and true slip."""
     slips = np.concatenate([-SLIPS[::-1], SLIPS])
-    fitted, raw, case = [], [], Case(slip=0.1, rpm=rpm)
+    fitted: list[Friction] = []
+    raw: list[Friction] = []
+    case = Case(slip=0.1, rpm=rpm)
     builders = {method: OutputBuilder(WHEEL, estimator_params(method, case.robot))
                 for method in (WAVEFORM, PRINTED_MAP)}
     for i, slip in enumerate(slips.tolist()):
         synthesizer = CrossingSynthesizer(Case(slip=slip, rpm=rpm), seed + i, gain_error=0.0)
-        crossing, motion = synthesizer.crossing(), synthesizer.motion()
-        fitted.append(builders[WAVEFORM].build(crossing, motion))
-        raw.append(builders[PRINTED_MAP].build(crossing, motion))
+        crossing, state = synthesizer.crossing(), synthesizer.state()
+        for builder, found in ((builders[WAVEFORM], fitted), (builders[PRINTED_MAP], raw)):
+            found.append(builder.build(
+                crossing, builder.method.measure(crossing, state.slip), state))
     interval = _column(raw, 'peak_interval')
     return Points(
         slips, _column(fitted, 'stretch_voltage'), _column(fitted, 'stretch_voltage', True),

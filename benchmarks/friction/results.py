@@ -20,19 +20,14 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from benchmarks.friction.methods import (
-    COMPARED, estimator_params, Event, EXACT_MAP, ground_truth, inputs, PRINTED_MAP, robot_of,
-    run_estimator, TRUE)
+    estimator_params, Event, EXACT_MAP, ground_truth, inputs, METHODS, PRINTED_MAP, run_estimator)
 from benchmarks.friction.paper_method import friction_from_peaks
 from benchmarks.friction.records import concatenated, match_rows, Rows, true_crossings
 from benchmarks.friction.scoring import Change, changes, Figures, figures_of, peak_figures
-from benchmarks.slip.scoring import steady_slips
-from benchmarks.slip.series import as_estimate, as_truth
-import numpy as np
-from smart_tire.analysis.metrics import rms, score
 from smart_tire.analysis.series import Floats
 from smart_tire.parameters import RobotParams
 
-Key = tuple[str, str, str]  # wheel, source of the slip, method
+Key = tuple[str, str]  # wheel, method
 
 
 @dataclass(frozen=True)
@@ -47,32 +42,25 @@ class Part:
 
 @dataclass(frozen=True)
 class RunResult:
-    """Results of one run; ``slips`` has errors and sigmas (n,) per source of slip."""
+    """Results of one run."""
 
     run: str
     seed: int
     parts: dict[Key, Part]
-    slips: dict[str, tuple[Floats, Floats]]
 
 
 def run_all(name: str, seed: int, events: Sequence[Event], robot: RobotParams) -> RunResult:
-    """Return the results of a run for all sources of slip and methods."""
-    records = ground_truth(events)
+    """Return the results of a run by all methods."""
+    records, samples = ground_truth(events), inputs(events)
     truths = {wheel: true_crossings(records, robot, wheel) for wheel in robot.film.wheels}
     parts: dict[Key, Part] = {}
-    slips: dict[str, tuple[Floats, Floats]] = {}
-    for source, methods in COMPARED.items():
-        own = robot_of(source, robot)
-        samples = inputs(events, source, own)
-        if source != TRUE:
-            slips[source] = steady_slips(as_estimate(samples), as_truth(records, robot))
-        for method in methods:
-            run = run_estimator(samples, estimator_params(method, own))
-            for wheel, truth in truths.items():
-                rows = match_rows(truth, run.crossings, wheel)
-                parts[wheel, source, method] = Part(
-                    rows, changes(rows), _from_peaks(rows, robot, method), run.ms)
-    return RunResult(name, seed, parts, slips)
+    for method in METHODS:
+        run = run_estimator(samples, estimator_params(method, robot))
+        for wheel, truth in truths.items():
+            rows = match_rows(truth, run.crossings, wheel)
+            parts[wheel, method] = Part(
+                rows, changes(rows), _from_peaks(rows, robot, method), run.ms)
+    return RunResult(name, seed, parts)
 
 
 def _from_peaks(rows: Rows, robot: RobotParams, method: str) -> Floats | None:
@@ -83,37 +71,12 @@ def _from_peaks(rows: Rows, robot: RobotParams, method: str) -> Floats | None:
 
 
 def by_run(results: Iterable[RunResult]) -> dict[str, dict[Key, Figures]]:
-    """Return run -> wheel, source and method -> figures combined over seeds."""
+    """Return run -> wheel and method -> figures combined over seeds."""
     runs: dict[str, list[RunResult]] = {}
     for result in results:
         runs.setdefault(result.run, []).append(result)
     return {run: {key: figures_over([seed.parts[key] for seed in seeds])
                   for key in seeds[0].parts} for run, seeds in runs.items()}
-
-
-@dataclass(frozen=True)
-class SteadySlip:
-    """Errors of the slips of both sides in steady intervals; NaN without any."""
-
-    count: int
-    rms: float
-    sigma: float  # rms of the reported sigmas
-    nees: float   # 1 if consistent
-
-
-def slips_by_run(results: Iterable[RunResult]) -> dict[str, dict[str, SteadySlip]]:
-    """Return run -> source of the slip -> scores over all seeds."""
-    runs: dict[str, dict[str, list[tuple[Floats, Floats]]]] = {}
-    for result in results:
-        for source, slips in result.slips.items():
-            runs.setdefault(result.run, {}).setdefault(source, []).append(slips)
-    return {run: {source: _steady(*(np.concatenate(part) for part in zip(*parts)))
-                  for source, parts in sources.items()} for run, sources in runs.items()}
-
-
-def _steady(error: Floats, sigma: Floats) -> SteadySlip:
-    found = score(error, sigma)
-    return SteadySlip(found.count, found.rms, rms(sigma), found.normalized_rms**2)
 
 
 def figures_over(parts: Sequence[Part]) -> Figures:

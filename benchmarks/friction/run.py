@@ -39,16 +39,16 @@ from benchmarks.friction.force_tables import FORCE_NOTES, force_tables
 from benchmarks.friction.forces import ForceResult, run_forces, VARIANTS
 from benchmarks.friction.grid import all_cases, Case, quick_cases
 from benchmarks.friction.ground_scenarios import GROUND_SCENARIOS
-from benchmarks.friction.methods import METHODS, SOURCES
+from benchmarks.friction.methods import METHODS
 from benchmarks.friction.monte_carlo import CaseResult, run_case
 from benchmarks.friction.previous_results import PREVIOUS_RESULTS
 from benchmarks.friction.reference_results import (
     FORCE_REFERENCES, PRINTED_EXCESS, REFERENCE_BOUNDS, REFERENCE_RESULTS)
-from benchmarks.friction.results import by_run, Key, run_all, RunResult, slips_by_run
+from benchmarks.friction.results import by_run, Key, run_all, RunResult
 from benchmarks.friction.scenarios import FRICTION_SCENARIOS
 from benchmarks.friction.scoring import Figures
 from benchmarks.friction.tables import (
-    aided_table, cases_table, errors_table, methods_table, NOTES, statistics_table)
+    cases_table, errors_table, methods_table, NOTES, statistics_table)
 from benchmarks.jobs import make_folder, run_jobs
 from benchmarks.slip.figures import save
 from benchmarks.tables import markdown, new_console, print_all
@@ -184,26 +184,23 @@ def _method_tables(cases: Sequence[CaseResult], results: Sequence[RunResult]) ->
     if cases:
         yield cases_table(cases)
     if results:
-        runs, slips = by_run(results), slips_by_run(results)
+        runs = by_run(results)
         yield errors_table(runs, TITLES, REFERENCE_RESULTS)
         yield statistics_table(runs, TITLES)
         yield methods_table(runs, TITLES)
-        yield aided_table(runs, slips, TITLES)
 
 
 def _write(path: Path, cases: Sequence[CaseResult], results: Sequence[RunResult],
            rows: Mapping[PartKey, Row], machine: str) -> None:
     """Write all figures: per case, and per run combined over seeds."""
-    slips = {run: {source: asdict(one) for source, one in sources.items()}
-             for run, sources in slips_by_run(results).items()}
     tree: dict[str, Any] = {
-        'machine': machine, 'methods': METHODS, 'slips': SOURCES, 'variants': VARIANTS,
+        'machine': machine, 'methods': METHODS, 'variants': VARIANTS,
         'units': 'errors of mu, C_x and bounds are relative, of slips and ratios absolute; SI; '
                  'ms: CPU time per crossing in milliseconds; null without data',
         CROSSINGS: [{**asdict(one), 'normalized_slip': one.case.normalized_slip} for one in cases],
         'runs': {run: {
             'title': TITLES[run], 'seeds': [one.seed for one in results if one.run == run],
-            'slips': slips[run], 'wheels': _nested(figures),
+            'wheels': _nested(figures),
             'reference': REFERENCE_RESULTS.get(run)}
             for run, figures in by_run(results).items()},
         'forces': [{'title': TITLES[row.run], **asdict(row),
@@ -215,6 +212,6 @@ def _write(path: Path, cases: Sequence[CaseResult], results: Sequence[RunResult]
 
 def _nested(figures: dict[Key, Figures]) -> dict[str, Any]:
     tree: dict[str, Any] = {}
-    for (wheel, source, method), values in figures.items():
-        tree.setdefault(wheel, {}).setdefault(source, {})[method] = values
+    for (wheel, method), values in figures.items():
+        tree.setdefault(wheel, {})[method] = values
     return tree

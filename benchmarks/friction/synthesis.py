@@ -16,8 +16,6 @@
 
 from __future__ import annotations
 
-import math
-
 from benchmarks.friction.grid import Case, ERRORS, LOAD, WHEEL
 import numpy as np
 from smart_tire.analysis.series import Floats
@@ -25,7 +23,7 @@ from smart_tire.estimation.contact.assembly import SAMPLE_MARGIN
 from smart_tire.estimation.contact.detection import CrossingDetector
 from smart_tire.estimation.contact.records import (
     CrossingSamples, Detection, FilmSamples, PatchCrossing)
-from smart_tire.estimation.friction.motion_history import WheelMotion
+from smart_tire.estimation.ground.estimator import WheelState
 from smart_tire.models.film.signal_chain import SignalChain
 from smart_tire.models.tire import bump_shapes, tread_film
 from smart_tire.samples import NS_PER_S
@@ -113,10 +111,11 @@ class CrossingSynthesizer:
             gain=film.gains(WHEEL)[one.film],
             between=(position - SEARCH_RANGE, position + SEARCH_RANGE))
 
-    def motion(self) -> WheelMotion:
-        """Return the true motion of the wheel with exact load and stiffness."""
+    def state(self) -> WheelState:
+        """Return the true state of the wheel."""
         case = self._case
-        lateral = case.speed * math.sqrt(max(case.total_slip**2 - case.slip**2, 0.0))
-        return WheelMotion(Uncertain(case.slip, TRUE_SLIP_SIGMA), Uncertain(-lateral, 0.0),
-                           Uncertain(LOAD, 0.0), stiffness=Uncertain(
-                               self._robot.tire.longitudinal_stiffness, 0.0))
+        return WheelState(
+            slip=Uncertain(case.slip, TRUE_SLIP_SIGMA), load=Uncertain(LOAD, 0.0),
+            normalized_slip=Uncertain(case.normalized_slip, 0.0),
+            stiffness=Uncertain(self._robot.tire.longitudinal_stiffness, 0.0),
+            friction=Uncertain(case.mu, 0.0), critical_slip=Uncertain(case.critical_slip, 0.0))

@@ -23,14 +23,12 @@ import numpy as np
 
 from smart_tire.models.tire import tread_film
 from smart_tire.parameters import RobotParams
-from smart_tire.samples import (
-    NS_PER_S, Odometry, Sample, TireSample, WHEELS, WheelSample, WheelSlip)
+from smart_tire.samples import NS_PER_S, Sample, TireSample, WHEELS, WheelSample, WheelSlip
 
 START_NS = 1_700_000_000 * NS_PER_S
 ROBOT = RobotParams()
 WHEEL = 'front_right'
 CRITICAL = 0.7       # -, critical slip of the surface
-LOAD = 26.72         # N, a quarter of the robot's weight
 PLACE = 0.30         # m, rolled distance when the film midpoint first is at the patch center
 ROUND = 2.0 * math.pi * ROBOT.wheel_radius
 QUIET = (1.65, 1.65)
@@ -80,26 +78,24 @@ def films(course: Course, duration: float, *, slip: float = 0.1, total: float = 
     return [TireSample(stamp(t), WHEEL, tuple(row)) for t, row in zip(time, codes * 3.3 / 1023.0)]
 
 
-def surroundings(course: Course, duration: float, *, slip: float = 0.1, total: float = 0.13,
-                 slip_sigma: float = 0.003, wheel_rate: float = 16.0,
-                 positions: bool = True) -> list[Sample]:
-    """Return wheel angles, slip and odometry for the trajectory ``course``."""
-    out: list[Sample] = []
+def wheels(course: Course, duration: float, *, wheel_rate: float = 16.0,
+           positions: bool = True) -> list[WheelSample]:
+    """Return the wheel speeds and, with ``positions``, angles of the trajectory ``course``."""
     time = np.arange(0.0, duration, 1.0 / wheel_rate)
     angle = course(time) / ROBOT.wheel_radius
     speed = np.diff(angle, prepend=angle[0]) * wheel_rate
-    for t, a, w in zip(time, angle, speed):
-        out.append(WheelSample(stamp(t), (w,) * 4, (a,) * 4 if positions else None))
+    return [WheelSample(stamp(t), (w,) * 4, (a,) * 4 if positions else None)
+            for t, a, w in zip(time, angle, speed)]
+
+
+def slips(course: Course, duration: float, *, slip: float = 0.1) -> list[WheelSlip]:
+    """Return the slips of the trajectory ``course``: opposite ones of both sides."""
+    out = []
     for t in np.arange(0.0, duration, 0.008):
         rolling = float(course(t + 0.001) - course(t - 0.001)) / 0.002
-        lateral = -math.copysign(math.sqrt(total**2 - slip**2), rolling) * abs(rolling)
         ratio = slip if abs(rolling) > 0.05 else math.nan
-        # opposite slip of the other side: no acceleration of the robot
         out.append(WheelSlip(stamp(t), (-ratio, ratio) * 2, (-slip * rolling, slip * rolling) * 2,
-                             (slip_sigma if ratio == ratio else 1.0,) * 4))
-        out.append(Odometry(stamp(t), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0),
-                            ((1.0 - slip) * rolling, lateral, 0.0), (0.0, 0.0, 0.0),
-                            (0.0,) * 36, (1e-6,) + (0.0,) * 6 + (1e-6,) + (0.0,) * 28))
+                             (0.003 if ratio == ratio else 1.0,) * 4))
     return out
 
 

@@ -26,7 +26,7 @@ from smart_tire.messages import NodeStatus, TOPICS
 from smart_tire.samples import (
     Friction, GoalPose, GroundState, MotorCommand, Odometry, PathProgress, PlannedPath, TireSample,
     VelocityCommand, WheelCommand, WHEELS, WheelSample, WheelSlip)
-from smart_tire.uncertain import Uncertain
+from smart_tire.uncertain import Uncertain, UNKNOWN
 from smart_tire.view.contact import thinned
 from smart_tire.view.recorder import Recorder
 from smart_tire.view.style import TRUTH, WHEEL_COLORS
@@ -97,7 +97,7 @@ def test_friction_is_shown_fused_and_single_and_unknown_values_are_left_out(reco
         scene.add('ground_truth/tire_friction', Friction(
             START, 'front_left', friction_coefficient=Uncertain(0.47, 0.0)))
         scene.add('ground_state', GroundState(
-            START, Uncertain(52.0, 3.0), Uncertain(0.02, 0.004), (0.0, 0.0)))
+            START, Uncertain(52.0, 3.0), UNKNOWN, Uncertain(0.02, 0.004), *[UNKNOWN] * 4))
 
     found = recorded(feed)
     fused = found.scalars('friction/front_left/fused')
@@ -166,7 +166,7 @@ def test_friction_circles_and_forces_obey_the_brush_model(recorded):
         scene.add('tire_friction', Friction(
             START, 'front_left', friction_coefficient=Uncertain(0.5, 0.05)))
         scene.add('ground_state', GroundState(
-            START, Uncertain(60.0, 3.0), Uncertain(0.02, 0.004), (0.0, 0.0)))
+            START, Uncertain(60.0, 3.0), *[UNKNOWN] * 6))
         scene.add('odom', odometry(0, 0.0, v_x=0.9))
         scene.add('wheel_slip', slip(0, (0.1,) * 4, (0.01,) * 4, velocity=0.1))
 
@@ -273,9 +273,9 @@ def test_a_lost_batch_interrupts_the_line_of_a_film(recorded):
 
 
 def test_a_scene_shows_each_fit_with_its_samples_and_the_change_of_the_ground(recorded):
-    from support.rolling import films, in_order, steady, surroundings, WHEEL
+    from support.rolling import films, in_order, steady, WHEEL, wheels
     course = steady(60.0)
-    samples = in_order(films(course, 4.0), surroundings(course, 4.0))
+    samples = in_order(films(course, 4.0), wheels(course, 4.0))
     names = {topic.sample: topic.name for topic in reversed(TOPICS.values())}
 
     def feed(scene):

@@ -32,7 +32,7 @@ from smart_tire.view.layout import Layout
 from smart_tire.view.recorder import ViewError
 from smart_tire.view.scene import Scene
 from smart_tire.view.viewer import Address, free_port, open_stream, Viewer
-from support.rolling import films, in_order, steady, surroundings, WHEEL
+from support.rolling import films, in_order, slips, steady, WHEEL, wheels
 
 pytestmark = pytest.mark.processes
 
@@ -78,7 +78,7 @@ def test_live_data_at_full_load_leave_the_process_in_time(viewer):
     feed = LiveFeed(Scene(stream, params))
     names = {topic.sample: topic.name for topic in reversed(TOPICS.values())}
     course = steady(120.0)
-    samples = in_order(films(course, LOAD), surroundings(course, LOAD))
+    samples = in_order(films(course, LOAD), wheels(course, LOAD), slips(course, LOAD))
     begin, first_ns = time.monotonic(), samples[0].stamp_ns
     next_flush = begin + FLUSH_PERIOD
     for sample in samples:

@@ -22,9 +22,9 @@ import math
 import pytest
 from smart_tire.calibration.film.crossing_collector import CrossingCollector
 from smart_tire.calibration.film.gains import identify_gains
-from smart_tire.samples import TireSample, WheelSample, WheelSlip
+from smart_tire.samples import TireSample, WheelSample
 from support.rolling import (
-    along, films, in_order, passes, PLACE, ROBOT, stamp, steady, surroundings, WHEEL)
+    along, films, in_order, passes, PLACE, ROBOT, slips, stamp, steady, WHEEL, wheels)
 
 WINDOW = 0.06   # s
 DURATION = 7.0  # s
@@ -33,19 +33,17 @@ REVERSING = along([(0.5, 0.0), (6.0, 3.0), (6.3, 3.0), (12.0, 0.0)])
 ANGLE = (PLACE - 0.5 * ROBOT.film.spacing) / ROBOT.wheel_radius  # rad, of film 1
 
 
-def collected(samples, slips, robot=ROBOT):
+def collected(samples, given, robot=ROBOT):
     collector = CrossingCollector(robot, WINDOW)
     for sample in samples:
-        if isinstance(sample, (TireSample, WheelSample)):
-            collector.update(sample)
-    crossings = collector.with_slip(slip for slip in slips if isinstance(slip, WheelSlip))
-    return list(crossings), collector
+        collector.update(sample)
+    return list(collector.with_slip(given)), collector
 
 
 def rolled(trajectory=TRAJECTORY, duration=DURATION, positions=True, **options):
-    around = surroundings(trajectory, duration, positions=positions,
-                          **{key: options[key] for key in options if key in ('slip', 'total')})
-    return in_order(films(trajectory, duration, **options), around), around
+    return (in_order(films(trajectory, duration, **options),
+                     wheels(trajectory, duration, positions=positions)),
+            slips(trajectory, duration, slip=options.get('slip', 0.1)))
 
 
 @pytest.fixture(scope='module')
@@ -67,8 +65,8 @@ def test_each_crossing_has_its_slip(turns):
 
 
 def test_repeated_foreign_and_impossible_samples_are_ignored(turns):
-    samples, slips = turns
-    crossings, clean = collected(samples, slips)
+    samples, given = turns
+    crossings, clean = collected(samples, given)
     spoiled = []
     for sample in samples:
         spoiled += [sample, sample]
@@ -77,14 +75,14 @@ def test_repeated_foreign_and_impossible_samples_are_ignored(turns):
                         replace(sample, stamp_ns=sample.stamp_ns + 1, volts=(math.nan, 0.0))]
         elif isinstance(sample, WheelSample):
             spoiled.append(replace(sample, stamp_ns=sample.stamp_ns + 1, velocity=(1e9,) * 4))
-    again, collector = collected(spoiled, slips)
+    again, collector = collected(spoiled, given)
     assert [one.stamp_ns for one in again] == [one.stamp_ns for one in crossings]
     assert collector.tire_samples == clean.tire_samples
 
 
 def test_crossings_without_slip_are_left_out(turns):
-    samples, slips = turns
-    half = [slip for slip in slips if slip.stamp_ns < stamp(0.5 * DURATION)]
+    samples, given = turns
+    half = [slip for slip in given if slip.stamp_ns < stamp(0.5 * DURATION)]
     crossings, _ = collected(samples, half)
     assert crossings
     assert all(one.stamp_ns < stamp(0.5 * DURATION) + 50_000_000 for one in crossings)
@@ -119,9 +117,9 @@ def test_gains_and_lengths_of_a_nominal_robot_are_the_nominal_ones(release, slip
 def test_backward_crossings_are_used():
     duration = 12.5
     forward = [one for one in rolled(REVERSING, duration)[0] if one.stamp_ns < stamp(6.15)]
-    samples, slips = rolled(REVERSING, duration, reverse=True)
+    samples, given = rolled(REVERSING, duration, reverse=True)
     backward = [one for one in samples if one.stamp_ns >= stamp(6.15)]
-    crossings, _ = collected(forward + backward, slips)
+    crossings, _ = collected(forward + backward, given)
     assert {one.direction for one in crossings} == {1, -1}
     found = identify_gains([crossings], ROBOT)
     angle = found.angles[0, WHEEL]

@@ -22,8 +22,8 @@ import random
 import numpy as np
 import pytest
 from smart_tire.estimation.contact.feed import ContactFeed
-from smart_tire.samples import NS_PER_S, TireSample, WheelSample
-from support.rolling import films, in_order, passes, ROBOT, stamp, steady, surroundings, WHEEL
+from smart_tire.samples import NS_PER_S, TireSample
+from support.rolling import films, in_order, passes, ROBOT, stamp, steady, WHEEL, wheels
 
 WINDOW = 0.06   # s
 DURATION = 4.0  # s
@@ -33,9 +33,7 @@ TRAJECTORY = steady(90.0)
 @pytest.fixture(scope='module')
 def samples():
     """Return tire and wheel samples of a few revolutions."""
-    return [sample for sample in in_order(films(TRAJECTORY, DURATION),
-                                          surroundings(TRAJECTORY, DURATION))
-            if isinstance(sample, (TireSample, WheelSample))]
+    return in_order(films(TRAJECTORY, DURATION), wheels(TRAJECTORY, DURATION))
 
 
 def blocks(feed, samples):
@@ -58,8 +56,7 @@ def test_the_last_crossings_are_found_at_the_end_of_the_samples():
     times = passes(TRAJECTORY, DURATION)
     half = reach / float(TRAJECTORY(times[1] + 0.5) - TRAJECTORY(times[1] - 0.5))  # s
     for end in np.arange(times[1] + 0.5 * half, times[2] + 3.0 * half, 0.035):
-        some = [sample for sample in in_order(films(TRAJECTORY, end), surroundings(
-            TRAJECTORY, end)) if isinstance(sample, (TireSample, WheelSample))]
+        some = in_order(films(TRAJECTORY, end), wheels(TRAJECTORY, end))
         feed = ContactFeed(ROBOT, WINDOW)
         early, late = crossings(blocks(feed, some)), crossings(feed.finish())
         complete = [t for t in passes(TRAJECTORY, end) if t + half < end - 0.005]

@@ -16,43 +16,26 @@
 
 from __future__ import annotations
 
-import math
-
 import pytest
 
 from smart_tire.estimation.contact.records import PatchCrossing
-from smart_tire.estimation.friction.motion_history import WheelMotion
-from smart_tire.estimation.friction.slip_variation import (
-    estimated_variation, MIN_CHANGE_SIGMA, UNKNOWN_CHANGE_SIGMA, unknown_variation)
+from smart_tire.estimation.friction.slip_variation import slip_variation, UNKNOWN_CHANGE_SIGMA
 
-PATCH, SPEED, DISTANCE = 0.046, 0.5, 0.1
+PATCH = 0.046  # m
 
 
-def crossing(speed_change):
-    return PatchCrossing(0, 1, SPEED, 0.001, speed_change, DISTANCE, 0, 1, None)
+def variation(speed_change):
+    return slip_variation(
+        PatchCrossing(0, 1, 0.5, 0.001, speed_change, 0.1, 0, 1, None), PATCH)
 
 
 def test_in_steady_motion_the_variation_is_small():
-    variation = estimated_variation(crossing(0.0), WheelMotion(), PATCH)
-    assert variation.change == (0.0, MIN_CHANGE_SIGMA)
-    assert variation.residual == 0.0
-    assert unknown_variation(crossing(0.0), PATCH).change == (0.0, UNKNOWN_CHANGE_SIGMA)
+    assert variation(0.0).change == (0.0, UNKNOWN_CHANGE_SIGMA)
+    assert variation(0.0).residual == 0.0
 
 
-def test_the_change_is_the_slip_rate_over_a_contact_length():
-    variation = estimated_variation(
-        crossing(0.0), WheelMotion(slip_rate=0.2, slip_residual=0.003), PATCH)
-    assert variation.change.value == pytest.approx(0.2 * PATCH / SPEED)
-    assert variation.change.sigma == pytest.approx(
-        math.hypot(MIN_CHANGE_SIGMA, 0.5 * variation.change.value))
-    assert variation.residual == 0.003
-
-
-@pytest.mark.parametrize('variation', [
-    lambda one: estimated_variation(one, WheelMotion(), PATCH),
-    lambda one: unknown_variation(one, PATCH)])
-def test_a_change_of_wheel_speed_increases_both_sigmas(variation):
-    steady, changing = variation(crossing(0.01)), variation(crossing(0.21))
+def test_a_change_of_wheel_speed_increases_both_sigmas():
+    steady, changing = variation(0.01), variation(0.21)
     assert changing.change.sigma > steady.change.sigma
     assert changing.residual == pytest.approx(0.05 * 0.2)
     assert steady.residual == 0.0
