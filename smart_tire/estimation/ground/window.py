@@ -44,7 +44,7 @@ from smart_tire.parameters.robot import RobotParams
 
 LENGTH = 3.0       # s, of the window
 SETTLING = 0.5     # s before, in which the model forgets its start
-ITERATIONS = 3     # Gauss-Newton steps at most
+ITERATIONS = 2     # Gauss-Newton steps at most; twice as many on an unknown ground
 CONVERGED = 0.1    # of a standard deviation: no further step
 FREEDOM = 5.0      # degrees of freedom of the Student distribution
 MAX_STEP = 0.7     # change of the ground in one step; beyond, the model is not linear
@@ -297,8 +297,9 @@ class GroundWindow:
         prior = hypothesis.prior
         information = np.linalg.inv(prior.covariance)
         matrix, vector = fit.leaving
-        covariance: Array = np.linalg.inv(information + matrix)
-        moved = Prior(covariance @ (information @ prior.mean + vector), covariance).after(
+        covariance = np.asarray(np.linalg.inv(information + matrix), dtype=np.float64)
+        mean: Array = covariance @ (information @ prior.mean + vector)
+        moved = Prior(mean, covariance).after(
             hop, measurements.travel * hop / (measurements.times[-1] - measurements.begin),
             self._rows)
         middle = int(np.searchsorted(measurements.times, measurements.begin + hop))
