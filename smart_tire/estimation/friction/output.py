@@ -19,8 +19,7 @@ from __future__ import annotations
 import math
 
 from smart_tire.estimation.contact.records import PatchCrossing
-from smart_tire.estimation.friction.brush_inversion import (
-    friction_estimate, SlipFit)
+from smart_tire.estimation.friction.brush_inversion import friction_estimate, SlipFit
 from smart_tire.estimation.friction.crossing_method import MethodResult
 from smart_tire.estimation.friction.methods import make_method
 from smart_tire.estimation.ground.estimator import WheelState
@@ -92,7 +91,9 @@ def _single(films: SlipFit, total: Uncertain, state: WheelState) -> Uncertain:
 
 
 def _product(first: Uncertain, second: Uncertain) -> Uncertain:
-    """Return the product of two independent quantities."""
+    """Return the product of two independent quantities, UNKNOWN if one of them is."""
+    if not math.isfinite(first.value * second.value):
+        return UNKNOWN
     return Uncertain(first.value * second.value, math.hypot(
         first.value * second.sigma, first.sigma * second.value))
 

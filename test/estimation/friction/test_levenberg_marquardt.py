@@ -83,14 +83,3 @@ def test_fixed_parameters_stay_and_a_known_point_is_not_evaluated_again():
     other = fit.run(end.point.p, prior_of(2, 2e-3))
     assert model.evaluations - before <= 2
     assert other.p[Shared.NORM_SLIP] == pytest.approx(end.p[Shared.NORM_SLIP], abs=0.01)
-
-
-def test_a_single_film_has_a_larger_sigma_than_both():
-    fit, _, seen = setup(11)
-    end = fit.run(prior_of(2).value, prior_of(2))
-    sigma = float(np.sqrt(np.linalg.inv(end.hessian)[1, 1]))
-    single = fit.per_film_sliding(end)
-    assert len(single) == len(seen.films)
-    for value, wider in single:
-        assert wider > sigma
-        assert abs(value - end.p[Shared.NORM_SLIP]) < 4.0 * wider

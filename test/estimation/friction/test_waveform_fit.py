@@ -21,7 +21,6 @@ from dataclasses import replace
 from benchmarks.friction.cramer_rao import friction_bound
 import numpy as np
 import pytest
-from smart_tire.errors import EstimatorError
 from smart_tire.estimation.contact.records import FilmSamples
 from smart_tire.estimation.contact.trajectory_error import TrajectoryErrors
 from smart_tire.estimation.friction.waveform_fit import CrossingSlipPrior, WaveformFitter
@@ -216,23 +215,6 @@ def test_two_surfaces_in_one_crossing_have_a_large_residual():
     assert (np.median(columns(both, Shared.NORM_SLIP)[1])
             > 1.8 * np.median(columns(same, Shared.NORM_SLIP)[1]))
     assert all(0.18 < fit.normalized_slip.value < 0.45 for fit in both)
-
-
-@pytest.mark.parametrize('other', [0.18, 0.195])
-def test_per_film_normalized_slip_is_that_of_single_film_fits_to_first_order(other):
-    here, prior, rng = robot(), slip_prior(0.1, 0.001), np.random.default_rng(19)
-    for _ in range(15):
-        one, samples = fitter(here), crossing_samples(
-            rng, here, slip=0.1, normalized_slip=0.18, other_normalized_slip=other)
-        joint = one.fit(samples, prior)
-        for i, (value, sigma) in enumerate(one.per_film_normalized_slip(joint)):
-            part = replace(samples, films=samples.films[i:i + 1],
-                           detections=samples.detections[i:i + 1])
-            single, single_sigma = one.fit(part, prior).normalized_slip
-            assert value == pytest.approx(single, abs=0.5 * sigma)
-            assert sigma == pytest.approx(single_sigma, rel=0.3)
-        with pytest.raises(EstimatorError, match='last fit'):
-            one.per_film_normalized_slip(joint)
 
 
 @pytest.mark.parametrize('length', [0.046, 0.05, 0.07])
