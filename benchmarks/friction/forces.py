@@ -113,7 +113,8 @@ def inputs_of(events: Iterable[Event], variant: str) -> list[Sample]:
 def _estimates(samples: Iterable[Sample], robot: RobotParams) -> list[Sample]:
     pipeline = Pipeline(EstimatorParams(
         SlipEstimatorParams(robot=robot), FrictionEstimatorParams(robot=robot)))
-    return [estimate for sample in samples for estimate in pipeline.update(sample)]
+    found = [estimate for sample in samples for estimate in pipeline.update(sample)]
+    return [*found, *pipeline.finish()]
 
 
 def _part(rows: Rows, truth: Truth, first: int) -> WheelPart:

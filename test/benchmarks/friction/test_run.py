@@ -22,7 +22,7 @@ import math
 
 from benchmarks.friction import run
 from benchmarks.friction.grid import Case
-from benchmarks.friction.methods import ESTIMATED, METHODS, SOURCES, WAVEFORM
+from benchmarks.friction.methods import METHODS, WAVEFORM
 from benchmarks.friction.monte_carlo import CaseResult, Trial
 from benchmarks.friction.scenarios import FRICTION_SCENARIOS, INSTRUMENTED
 from benchmarks.friction.tables import cases_table
@@ -46,7 +46,7 @@ def test_a_run_gives_tables_a_figure_and_results(tiny, tmp_path, capsys):
                      '--out', str(out)]) == 0
     output = capsys.readouterr().out
     for words in (FRICTION_SCENARIOS['concrete'].title, 'reference', 'NEES', 'exact map',
-                  'printed map', 'estimated slip', 'true slip', 'front left', 'aided'):
+                  'printed map', 'true slip', 'front left'):
         assert words in output
     assert '[%]' in output and '…' not in output  # units are shown, no cell is truncated
     assert {path.name for path in out.iterdir()} == {
@@ -55,10 +55,9 @@ def test_a_run_gives_tables_a_figure_and_results(tiny, tmp_path, capsys):
     assert concrete['seeds'] == [1]
     assert concrete['reference']['single'] == 0.017
     assert concrete['wheels'].keys() == set(INSTRUMENTED)
-    for sources in concrete['wheels'].values():
-        assert sources.keys() == SOURCES.keys()
-        assert sources[ESTIMATED].keys() == METHODS.keys()
-        assert all(methods[WAVEFORM]['found'] == 1.0 for methods in sources.values())
+    for methods in concrete['wheels'].values():
+        assert methods.keys() == METHODS.keys()
+        assert methods[WAVEFORM]['found'] == 1.0
 
 
 def test_synthesized_crossings_are_compared_with_the_bound(tiny, tmp_path, capsys):
