@@ -184,14 +184,14 @@ class GroundState:
     """
 
     stamp_ns: int
-    stiffness: Uncertain                # N, C_x of the present ground
-    friction_coefficient: Uncertain     # -, mu
-    rolling_resistance: Uncertain       # -, over the load
+    stiffness: Uncertain                          # N, C_x of the present ground
+    friction_coefficient: Uncertain = UNKNOWN     # -, mu
+    rolling_resistance: Uncertain = UNKNOWN       # -, over the load
     # -, of that resistance: 0 along the wheel heading, 1 along the velocity of the wheel center
-    lateral_share: Uncertain
-    lateral_stiffness_ratio: Uncertain  # -, C_y / C_x
-    center_of_mass_x: Uncertain         # m, in base_link
-    center_of_mass_y: Uncertain         # m
+    lateral_share: Uncertain = UNKNOWN
+    lateral_stiffness_ratio: Uncertain = UNKNOWN  # -, C_y / C_x
+    center_of_mass_x: Uncertain = UNKNOWN         # m, in base_link
+    center_of_mass_y: Uncertain = UNKNOWN         # m
     stiffness_friction_correlation: float = 0.0  # -, of the errors of ln C_x and ln mu
 
 
@@ -226,6 +226,8 @@ class Friction:
 
 
 FRICTION_QUANTITIES = tuple(one.name for one in fields(Friction) if one.default is UNKNOWN)
+GROUND_ESTIMATES = ('stiffness', *(one.name for one in fields(GroundState)
+                                   if one.default is UNKNOWN))
 
 
 Sample = (ImuSample | WheelSample | TireSample | BatterySample | VelocityCommand | WheelCommand

@@ -313,8 +313,8 @@ def test_the_ground_state_is_found_by_name_in_any_order_among_other_quantities()
 
 
 @pytest.mark.parametrize(('change', 'named'), [
-    ({'name': ['stiffness'] * 8}, 'name'), ({'position': [1.0] * 7}, 'position'),
-    ({'effort': [math.nan] * 8}, 'effort')])
+    ({'name': ['stiffness'] * 8}, 'name'), ({'name': ['other'] * 8}, 'name'),
+    ({'position': [1.0] * 7}, 'position'), ({'effort': [math.nan] * 8}, 'effort')])
 def test_an_invalid_ground_state_is_refused_by_field(change, named):
     msg = ground_state_to_msg(joints(), next(
         sample for sample in SAMPLES if isinstance(sample, GroundState)))
@@ -322,6 +322,14 @@ def test_an_invalid_ground_state_is_refused_by_field(change, named):
         setattr(msg, field, value)
     with pytest.raises(MessageError, match=f'^ground_state: {named} '):
         ground_state_from_msg(msg)
+
+
+def test_missing_quantities_of_the_ground_are_unknown():
+    ground = ground_state_from_msg(joints(
+        name=['stiffness', 'other'], position=[50.0, 5.0], effort=[2.0, math.nan]))
+    assert ground == GroundState(ground.stamp_ns, Uncertain(50.0, 2.0))
+    assert ground.friction_coefficient.sigma == math.inf
+    assert ground.stiffness_friction_correlation == 0.0
 
 
 def test_missing_friction_quantities_are_unknown():

@@ -40,13 +40,15 @@ from smart_tire.analysis.summary import estimates_tree, plain, Tree, truth_tree
 from smart_tire.bags import (
     Bag, BagTopic, BagWriter, PARAMETERS_KEY, STANDARD_NAMES, TopicNames)
 from smart_tire.errors import BagError
-from smart_tire.estimation import streams
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.messages import find_topic, topic_of
 from smart_tire.samples import (
     Friction, GroundState, NS_PER_S, Odometry, Sample, WheelSample)
 
 BATCH_SIZE = 500  # messages that are sent together from one process to the other
+LOST_WITHOUT = {  # input -> estimates that require it
+    'imu/data': 'odom, wheel_slip, icr and ground_state', 'tire_samples': 'tire_friction',
+    'wheel_states': 'odom, wheel_slip, icr, tire_friction and ground_state'}
 COMPARED_VALUES = dict(zip(TRUTHS, ('poses', 'slips', 'friction values')))
 
 Progress = Callable[[float], None]  # is called with the completed share, 0 to 1
@@ -134,10 +136,7 @@ def analyze(path: Path, out: Path | None, params: EstimatorParams,
     """
     names_out = ('estimates', 'smoothed') if smooth else ('estimates',)
     folders = [None if out is None else out / name for name in names_out]
-    bag_folder = path.resolve() if path.is_dir() else path.resolve().parent
-    for folder in (out, *folders):
-        if folder is not None and folder.resolve() == bag_folder:
-            raise BagError(f'{folder} is the folder of the input bag: choose another')
+    _check_folders(path, (out, *folders))
     analysis = Analysis()
     with ExitStack() as stack:
         writers = [EstimateWriter(folder, stack, params) for folder in folders]
@@ -167,6 +166,14 @@ def analyze(path: Path, out: Path | None, params: EstimatorParams,
     return analysis
 
 
+def _check_folders(path: Path, folders: Iterable[Path | None]) -> None:
+    """Raise BagError if one of ``folders``, which are written, is that of the bag ``path``."""
+    bag_folder = path.resolve() if path.is_dir() else path.resolve().parent
+    for folder in folders:
+        if folder is not None and folder.resolve() == bag_folder:
+            raise BagError(f'{folder} is the folder of the input bag: choose another')
+
+
 class _Smoothed:
     """Merges smoothed motion with the estimates of the ground, which are not smoothed."""
 
@@ -182,12 +189,12 @@ class _Smoothed:
             elif isinstance(estimate, (Friction, GroundState)):
                 self._others.append((receive_ns, estimate))
 
-    def merged(self, slip: SmoothedSlip) -> Iterator[tuple[int, list[EstimateRecord]]]:
+    def merged(self, slip: SmoothedSlip) -> Iterator[tuple[int, Sequence[EstimateRecord]]]:
         """Yield all estimates in the order of the receive times of their last inputs."""
-        yield from heapq.merge(
-            zip(self._received, slip.smoothed()),
-            ((receive_ns, [estimate]) for receive_ns, estimate in self._others),
-            key=itemgetter(0))
+        others = ((receive_ns, [estimate]) for receive_ns, estimate in self._others)
+        motion: Iterator[tuple[int, Sequence[EstimateRecord]]] = zip(
+            self._received, slip.smoothed())
+        yield from heapq.merge(motion, others, key=itemgetter(0))
 
 
 def _read(path: Path, params: EstimatorParams, names: TopicNames
@@ -254,7 +261,7 @@ def _evaluation(estimates: Series, contents: BagContents) -> Tree:
 def _skipped(bag: Bag, contents: BagContents, film_wheels: Sequence[str]) -> list[str]:
     """Return what was not read, used or estimated, with the reasons."""
     available = bag.match((*INPUTS, *TRUTHS))
-    lines = [f'{name} is not in the bag: no {_outputs(name)}' for name in INPUTS
+    lines = [f'{name} is not in the bag: no {LOST_WITHOUT[name]}' for name in INPUTS
              if name not in available]
     if contents.without_positions:
         lines.append(f'positions of wheel_states: missing in {contents.without_positions} '
@@ -269,14 +276,6 @@ def _skipped(bag: Bag, contents: BagContents, film_wheels: Sequence[str]) -> lis
     if np.isnan(contents.truth.poses().twist).any():
         lines.append('ground_truth/odom has no twist: no errors of speeds')
     return lines + _unread_topics(bag, available)
-
-
-def _outputs(name: str) -> str:
-    """Return the topics of the estimators with the input ``name``, as text."""
-    *others, last = (topic for estimator in (streams.SLIP, streams.FRICTION)
-                     if name in estimator.inputs.values()
-                     for topic in estimator.outputs.values())
-    return f'{", ".join(others)} and {last}' if others else last
 
 
 def _unread_topics(bag: Bag, available: dict[str, str]) -> list[str]:

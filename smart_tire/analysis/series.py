@@ -27,7 +27,8 @@ from numpy.typing import NDArray
 
 from smart_tire.rotation import euler
 from smart_tire.samples import (
-    Friction, GroundState, NS_PER_S, Odometry, Sample, TireSample, WheelSample, WheelSlip)
+    Friction, GROUND_ESTIMATES, GroundState, NS_PER_S, Odometry, Sample, TireSample, WheelSample,
+    WheelSlip)
 
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -90,11 +91,11 @@ class SlipSeries:
 
 @dataclass(frozen=True)
 class GroundSeries:
-    """Stiffness and rolling resistance of the ground."""
+    """States of the ground: the quantities ``GROUND_ESTIMATES``; NaN where unknown."""
 
     stamp_ns: Stamps
-    value: Floats  # (n, 2) N, -
-    sigma: Floats  # (n, 2)
+    value: Floats  # (n, 7)
+    sigma: Floats  # (n, 7)
 
 
 class Series:
@@ -103,7 +104,7 @@ class Series:
     def __init__(self) -> None:
         self._poses = Table(18)
         self._slips = Table(8)
-        self._grounds = Table(4)
+        self._grounds = Table(2 * len(GROUND_ESTIMATES))
         self._speeds = Table(4)
         self._films: dict[tuple[str, int], Table] = {}
         self.crossings: list[Friction] = []
@@ -134,7 +135,7 @@ class Series:
     def grounds(self) -> GroundSeries:
         """Return the states of the ground."""
         stamps, rows = self._grounds.arrays()
-        return GroundSeries(stamps, rows[:, :2], rows[:, 2:])
+        return GroundSeries(stamps, *np.hsplit(rows, 2))
 
     def speeds(self) -> tuple[Stamps, Floats]:
         """Return timestamps and the four wheel speeds [rad/s]."""
@@ -163,7 +164,7 @@ class Series:
         self._slips.add(sample.stamp_ns, sample.ratio + sample.sigma)
 
     def _add_ground(self, sample: GroundState) -> None:
-        estimates = sample.stiffness, sample.rolling_resistance
+        estimates = [getattr(sample, name) for name in GROUND_ESTIMATES]
         self._grounds.add(sample.stamp_ns, [*(estimate.value for estimate in estimates),
                                             *(estimate.sigma for estimate in estimates)])
 

@@ -27,11 +27,10 @@ from smart_tire.analysis.friction_metrics import (
     column, friction_scores, is_informative, match, Matches)
 from smart_tire.analysis.metrics import distance, Intervals, pose_score, SIDES, slip_scores, within
 from smart_tire.analysis.series import Floats, Series
-from smart_tire.samples import Friction, WHEELS
+from smart_tire.samples import Friction, GROUND_ESTIMATES, WHEELS
 
 Tree = dict[str, Any]
 WHOLE = 'whole recording'
-GROUND_NAMES = 'stiffness', 'rolling_resistance'
 SIGNIFICANT_DIGITS = 6  # more than any estimate has
 
 
@@ -67,10 +66,9 @@ def estimates_tree(estimates: Series) -> Tree:
             tree['wheel_slip'][side] = {'mean': _mean(ratio[moving]),
                                         'mean_sigma': _mean(sigma[moving])}
     if len((ground := estimates.grounds()).stamp_ns):
-        values, sigmas = (np.median(rows, axis=0) for rows in (ground.value, ground.sigma))
         tree['ground_state'] = {'messages': len(ground.stamp_ns), **{
-            name: {'median': value, 'median_sigma': sigma}
-            for name, value, sigma in zip(GROUND_NAMES, values, sigmas)}}
+            name: {'median': _median(value), 'median_sigma': _median(sigma)}
+            for name, value, sigma in zip(GROUND_ESTIMATES, ground.value.T, ground.sigma.T)}}
     tree['tire_friction'] = {wheel: _wheel_tree(own) for wheel in WHEELS
                              if (own := [p for p in estimates.crossings if p.wheel == wheel])}
     return plain(tree)
@@ -78,6 +76,12 @@ def estimates_tree(estimates: Series) -> Tree:
 
 def _mean(values: Floats) -> float:
     return float(np.mean(values)) if len(values) else math.nan
+
+
+def _median(values: Floats) -> float:
+    """Return the median of the finite ``values``; NaN without any."""
+    finite = values[np.isfinite(values)]
+    return float(np.median(finite)) if len(finite) else math.nan
 
 
 def _wheel_tree(crossings: Sequence[Friction]) -> Tree:

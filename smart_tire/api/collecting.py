@@ -28,7 +28,8 @@ from smart_tire.api.results import (
     Estimates, FrictionEstimate, GroundEstimate, PoseEstimate, Quantity, RotationCenter,
     SlipEstimate, Truth)
 from smart_tire.arrays import Array, Instants
-from smart_tire.samples import Friction, FRICTION_QUANTITIES, Icr, Sample, WHEELS, WheelSlip
+from smart_tire.samples import (
+    Friction, FRICTION_QUANTITIES, Icr, Sample, WHEELS, WheelSlip)
 
 
 class Collector:
@@ -68,7 +69,7 @@ class Collector:
     def _ground(self) -> GroundEstimate:
         grounds = self._series.grounds()
         return GroundEstimate(grounds.stamp_ns, *(
-            Quantity(grounds.value[:, i], grounds.sigma[:, i]) for i in range(2)))
+            map(Quantity, grounds.value.T, grounds.sigma.T)))
 
 
 def friction_arrays(crossings: Iterable[Friction]) -> FrictionEstimate:

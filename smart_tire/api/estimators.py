@@ -47,8 +47,8 @@ def estimate_slip(recording: Recording, params: Params | None = None) -> SlipEst
     Return the slip of the four wheels at 125 Hz.
 
     ``stamp_ns`` (n,) [ns], ``ratio`` and ``sigma`` (n, 4) [-], ``velocity`` (n, 4) [m/s]; wheels
-    in the order front left, front right, rear left, rear right. Requires IMU and wheels; films
-    are used if ``slip.film_aided``. ``estimate`` returns everything in one run.
+    in the order front left, front right, rear left, rear right. Requires IMU and wheels.
+    ``estimate`` returns everything in one run.
     """
     return estimate(recording, params).slip
 

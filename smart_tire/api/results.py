@@ -30,7 +30,7 @@ import numpy.typing as npt
 
 from smart_tire.api.frames import by_wheel, Tabular
 from smart_tire.arrays import Array, Instants
-from smart_tire.samples import FRICTION_QUANTITIES, WHEELS
+from smart_tire.samples import FRICTION_QUANTITIES, GROUND_ESTIMATES, WHEELS
 
 PLANAR_POSE = ('x', 'y', 'yaw')
 PLANAR_TWIST = ('v_x', 'v_y', 'yaw_rate')
@@ -91,15 +91,24 @@ class Quantity:
 
 @dataclass(frozen=True, eq=False)
 class GroundEstimate(Tabular):
-    """Tire on the present ground, from the balance of forces; empty if that is not used."""
+    """
+    Tire on the present ground, and center of mass.
 
-    stamp_ns: Instants            #: (n,) ns, increasing
-    stiffness: Quantity           #: N, C_x per wheel
-    rolling_resistance: Quantity  #: -, over the load
+    Empty if neither films nor motor torques show the ground.
+    """
+
+    stamp_ns: Instants                 #: (n,) ns, increasing
+    stiffness: Quantity                #: N, C_x per wheel
+    friction_coefficient: Quantity     #: -, mu
+    rolling_resistance: Quantity       #: -, over the load
+    lateral_share: Quantity            #: -, of it: 0 along the heading, 1 along the velocity
+    lateral_stiffness_ratio: Quantity  #: -, C_y / C_x
+    center_of_mass_x: Quantity         #: m, in ``base_link``
+    center_of_mass_y: Quantity         #: m, in ``base_link``
 
     def columns(self) -> dict[str, Any]:
         """Return name -> array (n,) of all columns, without the timestamps."""
-        return quantity_columns(self, ('stiffness', 'rolling_resistance'))
+        return quantity_columns(self, GROUND_ESTIMATES)
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +150,7 @@ class Estimates:
     pose: PoseEstimate         #: 125 Hz
     slip: SlipEstimate         #: 125 Hz
     center: RotationCenter     #: while the yaw rate exceeds 0.05 rad/s
-    ground: GroundEstimate     #: 15.6 Hz
+    ground: GroundEstimate     #: 2 Hz
     friction: FrictionEstimate  #: one row per patch crossing
 
 

@@ -94,18 +94,27 @@ ICR = Content('instantaneous center of rotation of the body in `base_link`', (
     Field('point.y', 'm', 'v_x over the yaw rate: turning radius, positive to the left'),
     Field('point.z', 'm', '0')),
     rate='125 Hz while the yaw rate exceeds 0.05 rad/s')
-GROUND_STATE = Content('tire on the present ground, from the balance of forces', (
-    QUANTITY_NAMES,
-    Field('position', '', 'values'),
+GROUND_STATE = Content('tire on the present ground and center of mass, from a window of films, '
+                       'IMU, wheels and motor torques', (
+    Field('header.stamp', '', 'end of the window; `slip_estimator` uses the state from '
+          '`ground_delay` later on'),
+    Field('name', '', 'the quantities below; a reader accepts others, and all but `stiffness` '
+          'may be missing'),
+    Field('position', '', 'values; NaN for a quantity that is not observable'),
     Field('velocity', '', 'empty'),
-    Field('effort', '', 'standard deviations; 0 for the correlations')), (
+    Field('effort', '', 'standard deviations, infinite where the value is NaN; 0 for the '
+          'correlation')), (
     Field('stiffness', 'N', 'longitudinal stiffness C_x of the present ground'),
+    Field('friction_coefficient', '-', 'friction coefficient mu of the present ground'),
     Field('rolling_resistance', '-', 'rolling resistance over the load'),
-    Field('slip_correlation_left', '-', 'correlation of the errors of ln C_x and of the slip of '
-          'the left wheels'),
-    Field('slip_correlation_right', '-', 'the same for the right wheels')),
-    rate='15.6 Hz: every 64 ms of message time, from the first use of forces on '
-         '(`force_balance`)')
+    Field('lateral_share', '-', 'direction of the rolling resistance: 0 along the heading of the '
+          'wheel, 1 along the velocity of its center'),
+    Field('lateral_stiffness_ratio', '-', 'lateral over longitudinal stiffness, C_y / C_x'),
+    Field('center_of_mass_x', 'm', 'center of mass in `base_link`, positive forward'),
+    Field('center_of_mass_y', 'm', 'center of mass in `base_link`, positive to the left'),
+    Field('stiffness_friction_correlation', '-', 'correlation of the errors of ln C_x and '
+          'ln mu')),
+    rate='2 Hz of message time, while films or motor torques show the ground')
 TIRE_FRICTION = Content('friction coefficient and waveform of one patch crossing', (
     Field('name', '', 'the quantities below, all of them in each message'),
     Field('position', '', 'values; NaN for a quantity that is not observable in this crossing'),
@@ -125,8 +134,7 @@ TIRE_FRICTION = Content('friction coefficient and waveform of one patch crossing
           'alone; does not use `wheel_slip`'),
     Field('total_slip', '-', 'magnitude of the combined slip used'),
     Field('normal_load', 'N', 'normal load F_z used'),
-    Field('stiffness', 'N', 'C_x of the present ground used, from `ground_state`; the calibrated '
-          'one without it'),
+    Field('stiffness', 'N', 'C_x of the present ground used'),
     Field('critical_slip', '-', '3 mu F_z / C_x with these values'),
     Field('traction_force', 'N', 'longitudinal force on the robot at this wheel from the brush '
           'model, positive forward')),

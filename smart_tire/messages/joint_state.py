@@ -30,15 +30,13 @@ from smart_tire.messages.header import (
 from smart_tire.messages.joint_names import wheel_layout, WheelLayout
 from smart_tire.parameters.robot import JointParams, STANDARD_JOINTS
 from smart_tire.samples import (
-    Four, Friction, FRICTION_QUANTITIES, GroundState, MAX_WHEEL_SPEED, MotorCommand, NAN,
-    TireSample, WheelCommand, WHEELS, WheelSample, WheelSlip)
+    Four, Friction, FRICTION_QUANTITIES, GROUND_ESTIMATES, GroundState, MAX_WHEEL_SPEED,
+    MotorCommand, NAN, TireSample, WheelCommand, WHEELS, WheelSample, WheelSlip)
 from smart_tire.uncertain import Uncertain
 
 QUANTITIES = frozenset(FRICTION_QUANTITIES)
-GROUND_QUANTITIES = (
-    'stiffness', 'friction_coefficient', 'rolling_resistance', 'lateral_share',
-    'lateral_stiffness_ratio', 'center_of_mass_x', 'center_of_mass_y',
-    'stiffness_friction_correlation')
+GROUND_CORRELATION = 'stiffness_friction_correlation'
+GROUND_QUANTITIES = *GROUND_ESTIMATES, GROUND_CORRELATION
 LAYOUT_CACHE_SIZE = 64  # lists of names; a robot has about ten
 
 
@@ -190,30 +188,30 @@ def wheel_slip_to_msg(msg: Any, sample: WheelSlip) -> Any:
     return msg
 
 
-@lru_cache(LAYOUT_CACHE_SIZE)
-def _ground_indices(names: tuple[str, ...]) -> tuple[int, ...]:
-    if any(names.count(name) != 1 for name in GROUND_QUANTITIES):
-        raise MessageError(f'ground_state: name is {list(names)}, '
-                           f'expected each of {", ".join(GROUND_QUANTITIES)} once')
-    return tuple(names.index(name) for name in GROUND_QUANTITIES)
-
-
 def ground_state_from_msg(msg: Any) -> GroundState:
-    """Return the ground state in a JointState; a sigma may be infinite."""
-    indices = _ground_indices(tuple(msg.name))
-    values, sigmas = ([numbers[index] for index in indices] for numbers in (
-        _values(msg, 'position', 'ground_state'), _values(msg, 'effort', 'ground_state')))
-    if any(map(isnan, sigmas)):
-        raise MessageError(f'ground_state: effort is {sigmas}, expected a sigma for each name')
-    quantities = dict(zip(GROUND_QUANTITIES[:-1], map(Uncertain, values, sigmas)))
+    """
+    Return the ground state in a JointState; a sigma may be infinite.
+
+    Missing quantities except the stiffness are unknown, others are ignored.
+    """
+    names = list(msg.name)
+    if names.count('stiffness') != 1 or any(names.count(name) > 1 for name in GROUND_QUANTITIES):
+        raise MessageError(f'ground_state: name is {names}, expected stiffness and others once')
+    values, sigmas = (dict(zip(names, _values(msg, field, 'ground_state')))
+                      for field in ('position', 'effort'))
+    if any(isnan(sigma) for name, sigma in sigmas.items() if name in GROUND_QUANTITIES):
+        raise MessageError(f'ground_state: effort is {list(sigmas.values())}, '
+                           'expected a sigma for each name')
     return GroundState(
-        stamp_of(msg), **quantities, stiffness_friction_correlation=values[-1])
+        stamp_of(msg), stiffness_friction_correlation=values.get(GROUND_CORRELATION, 0.0),
+        **{name: Uncertain(values[name], sigmas[name])
+           for name in GROUND_ESTIMATES if name in values})
 
 
 def ground_state_to_msg(msg: Any, sample: GroundState) -> Any:
     """Write ``sample`` into a JointState and return it."""
     set_header(msg, sample.stamp_ns, 'base_link')
-    estimates = [getattr(sample, name) for name in GROUND_QUANTITIES[:-1]]
+    estimates = [getattr(sample, name) for name in GROUND_ESTIMATES]
     msg.name = GROUND_QUANTITIES
     msg.position = [*(estimate.value for estimate in estimates),
                     sample.stiffness_friction_correlation]

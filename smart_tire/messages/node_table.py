@@ -66,17 +66,18 @@ NODE_TABLE: dict[str, NodeEntry] = {node.name: node for node in (
                     'latched or a hold is active', 'only with `require_arming: true`'))),
     NodeEntry(
         'slip_estimator',
-        'Extended Kalman filter: pose, velocity, slip of each wheel, center of rotation and '
-        'state of the ground from IMU, wheels and, with `slip.film_aided`, films.',
-        ('imu/data', 'wheel_states', 'tire_friction'),
-        ('odom', '/tf', '/tf_static', 'wheel_slip', 'icr', 'ground_state'), (
+        'Extended Kalman filter: pose, velocity, slip of each wheel and center of rotation from '
+        'IMU, wheels and the state of the ground.',
+        ('imu/data', 'wheel_states', 'ground_state'),
+        ('odom', '/tf', '/tf_static', 'wheel_slip', 'icr'), (
             Service('reset_odometry', 'std_srvs/srv/Trigger',
                     'makes the present pose the origin of `odom`; biases and slips are kept'),)),
     NodeEntry(
         'friction_estimator',
-        'Tire-road friction coefficient from the waveform of each patch crossing of the films.',
-        ('tire_samples', 'wheel_states', 'wheel_slip', 'odom', 'ground_state'),
-        ('tire_friction',)),
+        'Tire-road friction coefficient of each patch crossing of the films, and state of the '
+        'ground from films, IMU, wheels and motor torques.',
+        ('imu/data', 'wheel_states', 'tire_samples', 'odom'),
+        ('tire_friction', 'ground_state')),
     NodeEntry(
         'wheel_controller',
         'Controls the wheel speeds, one PID controller per wheel, for the velocity command in '

@@ -34,6 +34,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
+from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
 from smart_tire.errors import ParameterError, SmartTireError
@@ -113,7 +114,7 @@ class SmartTireNode(Node, Generic[Params]):
                   required: bool = False, announced: bool = False, info: bool = False,
                   from_msg: Callable[[Any], Any] | None = None,
                   type_name: str | None = None, profiles: Sequence[QoSProfile] = (),
-                  raw: bool = False) -> None:
+                  raw: bool = False) -> Subscription[Any] | None:
         """
         Subscribe to a topic of ``TOPICS``; call ``on_sample`` with each valid sample.
 
@@ -123,6 +124,7 @@ class SmartTireNode(Node, Generic[Params]):
         ``required`` topic is a warning. The first message on a required or ``announced`` topic
         is logged. With ``profiles`` there is a subscription for each of them, but a message is
         handled once, with its info. With ``raw``, ``from_msg`` gets the serialized message.
+        Returns the subscription; None with ``profiles``.
         """
         topic, name = TOPICS[topic_name], name or topic_name
         counter = InputCounter(required=required)
@@ -151,8 +153,8 @@ class SmartTireNode(Node, Generic[Params]):
         cls = message_class(type_name or topic.type)
         if profiles:
             self._subscribe_once(cls, name, on_message_with_info, profiles, raw)
-            return
-        self.create_subscription(
+            return None
+        return self.create_subscription(
             cls, name, (with_info(on_message_with_info) if info
                         else self.wrap_callback(name, on_message)),
             subscriber_qos(topic_name, wheels=wheels, reliability=reliability), raw=raw)

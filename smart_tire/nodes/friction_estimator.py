@@ -17,37 +17,85 @@
 from __future__ import annotations
 
 import sys
+from typing import Any
 
+from rclpy.subscription import Subscription
 from smart_tire.estimation.friction.estimator import FrictionEstimator
 from smart_tire.estimation.streams import FRICTION
 from smart_tire.nodes.base import run
+from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.estimator import EstimatorNode
 from smart_tire.parameters import FrictionEstimatorParams
-from smart_tire.samples import TireSample
+from smart_tire.samples import GROUND_ESTIMATES, GroundState, Odometry, Sample, TireSample
+
+ODOM = FRICTION.inputs[Odometry]
+IMU_WAIT = 2.0  # s with wheel_states and without imu/data until odom replaces it
 
 
 class FrictionEstimatorNode(EstimatorNode[FrictionEstimatorParams]):
     """
     Estimates the friction coefficient of each patch crossing, and the state of the ground.
 
-    Subscribes to ``imu/data``, ``wheel_states``, ``tire_samples`` and, where no IMU publishes,
-    ``odom``; publishes ``tire_friction``, ``ground_state`` and ``/diagnostics``.
+    Subscribes to ``imu/data``, ``wheel_states``, ``tire_samples`` and, where wheels but no IMU
+    are received, ``odom``; publishes ``tire_friction``, ``ground_state`` and ``/diagnostics``.
 
     Parameters: ``reorder_window``, ``method``, ``map``, ``load_sigma``, ``reliability``, and those
     of the robot.
     """
 
-    feedback = ('odom',)  # in a replay it comes after the order of the inputs is known
-
     def __init__(self) -> None:
+        self._odom: Subscription[Any] | None = None
+        self._wheels_before = 0  # wheel samples until the latest check
         super().__init__('friction_estimator', FrictionEstimatorParams, FrictionEstimator,
                          tuple(FRICTION.outputs.values()))
         wheels = len(self.params.robot.film.wheels)
         for kind, name in FRICTION.inputs.items():
-            self.subscribe(name, self.on_sample, wheels=wheels if kind is TireSample else 1,
-                           required=name != 'odom', announced=True,
-                           reliability=self.params.reliability,
-                           from_msg=self.conversion(name, self.params.robot.joints))
+            if kind is not Odometry:
+                self.subscribe(name, self.on_sample, wheels=wheels if kind is TireSample else 1,
+                               required=kind is not TireSample or wheels > 0, announced=True,
+                               reliability=self.params.reliability,
+                               from_msg=self.conversion(name, self.params.robot.joints))
+        self.create_steady_timer(IMU_WAIT, self._choose_odom)
+
+    def restart(self) -> None:
+        """Replace the estimator by a new one; a replay has no odometry in place of the IMU."""
+        super().restart()
+        self._ground: GroundState | None = None
+        self._end_odom()
+
+    def _choose_odom(self) -> None:
+        """Subscribe to odometry only while there are wheels but no IMU: it has 125 Hz."""
+        imu, wheels = self.inputs['imu/data'].ok, self.inputs['wheel_states'].ok
+        if imu:
+            self._end_odom()
+        elif (self._odom is None and wheels > self._wheels_before > 0
+                and not self._follower.leader):
+            self.get_logger().warning(f'no imu/data: the motion is that of {ODOM}')
+            self._odom = self.subscribe(ODOM, self.on_sample, announced=True,
+                                        reliability=self.params.reliability)
+        self._wheels_before = wheels
+
+    def _end_odom(self) -> None:
+        if self._odom is not None:
+            self.destroy_subscription(self._odom)
+            self._follower.remove_input(self.resolve_topic_name(ODOM))
+            del self.inputs[ODOM]
+            self._odom = None
+
+    def publish_estimate(self, estimate: Sample) -> None:
+        """Publish one estimate."""
+        super().publish_estimate(estimate)
+        if isinstance(estimate, GroundState):
+            self._ground = estimate
+
+    def fill_status(self, status: Status) -> None:
+        """Add the latest state of the ground; the estimator adds why there is none."""
+        super().fill_status(status)
+        if self._ground is not None:
+            for name in GROUND_ESTIMATES:
+                value, sigma = getattr(self._ground, name)
+                status.values[f'ground.{name}'] = (
+                    f'{value:.4g} +- {sigma:.2g}' if value == value else 'unknown')
 
     def finish(self) -> None:
         """Publish the last crossings of a replay."""

@@ -166,6 +166,10 @@ class Follower:
 
         return on_message
 
+    def remove_input(self, topic: str) -> None:
+        """Forget the input ``topic``, whose subscription has ended."""
+        self._inputs.pop(topic, None)
+
     def add_output(self, topic: str) -> None:
         """Register a topic that the node publishes."""
         self._outputs.append(topic)

@@ -24,8 +24,8 @@ import pytest
 from smart_tire.analysis.metrics import Score
 from smart_tire.analysis.series import Series
 from smart_tire.analysis.summary import estimates_tree, plain, surfaces, truth_tree, WHOLE
-from smart_tire.samples import Friction, GroundState, Odometry, WheelSlip
-from smart_tire.uncertain import Uncertain
+from smart_tire.samples import Friction, GROUND_ESTIMATES, GroundState, Odometry, WheelSlip
+from smart_tire.uncertain import Uncertain, UNKNOWN
 
 EPOCH = 1_700_000_000_000_000_000
 SECOND = 1_000_000_000
@@ -74,11 +74,16 @@ def test_estimates_are_summarized_without_ground_truth():
 def test_the_ground_is_summarized_by_medians():
     series = run()
     for i, stiffness in enumerate((50.0, 25.0, 26.0)):
-        series.add(GroundState(EPOCH + i, Uncertain(stiffness, 2.0), Uncertain(0.05, 0.01),
-                               (0.0, 0.0)))
-    assert estimates_tree(series)['ground_state'] == {
-        'messages': 3, 'stiffness': {'median': 26.0, 'median_sigma': 2.0},
-        'rolling_resistance': {'median': 0.05, 'median_sigma': 0.01}}
+        series.add(GroundState(
+            EPOCH + i, Uncertain(stiffness, 2.0), rolling_resistance=Uncertain(0.05, 0.01),
+            friction_coefficient=Uncertain(0.5, 0.1) if i else UNKNOWN))
+    ground = estimates_tree(series)['ground_state']
+    assert ground.pop('messages') == 3
+    assert tuple(ground) == GROUND_ESTIMATES
+    assert ground['stiffness'] == {'median': 26.0, 'median_sigma': 2.0}
+    assert ground['rolling_resistance'] == {'median': 0.05, 'median_sigma': 0.01}
+    assert ground['friction_coefficient'] == {'median': 0.5, 'median_sigma': 0.1}
+    assert ground['lateral_share'] == {'median': None, 'median_sigma': None}
 
 
 def test_a_recording_without_estimates_has_an_empty_tree():

@@ -73,13 +73,6 @@ def overloaded(events, params, tmp_path_factory):
     return bag_path, offline_estimates(bag_path, params)
 
 
-@pytest.fixture(scope='module')
-def unaided(tmp_path_factory):
-    """Return the parameter file of the robot without ``slip.film_aided``."""
-    return parameter_file(tmp_path_factory.mktemp('unaided') / 'robot.yaml', {
-        '/**': {'film.wheels': WHEELS, 'slip.film_aided': False}})
-
-
 @pytest.mark.parametrize('rate', [1.0, 5.0])
 def test_a_replay_yields_the_estimates_of_the_offline_analysis(
         recording, params, tmp_path, rate):
@@ -102,16 +95,6 @@ def test_replays_with_late_messages_yield_the_estimates_of_the_offline_analysis(
         [estimate.friction_coefficient.value for estimate in estimates.values()
          if isinstance(estimate, Friction)] for estimates in (found, recording[1]))
     assert frictions != pytest.approx(in_time, abs=1e-3)  # late messages do change the estimates
-
-
-def test_estimators_without_feedback_yield_the_estimates_of_the_offline_analysis(
-        overloaded, unaided, tmp_path):
-    bag_path, aided = overloaded
-    offline = offline_estimates(bag_path, unaided)
-    found, _ = replayed(bag_path, unaided, tmp_path, 5.0, offline)
-    assert_same(found, offline)
-    with pytest.raises(AssertionError):  # the films do change the estimates
-        assert_same(found, aided)
 
 
 def test_live_estimates_with_late_messages_are_within_one_sigma_of_the_offline_analysis(

@@ -29,7 +29,8 @@ from smart_tire.bags.cdr import Decoder
 from smart_tire.cli._processes import ESTIMATORS, isolated_environment, Stack
 from smart_tire.messages import topic_of, TOPICS
 from smart_tire.nodes.compat import message_class
-from smart_tire.samples import Friction, FRICTION_QUANTITIES, GroundState, Odometry, WheelSlip
+from smart_tire.samples import (
+    Friction, FRICTION_QUANTITIES, GROUND_ESTIMATES, GroundState, Odometry, WheelSlip)
 from support.graph import Graph, node_arguments, Process
 from support.stack import count
 from support.waiting import PATIENCE, wait_for
@@ -53,7 +54,7 @@ def numbers(estimate) -> list[float]:
     if isinstance(estimate, WheelSlip):
         return [*estimate.ratio, *estimate.slip_velocity, *estimate.sigma]
     if isinstance(estimate, GroundState):
-        return [*estimate.stiffness, *estimate.rolling_resistance,
+        return [*(number for name in GROUND_ESTIMATES for number in getattr(estimate, name)),
                 estimate.stiffness_friction_correlation]
     return [estimate.x, estimate.y]
 
@@ -137,7 +138,7 @@ def played_live(bag_path: Path, params: Path, folder: Path) -> dict[Any, Any]:
                                         folder / f'{node}.log'))
         graph.subscribe(*ESTIMATES)
         graph.until(lambda: graph.has_publishers() and set(ESTIMATORS) <= graph.health.keys())
-        for topic, readers in (('imu/data', 1), ('wheel_states', 2), ('tire_samples', 1)):
+        for topic, readers in (('imu/data', 2), ('wheel_states', 2), ('tire_samples', 1)):
             graph.connect(topic, message_class(TOPICS[topic].type), readers)
         with Bag(bag_path) as bag:
             messages = list(bag.samples(INPUTS))

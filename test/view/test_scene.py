@@ -26,7 +26,7 @@ from smart_tire.messages import NodeStatus, TOPICS
 from smart_tire.samples import (
     Friction, GoalPose, GroundState, MotorCommand, Odometry, PathProgress, PlannedPath, TireSample,
     VelocityCommand, WheelCommand, WHEELS, WheelSample, WheelSlip)
-from smart_tire.uncertain import Uncertain, UNKNOWN
+from smart_tire.uncertain import Uncertain
 from smart_tire.view.contact import thinned
 from smart_tire.view.recorder import Recorder
 from smart_tire.view.style import TRUTH, WHEEL_COLORS
@@ -97,7 +97,7 @@ def test_friction_is_shown_fused_and_single_and_unknown_values_are_left_out(reco
         scene.add('ground_truth/tire_friction', Friction(
             START, 'front_left', friction_coefficient=Uncertain(0.47, 0.0)))
         scene.add('ground_state', GroundState(
-            START, Uncertain(52.0, 3.0), UNKNOWN, Uncertain(0.02, 0.004), *[UNKNOWN] * 4))
+            START, Uncertain(52.0, 3.0), rolling_resistance=Uncertain(0.02, 0.004)))
 
     found = recorded(feed)
     fused = found.scalars('friction/front_left/fused')
@@ -165,8 +165,7 @@ def test_friction_circles_and_forces_obey_the_brush_model(recorded):
     def feed(scene):
         scene.add('tire_friction', Friction(
             START, 'front_left', friction_coefficient=Uncertain(0.5, 0.05)))
-        scene.add('ground_state', GroundState(
-            START, Uncertain(60.0, 3.0), *[UNKNOWN] * 6))
+        scene.add('ground_state', GroundState(START, Uncertain(60.0, 3.0)))
         scene.add('odom', odometry(0, 0.0, v_x=0.9))
         scene.add('wheel_slip', slip(0, (0.1,) * 4, (0.01,) * 4, velocity=0.1))
 

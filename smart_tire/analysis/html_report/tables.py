@@ -96,14 +96,20 @@ def friction_table(estimates: Tree) -> Table | None:
 
 
 def ground_table(estimates: Tree) -> Table | None:
-    """Return stiffness and rolling resistance of the ground; None without."""
+    """Return the state of the ground and the center of mass; None without."""
     ground = estimates.get('ground_state')
     if not ground:
         return None
     rows = [[label, number(ground[name]['median'], digits),
              number(ground[name]['median_sigma'], digits)]
-            for label, name, digits in (('longitudinal stiffness C_x [N]', 'stiffness', 1),
-                                        ('rolling resistance [-]', 'rolling_resistance', 4))]
+            for label, name, digits in (
+                ('longitudinal stiffness C_x [N]', 'stiffness', 1),
+                ('friction coefficient µ [-]', 'friction_coefficient', 3),
+                ('rolling resistance [-]', 'rolling_resistance', 4),
+                ('lateral share of the rolling resistance [-]', 'lateral_share', 2),
+                ('lateral stiffness C_y / C_x [-]', 'lateral_stiffness_ratio', 2),
+                ('center of mass x [m]', 'center_of_mass_x', 4),
+                ('center of mass y [m]', 'center_of_mass_y', 4))]
     return Table('Ground, median of the recording.', ['quantity', 'estimate', 'σ'], rows)
 
 
