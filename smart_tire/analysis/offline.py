@@ -155,8 +155,9 @@ def analyze(path: Path, out: Path | None, params: EstimatorParams,
                     smoothed.add(receive_ns, estimates)
         if isinstance(slip, SmoothedSlip):
             with closing(slip):
-                for receive_ns, records in smoothed.merged(slip):
+                for share, receive_ns, records in smoothed.merged(slip):
                     writers[1].write(receive_ns, records)
+                    progress((1.0 + share) / 2.0)
     analysis.estimates = writers[0].estimates
     analysis.smoothed = writers[1].estimates if smooth else None
     if not writers[0].empty:
@@ -189,12 +190,15 @@ class _Smoothed:
             elif isinstance(estimate, (Friction, GroundState)):
                 self._others.append((receive_ns, estimate))
 
-    def merged(self, slip: SmoothedSlip) -> Iterator[tuple[int, Sequence[EstimateRecord]]]:
-        """Yield all estimates in the order of the receive times of their last inputs."""
+    def merged(self, slip: SmoothedSlip
+               ) -> Iterator[tuple[float, int, Sequence[EstimateRecord]]]:
+        """Yield completed share, receive time of the last input and estimates, in its order."""
         others = ((receive_ns, [estimate]) for receive_ns, estimate in self._others)
         motion: Iterator[tuple[int, Sequence[EstimateRecord]]] = zip(
             self._received, slip.smoothed())
-        yield from heapq.merge(motion, others, key=itemgetter(0))
+        total = len(self._received) + len(self._others)
+        for count, item in enumerate(heapq.merge(motion, others, key=itemgetter(0)), 1):
+            yield count / total, *item
 
 
 def _read(path: Path, params: EstimatorParams, names: TopicNames

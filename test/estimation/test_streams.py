@@ -25,20 +25,19 @@ from smart_tire.messages import TOPICS
 
 @pytest.mark.parametrize('streams', [SLIP, FRICTION])
 def test_samples_travel_on_their_topics(streams):
-    for topics in (streams.inputs, streams.outputs, streams.aiding):
+    for topics in (streams.inputs, streams.outputs):
         for kind, name in topics.items():
             assert TOPICS[name].sample is kind
 
 
 def test_sensor_inputs_are_not_published_by_an_estimator():
     assert INPUTS == ('imu/data', 'wheel_states', 'tire_samples')
-    assert sensor_inputs(FRICTION) == ('wheel_states', 'tire_samples')
+    assert sensor_inputs(SLIP) == ('imu/data', 'wheel_states')
     assert not set(INPUTS) & set(ESTIMATES)
 
 
 def test_each_estimate_has_one_source():
     assert ESTIMATES == ('odom', 'wheel_slip', 'icr', 'tire_friction', 'ground_state')
-    assert set(SLIP.aiding.values()) <= set(FRICTION.outputs.values())
 
 
 def test_samples_that_hold_are_published_with_the_rate_of_their_topic():

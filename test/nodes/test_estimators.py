@@ -16,15 +16,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import itertools
 import math
 
 import pytest
 from sensor_msgs.msg import JointState
 
 from smart_tire.samples import (
-    Friction, FRICTION_QUANTITIES, GroundState, ImuSample, NS_PER_S, TireSample, WheelSample)
-from smart_tire.uncertain import Uncertain, UNKNOWN
+    FRICTION_QUANTITIES, GroundState, ImuSample, NS_PER_S, TireSample, WheelSample)
+from smart_tire.uncertain import Uncertain
 
 pytestmark = pytest.mark.processes
 
@@ -111,27 +111,33 @@ def test_inputs_without_messages_are_named_in_the_diagnostics(graph, slip):
     graph.until(lambda: 'no imu/data; no wheel_states' in graph.status_message('slip_estimator'))
 
 
-def test_silence_of_ground_state_is_no_fault(graph):
-    with graph.start('friction_estimator'):
-        graph.until(lambda: 'no wheel_slip' in graph.status_message('friction_estimator'))
-        assert 'ground_state' not in graph.status_message('friction_estimator')
+def test_silence_of_ground_state_is_no_fault(graph, slip):
+    graph.until(lambda: 'no imu/data' in graph.status_message('slip_estimator'))
+    assert 'ground_state' not in graph.status_message('slip_estimator')
 
 
-def test_the_slip_estimator_uses_tire_friction(graph):
-    friction = Friction(START_NS, 'front_right', film_slip=Uncertain(0.1, 0.01))
+def test_the_slip_estimator_awaits_ground_state_while_it_flows(graph):
+    def ground(milliseconds):
+        return GroundState(START_NS + milliseconds * 1_000_000, Uncertain(50.0, 2.0),
+                           rolling_resistance=Uncertain(0.02, 0.01))
+
+    def reached():
+        return (graph.samples('odom')[-1].stamp_ns - START_NS) / NS_PER_S
+
     graph.subscribe('odom')
     with graph.start('slip_estimator') as node:
         connect(graph, 'slip_estimator', wheel_states=WheelSample(START_NS, (0.0,) * 4),
-                imu__data=ImuSample(START_NS, GRAVITY_UP, (0.0, 0.0, 0.0)), tire_friction=friction)
-        publish_stationary(graph, 1.5, wheel_speed=6.0)
-        graph.until(lambda: len(graph.received['odom']) > 150)
-        in_time, late = (replace(friction, stamp_ns=START_NS + after * 1_000_000)
-                         for after in (1300, 200))
-        graph.publish('tire_friction', late)
-        graph.publish('tire_friction', in_time)
-        graph.until(lambda: graph.value('slip_estimator', 'tire_friction.late_messages') == '1')
-        publish_stationary(graph, 1.5, START_NS + 3 * NS_PER_S // 2, 6.0)
-        graph.until(lambda: graph.value('slip_estimator', 'films_used') == '1')
+                imu__data=ImuSample(START_NS, GRAVITY_UP, (0.0, 0.0, 0.0)), ground_state=ground(0))
+        publish_stationary(graph, 1.5)
+        graph.until(lambda: reached() > 0.78)
+        graph.until(lambda: graph.value('slip_estimator', 'ground') == 'given')
+        assert reached() < 0.8  # the next ground_state takes effect then
+        graph.publish('ground_state', ground(500), ground(1000))
+        graph.until(lambda: reached() > 1.44)
+        graph.publish('ground_state', ground(200))
+        graph.until(lambda: graph.value('slip_estimator', 'ground_state.late_messages') == '1')
+        publish_stationary(graph, 1.5, START_NS + 3 * NS_PER_S // 2)
+        graph.until(lambda: reached() > 2.94)  # silence is awaited no longer than 0.9 s
         assert node.end() == 0
         assert 'Traceback' not in node.output
 
@@ -144,10 +150,11 @@ def film_volts(time, wheel_speed=6.0, radius=0.087, peak=0.8):
 
 
 def test_the_friction_estimator_uses_all_inputs_and_rejects_invalid_ones(graph):
-    graph.subscribe('tire_friction')
+    graph.subscribe('tire_friction', 'ground_state')
     with graph.start('friction_estimator') as node:
         connect(graph, 'friction_estimator', wheel_states=WheelSample(START_NS, (6.0,) * 4),
-                tire_samples=TireSample(START_NS, 'front_right', (1.65, 1.65)))
+                tire_samples=TireSample(START_NS, 'front_right', (1.65, 1.65)),
+                imu__data=ImuSample(START_NS, GRAVITY_UP, (0.0, 0.0, 0.0)))
         before = int(graph.value('friction_estimator', 'frames_ok'))
         bad = JointState(name=['front_right_pvdf_1'], position=[math.nan])
         bad.header.frame_id = 'front_right'
@@ -160,20 +167,35 @@ def test_the_friction_estimator_uses_all_inputs_and_rejects_invalid_ones(graph):
             if tick % 25 == 0:
                 angle = 6.0 * tick * 2.5e-3
                 graph.publish('wheel_states', WheelSample(stamp_ns, (6.0,) * 4, (angle,) * 4))
-                graph.publish('ground_state', GroundState(
-                    stamp_ns, Uncertain(40.0, 2.0), UNKNOWN, (0.0, 0.0)))
+            if tick % 4 == 0:
+                graph.publish('imu/data', ImuSample(stamp_ns, GRAVITY_UP, (0.0, 0.0, 0.0)))
             if tick % 8 == 0:
                 graph.spin()  # about real time
-        graph.until(lambda: int(graph.value('friction_estimator', 'frames_ok')) >= before + 1728
+        graph.until(lambda: int(graph.value('friction_estimator', 'frames_ok')) >= before + 2064
                     and graph.value('friction_estimator', 'frames_bad') == '1')
         assert 'position is [nan' in node.output
-        graph.until(lambda: graph.received['tire_friction'])
+        graph.until(lambda: graph.received['tire_friction'] and graph.received['ground_state'])
+        graph.until(lambda: '+-' in graph.value('friction_estimator', 'ground.stiffness'))
+        assert graph.value('friction_estimator', 'ground') == 'known'
+        assert not graph.node.count_subscribers('odom')
         assert node.end() == 0
         assert 'Traceback' not in node.output
     for message in graph.received['tire_friction']:
         assert message.header.frame_id == 'front_right'
         assert tuple(message.name) == FRICTION_QUANTITIES
-    assert {crossing.stiffness for crossing in graph.samples('tire_friction')} == {(40.0, 2.0)}
+    assert {ground.stamp_ns % (NS_PER_S // 2) for ground in graph.samples('ground_state')} == {0}
+
+
+def test_odometry_is_used_only_while_an_imu_is_missing(graph):
+    stamps = itertools.count(START_NS, 10_000_000)
+    with graph.start('friction_estimator') as node:
+        graph.until(lambda: graph.node.count_subscribers('odom'), lambda: graph.publish(
+            'wheel_states', WheelSample(next(stamps), (0.0,) * 4)))
+        assert 'no imu/data: the motion is that of odom' in node.output
+        graph.until(lambda: not graph.node.count_subscribers('odom'), lambda: graph.publish(
+            'imu/data', ImuSample(next(stamps), GRAVITY_UP, (0.0, 0.0, 0.0))))
+        assert node.end() == 0
+        assert 'Traceback' not in node.output
 
 
 def test_joints_of_other_names_are_given_by_parameters_or_recognized(graph):
