@@ -210,7 +210,7 @@ class SlipSegment:
                 now - imu.time <= max(IMU_DROPOUT, 3.0 * imu.period)):
             return
         step = self.filter.blind_step(now - self._time, self._odometry.side_speeds)
-        imu.reading, self._time = step.mean, now
+        imu.reading, imu.force, self._time = step.mean, None, now
         self.filter.predict(now, step)
 
     def _correct_wheels(self, time: float, sample: WheelSample) -> None:
@@ -255,9 +255,10 @@ class SlipSegment:
         if imu.reading is None or not self._odometry.started:
             return []
         x, P = self.filter.kalman.x, self.filter.kalman.P
-        context = OutputContext(
-            instant_ns, self._seconds(instant_ns) - self._time, imu.reading, imu.vibration,
-            self._odometry.wheel_residual)
+        reading = imu.reading if imu.force is None else ImuReading(
+            imu.reading.yaw_rate, *imu.force)
+        context = OutputContext(instant_ns, self._seconds(instant_ns) - self._time, reading,
+                                self._odometry.wheel_residual)
         if self._recorder is not None:
             self._recorder.record_output(context, x[:ESTIMATED], P[:ESTIMATED, :ESTIMATED])
         return self._output.build(context, x, P)

@@ -38,7 +38,7 @@ from smart_tire.arrays import Array
 from smart_tire.estimation.slip.ground import ForceBalance
 from smart_tire.estimation.slip.imu_input import ImuInput
 from smart_tire.estimation.slip.kalman import (
-    GYRO_HELD, KalmanFilter, OUTLIER_SIGMAS, SENSORS_HELD, StateRecorder)
+    CONSIDERED, GYRO_HELD, KalmanFilter, OUTLIER_SIGMAS, SENSORS_HELD, StateRecorder)
 from smart_tire.estimation.slip.motion import (
     MotionModel, Noise, SLIP_CORRELATION_TIME, slip_speed)
 from smart_tire.estimation.slip.noise import AccelError, LearnedScale, LearnedVariance
@@ -51,7 +51,7 @@ from smart_tire.samples import Four
 
 MOUNTING_TILT_SIGMA = 0.009   # rad, of the IMU: half a degree
 MIN_POSE_SIGMA = 1e-4         # m, rad: the origin is exact, but P must not be singular
-INITIAL_SPEED_SIGMA = 3.0     # m/s, of a robot that is switched on while it moves
+INITIAL_SPEED_SIGMA = 0.5     # m/s, of a robot that is switched on while it moves
 INITIAL_SLIP_SIGMAS = 0.1, 0.3  # m/s, likewise, common and half the difference: in a turn
 ICR_SHARES = 0.25, 0.2        # mean and sigma of ICR_L, ICR_R over the track: effective tracks
 # of 1 to 2.2 times the track are published for skid-steer robots
@@ -66,6 +66,7 @@ FORCE_WHITENESS_TIME = 0.06   # s between innovations of the forces that count i
 WHEEL_SPEED_SIGMA = 0.003     # m/s, of a side, in addition to quantization and timestamps
 MAX_WHEEL_NOISE = 30.0        # times that: wheel speeds of unknown recordings
 SLIP_LEARNING_TIME = 20.0     # s of driving, over which the spread of the slip is learned
+RESISTANCE_SHARE = 0.3        # rolling resistance over friction, of unknown ground; assumed
 SLIP_CHANGE_SHARE = 0.2       # of a change of the side's speed becomes slip; assumed
 STEADY_SIGMAS = 2.0           # of a change of measured speed; a smaller one is noise
 MIN_SLIDING_TIME = 0.05       # s, in which locked wheels slide at the standstill speed at least
@@ -143,6 +144,7 @@ class SlipFilter:
         self._time, self._gyro_z = 0.0, 0.0  # s and rad/s, of the last step
         self._mean_difference = 0.0  # -, half of that of both slips about the ICRs
         self._sides = [0.0, 0.0]  # m/s, side speeds of the last wheel sample
+        self._started = False     # there has been a wheel sample
         self.nis = 1.0            # normalized innovation squared of the wheel speeds, smoothed
 
     def status(self) -> dict[str, str | int | float]:
@@ -160,8 +162,18 @@ class SlipFilter:
 
     @property
     def _common_variance(self) -> float:
-        """Return the variance [-] of the common slip; on ice the difference is large, too."""
-        return self._common.variance + self._difference.variance
+        """
+        Return the variance [-] of the common slip; on ice the difference is large, too.
+
+        Saturated tires share their force as their slip: that along the drive, against the
+        resistance, is to the lateral and turning one as resistance to friction.
+        """
+        variance = self._common.variance + self._difference.variance
+        if self.forces.active:
+            return variance
+        left, right = (self.kalman.x[row] for row in SLIP_VELS)
+        turning = 0.5 * (right - left) / slip_speed(self._sides)
+        return variance + min(RESISTANCE_SHARE * turning, 1.0) ** 2
 
     def reset_pose(self) -> None:
         """Set the pose to the origin of ``odom``."""
@@ -202,7 +214,7 @@ class SlipFilter:
         if self.forces.active:
             return self._roll.sigma, self._pitch.sigma
         x, y = self._accel_errors
-        slip = self._common_variance * slip_speed(self._sides) ** 2 / SLIP_CORRELATION_TIME ** 2
+        slip = self._common_variance * (slip_speed(self._sides) / SLIP_CORRELATION_TIME) ** 2
         return tuple(math.sqrt(one.variance + slip) / GRAVITY for one in (y, x))
 
     def correct_forces(self, imu: ImuInput, residual: Four, dt: float) -> None:
@@ -231,6 +243,10 @@ class SlipFilter:
         x, W = kalman.x, self.motion.yaw_rate(kalman.x, gyro_z)
         sides = [speed * (1.0 + x[State.RADIUS]) for speed in wheels.side_speeds]
         change = self._history.travel_change(time)
+        if not self._started:
+            self._start(wheels, sides, W)
+            self._restart_travel(wheels, sides, lag, change, W)
+            return
         after = [lag * rate + more
                  for rate, more in zip(self.motion.rolling_rates(x, W), change)]
         y, H = np.zeros(2), np.zeros((2, N))
@@ -262,6 +278,18 @@ class SlipFilter:
                 self._wheel_noise.variance * nis, (MAX_WHEEL_NOISE * WHEEL_SPEED_SIGMA) ** 2), dt)
             self._learn_slip(W, dt, independent)
         self._restart_travel(wheels, sides, lag, change, W)
+
+    def _start(self, wheels: WheelSpeeds, sides: list[float], W: float) -> None:
+        """Begin with the mean speed of the first wheel sample: the robot may be in motion."""
+        self._sides, self._started = sides, True
+        x, F, Q = list(self.kalman.x), np.eye(N), np.zeros((N, N))
+        x[State.V_X] = 0.5 * sum(side - x[slip] - arm * W for side, slip, arm in zip(
+            sides, SLIP_VELS, self.motion.arms))
+        F[State.V_X, State.V_X] = 0.0
+        F[State.V_X, SLIP_VELS] = -0.5
+        F[State.V_X, State.RADIUS] = 0.5 * sum(wheels.side_speeds)
+        Q[State.V_X, State.V_X] = wheels.variance + self._wheel_noise.variance
+        self.kalman.predict(x, F, Q)
 
     def _wheel_covariance(self, wheels: WheelSpeeds, sides: list[float],
                           independent: bool) -> Array:
@@ -391,7 +419,8 @@ class SlipFilter:
         self._correct_state(State.GYRO_BIAS_Z, rate, sigma)
 
     def _correct_state(self, row: State, value: float, sigma: float) -> None:
-        self.kalman.correct(value - self.kalman.x[row], [int(row)], [1.0], sigma ** 2)
+        self.kalman.correct(value - self.kalman.x[row], [int(row)], [1.0], sigma ** 2,
+                            held=CONSIDERED if row == State.GYRO_BIAS_Z else GYRO_HELD)
 
 
 def initial_state(params: SlipEstimatorParams) -> tuple[list[float], Array]:

@@ -29,6 +29,7 @@ INITIAL_PERIOD = 0.01     # s, between samples
 PERIOD_GAIN = 0.02        # weight of a new sample in the smoothed period; assumed
 VIBRATION_TIME = 1.0      # s, time constant of mean and variance of the vertical force; assumed
 TURN_TIME = 0.2           # s, in which tires build up the slip of a turn: some 10 cm of travel
+DRIVE_JERK = 3.0          # m/s2 per sqrt(s), random walk of a robot's acceleration: 1 in 0.1 s
 YAW_ACCEL_TIME = 0.03     # s, time constant of the yaw acceleration: three samples at 100 Hz
 
 
@@ -51,6 +52,7 @@ class ImuInput:
         self.yaw_accel = 0.0                    # rad/s2, smoothed
         self.turn_rate = 0.0                    # rad/s, yaw rate smoothed over ``TURN_TIME``
         self._begin_rate = 0.0                  # rad/s, that at the begin of the step
+        self.force: tuple[float, float] | None = None  # m/s2, without vibration
         self.spikes = 0                         # samples rejected as spikes
         self.vibration = 0.0                    # m/s2
 
@@ -85,11 +87,25 @@ class ImuInput:
             shape += dt * dt / 12.0 * max((new.force_x - old.force_x) ** 2,
                                           (new.force_y - old.force_y) ** 2)
         duration = readings[-1][0] - readings[0][0]
-        mean = ImuReading(*(total / duration for total in sums))
+        yaw_rate, *forces = (total / duration for total in sums)
         period = duration / (len(readings) - 1)
+        mean = ImuReading(yaw_rate, *self._without_vibration(forces, duration, period))
         return ImuStep(
             duration, mean, self._imu.gyro_noise ** 2 * period,
             self.force_variance * period + shape / duration, begin_rate, self.turn_rate)
+
+    def _without_vibration(self, forces: Sequence[float], dt: float, period: float
+                           ) -> tuple[float, float]:
+        """
+        Return the force of the motion: the steady Kalman filter of a random walk in white noise.
+
+        Vibration and pitching that are integrated between wheel samples would be taken for motion.
+        """
+        time = math.sqrt(self.force_variance * period) / DRIVE_JERK
+        gain = -math.expm1(-dt / time) if time > 0.0 else 1.0
+        x, y = self.force or forces
+        self.force = x + gain * (forces[0] - x), y + gain * (forces[1] - y)
+        return self.force
 
     @property
     def force_variance(self) -> float:

@@ -34,7 +34,7 @@ SENSORS_HELD = CONSIDERED.copy()
 SENSORS_HELD[[State.GYRO_BIAS_Z, State.ACCEL_BIAS_X, State.ACCEL_BIAS_Y, State.RADIUS]] = 1.0
 # unequal radii and slip of the sides last: they would be taken for a bias, which a rest shows
 GYRO_HELD = CONSIDERED.copy()
-GYRO_HELD[State.GYRO_BIAS_Z] = 1.0
+GYRO_HELD[[State.YAW, State.GYRO_BIAS_Z]] = 1.0
 
 
 class StateRecorder(Protocol):

@@ -82,13 +82,11 @@ class MotionModel:
         return (x[State.ACCEL_BIAS_X] - W * x[State.V_Y] - GRAVITY * x[State.PITCH],
                 x[State.ACCEL_BIAS_Y] + W * x[State.V_X] + GRAVITY * x[State.ROLL])
 
-    def extrapolate(self, x: Sequence[float], imu: ImuReading, dt: float, share: float
-                    ) -> list[float]:
-        """Return the state after a short ``dt`` at a ``share`` of the present acceleration."""
+    def extrapolate(self, x: Sequence[float], imu: ImuReading, dt: float) -> list[float]:
+        """Return the state after a short ``dt`` at the present acceleration."""
         W, moved = self.yaw_rate(x, imu.yaw_rate), list(x)
         steady_x, steady_y = self.steady_force(x, W)
-        self._move(x, moved, W, share * (imu.force_x - steady_x),
-                   share * (imu.force_y - steady_y), dt)
+        self._move(x, moved, W, imu.force_x - steady_x, imu.force_y - steady_y, dt)
         return moved
 
     def _move(self, x: Sequence[float], moved: list[float], W: float, a_x: float, a_y: float,

@@ -32,7 +32,6 @@ from smart_tire.rotation import quaternion
 from smart_tire.samples import Four, Icr, Odometry, Vector3, WheelSlip
 
 MIN_YAW_RATE = 0.05        # rad/s; below, the ICR is too far away to be observable
-DRIVE_ACCELERATION = 1.0   # m/s2, typical of a robot; not observable under more vibration
 PLANAR_VARIANCE = 1e-6     # m^2, rad^2 and per s: height and its rate, zero in the plane
 
 PLANAR_COVARIANCE = PLANAR_VARIANCE * np.eye(6)
@@ -49,8 +48,7 @@ class OutputContext:
 
     instant_ns: int       # of the output grid
     extrapolation: float  # s, from the time of the state to the instant
-    imu: ImuReading       # last IMU sample
-    vibration: float      # m/s2, standard deviation of its force in excess of the IMU's noise
+    imu: ImuReading       # last yaw rate, and forces without vibration
     wheel_residual: Four  # m/s, speed of each wheel minus the mean of its side
 
 
@@ -69,9 +67,7 @@ class SlipOutputBuilder:
     def build(self, context: OutputContext, x: Sequence[float], P: Array
               ) -> list[EstimateRecord]:
         """Return the records for at least the estimated states ``x`` with covariance ``P``."""
-        # vibration hides the acceleration of the robot, which is then extrapolated less
-        share = 1.0 / (1.0 + (context.vibration / DRIVE_ACCELERATION) ** 2)
-        x = self._motion.extrapolate(x, context.imu, context.extrapolation, share)
+        x = self._motion.extrapolate(x, context.imu, context.extrapolation)
         W = context.imu.yaw_rate - x[State.GYRO_BIAS_Z]
         T = self._twist[:, :len(P)]
         T[1, State.IMU_X] = -W
