@@ -195,7 +195,7 @@ class SlipSegment:
             readings.append((time, reading))
             self._standstill.update(time, reading)
         if len(readings) > 1:
-            step = self._imu.step(readings[0][0], readings)
+            step = self._imu.step(readings[0][0], readings, self.filter.accel_density)
             self.filter.predict(readings[-1][0], step)
             if not self._stationary:
                 self.filter.correct_forces(

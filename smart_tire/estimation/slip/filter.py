@@ -217,6 +217,12 @@ class SlipFilter:
         slip = self._common_variance * (slip_speed(self._sides) / SLIP_CORRELATION_TIME) ** 2
         return tuple(math.sqrt(one.variance + slip) / GRAVITY for one in (y, x))
 
+    @property
+    def accel_density(self) -> float:
+        """Return the noise density [(m/s2)^2 s] of the accelerometer; with a ground its own."""
+        return 0.0 if self.forces.active else 0.5 * sum(
+            level.density for level in self._accel_errors)
+
     def correct_forces(self, imu: ImuInput, residual: Four, dt: float) -> None:
         """Correct with the balance of forces after a step of ``dt`` [s]."""
         if self.forces.correct(imu, residual, dt):

@@ -29,7 +29,7 @@ INITIAL_PERIOD = 0.01     # s, between samples
 PERIOD_GAIN = 0.02        # weight of a new sample in the smoothed period; assumed
 VIBRATION_TIME = 1.0      # s, time constant of mean and variance of the vertical force; assumed
 TURN_TIME = 0.2           # s, in which tires build up the slip of a turn: some 10 cm of travel
-DRIVE_JERK = 3.0          # m/s2 per sqrt(s), random walk of a robot's acceleration: 1 in 0.1 s
+DRIVE_JERK = 1.0          # m/s2 per sqrt(s), random walk of a robot's acceleration; assumed
 YAW_ACCEL_TIME = 0.03     # s, time constant of the yaw acceleration: three samples at 100 Hz
 
 
@@ -71,11 +71,13 @@ class ImuInput:
         self.time, self.reading = time, reading
         return reading
 
-    def step(self, begin: float, readings: Sequence[tuple[float, ImuReading]]) -> ImuStep:
+    def step(self, begin: float, readings: Sequence[tuple[float, ImuReading]],
+             density: float = 0.0) -> ImuStep:
         """
         Return the mean over linearly interpolated ``readings`` with their times [s].
 
-        The first one is the last of the previous step, which ended at ``begin`` [s].
+        The first one is the last of the previous step, which ended at ``begin`` [s]. ``density``
+        [(m/s2)^2 s] is the least one of the noise of the forces.
         """
         begin_rate, self._begin_rate = self._begin_rate, self.turn_rate
         sums, shape = [0.0] * len(ImuReading._fields), 0.0
@@ -89,19 +91,20 @@ class ImuInput:
         duration = readings[-1][0] - readings[0][0]
         yaw_rate, *forces = (total / duration for total in sums)
         period = duration / (len(readings) - 1)
-        mean = ImuReading(yaw_rate, *self._without_vibration(forces, duration, period))
+        own = self.force_variance * period
+        mean = ImuReading(yaw_rate, *self._without_vibration(forces, duration, own))
         return ImuStep(
             duration, mean, self._imu.gyro_noise ** 2 * period,
-            self.force_variance * period + shape / duration, begin_rate, self.turn_rate)
+            max(density, own) + shape / duration, begin_rate, self.turn_rate)
 
-    def _without_vibration(self, forces: Sequence[float], dt: float, period: float
+    def _without_vibration(self, forces: Sequence[float], dt: float, density: float
                            ) -> tuple[float, float]:
         """
         Return the force of the motion: the steady Kalman filter of a random walk in white noise.
 
         Vibration and pitching that are integrated between wheel samples would be taken for motion.
         """
-        time = math.sqrt(self.force_variance * period) / DRIVE_JERK
+        time = math.sqrt(density) / DRIVE_JERK
         gain = -math.expm1(-dt / time) if time > 0.0 else 1.0
         x, y = self.force or forces
         self.force = x + gain * (forces[0] - x), y + gain * (forces[1] - y)

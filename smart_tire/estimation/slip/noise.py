@@ -80,23 +80,34 @@ class AccelError:
 
     def __init__(self, sigma: float, floor: float) -> None:
         self._level = LearnedVariance(sigma, floor, ACCEL_LEARNING_TIME)
-        self._force = self._speed = 0.0  # m/s2 and m/s, low-passed
-        self._last: float | None = None  # m/s, speed by the wheels
+        self._density = LearnedVariance(0.0, 0.0, ACCEL_LEARNING_TIME)
+        self._force = self._error = 0.0  # m/s2, low-passed force and error
+        self._changes = [0.0, 0.0]       # m/s, by the forces in this and the last wheel period
+        self._speeds: tuple[float, float] | None = None  # m/s, by the wheels: last, low-passed
 
     @property
     def variance(self) -> float:
-        """Return the variance [(m/s2)^2]."""
+        """Return the variance [(m/s2)^2] of the lasting error."""
         return self._level.variance
+
+    @property
+    def density(self) -> float:
+        """Return the noise density [(m/s2)^2 s] within wheel periods: bouncing, pitching."""
+        return self._density.variance
 
     def add_force(self, force: float, dt: float) -> None:
         """Add the mean specific force [m/s2] without bias and centripetal part over ``dt``."""
         self._force += -math.expm1(-dt / ACCEL_BLOCK_TIME) * (force - self._force)
+        self._changes[0] += dt * force
 
     def add_speed(self, speed: float, dt: float) -> None:
         """Add the mean speed by the wheels [m/s] over ``dt`` [s]."""
-        if self._last is None:
-            self._speed = speed
-        self._last = speed
-        self._speed += -math.expm1(-dt / ACCEL_BLOCK_TIME) * (speed - self._speed)
-        acceleration = (speed - self._speed) / ACCEL_BLOCK_TIME
-        self._level.add((self._force - acceleration) ** 2, dt)
+        last, smooth = self._speeds or (speed, speed)
+        smooth += -math.expm1(-dt / ACCEL_BLOCK_TIME) * (speed - smooth)
+        # means of two periods differ by the mean of the changes in both
+        change = 0.5 * sum(self._changes) - (speed - last) - self._error * dt
+        self._density.add(min(change ** 2 / dt, MAX_NIS * max(
+            self._density.variance, self._level.variance * dt)), dt)
+        self._error = self._force - (speed - smooth) / ACCEL_BLOCK_TIME
+        self._level.add(self._error ** 2, dt)
+        self._speeds, self._changes = (speed, smooth), [0.0, self._changes[0]]
