@@ -66,7 +66,8 @@ FORCE_WHITENESS_TIME = 0.06   # s between innovations of the forces that count i
 WHEEL_SPEED_SIGMA = 0.003     # m/s, of a side, in addition to quantization and timestamps
 MAX_WHEEL_NOISE = 30.0        # times that: wheel speeds of unknown recordings
 SLIP_LEARNING_TIME = 20.0     # s of driving, over which the spread of the slip is learned
-RESISTANCE_SHARE = 0.3        # rolling resistance over friction, of unknown ground; assumed
+UNKNOWN_SLIP_SIGMA = 0.08      # -, common slip on unknown ground: resistance over stiffness
+RESISTANCE_SHARE = 0.5        # rolling resistance over friction there, from concrete to ice
 SLIP_CHANGE_SHARE = 0.2       # of a change of the side's speed becomes slip; assumed
 STEADY_SIGMAS = 2.0           # of a change of measured speed; a smaller one is noise
 MIN_SLIDING_TIME = 0.05       # s, in which locked wheels slide at the standstill speed at least
@@ -168,12 +169,12 @@ class SlipFilter:
         Saturated tires share their force as their slip: that along the drive, against the
         resistance, is to the lateral and turning one as resistance to friction.
         """
-        variance = self._common.variance + self._difference.variance
         if self.forces.active:
-            return variance
+            return self._common.variance + self._difference.variance
         left, right = (self.kalman.x[row] for row in SLIP_VELS)
         turning = 0.5 * (right - left) / slip_speed(self._sides)
-        return variance + min(RESISTANCE_SHARE * turning, 1.0) ** 2
+        return (UNKNOWN_SLIP_SIGMA ** 2 + self._difference.variance
+                + min(RESISTANCE_SHARE * turning, 1.0) ** 2)
 
     def reset_pose(self) -> None:
         """Set the pose to the origin of ``odom``."""
