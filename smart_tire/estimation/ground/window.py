@@ -49,7 +49,9 @@ CONVERGED = 0.1    # of a standard deviation: no further step
 FREEDOM = 5.0      # degrees of freedom of the Student distribution
 MAX_STEP = 0.7     # change of the ground in one step; beyond, the model is not linear
 CANDIDATES = 0.5, 1.0, 1.5  # s before the end: times of a change of ground
-CHANGE_EVIDENCE = 30.0  # twice the log likelihood ratio of a change of ground
+CHANGE_EVIDENCE = 30.0  # twice the log likelihood ratio of a change of ground ...
+TRIED_EVIDENCE = 8.0    # ... and of one that is tried
+UNDECIDED_SIGMAS = 0.15, 0.15, 0.3  # of ln C_x, ln mu, ln f meanwhile: the axles change one by one
 DECISION_TIME = 1.75    # s after a change: one of two hypotheses is dropped
 SIDES_DIFFER = 4.0      # squared normalized difference of the sides, beyond which its prior grows
 
@@ -168,11 +170,10 @@ class GroundWindow:
         if found is not None:
             gain = found[1].evidence - fit.evidence
             decided = end - found[0].change > DECISION_TIME
-            if gain > CHANGE_EVIDENCE:
-                best = found
-                if decided:
-                    self.changes += 1
-                    main, fit = found
+            best = _undecided(found if gain > 0.0 else best)
+            if decided and gain > CHANGE_EVIDENCE:
+                self.changes += 1
+                main, fit = found
             if decided or gain < -CHANGE_EVIDENCE:
                 found = None
         self._main = self._advanced(main, fit, measurements, hop)
@@ -273,7 +274,7 @@ class GroundWindow:
         white = fit.whiten(((blocks[1:] - blocks[0]).T / steps).transpose(1, 0, 2),
                            ((films[1:] - films[0]).T / steps))
         spread = np.diag([self._rows[row].sigma ** -2 for row in range(3)])
-        best, found = CHANGE_EVIDENCE, None
+        best, found = TRIED_EVIDENCE, None
         for i, candidate in enumerate(candidates):
             own = white[:, 3 * i:3 * i + 3]
             mixed = own.T @ fit.rows.jacobian
@@ -289,7 +290,7 @@ class GroundWindow:
         x[OLD_GROUND] = x[GROUND]
         rival = replace(main, prior=main.prior.with_change(self._rows), x=x, change=found)
         rival, changed = self._fitted(rival, measurements, leaving)
-        return (rival, changed) if changed.evidence - fit.evidence > CHANGE_EVIDENCE else None
+        return (rival, changed) if changed.evidence - fit.evidence > TRIED_EVIDENCE else None
 
     def _advanced(self, hypothesis: Hypothesis, fit: Fit, measurements: Measurements,
                   hop: float) -> Hypothesis:
@@ -308,6 +309,14 @@ class GroundWindow:
             hypothesis, prior=moved.without_start(self._rows), x=fit.x, times=measurements.times,
             velocities=fit.motion.states[0, :, :model.W + 1],
             heading=(float(measurements.times[middle]), float(fit.heading[middle])))
+
+
+def _undecided(estimate: tuple[Hypothesis, Fit]) -> tuple[Hypothesis, Fit]:
+    """Return an estimate with a larger covariance of the ground, which may have changed."""
+    hypothesis, fit = estimate
+    covariance = fit.covariance.copy()
+    covariance[range(3), range(3)] += np.square(UNDECIDED_SIGMAS)
+    return hypothesis, fit._replace(covariance=covariance)
 
 
 def _start(hypothesis: Hypothesis, measurements: Measurements) -> tuple[Array, Array]:
