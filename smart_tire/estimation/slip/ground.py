@@ -48,7 +48,9 @@ MIN_ROLLING_SPEED = 0.1   # m/s, of the slower side: the forces are not used bel
 MIN_RESISTED_SPEED = 0.02  # m/s, below which rolling resistance is proportional to the speed
 BALANCE_SIGMA = 0.05      # m/s2, prior error of the model, which is learned ...
 MIN_BALANCE_SIGMA = 0.02  # m/s2, ... down to this one
+MODEL_TIME = 0.3          # s, correlation time of that error
 NOISE_TIME = 5.0          # s, over which it is learned
+DOUBT_TIME = 2.0          # s after a change that the filter has found: the window needs them
 CHANGE_TIME = 0.3         # s, time constant of the innovations that show a change of the ground
 CHANGE_NIS = 5.0          # their mean square, each at most MAX_NIS, beyond which it has changed
 
@@ -99,6 +101,7 @@ class ForceBalance:
         self._noise = [LearnedVariance(BALANCE_SIGMA, MIN_BALANCE_SIGMA, NOISE_TIME) for _ in 'xy']
         self._innovations = LearnedVariance(1.0, 0.0, CHANGE_TIME)
         self._silent = math.inf  # s, since the last ground_state
+        self._since_change = math.inf  # s, since the filter has found a change of the ground
         self.changes = 0         # of the ground, found by the filter
         self.innovation = 0.0    # of the last balance along y, in standard deviations
 
@@ -108,7 +111,15 @@ class ForceBalance:
         return self._silent < SILENT_TIME + EXPIRY_TIME
 
     def set_ground(self, ground: GroundState) -> None:
-        """Take the ground as given, with the errors that are reported."""
+        """
+        Take the ground as given, with the errors that are reported.
+
+        After a change that this filter has found, a ground as before is not news yet.
+        """
+        self._silent = 0.0
+        if self._since_change < DOUBT_TIME and self._is_as_before(ground):
+            return
+        self._since_change = math.inf
         mu = ground.friction_coefficient
         friction = (math.log(mu.value), mu.sigma / mu.value) if math.isfinite(mu.value) else (
             math.log(PRIOR_FRICTION.value), PRIOR_FRICTION.sigma)
@@ -130,11 +141,16 @@ class ForceBalance:
             P[row, row] = sigma ** 2
         a, b = State.LN_STIFFNESS, State.LN_FRICTION
         P[a, b] = P[b, a] = ground.stiffness_friction_correlation * sigmas[0] * sigmas[1]
-        self._silent = 0.0
+
+    def _is_as_before(self, ground: GroundState) -> bool:
+        """Return whether C_x and rolling resistance are within their errors of those given."""
+        return all(abs(new.value - old) < 2.0 * new.sigma for new, old in (
+            (ground.stiffness, self._given[0]), (ground.rolling_resistance, self._given[2])))
 
     def age(self, dt: float) -> None:
         """Let the ground become unknown while ``ground_state`` is silent; ``dt`` [s] passed."""
         self._silent += dt
+        self._since_change += dt
         if self.active and self._silent > SILENT_TIME:
             self._widen(min(dt / EXPIRY_TIME, 1.0))
 
@@ -147,6 +163,7 @@ class ForceBalance:
             self._widen(1.0)
             self._innovations = LearnedVariance(1.0, 0.0, CHANGE_TIME)
             self.changes += 1
+            self._since_change = 0.0
 
     def _widen(self, share: float) -> None:
         for row, sigma in enumerate(GROUND_SIGMAS, int(State.LN_STIFFNESS)):
@@ -172,7 +189,9 @@ class ForceBalance:
         shared = -0.5 * dt * imu.force_variance  # the sample ends the step that was predicted
         for axis, velocity in enumerate((State.V_X, State.V_Y)):
             h = [H[row][axis] for row in rows]
-            variance = self._noise[axis].variance + imu.force_variance
+            # the error of the model lasts: as white noise it has the same mean over its time
+            variance = (2.0 * MODEL_TIME / dt * self._noise[axis].variance
+                        + imu.force_variance)
             total = self._kalman.correct(
                 -expected[axis], rows, h, variance, (velocity, shared), SENSORS_HELD)
             excess = expected[axis] ** 2 - total
