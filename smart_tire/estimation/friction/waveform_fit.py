@@ -53,7 +53,6 @@ MIN_START_NORMALIZED_SLIP = 0.1
 RESTART_EXCESS = 1.5     # mean square of normalized residuals that triggers a second start
 ROUGH_REDUCTION = 3.0    # chi-squared; smallest reduction in the fit with fixed bumps
 MIN_SLIP = 0.02          # -, below which a relative change of slip is undefined
-MIN_DECOUPLING_SIGMA = 1e-4  # -, of a change of normalized slip independent of slip
 MIN_GAIN_SIGMA = 1e-6    # relative, of gains that are given as exact
 
 
@@ -63,8 +62,6 @@ class CrossingSlipPrior:
 
     slip: Uncertain = Uncertain(0.0, SLIP_SIGMA)  # -, at the reference
     change: Uncertain = Uncertain(0.0, 0.0)       # -, of the slip over a contact length
-    coupling: float = 1.0   # relative change of normalized slip per relative change of slip ...
-    decoupling_sigma: float = 0.0  # -, ... and of its independent change over a contact length
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -227,13 +224,10 @@ class WaveformFitter:
         """Return the prior on all parameters; ``slip`` is that of the start."""
         count, errors = len(samples.films), samples.errors
         value, sigma = np.zeros((2, film_index(count, PerFilm.CENTER) + len(errors.shape_sigmas)))
-        scale = math.copysign(max(abs(slip), MIN_SLIP), slip)  # SLIP_CHANGE is relative
-        growth = prior.change.value / scale
-        decoupling = max(prior.decoupling_sigma, MIN_DECOUPLING_SIGMA)
-        value[:len(Shared)] = (prior.slip.value, PRIOR_NORMALIZED_SLIP, growth,
-                               prior.coupling * growth, 0.0, 0.0, 0.0)
+        scale = math.copysign(max(abs(slip), MIN_SLIP), slip)  # CHANGE is relative
+        value[:Shared.SCALE] = prior.slip.value, PRIOR_NORMALIZED_SLIP, prior.change.value / scale
         sigma[:len(Shared)] = (
-            prior.slip.sigma, NORMALIZED_SLIP_SIGMA, prior.change.sigma / abs(scale), decoupling,
+            prior.slip.sigma, NORMALIZED_SLIP_SIGMA, prior.change.sigma / abs(scale),
             errors.scale_sigma, LOG_ALPHA_SIGMA, self._length_sigma)
         sigma[film_index(count, PerFilm.CENTER):] = errors.shape_sigmas
         if self._shape is not None:
@@ -253,13 +247,6 @@ class WaveformFitter:
             shape = np.searchsorted(free, np.arange(SHAPE.start, SHAPE.stop))
             precision[shape[:, np.newaxis], shape] = self._shape.prior.precision
             systematic += range(SHAPE.start, SHAPE.stop)
-        if prior.change.sigma > 0.0:
-            # the prior on NORM_SLIP_CHANGE is one on its difference from coupling * SLIP_CHANGE
-            difference = np.array([-prior.coupling, 1.0])
-            both = np.searchsorted(free, [Shared.SLIP_CHANGE, Shared.NORM_SLIP_CHANGE])
-            precision[both[:, np.newaxis], both] += np.outer(
-                difference, difference) / decoupling**2
-            precision[both[1], both[1]] -= 1.0 / decoupling**2
         return Prior(value, precision, free, np.array(systematic, dtype=np.intp))
 
 

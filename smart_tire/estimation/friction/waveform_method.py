@@ -131,12 +131,7 @@ def _with_slip_variation(fit: WaveformFit, residual: float) -> SlipFit:
     """
     slip, normalized_slip = fit.slip.value, fit.normalized_slip.value
     scale = max(abs(slip), MIN_SLIP_SCALE)
-    growth, spread = (math.hypot(CURVATURE_SHARE * sum(map(_squared, fit.shared(which))),
-                                 residual / scale)
-                      for which in (Shared.SLIP_CHANGE, Shared.NORM_SLIP_CHANGE))
-    sigma = np.array([growth * scale, spread * max(abs(normalized_slip), MIN_NORMALIZED_SCALE)])
+    change = fit.shared(Shared.CHANGE)
+    growth = math.hypot(CURVATURE_SHARE * (change.value**2 + change.sigma**2), residual / scale)
+    sigma = growth * np.array([scale, max(abs(normalized_slip), MIN_NORMALIZED_SCALE)])
     return SlipFit(slip, normalized_slip, fit.white_cov + np.diag(sigma**2), fit.systematic_cov)
-
-
-def _squared(value: float) -> float:
-    return value * value

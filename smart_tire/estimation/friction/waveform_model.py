@@ -43,11 +43,10 @@ class Shared(IntEnum):
 
     SLIP = 0     # -, slip ratio of B(3) at the reference distance
     NORM_SLIP = 1  # -, normalized slip there: total slip / critical slip
-    SLIP_CHANGE = 2  # -, relative change of the slip ratio over a contact length
-    NORM_SLIP_CHANGE = 3  # -, that of the normalized slip, which includes the lateral slip
-    SCALE = 4    # -, relative error of the distance scale
-    ALPHA = 5    # -, ln of alpha in B(15) over its nominal value
-    LENGTH = 6   # -, ln of the contact length over its nominal value
+    CHANGE = 2   # -, relative change of both over a contact length
+    SCALE = 3    # -, relative error of the distance scale
+    ALPHA = 4    # -, ln of alpha in B(15) over its nominal value
+    LENGTH = 5   # -, ln of the contact length over its nominal value
 
 
 class Release(IntEnum):
@@ -183,24 +182,22 @@ class WaveformModel:
 
     def _strain(self, x: Array, patch: float, p: Array, gain: Array, jacobian: Array
                 ) -> StrainPart:
-        """Return the strain part; write its rows SLIP to NORM_SLIP_CHANGE into ``jacobian``."""
-        slip, normalized_slip, slip_change, normalized_change = p[:Shared.SCALE].tolist()
-        slip_factor, normalized_factor = (1.0 + change * self._relative
-                                          for change in (slip_change, normalized_change))
-        normalized = normalized_slip * normalized_factor
+        """Return the strain part; write its rows SLIP to CHANGE into ``jacobian``."""
+        slip, normalized_slip, change = p[:Shared.SCALE].tolist()
+        growth = 1.0 + change * self._relative
+        normalized = normalized_slip * growth
         limited = np.maximum(normalized, MIN_NORMALIZED_SLIP)
         overlap = strain_charge.overlap(x, limited, self._film.length, patch)
         length = overlap.value + (normalized - limited) * overlap.by_normalized_slip
-        gains = self._gain * slip_factor  # V/m per unit of SLIP
+        gains = self._gain * growth  # V/m per unit of SLIP
         by_gain = slip * gains * length
         gains *= 1.0 + gain
         by_slip = np.multiply(gains, length, out=jacobian[Shared.SLIP])
         volts, factor = slip * by_slip, slip * gains
         by_normalized = factor * overlap.by_normalized_slip
-        np.multiply(by_normalized, normalized_factor, out=jacobian[Shared.NORM_SLIP])
-        np.multiply(self._relative, volts / slip_factor, out=jacobian[Shared.SLIP_CHANGE])
-        np.multiply(self._relative, normalized_slip * by_normalized,
-                    out=jacobian[Shared.NORM_SLIP_CHANGE])
+        np.multiply(by_normalized, growth, out=jacobian[Shared.NORM_SLIP])
+        np.multiply(self._relative, volts / growth + normalized_slip * by_normalized,
+                    out=jacobian[Shared.CHANGE])
         return StrainPart(volts, by_gain, factor * overlap.by_position,
                           factor * overlap.by_contact_length)
 

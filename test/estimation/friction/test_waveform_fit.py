@@ -236,20 +236,6 @@ def test_a_change_of_slip_within_the_prior_does_not_bias_the_fit():
     assert 0.6 < np.mean(((value - 0.18) / sigma)**2) < 1.4
 
 
-def test_an_independent_change_of_normalized_slip_does_not_bias_the_fit():
-    here, rng = robot(), np.random.default_rng(16)
-    one, found = fitter(here), []
-    for _ in range(100):
-        samples = crossing_samples(rng, here, slip=0.1, normalized_slip=0.18, growth=0.05,
-                                   spread=0.06 * rng.standard_normal())
-        found.append(one.fit(samples, CrossingSlipPrior(
-            Uncertain(0.1, EXACT), Uncertain(0.005, 1e-4), 0.0, 0.06)))
-    value, sigma = columns(found, Shared.NORM_SLIP)
-    assert 0.6 < np.mean(((value - 0.18) / sigma)**2) < 1.4
-    changes = np.array([fit.shared(Shared.NORM_SLIP_CHANGE) for fit in found])
-    assert np.median(changes[:, 1]) < 0.05  # smaller than that of the prior
-
-
 def test_a_continued_fit_converges_to_the_result_of_one_from_the_same_start():
     here, rng = robot(), np.random.default_rng(18)
     for _ in range(15):

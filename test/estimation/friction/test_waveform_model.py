@@ -72,7 +72,7 @@ def test_the_output_is_that_of_the_crossing_model(slip):
 def test_the_jacobian_agrees_with_finite_differences(release, normalized_slip):
     robot = build(RobotParams, {'film.release': release})
     model = WaveformModel(robot, GAINS, FILMS, 0.011)
-    p = parameters(NORM_SLIP=normalized_slip, SLIP_CHANGE=0.04, SCALE=0.01, ALPHA=0.03,
+    p = parameters(NORM_SLIP=normalized_slip, CHANGE=0.04, SCALE=0.01, ALPHA=0.03,
                    LENGTH=-0.04)
     p[film_index(0, PerFilm.OFFSET)] = 0.01
     p[film_index(1, PerFilm.GAIN)], p[film_index(1, PerFilm.RECOVERY)] = -0.02, 0.2
@@ -116,7 +116,7 @@ def test_the_shape_of_a_bump_changes_the_output_on_its_side_only(side):
 def test_growth_is_the_relative_change_of_the_slip_over_a_contact_length():
     model = WaveformModel(ROBOT, GAINS, FILMS, 0.0)
     relative = np.concatenate([one.distance for one in FILMS]) / L
-    constant, growing = (model.linearized(parameters(SLIP_CHANGE=g)) for g in (0.0, 0.5))
+    constant, growing = (model.linearized(parameters(CHANGE=g)) for g in (0.0, 0.5))
     by_slip, by_sliding = constant[1][Shared.SLIP], constant[1][Shared.NORM_SLIP]
     near = np.abs(relative) < 0.02
     expected = 0.5 * relative * (0.1 * by_slip + 0.2 * by_sliding)
