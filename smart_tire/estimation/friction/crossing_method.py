@@ -38,14 +38,6 @@ class MethodResult:
     peak_interval: Uncertain = UNKNOWN    # s, of film 1
     waveform: WaveformFit | None = None   # None if the method fits none
 
-    @property
-    def film_correlation(self) -> float:
-        """Return the correlation of the errors of film slip and adhesion ratio."""
-        films = self.films_only
-        covariance = float(films.white_cov[0, 1] + films.systematic_cov[0, 1])
-        # the adhesion ratio is 1 - normalized slip
-        return -covariance / (films.slip_sigma * films.normalized_slip_sigma)
-
 
 class CrossingMethod(Protocol):
     """Estimates slip and normalized slip of one wheel's crossings."""

@@ -95,11 +95,11 @@ def test_film_slip_and_normalized_slip_have_consistent_sigmas_and_correlation(
         slip, normalized_slip):
     rng, errors, correlations = np.random.default_rng(8), [], []
     for _ in range(150):
-        found = measure(simulated(rng, slip=slip, normalized_slip=normalized_slip))
-        fit = found.films_only
+        fit = measure(simulated(rng, slip=slip, normalized_slip=normalized_slip)).films_only
         errors.append(((fit.slip - slip) / fit.slip_sigma,
                        -normalized_error(fit, normalized_slip)))
-        correlations.append(found.film_correlation)
+        covariance = fit.white_cov[0, 1] + fit.systematic_cov[0, 1]
+        correlations.append(-covariance / (fit.slip_sigma * fit.normalized_slip_sigma))
     assert np.all(np.abs(np.mean(np.square(errors), axis=0) - 1.0) < 0.3)
     assert np.corrcoef(np.transpose(errors))[0, 1] == pytest.approx(
         float(np.mean(correlations)), abs=0.25)
