@@ -77,6 +77,9 @@ def test_only_the_variant_with_torque_receives_efforts(monkeypatch):
             if isinstance(sample, WheelSample):
                 seen[-1].add(sample.effort is not None)
             return []
+
+        def finish(self):
+            return []
     monkeypatch.setattr(forces, 'Pipeline', Pipeline)
     monkeypatch.setattr(forces, '_motion', lambda *_: None)
     start = replace(SHORT_TOUR, duration=4.0)
