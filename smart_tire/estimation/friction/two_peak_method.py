@@ -17,8 +17,8 @@ Two-peak method of paper B: two peaks of the raw samples, B(22) to B(26) and Fig
 
 The highest sample is taken for the stretch peak at x_m, the lowest for the release. The travel
 between them gives the adhesion length, by the exact or the printed map; slip is that of the motion
-of the robot. At 400 Hz the peaks have errors of some millimeters and 0.1 V, and only in traction do
-these two samples represent the two peaks.
+of the robot. At 400 Hz the peaks have errors of some millimeters and 0.1 V, and only in traction
+do these two samples represent the two peaks.
 """
 
 from __future__ import annotations
