@@ -49,7 +49,8 @@ C_x and load; within: shares of mu within one and two sigma (0.68, 0.95). revs: 
 the fused mu is within 10 %, median and maximum, after the start / a change of mu; fast: those
 with slip above 0.1. ms: CPU time per crossing, in simulated runs including detection and the
 window of the ground. reference: an internal reference estimator on the same scenarios. Crossings
-on two surfaces are not scored. Two peaks: method of paper B without rejection, film 1, raw samples.
+on two surfaces are not scored. Two peaks: method of paper B without rejection, film 1, raw
+samples.
 ! synthesized crossings with a bound below {BOUND_LIMIT}: bias above {100.0 * MAX_BIAS:.0f} % or sd
 above {MAX_BOUND_RATIO} bounds; in all tables: NEES outside {NEES_RANGE[0]} to {NEES_RANGE[1]},
 more than {MAX_TIME:g} ms, more than {MAX_FAST_CROSSINGS} fast revolutions after a change of mu.
