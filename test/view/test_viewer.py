@@ -27,7 +27,7 @@ import pytest
 from smart_tire.cli._live_feed import FLUSH_PERIOD, LiveFeed
 from smart_tire.messages import TOPICS
 from smart_tire.parameters import build, FrictionEstimatorParams
-from smart_tire.samples import Icr, TireSample
+from smart_tire.samples import Icr, ImuSample, TireSample
 from smart_tire.view.layout import Layout
 from smart_tire.view.recorder import ViewError
 from smart_tire.view.scene import Scene
@@ -71,14 +71,16 @@ def test_page_and_stream_are_served_on_the_loopback_address_only(viewer):
 
 
 def test_live_data_at_full_load_leave_the_process_in_time(viewer):
-    """Two instrumented wheels and the estimates, received as fast as on a robot."""
+    """Two instrumented wheels, IMU and slips, received as fast as on a robot."""
     params = build(FrictionEstimatorParams, {'film.wheels': [WHEEL, 'front_left']})
     layout = Layout(params.robot.film.wheels, live=True)
     stream = open_stream('load', layout.blueprint(), address=viewer.address.stream)
     feed = LiveFeed(Scene(stream, params))
     names = {topic.sample: topic.name for topic in reversed(TOPICS.values())}
     course = steady(120.0)
-    samples = in_order(films(course, LOAD), wheels(course, LOAD), slips(course, LOAD))
+    estimated = slips(course, LOAD)
+    imu = [ImuSample(one.stamp_ns, (0.0, 0.0, 9.8), (0.0, 0.0, 0.0)) for one in estimated]
+    samples = in_order(films(course, LOAD), wheels(course, LOAD), estimated, imu)
     begin, first_ns = time.monotonic(), samples[0].stamp_ns
     next_flush = begin + FLUSH_PERIOD
     for sample in samples:
