@@ -122,7 +122,8 @@ def test_the_slip_estimator_awaits_ground_state_while_it_flows(graph):
                            rolling_resistance=Uncertain(0.02, 0.01))
 
     def reached():
-        return (graph.samples('odom')[-1].stamp_ns - START_NS) / NS_PER_S
+        latest = max((sample.stamp_ns for sample in graph.samples('odom')), default=START_NS)
+        return (latest - START_NS) / NS_PER_S
 
     graph.subscribe('odom')
     with graph.start('slip_estimator') as node:
