@@ -32,7 +32,7 @@ def test_fields_publisher_and_subscribers_of_topics_are_printed(capsys):
     first, second = capsys.readouterr().out.split('\n\n')
     assert first.startswith('wheel_slip  [sensor_msgs/msg/JointState]')
     assert 'velocity [m/s]  slip velocity r omega - v_x' in first
-    assert 'published by slip_estimator; subscribers: friction_estimator' in first
+    assert 'published by slip_estimator; subscribers: trajectory_controller' in first
     assert second.startswith('/tf  [tf2_msgs/msg/TFMessage]')
     assert second.endswith('published by slip_estimator\n')
 
