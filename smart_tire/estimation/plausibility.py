@@ -60,7 +60,9 @@ def is_possible(sample: (ImuSample | WheelSample | TireSample | Odometry | Wheel
                 0.0 <= sigma <= MAX_SLIP_SIGMA or sigma == inf for sigma in sample.sigma)
         case GroundState():  # what friction is estimated with
             stiffness, sigma = sample.stiffness
+            ratios = sample.friction_coefficient.value, sample.lateral_stiffness_ratio.value
             return (0.0 < stiffness < inf and 0.0 <= sigma < inf
+                    and not any(ratio <= 0.0 for ratio in ratios)  # NaN: unknown
                     and abs(sample.stiffness_friction_correlation) <= 1.0)
 
 

@@ -38,7 +38,8 @@ from smart_tire.parameters import RobotParams
 from smart_tire.samples import Four, GroundState
 from smart_tire.uncertain import Uncertain
 
-PRIOR_FRICTION = Uncertain(0.45, 0.7)  # -, median of mu on unknown ground; sigma of its ln
+PRIORS = (Uncertain(0.45, 0.315), Uncertain(0.025, 0.025), Uncertain(0.5, 0.3),
+          Uncertain(0.9, 0.15))  # -, mu, rolling resistance, its lateral share, C_y / C_x
 GROUND_SIGMAS = (0.5, 0.7, 0.04, 0.3, 0.2, 0.0, 0.0)  # of another ground, in the order of State:
 # ln C_x, ln mu, rolling resistance, its lateral share, ln C_y / C_x; the robot stays the same
 SILENT_TIME = 1.25        # s without ground_state, two and a half periods, after which it ends
@@ -97,6 +98,8 @@ class ForceBalance:
         self._wheel_y = (0.5 * robot.track_width * SIDE_SIGNS).tolist()
         self._x_imu, self._y_imu = robot.imu.position[:2]
         self._height = robot.center_of_mass[2] + robot.wheel_radius
+        self._center_of_mass = tuple(map(
+            Uncertain, robot.center_of_mass[:2], robot.center_of_mass_sigma))
         self._given = (1.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0)  # in the order of State
         self._noise = [LearnedVariance(BALANCE_SIGMA, MIN_BALANCE_SIGMA, NOISE_TIME) for _ in 'xy']
         self._innovations = LearnedVariance(1.0, 0.0, CHANGE_TIME)
@@ -120,17 +123,18 @@ class ForceBalance:
         if self._since_change < DOUBT_TIME and self._is_as_before(ground):
             return
         self._since_change = math.inf
-        mu = ground.friction_coefficient
-        friction = (math.log(mu.value), mu.sigma / mu.value) if math.isfinite(mu.value) else (
-            math.log(PRIOR_FRICTION.value), PRIOR_FRICTION.sigma)
-        stiffness, ratio = ground.stiffness, ground.lateral_stiffness_ratio
-        rest = (ground.rolling_resistance, ground.lateral_share, ratio, ground.center_of_mass_x,
-                ground.center_of_mass_y)
-        self._given = (stiffness.value, math.exp(friction[0]), *(  # type: ignore[assignment]
-            one.value for one in rest))
-        sigmas = (stiffness.sigma / stiffness.value, friction[1], ground.rolling_resistance.sigma,
-                  ground.lateral_share.sigma, ratio.sigma / ratio.value,
-                  ground.center_of_mass_x.sigma, ground.center_of_mass_y.sigma)
+        reported = (ground.friction_coefficient, ground.rolling_resistance, ground.lateral_share,
+                    ground.lateral_stiffness_ratio, ground.center_of_mass_x,
+                    ground.center_of_mass_y)
+        stiffness = ground.stiffness
+        mu, resistance, share, ratio, *center = (
+            one if math.isfinite(one.value) and math.isfinite(one.sigma) else prior
+            for one, prior in zip(reported, (*PRIORS, *self._center_of_mass)))
+        self._given = (  # type: ignore[assignment]
+            stiffness.value, mu.value, resistance.value, share.value, ratio.value,
+            *(one.value for one in center))
+        sigmas = (stiffness.sigma / stiffness.value, mu.sigma / mu.value, resistance.sigma,
+                  share.sigma, ratio.sigma / ratio.value, *(one.sigma for one in center))
         P = self._kalman.P
         for row, sigma in enumerate(sigmas, int(State.LN_STIFFNESS)):
             # what was known of the states is kept as far as the new error is that of the old one

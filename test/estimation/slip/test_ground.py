@@ -27,7 +27,9 @@ from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.estimation.slip.ground import brush_force
 from smart_tire.models.vehicle.tire_forces import wheel_forces
 from smart_tire.parameters import SlipEstimatorParams
-from smart_tire.samples import ImuSample, Odometry, WheelSample, WheelSlip
+from smart_tire.samples import (
+    GroundState, ImuSample, NS_PER_S, Odometry, WheelSample, WheelSlip)
+from smart_tire.uncertain import Uncertain
 from support.given_ground import DELAY_NS, ground_states
 
 pytestmark = pytest.mark.slow
@@ -47,6 +49,20 @@ def test_the_brush_force_is_that_of_the_vehicle_model(slip):
         (-model.x_by_v_x[0], -model.x_by_v_y[0], -model.y_by_v_y[0]))
     assert (force.x_by_friction, force.y_by_friction) == pytest.approx(
         (model.x_by_log_ratio[0], model.y_by_log_ratio[0]))
+
+
+def test_quantities_that_a_ground_state_does_not_have_are_unknown():
+    estimator, found = SlipEstimator(SlipEstimatorParams()), []
+    for tick in range(300):
+        stamp_ns = NS_PER_S + tick * 10_000_000
+        found += estimator.update(ImuSample(stamp_ns, (0.0, 0.0, 9.81), (0.0, 0.0, 0.0)))
+        if tick % 6 == 0:
+            found += estimator.update(WheelSample(stamp_ns, (6.0,) * 4))
+        if tick % 50 == 0:
+            estimator.update(GroundState(stamp_ns, Uncertain(50.0, 2.0)))
+    assert estimator.status()['ground'] == 'given'
+    assert math.isfinite(sum(map(sum, (
+        [*one.linear, *one.twist_covariance] for one in found if isinstance(one, Odometry)))))
 
 
 @cache
