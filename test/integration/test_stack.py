@@ -142,7 +142,8 @@ def test_messages_arrive_soon_after_their_timestamp(messages, topic):
     receive, stamp = np.array([message[:2] for message in messages[topic]]).T / NS_PER_S
     ages = (receive - stamp)[receive > receive[0] + STARTUP_TIME]
     assert np.all(ages > -0.02)
-    assert np.median(ages) < 0.5
+    hop = 0.5 if topic == 'tire_friction' else 0.0  # s, between windows: half of it is waited for
+    assert np.median(ages) < 0.5 + 0.5 * hop
 
 
 def test_wheels_are_in_the_documented_order(messages):
