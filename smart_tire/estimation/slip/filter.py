@@ -277,7 +277,8 @@ class SlipFilter:
             self._pitch.add_innovation(float(y.sum()) / math.sqrt(float(
                 (H @ kalman.P @ H.T + R).sum())))
         nis = kalman.correct_jointly(*(self._as_printed(y, H, R, sides, dt) if self._printed
-                                       else (y, H, R)), GYRO_HELD)
+                                       else (y, H, R)), GYRO_HELD,
+                                     moving and not self.forces.active)
         if moving:
             self.nis += NIS_GAIN * (nis - self.nis)  # stationary wheels have no noise
             self.forces.add_wheel_innovation(nis, dt)

@@ -23,7 +23,7 @@ from typing import Protocol
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.estimation.slip.state import ESTIMATED, N, State
+from smart_tire.estimation.slip.state import ESTIMATED, N, SLIP_VELS, State
 
 OUTLIER_SIGMAS = 3.0  # beyond, the variance of an innovation grows with its square; Huber's share
 
@@ -94,21 +94,30 @@ class KalmanFilter:
         self._apply(scale * PH[:, None], np.array([scale * y]), held)
         return total
 
-    def correct_jointly(self, y: Array, H: Array, R: Array, held: Array) -> float:
-        """Correct with m innovations ``y`` with Jacobian ``H`` (m, N); return the NIS over m."""
+    def correct_jointly(self, y: Array, H: Array, R: Array, held: Array,
+                        slip_held: bool) -> float:
+        """
+        Correct with m innovations ``y`` with Jacobian ``H`` (m, N); return the NIS over m.
+
+        With ``slip_held`` the mean of both slips is considered, only their difference corrected.
+        """
         PH = self.P @ H.T
         S = H @ PH + R
         excess = np.maximum(y ** 2 / np.diag(S) / OUTLIER_SIGMAS ** 2, 1.0) - 1.0
         S += np.diag(excess * np.diag(S))
         root = np.linalg.inv(np.linalg.cholesky(S)).T  # S^-1 = root root'
         whitened = y @ root
-        self._apply(PH @ root, whitened, held)
+        self._apply(PH @ root, whitened, held, slip_held)
         return float(whitened @ whitened) / len(y)
 
-    def _apply(self, G: Array, whitened: Array, held: Array = CONSIDERED) -> None:
+    def _apply(self, G: Array, whitened: Array, held: Array = CONSIDERED,
+               slip_held: bool = False) -> None:
         """Correct the states that are not held with independent innovations of unit variance."""
-        self.P = self.P - G @ G.T * (1.0 - held[:, None] * held)
-        self.x = (np.array(self.x) + G @ whitened * (1.0 - held)).tolist()
+        D = G * held[:, None]  # of the optimal gain, the part that is not applied
+        if slip_held:
+            D[SLIP_VELS, :] = 0.5 * (G[State.SLIP_VEL_L] + G[State.SLIP_VEL_R])
+        self.P = self.P - G @ G.T + D @ D.T
+        self.x = (np.array(self.x) + (G - D) @ whitened).tolist()
 
     def set_states(self, rows: Sequence[int], value: float, sigma: float) -> None:
         """Set the states in ``rows``, uncorrelated with the others."""
