@@ -16,29 +16,46 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from smart_tire.analysis.series import Series
+from smart_tire.estimation.ground.window import LENGTH
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.estimation.slip.output import EstimateRecord, SlipOutputBuilder
 from smart_tire.estimation.slip.rts_smoother import RtsSmoother
 from smart_tire.estimation.slip.state import ESTIMATED
 from smart_tire.parameters import SlipEstimatorParams
-from smart_tire.samples import GroundState, ImuSample, Sample, WheelSample
+from smart_tire.samples import GroundState, ImuSample, NS_PER_S, Sample, WheelSample
+
+HOLD_NS = 3 * NS_PER_S  # of inputs, until the ground of their time is known
 
 
 class SmoothedSlip:
-    """Slip estimator that also yields RTS-smoothed estimates."""
+    """
+    Slip estimator that also yields RTS-smoothed estimates.
+
+    The smoother has a filter of its own, in which each state of the ground takes effect in the
+    middle of the window that it was estimated from.
+    """
 
     def __init__(self, params: SlipEstimatorParams) -> None:
         self._smoother = RtsSmoother(ESTIMATED)
-        self._estimator = SlipEstimator(params, self._smoother)
+        self._estimator = SlipEstimator(params)
+        self._recorded = SlipEstimator(params, self._smoother)
+        self._ahead_ns = round((0.5 * LENGTH + params.ground_delay) * NS_PER_S)
+        self._waiting: deque[ImuSample | WheelSample] = deque()
         self._output = SlipOutputBuilder(params)
 
     def update(self, sample: ImuSample | WheelSample | GroundState) -> list[EstimateRecord]:
         """Process a sample; return the filter estimates that it completes."""
+        if isinstance(sample, GroundState):
+            self._recorded.update(replace(sample, stamp_ns=sample.stamp_ns - self._ahead_ns))
+        else:
+            self._waiting.append(sample)
+            while self._waiting[0].stamp_ns < sample.stamp_ns - HOLD_NS:
+                self._recorded.update(self._waiting.popleft())
         return self._estimator.update(sample)
 
     @property
@@ -48,6 +65,8 @@ class SmoothedSlip:
 
     def smoothed(self) -> Iterator[list[EstimateRecord]]:
         """Yield the smoothed estimates for the instants of ``update``, in the same order."""
+        while self._waiting:
+            self._recorded.update(self._waiting.popleft())
         for state in self._smoother.states():
             yield self._output.build(state.context, state.x, state.P)
 
