@@ -29,7 +29,7 @@ from smart_tire.parameters import build, SlipEstimatorParams
 from smart_tire.samples import Icr, WheelSlip
 
 PARAMS = SlipEstimatorParams()
-CONTEXT = OutputContext(0, 0.008, ImuReading(0.8, 1.4, 0.9), 0.0, (0.0,) * 4)
+CONTEXT = OutputContext(0, 0.008, ImuReading(0.8, 1.4, 0.9), (0.0,) * 4)
 
 
 def moving():
@@ -57,11 +57,6 @@ def test_the_pose_is_extrapolated_at_the_present_acceleration():
     late, early = (records(replace(CONTEXT, extrapolation=dt))[0] for dt in (0.008, 0.0))
     assert late.position[0] - early.position[0] == pytest.approx(0.008, rel=0.05)
     assert late.linear[0] - early.linear[0] == pytest.approx(0.008 * 1.4, rel=0.05)
-
-
-def test_vibration_reduces_the_extrapolation():
-    quiet, rough = (records(replace(CONTEXT, vibration=v))[0].linear[0] for v in (0.0, 3.0))
-    assert quiet > rough
 
 
 def test_the_slip_of_a_wheel_that_is_not_measured_is_unknown():
