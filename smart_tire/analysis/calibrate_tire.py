@@ -18,10 +18,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 from smart_tire.analysis.calibrate_robot import (
     check_all_measured, NO_REFERENCE, read_recording, TimeRange)
+from smart_tire.analysis.pipeline import FrictionStage, SlipStage
 from smart_tire.analysis.smoothing import SmoothedSlip
 from smart_tire.bags import Bag, STANDARD_NAMES, TopicNames
 from smart_tire.calibration.film import gains
@@ -72,11 +74,15 @@ def identify_gains(bags: Sequence[Path], robot: RobotParams, time_range: TimeRan
 def read_crossings(path: Path, robot: RobotParams, time_range: TimeRange,
                    names: TopicNames = STANDARD_NAMES) -> list[CrossingWithSlip]:
     """Return the crossings in a bag with their smoothed slip, estimated without the films."""
+    plain = replace(robot, film=replace(robot.film, wheels=()))
+    ground = FrictionStage(FrictionEstimatorParams(robot=plain))  # from motor torques
     collector = CrossingCollector(robot, FrictionEstimatorParams(robot=robot).reorder_window)
-    with closing(SmoothedSlip(SlipEstimatorParams(robot=robot))) as slip:
+    with closing(SmoothedSlip(SlipEstimatorParams(robot=plain))) as slip:
+        stage = SlipStage(slip)
         for sample in _inputs(Bag(path, names, robot.joints), time_range):
             if isinstance(sample, (ImuSample, WheelSample)):
-                slip.update(sample)
+                for forwarded in ground.update(sample):
+                    stage.update(forwarded)
             if isinstance(sample, (TireSample, WheelSample)):
                 collector.update(sample)
         collector.finish()

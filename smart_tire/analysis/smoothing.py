@@ -29,7 +29,7 @@ from smart_tire.estimation.slip.state import ESTIMATED
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.samples import GroundState, ImuSample, NS_PER_S, Sample, WheelSample
 
-HOLD_NS = 3 * NS_PER_S  # of inputs, until the ground of their time is known
+HOLD_NS = 2 * NS_PER_S  # of inputs, until the ground of their time is known
 
 
 class SmoothedSlip:

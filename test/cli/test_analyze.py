@@ -166,7 +166,7 @@ def test_later_parameter_files_override_earlier_ones(bag, robot, tmp_path):
         assert analyze(bag, '--params', robot, '--params', last, '--no-figures', '--out', out) == 0
         summary = json.loads((out / 'summary.json').read_text())
         slips.append(summary['estimates']['wheel_slip']['left']['mean'])
-    assert slips[1] > slips[0] + 0.1  # twice the radius requires slip
+    assert slips[1] > slips[0] + 0.03  # twice the radius requires slip
 
 
 @pytest.mark.parametrize('words', [[], ['bag'], ['--out', 'out']])

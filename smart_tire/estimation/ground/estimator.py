@@ -41,7 +41,6 @@ HOP_NS = 500_000_000  # of message time, between two windows
 MIN_DURATION = 1.5    # s, of the first window
 MAX_GAP = 0.6         # s, of a stream: after a longer one the window restarts
 KEPT_TIME = 1.0          # s before the window, of samples that are kept: smoothing, heading
-MIN_TRAVEL = 0.3      # m in a window, in which torques show the ground
 CURVE_ERROR = 0.03    # of mu: it varies with the slip where the tire is not a brush
 MAX_LN_SIGMA = 0.35   # of ln mu; above, mu is unknown
 
@@ -81,7 +80,7 @@ class GroundEstimator:
         self._next_hop_ns: int | None = None
         self.solution: Solution | None = None
         self.films_used = 0
-        self._shown = False             # by torques, while the robot has moved
+        self._shown = False             # by torques
 
     @property
     def waits(self) -> bool:
@@ -118,7 +117,7 @@ class GroundEstimator:
 
     @property
     def known(self) -> bool:
-        """Return whether films, or motor torques in motion, have shown the ground."""
+        """Return whether films or motor torques have been measured."""
         return self.solution is not None and (self.films_used > 0 or self._shown)
 
     def add(self, sample: ImuSample | WheelSample | Odometry) -> None:
@@ -168,7 +167,7 @@ class GroundEstimator:
         before = end - HOP_NS / NS_PER_S if self.solution is None else self.solution.end
         self.solution = self._window.update(data, begin, end, end - before)
         measured = self.solution.measurements
-        self._shown |= bool(measured.torque_count.any()) and measured.travel > MIN_TRAVEL
+        self._shown |= bool(measured.torque_count.any())
         self._forget(end - LENGTH - SETTLING - KEPT_TIME)
         return self.solution
 
@@ -184,7 +183,7 @@ class GroundEstimator:
 
         friction = scaled(Unknown.FRICTION)
         share = 1.0 / (1.0 + math.exp(-x[Unknown.LATERAL_SHARE]))
-        known = self.films_used > 0 and sigma[Unknown.FRICTION] < MAX_LN_SIGMA
+        known = sigma[Unknown.FRICTION] < MAX_LN_SIGMA
         both = float(covariance[Unknown.STIFFNESS, Unknown.FRICTION])
         return GroundState(
             self.end_ns, stiffness=scaled(Unknown.STIFFNESS),

@@ -52,7 +52,7 @@ from smart_tire.samples import Four
 MOUNTING_TILT_SIGMA = 0.009   # rad, of the IMU: half a degree
 MIN_POSE_SIGMA = 1e-4         # m, rad: the origin is exact, but P must not be singular
 INITIAL_SPEED_SIGMA = 0.5     # m/s, of a robot that is switched on while it moves
-INITIAL_SLIP_SIGMAS = 0.1, 0.3  # m/s, likewise, common and half the difference: in a turn
+INITIAL_SLIP_SIGMAS = 0.1, 0.3  # m/s, of its slip, common and half the difference: in a turn
 ICR_SHARES = 0.25, 0.2        # mean and sigma of ICR_L, ICR_R over the track: effective tracks
 # of 1 to 2.2 times the track are published for skid-steer robots
 SIDE_DIFFERENCE_SHARE = 0.3   # of that sigma: both sides are alike; assumed
@@ -216,7 +216,8 @@ class SlipFilter:
             return self._roll.sigma, self._pitch.sigma
         x, y = self._accel_errors
         slip = self._common_variance * (slip_speed(self._sides) / SLIP_CORRELATION_TIME) ** 2
-        return tuple(math.sqrt(one.variance + slip) / GRAVITY for one in (y, x))
+        roll, pitch = (math.sqrt(one.variance + slip) / GRAVITY for one in (y, x))
+        return roll, pitch
 
     @property
     def accel_density(self) -> float:

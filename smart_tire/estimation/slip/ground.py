@@ -137,7 +137,7 @@ class ForceBalance:
                   share.sigma, ratio.sigma / ratio.value, *(one.sigma for one in center))
         P = self._kalman.P
         for row, sigma in enumerate(sigmas, int(State.LN_STIFFNESS)):
-            # what was known of the states is kept as far as the new error is that of the old one
+            # of what was known the share is kept that the new error has of the old one
             old = math.sqrt(P[row, row])
             keep = min(1.0, sigma / old) if old > 0.0 else 0.0
             P[row, :] *= keep

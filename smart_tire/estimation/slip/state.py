@@ -39,7 +39,7 @@ class State(IntEnum):
     TRAVEL_R = 13          # m
     ICR_X = 14             # m, S: x of the ICRs in base_link
     ICR_L = 15             # m, y of the ICR of the left side, beyond its wheels
-    ICR_R = 16             # m, likewise, to the right
+    ICR_R = 16             # m, of the right side, to the right
     RADIUS = 17            # -, relative error of the wheel radius
     IMU_X = 18             # m, error of the x position of the IMU
     LN_STIFFNESS = 19      # -, ln of C_x over the value that is given

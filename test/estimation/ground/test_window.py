@@ -106,13 +106,16 @@ def test_the_ground_is_found_from_torques_and_films(samples):
     assert estimator.known
 
 
-def test_without_films_friction_is_unknown_while_the_stiffness_is_estimated(samples):
+def test_without_films_torques_show_stiffness_and_with_more_doubt_friction(samples):
     estimator, found = run(samples)
-    state = estimator.state(found[-1])
-    assert math.isnan(state.friction_coefficient.value)
-    assert math.isinf(state.friction_coefficient.sigma)
-    assert abs(math.log(state.stiffness.value / STIFFNESS)) < 3.0 * (
-        state.stiffness.sigma / state.stiffness.value)
+    state, films = estimator.state(found[-1]), run(samples, passages=true_passages(samples))
+    for value, true in ((state.stiffness, STIFFNESS), (state.friction_coefficient, FRICTION)):
+        assert abs(math.log(value.value / true)) < 3.0 * value.sigma / value.value
+    assert state.friction_coefficient.sigma > films[0].state(
+        films[1][-1]).friction_coefficient.sigma
+    first = estimator.state(found[0])  # at rest
+    assert math.isnan(first.friction_coefficient.value)
+    assert math.isinf(first.friction_coefficient.sigma)
 
 
 def test_without_films_and_torques_nothing_is_known(samples):
