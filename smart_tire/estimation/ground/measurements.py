@@ -130,7 +130,8 @@ class Measurements:
             np.abs(radius * self._moving), SLIP_FLOOR)
         self.robot_constants = np.array([
             TIME_STEP, robot.mass, robot.yaw_inertia, 0.5 * robot.wheelbase,
-            0.5 * robot.track_width, robot.center_of_mass[2] + radius, SLIP_FLOOR, DRAG_FLOOR, GRAVITY])
+            0.5 * robot.track_width, robot.center_of_mass[2] + radius, SLIP_FLOOR, DRAG_FLOOR,
+            GRAVITY])
         self._delayed = radius * 0.5 * (self.acceleration[:, :2] + self.acceleration[:, 2:])
 
     @property
