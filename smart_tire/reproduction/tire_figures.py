@@ -111,9 +111,9 @@ def stretch_figure(result: Sweep) -> Figure:
         ax.errorbar(crossings.slip[chosen], crossings.stretch[chosen],
                     yerr=2.0 * crossings.stretch_sigma[chosen], fmt='o', markersize=3,
                     elinewidth=0.8, color=color, label=f'{speed:.0f} rpm ± 2σ')
-        ends = np.array([0.0, float(crossings.slip.max()) * 1.1])
+        ends = np.array([0.0, float(np.nanmax(crossings.slip)) * 1.1])
         ax.plot(ends, line.slope * ends + line.offset, color=color, linewidth=1.0)
-    slips = np.linspace(0.0, 1.1 * float(crossings.slip.max()), CURVE_POINTS)
+    slips = np.linspace(0.0, 1.1 * float(np.nanmax(crossings.slip)), CURVE_POINTS)
     ax.plot(slips, tire_maps.exact_stretch(slips), color=drawing.INK, linewidth=1.2,
             label='exact, longitudinal slip')
     ax.plot(slips, tire_maps.printed_stretch(slips), color=drawing.VERMILLION, linestyle='--',
@@ -138,7 +138,7 @@ def adhesion_figure(result: Sweep) -> Figure:
                           alpha=0.7, color=METHOD_COLORS[method],
                           label=f'{METHOD_LABELS[method]}, fitted peaks')
     axes['maps'].set(xlabel='total slip [-]', title='the same crossings, fitted waveforms')
-    reach = 1.1 * float(crossings.total_slip.max())
+    reach = 1.1 * float(np.nanmax(crossings.total_slip))  # NaN: motion not known yet
     slips = np.linspace(0.0, reach, CURVE_POINTS)
     for ax in axes.values():
         ax.plot(slips, 1.0 - slips / CRITICAL, color=drawing.INK, linewidth=1.2,

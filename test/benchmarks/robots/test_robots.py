@@ -21,7 +21,7 @@ import json
 import math
 
 from benchmarks.robots import run
-from benchmarks.robots.draws import Draw, draw, DISTRIBUTIONS, recordings, ROWS, TUNING_SEED
+from benchmarks.robots.draws import DISTRIBUTIONS, Draw, draw, recordings, ROWS, TUNING_SEED
 from benchmarks.robots.plant import Lift, MIN_LOAD, plant_with, Push, Traits
 from benchmarks.robots.scoring import Errors, QUANTITIES
 import numpy as np
