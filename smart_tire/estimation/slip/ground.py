@@ -193,9 +193,9 @@ class ForceBalance:
         shared = -0.5 * dt * imu.force_variance  # the sample ends the step that was predicted
         for axis, velocity in enumerate((State.V_X, State.V_Y)):
             h = [H[row][axis] for row in rows]
-            # the lateral error of the model lasts: as white noise it has the same mean over time
-            lasting = 2.0 * MODEL_TIME / dt if axis else 1.0
-            variance = lasting * self._noise[axis].variance + imu.force_variance
+            # the error of the model lasts: as white noise it has the same mean over its time
+            variance = (2.0 * MODEL_TIME / dt * self._noise[axis].variance
+                        + imu.force_variance)
             total = self._kalman.correct(
                 -expected[axis], rows, h, variance, (velocity, shared), SENSORS_HELD)
             excess = expected[axis] ** 2 - total
