@@ -40,7 +40,8 @@ from smart_tire.uncertain import Uncertain, UNKNOWN
 HOP_NS = 500_000_000  # of message time, between two windows
 MIN_DURATION = 1.5    # s, of the first window
 MAX_GAP = 0.6         # s, of a stream: after a longer one the window restarts
-KEPT_TIME = 1.0          # s before the window, of samples that are kept: smoothing, heading
+MIN_WHEEL_SAMPLES = 5  # of a window: their jerk is smoothed
+KEPT_TIME = 1.0       # s before the window, of samples that are kept: smoothing, heading
 CURVE_ERROR = 0.03    # of mu: it varies with the slip where the tire is not a brush
 MAX_LN_SIGMA = 0.35   # of ln mu; above, mu is unknown
 
@@ -76,9 +77,9 @@ class GroundEstimator:
         self._odometry: Odometry | None = None
         self._imu_seen = False
         self._angles = np.zeros(4)      # rad, integrated where no positions are measured
-        self._begin = -math.inf         # s, after the last gap
         self._next_hop_ns: int | None = None
         self.solution: Solution | None = None
+        self.failures = 0               # windows without solution
         self.films_used = 0
         self._shown = False             # by torques
 
@@ -96,7 +97,7 @@ class GroundEstimator:
                     'unknown: no imu/data'}
         shown: dict[str, str | int | float] = {
             'ground': 'known' if self.known else 'unknown: no films and no motor torques',
-            'ground_changes': self._window.changes}
+            'ground_changes': self._window.changes, 'ground_failures': self.failures}
         x, sigma = solution.fit.x, np.sqrt(np.diag(solution.fit.covariance))
         for name, row in (('torque_scale', Unknown.TORQUE_SCALE), ('wheel_radius', Unknown.RADIUS),
                           ('wheel_delay', Unknown.DELAY), ('slope_x', Unknown.SLOPE_X),
@@ -155,17 +156,23 @@ class GroundEstimator:
             return None
         end_ns = now_ns if last else now_ns // HOP_NS * HOP_NS
         self._next_hop_ns = (now_ns // HOP_NS + 1) * HOP_NS
-        if not self._imu or len(self._wheels) < 4:
+        if not self._imu or not self._wheels:
             return None
         end = self._seconds(end_ns)
         end = min(end, self._wheels[-1][0] + MAX_GAP, self._imu[-1][0] + MAX_GAP)
-        begin = max(self._begin, self._imu[0][0], self._wheels[0][0])
+        begin = max(self._imu[0][0], self._wheels[0][0], end - LENGTH - SETTLING)
         if end - begin < MIN_DURATION or (
-                self.solution is not None and end <= self.solution.end):
+                self.solution is not None and end <= self.solution.end) or (
+                sum(begin < row[0] <= end for row in self._wheels) < MIN_WHEEL_SAMPLES):
             return None
         data = WindowData(np.array(self._imu), np.array(self._wheels), self._passages)
         before = end - HOP_NS / NS_PER_S if self.solution is None else self.solution.end
-        self.solution = self._window.update(data, begin, end, end - before)
+        try:
+            self.solution = self._window.update(data, begin, end, end - before)
+        except np.linalg.LinAlgError:  # no numbers can be trusted: from the prior again
+            self.failures += 1
+            self._window, self.solution = GroundWindow(self._robot), None
+            return None
         measured = self.solution.measurements
         self._shown |= bool(measured.torque_count.any())
         self._forget(end - LENGTH - SETTLING - KEPT_TIME)
@@ -235,7 +242,7 @@ class GroundEstimator:
     def _append(self, rows: list[tuple[float, ...]], row: tuple[float, ...]) -> None:
         """Append ``row``, which begins with its time [s]; after a gap, the window restarts."""
         if rows and row[0] - rows[-1][0] > MAX_GAP:
-            self._begin = row[0]
+            rows.clear()
         if not rows or row[0] > rows[-1][0]:
             rows.append(row)
 
@@ -251,7 +258,7 @@ class GroundEstimator:
             if self._wheels and any(map(
                     is_speed_contradicted, (self._angles - before) / max(
                         time - self._wheels[-1][0], 1e-3), speed)):
-                self._begin = time  # the counter was reset
+                self._wheels.clear()  # the counter was reset
         effort = sample.effort or (math.nan,) * 4
         self._append(self._wheels, (time, *self._angles, *effort))
 

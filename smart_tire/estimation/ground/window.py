@@ -156,15 +156,14 @@ class GroundWindow:
 
     def update(self, data: WindowData, begin: float, end: float, hop: float) -> Solution:
         """Return the estimate from samples of ``begin`` to ``end`` [s], ``hop`` after the last."""
-        start = max(begin, end - LENGTH - SETTLING)
-        first = max(start, end - LENGTH)
-        measurements = Measurements(self._robot, data, start, first, end)
-        leaving = first + hop if start < first else -math.inf
+        first = max(begin, end - LENGTH)
+        measurements = Measurements(self._robot, data, begin, first, end)
+        leaving = first + hop if begin < first else -math.inf
         main, fit = self._fitted(self._main, measurements, leaving)
         found: tuple[Hypothesis, Fit] | None = None
         if self._rival is not None:
             found = self._fitted(self._rival, measurements, leaving)
-        elif main.change < end - LENGTH and start < first:
+        elif main.change < end - LENGTH and begin < first:
             found = self._changed(main, fit, measurements, leaving)
         best = main, fit
         if found is not None:
