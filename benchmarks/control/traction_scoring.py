@@ -16,12 +16,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 import math
 
 from benchmarks.control.traction import (
-    Leg, run, TractionHistory, TractionRun, TractionScenario)
+    Leg, TractionHistory, TractionRun, TractionScenario)
 from benchmarks.tables import new_table, number
 import numpy as np
 from rich.table import Table
@@ -60,12 +60,6 @@ def _score(result: TractionRun, leg: Leg, part: TractionHistory) -> TractionScor
     against, beyond, stopped = _bounds(leg, part)
     return TractionScore(result.scenario, leg.kind, _distance(result, leg, part),
                          longest_sliding(part), drift, turn, against, beyond, stopped)
-
-
-def all_scores(runs: Iterable[TractionScenario], *,
-               each: Callable[[TractionScenario], TractionRun] = run) -> list[TractionScore]:
-    """Return the scores of all ``runs``."""
-    return [score for scenario in runs for score in scores(each(scenario))]
 
 
 def longest_sliding(part: TractionHistory) -> float:

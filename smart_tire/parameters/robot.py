@@ -23,6 +23,7 @@ from smart_tire.parameters.spec import nested, param
 from smart_tire.samples import WHEELS
 
 SIDES = 'left', 'right'
+MOUNTING_TILT = 0.009    # rad, standard deviation of that of an IMU: half a degree
 MAX_GROUP_EXTENT = 0.5  # of the circumference; all films of a group leave before one enters again
 
 

@@ -34,10 +34,10 @@ from smart_tire.estimation.ground.unknowns import (
 from smart_tire.estimation.ground.wheel_motion import rate_weights, smoothed
 from smart_tire.models.constants import GRAVITY
 from smart_tire.models.vehicle.drive import friction_torque
-from smart_tire.models.vehicle.skid_steer import AXLE_SIGNS, SIDE_SIGNS
+from smart_tire.models.vehicle.skid_steer import AXLE_SIGNS, normal_loads, SIDE_SIGNS
 from smart_tire.parameters.robot import RobotParams
 
-TIME_STEP = 0.016             # s, of the model
+TIME_STEP = 0.016        # s, of the model
 BLOCK = 8                # steps of a block mean
 BLOCK_TIME = TIME_STEP * BLOCK
 YAW_RATE, FORCE_X, FORCE_Y, TORQUE = range(4)  # streams of block means; four of torques
@@ -190,7 +190,8 @@ class Measurements:
         found = np.empty((len(x), STREAMS, len(self.centers)))
         found[:, :TORQUE] = _means(streams) + x[
             :, Unknown.GYRO_BIAS:Unknown.ACCEL_BIAS_Y + 1, np.newaxis]
-        loads = self._loads(x, _means(states[:, :, model.A_X]), _means(states[:, :, model.A_Y]))
+        loads = self._loads(x, *_means(states[:, :, [model.A_X, model.A_Y]].transpose(2, 0, 1))
+                            ).transpose(0, 2, 1)
         radius = robot.wheel_radius * np.exp(x[:, Unknown.RADIUS])[:, np.newaxis, np.newaxis]
         torque = (radius * _means(states[:, :, model.FORCE:].transpose(0, 2, 1))
                   + friction_torque(self._moving, loads, robot.motor, robot.wheel_radius)
@@ -274,15 +275,12 @@ class Measurements:
         return found
 
     def _loads(self, x: Array, a_x: Array, a_y: Array) -> Array:
-        """Return the loads [N] (runs, 4, m) for accelerations (runs, m)."""
-        robot, height = self._robot, self.robot_constants[model.HEIGHT]
-        pitch, roll = ((GRAVITY * x[:, com, np.newaxis] - height * a) / arm for com, a, arm in (
-            (Unknown.COM_X, a_x, 0.5 * robot.wheelbase),
-            (Unknown.COM_Y, a_y, 0.5 * robot.track_width)))
-        loads: Array = 0.25 * robot.mass * (
-            GRAVITY + AXLE_SIGNS[:, np.newaxis] * pitch[:, np.newaxis]
-            + SIDE_SIGNS[:, np.newaxis] * roll[:, np.newaxis])
-        return np.maximum(loads, 0.0)
+        """Return the loads [N] (runs, ..., 4) for accelerations (runs, ...)."""
+        robot, shape = self._robot, (-1,) + (1,) * (a_x.ndim - 1)
+        center = (x[:, Unknown.COM_X].reshape(shape), x[:, Unknown.COM_Y].reshape(shape),
+                  robot.center_of_mass[2])
+        return normal_loads(robot.mass, center, robot.wheelbase, robot.track_width, a_x, a_y,
+                            radius=robot.wheel_radius)
 
     def at(self, passages: list[Passage], x: Array, change: Array, states: Array) -> Array:
         """
@@ -310,12 +308,8 @@ class Measurements:
         rolling = np.where(np.abs(rolling) < SLIP_FLOOR, SLIP_FLOOR, rolling)
         slip = (rolling - u + arm_y * w) / rolling
         lateral = np.exp(each(Unknown.LATERAL_RATIO)) * (v + arm_x * w) / rolling
-        height = self.robot_constants[model.HEIGHT]
-        load = np.maximum(0.25 * self._robot.mass * (
-            GRAVITY
-            + (GRAVITY * each(Unknown.COM_X) - height * a_x) * axle / (0.5 * self._robot.wheelbase)
-            + (GRAVITY * each(Unknown.COM_Y) - height * a_y) * side / (
-                0.5 * self._robot.track_width)), MIN_LOAD)
+        load = np.maximum(np.take_along_axis(
+            self._loads(x, a_x, a_y), wheel.reshape(1, -1, 1, 1), axis=-1)[..., 0], MIN_LOAD)
         old = times < change[:, np.newaxis]  # (runs, passages)
         ln_ratio = np.where(old, *(x[:, ground, np.newaxis] - x[:, ground - 1, np.newaxis]
                                    for ground in (Unknown.OLD_FRICTION, Unknown.FRICTION)))

@@ -24,7 +24,7 @@ import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.models.constants import GRAVITY
-from smart_tire.parameters.robot import RobotParams
+from smart_tire.parameters.robot import MOUNTING_TILT, RobotParams
 
 
 class Unknown(IntEnum):
@@ -79,8 +79,6 @@ class Row(NamedTuple):
     ground: float    # ... and over one meter of travel
     step: float      # for numerical derivatives
 
-
-MOUNTING_TILT = 0.009  # rad, of the IMU: half a degree
 
 # Grounds from ice to rough concrete; tires from C_y = 0.6 C_x (narrow) to isotropic. How fast the
 # ground changes, without a sudden change, and the uneven tires are assumptions.

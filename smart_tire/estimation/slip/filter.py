@@ -47,9 +47,9 @@ from smart_tire.estimation.slip.state import (
 from smart_tire.estimation.slip.wheel_odometry import WheelSpeeds
 from smart_tire.models.constants import GRAVITY
 from smart_tire.parameters import SlipEstimatorParams
+from smart_tire.parameters.robot import MOUNTING_TILT
 from smart_tire.samples import Four
 
-MOUNTING_TILT_SIGMA = 0.009   # rad, of the IMU: half a degree
 MIN_POSE_SIGMA = 1e-4         # m, rad: the origin is exact, but P must not be singular
 INITIAL_SPEED_SIGMA = 0.5     # m/s, of a robot that is switched on while it moves
 INITIAL_SLIP_SIGMAS = 0.1, 0.3  # m/s, of its slip, common and half the difference: in a turn
@@ -440,7 +440,7 @@ def initial_state(params: SlipEstimatorParams) -> tuple[list[float], Array]:
     sigma[State.V_X] = sigma[State.V_Y] = INITIAL_SPEED_SIGMA
     sigma[State.GYRO_BIAS_Z] = robot.imu.gyro_bias
     sigma[State.ACCEL_BIAS_X] = sigma[State.ACCEL_BIAS_Y] = math.hypot(
-        robot.imu.accel_bias, GRAVITY * MOUNTING_TILT_SIGMA)
+        robot.imu.accel_bias, GRAVITY * MOUNTING_TILT)
     sigma[list(TRAVELS)] = TRAVEL_SIGMA
     x[State.ICR_X], sigma[State.ICR_X] = params.icr_x, params.icr_x_sigma * robot.wheelbase
     sigma[State.RADIUS] = max(robot.wheel_radius_sigma, 1e-9)

@@ -27,9 +27,9 @@ class LearnedScale:
     """
     Standard deviation of a process noise that grows and shrinks until innovations agree with it.
 
-    Either their mean square is that of their covariance, or they are white (Mehra): innovations of
-    the same sign in a row show that the filter follows too slowly, alternating ones that it
-    follows noise. ``rate`` is the change of the log of the variance per unit of disagreement.
+    White innovations (Mehra): those of the same sign in a row show that the filter follows too
+    slowly, alternating ones that it follows noise. ``rate`` is the change of the log of the
+    variance per unit of disagreement.
     """
 
     def __init__(self, sigma: float, low: float, high: float, rate: float) -> None:
@@ -37,20 +37,13 @@ class LearnedScale:
         self._low, self._high, self._rate = low, high, rate
         self._last = 0.0
 
-    def add_square(self, nis: float, weight: float = 1.0) -> None:
-        """Add a squared value over its variance, that should be 1 on average."""
-        self._grow(weight * (min(nis, MAX_NIS) - 1.0))
-
     def add_innovation(self, normalized: float, weight: float = 1.0) -> None:
         """Add an innovation in units of its standard deviation, that should be white."""
         limit = math.sqrt(MAX_NIS)
         normalized = min(max(normalized, -limit), limit)
-        self._grow(weight * normalized * self._last)
+        growth = math.exp(0.5 * self._rate * weight * normalized * self._last)
+        self.sigma = min(max(self._low, self.sigma * growth), self._high)
         self._last = normalized
-
-    def _grow(self, excess: float) -> None:
-        self.sigma = min(max(
-            self._low, self.sigma * math.exp(0.5 * self._rate * excess)), self._high)
 
 
 class LearnedVariance:

@@ -85,7 +85,7 @@ def wheel_velocities(v_x: ArrayLike, v_y: ArrayLike, yaw_rate: ArrayLike, wheelb
             np.asarray(v_y)[..., np.newaxis] + 0.5 * wheelbase * AXLE_SIGNS * rate)
 
 
-def normal_loads(mass: float, com: Sequence[float], wheelbase: float, track: float,
+def normal_loads(mass: float, com: Sequence[ArrayLike], wheelbase: float, track: float,
                  a_x: ArrayLike, a_y: ArrayLike, *, radius: float) -> Array:
     """
     Return the wheel loads F_z [N] (..., 4) on level ground.
@@ -99,9 +99,9 @@ def normal_loads(mass: float, com: Sequence[float], wheelbase: float, track: flo
     >>> print(loads.round(1))
     [24.4 24.4 29.  29. ]
     """
-    height = com[2] + radius
-    pitch = (GRAVITY * com[0] - height * np.asarray(a_x, dtype=float)) / wheelbase
-    roll = (GRAVITY * com[1] - height * np.asarray(a_y, dtype=float)) / track
+    height = np.asarray(com[2]) + radius
+    pitch = (GRAVITY * np.asarray(com[0]) - height * np.asarray(a_x, dtype=float)) / wheelbase
+    roll = (GRAVITY * np.asarray(com[1]) - height * np.asarray(a_y, dtype=float)) / track
     loads = mass * (0.25 * GRAVITY + 0.5 * pitch[..., np.newaxis] * AXLE_SIGNS
                     + 0.5 * roll[..., np.newaxis] * SIDE_SIGNS)
     carried: Array = np.maximum(loads, 0.0)
