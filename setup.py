@@ -25,7 +25,8 @@ PACKAGE = 'smart_tire'
 NODES = (
     'tire_receiver', 'imu_driver', 'motor_driver', 'slip_estimator', 'friction_estimator',
     'wheel_controller', 'trajectory_controller', 'robot_simulator')
-COMPILED = ('smart_tire/estimation/ground/body_model.py',)
+COMPILED = ('smart_tire/estimation/ground/body_model.py',
+            'smart_tire/estimation/slip/equations.py')
 
 
 class BuildFromPython(build_ext):

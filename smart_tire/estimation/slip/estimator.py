@@ -24,6 +24,7 @@ from typing import Any, Protocol
 from smart_tire.arrays import Array
 from smart_tire.estimation.plausibility import is_possible
 from smart_tire.estimation.reorder_buffer import ReorderBuffer
+from smart_tire.estimation.slip.equations import COMPILED
 from smart_tire.estimation.slip.filter import SlipFilter
 from smart_tire.estimation.slip.imu_input import ImuInput
 from smart_tire.estimation.slip.kalman import StateRecorder
@@ -105,6 +106,7 @@ class SlipEstimator:
         segment, counters = self._segment, self.counters
         return {
             'state': segment.state,
+            'equations': 'compiled' if COMPILED else 'not compiled',
             'normalized_innovation_squared': round(segment.filter.nis, 3),
             'gyro_bias': round(self.gyro_bias.value, 6),
             **segment.filter.status(),
@@ -260,5 +262,6 @@ class SlipSegment:
         context = OutputContext(instant_ns, self._seconds(instant_ns) - self._time, reading,
                                 self._odometry.wheel_residual)
         if self._recorder is not None:
-            self._recorder.record_output(context, x[:ESTIMATED], P[:ESTIMATED, :ESTIMATED])
+            self._recorder.record_output(
+                context, x[:ESTIMATED], P[:ESTIMATED, :ESTIMATED].copy())
         return self._output.build(context, x, P)

@@ -35,12 +35,12 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
+from smart_tire.estimation.slip.equations import (
+    MotionModel, Noise, OUTLIER_SIGMAS, SLIP_CORRELATION_TIME, slip_speed)
 from smart_tire.estimation.slip.ground import ForceBalance
 from smart_tire.estimation.slip.imu_input import ImuInput
 from smart_tire.estimation.slip.kalman import (
-    CONSIDERED, GYRO_HELD, KalmanFilter, OUTLIER_SIGMAS, SENSORS_HELD, StateRecorder)
-from smart_tire.estimation.slip.motion import (
-    MotionModel, Noise, SLIP_CORRELATION_TIME, slip_speed)
+    CONSIDERED, GYRO_HELD, KalmanFilter, SENSORS_HELD, StateRecorder)
 from smart_tire.estimation.slip.noise import AccelError, LearnedScale, LearnedVariance
 from smart_tire.estimation.slip.state import (
     GROUND, ICRS, ImuReading, ImuStep, N, SLIP_VELS, State, TRAVELS)
@@ -172,7 +172,7 @@ class SlipFilter:
         if self.forces.active:
             return self._common.variance + self._difference.variance
         left, right = (self.kalman.x[row] for row in SLIP_VELS)
-        turning = 0.5 * (right - left) / slip_speed(self._sides)
+        turning = 0.5 * (right - left) / slip_speed(*self._sides)
         return (UNKNOWN_SLIP_SIGMA ** 2 + self._difference.variance
                 + min(RESISTANCE_SHARE * turning, 1.0) ** 2)
 
@@ -188,18 +188,19 @@ class SlipFilter:
         noise = Noise(self._slope_sigmas(), math.sqrt(self._common_variance),
                       math.sqrt(self._difference.variance), self._icr_walk.sigma,
                       self._icr_x_walk.sigma)
-        before = motion.rolling_rates(kalman.x, motion.yaw_rate(kalman.x, self._gyro_z))
-        after, F, Q = motion.predict(kalman.x, step, noise)
+        x = kalman.x
+        before = motion.rolling_rates(x, self._gyro_z - x[State.GYRO_BIAS_Z])
+        after, F, Q = motion.predict(x, step, noise)
         kalman.predict(after, F, Q)
         self._gyro_z = step.mean.yaw_rate
-        now = motion.rolling_rates(after, motion.yaw_rate(after, self._gyro_z))
+        now = motion.rolling_rates(x, self._gyro_z - x[State.GYRO_BIAS_Z])
         self._history.add(time, step.dt, [b - a for a, b in zip(before, now)])
         self._time = time
 
     def _add_force(self, step: ImuStep) -> None:
         """Add the mean force of a step to the levels of the accelerometer's errors."""
         x, imu = self.kalman.x, step.mean
-        W = self.motion.yaw_rate(x, imu.yaw_rate)
+        W = imu.yaw_rate - x[State.GYRO_BIAS_Z]
         for level, force, bias, centripetal in zip(
                 self._accel_errors, (imu.force_x, imu.force_y),
                 (x[State.ACCEL_BIAS_X], x[State.ACCEL_BIAS_Y]), (0.0, W * x[State.V_X])):
@@ -215,7 +216,7 @@ class SlipFilter:
         if self.forces.active:
             return self._roll.sigma, self._pitch.sigma
         x, y = self._accel_errors
-        slip = self._common_variance * (slip_speed(self._sides) / SLIP_CORRELATION_TIME) ** 2
+        slip = self._common_variance * (slip_speed(*self._sides) / SLIP_CORRELATION_TIME) ** 2
         roll, pitch = (math.sqrt(one.variance + slip) / GRAVITY for one in (y, x))
         return roll, pitch
 
@@ -248,7 +249,8 @@ class SlipFilter:
         ``independent`` sides were measured each; otherwise both carry their mean.
         """
         kalman, lag, dt = self.kalman, self._time - time, wheels.duration
-        x, W = kalman.x, self.motion.yaw_rate(kalman.x, gyro_z)
+        x = kalman.x
+        W = gyro_z - x[State.GYRO_BIAS_Z]
         sides = [speed * (1.0 + x[State.RADIUS]) for speed in wheels.side_speeds]
         change = self._history.travel_change(time)
         if not self._started:
@@ -268,15 +270,14 @@ class SlipFilter:
         if moving:
             self._accel_errors[0].add_speed(0.5 * (sides[0] + sides[1]), dt)
             self._accel_errors[1].add_speed(0.0, dt)
+        (left, both), (_, right) = (H @ kalman.P @ H.T + R).tolist()  # covariance of y
+        total = left + both + both + right
         if not moving:
-            self._add_sliding(y, H, R, dt)
+            self._add_sliding(y, H, 0.25 * total, dt)
         if moving and independent:
-            difference = np.array([-1.0, 1.0])
-            self._icr_walk.add_innovation(float(difference @ y) / math.sqrt(float(
-                difference @ (H @ kalman.P @ H.T + R) @ difference)))
+            self._icr_walk.add_innovation((y[1] - y[0]) / math.sqrt(left + right - 2.0 * both))
         if moving and self.forces.active:
-            self._pitch.add_innovation(float(y.sum()) / math.sqrt(float(
-                (H @ kalman.P @ H.T + R).sum())))
+            self._pitch.add_innovation((y[0] + y[1]) / math.sqrt(total))
         nis = kalman.correct_jointly(*(self._as_printed(y, H, R, sides, dt) if self._printed
                                        else (y, H, R)), GYRO_HELD,
                                      moving and not self.forces.active)
@@ -291,7 +292,7 @@ class SlipFilter:
     def _start(self, wheels: WheelSpeeds, sides: list[float], W: float) -> None:
         """Begin with the mean speed of the first wheel sample: the robot may be in motion."""
         self._sides, self._started = sides, True
-        x, F, Q = list(self.kalman.x), np.eye(N), np.zeros((N, N))
+        x, F, Q = self.kalman.x[:], np.eye(N), np.zeros((N, N))
         x[State.V_X] = 0.5 * sum(side - x[slip] - arm * W for side, slip, arm in zip(
             sides, SLIP_VELS, self.motion.arms))
         F[State.V_X, State.V_X] = 0.0
@@ -306,13 +307,13 @@ class SlipFilter:
         # a mean velocity depends on two timestamps, of which each also enters its neighbor
         jitter = self._robot.encoder.stamp_jitter * (
             1.0 if wheels.from_positions else math.sqrt(2.0))
-        late = jitter * np.array(sides)  # m, one timestamp for both sides
+        left, right = (jitter * side for side in sides)  # m, one timestamp for both sides
         own = wheels.duration ** 2 * (wheels.variance + self._wheel_noise.variance)
-        R = np.outer(late, late) + own * np.eye(2)
-        if not independent:  # the difference is unknown
-            R += (UNKNOWN_SPEED * wheels.duration) ** 2 * np.array(
-                [[1.0, -1.0], [-1.0, 1.0]])
-        return R
+        # of the difference, if it is unknown
+        unknown = 0.0 if independent else (UNKNOWN_SPEED * wheels.duration) ** 2
+        both = left * right - unknown
+        return np.array([[left * left + own + unknown, both],
+                         [both, right * right + own + unknown]])
 
     def _add_slip_change(self, sides: list[float], R: Array, dt: float, lag: float) -> None:
         """
@@ -320,21 +321,20 @@ class SlipFilter:
 
         It has changed at some time of the period, on average in its middle.
         """
-        Q, noise = np.zeros((N, N)), STEADY_SIGMAS * math.sqrt(2.0 * R[0, 0]) / dt
-        for slip, travel, now, before in zip(SLIP_VELS, TRAVELS, sides, self._sides):
-            step = SLIP_CHANGE_SHARE * max(abs(now - before) - noise, 0.0)
-            a, b = int(slip), int(travel)
-            since = 0.5 * dt + lag
-            Q[a, a], Q[b, b] = step ** 2, (step * since) ** 2
-            Q[a, b] = Q[b, a] = step ** 2 * since
+        noise, since = STEADY_SIGMAS * math.sqrt(2.0 * R[0, 0]) / dt, 0.5 * dt + lag
+        steps = [SLIP_CHANGE_SHARE * max(abs(now - before) - noise, 0.0)
+                 for now, before in zip(sides, self._sides)]
         self._sides = sides
-        if Q.any():
+        if any(steps):
+            Q = np.zeros((N, N))
+            for a, b, step in zip(SLIP_VELS, TRAVELS, steps):
+                Q[a, a], Q[b, b] = step ** 2, (step * since) ** 2
+                Q[a, b] = Q[b, a] = step ** 2 * since
             self.kalman.add_noise(Q)
 
-    def _add_sliding(self, y: Array, H: Array, R: Array, dt: float) -> None:
-        """Inflate the common slip after an innovation beyond noise: locked wheels slide."""
+    def _add_sliding(self, y: Array, H: Array, variance: float, dt: float) -> None:
+        """Inflate the common slip after a mean innovation beyond noise: locked wheels slide."""
         innovation = float(y.mean())
-        variance = 0.25 * float((H @ self.kalman.P @ H.T + R).sum())
         least = self._robot.slip.standstill_speed * max(dt, MIN_SLIDING_TIME)
         if innovation ** 2 > max(OUTLIER_SIGMAS ** 2 * variance, least ** 2):
             g = np.zeros(N)
@@ -366,7 +366,7 @@ class SlipFilter:
         slip beyond its spread is that of an accelerometer on a slope.
         """
         x, P = self.kalman.x, self.kalman.P
-        speed = slip_speed(self.motion.rolling_rates(x, W))
+        speed = slip_speed(*self.motion.rolling_rates(x, W))
         left, right = (x[row] - icr for row, icr in zip(SLIP_VELS, self.motion.icr_slip(x, W)))
         a, b = SLIP_VELS
         variance = float(P[a, a] + P[b, b] + 2.0 * P[a, b])
@@ -387,7 +387,7 @@ class SlipFilter:
         Positions are exact references, whatever the error of their timestamps. Without them, and
         with the constraint as printed, which is one of speeds, it is counted from the timestamp.
         """
-        x, F, Q = list(self.kalman.x), np.eye(N), np.zeros((N, N))
+        x, F, Q = self.kalman.x[:], np.eye(N), np.zeros((N, N))
         rates = self.motion.rolling_rates(x, W)
         for i, (travel, slip) in enumerate(zip(TRAVELS, SLIP_VELS)):
             Q[travel, travel] = TRAVEL_SIGMA ** 2
@@ -404,19 +404,17 @@ class SlipFilter:
     def correct_lateral(self, gyro_z: float, duration: float) -> None:
         """Correct with B(8): the lateral speed of base_link is -S times the yaw rate."""
         x = self.kalman.x
-        W = self.motion.yaw_rate(x, gyro_z)
+        W = gyro_z - x[State.GYRO_BIAS_Z]
         arm = self._x_imu + x[State.IMU_X] - x[State.ICR_X]
-        rows = [State.V_Y, State.ICR_X, State.IMU_X, State.GYRO_BIAS_Z]
-        h = [1.0, W, -W, arm]
+        h = np.zeros(N)
+        h[[State.V_Y, State.ICR_X, State.IMU_X, State.GYRO_BIAS_Z]] = 1.0, W, -W, arm
         y = arm * W - x[State.V_Y]
         # slip that varies moves the ICRs forward and backward by a share of the wheelbase
         sigma = math.hypot(self._lateral_sigma, math.sqrt(self._difference.variance)
                            * W * self._robot.wheelbase)
         variance = sigma ** 2 * 2.0 * LATERAL_TIME / max(duration, 1e-3)
-        total = self.kalman.correct(
-            y, [int(row) for row in rows], h, variance, held=SENSORS_HELD)
-        normalized = y / math.sqrt(total)
-        self._icr_x_walk.add_innovation(normalized)
+        total = self.kalman.correct(y, h, variance, held=SENSORS_HELD)
+        self._icr_x_walk.add_innovation(y / math.sqrt(total))
 
     def correct_zero_velocity(self) -> None:
         """Correct with zero velocity over ground and of the wheels."""
@@ -428,7 +426,7 @@ class SlipFilter:
         self._correct_state(State.GYRO_BIAS_Z, rate, sigma)
 
     def _correct_state(self, row: State, value: float, sigma: float) -> None:
-        self.kalman.correct(value - self.kalman.x[row], [int(row)], [1.0], sigma ** 2,
+        self.kalman.correct(value - self.kalman.x[row], np.eye(N)[row], sigma ** 2,
                             held=CONSIDERED if row == State.GYRO_BIAS_Z else GYRO_HELD)
 
 

@@ -12,28 +12,17 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""
-Force balance of the robot on brush tires, with the ground given and its errors considered.
-
-The forces of the ground minus the rolling resistance equal mass times specific force at the center
-of mass: the slope cancels. Tire forces are B(17) to B(22) with a stiffness of its own sideways::
-
-    s = (r w - v_x, -k v_y) / |r w|,  F = C_x s g(t),  t = C_x |s| / (3 mu F_z)
-    g = 1 - t + t^2 / 3 for t < 1, above 1 / (3 t)
-"""
+"""Ground as given, with its errors considered, and corrections with the balance of forces."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 import math
-from typing import NamedTuple
 
+from smart_tire.estimation.slip.equations import TireForces
 from smart_tire.estimation.slip.imu_input import ImuInput
 from smart_tire.estimation.slip.kalman import KalmanFilter, SENSORS_HELD
 from smart_tire.estimation.slip.noise import LearnedVariance, MAX_NIS
 from smart_tire.estimation.slip.state import State
-from smart_tire.models.constants import GRAVITY
-from smart_tire.models.vehicle.skid_steer import AXLE_SIGNS, SIDE_SIGNS
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import Four, GroundState
 from smart_tire.uncertain import Uncertain
@@ -44,9 +33,7 @@ GROUND_SIGMAS = (0.5, 0.7, 0.04, 0.3, 0.2, 0.0, 0.0)  # of another ground, in th
 # ln C_x, ln mu, rolling resistance, its lateral share, ln C_y / C_x; the robot stays the same
 SILENT_TIME = 1.25        # s without ground_state, two and a half periods, after which it ends
 EXPIRY_TIME = 5.0         # s after which it has ended
-SLIP_FLOOR = 0.05         # m/s, smallest denominator of a slip
 MIN_ROLLING_SPEED = 0.1   # m/s, of the slower side: the forces are not used below
-MIN_RESISTED_SPEED = 0.02  # m/s, below which rolling resistance is proportional to the speed
 BALANCE_SIGMA = 0.05      # m/s2, prior error of the model, which is learned ...
 MIN_BALANCE_SIGMA = 0.02  # m/s2, ... down to this one
 MODEL_TIME = 0.3          # s, correlation time of that error
@@ -56,48 +43,11 @@ CHANGE_TIME = 0.3         # s, time constant of the innovations that show a chan
 CHANGE_NIS = 5.0          # their mean square, each at most MAX_NIS, beyond which it has changed
 
 
-class TireForce(NamedTuple):
-    """Force [N] of the ground on a wheel and its derivatives by slip and parameters."""
-
-    x: float
-    y: float
-    xx: float           # by s_x
-    xy: float           # by s_y, and of y by s_x
-    yy: float
-    x_by_friction: float  # by ln mu; the remaining part is linear in C_x
-    y_by_friction: float
-
-
-def brush_force(s_x: float, s_y: float, stiffness: float, limit: float) -> TireForce:
-    """
-    Return the force of a brush tire with slip (s_x, s_y) [-] and stiffness [N].
-
-    ``limit`` [N] is mu F_z.
-
-    >>> force = brush_force(0.1, 0.0, 52.7, 0.47 * 26.7)
-    >>> print(f'{force.x:.2f} N')
-    4.60 N
-    """
-    square = max(s_x * s_x + s_y * s_y, 1e-18)
-    t = stiffness * math.sqrt(square) / (3.0 * limit)
-    if t < 1.0:
-        slope, bend = stiffness * (1.0 - t + t * t / 3.0), stiffness * t * (t / 1.5 - 1.0)
-    else:
-        slope, bend = stiffness / (3.0 * t), -stiffness / (3.0 * t)
-    k = bend / square
-    return TireForce(slope * s_x, slope * s_y, slope + k * s_x * s_x, k * s_x * s_y,
-                     slope + k * s_y * s_y, -bend * s_x, -bend * s_y)
-
-
 class ForceBalance:
     """Ground as given by ``GroundState``, and the corrections by the balance of forces."""
 
     def __init__(self, robot: RobotParams, kalman: KalmanFilter) -> None:
-        self._robot, self._kalman = robot, kalman
-        self._wheel_x = (0.5 * robot.wheelbase * AXLE_SIGNS).tolist()
-        self._wheel_y = (0.5 * robot.track_width * SIDE_SIGNS).tolist()
-        self._x_imu, self._y_imu = robot.imu.position[:2]
-        self._height = robot.center_of_mass[2] + robot.wheel_radius
+        self._kalman, self._forces = kalman, TireForces(robot)
         self._center_of_mass = tuple(map(
             Uncertain, robot.center_of_mass[:2], robot.center_of_mass_sigma))
         self._given = (1.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0)  # in the order of State
@@ -183,88 +133,18 @@ class ForceBalance:
         reading, x = imu.reading, self._kalman.x
         assert reading is not None
         W = reading.yaw_rate - x[State.GYRO_BIAS_Z]
-        rolling = [x[State.V_X] + (self._y_imu - y) * W + x[State.SLIP_VEL_L + i % 2] + residual[i]
-                   for i, y in enumerate(self._wheel_y)]
+        rolling = self._forces.rolling_speeds(x, W, residual)
         if not self.active or min(map(abs, rolling)) < MIN_ROLLING_SPEED:
             return False
-        expected, H = self._balance(
-            x, reading.force_x, reading.force_y, W, imu.yaw_accel, rolling)
-        rows = list(H)
-        shared = -0.5 * dt * imu.force_variance  # the sample ends the step that was predicted
-        for axis, velocity in enumerate((State.V_X, State.V_Y)):
-            h = [H[row][axis] for row in rows]
+        expected = self._forces.balance(
+            x, rolling, W, imu.yaw_accel, reading.force_x, reading.force_y, self._given)
+        noise = imu.force_variance
+        shared = -0.5 * dt * noise  # the sample ends the step that was predicted
+        for error, level, h, velocity in zip(
+                expected, self._noise, self._forces.H, (State.V_X, State.V_Y)):
             # the error of the model lasts: as white noise it has the same mean over its time
-            variance = (2.0 * MODEL_TIME / dt * self._noise[axis].variance
-                        + imu.force_variance)
-            total = self._kalman.correct(
-                -expected[axis], rows, h, variance, (velocity, shared), SENSORS_HELD)
-            excess = expected[axis] ** 2 - total
-            self._noise[axis].add(self._noise[axis].variance + excess, dt)
-            self.innovation = expected[axis] / math.sqrt(total)
+            total = self._kalman.correct(-error, h, 2.0 * MODEL_TIME / dt * level.variance + noise,
+                                         (velocity, shared), SENSORS_HELD)
+            level.add(level.variance + error ** 2 - total, dt)
+            self.innovation = error / math.sqrt(total)
         return True
-
-    def _balance(self, x: Sequence[float], force_x: float, force_y: float, W: float,
-                 yaw_accel: float, rolling: Sequence[float]
-                 ) -> tuple[tuple[float, float], dict[int, list[float]]]:
-        """
-        Return model minus measurement [m/s2] along x and y, and its Jacobian.
-
-        The Jacobian maps each row of the state to its two derivatives.
-        """
-        mass = self._robot.mass
-        stiffness, friction, resistance, share, ratio, com_x, com_y = self._given
-        a_x, a_y = force_x - x[State.ACCEL_BIAS_X], force_y - x[State.ACCEL_BIAS_Y]
-        arm_x, arm_y = com_x - self._x_imu, com_y - self._y_imu
-        sums = [-mass * (a_x - yaw_accel * arm_y - W * W * arm_x),
-                -mass * (a_y + yaw_accel * arm_x - W * W * arm_y)]
-        by_v_x, by_v_y, by_bias = [0.0, 0.0], [0.0, 0.0], [0.0, 0.0]
-        by_slip = [[0.0, 0.0], [0.0, 0.0]]
-        by_stiffness, by_friction, by_resistance = [0.0, 0.0], [0.0, 0.0], [0.0, 0.0]
-        by_share, by_ratio = [0.0, 0.0], [0.0, 0.0]
-        pitch = (GRAVITY * com_x - self._height * a_x) / self._robot.wheelbase
-        roll = (GRAVITY * com_y - self._height * a_y) / self._robot.track_width
-        for i, (w_x, w_y) in enumerate(zip(self._wheel_x, self._wheel_y)):
-            v_x = x[State.V_X] + (self._y_imu - w_y) * W
-            v_y = x[State.V_Y] + (w_x - self._x_imu) * W
-            load = max(mass * (0.25 * GRAVITY + 0.5 * pitch * math.copysign(1.0, w_x)
-                               + 0.5 * roll * math.copysign(1.0, w_y)), 0.01 * mass)
-            inverse = 1.0 / max(abs(rolling[i]), SLIP_FLOOR)
-            sign = math.copysign(1.0, rolling[i])
-            s_x, s_y = (rolling[i] - v_x) * inverse, -ratio * v_y * inverse
-            f = brush_force(s_x, s_y, stiffness, friction * load)
-            speed = max(math.hypot(v_x, v_y), MIN_RESISTED_SPEED)
-            heading = max(-1.0, min(1.0, v_x / MIN_RESISTED_SPEED))
-            along_x, along_y = load * v_x / speed, load * v_y / speed
-            drag_x = (1.0 - share) * load * heading + share * along_x
-            drag_y = share * along_y
-            sums[0] += f.x - resistance * drag_x
-            sums[1] += f.y - resistance * drag_y
-            # ds/d(r w) at constant velocity, ds/dv
-            d_x, d_y = inverse * (1.0 - sign * s_x), -inverse * sign * s_y
-            lateral = ratio * inverse
-            plough = resistance * share * load / speed
-            for axis, (to_x, to_y, force, by_mu, drag, by_heading) in enumerate((
-                    (f.xx, f.xy, f.x, f.x_by_friction, drag_x, along_x - load * heading),
-                    (f.xy, f.yy, f.y, f.y_by_friction, drag_y, along_y))):
-                by_rolling = to_x * d_x + to_y * d_y
-                forward, sideways = by_rolling - to_x * inverse, -to_y * lateral
-                if axis:
-                    sideways -= plough
-                by_slip[i % 2][axis] += by_rolling
-                by_v_x[axis] += forward
-                by_v_y[axis] += sideways
-                by_bias[axis] -= forward * (self._y_imu - w_y) + sideways * (w_x - self._x_imu)
-                by_stiffness[axis] += force - by_mu
-                by_friction[axis] += by_mu
-                by_resistance[axis] -= drag
-                by_share[axis] -= resistance * by_heading
-                by_ratio[axis] += to_y * s_y
-        H = {State.V_X: by_v_x, State.V_Y: by_v_y, State.GYRO_BIAS_Z: by_bias,
-             State.SLIP_VEL_L: by_slip[0], State.SLIP_VEL_R: by_slip[1],
-             State.ACCEL_BIAS_X: [mass, 0.0], State.ACCEL_BIAS_Y: [0.0, mass],
-             State.LN_STIFFNESS: by_stiffness, State.LN_FRICTION: by_friction,
-             State.RESISTANCE: by_resistance, State.LATERAL_SHARE: by_share,
-             State.LN_LATERAL: by_ratio, State.COM_X: [mass * W * W, -mass * yaw_accel],
-             State.COM_Y: [mass * yaw_accel, mass * W * W]}
-        return ((sums[0] / mass, sums[1] / mass),
-                {int(row): [value / mass for value in values] for row, values in H.items()})

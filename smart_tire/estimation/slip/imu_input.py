@@ -80,24 +80,26 @@ class ImuInput:
         [(m/s2)^2 s] is the least one of the noise of the forces.
         """
         begin_rate, self._begin_rate = self._begin_rate, self.turn_rate
-        sums, shape = [0.0] * len(ImuReading._fields), 0.0
-        for (_, old), (time, new) in zip(readings, readings[1:]):
+        rate = x = y = shape = 0.0
+        for (_, (old_rate, old_x, old_y)), (time, (new_rate, new_x, new_y)) in zip(
+                readings, readings[1:]):
             dt = time - begin
             begin = time
-            sums = [total + 0.5 * dt * (a + b) for total, a, b in zip(sums, old, new)]
+            rate += 0.5 * dt * (old_rate + new_rate)
+            x += 0.5 * dt * (old_x + new_x)
+            y += 0.5 * dt * (old_y + new_y)
             # variance if the force changed stepwise at an unknown time between the samples
-            shape += dt * dt / 12.0 * max((new.force_x - old.force_x) ** 2,
-                                          (new.force_y - old.force_y) ** 2)
+            shape += dt * dt / 12.0 * max((new_x - old_x) ** 2, (new_y - old_y) ** 2)
         duration = readings[-1][0] - readings[0][0]
-        yaw_rate, *forces = (total / duration for total in sums)
         period = duration / (len(readings) - 1)
         own = self.force_variance * period
-        mean = ImuReading(yaw_rate, *self._without_vibration(forces, duration, own))
+        mean = ImuReading(rate / duration, *self._without_vibration(
+            x / duration, y / duration, duration, own))
         return ImuStep(
             duration, mean, self._imu.gyro_noise ** 2 * period,
             max(density, own) + shape / duration, begin_rate, self.turn_rate)
 
-    def _without_vibration(self, forces: Sequence[float], dt: float, density: float
+    def _without_vibration(self, force_x: float, force_y: float, dt: float, density: float
                            ) -> tuple[float, float]:
         """
         Return the force of the motion: the steady Kalman filter of a random walk in white noise.
@@ -106,8 +108,8 @@ class ImuInput:
         """
         time = math.sqrt(density) / DRIVE_JERK
         gain = -math.expm1(-dt / time) if time > 0.0 else 1.0
-        x, y = self.force or forces
-        self.force = x + gain * (forces[0] - x), y + gain * (forces[1] - y)
+        x, y = self.force or (force_x, force_y)
+        self.force = x + gain * (force_x - x), y + gain * (force_y - y)
         return self.force
 
     @property

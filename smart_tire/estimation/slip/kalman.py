@@ -16,17 +16,15 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Sequence
-import math
 from typing import Protocol
 
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.estimation.slip.state import ESTIMATED, N, SLIP_VELS, State
-
-OUTLIER_SIGMAS = 3.0  # beyond, the variance of an innovation grows with its square; Huber's share
-
+from smart_tire.estimation.slip.equations import Correction
+from smart_tire.estimation.slip.state import ESTIMATED, N, State
 
 CONSIDERED = (np.arange(N) >= ESTIMATED).astype(float)  # (N,), 1 for states never corrected
 # lasting errors of the forces and of the ICR kinematics must not calibrate sensors
@@ -47,77 +45,52 @@ class StateRecorder(Protocol):
 
 class KalmanFilter:
     """
-    Mean ``x`` (N numbers) and covariance ``P`` (N, N) of a state.
+    Mean ``x`` (N numbers) and covariance ``P`` (N, N) of a state, both changed in place.
 
     The states from ``ESTIMATED`` on are considered (Schmidt): a correction leaves them and their
     covariance unchanged and only updates their correlation with the others. The recorder, if there
     is one, receives the transitions of the estimated states.
     """
 
-    def __init__(self, x: list[float], P: Array, recorder: StateRecorder | None = None) -> None:
-        self.x, self.P = x, P
+    def __init__(self, x: Sequence[float], P: Array, recorder: StateRecorder | None = None
+                 ) -> None:
+        self.x, self.P = array('d', x), P
+        self._correction = Correction(self.x, P)
         self._recorder = recorder
 
-    def predict(self, next_x: list[float], F: Array, Q: Array) -> None:
+    def predict(self, next_x: array[float], F: Array, Q: Array) -> None:
         """Replace the state by ``next_x``, with Jacobian ``F`` (N, N) and noise ``Q`` (N, N)."""
-        P = F @ self.P @ F.T
-        P += Q
-        P = 0.5 * (P + P.T)  # rounding errors would grow
-        if self._recorder is not None:
-            n = ESTIMATED
-            self._recorder.record_transition(
-                np.array(self.x[:n]), self.P[:n, :n], F[:n, :n], np.array(next_x[:n]), P[:n, :n])
-        self.x, self.P = next_x, P
+        n, recorder = ESTIMATED, self._recorder
+        before = None if recorder is None else (np.array(self.x[:n]), self.P[:n, :n].copy())
+        self._correction.propagate(F, Q)
+        self.x[:] = next_x
+        if recorder is not None and before is not None:
+            recorder.record_transition(
+                *before, F[:n, :n], np.array(next_x[:n]), self.P[:n, :n])
 
     def add_noise(self, Q: Array) -> None:
         """Add ``Q`` (N, N) to the covariance."""
-        self.predict(list(self.x), np.eye(N), Q)
+        self.predict(self.x, np.eye(N), Q)
 
-    def correct(self, y: float, rows: list[int], h: list[float], variance: float,
-                shared: tuple[int, float] | None = None,
+    def correct(self, y: float, h: Array, variance: float, shared: tuple[int, float] = (0, 0.0),
                 held: Array = CONSIDERED) -> float:
         """
-        Correct with the innovation ``y`` of a value with Jacobian ``h`` by the states in ``rows``.
+        Correct with the innovation ``y`` of a value with Jacobian ``h`` (N,).
 
         ``shared`` is a row and the covariance of its error with that of the measurement. Those of
         ``held`` (N,) that are 1 are not corrected but considered. An innovation beyond
         ``OUTLIER_SIGMAS`` counts less, the more the larger it is. Return its variance.
         """
-        weights = np.array(h)
-        PH = self.P[:, rows] @ weights
-        total = float(weights @ PH[rows]) + variance
-        if shared is not None:
-            row, covariance = shared
-            PH[row] += covariance
-            total += 2.0 * covariance * h[rows.index(row)]
-        scale = math.sqrt(1.0 / max(total, (y / OUTLIER_SIGMAS) ** 2))
-        self._apply(scale * PH[:, None], np.array([scale * y]), held)
-        return total
+        return self._correction.correct(y, h, variance, shared, held)
 
     def correct_jointly(self, y: Array, H: Array, R: Array, held: Array,
                         slip_held: bool) -> float:
         """
-        Correct with m innovations ``y`` with Jacobian ``H`` (m, N); return the NIS over m.
+        Correct with two innovations ``y`` with Jacobian ``H`` (2, N); return the NIS over 2.
 
         With ``slip_held`` the mean of both slips is considered, only their difference corrected.
         """
-        PH = self.P @ H.T
-        S = H @ PH + R
-        excess = np.maximum(y ** 2 / np.diag(S) / OUTLIER_SIGMAS ** 2, 1.0) - 1.0
-        S += np.diag(excess * np.diag(S))
-        root = np.linalg.inv(np.linalg.cholesky(S)).T  # S^-1 = root root'
-        whitened = y @ root
-        self._apply(PH @ root, whitened, held, slip_held)
-        return float(whitened @ whitened) / len(y)
-
-    def _apply(self, G: Array, whitened: Array, held: Array = CONSIDERED,
-               slip_held: bool = False) -> None:
-        """Correct the states that are not held with independent innovations of unit variance."""
-        D = G * held[:, None]  # of the optimal gain, the part that is not applied
-        if slip_held:
-            D[SLIP_VELS, :] = 0.5 * (G[State.SLIP_VEL_L] + G[State.SLIP_VEL_R])
-        self.P = self.P - G @ G.T + D @ D.T
-        self.x = (np.array(self.x) + (G - D) @ whitened).tolist()
+        return self._correction.correct_jointly(y, H, R, held, slip_held)
 
     def set_states(self, rows: Sequence[int], value: float, sigma: float) -> None:
         """Set the states in ``rows``, uncorrelated with the others."""

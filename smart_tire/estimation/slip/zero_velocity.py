@@ -81,7 +81,7 @@ class ZeroVelocityDetector:
         if self._quiet_since is None:
             self._quiet_since = time
         duration = time - self._quiet_since
-        rates = [reading.yaw_rate for _, reading in self._window]
+        rates = self._rates()
         half = len(rates) // 2
         trend = abs(_mean(rates[half:]) - _mean(rates[:half]))
         settled = duration >= BIAS_WINDOW - QUIET_TIME and (
@@ -89,9 +89,12 @@ class ZeroVelocityDetector:
         return StationaryInterval(_mean(rates), self._noise / math.sqrt(len(rates)),
                                   self._unwinding_sigma(time), duration, settled)
 
+    def _rates(self) -> Sequence[float]:
+        return next(zip(*(reading for _, reading in self._window)))
+
     def _peak_yaw_rate(self) -> float:
         """Return the decaying maximum of the yaw rate [rad/s]: the twist of the tires."""
-        latest = abs(_mean([reading.yaw_rate for _, reading in self._window]))
+        latest = abs(_mean(self._rates()))
         if self._last_turn is None:
             return latest
         time, rate = self._last_turn

@@ -16,16 +16,10 @@
 
 from __future__ import annotations
 
-import importlib.util
-import os
-from pathlib import Path
-import shutil
-import sysconfig
-from types import ModuleType
-
 import numpy as np
 import pytest
 from smart_tire.estimation.ground import body_model as model, body_model_numpy
+from support.compiled import load_source
 
 STEP, MASS, INERTIA, GRAVITY = 0.016, 15.0, 0.6, 9.81  # s, kg, kg m2, m/s2
 HALF_BASE, HALF_TRACK, HEIGHT = 0.2, 0.18, 0.1         # m
@@ -36,19 +30,6 @@ X = HALF_BASE * np.array([1.0, 1.0, -1.0, -1.0])
 Y = HALF_TRACK * np.array([1.0, -1.0, 1.0, -1.0])
 FORCES = slice(model.FORCE, model.OUTPUTS)
 VELOCITY = slice(model.START_U, model.START_W + 1)
-
-SOURCE = Path(body_model_numpy.__file__).with_name('body_model.py')
-BUILT_BY_MAKE = not os.environ.keys() & {'ROS_DISTRO', 'SMART_TIRE_NO_COMPILER'} \
-    and shutil.which('gcc') and Path(sysconfig.get_path('include'), 'Python.h').exists()
-
-
-def load_source() -> ModuleType:
-    """Return the module as Python, although it is compiled."""
-    spec = importlib.util.spec_from_file_location('body_model_source', SOURCE)
-    assert spec and spec.loader
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def ground(count: int = 1, **values: float) -> np.ndarray:
@@ -104,23 +85,11 @@ def random_case(kind: str) -> dict[str, np.ndarray]:
 KINDS = ('driving', 'lifted', 'standstill', 'reverse', 'sliding')
 
 
-@pytest.mark.skipif(not BUILT_BY_MAKE, reason='no compiler, or not built by make')
-def test_it_is_compiled_where_there_is_a_compiler():
-    assert model.COMPILED, 'run make; the reason is in the log of "pip install -v --editable ."'
-
-
-@pytest.mark.skipif(not model.COMPILED, reason='not compiled')
-def test_the_extension_is_newer_than_its_source():
-    assert Path(model.__file__).stat().st_mtime >= SOURCE.stat().st_mtime, 'run make'
-
-
 @pytest.mark.skipif(not model.COMPILED, reason='not compiled')
 @pytest.mark.parametrize('kind', KINDS)
 def test_the_extension_computes_what_its_source_does(kind):
-    source = load_source()
-    assert not source.COMPILED
     case = random_case(kind)
-    np.testing.assert_array_equal(simulate(**case), simulate(**case, by=source))
+    np.testing.assert_array_equal(simulate(**case), simulate(**case, by=load_source(model)))
 
 
 @pytest.mark.parametrize('kind', KINDS)

@@ -24,8 +24,6 @@ import numpy as np
 import pytest
 
 from smart_tire.estimation.slip.estimator import SlipEstimator
-from smart_tire.estimation.slip.ground import brush_force
-from smart_tire.models.vehicle.tire_forces import wheel_forces
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.samples import (
     GroundState, ImuSample, NS_PER_S, Odometry, WheelSample, WheelSlip)
@@ -35,20 +33,6 @@ from support.given_ground import DELAY_NS, ground_states
 pytestmark = pytest.mark.slow
 
 SEEDS = (11, 12)  # not used by a benchmark
-
-
-@pytest.mark.parametrize('slip', [(0.05, 0.0), (0.1, -0.04), (-0.3, 0.2), (0.9, 0.1)])
-def test_the_brush_force_is_that_of_the_vehicle_model(slip):
-    rolling, load, stiffness, mu = 1.0, 26.7, 52.7, 0.47
-    one = np.ones(1)
-    model = wheel_forces(rolling * one, (rolling - slip[0]) * one, -slip[1] * one, load * one,
-                         stiffness, mu / stiffness, floor=0.05)
-    force = brush_force(*slip, stiffness, mu * load)
-    assert (force.x, force.y) == pytest.approx((model.x[0], model.y[0]))
-    assert (force.xx, force.xy, force.yy) == pytest.approx(
-        (-model.x_by_v_x[0], -model.x_by_v_y[0], -model.y_by_v_y[0]))
-    assert (force.x_by_friction, force.y_by_friction) == pytest.approx(
-        (model.x_by_log_ratio[0], model.y_by_log_ratio[0]))
 
 
 def test_quantities_that_a_ground_state_does_not_have_are_unknown():

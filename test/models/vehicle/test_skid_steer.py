@@ -79,11 +79,3 @@ def test_loads_have_the_shape_of_the_accelerations_and_are_not_negative():
     loads = skid_steer.normal_loads(MASS, COM, WHEELBASE, TRACK, np.linspace(-30.0, 30.0, 7), 0.0,
                                     radius=RADIUS)
     assert loads.shape == (7, 4) and np.all(loads >= 0.0) and np.any(loads == 0.0)
-
-
-def test_the_scalar_slip_ratio_agrees_with_the_vectorized_one():
-    rng = np.random.default_rng(4)
-    rolling = np.concatenate([rng.normal(0.0, 0.5, 500), rng.normal(0.0, 0.04, 500), [0.0, 0.0]])
-    ground = np.concatenate([rng.normal(0.0, 0.5, 500), rng.normal(0.0, 0.1, 500), [0.0, 1.0]])
-    one_by_one = [skid_steer.wheel_slip_ratio(r, v, 0.05) for r, v in zip(rolling, ground)]
-    np.testing.assert_array_equal(one_by_one, skid_steer.slip_ratio(rolling, ground, 0.05))

@@ -1,0 +1,165 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Equations of the slip filter: compiled, as Python and with numpy; their derivatives."""
+
+from __future__ import annotations
+
+from array import array
+
+import numpy as np
+import pytest
+
+from smart_tire.estimation.slip import equations
+from smart_tire.estimation.slip.equations import brush_force, MotionModel, TireForces
+from smart_tire.estimation.slip.filter import initial_state
+from smart_tire.estimation.slip.kalman import GYRO_HELD, SENSORS_HELD
+from smart_tire.estimation.slip.state import ImuReading, ImuStep, N, State
+from smart_tire.models.vehicle.skid_steer import slip_ratio
+from smart_tire.models.vehicle.tire_forces import wheel_forces
+from smart_tire.parameters import SlipEstimatorParams
+from support.compiled import load_source
+
+PARAMS = SlipEstimatorParams()
+ROBOT = PARAMS.robot
+GROUND = (52.7, 0.47, 0.015, 0.5, 0.9, 0.005, -0.003)  # in the order of State, mu and C_x as such
+NOISE = equations.Noise((0.01, 0.02), 0.02, 0.01, 0.002, 0.003)
+RESIDUAL = (0.01, -0.01, 0.02, 0.0)
+MOVING = {State.YAW: 0.7, State.ROLL: 0.01, State.PITCH: -0.02, State.V_X: 0.6, State.V_Y: -0.05,
+          State.GYRO_BIAS_Z: 0.01, State.ACCEL_BIAS_X: 0.05, State.SLIP_VEL_L: 0.04,
+          State.SLIP_VEL_R: 0.08, State.IMU_X: 0.01}
+
+
+def state(kind='driving'):
+    """Return a state and a covariance, which relates all states."""
+    x, P = initial_state(PARAMS)
+    for row, value in MOVING.items():
+        x[row] = value
+    if kind == 'sliding':
+        x[State.SLIP_VEL_L], x[State.V_Y] = 0.9, 0.5
+    elif kind == 'reverse':
+        x[State.V_X] = -0.6
+    elif kind == 'standstill':
+        x[State.V_X] = x[State.SLIP_VEL_L] = x[State.SLIP_VEL_R] = 0.0
+    P[State.LN_STIFFNESS:, State.LN_STIFFNESS:] += 0.01 * np.eye(7)
+    mix = np.eye(N) + 0.1 * np.random.default_rng(3).standard_normal((N, N))
+    return array('d', x), mix @ P @ mix.T
+
+
+def run(module, kind, loops):
+    """Return all numbers of a step: prediction, forces, wheels and outputs."""
+    module.LOOPS = loops
+    x, P = state(kind)
+    numbers = []
+    motion, forces, correction = (module.MotionModel(ROBOT), module.TireForces(ROBOT),
+                                  module.Correction(x, P))
+    step = ImuStep(0.01, ImuReading(0.5, 0.3, -0.2), 1e-6, 1e-4, 0.4, 0.6)
+    after, F, Q = motion.predict(x, step, NOISE)
+    correction.propagate(F, Q)
+    x[:] = after
+    rolling = forces.rolling_speeds(x, 0.5, RESIDUAL)
+    expected = forces.balance(x, rolling, 0.5, 0.1, 0.3, -0.2, GROUND)
+    for error, h, row in zip(expected, forces.H, (State.V_X, State.V_Y)):
+        numbers.append(correction.correct(-error, h, 0.01, (row, -1e-5), SENSORS_HELD))
+    H = np.zeros((2, N))
+    H[0, State.TRAVEL_L] = H[1, State.TRAVEL_R] = 1.0
+    H[:, State.RADIUS] = 0.03, 0.02
+    numbers.append(correction.correct_jointly(
+        np.array([0.1, -0.3]), H, 1e-6 * np.array([[2.0, 1.0], [1.0, 3.0]]), GYRO_HELD, True))
+    pose, twist = array('d', bytes(288)), array('d', bytes(288))
+    module.fill_covariances(P, 0.5, 0.1, 0.02, pose, twist)
+    slips = motion.wheel_slips(x, P, 0.5, RESIDUAL, 0.05)
+    return np.array([*numbers, *expected, *x, *P.ravel(), *pose, *twist, *np.ravel(slips)])
+
+
+KINDS = ('driving', 'sliding', 'reverse', 'standstill')
+
+
+@pytest.fixture(autouse=True)
+def restored(monkeypatch):
+    monkeypatch.setattr(equations, 'LOOPS', equations.LOOPS)
+
+
+@pytest.mark.skipif(not equations.COMPILED, reason='not compiled')
+@pytest.mark.parametrize('kind', KINDS)
+def test_the_extension_computes_what_its_source_does(kind):
+    np.testing.assert_array_equal(run(equations, kind, True),
+                                  run(load_source(equations), kind, True))
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_numpy_computes_the_same_as_loops(kind):
+    np.testing.assert_allclose(run(load_source(equations), kind, False),
+                               run(equations, kind, True), rtol=1e-9, atol=1e-15)
+
+
+def test_the_jacobian_of_the_motion_is_its_derivative():
+    x, _ = state()
+    step = ImuStep(1e-4, ImuReading(0.5, 0.3, -0.2), 1e-6, 1e-4, 0.5, 0.5)
+    model = MotionModel(ROBOT)
+    F = model.predict(x, step, NOISE)[1].copy()
+    for row in State:
+        ends = []
+        for delta in (-1e-6, 1e-6):
+            moved = x[:]
+            moved[row] += delta
+            ends.append(np.array(model.predict(moved, step, NOISE)[0]))
+        # neglected: terms of second order in dt, the change of a slope by speed and yaw rate
+        np.testing.assert_allclose(F[:, row], (ends[1] - ends[0]) / 2e-6, atol=3e-6)
+
+
+@pytest.mark.parametrize('kind', ['driving', 'sliding', 'reverse'])
+@pytest.mark.parametrize('rows, resistance', [
+    # of the rolling resistance along the heading the change by the speed is neglected
+    ((State.V_X, State.V_Y, State.SLIP_VEL_L, State.SLIP_VEL_R), 0.0),
+    ((State.LN_STIFFNESS, State.LN_FRICTION, State.RESISTANCE, State.LATERAL_SHARE,
+      State.LN_LATERAL), 0.015)])
+def test_the_jacobian_of_the_balance_is_its_derivative(kind, rows, resistance):
+    x, _ = state(kind)
+    model = TireForces(ROBOT)
+
+    def balance(row, delta):
+        moved, given, i = x[:], list(GROUND), row - State.LN_STIFFNESS
+        given[2] = resistance
+        moved[row] += delta
+        if row in (State.LN_STIFFNESS, State.LN_FRICTION, State.LN_LATERAL):
+            given[i] *= np.exp(delta)
+        elif i > 0:
+            given[i] += delta
+        return np.array(model.balance(moved, model.rolling_speeds(moved, 0.5, RESIDUAL), 0.5, 0.1,
+                                      0.3, -0.2, given))
+    balance(rows[0], 0.0)
+    H = model.H.copy()
+    for row in rows:
+        slope = (balance(row, 1e-6) - balance(row, -1e-6)) / 2e-6
+        np.testing.assert_allclose(H[:, row], slope, rtol=1e-5, atol=1e-6, err_msg=str(row))
+
+
+@pytest.mark.parametrize('slip', [(0.05, 0.0), (0.1, -0.04), (-0.3, 0.2), (0.9, 0.1)])
+def test_the_brush_force_is_that_of_the_vehicle_model(slip):
+    rolling, load, stiffness, mu = 1.0, 26.7, 52.7, 0.47
+    one = np.ones(1)
+    model = wheel_forces(rolling * one, (rolling - slip[0]) * one, -slip[1] * one, load * one,
+                         stiffness, mu / stiffness, floor=0.05)
+    assert brush_force(*slip, stiffness, mu * load) == pytest.approx((
+        model.x[0], model.y[0], -model.x_by_v_x[0], -model.x_by_v_y[0], -model.y_by_v_y[0],
+        model.x_by_log_ratio[0], model.y_by_log_ratio[0]))
+
+
+def test_the_scalar_slip_ratio_agrees_with_the_vectorized_one():
+    rng = np.random.default_rng(4)
+    rolling = np.concatenate([rng.normal(0.0, 0.5, 500), rng.normal(0.0, 0.04, 500), [0.0, 0.0]])
+    ground = np.concatenate([rng.normal(0.0, 0.5, 500), rng.normal(0.0, 0.1, 500), [0.0, 1.0]])
+    one_by_one = [equations.wheel_slip_ratio(r, v, 0.05) for r, v in zip(rolling, ground)]
+    np.testing.assert_array_equal(one_by_one, slip_ratio(rolling, ground, 0.05))

@@ -1,0 +1,40 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Modules that are compiled where there is a compiler, also as Python."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from types import ModuleType
+
+import smart_tire
+
+PACKAGE = Path(smart_tire.__file__).parent
+
+
+def source(module: ModuleType) -> Path:
+    """Return the Python file of a module."""
+    return PACKAGE.parent.joinpath(*module.__name__.split('.')).with_suffix('.py')
+
+
+def load_source(module: ModuleType) -> ModuleType:
+    """Return the module as Python, although it is compiled."""
+    spec = importlib.util.spec_from_file_location(f'{module.__name__}_source', source(module))
+    assert spec and spec.loader
+    loaded = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(loaded)
+    assert not loaded.COMPILED
+    return loaded
