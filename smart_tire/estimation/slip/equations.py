@@ -13,7 +13,7 @@
 # limitations under the License.
 
 # cython: language_level=3, boundscheck=False, wraparound=False, initializedcheck=False
-# cython: cdivision=True, show_performance_hints=False
+# cython: cdivision=True, infer_types=True, show_performance_hints=False
 
 """
 Equations of the slip filter: motion, balance of forces, covariance and outputs.
@@ -45,7 +45,7 @@ import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.estimation.slip.state import ImuReading, ImuStep, N, State
-from smart_tire.models.constants import GRAVITY
+from smart_tire.models import constants
 from smart_tire.models.vehicle.skid_steer import AXLE_SIGNS, SIDE_SIGNS
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import Four
@@ -65,6 +65,18 @@ else:
 COMPILED: bool = cython.compiled
 LOOPS = COMPILED  # over the covariance; as Python they would take milliseconds
 
+# constants and rows of the state that are numbers of C
+cython.declare(
+    GRAVITY=cython.double, SPEED_RANDOM_WALK=cython.double, GYRO_BIAS_RANDOM_WALK=cython.double,
+    ACCEL_BIAS_RANDOM_WALK=cython.double, SLOPE_LENGTH=cython.double,
+    MIN_SLIP_SPEED=cython.double, SLIP_FLOOR=cython.double, MIN_RESISTED_SPEED=cython.double,
+    X=cython.int, Y=cython.int, YAW=cython.int, ROLL=cython.int, PITCH=cython.int,
+    V_X=cython.int, V_Y=cython.int, GYRO_BIAS_Z=cython.int, ACCEL_BIAS_X=cython.int,
+    ACCEL_BIAS_Y=cython.int, SLIP_VEL_L=cython.int, SLIP_VEL_R=cython.int, TRAVEL_L=cython.int,
+    TRAVEL_R=cython.int, ICR_X=cython.int, ICR_L=cython.int, ICR_R=cython.int, IMU_X=cython.int,
+    LN_STIFFNESS=cython.int, LN_FRICTION=cython.int, RESISTANCE=cython.int,
+    LATERAL_SHARE=cython.int, LN_LATERAL=cython.int, COM_X=cython.int, COM_Y=cython.int)
+GRAVITY = constants.GRAVITY
 SPEED_RANDOM_WALK = 0.002      # m/s per sqrt(s), errors of the planar model; assumed
 GYRO_BIAS_RANDOM_WALK = 2e-5   # rad/s per sqrt(s): 10 degrees per hour after five minutes
 ACCEL_BIAS_RANDOM_WALK = 5e-4  # m/s2 per sqrt(s), data sheets of industrial IMUs
@@ -75,16 +87,8 @@ SLIP_FLOOR = 0.05              # m/s, smallest denominator of a slip
 MIN_RESISTED_SPEED = 0.02      # m/s, below which rolling resistance is proportional to the speed
 OUTLIER_SIGMAS = 3.0  # beyond, the variance of an innovation grows with its square; Huber's share
 
-# rows of the state, as integers of C
-cython.declare(
-    X=cython.int, Y=cython.int, YAW=cython.int, ROLL=cython.int, PITCH=cython.int,
-    V_X=cython.int, V_Y=cython.int, GYRO_BIAS_Z=cython.int, ACCEL_BIAS_X=cython.int,
-    ACCEL_BIAS_Y=cython.int, SLIP_VEL_L=cython.int, SLIP_VEL_R=cython.int, TRAVEL_L=cython.int,
-    TRAVEL_R=cython.int, ICR_X=cython.int, ICR_L=cython.int, ICR_R=cython.int, RADIUS=cython.int,
-    IMU_X=cython.int, LN_STIFFNESS=cython.int, LN_FRICTION=cython.int, RESISTANCE=cython.int,
-    LATERAL_SHARE=cython.int, LN_LATERAL=cython.int, COM_X=cython.int, COM_Y=cython.int)
 (X, Y, YAW, ROLL, PITCH, V_X, V_Y, GYRO_BIAS_Z, ACCEL_BIAS_X, ACCEL_BIAS_Y, SLIP_VEL_L,
- SLIP_VEL_R, TRAVEL_L, TRAVEL_R, ICR_X, ICR_L, ICR_R, RADIUS, IMU_X, LN_STIFFNESS, LN_FRICTION,
+ SLIP_VEL_R, TRAVEL_L, TRAVEL_R, ICR_X, ICR_L, ICR_R, _, IMU_X, LN_STIFFNESS, LN_FRICTION,
  RESISTANCE, LATERAL_SHARE, LN_LATERAL, COM_X, COM_Y) = map(int, State)
 
 
@@ -188,7 +192,6 @@ class MotionModel:
         ``residual`` [m/s] is r w of the wheels beyond that of their sides; NaN: not measured.
         """
         slips = []
-        i: cython.int
         for i in range(4):
             rolling: cython.double = self._rolling_rate(x, W, i % 2)
             ground: cython.double = rolling - x[SLIP_VEL_L + i % 2]
@@ -310,7 +313,6 @@ class MotionModel:
         gain: cython.double = 0.0  # rad/s, of the slip by an ICR; at rest the yaw rate is noise
         if speed > MIN_SLIP_SPEED:
             gain = end_rate - x[GYRO_BIAS_Z] - decay * (begin_rate - x[GYRO_BIAS_Z])
-        side: cython.int
         for side in range(2):
             sign: cython.double = 2.0 * side - 1.0
             slip: cython.int = SLIP_VEL_L + side
@@ -388,7 +390,6 @@ class TireForces:
                        ) -> list[float]:
         """Return r w [m/s] of the wheels from those of the sides; ``residual`` is the rest."""
         rolling = []
-        i: cython.int
         for i in range(4):
             rolling.append(x[V_X] + (self._y_imu - self._wheel_y[i]) * W
                            + x[SLIP_VEL_L + i % 2] + residual[i])
@@ -418,7 +419,6 @@ class TireForces:
         H[0, ACCEL_BIAS_X] = H[1, ACCEL_BIAS_Y] = 1.0
         H[0, COM_X] = H[1, COM_Y] = W * W
         H[0, COM_Y], H[1, COM_X] = yaw_accel, -yaw_accel
-        i: cython.int
         for i in range(4):
             w_x: cython.double = self._wheel_x[i]
             w_y: cython.double = self._wheel_y[i]
@@ -497,39 +497,43 @@ class Correction:
     _x: cython.double[::1]
     _P: cython.double[:, ::1]
     _A: cython.double[:, ::1]
-    _B: cython.double[:, ::1]
     _G: cython.double[:, ::1]  # rows: gains of two innovations, the part that is not applied
 
     def __init__(self, x: array[float], P: Array) -> None:
         self._x, self._P = x, P
-        self._A, self._B, self._G = np.empty_like(P), np.empty_like(P), np.empty((3, len(x)))
+        self._A, self._G = np.empty_like(P), np.empty((3, len(x)))
 
     def propagate(self, F: cython.double[:, ::1], Q: cython.double[:, ::1]) -> None:
-        """Replace the covariance by F P F' + Q, symmetric, because rounding errors would grow."""
+        """Replace the covariance by F P F' + Q; from its lower half, because it is symmetric."""
         A: cython.double[:, ::1] = self._A
-        B: cython.double[:, ::1] = self._B
         P: cython.double[:, ::1] = self._P
-        i: cython.Py_ssize_t
-        j: cython.Py_ssize_t
+        n = P.shape[0]
         if not LOOPS:
-            A = np.asarray(F) @ np.asarray(P) @ np.asarray(F).T + np.asarray(Q)
-            np.asarray(P)[:] = 0.5 * (np.asarray(A) + np.asarray(A).T)
+            full = np.asarray(F) @ np.asarray(P) @ np.asarray(F).T + np.asarray(Q)
+            np.asarray(P)[:] = 0.5 * (full + full.T)  # rounding errors would grow
             return
-        _multiply(F, P, A)
-        for i in range(P.shape[0]):
-            for j in range(P.shape[0]):
-                B[i, j] = A[j, i]
-        _multiply(F, B, A)
-        for i in range(P.shape[0]):
-            for j in range(i + 1):
-                P[i, j] = P[j, i] = 0.5 * (A[i, j] + A[j, i] + Q[i, j] + Q[j, i])
+        A[:, :] = 0.0
+        for i in range(n):
+            for k in range(n):
+                if F[i, k] != 0.0:
+                    for j in range(n):
+                        A[i, j] += F[i, k] * P[k, j]
+        P[:, :] = Q
+        for j in range(n):
+            for k in range(n):
+                if F[j, k] != 0.0:
+                    for i in range(j, n):
+                        P[i, j] += F[j, k] * A[i, k]
+            for i in range(j):
+                P[i, j] = P[j, i]
 
     def correct(self, y: cython.double, h: cython.double[::1], variance: cython.double,
-                shared: tuple[int, float], held: cython.double[::1]) -> float:
+                held: cython.double[::1], shared: tuple[int, float] = (0, 0.0)) -> float:
         """
         Correct with an innovation ``y`` with Jacobian ``h`` (n,); return its variance.
 
-        ``shared`` is a row and the covariance of its error with that of the measurement.
+        ``shared`` is a row and the covariance of its error with that of the measurement. An
+        innovation beyond ``OUTLIER_SIGMAS`` counts less, the more the larger it is.
         """
         row: cython.int = shared[0]
         covariance: cython.double = shared[1]
@@ -546,7 +550,8 @@ class Correction:
         """
         Correct with two innovations ``y`` with Jacobian ``H`` (2, n); return the NIS over 2.
 
-        First with one of them, then with what is new in the other.
+        First with one of them, then with what is new in the other. With ``slip_held`` the mean of
+        both slips is considered, only their difference corrected.
         """
         g: cython.double[::1] = self._G[0]
         other: cython.double[::1] = self._G[1]
@@ -559,7 +564,6 @@ class Correction:
             R[1, 1] + _dot(H[1], other), _least_variance(y[1])) - root * root
         share: cython.double = root * scale
         new: cython.double = y[1] - share * y[0]
-        i: cython.Py_ssize_t
         for i in range(g.shape[0]):
             other[i] -= share * g[i]
         self._apply(g, y[0], first, held, slip_held)
@@ -570,8 +574,6 @@ class Correction:
     def _project(self, h: cython.double[::1], out: cython.double[::1]) -> cython.void:
         """Set ``out`` to P h."""
         P: cython.double[:, ::1] = self._P
-        i: cython.Py_ssize_t
-        j: cython.Py_ssize_t
         if not LOOPS:
             np.matmul(P, h, out=np.asarray(out))
             return
@@ -584,28 +586,24 @@ class Correction:
     @cython.cfunc
     def _apply(self, g: cython.double[::1], y: cython.double, variance: cython.double,
                held: cython.double[::1], slip_held: cython.bint) -> cython.void:
-        """
-        Correct with an innovation ``y`` whose covariance with the states is ``g``.
-
-        With ``slip_held`` the mean of both slips is considered, only their difference corrected.
-        """
+        """Correct with an innovation ``y`` whose covariance with the states is ``g``."""
         x: cython.double[::1] = self._x
         P: cython.double[:, ::1] = self._P
         d: cython.double[::1] = self._G[2]  # of g, the part that is not applied
-        i: cython.Py_ssize_t
-        j: cython.Py_ssize_t
+        scale = 1.0 / sqrt(variance)
         for i in range(g.shape[0]):
+            g[i] *= scale
             d[i] = held[i] * g[i]
         if slip_held:
             d[SLIP_VEL_L] = d[SLIP_VEL_R] = 0.5 * (g[SLIP_VEL_L] + g[SLIP_VEL_R])
         for i in range(g.shape[0]):
-            x[i] += (g[i] - d[i]) * (y / variance)
+            x[i] += (g[i] - d[i]) * (y * scale)
         if not LOOPS:
-            np.asarray(P)[:] -= (np.outer(g, g) - np.outer(d, d)) / variance
+            np.asarray(P)[:] -= np.outer(g, g) - np.outer(d, d)
             return
         for i in range(g.shape[0]):
             for j in range(g.shape[0]):
-                P[i, j] -= (g[i] * g[j] - d[i] * d[j]) / variance
+                P[i, j] -= g[i] * g[j] - d[i] * d[j]
 
 
 @cython.cfunc
@@ -616,25 +614,9 @@ def _least_variance(y: cython.double) -> cython.double:
 
 
 @cython.cfunc
-def _multiply(F: cython.double[:, ::1], M: cython.double[:, ::1], out: cython.double[:, ::1]
-              ) -> cython.void:
-    """Set ``out`` to the product of a sparse matrix ``F`` and ``M``."""
-    i: cython.Py_ssize_t
-    j: cython.Py_ssize_t
-    k: cython.Py_ssize_t
-    out[:, :] = 0.0
-    for i in range(F.shape[0]):
-        for k in range(F.shape[0]):
-            if F[i, k] != 0.0:
-                for j in range(F.shape[0]):
-                    out[i, j] += F[i, k] * M[k, j]
-
-
-@cython.cfunc
 @cython.exceptval(check=False)
 def _dot(a: cython.double[::1], b: cython.double[::1]) -> cython.double:
     total: cython.double = 0.0
-    i: cython.Py_ssize_t
     for i in range(a.shape[0]):
         total += a[i] * b[i]
     return total
@@ -655,10 +637,6 @@ def fill_covariances(P: cython.double[:, :], W: cython.double, x_imu: cython.dou
     states: cython.int[4] = [V_X, V_Y, GYRO_BIAS_Z, IMU_X]
     T: cython.double[12] = [1.0, 0.0, -y_imu, 0.0, 0.0, 1.0, x_imu, -W, 0.0, 0.0, -1.0, 0.0]
     twist_rows: cython.int[3] = [0, 1, 5]
-    i: cython.int
-    j: cython.int
-    k: cython.int
-    m: cython.int
     for i in range(5):
         for j in range(5):
             pose[6 * pose_rows[i] + pose_rows[j]] = P[poses[i], poses[j]]

@@ -144,7 +144,7 @@ class ForceBalance:
                 expected, self._noise, self._forces.H, (State.V_X, State.V_Y)):
             # the error of the model lasts: as white noise it has the same mean over its time
             total = self._kalman.correct(-error, h, 2.0 * MODEL_TIME / dt * level.variance + noise,
-                                         (velocity, shared), SENSORS_HELD)
+                                         SENSORS_HELD, (velocity, shared))
             level.add(level.variance + error ** 2 - total, dt)
             self.innovation = error / math.sqrt(total)
         return True

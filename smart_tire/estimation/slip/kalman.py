@@ -55,14 +55,15 @@ class KalmanFilter:
     def __init__(self, x: Sequence[float], P: Array, recorder: StateRecorder | None = None
                  ) -> None:
         self.x, self.P = array('d', x), P
-        self._correction = Correction(self.x, P)
-        self._recorder = recorder
+        correction = Correction(self.x, P)
+        self.correct, self.correct_jointly = correction.correct, correction.correct_jointly
+        self._propagate, self._recorder = correction.propagate, recorder
 
     def predict(self, next_x: array[float], F: Array, Q: Array) -> None:
         """Replace the state by ``next_x``, with Jacobian ``F`` (N, N) and noise ``Q`` (N, N)."""
         n, recorder = ESTIMATED, self._recorder
         before = None if recorder is None else (np.array(self.x[:n]), self.P[:n, :n].copy())
-        self._correction.propagate(F, Q)
+        self._propagate(F, Q)
         self.x[:] = next_x
         if recorder is not None and before is not None:
             recorder.record_transition(
@@ -71,26 +72,6 @@ class KalmanFilter:
     def add_noise(self, Q: Array) -> None:
         """Add ``Q`` (N, N) to the covariance."""
         self.predict(self.x, np.eye(N), Q)
-
-    def correct(self, y: float, h: Array, variance: float, shared: tuple[int, float] = (0, 0.0),
-                held: Array = CONSIDERED) -> float:
-        """
-        Correct with the innovation ``y`` of a value with Jacobian ``h`` (N,).
-
-        ``shared`` is a row and the covariance of its error with that of the measurement. Those of
-        ``held`` (N,) that are 1 are not corrected but considered. An innovation beyond
-        ``OUTLIER_SIGMAS`` counts less, the more the larger it is. Return its variance.
-        """
-        return self._correction.correct(y, h, variance, shared, held)
-
-    def correct_jointly(self, y: Array, H: Array, R: Array, held: Array,
-                        slip_held: bool) -> float:
-        """
-        Correct with two innovations ``y`` with Jacobian ``H`` (2, N); return the NIS over 2.
-
-        With ``slip_held`` the mean of both slips is considered, only their difference corrected.
-        """
-        return self._correction.correct_jointly(y, H, R, held, slip_held)
 
     def set_states(self, rows: Sequence[int], value: float, sigma: float) -> None:
         """Set the states in ``rows``, uncorrelated with the others."""

@@ -51,16 +51,13 @@ class LearnedVariance:
 
     def __init__(self, sigma: float, floor: float, time: float) -> None:
         self._variance, self._floor, self._time = sigma ** 2, floor ** 2, time
-
-    @property
-    def variance(self) -> float:
-        """Return the variance, at least the square of the floor."""
-        return max(self._variance, self._floor)
+        self.variance = max(self._variance, self._floor)  # at least the square of the floor
 
     def add(self, square: float, duration: float) -> None:
         """Add a squared value that held for ``duration`` [s]."""
         gain = min(duration / self._time, 1.0)
         self._variance += gain * (square - self._variance)
+        self.variance = max(self._variance, self._floor)
 
 
 class AccelError:

@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 import math
 
@@ -56,6 +56,7 @@ class ZeroVelocityDetector:
         self._noise = gyro_noise
         self._limits = (QUIET_NOISE_RATIO * gyro_noise, *(QUIET_NOISE_RATIO * accel_noise,) * 2)
         self._window: deque[tuple[float, ImuReading]] = deque()
+        self._rates: deque[float] = deque()  # rad/s, those of the window
         self._quiet_since: float | None = None
         self._last_turn: tuple[float, float] | None = None  # time [s] and yaw rate [rad/s]
 
@@ -63,8 +64,10 @@ class ZeroVelocityDetector:
         """Add an IMU reading at ``time`` [s]."""
         window = self._window
         window.append((time, reading))
+        self._rates.append(reading.yaw_rate)
         while window[0][0] < time - BIAS_WINDOW:
             window.popleft()
+            self._rates.popleft()
 
     def detect(self, time: float, wheel_speed: float) -> StationaryInterval | None:
         """
@@ -81,7 +84,7 @@ class ZeroVelocityDetector:
         if self._quiet_since is None:
             self._quiet_since = time
         duration = time - self._quiet_since
-        rates = self._rates()
+        rates = list(self._rates)
         half = len(rates) // 2
         trend = abs(_mean(rates[half:]) - _mean(rates[:half]))
         settled = duration >= BIAS_WINDOW - QUIET_TIME and (
@@ -89,12 +92,9 @@ class ZeroVelocityDetector:
         return StationaryInterval(_mean(rates), self._noise / math.sqrt(len(rates)),
                                   self._unwinding_sigma(time), duration, settled)
 
-    def _rates(self) -> Sequence[float]:
-        return next(zip(*(reading for _, reading in self._window)))
-
     def _peak_yaw_rate(self) -> float:
         """Return the decaying maximum of the yaw rate [rad/s]: the twist of the tires."""
-        latest = abs(_mean(self._rates()))
+        latest = abs(_mean(self._rates))
         if self._last_turn is None:
             return latest
         time, rate = self._last_turn
@@ -121,7 +121,7 @@ class ZeroVelocityDetector:
                    for column, limit in zip(zip(*recent), self._limits))
 
 
-def _mean(values: Sequence[float]) -> float:
+def _mean(values: Collection[float]) -> float:
     return sum(values) / len(values)
 
 

@@ -71,7 +71,7 @@ def run(module, kind, loops):
     rolling = forces.rolling_speeds(x, 0.5, RESIDUAL)
     expected = forces.balance(x, rolling, 0.5, 0.1, 0.3, -0.2, GROUND)
     for error, h, row in zip(expected, forces.H, (State.V_X, State.V_Y)):
-        numbers.append(correction.correct(-error, h, 0.01, (row, -1e-5), SENSORS_HELD))
+        numbers.append(correction.correct(-error, h, 0.01, SENSORS_HELD, (row, -1e-5)))
     H = np.zeros((2, N))
     H[0, State.TRAVEL_L] = H[1, State.TRAVEL_R] = 1.0
     H[:, State.RADIUS] = 0.03, 0.02
