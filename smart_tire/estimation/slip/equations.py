@@ -184,18 +184,19 @@ class MotionModel:
         return moved
 
     def wheel_slips(self, x: cython.double[::1], P: cython.double[:, :], W: cython.double,
-                    residual: Sequence[float], standstill_speed: cython.double
+                    residual: Four, hidden: Four, standstill_speed: cython.double
                     ) -> list[tuple[float, float, float]]:
         """
         Return slip ratio, slip velocity [m/s] and standard deviation of the ratio of each wheel.
 
-        ``residual`` [m/s] is r w of the wheels beyond that of their sides; NaN: not measured.
+        ``residual`` [m/s] is r w of the wheels beyond that of their sides, ``hidden`` NaN for
+        those that are not measured and 0 for others.
         """
         slips = []
         for i in range(4):
             rolling: cython.double = self._rolling_rate(x, W, i % 2)
             ground: cython.double = rolling - x[SLIP_VEL_L + i % 2]
-            rolling += residual[i]
+            rolling += residual[i] + hidden[i]
             ratio: cython.double = wheel_slip_ratio(rolling, ground, standstill_speed)
             slips.append((ratio, rolling - ground,
                           self._slip_sigma(x, P, W, i % 2) if ratio == ratio else 1.0))
@@ -504,28 +505,34 @@ class Correction:
         self._A, self._G = np.empty_like(P), np.empty((3, len(x)))
 
     def propagate(self, F: cython.double[:, ::1], Q: cython.double[:, ::1]) -> None:
-        """Replace the covariance by F P F' + Q; from its lower half, because it is symmetric."""
+        """Replace the covariance by F P F' + Q."""
         A: cython.double[:, ::1] = self._A
         P: cython.double[:, ::1] = self._P
-        n = P.shape[0]
         if not LOOPS:
             full = np.asarray(F) @ np.asarray(P) @ np.asarray(F).T + np.asarray(Q)
             np.asarray(P)[:] = 0.5 * (full + full.T)  # rounding errors would grow
             return
         A[:, :] = 0.0
-        for i in range(n):
-            for k in range(n):
+        for i in range(P.shape[0]):
+            for k in range(P.shape[0]):
                 if F[i, k] != 0.0:
-                    for j in range(n):
+                    for j in range(P.shape[0]):
                         A[i, j] += F[i, k] * P[k, j]
         P[:, :] = Q
-        for j in range(n):
-            for k in range(n):
-                if F[j, k] != 0.0:
-                    for i in range(j, n):
-                        P[i, j] += F[j, k] * A[i, k]
-            for i in range(j):
-                P[i, j] = P[j, i]
+        for j in range(P.shape[0]):
+            self._fill_column(F, j)
+
+    @cython.cfunc
+    def _fill_column(self, F: cython.double[:, ::1], j: cython.Py_ssize_t) -> cython.void:
+        """Add (F P) F' to the lower half of a column of Q, and copy it to the row."""
+        A: cython.double[:, ::1] = self._A
+        P: cython.double[:, ::1] = self._P
+        for k in range(P.shape[0]):
+            if F[j, k] != 0.0:
+                for i in range(j, P.shape[0]):
+                    P[i, j] += F[j, k] * A[i, k]
+        for i in range(j, P.shape[0]):
+            P[j, i] = P[i, j]
 
     def correct(self, y: cython.double, h: cython.double[::1], variance: cython.double,
                 held: cython.double[::1], shared: tuple[int, float] = (0, 0.0)) -> float:
@@ -555,13 +562,11 @@ class Correction:
         """
         g: cython.double[::1] = self._G[0]
         other: cython.double[::1] = self._G[1]
-        self._project(H[0], g)
-        self._project(H[1], other)
-        first: cython.double = max(R[0, 0] + _dot(H[0], g), _least_variance(y[0]))
+        first, both, second = self.covariance(H, R)
+        first = max(first, _least_variance(y[0]))
         scale: cython.double = 1.0 / sqrt(first)
-        root: cython.double = (R[0, 1] + _dot(H[0], other)) * scale
-        second: cython.double = max(
-            R[1, 1] + _dot(H[1], other), _least_variance(y[1])) - root * root
+        root: cython.double = both * scale
+        second = max(second, _least_variance(y[1])) - root * root
         share: cython.double = root * scale
         new: cython.double = y[1] - share * y[0]
         for i in range(g.shape[0]):
@@ -569,6 +574,15 @@ class Correction:
         self._apply(g, y[0], first, held, slip_held)
         self._apply(other, new, second, held, slip_held)
         return 0.5 * (y[0] * y[0] / first + new * new / second)
+
+    @cython.ccall
+    def covariance(self, H: cython.double[:, ::1], R: cython.double[:, ::1]
+                   ) -> tuple[cython.double, cython.double, cython.double]:
+        """Return variance, covariance and variance of two innovations: H P H' + R."""
+        self._project(H[0], self._G[0])
+        self._project(H[1], self._G[1])
+        return (_dot(H[0], self._G[0]) + R[0, 0], _dot(H[0], self._G[1]) + R[0, 1],
+                _dot(H[1], self._G[1]) + R[1, 1])
 
     @cython.cfunc
     def _project(self, h: cython.double[::1], out: cython.double[::1]) -> cython.void:

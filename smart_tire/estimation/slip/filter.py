@@ -94,16 +94,16 @@ class RollingHistory:
 
     def __init__(self) -> None:
         # time [s], r w [m/s] and distance [m] of both sides, all by predictions alone
-        self._points: deque[tuple[float, list[float], list[float]]] = deque()
+        self._points: deque[tuple[float, float, float, float, float]] = deque()
 
-    def add(self, time: float, dt: float, changes: list[float]) -> None:
-        """Add a prediction over ``dt`` [s] to ``time`` [s] that changes r w by ``changes``."""
+    def add(self, time: float, dt: float, left: float, right: float) -> None:
+        """Add a prediction over ``dt`` [s] to ``time`` [s] that changes r w [m/s] of the sides."""
         if not self._points:
-            self._points.append((time - dt, [0.0, 0.0], [0.0, 0.0]))
-        _, speeds, ways = self._points[-1]
+            self._points.append((time - dt, 0.0, 0.0, 0.0, 0.0))
+        _, u_left, u_right, s_left, s_right = self._points[-1]
         self._points.append((
-            time, [a + b for a, b in zip(speeds, changes)],
-            [s + dt * (a + 0.5 * b) for s, a, b in zip(ways, speeds, changes)]))
+            time, u_left + left, u_right + right,
+            s_left + dt * (u_left + 0.5 * left), s_right + dt * (u_right + 0.5 * right)))
         while self._points[0][0] < time - HISTORY:
             self._points.popleft()
 
@@ -112,11 +112,12 @@ class RollingHistory:
         if not self._points or since >= self._points[-1][0]:
             return [0.0, 0.0]
         points = list(self._points)
-        i = min(max(bisect_right(points, since, key=lambda point: point[0]), 1), len(points) - 1)
-        (t0, u0, s0), (t1, u1, _), (now, speeds, ways) = points[i - 1], points[i], points[-1]
+        i = min(max(bisect_right(points, (since, math.inf)), 1), len(points) - 1)
+        (t0, *u0, left, right), (t1, *u1, _, _), (now, *u, s_left, s_right) = (
+            points[i - 1], points[i], points[-1])
         h = min(max(since - t0, 0.0), t1 - t0)
-        return [end - (s + h * (a + 0.5 * (b - a) * h / (t1 - t0))) - (now - t0 - h) * u
-                for end, s, a, b, u in zip(ways, s0, u0, u1, speeds)]
+        return [end - (s + h * (a + 0.5 * (b - a) * h / (t1 - t0))) - (now - t0 - h) * speed
+                for end, s, a, b, speed in zip((s_left, s_right), (left, right), u0, u1, u)]
 
 
 class SlipFilter:
@@ -189,12 +190,12 @@ class SlipFilter:
                       math.sqrt(self._difference.variance), self._icr_walk.sigma,
                       self._icr_x_walk.sigma)
         x = kalman.x
-        before = motion.rolling_rates(x, self._gyro_z - x[State.GYRO_BIAS_Z])
+        left, right = motion.rolling_rates(x, self._gyro_z - x[State.GYRO_BIAS_Z])
         after, F, Q = motion.predict(x, step, noise)
         kalman.predict(after, F, Q)
         self._gyro_z = step.mean.yaw_rate
-        now = motion.rolling_rates(x, self._gyro_z - x[State.GYRO_BIAS_Z])
-        self._history.add(time, step.dt, [b - a for a, b in zip(before, now)])
+        new_left, new_right = motion.rolling_rates(x, self._gyro_z - x[State.GYRO_BIAS_Z])
+        self._history.add(time, step.dt, new_left - left, new_right - right)
         self._time = time
 
     def _add_force(self, step: ImuStep) -> None:
@@ -270,7 +271,7 @@ class SlipFilter:
         if moving:
             self._accel_errors[0].add_speed(0.5 * (sides[0] + sides[1]), dt)
             self._accel_errors[1].add_speed(0.0, dt)
-        (left, both), (_, right) = (H @ kalman.P @ H.T + R).tolist()  # covariance of y
+        left, both, right = kalman.covariance(H, R)  # of y
         total = left + both + both + right
         if not moving:
             self._add_sliding(y, H, 0.25 * total, dt)

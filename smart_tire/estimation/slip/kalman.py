@@ -57,7 +57,8 @@ class KalmanFilter:
         self.x, self.P = array('d', x), P
         correction = Correction(self.x, P)
         self.correct, self.correct_jointly = correction.correct, correction.correct_jointly
-        self._propagate, self._recorder = correction.propagate, recorder
+        self.covariance, self._propagate = correction.covariance, correction.propagate
+        self._recorder = recorder
 
     def predict(self, next_x: array[float], F: Array, Q: Array) -> None:
         """Replace the state by ``next_x``, with Jacobian ``F`` (N, N) and noise ``Q`` (N, N)."""

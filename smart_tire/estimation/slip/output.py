@@ -18,8 +18,8 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Sequence
-from dataclasses import dataclass
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -36,8 +36,7 @@ PLANAR_VARIANCE = 1e-6     # m^2, rad^2 and per s: height and its rate, zero in 
 EstimateRecord = Odometry | WheelSlip | Icr
 
 
-@dataclass(frozen=True, slots=True)
-class OutputContext:
+class OutputContext(NamedTuple):
     """Values needed for an output in addition to the state."""
 
     instant_ns: int       # of the output grid
@@ -52,8 +51,7 @@ class SlipOutputBuilder:
     def __init__(self, params: SlipEstimatorParams) -> None:
         self._standstill_speed = params.robot.slip.standstill_speed
         self._gyro_variance = params.robot.imu.gyro_noise ** 2
-        # m/s, added to the speed of a wheel: NaN if it is not measured
-        self._hidden = [0.0 if one else math.nan for one in params.robot.joints.measured]
+        self._hidden = _four([0.0 if one else math.nan for one in params.robot.joints.measured])
         self._motion = MotionModel(params.robot)
         self._x_imu, self._y_imu = params.robot.imu.position[:2]
         # of pose and twist in the order of ROS; the planar part is overwritten
@@ -66,8 +64,8 @@ class SlipOutputBuilder:
         W = context.imu.yaw_rate - x[State.GYRO_BIAS_Z]
         twist = (x[State.V_X] + self._y_imu * W,
                  x[State.V_Y] - (self._x_imu + x[State.IMU_X]) * W, W)
-        residual = [a + b for a, b in zip(context.wheel_residual, self._hidden)]
-        slips = self._motion.wheel_slips(x, P, W, residual, self._standstill_speed)
+        slips = self._motion.wheel_slips(
+            x, P, W, context.wheel_residual, self._hidden, self._standstill_speed)
         records: list[EstimateRecord] = [
             self._odometry(context, x, P, twist),
             WheelSlip(context.instant_ns, *map(_four, zip(*slips)))]

@@ -79,7 +79,7 @@ def run(module, kind, loops):
         np.array([0.1, -0.3]), H, 1e-6 * np.array([[2.0, 1.0], [1.0, 3.0]]), GYRO_HELD, True))
     pose, twist = array('d', bytes(288)), array('d', bytes(288))
     module.fill_covariances(P, 0.5, 0.1, 0.02, pose, twist)
-    slips = motion.wheel_slips(x, P, 0.5, RESIDUAL, 0.05)
+    slips = motion.wheel_slips(x, P, 0.5, RESIDUAL, (0.0,) * 4, 0.05)
     return np.array([*numbers, *expected, *x, *P.ravel(), *pose, *twist, *np.ravel(slips)])
 
 

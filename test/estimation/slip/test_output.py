@@ -16,7 +16,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 import math
 
 import numpy as np
@@ -45,7 +44,7 @@ def records(context, params=PARAMS):
 
 def test_the_icr_is_published_only_while_the_robot_yaws():
     def icr(rate):
-        context = replace(CONTEXT, imu=CONTEXT.imu._replace(yaw_rate=rate))
+        context = CONTEXT._replace(imu=CONTEXT.imu._replace(yaw_rate=rate))
         return [one for one in records(context) if isinstance(one, Icr)]
     assert icr(0.03) == []
     (found,) = icr(0.51)
@@ -54,7 +53,7 @@ def test_the_icr_is_published_only_while_the_robot_yaws():
 
 
 def test_the_pose_is_extrapolated_at_the_present_acceleration():
-    late, early = (records(replace(CONTEXT, extrapolation=dt))[0] for dt in (0.008, 0.0))
+    late, early = (records(CONTEXT._replace(extrapolation=dt))[0] for dt in (0.008, 0.0))
     assert late.position[0] - early.position[0] == pytest.approx(0.008, rel=0.05)
     assert late.linear[0] - early.linear[0] == pytest.approx(0.008 * 1.4, rel=0.05)
 
