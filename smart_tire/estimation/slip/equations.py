@@ -55,7 +55,7 @@ try:
 except ImportError:  # as plain Python, without Cython: decorators that do nothing
     cython = SimpleNamespace(
         compiled=False, cclass=lambda c: c, cfunc=lambda f: f, ccall=lambda f: f,
-        declare=lambda *_, **__: None, exceptval=lambda check: lambda f: f)
+        declare=lambda *_, **__: None)
 
 if cython.compiled:
     from cython.cimports.libc.math import copysign, cos, exp, sin, sqrt
@@ -103,14 +103,12 @@ class Noise(NamedTuple):
 
 
 @cython.ccall
-@cython.exceptval(check=False)
 def slip_speed(left: cython.double, right: cython.double) -> cython.double:
     """Return the speed [m/s] that slip ratios refer to, from r w of both sides."""
     return max(0.5 * (abs(left) + abs(right)), MIN_SLIP_SPEED)
 
 
 @cython.ccall
-@cython.exceptval(check=False)
 def wheel_slip_ratio(rolling: cython.double, ground: cython.double,
                      standstill_speed: cython.double) -> cython.double:
     """
@@ -132,9 +130,9 @@ class MotionModel:
     """Motion of the state ``x`` (N numbers) over ``dt`` [s]."""
 
     arms = cython.declare(list, visibility='readonly')  # m, v_x of the sides by the yaw rate
+    _arms: cython.double[2]
     _x_imu: cython.double
     _y_imu: cython.double
-    _half_track: cython.double
     _jacobian: Array
     _noise: Array
     _F: cython.double[:, ::1]  # the same memory
@@ -142,23 +140,16 @@ class MotionModel:
 
     def __init__(self, robot: RobotParams) -> None:
         self._x_imu, self._y_imu = robot.imu.position[:2]
-        self._half_track = 0.5 * robot.track_width
-        self.arms = [self._arm(-1.0), self._arm(1.0)]
+        self.arms = [self._y_imu + sign * 0.5 * robot.track_width for sign in (-1.0, 1.0)]
+        self._arms = self.arms
         self._jacobian, self._noise = np.eye(N), np.zeros((N, N))
         self._F, self._Q = self._jacobian, self._noise
 
     @cython.cfunc
-    @cython.exceptval(check=False)
-    def _arm(self, sign: cython.double) -> cython.double:
-        """Return v_x of a side by the yaw rate [m]; ``sign`` is -1 for the left one."""
-        return self._y_imu + sign * self._half_track
-
-    @cython.cfunc
-    @cython.exceptval(check=False)
     def _rolling_rate(self, x: cython.double[::1], W: cython.double, side: cython.int
                       ) -> cython.double:
         """Return r w [m/s] of the left (0) or right (1) side."""
-        return x[V_X] + self._arm(2.0 * side - 1.0) * W + x[SLIP_VEL_L + side]
+        return x[V_X] + self._arms[side] * W + x[SLIP_VEL_L + side]
 
     def rolling_rates(self, x: cython.double[::1], W: cython.double) -> list[float]:
         """Return r w [m/s] of both sides."""
@@ -169,7 +160,6 @@ class MotionModel:
         return [-x[ICR_L] * W, x[ICR_R] * W]
 
     @cython.ccall
-    @cython.exceptval(check=False)
     def steady_force(self, x: cython.double[::1], W: cython.double
                      ) -> tuple[cython.double, cython.double]:
         """Return the specific force [m/s2] x, y that the IMU measures at constant velocity."""
@@ -194,16 +184,15 @@ class MotionModel:
         """
         slips = []
         for i in range(4):
-            rolling: cython.double = self._rolling_rate(x, W, i % 2)
-            ground: cython.double = rolling - x[SLIP_VEL_L + i % 2]
-            rolling += residual[i] + hidden[i]
+            side_speed: cython.double = self._rolling_rate(x, W, i % 2)
+            ground: cython.double = side_speed - x[SLIP_VEL_L + i % 2]
+            rolling: cython.double = side_speed + residual[i] + hidden[i]
             ratio: cython.double = wheel_slip_ratio(rolling, ground, standstill_speed)
             slips.append((ratio, rolling - ground,
                           self._slip_sigma(x, P, W, i % 2) if ratio == ratio else 1.0))
         return slips
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _slip_sigma(self, x: cython.double[::1], P: cython.double[:, :], W: cython.double,
                     side: cython.int) -> cython.double:
         """
@@ -211,14 +200,11 @@ class MotionModel:
 
         Slip ratio = slip velocity / u, with u = v + slip velocity.
         """
-        slip: cython.int = SLIP_VEL_L + side
-        u: cython.double = self._rolling_rate(x, W, side)
-        v: cython.double = u - x[slip]
-        by_v: cython.double = -x[slip]
-        speed_variance: cython.double = P[V_X, V_X] - 2.0 * self._arm(2.0 * side - 1.0) * P[
-            V_X, GYRO_BIAS_Z]
-        variance: cython.double = (v * v * P[slip, slip] + by_v * by_v * speed_variance
-                                   + 2.0 * v * by_v * P[slip, V_X])
+        slip, u = SLIP_VEL_L + side, self._rolling_rate(x, W, side)
+        v, by_v = u - x[slip], -x[slip]
+        speed_variance = P[V_X, V_X] - 2.0 * self._arms[side] * P[V_X, GYRO_BIAS_Z]
+        variance = (v * v * P[slip, slip] + by_v * by_v * speed_variance
+                    + 2.0 * v * by_v * P[slip, V_X])
         return min(1.0, sqrt(max(0.0, variance)) / max(u * u, 1e-9))
 
     def predict(self, x: array[float], step: ImuStep, noise: Noise
@@ -238,19 +224,17 @@ class MotionModel:
         self._predict_slip(old, new, step.begin_rate, step.end_rate, W, dt, noise)
         gyro: cython.double = step.gyro_variance * dt
         speed: cython.double = step.accel_variance * dt + SPEED_RANDOM_WALK ** 2 * dt
-        turned: cython.double = abs(W) * dt
         Q[YAW, YAW] = gyro
         Q[V_X, V_X] = speed + gyro * old[V_Y] * old[V_Y]
         Q[V_Y, V_Y] = speed + gyro * old[V_X] * old[V_X]
         Q[GYRO_BIAS_Z, GYRO_BIAS_Z] = GYRO_BIAS_RANDOM_WALK ** 2 * dt
         Q[ACCEL_BIAS_X, ACCEL_BIAS_X] = ACCEL_BIAS_RANDOM_WALK ** 2 * dt
-        Q[ACCEL_BIAS_Y, ACCEL_BIAS_Y] = ACCEL_BIAS_RANDOM_WALK ** 2 * dt
-        Q[ICR_X, ICR_X] = noise.icr_x ** 2 * turned
-        Q[ICR_L, ICR_L] = Q[ICR_R, ICR_R] = noise.icr ** 2 * turned
+        Q[ACCEL_BIAS_Y, ACCEL_BIAS_Y] = Q[ACCEL_BIAS_X, ACCEL_BIAS_X]
+        Q[ICR_X, ICR_X] = noise.icr_x ** 2 * abs(W) * dt
+        Q[ICR_L, ICR_L] = Q[ICR_R, ICR_R] = noise.icr ** 2 * abs(W) * dt
         return moved, self._jacobian, self._noise
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _move(self, x: cython.double[::1], moved: cython.double[::1], W: cython.double,
               force_x: cython.double, force_y: cython.double, dt: cython.double) -> cython.double:
         """
@@ -259,15 +243,12 @@ class MotionModel:
         The Jacobian is without terms of second order in ``dt``.
         """
         F: cython.double[:, ::1] = self._F
-        steady: tuple[cython.double, cython.double] = self.steady_force(x, W)
-        a_x: cython.double = force_x - steady[0]
-        a_y: cython.double = force_y - steady[1]
-        x_imu: cython.double = self._x_imu + x[IMU_X]
-        y_imu: cython.double = self._y_imu
-        b_x: cython.double = x[V_X] + 0.5 * a_x * dt + y_imu * W  # m/s, of base_link
-        b_y: cython.double = x[V_Y] + 0.5 * a_y * dt - x_imu * W
-        c: cython.double = cos(x[YAW] + 0.5 * W * dt)
-        s: cython.double = sin(x[YAW] + 0.5 * W * dt)
+        steady_x, steady_y = self.steady_force(x, W)
+        a_x, a_y = force_x - steady_x, force_y - steady_y
+        x_imu, y_imu = self._x_imu + x[IMU_X], self._y_imu
+        b_x = x[V_X] + 0.5 * a_x * dt + y_imu * W  # m/s, of base_link
+        b_y = x[V_Y] + 0.5 * a_y * dt - x_imu * W
+        c, s = cos(x[YAW] + 0.5 * W * dt), sin(x[YAW] + 0.5 * W * dt)
         moved[X] += (c * b_x - s * b_y) * dt
         moved[Y] += (s * b_x + c * b_y) * dt
         moved[YAW] += W * dt
@@ -286,14 +267,12 @@ class MotionModel:
         return sqrt(b_x * b_x + b_y * b_y) * dt
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _predict_slope(self, x: cython.double[::1], moved: cython.double[::1], W: cython.double,
                        dt: cython.double, way: cython.double, row: cython.int,
                        sigma: cython.double) -> cython.void:
         """Predict roll or pitch: fixed to the ground, a Gauss-Markov process along the path."""
-        other: cython.int = ROLL + PITCH - row
-        turn: cython.double = W * dt if row == ROLL else -W * dt
-        keep: cython.double = exp(-way / SLOPE_LENGTH)
+        other, keep = ROLL + PITCH - row, exp(-way / SLOPE_LENGTH)
+        turn = W * dt if row == ROLL else -W * dt
         moved[row] = keep * (x[row] + turn * x[other])
         self._F[row, row], self._F[row, other] = keep, keep * turn
         self._Q[row, row] = sigma * sigma * (1.0 - keep * keep)
@@ -306,32 +285,28 @@ class MotionModel:
         F: cython.double[:, ::1] = self._F
         Q: cython.double[:, ::1] = self._Q
         decay: cython.double = exp(-dt / SLIP_CORRELATION_TIME)
-        speed: cython.double = slip_speed(
-            self._rolling_rate(x, W, 0), self._rolling_rate(x, W, 1))
-        innovation: cython.double = (1.0 - decay * decay) * speed * speed
+        speed = slip_speed(self._rolling_rate(x, W, 0), self._rolling_rate(x, W, 1))
+        innovation = (1.0 - decay * decay) * speed * speed
         common: cython.double = innovation * noise.slip_common ** 2
         difference: cython.double = innovation * noise.slip_difference ** 2
-        gain: cython.double = 0.0  # rad/s, of the slip by an ICR; at rest the yaw rate is noise
+        gain = 0.0  # rad/s, of the slip by an ICR; at rest the yaw rate is noise
         if speed > MIN_SLIP_SPEED:
             gain = end_rate - x[GYRO_BIAS_Z] - decay * (begin_rate - x[GYRO_BIAS_Z])
         for side in range(2):
-            sign: cython.double = 2.0 * side - 1.0
-            slip: cython.int = SLIP_VEL_L + side
-            icr: cython.int = ICR_L + side
-            travel: cython.int = TRAVEL_L + side
+            slip, icr, travel = SLIP_VEL_L + side, ICR_L + side, TRAVEL_L + side
+            sign = 2.0 * side - 1.0
             moved[slip] = decay * x[slip] + sign * gain * x[icr]
             moved[travel] += dt * (self._rolling_rate(x, W, side) + 0.5 * (
                 moved[V_X] - x[V_X] + moved[slip] - x[slip]))
             F[slip, slip], F[slip, icr] = decay, sign * gain
             F[slip, GYRO_BIAS_Z] = -sign * (1.0 - decay) * x[icr] * (gain != 0.0)
             F[travel, slip] = F[travel, V_X] = dt
-            F[travel, GYRO_BIAS_Z] = -self._arm(sign) * dt
+            F[travel, GYRO_BIAS_Z] = -self._arms[side] * dt
             Q[slip, slip] = common + difference
         Q[SLIP_VEL_L, SLIP_VEL_R] = Q[SLIP_VEL_R, SLIP_VEL_L] = common - difference
 
 
 @cython.ccall
-@cython.exceptval(check=False)
 def brush_force(s_x: cython.double, s_y: cython.double, stiffness: cython.double,
                 limit: cython.double) -> tuple[
                     cython.double, cython.double, cython.double, cython.double, cython.double,
@@ -346,13 +321,12 @@ def brush_force(s_x: cython.double, s_y: cython.double, stiffness: cython.double
     >>> print(f'{brush_force(0.1, 0.0, 52.7, 0.47 * 26.7)[0]:.2f} N')
     4.60 N
     """
-    square: cython.double = max(s_x * s_x + s_y * s_y, 1e-18)
-    t: cython.double = stiffness * sqrt(square) / (3.0 * limit)
-    slope: cython.double = stiffness / (3.0 * t)
-    bend: cython.double = -slope
-    if t < 1.0:
-        slope, bend = stiffness * (1.0 - t + t * t / 3.0), stiffness * t * (t / 1.5 - 1.0)
-    k: cython.double = bend / square
+    square = max(s_x * s_x + s_y * s_y, 1e-18)
+    t = stiffness * sqrt(square) / (3.0 * limit)
+    slope, bend = stiffness * (1.0 - t + t * t / 3.0), stiffness * t * (t / 1.5 - 1.0)
+    if t >= 1.0:
+        slope, bend = stiffness / (3.0 * t), -stiffness / (3.0 * t)
+    k = bend / square
     return (slope * s_x, slope * s_y, slope + k * s_x * s_x, k * s_x * s_y, slope + k * s_y * s_y,
             -bend * s_x, -bend * s_y)
 
@@ -367,7 +341,7 @@ class TireForces:
     _wheel_y: cython.double[4]
     _x_imu: cython.double
     _y_imu: cython.double
-    _height: cython.double
+    _height: cython.double  # m, of the center of mass
     _mass: cython.double
     _wheelbase: cython.double
     _track: cython.double
@@ -407,32 +381,29 @@ class TireForces:
         """
         (self._stiffness, self._friction, self._resistance, self._share, self._ratio,
          com_x, com_y) = given
-        a_x: cython.double = force_x - x[ACCEL_BIAS_X]
-        a_y: cython.double = force_y - x[ACCEL_BIAS_Y]
+        a_x, a_y = force_x - x[ACCEL_BIAS_X], force_y - x[ACCEL_BIAS_Y]
         arm_x: cython.double = com_x - self._x_imu
         arm_y: cython.double = com_y - self._y_imu
         pitch: cython.double = (GRAVITY * com_x - self._height * a_x) / self._wheelbase
         roll: cython.double = (GRAVITY * com_y - self._height * a_y) / self._track
-        sum_x: cython.double = -self._mass * (a_x - yaw_accel * arm_y - W * W * arm_x)
-        sum_y: cython.double = -self._mass * (a_y + yaw_accel * arm_x - W * W * arm_y)
+        sum_x = -self._mass * (a_x - yaw_accel * arm_y - W * W * arm_x)
+        sum_y = -self._mass * (a_y + yaw_accel * arm_x - W * W * arm_y)
         H: cython.double[:, ::1] = self._H
         H[:, :] = 0.0
         H[0, ACCEL_BIAS_X] = H[1, ACCEL_BIAS_Y] = 1.0
         H[0, COM_X] = H[1, COM_Y] = W * W
         H[0, COM_Y], H[1, COM_X] = yaw_accel, -yaw_accel
         for i in range(4):
-            w_x: cython.double = self._wheel_x[i]
-            w_y: cython.double = self._wheel_y[i]
-            load: cython.double = max(0.01, 0.25 * GRAVITY + 0.5 * pitch * copysign(1.0, w_x)
-                                      + 0.5 * roll * copysign(1.0, w_y)) * self._mass
-            force: tuple[cython.double, cython.double] = self._add_wheel(
+            w_x, w_y = self._wheel_x[i], self._wheel_y[i]
+            load = max(0.01, 0.25 * GRAVITY + 0.5 * pitch * copysign(1.0, w_x)
+                       + 0.5 * roll * copysign(1.0, w_y)) * self._mass
+            f_x, f_y = self._add_wheel(
                 i % 2, rolling[i], load, x[V_X], x[V_Y], W, self._y_imu - w_y, w_x - self._x_imu)
-            sum_x += force[0]
-            sum_y += force[1]
+            sum_x += f_x
+            sum_y += f_y
         return sum_x / self._mass, sum_y / self._mass
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _add_wheel(self, side: cython.int, rolling: cython.double, load: cython.double,
                    u: cython.double, v: cython.double, W: cython.double, arm_x: cython.double,
                    arm_y: cython.double) -> tuple[cython.double, cython.double]:
@@ -441,33 +412,23 @@ class TireForces:
 
         Its velocity is that of the IMU (u, v) [m/s] plus the yaw rate W times its arms [m].
         """
-        resistance: cython.double = self._resistance
-        share: cython.double = self._share
-        v_x: cython.double = u + arm_x * W
-        v_y: cython.double = v + arm_y * W
-        inverse: cython.double = 1.0 / max(abs(rolling), SLIP_FLOOR)
-        s_x: cython.double = (rolling - v_x) * inverse
-        s_y: cython.double = -self._ratio * v_y * inverse
+        resistance, share = self._resistance, self._share
+        v_x, v_y = u + arm_x * W, v + arm_y * W
+        inverse = 1.0 / max(abs(rolling), SLIP_FLOOR)
+        lateral = self._ratio * inverse
+        s_x, s_y = (rolling - v_x) * inverse, -v_y * lateral
         f_x, f_y, xx, xy, yy, x_by_friction, y_by_friction = brush_force(
             s_x, s_y, self._stiffness, self._friction * load)
-        speed: cython.double = max(sqrt(v_x * v_x + v_y * v_y), MIN_RESISTED_SPEED)
-        heading: cython.double = max(-1.0, min(1.0, v_x / MIN_RESISTED_SPEED))
-        along_x: cython.double = load * v_x / speed
-        along_y: cython.double = load * v_y / speed
-        drag_x: cython.double = (1.0 - share) * load * heading + share * along_x
-        drag_y: cython.double = share * along_y
-        # of the slip by r w at constant velocity and by v_y
-        sign: cython.double = copysign(1.0, rolling)
-        d_x: cython.double = inverse * (1.0 - sign * s_x)
-        d_y: cython.double = -inverse * sign * s_y
-        lateral: cython.double = self._ratio * inverse
-        # of the forces by r w, v_x and v_y
-        x_by_rolling: cython.double = xx * d_x + xy * d_y
-        y_by_rolling: cython.double = xy * d_x + yy * d_y
-        x_by_u: cython.double = x_by_rolling - xx * inverse
-        y_by_u: cython.double = y_by_rolling - xy * inverse
-        x_by_v: cython.double = -xy * lateral
-        y_by_v: cython.double = -yy * lateral - resistance * share * load / speed
+        speed = max(sqrt(v_x * v_x + v_y * v_y), MIN_RESISTED_SPEED)
+        heading = max(-1.0, min(1.0, v_x / MIN_RESISTED_SPEED))
+        along_x, along_y = load * v_x / speed, load * v_y / speed
+        drag_x, drag_y = (1.0 - share) * load * heading + share * along_x, share * along_y
+        # of the slip by r w at constant velocity; of the forces by r w, v_x and v_y
+        sign = copysign(1.0, rolling)
+        d_x, d_y = inverse * (1.0 - sign * s_x), -inverse * sign * s_y
+        x_by_rolling, y_by_rolling = xx * d_x + xy * d_y, xy * d_x + yy * d_y
+        x_by_u, y_by_u = x_by_rolling - xx * inverse, y_by_rolling - xy * inverse
+        x_by_v, y_by_v = -xy * lateral, -yy * lateral - resistance * share * load / speed
         self._add(SLIP_VEL_L + side, x_by_rolling, y_by_rolling)
         self._add(V_X, x_by_u, y_by_u)
         self._add(V_Y, x_by_v, y_by_v)
@@ -480,7 +441,6 @@ class TireForces:
         return f_x - resistance * drag_x, f_y - resistance * drag_y
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _add(self, row: cython.int, x: cython.double, y: cython.double) -> cython.void:
         """Add derivatives of the forces [N] along x and y by a state to the Jacobian."""
         self._H[0, row] += x / self._mass
@@ -546,7 +506,7 @@ class Correction:
         covariance: cython.double = shared[1]
         g: cython.double[::1] = self._G[0]
         self._project(h, g)
-        total: cython.double = variance + _dot(h, g) + 2.0 * covariance * h[row]
+        total = variance + _dot(h, g) + 2.0 * covariance * h[row]
         g[row] += covariance
         self._apply(g, y, max(total, _least_variance(y)), held, False)
         return total
@@ -564,11 +524,11 @@ class Correction:
         other: cython.double[::1] = self._G[1]
         first, both, second = self.covariance(H, R)
         first = max(first, _least_variance(y[0]))
-        scale: cython.double = 1.0 / sqrt(first)
-        root: cython.double = both * scale
+        scale = 1.0 / sqrt(first)
+        root = both * scale
         second = max(second, _least_variance(y[1])) - root * root
-        share: cython.double = root * scale
-        new: cython.double = y[1] - share * y[0]
+        share = root * scale
+        new = y[1] - share * y[0]
         for i in range(g.shape[0]):
             other[i] -= share * g[i]
         self._apply(g, y[0], first, held, slip_held)
@@ -621,16 +581,14 @@ class Correction:
 
 
 @cython.cfunc
-@cython.exceptval(check=False)
 def _least_variance(y: cython.double) -> cython.double:
     """Return the least variance of an innovation: outliers count less, the larger they are."""
     return (y / OUTLIER_SIGMAS) * (y / OUTLIER_SIGMAS)
 
 
 @cython.cfunc
-@cython.exceptval(check=False)
 def _dot(a: cython.double[::1], b: cython.double[::1]) -> cython.double:
-    total: cython.double = 0.0
+    total = 0.0
     for i in range(a.shape[0]):
         total += a[i] * b[i]
     return total
@@ -656,7 +614,7 @@ def fill_covariances(P: cython.double[:, :], W: cython.double, x_imu: cython.dou
             pose[6 * pose_rows[i] + pose_rows[j]] = P[poses[i], poses[j]]
     for i in range(3):
         for j in range(i + 1):
-            total: cython.double = 0.0
+            total = 0.0
             for k in range(4):
                 for m in range(4):
                     total += T[4 * i + k] * P[states[k], states[m]] * T[4 * j + m]
