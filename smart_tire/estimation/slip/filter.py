@@ -202,10 +202,9 @@ class SlipFilter:
         """Add the mean force of a step to the levels of the accelerometer's errors."""
         x, imu = self.kalman.x, step.mean
         W = imu.yaw_rate - x[State.GYRO_BIAS_Z]
-        for level, force, bias, centripetal in zip(
-                self._accel_errors, (imu.force_x, imu.force_y),
-                (x[State.ACCEL_BIAS_X], x[State.ACCEL_BIAS_Y]), (0.0, W * x[State.V_X])):
-            level.add_force(force - bias - centripetal, step.dt)
+        along, across = self._accel_errors
+        along.add_force(imu.force_x - x[State.ACCEL_BIAS_X], step.dt)
+        across.add_force(imu.force_y - x[State.ACCEL_BIAS_Y] - W * x[State.V_X], step.dt)
 
     def _slope_sigmas(self) -> tuple[float, float]:
         """

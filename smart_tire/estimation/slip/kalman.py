@@ -26,6 +26,7 @@ from smart_tire.arrays import Array
 from smart_tire.estimation.slip.equations import Correction
 from smart_tire.estimation.slip.state import ESTIMATED, N, State
 
+IDENTITY = np.eye(N)
 CONSIDERED = (np.arange(N) >= ESTIMATED).astype(float)  # (N,), 1 for states never corrected
 # lasting errors of the forces and of the ICR kinematics must not calibrate sensors
 SENSORS_HELD = CONSIDERED.copy()
@@ -72,7 +73,7 @@ class KalmanFilter:
 
     def add_noise(self, Q: Array) -> None:
         """Add ``Q`` (N, N) to the covariance."""
-        self.predict(self.x, np.eye(N), Q)
+        self.predict(self.x, IDENTITY, Q)
 
     def set_states(self, rows: Sequence[int], value: float, sigma: float) -> None:
         """Set the states in ``rows``, uncorrelated with the others."""
