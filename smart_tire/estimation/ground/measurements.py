@@ -21,11 +21,13 @@ of the four motor torques; slip and normalized slip of each passage of a wheel's
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from smart_tire.arrays import Array, Instants
 from smart_tire.estimation.ground import body_model as model, body_model_numpy
@@ -39,6 +41,7 @@ from smart_tire.parameters.robot import RobotParams
 
 TIME_STEP = 0.016        # s, of the model
 BLOCK = 8                # steps of a block mean
+DISTURBANCE_TIME = 1.0   # s, of a push, a lifted wheel
 BLOCK_TIME = TIME_STEP * BLOCK
 YAW_RATE, FORCE_X, FORCE_Y, TORQUE = range(4)  # streams of block means; four of torques
 STREAMS = 7
@@ -218,11 +221,12 @@ class Measurements:
         found[:, :, 0] *= np.exp(x[:, GAINS])[:, [one.wheel for one in self.passages]]
         return found.reshape(len(x), -1)
 
-    def noise(self, predicted: Array, biases: Array) -> Array:
+    def noise(self, predicted: Array, biases: Array, disturbances: Sequence[float] = ()) -> Array:
         """
         Return the covariances (STREAMS, blocks, blocks) of the block means.
 
-        ``predicted`` (STREAMS, blocks), ``biases`` (3,) those of the IMU.
+        ``predicted`` (STREAMS, blocks), ``biases`` (3,) those of the IMU; begins of
+        ``disturbances`` [s].
         """
         robot, count = self._robot, len(self.centers)
         imu = np.maximum(self.imu_count, 1)
@@ -247,7 +251,7 @@ class Measurements:
             + (self._torque_by_speed * np.sqrt(np.diag(difference))) ** 2)
         white[:TORQUE, self.imu_count == 0] = UNMEASURED
         white[TORQUE:, self.torque_count == 0] = UNMEASURED
-        white[:, ~self.used] = UNMEASURED
+        white[:, ~self.used | disturbed(self.centers, disturbances)] = UNMEASURED
         lasting = MODEL_ERROR * size
         found = (np.exp(-np.abs(self.centers[:, np.newaxis] - self.centers) / MODEL_TIME)
                  * lasting[:, :, np.newaxis] * lasting[:, np.newaxis])
@@ -257,7 +261,7 @@ class Measurements:
         found[:, range(count), range(count)] += white ** 2
         return found
 
-    def passage_noise(self, predicted: Array) -> Array:
+    def passage_noise(self, predicted: Array, disturbances: Sequence[float] = ()) -> Array:
         """Return the covariance of the passages; ``predicted`` (2 * passages,)."""
         times = np.array([one.time for one in self.passages])
         wheels = np.array([one.wheel for one in self.passages])
@@ -272,6 +276,7 @@ class Measurements:
             measured = np.array([one.slip, one.ratio])
             found[2 * i:2 * i + 2, 2 * i:2 * i + 2] += one.covariance + (
                 one.sliding * SLIDING_WEIGHT ** 2 * np.outer(measured, measured))
+        found[np.diag(np.repeat(disturbed(times, disturbances), 2))] += UNMEASURED ** 2
         return found
 
     def _loads(self, x: Array, a_x: Array, a_y: Array) -> Array:
@@ -320,6 +325,13 @@ class Measurements:
         force = states[:, near, model.FORCE + wheel[:, np.newaxis]]
         return np.stack([slip, np.minimum(ratio, limit[:, np.newaxis]), load, force],
                         axis=-1).mean(axis=2)
+
+
+def disturbed(times: Array, disturbances: Sequence[float]) -> NDArray[np.bool_]:
+    """Return whether each of ``times`` (n,) [s] lies in a disturbance that began at one."""
+    age = times[:, np.newaxis] - np.array(disturbances)
+    found: NDArray[np.bool_] = ((age >= 0.0) & (age <= DISTURBANCE_TIME)).any(axis=1)
+    return found
 
 
 def _means(values: Array) -> Array:
