@@ -53,8 +53,8 @@ COMPILED: bool = cython.compiled
 # parameters of a run; those of the ground before and after its change at CHANGE_STEP
 (OLD_STIFFNESS, OLD_FRICTION, OLD_RESISTANCE, STIFFNESS, FRICTION, RESISTANCE, CHANGE_STEP,
  LATERAL_SHARE, LATERAL_RATIO, COM_X, COM_Y, RADIUS, SLOPE_X, SLOPE_Y, SIDE_STIFFNESS,
- SIDE_FRICTION, SIDE_RESISTANCE, START_U, START_V, START_W) = range(20)
-PARAMETERS = 20
+ SIDE_FRICTION, SIDE_RESISTANCE, BEND_X, BEND_Y, START_U, START_V, START_W) = range(22)
+PARAMETERS = 22
 # constants of the robot: step [s], mass [kg], yaw inertia [kg m2], half wheelbase and track [m],
 # height of the center of mass [m], least speeds [m/s] of slip and of resistance, gravity [m/s2]
 TIME_STEP, MASS, INERTIA, HALF_BASE, HALF_TRACK, HEIGHT, SLIP_FLOOR, DRAG_FLOOR, GRAVITY = range(9)
@@ -120,8 +120,8 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
     inertia: cython.double = robot[INERTIA]
     min_rolling: cython.double = robot[SLIP_FLOOR]
     min_speed: cython.double = robot[DRAG_FLOOR]
-    gravity_x: cython.double = robot[GRAVITY] * p[SLOPE_X]
-    gravity_y: cython.double = robot[GRAVITY] * p[SLOPE_Y]
+    gravity: cython.double = robot[GRAVITY]
+    steps: cython.double = rolling.shape[0]
     change: cython.double = p[CHANGE_STEP]
     share: cython.double = p[LATERAL_SHARE]
     ratio: cython.double = p[LATERAL_RATIO]
@@ -173,6 +173,9 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
         new_u: cython.double = 2.0 * u - last_u
         new_v: cython.double = 2.0 * v - last_v
         new_w: cython.double = 2.0 * w - last_w
+        part: cython.double = (n + 0.5) / steps - 0.5  # of the window, from its middle
+        gravity_x: cython.double = gravity * (p[SLOPE_X] + part * p[BEND_X])
+        gravity_y: cython.double = gravity * (p[SLOPE_Y] + part * p[BEND_Y])
         slope_x: cython.double = heading[n, 0] * gravity_x + heading[n, 1] * gravity_y
         slope_y: cython.double = heading[n, 0] * gravity_y - heading[n, 1] * gravity_x
         # symmetric equations of the new velocity: [uu 0 uw; 0 vv vw; uw vw ww] y = (bu, bv, bw)

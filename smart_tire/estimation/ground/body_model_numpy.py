@@ -45,8 +45,9 @@ def simulate(rolling: Array, offsets: Array, heading: Array, runs: Array, robot:
         old = (2.0 * now - 0.5 * last if n else now) / step
         u, v, w = 2.0 * now - last
         cos, sin = heading[n]
-        slope = gravity * np.stack([cos * p[model.SLOPE_X] + sin * p[model.SLOPE_Y],
-                                    cos * p[model.SLOPE_Y] - sin * p[model.SLOPE_X]])
+        rise = gravity * (p[model.SLOPE_X:model.SLOPE_Y + 1]
+                          + ((n + 0.5) / len(rolling) - 0.5) * p[model.BEND_X:model.BEND_Y + 1])
+        slope = np.stack([cos * rise[0] + sin * rise[1], cos * rise[1] - sin * rise[0]])
         before = n < p[model.CHANGE_STEP]
         stiffness, friction, resistance = (
             np.where(before, *both) for both in zip(*grounds))

@@ -173,6 +173,7 @@ class Measurements:
         runs[:, model.SLOPE_X:model.SLOPE_Y + 1] = x[:, Unknown.SLOPE_X:Unknown.SLOPE_Y + 1]
         runs[:, model.SIDE_STIFFNESS:model.SIDE_RESISTANCE + 1] = np.exp(
             x[:, Unknown.SIDE_STIFFNESS:Unknown.SIDE_RESISTANCE + 1])
+        runs[:, model.BEND_X:model.BEND_Y + 1] = x[:, Unknown.BEND_X:Unknown.BEND_Y + 1]
         runs[:, model.START_U:] = start + x[:, START]
         offsets = x[:, Unknown.DELAY, np.newaxis, np.newaxis] * self._delayed
         directions = np.column_stack([np.cos(heading), np.sin(heading)])

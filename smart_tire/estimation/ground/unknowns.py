@@ -47,16 +47,18 @@ class Unknown(IntEnum):
     SIDE_FRICTION = 14
     SIDE_RESISTANCE = 15
     DELAY = 16            # s, of the wheels' stamps, and of the forces by the relaxation length
-    START_U = 17          # m/s, error of the velocity at the start of the window
-    START_V = 18
-    START_W = 19          # rad/s
-    GYRO_BIAS = 20        # rad/s
-    ACCEL_BIAS_X = 21     # m/s2, including the tilt of the mounting
-    ACCEL_BIAS_Y = 22
-    TORQUE_SCALE = 23     # ln of the true over the nominal torque constant, of all motors
-    MOTOR_SCALE = 24      # four rows: the same of each motor
-    TORQUE_OFFSET = 28    # four rows: N m, of the measured torque, with the friction of the motor
-    FILM_GAIN = 32        # four rows, by wheel: ln of the true over the nominal stretch gain
+    BEND_X = 17           # rad, change of the slope over the window
+    BEND_Y = 18
+    START_U = 19          # m/s, error of the velocity at the start of the window
+    START_V = 20
+    START_W = 21          # rad/s
+    GYRO_BIAS = 22        # rad/s
+    ACCEL_BIAS_X = 23     # m/s2, including the tilt of the mounting
+    ACCEL_BIAS_Y = 24
+    TORQUE_SCALE = 25     # ln of the true over the nominal torque constant, of all motors
+    MOTOR_SCALE = 26      # four rows: the same of each motor
+    TORQUE_OFFSET = 30    # four rows: N m, of the measured torque, with the friction of the motor
+    FILM_GAIN = 34        # four rows, by wheel: ln of the true over the nominal stretch gain
 
 
 SIZE = Unknown.FILM_GAIN + 4
@@ -65,6 +67,7 @@ GROUND = slice(Unknown.STIFFNESS, Unknown.RESISTANCE + 1)
 OLD_GROUND = slice(Unknown.OLD_STIFFNESS, Unknown.OLD_RESISTANCE + 1)
 SIDES = slice(Unknown.SIDE_STIFFNESS, Unknown.SIDE_RESISTANCE + 1)
 START = slice(Unknown.START_U, Unknown.START_W + 1)
+OWN = slice(Unknown.BEND_X, Unknown.START_W + 1)  # of each window: not known from the one before
 MOTORS = slice(Unknown.MOTOR_SCALE, Unknown.MOTOR_SCALE + 4)
 OFFSETS = slice(Unknown.TORQUE_OFFSET, Unknown.TORQUE_OFFSET + 4)
 GAINS = slice(Unknown.FILM_GAIN, Unknown.FILM_GAIN + 4)
@@ -94,6 +97,8 @@ _COMMON = {
     Unknown.SIDE_FRICTION:   Row(0.0,          0.03,  0.0,    0.008,  1e-3),
     Unknown.SIDE_RESISTANCE: Row(0.0,          0.1,   0.0,    0.016,  1e-2),
     Unknown.DELAY:           Row(0.0,          0.008, 0.0005, 0.0,    1e-4),
+    Unknown.BEND_X:          Row(0.0,          0.02,  0.0,    0.0,    1e-4),
+    Unknown.BEND_Y:          Row(0.0,          0.02,  0.0,    0.0,    1e-4),
     Unknown.START_U:         Row(0.0,          0.1,   0.0,    0.0,    1e-4),
     Unknown.START_V:         Row(0.0,          0.1,   0.0,    0.0,    1e-4),
     Unknown.START_W:         Row(0.0,          0.1,   0.0,    0.0,    1e-4)}
@@ -128,12 +133,12 @@ class Prior(NamedTuple):
     mean: Array        # (SIZE,)
     covariance: Array  # (SIZE, SIZE)
 
-    def without_start(self, rows: list[Row]) -> Prior:
-        """Return this prior with the error of the start as in ``rows``, whatever it was before."""
+    def of_next_window(self, rows: list[Row]) -> Prior:
+        """Return this prior with the unknowns that each window has of its own as in ``rows``."""
         mean, covariance = self.mean.copy(), self.covariance.copy()
-        mean[START] = 0.0
-        covariance[START], covariance[:, START] = 0.0, 0.0
-        for row in range(START.start, START.stop):
+        mean[OWN] = 0.0
+        covariance[OWN], covariance[:, OWN] = 0.0, 0.0
+        for row in range(OWN.start, OWN.stop):
             covariance[row, row] = rows[row].sigma ** 2
         return Prior(mean, covariance)
 

@@ -40,7 +40,7 @@ from smart_tire.estimation.ground import body_model as model
 from smart_tire.estimation.ground.measurements import (
     DISTURBANCE_TIME, disturbed, Measurements, Motion, Passage, STREAMS, WindowData)
 from smart_tire.estimation.ground.unknowns import (
-    DYNAMIC, GROUND, initial, OLD_GROUND, Prior, priors, SIDES, SIZE, START, Unknown)
+    DYNAMIC, GROUND, initial, OLD_GROUND, OWN, Prior, priors, SIDES, SIZE, START, Unknown)
 from smart_tire.parameters.robot import RobotParams
 
 LENGTH = 3.0       # s, of the window
@@ -203,10 +203,10 @@ class GroundWindow:
         return wider, self._fit(wider, measurements, leaving)
 
     def _fit(self, hypothesis: Hypothesis, measurements: Measurements, leaving: float) -> Fit:
-        prior = hypothesis.prior.without_start(self._rows)
+        prior = hypothesis.prior.of_next_window(self._rows)
         information = np.linalg.inv(prior.covariance)
         x = hypothesis.x.copy()
-        x[START] = 0.0
+        x[OWN] = 0.0
         start, heading = _start(hypothesis, measurements)
         change, known = hypothesis.change, hypothesis.times is not None
         blocks = films = None
@@ -316,7 +316,7 @@ class GroundWindow:
         kept = tuple(one for one in hypothesis.disturbances
                      if one + DISTURBANCE_TIME > measurements.begin)
         return replace(
-            hypothesis, disturbances=kept, prior=moved.without_start(self._rows), x=fit.x,
+            hypothesis, disturbances=kept, prior=moved.of_next_window(self._rows), x=fit.x,
             times=measurements.times, velocities=fit.motion.states[0, :, :model.W + 1],
             heading=(float(measurements.times[middle]), float(fit.heading[middle])))
 
