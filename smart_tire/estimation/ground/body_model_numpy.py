@@ -60,7 +60,9 @@ def simulate(rolling: Array, offsets: Array, heading: Array, runs: Array, robot:
         limit = friction * load
         sliding = stiffness * total >= 3.0 * limit
         t = stiffness * total / np.where(sliding, 1.0, 3.0 * limit)
-        grip = scale * np.where(sliding, limit / np.maximum(total, 1e-9),
+        fallen = 1.0 - p[model.FALL] * (1.0 - 3.0 * limit / np.where(
+            sliding, stiffness * total, 3.0 * limit + 1e-9))
+        grip = scale * np.where(sliding, limit * fallen / np.maximum(total, 1e-9),
                                 stiffness * (1.0 - t + t * t / 3.0))
         drag_y = share * drag / np.maximum(np.hypot(v_x, v_y), drag_floor)
         along = grip + drag_y + (1.0 - share) * drag / np.maximum(np.abs(v_x), drag_floor)

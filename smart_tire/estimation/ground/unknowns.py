@@ -47,18 +47,19 @@ class Unknown(IntEnum):
     SIDE_FRICTION = 14
     SIDE_RESISTANCE = 15
     DELAY = 16            # s, of the wheels' stamps, and of the forces by the relaxation length
-    BEND_X = 17           # rad, change of the slope over the window
-    BEND_Y = 18
-    START_U = 19          # m/s, error of the velocity at the start of the window
-    START_V = 20
-    START_W = 21          # rad/s
-    GYRO_BIAS = 22        # rad/s
-    ACCEL_BIAS_X = 23     # m/s2, including the tilt of the mounting
-    ACCEL_BIAS_Y = 24
-    TORQUE_SCALE = 25     # ln of the true over the nominal torque constant, of all motors
-    MOTOR_SCALE = 26      # four rows: the same of each motor
-    TORQUE_OFFSET = 30    # four rows: N m, of the measured torque, with the friction of the motor
-    FILM_GAIN = 34        # four rows, by wheel: ln of the true over the nominal stretch gain
+    FALL = 17             # -, share of the friction that is lost at the largest slip
+    BEND_X = 18           # rad, change of the slope over the window
+    BEND_Y = 19
+    START_U = 20          # m/s, error of the velocity at the start of the window
+    START_V = 21
+    START_W = 22          # rad/s
+    GYRO_BIAS = 23        # rad/s
+    ACCEL_BIAS_X = 24     # m/s2, including the tilt of the mounting
+    ACCEL_BIAS_Y = 25
+    TORQUE_SCALE = 26     # ln of the true over the nominal torque constant, of all motors
+    MOTOR_SCALE = 27      # four rows: the same of each motor
+    TORQUE_OFFSET = 31    # four rows: N m, of the measured torque, with the friction of the motor
+    FILM_GAIN = 35        # four rows, by wheel: ln of the true over the nominal stretch gain
 
 
 SIZE = Unknown.FILM_GAIN + 4
@@ -97,6 +98,7 @@ _COMMON = {
     Unknown.SIDE_FRICTION:   Row(0.0,          0.03,  0.0,    0.008,  1e-3),
     Unknown.SIDE_RESISTANCE: Row(0.0,          0.1,   0.0,    0.016,  1e-2),
     Unknown.DELAY:           Row(0.0,          0.008, 0.0005, 0.0,    1e-4),
+    Unknown.FALL:            Row(0.15,         0.1,   0.0,    0.01,   1e-3),
     Unknown.BEND_X:          Row(0.0,          0.03,  0.0,    0.0,    1e-4),
     Unknown.BEND_Y:          Row(0.0,          0.03,  0.0,    0.0,    1e-4),
     Unknown.START_U:         Row(0.0,          0.1,   0.0,    0.0,    1e-4),

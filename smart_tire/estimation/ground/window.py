@@ -28,6 +28,7 @@ between both; until then the estimate is that of their mixture.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 import math
 from typing import NamedTuple
@@ -100,14 +101,19 @@ class Solution(NamedTuple):
     fit: Fit
     steps: Array       # (DYNAMIC,), of the derivatives
 
-    def values_at(self, passage: Passage) -> tuple[Array, Array]:
-        """Return slip, normalized slip, load and force (4,) at a passage, and derivatives."""
+    def values_at(self, time: float, wheels: Iterable[int]) -> tuple[Array, Array]:
+        """
+        Return the values of ``Measurements.at`` (wheels, 5) at ``time`` [s] for indices of wheels.
+
+        The second array (wheels, 5, DYNAMIC) are their derivatives by the unknowns.
+        """
         fit, change = self.fit, self.hypothesis.change
         runs = np.vstack([fit.x, fit.varied_x])
         values = self.measurements.at(
-            [passage], runs, np.full(len(runs), change),
-            np.concatenate([fit.motion.states, fit.varied.states]))[:, 0]
-        return values[0], ((values[2:] - values[1]) / self.steps[:, np.newaxis]).T
+            [Passage(time, wheel, 0.0, 0.0, np.eye(2), False) for wheel in wheels], runs,
+            np.full(len(runs), change), np.concatenate([fit.motion.states, fit.varied.states]))
+        slopes = (values[2:] - values[1]) / self.steps[:, np.newaxis, np.newaxis]
+        return values[0], slopes.transpose(1, 2, 0)
 
 
 class Whitening:

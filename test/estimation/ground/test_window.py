@@ -341,7 +341,7 @@ def test_readings_before_a_counter_reset_are_not_used(samples):
         state.stiffness.sigma / state.stiffness.value)
 
 
-def test_a_window_without_solution_is_counted_and_the_next_begins_anew(samples, monkeypatch):
+def test_a_window_without_solution_is_counted_and_the_next_starts_again(samples, monkeypatch):
     update, calls = GroundWindow.update, []
 
     def failing(window, *arguments):
