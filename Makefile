@@ -176,6 +176,7 @@ site: $(VENV)/ready-site
 
 clean:
 	rm -rf .venv .venv-* build install log *.egg-info .coverage* .hypothesis .mypy_cache \
-		.pytest_cache .ruff_cache site_output docs/examples
+		.pytest_cache .ruff_cache site_output docs/examples docs/changelog.rst \
+		docs/contributing.md
 	$(REMOVE_EXTENSIONS)
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
