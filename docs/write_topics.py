@@ -16,7 +16,7 @@
 Write the tables of ``docs/topics.md`` from the table of topics of the package.
 
 Run it after a change of ``smart_tire/messages``; a test checks that the document is current. The
-examples remain as they are; ``python docs/write_topics.py BAG`` replaces them by messages of BAG,
+examples remain as they are; ``python docs/write_topics.py BAG`` takes those of the topics in BAG,
 as ``ros2 topic echo --flow-style`` prints them, and requires a ROS distribution.
 """
 
@@ -43,8 +43,8 @@ GROUPS = {  # marker in the document -> topics of its table
     'reference': [name for name, topic in TOPICS.items() if topic.quality == 'truth']}
 HEADER = '| topic | type | publisher | rate | content |\n| --- | --- | --- | --- | --- |'
 EXAMPLE = re.compile(
-    r'^ros2 topic echo --once(?: --flow-style)? /(\S+)\n```\n\n```yaml\n(.*?)^```$',
-    re.MULTILINE | re.DOTALL)
+    r'^### /?(\S+)\n(?:(?!^### ).)*?^```yaml\n(.*?)^```$', re.MULTILINE | re.DOTALL)
+EMPTY = 'empty'  # meaning of a field that no message fills
 EXAMPLE_TIME_NS = 12_000_000_000  # ns after the start of the bag, on the first leg of the demo
 PREFERRED_NODE = 'slip_estimator'  # of which to show the diagnostics
 IN_BLOCK_STYLE = ('diagnostics',)  # nested lists are not readable on one line
@@ -90,8 +90,16 @@ def services() -> str:
 def field_table(fields: Iterable[Field], title: str) -> str:
     """Return the table of fields or quantities."""
     rows = [f'| {title} | unit | meaning |', '| --- | --- | --- |']
-    rows += [f'| `{field.name}` | {field.unit} | {cell(field.meaning)} |' for field in fields]
+    rows += [f'| `{field.name}` | {field.unit} | {cell(field.meaning)} |' for field in fields
+             if field.meaning != EMPTY]
     return '\n'.join(rows)
+
+
+def same_fields(topic: Described) -> str | None:
+    """Return the first topic of the document with the same fields, if it is another one."""
+    first = next(name for names in GROUPS.values() for name in names
+                 if described(name).content.fields == topic.content.fields)
+    return None if first == topic.name else first
 
 
 def details(examples: dict[str, str]) -> str:
@@ -101,19 +109,21 @@ def details(examples: dict[str, str]) -> str:
 
 
 def _section(topic: Described, examples: dict[str, str]) -> Iterator[str]:
+    summary, content = topic.content.summary, topic.content
     frame = f' `header.frame_id`: {topic.frame}.' if topic.frame else ''
     subscribers = f' Subscribers: {topic.subscribers}.' if topic.subscribers else ''
-    summary = topic.content.summary
+    empty = ', '.join(f'`{field.name}`' for field in content.fields if field.meaning == EMPTY)
     yield f'### {topic.name}'
-    yield f'{summary[0].upper()}{summary[1:]}.{frame}{subscribers}'
-    yield field_table(topic.content.fields, 'field')
-    if topic.content.quantities:
-        yield field_table(topic.content.quantities, 'quantity')
+    text = f'{summary[0].upper()}{summary[1:]}.{frame}{subscribers}'
+    if (other := same_fields(topic)) is not None:
+        yield f'{text} Fields as in [`{other}`](#{anchor(other)}).'
+        return
+    yield text + (f' Empty: {empty}.' if empty else '')
+    yield field_table(content.fields, 'field')
+    if content.quantities:
+        yield field_table(content.quantities, 'quantity')
     if (example := examples.get(topic.name.lstrip('/'))) is not None:
-        name = topic.name.lstrip('/')
-        style = '' if name in IN_BLOCK_STYLE else '--flow-style '
-        yield (f'```bash\nros2 topic echo --once {style}/{name}\n```\n\n'
-               f'```yaml\n{example}```')
+        yield f'```yaml\n{example}```'
 
 
 def written(text: str, examples: dict[str, str]) -> str:
@@ -159,7 +169,9 @@ def recorded_examples(path: Path) -> dict[str, str]:
 def main(words: list[str]) -> None:
     """Write the document, with examples from the bag named in ``words``, if any."""
     text = DOCUMENT.read_text(encoding='utf-8')
-    examples = recorded_examples(Path(words[0])) if words else read_examples(text)
+    examples = read_examples(text)
+    if words:
+        examples |= recorded_examples(Path(words[0]))
     DOCUMENT.write_text(written(text, examples), encoding='utf-8')
     print(f'{DOCUMENT.name}: {len(examples)} examples, none of '
           + (', '.join(name for name in TOPIC_NAMES if name.lstrip('/') not in examples) or '-'))
