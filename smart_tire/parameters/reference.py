@@ -34,17 +34,15 @@ INTRODUCTION = """\
 All ROS parameters with their defaults, from the parameter classes in `smart_tire/parameters/`;
 `make config` writes this document and the parameter files in `config/`.
 
-* Integers are accepted for floats. An unknown name or an invalid value ends a node with a message
-  that names the parameter and the expected value.
+* The type is that of the default; integers are accepted for floats. An unknown name or an invalid
+  value ends a node with a message that names the parameter and the expected value.
 * If several files or command line arguments set a parameter, the last one applies. This differs
   from rcl, where a block for a node takes precedence over `/**`.
-* An empty list is written `[]`.
 * `<name>` stands for each name in the list parameter `names` of the same group; the defaults given
   are those of the instances in the default list. Instances that are not listed are ignored.
 * Parameters are read-only while a node runs, except those marked *live*.
 """
-HEADER = ('| name | type | default | unit | range | meaning |\n'
-          '| --- | --- | --- | --- | --- | --- |')
+HEADER = '| name | default | range | meaning |\n| --- | --- | --- | --- |'
 
 
 def reference_text() -> str:
@@ -62,8 +60,7 @@ def _section(file: str, node: str) -> Iterator[str]:
     shared = specs(RobotParams) if node else {}
     yield f'## {node or "Robot"}'
     yield ''
-    yield f'`config/{file}`' + ('; in addition, the parameters of the robot.' if node
-                                else ', for all nodes, the simulator and the offline analysis.')
+    yield f'`config/{file}`' + ('' if node else ', for all nodes and the offline analysis.')
     yield ''
     yield HEADER
     for name, shown, spec in zip(described, placeholder_names(described), described.values()):
@@ -94,8 +91,14 @@ def _placeholder_name(name: str, instances: dict[str, str]) -> str:
 
 def _row(name: str, spec: Spec) -> str:
     meaning = spec.meaning + (' (*live*)' if spec.live else '')
-    return (f'| `{name}` | {spec.kind} | `{value_text(spec.default)}` | {spec.unit} | '
-            f'{range_cell(spec) or "-"} | {meaning} |')
+    return f'| `{name}` | {default_cell(spec)} | {range_cell(spec)} | {meaning} |'
+
+
+def default_cell(spec: Spec) -> str:
+    """Return the default of a parameter with its unit, and with its type if it is an empty list."""
+    parts = [f'`{value_text(spec.default)}`', spec.kind if spec.default == () else '',
+             '' if spec.unit == '-' else spec.unit]
+    return ' '.join(part for part in parts if part)
 
 
 def range_cell(spec: Spec) -> str:
