@@ -95,7 +95,7 @@ def _row(name: str, spec: Spec) -> str:
 
 
 def default_cell(spec: Spec) -> str:
-    """Return the default of a parameter with its unit, and with its type if it is an empty list."""
+    """Return the default of a parameter with its unit, and its type if it is an empty list."""
     parts = [f'`{value_text(spec.default)}`', spec.kind if spec.default == () else '',
              '' if spec.unit == '-' else spec.unit]
     return ' '.join(part for part in parts if part)
