@@ -36,7 +36,8 @@ author = 'The smart_tire developers'
 copyright = f'2026 {author}'  # noqa: A001, the name is that of Sphinx
 version = release = __version__
 
-extensions = ['myst_nb', 'sphinx.ext.autodoc', 'mathml_renderer', 'command_line_page']
+extensions = ['myst_nb', 'sphinx.ext.autodoc', 'mathml_renderer', 'command_line_page',
+              'parameters_page', 'topics_page']
 source_suffix = {'.md': 'myst-nb', '.ipynb': 'myst-nb', '.rst': 'restructuredtext'}
 
 myst_enable_extensions = ['dollarmath']

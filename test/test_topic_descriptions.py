@@ -33,12 +33,13 @@ from smart_tire.messages.node_table import NODE_TABLE, publishers_of, subscriber
 from smart_tire.messages.states import STATE_TOPICS
 from smart_tire.parameters import NODE_PARAMS
 from smart_tire.samples import FRICTION_QUANTITIES, WHEELS
-from write_topics import described, DOCUMENT, GROUPS, read_examples, same_fields, written
+from topics_page import (
+    described, DOCUMENT, GROUPS, MARKER, read_examples, same_fields, written)
 import yaml
 
 ROOT = Path(__file__).resolve().parents[1]
 TEXT = DOCUMENT.read_text(encoding='utf-8')
-EXAMPLES = read_examples(TEXT)
+EXAMPLES = read_examples()
 TRANSFORMS = {'/tf', '/tf_static'}  # only where tf2_msgs is installed
 WITHOUT_EXAMPLE = {*TRANSFORMS, *(name for name in TOPIC_NAMES if same_fields(described(name)))}
 
@@ -147,7 +148,8 @@ def test_every_number_has_a_unit():
 
 
 def test_the_document_is_current():
-    assert written(TEXT, EXAMPLES) == TEXT, 'run docs/write_topics.py'
+    assert written(TEXT) == TEXT, 'run docs/topics_page.py'
+    assert MARKER in TEXT
     assert sorted(name for names in GROUPS.values() for name in names) == sorted(TOPIC_NAMES)
 
 
