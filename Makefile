@@ -49,7 +49,7 @@ help:
 	@echo 'make bench-friction  measure friction; results in bench_output/friction/'
 	@echo 'make bench-control   measure wheel and path control; results in bench_output/control/'
 	@echo 'make config          regenerate config/*.yaml and urdf/'
-	@echo 'make docs            regenerate docs/architecture.svg and the tables in docs/'
+	@echo 'make docs            regenerate docs/architecture.svg and docs/topics.md'
 	@echo 'make screenshots     take the pictures of the viewer in docs/images/'
 	@echo 'make site            build the documentation site in site_output/html/'
 	@echo 'make clean           remove installed and built files'
@@ -126,7 +126,7 @@ check: test current site
 	$(BIN)/python -m benchmarks.control --quick --force --out bench_output/check/control
 
 # Regenerate files derived from the source; fail if one of them was outdated.
-GENERATED := config/*.yaml urdf/smart_tire.urdf docs/architecture.md docs/topics.md
+GENERATED := config/*.yaml urdf/smart_tire.urdf docs/topics.md
 current: $(READY)
 	@files="$(GENERATED) $$($(NEWEST) && echo docs/architecture.svg)"; \
 	before=$$(cat $$files | cksum); \
