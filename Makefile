@@ -48,8 +48,8 @@ help:
 	@echo 'make bench-slip      measure slip and localization; results in bench_output/slip/'
 	@echo 'make bench-friction  measure friction; results in bench_output/friction/'
 	@echo 'make bench-control   measure wheel and path control; results in bench_output/control/'
-	@echo 'make config          regenerate config/*.yaml, urdf/ and docs/parameters.md'
-	@echo 'make docs            regenerate docs/architecture.svg and the tables in docs/'
+	@echo 'make config          regenerate config/*.yaml and urdf/'
+	@echo 'make docs            regenerate docs/architecture.svg and docs/topics.md'
 	@echo 'make screenshots     take the pictures of the viewer in docs/images/'
 	@echo 'make site            build the documentation site in site_output/html/'
 	@echo 'make clean           remove installed and built files'
@@ -126,7 +126,7 @@ check: test current site
 	$(BIN)/python -m benchmarks.control --quick --force --out bench_output/check/control
 
 # Regenerate files derived from the source; fail if one of them was outdated.
-GENERATED := config/*.yaml urdf/smart_tire.urdf docs/architecture.md docs/parameters.md docs/topics.md
+GENERATED := config/*.yaml urdf/smart_tire.urdf docs/topics.md
 current: $(READY)
 	@files="$(GENERATED) $$($(NEWEST) && echo docs/architecture.svg)"; \
 	before=$$(cat $$files | cksum); \
@@ -149,13 +149,12 @@ demo-loaded: $(READY)
 
 config: $(READY)
 	$(BIN)/python -m smart_tire.parameters.yaml_writer config
-	$(BIN)/python -m smart_tire.parameters.reference docs/parameters.md
 	$(BIN)/python -m smart_tire.nodes.qos config/rosbag2_qos.yaml
 	$(BIN)/python -m smart_tire.parameters.urdf_writer urdf/smart_tire.urdf
 
 docs: $(READY)
 	$(BIN)/python docs/draw_architecture.py
-	$(BIN)/python docs/write_topics.py
+	$(BIN)/python docs/topics_page.py
 
 # Pictures of the viewer from the bag of a demo; requires playwright, pillow and Chromium.
 screenshots: $(READY)
@@ -176,6 +175,7 @@ site: $(VENV)/ready-site
 
 clean:
 	rm -rf .venv .venv-* build install log *.egg-info .coverage* .hypothesis .mypy_cache \
-		.pytest_cache .ruff_cache site_output docs/examples
+		.pytest_cache .ruff_cache site_output docs/examples docs/changelog.rst \
+		docs/contributing.md
 	$(REMOVE_EXTENSIONS)
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -36,7 +36,8 @@ author = 'The smart_tire developers'
 copyright = f'2026 {author}'  # noqa: A001, the name is that of Sphinx
 version = release = __version__
 
-extensions = ['myst_nb', 'sphinx.ext.autodoc', 'mathml_renderer', 'command_line_page']
+extensions = ['myst_nb', 'sphinx.ext.autodoc', 'mathml_renderer', 'command_line_page',
+              'parameters_page', 'topics_page']
 source_suffix = {'.md': 'myst-nb', '.ipynb': 'myst-nb', '.rst': 'restructuredtext'}
 
 myst_enable_extensions = ['dollarmath']
@@ -60,15 +61,20 @@ html_copy_source = False
 html_show_sphinx = False
 
 
-def link_notebooks(app: Any, docname: str, source: list[str]) -> None:
-    """Let links to the folder of the examples lead to the copies of its notebooks."""
-    source[0] = source[0].replace('../../examples/', '../examples/')
+def link_copies(app: Any, docname: str, source: list[str]) -> None:
+    """Let links to pages outside of this folder lead to their copies."""
+    for outside, copy in (('../../examples/', '../examples/'),
+                          ('../CONTRIBUTING.md', 'contributing.md')):
+        source[0] = source[0].replace(outside, copy)
 
 
 def setup(app: Any) -> None:
-    """Copy the notebooks, because Sphinx reads pages below its folder only."""
+    """Copy notebooks and pages of the repository: Sphinx reads pages below its folder only."""
     copies = DOCS / 'examples'
     copies.mkdir(exist_ok=True)
     for path in (DOCS.parent / 'examples').glob('*.ipynb'):
         shutil.copy(path, copies)
-    app.connect('source-read', link_notebooks)
+    for name in ('CONTRIBUTING.md', 'CHANGELOG.rst'):
+        text = (DOCS.parent / name).read_text(encoding='utf-8').replace('](docs/', '](')
+        (DOCS / name.lower()).write_text(text, encoding='utf-8')
+    app.connect('source-read', link_copies)

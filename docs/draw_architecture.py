@@ -17,7 +17,7 @@ Draw ``docs/architecture.svg``: the flow of data between nodes, and the imports 
 
 Imports and topics are read from the source with ``ast``; nothing of the package is imported. The
 level of each room and the inputs and outputs of each node come from the tables of
-``docs/architecture.md`` and are checked against the source; the table of imports there is written.
+``docs/architecture.md`` and are checked against the source.
 Run ``python docs/draw_architecture.py [FILE]``; the suffix of FILE selects the format.
 """
 
@@ -311,26 +311,12 @@ def draw_rooms(ax: Axes, levels: Mapping[str, int], imports: Edges) -> None:
     ax.set(xlim=(-0.8, COLUMNS - 0.4), ylim=(-0.45, max(levels.values()) + 0.45))
 
 
-def with_imports(text: str, levels: Mapping[str, int], imports: Edges) -> str:
-    """Return ``text`` with the table of imports as the source has them, highest level first."""
-    table(text, 'imports')  # raises ValueError without the markers
-    rows = ['| level | room | imports |', '| --- | --- | --- |']
-    order = sorted(imports, key=lambda room: (-levels[room], room))
-    for room in order:
-        others = sorted(imports[room], key=lambda other: (-levels[other], other))
-        rows.append(f'| {levels[room]} | {room} | {" ".join(others) or "-"} |')
-    begin, end = '<!-- begin imports -->', '<!-- end imports -->'
-    head, tail = text.partition(begin)[0], text.partition(end)[2]
-    return '\n'.join((head + begin, *rows, end + tail))
-
-
 def draw(output: Path) -> None:
-    """Write the figure to ``output``, and the table of imports to the document."""
+    """Write the figure to ``output``."""
     text = DOCUMENT.read_text(encoding='utf-8')
     levels, rows, imports = read_levels(text), read_nodes(text), read_imports()
     check_rooms(levels, imports)
     check_nodes(rows)
-    DOCUMENT.write_text(with_imports(text, levels, imports), encoding='utf-8')
     matplotlib.use('agg')
     with plt.rc_context({'svg.fonttype': 'none', 'svg.hashsalt': 'smart_tire',
                          'font.family': 'sans-serif', 'font.sans-serif': FONTS}):

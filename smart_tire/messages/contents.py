@@ -120,8 +120,8 @@ TIRE_FRICTION = Content('friction coefficient and waveform of one patch crossing
     Field('position', '', 'values; NaN for a quantity that is not observable in this crossing'),
     Field('velocity', '', 'empty'),
     Field('effort', '', 'standard deviations; infinite where the value is NaN')), (
-    Field('friction_coefficient', '-', 'friction coefficient, this revolution fused with the '
-          'preceding ones'),
+    Field('friction_coefficient', '-', 'friction coefficient, from all measurements of the window '
+          'and before'),
     Field('friction_coefficient_single', '-', 'friction coefficient from this revolution alone'),
     Field('adhesion_ratio', '-', 'adhesion length over contact length, L_a / L'),
     Field('adhesion_length', 'm', 'adhesion length L_a'),
@@ -129,12 +129,12 @@ TIRE_FRICTION = Content('friction coefficient and waveform of one patch crossing
           'braking'),
     Field('peak_interval', 's', 'Delta t_a of film 1, from the stretch peak to the release; NaN '
           'when braking'),
-    Field('slip', '-', 'longitudinal slip ratio used for this crossing'),
+    Field('slip', '-', 'longitudinal slip ratio of the wheel, from the window'),
     Field('film_slip', '-', 'longitudinal slip ratio from the films and their calibrated gains '
-          'alone; does not use `wheel_slip`'),
-    Field('total_slip', '-', 'magnitude of the combined slip used'),
-    Field('normal_load', 'N', 'normal load F_z used'),
-    Field('stiffness', 'N', 'C_x of the present ground used'),
+          'alone'),
+    Field('total_slip', '-', 'magnitude of the slip vector, from the window'),
+    Field('normal_load', 'N', 'normal load F_z'),
+    Field('stiffness', 'N', 'C_x of the present ground under this wheel'),
     Field('critical_slip', '-', '3 mu F_z / C_x with these values'),
     Field('traction_force', 'N', 'longitudinal force on the robot at this wheel from the brush '
           'model, positive forward')),

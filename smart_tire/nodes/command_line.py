@@ -28,7 +28,7 @@ import smart_tire
 from smart_tire.messages.describe import columns, describe, paragraph, plain, topic_lines
 from smart_tire.messages.node_table import DIAGNOSTICS, NODE_TABLE, NodeEntry
 from smart_tire.parameters import NODE_PARAMS, RobotParams, Spec, specs
-from smart_tire.parameters.reference import placeholder_names, range_cell
+from smart_tire.parameters.spec import NAMES
 from smart_tire.parameters.yaml_writer import FILES, value_text
 
 ROS_ARGS, END_OF_ROS_ARGS = '--ros-args', '--'  # on a command line
@@ -143,8 +143,39 @@ def _parameter_lines(group: dict[str, Spec]) -> Iterator[str]:
             yield ''
         last = prefix
         unit = '' if spec.unit == '-' else f' {spec.unit}'
-        limits = range_cell(spec).replace('`', '')
+        allowed = limits(spec)
         yield f'{INDENT}{name} = {value_text(spec.default)}{unit}'
-        yield from paragraph(spec.meaning + (f' ({limits})' if limits else '')
+        yield from paragraph(spec.meaning + (f' ({allowed})' if allowed else '')
                              + (' (can be changed while the node runs)' if spec.live else ''),
                              INDENT * 3)
+
+
+def placeholder_names(described: dict[str, Spec]) -> list[str]:
+    """Return the names of parameters, with ``<name>`` for the name of an instance."""
+    instances = _instance_prefixes(described)
+    return [_placeholder_name(name, instances) for name in described]
+
+
+def _instance_prefixes(described: dict[str, Spec]) -> dict[str, str]:
+    """Return the prefix of each instance of a ``named`` field -> prefix with a placeholder."""
+    groups = {name.removesuffix(NAMES): spec.default for name, spec in described.items()
+              if spec.instances}
+    return {f'{group}{instance}.': f'{group}<name>.'
+            for group, names in groups.items() for instance in names}
+
+
+def _placeholder_name(name: str, instances: dict[str, str]) -> str:
+    for prefix, placeholder in instances.items():
+        if name.startswith(prefix):
+            return placeholder + name.removeprefix(prefix)
+    return name
+
+
+def limits(spec: Spec) -> str:
+    """Return the allowed values of a parameter in short, '' if there is no limit."""
+    if spec.choices:
+        return ', '.join(spec.choices)
+    parts = [] if spec.length is None else [f'{spec.length} values']
+    if spec.is_number:
+        parts.append(f'{spec.low:g} to {spec.high:g}')
+    return ', '.join(parts)

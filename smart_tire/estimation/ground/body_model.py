@@ -53,8 +53,8 @@ COMPILED: bool = cython.compiled
 # parameters of a run; those of the ground before and after its change at CHANGE_STEP
 (OLD_STIFFNESS, OLD_FRICTION, OLD_RESISTANCE, STIFFNESS, FRICTION, RESISTANCE, CHANGE_STEP,
  LATERAL_SHARE, LATERAL_RATIO, COM_X, COM_Y, RADIUS, SLOPE_X, SLOPE_Y, SIDE_STIFFNESS,
- SIDE_FRICTION, SIDE_RESISTANCE, START_U, START_V, START_W) = range(20)
-PARAMETERS = 20
+ SIDE_FRICTION, SIDE_RESISTANCE, FALL, BEND_X, BEND_Y, START_U, START_V, START_W) = range(23)
+PARAMETERS = 23
 # constants of the robot: step [s], mass [kg], yaw inertia [kg m2], half wheelbase and track [m],
 # height of the center of mass [m], least speeds [m/s] of slip and of resistance, gravity [m/s2]
 TIME_STEP, MASS, INERTIA, HALF_BASE, HALF_TRACK, HEIGHT, SLIP_FLOOR, DRAG_FLOOR, GRAVITY = range(9)
@@ -99,13 +99,17 @@ def _load(level: cython.double, by_x: cython.double, by_y: cython.double, a_x: c
 
 @cython.cfunc
 @cython.exceptval(check=False)
-def _secant(total: cython.double, stiffness: cython.double, limit: cython.double
-            ) -> cython.double:
-    """Return |F| / |s| [N] of the brush model; ``limit`` is mu F_z [N]."""
+def _secant(total: cython.double, stiffness: cython.double, limit: cython.double,
+            fall: cython.double) -> cython.double:
+    """
+    Return |F| / |s| [N] of the brush model; ``limit`` is mu F_z [N].
+
+    Beyond full sliding, t > 1, the friction falls to mu (1 - fall (1 - 1 / t)).
+    """
     full: cython.double = 3.0 * limit
     force: cython.double = stiffness * total
     if force >= full:
-        return limit / max(total, 1e-9)
+        return limit * (1.0 - fall * (1.0 - full / force)) / max(total, 1e-9)
     t: cython.double = force / full
     return stiffness * (1.0 - t + t * t / 3.0)
 
@@ -120,12 +124,13 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
     inertia: cython.double = robot[INERTIA]
     min_rolling: cython.double = robot[SLIP_FLOOR]
     min_speed: cython.double = robot[DRAG_FLOOR]
-    gravity_x: cython.double = robot[GRAVITY] * p[SLOPE_X]
-    gravity_y: cython.double = robot[GRAVITY] * p[SLOPE_Y]
+    gravity: cython.double = robot[GRAVITY]
+    steps: cython.double = rolling.shape[0]
     change: cython.double = p[CHANGE_STEP]
     share: cython.double = p[LATERAL_SHARE]
     ratio: cython.double = p[LATERAL_RATIO]
     radius: cython.double = p[RADIUS]
+    fall: cython.double = p[FALL]
     # of the wheels: position [m], load at rest [N] and by acceleration [kg], ground before and
     # (4-7) after its change, r w [m/s] and |F| / (|s| r |w|) [N s/m] in a step
     x: cython.double[4] = [0.0] * 4
@@ -173,6 +178,9 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
         new_u: cython.double = 2.0 * u - last_u
         new_v: cython.double = 2.0 * v - last_v
         new_w: cython.double = 2.0 * w - last_w
+        part: cython.double = (n + 0.5) / steps - 0.5  # of the window, from its middle
+        gravity_x: cython.double = gravity * (p[SLOPE_X] + part * p[BEND_X])
+        gravity_y: cython.double = gravity * (p[SLOPE_Y] + part * p[BEND_Y])
         slope_x: cython.double = heading[n, 0] * gravity_x + heading[n, 1] * gravity_y
         slope_y: cython.double = heading[n, 0] * gravity_y - heading[n, 1] * gravity_x
         # symmetric equations of the new velocity: [uu 0 uw; 0 vv vw; uw vw ww] y = (bu, bv, bw)
@@ -195,7 +203,7 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
             s_x: cython.double = (roll[i] - v_x) * scale
             s_y: cython.double = ratio * v_y * scale
             grip[i] = scale * _secant(sqrt(s_x * s_x + s_y * s_y), stiffness[ground + i],
-                                      friction[ground + i] * load)
+                                      friction[ground + i] * load, fall)
             drag_y: cython.double = share * drag / max(sqrt(v_x * v_x + v_y * v_y), min_speed)
             along: cython.double = grip[i] + drag_y + (1.0 - share) * drag / max(
                 abs(v_x), min_speed)

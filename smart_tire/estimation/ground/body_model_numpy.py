@@ -45,8 +45,9 @@ def simulate(rolling: Array, offsets: Array, heading: Array, runs: Array, robot:
         old = (2.0 * now - 0.5 * last if n else now) / step
         u, v, w = 2.0 * now - last
         cos, sin = heading[n]
-        slope = gravity * np.stack([cos * p[model.SLOPE_X] + sin * p[model.SLOPE_Y],
-                                    cos * p[model.SLOPE_Y] - sin * p[model.SLOPE_X]])
+        rise = gravity * (p[model.SLOPE_X:model.SLOPE_Y + 1]
+                          + ((n + 0.5) / len(rolling) - 0.5) * p[model.BEND_X:model.BEND_Y + 1])
+        slope = np.stack([cos * rise[0] + sin * rise[1], cos * rise[1] - sin * rise[0]])
         before = n < p[model.CHANGE_STEP]
         stiffness, friction, resistance = (
             np.where(before, *both) for both in zip(*grounds))
@@ -59,7 +60,9 @@ def simulate(rolling: Array, offsets: Array, heading: Array, runs: Array, robot:
         limit = friction * load
         sliding = stiffness * total >= 3.0 * limit
         t = stiffness * total / np.where(sliding, 1.0, 3.0 * limit)
-        grip = scale * np.where(sliding, limit / np.maximum(total, 1e-9),
+        fallen = 1.0 - p[model.FALL] * (1.0 - 3.0 * limit / np.where(
+            sliding, stiffness * total, 3.0 * limit + 1e-9))
+        grip = scale * np.where(sliding, limit * fallen / np.maximum(total, 1e-9),
                                 stiffness * (1.0 - t + t * t / 3.0))
         drag_y = share * drag / np.maximum(np.hypot(v_x, v_y), drag_floor)
         along = grip + drag_y + (1.0 - share) * drag / np.maximum(np.abs(v_x), drag_floor)

@@ -27,7 +27,7 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.estimation.ground.measurements import MODEL_ERROR, Passage, WindowData
+from smart_tire.estimation.ground.measurements import LOSS, MODEL_ERROR, Passage, WindowData
 from smart_tire.estimation.ground.unknowns import DYNAMIC, SIZE, Unknown
 from smart_tire.estimation.ground.window import GroundWindow, LENGTH, SETTLING, Solution
 from smart_tire.estimation.plausibility import is_speed_contradicted
@@ -179,7 +179,7 @@ class GroundEstimator:
         return self.solution
 
     def state(self, solution: Solution) -> GroundState:
-        """Return the state of the ground at the end of a window."""
+        """Return the state of the ground at the end of a window, friction at the slip there."""
         assert self._origin_ns is not None
         x, covariance = solution.fit.x, solution.fit.covariance
         sigma = np.sqrt(np.diag(covariance))
@@ -188,14 +188,19 @@ class GroundEstimator:
             value = math.exp(x[row])
             return Uncertain(value, value * float(sigma[row]))
 
-        friction = scaled(Unknown.FRICTION)
+        values, slopes = solution.values_at(solution.end, range(len(WHEELS)))
+        loss, row = float(values[:, LOSS].mean()), np.zeros(SIZE)
+        row[:DYNAMIC] = slopes[:, LOSS].mean(axis=0)
+        row[Unknown.FRICTION] += 1.0
+        friction = math.exp(x[Unknown.FRICTION] + loss)
+        friction_sigma = math.hypot(math.sqrt(row @ covariance @ row), CURVE_ERROR)
         share = 1.0 / (1.0 + math.exp(-x[Unknown.LATERAL_SHARE]))
-        known = sigma[Unknown.FRICTION] < MAX_LN_SIGMA
-        both = float(covariance[Unknown.STIFFNESS, Unknown.FRICTION])
+        known = friction_sigma < MAX_LN_SIGMA
+        both = float(covariance[Unknown.STIFFNESS] @ row)
         return GroundState(
             self.end_ns, stiffness=scaled(Unknown.STIFFNESS),
-            friction_coefficient=Uncertain(friction.value, math.hypot(
-                friction.sigma, CURVE_ERROR * friction.value)) if known else UNKNOWN,
+            friction_coefficient=Uncertain(
+                friction, friction * friction_sigma) if known else UNKNOWN,
             rolling_resistance=scaled(Unknown.RESISTANCE),
             lateral_share=Uncertain(
                 share, share * (1.0 - share) * float(sigma[Unknown.LATERAL_SHARE])),
@@ -203,24 +208,25 @@ class GroundEstimator:
             center_of_mass_x=Uncertain(float(x[Unknown.COM_X]), float(sigma[Unknown.COM_X])),
             center_of_mass_y=Uncertain(float(x[Unknown.COM_Y]), float(sigma[Unknown.COM_Y])),
             stiffness_friction_correlation=both / float(
-                sigma[Unknown.STIFFNESS] * sigma[Unknown.FRICTION]))
+                sigma[Unknown.STIFFNESS] * friction_sigma))
 
     def wheel_state(self, solution: Solution, stamp_ns: int, wheel: str) -> WheelState:
         """Return the state of ``wheel`` around an instant within the window."""
-        passage = Passage(self._seconds(stamp_ns), WHEELS.index(wheel), 0.0, 0.0, np.eye(2), False)
-        fit, index = solution.fit, passage.wheel
-        values, slopes = solution.values_at(passage)
+        time, index, fit = self._seconds(stamp_ns), WHEELS.index(wheel), solution.fit
+        (values,), (slopes,) = solution.values_at(time, [index])
         covariance = fit.covariance
         spread = np.sqrt(np.einsum('ij,jk,ik->i', slopes, covariance[:DYNAMIC, :DYNAMIC], slopes))
-        slip, ratio, load, force = map(float, values)
+        slip, ratio, load, force, loss = map(float, values)
         x, row = fit.x, np.zeros((3, SIZE))
-        old = passage.time < solution.hypothesis.change
+        old = time < solution.hypothesis.change
         stiffness, friction = ((Unknown.OLD_STIFFNESS, Unknown.OLD_FRICTION) if old else
                                (Unknown.STIFFNESS, Unknown.FRICTION))
         row[0, [stiffness, Unknown.SIDE_STIFFNESS]] = 1.0, SIDE_SIGNS[index]
         row[1, [friction, Unknown.SIDE_FRICTION]] = 1.0, SIDE_SIGNS[index]
         row[2] = row[1] - row[0]
-        logs, errors = row @ x, np.sqrt(np.einsum('ij,jk,ik->i', row, covariance, row))
+        logs = row @ x + [0.0, loss, loss]
+        row[1:, :DYNAMIC] += slopes[LOSS]
+        errors = np.sqrt(np.einsum('ij,jk,ik->i', row, covariance, row))
         load_sigma = math.hypot(float(spread[2]), self._load_sigma * load)
         mu_sigma = math.hypot(float(errors[1]), CURVE_ERROR)
         mu, c_x = math.exp(logs[1]), math.exp(logs[0])

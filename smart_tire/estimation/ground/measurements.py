@@ -21,11 +21,13 @@ of the four motor torques; slip and normalized slip of each passage of a wheel's
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from smart_tire.arrays import Array, Instants
 from smart_tire.estimation.ground import body_model as model, body_model_numpy
@@ -39,9 +41,11 @@ from smart_tire.parameters.robot import RobotParams
 
 TIME_STEP = 0.016        # s, of the model
 BLOCK = 8                # steps of a block mean
+DISTURBANCE_TIME = 1.0   # s, of a push, a lifted wheel
 BLOCK_TIME = TIME_STEP * BLOCK
 YAW_RATE, FORCE_X, FORCE_Y, TORQUE = range(4)  # streams of block means; four of torques
 STREAMS = 7
+LOSS = 4                 # column of ``Measurements.at``
 UNMEASURED = 1e6         # standard deviation of a block without measurement
 SLIP_FLOOR = 0.05        # m/s, least denominator of a slip
 DRAG_FLOOR = 0.02        # m/s, below which rolling resistance is in proportion to the speed
@@ -56,6 +60,7 @@ FILM_RATIO_ERROR, LEAST_RATIO = 0.04, 0.1  # relative error of a normalized slip
 MAX_RATIO = 1.5          # normalized slip: beyond, a waveform does not change
 PASSAGE_STEPS = np.arange(-3, 3)  # around a passage, over which its motion is averaged: 0.1 s
 MIN_LOAD = 0.1           # N, of a lifted wheel
+LEAST_FRICTION = 0.2     # share of the friction that is left at the largest slip, at least
 SLIDING_WEIGHT = 10.0    # of a passage in full sliding: sigma over its slip along slip / t
 
 
@@ -84,7 +89,8 @@ class Motion:
     """Simulated motion of all runs, and the speeds at the passages."""
 
     states: Array   # (runs, n, OUTPUTS)
-    passages: Array  # (runs, passages, 4): slip, normalized slip, load [N], traction force [N]
+    passages: Array  # (runs, passages, 5): slip, normalized slip, load [N], traction force [N],
+    # ln of the friction at this slip over that of the tire
 
 
 class Measurements:
@@ -170,6 +176,7 @@ class Measurements:
         runs[:, model.SLOPE_X:model.SLOPE_Y + 1] = x[:, Unknown.SLOPE_X:Unknown.SLOPE_Y + 1]
         runs[:, model.SIDE_STIFFNESS:model.SIDE_RESISTANCE + 1] = np.exp(
             x[:, Unknown.SIDE_STIFFNESS:Unknown.SIDE_RESISTANCE + 1])
+        runs[:, model.FALL:model.BEND_Y + 1] = x[:, Unknown.FALL:Unknown.BEND_Y + 1]
         runs[:, model.START_U:] = start + x[:, START]
         offsets = x[:, Unknown.DELAY, np.newaxis, np.newaxis] * self._delayed
         directions = np.column_stack([np.cos(heading), np.sin(heading)])
@@ -218,11 +225,12 @@ class Measurements:
         found[:, :, 0] *= np.exp(x[:, GAINS])[:, [one.wheel for one in self.passages]]
         return found.reshape(len(x), -1)
 
-    def noise(self, predicted: Array, biases: Array) -> Array:
+    def noise(self, predicted: Array, biases: Array, disturbances: Sequence[float] = ()) -> Array:
         """
         Return the covariances (STREAMS, blocks, blocks) of the block means.
 
-        ``predicted`` (STREAMS, blocks), ``biases`` (3,) those of the IMU.
+        ``predicted`` (STREAMS, blocks), ``biases`` (3,) those of the IMU; begins of
+        ``disturbances`` [s].
         """
         robot, count = self._robot, len(self.centers)
         imu = np.maximum(self.imu_count, 1)
@@ -247,7 +255,7 @@ class Measurements:
             + (self._torque_by_speed * np.sqrt(np.diag(difference))) ** 2)
         white[:TORQUE, self.imu_count == 0] = UNMEASURED
         white[TORQUE:, self.torque_count == 0] = UNMEASURED
-        white[:, ~self.used] = UNMEASURED
+        white[:, ~self.used | disturbed(self.centers, disturbances)] = UNMEASURED
         lasting = MODEL_ERROR * size
         found = (np.exp(-np.abs(self.centers[:, np.newaxis] - self.centers) / MODEL_TIME)
                  * lasting[:, :, np.newaxis] * lasting[:, np.newaxis])
@@ -257,7 +265,7 @@ class Measurements:
         found[:, range(count), range(count)] += white ** 2
         return found
 
-    def passage_noise(self, predicted: Array) -> Array:
+    def passage_noise(self, predicted: Array, disturbances: Sequence[float] = ()) -> Array:
         """Return the covariance of the passages; ``predicted`` (2 * passages,)."""
         times = np.array([one.time for one in self.passages])
         wheels = np.array([one.wheel for one in self.passages])
@@ -272,6 +280,7 @@ class Measurements:
             measured = np.array([one.slip, one.ratio])
             found[2 * i:2 * i + 2, 2 * i:2 * i + 2] += one.covariance + (
                 one.sliding * SLIDING_WEIGHT ** 2 * np.outer(measured, measured))
+        found[np.diag(np.repeat(disturbed(times, disturbances), 2))] += UNMEASURED ** 2
         return found
 
     def _loads(self, x: Array, a_x: Array, a_y: Array) -> Array:
@@ -284,12 +293,14 @@ class Measurements:
 
     def at(self, passages: list[Passage], x: Array, change: Array, states: Array) -> Array:
         """
-        Return slip, normalized slip, load [N] and traction force [N] (runs, passages, 4).
+        Return slip, normalized slip, load [N], traction force [N], ln loss (runs, passages, 5).
+
+        The last one is the logarithm of the friction at this slip over the largest one.
 
         ``x`` (runs, SIZE), ``change`` (runs,) [s] and ``states`` as in ``simulate``.
         """
         if not passages:
-            return np.empty((len(x), 0, 4))
+            return np.empty((len(x), 0, 5))
         times, wheel = np.array([(one.time, one.wheel) for one in passages]).T
         wheel = wheel.astype(int)
         near = np.clip(np.searchsorted(self.times, times)[:, np.newaxis] + PASSAGE_STEPS,
@@ -316,10 +327,20 @@ class Measurements:
         ln_ratio += side[:, 0] * (x[:, Unknown.SIDE_FRICTION] - x[:, Unknown.SIDE_STIFFNESS]
                                   )[:, np.newaxis]
         ratio = np.hypot(slip, lateral) / (3.0 * load * np.exp(ln_ratio)[:, :, np.newaxis])
+        fallen = 1.0 - each(Unknown.FALL) * (1.0 - 1.0 / np.maximum(ratio, 1.0))
+        fallen = np.maximum(fallen, LEAST_FRICTION)
+        ratio /= fallen
         limit = np.where([one.sliding for one in passages], np.inf, MAX_RATIO)
         force = states[:, near, model.FORCE + wheel[:, np.newaxis]]
-        return np.stack([slip, np.minimum(ratio, limit[:, np.newaxis]), load, force],
-                        axis=-1).mean(axis=2)
+        return np.stack([slip, np.minimum(ratio, limit[:, np.newaxis]), load, force,
+                         np.log(fallen)], axis=-1).mean(axis=2)
+
+
+def disturbed(times: Array, disturbances: Sequence[float]) -> NDArray[np.bool_]:
+    """Return whether each of ``times`` (n,) [s] lies in a disturbance that began at one."""
+    age = times[:, np.newaxis] - np.array(disturbances)
+    found: NDArray[np.bool_] = ((age >= 0.0) & (age <= DISTURBANCE_TIME)).any(axis=1)
+    return found
 
 
 def _means(values: Array) -> Array:

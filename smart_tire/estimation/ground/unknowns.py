@@ -47,16 +47,19 @@ class Unknown(IntEnum):
     SIDE_FRICTION = 14
     SIDE_RESISTANCE = 15
     DELAY = 16            # s, of the wheels' stamps, and of the forces by the relaxation length
-    START_U = 17          # m/s, error of the velocity at the start of the window
-    START_V = 18
-    START_W = 19          # rad/s
-    GYRO_BIAS = 20        # rad/s
-    ACCEL_BIAS_X = 21     # m/s2, including the tilt of the mounting
-    ACCEL_BIAS_Y = 22
-    TORQUE_SCALE = 23     # ln of the true over the nominal torque constant, of all motors
-    MOTOR_SCALE = 24      # four rows: the same of each motor
-    TORQUE_OFFSET = 28    # four rows: N m, of the measured torque, with the friction of the motor
-    FILM_GAIN = 32        # four rows, by wheel: ln of the true over the nominal stretch gain
+    FALL = 17             # -, share of the friction that is lost at the largest slip
+    BEND_X = 18           # rad, change of the slope over the window
+    BEND_Y = 19
+    START_U = 20          # m/s, error of the velocity at the start of the window
+    START_V = 21
+    START_W = 22          # rad/s
+    GYRO_BIAS = 23        # rad/s
+    ACCEL_BIAS_X = 24     # m/s2, including the tilt of the mounting
+    ACCEL_BIAS_Y = 25
+    TORQUE_SCALE = 26     # ln of the true over the nominal torque constant, of all motors
+    MOTOR_SCALE = 27      # four rows: the same of each motor
+    TORQUE_OFFSET = 31    # four rows: N m, of the measured torque, with the friction of the motor
+    FILM_GAIN = 35        # four rows, by wheel: ln of the true over the nominal stretch gain
 
 
 SIZE = Unknown.FILM_GAIN + 4
@@ -65,6 +68,7 @@ GROUND = slice(Unknown.STIFFNESS, Unknown.RESISTANCE + 1)
 OLD_GROUND = slice(Unknown.OLD_STIFFNESS, Unknown.OLD_RESISTANCE + 1)
 SIDES = slice(Unknown.SIDE_STIFFNESS, Unknown.SIDE_RESISTANCE + 1)
 START = slice(Unknown.START_U, Unknown.START_W + 1)
+OWN = slice(Unknown.BEND_X, Unknown.START_W + 1)  # of each window: not known from the one before
 MOTORS = slice(Unknown.MOTOR_SCALE, Unknown.MOTOR_SCALE + 4)
 OFFSETS = slice(Unknown.TORQUE_OFFSET, Unknown.TORQUE_OFFSET + 4)
 GAINS = slice(Unknown.FILM_GAIN, Unknown.FILM_GAIN + 4)
@@ -88,12 +92,15 @@ _COMMON = {
     Unknown.RESISTANCE:      Row(math.log(0.025), 1.0, 0.0,   0.05,   1e-2),
     Unknown.LATERAL_SHARE:   Row(0.0,          1.5,   0.0,    0.05,   1e-2),
     Unknown.LATERAL_RATIO:   Row(-0.1,         0.15,  0.0015, 0.0,    1e-3),
-    Unknown.SLOPE_X:         Row(0.0,          0.01,  0.0,    0.005,  1e-4),
-    Unknown.SLOPE_Y:         Row(0.0,          0.01,  0.0,    0.005,  1e-4),
+    Unknown.SLOPE_X:         Row(0.0,          0.02,  0.0,    0.01,   1e-4),
+    Unknown.SLOPE_Y:         Row(0.0,          0.02,  0.0,    0.01,   1e-4),
     Unknown.SIDE_STIFFNESS:  Row(0.0,          0.03,  0.0,    0.008,  1e-3),
     Unknown.SIDE_FRICTION:   Row(0.0,          0.03,  0.0,    0.008,  1e-3),
     Unknown.SIDE_RESISTANCE: Row(0.0,          0.1,   0.0,    0.016,  1e-2),
     Unknown.DELAY:           Row(0.0,          0.008, 0.0005, 0.0,    1e-4),
+    Unknown.FALL:            Row(0.15,         0.1,   0.0,    0.01,   1e-3),
+    Unknown.BEND_X:          Row(0.0,          0.03,  0.0,    0.0,    1e-4),
+    Unknown.BEND_Y:          Row(0.0,          0.03,  0.0,    0.0,    1e-4),
     Unknown.START_U:         Row(0.0,          0.1,   0.0,    0.0,    1e-4),
     Unknown.START_V:         Row(0.0,          0.1,   0.0,    0.0,    1e-4),
     Unknown.START_W:         Row(0.0,          0.1,   0.0,    0.0,    1e-4)}
@@ -128,12 +135,12 @@ class Prior(NamedTuple):
     mean: Array        # (SIZE,)
     covariance: Array  # (SIZE, SIZE)
 
-    def without_start(self, rows: list[Row]) -> Prior:
-        """Return this prior with the error of the start as in ``rows``, whatever it was before."""
+    def of_next_window(self, rows: list[Row]) -> Prior:
+        """Return this prior with the unknowns that each window has of its own as in ``rows``."""
         mean, covariance = self.mean.copy(), self.covariance.copy()
-        mean[START] = 0.0
-        covariance[START], covariance[:, START] = 0.0, 0.0
-        for row in range(START.start, START.stop):
+        mean[OWN] = 0.0
+        covariance[OWN], covariance[:, OWN] = 0.0, 0.0
+        for row in range(OWN.start, OWN.stop):
             covariance[row, row] = rows[row].sigma ** 2
         return Prior(mean, covariance)
 

@@ -21,13 +21,14 @@ into the prior, linearized at the estimate; the prior then walks.
 
 A change of ground is a second hypothesis: the same window, in which the ground changes at a
 candidate time to one of which nothing is known. It is tried where the evidence of the linearized
-equations favors it, is kept with the first one, and replaces it if its evidence still is higher
-``DECISION_TIME`` after the change: a push or a lifted wheel explains the window as well for a
-moment, but not what follows.
+equations favors it. From then on the first hypothesis is that of a disturbance, such as a push or
+a lifted wheel: it does not use ``DISTURBANCE_TIME`` from that instant on. What follows decides
+between both; until then the estimate is that of their mixture.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 import math
 from typing import NamedTuple
@@ -37,9 +38,10 @@ from numpy.typing import NDArray
 
 from smart_tire.arrays import Array
 from smart_tire.estimation.ground import body_model as model
-from smart_tire.estimation.ground.measurements import Measurements, Motion, Passage, WindowData
+from smart_tire.estimation.ground.measurements import (
+    DISTURBANCE_TIME, disturbed, Measurements, Motion, Passage, STREAMS, WindowData)
 from smart_tire.estimation.ground.unknowns import (
-    DYNAMIC, GROUND, initial, OLD_GROUND, Prior, priors, SIDES, SIZE, START, Unknown)
+    DYNAMIC, GROUND, initial, OLD_GROUND, OWN, Prior, priors, SIDES, SIZE, START, Unknown)
 from smart_tire.parameters.robot import RobotParams
 
 LENGTH = 3.0       # s, of the window
@@ -49,10 +51,9 @@ CONVERGED = 0.1    # of a standard deviation: no further step
 FREEDOM = 5.0      # degrees of freedom of the Student distribution
 MAX_STEP = 0.7     # change of the ground in one step; beyond, the model is not linear
 CANDIDATES = 0.5, 1.0, 1.5  # s before the end: times of a change of ground
-CHANGE_EVIDENCE = 12.0  # twice the log likelihood ratio of a change of ground ...
+CHANGE_EVIDENCE = 25.0  # twice the log likelihood ratio of a change of ground ...
 TRIED_EVIDENCE = 8.0    # ... and of one that is tried
-UNDECIDED_SIGMAS = 0.15, 0.15, 0.3  # of ln C_x, ln mu, ln f meanwhile: the axles change one by one
-DECISION_TIME = 1.75    # s after a change: one of two hypotheses is dropped
+DECISION_TIME = 2.75    # s after a change, at which one that is not accepted is dropped
 SIDES_DIFFER = 4.0      # squared normalized difference of the sides, beyond which its prior grows
 
 
@@ -68,7 +69,7 @@ class Fit(NamedTuple):
 
     x: Array           # (SIZE,)
     covariance: Array  # (SIZE, SIZE)
-    evidence: float    # twice its logarithm, up to a constant
+    cost: float        # minus twice the logarithm of the evidence, up to a constant
     motion: Motion     # of one run
     varied_x: Array    # (DYNAMIC + 1, SIZE), unknowns with small differences ...
     varied: Motion     # ... and the motion by them
@@ -85,6 +86,7 @@ class Hypothesis:
     prior: Prior
     x: Array                    # start of the fit
     change: float = -math.inf   # s, time of the latest change of ground
+    disturbances: tuple[float, ...] = ()  # s, their begins: not used for DISTURBANCE_TIME
     times: Array | None = None  # s, of the velocities in the window before; None without one
     velocities: Array | None = None  # (n, 3), of the center of mass
     heading: tuple[float, float] = (0.0, 0.0)  # s, rad: a time and the heading there
@@ -99,14 +101,19 @@ class Solution(NamedTuple):
     fit: Fit
     steps: Array       # (DYNAMIC,), of the derivatives
 
-    def values_at(self, passage: Passage) -> tuple[Array, Array]:
-        """Return slip, normalized slip, load and force (4,) at a passage, and derivatives."""
+    def values_at(self, time: float, wheels: Iterable[int]) -> tuple[Array, Array]:
+        """
+        Return the values of ``Measurements.at`` (wheels, 5) at ``time`` [s] for indices of wheels.
+
+        The second array (wheels, 5, DYNAMIC) are their derivatives by the unknowns.
+        """
         fit, change = self.fit, self.hypothesis.change
         runs = np.vstack([fit.x, fit.varied_x])
         values = self.measurements.at(
-            [passage], runs, np.full(len(runs), change),
-            np.concatenate([fit.motion.states, fit.varied.states]))[:, 0]
-        return values[0], ((values[2:] - values[1]) / self.steps[:, np.newaxis]).T
+            [Passage(time, wheel, 0.0, 0.0, np.eye(2), False) for wheel in wheels], runs,
+            np.full(len(runs), change), np.concatenate([fit.motion.states, fit.varied.states]))
+        slopes = (values[2:] - values[1]) / self.steps[:, np.newaxis, np.newaxis]
+        return values[0], slopes.transpose(1, 2, 0)
 
 
 class Whitening:
@@ -165,16 +172,23 @@ class GroundWindow:
             found = self._fitted(self._rival, measurements, leaving)
         elif main.change < end - LENGTH and begin < first:
             found = self._changed(main, fit, measurements, leaving)
+            if found is not None:
+                main, fit = self._fitted(replace(
+                    main, disturbances=(*main.disturbances, found[0].change)),
+                    measurements, leaving)
         best = main, fit
         if found is not None:
-            gain = found[1].evidence - fit.evidence
-            decided = end - found[0].change > DECISION_TIME
-            best = _undecided(found if gain > 0.0 else best)
-            if decided and gain > CHANGE_EVIDENCE:
+            change = found[0].change
+            gain = _gain(fit, found[1], measurements, change)
+            if gain > CHANGE_EVIDENCE:
                 self.changes += 1
-                main, fit = found
-            if decided or gain < -CHANGE_EVIDENCE:
+                best = main, fit = found
                 found = None
+            elif end - change > DECISION_TIME:
+                found = None
+            else:
+                likely, other = (found, (main, fit)) if gain > 0.0 else ((main, fit), found)
+                best = likely[0], _mixed(likely[1], other[1])
         self._main = self._advanced(main, fit, measurements, hop)
         self._rival = None if found is None else self._advanced(*found, measurements, hop)
         return Solution(end, measurements, *best, self._steps)
@@ -195,10 +209,10 @@ class GroundWindow:
         return wider, self._fit(wider, measurements, leaving)
 
     def _fit(self, hypothesis: Hypothesis, measurements: Measurements, leaving: float) -> Fit:
-        prior = hypothesis.prior.without_start(self._rows)
+        prior = hypothesis.prior.of_next_window(self._rows)
         information = np.linalg.inv(prior.covariance)
         x = hypothesis.x.copy()
-        x[START] = 0.0
+        x[OWN] = 0.0
         start, heading = _start(hypothesis, measurements)
         change, known = hypothesis.change, hypothesis.times is not None
         blocks = films = None
@@ -210,8 +224,9 @@ class GroundWindow:
                                    measurements.passage_values(runs, varied))
             if blocks is None or films is None:
                 blocks = measurements.noise(
-                    predicted[0], x[Unknown.GYRO_BIAS:Unknown.ACCEL_BIAS_Y + 1])
-                films = measurements.passage_noise(passages[0])
+                    predicted[0], x[Unknown.GYRO_BIAS:Unknown.ACCEL_BIAS_Y + 1],
+                    hypothesis.disturbances)
+                films = measurements.passage_noise(passages[0], hypothesis.disturbances)
             residual = measurements.values - predicted[0]
             film_residual = measurements.passage_measured - passages[0]
             whiten = Whitening(blocks, films, residual, film_residual, known or iteration > 0)
@@ -236,7 +251,7 @@ class GroundWindow:
         left = whiten.information(
             columns, film_columns, measurements.used & (measurements.centers < leaving),
             np.repeat([one.time < leaving for one in measurements.passages], 2).astype(bool))
-        return Fit(x, covariance, -cost, motion, runs, varied, heading, final, whiten,
+        return Fit(x, covariance, cost, motion, runs, varied, heading, final, whiten,
                    (left[:-1, :-1], left[:-1, -1]))
 
     def _columns(self, x: Array, predicted: Array, residual: Array, measurements: Measurements
@@ -289,7 +304,7 @@ class GroundWindow:
         x[OLD_GROUND] = x[GROUND]
         rival = replace(main, prior=main.prior.with_change(self._rows), x=x, change=found)
         rival, changed = self._fitted(rival, measurements, leaving)
-        return (rival, changed) if changed.evidence - fit.evidence > TRIED_EVIDENCE else None
+        return (rival, changed) if fit.cost - changed.cost > TRIED_EVIDENCE else None
 
     def _advanced(self, hypothesis: Hypothesis, fit: Fit, measurements: Measurements,
                   hop: float) -> Hypothesis:
@@ -304,18 +319,34 @@ class GroundWindow:
             self._rows)
         middle = int(np.searchsorted(measurements.times, measurements.begin + hop))
         middle = min(middle, len(measurements.times) - 1)
+        kept = tuple(one for one in hypothesis.disturbances
+                     if one + DISTURBANCE_TIME > measurements.begin)
         return replace(
-            hypothesis, prior=moved.without_start(self._rows), x=fit.x, times=measurements.times,
-            velocities=fit.motion.states[0, :, :model.W + 1],
+            hypothesis, disturbances=kept, prior=moved.of_next_window(self._rows), x=fit.x,
+            times=measurements.times, velocities=fit.motion.states[0, :, :model.W + 1],
             heading=(float(measurements.times[middle]), float(fit.heading[middle])))
 
 
-def _undecided(estimate: tuple[Hypothesis, Fit]) -> tuple[Hypothesis, Fit]:
-    """Return an estimate with a larger covariance of the ground, which may have changed."""
-    hypothesis, fit = estimate
-    covariance = fit.covariance.copy()
-    covariance[range(3), range(3)] += np.square(UNDECIDED_SIGMAS)
-    return hypothesis, fit._replace(covariance=covariance)
+def _gain(fit: Fit, other: Fit, measurements: Measurements, change: float) -> float:
+    """
+    Return twice the logarithm of the evidence for ``other``, in which the ground changes.
+
+    What was measured in the disturbance of ``fit`` does not count.
+    """
+    unused = np.concatenate([
+        np.tile(disturbed(measurements.centers, [change]), STREAMS),
+        np.repeat(disturbed(np.array([one.time for one in measurements.passages]), [change]), 2)])
+    residual = other.rows.residual[unused]
+    return fit.cost - other.cost + float(residual @ residual)
+
+
+def _mixed(fit: Fit, other: Fit) -> Fit:
+    """Return the likelier ``fit`` with the covariance of the mixture of both."""
+    covariance, difference = fit.covariance.copy(), other.x[GROUND] - fit.x[GROUND]
+    covariance[GROUND, GROUND] += other.covariance[GROUND, GROUND] + np.outer(
+        difference, difference)
+    covariance[GROUND, GROUND] *= 0.5
+    return fit._replace(covariance=covariance)
 
 
 def _start(hypothesis: Hypothesis, measurements: Measurements) -> tuple[Array, Array]:

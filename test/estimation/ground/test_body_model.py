@@ -69,7 +69,8 @@ def random_case(kind: str) -> dict[str, np.ndarray]:
             ('SIDE_RESISTANCE', 0.8, 1.2), ('START_U', -0.5, 0.5), ('START_V', -0.2, 0.2),
             ('START_W', -1.0, 1.0), ('OLD_STIFFNESS', 300.0, 3000.0), ('STIFFNESS', 300.0, 3000.0),
             ('OLD_FRICTION', 0.3, 1.0), ('FRICTION', 0.3, 1.0), ('OLD_RESISTANCE', 0.0, 0.15),
-            ('RESISTANCE', 0.0, 0.15)):
+            ('RESISTANCE', 0.0, 0.15), ('FALL', 0.0, 0.5), ('BEND_X', -0.05, 0.05),
+            ('BEND_Y', -0.05, 0.05)):
         runs[:, getattr(model, name)] = random.uniform(low, high, count)
     if kind == 'sliding':
         runs[:, [model.OLD_FRICTION, model.FRICTION]] = 0.05
@@ -119,7 +120,7 @@ def test_the_mirror_image_of_a_drive_is_its_mirror_image(kind):
     mirrored['offsets'] = np.ascontiguousarray(case['offsets'][..., ::-1])
     mirrored['heading'][:, 1] *= -1.0
     runs = mirrored['runs']
-    runs[:, [model.COM_Y, model.SLOPE_Y, model.START_V, model.START_W]] *= -1.0
+    runs[:, [model.COM_Y, model.SLOPE_Y, model.BEND_Y, model.START_V, model.START_W]] *= -1.0
     sides = [model.SIDE_STIFFNESS, model.SIDE_FRICTION, model.SIDE_RESISTANCE]
     runs[:, sides] = 1.0 / runs[:, sides]
     expected = simulate(**case)
@@ -169,6 +170,31 @@ def test_forces_of_a_steady_turn_are_mass_times_acceleration(share):
 def test_locked_wheels_brake_by_their_friction():
     out = simulate(np.zeros((30, 4)), ground(FRICTION=0.5, START_U=3.0))[0]
     np.testing.assert_allclose(out[15:, model.A_X], -0.5 * GRAVITY, rtol=1e-6)
+
+
+def test_sliding_friction_falls_with_the_slip():
+    fall, friction, load = 0.4, 0.5, 0.25 * MASS * GRAVITY
+    for stiffness in (80.0, 200.0, 1200.0):  # N; wheels of 8 m/s, robot at rest: slip ratio 1
+        force = simulate(np.full((1, 4), 8.0), ground(
+            FRICTION=friction, FALL=fall, STIFFNESS=stiffness))[0, 0, FORCES]
+        t = stiffness / (3.0 * friction * load)
+        np.testing.assert_allclose(
+            force, friction * load * (1.0 - fall * (1.0 - 1.0 / t)), rtol=0.02)
+    # and not before full sliding: a slip of 1 %
+    grip, fallen = (simulate(np.full((300, 4), 1.0), ground(FALL=share, RESISTANCE=0.05))
+                    for share in (0.0, fall))
+    np.testing.assert_array_equal(grip[0, -1], fallen[0, -1])
+
+
+def test_the_slope_changes_linearly_from_begin_to_end():
+    """Locked wheels that hold: forces carry the weight along the slope."""
+    out = simulate(np.zeros((400, 4)), ground(FRICTION=1.0, SLOPE_X=0.02, BEND_X=0.04,
+                                              SLOPE_Y=-0.01, BEND_Y=0.02))[0]
+    for n in (100, 200, 399):
+        part = (n + 0.5) / 400 - 0.5
+        np.testing.assert_allclose(
+            out[n, [model.A_X, model.A_Y]],
+            [GRAVITY * (0.02 + 0.04 * part), GRAVITY * (-0.01 + 0.02 * part)], atol=0.01)
 
 
 def test_locked_wheels_take_energy_only():

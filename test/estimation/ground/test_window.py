@@ -50,6 +50,15 @@ def drive(duration=10.0, legs=LEGS, seed=3, surfaces=None):
     return [sample for _, _, sample in simulate(params, legs, duration)]
 
 
+CHANGING = [(1.0, 90.0, 90.0), (3.0, 110.0, 90.0), (4.5, 80.0, 110.0), (6.5, 110.0, 80.0)]
+
+
+def onto(end):
+    """Return the surfaces with another one from x = 2.2 m to ``end`` [m]."""
+    return ground(patches=(PatchParams(name='p', surface='other', x=(2.2, end),
+                                       y=(-99.0, 99.0)),))
+
+
 @pytest.fixture(scope='module')
 def samples():
     return drive()
@@ -133,10 +142,7 @@ def test_windows_end_at_multiples_of_the_hop(samples):
 
 
 def test_a_change_of_ground_is_found_and_located():
-    surfaces = ground(patches=(PatchParams(name='p', surface='other', x=(2.2, 99.0),
-                                           y=(-99.0, 99.0)),))
-    samples = drive(9.0, [(1.0, 90.0, 90.0), (3.0, 110.0, 90.0), (4.5, 80.0, 110.0),
-                          (6.5, 110.0, 80.0)], surfaces=surfaces)
+    samples = drive(9.0, CHANGING, surfaces=onto(99.0))
     estimator, found = run(samples)
     crossed = next(s.stamp_ns for s in samples if isinstance(s, Odometry)
                    and s.position[0] > 2.2) / NS_PER_S
@@ -335,7 +341,7 @@ def test_readings_before_a_counter_reset_are_not_used(samples):
         state.stiffness.sigma / state.stiffness.value)
 
 
-def test_a_window_without_solution_is_counted_and_the_next_begins_anew(samples, monkeypatch):
+def test_a_window_without_solution_is_counted_and_the_next_starts_again(samples, monkeypatch):
     update, calls = GroundWindow.update, []
 
     def failing(window, *arguments):
@@ -348,3 +354,37 @@ def test_a_window_without_solution_is_counted_and_the_next_begins_anew(samples, 
     assert estimator.failures == estimator.status['ground_failures'] == 1
     assert len(found) == len(calls) - 1 and calls[5] is not calls[4]
     assert np.isfinite(found[-1].fit.x).all()
+
+
+def test_a_strip_that_is_crossed_in_a_second_is_a_disturbance_and_no_change():
+    samples = drive(9.0, CHANGING, surfaces=onto(2.9))
+    estimator, found = run(samples)
+    assert any(one.hypothesis.disturbances for one in found)
+    assert estimator.changes == 0
+    state = estimator.state(found[-1])
+    for value, true in ((state.stiffness, STIFFNESS), (state.rolling_resistance, DRAG)):
+        assert abs(math.log(value.value / true)) < 2.5 * value.sigma / value.value
+    assert not found[-1].hypothesis.disturbances  # forgotten, as they have left the window
+
+
+def test_while_a_change_is_undecided_the_covariance_covers_both_grounds():
+    samples = drive(9.0, CHANGING, surfaces=onto(99.0))
+    _, found = run(samples)
+    undecided = [one for one in found if one.hypothesis.disturbances
+                 and one.hypothesis.change == -math.inf]
+    assert undecided
+    for one in undecided:
+        sigma = math.sqrt(one.fit.covariance[Unknown.RESISTANCE, Unknown.RESISTANCE])
+        for drag in (DRAG, 0.1):
+            assert abs(one.fit.x[Unknown.RESISTANCE] - math.log(drag)) < 2.5 * sigma
+
+
+def test_a_disturbance_is_not_used_for_one_second(measurements):
+    noise = measurements.noise(measurements.values, np.zeros(3), (7.0,))
+    sigma = np.sqrt(np.diagonal(noise, axis1=1, axis2=2))
+    inside = (measurements.centers >= 7.0) & (measurements.centers <= 8.0)
+    assert (sigma[:, inside] > 1e5).all()
+    assert (sigma[:FORCE_X, measurements.used & ~inside] < 1.0).all()
+    passage = measurements.passage_noise(np.array([0.1, 0.2]), (7.5,))
+    assert (np.diag(passage) > 1e9).all()
+    assert (np.diag(measurements.passage_noise(np.array([0.1, 0.2]), (6.5,))) < 1.0).all()

@@ -13,11 +13,13 @@
 # limitations under the License.
 
 """
-Write the tables of ``docs/topics.md`` from the table of topics of the package.
+The tables of ``docs/topics.md`` from the table of topics of the package.
 
-Run it after a change of ``smart_tire/messages``; a test checks that the document is current. The
-examples remain as they are; ``python docs/write_topics.py BAG`` replaces them by messages of BAG,
-as ``ros2 topic echo --flow-style`` prints them, and requires a ROS distribution.
+Run it after a change of ``smart_tire/messages``: it writes the overview between the markers of the
+document; a test checks that it is current. As a Sphinx extension it writes the fields of all
+topics in the place of ``MARKER``, with the examples in ``docs/topic_examples.yaml``.
+``python docs/topics_page.py BAG`` takes new ones from BAG, as ``ros2 topic echo --flow-style``
+prints them, and requires a ROS distribution.
 """
 
 from __future__ import annotations
@@ -29,11 +31,13 @@ import sys
 from typing import Any
 
 from smart_tire.messages.contents import Field
-from smart_tire.messages.describe import describe, Described, TOPIC_NAMES
+from smart_tire.messages.describe import describe, Described
 from smart_tire.messages.node_table import NODE_TABLE
 from smart_tire.messages.topics import TOPICS
 
 DOCUMENT = Path(__file__).parent / 'topics.md'
+EXAMPLES = DOCUMENT.with_name('topic_examples.yaml')
+MARKER = '<!-- fields -->'
 GROUPS = {  # marker in the document -> topics of its table
     'measurements': [name for name, topic in TOPICS.items() if topic.quality == 'sensor'],
     'estimates': ['odom', '/tf', '/tf_static', 'wheel_slip', 'icr', 'ground_state',
@@ -42,9 +46,8 @@ GROUPS = {  # marker in the document -> topics of its table
                  'motor_commands', 'emergency_stop_active', 'motors_enabled', '/diagnostics'],
     'reference': [name for name, topic in TOPICS.items() if topic.quality == 'truth']}
 HEADER = '| topic | type | publisher | rate | content |\n| --- | --- | --- | --- | --- |'
-EXAMPLE = re.compile(
-    r'^ros2 topic echo --once(?: --flow-style)? /(\S+)\n```\n\n```yaml\n(.*?)^```$',
-    re.MULTILINE | re.DOTALL)
+EXAMPLE = re.compile(r'^# (\S+)\n(.*?^---\n)', re.MULTILINE | re.DOTALL)
+EMPTY = 'empty'  # meaning of a field that no message fills
 EXAMPLE_TIME_NS = 12_000_000_000  # ns after the start of the bag, on the first leg of the demo
 PREFERRED_NODE = 'slip_estimator'  # of which to show the diagnostics
 IN_BLOCK_STYLE = ('diagnostics',)  # nested lists are not readable on one line
@@ -71,7 +74,7 @@ def overview(names: Iterable[str]) -> str:
     """Return the table of topics."""
     rows = [HEADER]
     for topic in map(described, names):
-        rows.append(f'| [`{topic.name}`](#{anchor(topic.name)}) | `{topic.type}` | '
+        rows.append(f'| `{topic.name}` | `{topic.type}` | '
                     f'{topic.publishers} | {cell(topic.rate)} | {cell(topic.content.summary)} |')
     return '\n'.join(rows)
 
@@ -90,8 +93,16 @@ def services() -> str:
 def field_table(fields: Iterable[Field], title: str) -> str:
     """Return the table of fields or quantities."""
     rows = [f'| {title} | unit | meaning |', '| --- | --- | --- |']
-    rows += [f'| `{field.name}` | {field.unit} | {cell(field.meaning)} |' for field in fields]
+    rows += [f'| `{field.name}` | {field.unit} | {cell(field.meaning)} |' for field in fields
+             if field.meaning != EMPTY]
     return '\n'.join(rows)
+
+
+def same_fields(topic: Described) -> str | None:
+    """Return the first topic of the document with the same fields, if it is another one."""
+    first = next(name for names in GROUPS.values() for name in names
+                 if described(name).content.fields == topic.content.fields)
+    return None if first == topic.name else first
 
 
 def details(examples: dict[str, str]) -> str:
@@ -101,25 +112,27 @@ def details(examples: dict[str, str]) -> str:
 
 
 def _section(topic: Described, examples: dict[str, str]) -> Iterator[str]:
+    summary, content = topic.content.summary, topic.content
     frame = f' `header.frame_id`: {topic.frame}.' if topic.frame else ''
     subscribers = f' Subscribers: {topic.subscribers}.' if topic.subscribers else ''
-    summary = topic.content.summary
+    empty = ', '.join(f'`{field.name}`' for field in content.fields if field.meaning == EMPTY)
     yield f'### {topic.name}'
-    yield f'{summary[0].upper()}{summary[1:]}.{frame}{subscribers}'
-    yield field_table(topic.content.fields, 'field')
-    if topic.content.quantities:
-        yield field_table(topic.content.quantities, 'quantity')
+    text = f'{summary[0].upper()}{summary[1:]}.{frame}{subscribers}'
+    if (other := same_fields(topic)) is not None:
+        yield f'{text} Fields as in [`{other}`](#{anchor(other)}).'
+        return
+    yield text + (f' Empty: {empty}.' if empty else '')
+    yield field_table(content.fields, 'field')
+    if content.quantities:
+        yield field_table(content.quantities, 'quantity')
     if (example := examples.get(topic.name.lstrip('/'))) is not None:
-        name = topic.name.lstrip('/')
-        style = '' if name in IN_BLOCK_STYLE else '--flow-style '
-        yield (f'```bash\nros2 topic echo --once {style}/{name}\n```\n\n'
-               f'```yaml\n{example}```')
+        yield f'```yaml\n{example}```'
 
 
-def written(text: str, examples: dict[str, str]) -> str:
-    """Return the text of the document with new tables and ``examples``."""
+def written(text: str) -> str:
+    """Return the text of the document with new tables."""
     parts = {**{name: overview(topics) for name, topics in GROUPS.items()},
-             'services': services(), 'details': details(examples)}
+             'services': services()}
     for name, content in parts.items():
         begin, end = f'<!-- begin {name} -->', f'<!-- end {name} -->'
         before, found, rest = text.partition(begin)
@@ -129,9 +142,19 @@ def written(text: str, examples: dict[str, str]) -> str:
     return text
 
 
-def read_examples(text: str) -> dict[str, str]:
-    """Return topic -> example in the document."""
-    return dict(EXAMPLE.findall(text))
+def read_examples() -> dict[str, str]:
+    """Return topic -> example."""
+    return dict(EXAMPLE.findall(EXAMPLES.read_text(encoding='utf-8')))
+
+
+def write_examples(examples: dict[str, str]) -> None:
+    """Write the examples of topics whose fields the document describes."""
+    names = [name for names in GROUPS.values() for name in names
+             if name.lstrip('/') in examples and same_fields(described(name)) is None]
+    EXAMPLES.write_text(''.join(
+        f'# {name.lstrip("/")}\n{examples[name.lstrip("/")]}' for name in names),
+        encoding='utf-8')
+    print(f'{EXAMPLES.name}: {", ".join(names)}')
 
 
 def recorded_examples(path: Path) -> dict[str, str]:
@@ -157,12 +180,22 @@ def recorded_examples(path: Path) -> dict[str, str]:
 
 
 def main(words: list[str]) -> None:
-    """Write the document, with examples from the bag named in ``words``, if any."""
-    text = DOCUMENT.read_text(encoding='utf-8')
-    examples = recorded_examples(Path(words[0])) if words else read_examples(text)
-    DOCUMENT.write_text(written(text, examples), encoding='utf-8')
-    print(f'{DOCUMENT.name}: {len(examples)} examples, none of '
-          + (', '.join(name for name in TOPIC_NAMES if name.lstrip('/') not in examples) or '-'))
+    """Write the document, and the examples from the bag named in ``words``, if any."""
+    if words:
+        write_examples(read_examples() | recorded_examples(Path(words[0])))
+    DOCUMENT.write_text(written(DOCUMENT.read_text(encoding='utf-8')), encoding='utf-8')
+
+
+def _insert(app: Any, docname: str, source: list[str]) -> None:
+    """Write the fields of all topics into a page with the marker."""
+    if MARKER in source[0]:
+        source[0] = source[0].replace(MARKER, details(read_examples()))
+
+
+def setup(app: Any) -> dict[str, bool]:
+    """Fill pages as they are read."""
+    app.connect('source-read', _insert)
+    return {'parallel_read_safe': True, 'parallel_write_safe': True}
 
 
 if __name__ == '__main__':
