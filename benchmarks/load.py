@@ -141,22 +141,31 @@ def measure_offline(folder: Path) -> None:
     with BagWriter(folder / 'drive') as writer:
         for receive_ns, topic, sample in events:
             writer.write_sample(topic, receive_ns, sample)
-    print_steps([sample for _, topic, sample in events if topic in ('imu/data', 'wheel_states')])
+    print_steps([sample for _, _, sample in events])
     print_speed(folder)
 
 
 def print_steps(samples: Sequence[Any]) -> None:
-    """Print the time of one filter step: prediction, correction and output."""
+    """Print the time of a step of the slip filter on the ground that the films show."""
     import numpy as np
+    from smart_tire.analysis.pipeline import EstimatorParams, FrictionStage
+    from smart_tire.estimation.reorder_buffer import GRID_NS
+    from smart_tire.estimation.slip.equations import COMPILED
     from smart_tire.estimation.slip.estimator import SlipEstimator
-    from smart_tire.parameters import SlipEstimatorParams
-    estimator, times = SlipEstimator(SlipEstimatorParams()), []
-    for sample in samples:
-        begin = time.perf_counter()
-        if estimator.update(sample):
-            times.append(time.perf_counter() - begin)
-    print(f'slip filter step (predict, correct, output): mean {1e6 * np.mean(times):.0f} us, '
-          f'p99 {1e6 * np.percentile(times, 99.0):.0f} us, of 8000 us')
+    from smart_tire.parameters import build, FrictionEstimatorParams
+    from smart_tire.samples import GroundState, ImuSample, NS_PER_S, WheelSample
+    params = EstimatorParams(friction=build(FrictionEstimatorParams, {'film.wheels': [WHEEL]}))
+    friction, estimator, times = FrictionStage(params.friction), SlipEstimator(params.slip), []
+    inputs = [item for sample in samples for item in friction.update(sample)]
+    for sample in inputs:
+        if isinstance(sample, (ImuSample, WheelSample, GroundState)):
+            begin = time.thread_time()
+            estimator.update(sample)
+            times.append(time.thread_time() - begin)
+    steps = OFFLINE_DURATION * NS_PER_S / GRID_NS
+    print(f'slip filter, {"" if COMPILED else "not "}compiled: '
+          f'{1e6 * sum(times) / steps:.0f} us of CPU for a step of {GRID_NS / 1000:.0f} us, '
+          f'99 % of the samples within {1e6 * np.percentile(times, 99.0):.0f} us')
 
 
 def print_speed(folder: Path) -> None:
