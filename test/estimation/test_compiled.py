@@ -19,6 +19,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 import shutil
+import sys
 import sysconfig
 
 import pytest
@@ -26,7 +27,7 @@ from smart_tire.estimation.ground import body_model
 from smart_tire.estimation.slip import equations
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.parameters import SlipEstimatorParams
-from support.compiled import source
+from support.compiled import load_source, source
 
 MODULES = (body_model, equations)
 BUILT_BY_MAKE = not os.environ.keys() & {'ROS_DISTRO', 'SMART_TIRE_NO_COMPILER'} \
@@ -43,6 +44,12 @@ def test_it_is_compiled_where_there_is_a_compiler(module):
 def test_the_extension_is_newer_than_its_source(module):
     assert not module.COMPILED or (
         Path(module.__file__).stat().st_mtime >= source(module).stat().st_mtime), 'run make'
+
+
+@pytest.mark.parametrize('module', MODULES)
+def test_it_runs_without_cython(module, monkeypatch):
+    monkeypatch.setitem(sys.modules, 'cython', None)
+    assert not load_source(module).COMPILED
 
 
 def test_diagnostics_say_whether_they_are_compiled():

@@ -54,8 +54,8 @@ try:
     import cython
 except ImportError:  # as plain Python, without Cython: decorators that do nothing
     cython = SimpleNamespace(
-        compiled=False, cclass=lambda c: c, cfunc=lambda f: f, ccall=lambda f: f,
-        declare=lambda *_, **__: None)
+        compiled=False, double=float, int=int, cclass=lambda c: c, cfunc=lambda f: f,
+        ccall=lambda f: f, declare=lambda *_, **__: None)
 
 if cython.compiled:
     from cython.cimports.libc.math import copysign, cos, exp, sin, sqrt
