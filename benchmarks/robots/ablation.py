@@ -44,11 +44,14 @@ CONSTANTS: dict[str, tuple[Any, str, Any]] = {
     'errors of normalized slips': (measurements, 'FILM_RATIO_ERROR', 0.0),
     'transients of torques': (measurements, 'TRANSIENT_SHARE', 0.0),
     'different sides': (window, 'SIDES_DIFFER', math.inf),
-    'changes of ground': (window, 'TRIED_EVIDENCE', math.inf)}
+    'changes of ground': (window, 'TRIED_EVIDENCE', math.inf),
+    'disturbances': (measurements, 'DISTURBANCE_TIME', -1.0)}
 UNKNOWNS = (unknowns.Unknown.LATERAL_SHARE, unknowns.Unknown.LATERAL_RATIO,
-            unknowns.Unknown.RADIUS, unknowns.Unknown.SLOPE_X, unknowns.Unknown.DELAY,
-            unknowns.Unknown.COM_X, unknowns.Unknown.TORQUE_SCALE, unknowns.Unknown.FILM_GAIN)
-PAIRS = {unknowns.Unknown.SLOPE_X: 2, unknowns.Unknown.COM_X: 2, unknowns.Unknown.FILM_GAIN: 4}
+            unknowns.Unknown.RADIUS, unknowns.Unknown.SLOPE_X, unknowns.Unknown.BEND_X,
+            unknowns.Unknown.FALL, unknowns.Unknown.DELAY, unknowns.Unknown.COM_X,
+            unknowns.Unknown.TORQUE_SCALE, unknowns.Unknown.FILM_GAIN)
+PAIRS = {unknowns.Unknown.SLOPE_X: 2, unknowns.Unknown.BEND_X: 2, unknowns.Unknown.COM_X: 2,
+         unknowns.Unknown.FILM_GAIN: 4}
 
 
 @contextmanager
