@@ -70,6 +70,7 @@ cython.declare(
     GRAVITY=cython.double, SPEED_RANDOM_WALK=cython.double, GYRO_BIAS_RANDOM_WALK=cython.double,
     ACCEL_BIAS_RANDOM_WALK=cython.double, SLOPE_LENGTH=cython.double,
     MIN_SLIP_SPEED=cython.double, SLIP_FLOOR=cython.double, MIN_RESISTED_SPEED=cython.double,
+    SQRT_3=cython.double,
     X=cython.int, Y=cython.int, YAW=cython.int, ROLL=cython.int, PITCH=cython.int,
     V_X=cython.int, V_Y=cython.int, GYRO_BIAS_Z=cython.int, ACCEL_BIAS_X=cython.int,
     ACCEL_BIAS_Y=cython.int, SLIP_VEL_L=cython.int, SLIP_VEL_R=cython.int, TRAVEL_L=cython.int,
@@ -85,6 +86,7 @@ SLOPE_LENGTH = 2.0             # m, correlation length of the slope; some robot 
 MIN_SLIP_SPEED = 0.1           # m/s, below which the noise of slip velocities is constant
 SLIP_FLOOR = 0.05              # m/s, smallest denominator of a slip
 MIN_RESISTED_SPEED = 0.02      # m/s, below which rolling resistance is proportional to the speed
+SQRT_3 = 3.0 ** 0.5             # of the points of a Gauss-Hermite quadrature
 OUTLIER_SIGMAS = 3.0  # beyond, the variance of an innovation grows with its square; Huber's share
 
 (X, Y, YAW, ROLL, PITCH, V_X, V_Y, GYRO_BIAS_Z, ACCEL_BIAS_X, ACCEL_BIAS_Y, SLIP_VEL_L,
@@ -308,7 +310,7 @@ class MotionModel:
 
 @cython.ccall
 def brush_force(s_x: cython.double, s_y: cython.double, stiffness: cython.double,
-                limit: cython.double) -> tuple[
+                limit: cython.double, spread: cython.double = 0.0) -> tuple[
                     cython.double, cython.double, cython.double, cython.double, cython.double,
                     cython.double, cython.double]:
     """
@@ -316,27 +318,44 @@ def brush_force(s_x: cython.double, s_y: cython.double, stiffness: cython.double
 
     ``limit`` [N] is mu F_z. The numbers are the force [N] along x and y, its derivatives x by s_x,
     x by s_y (and y by s_x), y by s_y, and those of x and y by ln mu; the remaining part is linear
-    in C_x.
+    in C_x. ``spread`` [-] is the standard deviation of the slip along itself: the force is that of
+    a statistical linearization with three points, which beyond the limit is flat.
 
     >>> print(f'{brush_force(0.1, 0.0, 52.7, 0.47 * 26.7)[0]:.2f} N')
     4.60 N
     """
     square = max(s_x * s_x + s_y * s_y, 1e-18)
-    t = stiffness * sqrt(square) / (3.0 * limit)
+    size = sqrt(square)
+    scale = stiffness / (3.0 * limit)
+    t = scale * size
     slope, bend = stiffness * (1.0 - t + t * t / 3.0), stiffness * t * (t / 1.5 - 1.0)
     if t >= 1.0:
         slope, bend = stiffness / (3.0 * t), -stiffness / (3.0 * t)
+    by_friction = -bend
+    if size > spread > 0.0:
+        low, high = (_saturation(t - scale * SQRT_3 * spread),
+                     _saturation(t + scale * SQRT_3 * spread))
+        slope = slope / 1.5 + limit * (low + high) / (6.0 * size)
+        bend = limit * (high - low) / (2.0 * SQRT_3 * spread) - slope
     k = bend / square
     return (slope * s_x, slope * s_y, slope + k * s_x * s_x, k * s_x * s_y, slope + k * s_y * s_y,
-            -bend * s_x, -bend * s_y)
+            by_friction * s_x, by_friction * s_y)
+
+
+@cython.cfunc
+def _saturation(t: cython.double) -> cython.double:
+    """Return the force over its limit at the normalized slip ``t``, odd in it."""
+    t = max(-1.0, min(1.0, t))
+    return t * (3.0 - 3.0 * abs(t) + t * t)
 
 
 @cython.cclass
 class TireForces:
     """Balance of forces at an IMU reading, on a given ground."""
 
-    H = cython.declare(object, visibility='readonly')  # (2, N), Jacobian of the last balance
+    H = cython.declare(object, visibility='readonly')  # (2, N), Jacobian of the last forces
     _H: cython.double[:, ::1]  # the same memory
+    _P: cython.double[:, ::1]  # covariance of the state
     _wheel_x: cython.double[4]
     _wheel_y: cython.double[4]
     _x_imu: cython.double
@@ -350,10 +369,12 @@ class TireForces:
     _resistance: cython.double
     _share: cython.double
     _ratio: cython.double
+    _com_x: cython.double
+    _com_y: cython.double
 
-    def __init__(self, robot: RobotParams) -> None:
+    def __init__(self, robot: RobotParams, P: Array) -> None:
         self.H = np.zeros((2, N))
-        self._H = self.H
+        self._H, self._P = self.H, P
         self._wheel_x = (0.5 * robot.wheelbase * AXLE_SIGNS).tolist()
         self._wheel_y = (0.5 * robot.track_width * SIDE_SIGNS).tolist()
         self._x_imu, self._y_imu = robot.imu.position[:2]
@@ -370,22 +391,57 @@ class TireForces:
                            + x[SLIP_VEL_L + i % 2] + residual[i])
         return rolling
 
-    def balance(self, x: cython.double[::1], rolling: list[float], W: cython.double,
-                yaw_accel: cython.double, force_x: cython.double, force_y: cython.double,
-                given: Sequence[float]) -> tuple[float, float]:
+    def set_ground(self, ground: Sequence[float]) -> None:
         """
-        Return model minus measurement [m/s2] along x and y, and set its Jacobian.
+        Set the ground.
 
-        ``given`` is the ground: C_x [N], mu, rolling resistance, its lateral share, C_y / C_x,
-        center of mass [m].
+        It is C_x [N], mu, rolling resistance, its lateral share, C_y / C_x, center of mass [m].
         """
         (self._stiffness, self._friction, self._resistance, self._share, self._ratio,
-         com_x, com_y) = given
+         self._com_x, self._com_y) = ground
+
+    @cython.cfunc
+    def _load(self, i: cython.int, a_x: cython.double, a_y: cython.double) -> cython.double:
+        """Return the load [N] of a wheel at a specific force [m/s2]."""
+        pitch = (GRAVITY * self._com_x - self._height * a_x) / self._wheelbase
+        roll = (GRAVITY * self._com_y - self._height * a_y) / self._track
+        return max(0.01, 0.25 * GRAVITY + 0.5 * pitch * copysign(1.0, self._wheel_x[i])
+                   + 0.5 * roll * copysign(1.0, self._wheel_y[i])) * self._mass
+
+    def loads(self, x: cython.double[::1], force_x: cython.double, force_y: cython.double
+              ) -> list[float]:
+        """Return the loads [N] of the wheels at a specific force [m/s2] as measured."""
+        return [self._load(i, force_x - x[ACCEL_BIAS_X], force_y - x[ACCEL_BIAS_Y])
+                for i in range(4)]
+
+    def tractions(self, x: cython.double[::1], rolling: list[float], W: cython.double,
+                  loads: list[float]) -> list[float]:
+        """Return the forces [N] along x on the wheels of both sides; set their Jacobian."""
+        H: cython.double[:, ::1] = self._H
+        H[:, :] = 0.0
+        forces = [0.0, 0.0]
+        for i in range(4):
+            side = i % 2
+            roll: cython.double = rolling[i]
+            inverse = 1.0 / max(abs(roll), SLIP_FLOOR)
+            s_x = (roll - x[V_X] - (self._y_imu - self._wheel_y[i]) * W) * inverse
+            s_y = -(x[V_Y] + (self._wheel_x[i] - self._x_imu) * W) * self._ratio * inverse
+            f_x, _, xx, xy, _, x_by_friction, _ = self._tire(side, s_x, s_y, inverse, loads[i])
+            by_rolling = inverse * (xx - copysign(1.0, roll) * (xx * s_x + xy * s_y))
+            forces[side] += f_x
+            H[side, SLIP_VEL_L + side] += by_rolling
+            H[side, V_X] += by_rolling - xx * inverse
+            H[side, V_Y] -= xy * self._ratio * inverse
+            H[side, LN_STIFFNESS] += f_x - x_by_friction
+            H[side, LN_FRICTION] += x_by_friction
+        return forces
+
+    def balance(self, x: cython.double[::1], rolling: list[float], W: cython.double,
+                yaw_accel: cython.double, force_x: cython.double, force_y: cython.double
+                ) -> tuple[float, float]:
+        """Return model minus measurement [m/s2] along x and y, and set its Jacobian."""
         a_x, a_y = force_x - x[ACCEL_BIAS_X], force_y - x[ACCEL_BIAS_Y]
-        arm_x: cython.double = com_x - self._x_imu
-        arm_y: cython.double = com_y - self._y_imu
-        pitch: cython.double = (GRAVITY * com_x - self._height * a_x) / self._wheelbase
-        roll: cython.double = (GRAVITY * com_y - self._height * a_y) / self._track
+        arm_x, arm_y = self._com_x - self._x_imu, self._com_y - self._y_imu
         sum_x = -self._mass * (a_x - yaw_accel * arm_y - W * W * arm_x)
         sum_y = -self._mass * (a_y + yaw_accel * arm_x - W * W * arm_y)
         H: cython.double[:, ::1] = self._H
@@ -394,14 +450,28 @@ class TireForces:
         H[0, COM_X] = H[1, COM_Y] = W * W
         H[0, COM_Y], H[1, COM_X] = yaw_accel, -yaw_accel
         for i in range(4):
-            w_x, w_y = self._wheel_x[i], self._wheel_y[i]
-            load = max(0.01, 0.25 * GRAVITY + 0.5 * pitch * copysign(1.0, w_x)
-                       + 0.5 * roll * copysign(1.0, w_y)) * self._mass
             f_x, f_y = self._add_wheel(
-                i % 2, rolling[i], load, x[V_X], x[V_Y], W, self._y_imu - w_y, w_x - self._x_imu)
+                i % 2, rolling[i], self._load(i, a_x, a_y), x[V_X], x[V_Y], W,
+                self._y_imu - self._wheel_y[i], self._wheel_x[i] - self._x_imu)
             sum_x += f_x
             sum_y += f_y
         return sum_x / self._mass, sum_y / self._mass
+
+    @cython.cfunc
+    def _tire(self, side: cython.int, s_x: cython.double, s_y: cython.double,
+              inverse: cython.double, load: cython.double) -> tuple[
+                  cython.double, cython.double, cython.double, cython.double, cython.double,
+                  cython.double, cython.double]:
+        """
+        Return the force of a wheel as ``brush_force``, linearized over the error of its slip.
+
+        ``inverse`` [s/m] is the slip by a velocity.
+        """
+        P: cython.double[:, ::1] = self._P
+        slip, lateral = s_x * s_x * P[SLIP_VEL_L + side, SLIP_VEL_L + side], self._ratio * s_y
+        spread = inverse * sqrt((slip + lateral * lateral * P[V_Y, V_Y]) / (
+            s_x * s_x + s_y * s_y + 1e-18))
+        return brush_force(s_x, s_y, self._stiffness, self._friction * load, spread)
 
     @cython.cfunc
     def _add_wheel(self, side: cython.int, rolling: cython.double, load: cython.double,
@@ -417,8 +487,8 @@ class TireForces:
         inverse = 1.0 / max(abs(rolling), SLIP_FLOOR)
         lateral = self._ratio * inverse
         s_x, s_y = (rolling - v_x) * inverse, -v_y * lateral
-        f_x, f_y, xx, xy, yy, x_by_friction, y_by_friction = brush_force(
-            s_x, s_y, self._stiffness, self._friction * load)
+        f_x, f_y, xx, xy, yy, x_by_friction, y_by_friction = self._tire(
+            side, s_x, s_y, inverse, load)
         speed = max(sqrt(v_x * v_x + v_y * v_y), MIN_RESISTED_SPEED)
         heading = max(-1.0, min(1.0, v_x / MIN_RESISTED_SPEED))
         along_x, along_y = load * v_x / speed, load * v_y / speed
@@ -459,9 +529,11 @@ class Correction:
     _P: cython.double[:, ::1]
     _A: cython.double[:, ::1]
     _G: cython.double[:, ::1]  # rows: gains of two innovations, the part that is not applied
+    ground = cython.declare(list, visibility='readonly')  # (3,), see ``correct``
 
     def __init__(self, x: array[float], P: Array) -> None:
         self._x, self._P = x, P
+        self.ground = [0.0] * 3
         self._A, self._G = np.empty_like(P), np.empty((3, len(x)))
 
     def propagate(self, F: cython.double[:, ::1], Q: cython.double[:, ::1]) -> None:
@@ -500,7 +572,8 @@ class Correction:
         Correct with an innovation ``y`` with Jacobian ``h`` (n,); return its variance.
 
         ``shared`` is a row and the covariance of its error with that of the measurement. An
-        innovation beyond ``OUTLIER_SIGMAS`` counts less, the more the larger it is.
+        innovation beyond ``OUTLIER_SIGMAS`` counts less, the more the larger it is. Its
+        covariances with ln C_x, ln mu and rolling resistance are in ``ground``.
         """
         row: cython.int = shared[0]
         covariance: cython.double = shared[1]
@@ -508,6 +581,7 @@ class Correction:
         self._project(h, g)
         total = variance + _dot(h, g) + 2.0 * covariance * h[row]
         g[row] += covariance
+        self.ground = [g[LN_STIFFNESS], g[LN_FRICTION], g[RESISTANCE]]
         self._apply(g, y, max(total, _least_variance(y)), held, False)
         return total
 

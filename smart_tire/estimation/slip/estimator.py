@@ -28,12 +28,14 @@ from smart_tire.estimation.slip.equations import COMPILED
 from smart_tire.estimation.slip.filter import SlipFilter
 from smart_tire.estimation.slip.imu_input import ImuInput
 from smart_tire.estimation.slip.kalman import StateRecorder
+from smart_tire.estimation.slip.noise import MAX_NIS
 from smart_tire.estimation.slip.output import EstimateRecord, OutputContext, SlipOutputBuilder
 from smart_tire.estimation.slip.state import ESTIMATED, ImuReading, State
 from smart_tire.estimation.slip.wheel_odometry import WheelOdometry, WheelSpeeds
 from smart_tire.estimation.slip.zero_velocity import (
     StationaryInterval, UNWINDING_TIME, ZeroVelocityDetector)
 from smart_tire.estimation.streams import HOLDING
+from smart_tire.models.constants import GRAVITY
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.samples import GroundState, ImuSample, NS_PER_S, WheelSample
 from smart_tire.uncertain import Uncertain
@@ -227,12 +229,13 @@ class SlipSegment:
         self._correct_standstill(time, wheels)
         self.filter.correct_wheels(time, wheels, reading.yaw_rate, self._odometry.independent)
         if not self._stationary:
+            self.filter.find_change(self._imu, sample.effort, wheels)
             self.filter.correct_lateral(reading.yaw_rate, wheels.duration)
 
     def _correct_standstill(self, time: float, wheels: WheelSpeeds) -> None:
         standstill = self._standstill.detect(time, max(map(abs, wheels.wheel_speeds)))
         self._stationary = standstill is not None and (
-            standstill.duration > TRUSTED_STANDSTILL or self._is_slow())
+            standstill.duration > TRUSTED_STANDSTILL or self._is_slow() and self._is_at_rest())
         if standstill is not None and self._stationary:
             self.filter.correct_zero_velocity()
             if standstill.rate_settled:
@@ -251,6 +254,18 @@ class SlipSegment:
         limit = self._robot.slip.standstill_speed
         return all(abs(x[row]) < limit + 3.0 * math.sqrt(P[row, row])
                    for row in (State.V_X, State.V_Y))
+
+    def _is_at_rest(self) -> bool:
+        """Return whether the force is that of standstill: robots with locked wheels may slide."""
+        imu, x, P = self._imu, self.filter.kalman.x, self.filter.kalman.P
+        if imu.force is None:
+            return True
+        rest = self.filter.motion.steady_force(x, 0.0)
+        return all((force - still) ** 2 < MAX_NIS * (
+            P[bias, bias] + GRAVITY ** 2 * P[slope, slope] + imu.force_variance)
+            for force, still, bias, slope in zip(
+                imu.force, rest, (State.ACCEL_BIAS_X, State.ACCEL_BIAS_Y),
+                (State.PITCH, State.ROLL)))
 
     def _estimates(self, instant_ns: int) -> list[EstimateRecord]:
         imu = self._imu

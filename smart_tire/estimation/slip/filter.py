@@ -59,10 +59,9 @@ SIDE_DIFFERENCE_SHARE = 0.3   # of that sigma: both sides are alike; assumed
 ICR_WALK_SHARE = 0.02         # per sqrt(rad), of ICRs over the track: another ground in minutes
 ACCEL_ERROR_SIGMA = 0.3       # m/s2, prior of slopes, suspension and tilt; other robots on grass
 WALK_LIMITS = 0.1, 10.0       # of learned random walks, over their priors
-MIN_SLOPE, MAX_SLOPE = 0.001, 0.1  # rad, standard deviations: laboratory floor, steep ground
-SLOPE_RATE = 0.3              # learning rates per innovation; assumed
-WALK_RATE = 0.02
-FORCE_WHITENESS_TIME = 0.06   # s between innovations of the forces that count in full
+MIN_SLOPE = 0.001             # rad, standard deviation: laboratory floor
+SLOPE_LEARNING_TIME = 20.0    # s of driving: tens of correlation lengths
+WALK_RATE = 0.02              # learning rate per innovation; assumed
 WHEEL_SPEED_SIGMA = 0.003     # m/s, of a side, in addition to quantization and timestamps
 MAX_WHEEL_NOISE = 30.0        # times that: wheel speeds of unknown recordings
 SLIP_LEARNING_TIME = 20.0     # s of driving, over which the spread of the slip is learned
@@ -82,6 +81,10 @@ ZERO_VELOCITY_SIGMA = 0.003   # m/s, of the zero-velocity update
 TRAVEL_SIGMA = 1e-5           # m, of a new travel, so that P is not singular
 HISTORY = 1.5                 # s, of predicted wheel speeds: beyond the largest encoder latency
 NIS_GAIN = 0.05               # weight of a new value in the smoothed NIS
+SLOPES = State.ROLL, State.PITCH
+# where the forces show the lateral speed, B(8) does not: sliding tires leave their ICRs
+ICR_LEARNED = np.ones(N)
+ICR_LEARNED[State.ICR_X] = 0.0
 
 
 class RollingHistory:
@@ -132,8 +135,8 @@ class SlipFilter:
         self.forces = ForceBalance(robot, self.kalman)
         self._history = RollingHistory()
         walk, (low, high) = ICR_WALK_SHARE * robot.track_width, WALK_LIMITS
-        self._pitch, self._roll = (LearnedScale(
-            params.slope_sigma, MIN_SLOPE, MAX_SLOPE, SLOPE_RATE) for _ in 'xy')
+        self._slopes = [LearnedVariance(params.slope_sigma, MIN_SLOPE, SLOPE_LEARNING_TIME)
+                        for _ in SLOPES]
         self._accel_errors = [AccelError(ACCEL_ERROR_SIGMA, GRAVITY * MIN_SLOPE) for _ in 'xy']
         self._icr_walk, self._icr_x_walk = (LearnedScale(
             walk, low * walk, high * walk, WALK_RATE) for _ in 'yx')
@@ -146,6 +149,8 @@ class SlipFilter:
         self._time, self._gyro_z = 0.0, 0.0  # s and rad/s, of the last step
         self._mean_difference = 0.0  # -, half of that of both slips about the ICRs
         self._sides = [0.0, 0.0]  # m/s, side speeds of the last wheel sample
+        self._step = 0.0          # m/s, of a side at the last wheel sample, beyond its noise
+        self._balanced = False    # the forces were used at the last step
         self._started = False     # there has been a wheel sample
         self.nis = 1.0            # normalized innovation squared of the wheel speeds, smoothed
 
@@ -158,8 +163,8 @@ class SlipFilter:
             'effective_track': round(
                 self._robot.track_width + x[State.ICR_L] + x[State.ICR_R], 4),
             'icr_x': round(x[State.ICR_X], 4),
-            'slope_sigma': round(max(self._pitch.sigma, self._roll.sigma), 5),
             'slip_difference_sigma': round(math.sqrt(self._difference.variance), 4),
+            'slope_sigma': round(math.sqrt(max(one.variance for one in self._slopes)), 5),
             'wheel_speed_sigma': round(math.sqrt(self._wheel_noise.variance), 4)}
 
     @property
@@ -214,7 +219,8 @@ class SlipFilter:
         wheels rule beyond tenths of a second.
         """
         if self.forces.active:
-            return self._roll.sigma, self._pitch.sigma
+            roll, pitch = (math.sqrt(one.variance) for one in self._slopes)
+            return roll, pitch
         x, y = self._accel_errors
         slip = self._common_variance * (slip_speed(*self._sides) / SLIP_CORRELATION_TIME) ** 2
         roll, pitch = (math.sqrt(one.variance + slip) / GRAVITY for one in (y, x))
@@ -228,8 +234,15 @@ class SlipFilter:
 
     def correct_forces(self, imu: ImuInput, residual: Four, dt: float) -> None:
         """Correct with the balance of forces after a step of ``dt`` [s]."""
-        if self.forces.correct(imu, residual, dt):
-            self._roll.add_innovation(self.forces.innovation, dt / FORCE_WHITENESS_TIME)
+        self._balanced = self.forces.correct(imu, residual, dt)
+        if self._balanced:
+            x, P = self.kalman.x, self.kalman.P
+            for slope, row in zip(self._slopes, SLOPES):
+                slope.add(x[row] ** 2 + float(P[row, row]), dt)
+
+    def find_change(self, imu: ImuInput, torques: Four | None, wheels: WheelSpeeds) -> None:
+        """Look for a change of the ground, with the motor torques [N m] if they are measured."""
+        self.forces.find_change(imu, torques, wheels, self._step)
 
     def blind_step(self, dt: float, sides: tuple[float, float]) -> ImuStep:
         """Return the step of an IMU dropout: yaw rate by the wheels' ``sides`` [m/s] and ICRs."""
@@ -276,14 +289,11 @@ class SlipFilter:
             self._add_sliding(y, H, 0.25 * total, dt)
         if moving and independent:
             self._icr_walk.add_innovation((y[1] - y[0]) / math.sqrt(left + right - 2.0 * both))
-        if moving and self.forces.active:
-            self._pitch.add_innovation((y[0] + y[1]) / math.sqrt(total))
         nis = kalman.correct_jointly(*(self._as_printed(y, H, R, sides, dt) if self._printed
                                        else (y, H, R)), GYRO_HELD,
                                      moving and not self.forces.active)
         if moving:
             self.nis += NIS_GAIN * (nis - self.nis)  # stationary wheels have no noise
-            self.forces.add_wheel_innovation(nis, dt)
             self._wheel_noise.add(min(
                 self._wheel_noise.variance * nis, (MAX_WHEEL_NOISE * WHEEL_SPEED_SIGMA) ** 2), dt)
             self._learn_slip(W, dt, independent)
@@ -322,8 +332,9 @@ class SlipFilter:
         It has changed at some time of the period, on average in its middle.
         """
         noise, since = STEADY_SIGMAS * math.sqrt(2.0 * R[0, 0]) / dt, 0.5 * dt + lag
-        steps = [SLIP_CHANGE_SHARE * max(abs(now - before) - noise, 0.0)
-                 for now, before in zip(sides, self._sides)]
+        changes = [max(abs(now - before) - noise, 0.0) for now, before in zip(sides, self._sides)]
+        self._step = max(changes)
+        steps = [SLIP_CHANGE_SHARE * change for change in changes]
         self._sides = sides
         if any(steps):
             Q = np.zeros((N, N))
@@ -413,7 +424,8 @@ class SlipFilter:
         sigma = math.hypot(self._lateral_sigma, math.sqrt(self._difference.variance)
                            * W * self._robot.wheelbase)
         variance = sigma ** 2 * 2.0 * LATERAL_TIME / max(duration, 1e-3)
-        total = self.kalman.correct(y, h, variance, held=SENSORS_HELD)
+        total = self.kalman.correct(
+            y, h, variance, held=ICR_LEARNED if self._balanced else SENSORS_HELD)
         self._icr_x_walk.add_innovation(y / math.sqrt(total))
 
     def correct_zero_velocity(self) -> None:

@@ -12,67 +12,126 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Ground as given, with its errors considered, and corrections with the balance of forces."""
+"""Ground as given, with its errors considered: corrections with the forces, and its changes."""
 
 from __future__ import annotations
 
+from array import array
+from collections.abc import Sequence
 import math
 
+import numpy as np
+
+from smart_tire.arrays import Array
 from smart_tire.estimation.slip.equations import TireForces
+from smart_tire.estimation.slip.ground_change import (
+    GROUND_SIGMAS, GroundChange, SPREAD, SUDDEN)
 from smart_tire.estimation.slip.imu_input import ImuInput
 from smart_tire.estimation.slip.kalman import KalmanFilter, SENSORS_HELD
 from smart_tire.estimation.slip.noise import LearnedVariance, MAX_NIS
-from smart_tire.estimation.slip.state import State
+from smart_tire.estimation.slip.state import GROUND, ImuReading, SLIP_VELS, State
+from smart_tire.estimation.slip.wheel_odometry import WheelSpeeds
+from smart_tire.models.vehicle.drive import traction_force
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import Four, GroundState
 from smart_tire.uncertain import Uncertain
 
 PRIORS = (Uncertain(0.45, 0.315), Uncertain(0.025, 0.025), Uncertain(0.5, 0.3),
           Uncertain(0.9, 0.15))  # -, mu, rolling resistance, its lateral share, C_y / C_x
-GROUND_SIGMAS = (0.5, 0.7, 0.04, 0.3, 0.2, 0.0, 0.0)  # of another ground, in the order of State:
-# ln C_x, ln mu, rolling resistance, its lateral share, ln C_y / C_x; the robot stays the same
 SILENT_TIME = 1.25        # s without ground_state, two and a half periods, after which it ends
 EXPIRY_TIME = 5.0         # s after which it has ended
 MIN_ROLLING_SPEED = 0.1   # m/s, of the slower side: the forces are not used below
-BALANCE_SIGMA = 0.05      # m/s2, prior error of the model, which is learned ...
-MIN_BALANCE_SIGMA = 0.02  # m/s2, ... down to this one
-MODEL_TIME = 0.3          # s, correlation time of that error
-NOISE_TIME = 5.0          # s, over which it is learned
+BALANCE_SIGMA = 0.03      # m/s2, lasting error of the balance; of the accelerations of robots
+FORCE_ERROR = 0.07        # of traction forces: torque constant, shape of the tire curve
+TORQUE_OFFSET = 0.02      # N m, of a measured torque, as in the window ...
+FRICTION_ERROR = 0.1      # ... and of the friction of its gear
+TORQUE_NOISE = 0.05       # N m, least noise of a measured torque; it is learned
+MODEL_TIME = 0.3          # s, correlation time of lasting errors
+NOISE_TIME = 5.0          # s, over which a noise is learned
+MAX_REPEATS = 2           # of a measured torque; a stuck value is none
+STEP_SPEED = 0.02         # m/s, change of a side's speed that explains as much force as a ground
 DOUBT_TIME = 2.0          # s after a change that the filter has found: the window needs them
-CHANGE_TIME = 0.3         # s, time constant of the innovations that show a change of the ground
-CHANGE_NIS = 5.0          # their mean square, each at most MAX_NIS, beyond which it has changed
+LOGARITHMS = 0, 1, 4      # of the ground as given: ln C_x, ln mu, ln C_y / C_x
+FOLLOWED = SENSORS_HELD.copy()  # after a change the ground is estimated
+FOLLOWED[SUDDEN] = 0.0
+
+
+class MotorTorques:
+    """Traction forces of the wheels by the motor torques, with their errors."""
+
+    def __init__(self, robot: RobotParams) -> None:
+        self._motor, self._radius = robot.motor, robot.wheel_radius
+        self._offset = math.hypot(TORQUE_OFFSET, FRICTION_ERROR * robot.motor.coulomb_friction)
+        least = math.sqrt(2.0) * TORQUE_NOISE / self._radius
+        self._noise = [LearnedVariance(least, least, NOISE_TIME) for _ in SLIP_VELS]
+        self._last: Four = (math.nan,) * 4
+        self._repeats = [0] * 4
+        self._innovations = [0.0, 0.0]      # N, the last ones
+
+    def forces(self, torques: Four, speeds: Four, loads: Sequence[float]) -> list[float] | None:
+        """
+        Return the forces [N] on the robot; None if a torque is not measured, or is stuck.
+
+        ``torques`` are in N m, ``speeds`` r w in m/s, ``loads`` in N.
+        """
+        self._repeats = [count + 1 if new == old else 0
+                         for count, new, old in zip(self._repeats, torques, self._last)]
+        self._last = torques
+        if max(self._repeats) >= MAX_REPEATS or not all(map(math.isfinite, torques)):
+            return None
+        rates = np.array(speeds) / self._radius
+        found: list[float] = traction_force(
+            torques, rates, 0.0, loads, self._motor, self._radius).tolist()
+        return found
+
+    def variance(self, side: int, y: float, size: float, step: float, dt: float) -> float:
+        """
+        Return the variance [N2] of the force of a side as of a white error.
+
+        ``y`` [N] is its innovation, ``size`` [N] the sum of the forces of its wheels. Steady
+        innovations differ by their noise.
+        """
+        noise, last = self._noise[side], self._innovations[side]
+        self._innovations[side] = y
+        if not step:
+            noise.add(min(0.5 * (y - last) ** 2, MAX_NIS * noise.variance), dt)
+        lasting = 2.0 * (self._offset / self._radius) ** 2 + (FORCE_ERROR * size) ** 2
+        return noise.variance + 2.0 * MODEL_TIME / dt * lasting
 
 
 class ForceBalance:
     """Ground as given by ``GroundState``, and the corrections by the balance of forces."""
 
     def __init__(self, robot: RobotParams, kalman: KalmanFilter) -> None:
-        self._kalman, self._forces = kalman, TireForces(robot)
+        self._kalman, self._forces = kalman, TireForces(robot, kalman.P)
         self._center_of_mass = tuple(map(
             Uncertain, robot.center_of_mass[:2], robot.center_of_mass_sigma))
-        self._given = (1.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0)  # in the order of State
-        self._noise = [LearnedVariance(BALANCE_SIGMA, MIN_BALANCE_SIGMA, NOISE_TIME) for _ in 'xy']
-        self._innovations = LearnedVariance(1.0, 0.0, CHANGE_TIME)
-        self._silent = math.inf  # s, since the last ground_state
+        self._given: Sequence[float] = (1.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0)  # in the order of State
+        self._change = GroundChange(kalman)
+        self._torques = MotorTorques(robot)
+        self._rolling = [0.0] * 4      # m/s, r w of the wheels at the last step
+        self._silent = math.inf        # s, since the last ground_state
         self._since_change = math.inf  # s, since the filter has found a change of the ground
-        self.changes = 0         # of the ground, found by the filter
-        self.innovation = 0.0    # of the last balance along y, in standard deviations
+        self.changes = 0               # of the ground, found by the filter
 
     @property
     def active(self) -> bool:
         """Return whether the ground is known."""
         return self._silent < SILENT_TIME + EXPIRY_TIME
 
+    @property
+    def follows(self) -> bool:
+        """Return whether the ground is estimated, after a change that the filter has found."""
+        return self._since_change < DOUBT_TIME
+
     def set_ground(self, ground: GroundState) -> None:
         """
         Take the ground as given, with the errors that are reported.
 
-        After a change that this filter has found, a ground as before is not news yet.
+        After a change that this filter has found, one that contradicts its own estimate is not
+        that of the new ground yet.
         """
         self._silent = 0.0
-        if self._since_change < DOUBT_TIME and self._is_as_before(ground):
-            return
-        self._since_change = math.inf
         reported = (ground.friction_coefficient, ground.rolling_resistance, ground.lateral_share,
                     ground.lateral_stiffness_ratio, ground.center_of_mass_x,
                     ground.center_of_mass_y)
@@ -80,49 +139,76 @@ class ForceBalance:
         mu, resistance, share, ratio, *center = (
             one if math.isfinite(one.value) and math.isfinite(one.sigma) else prior
             for one, prior in zip(reported, (*PRIORS, *self._center_of_mass)))
-        self._given = (  # type: ignore[assignment]
-            stiffness.value, mu.value, resistance.value, share.value, ratio.value,
-            *(one.value for one in center))
+        given = (stiffness.value, mu.value, resistance.value, share.value, ratio.value,
+                 *(one.value for one in center))
         sigmas = (stiffness.sigma / stiffness.value, mu.sigma / mu.value, resistance.sigma,
                   share.sigma, ratio.sigma / ratio.value, *(one.sigma for one in center))
-        P = self._kalman.P
-        for row, sigma in enumerate(sigmas, int(State.LN_STIFFNESS)):
-            # of what was known the share is kept that the new error has of the old one
-            old = math.sqrt(P[row, row])
-            keep = min(1.0, sigma / old) if old > 0.0 else 0.0
-            P[row, :] *= keep
-            P[:, row] *= keep
-            P[row, row] = sigma ** 2
-        a, b = State.LN_STIFFNESS, State.LN_FRICTION
-        P[a, b] = P[b, a] = ground.stiffness_friction_correlation * sigmas[0] * sigmas[1]
-
-    def _is_as_before(self, ground: GroundState) -> bool:
-        """Return whether C_x and rolling resistance are within their errors of those given."""
-        return all(abs(new.value - old) < 2.0 * new.sigma for new, old in (
-            (ground.stiffness, self._given[0]), (ground.rolling_resistance, self._given[2])))
+        covariance = np.diag(np.square(sigmas))
+        covariance[0, 1] = covariance[1, 0] = (
+            ground.stiffness_friction_correlation * sigmas[0] * sigmas[1])
+        change = np.array([math.log(new / old) if row in LOGARITHMS else new - old
+                           for row, (new, old) in enumerate(zip(given, self._given))])
+        if self.follows:
+            both = self._kalman.P[SUDDEN, SUDDEN] + covariance[:3, :3]
+            if change[:3] @ np.linalg.solve(both, change[:3]) > MAX_NIS:
+                return
+        self._since_change = math.inf
+        self._set_given(given)
+        self._change.replace(change, covariance)
 
     def age(self, dt: float) -> None:
         """Let the ground become unknown while ``ground_state`` is silent; ``dt`` [s] passed."""
         self._silent += dt
         self._since_change += dt
         if self.active and self._silent > SILENT_TIME:
-            self._widen(min(dt / EXPIRY_TIME, 1.0))
+            share = min(dt / EXPIRY_TIME, 1.0)
+            for row, sigma in enumerate(GROUND_SIGMAS, int(State.LN_STIFFNESS)):
+                variance = float(self._kalman.P[row, row])
+                self._kalman.P[row, row] += share * max(sigma ** 2 - variance, 0.0)
 
-    def add_wheel_innovation(self, nis: float, duration: float) -> None:
-        """Widen the covariance of the ground if wheels and forces contradict each other."""
-        if not self.active:
+    def find_change(self, imu: ImuInput, torques: Four | None, wheels: WheelSpeeds, step: float
+                    ) -> None:
+        """
+        Look for a change of the ground at a wheel sample.
+
+        ``torques`` [N m] are those of the motors, ``step`` [m/s] is the change of a side's speed
+        since the last sample beyond its noise.
+        """
+        if not self.active or imu.reading is None:
             return
-        self._innovations.add(min(nis, MAX_NIS), duration)
-        if self._innovations.variance > CHANGE_NIS:
-            self._widen(1.0)
-            self._innovations = LearnedVariance(1.0, 0.0, CHANGE_TIME)
-            self.changes += 1
-            self._since_change = 0.0
+        if torques is not None and min(map(abs, self._rolling)) >= MIN_ROLLING_SPEED:
+            self._correct_torques(imu.reading, torques, wheels, step)
+        # the tires follow a change of speed between two samples before it is measured
+        change = self._change.find(1.0 / (1.0 + (step / STEP_SPEED) ** 2), wheels.duration)
+        if change is None or self.follows:
+            return
+        covariance = self._kalman.P[GROUND, GROUND].copy()
+        covariance[:3], covariance[:, :3] = 0.0, 0.0
+        covariance[:3, :3] = SPREAD
+        self._change.replace(np.pad(change, (0, len(covariance) - 3)), covariance)
+        self._add_to_ground(change)
+        self._since_change = 0.0
+        self.changes += 1
 
-    def _widen(self, share: float) -> None:
-        for row, sigma in enumerate(GROUND_SIGMAS, int(State.LN_STIFFNESS)):
-            variance = float(self._kalman.P[row, row])
-            self._kalman.P[row, row] += share * max(sigma ** 2 - variance, 0.0)
+    def _add_to_ground(self, change: Sequence[float] | Array) -> None:
+        """Add ``change`` (3,) of ln C_x, ln mu and rolling resistance to the ground as given."""
+        stiffness, mu, resistance, *others = self._given
+        self._set_given((stiffness * math.exp(change[0]), mu * math.exp(change[1]),
+                         max(resistance + change[2], 0.0), *others))
+
+    def _set_given(self, given: Sequence[float]) -> None:
+        self._given = given
+        self._forces.set_ground(given)
+
+    def _correct(self, y: float, h: Array, variance: float, shared: tuple[int, float] = (0, 0.0)
+                 ) -> None:
+        """Correct with an innovation of the forces; the ground too while it is followed."""
+        kalman = self._kalman
+        total = kalman.correct(y, h, variance, FOLLOWED if self.follows else SENSORS_HELD, shared)
+        self._change.add(kalman.ground_covariance, y, total)
+        if self.follows:
+            self._add_to_ground(kalman.x[SUDDEN])
+            kalman.x[SUDDEN] = array('d', bytes(24))
 
     def correct(self, imu: ImuInput, residual: Four, dt: float) -> bool:
         """
@@ -132,19 +218,32 @@ class ForceBalance:
         """
         reading, x = imu.reading, self._kalman.x
         assert reading is not None
+        self._change.age(dt)
         W = reading.yaw_rate - x[State.GYRO_BIAS_Z]
-        rolling = self._forces.rolling_speeds(x, W, residual)
-        if not self.active or min(map(abs, rolling)) < MIN_ROLLING_SPEED:
+        self._rolling = self._forces.rolling_speeds(x, W, residual)
+        if not self.active or min(map(abs, self._rolling)) < MIN_ROLLING_SPEED:
             return False
         expected = self._forces.balance(
-            x, rolling, W, imu.yaw_accel, reading.force_x, reading.force_y, self._given)
-        noise = imu.force_variance
-        shared = -0.5 * dt * noise  # the sample ends the step that was predicted
-        for error, level, h, velocity in zip(
-                expected, self._noise, self._forces.H, (State.V_X, State.V_Y)):
-            # the error of the model lasts: as white noise it has the same mean over its time
-            total = self._kalman.correct(-error, h, 2.0 * MODEL_TIME / dt * level.variance + noise,
-                                         SENSORS_HELD, (velocity, shared))
-            level.add(level.variance + error ** 2 - total, dt)
-            self.innovation = error / math.sqrt(total)
+            x, self._rolling, W, imu.yaw_accel, reading.force_x, reading.force_y)
+        shared = -0.5 * dt * imu.force_variance  # the sample ends the step that was predicted
+        # the error of the model lasts: as white noise it has the same mean over its time
+        variance = 2.0 * MODEL_TIME / dt * BALANCE_SIGMA ** 2 + imu.force_variance
+        for error, h, velocity in zip(expected, self._forces.H, (State.V_X, State.V_Y)):
+            self._correct(-error, h, variance, (velocity, shared))
         return True
+
+    def _correct_torques(self, reading: ImuReading, torques: Four, wheels: WheelSpeeds,
+                         step: float) -> None:
+        """Correct with the traction forces of both sides by the motor torques."""
+        x = self._kalman.x
+        loads = self._forces.loads(x, reading.force_x, reading.force_y)
+        measured = self._torques.forces(torques, wheels.wheel_speeds, loads)
+        if measured is None:
+            return
+        left, right = (abs(measured[side]) + abs(measured[side + 2]) for side in (0, 1))
+        for side, size in enumerate((left, right)):
+            W = reading.yaw_rate - x[State.GYRO_BIAS_Z]
+            expected = self._forces.tractions(x, self._rolling, W, loads)[side]
+            h, y = self._forces.H[side], measured[side] + measured[side + 2] - expected
+            self._correct(y, h, (h[SLIP_VELS[side]] * step) ** 2
+                          + self._torques.variance(side, y, size, step, wheels.duration))

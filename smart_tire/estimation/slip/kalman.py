@@ -59,6 +59,7 @@ class KalmanFilter:
         correction = Correction(self.x, P)
         self.correct, self.correct_jointly = correction.correct, correction.correct_jointly
         self.covariance, self._propagate = correction.covariance, correction.propagate
+        self._correction = correction
         self._recorder = recorder
 
     def predict(self, next_x: array[float], F: Array, Q: Array) -> None:
@@ -70,6 +71,12 @@ class KalmanFilter:
         if recorder is not None and before is not None:
             recorder.record_transition(
                 *before, F[:n, :n], np.array(next_x[:n]), self.P[:n, :n])
+
+    @property
+    def ground_covariance(self) -> list[float]:
+        """Return the covariances (3,) of the last scalar innovation with the ground."""
+        found: list[float] = self._correction.ground
+        return found
 
     def add_noise(self, Q: Array) -> None:
         """Add ``Q`` (N, N) to the covariance."""

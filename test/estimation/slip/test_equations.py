@@ -62,16 +62,20 @@ def run(module, kind, loops):
     module.LOOPS = loops
     x, P = state(kind)
     numbers = []
-    motion, forces, correction = (module.MotionModel(ROBOT), module.TireForces(ROBOT),
+    motion, forces, correction = (module.MotionModel(ROBOT), module.TireForces(ROBOT, P),
                                   module.Correction(x, P))
     step = ImuStep(0.01, ImuReading(0.5, 0.3, -0.2), 1e-6, 1e-4, 0.4, 0.6)
     after, F, Q = motion.predict(x, step, NOISE)
     correction.propagate(F, Q)
     x[:] = after
     rolling = forces.rolling_speeds(x, 0.5, RESIDUAL)
-    expected = forces.balance(x, rolling, 0.5, 0.1, 0.3, -0.2, GROUND)
+    forces.set_ground(GROUND)
+    loads = forces.loads(x, 0.3, -0.2)
+    numbers += [*loads, *forces.tractions(x, rolling, 0.5, loads), *forces.H.ravel()]
+    expected = forces.balance(x, rolling, 0.5, 0.1, 0.3, -0.2)
     for error, h, row in zip(expected, forces.H, (State.V_X, State.V_Y)):
         numbers.append(correction.correct(-error, h, 0.01, SENSORS_HELD, (row, -1e-5)))
+        numbers += correction.ground
     H = np.zeros((2, N))
     H[0, State.TRAVEL_L] = H[1, State.TRAVEL_R] = 1.0
     H[:, State.RADIUS] = 0.03, 0.02
@@ -127,7 +131,7 @@ def test_the_jacobian_of_the_motion_is_its_derivative():
       State.LN_LATERAL), 0.015)])
 def test_the_jacobian_of_the_balance_is_its_derivative(kind, rows, resistance):
     x, _ = state(kind)
-    model = TireForces(ROBOT)
+    model = TireForces(ROBOT, np.zeros((N, N)))  # without error of the slip
 
     def balance(row, delta):
         moved, given, i = x[:], list(GROUND), row - State.LN_STIFFNESS
@@ -137,12 +141,34 @@ def test_the_jacobian_of_the_balance_is_its_derivative(kind, rows, resistance):
             given[i] *= np.exp(delta)
         elif i > 0:
             given[i] += delta
+        model.set_ground(given)
         return np.array(model.balance(moved, model.rolling_speeds(moved, 0.5, RESIDUAL), 0.5, 0.1,
-                                      0.3, -0.2, given))
+                                      0.3, -0.2))
     balance(rows[0], 0.0)
     H = model.H.copy()
     for row in rows:
         slope = (balance(row, 1e-6) - balance(row, -1e-6)) / 2e-6
+        np.testing.assert_allclose(H[:, row], slope, rtol=1e-5, atol=1e-6, err_msg=str(row))
+
+
+@pytest.mark.parametrize('kind', ['driving', 'sliding', 'reverse'])
+def test_the_jacobian_of_the_tractions_is_their_derivative(kind):
+    x, _ = state(kind)
+    model = TireForces(ROBOT, np.zeros((N, N)))
+
+    def tractions(row, delta):
+        moved, given = x[:], list(GROUND)
+        moved[row] += delta
+        if row >= State.LN_STIFFNESS:
+            given[row - State.LN_STIFFNESS] *= np.exp(delta)
+        model.set_ground(given)
+        return np.array(model.tractions(moved, model.rolling_speeds(moved, 0.5, RESIDUAL), 0.5,
+                                        [25.0, 20.0, 30.0, 28.0]))
+    tractions(State.V_X, 0.0)
+    H = model.H.copy()
+    for row in (State.V_X, State.V_Y, State.SLIP_VEL_L, State.SLIP_VEL_R, State.LN_STIFFNESS,
+                State.LN_FRICTION):
+        slope = (tractions(row, 1e-6) - tractions(row, -1e-6)) / 2e-6
         np.testing.assert_allclose(H[:, row], slope, rtol=1e-5, atol=1e-6, err_msg=str(row))
 
 
