@@ -425,7 +425,8 @@ class SlipFilter:
                            * W * self._robot.wheelbase)
         variance = sigma ** 2 * 2.0 * LATERAL_TIME / max(duration, 1e-3)
         total = self.kalman.correct(
-            y, h, variance, held=ICR_LEARNED if self._balanced else SENSORS_HELD)
+            y, h, variance,
+            held=ICR_LEARNED if self._balanced and self.forces.certain else SENSORS_HELD)
         self._icr_x_walk.add_innovation(y / math.sqrt(total))
 
     def correct_zero_velocity(self) -> None:

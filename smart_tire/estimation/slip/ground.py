@@ -50,6 +50,7 @@ MODEL_TIME = 0.3          # s, correlation time of lasting errors
 NOISE_TIME = 5.0          # s, over which a noise is learned
 MAX_REPEATS = 2           # of a measured torque; a stuck value is none
 STEP_SPEED = 0.02         # m/s, change of a side's speed that explains as much force as a ground
+MAX_LN_STIFFNESS = 0.2    # standard deviation of ln C_x, beyond which the ICRs show more; assumed
 DOUBT_TIME = 2.0          # s after a change that the filter has found: the window needs them
 LOGARITHMS = 0, 1, 4      # of the ground as given: ln C_x, ln mu, ln C_y / C_x
 FOLLOWED = SENSORS_HELD.copy()  # after a change the ground is estimated
@@ -107,6 +108,7 @@ class ForceBalance:
         self._center_of_mass = tuple(map(
             Uncertain, robot.center_of_mass[:2], robot.center_of_mass_sigma))
         self._given: Sequence[float] = (1.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0)  # in the order of State
+        self._before: Sequence[float] = self._given  # before a change that the filter has found
         self._change = GroundChange(kalman)
         self._torques = MotorTorques(robot)
         self._rolling = [0.0] * 4      # m/s, r w of the wheels at the last step
@@ -120,6 +122,12 @@ class ForceBalance:
         return self._silent < SILENT_TIME + EXPIRY_TIME
 
     @property
+    def certain(self) -> bool:
+        """Return whether the ground is known so well that the forces show the lateral speed."""
+        variance = float(self._kalman.P[State.LN_STIFFNESS, State.LN_STIFFNESS])
+        return self.active and variance < MAX_LN_STIFFNESS ** 2
+
+    @property
     def follows(self) -> bool:
         """Return whether the ground is estimated, after a change that the filter has found."""
         return self._since_change < DOUBT_TIME
@@ -128,8 +136,8 @@ class ForceBalance:
         """
         Take the ground as given, with the errors that are reported.
 
-        After a change that this filter has found, one that contradicts its own estimate is not
-        that of the new ground yet.
+        After a change that this filter has found, one as before that contradicts its own estimate
+        is not that of the new ground yet.
         """
         self._silent = 0.0
         reported = (ground.friction_coefficient, ground.rolling_resistance, ground.lateral_share,
@@ -146,12 +154,11 @@ class ForceBalance:
         covariance = np.diag(np.square(sigmas))
         covariance[0, 1] = covariance[1, 0] = (
             ground.stiffness_friction_correlation * sigmas[0] * sigmas[1])
-        change = np.array([math.log(new / old) if row in LOGARITHMS else new - old
-                           for row, (new, old) in enumerate(zip(given, self._given))])
-        if self.follows:
-            both = self._kalman.P[SUDDEN, SUDDEN] + covariance[:3, :3]
-            if change[:3] @ np.linalg.solve(both, change[:3]) > MAX_NIS:
-                return
+        change = _difference(given, self._given)
+        if self.follows and _contradict(
+                change, covariance + self._kalman.P[GROUND, GROUND]) and not _contradict(
+                _difference(given, self._before), 2.0 * covariance):
+            return
         self._since_change = math.inf
         self._set_given(given)
         self._change.replace(change, covariance)
@@ -185,6 +192,7 @@ class ForceBalance:
         covariance = self._kalman.P[GROUND, GROUND].copy()
         covariance[:3], covariance[:, :3] = 0.0, 0.0
         covariance[:3, :3] = SPREAD
+        self._before = self._given
         self._change.replace(np.pad(change, (0, len(covariance) - 3)), covariance)
         self._add_to_ground(change)
         self._since_change = 0.0
@@ -247,3 +255,15 @@ class ForceBalance:
             h, y = self._forces.H[side], measured[side] + measured[side + 2] - expected
             self._correct(y, h, (h[SLIP_VELS[side]] * step) ** 2
                           + self._torques.variance(side, y, size, step, wheels.duration))
+
+
+def _difference(given: Sequence[float], other: Sequence[float]) -> Array:
+    """Return the difference (7,) of two grounds, of logarithms where their errors are relative."""
+    return np.array([math.log(one / two) if row in LOGARITHMS else one - two
+                     for row, (one, two) in enumerate(zip(given, other))])
+
+
+def _contradict(difference: Array, covariance: Array) -> bool:
+    """Return whether C_x, mu and rolling resistance differ by more than their errors."""
+    off = difference[:3]
+    return bool(off @ np.linalg.solve(covariance[:3, :3], off) > MAX_NIS)

@@ -62,9 +62,10 @@ def test_a_wheel_that_spins_up_on_a_slippery_patch_is_back_below_critical_slip(r
 
 
 def test_a_start_on_unknown_ground_uses_most_of_the_friction():
-    start, stop = scores(result_of('slippery_unknown'))
-    assert start.distance > 0.8
-    assert stop.distance > 0.8
+    found = [scores(result_of('slippery_unknown', seed=seed)) for seed in range(101, 105)]
+    for leg in zip(*found):  # start, stop
+        assert np.mean([one.distance for one in leg]) > 0.8
+        assert max(one.sliding for one in leg) < 0.1
 
 
 def test_the_robot_drifts_far_less_than_without_traction_control(split):
