@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache, lru_cache
 import math
 import random
 
@@ -353,10 +354,14 @@ def simulated(seed, schedule, duration, motion='imu/data', method='waveform', **
     ``motion`` is the topic of the motion, empty for none; ``map`` and ``film.*`` also configure
     the estimator.
     """
-    own = {key: value for key, value in values.items() if key == 'map' or key[:5] == 'film.'}
-    events = simulate(build(SimulatorParams, {
-        'seed': seed, 'ground.base': 'concrete', **BOTH_WHEELS,
-        **{key: value for key, value in values.items() if key != 'map'}}), schedule, duration)
+    return _simulated(seed, tuple(schedule), duration, motion, method, tuple(values.items()))
+
+
+@cache
+def _simulated(seed, schedule, duration, motion, method, values):
+    own = {key: value for key, value in values if key == 'map' or key[:5] == 'film.'}
+    events = drive(seed, schedule, duration, tuple(
+        (key, value) for key, value in values if key != 'map'))
     truth = [s for _, topic, s in events if topic == 'ground_truth/tire_friction']
     estimator = FrictionEstimator(build(
         FrictionEstimatorParams, {'method': method, **BOTH_WHEELS, **own}))
@@ -366,12 +371,18 @@ def simulated(seed, schedule, duration, motion='imu/data', method='waveform', **
                     for kind in (Friction, GroundState))
 
 
+@lru_cache(4)
+def drive(seed, schedule, duration, values=()):
+    """Return the events of a drive on concrete with two wheels that have films."""
+    return simulate(build(SimulatorParams, {
+        'seed': seed, 'ground.base': 'concrete', **BOTH_WHEELS, **dict(values)}),
+        schedule, duration)
+
+
 @pytest.fixture(scope='module')
 def driven():
     """Return the samples of a drive of 6 s, in order of their stamps."""
-    events = simulate(build(SimulatorParams, {
-        'seed': 5, 'ground.base': 'concrete', **BOTH_WHEELS}), CURVES, 6.0)
-    return in_order([s for _, topic, s in events
+    return in_order([s for _, topic, s in drive(5, tuple(CURVES), 6.0)
                      if topic in ('imu/data', 'tire_samples', 'wheel_states')])
 
 

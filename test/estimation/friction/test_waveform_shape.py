@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 import math
 
 from benchmarks.friction.grid import Case, OTHER_SHAPES, WHEEL
@@ -44,15 +45,30 @@ def normalized_slips(found):
     return np.array([one.films_only.normalized_slip for one in found])
 
 
+@cache
+def settled_slips(slip, seed, shape=None):
+    """Return the normalized slips of crossings with a shape of ``OTHER_SHAPES``, or the own."""
+    case = Case(slip=slip, **(OTHER_SHAPES[shape] if shape else {}))
+    return normalized_slips(results(case, 50, seed))[SETTLED:]
+
+
+@cache
+def slips_after(slip, shape=None):
+    """Return normalized slips after usual crossings and one with another shape, if it is given."""
+    usual = Case(slip=slip)
+    method = WaveformMethod(WHEEL, usual.robot)
+    results(usual, 25, 5, method)
+    if shape:
+        results(Case(slip=slip, **OTHER_SHAPES[shape]), 1, 6, method)
+    return normalized_slips(results(usual, 20, 7, method))
+
+
 @pytest.mark.parametrize('title', OTHER_SHAPES)
 @pytest.mark.parametrize('slip', [0.05, -0.07])
 def test_another_shape_does_not_bias_normalized_slip(title, slip):
-    case, differences = Case(slip=slip, **OTHER_SHAPES[title]), []
-    for seed in (11, 12, 13):  # the same noise with both shapes
-        own, other = (normalized_slips(results(one, 50, seed))[SETTLED:]
-                      for one in (Case(slip=slip), case))
-        differences.append(np.mean(other - own))
-    assert abs(np.mean(differences)) < 0.015 * case.normalized_slip
+    differences = [np.mean(settled_slips(slip, seed, title) - settled_slips(slip, seed))
+                   for seed in (11, 12, 13)]  # the same noise with both shapes
+    assert abs(np.mean(differences)) < 0.015 * Case(slip=slip).normalized_slip
 
 
 @pytest.mark.parametrize('title', OTHER_SHAPES)
@@ -84,15 +100,8 @@ def test_a_release_between_the_conventions_is_learned(slip, share, release):
 
 @pytest.mark.parametrize('title', OTHER_SHAPES)
 def test_one_crossing_with_another_shape_hardly_changes_the_following_estimates(title):
-    usual, found = Case(slip=0.06), []
-    for disturbed in (True, False):
-        method = WaveformMethod(WHEEL, usual.robot)
-        results(usual, 25, 5, method)
-        if disturbed:
-            results(Case(slip=0.06, **OTHER_SHAPES[title]), 1, 6, method)
-        found.append(normalized_slips(results(usual, 20, 7, method)))
-    change = found[0] - found[1]
-    assert abs(np.mean(change)) < 0.015 * usual.normalized_slip
+    change = slips_after(0.06, title) - slips_after(0.06)
+    assert abs(np.mean(change)) < 0.015 * Case(slip=0.06).normalized_slip
 
 
 def test_a_lasting_change_of_the_shape_is_learned():
