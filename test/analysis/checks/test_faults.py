@@ -29,9 +29,9 @@ from smart_tire.parameters import RobotParams
 from smart_tire.parameters.robot import EncoderParams, FilmParams, ImuParams, TireParams
 from smart_tire.samples import BatterySample, NS_PER_S
 from smart_tire.simulation.faults import delayed, interrupted
+from smart_tire.simulation.host import EPOCH_NS
 from support.checked import changed, clean, problems, recording, texts
 
-FIRST_NS = clean()[0][2].stamp_ns
 RPM = 60.0 / math.tau
 
 
@@ -164,7 +164,7 @@ def test_clocks_that_differ_are_reported():
 @pytest.mark.parametrize('drift, reported', [(2e-3, True), (-2e-3, True), (5e-5, False)])
 def test_a_drifting_clock_is_reported_with_its_sign(drift, reported):
     events = changed('imu/data', lambda one: replace(
-        one, stamp_ns=one.stamp_ns + round(drift * (one.stamp_ns - FIRST_NS))))
+        one, stamp_ns=one.stamp_ns + round(drift * (one.stamp_ns - EPOCH_NS))))
     text = found(timing.check_drift, events)
     assert (f'imu/data: timestamps drift by {1e3 * drift:+.0f}00' in text) is reported
     assert 'wheel_states' not in text
@@ -329,7 +329,7 @@ def test_a_wrong_position_of_the_imu_is_reported():
 
 
 def test_a_robot_that_stands_is_not_compared():
-    events = [event for event in clean() if event[0] < FIRST_NS + 1_800_000_000]
+    events = [event for event in clean() if event[0] < EPOCH_NS + 1_800_000_000]
     assert 'the robot does not drive' in found(motion.check_sides, events)
 
 
@@ -375,7 +375,7 @@ def test_another_spacing_is_reported():
 
 @pytest.mark.parametrize('volts, reported', [(3.2, True), (3.4, False)])
 def test_a_low_battery_is_reported(volts, reported):
-    events = [(FIRST_NS, 'tire_battery', BatterySample(FIRST_NS, 'front_right', volts))]
+    events = [(EPOCH_NS, 'tire_battery', BatterySample(EPOCH_NS, 'front_right', volts))]
     assert ('charge' in found(films.check_battery, events)) is reported
 
 
