@@ -30,9 +30,11 @@ endef
 
 # Set inside a Python process with the rclpy wheels; must not be inherited by another one.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
+# Tests start some hundreds of processes: none shall compile the package again.
+unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help setup demo demo-loaded test lint check current mutants stop-times bench bench-slip \
-	bench-friction bench-control config docs screenshots site clean
+.PHONY: help setup demo demo-loaded test pytest lint check current mutants stop-times bench \
+	bench-slip bench-friction bench-control config docs screenshots site clean
 help:
 	@echo 'make demo            run the simulated robot and all nodes; results in demo_output/'
 	@echo 'make demo VIEW=1     the same, live in the viewer'
@@ -113,12 +115,16 @@ ifndef ROS_DISTRO
 	else echo 'types are not checked on Python 3.10'; fi
 endif
 
-# Two workers; test/conftest.py describes the order of the tests.
-test: lint
-	$(BIN)/python -m pytest -n 2 $(SELECTION)
+# Style and types are checked while the tests run. Three workers, for two cores: the tests in real
+# time mostly wait; test/conftest.py describes their order.
+test: $(READY)
+	+@$(MAKE) --no-print-directory --jobs=2 lint pytest
+
+pytest: $(READY)
+	$(BIN)/python -m pytest -n 3 --durations=25 $(SELECTION)
 
 # The results of the benchmarks are in bench_output/check/.
-check: SELECTION := -m '' --cov --cov-report=term
+check: export SELECTION := -m '' --cov --cov-report=term
 check: test current site
 	$(BIN)/python test/safety/stop_times.py --runs 1
 	$(BIN)/python -m benchmarks.slip --quick --force --out bench_output/check/slip

@@ -17,20 +17,23 @@ What tests share: a ROS domain, serial ports, and the order in which workers run
 
 With pytest-xdist, a worker runs all tests of a file, so that its fixtures are made once. Modules
 marked ``safety`` and ``processes`` are two groups, each on one worker, one test after the other:
-those of the first group mostly wait, those of the second start nodes. They come first, then those
-marked ``slow``, then all others. ``pyproject.toml`` declares the markers.
+they mostly wait. They come first, then those marked ``slow``, then all others, with a lower
+priority: one more worker than cores lets these use the time in which the groups wait.
+``pyproject.toml`` declares the markers.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 import fcntl
+from functools import cache
 import os
 from pathlib import Path
 import signal
 import tempfile
 from typing import Any, IO
 
+from benchmarks.event_cache import FOLDER_VARIABLE
 from hypothesis import HealthCheck, settings
 import pytest
 from support.groups import group_of, GROUPS
@@ -46,6 +49,8 @@ settings.register_profile('anywhere', deadline=None, derandomize=True,
 settings.load_profile('anywhere')
 
 ORDER = (*GROUPS, 'slow')  # markers of the tests that come first
+
+NICENESS = 10  # of tests without group: a tenth of the share of the others, if they need all
 
 DOMAINS = range(1, 102)  # above, DDS ports overlap the ephemeral ports
 
@@ -90,11 +95,19 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     return GroupsAndFiles(config, log)
 
 
+@cache
+def _lower_priority() -> None:
+    """Let tests in real time, which are on other workers or came before, have the cores first."""
+    if 'PYTEST_XDIST_WORKER' in os.environ:
+        os.nice(NICENESS)
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
     """Leave all cores to a test that needs them; see ``support/machine.py``."""
     if _rank(item) < len(GROUPS):
         return (yield)  # only these ask for it, and no two of a group run at the same time
+    _lower_priority()
     with shared_cores():
         return (yield)
 
@@ -113,6 +126,17 @@ def isolated_ros() -> Iterator[None]:
         if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
             # A shell ignores it for programs in the background, and children inherit that.
             signal.signal(signal.SIGINT, signal.default_int_handler)
+        yield
+
+
+@pytest.fixture(scope='session', autouse=True)
+def shared_events(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Let all workers share the events of the scenarios: each is simulated once."""
+    folder = tmp_path_factory.getbasetemp()
+    if 'PYTEST_XDIST_WORKER' in os.environ:
+        folder = folder.parent  # of all workers of this run
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(FOLDER_VARIABLE, str(folder / 'events'))
         yield
 
 
