@@ -24,6 +24,7 @@ import pytest
 from smart_tire.cli.reproduce import laboratory
 from smart_tire.reproduction import paper_b_report, tire_maps, tire_runs
 from smart_tire.reproduction.tire_maps import MU, STIFFNESS
+from smart_tire.simulation.offline import simulate
 
 pytestmark = pytest.mark.slow
 
@@ -128,10 +129,16 @@ def test_braking_crossings_are_counted_and_not_used(sweep):
     assert (sweep.crossings.slip > 0.0).all()
 
 
+def without_films(params, schedule, duration):
+    """Return the events of a drive from which only the slips can be estimated."""
+    return [event for event in simulate(params, schedule, duration, torque=False)
+            if event[1] != 'tire_samples']
+
+
 def test_the_stiffness_from_accelerations_is_correct_within_its_standard_error():
-    errors = []
+    room, errors = replace(laboratory(), drive=without_films), []  # it needs no estimates
     for seed in range(1, 7):
-        run = tire_runs.drive(laboratory(), 'concrete', tire_runs.oscillating, DURATION, seed)
+        run = tire_runs.drive(room, 'concrete', tire_runs.oscillating, DURATION, seed)
         fit = tire_runs.stiffness(run, MU)
         errors.append((fit.stiffness - STIFFNESS) / fit.sigma)
         assert fit.sigma < 0.01 * STIFFNESS
