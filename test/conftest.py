@@ -27,6 +27,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 import fcntl
 from functools import cache
+import gc
 import os
 from pathlib import Path
 import signal
@@ -42,6 +43,9 @@ from support.pty_port import PtyPort
 
 # Matrices are small: threads would only compete with each other and with the other worker.
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+
+# Samples and syntax trees are many and without cycles: a fourth of the time to collect the tests.
+gc.set_threshold(100_000)
 
 # Durations depend on the load of the machine; a failure must be reproducible.
 settings.register_profile('anywhere', deadline=None, derandomize=True,
