@@ -16,9 +16,9 @@
 What tests share: a ROS domain, serial ports, and the order in which workers run the tests.
 
 With pytest-xdist, a worker runs all tests of a file, so that its fixtures are made once. Modules
-marked ``safety`` and ``processes`` are two groups, each on one worker, one test after the other:
-they mostly wait. They come first, then those marked ``slow``, then all others, with a lower
-priority: one more worker than cores lets these use the time in which the groups wait.
+marked ``processes`` and ``safety`` mostly wait: they run in two chains of about equal length, each
+on one worker, one test after the other. They come first, then those marked ``slow``, then all
+others, with a lower priority: a third worker lets these use the time in which the chains wait.
 ``pyproject.toml`` declares the markers.
 """
 
@@ -37,7 +37,7 @@ from typing import Any, IO
 from benchmarks.event_cache import FOLDER_VARIABLE
 from hypothesis import HealthCheck, settings
 import pytest
-from support.groups import group_of, GROUPS
+from support.groups import chain_of, GROUPS
 from support.machine import shared_cores
 from support.pty_port import PtyPort
 
@@ -85,18 +85,19 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.hookimpl(optionalhook=True)  # of xdist, where it is installed
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """Return the scheduler that assigns groups, and files of all other tests, to workers."""
+    """Return the scheduler that assigns chains, and files of all other tests, to workers."""
     from xdist.scheduler import LoadFileScheduling
 
-    class GroupsAndFiles(LoadFileScheduling):
+    class ChainsAndFiles(LoadFileScheduling):
 
         def _split_scope(self, nodeid: str) -> str:
-            """Return the group of a test, or its file."""
+            """Return the chain of a test, or its file."""
             file = super()._split_scope(nodeid)
-            return group_of((config.rootpath / file).read_text(encoding='utf-8')) or file
+            text = (config.rootpath / file).read_text(encoding='utf-8')
+            return chain_of(file, text) or file
 
     config.option.loadscopereorder = False  # they are in order
-    return GroupsAndFiles(config, log)
+    return ChainsAndFiles(config, log)
 
 
 @cache
@@ -110,7 +111,7 @@ def _lower_priority() -> None:
 def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
     """Leave all cores to a test that needs them; see ``support/machine.py``."""
     if _rank(item) < len(GROUPS):
-        return (yield)  # only these ask for it, and no two of a group run at the same time
+        return (yield)  # only these ask for it, and no two of a chain run at the same time
     _lower_priority()
     with shared_cores():
         return (yield)
