@@ -26,6 +26,8 @@ import pytest
 from support.mutant_runs import stages, Workplace
 from support.mutants import mutants, sample
 
+pytestmark = pytest.mark.slow
+
 CHANGES = [  # body of a function, operator, expected replacements of the line
     ('return [a < b]', 'comparison', {'return [a <= b]'}),
     ('return [a >= b]', 'comparison', {'return [a > b]'}),

@@ -28,6 +28,8 @@ from smart_tire.parameters import build, specs, TrajectoryControllerParams, Whee
 from smart_tire.samples import NS_PER_S, VelocityCommand
 from support.ideal_robot import odometry, path, Run
 
+pytestmark = pytest.mark.slow
+
 STALL_TORQUE, FREE_SPEED, FRICTION = 5.0, 22.0, 0.15     # N m, rad/s, N m
 ON_GROUND, LIFTED = 0.0286, 0.008                        # kg m2, inertia of the wheel
 TIME_STEP_NS = 1_000_000

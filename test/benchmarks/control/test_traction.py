@@ -26,6 +26,8 @@ from benchmarks.control.wrong_estimates import FAULTS
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.slow
+
 NAMED = {scenario.name: scenario for scenario in SCENARIOS}
 
 
