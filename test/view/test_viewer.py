@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 import socket
@@ -42,8 +43,10 @@ LOAD = 2.5       # s of samples
 
 def listening(pid: int) -> set[tuple[str, int]]:
     """Return address and port of the TCP sockets on which a process listens."""
-    inodes = {link.readlink().name for link in Path(f'/proc/{pid}/fd').iterdir()
-              if link.readlink().name.startswith('socket:')}
+    inodes = set()
+    for link in Path(f'/proc/{pid}/fd').iterdir():
+        with suppress(FileNotFoundError):  # closed meanwhile
+            inodes.add(link.readlink().name)
     found = set()
     for name, family in (('tcp', socket.AF_INET), ('tcp6', socket.AF_INET6)):
         for line in Path(f'/proc/{pid}/net/{name}').read_text().splitlines()[1:]:
