@@ -214,7 +214,8 @@ class GroundWindow:
         x = hypothesis.x.copy()
         x[OWN] = 0.0
         start, heading = _start(hypothesis, measurements)
-        change, known = hypothesis.change, hypothesis.times is not None
+        change = hypothesis.change
+        known = hypothesis.times is not None and change < measurements.begin  # near the solution
         blocks = films = None
         for iteration in range(ITERATIONS if known else 2 * ITERATIONS):
             runs = np.tile(x, (DYNAMIC + 1, 1))
