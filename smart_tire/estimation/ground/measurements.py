@@ -41,7 +41,6 @@ from smart_tire.parameters.robot import RobotParams
 
 TIME_STEP = 0.016        # s, of the model
 BLOCK = 8                # steps of a block mean
-DISTURBANCE_TIME = 1.0   # s, of a push, a lifted wheel
 BLOCK_TIME = TIME_STEP * BLOCK
 YAW_RATE, FORCE_X, FORCE_Y, TORQUE = range(4)  # streams of block means; four of torques
 STREAMS = 7
@@ -62,6 +61,9 @@ PASSAGE_STEPS = np.arange(-3, 3)  # around a passage, over which its motion is a
 MIN_LOAD = 0.1           # N, of a lifted wheel
 LEAST_FRICTION = 0.2     # share of the friction that is left at the largest slip, at least
 SLIDING_WEIGHT = 10.0    # of a passage in full sliding: sigma over its slip along slip / t
+
+
+Interval = tuple[float, float]  # s
 
 
 class Passage(NamedTuple):
@@ -225,12 +227,13 @@ class Measurements:
         found[:, :, 0] *= np.exp(x[:, GAINS])[:, [one.wheel for one in self.passages]]
         return found.reshape(len(x), -1)
 
-    def noise(self, predicted: Array, biases: Array, disturbances: Sequence[float] = ()) -> Array:
+    def noise(self, predicted: Array, biases: Array, disturbances: Sequence[Interval] = ()
+              ) -> Array:
         """
         Return the covariances (STREAMS, blocks, blocks) of the block means.
 
-        ``predicted`` (STREAMS, blocks), ``biases`` (3,) those of the IMU; begins of
-        ``disturbances`` [s].
+        ``predicted`` (STREAMS, blocks), ``biases`` (3,) those of the IMU. What lies in
+        ``disturbances`` is not used.
         """
         robot, count = self._robot, len(self.centers)
         imu = np.maximum(self.imu_count, 1)
@@ -265,7 +268,7 @@ class Measurements:
         found[:, range(count), range(count)] += white ** 2
         return found
 
-    def passage_noise(self, predicted: Array, disturbances: Sequence[float] = ()) -> Array:
+    def passage_noise(self, predicted: Array, disturbances: Sequence[Interval] = ()) -> Array:
         """Return the covariance of the passages; ``predicted`` (2 * passages,)."""
         times = np.array([one.time for one in self.passages])
         wheels = np.array([one.wheel for one in self.passages])
@@ -336,10 +339,11 @@ class Measurements:
                          np.log(fallen)], axis=-1).mean(axis=2)
 
 
-def disturbed(times: Array, disturbances: Sequence[float]) -> NDArray[np.bool_]:
-    """Return whether each of ``times`` (n,) [s] lies in a disturbance that began at one."""
-    age = times[:, np.newaxis] - np.array(disturbances)
-    found: NDArray[np.bool_] = ((age >= 0.0) & (age <= DISTURBANCE_TIME)).any(axis=1)
+def disturbed(times: Array, disturbances: Sequence[Interval]) -> NDArray[np.bool_]:
+    """Return whether each of ``times`` (n,) [s] lies in one of the ``disturbances``."""
+    found: NDArray[np.bool_] = np.zeros(len(times), dtype=bool)
+    for begin, end in disturbances:
+        found |= (times >= begin) & (times <= end)
     return found
 
 

@@ -39,7 +39,7 @@ from numpy.typing import NDArray
 from smart_tire.arrays import Array
 from smart_tire.estimation.ground import body_model as model
 from smart_tire.estimation.ground.measurements import (
-    DISTURBANCE_TIME, disturbed, Measurements, Motion, Passage, STREAMS, WindowData)
+    disturbed, Interval, Measurements, Motion, Passage, STREAMS, WindowData)
 from smart_tire.estimation.ground.unknowns import (
     DYNAMIC, GROUND, initial, OLD_GROUND, OWN, Prior, priors, SIDES, SIZE, START, Unknown)
 from smart_tire.parameters.robot import RobotParams
@@ -51,6 +51,8 @@ CONVERGED = 0.1    # of a standard deviation: no further step
 FREEDOM = 5.0      # degrees of freedom of the Student distribution
 MAX_STEP = 0.7     # change of the ground in one step; beyond, the model is not linear
 CANDIDATES = 0.5, 1.0, 1.5  # s before the end: times of a change of ground
+DISTURBANCE_TIME = 1.0  # s, of a push, a lifted wheel
+TRANSITION_TIME = 0.3   # s after a change, not used: the axles follow one another, a robot length
 CHANGE_EVIDENCE = 25.0  # twice the log likelihood ratio of a change of ground ...
 TRIED_EVIDENCE = 8.0    # ... and of one that is tried
 DECISION_TIME = 2.75    # s after a change, at which one that is not accepted is dropped
@@ -86,7 +88,7 @@ class Hypothesis:
     prior: Prior
     x: Array                    # start of the fit
     change: float = -math.inf   # s, time of the latest change of ground
-    disturbances: tuple[float, ...] = ()  # s, their begins: not used for DISTURBANCE_TIME
+    disturbances: tuple[Interval, ...] = ()  # not used
     times: Array | None = None  # s, of the velocities in the window before; None without one
     velocities: Array | None = None  # (n, 3), of the center of mass
     heading: tuple[float, float] = (0.0, 0.0)  # s, rad: a time and the heading there
@@ -173,8 +175,9 @@ class GroundWindow:
         elif main.change < end - LENGTH and begin < first:
             found = self._changed(main, fit, measurements, leaving)
             if found is not None:
-                main, fit = self._fitted(replace(
-                    main, disturbances=(*main.disturbances, found[0].change)),
+                change = found[0].change
+                main, fit = self._fitted(replace(main, disturbances=(
+                    *main.disturbances, (change, change + DISTURBANCE_TIME))),
                     measurements, leaving)
         best = main, fit
         if found is not None:
@@ -303,7 +306,8 @@ class GroundWindow:
             return None
         x = fit.x.copy()
         x[OLD_GROUND] = x[GROUND]
-        rival = replace(main, prior=main.prior.with_change(self._rows), x=x, change=found)
+        rival = replace(main, prior=main.prior.with_change(self._rows), x=x, change=found,
+                        disturbances=(*main.disturbances, (found, found + TRANSITION_TIME)))
         rival, changed = self._fitted(rival, measurements, leaving)
         return (rival, changed) if fit.cost - changed.cost > TRIED_EVIDENCE else None
 
@@ -320,8 +324,7 @@ class GroundWindow:
             self._rows)
         middle = int(np.searchsorted(measurements.times, measurements.begin + hop))
         middle = min(middle, len(measurements.times) - 1)
-        kept = tuple(one for one in hypothesis.disturbances
-                     if one + DISTURBANCE_TIME > measurements.begin)
+        kept = tuple(one for one in hypothesis.disturbances if one[1] > measurements.begin)
         return replace(
             hypothesis, disturbances=kept, prior=moved.of_next_window(self._rows), x=fit.x,
             times=measurements.times, velocities=fit.motion.states[0, :, :model.W + 1],
@@ -334,9 +337,10 @@ def _gain(fit: Fit, other: Fit, measurements: Measurements, change: float) -> fl
 
     What was measured in the disturbance of ``fit`` does not count.
     """
-    unused = np.concatenate([
-        np.tile(disturbed(measurements.centers, [change]), STREAMS),
-        np.repeat(disturbed(np.array([one.time for one in measurements.passages]), [change]), 2)])
+    own = change, change + DISTURBANCE_TIME
+    times = np.array([one.time for one in measurements.passages])
+    unused = np.concatenate([np.tile(disturbed(measurements.centers, [own]), STREAMS),
+                             np.repeat(disturbed(times, [own]), 2)])
     residual = other.rows.residual[unused]
     return fit.cost - other.cost + float(residual @ residual)
 

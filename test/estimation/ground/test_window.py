@@ -380,11 +380,11 @@ def test_while_a_change_is_undecided_the_covariance_covers_both_grounds():
 
 
 def test_a_disturbance_is_not_used_for_one_second(measurements):
-    noise = measurements.noise(measurements.values, np.zeros(3), (7.0,))
+    noise = measurements.noise(measurements.values, np.zeros(3), ((7.0, 8.0),))
     sigma = np.sqrt(np.diagonal(noise, axis1=1, axis2=2))
     inside = (measurements.centers >= 7.0) & (measurements.centers <= 8.0)
     assert (sigma[:, inside] > 1e5).all()
     assert (sigma[:FORCE_X, measurements.used & ~inside] < 1.0).all()
-    passage = measurements.passage_noise(np.array([0.1, 0.2]), (7.5,))
+    passage = measurements.passage_noise(np.array([0.1, 0.2]), ((7.5, 8.5),))
     assert (np.diag(passage) > 1e9).all()
-    assert (np.diag(measurements.passage_noise(np.array([0.1, 0.2]), (6.5,))) < 1.0).all()
+    assert (np.diag(measurements.passage_noise(np.array([0.1, 0.2]), ((6.5, 7.5),))) < 1.0).all()
