@@ -145,7 +145,6 @@ def test_messages_arrive_soon_after_their_timestamp(messages, topic):
     assert np.all(ages > -0.02)
     # a passage waits for the end of a window: between nothing and the time between two of them
     waiting = HOP_NS / NS_PER_S if topic == 'tire_friction' else 0.0
-    assert ages.min() < 0.5
     assert np.median(ages) < 0.5 + waiting
 
 
