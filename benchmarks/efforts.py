@@ -21,7 +21,7 @@ from dataclasses import replace
 import math
 
 from smart_tire.samples import Sample, WheelSample
-from smart_tire.simulation.host import Event
+from smart_tire.simulation.offline import Event
 
 
 def has_efforts(samples: Iterable[Sample]) -> bool:

@@ -32,7 +32,7 @@ from pathlib import Path
 import pickle
 
 from smart_tire.simulation import offline
-from smart_tire.simulation.host import Event
+from smart_tire.simulation.offline import Event
 
 FOLDER_VARIABLE = 'SMART_TIRE_EVENT_CACHE'
 ROOT = Path(offline.__file__).parents[2]  # of the modules

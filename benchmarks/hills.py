@@ -24,10 +24,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from benchmarks.scenarios import Fault, Leg, Scenario, sequence
+from benchmarks.terrain import on_rough_ground, on_slopes, ramp, rolling_hills, speed_bump, Terrain
 from smart_tire.parameters import RobotParams
-from smart_tire.simulation.host import Event
-from smart_tire.simulation.terrain import (
-    on_rough_ground, on_slopes, ramp, rolling_hills, speed_bump, Terrain)
+from smart_tire.simulation.offline import Event
 
 WAVELENGTHS = 5.0, 30.0  # m, of rolling hills
 SLOPE_SIGMA = 0.02       # rad

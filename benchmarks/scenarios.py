@@ -30,14 +30,14 @@ from itertools import accumulate
 
 from benchmarks.efforts import scaled_efforts
 from benchmarks.event_cache import cached_events
+from benchmarks.faults import delayed, interrupted, reordered
 import numpy as np
+
 from smart_tire.parameters import RobotParams, SimulatorParams
 from smart_tire.parameters.robot import EncoderParams, FilmParams, TireParams
 from smart_tire.parameters.simulation import (
     DriveParams, GroundParams, PatchParams, RadioParams, SensorErrorParams)
-from smart_tire.simulation.faults import delayed, interrupted, reordered
-from smart_tire.simulation.host import Event
-from smart_tire.simulation.offline import simulate
+from smart_tire.simulation.offline import Event, simulate
 
 Leg = tuple[float, float, float]  # start time [s], rpm left, rpm right
 Fault = Callable[[list[Event], int], list[Event]]  # events and seed to modified events

@@ -37,8 +37,7 @@ from smart_tire.calibration.procedure.legs import (
 from smart_tire.calibration.tire.stiffness_solver import ACCEL_SCALE_SIGMA
 from smart_tire.parameters import build, SimulatorParams
 from smart_tire.samples import ImuSample, NS_PER_S, Odometry, WheelSlip
-from smart_tire.simulation.host import EPOCH_NS, Event
-from smart_tire.simulation.offline import simulate
+from smart_tire.simulation.offline import EPOCH_NS, Event, simulate
 from smart_tire.simulation.robot import Robot
 
 TRUTH_STREAM = 7            # of random numbers, not one of the simulator

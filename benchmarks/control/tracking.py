@@ -20,16 +20,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 import math
 
+from benchmarks.control.closed_loop import run_closed_loop
 from benchmarks.control.other_plant import OtherPlant
 from benchmarks.control.robot_stack import RobotStack
 from benchmarks.control.scenarios import MAX_DURATION, OWN, TrackingCase
 from benchmarks.control.scoring import path_errors, score_tracking, TrackingScore
 import numpy as np
+
 from smart_tire.analysis.series import Floats
 from smart_tire.control.trajectory_control import State
 from smart_tire.models.tire.brush_tire import brush_force
 from smart_tire.samples import NS_PER_S, Odometry
-from smart_tire.simulation.closed_loop import run_closed_loop
 from smart_tire.simulation.plant import Plant
 
 WATCH_STEPS = 50  # steps of the plant between two rows of a trace: 20 Hz

@@ -15,7 +15,7 @@
 """
 Starts and stops on slippery ground, with and without traction control.
 
-The estimators and the wheel controller run in the loop (``simulation.closed_loop``). Ground that
+The estimators and the wheel controller run in the loop (``closed_loop``). Ground that
 was measured before is that of a gentle lap with films; unknown ground is the first start of a
 robot without films. With a fault, estimates are replaced by wrong ones. The other robot has tires
 with a falling friction curve and another mass; the software does not know.
@@ -27,9 +27,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import accumulate
 
+from benchmarks.control.closed_loop import run_closed_loop
 from benchmarks.control.other_plant import other_robot, OtherPlant, peak_slip
 from benchmarks.control.wrong_estimates import FAULTS
 import numpy as np
+
 from smart_tire.analysis.pipeline import EstimatorParams, Pipeline
 from smart_tire.arrays import Array
 from smart_tire.control.wheel_control import WheelControl
@@ -42,7 +44,6 @@ from smart_tire.parameters.robot import FilmParams
 from smart_tire.parameters.simulation import GroundParams, PatchParams
 from smart_tire.samples import (
     Four, Friction, NS_PER_S, Odometry, Sample, VelocityCommand, WheelSample)
-from smart_tire.simulation.closed_loop import run_closed_loop
 from smart_tire.simulation.plant import Plant
 
 

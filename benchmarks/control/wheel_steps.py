@@ -23,8 +23,10 @@ import itertools
 from statistics import fmean
 from typing import NamedTuple
 
+from benchmarks.control.closed_loop import run_closed_loop
 from benchmarks.control.previous_wheel_control import PreviousWheelControl
 import numpy as np
+
 from smart_tire.arrays import Array
 from smart_tire.control.wheel_control import WheelControl
 from smart_tire.parameters import RobotParams, SimulatorParams
@@ -32,7 +34,6 @@ from smart_tire.parameters.control import PidParams, WheelControllerParams
 from smart_tire.parameters.robot import FilmParams
 from smart_tire.parameters.simulation import GroundParams
 from smart_tire.samples import Four, NS_PER_S, Sample, WheelSample
-from smart_tire.simulation.closed_loop import run_closed_loop
 from smart_tire.simulation.plant import Plant
 
 MAX_LATENESS = 0.015                      # s, of readings on a host that is busy

@@ -36,6 +36,7 @@ import zlib
 
 from benchmarks.efforts import without_efforts
 from benchmarks.event_cache import cached_events
+from benchmarks.faults import delayed
 from benchmarks.friction.ground_scenarios import HEAVY, HEAVY_DRIVE, HEAVY_TIRE
 from benchmarks.grounds import (
     CONCRETE, GRAVEL, ground, HEAVY_SURFACES, SAND, SURFACES, Surfaces, WET_TILES)
@@ -43,7 +44,9 @@ from benchmarks.robots import manoeuvres, plant
 from benchmarks.robots.manoeuvres import Manoeuvre, MIXED
 from benchmarks.robots.plant import Lift, plant_with, Push, Traits
 from benchmarks.scenarios import Leg, sequence, STANDSTILL
+from benchmarks.terrain import on_slopes
 import numpy as np
+
 from smart_tire.analysis.pipeline import EstimatorParams
 from smart_tire.models.tire import bump_shapes
 from smart_tire.parameters import (
@@ -51,11 +54,8 @@ from smart_tire.parameters import (
 from smart_tire.parameters.robot import FilmParams, TireParams
 from smart_tire.parameters.simulation import DriveParams, GroundParams, SensorErrorParams
 from smart_tire.samples import Four, NS_PER_S, Sample, WheelSample
-from smart_tire.simulation.faults import delayed
-from smart_tire.simulation.host import Event
-from smart_tire.simulation.offline import simulate
+from smart_tire.simulation.offline import Event, simulate
 from smart_tire.simulation.plant import LOAD_TRANSFER_TIME
-from smart_tire.simulation.terrain import on_slopes
 
 Values = Mapping[str, tuple[float, ...]]
 

@@ -37,15 +37,16 @@ from dataclasses import dataclass, replace
 import math
 
 from benchmarks.hills import WAVELENGTHS
+from benchmarks.terrain import rolling_hills, Terrain
 import numpy as np
+
 from smart_tire.models.constants import GRAVITY
 from smart_tire.models.vehicle.drive import DRY_FRICTION_SPEED
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.parameters.simulation import DriveParams
 from smart_tire.samples import Four
-from smart_tire.simulation.plant import LOAD_TRANSFER_TIME, NOMINAL, Plant, TIME_STEP
-from smart_tire.simulation.surfaces import Surface, SurfaceMap
-from smart_tire.simulation.terrain import rolling_hills, Terrain
+from smart_tire.simulation.plant import (
+    LOAD_TRANSFER_TIME, NOMINAL, Plant, Surface, SurfaceMap, TIME_STEP)
 
 FALL_BEGIN, FALL_WIDTH = 0.8, 1.2  # -, normalized slip; assumed: the peak is near t = 1
 RELAXATION_SPEED = 0.5  # m/s, minimum: a tire at rest must not oscillate on its relaxation length

@@ -17,21 +17,32 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 import math
 
-from smart_tire.parameters.simulation import SimulatorParams
-from smart_tire.samples import Four, NS_PER_S
-from smart_tire.simulation.host import EPOCH_NS, Event, SimulatedHost
-from smart_tire.simulation.plant import Plant, TIME_STEP
-from smart_tire.simulation.robot import Robot
+import numpy as np
 
+from smart_tire.parameters.simulation import SimulatorParams
+from smart_tire.samples import Four, ImuSample, NS_PER_S, Sample, TireSample, WheelSample
+from smart_tire.simulation.films import FilmBatch
+from smart_tire.simulation.plant import Plant, TIME_STEP
+from smart_tire.simulation.robot import Observation, PeriodicTimer, Robot
+from smart_tire.simulation.sensors import encoder_counts, wheel_angles
+from smart_tire.simulation.truth import truth_topic
+
+Event = tuple[int, str, Sample]  # receive time [ns], topic, sample
 Schedule = Callable[[float], tuple[float, float]] | Sequence[tuple[float, float, float]]
 
+EPOCH_NS = 1_700_000_000 * NS_PER_S  # default start time of a simulation
+IMU_DELAY_NS = 2_000_000      # from timestamp to reception: one frame at 115200 baud
+WHEEL_DELAY_NS = 3_000_000    # from timestamp to reception: two boards are polled
+TIMESTAMP_SIGMA_NS = 100_000  # error of a batch's timestamps after clock synchronization
+HOST_RNG_STREAM = 1           # index of the random stream of the host
 RAD_PER_S_PER_RPM = math.tau / 60.0
-CONTROL_PERIOD_STEPS = 20    # plant steps between two steps of the speed control: 50 Hz
-MAX_SET_POINT_RATE = 20.0    # rad/s2, of the wheel speeds
-SPEED_KP = 0.1               # s/rad, duty per speed error
-SPEED_KI = 0.5               # 1/rad, duty per integrated speed error
+CONTROL_PERIOD_STEPS = 20     # plant steps between two steps of the speed control: 50 Hz
+MAX_SET_POINT_RATE = 20.0     # rad/s2, of the wheel speeds
+SPEED_KP = 0.1                # s/rad, duty per speed error
+SPEED_KI = 0.5                # 1/rad, duty per integrated speed error
 
 
 def simulate(params: SimulatorParams, schedule: Schedule, duration: float, *,
@@ -50,7 +61,7 @@ def simulate(params: SimulatorParams, schedule: Schedule, duration: float, *,
     duty: Four = (0.0, 0.0, 0.0, 0.0)
     for step in range(round(duration / TIME_STEP)):
         if step % CONTROL_PERIOD_STEPS == 0:
-            duty = control.update(robot.plant)
+            duty = control.duties(robot.plant)
         for observation in robot.step(duty):
             host.receive(observation)
         host.poll_wheels(robot, duty if torque else None)
@@ -77,7 +88,7 @@ class _SpeedControl:
         self._set_point = [0.0] * 4  # rad/s
         self._integral = [0.0] * 4   # duty
 
-    def update(self, plant: Plant) -> Four:
+    def duties(self, plant: Plant) -> Four:
         dt = CONTROL_PERIOD_STEPS * TIME_STEP
         scheduled = self._schedule(plant.time_ns / NS_PER_S) * 2  # left, right, left, right
         fl, fr, rl, rr = (self._duty(i, scheduled[i] * RAD_PER_S_PER_RPM, plant.wheel_speed[i], dt)
@@ -93,3 +104,63 @@ class _SpeedControl:
         if abs(duty) < 1.0 or error * duty < 0.0:
             self._integral[i] = integral
         return min(max(duty, -1.0), 1.0)
+
+
+class SimulatedHost:
+    """Host of the drivers: collects the messages that they would publish."""
+
+    def __init__(self, params: SimulatorParams, wheel_rate: float, start_ns: int) -> None:
+        self._params, self._start_ns = params, start_ns
+        self._rng = np.random.default_rng([params.seed, HOST_RNG_STREAM])
+        self._wheels_due = PeriodicTimer(NS_PER_S / wheel_rate)
+        self._reading: tuple[int, Four] | None = None  # time and angles of the last reading
+        self._radio_ns: dict[str, int] = {}  # arrival of the latest packet, by wheel
+        self.events: list[Event] = []  # in the order of observation
+
+    def receive(self, item: Observation) -> None:
+        """Add the messages of an observation of the robot."""
+        if isinstance(item, FilmBatch):
+            self._receive_batch(item)
+            return
+        sample = replace(item, stamp_ns=self._start_ns + item.stamp_ns)
+        if isinstance(item, ImuSample):
+            self.events.append((sample.stamp_ns + IMU_DELAY_NS, 'imu/data', sample))
+        else:
+            self.events.append((sample.stamp_ns, truth_topic(item), sample))
+
+    def poll_wheels(self, robot: Robot, duty: Four | None) -> None:
+        """Read the encoders when due, and the currents if the applied ``duty`` is given."""
+        plant = robot.plant
+        if not self._wheels_due.expired(plant.time_ns):
+            return
+        encoder, now_ns = self._params.robot.encoder, self._start_ns + plant.time_ns
+        error = encoder.latency + self._rng.normal(0.0, encoder.stamp_jitter)
+        stamp_ns = now_ns + round(error * NS_PER_S)
+        counts = encoder_counts(plant, encoder.counts_per_revolution)
+        angles = wheel_angles(counts, encoder.counts_per_revolution)
+        last, self._reading = self._reading, (stamp_ns, angles)
+        if last is None or stamp_ns <= last[0]:
+            return
+        dt = (stamp_ns - last[0]) / NS_PER_S
+        fl, fr, rl, rr = ((new - old) / dt for new, old in zip(angles, last[1]))
+        effort = robot.motors.torques(plant, duty, (fl, fr, rl, rr)) if duty else None
+        self.events.append((now_ns + WHEEL_DELAY_NS, 'wheel_states',
+                            WheelSample(stamp_ns, (fl, fr, rl, rr), angles, effort)))
+
+    def _receive_batch(self, batch: FilmBatch) -> None:
+        """Add the samples of a radio batch, with delay and in order, unless it is lost."""
+        radio, film = self._params.radio, self._params.robot.film
+        delay = min(radio.delay + self._rng.exponential(radio.jitter), radio.max_delay)
+        lost = self._rng.random() < radio.loss
+        stamp_error_ns = round(self._rng.normal(0.0, TIMESTAMP_SIGMA_NS))
+        if lost:
+            return
+        sent_ns = self._start_ns + batch.trace.stamps_ns[-1]
+        receive_ns = max(sent_ns + round(delay * NS_PER_S), self._radio_ns.get(batch.wheel, 0))
+        self._radio_ns[batch.wheel] = receive_ns
+        scale = film.voltage_range / ((1 << film.bits) - 1)
+        for stamp_ns, codes in zip(batch.trace.stamps_ns, batch.codes):
+            volts = tuple(code * scale for code in codes)
+            stamp_ns += self._start_ns + stamp_error_ns
+            self.events.append((receive_ns, 'tire_samples',
+                                TireSample(stamp_ns, batch.wheel, volts)))

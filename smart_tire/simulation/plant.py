@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Planar dynamics of the skid-steer robot: rigid body, four driven wheels, brush tires.
+Planar dynamics of the skid-steer robot: rigid body, four driven wheels, brush tires, surfaces.
 
 The inner loop uses plain floats: for four wheels the overhead of numpy would dominate a step.
 """
@@ -21,19 +21,47 @@ The inner loop uses plain floats: for four wheels the overhead of numpy would do
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 import math
 
 from smart_tire.models.vehicle.drive import DRY_FRICTION_SPEED
 from smart_tire.models.vehicle.skid_steer import AXLE_SIGNS, normal_loads, SIDE_SIGNS
 from smart_tire.parameters.robot import RobotParams
-from smart_tire.parameters.simulation import DriveParams
+from smart_tire.parameters.simulation import DriveParams, GroundParams, PatchParams
 from smart_tire.samples import WHEELS
-from smart_tire.simulation.surfaces import Surface, SurfaceMap
 
 STEP_NS = 1_000_000  # ns
 TIME_STEP = 1e-9 * STEP_NS  # s
 LOAD_TRANSFER_TIME = 0.02  # s, time constant of load transfer, from vertical tire compliance
 NOMINAL = (1.0, 1.0, 1.0, 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Surface:
+    """Properties of one surface."""
+
+    name: str
+    friction: float   # -, mu
+    stiffness: float  # N, C_x of a tire on it
+    drag: float       # -, rolling drag over load
+
+
+class SurfaceMap:
+    """Surface by position: a base surface and rectangles on it, of which the last one applies."""
+
+    def __init__(self, params: GroundParams) -> None:
+        columns = (params.names, params.friction, params.stiffness, params.drag)
+        self.surfaces = {row[0]: Surface(*row) for row in zip(*columns)}
+        self._base = self.surfaces[params.base]
+        self._patches: list[tuple[Surface, PatchParams]] = [
+            (self.surfaces[patch.surface], patch) for patch in reversed(params.patches)]
+
+    def at(self, x: float, y: float) -> Surface:
+        """Return the surface at a point [m] in the world frame."""
+        for surface, patch in self._patches:
+            if patch.x[0] <= x <= patch.x[1] and patch.y[0] <= y <= patch.y[1]:
+                return surface
+        return self._base
 
 
 class Plant:

@@ -25,10 +25,8 @@ from smart_tire.parameters.simulation import SimulatorParams
 from smart_tire.samples import ImuSample, NS_PER_S
 from smart_tire.simulation.device_emulators import SensorNodeEmulator
 from smart_tire.simulation.films import FilmBatch, FilmSampler
-from smart_tire.simulation.motors import Motors
-from smart_tire.simulation.plant import Plant, STEP_NS
-from smart_tire.simulation.sensors import ImuModel
-from smart_tire.simulation.surfaces import SurfaceMap
+from smart_tire.simulation.plant import Plant, STEP_NS, SurfaceMap
+from smart_tire.simulation.sensors import ImuModel, Motors
 from smart_tire.simulation.truth import CrossingTruth, true_odometry, true_slip, Truth
 
 Observation = ImuSample | FilmBatch | Truth
@@ -97,7 +95,7 @@ class Robot:
                 for batch in films.observe(plant):
                     observations.append(batch)
                     for crossings in groups:
-                        observations += crossings.update(batch.trace)
+                        observations += crossings.ended_in(batch.trace)
         return observations
 
 

@@ -93,7 +93,7 @@ class CrossingTruth:
         # sums and counts while the first film is inside
         self._sums = np.zeros((2, len(MEAN_QUANTITIES)))
 
-    def update(self, trace: WheelTrace) -> list[Friction]:
+    def ended_in(self, trace: WheelTrace) -> list[Friction]:
         """Return the crossings that end in ``trace``; traces are consecutive."""
         radius = self._robot.wheel_radius
         past, _ = patch_position(trace.angle, self._center, radius)

@@ -19,8 +19,8 @@ from __future__ import annotations
 from dataclasses import replace
 import math
 
+from benchmarks.control.closed_loop import run_closed_loop
 import pytest
-
 from smart_tire.control.motion_monitor import Motion
 from smart_tire.control.odometry_check import contradict, OdometryCheck
 from smart_tire.control.path_library import figure_eight, square
@@ -30,7 +30,6 @@ from smart_tire.parameters.control import TrajectoryControllerParams, WheelContr
 from smart_tire.parameters.robot import FilmParams, RobotParams
 from smart_tire.parameters.simulation import GroundParams, SimulatorParams
 from smart_tire.samples import NAN, NS_PER_S, Odometry, WheelSample, WheelSlip
-from smart_tire.simulation.closed_loop import run_closed_loop
 
 pytestmark = pytest.mark.slow
 

@@ -18,16 +18,15 @@ from __future__ import annotations
 
 import math
 
+from benchmarks.control.closed_loop import run_closed_loop
 import numpy as np
 import pytest
-
 from smart_tire.control.wheel_control import WheelControl
 from smart_tire.control.wheel_servo import MAX_HOLD_DUTY
 from smart_tire.drivers.wheel_encoder import MotionCheck, Reading
 from smart_tire.parameters.control import WheelControllerParams
 from smart_tire.parameters.hardware import MotorDriverParams
 from smart_tire.samples import NS_PER_S, WheelSample
-from smart_tire.simulation.closed_loop import run_closed_loop
 from support.motors import simulator
 from support.simulated_slip import sloped
 

@@ -18,12 +18,12 @@ from __future__ import annotations
 
 import math
 
+from benchmarks.control.closed_loop import run_closed_loop
 import numpy as np
 import pytest
 from smart_tire.control.wheel_control import WheelControl
 from smart_tire.parameters.control import PidParams, WheelControllerParams
 from smart_tire.samples import NS_PER_S, WheelSample
-from smart_tire.simulation.closed_loop import run_closed_loop
 from support.motors import simulator
 
 START = 0.3  # s, of the step of the set points

@@ -16,13 +16,13 @@
 
 from __future__ import annotations
 
+from benchmarks.faults import reordered, stalled
 import numpy as np
 import pytest
 from smart_tire.analysis.pipeline import INPUTS
 from smart_tire.bags import BagWriter
 from smart_tire.parameters import build, SimulatorParams
 from smart_tire.samples import Friction
-from smart_tire.simulation.faults import reordered, stalled
 from smart_tire.simulation.offline import simulate
 from support.replaying import (
     assert_same, normalized_errors, offline_estimates, played_live, replayed)

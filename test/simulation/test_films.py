@@ -76,7 +76,7 @@ def roll(films, truth, plant, seconds):
         plant.step()
         for batch in films.observe(plant):
             batches.append(batch)
-            crossings += truth.update(batch.trace)
+            crossings += truth.ended_in(batch.trace)
     return batches, crossings
 
 
@@ -215,8 +215,8 @@ def test_distant_films_have_separate_crossings():
         plant.step()
         for batch in films.observe(plant):
             batches.append(batch)
-            seen[0] += near.update(batch.trace)
-            seen[2] += far.update(batch.trace)
+            seen[0] += near.ended_in(batch.trace)
+            seen[2] += far.ended_in(batch.trace)
     stamps, volts, angle = signals(batches)
     assert volts.shape[1] == 3
     for first, center in ((0, films.center_angles[0] + 0.015 / RADIUS),
@@ -264,7 +264,7 @@ def test_the_slip_of_a_crossing_is_the_mean_while_film_1_is_inside():
     one = np.ones(n)
     trace = WheelTrace(tuple(range(n)), angle, 0.5 * one, 0.5 * (1.0 - slip), 0.0 * one,
                        26.7 * one, 0.47 * one, 52.7 * one, 0.05)
-    crossing, = truth.update(trace)
+    crossing, = truth.ended_in(trace)
     assert crossing.slip.value == pytest.approx(0.2)
 
 

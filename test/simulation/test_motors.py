@@ -22,11 +22,9 @@ from smart_tire.models.tire import brush_tire
 from smart_tire.models.vehicle import drive
 from smart_tire.parameters import build, SimulatorParams
 from smart_tire.samples import LEFT, NS_PER_S, RIGHT
-from smart_tire.simulation.host import EPOCH_NS
-from smart_tire.simulation.motors import Motors
-from smart_tire.simulation.offline import simulate
-from smart_tire.simulation.plant import Plant, TIME_STEP
-from smart_tire.simulation.surfaces import SurfaceMap
+from smart_tire.simulation.offline import EPOCH_NS, simulate
+from smart_tire.simulation.plant import Plant, SurfaceMap, TIME_STEP
+from smart_tire.simulation.sensors import Motors
 
 CONCRETE = {'ground.base': 'concrete', 'ground.patches.names': []}
 EXACT = {'errors.torque_constant': 0.0, 'errors.torque_constant_spread': 0.0,

@@ -21,8 +21,7 @@ import pytest
 from smart_tire.models.vehicle import skid_steer
 from smart_tire.parameters import build, SimulatorParams
 from smart_tire.samples import NS_PER_S, WHEELS
-from smart_tire.simulation.host import EPOCH_NS
-from smart_tire.simulation.offline import simulate
+from smart_tire.simulation.offline import EPOCH_NS, simulate
 
 CONCRETE = {'ground.base': 'concrete', 'film.wheels': ['front_left', 'front_right']}
 SCHEDULE = [(0.5, 120, 60), (4.0, 60, 120)]

@@ -21,8 +21,7 @@ import pytest
 from smart_tire.models.constants import GRAVITY
 from smart_tire.models.tire import brush_tire
 from smart_tire.parameters import build, SimulatorParams
-from smart_tire.simulation.plant import Plant, TIME_STEP
-from smart_tire.simulation.surfaces import SurfaceMap
+from smart_tire.simulation.plant import Plant, SurfaceMap, TIME_STEP
 
 EVERYWHERE = {'concrete': {'ground.base': 'concrete', 'ground.patches.names': []},
               'sand': {'ground.base': 'sand', 'ground.patches.names': []}}

@@ -25,8 +25,7 @@ from smart_tire.analysis.checks.recording import CheckedRecording, Collector, RE
 from smart_tire.findings import Finding, Level
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.simulation import GroundParams, SimulatorParams
-from smart_tire.simulation.host import Event
-from smart_tire.simulation.offline import simulate
+from smart_tire.simulation.offline import Event, simulate
 
 DRIVE = ((2.0, 90.0, 90.0), (5.0, 100.0, 60.0), (9.0, 40.0, 80.0), (12.0, 0.0, 0.0),
          (15.0, -60.0, -80.0), (19.0, 90.0, 90.0), (22.0, 0.0, 0.0))  # start time [s], rpm

@@ -29,9 +29,8 @@ from smart_tire.parameters.control import WheelControllerParams
 from smart_tire.parameters.robot import FilmParams, MotorParams
 from smart_tire.parameters.simulation import DriveParams, GroundParams
 from smart_tire.samples import NS_PER_S, VelocityCommand
-from smart_tire.simulation.motors import Motors
-from smart_tire.simulation.plant import Plant, TIME_STEP
-from smart_tire.simulation.surfaces import SurfaceMap
+from smart_tire.simulation.plant import Plant, SurfaceMap, TIME_STEP
+from smart_tire.simulation.sensors import Motors
 
 RESOLUTION = math.tau / 2000
 GRAVITY = 9.81    # m/s2

@@ -28,12 +28,10 @@ from smart_tire.parameters.control import WheelControllerParams
 from smart_tire.parameters.robot import FilmParams
 from smart_tire.parameters.simulation import GroundParams, SensorErrorParams
 from smart_tire.samples import ImuSample, MotorCommand, NS_PER_S, WheelSample
-from smart_tire.simulation.host import EPOCH_NS
-from smart_tire.simulation.motors import Motors
-from smart_tire.simulation.offline import simulate
+from smart_tire.simulation.offline import EPOCH_NS, simulate
 from smart_tire.simulation.plant import TIME_STEP
 from smart_tire.simulation.robot import PeriodicTimer, Robot
-from smart_tire.simulation.sensors import encoder_counts, wheel_angles
+from smart_tire.simulation.sensors import encoder_counts, Motors, wheel_angles
 
 RATE = 16.0           # Hz, of wheel samples and commands
 STANDSTILL = 2.0      # s at the begin

@@ -19,6 +19,7 @@ from __future__ import annotations
 from dataclasses import replace
 import math
 
+from benchmarks.faults import delayed, interrupted
 import numpy as np
 import pytest
 from smart_tire.analysis.checks import contents, films, imu, motion, timing, tire, wheels
@@ -28,8 +29,7 @@ from smart_tire.messages import TOPICS
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.robot import EncoderParams, FilmParams, ImuParams, TireParams
 from smart_tire.samples import BatterySample, NS_PER_S
-from smart_tire.simulation.faults import delayed, interrupted
-from smart_tire.simulation.host import EPOCH_NS
+from smart_tire.simulation.offline import EPOCH_NS
 from support.checked import changed, clean, problems, recording, texts
 
 RPM = 60.0 / math.tau

@@ -20,7 +20,7 @@ from benchmarks.control.other_plant import other_robot, OtherPlant, peak_slip
 import numpy as np
 import pytest
 from smart_tire.parameters import RobotParams, SimulatorParams
-from smart_tire.simulation.surfaces import SurfaceMap
+from smart_tire.simulation.plant import SurfaceMap
 
 CONCRETE = 0.47, 26.7, 52.7  # mu, F_z [N], C_x [N]
 

@@ -30,8 +30,7 @@ from smart_tire.models.constants import GRAVITY
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.simulation import DriveParams, GroundParams
 from smart_tire.samples import Odometry
-from smart_tire.simulation.plant import Plant, TIME_STEP
-from smart_tire.simulation.surfaces import SurfaceMap
+from smart_tire.simulation.plant import Plant, SurfaceMap, TIME_STEP
 
 CONCRETE = GroundParams(base='concrete', patches=())
 

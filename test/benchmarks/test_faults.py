@@ -16,10 +16,9 @@
 
 from __future__ import annotations
 
+from benchmarks.faults import delayed, interrupted, reordered, stalled
 import pytest
-
 from smart_tire.samples import ImuSample, NS_PER_S, WheelSample
-from smart_tire.simulation.faults import delayed, interrupted, reordered, stalled
 
 
 @pytest.fixture

@@ -22,7 +22,7 @@ from typing import Protocol
 
 from smart_tire.parameters.simulation import SimulatorParams
 from smart_tire.samples import Four, NS_PER_S, Sample
-from smart_tire.simulation.host import EPOCH_NS, Event, SimulatedHost
+from smart_tire.simulation.offline import EPOCH_NS, Event, SimulatedHost
 from smart_tire.simulation.plant import Plant, TIME_STEP
 from smart_tire.simulation.robot import PeriodicTimer, Robot
 

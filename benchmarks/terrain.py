@@ -34,7 +34,7 @@ from smart_tire.models.constants import GRAVITY
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.rotation import euler, matrix
 from smart_tire.samples import ImuSample, NS_PER_S, Odometry, Sample
-from smart_tire.simulation.host import Event
+from smart_tire.simulation.offline import Event
 
 Terrain = Callable[[Array, Array], tuple[Array, Array]]  # x, y [m] -> slopes dh/dx, dh/dy [-]
 

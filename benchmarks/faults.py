@@ -21,7 +21,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from smart_tire.samples import NS_PER_S
-from smart_tire.simulation.host import Event
+from smart_tire.simulation.offline import Event
 
 
 def delayed(events: Sequence[Event], topic: str, delay: float) -> list[Event]:

@@ -18,15 +18,13 @@ from __future__ import annotations
 
 import math
 
+from benchmarks.terrain import on_rough_ground, on_slopes, ramp, rolling_hills, speed_bump
 import numpy as np
 import pytest
-
 from smart_tire.models.constants import GRAVITY
 from smart_tire.parameters import build, RobotParams
 from smart_tire.rotation import quaternion
 from smart_tire.samples import ImuSample, NS_PER_S, Odometry, WheelSample
-from smart_tire.simulation.terrain import (
-    on_rough_ground, on_slopes, ramp, rolling_hills, speed_bump)
 
 SPEED = 1.0  # m/s
 ZERO = (0.0,) * 36
