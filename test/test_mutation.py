@@ -343,14 +343,15 @@ def test_every_equivalent_mutant_in_the_file_still_exists():
 
 def test_every_pattern_of_the_safety_path_matches_files():
     plan = mutation.test_plan(mutation.ROOT, mutation.SAFETY_PATH)
-    assert {'smart_tire/protocol/crc.py', 'smart_tire/control/pid.py'} <= plan.keys()
+    assert {'smart_tire/protocol/crc.py', 'smart_tire/control/wheel_servo.py'} <= plan.keys()
     assert all(plan.values())
 
 
 def test_of_a_pattern_those_files_run_that_import_the_source():
     plan = mutation.test_plan(mutation.ROOT, mutation.SAFETY_PATH)
-    assert plan['smart_tire/control/velocity_mux.py'] == [('test/control/test_velocity_mux.py',)]
-    chosen = plan['smart_tire/control/pid.py']
+    assert sorted(plan['smart_tire/control/command_check.py']) == [
+        ('test/control/test_command_check.py',), ('test/control/test_velocity_mux.py',)]
+    chosen = plan['smart_tire/control/wheel_servo.py']
     assert ('test/control/test_pid.py',) in chosen
     assert ('test/control/test_wheel_control.py',) in chosen  # through other modules
     assert ('test/control/test_path_plan.py',) not in chosen

@@ -24,10 +24,9 @@ from __future__ import annotations
 
 import math
 
-from smart_tire.control.slip_coefficients import Prior, SlipCoefficient
-from smart_tire.control.slip_kinematics import MIN_SPEED, Motion, SlipKinematics, SPREAD
+from smart_tire.control.slip_kinematics import (
+    MIN_SPEED, Motion, Prior, SlipCoefficient, SlipKinematics, SPREAD, Velocity)
 from smart_tire.control.trajectory_control import TrajectoryControl
-from smart_tire.control.velocity_feedback import Velocity
 from smart_tire.parameters.control import TrajectoryControllerParams
 
 FADE = 5.0           # s, correlation time of the centers: best of 1, 5 and 30 s on seed 101

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Model of a wheel with its motor: feed-forward duty, and limits of the gains by the delay."""
+"""Models of a wheel for the feed-forward: with its motor, and of its tire."""
 
 from __future__ import annotations
 
@@ -27,6 +27,7 @@ from smart_tire.samples import WHEELS
 # Of the wheel's own inertia, added by the derivative. With a delay the loop is stable below 1 for
 # the true acceleration; readings give its mean of the past, with the noise of their timestamps.
 MAX_DERIVATIVE_SHARE = 0.25
+MIN_SPEED = 0.2  # rad/s, lower limit in the denominator of the slip
 
 
 @dataclass(frozen=True)
@@ -118,3 +119,50 @@ def drive_model(pid: PidParams, robot: RobotParams) -> DriveModel:
     inertia = motor.inertia + mass * radius ** 2
     return DriveModel(speed_gain, friction / stall, inertia / (stall * speed_gain),
                       pid.acceleration, motor.inertia / (stall * speed_gain), stall)
+
+
+@dataclass(frozen=True)
+class TireLoad:
+    """Ground under a wheel, as expected for the end of the control period."""
+
+    speed: float          # rad/s, of the wheel if it rolled without slip
+    torque: float         # N m, of the force on a sliding wheel: mu F_z r
+    critical_slip: float  # -
+    speed_sigma: float    # rad/s, standard deviation of ``speed``
+    command: float        # rad/s, commanded wheel speed; the feed-forward does not leave it
+
+    def slips(self, speed: float, set_point: float) -> bool:
+        """Return whether a wheel at ``speed`` [rad/s] slips, in the direction of a set point."""
+        return (speed - self.speed) * (set_point - self.speed) > 0.0
+
+    def torque_at(self, speed: float) -> float:
+        """
+        Return the torque [N m] of the tire force against a wheel at ``speed`` [rad/s], B(22).
+
+        >>> tire = TireLoad(9.0, torque=0.5, critical_slip=0.2, speed_sigma=0.0, command=20.0)
+        >>> tire.torque_at(10.0)
+        0.4375
+        """
+        return math.copysign(self.torque * self._force_share(speed), speed - self.speed)
+
+    def with_share(self, speed: float, share: float) -> float:
+        """
+        Return the speed [rad/s] at which a wheel has a ``share`` of its force at ``speed``.
+
+        >>> tire = TireLoad(9.0, torque=0.5, critical_slip=0.2, speed_sigma=0.1, command=20.0)
+        >>> round(tire.torque_at(tire.with_share(10.0, 0.5)) / tire.torque_at(10.0), 9)
+        0.5
+        """
+        if share == 1.0:
+            return speed
+        slip = self.critical_slip * (1.0 - (1.0 - share * self._force_share(speed)) ** (1.0 / 3.0))
+        return self.speed / (1.0 - math.copysign(slip, (speed - self.speed) * self.speed))
+
+    def slip_share(self, speed: float) -> float:
+        """Return the slip of a wheel at ``speed`` [rad/s] over the critical slip, 0 or more."""
+        return abs(speed - self.speed) / (
+            max(abs(speed), MIN_SPEED) * self.critical_slip + self.speed_sigma)
+
+    def _force_share(self, speed: float) -> float:
+        """Return the force over that of a sliding wheel, 0 to 1."""
+        return 1.0 - max(1.0 - self.slip_share(speed), 0.0) ** 3

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Friction of the present ground from plausible, recent measurements of the films."""
+"""Friction of the present ground: measured by the films, and shown by the robot."""
 
 from __future__ import annotations
 
@@ -22,8 +22,10 @@ import math
 from typing import Protocol
 
 from smart_tire.models.constants import GRAVITY
+from smart_tire.models.vehicle.drive import traction_force
 from smart_tire.parameters.path_following import FrictionLimitParams
-from smart_tire.samples import Friction, NS_PER_S, WHEELS
+from smart_tire.parameters.robot import RobotParams
+from smart_tire.samples import Friction, NS_PER_S, WHEELS, WheelSample
 from smart_tire.uncertain import fused, Uncertain, UNKNOWN
 
 # Rubber on dry ground: 0.8 to 0.9 on asphalt (Wong, Theory of Ground Vehicles, table 1.3),
@@ -33,9 +35,25 @@ MIN_FRICTION = 1e-3        # -; wet ice: 0.02
 # Relative, of friction and critical slip: 5 mm of an unknown center of mass over half a wheelbase.
 MIN_RELATIVE_SIGMA = 0.04
 PRIOR_SIGMA = 0.1          # -, of the friction coefficient of unknown ground; assumed
-MIN_SLIP, MAX_SLIP = 1e-3, 1e2  # -, plausible critical slips
+MIN_CRITICAL, MAX_CRITICAL = 1e-3, 1e2  # -, plausible critical slips
 MIN_LOAD, MAX_LOAD = 0.1, 1e5   # N, plausible wheel loads
 MAX_FADE_LENGTHS = 3.0     # older measurements, in fade distances or times, do not count
+MAX_RESISTANCE = 0.2   # -, rolling resistance and slope over the weight
+RESISTANCE_TIME = 0.05  # s, in which the resistance is learned; a start lasts 0.6 s
+MIN_SPEED = 0.1        # m/s, at which the resistance is learned
+MAX_VALUE = 1e3        # N m and rad/s, of plausible torques and wheel speeds
+MAX_GAP = 0.5          # s, between readings of the wheels whose difference is an acceleration
+MIN_SLIP = 0.02        # -, smaller ones are no evidence of the friction
+MIN_STIFFNESS = 0.57   # C_x of the softest ground over that of the tire: 30 N of 52.7 N
+DROP_TIME = 0.3        # s, in which a start forgets friction that the slip contradicts
+# Soft ground has a rolling resistance over the weight above this one, and above the share of the
+# acceleration that a wrong mass resembles; its force grows with the slip far beyond SOFT_SHARE.
+SOFT_RESISTANCE, MASS_ERROR = 0.06, 0.6
+RAISE_SHARE = 0.36     # force over friction, up to which friction is raised on such ground
+# Force over friction of a tire at the slip aimed at, on the softest ground (brush model): a
+# larger share is no sign of less friction.
+SOFT_SHARE = 0.77
+REACHED_SHARE = 0.7    # of the slip aimed at, from which it is evidence
 
 
 class Fading(Protocol):
@@ -130,8 +148,103 @@ class GroundKnowledge:
 def _slip_per_load(friction: Friction) -> Uncertain:
     """Return the critical slip over the load [1/N]; UNKNOWN if one of them is not estimated."""
     critical, load = friction.critical_slip, friction.normal_load.value
-    if (MIN_SLIP < critical.value <= MAX_SLIP and 0.0 <= critical.sigma < math.inf
+    if (MIN_CRITICAL < critical.value <= MAX_CRITICAL and 0.0 <= critical.sigma < math.inf
             and MIN_LOAD < load <= MAX_LOAD):
         sigma = max(critical.sigma, MIN_RELATIVE_SIGMA * critical.value)
         return Uncertain(critical.value / load, sigma / load)
     return UNKNOWN
+
+
+class ShownFriction:
+    """
+    Friction coefficient that the robot shows at the limit of slip, from forces and slips.
+
+    The force over the weight is that of the acceleration and of the resistance, by which the motor
+    torques exceed it. It is a lower bound of the friction; the largest friction with which the
+    softest ground has this force at this slip is an upper one. On ground with a large rolling
+    resistance, which is soft, friction is raised.
+    """
+
+    def __init__(self, robot: RobotParams, value: float) -> None:
+        """Begin with the friction ``value`` of unknown ground."""
+        self._robot, self.value = robot, value
+        self._resistance = 0.0            # -, against the motion
+        self._slip = 0.0                  # -, mean of the wheels
+        self._wheels: WheelSample | None = None
+        self._force: float | None = None  # N, of all motors at the tires, without inertia
+
+    def period_ns(self, stamp_ns: int) -> int:
+        """Return the time [ns] since the latest reading, 0 if it is not plausible."""
+        gap_ns = 0 if self._wheels is None else stamp_ns - self._wheels.stamp_ns
+        return gap_ns if 0 < gap_ns <= MAX_GAP * NS_PER_S else 0
+
+    def update_wheels(self, wheels: WheelSample, v_x: float, time_constant: float) -> None:
+        """
+        Add wheel speeds and motor torques; ``v_x`` [m/s] is the speed of the robot then.
+
+        Slip and force pass low-pass filters with the ``time_constant`` [s] of the acceleration.
+        """
+        elapsed = self.period_ns(wheels.stamp_ns) / NS_PER_S
+        gain = elapsed / (elapsed + time_constant) if elapsed else 1.0
+        slip, force = self._slip, self._force
+        self._wheels, self._force, self._slip = wheels, None, 0.0
+        robot, torques = self._robot, wheels.effort or (math.nan,)
+        rolling = robot.wheel_radius * sum(wheels.velocity) / len(WHEELS)
+        if abs(rolling) < MAX_VALUE:  # false for NaN, too
+            new = (rolling - v_x) / max(abs(rolling), abs(v_x), MIN_SPEED)
+            self._slip = slip + gain * (new - slip)
+            if all(abs(torque) < MAX_VALUE for torque in torques):
+                new = float(traction_force(
+                    torques, wheels.velocity, 0.0, robot.mass * GRAVITY / len(WHEELS),
+                    robot.motor, robot.wheel_radius).sum())
+                self._force = new if force is None else force + gain * (new - force)
+
+    def begin(self, expected: float) -> None:
+        """Begin an acceleration at the limit, on ground of the ``expected`` friction."""
+        self.value = min(expected, MAX_FRICTION)
+
+    def update_resistance(self, acceleration: float, v_x: float, period: float) -> None:
+        """Learn the resistance at an acceleration [m/s2] and a speed [m/s]."""
+        if self._force is None or abs(v_x) < MIN_SPEED:
+            return
+        robot = self._robot
+        inertia = robot.mass + len(WHEELS) * robot.motor.inertia / robot.wheel_radius ** 2
+        excess = (self._force - inertia * acceleration) / (robot.mass * GRAVITY)
+        excess = math.copysign(1.0, v_x) * min(max(excess, -MAX_RESISTANCE), MAX_RESISTANCE)
+        self._resistance += period / (period + RESISTANCE_TIME) * (excess - self._resistance)
+
+    def update(self, acceleration: float, v_x: float, direction: int, aimed: float,
+               period: float) -> None:
+        """
+        Use the measured acceleration [m/s2] at the limit, ``period`` [s] after the last one.
+
+        A slip far below the one ``aimed`` at, as when the wheels lag behind, is no evidence.
+        """
+        driving = direction * v_x >= 0.0
+        used = max(direction * acceleration / GRAVITY
+                   + (self._resistance if driving else -self._resistance), 0.0)
+        soft = self._resistance > MASS_ERROR * abs(acceleration) / GRAVITY + SOFT_RESISTANCE
+        share = RAISE_SHARE if soft else SOFT_SHARE
+        if soft:
+            self.value = max(self.value, used / share)
+        # the force of a stop builds up late: an early doubt would prolong it
+        if driving and direction * self._slip > REACHED_SHARE * aimed:
+            bound = max(self._largest(used), used / share)
+            if self.value > bound:
+                self.value = bound + math.exp(-period / DROP_TIME) * (self.value - bound)
+        self.value = min(max(used, self.value), MAX_FRICTION)
+
+    def _largest(self, used: float) -> float:
+        """
+        Return the largest friction with which a tire has the force ``used`` (over its load) now.
+
+        The brush model for small slip, F = p (1 - t + t^2 / 3) with p = C_x s and t = p / (3 mu).
+        """
+        robot = self._robot
+        elastic = MIN_STIFFNESS * robot.tire.longitudinal_stiffness * abs(self._slip) / (
+            robot.mass * GRAVITY / len(WHEELS))
+        if abs(self._slip) < MIN_SLIP or used >= elastic:
+            return MAX_FRICTION
+        if 3.0 * used <= elastic:
+            return used
+        return elastic / (1.5 * (3.0 - math.sqrt(12.0 * used / elastic - 3.0)))

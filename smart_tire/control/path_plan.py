@@ -27,19 +27,26 @@ all orientations) the robot drives forward and arrives with the direction of the
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 import math
 
 import numpy as np
 
 from smart_tire.arrays import Array
+from smart_tire.control.motion_monitor import Motion
 from smart_tire.control.path_geometry import FORWARD, Maneuver, REVERSE, Segment, Spin, wrap
-from smart_tire.samples import Vector3
+from smart_tire.errors import CommandError
+from smart_tire.parameters.path_following import PathCheckParams
+from smart_tire.samples import GoalPose, PlannedPath, Vector3
 
 MIN_SPACING = 0.002        # m; nearer poses count as one position
 CHORD_LENGTH = 0.03        # m, before and after a point, for the angle of a corner
 YAW_AGREEMENT = math.radians(30.0)
 MIN_AGREEING_SHARE = 0.75  # of the length
 MIN_SPIN = math.radians(10.0)  # yaw between poses at the same position
+FRAME = 'odom'
+MAX_POSES = 1_000_000
+MAX_COORDINATE = 1e5  # m
 
 
 def plan_path(poses: Sequence[Vector3], corner_angle: float) -> tuple[Maneuver, ...]:
@@ -155,3 +162,55 @@ def _peaks(turn: Array, arc: Array, limit: float) -> list[int]:
         else:
             corners.append(index + 1)
     return corners
+
+
+def check_path(path: PlannedPath, params: PathCheckParams) -> None:
+    """Raise CommandError if ``path`` cannot be followed, whereever the robot is."""
+    _check_frame('path', path.frame)
+    if not 2 <= len(path.poses) <= MAX_POSES:
+        raise CommandError(f'path: {len(path.poses)} poses, expected 2 to {MAX_POSES}')
+    for number, pose in enumerate(path.poses):
+        _check_pose(f'path: pose {number}', pose)
+    length = math.fsum(math.dist(one[:2], other[:2]) for one, other in pairwise(path.poses))
+    if length > params.max_path_length:
+        raise CommandError(f'path: {length:.1f} m long, expected at most '
+                           f'{params.max_path_length:g} m (checks.max_path_length)')
+
+
+def check_goal(goal: GoalPose) -> None:
+    """Raise CommandError if ``goal`` is not a valid pose."""
+    _check_frame('goal_pose', goal.frame)
+    _check_pose('goal_pose', goal.pose)
+
+
+def check_start(target: PlannedPath | GoalPose, motion: Motion, params: PathCheckParams) -> None:
+    """Raise CommandError if a path begins, or a goal is, too far from the robot."""
+    if isinstance(target, PlannedPath):
+        what, pose, name = 'path: begins', target.poses[0], 'max_start_distance'
+    else:
+        what, pose, name = 'goal_pose:', target.pose, 'max_path_length'
+    distance = math.hypot(pose[0] - motion.x, pose[1] - motion.y)
+    limit: float = getattr(params, name)
+    if distance > limit:
+        raise CommandError(f'{what} {distance:.2f} m from the robot, expected at most '
+                           f'{limit:g} m (checks.{name})')
+
+
+def check_maneuvers(maneuvers: tuple[Maneuver, ...]) -> None:
+    """Raise CommandError if there is nothing to drive along a path."""
+    if not maneuvers:
+        raise CommandError('path: all poses at one position, expected some distance or a yaw')
+
+
+def _check_frame(what: str, frame: str) -> None:
+    if frame != FRAME:
+        raise CommandError(f'{what}: frame {frame!r}, expected {FRAME}')
+
+
+def _check_pose(what: str, pose: Vector3) -> None:
+    x, y, yaw = pose
+    if not (abs(x) <= MAX_COORDINATE and abs(y) <= MAX_COORDINATE):
+        raise CommandError(f'{what}: position ({x:g}, {y:g}) m, expected finite numbers up to '
+                           f'{MAX_COORDINATE:g} m')
+    if math.isinf(yaw):
+        raise CommandError(f'{what}: yaw {yaw:g} rad, expected a finite number, or NaN for any')

@@ -22,14 +22,20 @@ estimated slip; feedback of the reached velocity removes what they leave.
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import dataclass
 import math
 
 from smart_tire.control.motion_limits import command_share
-from smart_tire.control.slip_coefficients import Prior, SlipCoefficient
-from smart_tire.control.velocity_feedback import Velocity, VelocityFeedback
 from smart_tire.parameters.control import TrajectoryControllerParams
 from smart_tire.samples import LEFT, NS_PER_S, Odometry, RIGHT, WheelSlip
 
+GATE = 5.0         # -, innovations beyond this many times their spread are clipped to it
+SPREAD_TIME = 1.0  # s, of the mean over squared innovations
+MIN_SPREAD = 5e-3  # m/s, of innovations, lower limit: that of wheel speeds and odometry
+HISTORY_NS = 2 * NS_PER_S  # of wanted velocities, longer than the largest actuation delay
+GAIN = 1.0 / math.e        # -, integral gain times delay: critically damped for a pure delay
+
+Velocity = tuple[float, float]  # v_x [m/s], yaw rate [rad/s]
 WINDOW_NS = 80_000_000        # of slip and motion that are averaged for one correction
 MAX_OFFSET_NS = 30_000_000    # from the motion that belongs to a slip
 HISTORY = 256                 # odometry messages: 2 s, longer than slip is late
@@ -40,11 +46,118 @@ SPREAD = 0.02                 # m/s, of slip velocities and v_y around the model
 FADE = 30.0                   # s, in which the ground is forgotten without new estimates
 TURNING_LENGTH = 0.2          # -, of the turning share, correlation length of tires
 MIN_SPEED = 0.01              # m/s, lower limit in a denominator
-RESISTANCE = Prior(0.01, 0.15, -0.05, 0.5)  # slip velocity over speed, from firm ground to sand
 WIDENING_SIGMA, MAX_WIDENING = 0.5, 2.5  # of the track, over it; the most in narrow turns on sand
 MAX_COMPLIANCE = 4.0          # over that of the calibrated ground
 
 Motion = tuple[float, float, float]  # v_x, v_y [m/s], yaw rate [rad/s]
+
+
+@dataclass(frozen=True)
+class Prior:
+    """Value of a coefficient before any measurement, its standard deviation and range."""
+
+    mean: float
+    sigma: float
+    low: float
+    high: float
+
+
+RESISTANCE = Prior(0.01, 0.15, -0.05, 0.5)  # slip velocity over speed, from firm ground to sand
+
+
+class SlipCoefficient:
+    """
+    Scalar Kalman filter of the coefficient in ``measured = value * regressor``.
+
+    The coefficient is an Ornstein-Uhlenbeck process: its correlation decreases with e to the power
+    of ``change``, the sum of changes of all that it depends on over their correlation lengths.
+
+    The variance of the measurement is that of past innovations, which contains the noise of the
+    estimates as well as what the linear model leaves out.
+    """
+
+    def __init__(self, prior: Prior, spread: float) -> None:
+        self._prior, self._first_spread = prior, spread
+        self.reset()
+
+    def reset(self) -> None:
+        """Return to the prior, and to the first ``spread`` [m/s] of the innovations."""
+        self.value, self._variance = self._prior.mean, self._prior.sigma ** 2
+        self._spread2 = self._first_spread ** 2
+
+    def after(self, change: float) -> float:
+        """Return the value that is expected after a ``change`` since the last update."""
+        return self._prior.mean + math.exp(-change) * (self.value - self._prior.mean)
+
+    def update(self, regressor: float, measured: float, sigma: float, change: float,
+               duration: float) -> None:
+        """
+        Advance by ``change`` within ``duration`` [s], and correct with a measurement [m/s].
+
+        Innovations beyond ``GATE`` times their spread are clipped; so one outlier changes little,
+        while another ground widens the spread and is learned.
+        """
+        prior, kept = self._prior, math.exp(-2.0 * change)
+        self.value = self.after(change)
+        self._variance = kept * self._variance + (1.0 - kept) * prior.sigma ** 2
+        if not math.isfinite(regressor * regressor + measured):
+            return
+        limit = GATE * max(math.sqrt(self._spread2), MIN_SPREAD)
+        innovation = min(max(measured - self.value * regressor, -limit), limit)
+        noise = max(self._spread2, sigma * sigma, MIN_SPREAD * MIN_SPREAD)
+        gain = self._variance * regressor / (self._variance * regressor * regressor + noise)
+        self.value = min(max(self.value + gain * innovation, prior.low), prior.high)
+        self._variance *= 1.0 - gain * regressor
+        share = min(duration / SPREAD_TIME, 1.0)
+        self._spread2 += share * (innovation * innovation - self._spread2)
+
+
+class VelocityFeedback:
+    """
+    Correction of the wanted velocity by what the body has reached of the earlier ones.
+
+    With the feed-forward the base is a gain near 1 with a delay, for which integral control
+    suffices. Times are nanoseconds of the message clock.
+    """
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin without correction, at rest."""
+        self._wanted = deque[tuple[int, Velocity]]()
+        self._correction: Velocity = 0.0, 0.0
+        self._reached_ns: int | None = None
+
+    def want(self, velocity: Velocity, now_ns: int) -> None:
+        """Add the velocity that is commanded now."""
+        while self._wanted and not 0 < now_ns - self._wanted[0][0] <= HISTORY_NS:
+            self._wanted.popleft()
+        self._wanted.append((now_ns, velocity))
+
+    def correction(self, reached: Velocity, reached_ns: int, delay: float,
+                   bounds: Velocity) -> Velocity:
+        """
+        Return what to add to the wanted velocity; at most ``bounds``, where the integral ends.
+
+        ``reached`` is the velocity at ``reached_ns``, ``delay`` [s] that of the base.
+        """
+        before, self._reached_ns = self._reached_ns, reached_ns
+        elapsed = 0.0 if before is None else (reached_ns - before) / NS_PER_S
+        share = GAIN * min(max(elapsed / delay, 0.0), 1.0) if delay > 0.0 else GAIN
+        wanted = self._wanted_at(reached_ns - round(delay * NS_PER_S))
+        v_x, yaw_rate = (
+            min(max(last + share * (one - got), -bound), bound)
+            for last, one, got, bound in zip(self._correction, wanted, reached, bounds))
+        self._correction = v_x, yaw_rate
+        return self._correction
+
+    def _wanted_at(self, time_ns: int) -> Velocity:
+        """Return the velocity that was commanded then; at rest before the first one."""
+        for wanted_ns, velocity in reversed(self._wanted):
+            if wanted_ns <= time_ns:
+                return velocity
+        return 0.0, 0.0
 
 
 class SlipKinematics:

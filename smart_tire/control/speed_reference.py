@@ -19,8 +19,7 @@ from __future__ import annotations
 from collections import deque
 import math
 
-from smart_tire.control.drive_model import DriveModel
-from smart_tire.control.tire_load import TireLoad
+from smart_tire.control.drive_model import DriveModel, TireLoad
 from smart_tire.samples import NS_PER_S
 
 MAX_HISTORY_NS = 3 * NS_PER_S  # of the expected angle; more than two readings at 1 Hz

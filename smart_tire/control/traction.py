@@ -20,12 +20,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 import math
 
-from smart_tire.control.ground_knowledge import GroundKnowledge, Measured
+from smart_tire.control.drive_model import TireLoad
+from smart_tire.control.ground_knowledge import (
+    GroundKnowledge, MAX_RESISTANCE, Measured, ShownFriction)
 from smart_tire.control.ground_speed import GroundSpeed, Motion, Onset
-from smart_tire.control.shown_friction import MAX_RESISTANCE, ShownFriction
-from smart_tire.control.slip_band import bounded, share_within, slip_band
-from smart_tire.control.tire_load import TireLoad
-from smart_tire.control.yaw_control import yaw_deviation, YawControl
+from smart_tire.control.slip_limits import (
+    bounded, share_within, slip_band, yaw_deviation, YawControl)
 from smart_tire.models.constants import GRAVITY
 from smart_tire.models.vehicle.skid_steer import AXLE_SIGNS, normal_loads, SIDE_SIGNS
 from smart_tire.parameters.control import TractionParams
@@ -79,7 +79,7 @@ class TractionControl:
     Limits set points of the wheel speeds; all times are nanoseconds of the message clock.
 
     Whatever the estimates are, a set point is between zero and the command, or on its way there
-    (``slip_band.bounded``). Without recent estimates of the motion of the robot set points are
+    (``slip_limits.bounded``). Without recent estimates of the motion of the robot set points are
     not changed.
     """
 

@@ -21,13 +21,11 @@ from enum import IntEnum
 from smart_tire.control.ground_knowledge import GroundKnowledge
 from smart_tire.control.motion_limits import command_share, motion_limits
 from smart_tire.control.motion_monitor import MotionMonitor
-from smart_tire.control.odometry_check import OdometryCheck
-from smart_tire.control.path_checks import (
-    check_goal, check_maneuvers, check_path, check_start)
 from smart_tire.control.path_follower import Conditions, PathFollower
-from smart_tire.control.path_plan import plan_goal, plan_path
-from smart_tire.control.progress_monitor import ProgressMonitor
+from smart_tire.control.path_plan import (
+    check_goal, check_maneuvers, check_path, check_start, plan_goal, plan_path)
 from smart_tire.control.slip_kinematics import SlipKinematics
+from smart_tire.control.stop_conditions import OdometryCheck, ProgressMonitor
 from smart_tire.errors import CommandError
 from smart_tire.parameters.control import TrajectoryControllerParams
 from smart_tire.samples import (

@@ -19,7 +19,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 import math
 
-from smart_tire.control.differential_drive import wheel_speeds
 from smart_tire.control.drive_model import drive_model
 from smart_tire.control.duty_gate import STOPPED
 from smart_tire.control.traction import TractionControl
@@ -29,6 +28,22 @@ from smart_tire.parameters.control import WheelControllerParams
 from smart_tire.samples import Four, NS_PER_S, VelocityCommand
 
 MAX_STEP_PERIODS = 4    # upper limit of the time step of the controllers, in periods
+
+
+def wheel_speeds(command: VelocityCommand, *, radius: float, effective_track: float) -> Four:
+    """
+    Return the wheel speeds [rad/s] of a body velocity without longitudinal slip, B(1).
+
+    ``effective_track`` [m] is the track of the differential drive with the same yaw rate; a
+    skid-steer robot slips while turning, so it is larger than the geometric track.
+
+    >>> command = VelocityCommand(0, v_x=0.5, yaw_rate=1.0)
+    >>> wheel_speeds(command, radius=0.1, effective_track=0.4)
+    (3.0, 7.0, 3.0, 7.0)
+    """
+    difference = 0.5 * effective_track * command.yaw_rate
+    left, right = (command.v_x - difference) / radius, (command.v_x + difference) / radius
+    return left, right, left, right
 
 
 class WheelControl:

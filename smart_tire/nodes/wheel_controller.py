@@ -19,8 +19,8 @@ from __future__ import annotations
 from functools import partial
 import sys
 
+from smart_tire.control.command_check import VelocityMux
 from smart_tire.control.duty_gate import STOPPED
-from smart_tire.control.velocity_mux import VelocityMux
 from smart_tire.control.wheel_control import WheelControl
 from smart_tire.messages import velocity_from_twist, wheels_from_msg
 from smart_tire.nodes.base import run, SmartTireNode

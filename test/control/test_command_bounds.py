@@ -25,10 +25,9 @@ import pytest
 
 from smart_tire.control.motion_limits import command_share, motion_limits
 from smart_tire.control.path_library import figure_eight, line, reverse_parking, u_turn
-from smart_tire.control.slip_coefficients import Prior, SlipCoefficient
-from smart_tire.control.slip_kinematics import SlipKinematics
+from smart_tire.control.slip_kinematics import (
+    Prior, SlipCoefficient, SlipKinematics, VelocityFeedback)
 from smart_tire.control.trajectory_control import State, TrajectoryControl
-from smart_tire.control.velocity_feedback import VelocityFeedback
 from smart_tire.parameters.control import TrajectoryControllerParams
 from smart_tire.parameters.path_following import PathCheckParams
 from smart_tire.samples import NS_PER_S, WheelSlip

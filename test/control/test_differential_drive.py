@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import pytest
 
-from smart_tire.control.differential_drive import wheel_speeds
+from smart_tire.control.wheel_control import wheel_speeds
 from smart_tire.models.vehicle.skid_steer import wheel_velocities
 from smart_tire.samples import VelocityCommand
 

@@ -22,8 +22,8 @@ import math
 from benchmarks.control.closed_loop import run_closed_loop
 import pytest
 from smart_tire.control.motion_monitor import Motion
-from smart_tire.control.odometry_check import contradict, OdometryCheck
 from smart_tire.control.path_library import figure_eight, square
+from smart_tire.control.stop_conditions import contradict, OdometryCheck
 from smart_tire.control.trajectory_control import State, TrajectoryControl
 from smart_tire.control.wheel_control import WheelControl
 from smart_tire.parameters.control import TrajectoryControllerParams, WheelControllerParams

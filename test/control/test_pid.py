@@ -22,7 +22,7 @@ import math
 import pytest
 
 from smart_tire.control.drive_model import Gains
-from smart_tire.control.pid import Pid
+from smart_tire.control.wheel_servo import Pid
 from smart_tire.parameters.control import PidParams
 
 DT = 1.0 / 16.0

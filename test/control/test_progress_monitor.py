@@ -24,7 +24,7 @@ import pytest
 
 from smart_tire.control.motion_monitor import Motion
 from smart_tire.control.path_geometry import PathPoint, Segment
-from smart_tire.control.progress_monitor import ProgressMonitor
+from smart_tire.control.stop_conditions import ProgressMonitor
 from smart_tire.parameters.control import TrajectoryControllerParams
 from smart_tire.parameters.path_following import ArrivalParams, PathCheckParams
 from smart_tire.samples import NS_PER_S

@@ -22,10 +22,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import pytest
 
-from smart_tire.control.drive_model import drive_model
-from smart_tire.control.slip_band import bounded
+from smart_tire.control.drive_model import drive_model, TireLoad
+from smart_tire.control.slip_limits import bounded
 from smart_tire.control.speed_reference import SpeedReference
-from smart_tire.control.tire_load import TireLoad
 from smart_tire.control.traction import TractionControl
 from smart_tire.parameters.control import PidParams, TractionParams
 from smart_tire.parameters.robot import RobotParams

@@ -21,7 +21,7 @@ import math
 
 import pytest
 
-from smart_tire.control.shown_friction import MAX_FRICTION, RAISE_SHARE, ShownFriction
+from smart_tire.control.ground_knowledge import MAX_FRICTION, RAISE_SHARE, ShownFriction
 from smart_tire.models.constants import GRAVITY
 from smart_tire.models.vehicle.drive import required_torque
 from smart_tire.parameters.robot import RobotParams

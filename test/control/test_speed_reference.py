@@ -20,9 +20,8 @@ from dataclasses import replace
 import math
 
 import pytest
-from smart_tire.control.drive_model import DriveModel
+from smart_tire.control.drive_model import DriveModel, TireLoad
 from smart_tire.control.speed_reference import SpeedReference
-from smart_tire.control.tire_load import TireLoad
 from smart_tire.samples import NS_PER_S
 
 LIMITS = (20.0, 40.0)  # rad/s2, of acceleration and deceleration

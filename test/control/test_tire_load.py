@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 import pytest
-from smart_tire.control.tire_load import TireLoad
+from smart_tire.control.drive_model import TireLoad
 from smart_tire.models.tire.brush_tire import brush_force
 
 FORWARD = TireLoad(speed=10.0, torque=0.5, critical_slip=0.3, speed_sigma=0.0, command=20.0)

@@ -21,9 +21,8 @@ import math
 
 import pytest
 
-from smart_tire.control import ground_speed
-from smart_tire.control import traction as control_of_traction
-from smart_tire.control.slip_band import slip_band
+from smart_tire.control import ground_speed, traction as control_of_traction
+from smart_tire.control.slip_limits import slip_band
 from smart_tire.control.traction import TractionControl
 from smart_tire.control.wheel_control import WheelControl
 from smart_tire.models.constants import GRAVITY

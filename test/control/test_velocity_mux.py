@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import pytest
 
-from smart_tire.control.velocity_mux import VelocityMux
+from smart_tire.control.command_check import VelocityMux
 from smart_tire.samples import NS_PER_S, VelocityCommand
 
 SLOW = VelocityCommand(0, 0.1, 0.0)

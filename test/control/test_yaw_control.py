@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from smart_tire.control.yaw_control import yaw_deviation, YawControl
+from smart_tire.control.slip_limits import yaw_deviation, YawControl
 
 ARM, FORCE, DELAY, PERIOD = 0.5, 10.0, 0.1, 0.01  # m/(kg m2), N, s, s
 
