@@ -44,10 +44,9 @@ class SlipEstimatorNode(EstimatorNode[SlipEstimatorParams]):
     ``wheel_slip``, ``icr``, ``/diagnostics`` and, if tf2_msgs is installed, ``/tf`` and, with
     ``publish_imu_tf``, ``/tf_static``. Service: ``reset_odometry``.
 
-    Parameters: ``reorder_window``, ``constraint``, ``differential_slip_sigma``,
-    ``common_slip_sigma``, ``free_rolling_slip_sigma``, ``icr_x``, ``icr_x_sigma``,
-    ``lateral_sigma``, ``slope_sigma``, ``ground_delay``, ``publish_imu_tf``, ``reliability``, and
-    those of the robot.
+    Parameters: ``reorder_window``, ``differential_slip_sigma``, ``common_slip_sigma``,
+    ``free_rolling_slip_sigma``, ``icr_x``, ``icr_x_sigma``, ``lateral_sigma``, ``slope_sigma``,
+    ``ground_delay``, ``publish_imu_tf``, ``reliability``, and those of the robot.
     """
 
     estimator: SlipEstimator

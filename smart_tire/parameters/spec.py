@@ -36,6 +36,10 @@ Params = TypeVar('Params')
 KINDS = {bool: 'bool', int: 'int', float: 'float', str: 'str'}
 ANY_NAME = '*'    # in the place of the names of a ``named`` field
 NAMES = 'names'   # last part of the list parameter with the names of a ``named`` field
+# parameters of earlier versions -> where what they chose is now
+MOVED = {
+    'constraint': 'lambda in B(7) is plain; as printed it is in "smart_tire reproduce" and in '
+                  'smart_tire.reproduction.printed_constraint'}
 
 
 @dataclass(frozen=True)
@@ -205,7 +209,9 @@ def is_known(name: str, known: Iterable[str]) -> bool:
 
 
 def unknown_name_error(name: str, known: Iterable[str], where: str = '') -> ParameterError:
-    """Return the error for an unknown parameter, with the most similar known name."""
+    """Return the error for an unknown parameter: where it is now, or the most similar name."""
+    if name in MOVED:
+        return ParameterError(f'{where}{name} is no parameter any more: {MOVED[name]}')
     near = difflib.get_close_matches(name, list(known), n=1)
     hint = f', did you mean {near[0]}?' if near else ''
     return ParameterError(f'{where}unknown parameter {name}{hint}')

@@ -30,9 +30,6 @@ class SlipEstimatorParams:
 
     reorder_window: float = param(
         0.03, 's', 'span of message timestamps that are sorted before use', low=0.0, high=1.0)
-    constraint: str = param(
-        'plain', '-', 'form of the kinematic constraint B(7): plain, or as printed in paper B',
-        choices=('plain', 'printed'))
     differential_slip_sigma: float = param(
         0.05, '-', 'prior sigma of half the slip difference about the ICRs', low=1e-3, high=1.0)
     common_slip_sigma: float = param(

@@ -70,15 +70,17 @@ def outline_section(result: Outline) -> Section:
     return section
 
 
-def slip_section(result: dict[str, dict[str, SlipScore]]) -> Section:
-    """Return the section on Fig. 10."""
+def slip_section(result: dict[str, dict[str, SlipScore]],
+                 printed: dict[str, dict[str, SlipScore]]) -> Section:
+    """Return the section on Fig. 10; the slips ``printed`` are those with B(7) as printed."""
     section = Section('paper_b_fig_10',
                       'Paper B, Fig. 10: slips at 120/60 rpm on concrete and sand')
     for ground, sides in result.items():
         for side, score in sides.items():
             section.row(f'{ground}, {side} side', 'graph',
                         f'{score.estimated_mean:+.3f}, truth {score.true_mean:+.3f}, rms error '
-                        f'{score.error.rms:.3f}')
+                        f'{score.error.rms:.3f}; with the printed B(7) '
+                        f'{printed[ground][side].error.rms:.3f}')
     sand, right = result['sand'], result['concrete']['right'].estimated_mean
     both = [sand[side].estimated_mean for side in ('left', 'right')]
     worst = max(score.error.rms for sides in result.values() for score in sides.values())

@@ -105,8 +105,9 @@ def tire_sections(laboratory: Laboratory, steps: _Steps) -> Iterator[Page]:
     steps.start('paper B, Fig. 10')
     runs = {ground: drive(laboratory, ground, steady(120.0, 60.0), SLIP_DURATION)
             for ground in ('concrete', 'sand')}
-    slips = {ground: tire_runs.side_slips(run) for ground, run in runs.items()}
-    yield paper_b_report.slip_section(slips), tire_figures.slip_figure(runs)
+    slips, printed = ({ground: tire_runs.side_slips(run, getattr(run, kind))
+                       for ground, run in runs.items()} for kind in ('estimates', 'printed'))
+    yield paper_b_report.slip_section(slips, printed), tire_figures.slip_figure(runs)
     steps.start('paper B, Fig. 11')
     run = drive(laboratory, 'concrete', steady(60.0, 80.0), SIGNAL_DURATION)
     signals = tire_maps.signals(run)

@@ -30,9 +30,10 @@ from smart_tire.models.constants import GRAVITY
 from smart_tire.models.tire import brush_tire
 from smart_tire.models.vehicle.skid_steer import normal_loads
 from smart_tire.numerics.regression import sandwich_covariance
-from smart_tire.parameters import build, RobotParams, SimulatorParams
+from smart_tire.parameters import build, RobotParams, SimulatorParams, SlipEstimatorParams
 from smart_tire.reproduction.experiments import Laboratory, Schedule
-from smart_tire.samples import Friction, ImuSample, NS_PER_S, WHEELS
+from smart_tire.reproduction.printed_constraint import PrintedSlipEstimator
+from smart_tire.samples import Friction, GroundState, ImuSample, NS_PER_S, WHEELS, WheelSample
 
 RPM = math.tau / 60.0       # rad/s
 WHEEL = 'front_right'       # with the films
@@ -48,6 +49,7 @@ class Run:
 
     inputs: Series
     estimates: Series
+    printed: Series       # slips with B(7) as printed
     truth: Series
     acceleration: Floats  # (n,) m/s2, forward, of the IMU
     stamp_ns: Stamps      # (n,) timestamps of the acceleration
@@ -61,8 +63,9 @@ def drive(laboratory: Laboratory, ground: str, schedule: Schedule, duration: flo
     """Return a drive of ``duration`` [s] after ``STANDSTILL_TIME`` on uniform ground."""
     params = build(SimulatorParams, {
         'seed': seed, 'ground.base': ground, 'ground.patches.names': [], 'film.wheels': [WHEEL]})
-    pipeline = Pipeline(EstimatorParams())
-    inputs, estimates, truth = Series(), Series(), Series()
+    pipeline, printed_filter = (
+        Pipeline(EstimatorParams()), PrintedSlipEstimator(SlipEstimatorParams()))
+    inputs, estimates, printed, truth = Series(), Series(), Series(), Series()
     imu: list[tuple[int, float]] = []
     newest = 0
     for receive_ns, topic, sample in laboratory.drive(
@@ -74,13 +77,17 @@ def drive(laboratory: Laboratory, ground: str, schedule: Schedule, duration: flo
         if isinstance(sample, ImuSample):
             imu.append((sample.stamp_ns, sample.acceleration[0]))
         inputs.add(sample)
-        for estimate in pipeline.update(sample):
+        for estimate in (found := pipeline.update(sample)):
             estimates.add(estimate)
+        for item in (*found, sample):
+            if isinstance(item, (ImuSample, WheelSample, GroundState)):
+                for estimate in printed_filter.update(item):
+                    printed.add(estimate)
     for estimate in pipeline.finish():
         estimates.add(estimate)
     stamps = np.array([stamp for stamp, _ in imu], np.int64)
     origin = int(stamps[0]) + round(STANDSTILL_TIME * NS_PER_S)
-    return Run(inputs, estimates, truth, np.array([a for _, a in imu]), stamps,
+    return Run(inputs, estimates, printed, truth, np.array([a for _, a in imu]), stamps,
                origin + round(SETTLING_TIME * NS_PER_S), newest, origin)
 
 
@@ -89,9 +96,9 @@ def steady(left: float, right: float) -> Schedule:
     return [(STANDSTILL_TIME, left, right)]
 
 
-def side_slips(run: Run) -> dict[str, SlipScore]:
-    """Return the slips of both sides after settling, against the truth."""
-    scores = slip_scores(run.estimates.slips(), run.truth.slips(), [(run.begin_ns, run.end_ns)])
+def side_slips(run: Run, estimates: Series) -> dict[str, SlipScore]:
+    """Return the slips of both sides in ``estimates`` after settling, against the truth."""
+    scores = slip_scores(estimates.slips(), run.truth.slips(), [(run.begin_ns, run.end_ns)])
     return {side: scores[side] for side in SIDES}
 
 

@@ -32,10 +32,19 @@ DURATION = 12.0
 
 
 @pytest.fixture(scope='module')
-def slips():
-    return {ground: tire_runs.side_slips(tire_runs.drive(
-        laboratory(), ground, tire_runs.steady(120.0, 60.0), DURATION))
-        for ground in ('concrete', 'sand')}
+def slip_runs():
+    return {ground: tire_runs.drive(laboratory(), ground, tire_runs.steady(120.0, 60.0), DURATION)
+            for ground in ('concrete', 'sand')}
+
+
+@pytest.fixture(scope='module')
+def slips(slip_runs):
+    return {ground: tire_runs.side_slips(run, run.estimates) for ground, run in slip_runs.items()}
+
+
+@pytest.fixture(scope='module')
+def printed(slip_runs):
+    return {ground: tire_runs.side_slips(run, run.printed) for ground, run in slip_runs.items()}
 
 
 @pytest.fixture(scope='module')
@@ -147,11 +156,19 @@ def test_the_stiffness_from_accelerations_is_correct_within_its_standard_error()
     assert 0.5 < np.sqrt(np.mean(np.square(errors))) < 1.6
 
 
-def test_statements_depend_on_the_numbers(slips, sweep):
-    section = paper_b_report.slip_section(slips)
+def test_the_printed_constraint_shows_the_same_slip_difference(slips, printed):
+    for ground, sides in slips.items():
+        for side, score in sides.items():
+            assert printed[ground][side].estimated_mean == pytest.approx(
+                score.true_mean, abs=0.05)
+            assert printed[ground][side].estimated_mean != score.estimated_mean
+
+
+def test_statements_depend_on_the_numbers(slips, printed, sweep):
+    section = paper_b_report.slip_section(slips, printed)
     assert any('both sides have positive slip' in text for text in section.agrees)
     concrete = slips['concrete']
-    section = paper_b_report.slip_section({'sand': concrete, 'concrete': concrete})
+    section = paper_b_report.slip_section({'sand': concrete, 'concrete': concrete}, printed)
     assert any('at least one side' in text for text in section.differs)
     steep = {**sweep.slopes, 'exact': replace(sweep.slopes['exact'], slope=-3.0)}
     section = paper_b_report.adhesion_section(replace(sweep, slopes=steep))

@@ -64,6 +64,8 @@ class SlipEstimator:
     ``recorder`` receives what the RTS smoother needs.
     """
 
+    new_filter: type[SlipFilter] = SlipFilter
+
     def __init__(self, params: SlipEstimatorParams,
                  recorder: EstimatorRecorder | None = None) -> None:
         self._params = params
@@ -74,14 +76,20 @@ class SlipEstimator:
         self._ground_delay_ns = round(params.ground_delay * NS_PER_S)
         self.dropped: Counter[str] = Counter()  # topic -> duplicates and rejected samples
         self._past: Counter[str] = Counter()    # counters of the segments before a reset
-        self._segment = SlipSegment(params, self.dropped, recorder)
         self._handled_resets = 0
+        self._begin()
 
     def reset(self) -> None:
         """Return to the initial state; counters stay."""
         self._past.update(self._segment.counters())
-        self._segment = SlipSegment(self._params, self.dropped, self._recorder)
         self._handled_resets = self._reorder_buffer.resets
+        self._begin()
+
+    def _begin(self) -> None:
+        if self._recorder is not None:
+            self._recorder.restart()
+        self._segment = SlipSegment(self._params, self.dropped, self._recorder,
+                                    self.new_filter(self._params, self._recorder))
 
     def reset_odometry(self) -> None:
         """Set the pose to the origin of ``odom``; biases and slips stay."""
@@ -136,14 +144,12 @@ class SlipSegment:
     """The estimator between two resets: ordered samples in, one grid instant at a time."""
 
     def __init__(self, params: SlipEstimatorParams, dropped: Counter[str],
-                 recorder: EstimatorRecorder | None) -> None:
-        if recorder is not None:
-            recorder.restart()
+                 recorder: EstimatorRecorder | None, slip_filter: SlipFilter) -> None:
         self._robot = params.robot
         self._dropped = dropped
         self._recorder = recorder
         self._output = SlipOutputBuilder(params)
-        self.filter = SlipFilter(params, recorder)
+        self.filter = slip_filter
         self._imu = ImuInput(params.robot)
         self._odometry = WheelOdometry(params.robot)
         self._standstill = ZeroVelocityDetector(

@@ -124,11 +124,11 @@ class RollingHistory:
 
 
 class SlipFilter:
-    """Prediction and corrections; the constraint B(7) is plain or as printed."""
+    """Prediction and corrections, B(5) to B(8)."""
 
     def __init__(self, params: SlipEstimatorParams, recorder: StateRecorder | None = None) -> None:
         robot = params.robot
-        self._robot, self._printed = robot, params.constraint == 'printed'
+        self._robot = robot
         self._x_imu = robot.imu.position[0]
         self.kalman = KalmanFilter(*initial_state(params), recorder)
         self.motion = MotionModel(robot)
@@ -289,9 +289,7 @@ class SlipFilter:
             self._add_sliding(y, H, 0.25 * total, dt)
         if moving and independent:
             self._icr_walk.add_innovation((y[1] - y[0]) / math.sqrt(left + right - 2.0 * both))
-        nis = kalman.correct_jointly(*(self._as_printed(y, H, R, sides, dt) if self._printed
-                                       else (y, H, R)), GYRO_HELD,
-                                     moving and not self.forces.active)
+        nis = self._correct_distances(y, H, R, sides, dt, moving and not self.forces.active)
         if moving:
             self.nis += NIS_GAIN * (nis - self.nis)  # stationary wheels have no noise
             self._wheel_noise.add(min(
@@ -353,21 +351,10 @@ class SlipFilter:
             g[list(TRAVELS)] = innovation / (0.5 * dt) * (0.5 * dt - H[0, State.V_X])
             self.kalman.add_noise(np.outer(g, g))
 
-    def _as_printed(self, y: Array, H: Array, R: Array, sides: list[float], dt: float
-                    ) -> tuple[Array, Array, Array]:
-        """
-        Return the distances as printed in B(7): the mean, with lambda', and the difference.
-
-        Lambda' is 0 for a faster side that brakes and for a slower side that drives.
-        """
-        mix = np.array([[0.5, 0.5], [-1.0, 1.0]])
-        y, H = mix @ y, mix @ H
-        for slip, own, other in zip(SLIP_VELS, sides, sides[::-1]):
-            value = self.kalman.x[slip] * own
-            if value < 0.0 if abs(own) >= abs(other) else value > 0.0:
-                y[0] += 0.5 * dt * self.kalman.x[slip]
-                H[0, slip] -= 0.5 * dt
-        return y, H, mix @ R @ mix.T
+    def _correct_distances(self, y: Array, H: Array, R: Array, sides: list[float], dt: float,
+                           slip_held: bool) -> float:
+        """Correct with the innovations of both rolled distances; return the NIS over 2."""
+        return self.kalman.correct_jointly(y, H, R, GYRO_HELD, slip_held)
 
     def _learn_slip(self, W: float, dt: float, independent: bool) -> None:
         """
@@ -395,14 +382,14 @@ class SlipFilter:
         """
         Count the rolled distance from the wheel sample on.
 
-        Positions are exact references, whatever the error of their timestamps. Without them, and
-        with the constraint as printed, which is one of speeds, it is counted from the timestamp.
+        Positions are exact references, whatever the error of their timestamps. Without them it is
+        counted from the timestamp.
         """
         x, F, Q = self.kalman.x[:], np.eye(N), np.zeros((N, N))
         rates = self.motion.rolling_rates(x, W)
         for i, (travel, slip) in enumerate(zip(TRAVELS, SLIP_VELS)):
             Q[travel, travel] = TRAVEL_SIGMA ** 2
-            if wheels.from_positions and not self._printed:
+            if wheels.from_positions:
                 x[travel] -= wheels.duration * sides[i]
                 F[travel, State.RADIUS] = -wheels.duration * wheels.side_speeds[i]
             else:

@@ -255,14 +255,6 @@ def test_a_clock_jump_resets_the_estimator():
     assert first[-1].position == pytest.approx(of(Odometry, estimate(later)[1])[-1].position)
 
 
-def test_the_printed_constraint_observes_slip_of_opposite_sign_as_the_plain_one_does():
-    run = turning(2)
-    time, ratio, sigma, _ = slips(run, clean(2))
-    _, printed, _, _ = slips(run, estimate(run.samples, constraint='printed')[1])
-    steady = time > 6.0
-    assert np.all(np.abs(printed - ratio)[steady] < 4.0 * sigma[steady] + 0.02)
-
-
 def test_the_mounting_rotation_of_the_imu_is_compensated():
     base = turning(3, noise=0.0)
     turned = [s if isinstance(s, WheelSample) else ImuSample(
