@@ -30,9 +30,7 @@ import re
 import sys
 from typing import Any
 
-from smart_tire.messages.contents import Field
-from smart_tire.messages.describe import describe, Described
-from smart_tire.messages.node_table import NODE_TABLE
+from smart_tire.messages.describe import describe, Described, Field, NODE_TABLE
 from smart_tire.messages.topics import TOPICS
 
 DOCUMENT = Path(__file__).parent / 'topics.md'
@@ -75,7 +73,7 @@ def overview(names: Iterable[str]) -> str:
     rows = [HEADER]
     for topic in map(described, names):
         rows.append(f'| `{topic.name}` | `{topic.type}` | '
-                    f'{topic.publishers} | {cell(topic.rate)} | {cell(topic.content.summary)} |')
+                    f'{topic.publishers} | {cell(topic.rate)} | {cell(topic.summary)} |')
     return '\n'.join(rows)
 
 
@@ -101,7 +99,7 @@ def field_table(fields: Iterable[Field], title: str) -> str:
 def same_fields(topic: Described) -> str | None:
     """Return the first topic of the document with the same fields, if it is another one."""
     first = next(name for names in GROUPS.values() for name in names
-                 if described(name).content.fields == topic.content.fields)
+                 if described(name).fields == topic.fields)
     return None if first == topic.name else first
 
 
@@ -112,19 +110,19 @@ def details(examples: dict[str, str]) -> str:
 
 
 def _section(topic: Described, examples: dict[str, str]) -> Iterator[str]:
-    summary, content = topic.content.summary, topic.content
+    summary = topic.summary
     frame = f' `header.frame_id`: {topic.frame}.' if topic.frame else ''
     subscribers = f' Subscribers: {topic.subscribers}.' if topic.subscribers else ''
-    empty = ', '.join(f'`{field.name}`' for field in content.fields if field.meaning == EMPTY)
+    empty = ', '.join(f'`{field.name}`' for field in topic.fields if field.meaning == EMPTY)
     yield f'### {topic.name}'
     text = f'{summary[0].upper()}{summary[1:]}.{frame}{subscribers}'
     if (other := same_fields(topic)) is not None:
         yield f'{text} Fields as in [`{other}`](#{anchor(other)}).'
         return
     yield text + (f' Empty: {empty}.' if empty else '')
-    yield field_table(content.fields, 'field')
-    if content.quantities:
-        yield field_table(content.quantities, 'quantity')
+    yield field_table(topic.fields, 'field')
+    if topic.quantities:
+        yield field_table(topic.quantities, 'quantity')
     if (example := examples.get(topic.name.lstrip('/'))) is not None:
         yield f'```yaml\n{example}```'
 

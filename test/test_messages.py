@@ -23,18 +23,17 @@ import re
 from types import SimpleNamespace
 from typing import get_args
 
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 import pytest
-
 from smart_tire.bags.definitions import empty, Encoder, typestore
 from smart_tire.errors import MessageError
 from smart_tire.messages import (
-    find_topic, friction_from_msg, ground_state_from_msg, ground_state_to_msg, imu_from_msg,
-    imu_to_msg, motor_command_from_msg, odometry_from_msg, odometry_to_msg, stamp_of,
-    tire_from_msg, tire_to_msg, topic_of, TOPICS, transform_to_msg, velocity_from_msg,
-    velocity_from_twist, wheel_slip_from_msg, wheel_slip_to_msg, wheels_from_msg,
-    wheels_to_msg)
+    find_topic, stamp_of, topic_of, TOPICS, transform_to_msg, velocity_from_twist, wheels_from_msg)
+from smart_tire.messages.joint_state import (
+    friction_from_msg, ground_state_from_msg, ground_state_to_msg, motor_command_from_msg,
+    tire_from_msg, tire_to_msg, wheel_slip_from_msg, wheel_slip_to_msg, wheels_to_msg)
+from smart_tire.messages.odometry_imu import (
+    imu_from_msg, imu_to_msg, odometry_from_msg, odometry_to_msg, velocity_from_msg)
 from smart_tire.samples import (
     BatterySample, Friction, FRICTION_QUANTITIES, GoalPose, GroundState, Icr, ImuSample,
     MotorCommand, NAN, Odometry, PathProgress, PlannedPath, Sample, TireSample, VelocityCommand,

@@ -26,11 +26,9 @@ import pytest
 from smart_tire.bags.definitions import empty
 from smart_tire.estimation.streams import FRICTION, SLIP, Streams
 from smart_tire.messages import TOPICS
-from smart_tire.messages.contents import Content
-from smart_tire.messages.describe import columns, describe, topic_lines, TOPIC_NAMES
+from smart_tire.messages.describe import (
+    columns, describe, NODE_TABLE, publishers_of, subscribers_of, topic_lines, TOPIC_NAMES)
 from smart_tire.messages.joint_state import GROUND_QUANTITIES
-from smart_tire.messages.node_table import NODE_TABLE, publishers_of, subscribers_of
-from smart_tire.messages.states import STATE_TOPICS
 from smart_tire.parameters import NODE_PARAMS
 from smart_tire.samples import FRICTION_QUANTITIES, WHEELS
 from topics_page import (
@@ -42,13 +40,6 @@ TEXT = DOCUMENT.read_text(encoding='utf-8')
 EXAMPLES = read_examples()
 TRANSFORMS = {'/tf', '/tf_static'}  # only where tf2_msgs is installed
 WITHOUT_EXAMPLE = {*TRANSFORMS, *(name for name in TOPIC_NAMES if same_fields(described(name)))}
-
-
-def content_of(name: str) -> Content:
-    """Return the content of a topic."""
-    topic = describe(name)
-    assert topic is not None
-    return topic.content
 
 
 def value_at(msg: Any, path: str) -> Any:
@@ -83,7 +74,7 @@ def parsed(name: str) -> Any:
 def test_every_described_field_is_in_the_message_and_described_once(name):
     topic = describe(name)
     msg = empty(topic.type)
-    paths = [field.name for field in topic.content.fields]
+    paths = [field.name for field in topic.fields]
     assert len(set(paths)) == len(paths)
     for path in paths:
         value_at(msg, path)
@@ -92,7 +83,7 @@ def test_every_described_field_is_in_the_message_and_described_once(name):
 @pytest.mark.parametrize('name', TOPICS)
 def test_every_field_that_carries_a_value_is_described(name):
     name = same_fields(described(name)) or name
-    fields = [field.name for field in content_of(name).fields]
+    fields = [field.name for field in described(name).fields]
     filled, blank = namespace(parsed(name)), empty(TOPICS[name].type)
 
     def changed(path: str, value: Any, default: Any) -> list[str]:
@@ -125,21 +116,21 @@ def test_names_in_the_examples_are_those_described():
             ('tire_friction', FRICTION_QUANTITIES), ('ground_state', GROUND_QUANTITIES)):
         assert tuple(parsed(name)['name']) == names
     for name in ('tire_friction', 'ground_state'):
-        assert [field.name for field in content_of(name).quantities] == parsed(name)['name']
-    described = content_of('wheel_states').fields[0].meaning
-    assert all(f'`{wheel}`' in described for wheel in WHEELS)
+        assert [field.name for field in described(name).quantities] == parsed(name)['name']
+    text = described('wheel_states').fields[0].meaning
+    assert all(f'`{wheel}`' in text for wheel in WHEELS)
 
 
 def test_empty_fields_are_empty_in_the_examples():
     for name in TOPICS.keys() - WITHOUT_EXAMPLE:
-        for field in content_of(name).fields:
+        for field in described(name).fields:
             if field.meaning == 'empty':
                 assert value_at(namespace(parsed(name)), field.name) == [], name
 
 
 def test_every_number_has_a_unit():
     for name in TOPIC_NAMES:
-        content = content_of(name)
+        content = described(name)
         for field in (*content.fields, *content.quantities):
             assert field.unit or field.name in (
                 'name', 'data', 'status', 'transforms', 'location', 'header.stamp') \
@@ -165,7 +156,7 @@ def test_text_of_a_topic_has_every_field_with_its_unit_within_the_width():
     lines = list(topic_lines(describe('tire_friction'), indent='  ', width=70))
     assert lines[0] == '  tire_friction  [sensor_msgs/msg/JointState]'
     assert max(map(len, lines)) <= 70
-    for quantity in content_of('tire_friction').quantities:
+    for quantity in described('tire_friction').quantities:
         assert any(line.strip().startswith(f'{quantity.name} [{quantity.unit}]')
                    for line in lines)
     assert '`' not in ''.join(lines)
@@ -185,7 +176,7 @@ def test_the_table_of_nodes_agrees_with_the_architecture():
         node = NODE_TABLE[row.name]
         assert set(node.subscribes) == set(row.subscribes), row.name
         assert set(node.publishes) - TRANSFORMS == set(row.publishes), row.name
-        assert {*node.subscribes, *node.publishes} <= {*TOPICS, *STATE_TOPICS}
+        assert {*node.subscribes, *node.publishes} <= set(TOPIC_NAMES)
 
 
 @pytest.mark.parametrize(('name', 'streams'), [

@@ -21,11 +21,10 @@ from pathlib import Path
 import subprocess
 import sys
 
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 import numpy as np
 import pytest
-from smart_tire.messages import film_names
+from smart_tire.messages.joint_state import film_names
 from smart_tire.parameters import build, RobotParams
 from smart_tire.parameters.rigid_bodies import rigid_bodies, RigidBody
 from smart_tire.parameters.urdf_writer import urdf_text

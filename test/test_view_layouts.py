@@ -23,10 +23,9 @@ from typing import Any
 from xml.etree import ElementTree
 
 import pytest
-
 from smart_tire.bags.definitions import typestore
-from smart_tire.messages import film_names, TOPICS
-from smart_tire.messages.joint_state import GROUND_QUANTITIES
+from smart_tire.messages import TOPICS
+from smart_tire.messages.joint_state import film_names, GROUND_QUANTITIES
 from smart_tire.messages.path import PROGRESS_NAMES
 from smart_tire.samples import FRICTION_QUANTITIES, GoalPose, WHEELS
 

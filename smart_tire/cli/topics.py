@@ -37,7 +37,7 @@ def run(args: argparse.Namespace) -> int:
     """Print the list, or the description of each given topic."""
     described = [_described(name) for name in args.topics]
     if not described:
-        rows = [(topic.name, topic.content.summary)
+        rows = [(topic.name, topic.summary)
                 for topic in map(describe, TOPIC_NAMES) if topic is not None]
         print('\n'.join(columns(rows, '')))
         print('\n"smart_tire topics TOPIC" describes the fields of a topic.')

@@ -12,23 +12,32 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Description of topics as text for a terminal, from ``TOPICS``, ``STATE_TOPICS`` and nodes."""
+"""Description of topics and nodes for users: the text of ``topics.yaml``."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from textwrap import wrap
+from typing import Any
 
-from smart_tire.messages.contents import Content, Field
-from smart_tire.messages.node_table import NODE_TABLE, publishers_of, subscribers_of
-from smart_tire.messages.states import STATE_TOPICS, StateTopic
-from smart_tire.messages.topics import find_topic, Topic, TOPICS
+from smart_tire.messages.topics import find_topic, TOPICS
+import yaml
 
 WIDTH = 99             # characters of a line
 MAX_NAME_COLUMN = 28   # characters; longer names have a line of their own
 FROM_USER = ('path', 'goal_pose', 'cmd_vel')  # published from outside of this package
-TOPIC_NAMES = (*TOPICS, *STATE_TOPICS)
+DIAGNOSTICS = '/diagnostics'  # published by every node
+
+
+@dataclass(frozen=True)
+class Field:
+    """A field of a message, or a quantity in its list of names."""
+
+    name: str     # path in the message, such as 'twist.twist.linear', or the name of a quantity
+    unit: str     # '-' if dimensionless, '' if it is no number
+    meaning: str
 
 
 @dataclass(frozen=True)
@@ -41,26 +50,81 @@ class Described:
     frame: str          # header.frame_id in words; '' if there is none
     publishers: str
     subscribers: str
-    content: Content
+    summary: str
+    fields: tuple[Field, ...]
+    quantities: tuple[Field, ...]  # of a JointState that lists quantities by name
+
+
+@dataclass(frozen=True)
+class Service:
+    """A service of a node."""
+
+    name: str
+    type: str  # noqa: A003
+    meaning: str
+    condition: str = ''  # under which the node offers it
+
+
+@dataclass(frozen=True)
+class NodeEntry:
+    """One node; its topics are names in ``TOPIC_NAMES``."""
+
+    name: str
+    purpose: str
+    subscribes: tuple[str, ...] = ()
+    publishes: tuple[str, ...] = ()
+    services: tuple[Service, ...] = ()
+
+
+def _node(name: str, purpose: str, services: dict[str, Any] | None = None,
+          **topics: list[str]) -> NodeEntry:
+    return NodeEntry(name, purpose, services=tuple(
+        Service(service, **entry) for service, entry in (services or {}).items()),
+        **{role: tuple(names) for role, names in topics.items()})
+
+
+_TEXT = yaml.safe_load(Path(__file__).with_name('topics.yaml').read_text(encoding='utf-8'))
+TOPIC_NAMES = tuple(_TEXT['topics'])
+STATE_TOPICS = tuple(name for name in TOPIC_NAMES if name not in TOPICS)  # without samples
+NODE_TABLE = {name: _node(name, **entry) for name, entry in _TEXT['nodes'].items()}
+
+
+def publishers_of(topic: str) -> tuple[str, ...]:
+    """Return the nodes that publish ``topic``."""
+    return tuple(node.name for node in NODE_TABLE.values()
+                 if topic in (*node.publishes, DIAGNOSTICS))
+
+
+def subscribers_of(topic: str) -> tuple[str, ...]:
+    """Return the nodes that subscribe to ``topic``."""
+    return tuple(node.name for node in NODE_TABLE.values() if topic in node.subscribes)
 
 
 def describe(name: str) -> Described | None:
     """Return the description of a topic, also with a namespace; None if it is not known."""
-    topic = _find_state(name) or find_topic(name)
-    if topic is None:
+    state = next((state for state in STATE_TOPICS
+                  if f'/{name}'.endswith('/' + state.strip('/'))), None)
+    if state is not None:
+        return _described(state)
+    if (topic := find_topic(name)) is None:
         return None
-    content = topic.content
-    if isinstance(topic, Topic):
-        rate, frame = content.rate or f'{topic.rate:g} Hz', topic.frame or 'name of the wheel'
-    else:
-        rate, frame = content.rate, topic.frame or ''
-    return Described(topic.name, topic.type, rate, frame, _publishers(topic.name),
-                     ', '.join(subscribers_of(topic.name)), content)
+    return _described(topic.name, topic.type, f'{topic.rate:g} Hz',
+                      topic.frame or 'name of the wheel')
 
 
-def _find_state(name: str) -> StateTopic | None:
-    return next((topic for topic in STATE_TOPICS.values()
-                 if f'/{name}'.endswith('/' + topic.name.strip('/'))), None)
+def _described(name: str, kind: str = '', rate: str = '', frame: str = '') -> Described:
+    """Return the text of a topic; ``kind``, ``rate`` and ``frame`` where it gives none."""
+    text = _TEXT['topics'][name]
+    return Described(
+        name, text.get('type', kind), text.get('rate', rate), text.get('frame', frame),
+        _publishers(name), ', '.join(subscribers_of(name)), text['summary'],
+        _fields(text['fields']), _fields(text.get('quantities', {})))
+
+
+def _fields(texts: dict[str, str]) -> tuple[Field, ...]:
+    labels = (label.removesuffix(']').partition(' [') for label in texts)
+    return tuple(Field(name, unit, meaning)
+                 for (name, _, unit), meaning in zip(labels, texts.values()))
 
 
 def _publishers(topic: str) -> str:
@@ -79,29 +143,26 @@ def topic_lines(topic: Described, *, indent: str = '', width: int = WIDTH) -> It
     """Yield the lines that describe ``topic``: summary, rate, frame, fields and quantities."""
     yield f'{indent}{topic.name}  [{topic.type}]'
     inner = indent + '    '
-    yield from paragraph(topic.content.summary, inner, width)
+    yield from paragraph(topic.summary, inner, width)
     yield from paragraph(f'rate: {topic.rate}', inner, width)
     if topic.frame:
         yield f'{inner}header.frame_id: {topic.frame}'
-    yield from field_lines(topic.content.fields, inner, width)
-    if topic.content.quantities:
+    yield from field_lines(topic.fields, inner, width)
+    if topic.quantities:
         yield f'{inner}Quantities, by name:'
-        yield from field_lines(topic.content.quantities, inner + '  ', width)
+        yield from field_lines(topic.quantities, inner + '  ', width)
 
 
-def field_lines(fields: tuple[Field, ...], indent: str, width: int = WIDTH) -> Iterator[str]:
+def field_lines(fields: Iterable[Field], indent: str, width: int = WIDTH) -> Iterator[str]:
     """Yield a line per field, its meaning wrapped in a column of its own."""
-    labels = [field.name + (f' [{field.unit}]' if field.unit else '') for field in fields]
-    rows = zip(labels, (field.meaning for field in fields))
-    yield from columns(rows, indent, width)
+    return columns([(field.name + (f' [{field.unit}]' if field.unit else ''), field.meaning)
+                    for field in fields], indent, width)
 
 
-def columns(rows: Iterator[tuple[str, str]] | list[tuple[str, str]], indent: str,
-            width: int = WIDTH) -> Iterator[str]:
+def columns(rows: Sequence[tuple[str, str]], indent: str, width: int = WIDTH) -> Iterator[str]:
     """Yield lines in two columns: labels, and wrapped texts."""
-    table = list(rows)
-    column = min(MAX_NAME_COLUMN, max((len(label) for label, _ in table), default=0)) + 2
-    for label, text in table:
+    column = min(MAX_NAME_COLUMN, max((len(label) for label, _ in rows), default=0)) + 2
+    for label, text in rows:
         lines = wrap(plain(text), max(20, width - len(indent) - column)) or ['']
         if len(label) > column - 2:
             yield indent + label

@@ -12,15 +12,19 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Header of messages, and checks of their numbers."""
+"""Parts that messages have in common: header, checked numbers, names of a JointState, status."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from typing import Any, cast
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any, cast, TypeVar
 
 from smart_tire.errors import MessageError
 from smart_tire.samples import NS_PER_S, WHEELS
+
+Numbers = TypeVar('Numbers', bound=Sequence[float])
 
 
 def stamp_of(msg: Any) -> int:
@@ -36,7 +40,18 @@ def set_header(msg: Any, stamp_ns: int, frame: str) -> None:
     header.frame_id = frame
 
 
+def set_joints(msg: Any, stamp_ns: int, frame: str, names: Sequence[str],
+               **fields: Sequence[float]) -> Any:
+    """Write header, names and ``fields`` (position, velocity, effort) into a JointState."""
+    set_header(msg, stamp_ns, frame)
+    msg.name = names
+    for field, numbers in fields.items():
+        setattr(msg, field, numbers)
+    return msg
+
+
 def wheel_of(msg: Any, topic: str) -> str:
+    """Return the wheel that the frame of ``msg`` names."""
     wheel = msg.header.frame_id
     if wheel not in WHEELS:
         raise MessageError(f'{topic}: header.frame_id is {wheel!r}, '
@@ -44,12 +59,42 @@ def wheel_of(msg: Any, topic: str) -> str:
     return cast(str, wheel)
 
 
-def not_finite_error(topic: str, field: str, values: Iterable[float]) -> MessageError:
+def finite(topic: str, field: str, values: Numbers) -> Numbers:
+    """Return ``values``; raise MessageError unless all are finite."""
+    if not all(map(isfinite, values)):
+        raise not_finite_error(topic, field, values)
+    return values
+
+
+def not_finite_error(topic: str, field: str, values: Sequence[float]) -> MessageError:
+    """Return the error for ``values`` that are not finite."""
     return MessageError(f'{topic}: {field} is {list(values)}, expected finite numbers')
 
 
-def check_magnitude(topic: str, field: str, values: Sequence[float], limit: float,
-                    unit: str) -> None:
+def bounded(topic: str, field: str, values: Numbers, limit: float, unit: str) -> Numbers:
+    """Return ``values``; raise MessageError if the magnitude of one exceeds ``limit``."""
     if any(abs(value) > limit for value in values):  # NaN: not measured
         raise MessageError(f'{topic}: {field} is {list(values)}, '
                            f'expected magnitudes of at most {limit:g} {unit}')
+    return values
+
+
+@dataclass(frozen=True)
+class NodeStatus:
+    """Diagnostic status of a node."""
+
+    name: str               # fully qualified, without the leading slash
+    level: int              # DiagnosticStatus: 0 OK, 1 warning, 2 error, 3 stale
+    message: str
+    values: dict[str, str]
+
+
+def statuses_from_msg(msg: Any) -> list[NodeStatus]:
+    """Return the statuses in a DiagnosticArray."""
+    return [NodeStatus(status.name, _level(status.level), status.message,
+                       {item.key: item.value for item in status.values})
+            for status in msg.status]
+
+
+def _level(level: bytes | int) -> int:
+    return level[0] if isinstance(level, bytes) else int(level)  # rclpy has a byte

@@ -20,13 +20,14 @@ A robot always sends the same names, so their positions are determined once and 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 from math import isfinite, isinf, isnan
 from typing import Any, cast
 
 from smart_tire.errors import MessageError
 from smart_tire.messages.header import (
-    check_magnitude, not_finite_error, set_header, stamp_of, wheel_of)
+    bounded, finite, not_finite_error, set_joints, stamp_of, wheel_of)
 from smart_tire.messages.joint_names import wheel_layout, WheelLayout
 from smart_tire.parameters.robot import JointParams, STANDARD_JOINTS
 from smart_tire.samples import (
@@ -65,13 +66,6 @@ def _four(msg: Any, field: str, topic: str) -> Four:
     return values[a], values[b], values[c], values[d]
 
 
-def _finite_four(msg: Any, field: str, topic: str) -> Four:
-    four = _four(msg, field, topic)
-    if not all(map(isfinite, four)):
-        raise not_finite_error(topic, field, four)
-    return four
-
-
 def wheels_from_msg(msg: Any, topic: str = 'wheel_states', joints: JointParams = STANDARD_JOINTS,
                     *, recognize: bool = True) -> WheelSample:
     """
@@ -83,8 +77,8 @@ def wheels_from_msg(msg: Any, topic: str = 'wheel_states', joints: JointParams =
     """
     layout = wheel_layout(tuple(msg.name), joints, topic, recognize=recognize)
     velocity = _wheel_values(msg, 'velocity', layout.signs, layout, topic)
-    _check_measured(topic, 'velocity', velocity, layout)
-    check_magnitude(topic, 'velocity', velocity, MAX_WHEEL_SPEED, 'rad/s')
+    finite(topic, 'velocity', layout.measured(velocity))
+    bounded(topic, 'velocity', velocity, MAX_WHEEL_SPEED, 'rad/s')
     return WheelSample(stamp_of(msg), velocity, _positions(msg, layout, topic),
                        _torques(msg, layout, topic))
 
@@ -97,21 +91,15 @@ def _wheel_values(msg: Any, field: str, factors: Four, layout: WheelLayout, topi
     return a, b, c, d
 
 
-def _check_measured(topic: str, field: str, values: Four, layout: WheelLayout) -> None:
-    """Raise MessageError unless the numbers of all wheels with a joint are finite."""
-    measured = [value for value, index in zip(values, layout.indices) if index is not None]
-    if not all(map(isfinite, measured)):
-        raise not_finite_error(topic, field, measured)
-
-
 def _positions(msg: Any, layout: WheelLayout, topic: str) -> Four | None:
     """Return the angles of the wheels; None if one of those with a joint is not measured."""
     if not len(msg.position):
         return None
     angles = _wheel_values(msg, 'position', layout.signs, layout, topic)
-    if any(isnan(angle) for angle, index in zip(angles, layout.indices) if index is not None):
+    measured = layout.measured(angles)
+    if any(map(isnan, measured)):
         return None
-    _check_measured(topic, 'position', angles, layout)
+    finite(topic, 'position', measured)
     return angles
 
 
@@ -127,12 +115,8 @@ def _torques(msg: Any, layout: WheelLayout, topic: str) -> Four | None:
 
 def wheels_to_msg(msg: Any, sample: WheelSample) -> Any:
     """Write ``sample`` into a JointState and return it."""
-    set_header(msg, sample.stamp_ns, 'base_link')
-    msg.name = WHEELS
-    msg.position = sample.position or ()
-    msg.velocity = sample.velocity
-    msg.effort = sample.effort or ()
-    return msg
+    return set_joints(msg, sample.stamp_ns, 'base_link', WHEELS, position=sample.position or (),
+                      velocity=sample.velocity, effort=sample.effort or ())
 
 
 @lru_cache(LAYOUT_CACHE_SIZE)
@@ -155,17 +139,13 @@ def tire_from_msg(msg: Any) -> TireSample:
     wheel = wheel_of(msg, 'tire_samples')
     values = _values(msg, 'position', 'tire_samples')
     volts = tuple([values[index] for index in _film_indices(tuple(msg.name), wheel)])
-    if not all(map(isfinite, volts)):
-        raise not_finite_error('tire_samples', 'position', volts)
-    return TireSample(stamp_of(msg), wheel, volts)
+    return TireSample(stamp_of(msg), wheel, finite('tire_samples', 'position', volts))
 
 
 def tire_to_msg(msg: Any, sample: TireSample) -> Any:
     """Write ``sample`` into a JointState and return it."""
-    set_header(msg, sample.stamp_ns, sample.wheel)
-    msg.name = film_names(sample.wheel, len(sample.volts))
-    msg.position = sample.volts
-    return msg
+    names = film_names(sample.wheel, len(sample.volts))
+    return set_joints(msg, sample.stamp_ns, sample.wheel, names, position=sample.volts)
 
 
 def wheel_slip_from_msg(msg: Any, topic: str = 'wheel_slip') -> WheelSlip:
@@ -182,10 +162,8 @@ def wheel_slip_from_msg(msg: Any, topic: str = 'wheel_slip') -> WheelSlip:
 
 def wheel_slip_to_msg(msg: Any, sample: WheelSlip) -> Any:
     """Write ``sample`` into a JointState and return it."""
-    set_header(msg, sample.stamp_ns, 'base_link')
-    msg.name = WHEELS
-    msg.position, msg.velocity, msg.effort = sample.ratio, sample.slip_velocity, sample.sigma
-    return msg
+    return set_joints(msg, sample.stamp_ns, 'base_link', WHEELS, position=sample.ratio,
+                      velocity=sample.slip_velocity, effort=sample.sigma)
 
 
 def ground_state_from_msg(msg: Any) -> GroundState:
@@ -210,13 +188,15 @@ def ground_state_from_msg(msg: Any) -> GroundState:
 
 def ground_state_to_msg(msg: Any, sample: GroundState) -> Any:
     """Write ``sample`` into a JointState and return it."""
-    set_header(msg, sample.stamp_ns, 'base_link')
-    estimates = [getattr(sample, name) for name in GROUND_ESTIMATES]
-    msg.name = GROUND_QUANTITIES
-    msg.position = [*(estimate.value for estimate in estimates),
-                    sample.stiffness_friction_correlation]
-    msg.effort = [*(estimate.sigma for estimate in estimates), 0.0]
-    return msg
+    estimates = [*(getattr(sample, name) for name in GROUND_ESTIMATES),
+                 Uncertain(sample.stiffness_friction_correlation, 0.0)]
+    return _set_quantities(msg, sample.stamp_ns, 'base_link', GROUND_QUANTITIES, estimates)
+
+
+def _set_quantities(msg: Any, stamp_ns: int, frame: str, names: Sequence[str],
+                    quantities: Sequence[Uncertain]) -> Any:
+    return set_joints(msg, stamp_ns, frame, names, position=[one.value for one in quantities],
+                      effort=[one.sigma for one in quantities])
 
 
 def friction_from_msg(msg: Any, topic: str = 'tire_friction') -> Friction:
@@ -232,37 +212,28 @@ def friction_from_msg(msg: Any, topic: str = 'tire_friction') -> Friction:
 
 def friction_to_msg(msg: Any, sample: Friction) -> Any:
     """Write ``sample`` into a JointState and return it."""
-    set_header(msg, sample.stamp_ns, sample.wheel)
-    msg.name = FRICTION_QUANTITIES
-    quantities = [sample.quantity(name) for name in FRICTION_QUANTITIES]
-    msg.position = [quantity.value for quantity in quantities]
-    msg.effort = [quantity.sigma for quantity in quantities]
-    return msg
+    return _set_quantities(msg, sample.stamp_ns, sample.wheel, FRICTION_QUANTITIES,
+                           [sample.quantity(name) for name in FRICTION_QUANTITIES])
 
 
 def wheel_command_from_msg(msg: Any) -> WheelCommand:
     """Return the wheel speed set points in a JointState."""
-    return WheelCommand(stamp_of(msg), _finite_four(msg, 'velocity', 'wheel_commands'))
+    topic = 'wheel_commands'
+    return WheelCommand(stamp_of(msg), finite(topic, 'velocity', _four(msg, 'velocity', topic)))
 
 
 def wheel_command_to_msg(msg: Any, sample: WheelCommand) -> Any:
     """Write ``sample`` into a JointState and return it."""
-    set_header(msg, sample.stamp_ns, 'base_link')
-    msg.name = WHEELS
-    msg.velocity = sample.velocity
-    return msg
+    return set_joints(msg, sample.stamp_ns, 'base_link', WHEELS, velocity=sample.velocity)
 
 
 def motor_command_from_msg(msg: Any) -> MotorCommand:
     """Return the duties [-1, 1] in a JointState."""
-    duty = _finite_four(msg, 'effort', 'motor_commands')
-    check_magnitude('motor_commands', 'effort', duty, 1.0, '(full duty)')
-    return MotorCommand(stamp_of(msg), duty)
+    topic = 'motor_commands'
+    duty = finite(topic, 'effort', _four(msg, 'effort', topic))
+    return MotorCommand(stamp_of(msg), bounded(topic, 'effort', duty, 1.0, '(full duty)'))
 
 
 def motor_command_to_msg(msg: Any, sample: MotorCommand) -> Any:
     """Write ``sample`` into a JointState and return it."""
-    set_header(msg, sample.stamp_ns, 'base_link')
-    msg.name = WHEELS
-    msg.effort = sample.duty
-    return msg
+    return set_joints(msg, sample.stamp_ns, 'base_link', WHEELS, effort=sample.duty)

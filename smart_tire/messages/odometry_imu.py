@@ -21,7 +21,7 @@ from math import isfinite, isnan, nan
 from typing import Any
 
 from smart_tire.messages.header import (
-    check_magnitude, not_finite_error, set_header, stamp_of, wheel_of)
+    bounded, finite, not_finite_error, set_header, stamp_of, wheel_of)
 from smart_tire.samples import (
     BatterySample, Icr, ImuSample, MAX_ANGULAR_RATE, MAX_SPECIFIC_FORCE, MAX_SPEED, Odometry,
     Vector3, VelocityCommand)
@@ -31,18 +31,16 @@ NOT_MEASURED_COVARIANCE = (NOT_MEASURED, *[0.0] * 8)
 UNKNOWN_COVARIANCE = (0.0,) * 9  # measured, covariance unknown (REP-145)
 
 
-def _vector(vector: Any, field: str, topic: str) -> tuple[float, float, float]:
-    xyz = (vector.x, vector.y, vector.z)
-    if not all(map(isfinite, xyz)):
-        raise not_finite_error(topic, field, xyz)
-    return xyz
+def _vector(vector: Any, field: str, topic: str) -> Vector3:
+    return finite(topic, field, (vector.x, vector.y, vector.z))
+
+
+def _bounded_vector(topic: str, field: str, vector: Any, limit: float, unit: str) -> Vector3:
+    return bounded(topic, field, _vector(vector, field, topic), limit, unit)
 
 
 def _quaternion(rotation: Any, field: str, topic: str) -> tuple[float, float, float, float]:
-    xyzw = (rotation.x, rotation.y, rotation.z, rotation.w)
-    if not all(map(isfinite, xyzw)):
-        raise not_finite_error(topic, field, xyzw)
-    return xyzw
+    return finite(topic, field, (rotation.x, rotation.y, rotation.z, rotation.w))
 
 
 def _covariance(matrix: Any, field: str, topic: str) -> tuple[float, ...]:
@@ -64,24 +62,19 @@ def imu_from_msg(msg: Any) -> ImuSample:
     """Return the sample in an Imu; its orientation is None if not measured, NaN or all zero."""
     return ImuSample(
         stamp_of(msg),
-        _measured(msg.linear_acceleration, 'linear_acceleration', MAX_SPECIFIC_FORCE, 'm/s2'),
-        _measured(msg.angular_velocity, 'angular_velocity', MAX_ANGULAR_RATE, 'rad/s'),
+        _bounded_vector('imu/data', 'linear_acceleration', msg.linear_acceleration,
+                        MAX_SPECIFIC_FORCE, 'm/s2'),
+        _bounded_vector('imu/data', 'angular_velocity', msg.angular_velocity,
+                        MAX_ANGULAR_RATE, 'rad/s'),
         _orientation(msg))
-
-
-def _measured(vector: Any, field: str, limit: float, unit: str) -> Vector3:
-    xyz = _vector(vector, field, 'imu/data')
-    check_magnitude('imu/data', field, xyz, limit, unit)
-    return xyz
 
 
 def _orientation(msg: Any) -> tuple[float, float, float, float] | None:
     given = msg.orientation
-    if msg.orientation_covariance[0] == NOT_MEASURED or any(
-            map(isnan, (given.x, given.y, given.z, given.w))):
+    xyzw = given.x, given.y, given.z, given.w
+    if msg.orientation_covariance[0] == NOT_MEASURED or any(map(isnan, xyzw)) or not any(xyzw):
         return None
-    xyzw = _quaternion(given, 'orientation', 'imu/data')
-    return xyzw if any(xyzw) else None
+    return finite('imu/data', 'orientation', xyzw)
 
 
 def imu_to_msg(msg: Any, sample: ImuSample) -> Any:
@@ -169,10 +162,9 @@ def velocity_from_twist(msg: Any) -> VelocityCommand:
 
 
 def _velocity(twist: Any, stamp_ns: int, prefix: str) -> VelocityCommand:
-    linear = _vector(twist.linear, f'{prefix}linear', 'cmd_vel')
-    angular = _vector(twist.angular, f'{prefix}angular', 'cmd_vel')
-    check_magnitude('cmd_vel', f'{prefix}linear', linear, MAX_SPEED, 'm/s')
-    check_magnitude('cmd_vel', f'{prefix}angular', angular, MAX_ANGULAR_RATE, 'rad/s')
+    linear = _bounded_vector('cmd_vel', f'{prefix}linear', twist.linear, MAX_SPEED, 'm/s')
+    angular = _bounded_vector(
+        'cmd_vel', f'{prefix}angular', twist.angular, MAX_ANGULAR_RATE, 'rad/s')
     return VelocityCommand(stamp_ns, linear[0], angular[2])
 
 
@@ -185,9 +177,8 @@ def velocity_to_msg(msg: Any, sample: VelocityCommand) -> Any:
 
 def battery_from_msg(msg: Any) -> BatterySample:
     """Return the state in a BatteryState."""
-    if not isfinite(msg.voltage):
-        raise not_finite_error('tire_battery', 'voltage', (msg.voltage,))
-    return BatterySample(stamp_of(msg), wheel_of(msg, 'tire_battery'), msg.voltage)
+    (volts,) = finite('tire_battery', 'voltage', (msg.voltage,))
+    return BatterySample(stamp_of(msg), wheel_of(msg, 'tire_battery'), volts)
 
 
 def battery_to_msg(msg: Any, sample: BatterySample) -> Any:

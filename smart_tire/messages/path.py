@@ -12,23 +12,33 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Messages of path following: the path, the goal and the progress."""
+"""
+Messages of path following: the path, the goal and the progress.
+
+A path is also read from the bytes of a serialized message, whose number of poses is read first:
+rclpy converts all poses of a message, at 20 us each, before it can be refused.
+"""
 
 from __future__ import annotations
 
 from importlib import import_module
-from math import atan2, cos, hypot, isfinite, isinf, isnan, sin
+from math import atan2, cos, hypot, isinf, isnan, sin
 import re
+import struct
 from types import SimpleNamespace
 from typing import Any
 
 from smart_tire.errors import MessageError
-from smart_tire.messages.header import not_finite_error, set_header, stamp_of
+from smart_tire.messages.header import finite, not_finite_error, set_header, set_joints, stamp_of
 from smart_tire.samples import GoalPose, NAN, PathProgress, PlannedPath, Vector3
 
 PROGRESS_NAMES = ('remaining_distance', 'cross_track_error', 'state')
 STATES = range(5)           # of ``path_progress``: idle, following, arrived, stopped, refused
 QUATERNION_TOLERANCE = 0.01  # of the norm; planners publish single precision or rounded values
+# OMG DDSI-RTPS 2.5, 10.2: encapsulation identifier and options. CDR aligns each number to its
+# size, counted from the end of this header.
+BYTE_ORDERS = {b'\x00\x00': '>', b'\x00\x01': '<'}  # CDR_BE, CDR_LE
+HEADER_SIZE = 4  # bytes
 
 
 def path_from_msg(msg: Any) -> PlannedPath:
@@ -82,17 +92,14 @@ def progress_from_msg(msg: Any) -> PathProgress:
 
 def progress_to_msg(msg: Any, sample: PathProgress) -> Any:
     """Write ``sample`` into a JointState and return it."""
-    set_header(msg, sample.stamp_ns, 'odom')
-    msg.name = PROGRESS_NAMES
-    msg.position = (sample.remaining_distance, sample.cross_track_error, float(sample.state))
-    return msg
+    return set_joints(msg, sample.stamp_ns, 'odom', PROGRESS_NAMES, position=(
+        sample.remaining_distance, sample.cross_track_error, float(sample.state)))
 
 
 def _pose(pose: Any, topic: str, field: str) -> Vector3:
     """Return x, y and yaw of a Pose; yaw is NaN if the quaternion is all zero."""
-    position = pose.position.x, pose.position.y, pose.position.z
-    if not all(map(isfinite, position)):
-        raise not_finite_error(topic, f'{field}.position', position)
+    position = finite(topic, f'{field}.position',
+                      (pose.position.x, pose.position.y, pose.position.z))
     given = pose.orientation
     xyzw = given.x, given.y, given.z, given.w
     norm = hypot(*xyzw)
@@ -131,3 +138,58 @@ def _empty_pose() -> SimpleNamespace:
     return SimpleNamespace(
         header=SimpleNamespace(stamp=SimpleNamespace(sec=0, nanosec=0), frame_id=''),
         pose=SimpleNamespace(position=SimpleNamespace(), orientation=SimpleNamespace()))
+
+
+class CdrReader:
+    """Reads the parts of a Path in their order; raises struct.error at the end of the data."""
+
+    def __init__(self, data: bytes) -> None:
+        """Raise MessageError for bytes that are not CDR."""
+        order = BYTE_ORDERS.get(data[:2])
+        if order is None:
+            raise MessageError(f'path: encapsulation is {data[:2].hex() or "missing"}, '
+                               'expected 0000 or 0001 (CDR)')
+        self._data, self._at = memoryview(data)[HEADER_SIZE:], 0
+        self._stamp, self._count, self._pose = (
+            struct.Struct(order + layout) for layout in ('iI', 'I', '7d'))
+
+    def _numbers(self, layout: struct.Struct, alignment: int) -> tuple[Any, ...]:
+        begin = -(-self._at // alignment) * alignment
+        self._at = begin + layout.size
+        return layout.unpack_from(self._data, begin)
+
+    def count(self) -> int:
+        """Return the length of a string or sequence."""
+        (count,) = self._numbers(self._count, 4)
+        return int(count)
+
+    def header(self) -> SimpleNamespace:
+        """Return a Header."""
+        seconds, nanoseconds = self._numbers(self._stamp, 4)
+        size = self.count()  # with the zero byte at the end
+        text = bytes(self._data[self._at:self._at + size])[:-1]
+        self._at += size
+        return SimpleNamespace(stamp=SimpleNamespace(sec=seconds, nanosec=nanoseconds),
+                               frame_id=text.decode())
+
+    def stamped_pose(self) -> SimpleNamespace:
+        """Return a PoseStamped."""
+        header = self.header()
+        p_x, p_y, p_z, q_x, q_y, q_z, q_w = self._numbers(self._pose, 8)
+        return SimpleNamespace(header=header, pose=SimpleNamespace(
+            position=SimpleNamespace(x=p_x, y=p_y, z=p_z),
+            orientation=SimpleNamespace(x=q_x, y=q_y, z=q_z, w=q_w)))
+
+
+def path_from_bytes(data: bytes, max_poses: int) -> PlannedPath:
+    """Return the path in a serialized Path; raise MessageError if it has too many poses."""
+    reader = CdrReader(data)
+    try:
+        header, count = reader.header(), reader.count()
+        if count > max_poses:
+            raise MessageError(f'path: {count} poses, expected at most {max_poses} '
+                               '(checks.max_path_poses)')
+        return path_from_msg(SimpleNamespace(
+            header=header, poses=(reader.stamped_pose() for _ in range(count))))
+    except (struct.error, UnicodeDecodeError) as error:
+        raise MessageError(f'path: {len(data)} bytes are no nav_msgs/Path: {error}') from error

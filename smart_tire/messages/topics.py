@@ -21,7 +21,6 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from smart_tire.messages.contents import Content, CONTENTS
 from smart_tire.messages.joint_state import (
     friction_from_msg, friction_to_msg, ground_state_from_msg, ground_state_to_msg,
     motor_command_from_msg, motor_command_to_msg, tire_from_msg, tire_to_msg,
@@ -52,11 +51,6 @@ class Topic:
     rate: float                       # Hz, nominal (tire: per wheel); 0: not periodic
     frame: str                        # header.frame_id; '' if it is the name of the wheel
     quality: str                      # 'sensor', 'estimate', 'command' or 'truth'
-
-    @property
-    def content(self) -> Content:
-        """Return the meaning of the messages and of their fields."""
-        return CONTENTS[self.name]
 
 
 JOINTS = 'sensor_msgs/msg/JointState'

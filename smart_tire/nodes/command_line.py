@@ -25,8 +25,8 @@ from pathlib import Path
 import sys
 
 import smart_tire
-from smart_tire.messages.describe import columns, describe, paragraph, plain, topic_lines
-from smart_tire.messages.node_table import DIAGNOSTICS, NODE_TABLE, NodeEntry
+from smart_tire.messages.describe import (
+    columns, describe, DIAGNOSTICS, NODE_TABLE, NodeEntry, paragraph, plain, topic_lines)
 from smart_tire.parameters import NODE_PARAMS, RobotParams, Spec, specs
 from smart_tire.parameters.spec import NAMES
 from smart_tire.parameters.yaml_writer import FILES, value_text

@@ -20,10 +20,10 @@ import math
 from types import SimpleNamespace
 
 import pytest
-
 from smart_tire.errors import MessageError, ParameterError
-from smart_tire.messages import (
-    OtherJointsError, recognized_joints, resolved_joints, wheel_slip_from_msg, wheels_from_msg)
+from smart_tire.messages import OtherJointsError, resolved_joints, wheels_from_msg
+from smart_tire.messages.joint_names import recognized_joints
+from smart_tire.messages.joint_state import wheel_slip_from_msg
 from smart_tire.parameters import build, JointParams, RobotParams, WheelControllerParams
 from smart_tire.parameters.tuning import SlipEstimatorParams
 from smart_tire.samples import WHEELS

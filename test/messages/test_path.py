@@ -19,13 +19,12 @@ from __future__ import annotations
 import math
 
 import pytest
-
 from smart_tire.bags.definitions import empty
 from smart_tire.control.trajectory_control import State
 from smart_tire.errors import MessageError
-from smart_tire.messages import (
-    goal_from_msg, goal_to_msg, path_from_msg, path_to_msg, progress_from_msg, progress_to_msg)
-from smart_tire.messages.path import STATES
+from smart_tire.messages.path import (
+    goal_from_msg, goal_to_msg, path_from_msg, path_to_msg, progress_from_msg, progress_to_msg,
+    STATES)
 from smart_tire.samples import GoalPose, NAN, PathProgress, PlannedPath
 
 PATH = PlannedPath(5, 'odom', ((1.0, 2.0, 0.5), (3.0, -4.0, -3.0), (0.0, 0.0, NAN)))

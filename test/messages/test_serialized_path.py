@@ -21,7 +21,6 @@ import random
 import struct
 
 import pytest
-
 from smart_tire.errors import MessageError
 from smart_tire.messages import path_from_bytes
 from smart_tire.samples import NAN, PlannedPath
@@ -62,7 +61,7 @@ def test_a_path_is_read_in_both_byte_orders_with_any_alignment(order, frame):
 
 def test_the_bytes_of_ros_are_read():
     serialization = pytest.importorskip('rclpy.serialization')
-    from smart_tire.messages import path_to_msg
+    from smart_tire.messages.path import path_to_msg
     from smart_tire.nodes.compat import message_class
     message = path_to_msg(message_class('nav_msgs/msg/Path')(), PlannedPath(
         1_000_000_005, 'odom', POSES))

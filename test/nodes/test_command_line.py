@@ -20,9 +20,8 @@ import subprocess
 import sys
 
 import pytest
-
 import smart_tire
-from smart_tire.messages.node_table import NODE_TABLE
+from smart_tire.messages.describe import NODE_TABLE
 from smart_tire.nodes.command_line import answer, foreign_arguments, started_module
 from smart_tire.parameters import NODE_PARAMS, RobotParams, specs
 from smart_tire.parameters.yaml_writer import value_text

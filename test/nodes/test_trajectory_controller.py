@@ -26,7 +26,7 @@ from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
 from smart_tire.control.trajectory_control import State
-from smart_tire.messages import path_to_msg
+from smart_tire.messages.path import path_to_msg
 from smart_tire.nodes.compat import message_class
 from smart_tire.nodes.qos import latched
 from smart_tire.rotation import quaternion
