@@ -33,14 +33,10 @@ from importlib import import_module
 from typing import Any, TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from smart_tire.api.bag_files import read_bag, write_bag
-    from smart_tire.api.estimators import estimate, estimate_friction, estimate_slip
-    from smart_tire.api.films import BucklingFilm, FilmSensor
-    from smart_tire.api.params import load_params
-    from smart_tire.api.recording import Recording
-    from smart_tire.api.results import FrictionEstimate, SlipEstimate
-    from smart_tire.api.simulator import simulate
-    from smart_tire.api.tires import BrushTire, TreadFilm
+    from smart_tire.api import (
+        BrushTire, BucklingFilm, estimate, estimate_friction, estimate_slip, FilmSensor,
+        FrictionEstimate, load_params, read_bag, Recording, simulate, SlipEstimate, TreadFilm,
+        write_bag)
 
 __version__ = '0.1.0'
 __all__ = [
@@ -48,19 +44,12 @@ __all__ = [
     'FrictionEstimate', 'load_params', 'read_bag', 'Recording', 'simulate', 'SlipEstimate',
     'TreadFilm', 'write_bag']
 
-_MODULES = {
-    'BrushTire': 'tires', 'BucklingFilm': 'films', 'estimate': 'estimators',
-    'estimate_friction': 'estimators', 'estimate_slip': 'estimators', 'FilmSensor': 'films',
-    'FrictionEstimate': 'results', 'load_params': 'params', 'read_bag': 'bag_files',
-    'Recording': 'recording', 'simulate': 'simulator', 'SlipEstimate': 'results',
-    'TreadFilm': 'tires', 'write_bag': 'bag_files'}
-
 
 def __getattr__(name: str) -> Any:
     """Import a public name at its first use (PEP 562): nodes and command need none of them."""
-    if name not in _MODULES:
+    if name not in __all__:
         raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
-    value = getattr(import_module(f'{__name__}.api.{_MODULES[name]}'), name)
+    value = getattr(import_module(f'{__name__}.api'), name)
     globals()[name] = value
     return value
 

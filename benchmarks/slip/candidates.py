@@ -20,7 +20,7 @@ from collections.abc import Iterable
 import time
 
 from benchmarks.slip.series import as_estimate, EstimateSeries, Statistic
-from smart_tire.analysis.series import Table
+import numpy as np
 from smart_tire.analysis.smoothing import SmoothedSlip
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.parameters import SlipEstimatorParams
@@ -31,7 +31,8 @@ NIS_PERIOD = 0.1  # s, between two values of the innovation statistic
 
 def live_estimate(samples: Iterable[Sample], params: SlipEstimatorParams) -> EstimateSeries:
     """Return the online estimates from ``samples`` in order of reception."""
-    estimator, records, statistic = SlipEstimator(params), list[Sample](), Table(1)
+    estimator, records = SlipEstimator(params), list[Sample]()
+    statistic: list[tuple[int, float]] = []  # timestamp [ns] and value
     spent, steps, next_ns = 0.0, 0, 0
     for sample in samples:
         if not isinstance(sample, (ImuSample, WheelSample)):
@@ -45,9 +46,10 @@ def live_estimate(samples: Iterable[Sample], params: SlipEstimatorParams) -> Est
         if estimates and estimates[0].stamp_ns >= next_ns:
             next_ns = estimates[0].stamp_ns + round(NIS_PERIOD * NS_PER_S)
             nis = float(estimator.status()['normalized_innovation_squared'])
-            statistic.add(estimates[0].stamp_ns, (nis,))
-    stamps, values = statistic.arrays()
-    return as_estimate(records, Statistic(stamps, values[:, 0]), 1e6 * spent / max(steps, 1))
+            statistic.append((estimates[0].stamp_ns, nis))
+    innovations = Statistic(np.array([stamp for stamp, _ in statistic], np.int64),
+                            np.array([nis for _, nis in statistic]))
+    return as_estimate(records, innovations, 1e6 * spent / max(steps, 1))
 
 
 def smoothed_estimate(samples: Iterable[Sample], params: SlipEstimatorParams) -> EstimateSeries:

@@ -21,9 +21,10 @@ from dataclasses import dataclass
 
 from benchmarks.slip.series import side_means
 import numpy as np
-from smart_tire.analysis.series import Floats, Stamps, Table
+from smart_tire.analysis.series import Floats, Stamps
 from smart_tire.errors import EstimatorError
 from smart_tire.parameters import RobotParams
+from smart_tire.recording import Recording
 from smart_tire.rotation import matrix
 from smart_tire.samples import ImuSample, NS_PER_S, Sample, WheelSample
 
@@ -53,24 +54,19 @@ class Inputs:
 
 def as_inputs(samples: Iterable[Sample], robot: RobotParams) -> Inputs:
     """Return the inputs among ``samples``; raise EstimatorError for too few of them."""
-    imu, wheels = Table(6), Table(8)
-    without_angles = False
-    for sample in samples:
-        if isinstance(sample, ImuSample):
-            imu.add(sample.stamp_ns, (*sample.acceleration, *sample.rate))
-        elif isinstance(sample, WheelSample):
-            without_angles |= sample.position is None
-            wheels.add(sample.stamp_ns, (*(sample.position or (0.0,) * 4), *sample.velocity))
-    (imu_ns, readings), (wheel_ns, rows) = imu.arrays(), wheels.arrays()
-    if len(imu_ns) < 2 or len(wheel_ns) < 3:
+    recording = Recording(samples)
+    imu, wheels = recording.stream(ImuSample).ordered, recording.stream(WheelSample).ordered
+    if len(imu) < 2 or len(wheels) < 3:
         raise EstimatorError('too few samples of the IMU or the wheels')
-    wheel_ns = wheel_ns - round(robot.encoder.latency * NS_PER_S)
-    angles = _integrated(wheel_ns, rows[:, 4:]) if without_angles else rows[:, :4]
+    wheel_ns = wheels.stamp_ns - round(robot.encoder.latency * NS_PER_S)
+    angles = wheels['position']
+    if np.isnan(angles).any():
+        angles = _integrated(wheel_ns, wheels['velocity'])
     travel = robot.wheel_radius * side_means(angles)
     rotation = matrix(*robot.imu.rotation)
-    force, rate = readings[:, :3] @ rotation.T, readings[:, 3:] @ rotation.T
-    return Inputs(robot, imu_ns, rate[:, 2], force[:, :2], wheel_ns, travel,
-                  _stationary_count(imu_ns, wheel_ns, travel))
+    force, rate = imu['acceleration'] @ rotation.T, imu['rate'] @ rotation.T
+    return Inputs(robot, imu.stamp_ns, rate[:, 2], force[:, :2], wheel_ns, travel,
+                  _stationary_count(imu.stamp_ns, wheel_ns, travel))
 
 
 def _integrated(stamp_ns: Stamps, velocity: Floats) -> Floats:

@@ -22,10 +22,11 @@ import math
 
 import numpy as np
 
-from smart_tire.analysis.series import Floats, PoseSeries, Series, SlipSeries, Stamps, Table
+from smart_tire.analysis.series import Floats, Stamps
 from smart_tire.models.vehicle.skid_steer import icr, SIDE_SIGNS
 from smart_tire.parameters import RobotParams
-from smart_tire.samples import Icr, LEFT, NS_PER_S, Odometry, RIGHT, Sample, WheelSlip
+from smart_tire.recording import PoseSeries, Recording, SlipSeries
+from smart_tire.samples import Icr, LEFT, NS_PER_S, RIGHT, Sample, WheelSlip
 
 SIDE_WHEELS = (LEFT, RIGHT)  # of the two sides
 NO_STAMPS: Stamps = np.empty(0, np.int64)
@@ -82,15 +83,11 @@ class Truth:
         return IcrSeries(self.stamp_ns, np.column_stack(icr(*twist.T)))
 
 
-def collect(records: Iterable[Sample]) -> tuple[Series, IcrSeries]:
+def collect(records: Iterable[Sample]) -> tuple[Recording, IcrSeries]:
     """Return poses and slips, and the ICR series, of ``records``."""
-    series, centers = Series(), Table(2)
-    for record in records:
-        if isinstance(record, Icr):
-            centers.add(record.stamp_ns, (record.x, record.y))
-        else:
-            series.add(record)
-    return series, IcrSeries(*centers.arrays())
+    series = Recording(records)
+    centers = series.stream(Icr).ordered
+    return series, IcrSeries(centers.stamp_ns, centers['position'])
 
 
 def as_estimate(records: Iterable[Sample], innovations: Statistic | None = None,
@@ -107,13 +104,9 @@ def as_truth(records: Iterable[Sample], robot: RobotParams) -> Truth:
 
     The last ``EXCLUDED_END`` is excluded.
     """
-    series, sliding = Series(), Table(4)
-    for record in records:
-        if isinstance(record, (Odometry, WheelSlip)):
-            series.add(record)
-        if isinstance(record, WheelSlip):
-            sliding.add(record.stamp_ns, record.slip_velocity)
-    poses, slips, (stamps, slip_velocity) = series.poses(), series.slips(), sliding.arrays()
+    series = Recording(records)
+    poses, slips, sliding = series.poses(), series.slips(), series.stream(WheelSlip).ordered
+    stamps, slip_velocity = sliding.stamp_ns, sliding['velocity']
     count = (np.searchsorted(stamps, stamps[-1] - round(EXCLUDED_END * NS_PER_S), side='right')
              if len(stamps) else 0)
     if not (np.array_equal(poses.stamp_ns, stamps) and count > 1):

@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from smart_tire.analysis.series import PoseSeries, seconds, Series, Stamps, Table
+from smart_tire.arrays import Instants
 from smart_tire.bags import Bag, STANDARD_NAMES, TopicNames
 from smart_tire.calibration.recording import (
     DutyRecord, ImuRecord, PoseRecord, Recording, WheelRecord)
@@ -33,13 +33,14 @@ from smart_tire.calibration.robot.icr import IcrFit
 from smart_tire.errors import BagError, EstimatorError
 from smart_tire.estimation.streams import SLIP
 from smart_tire.parameters import RobotParams
+from smart_tire.recording import PoseSeries, seconds, Stream
 from smart_tire.rotation import matrix
-from smart_tire.samples import Four, ImuSample, MotorCommand, Odometry, WheelSample
+from smart_tire.samples import ImuSample, MotorCommand, WheelSample
 
 REFERENCES = ('ground_truth/odom', 'overhead/odom')  # in order of preference
 NO_REFERENCE, ANY_REFERENCE = 'none', 'any'
 MIN_READINGS = 20  # of each input
-NOT_MEASURED = (math.nan,) * 4
+OTHER_OF_SIDE = [2, 3, 0, 1]  # of each wheel, for one that is not measured
 
 
 @dataclass(frozen=True)
@@ -83,29 +84,21 @@ def read_recording(path: Path, robot: RobotParams, time_range: TimeRange,
         topic = _reference(bag, reference)
         wanted = (*SLIP.inputs.values(), *([topic] if topic else []),
                   *(['motor_commands'] if duties else []))
-        imu, wheels, poses, commands = Table(6), _Wheels(), Series(), Table(4)
-        for _, _, sample in bag.samples(wanted):
-            if isinstance(sample, ImuSample):
-                imu.add(sample.stamp_ns, (*sample.rate, *sample.acceleration))
-            elif isinstance(sample, WheelSample):
-                wheels.add(sample)
-            elif isinstance(sample, Odometry):
-                poses.add(sample)
-            elif isinstance(sample, MotorCommand):
-                commands.add(sample.stamp_ns, sample.duty)
-    stamps, values = imu.arrays()
-    for name, count in (('imu/data', len(stamps)), ('wheel_states', len(wheels))):
-        if count < MIN_READINGS:
+        recording = bag.recording(wanted)
+    imu, wheels = (recording.stream(kind).ordered for kind in (ImuSample, WheelSample))
+    for name, stream in (('imu/data', imu), ('wheel_states', wheels)):
+        if len(stream) < MIN_READINGS:
             raise EstimatorError(
-                f'{path}: {count} messages on {name}, expected at least {MIN_READINGS}')
-    origin = min(int(stamps[0]), wheels.first_ns)
-    chosen = _in_range(stamps, origin, time_range)
+                f'{path}: {len(stream)} messages on {name}, expected at least {MIN_READINGS}')
+    origin = int(min(imu.stamp_ns[0], wheels.stamp_ns[0]))
+    imu, wheels = (stream.where(_in_range(stream.stamp_ns, origin, time_range))
+                   for stream in (imu, wheels))
     turn = matrix(*robot.imu.rotation)
-    record = ImuRecord(seconds(stamps[chosen], origin), values[chosen, :3] @ turn.T,
-                       values[chosen, 3:] @ turn.T)
-    return Recording(record, wheels.record(origin, time_range),
-                     _pose_record(poses.poses(), origin, time_range) if topic else None,
-                     _duty_record(commands, origin))
+    record = ImuRecord(seconds(imu.stamp_ns, origin), imu['rate'] @ turn.T,
+                       imu['acceleration'] @ turn.T)
+    return Recording(record, _wheel_record(wheels, origin),
+                     _pose_record(recording.poses(), origin, time_range) if topic else None,
+                     _duty_record(recording.stream(MotorCommand).ordered, origin))
 
 
 def check_all_measured(robot: RobotParams, quantity: str) -> None:
@@ -127,53 +120,25 @@ def _reference(bag: Bag, requested: str) -> str | None:
     return next((name for name in names if name in available), None)
 
 
-def _in_range(stamps: Stamps, origin: int, time_range: TimeRange) -> NDArray[np.bool_]:
+def _in_range(stamps: Instants, origin: int, time_range: TimeRange) -> NDArray[np.bool_]:
     time = seconds(stamps, origin)
     return (time >= time_range.since) & (time <= time_range.until)
 
 
-class _Wheels:
-    """Table of wheel samples."""
-
-    def __init__(self) -> None:
-        self._speeds, self._angles, self._torques = Table(4), Table(4), Table(4)
-
-    def __len__(self) -> int:
-        return len(self._speeds)
-
-    def add(self, sample: WheelSample) -> None:
-        self._speeds.add(sample.stamp_ns, _filled(sample.velocity))
-        self._angles.add(sample.stamp_ns, _filled(sample.position or NOT_MEASURED))
-        self._torques.add(sample.stamp_ns, sample.effort or NOT_MEASURED)
-
-    @property
-    def first_ns(self) -> int:
-        return int(self._speeds.arrays()[0][0])
-
-    def record(self, origin: int, time_range: TimeRange) -> WheelRecord:
-        stamps, speeds = self._speeds.arrays()
-        angles = self._angles.arrays()[1]
-        chosen = _in_range(stamps, origin, time_range)
-        angles = angles[chosen]
-        torques = self._torques.arrays()[1][chosen]
-        return WheelRecord(seconds(stamps[chosen], origin), speeds[chosen],
-                           None if np.isnan(angles).any() else angles,
-                           None if np.isnan(torques).all() else torques)
+def _wheel_record(wheels: Stream, origin: int) -> WheelRecord:
+    velocity, angles = (np.where(np.isnan(one), one[:, OTHER_OF_SIDE], one)
+                        for one in (wheels['velocity'], wheels['position']))
+    torques = wheels['effort']
+    return WheelRecord(seconds(wheels.stamp_ns, origin), velocity,
+                       None if np.isnan(angles).any() else angles,
+                       None if np.isnan(torques).all() else torques)
 
 
-def _filled(values: Four) -> Four:
-    """Return ``values``, with those of the other wheel of its side for a wheel not measured."""
-    a, b, c, d = (values[i - 2] if math.isnan(value) else value  # i - 2: the same side
-                  for i, value in enumerate(values))
-    return a, b, c, d
-
-
-def _duty_record(commands: Table, origin: int) -> DutyRecord | None:
+def _duty_record(commands: Stream, origin: int) -> DutyRecord | None:
     """Return the duties of the whole bag: the one before a time range is still in force."""
     if not len(commands):
         return None
-    stamps, duties = commands.arrays()
-    return DutyRecord(seconds(stamps, origin), duties)
+    return DutyRecord(seconds(commands.stamp_ns, origin), commands['duty'])
 
 
 def _pose_record(poses: PoseSeries, origin: int, time_range: TimeRange) -> PoseRecord | None:

@@ -33,15 +33,15 @@ from smart_tire.analysis.driven_paths import PATH, PathLog
 from smart_tire.analysis.pipeline import (
     EstimateRecord, ESTIMATES, EstimatorParams, FrictionStage, INPUTS, SlipStage, TRUTHS)
 from smart_tire.analysis.prefetch import prefetch
-from smart_tire.analysis.series import Series
 from smart_tire.analysis.smoothing import SmoothedSlip
-from smart_tire.analysis.stream_statistics import StampLog
+from smart_tire.analysis.stream_statistics import input_stats
 from smart_tire.analysis.summary import estimates_tree, plain, Tree, truth_tree
 from smart_tire.bags import (
     Bag, BagTopic, BagWriter, PARAMETERS_KEY, STANDARD_NAMES, TopicNames)
 from smart_tire.errors import BagError
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.messages import find_topic, topic_of
+from smart_tire.recording import Faults, Recording
 from smart_tire.samples import (
     Friction, GroundState, NS_PER_S, Odometry, Sample, WheelSample)
 
@@ -59,26 +59,17 @@ Received = tuple[int, Sample]       # receive time [ns], sample
 class BagContents:
     """Inputs, ground truth and wanted paths of a bag."""
 
-    inputs: Series = field(default_factory=Series)
-    truth: Series = field(default_factory=Series)
+    inputs: Recording = field(default_factory=Recording)
+    truth: Recording = field(default_factory=Recording)
     paths: PathLog = field(default_factory=PathLog)  # that were to be followed
-    stamps: StampLog = field(default_factory=StampLog)
-    without_positions: int = 0  # wheel samples
     late: Counter[str] = field(default_factory=Counter)
-    rejected: Counter[str] = field(default_factory=Counter)
+    faults: Faults = field(default_factory=Faults)
     skipped: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)     # recognized topics and joints
     warnings: list[str] = field(default_factory=list)  # of the reader; also in ``skipped``
     topics: dict[str, BagTopic] = field(default_factory=dict)  # all, by name in the bag
     start_ns: int = 0   # receive time of the first message
     duration_s: float = 0.0
-
-    def add_input(self, topic: str, sample: Sample) -> None:
-        """Add an input sample."""
-        self.stamps.add(topic, sample)
-        self.inputs.add(sample)
-        if isinstance(sample, WheelSample) and sample.position is None:
-            self.without_positions += 1
 
 
 @dataclass
@@ -94,16 +85,16 @@ class Analysis:
     """Inputs and results of an analysis."""
 
     contents: BagContents = field(default_factory=BagContents)
-    estimates: Series = field(default_factory=Series)
-    smoothed: Series | None = None  # None if not requested
+    estimates: Recording = field(default_factory=Recording)
+    smoothed: Recording | None = None  # None if not requested
     summary: Tree | None = None     # None if nothing was estimated
 
 
 class EstimateWriter:
-    """Writes estimates to a series and, with a folder, to a bag."""
+    """Writes estimates to streams and, with a folder, to a bag."""
 
     def __init__(self, folder: Path | None, bags: ExitStack, params: EstimatorParams) -> None:
-        self.estimates = Series()
+        self.estimates = Recording()
         self.empty = True  # until the first estimate
         self._folder, self._bags, self._params = folder, bags, params
         self._writer: BagWriter | None = None
@@ -212,18 +203,18 @@ def _read(path: Path, params: EstimatorParams, names: TopicNames
         for count, (receive_ns, topic, sample) in enumerate(
                 bag.samples((*INPUTS, *TRUTHS, PATH))):
             if topic in TRUTHS:
-                contents.truth.add(sample)
+                contents.truth.add(sample, receive_ns)
             elif topic == PATH:
                 contents.paths.add(receive_ns, sample)
             else:
-                contents.add_input(topic, sample)
+                contents.inputs.add(sample, receive_ns)
                 forwarded += [(receive_ns, item) for item in stage.update(sample)]
             if count % BATCH_SIZE == 0:
                 yield StageBatch((receive_ns - start) / max(1, end - start), forwarded)
                 forwarded = []
         forwarded += [(receive_ns, item) for item in stage.finish()]
         yield StageBatch(1.0, forwarded)
-        contents.late, contents.rejected = stage.late, bag.rejected
+        contents.late, contents.faults = stage.late, bag.faults
         contents.start_ns, contents.duration_s = start, (end - start) / NS_PER_S
         contents.notes = bag.notes
         contents.skipped = _skipped(bag, contents, params.friction.robot.film.wheels)
@@ -246,8 +237,9 @@ def _remove_old_bag(folder: Path) -> None:
 def _summary(path: Path, analysis: Analysis, late: Counter[str], source: Tree | None) -> Tree:
     contents = analysis.contents
     late = contents.late | late  # the larger count if both stages use a topic
-    inputs = {topic: {**asdict(stats), 'late': late[topic], 'rejected': contents.rejected[topic]}
-              for topic, stats in contents.stamps.stats().items()}
+    rejected = contents.faults.rejected
+    inputs = {topic: {**asdict(stats), 'late': late[topic], 'rejected': rejected[topic]}
+              for topic, stats in input_stats(contents.inputs).items()}
     tree = {'bag': str(path), 'duration_s': plain(contents.duration_s),
             'parameters': source, 'notes': contents.notes,
             'inputs': plain(inputs), 'left_out': contents.skipped,
@@ -257,7 +249,7 @@ def _summary(path: Path, analysis: Analysis, late: Counter[str], source: Tree | 
     return tree
 
 
-def _evaluation(estimates: Series, contents: BagContents) -> Tree:
+def _evaluation(estimates: Recording, contents: BagContents) -> Tree:
     return {'estimates': estimates_tree(estimates),
             'against_truth': truth_tree(estimates, contents.truth)}
 
@@ -267,8 +259,9 @@ def _skipped(bag: Bag, contents: BagContents, film_wheels: Sequence[str]) -> lis
     available = bag.match((*INPUTS, *TRUTHS))
     lines = [f'{name} is not in the bag: no {LOST_WITHOUT[name]}' for name in INPUTS
              if name not in available]
-    if contents.without_positions:
-        lines.append(f'positions of wheel_states: missing in {contents.without_positions} '
+    missing = int(np.isnan(contents.inputs.stream(WheelSample)['position']).all(axis=1).sum())
+    if missing:
+        lines.append(f'positions of wheel_states: missing in {missing} '
                      'messages, whose velocities are used instead')
     lines += [f'tire_samples of {wheel}: not in film.wheels'
               for wheel in contents.inputs.film_wheels() if wheel not in film_wheels]
@@ -291,9 +284,7 @@ def _unread_topics(bag: Bag, available: dict[str, str]) -> list[str]:
             lines.append(f'{name}: recorded estimate, not read')
         elif topic is not None and available.get(topic.name, name) != name:
             lines.append(f'{name}: not read, {available[topic.name]} is used')
-    lines += [f'{count} messages of {topic}: rejected, first reason: {bag.reasons[topic]}'
-              for topic, count in bag.rejected.items()]
-    return lines + bag.warnings
+    return lines + bag.faults.lines() + bag.warnings
 
 
 def _write(path: Path, summary: Tree) -> None:

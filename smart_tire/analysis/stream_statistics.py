@@ -16,13 +16,14 @@
 
 from __future__ import annotations
 
-from array import array
 from dataclasses import dataclass
 
 import numpy as np
 
-from smart_tire.analysis.series import seconds, Stamps
-from smart_tire.samples import Sample, TireSample
+from smart_tire.arrays import Instants
+from smart_tire.estimation.streams import INPUTS
+from smart_tire.messages import TOPICS
+from smart_tire.recording import Recording, seconds
 
 MIN_GAP_PERIODS = 1.5  # of the median period: one lost message gives 2, jitter rarely 1.5
 
@@ -38,29 +39,13 @@ class StreamStats:
     longest_gap_s: float  # 0 without gaps
 
 
-class StampLog:
-    """Timestamps of the inputs, by topic, and by wheel if wheels share a topic."""
-
-    def __init__(self) -> None:
-        self._stamps: dict[tuple[str, str], array[int]] = {}
-
-    def add(self, topic: str, sample: Sample) -> None:
-        """Add the timestamp of one sample."""
-        wheel = sample.wheel if isinstance(sample, TireSample) else ''
-        try:
-            self._stamps[topic, wheel].append(sample.stamp_ns)
-        except KeyError:
-            self._stamps[topic, wheel] = array('q', [sample.stamp_ns])
-
-    def stats(self) -> dict[str, StreamStats]:
-        """Return topic -> statistics; gaps of wheels that share a topic are summed."""
-        found: dict[str, list[StreamStats]] = {}
-        for (topic, _), stamps in self._stamps.items():
-            found.setdefault(topic, []).append(stream_stats(np.array(stamps, np.int64)))
-        return {topic: _combine(parts) for topic, parts in found.items()}
+def input_stats(inputs: Recording) -> dict[str, StreamStats]:
+    """Return topic -> statistics of the inputs; gaps of wheels that share a topic are summed."""
+    return {topic: _combine([stream_stats(stream.stamp_ns) for stream in streams])
+            for topic in INPUTS if (streams := inputs.of(TOPICS[topic].sample))}
 
 
-def stream_stats(stamp_ns: Stamps) -> StreamStats:
+def stream_stats(stamp_ns: Instants) -> StreamStats:
     """Return the statistics of the timestamps of one stream, in any order."""
     periods = np.diff(seconds(np.sort(stamp_ns), int(stamp_ns[0])))
     regular = periods[periods > 0.0]

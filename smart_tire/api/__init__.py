@@ -20,15 +20,14 @@ results are here. Both follow semantic versioning; all other modules may change 
 """
 
 from smart_tire.api.bag_files import read_bag, write_bag
-from smart_tire.api.estimators import estimate, estimate_friction, estimate_slip
-from smart_tire.api.films import BucklingFilm, FilmMeasurement, FilmParams, FilmSensor
+from smart_tire.api.models import (
+    BrushTire, BucklingFilm, FilmMeasurement, FilmParams, FilmSensor, TreadFilm)
 from smart_tire.api.params import load_params, Params
 from smart_tire.api.recording import FilmData, ImuData, Recording, WheelData
 from smart_tire.api.results import (
     Estimates, FrictionEstimate, GroundEstimate, PoseEstimate, Quantity, RotationCenter,
     SlipEstimate, Truth)
-from smart_tire.api.simulator import simulate
-from smart_tire.api.tires import BrushTire, TreadFilm
+from smart_tire.api.runs import estimate, estimate_friction, estimate_slip, simulate
 from smart_tire.errors import BagError, EstimatorError, ParameterError, SmartTireError
 from smart_tire.samples import WHEELS
 

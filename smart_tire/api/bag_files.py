@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 import heapq
 import math
 from operator import itemgetter
@@ -26,7 +27,7 @@ from typing import cast
 from smart_tire.analysis.bag_params import bag_params
 from smart_tire.analysis.pipeline import INPUTS, TRUTHS
 from smart_tire.api.params import Params
-from smart_tire.api.recording import Received, Recording, RecordingBuilder
+from smart_tire.api.recording import as_recording, Received, Recording
 from smart_tire.api.results import FrictionEstimate, PoseEstimate, SlipEstimate
 from smart_tire.arrays import Array
 from smart_tire.bags import Bag, BagWriter, PARAMETERS_KEY, TopicNames
@@ -51,20 +52,14 @@ def read_bag(path: str | Path, *, params: Params | None = None,
     the damage: ``Recording.warnings`` lists what could not be read. Raises BagError if the bag
     cannot be read at all, ParameterError if ``remap`` or a parameter in the bag is invalid.
     """
-    builder = RecordingBuilder()
     with Bag(find_bag(Path(path)), TopicNames(remap or {})) as bag:
         if params is None and bag.parameters:
             params = Params(bag_params(bag).params)
         if params is not None:
             bag.joints = params.robot.joints
-        for receive_ns, topic, sample in bag.samples((*INPUTS, *TRUTHS)):
-            if topic in TRUTHS:
-                builder.add_truth(sample)
-            else:
-                builder.add(receive_ns, sample)
-        rejected = (f'{count} messages of {topic}: rejected, first reason: {bag.reasons[topic]}'
-                    for topic, count in bag.rejected.items())
-        return builder.recording(params, (*bag.warnings, *bag.type_mismatches(), *rejected))
+        recording = as_recording(bag.samples((*INPUTS, *TRUTHS)), params)
+        return replace(recording, warnings=(
+            *bag.warnings, *bag.type_mismatches(), *bag.faults.lines()))
 
 
 def write_bag(path: str | Path, recording: Recording) -> None:

@@ -22,23 +22,23 @@ right.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 import math
 from typing import Any, cast, NamedTuple
 
 import numpy as np
 
-from smart_tire.api.collecting import Collector, Rows
-from smart_tire.api.frames import by_wheel, Tabular
 from smart_tire.api.params import Params
-from smart_tire.api.results import Truth
+from smart_tire.api.results import by_wheel, Tabular, Truth, truth_of
 from smart_tire.arrays import Array, Instants
 from smart_tire.errors import ParameterError
+from smart_tire.recording import Recording as Samples
 from smart_tire.samples import (
     Four, ImuSample, NS_PER_S, Sample, TireSample, Vector3, WHEELS, WheelSample)
 
 ABSENT: Any = None  # default of an array that __post_init__ then makes
+TRUTH = 'ground_truth/'  # prefix of its topics
 
 
 class Received(NamedTuple):
@@ -174,11 +174,6 @@ class FilmData(Stream):
                            TireSample(stamp_ns, self.wheel, tuple(volts)))
 
 
-def no_truth() -> Truth:
-    """Return ground truth without any data."""
-    return Collector().truth()
-
-
 @dataclass(frozen=True, eq=False)
 class Recording:
     """
@@ -192,7 +187,7 @@ class Recording:
     imu: ImuData
     wheels: WheelData
     films: Mapping[str, FilmData] = field(default_factory=dict)  #: wheel -> its films
-    truth: Truth = field(default_factory=no_truth)
+    truth: Truth = field(default_factory=lambda: truth_of(Samples()))
     warnings: tuple[str, ...] = ()  #: what could not be read
     order: Instants = ABSENT
     params: Params | None = None    #: with which it was recorded or simulated, if known
@@ -227,46 +222,19 @@ class Recording:
             yield next(streams[device])
 
 
-class RecordingBuilder:
-    """Collects samples, in order of reception, into a recording."""
-
-    def __init__(self) -> None:
-        self._imu, self._wheels = Rows(10), Rows(12)
-        self._films: dict[str, Rows] = {}
-        self._order: list[int] = []
-        self._truth = Collector()
-
-    def add(self, receive_ns: int, sample: Sample) -> None:
-        """Add a measurement."""
-        unknown = (math.nan,) * len(WHEELS)
-        if isinstance(sample, ImuSample):
-            device, rows = 0, self._imu
-            row = (*sample.acceleration, *sample.rate, *(sample.orientation or unknown))
-        elif isinstance(sample, WheelSample):
-            device, rows = 1, self._wheels
-            row = (*sample.velocity, *(sample.position or unknown), *(sample.effort or unknown))
-        elif isinstance(sample, TireSample):
-            rows, row = self._films.setdefault(sample.wheel, Rows(1)), sample.volts
-            device = 2 + list(self._films).index(sample.wheel)
-        else:
-            raise ParameterError(f'{type(sample).__name__} is not a measurement')
-        rows.add(sample.stamp_ns, receive_ns, row)
-        self._order.append(device)
-
-    def add_truth(self, sample: Sample) -> None:
-        """Add a sample of ground truth."""
-        self._truth.add(sample)
-
-    def recording(self, params: Params | None = None,
-                  warnings: tuple[str, ...] = ()) -> Recording:
-        """Return everything added."""
-        stamps, received, rows = self._imu.arrays()
-        imu = ImuData(stamps, rows[:, :3], rows[:, 3:6], rows[:, 6:], received)
-        stamps, received, rows = self._wheels.arrays()
-        wheels = WheelData(stamps, rows[:, :4], rows[:, 4:8], rows[:, 8:], received)
-        films = {}
-        for wheel, table in self._films.items():
-            stamps, received, rows = table.arrays()
-            films[wheel] = FilmData(stamps, wheel, rows, received)
-        return Recording(imu, wheels, films, self._truth.truth(), warnings,
-                         np.array(self._order, np.int64), params)
+def as_recording(received: Iterable[tuple[int, str, Sample]], params: Params | None = None
+                 ) -> Recording:
+    """Return samples, with receive time [ns] and topic, in order of their reception."""
+    samples, truth = Samples(), Samples()
+    for receive_ns, topic, sample in received:
+        (truth if topic.startswith(TRUTH) else samples).add(sample, receive_ns)
+    imu, wheels = samples.stream(ImuSample), samples.stream(WheelSample)
+    films = samples.of(TireSample)
+    return Recording(
+        ImuData(imu.stamp_ns, imu['acceleration'], imu['rate'], imu['orientation'],
+                imu.receive_ns),
+        WheelData(wheels.stamp_ns, wheels['velocity'], wheels['position'], wheels['effort'],
+                  wheels.receive_ns),
+        {one.wheel: FilmData(one.stamp_ns, one.wheel, one.values, one.receive_ns)
+         for one in films},
+        truth_of(truth), (), samples.order((imu, wheels, *films)), params)

@@ -22,18 +22,60 @@ slip ratio at standstill: 1).
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from smart_tire.api.frames import by_wheel, Tabular
 from smart_tire.arrays import Array, Instants
-from smart_tire.samples import FRICTION_QUANTITIES, GROUND_ESTIMATES, WHEELS
+from smart_tire.recording import Recording
+from smart_tire.samples import FRICTION_QUANTITIES, GROUND_ESTIMATES, Icr, WHEELS, WheelSlip
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 PLANAR_POSE = ('x', 'y', 'yaw')
 PLANAR_TWIST = ('v_x', 'v_y', 'yaw_rate')
+
+
+class Tabular(ABC):
+    """Arrays with one row per timestamp."""
+
+    stamp_ns: Instants
+
+    def __len__(self) -> int:
+        return len(self.stamp_ns)
+
+    @abstractmethod
+    def columns(self) -> dict[str, Any]:
+        """Return name -> array (n,) of all columns, without the timestamps."""
+
+    def to_pandas(self) -> pd.DataFrame:
+        """
+        Return a data frame with the index ``stamp_ns`` [ns]; units are those of the arrays.
+
+        Raises ModuleNotFoundError if pandas is not installed.
+        """
+        return data_frame(self.stamp_ns, self.columns())
+
+
+def data_frame(stamp_ns: Instants, columns: Mapping[str, Any]) -> pd.DataFrame:
+    """Return a data frame of ``columns`` (n,) at ``stamp_ns`` (n,)."""
+    try:
+        import pandas as pd
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(
+            'to_pandas needs pandas, which is not installed (pip install smart_tire[pandas])',
+            name='pandas') from error
+    return pd.DataFrame(dict(columns), index=pd.Index(stamp_ns, name='stamp_ns'))
+
+
+def by_wheel(name: str, values: Any, wheels: tuple[str, ...]) -> dict[str, Any]:
+    """Return a column per wheel of ``values`` (n, wheels), named ``<name>.<wheel>``."""
+    return {f'{name}.{wheel}': values[:, i] for i, wheel in enumerate(wheels)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,3 +212,38 @@ def quantity_columns(record: object, names: tuple[str, ...]) -> dict[str, Any]:
         one: Quantity = getattr(record, name)
         columns[name], columns[f'{name}_sigma'] = one.value, one.sigma
     return columns
+
+
+def estimates_of(samples: Recording) -> Estimates:
+    """Return the estimates among ``samples`` as arrays."""
+    grounds, centers = samples.grounds(), samples.stream(Icr).ordered
+    return Estimates(
+        _pose(samples), _slip(samples), RotationCenter(centers.stamp_ns, centers['position']),
+        GroundEstimate(grounds.stamp_ns, *map(Quantity, grounds.value.T, grounds.sigma.T)),
+        _friction(samples))
+
+
+def truth_of(samples: Recording) -> Truth:
+    """Return the ground truth ``samples`` as arrays."""
+    return Truth(_pose(samples), _slip(samples), _friction(samples))
+
+
+def _pose(samples: Recording) -> PoseEstimate:
+    poses = samples.poses()
+    return PoseEstimate(poses.stamp_ns, poses.pose, poses.twist, poses.pose_covariance,
+                        np.sqrt(poses.twist_variance))
+
+
+def _slip(samples: Recording) -> SlipEstimate:
+    slips = samples.stream(WheelSlip).ordered
+    return SlipEstimate(slips.stamp_ns, slips['ratio'], slips['sigma'], slips['velocity'])
+
+
+def _friction(samples: Recording) -> FrictionEstimate:
+    ordered = sorted(samples.crossings, key=lambda crossing: crossing.stamp_ns)
+    pairs = np.array([[one.quantity(name) for name in FRICTION_QUANTITIES] for one in ordered],
+                     dtype=float).reshape(-1, len(FRICTION_QUANTITIES), 2)
+    return FrictionEstimate(
+        np.array([one.stamp_ns for one in ordered], np.int64),
+        np.array([one.wheel for one in ordered], np.str_),
+        *(Quantity(pairs[:, i, 0], pairs[:, i, 1]) for i in range(len(FRICTION_QUANTITIES))))

@@ -16,7 +16,7 @@
 
 from smart_tire.bags.metadata import Qos
 from smart_tire.bags.missing import check_inputs
-from smart_tire.bags.reader import Bag, BagTopic, PARAMETERS_KEY
+from smart_tire.bags.reader import Bag, BagTopic, PARAMETERS_KEY, SampleReader
 from smart_tire.bags.recover import recover, Recovery
 from smart_tire.bags.storage import Channel
 from smart_tire.bags.topic_names import STANDARD_NAMES, TopicNames
@@ -24,4 +24,5 @@ from smart_tire.bags.writer import BagWriter, channel_of
 
 __all__ = [
     'Bag', 'BagTopic', 'BagWriter', 'Channel', 'channel_of', 'check_inputs',
-    'PARAMETERS_KEY', 'Qos', 'recover', 'Recovery', 'STANDARD_NAMES', 'TopicNames']
+    'PARAMETERS_KEY', 'Qos', 'recover', 'Recovery', 'SampleReader', 'STANDARD_NAMES',
+    'TopicNames']

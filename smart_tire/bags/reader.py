@@ -30,7 +30,6 @@ from itertools import islice
 from operator import itemgetter
 from pathlib import Path
 from types import TracebackType
-from typing import Any
 
 from smart_tire.bags.cdr import Decoder
 from smart_tire.bags.definitions import Encoder
@@ -43,6 +42,7 @@ from smart_tire.messages import (
     find_topic, NodeStatus, OtherJointsError, resolved_joints, stamp_of, statuses_from_msg, TOPICS,
     wheels_from_msg)
 from smart_tire.parameters import JointParams, STANDARD_JOINTS
+from smart_tire.recording import Faults, Recording
 from smart_tire.samples import NS_PER_S, Sample, WheelSample
 
 DIAGNOSTICS, DIAGNOSTICS_TYPE = 'diagnostics', 'diagnostic_msgs/msg/DiagnosticArray'
@@ -50,7 +50,39 @@ PARAMETERS_KEY = 'smart_tire.parameters'  # of the custom data: text of a ROS pa
 WHEELS_TOPIC = 'wheel_states'
 # Topics that are recognized by their type, and what else must hold.
 RECOGNIZED = {'imu/data': '', WHEELS_TOPIC: ' with joints of wheels'}
+PROGRESS_MESSAGES = 1000  # between two reports of progress
 MAX_JOINT_MESSAGES = 100  # in which all publishers of a JointState topic occur
+
+Progress = Callable[[float], None]  # is called with the completed share, 0 to 1
+
+
+class SampleReader:
+    """
+    Messages of a standard topic to samples; ``faults`` counts the invalid ones and the frames.
+
+    ``joints`` are the wheels in ``wheel_states``. With ``other_joints``, messages of that topic
+    with other joints are no fault.
+    """
+
+    def __init__(self, topic: str, faults: Faults, joints: JointParams = STANDARD_JOINTS,
+                 other_joints: bool = False) -> None:
+        self._topic, self._faults = topic, faults
+        self._frames = faults.frames.setdefault(topic, Counter())
+        self._ignored = (OtherJointsError,) if other_joints else ()
+        self._read, self._from_msg = Decoder(TOPICS[topic].type), TOPICS[topic].from_msg
+        if topic == WHEELS_TOPIC:
+            self._from_msg = partial(wheels_from_msg, joints=joints)
+
+    def __call__(self, data: bytes) -> Sample | None:
+        """Return the sample in a message; None if there is none."""
+        try:
+            msg = self._read(data)
+            self._frames[msg.header.frame_id] += 1
+            return self._from_msg(msg)
+        except MessageError as error:
+            if not isinstance(error, self._ignored):
+                self._faults.reject(self._topic, error)
+            return None
 
 
 @dataclass(frozen=True)
@@ -68,8 +100,7 @@ class Bag:
     ``names`` are standard topics with other names in the bag, ``joints`` the wheels in its
     ``wheel_states``. Without them, topics and joints are recognized if they are unambiguous;
     ``notes`` lists those. Reading continues after damage and after invalid messages: ``warnings``
-    lists what could not be read, ``rejected`` counts the invalid messages per topic, ``reasons``
-    has the first reason.
+    lists what could not be read, ``faults`` counts the invalid messages per topic.
     """
 
     def __init__(self, path: str | Path, names: TopicNames = STANDARD_NAMES,
@@ -78,8 +109,7 @@ class Bag:
         self.names, self.joints = names, joints
         self.notes: list[str] = []
         self._joint_names: dict[str, list[tuple[str, ...]]] = {}
-        self.rejected: Counter[str] = Counter()
-        self.reasons: dict[str, str] = {}
+        self.faults = Faults()
         self._warnings: list[str] = []
         self._opened = OpenFiles(self.path, self._warnings)
         self._files = self._opened.files
@@ -179,7 +209,7 @@ class Bag:
 
     def clock_offset(self, standard: str, name: str) -> float | None:
         """Return reception minus header.stamp [s] of the first valid message of a topic."""
-        first = next(self._samples({standard: name}, count_rejected=False), None)
+        first = next(self._samples({standard: name}, Faults()), None)
         return None if first is None else (first[0] - first[2].stamp_ns) / NS_PER_S
 
     def raw(self, topics: Collection[str] | None = None) -> Iterator[Message]:
@@ -199,19 +229,39 @@ class Bag:
                 data = write(msg)
             yield receive_ns, channel, data
 
-    def samples(self, wanted: Iterable[str]) -> Iterator[tuple[int, str, Sample]]:
+    def samples(self, wanted: Iterable[str], *, restamp: bool = True
+                ) -> Iterator[tuple[int, str, Sample]]:
         """
         Yield receive time [ns], standard topic name and sample.
 
         Covers the topics of ``wanted`` that are in the bag, in order of receive time. Efforts of
         ``wheel_states`` that are duties, in a bag from before they were torques, are left out.
+        With ``restamp`` the receive time replaces a timestamp of zero.
         """
         found = self.match(wanted)
         duties = 'wheel_states' in found and self._ignores_efforts(found['wheel_states'])
-        for receive_ns, contract, sample in self._samples(found, count_rejected=True):
+        for receive_ns, standard, sample in self._samples(found, self.faults):
             if duties and isinstance(sample, WheelSample):
                 sample = replace(sample, effort=None)
-            yield receive_ns, contract, sample
+            if restamp and not sample.stamp_ns:
+                sample = replace(sample, stamp_ns=receive_ns)
+                add_warning(self.notes, f'{standard}: header.stamp is zero, the time of '
+                                        'reception is used instead')
+            yield receive_ns, standard, sample
+
+    def recording(self, wanted: Iterable[str], progress: Progress = lambda share: None, *,
+                  restamp: bool = True) -> Recording:
+        """
+        Return the samples of ``wanted`` as arrays, like ``samples``.
+
+        ``progress`` is called with the completed share, 0 to 1.
+        """
+        found, (start, end) = Recording(), self.span_ns
+        for count, (receive_ns, _, sample) in enumerate(self.samples(wanted, restamp=restamp)):
+            found.add(sample, receive_ns)
+            if count % PROGRESS_MESSAGES == 0:
+                progress((receive_ns - start) / max(1, end - start))
+        return found
 
     def statuses(self) -> Iterator[tuple[int, NodeStatus]]:
         """Yield the diagnostic statuses of all nodes with their timestamps [ns]."""
@@ -223,36 +273,25 @@ class Bag:
             try:
                 msg = read(data)
             except MessageError as error:
-                self.rejected[channel.topic] += 1
-                self.reasons.setdefault(channel.topic, str(error))
+                self.faults.reject(channel.topic, error)
             else:
                 stamp_ns = stamp_of(msg)
                 yield from ((stamp_ns, status) for status in statuses_from_msg(msg))
 
-    def _samples(self, found: Mapping[str, str], *,
-                 count_rejected: bool) -> Iterator[tuple[int, str, Sample]]:
-        readers = {name: (contract, Decoder(TOPICS[contract].type), self._from_msg(contract, name))
-                   for contract, name in found.items()}
+    def _samples(self, found: Mapping[str, str], faults: Faults
+                 ) -> Iterator[tuple[int, str, Sample]]:
+        readers = {name: (standard, SampleReader(
+                       standard, faults, *self._joints_of(standard, name)))
+                   for standard, name in found.items()}
         for receive_ns, channel, data in self.raw(readers):
-            contract, read, decode = readers[channel.topic]
-            try:
-                sample = decode(read(data))
-            except MessageError as error:
-                if count_rejected and not (isinstance(error, OtherJointsError)
-                                           and self.wheel_joints(channel.topic)):
-                    self.rejected[contract] += 1
-                    self.reasons.setdefault(contract, str(error))
-            else:
-                if not sample.stamp_ns:
-                    sample = replace(sample, stamp_ns=receive_ns)
-                    add_warning(self.notes, f'{contract}: header.stamp is zero, the time of '
-                                            'reception is used instead')
-                yield receive_ns, contract, sample
+            standard, read = readers[channel.topic]
+            if (sample := read(data)) is not None:
+                yield receive_ns, standard, sample
 
-    def _from_msg(self, contract: str, name: str) -> Callable[[Any], Sample]:
-        if contract == WHEELS_TOPIC:
-            return partial(wheels_from_msg, joints=self.wheel_joints(name) or self.joints)
-        return TOPICS[contract].from_msg
+    def _joints_of(self, standard: str, name: str) -> tuple[JointParams, bool]:
+        """Return the wheels of a topic, and whether some messages may have other joints."""
+        joints = self.wheel_joints(name) if standard == WHEELS_TOPIC else None
+        return joints or self.joints, joints is not None
 
     def wheel_joints(self, name: str) -> JointParams | None:
         """Return the wheels among the joints of a topic; None if it has none."""
@@ -276,7 +315,7 @@ class Bag:
             return False
         found = {'wheel_states': name, 'motor_commands': commands}
         duties = efforts_are_duties(
-            sample for _, _, sample in self._samples(found, count_rejected=False))
+            sample for _, _, sample in self._samples(found, Faults()))
         if duties:
             add_warning(self._warnings, 'wheel_states: effort contains duties, no torques (old '
                                         'recording): not used')

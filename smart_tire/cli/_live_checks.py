@@ -28,9 +28,10 @@ from typing import TYPE_CHECKING
 from smart_tire.cli._host_check import host_findings, NOMINAL_RATE
 from smart_tire.findings import Finding, Level
 from smart_tire.messages import find_topic
+from smart_tire.recording import Faults, Recording
 
 if TYPE_CHECKING:
-    from smart_tire.analysis.checks.recording import Collector
+    from smart_tire.bags import SampleReader
     from smart_tire.nodes.listener import NodeStatus
 
 SIMULATOR = 'robot_simulator'
@@ -41,24 +42,41 @@ Progress = Callable[[str], None]
 
 
 @dataclass
+class Listened:
+    """Samples of a robot, and what is wrong with its messages."""
+
+    samples: Recording = field(default_factory=Recording)
+    faults: Faults = field(default_factory=Faults)
+    readers: dict[str, SampleReader] = field(default_factory=dict)  # by topic
+
+    def on_message(self, topic: str, receive_ns: int, data: bytes) -> None:
+        """Add a message of a standard topic."""
+        from smart_tire.bags import SampleReader
+        if topic not in self.readers:
+            self.readers[topic] = SampleReader(topic, self.faults)
+        if (sample := self.readers[topic](data)) is not None:
+            self.samples.add(sample, receive_ns)
+
+
+@dataclass
 class Heard:
     """What a few seconds of listening gave."""
 
     nodes: list[str] = field(default_factory=list)
     statuses: dict[str, NodeStatus] = field(default_factory=dict)
-    robots: dict[str, Collector] = field(default_factory=dict)  # namespace -> samples
-    size: int = 0                                               # bytes of all messages
+    robots: dict[str, Listened] = field(default_factory=dict)  # by namespace
+    size: int = 0                                              # bytes of all messages
 
     def on_message(self, name: str, data: bytes) -> None:
         """Add a message of a topic."""
-        from smart_tire.analysis.checks.recording import Collector, READ
+        from smart_tire.analysis.checks.recording import READ
         self.size += len(data)
         topic = find_topic(name)
         if topic is None or topic.name not in READ:
             return
         namespace = name[:-len(topic.name)].rstrip('/')
-        collector = self.robots.setdefault(namespace, Collector())
-        collector.add_message(topic.name, time.time_ns(), data)
+        self.robots.setdefault(namespace, Listened()).on_message(
+            topic.name, time.time_ns(), data)
 
 
 def live_findings(args: argparse.Namespace, files: list[Path],
@@ -130,10 +148,12 @@ def _listen(seconds: float, heard: Heard) -> Iterator[Finding]:
 def robot_findings(heard: Heard, files: list[Path]) -> Iterator[Finding]:
     """Yield the findings on the samples of each robot."""
     from smart_tire.analysis.checks.catalog import findings
+    from smart_tire.analysis.checks.recording import CheckedRecording
     from smart_tire.parameters import load_robot
     robot = load_robot(files)
-    for namespace, collector in sorted(heard.robots.items()):
-        for finding in findings(collector.recording(robot, live=True)):
+    for namespace, one in sorted(heard.robots.items()):
+        checked = CheckedRecording(robot, one.samples, one.faults, live=True)
+        for finding in findings(checked):
             yield replace(finding, where=f'{namespace}: {finding.where}') if namespace else finding
 
 

@@ -17,7 +17,8 @@
 import numpy as np
 import pytest
 
-from smart_tire.analysis.stream_statistics import StampLog, stream_stats
+from smart_tire.analysis.stream_statistics import input_stats, stream_stats
+from smart_tire.recording import Recording
 from smart_tire.samples import ImuSample, TireSample
 
 EPOCH = 1_700_000_000_000_000_000
@@ -59,13 +60,13 @@ def test_equal_timestamps_have_no_rate(indices):
 
 
 def test_wheels_that_share_a_topic_are_evaluated_separately():
-    log = StampLog()
+    inputs = Recording()
     for i, stamp in enumerate(stamps(range(100)).tolist()):
-        log.add('tire_samples', TireSample(stamp, 'front_left', (1.65, 1.65)))
+        inputs.add(TireSample(stamp, 'front_left', (1.65, 1.65)))
         if i not in (50, 51):
-            log.add('tire_samples', TireSample(stamp + 700_000, 'front_right', (1.65, 1.65)))
-        log.add('imu/data', ImuSample(stamp, (0.0, 0.0, 9.8), (0.0, 0.0, 0.0)))
-    found = log.stats()
+            inputs.add(TireSample(stamp + 700_000, 'front_right', (1.65, 1.65)))
+        inputs.add(ImuSample(stamp, (0.0, 0.0, 9.8), (0.0, 0.0, 0.0)))
+    found = input_stats(inputs)
     assert found['tire_samples'].messages == 198
     assert found['tire_samples'].rate_hz == pytest.approx(400.0)
     assert (found['tire_samples'].gaps, found['tire_samples'].missing) == (1, 2)

@@ -25,9 +25,10 @@ from smart_tire import (
 from smart_tire.analysis.offline import analyze
 from smart_tire.analysis.pipeline import ESTIMATES
 from smart_tire.api import ImuData, WheelData
-from smart_tire.api.collecting import Collector
+from smart_tire.api.results import estimates_of
 from smart_tire.bags import Bag
 from smart_tire.errors import ParameterError
+from smart_tire.recording import Recording as Samples
 from smart_tire.samples import FRICTION_QUANTITIES, Odometry, WheelSlip
 from support.arrays import assert_same_arrays
 
@@ -49,10 +50,7 @@ def analyzed(bag, params, tmp_path_factory):
 
 
 def test_estimates_are_those_of_analyze(estimates, analyzed):
-    collector = Collector()
-    for sample in analyzed:
-        collector.add(sample)
-    assert_same_arrays(estimates, collector.estimates(), 1e-9)
+    assert_same_arrays(estimates, estimates_of(Samples(analyzed)), 1e-9)
     assert len(estimates.friction) >= 3
     assert min(map(len, (estimates.pose, estimates.slip, estimates.center))) > 200
 

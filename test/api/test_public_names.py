@@ -184,7 +184,7 @@ def test_importing_the_package_imports_no_library():
     assert found.stdout.strip() == '[]'
 
 
-@pytest.mark.parametrize('name', ['smart_tire', 'smart_tire.api.films', 'smart_tire.api.tires'])
+@pytest.mark.parametrize('name', ['smart_tire', 'smart_tire.api.models'])
 def test_the_examples_in_docstrings_are_true(name):
     result = doctest.testmod(importlib.import_module(name))
     assert result.attempted >= 2 and result.failed == 0

@@ -22,9 +22,10 @@ import numpy as np
 import pytest
 from smart_tire import load_params, read_bag, Recording, simulate, write_bag
 from smart_tire.api import FilmData, ImuData, PoseEstimate, WheelData
-from smart_tire.api.recording import no_truth, RecordingBuilder
+from smart_tire.api.recording import as_recording
 from smart_tire.bags import Bag, BagWriter
 from smart_tire.errors import BagError, ParameterError
+from smart_tire.messages import topic_of
 from smart_tire.samples import ImuSample, TireSample, WheelSample
 from support.arrays import arrays, assert_same_arrays
 
@@ -62,11 +63,9 @@ def test_samples_are_received_in_the_recorded_order_also_at_equal_times(tmp_path
     samples = [TireSample(5, 'rear_left', (1.0,)), ImuSample(7, (0.0,) * 3, (0.0,) * 3),
                WheelSample(6, (0.0,) * 4), ImuSample(4, (1.0,) * 3, (0.0,) * 3),
                TireSample(8, 'rear_left', (1.0, 2.0)), TireSample(8, 'front_left', (3.0,))]
-    builder = RecordingBuilder()
-    for sample in samples:
-        builder.add(100, sample)
-    assert [item.sample for item in builder.recording().received()] == samples
-    write_bag(tmp_path / 'ties', builder.recording())
+    recording = as_recording((100, topic_of(sample), sample) for sample in samples)
+    assert [item.sample for item in recording.received()] == samples
+    write_bag(tmp_path / 'ties', recording)
     assert [item.sample for item in read_bag(tmp_path / 'ties').received()] == samples
 
 
@@ -130,7 +129,8 @@ def test_uncertain_truth_survives_a_bag_also_without_twist(tmp_path):
     twist = np.array([[1.0, 2.0, 3.0], [np.nan] * 3, [4.0, 5.0, 6.0]])
     pose = PoseEstimate(STAMPS, np.ones((3, 3)), twist, half @ half.transpose(0, 2, 1),
                         0.1 * twist)
-    write_bag(tmp_path / 'bag', Recording(imu(), wheels(), truth=replace(no_truth(), pose=pose)))
+    empty = Recording(imu(), wheels())
+    write_bag(tmp_path / 'bag', replace(empty, truth=replace(empty.truth, pose=pose)))
     assert_same_arrays(read_bag(tmp_path / 'bag').truth.pose, pose, 1e-12)
 
 

@@ -101,8 +101,8 @@ def test_invalid_messages_are_counted_and_valid_ones_are_kept(tmp_path):
     with Bag(write_raw(tmp_path / 'bag', messages)) as bag:
         samples = [sample for _, _, sample in bag.samples(INPUTS)]
         assert [sample.acceleration[0] for sample in samples] == [0.0, 1.0, 2.0, 3.0, 4.0]
-        assert bag.rejected == {'imu/data': len(bad)}
-        assert 'linear_acceleration' in bag.reasons['imu/data']
+        assert bag.faults.rejected == {'imu/data': len(bad)}
+        assert 'linear_acceleration' in bag.faults.reasons['imu/data']
 
 
 def split(tmp_path, parts=3):
@@ -207,4 +207,4 @@ def test_recordings_of_real_robots_are_read(name, counts):
                 assert sample.position is None
         assert read == counts
         assert not bag.warnings
-        assert not bag.rejected
+        assert not bag.faults.rejected

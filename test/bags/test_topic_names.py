@@ -118,7 +118,7 @@ def test_messages_of_other_joints_on_the_same_topic_are_ignored(tmp_path):
         add_messages(writer, '/joint_states', JOINTS, 5, named('left_wheel'))  # incomplete
     with Bag(bag) as opened:
         assert len(list(opened.samples(INPUTS))) == 4
-        assert opened.rejected == {'wheel_states': 5}
+        assert opened.faults.rejected == {'wheel_states': 5}
 
 
 def test_wheel_states_of_unknown_joints_show_the_parameters_to_give(tmp_path):
@@ -126,7 +126,7 @@ def test_wheel_states_of_unknown_joints_show_the_parameters_to_give(tmp_path):
     with Bag(bag) as opened:
         with pytest.raises(BagError, match='(?s)/wheel_states: m1, m2.*joints:.*left: NAME'):
             check_inputs(opened, INPUTS)
-        assert list(opened.samples(INPUTS)) == [] and opened.rejected == {'wheel_states': 2}
+        assert list(opened.samples(INPUTS)) == [] and opened.faults.rejected == {'wheel_states': 2}
 
 
 def test_inputs_that_are_not_in_the_bag_are_no_choice(tmp_path):

@@ -44,7 +44,7 @@ def test_written_samples_are_read_back(tmp_path):
     with Bag(write_bag(tmp_path / 'bag', events)) as bag:
         assert list(bag.samples(TOPICS)) == events
         assert not bag.warnings
-        assert not bag.rejected
+        assert not bag.faults.rejected
 
 
 def test_rosbags_reads_the_same_samples(tmp_path):

@@ -211,6 +211,6 @@ def test_the_slip_of_a_wheel_without_encoder_is_unknown(events, standard, tmp_pa
         standard['wheel_slip']['left']['mean'], abs=1e-3)
     with Bag(tmp_path / 'out' / 'estimates') as opened:
         slips = [sample for _, _, sample in opened.samples(['wheel_slip'])]
-        assert not opened.rejected
+        assert not opened.faults.rejected
     assert all(math.isnan(slip.ratio[2]) and slip.sigma[2] == 1.0 for slip in slips)
     assert sum(math.isfinite(slip.ratio[0]) for slip in slips) > 300

@@ -21,10 +21,11 @@ from functools import lru_cache
 from typing import Any
 
 from smart_tire.analysis.checks.catalog import findings
-from smart_tire.analysis.checks.recording import CheckedRecording, Collector, READ
+from smart_tire.analysis.checks.recording import CheckedRecording, READ
 from smart_tire.findings import Finding, Level
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.simulation import GroundParams, SimulatorParams
+from smart_tire.recording import Recording
 from smart_tire.simulation.offline import Event, simulate
 
 DRIVE = ((2.0, 90.0, 90.0), (5.0, 100.0, 60.0), (9.0, 40.0, 80.0), (12.0, 0.0, 0.0),
@@ -53,10 +54,10 @@ def changed(topic: str, change: Callable[[Any], Any]) -> list[Event]:
 
 def recording(events: Iterable[Event], robot: RobotParams | None = None) -> CheckedRecording:
     """Return ``events`` as input of the checks."""
-    collector = Collector()
-    for receive_ns, topic, sample in events:
-        collector.add(topic, receive_ns, sample)
-    return collector.recording(robot or RobotParams())
+    samples = Recording()
+    for receive_ns, _, sample in events:
+        samples.add(sample, receive_ns)
+    return CheckedRecording(robot or RobotParams(), samples)
 
 
 def problems(events: Iterable[Event], robot: RobotParams | None = None) -> list[Finding]:

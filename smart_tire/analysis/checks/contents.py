@@ -33,7 +33,7 @@ MAX_REJECTED_SHARE = 0.01  # of the messages of a topic; above, it is an error
 def check_topics(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield missing inputs; with films expected, missing films are a warning."""
     for name in INPUTS:
-        if recording.of(name) or recording.rejected[name]:
+        if recording.of(name) or recording.faults.rejected[name]:
             continue
         films = name == 'tire_samples'
         if films and not recording.robot.film.wheels:
@@ -52,17 +52,17 @@ def check_problems(recording: CheckedRecording) -> Iterator[Finding]:
 
 def check_rejected(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield topics with invalid messages, and the first reason."""
-    for topic, count in recording.rejected.items():
+    for topic, count in recording.faults.rejected.items():
         good = sum(len(stream.stamp_ns) for stream in recording.of(topic))
         level = Level.ERROR if count > MAX_REJECTED_SHARE * (good + count) else Level.WARNING
         yield Finding(level, topic, f'{count} of {good + count} messages are invalid, the first: '
-                      f'{recording.reasons[topic].removeprefix(f"{topic}: ")}',
+                      f'{recording.faults.reasons[topic].removeprefix(f"{topic}: ")}',
                       action='correct the publisher of this topic')
 
 
 def check_frames(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield unexpected frames; those of imu/data matter if TF is used, others are ignored."""
-    for topic, frames in sorted(recording.frames.items()):
+    for topic, frames in sorted(recording.faults.frames.items()):
         expected = TOPICS[topic].frame
         for frame, count in frames.items():
             if expected and frame.rpartition('/')[2] != expected:
@@ -97,9 +97,9 @@ def check_film_wheels(recording: CheckedRecording) -> Iterator[Finding]:
 def check_torques(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield that no torques were recorded: the slip estimate is then less accurate."""
     wheels = recording.wheels
-    if wheels is not None and np.isnan(wheels.values[:, 8:]).all():
+    if wheels is not None and np.isnan(wheels['effort']).all():
         yield Finding(Level.INFO, 'wheel_states', 'effort contains no motor torques',
                       action='slip is estimated from IMU and wheel speeds only')
-    if wheels is not None and np.isnan(wheels.values[:, 4:8]).any():
+    if wheels is not None and np.isnan(wheels['position']).any():
         yield Finding(Level.INFO, 'wheel_states', 'position is missing',
                       action='velocities are integrated; lost messages lose distance')

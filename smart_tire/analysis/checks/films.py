@@ -25,10 +25,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from smart_tire.analysis.checks.recording import CheckedRecording, Stream
-from smart_tire.analysis.series import Floats
+from smart_tire.analysis.checks.recording import CheckedRecording
+from smart_tire.arrays import Array
 from smart_tire.findings import Finding, Level
 from smart_tire.parameters.robot import FilmParams
+from smart_tire.recording import Stream
 from smart_tire.samples import NS_PER_S, WHEELS
 
 MIN_SAMPLES = 100
@@ -77,15 +78,15 @@ def check_crossings(recording: CheckedRecording) -> Iterator[Finding]:
     for stream in _streams(recording):
         angle = _angles(recording, stream)
         revolutions = float(np.nansum(np.abs(np.diff(angle)))) / (2.0 * np.pi)
-        rolling = np.abs(np.gradient(angle, stream.ordered[0] / NS_PER_S)) > MIN_ROLLING
+        rolling = np.abs(np.gradient(angle, stream.ordered.stamp_ns / NS_PER_S)) > MIN_ROLLING
         if revolutions < MIN_REVOLUTIONS or rolling.sum() < MIN_SAMPLES:
             continue
-        for index, volts in enumerate(stream.ordered[1].T):
+        for index, volts in enumerate(stream.ordered.values.T):
             yield from _signal(f'film {index + 1} of {stream.wheel}', volts, rolling,
                                revolutions, film)
 
 
-def _signal(where: str, volts: Floats, rolling: np.ndarray, revolutions: float,
+def _signal(where: str, volts: Array, rolling: np.ndarray, revolutions: float,
             film: FilmParams) -> Iterator[Finding]:
     if float(np.std(volts[rolling])) < DEAD_SIGMAS * film.sample_variance ** 0.5:
         yield Finding(Level.ERROR, where, f'no signal while the wheel rolls: {revolutions:.0f} '
@@ -111,8 +112,8 @@ def check_order(recording: CheckedRecording) -> Iterator[Finding]:
     for stream in _streams(recording):
         if stream.values.shape[1] != 2:
             continue
-        shift = _shift(stream.ordered[1], radius * _angles(recording, stream),
-                       stream.ordered[0] / NS_PER_S, 2.0 * np.pi * radius)
+        shift = _shift(stream.ordered.values, radius * _angles(recording, stream),
+                       stream.ordered.stamp_ns / NS_PER_S, 2.0 * np.pi * radius)
         if shift is not None and abs(shift + spacing) < 0.5 * spacing:
             yield Finding(Level.ERROR, f'films of {stream.wheel}', f'film 2 enters the patch '
                           f'{1e3 * -shift:.0f} mm before film 1', f'{1e3 * spacing:.0f} mm after '
@@ -124,7 +125,7 @@ def check_order(recording: CheckedRecording) -> Iterator[Finding]:
                           'measure film.spacing')
 
 
-def _shift(volts: Floats, distance: Floats, time: Floats, circumference: float) -> float | None:
+def _shift(volts: Array, distance: Array, time: Array, circumference: float) -> float | None:
     """Return the rolled distance [m] by which film 2 follows film 1; None if it is not clear."""
     half = int(0.5 * circumference / DISTANCE_STEP)
     total, power = np.zeros(2 * half + 1), np.zeros(2)
@@ -144,7 +145,7 @@ def _shift(volts: Floats, distance: Floats, time: Floats, circumference: float) 
     return (best - half) * DISTANCE_STEP
 
 
-def _runs(distance: Floats, time: Floats, length: float) -> Iterator[tuple[int, int]]:
+def _runs(distance: Array, time: Array, length: float) -> Iterator[tuple[int, int]]:
     """Yield first and last + 1 of samples that roll one way, at least ``length`` [m]."""
     steps = np.diff(distance)
     state = np.where(np.isnan(steps) | (np.diff(time) > MAX_GAP), 0.0, np.sign(steps))
@@ -158,7 +159,7 @@ def _runs(distance: Floats, time: Floats, length: float) -> Iterator[tuple[int, 
 def check_battery(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield sensor nodes with a low battery."""
     for stream in recording.of('tire_battery'):
-        volts = float(np.median(stream.ordered[1][-10:]))
+        volts = float(np.median(stream.ordered.values[-10:]))
         if volts < LOW_BATTERY:
             yield Finding(Level.WARNING, stream.name, f'{volts:.2f} V',
                           f'at least {LOW_BATTERY:g} V', 'charge the battery of the sensor node')
@@ -166,18 +167,18 @@ def check_battery(recording: CheckedRecording) -> Iterator[Finding]:
 
 def _streams(recording: CheckedRecording) -> list[Stream]:
     return [stream for stream in recording.of('tire_samples')
-            if len(stream.ordered[0]) >= MIN_SAMPLES]
+            if len(stream.ordered) >= MIN_SAMPLES]
 
 
-def _angles(recording: CheckedRecording, stream: Stream) -> Floats:
+def _angles(recording: CheckedRecording, stream: Stream) -> Array:
     """Return the angle [rad] of the wheel at each film sample, NaN outside the wheel samples."""
-    time = stream.ordered[0] / NS_PER_S
+    time = stream.ordered.stamp_ns / NS_PER_S
     wheels, index = recording.wheels, WHEELS.index(stream.wheel)
-    if wheels is None or len(wheels.ordered[0]) < 2:
+    if wheels is None or len(wheels.ordered) < 2:
         return np.full(len(time), np.nan)
-    stamps, values = wheels.ordered
-    position = values[:, 4 + index]
+    wheels = wheels.ordered
+    stamps, position = wheels.stamp_ns, wheels['position'][:, index]
     if np.isnan(position).any():
         steps = np.diff(stamps) / NS_PER_S
-        position = np.concatenate([[0.0], np.cumsum(values[1:, index] * steps)])
+        position = np.concatenate([[0.0], np.cumsum(wheels['velocity'][1:, index] * steps)])
     return np.interp(time, stamps / NS_PER_S, position, left=np.nan, right=np.nan)

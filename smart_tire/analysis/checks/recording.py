@@ -12,76 +12,30 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the checks read: samples as received, with receive times, frames and rejected messages."""
+"""What the checks read: samples as received, and what is wrong with the messages."""
 
 from __future__ import annotations
 
-from array import array
-from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-import math
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from smart_tire.analysis.series import Floats, seconds, Stamps
 from smart_tire.bags import Bag
-from smart_tire.bags.cdr import Decoder
 from smart_tire.calibration.recording import ImuRecord, Recording, WheelRecord
 from smart_tire.calibration.robot.wheel_latency import fit_yaw_rate, YawRateFit
-from smart_tire.errors import EstimatorError, MessageError
+from smart_tire.errors import EstimatorError
 from smart_tire.messages import TOPICS
 from smart_tire.parameters import RobotParams
+from smart_tire.recording import Faults, Recording as Samples, seconds, Stream
 from smart_tire.rotation import matrix
-from smart_tire.samples import (
-    BatterySample, ImuSample, MotorCommand, NS_PER_S, Sample, TireSample, WheelSample)
 
-READ = ('imu/data', 'wheel_states', 'tire_samples', 'tire_battery', 'motor_commands', 'cmd_vel')
+READ = ('imu/data', 'wheel_states', 'tire_samples', 'tire_battery', 'motor_commands',
+        'cmd_vel')
 REST_MARGIN = 1.0  # s before and after motion in which the body may settle
-PROGRESS_MESSAGES = 1000  # between two reports of progress
 MIN_READINGS = 20  # of IMU and wheels, for the checks of the motion
-NOT_MEASURED = (math.nan,) * 4
-VALUES: dict[type, Callable[[Any], tuple[float, ...]]] = {
-    ImuSample: lambda sample: (*sample.rate, *sample.acceleration),
-    WheelSample: lambda sample: (*sample.velocity, *(sample.position or NOT_MEASURED),
-                                 *(sample.effort or NOT_MEASURED)),
-    TireSample: lambda sample: sample.volts,
-    BatterySample: lambda sample: (sample.volts,),
-    MotorCommand: lambda sample: sample.duty,
-}
-
-
-@dataclass(frozen=True)
-class Stream:
-    """Messages of one topic (and wheel) in the order of their reception."""
-
-    topic: str
-    wheel: str          # '' unless several wheels share the topic
-    stamp_ns: Stamps    # (n,)
-    receive_ns: Stamps  # (n,)
-    values: Floats      # (n, width), see ``VALUES``
-
-    @property
-    def name(self) -> str:
-        """Return topic and wheel."""
-        return f'{self.topic} of {self.wheel}' if self.wheel else self.topic
-
-    @cached_property
-    def ordered(self) -> tuple[Stamps, Floats]:
-        """Return timestamps and values in the order of the timestamps, of equal ones the last."""
-        order = np.argsort(self.stamp_ns, kind='stable')
-        stamps, values = self.stamp_ns[order], self.values[order]
-        last = np.append(np.diff(stamps) > 0, True)[:len(stamps)]
-        return stamps[last], values[last]
-
-    @cached_property
-    def period(self) -> float:
-        """Return the median period [s] of the timestamps; NaN for fewer than two."""
-        stamps, _ = self.ordered
-        return float(np.median(np.diff(stamps))) / NS_PER_S if len(stamps) > 1 else math.nan
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,51 +43,49 @@ class CheckedRecording:
     """Input of the checks."""
 
     robot: RobotParams
-    streams: dict[tuple[str, str], Stream]         # (topic, wheel) -> messages
-    names: dict[str, str]                          # standard name -> name in the recording
-    frames: dict[str, Counter[str]] = field(default_factory=dict)  # topic -> header.frame_id
-    rejected: Counter[str] = field(default_factory=Counter)        # topic -> invalid messages
-    reasons: dict[str, str] = field(default_factory=dict)          # topic -> first reason
-    problems: tuple[str, ...] = ()                 # damage of the bag, other message types
-    live: bool = False                             # a few seconds of a running robot
+    samples: Samples
+    faults: Faults = field(default_factory=Faults)
+    problems: tuple[str, ...] = ()  # damage of the bag, other message types
+    live: bool = False              # a few seconds of a running robot
 
     def of(self, topic: str) -> list[Stream]:
-        """Return the streams of ``topic``, by wheel."""
-        return [stream for key, stream in sorted(self.streams.items()) if key[0] == topic]
+        """Return the streams of ``topic``, by wheel; films without other numbers of them."""
+        streams = self.samples.of(TOPICS[topic].sample)
+        return [one.complete for one in streams] if topic == 'tire_samples' else streams
 
-    @property
+    @cached_property
     def imu(self) -> Stream | None:
         """Return the stream of the IMU."""
-        return self.streams.get(('imu/data', ''))
+        return next(iter(self.of('imu/data')), None)
 
-    @property
+    @cached_property
     def wheels(self) -> Stream | None:
         """Return the stream of the wheels."""
-        return self.streams.get(('wheel_states', ''))
+        return next(iter(self.of('wheel_states')), None)
 
     @cached_property
     def origin_ns(self) -> int:
         """Return the first timestamp that is not zero."""
         return min((int(stream.stamp_ns[stream.stamp_ns > 0].min())
-                    for stream in self.streams.values() if (stream.stamp_ns > 0).any()), default=0)
+                    for topic in READ for stream in self.of(topic)
+                    if (stream.stamp_ns > 0).any()), default=0)
 
     @cached_property
     def motion(self) -> Recording | None:
         """Return IMU, in axes of ``base_link``, and wheels; None without enough of both."""
         imu, wheels = self.imu, self.wheels
-        if imu is None or wheels is None or min(len(imu.ordered[0]),
-                                                len(wheels.ordered[0])) < MIN_READINGS:
+        if imu is None or wheels is None or min(len(imu.ordered),
+                                                len(wheels.ordered)) < MIN_READINGS:
             return None
-        turn = matrix(*self.robot.imu.rotation)
-        stamps, values = imu.ordered
-        record = ImuRecord(seconds(stamps, self.origin_ns), values[:, :3] @ turn.T,
-                           values[:, 3:] @ turn.T)
-        stamps, values = wheels.ordered
-        angles, torques = values[:, 4:8], values[:, 8:]
-        return Recording(record, WheelRecord(
-            seconds(stamps, self.origin_ns), values[:, :4],
-            None if np.isnan(angles).any() else angles,
-            None if np.isnan(torques).all() else torques))
+        imu, wheels = imu.ordered, wheels.ordered
+        turn, angles, torques = (
+            matrix(*self.robot.imu.rotation), wheels['position'], wheels['effort'])
+        return Recording(
+            ImuRecord(seconds(imu.stamp_ns, self.origin_ns), imu['rate'] @ turn.T,
+                      imu['acceleration'] @ turn.T),
+            WheelRecord(seconds(wheels.stamp_ns, self.origin_ns), wheels['velocity'],
+                        None if np.isnan(angles).any() else angles,
+                        None if np.isnan(torques).all() else torques))
 
     @cached_property
     def yaw_rate_fit(self) -> YawRateFit | None:
@@ -147,7 +99,7 @@ class CheckedRecording:
     def stationary(self) -> NDArray[np.bool_]:
         """Return a mask of the IMU samples, sorted, at standstill; all False without wheels."""
         if self.motion is None:
-            return np.zeros(0 if self.imu is None else len(self.imu.ordered[0]), bool)
+            return np.zeros(0 if self.imu is None else len(self.imu.ordered), bool)
         wheels, limit = self.motion.wheels, self.robot.slip.standstill_speed
         moving = wheels.time[np.abs(wheels.velocity).max(axis=1) * self.robot.wheel_radius > limit]
         if not len(moving):
@@ -161,68 +113,9 @@ class CheckedRecording:
             np.abs(time - before), np.abs(after - time)) > REST_MARGIN))
 
 
-class Collector:
-    """Collects messages for ``CheckedRecording``."""
-
-    def __init__(self) -> None:
-        self.frames: dict[str, Counter[str]] = {}
-        self.rejected: Counter[str] = Counter()
-        self.reasons: dict[str, str] = {}
-        self.names: dict[str, str] = {}
-        self._decoders = {name: Decoder(TOPICS[name].type) for name in READ}
-        self._tables: dict[tuple[str, str, int], tuple[array[int], array[int], array[float]]] = {}
-
-    def add_message(self, topic: str, receive_ns: int, data: bytes) -> None:
-        """Add a serialized message of the standard name ``topic``, one of ``READ``."""
-        try:
-            msg = self._decoders[topic](data)
-            self.frames.setdefault(topic, Counter())[msg.header.frame_id] += 1
-            sample = TOPICS[topic].from_msg(msg)
-        except MessageError as error:
-            self.rejected[topic] += 1
-            self.reasons.setdefault(topic, str(error))
-        else:
-            self.add(topic, receive_ns, sample)
-
-    def add(self, topic: str, receive_ns: int, sample: Sample) -> None:
-        """Add a sample."""
-        values = VALUES[type(sample)](sample) if type(sample) in VALUES else ()
-        wheel = sample.wheel if isinstance(sample, (TireSample, BatterySample)) else ''
-        key = topic, wheel, len(values)
-        if key not in self._tables:
-            self._tables[key] = array('q'), array('q'), array('d')
-        stamps, received, rows = self._tables[key]
-        stamps.append(sample.stamp_ns)
-        received.append(receive_ns)
-        rows.extend(values)
-
-    def streams(self) -> dict[tuple[str, str], Stream]:
-        """Return (topic, wheel) -> messages; of several film counts the most frequent one."""
-        found: dict[tuple[str, str], Stream] = {}
-        for (topic, wheel, width), (stamps, received, rows) in sorted(
-                self._tables.items(), key=lambda item: len(item[1][0])):
-            found[topic, wheel] = Stream(
-                topic, wheel, np.array(stamps, np.int64), np.array(received, np.int64),
-                np.array(rows, np.float64).reshape(len(stamps), width))
-        return found
-
-    def recording(self, robot: RobotParams, problems: tuple[str, ...] = (), *,
-                  live: bool = False) -> CheckedRecording:
-        """Return what was collected."""
-        return CheckedRecording(robot, self.streams(), self.names, self.frames, self.rejected,
-                                self.reasons, problems, live)
-
-
 def read(bag: Bag, robot: RobotParams, progress: Callable[[float], None] = lambda share: None
          ) -> CheckedRecording:
     """Return what the checks need of ``bag``, which is read once."""
-    collector = Collector()
-    collector.names = bag.match(TOPICS)
-    wanted = {collector.names[name]: name for name in READ if name in collector.names}
-    start, end = bag.span_ns
-    for count, (receive_ns, channel, data) in enumerate(bag.replayable(list(wanted))):
-        collector.add_message(wanted[channel.topic], receive_ns, data)
-        if count % PROGRESS_MESSAGES == 0:
-            progress((receive_ns - start) / max(1, end - start))
+    samples = bag.recording(READ, progress, restamp=False)
     problems = (*(f'{text}: not read' for text in bag.type_mismatches()), *bag.warnings)
-    return collector.recording(robot, problems)
+    return CheckedRecording(robot, samples, bag.faults, problems)

@@ -25,11 +25,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from smart_tire.analysis.checks.recording import CheckedRecording, Stream
-from smart_tire.analysis.series import Floats
+from smart_tire.analysis.checks.recording import CheckedRecording
+from smart_tire.arrays import Array
 from smart_tire.findings import counted, Finding, Level
 from smart_tire.messages import TOPICS
 from smart_tire.numerics.robust import MAD_TO_SIGMA
+from smart_tire.recording import Stream
 from smart_tire.samples import NS_PER_S
 
 INPUTS = ('imu/data', 'wheel_states', 'tire_samples')
@@ -77,20 +78,20 @@ def check_rates(recording: CheckedRecording) -> Iterator[Finding]:
 def check_gaps(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield gaps between timestamps; in film samples these are lost radio batches."""
     for stream in _regular(recording):
-        steps = np.diff(stream.ordered[0]) / NS_PER_S
+        steps = np.diff(stream.ordered.stamp_ns) / NS_PER_S
         if stream.topic == 'tire_samples':
             yield from _lost_batches(stream, steps)
             continue
         long = steps > max(MAX_GAP[stream.topic], MIN_GAP_PERIODS * stream.period)
         if long.any():
-            at = (stream.ordered[0][:-1][long][0] - recording.origin_ns) / NS_PER_S
+            at = (stream.ordered.stamp_ns[:-1][long][0] - recording.origin_ns) / NS_PER_S
             yield Finding(Level.WARNING, stream.name, f'{counted(long.sum(), "gap")}, the longest '
                           f'{steps.max():.3g} s, the first at {at:.1f} s',
                           f'none above {MAX_GAP[stream.topic]:g} s',
                           'check the cable and the load of the host')
 
 
-def _lost_batches(stream: Stream, steps: Floats) -> Iterator[Finding]:
+def _lost_batches(stream: Stream, steps: Array) -> Iterator[Finding]:
     long = steps > BATCH_GAP_PERIODS * stream.period
     missing = float(np.sum(np.rint(steps[long] / stream.period) - 1.0))
     share = missing / (missing + len(stream.stamp_ns))
@@ -105,9 +106,7 @@ def _lost_batches(stream: Stream, steps: Floats) -> Iterator[Finding]:
 
 def check_stamps(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield timestamps that are zero, run backwards or repeat."""
-    for stream in recording.streams.values():
-        if stream.topic not in INPUTS:
-            continue
+    for stream in (one for topic in INPUTS for one in recording.of(topic)):
         count, steps = len(stream.stamp_ns), np.diff(stream.stamp_ns)
         zero, back, same = ((stream.stamp_ns <= 0).sum(), (steps < 0).sum(),
                             (steps == 0).sum() * (stream.stamp_ns > 0).any())
@@ -127,7 +126,7 @@ def check_stamps(recording: CheckedRecording) -> Iterator[Finding]:
 def check_jitter(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield irregular timestamps: those of arrival instead of measurement."""
     for stream in _regular(recording):
-        steps = np.diff(stream.ordered[0]) / NS_PER_S
+        steps = np.diff(stream.ordered.stamp_ns) / NS_PER_S
         jitter = MAD_TO_SIGMA * float(np.median(np.abs(steps - stream.period))) / stream.period
         if jitter > MAX_JITTER:
             yield Finding(Level.WARNING, stream.name, f'periods of the timestamps vary by '
@@ -190,9 +189,9 @@ def _drift(stream: Stream) -> tuple[float, float, float] | None:
 def check_held(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield IMU samples that repeat the previous one."""
     imu = recording.imu
-    if imu is None or len(imu.ordered[0]) < MIN_MESSAGES:
+    if imu is None or len(imu.ordered) < MIN_MESSAGES:
         return
-    share = float((np.diff(imu.ordered[1], axis=0) == 0.0).all(axis=1).mean())
+    share = float((np.diff(imu.ordered.values[:, :6], axis=0) == 0.0).all(axis=1).mean())
     if share > MAX_HELD_SHARE:
         yield Finding(Level.WARNING, imu.name, f'{share:.0%} of the samples repeat the one before',
                       'a measurement per message', f'the device delivers only '
@@ -201,12 +200,12 @@ def check_held(recording: CheckedRecording) -> Iterator[Finding]:
 
 def _regular(recording: CheckedRecording) -> list[Stream]:
     return [stream for topic in INPUTS for stream in recording.of(topic)
-            if len(stream.ordered[0]) >= MIN_MESSAGES]
+            if len(stream.ordered) >= MIN_MESSAGES]
 
 
 def _stamped(recording: CheckedRecording) -> list[Stream]:
     return [stream for stream in _regular(recording) if (stream.stamp_ns > 0).all()]
 
 
-def _delays(stream: Stream) -> Floats:
+def _delays(stream: Stream) -> Array:
     return np.asarray((stream.receive_ns - stream.stamp_ns) / NS_PER_S)

@@ -43,7 +43,7 @@ def check_encoders(recording: CheckedRecording) -> Iterator[Finding]:
     wheels = recording.wheels
     if wheels is None:
         return
-    speed = wheels.ordered[1][:, :4]
+    speed = wheels.ordered['velocity']
     for front, rear in PARTNERS:
         for wheel, other in ((front, rear), (rear, front)):
             moving = np.abs(speed[:, other]) > MIN_SPEED
@@ -93,7 +93,7 @@ def check_torques(recording: CheckedRecording) -> Iterator[Finding]:
     wheels, robot = recording.wheels, recording.robot
     if wheels is None:
         return
-    speed, torque = wheels.ordered[1][:, :4], wheels.ordered[1][:, 8:]
+    speed, torque = wheels.ordered['velocity'], wheels.ordered['effort']
     moving = (np.abs(speed) > MIN_SPEED).all(axis=1) & ~np.isnan(torque).any(axis=1)
     if moving.sum() < MIN_MOVING:
         return

@@ -23,11 +23,13 @@ from benchmarks.faults import delayed, interrupted
 import numpy as np
 import pytest
 from smart_tire.analysis.checks import contents, films, imu, motion, timing, tire, wheels
-from smart_tire.analysis.checks.recording import Collector
+from smart_tire.analysis.checks.recording import CheckedRecording
+from smart_tire.bags import SampleReader
 from smart_tire.bags.definitions import empty, Encoder
 from smart_tire.messages import TOPICS
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.robot import EncoderParams, FilmParams, ImuParams, TireParams
+from smart_tire.recording import Faults, Recording
 from smart_tire.samples import BatterySample, NS_PER_S
 from smart_tire.simulation.offline import EPOCH_NS
 from support.checked import changed, clean, problems, recording, texts
@@ -68,15 +70,17 @@ def test_another_number_of_films_is_an_error():
 
 @pytest.mark.parametrize('invalid, level', [(1, 'WARNING'), (10, 'ERROR')])
 def test_invalid_messages_are_counted_with_the_first_reason(invalid, level):
-    collector = Collector()
+    samples, faults = Recording(), Faults()
+    read = SampleReader('imu/data', faults)
     sample = clean()[0][2]
     topic, encode = TOPICS['imu/data'], Encoder(TOPICS['imu/data'].type)
     for index in range(500):
         msg = topic.to_msg(empty(topic.type), replace(
             sample, rate=(0.0, 0.0, 1e4 if index < invalid else 0.0)))
         msg.header.frame_id = 'base_imu'
-        collector.add_message('imu/data', index, encode(msg))
-    checked = collector.recording(RobotParams())
+        if (received := read(encode(msg))) is not None:
+            samples.add(received, index)
+    checked = CheckedRecording(RobotParams(), samples, faults)
     text = texts(contents.check_rejected(checked))
     assert f'{level} imu/data: {invalid} of 500 messages are invalid' in text and 'rad/s' in text
     assert "INFO imu/data: header.frame_id is 'base_imu' in 500 messages (expected 'imu_link')" \

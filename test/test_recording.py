@@ -19,8 +19,8 @@ import math
 import numpy as np
 import pytest
 
-from smart_tire.analysis.series import at, seconds, Series, Table
-from smart_tire.samples import ImuSample, Odometry, TireSample, WheelSample, WheelSlip
+from smart_tire.recording import at, Recording, seconds
+from smart_tire.samples import Icr, ImuSample, Odometry, TireSample, WheelSample, WheelSlip
 
 EPOCH = 1_700_000_000_000_000_000
 
@@ -33,70 +33,69 @@ def odometry(stamp_ns, yaw=0.0, twist_known=True):
                     twist_covariance)
 
 
-def test_a_table_orders_its_rows_and_keeps_the_last_of_equal_stamps():
-    table = Table(2)
-    for stamp, row in ((30, (3.0, 3.0)), (10, (1.0, 1.0)), (30, (4.0, 4.0)), (20, (2.0, 2.0))):
-        table.add(stamp, row)
-    stamps, values = table.arrays()
-    assert stamps.tolist() == [10, 20, 30]
-    assert values.tolist() == [[1.0, 1.0], [2.0, 2.0], [4.0, 4.0]]
+def test_a_stream_orders_its_rows_and_keeps_the_last_of_equal_stamps():
+    centers = Recording(
+        Icr(*row) for row in ((30, 3.0, 3.0), (10, 1.0, 1.0), (30, 4.0, 4.0), (20, 2.0, 2.0)))
+    ordered = centers.stream(Icr).ordered
+    assert ordered.stamp_ns.tolist() == [10, 20, 30]
+    assert ordered['position'].tolist() == [[1.0, 1.0], [2.0, 2.0], [4.0, 4.0]]
 
 
 def test_an_empty_series_has_empty_arrays():
-    series = Series()
-    assert series.poses().pose.shape == (0, 3)
-    assert series.slips().ratio.shape == (0, 4)
-    assert series.film_wheels() == []
+    recording = Recording()
+    assert recording.poses().pose.shape == (0, 3)
+    assert recording.slips().ratio.shape == (0, 4)
+    assert recording.film_wheels() == []
 
 
 def test_planar_covariances_are_extracted_from_those_of_ros():
-    series = Series()
-    series.add(odometry(EPOCH))
-    poses = series.poses()
+    recording = Recording()
+    recording.add(odometry(EPOCH))
+    poses = recording.poses()
     assert poses.pose_covariance[0].tolist() == [[0, 1, 5], [6, 7, 11], [30, 31, 35]]
     assert poses.twist_variance[0].tolist() == [0, 7, 35]
     assert poses.twist[0].tolist() == [0.5, 0.1, 0.3]
 
 
 def test_a_missing_twist_is_nan():
-    series = Series()
-    series.add(odometry(EPOCH, twist_known=False))
-    assert np.isnan(series.poses().twist).all()
-    assert np.isfinite(series.poses().pose).all()
+    recording = Recording()
+    recording.add(odometry(EPOCH, twist_known=False))
+    assert np.isnan(recording.poses().twist).all()
+    assert np.isfinite(recording.poses().pose).all()
 
 
 def test_yaw_is_unwrapped():
-    series = Series()
+    recording = Recording()
     turns = np.arange(0.0, 30.0, 0.5)
     for i, yaw in enumerate(turns):
-        series.add(odometry(EPOCH + i, yaw))
-    assert series.poses().pose[:, 2] == pytest.approx(turns)
+        recording.add(odometry(EPOCH + i, yaw))
+    assert recording.poses().pose[:, 2] == pytest.approx(turns)
 
 
 def test_films_are_stored_per_wheel_and_other_samples_are_ignored():
-    series = Series()
-    series.add(TireSample(EPOCH, 'front_left', (1.0, 2.0)))
-    series.add(TireSample(EPOCH, 'front_right', (3.0, 4.0)))
-    series.add(ImuSample(EPOCH, (0.0, 0.0, 9.8), (0.0, 0.0, 0.0)))
-    assert series.film_wheels() == ['front_left', 'front_right']
-    assert series.films('front_right')[1].tolist() == [[3.0, 4.0]]
+    recording = Recording()
+    recording.add(TireSample(EPOCH, 'front_left', (1.0, 2.0)))
+    recording.add(TireSample(EPOCH, 'front_right', (3.0, 4.0)))
+    recording.add(ImuSample(EPOCH, (0.0, 0.0, 9.8), (0.0, 0.0, 0.0)))
+    assert recording.film_wheels() == ['front_left', 'front_right']
+    assert recording.films('front_right')[1].tolist() == [[3.0, 4.0]]
 
 
 def test_samples_with_fewer_films_are_excluded():
-    series = Series()
+    recording = Recording()
     for i in range(3):
-        series.add(TireSample(EPOCH + i, 'front_left', (1.0, 2.0)))
-    series.add(TireSample(EPOCH + 3, 'front_left', (1.0,)))
-    assert series.films('front_left')[1].shape == (3, 2)
+        recording.add(TireSample(EPOCH + i, 'front_left', (1.0, 2.0)))
+    recording.add(TireSample(EPOCH + 3, 'front_left', (1.0,)))
+    assert recording.films('front_left')[1].shape == (3, 2)
 
 
 def test_speeds_and_slips_are_returned_as_rows():
-    series = Series()
-    series.add(WheelSample(EPOCH, (1.0, 2.0, 3.0, 4.0)))
-    series.add(WheelSlip(EPOCH, (0.1, 0.2, 0.3, math.nan), (0.0,) * 4, (0.01, 0.02, 0.03, 1.0)))
-    assert series.speeds()[1].tolist() == [[1.0, 2.0, 3.0, 4.0]]
-    assert series.slips().ratio[0, :3].tolist() == [0.1, 0.2, 0.3]
-    assert series.slips().sigma[0].tolist() == [0.01, 0.02, 0.03, 1.0]
+    recording = Recording()
+    recording.add(WheelSample(EPOCH, (1.0, 2.0, 3.0, 4.0)))
+    recording.add(WheelSlip(EPOCH, (0.1, 0.2, 0.3, math.nan), (0.0,) * 4, (0.01, 0.02, 0.03, 1.0)))
+    assert recording.speeds()[1].tolist() == [[1.0, 2.0, 3.0, 4.0]]
+    assert recording.slips().ratio[0, :3].tolist() == [0.1, 0.2, 0.3]
+    assert recording.slips().sigma[0].tolist() == [0.01, 0.02, 0.03, 1.0]
 
 
 def test_seconds_have_nanosecond_resolution():

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Recordings of the simulated robot."""
+"""Recordings of the simulated robot, and estimates of any recording."""
 
 from __future__ import annotations
 
@@ -20,12 +20,52 @@ import math
 
 import numpy as np
 
-from smart_tire.analysis.pipeline import INPUTS
+from smart_tire.analysis.pipeline import Pipeline
 from smart_tire.api.params import Params
-from smart_tire.api.recording import Recording, RecordingBuilder
+from smart_tire.api.recording import as_recording, Recording
+from smart_tire.api.results import Estimates, estimates_of, FrictionEstimate, SlipEstimate
 from smart_tire.arrays import ArrayLike
 from smart_tire.errors import ParameterError
+from smart_tire.recording import Recording as Samples
 from smart_tire.simulation import offline
+
+
+def estimate(recording: Recording, params: Params | None = None) -> Estimates:
+    """
+    Return all estimates of ``recording``: pose, slip, center of rotation, ground and friction.
+
+    ``params`` describe the robot; by default they are those of the recording, or the robot of
+    paper B if it has none. The estimates equal those of
+    ``smart_tire analyze``. Estimates whose inputs are missing are empty. All arrays have one row
+    per timestamp, ``stamp_ns`` (n,) [ns]; units and shapes are given in the classes.
+    """
+    pipeline = Pipeline((params or recording.params or Params()).estimators)
+    found = Samples(one for item in recording.received() for one in pipeline.update(item.sample))
+    for one in pipeline.finish():
+        found.add(one)
+    return estimates_of(found)
+
+
+def estimate_slip(recording: Recording, params: Params | None = None) -> SlipEstimate:
+    """
+    Return the slip of the four wheels at 125 Hz.
+
+    ``stamp_ns`` (n,) [ns], ``ratio`` and ``sigma`` (n, 4) [-], ``velocity`` (n, 4) [m/s]; wheels
+    in the order front left, front right, rear left, rear right. Requires IMU and wheels.
+    ``estimate`` returns everything in one run.
+    """
+    return estimate(recording, params).slip
+
+
+def estimate_friction(recording: Recording, params: Params | None = None) -> FrictionEstimate:
+    """
+    Return the friction coefficient and 12 more quantities of each patch crossing.
+
+    ``stamp_ns`` (n,) [ns], ``wheel`` (n,), and per quantity ``value`` and ``sigma`` (n,), NaN and
+    infinite if not observable: ``friction_coefficient.value`` [-], ``normal_load.sigma`` [N].
+    Requires IMU, wheels and films of ``film.wheels``. ``estimate`` returns everything in one run.
+    """
+    return estimate(recording, params).friction
 
 
 def simulate(speeds: ArrayLike, duration: float, *, params: Params | None = None,
@@ -46,14 +86,9 @@ def simulate(speeds: ArrayLike, duration: float, *, params: Params | None = None
     for name, value in (('duration', duration), ('wheel_rate', wheel_rate)):
         if not 0.0 < value < math.inf:
             raise ParameterError(f'{name} is {value}, expected a positive number')
-    builder = RecordingBuilder()
-    for receive_ns, topic, sample in offline.simulate(
-            params.simulator, _phases(speeds), duration, wheel_rate=wheel_rate, torque=torque):
-        if topic in INPUTS:
-            builder.add(receive_ns, sample)
-        else:
-            builder.add_truth(sample)
-    return builder.recording(params)
+    return as_recording(offline.simulate(
+        params.simulator, _phases(speeds), duration, wheel_rate=wheel_rate, torque=torque),
+        params)
 
 
 def _phases(speeds: ArrayLike) -> list[tuple[float, float, float]]:

@@ -1,0 +1,355 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A recording as arrays: one stream per type of sample, and per wheel where wheels share a topic.
+
+Whatever the samples are from (a bag, live topics, the simulator, an estimator), they are added one
+by one in the order of their reception. Ground truth is a recording of its own, because its samples
+are of the same types as the estimates.
+"""
+
+from __future__ import annotations
+
+from array import array
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+import math
+from typing import Any, cast, NamedTuple
+
+import numpy as np
+
+from smart_tire.arrays import Array, Instants
+from smart_tire.rotation import euler
+from smart_tire.samples import (
+    BatterySample, Friction, GROUND_ESTIMATES, GroundState, Icr, ImuSample, MotorCommand, NS_PER_S,
+    Odometry, Sample, TireSample, VelocityCommand, WheelSample, WheelSlip)
+
+UNKNOWN_FOUR = (math.nan,) * 4
+# Rows and columns of x, y and yaw in the 6x6 covariances of ROS.
+PLANAR = (0, 1, 5)
+PLANAR_COVARIANCE = tuple(6 * row + column for row in PLANAR for column in PLANAR)
+PLANAR_VARIANCE = tuple(7 * row for row in PLANAR)
+
+Row = Sequence[float]
+
+
+def _odometry_row(sample: Odometry) -> Row:
+    pose, twist = sample.pose_covariance, sample.twist_covariance
+    known = twist[0] != -1.0
+    return (*sample.position[:2], euler(sample.orientation)[2],
+            *((*sample.linear[:2], sample.angular[2]) if known else (math.nan,) * 3),
+            *(pose[i] for i in PLANAR_COVARIANCE),
+            *(twist[i] if known else math.nan for i in PLANAR_VARIANCE))
+
+
+def _ground_row(sample: GroundState) -> Row:
+    estimates = [getattr(sample, name) for name in GROUND_ESTIMATES]
+    return *(one.value for one in estimates), *(one.sigma for one in estimates)
+
+
+class Layout(NamedTuple):
+    """Numbers of a sample; NaN is what is not measured."""
+
+    topic: str
+    columns: Mapping[str, int]  # name -> width
+    row: Callable[[Any], Row]
+
+
+LAYOUTS: dict[type, Layout] = {
+    ImuSample: Layout(
+        'imu/data', {'acceleration': 3, 'rate': 3, 'orientation': 4}, lambda sample: (
+            *sample.acceleration, *sample.rate, *(sample.orientation or UNKNOWN_FOUR))),
+    WheelSample: Layout(
+        'wheel_states', {'velocity': 4, 'position': 4, 'effort': 4}, lambda sample: (
+            *sample.velocity, *(sample.position or UNKNOWN_FOUR),
+            *(sample.effort or UNKNOWN_FOUR))),
+    TireSample: Layout('tire_samples', {}, lambda sample: sample.volts),  # a column per film
+    BatterySample: Layout('tire_battery', {'volts': 1}, lambda sample: (sample.volts,)),
+    VelocityCommand: Layout(
+        'cmd_vel', {'v_x': 1, 'yaw_rate': 1}, lambda sample: (sample.v_x, sample.yaw_rate)),
+    MotorCommand: Layout('motor_commands', {'duty': 4}, lambda sample: sample.duty),
+    Odometry: Layout(
+        'odom', {'pose': 3, 'twist': 3, 'covariance': 9, 'variance': 3}, _odometry_row),
+    WheelSlip: Layout(
+        'wheel_slip', {'ratio': 4, 'sigma': 4, 'velocity': 4},
+        lambda sample: sample.ratio + sample.sigma + sample.slip_velocity),
+    Icr: Layout('icr', {'position': 2}, lambda sample: (sample.x, sample.y)),
+    GroundState: Layout(
+        'ground_state', dict.fromkeys(('value', 'sigma'), len(GROUND_ESTIMATES)), _ground_row),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Stream:
+    """Samples of one type (and wheel) in the order of their reception."""
+
+    kind: type
+    wheel: str            # '' unless wheels share the topic
+    stamp_ns: Instants    # (n,)
+    receive_ns: Instants  # (n,)
+    values: Array         # (n, width), see ``LAYOUTS``
+
+    def __len__(self) -> int:
+        return len(self.stamp_ns)
+
+    def __getitem__(self, name: str) -> Array:
+        """Return the columns ``name`` of the values, shape (n, width)."""
+        columns, first = LAYOUTS[self.kind].columns, 0
+        for other, width in columns.items():
+            if other == name:
+                return self.values[:, first:first + width]
+            first += width
+        raise KeyError(name)
+
+    @property
+    def topic(self) -> str:
+        """Return the standard topic of the samples."""
+        return LAYOUTS[self.kind].topic
+
+    @property
+    def name(self) -> str:
+        """Return topic and wheel."""
+        return f'{self.topic} of {self.wheel}' if self.wheel else self.topic
+
+    def where(self, rows: Any) -> Stream:
+        """Return the samples of ``rows``, an index or a mask."""
+        return Stream(self.kind, self.wheel, self.stamp_ns[rows], self.receive_ns[rows],
+                      self.values[rows])
+
+    @cached_property
+    def ordered(self) -> Stream:
+        """Return the samples in the order of their timestamps, of equal ones the last."""
+        order = np.argsort(self.stamp_ns, kind='stable')
+        stamps = self.stamp_ns[order]
+        return self.where(order[np.append(np.diff(stamps) > 0, True)[:len(stamps)]])
+
+    @cached_property
+    def complete(self) -> Stream:
+        """Return the samples with as many numbers as most have, and no columns for more."""
+        counts = np.sum(~np.isnan(self.values), axis=1)
+        if not len(self) or counts.min() == self.values.shape[1]:
+            return self
+        count = int(np.bincount(counts).argmax())
+        found = self.where(counts == count)
+        return Stream(self.kind, self.wheel, found.stamp_ns, found.receive_ns,
+                      found.values[:, :count])
+
+    @cached_property
+    def period(self) -> float:
+        """Return the median period [s] of the timestamps; NaN for fewer than two."""
+        stamps = self.ordered.stamp_ns
+        return float(np.median(np.diff(stamps))) / NS_PER_S if len(stamps) > 1 else math.nan
+
+
+class _Table:
+    """Growing table of numbers with timestamps; a row may be longer than those before."""
+
+    def __init__(self, width: int) -> None:
+        self.width = width
+        self.stamps, self.received, self.values = array('q'), array('q'), array('d')
+
+    def add(self, stamp_ns: int, receive_ns: int, row: Row) -> None:
+        """Append one row; missing numbers at its end are NaN."""
+        if len(row) != self.width:
+            if len(row) > self.width:
+                self._widen(len(row))
+            row = (*row, *[math.nan] * (self.width - len(row)))
+        self.stamps.append(stamp_ns)
+        self.received.append(receive_ns)
+        self.values.extend(row)
+
+    def stream(self, kind: type, wheel: str = '') -> Stream:
+        """Return the rows as a stream."""
+        return Stream(kind, wheel, np.array(self.stamps, np.int64),
+                      np.array(self.received, np.int64),
+                      np.array(self.values, np.float64).reshape(-1, self.width))
+
+    def _widen(self, width: int) -> None:
+        wide = np.full((len(self.stamps), width), math.nan)
+        wide[:, :self.width] = np.array(self.values).reshape(-1, self.width)
+        self.width, self.values = width, array('d', wide.ravel().tolist())
+
+
+@dataclass
+class Faults:
+    """What is wrong with the messages of standard topics, by topic."""
+
+    rejected: Counter[str] = field(default_factory=Counter)  # invalid messages
+    reasons: dict[str, str] = field(default_factory=dict)    # why the first one is invalid
+    frames: dict[str, Counter[str]] = field(default_factory=dict)  # header.frame_id
+
+    def reject(self, topic: str, reason: Exception) -> None:
+        """Count an invalid message."""
+        self.rejected[topic] += 1
+        self.reasons.setdefault(topic, str(reason))
+
+    def lines(self) -> list[str]:
+        """Return the rejected messages as text."""
+        return [f'{count} messages of {topic}: rejected, first reason: {self.reasons[topic]}'
+                for topic, count in self.rejected.items()]
+
+
+@dataclass(frozen=True)
+class PoseSeries:
+    """Planar poses and twists; yaw is unwrapped."""
+
+    stamp_ns: Instants
+    pose: Array             # (n, 3) m, m, rad: x, y, yaw
+    twist: Array            # (n, 3) m/s, m/s, rad/s: v_x, v_y, yaw rate; NaN if unknown
+    pose_covariance: Array  # (n, 3, 3) of x, y, yaw
+    twist_variance: Array   # (n, 3)
+
+
+@dataclass(frozen=True)
+class SlipSeries:
+    """Slip ratios of the four wheels in the order of ``WHEELS``; NaN at standstill."""
+
+    stamp_ns: Instants
+    ratio: Array  # (n, 4)
+    sigma: Array  # (n, 4)
+
+    def measured(self, wheels: Sequence[int]) -> list[int]:
+        """Return those of ``wheels`` (indices) that have a slip; all if none has."""
+        found = [wheel for wheel in wheels if np.isfinite(self.ratio[:, wheel]).any()]
+        return found or list(wheels)
+
+
+@dataclass(frozen=True)
+class GroundSeries:
+    """States of the ground: the quantities ``GROUND_ESTIMATES``; NaN where unknown."""
+
+    stamp_ns: Instants
+    value: Array  # (n, 7)
+    sigma: Array  # (n, 7)
+
+
+class Recording:
+    """Samples as arrays; samples of other types than ``LAYOUTS`` and ``Friction`` are ignored."""
+
+    def __init__(self, samples: Iterable[Sample] = ()) -> None:
+        self.crossings: list[Friction] = []
+        self._tables: dict[tuple[type, str], _Table] = {}
+        self._index: dict[tuple[type, str], int] = {}
+        self._streams: dict[tuple[type, str], Stream] = {}  # of the tables, when last asked for
+        self._order = array('H')  # index of its table for each sample
+        for sample in samples:
+            self.add(sample)
+
+    def add(self, sample: Sample, receive_ns: int | None = None) -> None:
+        """Add a sample, by default received at its timestamp."""
+        kind = type(sample)
+        if kind is Friction:
+            self.crossings.append(cast(Friction, sample))
+        layout = LAYOUTS.get(kind)
+        if layout is None:
+            return
+        key, row = (kind, getattr(sample, 'wheel', '')), layout.row(sample)
+        table = self._tables.get(key)
+        if table is None:
+            table = self._tables[key] = _Table(len(row))
+            self._index[key] = len(self._index)
+        table.add(sample.stamp_ns, sample.stamp_ns if receive_ns is None else receive_ns, row)
+        self._order.append(self._index[key])
+
+    def stream(self, kind: type, wheel: str = '') -> Stream:
+        """Return the samples of a type (and wheel), an empty stream if there are none."""
+        table = self._tables.get((kind, wheel)) or _Table(sum(LAYOUTS[kind].columns.values()))
+        found = self._streams.get((kind, wheel))
+        if found is None or len(found) != len(table.stamps):
+            found = self._streams[kind, wheel] = table.stream(kind, wheel)
+        return found
+
+    def order(self, streams: Sequence[Stream]) -> Instants:
+        """Return the index of its stream for each sample of ``streams``, as they were received."""
+        known = np.full(len(self._index) + 1, -1)
+        for index, stream in enumerate(streams):
+            known[self._index.get((stream.kind, stream.wheel), -1)] = index
+        known[-1] = -1
+        found = known[np.array(self._order, np.int64)]
+        return np.asarray(found[found >= 0], np.int64)
+
+    def of(self, kind: type) -> list[Stream]:
+        """Return the streams of a type that have samples, by wheel."""
+        return [self.stream(kind, wheel) for wheel in self.wheels(kind)]
+
+    def wheels(self, kind: type) -> list[str]:
+        """Return the wheels with samples of a type, '' for one that is not of a wheel."""
+        return sorted(wheel for other, wheel in self._tables if other is kind)
+
+    def poses(self) -> PoseSeries:
+        """Return poses and twists."""
+        found = self.stream(Odometry).ordered
+        pose = found['pose'].copy()
+        pose[:, 2] = np.unwrap(pose[:, 2])
+        return PoseSeries(found.stamp_ns, pose, found['twist'],
+                          found['covariance'].reshape(-1, 3, 3), found['variance'])
+
+    def slips(self) -> SlipSeries:
+        """Return the slips of the four wheels."""
+        found = self.stream(WheelSlip).ordered
+        return SlipSeries(found.stamp_ns, found['ratio'], found['sigma'])
+
+    def grounds(self) -> GroundSeries:
+        """Return the states of the ground."""
+        found = self.stream(GroundState).ordered
+        return GroundSeries(found.stamp_ns, found['value'], found['sigma'])
+
+    def speeds(self) -> tuple[Instants, Array]:
+        """Return timestamps and the four wheel speeds [rad/s]."""
+        found = self.stream(WheelSample).ordered
+        return found.stamp_ns, found['velocity']
+
+    def film_wheels(self) -> list[str]:
+        """Return the wheels with film samples."""
+        return self.wheels(TireSample)
+
+    def films(self, wheel: str) -> tuple[Instants, Array]:
+        """Return timestamps and voltages (n, films) of ``wheel`` with the usual film count."""
+        found = self.stream(TireSample, wheel).complete.ordered
+        return found.stamp_ns, found.values
+
+
+def seconds(stamp_ns: Instants, origin_ns: int) -> Array:
+    """Return timestamps as seconds after ``origin_ns``, without loss of precision."""
+    return (stamp_ns - origin_ns) / NS_PER_S
+
+
+def at(wanted_ns: Instants, stamp_ns: Instants, values: Array, max_gap: float = 0.5) -> Array:
+    """
+    Return ``values`` (n, ...), linearly interpolated at ``wanted_ns``.
+
+    NaN outside the timestamps, in gaps longer than ``max_gap`` [s], and next to a NaN.
+    """
+    result = np.full((len(wanted_ns), *values.shape[1:]), math.nan)
+    if len(stamp_ns) < 2:
+        return result
+    right = np.clip(np.searchsorted(stamp_ns, wanted_ns), 1, len(stamp_ns) - 1)
+    left = right - 1
+    gap = stamp_ns[right] - stamp_ns[left]
+    inside = ((stamp_ns[left] <= wanted_ns) & (wanted_ns <= stamp_ns[right])
+              & (gap <= max_gap * NS_PER_S))
+    share = ((wanted_ns - stamp_ns[left]) / gap).reshape(-1, *(1,) * (values.ndim - 1))
+    between = (1.0 - share) * values[left] + share * values[right]
+    result[inside] = between[inside]
+    return result
+
+
+def time_origin(estimates: Recording) -> int:
+    """Return the timestamp [ns] of the first estimate, at which the time axes are zero."""
+    crossings = np.array([crossing.stamp_ns for crossing in estimates.crossings], np.int64)
+    stamps = np.concatenate([estimates.slips().stamp_ns, estimates.poses().stamp_ns, crossings])
+    return int(stamps.min(initial=np.iinfo(np.int64).max))
