@@ -154,7 +154,7 @@ demo-loaded: $(READY)
 	$(BIN)/python test/loaded_demo.py $(if $(RUNS),--runs $(RUNS))
 
 config: $(READY)
-	$(BIN)/python -m smart_tire.parameters.yaml_writer config
+	$(BIN)/python docs/config_files.py config
 	$(BIN)/python -m smart_tire.nodes.qos config/rosbag2_qos.yaml
 	$(BIN)/python -m smart_tire.parameters.urdf_writer urdf/smart_tire.urdf
 

@@ -20,12 +20,12 @@ Each page with ``MARKER`` gets the tables of all nodes in its place.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from typing import Any
 
 from smart_tire.nodes.command_line import limits, placeholder_names
-from smart_tire.parameters import NODE_PARAMS, RobotParams, Spec, specs
-from smart_tire.parameters.yaml_writer import FILES, value_text
+from smart_tire.parameters import FILES, RobotParams, Spec, specs
+from smart_tire.parameters.files import value_text
 
 MARKER = '<!-- parameters -->'
 HEADER = '| name | default | range | meaning |\n| --- | --- | --- | --- |'
@@ -33,16 +33,18 @@ HEADER = '| name | default | range | meaning |\n| --- | --- | --- | --- |'
 
 def parameters_text() -> str:
     """Return the tables of the robot and of all nodes in Markdown."""
-    return '\n'.join(line for file, (_, nodes) in FILES.items() for node in nodes
-                     for line in _section(file, node))
+    robot = _section('Robot', RobotParams, {},
+                     '`config/robot.yaml`, for all nodes and the offline analysis.')
+    nodes = (line for file, nodes in FILES.items() for node, cls in nodes.items()
+             for line in _section(node, cls, specs(RobotParams), f'`config/{file}`'))
+    return '\n'.join([*robot, *nodes])
 
 
-def _section(file: str, node: str) -> Iterator[str]:
-    """Yield the lines of the section of a node; '' is the robot, for all nodes."""
-    described = specs(NODE_PARAMS[node] if node else RobotParams)
-    shared = specs(RobotParams) if node else {}
-    yield f'## {node or "Robot"}\n'
-    yield f'`config/{file}`' + ('' if node else ', for all nodes and the offline analysis.') + '\n'
+def _section(title: str, cls: type, shared: Container[str], place: str) -> Iterator[str]:
+    """Yield the lines of the section of a parameter class, without the ``shared`` parameters."""
+    described = specs(cls)
+    yield f'## {title}\n'
+    yield f'{place}\n'
     yield HEADER
     for name, shown, spec in zip(described, placeholder_names(described), described.values()):
         if name not in shared:

@@ -19,16 +19,16 @@ from __future__ import annotations
 from pathlib import Path
 import re
 
+from config_files import file_text, SIMULATED_PORTS, TITLES, write_files
 from parameters_page import MARKER, parameters_text
 import pytest
 from smart_tire.parameters import build, known_names, load_files, NODE_PARAMS, RobotParams, specs
-from smart_tire.parameters.yaml_writer import file_text, FILES, SIMULATED_PORTS, write_files
 import yaml
 
 OTHER_FILES = {'rosbag2_qos.yaml'}  # without parameters: test/nodes/test_qos.py
 CONFIG = Path(__file__).resolve().parents[1] / 'config'
 REFERENCE = CONFIG.parent / 'docs' / 'parameters.md'
-PATHS = [CONFIG / name for name in FILES]
+PATHS = [CONFIG / name for name in TITLES]
 ROBOT_PATHS = [path for path in PATHS if path.name != 'simulation.yaml']
 KNOWN = known_names(NODE_PARAMS.values())
 
@@ -37,10 +37,10 @@ every_node = pytest.mark.parametrize('node', NODE_PARAMS)
 
 def test_the_files_are_the_listed_ones():
     found = {path.name for path in CONFIG.iterdir() if path.is_file()}
-    assert found == FILES.keys() | OTHER_FILES
+    assert found == TITLES.keys() | OTHER_FILES
 
 
-@pytest.mark.parametrize('name', FILES)
+@pytest.mark.parametrize('name', TITLES)
 def test_each_file_is_current(name):
     assert (CONFIG / name).read_text(encoding='utf-8') == file_text(name), 'run: make config'
 

@@ -26,8 +26,7 @@ import numpy as np
 import pytest
 from smart_tire.messages.joint_state import film_names
 from smart_tire.parameters import build, RobotParams
-from smart_tire.parameters.rigid_bodies import rigid_bodies, RigidBody
-from smart_tire.parameters.urdf_writer import urdf_text
+from smart_tire.parameters.urdf_writer import rigid_bodies, RigidBody, urdf_text
 from smart_tire.rotation import matrix
 from smart_tire.samples import WHEELS
 from urdf_parser_py.urdf import Robot

@@ -24,8 +24,9 @@ from smart_tire.analysis.pipeline import EstimatorParams
 from smart_tire.analysis.summary import Tree
 from smart_tire.bags import Bag
 from smart_tire.errors import ParameterError
-from smart_tire.parameters.files import blocks_in
-from smart_tire.parameters.snapshot import nodes_in, unknown_names
+from smart_tire.parameters import known_names, NODE_PARAMS
+from smart_tire.parameters.files import Block, blocks_in
+from smart_tire.parameters.spec import is_known
 
 FILES, BAG, DEFAULTS = 'files', 'bag', 'defaults'
 
@@ -84,4 +85,13 @@ def bag_params(bag: Bag, files: Sequence[Path] = ()) -> BagParams:
         params = EstimatorParams.from_text(bag.parameters, where)
     except ParameterError as error:
         raise ParameterError(f'{error}; give a parameter file with --params') from error
-    return BagParams(params, BAG, tuple(nodes_in(blocks)), unknown=tuple(unknown_names(blocks)))
+    names = (block.rsplit('/', 1)[-1] for block, _ in blocks)
+    return BagParams(params, BAG, tuple(name for name in names if name in NODE_PARAMS),
+                     unknown=tuple(_unknown_names(blocks)))
+
+
+def _unknown_names(blocks: Sequence[Block]) -> list[str]:
+    """Return the parameters in ``blocks`` that no node of this version has."""
+    known = known_names(NODE_PARAMS.values())
+    return sorted({name for _, parameters in blocks for name in parameters
+                   if not is_known(name, known)})

@@ -33,8 +33,8 @@ from smart_tire.calibration.procedure.results import Calibration
 from smart_tire.calibration.procedure.sequence import calibrate, Inputs, REST, STRAIGHT, TURNS
 from smart_tire.calibration.recording import Recording
 from smart_tire.parameters import NODE_PARAMS, RobotParams, specs
-from smart_tire.parameters.calibrated_text import Calibrated, calibrated_text
-from smart_tire.parameters.calibration_file import Identified
+from smart_tire.parameters.calibration_file import Identified, identified_text
+from smart_tire.parameters.files import value_text
 from smart_tire.uncertain import MAX_RELATIVE_SIGMA
 
 MIXED = 'mixed'  # a recording with rest, straight starts and stops, and turns
@@ -105,12 +105,17 @@ def _determined(item: Identified) -> bool:
 
 
 def _text(found: Calibration, bags: Bags, params: EstimatorParams, date: str) -> str:
-    items = [Calibrated(Identified(one.name, one.value, one.sigma, one.note),
-                        tuple(path.name for path in bags_of(bags, one.step)))
-             for one in found.findings]
+    def source(step: str, note: str) -> str:
+        recordings = 'from ' + ' and '.join(path.name for path in bags_of(bags, step))
+        return ', '.join(filter(None, (date, recordings, note)))
+
     present = present_values(params)
-    return calibrated_text(date, items, {
-        name: (present[name], reason) for name, reason in found.kept.items()})
+    kept = [f'kept: {name}: {value_text(present[name])}  ({reason})'
+            for name, reason in found.kept.items()]
+    return identified_text(
+        [f'Calibrated on {date} by smart_tire calibrate.', *kept],
+        [Identified(one.name, one.value, one.sigma, source(one.step, one.note)).rounded()
+         for one in found.findings])
 
 
 def present_values(params: EstimatorParams) -> dict[str, Any]:

@@ -31,7 +31,7 @@ from smart_tire.parameters import (
     build, FrictionEstimatorParams, known_names, load_files, NODE_PARAMS, RobotParams,
     SlipEstimatorParams, specs)
 from smart_tire.parameters.files import blocks_in, values_for
-from smart_tire.parameters.snapshot import snapshot_text
+from smart_tire.parameters.files import snapshot_text
 from smart_tire.parameters.spec import values_of
 from smart_tire.samples import (
     Friction, GroundState, Icr, ImuSample, Odometry, Sample, WheelSample, WheelSlip)
@@ -63,7 +63,7 @@ class EstimatorParams:
         """
         Return the parameters in the text of a parameter file, such as one stored in a bag.
 
-        Names that are unknown to this version are ignored (``snapshot.unknown_names``). Raises
+        Names that are unknown to this version are ignored (``bag_params``). Raises
         ParameterError, with ``where`` the text is from, if a value is invalid.
         """
         blocks = blocks_in(text, where)

@@ -107,11 +107,12 @@ def identify(args: argparse.Namespace, bags: Bags) -> int:
 
 def print_calibration(found: Calibration) -> None:
     """Print the identified values, and the reasons of those that are kept."""
-    from smart_tire.parameters.calibrated_text import rounded
+    from smart_tire.parameters.calibration_file import Identified
     for one in found.findings:
-        value, sigma = rounded(one.value, one.sigma)
-        error = '' if sigma is None else f' ± {sigma}'
-        print(f'{one.name:34}{value}{error}  {one.step}' + (f', {one.note}' if one.note else ''))
+        shown = Identified(one.name, one.value, one.sigma).rounded()
+        error = '' if shown.sigma is None else f' ± {shown.sigma}'
+        print(f'{one.name:34}{shown.value}{error}  {one.step}'
+              + (f', {one.note}' if one.note else ''))
     for name, reason in found.kept.items():
         print(f'{name:34}kept: {reason}')
     for note in found.notes:

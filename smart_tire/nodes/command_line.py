@@ -27,9 +27,9 @@ import sys
 import smart_tire
 from smart_tire.messages.describe import (
     columns, describe, DIAGNOSTICS, NODE_TABLE, NodeEntry, paragraph, plain, topic_lines)
-from smart_tire.parameters import NODE_PARAMS, RobotParams, Spec, specs
+from smart_tire.parameters import FILES, NODE_PARAMS, RobotParams, Spec, specs
+from smart_tire.parameters.files import value_text
 from smart_tire.parameters.spec import NAMES
-from smart_tire.parameters.yaml_writer import FILES, value_text
 
 ROS_ARGS, END_OF_ROS_ARGS = '--ros-args', '--'  # on a command line
 HELP, VERSION = ('-h', '--help'), ('--version',)
@@ -123,7 +123,7 @@ def _services(node: NodeEntry) -> Iterator[str]:
 
 def _parameters(node: str) -> Iterator[str]:
     described, shared = specs(NODE_PARAMS[node]), specs(RobotParams)
-    file = next(name for name, (_, nodes) in FILES.items() if node in nodes)
+    file = next(name for name, nodes in FILES.items() if node in nodes)
     own = {name: spec for name, spec in described.items() if name not in shared}
     robot = {name: spec for name, spec in described.items() if name in shared}
     for title, group in ((f'parameters (config/{file})', own),

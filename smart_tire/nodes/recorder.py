@@ -32,7 +32,7 @@ from smart_tire.nodes.compat import message_class, with_info
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.parameter_collector import ParameterCollector
 from smart_tire.nodes.qos import subscriber_qos
-from smart_tire.parameters.snapshot import snapshot_text
+from smart_tire.parameters.files import snapshot_text
 from smart_tire.samples import WHEELS
 
 DISCOVERY_PERIOD = 0.2      # s between queries of the published topics

@@ -25,16 +25,17 @@ from smart_tire.parameters.simulation import SimulatorParams
 from smart_tire.parameters.spec import build, known_names, Spec, specs
 from smart_tire.parameters.tuning import FrictionEstimatorParams, SlipEstimatorParams
 
-NODE_PARAMS = {
-    'tire_receiver': TireReceiverParams,
-    'imu_driver': ImuDriverParams,
-    'motor_driver': MotorDriverParams,
-    'slip_estimator': SlipEstimatorParams,
-    'friction_estimator': FrictionEstimatorParams,
-    'wheel_controller': WheelControllerParams,
-    'trajectory_controller': TrajectoryControllerParams,
-    'robot_simulator': SimulatorParams,
+FILES: dict[str, dict[str, type]] = {  # in config/ -> nodes with their parameters
+    'hardware.yaml': {
+        'tire_receiver': TireReceiverParams, 'imu_driver': ImuDriverParams,
+        'motor_driver': MotorDriverParams},
+    'tuning.yaml': {
+        'slip_estimator': SlipEstimatorParams, 'friction_estimator': FrictionEstimatorParams,
+        'wheel_controller': WheelControllerParams,
+        'trajectory_controller': TrajectoryControllerParams},
+    'simulation.yaml': {'robot_simulator': SimulatorParams},
 }
+NODE_PARAMS = {node: cls for nodes in FILES.values() for node, cls in nodes.items()}
 
 
 def load_robot(files: Iterable[str | Path]) -> RobotParams:
@@ -44,7 +45,7 @@ def load_robot(files: Iterable[str | Path]) -> RobotParams:
 
 
 __all__ = [
-    'build', 'FrictionEstimatorParams', 'ImuDriverParams', 'JointParams', 'known_names',
+    'build', 'FILES', 'FrictionEstimatorParams', 'ImuDriverParams', 'JointParams', 'known_names',
     'load_files', 'load_robot', 'MotorDriverParams', 'NODE_PARAMS', 'RobotParams',
     'SimulatorParams', 'SlipEstimatorParams', 'Spec', 'specs', 'STANDARD_JOINTS',
     'TireReceiverParams', 'TrajectoryControllerParams', 'WheelControllerParams']

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""ROS parameter files: YAML with ``<node>: {ros__parameters: {...}}``, read without ROS."""
+"""ROS parameter files: YAML with ``<node>: {ros__parameters: {...}}``, without ROS."""
 
 from __future__ import annotations
 
@@ -20,12 +20,15 @@ from collections.abc import Iterable, Mapping, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
 import re
+import sys
 from typing import Any
 
 from smart_tire.errors import ParameterError
-from smart_tire.parameters.spec import is_known, unknown_name_error
+from smart_tire.parameters.robot import RobotParams
+from smart_tire.parameters.spec import is_known, specs, unknown_name_error
 import yaml
 
+ALL_NODES = '/**'
 WILDCARDS = {'**': '(?:/[^/]+)*', '*': '/[^/]+'}  # token of a block's name -> regular expression
 NUMBER = re.compile(r'[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?$')
 ROS_NAMES = ('use_sim_time', 'start_type_description_service')  # declared by rclpy on every node
@@ -162,3 +165,36 @@ def _matches(block: str, node: str) -> bool:
     tokens = (WILDCARDS.get(token, '/' + re.escape(token))
               for token in block.strip('/').split('/'))
     return re.fullmatch(''.join(tokens), node) is not None
+
+
+def value_text(value: object) -> str:
+    """Return a parameter value as YAML on one line."""
+    plain = list(value) if isinstance(value, tuple) else value
+    text = yaml.safe_dump(plain, default_flow_style=True, width=sys.maxsize)
+    return text.removesuffix('...\n').strip()
+
+
+def snapshot_text(nodes: Mapping[str, Mapping[str, Any]]) -> str:
+    """
+    Return the text of a parameter file with the flat parameters of ``nodes``, by node name.
+
+    A bag holds it. Parameters of the robot that are equal in all nodes are written once.
+    """
+    common = _common(nodes)
+    blocks = {ALL_NODES: common} if common else {}
+    for node, values in sorted(nodes.items()):
+        blocks[f'{ALL_NODES}/{node}'] = {
+            name: value for name, value in values.items() if name not in common}
+    return ''.join(
+        f'{block}:\n  ros__parameters:\n'
+        + ''.join(f'    {name}: {value_text(value)}\n' for name, value in values.items())
+        for block, values in blocks.items() if values)
+
+
+def _common(nodes: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for name in specs(RobotParams):
+        values = [values[name] for values in nodes.values() if name in values]
+        if values and all(value == values[0] for value in values):
+            found[name] = values[0]
+    return found

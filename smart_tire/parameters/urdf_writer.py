@@ -21,22 +21,27 @@ that ``urdf/smart_tire.urdf``, the robot with the default parameters, is current
 The joints of the wheels have the names in ``wheel_states``, so that robot_state_publisher can
 subscribe to it in place of ``joint_states``. The root link has no inertia, which KDL does not
 support.
+
+The parameters give mass, center of mass and yaw inertia of the whole robot. The mass of a wheel
+and the size of the chassis are not parameters: they are assumed here. The bodies together have the
+parameters of the robot, and each is physically possible: its moments of inertia are positive and
+satisfy the triangle inequality.
 """
 
 from __future__ import annotations
 
 from argparse import ArgumentParser
-from collections.abc import Iterable
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 import math
 from pathlib import Path
-from xml.etree.ElementTree import Element, indent, SubElement, tostring
+from xml.etree.ElementTree import Element, indent, tostring
 
 from smart_tire.errors import ParameterError
 from smart_tire.parameters import load_robot
 from smart_tire.parameters.calibration_file import write_text
-from smart_tire.parameters.rigid_bodies import (
-    chassis_size, rigid_bodies, RigidBody, tire_width, wheel_centers)
 from smart_tire.parameters.robot import RobotParams
+from smart_tire.samples import LEFT, Vector3, WHEELS
 
 ORIGIN = (0.0, 0.0, 0.0)
 AXLE = (0.0, 1.0, 0.0)                   # direction; a positive angle rolls the robot forward
@@ -49,112 +54,181 @@ COLORS = {  # red, green, blue, alpha
     'spoke': (0.75, 0.75, 0.75, 1.0), 'film': (1.0, 0.55, 0.0, 1.0), 'imu': (0.1, 0.45, 0.8, 1.0)}
 HEADER = '<?xml version="1.0"?>\n<!-- Written from the parameters of the robot by "make config" ' \
     'or smart_tire.parameters.urdf_writer. -->\n'
+FRONT = (0, 1)                 # indices into WHEELS
+WHEEL_MASS_SHARE = 0.1         # of the mass of the robot, per wheel
+MAX_WHEELS_YAW_SHARE = 0.75    # of the yaw inertia of the robot, all wheels together
+MAX_TIRE_WIDTH_SHARE = 0.5     # of the track, so that there is space for a chassis
+CHASSIS_WIDTH_SHARE = 0.9      # of the space between the tires
 
 
 def urdf_text(robot: RobotParams) -> str:
     """Return the URDF of ``robot``."""
-    root = Element('robot', name='smart_tire')
-    for name, color in COLORS.items():
-        SubElement(SubElement(root, 'material', name=name), 'color', rgba=_text(color))
-    SubElement(root, 'link', name='base_link')
-    _add_link(root, 'base_footprint', (0.0, 0.0, -robot.wheel_radius))
     chassis, wheels = rigid_bodies(robot)
-    _add_chassis(root, robot, chassis)
-    imu = _add_link(root, 'imu_link', robot.imu.position, robot.imu.rotation)
-    _add_box(imu, 'visual', IMU_SIZE, material='imu')
-    for wheel, body in wheels.items():
-        _add_wheel(root, robot, wheel, body)
-    indent(root)
-    return HEADER + tostring(root, encoding='unicode') + '\n'
+    box = _element('box', size=chassis_size(robot))
+    root = _element(
+        'robot',
+        *(_element('material', _element('color', rgba=color), name=name)
+          for name, color in COLORS.items()),
+        _element('link', name='base_link'),
+        *_fixed_link('base_footprint', (0.0, 0.0, -robot.wheel_radius)),
+        *_fixed_link('chassis_link', ORIGIN, ORIGIN, _shape('visual', box, 'chassis'),
+                     _shape('collision', box), _inertial(chassis, chassis.center)),
+        *_fixed_link('imu_link', robot.imu.position, robot.imu.rotation,
+                     _shape('visual', _element('box', size=IMU_SIZE), 'imu')),
+        *(element for wheel, body in wheels.items() for element in _wheel(robot, wheel, body)),
+        name='smart_tire')
+    return HEADER + _indented(root) + '\n'
 
 
-def _add_link(root: Element, name: str, position: Iterable[float],
-              rotation: Iterable[float] = ORIGIN) -> Element:
-    """Add a link that is fixed to ``base_link`` at ``position`` [m], ``rotation`` [rad]."""
-    link = SubElement(root, 'link', name=name)
-    _add_joint(root, f'{name}_joint', 'fixed', name, position, rotation)
-    return link
-
-
-def _add_joint(root: Element, name: str, kind: str, child: str, position: Iterable[float],
-               rotation: Iterable[float] = ORIGIN) -> Element:
-    joint = SubElement(root, 'joint', name=name, type=kind)
-    SubElement(joint, 'parent', link='base_link')
-    SubElement(joint, 'child', link=child)
-    _add_origin(joint, position, rotation)
-    return joint
-
-
-def _add_chassis(root: Element, robot: RobotParams, body: RigidBody) -> None:
-    link = _add_link(root, 'chassis_link', ORIGIN)
-    for kind, material in (('visual', 'chassis'), ('collision', '')):
-        _add_box(link, kind, chassis_size(robot), material=material)
-    _add_inertial(link, body, body.center)
-
-
-def _add_wheel(root: Element, robot: RobotParams, wheel: str, body: RigidBody) -> None:
-    link = SubElement(root, 'link', name=f'{wheel}_wheel')
+def _wheel(robot: RobotParams, wheel: str, body: RigidBody) -> tuple[Element, Element]:
+    """Return the link of a wheel and its joint."""
     radius, width = robot.wheel_radius, tire_width(robot)
-    for kind, material in (('visual', 'tire'), ('collision', '')):
-        shape = _add_shape(link, kind, ORIGIN, ALONG_AXLE, material)
-        SubElement(shape, 'cylinder', radius=_text([radius]), length=_text([width]))
+    tire = _element('cylinder', radius=[radius], length=[width])
     sides = (radius * SPOKE_SIZE[0], width * SPOKE_SIZE[1], radius * SPOKE_SIZE[2])
-    _add_box(link, 'visual', sides, material='spoke')  # shows that the wheel turns
-    if wheel in robot.film.wheels:
-        _add_films(link, robot, wheel)
-    _add_inertial(link, body, ORIGIN)
-    joint = _add_joint(root, wheel, 'continuous', link.get('name', ''),
-                       wheel_centers(robot)[wheel])
-    SubElement(joint, 'axis', xyz=_text(AXLE))
+    spoke = _element('box', size=sides)  # shows that the wheel turns
+    link = _element(
+        'link', _shape('visual', tire, 'tire', rotation=ALONG_AXLE),
+        _shape('collision', tire, rotation=ALONG_AXLE), _shape('visual', spoke, 'spoke'),
+        *(_films(robot, wheel) if wheel in robot.film.wheels else ()),
+        _inertial(body, ORIGIN), name=f'{wheel}_wheel')
+    joint = _joint(wheel, 'continuous', f'{wheel}_wheel', wheel_centers(robot)[wheel])
+    joint.append(_element('axis', xyz=AXLE))
+    return link, joint
 
 
-def _add_films(link: Element, robot: RobotParams, wheel: str) -> None:
+def _films(robot: RobotParams, wheel: str) -> Iterator[Element]:
     """
-    Add the films on the tread of a wheel, with the names in ``tire_samples``.
+    Yield the films on the tread of a wheel, with the names in ``tire_samples``.
 
     Their mounting angle is not a parameter: at wheel angle 0, position 0 is drawn at the lowest
     point. Film 1 enters the contact patch first, so the others are further forward.
     """
     radius, film = robot.wheel_radius, robot.film
+    box = _element('box', size=(film.length, film.width, FILM_THICKNESS))
     for number, center in enumerate(film.centers, 1):
         angle = center / radius
-        position = (radius * math.sin(angle), 0.0, -radius * math.cos(angle))
-        _add_box(link, 'visual', (film.length, film.width, FILM_THICKNESS), position,
-                 (0.0, -angle, 0.0), material='film', name=f'{wheel}_pvdf_{number}')
+        yield _shape('visual', box, 'film', rotation=(0.0, -angle, 0.0),
+                     position=(radius * math.sin(angle), 0.0, -radius * math.cos(angle)),
+                     name=f'{wheel}_pvdf_{number}')
 
 
-def _add_box(link: Element, kind: str, size: Iterable[float], position: Iterable[float] = ORIGIN,
-             rotation: Iterable[float] = ORIGIN, *, material: str, **attributes: str) -> None:
-    geometry = _add_shape(link, kind, position, rotation, material, **attributes)
-    SubElement(geometry, 'box', size=_text(size))
+def _fixed_link(name: str, position: Sequence[float], rotation: Sequence[float] = ORIGIN,
+                *content: Element) -> tuple[Element, Element]:
+    """Return a link and its joint: fixed to ``base_link`` at ``position`` [m], ``rotation``."""
+    return (_element('link', *content, name=name),
+            _joint(f'{name}_joint', 'fixed', name, position, rotation))
 
 
-def _add_shape(link: Element, kind: str, position: Iterable[float], rotation: Iterable[float],
-               material: str, **attributes: str) -> Element:
-    """Add a visual or collision element; return its geometry."""
-    shape = SubElement(link, kind, attributes)
-    _add_origin(shape, position, rotation)
-    geometry = SubElement(shape, 'geometry')
-    if material:
-        SubElement(shape, 'material', name=material)
-    return geometry
+def _joint(name: str, kind: str, child: str, position: Sequence[float],
+           rotation: Sequence[float] = ORIGIN) -> Element:
+    return _element('joint', _element('parent', link='base_link'), _element('child', link=child),
+                    _origin(position, rotation), name=name, type=kind)
 
 
-def _add_inertial(link: Element, body: RigidBody, center: Iterable[float]) -> None:
-    inertial = SubElement(link, 'inertial')
-    _add_origin(inertial, center, ORIGIN)
-    SubElement(inertial, 'mass', value=_text([body.mass]))
+def _shape(kind: str, geometry: Element, material: str = '', position: Sequence[float] = ORIGIN,
+           rotation: Sequence[float] = ORIGIN, **attributes: str) -> Element:
+    """Return a visual or collision element."""
+    materials = [_element('material', name=material)] if material else []
+    return _element(kind, _origin(position, rotation), _element('geometry', geometry), *materials,
+                    **attributes)
+
+
+def _inertial(body: RigidBody, center: Sequence[float]) -> Element:
     x, y, z = body.inertia
-    SubElement(inertial, 'inertia', ixx=_text([x]), ixy='0', ixz='0', iyy=_text([y]), iyz='0',
-               izz=_text([z]))
+    return _element(
+        'inertial', _origin(center, ORIGIN), _element('mass', value=[body.mass]),
+        _element('inertia', ixx=[x], ixy='0', ixz='0', iyy=[y], iyz='0', izz=[z]))
 
 
-def _add_origin(parent: Element, position: Iterable[float], rotation: Iterable[float]) -> None:
-    SubElement(parent, 'origin', xyz=_text(position), rpy=_text(rotation))
+def _origin(position: Sequence[float], rotation: Sequence[float]) -> Element:
+    return _element('origin', xyz=position, rpy=rotation)
 
 
-def _text(numbers: Iterable[float]) -> str:
+def _element(tag: str, *children: Element, **attributes: str | Sequence[float]) -> Element:
+    """Return an XML element; attributes are texts or numbers."""
+    element = Element(tag, {name: value if isinstance(value, str) else _text(value)
+                            for name, value in attributes.items()})
+    element.extend(children)
+    return element
+
+
+def _text(numbers: Sequence[float]) -> str:
     return ' '.join(f'{number + 0.0:.9g}' for number in numbers)  # + 0.0: no negative zero
+
+
+def _indented(root: Element) -> str:
+    indent(root)
+    return tostring(root, encoding='unicode')
+
+
+@dataclass(frozen=True)
+class RigidBody:
+    """A body whose principal axes are those of ``base_link``."""
+
+    mass: float        # kg
+    center: Vector3    # m, center of mass, in base_link
+    inertia: Vector3   # kg m2, about x, y and z through the center of mass
+
+
+def tire_width(robot: RobotParams) -> float:
+    """Return the width of a tire [m]: that of its contact patch, at most half of the track."""
+    return min(robot.tire.contact_width, MAX_TIRE_WIDTH_SHARE * robot.track_width)
+
+
+def chassis_size(robot: RobotParams) -> Vector3:
+    """Return length, width and height [m] of the box between the tires, centered on the axles."""
+    inside = robot.track_width - tire_width(robot)
+    return (robot.wheelbase + robot.wheel_radius, CHASSIS_WIDTH_SHARE * inside,
+            robot.wheel_radius)
+
+
+def wheel_centers(robot: RobotParams) -> dict[str, Vector3]:
+    """Return wheel -> position of its center [m] in ``base_link``."""
+    x, y = 0.5 * robot.wheelbase, 0.5 * robot.track_width
+    return {wheel: (x if index in FRONT else -x, y if index in LEFT else -y, 0.0)
+            for index, wheel in enumerate(WHEELS)}
+
+
+def rigid_bodies(robot: RobotParams) -> tuple[RigidBody, dict[str, RigidBody]]:
+    """Return the chassis, and wheel -> its body; together they are the robot."""
+    mass = _wheel_mass(robot)
+    # A ring is the wheel of the largest inertia. URDF has no place for that of rotor and gear.
+    spin = min(robot.motor.inertia, mass * robot.wheel_radius**2)
+    moments = (0.5 * spin, spin, 0.5 * spin)  # thin disk or ring
+    wheels = {wheel: RigidBody(mass, center, moments)
+              for wheel, center in wheel_centers(robot).items()}
+    return _chassis(robot, list(wheels.values())), wheels
+
+
+def _wheel_mass(robot: RobotParams) -> float:
+    """Return the mass of a wheel [kg], limited so that yaw inertia is left for the chassis."""
+    x, y, _ = robot.center_of_mass
+    chassis_share = 1.0 - len(WHEELS) * WHEEL_MASS_SHARE
+    # Upper bounds of the squared radii of gyration about the center of mass: position of the
+    # wheels and of the chassis that balances them, and the wheel itself.
+    squared = (0.25 * (robot.wheelbase**2 + robot.track_width**2)
+               + (x**2 + y**2) / chassis_share + 0.5 * robot.wheel_radius**2)
+    allowed = MAX_WHEELS_YAW_SHARE * robot.yaw_inertia / (len(WHEELS) * squared)
+    return min(WHEEL_MASS_SHARE * robot.mass, allowed)
+
+
+def _chassis(robot: RobotParams, wheels: list[RigidBody]) -> RigidBody:
+    """Return what the robot has in addition to its wheels, as a homogeneous box."""
+    mass = robot.mass - sum(wheel.mass for wheel in wheels)
+    x, y, z = robot.center_of_mass  # the moments of the wheels about base_link cancel
+    center = (x * robot.mass / mass, y * robot.mass / mass, z * robot.mass / mass)
+    yaw_inertia = robot.yaw_inertia - _yaw_inertia(wheels, x, y) \
+        - mass * ((center[0] - x)**2 + (center[1] - y)**2)
+    length, width, height = (side**2 for side in chassis_size(robot))
+    scale = yaw_inertia / (length + width)
+    return RigidBody(mass, center, (scale * (width + height), scale * (length + height),
+                                    yaw_inertia))
+
+
+def _yaw_inertia(bodies: list[RigidBody], x: float, y: float) -> float:
+    """Return the moment of inertia [kg m2] of ``bodies`` about the vertical axis at (x, y)."""
+    return sum(body.inertia[2] + body.mass * ((body.center[0] - x)**2 + (body.center[1] - y)**2)
+               for body in bodies)
 
 
 def main() -> None:

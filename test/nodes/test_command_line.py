@@ -24,7 +24,7 @@ import smart_tire
 from smart_tire.messages.describe import NODE_TABLE
 from smart_tire.nodes.command_line import answer, foreign_arguments, started_module
 from smart_tire.parameters import NODE_PARAMS, RobotParams, specs
-from smart_tire.parameters.yaml_writer import value_text
+from smart_tire.parameters.files import value_text
 
 pytestmark = pytest.mark.processes
 

@@ -21,7 +21,7 @@ from pathlib import Path
 from smart_tire.analysis.bag_params import BAG, BagParams, FILES
 from smart_tire.analysis.html_report.tables import Table
 from smart_tire.parameters import known_names, load_files, NODE_PARAMS, Spec, specs
-from smart_tire.parameters.yaml_writer import value_text
+from smart_tire.parameters.files import value_text
 
 NODES = 'slip_estimator', 'friction_estimator'
 HEAD = ('parameter', 'value', 'unit', 'from', 'node', 'meaning')

@@ -15,8 +15,8 @@
 """
 Writes the parameter files in ``config/`` from the parameter classes.
 
-``python -m smart_tire.parameters.yaml_writer FOLDER`` writes them into FOLDER; a test checks that
-those in ``config/`` are current.
+``python docs/config_files.py FOLDER`` writes them into FOLDER; a test checks that those in
+``config/`` are current.
 """
 
 from __future__ import annotations
@@ -28,23 +28,17 @@ from pathlib import Path
 import sys
 from typing import Any
 
-from smart_tire.parameters import NODE_PARAMS, RobotParams
-from smart_tire.parameters.spec import Spec, specs
-import yaml
+from smart_tire.parameters import FILES, NODE_PARAMS, RobotParams, Spec, specs
+from smart_tire.parameters.files import value_text
 
 MAX_LINE_LENGTH = 90  # characters; the items of a list that exceeds it get lines of their own
 
-# File -> its title, and the nodes whose parameters it contains ('' for those of all nodes).
-FILES = {
-    'robot.yaml': ('Robot: geometry, tires, films and sensors; for all nodes, the simulator and '
-                   'the analysis.', ('',)),
-    'hardware.yaml': ('Drivers: ports and devices.',
-                      ('tire_receiver', 'imu_driver', 'motor_driver')),
-    'tuning.yaml': ('Estimators and controllers.',
-                    ('slip_estimator', 'friction_estimator', 'wheel_controller',
-                     'trajectory_controller')),
-    'simulation.yaml': ('Simulated robot and ground; the geometry of the robot is in robot.yaml.',
-                        ('robot_simulator',)),
+TITLES = {
+    'robot.yaml': 'Robot: geometry, tires, films and sensors; for all nodes, the simulator and '
+                  'the analysis.',
+    'hardware.yaml': 'Drivers: ports and devices.',
+    'tuning.yaml': 'Estimators and controllers.',
+    'simulation.yaml': 'Simulated robot and ground; the geometry of the robot is in robot.yaml.',
 }
 SIMULATED_PORTS = {  # driver -> parameter of the simulator that names its port
     'tire_receiver': 'ports.tire_radio', 'imu_driver': 'ports.imu',
@@ -53,13 +47,11 @@ SIMULATED_PORTS = {  # driver -> parameter of the simulator that names its port
 
 def file_text(name: str) -> str:
     """Return the text of the parameter file ``name``: all defaults, with comments."""
-    title, nodes = FILES[name]
-    lines = [f'# {title}', '# Values are the defaults; "make config" writes this file.']
-    for node in nodes:
-        cls = NODE_PARAMS[node] if node else RobotParams
-        # The prefix /**/ matches the node in any namespace.
-        lines += ['', *_comment(cls, ''), f'/**/{node}:' if node else '/**:',
-                  '  ros__parameters:', *_body(cls, '    ')]
+    lines = [f'# {TITLES[name]}', '# Values are the defaults; "make config" writes this file.']
+    # The prefix /**/ matches the node in any namespace.
+    blocks = {f'/**/{node}': cls for node, cls in FILES.get(name, {}).items()}
+    for block, cls in (blocks or {'/**': RobotParams}).items():
+        lines += ['', *_comment(cls, ''), f'{block}:', '  ros__parameters:', *_body(cls, '    ')]
     if name == 'simulation.yaml':
         lines += _simulated_ports()
     return '\n'.join(lines) + '\n'
@@ -67,7 +59,7 @@ def file_text(name: str) -> str:
 
 def write_files(folder: Path) -> None:
     """Write all parameter files into ``folder``."""
-    for name in FILES:
+    for name in TITLES:
         (folder / name).write_text(file_text(name), encoding='utf-8')
 
 
@@ -123,13 +115,6 @@ def _entry(spec: Spec) -> list[str]:
             or len(spec.default) < 2 or not isinstance(spec.default[0], str):
         return [line]
     return [f'{spec.name}:{comment}', *(f'  - {value_text(item)}' for item in spec.default)]
-
-
-def value_text(value: object) -> str:
-    """Return a parameter value as YAML on one line."""
-    plain = list(value) if isinstance(value, tuple) else value
-    text = yaml.safe_dump(plain, default_flow_style=True, width=sys.maxsize)
-    return text.removesuffix('...\n').strip()
 
 
 if __name__ == '__main__':
