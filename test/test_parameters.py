@@ -45,7 +45,7 @@ ANY_LIST = Spec('list', 'float[]', (), 'm', 'any number of values', low=0.0, hig
 class Wheel:
     """A wheel."""
 
-    radius: float = param(0.1, 'm', 'rolling radius', low=0.01, high=2.0)
+    radius: float = param(0.1, 'm', 'rolling radius', (0.01, 2.0))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,14 +16,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from smart_tire.parameters.path_following import (
     ArrivalParams, FollowerParams, FrictionLimitParams, MotionLimitParams, PathCheckParams)
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.parameters.spec import inlined, nested, param
-from smart_tire.parameters.tuning import RELIABILITIES
+from smart_tire.parameters.tuning import reliability
 from smart_tire.samples import WHEELS
 
 UNSTAMPED = 'Twist'  # of geometry_msgs, without a timestamp
@@ -44,26 +43,19 @@ class PidParams:
     """
 
     feed_forward: float = param(
-        0.045, 's/rad', 'duty per wheel speed set point: 1 / free speed',
-        low=1e-3, high=1.0, live=True)
+        0.045, 's/rad', 'duty per wheel speed set point: 1 / free speed', (1e-3, 1.0))
     stall_torque: float = param(
-        5.0, 'N m', 'torque at full duty, for the duty of friction and inertia',
-        low=1e-3, high=1e4, live=True)
+        5.0, 'N m', 'torque at full duty, for the duty of friction and inertia', (1e-3, 1e4))
     acceleration: float = param(
-        0.6, '-', 'share of the duty for accelerations that is fed forward', low=0.0, high=1.0,
-        live=True)
-    proportional: float = param(
-        0.03, 's/rad', 'duty per speed error', low=0.0, high=10.0, live=True)
-    integral: float = param(
-        0.3, '1/rad', 'duty per integrated speed error', low=0.0, high=100.0, live=True)
-    derivative: float = param(
-        0.0, 's2/rad', 'duty per wheel acceleration', low=0.0, high=10.0, live=True)
-    limit: float = param(1.0, '-', 'maximum duty', low=0.0, high=1.0, live=True)
-    rate_limit: float = param(
-        60.0, '1/s', 'maximum rate of change of the duty', low=2.0, high=1e3, live=True)
+        0.6, '-', 'share of the duty for accelerations that is fed forward', (0.0, 1.0))
+    proportional: float = param(0.03, 's/rad', 'duty per speed error', (0.0, 10.0))
+    integral: float = param(0.3, '1/rad', 'duty per integrated speed error', (0.0, 100.0))
+    derivative: float = param(0.0, 's2/rad', 'duty per wheel acceleration', (0.0, 10.0))
+    limit: float = param(1.0, '-', 'maximum duty', (0.0, 1.0))
+    rate_limit: float = param(60.0, '1/s', 'maximum rate of change of the duty', (2.0, 1e3))
     tracking_time: float = param(
         0.3, 's', 'time constant with which an integral beyond the maximum duty decays',
-        low=1e-3, high=10.0, live=True)
+        (1e-3, 10.0))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,79 +66,63 @@ class TractionParams:
     The defaults are tuned on simulated starts and stops (``benchmarks/control/traction.py``).
     """
 
-    enabled: bool = param(
-        False, '-', 'limit the slip of each wheel', live=True)
+    enabled: bool = param(False, '-', 'limit the slip of each wheel')
     share: float = param(
-        0.88, '-', 'slip aimed at over the lower bound of the critical slip',
-        low=0.1, high=1.0, live=True)
+        0.88, '-', 'slip aimed at over the lower bound of the critical slip', (0.1, 1.0))
     sigmas: float = param(
         0.25, '-', 'standard deviations of critical slip and speed that the slip limit is lower',
-        low=0.0, high=5.0, live=True)
+        (0.0, 5.0))
     unknown_friction: float = param(
-        0.20, '-', 'friction coefficient of unknown ground until the robot shows more',
-        low=0.0, high=2.0, live=True)
-    max_slip: float = param(
-        0.6, '-', 'maximum slip limit on any ground', low=0.02, high=0.9, live=True)
+        0.20, '-', 'friction coefficient of unknown ground until the robot shows more', (0.0, 2.0))
+    max_slip: float = param(0.6, '-', 'maximum slip limit on any ground', (0.02, 0.9))
     floor: float = param(
-        0.05, 'm/s', 'sliding speed that is always allowed, for starts', low=0.01, high=1.0,
-        live=True)
+        0.05, 'm/s', 'sliding speed that is always allowed, for starts', (0.01, 1.0))
     min_deceleration: float = param(
-        0.5, 'm/s2', 'least deceleration of the wheels after a command to stop',
-        low=0.1, high=20.0, live=True)
+        0.5, 'm/s2', 'least deceleration of the wheels after a command to stop', (0.1, 20.0))
     lead: float = param(
-        0.006, 's', 'delay of the wheels in addition to one control period',
-        low=0.0, high=0.5, live=True)
+        0.006, 's', 'delay of the wheels in addition to one control period', (0.0, 0.5))
     acceleration_filter: float = param(
-        0.05, 's', 'time constant of the acceleration from odom', low=0.0, high=1.0, live=True)
-    max_age: float = param(
-        0.3, 's', 'no limit while odom is older', low=0.05, high=5.0, live=True)
+        0.05, 's', 'time constant of the acceleration from odom', (0.0, 1.0))
+    max_age: float = param(0.3, 's', 'no limit while odom is older', (0.05, 5.0))
     fade_distance: float = param(
-        5.0, 'm', 'distance in which the weight of measured ground decreases to 1/e', low=0.05,
-        high=1e3, live=True)
+        5.0, 'm', 'distance in which the weight of measured ground decreases to 1/e', (0.05, 1e3))
     fade_time: float = param(
-        30.0, 's', 'time in which the weight of measured ground decreases to 1/e', low=1.0,
-        high=3600.0, live=True)
+        30.0, 's', 'time in which the weight of measured ground decreases to 1/e', (1.0, 3600.0))
 
 
 @dataclass(frozen=True, kw_only=True)
 class WheelControllerParams:
     """Wheel controller: one PID speed controller per wheel."""
 
-    rate: float = param(16.0, 'Hz', 'control rate', low=1.0, high=200.0)
+    rate: float = param(16.0, 'Hz', 'control rate', (1.0, 200.0))
     cmd_vel_inputs: tuple[str, ...] = param(
         ('cmd_vel',), '-', 'topics of velocity commands, one publisher each')
     cmd_vel_priorities: tuple[int, ...] = param(
-        (0,), '-', 'priority of each of cmd_vel_inputs; the highest wins', low=0, high=255)
+        (0,), '-', 'priority of each of cmd_vel_inputs; the highest wins', (0, 255))
     cmd_vel_timeouts: tuple[float, ...] = param(
-        (), 's', 'time-out of each of cmd_vel_inputs; []: cmd_vel_timeout', low=0.02,
-        high=60.0, kind='float[]')
+        (), 's', 'time-out of each of cmd_vel_inputs; []: cmd_vel_timeout', (0.02, 60.0))
     cmd_vel_types: tuple[str, ...] = param(
         (), '-', 'message type of each of cmd_vel_inputs; []: TwistStamped',
-        choices=VELOCITY_TYPES, kind='str[]')
+        choices=VELOCITY_TYPES)
     cmd_vel_timeout: float = param(
-        0.25, 's', 'stop if no cmd_vel arrives for this long', low=0.02, high=60.0)
+        0.25, 's', 'stop if no cmd_vel arrives for this long', (0.02, 60.0))
     cmd_vel_max_age: float = param(
-        0.5, 's', 'cmd_vel older or further in the future is refused', low=0.02, high=60.0)
+        0.5, 's', 'cmd_vel older or further in the future is refused', (0.02, 60.0))
     effective_track: float = param(
-        0.38, 'm', 'track of the differential drive with the same yaw rate', low=1e-2, high=20.0)
+        0.38, 'm', 'track of the differential drive with the same yaw rate', (1e-2, 20.0))
     wheel_states_timeout: float = param(
-        0.5, 's', 'zero duty if no wheel_states arrive for this long', low=0.02, high=60.0)
+        0.5, 's', 'zero duty if no wheel_states arrive for this long', (0.02, 60.0))
     max_wheel_speed: float = param(
-        20.0, 'rad/s', 'maximum set point; all wheels are scaled by the same factor',
-        low=0.1, high=100.0)
+        20.0, 'rad/s', 'maximum set point; all wheels are scaled by the same factor', (0.1, 100.0))
     max_wheel_acceleration: float = param(
-        40.0, 'rad/s2', 'maximum acceleration of the wheel speed reference',
-        low=1.0, high=1e4, live=True)
+        40.0, 'rad/s2', 'maximum acceleration of the wheel speed reference', (1.0, 1e4), live=True)
     max_wheel_deceleration: float = param(
-        60.0, 'rad/s2', 'maximum deceleration of the wheel speed reference',
-        low=1.0, high=1e4, live=True)
+        60.0, 'rad/s2', 'maximum deceleration of the wheel speed reference', (1.0, 1e4), live=True)
     feedback_window: float = param(
-        0.06, 's', 'measured wheel speeds are averaged over at least this time', low=0.0,
-        high=1.0)
-    pid: PidParams = nested(PidParams)
-    traction: TractionParams = nested(TractionParams)
-    reliability: str = param(
-        'reliable', '-', 'QoS reliability of the input subscriptions', choices=RELIABILITIES)
+        0.06, 's', 'measured wheel speeds are averaged over at least this time', (0.0, 1.0))
+    pid: PidParams = nested(PidParams, live=True)
+    traction: TractionParams = nested(TractionParams, live=True)
+    reliability: str = reliability()
     robot: RobotParams = inlined(RobotParams)
 
     def __post_init__(self) -> None:
@@ -155,12 +131,11 @@ class WheelControllerParams:
                              'expected one topic or more, each once')
         if not all(self.robot.joints.measured):
             raise ValueError('joints: a wheel that is not measured cannot be controlled')
-        self._check_one_per_input('cmd_vel_priorities', self.cmd_vel_priorities)
-        if self.cmd_vel_timeouts:
-            self._check_one_per_input('cmd_vel_timeouts', self.cmd_vel_timeouts)
-        if self.cmd_vel_types:
-            self._check_one_per_input('cmd_vel_types', self.cmd_vel_types)
-
+        for name in ('cmd_vel_priorities', 'cmd_vel_timeouts', 'cmd_vel_types'):
+            values, count = getattr(self, name), len(self.cmd_vel_inputs)
+            if len(values) != count and (values or name == 'cmd_vel_priorities'):
+                raise ValueError(f'{name}: {list(values)}, expected one for each of '
+                                 f'{list(self.cmd_vel_inputs)}')
         self._check_losses()
 
     def _check_losses(self) -> None:
@@ -173,11 +148,6 @@ class WheelControllerParams:
                 f'motor: coulomb_friction, axle_friction and viscous_friction take {losses:.3g} '
                 f'N m at free speed, expected at most {MAX_LOSS_SHARE:g} of pid.stall_torque, '
                 f'{stall_torque:g} N m')
-
-    def _check_one_per_input(self, name: str, values: Sequence[object]) -> None:
-        if len(values) != len(self.cmd_vel_inputs):
-            raise ValueError(f'{name}: {list(values)}, expected one for each of '
-                             f'{list(self.cmd_vel_inputs)}')
 
     def inputs(self) -> list[tuple[str, int, float]]:
         """Return (topic, priority, time-out [s]) of each source of velocity commands."""
@@ -194,22 +164,20 @@ class WheelControllerParams:
 class TrajectoryControllerParams:
     """Trajectory controller: follows a path although the wheels slip."""
 
-    rate: float = param(20.0, 'Hz', 'control rate', low=1.0, high=200.0)
-    max_speed: float = param(0.6, 'm/s', 'maximum speed', low=0.01, high=10.0, live=True)
+    rate: float = param(20.0, 'Hz', 'control rate', (1.0, 200.0))
+    max_speed: float = param(0.6, 'm/s', 'maximum speed', (0.01, 10.0), live=True)
     slip_compensation: bool = param(
         True, '-', 'compensate the estimated slip; false: kinematics without slip', live=True)
-    effective_track: float = param(
-        0.38, 'm', 'effective_track of wheel_controller', low=1e-2, high=20.0)
+    effective_track: float = param(0.38, 'm', 'effective_track of wheel_controller', (1e-2, 20.0))
     path_max_age: float = param(
-        2.0, 's', 'path or goal_pose older or further in the future is refused', low=0.1,
-        high=3600.0, live=True)
+        2.0, 's', 'path or goal_pose older or further in the future is refused', (0.1, 3600.0),
+        live=True)
     hold_on_arrival: bool = param(
         False, '-', 'keep commanding zero after arrival, so that the wheels hold', live=True)
-    limits: MotionLimitParams = nested(MotionLimitParams)
-    follower: FollowerParams = nested(FollowerParams)
-    arrival: ArrivalParams = nested(ArrivalParams)
-    friction: FrictionLimitParams = nested(FrictionLimitParams)
-    checks: PathCheckParams = nested(PathCheckParams)
-    reliability: str = param(
-        'reliable', '-', 'QoS reliability of the input subscriptions', choices=RELIABILITIES)
+    limits: MotionLimitParams = nested(MotionLimitParams, live=True)
+    follower: FollowerParams = nested(FollowerParams, live=True)
+    arrival: ArrivalParams = nested(ArrivalParams, live=True)
+    friction: FrictionLimitParams = nested(FrictionLimitParams, live=True)
+    checks: PathCheckParams = nested(PathCheckParams, live=True)
+    reliability: str = reliability()
     robot: RobotParams = inlined(RobotParams)

@@ -26,16 +26,23 @@ IMU_PROTOCOLS = ('vectornav_binary', 'vectornav_ascii', 'xsens')
 
 
 @dataclass(frozen=True, kw_only=True)
-class TireReceiverParams:
+class DriverParams:
+    """A device on a serial port."""
+
+    port: str = param('', '-', 'serial port')
+    baud_rate: int = param(115200, 'baud', 'rate of the port', (300, 12_000_000))
+    robot: RobotParams = inlined(RobotParams)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TireReceiverParams(DriverParams):
     """XBee coordinator and the sensor nodes that it receives from."""
 
     port: str = param('/dev/ttyUSB0', '-', 'serial port of the XBee coordinator')
-    baud_rate: int = param(115200, 'baud', 'rate of the port', low=300, high=12_000_000)
     units: tuple[str, ...] = param(
         ('0013A20040A1B2C3=front_right',), '-', 'sensor nodes, 64-bit address=wheel')
     radio_latency: float = param(
-        0.0, 's', 'constant part of the radio delay, which is not observable', low=-1.0, high=1.0)
-    robot: RobotParams = inlined(RobotParams)
+        0.0, 's', 'constant part of the radio delay, which is not observable', (-1.0, 1.0))
 
     def __post_init__(self) -> None:
         self.wheel_of()
@@ -59,62 +66,52 @@ class TireReceiverParams:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ImuDriverParams:
+class ImuDriverParams(DriverParams):
     """IMU."""
 
     port: str = param('/dev/ttyUSB1', '-', 'serial port of the IMU')
-    baud_rate: int = param(115200, 'baud', 'rate of the port', low=300, high=12_000_000)
     protocol: str = param('vectornav_binary', '-', 'protocol of the IMU', choices=IMU_PROTOCOLS)
     latency: float = param(
-        0.0, 's', 'constant part of the delay, which is not observable', low=-1.0, high=1.0)
-    robot: RobotParams = inlined(RobotParams)
+        0.0, 's', 'constant part of the delay, which is not observable', (-1.0, 1.0))
 
 
 @dataclass(frozen=True, kw_only=True)
-class MotorDriverParams:
+class MotorDriverParams(DriverParams):
     """Two RoboClaw boards, front and rear; motor M1 left, M2 right."""
 
     port: str = param('/dev/ttyACM0', '-', 'serial port that both boards share')
-    baud_rate: int = param(115200, 'baud', 'rate of the port', low=300, high=12_000_000)
     addresses: tuple[int, ...] = param(
-        (128, 129), '-', 'packet serial addresses, front and rear', low=128, high=135, length=2)
-    rate: float = param(16.0, 'Hz', 'polling rate of the encoders', low=1.0, high=200.0)
+        (128, 129), '-', 'packet serial addresses, front and rear', (128, 135), length=2)
+    rate: float = param(16.0, 'Hz', 'polling rate of the encoders', (1.0, 200.0))
     command_timeout: float = param(
-        0.25, 's', 'zero duty if no motor_commands arrive for this long', low=0.02, high=2.5)
+        0.25, 's', 'zero duty if no motor_commands arrive for this long', (0.02, 2.5))
     command_max_age: float = param(
-        0.5, 's', 'motor_commands older or further in the future are refused', low=0.02,
-        high=60.0)
+        0.5, 's', 'motor_commands older or further in the future are refused', (0.02, 60.0))
     board_timeout: float = param(
-        0.2, 's', 'serial time-out of the boards, in steps of 0.1 s', low=0.2, high=2.5)
+        0.2, 's', 'serial time-out of the boards, in steps of 0.1 s', (0.2, 2.5))
     start_stopped: bool = param(
         False, '-', 'start with the emergency stop latched, e.g. after a crash')
-    require_arming: bool = param(
-        False, '-', 'zero duty until the service arm is called')
+    require_arming: bool = param(False, '-', 'zero duty until the service arm is called')
     release_hold_off: float = param(
-        1.0, 's', 'from an emergency stop or a request to release it to a release', low=0.1,
-        high=60.0)
+        1.0, 's', 'from an emergency stop or a request to release it to a release', (0.1, 60.0))
     low_battery: float = param(
-        10.5, 'V', 'zero duty while the supply of a board is below', low=0.0, high=40.0)
+        10.5, 'V', 'zero duty while the supply of a board is below', (0.0, 40.0))
     tolerated_status: int = param(
-        0, '-', 'bits of the board status (command 90) that do not stop the motors', low=0,
-        high=65535)
-    free_speed: float = param(
-        22.0, 'rad/s', 'wheel speed at full duty without load', low=0.1, high=1e3)
+        0, '-', 'bits of the board status (command 90) that do not stop the motors', (0, 65535))
+    free_speed: float = param(22.0, 'rad/s', 'wheel speed at full duty without load', (0.1, 1e3))
     stall_torque: float = param(
-        5.0, 'N m', 'torque at the wheel at full duty and standstill', low=1e-3, high=1e3)
+        5.0, 'N m', 'torque at the wheel at full duty and standstill', (1e-3, 1e3))
     motor_tolerance: float = param(
         0.2, '-', 'relative error of free_speed and stall_torque, by supply and heat, too',
-        low=0.0, high=0.9)
+        (0.0, 0.9))
     stall_duty: float = param(
-        0.3, '-', 'duty at which every wheel turns unless blocked', low=0.05, high=1.0)
+        0.3, '-', 'duty at which every wheel turns unless blocked', (0.05, 1.0))
     stall_time: float = param(
-        0.2, 's', 'zero duty if a wheel contradicts its duty for this long', low=0.05, high=5.0)
+        0.2, 's', 'zero duty if a wheel contradicts its duty for this long', (0.05, 5.0))
     max_current: float = param(
-        30.0, 'A', 'a larger measured motor current is rejected', low=0.1, high=300.0)
+        30.0, 'A', 'a larger measured motor current is rejected', (0.1, 300.0))
     signs: tuple[int, ...] = param(
-        (1, 1, 1, 1), '-', 'per wheel, -1 if motor and encoder count backwards', low=-1,
-        high=1, length=4)
-    robot: RobotParams = inlined(RobotParams)
+        (1, 1, 1, 1), '-', 'per wheel, -1 if motor and encoder count backwards', (-1, 1), length=4)
 
     def __post_init__(self) -> None:
         if 0 in self.signs:

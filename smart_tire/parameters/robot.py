@@ -32,34 +32,27 @@ class ImuParams:
     """Mounting and errors of the IMU."""
 
     position: tuple[float, ...] = param(
-        (0.05, 0.02, 0.10), 'm', 'position of imu_link in base_link',
-        low=-10.0, high=10.0, length=3)
+        (0.05, 0.02, 0.10), 'm', 'position of imu_link in base_link', (-10.0, 10.0), length=3)
     position_sigma: float = param(
-        0.0, 'm', 'standard deviation of its x position, where that was not measured', low=0.0,
-        high=10.0)
+        0.0, 'm', 'standard deviation of its x position, where that was not measured', (0.0, 10.0))
     rotation: tuple[float, ...] = param(
-        (0.0, 0.0, 0.0), 'rad', 'roll, pitch, yaw of imu_link in base_link',
-        low=-math.tau, high=math.tau, length=3)
-    gyro_noise: float = param(
-        0.01, 'rad/s', 'standard deviation of one sample', low=1e-6, high=1.0)
-    accel_noise: float = param(
-        0.05, 'm/s2', 'standard deviation of one sample', low=1e-6, high=10.0)
-    gyro_bias: float = param(
-        0.01, 'rad/s', 'standard deviation of the turn-on bias', low=0.0, high=1.0)
-    accel_bias: float = param(
-        0.05, 'm/s2', 'standard deviation of the turn-on bias', low=0.0, high=10.0)
+        (0.0, 0.0, 0.0), 'rad', 'roll, pitch, yaw of imu_link in base_link', (-math.tau, math.tau),
+        length=3)
+    gyro_noise: float = param(0.01, 'rad/s', 'standard deviation of one sample', (1e-6, 1.0))
+    accel_noise: float = param(0.05, 'm/s2', 'standard deviation of one sample', (1e-6, 10.0))
+    gyro_bias: float = param(0.01, 'rad/s', 'standard deviation of the turn-on bias', (0.0, 1.0))
+    accel_bias: float = param(0.05, 'm/s2', 'standard deviation of the turn-on bias', (0.0, 10.0))
 
 
 @dataclass(frozen=True, kw_only=True)
 class EncoderParams:
     """Wheel encoders."""
 
-    counts_per_revolution: float = param(
-        2000.0, '-', 'counts per wheel revolution', low=1.0, high=1e7)
+    counts_per_revolution: float = param(2000.0, '-', 'counts per wheel revolution', (1.0, 1e7))
     stamp_jitter: float = param(
-        0.001, 's', 'standard deviation of timestamp errors of wheel_states', low=0.0, high=0.1)
+        0.001, 's', 'standard deviation of timestamp errors of wheel_states', (0.0, 0.1))
     latency: float = param(
-        0.0, 's', 'delay of wheel_states timestamps after the measurement', low=-1.0, high=1.0)
+        0.0, 's', 'delay of wheel_states timestamps after the measurement', (-1.0, 1.0))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,13 +70,10 @@ class JointParams:
         'front_right', '-', "joint of the front right wheel; '': not measured")
     rear_left: str = param('rear_left', '-', "joint of the rear left wheel; '': not measured")
     rear_right: str = param('rear_right', '-', "joint of the rear right wheel; '': not measured")
-    left: str = param(
-        '', '-', 'of both left wheels, in place of front_left and rear_left')
-    right: str = param(
-        '', '-', 'of both right wheels, in place of front_right and rear_right')
+    left: str = param('', '-', 'of both left wheels, in place of front_left and rear_left')
+    right: str = param('', '-', 'of both right wheels, in place of front_right and rear_right')
     inverted: tuple[str, ...] = param(
-        (), '-', 'joints whose angle decreases when the robot drives forward',
-        kind='str[]')
+        (), '-', 'joints whose angle decreases when the robot drives forward')
 
     def __post_init__(self) -> None:
         for side in SIDES:
@@ -131,12 +121,12 @@ STANDARD_JOINTS = JointParams()
 class TireParams:
     """Contact patch and stiffness of a tire."""
 
-    contact_length: float = param(0.046, 'm', 'length L of the contact patch', low=1e-3, high=1.0)
-    contact_width: float = param(0.089, 'm', 'width B of the contact patch', low=1e-3, high=1.0)
+    contact_length: float = param(0.046, 'm', 'length L of the contact patch', (1e-3, 1.0))
+    contact_width: float = param(0.089, 'm', 'width B of the contact patch', (1e-3, 1.0))
     longitudinal_stiffness: float = param(
-        52.7, 'N', 'per unit slip and wheel, C_x of the tire-ground pair', low=1e-3, high=1e6)
+        52.7, 'N', 'per unit slip and wheel, C_x of the tire-ground pair', (1e-3, 1e6))
     longitudinal_stiffness_sigma: float = param(
-        0.1, '-', 'relative standard deviation of C_x', low=0.0, high=2.0)
+        0.1, '-', 'relative standard deviation of C_x', (0.0, 2.0))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -144,30 +134,27 @@ class FilmParams:
     """PVDF films and signal chain; lists: one value per film, for one wheel or for all wheels."""
 
     wheels: tuple[str, ...] = param(('front_right',), '-', 'instrumented wheels', choices=WHEELS)
-    length: float = param(0.020, 'm', 'length l of a film', low=1e-3, high=0.5)
-    width: float = param(0.003, 'm', 'width b of a film', low=1e-4, high=0.5)
+    length: float = param(0.020, 'm', 'length l of a film', (1e-3, 0.5))
+    width: float = param(0.003, 'm', 'width b of a film', (1e-4, 0.5))
     spacing: float = param(
-        0.030, 'm', 'distance between film centers along the circumference', low=0.0, high=10.0)
+        0.030, 'm', 'distance between film centers along the circumference', (0.0, 10.0))
     positions: tuple[float, ...] = param(
-        (), 'm', 'film centers along the circumference; []: two, film.spacing apart',
-        low=0.0, high=10.0, kind='float[]')
+        (), 'm', 'film centers along the circumference; []: two, film.spacing apart', (0.0, 10.0))
     stretch_gain: tuple[float, ...] = param(
-        (307.5, 242.5), 'V/m', 'per film, stretch voltage over overlap integral',
-        low=1e-3, high=1e6)
+        (307.5, 242.5), 'V/m', 'per film, stretch voltage over overlap integral', (1e-3, 1e6))
     stretch_gain_tolerance: float = param(
-        0.03, '-', 'relative standard deviation of the gains', low=0.0, high=1.0)
+        0.03, '-', 'relative standard deviation of the gains', (0.0, 1.0))
     bending_peak: tuple[float, ...] = param(
-        (0.83, 0.66), 'V', 'per film, peak q_bm of the bending voltage', low=0.0, high=100.0)
-    bending_alpha: float = param(
-        67.0, '1/m', 'shape of the bending charge, B(15)', low=1e-3, high=1e4)
+        (0.83, 0.66), 'V', 'per film, peak q_bm of the bending voltage', (0.0, 100.0))
+    bending_alpha: float = param(67.0, '1/m', 'shape of the bending charge, B(15)', (1e-3, 1e4))
     release: str = param(
         'fig8', '-', 'convention for the voltage when the film leaves the patch',
         choices=('fig8', 'state'))
-    noise: float = param(0.005, 'V', 'standard deviation of one sample', low=0.0, high=10.0)
-    rest_voltage: float = param(1.65, 'V', 'output without deformation', low=0.0, high=100.0)
-    voltage_range: float = param(3.3, 'V', 'full scale of the A/D converter', low=1e-3, high=100.0)
-    bits: int = param(10, '-', 'resolution of the A/D converter', low=1, high=24)
-    sample_rate: float = param(400.0, 'Hz', 'sampling rate of a sensor node', low=1.0, high=1e5)
+    noise: float = param(0.005, 'V', 'standard deviation of one sample', (0.0, 10.0))
+    rest_voltage: float = param(1.65, 'V', 'output without deformation', (0.0, 100.0))
+    voltage_range: float = param(3.3, 'V', 'full scale of the A/D converter', (1e-3, 100.0))
+    bits: int = param(10, '-', 'resolution of the A/D converter', (1, 24))
+    sample_rate: float = param(400.0, 'Hz', 'sampling rate of a sensor node', (1.0, 1e5))
 
     def __post_init__(self) -> None:
         films = self.count
@@ -222,19 +209,16 @@ class MotorParams:
     """Motor, gear and losses of each wheel; assumed values of a robot of this size."""
 
     torque_constant: float = param(
-        1.2, 'N m/A', 'motor torque at the wheel over current, gear included',
-        low=1e-4, high=100.0)
+        1.2, 'N m/A', 'motor torque at the wheel over current, gear included', (1e-4, 100.0))
     torque_constant_sigma: float = param(
-        0.05, '-', 'relative standard deviation of the torque constant', low=0.0, high=1.0)
-    coulomb_friction: float = param(
-        0.15, 'N m', 'dry friction torque at the wheel', low=0.0, high=100.0)
+        0.05, '-', 'relative standard deviation of the torque constant', (0.0, 1.0))
+    coulomb_friction: float = param(0.15, 'N m', 'dry friction torque at the wheel', (0.0, 100.0))
     viscous_friction: float = param(
-        0.0, 'N m s/rad', 'friction torque over wheel speed', low=0.0, high=100.0)
+        0.0, 'N m s/rad', 'friction torque over wheel speed', (0.0, 100.0))
     axle_friction: float = param(
-        0.015, '-', 'friction torque over wheel load and radius', low=0.0, high=1.0)
+        0.015, '-', 'friction torque over wheel load and radius', (0.0, 1.0))
     inertia: float = param(
-        0.008, 'kg m2', 'inertia of wheel, gear and rotor about the wheel axis',
-        low=1e-5, high=100.0)
+        0.008, 'kg m2', 'inertia of wheel, gear and rotor about the wheel axis', (1e-5, 100.0))
     current_sign: str = param(
         'draw', '-', 'currents: positive along the duty (draw) or a positive duty (signed)',
         choices=('draw', 'signed'))
@@ -245,30 +229,29 @@ class SlipParams:
     """Definition and inputs of the slip estimate."""
 
     standstill_speed: float = param(
-        0.05, 'm/s', 'slip is NaN while both wheel and robot are slower', low=1e-4, high=1.0)
+        0.05, 'm/s', 'slip is NaN while both wheel and robot are slower', (1e-4, 1.0))
 
 
 @dataclass(frozen=True, kw_only=True)
 class RobotParams:
     """The robot, common to all nodes; the defaults are those of paper B where it gives them."""
 
-    wheel_radius: float = param(0.087, 'm', 'effective rolling radius', low=1e-3, high=2.0)
+    wheel_radius: float = param(0.087, 'm', 'effective rolling radius', (1e-3, 2.0))
     wheel_radius_sigma: float = param(
-        0.002, '-', 'relative standard deviation of the initial wheel radius',
-        low=0.0, high=0.3)
+        0.002, '-', 'relative standard deviation of the initial wheel radius', (0.0, 0.3))
     track_width: float = param(
-        0.38, 'm', 'distance between left and right wheel centers', low=1e-2, high=10.0)
+        0.38, 'm', 'distance between left and right wheel centers', (1e-2, 10.0))
     wheelbase: float = param(
-        0.26, 'm', 'distance between front and rear wheel centers', low=1e-2, high=10.0)
-    mass: float = param(10.9, 'kg', 'mass of the robot', low=1e-2, high=1e4)
+        0.26, 'm', 'distance between front and rear wheel centers', (1e-2, 10.0))
+    mass: float = param(10.9, 'kg', 'mass of the robot', (1e-2, 1e4))
     yaw_inertia: float = param(
-        0.35, 'kg m2', 'moment of inertia about the vertical axis', low=1e-4, high=1e5)
+        0.35, 'kg m2', 'moment of inertia about the vertical axis', (1e-4, 1e5))
     center_of_mass: tuple[float, ...] = param(
-        (0.0, 0.0, 0.023), 'm', 'center of mass in base_link, so above the axles',
-        low=-5.0, high=5.0, length=3)
+        (0.0, 0.0, 0.023), 'm', 'center of mass in base_link, so above the axles', (-5.0, 5.0),
+        length=3)
     center_of_mass_sigma: tuple[float, ...] = param(
-        (0.005, 0.005), 'm', 'standard deviation of its x and y: an unknown load', low=1e-4,
-        high=1.0, length=2)
+        (0.005, 0.005), 'm', 'standard deviation of its x and y: an unknown load', (1e-4, 1.0),
+        length=2)
     imu: ImuParams = nested(ImuParams)
     encoder: EncoderParams = nested(EncoderParams)
     joints: JointParams = nested(JointParams)

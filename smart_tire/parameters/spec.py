@@ -33,7 +33,6 @@ from typing import Any, TypeVar
 from smart_tire.errors import ParameterError
 
 Params = TypeVar('Params')
-KINDS = {bool: 'bool', int: 'int', float: 'float', str: 'str'}
 ANY_NAME = '*'    # in the place of the names of a ``named`` field
 NAMES = 'names'   # last part of the list parameter with the names of a ``named`` field
 # parameters of earlier versions -> where what they chose is now
@@ -89,7 +88,7 @@ class Spec:
             value = float(value)
         if kind == 'int' and isinstance(value, float) and value.is_integer():
             value = int(value)
-        if KINDS.get(type(value)) != kind:
+        if type(value).__name__ != kind:
             raise self._error(value, f'{"an" if kind == "int" else "a"} {kind}')
         if self.choices and value not in self.choices:
             raise self._error(value, 'one of ' + ', '.join(self.choices))
@@ -109,23 +108,30 @@ class Spec:
         return ParameterError(f'parameter {self.name}: {value!r}, expected {expected}')
 
 
-def param(default: Any, unit: str, meaning: str, **limits: Any) -> Any:
+def param(default: Any, unit: str, meaning: str, limits: tuple[float, float] | None = None,
+          **details: Any) -> Any:
     """
-    Return a dataclass field that describes a parameter; ``limits`` are fields of ``Spec``.
+    Return a dataclass field that describes a parameter.
 
-    The kind is that of ``default``; an empty list needs ``kind``.
+    ``limits`` are the smallest and the largest number allowed, ``details`` fields of ``Spec``.
     """
-    return field(default=default, metadata={'unit': unit, 'meaning': meaning, **limits})
+    low, high = limits or (-math.inf, math.inf)
+    return field(default=default, metadata={
+        'unit': unit, 'meaning': meaning, 'low': low, 'high': high, **details})
 
 
-def nested(cls: Callable[[], Any]) -> Any:
-    """Return a field for a parameter class whose names get this field's name as prefix."""
-    return field(default_factory=cls, metadata={'class': cls, 'prefix': True})
+def nested(cls: Callable[[], Any], *, live: bool = False) -> Any:
+    """
+    Return a field for a parameter class whose names get this field's name as prefix.
+
+    ``live`` is the default of that field of ``Spec`` for all its parameters.
+    """
+    return field(default_factory=cls, metadata={'class': cls, 'prefix': True, 'live': live})
 
 
 def inlined(cls: Callable[[], Any]) -> Any:
     """Return a field for a parameter class whose names are those of the outer class."""
-    return field(default_factory=cls, metadata={'class': cls, 'prefix': False})
+    return field(default_factory=cls, metadata={'class': cls, 'prefix': False, 'live': False})
 
 
 def named(cls: type, default: tuple[Any, ...], meaning: str) -> Any:
@@ -157,17 +163,17 @@ def specs(cls: type, values: Mapping[str, Any] | None = None) -> dict[str, Spec]
     return {spec.name: spec for spec in _walk(cls, '', names)}
 
 
-def _walk(cls: type, prefix: str, names: Names) -> Iterator[Spec]:
+def _walk(cls: type, prefix: str, names: Names, live: bool = False) -> Iterator[Spec]:
     for item in fields(cls):
         metadata = item.metadata
         if 'class' in metadata:
             inner = f'{prefix}{item.name}.' if metadata['prefix'] else prefix
-            yield from _walk(metadata['class'], inner, names)
+            yield from _walk(metadata['class'], inner, names, metadata['live'])
         elif 'instances of' in metadata:
             yield from _walk_instances(item, f'{prefix}{item.name}.', names)
         elif 'unit' in metadata:
-            limits = {'kind': _kind(item.default), **metadata}
-            yield Spec(prefix + item.name, default=item.default, **limits)
+            yield Spec(prefix + item.name, _kind(str(item.type)), item.default,
+                       **{'live': live, **metadata})
 
 
 def _walk_instances(item: Any, prefix: str, names: Names) -> Iterator[Spec]:
@@ -181,10 +187,9 @@ def _walk_instances(item: Any, prefix: str, names: Names) -> Iterator[Spec]:
             yield replace(spec, default=getattr(defaults.get(name), leaf, spec.default))
 
 
-def _kind(default: Any) -> str:
-    if not isinstance(default, tuple):
-        return KINDS[type(default)]
-    return KINDS[type(default[0])] + '[]' if default else ''
+def _kind(annotation: str) -> str:
+    """Return the kind of a field: tuple[float, ...] is float[]."""
+    return annotation.replace('tuple[', '').replace(', ...]', '[]')
 
 
 def _instance_names(parameter: str, names: Any) -> tuple[str, ...]:

@@ -17,11 +17,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.parameters.spec import inlined, param
 
-RELIABILITIES = ('reliable', 'best_effort')
+
+def reliability() -> Any:
+    """Return the field that all nodes with inputs have."""
+    return param('reliable', '-', 'QoS reliability of the input subscriptions',
+                 choices=('reliable', 'best_effort'))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,32 +34,26 @@ class SlipEstimatorParams:
     """Slip estimator: extended Kalman filter on IMU and wheel speeds."""
 
     reorder_window: float = param(
-        0.03, 's', 'span of message timestamps that are sorted before use', low=0.0, high=1.0)
+        0.03, 's', 'span of message timestamps that are sorted before use', (0.0, 1.0))
     differential_slip_sigma: float = param(
-        0.05, '-', 'prior sigma of half the slip difference about the ICRs', low=1e-3, high=1.0)
+        0.05, '-', 'prior sigma of half the slip difference about the ICRs', (1e-3, 1.0))
     common_slip_sigma: float = param(
-        0.04, '-', 'prior sigma of the slip common to both sides at constant speed',
-        low=1e-3, high=1.0)
+        0.04, '-', 'prior sigma of the slip common to both sides at constant speed', (1e-3, 1.0))
     free_rolling_slip_sigma: float = param(
-        0.005, '-', 'least sigma of the slip about the ICRs, which is learned',
-        low=1e-4, high=1.0)
+        0.005, '-', 'least sigma of the slip about the ICRs, which is learned', (1e-4, 1.0))
     icr_x: float = param(
         0.0, 'm', 'initial S: x of the instantaneous center of rotation in base_link',
-        low=-10.0, high=10.0)
-    icr_x_sigma: float = param(
-        0.2, '-', 'sigma of icr_x, divided by the wheelbase', low=0.0, high=10.0)
+        (-10.0, 10.0))
+    icr_x_sigma: float = param(0.2, '-', 'sigma of icr_x, divided by the wheelbase', (0.0, 10.0))
     lateral_sigma: float = param(
-        0.006, 'm/s', 'least sigma of the lateral speed about B(8), which is learned',
-        low=1e-5, high=1.0)
+        0.006, 'm/s', 'least sigma of the lateral speed about B(8), which is learned', (1e-5, 1.0))
     slope_sigma: float = param(
-        0.01, 'rad', 'initial sigma of the ground slope, which is learned',
-        low=0.0, high=1.0)
+        0.01, 'rad', 'initial sigma of the ground slope, which is learned', (0.0, 1.0))
     ground_delay: float = param(
-        0.3, 's', 'message time after which a ground_state takes effect', low=0.0, high=0.8)
+        0.3, 's', 'message time after which a ground_state takes effect', (0.0, 0.8))
     publish_imu_tf: bool = param(
         True, '-', 'publish imu_link on /tf_static; false: robot_state_publisher does')
-    reliability: str = param(
-        'reliable', '-', 'QoS reliability of the input subscriptions', choices=RELIABILITIES)
+    reliability: str = reliability()
     robot: RobotParams = inlined(RobotParams)
 
 
@@ -63,7 +62,7 @@ class FrictionEstimatorParams:
     """Friction estimator: one estimate per patch crossing of a wheel's films."""
 
     reorder_window: float = param(
-        0.06, 's', 'span of message timestamps that are sorted before use', low=0.0, high=1.0)
+        0.06, 's', 'span of message timestamps that are sorted before use', (0.0, 1.0))
     method: str = param(
         'waveform', '-', 'fit of the whole waveform, or the method of paper B',
         choices=('waveform', 'two_peaks'))
@@ -72,9 +71,8 @@ class FrictionEstimatorParams:
         choices=('exact', 'printed'))
     load_sigma: float = param(
         0.02, '-', 'relative standard deviation of a wheel load: uneven ground, suspension',
-        low=0.0, high=1.0)
-    reliability: str = param(
-        'reliable', '-', 'QoS reliability of the input subscriptions', choices=RELIABILITIES)
+        (0.0, 1.0))
+    reliability: str = reliability()
     robot: RobotParams = inlined(RobotParams)
 
     def __post_init__(self) -> None:
