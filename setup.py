@@ -102,6 +102,6 @@ setup(
             *(f'{node} = {PACKAGE}.nodes.{node}:main' for node in NODES),
             f'{PACKAGE} = {PACKAGE}.cli.main:main',
         ],
-        'ros2cli.command': [f'{PACKAGE} = {PACKAGE}.cli._ros2_command:SmartTireCommand'],
+        'ros2cli.command': [f'{PACKAGE} = {PACKAGE}.cli.main:SmartTireCommand'],
     },
 )

@@ -23,7 +23,7 @@ from pathlib import Path
 import platform
 import sys
 
-from smart_tire.cli._overwrite import add_force, refuse_existing
+from smart_tire.cli._options import add_force, refuse_existing
 from smart_tire.errors import ParameterError, SmartTireError
 
 FAILED, USAGE = 1, 2  # exit statuses

@@ -62,7 +62,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def measure_live(folder: Path, seconds: float, runner_class: Callable[[list[str]], Any]) -> None:
     """Analysis all nodes as in the demo; print their CPU time and the latency of tire samples."""
     from benchmarks.latency_probe import RadioTap
-    from smart_tire.cli._processes import isolated_environment, NODES, Stack
+    from smart_tire.cli._stack import isolated_environment, NODES, Stack
     environment = isolated_environment()
     os.environ.update(environment)  # the node runner is in this process
     source, link = str(folder / 'radio'), str(folder / 'tapped_radio')

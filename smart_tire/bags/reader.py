@@ -210,7 +210,10 @@ class Bag:
     def clock_offset(self, standard: str, name: str) -> float | None:
         """Return reception minus header.stamp [s] of the first valid message of a topic."""
         first = next(self._samples({standard: name}, Faults()), None)
-        return None if first is None else (first[0] - first[2].stamp_ns) / NS_PER_S
+        if first is None:
+            return None
+        receive_ns, _, sample = first
+        return (receive_ns - sample.stamp_ns) / NS_PER_S if sample.stamp_ns else 0.0
 
     def raw(self, topics: Collection[str] | None = None) -> Iterator[Message]:
         """Yield the messages of ``topics`` (names as in the bag) in order of receive time."""

@@ -30,8 +30,8 @@ from smart_tire.calibration.procedure.guide import Action, Guide, INSTRUCTIONS, 
 from smart_tire.calibration.procedure.legs import (
     Leg, LIFTED_LEGS, limited, reach, REST_LEGS, STRAIGHT_LEGS, TURN_LEGS)
 from smart_tire.calibration.procedure.sequence import LIFTED, REST, STRAIGHT, TURNS
-from smart_tire.cli._overwrite import refuse_existing_bag, remove_bag
-from smart_tire.cli._processes import Stack
+from smart_tire.cli._options import refuse_existing_bag, remove_bag
+from smart_tire.cli._stack import Stack
 from smart_tire.errors import ParameterError, SmartTireError
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import Sample

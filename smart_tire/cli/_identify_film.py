@@ -21,8 +21,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from smart_tire.cli._arguments import positive
-from smart_tire.cli._overwrite import add_force, refuse_existing
+from smart_tire.cli._options import add_force, positive, refuse_existing
 from smart_tire.errors import ParameterError
 
 if TYPE_CHECKING:

@@ -18,9 +18,7 @@ from __future__ import annotations
 
 import argparse
 
-from smart_tire.cli._arguments import add_recordings
-from smart_tire.cli._bags import bag_settings
-from smart_tire.cli._output import check_output, write_parameters
+from smart_tire.cli._options import add_recordings, bag_settings, check_output, write_parameters
 
 NAME = 'icr'
 HELP = 'x coordinate S of the instantaneous center of rotation, by the curve fit of paper B'

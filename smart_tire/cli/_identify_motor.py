@@ -19,9 +19,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from smart_tire.cli._arguments import add_recordings
-from smart_tire.cli._bags import bag_settings
-from smart_tire.cli._output import check_output, write_parameters
+from smart_tire.cli._options import add_recordings, bag_settings, check_output, write_parameters
 
 NAME = 'motor'
 HELP = ('torque constant from starts and stops; with --lifted also friction and inertia of the '

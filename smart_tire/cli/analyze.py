@@ -18,31 +18,24 @@ from __future__ import annotations
 
 import argparse
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
 import sys
-from typing import TYPE_CHECKING
 
-from smart_tire.cli._bags import add_bag_options, check_options, open_bag, REQUIRED
-from smart_tire.cli._overwrite import (
-    add_force, FIGURES, refuse_existing, refuse_existing_bag, refuse_folder_of_bag)
+from smart_tire.cli._options import (
+    add_bags, add_force, check_options, FIGURES, open_bag, refuse_existing,
+    refuse_existing_bag, refuse_folder_of_bag, REQUIRED)
+from smart_tire.cli._progress import Progress
 from smart_tire.errors import BagError
-
-if TYPE_CHECKING:
-    from smart_tire.analysis.offline import Progress
 
 NAME = 'analyze'
 HELP = 'run the slip and friction estimators offline on bags; write estimates, summary, figures'
 ESTIMATED, NOTHING_ESTIMATED, USAGE = 0, 1, 2  # exit statuses
-PROGRESS_STEP = 0.25  # of a bag, between two lines of progress without a terminal
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this verb."""
-    parser.add_argument('bags', type=Path, nargs='+', metavar='BAG',
-                        help='rosbag2 directory or a single bag file')
-    add_bag_options(parser)
+    add_bags(parser)
     parser.add_argument('--out', type=Path, required=True, metavar='DIR',
                         help='folder for estimates, summary.json and figures')
     parser.add_argument('--smooth', action='store_true',
@@ -114,9 +107,9 @@ def analyze_one(bag: Path, out: Path, args: argparse.Namespace) -> int:
             for name in missing:
                 print(f'  {name} is not in the bag, nor a topic that may be it by another name')
             return NOTHING_ESTIMATED
-    with shown_progress(folder_name(bag)) as progress:
-        result = analyze(bag, out, params, progress, smooth=args.smooth, names=settings.names,
-                         source=settings.source.tree)
+    with Progress(folder_name(bag)) as progress:
+        result = analyze(bag, out, params, progress.share, smooth=args.smooth,
+                         names=settings.names, source=settings.source.tree)
     if result.summary is None:
         print(f'{bag}: nothing can be estimated')
         for text in result.contents.skipped:
@@ -134,30 +127,3 @@ def analyze_one(bag: Path, out: Path, args: argparse.Namespace) -> int:
                       wanted=result.contents.paths.wanted())
     print(f'  written to {out}')
     return ESTIMATED
-
-
-@contextmanager
-def shown_progress(name: str) -> Iterator[Progress]:
-    """Yield a function that shows the completed share: a bar on a terminal, otherwise lines."""
-    from rich.progress import Progress as Bars
-    if not sys.stdout.isatty():
-        yield ProgressLines(name).show
-        return
-    # No refresh thread: the analysis forks.
-    with Bars(transient=True, auto_refresh=False) as bars:
-        bar = bars.add_task(name, total=1.0)
-        yield lambda share: bars.update(bar, completed=share, refresh=True)
-
-
-class ProgressLines:
-    """Progress as occasional lines of text."""
-
-    def __init__(self, name: str) -> None:
-        self._name = name
-        self._next = PROGRESS_STEP
-
-    def show(self, share: float) -> None:
-        """Print a line if ``share`` has grown by a step since the last line."""
-        if share >= self._next:
-            print(f'{self._name}: {100.0 * share:.0f} %', flush=True)
-            self._next = share - share % PROGRESS_STEP + PROGRESS_STEP

@@ -21,8 +21,7 @@ from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from smart_tire.cli._bags import add_bag_options, bag_settings
-from smart_tire.cli._overwrite import add_force, refuse_existing
+from smart_tire.cli._options import add_bag_options, add_force, bag_settings, refuse_existing
 from smart_tire.errors import ParameterError
 
 if TYPE_CHECKING:

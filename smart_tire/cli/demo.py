@@ -30,13 +30,12 @@ import sys
 import time
 from typing import Any, TYPE_CHECKING
 
-from smart_tire.cli._heartbeat import heartbeat
-from smart_tire.cli._overwrite import (
+from smart_tire.cli._options import (
     add_force, FIGURES, refuse_existing, refuse_existing_bag, remove, remove_bag)
-from smart_tire.cli._processes import isolated_environment, NODES, Stack
-from smart_tire.cli._simulated_robot import (
-    check_alive, PORTS, RECORDER, remove_traces, RobotError, start_viewer, stop_all, UNITS,
-    write_parameters)
+from smart_tire.cli._progress import Progress
+from smart_tire.cli._stack import (
+    check_alive, isolated_environment, NODES, PORTS, RECORDER, remove_traces, RobotError, Stack,
+    start_viewer, stop_all, UNITS, write_parameters)
 from smart_tire.samples import NS_PER_S
 
 if TYPE_CHECKING:
@@ -120,7 +119,7 @@ def run(args: argparse.Namespace) -> int:
     params = _prepare(out, args.seed)
     intervals = _drive(out, params, partial(NodeRunner, DemoDriver), view=args.view)
     print('evaluating the recording', flush=True)
-    with heartbeat('smart_tire demo'):
+    with Progress('smart_tire demo'):
         summary = evaluate(out / 'bag', params, intervals, (*EXPECTED_TOPICS, *PATH_TOPICS),
                            out / 'conversions.csv', out / 'figures', (TO_BORDER, EIGHT))
     return _report(out, summary)
@@ -229,7 +228,7 @@ def _drive_paths(session: Session, dashboard: Dashboard) -> None:
 
 def _follow(session: Session, name: str, poses: Poses, dashboard: Dashboard) -> bool:
     """Follow a path; return whether its end was reached, else print why not."""
-    from smart_tire.cli._resuming import follow_resuming
+    from smart_tire.cli._drive_session import follow_resuming
     from smart_tire.control.trajectory_control import State
     state, reason = follow_resuming(session, name, poses, dashboard)
     if state != State.ARRIVED:

@@ -17,26 +17,26 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+import json
 from pathlib import Path
-import sys
-import time
 from typing import TYPE_CHECKING
 
-from smart_tire.cli._arguments import positive
-from smart_tire.cli._bags import add_bag_options
-from smart_tire.cli._findings import print_findings, print_summary, status_of, to_json
+from rich.console import Console
+from rich.text import Text
+
+from smart_tire.cli._options import add_bag_options, positive
+from smart_tire.cli._progress import Progress
 from smart_tire.errors import ParameterError
-from smart_tire.findings import Finding, Level
+from smart_tire.findings import counted, Finding, Level, worst
 
 if TYPE_CHECKING:
     from smart_tire.bags import Bag
-    from smart_tire.parameters import RobotParams
 
 NAME = 'doctor'
 HELP = ('check a recording, or without BAG the ports, host and nodes of this robot; exit status '
         '0 without errors (warnings allowed), 1 with errors, 2 if the bag cannot be read')
-PROGRESS_PERIOD = 2.0  # s between two lines while a bag is read
+STYLES = {Level.OK: 'green', Level.INFO: 'cyan', Level.WARNING: 'yellow', Level.ERROR: 'bold red'}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -54,32 +54,35 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print the findings; return the exit status."""
-    from rich.console import Console
     console = Console()
-    if args.json:
-        found = list(_findings(args))
-        print(to_json(found))
-    else:
-        found = print_findings(_findings(args), console)
-        print_summary(found, console)
+    with Progress(timer=False) as progress:
+        if args.json:
+            found = list(_findings(args, progress))
+            print(to_json(found))
+        else:
+            found = print_findings(_findings(args, progress), console)
+            print_summary(found, console)
     return status_of(found)
 
 
-def _findings(args: argparse.Namespace) -> Iterator[Finding]:
+def _findings(args: argparse.Namespace, progress: Progress) -> Iterator[Finding]:
     files, unreadable = _valid_files(args.params)
     yield from unreadable
     if args.bag is None:
         from smart_tire.cli._live_checks import live_findings
-        yield from live_findings(args, files, progress)
+        yield from live_findings(args, files, progress.show)
     else:
         from smart_tire.bags import Bag, TopicNames
         with Bag(args.bag, TopicNames.parse(args.remap)) as bag:
-            yield from _with_parameters(bag, files)
+            yield from _with_parameters(bag, files, progress)
 
 
-def _with_parameters(bag: Bag, files: Sequence[Path]) -> Iterator[Finding]:
+def _with_parameters(bag: Bag, files: Sequence[Path],
+                     progress: Progress) -> Iterator[Finding]:
     """Yield the findings on a bag with the parameters in ``files``, or with its own."""
     from smart_tire.analysis.bag_params import bag_params
+    from smart_tire.analysis.checks.catalog import findings
+    from smart_tire.analysis.checks.recording import read
     from smart_tire.parameters import RobotParams
     try:
         used = bag_params(bag, files)
@@ -93,29 +96,11 @@ def _with_parameters(bag: Bag, files: Sequence[Path]) -> Iterator[Finding]:
                           f'{", ".join(used.unknown)}', action='these are ignored')
         robot = used.params.robot
     bag.joints = robot.joints
-    yield from bag_findings(bag, robot)
+    recording = read(bag, robot, lambda share: progress.show(f'reading {bag.path}: {share:.0%}'))
+    yield from findings(recording)
     for note in bag.notes:
         where, _, text = note.partition(': ')
         yield Finding(Level.INFO, where, text)
-
-
-def bag_findings(bag: Bag, robot: RobotParams) -> Iterator[Finding]:
-    """Yield the findings on a bag."""
-    from smart_tire.analysis.checks.catalog import findings
-    from smart_tire.analysis.checks.recording import read
-    latest = [time.monotonic()]
-
-    def show(share: float) -> None:
-        if time.monotonic() - latest[0] >= PROGRESS_PERIOD:
-            latest[0] = time.monotonic()
-            progress(f'reading {bag.path}: {share:.0%}')
-
-    yield from findings(read(bag, robot, show))
-
-
-def progress(text: str) -> None:
-    """Print what is being done, to standard error: the findings go to standard output."""
-    print(f'... {text}', file=sys.stderr, flush=True)
 
 
 def _valid_files(files: list[Path]) -> tuple[list[Path], list[Finding]]:
@@ -132,3 +117,34 @@ def _valid_files(files: list[Path]) -> tuple[list[Path], list[Finding]]:
         else:
             valid.append(file)
     return valid, findings
+
+
+def print_findings(findings: Iterable[Finding], console: Console) -> list[Finding]:
+    """Print each finding as soon as it is found; return all."""
+    printed = []
+    for finding in findings:
+        line = Text(f'{finding.level.name.lower():8}', style=STYLES[finding.level])
+        line.append(finding.text, style='default')
+        console.print(line, soft_wrap=True)
+        printed.append(finding)
+    return printed
+
+
+def print_summary(findings: list[Finding], console: Console) -> None:
+    """Print the number of errors and warnings."""
+    console.print(', '.join(
+        counted(sum(one.level is level for one in findings), level.name.lower())
+        for level in (Level.ERROR, Level.WARNING)), highlight=False)
+
+
+def to_json(findings: Iterable[Finding]) -> str:
+    """Return the findings as a JSON document."""
+    found = list(findings)
+    rows = [{'level': one.level.name.lower(), 'where': one.where, 'found': one.found,
+             'expected': one.expected, 'action': one.action} for one in found]
+    return json.dumps({'level': worst(found).name.lower(), 'findings': rows}, indent=2)
+
+
+def status_of(findings: Iterable[Finding]) -> int:
+    """Return the exit status: warnings are no errors."""
+    return int(worst(findings) is Level.ERROR)

@@ -27,12 +27,10 @@ from pathlib import Path
 import sys
 from typing import Any, TYPE_CHECKING
 
-from smart_tire.cli._arguments import positive
-from smart_tire.cli._keyboard import Keyboard
-from smart_tire.cli._overwrite import (
-    add_force, refuse_existing, refuse_existing_bag, remove, remove_bag)
-from smart_tire.cli._processes import isolated_environment, NODES, Stack
-from smart_tire.cli._stop_request import StopRequest
+from smart_tire.cli._keyboard import Keyboard, StopRequest
+from smart_tire.cli._options import (
+    add_force, positive, refuse_existing, refuse_existing_bag, remove, remove_bag)
+from smart_tire.cli._stack import isolated_environment, NODES, Stack
 from smart_tire.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -168,7 +166,7 @@ def _announce(args: argparse.Namespace, poses: Poses) -> None:
 
 def _remove_results(out: Path) -> None:
     """Delete the results of an earlier drive."""
-    from smart_tire.cli._simulated_robot import remove_traces
+    from smart_tire.cli._stack import remove_traces
     remove_bag(out / 'bag')
     remove_traces(out)
     remove(out, FILES)
@@ -179,7 +177,7 @@ def _remove_results(out: Path) -> None:
 def _session(args: argparse.Namespace, runner_class: Callable[[list[str] | None], Any],
              stopped: StopRequest) -> Iterator[Session]:
     """Start recorder and, unless the robot runs, simulator and nodes; stop all at the end."""
-    from smart_tire.cli import _simulated_robot as simulated
+    from smart_tire.cli import _stack as simulated
     from smart_tire.cli._drive_session import Session
     environment = dict(os.environ) if args.robot else isolated_environment()
     os.environ.update(environment)  # the node runner is in this process
@@ -227,7 +225,7 @@ def _follow(args: argparse.Namespace, session: Session, poses: Poses) -> bool:
 
 def _teleoperate(args: argparse.Namespace, session: Session) -> bool:
     """Drive by the keyboard; return true, as there is no end to be reached."""
-    from smart_tire.cli._teleoperation import Teleoperation
+    from smart_tire.cli._keyboard import Teleoperation
     try:
         with Keyboard(sys.stdin) as keyboard:
             session.teleoperate(keyboard, Teleoperation(args.speed or KEYBOARD_SPEED))

@@ -32,7 +32,7 @@ import sys
 from typing import Any
 
 import smart_tire
-from smart_tire.cli._inputs import check_paths
+from smart_tire.cli._options import check_paths
 from smart_tire.errors import BagError, ParameterError, SmartTireError
 
 VERBS = {
@@ -137,8 +137,8 @@ def run_verb(args: argparse.Namespace) -> int:
     """Run the verb in ``args``; return the exit status."""
     if args.verb not in COMPUTING:
         return int(args.run(args))
-    from smart_tire.cli._heartbeat import heartbeat
-    with heartbeat(f'smart_tire {args.verb}'):
+    from smart_tire.cli._progress import Progress
+    with Progress(f'smart_tire {args.verb}'):
         return int(args.run(args))
 
 
@@ -155,6 +155,29 @@ def report_error(verb: str, error: object, status: int) -> int:
     """Print one line with the error; return ``status``."""
     print(f'smart_tire {verb}: {error}', file=sys.stderr)
     return status
+
+
+class SmartTireCommand:
+    """
+    Wheel slip, localization and tire-road friction from sensors in the tires.
+
+    The interface is that of ``ros2cli.command.CommandExtension``, which is not imported: the
+    package also runs without ros2cli.
+    """
+
+    NAME = 'smart_tire'
+
+    def add_arguments(self, parser: argparse.ArgumentParser, cli_name: str, *,
+                      argv: Sequence[str] | None = None) -> None:
+        """Add the verbs, with the arguments of the one on the command line."""
+        words = os.environ['COMP_LINE'].split() if COMPLETING in os.environ else \
+            list(sys.argv if argv is None else argv)
+        after = words[words.index(self.NAME) + 1:] if self.NAME in words else []
+        fill_parser(parser, after[0] if after else None)
+
+    def main(self, *, parser: argparse.ArgumentParser, args: argparse.Namespace) -> int:
+        """Run the verb; return the exit status."""
+        return execute(args)
 
 
 if __name__ == '__main__':

@@ -19,7 +19,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from smart_tire.cli._overwrite import add_force, refuse_existing
+from smart_tire.cli._options import add_force, refuse_existing
 from smart_tire.errors import ParameterError
 
 NAME = 'measure'

@@ -18,14 +18,15 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Mapping
-from datetime import datetime
+from datetime import datetime, timedelta
 from pathlib import Path
 import shutil
 import time
 
-from smart_tire.cli._output import print_counts
-from smart_tire.cli._overwrite import add_force, refuse_existing_bag, remove_bag
-from smart_tire.cli._status_line import duration_text, Rate, size_text, StatusLine
+from rich.filesize import decimal
+
+from smart_tire.cli._options import add_force, print_counts, refuse_existing_bag, remove_bag
+from smart_tire.cli._progress import Progress, Rate
 
 NAME = 'record'
 HELP = 'record topics into a rosbag2 bag until Ctrl-C'
@@ -54,12 +55,12 @@ class RecordStatus:
     def text(self, counts: Mapping[str, int], lost: int) -> str:
         """Return elapsed time, messages, rate, size, free disk space and lost messages."""
         now, messages = self._clock(), sum(counts.values())
-        rate = self._rate.update(messages, now)
+        rate = self._rate.since(messages, now)
         size = sum(file.stat().st_size for file in self._directory.iterdir())
-        parts = [duration_text(now - self._start),
+        parts = [str(timedelta(seconds=int(now - self._start))),
                  f'{messages} messages on {len(counts)} topic' + 's' * (len(counts) != 1),
-                 '' if rate is None else f'{rate:.0f}/s', size_text(size),
-                 f'{size_text(shutil.disk_usage(self._directory).free)} free',
+                 '' if rate is None else f'{rate:.0f}/s', decimal(size),
+                 f'{decimal(shutil.disk_usage(self._directory).free)} free',
                  f'{lost} lost' if lost else '']
         return '  '.join(part for part in parts if part)
 
@@ -78,10 +79,10 @@ def run(args: argparse.Namespace) -> int:
         parameters = EstimatorParams.load(args.params).by_node()
     from smart_tire.nodes.recorder import record
     remove_bag(directory)
-    with StatusLine() as line:
+    with Progress(timer=False) as progress:
         status = RecordStatus(directory)
         recording = record(directory, args.topics, parameters,
-                           lambda counts, lost: line.show(status.text(counts, lost)))
+                           lambda counts, lost: progress.show(status.text(counts, lost)))
     print(f'{directory}:')
     print_counts(recording.counts)
     for loss in recording.losses:

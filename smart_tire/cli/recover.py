@@ -19,9 +19,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from smart_tire.cli._output import print_counts, print_warnings
-from smart_tire.cli._overwrite import (
-    add_force, refuse_existing_bag, refuse_folder_of_bag, remove_bag)
+from smart_tire.cli._options import (
+    add_force, print_counts, print_warnings, refuse_existing_bag, refuse_folder_of_bag, remove_bag)
 
 NAME = 'recover'
 HELP = 'write the readable messages of a truncated or damaged bag into a new, indexed bag'

@@ -18,16 +18,15 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Sequence
+from datetime import timedelta
 import math
 from pathlib import Path
 import sys
 import time
 from typing import TYPE_CHECKING
 
-from smart_tire.cli._arguments import positive
-from smart_tire.cli._bags import add_remap, REQUIRED
-from smart_tire.cli._output import print_counts, print_warnings
-from smart_tire.cli._status_line import duration_text, Rate, StatusLine
+from smart_tire.cli._options import add_remap, positive, print_counts, print_warnings, REQUIRED
+from smart_tire.cli._progress import Progress, Rate
 from smart_tire.errors import BagError
 from smart_tire.estimation.streams import INPUTS
 
@@ -69,13 +68,18 @@ class ReplayStatus:
 
     def text(self, position: float) -> str:
         """Return position in the bag, duration, rate and remaining time."""
-        rate = self._rate.update(position, self._clock())
+        rate = self._rate.since(position, self._clock())
         share = min(1.0, position / self._duration) if self._duration > 0.0 else 1.0
-        text = f'{duration_text(position)} of {duration_text(self._duration)}  {share:4.0%}'
+        text = f'{duration(position)} of {duration(self._duration)}  {share:4.0%}'
         if rate is None or rate <= 0.0:
             return text
-        left = duration_text(math.ceil((self._duration - position) / rate))
+        left = duration(math.ceil((self._duration - position) / rate))
         return f'{text}  {rate:.3g} times the recorded rate  {left} left'
+
+
+def duration(seconds: float) -> timedelta:
+    """Return a duration in whole seconds, which is printed as hours, minutes and seconds."""
+    return timedelta(seconds=max(0, int(seconds)))
 
 
 def run(args: argparse.Namespace) -> int:
@@ -96,10 +100,10 @@ def run(args: argparse.Namespace) -> int:
         from smart_tire.nodes.replayer import replay
         start_ns, end_ns = bag.span_ns
         status = ReplayStatus((end_ns - start_ns) * 1e-9)
-        with StatusLine() as line:
+        with Progress(timer=False) as progress:
             result = replay(bag, names, rate=args.rate, clock=args.clock, wait=args.wait,
                             wait_for=args.wait_for, renamed=renamed,
-                            on_progress=lambda position: line.show(status.text(position)))
+                            on_progress=lambda position: progress.show(status.text(position)))
         print_warnings(bag.warnings)
     if any(result.counts.values()) or not result.failures:
         print(f'{args.bag}: published' + ('' if result.complete else ' in part'))

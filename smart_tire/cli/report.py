@@ -23,10 +23,10 @@ from datetime import datetime, timezone
 from pathlib import Path
 
 import smart_tire
-from smart_tire.cli._bags import add_bag_options, check_options, open_bag
-from smart_tire.cli._overwrite import add_force, refuse_existing, refuse_folder_of_bag
-from smart_tire.cli.analyze import (
-    each_bag, ESTIMATED, folder_name, NOTHING_ESTIMATED, shown_progress)
+from smart_tire.cli._options import (
+    add_bag_options, add_force, check_options, open_bag, refuse_existing, refuse_folder_of_bag)
+from smart_tire.cli._progress import Progress
+from smart_tire.cli.analyze import each_bag, ESTIMATED, folder_name, NOTHING_ESTIMATED
 from smart_tire.errors import ParameterError
 
 NAME = 'report'
@@ -88,8 +88,8 @@ def report_one(bag: Path, out: Path, args: argparse.Namespace) -> int:
     from smart_tire.analysis.offline import analyze
     with open_bag(bag, args) as (_, settings):
         pass
-    with shown_progress(report_name(bag)) as progress:
-        result = analyze(bag, None, settings.params, progress, names=settings.names,
+    with Progress(report_name(bag)) as progress:
+        result = analyze(bag, None, settings.params, progress.share, names=settings.names,
                          source=settings.source.tree)
     if result.summary is None:
         print(f'{bag}: nothing can be estimated, no report is written')

@@ -17,18 +17,15 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-import sys
 from typing import TYPE_CHECKING
 
-from smart_tire.cli._overwrite import add_force, refuse_existing
+from smart_tire.cli._options import add_force, refuse_existing
+from smart_tire.cli._progress import Progress
 from smart_tire.errors import ParameterError
 
 if TYPE_CHECKING:
     from smart_tire.reproduction.experiments import Laboratory
-    from smart_tire.reproduction.runner import Progress
 
 NAME = 'reproduce'
 HELP = 'recompute the figures and tables of both papers; write PNG files and an HTML report'
@@ -47,8 +44,9 @@ def run(args: argparse.Namespace) -> int:
                     force=args.force)
     from smart_tire.reproduction.runner import reproduce
     try:
-        with shown_progress() as progress:
-            report = reproduce(laboratory(), args.out, progress)
+        with Progress(f'smart_tire {NAME}') as progress:
+            report = reproduce(laboratory(), args.out, lambda done, total, what: progress.show(
+                f'{done}/{total}  {what}'))
     except OSError as error:
         raise ParameterError(f'{args.out}: cannot be written ({error.strerror})') from error
     print(f'written to {report}')
@@ -72,17 +70,3 @@ def laboratory() -> Laboratory:
             charge_noise=FilmTestStand.charge_noise * share,
             full_scale=FilmTestStand.full_scale * share).run(deflection, seed)
     return Laboratory(bench, simulate)
-
-
-@contextmanager
-def shown_progress() -> Iterator[Progress]:
-    """Yield a function that shows progress: a bar on a terminal, otherwise one line per step."""
-    if not sys.stdout.isatty():
-        yield lambda done, total, what: print(f'{done:3}/{total}  {what}', flush=True)
-        return
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress as Bars, TextColumn
-    columns = BarColumn(), MofNCompleteColumn(), TextColumn('{task.description}')
-    with Bars(*columns, transient=True, auto_refresh=False) as bars:
-        bar = bars.add_task('', total=None)
-        yield lambda done, total, what: bars.update(
-            bar, completed=done, total=total, description=what, refresh=True)

@@ -27,9 +27,10 @@ import time
 from typing import TYPE_CHECKING
 import webbrowser
 
-from smart_tire.cli._bags import add_bag_options, BagSettings, open_bag
-from smart_tire.cli._overwrite import add_force, refuse_existing
-from smart_tire.cli._processes import end_with_parent
+from smart_tire.cli._options import (
+    add_bag_options, add_force, BagSettings, open_bag, refuse_existing)
+from smart_tire.cli._progress import Progress
+from smart_tire.cli._stack import end_with_parent
 
 if TYPE_CHECKING:
     from smart_tire.analysis.pipeline import EstimatorParams
@@ -126,11 +127,10 @@ def _with_viewer(args: argparse.Namespace, name: str, params: EstimatorParams,
 def _show_bag(args: argparse.Namespace, recording: Recording, settings: BagSettings,
               scene: Scene, viewer: Viewer | None) -> int:
     """Show a recording; wait while a viewer for browsers is served."""
-    from smart_tire.cli.analyze import shown_progress
     from smart_tire.view.bag import show
-    with shown_progress(recording.bag.name) as progress:
+    with Progress(recording.bag.name) as progress:
         show(recording, scene, settings.params, estimate=args.estimate,
-             describe=partial(print, flush=True), progress=progress, names=settings.names)
+             describe=partial(print, flush=True), progress=progress.share, names=settings.names)
     if viewer is not None and viewer.address.web is not None:
         try:
             while viewer.running:

@@ -58,7 +58,7 @@ def test_results_of_one_bag_are_written_to_the_folder(bag, robot, tmp_path, caps
         'estimates', 'summary.json', 'slip.png', 'path.png', 'friction.png'}
     assert json.loads((out / 'summary.json').read_text())['bag'] == str(bag)
     output = capsys.readouterr().out
-    assert 'drive: 100 %' in output and 'position error' in output
+    assert 'position error' in output
 
 
 def test_the_smoother_has_its_own_bag_and_report(bag, robot, tmp_path, capsys):
@@ -68,7 +68,6 @@ def test_the_smoother_has_its_own_bag_and_report(bag, robot, tmp_path, capsys):
         'estimates', 'smoothed', 'summary.json', 'slip.png', 'path.png', 'friction.png'}
     output = capsys.readouterr().out
     assert output.count('position error') == 2 and 'RTS smoother' in output
-    assert 'drive: 100 %' in output
 
 
 def test_several_bags_have_a_folder_each(bag, tmp_path):

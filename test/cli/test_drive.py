@@ -26,11 +26,9 @@ import pytest
 from smart_tire.cli import _drive_session
 from smart_tire.cli._dashboard import Dashboard
 from smart_tire.cli._drive_session import Session
-from smart_tire.cli._keyboard import Key
+from smart_tire.cli._keyboard import Key, StopRequest, Teleoperation
 from smart_tire.cli._path_file import extent, length
-from smart_tire.cli._simulated_robot import RobotError
-from smart_tire.cli._stop_request import StopRequest
-from smart_tire.cli._teleoperation import Teleoperation
+from smart_tire.cli._stack import RobotError
 from smart_tire.cli.demo import border_point
 from smart_tire.cli.drive import PATHS, read_plan
 from smart_tire.cli.main import main

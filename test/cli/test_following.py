@@ -18,9 +18,9 @@ from __future__ import annotations
 
 import pytest
 
-from smart_tire.cli._following import (
+from smart_tire.cli._drive_session import (
     ANSWER_TIME, EXTRA_TIME, Following, MIN_MEAN_SPEED, note, OLD_REPORT_TIME, SILENCE_TIME)
-from smart_tire.cli._simulated_robot import RobotError
+from smart_tire.cli._stack import RobotError
 from smart_tire.control.trajectory_control import State
 from smart_tire.samples import NAN, PathProgress
 

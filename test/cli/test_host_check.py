@@ -20,7 +20,7 @@ from pathlib import Path
 
 import pytest
 
-from smart_tire.cli._host_check import (
+from smart_tire.cli._live_checks import (
     disk_finding, disk_findings, lateness_finding, load_finding, timer_lateness)
 from smart_tire.findings import Level
 

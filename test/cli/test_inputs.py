@@ -24,7 +24,7 @@ import sys
 
 import pytest
 
-from smart_tire.cli._inputs import BAGS, check_paths, FILES, OUTPUTS
+from smart_tire.cli._options import BAGS, check_paths, FILES, OUTPUTS
 from smart_tire.cli.main import new_parser, VERBS
 from smart_tire.errors import BagError, ParameterError
 

@@ -23,7 +23,7 @@ import pytest
 
 from smart_tire.bags import BagWriter
 from smart_tire.cli import demo
-from smart_tire.cli._overwrite import (
+from smart_tire.cli._options import (
     FIGURES, refuse_existing, refuse_existing_bag, refuse_folder_of_bag, remove, remove_bag)
 from smart_tire.cli.main import main
 from smart_tire.errors import ParameterError

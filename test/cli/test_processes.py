@@ -24,7 +24,7 @@ import sys
 
 import pytest
 
-from smart_tire.cli._processes import isolated_environment, Stack
+from smart_tire.cli._stack import isolated_environment, Stack
 from support.waiting import wait_for
 
 pytestmark = pytest.mark.processes
@@ -67,7 +67,7 @@ def test_children_end_if_the_parent_is_killed(tmp_path, module):
     module('polite', POLITE)
     parent = module('parent', (
         'import pathlib, sys, time\n'
-        'from smart_tire.cli._processes import Stack, isolated_environment\n'
+        'from smart_tire.cli._stack import Stack, isolated_environment\n'
         f'stack = Stack(pathlib.Path({str(tmp_path / "logs")!r}), isolated_environment())\n'
         'stack.start("child", "polite")\n'
         'print(stack.processes["child"].pid, flush=True)\n'

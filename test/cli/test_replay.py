@@ -16,7 +16,6 @@
 
 from __future__ import annotations
 
-import re
 import signal
 
 import pytest
@@ -100,17 +99,10 @@ def test_all_publishes_everything_except_commands(source, tmp_path):
     assert len(clock) > 20
 
 
-def test_commands_are_published_if_named_and_progress_is_shown(source, tmp_path, monkeypatch):
+def test_commands_are_published_if_named(source, tmp_path):
     pytest.importorskip('rclpy')
-    monkeypatch.setenv('FORCE_COLOR', '1')  # taken for a terminal
-    monkeypatch.setenv('TERM', 'xterm')
-    received, output = played(source, tmp_path, '--topics', 'cmd_vel', 'path', '--rate', 0.7)
+    received, _ = played(source, tmp_path, '--topics', 'cmd_vel', 'path', '--rate', 0.7)
     assert names(received) == {'/cmd_vel', '/robot/path'}
-    shares = [int(share) for share in re.findall(r'0:0\d of 0:01 +(\d+)%', output)]
-    assert shares[0] < shares[-1] <= 100
-    assert shares == sorted(shares)
-    assert re.search(r'%  [\d.]+ times the recorded rate  0:0\d left', output)
-    assert re.search(r'0:0[1-9]  \d+ messages on \d+ topic', output)
 
 
 def test_topics_without_subscribers_are_named_while_the_replay_waits(source):

@@ -25,7 +25,6 @@ import re
 import pytest
 
 from smart_tire.cli.main import main
-from smart_tire.cli.reproduce import shown_progress
 from smart_tire.reproduction import runner
 
 pytestmark = pytest.mark.slow
@@ -91,21 +90,6 @@ def test_the_report_contains_every_figure_with_its_text(written):
         assert 'class="differs"' in section  # no figure can be matched in all
         assert section.count('<p>') >= 2
         assert 'nan' not in re.sub(r'base64,[^"]+', '', section).split()
-
-
-def test_progress_without_a_terminal_is_printed_as_lines(written):
-    *lines, last = written.with_suffix('.txt').read_text(encoding='utf-8').splitlines()
-    steps = [re.fullmatch(r' *(\d+)/18  (.+)', line).groups() for line in lines]
-    assert [int(done) for done, _ in steps] == list(range(19))
-    assert steps[-1][1] == 'done'
-    assert last == f'written to {written / "report.html"}'
-
-
-def test_progress_on_a_terminal_is_a_bar(capsys, monkeypatch):
-    monkeypatch.setattr('sys.stdout.isatty', lambda: True, raising=False)
-    with shown_progress() as progress:
-        progress(1, 2, 'one')
-    assert '  1/2  one' not in capsys.readouterr().out
 
 
 def test_a_folder_that_cannot_be_created_is_an_error_in_one_line(tmp_path, capsys):

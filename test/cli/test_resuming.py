@@ -23,10 +23,9 @@ import numpy as np
 import pytest
 
 from smart_tire.cli import _drive_session
-from smart_tire.cli._drive_session import Session
-from smart_tire.cli._resuming import (
-    follow_resuming, LATE, MAX_RESUMPTIONS, MIN_REST, remaining_path)
-from smart_tire.cli._simulated_robot import RobotError
+from smart_tire.cli._drive_session import (
+    follow_resuming, LATE, MAX_RESUMPTIONS, MIN_REST, remaining_path, Session)
+from smart_tire.cli._stack import RobotError
 from smart_tire.control.command_check import check_age
 from smart_tire.control.path_library import figure_eight
 from smart_tire.control.trajectory_control import State

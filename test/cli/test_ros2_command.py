@@ -21,8 +21,7 @@ import argparse
 import pytest
 
 from smart_tire.cli import recover
-from smart_tire.cli._ros2_command import SmartTireCommand
-from smart_tire.cli.main import VERBS
+from smart_tire.cli.main import SmartTireCommand, VERBS
 
 
 def parsed(*words, argv=None):

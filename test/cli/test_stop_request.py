@@ -23,7 +23,7 @@ import sys
 
 import pytest
 
-from smart_tire.cli._stop_request import SIGNALS, StopRequest
+from smart_tire.cli._keyboard import SIGNALS, StopRequest
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
@@ -38,7 +38,7 @@ def test_a_signal_is_a_flag_and_the_handlers_return(number):
 
 
 def test_output_after_the_terminal_was_closed_is_discarded():
-    code = ('import os, signal; from smart_tire.cli._stop_request import StopRequest\n'
+    code = ('import os, signal; from smart_tire.cli._keyboard import StopRequest\n'
             'with StopRequest() as stopped:\n'
             '    print("before", flush=True); os.kill(os.getpid(), signal.SIGHUP)\n'
             '    print("after", flush=True); assert stopped')

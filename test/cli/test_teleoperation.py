@@ -18,9 +18,8 @@ from __future__ import annotations
 
 import pytest
 
-from smart_tire.cli._keyboard import Key
-from smart_tire.cli._teleoperation import (
-    ACCELERATION, BRAKING, FIRST_HOLD, MAX_SCALE, MIN_SCALE, REPEAT_HOLD, STEP_FACTOR,
+from smart_tire.cli._keyboard import (
+    ACCELERATION, BRAKING, FIRST_HOLD, Key, MAX_SCALE, MIN_SCALE, REPEAT_HOLD, STEP_FACTOR,
     Teleoperation, YAW_BRAKING, YAW_RATE)
 
 PERIOD = 0.05  # s

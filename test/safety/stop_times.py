@@ -35,7 +35,7 @@ import time
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from smart_tire.cli._processes import isolated_environment  # noqa: E402
+from smart_tire.cli._stack import isolated_environment  # noqa: E402
 from smart_tire.samples import MotorCommand, VelocityCommand, WheelSample  # noqa: E402
 from support.following_rig import FollowingRig  # noqa: E402
 from support.motor_rig import STILL  # noqa: E402

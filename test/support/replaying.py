@@ -26,7 +26,7 @@ from typing import Any
 from smart_tire.analysis.pipeline import ESTIMATES, EstimatorParams, INPUTS, Pipeline
 from smart_tire.bags import Bag
 from smart_tire.bags.cdr import Decoder
-from smart_tire.cli._processes import ESTIMATORS, isolated_environment, Stack
+from smart_tire.cli._stack import ESTIMATORS, isolated_environment, Stack
 from smart_tire.messages import topic_of, TOPICS
 from smart_tire.nodes.compat import message_class
 from smart_tire.samples import (

@@ -23,8 +23,7 @@ from types import SimpleNamespace
 import pytest
 from rich.console import Console
 
-from smart_tire.cli._status_board import ERROR, OK, STALE, StatusBoard, WARNING
-from smart_tire.cli._status_view import to_json, view
+from smart_tire.cli.status import ERROR, OK, STALE, StatusBoard, to_json, view, WARNING
 
 
 def status(name, level=OK, message='ok', **values):

@@ -12,11 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Start, supervision and shutdown of the processes of the robot."""
+"""The nodes of the package as processes: parameters, start, supervision, shutdown."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 import ctypes
 import os
 from pathlib import Path
@@ -26,6 +26,11 @@ import subprocess
 import sys
 import time
 from types import TracebackType
+from typing import Any
+
+from smart_tire.cli._options import remove
+from smart_tire.errors import SmartTireError
+import yaml
 
 DRIVERS = ('tire_receiver', 'imu_driver', 'motor_driver')
 ESTIMATORS = ('slip_estimator', 'friction_estimator')
@@ -33,6 +38,19 @@ CONTROLLERS = ('wheel_controller', 'trajectory_controller')
 NODES = ('robot_simulator', *ESTIMATORS, *CONTROLLERS, *DRIVERS)
 SHUTDOWN_TIMEOUT = 30.0  # s from SIGINT to SIGKILL, on a busy machine
 PR_SET_PDEATHSIG = 1     # prctl(2): signal to a child when its parent ends, even if killed
+UNITS = ('0013A20040A1B2C2=front_left', '0013A20040A1B2C3=front_right')
+RADIO_LATENCY = 0.005     # s, radio.delay of the simulator
+START_TIMEOUT = 60.0      # s until all nodes run, on a busy machine
+ODOM_TIMEOUT = 1.0        # s, more than for a robot: other programs may slow the nodes down
+WAIT_REPORT_PERIOD = 4.0  # s between lines that name the nodes waited for
+SPIN_TIME = 0.25          # s between two looks at the processes
+PORTS = ('tire_radio', 'imu', 'motors')
+RECORDER, VIEWER = 'recorder', 'viewer'  # names of their processes
+ANNOUNCED = 'viewer: '  # start of the line that "view" prints when the viewer runs
+
+
+class RobotError(SmartTireError):
+    """The robot, or a process that belongs to it, has failed; the text has the reason."""
 
 
 def isolated_environment() -> dict[str, str]:
@@ -119,3 +137,84 @@ class Stack:
                 process.kill()
                 process.wait()
         return {name: process.returncode for name, process in chosen.items()}
+
+
+def write_parameters(out: Path, name: str, seed: int,
+                     more: Mapping[str, Mapping[str, Any]]) -> Path:
+    """
+    Write the parameter file ``name`` with films in both front wheels; return its path.
+
+    The ports are links in ``out``; ``more`` has additional parameters by node.
+    """
+    ports = (out / 'ports').resolve()
+    links = {name: str(ports / name) for name in PORTS}
+    nodes: dict[str, dict[str, Any]] = {
+        '/**': {'film.wheels': [unit.partition('=')[2] for unit in UNITS]},
+        'robot_simulator': {'seed': seed, 'units': list(UNITS),
+                            **{f'ports.{name}': link for name, link in links.items()}},
+        'tire_receiver': {'port': links['tire_radio'], 'units': list(UNITS),
+                          'radio_latency': RADIO_LATENCY},
+        'imu_driver': {'port': links['imu']},
+        'motor_driver': {'port': links['motors']},
+        'trajectory_controller': {'checks.odom_timeout': ODOM_TIMEOUT}}
+    for node, values in more.items():
+        nodes.setdefault(node, {}).update(values)
+    out.mkdir(parents=True, exist_ok=True)
+    file = out / name
+    file.write_text(yaml.safe_dump({node: {'ros__parameters': values}
+                                    for node, values in nodes.items()}), encoding='utf-8')
+    return file
+
+
+def remove_traces(out: Path) -> None:
+    """Delete the logs and links to ports of an earlier run."""
+    remove(out / 'logs', [f'{name}.log' for name in (*NODES, RECORDER, VIEWER)])
+    remove(out / 'ports', PORTS)
+
+
+def start_viewer(stack: Stack, *arguments: str) -> None:
+    """Start the viewer in the environment of the nodes; print where it is."""
+    stack.start(VIEWER, 'smart_tire.cli.main', 'view', '--live', *arguments)
+    deadline = time.monotonic() + START_TIMEOUT
+    while not (lines := [line for line in stack.log(VIEWER).splitlines()
+                         if line.startswith(ANNOUNCED)]):
+        if stack.died() or time.monotonic() > deadline:
+            raise RobotError(f'the viewer does not start\n{stack.tail(VIEWER)}')
+        time.sleep(SPIN_TIME)
+    print(lines[0], flush=True)
+
+
+def await_nodes(stack: Stack, pilot: Any, spin: Callable[[float], None]) -> None:
+    """Wait until estimates are published and every node has sent diagnostics."""
+    begin, report_at = time.monotonic(), WAIT_REPORT_PERIOD
+    while pilot.slip is None or pilot.wheels is None or set(NODES) - pilot.health.keys():
+        check_alive(stack)
+        waited = time.monotonic() - begin
+        missing = sorted(set(NODES) - pilot.health.keys()) or ['wheel_slip']
+        if waited > report_at:
+            report_at += WAIT_REPORT_PERIOD
+            print(f'waiting for messages from {", ".join(missing)}', flush=True)
+        if waited > START_TIMEOUT:
+            raise RobotError(f'no messages from {", ".join(missing)} within '
+                             f'{START_TIMEOUT:.0f} s')
+        spin(SPIN_TIME)
+
+
+def check_alive(stack: Stack) -> None:
+    """Raise RobotError if a process has ended, except a viewer closed by the user."""
+    for name, status in stack.died().items():
+        if name == VIEWER and not status:
+            continue
+        raise RobotError(f'{name} died with status {status}\n{stack.tail(name)}')
+
+
+def stop_all(stack: Stack) -> None:
+    """Stop all processes in order; raise RobotError if one of them ends with an error."""
+    check_alive(stack)
+    # Subscribers first, then the owner of the ports; the recorder last, to record all.
+    started = stack.processes.keys()
+    for names in (NODES[1:], NODES[:1], (RECORDER, VIEWER)):
+        if present := [name for name in names if name in started]:
+            for name, status in stack.stop(*present).items():
+                if status:
+                    raise RobotError(f'{name} ended with status {status}\n{stack.tail(name)}')

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Heartbeat of verbs that compute without output."""
+"""The line that shows what a verb is doing."""
 
 from __future__ import annotations
 
@@ -22,18 +22,20 @@ import pty
 import signal
 import subprocess
 import sys
+import termios
 import textwrap
 
 import pytest
 
+from smart_tire.cli._progress import PERIOD, Progress, Rate
 from smart_tire.cli.main import run_verb
 
 PROGRAM = textwrap.dedent("""
     import signal, sys, time
-    from smart_tire.cli import _heartbeat
+    from smart_tire.cli import _progress
 
-    _heartbeat.PERIOD = 0.1
-    with _heartbeat.heartbeat('smart_tire think'):
+    _progress.PERIOD = 0.1
+    with _progress.Progress('smart_tire think'):
         for word in sys.argv[1:]:
             time.sleep(float(word))
             print('result', word, flush=True)
@@ -66,7 +68,8 @@ def test_on_a_terminal_the_line_is_erased_before_output_and_at_the_end():
     with os.fdopen(control, 'rb', 0) as reader:
         run('0.15', stderr=terminal)
         os.close(terminal)
-        lines = reader.read(1000).decode().split('\r\x1b[K')
+        text = reader.read(1000).decode()
+    lines = [line.strip('\r') for line in text.split('\r\x1b[K')]
     assert (lines[0], lines[-1]) == ('', '')  # nothing remains
     assert set(lines[1:-1]) == {BEAT}
 
@@ -84,3 +87,38 @@ def test_verbs_that_compute_for_long_have_a_heartbeat(verb):
     assert run_verb(Namespace(verb=verb, run=lambda _: signal.getitimer(
         signal.ITIMER_REAL)[1])) == 4
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
+
+
+def test_the_latest_text_is_shown_now_and_then(tmp_path):
+    clock, path = iter(range(100)), tmp_path / 'shown'
+    with path.open('w') as stream, Progress(
+            timer=False, stream=stream, clock=lambda: next(clock)) as progress:
+        for number in range(20):
+            progress.show(f'step {number}')
+    steps = [int(line.split()[1]) for line in path.read_text().splitlines()]
+    assert len(steps) > 2 and min(b - a for a, b in zip(steps, steps[1:])) >= PERIOD - 1
+
+
+def test_the_share_is_shown_within_the_width_of_a_terminal():
+    control, terminal = pty.openpty()
+    with os.fdopen(control, 'rb', 0) as reader, os.fdopen(terminal, 'w') as stream:
+        termios.tcsetwinsize(terminal, (20, 10))
+        with Progress('a long name', timer=False, stream=stream) as progress:
+            progress.share(0.5)
+        assert reader.read(100) == b'\r\x1b[Ka long na\r\r\x1b[K'
+
+
+def test_one_progress_within_another_gives_the_timer_back():
+    with Progress('outer'):
+        with Progress('inner'):
+            pass
+        assert signal.getitimer(signal.ITIMER_REAL)[1] == PERIOD
+
+
+def test_a_rate_is_that_since_the_previous_call():
+    rate = Rate()
+    assert rate.since(10.0, 1.0) is None
+    assert rate.since(30.0, 5.0) == 5.0
+    assert rate.since(30.0, 6.0) == 0.0
+    assert rate.since(40.0, 6.0) is None
+    assert rate.since(43.0, 7.0) == 3.0

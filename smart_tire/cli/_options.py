@@ -1,0 +1,302 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Options and paths that several verbs share: bags and their parameters, inputs, outputs.
+
+Paths are checked before a verb starts, since its libraries take seconds to import. They are
+recognized by the names of the arguments. Even with ``--force`` only files that the program itself
+writes are deleted, by name.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+import math
+import os
+from pathlib import Path
+import sys
+from typing import Any, TYPE_CHECKING
+
+from smart_tire.errors import ParameterError
+from smart_tire.paths import BAG_METADATA, check_file, check_writable, find_bag
+
+if TYPE_CHECKING:
+    from smart_tire.analysis.bag_params import BagParams
+    from smart_tire.analysis.pipeline import EstimatorParams
+    from smart_tire.bags import Bag, TopicNames
+    from smart_tire.parameters.calibration_file import Identified
+
+REQUIRED = ('imu/data', 'wheel_states')  # inputs without which nothing is estimated
+BAGS, FILES, OUTPUTS = ('bag', 'bags', 'lifted'), ('params', 'data'), ('out', 'save')
+# of analysis/figures.py and, for followed paths, analysis/tracking_figures.py
+FIGURES = ('slip.png', 'path.png', 'friction.png', 'crossing.png', 'tracking.png')
+IDENTIFIED, NOT_IDENTIFIED = 0, 1  # exit statuses
+
+
+def positive(text: str) -> float:
+    """Return ``text`` as a number; raise ValueError unless it is positive and finite."""
+    number = float(text)
+    if not 0.0 < number < math.inf:
+        raise ValueError(text)
+    return number
+
+
+def not_negative(text: str) -> float:
+    """Return ``text`` as a number; raise ValueError unless it is non-negative and finite."""
+    return 0.0 if float(text) == 0.0 else positive(text)
+
+
+def add_bags(parser: argparse.ArgumentParser) -> None:
+    """Add one or more bags, and their options."""
+    parser.add_argument('bags', type=Path, nargs='+', metavar='BAG',
+                        help='rosbag2 directory or a single bag file')
+    add_bag_options(parser)
+
+
+def add_bag_options(parser: argparse.ArgumentParser) -> None:
+    """Add ``--params`` and ``--remap``."""
+    parser.add_argument('--params', type=Path, action='append', default=[], metavar='FILE',
+                        help='ROS parameter file, in place of the parameters in the bag; may be '
+                             'repeated, later files override earlier ones')
+    add_remap(parser)
+
+
+def add_remap(parser: argparse.ArgumentParser) -> None:
+    """Add ``--remap``."""
+    parser.add_argument('--remap', action='append', default=[], metavar='STANDARD:=NAME',
+                        help='a topic with another name in the bag, for example '
+                             'imu/data:=/mti30/imu; may be repeated')
+
+
+def check_options(args: argparse.Namespace) -> None:
+    """Raise ParameterError if an option of ``add_bag_options`` is invalid for any bag."""
+    from smart_tire.analysis.pipeline import EstimatorParams
+    from smart_tire.bags import TopicNames
+    EstimatorParams.load(args.params)
+    TopicNames.parse(args.remap)
+
+
+@dataclass(frozen=True)
+class BagSettings:
+    """How a bag is read."""
+
+    source: BagParams   # parameters, and where they are from
+    names: TopicNames
+
+    @property
+    def params(self) -> EstimatorParams:
+        """Return the parameters of the estimators."""
+        return self.source.params
+
+
+@contextmanager
+def open_bag(path: Path, args: argparse.Namespace, *, required: Collection[str] = REQUIRED,
+             prefix: str = '') -> Iterator[tuple[Bag, BagSettings]]:
+    """
+    Open a bag with the options of ``add_bag_options``; yield it and its settings.
+
+    Prints the source of the parameters, and the topics and joints that were recognized, with
+    ``prefix`` before each line. Raises BagError if one of the ``required`` topics has to be
+    selected with an option, ParameterError if an option or a parameter is invalid.
+    """
+    from smart_tire.analysis.bag_params import bag_params
+    from smart_tire.bags import Bag, check_inputs, TopicNames
+    names = TopicNames.parse(args.remap)
+    with Bag(path, names) as bag:
+        source = bag_params(bag, args.params)
+        bag.joints = source.params.robot.joints
+        check_inputs(bag, required)
+        for line in (*source.lines(), *bag.notes):
+            print(prefix + line)
+        yield bag, BagSettings(source, names)
+
+
+def bag_settings(paths: Iterable[Path], args: argparse.Namespace, *,
+                 required: Collection[str] = REQUIRED) -> BagSettings:
+    """
+    Return the settings for bags of one robot; print as ``open_bag`` does.
+
+    Raises ParameterError if the bags carry different parameters of the robot.
+    """
+    found: BagSettings | None = None
+    paths = list(paths)
+    for path in paths:
+        with open_bag(path, args, required=required,
+                      prefix=f'{path}: ' if len(paths) > 1 else '') as (_, settings):
+            if found is not None and settings.params.robot != found.params.robot:
+                raise ParameterError(f'{paths[0]} and {path} carry different parameters of the '
+                                     'robot: select one set with --params')
+            found = found or settings
+    assert found is not None  # argparse requires one bag
+    return found
+
+
+def check_paths(args: argparse.Namespace) -> None:
+    """
+    Check all paths in ``args``; replace a folder that contains one bag by this bag.
+
+    Raises BagError or ParameterError for the first path that cannot be used.
+    """
+    for names, check in (BAGS, _found), (FILES, check_file), (OUTPUTS, check_writable):
+        for name in names:
+            if hasattr(args, name):
+                setattr(args, name, _checked(getattr(args, name), check))
+
+
+def _checked(given: Any, check: Callable[[Path], Path | None]) -> Any:
+    """Return ``given`` with the results of ``check``, if any, for the paths in it."""
+    if isinstance(given, (list, tuple)):
+        return type(given)(_checked(one, check) for one in given)
+    return check(given) or given if isinstance(given, Path) else given
+
+
+def _found(path: Path) -> Path:
+    bag = find_bag(path)
+    if bag != path:
+        print(f'{path}: reading the bag {bag}', file=sys.stderr)
+    return bag
+
+
+def add_force(parser: argparse.ArgumentParser) -> None:
+    """Add the argument ``--force``."""
+    parser.add_argument('--force', action='store_true', help='replace existing results')
+
+
+def refuse_existing(paths: Iterable[Path], *, force: bool, inputs: Iterable[Path] = ()) -> None:
+    """Raise ParameterError if a path is an input or, without ``force``, if one exists."""
+    read = {path.resolve() for path in inputs}
+    for path in paths:
+        if path.resolve() in read:
+            raise ParameterError(f'{path} is an input: choose another --out')
+        if os.path.lexists(path) and not force:
+            raise ParameterError(f'{path} exists: choose another --out, or --force to replace it')
+
+
+def refuse_existing_bag(folder: Path, *, force: bool) -> None:
+    """Raise ParameterError if ``folder`` exists; with ``force`` only if it has other files."""
+    refuse_existing([folder], force=force)
+    if not os.path.lexists(folder):
+        return
+    if not folder.is_dir():
+        raise ParameterError(f'{folder} is a file: choose another --out')
+    if others := {path.name for path in folder.iterdir()} - _bag_files(folder):
+        raise ParameterError(f'{folder} contains {min(others)}, which --force does not delete: '
+                             'choose another --out')
+
+
+def refuse_folder_of_bag(out: Path, bags: Iterable[Path]) -> None:
+    """Raise ParameterError if ``out`` is or is inside the folder of one of ``bags``."""
+    for bag in bags:
+        path = bag.resolve()
+        folder = path if path.is_dir() else path.parent
+        inside = path.is_dir() or (folder / BAG_METADATA).exists()  # not if a single file
+        if out.resolve() == folder or inside and folder in out.resolve().parents:
+            raise ParameterError(f'{out} is in the folder of the bag {bag}: choose another --out')
+
+
+def remove_bag(folder: Path) -> None:
+    """Delete the bag in ``folder``; call ``refuse_existing_bag`` before."""
+    if folder.is_dir():
+        remove(folder, _bag_files(folder))
+
+
+def remove(folder: Path, names: Iterable[str]) -> None:
+    """Delete files of ``folder``, and the folder itself if it is empty then."""
+    try:
+        for name in names:
+            (folder / name).unlink(missing_ok=True)
+        if folder.is_dir() and not any(folder.iterdir()):
+            folder.rmdir()
+    except OSError as error:
+        raise ParameterError(f'{folder}: cannot be replaced ({error.strerror})') from error
+
+
+def _bag_files(folder: Path) -> set[str]:
+    return {f'{folder.resolve().name}_0.mcap', BAG_METADATA}
+
+
+def add_recordings(parser: argparse.ArgumentParser, *, reference: bool = True) -> None:
+    """
+    Add the arguments for input bags, time range, parameters and output file.
+
+    With ``reference`` also an argument for the topic of reference poses.
+    """
+    add_bags(parser)
+    parser.add_argument('--from', dest='since', type=not_negative, default=0.0, metavar='S',
+                        help='skip the first S seconds of each bag (default: 0)')
+    parser.add_argument('--until', type=positive, default=math.inf, metavar='S',
+                        help='stop S seconds after the start of each bag (default: read all)')
+    if reference:
+        source = parser.add_mutually_exclusive_group()
+        source.add_argument('--truth', dest='reference', action='store_const', const='any',
+                            default='none', help='use the reference poses in the bags '
+                            '(ground_truth/odom or overhead/odom); by default they are not used')
+        source.add_argument('--reference', metavar='TOPIC',
+                            help='like --truth, with the topic of the reference poses')
+    parser.add_argument('--out', type=Path, metavar='FILE',
+                        help='parameter file to write; a figure with the same name is written '
+                             'next to it (default: <bag>_KIND.yaml in the working directory)')
+    add_force(parser)
+
+
+def output_path(args: argparse.Namespace, kind: str) -> Path:
+    """Return the output file: ``--out``, or a name derived from the first bag."""
+    if args.out is not None:
+        return Path(args.out)
+    bag = args.bags[0].resolve()
+    return Path(f'{bag.name if bag.is_dir() else bag.stem}_{kind}.yaml')
+
+
+def check_output(args: argparse.Namespace, kind: str) -> None:
+    """Raise ParameterError if an output file of ``write_parameters`` exists."""
+    out = output_path(args, kind)
+    refuse_existing([out, out.with_suffix('.png')], force=args.force,
+                    inputs=[*args.bags, *args.params])
+
+
+def write_parameters(args: argparse.Namespace, kind: str, identified: Sequence[Identified],
+                     draw: Callable[[Path], bool | None]) -> int:
+    """
+    Write a parameter file and its figure, print their paths and return the exit status.
+
+    ``draw`` writes the figure; it returns False if there is nothing to draw.
+    """
+    from smart_tire.parameters.calibration_file import identified_text, write_text
+    if not identified:
+        print('nothing could be identified from these recordings')
+        return NOT_IDENTIFIED
+    out = output_path(args, kind)
+    write_text(out, identified_text(
+        [f'Identified from {", ".join(map(str, args.bags))}.'], identified))
+    figure = out.with_suffix('.png')
+    drawn = draw(figure) is not False
+    print(f'written to {out}' + (f' and {figure}' if drawn else ''))
+    return IDENTIFIED
+
+
+def print_counts(counts: Mapping[str, int]) -> None:
+    """Print the message count of each topic."""
+    width = max((len(str(count)) for count in counts.values()), default=1)
+    for topic, count in sorted(counts.items()):
+        print(f'  {count:{width}} {topic}')
+
+
+def print_warnings(warnings: Iterable[str]) -> None:
+    """Print the warnings of a bag reader."""
+    for warning in warnings:
+        print(f'warning: {warning}')
