@@ -34,7 +34,7 @@ class PreviousWheelControl:
         self._measured: Four = (0.0, 0.0, 0.0, 0.0)
         self._integral, self._output = [0.0] * 4, [0.0] * 4
 
-    def update_measurement(self, velocity: Four) -> None:
+    def add_reading(self, velocity: Four) -> None:
         """Set the measured wheel speeds [rad/s]."""
         self._measured = velocity
 

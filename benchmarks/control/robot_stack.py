@@ -23,8 +23,8 @@ from smart_tire.control.trajectory_control import State, TrajectoryControl
 from smart_tire.control.wheel_control import WheelControl
 from smart_tire.parameters.control import TrajectoryControllerParams, WheelControllerParams
 from smart_tire.samples import (
-    Four, Friction, NS_PER_S, Odometry, PlannedPath, Sample, VelocityCommand, WheelSample,
-    WheelSlip)
+    Four, Friction, GroundState, NS_PER_S, Odometry, PlannedPath, Sample, VelocityCommand,
+    WheelSample, WheelSlip)
 
 STANDSTILL = 3.0   # s, before the path is set, in which the estimators settle
 STOPPING = 1.0     # s, after arrival, until the run ends
@@ -83,10 +83,10 @@ class RobotStack:
         """Process a message received at ``now_ns``."""
         true = topic.startswith('ground_truth/')
         if isinstance(sample, WheelSample):
-            self._wheels.update_measurement(sample.velocity, now_ns, sample.stamp_ns,
+            self._wheels.add_reading(sample.velocity, now_ns, sample.stamp_ns,
                                             sample.position)
-            self._wheels.traction.update_wheels(sample)
-            self.trajectory.update_wheels(sample)
+            self._wheels.traction.add_wheels(sample)
+            self.trajectory.add_wheels(sample)
         if true and not self._params.estimated:
             self._distribute(sample, now_ns)
         elif not true and self._params.estimated:
@@ -97,15 +97,16 @@ class RobotStack:
     def _distribute(self, estimate: Sample, now_ns: int) -> None:
         if isinstance(estimate, Odometry):
             self.poses.append(estimate)
-            self.trajectory.update_odometry(estimate, now_ns)
-            self._wheels.traction.update_odometry(estimate)
+            self.trajectory.add_odometry(estimate, now_ns)
+            self._wheels.traction.add_odometry(estimate)
         elif isinstance(estimate, WheelSlip):
             self.slips.append(estimate)
-            self.trajectory.update_slip(estimate)
+            self.trajectory.add_slip(estimate)
+        elif isinstance(estimate, GroundState):
+            self.trajectory.set_ground(estimate)
+            self._wheels.traction.set_ground(estimate)
         elif isinstance(estimate, Friction):
             self.frictions.append(estimate)
-            self.trajectory.update_friction(estimate)
-            self._wheels.traction.update_friction(estimate)
 
     def _follow(self, now_ns: int) -> None:
         """Step the trajectory controller when it is due."""

@@ -43,7 +43,7 @@ from smart_tire.parameters.control import TractionParams
 from smart_tire.parameters.robot import FilmParams
 from smart_tire.parameters.simulation import GroundParams, PatchParams
 from smart_tire.samples import (
-    Four, Friction, NS_PER_S, Odometry, Sample, VelocityCommand, WheelSample)
+    Four, GroundState, NS_PER_S, Odometry, Sample, VelocityCommand, WheelSample)
 from smart_tire.simulation.plant import Plant
 
 
@@ -180,14 +180,14 @@ class TractionStack:
         if topic.startswith('ground_truth/'):
             return
         if isinstance(sample, WheelSample):
-            self.control.update_measurement(sample.velocity, now_ns, sample.stamp_ns,
+            self.control.add_reading(sample.velocity, now_ns, sample.stamp_ns,
                                             sample.position)
-            self.control.traction.update_wheels(sample)
+            self.control.traction.add_wheels(sample)
         for estimate in self._fault(self._pipeline.update(sample)):
             if isinstance(estimate, Odometry):
-                self.control.traction.update_odometry(estimate)
-            elif isinstance(estimate, Friction):
-                self.control.traction.update_friction(estimate)
+                self.control.traction.add_odometry(estimate)
+            elif isinstance(estimate, GroundState):
+                self.control.traction.set_ground(estimate)
 
     def duty(self, now_ns: int) -> Four:
         """Return the duties for the command in force."""

@@ -119,10 +119,10 @@ class _Steps:
     def _take_arrived(self, now_ns: int) -> None:
         while self._arriving and self._arriving[0][0] <= now_ns:
             arrived_ns, sample = self._arriving.popleft()
-            self._control.update_measurement(sample.velocity, arrived_ns, sample.stamp_ns,
+            self._control.add_reading(sample.velocity, arrived_ns, sample.stamp_ns,
                                              sample.position)
             if self._previous:
-                self._previous.update_measurement(sample.velocity)
+                self._previous.add_reading(sample.velocity)
 
     def duty(self, now_ns: int) -> Four:
         """Return the duties for the set point at ``now_ns``."""

@@ -21,7 +21,7 @@ from dataclasses import replace
 from functools import partial
 import math
 
-from smart_tire.samples import Friction, Odometry, Sample
+from smart_tire.samples import GroundState, Odometry, Sample
 from smart_tire.uncertain import Uncertain
 
 LOAD = 26.7  # N, of a wheel of the robot
@@ -31,16 +31,14 @@ Fault = Callable[[Iterable[Sample]], Iterator[Sample]]
 def wrong_friction(estimates: Iterable[Sample], *, mu: float, critical: float,
                    sigma: float = 1e-3) -> Iterator[Sample]:
     """Yield ``estimates`` with this friction and critical slip instead of the estimated ones."""
+    stiffness = 3.0 * mu * LOAD / critical  # N
     for one in estimates:
-        if isinstance(one, Friction):
+        if isinstance(one, GroundState):
             continue
         yield one
         if isinstance(one, Odometry):
-            for wheel in ('front_left', 'front_right'):
-                yield Friction(
-                    one.stamp_ns, wheel, friction_coefficient=Uncertain(mu, sigma),
-                    normal_load=Uncertain(LOAD, 1.0),
-                    critical_slip=Uncertain(critical, sigma))
+            yield GroundState(one.stamp_ns, Uncertain(stiffness, sigma * stiffness),
+                              Uncertain(mu, sigma))
 
 
 def wrong_speed(estimates: Iterable[Sample], *, scale: float = 1.0, offset: float = 0.0) -> (

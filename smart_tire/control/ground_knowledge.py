@@ -16,27 +16,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 import math
-from typing import Protocol
 
 from smart_tire.models.constants import GRAVITY
 from smart_tire.models.vehicle.drive import traction_force
-from smart_tire.parameters.path_following import FrictionLimitParams
+from smart_tire.parameters.path_following import FadingParams, FrictionLimitParams
 from smart_tire.parameters.robot import RobotParams
-from smart_tire.samples import Friction, NS_PER_S, WHEELS, WheelSample
-from smart_tire.uncertain import fused, Uncertain, UNKNOWN
+from smart_tire.samples import GroundState, NS_PER_S, WHEELS, WheelSample
+from smart_tire.uncertain import fused, Uncertain
 
 # Rubber on dry ground: 0.8 to 0.9 on asphalt (Wong, Theory of Ground Vehicles, table 1.3),
 # above 1 only for soft compounds.
 MAX_FRICTION = 1.2
 MIN_FRICTION = 1e-3        # -; wet ice: 0.02
+MIN_GROUND_STIFFNESS, MAX_GROUND_STIFFNESS = 1.0, 1e6  # N, plausible C_x of a tire on ground
 # Relative, of friction and critical slip: 5 mm of an unknown center of mass over half a wheelbase.
 MIN_RELATIVE_SIGMA = 0.04
-PRIOR_SIGMA = 0.1          # -, of the friction coefficient of unknown ground; assumed
-MIN_CRITICAL, MAX_CRITICAL = 1e-3, 1e2  # -, plausible critical slips
-MIN_LOAD, MAX_LOAD = 0.1, 1e5   # N, plausible wheel loads
+PRIOR_SIGMA = 0.15         # -, of the friction coefficient of unknown ground; assumed
 MAX_FADE_LENGTHS = 3.0     # older measurements, in fade distances or times, do not count
 MAX_RESISTANCE = 0.2   # -, rolling resistance and slope over the weight
 RESISTANCE_TIME = 0.05  # s, in which the resistance is learned; a start lasts 0.6 s
@@ -56,31 +53,19 @@ SOFT_SHARE = 0.77
 REACHED_SHARE = 0.7    # of the slip aimed at, from which it is evidence
 
 
-class Fading(Protocol):
-    """How fast a measurement of the ground loses its weight."""
-
-    @property
-    def fade_distance(self) -> float:
-        """Return the distance [m] in which the weight decreases to 1/e."""
-
-    @property
-    def fade_time(self) -> float:
-        """Return the time [s] in which the weight decreases to 1/e."""
-
-
 @dataclass(frozen=True)
 class Measured:
-    """Properties of the ground from one patch crossing."""
+    """Properties of the ground from one ``ground_state``."""
 
-    friction: Uncertain  # -
-    per_load: Uncertain  # 1/N, critical slip over load: 3 mu / C_x; UNKNOWN if not estimated
+    friction: Uncertain       # -
+    slip_per_load: Uncertain  # 1/N, critical slip over load: 3 mu / C_x
     stamp_ns: int
-    distance: float      # m, driven until then
+    distance: float           # m, driven until then
 
 
 class GroundKnowledge:
     """
-    Latest plausible measurement of each instrumented wheel.
+    Latest plausible ``ground_state`` with a friction coefficient.
 
     Its weight decreases exponentially with the distance driven and the time since; times are
     nanoseconds of the message clock.
@@ -88,71 +73,66 @@ class GroundKnowledge:
 
     def __init__(self) -> None:
         self._driven, self._now_ns = 0.0, 0
-        self._measured: dict[str, Measured] = {}
+        self._measured: Measured | None = None
 
     def clear(self) -> None:
-        """Discard all measurements."""
-        self._measured.clear()
+        """Discard what was measured."""
+        self._measured = None
 
     def drive(self, distance: float, now_ns: int) -> None:
         """Add a distance driven [m] until ``now_ns``."""
         self._driven += distance
         self._now_ns = now_ns
 
-    def update(self, friction: Friction, behind: float = 0.0) -> None:
+    def set_ground(self, ground: GroundState, behind: float = 0.0) -> None:
         """
-        Add the friction of one patch crossing, ``behind`` [m] back; implausible ones are ignored.
+        Use the state of the ground, ``behind`` [m] back; without plausible friction it is ignored.
 
-        The standard deviation is at least that of the wheel load.
+        The standard deviations are at least that of the wheel load.
         """
-        mu, sigma = friction.friction_coefficient
-        if (friction.wheel in WHEELS and MIN_FRICTION <= mu <= MAX_FRICTION
-                and 0.0 <= sigma < math.inf):
-            self._measured[friction.wheel] = Measured(
-                Uncertain(mu, max(sigma, MIN_RELATIVE_SIGMA * mu)), _slip_per_load(friction),
-                friction.stamp_ns, self._driven - behind)
+        (mu, mu_sigma), (stiffness, stiffness_sigma) = (ground.friction_coefficient,
+                                                        ground.stiffness)
+        if not (MIN_FRICTION <= mu <= MAX_FRICTION and 0.0 <= mu_sigma < math.inf
+                and MIN_GROUND_STIFFNESS <= stiffness <= MAX_GROUND_STIFFNESS
+                and 0.0 <= stiffness_sigma < math.inf
+                and abs(ground.stiffness_friction_correlation) <= 1.0):
+            return
+        one, other = mu_sigma / mu, stiffness_sigma / stiffness
+        common = 2.0 * ground.stiffness_friction_correlation * one * other
+        slip = 3.0 * mu / stiffness
+        sigma = math.sqrt(max(one * one + other * other - common, MIN_RELATIVE_SIGMA ** 2))
+        self._measured = Measured(
+            Uncertain(mu, max(mu_sigma, MIN_RELATIVE_SIGMA * mu)), Uncertain(slip, slip * sigma),
+            ground.stamp_ns, self._driven - behind)
 
-    def latest(self, wheels: Sequence[int], fading: Fading) -> tuple[Measured, float] | None:
-        """Return the latest measurement of ``wheels`` (indices) and its weight; None: unknown."""
-        found = [self._measured[WHEELS[i]] for i in wheels if WHEELS[i] in self._measured]
-        one = max(found, key=lambda one: one.distance, default=None)
+    def latest(self, fading: FadingParams) -> tuple[Measured, float] | None:
+        """Return the latest measurement and its weight, None if it is too old."""
+        one = self._measured
         if one is None:
             return None
         lengths = ((self._driven - one.distance) / fading.fade_distance
                    + abs(self._now_ns - one.stamp_ns) / NS_PER_S / fading.fade_time)
         return (one, math.exp(-lengths)) if lengths <= MAX_FADE_LENGTHS else None
 
-    def lower_bound(self, params: FrictionLimitParams) -> float:
-        """
-        Return the lower bound of the friction coefficient of the present ground.
-
-        That of a wheel is mu - k sigma, after fusion with a prior whose bound is ``unknown``: an
-        estimate that is less certain than the prior does not lower the bound. The smallest of the
-        bounds counts.
-        """
-        prior = Uncertain(params.unknown + params.sigmas * PRIOR_SIGMA, PRIOR_SIGMA)
-        bounds = []
-        for wheel in range(len(WHEELS)):
-            if known := self.latest((wheel,), params):
-                one, weight = known
-                mean, sigma = fused(prior, one.friction)
-                bound = max(mean - params.sigmas * sigma, params.minimum)
-                bounds.append(params.unknown + weight * (bound - params.unknown))
-        return min(bounds, default=params.unknown)
+    def friction(self, unknown: float, fading: FadingParams) -> Uncertain:
+        """Return the friction coefficient: the measured one fused with that of unknown ground."""
+        prior = Uncertain(unknown, PRIOR_SIGMA)
+        if (known := self.latest(fading)) is None:
+            return prior
+        one, weight = known
+        mean, sigma = fused(prior, one.friction)
+        return Uncertain(prior.value + weight * (mean - prior.value),
+                         prior.sigma + weight * (sigma - prior.sigma))
 
     def acceleration(self, params: FrictionLimitParams) -> float:
-        """Return the acceleration [m/s2] of the body, in any direction, that is allowed."""
-        return params.share * self.lower_bound(params) * GRAVITY
+        """
+        Return the acceleration [m/s2] of the body, in any direction, that is allowed.
 
-
-def _slip_per_load(friction: Friction) -> Uncertain:
-    """Return the critical slip over the load [1/N]; UNKNOWN if one of them is not estimated."""
-    critical, load = friction.critical_slip, friction.normal_load.value
-    if (MIN_CRITICAL < critical.value <= MAX_CRITICAL and 0.0 <= critical.sigma < math.inf
-            and MIN_LOAD < load <= MAX_LOAD):
-        sigma = max(critical.sigma, MIN_RELATIVE_SIGMA * critical.value)
-        return Uncertain(critical.value / load, sigma / load)
-    return UNKNOWN
+        It is a share of the lower bound of the friction, mu - k sigma. That of unknown ground is
+        ``unknown``; an estimate that is less certain does not lower the bound.
+        """
+        mu, sigma = self.friction(params.unknown + params.sigmas * PRIOR_SIGMA, params)
+        return params.share * max(mu - params.sigmas * sigma, params.minimum) * GRAVITY
 
 
 class ShownFriction:
@@ -178,7 +158,7 @@ class ShownFriction:
         gap_ns = 0 if self._wheels is None else stamp_ns - self._wheels.stamp_ns
         return gap_ns if 0 < gap_ns <= MAX_GAP * NS_PER_S else 0
 
-    def update_wheels(self, wheels: WheelSample, v_x: float, time_constant: float) -> None:
+    def add_wheels(self, wheels: WheelSample, v_x: float, time_constant: float) -> None:
         """
         Add wheel speeds and motor torques; ``v_x`` [m/s] is the speed of the robot then.
 
@@ -203,7 +183,7 @@ class ShownFriction:
         """Begin an acceleration at the limit, on ground of the ``expected`` friction."""
         self.value = min(expected, MAX_FRICTION)
 
-    def update_resistance(self, acceleration: float, v_x: float, period: float) -> None:
+    def learn_resistance(self, acceleration: float, v_x: float, period: float) -> None:
         """Learn the resistance at an acceleration [m/s2] and a speed [m/s]."""
         if self._force is None or abs(v_x) < MIN_SPEED:
             return
@@ -213,8 +193,8 @@ class ShownFriction:
         excess = math.copysign(1.0, v_x) * min(max(excess, -MAX_RESISTANCE), MAX_RESISTANCE)
         self._resistance += period / (period + RESISTANCE_TIME) * (excess - self._resistance)
 
-    def update(self, acceleration: float, v_x: float, direction: int, aimed: float,
-               period: float) -> None:
+    def learn_friction(self, acceleration: float, v_x: float, direction: int, aimed: float,
+                       period: float) -> None:
         """
         Use the measured acceleration [m/s2] at the limit, ``period`` [s] after the last one.
 

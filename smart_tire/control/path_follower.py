@@ -20,9 +20,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 import math
 
+from smart_tire.control.ground_motion import Motion, wrap
 from smart_tire.control.motion_limits import MotionLimits, PLANNED_SHARE
-from smart_tire.control.motion_monitor import Motion
-from smart_tire.control.path_geometry import FORWARD, Maneuver, PathPoint, Segment, Spin, wrap
+from smart_tire.control.path_geometry import FORWARD, Maneuver, PathPoint, Segment, Spin
 from smart_tire.parameters.control import TrajectoryControllerParams
 
 DONE_SHARE = 0.5   # of the yaw tolerance; it is left for the rest of the rotation
@@ -30,8 +30,6 @@ BOOST_GAIN = 1.0   # 1/s, of the integral of the yaw rate error
 HOLD_GAIN = 3.0    # 1/s, from the distance to the speed that holds the position
 MAX_HOLD_SPEED = 0.1  # m/s
 PROJECTION_WINDOW = 0.2   # m, in addition to twice the distance driven since the last step
-STANDSTILL_SPEED = 0.02   # m/s
-STANDSTILL_RATE = 0.05    # rad/s
 MAX_SETTLING = 1.0        # s, wait for standstill between maneuvers
 MIN_HEADING_SPEED = 0.05  # m/s; direction of the velocity at lower speeds is not defined
 MAX_ALIGN_FACTOR = 2.0    # of align_angle, while driving
@@ -169,9 +167,7 @@ class PathFollower:
     def _settle(self, now: Conditions) -> None:
         """Wait for standstill, then go on; a turn that misses its yaw is repeated."""
         self._settling = (self._settling or 0.0) + now.dt
-        at_rest = (now.motion.speed() < STANDSTILL_SPEED
-                   and abs(now.motion.yaw_rate) < STANDSTILL_RATE
-                   and self._v_x == self._yaw_rate == 0.0)
+        at_rest = now.motion.at_rest() and self._v_x == self._yaw_rate == 0.0
         if not at_rest and self._settling <= MAX_SETTLING:
             return
         self._settling, self._spin, self._distance, self.point = None, None, None, None

@@ -121,8 +121,3 @@ def moving_average(values: Array, half: int) -> Array:
     total = np.concatenate([[0.0], np.cumsum(values)])
     means: Array = (total[index + reach + 1] - total[index - reach]) / (2 * reach + 1)
     return means
-
-
-def wrap(angle: float) -> float:
-    """Return ``angle`` [rad] in [-pi, pi]."""
-    return math.remainder(angle, math.tau)

@@ -33,8 +33,8 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.control.motion_monitor import Motion
-from smart_tire.control.path_geometry import FORWARD, Maneuver, REVERSE, Segment, Spin, wrap
+from smart_tire.control.ground_motion import Motion, wrap
+from smart_tire.control.path_geometry import FORWARD, Maneuver, REVERSE, Segment, Spin
 from smart_tire.errors import CommandError
 from smart_tire.parameters.path_following import PathCheckParams
 from smart_tire.samples import GoalPose, PlannedPath, Vector3

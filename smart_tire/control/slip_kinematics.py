@@ -192,7 +192,7 @@ class SlipKinematics:
         self._window = list[tuple[float, ...]]()        # motion, slip velocity, sigma of sides
         self._window_ns = 0                             # its first timestamp
 
-    def update_odometry(self, odometry: Odometry) -> None:
+    def add_odometry(self, odometry: Odometry) -> None:
         """Add an estimate of the motion of the body; older ones than the last are ignored."""
         stamp_ns = odometry.stamp_ns
         if self._motions and stamp_ns <= self._motions[-1][0]:
@@ -203,7 +203,7 @@ class SlipKinematics:
         if all(map(math.isfinite, motion)):
             self._motions.append((stamp_ns, motion))
 
-    def update_slip(self, slip: WheelSlip) -> None:
+    def add_slip(self, slip: WheelSlip) -> None:
         """Add estimated slips; without motion of the same time they are ignored."""
         motion = self._motion_at(slip.stamp_ns)
         if motion is None or slip.stamp_ns < self._window_ns:

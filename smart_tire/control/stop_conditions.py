@@ -21,9 +21,8 @@ from collections.abc import Iterable
 import math
 from statistics import fmean
 
-from smart_tire.control.motion_monitor import Motion
+from smart_tire.control.ground_motion import Motion, wrap
 from smart_tire.control.path_follower import PathFollower
-from smart_tire.control.path_geometry import wrap
 from smart_tire.parameters.control import TrajectoryControllerParams
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import LEFT, NS_PER_S, RIGHT, WheelSample

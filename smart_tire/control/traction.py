@@ -23,14 +23,14 @@ import math
 from smart_tire.control.drive_model import TireLoad
 from smart_tire.control.ground_knowledge import (
     GroundKnowledge, MAX_RESISTANCE, Measured, ShownFriction)
-from smart_tire.control.ground_speed import GroundSpeed, Motion, Onset
+from smart_tire.control.ground_motion import Expected, GroundSpeed, Motion, Onset
 from smart_tire.control.slip_limits import (
     bounded, share_within, slip_band, yaw_deviation, YawControl)
 from smart_tire.models.constants import GRAVITY
 from smart_tire.models.vehicle.skid_steer import AXLE_SIGNS, normal_loads, SIDE_SIGNS
 from smart_tire.parameters.control import TractionParams
 from smart_tire.parameters.robot import RobotParams
-from smart_tire.samples import Four, Friction, LEFT, Odometry, RIGHT, WHEELS, WheelSample
+from smart_tire.samples import Four, GroundState, LEFT, Odometry, RIGHT, WHEELS, WheelSample
 from smart_tire.uncertain import fused, Uncertain
 
 NOT_SLIPPING = (None,) * len(WHEELS)
@@ -38,7 +38,6 @@ AXLES = (0, 1), (2, 3)   # indices into WHEELS
 SIDES = tuple(map(float, SIDE_SIGNS))
 ENDS = tuple(map(float, AXLE_SIGNS))
 MAX_ACCELERATION = GRAVITY  # m/s2, of the robot on ground of unknown friction
-PRIOR_SIGMA = 0.15          # -, of the friction coefficient of unknown ground; assumed
 MAX_STIFFENING = 1.3        # C_x of any ground over that of the tire: three sigma
 PRIOR_RELATIVE_SIGMA = 1.6  # of the critical slip of unknown ground: other curves and loads
 CONFIRMED = 1.2             # friction used over that shown, at most; error of the force
@@ -51,7 +50,7 @@ MIN_SLIP_SHARE = 0.3        # of critical slip, down to which a wheel that was l
 MIN_EXCESS = 0.1            # m/s, sum of wanted minus limited rolling speeds that is an onset
 
 
-Side = tuple[Measured, float] | None  # latest measurement of the ground, and its weight
+Known = tuple[Measured, float] | None  # latest measurement of the ground, and its weight
 
 
 @dataclass(frozen=True)
@@ -98,23 +97,28 @@ class TractionControl:
         # m, between wheels that roll without longitudinal force in a turn (isotropic tires)
         self._rolling_track = robot.track_width + robot.wheelbase ** 2 / robot.track_width
 
-    def update_odometry(self, odometry: Odometry) -> None:
+    def add_odometry(self, odometry: Odometry) -> None:
         """Add an estimate of the motion of the robot; one that is not plausible is ignored."""
         before_ns, before = self._motion.stamp_ns, self._motion.distance
-        if self._motion.update(odometry, self.params.acceleration_filter):
+        if self._motion.add_odometry(odometry, self.params.acceleration_filter):
             if before_ns is not None and odometry.stamp_ns < before_ns:
                 self._ground.clear()  # a new clock: another run
             self._ground.drive(self._motion.distance - before, odometry.stamp_ns)
 
-    def update_friction(self, friction: Friction) -> None:
-        """Add the friction of one patch crossing."""
-        self._ground.update(
-            friction, self._motion.distance - self._motion.distance_at(friction.stamp_ns))
+    def set_ground(self, ground: GroundState) -> None:
+        """
+        Use the state of the ground at its timestamp.
 
-    def update_wheels(self, wheels: WheelSample) -> None:
+        Without films the friction is known only after the robot has slid, which shows it anyway.
+        """
+        if self._robot.film.wheels:
+            late = max(-self._motion.age(ground.stamp_ns), 0.0)
+            self._ground.set_ground(ground, abs(self._motion.motion.v_x) * late)
+
+    def add_wheels(self, wheels: WheelSample) -> None:
         """Add wheel speeds and motor torques."""
         middle_ns = wheels.stamp_ns - self._shown.period_ns(wheels.stamp_ns) // 2
-        self._shown.update_wheels(
+        self._shown.add_wheels(
             wheels, self._motion.speed_at(middle_ns), self.params.acceleration_filter)
 
     def reset(self) -> None:
@@ -145,17 +149,17 @@ class TractionControl:
     def _limited(self, set_points: Four, now_ns: int, period: float) -> tuple[
             Four, list[TireLoad]]:
         """Return the set points [rad/s] with slips within their limits, and the tires there."""
-        sides, radius = self._sides(), self._robot.wheel_radius
+        known, radius = self._ground.latest(self.params), self._robot.wheel_radius
         a, b, c, d = (radius * speed for speed in set_points)
         wanted = a, b, c, d
-        limited, motion, grounds = self._predicted_limit(wanted, now_ns, period, sides)
-        if self._begins(sum(wanted) - sum(limited), now_ns, sides):
-            limited, motion, grounds = self._predicted_limit(wanted, now_ns, period, sides)
+        limited, motion, grounds = self._predicted_limit(wanted, now_ns, period, known)
+        if self._begins(sum(wanted) - sum(limited), now_ns, known):
+            limited, motion, grounds = self._predicted_limit(wanted, now_ns, period, known)
         elif self._direction and motion.unseen < MAX_ONSET_WEIGHT:
-            self._shown.update(motion.measured, motion.v_x, self._direction,
-                               min(ground.limit for ground in grounds), period)
+            self._shown.learn_friction(motion.measured, motion.v_x, self._direction,
+                                       min(ground.limit for ground in grounds), period)
         if motion.unseen < MAX_ONSET_WEIGHT:
-            self._shown.update_resistance(motion.measured, motion.v_x, period)
+            self._shown.learn_resistance(motion.measured, motion.v_x, period)
         tires = [self._tire(*one, motion) for one in zip(range(4), grounds, set_points)]
         if limited == wanted:
             self._yaw.reset()
@@ -165,33 +169,21 @@ class TractionControl:
         a, b, c, d = (speed / radius for speed in limited)
         return (a, b, c, d) if self.state.limiting else set_points, tires
 
-    def _sides(self) -> tuple[Side, Side]:
-        """Return the ground of the left and the right side; one without films has the other's."""
-        left, right = (self._ground.latest(side, self.params) for side in (LEFT, RIGHT))
-        return left or right, right or left
+    def _friction(self) -> Uncertain:
+        """Return the friction [-] measured, fused with that of unknown ground."""
+        return self._ground.friction(self.params.unknown_friction, self.params)
 
-    def _predicted_limit(self, wanted: Four, now_ns: int, period: float,
-                         sides: tuple[Side, Side]) -> tuple[Four, Motion, list[WheelGround]]:
+    def _predicted_limit(self, wanted: Four, now_ns: int, period: float, known: Known) -> tuple[
+            Four, Expected, list[WheelGround]]:
         """Return limited rolling speeds [m/s], and the motion and the ground for them."""
-        bound = MAX_ACCELERATION if None in sides else GRAVITY * (MAX_RESISTANCE + max(
-            sum(self._friction(side)) for side in sides))
-        motion = self._motion.predicted(
+        bound = MAX_ACCELERATION if known is None else GRAVITY * (
+            MAX_RESISTANCE + sum(self._friction()))
+        motion = self._motion.expected(
             now_ns, LEAD_PERIODS * period + self.params.lead, self._onset, bound)
-        assert motion is not None  # else it was inactive
-        grounds = [self._wheel_ground(sides[i % 2], load)
-                   for i, load in enumerate(self._loads(motion))]
+        grounds = [self._wheel_ground(known, load) for load in self._loads(motion)]
         return self._within(wanted, motion, grounds), motion, grounds
 
-    def _friction(self, side: Side) -> Uncertain:
-        """Return the friction [-] measured on a side, fused with that of unknown ground."""
-        prior = Uncertain(self.params.unknown_friction, PRIOR_SIGMA)
-        if side is None:
-            return prior
-        measured, weight = side
-        mean, sigma = fused(prior, measured.friction)
-        return Uncertain(prior.value + weight * (mean - prior.value), sigma)
-
-    def _wheel_ground(self, side: Side, load: float) -> WheelGround:
+    def _wheel_ground(self, known: Known, load: float) -> WheelGround:
         """
         Return the ground under a wheel with its load [N].
 
@@ -203,20 +195,19 @@ class TractionControl:
         per_friction = 3.0 * load / self._robot.tire.longitudinal_stiffness
         critical = Uncertain(shown * per_friction, PRIOR_RELATIVE_SIGMA * shown * per_friction)
         friction = shown
-        if side is not None:
-            measured, weight = side
-            friction = min(self._friction(side).value, CONFIRMED * shown)
+        if known is not None:
+            measured, weight = known
+            friction = min(self._friction().value, CONFIRMED * shown)
             confirmed = min(CONFIRMED * shown / measured.friction.value, 1.0)
-            slip, sigma = measured.per_load
-            if math.isfinite(slip):
-                slip = max(slip * load, measured.friction.value * per_friction / MAX_STIFFENING)
-                mean, sigma = fused(critical, Uncertain(confirmed * slip, sigma * load))
-                critical = Uncertain(critical.value + weight * (mean - critical.value), sigma)
+            slip, sigma = measured.slip_per_load
+            slip = max(slip * load, measured.friction.value * per_friction / MAX_STIFFENING)
+            mean, sigma = fused(critical, Uncertain(confirmed * slip, sigma * load))
+            critical = Uncertain(critical.value + weight * (mean - critical.value), sigma)
         bound = max(critical.value - params.sigmas * critical.sigma, 0.0)
         return WheelGround(min(params.share * bound, params.max_slip),
                            max(critical.value, MIN_CRITICAL_SLIP), friction * load)
 
-    def _tire(self, wheel: int, ground: WheelGround, command: float, motion: Motion) -> TireLoad:
+    def _tire(self, wheel: int, ground: WheelGround, command: float, motion: Expected) -> TireLoad:
         radius = self._robot.wheel_radius
         return TireLoad(self._free_rolling(wheel, motion) / radius, radius * ground.friction,
                         ground.critical, motion.v_x_sigma / radius, command)
@@ -239,13 +230,12 @@ class TractionControl:
                       for i, (speed, tire) in enumerate(zip(speeds, tires)))
         return a, b, c, d
 
-    def _begins(self, excess: float, now_ns: int, sides: tuple[Side, Side]) -> bool:
+    def _begins(self, excess: float, now_ns: int, known: Known) -> bool:
         """Return whether the robot begins to accelerate or to brake at the limit."""
         direction = (excess > MIN_EXCESS) - (excess < -MIN_EXCESS)
         begins = direction not in (0, self._direction)
         if begins:
-            self._shown.begin(self._shown.value if None in sides else min(
-                self._friction(side).value for side in sides))
+            self._shown.begin(self._shown.value if known is None else self._friction().value)
             self._onset = Onset(now_ns, direction * GRAVITY * self._shown.value,
                                 self.params.acceleration_filter + ONSET_DELAY)
         self._direction = direction
@@ -264,7 +254,7 @@ class TractionControl:
         self.state = TractionState(reason, limiting, slip, self._shown.value,
                                    self.state.limited_steps + limiting)
 
-    def _loads(self, motion: Motion) -> Four:
+    def _loads(self, motion: Expected) -> Four:
         robot = self._robot
         lateral = min(max(motion.v_x * motion.yaw_rate, -MAX_ACCELERATION), MAX_ACCELERATION)
         a, b, c, d = normal_loads(
@@ -272,7 +262,7 @@ class TractionControl:
             motion.acceleration, lateral, radius=robot.wheel_radius).tolist()
         return a, b, c, d
 
-    def _within(self, wanted: Four, motion: Motion, grounds: Sequence[WheelGround]) -> Four:
+    def _within(self, wanted: Four, motion: Expected, grounds: Sequence[WheelGround]) -> Four:
         """
         Return rolling speeds [m/s] within the limits of slip, on the commanded curve.
 
@@ -307,7 +297,7 @@ class TractionControl:
         """Return the rolling speed [m/s] of a wheel without longitudinal force."""
         return motion.v_x - 0.5 * SIDES[wheel] * self._rolling_track * motion.yaw_rate
 
-    def _band(self, wheel: int, motion: Motion, limit: float) -> tuple[float, float]:
+    def _band(self, wheel: int, motion: Expected, limit: float) -> tuple[float, float]:
         """Return the smallest and the largest rolling speed [m/s] of a wheel."""
         speed = self._free_rolling(wheel, motion)
         lateral = motion.v_y + 0.5 * ENDS[wheel] * self._robot.wheelbase * motion.yaw_rate

@@ -19,8 +19,8 @@ from __future__ import annotations
 from enum import IntEnum
 
 from smart_tire.control.ground_knowledge import GroundKnowledge
+from smart_tire.control.ground_motion import MotionMonitor
 from smart_tire.control.motion_limits import command_share, motion_limits
-from smart_tire.control.motion_monitor import MotionMonitor
 from smart_tire.control.path_follower import Conditions, PathFollower
 from smart_tire.control.path_plan import (
     check_goal, check_maneuvers, check_path, check_start, plan_goal, plan_path)
@@ -29,7 +29,7 @@ from smart_tire.control.stop_conditions import OdometryCheck, ProgressMonitor
 from smart_tire.errors import CommandError
 from smart_tire.parameters.control import TrajectoryControllerParams
 from smart_tire.samples import (
-    Friction, GoalPose, NAN, NS_PER_S, Odometry, PathProgress, PlannedPath, VelocityCommand,
+    GoalPose, GroundState, NAN, NS_PER_S, Odometry, PathProgress, PlannedPath, VelocityCommand,
     WheelSample, WheelSlip)
 
 MAX_STEP_PERIODS = 4  # upper limit of the time step, in periods
@@ -57,7 +57,7 @@ class TrajectoryControl:
     def __init__(self, params: TrajectoryControllerParams) -> None:
         self.params = params  # may be replaced at run time
         self._kinematics = SlipKinematics(params)
-        self._friction = GroundKnowledge()
+        self._ground = GroundKnowledge()
         self._motion = MotionMonitor()
         self._odometry_check = OdometryCheck(params.robot)
         self._target: PlannedPath | GoalPose | None = None  # until the first odometry after it
@@ -93,24 +93,24 @@ class TrajectoryControl:
         """End following for an order that cannot be read or is too old."""
         self._end(State.REFUSED, reason)
 
-    def update_odometry(self, odometry: Odometry, now_ns: int) -> None:
+    def add_odometry(self, odometry: Odometry, now_ns: int) -> None:
         """Add the latest pose and velocity."""
-        self._friction.drive(
-            self._motion.update(odometry, self.params.checks), odometry.stamp_ns)
-        self._odometry_check.add_motion(self._motion.measured(), odometry.stamp_ns)
-        self._kinematics.update_odometry(odometry)
+        self._ground.drive(
+            self._motion.add_odometry(odometry, self.params.checks), odometry.stamp_ns)
+        self._odometry_check.add_motion(self._motion.motion, odometry.stamp_ns)
+        self._kinematics.add_odometry(odometry)
 
-    def update_wheels(self, wheels: WheelSample) -> None:
+    def add_wheels(self, wheels: WheelSample) -> None:
         """Add the latest speeds of the wheels; without them, odometry is not compared."""
         self._odometry_check.add_wheels(wheels)
 
-    def update_slip(self, slip: WheelSlip) -> None:
+    def add_slip(self, slip: WheelSlip) -> None:
         """Add the latest slips of the wheels."""
-        self._kinematics.update_slip(slip)
+        self._kinematics.add_slip(slip)
 
-    def update_friction(self, friction: Friction) -> None:
-        """Add the friction of one patch crossing."""
-        self._friction.update(friction)
+    def set_ground(self, ground: GroundState) -> None:
+        """Use the state of the ground."""
+        self._ground.set_ground(ground)
 
     def step(self, now_ns: int) -> VelocityCommand | None:
         """
@@ -186,7 +186,7 @@ class TrajectoryControl:
 
     def _begin(self, target: PlannedPath | GoalPose) -> None:
         self._target = None
-        motion, params = self._motion.measured(), self.params
+        motion, params = self._motion.motion, self.params
         check_start(target, motion, params.checks)
         if isinstance(target, PlannedPath):
             maneuvers = plan_path(target.poses, params.follower.corner_angle)
@@ -200,13 +200,13 @@ class TrajectoryControl:
 
     def _follow(self, follower: PathFollower, now_ns: int, dt: float) -> VelocityCommand | None:
         params = self.params
-        motion = self._motion.predict(now_ns, params.follower.actuation_delay)
+        motion = self._motion.predicted(now_ns, params.follower.actuation_delay)
         factors = (self._kinematics.factors(*self._last, now_ns) if params.slip_compensation
                    else (1.0, 1.0))
-        limits = motion_limits(params, self._friction.acceleration(params.friction), factors)
+        limits = motion_limits(params, self._ground.acceleration(params.friction), factors)
         self._last = follower.step(
             Conditions(motion, dt, limits, params, self._heading_offset))
-        reason = self._progress.check(follower, self._motion.measured(), now_ns, params)
+        reason = self._progress.check(follower, self._motion.motion, now_ns, params)
         if follower.finished or reason:
             self._end(State.STOPPED if reason else State.ARRIVED, reason)
             self.holding = params.hold_on_arrival and not reason

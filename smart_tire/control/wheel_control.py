@@ -71,7 +71,7 @@ class WheelControl:
         for servo in self._servos:
             servo.set_params(params, model)
 
-    def update_measurement(self, velocity: Four, now_ns: int, stamp_ns: int = 0,
+    def add_reading(self, velocity: Four, now_ns: int, stamp_ns: int = 0,
                            position: Four | None = None) -> None:
         """
         Set the wheel speeds [rad/s] received at ``now_ns``; those not finite are ignored.

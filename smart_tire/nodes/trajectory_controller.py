@@ -48,7 +48,7 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
     Follows a path, or drives to a goal, with commands of the body velocity.
 
     Subscribes to ``path``, ``goal_pose``, ``odom``, ``wheel_states``, ``wheel_slip``,
-    ``tire_friction`` and ``emergency_stop_active``; publishes ``cmd_vel`` (only while it follows,
+    ``ground_state`` and ``emergency_stop_active``; publishes ``cmd_vel`` (only while it follows,
     then one command of zero, or zero from then on with ``hold_on_arrival``), ``path_progress`` and
     ``/diagnostics``. Service: ``cancel_path``.
 
@@ -67,13 +67,13 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
         self._publish_progress = self.make_publisher('path_progress')
         self._subscribe_orders()
         self.subscribe('odom', self._on_odometry, required=True, reliability=params.reliability)
-        self.subscribe('wheel_states', self._control.update_wheels, announced=True,
+        self.subscribe('wheel_states', self._control.add_wheels, announced=True,
                        reliability=params.reliability,
                        from_msg=partial(wheels_from_msg, joints=params.robot.joints))
-        self.subscribe('wheel_slip', self._control.update_slip, announced=True,
+        self.subscribe('wheel_slip', self._control.add_slip, announced=True,
                        reliability=params.reliability)
-        self.subscribe('tire_friction', self._control.update_friction, announced=True,
-                       wheels=len(params.robot.film.wheels), reliability=params.reliability)
+        self.subscribe('ground_state', self._control.set_ground, announced=True,
+                       reliability=params.reliability)
         profile = latched()
         profile.depth = STATE_DEPTH
         self.create_subscription(Bool, 'emergency_stop_active', self._on_emergency_stop, profile)
@@ -132,7 +132,7 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
 
     def _on_odometry(self, odometry: Odometry) -> None:
         self._odometry = odometry
-        self._control.update_odometry(odometry, self.now_ns())
+        self._control.add_odometry(odometry, self.now_ns())
 
     def _on_emergency_stop(self, state: Bool) -> None:
         self._emergency_stop = state.data

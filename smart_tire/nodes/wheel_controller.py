@@ -43,7 +43,7 @@ class WheelController(SmartTireNode[WheelControllerParams]):
 
     Subscribes to ``cmd_vel`` (or ``cmd_vel_inputs``), ``wheel_states``, ``emergency_stop_active``
     and ``motors_enabled``; with ``traction.enabled`` also to ``odom`` and
-    ``tire_friction``. Publishes ``wheel_commands``, ``motor_commands`` and ``/diagnostics``.
+    ``ground_state``. Publishes ``wheel_commands``, ``motor_commands`` and ``/diagnostics``.
 
     Parameters: ``rate``, ``cmd_vel_inputs``, ``cmd_vel_priorities``, ``cmd_vel_timeouts``,
     ``cmd_vel_types``, ``cmd_vel_timeout``, ``cmd_vel_max_age``, ``effective_track``,
@@ -97,8 +97,8 @@ class WheelController(SmartTireNode[WheelControllerParams]):
             return
         self._estimates_subscribed = True
         traction = self._control.traction
-        for name, on_estimate in (('odom', traction.update_odometry),
-                                  ('tire_friction', traction.update_friction)):
+        for name, on_estimate in (('odom', traction.add_odometry),
+                                  ('ground_state', traction.set_ground)):
             self.subscribe(name, on_estimate, reliability=self.params.reliability, announced=True)
 
     def _on_velocity(self, name: str, command: VelocityCommand, received_ns: int) -> None:
@@ -112,9 +112,9 @@ class WheelController(SmartTireNode[WheelControllerParams]):
             self._mux.unblock(name)
 
     def _on_wheels(self, sample: WheelSample, received_ns: int) -> None:
-        self._control.update_measurement(sample.velocity, received_ns, sample.stamp_ns,
+        self._control.add_reading(sample.velocity, received_ns, sample.stamp_ns,
                                          sample.position)
-        self._control.traction.update_wheels(sample)
+        self._control.traction.add_wheels(sample)
 
     def _on_wheel_conflict(self, reason: str) -> None:
         if reason:

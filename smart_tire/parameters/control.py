@@ -19,7 +19,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from smart_tire.parameters.path_following import (
-    ArrivalParams, FollowerParams, FrictionLimitParams, MotionLimitParams, PathCheckParams)
+    ArrivalParams, FadingParams, FollowerParams, FrictionLimitParams, MotionLimitParams,
+    PathCheckParams)
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.parameters.spec import inlined, nested, param
 from smart_tire.parameters.tuning import reliability
@@ -59,7 +60,7 @@ class PidParams:
 
 
 @dataclass(frozen=True, kw_only=True)
-class TractionParams:
+class TractionParams(FadingParams):
     """
     Traction control: limits the wheel speeds to a share of the critical slip.
 
@@ -84,10 +85,6 @@ class TractionParams:
     acceleration_filter: float = param(
         0.05, 's', 'time constant of the acceleration from odom', (0.0, 1.0))
     max_age: float = param(0.3, 's', 'no limit while odom is older', (0.05, 5.0))
-    fade_distance: float = param(
-        5.0, 'm', 'distance in which the weight of measured ground decreases to 1/e', (0.05, 1e3))
-    fade_time: float = param(
-        30.0, 's', 'time in which the weight of measured ground decreases to 1/e', (1.0, 3600.0))
 
 
 @dataclass(frozen=True, kw_only=True)

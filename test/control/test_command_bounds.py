@@ -50,10 +50,10 @@ def test_every_command_is_bounded_whatever_odometry_and_slip_say(path, stream):
     control, now_ns = TrajectoryControl(PARAMS), NS_PER_S
     for (v_x, v_y, yaw_rate), slip in stream:
         sample = odometry(now_ns, v_x=v_x, yaw_rate=yaw_rate)
-        control.update_odometry(replace(sample, linear=(v_x, v_y, 0.0)), now_ns)
-        control.update_slip(WheelSlip(now_ns, slip[:4], slip[:4], (abs(slip[4]),) * 4))
+        control.add_odometry(replace(sample, linear=(v_x, v_y, 0.0)), now_ns)
+        control.add_slip(WheelSlip(now_ns, slip[:4], slip[:4], (abs(slip[4]),) * 4))
         if control.state != State.FOLLOWING:
-            control.update_odometry(odometry(now_ns + 1), now_ns + 1)
+            control.add_odometry(odometry(now_ns + 1), now_ns + 1)
             control.set_path(path, now_ns)
         command = control.step(now_ns + 1)
         if command is not None:
@@ -78,7 +78,7 @@ def test_a_command_is_scaled_with_its_curvature(command):
 @given(st.tuples(HOSTILE, HOSTILE))
 def test_the_last_bound_holds_whatever_the_kinematics_return(wrong):
     control = TrajectoryControl(PARAMS)
-    control.update_odometry(odometry(NS_PER_S), NS_PER_S)
+    control.add_odometry(odometry(NS_PER_S), NS_PER_S)
     control.set_path(line(4.0), NS_PER_S)
     with mock.patch.object(SlipKinematics, 'command', return_value=wrong):
         command = control.step(NS_PER_S)
@@ -96,7 +96,7 @@ def test_a_bounded_command_does_not_wind_up_the_feedback():
     for step in range(1, 60):  # the body moves as the bounded command says
         now_ns = NS_PER_S + step * PERIOD_NS
         reached = first if step > 3 else (0.0, 0.0)
-        kinematics.update_odometry(odometry(
+        kinematics.add_odometry(odometry(
             now_ns, v_x=reached[0] / factors[0], yaw_rate=reached[1] / factors[1]))
         kinematics.command(*wanted, now_ns, PARAMS)
     slower = kinematics.command(0.3, 0.5, now_ns + PERIOD_NS, PARAMS)
@@ -113,11 +113,11 @@ def followed(path, slip_velocity, seconds):
     """Return the largest speed and yaw rate of wheels without slip, and the last speed."""
     control, fastest, turning = TrajectoryControl(PARAMS), 0.0, 0.0
     x, y, yaw, v_x, yaw_rate, now_ns = 0.0, 0.0, 0.0, 0.0, 0.0, NS_PER_S
-    control.update_odometry(odometry(now_ns), now_ns)
+    control.add_odometry(odometry(now_ns), now_ns)
     control.set_path(path, now_ns)
     for _ in range(round(seconds * NS_PER_S / PERIOD_NS)):
-        control.update_odometry(odometry(now_ns, x, y, yaw, v_x, yaw_rate), now_ns)
-        control.update_slip(WheelSlip(now_ns, (0.3,) * 4, (slip_velocity,) * 4, (0.01,) * 4))
+        control.add_odometry(odometry(now_ns, x, y, yaw, v_x, yaw_rate), now_ns)
+        control.add_slip(WheelSlip(now_ns, (0.3,) * 4, (slip_velocity,) * 4, (0.01,) * 4))
         command = control.step(now_ns)
         if command is not None:
             v_x, yaw_rate = command.v_x, command.yaw_rate
@@ -158,7 +158,7 @@ def test_feedback_waits_for_the_delay_of_the_base():
 def test_feedback_begins_at_zero_after_standstill():
     kinematics = SlipKinematics(PARAMS)
     for step in range(1, 20):
-        kinematics.update_odometry(odometry(step * PERIOD_NS, v_x=0.1))
+        kinematics.add_odometry(odometry(step * PERIOD_NS, v_x=0.1))
         raised = kinematics.command(0.3, 0.0, step * PERIOD_NS, PARAMS)
     assert raised[0] > 0.4
     assert kinematics.command(0.0, 0.0, 20 * PERIOD_NS, PARAMS) == (0.0, 0.0)
@@ -170,8 +170,8 @@ def test_odometry_that_is_not_finite_changes_no_command(wrong):
     kinematics, other = SlipKinematics(PARAMS), SlipKinematics(PARAMS)
     for step in range(1, 10):
         for one in (kinematics, other):
-            one.update_odometry(odometry(step * PERIOD_NS, v_x=0.2, yaw_rate=0.3))
-        kinematics.update_odometry(odometry(step * PERIOD_NS + 1, v_x=wrong, yaw_rate=wrong))
+            one.add_odometry(odometry(step * PERIOD_NS, v_x=0.2, yaw_rate=0.3))
+        kinematics.add_odometry(odometry(step * PERIOD_NS + 1, v_x=wrong, yaw_rate=wrong))
         assert kinematics.command(0.3, 0.4, step * PERIOD_NS + 2, PARAMS) == other.command(
             0.3, 0.4, step * PERIOD_NS + 2, PARAMS)
 

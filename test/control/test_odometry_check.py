@@ -21,7 +21,7 @@ import math
 
 from benchmarks.control.closed_loop import run_closed_loop
 import pytest
-from smart_tire.control.motion_monitor import Motion
+from smart_tire.control.ground_motion import Motion
 from smart_tire.control.path_library import figure_eight, square
 from smart_tire.control.stop_conditions import contradict, OdometryCheck
 from smart_tire.control.trajectory_control import State, TrajectoryControl
@@ -56,12 +56,12 @@ class Host:
         if isinstance(sample, Odometry):
             self._odometry.append((now_ns + self._late_ns, self._falsify(sample, seconds)))
             while self._odometry and self._odometry[0][0] <= now_ns:
-                self.trajectory.update_odometry(self._odometry.pop(0)[1], now_ns)
+                self.trajectory.add_odometry(self._odometry.pop(0)[1], now_ns)
         elif isinstance(sample, WheelSlip):
-            self.trajectory.update_slip(sample)
+            self.trajectory.add_slip(sample)
         elif isinstance(sample, WheelSample):
-            self._wheels.update_measurement(sample.velocity, now_ns, sample.stamp_ns)
-            self.trajectory.update_wheels(sample)
+            self._wheels.add_reading(sample.velocity, now_ns, sample.stamp_ns)
+            self.trajectory.add_wheels(sample)
         if seconds >= 0.5 and self.trajectory.state == State.IDLE:
             self.trajectory.set_path(self._path, now_ns)
         if now_ns >= self._due_ns:

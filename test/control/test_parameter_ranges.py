@@ -80,9 +80,9 @@ class Wheels:
             now_ns = NS_PER_S + index * TIME_STEP_NS
             if index % READING_STEPS == 0:
                 mean = turned / (READING_STEPS * 1e-3)
-                self._control.traction.update_odometry(odometry(
+                self._control.traction.add_odometry(odometry(
                     now_ns, v_x=mean * self._params.robot.wheel_radius))
-                self._control.update_measurement((mean,) * 4, now_ns, now_ns)
+                self._control.add_reading((mean,) * 4, now_ns, now_ns)
                 turned = 0.0
             if index % period == 0:
                 driven = command if index < 1000 * seconds else VelocityCommand(0, 0.0, 0.0)

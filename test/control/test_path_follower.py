@@ -21,8 +21,8 @@ import math
 import numpy as np
 import pytest
 
+from smart_tire.control.ground_motion import Motion
 from smart_tire.control.motion_limits import MotionLimits
-from smart_tire.control.motion_monitor import Motion
 from smart_tire.control.path_follower import Conditions, PathFollower
 from smart_tire.control.path_geometry import FORWARD, REVERSE, Segment, Spin
 from smart_tire.parameters.control import TrajectoryControllerParams

@@ -23,13 +23,13 @@ from hypothesis import given, settings, strategies as st
 import numpy as np
 import pytest
 
-from smart_tire.control.ground_knowledge import MIN_RELATIVE_SIGMA
+from smart_tire.control.ground_knowledge import MIN_RELATIVE_SIGMA, PRIOR_SIGMA
 from smart_tire.control.path_library import figure_eight, lane_change, line, square
 from smart_tire.control.trajectory_control import State
 from smart_tire.parameters.path_following import (
     ArrivalParams, FollowerParams, FrictionLimitParams, MotionLimitParams)
-from smart_tire.samples import Friction, GoalPose, NAN, PlannedPath
-from smart_tire.uncertain import Uncertain
+from smart_tire.samples import GoalPose, GroundState, NAN, PlannedPath
+from smart_tire.uncertain import fused, Uncertain
 from support.ideal_robot import distances, IDEAL, path, Run
 
 
@@ -228,7 +228,7 @@ def test_commands_keep_all_limits(speed, up, down, lateral, yaw_rate, name):
 
 
 def slippery(mu, sigma=0.0):
-    return Friction(0, 'front_right', Uncertain(mu, sigma))
+    return GroundState(0, Uncertain(50.0, 1.0), Uncertain(mu, sigma))
 
 
 def on_friction(mu, sigma=0.0, planned=None, **friction):
@@ -237,7 +237,7 @@ def on_friction(mu, sigma=0.0, planned=None, **friction):
         limits=MotionLimitParams(acceleration=1.0, deceleration=1.0, lateral_acceleration=5.0,
                                  yaw_rate=5.0, yaw_acceleration=20.0))
     run = Run(params)
-    run.control.update_friction(slippery(mu, sigma))
+    run.control.set_ground(slippery(mu, sigma))
     run.start(planned or figure_eight(0.5)).until_end()
     assert run.control.state == State.ARRIVED, run.control.reason
     return run.log, params
@@ -252,8 +252,9 @@ def test_accelerations_remain_below_a_share_of_friction(mu):
 
 
 def test_the_lower_bound_of_friction_counts():
-    certain, uncertain = (on_friction(0.1, sigma, unknown=0.05)[0] for sigma in (0.0, 0.1))
-    bound = 0.5 * (0.1 + 0.25) - 2.0 * 0.1 / math.sqrt(2.0)  # with the prior, 0.25 +- 0.1
+    certain, uncertain = (on_friction(0.1, sigma, unknown=0.05)[0] for sigma in (0.0, 0.05))
+    mean, spread = fused(Uncertain(0.05 + 2.0 * PRIOR_SIGMA, PRIOR_SIGMA), Uncertain(0.1, 0.05))
+    bound = mean - 2.0 * spread
     assert uncertain[-1, 0] > 1.2 * certain[-1, 0]
     # a standard deviation is at least 4 % of the friction
     same = on_friction(bound / (1.0 - 2.0 * MIN_RELATIVE_SIGMA), unknown=0.05)[0]

@@ -21,7 +21,7 @@ import math
 import numpy as np
 import pytest
 
-from smart_tire.control.path_geometry import GRID_STEP, moving_average, Segment, wrap
+from smart_tire.control.path_geometry import GRID_STEP, moving_average, Segment
 from smart_tire.control.path_library import figure_eight
 
 
@@ -99,8 +99,3 @@ def test_a_moving_average_is_symmetric_and_shorter_near_the_ends():
     assert moving_average(np.array([0.0, 3.0, 0.0, 0.0, 6.0]), 1).tolist() == [0, 1, 1, 2, 6]
     line = np.arange(9.0)
     assert moving_average(line, 3) == pytest.approx(line)
-
-
-def test_angles_are_wrapped():
-    assert wrap(3.5 * math.pi) == pytest.approx(-0.5 * math.pi)
-    assert wrap(-1.5 * math.pi) == pytest.approx(0.5 * math.pi)

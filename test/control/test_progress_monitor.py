@@ -22,7 +22,7 @@ import math
 import numpy as np
 import pytest
 
-from smart_tire.control.motion_monitor import Motion
+from smart_tire.control.ground_motion import Motion
 from smart_tire.control.path_geometry import PathPoint, Segment
 from smart_tire.control.stop_conditions import ProgressMonitor
 from smart_tire.parameters.control import TrajectoryControllerParams

@@ -28,7 +28,7 @@ from smart_tire.control.speed_reference import SpeedReference
 from smart_tire.control.traction import TractionControl
 from smart_tire.parameters.control import PidParams, TractionParams
 from smart_tire.parameters.robot import RobotParams
-from smart_tire.samples import Friction, NS_PER_S, Odometry, WHEELS, WheelSample
+from smart_tire.samples import GroundState, NS_PER_S, Odometry, WheelSample
 from smart_tire.uncertain import Uncertain
 
 ROBOT, PARAMS = RobotParams(), TractionParams(enabled=True)
@@ -57,11 +57,11 @@ def odometry(rng, now_ns):
                     (0.0, 0.0, number(rng)), (0.0,) * 36, (number(rng),) * 36)
 
 
-def friction(rng, now_ns):
-    mu, critical, load = (Uncertain(number(rng, 0.0, high), number(rng, 0.0, high))
-                          for high in (1.2, 1.5, 50.0))
-    return Friction(now_ns - rng.randrange(-10**8, 10**9), rng.choice(WHEELS), mu,
-                    critical_slip=critical, normal_load=load)
+def ground(rng, now_ns):
+    stiffness, mu = (Uncertain(number(rng, 0.0, high), number(rng, 0.0, high))
+                     for high in (100.0, 1.2))
+    return GroundState(now_ns - rng.randrange(-10**8, 10**9), stiffness, mu,
+                       stiffness_friction_correlation=number(rng, -1.0, 1.0))
 
 
 def wheels(rng, now_ns):
@@ -72,9 +72,9 @@ def wheels(rng, now_ns):
 def receive(rng, traction, now_ns, count=4):
     """Give up to ``count`` arbitrary estimates to traction control."""
     for _ in range(rng.randrange(count + 1)):
-        traction.update_odometry(odometry(rng, now_ns))
-        rng.choice((lambda: traction.update_friction(friction(rng, now_ns)),
-                    lambda: traction.update_wheels(wheels(rng, now_ns))))()
+        traction.add_odometry(odometry(rng, now_ns))
+        rng.choice((lambda: traction.set_ground(ground(rng, now_ns)),
+                    lambda: traction.add_wheels(wheels(rng, now_ns))))()
 
 
 streams = st.randoms(use_true_random=True)
@@ -140,7 +140,7 @@ def test_set_points_after_an_interruption_begin_at_the_command():
     traction = TractionControl(PARAMS, ROBOT)
     traction.limit((12.0,) * 4, NOW_NS, PERIOD)
     traction.reset()
-    traction.update_odometry(Odometry(NOW_NS, (0.0,) * 3, (0.0, 0.0, 0.0, 1.0), (1.0, 0.0, 0.0),
+    traction.add_odometry(Odometry(NOW_NS, (0.0,) * 3, (0.0, 0.0, 0.0, 1.0), (1.0, 0.0, 0.0),
                                       (0.0,) * 3, (0.0,) * 36, (0.0,) * 36))
     assert traction.limit((0.0,) * 4, NOW_NS, PERIOD) == (0.0,) * 4
     assert traction.limit((5.0,) * 4, NOW_NS, PERIOD) == pytest.approx((5.0,) * 4)

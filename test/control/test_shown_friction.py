@@ -38,10 +38,10 @@ def shown(force, slip, *, prior=0.2, drag=0.0, seconds=1.0, aimed=0.2, effort=Tr
     torque = float(required_torque(force * LOAD, omega, acceleration / ROBOT.wheel_radius, LOAD,
                                    ROBOT.motor, ROBOT.wheel_radius))
     for step in range(round(seconds / PERIOD)):
-        friction.update_wheels(WheelSample(round(step * PERIOD * NS_PER_S), (omega,) * 4, None,
+        friction.add_wheels(WheelSample(round(step * PERIOD * NS_PER_S), (omega,) * 4, None,
                                            (torque,) * 4 if effort else None), V_X, 0.0)
-        friction.update_resistance(acceleration, V_X, PERIOD)
-        friction.update(acceleration, V_X, 1, aimed, PERIOD)
+        friction.learn_resistance(acceleration, V_X, PERIOD)
+        friction.learn_friction(acceleration, V_X, 1, aimed, PERIOD)
     return friction
 
 
@@ -67,7 +67,7 @@ def test_only_soft_ground_with_its_rolling_resistance_raises_the_friction():
 def test_a_stop_whose_force_builds_up_late_is_no_evidence():
     friction = shown(0.02, -0.3, prior=0.4, seconds=0.01)
     for _ in range(100):
-        friction.update(-0.2, V_X, -1, 0.2, PERIOD)
+        friction.learn_friction(-0.2, V_X, -1, 0.2, PERIOD)
     assert friction.value == 0.4
 
 
@@ -86,7 +86,7 @@ def test_readings_that_are_not_plausible_are_ignored(bad):
     friction = shown(0.3, 0.01)
     sample = WheelSample(10 * NS_PER_S, (bad,) * 4, None, (bad,) * 4)
     for one in (sample, replace(sample, velocity=(10.0,) * 4)):
-        friction.update_wheels(one, V_X, 0.0)
-        friction.update_resistance(0.0, V_X, PERIOD)
-        friction.update(0.0, V_X, 1, 1.0, PERIOD)
+        friction.add_wheels(one, V_X, 0.0)
+        friction.learn_resistance(0.0, V_X, PERIOD)
+        friction.learn_friction(0.0, V_X, 1, 1.0, PERIOD)
     assert friction.value == pytest.approx(0.3, rel=1e-3)

@@ -53,8 +53,8 @@ class World:
             command = self.kinematics.command(v_x, yaw_rate, self.now_ns, WIDE)
             self.move(*command)
             if estimates:
-                self.kinematics.update_odometry(self.odometry())
-                self.kinematics.update_slip(self.wheel_slip())
+                self.kinematics.add_odometry(self.odometry())
+                self.kinematics.add_slip(self.wheel_slip())
         return self.motion
 
     def move(self, v_x, yaw_rate):
@@ -171,14 +171,14 @@ def test_slips_without_motion_of_the_same_time_are_ignored():
     before = world.kinematics.command(0.5, 0.0, START, WIDE)
     for _ in range(100):
         world.move(0.5, 0.0)
-        world.kinematics.update_slip(world.wheel_slip())
+        world.kinematics.add_slip(world.wheel_slip())
     assert world.kinematics.command(0.5, 0.0, START, WIDE) == before
-    world.kinematics.update_odometry(world.odometry())
+    world.kinematics.add_odometry(world.odometry())
     stopped = world.now_ns
     for _ in range(100):  # odometry has stopped: the first slips only belong to it
         world.move(0.5, 0.0)
-        world.kinematics.update_slip(world.wheel_slip())
-    world.kinematics.update_odometry(replace(world.odometry(), stamp_ns=stopped + 10 ** 9))
+        world.kinematics.add_slip(world.wheel_slip())
+    world.kinematics.add_odometry(replace(world.odometry(), stamp_ns=stopped + 10 ** 9))
     assert world.kinematics.command(0.5, 0.0, START, WIDE) == before
 
 
@@ -191,8 +191,8 @@ def test_unknown_slips_are_not_learned(change):
     before = world.kinematics.command(0.5, 0.3, START, WIDE)
     for _ in range(200):
         world.move(0.5, 0.3)
-        world.kinematics.update_odometry(world.odometry())
-        world.kinematics.update_slip(replace(world.wheel_slip(), **change))
+        world.kinematics.add_odometry(world.odometry())
+        world.kinematics.add_slip(replace(world.wheel_slip(), **change))
     assert world.kinematics.command(0.5, 0.3, START, WIDE) == before
 
 
@@ -202,8 +202,8 @@ def test_one_measured_wheel_of_a_side_is_enough():
         world.move(0.5, 0.0)
         slip = world.wheel_slip()
         velocity = (math.nan, *slip.slip_velocity[1:])
-        world.kinematics.update_odometry(world.odometry())
-        world.kinematics.update_slip(replace(slip, slip_velocity=velocity))
+        world.kinematics.add_odometry(world.odometry())
+        world.kinematics.add_slip(replace(slip, slip_velocity=velocity))
     v_x, _ = world.kinematics.command(0.5, 0.0, world.now_ns, WIDE)
     assert v_x == pytest.approx(0.588, rel=0.02)
 
@@ -239,10 +239,10 @@ def test_older_odometry_is_ignored_and_another_clock_discards_all():
     world = World(kinematics(), slip=(0.2, 0.2))
     world.drive(0.5, 0.0, 2.0)
     learned = world.kinematics.command(0.5, 0.0, world.now_ns, WIDE)
-    world.kinematics.update_odometry(replace(world.odometry(), stamp_ns=world.now_ns - 10 ** 8))
+    world.kinematics.add_odometry(replace(world.odometry(), stamp_ns=world.now_ns - 10 ** 8))
     assert world.kinematics.command(0.5, 0.0, world.now_ns, WIDE) == learned
     world.now_ns -= 10 * NS_PER_S
-    world.kinematics.update_odometry(world.odometry())
+    world.kinematics.add_odometry(world.odometry())
     assert world.kinematics.command(0.5, 0.0, world.now_ns, WIDE) == kinematics().command(
         0.5, 0.0, world.now_ns, WIDE)
     world.slip = (0.1, 0.1)

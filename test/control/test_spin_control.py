@@ -21,8 +21,8 @@ import math
 
 import pytest
 
+from smart_tire.control.ground_motion import Motion
 from smart_tire.control.motion_limits import MotionLimits
-from smart_tire.control.motion_monitor import Motion
 from smart_tire.control.path_follower import SpinControl
 from smart_tire.parameters.control import TrajectoryControllerParams
 from smart_tire.parameters.path_following import ArrivalParams, FollowerParams

@@ -21,14 +21,14 @@ import math
 
 import pytest
 
-from smart_tire.control import ground_speed, traction as control_of_traction
+from smart_tire.control import ground_motion, traction as control_of_traction
 from smart_tire.control.slip_limits import slip_band
 from smart_tire.control.traction import TractionControl
 from smart_tire.control.wheel_control import WheelControl
 from smart_tire.models.constants import GRAVITY
 from smart_tire.parameters.control import TractionParams, WheelControllerParams
 from smart_tire.parameters.robot import RobotParams
-from smart_tire.samples import Friction, NS_PER_S, Odometry
+from smart_tire.samples import GroundState, NS_PER_S, Odometry
 from smart_tire.uncertain import Uncertain, UNKNOWN
 
 RADIUS = RobotParams().wheel_radius
@@ -46,7 +46,7 @@ FAST, REVERSE, STOPPED = (20.0,) * 4, (-20.0,) * 4, (0.0,) * 4
 
 @pytest.fixture(autouse=True)
 def exact_extrapolation(monkeypatch):
-    monkeypatch.setattr(ground_speed, 'EXTRAPOLATION_SIGMA', 0.0)
+    monkeypatch.setattr(ground_motion, 'EXTRAPOLATION_SIGMA', 0.0)
     monkeypatch.setattr(control_of_traction, 'PRIOR_RELATIVE_SIGMA', 0.5)
 
 
@@ -55,21 +55,22 @@ def odometry(v_x=1.0, *, stamp_ns=NOW_NS, v_y=0.0, yaw_rate=0.0, sigma=0.0):
                     (0.0, 0.0, yaw_rate), NO_COVARIANCE, (sigma ** 2, *NO_COVARIANCE[1:]))
 
 
-def friction(critical=0.4, sigma=0.0, *, wheel='front_right', stamp_ns=NOW_NS, load=LOAD, mu=None):
-    """Return a crossing; by default with the friction of tires of the nominal stiffness."""
+def ground(critical=0.4, sigma=0.0, *, stamp_ns=NOW_NS, load=LOAD, mu=None):
+    """Return a ground; by default with the friction of tires of the nominal stiffness."""
     mu = critical * STIFFNESS / (3.0 * LOAD) if mu is None else mu
-    return Friction(stamp_ns, wheel, critical_slip=Uncertain(critical, sigma),
-                    normal_load=Uncertain(load, 0.0), friction_coefficient=Uncertain(mu, 0.0))
+    stiffness = 3.0 * mu * load / critical if critical else math.inf
+    return GroundState(stamp_ns, Uncertain(stiffness, abs(stiffness) * sigma / (critical or 1.0)),
+                       Uncertain(mu, 0.0))
 
 
 def control(*samples, params=PARAMS, v_x=1.0, held=None):
     """Return traction control that has received samples, after wheels turned at ``held``."""
     traction = TractionControl(params, ROBOT)
-    traction.update_odometry(odometry(v_x))
+    traction.add_odometry(odometry(v_x))
     traction.limit((v_x / RADIUS if held is None else held,) * 4, NOW_NS, 0.0)
     for sample in samples:
-        (traction.update_odometry if isinstance(sample, Odometry)
-         else traction.update_friction)(sample)
+        (traction.add_odometry if isinstance(sample, Odometry)
+         else traction.set_ground)(sample)
     return traction
 
 
@@ -116,13 +117,13 @@ def test_set_points_within_the_limit_are_not_changed_at_all():
 
 
 def test_measured_ground_counts_for_all_wheels_and_its_share_is_aimed_at():
-    traction = control(friction(0.4))
+    traction = control(ground(0.4))
     assert rolling(traction, FAST) == pytest.approx([1.0 / (1.0 - MEASURED)] * 4, rel=1e-6)
     assert traction.state.slip_limit == pytest.approx(MEASURED)
 
 
 def test_the_critical_slip_is_proportional_to_the_load_of_the_wheel():
-    found = control(friction(0.4, load=2.0 * LOAD, mu=0.5 * UNKNOWN_FRICTION))
+    found = control(ground(0.4, load=2.0 * LOAD, mu=0.5 * UNKNOWN_FRICTION))
     assert rolling(found, FAST) == pytest.approx([1.0 / (1.0 - 0.5 * MEASURED)] * 4, rel=2e-3)
 
 
@@ -135,8 +136,8 @@ def accelerating(v_x, samples=40):
 def test_a_wheel_that_acceleration_relieves_gets_less_slip():
     traction = TractionControl(PARAMS, RobotParams())
     for sample in accelerating(1.0):
-        traction.update_odometry(sample)
-    traction.update_friction(friction(0.4))
+        traction.add_odometry(sample)
+    traction.set_ground(ground(0.4))
     front, front_right, rear, rear_right = rolling(traction, FAST)
     assert front == front_right < 0.98 * rear
     assert rear == rear_right
@@ -146,7 +147,7 @@ def test_a_wheel_that_acceleration_relieves_gets_less_slip():
 
 @pytest.mark.parametrize('sigma', [0.06, 0.3, 3.0])
 def test_an_uncertain_critical_slip_is_fused_with_that_of_the_friction_and_the_tire(sigma):
-    traction = control(friction(0.6, sigma))
+    traction = control(ground(0.6, sigma))
     traction.limit(FAST, NOW_NS, 0.0)
     expected = 0.4 * traction.state.friction / UNKNOWN_FRICTION
     value = (expected / (0.5 * expected) ** 2 + 0.6 / sigma ** 2) / (
@@ -162,7 +163,7 @@ def test_the_limit_is_at_most_the_maximum():
 
 
 def test_no_ground_makes_the_tire_stiffer_than_it_is():
-    traction = control(friction(0.01, mu=1.0))
+    traction = control(ground(0.01, mu=1.0))
     traction.limit((100.0,) * 4, NOW_NS, 0.0)
     assert min(tire.critical_slip for tire in traction.tires) > 3.0 * LOAD / STIFFNESS / 1.4
 
@@ -172,7 +173,7 @@ def test_the_standard_deviation_of_the_speed_counts(v_x, monkeypatch):
     limited = [abs(speed) for speed in rolling(control(odometry(
         v_x, stamp_ns=NOW_NS + 1, sigma=0.03), v_x=v_x), FAST if v_x > 0.0 else REVERSE)]
     assert limited == pytest.approx([1.0 / 0.93] * 4)
-    monkeypatch.setattr(ground_speed, 'EXTRAPOLATION_SIGMA', 0.04)
+    monkeypatch.setattr(ground_motion, 'EXTRAPOLATION_SIGMA', 0.04)
     assert rolling(control(odometry(stamp_ns=NOW_NS + 1, sigma=0.03)), FAST) == pytest.approx(
         [1.0 / 0.95] * 4)
     assert rolling(control(odometry(stamp_ns=NOW_NS + 1, sigma=0.3)), FAST) == pytest.approx(
@@ -182,33 +183,36 @@ def test_the_standard_deviation_of_the_speed_counts(v_x, monkeypatch):
             pytest.approx([1.0 / 0.94] * 4))
 
 
-@pytest.mark.parametrize('bad', [
-    friction(math.nan, math.inf), friction(0.4, math.inf), friction(-0.4), friction(0.0),
-    friction(0.4, load=math.nan), friction(0.4, load=0.0),
-    friction(0.4, wheel='spare'), Friction(NOW_NS, 'front_left'),
-    replace(friction(0.4), normal_load=UNKNOWN)])
-def test_a_crossing_without_result_leaves_the_ground_unknown(bad):
+BAD = [
+    ground(math.nan, math.inf), ground(0.4, math.inf), ground(-0.4), ground(0.0),
+    ground(0.4, load=math.nan), ground(0.4, load=1e-9), ground(0.4, load=1e9),
+    ground(0.4, mu=math.nan), ground(0.4, mu=2.0), ground(0.4, mu=-0.1),
+    replace(ground(0.4), friction_coefficient=UNKNOWN),
+    replace(ground(0.4), stiffness_friction_correlation=1.1)]
+
+
+@pytest.mark.parametrize('bad', BAD)
+def test_implausible_ground_is_ignored(bad):
     assert rolling(control(bad), FAST) == pytest.approx([1.0 / 0.9] * 4)
-
-
-def test_a_crossing_without_result_does_not_replace_one_with():
-    assert rolling(control(friction(0.4), Friction(NOW_NS, 'front_right')), FAST) == (
+    assert rolling(control(ground(0.4), bad), FAST) == (
         pytest.approx([1.0 / (1.0 - MEASURED)] * 4, rel=1e-6))
+
+
+def test_a_robot_without_films_uses_the_friction_that_it_shows():
+    traction = TractionControl(PARAMS, replace(ROBOT, film=replace(ROBOT.film, wheels=())))
+    traction.add_odometry(odometry())
+    traction.limit((1.0 / RADIUS,) * 4, NOW_NS, 0.0)
+    traction.set_ground(ground(0.4))
+    assert rolling(traction, FAST) == pytest.approx([1.0 / 0.9] * 4)
 
 
 def test_ground_measured_too_far_back_is_unknown():
     driven = [odometry(1.0, stamp_ns=NOW_NS + step * 10_000_000) for step in range(1, 401)]
     for distance, slip in ((1.4, MEASURED), (1.3, 0.1)):
-        traction = control(friction(0.4), *driven, params=replace(
+        traction = control(ground(0.4), *driven, params=replace(
             PARAMS, fade_distance=distance, fade_time=1e3))
         assert rolling(traction, FAST, driven[-1].stamp_ns) == pytest.approx(
             [1.0 / (1.0 - slip)] * 4, rel=1e-3)
-
-
-def test_each_side_has_its_ground_and_the_lower_one_decides():
-    both = control(friction(0.4, wheel='front_left'), friction(0.2, wheel='front_right'))
-    assert rolling(both, FAST) == pytest.approx([1.0 / (1.0 - 0.5 * MEASURED)] * 4, rel=1e-2)
-    assert both.state.slip_limit == pytest.approx(0.5 * MEASURED, rel=0.05)
 
 
 TRACK = 0.38 + 0.26 ** 2 / 0.38  # m, of wheels that roll freely in a turn
@@ -228,7 +232,7 @@ def test_the_commanded_curve_is_kept_while_the_yaw_rate_is_about_the_commanded_o
 def test_a_stop_in_a_curve_keeps_the_curve_of_the_command_before():
     traction = control()
     traction.limit((11.0, 12.0, 11.0, 12.0), NOW_NS, 0.0)
-    traction.update_odometry(odometry(stamp_ns=NOW_NS + 1, yaw_rate=2.0 / 23.0 / TRACK))
+    traction.add_odometry(odometry(stamp_ns=NOW_NS + 1, yaw_rate=2.0 / 23.0 / TRACK))
     left, right, *_ = rolling(traction, STOPPED)
     assert left / right == pytest.approx(11.0 / 12.0)
     assert 0.85 < left < right < 1.0
@@ -244,7 +248,7 @@ def test_a_robot_that_yaws_by_a_disturbance_is_steered_back(command, yaw_rate):
     now_ns = NOW_NS + 10_000_000
     for _ in range(2):  # the direction is known from the second step on
         now_ns += 10_000_000
-        traction.update_odometry(odometry(v_x, stamp_ns=now_ns, yaw_rate=yaw_rate))
+        traction.add_odometry(odometry(v_x, stamp_ns=now_ns, yaw_rate=yaw_rate))
         left, right, *rear = rolling(traction, command, now_ns)
     half = 0.5 * TRACK * yaw_rate
     ground = v_x - half, v_x + half
@@ -287,7 +291,7 @@ def test_without_recent_odometry_there_is_no_limit(age, active):
 def test_the_reason_is_reported():
     traction = TractionControl(PARAMS, ROBOT)
     assert traction.state.reason == 'no odom'
-    traction.update_odometry(odometry())
+    traction.add_odometry(odometry())
     traction.limit(FAST, NOW_NS + 2 * NS_PER_S, 0.0)
     assert traction.state.reason == 'odom is 2.00 s old'
     traction.params = replace(PARAMS, enabled=False)
@@ -305,7 +309,7 @@ def test_odometry_that_is_not_finite_or_late_is_ignored(bad):
 
 def test_a_clock_that_was_set_back_is_followed_and_the_ground_unknown():
     earlier_ns = NOW_NS - 10 * NS_PER_S
-    traction = control(friction(0.4), odometry(1.0, stamp_ns=earlier_ns))
+    traction = control(ground(0.4), odometry(1.0, stamp_ns=earlier_ns))
     assert rolling(traction, FAST, earlier_ns) == pytest.approx([1.0 / 0.9] * 4)
 
 
@@ -313,7 +317,7 @@ def test_the_speed_is_extrapolated_with_the_acceleration_of_the_robot():
     params = replace(PARAMS, lead=0.03, unknown_friction=1.25 / GRAVITY)
     traction, slip = TractionControl(params, ROBOT), 0.1 * 1.25 / GRAVITY / UNKNOWN_FRICTION
     for sample in accelerating(1.0):
-        traction.update_odometry(sample)
+        traction.add_odometry(sample)
     assert rolling(traction, (1.05 / RADIUS,) * 4, NOW_NS + 40_000_000) == (
         pytest.approx([1.05] * 4))  # within the limit: no acceleration is expected
     speeds = rolling(traction, FAST, NOW_NS + 50_000_000, period=0.01)
@@ -330,16 +334,16 @@ def test_a_start_is_expected_before_estimates_show_it():
         -0.2 * GRAVITY * 0.05 - 0.02)
 
 
-def test_a_crossing_that_is_reported_late_counts_from_its_place():
+def test_ground_that_is_reported_late_counts_from_its_place():
     """It was 0.5 s, 0.5 m before the present; the robot then drives another 0.3 m."""
     for distance, slip in ((0.85 / 3.0, MEASURED), (0.75 / 3.0, 0.1)):
         traction = control(params=replace(PARAMS, fade_distance=distance, fade_time=1e3))
         driven = [odometry(1.0, stamp_ns=NOW_NS + step * 10_000_000) for step in range(1, 81)]
         for sample in driven[:50]:
-            traction.update_odometry(sample)
-        traction.update_friction(friction(0.4, stamp_ns=NOW_NS))
+            traction.add_odometry(sample)
+        traction.set_ground(ground(0.4, stamp_ns=NOW_NS))
         for sample in driven[50:]:
-            traction.update_odometry(sample)
+            traction.add_odometry(sample)
         assert rolling(traction, FAST, driven[-1].stamp_ns) == pytest.approx(
             [1.0 / (1.0 - slip)] * 4, rel=1e-3)
 
@@ -348,18 +352,18 @@ def test_the_acceleration_is_at_most_that_of_known_friction():
     """The estimated 5 m/s2 are an error on ground of mu 0.1."""
     traction = TractionControl(replace(PARAMS, lead=0.1), ROBOT)
     for step in range(101):
-        traction.update_odometry(odometry(0.04 * step, stamp_ns=NOW_NS + 8_000_000 * step))
-        traction.update_friction(friction(0.4, mu=0.1, stamp_ns=NOW_NS + 8_000_000 * step))
+        traction.add_odometry(odometry(0.04 * step, stamp_ns=NOW_NS + 8_000_000 * step))
+        traction.set_ground(ground(0.4, mu=0.1, stamp_ns=NOW_NS + 8_000_000 * step))
         traction.limit((100.0,) * 4, NOW_NS + 8_000_000 * step, 0.0)
     rear = rolling(traction, (100.0,) * 4, NOW_NS + 800_000_000)[2]
     assert 4.0 / 0.8 < rear < (4.0 + GRAVITY * (0.1 + 0.2) * 0.1) / (1.0 - 0.2 * 1.26)
 
 
-def test_the_latest_measurement_of_a_side_holds():
-    traction = control(friction(0.2, wheel='front_left'))
+def test_the_latest_measurement_holds():
+    traction = control(ground(0.2))
     for step in range(1, 11):
-        traction.update_odometry(odometry(1.0, stamp_ns=NOW_NS + step * 10_000_000))
-    traction.update_friction(friction(0.4, wheel='rear_left', stamp_ns=NOW_NS + 100_000_000))
+        traction.add_odometry(odometry(1.0, stamp_ns=NOW_NS + step * 10_000_000))
+    traction.set_ground(ground(0.4, stamp_ns=NOW_NS + 100_000_000))
     assert rolling(traction, FAST, NOW_NS + 100_000_000) == pytest.approx(
         [1.0 / (1.0 - MEASURED)] * 4, rel=1e-2)
 
@@ -367,7 +371,7 @@ def test_the_latest_measurement_of_a_side_holds():
 def test_a_stop_begins_at_the_set_points_from_before_the_limit_was_active():
     traction = TractionControl(PARAMS, ROBOT)
     traction.limit((1.0 / RADIUS,) * 4, NOW_NS, 0.0)
-    traction.update_odometry(odometry(1.0))
+    traction.add_odometry(odometry(1.0))
     assert rolling(traction, STOPPED) == pytest.approx([1.0 / 1.1] * 4)
 
 
@@ -389,7 +393,7 @@ def test_a_stop_ends_at_standstill_whatever_the_odometry_is():
     traction, period_ns = control(), NS_PER_S // 100
     speeds = []
     for step in range(1, 301):
-        traction.update_odometry(odometry(1.0, stamp_ns=NOW_NS + step * period_ns))
+        traction.add_odometry(odometry(1.0, stamp_ns=NOW_NS + step * period_ns))
         speeds.append(rolling(traction, STOPPED, NOW_NS + step * period_ns, 0.01)[0])
     assert 0.8 < speeds[3] < speeds[0] == pytest.approx(1.0 / 1.1, rel=0.1)
     assert speeds == sorted(speeds, reverse=True)
@@ -402,7 +406,7 @@ def test_a_start_is_not_prevented_by_a_yaw_rate(yaw_rate):
     level = replace(ROBOT, track_width=0.001, wheelbase=1e-6)  # rolls at v_x on both sides
     traction = TractionControl(PARAMS, level)
     for step in range(100):
-        traction.update_odometry(
+        traction.add_odometry(
             odometry(0.0, stamp_ns=NOW_NS + step * 10_000_000, yaw_rate=yaw_rate))
         speeds = rolling(traction, FAST, NOW_NS + step * 10_000_000)
     assert speeds == pytest.approx([0.02] * 4, abs=1e-3)
@@ -412,7 +416,7 @@ def test_a_start_is_not_prevented_by_a_yaw_rate(yaw_rate):
 def test_a_stop_ends_at_standstill_whatever_the_yaw_rate_is(yaw_rate):
     traction, period_ns = control(), NS_PER_S // 100
     for step in range(1, 301):
-        traction.update_odometry(
+        traction.add_odometry(
             odometry(1.0, stamp_ns=NOW_NS + step * period_ns, yaw_rate=yaw_rate))
         speeds = rolling(traction, STOPPED, NOW_NS + step * period_ns, 0.01)
     assert speeds == [0.0] * 4
@@ -444,8 +448,8 @@ def test_wheels_have_the_load_of_their_tires_from_the_limit_until_they_hardly_sl
 def test_it_can_be_switched_at_run_time_in_the_wheel_controller():
     params = WheelControllerParams(traction=replace(PARAMS, enabled=False))
     wheels = WheelControl(params)
-    wheels.update_measurement(STOPPED, 0)
-    wheels.traction.update_odometry(odometry(0.0))
+    wheels.add_reading(STOPPED, 0)
+    wheels.traction.add_odometry(odometry(0.0))
     assert wheels.step((5.0,) * 4, 0, NOW_NS)[0] == (5.0,) * 4
     wheels.set_params(replace(params, traction=PARAMS))
     limited = wheels.step((5.0,) * 4, 1, NOW_NS)[0]

@@ -24,7 +24,7 @@ import pytest
 from smart_tire.control.path_library import figure_eight, line
 from smart_tire.control.trajectory_control import State, TrajectoryControl
 from smart_tire.parameters.path_following import PathCheckParams
-from smart_tire.samples import Friction, GoalPose, NAN, NS_PER_S, PlannedPath, WheelSlip
+from smart_tire.samples import GoalPose, GroundState, NAN, NS_PER_S, PlannedPath, WheelSlip
 from smart_tire.uncertain import Uncertain
 from support.ideal_robot import IDEAL, odometry, path, Run
 
@@ -136,7 +136,7 @@ def test_old_odometry_stops():
 
 def test_odometry_of_the_future_stops():
     run = under_way()
-    run.control.update_odometry(
+    run.control.add_odometry(
         replace(run.robot.odometry(run.now_ns + 6 * NS_PER_S // 10)), run.now_ns)
     assert_stopped(run, 'odom: -0.60 s old')
 
@@ -144,7 +144,7 @@ def test_odometry_of_the_future_stops():
 @pytest.mark.parametrize(('change', 'reason'), [
     ({'x': 0.0, 'y': 0.0}, 'odom: position jumped by'),
     ({'yaw': 1.0}, 'odom: yaw jumped by'),
-    ({'v_x': math.nan}, 'odom: pose or twist is not finite')])
+    ({'v_x': math.nan}, 'odom: pose or twist is not plausible')])
 def test_a_jump_of_odometry_stops_until_the_next_path(change, reason):
     run = under_way()
     for name, value in change.items():
@@ -171,7 +171,7 @@ def test_time_that_runs_back_stops():
     run.now_ns -= 2 * run.period_ns
     assert_stopped(run, 'time runs back')
     run = under_way()
-    run.control.update_odometry(run.robot.odometry(run.now_ns - NS_PER_S // 10), run.now_ns)
+    run.control.add_odometry(run.robot.odometry(run.now_ns - NS_PER_S // 10), run.now_ns)
     assert_stopped(run, 'odom: time runs back')
 
 
@@ -271,7 +271,7 @@ def test_a_path_before_the_first_odometry_waits_for_it():
     assert control.state == State.FOLLOWING
     assert control.step(NS_PER_S) is None
     assert math.isnan(control.progress(0).remaining_distance)
-    control.update_odometry(odometry(2 * NS_PER_S), 2 * NS_PER_S)
+    control.add_odometry(odometry(2 * NS_PER_S), 2 * NS_PER_S)
     assert control.step(2 * NS_PER_S).v_x > 0.0
 
 
@@ -289,7 +289,7 @@ def test_without_odometry_waiting_ends():
 def test_a_path_that_waited_is_refused_if_it_begins_too_far_away():
     control = TrajectoryControl(IDEAL)
     control.set_path(line(1.0), 0)
-    control.update_odometry(odometry(0, x=3.0), 0)
+    control.add_odometry(odometry(0, x=3.0), 0)
     assert control.step(0).v_x == 0.0
     assert control.state == State.REFUSED
     assert 'begins 3.00 m from the robot' in control.reason
@@ -319,9 +319,10 @@ def test_late_steps_do_not_accelerate_more():
 
 def test_friction_is_used_by_the_follower():
     run = under_way(seconds=0.1)
-    run.control.update_friction(Friction(run.now_ns, 'front_left', Uncertain(0.02, 0.0)))
+    run.control.set_ground(
+        GroundState(run.now_ns, Uncertain(50.0, 1.0), Uncertain(0.02, 0.0)))
     before = run.step().v_x
-    faded = 0.3 + math.exp(-0.1 / 30.0) * (0.02 - 0.3)  # in 0.1 s
+    faded = 0.2 + math.exp(-0.1 / 30.0) * (0.02 - 0.2)  # in 0.1 s
     allowed = 0.6 * 0.7 * faded * 9.81
     assert run.step().v_x - before == pytest.approx(allowed / 20, rel=3e-2)
 
@@ -332,10 +333,10 @@ class Kinematics:
     def __init__(self, offset=0.0):
         self.wanted, self.offset, self.slips = [], offset, []
 
-    def update_odometry(self, odometry):
+    def add_odometry(self, odometry):
         self.odometry = odometry
 
-    def update_slip(self, slip):
+    def add_slip(self, slip):
         self.slips.append(slip)
 
     def command(self, v_x, yaw_rate, now_ns, params):
@@ -362,7 +363,7 @@ def test_wanted_velocities_are_compensated_for_slip():
     assert (command.v_x, command.yaw_rate) == (1.5 * v_x, 2.0 * yaw_rate)
     assert now_ns == command.stamp_ns == run.now_ns - run.period_ns
     slip = WheelSlip(0, (0.0,) * 4, (0.0,) * 4, (0.0,) * 4)
-    run.control.update_slip(slip)
+    run.control.add_slip(slip)
     assert run.control._kinematics.slips == [slip]
     assert run.control._kinematics.odometry.position[1] == 0.05
 

@@ -36,7 +36,7 @@ AHEAD = (0.5 / RADIUS,) * 4  # rad/s, at 0.5 m/s
 def started(params=PARAMS, velocity=(1.0, 1.0, 1.0, 1.0)):
     """Return a controller with wheel speeds measured at time zero."""
     control = WheelControl(params)
-    control.update_measurement(velocity, 0)
+    control.add_reading(velocity, 0)
     return control
 
 
@@ -72,7 +72,7 @@ def test_without_a_command_the_duty_is_zero_at_any_wheel_speed():
     control = started()
     control.step(AHEAD, 0)
     for tick in range(1, 16):
-        control.update_measurement((5.0,) * 4, tick * PERIOD_NS)
+        control.add_reading((5.0,) * 4, tick * PERIOD_NS)
         assert control.step(None, tick * PERIOD_NS) == (STOPPED, STOPPED)
 
 
@@ -97,7 +97,7 @@ def test_without_wheel_speeds_the_duty_is_zero():
 def test_the_rate_of_the_readings_is_that_of_their_arrival():
     control = started()
     assert math.isnan(control.reading_rate)
-    control.update_measurement(STOPPED, NS_PER_S // 4)
+    control.add_reading(STOPPED, NS_PER_S // 4)
     assert control.reading_rate == pytest.approx(4.0)
 
 
@@ -106,7 +106,7 @@ def test_measured_wheel_speeds_can_be_discarded():
     control.discard_measurement()
     assert not control.has_measurement(0)
     assert control.step(AHEAD, 0)[1] == STOPPED
-    control.update_measurement(STOPPED, 1)
+    control.add_reading(STOPPED, 1)
     assert control.step(AHEAD, 1)[1] != STOPPED
 
 
@@ -123,14 +123,14 @@ def test_controllers_are_reset_after_any_pause(pause):
     control = started()
     first = control.step(AHEAD, 0)
     for tick in range(1, 5):
-        control.update_measurement((1.0,) * 4, tick * PERIOD_NS)
+        control.add_reading((1.0,) * 4, tick * PERIOD_NS)
         control.step(AHEAD, tick * PERIOD_NS)
     control.emergency_stop = pause == 'stopped'
     if pause == 'no speeds':
         control.discard_measurement()
     assert control.step(None if pause == 'no command' else AHEAD, 5 * PERIOD_NS)[1] == STOPPED
     control.emergency_stop = False
-    control.update_measurement((1.0,) * 4, 6 * PERIOD_NS)
+    control.add_reading((1.0,) * 4, 6 * PERIOD_NS)
     assert control.step(AHEAD, 6 * PERIOD_NS) == first
 
 
@@ -139,12 +139,12 @@ def test_while_motors_are_disabled_the_duty_does_not_wind_up_and_is_not_zero():
     control.motors_enabled = False
     duties = []
     for tick in range(32):
-        control.update_measurement(STOPPED, tick * PERIOD_NS)
+        control.add_reading(STOPPED, tick * PERIOD_NS)
         duties.append(control.step(AHEAD, tick * PERIOD_NS)[1])
     assert set(duties) == {duties[0]}
     assert 0.0 < duties[0][0] <= PARAMS.pid.rate_limit / 16
     control.motors_enabled = True
-    control.update_measurement(STOPPED, 32 * PERIOD_NS)
+    control.add_reading(STOPPED, 32 * PERIOD_NS)
     after = control.step(AHEAD, 32 * PERIOD_NS)[1]
     assert after[0] <= 2.0 * PARAMS.pid.rate_limit / 16
 
@@ -152,7 +152,7 @@ def test_while_motors_are_disabled_the_duty_does_not_wind_up_and_is_not_zero():
 def test_stationary_wheels_with_zero_set_points_get_zero_duty():
     control = started(velocity=STOPPED)
     for tick in range(8):
-        control.update_measurement((0.09 * (tick > 3), -0.09, 0.0, 0.11), tick * PERIOD_NS)
+        control.add_reading((0.09 * (tick > 3), -0.09, 0.0, 0.11), tick * PERIOD_NS)
         _, duty = control.step(STOPPED, tick * PERIOD_NS)
         assert tick > 3 or duty[0] == 0.0
     assert duty[2] == 0.0
@@ -178,7 +178,7 @@ class Settled:
         """Return the duty of the front left wheel after a reading and a step."""
         self.now_ns += elapsed_ns
         if read:
-            self.control.update_measurement((speed,) * 4, self.now_ns)
+            self.control.add_reading((speed,) * 4, self.now_ns)
         return self.control.step(AHEAD, self.now_ns)[1][0]
 
 
@@ -249,7 +249,7 @@ def test_measured_speeds_that_are_not_possible_time_out(bad):
     control = started()
     duties = []
     for tick in range(1, 12):
-        control.update_measurement((1.0, 1.0, bad, 1.0), tick * PERIOD_NS)
+        control.add_reading((1.0, 1.0, bad, 1.0), tick * PERIOD_NS)
         duties.append(control.step(AHEAD, tick * PERIOD_NS)[1])
     assert duties[7] != STOPPED and duties[8:] == [STOPPED] * 3
     assert all(math.isfinite(duty) for one in duties for duty in one)
@@ -262,7 +262,7 @@ def test_a_rolling_robot_is_taken_over_at_its_speed():
     for tick in range(8):
         _, duty = control.step(AHEAD, tick * PERIOD_NS)
         assert duty == pytest.approx((model.duty(AHEAD[0], 1.0),) * 4, rel=1e-3)
-        control.update_measurement(AHEAD, (tick + 1) * PERIOD_NS)
+        control.add_reading(AHEAD, (tick + 1) * PERIOD_NS)
 
 
 def test_set_points_are_published_without_the_limit_of_acceleration():

@@ -51,7 +51,7 @@ class Host:
         """Take a reading of the wheels."""
         if not isinstance(sample, WheelSample):
             return
-        self._control.update_measurement(
+        self._control.add_reading(
             sample.velocity, now_ns, sample.stamp_ns, sample.position)
         self.faults += filter(None, (
             check.update(Reading(sample.stamp_ns / NS_PER_S, *reading)) for check, *reading in zip(
@@ -135,7 +135,7 @@ def test_static_friction_causes_no_limit_cycle(load):
     duty = 0.0
     for tick in range(200):
         now_ns = tick * NS_PER_S // 16
-        control.update_measurement((wheel.move(duty),) * 4, now_ns, now_ns + 1)
+        control.add_reading((wheel.move(duty),) * 4, now_ns, now_ns + 1)
         duty = control.step((SPEED * (tick < 24),) * 4, now_ns)[1][0]
         duties.append(duty)
         angles.append(wheel.angle)
@@ -148,7 +148,7 @@ def test_a_wheel_that_is_turned_by_force_resists_with_a_limited_duty():
     control = WheelControl(WheelControllerParams())
     for tick in range(160):
         now_ns = tick * NS_PER_S // 16
-        control.update_measurement((-2.0 * (tick > 2),) * 4, now_ns, now_ns + 1)
+        control.add_reading((-2.0 * (tick > 2),) * 4, now_ns, now_ns + 1)
         duty = control.step((0.0,) * 4, now_ns)[1]
     assert duty == (MAX_HOLD_DUTY,) * 4
     assert MotorDriverParams().stall_duty > MAX_HOLD_DUTY
@@ -159,7 +159,7 @@ def test_the_hold_ends_with_the_commands():
     duty = 0.0
     for tick in range(80):
         now_ns = tick * NS_PER_S // 16
-        control.update_measurement((wheel.move(duty),) * 4, now_ns, now_ns + 1)
+        control.add_reading((wheel.move(duty),) * 4, now_ns, now_ns + 1)
         duty = control.step((SPEED * (tick < 24),) * 4, now_ns)[1][0]
     assert duty > 0.0
     assert control.step(None, now_ns + 1)[1] == (0.0,) * 4

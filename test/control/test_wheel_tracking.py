@@ -46,7 +46,7 @@ class Robot:
         since = 0.0 if self._begin_ns is None else (now_ns - self._begin_ns) / NS_PER_S
         if isinstance(sample, WheelSample) and not any(
                 begin <= since < end for begin, end in self._lost):
-            self._control.update_measurement(sample.velocity, now_ns, sample.stamp_ns,
+            self._control.add_reading(sample.velocity, now_ns, sample.stamp_ns,
                                              sample.position)
 
     def duty(self, now_ns):

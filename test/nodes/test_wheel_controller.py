@@ -24,7 +24,7 @@ from geometry_msgs.msg import Twist, TwistStamped
 import pytest
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from smart_tire.nodes.qos import latched
-from smart_tire.samples import Friction, Odometry, VelocityCommand, WheelSample
+from smart_tire.samples import GroundState, Odometry, VelocityCommand, WheelSample
 from smart_tire.uncertain import Uncertain
 from std_msgs.msg import Bool
 
@@ -310,9 +310,8 @@ def test_wrong_friction_and_odometry_move_no_set_point_beyond_the_command(graph,
         now_ns, zero = time.time_ns(), (0.0, 0.0, 0.0)
         graph.publish('odom', Odometry(now_ns, zero, (0.0, 0.0, 0.0, 1.0),
                                        (next(speeds), 0.0, 0.0), zero, (0.0,) * 36, (0.0,) * 36))
-        graph.publish('tire_friction', Friction(
-            now_ns, 'front_right', Uncertain(mu, 1e-3), normal_load=Uncertain(26.7, 1.0),
-            critical_slip=Uncertain(0.1, 1e-3)))
+        graph.publish('ground_state', GroundState(
+            now_ns, Uncertain(800.0, 10.0), Uncertain(mu, 1e-3)))
 
     graph.until(lambda: int(graph.value('wheel_controller', 'traction.limited_steps') or 0) > 10,
                 lambda: publish(1.0))

@@ -160,7 +160,7 @@ class Drive:
         if before is None:
             return
         velocity = tuple((new - old) / (now - before[0]) for new, old in zip(angles, before[1]))
-        self._control.update_measurement(velocity, _ns(now), _ns(now))
+        self._control.add_reading(velocity, _ns(now), _ns(now))
         if now < self._check:
             return
         self._check = now + CHECK_PERIOD_NS / NS_PER_S

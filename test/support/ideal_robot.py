@@ -89,7 +89,7 @@ class Run:
 
     def observe(self):
         """Give the true odometry to the controller."""
-        self.control.update_odometry(self.robot.odometry(self.now_ns), self.now_ns)
+        self.control.add_odometry(self.robot.odometry(self.now_ns), self.now_ns)
 
     def start(self, target):
         """Give a path or goal to the controller."""

@@ -120,7 +120,7 @@ class _Control:
 
     def measure(self, time, sample):
         """Receive a wheel sample."""
-        self._control.update_measurement(sample.velocity, round(time * NS_PER_S), sample.stamp_ns)
+        self._control.add_reading(sample.velocity, round(time * NS_PER_S), sample.stamp_ns)
 
     def update(self, time):
         """Return whether there is a new duty."""

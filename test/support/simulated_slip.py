@@ -24,7 +24,7 @@ from smart_tire.simulation.plant import Plant, TIME_STEP
 
 
 def with_plant(step_body: Callable[[Plant], None] | None = None,
-               update_wheels: Callable[[Plant], None] | None = None) -> type[Plant]:
+               add_wheels: Callable[[Plant], None] | None = None) -> type[Plant]:
     """Return a plant with a change before each step of the body, or after that of the wheels."""
     class Disturbed(Plant):
 
@@ -38,8 +38,8 @@ def with_plant(step_body: Callable[[Plant], None] | None = None,
 
         def _update_wheels(self) -> None:
             super()._update_wheels()
-            if update_wheels:
-                update_wheels(self)
+            if add_wheels:
+                add_wheels(self)
     return Disturbed
 
 

@@ -35,10 +35,10 @@ def test_the_command_moves_a_body_with_these_centers_as_wanted(v_x):
     kinematics, half = IcrKinematics(PARAMS), 0.5 * PARAMS.robot.track_width
     for step in range(400):
         yaw_rate, now_ns = math.sin(0.02 * step), step * PERIOD_NS
-        kinematics.update_odometry(replace(
+        kinematics.add_odometry(replace(
             odometry(now_ns, v_x=v_x, yaw_rate=yaw_rate), linear=(v_x, -AHEAD * yaw_rate, 0.0)))
         left, right = (half - LEFT) * yaw_rate, (-half - RIGHT) * yaw_rate
-        kinematics.update_slip(WheelSlip(
+        kinematics.add_slip(WheelSlip(
             now_ns, (0.1,) * 4, (left, right, left, right), (0.01,) * 4))
     speed, rate = kinematics.command(v_x, 0.8, 0, PARAMS)
     assert speed - half * rate == pytest.approx(v_x - 0.8 * LEFT, abs=0.01)

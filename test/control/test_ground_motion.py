@@ -21,7 +21,7 @@ import math
 
 import pytest
 
-from smart_tire.control.motion_monitor import Motion, MotionMonitor
+from smart_tire.control.ground_motion import Motion, MotionMonitor, wrap
 from smart_tire.parameters.path_following import PathCheckParams
 from smart_tire.samples import NS_PER_S
 from support.ideal_robot import odometry
@@ -32,7 +32,7 @@ PARAMS = PathCheckParams(odom_jump=0.2)
 def monitor(*samples):
     made = MotionMonitor()
     for sample in samples:
-        made.update(sample, PARAMS)
+        made.add_odometry(sample, PARAMS)
     return made
 
 
@@ -54,8 +54,8 @@ def test_lateral_velocity_is_to_the_left():
 def test_the_pose_is_predicted_from_its_stamp_with_the_delay():
     made = monitor(odometry(NS_PER_S, v_x=0.5))
     assert made.age(NS_PER_S + NS_PER_S // 5) == pytest.approx(0.2)
-    assert made.predict(NS_PER_S + NS_PER_S // 5, 0.1).x == pytest.approx(0.15)
-    assert made.measured().x == 0.0
+    assert made.predicted(NS_PER_S + NS_PER_S // 5, 0.1).x == pytest.approx(0.15)
+    assert made.motion.x == 0.0
     assert not made.fault
     assert made.initialized
 
@@ -67,7 +67,8 @@ def test_without_odometry_its_age_is_infinite():
 
 def test_the_distance_driven_is_returned():
     made = monitor(odometry(0))
-    assert made.update(odometry(NS_PER_S, x=0.3, y=0.4, v_x=0.5), PARAMS) == pytest.approx(0.5)
+    moved = made.add_odometry(odometry(NS_PER_S, x=0.3, y=0.4, v_x=0.5), PARAMS)
+    assert moved == pytest.approx(0.5)
 
 
 @pytest.mark.parametrize(('x', 'speed', 'fault'), [
@@ -75,7 +76,7 @@ def test_the_distance_driven_is_returned():
     (0.69, 0.5, False), (0.71, 0.5, True), (0.69, -0.5, False)])
 def test_a_position_that_the_speed_does_not_explain_is_a_jump(x, speed, fault):
     made = monitor(odometry(0))
-    moved = made.update(odometry(NS_PER_S, x=x, v_x=speed), PARAMS)
+    moved = made.add_odometry(odometry(NS_PER_S, x=x, v_x=speed), PARAMS)
     assert ('position jumped' in made.fault) == fault
     assert moved == pytest.approx(0.0 if fault else abs(x))
 
@@ -95,11 +96,12 @@ def test_stamps_that_run_back_are_a_fault():
 
 @pytest.mark.parametrize('change', [
     {'position': (math.nan, 0.0, 0.0)}, {'orientation': (0.0, 0.0, math.nan, 1.0)},
-    {'linear': (0.0, math.inf, 0.0)}, {'angular': (0.0, 0.0, math.nan)}])
-def test_numbers_that_are_not_finite_are_a_fault_and_not_used(change):
+    {'linear': (0.0, math.inf, 0.0)}, {'angular': (0.0, 0.0, math.nan)},
+    {'linear': (101.0, 0.0, 0.0)}, {'angular': (0.0, 0.0, -101.0)}])
+def test_numbers_that_are_not_plausible_are_a_fault_and_not_used(change):
     made = monitor(odometry(0, x=1.0), replace(odometry(NS_PER_S), **change))
-    assert 'not finite' in made.fault
-    assert made.measured().x == 1.0
+    assert 'not plausible' in made.fault
+    assert made.motion.x == 1.0
     assert made.age(NS_PER_S) == pytest.approx(1.0)
 
 
@@ -107,6 +109,27 @@ def test_the_first_fault_remains_until_it_is_cleared():
     made = monitor(odometry(0), odometry(1, x=5.0), odometry(0))
     assert 'position jumped' in made.fault
     made.fault = ''
-    made.update(odometry(2, x=5.0), PARAMS)
-    made.update(odometry(3, x=5.01), PARAMS)
+    made.add_odometry(odometry(2, x=5.0), PARAMS)
+    made.add_odometry(odometry(3, x=5.01), PARAMS)
     assert 'position jumped' in made.fault  # from the pose before, which was back at 0
+
+
+def test_angles_are_wrapped():
+    assert wrap(3.5 * math.pi) == pytest.approx(-0.5 * math.pi)
+    assert wrap(-1.5 * math.pi) == pytest.approx(0.5 * math.pi)
+
+
+def test_the_robot_stands_while_it_neither_moves_nor_turns():
+    rest = Motion(0.0, 0.0, 0.0, 0.01, -0.01, -0.04)
+    assert rest.at_rest()
+    assert not replace(rest, v_x=-0.021).at_rest()
+    assert not replace(rest, yaw_rate=0.06).at_rest()
+
+
+@pytest.mark.parametrize('sign', [1.0, -1.0])
+def test_braking_ends_at_standstill(sign):
+    moving = Motion(0.0, 0.0, 0.0, sign * 0.5, 0.0, 0.0)
+    slower = moving.after(0.5, -0.5 * sign)
+    assert (slower.v_x, slower.x) == pytest.approx((0.25 * sign, 0.1875 * sign))
+    assert moving.after(2.0, -0.5 * sign).v_x == 0.0
+    assert moving.after(2.0, 0.5 * sign).v_x == pytest.approx(1.5 * sign)

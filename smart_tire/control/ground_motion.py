@@ -1,0 +1,234 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Motion of the robot in ``odom``: latest estimate, its faults, and the motion at a later time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+
+from smart_tire.parameters.path_following import PathCheckParams
+from smart_tire.rotation import euler
+from smart_tire.samples import MAX_ANGULAR_RATE, MAX_SPEED, NS_PER_S, Odometry
+
+STANDSTILL_SPEED = 0.02        # m/s, of estimates at standstill, at most
+STANDSTILL_RATE = 0.05         # rad/s, the same
+JUMP_SPEED_SHARE = 1.0         # of the distance that the larger of two speeds explains
+YAW_JUMP = 0.5                 # rad, more than the yaw rates explain
+MIN_INTERVAL_NS = 4_000_000    # between estimates whose difference is an acceleration
+MAX_INTERVAL_NS = 200_000_000  # larger gaps restart the acceleration
+EXTRAPOLATION_SIGMA = 0.02     # m/s, of a speed: 0.2 m/s2 for 0.1 s, the age of odom and a period
+MAX_SHIFT = 0.2                # s, between an estimate and a speed that is derived from it
+CLOCK_JUMP_NS = NS_PER_S       # timestamps that go back by more are those of a new clock
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Pose in ``odom`` and twist in ``base_link``."""
+
+    x: float         # m
+    y: float         # m
+    yaw: float       # rad
+    v_x: float       # m/s
+    v_y: float       # m/s
+    yaw_rate: float  # rad/s
+
+    def after(self, dt: float, acceleration: float = 0.0) -> Motion:
+        """
+        Return the motion ``dt`` [s] later, with the same twist but for the ``acceleration``.
+
+        The latter [m/s2] is that of ``v_x``; braking ends at standstill.
+        """
+        later = self.v_x + acceleration * dt
+        if later * self.v_x < 0.0 and abs(self.v_x) > STANDSTILL_SPEED:
+            later = 0.0
+        v_x, middle = 0.5 * (self.v_x + later), self.yaw + 0.5 * self.yaw_rate * dt
+        cos, sin = math.cos(middle), math.sin(middle)
+        return Motion(self.x + (v_x * cos - self.v_y * sin) * dt,
+                      self.y + (v_x * sin + self.v_y * cos) * dt,
+                      self.yaw + self.yaw_rate * dt, later, self.v_y, self.yaw_rate)
+
+    def speed(self) -> float:
+        """Return the magnitude of the velocity [m/s]."""
+        return math.hypot(self.v_x, self.v_y)
+
+    def at_rest(self) -> bool:
+        """Return whether the robot stands."""
+        return self.speed() < STANDSTILL_SPEED and abs(self.yaw_rate) < STANDSTILL_RATE
+
+
+def wrap(angle: float) -> float:
+    """Return ``angle`` [rad] in [-pi, pi]."""
+    return math.remainder(angle, math.tau)
+
+
+def motion_of(odometry: Odometry) -> Motion | None:
+    """Return the motion in a message; None if it is not plausible or not finite."""
+    if not (all(map(math.isfinite, (*odometry.position, *odometry.orientation)))
+            and all(abs(speed) <= MAX_SPEED for speed in odometry.linear)
+            and all(abs(rate) <= MAX_ANGULAR_RATE for rate in odometry.angular)):
+        return None
+    return Motion(*odometry.position[:2], euler(odometry.orientation)[2], *odometry.linear[:2],
+                  odometry.angular[2])
+
+
+class LatestMotion:
+    """Latest plausible odometry; all times are nanoseconds of the message clock."""
+
+    def __init__(self) -> None:
+        self.motion = Motion(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # at ``stamp_ns``
+        self.stamp_ns: int | None = None                    # None without any odometry
+
+    @property
+    def initialized(self) -> bool:
+        """Whether odometry was received."""
+        return self.stamp_ns is not None
+
+    def age(self, now_ns: int) -> float:
+        """Return the age [s] of the latest odometry; infinite if there is none."""
+        return math.inf if self.stamp_ns is None else (now_ns - self.stamp_ns) / NS_PER_S
+
+    def predicted(self, now_ns: int, lead: float) -> Motion:
+        """Return the motion ``lead`` [s] after ``now_ns``."""
+        return self.motion.after(self.age(now_ns) + lead)
+
+
+class MotionMonitor(LatestMotion):
+    """
+    Latest odometry for following a path.
+
+    ``fault`` is the text for the first fault since it was cleared; empty if there is none.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.fault = ''
+
+    def add_odometry(self, odometry: Odometry, params: PathCheckParams) -> float:
+        """Check and add odometry; return the distance [m] from the last position."""
+        motion, last, last_ns = motion_of(odometry), self.motion, self.stamp_ns
+        if motion is None:
+            self._set_fault(f'odom: pose or twist is not plausible, expected finite numbers up to '
+                            f'{MAX_SPEED:g} m/s and {MAX_ANGULAR_RATE:g} rad/s')
+            return 0.0
+        self.motion, self.stamp_ns = motion, odometry.stamp_ns
+        if last_ns is None:
+            return 0.0
+        dt = (odometry.stamp_ns - last_ns) / NS_PER_S
+        if dt < 0.0:
+            self._set_fault(f'odom: time runs back by {-dt:.3f} s, expected increasing stamps')
+            return 0.0
+        return self._check_jump(last, motion, dt, params)
+
+    def _check_jump(self, last: Motion, motion: Motion, dt: float,
+                    params: PathCheckParams) -> float:
+        moved = math.hypot(motion.x - last.x, motion.y - last.y)
+        speed = max(last.speed(), motion.speed())
+        if moved > params.odom_jump + JUMP_SPEED_SHARE * speed * dt:
+            self._set_fault(f'odom: position jumped by {moved:.2f} m at {speed:.2f} m/s, expected '
+                            f'at most {params.odom_jump:g} m more than the speed explains')
+            return 0.0
+        turned = abs(wrap(motion.yaw - last.yaw))
+        if turned > YAW_JUMP + max(abs(last.yaw_rate), abs(motion.yaw_rate)) * dt:
+            self._set_fault(f'odom: yaw jumped by {turned:.2f} rad, expected at most '
+                            f'{YAW_JUMP:g} rad more than the yaw rate explains')
+            return 0.0
+        return moved
+
+    def _set_fault(self, text: str) -> None:
+        self.fault = self.fault or text
+
+
+@dataclass(frozen=True)
+class Onset:
+    """Begin of an acceleration that estimates do not show yet."""
+
+    time_ns: int = 0
+    acceleration: float = 0.0  # m/s2, expected
+    settling: float = 0.1      # s, time constant until the measured acceleration counts
+
+
+@dataclass(frozen=True)
+class Expected(Motion):
+    """Motion at a later time, with its forward acceleration."""
+
+    v_x_sigma: float     # m/s
+    acceleration: float  # m/s2; that expected at an onset until estimates show it
+    measured: float      # m/s2, acceleration that estimates show
+    unseen: float        # -, weight of the acceleration expected at an onset, 1 to 0
+
+
+class GroundSpeed(LatestMotion):
+    """Latest odometry with its filtered acceleration, for traction control."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.distance = 0.0  # m, traveled
+        self._v_x_sigma, self._acceleration = 0.0, 0.0
+        self._anchor: tuple[int, float] | None = None  # time and speed of the latest difference
+
+    def add_odometry(self, odometry: Odometry, time_constant: float) -> bool:
+        """
+        Add an estimate; return whether it is plausible and newer than those before.
+
+        ``time_constant`` [s] is that of the low-pass filter of the acceleration.
+        """
+        motion, stamp_ns, last_ns = motion_of(odometry), odometry.stamp_ns, self.stamp_ns
+        if motion is None or last_ns is not None and 0 <= last_ns - stamp_ns <= CLOCK_JUMP_NS:
+            return False
+        if last_ns is not None and stamp_ns > last_ns:
+            self.distance += abs(motion.v_x) * (stamp_ns - last_ns) / NS_PER_S
+        else:
+            self._anchor = None
+        self.motion, self.stamp_ns = motion, stamp_ns
+        variance = odometry.twist_covariance[0]
+        self._v_x_sigma = math.sqrt(variance) if 0.0 <= variance < math.inf else 0.0
+        self._differentiate(stamp_ns, motion.v_x, time_constant)
+        return True
+
+    def _differentiate(self, stamp_ns: int, v_x: float, time_constant: float) -> None:
+        anchor_ns, anchor = self._anchor or (stamp_ns - MAX_INTERVAL_NS - 1, 0.0)
+        elapsed = (stamp_ns - anchor_ns) / NS_PER_S
+        if stamp_ns - anchor_ns > MAX_INTERVAL_NS:
+            self._acceleration, self._anchor = 0.0, (stamp_ns, v_x)
+        elif stamp_ns - anchor_ns >= MIN_INTERVAL_NS:
+            slope = (v_x - anchor) / elapsed
+            self._acceleration += elapsed / (elapsed + time_constant) * (
+                slope - self._acceleration)
+            self._anchor = stamp_ns, v_x
+
+    def speed_at(self, stamp_ns: int) -> float:
+        """Return the forward speed [m/s] at a recent time, 0 without an estimate."""
+        later = min(max(self.age(stamp_ns), -MAX_SHIFT), MAX_SHIFT)
+        return self.motion.v_x + self._acceleration * later
+
+    def expected(self, now_ns: int, lead: float, onset: Onset, bound: float) -> Expected:
+        """
+        Return the motion ``lead`` [s] after ``now_ns``; there must be an estimate.
+
+        The acceleration is the measured one, at most ``bound`` [m/s2], and that expected from the
+        ``onset`` of a change until an estimate can show it.
+        """
+        measured = min(max(self._acceleration, -bound), bound)
+        horizon = max(self.age(now_ns) + lead, 0.0)
+        since = -self.age(onset.time_ns)
+        weight = math.exp(-max(since, 0.0) / onset.settling)
+        unseen = min(max(horizon + min(since, 0.0), 0.0), horizon)
+        acceleration = weight * onset.acceleration + (1.0 - weight) * measured
+        mean = measured + unseen / horizon * (acceleration - measured) if horizon else measured
+        return Expected(
+            **vars(self.motion.after(horizon, mean)), acceleration=acceleration,
+            v_x_sigma=math.hypot(self._v_x_sigma, EXTRAPOLATION_SIGMA), measured=measured,
+            unseen=weight)
