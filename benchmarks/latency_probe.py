@@ -94,7 +94,7 @@ class RadioTap:
         return None
 
     def _forward(self, chunk: bytes) -> None:
-        keys = [self._key(body) for body in self._deframer.feed(chunk)]
+        keys = [self._key(body) for body in self._deframer.extract(chunk)]
         self._sent_ns.update(dict.fromkeys(keys, time.monotonic_ns()))
         self._port.write(chunk)
 

@@ -42,7 +42,7 @@ from support.mutants import Mutant, mutants, sample
 # may follow a test file. A surviving mutant takes the time of all its tests: at most about one
 # minute per source file, so that a run takes less than an hour.
 SAFETY_PATH: Mapping[str, tuple[str, ...]] = {
-    'smart_tire/protocol/crc.py': ('test/protocol/test_crc.py', 'test/protocol/test_roboclaw.py'),
+    'smart_tire/protocol/deframer.py': ('test/protocol/test_*.py',),
     'smart_tire/protocol/roboclaw.py': (
         'test/protocol/test_roboclaw.py', 'test/simulation/test_device_emulators.py',
         'test/drivers/test_roboclaw_pair.py -k "duties or low or restarted"'),

@@ -343,7 +343,7 @@ def test_every_equivalent_mutant_in_the_file_still_exists():
 
 def test_every_pattern_of_the_safety_path_matches_files():
     plan = mutation.test_plan(mutation.ROOT, mutation.SAFETY_PATH)
-    assert {'smart_tire/protocol/crc.py', 'smart_tire/control/wheel_servo.py'} <= plan.keys()
+    assert {'smart_tire/protocol/roboclaw.py', 'smart_tire/control/wheel_servo.py'} <= plan.keys()
     assert all(plan.values())
 
 

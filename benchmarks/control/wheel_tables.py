@@ -21,7 +21,8 @@ from collections.abc import Sequence
 from benchmarks.control.wheel_steps import BAND, NEW, Row, SET_POINTS, STEP_TIME
 from benchmarks.tables import new_table, number
 from rich.table import Table
-from smart_tire.drivers.line_timing import least_poll_time
+
+from smart_tire.drivers.roboclaw_line import least_poll_time
 
 BAUD_RATES = (38400, 115200, 230400, 460800)
 

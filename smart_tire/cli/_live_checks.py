@@ -167,7 +167,7 @@ def robot_findings(heard: Heard, files: list[Path]) -> Iterator[Finding]:
 
 
 def _port_findings(files: list[Path]) -> Iterator[Finding]:
-    from smart_tire.drivers.port_findings import expected_ports, port_findings, ports_to_scan
+    from smart_tire.drivers.port_scan import expected_ports, port_findings, ports_to_scan
     from smart_tire.drivers.port_scan import scan, serial_devices
     from smart_tire.parameters import (
         build, ImuDriverParams, known_names, load_files, MotorDriverParams, NODE_PARAMS, specs,

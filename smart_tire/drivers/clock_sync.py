@@ -26,6 +26,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 import math
+import statistics
 
 S_PER_NS = 1e-9
 FIT_WINDOW = 60.0           # s of arrivals in the fit; crystal drift changes within minutes
@@ -41,6 +42,12 @@ CLOCK_STEP_THRESHOLD = 0.1  # s after the line; exceeded consecutively if a cloc
 CLOCK_STEP_MESSAGES = 50    # consecutive messages that indicate a clock step
 DELAY_CLIP_JITTERS = 5.0    # mean delays at which a delay is clipped: a pause is not jitter
 DRIFT_HUBER_SIGMAS = 2.0    # sigmas of drift above which the prior is linear, not quadratic
+PERIOD_FIT_ARRIVALS = 32       # arrivals from which the period is first estimated
+PERIOD_SIGMA = 0.01            # -, relative standard deviation of that estimate
+# Consecutive messages, all late by more than half a period, that indicate an undetected loss. With
+# an exponential delay the probability of a false alarm is below e^-25.
+MIN_LATE_MESSAGES, MAX_LATE_MESSAGES = 8, 64
+LATE_MESSAGES_PER_JITTER = 50  # messages per period of mean delay
 
 
 @dataclass
@@ -92,7 +99,7 @@ class ClockSync:
         """Discard the fit, as after a restart of the device."""
         self._bins.clear()
 
-    def update(self, device_ns: int, receive_ns: int) -> int:
+    def add_arrival(self, device_ns: int, receive_ns: int) -> int:
         """
         Update the fit with a message of ``device_ns`` received at ``receive_ns``.
 
@@ -106,7 +113,7 @@ class ClockSync:
             self._restart(device_ns, receive_ns)
         late = self.excess_delay(device_ns, receive_ns) > CLOCK_STEP_THRESHOLD
         self._late_messages = self._late_messages + 1 if late else 0
-        self._add(device_ns, receive_ns)
+        self._add_to_bins(device_ns, receive_ns)
         self._advance(device_ns, receive_ns)
         return self._anchors[1][1]
 
@@ -139,7 +146,7 @@ class ClockSync:
         time, lag = self._relative(device_ns, receive_ns)
         return lag - self._floor - self.drift * time
 
-    def _add(self, device_ns: int, receive_ns: int) -> None:
+    def _add_to_bins(self, device_ns: int, receive_ns: int) -> None:
         time, lag = self._relative(device_ns, receive_ns)
         max_lag = self._floor + self.drift * time + DELAY_CLIP_JITTERS * self._jitter
         message = _Bin(1, time, min(lag, max_lag), time, lag)
@@ -232,3 +239,56 @@ def _best_slope(corners: list[tuple[float, float]], mean_time: float, weight: fl
         min_slope = max_slope
     best = min(max(weight * (mean_time - corners[-1][0]), -limit), limit)
     return max(best, min_slope), corners[-1]
+
+
+class ArrivalTimestamps:
+    """
+    Synchronizes the message count, used as the device clock, with the host clock.
+
+    The first ``PERIOD_FIT_ARRIVALS`` messages get their arrival times, all others regular
+    timestamps from the fitted period; the constant delay of the link remains in them. Known losses
+    are passed as ``missed``; unknown losses are detected by consecutive late messages.
+    """
+
+    def __init__(self) -> None:
+        self._clock = ClockSync(PERIOD_SIGMA)
+        self._arrivals: list[tuple[int, int]] = []  # count, host time
+        self._count = 0
+        self._period_ns = 0.0
+        self._late: list[float] = []
+        self._last_ns = 0
+
+    @property
+    def period(self) -> float:
+        """Return the period [s] by the host clock, 0 before it is estimated."""
+        return self._period_ns * 1e-9 * (1.0 + self._clock.drift)
+
+    def timestamp(self, receive_ns: int, missed: int = 0) -> int:
+        """Return the timestamp of a message received at ``receive_ns``; timestamps ascend."""
+        self._count += 1 + missed
+        stamp_ns = self._regular(receive_ns) if self._period_ns else self._fit(receive_ns)
+        self._last_ns = max(stamp_ns, self._last_ns + 1)
+        return self._last_ns
+
+    def _fit(self, receive_ns: int) -> int:
+        self._arrivals.append((self._count, receive_ns))
+        if len(self._arrivals) == PERIOD_FIT_ARRIVALS:
+            counts, times = zip(*self._arrivals)
+            start = times[0]
+            self._period_ns = statistics.linear_regression(
+                counts, [time - start for time in times]).slope
+            for count, time in self._arrivals:
+                self._clock.add_arrival(round(count * self._period_ns), time)
+        return receive_ns
+
+    def _regular(self, receive_ns: int) -> int:
+        excess = self._clock.excess_delay(round(self._count * self._period_ns), receive_ns)
+        period = self._period_ns * 1e-9
+        needed = math.ceil(LATE_MESSAGES_PER_JITTER * self._clock.jitter / period)
+        needed = min(max(needed, MIN_LATE_MESSAGES), MAX_LATE_MESSAGES)
+        self._late = [*self._late, excess][-needed:]
+        periods = round(min(self._late) / period)
+        if periods < 0 or len(self._late) == needed and periods > 0:
+            self._count = max(self._count + periods, 1)
+            self._late.clear()
+        return self._clock.add_arrival(round(self._count * self._period_ns), receive_ns)

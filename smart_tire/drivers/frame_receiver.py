@@ -48,7 +48,7 @@ class FrameReceiver:
     def _decoded(self, chunk: bytes, receive_ns: int,
                  decode: Callable[[bytes], Item]) -> Iterator[Item]:
         """Yield the decoded frames that ``chunk`` completes; reject those with a FrameError."""
-        for body in self._deframer.feed(chunk):
+        for body in self._deframer.extract(chunk):
             try:
                 item = decode(body)
             except FrameError as error:

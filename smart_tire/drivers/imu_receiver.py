@@ -19,8 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from smart_tire.drivers.arrival_timestamps import ArrivalTimestamps
-from smart_tire.drivers.clock_sync import ClockSync
+from smart_tire.drivers.clock_sync import ArrivalTimestamps, ClockSync
 from smart_tire.drivers.frame_receiver import FrameReceiver
 from smart_tire.protocol import vectornav, vectornav_ascii, xsens
 from smart_tire.protocol.deframer import Deframer
@@ -74,7 +73,7 @@ class ImuStream(FrameReceiver):
         self._arrival_clock = ArrivalTimestamps()
         self._device_ns = 0  # of the last frame, unwrapped
 
-    def feed(self, chunk: bytes, receive_ns: int) -> Iterator[ImuSample]:
+    def receive(self, chunk: bytes, receive_ns: int) -> Iterator[ImuSample]:
         """Take bytes that arrived at ``receive_ns`` and yield the samples they complete."""
         for device_ns, sample in self._decoded(chunk, receive_ns, self._decode):
             stamp_ns = self._stamp(device_ns, receive_ns) - self._latency_ns
@@ -87,9 +86,9 @@ class ImuStream(FrameReceiver):
         if device_ns is None:
             self.timestamp_source = 'regularized arrival times (the device sends no time)'
             missed, self._bad_before = self.frames_bad - self._bad_before, self.frames_bad
-            return self._arrival_clock.update(receive_ns, missed)
+            return self._arrival_clock.timestamp(receive_ns, missed)
         self.timestamp_source = 'device clock'
         if wrap := self.protocol.wrap_ns:
             device_ns = self._device_ns + (device_ns - self._device_ns) % wrap
         self._device_ns = device_ns
-        return self._device_clock.update(device_ns, receive_ns)
+        return self._device_clock.add_arrival(device_ns, receive_ns)

@@ -24,7 +24,7 @@ process holds is not opened.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, suppress
 from dataclasses import dataclass
@@ -39,6 +39,8 @@ from serial.tools import list_ports
 from smart_tire.drivers.imu_receiver import PROTOCOLS
 from smart_tire.drivers.serial_port import open_port, PORT_ERRORS
 from smart_tire.errors import FrameError, LinkError
+from smart_tire.findings import Finding, Level
+from smart_tire.parameters import ImuDriverParams, MotorDriverParams, TireReceiverParams
 from smart_tire.protocol.deframer import Deframer
 from smart_tire.protocol.roboclaw import (
     ADDRESSES, decode_text_reply, encode_request, READ_VERSION, TEXT_END)
@@ -53,6 +55,9 @@ REPLY_TIMEOUT = 0.04   # s; a board replies within a few ms
 NO_HARDWARE = 'n/a'    # of pyserial
 ROBOCLAW_USB = (0x03EB, 0x2404)  # vendor and product
 PROC, BY_ID = Path('/proc'), Path('/dev/serial/by-id')
+NAMES = {TIRE_RADIO: 'XBee coordinator with sensor nodes', MOTOR_BOARDS: 'RoboClaw',
+         'vectornav_binary': 'VectorNav (binary)', 'vectornav_ascii': 'VectorNav (ASCII)',
+         'xsens': 'Xsens'}
 
 
 @dataclass(frozen=True)
@@ -169,7 +174,7 @@ def identify(data: bytes) -> tuple[str, int] | None:
 def sensor_nodes(data: bytes) -> tuple[int, ...]:
     """Return the 64-bit addresses of the sensor nodes whose batches are in ``data``."""
     found = set()
-    for body in XBeeDeframer().feed(data):
+    for body in XBeeDeframer().extract(data):
         with suppress(FrameError):
             packet = decode_receive_packet(body)
             decode_batch(packet.data)
@@ -179,7 +184,7 @@ def sensor_nodes(data: bytes) -> tuple[int, ...]:
 
 def _count(deframer: Deframer, data: bytes, decode: Any) -> int:
     count = 0
-    for body in deframer.feed(data):
+    for body in deframer.extract(data):
         with suppress(FrameError):
             decode(body)
             count += 1
@@ -205,3 +210,120 @@ def _versions(port: Any) -> dict[int, str]:
         with suppress(FrameError):
             found[address] = decode_text_reply(address, READ_VERSION, reply)
     return found
+
+
+@dataclass(frozen=True)
+class Expected:
+    """A configured port."""
+
+    node: str
+    path: str
+    baud_rate: int
+    protocol: str
+    addresses: tuple[int, ...] = ()  # of motor boards or sensor nodes
+
+
+def expected_ports(tire: TireReceiverParams, imu: ImuDriverParams,
+                   motor: MotorDriverParams) -> list[Expected]:
+    """Return the ports that the parameters of the drivers name."""
+    return [Expected('tire_receiver', tire.port, tire.baud_rate, TIRE_RADIO,
+                     tuple(tire.wheel_of())),
+            Expected('imu_driver', imu.port, imu.baud_rate, imu.protocol),
+            Expected('motor_driver', motor.port, motor.baud_rate, MOTOR_BOARDS,
+                     tuple(motor.addresses))]
+
+
+def ports_to_scan(expected: Sequence[Expected],
+                  devices: Sequence[Device]) -> tuple[dict[str, tuple[int, ...]], list[str]]:
+    """Return path -> baud rates, configured ones first, and the ports that may be RoboClaws."""
+    rates: dict[str, tuple[int, ...]] = {device.path: BAUD_RATES for device in devices}
+    for one in expected:
+        rates[one.path] = (one.baud_rate, *(rate for rate in BAUD_RATES
+                                            if rate != one.baud_rate))
+    boards = [one.path for one in expected if one.protocol == MOTOR_BOARDS]
+    return rates, boards + [device.path for device in devices if device.roboclaw]
+
+
+def port_findings(expected: Sequence[Expected], devices: Sequence[Device],
+                  scanned: Sequence[ScannedPort]) -> Iterator[Finding]:
+    """Yield a finding on each configured port, then on each other device."""
+    found = {port.path: port for port in scanned}
+    links = {device.path: device.by_id for device in devices if device.by_id}
+    if not devices and not any(not port.problem for port in scanned):
+        yield Finding(Level.WARNING, 'ports', 'this machine has no serial port',
+                      ', '.join(one.path for one in expected), 'plug in the devices')
+        return
+    for one in expected:
+        yield _configured(one, found[one.path], scanned)
+        if found[one.path].protocol == one.protocol:
+            yield from _addresses(one, found[one.path])
+    used = {one.path for one in expected}
+    for device in devices:
+        if device.path not in used:
+            yield _other(device, found[device.path])
+    for path, link in links.items():
+        if path in used:
+            yield Finding(Level.INFO, path, 'its number may change when devices are plugged in',
+                          action=f'use {link}')
+
+
+def _configured(one: Expected, port: ScannedPort, scanned: Sequence[ScannedPort]) -> Finding:
+    where, name = f'{one.node} on {one.path}', NAMES[one.protocol]
+    if port.problem:
+        return Finding(Level.ERROR, where, port.problem, name, _remedy(one, port, scanned))
+    if port.holder:
+        return Finding(Level.INFO, where, f'in use by {port.holder}: not opened')
+    if port.protocol == one.protocol and port.baud_rate == one.baud_rate:
+        return Finding(Level.OK, where, f'{name} answers at {port.baud_rate} baud '
+                       f'({port.details})')
+    if port.protocol == one.protocol:
+        return Finding(Level.ERROR, where, f'{name} answers at {port.baud_rate} baud',
+                       f'{one.baud_rate} as configured', f'set baud_rate: {port.baud_rate}')
+    if port.protocol:
+        return Finding(Level.ERROR, where, f'{NAMES[port.protocol]} answers', name,
+                       _remedy(one, port, scanned))
+    found = f'{port.received} bytes without a valid frame' if port.received else 'silent'
+    return Finding(Level.ERROR, where, found, name, 'check supply, wiring, baud rate and protocol')
+
+
+def _addresses(one: Expected, port: ScannedPort) -> Iterator[Finding]:
+    """Yield boards and sensor nodes that are silent, or not configured."""
+    where, boards = f'{one.node} on {one.path}', one.protocol == MOTOR_BOARDS
+    name, parameter = ('board', 'addresses') if boards else ('sensor node', 'units')
+
+    def text(address: int) -> str:
+        return str(address) if boards else f'{address:016X}'
+
+    for address in one.addresses:
+        if address not in port.addresses:
+            yield Finding(Level.ERROR if boards else Level.WARNING, where,
+                          f'{name} {text(address)} is silent', f'{parameter} lists it',
+                          f'check its supply, and {parameter}')
+    for address in port.addresses:
+        if address not in one.addresses:
+            yield Finding(Level.WARNING, where, f'{name} {text(address)} answers',
+                          ', '.join(map(text, one.addresses)), f'add it to {parameter}')
+
+
+def _remedy(one: Expected, port: ScannedPort, scanned: Sequence[ScannedPort]) -> str:
+    for other in scanned:
+        if other.protocol == one.protocol and other.path != one.path:
+            return f'set port: {other.path}, where it answers at {other.baud_rate} baud'
+    if port.problem.startswith('no permission'):
+        group = port.problem.rpartition(' ')[2]
+        return f'sudo usermod -aG {group} $USER, then log in again'
+    if port.protocol in NAMES and one.node == 'imu_driver' and port.protocol not in (
+            TIRE_RADIO, MOTOR_BOARDS):
+        return f'set protocol: {port.protocol}'
+    return 'plug it in, or correct port'
+
+
+def _other(device: Device, port: ScannedPort) -> Finding:
+    state: Mapping[bool, str] = {True: f'in use by {port.holder}', False: port.problem}
+    if port.protocol:
+        text = f'{NAMES[port.protocol]} answers at {port.baud_rate} baud ({port.details})'
+    else:
+        text = state[bool(port.holder)] or (
+            f'{port.received} bytes, no known device' if port.received else 'silent')
+    return Finding(Level.INFO, device.path, f'{text}, no driver is configured for it '
+                   f'({device.description or "no description"})')

@@ -16,18 +16,26 @@
 
 from __future__ import annotations
 
+from collections import defaultdict, deque
+from statistics import median
 import time
 from typing import Any
 
-from smart_tire.drivers.line_timing import LineTiming
 from smart_tire.errors import FrameError
-from smart_tire.protocol.roboclaw import Command, decode_reply, encode_request
+from smart_tire.protocol.roboclaw import (
+    Command, decode_reply, encode_request, READ_CURRENTS, READ_ENCODERS, SET_DUTY)
+from smart_tire.samples import NS_PER_S
 
 REPLY_TIMEOUT = 0.035       # s; a board replies within a few ms, a busy host reads later
 WRITE_TIMEOUT = 0.2         # s; a line that accepts no bytes for this long counts as lost
 MAX_ATTEMPTS = 2            # per request, both within one period of 16 Hz
 ACKNOWLEDGE_GAP = 0.003     # s without a byte after an acknowledgement that may be a late reply
 MAX_UNREQUESTED_BYTES = 20  # between two requests: two late replies of maximum length
+POLL = (READ_ENCODERS, READ_CURRENTS, SET_DUTY)  # to each board
+BOARDS = 2
+MAX_EXCHANGES = 41     # latest ones of a command, whose median counts: a busy host adds outliers
+MIN_EXCHANGES = 16     # of a command, before the time is known
+BITS_PER_BYTE = 10     # with start and stop bit
 
 
 class RoboclawLine:
@@ -178,3 +186,49 @@ def _answers(address: int, command: Command, reply: bytes) -> bool:
     except FrameError:
         return False
     return True
+
+
+class LineTiming:
+    """
+    Median durations of the exchanges on the line, and the poll rate that they permit.
+
+    A poll is encoders, currents and duty of each board; without replies to requests for currents
+    it is the rest. ``record`` is called from one thread.
+    """
+
+    def __init__(self) -> None:
+        self._durations: defaultdict[Command, deque[int]] = defaultdict(
+            lambda: deque(maxlen=MAX_EXCHANGES))
+        self.poll_time: float | None = None  # s, None until it is known
+
+    def record(self, command: Command, duration_ns: int) -> None:
+        """Record a request with its good reply, which took ``duration_ns``."""
+        self._durations[command].append(duration_ns)
+        if command == SET_DUTY and all(
+                len(self._durations[one]) >= MIN_EXCHANGES for one in (READ_ENCODERS, SET_DUTY)):
+            self.poll_time = BOARDS / NS_PER_S * sum(
+                median(self._durations[one]) for one in POLL if self._durations[one])
+
+    @property
+    def max_rate(self) -> float | None:
+        """Return the maximum rate of polls [Hz], None until it is known."""
+        return None if self.poll_time is None else 1.0 / self.poll_time
+
+    def excess(self, rate: float) -> str:
+        """Return why the ``rate`` of polls [Hz] is too high, '' if it is not or not known."""
+        if self.max_rate is None or rate <= self.max_rate:
+            return ''
+        return f'rate is {rate:g} Hz, expected less; {self}'
+
+    def __str__(self) -> str:
+        """Return poll time and maximum rate as text, '' until they are known."""
+        if self.poll_time is None:
+            return ''
+        return (f'{BOARDS} boards on the line: one poll takes {1e3 * self.poll_time:.1f} ms, '
+                f'at most {int(1.0 / self.poll_time)} Hz')
+
+
+def least_poll_time(baud_rate: int) -> float:
+    """Return the time [s] that the bytes of one poll need on a line with ``baud_rate``."""
+    size = BOARDS * sum(command.request_size + command.reply_size for command in POLL)
+    return size * BITS_PER_BYTE / baud_rate

@@ -41,8 +41,7 @@ import time
 from typing import Any
 
 from smart_tire.control.duty_gate import DutyGate, STOPPED
-from smart_tire.drivers.motor_currents import CurrentReader
-from smart_tire.drivers.roboclaw_board import Board
+from smart_tire.drivers.roboclaw_board import Board, CurrentReader
 from smart_tire.drivers.roboclaw_line import RoboclawLine
 from smart_tire.drivers.wheel_encoder import MotionCheck, WheelEncoder
 from smart_tire.errors import FrameError
@@ -225,7 +224,7 @@ class RoboclawPair:
         board.read_ns, board.elapsed_ns = mean_ns, elapsed_ns
         board.span_ns += elapsed_ns
         for encoder, count in zip(board.encoders, counts):
-            encoder.update(count, elapsed_ns / NS_PER_S)
+            encoder.add_count(count, elapsed_ns / NS_PER_S)
         if any(encoder.jumped for encoder in board.encoders):
             self._check_timeout(board)  # a restarted board has lost its counts
         if elapsed_ns > MAX_SPEED_PERIODS * self._poll_ns:

@@ -63,7 +63,7 @@ class SensorNode:
         self._recent: deque[TireBatch] = deque(maxlen=REORDER_WINDOW)
         self._battery_due_ns = 0
 
-    def update(self, batch: TireBatch, receive_ns: int) -> list[TireSample]:
+    def samples(self, batch: TireBatch, receive_ns: int) -> list[TireSample]:
         """Return the samples of ``batch``, none if it is a duplicate."""
         if self._is_duplicate(batch):
             self.duplicates += 1
@@ -123,7 +123,7 @@ class SensorNode:
                 max_lost = max(round(elapsed_us / _span_us(last, batch)) - 1, 0)
                 gap = (batch.sequence - last.sequence - 1) % SEQUENCE_WRAP
                 self._count_lost(batch, min(gap, max_lost))
-        self.clock.update(_end_ns(self._timer_us, batch), receive_ns)
+        self.clock.add_arrival(_end_ns(self._timer_us, batch), receive_ns)
 
     def _count_lost(self, batch: TireBatch, lost: int) -> None:
         self.lost += lost
@@ -159,10 +159,10 @@ class TireStream(FrameReceiver):
         self.sensor_nodes = {address: SensorNode(wheel, latency_ns)
                              for address, wheel in wheel_of.items()}
 
-    def feed(self, chunk: bytes, receive_ns: int) -> Iterator[list[TireSample] | BatterySample]:
+    def receive(self, chunk: bytes, receive_ns: int) -> Iterator[list[TireSample] | BatterySample]:
         """Take bytes that arrived at ``receive_ns`` and yield the batches they complete."""
         for node, batch in self._decoded(chunk, receive_ns, self._decode):
-            if samples := node.update(batch, receive_ns):
+            if samples := node.samples(batch, receive_ns):
                 yield samples
             if (battery := node.battery(batch, receive_ns)) is not None:
                 yield battery

@@ -55,7 +55,7 @@ class WheelEncoder:
         self.step = 0.0      # rad, of the latest reading
         self.jumped = False  # whether the latest step exceeded MAX_SPEED
 
-    def update(self, count: int, elapsed: float) -> None:
+    def add_count(self, count: int, elapsed: float) -> None:
         """Update the angle with a count read ``elapsed`` seconds after the previous one."""
         self.step, self.jumped = 0.0, False
         if self._count is not None and elapsed > 0.0:
@@ -111,7 +111,7 @@ class MotionCheck:
         """Discard all readings, after a pause."""
         self._readings = []
 
-    def update(self, latest: Reading) -> str:
+    def check_reading(self, latest: Reading) -> str:
         """Add a reading; return a description of the fault, '' if there is none."""
         begin = latest.time - self._params.stall_time
         self._readings = [one for one in self._readings

@@ -47,7 +47,7 @@ class ImuDriver(DriverNode[ImuDriverParams]):
         read_loop(port, stopping, self._on_bytes)
 
     def _on_bytes(self, chunk: bytes, receive_ns: int) -> None:
-        for sample in self._stream.feed(chunk, receive_ns):
+        for sample in self._stream.receive(chunk, receive_ns):
             self._publish(sample)
 
     def fill_status(self, status: Status) -> None:

@@ -62,7 +62,7 @@ class TireReceiver(DriverNode[TireReceiverParams]):
         read_loop(port, stopping, self._on_bytes)
 
     def _on_bytes(self, chunk: bytes, receive_ns: int) -> None:
-        for item in self._stream.feed(chunk, receive_ns):
+        for item in self._stream.receive(chunk, receive_ns):
             if isinstance(item, BatterySample):
                 self._publish_battery(item)
             else:

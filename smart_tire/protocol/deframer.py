@@ -12,11 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Deframers: intact frames from a byte stream, with bounded buffers and error counters."""
+"""Deframers: intact frames from a byte stream, with bounded buffers and counters; CRC-16."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+import binascii
 from collections.abc import Iterator
 
 
@@ -24,7 +25,7 @@ class Deframer(ABC):
     """
     Base of the deframers: extracts intact frames from a stream that arrives in chunks of any size.
 
-    A deframer is fed; it does not read from a port. Bytes that belong to no intact frame are
+    A deframer takes bytes; it does not read from a port. Bytes that belong to no intact frame are
     discarded and counted.
     """
 
@@ -33,7 +34,7 @@ class Deframer(ABC):
         self.bad_frames = 0     # frames that started but were corrupted or truncated
         self.skipped_bytes = 0  # bytes that belong to no intact frame
 
-    def feed(self, chunk: bytes) -> Iterator[bytes]:
+    def extract(self, chunk: bytes) -> Iterator[bytes]:
         """Append ``chunk`` and return an iterator over the bodies that it completes."""
         self._buffer += chunk
         return self._bodies()
@@ -144,3 +145,13 @@ class HeaderDeframer(Deframer):
         self._incomplete = [start - size for start in self._incomplete if start >= size]
         self._scanned = max(self._scanned - size, 0)
         self._counted = max(self._counted - size, 0)
+
+
+def crc16(data: bytes) -> int:
+    """
+    Return the CRC-16/XMODEM of ``data``: polynomial 0x1021, initial value 0, not reflected.
+
+    The CRC of a message followed by its own CRC, high byte first, is 0. VectorNav UM001, 3.8.3;
+    RoboClaw user manual, "CRC16 Checksum Calculation".
+    """
+    return binascii.crc_hqx(data, 0)

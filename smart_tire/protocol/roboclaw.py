@@ -31,7 +31,7 @@ import math
 import struct
 
 from smart_tire.errors import FrameError
-from smart_tire.protocol.crc import crc16
+from smart_tire.protocol.deframer import crc16, Deframer
 
 ADDRESSES = range(0x80, 0x88)  # packet modes 7 to 14
 ACKNOWLEDGE = b'\xff'          # reply to a valid write request
@@ -78,20 +78,16 @@ class Command:
 
 SET_TIMEOUT = Command(14, request='>B')      # in TIMEOUT_RESOLUTION; 0 disables the time-out
 READ_TIMEOUT = Command(15, reply='>B')
-RESET_ENCODERS = Command(20)
-SET_ENCODER_1 = Command(22, request='>I')    # counts
-SET_ENCODER_2 = Command(23, request='>I')
 READ_VERSION = Command(21, text=True)        # moves nothing; every board in packet mode replies
 READ_BATTERY = Command(24, reply='>H')       # in BATTERY_RESOLUTION
 SET_DUTY = Command(34, request='>hh')        # M1, M2, 100 % is MAX_DUTY_CODE
 READ_CURRENTS = Command(49, reply='>hh')     # M1, M2, in CURRENT_RESOLUTION
 READ_ENCODERS = Command(78, reply='>II')     # M1, M2, counts modulo COUNT_WRAP
-READ_SPEEDS = Command(79, reply='>ii')       # M1, M2, counts per second, averaged over 1/300 s
 READ_STATUS = Command(90, reply='>H')        # bit field, STATUS_NORMAL if no bit is set
 
 COMMANDS = {command.code: command for command in (
-    SET_TIMEOUT, READ_TIMEOUT, RESET_ENCODERS, READ_VERSION, SET_ENCODER_1, SET_ENCODER_2,
-    READ_BATTERY, SET_DUTY, READ_CURRENTS, READ_ENCODERS, READ_SPEEDS, READ_STATUS)}
+    SET_TIMEOUT, READ_TIMEOUT, READ_VERSION, READ_BATTERY, SET_DUTY, READ_CURRENTS, READ_ENCODERS,
+    READ_STATUS)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,6 +103,14 @@ def encode_request(address: int, command: Command, *values: int) -> bytes:
     """Return the request to the board at ``address``."""
     packet = bytes((address, command.code)) + struct.pack(command.request, *values)
     return packet if command.reads else packet + _CRC.pack(crc16(packet))
+
+
+def decode_request(packet: bytes) -> Request:
+    """Return the request in ``packet``, a body of ``RequestDeframer``."""
+    address, code = packet[:2]
+    command = COMMANDS[code]
+    values = () if command.reads else struct.unpack(command.request, packet[2:-_CRC.size])
+    return Request(address, command, values)
 
 
 def encode_reply(address: int, command: Command, *values: int) -> bytes:
@@ -179,7 +183,7 @@ def timeout_code(seconds: float) -> int:
     return max(1, min(255, math.ceil(counts)))
 
 
-class RequestDeframer:
+class RequestDeframer(Deframer):
     """
     Extracts requests to any address from a byte stream, as a board does.
 
@@ -193,42 +197,22 @@ class RequestDeframer:
     Any other byte while searching, and the first byte of a bad frame, is discarded.
     """
 
-    def __init__(self) -> None:
-        self._buffer = bytearray()
-        self.bad_frames = 0     # requests with a wrong CRC
-        self.skipped_bytes = 0  # bytes that belong to no valid request
-
     def clear(self) -> None:
         """Discard an incomplete packet, as a board does after ``PACKET_GAP_NS`` without a byte."""
-        self.skipped_bytes += len(self._buffer)
-        self._buffer.clear()
+        self._discard(len(self._buffer))
 
-    def feed(self, chunk: bytes) -> Iterator[Request]:
-        """Append ``chunk`` and return an iterator over the requests that it completes."""
-        self._buffer += chunk
-        return self._requests()
-
-    def _requests(self) -> Iterator[Request]:
+    def _bodies(self) -> Iterator[bytes]:
         while len(self._buffer) >= 2:
-            address, code = self._buffer[:2]
-            command = COMMANDS.get(code)
-            if address not in ADDRESSES or command is None:
-                self._skip()
+            command = COMMANDS.get(self._buffer[1])
+            if self._buffer[0] not in ADDRESSES or command is None:
+                self._discard(1)
                 continue
             packet = bytes(self._buffer[:command.request_size])
             if len(packet) < command.request_size:
                 return
-            if command.reads:
-                values: tuple[int, ...] = ()
-            elif crc16(packet) == 0:
-                values = struct.unpack(command.request, packet[2:-_CRC.size])
+            if command.reads or crc16(packet) == 0:
+                del self._buffer[:len(packet)]
+                yield packet
             else:
                 self.bad_frames += 1
-                self._skip()
-                continue
-            del self._buffer[:len(packet)]
-            yield Request(address, command, values)
-
-    def _skip(self) -> None:
-        self.skipped_bytes += 1
-        del self._buffer[:1]
+                self._discard(1)

@@ -31,8 +31,7 @@ import struct
 
 from smart_tire.errors import FrameError
 from smart_tire.protocol.axes import flip_quaternion, flip_vector, sample_from_flipped
-from smart_tire.protocol.crc import crc16
-from smart_tire.protocol.deframer import HeaderDeframer, INVALID_HEADER, NOT_A_FRAME
+from smart_tire.protocol.deframer import crc16, HeaderDeframer, INVALID_HEADER, NOT_A_FRAME
 from smart_tire.samples import ImuSample
 
 SYNC = 0xFA

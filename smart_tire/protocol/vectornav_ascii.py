@@ -23,15 +23,14 @@ as the binary output. VectorNav, "VN-100 User Manual" UM001, sections 3.8 and 7.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import reduce
 import math
 import operator
 
 from smart_tire.errors import FrameError
 from smart_tire.protocol.axes import flip_quaternion, flip_vector, sample_from_flipped
-from smart_tire.protocol.crc import crc16
-from smart_tire.protocol.deframer import Deframer
+from smart_tire.protocol.deframer import crc16, Deframer
 from smart_tire.rotation import euler, quaternion
 from smart_tire.samples import ImuSample, Vector3
 
@@ -95,9 +94,9 @@ def _intact(sentence: bytes) -> bytes | None:
     return body
 
 
-def encode_sentence(body: bytes, *, use_crc: bool = False) -> bytes:
-    """Return the sentence with ``body`` and the 8-bit checksum or the 16-bit CRC."""
-    return _START + body + b'*' + (crc_digits(body) if use_crc else checksum(body)) + b'\r\n'
+def encode_sentence(body: bytes, digits: Callable[[bytes], bytes] = checksum) -> bytes:
+    """Return the sentence with ``body`` and its ``checksum`` or ``crc_digits``."""
+    return _START + body + b'*' + digits(body) + b'\r\n'
 
 
 def decode_ymr(body: bytes, stamp_ns: int = 0) -> tuple[None, ImuSample]:

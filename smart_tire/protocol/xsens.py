@@ -25,6 +25,7 @@ big-endian. Xsens, "MT Low Level Communication Protocol Documentation" MT0101P.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from enum import IntEnum
 import struct
 
@@ -58,6 +59,11 @@ class Precision(IntEnum):
     FP12_20 = 1  # i32, in units of 2**-20
     FP16_32 = 2  # u32, in units of 2**-32, then i16 integer part
     FLOAT64 = 3
+
+
+_NUMBERS = {
+    Precision.FLOAT32: struct.Struct('>f'), Precision.FP12_20: struct.Struct('>i'),
+    Precision.FP16_32: struct.Struct('>Ih'), Precision.FLOAT64: struct.Struct('>d')}
 
 
 class XsensDeframer(HeaderDeframer):
@@ -163,45 +169,39 @@ def encode_imu(device_time_ns: int, sample: ImuSample, counter: int = 0,
 
 def decode_numbers(content: bytes, precision: Precision) -> tuple[float, ...]:
     """Return the numbers in ``content``, whose length must be a multiple of their size."""
-    if precision == Precision.FLOAT32:
-        return struct.unpack(f'>{len(content) // 4}f', content)
-    if precision == Precision.FLOAT64:
-        return struct.unpack(f'>{len(content) // 8}d', content)
-    if precision == Precision.FP12_20:
-        return tuple(value * 2.0**-20 for (value,) in struct.iter_unpack('>i', content))
-    return tuple(whole + fraction * 2.0**-32
-                 for fraction, whole in struct.iter_unpack('>Ih', content))
+    values = _NUMBERS[precision].iter_unpack(content)
+    if precision == Precision.FP16_32:
+        return tuple(whole + fraction * 2.0**-32 for fraction, whole in values)
+    scale = 2.0**-20 if precision == Precision.FP12_20 else 1.0
+    return tuple(value * scale for value, in values)
 
 
 def encode_numbers(numbers: tuple[float, ...], precision: Precision) -> bytes:
     """Return ``numbers`` encoded; raise FrameError if one is out of the range of the format."""
-    try:
-        if precision == Precision.FLOAT32:
-            return struct.pack(f'>{len(numbers)}f', *numbers)
-        if precision == Precision.FLOAT64:
-            return struct.pack(f'>{len(numbers)}d', *numbers)
-        if precision == Precision.FP12_20:
-            return b''.join(struct.pack('>i', round(number * 2.0**20)) for number in numbers)
+    values: Iterable[tuple[float, ...]] = ((number,) for number in numbers)
+    if precision == Precision.FP12_20:
+        values = ((round(number * 2.0**20),) for number in numbers)
+    elif precision == Precision.FP16_32:
         scaled = (round(number * 2.0**32) for number in numbers)
-        return b''.join(struct.pack('>Ih', value & 0xFFFFFFFF, value >> 32) for value in scaled)
+        values = ((value & 0xFFFFFFFF, value >> 32) for value in scaled)
+    try:
+        return b''.join(_NUMBERS[precision].pack(*value) for value in values)
     except (struct.error, OverflowError) as error:
         raise FrameError(f'{numbers} are out of range for {precision.name}') from error
 
 
-_NUMBER_SIZES = {  # bytes
-    Precision.FLOAT32: 4, Precision.FP12_20: 4, Precision.FP16_32: 6, Precision.FLOAT64: 8}
-
-
 def _numbers(identifier: int, content: bytes, count: int) -> tuple[float, ...]:
     precision = Precision(identifier & _PRECISION_MASK)
-    if len(content) != count * _NUMBER_SIZES[precision]:
-        raise FrameError(f'Xsens packet {identifier:#06x} has {len(content)} bytes, '
-                         f'expected {count * _NUMBER_SIZES[precision]}')
+    _check_size(identifier, content, count * _NUMBERS[precision].size)
     return decode_numbers(content, precision)
 
 
 def _integer(identifier: int, content: bytes, size: int) -> int:
+    _check_size(identifier, content, size)
+    return int.from_bytes(content, 'big')
+
+
+def _check_size(identifier: int, content: bytes, size: int) -> None:
     if len(content) != size:
         raise FrameError(f'Xsens packet {identifier:#06x} has {len(content)} bytes, '
                          f'expected {size}')
-    return int.from_bytes(content, 'big')

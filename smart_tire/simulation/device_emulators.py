@@ -194,20 +194,20 @@ class RoboclawEmulator:
         """Return how many requests had a wrong CRC."""
         return self._deframer.bad_frames
 
-    def feed(self, chunk: bytes, now_ns: int, counts: Sequence[int], speeds: Sequence[float],
-             currents: Sequence[float] = NO_CURRENTS) -> bytes:
+    def replies(self, chunk: bytes, now_ns: int, counts: Sequence[int],
+                currents: Sequence[float] = NO_CURRENTS) -> bytes:
         """
-        Process the bytes that the host has sent up to true time ``now_ns``; return the replies.
+        Return the replies to the bytes that the host has sent up to true time ``now_ns``.
 
-        ``counts`` are the encoder counts since the start, ``speeds`` are in counts per second,
-        ``currents`` [A] have the sign that the boards report.
+        ``counts`` are the encoder counts since the start, ``currents`` [A] have the sign that the
+        boards report.
         """
         if chunk and now_ns - self._byte_ns > roboclaw.PACKET_GAP_NS:
             self._deframer.clear()
         if chunk:
             self._byte_ns = now_ns
-        return b''.join(board.reply(request, now_ns, counts, speeds, currents)
-                        for request in self._deframer.feed(chunk)
+        requests = map(roboclaw.decode_request, self._deframer.extract(chunk))
+        return b''.join(board.reply(request, now_ns, counts, currents) for request in requests
                         for board in self._boards if board.address == request.address)
 
     def duty(self, now_ns: int) -> Four:
@@ -223,7 +223,6 @@ class _Board:
     def __init__(self, address: int, motor: int) -> None:
         self.address = address
         self._motors = (motor, motor + 1)
-        self._offset = [0, 0]     # encoder counts at which the board reports 0
         self._duty = (0.0, 0.0)
         self._timeout = 0         # in roboclaw.TIMEOUT_RESOLUTION; 0 disables it
         self._request_ns = 0      # true time of the latest request
@@ -236,35 +235,24 @@ class _Board:
         return self._duty
 
     def reply(self, request: roboclaw.Request, now_ns: int, counts: Sequence[int],
-              speeds: Sequence[float], currents: Sequence[float]) -> bytes:
+              currents: Sequence[float]) -> bytes:
         """Execute ``request`` and return the reply."""
         self.duty(now_ns)  # after a time-out the motors stay stopped until the next duty
         self._request_ns = now_ns
-        own = [counts[motor] for motor in self._motors]
-        self._execute(request, own)
+        if request.command == roboclaw.SET_DUTY:
+            first, second = map(roboclaw.duty_from_code, request.values)
+            self._duty = (first, second)
+        elif request.command == roboclaw.SET_TIMEOUT:
+            (self._timeout,) = request.values
         if request.command == roboclaw.READ_VERSION:
             return roboclaw.encode_text_reply(self.address, request.command, VERSION)
-        first, second = (round(speeds[motor]) for motor in self._motors)
         values = {
             roboclaw.READ_TIMEOUT: (self._timeout,),
             roboclaw.READ_BATTERY: (SUPPLY_VOLTAGE_CODE,),
-            roboclaw.READ_ENCODERS: tuple((count - offset) % roboclaw.COUNT_WRAP
-                                          for count, offset in zip(own, self._offset)),
-            roboclaw.READ_SPEEDS: (first, second),
+            roboclaw.READ_ENCODERS: tuple(counts[motor] % roboclaw.COUNT_WRAP
+                                          for motor in self._motors),
             roboclaw.READ_CURRENTS: tuple(roboclaw.current_code(currents[motor])
                                           for motor in self._motors),
             roboclaw.READ_STATUS: (0,),
         }.get(request.command, ())
         return roboclaw.encode_reply(self.address, request.command, *values)
-
-    def _execute(self, request: roboclaw.Request, counts: list[int]) -> None:
-        command, values = request.command, request.values
-        if command == roboclaw.SET_DUTY:
-            self._duty = (roboclaw.duty_from_code(values[0]), roboclaw.duty_from_code(values[1]))
-        elif command == roboclaw.SET_TIMEOUT:
-            self._timeout = values[0]
-        elif command == roboclaw.RESET_ENCODERS:
-            self._offset = counts
-        elif command in (roboclaw.SET_ENCODER_1, roboclaw.SET_ENCODER_2):
-            index = int(command == roboclaw.SET_ENCODER_2)
-            self._offset[index] = counts[index] - values[0]

@@ -19,7 +19,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
-import math
 import threading
 from typing import TextIO
 
@@ -152,11 +151,9 @@ class SimulatedHardware:
         plant = self._robot.plant
         ahead = min((now_ns - plant.time_ns) / NS_PER_S, TIME_STEP)
         counts = encoder_counts(plant, self._counts_per_revolution, ahead)
-        scale = self._counts_per_revolution / math.tau
         motors = self._robot.motors
         currents = motors.reported(motors.currents(plant), self._boards.duty(now_ns))
-        return self._boards.feed(requests, now_ns, counts,
-                                 [speed * scale for speed in plant.wheel_speed], currents)
+        return self._boards.replies(requests, now_ns, counts, currents)
 
 
 def _check_payload(params: SimulatorParams) -> None:

@@ -54,8 +54,8 @@ class Host:
         self._control.add_reading(
             sample.velocity, now_ns, sample.stamp_ns, sample.position)
         self.faults += filter(None, (
-            check.update(Reading(sample.stamp_ns / NS_PER_S, *reading)) for check, *reading in zip(
-                self._checks, sample.position, self._duty, sample.effort)))
+            check.check_reading(Reading(sample.stamp_ns / NS_PER_S, *reading))
+            for check, *reading in zip(self._checks, sample.position, self._duty, sample.effort)))
 
     def duty(self, now_ns):
         """Return the duties."""

@@ -18,8 +18,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
-from smart_tire.drivers.arrival_timestamps import ArrivalTimestamps
+from smart_tire.drivers.clock_sync import ArrivalTimestamps
 
 HOST_NS = 1_700_000_000_000_000_000
 JITTER = {
@@ -42,7 +41,7 @@ def errors(seed, jitter, period, seconds=8.0, damaged=0.0, lost_at=()):
             missed += 1
             continue
         arrival = max(arrival, time + jitter(rng))
-        stamp = clock.update(HOST_NS + round(arrival * 1e9), missed)
+        stamp = clock.timestamp(HOST_NS + round(arrival * 1e9), missed)
         missed = 0
         rows.append((time, (stamp - HOST_NS) * 1e-9 - time))
     return np.array(rows).T

@@ -52,7 +52,7 @@ def errors(clock, stream):
     """Return the times [s] since the start and the errors of the timestamps [s], per sample."""
     rows = []
     for device, host, arrival in stream:
-        clock.update(device[-1], arrival)
+        clock.add_arrival(device[-1], arrival)
         rows += [((time - DEVICE_NS) * 1e-9, (clock.host_ns(time) - true) * 1e-9)
                  for time, true in zip(device, host)]
     return np.array(rows).T
@@ -72,7 +72,7 @@ def test_timestamps_ascend_without_steps(name):
     for seed in SEEDS:
         clock, last = ClockSync(), None
         for device, _, arrival in batches(seed, JITTER[name]):
-            clock.update(device[-1], arrival)
+            clock.add_arrival(device[-1], arrival)
             for time in device:
                 if last is not None:
                     elapsed, step = time - last[0], clock.host_ns(time) - last[1]
@@ -95,7 +95,7 @@ def test_a_drift_far_beyond_the_prior_is_estimated_within_seconds(drift):
     rate = 1.0 + drift
     clock, rng = ClockSync(), np.random.default_rng(5)
     for start in range(0, 15_000_000_000, 40_000_000):
-        clock.update(DEVICE_NS + start,
+        clock.add_arrival(DEVICE_NS + start,
                      HOST_NS + round(start * rate + rng.exponential(3e-3) * 1e9))
     assert clock.drift == pytest.approx(drift, abs=20e-6)
     assert clock.jitter == pytest.approx(3e-3, rel=0.2)
@@ -104,9 +104,9 @@ def test_a_drift_far_beyond_the_prior_is_estimated_within_seconds(drift):
 def test_the_fit_restarts_at_once_with_the_device():
     clock = ClockSync()
     for device, _, arrival in batches(2, JITTER['exponential'], seconds=2.0):
-        clock.update(device[-1], arrival)
+        clock.add_arrival(device[-1], arrival)
     assert not clock.is_consistent(0, arrival + 1_000_000_000)
-    assert clock.update(0, arrival + 1_000_000_000) == arrival + 1_000_000_000
+    assert clock.add_arrival(0, arrival + 1_000_000_000) == arrival + 1_000_000_000
     assert clock.restarts == 1
 
 
@@ -114,16 +114,16 @@ def test_the_fit_restarts_at_once_with_the_device():
 def test_the_fit_restarts_at_once_after_a_large_step_of_the_host_clock(jump):
     clock = ClockSync()
     for device, _, arrival in batches(2, JITTER['exponential'], seconds=2.0):
-        clock.update(device[-1], arrival)
+        clock.add_arrival(device[-1], arrival)
     arrival += jump + 40_000_000
-    assert clock.update(device[-1] + 40_000_000, arrival) == arrival
+    assert clock.add_arrival(device[-1] + 40_000_000, arrival) == arrival
 
 
 def test_a_small_forward_step_of_the_host_clock_is_corrected_within_seconds():
     clock = ClockSync()
     for device, true, arrival in batches(2, JITTER['exponential'], seconds=20.0):
         late = 500_000_000 if true[0] - HOST_NS > 10_000_000_000 else 0
-        clock.update(device[-1], arrival + late)
+        clock.add_arrival(device[-1], arrival + late)
     assert clock.host_ns(device[-1]) - true[-1] == pytest.approx(500e6, abs=1e6)
 
 
@@ -131,7 +131,7 @@ def test_a_pause_of_the_reader_does_not_shift_the_timestamps():
     clock, worst = ClockSync(), 0.0
     for device, host, arrival in batches(4, JITTER['exponential'], seconds=20.0, loss=0.0):
         paused = 8_000_000_000 <= arrival - HOST_NS < 10_000_000_000
-        clock.update(device[-1], HOST_NS + 10_000_000_000 if paused else arrival)
+        clock.add_arrival(device[-1], HOST_NS + 10_000_000_000 if paused else arrival)
         if device[0] - DEVICE_NS > 2_000_000_000:
             worst = max(worst, abs(clock.host_ns(device[-1]) - host[-1]))
     assert worst < 0.5e6
@@ -140,8 +140,8 @@ def test_a_pause_of_the_reader_does_not_shift_the_timestamps():
 
 def test_a_repeated_message_changes_nothing():
     clock = ClockSync()
-    first = clock.update(DEVICE_NS, HOST_NS)
-    assert clock.update(DEVICE_NS, HOST_NS + 5_000_000) == first
+    first = clock.add_arrival(DEVICE_NS, HOST_NS)
+    assert clock.add_arrival(DEVICE_NS, HOST_NS + 5_000_000) == first
 
 
 def test_the_hull_has_no_point_below_it():
@@ -162,7 +162,7 @@ def test_messages_queued_before_the_first_reading_do_not_leave_timestamps_in_the
         clock, rows = ClockSync(), []
         for device, host, arrival in batches(seed, JITTER['exponential'], seconds=3.0):
             arrival = max(arrival, HOST_NS + 500_000_000)
-            clock.update(device[-1], arrival)
+            clock.add_arrival(device[-1], arrival)
             rows.append((arrival - HOST_NS, clock.host_ns(device[-1]) - arrival,
                          clock.host_ns(device[-1]) - host[-1]))
         time, ahead, error = (np.array(column) * 1e-9 for column in zip(*rows))

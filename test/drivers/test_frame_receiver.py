@@ -29,7 +29,7 @@ DAMAGED = GOOD[:-1] + bytes((GOOD[-1] ^ 1,))
 class Receiver(FrameReceiver):
     """A receiver that accepts a single body only."""
 
-    def feed(self, chunk, receive_ns):
+    def receive(self, chunk, receive_ns):
         """Return the bodies accepted in ``chunk``."""
         return list(self._decoded(chunk, receive_ns, self._decode))
 
@@ -45,17 +45,17 @@ def receiver():
 
 
 def test_good_frames_are_yielded_and_counted_with_their_arrival_time(receiver):
-    assert receiver.feed(GOOD + GOOD, 7) == [b'\x01'] * 2
+    assert receiver.receive(GOOD + GOOD, 7) == [b'\x01'] * 2
     assert (receiver.frames_ok, receiver.frames_bad, receiver.last_ok_ns) == (2, 0, 7)
 
 
 def test_a_frame_with_invalid_content_is_rejected_with_the_reason(receiver):
-    assert receiver.feed(INVALID + GOOD, 7) == [b'\x01']
+    assert receiver.receive(INVALID + GOOD, 7) == [b'\x01']
     assert (receiver.frames_ok, receiver.frames_bad, receiver.rejected) == (1, 1, 1)
     assert receiver.last_error == 'invalid body 02'
 
 
 def test_a_damaged_frame_is_bad_but_not_rejected(receiver):
-    assert receiver.feed(DAMAGED + GOOD, 7) == [b'\x01']
+    assert receiver.receive(DAMAGED + GOOD, 7) == [b'\x01']
     assert (receiver.frames_ok, receiver.frames_bad, receiver.rejected) == (1, 1, 0)
     assert receiver.bytes_skipped == len(DAMAGED)

@@ -51,7 +51,7 @@ def test_samples_have_rep_103_axes_and_the_time_of_measurement(protocol):
     for index in range(600):  # Xsens: its time wraps in the first second
         true_ns = HOST_NS + index * PERIOD_NS
         arrival_ns = true_ns + 2_000_000 + round(rng.exponential(1e6))
-        for sample in stream.feed(frame(protocol, index), arrival_ns):
+        for sample in stream.receive(frame(protocol, index), arrival_ns):
             assert sample.acceleration == pytest.approx(SAMPLE.acceleration, abs=1e-3)
             assert sample.rate == pytest.approx(SAMPLE.rate, abs=1e-3)
             rows.append(sample.stamp_ns - true_ns)
@@ -65,7 +65,7 @@ def test_samples_have_rep_103_axes_and_the_time_of_measurement(protocol):
 def test_frames_are_found_in_chunks_of_any_size(protocol):
     stream, data = ImuStream(protocol), b''.join(frame(protocol, index) for index in range(6))
     samples = [sample for start in range(0, len(data), 7)
-               for sample in stream.feed(data[start:start + 7], HOST_NS + start)]
+               for sample in stream.receive(data[start:start + 7], HOST_NS + start)]
     assert len(samples) == 6
 
 
@@ -73,7 +73,7 @@ def test_the_source_of_the_timestamps_is_reported():
     sources = {}
     for protocol in ('vectornav_binary', 'vectornav_ascii'):
         stream = ImuStream(protocol)
-        list(stream.feed(frame(protocol, 0), HOST_NS))
+        list(stream.receive(frame(protocol, 0), HOST_NS))
         sources[protocol] = stream.timestamp_source
     assert sources['vectornav_binary'] == 'device clock'
     assert 'arrival' in sources['vectornav_ascii']
@@ -83,7 +83,7 @@ def test_a_binary_frame_without_device_time_gets_its_arrival_time():
     stream = ImuStream('vectornav_binary')
     fields = vectornav.Field.ANGULAR_RATE | vectornav.Field.ACCEL
     body = vectornav.encode_binary(0, SAMPLE, fields)
-    (sample,) = stream.feed(vectornav.encode_frame(body), HOST_NS)
+    (sample,) = stream.receive(vectornav.encode_frame(body), HOST_NS)
     assert sample.stamp_ns == HOST_NS
     assert 'arrival' in stream.timestamp_source
 
@@ -92,7 +92,7 @@ def test_nan_is_rejected():
     stream = ImuStream('vectornav_binary')
     body = vectornav.encode_binary(0, ImuSample(0, (float('nan'), 0.0, 0.0), (0.0, 0.0, 0.0)))
     chunk = vectornav.encode_frame(body) + frame('vectornav_binary', 1)
-    assert len(list(stream.feed(chunk, HOST_NS))) == 1
+    assert len(list(stream.receive(chunk, HOST_NS))) == 1
     assert stream.frames_bad == 1
     assert 'expected finite numbers' in stream.last_error
 
@@ -118,9 +118,9 @@ def nasty_frame(protocol, rng):
 def test_frames_with_invalid_numbers_are_rejected_and_decoding_continues(protocol):
     stream, rng = ImuStream(protocol), np.random.default_rng(3)
     for index in range(300):
-        assert list(stream.feed(nasty_frame(protocol, rng), HOST_NS + index)) == []
+        assert list(stream.receive(nasty_frame(protocol, rng), HOST_NS + index)) == []
     assert (stream.frames_ok, stream.frames_bad) == (0, 300)
-    assert len(list(stream.feed(frame(protocol, 0), HOST_NS + 300))) == 1
+    assert len(list(stream.receive(frame(protocol, 0), HOST_NS + 300))) == 1
 
 
 @every_protocol
@@ -128,7 +128,7 @@ def test_garbage_between_frames_is_counted(protocol):
     stream = ImuStream(protocol)
     garbage = np.random.default_rng(2).bytes(500)
     chunk = frame(protocol, 0) + garbage + frame(protocol, 1) + frame(protocol, 2)
-    assert len(list(stream.feed(chunk, HOST_NS))) == 3
+    assert len(list(stream.receive(chunk, HOST_NS))) == 3
     assert stream.bytes_skipped == 500
 
 
@@ -139,7 +139,7 @@ def test_damaged_sentences_advance_the_message_count():
         if index % 10 == 9:
             data = data.replace(b'VNYMR', b'VNYMX')
         stamps += [sample.stamp_ns - HOST_NS - index * PERIOD_NS
-                   for sample in stream.feed(data, HOST_NS + index * PERIOD_NS)]
+                   for sample in stream.receive(data, HOST_NS + index * PERIOD_NS)]
     assert stream.frames_bad == 40
     assert np.abs(stamps).max() < 0.1e6
 
@@ -147,8 +147,8 @@ def test_damaged_sentences_advance_the_message_count():
 def test_clocks_are_reset_when_the_port_is_reopened():
     stream = ImuStream('vectornav_ascii')
     for index in range(50):
-        list(stream.feed(frame('vectornav_ascii', index), HOST_NS + index * PERIOD_NS))
+        list(stream.receive(frame('vectornav_ascii', index), HOST_NS + index * PERIOD_NS))
     stream.reset_clocks()
     later = HOST_NS + 3_333_333_333
-    (sample,) = stream.feed(frame('vectornav_ascii', 60), later)
+    (sample,) = stream.receive(frame('vectornav_ascii', 60), later)
     assert sample.stamp_ns == later

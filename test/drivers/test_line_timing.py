@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 import pytest
-from smart_tire.drivers.line_timing import (
+from smart_tire.drivers.roboclaw_line import (
     least_poll_time, LineTiming, MAX_EXCHANGES, MIN_EXCHANGES)
 from smart_tire.protocol.roboclaw import READ_CURRENTS, READ_ENCODERS, READ_STATUS, SET_DUTY
 

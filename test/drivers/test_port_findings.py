@@ -17,9 +17,8 @@
 from __future__ import annotations
 
 import pytest
-
-from smart_tire.drivers.port_findings import expected_ports, port_findings, ports_to_scan
-from smart_tire.drivers.port_scan import BAUD_RATES, Device, ScannedPort
+from smart_tire.drivers.port_scan import (
+    BAUD_RATES, Device, expected_ports, port_findings, ports_to_scan, ScannedPort)
 from smart_tire.findings import Level
 from smart_tire.parameters import ImuDriverParams, MotorDriverParams, TireReceiverParams
 

@@ -103,7 +103,7 @@ def test_a_device_that_sends_is_recognized_and_never_written_to(port):
 def boards_on(port, addresses):
     """Return a device: motor boards with the given addresses."""
     boards = RoboclawEmulator(addresses)
-    return device(port.plug_in(), lambda chunk: boards.feed(chunk, 0, (0,) * 4, (0.0,) * 4))
+    return device(port.plug_in(), lambda chunk: boards.replies(chunk, 0, (0,) * 4))
 
 
 def test_motor_boards_are_asked_for_their_version_only(port):

@@ -51,12 +51,12 @@ def packet(payload, source=ADDRESS):
 
 def feed(node, *batches):
     """Feed (count, batch) pairs and return all samples."""
-    return [sample for count, one in batches for sample in node.update(one, arrival(count))]
+    return [sample for count, one in batches for sample in node.samples(one, arrival(count))]
 
 
 def samples_of(stream, chunk, receive_ns):
     """Feed bytes and return the samples of the batches that they complete."""
-    return [sample for item in stream.feed(chunk, receive_ns) if isinstance(item, list)
+    return [sample for item in stream.receive(chunk, receive_ns) if isinstance(item, list)
             for sample in item]
 
 
@@ -181,7 +181,7 @@ def test_a_restart_is_detected_although_the_timer_advanced(node):
 
 def test_batches_that_arrive_faster_than_possible_are_counted(node):
     samples = [sample for count in (0, 1, 2, 30, 31, 40)
-               for sample in node.update(batch(count), HOST_NS + count * 1_000_000)]
+               for sample in node.samples(batch(count), HOST_NS + count * 1_000_000)]
     assert len(samples) == 6 * 16
     assert node.lost == 27 + 8
     assert node.resets == 0
@@ -195,7 +195,7 @@ def test_saturated_batches_are_counted(node):
 def test_the_battery_is_reported_once_a_second():
     stream = TireStream({ADDRESS: 'front_right'})
     reports = [sample for count in range(100)
-               for sample in stream.feed(packet(encode_batch(batch(count))), arrival(count))
+               for sample in stream.receive(packet(encode_batch(batch(count))), arrival(count))
                if isinstance(sample, BatterySample)]
     assert [report.stamp_ns for report in reports] == [arrival(count) for count in
                                                        (0, 25, 50, 75)]

@@ -32,39 +32,39 @@ STALL_TORQUE = 5.0  # N m
 def test_counts_become_angles_across_the_wrap():
     encoder = WheelEncoder(1, 2000)
     assert encoder.resolution == RESOLUTION
-    encoder.update(COUNT_WRAP - 100, 0.1)
+    encoder.add_count(COUNT_WRAP - 100, 0.1)
     assert (encoder.position, encoder.step, encoder.jumped) == (0.0, 0.0, False)
-    encoder.update(100, 0.1)
+    encoder.add_count(100, 0.1)
     assert encoder.step == pytest.approx(200 * RESOLUTION)
-    encoder.update(50, 0.1)
+    encoder.add_count(50, 0.1)
     assert encoder.step == pytest.approx(-50 * RESOLUTION)
     assert encoder.position == pytest.approx(150 * RESOLUTION)
 
 
 def test_a_negative_sign_reverses_the_counts():
     encoder = WheelEncoder(-1, 2000)
-    encoder.update(0, 0.0)
-    encoder.update(100, 0.1)
+    encoder.add_count(0, 0.0)
+    encoder.add_count(100, 0.1)
     assert encoder.position == pytest.approx(-100 * RESOLUTION)
 
 
 def test_a_step_without_elapsed_time_is_ignored():
     encoder = WheelEncoder(1, 2000)
-    encoder.update(0, 0.0)
-    encoder.update(100, 0.0)
+    encoder.add_count(0, 0.0)
+    encoder.add_count(100, 0.0)
     assert encoder.position == 0.0
-    encoder.update(110, 0.1)
+    encoder.add_count(110, 0.1)
     assert encoder.position == pytest.approx(10 * RESOLUTION)
 
 
 @pytest.mark.parametrize(('counts', 'jumped'), [(3183, False), (3184, True), (-3184, True)])
 def test_a_step_beyond_the_maximum_speed_is_a_jump_and_is_ignored(counts, jumped):
     encoder = WheelEncoder(1, 2000)  # 100 rad/s are 3183.1 counts in 0.1 s
-    encoder.update(0, 0.0)
-    encoder.update(counts % COUNT_WRAP, 0.1)
+    encoder.add_count(0, 0.0)
+    encoder.add_count(counts % COUNT_WRAP, 0.1)
     assert encoder.jumped == jumped
     assert (encoder.position == 0.0) == jumped
-    encoder.update((counts + 10) % COUNT_WRAP, 0.1)
+    encoder.add_count((counts + 10) % COUNT_WRAP, 0.1)
     assert not encoder.jumped
     assert encoder.step == pytest.approx(10 * RESOLUTION)
 
@@ -86,7 +86,8 @@ class Motor:
             self.time += DT
             self.position += speed * DT
             torque = load * STALL_TORQUE
-            if problem := self.check.update(Reading(self.time, self.position, duty, torque)):
+            reading = Reading(self.time, self.position, duty, torque)
+            if problem := self.check.check_reading(reading):
                 return problem, tick * DT
         return '', seconds
 
@@ -173,7 +174,7 @@ def test_an_encoder_without_counts_is_a_fault_if_the_current_does_not_explain_it
 def test_an_encoder_that_toggles_by_one_count_is_a_fault(check, duty):
     for tick in range(10):
         position = (tick // 4 % 2) * RESOLUTION
-        if check.update(Reading(tick * DT, position, duty, math.nan)):
+        if check.check_reading(Reading(tick * DT, position, duty, math.nan)):
             break
     assert 0.2 <= tick * DT < 0.3
 

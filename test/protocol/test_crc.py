@@ -14,7 +14,7 @@
 
 """CRC-16/XMODEM."""
 
-from smart_tire.protocol.crc import crc16
+from smart_tire.protocol.deframer import crc16
 from support.frames import each_frame
 
 

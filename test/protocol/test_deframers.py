@@ -64,21 +64,21 @@ def with_changed_byte(frame, index, flip):
 @each_protocol
 def test_documented_frames_survive_any_split(protocol):
     stream = b''.join(protocol.frames)
-    expected = list(protocol.deframer().feed(stream))
+    expected = list(protocol.deframer().extract(stream))
     assert len(expected) == len(protocol.frames)
     for cut in range(len(stream) + 1):
         deframer = protocol.deframer()
-        assert [*deframer.feed(stream[:cut]), *deframer.feed(stream[cut:])] == expected
+        assert [*deframer.extract(stream[:cut]), *deframer.extract(stream[cut:])] == expected
         assert (deframer.bad_frames, deframer.skipped_bytes) == (0, 0)
 
 
 @each_protocol
 def test_the_frame_behind_a_documented_frame_with_a_changed_byte_is_found(protocol):
     for frame in protocol.frames:
-        (body,) = protocol.deframer().feed(frame)
+        (body,) = protocol.deframer().extract(frame)
         for index in range(len(frame)):
             stream = with_changed_byte(frame, index, 0x08) + frame
-            assert list(protocol.deframer().feed(stream))[-1:] == [body]
+            assert list(protocol.deframer().extract(stream))[-1:] == [body]
 
 
 @each_protocol
@@ -90,7 +90,7 @@ def test_frames_survive_any_split(protocol, data):
     cuts = sorted(data.draw(st.lists(st.integers(0, len(stream)), max_size=12)))
     deframer, found = protocol.deframer(), []
     for start, end in zip([0, *cuts], [*cuts, len(stream)]):
-        found += deframer.feed(stream[start:end])
+        found += deframer.extract(stream[start:end])
     assert found == bodies
     assert (deframer.bad_frames, deframer.skipped_bytes) == (0, 0)
 
@@ -103,8 +103,8 @@ def test_a_body_is_yielded_with_the_last_byte_of_its_frame(protocol, data):
     frame = protocol.encode(body)
     deframer = protocol.deframer()
     for byte in frame[:-1]:
-        assert list(deframer.feed(bytes((byte,)))) == []
-    assert list(deframer.feed(frame[-1:])) == [body]
+        assert list(deframer.extract(bytes((byte,)))) == []
+    assert list(deframer.extract(frame[-1:])) == [body]
 
 
 @each_protocol
@@ -122,7 +122,7 @@ def test_no_intact_frame_next_to_a_corrupt_one_is_lost(protocol, data):
     stream = before + corrupt + after + protocol.encode(bodies[0])
     deframer, found = protocol.deframer(), []
     for start in range(0, len(stream), size):
-        found += deframer.feed(stream[start:start + size])
+        found += deframer.extract(stream[start:start + size])
     assert found[0] == bodies[0]
     assert found[-2:] == [bodies[2], bodies[0]]
     assert len(found) <= 4
@@ -137,7 +137,7 @@ def test_noise_between_frames_is_skipped_and_counted(protocol, data):
     noise = noise.replace(b'\x7d', b'')
     deframer = protocol.deframer()
     frame = protocol.encode(body)
-    assert list(deframer.feed(noise + frame + noise + frame)) == [body, body]
+    assert list(deframer.extract(noise + frame + noise + frame)) == [body, body]
     assert deframer.skipped_bytes == 2 * len(noise)
     assert deframer.bad_frames == 0
 
@@ -152,7 +152,7 @@ def test_a_corrupt_frame_is_counted_once(protocol, data):
     assume(protocol.start not in bytes(frame[1:]))  # it may start another candidate
     deframer = protocol.deframer()
     good = protocol.encode(body)
-    assert list(deframer.feed(good + bytes(frame) + good)) == [body, body]
+    assert list(deframer.extract(good + bytes(frame) + good)) == [body, body]
     assert deframer.bad_frames == 1
     assert deframer.skipped_bytes == len(frame)
 
@@ -164,16 +164,16 @@ def test_noise_does_not_fill_the_buffer(protocol, chunks):
     deframer, fed = protocol.deframer(), 0
     for chunk in chunks:
         fed += len(chunk) + 1
-        assert list(deframer.feed(chunk + protocol.start)) == []
+        assert list(deframer.extract(chunk + protocol.start)) == []
         assert fed - deframer.skipped_bytes <= protocol.limit
 
 
 @each_protocol
 def test_a_frame_behind_many_start_bytes_is_found(protocol):
     deframer = protocol.deframer()
-    assert list(deframer.feed(protocol.start * 3000)) == []
+    assert list(deframer.extract(protocol.start * 3000)) == []
     body = vectornav_body(b'') if protocol.deframer is vectornav.BinaryDeframer else b'ABC'
-    assert list(deframer.feed(protocol.encode(body))) == [body]
+    assert list(deframer.extract(protocol.encode(body))) == [body]
 
 
 @pytest.mark.parametrize('protocol, header', [
@@ -184,8 +184,8 @@ def test_a_frame_behind_many_start_bytes_is_found(protocol):
 def test_a_corrupt_length_does_not_delay_the_next_frame(protocol, header):
     body = vectornav_body(b'') if protocol is PROTOCOLS[1] else b'ABC'
     deframer = protocol.deframer()
-    assert list(deframer.feed(bytes.fromhex(header))) == []
-    assert list(deframer.feed(protocol.encode(body))) == [body]
+    assert list(deframer.extract(bytes.fromhex(header))) == []
+    assert list(deframer.extract(protocol.encode(body))) == [body]
     assert deframer.bad_frames == 1
     assert deframer.skipped_bytes == len(bytes.fromhex(header))
 
@@ -194,7 +194,7 @@ def test_a_corrupt_frame_that_contains_another_is_counted_once():
     inner = bytes.fromhex('fa ff 36 00 00')  # its checksum is wrong
     outer = xsens.encode_message(b'\x36' + inner + bytes(4))
     deframer = xsens.XsensDeframer()
-    assert list(deframer.feed(with_changed_byte(outer, -1, 0x01))) == []
+    assert list(deframer.extract(with_changed_byte(outer, -1, 0x01))) == []
     assert deframer.bad_frames == 1
 
 
@@ -202,7 +202,7 @@ def test_a_corrupt_frame_that_contains_another_is_counted_once():
     (PROTOCOLS[0], '7e ffff'), (PROTOCOLS[1], 'fa 01 ffff'), (PROTOCOLS[3], 'fa ff 36 ff ffff')])
 def test_an_invalid_header_is_counted_at_once(protocol, header):
     deframer = protocol.deframer()
-    assert list(deframer.feed(bytes.fromhex(header))) == []
+    assert list(deframer.extract(bytes.fromhex(header))) == []
     assert deframer.bad_frames == 1
 
 
@@ -213,8 +213,8 @@ def test_an_invalid_header_inside_an_incomplete_frame_is_data(protocol, header):
     data = bytes.fromhex(header)
     body = vectornav_body(data) if protocol is PROTOCOLS[1] else b'\x36' + data + bytes(20)
     frame, deframer = protocol.encode(body), protocol.deframer()
-    assert list(deframer.feed(frame[:-4])) == []
-    assert list(deframer.feed(frame[-4:])) == [body]
+    assert list(deframer.extract(frame[:-4])) == []
+    assert list(deframer.extract(frame[-4:])) == [body]
     assert (deframer.bad_frames, deframer.skipped_bytes) == (0, 0)
 
 
@@ -222,5 +222,5 @@ def test_an_invalid_header_inside_an_incomplete_frame_is_data(protocol, header):
 def test_bodies_that_were_not_consumed_are_yielded_by_the_next_feed(protocol):
     body = vectornav_body(b'') if protocol.deframer is vectornav.BinaryDeframer else b'ABC'
     deframer = protocol.deframer()
-    deframer.feed(protocol.encode(body))
-    assert list(deframer.feed(b'')) == [body]
+    deframer.extract(protocol.encode(body))
+    assert list(deframer.extract(b'')) == [body]

@@ -33,6 +33,7 @@ FRAMES = frames('roboclaw')
 REQUESTS = [frame for frame in FRAMES.values() if 'sent' in frame.values]
 SET_DUTY = FRAMES['set_duty_smallest']
 ENCODERS = FRAMES['encoders']
+SPEEDS = roboclaw.Command(79, reply='>ii')  # of the same size
 
 
 def command_of(frame):
@@ -45,11 +46,16 @@ def request_of(frame):
     return Request(frame['address'], command_of(frame), frame['sent'])
 
 
+def decoded(deframer, chunk):
+    """Return the requests that ``chunk`` completes."""
+    return list(map(roboclaw.decode_request, deframer.extract(chunk)))
+
+
 @each_frame('roboclaw', 'sent')
 def test_a_documented_request_encodes_and_decodes(frame):
     assert encode_request(frame['address'], command_of(frame), *frame['sent']) == frame.data
     assert command_of(frame).request_size == len(frame.data)
-    assert list(RequestDeframer().feed(frame.data)) == [request_of(frame)]
+    assert decoded(RequestDeframer(), frame.data) == [request_of(frame)]
 
 
 @each_frame('roboclaw', 'received')
@@ -81,7 +87,7 @@ def test_requests_survive_any_split():
     stream = b''.join(frame.data for frame in REQUESTS)
     for cut in range(len(stream) + 1):
         deframer = RequestDeframer()
-        found = [*deframer.feed(stream[:cut]), *deframer.feed(stream[cut:])]
+        found = [*decoded(deframer, stream[:cut]), *decoded(deframer, stream[cut:])]
         assert found == [request_of(frame) for frame in REQUESTS]
         assert (deframer.bad_frames, deframer.skipped_bytes) == (0, 0)
 
@@ -90,17 +96,17 @@ def test_requests_survive_any_split():
 def test_a_request_behind_noise_is_decoded(noise):
     deframer = RequestDeframer()
     noise = bytes.fromhex(noise)
-    assert list(deframer.feed(noise + SET_DUTY.data)) == [request_of(SET_DUTY)]
+    assert decoded(deframer, noise + SET_DUTY.data) == [request_of(SET_DUTY)]
     assert deframer.skipped_bytes == len(noise)
     assert deframer.bad_frames == (len(noise) == 5)
 
 
 def test_a_pause_discards_an_incomplete_packet():
     deframer = RequestDeframer()
-    assert list(deframer.feed(SET_DUTY.data[:5])) == []
+    assert list(deframer.extract(SET_DUTY.data[:5])) == []
     deframer.clear()
     request = FRAMES['read_encoders']
-    assert list(deframer.feed(request.data)) == [request_of(request)]
+    assert decoded(deframer, request.data) == [request_of(request)]
     assert deframer.skipped_bytes == 5
 
 
@@ -117,7 +123,7 @@ def test_an_invalid_reply_is_refused_with_the_reason(address, command, reply, me
 
 
 @pytest.mark.parametrize('address, command', [(0x81, roboclaw.READ_ENCODERS),
-                                              (0x80, roboclaw.READ_SPEEDS)])
+                                              (0x80, SPEEDS)])
 def test_a_reply_of_another_board_or_to_another_command_is_refused(address, command):
     with pytest.raises(FrameError, match='wrong CRC'):
         decode_reply(address, command, ENCODERS.data)

@@ -41,7 +41,7 @@ def body_of(frame):
 
 @each_frame('vectornav_binary', 'groups')
 def test_a_message_yields_its_body_and_is_reproduced_by_the_encoder(frame):
-    (body,) = BinaryDeframer().feed(frame.data)
+    (body,) = BinaryDeframer().extract(frame.data)
     assert body == body_of(frame)
     assert body[0] == frame['groups']
     assert vectornav.encode_frame(body) == frame.data
@@ -80,7 +80,7 @@ def test_a_documented_sample_encodes_to_the_bytes_of_its_message(frame):
 
 def test_the_misprinted_message_is_refused_and_the_one_behind_it_is_not():
     good = FRAMES['manual_example_1']
-    bodies = BinaryDeframer().feed(FRAMES['manual_example_2_as_printed'].data + good.data)
+    bodies = BinaryDeframer().extract(FRAMES['manual_example_2_as_printed'].data + good.data)
     assert list(bodies) == [body_of(good)]
 
 
@@ -94,7 +94,7 @@ def test_a_message_without_acceleration_is_refused_with_its_fields():
 def test_samples_survive_the_round_trip_with_any_mask_of_group_1(time, acceleration, rate, mask):
     mask |= Field.ACCEL | Field.ANGULAR_RATE
     sample = ImuSample(0, acceleration, rate)
-    (body,) = BinaryDeframer().feed(
+    (body,) = BinaryDeframer().extract(
         vectornav.encode_frame(encode_binary(time, sample, mask)))
     device_time, decoded = decode_binary(body)
     assert device_time == (time if mask & Field.TIME_STARTUP else None)

@@ -22,7 +22,7 @@ import pytest
 from smart_tire.errors import FrameError
 from smart_tire.protocol import vectornav_ascii
 from smart_tire.protocol.vectornav_ascii import (
-    AsciiDeframer, decode_ymr, encode_sentence, encode_ymr)
+    AsciiDeframer, checksum, crc_digits, decode_ymr, encode_sentence, encode_ymr)
 from smart_tire.samples import ImuSample
 from support.frames import each_frame, frames
 from support.rotations import rotate
@@ -42,9 +42,9 @@ BODY = body_of(FRAMES['library_ymr'])
 
 @each_frame('vectornav_ascii')
 def test_a_sentence_yields_its_body_and_is_reproduced_by_the_encoder(frame):
-    (body,) = AsciiDeframer().feed(frame.data)
+    (body,) = AsciiDeframer().extract(frame.data)
     assert body == body_of(frame)
-    assert encode_sentence(body, use_crc='check' in frame.values) == frame.data
+    assert encode_sentence(body, crc_digits if 'check' in frame.values else checksum) == frame.data
 
 
 @each_frame('vectornav_ascii', *YMR_VALUES)
@@ -89,7 +89,7 @@ def test_both_kinds_of_checksum_are_accepted_in_either_case():
     with_crc = FRAMES['library_ymr_with_crc'].data
     lower_case = with_crc[:-6] + with_crc[-6:].lower()
     assert lower_case != with_crc
-    assert list(AsciiDeframer().feed(with_crc + YMR + lower_case)) == [BODY] * 3
+    assert list(AsciiDeframer().extract(with_crc + YMR + lower_case)) == [BODY] * 3
 
 
 @pytest.mark.parametrize('wrong', [YMR.replace(b'*69', b'*68'), YMR.replace(b'*69', b'*XX'),
@@ -97,19 +97,19 @@ def test_both_kinds_of_checksum_are_accepted_in_either_case():
 def test_a_wrong_or_missing_checksum_is_refused(wrong):
     assert wrong != YMR
     deframer = AsciiDeframer()
-    assert list(deframer.feed(wrong + YMR)) == [BODY]
+    assert list(deframer.extract(wrong + YMR)) == [BODY]
     assert deframer.bad_frames == 1
 
 
 def test_a_sentence_without_line_end_is_accepted():
-    assert list(AsciiDeframer().feed(YMR.rstrip() + YMR)) == [BODY] * 2
+    assert list(AsciiDeframer().extract(YMR.rstrip() + YMR)) == [BODY] * 2
 
 
 @settings(max_examples=100, deadline=None, derandomize=True)
 @given(*[st.tuples(*[st.integers(-50_000, 50_000)] * 3)] * 2)
 def test_samples_survive_the_round_trip(milli, micro):
     sample = ImuSample(3, tuple(n / 1e3 for n in milli), tuple(n / 1e6 for n in micro))
-    (body,) = AsciiDeframer().feed(encode_sentence(encode_ymr(sample), use_crc=True))
+    (body,) = AsciiDeframer().extract(encode_sentence(encode_ymr(sample), crc_digits))
     _, decoded = decode_ymr(body, 3)
     assert replace(decoded, orientation=None) == sample
 
@@ -149,6 +149,6 @@ def test_a_value_that_no_sensor_measures_is_refused_by_name(index, field, messag
 
 def test_a_sentence_without_end_does_not_fill_the_buffer():
     deframer = AsciiDeframer()
-    assert list(deframer.feed(b'$' + b'1' * vectornav_ascii.MAX_SENTENCE_LENGTH)) == []
+    assert list(deframer.extract(b'$' + b'1' * vectornav_ascii.MAX_SENTENCE_LENGTH)) == []
     assert deframer.bad_frames == 1
     assert deframer.skipped_bytes == 1 + vectornav_ascii.MAX_SENTENCE_LENGTH

@@ -38,7 +38,7 @@ def packet_of(frame):
 @each_frame('xbee')
 def test_a_frame_yields_the_body_that_it_has_in_api_mode_1(frame):
     deframer = XBeeDeframer()
-    assert list(deframer.feed(frame.data)) == [body_of(frame)]
+    assert list(deframer.extract(frame.data)) == [body_of(frame)]
     assert body_of(frame)[0] == frame['frame_type']
     assert (deframer.bad_frames, deframer.skipped_bytes) == (0, 0)
 
@@ -62,7 +62,7 @@ def test_a_frame_of_another_type_is_not_decoded_as_a_receive_packet(name):
 
 
 def test_the_data_of_a_receive_packet_is_the_tire_payload():
-    (body,) = XBeeDeframer().feed(frames('xbee')['receive_packet_tire_batch'].data)
+    (body,) = XBeeDeframer().extract(frames('xbee')['receive_packet_tire_batch'].data)
     payload = frames('tire_payload')['escaped_bytes'].data
     assert xbee.decode_receive_packet(body).data == payload
 
@@ -71,7 +71,7 @@ def test_the_data_of_a_receive_packet_is_the_tire_payload():
 def test_xon_and_xoff_are_also_accepted_without_escape(frame):
     partly_escaped = frame.data.replace(b'\x7d\x31', b'\x11').replace(b'\x7d\x33', b'\x13')
     assert partly_escaped != frame.data
-    (body,) = XBeeDeframer().feed(partly_escaped)
+    (body,) = XBeeDeframer().extract(partly_escaped)
     assert xbee.decode_receive_packet(body) == packet_of(frame)
 
 
@@ -87,7 +87,7 @@ def test_escaped_data_has_no_special_byte_and_can_be_unescaped(data):
        st.binary(max_size=255))
 def test_receive_packets_survive_the_round_trip(source, network, options, data):
     packet = ReceivePacket(source, network, options, data)
-    (body,) = XBeeDeframer().feed(xbee.encode_frame(xbee.encode_receive_packet(packet)))
+    (body,) = XBeeDeframer().extract(xbee.encode_frame(xbee.encode_receive_packet(packet)))
     assert xbee.decode_receive_packet(body) == packet
 
 
@@ -95,7 +95,7 @@ def test_receive_packets_survive_the_round_trip(source, network, options, data):
                                  '7e 0002 23', '7e 00 7d', '7e 0002 23 7d', '00 11 7d'])
 def test_a_good_frame_survives_a_bad_one_in_the_same_read(bad):
     deframer = XBeeDeframer()
-    assert list(deframer.feed(bytes.fromhex(bad) + GOOD)) == [b'\x23\x11']
+    assert list(deframer.extract(bytes.fromhex(bad) + GOOD)) == [b'\x23\x11']
     assert deframer.bad_frames == bytes.fromhex(bad).count(0x7E)
     assert deframer.skipped_bytes >= len(bytes.fromhex(bad)) - 1
 
@@ -104,8 +104,8 @@ def test_a_good_frame_survives_a_bad_one_in_the_same_read(bad):
 def test_a_frame_that_ends_in_an_escape_waits_for_the_escaped_byte(name):
     frame = frames('xbee')[name]
     deframer = XBeeDeframer()
-    assert list(deframer.feed(frame.data[:-1])) == []
-    assert list(deframer.feed(frame.data[-1:])) == [body_of(frame)]
+    assert list(deframer.extract(frame.data[:-1])) == []
+    assert list(deframer.extract(frame.data[-1:])) == [body_of(frame)]
     assert deframer.bad_frames == 0
 
 

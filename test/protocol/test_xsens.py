@@ -42,7 +42,7 @@ each_message = pytest.mark.parametrize('frame', MESSAGES, ids=str)
 
 @each_message
 def test_a_message_yields_its_body_and_is_reproduced_by_the_encoder(frame):
-    (body,) = XsensDeframer().feed(frame.data)
+    (body,) = XsensDeframer().extract(frame.data)
     assert body == body_of(frame)
     assert xsens.encode_message(body) == frame.data
 
@@ -123,7 +123,7 @@ def test_a_recorded_fixed_point_number_decodes_and_encodes():
 def test_samples_survive_the_round_trip(precision, step, ticks, counter, acceleration, rate,
                                         orientation):
     sample = ImuSample(5, acceleration, rate, orientation)
-    (body,) = XsensDeframer().feed(xsens.encode_message(
+    (body,) = XsensDeframer().extract(xsens.encode_message(
         encode_imu(ticks * xsens.TICK_NS, sample, counter, precision)))
     time, decoded = decode_imu(body, 5)
     assert time == ticks * xsens.TICK_NS
@@ -143,7 +143,7 @@ def test_long_messages_use_the_extended_length(size):
     body = b'\x36' + bytes(size)
     message = xsens.encode_message(body)
     assert len(message) == size + (5 if size < 255 else 7)
-    assert list(XsensDeframer().feed(message)) == [body]
+    assert list(XsensDeframer().extract(message)) == [body]
 
 
 def test_a_message_that_is_too_long_is_not_encoded():

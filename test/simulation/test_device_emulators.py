@@ -77,7 +77,7 @@ def drive(radio, batches, wheels=('front_left',), period_ns=40 * MS):
         if rest == 0 and n < batches:
             for wheel in wheels:
                 sent[wheel, radio.send(wheel, 16 * n, CODES, now)] = now
-        for body in deframer.feed(radio.due(now)):
+        for body in deframer.extract(radio.due(now)):
             packet = xbee.decode_receive_packet(body)
             arrived.append((now, packet.source, tire_payload.decode_batch(packet.data)))
     assert deframer.bad_frames == deframer.skipped_bytes == 0
@@ -104,7 +104,7 @@ def test_without_loss_every_batch_arrives_once_in_order_and_within_the_maximum_d
 def test_packets_of_a_node_arrive_in_order_even_if_sent_at_once():
     radio = RadioEmulator({'front_left': SensorNodeEmulator(LEFT)}, np.random.default_rng(2))
     expected = [radio.send('front_left', 16 * n, CODES, 0) for n in range(50)]
-    bodies = xbee.XBeeDeframer().feed(radio.due(NS_PER_S))
+    bodies = xbee.XBeeDeframer().extract(radio.due(NS_PER_S))
     found = [tire_payload.decode_batch(xbee.decode_receive_packet(body).data).sequence
              for body in bodies]
     assert found == expected
@@ -144,7 +144,7 @@ DECODE = {'vectornav_binary': (vectornav.BinaryDeframer, vectornav.decode_binary
 @pytest.mark.parametrize('protocol', DECODE)
 def test_every_protocol_encodes_the_same_sample(protocol):
     deframer, decode = DECODE[protocol]
-    (body,) = deframer().feed(ImuEmulator(protocol).frame(SAMPLE))
+    (body,) = deframer().extract(ImuEmulator(protocol).frame(SAMPLE))
     _, decoded = decode(body, SAMPLE.stamp_ns)
     assert decoded.acceleration == SAMPLE.acceleration
     assert decoded.rate == SAMPLE.rate
@@ -156,7 +156,7 @@ def test_the_device_time_drifts_by_the_clock_error(protocol, resolution):
     device, times = ImuEmulator(protocol, clock_error=100e-6), []
     for seconds in (0, 10, 60):
         sample = ImuSample(seconds * NS_PER_S, (0.0, 0.0, 9.8), (0.0, 0.0, 0.0))
-        times += [decode(body)[0] for body in deframer().feed(device.frame(sample))]
+        times += [decode(body)[0] for body in deframer().extract(device.frame(sample))]
     wrap = xsens.SAMPLE_TIME_WRAP_NS if protocol == 'xsens' else 1 << 64
     assert (times[1] - times[0]) % wrap == pytest.approx(10_001_000_000, abs=resolution)
     assert (times[2] - times[0]) % wrap == pytest.approx(60_006_000_000, abs=resolution)
@@ -166,28 +166,27 @@ def test_the_device_time_drifts_by_the_clock_error(protocol, resolution):
 def test_xsens_messages_are_numbered():
     device = ImuEmulator('xsens')
     stream = b''.join(device.frame(SAMPLE) for _ in range(3))
-    assert [xsens.packet_counter(body) for body in xsens.XsensDeframer().feed(stream)] == [0, 1, 2]
+    bodies = xsens.XsensDeframer().extract(stream)
+    assert list(map(xsens.packet_counter, bodies)) == [0, 1, 2]
 
 
 # Motor boards
 
-COUNTS, SPEEDS = (100, -1, 3000, 2**33 + 5), (10.4, -20.6, 0.0, 4000.0)
+COUNTS = (100, -1, 3000, 2**33 + 5)
 CURRENTS = (0.5, -0.01, 12.345, 400.0)
 
 
-def ask(boards, address, command, *values, now_ns=0, counts=COUNTS):
+def ask(boards, address, command, *values, now_ns=0):
     """Return the values of the reply to one request."""
     request = roboclaw.encode_request(address, command, *values)
     return roboclaw.decode_reply(
-        address, command, boards.feed(request, now_ns, counts, SPEEDS, CURRENTS))
+        address, command, boards.replies(request, now_ns, COUNTS, CURRENTS))
 
 
-def test_each_board_reports_counts_and_speeds_of_its_own_wheels():
+def test_each_board_reports_the_counts_of_its_own_wheels():
     boards = RoboclawEmulator((128, 129))
     assert ask(boards, 128, roboclaw.READ_ENCODERS) == (100, 2**32 - 1)
     assert ask(boards, 129, roboclaw.READ_ENCODERS) == (3000, 5)
-    assert ask(boards, 128, roboclaw.READ_SPEEDS) == (10, -21)
-    assert ask(boards, 129, roboclaw.READ_SPEEDS) == (0, 4000)
 
 
 def test_each_board_reports_the_currents_of_its_own_motors():
@@ -200,20 +199,9 @@ def test_both_boards_reply_in_the_order_of_the_requests():
     boards = RoboclawEmulator()
     stream = (roboclaw.encode_request(129, roboclaw.READ_BATTERY)
               + roboclaw.encode_request(128, roboclaw.READ_STATUS))
-    assert boards.feed(stream, 0, COUNTS, SPEEDS) == (
+    assert boards.replies(stream, 0, COUNTS) == (
         roboclaw.encode_reply(129, roboclaw.READ_BATTERY, 148)
         + roboclaw.encode_reply(128, roboclaw.READ_STATUS, 0))
-
-
-def test_encoder_counts_can_be_reset_and_set():
-    boards = RoboclawEmulator()
-    ask(boards, 128, roboclaw.RESET_ENCODERS)
-    assert ask(boards, 128, roboclaw.READ_ENCODERS) == (0, 0)
-    ask(boards, 128, roboclaw.SET_ENCODER_2, 2**32 - 1)
-    moved = (107, 1, 0, 0)
-    assert ask(boards, 128, roboclaw.READ_ENCODERS, counts=moved) == (7, 1)
-    ask(boards, 129, roboclaw.SET_ENCODER_1, 50)
-    assert ask(boards, 129, roboclaw.READ_ENCODERS) == (50, 5)
 
 
 def test_duties_reach_the_motors_of_the_board():
@@ -258,22 +246,22 @@ def test_a_request_with_a_wrong_crc_is_ignored():
     boards = RoboclawEmulator()
     request = bytearray(roboclaw.encode_request(128, roboclaw.SET_DUTY, 1000, 1000))
     request[-1] ^= 1
-    assert boards.feed(bytes(request), 0, COUNTS, SPEEDS) == b''
+    assert boards.replies(bytes(request), 0, COUNTS) == b''
     assert boards.duty(0) == (0.0, 0.0, 0.0, 0.0)
     assert boards.bad_frames == 1
 
 
 def test_a_request_to_an_unknown_address_gets_no_reply():
     request = roboclaw.encode_request(130, roboclaw.READ_ENCODERS)
-    assert RoboclawEmulator().feed(request, 0, COUNTS, SPEEDS) == b''
+    assert RoboclawEmulator().replies(request, 0, COUNTS) == b''
 
 
 def test_a_packet_may_arrive_in_parts_but_not_with_a_pause():
     boards = RoboclawEmulator()
     request = roboclaw.encode_request(128, roboclaw.SET_DUTY, 1000, 1000)
-    assert boards.feed(request[:3], 0, COUNTS, SPEEDS) == b''
-    assert boards.feed(b'', 9 * MS, COUNTS, SPEEDS) == b''
-    assert boards.feed(request[3:], 10 * MS, COUNTS, SPEEDS) == b'\xff'
-    assert boards.feed(request[:3], 50 * MS, COUNTS, SPEEDS) == b''
-    assert boards.feed(request[3:], 61 * MS, COUNTS, SPEEDS) == b''
-    assert boards.feed(request, 80 * MS, COUNTS, SPEEDS) == b'\xff'
+    assert boards.replies(request[:3], 0, COUNTS) == b''
+    assert boards.replies(b'', 9 * MS, COUNTS) == b''
+    assert boards.replies(request[3:], 10 * MS, COUNTS) == b'\xff'
+    assert boards.replies(request[:3], 50 * MS, COUNTS) == b''
+    assert boards.replies(request[3:], 61 * MS, COUNTS) == b''
+    assert boards.replies(request, 80 * MS, COUNTS) == b'\xff'

@@ -165,7 +165,7 @@ class Drive:
             return
         self._check = now + CHECK_PERIOD_NS / NS_PER_S
         torques = self._torques(velocity)
-        found = [check.update(Reading(now, *reading)) for check, *reading in zip(
+        found = [check.check_reading(Reading(now, *reading)) for check, *reading in zip(
             self._checks, angles, self._duty, torques)]
         for wheel, check in enumerate(self._checks):
             if text := found[wheel] or check.lag(self._checks[wheel - 2]):

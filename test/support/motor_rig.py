@@ -219,7 +219,7 @@ class _Boards:
                 self._byte_time = now  # any byte may restart the time-out, by the manual
                 self.record.bytes_at.append(now)
             if not self.faults.deaf:
-                for request in deframer.feed(chunk):
+                for request in map(roboclaw.decode_request, deframer.extract(chunk)):
                     self.record.requests.append((now, request))
                     self._reply(request)
             if self.faults.flood and self._plugged:
