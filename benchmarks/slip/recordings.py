@@ -40,7 +40,6 @@ from smart_tire.analysis.calibrate_robot import identify_geometry
 from smart_tire.analysis.metrics import distance, rms, rotated, score
 from smart_tire.analysis.series import at, Floats, PoseSeries, Series, Stamps
 from smart_tire.bags import Bag
-from smart_tire.calibration.robot.geometry import parameters
 from smart_tire.errors import EstimatorError
 from smart_tire.parameters import build, SlipEstimatorParams, specs
 from smart_tire.samples import NS_PER_S, Sample
@@ -108,7 +107,7 @@ def _identified(path: Path, recording: Recording) -> dict[str, Any]:
     robot = build(SlipEstimatorParams, recording.known).robot
     found = identify_geometry(path, robot, until=recording.initial_duration)
     names = specs(SlipEstimatorParams).keys()
-    return {item.name: item.value for item in parameters(found, robot) if item.name in names}
+    return {item.name: item.value for item in found.parameters(robot) if item.name in names}
 
 
 def parameter_sources(path: Path, recording: Recording) -> tuple[str, ...]:

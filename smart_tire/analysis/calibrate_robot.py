@@ -27,9 +27,9 @@ from smart_tire.arrays import Instants
 from smart_tire.bags import Bag, STANDARD_NAMES, TopicNames
 from smart_tire.calibration.recording import (
     DutyRecord, ImuRecord, PoseRecord, Recording, WheelRecord)
-from smart_tire.calibration.robot import geometry, icr
+from smart_tire.calibration.robot import geometry, turning
 from smart_tire.calibration.robot.geometry import Geometry
-from smart_tire.calibration.robot.icr import IcrFit
+from smart_tire.calibration.robot.turning import IcrFit
 from smart_tire.errors import BagError, EstimatorError
 from smart_tire.estimation.streams import SLIP
 from smart_tire.parameters import RobotParams
@@ -69,7 +69,7 @@ def identify_icr(path: Path, robot: RobotParams, *, since: float = 0.0, until: f
                  reference: str = NO_REFERENCE, names: TopicNames = STANDARD_NAMES) -> IcrFit:
     """Return S from the bag at ``path``; EstimatorError if S is not observable."""
     recording = read_recording(path, robot, TimeRange(since, until), reference, names=names)
-    return icr.identify_icr(recording, robot)
+    return turning.identify_icr(recording, robot)
 
 
 def read_recording(path: Path, robot: RobotParams, time_range: TimeRange,

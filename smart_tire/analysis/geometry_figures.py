@@ -23,9 +23,9 @@ import numpy as np
 
 from smart_tire.analysis import drawing
 from smart_tire.calibration.robot.geometry import Geometry
-from smart_tire.calibration.robot.icr import IcrFit
-from smart_tire.calibration.robot.rolling_radius import RadiusFit
-from smart_tire.calibration.robot.wheel_latency import YawRateFit
+from smart_tire.calibration.robot.latency import YawRateFit
+from smart_tire.calibration.robot.reference import RadiusFit
+from smart_tire.calibration.robot.turning import IcrFit
 
 SHOWN_DURATION = 20.0  # s, where the yaw rate changes most, so that the latency is visible
 

@@ -16,25 +16,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 import math
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
 
 from smart_tire.arrays import Array
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.plausibility import speed_spikes
 from smart_tire.samples import LEFT, RIGHT
 
+Mask = NDArray[np.bool_]
+Indices = NDArray[np.intp]
+Record = TypeVar('Record', bound='Samples')
+
 MAX_POSITION_GAP = 2.0    # s; over longer gaps the change of position is not a mean speed
 MAX_GAP_PERIODS = 1.5     # periods; after a longer gap between velocities a message is missing
 MOTION_MARGIN = 0.5       # s before and after motion: latency of the wheels, settling of the body
 
 
+class Samples:
+    """Base of records whose arrays have the same length."""
+
+    def where(self: Record, selected: Mask | Indices) -> Record:
+        """Return the ``selected`` samples, by mask or by index."""
+        values: dict[str, Any] = {
+            item.name: value[selected] for item in fields(self)  # type: ignore[arg-type]
+            if isinstance(value := getattr(self, item.name), np.ndarray)}
+        return replace(self, **values)  # type: ignore[type-var]
+
+
 @dataclass(frozen=True)
-class ImuRecord:
+class ImuRecord(Samples):
     """IMU samples, rotated into the axes of ``base_link``; times [s] increase."""
 
     time: Array   # (n,) s
@@ -43,7 +59,7 @@ class ImuRecord:
 
 
 @dataclass(frozen=True)
-class WheelRecord:
+class WheelRecord(Samples):
     """Samples of the four wheels in the order of ``WHEELS``; times [s] increase."""
 
     time: Array             # (n,) s, timestamps
@@ -53,22 +69,17 @@ class WheelRecord:
 
 
 @dataclass(frozen=True)
-class PoseRecord:
+class PoseRecord(Samples):
     """Poses of ``base_link`` in a fixed frame from a reference; times [s] increase."""
 
     time: Array      # (n,) s
     position: Array  # (n, 2) m
     yaw: Array       # (n,) rad, unwrapped
 
-    def intervals(self, length: float, max_gap: float) -> Iterator[tuple[int, int]]:
-        """Yield first and last index of intervals of ``length`` [s] without gaps > ``max_gap``."""
-        first, time = 0, self.time.tolist()
-        for index in range(1, len(time)):
-            if time[index] - time[index - 1] > max_gap:
-                first = index
-            elif time[index] - time[first] >= length:
-                yield first, index
-                first = index
+    def intervals(self, length: float, max_gap: float) -> tuple[Indices, Indices]:
+        """Return first and last indices of intervals of ``length`` [s] without gaps."""
+        gap = np.diff(self.time)
+        return _merged(gap, gap <= max_gap, length)
 
     def path_components(self) -> tuple[Array, Array]:
         """Return forward and lateral path [m] (n,) up to each pose, along the mean heading."""
@@ -80,7 +91,7 @@ class PoseRecord:
 
 
 @dataclass(frozen=True)
-class DutyRecord:
+class DutyRecord(Samples):
     """Duties of the motors, each in force until the next one; times [s] increase."""
 
     time: Array  # (n,) s
@@ -118,7 +129,7 @@ class Recording:
 
 
 @dataclass(frozen=True)
-class WheelIntervals:
+class WheelIntervals(Samples):
     """Wheel rotation over time intervals that do not overlap."""
 
     begin: Array  # (n,) s, by the timestamps of the wheels
@@ -131,16 +142,17 @@ class WheelIntervals:
         return self.end - self.begin
 
     @property
+    def center(self) -> Array:
+        """Return the centers [s] of the intervals, shape (n,)."""
+        return 0.5 * (self.begin + self.end)
+
+    @property
     def sides(self) -> Array:
         """Return the mean speeds [rad/s] of the left and the right wheels, shape (n, 2)."""
         speed = self.angle / self.duration[:, None]
         return np.stack([speed[:, LEFT].mean(axis=1), speed[:, RIGHT].mean(axis=1)], axis=1)
 
-    def where(self, selected: NDArray[np.bool_] | NDArray[np.intp]) -> WheelIntervals:
-        """Return the ``selected`` intervals, by mask or by index."""
-        return WheelIntervals(self.begin[selected], self.end[selected], self.angle[selected])
-
-    def near_motion(self, min_speed: float) -> NDArray[np.bool_]:
+    def near_motion(self, min_speed: float) -> Mask:
         """Return a mask of intervals near one in which a wheel exceeds ``min_speed`` [rad/s]."""
         fastest = np.abs(self.angle / self.duration[:, None]).max(axis=1)
         moving = self.end[fastest > min_speed]
@@ -156,17 +168,12 @@ class Signal:
     """A sampled signal, linearly interpolated, and its integral."""
 
     def __init__(self, time: Array, value: Array) -> None:
-        self.time, self._value = time, value
-        steps = 0.5 * (value[1:] + value[:-1]) * np.diff(time)
-        self._integral = np.concatenate([[0.0], np.cumsum(steps)])
+        self.time = time
+        self._integral = make_interp_spline(time, value, k=1).antiderivative()
 
     def integral(self, time: Array) -> Array:
         """Return the integral from the first sample to ``time`` [s], extrapolated linearly."""
-        left = np.searchsorted(self.time[1:-1], time)
-        elapsed, step = time - self.time[left], self.time[left + 1] - self.time[left]
-        slope = (self._value[left + 1] - self._value[left]) / step
-        return np.asarray(self._integral[left] + elapsed * (
-            self._value[left] + 0.5 * slope * elapsed))
+        return np.asarray(self._integral(time))
 
     def mean(self, begin: Array, end: Array) -> Array:
         """Return the means between ``begin`` and ``end`` [s]."""
@@ -177,7 +184,7 @@ class Signal:
         return self.mean(time - reach, time + reach)
 
 
-def rotation_increments(wheels: WheelRecord) -> tuple[Array, NDArray[np.bool_]]:
+def rotation_increments(wheels: WheelRecord) -> tuple[Array, Mask]:
     """
     Return the rotation [rad] (n - 1, 4) between samples, and a mask of those that are valid.
 
@@ -200,25 +207,21 @@ def wheel_intervals(wheels: WheelRecord, min_duration: float) -> WheelIntervals:
     Intervals that contain an invalid increment are left out.
     """
     angle, complete = rotation_increments(wheels)
-    rows = list(_merged(np.diff(wheels.time), complete, min_duration))
-    first = np.array([row[0] for row in rows], dtype=int)
-    last = np.array([row[1] for row in rows], dtype=int)
+    first, last = _merged(np.diff(wheels.time), complete, min_duration)
     rotation = np.concatenate([np.zeros((1, 4)), np.cumsum(angle, axis=0)])
     return WheelIntervals(wheels.time[first], wheels.time[last], rotation[last] - rotation[first])
 
 
-def _merged(gap: Array, complete: NDArray[np.bool_],
-            min_duration: float) -> Iterator[tuple[int, int]]:
-    """Yield first and last sample of intervals without a gap, each long enough."""
-    first, length = 0, 0.0
+def _merged(gap: Array, complete: Mask, min_duration: float) -> tuple[Indices, Indices]:
+    """Return first and last samples of intervals without an incomplete gap, each long enough."""
+    rows, first, length = [], 0, 0.0
     for index, (step, usable) in enumerate(zip(gap.tolist(), complete.tolist())):
-        if not usable:
-            first, length = index + 1, 0.0
-            continue
-        length += step
+        first, length = (first, length + step) if usable else (index + 1, 0.0)
         if length >= min_duration * (1.0 - 1e-3):  # tolerance for timestamp jitter
-            yield first, index + 1
+            rows.append((first, index + 1))
             first, length = index + 1, 0.0
+    first_last = np.array(rows, dtype=int).reshape(-1, 2)
+    return first_last[:, 0], first_last[:, 1]
 
 
 def side_slip(mean: Array, half_difference: Array) -> Array:

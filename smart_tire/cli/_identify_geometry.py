@@ -34,7 +34,7 @@ def run(args: argparse.Namespace) -> int:
     check_output(args, NAME)
     from smart_tire.analysis.calibrate_robot import identify_geometry
     from smart_tire.analysis.geometry_figures import write_geometry
-    from smart_tire.calibration.robot.geometry import combine, parameters
+    from smart_tire.calibration.robot.geometry import combine
     settings = bag_settings(args.bags, args)
     robot = settings.params.robot
     found = combine([identify_geometry(
@@ -45,8 +45,7 @@ def run(args: argparse.Namespace) -> int:
               f'{item.unit:6}{item.note}')
     for name, why in found.refused.items():
         print(f'{name:24}not observable: {why}')
-    for name, verdict in found.verdicts.items():
-        print(f'{name:24}{"cross-validated" if verdict.accepted else "not written"}: '
-              f'{verdict.reason}')
-    return write_parameters(args, NAME, parameters(found, robot),
+    for name, why in found.kept.items():
+        print(f'{name:24}not written: {why}')
+    return write_parameters(args, NAME, found.parameters(robot),
                             lambda figure: write_geometry(figure, found))

@@ -82,19 +82,6 @@ def huber_weights(residuals: Array, threshold: float) -> Array:
     return weights
 
 
-def tukey_weights(residuals: Array, threshold: float) -> Array:
-    """
-    Return Tukey's biweights (1 - (r / threshold)^2)^2 of normalized ``residuals`` (n,).
-
-    They are 0 for residuals beyond ``threshold`` > 0, which has the unit of the residuals.
-
-    >>> tukey_weights(np.array([0.0, 1.0, 2.0, 3.0]), 2.0)
-    array([1.    , 0.5625, 0.    , 0.    ])
-    """
-    weights: Array = np.maximum(1.0 - (residuals / threshold)**2, 0.0)**2
-    return weights
-
-
 def winsorized_mean(values: Sequence[float], limit: float) -> Uncertain:
     """
     Return the mean of ``values`` with its standard error, robust against outliers.
@@ -111,15 +98,3 @@ def winsorized_mean(values: Sequence[float], limit: float) -> Uncertain:
     sigma = float(np.std(clipped, ddof=1)) / math.sqrt(len(clipped)) if len(clipped) > 1 else (
         math.inf)
     return Uncertain(float(np.mean(clipped)), sigma)
-
-
-def median_reduced_chi_square(dof: ArrayLike) -> float:
-    """
-    Return the median of chi-squared over its degrees of freedom, for the median of ``dof``.
-
-    Approximation of Wilson and Hilferty (1931): (1 - 2 / (9 dof))^3.
-
-    >>> round(median_reduced_chi_square([4, 4]), 3)  # exact: 0.839
-    0.842
-    """
-    return float((1.0 - 2.0 / (9.0 * np.median(np.asarray(dof))))**3)

@@ -29,7 +29,7 @@ from smart_tire.analysis.series import at, Floats, Series, Stamps
 from smart_tire.models.constants import GRAVITY
 from smart_tire.models.tire import brush_tire
 from smart_tire.models.vehicle.skid_steer import normal_loads
-from smart_tire.numerics.regression import sandwich_covariance
+from smart_tire.numerics.least_squares import sandwich_covariance
 from smart_tire.parameters import build, RobotParams, SimulatorParams, SlipEstimatorParams
 from smart_tire.reproduction.experiments import Laboratory, Schedule
 from smart_tire.reproduction.printed_constraint import PrintedSlipEstimator

@@ -22,7 +22,7 @@ import pytest
 
 from smart_tire.analysis.calibrate_robot import (
     ANY_REFERENCE, identify_geometry, identify_icr)
-from smart_tire.calibration.robot.geometry import LATENCY, parameters, RADIUS, STATIC_IMU, TRACK
+from smart_tire.calibration.robot.geometry import LATENCY, RADIUS, STATIC_IMU, TRACK
 from smart_tire.errors import EstimatorError
 from smart_tire.parameters import build, RobotParams
 
@@ -48,9 +48,9 @@ def test_the_warthog_shows_latency_radius_and_track(until):
                               reference=ANY_REFERENCE)
     latency, radius, track = (found.get(name) for name in (LATENCY, RADIUS, TRACK))
     # 0.17 s as instantaneous speeds; about 0.06 s less as means over 0.1 to 0.15 s
-    assert 0.05 < latency.value < 0.13 and latency.sigma < 0.01
+    assert 0.05 < latency.value < 0.13 and latency.sigma < 0.015
     assert radius.value == pytest.approx(0.285, abs=3.0 * radius.sigma)
-    assert radius.sigma < 0.01 * radius.value
+    assert radius.sigma < 0.02 * radius.value
     assert track.value == pytest.approx(1.9, rel=0.08)
 
 
@@ -66,7 +66,7 @@ def test_the_standstill_of_the_warthog_shows_noise_only():
     found = identify_geometry(recording('warthog_asphalt'), WARTHOG, until=120.0)
     assert {LATENCY, RADIUS, TRACK} <= set(found.refused) and STATIC_IMU not in found.refused
     assert 'the wheels do not rotate' in found.refused[LATENCY]
-    assert {item.name for item in parameters(found, WARTHOG)} <= {
+    assert {item.name for item in found.parameters(WARTHOG)} <= {
         'imu.gyro_noise', 'imu.accel_noise', 'imu.rotation'}
 
 

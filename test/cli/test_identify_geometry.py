@@ -55,7 +55,7 @@ def test_ground_truth_is_used_on_request_only(bag, tmp_path, capsys):
     assert main(['identify', 'geometry', str(bag), '--out', str(out)]) == 0
     output = capsys.readouterr().out
     assert 'rolling radius          not observable: there is no pose reference' in output
-    assert 'encoder.latency         cross-validated: errors on the other half' in output
+    assert 'encoder.stamp_jitter    not written: no significant difference' in output
 
 
 def test_the_command_fails_if_nothing_is_identified(bag, tmp_path, capsys):

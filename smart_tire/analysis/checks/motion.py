@@ -16,7 +16,7 @@
 Checks of wheels against IMU: signs, units, rolling radius, effective track, latency, lever arm.
 
 The radius has two independent references. Changes of the speed integrate the forward specific
-force (``calibration/robot/accelerometer_fit.py``). In a turn, the lateral specific force is
+force (``calibration/robot/latency.py``). In a turn, the lateral specific force is
 ``a_y = W r u (1 - slip) - y W^2 + x dW/dt``: W the yaw rate, u the mean wheel speed, (x, y) the
 IMU. Both have a systematic error, because the body tilts when it accelerates.
 """
@@ -32,16 +32,12 @@ import numpy as np
 from smart_tire.analysis.checks.recording import CheckedRecording
 from smart_tire.analysis.checks.wheels import unit_of, UNITS
 from smart_tire.arrays import Array
-from smart_tire.calibration.recording import period, Recording, side_slip, Signal
-from smart_tire.calibration.robot.accelerometer_fit import (
-    PITCHING_ERROR, RADIUS_COLUMN, speed_change_problem)
-from smart_tire.calibration.robot.rolling_radius import TURN_SLIP
-from smart_tire.calibration.robot.wheel_latency import (
-    delay_grid, MAX_DELAY, min_interval)
+from smart_tire.calibration.recording import Recording, side_slip, Signal
+from smart_tire.calibration.robot.latency import (
+    fit_speed_changes, moving_intervals, PITCHING_ERROR, TURN_SLIP, yaw_motion)
 from smart_tire.errors import EstimatorError
 from smart_tire.findings import Finding, Level
-from smart_tire.numerics.delay_regression import fit_delay
-from smart_tire.numerics.regression import Prior, robust_regression
+from smart_tire.numerics.least_squares import Prior, regression, Rows
 from smart_tire.parameters import RobotParams
 from smart_tire.uncertain import Uncertain
 
@@ -230,11 +226,9 @@ def lateral_fit(motion: Recording, robot: RobotParams, latency: float) -> Latera
     W, slip = data.yaw_rate, side_slip(data.mean, 0.5 * np.abs(data.difference))
     matrix = np.column_stack([W * data.mean, -W * slip * robot.wheel_radius, data.yaw_acceleration,
                               -W ** 2, np.ones(len(W))])
-    prior = Prior(np.array([0.0, TURN_SLIP, 0.0, 0.0, 0.0]),
-                  np.array([np.inf, TURN_SLIP, np.inf, np.inf, np.inf]))
-    lags = math.ceil(CORRELATION_TIME / float(np.median(np.diff(data.time))))
-    fit = robust_regression(matrix, data.lateral, prior, model_sigma=np.zeros(len(W)),
-                            initial_sigma=float(np.std(data.lateral)) + 1e-9, hac_lags=lags)
+    rows = Rows(data.time, matrix, data.lateral, np.zeros(len(W)))
+    fit = regression(rows, Prior.of(None, (TURN_SLIP, TURN_SLIP), None, None, None),
+                     lags=rows.lags(CORRELATION_TIME))
     radius = fit.estimate(RADIUS)
     return LateralFit(
         Uncertain(radius.value, math.hypot(radius.sigma, PITCHING_ERROR * radius.value)),
@@ -252,16 +246,11 @@ def _lateral_radius(motion: Recording, robot: RobotParams, latency: float) -> Un
 
 def _speed_change_radius(motion: Recording, robot: RobotParams) -> Uncertain | None:
     try:
-        problem = speed_change_problem(motion, robot)
-        fit = fit_delay(problem, delay_grid(motion))
+        fit = fit_speed_changes(motion, robot)
     except EstimatorError:
         return None
-    scale = float(fit.coefficients[RADIUS_COLUMN])
-    sigma = math.hypot(fit.coefficient_sigma(RADIUS_COLUMN), PITCHING_ERROR * scale)
-    signal = abs(scale) * float(np.std(problem.rows(fit.delay).matrix[:, RADIUS_COLUMN]))
-    if not sigma < MAX_SIGMA * abs(scale) or signal < MIN_SIGNAL:
-        return None
-    return Uncertain(robot.wheel_radius * scale, robot.wheel_radius * sigma)
+    radius, signal = fit.radius, float(np.std(fit.rolled))
+    return radius if radius.sigma < MAX_SIGMA * abs(radius.value) and signal > MIN_SIGNAL else None
 
 
 def _latency(recording: CheckedRecording) -> float:
@@ -285,14 +274,11 @@ def _intervals(motion: Recording, robot: RobotParams, latency: float = 0.0) -> _
     """Return the intervals in which the robot drives, None if it does not."""
     imu = motion.imu
     try:
-        found = motion.moving_intervals(
-            min_interval(motion), robot.slip.standstill_speed / robot.wheel_radius, MAX_DELAY)
+        found = moving_intervals(motion, robot)
     except EstimatorError:
         return None
-    begin, end, reach = found.begin - latency, found.end - latency, 2.0 * period(imu.time)
-    yaw, force = Signal(imu.time, imu.rate[:, 2]), Signal(imu.time, imu.force[:, 1])
-    sides = found.sides
-    acceleration = (yaw.centered_mean(end, reach) - yaw.centered_mean(begin, reach)) / (
-        end - begin)
+    begin, end, sides = found.begin - latency, found.end - latency, found.sides
+    rate, acceleration = yaw_motion(Signal(imu.time, imu.rate[:, 2]), begin, end)
+    force = Signal(imu.time, imu.force[:, 1])
     return _Intervals(0.5 * (begin + end), sides.mean(axis=1), sides[:, 1] - sides[:, 0],
-                      yaw.mean(begin, end), acceleration, force.mean(begin, end))
+                      rate, acceleration, force.mean(begin, end))

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from smart_tire.bags import Bag
 from smart_tire.calibration.recording import ImuRecord, Recording, WheelRecord
-from smart_tire.calibration.robot.wheel_latency import fit_yaw_rate, YawRateFit
+from smart_tire.calibration.robot.latency import fit_yaw_rate, YawRateFit
 from smart_tire.errors import EstimatorError
 from smart_tire.messages import TOPICS
 from smart_tire.parameters import RobotParams

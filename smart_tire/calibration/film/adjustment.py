@@ -20,7 +20,7 @@ gains; it is split into a part that is new in every crossing and a part that las
 segment of constant slip of a wheel: more crossings of one steady turn do not improve the gains
 beyond the accuracy of the slip estimate in that turn. An error of the wheel radius adds the same
 to all slips; it is observable if a recording contains both signs of slip. Errors of the wheel
-radius and of the film length scale all measured lengths. Crossings and segments with large
+radius and of the film length scale all measured lengths. Observations and segments with large
 residuals have lower weight (Huber); if segments scatter more than expected, all their variances
 are scaled.
 """
@@ -36,7 +36,8 @@ from numpy.typing import NDArray
 
 from smart_tire.arrays import Array
 from smart_tire.calibration.film.observations import GainObservation
-from smart_tire.numerics.robust import huber_weights, median_reduced_chi_square
+from smart_tire.numerics.least_squares import Prior, regression, Rows
+from smart_tire.numerics.robust import huber_weights
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import NS_PER_S
 
@@ -46,8 +47,8 @@ SEGMENT_SLIP_SHARE, CROSSING_SLIP_SHARE = 0.6, 0.5
 SEGMENT_SLIP_TOLERANCE = 0.03  # -, deviation of slip that begins a new segment
 MAX_SEGMENT_PAUSE = 3.0  # s between two crossings of a segment: a revolution of a slow wheel
 MIN_SIGMA = 1e-6  # -, of parameters that are configured as exact
-HUBER_THRESHOLD = 2.5  # sigmas, beyond which a crossing or segment has lower weight
-REWEIGHTING_ROUNDS = 8                                                       # converges in three
+HUBER_THRESHOLD = 2.5  # sigmas, beyond which a segment has lower weight
+SEGMENT_ROUNDS = 3     # of the variance of segments
 GAIN_SIGMA, LENGTH_SIGMA, ALPHA_SIGMA, POSITION_SIGMA = 10.0, 1.0, 0.3, 1.0  # -, -, -, m; wide
 FILM_LENGTH_SIGMA = 0.005  # relative, of film.length: 0.1 mm of 20 mm; assumed
 
@@ -133,24 +134,6 @@ def constant_slip_segments(observations: Sequence[GainObservation],
     return segments
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Row:
-    """Linearized observation: derivatives by all shared parameters and by its segment's slip."""
-
-    by_common: Array  # (k, n)
-    by_slip: Array    # (k,), per sigma of the slip error of the segment
-    value: Array      # (k,), relative to the nominal values
-    precision: Array  # (k, k)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Solution:
-    common: Array         # (n,)
-    covariance: Array     # (n, n)
-    segment_error: Array  # (segments,) sigmas, slip error of each
-    variance: Array       # (segments,)
-
-
 class _Adjuster:
     def __init__(self, observations: Sequence[GainObservation], recordings: Sequence[int],
                  robot: RobotParams) -> None:
@@ -160,46 +143,46 @@ class _Adjuster:
         self._segment = constant_slip_segments(observations, recordings)
         self._count = int(self._segment.max(initial=-1)) + 1
         radius = max(robot.wheel_radius_sigma, MIN_SIGMA)
-        # followed by an offset of the slips of each recording
+        # followed by an offset of the slips of each recording, and the slip error of each segment
         sigma = np.full(index.size + max(recordings, default=-1) + 1, radius)
         sigma[:index.length] = GAIN_SIGMA
         sigma[index.length:index.position(0)] = (
             LENGTH_SIGMA, ALPHA_SIGMA, radius, FILM_LENGTH_SIGMA)
         sigma[index.position(0):index.size] = POSITION_SIGMA
-        self._prior = sigma ** -2.0
+        self._common = sigma
         relative = np.array([one.crossing.slip[1] / abs(one.crossing.slip[0])
                              for one in observations])
         self._relative = [float(np.median(relative[self._segment == number]))
                           for number in range(self._count)]  # relative sigma of slip per segment
-        self._rows = [self._row(i) for i in range(len(observations))]
 
-    def _row(self, i: int) -> _Row:
-        observation, index = self._observations[i], self._index
+    def _row(self, i: int) -> tuple[Array, Array]:
+        """Return derivatives (k, p) by all parameters and values (k,), with unit noise."""
+        observation, index, first = self._observations[i], self._index, self._observations[i].films
         size, count = len(observation.value), len(observation.films) * observation.gains
-        rows, gains = np.zeros((size, len(self._prior))), np.zeros(size)
+        rows = np.zeros((size, len(self._common) + self._count))
         value, precision = observation.value.copy(), observation.precision
         length, alpha = count, count + 1
         # an error of the scale of distances, and of the film length
         rows[:, index.radius], rows[:, index.film] = -observation.by_scale, observation.by_scale
         rows[length, [index.length, index.film]] += 1.0, -1.0
         rows[alpha, [index.alpha, index.film]] += 1.0, 1.0
-        first = observation.films[0]
         for row, film in enumerate(observation.films[1:], count + 2):
-            distance = self._positions[film] - self._positions[first]
-            rows[row, [index.position(film), index.position(first), index.film]] += (
+            distance = self._positions[film] - self._positions[first[0]]
+            rows[row, [index.position(film), index.position(first[0]), index.film]] += (
                 1.0, -1.0, -distance)
             value[row] -= distance
-        if not observation.gains:
-            return _Row(rows, gains, value, precision)
-        slip, (sustained, new) = observation.crossing.slip[0], self._slip_errors(i)
-        gains[:count] = 1.0
-        for row, film in enumerate(observation.films):
-            rows[row, index.gain(observation.crossing.wheel, film)] = 1.0
-        rows[:, index.size + self._recordings[i]] = gains * (1.0 - slip) / slip
-        # Sherman-Morrison: adds the variance of the new part of the slip error
-        product = precision @ (new * gains)
-        return _Row(rows, sustained * gains, value, precision - np.outer(product, product) / (
-            1.0 + new * gains @ product))
+        if observation.gains:
+            slip, (sustained, new) = observation.crossing.slip[0], self._slip_errors(i)
+            gains = np.arange(size) < count
+            for row, film in enumerate(observation.films):
+                rows[row, index.gain(observation.crossing.wheel, film)] = 1.0
+            rows[:, index.size + self._recordings[i]] = gains * (1.0 - slip) / slip
+            rows[:, len(self._common) + self._segment[i]] = sustained * gains
+            # Sherman-Morrison: adds the variance of the new part of the slip error
+            product = precision @ (new * gains)
+            precision = precision - np.outer(product, product) / (1.0 + new * gains @ product)
+        root = np.linalg.cholesky(precision).T
+        return root @ rows, root @ value
 
     def _slip_errors(self, i: int) -> tuple[float, float]:
         """
@@ -216,58 +199,20 @@ class _Adjuster:
         return SEGMENT_SLIP_SHARE * sustained, math.hypot(new, excess)
 
     def solve(self) -> Adjustment:
-        """Solve with iterative reweighting of crossings and segments."""
-        size = self._index.size
-        weight, segment_weight = np.ones(len(self._observations)), np.ones(self._count)
-        excess = ratio = 1.0
-        dof = np.array([len(row.value) for row in self._rows])
-        for _ in range(REWEIGHTING_ROUNDS):
-            solution = self._solve(weight / excess, segment_weight / ratio)
-            squares = self._squares(solution)
-            excess = max(1.0, float(np.median(squares / dof)) / median_reduced_chi_square(dof))
-            weight = huber_weights(np.sqrt(squares / (dof * excess)), HUBER_THRESHOLD)
-            ratio = _slip_variance_ratio(solution, ratio)
-            segment_weight = huber_weights(
-                solution.segment_error / math.sqrt(ratio), HUBER_THRESHOLD)
-        return Adjustment(self._index, solution.common[:size], solution.covariance[:size, :size],
+        """Solve; segments that scatter by more than expected have larger variances."""
+        matrix, value = (np.concatenate(part) for part in zip(*(
+            self._row(i) for i in range(len(self._observations)))))
+        rows = Rows(np.arange(len(value), dtype=float), matrix, value, np.zeros(len(value)))
+        own, size, ratio, errors = len(self._common), self._index.size, 1.0, np.zeros(self._count)
+        for _ in range(SEGMENT_ROUNDS):
+            weight = huber_weights(errors / math.sqrt(ratio), HUBER_THRESHOLD)
+            sigma = np.concatenate([self._common, np.sqrt(ratio / weight)])
+            fit = regression(rows, Prior(np.zeros(len(sigma)), sigma))
+            errors, variance = fit.values[own:], np.diag(fit.covariance)[own:]
+            dof = float(np.sum(np.maximum(1.0 - variance / ratio, 0.0)))
+            if dof < 1.0:
+                break
+            clipped = np.minimum(errors ** 2, HUBER_THRESHOLD ** 2 * ratio)
+            ratio = max(1.0, float(np.sum(clipped)) / dof)
+        return Adjustment(self._index, fit.values[:size], fit.covariance[:size, :size],
                           self._count, ratio)
-
-    def _solve(self, weight: Array, segment_weight: Array) -> _Solution:
-        """Return the weighted least squares; slip errors of segments are eliminated."""
-        n = len(self._prior)
-        normal, right = np.diag(self._prior), np.zeros(n)
-        across, own_right = np.zeros((n, self._count)), np.zeros(self._count)
-        own = segment_weight.copy()
-        for w, row, number in zip(weight, self._rows, self._segment):
-            weighted = row.by_common.T @ (w * row.precision)
-            normal += weighted @ row.by_common
-            right += weighted @ row.value
-            if number >= 0:
-                product = w * row.precision @ row.by_slip
-                across[:, number] += row.by_common.T @ product
-                own[number] += row.by_slip @ product
-                own_right[number] += row.value @ product
-        share = across / own
-        covariance = np.linalg.inv(normal - share @ across.T)
-        common = covariance @ (right - share @ own_right)
-        return _Solution(common, covariance, own_right / own - share.T @ common,
-                         1.0 / own + np.sum(share * (covariance @ share), axis=0))
-
-    def _squares(self, solution: _Solution) -> Array:
-        """Return the squared normalized residual of each observation."""
-        squares = np.zeros(len(self._rows))
-        for i, (row, number) in enumerate(zip(self._rows, self._segment)):
-            residual = row.value - row.by_common @ solution.common
-            if number >= 0:
-                residual = residual - row.by_slip * solution.segment_error[number]
-            squares[i] = residual @ row.precision @ residual
-        return squares
-
-
-def _slip_variance_ratio(solution: _Solution, previous: float) -> float:
-    """Return the variance of the segments' slip errors over the expected one, at least 1."""
-    dof = float(np.sum(1.0 - solution.variance / previous))
-    if dof < 1.0:
-        return previous
-    clipped = np.minimum(solution.segment_error ** 2, HUBER_THRESHOLD ** 2 * previous)
-    return max(1.0, float(np.sum(clipped)) / dof)

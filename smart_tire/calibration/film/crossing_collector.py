@@ -25,17 +25,22 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 import math
 
-from smart_tire.calibration.film.slip_history import SlipHistory
+import numpy as np
+from numpy.typing import NDArray
+
+from smart_tire.arrays import Array
 from smart_tire.estimation.contact.feed import Block, ContactFeed
 from smart_tire.estimation.contact.records import CrossingSamples, PatchCrossing
 from smart_tire.estimation.friction.slip_variation import slip_variation, UNKNOWN_CHANGE_SIGMA
 from smart_tire.parameters import RobotParams
-from smart_tire.samples import TireSample, WHEELS, WheelSample, WheelSlip
+from smart_tire.samples import NS_PER_S, TireSample, WHEELS, WheelSample, WheelSlip
 from smart_tire.uncertain import Uncertain
 
 MIN_CHANGE_SIGMA = 0.0005  # -, of the slip change over a contact length in steady motion
 CHANGE_ERROR_SHARE = 0.5   # of an estimated change, its standard deviation
-SLIP_MARGIN_NS = 500_000_000  # of slips after a crossing that are used for mean and slope
+MEAN_MARGIN_NS = 50_000_000  # at least, on either side of a crossing, for the linear fit
+MEAN_POINTS = 5            # in a crossing, of which the mean slip is taken
+MIN_SLOPE_SAMPLES = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,27 +106,38 @@ class CrossingCollector:
 
     def with_slip(self, slips: Iterable[WheelSlip]) -> Iterator[CrossingWithSlip]:
         """Yield the crossings covered by ``slips``, which must be in the order of time."""
-        pending = sorted(self._found, key=lambda found: found.crossing.end_ns, reverse=True)
-        history = SlipHistory()
-        for slip in slips:
-            history.add(slip)
-            while pending and pending[-1].crossing.end_ns + SLIP_MARGIN_NS < slip.stamp_ns:
-                yield from self._with_slip(pending.pop(), history)
-        while pending:
-            yield from self._with_slip(pending.pop(), history)
+        rows = [(one.stamp_ns, *one.ratio, *one.sigma) for one in slips]
+        stamps = np.array([row[0] for row in rows], np.int64)
+        values = np.array([row[1:] for row in rows], float).reshape(-1, 2, len(WHEELS))
+        for found in sorted(self._found, key=lambda found: found.crossing.end_ns):
+            yield from self._with_slip(found, stamps, values[:, :, WHEELS.index(found.wheel)])
 
-    def _with_slip(self, found: _FoundCrossing,
-                   history: SlipHistory) -> Iterator[CrossingWithSlip]:
+    def _with_slip(self, found: _FoundCrossing, stamps: NDArray[np.int64],
+                   values: Array) -> Iterator[CrossingWithSlip]:
+        """Yield the crossing unless a slip near it is unknown."""
         crossing = found.crossing
-        mean = history.mean(found.wheel, crossing.begin_ns, crossing.end_ns)
-        if crossing.samples is None or not math.isfinite(mean.slip.value):
+        # wide enough for the entry of film 1 and the release of the last film
+        around = max(MEAN_MARGIN_NS, crossing.end_ns - crossing.begin_ns)
+        near = slice(*np.searchsorted(stamps, (crossing.begin_ns - around,
+                                               crossing.end_ns + around + 1)))
+        ratio, sigma = values[near].T
+        if crossing.samples is None or not len(ratio) or not np.isfinite(ratio).all():
             return
+        time = (stamps[near] - crossing.begin_ns) / NS_PER_S
+        points = np.linspace(0.0, (crossing.end_ns - crossing.begin_ns) / NS_PER_S, MEAN_POINTS)
+        # errors of a filter do not average out over a crossing
+        slip = Uncertain(*(float(np.interp(points, time, column).mean())
+                           for column in (ratio, sigma)))
+        slope = residual = 0.0
+        if len(ratio) >= MIN_SLOPE_SAMPLES:
+            slope, offset = np.polyfit(time, ratio, 1).tolist()
+            residual = float(np.std(ratio - slope * time - offset))
         length = self.robot.tire.contact_length
-        change = mean.rate * length / crossing.speed
+        change = slope * length / crossing.speed
         spread = slip_variation(crossing, length)
-        sigma = math.hypot(MIN_CHANGE_SIGMA, CHANGE_ERROR_SHARE * change,
-                           max(spread.change.sigma - UNKNOWN_CHANGE_SIGMA, 0.0))
+        change_sigma = math.hypot(MIN_CHANGE_SIGMA, CHANGE_ERROR_SHARE * change,
+                                  max(spread.change.sigma - UNKNOWN_CHANGE_SIGMA, 0.0))
         yield CrossingWithSlip(
             found.wheel, crossing.stamp_ns, crossing.direction, crossing.speed, crossing.samples,
-            mean.slip, math.hypot(mean.residual, spread.residual), Uncertain(change, sigma),
+            slip, math.hypot(residual, spread.residual), Uncertain(change, change_sigma),
             found.origin)

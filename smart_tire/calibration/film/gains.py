@@ -34,7 +34,8 @@ from smart_tire.calibration.film.crossing_collector import CrossingWithSlip
 from smart_tire.calibration.film.observations import GainObservation, ObservationFitter
 from smart_tire.calibration.film.results import (
     bending_peaks, GainAdjustment, GainFit, MAX_POSITION_SIGMA, MIN_CROSSINGS, MIN_SLIP,
-    MIN_SLIP_SIGMAS, relative_position, Results, WINSORIZING_SIGMAS)
+    relative_position, Results)
+from smart_tire.calibration.results import SIGNIFICANT_SIGMAS
 from smart_tire.errors import EstimatorError
 from smart_tire.numerics.robust import winsorized_mean
 from smart_tire.parameters import RobotParams
@@ -97,7 +98,7 @@ def _iterate(recordings: Sequence[Sequence[CrossingWithSlip]],
 
 def _makes_gains_observable(crossing: CrossingWithSlip) -> bool:
     slip, sigma = crossing.slip
-    return abs(slip) > max(MIN_SLIP, MIN_SLIP_SIGMAS * sigma)
+    return abs(slip) > max(MIN_SLIP, SIGNIFICANT_SIGMAS * sigma)
 
 
 def _updated(found: GainAdjustment, observations: Sequence[GainObservation]) -> RobotParams:
@@ -111,7 +112,7 @@ def _updated(found: GainAdjustment, observations: Sequence[GainObservation]) -> 
                                    -math.log(max_length), math.log(max_length))).tolist()
     peaks = (bending_peaks(observations, wheel, i)
              for wheel in film.wheels for i in range(film.count))
-    bending = [winsorized_mean(values, WINSORIZING_SIGMAS).value if values else nominal
+    bending = [winsorized_mean(values, SIGNIFICANT_SIGMAS).value if values else nominal
                for values, nominal in zip(peaks, film.bending_peak)]
     positions = [nominal + offset
                  for nominal, offset in zip(film.centers, _position_offsets(found))]

@@ -29,6 +29,7 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
+from smart_tire.calibration.results import SIGNIFICANT_SIGMAS
 from smart_tire.errors import EstimatorError
 from smart_tire.numerics.robust import mad_sigma
 from smart_tire.uncertain import Uncertain
@@ -37,7 +38,6 @@ MIN_CROSSINGS = 3
 LATENCY_SIGMA = 0.003  # s, of the configured latency between films and wheels; assumed
 MAX_SCATTER = 0.1      # rad, 9 mm of the paper's wheel: more than the error of any fit
 MIN_SCATTER = 1e-3     # rad, lower limit of the scatter: a tenth of a millimeter
-OUTLIER_SIGMAS = 3.0   # beyond which a crossing is excluded
 
 
 def film_angle(angles: Sequence[float], speeds: Sequence[float]) -> Uncertain:
@@ -57,7 +57,7 @@ def film_angle(angles: Sequence[float], speeds: Sequence[float]) -> Uncertain:
     if scatter > MAX_SCATTER:
         raise EstimatorError(f'angles of crossings scatter by {scatter:.2f} rad: wheel_states '
                              'positions restart within the recording')
-    inliers = np.abs(deviations - median) < OUTLIER_SIGMAS * scatter
+    inliers = np.abs(deviations - median) < SIGNIFICANT_SIGMAS * scatter
     design = np.stack([np.ones(int(inliers.sum())), np.asarray(speeds)[inliers]])
     normal = design @ design.T / scatter ** 2 + np.diag([0.0, LATENCY_SIGMA ** -2])
     covariance = np.linalg.inv(normal)

@@ -26,17 +26,16 @@ from smart_tire.arrays import Array
 from smart_tire.calibration.film.adjustment import Adjustment
 from smart_tire.calibration.film.mounting_angle import film_angle
 from smart_tire.calibration.film.observations import GainObservation, ObservationFitter
+from smart_tire.calibration.results import SIGNIFICANT_SIGMAS
 from smart_tire.errors import EstimatorError
 from smart_tire.numerics.robust import winsorized_mean
 from smart_tire.parameters import RobotParams
 from smart_tire.uncertain import Uncertain, weighted_mean
 
 MIN_SLIP = 0.03  # -, below which the stretch signal of a crossing is lost in that of bending
-MIN_SLIP_SIGMAS = 3.0       # sigmas, of a slip that makes gains observable
 MIN_CROSSINGS = 5           # of a film, below which outliers cannot be detected
 MAX_RELATIVE_SIGMA = 0.1    # standard error above which a gain or the contact length is refused
 MAX_POSITION_SIGMA = 0.003  # m, standard error above which a film position is refused
-WINSORIZING_SIGMAS = 3.0    # sigmas, limit to which outlying bending peaks are moved
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +154,7 @@ class Results:
         self._fit.films.append(FilmGain(
             wheel, film, None if reason else gain, None if reason else self._per_slip(gain, index),
             winsorized_mean(
-                bending_peaks(self._observations, wheel, film), WINSORIZING_SIGMAS), *columns))
+                bending_peaks(self._observations, wheel, film), SIGNIFICANT_SIGMAS), *columns))
 
     def _per_slip(self, gain: Uncertain, index: int) -> Uncertain:
         """Return the volts per unit slip with the errors of gain and contact length."""
@@ -281,8 +280,8 @@ def _refusal(observed: Sequence[GainObservation], informative: Sequence[GainObse
     if len(informative) < MIN_CROSSINGS:
         slip, sigma = max((one.crossing.slip for one in observed), key=lambda slip: abs(slip[0]))
         return (f'{len(informative)} of {len(observed)} crossings with a slip above {MIN_SLIP:g} '
-                f'and {MIN_SLIP_SIGMAS:g} times its sigma, expected at least {MIN_CROSSINGS}; the '
-                f'largest is {slip:.3f} ± {sigma:.3f}: turn, accelerate and brake')
+                f'and {SIGNIFICANT_SIGMAS:g} times its sigma, expected at least {MIN_CROSSINGS}; '
+                f'the largest is {slip:.3f} ± {sigma:.3f}: turn, accelerate and brake')
     if gain.value <= 0.0:
         return ('negative: the poles of the film, or the direction in which it crosses the patch, '
                 'are swapped')

@@ -22,16 +22,15 @@ import math
 
 import numpy as np
 
-from smart_tire.calibration.recording import ImuRecord, Recording, WheelRecord
+from smart_tire.calibration.recording import Recording
+from smart_tire.calibration.results import CONTRADICTION_SIGMAS
 from smart_tire.calibration.tire.stiffness import identify_stiffness, StiffnessFit
 from smart_tire.errors import EstimatorError
 from smart_tire.models.constants import GRAVITY
 from smart_tire.parameters import RobotParams
 from smart_tire.uncertain import Uncertain
 
-PARTS = 2               # of a recording, compared with each other
 MIN_PART = 12.0         # s
-SIGNIFICANCE_SIGMAS = 4.0  # of a difference between parts
 STANDSTILL_SPEED = 0.02    # rad/s, of stationary wheels
 MAX_SLIDING_SHARE = 0.3    # of the time in motion, beyond the critical slip
 
@@ -46,7 +45,7 @@ def check_one_ground(recordings: Sequence[Recording], robot: RobotParams,
     fits = []
     for part in (part for recording in recordings for part in parts_of(recording)):
         try:
-            fits.append(identify_stiffness([part], robot, latency_sigma, debiased=False))
+            fits.append(identify_stiffness([part], robot, latency_sigma))
         except EstimatorError:
             continue  # too little for a value of its own, which the whole may have
     for name, unit in (('stiffness', 'C_x'), ('drag', 'drag')):
@@ -59,14 +58,14 @@ def check_one_ground(recordings: Sequence[Recording], robot: RobotParams,
 
 def differ(first: Uncertain, second: Uncertain) -> bool:
     """Return whether two values differ significantly."""
-    return abs(first.value - second.value) > SIGNIFICANCE_SIGMAS * math.hypot(
+    return abs(first.value - second.value) > CONTRADICTION_SIGMAS * math.hypot(
         first.sigma, second.sigma)
 
 
 def parts_of(recording: Recording) -> list[Recording]:
     """Return the halves of a recording, divided at the standstill next to its middle."""
     wheels = recording.wheels
-    if np.ptp(wheels.time) < PARTS * MIN_PART:
+    if np.ptp(wheels.time) < 2.0 * MIN_PART:
         return []
     still = wheels.time[np.abs(wheels.velocity).max(axis=1) < STANDSTILL_SPEED]
     middle = 0.5 * float(wheels.time[0] + wheels.time[-1])
@@ -80,13 +79,8 @@ def parts_of(recording: Recording) -> list[Recording]:
 
 def _between(recording: Recording, begin: float, end: float) -> Recording:
     imu, wheels = recording.imu, recording.wheels
-    some = (imu.time >= begin) & (imu.time <= end)
-    own = (wheels.time >= begin) & (wheels.time <= end)
-    return replace(
-        recording, imu=ImuRecord(imu.time[some], imu.rate[some], imu.force[some]),
-        wheels=WheelRecord(wheels.time[own], wheels.velocity[own],
-                           None if wheels.position is None else wheels.position[own],
-                           None if wheels.torque is None else wheels.torque[own]))
+    return replace(recording, imu=imu.where((imu.time >= begin) & (imu.time <= end)),
+                   wheels=wheels.where((wheels.time >= begin) & (wheels.time <= end)))
 
 
 def check_rolling(fit: StiffnessFit, robot: RobotParams) -> None:

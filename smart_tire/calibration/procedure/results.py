@@ -20,8 +20,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
-from smart_tire.calibration.robot.icr import IcrFit
 from smart_tire.calibration.robot.motor import MotorFit
+from smart_tire.calibration.robot.turning import IcrFit
 from smart_tire.calibration.tire.stiffness import StiffnessFit
 from smart_tire.errors import EstimatorError
 from smart_tire.parameters import RobotParams, specs

@@ -12,32 +12,32 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Calibration of wheels and IMU from a recording: parameters, and which are not observable."""
+"""
+Geometry of the robot from a recording: latency, radius, track, and noise and mounting of the IMU.
+
+A value is written if it differs from the configured one by several standard errors. The standard
+error is at least half the difference of the values from both halves of the recording (interleaved
+blocks, so that both contain all phases): a value that only fits a part of it is not written.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 import math
-from typing import TypeVar
+from operator import attrgetter
 
 import numpy as np
 
 from smart_tire.calibration.recording import Recording
-from smart_tire.calibration.robot.accelerometer_fit import (
-    fit_speed_changes, speed_change_problem, SpeedChangeFit)
-from smart_tire.calibration.robot.cross_validation import (
-    both_ways, delay_prediction, halves, noise_verdict, Prediction, value_verdict, Verdict,
-    verdict)
-from smart_tire.calibration.robot.gyro_scale import fit_gyro_scale, GyroScaleFit, usable_reference
-from smart_tire.calibration.robot.rolling_radius import fit_radius, RadiusFit, TURN_SLIP
-from smart_tire.calibration.robot.static_imu import (
-    fit_static_imu, MAX_REPEATED_SHARE, StaticImuFit)
-from smart_tire.calibration.robot.timestamp_jitter import fit_jitter
-from smart_tire.calibration.robot.wheel_latency import (
-    fit_yaw_rate, yaw_rate_problem, YawRateFit)
+from smart_tire.calibration.results import Found, Quantity, SIGNIFICANT_SIGMAS
+from smart_tire.calibration.robot.jitter import fit_jitter
+from smart_tire.calibration.robot.latency import (
+    fit_speed_changes, fit_yaw_rate, SpeedChangeFit, TURN_SLIP, YawRateFit)
+from smart_tire.calibration.robot.reference import (
+    fit_gyro_scale, fit_radius, RadiusFit, usable_reference)
+from smart_tire.calibration.robot.rest import fit_rest, motion_noise, RestFit
 from smart_tire.errors import EstimatorError
-from smart_tire.numerics.delay_regression import DelayProblem
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.calibration_file import Identified
 from smart_tire.rotation import angles, matrix
@@ -45,208 +45,184 @@ from smart_tire.uncertain import Uncertain, weighted_mean
 
 LATENCY, JITTER, TRACK = 'wheel latency', 'timestamp jitter', 'effective track'
 RADIUS, GYRO_SCALE, STATIC_IMU = 'rolling radius', 'gyro scale', 'IMU at standstill'
-ROLL, PITCH = 'mounting roll', 'mounting pitch'
-MAX_TRACK_SIGMA = 0.1          # relative standard error above which a track is not reported
-SIGNIFICANT_TILT_SIGMAS = 3.0  # standard errors above which a tilt is attributed to the mounting
-
-Fit = TypeVar('Fit')
-Halves = tuple[Recording, Recording]
-
-
-@dataclass(frozen=True)
-class Quantity:
-    """A calibrated quantity: one line of the report."""
-
-    name: str
-    estimate: Uncertain
-    unit: str
-    note: str = ''
-    parameter: str = ''  # name of the parameter, '' if there is none
+ROLL, PITCH, ROTATION = 'mounting roll', 'mounting pitch', 'imu.rotation'
+MAX_LATENCY_SIGMA = 0.03   # s, standard error above which a latency is refused: half of 16 Hz
+MAX_RADIUS_SIGMA, MAX_TRACK_SIGMA = 0.02, 0.1  # relative, above which a value is refused
+HALF_FACTOR = 2.0          # of these limits, for half of a recording
+MIN_RESTS = 4              # in a drive, to distinguish the mounting from the slope of the ground
+MAX_NOISE_RATIO = 1.2      # of the noise in motion over that at rest
+MAX_REPEATED_SHARE = 0.05  # of samples equal to the previous one: more is not chance
+BLOCKS, MIN_BLOCK = 12, 4.0  # number and length [s]; shorter gaps are bridged by the positions
+NO_POSITIONS = ('wheel_states have no positions: the interval of their mean velocities is '
+                'uncertain by half a period')
 
 
 @dataclass
-class Geometry:
-    """Calibrated quantities, reasons of those not observable, and the fits (None if failed)."""
+class Geometry(Found):
+    """Identified geometry, why parameters are not written, and the fits (None if failed)."""
 
-    quantities: list[Quantity] = field(default_factory=list)
-    refused: dict[str, str] = field(default_factory=dict)  # name -> reason
-    verdicts: dict[str, Verdict] = field(default_factory=dict)  # parameter -> cross-validation
+    factor: float = 1.0                                 # of the largest standard errors
+    kept: dict[str, str] = field(default_factory=dict)  # parameter -> reason
     yaw_rate_fit: YawRateFit | None = None
-    speed_change_fit: SpeedChangeFit | None = None
     radius_fit: RadiusFit | None = None
+    speed_change_fit: SpeedChangeFit | None = None
+    rest: RestFit | None = None
 
-    def get(self, name: str) -> Uncertain | None:
-        """Return the estimate of the quantity ``name``, None if it is not observable."""
-        return next((item.estimate for item in self.quantities if item.name == name), None)
-
-    def accepted(self, parameter: str) -> bool:
-        """Return whether a parameter passed the cross-validation."""
-        return parameter in self.verdicts and self.verdicts[parameter].accepted
-
-    def sigma(self, item: Quantity) -> float:
-        """Return the standard error, at least the one that the difference of the halves shows."""
-        return max(item.estimate.sigma, self.verdicts[item.parameter].spread)
-
-    def add(self, name: str, estimate: Uncertain, unit: str, note: str = '',
-            parameter: str = '') -> None:
-        """Append a quantity."""
-        self.quantities.append(Quantity(name, estimate, unit, note, parameter))
-
-    def attempt(self, name: str, fit: Callable[[], Fit]) -> Fit | None:
-        """Return what ``fit`` returns; if it fails, store the reason under ``name``."""
-        try:
-            return fit()
-        except EstimatorError as error:
-            self.refused[name] = str(error)
-            return None
+    def parameters(self, robot: RobotParams) -> list[Identified]:
+        """Return the entries of a parameter file."""
+        items = [Identified(item.parameter, item.estimate.value, item.estimate.sigma, item.note)
+                 for item in self.quantities
+                 if item.parameter not in ('', ROTATION, *self.kept)]
+        radius = self.get(RADIUS)
+        if radius is not None and 'wheel_radius' not in self.kept:
+            items.append(Identified('wheel_radius_sigma', radius.sigma / radius.value))
+        roll, pitch = self.get(ROLL), self.get(PITCH)
+        if roll is not None and pitch is not None and ROTATION not in self.kept:
+            turned = matrix(roll.value, pitch.value, 0.0) @ matrix(*robot.imu.rotation)
+            items.append(Identified(ROTATION, angles(turned), (roll.sigma, pitch.sigma, 0.0),
+                                    'yaw unchanged; assumes level ground'))
+        return items
 
 
 def identify_geometry(recording: Recording, robot: RobotParams) -> Geometry:
     """Return all quantities that ``recording`` makes observable, and the reasons of the others."""
-    found = Geometry()
-    static_imu = found.attempt(STATIC_IMU, lambda: fit_static_imu(recording, robot))
+    found = _geometry(recording, robot)
+    try:
+        parts = [_geometry(half, robot, HALF_FACTOR) for half in halves(recording)]
+    except EstimatorError as error:
+        found.kept.update({item.parameter: str(error) for item in found.quantities
+                           if item.parameter})
+        return found
+    if found.rest is not None and found.rest.intervals < MIN_RESTS:
+        found.kept[ROTATION] = (f'{found.rest.intervals} standstills, expected {MIN_RESTS}: the '
+                                'slope of the ground may be the same')
+    found.quantities = [_with_spread(item, parts) for item in found.quantities]
+    _keep_insignificant(found, parts, robot)
+    return found
+
+
+def halves(recording: Recording) -> tuple[Recording, Recording]:
+    """
+    Return wheels and reference of both halves; each has all IMU samples.
+
+    Raises EstimatorError if the recording is too short.
+    """
+    wheels, poses = recording.wheels, recording.reference
+    blocks = min(BLOCKS, int(np.ptp(wheels.time) / MIN_BLOCK))
+    if blocks < 4:
+        raise EstimatorError(f'the recording lasts {np.ptp(wheels.time):.0f} s, expected at least '
+                             f'{4.0 * MIN_BLOCK:.0f} s to compare its halves')
+    ends = np.linspace(wheels.time[0], wheels.time[-1], blocks + 1)[1:-1]
+
+    def half(parity: int) -> Recording:
+        own = np.searchsorted(ends, wheels.time) % 2 == parity
+        seen = None if poses is None else poses.where(
+            np.searchsorted(ends, poses.time) % 2 == parity)
+        return replace(recording, wheels=wheels.where(own), reference=seen)
+    return half(0), half(1)
+
+
+def _with_spread(item: Quantity, parts: Sequence[Geometry]) -> Quantity:
+    """Return a quantity with half the difference of its values in the halves as least sigma."""
+    values = [part.get(item.name) for part in parts]
+    if not item.parameter or None in values:
+        return item
+    first, second = (value.value for value in values if value is not None)
+    return replace(item, estimate=Uncertain(item.estimate.value, max(
+        item.estimate.sigma, 0.5 * abs(first - second))))
+
+
+def _keep_insignificant(found: Geometry, parts: Sequence[Geometry], robot: RobotParams) -> None:
+    """Note why parameters are not written: equal to the configured ones, or of one half only."""
+    significant = set()
+    for item in (item for item in found.quantities if item.parameter):
+        configured, (value, sigma) = _configured(item, robot), item.estimate
+        refused = [part for part in parts if part.get(item.name) is None]
+        if refused:
+            reason = refused[0].refused.get(item.name) or refused[0].refused.get(STATIC_IMU, '')
+            found.kept.setdefault(item.parameter, f'not observable in one half: {reason}')
+        elif abs(value - configured) > SIGNIFICANT_SIGMAS * sigma:
+            significant.add(item.parameter)
+        elif item.name != ROLL:  # the pitch decides after it
+            pair = ' and '.join(f'{part.get(item.name).value:.4g}'  # type: ignore[union-attr]
+                                for part in parts)
+            if item.parameter not in significant:
+                found.kept.setdefault(item.parameter, (
+                    f'no significant difference from {configured:.4g} {item.unit}, as configured: '
+                    f'{value:.4g} ± {sigma:.2g} {item.unit}, the halves give {pair}'))
+
+
+def _configured(item: Quantity, robot: RobotParams) -> float:
+    if item.parameter == ROTATION:
+        return 0.0
+    return float(attrgetter(item.parameter if item.parameter != 'effective_track'
+                            else 'track_width')(robot))
+
+
+def _geometry(recording: Recording, robot: RobotParams, factor: float = 1.0) -> Geometry:
+    """Return all observable quantities, with ``factor`` times larger standard errors at most."""
+    found = Geometry(factor=factor)
     gyro = found.attempt(GYRO_SCALE, lambda: fit_gyro_scale(recording))
     _add_latency(found, recording, robot)
     jitter = found.attempt(JITTER, lambda: fit_jitter(recording.wheels, robot))
     if jitter is not None:
         found.add(JITTER, jitter, 's', 'standard deviation of a timestamp', 'encoder.stamp_jitter')
-    _add_radius(found, recording, robot, gyro)
+    _add_radius(found, recording, robot, 0.0 if gyro is None else gyro[1])
     _add_track(found, robot)
     if gyro is not None:
-        found.add(GYRO_SCALE, gyro.scale, '-', 'against the reference; no parameter takes it')
-    if static_imu is not None:
-        _add_static_imu(found, static_imu)
-    _cross_validate(found, recording, robot)
+        found.add(GYRO_SCALE, gyro[0], '-', 'against the reference; no parameter takes it')
+    add_rest(found, [recording], [recording], robot)
     return found
 
 
-def _cross_validate(found: Geometry, recording: Recording, robot: RobotParams) -> None:
-    """Test each parameter: identified from one half of the recording, tested on the other."""
-    tests: dict[str, Callable[[Halves], Verdict]] = {
-        'encoder.latency': lambda parts: _test_latency(found, parts, robot),
-        'effective_track': lambda parts: _test_track(parts, robot),
-        'wheel_radius': lambda parts: _test_radius(parts, robot),
-        'encoder.stamp_jitter': lambda parts: _test_jitter(parts, robot),
-        'imu.gyro_noise': lambda parts: noise_verdict(
-            parts, lambda part: part.imu.rate[:, 2:], robot.imu.gyro_noise, 'rad/s'),
-        'imu.accel_noise': lambda parts: noise_verdict(
-            parts, lambda part: part.imu.force[:, :2], robot.imu.accel_noise, 'm/s2'),
-        'imu.rotation': lambda parts: _test_tilt(parts, robot)}
-    identified = {item.parameter for item in found.quantities} | {
-        'imu.rotation' for item in found.quantities if item.name == PITCH}
-    for name in (name for name in tests if name in identified):
-        try:
-            found.verdicts[name] = tests[name](halves(recording))
-        except EstimatorError as error:
-            found.verdicts[name] = Verdict(False, f'not observable in one half: {error}')
-
-
-def _test_latency(found: Geometry, parts: Halves, robot: RobotParams) -> Verdict:
-    """
-    Return whether the latency of one half predicts the motion in the other one better.
-
-    In turns by the gyro; speed changes by the accelerometer must not contradict, and have to
-    confirm it if the meaning of the wheel velocities is not certain.
-    """
-    turns = found.yaw_rate_fit is not None
-
-    def latency(part: Recording) -> float:
-        fit = fit_yaw_rate(part, robot) if turns else fit_speed_changes(part, robot)
-        return fit.latency.value
-
-    values = {id(part): latency(part) for part in parts}
-
-    def predictions(problem: Callable[[Recording, RobotParams], DelayProblem]) -> list[Prediction]:
-        return both_ways(parts, lambda fitted, tested: delay_prediction(
-            problem(fitted, robot), problem(tested, robot), robot.encoder.latency,
-            values[id(fitted)]))
-
-    first, second = values.values()
-    spread = 0.5 * abs(first - second)
-    by_speed = verdict(predictions(speed_change_problem), 'm/s in speed changes')
-    if not turns:
-        return replace(by_speed, spread=spread)
-    if by_speed.contradicted:
-        return by_speed
-    if parts[0].wheels.position is None and not by_speed.accepted:
-        return Verdict(False, 'wheel_states have no positions, so the interval of their mean '
-                              'velocities is uncertain by half a period, and speed changes do not '
-                              f'confirm the latency: {by_speed.reason}')
-    return replace(verdict(predictions(yaw_rate_problem), 'rad/s in turns'), spread=spread)
-
-
-def _test_track(parts: Halves, robot: RobotParams) -> Verdict:
-    """Return whether the track of one half predicts the gyro in the other one better."""
-    fits = {id(part): fit_yaw_rate(part, robot) for part in parts}
-
-    def predict(fitted: Recording, tested: Recording) -> Prediction:
-        slope, fit = fits[id(fitted)].slope.value, fits[id(tested)]
-        configured = robot.track_width / robot.wheel_radius
-        return Prediction(fit.time, fit.yaw_rate - fit.wheel_difference / configured,
-                          fit.yaw_rate - fit.wheel_difference / slope)
-    slopes = [fit.slope.value for fit in fits.values()]
-    return replace(verdict(both_ways(parts, predict), 'rad/s against the geometric track'),
-                   spread=0.5 * robot.wheel_radius * abs(slopes[0] - slopes[1]))
-
-
-def _test_radius(parts: Halves, robot: RobotParams) -> Verdict:
-    """Return whether the radius of one half predicts the distances in the other one better."""
-    def fit(part: Recording) -> RadiusFit:
-        half = Geometry()
-        gyro = half.attempt(GYRO_SCALE, lambda: fit_gyro_scale(part))
-        _add_latency(half, part, robot)
-        return _fit_radius(half, part, robot, gyro)
-
-    fits = {id(part): fit(part) for part in parts}
-
-    def predict(fitted: Recording, tested: Recording) -> Prediction:
-        own, other = fits[id(fitted)].radius.value, fits[id(tested)]
-        rolled = other.wheel_distance / other.radius.value
-        return Prediction(other.time, other.reference_distance - rolled * robot.wheel_radius,
-                          other.reference_distance - rolled * own)
-    radii = [fit.radius.value for fit in fits.values()]
-    return replace(verdict(both_ways(parts, predict), 'm'), spread=0.5 * abs(radii[0] - radii[1]))
-
-
-def _test_jitter(parts: Halves, robot: RobotParams) -> Verdict:
-    found = [fit_jitter(part.wheels, robot) for part in parts]
-    return value_verdict([item.value for item in found], robot.encoder.stamp_jitter,
-                         [item.sigma for item in found], 's')
-
-
-def _test_tilt(parts: Halves, robot: RobotParams) -> Verdict:
-    """Return whether a tilt was the same at different places."""
-    fits = [fit_static_imu(part, robot) for part in parts]
-    first, second = (np.array([fit.roll.value, fit.pitch.value]) for fit in fits)
-    text = f'{first.round(4).tolist()} and {second.round(4).tolist()} rad'
-    better = np.linalg.norm(first - second) < min(np.linalg.norm(first), np.linalg.norm(second))
-    if min(fit.intervals for fit in fits) < 2:
-        return Verdict(False, 'one half has fewer than two standstills: the slope of the ground '
-                              'may be the same')
-    return Verdict(bool(better), text if better else f'no improvement on the other half: {text}')
-
-
 def _add_latency(found: Geometry, recording: Recording, robot: RobotParams) -> None:
-    turns = found.yaw_rate_fit = found.attempt(LATENCY, lambda: fit_yaw_rate(recording, robot))
-    speeds = found.speed_change_fit = found.attempt(
-        'latency by speed', lambda: fit_speed_changes(recording, robot))
-    speed_reason = found.refused.pop('latency by speed', '')
-    if turns is None and speeds is None:
-        found.refused[LATENCY] += f'; from speed changes: {speed_reason}'
+    def by(fit: YawRateFit | SpeedChangeFit) -> YawRateFit | SpeedChangeFit:
+        if not fit.latency.sigma <= found.factor * MAX_LATENCY_SIGMA:
+            raise EstimatorError(
+                f'standard error of {fit.latency.sigma:.2g} s, expected at most '
+                f'{MAX_LATENCY_SIGMA:g} s: yaw rate or speed hardly change with the wheels')
+        return fit
+
+    turns = found.attempt(LATENCY, lambda: by(fit_yaw_rate(recording, robot)))
+    speeds = found.attempt('speed', lambda: by(fit_speed_changes(recording, robot)))
+    reason = found.refused.pop('speed', '')
+    if isinstance(turns, YawRateFit):
+        found.yaw_rate_fit = turns
+    if isinstance(speeds, SpeedChangeFit):
+        found.speed_change_fit = speeds
     # turns have priority: under acceleration the body pitches and lags more behind its wheels
-    other = '' if speeds is None else (f'speed changes give {speeds.latency.value:.3f} '
-                                       f'± {speeds.latency.sigma:.3f} s')
     if turns is not None:
-        found.add(LATENCY, turns.latency, 's', other, 'encoder.latency')
+        found.add(LATENCY, turns.latency, 's', '' if speeds is None else (
+            f'speed changes give {speeds.latency.value:.3f} ± {speeds.latency.sigma:.3f} s'),
+            'encoder.latency')
     elif speeds is not None:
-        reason = found.refused.pop(LATENCY)
-        found.add(LATENCY, speeds.latency, 's', f'from speed changes; from turns: {reason}',
+        found.add(LATENCY, speeds.latency, 's',
+                  f'from speed changes; from turns: {found.refused.pop(LATENCY)}',
                   'encoder.latency')
+    else:
+        found.refused[LATENCY] += f'; from speed changes: {reason}'
+    if recording.wheels.position is None:
+        found.kept['encoder.latency'] = NO_POSITIONS
 
 
 def _add_radius(found: Geometry, recording: Recording, robot: RobotParams,
-                gyro: GyroScaleFit | None) -> None:
-    found.radius_fit = found.attempt(RADIUS, lambda: _fit_radius(found, recording, robot, gyro))
+                reference_latency: float) -> None:
+    def fit() -> RadiusFit:
+        poses = usable_reference(recording)
+        latency = found.get(LATENCY) or Uncertain(robot.encoder.latency, math.inf)
+        turn_slip = TURN_SLIP
+        if found.yaw_rate_fit is not None:
+            track = found.yaw_rate_fit.slope.value * robot.wheel_radius
+            turn_slip = min(max(1.0 - robot.track_width / track, 0.0), 1.0)
+        made = fit_radius(recording.wheels, poses, latency.value - reference_latency, robot,
+                          turn_slip)
+        relative = made.radius.sigma / made.radius.value
+        if relative > found.factor * MAX_RADIUS_SIGMA:
+            raise EstimatorError(f'standard error of {relative:.1%}, expected at most '
+                                 f'{MAX_RADIUS_SIGMA:.0%}')
+        return made
+
+    found.radius_fit = found.attempt(RADIUS, fit)
     if found.radius_fit is None:
         if found.speed_change_fit is not None:
             rough = found.speed_change_fit.radius
@@ -264,93 +240,82 @@ def _add_radius(found: Geometry, recording: Recording, robot: RobotParams,
             found.add(f'{RADIUS}, {side}', Uncertain(value, sigma), 'm')
 
 
-def _fit_radius(found: Geometry, recording: Recording, robot: RobotParams,
-                gyro: GyroScaleFit | None) -> RadiusFit:
-    poses = usable_reference(recording)
-    latency = found.get(LATENCY) or Uncertain(robot.encoder.latency, math.inf)
-    reference_latency = gyro.latency.value if gyro is not None else 0.0
-    turn_slip = TURN_SLIP
-    if found.yaw_rate_fit is not None:
-        track = found.yaw_rate_fit.slope.value * robot.wheel_radius
-        turn_slip = min(max(1.0 - robot.track_width / track, 0.0), 1.0)
-    return fit_radius(recording.wheels, poses, latency.value - reference_latency, robot,
-                      turn_slip)
-
-
 def _add_track(found: Geometry, robot: RobotParams) -> None:
     if found.yaw_rate_fit is None:
         found.refused[TRACK] = f'requires the latency from turns (see {LATENCY})'
         return
-    slope = found.yaw_rate_fit.slope
-    radius = found.get(RADIUS) or Uncertain(robot.wheel_radius, 0.0)
-    track = Uncertain(slope.value * radius.value, math.hypot(
-        slope.sigma * radius.value, slope.value * radius.sigma))
-    if track.sigma > MAX_TRACK_SIGMA * track.value:
+    slope, radius = found.yaw_rate_fit.slope, found.get(RADIUS)
+    value, sigma = radius or (robot.wheel_radius, 0.0)
+    track = Uncertain(slope.value * value, math.hypot(slope.sigma * value, slope.value * sigma))
+    if track.sigma > found.factor * MAX_TRACK_SIGMA * track.value:
         found.refused[TRACK] = (f'standard error of {track.sigma / track.value:.0%}, expected at '
                                 f'most {MAX_TRACK_SIGMA:.0%}')
     else:
-        found.add(TRACK, track, 'm', 'for the rolling radius above' if found.radius_fit is not None
-                  else 'for the configured wheel_radius', 'effective_track')
+        found.add(TRACK, track, 'm', 'for the configured wheel_radius' if radius is None
+                  else 'for the rolling radius above', 'effective_track')
 
 
-def _add_static_imu(found: Geometry, fit: StaticImuFit) -> None:
+def add_rest(found: Geometry, rests: Sequence[Recording], moving: Sequence[Recording],
+             robot: RobotParams) -> Uncertain:
+    """
+    Add noise and mounting of the IMU from the longest rest; return the gyro bias about z.
+
+    The estimators need the noise of the motion: that at rest is not written if vibration, in
+    recordings ``moving``, exceeds it.
+    """
+    fits: list[RestFit] = []
+    for recording in rests:
+        fit = found.attempt(STATIC_IMU, lambda one=recording: fit_rest(  # type: ignore[misc]
+            one, robot))
+        fits += [fit] if fit is not None else []
+    if not fits:
+        found.refused.setdefault(STATIC_IMU, 'no recording at rest')
+        return Uncertain(0.0, robot.imu.gyro_bias)
+    found.refused.pop(STATIC_IMU, None)
+    found.rest = fit = max(fits, key=lambda one: one.seconds)
     for axis, bias in zip('xyz', fit.gyro_bias):
         found.add(f'gyro bias {axis}', bias, 'rad/s', 'of this recording')
     repeats = f'; {fit.repeated_share:.0%} of the samples repeat the previous one, ignored' if (
         fit.repeated_share > MAX_REPEATED_SHARE) else ''
-    found.add('gyro noise', fit.gyro_noise, 'rad/s', f'of a sample at standstill{repeats}',
-              'imu.gyro_noise')
-    found.add('accelerometer noise', fit.accel_noise, 'm/s2',
-              f'of a sample at standstill{repeats}', 'imu.accel_noise')
+    for name, noise, level, unit, parameter in zip(
+            ('gyro noise', 'accelerometer noise'), (fit.gyro_noise, fit.accel_noise),
+            motion_noise(moving), ('rad/s', 'm/s2'), ('imu.gyro_noise', 'imu.accel_noise')):
+        found.add(name, noise, unit, f'of a sample at standstill{repeats}', parameter)
+        if level.value > max(MAX_NOISE_RATIO * noise.value, noise.value + SIGNIFICANT_SIGMAS
+                             * math.hypot(level.sigma, noise.sigma)):
+            found.kept[parameter] = (
+                f'{level.value:.2g} {unit} in motion and {noise.value:.2g} {unit} at rest: the '
+                'estimators need that of the motion, which the vibration level of the slip '
+                'estimator follows')
     intervals = f'{fit.intervals} intervals' if fit.intervals > 1 else 'one interval'
     for name, tilt in ((ROLL, fit.roll), (PITCH, fit.pitch)):
         found.add(name, tilt, 'rad', f'in addition to imu.rotation, from {intervals} at '
-                                     'standstill; sigma includes bias and slope of the ground')
-
-
-def parameters(found: Geometry, robot: RobotParams) -> list[Identified]:
-    """
-    Return the entries of a parameter file.
-
-    Only values that passed the cross-validation are included, and the mounting only if its tilt is
-    significant against bias and slope of the ground.
-    """
-    items = [Identified(item.parameter, item.estimate.value, found.sigma(item), item.note)
-             for item in found.quantities if found.accepted(item.parameter)]
-    radius = found.get(RADIUS)
-    if radius is not None and found.accepted('wheel_radius'):
-        items.append(Identified('wheel_radius_sigma', max(
-            radius.sigma, found.verdicts['wheel_radius'].spread) / radius.value))
-    roll, pitch = found.get(ROLL), found.get(PITCH)
-    if roll is not None and pitch is not None and found.accepted('imu.rotation') and any(
-            abs(tilt.value) > SIGNIFICANT_TILT_SIGMAS * tilt.sigma for tilt in (roll, pitch)):
-        rotation = matrix(roll.value, pitch.value, 0.0) @ matrix(*robot.imu.rotation)
-        items.append(Identified('imu.rotation', angles(rotation), (roll.sigma, pitch.sigma, 0.0),
-                                'yaw unchanged'))
-    return items
+                  'standstill; sigma includes bias and slope of the ground', ROTATION)
+    if all(abs(tilt.value) <= SIGNIFICANT_SIGMAS * tilt.sigma for tilt in (fit.roll, fit.pitch)):
+        found.kept[ROTATION] = (
+            f'roll {fit.roll.value:.4f} and pitch {fit.pitch.value:.4f} rad are below '
+            f'{SIGNIFICANT_SIGMAS:g} standard errors of {fit.roll.sigma:.2g} rad: bias and slope '
+            'of the ground')
+    return fit.gyro_bias[2]
 
 
 def combine(parts: Iterable[Geometry]) -> Geometry:
     """
     Return the combined result of several recordings: means weighted by the standard errors.
 
-    If the values scatter more than their standard errors, those are scaled up accordingly.
+    If the values scatter more than their standard errors, those are scaled up accordingly. A
+    parameter that one recording does not confirm is not written.
     """
     parts = list(parts)
     merged = Geometry()
     for kind in ('yaw_rate_fit', 'speed_change_fit', 'radius_fit'):
         setattr(merged, kind, next(filter(None, (getattr(part, kind) for part in parts)), None))
-    names = dict.fromkeys(item.name for part in parts for item in part.quantities)
-    for name in names:
+    for name in dict.fromkeys(item.name for part in parts for item in part.quantities):
         same = [item for part in parts for item in part.quantities if item.name == name]
         merged.quantities.append(replace(
             same[0], estimate=weighted_mean([item.estimate for item in same])))
-        # one recording that contradicts is enough
-        for parameter in {item.parameter for item in same} | {'imu.rotation'}:
-            tested = [part.verdicts[parameter] for part in parts if parameter in part.verdicts]
-            if tested:
-                merged.verdicts[parameter] = min(tested, key=lambda item: item.accepted)
     for part in parts:
+        merged.kept.update(part.kept)
         merged.refused.update((name, why) for name, why in part.refused.items()
-                              if name not in names)
+                              if merged.get(name) is None)
     return merged

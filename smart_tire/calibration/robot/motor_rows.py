@@ -18,44 +18,43 @@ Rows of the torque balance: means of torque, duty, motion and force over windows
 A torque is measured at the instant of a wheel sample, a wheel speed is the mean over a period, and
 the IMU is faster than both. All are averaged over the same window, a triangle of some periods
 before and after a wheel sample. The second difference of the wheel angles at its ends and center
-is exactly this mean of the wheel acceleration; the same holds for specific force and duty with
-their double integrals. So no signal lags behind another one.
+is exactly this mean of the wheel acceleration; the same holds for all other signals with their
+double integrals, which splines give. So no signal lags behind another one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 import math
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, make_interp_spline, PPoly
 
 from smart_tire.arrays import Array
-from smart_tire.calibration.recording import period, Recording, rotation_increments
-from smart_tire.calibration.robot.motor_signals import (
-    DELAY_STEP, Duty, Force, Indices, trapezoids, Windows)
+from smart_tire.calibration.recording import (
+    DutyRecord, Indices, Mask, MOTION_MARGIN, period, Recording, rotation_increments, Samples)
+from smart_tire.calibration.robot.rest import GROUND_SLOPE_SIGMA, stationary_intervals
 from smart_tire.errors import EstimatorError
+from smart_tire.models.constants import GRAVITY
 from smart_tire.models.tire.shared_slip import linear_tire_force
 from smart_tire.models.vehicle.skid_steer import normal_loads
+from smart_tire.numerics.robust import noise_level
 from smart_tire.parameters import RobotParams
+from smart_tire.uncertain import Uncertain
 
-REACH = 0.25        # s from the center of a window to its ends: a start or stop lasts longer
-MIN_PERIODS = 2     # of the wheels in this time
-MIN_SAMPLES = 4     # of the wheels
-MIN_SPEED = 0.1     # m/s at the circumference; at lower speeds static friction may act
-MAX_LENGTHENING = 1.25  # of a window against its number of periods; beyond, a sample is missing
+REACH = 0.25             # s from the center of a window to its ends: a start or stop lasts longer
+MIN_SPEED = 0.1          # m/s at the circumference; at lower speeds static friction may act
 TYPICAL_FRICTION = 0.45  # -, mu of firm ground; assumed
-MAX_SLIP = 0.5      # -, in both directions; beyond, wheels slide
-MAX_IMU_GAP = 0.05  # s between IMU samples; over longer gaps the force is not integrated
-MAX_TORQUE_GAP = 0.15  # s between torques of a wheel; longer ones are not interpolated
-COMMAND_DELAY = 0.003  # s from a command's timestamp until the boards apply it; assumed
+MAX_SLIP = 0.5           # -, in both directions; beyond, wheels slide
+MAX_LENGTHENING = 1.25   # of a window against its number of periods; beyond, a sample is missing
+MAX_IMU_GAP, MAX_TORQUE_GAP = 0.05, 0.15  # s; over longer gaps a signal is not known
+COMMAND_DELAY = 0.003    # s from a command's timestamp until the boards apply it; assumed
+EDGE_MARGIN = 0.006      # s around a change of the duty, in which the duty in force is uncertain
+DELAY_STEP = 0.01        # s, for derivatives with respect to a delay
 
 
 @dataclass(frozen=True)
-class MotorRows:
+class MotorRows(Samples):
     """
     Means over n windows that overlap, and values at their centers.
 
@@ -66,33 +65,60 @@ class MotorRows:
     speed: Array          # (n, 4) rad/s, of one sign within a window
     speed_sigma: Array    # (n, 4) rad/s, of ``speed``: its course between samples is not known
     acceleration: Array   # (n, 4) rad/s2
-    torque: Array         # (n, 4) N m, mean of the measurements
+    torque: Array         # (n, 4) N m, mean of the measurements, or what stands for it
+    torque_sigma: Array   # (n, 4) N m, model error of ``torque``, common to all motors
     duty: Array           # (n, 4) mean of the commands
     duty_rate: Array      # (n, 4) 1/s, its rate of change
     force: Array          # (n,) m/s2, forward specific force at the center of mass
     force_rate: Array     # (n,) m/s3, its rate of change
-    # (n, 2) m/s2, means of the force at the wheel samples, as of the torque, and a quarter of a
-    # period of the wheels later minus earlier, halved
-    sampled_force: Array
+    # (n, 2) m/s2, mean of the force from its values at the wheel samples, as of the torque, minus
+    # ``force``; and the same for its change from a quarter of a period before to after, halved
+    ripple: Array
     center_torque: Array  # (n, 4) N m, measured at the center
     center_duty: Array    # (n, 4) in force at the center; NaN close to a change
     center_speed: Array   # (n, 4) rad/s, at the center
     center_slip: Array    # (n, 4) rad/s, share of it from the slip at the center
-    period: float         # s, of the wheel samples
+    rest_force: Uncertain  # m/s2, forward specific force at rest: bias, slope and tilt
     force_noise: float    # m/s2, standard deviation of ``force`` from noise and vibration
     lags: int             # neighbors on each side that share samples with a row
-
-    def where(self, selected: NDArray[np.bool_]) -> MotorRows:
-        """Return the ``selected`` rows."""
-        values = {item.name: getattr(self, item.name) for item in fields(self)}
-        rows: dict[str, Any] = {name: value[selected] for name, value in values.items()
-                                if isinstance(value, np.ndarray)}
-        return replace(self, **rows)
 
     @property
     def direction(self) -> Array:
         """Return the direction of rotation of each wheel, 1 or -1, shape (n, 4)."""
         return np.asarray(np.sign(self.speed))
+
+
+class _Windows:
+    """Windows around wheel samples ``center``, from sample ``center - n`` to ``center + n``."""
+
+    def __init__(self, time: Array, center: Indices, n: int) -> None:
+        self.time, self.center, self._edges = time, center, (center - n, center, center + n)
+        self.begin, _, self.end = (time[edge] for edge in self._edges)
+
+    def mean(self, integral: Array) -> Array:
+        """Return the means of a signal from its double integral (m,) or (m, 4) at all samples."""
+        shape = (-1,) + (1,) * (integral.ndim - 1)
+        begin, middle, end = (integral[edge] for edge in self._edges)
+        t0, t1, t2 = (self.time[edge].reshape(shape) for edge in self._edges)
+        return np.asarray(2.0 * ((end - middle) / (t2 - t1) - (middle - begin) / (t1 - t0))
+                          / (t2 - t0))
+
+    def mean_of_samples(self, value: Array, max_gap: float = math.inf) -> Array:
+        """Return the means of a signal from its samples (m,), NaN where some are missing."""
+        known = ~np.isnan(value)
+        if known.sum() < 2:
+            return np.full(len(self.center), np.nan)
+        time = self.time[known]
+        means = self.mean(CubicSpline(time, value[known]).antiderivative(2)(self.time))
+        return np.where(covered(time, self.begin, self.end, max_gap), means, np.nan)
+
+
+def covered(time: Array, begin: Array, end: Array, max_gap: float) -> Mask:
+    """Return whether samples at ``time`` cover intervals without a gap longer than ``max_gap``."""
+    gaps = np.append(0, np.cumsum(np.diff(time) > max_gap))
+    first = np.clip(np.searchsorted(time, begin, 'right') - 1, 0, len(time) - 1)
+    last = np.clip(np.searchsorted(time, end), 0, len(time) - 1)
+    return np.asarray((begin >= time[0]) & (end <= time[-1]) & (gaps[first] == gaps[last]))
 
 
 def motor_rows(recording: Recording, robot: RobotParams) -> MotorRows:
@@ -101,67 +127,45 @@ def motor_rows(recording: Recording, robot: RobotParams) -> MotorRows:
 
     There are none if its wheels are never in motion for long enough.
     """
-    wheels = recording.wheels
-    time = wheels.time - robot.encoder.latency
-    if len(time) < MIN_SAMPLES:
-        raise EstimatorError(f'{len(time)} readings of the wheels, expected {MIN_SAMPLES}')
-    n = max(MIN_PERIODS, round(REACH / period(time)))
-    windows = Windows(time, _centers(recording, robot, time, n), n)
+    wheels, imu, duties = recording.wheels, recording.imu, recording.duties
+    time, step = wheels.time - robot.encoder.latency, period(wheels.time)
+    if len(time) < 4:
+        raise EstimatorError(f'{len(time)} readings of the wheels, expected 4')
+    n = max(2, round(REACH / step))
+    windows = _Windows(time, _centers(recording, robot, time, n), n)
+    center, nowhere = time[windows.center], np.full((len(windows.center), 4), np.nan)
     increments, _ = rotation_increments(wheels)
     angle = np.concatenate([np.zeros((1, 4)), np.cumsum(increments, axis=0)])
-    nowhere = np.full_like(angle, np.nan)
-    torque = wheels.torque if wheels.torque is not None else nowhere
-    force = Force(recording, robot)
-    mean_force, center = force.mean(windows, time), time[windows.center]
     # the mean of an angle between two samples depends on the change of the speed between them
-    speed = windows.second_difference(CubicSpline(time, angle).antiderivative()(time))
-    linear = windows.second_difference(trapezoids(time, angle))
-    duties = recording.duties
-    command = None if duties is None else Duty(duties, time[0], time[-1])
-    empty = nowhere[windows.center]
-    body_ripple, slip_ripple = _speed_ripple(force, windows, time, speed, mean_force, robot)
+    speed = windows.mean(CubicSpline(time, angle).antiderivative()(time))
+    linear = windows.mean(make_interp_spline(time, angle, k=1).antiderivative()(time))
+    arm_x, arm_y = (robot.imu.position[i] - robot.center_of_mass[i] for i in range(2))
+    force = make_interp_spline(imu.time, imu.force[:, 0] + arm_x * imu.rate[:, 2] ** 2, k=1)
+    yaw = make_interp_spline(imu.time, imu.rate[:, 2], k=1).antiderivative()
+    distance = force.antiderivative(2)
+    earlier, acting, later = (
+        windows.mean(distance(time + delay) + arm_y * yaw(time + delay))
+        for delay in (-DELAY_STEP, 0.0, DELAY_STEP))
+    rate = (later - earlier) / (2.0 * DELAY_STEP)
+    earlier, now, later = (windows.mean_of_samples(force(time + delay))
+                           for delay in (-0.25 * step, 0.0, 0.25 * step))
+    ripple = np.stack([now - acting, 0.5 * (later - earlier) - 0.25 * step * rate], axis=1)
+    # the IMU resolves the periods of the wheels: the speed of the body is the integral of its
+    # force, and the force on the tires requires slip
+    body = force.antiderivative()(center) - windows.mean(force.antiderivative(3)(time))
+    rolling, mean_rolling = (1.0 - np.clip(
+        np.sign(speed.mean(axis=1)) * _slip(values, robot), -MAX_SLIP, MAX_SLIP)
+        for values in (force(center), acting))
+    slip = speed * (mean_rolling / rolling - 1.0)[:, None]
+    torque = nowhere if wheels.torque is None else np.stack([
+        windows.mean_of_samples(column, MAX_TORQUE_GAP) for column in wheels.torque.T], axis=1)
+    duty, duty_rate, held = (nowhere,) * 3 if duties is None else _duty(duties, windows)
     return MotorRows(
-        center, speed, np.abs(speed - linear), windows.second_difference(angle),
-        windows.mean(_filled(time, torque)),
-        empty if command is None else command.mean(windows, time),
-        empty if command is None else command.rate(windows, time),
-        mean_force, force.rate(windows, time),
-        windows.mean(force.around(time, 0.25 * period(time))), torque[windows.center],
-        empty if command is None else command.at(center - COMMAND_DELAY),
-        speed + body_ripple + slip_ripple, slip_ripple, period(time),
-        force.noise * math.sqrt(2.0 / 3.0 * period(recording.imu.time) / (n * period(time))),
-        2 * n)
-
-
-def _filled(time: Array, torque: Array) -> Array:
-    """Return the torques (m, 4), interpolated over short gaps: boards may be read in turn."""
-    filled = torque.copy()
-    for column in filled.T:
-        known = np.flatnonzero(~np.isnan(column))
-        if len(known) < 2:
-            continue
-        after = np.clip(np.searchsorted(known, np.arange(len(column))), 1, len(known) - 1)
-        short = time[known[after]] - time[known[after - 1]] <= MAX_TORQUE_GAP
-        inside = short & (time >= time[known[0]]) & (time <= time[known[-1]]) & np.isnan(column)
-        column[inside] = np.interp(time[inside], time[known], column[known])
-    return filled
-
-
-def _speed_ripple(force: Force, windows: Windows, time: Array, speed: Array, mean_force: Array,
-                  robot: RobotParams) -> tuple[Array, Array]:
-    """
-    Return the wheel speeds [rad/s] (n, 4) at the centers minus their means: of body, and slip.
-
-    The IMU resolves the periods of the wheels: the speed of the body is the integral of its
-    specific force, and the force on the tires requires slip.
-    """
-    center = time[windows.center]
-    body = force.speed(center) - force.mean_speed(windows, time)
-    direction = np.sign(speed.mean(axis=1))
-    now, mean = (np.clip(direction * _slip(values, robot), -MAX_SLIP, MAX_SLIP)
-                 for values in (force.at(center), mean_force))
-    ripple = (1.0 - mean) / (1.0 - now) - 1.0
-    return np.repeat(body[:, None] / robot.wheel_radius, 4, axis=1), speed * ripple[:, None]
+        center, speed, np.abs(speed - linear), windows.mean(angle), torque,
+        np.zeros_like(torque), duty, duty_rate, acting, rate, ripple,
+        nowhere if wheels.torque is None else wheels.torque[windows.center], held,
+        speed + body[:, None] / robot.wheel_radius + slip, slip, _rest_force(recording, robot),
+        noise_level(force.c, 2) * math.sqrt(2.0 / 3.0 * period(imu.time) / (n * step)), 2 * n)
 
 
 def _slip(force: Array, robot: RobotParams) -> Array:
@@ -172,36 +176,52 @@ def _slip(force: Array, robot: RobotParams) -> Array:
     return linear / robot.tire.longitudinal_stiffness
 
 
+def _duty(duties: DutyRecord, windows: _Windows) -> tuple[Array, Array, Array]:
+    """Return mean, rate of change [1/s], and value at the center (NaN close to a change)."""
+    time = windows.time
+    ends = np.concatenate([[time[0] - 1.0], duties.time, [max(time[-1], duties.time[-1]) + 1.0]])
+    values = np.vstack([np.zeros((1, 4)), duties.duty])
+    double = PPoly(values[None], ends).antiderivative(2)
+    earlier, mean, later = (windows.mean(double(time + delay))
+                            for delay in (-DELAY_STEP, 0.0, DELAY_STEP))
+    center = time[windows.center] - COMMAND_DELAY
+    before, after = (values[np.clip(np.searchsorted(ends, center + margin, side='right') - 1, 0,
+                                    len(values) - 1)] for margin in (-EDGE_MARGIN, EDGE_MARGIN))
+    return (mean, (later - earlier) / (2.0 * DELAY_STEP),
+            np.where(before == after, before, np.nan))
+
+
+def _rest_force(recording: Recording, robot: RobotParams) -> Uncertain:
+    """Return the forward specific force [m/s2] at rest: accelerometer bias, slope and tilt."""
+    imu, means = recording.imu, []
+    for begin, end in stationary_intervals(recording.wheels, robot):
+        chosen = (imu.time > begin + MOTION_MARGIN) & (imu.time < end - MOTION_MARGIN)
+        if chosen.any():
+            means.append(float(imu.force[chosen, 0].mean()))
+    slope = GRAVITY * GROUND_SLOPE_SIGMA
+    if not means:
+        return Uncertain(0.0, math.hypot(slope, robot.imu.accel_bias))
+    return Uncertain(float(np.mean(means)), slope / math.sqrt(len(means)))
+
+
 def _centers(recording: Recording, robot: RobotParams, time: Array, n: int) -> Indices:
     """Return the wheel samples whose window is complete and in motion, with one period around."""
-    wheels, imu = recording.wheels, recording.imu
+    wheels, imu, step = recording.wheels, recording.imu, period(time)
     increments, valid = rotation_increments(wheels)
     speed = increments / np.diff(time)[:, None]
-    min_speed = MIN_SPEED / robot.wheel_radius
     center = np.arange(n + 1, max(len(time) - n - 2, n + 1))
     count = 2 * n + 2  # periods of a window, with one before and one after
-    usable = np.ones(len(center), bool)
-    for wheel in range(4):
-        forward, backward = (_all_of_next(valid & (sign * speed[:, wheel] > min_speed), count)
-                             for sign in (1.0, -1.0))
-        usable &= (forward | backward)[center - n - 1]
-    usable &= time[center + n] - time[center - n] < MAX_LENGTHENING * 2 * n * period(time)
+    usable = time[center + n] - time[center - n] < MAX_LENGTHENING * 2 * n * step
+    for column in speed.T:
+        moving = [_all_of_next(valid & (sign * column > MIN_SPEED / robot.wheel_radius), count)
+                  for sign in (1.0, -1.0)]
+        usable &= (moving[0] | moving[1])[center - n - 1]
     margin = MAX_IMU_GAP + DELAY_STEP
-    usable &= (time[center - n] > imu.time[0] + margin) & (
-        time[center + n] < imu.time[-1] - margin)
-    gaps = np.concatenate([[0], np.cumsum(np.diff(imu.time) > MAX_IMU_GAP)])
-    first, last = (np.clip(np.searchsorted(imu.time, time[center + offset]), 0, len(gaps) - 1)
-                   for offset in (-n, n))
-    return np.asarray(center[usable & (gaps[first] == gaps[last])])
+    return np.asarray(center[usable & covered(
+        imu.time, time[center - n] - margin, time[center + n] + margin, MAX_IMU_GAP)])
 
 
-def _all_of_next(mask: NDArray[np.bool_], count: int) -> NDArray[np.bool_]:
+def _all_of_next(mask: Mask, count: int) -> Mask:
     """Return at each index whether ``count`` elements from there on are True."""
     total = np.concatenate([[0], np.cumsum(mask)])
     return np.asarray(total[count:] - total[:-count] == count)
-
-
-def own_columns(runs: Sequence[MotorRows]) -> Array:
-    """Return a column for each run, 1 in its own rows, shape (n, len(runs))."""
-    numbers = np.repeat(np.arange(len(runs)), [len(rows.time) for rows in runs])
-    return np.asarray(np.eye(len(runs))[numbers])

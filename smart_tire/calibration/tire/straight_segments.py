@@ -45,29 +45,34 @@ MAX_STANDSTILL = 2.0        # s, before and after the motion of a segment
 MIN_SEGMENT_INTERVALS = 6   # in motion
 MAX_SEGMENT_INTERVALS = 2000
 MAX_IMU_GAP = 0.05          # s between IMU samples; over longer gaps the speed is not integrated
-MIN_STEP = 0.025            # s of the grid, over which IMU samples are averaged
-GRID_MARGIN = 0.06          # s of the grid before and after the wheel intervals
+GRID_MARGIN = 0.06          # s of IMU samples before and after the wheel intervals
 
 
 @dataclass(frozen=True)
 class StraightSegment:
     """
-    One segment: m steps of a time grid around the IMU samples, n intervals of the wheels.
+    One segment: m samples of the IMU, n intervals of the wheels.
 
     The intervals are contiguous: interval i is between the timestamps i and i + 1.
     """
 
-    time: Array        # (m + 1,) s, ends of the steps
-    force: Array       # (m,) m/s2, mean forward specific force of each step
+    time: Array        # (m,) s
+    force: Array       # (m,) m/s2, forward specific force
     noise: float       # m/s2, standard deviation of ``force``
     stamps: Array      # (n + 1,) s, of the wheels, without the configured latency
     distance: Array    # (n,) m, rolled by the mean of the four wheels
-    stationary: Mask   # (m + 1,) whether the robot is stationary for certain
+    stationary: Mask   # (m,) whether the robot is stationary for certain
 
     @property
     def speed(self) -> Array:
         """Return the mean wheel speed [m/s] of each interval, shape (n,)."""
         return self.distance / np.diff(self.stamps)
+
+    @property
+    def resting(self) -> Indices:
+        """Return samples at rest, one for each wheel interval."""
+        still = np.flatnonzero(self.stationary)
+        return still[::max(1, round(len(self.time) / len(self.distance)))]
 
 
 def straight_segments(recording: Recording, robot: RobotParams) -> list[StraightSegment]:
@@ -115,24 +120,12 @@ def _contiguous(straight: Mask, intervals: WheelIntervals, speed: Array) -> Iter
 def _segment(intervals: WheelIntervals, speed: Array, recording: Recording,
              robot: RobotParams) -> StraightSegment:
     stamps = np.append(intervals.begin, intervals.end[-1]) - robot.encoder.latency
-    time, force, noise = _steps(recording, robot, stamps[0] - GRID_MARGIN,
-                                stamps[-1] + GRID_MARGIN)
+    imu, force = recording.imu, recording.forward_force(robot.imu.position[0])
+    inside = (imu.time > stamps[0] - GRID_MARGIN) & (imu.time < stamps[-1] + GRID_MARGIN)
+    time, force = imu.time[inside], force[inside]
+    noise = max(robot.imu.accel_noise, noise_level(force, 3))
     return StraightSegment(time, force, noise, stamps, speed * intervals.duration,
                            _stationary(time, stamps, speed))
-
-
-def _steps(recording: Recording, robot: RobotParams, begin: float,
-           end: float) -> tuple[Array, Array, float]:
-    """Return ends of the steps, mean specific force of each, and its noise in motion."""
-    imu = recording.imu
-    force = recording.forward_force(robot.imu.position[0])
-    first, last = np.searchsorted(imu.time, (begin, end)).tolist()
-    count = max(1, math.ceil(MIN_STEP / float(np.median(np.diff(imu.time)))))
-    edges = np.arange(first, last + 1, count)
-    time = 0.5 * (imu.time[edges] + imu.time[edges - 1])
-    means = np.add.reduceat(force, edges)[:-1] / count
-    noise = max(robot.imu.accel_noise, noise_level(force[first:last], 3))
-    return time, means, noise / math.sqrt(count)
 
 
 def _stationary(time: Array, stamps: Array, speed: Array) -> Mask:

@@ -25,6 +25,7 @@ import pytest
 from smart_tire.calibration.procedure import ground, sequence
 from smart_tire.calibration.procedure.sequence import calibrate, Inputs
 from smart_tire.calibration.recording import ImuRecord, Recording, WheelRecord
+from smart_tire.calibration.robot import geometry
 from smart_tire.errors import EstimatorError
 from smart_tire.parameters import RobotParams
 from smart_tire.uncertain import Uncertain
@@ -47,7 +48,8 @@ def recording(positions=True, vibration=0.0, speed=5.0, seconds=60.0):
 
 
 STATIC = SimpleNamespace(
-    seconds=9.0, gyro_bias=[BIAS] * 3, roll=Uncertain(0.001, 0.01), pitch=Uncertain(0.0, 0.01),
+    seconds=9.0, intervals=1, repeated_share=0.0, gyro_bias=[BIAS] * 3,
+    roll=Uncertain(0.001, 0.01), pitch=Uncertain(0.0, 0.01),
     gyro_noise=Uncertain(0.0101, 0.0002), accel_noise=Uncertain(0.049, 0.0007))
 STIFFNESS = SimpleNamespace(
     stiffness=Uncertain(50.0, 2.0), friction=Uncertain(0.5, 0.1), drag=Uncertain(1.6, 0.5),
@@ -61,7 +63,6 @@ class Fits:
         self.calls, self.stiffness, self.latency = [], STIFFNESS, Uncertain(0.02, 0.004)
         self.static = STATIC
         values = {
-            'fit_static_imu': lambda one, robot: self.log('rest', robot, self.static),
             'fit_jitter': lambda one, robot: self.log('jitter', robot, Uncertain(0.002, 1e-4)),
             'fit_yaw_rate': lambda one, robot: self.log(
                 'latency', robot, SimpleNamespace(latency=self.latency)),
@@ -79,6 +80,8 @@ class Fits:
             'combine_icr': lambda fits: fits[0]}
         for name, value in values.items():
             monkeypatch.setattr(sequence, name, value)
+        monkeypatch.setattr(geometry, 'fit_rest',
+                            lambda one, robot: self.log('rest', robot, self.static))
 
     def log(self, name, robot, result):
         self.calls.append((name, robot))

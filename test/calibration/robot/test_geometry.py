@@ -20,11 +20,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from smart_tire.calibration.robot.cross_validation import Verdict
 from smart_tire.calibration.robot.geometry import (
-    combine, Geometry, identify_geometry, JITTER, LATENCY, parameters, PITCH, RADIUS, ROLL,
+    add_rest, combine, Geometry, halves, identify_geometry, JITTER, LATENCY, RADIUS, ROTATION,
     STATIC_IMU, TRACK as TRACK_NAME)
+from smart_tire.models.constants import GRAVITY
 from smart_tire.parameters import build, RobotParams
+from smart_tire.rotation import matrix
 from smart_tire.uncertain import Uncertain, weighted_mean
 from support.identifying import recorded, TRACK, turning_run
 
@@ -51,7 +52,7 @@ def test_everything_is_observable_in_a_recording_with_a_reference(found):
 
 
 def test_the_parameters_are_those_of_the_nodes(found):
-    given = {item.name: item.value for item in parameters(found, WRONG)}
+    given = {item.name: item.value for item in found.parameters(WRONG)}
     # jitter and noise are configured correctly: there is nothing to improve
     assert {'encoder.latency', 'wheel_radius', 'wheel_radius_sigma',
             'effective_track'} == set(given)
@@ -64,26 +65,26 @@ def test_without_a_reference_the_track_uses_the_configured_radius(recording):
     assert found.get(RADIUS) is None and 'no pose reference' in found.refused[RADIUS]
     track = found.get(TRACK_NAME)
     assert track.value == pytest.approx(TRACK, abs=3.5 * track.sigma)
-    assert 'wheel_radius' not in [item.name for item in parameters(found, ROBOT)]
+    assert 'wheel_radius' not in [item.name for item in found.parameters(ROBOT)]
 
 
-def tilted(roll):
-    """Return a result with a tilt that passed the cross-validation."""
-    found = Geometry(verdicts={'imu.rotation': Verdict(True, '')})
-    found.add(ROLL, Uncertain(roll, 0.01), 'rad')
-    found.add(PITCH, Uncertain(0.0, 0.01), 'rad')
-    return found
+def tilted(roll, yaw=0.0):
+    """Return the parameters from a rest on level ground, the IMU rolled by ``roll`` [rad]."""
+    recording = recorded(turning_run(1, 8.0, turn=0.0))
+    recording.imu.force[:] = matrix(roll, 0.0, 0.0).T @ [0.0, 0.0, GRAVITY]
+    found, robot = Geometry(), build(RobotParams, {
+        'imu.accel_bias': 0.01, 'imu.rotation': [0.0, 0.0, yaw]})
+    add_rest(found, [recording], [recording], robot)
+    return found.parameters(robot)
 
 
 def test_a_tilt_is_written_only_if_bias_and_slope_cannot_explain_it():
     for roll, written in ((0.02, False), (0.05, True)):
-        names = [item.name for item in parameters(tilted(roll), ROBOT)]
-        assert ('imu.rotation' in names) is written
+        assert (ROTATION in [item.name for item in tilted(roll)]) is written
 
 
 def test_a_tilt_adds_to_the_configured_mounting():
-    turned = build(RobotParams, {'imu.rotation': [0.0, 0.0, 3.0]})
-    rotation = parameters(tilted(0.1), turned)[-1].value
+    rotation = tilted(0.1, 3.0)[-1].value
     assert rotation[2] == pytest.approx(3.0, abs=0.01)
     assert rotation[0] == pytest.approx(-0.1, abs=0.002)  # the IMU faces backward
 
@@ -101,8 +102,8 @@ def test_a_short_recording_gives_a_reason_for_each_quantity(recording):
     found = identify_geometry(start, ROBOT)
     assert {LATENCY, RADIUS, TRACK_NAME, JITTER} <= set(found.refused)
     assert STATIC_IMU not in found.refused  # it was stationary
-    assert parameters(found, ROBOT) == []
-    assert 'expected at least 16 s' in found.verdicts['imu.gyro_noise'].reason
+    assert found.parameters(ROBOT) == []
+    assert 'expected at least 16 s' in found.kept['imu.gyro_noise']
 
 
 WRONG_NOISE = build(RobotParams, {
@@ -117,7 +118,7 @@ def test_wrong_values_are_replaced_within_their_standard_errors():
     for seed in range(8):
         recording = recorded(turning_run(seed, 80.0, wheel_latency=0.07))
         found = identify_geometry(recording, WRONG_NOISE)
-        for item in parameters(found, WRONG_NOISE):
+        for item in found.parameters(WRONG_NOISE):
             written[item.name].append((item.value - true[item.name]) / item.sigma)
     for name, errors in written.items():
         assert len(errors) >= 6, name
@@ -130,10 +131,10 @@ def test_a_wrong_radius_is_replaced_and_a_right_one_kept():
     for seed in range(6):
         recording = recorded(turning_run(seed, 80.0), 0.01, seed)
         found = identify_geometry(recording, wrong)
-        items = {item.name: item for item in parameters(found, wrong)}
+        items = {item.name: item for item in found.parameters(wrong)}
         radius = items['wheel_radius']
         errors.append((radius.value - ROBOT.wheel_radius) / radius.sigma)
-        kept = parameters(identify_geometry(recording, ROBOT), ROBOT)
+        kept = identify_geometry(recording, ROBOT).parameters(ROBOT)
         assert 'wheel_radius' not in [item.name for item in kept]
     assert np.sqrt(np.mean(np.square(errors))) < 1.6
 
@@ -142,9 +143,8 @@ def test_a_wrong_radius_is_replaced_and_a_right_one_kept():
 def test_right_values_are_not_replaced():
     for seed in range(6):
         found = identify_geometry(recorded(turning_run(seed, 80.0)), ROBOT)
-        assert [item.name for item in parameters(found, ROBOT)] == ['effective_track']
-        assert 'no improvement' in found.verdicts['encoder.latency'].reason or (
-            'no significant' in found.verdicts['encoder.latency'].reason)
+        assert [item.name for item in found.parameters(ROBOT)] == ['effective_track']
+        assert 'no significant difference' in found.kept['encoder.latency']
 
 
 def test_the_noise_at_standstill_is_not_written_if_the_robot_vibrates():
@@ -154,18 +154,31 @@ def test_the_noise_at_standstill_is_not_written_if_the_robot_vibrates():
     shaken = imu.force + np.where(moving, 2.0, 0.0)[:, None] * np.random.default_rng(
         2).standard_normal(imu.force.shape)
     found = identify_geometry(replace(recording, imu=replace(imu, force=shaken)), WRONG_NOISE)
-    names = [item.name for item in parameters(found, WRONG_NOISE)]
+    names = [item.name for item in found.parameters(WRONG_NOISE)]
     assert 'imu.accel_noise' not in names and 'imu.gyro_noise' in names
-    assert 'm/s2 in motion' in found.verdicts['imu.accel_noise'].reason
+    assert 'm/s2 in motion' in found.kept['imu.accel_noise']
+
+
+def test_halves_share_no_wheel_sample_and_a_value_of_one_half_is_not_written(recording):
+    first, second = halves(recording)
+    assert not set(first.wheels.time) & set(second.wheels.time)
+    assert len(first.wheels.time) + len(second.wheels.time) == len(recording.wheels.time)
+    # the wheels of one half are larger by 4 %
+    larger = np.isin(recording.wheels.time, first.wheels.time)[:, None]
+    angle = np.cumsum(np.diff(recording.wheels.position, axis=0, prepend=0.0) / np.where(
+        larger, 1.04, 1.0), axis=0)
+    mixed = replace(recording, wheels=replace(recording.wheels, position=angle))
+    found = identify_geometry(mixed, ROBOT)
+    assert found.get(RADIUS).sigma > 0.015 * ROBOT.wheel_radius
+    assert 'the halves give 0.0' in found.kept['wheel_radius']
 
 
 def test_one_recording_that_contradicts_is_enough_to_refuse():
-    parts = [Geometry(verdicts={'encoder.latency': Verdict(accepted, '')})
-             for accepted in (True, False)]
+    parts = [Geometry(), Geometry(kept={'encoder.latency': 'no significant difference'})]
     for part in parts:
         part.add(LATENCY, Uncertain(0.05, 0.01), 's', parameter='encoder.latency')
-    assert parameters(combine(parts[:1]), ROBOT) != []
-    assert parameters(combine(parts), ROBOT) == []
+    assert combine(parts[:1]).parameters(ROBOT) != []
+    assert combine(parts).parameters(ROBOT) == []
 
 
 def test_several_recordings_give_their_weighted_mean():

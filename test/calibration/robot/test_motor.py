@@ -190,6 +190,13 @@ def test_a_constant_speed_is_refused():
     assert not fit.parameters()
 
 
+def test_a_duty_that_does_not_change_does_not_determine_the_torque():
+    run = in_step_run(3)
+    steady = replace(run.duties, duty=np.full_like(run.duties.duty, 0.4))
+    fit = identify_motor([replace(run, duties=steady)], [], ROBOT)
+    assert CONSTANT in fit.refused and fit.get(STALL) is None
+
+
 def test_a_constant_that_is_known_better_is_kept():
     robot = build(RobotParams, {'motor.torque_constant_sigma': 0.01})
     fit = found(1, lifted=False, robot=robot)

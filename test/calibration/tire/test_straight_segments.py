@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Straight segments of a recording on their time grid."""
+"""Straight segments of a recording: samples of the IMU around the wheel intervals."""
 
 from __future__ import annotations
 
@@ -20,9 +20,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import cumulative_trapezoid
 from smart_tire.calibration.recording import ImuRecord, WheelRecord
 from smart_tire.calibration.tire.straight_segments import (
-    MAX_SEGMENT_INTERVALS, MIN_STEP, straight_segments)
+    MAX_SEGMENT_INTERVALS, straight_segments)
 from smart_tire.numerics.robust import noise_level
 from smart_tire.parameters import RobotParams
 from support.driving import STEP
@@ -51,17 +52,19 @@ def test_a_start_and_the_drive_after_it_are_one_segment_with_the_standstill_befo
     rolling, _ = motion(CONCRETE)
     middle = 0.5 * (segment.stamps[1:] + segment.stamps[:-1])
     assert segment.speed == pytest.approx(rolling[(middle / STEP).astype(int)], abs=0.1)
-    assert segment.stationary[5:20].all() and not segment.stationary[80:].any()
+    assert segment.stationary[12:50].all() and not segment.stationary[200:].any()
 
 
-def test_the_grid_covers_all_intervals_and_averages_the_imu_samples():
+def test_the_samples_cover_all_intervals():
     segment, = straight_segments(straight_run(CONCRETE, 1), ROBOT)
     assert segment.time[0] < segment.stamps[0] and segment.time[-1] > segment.stamps[-1]
-    assert np.diff(segment.time).min() > MIN_STEP - 1e-9
-    assert segment.noise < ROBOT.imu.accel_noise
-    over_ground = motion(CONCRETE)[1]
-    speed = over_ground[(segment.time / STEP).astype(int)]
-    assert np.std(segment.force - np.diff(speed) / np.diff(segment.time)) < 0.06
+    assert segment.noise == pytest.approx(ROBOT.imu.accel_noise, rel=0.1)
+    speed = motion(CONCRETE)[1][(segment.time / STEP).astype(int)]
+    fitted = np.polyfit(segment.time, cumulative_trapezoid(
+        segment.force, segment.time, initial=0.0) - speed, 1)
+    assert abs(fitted[0]) < 0.1  # m/s2, bias
+    assert 0 < len(segment.resting) < 0.1 * len(segment.distance)
+    assert segment.stationary[segment.resting].all()
 
 
 def test_the_configured_latency_is_subtracted():

@@ -26,22 +26,20 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.calibration.recording import WheelRecord
+from smart_tire.calibration.recording import period, WheelRecord
+from smart_tire.calibration.results import SIGNIFICANT_SIGMAS
 from smart_tire.errors import EstimatorError
 from smart_tire.numerics.robust import mad_sigma
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import LEFT, RIGHT
 from smart_tire.uncertain import Uncertain
 
-# Savitzky-Golay filters over five samples: residual of the center against a parabola, and slope.
-RESIDUAL_KERNEL = np.array([3.0, -12.0, 18.0, -12.0, 3.0]) / 35.0
+RESIDUAL_KERNEL = np.array([3.0, -12.0, 18.0, -12.0, 3.0]) / 35.0  # of a parabola in five samples
 SLOPE_KERNEL = np.array([-2.0, -1.0, 0.0, 1.0, 2.0]) / 10.0
 RESIDUAL_VARIANCE_SHARE = 18.0 / 35.0  # of the residual over that of independent errors
-MAX_PERIOD_DEVIATION = 0.5  # of the period; samples with less regular spacing are left out
 MIN_COUNTS = 10.0  # of an encoder between samples, below which quantization hides the jitter
-MAX_WINDOW = 0.5  # s of five samples: over longer times the speed is not linear in time
-MIN_SAMPLES = 30  # below this number the residuals do not determine their scatter
-SIGNIFICANCE_SIGMAS = 3.0
+MAX_WINDOW = 0.5   # s of five samples: over longer times the speed is not linear in time
+MIN_SAMPLES = 30   # below this number the residuals do not determine their scatter
 
 
 def fit_jitter(wheels: WheelRecord, robot: RobotParams) -> Uncertain:
@@ -50,27 +48,23 @@ def fit_jitter(wheels: WheelRecord, robot: RobotParams) -> Uncertain:
         raise EstimatorError('wheel_states have no positions')
     if len(wheels.time) < len(RESIDUAL_KERNEL):
         raise EstimatorError(f'{len(wheels.time)} samples')
-    period = float(np.median(np.diff(wheels.time)))
-    if (len(RESIDUAL_KERNEL) - 1) * period > MAX_WINDOW:
-        raise EstimatorError(
-            f'five samples last {(len(RESIDUAL_KERNEL) - 1) * period:.2g} s, expected at most '
-            f'{MAX_WINDOW:g} s: the wheels change their speed meanwhile')
-    sides = np.stack([wheels.position[:, LEFT].mean(axis=1),
-                      wheels.position[:, RIGHT].mean(axis=1)], axis=1)
-    time_residual = _filtered(wheels.time, RESIDUAL_KERNEL)
-    time_slope = _filtered(wheels.time, SLOPE_KERNEL)
-    increment = np.stack([_filtered(side, SLOPE_KERNEL) for side in sides.T], axis=1)  # rad/sample
-    count = 2.0 * math.pi / robot.encoder.counts_per_revolution
-    gaps = np.lib.stride_tricks.sliding_window_view(
-        np.diff(wheels.time), len(RESIDUAL_KERNEL) - 1)
-    usable = (np.abs(increment).min(axis=1) > MIN_COUNTS * count) & (
-        np.abs(gaps - period).max(axis=1) < MAX_PERIOD_DEVIATION * period)
+    step = period(wheels.time)
+    if 4.0 * step > MAX_WINDOW:
+        raise EstimatorError(f'five samples last {4.0 * step:.2g} s, expected at most '
+                             f'{MAX_WINDOW:g} s: the wheels change their speed meanwhile')
+    sides = [wheels.position[:, side].mean(axis=1) for side in (LEFT, RIGHT)]
+    increment, angle_residual = (np.stack([_filtered(side, kernel) for side in sides], axis=1)
+                                 for kernel in (SLOPE_KERNEL, RESIDUAL_KERNEL))
+    gaps = np.lib.stride_tricks.sliding_window_view(np.diff(wheels.time), 4)
+    count = math.tau / robot.encoder.counts_per_revolution
+    usable = (np.abs(gaps - step).max(axis=1) < 0.5 * step) & (
+        np.abs(increment).min(axis=1) > MIN_COUNTS * count)
     if usable.sum() < MIN_SAMPLES:
         raise EstimatorError(f'{int(usable.sum())} samples with both sides in motion, expected at '
                              f'least {MIN_SAMPLES}')
-    angle_residual = np.stack([_filtered(side, RESIDUAL_KERNEL) for side in sides.T], axis=1)
-    errors = time_residual[usable, None] - (
-        angle_residual[usable] / increment[usable] * time_slope[usable, None])
+    errors = _filtered(wheels.time, RESIDUAL_KERNEL)[usable, None] - (
+        angle_residual[usable] / increment[usable]
+        * _filtered(wheels.time, SLOPE_KERNEL)[usable, None])
     return _common_sigma(errors)
 
 
@@ -85,7 +79,7 @@ def _common_sigma(errors: Array) -> Uncertain:
     # standard error of a variance by the median absolute deviation of n / 2 independent errors
     variance_sigma = (common ** 2 + differential ** 2) / 4.0 / RESIDUAL_VARIANCE_SHARE * (
         2.0 * math.sqrt(2.7 / len(errors)))
-    if variance < SIGNIFICANCE_SIGMAS * variance_sigma:
-        limit = math.sqrt(max(variance, 0.0) + SIGNIFICANCE_SIGMAS * variance_sigma)
+    if variance < SIGNIFICANT_SIGMAS * variance_sigma:
+        limit = math.sqrt(max(variance, 0.0) + SIGNIFICANT_SIGMAS * variance_sigma)
         raise EstimatorError(f'speed fluctuations exceed the jitter (below {limit:.2g} s)')
     return Uncertain(math.sqrt(variance), 0.5 * variance_sigma / math.sqrt(variance))

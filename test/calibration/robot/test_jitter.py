@@ -19,7 +19,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from smart_tire.calibration.recording import WheelRecord
-from smart_tire.calibration.robot.timestamp_jitter import fit_jitter
+from smart_tire.calibration.robot.jitter import fit_jitter
 from smart_tire.errors import EstimatorError
 from smart_tire.parameters import build, RobotParams
 from support.identifying import recorded, turning_run

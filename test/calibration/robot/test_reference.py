@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Rolling radius against a reference: unbiased by noise, turns and gaps."""
+"""Rolling radius and gyro scale against a reference: unbiased by noise, turns and gaps."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from smart_tire.calibration.recording import PoseRecord
-from smart_tire.calibration.robot.rolling_radius import fit_radius
+from smart_tire.calibration.robot.reference import fit_gyro_scale, fit_radius, usable_reference
 from smart_tire.errors import EstimatorError
 from smart_tire.parameters import build, RobotParams
 from support.identifying import recorded, turning_run
@@ -69,14 +69,8 @@ def test_a_lateral_offset_of_the_reference_is_estimated():
 
 
 def test_a_short_recording_is_refused():
-    recording = recorded(turning_run(4, seconds=14.0), 0.01)
-    with pytest.raises(EstimatorError, match='intervals of 2 s|expected at most 2 %'):
-        fit_radius(recording.wheels, recording.reference, 0.0, ROBOT)
-
-
-def test_a_reference_too_noisy_is_refused():
-    recording = recorded(turning_run(5, seconds=30.0), 0.5)
-    with pytest.raises(EstimatorError, match='expected at most 2 %|intervals'):
+    recording = recorded(turning_run(4, seconds=12.0), 0.01)
+    with pytest.raises(EstimatorError, match='intervals of 2 s'):
         fit_radius(recording.wheels, recording.reference, 0.0, ROBOT)
 
 
@@ -85,3 +79,34 @@ def test_a_reference_that_faces_backward_is_refused():
     poses = recording.reference
     with pytest.raises(EstimatorError, match='opposite to the wheels'):
         fit_radius(recording.wheels, replace(poses, yaw=poses.yaw + np.pi), 0.0, ROBOT)
+
+
+def test_scale_and_delay_are_correct_within_their_standard_errors():
+    scales, delays = [], []
+    for seed in range(10):
+        recording = recorded(turning_run(seed), 0.01, seed)
+        imu = replace(recording.imu, rate=0.97 * recording.imu.rate)
+        late = replace(recording.reference, time=recording.reference.time + 0.1)
+        scale, delay = fit_gyro_scale(replace(recording, imu=imu, reference=late))
+        scales.append((scale.value - 0.97) / scale.sigma)
+        delays.append(delay)
+        assert scale.sigma < 0.01
+    assert 0.4 < np.sqrt(np.mean(np.square(scales))) < 1.6
+    assert delays == pytest.approx(np.full(10, 0.1), abs=0.02)
+
+
+def test_it_needs_a_reference():
+    with pytest.raises(EstimatorError, match='no pose reference'):
+        fit_gyro_scale(recorded(turning_run(0, 20.0)))
+
+
+def test_a_reference_without_yaw_is_refused():
+    recording = recorded(turning_run(0), 0.01)
+    poses = replace(recording.reference, yaw=0.0 * recording.reference.yaw)
+    with pytest.raises(EstimatorError, match='the reference has no yaw'):
+        usable_reference(replace(recording, reference=poses))
+
+
+def test_it_needs_turns():
+    with pytest.raises(EstimatorError):
+        fit_gyro_scale(recorded(turning_run(0, turn=1e-4), 0.01))

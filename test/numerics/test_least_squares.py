@@ -16,14 +16,16 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
 from smart_tire.calibration.recording import Signal
 from smart_tire.errors import EstimatorError
-from smart_tire.numerics.delay_regression import DelayProblem, fit_delay, Rows
-from smart_tire.numerics.regression import Prior, sandwich_covariance
+from smart_tire.numerics.least_squares import (
+    fit_delay, nonlinear_fit, Prior, regression, Rows, sandwich_covariance)
 
 pytestmark = pytest.mark.slow
 
@@ -51,18 +53,18 @@ def echo(seed, *, delay=0.13, slope=2.0, noise=0.05, correlation=0.0, outliers=0
 
     def rows(delay):
         emitted = source.mean(begin - delay, end - delay)
-        return Rows(np.column_stack([emitted, np.ones(len(emitted))]), received)
+        return Rows(end, np.column_stack([emitted, np.ones(len(emitted))]), received,
+                    np.zeros(len(begin)))
 
-    return DelayProblem(rows, lambda delay: np.zeros(len(begin)), end,
-                        Prior(np.zeros(2), np.full(2, np.inf)))
+    return rows, Prior.of(None, None)
 
 
 @pytest.mark.parametrize('options', [
     {}, {'correlation': 0.8}, {'outliers': 20}, {'noise': 0.5}], ids=str)
 def test_errors_agree_with_the_reported_standard_errors(options):
-    fits = [fit_delay(echo(seed, **options), DELAYS) for seed in range(40)]
-    delays = np.array([(fit.delay - 0.13) / fit.sigma for fit in fits])
-    slopes = np.array([(fit.coefficients[0] - 2.0) / fit.coefficient_sigma(0) for fit in fits])
+    fits = [fit_delay(*echo(seed, **options), DELAYS) for seed in range(40)]
+    delays = np.array([(fit.delay - 0.13) / fit.estimate(-1).sigma for fit in fits])
+    slopes = np.array([(fit.values[0] - 2.0) / fit.estimate(0).sigma for fit in fits])
     for errors in (delays, slopes):
         assert 0.7 < np.sqrt(np.mean(errors ** 2)) < 1.4
         assert abs(errors.mean()) < 0.6
@@ -70,28 +72,70 @@ def test_errors_agree_with_the_reported_standard_errors(options):
 
 @pytest.mark.parametrize('correlation', [0.0, 0.5, 0.9])
 def test_the_correlation_of_the_noise_is_estimated(correlation):
-    fit = fit_delay(echo(1, correlation=correlation), DELAYS)
+    fit = fit_delay(*echo(1, correlation=correlation), DELAYS)
     assert fit.correlation == pytest.approx(correlation, abs=0.08)
 
 
 def test_the_delay_of_a_periodic_signal_is_ambiguous():
     fine = np.arange(-2.0, 62.0, 0.01)
     with pytest.raises(EstimatorError, match='fit equally well'):
-        fit_delay(echo(0, signal=np.sin(4.0 * np.pi * fine), seconds=60.0),
+        fit_delay(*echo(0, signal=np.sin(4.0 * np.pi * fine), seconds=60.0),
                   np.arange(-1.0, 1.01, 0.02))
 
 
 def test_a_delay_beyond_the_range_is_refused():
     with pytest.raises(EstimatorError, match='outside of -1 to 1 s'):
-        fit_delay(echo(0, delay=1.15), DELAYS)
+        fit_delay(*echo(0, delay=1.15), DELAYS)
 
 
 def test_too_few_rows_are_refused():
     with pytest.raises(EstimatorError, match='10 samples in motion, expected at least 12'):
-        fit_delay(echo(0, seconds=1.0), DELAYS)
+        fit_delay(*echo(0, seconds=1.0), DELAYS)
 
 
 def test_an_unobserved_coefficient_has_a_large_variance():
     jacobian = np.column_stack([np.ones(50), np.zeros(50)])
     covariance = sandwich_covariance(jacobian, np.full(50, 0.1), np.full(2, np.inf), 0)
     assert covariance[0, 0] < 0.01 and covariance[1, 1] > 1e6
+
+
+def line(seed, *, noise=0.1, outliers=0, n=200):
+    """Return the rows of the line 2 x + 1 with outliers."""
+    rng, x = np.random.default_rng(seed), np.linspace(0.0, 1.0, n)
+    y = 2.0 * x + 1.0 + noise * rng.standard_normal(n)
+    y[rng.integers(n, size=outliers)] += 30.0 * noise
+    return Rows(x, np.column_stack([x, np.ones(n)]), y, np.zeros(n))
+
+
+@pytest.mark.parametrize('outliers', [0, 20])
+def test_linear_and_nonlinear_fits_agree_and_are_consistent(outliers):
+    errors, prior = [], Prior.of(None, None)
+    for seed in range(30):
+        rows = line(seed, outliers=outliers)
+        fit = regression(rows, prior)
+        other = nonlinear_fit(lambda p, rows=rows: rows.target - rows.matrix @ p, np.zeros(2),
+                              prior, lambda p, rows=rows: rows.sigma)
+        assert other.values == pytest.approx(fit.values, abs=0.02)
+        assert other.estimate(0).sigma == pytest.approx(fit.estimate(0).sigma, rel=0.2)
+        errors.append((fit.values[0] - 2.0) / fit.estimate(0).sigma)
+    assert 0.7 < np.sqrt(np.mean(np.square(errors))) < 1.4
+
+
+def test_a_prior_counts_like_a_measurement():
+    noise = np.random.default_rng(1).standard_normal(100)
+    rows = Rows(np.arange(100.0), np.ones((100, 1)), noise - noise.mean(), np.zeros(100))
+    fit = regression(rows, Prior.of((0.3, 0.1)))  # a hundred measurements of sigma 1: 0.1 as well
+    assert fit.values[0] == pytest.approx(0.15, abs=0.03)
+    assert fit.estimate(0).sigma == pytest.approx(0.07, rel=0.15)
+
+
+def test_displacements_between_noisy_poses_are_as_good_as_the_poses():
+    errors, contiguous = [], np.append(False, np.ones(99, bool))
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        length = rng.uniform(0.5, 1.5, 100) * np.where(np.arange(100) % 20 < 10, 1.0, -1.0)
+        noise = np.diff(0.1 * rng.standard_normal(101))
+        fit = regression(Rows(np.arange(100.0), length[:, None], length + noise, np.zeros(100)),
+                         Prior.of(None), contiguous=contiguous)
+        errors.append(fit.values[0] - 1.0)
+    assert np.sqrt(np.mean(np.square(errors))) < 0.7 * 0.1 * math.sqrt(2.0 / 100.0)

@@ -1,0 +1,66 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Result of an identification: quantities with standard errors, and what is not observable."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TypeVar
+
+from smart_tire.errors import EstimatorError
+from smart_tire.uncertain import Uncertain
+
+SIGNIFICANT_SIGMAS = 3.0   # standard errors, of a difference or outlier that is not chance
+CONTRADICTION_SIGMAS = 4.0  # standard errors, of a difference for which data are refused
+
+Fit = TypeVar('Fit')
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """An identified quantity: one line of the report."""
+
+    name: str
+    estimate: Uncertain
+    unit: str
+    note: str = ''
+    parameter: str = ''  # name of the parameter, '' if there is none
+
+
+@dataclass
+class Found:
+    """Identified quantities, reasons of those not observable, and notes."""
+
+    quantities: list[Quantity] = field(default_factory=list)
+    refused: dict[str, str] = field(default_factory=dict)  # name -> reason
+    notes: list[str] = field(default_factory=list)
+
+    def get(self, name: str) -> Uncertain | None:
+        """Return the estimate of the quantity ``name``, None if it is not observable."""
+        return next((item.estimate for item in self.quantities if item.name == name), None)
+
+    def add(self, name: str, estimate: Uncertain, unit: str, note: str = '',
+            parameter: str = '') -> None:
+        """Append a quantity."""
+        self.quantities.append(Quantity(name, estimate, unit, note, parameter))
+
+    def attempt(self, name: str, fit: Callable[[], Fit]) -> Fit | None:
+        """Return what ``fit`` returns; if it fails, store the reason under ``name``."""
+        try:
+            return fit()
+        except EstimatorError as error:
+            self.refused[name] = str(error)
+            return None
