@@ -38,6 +38,12 @@ class Quantity:
     unit: str
     note: str = ''
     parameter: str = ''  # name of the parameter, '' if there is none
+    spread: float = 0.0  # half the difference of the values from both halves of a recording
+
+    @property
+    def written(self) -> Uncertain:
+        """Return the value for a parameter file, whose sigma is at least the spread."""
+        return Uncertain(self.estimate.value, max(self.estimate.sigma, self.spread))
 
 
 @dataclass

@@ -49,12 +49,12 @@ ROLL, PITCH, ROTATION = 'mounting roll', 'mounting pitch', 'imu.rotation'
 MAX_LATENCY_SIGMA = 0.03   # s, standard error above which a latency is refused: half of 16 Hz
 MAX_RADIUS_SIGMA, MAX_TRACK_SIGMA = 0.02, 0.1  # relative, above which a value is refused
 HALF_FACTOR = 2.0          # of these limits, for half of a recording
-MIN_RESTS = 4              # in a drive, to distinguish the mounting from the slope of the ground
+MIN_RESTS = 2              # in each half: one alone may be on a slope
 MAX_NOISE_RATIO = 1.2      # of the noise in motion over that at rest
 MAX_REPEATED_SHARE = 0.05  # of samples equal to the previous one: more is not chance
 BLOCKS, MIN_BLOCK = 12, 4.0  # number and length [s]; shorter gaps are bridged by the positions
 NO_POSITIONS = ('wheel_states have no positions: the interval of their mean velocities is '
-                'uncertain by half a period')
+                'uncertain by half a period, unless speed changes confirm the latency')
 
 
 @dataclass
@@ -70,12 +70,11 @@ class Geometry(Found):
 
     def parameters(self, robot: RobotParams) -> list[Identified]:
         """Return the entries of a parameter file."""
-        items = [Identified(item.parameter, item.estimate.value, item.estimate.sigma, item.note)
+        items = [Identified(item.parameter, *item.written, item.note)
                  for item in self.quantities
                  if item.parameter not in ('', ROTATION, *self.kept)]
-        radius = self.get(RADIUS)
-        if radius is not None and 'wheel_radius' not in self.kept:
-            items.append(Identified('wheel_radius_sigma', radius.sigma / radius.value))
+        items += [Identified('wheel_radius_sigma', item.sigma / item.value)
+                  for item in items if item.name == 'wheel_radius']
         roll, pitch = self.get(ROLL), self.get(PITCH)
         if roll is not None and pitch is not None and ROTATION not in self.kept:
             turned = matrix(roll.value, pitch.value, 0.0) @ matrix(*robot.imu.rotation)
@@ -93,9 +92,9 @@ def identify_geometry(recording: Recording, robot: RobotParams) -> Geometry:
         found.kept.update({item.parameter: str(error) for item in found.quantities
                            if item.parameter})
         return found
-    if found.rest is not None and found.rest.intervals < MIN_RESTS:
-        found.kept[ROTATION] = (f'{found.rest.intervals} standstills, expected {MIN_RESTS}: the '
-                                'slope of the ground may be the same')
+    if any(part.rest is not None and part.rest.intervals < MIN_RESTS for part in parts):
+        found.kept[ROTATION] = (f'one half has fewer than {MIN_RESTS} standstills: the slope of '
+                                'the ground may be the same')
     found.quantities = [_with_spread(item, parts) for item in found.quantities]
     _keep_insignificant(found, parts, robot)
     return found
@@ -123,20 +122,19 @@ def halves(recording: Recording) -> tuple[Recording, Recording]:
 
 
 def _with_spread(item: Quantity, parts: Sequence[Geometry]) -> Quantity:
-    """Return a quantity with half the difference of its values in the halves as least sigma."""
+    """Return a quantity with half the difference of its values in the halves as spread."""
     values = [part.get(item.name) for part in parts]
     if not item.parameter or None in values:
         return item
     first, second = (value.value for value in values if value is not None)
-    return replace(item, estimate=Uncertain(item.estimate.value, max(
-        item.estimate.sigma, 0.5 * abs(first - second))))
+    return replace(item, spread=0.5 * abs(first - second))
 
 
 def _keep_insignificant(found: Geometry, parts: Sequence[Geometry], robot: RobotParams) -> None:
     """Note why parameters are not written: equal to the configured ones, or of one half only."""
     significant = set()
     for item in (item for item in found.quantities if item.parameter):
-        configured, (value, sigma) = _configured(item, robot), item.estimate
+        configured, (value, sigma) = _configured(item, robot), item.written
         refused = [part for part in parts if part.get(item.name) is None]
         if refused:
             reason = refused[0].refused.get(item.name) or refused[0].refused.get(STATIC_IMU, '')
@@ -201,7 +199,10 @@ def _add_latency(found: Geometry, recording: Recording, robot: RobotParams) -> N
                   'encoder.latency')
     else:
         found.refused[LATENCY] += f'; from speed changes: {reason}'
-    if recording.wheels.position is None:
+    confirmed = turns is not None and speeds is not None and abs(
+        turns.latency.value - speeds.latency.value) < SIGNIFICANT_SIGMAS * math.hypot(
+            turns.latency.sigma, speeds.latency.sigma)
+    if recording.wheels.position is None and not confirmed:
         found.kept['encoder.latency'] = NO_POSITIONS
 
 
@@ -313,7 +314,8 @@ def combine(parts: Iterable[Geometry]) -> Geometry:
     for name in dict.fromkeys(item.name for part in parts for item in part.quantities):
         same = [item for part in parts for item in part.quantities if item.name == name]
         merged.quantities.append(replace(
-            same[0], estimate=weighted_mean([item.estimate for item in same])))
+            same[0], estimate=weighted_mean([item.estimate for item in same]),
+            spread=max(item.spread for item in same)))
     for part in parts:
         merged.kept.update(part.kept)
         merged.refused.update((name, why) for name, why in part.refused.items()

@@ -169,7 +169,8 @@ def test_halves_share_no_wheel_sample_and_a_value_of_one_half_is_not_written(rec
         larger, 1.04, 1.0), axis=0)
     mixed = replace(recording, wheels=replace(recording.wheels, position=angle))
     found = identify_geometry(mixed, ROBOT)
-    assert found.get(RADIUS).sigma > 0.015 * ROBOT.wheel_radius
+    radius = next(item for item in found.quantities if item.parameter == 'wheel_radius')
+    assert radius.written.sigma > 0.015 * ROBOT.wheel_radius
     assert 'the halves give 0.0' in found.kept['wheel_radius']
 
 
