@@ -54,7 +54,7 @@ from smart_tire.uncertain import MAX_RELATIVE_SIGMA, Uncertain, weighted_mean
 
 LATENCY_ERROR_SIGMA = 0.01  # s, of the configured latency between wheels and IMU; assumed
 RADIUS_ERROR_SIGMA = 0.02   # relative, of the rolling radius; assumed
-STIFFNESS_FACTOR = 10.0     # per sigma, uninformative
+STIFFNESS_FACTOR = 100.0    # per sigma, uninformative
 DRAG = 0.015, 0.15          # of the weight, and its sigma: firm ground, and up to deep sand
 FRICTION = 0.45, 2.0        # median of mu, and factor per sigma of grounds; assumed
 ACCEL_SCALE_SIGMA = 0.05    # of accelerations; the body pitches by 0.3 degrees at 1 m/s2; assumed
@@ -64,6 +64,7 @@ SLOPE_WALK = 0.02           # m/s2 per root of a second, changes of the slope; a
 KNOT_INTERVAL = 0.5         # s, of the changes of the accelerometer error
 FORCE_ERROR = 0.03          # m/s2, of the force balance; assumed
 STATIONARY_SIGMA = 0.001    # m/s, of a body at standstill
+MIN_ROLLING_SPEED = 0.1     # m/s, of an interval; slower ones are mostly static friction
 DRAG_SPEED = 0.02           # m/s, below which drag is linear in the speed
 DIFFERENCE = 1e-6           # of a value, for its derivative
 NEWTON_STEPS = 4            # of the inverse brush model
@@ -126,7 +127,7 @@ class _Motion:
                              force, 0.0, radius=robot.wheel_radius)
         axles = np.maximum(np.stack([loads[:, :2].sum(axis=1), loads[:, 2:].sum(axis=1)]), 1e-3)
         return cls(segment, robot, hats, lost, np.sort(axles, axis=0),
-                   np.flatnonzero(np.abs(segment.speed) > MIN_SPEED))
+                   np.flatnonzero(np.abs(segment.speed) > MIN_ROLLING_SPEED))
 
     @property
     def prior(self) -> list[tuple[float, float] | None]:
