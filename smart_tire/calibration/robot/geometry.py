@@ -73,8 +73,9 @@ class Geometry(Found):
         items = [Identified(item.parameter, *item.written, item.note)
                  for item in self.quantities
                  if item.parameter not in ('', ROTATION, *self.kept)]
-        items += [Identified('wheel_radius_sigma', item.sigma / item.value)
-                  for item in items if item.name == 'wheel_radius']
+        items += [Identified('wheel_radius_sigma', item.written.sigma / item.written.value)
+                  for item in self.quantities
+                  if item.name == RADIUS and item.parameter not in self.kept]
         roll, pitch = self.get(ROLL), self.get(PITCH)
         if roll is not None and pitch is not None and ROTATION not in self.kept:
             turned = matrix(roll.value, pitch.value, 0.0) @ matrix(*robot.imu.rotation)
