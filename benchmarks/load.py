@@ -177,8 +177,7 @@ def print_speed(folder: Path) -> None:
     result = analyze(folder / 'drive', out, params)
     estimated = time.perf_counter() - begin
     from smart_tire.analysis.figures import write_figures
-    write_figures(out, result.contents.inputs, result.estimates, result.contents.truth,
-                  params.robot)
+    write_figures(out, result.result, params.robot)
     drawn = time.perf_counter() - begin
     print(f'offline: {OFFLINE_DURATION / estimated:.0f} times faster than real time, '
           f'{OFFLINE_DURATION / drawn:.0f} times with figures')

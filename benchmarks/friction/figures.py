@@ -30,7 +30,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 import numpy as np
 from smart_tire.analysis import drawing
-from smart_tire.analysis.curves import Curve
+from smart_tire.analysis.figure import Curve
+from smart_tire.analysis.figures import FrictionCurve
 from smart_tire.analysis.series import Floats, seconds
 from smart_tire.reproduction import tire_maps
 
@@ -101,9 +102,10 @@ def _draw_run(ax: Axes, wheel: str, part: Part) -> None:
     ax.fill_between(time, mu - 2.0 * whole, mu + 2.0 * whole, color=drawing.SHADE, alpha=0.16,
                     linewidth=0.0, label='fused ± 2σ, including $C_x$ and load')
     fused = mu * rows.sigma['critical_slip'] / rows.value['critical_slip']
-    drawing.draw_friction(ax, drawing.FrictionCurve(
-        wheel, Curve(time, rows.value[SINGLE], own_sigma(rows)), Curve(time, mu, fused),
-        Curve(time, rows.true[FUSED])))
+    drawing.draw_marks(ax, FrictionCurve(
+        Curve(time, rows.value[SINGLE], own_sigma(rows)), Curve(time, mu, fused),
+        Curve(time, rows.true[FUSED])).marks)
+    ax.set(xlabel='time [s]', ylabel='friction coefficient [-]')
 
 
 def _top(part: Part) -> float:

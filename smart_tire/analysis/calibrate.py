@@ -24,10 +24,8 @@ from typing import Any
 from smart_tire.analysis.calibrate_robot import (
     ANY_REFERENCE, NO_REFERENCE, read_recording, TimeRange)
 from smart_tire.analysis.calibrate_tire import gain_parameters, identify_gains
-from smart_tire.analysis.geometry_figures import write_icr
-from smart_tire.analysis.motor_figures import write_motor
+from smart_tire.analysis.calibration_figures import write_icr, write_motor, write_stiffness
 from smart_tire.analysis.pipeline import EstimatorParams
-from smart_tire.analysis.stiffness_figures import write_stiffness
 from smart_tire.bags import Bag, STANDARD_NAMES, TopicNames
 from smart_tire.calibration.procedure.results import Calibration
 from smart_tire.calibration.procedure.sequence import calibrate, Inputs, REST, STRAIGHT, TURNS

@@ -12,84 +12,136 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Plots on given axes; no computation, no file access."""
+"""Figures by matplotlib; no computation."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import cycle
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from string import ascii_uppercase
 from textwrap import wrap
 from typing import Any
 
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure as Canvas
 from matplotlib.patches import Polygon
 import numpy as np
 
-from smart_tire.analysis.curves import Curve
-from smart_tire.analysis.series import Floats
+from smart_tire.analysis.figure import COLORS, Figure, Mark, Panel, runs, SIGMAS
 
-# Palette of Okabe and Ito, distinguishable with color vision deficiency.
-BLUE, VERMILLION, ORANGE, SKY = '#0072b2', '#d55e00', '#e69f00', '#56b4e9'
-INK, SOFT, SHADE = '#222222', '#55626f', '#8c8c8c'
-AREA_COLORS = SKY, ORANGE, VERMILLION, BLUE
-SIDE_COLORS = {'left': BLUE, 'right': VERMILLION}
+BLUE, VERMILLION, ORANGE, SKY, INK, SHADE = (
+    COLORS[name] for name in ('blue', 'vermillion', 'orange', 'sky', 'ink', 'shade'))
+SOFT = '#55626f'
 FILM_COLORS = (BLUE, ORANGE)
-TRUTH: dict[str, Any] = {'color': INK, 'linewidth': 1.1, 'linestyle': (0, (4, 2))}
+DASHES = (0, (4, 2))  # points of the line width
+TRUTH: dict[str, Any] = {'color': INK, 'linewidth': 1.1, 'linestyle': DASHES}
 DOTS_PER_INCH = 150
 CAPTION_SIZE = 8.5      # points
 CAPTION_DENSITY = 15.5  # characters per inch in this size
-TWO_SIGMA = '± 2σ, where σ is the standard deviation that the estimator reports.'
+LEGEND_HEIGHT = 1.2     # inch, of legend and caption
+SEGMENTED_WIDTH = 11.0  # inch, of a figure with segments
+BRIEF_SIZE = 3.0        # points, of the points in an overview
 
 
-@dataclass(frozen=True)
-class SlipCurve:
-    """Slip of one side over time; NaN leaves a gap."""
-
-    side: str
-    estimate: Curve
-    truth: Curve         # empty without ground truth
-    hidden_share: float  # of the estimates, which are not drawn
+def save(figure: Figure, path: Path) -> Path:
+    """Draw ``figure`` into the file ``path``; return it."""
+    render(figure).savefig(path, dpi=DOTS_PER_INCH)
+    return path
 
 
-@dataclass(frozen=True)
-class CrossingWaveform:
-    """Film voltages around one crossing."""
+def render(figure: Figure) -> Canvas:
+    """Return ``figure``; below its panels, its segments are drawn in panels of their own."""
+    panels, parts = figure.panels, list(zip(ascii_uppercase, figure.segments))
+    names = {panel: str(number) for number, panel in enumerate(panels)}
+    rows: list[list[str]] = []
+    for row in figure.rows:
+        rows.append([names[panel] if panel else '.' for panel in row for _ in parts or ' '])
+        rows += [[names[panel] + letter for letter, _ in parts] for panel in row
+                 if panel and parts]
+    share_y = len(panels) + len(parts) > 1 and len({
+        (panel.y_label, panel.y_limits) for panel in panels}) == 1
+    width = SEGMENTED_WIDTH if parts else figure.cell[0] * len(rows[0])
+    drawn, axes = new_figure(
+        rows, width=width, height=LEGEND_HEIGHT + figure.cell[1] * len(rows), share_y=share_y,
+        share_x=len(rows[0]) == 1 and len({panel.x_label for panel in panels}) == 1)
+    for panel, name in names.items():
+        draw_panel(axes[name], panel, brief=bool(parts))
+        for letter, (first, last) in parts:
+            draw_panel(axes[name + letter], panel)
+            axes[name + letter].set(xlim=(first, last),
+                                    title=f'{letter}: {first:.0f} s to {last:.0f} s')
+            mark_segment(axes[name], letter, first, last)
+    if share_y:
+        clear_inner_labels(axes.values())
+    if figure.panel_legends:
+        for ax in axes.values():
+            legend_on_top(ax)
+    else:
+        legend_above(drawn, *axes.values())
+    add_caption(drawn, figure.caption)
+    return drawn
 
-    wheel: str
-    time_ms: Floats                         # relative to the timestamp of the crossing
-    volts: Floats                           # (n, films)
-    inside_ms: list[tuple[float, float]]    # per film: interval in which it overlaps the patch
+
+def draw_panel(ax: Axes, panel: Panel, *, brief: bool = False) -> None:
+    """Draw a panel, in an overview without bars."""
+    draw_marks(ax, panel.marks, brief=brief)
+    ax.set(xlabel=panel.x_label, ylabel=panel.y_label, title=panel.title)
+    if panel.x_limits is not None:
+        ax.set_xlim(*panel.x_limits)
+    if panel.y_limits is not None:
+        ax.set_ylim(*panel.y_limits)
+    if panel.equal:
+        ax.set_aspect('equal', adjustable='datalim')
 
 
-@dataclass(frozen=True)
-class FrictionCurve:
-    """Friction of one wheel, one value per revolution; NaN leaves a gap."""
-
-    wheel: str
-    single: Curve
-    fused: Curve
-    truth: Curve  # empty without ground truth
+def draw_marks(ax: Axes, marks: Iterable[Mark], *, brief: bool = False) -> None:
+    """Draw ``marks``, later ones above earlier ones; a label that is there is not repeated."""
+    for mark in marks:
+        label = mark.label if mark.label not in ax.get_legend_handles_labels()[1] else ''
+        _DRAW[mark.kind](ax, mark, label or None, brief)
 
 
-@dataclass(frozen=True)
-class Path:
-    """Path of the robot in the plane."""
+def _draw_line(ax: Axes, mark: Mark, label: str | None, brief: bool) -> None:
+    curve, color = mark.curve, COLORS[mark.color]
+    if curve.sigma is not None:
+        middle = np.where(np.isfinite(curve.y), 0.0, np.nan) if mark.around_zero else curve.y
+        ax.fill_between(curve.x, middle - curve.reach, middle + curve.reach, color=color,
+                        alpha=0.2, linewidth=0.0)
+    ax.plot(curve.x, curve.y, color=color, linewidth=mark.width, alpha=mark.opacity,
+            linestyle=DASHES if mark.dashed else '-', solid_capstyle='butt', label=label,
+            drawstyle=f'steps-{mark.steps}' if mark.steps else 'default')
 
-    name: str
-    position: Floats  # (n, 2) m
-    color: str = BLUE
+
+def _draw_points(ax: Axes, mark: Mark, label: str | None, brief: bool) -> None:
+    curve, sigmas = mark.curve, (mark.curve.sigma, mark.x_sigma)
+    y_bar, x_bar = (None if sigma is None or brief else SIGMAS * sigma for sigma in sigmas)
+    ax.errorbar(curve.x, curve.y, yerr=y_bar, xerr=x_bar, color=COLORS[mark.color], fmt='o',
+                markersize=BRIEF_SIZE if brief else mark.width, markeredgewidth=0.0,
+                elinewidth=0.9, alpha=mark.opacity, label=label)
+
+
+def _draw_area(ax: Axes, mark: Mark, label: str | None, brief: bool) -> None:
+    corners = np.column_stack([mark.curve.x, mark.curve.y])
+    for rows in runs(np.isfinite(mark.curve.y)):
+        # an artist, unlike a patch, does not change the limits of the axes
+        ax.add_artist(Polygon(
+            corners[rows], facecolor=COLORS[mark.color], alpha=mark.opacity, zorder=0.5,
+            label=label))
+        label = None
+
+
+_DRAW = {'line': _draw_line, 'points': _draw_points, 'area': _draw_area}
 
 
 def new_figure(panels: Sequence[Sequence[str]], *, width: float = 9.0, height: float = 4.0,
-               share_x: bool = False, share_y: bool = False) -> tuple[Figure, dict[str, Axes]]:
+               share_x: bool = False, share_y: bool = False
+               ) -> tuple[Canvas, dict[str, Axes]]:
     """
     Return a figure [inch] and its axes by name; ``panels`` names them row by row.
 
-    A name that stands in several cells intervals them, '.' leaves one empty.
+    A name that stands in several cells spans them, '.' leaves one empty.
     """
-    figure = Figure(figsize=(width, height), layout='constrained')
+    figure = Canvas(figsize=(width, height), layout='constrained')
     axes = figure.subplot_mosaic([list(row) for row in panels], sharex=share_x, sharey=share_y)
     for ax in axes.values():
         ax.grid(True, color='#e4e4e4', linewidth=0.8)
@@ -98,21 +150,28 @@ def new_figure(panels: Sequence[Sequence[str]], *, width: float = 9.0, height: f
     return figure, axes
 
 
-def finish(figure: Figure, axes: dict[str, Axes]) -> None:
+def finish(figure: Canvas, axes: dict[str, Axes]) -> None:
     """Remove inner axis labels; put the legend of the first axes above all panels."""
-    for ax in axes.values():
+    clear_inner_labels(axes.values())
+    legend_above(figure, next(iter(axes.values())))
+
+
+def clear_inner_labels(axes: Iterable[Axes]) -> None:
+    """Remove the axis labels that repeat those of the first column and the last row."""
+    for ax in axes:
         cell = ax.get_subplotspec()
         if cell is not None and not cell.is_first_col():
             ax.set_ylabel('')
         if cell is not None and not cell.is_last_row():
             ax.set_xlabel('')
-    legend_above(figure, next(iter(axes.values())))
 
 
-def legend_above(figure: Figure, ax: Axes) -> None:
-    """Put the legend of ``ax`` above all panels, where it covers no data."""
-    handles, labels = ax.get_legend_handles_labels()
-    figure.legend(handles, labels, loc='outside upper center', ncols=len(labels), frameon=False)
+def legend_above(figure: Canvas, *axes: Axes) -> None:
+    """Put one legend of all ``axes`` above all panels, where it covers no data."""
+    entries = {label: handle for ax in axes
+               for handle, label in zip(*ax.get_legend_handles_labels())}
+    figure.legend(list(entries.values()), list(entries), loc='outside upper center',
+                  ncols=max(len(entries), 1), frameon=False)
 
 
 def legend_on_top(ax: Axes) -> None:
@@ -123,7 +182,7 @@ def legend_on_top(ax: Axes) -> None:
               fontsize='small', title=title or None, alignment='left')
 
 
-def add_caption(figure: Figure, text: str) -> None:
+def add_caption(figure: Canvas, text: str) -> None:
     """Write ``text`` below all panels, in lines as wide as the figure."""
     lines = wrap(text, round(CAPTION_DENSITY * figure.get_figwidth()))
     figure.supxlabel('\n'.join(lines), x=0.01, ha='left', fontsize=CAPTION_SIZE, color=SOFT)
@@ -134,97 +193,3 @@ def mark_segment(ax: Axes, letter: str, first: float, last: float) -> None:
     ax.axvspan(first, last, color=SHADE, alpha=0.16, linewidth=0.0)
     ax.text(0.5 * (first + last), 0.98, letter, transform=ax.get_xaxis_transform(), ha='center',
             va='top', fontsize=CAPTION_SIZE, fontweight='bold', color=SOFT)
-
-
-def draw_slip(ax: Axes, curves: Sequence[SlipCurve]) -> None:
-    """Draw slip with two-sigma bands and dashed ground truth, as in paper B, Fig. 10."""
-    for curve in curves:
-        color = SIDE_COLORS[curve.side]
-        draw_band(ax, curve.estimate, color)
-        ax.plot(curve.estimate.time_s, curve.estimate.value, color=color, linewidth=1.3,
-                label=f'{curve.side} side ± 2σ')
-    for number, curve in enumerate(curves):
-        if len(curve.truth.time_s):
-            ax.plot(curve.truth.time_s, curve.truth.value, **TRUTH,
-                    label='truth' if number == 0 else None)
-    ax.set(xlabel='time [s]', ylabel='slip ratio [-]')
-
-
-def draw_band(ax: Axes, curve: Curve, color: str) -> None:
-    """Draw the band of two standard deviations of a curve that has them."""
-    if curve.sigma is not None:
-        ax.fill_between(curve.time_s, curve.value - 2.0 * curve.sigma,
-                        curve.value + 2.0 * curve.sigma, color=color, alpha=0.2, linewidth=0.0)
-
-
-def draw_waveform(ax: Axes, waveform: CrossingWaveform) -> None:
-    """Draw the film voltages during one crossing, as in paper B, Fig. 11(b)."""
-    top = float(waveform.volts.max())
-    reach = top - float(waveform.volts.min())
-    for film, (color, inside) in enumerate(zip(FILM_COLORS, waveform.inside_ms)):
-        ax.plot(waveform.time_ms, waveform.volts[:, film], color=color, linewidth=1.4, marker='.',
-                markersize=5, label=f'film {film + 1}')
-        ax.plot(inside, [top + reach * (0.12 - 0.05 * film)] * 2, color=color, linewidth=5.0,
-                solid_capstyle='butt', alpha=0.55, label=f'film {film + 1} in the patch')
-    ax.axvline(0.0, color=SHADE, linewidth=1.0, linestyle=':', label='crossing')
-    ax.set(xlabel='time after the crossing [ms]', ylabel='amplifier output [V]',
-           title=f'one crossing of {waveform.wheel.replace("_", " ")}')
-
-
-def draw_friction(ax: Axes, curve: FrictionCurve, *, bars: bool = True) -> None:
-    """
-    Draw single estimates with two-sigma bars and fused ones with a two-sigma band.
-
-    Without ``bars`` many crossings can be drawn in one panel.
-    """
-    single, fused, truth = curve.single, curve.fused, curve.truth
-    draw_band(ax, fused, BLUE)
-    size = 2.0 * single.sigma if bars and single.sigma is not None else None
-    ax.errorbar(single.time_s, single.value, yerr=size, color=ORANGE, fmt='o',
-                markersize=3.5 if bars else 2.0, elinewidth=0.9,
-                label=f'single crossing{" ± 2σ" if bars else ""}')
-    ax.plot(fused.time_s, fused.value, color=BLUE, linewidth=1.6, zorder=3,
-            label='fused ± 2σ')
-    if len(truth.time_s):
-        ax.plot(truth.time_s, truth.value, **TRUTH, zorder=4, drawstyle='steps-mid',
-                label='truth')
-    ax.set(xlabel='time [s]', ylabel='friction coefficient [-]',
-           title=curve.wheel.replace('_', ' '))
-
-
-def draw_path(ax: Axes, estimates: Sequence[Path], truth: Floats | None) -> None:
-    """Draw estimated paths, dashed ground truth (n, 2), and a dot at the start."""
-    for path in estimates:
-        ax.plot(*path.position.T, color=path.color, linewidth=1.6, label=path.name)
-    if truth is not None:
-        ax.plot(*truth.T, **TRUTH, label='truth')
-    ax.plot(*estimates[0].position[0], color=INK, marker='o', markersize=6, linestyle='none',
-            label='start')
-    ax.set(xlabel='x [m]', ylabel='y [m]')
-    ax.set_aspect('equal', adjustable='datalim')
-
-
-def draw_wanted(ax: Axes, paths: Sequence[Floats]) -> None:
-    """Draw the paths (n, 2) that were to be followed, below all others."""
-    for number, path in enumerate(paths):
-        ax.plot(*path.T, color=SHADE, linewidth=5.0, alpha=0.4, solid_capstyle='round', zorder=1.5,
-                label='wanted' if number == 0 else None)
-
-
-def draw_areas(ax: Axes, areas: Sequence[tuple[str, Floats]]) -> None:
-    """Shade areas given by name and corners (n, 2), one color per name; keep the axes' limits."""
-    colors = dict(zip(dict.fromkeys(name for name, _ in areas), cycle(AREA_COLORS)))
-    for name, corners in areas:
-        label = None if name in ax.get_legend_handles_labels()[1] else name
-        ax.add_artist(Polygon(corners, facecolor=colors[name], alpha=0.13, zorder=0.5,
-                              label=label))
-
-
-def draw_error(ax: Axes, curve: Curve, label: str, path: Path) -> None:
-    """Draw an error of ``path`` over time with the two-sigma band around zero."""
-    if curve.sigma is not None:
-        reach = np.where(np.isfinite(curve.value), 2.0 * curve.sigma, np.nan)
-        ax.fill_between(curve.time_s, -reach, reach, color=path.color, alpha=0.2, linewidth=0.0)
-    ax.plot(curve.time_s, curve.value, color=path.color, linewidth=1.2,
-            label=f'{path.name}: error and 2σ')
-    ax.set(xlabel='time [s]', ylabel=label)

@@ -12,26 +12,78 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Evaluation of a recorded drive: its path, estimates and, in simulation, ground truth."""
+"""Evaluation of recorded runs of the stack: a drive, and the demo with its known disturbances."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
+import csv
+from dataclasses import dataclass
 from pathlib import Path
 
-from smart_tire.analysis.drawing import DOTS_PER_INCH
-from smart_tire.analysis.driven_paths import driven_lines, driven_tree, PATH_TOPICS, PathLog
-from smart_tire.analysis.ground_areas import Grounds
-from smart_tire.analysis.labels import label_estimates
-from smart_tire.analysis.path_figures import path_figure
-from smart_tire.analysis.report import estimate_lines
-from smart_tire.analysis.series import Series
-from smart_tire.analysis.summary import estimates_tree, plain, Tree, truth_tree
-from smart_tire.analysis.tracking_figures import tracking_figure
-from smart_tire.bags import Bag
-from smart_tire.estimation.streams import ESTIMATES
+import numpy as np
 
-TRUTHS = ('ground_truth/odom', 'ground_truth/wheel_slip', 'ground_truth/tire_friction')
+from smart_tire.analysis.drawing import save
+from smart_tire.analysis.driven_paths import (
+    driven_lines, driven_tree, DrivenPath, Grounds, load_grounds, PATH_TOPICS, PathLog)
+from smart_tire.analysis.figures import write_figures
+from smart_tire.analysis.metrics import Intervals, stamp_score
+from smart_tire.analysis.motion_figures import path_figure, tracking_figure
+from smart_tire.analysis.pipeline import ESTIMATES, EstimatorParams, INPUTS, TRUTHS
+from smart_tire.analysis.result import Result
+from smart_tire.analysis.summary import estimates_tree, plain, Tree, truth_tree
+from smart_tire.analysis.tables import error_tables, estimate_tables
+from smart_tire.arrays import Array, Instants
+from smart_tire.bags import Bag
+from smart_tire.recording import Recording
+from smart_tire.samples import NS_PER_S
+
+MAX_AGE = 0.25  # s, of odom when it is recorded; as cmd_vel_timeout of wheel_controller
+MIN_PUNCTUAL_TIME = 1.0  # s between two times that the host was late
+REFERENCE_STAMP_SIGMA = 0.5e-3  # s, standard deviation for normalized timestamp errors
+
+
+@dataclass(frozen=True)
+class Run:
+    """A recorded run: inputs, estimates, truth, paths, and how late odometry was received."""
+
+    path: Path
+    result: Result
+    log: PathLog
+    span_ns: tuple[int, int]
+    counts: dict[str, int]  # topic -> number of messages
+    ages: Array            # (n, 2) ns, time of receipt and age of each ``odom``
+
+    @property
+    def drives(self) -> list[DrivenPath]:
+        """Return the paths that were followed."""
+        return self.log.driven(self.result.estimates.poses(), self.result.truth.poses())
+
+    @property
+    def tree(self) -> Tree:
+        """Return the part of the summary that is common to all runs."""
+        begin, end = self.span_ns
+        result = self.result
+        return {'bag': str(self.path), 'duration_s': (end - begin) * 1e-9,
+                'estimates': estimates_tree(result.estimates),
+                'against_truth': truth_tree(result.estimates, result.truth,
+                                            result.intervals or None)}
+
+
+def read_run(path: Path, intervals: Intervals | None = None) -> Run:
+    """Return the run in the bag at ``path``; raise BagError."""
+    inputs, estimates, truth, log = Recording(), Recording(), Recording(), PathLog()
+    ages: list[tuple[int, int]] = []
+    with Bag(path) as bag:
+        for receive_ns, topic, sample in bag.samples(
+                (*INPUTS, *ESTIMATES, *TRUTHS, *PATH_TOPICS)):
+            log.add(receive_ns, sample)
+            if topic == 'odom':
+                ages.append((receive_ns, receive_ns - sample.stamp_ns))
+            (truth if topic in TRUTHS else estimates if topic in ESTIMATES else inputs).add(sample)
+        counts = {name.lstrip('/'): topic.messages for name, topic in bag.topics.items()}
+        result = Result(estimates, inputs, truth, wanted=log.wanted(), intervals=intervals or {})
+        return Run(path, result, log, bag.span_ns, counts, np.array(ages).reshape(-1, 2))
 
 
 def evaluate_drive(bag_path: Path, name: str, figure: Path,
@@ -42,28 +94,125 @@ def evaluate_drive(bag_path: Path, name: str, figure: Path,
     The figure shows the last path that was followed, or the driven path alone if there is none;
     it is not drawn without poses. ``grounds`` are those of the simulation.
     """
-    estimates, truth, log = Series(), Series(), PathLog()
-    with Bag(bag_path) as bag:
-        begin, end = bag.span_ns
-        for receive_ns, topic, sample in bag.samples((*ESTIMATES, *TRUTHS, *PATH_TOPICS)):
-            log.add(receive_ns, sample)
-            (truth if topic in TRUTHS else estimates).add(sample)
-    drives = log.driven(estimates.poses(), truth.poses())
-    if drives or len(estimates.poses().stamp_ns):
-        drawn = (tracking_figure(drives[-1], grounds) if drives
-                 else path_figure(label_estimates(estimates), truth))
-        drawn.savefig(figure, dpi=DOTS_PER_INCH)
-    return plain({
-        'bag': str(bag_path), 'drive': name, 'duration_s': (end - begin) * 1e-9,
-        'tracking': driven_tree(drives[-1]) if drives else None,
-        'estimates': estimates_tree(estimates), 'against_truth': truth_tree(estimates, truth)})
+    run = read_run(bag_path)
+    drives = run.drives
+    drawn = tracking_figure(drives[-1], grounds) if drives else path_figure(run.result)
+    if drawn is not None:
+        save(drawn, figure)
+    return plain({**run.tree, 'drive': name,
+                  'tracking': driven_tree(drives[-1]) if drives else None})
 
 
-def lines(tree: Tree) -> Iterator[str]:
+def drive_lines(tree: Tree) -> Iterator[str]:
     """Yield the summary of ``evaluate_drive`` as lines of text."""
     if tree['tracking'] is not None:
         yield from driven_lines(tree['drive'], tree['tracking'])
-    yield from estimate_lines(tree['estimates'])
+    for table in estimate_tables(tree['estimates']):
+        yield from table.lines()
     if pose := (tree['against_truth'] or {}).get('pose'):
-        yield (f'  odom error at the end: {pose["position_end_m"]:.2f} m, '
+        yield (f'odom error at the end: {pose["position_end_m"]:.2f} m, '
                f'{pose["yaw_end_rad"]:+.3f} rad')
+
+
+def evaluate_demo(bag_path: Path, params: Path, intervals: Intervals, expected: Sequence[str],
+                  conversions: Path, figures: Path, paths: Sequence[str] = ()) -> Tree:
+    """
+    Return the summary of a recorded run of the full stack and draw its figures.
+
+    ``intervals`` are also evaluated separately, ``expected`` are the topics that must have
+    messages, ``conversions`` is the simulator's log of the true conversion times, ``paths`` are
+    names for the paths that were followed, the last of which is drawn.
+    """
+    run, batches = read_run(bag_path, intervals), read_conversions(conversions)
+    write_figures(figures, run.result, EstimatorParams.load([params]).robot)
+    drives = dict(zip(paths, run.drives))
+    if drives:
+        save(tracking_figure(list(drives.values())[-1], load_grounds([params])),
+             figures / 'tracking.png')
+    driving_ns = min((first for spans in intervals.values() for first, _ in spans), default=0)
+    return plain({
+        **run.tree, 'messages': run.counts,
+        'silent': [name for name in expected if not run.counts.get(name.lstrip('/'))],
+        'radio': radio_counts(run.result.inputs, batches),
+        'stamps': stamp_errors(run.result.inputs, batches),
+        'late_host': late_host(run.ages[run.ages[:, 0] >= driving_ns], drives.values()),
+        'tracking': {name: driven_tree(drive) for name, drive in drives.items()}})
+
+
+def late_host(ages: Array, drives: Iterable[DrivenPath]) -> Tree:
+    """
+    Return how often and by how much the host was late, and how often paths were resumed.
+
+    Rows of ``ages`` are the times of receipt and the ages [ns] of ``odom``. Late messages less
+    than ``MIN_PUNCTUAL_TIME`` apart count once.
+    """
+    late = ages[ages[:, 1] > MAX_AGE * NS_PER_S]
+    apart = np.diff(late[:, 0]) > MIN_PUNCTUAL_TIME * NS_PER_S
+    return {'times': int(len(late) > 0) + int(np.count_nonzero(apart)),
+            'longest_s': float(np.max(late[:, 1], initial=0.0)) / NS_PER_S,
+            'resumed': sum(drive.resumed for drive in drives)}
+
+
+@dataclass(frozen=True)
+class Batch:
+    """One batch of A/D conversions from the log of the simulator."""
+
+    wheel: str
+    dropped: bool      # by the simulated radio
+    stamp_ns: Instants   # true times of the conversions
+
+
+def read_conversions(path: Path) -> list[Batch]:
+    """Return the batches in the log of the simulator; the last line may be truncated."""
+    with path.open(newline='', encoding='utf-8') as file:
+        return [Batch(row['wheel'], row['dropped'] != '0',
+                      np.array(row['stamps_ns'].split(), np.int64))
+                for row in csv.DictReader(file) if row['stamps_ns']]
+
+
+def stamp_errors(inputs: Recording, batches: Sequence[Batch]) -> Tree:
+    """Return wheel -> error of its sample timestamps."""
+    return {wheel: stamp_score(inputs.films(wheel)[0], np.sort(np.concatenate(
+                [batch.stamp_ns for batch in batches if batch.wheel == wheel])),
+                REFERENCE_STAMP_SIGMA)
+            for wheel in inputs.film_wheels()}
+
+
+def radio_counts(inputs: Recording, batches: Sequence[Batch]) -> Tree:
+    """
+    Return the number of batches sent, dropped by the radio, and missing for other reasons.
+
+    Counts only batches between the first and the last received one.
+    """
+    counts = {'sent': 0, 'dropped': 0, 'missing': 0}
+    for wheel in inputs.film_wheels():
+        received = inputs.films(wheel)[0]
+        for batch in batches:
+            middle = batch.stamp_ns[len(batch.stamp_ns) // 2]
+            if batch.wheel != wheel or not received[0] <= middle <= received[-1]:
+                continue
+            right = np.searchsorted(received, middle)
+            nearest = np.min(np.abs(received[max(right - 1, 0):right + 1] - middle))
+            counts['sent'] += 1
+            counts['dropped'] += batch.dropped
+            counts['missing'] += bool(nearest > batch.stamp_ns[1] - batch.stamp_ns[0]
+                                      and not batch.dropped)
+    return counts
+
+
+def demo_lines(tree: Tree) -> Iterator[str]:
+    """Yield the summary of ``evaluate_demo`` as lines of text."""
+    yield f'recorded {tree["duration_s"]:.0f} s, {sum(tree["messages"].values())} messages'
+    yield ('radio batches: {sent} sent, {dropped} dropped by the simulated radio, {missing} lost '
+           'after it'.format(**tree['radio']))
+    late = tree['late_host']
+    if late['times'] or late['resumed']:
+        yield (f'host late {late["times"]} x: odom up to {late["longest_s"]:.2f} s old, expected '
+               f'at most {MAX_AGE:g} s; path resumed {late["resumed"]} x after a stop for it')
+    for wheel, score in tree['stamps'].items():
+        yield (f'timestamp error of {wheel} samples: {1e3 * score["rms"]:.2f} ms rms, '
+               f'mean {1e3 * score["mean"]:+.2f} ms')
+    for name, score in tree['tracking'].items():
+        yield from driven_lines(name, score)
+    for table in error_tables(tree['against_truth']):
+        yield from table.lines()

@@ -12,24 +12,29 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Paths that a robot was given, and how it has driven them."""
+"""Paths that a robot was given, how it has driven them, and the simulated ground below."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
-from smart_tire.analysis.metrics import aligned
-from smart_tire.analysis.series import Floats, PoseSeries
+from smart_tire.analysis.metrics import aligned, rotated
 from smart_tire.analysis.summary import plain, Tree
 from smart_tire.analysis.tracking import tracking_score
+from smart_tire.arrays import Array
 from smart_tire.control.trajectory_control import State
+from smart_tire.parameters import build, known_names, load_files, NODE_PARAMS, specs
+from smart_tire.parameters.simulation import SimulatorParams
+from smart_tire.recording import PoseSeries
 from smart_tire.samples import NS_PER_S, PathProgress, PlannedPath, Sample
 
 PATH = 'path'
 PATH_TOPICS = (PATH, 'path_progress')
+SIMULATOR = 'robot_simulator'
 FRAME = 'odom'  # of the estimates; a path in another frame is refused by the controller
 
 
@@ -40,9 +45,9 @@ class DrivenPath:
     begin_ns: int
     end_ns: int
     state: State        # at the end
-    wanted: Floats      # (n, 2) m
-    estimated: Floats   # (m, 2) m
-    true: Floats        # (k, 2) m, aligned with the estimate at the begin; empty without truth
+    wanted: Array      # (n, 2) m
+    estimated: Array   # (m, 2) m
+    true: Array        # (k, 2) m, aligned with the estimate at the begin; empty without truth
     resumed: int = 0    # times that the rest of the path was sent after a stop
 
     @property
@@ -84,7 +89,7 @@ class PathLog:
         return [replace(drive, estimated=_between(estimates, drive).pose[:, :2],
                         true=_true_positions(drive, estimates, truth)) for drive in found]
 
-    def wanted(self) -> list[Floats]:
+    def wanted(self) -> list[Array]:
         """Return the positions (n, 2) [m] of each path."""
         return [_positions(path) for _, path in self._paths]
 
@@ -106,11 +111,11 @@ def _is_rest(drive: DrivenPath, before: DrivenPath) -> bool:
     return np.array_equal(tail, before.wanted[-len(tail):])
 
 
-def _positions(path: PlannedPath) -> Floats:
+def _positions(path: PlannedPath) -> Array:
     return np.array([pose[:2] for pose in path.poses], float).reshape(-1, 2)
 
 
-def _true_positions(drive: DrivenPath, estimates: PoseSeries, truth: PoseSeries) -> Floats:
+def _true_positions(drive: DrivenPath, estimates: PoseSeries, truth: PoseSeries) -> Array:
     return aligned(_between(truth, drive), _between(estimates, drive))[1][:, :2]
 
 
@@ -141,3 +146,35 @@ def driven_lines(name: str, tree: Tree) -> Iterator[str]:
         if (score := tree[key]) is not None:
             yield (f'distance from the path {where}: {score["rms_m"]:.3f} m rms, '
                    f'{score["max_m"]:.3f} m at most, {score["end_m"]:.3f} m at the end')
+
+
+@dataclass(frozen=True)
+class GroundArea:
+    """A patch of one surface."""
+
+    surface: str
+    corners: Array  # (4, 2) m, in odom
+
+
+@dataclass(frozen=True)
+class Grounds:
+    """The simulated ground: patches, and the surface around them."""
+
+    base: str
+    areas: tuple[GroundArea, ...]
+
+
+def load_grounds(files: Iterable[Path]) -> Grounds:
+    """Return the ground in the parameter files of a simulation; raise ParameterError."""
+    values = load_files(files, SIMULATOR, known_names(NODE_PARAMS.values()),
+                        specs(NODE_PARAMS[SIMULATOR]))
+    return grounds_of(build(SimulatorParams, values))
+
+
+def grounds_of(params: SimulatorParams) -> Grounds:
+    """Return the ground of a simulation, in the frame in which the robot starts."""
+    x, y, yaw = params.start
+    return Grounds(params.ground.base, tuple(
+        GroundArea(patch.surface, rotated(np.array(
+            [(patch.x[i] - x, patch.y[j] - y) for i, j in ((0, 0), (1, 0), (1, 1), (0, 1))]),
+            -yaw)) for patch in params.ground.patches))

@@ -12,23 +12,28 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Errors of estimates against ground truth over time, with the reported standard deviations."""
+"""Errors of estimates against ground truth, with the reported standard deviations."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 
-from smart_tire.analysis.curves import Curve, observable
+from smart_tire.analysis.figure import (
+    Curve, Figure, interrupted, limits, Mark, observable, Panel, TIME_LABEL)
 from smart_tire.analysis.friction_metrics import column, is_informative, Matches
 from smart_tire.analysis.metrics import aligned, Score, score
-from smart_tire.analysis.series import at, Floats, seconds, Series
+from smart_tire.arrays import Array
+from smart_tire.recording import at, Recording, seconds
 from smart_tire.samples import WHEELS
 
 POSE_NAMES = (('x', 'm'), ('y', 'm'), ('heading', 'rad'))
 TWIST_NAMES = (('v_x', 'm/s'), ('v_y', 'm/s'), ('yaw rate', 'rad/s'))
+HISTOGRAM_RANGE, BIN_WIDTH = 5.0, 0.25  # in standard deviations
+GROUP_COLORS = 'blue', 'vermillion', 'orange', 'sky', 'green'
 
 
 @dataclass(frozen=True)
@@ -42,21 +47,31 @@ class ErrorCurve:
     @property
     def score(self) -> Score:
         """Return the statistics of the error."""
-        return score(self.curve.value, self._sigma)
+        return score(self.curve.y, self._sigma)
 
     @property
-    def normalized(self) -> Floats:
+    def normalized(self) -> Array:
         """Return the finite errors divided by their standard deviations, without zeros of it."""
-        known = np.isfinite(self.curve.value) & (self._sigma > 0.0)
-        found: Floats = self.curve.value[known] / self._sigma[known]
+        known = np.isfinite(self.curve.y) & (self._sigma > 0.0)
+        found: Array = self.curve.y[known] / self._sigma[known]
         return found
 
     @property
-    def _sigma(self) -> Floats:
+    def _sigma(self) -> Array:
         return np.zeros(0) if self.curve.sigma is None else self.curve.sigma
 
 
-def pose_errors(estimates: Series, truth: Series, origin_ns: int) -> list[ErrorCurve]:
+def position_error(estimates: Recording, truth: Recording, origin_ns: int) -> ErrorCurve:
+    """Return the distance from the true position; its sigma is along the longest axis."""
+    poses = estimates.poses()
+    estimated, true, stamps = aligned(truth.poses(), poses)
+    covariance = at(stamps, poses.stamp_ns, poses.pose_covariance)
+    longest = np.sqrt(np.linalg.eigvalsh(covariance[:, :2, :2])[:, -1])
+    return ErrorCurve('position', 'm', Curve(
+        seconds(stamps, origin_ns), np.linalg.norm((estimated - true)[:, :2], axis=1), longest))
+
+
+def pose_errors(estimates: Recording, truth: Recording, origin_ns: int) -> list[ErrorCurve]:
     """Return the errors of x, y and heading, with the truth aligned at the start."""
     poses = estimates.poses()
     estimated, true, stamps = aligned(truth.poses(), poses)
@@ -65,7 +80,7 @@ def pose_errors(estimates: Series, truth: Series, origin_ns: int) -> list[ErrorC
                     np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)))
 
 
-def twist_errors(estimates: Series, truth: Series, origin_ns: int) -> list[ErrorCurve]:
+def twist_errors(estimates: Recording, truth: Recording, origin_ns: int) -> list[ErrorCurve]:
     """Return the errors of the velocities; empty without true velocities."""
     own, true = estimates.poses(), truth.poses()
     known = np.isfinite(true.twist[:, 0])
@@ -75,7 +90,7 @@ def twist_errors(estimates: Series, truth: Series, origin_ns: int) -> list[Error
                     np.sqrt(at(stamps, own.stamp_ns, own.twist_variance)))
 
 
-def slip_errors(estimates: Series, truth: Series, origin_ns: int) -> list[ErrorCurve]:
+def slip_errors(estimates: Recording, truth: Recording, origin_ns: int) -> list[ErrorCurve]:
     """Return the errors of the slip of each wheel where it is observable."""
     own, true = estimates.slips(), truth.slips()
     names = [(f'slip {wheel.replace("_", " ")}', '') for wheel in WHEELS]
@@ -99,13 +114,60 @@ def friction_errors(matches: Matches, origin_ns: int) -> list[ErrorCurve]:
         if quantity == 'friction_coefficient_single':
             difference[~is_informative(value, sigma)] = np.nan
         errors.append(ErrorCurve(label, '', Curve(time, difference, sigma)))
-    return [one for one in errors if np.isfinite(one.curve.value).any()]
+    return [one for one in errors if np.isfinite(one.curve.y).any()]
 
 
-def _columns(names: Sequence[tuple[str, str]], time_s: Floats, error: Floats,
-             sigma: Floats) -> list[ErrorCurve]:
+def _columns(names: Sequence[tuple[str, str]], time_s: Array, error: Array,
+             sigma: Array) -> list[ErrorCurve]:
     """Return the columns of ``error`` (n, k) as curves; none without rows."""
     if not np.isfinite(error).any():
         return []
     return [ErrorCurve(name, unit, Curve(time_s, error[:, i], sigma[:, i]))
             for i, (name, unit) in enumerate(names)]
+
+
+def error_panel(errors: Sequence[ErrorCurve], colors: Mapping[str, str],
+                title: str = '') -> Panel:
+    """Return the panel of an error of several estimates, whose labels have ``colors``."""
+    curves = [interrupted(one.curve) for one in errors]
+    marks = [Mark(curve, label, color, around_zero=True)
+             for curve, (label, color) in zip(curves, colors.items())]
+    bands = [sign * curve.reach[np.isfinite(curve.y)] for curve in curves for sign in (1.0, -1.0)]
+    low, high = limits([*(curve.y for curve in curves), *bands], 1e-4)
+    never_negative = all(np.nanmin(curve.y) >= 0.0 for curve in curves)
+    one = errors[0]
+    return Panel(marks, TIME_LABEL, f'{one.name} error [{one.unit or "-"}]', title,
+                 y_limits=(0.0 if never_negative else low, high))
+
+
+def error_figure(name: str, title: str, errors: Sequence[ErrorCurve]) -> Figure | None:
+    """Return errors over time, one panel per quantity; None without errors."""
+    return Figure(
+        name, f'{title} over time',
+        f'{title}: estimate minus ground truth. Bands: ± 2σ around zero. If the reported σ is '
+        'right, 95 % of the errors are inside; errors of one recording are correlated, so the '
+        'share varies.',
+        [[error_panel([error], {'error': 'blue'}, error.name)] for error in errors],
+        (9.0, 2.0)) if errors else None
+
+
+def histogram_figure(groups: Mapping[str, Sequence[ErrorCurve]]) -> Figure | None:
+    """Return the distribution of the normalized errors by group; None without errors."""
+    edges = np.arange(-HISTOGRAM_RANGE, HISTOGRAM_RANGE + 0.5 * BIN_WIDTH, BIN_WIDTH)
+    centers = 0.5 * (edges[:-1] + edges[1:])
+    marks = []
+    for (name, errors), color in zip(groups.items(), GROUP_COLORS):
+        values = np.array(list(chain.from_iterable(one.normalized for one in errors)))
+        counts = np.histogram(np.clip(values, edges[0], edges[-1]), edges)[0]
+        if len(values):
+            marks.append(Mark(Curve(centers, counts / (len(values) * BIN_WIDTH)), name, color,
+                              steps='mid'))
+    normal = np.exp(-0.5 * centers ** 2) / np.sqrt(2.0 * np.pi)
+    return Figure(
+        'normalized', 'Distribution of the normalized errors compared with a standard normal',
+        'Errors divided by their reported standard deviations. A consistent estimator follows the '
+        'standard normal distribution (dashed); a wider curve means that σ is too small. Errors '
+        'beyond ± 5σ are counted in the outer bins.',
+        [[Panel([*marks, Mark(Curve(centers, normal), 'standard normal', 'ink', dashed=True)],
+                'error / σ [-]', 'density [-]', 'Normalized errors')]],
+        (9.0, 4.0)) if marks else None

@@ -12,91 +12,197 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Figures of one analysis: slip, path, friction and one crossing, as PNG files."""
+"""Figures of friction, ground and one patch crossing, and the files of all figures."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+import math
 from pathlib import Path
 
-from matplotlib.figure import Figure
 import numpy as np
 
-from smart_tire.analysis import drawing
-from smart_tire.analysis.curves import Curve, segments
-from smart_tire.analysis.friction_figures import friction_figure
-from smart_tire.analysis.friction_metrics import column, kind_of
-from smart_tire.analysis.labels import label_estimates, LabeledEstimates
-from smart_tire.analysis.metrics import Intervals
-from smart_tire.analysis.path_figures import path_figure
-from smart_tire.analysis.series import at, Floats, seconds, Series, time_origin
-from smart_tire.analysis.slip_figures import slip_figure
-from smart_tire.analysis.zoomed import Segments
+from smart_tire.analysis.drawing import save
+from smart_tire.analysis.figure import (
+    Curve, Figure, interrupted, limits, Mark, PAIR, Panel, share_outside, TIME_LABEL, truth_mark,
+    TWO_SIGMA)
+from smart_tire.analysis.friction_metrics import (
+    column, is_informative, kind_of, MAX_RELATIVE_SIGMA, of_wheel, stamps_of)
+from smart_tire.analysis.motion_figures import DASHED, ESTIMATE, path_figure, slip_figure
+from smart_tire.analysis.result import Result
+from smart_tire.analysis.series import at, Floats, seconds, Series
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import Friction, WHEELS
 
-WAVEFORM_REACH = 1.5  # patch lengths of travel drawn before and after a crossing
+MAX_FRICTION = 1.2      # upper end of the friction axis
+MAX_CROSSING_GAP = 5.0  # s between two crossings, over which no line is drawn
+WAVEFORM_REACH = 1.5    # patch lengths of travel drawn before and after a crossing
 
 
-def write_figures(directory: Path, inputs: Series, estimates: Series, truth: Series,
-                  robot: RobotParams, intervals: Intervals | None = None,
-                  smoothed: Series | None = None,
-                  wanted: Sequence[Floats] = ()) -> list[Path]:
-    """
-    Draw slip, path, friction and one crossing, where available; return the files.
-
-    ``truth`` may be empty; with ``intervals`` each interval has its own slip panel; ``smoothed``
-    estimates are drawn in addition to those of the filter; ``wanted`` are the paths (n, 2) that
-    were to be followed. Of long recordings, the segments with
-    the largest changes of the wheel speeds are also drawn in detail.
-    """
+def write_figures(directory: Path, result: Result, robot: RobotParams) -> list[Path]:
+    """Draw slip, path, friction and one crossing, where available; return the files."""
     directory.mkdir(parents=True, exist_ok=True)
-    written = []
-    labeled = label_estimates(estimates, smoothed)
-    for name, figure in _figures(inputs, labeled, truth, robot, intervals, wanted):
-        written.append(directory / f'{name}.png')
-        figure.savefig(written[-1], dpi=drawing.DOTS_PER_INCH)
-    return written
+    figures = (slip_figure(result), path_figure(result), friction_figure(result),
+               crossing_figure(result, robot))
+    return [save(figure, directory / f'{figure.name}.png')
+            for figure in figures if figure is not None]
 
 
-def _figures(inputs: Series, labeled: LabeledEstimates, truth: Series, robot: RobotParams,
-             intervals: Intervals | None,
-             wanted: Sequence[Floats]) -> Iterator[tuple[str, Figure]]:
-    estimates = next(iter(labeled.values()))
-    origin = time_origin(estimates)
-    parts = busiest_segments(inputs, origin)
-    if len(estimates.slips().stamp_ns):
-        yield 'slip', slip_figure(labeled, truth, origin, intervals, parts)
-    if len(estimates.poses().stamp_ns):
-        yield 'path', path_figure(labeled, truth, wanted)
-    if estimates.crossings:
-        yield 'friction', friction_figure(labeled, truth, origin, parts)
-    for crossing in typical_crossings(estimates.crossings):
-        waveform = crossing_waveform(crossing, inputs, robot)
-        if waveform is not None:
-            yield 'crossing', waveform_figure(waveform)
-            return
+@dataclass(frozen=True)
+class FrictionCurve:
+    """Friction of one wheel, one value per revolution; NaN leaves a gap."""
+
+    single: Curve
+    fused: Curve
+    truth: Curve  # empty without ground truth
+
+    @property
+    def marks(self) -> list[Mark]:
+        """Return single estimates with bars, fused ones with a band, and the truth."""
+        return [Mark(self.single, 'single crossing ± 2σ', 'orange', 'points', 4.0),
+                Mark(self.fused, 'fused ± 2σ', width=1.6),
+                *([truth_mark(self.truth, 'mid')] if len(self.truth.x) else [])]
 
 
-def busiest_segments(inputs: Series, origin_ns: int) -> Segments:
-    """Return the segments [s] in which the wheel speeds change most; none if not long."""
-    stamps, speeds = inputs.speeds()
-    time = seconds(stamps, origin_ns)
-    return segments([Curve(time, speed) for speed in speeds.T])
+def friction_curve(wheel: str, estimates: Series, truth: Series, origin_ns: int) -> FrictionCurve:
+    """Return the friction of ``wheel``; uninformative single estimates are NaN."""
+    single, fused, reference = (
+        _crossing_curve(of_wheel(series.crossings, wheel), name, origin_ns)
+        for series, name in ((estimates, 'friction_coefficient_single'),
+                             (estimates, 'friction_coefficient'), (truth, 'friction_coefficient')))
+    assert single.sigma is not None
+    known = is_informative(single.y, single.sigma)
+    return FrictionCurve(
+        Curve(single.x, np.where(known, single.y, math.nan), single.sigma),
+        interrupted(fused, MAX_CROSSING_GAP),
+        interrupted(Curve(reference.x, reference.y), MAX_CROSSING_GAP))
 
 
-def typical_crossings(crossings: Sequence[Friction]) -> list[Friction]:
-    """Return crossings in traction, else of any known slip, nearest to the median slip first."""
+def _crossing_curve(crossings: Sequence[Friction], name: str, origin_ns: int) -> Curve:
+    return Curve(seconds(stamps_of(crossings), origin_ns), column(crossings, name),
+                 column(crossings, name, sigmas=True))
+
+
+def film_wheels(result: Result) -> list[str]:
+    """Return the wheels with crossings."""
+    found = {one.wheel for one in result.estimates.crossings}
+    return [wheel for wheel in WHEELS if wheel in found]
+
+
+def friction_figure(result: Result) -> Figure | None:
+    """Return friction per crossing, one panel per instrumented wheel; None without crossings."""
+    curves = {wheel: friction_curve(wheel, result.estimates, result.truth, result.origin_ns)
+              for wheel in film_wheels(result)}
+    if not curves:
+        return None
+    single = np.concatenate([curve.single.y for curve in curves.values()])
+    outside = share_outside([single], 0.0, MAX_FRICTION)
+    return Figure(
+        'friction', 'Friction coefficient per patch crossing of each instrumented wheel',
+        'Sliding friction coefficient. Points: single patch crossings; line: fused with the '
+        f'crossings before. Bands and bars: {TWO_SIGMA}{DASHED if result.truth.crossings else ""} '
+        f'Not drawn: {np.isnan(single).sum()} of {len(single)} single crossings that are '
+        f'uninformative (σ above {100.0 * MAX_RELATIVE_SIGMA:.0f} % of the value). '
+        f'{100.0 * outside:.1f} % of the others are outside of the axes.',
+        [[Panel(curve.marks, TIME_LABEL, 'friction coefficient [-]', wheel.replace('_', ' '),
+                y_limits=(0.0, MAX_FRICTION))] for wheel, curve in curves.items()],
+        (9.0, 2.6), result.segments)
+
+
+def adhesion_figure(result: Result) -> Figure | None:
+    """Return the adhesion ratio of each instrumented wheel; None without crossings."""
+    panels = []
+    for wheel in film_wheels(result):
+        own, true = (_crossing_curve(of_wheel(series.crossings, wheel), 'adhesion_ratio',
+                                     result.origin_ns)
+                     for series in (result.estimates, result.truth))
+        marks = [Mark(own, 'single crossing ± 2σ', 'orange', 'points', 4.0)]
+        if len(true.x):
+            marks.append(truth_mark(interrupted(Curve(true.x, true.y), MAX_CROSSING_GAP)))
+        panels.append(Panel(marks, TIME_LABEL, 'adhesion ratio [-]', wheel.replace('_', ' '),
+                            y_limits=(0.0, 1.1)))
+    return Figure(
+        'adhesion', 'Adhesion ratio per patch crossing of each instrumented wheel',
+        'Share of the contact patch in which the tread adheres to the ground: 1 without sliding. '
+        f'Bars: {TWO_SIGMA}{DASHED if result.truth.crossings else ""}',
+        [[panel] for panel in panels]) if panels else None
+
+
+def ground_figure(result: Result) -> Figure | None:
+    """Return stiffness and rolling resistance of the ground; None without."""
+    ground = result.estimates.grounds()
+    if not len(ground.stamp_ns):
+        return None
+    time = seconds(ground.stamp_ns, result.origin_ns)
+    own = [interrupted(Curve(time, ground.value[:, i], ground.sigma[:, i]), MAX_CROSSING_GAP)
+           for i in range(2)]
+    marks = [[Mark(curve, ESTIMATE)] for curve in own]
+    crossings = sorted(result.truth.crossings, key=lambda one: one.stamp_ns)
+    if crossings:
+        true = _crossing_curve(crossings, 'stiffness', result.origin_ns)
+        marks[0].append(truth_mark(Curve(true.x, true.y), 'post'))
+    return Figure(
+        'ground', 'Stiffness and rolling resistance of the ground over time',
+        'Longitudinal stiffness C_x of a tire on the present ground, and rolling resistance as a '
+        f'share of the load. Bands: {TWO_SIGMA}{DASHED if crossings else ""}',
+        [[Panel(several, TIME_LABEL, label, title, y_limits=limits(
+            [curve.y - curve.reach, curve.y + curve.reach], 0.01))]
+         for several, curve, label, title in zip(
+             marks, own, ('C_x [N]', 'rolling resistance [-]'),
+             ('longitudinal stiffness', 'rolling resistance'))])
+
+
+@dataclass(frozen=True)
+class CrossingWaveform:
+    """Film voltages around one crossing."""
+
+    wheel: str
+    time_ms: Floats                         # relative to the timestamp of the crossing
+    volts: Floats                           # (n, films)
+    inside_ms: list[tuple[float, float]]    # per film: interval in which it overlaps the patch
+
+    @property
+    def marks(self) -> list[Mark]:
+        """Return samples and time in the patch of each film, as in paper B, Fig. 11(b)."""
+        top, bottom = float(self.volts.max()), float(self.volts.min())
+        found = [Mark(Curve(np.zeros(2), np.array([bottom, top])), 'crossing', 'shade', width=1.0,
+                      dashed=True)]
+        for film, (color, inside) in enumerate(zip(PAIR, self.inside_ms)):
+            curve = Curve(self.time_ms, self.volts[:, film])
+            height = top + (top - bottom) * (0.12 - 0.05 * film)
+            found += [
+                Mark(curve, f'film {film + 1}', color),
+                Mark(curve, '', color, 'points', 4.0),
+                Mark(Curve(np.array(inside), np.full(2, height)), f'film {film + 1} in the patch',
+                     color, width=5.0, opacity=0.55)]
+        return found
+
+
+def crossing_figure(result: Result, robot: RobotParams) -> Figure | None:
+    """Return a typical crossing with its waveform; None without."""
+    waveform = next(filter(None, (crossing_waveform(one, result.inputs, robot) for one in
+                                  typical_crossings(result.estimates.crossings))), None)
+    return None if waveform is None else Figure(
+        'crossing', 'Film voltages during one patch crossing',
+        'Samples of the films of one wheel. Bars: time in which a film overlaps the contact '
+        'patch, from the wheel speed and the contact length. The crossing is where the center '
+        'between the films is at the center of the patch.',
+        [[Panel(waveform.marks, 'time after the crossing [ms]', 'amplifier output [V]',
+                f'one crossing of {waveform.wheel.replace("_", " ")}')]])
+
+
+def typical_crossings(crossings: Sequence[Friction]) -> Iterator[Friction]:
+    """Yield crossings in traction, else of any known slip, nearest to the median slip first."""
     candidates = [p for p in crossings if kind_of(p) == 'traction'] or [
         p for p in crossings if np.isfinite(p.slip.value)]
-    if not candidates:
-        return []
-    slips = column(candidates, 'slip')
-    return [candidates[i] for i in np.argsort(np.abs(slips - np.median(slips)))]
+    if candidates:
+        slips = column(candidates, 'slip')
+        yield from (candidates[i] for i in np.argsort(np.abs(slips - np.median(slips))))
 
 
 def crossing_waveform(crossing: Friction, inputs: Series,
-                      robot: RobotParams) -> drawing.CrossingWaveform | None:
+                      robot: RobotParams) -> CrossingWaveform | None:
     """Return the voltages around ``crossing``; None if samples or wheel speed are missing."""
     speeds_ns, speeds = inputs.speeds()
     stamp = np.array([crossing.stamp_ns])
@@ -110,8 +216,8 @@ def crossing_waveform(crossing: Friction, inputs: Series,
     shown = np.abs(time) <= reach
     if shown.sum() < 0.9 * 2.0 * reach * robot.film.sample_rate:
         return None  # a lost batch would leave a gap
-    return drawing.CrossingWaveform(crossing.wheel, 1e3 * time[shown], volts[shown],
-                                    _inside(robot, speed, volts.shape[1]))
+    return CrossingWaveform(crossing.wheel, 1e3 * time[shown], volts[shown],
+                            _inside(robot, speed, volts.shape[1]))
 
 
 def _inside(robot: RobotParams, speed: float, films: int) -> list[tuple[float, float]]:
@@ -121,15 +227,3 @@ def _inside(robot: RobotParams, speed: float, films: int) -> list[tuple[float, f
     places = [robot.film.centers[film] for film in robot.film_groups[0][:films]]
     times = [(place - 0.5 * (places[0] + places[-1])) / speed for place in places]
     return [(1e3 * (time - half), 1e3 * (time + half)) for time in times]
-
-
-def waveform_figure(waveform: drawing.CrossingWaveform) -> Figure:
-    """Return the figure of one crossing."""
-    figure, axes = drawing.new_figure([['crossing']])
-    drawing.draw_waveform(axes['crossing'], waveform)
-    drawing.finish(figure, axes)
-    drawing.add_caption(
-        figure, 'Samples of the films of one wheel. Bars: time in which a film overlaps the '
-        'contact patch, from the wheel speed and the contact length. The crossing is where the '
-        'center between the films is at the center of the patch.')
-    return figure

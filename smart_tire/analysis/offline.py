@@ -33,6 +33,7 @@ from smart_tire.analysis.driven_paths import PATH, PathLog
 from smart_tire.analysis.pipeline import (
     EstimateRecord, ESTIMATES, EstimatorParams, FrictionStage, INPUTS, SlipStage, TRUTHS)
 from smart_tire.analysis.prefetch import prefetch
+from smart_tire.analysis.result import Result
 from smart_tire.analysis.smoothing import SmoothedSlip
 from smart_tire.analysis.stream_statistics import input_stats
 from smart_tire.analysis.summary import estimates_tree, plain, Tree, truth_tree
@@ -88,6 +89,12 @@ class Analysis:
     estimates: Recording = field(default_factory=Recording)
     smoothed: Recording | None = None  # None if not requested
     summary: Tree | None = None     # None if nothing was estimated
+
+    @property
+    def result(self) -> Result:
+        """Return the estimates and what they are compared with, for figures and tables."""
+        return Result(self.estimates, self.contents.inputs, self.contents.truth, self.smoothed,
+                      self.contents.paths.wanted())
 
 
 class EstimateWriter:

@@ -60,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
     out = args.out or args.data.with_name(f'{args.data.stem}_film.yaml')
     figure = out.with_suffix('.png')
     refuse_existing([out, figure], force=args.force, inputs=[args.data])
-    from smart_tire.analysis.film_figures import write_fit
+    from smart_tire.analysis.calibration_figures import write_fit
     from smart_tire.calibration.bench.film_parameters import identify_film, write_params
     from smart_tire.estimation.film.film_file import PRODUCTS
     from smart_tire.estimation.film.recording import COLUMNS, read_recording

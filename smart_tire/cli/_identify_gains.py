@@ -39,7 +39,7 @@ def run(args: argparse.Namespace) -> int:
     check_output(args, NAME)
     from smart_tire.analysis.calibrate_robot import TimeRange
     from smart_tire.analysis.calibrate_tire import gain_parameters, identify_gains
-    from smart_tire.analysis.gain_figures import write_gains
+    from smart_tire.analysis.calibration_figures import write_gains
     settings = bag_settings(args.bags, args)
     robot = settings.params.robot
     found = identify_gains(args.bags, robot, TimeRange(args.since, args.until),

@@ -33,7 +33,7 @@ def run(args: argparse.Namespace) -> int:
     """Identify, print a table, and write parameters and figure."""
     check_output(args, NAME)
     from smart_tire.analysis.calibrate_robot import identify_geometry
-    from smart_tire.analysis.geometry_figures import write_geometry
+    from smart_tire.analysis.calibration_figures import write_geometry
     from smart_tire.calibration.robot.geometry import combine
     settings = bag_settings(args.bags, args)
     robot = settings.params.robot

@@ -33,7 +33,7 @@ def run(args: argparse.Namespace) -> int:
     """Fit S, print it, and write parameters and figure; EstimatorError if not observable."""
     check_output(args, NAME)
     from smart_tire.analysis.calibrate_robot import identify_icr
-    from smart_tire.analysis.geometry_figures import write_icr
+    from smart_tire.analysis.calibration_figures import write_icr
     from smart_tire.calibration.robot.turning import combine
     settings = bag_settings(args.bags, args)
     robot = settings.params.robot

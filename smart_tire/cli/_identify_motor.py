@@ -38,7 +38,7 @@ def run(args: argparse.Namespace) -> int:
     check_output(args, NAME)
     from smart_tire.analysis.calibrate_motor import identify_motor
     from smart_tire.analysis.calibrate_robot import TimeRange
-    from smart_tire.analysis.motor_figures import write_motor
+    from smart_tire.analysis.calibration_figures import write_motor
     settings = bag_settings([*args.bags, *args.lifted], args)
     robot = settings.params.robot
     found = identify_motor(args.bags, args.lifted, robot, TimeRange(args.since, args.until),

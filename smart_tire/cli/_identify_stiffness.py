@@ -34,7 +34,7 @@ def run(args: argparse.Namespace) -> int:
     check_output(args, NAME)
     from smart_tire.analysis.calibrate_robot import TimeRange
     from smart_tire.analysis.calibrate_tire import identify_stiffness, stiffness_parameters
-    from smart_tire.analysis.stiffness_figures import write_stiffness
+    from smart_tire.analysis.calibration_figures import write_stiffness
     settings = bag_settings(args.bags, args)
     robot = settings.params.robot
     found = identify_stiffness(args.bags, robot, TimeRange(args.since, args.until),

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 REQUIRED = ('imu/data', 'wheel_states')  # inputs without which nothing is estimated
 BAGS, FILES, OUTPUTS = ('bag', 'bags', 'lifted'), ('params', 'data'), ('out', 'save')
-# of analysis/figures.py and, for followed paths, analysis/tracking_figures.py
+# of analysis/figures.py and, for followed paths, analysis/drive_report.py
 FIGURES = ('slip.png', 'path.png', 'friction.png', 'crossing.png', 'tracking.png')
 IDENTIFIED, NOT_IDENTIFIED = 0, 1  # exit statuses
 

@@ -99,7 +99,7 @@ def folder_name(bag: Path) -> str:
 def analyze_one(bag: Path, out: Path, args: argparse.Namespace) -> int:
     """Analyze one bag, write the results to ``out``, print a report; return the exit status."""
     from smart_tire.analysis.offline import analyze
-    from smart_tire.analysis.report import lines
+    from smart_tire.analysis.tables import lines
     with open_bag(bag, args) as (opened, settings):
         params, shown = settings.params, opened.notes
         if missing := [name for name in REQUIRED if name not in opened.match(REQUIRED)]:
@@ -108,22 +108,20 @@ def analyze_one(bag: Path, out: Path, args: argparse.Namespace) -> int:
                 print(f'  {name} is not in the bag, nor a topic that may be it by another name')
             return NOTHING_ESTIMATED
     with Progress(folder_name(bag)) as progress:
-        result = analyze(bag, out, params, progress.share, smooth=args.smooth,
-                         names=settings.names, source=settings.source.tree)
-    if result.summary is None:
+        analysis = analyze(bag, out, params, progress.share, smooth=args.smooth,
+                           names=settings.names, source=settings.source.tree)
+    if analysis.summary is None:
         print(f'{bag}: nothing can be estimated')
-        for text in result.contents.skipped:
+        for text in analysis.contents.skipped:
             print(f'  skipped: {text}')
         return NOTHING_ESTIMATED
-    for line in lines(result.summary):
+    for line in lines(analysis.summary):
         print(line)
-    for note in result.contents.notes:
+    for note in analysis.contents.notes:
         if note not in shown:  # found out while reading
             print(f'  {note}')
     if not args.no_figures:
         from smart_tire.analysis.figures import write_figures
-        write_figures(out, result.contents.inputs, result.estimates, result.contents.truth,
-                      params.robot, smoothed=result.smoothed,
-                      wanted=result.contents.paths.wanted())
+        write_figures(out, analysis.result, params.robot)
     print(f'  written to {out}')
     return ESTIMATED

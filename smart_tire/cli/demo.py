@@ -39,13 +39,14 @@ from smart_tire.cli._stack import (
 from smart_tire.samples import NS_PER_S
 
 if TYPE_CHECKING:
-    from smart_tire.analysis.demo_report import Intervals
     from smart_tire.analysis.summary import Tree
     from smart_tire.cli._dashboard import Dashboard
     from smart_tire.cli._drive_session import Session
     from smart_tire.cli._path_file import Poses
 
 __all__ = ['add_arguments', 'EXPECTED_TOPICS', 'HELP', 'NAME', 'PATH_TOPICS', 'run', 'UNITS']
+
+Legs = dict[str, list[tuple[int, int]]]  # name -> time intervals [ns]
 
 NAME = 'demo'
 HELP = ('drive the simulated robot on concrete and sand, then along a figure-eight over both; '
@@ -114,14 +115,15 @@ def run(args: argparse.Namespace) -> int:
     from smart_tire.nodes.demo_driver import DemoDriver
     from smart_tire.nodes.runner import NodeRunner
     print(f'starting {len(NODES)} nodes and a recorder', flush=True)
-    from smart_tire.analysis.demo_report import evaluate
+    from smart_tire.analysis.drive_report import evaluate_demo
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     params = _prepare(out, args.seed)
     intervals = _drive(out, params, partial(NodeRunner, DemoDriver), view=args.view)
     print('evaluating the recording', flush=True)
     with Progress('smart_tire demo'):
-        summary = evaluate(out / 'bag', params, intervals, (*EXPECTED_TOPICS, *PATH_TOPICS),
-                           out / 'conversions.csv', out / 'figures', (TO_BORDER, EIGHT))
+        summary = evaluate_demo(
+            out / 'bag', params, intervals, (*EXPECTED_TOPICS, *PATH_TOPICS),
+            out / 'conversions.csv', out / 'figures', (TO_BORDER, EIGHT))
     return _report(out, summary)
 
 
@@ -138,7 +140,7 @@ def _prepare(out: Path, seed: int) -> Path:
 
 
 def _drive(out: Path, params: Path, runner_class: Callable[[list[str]], Any], *,
-           view: bool = False) -> Intervals:
+           view: bool = False) -> Legs:
     """Start all processes, drive both acts, stop all; return the time intervals of the legs."""
     from smart_tire.cli._dashboard import Dashboard
     from smart_tire.cli._drive_session import Session
@@ -161,9 +163,9 @@ def _drive(out: Path, params: Path, runner_class: Callable[[list[str]], Any], *,
     return intervals
 
 
-def _drive_legs(stack: Stack, runner: Any, dashboard: Dashboard) -> Intervals:
+def _drive_legs(stack: Stack, runner: Any, dashboard: Dashboard) -> Legs:
     """Drive by wheel speeds; return the time intervals of the legs."""
-    intervals: Intervals = {}
+    intervals: Legs = {}
     _drive_leg(stack, runner, dashboard, Leg('standstill', 0.0, 0.0), STANDSTILL_DURATION)
     for leg in LEGS:
         begin = runner.node.now_ns()
@@ -266,9 +268,9 @@ def _command() -> str:
 
 def _report(out: Path, summary: Tree) -> int:
     """Write and print the summary; return 1 for a silent topic or a path not driven."""
-    from smart_tire.analysis.demo_report import lines
+    from smart_tire.analysis.drive_report import demo_lines
     (out / 'summary.json').write_text(json.dumps(summary, indent=2) + '\n', encoding='utf-8')
-    print('\n'.join(lines(summary)))
+    print('\n'.join(demo_lines(summary)))
     print(f'\nbag, figures and summary.json are in {out}/; to see the run: '
           f'{_command()} view {out}')
     if summary['silent']:

@@ -236,11 +236,11 @@ def _teleoperate(args: argparse.Namespace, session: Session) -> bool:
 
 def _report(args: argparse.Namespace) -> None:
     """Evaluate the recording; write and print the summary."""
-    from smart_tire.analysis.drive_report import evaluate_drive, lines
-    from smart_tire.analysis.ground_areas import load_grounds
+    from smart_tire.analysis.drive_report import drive_lines, evaluate_drive
+    from smart_tire.analysis.driven_paths import load_grounds
     name = Path(args.path).name if args.path else 'keyboard'
     grounds = None if args.robot else load_grounds([args.out / FILES[0], *args.params])
     summary = evaluate_drive(args.out / 'bag', name, args.out / 'path.png', grounds)
     (args.out / 'summary.json').write_text(json.dumps(summary, indent=2) + '\n', encoding='utf-8')
-    print('\n'.join(lines(summary)))
+    print('\n'.join(drive_lines(summary)))
     print(f'bag, path.png and summary.json are in {args.out}/')

@@ -53,7 +53,7 @@ def run(args: argparse.Namespace) -> int:
     figure = out.with_suffix('.png')
     refuse_existing([out, figure], force=args.force, inputs=[args.data, args.params])
     import numpy as np
-    from smart_tire.analysis.film_figures import write_measurement
+    from smart_tire.analysis.calibration_figures import write_measurement
     from smart_tire.estimation.film.film_file import read_params
     from smart_tire.estimation.film.measure import measure
     from smart_tire.estimation.film.recording import read_columns, write_columns

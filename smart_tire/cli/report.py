@@ -83,8 +83,7 @@ def report_name(bag: Path) -> str:
 def report_one(bag: Path, out: Path, args: argparse.Namespace) -> int:
     """Analyze one bag and write its report; return the exit status."""
     from smart_tire.analysis.html_report.content import report_of
-    from smart_tire.analysis.html_report.model import Facts
-    from smart_tire.analysis.html_report.page import html_page
+    from smart_tire.analysis.html_report.page import Facts, html_page
     from smart_tire.analysis.offline import analyze
     with open_bag(bag, args) as (_, settings):
         pass

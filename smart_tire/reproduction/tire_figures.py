@@ -22,7 +22,7 @@ import numpy as np
 
 from smart_tire.analysis import drawing
 from smart_tire.analysis.figures import crossing_waveform, typical_crossings
-from smart_tire.analysis.slip_figures import slip_curves
+from smart_tire.analysis.motion_figures import side_marks, slip_curves
 from smart_tire.reproduction import tire_maps
 from smart_tire.reproduction.tire_maps import CRITICAL, METHODS, MU, Outline, Signals, Sweep
 from smart_tire.reproduction.tire_runs import ROBOT, Run, StiffnessFit
@@ -74,8 +74,10 @@ def slip_figure(runs: dict[str, Run]) -> Figure:
     figure, axes = drawing.new_figure([list(runs)], width=11.0, height=4.4, share_y=True)
     for ground, ax in axes.items():
         run = runs[ground]
-        drawing.draw_slip(ax, slip_curves(run.estimates, run.truth, run.origin_ns))
-        ax.set(title=ground, xlim=(0.0, (run.end_ns - run.origin_ns) / 1e9), ylim=(-0.3, 0.5))
+        drawing.draw_marks(ax, side_marks(
+            slip_curves(run.estimates, run.truth, run.origin_ns)))
+        ax.set(xlabel='time [s]', ylabel='slip ratio [-]', title=ground, ylim=(-0.3, 0.5),
+               xlim=(0.0, (run.end_ns - run.origin_ns) / 1e9))
     drawing.finish(figure, axes)
     return figure
 
@@ -93,7 +95,10 @@ def signal_figure(result: Signals, run: Run) -> Figure:
     for crossing in typical_crossings(run.estimates.crossings):
         contact = crossing_waveform(crossing, run.inputs, ROBOT)
         if contact is not None:
-            drawing.draw_waveform(axes['contact'], contact)
+            drawing.draw_marks(axes['contact'], contact.marks)
+            axes['contact'].set(
+                xlabel='time after the crossing [ms]', ylabel='amplifier output [V]',
+                title=f'one crossing of {contact.wheel.replace("_", " ")}')
             break
     axes['contact'].legend(frameon=False, fontsize='small', loc='lower left')
     return figure

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 
-from smart_tire.analysis.curves import MAX_SLIP_SIGMA
+from smart_tire.analysis.figure import MAX_SLIP_SIGMA
 from smart_tire.samples import (
     BatterySample, Four, Icr, ImuSample, MotorCommand, Odometry, PathProgress, VelocityCommand,
     WheelCommand, WHEELS, WheelSample, WheelSlip)

@@ -21,13 +21,11 @@ import math
 import numpy as np
 import pytest
 
-from smart_tire.analysis.driven_paths import driven_lines, driven_tree, PathLog
-from smart_tire.analysis.ground_areas import grounds_of
-from smart_tire.analysis.html_report.motion_figures import path_figure as html_path_figure
+from smart_tire.analysis.driven_paths import driven_lines, driven_tree, grounds_of, PathLog
+from smart_tire.analysis.motion_figures import path_figure, tracking_figure
 from smart_tire.analysis.offline import analyze
 from smart_tire.analysis.pipeline import EstimatorParams
 from smart_tire.analysis.series import Series
-from smart_tire.analysis.tracking_figures import tracking_figure
 from smart_tire.control.trajectory_control import State
 from smart_tire.parameters import build, SimulatorParams
 from smart_tire.rotation import quaternion
@@ -142,7 +140,7 @@ def test_without_truth_the_errors_are_those_of_the_estimate():
     tree = driven_tree(drive)
     assert tree['in_truth'] is None
     assert 'in truth' not in '\n'.join(driven_lines('path', tree))
-    assert len(tracking_figure(drive).axes[1].lines) == 2  # estimate and zero
+    assert len(tracking_figure(drive).panels[1].marks) == 2  # zero and estimate
 
 
 def test_a_path_in_another_frame_is_not_compared():
@@ -159,21 +157,18 @@ def test_a_path_in_a_bag_is_drawn_with_the_analysis(drive, bag_of, tmp_path):
     result = analyze(bag_of(tmp_path / 'bag', events), None, EstimatorParams())
     [wanted] = result.contents.paths.wanted()
     assert wanted.tolist() == [[0.0, 0.0], [1.0, 0.5]]
-    figure = html_path_figure(result.estimates, result.contents.truth, [wanted])
-    assert [trace['name'] for trace in figure.panels[0].traces][:2] == [
-        'wanted', '2σ of the position']
+    assert path_figure(result.result).panels[0].marks[0].label == 'wanted'
 
 
 def test_the_figure_shows_wanted_driven_and_true_path():
     [drive] = log(*FOLLOWED).driven(poses(y=0.1), poses())
-    path, error = tracking_figure(drive).axes
-    labels = list(path.get_legend_handles_labels()[1])
-    assert labels == ['wanted', 'driven, estimate', 'truth', 'start']
-    assert error.lines[0].get_ydata()[-1] == pytest.approx(0.1, abs=1e-6)
-    assert error.lines[1].get_ydata()[-1] == pytest.approx(0.0, abs=1e-6)
+    path, error = tracking_figure(drive).panels
+    assert [mark.label for mark in path.marks] == ['wanted', 'driven, estimate', 'truth', 'start']
+    assert error.marks[1].curve.y[-1] == pytest.approx(0.1, abs=1e-6)
+    assert error.marks[2].curve.y[-1] == pytest.approx(0.0, abs=1e-6)
 
 
-def test_the_ground_is_shown_in_the_frame_of_the_start_without_changing_the_axes():
+def test_the_ground_is_shown_in_the_frame_of_the_start():
     params = build(SimulatorParams, {'start': [1.0, 0.0, math.pi / 2]})
     grounds = grounds_of(params)
     assert grounds.base == 'sand' and [area.surface for area in grounds.areas] == ['concrete']
@@ -182,6 +177,7 @@ def test_the_ground_is_shown_in_the_frame_of_the_start_without_changing_the_axes
     assert corners.max(axis=0) == pytest.approx([3.0, 4.0])
     assert corners.min(axis=0) == pytest.approx([-3.0, -2.0])
     [drive] = log(*FOLLOWED).driven(poses(y=0.1), poses())
-    plain, shaded = tracking_figure(drive), tracking_figure(drive, grounds)
-    assert plain.axes[0].get_xlim() == shaded.axes[0].get_xlim()
-    assert 'concrete' in shaded.axes[0].get_legend_handles_labels()[1]
+    figure = tracking_figure(drive, grounds)
+    area = figure.panels[0].marks[-1]
+    assert (area.label, area.kind) == ('concrete', 'area')
+    assert 'Around the shaded patches: sand.' in figure.caption

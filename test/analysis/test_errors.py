@@ -19,9 +19,9 @@ import math
 import numpy as np
 import pytest
 
-from smart_tire.analysis.curves import Curve
 from smart_tire.analysis.errors import (
     ErrorCurve, friction_errors, pose_errors, slip_errors, twist_errors)
+from smart_tire.analysis.figure import Curve
 from smart_tire.analysis.friction_metrics import match
 from smart_tire.analysis.series import Series
 from smart_tire.samples import Friction, NS_PER_S, Odometry, WheelSlip
@@ -45,15 +45,15 @@ def driven(speed, slip=0.1, sigma=0.02, known=True):
 def test_pose_errors_grow_along_the_path_and_keep_the_standard_deviations():
     x, y, heading = pose_errors(driven(1.1), driven(1.0), 0)
     assert (x.name, x.unit, heading.unit) == ('x', 'm', 'rad')
-    assert x.curve.value == pytest.approx(0.1 * x.curve.time_s)
-    assert y.curve.value == pytest.approx(0.0) and heading.curve.value == pytest.approx(0.0)
+    assert x.curve.y == pytest.approx(0.1 * x.curve.x)
+    assert y.curve.y == pytest.approx(0.0) and heading.curve.y == pytest.approx(0.0)
     assert x.curve.sigma == pytest.approx(0.2)
     assert x.score.count == 20 and x.score.within_one == 1.0
-    assert x.normalized == pytest.approx(0.5 * x.curve.time_s)
+    assert x.normalized == pytest.approx(0.5 * x.curve.x)
 
 
 def test_errors_need_an_overlap_and_a_true_twist():
-    assert twist_errors(driven(1.1), driven(1.0), 0)[0].curve.value == pytest.approx(0.1)
+    assert twist_errors(driven(1.1), driven(1.0), 0)[0].curve.y == pytest.approx(0.1)
     assert twist_errors(driven(1.1), driven(1.0, known=False), 0) == []
     assert pose_errors(driven(1.0), Series(), 0) == []
     assert slip_errors(driven(1.0), Series(), 0) == []
@@ -76,7 +76,7 @@ def test_uninformative_single_crossings_do_not_count():
            for i, sigma in enumerate((0.1, 0.9))]
     single, fused = friction_errors(match(own, truth), 0)
     assert (single.score.count, fused.score.count) == (1, 2)
-    assert single.curve.value[0] == pytest.approx(0.2)
+    assert single.curve.y[0] == pytest.approx(0.2)
     assert fused.normalized == pytest.approx([1.0, 1.0])
     assert friction_errors(match([], truth), 0) == []
 

@@ -67,7 +67,7 @@ def test_the_smoother_has_its_own_bag_and_report(bag, robot, tmp_path, capsys):
     assert {path.name for path in out.iterdir()} >= {
         'estimates', 'smoothed', 'summary.json', 'slip.png', 'path.png', 'friction.png'}
     output = capsys.readouterr().out
-    assert output.count('position error') == 2 and 'RTS smoother' in output
+    assert output.count('position error, rms [m]') == 2 and 'RTS smoother' in output
 
 
 def test_several_bags_have_a_folder_each(bag, tmp_path):

@@ -16,26 +16,42 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
 import numpy as np
-from smart_tire.analysis.bag_params import BagParams
+
+from smart_tire.analysis.bag_params import BAG, BagParams, FILES
 from smart_tire.analysis.driven_paths import PATH
 from smart_tire.analysis.errors import (
-    ErrorCurve, friction_errors, pose_errors, slip_errors, twist_errors)
-from smart_tire.analysis.figures import busiest_segments
-from smart_tire.analysis.friction_metrics import match, stamps_of
-from smart_tire.analysis.html_report import motion_figures, tables
-from smart_tire.analysis.html_report.error_figures import error_figure, histogram_figure
-from smart_tire.analysis.html_report.friction_figures import adhesion_figure, friction_figure
-from smart_tire.analysis.html_report.left_out import left_out_table, skipped_lines
-from smart_tire.analysis.html_report.model import Block, Facts, Folded, Report, Section
-from smart_tire.analysis.html_report.parameters import parameter_tables
+    error_figure, ErrorCurve, friction_errors, histogram_figure, pose_errors, slip_errors,
+    twist_errors)
+from smart_tire.analysis.figure import MAX_SLIP_SIGMA
+from smart_tire.analysis.figures import adhesion_figure, friction_figure, ground_figure
+from smart_tire.analysis.friction_metrics import (
+    column, is_informative, match, MAX_RELATIVE_SIGMA, stamps_of)
+from smart_tire.analysis.html_report.page import Block, Facts, Folded, Report, Section
 from smart_tire.analysis.metrics import SIDES
-from smart_tire.analysis.offline import Analysis
+from smart_tire.analysis.motion_figures import (
+    path_figure, velocity_figure, wheel_slip_figure, wheel_speed_figure)
+from smart_tire.analysis.offline import Analysis, BagContents
 from smart_tire.analysis.pipeline import ESTIMATES, INPUTS, TRUTHS
-from smart_tire.analysis.report import number
-from smart_tire.analysis.series import seconds, Series, time_origin
+from smart_tire.analysis.result import Result
+from smart_tire.analysis.series import seconds, SlipSeries
 from smart_tire.analysis.summary import Tree, WHOLE
+from smart_tire.analysis.tables import (
+    consistency_table, friction_error_table, friction_table, ground_table, inputs_table,
+    motion_table, pose_table, slip_error_table, slip_table, Table, text, topics_table)
 from smart_tire.messages import find_topic
+from smart_tire.parameters import known_names, load_files, NODE_PARAMS, Spec, specs
+from smart_tire.parameters.files import value_text
+from smart_tire.samples import Friction
+
+PARAMETER_HEAD = ('parameter', 'value', 'unit', 'from', 'node', 'meaning')
+DEFAULT, FROM_BAG, BOTH = 'default', 'the bag', 'both'
+PARAMETER_TITLES = {FILES: 'Parameters set in files; of several files the last one counts',
+                    BAG: 'Parameters in the bag that differ from the default values'}
 
 
 def report_of(analysis: Analysis, used: BagParams, facts: Facts) -> Report:
@@ -44,17 +60,14 @@ def report_of(analysis: Analysis, used: BagParams, facts: Facts) -> Report:
 
     Raises ValueError if nothing was estimated.
     """
-    origin = time_origin(analysis.estimates)
-    summary = analysis.summary
+    summary, result = analysis.summary, analysis.result
     if summary is None:
         raise ValueError('nothing was estimated: there is nothing to report')
-    sections = [_recording(analysis, summary, origin), _motion(analysis, summary, origin),
-                _slip(analysis, summary, origin), _friction(analysis, summary, origin),
-                _errors(analysis, summary, origin), _left_out(analysis, summary),
+    sections = [_recording(analysis, summary), _motion(result, summary), _slip(result, summary),
+                _friction(result, summary), _errors(result, summary), _left_out(analysis, summary),
                 _parameters(used)]
-    return Report(facts, _tiles(analysis, summary), _notes(analysis, summary), sections,
-                  _time_range(analysis.estimates, origin),
-                  busiest_segments(analysis.contents.inputs, origin))
+    return Report(facts, _tiles(summary), _notes(analysis, summary), sections,
+                  _time_range(result), result.segments)
 
 
 def _notes(analysis: Analysis, summary: Tree) -> list[str]:
@@ -66,111 +79,135 @@ def _notes(analysis: Analysis, summary: Tree) -> list[str]:
     return [f'Of note: {"; ".join(found)}. See "Left out and warnings".'] if found else []
 
 
-def _time_range(estimates: Series, origin_ns: int) -> tuple[float, float]:
+def _time_range(result: Result) -> tuple[float, float]:
+    estimates = result.estimates
     stamps = np.concatenate([estimates.slips().stamp_ns, estimates.poses().stamp_ns,
                              stamps_of(estimates.crossings)])
-    end = float(seconds(stamps, origin_ns).max())
+    end = float(seconds(stamps, result.origin_ns).max())
     return 0.0, round(max(end, 1.0), 3)
 
 
-def _tiles(analysis: Analysis, summary: Tree) -> list[tuple[str, str, str]]:
+def _tiles(summary: Tree) -> list[tuple[str, str, str]]:
     estimates, against = summary['estimates'], summary['against_truth'] or {}
-    tiles = [('duration', f'{number(summary["duration_s"], 1)} s', '')]
-    if 'odom' in estimates:
-        tiles.append(('distance', f'{number(estimates["odom"]["distance_m"], 1)} m', 'estimated'))
-    if 'pose' in against:
-        pose = against['pose']
-        tiles.append(('position error at the end', f'{number(pose["position_end_m"], 2)} m',
-                      f'{number(pose["end_percent_of_distance"], 2)} % of the distance'))
-        tiles.append(('heading error at the end', f'{number(pose["yaw_end_rad"], 3)} rad', ''))
-    if 'slip' in against:
-        for side in SIDES:
-            score = against['slip'][WHOLE][side]['error']
-            tiles.append((f'slip error, {side} side', number(score['rms'], 3), 'rms'))
+    tiles = [('duration', f'{text(summary["duration_s"], ".1f")} s', '')]
+    if odom := estimates.get('odom'):
+        tiles.append(('distance', f'{text(odom["distance_m"], ".1f")} m', 'estimated'))
+    if pose := against.get('pose'):
+        tiles.append(('position error at the end', f'{text(pose["position_end_m"], ".2f")} m',
+                      f'{text(pose["end_percent_of_distance"], ".2f")} % of the distance'))
+        tiles.append(('heading error at the end', f'{text(pose["yaw_end_rad"], ".3f")} rad', ''))
+    if slip := against.get('slip'):
+        tiles += [(f'slip error, {side} side', text(slip[WHOLE][side]['error']['rms'], '.3f'),
+                   'rms') for side in SIDES]
     for wheel, one in estimates['tire_friction'].items():
-        tiles.append((f'friction, {wheel.replace("_", " ")}', number(one['last_fused'], 2),
-                      f'± {number(2.0 * (one["last_fused_sigma"] or 0.0), 2)} (2σ) at the end'))
+        tiles.append((f'friction, {wheel.replace("_", " ")}', text(one['last_fused'], '.2f'),
+                      f'± {2.0 * (one["last_fused_sigma"] or 0.0):.2f} (2σ) at the end'))
     return tiles
 
 
-def _recording(analysis: Analysis, summary: Tree, origin: int) -> Section:
-    topics, roles = analysis.contents.topics, {}
-    for name in topics:
-        topic = find_topic(name)
-        if topic is not None:
-            roles[name] = ('input' if topic.name in INPUTS else
-                           'ground truth' if topic.name in TRUTHS else
-                           'recorded estimate, not read' if topic.name in ESTIMATES else
-                           'drawn in the path' if topic.name == PATH else
-                           'not used')
+def _recording(analysis: Analysis, summary: Tree) -> Section:
+    topics = analysis.contents.topics
+    roles = {**dict.fromkeys(INPUTS, 'input'), **dict.fromkeys(TRUTHS, 'ground truth'),
+             **dict.fromkeys(ESTIMATES, 'recorded estimate, not read'),
+             PATH: 'drawn in the path'}
+    used = {name: roles[topic.name] for name in topics
+            if (topic := find_topic(name)) is not None and topic.name in roles}
     return Section('recording', 'Recording', 'Recording', _known(
-        tables.inputs_table(summary['inputs']),
-        motion_figures.wheel_speed_figure(analysis.contents.inputs, origin),
-        Folded(f'All {len(topics)} topics in the bag', tables.topics_table(topics, roles))))
+        inputs_table(summary['inputs']), wheel_speed_figure(analysis.result),
+        Folded(f'All {len(topics)} topics in the bag', topics_table(topics, used))))
 
 
-def _motion(analysis: Analysis, summary: Tree, origin: int) -> Section:
-    estimates, truth = analysis.estimates, analysis.contents.truth
+def _motion(result: Result, summary: Tree) -> Section:
     return Section('motion', 'Motion', 'Path and velocity', _known(
-        tables.motion_table(summary['estimates']), motion_figures.path_figure(
-            estimates, truth, analysis.contents.paths.wanted()),
-        motion_figures.velocity_figure(estimates, truth, origin)) or [
-            'No odometry was estimated.'])
+        motion_table(summary['estimates']), path_figure(result, errors=False),
+        velocity_figure(result)) or ['No odometry was estimated.'])
 
 
-def _slip(analysis: Analysis, summary: Tree, origin: int) -> Section:
-    estimates, truth = analysis.estimates, analysis.contents.truth
+def _slip(result: Result, summary: Tree) -> Section:
     return Section('slip', 'Slip', 'Slip of the wheels', _known(
-        tables.slip_table(summary['estimates']),
-        motion_figures.slip_figure(estimates, truth, origin)) or ['No slip was estimated.'])
+        slip_table(summary['estimates']), wheel_slip_figure(result)) or ['No slip was estimated.'])
 
 
-def _friction(analysis: Analysis, summary: Tree, origin: int) -> Section:
-    estimates, truth, tree = analysis.estimates, analysis.contents.truth, summary['estimates']
+def _friction(result: Result, summary: Tree) -> Section:
+    tree = summary['estimates']
     return Section('friction', 'Friction', 'Friction and ground', _known(
-        tables.friction_table(tree), friction_figure(estimates, truth, origin),
-        adhesion_figure(estimates, truth, origin), tables.ground_table(tree),
-        motion_figures.ground_figure(estimates, truth, origin)) or [
+        friction_table(tree), friction_figure(result), adhesion_figure(result),
+        ground_table(tree), ground_figure(result)) or [
             'Neither friction nor the state of the ground was estimated.'])
 
 
-def _errors(analysis: Analysis, summary: Tree, origin: int) -> Section:
+def _errors(result: Result, summary: Tree) -> Section:
     against = summary['against_truth']
     if not against:
         return Section('errors', 'Errors', 'Errors against ground truth',
                        ['The bag contains no ground truth that overlaps the estimates.'])
-    groups = _error_groups(analysis.estimates, analysis.contents.truth, origin)
-    figures = [error_figure(f'error_{name}', f'Errors of {title}', errors)
-               for name, (title, errors) in groups.items() if name != 'friction']
-    histogram = histogram_figure([
-        (title, np.concatenate([one.normalized for one in errors]))
-        for title, errors in groups.values() if errors])
+    estimates, truth, origin = result.estimates, result.truth, result.origin_ns
+    groups: dict[str, list[ErrorCurve]] = {
+        'pose': pose_errors(estimates, truth, origin),
+        'velocity': twist_errors(estimates, truth, origin),
+        'slip': slip_errors(estimates, truth, origin),
+        'friction': friction_errors(match(estimates.crossings, truth.crossings), origin)}
     return Section('errors', 'Errors', 'Errors against ground truth', _known(
-        tables.pose_table(against['pose']) if 'pose' in against else None,
-        tables.consistency_table([one for _, errors in groups.values() for one in errors]),
-        histogram, tables.slip_error_table(against['slip']) if 'slip' in against else None,
-        tables.friction_error_table(against['friction']) if 'friction' in against else None,
-        *figures))
-
-
-def _error_groups(estimates: Series, truth: Series,
-                  origin: int) -> dict[str, tuple[str, list[ErrorCurve]]]:
-    matches = match(estimates.crossings, truth.crossings)
-    return {'pose': ('pose', pose_errors(estimates, truth, origin)),
-            'twist': ('velocity', twist_errors(estimates, truth, origin)),
-            'slip': ('slip', slip_errors(estimates, truth, origin)),
-            'friction': ('friction', friction_errors(matches, origin))}
+        pose_table(against['pose']) if 'pose' in against else None,
+        consistency_table([one for errors in groups.values() for one in errors]),
+        histogram_figure(groups),
+        slip_error_table(against['slip']) if 'slip' in against else None,
+        friction_error_table(against['friction']) if 'friction' in against else None,
+        *(error_figure(f'error_{name}', f'Errors of {name}', groups[name])
+          for name in ('pose', 'velocity', 'slip'))))
 
 
 def _left_out(analysis: Analysis, summary: Tree) -> Section:
     contents = analysis.contents
-    table = left_out_table(analysis, summary['inputs'])
+    table = left_out_table(analysis.result, summary['inputs'])
     blocks: list[Block] = [table if table.rows else 'No message and no estimate was left out.']
     lines = skipped_lines(contents)
     blocks += ['Skipped:', lines] if lines else ['Nothing was skipped.']
     blocks += ['Warnings of the bag reader:', contents.warnings] if contents.warnings else [
         'The bag reader gave no warnings.']
     return Section('left_out', 'Left out', 'Left out and warnings', blocks)
+
+
+def skipped_lines(contents: BagContents) -> list[str]:
+    """Return what was skipped, without the warnings of the reader."""
+    return [line for line in contents.skipped if line not in contents.warnings]
+
+
+def left_out_table(result: Result, inputs: Tree) -> Table:
+    """Return the numbers of messages and estimates that were left out, with the reasons."""
+    rows = [[topic, reason, str(one[kind])] for topic, one in sorted(inputs.items())
+            for kind, reason in (
+                ('late', 'late: arrived after the estimators had passed its timestamp'),
+                ('rejected', 'rejected: invalid content')) if one[kind]]
+    return Table('Messages and estimates left out', ['what', 'reason', 'number'], [
+        *rows, *_slip_rows(result.estimates.slips()),
+        *_friction_rows(result.estimates.crossings)], 2)
+
+
+def _slip_rows(slips: SlipSeries) -> list[list[str]]:
+    standstill = np.isnan(slips.ratio)
+    unknown = ~standstill & ~(slips.sigma <= MAX_SLIP_SIGMA)
+    return [['slip ratios of wheels', reason, f'{part.sum()} ({part.mean():.0%})']
+            for part, reason in (
+                (standstill, 'standstill: the slip ratio is undefined'),
+                (unknown, f'σ above {MAX_SLIP_SIGMA}: not observable; not drawn, but counted in '
+                          'the errors by surface')) if part.any()]
+
+
+def _friction_rows(crossings: Sequence[Friction]) -> list[list[str]]:
+    rows = []
+    for wheel, count in sorted(Counter(one.wheel for one in crossings).items()):
+        own = [one for one in crossings if one.wheel == wheel]
+        single = column(own, 'friction_coefficient_single')
+        sigma = column(own, 'friction_coefficient_single', sigmas=True)
+        unknown = ~np.isfinite(single)
+        vague = ~unknown & ~is_informative(single, sigma)
+        rows += [[f'single crossings of {wheel.replace("_", " ")}', reason,
+                  f'{part.sum()} of {count}'] for part, reason in (
+                      (unknown, 'friction not observable, such as at low slip'),
+                      (vague, f'uninformative: σ above {MAX_RELATIVE_SIGMA:.0%} of the value'))
+                 if part.any()]
+    return rows
 
 
 def _parameters(used: BagParams) -> Section:
@@ -181,5 +218,38 @@ def _parameters(used: BagParams) -> Section:
         first, Folded(f'{len(default.rows)} parameters with default values', default)])
 
 
+def parameter_tables(used: BagParams) -> tuple[Table, Table]:
+    """Return the table of the parameters that were set, and that of the default values."""
+    rows: dict[tuple[str, str, str], tuple[Spec, list[str]]] = {}
+    nodes = used.params.by_node()
+    for node, values in nodes.items():
+        described = specs(NODE_PARAMS[node], values)
+        origins = _origins(used, node, described)
+        for name, spec in described.items():
+            value = value_text(values[name])
+            source = origins.get(name, FROM_BAG if used.source == BAG
+                                 and value != value_text(spec.default) else DEFAULT)
+            rows.setdefault((name, value, source), (spec, []))[1].append(node)
+    cells = [[name, value, spec.unit, source, BOTH if len(users) == len(nodes) else users[0],
+              spec.meaning] for (name, value, source), (spec, users) in sorted(
+                  rows.items(), key=lambda item: item[0])]
+    return tuple(Table(title, PARAMETER_HEAD, [  # type: ignore[return-value]
+        row for row in cells if (row[3] == DEFAULT) == is_default], len(PARAMETER_HEAD))
+        for title, is_default in (
+            (PARAMETER_TITLES.get(used.source, 'No parameters were given'), False),
+            ('Parameters with their default values', True)))
+
+
+def _origins(used: BagParams, node: str, own: dict[str, Spec]) -> dict[str, str]:
+    """Return the parameters of ``node`` that are set in files: name -> file."""
+    if used.source != FILES:
+        return {}
+    known = known_names(NODE_PARAMS.values())
+    return {name: file for file in used.origins
+            for name in load_files([Path(file)], node, known, own)}
+
+
 def _known(*blocks: Block | None) -> list[Block]:
-    return [block for block in blocks if block is not None]
+    """Return the blocks that have something to show."""
+    return [block for block in blocks
+            if block is not None and not (isinstance(block, Table) and not block.rows)]

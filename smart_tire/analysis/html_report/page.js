@@ -3,12 +3,12 @@
   const LIGHT = {
     ink: '#1c2733', shade: '#7a8793', grid: '#e3e7eb', paper: '#ffffff',
     blue: '#0072b2', vermillion: '#d55e00', orange: '#e69f00', sky: '#56b4e9', green: '#009e73',
-    blue_band: 'rgba(0, 114, 178, 0.2)',
   };
   const DARK = {
     ...LIGHT, ink: '#e6eaee', shade: '#8794a1', grid: '#2b343e', paper: '#14191f',
-    blue: '#4aa8e0', vermillion: '#f0803c', blue_band: 'rgba(74, 168, 224, 0.28)',
+    blue: '#4aa8e0', vermillion: '#f0803c',
   };
+  const BAND_OPACITY = 0.22;
   const CONFIG = {
     displaylogo: false, responsive: true, modeBarButtons: [[
       'toImage', 'zoom2d', 'pan2d', 'zoomIn2d', 'zoomOut2d', 'autoScale2d', 'resetScale2d']],
@@ -21,11 +21,17 @@
   const dark = window.matchMedia('(prefers-color-scheme: dark)');
   let linking = false;
 
-  // The specification of a plot, with the colors of the theme for names such as "@blue".
+  function band(color) {
+    const parts = [1, 3, 5].map((start) => parseInt(color.slice(start, start + 2), 16));
+    return `rgba(${parts.join(', ')}, ${BAND_OPACITY})`;
+  }
+
+  // The specification of a plot, with the colors of the theme for names such as "@blue", those of
+  // bands for names such as "@blue_band".
   function specification(plot, theme) {
     const text = document.getElementById(plot.dataset.spec).textContent;
-    return JSON.parse(text.replace(/"@(\w+)"/g, (name, color) => (
-      color in theme ? JSON.stringify(theme[color]) : name)));
+    return JSON.parse(text.replace(/"@([a-z]+)(_band)?"/g, (name, color, suffix) => (
+      color in theme ? JSON.stringify(suffix ? band(theme[color]) : theme[color]) : name)));
   }
 
   function theme() {

@@ -12,11 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The page: the report as one HTML file that needs no network."""
+"""The page: a report as one HTML file that needs no network."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from html import escape
 from importlib.resources import files
 import json
@@ -25,10 +26,9 @@ from typing import Any
 
 from plotly.offline import get_plotlyjs
 
-from smart_tire.analysis.html_report.decimation import bucket_count, MAX_POINTS
-from smart_tire.analysis.html_report.layout import Figure, plotly_spec
-from smart_tire.analysis.html_report.model import Block, Folded, Report, Section
-from smart_tire.analysis.html_report.tables import Table
+from smart_tire.analysis.figure import Figure, Segments
+from smart_tire.analysis.html_report.plots import bucket_count, height, MAX_POINTS, plotly_spec
+from smart_tire.analysis.tables import Table
 
 NARROW_COLUMNS = 3  # of a table that is not as wide as the page
 ABOUT = (
@@ -43,45 +43,80 @@ ABOUT = (
     'network requests. The plots are drawn by plotly.js (MIT license), which it contains.')
 
 
+@dataclass(frozen=True)
+class Facts:
+    """What the analysis does not know about its recording and itself."""
+
+    name: str       # of the bag
+    path: str
+    recorded: str   # date and time
+    created: str    # date and time of the report
+    version: str    # of the software
+
+    def items(self) -> list[tuple[str, str]]:
+        """Return what is written below the title: label, text."""
+        return [('Recorded', self.recorded), ('Bag', self.path), ('Report', self.created),
+                ('Software', f'smart_tire {self.version}')]
+
+
+@dataclass(frozen=True)
+class Folded:
+    """A table that is shown on demand."""
+
+    title: str
+    table: Table
+
+
+Block = Figure | Table | Folded | str | list[str]
+
+
+@dataclass(frozen=True)
+class Section:
+    """A section of the report; ``short`` is its title in the navigation."""
+
+    anchor: str
+    short: str
+    title: str
+    blocks: Sequence[Block]
+
+
+@dataclass(frozen=True)
+class Report:
+    """The whole report."""
+
+    facts: Facts
+    tiles: list[tuple[str, str, str]]  # label, value with unit, note
+    notes: list[str]                   # what a reader should know first
+    sections: list[Section]
+    time_range: tuple[float, float]    # s, of all plots over time
+    segments: Segments                 # proposed for a closer look
+
+
 def html_page(report: Report) -> str:
     """Return the report as the text of an HTML file."""
     facts = report.facts
-    specs = Specs(report.time_range)
-    sections = '\n'.join(_section(section, specs) for section in report.sections)
     links = [(section.anchor, section.short) for section in report.sections]
     return Template(_resource('page.html')).substitute(
         name=escape(facts.name), version=escape(facts.version), css=_resource('page.css'),
         range=escape(json.dumps(report.time_range)),
-        facts='\n'.join(f'<div><dt>{escape(label)}</dt><dd>{escape(value)}</dd></div>'
-                        for label, value in facts.items()),
-        links='\n'.join(f'<li><a href="#{escape(anchor)}">{escape(title)}</a></li>'
-                        for anchor, title in [*links, ('about', 'About')]),
-        zoom=_zoom(report), notes=_notes(report.notes), sections=sections,
-        tiles='\n'.join(f'<div><dt>{escape(label)}</dt><dd class="value">{escape(value)}</dd>'
-                        f'<dd>{escape(note)}</dd></div>' for label, value, note in report.tiles),
+        facts=_all('<div><dt>{}</dt><dd>{}</dd></div>', facts.items()),
+        links=_all('<li><a href="#{}">{}</a></li>', [*links, ('about', 'About')]),
+        zoom=_zoom(report), notes=_notes(report.notes),
+        sections='\n'.join(_section(section, report.time_range) for section in report.sections),
+        tiles=_all('<div><dt>{}</dt><dd class="value">{}</dd><dd>{}</dd></div>', report.tiles),
         about=_about(report),
         plotly=get_plotlyjs(), script=_resource('page.js'))
 
 
+def _all(form: str, items: Sequence[Sequence[str]]) -> str:
+    """Return the HTML ``form`` filled with the escaped texts of each item, in lines."""
+    return '\n'.join(form.format(*map(escape, item)) for item in items)
+
+
 def _about(report: Report) -> str:
     start, end = report.time_range
-    interval = f'{(end - start) / bucket_count(MAX_POINTS):.2g}'
-    return ''.join(f'<p>{escape(Template(text).substitute(interval=interval))}</p>'
-                   for text in ABOUT)
-
-
-class Specs:
-    """Converts figures to JSON, with the common time range."""
-
-    def __init__(self, time_range: tuple[float, float]) -> None:
-        self._range = time_range
-
-    def text(self, figure: Figure) -> str:
-        """Return the specification of ``figure`` as JSON that a script element may contain."""
-        spec = plotly_spec(figure)
-        if figure.over_time:
-            spec['layout']['xaxis']['range'] = list(self._range)
-        return script_json(spec)
+    interval = f'{(end - start) / bucket_count():.2g}'
+    return _all('<p>{}</p>', [[Template(text).substitute(interval=interval)] for text in ABOUT])
 
 
 def script_json(value: Any) -> str:
@@ -99,26 +134,26 @@ def _zoom(report: Report) -> str:
         return ''
     buttons = [('whole', report.time_range), *(
         (f'{first:.0f}–{last:.0f} s', (first, last)) for first, last in report.segments)]
-    return ('<div class="zoom" role="group" aria-label="Time range of the plots">Show ' + ''.join(
-        f'<button type="button" data-range="{escape(json.dumps(limits))}">{escape(label)}'
-        '</button>' for label, limits in buttons) + '</div>')
+    return ('<div class="zoom" role="group" aria-label="Time range of the plots">Show '
+            + _all('<button type="button" data-range="{}">{}</button>',
+                   [(json.dumps(limits), label) for label, limits in buttons]) + '</div>')
 
 
 def _notes(notes: Sequence[str]) -> str:
-    return ('<div class="notes" role="note">' + ''.join(f'<p>{escape(text)}</p>' for text in notes)
+    return ('<div class="notes" role="note">' + _all('<p>{}</p>', [[text] for text in notes])
             + '</div>') if notes else ''
 
 
-def _section(section: Section, specs: Specs) -> str:
+def _section(section: Section, time_range: tuple[float, float]) -> str:
     anchor = escape(section.anchor)
-    blocks = '\n'.join(_block(block, specs) for block in section.blocks)
+    blocks = '\n'.join(_block(block, time_range) for block in section.blocks)
     return (f'<section aria-labelledby="{anchor}">\n<h2 id="{anchor}">{escape(section.title)}'
             f'</h2>\n{blocks}\n</section>')
 
 
-def _block(block: Block, specs: Specs) -> str:
+def _block(block: Block, time_range: tuple[float, float]) -> str:
     if isinstance(block, Figure):
-        return _figure(block, specs)
+        return _figure(block, time_range)
     if isinstance(block, Table):
         return _table(block)
     if isinstance(block, Folded):
@@ -126,16 +161,17 @@ def _block(block: Block, specs: Specs) -> str:
                 '</details>')
     if isinstance(block, str):
         return f'<p>{escape(block)}</p>'
-    return '<ul>' + ''.join(f'<li>{escape(text)}</li>' for text in block) + '</ul>'
+    return '<ul>' + _all('<li>{}</li>', [[text] for text in block]) + '</ul>'
 
 
-def _figure(figure: Figure, specs: Specs) -> str:
+def _figure(figure: Figure, time_range: tuple[float, float]) -> str:
     name = escape(figure.name)
-    time = ' data-time' if figure.over_time else ''
+    time = ' data-time' if figure.panels[0].over_time else ''
     return (f'<figure>\n<div class="plot" id="{name}_plot" role="img" '
-            f'aria-label="{escape(figure.alt)}" data-spec="{name}_spec"{time} '
-            f'style="min-height: {figure.height}px"></div>\n'
-            f'<script type="application/json" id="{name}_spec">{specs.text(figure)}</script>\n'
+            f'aria-label="{escape(figure.title)}" data-spec="{name}_spec"{time} '
+            f'style="min-height: {height(figure)}px"></div>\n'
+            f'<script type="application/json" id="{name}_spec">'
+            f'{script_json(plotly_spec(figure, time_range))}</script>\n'
             f'<figcaption>{escape(figure.caption)}</figcaption>\n</figure>')
 
 
@@ -149,5 +185,6 @@ def _table(table: Table) -> str:
     rows = '\n'.join(
         '<tr>' + ''.join(cell('td' if i else 'th', i, text, '' if i else ' scope="row"')
                          for i, text in enumerate(row)) + '</tr>' for row in table.rows)
-    return (f'<div class="scroll">\n<table{narrow}>\n<caption>{escape(table.caption)}</caption>\n'
+    caption = f'{table.title}. {table.note}'.strip()
+    return (f'<div class="scroll">\n<table{narrow}>\n<caption>{escape(caption)}</caption>\n'
             f'<thead><tr>{head}</tr></thead>\n<tbody>\n{rows}\n</tbody>\n</table>\n</div>')

@@ -22,8 +22,7 @@ import pytest
 
 from smart_tire.analysis.bag_params import BagParams, FILES
 from smart_tire.analysis.html_report.content import report_of
-from smart_tire.analysis.html_report.model import Facts
-from smart_tire.analysis.html_report.page import html_page
+from smart_tire.analysis.html_report.page import Facts, html_page
 from smart_tire.analysis.offline import analyze
 from smart_tire.analysis.pipeline import EstimatorParams
 from smart_tire.bags import BagWriter, channel_of

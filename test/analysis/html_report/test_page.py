@@ -12,33 +12,39 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The HTML file: sections, tables, escaping, no network."""
+"""The HTML file: sections, tables, what was left out, escaping, no network."""
 
 from __future__ import annotations
 
 from html.parser import HTMLParser
 import json
+import math
 import re
 
 import plotly.graph_objects as go
 import pytest
 
-from smart_tire.analysis.html_report.content import report_of
-from smart_tire.analysis.html_report.layout import plotly_spec
-from smart_tire.analysis.html_report.model import Facts, Folded
-from smart_tire.analysis.html_report.page import html_page, script_json
-from smart_tire.analysis.html_report.tables import Table
-from smart_tire.analysis.offline import Analysis, analyze
-from smart_tire.analysis.report import number, percent
+from smart_tire.analysis.figure import Figure
+from smart_tire.analysis.html_report.content import left_out_table, report_of, skipped_lines
+from smart_tire.analysis.html_report.page import Facts, Folded, html_page, script_json
+from smart_tire.analysis.html_report.plots import plotly_spec
+from smart_tire.analysis.offline import Analysis, analyze, BagContents
+from smart_tire.analysis.result import Result
+from smart_tire.analysis.series import Series
+from smart_tire.analysis.tables import Table, text
 from smart_tire.bags import BagWriter
 from smart_tire.parameters import build, SimulatorParams
+from smart_tire.samples import Friction, WheelSlip
 from smart_tire.simulation.offline import simulate
+from smart_tire.uncertain import Uncertain, UNKNOWN
 
 SECTIONS = [
     'recording', 'motion', 'slip', 'friction', 'errors', 'left_out', 'parameters', 'about']
 PLOTS = [
     'wheel_speeds', 'path', 'velocity', 'slip', 'friction', 'adhesion', 'ground', 'normalized',
-    'error_pose', 'error_twist', 'error_slip']
+    'error_pose', 'error_velocity', 'error_slip']
+
+INPUTS = {'imu/data': {'late': 0, 'rejected': 3}, 'tire_samples': {'late': 7, 'rejected': 0}}
 
 
 class Outline(HTMLParser):
@@ -170,39 +176,28 @@ def test_json_cannot_end_its_script_element():
 
 def test_the_tables_have_the_values_of_the_summary(outline, analysis):
     summary = analysis.summary
-    for topic, one in summary['inputs'].items():
-        assert row_of(outline, 'rate [Hz]', topic)[1:] == [
-            str(one['messages']), number(one['rate_hz'], 1), str(one['gaps']),
-            str(one['missing']), number(one['longest_gap_s'], 3), str(one['late']),
-            str(one['rejected'])]
-    end = summary['estimates']['odom']
+    end, truth = summary['estimates']['odom'], summary['against_truth']
     assert row_of(outline, 'estimate', 'y at the end [m]')[1:] == [
-        number(end['end']['y_m'], 3), number(end['end_sigma']['y_m'], 3)]
-    friction = summary['estimates']['tire_friction']['front_left']
-    assert row_of(outline, 'patch crossings', 'front left')[1:] == [
-        str(friction['crossings']), str(friction['informative']),
-        number(friction['median_single'], 3), number(friction['last_fused'], 3),
-        number(friction['last_fused_sigma'], 3)]
-    truth = summary['against_truth']
-    assert row_of(outline, 'value', 'position, rms [m]')[1] == number(
-        truth['pose']['position_rms_m'], 3)
+        text(end['end']['y_m'], '.3f'), text(end['end_sigma']['y_m'], '.3f')]
+    assert row_of(outline, 'rate [Hz]', 'imu/data')[1] == str(
+        summary['inputs']['imu/data']['messages'])
+    assert row_of(outline, 'patch crossings', 'front left')[1] == str(
+        summary['estimates']['tire_friction']['front_left']['crossings'])
+    assert row_of(outline, 'value', 'position error, rms [m]')[1] == text(
+        truth['pose']['position_rms_m'], '.3f')
     slip = truth['slip']['whole recording']['left']
-    assert row_of(outline, 'wheel or side', 'whole recording')[1:] == [
-        'left', number(slip['estimated_mean'], 4), number(slip['true_mean'], 4),
-        number(slip['error']['mean'], 4), number(slip['error']['rms'], 4),
-        number(slip['error']['normalized_rms'], 2), percent(slip['error']['within_one']),
-        percent(slip['error']['within_two'])]
-    kinds = truth['friction']['whole recording']
-    assert row_of(outline, 'kind', 'whole recording')[1:3] == [
-        next(iter(kinds)), str(next(iter(kinds.values()))['crossings'])]
+    assert row_of(outline, 'wheel or side', 'whole recording')[1:3] == [
+        'left', text(slip['estimated_mean'], '.4f')]
+    assert row_of(outline, 'kind', 'whole recording')[1] == next(iter(
+        truth['friction']['whole recording']))
 
 
 def test_the_errors_of_the_twist_agree_with_the_summary(outline, analysis):
     twist = analysis.summary['against_truth']['pose']['twist']['v_y']
     assert row_of(outline, 'values', 'v_y [m/s]')[1:] == [
-        str(twist['count']), number(twist['mean'], 4), number(twist['rms'], 4),
-        number(twist['normalized_rms'], 2), percent(twist['within_one']),
-        percent(twist['within_two'])]
+        text(twist[key], form) for key, form in (
+            ('count', ''), ('mean', '+.4f'), ('rms', '.4f'), ('normalized_rms', '.2f'),
+            ('within_one', '.0%'), ('within_two', '.0%'))]
 
 
 def test_all_rows_of_a_table_are_as_long_as_its_head(report):
@@ -227,12 +222,43 @@ def test_version_and_date_of_the_recording_are_on_the_page(outline):
 def test_every_specification_is_valid_for_plotly_and_every_axis_has_a_unit(report):
     colors = re.compile(r'"@(\w+)"')
     figures = [block for section in report.sections for block in section.blocks
-               if hasattr(block, 'panels')]
+               if isinstance(block, Figure)]
     assert [figure.name for figure in figures] == PLOTS
     for figure in figures:
         spec = json.loads(colors.sub('"#123456"', script_json(plotly_spec(figure))))
         drawn = go.Figure(spec)
         assert len(drawn.data) >= len(figure.panels)
-        assert all('[' in panel.y_label and panel.y_label.endswith(']')
-                   for panel in figure.panels)
-        assert figure.x_label.endswith(']')
+        assert all('[' in label and label.endswith(']') for panel in figure.panels
+                   for label in (panel.x_label, panel.y_label))
+
+
+def estimated():
+    """Return slips of which a quarter is undefined and a quarter unknown, and three crossings."""
+    series = Series()
+    for i, (ratio, sigma) in enumerate(((0.1, 0.5), (0.1, 0.1), (math.nan, 1.0), (1.0, 0.6))):
+        series.add(WheelSlip(i, (ratio,) * 4, (0.0,) * 4, (sigma,) * 4))
+    series.crossings = [
+        Friction(i, 'front_left', friction_coefficient_single=single)
+        for i, single in enumerate((Uncertain(0.5, 0.1), Uncertain(0.5, 0.4), UNKNOWN))]
+    return Result(series)
+
+
+def test_every_kind_is_counted_with_its_reason():
+    rows = left_out_table(estimated(), INPUTS).rows
+    assert [(row[0], row[1].split(':')[0], row[2]) for row in rows] == [
+        ('imu/data', 'rejected', '3'), ('tire_samples', 'late', '7'),
+        ('slip ratios of wheels', 'standstill', '4 (25%)'),
+        ('slip ratios of wheels', 'σ above 0.5', '4 (25%)'),
+        ('single crossings of front left', 'friction not observable, such as at low slip',
+         '1 of 3'),
+        ('single crossings of front left', 'uninformative', '1 of 3')]
+
+
+def test_nothing_left_out_is_an_empty_table():
+    assert left_out_table(Result(Series()), {'odom': {'late': 0, 'rejected': 0}}).rows == []
+
+
+def test_warnings_of_the_reader_are_not_listed_twice():
+    contents = BagContents(skipped=['a is not in the bag', 'file is truncated'],
+                           warnings=['file is truncated'])
+    assert skipped_lines(contents) == ['a is not in the bag']

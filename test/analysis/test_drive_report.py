@@ -21,8 +21,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from smart_tire.analysis.demo_report import (
-    late_host, lines, radio_counts, read_conversions, stamp_errors)
+from smart_tire.analysis.drive_report import (
+    demo_lines, late_host, radio_counts, read_conversions, stamp_errors)
 from smart_tire.analysis.series import Series
 from smart_tire.samples import NS_PER_S, TireSample
 
@@ -86,6 +86,6 @@ def test_a_late_host_is_one_line_of_the_report(times, resumed, said):
     tree = {'against_truth': None, 'duration_s': 60.0, 'messages': {'odom': 10},
             'radio': {'sent': 1, 'dropped': 0, 'missing': 0}, 'stamps': {}, 'tracking': {},
             'late_host': {'times': times, 'longest_s': 0.92, 'resumed': resumed}}
-    found = [line for line in lines(tree) if 'host' in line]
+    found = [line for line in demo_lines(tree) if 'host' in line]
     assert found == ([f'host late 3 x: odom up to 0.92 s old, expected at most 0.25 s; path '
                       f'resumed {resumed} x after a stop for it'] if said else [])

@@ -1,0 +1,208 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Figures as data: curves, marks, panels and captions, without the library that draws them.
+
+``drawing`` writes them as files by matplotlib, ``html_report.plots`` into a page by plotly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+import math
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smart_tire.analysis.series import Floats
+
+SIGMAS = 2.0              # half width of bands and bars, in standard deviations
+MAX_GAP = 0.5             # s without values, over which no line is drawn
+# -, of a slip ratio; above it the band of two standard deviations covers all slips from -1 to 1.
+MAX_SLIP_SIGMA = 0.5
+COVERED = (1.0, 99.0)     # percentiles of the values that the axes must include
+AXIS_MARGIN = 0.2         # of the range of the values, above and below
+MIN_LONG_DURATION = 60.0  # s; longer recordings are also drawn in segments
+SEGMENT_DURATION = 15.0   # s
+MAX_SEGMENTS = 3
+ACTIVITY_STEP = 0.1       # s, grid on which the activity is summed
+# Palette of Okabe and Ito, distinguishable with color vision deficiency.
+COLORS = {'blue': '#0072b2', 'vermillion': '#d55e00', 'orange': '#e69f00', 'sky': '#56b4e9',
+          'green': '#009e73', 'ink': '#222222', 'shade': '#8c8c8c'}
+PAIR = 'blue', 'orange'   # of two films, or of filtered and smoothed estimates
+TIME_LABEL = 'time [s]'
+TWO_SIGMA = '± 2σ, where σ is the standard deviation that the estimator reports.'
+
+Segments = Sequence[tuple[float, float]]  # s
+Limits = tuple[float | None, float | None]
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """Values ``y`` over ``x``, mostly a time [s]; NaN leaves a gap."""
+
+    x: Floats
+    y: Floats
+    sigma: Floats | None = None  # standard deviation of y, if known
+
+    def at_rows(self, rows: NDArray[np.intp]) -> Curve:
+        """Return the curve with these rows only."""
+        return Curve(self.x[rows], self.y[rows], None if self.sigma is None else self.sigma[rows])
+
+    @property
+    def reach(self) -> Floats:
+        """Return the half width of the band; 0 where the standard deviation is not known."""
+        return SIGMAS * (np.zeros_like(self.y) if self.sigma is None else self.sigma)
+
+
+@dataclass(frozen=True, eq=False)
+class Mark:
+    """One series of a panel; with standard deviations a line has a band, points have bars."""
+
+    curve: Curve
+    label: str = ''          # in the legend, once per figure
+    color: str = 'blue'      # name in ``COLORS``
+    kind: Literal['line', 'points', 'area'] = 'line'
+    width: float = 1.4       # of a line or point, in points
+    dashed: bool = False
+    steps: Literal['', 'mid', 'post'] = ''
+    opacity: float = 1.0
+    around_zero: bool = False        # the band: of an error with its standard deviation
+    x_sigma: Floats | None = None    # of points
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """One pair of axes, whose labels carry units."""
+
+    marks: Sequence[Mark]
+    x_label: str
+    y_label: str
+    title: str = ''
+    x_limits: Limits | None = None
+    y_limits: Limits | None = None
+    equal: bool = False  # both axes have the same scale
+
+    @property
+    def over_time(self) -> bool:
+        """Return whether the horizontal axis is the time."""
+        return self.x_label == TIME_LABEL
+
+
+@dataclass(frozen=True, eq=False)
+class Figure:
+    """
+    Panels in rows, and a caption.
+
+    A panel that stands in several cells spans them; None leaves a cell empty.
+    """
+
+    name: str        # of its file, without suffix
+    title: str       # what it shows, for readers who do not see it
+    caption: str
+    rows: Sequence[Sequence[Panel | None]]
+    cell: tuple[float, float] = (9.0, 2.8)  # inch, width and height
+    segments: Segments = ()          # shown in detail where there is no zoom
+    panel_legends: bool = False      # one legend per panel, not per figure
+
+    @property
+    def panels(self) -> list[Panel]:
+        """Return the panels in the order of rows and columns."""
+        return list(dict.fromkeys(panel for row in self.rows for panel in row if panel))
+
+
+def truth_mark(curve: Curve, steps: Literal['', 'mid', 'post'] = '') -> Mark:
+    """Return the dashed line of the ground truth."""
+    return Mark(curve, 'truth', 'ink', width=1.1, dashed=True, steps=steps)
+
+
+def runs(known: NDArray[np.bool_]) -> Iterator[slice]:
+    """Yield the intervals of rows in which ``known`` is true."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], known.astype(int), [0]])))
+    yield from (slice(first, last) for first, last in zip(edges[::2].tolist(),
+                                                          edges[1::2].tolist()))
+
+
+def interrupted(curve: Curve, max_gap: float = MAX_GAP) -> Curve:
+    """Return ``curve`` with a NaN in each gap of its timestamps longer than ``max_gap`` [s]."""
+    after = np.flatnonzero(np.diff(curve.x) > max_gap) + 1
+    between = 0.5 * (curve.x[after - 1] + curve.x[after])
+    sigma = None if curve.sigma is None else np.insert(curve.sigma, after, math.nan)
+    return Curve(np.insert(curve.x, after, between), np.insert(curve.y, after, math.nan), sigma)
+
+
+def observable(curve: Curve) -> tuple[Curve, float]:
+    """
+    Return a slip curve with NaN where slip is unknown, and the share of values removed.
+
+    A slip is unknown if its standard deviation exceeds ``MAX_SLIP_SIGMA``: at walking pace around
+    a standstill the ratio jumps between -1 and 1. The share is that of the finite values.
+    """
+    if curve.sigma is None:
+        return curve, 0.0
+    finite = np.isfinite(curve.y)
+    removed = finite & ~(curve.sigma <= MAX_SLIP_SIGMA)
+    share = float(removed.sum() / finite.sum()) if finite.any() else 0.0
+    return replace(curve, y=np.where(removed, math.nan, curve.y)), share
+
+
+def limits(values: Iterable[Floats], min_margin: float) -> tuple[float, float]:
+    """Return axis limits that a few extreme values do not change; finite also without values."""
+    found = _finite(values)
+    low, high = np.percentile(found, COVERED) if len(found) else (0.0, 0.0)
+    margin = max(AXIS_MARGIN * (high - low), min_margin)
+    return float(low - margin), float(high + margin)
+
+
+def share_outside(values: Iterable[Floats], low: float, high: float) -> float:
+    """Return the share of the finite values outside of ``low`` to ``high``; 0 without values."""
+    found = _finite(values)
+    return float(np.mean((found < low) | (found > high))) if len(found) else 0.0
+
+
+def _finite(values: Iterable[Floats]) -> Floats:
+    parts = [np.ravel(part) for part in values]
+    found: Floats = np.concatenate(parts) if parts else np.empty(0)
+    return found[np.isfinite(found)]
+
+
+def segments(curves: Iterable[Curve], duration: float = SEGMENT_DURATION,
+             count: int = MAX_SEGMENTS) -> list[tuple[float, float]]:
+    """
+    Return the time intervals [s] in which ``curves`` change most, at most ``count``, in order.
+
+    They do not overlap. Empty if the curves are not longer than ``MIN_LONG_DURATION`` together or
+    do not change.
+    """
+    parts = [(curve.x[1:], np.abs(np.diff(curve.y))) for curve in curves if len(curve.x) > 1]
+    if not parts:
+        return []
+    time, change = (np.concatenate(columns) for columns in zip(*parts))
+    start, end = float(time.min()), float(time.max())
+    if end - start <= MIN_LONG_DURATION:
+        return []
+    cells = np.floor((time - start) / ACTIVITY_STEP).astype(int)
+    activity = np.bincount(cells, np.nan_to_num(change))
+    width = round(duration / ACTIVITY_STEP)
+    total = np.convolve(activity, np.ones(width), 'valid')
+    found: list[tuple[float, float]] = []
+    while len(found) < count and total.max(initial=0.0) > 0.0:
+        first = int(np.argmax(total))
+        begin = start + first * ACTIVITY_STEP
+        found.append((begin, begin + duration))
+        total[max(first - width, 0):first + width] = 0.0
+    return sorted(found)

@@ -1,0 +1,289 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Figures of motion: slip, path, velocity, wheel speeds and a followed path."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import cycle
+import math
+
+import numpy as np
+
+from smart_tire.analysis.driven_paths import DrivenPath, Grounds
+from smart_tire.analysis.errors import error_panel, pose_errors, position_error, TWIST_NAMES
+from smart_tire.analysis.figure import (
+    Curve, Figure, interrupted, Limits, limits, Mark, MAX_SLIP_SIGMA, observable, PAIR, Panel,
+    share_outside, SIGMAS, TIME_LABEL, truth_mark, TWO_SIGMA)
+from smart_tire.analysis.metrics import aligned, SIDES
+from smart_tire.analysis.result import Result
+from smart_tire.analysis.series import Floats, seconds, Series
+from smart_tire.analysis.tracking import track
+from smart_tire.samples import NS_PER_S, WHEELS
+
+MIN_SLIP_MARGIN, MAX_SHOWN_SLIP = 0.1, 1.05  # -, of the slip axis
+ELLIPSES, ELLIPSE_POINTS = 12, 48            # along a path; of each
+MAX_PATH_POINTS = 5000
+SIDE_COLORS = {'left': 'blue', 'right': 'vermillion'}
+WHEEL_COLORS = dict(zip(WHEELS, ('blue', 'vermillion', 'sky', 'orange')))
+WHEEL_GROUPS = {wheel: (index,) for index, wheel in enumerate(WHEELS)}
+AREA_COLORS = 'sky', 'orange', 'vermillion', 'blue'
+DASHED = ' Dashed: ground truth.'
+ESTIMATE = 'estimate ± 2σ'
+
+
+@dataclass(frozen=True)
+class SlipCurve:
+    """Slip of one side or wheel over time; NaN leaves a gap."""
+
+    name: str
+    estimate: Curve
+    truth: Curve         # empty without ground truth
+    hidden_share: float  # of the estimates, which are not drawn
+
+
+def slip_curves(estimates: Series, truth: Series, origin_ns: int,
+                groups: Mapping[str, Sequence[int]] = SIDES) -> list[SlipCurve]:
+    """Return the slip of each group of wheels, the mean of the measured ones; NaN if unknown."""
+    own, true = estimates.slips(), truth.slips()
+    found = []
+    for name, members in groups.items():
+        wheels = own.measured(members)
+        curve, hidden = observable(interrupted(Curve(
+            seconds(own.stamp_ns, origin_ns), own.ratio[:, wheels].mean(axis=1),
+            own.sigma[:, wheels].mean(axis=1))))
+        reference = interrupted(Curve(seconds(true.stamp_ns, origin_ns),
+                                      true.ratio[:, wheels].mean(axis=1)))
+        found.append(SlipCurve(name, curve, reference, hidden))
+    return found
+
+
+def side_marks(curves: Sequence[SlipCurve]) -> list[Mark]:
+    """Return the slip of both sides, as in paper B, Fig. 10."""
+    return [*(Mark(one.estimate, f'{one.name} side ± 2σ', SIDE_COLORS[one.name])
+              for one in curves),
+            *(truth_mark(one.truth) for one in curves if len(one.truth.x))]
+
+
+def slip_figure(result: Result) -> Figure | None:
+    """Return the slip of both sides, one panel per interval and label; None without slip."""
+    if not len(result.estimates.slips().stamp_ns):
+        return None
+    curves = {label: slip_curves(series, result.truth, result.origin_ns)
+              for label, series in result.labeled.items()}
+    every = [one for several in curves.values() for one in several]
+    spans = {name: [((begin - result.origin_ns) / NS_PER_S, (end - result.origin_ns) / NS_PER_S)
+                    for begin, end in times] for name, times in result.intervals.items()}
+    low, high, caption = _shown_slip(every, [span for one in spans.values() for span in one])
+    panels = [_slip_panel(side_marks(own), ', '.join(filter(None, (
+        name, label if len(curves) > 1 else ''))), (low, high), times)
+        for name, times in (spans or {'': []}).items() for label, own in curves.items()]
+    rows: list[list[Panel | None]] = [[panel] for panel in panels]
+    if spans:
+        rows = [[*panels[i:i + 2], *[None] * (i > 0 and i + 1 == len(panels))]
+                for i in range(0, len(panels), 2)]
+    return Figure('slip', 'Slip ratio of both sides over time',
+                  f'Mean slip ratio of the two wheels of a side. {caption}', rows,
+                  (9.0 / len(rows[0]), 2.8), () if spans else result.segments)
+
+
+def wheel_slip_figure(result: Result) -> Figure | None:
+    """Return the slip of each wheel; None without."""
+    if not len(result.estimates.slips().stamp_ns):
+        return None
+    curves = slip_curves(result.estimates, result.truth, result.origin_ns, WHEEL_GROUPS)
+    low, high, caption = _shown_slip(curves)
+    return Figure(
+        'slip', 'Longitudinal slip ratio of each wheel over time',
+        f'Longitudinal slip ratio, positive in traction. {caption} Double-click to show all.',
+        [[_slip_panel([Mark(one.estimate, ESTIMATE),
+                       *([truth_mark(one.truth)] if len(one.truth.x) else [])],
+                      one.name.replace('_', ' '), (low, high))] for one in curves])
+
+
+def _slip_panel(marks: Sequence[Mark], title: str, y_limits: Limits,
+                times: Sequence[tuple[float, float]] = ()) -> Panel:
+    edges = [edge for span in times for edge in span]
+    return Panel(marks, TIME_LABEL, 'slip ratio [-]', title,
+                 (min(edges), max(edges)) if edges else None, y_limits)
+
+
+def _shown_slip(curves: Sequence[SlipCurve], spans: Sequence[tuple[float, float]] = ()
+                ) -> tuple[float, float, str]:
+    """Return the limits of the slip axis within ``spans`` [s], and what is not shown."""
+    def values(curve: Curve) -> Floats:
+        return curve.y[np.any([(curve.x >= begin) & (curve.x <= end) for begin, end in spans],
+                              axis=0)] if spans else curve.y
+
+    own = [values(one.estimate) for one in curves]
+    low, high = limits([*own, *(values(one.truth) for one in curves)], MIN_SLIP_MARGIN)
+    low, high = max(-MAX_SHOWN_SLIP, low), min(MAX_SHOWN_SLIP, high)
+    hidden = float(np.mean([one.hidden_share for one in curves]))
+    truth = DASHED if any(len(one.truth.x) for one in curves) else ''
+    return low, high, (
+        f'Bands: {TWO_SIGMA}{truth} No line at standstill, where slip is undefined, and where σ '
+        f'exceeds {MAX_SLIP_SIGMA}, where it is not observable ({100.0 * hidden:.1f} % of the '
+        f'values). {100.0 * share_outside(own, low, high):.1f} % of the others are outside of '
+        'the axes.')
+
+
+def path_figure(result: Result, *, errors: bool = True) -> Figure | None:
+    """
+    Return the path and, with ground truth, position and heading ``errors``; None without poses.
+
+    Ellipses show two standard deviations of the position at about equal distances.
+    """
+    poses = {label: series.poses() for label, series in result.labeled.items()}
+    first = next(iter(poses.values()))
+    if not len(first.stamp_ns):
+        return None
+    colors = dict(zip(poses, PAIR[::-1] if len(poses) > 1 else PAIR))
+    true = aligned(result.truth.poses(), first)[1]
+    marks = [*wanted_marks(result.wanted)]
+    for label, one in poses.items():
+        marks += [_ellipses(one.pose[:, :2], one.pose_covariance, colors[label]),
+                  _path(one.pose, label, colors[label])]
+    marks += [truth_mark(_path(true, '').curve)] if len(true) else []
+    marks += [_dot(first.pose[:1], 'start'), _dot(first.pose[-1:], 'end', 'shade')]
+    panel = Panel(marks, 'x [m]', 'y [m]', equal=True)
+    caption = ('Path in the frame odom, which starts at (0, 0)'
+               + (', ground truth (dashed) aligned at the start' if len(true) else '') + '. '
+               'Ellipses: two standard deviations of the position; they contain 86 % of Gaussian '
+               'errors.')
+    rows: list[list[Panel | None]] = [[panel]]
+    if errors and len(true):
+        found = [(position_error(*both), pose_errors(*both)[2]) for both in (
+            (series, result.truth, result.origin_ns) for series in result.labeled.values())]
+        rows = [[panel, error_panel(several, colors)] for several in zip(*found)]
+        caption += (
+            ' Right: errors against ground truth; shaded: 2σ, where σ is the standard deviation '
+            'that the estimator reports (of the position: along the longest axis of its ellipse). '
+            'If it is right, about 95 % of the heading errors are inside.')
+    return Figure('path', 'Path of the robot in the plane, estimate and ground truth', caption,
+                  rows, (5.0, 2.5) if len(rows) > 1 else (6.0, 4.6))
+
+
+def wanted_marks(paths: Sequence[Floats]) -> list[Mark]:
+    """Return the paths (n, 2) that were to be followed."""
+    return [Mark(Curve(*path.T), 'wanted', 'shade', width=5.0, opacity=0.4) for path in paths]
+
+
+def _path(position: Floats, label: str, color: str = 'blue') -> Mark:
+    position = position[equidistant(position[:, :2])]
+    return Mark(Curve(position[:, 0], position[:, 1]), label, color, width=1.6)
+
+
+def _dot(position: Floats, label: str, color: str = 'ink') -> Mark:
+    return Mark(Curve(position[:, 0], position[:, 1]), label, color, 'points', 6.0)
+
+
+def equidistant(position: Floats, limit: int = MAX_PATH_POINTS) -> np.ndarray[
+        tuple[int], np.dtype[np.intp]]:
+    """Return at most ``limit`` rows of a path (n, 2), about equally spaced along it."""
+    if len(position) <= limit:
+        return np.arange(len(position))
+    steps = np.linalg.norm(np.diff(position, axis=0), axis=1)
+    travel = np.append(0.0, np.cumsum(steps))
+    cells = np.floor(travel * ((limit - 2) / max(travel[-1], 1e-9)))
+    return np.unique(np.append(np.unique(cells, return_index=True)[1], len(position) - 1))
+
+
+def _ellipses(position: Floats, covariance: Floats, color: str) -> Mark:
+    """Return ellipses of two standard deviations at about equal distances along a path."""
+    angle = np.linspace(0.0, 2.0 * math.pi, ELLIPSE_POINTS)
+    circle = np.stack([np.cos(angle), np.sin(angle)])
+    parts = []
+    for row in equidistant(position, ELLIPSES + 1):
+        values, vectors = np.linalg.eigh(covariance[row, :2, :2])
+        shape = vectors @ (SIGMAS * np.sqrt(np.maximum(values, 0.0))[:, None] * circle)
+        parts += [position[row] + shape.T, np.full((1, 2), math.nan)]
+    return Mark(Curve(*np.concatenate(parts).T), '2σ of the position', color, 'area', opacity=0.2)
+
+
+def velocity_figure(result: Result) -> Figure | None:
+    """Return the velocities of the body; None without poses."""
+    poses, true = result.estimates.poses(), result.truth.poses()
+    if not len(poses.stamp_ns):
+        return None
+    time, true_time = (seconds(one.stamp_ns, result.origin_ns) for one in (poses, true))
+    sigma, known = np.sqrt(poses.twist_variance), np.isfinite(true.twist).any()
+    panels = []
+    for i, ((name, unit), title) in enumerate(zip(
+            TWIST_NAMES, ('forward velocity v_x', 'lateral velocity v_y', 'yaw rate'))):
+        marks = [Mark(interrupted(Curve(time, poses.twist[:, i], sigma[:, i])), ESTIMATE)]
+        if known:
+            marks.append(truth_mark(interrupted(Curve(true_time, true.twist[:, i]))))
+        panels.append(Panel(marks, TIME_LABEL, f'{name} [{unit}]', title,
+                            y_limits=limits([poses.twist[:, i], true.twist[:, i]], 0.05)))
+    return Figure('velocity', 'Forward velocity, lateral velocity and yaw rate over time',
+                  'Velocity of base_link (x forward, y left, yaw counter-clockwise). Bands: '
+                  f'{TWO_SIGMA}{DASHED if known else ""}', [[panel] for panel in panels])
+
+
+def wheel_speed_figure(result: Result) -> Figure | None:
+    """Return the measured speeds of the wheels; None without."""
+    stamps, speeds = result.inputs.speeds()
+    if not len(stamps):
+        return None
+    marks = [Mark(interrupted(Curve(seconds(stamps, result.origin_ns), speed), max_gap=1.0),
+                  wheel.replace('_', ' '), color)
+             for speed, (wheel, color) in zip(speeds.T, WHEEL_COLORS.items())]
+    return Figure('wheel_speeds', 'Measured speeds of the four wheels over time',
+                  'Measured wheel speeds, the input that shows what the robot was doing. '
+                  'Lines are interrupted where no message arrived for 1 s.',
+                  [[Panel(marks, TIME_LABEL, 'speed [rad/s]', 'Wheel speeds')]])
+
+
+def tracking_figure(drive: DrivenPath, grounds: Grounds | None = None) -> Figure:
+    """
+    Return a followed path in the plane, and the distance from it over the driven distance.
+
+    ``grounds`` are shown below the path; they do not change the limits of the axes.
+    """
+    shaded = () if grounds is None else grounds.areas
+    colors = dict(zip(dict.fromkeys(area.surface for area in shaded), cycle(AREA_COLORS)))
+    marks = [*wanted_marks([drive.wanted]), _path(drive.estimated, 'driven, estimate')]
+    marks += [truth_mark(Curve(*drive.true.T))] if len(drive.true) else []
+    marks += [_dot(drive.estimated[:1], 'start'), *(
+        Mark(Curve(*area.corners.T), area.surface, colors[area.surface], 'area', opacity=0.13)
+        for area in shaded)]
+    return Figure(
+        'tracking', 'Path that was followed, and the distance from it',
+        ' '.join(_tracking_caption(bool(len(drive.true)), grounds)),
+        [[Panel(marks, 'x [m]', 'y [m]', equal=True),
+          Panel(_tracking_errors(drive), 'driven distance [m]', 'distance from the path [m]')]],
+        (5.0, 3.4))
+
+
+def _tracking_errors(drive: DrivenPath) -> list[Mark]:
+    errors = [(found, is_truth) for positions, is_truth in (
+        (drive.estimated, False), (drive.true, True))
+        if (found := track(drive.wanted, positions)) is not None]
+    end = max((float(found.driven[-1]) for found, _ in errors), default=1.0)
+    return [Mark(Curve(np.array([0.0, end]), np.zeros(2)), '', 'shade', width=1.0), *(
+        truth_mark(Curve(found.driven, found.error)) if is_truth else
+        Mark(Curve(found.driven, found.error), 'driven, estimate', width=1.6)
+        for found, is_truth in errors)]
+
+
+def _tracking_caption(has_truth: bool, grounds: Grounds | None) -> Iterator[str]:
+    """Yield the sentences of the caption."""
+    yield 'Left: path in the frame odom' + (
+        ', ground truth aligned with the estimate where the path begins.' if has_truth else '.')
+    if grounds is not None and grounds.areas:
+        yield f'Around the shaded patches: {grounds.base}.'
+    yield ('Right: distance from the wanted path, positive to the left of its direction'
+           + ('; that in truth contains the error of the localization.' if has_truth else '.'))

@@ -1,0 +1,57 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The result of an analysis, from which all figures and tables are made."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from smart_tire.analysis.figure import Curve, Segments, segments
+from smart_tire.analysis.metrics import Intervals
+from smart_tire.analysis.series import Floats, seconds, Series, time_origin
+
+FILTERED, SMOOTHED = 'filtered', 'smoothed'
+
+
+@dataclass(frozen=True)
+class Result:
+    """Estimates of a recording and what they are compared with; ``truth`` may be empty."""
+
+    estimates: Series
+    inputs: Series = field(default_factory=Series)
+    truth: Series = field(default_factory=Series)
+    smoothed: Series | None = None
+    wanted: Sequence[Floats] = ()  # paths (n, 2) m that were to be followed
+    intervals: Intervals = field(default_factory=dict)  # evaluated separately
+
+    @cached_property
+    def origin_ns(self) -> int:
+        """Return the timestamp at which the time axes are zero."""
+        return time_origin(self.estimates)
+
+    @cached_property
+    def segments(self) -> Segments:
+        """Return the segments [s] in which the wheel speeds change most; none if not long."""
+        stamps, speeds = self.inputs.speeds()
+        time = seconds(stamps, self.origin_ns)
+        return segments([Curve(time, speed) for speed in speeds.T])
+
+    @property
+    def labeled(self) -> Mapping[str, Series]:
+        """Return the estimates by label, those of the filter first."""
+        return {'estimate': self.estimates} if self.smoothed is None else {
+            FILTERED: self.estimates, SMOOTHED: self.smoothed}

@@ -1,0 +1,253 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Tables of a summary, as text for the terminal and as data for the HTML report."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from smart_tire.analysis.errors import ErrorCurve
+from smart_tire.analysis.metrics import SIDES
+from smart_tire.analysis.summary import plain, Tree
+from smart_tire.bags import BagTopic
+
+UNKNOWN = '-'
+CONSISTENT = '1 σ: 68 %, 2 σ: 95 % if the estimator is consistent'
+
+# Columns, or rows, of a table: heading, key in the summary ("a.b" is nested), format.
+Columns = Sequence[tuple[str, str, str]]
+INPUTS: Columns = (
+    ('messages', 'messages', '.0f'), ('rate [Hz]', 'rate_hz', '.1f'), ('gaps', 'gaps', '.0f'),
+    ('missing', 'missing', '.0f'), ('longest gap [s]', 'longest_gap_s', '.3f'),
+    ('late', 'late', '.0f'), ('rejected', 'rejected', '.0f'))
+SLIP: Columns = (('mean slip [-]', 'mean', '.4f'), ('mean σ [-]', 'mean_sigma', '.4f'))
+FRICTION: Columns = (
+    ('patch crossings', 'crossings', '.0f'), ('informative', 'informative', '.0f'),
+    ('median of single [-]', 'median_single', '.3f'), ('last fused [-]', 'last_fused', '.3f'),
+    ('σ of the last [-]', 'last_fused_sigma', '.3f'))
+GROUND: Columns = (
+    ('longitudinal stiffness C_x [N]', 'stiffness', '.1f'),
+    ('friction coefficient µ [-]', 'friction_coefficient', '.3f'),
+    ('rolling resistance [-]', 'rolling_resistance', '.4f'),
+    ('lateral share of the rolling resistance [-]', 'lateral_share', '.2f'),
+    ('lateral stiffness C_y / C_x [-]', 'lateral_stiffness_ratio', '.2f'),
+    ('center of mass x [m]', 'center_of_mass_x', '.4f'),
+    ('center of mass y [m]', 'center_of_mass_y', '.4f'))
+POSE: Columns = (
+    ('position error, rms [m]', 'position_rms_m', '.3f'),
+    ('position error, rms / σ [-]', 'position_normalized_rms', '.2f'),
+    ('position error, largest [m]', 'position_max_m', '.3f'),
+    ('position error at the end [m]', 'position_end_m', '.3f'),
+    ('position error at the end [% of distance]', 'end_percent_of_distance', '.2f'),
+    ('true distance [m]', 'distance_m', '.2f'), ('heading error, rms [rad]', 'yaw.rms', '.4f'),
+    ('heading error at the end [rad]', 'yaw_end_rad', '.4f'),
+    ('displacement in one second, rms error [m]', 'relative_position_rms_m', '.4f'),
+    ('heading change in one second, rms error [rad]', 'relative_yaw_rms_rad', '.5f'))
+SCORE: Columns = (
+    ('mean error', 'mean', '+.4f'), ('rms', 'rms', '.4f'), ('rms / σ', 'normalized_rms', '.2f'),
+    ('in 1 σ', 'within_one', '.0%'), ('in 2 σ', 'within_two', '.0%'))
+CROSSINGS: Columns = (
+    ('crossings', 'crossings', '.0f'), ('found', 'found', '.0f'),
+    ('informative', 'informative', '.0f'), ('|error|', 'median_relative_error', '.0%'),
+    ('bias', 'median_bias', '+.0%'), ('in 1 σ', 'within_one', '.0%'),
+    ('in 2 σ', 'within_two', '.0%'), ('|error| fused', 'fused_median_relative_error', '.0%'))
+TWIST = {'v_x': 'v_x [m/s]', 'v_y': 'v_y [m/s]', 'yaw_rate': 'yaw rate [rad/s]'}
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table; the first column names the row."""
+
+    title: str
+    head: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    text_columns: int = 1  # leading columns aligned to the left; the others are numbers
+    note: str = ''         # what the title does not say
+
+    def lines(self) -> Iterator[str]:
+        """Yield the title, and the rows as text in aligned columns; nothing without rows."""
+        if not self.rows:
+            return
+        yield f'\n{self.title}'
+        every = [self.head, *self.rows]
+        widths = [max(map(len, column)) for column in zip(*every)]
+        for row in every:
+            cells = [f'{text:<{width}}' if i < self.text_columns else f'{text:>{width}}'
+                     for i, (text, width) in enumerate(zip(row, widths))]
+            yield '  ' + '  '.join(cells).rstrip()
+
+
+def text(value: Any, form: str) -> str:
+    """Return a number as text; a dash for None."""
+    return UNKNOWN if value is None else f'{value:{form}}'
+
+
+def _cells(tree: Tree, columns: Columns) -> list[str]:
+    found = []
+    for _, key, form in columns:
+        value: Any = tree
+        for part in key.split('.'):
+            value = value[part]
+        found.append(text(value, form))
+    return found
+
+
+def _head(first: Sequence[str], columns: Columns) -> list[str]:
+    return [*first, *(heading for heading, _, _ in columns)]
+
+
+def _words(name: str) -> str:
+    return name.replace('_', ' ')
+
+
+def lines(summary: Tree) -> Iterator[str]:
+    """Yield the report of a summary written by ``analyze``."""
+    yield f'{summary["bag"]}: {text(summary["duration_s"], ".1f")} s'
+    yield from inputs_table(summary['inputs']).lines()
+    yield from ('', *(f'skipped: {line}' for line in summary['left_out']))
+    filtered = result_tables(summary)
+    for table in filtered:
+        yield from table.lines()
+    if 'smoothed' in summary:
+        yield '\nRTS smoother:'
+        for table in result_tables(summary['smoothed']):
+            if table not in filtered:  # friction and ground are not smoothed
+                yield from table.lines()
+
+
+def result_tables(tree: Tree) -> list[Table]:
+    """Return the tables of estimates and of errors against ground truth."""
+    return [*estimate_tables(tree['estimates']), *error_tables(tree['against_truth'])]
+
+
+def estimate_tables(estimates: Tree) -> list[Table]:
+    """Return the tables of what was estimated of motion, slip, friction and ground."""
+    return [table for table in (motion_table(estimates), slip_table(estimates),
+                                friction_table(estimates), ground_table(estimates)) if table.rows]
+
+
+def error_tables(against: Tree | None) -> list[Table]:
+    """Return the tables of the errors against the known ground truth."""
+    tree = against or {}
+    found = []
+    if 'pose' in tree:
+        found += [pose_table(tree['pose']), twist_table(tree['pose']['twist'] or {})]
+    if 'slip' in tree:
+        found.append(slip_error_table(tree['slip'], tuple(SIDES)))
+    if 'friction' in tree:
+        found.append(friction_error_table(tree['friction']))
+    return found
+
+
+def inputs_table(inputs: Tree) -> Table:
+    """Return the regularity of the inputs."""
+    return Table('Inputs of the estimators', _head(['topic'], INPUTS),
+                 [[topic, *_cells(one, INPUTS)] for topic, one in sorted(inputs.items())],
+                 note='Rate: inverse median period, per wheel if wheels share a topic. Gap: a '
+                 'period above 1.5 medians. Late: arrived after the estimators had passed their '
+                 'timestamp. Rejected: invalid content.')
+
+
+def topics_table(topics: Mapping[str, BagTopic], used: Mapping[str, str]) -> Table:
+    """Return all topics of the bag; ``used`` is name in the bag -> role."""
+    return Table('All topics in the bag', ['topic', 'type', 'role', 'messages'],
+                 [[name, one.channel.type, used.get(name, 'not used'), str(one.messages)]
+                  for name, one in sorted(topics.items())], 3)
+
+
+def motion_table(estimates: Tree) -> Table:
+    """Return the estimated end of the path."""
+    rows = []
+    if odom := estimates.get('odom'):
+        rows = [['distance traveled [m]', text(odom['distance_m'], '.2f'), UNKNOWN]]
+        rows += [[f'{name.split("_")[0]} at the end [{name.split("_")[1]}]', text(value, '.3f'),
+                  text(odom['end_sigma'][name], '.3f')] for name, value in odom['end'].items()]
+    return Table('Estimated path relative to its start', ['quantity', 'estimate', 'σ'], rows)
+
+
+def slip_table(estimates: Tree) -> Table:
+    """Return the mean slip of both sides."""
+    slip = estimates.get('wheel_slip', {})
+    return Table('Slip ratio while the wheels move, mean of the recording', _head(['side'], SLIP),
+                 [[side, *_cells(slip[side], SLIP)] for side in SIDES if side in slip])
+
+
+def friction_table(estimates: Tree) -> Table:
+    """Return the friction of each instrumented wheel."""
+    return Table('Friction coefficient of each instrumented wheel', _head(['wheel'], FRICTION),
+                 [[_words(wheel), *_cells(one, FRICTION)]
+                  for wheel, one in estimates['tire_friction'].items()],
+                 note='Informative: relative σ of the single crossing below 60 %.')
+
+
+def ground_table(estimates: Tree) -> Table:
+    """Return the state of the ground and the center of mass."""
+    ground = estimates.get('ground_state')
+    return Table('Ground, median of the recording', ['quantity', 'estimate', 'σ'], [
+        [label, text(ground[name]['median'], form), text(ground[name]['median_sigma'], form)]
+        for label, name, form in GROUND] if ground else [])
+
+
+def pose_table(pose: Tree) -> Table:
+    """Return the errors of the path."""
+    return Table('Errors of the path; truth aligned at the start', ['error', 'value'],
+                 [[heading, *_cells(pose, [(heading, key, form)])]
+                  for heading, key, form in POSE])
+
+
+def twist_table(twist: Tree) -> Table:
+    """Return the errors of the velocities."""
+    return Table('Errors of the velocity', _head(['quantity'], SCORE),
+                 [[label, *_cells(twist[name], SCORE)]
+                  for name, label in TWIST.items() if name in twist])
+
+
+def slip_error_table(slips: Tree, members: Sequence[str] | None = None) -> Table:
+    """Return the slip errors of sides and wheels, or of ``members`` only, by surface."""
+    columns: Columns = (('mean estimate', 'estimated_mean', '.4f'),
+                        ('mean truth', 'true_mean', '.4f'))
+    return Table('Errors of the slip ratio, by surface',
+                 _head(['surface', 'wheel or side'], (*columns, *SCORE)),
+                 [[surface, _words(name), *_cells(one, columns), *_cells(one['error'], SCORE)]
+                  for surface, found in slips.items() for name, one in found.items()
+                  if one['error']['count'] and (members is None or name in members)], 2,
+                 f'Surfaces by true friction coefficient µ; shares within {CONSISTENT}.')
+
+
+def friction_error_table(friction: Tree) -> Table:
+    """Return the friction errors by surface and kind of crossing."""
+    return Table(
+        'Errors of the friction coefficient, by surface and kind of crossing; '
+        f'{friction["false_crossings"]} false crossings',
+        _head(['surface', 'kind'], CROSSINGS),
+        [[surface, kind, *_cells(one, CROSSINGS)]
+         for surface, kinds in friction.items() if surface not in ('false_crossings', 'stamp')
+         for kind, one in kinds.items()], 2,
+        'Traction and braking: slip above 0.05. Errors are relative medians; error, bias and '
+        'shares within 1 σ and 2 σ are those of informative single crossings. A false crossing '
+        'is an estimated one without a true one.')
+
+
+def consistency_table(errors: Sequence[ErrorCurve]) -> Table:
+    """Return errors and normalized errors of all quantities."""
+    columns: Columns = (('values', 'count', '.0f'), *SCORE)
+    return Table('Errors of all quantities and their consistency', _head(['quantity'], columns),
+                 [[f'{one.name} [{one.unit or "-"}]', *_cells(plain(one.score), columns)]
+                  for one in errors],
+                 note='rms / σ: root mean square of the normalized errors, 1 if σ is right; '
+                 f'shares within {CONSISTENT}. Slip counts where σ is below 0.5, single crossings '
+                 'where they are informative.')
