@@ -28,7 +28,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from smart_tire.analysis.series import Floats
+from smart_tire.arrays import Array
 
 SIGMAS = 2.0              # half width of bands and bars, in standard deviations
 MAX_GAP = 0.5             # s without values, over which no line is drawn
@@ -55,16 +55,16 @@ Limits = tuple[float | None, float | None]
 class Curve:
     """Values ``y`` over ``x``, mostly a time [s]; NaN leaves a gap."""
 
-    x: Floats
-    y: Floats
-    sigma: Floats | None = None  # standard deviation of y, if known
+    x: Array
+    y: Array
+    sigma: Array | None = None  # standard deviation of y, if known
 
     def at_rows(self, rows: NDArray[np.intp]) -> Curve:
         """Return the curve with these rows only."""
         return Curve(self.x[rows], self.y[rows], None if self.sigma is None else self.sigma[rows])
 
     @property
-    def reach(self) -> Floats:
+    def reach(self) -> Array:
         """Return the half width of the band; 0 where the standard deviation is not known."""
         return SIGMAS * (np.zeros_like(self.y) if self.sigma is None else self.sigma)
 
@@ -82,7 +82,7 @@ class Mark:
     steps: Literal['', 'mid', 'post'] = ''
     opacity: float = 1.0
     around_zero: bool = False        # the band: of an error with its standard deviation
-    x_sigma: Floats | None = None    # of points
+    x_sigma: Array | None = None    # of points
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +160,7 @@ def observable(curve: Curve) -> tuple[Curve, float]:
     return replace(curve, y=np.where(removed, math.nan, curve.y)), share
 
 
-def limits(values: Iterable[Floats], min_margin: float) -> tuple[float, float]:
+def limits(values: Iterable[Array], min_margin: float) -> tuple[float, float]:
     """Return axis limits that a few extreme values do not change; finite also without values."""
     found = _finite(values)
     low, high = np.percentile(found, COVERED) if len(found) else (0.0, 0.0)
@@ -168,15 +168,15 @@ def limits(values: Iterable[Floats], min_margin: float) -> tuple[float, float]:
     return float(low - margin), float(high + margin)
 
 
-def share_outside(values: Iterable[Floats], low: float, high: float) -> float:
+def share_outside(values: Iterable[Array], low: float, high: float) -> float:
     """Return the share of the finite values outside of ``low`` to ``high``; 0 without values."""
     found = _finite(values)
     return float(np.mean((found < low) | (found > high))) if len(found) else 0.0
 
 
-def _finite(values: Iterable[Floats]) -> Floats:
+def _finite(values: Iterable[Array]) -> Array:
     parts = [np.ravel(part) for part in values]
-    found: Floats = np.concatenate(parts) if parts else np.empty(0)
+    found: Array = np.concatenate(parts) if parts else np.empty(0)
     return found[np.isfinite(found)]
 
 

@@ -31,8 +31,9 @@ from smart_tire.analysis.friction_metrics import (
     column, is_informative, kind_of, MAX_RELATIVE_SIGMA, of_wheel, stamps_of)
 from smart_tire.analysis.motion_figures import DASHED, ESTIMATE, path_figure, slip_figure
 from smart_tire.analysis.result import Result
-from smart_tire.analysis.series import at, Floats, seconds, Series
+from smart_tire.arrays import Array
 from smart_tire.parameters import RobotParams
+from smart_tire.recording import at, Recording, seconds
 from smart_tire.samples import Friction, WHEELS
 
 MAX_FRICTION = 1.2      # upper end of the friction axis
@@ -65,7 +66,8 @@ class FrictionCurve:
                 *([truth_mark(self.truth, 'mid')] if len(self.truth.x) else [])]
 
 
-def friction_curve(wheel: str, estimates: Series, truth: Series, origin_ns: int) -> FrictionCurve:
+def friction_curve(wheel: str, estimates: Recording, truth: Recording,
+                   origin_ns: int) -> FrictionCurve:
     """Return the friction of ``wheel``; uninformative single estimates are NaN."""
     single, fused, reference = (
         _crossing_curve(of_wheel(series.crossings, wheel), name, origin_ns)
@@ -158,8 +160,8 @@ class CrossingWaveform:
     """Film voltages around one crossing."""
 
     wheel: str
-    time_ms: Floats                         # relative to the timestamp of the crossing
-    volts: Floats                           # (n, films)
+    time_ms: Array                         # relative to the timestamp of the crossing
+    volts: Array                           # (n, films)
     inside_ms: list[tuple[float, float]]    # per film: interval in which it overlaps the patch
 
     @property
@@ -201,7 +203,7 @@ def typical_crossings(crossings: Sequence[Friction]) -> Iterator[Friction]:
         yield from (candidates[i] for i in np.argsort(np.abs(slips - np.median(slips))))
 
 
-def crossing_waveform(crossing: Friction, inputs: Series,
+def crossing_waveform(crossing: Friction, inputs: Recording,
                       robot: RobotParams) -> CrossingWaveform | None:
     """Return the voltages around ``crossing``; None if samples or wheel speed are missing."""
     speeds_ns, speeds = inputs.speeds()

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smart_tire.analysis.metrics import Score, score
-from smart_tire.analysis.series import Floats, Stamps
+from smart_tire.arrays import Array, Instants
 from smart_tire.samples import Friction, NS_PER_S
 from smart_tire.uncertain import UNKNOWN
 
@@ -128,7 +128,7 @@ def friction_score(pairs: Sequence[tuple[Friction, Friction | None]]) -> Frictio
         score(adhesion, column(estimates, 'adhesion_ratio', sigmas=True)))
 
 
-def column(crossings: Sequence[Friction | None], name: str, sigmas: bool = False) -> Floats:
+def column(crossings: Sequence[Friction | None], name: str, sigmas: bool = False) -> Array:
     """Return one quantity, or its sigma, of each crossing; NaN if not available."""
     quantities = [UNKNOWN if crossing is None else crossing.quantity(name)
                   for crossing in crossings]
@@ -140,16 +140,16 @@ def of_wheel(crossings: Sequence[Friction], wheel: str) -> list[Friction]:
     return sorted((p for p in crossings if p.wheel == wheel), key=lambda p: p.stamp_ns)
 
 
-def stamps_of(crossings: Sequence[Friction]) -> Stamps:
+def stamps_of(crossings: Sequence[Friction]) -> Instants:
     """Return the timestamps [ns] of ``crossings``."""
     return np.array([crossing.stamp_ns for crossing in crossings], np.int64)
 
 
-def is_informative(value: Floats, sigma: Floats) -> NDArray[np.bool_]:
+def is_informative(value: Array, sigma: Array) -> NDArray[np.bool_]:
     """Return which values are finite with a relative sigma below ``MAX_RELATIVE_SIGMA``."""
     return np.isfinite(value) & (sigma < MAX_RELATIVE_SIGMA * np.abs(value))
 
 
-def _median(values: Floats) -> float:
+def _median(values: Array) -> float:
     values = values[np.isfinite(values)]
     return float(np.median(values)) if len(values) else math.nan

@@ -23,7 +23,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from smart_tire.analysis.series import at, Floats, PoseSeries, SlipSeries, Stamps
+from smart_tire.arrays import Array, Instants
+from smart_tire.recording import at, PoseSeries, SlipSeries
 from smart_tire.samples import LEFT, NS_PER_S, RIGHT, WHEELS
 
 # m; shorter steps are not added to the distance, so that noise of a stationary robot does not
@@ -73,7 +74,7 @@ class PoseScore:
     twist: dict[str, Score] | None  # v_x, v_y [m/s], yaw_rate [rad/s]; None without true twist
 
 
-def score(error: Floats, sigma: Floats) -> Score:
+def score(error: Array, sigma: Array) -> Score:
     """Return the score of the finite values of ``error``."""
     known = np.isfinite(error)
     error, sigma = error[known], sigma[known]
@@ -86,7 +87,7 @@ def score(error: Floats, sigma: Floats) -> Score:
                  float(np.mean(normalized <= 1.0)), float(np.mean(normalized <= 2.0)))
 
 
-def rms(values: Floats) -> float:
+def rms(values: Array) -> float:
     """Return the root mean square; NaN without values."""
     return float(np.sqrt(np.mean(values ** 2))) if len(values) else math.nan
 
@@ -109,7 +110,7 @@ def slip_scores(estimate: SlipSeries, truth: SlipSeries,
             for name, wheels in members.items()}
 
 
-def _slip_score(ratio: Floats, sigma: Floats, truth: Floats) -> SlipScore:
+def _slip_score(ratio: Array, sigma: Array, truth: Array) -> SlipScore:
     estimated, true = np.mean(ratio, axis=1), np.mean(truth, axis=1)
     moving = np.isfinite(estimated - true)
     estimated, true = estimated[moving], true[moving]
@@ -119,7 +120,7 @@ def _slip_score(ratio: Floats, sigma: Floats, truth: Floats) -> SlipScore:
     return SlipScore(float(np.mean(estimated)), float(np.mean(true)), error)
 
 
-def within(stamp_ns: Stamps, intervals: Sequence[tuple[int, int]] | None) -> NDArray[np.bool_]:
+def within(stamp_ns: Instants, intervals: Sequence[tuple[int, int]] | None) -> NDArray[np.bool_]:
     """Return which timestamps are within ``intervals``; all if ``intervals`` is None."""
     if intervals is None:
         return np.ones(len(stamp_ns), bool)
@@ -129,7 +130,7 @@ def within(stamp_ns: Stamps, intervals: Sequence[tuple[int, int]] | None) -> NDA
     return inside
 
 
-def aligned(truth: PoseSeries, estimate: PoseSeries) -> tuple[Floats, Floats, Stamps]:
+def aligned(truth: PoseSeries, estimate: PoseSeries) -> tuple[Array, Array, Instants]:
     """
     Return estimated and true poses (n, 3) at the true timestamps, and these timestamps.
 
@@ -146,14 +147,14 @@ def aligned(truth: PoseSeries, estimate: PoseSeries) -> tuple[Floats, Floats, St
     return estimated, np.column_stack([moved, true[:, 2] + turn]), truth.stamp_ns[known]
 
 
-def rotated(points: Floats, angle: float | Floats) -> Floats:
+def rotated(points: Array, angle: float | Array) -> Array:
     """Return ``points`` (n, 2), rotated counter-clockwise by one or n angles [rad]."""
     cos, sin = np.cos(angle), np.sin(angle)
     x, y = points[:, 0], points[:, 1]
     return np.column_stack([cos * x - sin * y, sin * x + cos * y])
 
 
-def distance(position: Floats) -> float:
+def distance(position: Array) -> float:
     """Return the length [m] of a path (n, 2) without steps below ``MIN_DISTANCE_STEP``."""
     total, anchor = 0.0, position[0]
     for point in position[1:]:
@@ -182,7 +183,7 @@ def pose_score(estimate: PoseSeries, truth: PoseSeries) -> PoseScore | None:
         step_position, step_yaw, _twist(estimate, truth))
 
 
-def _normalized(error: Floats, covariance: Floats) -> float:
+def _normalized(error: Array, covariance: Array) -> float:
     """Return the rms of errors (n, 2) normalized by their covariances; NaN if all singular."""
     determinant = np.linalg.det(covariance)
     regular = np.isfinite(determinant) & (determinant > 0.0)
@@ -193,7 +194,7 @@ def _normalized(error: Floats, covariance: Floats) -> float:
     return math.sqrt(float(np.mean(squares)) / error.shape[1])
 
 
-def _relative_errors(estimated: Floats, true: Floats, stamp_ns: Stamps) -> tuple[float, float]:
+def _relative_errors(estimated: Array, true: Array, stamp_ns: Instants) -> tuple[float, float]:
     """Return rms relative pose errors [m], [rad] over one second, in body axes."""
     later = stamp_ns + RELATIVE_POSE_INTERVAL_NS
     moved = []
@@ -216,7 +217,7 @@ def _twist(estimate: PoseSeries, truth: PoseSeries) -> dict[str, Score] | None:
             for i, name in enumerate(('v_x', 'v_y', 'yaw_rate'))}
 
 
-def stamp_score(stamp_ns: Stamps, true_ns: Stamps, sigma: float) -> Score:
+def stamp_score(stamp_ns: Instants, true_ns: Instants, sigma: float) -> Score:
     """
     Return the score [s] of timestamps against the nearest true times (sorted).
 

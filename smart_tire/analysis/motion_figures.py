@@ -30,8 +30,9 @@ from smart_tire.analysis.figure import (
     share_outside, SIGMAS, TIME_LABEL, truth_mark, TWO_SIGMA)
 from smart_tire.analysis.metrics import aligned, SIDES
 from smart_tire.analysis.result import Result
-from smart_tire.analysis.series import Floats, seconds, Series
 from smart_tire.analysis.tracking import track
+from smart_tire.arrays import Array
+from smart_tire.recording import Recording, seconds
 from smart_tire.samples import NS_PER_S, WHEELS
 
 MIN_SLIP_MARGIN, MAX_SHOWN_SLIP = 0.1, 1.05  # -, of the slip axis
@@ -55,7 +56,7 @@ class SlipCurve:
     hidden_share: float  # of the estimates, which are not drawn
 
 
-def slip_curves(estimates: Series, truth: Series, origin_ns: int,
+def slip_curves(estimates: Recording, truth: Recording, origin_ns: int,
                 groups: Mapping[str, Sequence[int]] = SIDES) -> list[SlipCurve]:
     """Return the slip of each group of wheels, the mean of the measured ones; NaN if unknown."""
     own, true = estimates.slips(), truth.slips()
@@ -124,7 +125,7 @@ def _slip_panel(marks: Sequence[Mark], title: str, y_limits: Limits,
 def _shown_slip(curves: Sequence[SlipCurve], spans: Sequence[tuple[float, float]] = ()
                 ) -> tuple[float, float, str]:
     """Return the limits of the slip axis within ``spans`` [s], and what is not shown."""
-    def values(curve: Curve) -> Floats:
+    def values(curve: Curve) -> Array:
         return curve.y[np.any([(curve.x >= begin) & (curve.x <= end) for begin, end in spans],
                               axis=0)] if spans else curve.y
 
@@ -176,21 +177,21 @@ def path_figure(result: Result, *, errors: bool = True) -> Figure | None:
                   rows, (5.0, 2.5) if len(rows) > 1 else (6.0, 4.6))
 
 
-def wanted_marks(paths: Sequence[Floats]) -> list[Mark]:
+def wanted_marks(paths: Sequence[Array]) -> list[Mark]:
     """Return the paths (n, 2) that were to be followed."""
     return [Mark(Curve(*path.T), 'wanted', 'shade', width=5.0, opacity=0.4) for path in paths]
 
 
-def _path(position: Floats, label: str, color: str = 'blue') -> Mark:
+def _path(position: Array, label: str, color: str = 'blue') -> Mark:
     position = position[equidistant(position[:, :2])]
     return Mark(Curve(position[:, 0], position[:, 1]), label, color, width=1.6)
 
 
-def _dot(position: Floats, label: str, color: str = 'ink') -> Mark:
+def _dot(position: Array, label: str, color: str = 'ink') -> Mark:
     return Mark(Curve(position[:, 0], position[:, 1]), label, color, 'points', 6.0)
 
 
-def equidistant(position: Floats, limit: int = MAX_PATH_POINTS) -> np.ndarray[
+def equidistant(position: Array, limit: int = MAX_PATH_POINTS) -> np.ndarray[
         tuple[int], np.dtype[np.intp]]:
     """Return at most ``limit`` rows of a path (n, 2), about equally spaced along it."""
     if len(position) <= limit:
@@ -201,7 +202,7 @@ def equidistant(position: Floats, limit: int = MAX_PATH_POINTS) -> np.ndarray[
     return np.unique(np.append(np.unique(cells, return_index=True)[1], len(position) - 1))
 
 
-def _ellipses(position: Floats, covariance: Floats, color: str) -> Mark:
+def _ellipses(position: Array, covariance: Array, color: str) -> Mark:
     """Return ellipses of two standard deviations at about equal distances along a path."""
     angle = np.linspace(0.0, 2.0 * math.pi, ELLIPSE_POINTS)
     circle = np.stack([np.cos(angle), np.sin(angle)])

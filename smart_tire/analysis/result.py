@@ -22,7 +22,8 @@ from functools import cached_property
 
 from smart_tire.analysis.figure import Curve, Segments, segments
 from smart_tire.analysis.metrics import Intervals
-from smart_tire.analysis.series import Floats, seconds, Series, time_origin
+from smart_tire.arrays import Array
+from smart_tire.recording import Recording, seconds, time_origin
 
 FILTERED, SMOOTHED = 'filtered', 'smoothed'
 
@@ -31,11 +32,11 @@ FILTERED, SMOOTHED = 'filtered', 'smoothed'
 class Result:
     """Estimates of a recording and what they are compared with; ``truth`` may be empty."""
 
-    estimates: Series
-    inputs: Series = field(default_factory=Series)
-    truth: Series = field(default_factory=Series)
-    smoothed: Series | None = None
-    wanted: Sequence[Floats] = ()  # paths (n, 2) m that were to be followed
+    estimates: Recording
+    inputs: Recording = field(default_factory=Recording)
+    truth: Recording = field(default_factory=Recording)
+    smoothed: Recording | None = None
+    wanted: Sequence[Array] = ()  # paths (n, 2) m that were to be followed
     intervals: Intervals = field(default_factory=dict)  # evaluated separately
 
     @cached_property
@@ -51,7 +52,7 @@ class Result:
         return segments([Curve(time, speed) for speed in speeds.T])
 
     @property
-    def labeled(self) -> Mapping[str, Series]:
+    def labeled(self) -> Mapping[str, Recording]:
         """Return the estimates by label, those of the filter first."""
         return {'estimate': self.estimates} if self.smoothed is None else {
             FILTERED: self.estimates, SMOOTHED: self.smoothed}

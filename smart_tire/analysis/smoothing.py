@@ -20,13 +20,13 @@ from collections import Counter, deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
-from smart_tire.analysis.series import Series
 from smart_tire.estimation.ground.window import LENGTH
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.estimation.slip.output import EstimateRecord, SlipOutputBuilder
 from smart_tire.estimation.slip.rts_smoother import RtsSmoother
 from smart_tire.estimation.slip.state import ESTIMATED
 from smart_tire.parameters import SlipEstimatorParams
+from smart_tire.recording import Recording
 from smart_tire.samples import GroundState, ImuSample, NS_PER_S, Sample, WheelSample
 
 HOLD_NS = 2 * NS_PER_S  # of inputs, until the ground of their time is known
@@ -79,8 +79,8 @@ class SmoothedSlip:
 class FilteredAndSmoothed:
     """Estimates of the filter and of the smoother."""
 
-    filtered: Series
-    smoothed: Series
+    filtered: Recording
+    smoothed: Recording
 
 
 def smooth(params: SlipEstimatorParams, samples: Iterable[Sample]) -> FilteredAndSmoothed:
@@ -89,7 +89,7 @@ def smooth(params: SlipEstimatorParams, samples: Iterable[Sample]) -> FilteredAn
 
     Samples other than those of IMU, wheels and ground are ignored.
     """
-    both, slip = FilteredAndSmoothed(Series(), Series()), SmoothedSlip(params)
+    both, slip = FilteredAndSmoothed(Recording(), Recording()), SmoothedSlip(params)
     for sample in samples:
         if isinstance(sample, (ImuSample, WheelSample, GroundState)):
             for estimate in slip.update(sample):

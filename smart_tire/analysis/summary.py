@@ -26,7 +26,8 @@ import numpy as np
 from smart_tire.analysis.friction_metrics import (
     column, friction_scores, is_informative, match, Matches)
 from smart_tire.analysis.metrics import distance, Intervals, pose_score, SIDES, slip_scores, within
-from smart_tire.analysis.series import Floats, Series
+from smart_tire.arrays import Array
+from smart_tire.recording import Recording
 from smart_tire.samples import Friction, GROUND_ESTIMATES, WHEELS
 
 Tree = dict[str, Any]
@@ -47,7 +48,7 @@ def plain(value: Any) -> Any:
     return int(value) if isinstance(value, np.integer) else value
 
 
-def estimates_tree(estimates: Series) -> Tree:
+def estimates_tree(estimates: Recording) -> Tree:
     """Return the summary of the estimates."""
     poses, slips = estimates.poses(), estimates.slips()
     tree: Tree = {}
@@ -74,11 +75,11 @@ def estimates_tree(estimates: Series) -> Tree:
     return plain(tree)
 
 
-def _mean(values: Floats) -> float:
+def _mean(values: Array) -> float:
     return float(np.mean(values)) if len(values) else math.nan
 
 
-def _median(values: Floats) -> float:
+def _median(values: Array) -> float:
     """Return the median of the finite ``values``; NaN without any."""
     finite = values[np.isfinite(values)]
     return float(np.median(finite)) if len(finite) else math.nan
@@ -94,7 +95,7 @@ def _wheel_tree(crossings: Sequence[Friction]) -> Tree:
             'last_fused_sigma': last.friction_coefficient.sigma}
 
 
-def truth_tree(estimates: Series, truth: Series,
+def truth_tree(estimates: Recording, truth: Recording,
                intervals: Intervals | None = None) -> Tree | None:
     """
     Return the errors against ground truth; None without ground truth.

@@ -27,7 +27,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from smart_tire.analysis.metrics import rms
-from smart_tire.analysis.series import Floats
+from smart_tire.arrays import Array
 
 SPACING = 0.01      # m between compared points of path and track
 MAX_POINTS = 3000   # of path and track each; longer ones are compared at a larger spacing
@@ -37,10 +37,10 @@ MAX_POINTS = 3000   # of path and track each; longer ones are compared at a larg
 class Tracking:
     """Comparison of a track with a path, one row per ``spacing`` of driven distance."""
 
-    position: Floats   # (n, 2) m, of the track
-    driven: Floats     # (n,) m, driven distance
-    progress: Floats   # (n,) m along the path, never decreasing
-    error: Floats      # (n,) m from the path, positive to the left of its direction
+    position: Array   # (n, 2) m, of the track
+    driven: Array     # (n,) m, driven distance
+    progress: Array   # (n,) m along the path, never decreasing
+    error: Array      # (n,) m from the path, positive to the left of its direction
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class TrackingScore:
     end_m: float      # distance of the last point of the track from the end of the path
 
 
-def track(path: Floats, position: Floats) -> Tracking | None:
+def track(path: Array, position: Array) -> Tracking | None:
     """
     Return the comparison of the driven ``position`` (m, 2) with ``path`` (n, 2), both in m.
 
@@ -75,7 +75,7 @@ def track(path: Floats, position: Floats) -> Tracking | None:
     return Tracking(found, driven, progress, error)
 
 
-def tracking_score(path: Floats, position: Floats) -> TrackingScore | None:
+def tracking_score(path: Array, position: Array) -> TrackingScore | None:
     """Return the tracking errors of the driven ``position`` (m, 2); None as in ``track``."""
     tracking = track(path, position)
     if tracking is None:
@@ -87,12 +87,12 @@ def tracking_score(path: Floats, position: Floats) -> TrackingScore | None:
         float(np.linalg.norm(position[-1] - path[-1])))
 
 
-def path_length(path: Floats) -> float:
+def path_length(path: Array) -> float:
     """Return the length [m] of a polyline (n, 2)."""
     return float(np.sum(np.linalg.norm(np.diff(path, axis=0), axis=1)))
 
 
-def resampled(path: Floats, spacing: float) -> tuple[Floats, Floats]:
+def resampled(path: Array, spacing: float) -> tuple[Array, Array]:
     """
     Return points (k, 2) on a polyline and their distances (k,) [m] along it.
 
@@ -107,7 +107,7 @@ def resampled(path: Floats, spacing: float) -> tuple[Floats, Floats]:
     return np.column_stack([np.interp(along, ends, column) for column in path.T]), along
 
 
-def thinned(position: Floats, spacing: float) -> Floats:
+def thinned(position: Array, spacing: float) -> Array:
     """Return the points that are at least ``spacing`` [m] from the one kept before."""
     kept = [0]
     for index, point in enumerate(position):
@@ -116,7 +116,7 @@ def thinned(position: Floats, spacing: float) -> Floats:
     return position[kept]
 
 
-def assign(path: Floats, position: Floats) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+def assign(path: Array, position: Array) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
     """
     Return the index into ``path`` (n, 2) of each ``position`` (m, 2), never decreasing.
 
@@ -138,8 +138,8 @@ def assign(path: Floats, position: Floats) -> np.ndarray[tuple[int], np.dtype[np
     return index
 
 
-def _project(path: Floats, along: Floats, position: Floats,
-             index: np.ndarray[tuple[int], np.dtype[np.int64]]) -> tuple[Floats, Floats]:
+def _project(path: Array, along: Array, position: Array,
+             index: np.ndarray[tuple[int], np.dtype[np.int64]]) -> tuple[Array, Array]:
     """Return the signed distance from the segments next to ``index``, and the progress."""
     found = []
     for first in (np.maximum(index - 1, 0), np.minimum(index, len(path) - 2)):

@@ -23,7 +23,7 @@ import pytest
 
 from smart_tire.analysis.drive_report import (
     demo_lines, late_host, radio_counts, read_conversions, stamp_errors)
-from smart_tire.analysis.series import Series
+from smart_tire.recording import Recording
 from smart_tire.samples import NS_PER_S, TireSample
 
 PERIOD = 2_500_000  # ns
@@ -43,7 +43,7 @@ def log(tmp_path):
 
 
 def received(log, offset_ns=0, lost=()):
-    series = Series()
+    series = Recording()
     for k, batch in enumerate(read_conversions(log)):
         if not batch.dropped and k not in lost:
             for stamp in batch.stamp_ns:

@@ -25,9 +25,9 @@ from smart_tire.analysis.driven_paths import driven_lines, driven_tree, grounds_
 from smart_tire.analysis.motion_figures import path_figure, tracking_figure
 from smart_tire.analysis.offline import analyze
 from smart_tire.analysis.pipeline import EstimatorParams
-from smart_tire.analysis.series import Series
 from smart_tire.control.trajectory_control import State
 from smart_tire.parameters import build, SimulatorParams
+from smart_tire.recording import Recording
 from smart_tire.rotation import quaternion
 from smart_tire.samples import NAN, NS_PER_S, Odometry, PathProgress, PlannedPath
 
@@ -46,7 +46,7 @@ def odometry(seconds, x, y, yaw=0.0):
 
 def poses(y=0.0, yaw=0.0, until=10.0):
     """Return a drive along x from 2 s on, in a frame that is turned by ``yaw``."""
-    series = Series()
+    series = Recording()
     for seconds in np.arange(0.0, until, 0.02):
         x = SPEED * max(seconds - 2.0, 0.0)
         own_y = y * min(x, 1.0)
@@ -77,7 +77,7 @@ FOLLOWED = (0.0, State.IDLE), (2.25, State.FOLLOWING), (8.0, State.ARRIVED)
 
 
 def test_a_path_ends_with_the_first_other_state():
-    [drive] = log(*FOLLOWED).driven(poses(), Series().poses())
+    [drive] = log(*FOLLOWED).driven(poses(), Recording().poses())
     assert drive.state == State.ARRIVED
     assert drive.duration == pytest.approx(6.0)
     assert drive.estimated[[0, -1], 0] == pytest.approx([0.0, 3.0])
@@ -86,7 +86,7 @@ def test_a_path_ends_with_the_first_other_state():
 
 def test_the_state_before_the_path_does_not_end_it():
     [drive] = log((0.0, State.ARRIVED), (2.5, State.FOLLOWING), (8.0, State.STOPPED)).driven(
-        poses(), Series().poses())
+        poses(), Recording().poses())
     assert drive.state == State.STOPPED and drive.duration == pytest.approx(6.0)
 
 
@@ -136,7 +136,7 @@ def test_errors_in_truth_are_those_since_the_path_began():
 
 
 def test_without_truth_the_errors_are_those_of_the_estimate():
-    [drive] = log(*FOLLOWED).driven(poses(y=0.1), Series().poses())
+    [drive] = log(*FOLLOWED).driven(poses(y=0.1), Recording().poses())
     tree = driven_tree(drive)
     assert tree['in_truth'] is None
     assert 'in truth' not in '\n'.join(driven_lines('path', tree))

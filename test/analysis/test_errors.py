@@ -23,7 +23,7 @@ from smart_tire.analysis.errors import (
     ErrorCurve, friction_errors, pose_errors, slip_errors, twist_errors)
 from smart_tire.analysis.figure import Curve
 from smart_tire.analysis.friction_metrics import match
-from smart_tire.analysis.series import Series
+from smart_tire.recording import Recording
 from smart_tire.samples import Friction, NS_PER_S, Odometry, WheelSlip
 from smart_tire.uncertain import Uncertain
 
@@ -32,7 +32,7 @@ COVARIANCE = tuple(0.04 if i % 7 == 0 else 0.0 for i in range(36))
 
 def driven(speed, slip=0.1, sigma=0.02, known=True):
     """Return two seconds of straight driving at ``speed`` [m/s]."""
-    series = Series()
+    series = Recording()
     twist = COVARIANCE if known else (-1.0, *(0.0,) * 35)
     for i in range(20):
         stamp = round(0.1 * i * NS_PER_S)
@@ -55,8 +55,8 @@ def test_pose_errors_grow_along_the_path_and_keep_the_standard_deviations():
 def test_errors_need_an_overlap_and_a_true_twist():
     assert twist_errors(driven(1.1), driven(1.0), 0)[0].curve.y == pytest.approx(0.1)
     assert twist_errors(driven(1.1), driven(1.0, known=False), 0) == []
-    assert pose_errors(driven(1.0), Series(), 0) == []
-    assert slip_errors(driven(1.0), Series(), 0) == []
+    assert pose_errors(driven(1.0), Recording(), 0) == []
+    assert slip_errors(driven(1.0), Recording(), 0) == []
 
 
 def test_slip_errors_count_where_slip_is_observable():

@@ -25,8 +25,8 @@ from smart_tire.analysis.figures import (
 from smart_tire.analysis.motion_figures import (
     equidistant, path_figure, slip_figure, velocity_figure, wheel_slip_figure, wheel_speed_figure)
 from smart_tire.analysis.result import Result
-from smart_tire.analysis.series import Series
 from smart_tire.parameters import RobotParams
+from smart_tire.recording import Recording
 from smart_tire.samples import (
     Friction, GroundState, NS_PER_S, Odometry, TireSample, WheelSample, WheelSlip)
 from smart_tire.uncertain import Uncertain, UNKNOWN
@@ -43,7 +43,7 @@ def ns(time_s):
 
 def driven():
     """Return four seconds of poses and slips, and crossings at 1, 2 and 3 s."""
-    series = Series()
+    series = Recording()
     for i in range(400):
         series.add(Odometry(ns(0.01 * i), (0.005 * i, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0),
                             (0.5, 0.0, 0.0), (0.0, 0.0, 0.0), SPREAD, SPREAD))
@@ -58,7 +58,7 @@ def driven():
 
 def measured(lost=(9.0, 9.0), omega=OMEGA):
     """Return four seconds of film voltages and wheel speeds without those in ``lost`` [s]."""
-    series = Series()
+    series = Recording()
     for i in range(1600):
         if not lost[0] <= i / 400 <= lost[1]:
             series.add(TireSample(ns(i / 400), 'front_left', (1.65 + 0.001 * i, 1.65)))
@@ -72,7 +72,7 @@ def result(**changes):
 
 
 def only(crossings=(), slips=()):
-    series = Series()
+    series = Recording()
     series.crossings = list(crossings)
     for slip in slips:
         series.add(slip)
@@ -92,7 +92,7 @@ def test_what_was_estimated_is_written(tmp_path):
     assert [path.name for path in written] == [
         'slip.png', 'path.png', 'friction.png', 'crossing.png']
     assert all(path.read_bytes().startswith(b'\x89PNG') for path in written)
-    assert write_figures(tmp_path, Result(Series(), measured()), ROBOT) == []
+    assert write_figures(tmp_path, Result(Recording(), measured()), ROBOT) == []
 
 
 def test_every_axis_has_a_unit_and_every_band_an_explanation():
@@ -107,7 +107,7 @@ def test_every_axis_has_a_unit_and_every_band_an_explanation():
         banded = any(mark.curve.sigma is not None
                      for panel in figure.panels for mark in panel.marks)
         assert banded == ('reports' in figure.caption), figure.name
-    assert all(draw(Result(Series())) is None for draw in (
+    assert all(draw(Result(Recording())) is None for draw in (
         slip_figure, wheel_slip_figure, path_figure, friction_figure, adhesion_figure,
         ground_figure, velocity_figure, wheel_speed_figure))
 
@@ -139,7 +139,7 @@ def test_filtered_and_smoothed_motion_is_drawn_and_friction_once():
 
 def test_wanted_paths_are_below_the_others():
     wanted = [np.array([[0.0, 0.0], [1.0, 0.0]]), np.array([[1.0, 0.0], [1.0, 1.0]])]
-    for truth in (driven(), Series()):
+    for truth in (driven(), Recording()):
         marks = path_figure(result(truth=truth, wanted=wanted)).panels[0].marks
         assert [(mark.label, mark.curve.x.tolist()) for mark in marks[:2]] == [
             ('wanted', path[:, 0].tolist()) for path in wanted]
@@ -148,7 +148,7 @@ def test_wanted_paths_are_below_the_others():
 def test_ground_truth_is_drawn_if_available():
     for draw in (slip_figure, wheel_slip_figure, friction_figure, adhesion_figure,
                  velocity_figure):
-        for truth, expected in ((driven(), True), (Series(), False)):
+        for truth, expected in ((driven(), True), (Recording(), False)):
             figure = draw(result(truth=truth))
             assert ('truth' in labels(figure.panels[0])) == expected
             assert ('Dashed' in figure.caption) == expected
@@ -196,7 +196,7 @@ def test_slip_has_no_line_at_standstill_and_where_it_is_unknown():
 
 
 def test_a_long_recording_has_segments_where_the_wheels_change():
-    inputs = Series()
+    inputs = Recording()
     for i in range(1200):
         turning = 200 <= i < 250 or 900 <= i < 950
         inputs.add(WheelSample(ns(0.1 * i), (OMEGA + (i % 2 if turning else 0.0),) * 4))
@@ -241,5 +241,5 @@ def test_a_crossing_needs_all_samples_and_the_speed_of_its_wheel():
     crossing = driven().crossings[0]
     elsewhere = Friction(ns(1.0), 'rear_left', slip=Uncertain(0.1, 0.0))
     for one, inputs in ((crossing, measured((0.98, 1.02))), (elsewhere, measured()),
-                        (elsewhere, Series()), (crossing, measured(omega=0.0))):
+                        (elsewhere, Recording()), (crossing, measured(omega=0.0))):
         assert figures.crossing_waveform(one, inputs, ROBOT) is None

@@ -22,7 +22,7 @@ import pytest
 
 from smart_tire.analysis.metrics import (
     distance, pose_score, score, slip_scores, stamp_score)
-from smart_tire.analysis.series import PoseSeries, SlipSeries
+from smart_tire.recording import PoseSeries, SlipSeries
 
 EPOCH = 1_700_000_000_000_000_000
 

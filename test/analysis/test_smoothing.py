@@ -21,12 +21,12 @@ from functools import cache
 import numpy as np
 import pytest
 
-from smart_tire.analysis.series import Series
 from smart_tire.analysis.smoothing import smooth, SmoothedSlip
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.estimation.slip.rts_smoother import RtsSmoother
 from smart_tire.estimation.slip.state import ESTIMATED, State
 from smart_tire.parameters import build, SlipEstimatorParams
+from smart_tire.recording import Recording
 from smart_tire.samples import NS_PER_S, Odometry, TireSample
 from support.driving import drive, ramp, START_NS, STEP
 
@@ -114,7 +114,7 @@ def filtered_errors(latency):
     for seed in range(3):
         run, ground = driven(seed, wheel_latency=latency)
         estimator = SlipEstimator(build(SlipEstimatorParams, {'encoder.latency': latency}))
-        series = Series()
+        series = Recording()
         for sample in run.samples:
             for estimate in estimator.update(sample):
                 series.add(estimate)

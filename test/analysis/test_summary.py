@@ -22,8 +22,8 @@ import numpy as np
 import pytest
 
 from smart_tire.analysis.metrics import Score
-from smart_tire.analysis.series import Series
 from smart_tire.analysis.summary import estimates_tree, plain, surfaces, truth_tree, WHOLE
+from smart_tire.recording import Recording
 from smart_tire.samples import Friction, GROUND_ESTIMATES, GroundState, Odometry, WheelSlip
 from smart_tire.uncertain import Uncertain, UNKNOWN
 
@@ -34,7 +34,7 @@ SPREAD = tuple(0.01 if i % 7 == 0 else 0.0 for i in range(36))
 
 def run(slip_error=0.0, mu_factor=1.0):
     """Return ten seconds of straight driving on surfaces with friction 0.47 and 0.3."""
-    series = Series()
+    series = Recording()
     for i in range(1000):
         stamp = EPOCH + i * SECOND // 100
         series.add(Odometry(stamp, (0.005 * i, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), (0.5, 0.0, 0.0),
@@ -87,15 +87,15 @@ def test_the_ground_is_summarized_by_medians():
 
 
 def test_a_recording_without_estimates_has_an_empty_tree():
-    assert estimates_tree(Series()) == {'tire_friction': {}}
+    assert estimates_tree(Recording()) == {'tire_friction': {}}
 
 
 def test_without_ground_truth_there_are_no_errors():
-    assert truth_tree(run(), Series()) is None
+    assert truth_tree(run(), Recording()) is None
 
 
 def test_errors_are_computed_for_the_available_ground_truth():
-    truth = Series()
+    truth = Recording()
     truth.add(Odometry(EPOCH, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0),
                        (0.0, 0.0, 0.0), (0.0,) * 36, (-1.0,) * 36))
     truth.add(Odometry(EPOCH + SECOND, (0.5, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0),

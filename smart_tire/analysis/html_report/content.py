@@ -38,7 +38,6 @@ from smart_tire.analysis.motion_figures import (
 from smart_tire.analysis.offline import Analysis, BagContents
 from smart_tire.analysis.pipeline import ESTIMATES, INPUTS, TRUTHS
 from smart_tire.analysis.result import Result
-from smart_tire.analysis.series import seconds, SlipSeries
 from smart_tire.analysis.summary import Tree, WHOLE
 from smart_tire.analysis.tables import (
     consistency_table, friction_error_table, friction_table, ground_table, inputs_table,
@@ -46,6 +45,7 @@ from smart_tire.analysis.tables import (
 from smart_tire.messages import find_topic
 from smart_tire.parameters import known_names, load_files, NODE_PARAMS, Spec, specs
 from smart_tire.parameters.files import value_text
+from smart_tire.recording import seconds, SlipSeries
 from smart_tire.samples import Friction
 
 PARAMETER_HEAD = ('parameter', 'value', 'unit', 'from', 'node', 'meaning')

@@ -28,8 +28,8 @@ from typing import Any
 import numpy as np
 
 from smart_tire.analysis.figure import Curve, Figure, Mark, Panel, runs
-from smart_tire.analysis.series import Floats
 from smart_tire.analysis.summary import SIGNIFICANT_DIGITS
+from smart_tire.arrays import Array
 
 MAX_POINTS = 5000  # of a curve
 CRITERIA = 4       # rows that are kept of each interval, see ``decimated``
@@ -161,7 +161,7 @@ def numbers(values: Iterable[float], digits: int = SIGNIFICANT_DIGITS) -> list[f
             for value in np.asarray(values, np.float64).tolist()]
 
 
-def times(values: Floats) -> list[float]:
+def times(values: Array) -> list[float]:
     """Return times [s] with a resolution of one millisecond."""
     return [round(value, 3) for value in values.tolist()]
 
@@ -193,7 +193,7 @@ def bucket_count(limit: int = MAX_POINTS) -> int:
     return (limit - 2) // CRITERIA
 
 
-def _in_rows(values: Floats, buckets: int) -> Floats:
+def _in_rows(values: Array, buckets: int) -> Array:
     """Return ``values`` in rows of equal length, with -inf for NaN and at the end."""
     width = -(-len(values) // buckets)
     padded = np.full(buckets * width, -math.inf)

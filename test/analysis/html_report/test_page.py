@@ -30,10 +30,10 @@ from smart_tire.analysis.html_report.page import Facts, Folded, html_page, scrip
 from smart_tire.analysis.html_report.plots import plotly_spec
 from smart_tire.analysis.offline import Analysis, analyze, BagContents
 from smart_tire.analysis.result import Result
-from smart_tire.analysis.series import Series
 from smart_tire.analysis.tables import Table, text
 from smart_tire.bags import BagWriter
 from smart_tire.parameters import build, SimulatorParams
+from smart_tire.recording import Recording
 from smart_tire.samples import Friction, WheelSlip
 from smart_tire.simulation.offline import simulate
 from smart_tire.uncertain import Uncertain, UNKNOWN
@@ -234,7 +234,7 @@ def test_every_specification_is_valid_for_plotly_and_every_axis_has_a_unit(repor
 
 def estimated():
     """Return slips of which a quarter is undefined and a quarter unknown, and three crossings."""
-    series = Series()
+    series = Recording()
     for i, (ratio, sigma) in enumerate(((0.1, 0.5), (0.1, 0.1), (math.nan, 1.0), (1.0, 0.6))):
         series.add(WheelSlip(i, (ratio,) * 4, (0.0,) * 4, (sigma,) * 4))
     series.crossings = [
@@ -255,7 +255,7 @@ def test_every_kind_is_counted_with_its_reason():
 
 
 def test_nothing_left_out_is_an_empty_table():
-    assert left_out_table(Result(Series()), {'odom': {'late': 0, 'rejected': 0}}).rows == []
+    assert left_out_table(Result(Recording()), {'odom': {'late': 0, 'rejected': 0}}).rows == []
 
 
 def test_warnings_of_the_reader_are_not_listed_twice():
