@@ -59,7 +59,7 @@ help:
 setup: $(READY)
 
 # An editable installation compiles in the source tree: again after each change of COMPILED.
-COMPILED := smart_tire/estimation/ground/body_model.py smart_tire/estimation/slip/equations.py
+COMPILED := smart_tire/estimation/ground/body_model.py smart_tire/estimation/slip/kalman.py smart_tire/estimation/slip/motion.py smart_tire/estimation/slip/tire_forces.py
 REMOVE_EXTENSIONS := find smart_tire -name '*.so' -delete
 
 $(READY): constraints.txt requirements.txt setup.py setup.cfg pyproject.toml $(COMPILED)

@@ -26,7 +26,8 @@ NODES = (
     'tire_receiver', 'imu_driver', 'motor_driver', 'slip_estimator', 'friction_estimator',
     'wheel_controller', 'trajectory_controller', 'robot_simulator')
 COMPILED = ('smart_tire/estimation/ground/body_model.py',
-            'smart_tire/estimation/slip/equations.py')
+            'smart_tire/estimation/slip/kalman.py', 'smart_tire/estimation/slip/motion.py',
+            'smart_tire/estimation/slip/tire_forces.py')
 
 
 class BuildFromPython(build_ext):

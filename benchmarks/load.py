@@ -150,7 +150,7 @@ def print_steps(samples: Sequence[Any]) -> None:
     import numpy as np
     from smart_tire.analysis.pipeline import EstimatorParams, FrictionStage
     from smart_tire.estimation.reorder_buffer import GRID_NS
-    from smart_tire.estimation.slip.equations import COMPILED
+    from smart_tire.estimation.slip.kalman import COMPILED
     from smart_tire.estimation.slip.estimator import SlipEstimator
     from smart_tire.parameters import build, FrictionEstimatorParams
     from smart_tire.samples import GroundState, ImuSample, NS_PER_S, WheelSample

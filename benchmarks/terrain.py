@@ -30,10 +30,9 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.models.constants import GRAVITY
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.rotation import euler, matrix
-from smart_tire.samples import ImuSample, NS_PER_S, Odometry, Sample
+from smart_tire.samples import GRAVITY, ImuSample, NS_PER_S, Odometry, Sample
 from smart_tire.simulation.offline import Event
 
 Terrain = Callable[[Array, Array], tuple[Array, Array]]  # x, y [m] -> slopes dh/dx, dh/dy [-]

@@ -31,6 +31,7 @@ WHEELS = ('front_left', 'front_right', 'rear_left', 'rear_right')
 LEFT = (0, 2)   # indices into WHEELS
 RIGHT = (1, 3)  # indices into WHEELS
 NAN = math.nan
+GRAVITY = 9.80665  # m/s2, standard acceleration of free fall (ISO 80000-3)
 
 # Bounds of valid measurements of any wheeled robot:
 MAX_WHEEL_SPEED = 1e3     # rad/s, 10 000 rpm; 87 m/s with the wheels of paper B

@@ -26,7 +26,7 @@ from benchmarks.tables import new_table, number
 import numpy as np
 from rich.table import Table
 from smart_tire.arrays import Array
-from smart_tire.models.constants import GRAVITY
+from smart_tire.samples import GRAVITY
 
 SCORED_SPEED = 1.2        # m/s, up to which starts count; then the command limits the slip
 MIN_SLIDING_SPEED, MIN_SPEED = 0.05, 0.2  # m/s, of the tread and of the robot, for slip to count

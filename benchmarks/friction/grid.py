@@ -20,11 +20,11 @@ from dataclasses import dataclass, replace
 import math
 from typing import Any
 
-from smart_tire.models.constants import GRAVITY
 from smart_tire.models.tire import brush_tire
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.robot import FilmParams
 from smart_tire.parameters.simulation import SensorErrorParams
+from smart_tire.samples import GRAVITY
 
 RPM = math.tau / 60.0  # rad/s
 WHEEL = 'front_right'  # instrumented wheel

@@ -40,11 +40,10 @@ from benchmarks.hills import WAVELENGTHS
 from benchmarks.terrain import rolling_hills, Terrain
 import numpy as np
 
-from smart_tire.models.constants import GRAVITY
 from smart_tire.models.vehicle.drive import DRY_FRICTION_SPEED
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.parameters.simulation import DriveParams
-from smart_tire.samples import Four
+from smart_tire.samples import Four, GRAVITY
 from smart_tire.simulation.plant import (
     LOAD_TRANSFER_TIME, NOMINAL, Plant, Surface, SurfaceMap, TIME_STEP)
 

@@ -19,10 +19,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 import math
 
-from smart_tire.models.constants import GRAVITY
 from smart_tire.parameters.control import PidParams
 from smart_tire.parameters.robot import RobotParams
-from smart_tire.samples import WHEELS
+from smart_tire.samples import GRAVITY, WHEELS
 
 # Of the wheel's own inertia, added by the derivative. With a delay the loop is stable below 1 for
 # the true acceleration; readings give its mean of the past, with the noise of their timestamps.

@@ -19,11 +19,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 import math
 
-from smart_tire.models.constants import GRAVITY
 from smart_tire.models.vehicle.drive import traction_force
 from smart_tire.parameters.path_following import FadingParams, FrictionLimitParams
 from smart_tire.parameters.robot import RobotParams
-from smart_tire.samples import GroundState, NS_PER_S, WHEELS, WheelSample
+from smart_tire.samples import GRAVITY, GroundState, NS_PER_S, WHEELS, WheelSample
 from smart_tire.uncertain import fused, Uncertain
 
 # Rubber on dry ground: 0.8 to 0.9 on asphalt (Wong, Theory of Ground Vehicles, table 1.3),

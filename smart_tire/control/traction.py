@@ -26,11 +26,11 @@ from smart_tire.control.ground_knowledge import (
 from smart_tire.control.ground_motion import Expected, GroundSpeed, Motion, Onset
 from smart_tire.control.slip_limits import (
     bounded, share_within, slip_band, yaw_deviation, YawControl)
-from smart_tire.models.constants import GRAVITY
 from smart_tire.models.vehicle.skid_steer import AXLE_SIGNS, normal_loads, SIDE_SIGNS
 from smart_tire.parameters.control import TractionParams
 from smart_tire.parameters.robot import RobotParams
-from smart_tire.samples import Four, GroundState, LEFT, Odometry, RIGHT, WHEELS, WheelSample
+from smart_tire.samples import (
+    Four, GRAVITY, GroundState, LEFT, Odometry, RIGHT, WHEELS, WheelSample)
 from smart_tire.uncertain import fused, Uncertain
 
 NOT_SLIPPING = (None,) * len(WHEELS)

@@ -24,11 +24,10 @@ from smart_tire.parameters.path_following import (
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.parameters.spec import inlined, nested, param
 from smart_tire.parameters.tuning import reliability
-from smart_tire.samples import WHEELS
+from smart_tire.samples import GRAVITY, WHEELS
 
 UNSTAMPED = 'Twist'  # of geometry_msgs, without a timestamp
 MAX_LOSS_SHARE = 0.5  # friction of a wheel at free speed over its stall torque; assumed
-GRAVITY = 9.81        # m/s2, for that check
 VELOCITY_TYPES = ('TwistStamped', UNSTAMPED)
 
 

@@ -21,11 +21,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from smart_tire.analysis.series import Floats
-from smart_tire.models.constants import GRAVITY
 from smart_tire.models.tire import brush_tire, strain_charge, tread_film
 from smart_tire.parameters import SimulatorParams
 from smart_tire.reproduction.tire_runs import Crossings, ROBOT, RPM, Run, WHEEL
-from smart_tire.samples import NS_PER_S
+from smart_tire.samples import GRAVITY, NS_PER_S
 
 LENGTH, PATCH = ROBOT.film.length, ROBOT.tire.contact_length  # m, l and L
 STIFFNESS = ROBOT.tire.longitudinal_stiffness                 # N, C_x

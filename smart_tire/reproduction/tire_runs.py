@@ -26,14 +26,14 @@ from smart_tire.analysis.friction_metrics import column, match
 from smart_tire.analysis.metrics import SIDES, slip_scores, SlipScore
 from smart_tire.analysis.pipeline import EstimatorParams, Pipeline
 from smart_tire.analysis.series import at, Floats, Series, Stamps
-from smart_tire.models.constants import GRAVITY
 from smart_tire.models.tire import brush_tire
 from smart_tire.models.vehicle.skid_steer import normal_loads
 from smart_tire.numerics.least_squares import sandwich_covariance
 from smart_tire.parameters import build, RobotParams, SimulatorParams, SlipEstimatorParams
 from smart_tire.reproduction.experiments import Laboratory, Schedule
 from smart_tire.reproduction.printed_constraint import PrintedSlipEstimator
-from smart_tire.samples import Friction, GroundState, ImuSample, NS_PER_S, WHEELS, WheelSample
+from smart_tire.samples import (
+    Friction, GRAVITY, GroundState, ImuSample, NS_PER_S, WHEELS, WheelSample)
 
 RPM = math.tau / 60.0       # rad/s
 WHEEL = 'front_right'       # with the films

@@ -22,12 +22,11 @@ import numpy as np
 import numpy.typing as npt
 
 from smart_tire import rotation
-from smart_tire.models.constants import GRAVITY
 from smart_tire.models.vehicle.drive import measured_torque
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.parameters.simulation import SensorErrorParams, SimulatorParams
 from smart_tire.protocol.roboclaw import CURRENT_RESOLUTION
-from smart_tire.samples import Four, Vector3
+from smart_tire.samples import Four, GRAVITY, Vector3
 from smart_tire.simulation.plant import Plant
 
 MOTOR_RNG_STREAM = 4  # index of the random stream of the motors

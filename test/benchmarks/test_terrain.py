@@ -21,10 +21,9 @@ import math
 from benchmarks.terrain import on_rough_ground, on_slopes, ramp, rolling_hills, speed_bump
 import numpy as np
 import pytest
-from smart_tire.models.constants import GRAVITY
 from smart_tire.parameters import build, RobotParams
 from smart_tire.rotation import quaternion
-from smart_tire.samples import ImuSample, NS_PER_S, Odometry, WheelSample
+from smart_tire.samples import GRAVITY, ImuSample, NS_PER_S, Odometry, WheelSample
 
 SPEED = 1.0  # m/s
 ZERO = (0.0,) * 36

@@ -22,9 +22,8 @@ import math
 import pytest
 
 from smart_tire.control.ground_knowledge import GroundKnowledge, PRIOR_SIGMA
-from smart_tire.models.constants import GRAVITY
 from smart_tire.parameters.path_following import FrictionLimitParams
-from smart_tire.samples import GroundState, NS_PER_S
+from smart_tire.samples import GRAVITY, GroundState, NS_PER_S
 from smart_tire.uncertain import fused, Uncertain, UNKNOWN
 
 PARAMS = FrictionLimitParams(share=0.5, sigmas=2.0, unknown=0.3, minimum=0.05, fade_distance=2.0,

@@ -22,10 +22,9 @@ import math
 import pytest
 
 from smart_tire.control.ground_knowledge import MAX_FRICTION, RAISE_SHARE, ShownFriction
-from smart_tire.models.constants import GRAVITY
 from smart_tire.models.vehicle.drive import required_torque
 from smart_tire.parameters.robot import RobotParams
-from smart_tire.samples import NS_PER_S, WheelSample
+from smart_tire.samples import GRAVITY, NS_PER_S, WheelSample
 
 ROBOT, V_X, PERIOD = RobotParams(), 1.0, 0.01
 LOAD = ROBOT.mass * GRAVITY / 4.0

@@ -25,10 +25,9 @@ from smart_tire.control import ground_motion, traction as control_of_traction
 from smart_tire.control.slip_limits import slip_band
 from smart_tire.control.traction import TractionControl
 from smart_tire.control.wheel_control import WheelControl
-from smart_tire.models.constants import GRAVITY
 from smart_tire.parameters.control import TractionParams, WheelControllerParams
 from smart_tire.parameters.robot import RobotParams
-from smart_tire.samples import GroundState, NS_PER_S, Odometry
+from smart_tire.samples import GRAVITY, GroundState, NS_PER_S, Odometry
 from smart_tire.uncertain import Uncertain, UNKNOWN
 
 RADIUS = RobotParams().wheel_radius

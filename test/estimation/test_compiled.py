@@ -24,12 +24,12 @@ import sysconfig
 
 import pytest
 from smart_tire.estimation.ground import body_model
-from smart_tire.estimation.slip import equations
+from smart_tire.estimation.slip import kalman, motion, tire_forces
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.parameters import SlipEstimatorParams
 from support.compiled import load_source, source
 
-MODULES = (body_model, equations)
+MODULES = (body_model, kalman, motion, tire_forces)
 BUILT_BY_MAKE = not os.environ.keys() & {'ROS_DISTRO', 'SMART_TIRE_NO_COMPILER'} \
     and shutil.which('gcc') and Path(sysconfig.get_path('include'), 'Python.h').exists()
 
@@ -54,4 +54,4 @@ def test_it_runs_without_cython(module, monkeypatch):
 
 def test_diagnostics_say_whether_they_are_compiled():
     status = SlipEstimator(SlipEstimatorParams()).status()
-    assert (status['equations'] == 'compiled') == equations.COMPILED
+    assert (status['equations'] == 'compiled') == kalman.COMPILED

@@ -18,9 +18,9 @@ import math
 
 import numpy as np
 import pytest
-from smart_tire.models.constants import GRAVITY
 from smart_tire.models.tire import brush_tire
 from smart_tire.parameters import build, SimulatorParams
+from smart_tire.samples import GRAVITY
 from smart_tire.simulation.plant import Plant, SurfaceMap, TIME_STEP
 
 EVERYWHERE = {'concrete': {'ground.base': 'concrete', 'ground.patches.names': []},

@@ -19,8 +19,8 @@ import math
 import numpy as np
 import pytest
 from smart_tire import rotation
-from smart_tire.models.constants import GRAVITY
 from smart_tire.parameters import build, SimulatorParams
+from smart_tire.samples import GRAVITY
 from smart_tire.simulation.plant import Plant, SurfaceMap, TIME_STEP
 from smart_tire.simulation.sensors import encoder_counts, ImuModel, wheel_angles
 

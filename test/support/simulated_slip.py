@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable
 import math
 
-from smart_tire.models.constants import GRAVITY
+from smart_tire.samples import GRAVITY
 from smart_tire.simulation.plant import Plant, TIME_STEP
 
 

@@ -23,8 +23,8 @@ import numpy as np
 
 from smart_tire.analysis.checks.recording import CheckedRecording
 from smart_tire.findings import Finding, Level
-from smart_tire.models.constants import GRAVITY
 from smart_tire.rotation import matrix
+from smart_tire.samples import GRAVITY
 
 UNITS = {'g': 1.0 / GRAVITY, 'cm/s2': 100.0, 'mg': 1e3 / GRAVITY, 'ft/s2': 1.0 / 0.3048}
 UNIT_TOLERANCE = 0.05     # relative, of |f| that identifies a unit

@@ -20,7 +20,7 @@ from collections.abc import Iterator
 
 from smart_tire.analysis.checks.recording import CheckedRecording
 from smart_tire.findings import Finding, Level
-from smart_tire.models.constants import GRAVITY
+from smart_tire.samples import GRAVITY
 
 # C_x / F_z. Below, 3 mu F_z / C_x exceeds 1 for mu = 0.5: the patch never slides fully, so that
 # friction is not observable. Above are the 10 to 30 of passenger car tires, twice.

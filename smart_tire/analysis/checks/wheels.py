@@ -23,8 +23,7 @@ import numpy as np
 
 from smart_tire.analysis.checks.recording import CheckedRecording
 from smart_tire.findings import Finding, Level
-from smart_tire.models.constants import GRAVITY
-from smart_tire.samples import WHEELS
+from smart_tire.samples import GRAVITY, WHEELS
 
 UNITS = {'rpm': 60.0 / math.tau, 'deg/s': 180.0 / math.pi, 'revolutions/s': 1.0 / math.tau}
 UNIT_TOLERANCE = 0.1      # relative, of the ratio that identifies a unit

@@ -26,8 +26,8 @@ from smart_tire.calibration.recording import Recording
 from smart_tire.calibration.results import CONTRADICTION_SIGMAS
 from smart_tire.calibration.tire.stiffness import identify_stiffness, StiffnessFit
 from smart_tire.errors import EstimatorError
-from smart_tire.models.constants import GRAVITY
 from smart_tire.parameters import RobotParams
+from smart_tire.samples import GRAVITY
 from smart_tire.uncertain import Uncertain
 
 MIN_PART = 12.0         # s

@@ -37,10 +37,9 @@ from smart_tire.calibration.robot.motor_model import (
     speed_gains, steady_motion)
 from smart_tire.calibration.robot.motor_rows import motor_rows
 from smart_tire.errors import EstimatorError
-from smart_tire.models.constants import GRAVITY
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.calibration_file import Identified
-from smart_tire.samples import WHEELS
+from smart_tire.samples import GRAVITY, WHEELS
 from smart_tire.uncertain import Uncertain
 
 CONSTANT, INERTIA, COULOMB = 'torque constant', 'inertia', 'Coulomb friction'

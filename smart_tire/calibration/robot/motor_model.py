@@ -43,10 +43,9 @@ import numpy as np
 from smart_tire.arrays import Array
 from smart_tire.calibration.robot.motor_rows import COMMAND_DELAY, MotorRows
 from smart_tire.errors import EstimatorError
-from smart_tire.models.constants import GRAVITY
 from smart_tire.numerics.least_squares import Fit, HAC_TIME, Prior, regression, Rows
 from smart_tire.parameters import RobotParams
-from smart_tire.samples import LEFT, RIGHT
+from smart_tire.samples import GRAVITY, LEFT, RIGHT
 from smart_tire.uncertain import Uncertain, weighted_mean
 
 Runs = Sequence[MotorRows]

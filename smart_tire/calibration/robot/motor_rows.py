@@ -35,11 +35,11 @@ from smart_tire.calibration.recording import (
     DutyRecord, Indices, Mask, MOTION_MARGIN, period, Recording, rotation_increments, Samples)
 from smart_tire.calibration.robot.rest import GROUND_SLOPE_SIGMA, stationary_intervals
 from smart_tire.errors import EstimatorError
-from smart_tire.models.constants import GRAVITY
 from smart_tire.models.tire.shared_slip import linear_tire_force
 from smart_tire.models.vehicle.skid_steer import normal_loads
 from smart_tire.numerics.robust import noise_level
 from smart_tire.parameters import RobotParams
+from smart_tire.samples import GRAVITY
 from smart_tire.uncertain import Uncertain
 
 REACH = 0.25             # s from the center of a window to its ends: a start or stop lasts longer

@@ -35,9 +35,9 @@ from smart_tire.calibration.results import SIGNIFICANT_SIGMAS
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.slip.zero_velocity import (
     BIAS_WINDOW, MAX_STATIONARY_WHEEL_SPEED, QUIET_NOISE_RATIO)
-from smart_tire.models.constants import GRAVITY
 from smart_tire.numerics.robust import noise_level, winsorized_mean
 from smart_tire.parameters import RobotParams
+from smart_tire.samples import GRAVITY
 from smart_tire.uncertain import Uncertain, UNKNOWN
 
 WINDOW = 1.0               # s, over which the noise is estimated

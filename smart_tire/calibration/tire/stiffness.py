@@ -46,10 +46,10 @@ from smart_tire.calibration.results import CONTRADICTION_SIGMAS
 from smart_tire.calibration.tire.straight_segments import (
     MIN_SEGMENT_INTERVALS, MIN_SPEED, straight_segments, StraightSegment)
 from smart_tire.errors import EstimatorError
-from smart_tire.models.constants import GRAVITY
 from smart_tire.models.vehicle.skid_steer import normal_loads
 from smart_tire.numerics.least_squares import Fit, HAC_TIME, nonlinear_fit, Prior
 from smart_tire.parameters import RobotParams
+from smart_tire.samples import GRAVITY
 from smart_tire.uncertain import MAX_RELATIVE_SIGMA, Uncertain, weighted_mean
 
 LATENCY_ERROR_SIGMA = 0.01  # s, of the configured latency between wheels and IMU; assumed

@@ -34,10 +34,10 @@ from smart_tire.estimation.ground import body_model as model, body_model_numpy
 from smart_tire.estimation.ground.unknowns import (
     DYNAMIC, GAINS, GROUND, MOTORS, OFFSETS, OLD_GROUND, SIZE, START, Unknown)
 from smart_tire.estimation.ground.wheel_motion import rate_weights, smoothed
-from smart_tire.models.constants import GRAVITY
 from smart_tire.models.vehicle.drive import friction_torque
 from smart_tire.models.vehicle.skid_steer import AXLE_SIGNS, normal_loads, SIDE_SIGNS
 from smart_tire.parameters.robot import RobotParams
+from smart_tire.samples import GRAVITY
 
 TIME_STEP = 0.016        # s, of the model
 BLOCK = 8                # steps of a block mean

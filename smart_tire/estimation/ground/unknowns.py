@@ -23,8 +23,8 @@ from typing import NamedTuple
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.models.constants import GRAVITY
 from smart_tire.parameters.robot import MOUNTING_TILT, RobotParams
+from smart_tire.samples import GRAVITY
 
 
 class Unknown(IntEnum):

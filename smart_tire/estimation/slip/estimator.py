@@ -24,10 +24,9 @@ from typing import Any, Protocol
 from smart_tire.arrays import Array
 from smart_tire.estimation.plausibility import is_possible
 from smart_tire.estimation.reorder_buffer import ReorderBuffer
-from smart_tire.estimation.slip.equations import COMPILED
 from smart_tire.estimation.slip.filter import SlipFilter
 from smart_tire.estimation.slip.imu_input import ImuInput
-from smart_tire.estimation.slip.kalman import StateRecorder
+from smart_tire.estimation.slip.kalman import COMPILED, StateRecorder
 from smart_tire.estimation.slip.noise import MAX_NIS
 from smart_tire.estimation.slip.output import EstimateRecord, OutputContext, SlipOutputBuilder
 from smart_tire.estimation.slip.state import ESTIMATED, ImuReading, State
@@ -35,9 +34,8 @@ from smart_tire.estimation.slip.wheel_odometry import WheelOdometry, WheelSpeeds
 from smart_tire.estimation.slip.zero_velocity import (
     StationaryInterval, UNWINDING_TIME, ZeroVelocityDetector)
 from smart_tire.estimation.streams import HOLDING
-from smart_tire.models.constants import GRAVITY
 from smart_tire.parameters import SlipEstimatorParams
-from smart_tire.samples import GroundState, ImuSample, NS_PER_S, WheelSample
+from smart_tire.samples import GRAVITY, GroundState, ImuSample, NS_PER_S, WheelSample
 from smart_tire.uncertain import Uncertain
 
 IMU_DROPOUT = 0.1         # s without IMU samples (or 3 periods), then predict by the wheels

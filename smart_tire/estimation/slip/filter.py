@@ -35,20 +35,19 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.estimation.slip.equations import (
-    MotionModel, Noise, OUTLIER_SIGMAS, SLIP_CORRELATION_TIME, slip_speed)
 from smart_tire.estimation.slip.ground import ForceBalance
 from smart_tire.estimation.slip.imu_input import ImuInput
 from smart_tire.estimation.slip.kalman import (
     CONSIDERED, GYRO_HELD, KalmanFilter, SENSORS_HELD, StateRecorder)
+from smart_tire.estimation.slip.motion import MotionModel, Noise, slip_speed
 from smart_tire.estimation.slip.noise import AccelError, LearnedScale, LearnedVariance
 from smart_tire.estimation.slip.state import (
-    GROUND, ICRS, ImuReading, ImuStep, N, SLIP_VELS, State, TRAVELS)
+    GROUND, ICRS, ImuReading, ImuStep, N, OUTLIER_SIGMAS, SLIP_CORRELATION_TIME, SLIP_VELS, State,
+    TRAVELS)
 from smart_tire.estimation.slip.wheel_odometry import WheelSpeeds
-from smart_tire.models.constants import GRAVITY
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.parameters.robot import MOUNTING_TILT
-from smart_tire.samples import Four
+from smart_tire.samples import Four, GRAVITY
 
 MIN_POSE_SIGMA = 1e-4         # m, rad: the origin is exact, but P must not be singular
 INITIAL_SPEED_SIGMA = 0.5     # m/s, of a robot that is switched on while it moves

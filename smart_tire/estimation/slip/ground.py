@@ -23,13 +23,13 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.estimation.slip.equations import TireForces
 from smart_tire.estimation.slip.ground_change import (
     GROUND_SIGMAS, GroundChange, SPREAD, SUDDEN)
 from smart_tire.estimation.slip.imu_input import ImuInput
 from smart_tire.estimation.slip.kalman import KalmanFilter, SENSORS_HELD
 from smart_tire.estimation.slip.noise import LearnedVariance, MAX_NIS
 from smart_tire.estimation.slip.state import GROUND, ImuReading, SLIP_VELS, State
+from smart_tire.estimation.slip.tire_forces import TireForces
 from smart_tire.estimation.slip.wheel_odometry import WheelSpeeds
 from smart_tire.models.vehicle.drive import traction_force
 from smart_tire.parameters import RobotParams
@@ -213,7 +213,7 @@ class ForceBalance:
         """Correct with an innovation of the forces; the ground too while it is followed."""
         kalman = self._kalman
         total = kalman.correct(y, h, variance, FOLLOWED if self.follows else SENSORS_HELD, shared)
-        self._change.add(kalman.ground_covariance, y, total)
+        self._change.add(kalman.ground, y, total)
         if self.follows:
             self._add_to_ground(kalman.x[SUDDEN])
             kalman.x[SUDDEN] = array('d', bytes(24))

@@ -12,19 +12,51 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Kalman filter with considered states: plain prediction, scalar and joint corrections."""
+# cython: language_level=3, boundscheck=False, wraparound=False, initializedcheck=False
+# cython: cdivision=True, infer_types=True, show_performance_hints=False
+
+"""
+Kalman filter with considered states: prediction, scalar and joint corrections, robust to outliers.
+
+This is plain Python; ``setup.py`` compiles it with Cython where there is a compiler. Without one,
+numpy takes the place of loops over the covariance.
+"""
 
 from __future__ import annotations
 
 from array import array
 from collections.abc import Sequence
+from types import SimpleNamespace
 from typing import Protocol
 
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.estimation.slip.equations import Correction
+from smart_tire.estimation.slip import state
 from smart_tire.estimation.slip.state import ESTIMATED, N, State
+
+try:
+    import cython
+except ImportError:  # as plain Python, without Cython: decorators that do nothing
+    cython = SimpleNamespace(
+        compiled=False, double=float, int=int, cclass=lambda c: c, cfunc=lambda f: f,
+        ccall=lambda f: f, declare=lambda *_, **__: None)
+
+if cython.compiled:
+    from cython.cimports.libc.math import sqrt
+else:
+    from math import sqrt
+
+COMPILED: bool = cython.compiled
+LOOPS = COMPILED  # over the covariance; as Python they would take milliseconds
+
+# constants and rows of the state that are numbers of C
+cython.declare(
+    OUTLIER_SIGMAS=cython.double, SLIP_VEL_L=cython.int, SLIP_VEL_R=cython.int,
+    LN_STIFFNESS=cython.int, LN_FRICTION=cython.int, RESISTANCE=cython.int)
+OUTLIER_SIGMAS = state.OUTLIER_SIGMAS
+SLIP_VEL_L, SLIP_VEL_R, LN_STIFFNESS, LN_FRICTION, RESISTANCE = map(int, (
+    State.SLIP_VEL_L, State.SLIP_VEL_R, State.LN_STIFFNESS, State.LN_FRICTION, State.RESISTANCE))
 
 IDENTITY = np.eye(N)
 CONSIDERED = (np.arange(N) >= ESTIMATED).astype(float)  # (N,), 1 for states never corrected
@@ -44,42 +76,46 @@ class StateRecorder(Protocol):
         """Record the transition of ``x`` (n,), ``P`` (n, n) by ``F`` to ``next_x``, ``next_P``."""
 
 
+@cython.cclass
 class KalmanFilter:
     """
-    Mean ``x`` (N numbers) and covariance ``P`` (N, N) of a state, both changed in place.
+    Mean ``x`` (n numbers) and covariance ``P`` (n, n) of a state, both changed in place.
 
-    The states from ``ESTIMATED`` on are considered (Schmidt): a correction leaves them and their
+    ``held`` (n,) is 1 for states that are considered (Schmidt): a correction leaves them and their
     covariance unchanged and only updates their correlation with the others. The recorder, if there
     is one, receives the transitions of the estimated states.
     """
 
+    x = cython.declare(object, visibility='readonly')
+    P = cython.declare(object, visibility='readonly')
+    # (3,), covariances of the last scalar innovation with ln C_x, ln mu and rolling resistance
+    ground = cython.declare(list, visibility='readonly')
+    _recorder = cython.declare(object)
+    _x: cython.double[::1]  # the same memory
+    _P: cython.double[:, ::1]
+    _A: cython.double[:, ::1]
+    _G: cython.double[:, ::1]  # rows: gains of two innovations, the part that is not applied
+
     def __init__(self, x: Sequence[float], P: Array, recorder: StateRecorder | None = None
                  ) -> None:
-        self.x, self.P = array('d', x), P
-        correction = Correction(self.x, P)
-        self.correct, self.correct_jointly = correction.correct, correction.correct_jointly
-        self.covariance, self._propagate = correction.covariance, correction.propagate
-        self._correction = correction
-        self._recorder = recorder
+        self.x, self.P, self._recorder = array('d', x), P, recorder
+        self._x, self._P = self.x, P
+        self.ground = [0.0] * 3
+        self._A, self._G = np.empty_like(P), np.empty((3, len(x)))
 
-    def predict(self, next_x: array[float], F: Array, Q: Array) -> None:
-        """Replace the state by ``next_x``, with Jacobian ``F`` (N, N) and noise ``Q`` (N, N)."""
+    def predict(self, next_x: array[float], F: cython.double[:, ::1], Q: cython.double[:, ::1]
+                ) -> None:
+        """Replace the state by ``next_x``, with Jacobian ``F`` (n, n) and noise ``Q`` (n, n)."""
         n, recorder = ESTIMATED, self._recorder
         before = None if recorder is None else (np.array(self.x[:n]), self.P[:n, :n].copy())
         self._propagate(F, Q)
         self.x[:] = next_x
         if recorder is not None and before is not None:
             recorder.record_transition(
-                *before, F[:n, :n], np.array(next_x[:n]), self.P[:n, :n])
-
-    @property
-    def ground_covariance(self) -> list[float]:
-        """Return the covariances (3,) of the last scalar innovation with the ground."""
-        found: list[float] = self._correction.ground
-        return found
+                *before, np.asarray(F)[:n, :n], np.array(next_x[:n]), self.P[:n, :n])
 
     def add_noise(self, Q: Array) -> None:
-        """Add ``Q`` (N, N) to the covariance."""
+        """Add ``Q`` (n, n) to the covariance."""
         self.predict(self.x, IDENTITY, Q)
 
     def set_states(self, rows: Sequence[int], value: float, sigma: float) -> None:
@@ -88,3 +124,134 @@ class KalmanFilter:
             self.x[row] = value
             self.P[row, :] = self.P[:, row] = 0.0
             self.P[row, row] = sigma ** 2
+
+    @cython.cfunc
+    def _propagate(self, F: cython.double[:, ::1], Q: cython.double[:, ::1]) -> cython.void:
+        """Replace the covariance by F P F' + Q."""
+        A: cython.double[:, ::1] = self._A
+        P: cython.double[:, ::1] = self._P
+        if not LOOPS:
+            full = np.asarray(F) @ np.asarray(P) @ np.asarray(F).T + np.asarray(Q)
+            np.asarray(P)[:] = 0.5 * (full + full.T)  # rounding errors would grow
+            return
+        A[:, :] = 0.0
+        for i in range(P.shape[0]):
+            for k in range(P.shape[0]):
+                if F[i, k] != 0.0:
+                    for j in range(P.shape[0]):
+                        A[i, j] += F[i, k] * P[k, j]
+        P[:, :] = Q
+        for j in range(P.shape[0]):
+            self._fill_column(F, j)
+
+    @cython.cfunc
+    def _fill_column(self, F: cython.double[:, ::1], j: cython.Py_ssize_t) -> cython.void:
+        """Add (F P) F' to the lower half of a column of Q, and copy it to the row."""
+        A: cython.double[:, ::1] = self._A
+        P: cython.double[:, ::1] = self._P
+        for k in range(P.shape[0]):
+            if F[j, k] != 0.0:
+                for i in range(j, P.shape[0]):
+                    P[i, j] += F[j, k] * A[i, k]
+        for i in range(j, P.shape[0]):
+            P[j, i] = P[i, j]
+
+    def correct(self, y: cython.double, h: cython.double[::1], variance: cython.double,
+                held: cython.double[::1], shared: tuple[int, float] = (0, 0.0)) -> float:
+        """
+        Correct with an innovation ``y`` with Jacobian ``h`` (n,); return its variance.
+
+        ``shared`` is a row and the covariance of its error with that of the measurement. An
+        innovation beyond ``OUTLIER_SIGMAS`` counts less, the more the larger it is.
+        """
+        row: cython.int = shared[0]
+        covariance: cython.double = shared[1]
+        g: cython.double[::1] = self._G[0]
+        self._project(h, g)
+        total = variance + _dot(h, g) + 2.0 * covariance * h[row]
+        g[row] += covariance
+        self.ground = [g[LN_STIFFNESS], g[LN_FRICTION], g[RESISTANCE]]
+        self._apply(g, y, max(total, _least_variance(y)), held, False)
+        return total
+
+    def correct_jointly(self, y: cython.double[::1], H: cython.double[:, ::1],
+                        R: cython.double[:, ::1], held: cython.double[::1],
+                        slip_held: cython.bint) -> float:
+        """
+        Correct with two innovations ``y`` with Jacobian ``H`` (2, n); return the NIS over 2.
+
+        First with one of them, then with what is new in the other. With ``slip_held`` the mean of
+        both slips is considered, only their difference corrected.
+        """
+        g: cython.double[::1] = self._G[0]
+        other: cython.double[::1] = self._G[1]
+        first, both, second = self.covariance(H, R)
+        first = max(first, _least_variance(y[0]))
+        scale = 1.0 / sqrt(first)
+        root = both * scale
+        second = max(second, _least_variance(y[1])) - root * root
+        share = root * scale
+        new = y[1] - share * y[0]
+        for i in range(g.shape[0]):
+            other[i] -= share * g[i]
+        self._apply(g, y[0], first, held, slip_held)
+        self._apply(other, new, second, held, slip_held)
+        return 0.5 * (y[0] * y[0] / first + new * new / second)
+
+    @cython.ccall
+    def covariance(self, H: cython.double[:, ::1], R: cython.double[:, ::1]
+                   ) -> tuple[cython.double, cython.double, cython.double]:
+        """Return variance, covariance and variance of two innovations: H P H' + R."""
+        self._project(H[0], self._G[0])
+        self._project(H[1], self._G[1])
+        return (_dot(H[0], self._G[0]) + R[0, 0], _dot(H[0], self._G[1]) + R[0, 1],
+                _dot(H[1], self._G[1]) + R[1, 1])
+
+    @cython.cfunc
+    def _project(self, h: cython.double[::1], out: cython.double[::1]) -> cython.void:
+        """Set ``out`` to P h."""
+        P: cython.double[:, ::1] = self._P
+        if not LOOPS:
+            np.matmul(P, h, out=np.asarray(out))
+            return
+        out[:] = 0.0
+        for i in range(h.shape[0]):
+            if h[i] != 0.0:
+                for j in range(h.shape[0]):
+                    out[j] += h[i] * P[i, j]
+
+    @cython.cfunc
+    def _apply(self, g: cython.double[::1], y: cython.double, variance: cython.double,
+               held: cython.double[::1], slip_held: cython.bint) -> cython.void:
+        """Correct with an innovation ``y`` whose covariance with the states is ``g``."""
+        x: cython.double[::1] = self._x
+        P: cython.double[:, ::1] = self._P
+        d: cython.double[::1] = self._G[2]  # of g, the part that is not applied
+        scale = 1.0 / sqrt(variance)
+        for i in range(g.shape[0]):
+            g[i] *= scale
+            d[i] = held[i] * g[i]
+        if slip_held:
+            d[SLIP_VEL_L] = d[SLIP_VEL_R] = 0.5 * (g[SLIP_VEL_L] + g[SLIP_VEL_R])
+        for i in range(g.shape[0]):
+            x[i] += (g[i] - d[i]) * (y * scale)
+        if not LOOPS:
+            np.asarray(P)[:] -= np.outer(g, g) - np.outer(d, d)
+            return
+        for i in range(g.shape[0]):
+            for j in range(g.shape[0]):
+                P[i, j] -= g[i] * g[j] - d[i] * d[j]
+
+
+@cython.cfunc
+def _least_variance(y: cython.double) -> cython.double:
+    """Return the least variance of an innovation: outliers count less, the larger they are."""
+    return (y / OUTLIER_SIGMAS) * (y / OUTLIER_SIGMAS)
+
+
+@cython.cfunc
+def _dot(a: cython.double[::1], b: cython.double[::1]) -> cython.double:
+    total = 0.0
+    for i in range(a.shape[0]):
+        total += a[i] * b[i]
+    return total

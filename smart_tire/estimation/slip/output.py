@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.estimation.slip.equations import fill_covariances, MotionModel
+from smart_tire.estimation.slip.motion import fill_covariances, MotionModel
 from smart_tire.estimation.slip.state import ImuReading, State
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.rotation import quaternion

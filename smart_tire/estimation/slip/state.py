@@ -57,7 +57,17 @@ GROUND = slice(State.LN_STIFFNESS, N)
 SLIP_VELS = (State.SLIP_VEL_L, State.SLIP_VEL_R)
 TRAVELS = (State.TRAVEL_L, State.TRAVEL_R)
 ICRS = (State.ICR_L, State.ICR_R)
-SIDE_SIGNS = (-1.0, 1.0)  # sign of the yaw rate in v_x of the left and of the right side
+
+SPEED_RANDOM_WALK = 0.002      # m/s per sqrt(s), errors of the planar model; assumed
+GYRO_BIAS_RANDOM_WALK = 2e-5   # rad/s per sqrt(s): 10 degrees per hour after five minutes
+ACCEL_BIAS_RANDOM_WALK = 5e-4  # m/s2 per sqrt(s), data sheets of industrial IMUs
+SLIP_CORRELATION_TIME = 1.0    # s, of the slip beyond the ICR kinematics; assumed
+SLOPE_LENGTH = 2.0             # m, correlation length of the slope; some robot lengths
+MIN_SLIP_SPEED = 0.1           # m/s, below which the noise of slip velocities is constant
+SLIP_FLOOR = 0.05              # m/s, smallest denominator of a slip
+MIN_RESISTED_SPEED = 0.02      # m/s, below which rolling resistance is proportional to the speed
+MIN_LOAD = 0.1                 # N, of a wheel that is lifted
+OUTLIER_SIGMAS = 3.0  # beyond, the variance of an innovation grows with its square; Huber's share
 
 
 class ImuReading(NamedTuple):

@@ -30,8 +30,8 @@ import numpy as np
 
 from smart_tire.arrays import Array, ArrayLike
 from smart_tire.errors import ParameterError
-from smart_tire.models.constants import GRAVITY
 from smart_tire.models.film import elastica, elastica_with_weight, printed_elastica
+from smart_tire.samples import GRAVITY
 
 # stroke over deflection / L: A(8b) needs half of the end displacement for each half of the film,
 # but delta = Delta / L is printed

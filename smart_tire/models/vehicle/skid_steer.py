@@ -26,7 +26,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from smart_tire.arrays import Array, ArrayLike
-from smart_tire.models.constants import GRAVITY
+from smart_tire.samples import GRAVITY
 
 SIDE_SIGNS = np.array([1.0, -1.0, 1.0, -1.0])  # +1 for left wheels
 AXLE_SIGNS = np.array([1.0, 1.0, -1.0, -1.0])   # +1 for front wheels

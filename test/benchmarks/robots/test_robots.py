@@ -26,10 +26,9 @@ from benchmarks.robots.plant import Lift, MIN_LOAD, plant_with, Push, Traits
 from benchmarks.robots.scoring import Errors, QUANTITIES
 import numpy as np
 import pytest
-from smart_tire.models.constants import GRAVITY
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.simulation import DriveParams, GroundParams
-from smart_tire.samples import Odometry
+from smart_tire.samples import GRAVITY, Odometry
 from smart_tire.simulation.plant import Plant, SurfaceMap, TIME_STEP
 
 CONCRETE = GroundParams(base='concrete', patches=())

@@ -23,9 +23,9 @@ import pytest
 from smart_tire.calibration.robot.geometry import (
     add_rest, combine, Geometry, halves, identify_geometry, JITTER, LATENCY, RADIUS, ROTATION,
     STATIC_IMU, TRACK as TRACK_NAME)
-from smart_tire.models.constants import GRAVITY
 from smart_tire.parameters import build, RobotParams
 from smart_tire.rotation import matrix
+from smart_tire.samples import GRAVITY
 from smart_tire.uncertain import Uncertain, weighted_mean
 from support.identifying import recorded, TRACK, turning_run
 

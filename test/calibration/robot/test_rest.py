@@ -25,9 +25,9 @@ import pytest
 from smart_tire.calibration.recording import ImuRecord, Recording, WheelRecord
 from smart_tire.calibration.robot.rest import fit_rest, motion_noise, stationary_intervals
 from smart_tire.errors import EstimatorError
-from smart_tire.models.constants import GRAVITY
 from smart_tire.parameters import build, RobotParams
 from smart_tire.rotation import matrix
+from smart_tire.samples import GRAVITY
 
 ROBOT = RobotParams()
 BIAS = np.array([0.01, -0.02, 0.005])  # rad/s

@@ -21,11 +21,12 @@ from array import array
 import numpy as np
 import pytest
 
-from smart_tire.estimation.slip import equations
-from smart_tire.estimation.slip.equations import brush_force, MotionModel, TireForces
+from smart_tire.estimation.slip import kalman, motion, tire_forces
 from smart_tire.estimation.slip.filter import initial_state
 from smart_tire.estimation.slip.kalman import GYRO_HELD, SENSORS_HELD
+from smart_tire.estimation.slip.motion import MotionModel, wheel_slip_ratio
 from smart_tire.estimation.slip.state import ImuReading, ImuStep, N, State
+from smart_tire.estimation.slip.tire_forces import brush_force, TireForces
 from smart_tire.models.vehicle.skid_steer import slip_ratio
 from smart_tire.models.vehicle.tire_forces import wheel_forces
 from smart_tire.parameters import SlipEstimatorParams
@@ -34,7 +35,7 @@ from support.compiled import load_source
 PARAMS = SlipEstimatorParams()
 ROBOT = PARAMS.robot
 GROUND = (52.7, 0.47, 0.015, 0.5, 0.9, 0.005, -0.003)  # in the order of State, mu and C_x as such
-NOISE = equations.Noise((0.01, 0.02), 0.02, 0.01, 0.002, 0.003)
+NOISE = motion.Noise((0.01, 0.02), 0.02, 0.01, 0.002, 0.003)
 RESIDUAL = (0.01, -0.01, 0.02, 0.0)
 MOVING = {State.YAW: 0.7, State.ROLL: 0.01, State.PITCH: -0.02, State.V_X: 0.6, State.V_Y: -0.05,
           State.GYRO_BIAS_Z: 0.01, State.ACCEL_BIAS_X: 0.05, State.SLIP_VEL_L: 0.04,
@@ -57,17 +58,20 @@ def state(kind='driving'):
     return array('d', x), mix @ P @ mix.T
 
 
-def run(module, kind, loops):
+MODULES = (kalman, motion, tire_forces)
+
+
+def run(modules, kind, loops):
     """Return all numbers of a step: prediction, forces, wheels and outputs."""
-    module.LOOPS = loops
+    kalman, motion, tire_forces = modules
+    kalman.LOOPS = loops
     x, P = state(kind)
     numbers = []
-    motion, forces, correction = (module.MotionModel(ROBOT), module.TireForces(ROBOT, P),
-                                  module.Correction(x, P))
+    model, forces, correction = (motion.MotionModel(ROBOT), tire_forces.TireForces(ROBOT, P),
+                                 kalman.KalmanFilter(x, P))
+    x = correction.x
     step = ImuStep(0.01, ImuReading(0.5, 0.3, -0.2), 1e-6, 1e-4, 0.4, 0.6)
-    after, F, Q = motion.predict(x, step, NOISE)
-    correction.propagate(F, Q)
-    x[:] = after
+    correction.predict(*model.predict(x, step, NOISE))
     rolling = forces.rolling_speeds(x, 0.5, RESIDUAL)
     forces.set_ground(GROUND)
     loads = forces.loads(x, 0.3, -0.2)
@@ -82,8 +86,8 @@ def run(module, kind, loops):
     numbers.append(correction.correct_jointly(
         np.array([0.1, -0.3]), H, 1e-6 * np.array([[2.0, 1.0], [1.0, 3.0]]), GYRO_HELD, True))
     pose, twist = array('d', bytes(288)), array('d', bytes(288))
-    module.fill_covariances(P, 0.5, 0.1, 0.02, pose, twist)
-    slips = motion.wheel_slips(x, P, 0.5, RESIDUAL, (0.0,) * 4, 0.05)
+    motion.fill_covariances(P, 0.5, 0.1, 0.02, pose, twist)
+    slips = model.wheel_slips(x, P, 0.5, RESIDUAL, (0.0,) * 4, 0.05)
     return np.array([*numbers, *expected, *x, *P.ravel(), *pose, *twist, *np.ravel(slips)])
 
 
@@ -92,20 +96,20 @@ KINDS = ('driving', 'sliding', 'reverse', 'standstill')
 
 @pytest.fixture(autouse=True)
 def restored(monkeypatch):
-    monkeypatch.setattr(equations, 'LOOPS', equations.LOOPS)
+    monkeypatch.setattr(kalman, 'LOOPS', kalman.LOOPS)
 
 
-@pytest.mark.skipif(not equations.COMPILED, reason='not compiled')
+@pytest.mark.skipif(not kalman.COMPILED, reason='not compiled')
 @pytest.mark.parametrize('kind', KINDS)
 def test_the_extension_computes_what_its_source_does(kind):
-    np.testing.assert_array_equal(run(equations, kind, True),
-                                  run(load_source(equations), kind, True))
+    np.testing.assert_array_equal(run(MODULES, kind, True),
+                                  run(map(load_source, MODULES), kind, True))
 
 
 @pytest.mark.parametrize('kind', KINDS)
 def test_numpy_computes_the_same_as_loops(kind):
-    np.testing.assert_allclose(run(load_source(equations), kind, False),
-                               run(equations, kind, True), rtol=1e-9, atol=1e-15)
+    np.testing.assert_allclose(run(map(load_source, MODULES), kind, False),
+                               run(MODULES, kind, True), rtol=1e-9, atol=1e-15)
 
 
 def test_the_jacobian_of_the_motion_is_its_derivative():
@@ -148,7 +152,7 @@ def test_the_jacobian_of_the_balance_is_its_derivative(kind, rows, resistance):
     H = model.H.copy()
     for row in rows:
         slope = (balance(row, 1e-6) - balance(row, -1e-6)) / 2e-6
-        np.testing.assert_allclose(H[:, row], slope, rtol=1e-5, atol=1e-6, err_msg=str(row))
+        np.testing.assert_allclose(H[:2, row], slope, rtol=1e-5, atol=1e-6, err_msg=str(row))
 
 
 @pytest.mark.parametrize('kind', ['driving', 'sliding', 'reverse'])
@@ -167,9 +171,9 @@ def test_the_jacobian_of_the_tractions_is_their_derivative(kind):
     tractions(State.V_X, 0.0)
     H = model.H.copy()
     for row in (State.V_X, State.V_Y, State.SLIP_VEL_L, State.SLIP_VEL_R, State.LN_STIFFNESS,
-                State.LN_FRICTION):
+                State.LN_FRICTION, State.LN_LATERAL):
         slope = (tractions(row, 1e-6) - tractions(row, -1e-6)) / 2e-6
-        np.testing.assert_allclose(H[:, row], slope, rtol=1e-5, atol=1e-6, err_msg=str(row))
+        np.testing.assert_allclose(H[:2, row], slope, rtol=1e-5, atol=1e-6, err_msg=str(row))
 
 
 @pytest.mark.parametrize('slip', [(0.05, 0.0), (0.1, -0.04), (-0.3, 0.2), (0.9, 0.1)])
@@ -187,5 +191,5 @@ def test_the_scalar_slip_ratio_agrees_with_the_vectorized_one():
     rng = np.random.default_rng(4)
     rolling = np.concatenate([rng.normal(0.0, 0.5, 500), rng.normal(0.0, 0.04, 500), [0.0, 0.0]])
     ground = np.concatenate([rng.normal(0.0, 0.5, 500), rng.normal(0.0, 0.1, 500), [0.0, 1.0]])
-    one_by_one = [equations.wheel_slip_ratio(r, v, 0.05) for r, v in zip(rolling, ground)]
+    one_by_one = [wheel_slip_ratio(r, v, 0.05) for r, v in zip(rolling, ground)]
     np.testing.assert_array_equal(one_by_one, slip_ratio(rolling, ground, 0.05))

@@ -21,12 +21,12 @@ from collections import namedtuple
 import numpy as np
 import pytest
 
-from smart_tire.estimation.slip.equations import brush_force
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.estimation.slip.ground import MotorTorques
 from smart_tire.estimation.slip.ground_change import GroundChange, SUDDEN
 from smart_tire.estimation.slip.kalman import KalmanFilter
 from smart_tire.estimation.slip.state import GROUND, N, State
+from smart_tire.estimation.slip.tire_forces import brush_force
 from smart_tire.models.vehicle.drive import required_torque
 from smart_tire.parameters import RobotParams, SlipEstimatorParams
 from smart_tire.samples import ImuSample, NS_PER_S, Odometry, WheelSample

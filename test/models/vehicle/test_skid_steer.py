@@ -16,8 +16,8 @@
 
 import numpy as np
 import pytest
-from smart_tire.models.constants import GRAVITY
 from smart_tire.models.vehicle import skid_steer
+from smart_tire.samples import GRAVITY
 
 WHEELBASE, TRACK, RADIUS, MASS = 0.26, 0.38, 0.087, 10.9
 COM = (0.02, -0.01, 0.11)

@@ -1,0 +1,316 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+# cython: language_level=3, boundscheck=False, wraparound=False, initializedcheck=False
+# cython: cdivision=True, infer_types=True, show_performance_hints=False
+
+"""
+Motion of the slip filter: state, Jacobian and noise over a step of the IMU, and outputs.
+
+The motion is driven by the IMU, B(5), with the slip of both sides about their ICRs. A side yaws
+about its instantaneous center of rotation (Pentzer): its slip velocity is the yaw rate times the
+distance ``ICR_L``, ``ICR_R`` of that center beyond the wheels. The rest of the slip is a
+first-order Gauss-Markov process, common to both sides and different.
+
+This is plain Python; ``setup.py`` compiles it with Cython where there is a compiler. States are
+``array('d')``: fast to index in Python, and memory that C and numpy share.
+"""
+
+from __future__ import annotations
+
+from array import array
+from types import SimpleNamespace
+from typing import NamedTuple
+
+import numpy as np
+
+from smart_tire.arrays import Array
+from smart_tire.estimation.slip import state
+from smart_tire.estimation.slip.state import ImuReading, ImuStep, N, State
+from smart_tire.parameters import RobotParams
+from smart_tire.samples import Four, GRAVITY as G
+
+try:
+    import cython
+except ImportError:  # as plain Python, without Cython: decorators that do nothing
+    cython = SimpleNamespace(
+        compiled=False, double=float, int=int, cclass=lambda c: c, cfunc=lambda f: f,
+        ccall=lambda f: f, declare=lambda *_, **__: None)
+
+if cython.compiled:
+    from cython.cimports.libc.math import cos, exp, sin, sqrt
+else:
+    from math import cos, exp, sin, sqrt
+
+COMPILED: bool = cython.compiled
+
+# constants and rows of the state that are numbers of C
+cython.declare(
+    GRAVITY=cython.double, SPEED_RANDOM_WALK=cython.double, GYRO_BIAS_RANDOM_WALK=cython.double,
+    ACCEL_BIAS_RANDOM_WALK=cython.double, SLIP_CORRELATION_TIME=cython.double,
+    SLOPE_LENGTH=cython.double, MIN_SLIP_SPEED=cython.double, X=cython.int, Y=cython.int,
+    YAW=cython.int, ROLL=cython.int, PITCH=cython.int, V_X=cython.int, V_Y=cython.int,
+    GYRO_BIAS_Z=cython.int, ACCEL_BIAS_X=cython.int, ACCEL_BIAS_Y=cython.int,
+    SLIP_VEL_L=cython.int, SLIP_VEL_R=cython.int, TRAVEL_L=cython.int, ICR_X=cython.int,
+    ICR_L=cython.int, ICR_R=cython.int, IMU_X=cython.int)
+GRAVITY, SPEED_RANDOM_WALK = G, state.SPEED_RANDOM_WALK
+GYRO_BIAS_RANDOM_WALK = state.GYRO_BIAS_RANDOM_WALK
+ACCEL_BIAS_RANDOM_WALK = state.ACCEL_BIAS_RANDOM_WALK
+SLIP_CORRELATION_TIME, SLOPE_LENGTH = state.SLIP_CORRELATION_TIME, state.SLOPE_LENGTH
+MIN_SLIP_SPEED = state.MIN_SLIP_SPEED
+
+(X, Y, YAW, ROLL, PITCH, V_X, V_Y, GYRO_BIAS_Z, ACCEL_BIAS_X, ACCEL_BIAS_Y, SLIP_VEL_L,
+ SLIP_VEL_R, TRAVEL_L, _, ICR_X, ICR_L, ICR_R, _, IMU_X) = map(int, list(State)[:State.IMU_X + 1])
+
+
+class Noise(NamedTuple):
+    """Learned noise levels."""
+
+    slope: tuple[float, float]  # rad, of roll and pitch
+    slip_common: float       # -, of the slip of both sides
+    slip_difference: float   # -, of half the difference
+    icr: float               # m per sqrt(m), random walk of ICR_L, ICR_R
+    icr_x: float             # m per sqrt(m), of ICR_X
+
+
+@cython.ccall
+def slip_speed(left: cython.double, right: cython.double) -> cython.double:
+    """Return the speed [m/s] that slip ratios refer to, from r w of both sides."""
+    return max(0.5 * (abs(left) + abs(right)), MIN_SLIP_SPEED)
+
+
+@cython.ccall
+def wheel_slip_ratio(rolling: cython.double, ground: cython.double,
+                     standstill_speed: cython.double) -> cython.double:
+    """
+    Return ``skid_steer.slip_ratio`` of one wheel from numbers.
+
+    >>> print(f'{wheel_slip_ratio(-1.0, -0.9, 0.05):.2f}')
+    0.10
+    """
+    if abs(rolling) < standstill_speed:
+        if abs(ground) < standstill_speed:
+            return np.nan
+        if rolling * ground <= 0.0:
+            return -1.0
+    return min(max(1.0 - ground / rolling, -1.0), 1.0)
+
+
+@cython.cclass
+class MotionModel:
+    """Motion of the state ``x`` (N numbers) over ``dt`` [s]."""
+
+    arms = cython.declare(list, visibility='readonly')  # m, v_x of the sides by the yaw rate
+    _arms: cython.double[2]
+    _x_imu: cython.double
+    _y_imu: cython.double
+    _jacobian: Array
+    _noise: Array
+    _F: cython.double[:, ::1]  # the same memory
+    _Q: cython.double[:, ::1]
+
+    def __init__(self, robot: RobotParams) -> None:
+        self._x_imu, self._y_imu = robot.imu.position[:2]
+        self.arms = [self._y_imu + sign * 0.5 * robot.track_width for sign in (-1.0, 1.0)]
+        self._arms = self.arms
+        self._jacobian, self._noise = np.eye(N), np.zeros((N, N))
+        self._F, self._Q = self._jacobian, self._noise
+
+    @cython.cfunc
+    def _rolling_rate(self, x: cython.double[::1], W: cython.double, side: cython.int
+                      ) -> cython.double:
+        """Return r w [m/s] of the left (0) or right (1) side."""
+        return x[V_X] + self._arms[side] * W + x[SLIP_VEL_L + side]
+
+    def rolling_rates(self, x: cython.double[::1], W: cython.double) -> list[float]:
+        """Return r w [m/s] of both sides."""
+        return [self._rolling_rate(x, W, 0), self._rolling_rate(x, W, 1)]
+
+    def icr_slip(self, x: cython.double[::1], W: cython.double) -> list[float]:
+        """Return the slip velocities [m/s] of the ICR kinematics at the yaw rate [rad/s]."""
+        return [-x[ICR_L] * W, x[ICR_R] * W]
+
+    @cython.ccall
+    def steady_force(self, x: cython.double[::1], W: cython.double
+                     ) -> tuple[cython.double, cython.double]:
+        """Return the specific force [m/s2] x, y that the IMU measures at constant velocity."""
+        return (x[ACCEL_BIAS_X] - W * x[V_Y] - GRAVITY * x[PITCH],
+                x[ACCEL_BIAS_Y] + W * x[V_X] + GRAVITY * x[ROLL])
+
+    def extrapolate(self, x: array[float], imu: ImuReading, dt: cython.double) -> array[float]:
+        """Return the state after a short ``dt`` at the present acceleration."""
+        moved = x[:]
+        W: cython.double = imu.yaw_rate - moved[GYRO_BIAS_Z]
+        self._move(x, moved, W, imu.force_x, imu.force_y, dt)
+        return moved
+
+    def wheel_slips(self, x: cython.double[::1], P: cython.double[:, :], W: cython.double,
+                    residual: Four, hidden: Four, standstill_speed: cython.double
+                    ) -> list[tuple[float, float, float]]:
+        """
+        Return slip ratio, slip velocity [m/s] and standard deviation of the ratio of each wheel.
+
+        ``residual`` [m/s] is r w of the wheels beyond that of their sides, ``hidden`` NaN for
+        those that are not measured and 0 for others.
+        """
+        slips = []
+        for i in range(4):
+            side_speed: cython.double = self._rolling_rate(x, W, i % 2)
+            ground: cython.double = side_speed - x[SLIP_VEL_L + i % 2]
+            rolling: cython.double = side_speed + residual[i] + hidden[i]
+            ratio: cython.double = wheel_slip_ratio(rolling, ground, standstill_speed)
+            slips.append((ratio, rolling - ground,
+                          self._slip_sigma(x, P, W, i % 2) if ratio == ratio else 1.0))
+        return slips
+
+    @cython.cfunc
+    def _slip_sigma(self, x: cython.double[::1], P: cython.double[:, :], W: cython.double,
+                    side: cython.int) -> cython.double:
+        """
+        Return the standard deviation [-] of the slip ratio of a side, at most 1.
+
+        Slip ratio = slip velocity / u, with u = v + slip velocity.
+        """
+        slip, u = SLIP_VEL_L + side, self._rolling_rate(x, W, side)
+        v, by_v = u - x[slip], -x[slip]
+        speed_variance = P[V_X, V_X] - 2.0 * self._arms[side] * P[V_X, GYRO_BIAS_Z]
+        variance = (v * v * P[slip, slip] + by_v * by_v * speed_variance
+                    + 2.0 * v * by_v * P[slip, V_X])
+        return min(1.0, sqrt(max(0.0, variance)) / max(u * u, 1e-9))
+
+    def predict(self, x: array[float], step: ImuStep, noise: Noise
+                ) -> tuple[array[float], Array, Array]:
+        """Return the state after a step, its Jacobian and noise (N, N), to be used at once."""
+        moved = x[:]
+        old: cython.double[::1] = x
+        new: cython.double[::1] = moved
+        Q: cython.double[:, ::1] = self._Q
+        dt: cython.double = step.dt
+        yaw_rate, force_x, force_y = step.mean
+        W: cython.double = yaw_rate - old[GYRO_BIAS_Z]
+        way: cython.double = self._move(old, new, W, force_x, force_y, dt)
+        roll_sigma, pitch_sigma = noise.slope
+        self._predict_slope(old, new, W, dt, way, ROLL, roll_sigma)
+        self._predict_slope(old, new, W, dt, way, PITCH, pitch_sigma)
+        self._predict_slip(old, new, step.begin_rate, step.end_rate, W, dt, noise)
+        gyro: cython.double = step.gyro_variance * dt
+        speed: cython.double = step.accel_variance * dt + SPEED_RANDOM_WALK ** 2 * dt
+        Q[YAW, YAW] = gyro
+        Q[V_X, V_X] = speed + gyro * old[V_Y] * old[V_Y]
+        Q[V_Y, V_Y] = speed + gyro * old[V_X] * old[V_X]
+        Q[GYRO_BIAS_Z, GYRO_BIAS_Z] = GYRO_BIAS_RANDOM_WALK ** 2 * dt
+        Q[ACCEL_BIAS_X, ACCEL_BIAS_X] = ACCEL_BIAS_RANDOM_WALK ** 2 * dt
+        Q[ACCEL_BIAS_Y, ACCEL_BIAS_Y] = Q[ACCEL_BIAS_X, ACCEL_BIAS_X]
+        Q[ICR_X, ICR_X] = noise.icr_x ** 2 * abs(W) * dt
+        Q[ICR_L, ICR_L] = Q[ICR_R, ICR_R] = noise.icr ** 2 * abs(W) * dt
+        return moved, self._jacobian, self._noise
+
+    @cython.cfunc
+    def _move(self, x: cython.double[::1], moved: cython.double[::1], W: cython.double,
+              force_x: cython.double, force_y: cython.double, dt: cython.double) -> cython.double:
+        """
+        Write pose and velocity after ``dt`` to ``moved``; return the way of base_link [m].
+
+        The Jacobian is without terms of second order in ``dt``.
+        """
+        F: cython.double[:, ::1] = self._F
+        steady_x, steady_y = self.steady_force(x, W)
+        a_x, a_y = force_x - steady_x, force_y - steady_y
+        x_imu, y_imu = self._x_imu + x[IMU_X], self._y_imu
+        b_x = x[V_X] + 0.5 * a_x * dt + y_imu * W  # m/s, of base_link
+        b_y = x[V_Y] + 0.5 * a_y * dt - x_imu * W
+        c, s = cos(x[YAW] + 0.5 * W * dt), sin(x[YAW] + 0.5 * W * dt)
+        moved[X] += (c * b_x - s * b_y) * dt
+        moved[Y] += (s * b_x + c * b_y) * dt
+        moved[YAW] += W * dt
+        moved[V_X] += a_x * dt
+        moved[V_Y] += a_y * dt
+        F[X, YAW], F[Y, YAW] = (-s * b_x - c * b_y) * dt, (c * b_x - s * b_y) * dt
+        F[X, V_X], F[Y, V_X] = c * dt, s * dt
+        F[X, V_Y], F[Y, V_Y] = -s * dt, c * dt
+        F[X, GYRO_BIAS_Z] = (-c * y_imu - s * x_imu) * dt
+        F[Y, GYRO_BIAS_Z] = (-s * y_imu + c * x_imu) * dt
+        F[X, IMU_X], F[Y, IMU_X] = s * W * dt, -c * W * dt
+        F[YAW, GYRO_BIAS_Z] = F[V_X, ACCEL_BIAS_X] = F[V_Y, ACCEL_BIAS_Y] = -dt
+        F[V_X, V_Y], F[V_Y, V_X] = W * dt, -W * dt
+        F[V_X, GYRO_BIAS_Z], F[V_Y, GYRO_BIAS_Z] = -x[V_Y] * dt, x[V_X] * dt
+        F[V_X, PITCH], F[V_Y, ROLL] = GRAVITY * dt, -GRAVITY * dt
+        return sqrt(b_x * b_x + b_y * b_y) * dt
+
+    @cython.cfunc
+    def _predict_slope(self, x: cython.double[::1], moved: cython.double[::1], W: cython.double,
+                       dt: cython.double, way: cython.double, row: cython.int,
+                       sigma: cython.double) -> cython.void:
+        """Predict roll or pitch: fixed to the ground, a Gauss-Markov process along the path."""
+        other, keep = ROLL + PITCH - row, exp(-way / SLOPE_LENGTH)
+        turn = W * dt if row == ROLL else -W * dt
+        moved[row] = keep * (x[row] + turn * x[other])
+        self._F[row, row], self._F[row, other] = keep, keep * turn
+        self._Q[row, row] = sigma * sigma * (1.0 - keep * keep)
+
+    @cython.cfunc
+    def _predict_slip(self, x: cython.double[::1], moved: cython.double[::1],
+                      begin_rate: cython.double, end_rate: cython.double, W: cython.double,
+                      dt: cython.double, noise: Noise) -> cython.void:
+        """Predict slip velocities and travels of both sides."""
+        F: cython.double[:, ::1] = self._F
+        Q: cython.double[:, ::1] = self._Q
+        decay: cython.double = exp(-dt / SLIP_CORRELATION_TIME)
+        speed = slip_speed(self._rolling_rate(x, W, 0), self._rolling_rate(x, W, 1))
+        innovation = (1.0 - decay * decay) * speed * speed
+        common: cython.double = innovation * noise.slip_common ** 2
+        difference: cython.double = innovation * noise.slip_difference ** 2
+        gain = 0.0  # rad/s, of the slip by an ICR; at rest the yaw rate is noise
+        if speed > MIN_SLIP_SPEED:
+            gain = end_rate - x[GYRO_BIAS_Z] - decay * (begin_rate - x[GYRO_BIAS_Z])
+        for side in range(2):
+            slip, icr, travel = SLIP_VEL_L + side, ICR_L + side, TRAVEL_L + side
+            sign = 2.0 * side - 1.0
+            moved[slip] = decay * x[slip] + sign * gain * x[icr]
+            moved[travel] += dt * (self._rolling_rate(x, W, side) + 0.5 * (
+                moved[V_X] - x[V_X] + moved[slip] - x[slip]))
+            F[slip, slip], F[slip, icr] = decay, sign * gain
+            F[slip, GYRO_BIAS_Z] = -sign * (1.0 - decay) * x[icr] * (gain != 0.0)
+            F[travel, slip] = F[travel, V_X] = dt
+            F[travel, GYRO_BIAS_Z] = -self._arms[side] * dt
+            Q[slip, slip] = common + difference
+        Q[SLIP_VEL_L, SLIP_VEL_R] = Q[SLIP_VEL_R, SLIP_VEL_L] = common - difference
+
+
+def fill_covariances(P: cython.double[:, :], W: cython.double, x_imu: cython.double,
+                     y_imu: cython.double, pose: cython.double[::1], twist: cython.double[::1]
+                     ) -> None:
+    """
+    Write the covariance of pose and twist of base_link into those of ROS, each 36 numbers.
+
+    ``P`` is that of at least the estimated states, (x_imu, y_imu) [m] the position of the IMU and
+    W [rad/s] the yaw rate.
+    """
+    poses: cython.int[5] = [X, Y, ROLL, PITCH, YAW]
+    pose_rows: cython.int[5] = [0, 1, 3, 4, 5]
+    # the twist is linear in four states: T (3, 4)
+    states: cython.int[4] = [V_X, V_Y, GYRO_BIAS_Z, IMU_X]
+    T: cython.double[12] = [1.0, 0.0, -y_imu, 0.0, 0.0, 1.0, x_imu, -W, 0.0, 0.0, -1.0, 0.0]
+    twist_rows: cython.int[3] = [0, 1, 5]
+    for i in range(5):
+        for j in range(5):
+            pose[6 * pose_rows[i] + pose_rows[j]] = P[poses[i], poses[j]]
+    for i in range(3):
+        for j in range(i + 1):
+            total = 0.0
+            for k in range(4):
+                for m in range(4):
+                    total += T[4 * i + k] * P[states[k], states[m]] * T[4 * j + m]
+            twist[6 * twist_rows[i] + twist_rows[j]] = total
+            twist[6 * twist_rows[j] + twist_rows[i]] = total

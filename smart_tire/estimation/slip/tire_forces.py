@@ -1,0 +1,287 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+# cython: language_level=3, boundscheck=False, wraparound=False, initializedcheck=False
+# cython: cdivision=True, infer_types=True, show_performance_hints=False
+
+"""
+Tire forces on a given ground with their derivatives by the state of the slip filter.
+
+The forces of the ground minus the rolling resistance equal mass times specific force at the center
+of mass: the slope cancels. Tire forces are B(17) to B(22) with a stiffness of its own sideways::
+
+    s = (r w - v_x, -k v_y) / |r w|,  F = C_x s g(t),  t = C_x |s| / (3 mu F_z)
+    g = 1 - t + t^2 / 3 for t < 1, above 1 / (3 t)
+
+This is plain Python; ``setup.py`` compiles it with Cython where there is a compiler.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from types import SimpleNamespace
+
+import numpy as np
+
+from smart_tire.arrays import Array
+from smart_tire.estimation.slip import state
+from smart_tire.estimation.slip.state import N, State
+from smart_tire.models.vehicle.skid_steer import AXLE_SIGNS, normal_loads, SIDE_SIGNS
+from smart_tire.parameters import RobotParams
+from smart_tire.samples import Four
+
+try:
+    import cython
+except ImportError:  # as plain Python, without Cython: decorators that do nothing
+    cython = SimpleNamespace(
+        compiled=False, double=float, int=int, cclass=lambda c: c, cfunc=lambda f: f,
+        ccall=lambda f: f, declare=lambda *_, **__: None)
+
+if cython.compiled:
+    from cython.cimports.libc.math import copysign, sqrt
+else:
+    from math import copysign, sqrt
+
+COMPILED: bool = cython.compiled
+
+# constants and rows of the state that are numbers of C
+cython.declare(
+    SLIP_FLOOR=cython.double, MIN_RESISTED_SPEED=cython.double, MIN_LOAD=cython.double,
+    SQRT_3=cython.double, V_X=cython.int, V_Y=cython.int, GYRO_BIAS_Z=cython.int,
+    ACCEL_BIAS_X=cython.int, ACCEL_BIAS_Y=cython.int, SLIP_VEL_L=cython.int,
+    LN_STIFFNESS=cython.int, LN_FRICTION=cython.int, RESISTANCE=cython.int,
+    LATERAL_SHARE=cython.int, LN_LATERAL=cython.int, COM_X=cython.int, COM_Y=cython.int)
+SLIP_FLOOR, MIN_RESISTED_SPEED = state.SLIP_FLOOR, state.MIN_RESISTED_SPEED
+MIN_LOAD = state.MIN_LOAD
+SQRT_3 = 3.0 ** 0.5  # of the points of a Gauss-Hermite quadrature
+V_X, V_Y, GYRO_BIAS_Z, ACCEL_BIAS_X, ACCEL_BIAS_Y, SLIP_VEL_L = map(int, (
+    State.V_X, State.V_Y, State.GYRO_BIAS_Z, State.ACCEL_BIAS_X, State.ACCEL_BIAS_Y,
+    State.SLIP_VEL_L))
+(LN_STIFFNESS, LN_FRICTION, RESISTANCE, LATERAL_SHARE, LN_LATERAL, COM_X, COM_Y) = map(
+    int, list(State)[State.LN_STIFFNESS:])
+
+
+@cython.ccall
+def brush_force(s_x: cython.double, s_y: cython.double, stiffness: cython.double,
+                limit: cython.double, spread: cython.double = 0.0) -> tuple[
+                    cython.double, cython.double, cython.double, cython.double, cython.double,
+                    cython.double, cython.double]:
+    """
+    Return the force of a brush tire with slip (s_x, s_y) [-] and stiffness [N], with derivatives.
+
+    ``limit`` [N] is mu F_z. The numbers are the force [N] along x and y, its derivatives x by s_x,
+    x by s_y (and y by s_x), y by s_y, and those of x and y by ln mu; the remaining part is linear
+    in C_x. ``spread`` [-] is the standard deviation of the slip along itself: the force is that of
+    a statistical linearization with three points, which beyond the limit is flat.
+
+    >>> print(f'{brush_force(0.1, 0.0, 52.7, 0.47 * 26.7)[0]:.2f} N')
+    4.60 N
+    """
+    square = max(s_x * s_x + s_y * s_y, 1e-18)
+    size = sqrt(square)
+    scale = stiffness / (3.0 * limit)
+    t = scale * size
+    slope, bend = stiffness * (1.0 - t + t * t / 3.0), stiffness * t * (t / 1.5 - 1.0)
+    if t >= 1.0:
+        slope, bend = stiffness / (3.0 * t), -stiffness / (3.0 * t)
+    by_friction = -bend
+    if size > spread > 0.0:
+        low, high = (_saturation(t - scale * SQRT_3 * spread),
+                     _saturation(t + scale * SQRT_3 * spread))
+        slope = slope / 1.5 + limit * (low + high) / (6.0 * size)
+        bend = limit * (high - low) / (2.0 * SQRT_3 * spread) - slope
+    k = bend / square
+    return (slope * s_x, slope * s_y, slope + k * s_x * s_x, k * s_x * s_y, slope + k * s_y * s_y,
+            by_friction * s_x, by_friction * s_y)
+
+
+@cython.cfunc
+def _saturation(t: cython.double) -> cython.double:
+    """Return the force over its limit at the normalized slip ``t``, odd in it."""
+    t = max(-1.0, min(1.0, t))
+    return t * (3.0 - 3.0 * abs(t) + t * t)
+
+
+@cython.cclass
+class TireForces:
+    """Balance of forces at an IMU reading, on a given ground."""
+
+    # (3, N), Jacobian of the last forces; the last row is not used
+    H = cython.declare(object, visibility='readonly')
+    _H: cython.double[:, ::1]  # the same memory
+    _P: cython.double[:, ::1]  # covariance of the state
+    _wheel_x: cython.double[4]
+    _wheel_y: cython.double[4]
+    _x_imu: cython.double
+    _y_imu: cython.double
+    _robot = cython.declare(object)
+    _mass: cython.double
+    _level: cython.double[4]  # N, loads at rest ...
+    _by_x: cython.double[4]   # kg, ... and their derivatives by acceleration
+    _by_y: cython.double[4]
+    _scale: cython.double     # of derivatives in the Jacobian
+    _x_row: cython.int        # of the Jacobian, of forces along x ...
+    _y_row: cython.int        # ... and along y
+    _stiffness: cython.double
+    _friction: cython.double
+    _resistance: cython.double
+    _share: cython.double
+    _ratio: cython.double
+    _com_x: cython.double
+    _com_y: cython.double
+
+    def __init__(self, robot: RobotParams, P: Array) -> None:
+        self.H = np.zeros((3, N))
+        self._H, self._P, self._robot, self._mass = self.H, P, robot, robot.mass
+        self._wheel_x = (0.5 * robot.wheelbase * AXLE_SIGNS).tolist()
+        self._wheel_y = (0.5 * robot.track_width * SIDE_SIGNS).tolist()
+        self._x_imu, self._y_imu = robot.imu.position[:2]
+        self._com_x, self._com_y = robot.center_of_mass[:2]
+        self._set_center(self._com_x, self._com_y)
+
+    def rolling_speeds(self, x: cython.double[::1], W: cython.double, residual: Four
+                       ) -> list[float]:
+        """Return r w [m/s] of the wheels from those of the sides; ``residual`` is the rest."""
+        rolling = []
+        for i in range(4):
+            rolling.append(x[V_X] + (self._y_imu - self._wheel_y[i]) * W
+                           + x[SLIP_VEL_L + i % 2] + residual[i])
+        return rolling
+
+    def set_ground(self, ground: Sequence[float]) -> None:
+        """
+        Set the ground.
+
+        It is C_x [N], mu, rolling resistance, its lateral share, C_y / C_x, center of mass [m].
+        """
+        (self._stiffness, self._friction, self._resistance, self._share, self._ratio,
+         com_x, com_y) = ground
+        if (com_x, com_y) != (self._com_x, self._com_y):
+            self._com_x, self._com_y = com_x, com_y
+            self._set_center(com_x, com_y)
+
+    def _set_center(self, com_x: float, com_y: float) -> None:
+        """Set the wheel loads at rest and their derivatives by acceleration [kg]."""
+        robot = self._robot
+        rest, by_x, by_y = normal_loads(
+            robot.mass, (com_x, com_y, robot.center_of_mass[2]), robot.wheelbase,
+            robot.track_width, [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], radius=robot.wheel_radius)
+        self._level = rest.tolist()
+        self._by_x, self._by_y = (by_x - rest).tolist(), (by_y - rest).tolist()
+
+    @cython.cfunc
+    def _load(self, i: cython.int, a_x: cython.double, a_y: cython.double) -> cython.double:
+        """Return the load [N] of a wheel at a specific force [m/s2]."""
+        return max(MIN_LOAD, self._level[i] + self._by_x[i] * a_x + self._by_y[i] * a_y)
+
+    def loads(self, x: cython.double[::1], force_x: cython.double, force_y: cython.double
+              ) -> list[float]:
+        """Return the loads [N] of the wheels at a specific force [m/s2] as measured."""
+        return [self._load(i, force_x - x[ACCEL_BIAS_X], force_y - x[ACCEL_BIAS_Y])
+                for i in range(4)]
+
+    def tractions(self, x: cython.double[::1], rolling: list[float], W: cython.double,
+                  loads: list[float]) -> list[float]:
+        """Return the forces [N] along x on the wheels of both sides; set their Jacobian."""
+        H: cython.double[:, ::1] = self._H
+        H[:, :] = 0.0
+        forces = [0.0, 0.0]
+        self._scale, self._y_row = 1.0, 2
+        for i in range(4):
+            self._x_row = i % 2
+            f_x, _ = self._add_tread(i, x, rolling[i], W, loads[i])
+            forces[i % 2] += f_x
+        return forces
+
+    def balance(self, x: cython.double[::1], rolling: list[float], W: cython.double,
+                yaw_accel: cython.double, force_x: cython.double, force_y: cython.double
+                ) -> tuple[float, float]:
+        """Return model minus measurement [m/s2] along x and y, and set its Jacobian."""
+        a_x, a_y = force_x - x[ACCEL_BIAS_X], force_y - x[ACCEL_BIAS_Y]
+        arm_x, arm_y = self._com_x - self._x_imu, self._com_y - self._y_imu
+        sum_x = -self._mass * (a_x - yaw_accel * arm_y - W * W * arm_x)
+        sum_y = -self._mass * (a_y + yaw_accel * arm_x - W * W * arm_y)
+        H: cython.double[:, ::1] = self._H
+        H[:, :] = 0.0
+        H[0, ACCEL_BIAS_X] = H[1, ACCEL_BIAS_Y] = 1.0
+        H[0, COM_X] = H[1, COM_Y] = W * W
+        H[0, COM_Y], H[1, COM_X] = yaw_accel, -yaw_accel
+        self._scale, self._x_row, self._y_row = 1.0 / self._mass, 0, 1
+        for i in range(4):
+            load = self._load(i, a_x, a_y)
+            f_x, f_y = self._add_tread(i, x, rolling[i], W, load)
+            d_x, d_y = self._add_drag(i, x, W, load)
+            sum_x += f_x - d_x
+            sum_y += f_y - d_y
+        return sum_x / self._mass, sum_y / self._mass
+
+    @cython.cfunc
+    def _add_tread(self, i: cython.int, x: cython.double[::1], rolling: cython.double,
+                   W: cython.double, load: cython.double) -> tuple[cython.double, cython.double]:
+        """Return the force [N] of the tread of a wheel and add its derivatives."""
+        P: cython.double[:, ::1] = self._P
+        slip = SLIP_VEL_L + i % 2
+        arm_x, arm_y = self._y_imu - self._wheel_y[i], self._wheel_x[i] - self._x_imu
+        v_x, v_y = x[V_X] + arm_x * W, x[V_Y] + arm_y * W
+        inverse = 1.0 / max(abs(rolling), SLIP_FLOOR)
+        lateral = self._ratio * inverse
+        s_x, s_y = (rolling - v_x) * inverse, -v_y * lateral
+        # standard deviation of the slip along itself
+        side = self._ratio * s_y
+        spread = inverse * sqrt((s_x * s_x * P[slip, slip] + side * side * P[V_Y, V_Y]) / (
+            s_x * s_x + s_y * s_y + 1e-18))
+        f_x, f_y, xx, xy, yy, x_by_friction, y_by_friction = brush_force(
+            s_x, s_y, self._stiffness, self._friction * load, spread)
+        # of the slip by r w at constant velocity; of the forces by r w, v_x and v_y
+        sign = copysign(1.0, rolling)
+        d_x, d_y = inverse * (1.0 - sign * s_x), -inverse * sign * s_y
+        x_by_rolling, y_by_rolling = xx * d_x + xy * d_y, xy * d_x + yy * d_y
+        self._add(slip, x_by_rolling, y_by_rolling)
+        self._add_velocity(x_by_rolling - xx * inverse, y_by_rolling - xy * inverse,
+                           -xy * lateral, -yy * lateral, arm_x, arm_y)
+        self._add(LN_STIFFNESS, f_x - x_by_friction, f_y - y_by_friction)
+        self._add(LN_FRICTION, x_by_friction, y_by_friction)
+        self._add(LN_LATERAL, xy * s_y, yy * s_y)
+        return f_x, f_y
+
+    @cython.cfunc
+    def _add_drag(self, i: cython.int, x: cython.double[::1], W: cython.double,
+                  load: cython.double) -> tuple[cython.double, cython.double]:
+        """Return the rolling resistance [N] of a wheel and subtract its derivatives."""
+        resistance, share = self._resistance, self._share
+        arm_x, arm_y = self._y_imu - self._wheel_y[i], self._wheel_x[i] - self._x_imu
+        v_x, v_y = x[V_X] + arm_x * W, x[V_Y] + arm_y * W
+        speed = max(sqrt(v_x * v_x + v_y * v_y), MIN_RESISTED_SPEED)
+        heading = max(-1.0, min(1.0, v_x / MIN_RESISTED_SPEED))
+        along_x, along_y = load * v_x / speed, load * v_y / speed
+        drag_x, drag_y = (1.0 - share) * load * heading + share * along_x, share * along_y
+        self._add_velocity(0.0, 0.0, 0.0, -resistance * share * load / speed, arm_x, arm_y)
+        self._add(RESISTANCE, -drag_x, -drag_y)
+        self._add(LATERAL_SHARE, resistance * (load * heading - along_x), -resistance * along_y)
+        return resistance * drag_x, resistance * drag_y
+
+    @cython.cfunc
+    def _add_velocity(self, x_by_u: cython.double, y_by_u: cython.double, x_by_v: cython.double,
+                      y_by_v: cython.double, arm_x: cython.double, arm_y: cython.double
+                      ) -> cython.void:
+        """Add derivatives by the velocity of a wheel: that of the IMU plus yaw rate times arms."""
+        self._add(V_X, x_by_u, y_by_u)
+        self._add(V_Y, x_by_v, y_by_v)
+        self._add(GYRO_BIAS_Z, -x_by_u * arm_x - x_by_v * arm_y, -y_by_u * arm_x - y_by_v * arm_y)
+
+    @cython.cfunc
+    def _add(self, row: cython.int, x: cython.double, y: cython.double) -> cython.void:
+        """Add derivatives of the forces [N] along x and y by a state to the Jacobian."""
+        self._H[self._x_row, row] += x * self._scale
+        self._H[self._y_row, row] += y * self._scale
