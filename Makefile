@@ -155,7 +155,7 @@ demo-loaded: $(READY)
 
 config: $(READY)
 	$(BIN)/python docs/config_files.py config
-	$(BIN)/python -m smart_tire.nodes.qos config/rosbag2_qos.yaml
+	$(BIN)/python docs/rosbag2_qos.py config/rosbag2_qos.yaml
 	$(BIN)/python -m smart_tire.parameters.urdf_writer urdf/smart_tire.urdf
 
 docs: $(READY)

@@ -48,13 +48,14 @@ def main(argv: Sequence[str] | None = None) -> int:
                         help='duration of the live measurement (default: %(default)s)')
     args = parser.parse_args(argv)
     # Importing rclpy may start Python again, so it must come before any child is started.
-    from smart_tire.nodes.demo_driver import DemoDriver
+    from smart_tire.nodes.pilot import Pilot
     from smart_tire.nodes.runner import NodeRunner
     print(machine())
 
     def measure() -> None:
         with tempfile.TemporaryDirectory(prefix='smart_tire_bench_') as folder:
-            measure_live(Path(folder), args.seconds, partial(NodeRunner, DemoDriver))
+            measure_live(Path(folder), args.seconds,
+                         partial(NodeRunner, partial(Pilot, 'demo_driver')))
             measure_offline(Path(folder))
     return run_benchmark('load', measure)
 

@@ -19,6 +19,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 import os
 from pathlib import Path
 import select
@@ -62,16 +63,16 @@ def record_steps(args: argparse.Namespace, robot: RobotParams) -> dict[str, list
     if args.drive:
         confirm_driving(steps, robot)
     # importing rclpy may restart Python, so it must come before any child is started
-    from smart_tire.nodes.calibration_driver import CalibrationDriver
+    from smart_tire.nodes.pilot import Pilot
     from smart_tire.nodes.runner import NodeRunner
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     args.out.mkdir(parents=True, exist_ok=True)
     session = Session(args.out, Guide(steps), robot, drive=args.drive)
     arguments = ['--ros-args', *(part for path in args.params
                                  for part in ('--params-file', str(path)))]
-    with Stack(args.out / 'logs', os.environ) as stack, NodeRunner(
-            lambda: CalibrationDriver(session.on_sample), arguments) as runner, driving_ends(
-            runner):
+    pilot = partial(Pilot, 'calibration_driver', session.on_sample)
+    with (Stack(args.out / 'logs', os.environ) as stack, NodeRunner(pilot, arguments) as runner,
+          driving_ends(runner)):
         session.run(stack, runner)
     return {step: [args.out / step] for step in session.guide.recorded}
 
@@ -177,7 +178,7 @@ class Session:
 
     @staticmethod
     def _enable(runner: Any) -> None:
-        if not runner.node.controlled():
+        if not runner.node.listeners('cmd_vel'):
             raise ParameterError('--drive: no node subscribes to cmd_vel, start wheel_controller')
         if runner.node.emergency_stop:
             raise CalibrationError('the emergency stop is active: release it first')

@@ -33,7 +33,7 @@ from smart_tire.recording import Faults, Recording
 
 if TYPE_CHECKING:
     from smart_tire.bags import SampleReader
-    from smart_tire.nodes.listener import NodeStatus
+    from smart_tire.messages import NodeStatus
 
 SIMULATOR = 'robot_simulator'
 DISCOVERY_TIME = 2.0  # s before messages are counted, to subscribe to what is published

@@ -21,7 +21,7 @@ import signal
 from typing import TYPE_CHECKING
 
 from smart_tire.cli._live_feed import FLUSH_PERIOD, LiveFeed
-from smart_tire.nodes.listener import Listener
+from smart_tire.nodes.observer import Listener
 from smart_tire.nodes.runner import NodeRunner
 from smart_tire.view.recorder import ViewError
 

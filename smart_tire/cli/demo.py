@@ -112,13 +112,14 @@ def run(args: argparse.Namespace) -> int:
     if args.view:
         import_module('smart_tire.view.viewer')  # is it installed?
     # Importing rclpy may restart Python, so it must come before any child and any output.
-    from smart_tire.nodes.demo_driver import DemoDriver
+    from smart_tire.nodes.pilot import Pilot
     from smart_tire.nodes.runner import NodeRunner
     print(f'starting {len(NODES)} nodes and a recorder', flush=True)
     from smart_tire.analysis.drive_report import evaluate_demo
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     params = _prepare(out, args.seed)
-    intervals = _drive(out, params, partial(NodeRunner, DemoDriver), view=args.view)
+    intervals = _drive(out, params, partial(NodeRunner, partial(Pilot, 'demo_driver')),
+                       view=args.view)
     print('evaluating the recording', flush=True)
     with Progress('smart_tire demo'):
         summary = evaluate_demo(

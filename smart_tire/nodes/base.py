@@ -42,8 +42,8 @@ from smart_tire.messages import OtherJointsError, TOPICS
 from smart_tire.nodes.command_line import foreign_arguments
 from smart_tire.nodes.compat import (
     message_class, new_executor, once, plain_message, RCLError, with_info, wrong_type_message)
-from smart_tire.nodes.diagnostics import diagnostic_array, InputCounter, Status
-from smart_tire.nodes.input_watch import CHECK_PERIOD, InputLog, SILENCE_NS
+from smart_tire.nodes.diagnostics import (
+    CHECK_PERIOD, diagnostic_array, InputCounter, InputLog, SILENCE_NS, Status)
 from smart_tire.nodes.parameters import declare, read
 from smart_tire.nodes.qos import publisher_qos, subscriber_qos
 from smart_tire.parameters import build

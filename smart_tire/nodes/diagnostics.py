@@ -12,10 +12,17 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Node diagnostics as specified in REP-107: one status with level, message and exact counts."""
+"""
+Inputs of a node and its diagnostics.
+
+The log of the inputs has one line when an input is missing, begins, stops and returns, so that a
+healthy node is silent after its start. The diagnostics are those of REP-107: one status with
+level, message and exact counts.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 import math
 from typing import Any
@@ -23,6 +30,12 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from smart_tire.samples import NS_PER_S
+
+CHECK_PERIOD = 0.1              # s between calls of ``check``, the resolution of the gaps logged
+WAIT_NS = 2 * NS_PER_S          # without a first message until a line
+WAIT_FACTOR = 4                 # between the waiting times at which the line is repeated
+SILENCE_NS = 2 * NS_PER_S       # without a message until an input is reported as lost
+RATE_NS = NS_PER_S              # over which the rate is measured after the first message
 
 
 @dataclass
@@ -93,3 +106,97 @@ def diagnostic_array(stamp: Any, status: DiagnosticStatus) -> DiagnosticArray:
 
 def _text(value: Any) -> str:
     return f'{value:.6g}' if isinstance(value, float) else str(value)
+
+
+@dataclass
+class InputWatch:
+    """State of one input; ``poll`` returns what has changed."""
+
+    name: str
+    required: bool               # whether its absence is logged, not only its first message
+    count: int = 0               # valid messages at the latest poll
+    changed_ns: int = 0          # when the latest message was noticed
+    first_ns: int | None = None  # when the first one was noticed
+    first_count: int = 0
+    announced: bool = False      # whether the first message was logged
+    silent: bool = False         # whether the input is lost
+
+    @property
+    def waiting(self) -> bool:
+        """Return whether a required input has sent no message yet."""
+        return self.required and self.first_ns is None
+
+    def poll(self, count: int, now_ns: int, *, excused: bool = False) -> tuple[str, str]:
+        """
+        Return a line of information and a warning, '' if nothing has changed.
+
+        ``count`` is the number of valid messages until ``now_ns``. While ``excused`` the reason
+        of silence is known and logged elsewhere.
+        """
+        if count > self.count:
+            return self._on_message(count, now_ns), ''
+        if self.first_ns is None:
+            return '', ''
+        if not self.announced:
+            return self._announce(now_ns), ''
+        if self.required and not self.silent and now_ns - self.changed_ns > SILENCE_NS:
+            self.silent = True
+            return '', '' if excused else f'no {self.name} for {SILENCE_NS / NS_PER_S:.1f} s'
+        return '', ''
+
+    def _on_message(self, count: int, now_ns: int) -> str:
+        gap, returned = (now_ns - self.changed_ns) / NS_PER_S, self.silent
+        self.count, self.changed_ns, self.silent = count, now_ns, False
+        if self.first_ns is None:
+            self.first_ns, self.first_count = now_ns, count
+        if returned:
+            return f'{self.name} again after {gap:.1f} s'
+        return '' if self.announced else self._announce(now_ns)
+
+    def _announce(self, now_ns: int) -> str:
+        assert self.first_ns is not None
+        duration_ns, new = now_ns - self.first_ns, self.count - self.first_count
+        if duration_ns < RATE_NS:
+            return ''
+        self.announced = True
+        rate = f' at {new * NS_PER_S / duration_ns:.3g} Hz' if new else ''
+        return f'receiving {self.name}{rate}'
+
+
+class InputLog:
+    """
+    Watches the inputs of a node and logs changes.
+
+    ``check`` is to be called every CHECK_PERIOD.
+    """
+
+    def __init__(self, logger: Any, clock: Callable[[], int]) -> None:
+        self._logger, self._clock = logger, clock  # ns, steady
+        self._inputs: list[tuple[InputWatch, Callable[[], int], Callable[[], bool]]] = []
+        self._since_ns = clock()     # start of the waiting time
+        self._next_ns = WAIT_NS      # waiting time of the next line
+
+    def add(self, name: str, count: Callable[[], int], *, required: bool,
+            excused: Callable[[], bool] = lambda: False) -> None:
+        """Watch an input by its ``count`` of messages; silence is no news while ``excused``."""
+        self._inputs.append((InputWatch(name, required), count, excused))
+
+    def check(self) -> None:
+        """Log what has changed since the previous call."""
+        now_ns = self._clock()
+        for watch, count, excused in self._inputs:
+            info, warning = watch.poll(count(), now_ns, excused=excused())
+            if info:
+                self._logger.info(info)
+            if warning:
+                self._logger.warning(warning)
+        self._log_waiting(now_ns)
+
+    def _log_waiting(self, now_ns: int) -> None:
+        waiting = [watch.name for watch, _, _ in self._inputs if watch.waiting]
+        if any(watch.waiting and excused() for watch, _, excused in self._inputs):
+            self._since_ns = now_ns  # its time begins when nothing else prevents the input
+        waited_ns = now_ns - self._since_ns
+        if waiting and waited_ns >= self._next_ns:
+            self._next_ns *= WAIT_FACTOR
+            self._logger.info(f'waiting for {", ".join(waiting)} ({waited_ns / NS_PER_S:.0f} s)')

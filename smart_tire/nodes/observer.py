@@ -12,25 +12,60 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A node that passes serialized messages of the standard topics of all namespaces."""
+"""Nodes that pass what others publish to their owner: chosen samples, or all raw messages."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.qos import QoSProfile
 
-from smart_tire.messages import find_topic
+from smart_tire.messages import find_topic, NodeStatus, statuses_from_msg, TOPICS
+from smart_tire.nodes.base import SmartTireNode
 from smart_tire.nodes.compat import message_class
-from smart_tire.nodes.listener import Listener, OnStatus
-from smart_tire.nodes.recorder import matching_qos, requests_less
+from smart_tire.nodes.qos import matching_qos, requests_less, subscriber_qos
+from smart_tire.samples import Sample, WHEELS
 
 DISCOVERY_PERIOD = 0.3  # s between queries of the published topics
 BOOL = 'std_msgs/msg/Bool'
 STATES = ('emergency_stop_active', 'motors_enabled')  # of motor_driver, not in TOPICS
+WITH_MANY_WHEELS = 'tire_samples', 'tire_friction'  # topics that several wheels share
 
+OnSample = Callable[[str, Sample], None]
+OnStatus = Callable[[NodeStatus], None]
 OnMessage = Callable[[str, bytes], None]  # fully qualified topic, message in CDR
+
+
+@dataclass(frozen=True, kw_only=True)
+class ListenerParams:
+    """No ROS parameters."""
+
+
+class Listener(SmartTireNode[ListenerParams]):
+    """
+    Calls ``on_sample`` with the standard topic name and each sample, ``on_status`` per status.
+
+    Subscribes to ``topics``, by default all of ``TOPICS``, and to ``/diagnostics``; publishes
+    ``/diagnostics``. ``inputs`` counts the messages of each topic. No parameters.
+    """
+
+    def __init__(self, on_sample: OnSample, on_status: OnStatus, *,
+                 topics: Iterable[str] = tuple(TOPICS), name: str = 'listener') -> None:
+        super().__init__(name, ListenerParams)
+        self._on_status = on_status
+        for topic in topics:
+            self.subscribe(topic, partial(on_sample, topic),
+                           wheels=len(WHEELS) if topic in WITH_MANY_WHEELS else 1)
+        self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics,
+                                 subscriber_qos('/diagnostics'))
+
+    def _on_diagnostics(self, msg: Any) -> None:
+        for status in statuses_from_msg(msg):
+            self._on_status(status)
 
 
 class Observer(Listener):
@@ -71,10 +106,7 @@ class Observer(Listener):
                 return
             self.destroy_subscription(subscription)
         self._observed[name] = requested, self.create_subscription(
-            message_class(type_name), name, self._handler_of(name), requested, raw=True)
-
-    def _handler_of(self, name: str) -> Callable[[bytes], None]:
-        return lambda data: self._on_message(name, data)
+            message_class(type_name), name, partial(self._on_message, name), requested, raw=True)
 
 
 def state_of(name: str) -> str:

@@ -12,11 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A node in a program that drives the robot, and keeps its latest estimates."""
+"""A node in a program that drives the robot, by velocities or along paths, and watches it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+import math
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -25,12 +26,13 @@ from smart_tire.nodes.base import SmartTireNode
 from smart_tire.nodes.qos import latched, latest_qos, subscriber_qos
 from smart_tire.parameters import WheelControllerParams
 from smart_tire.samples import (
-    Friction, Odometry, PathProgress, PlannedPath, Vector3, VelocityCommand, WHEELS, WheelSample,
-    WheelSlip)
+    Friction, Odometry, PathProgress, PlannedPath, Sample, Vector3, VelocityCommand, WHEELS,
+    WheelSample, WheelSlip)
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
 FRAME = 'odom'  # of the paths
+COMMAND_PERIOD = 0.05  # s: several commands within the time-out of wheel_controller
 CANCEL_SERVICE = 'cancel_path'
 
 
@@ -38,14 +40,17 @@ class Pilot(SmartTireNode[WheelControllerParams]):
     """
     Publishes paths or velocity commands; attributes hold the latest samples received.
 
-    Publishes ``path`` from the first ``follow`` on, ``cmd_vel`` from the first ``command`` until
-    ``release``, and ``/diagnostics``; subscribes to ``odom``, ``wheel_states``, ``wheel_slip``,
-    ``tire_friction``, ``path_progress``, ``emergency_stop_active`` and ``/diagnostics``; calls
-    ``cancel_path``. Parameters: those of ``wheel_controller``.
+    Publishes ``path`` from the first ``follow`` on, ``cmd_vel`` from the first ``command`` or
+    ``drive`` until ``release``, and ``/diagnostics``; subscribes to ``odom``, ``wheel_states``,
+    ``wheel_slip``, ``tire_friction``, ``path_progress``, ``emergency_stop_active``, which ends all
+    driving until the next command, and ``/diagnostics``; calls ``cancel_path``. ``on_sample`` gets
+    all samples of IMU and wheels. Parameters: those of ``wheel_controller``.
     """
 
-    def __init__(self, name: str = 'pilot') -> None:
+    def __init__(self, name: str = 'pilot',
+                 on_sample: Callable[[Sample], None] | None = None) -> None:
         super().__init__(name, WheelControllerParams)
+        self._driven: tuple[float, float] | None = None  # command that is repeated
         self.odometry: Odometry | None = None
         self.wheels: WheelSample | None = None
         self.slip: WheelSlip | None = None
@@ -57,14 +62,20 @@ class Pilot(SmartTireNode[WheelControllerParams]):
         self._publish_velocity: Callable[[Any], None] | None = None
         self._publish_path: Callable[[Any], None] | None = None
         self._cancel = self.create_client(Trigger, CANCEL_SERVICE)
-        for topic, field in (('odom', 'odometry'), ('wheel_states', 'wheels'),
-                             ('wheel_slip', 'slip')):  # on a busy machine a queue is always full
+        latest = {'odom': 'odometry', 'wheel_slip': 'slip'}
+        if on_sample is None:
+            latest['wheel_states'] = 'wheels'
+        else:
+            for topic in ('imu/data', 'wheel_states'):
+                self.subscribe(topic, on_sample)
+        for topic, field in latest.items():  # on a busy machine a queue is always full
             self.subscribe(topic, self._store_in(field), profiles=[latest_qos(topic)])
         self.subscribe('path_progress', self._store_in('progress'))
         self.subscribe('tire_friction', self._on_friction, wheels=len(WHEELS))
         self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics,
                                  subscriber_qos('/diagnostics'))
         self.create_subscription(Bool, 'emergency_stop_active', self._on_emergency_stop, latched())
+        self.create_steady_timer(COMMAND_PERIOD, self._repeat)
 
     def listeners(self, topic: str) -> int:
         """Return how many of the nodes discovered so far listen to ``path`` or ``cmd_vel``."""
@@ -87,16 +98,37 @@ class Pilot(SmartTireNode[WheelControllerParams]):
         return self._cancel.call_async(Trigger.Request()) if (
             self._cancel.service_is_ready()) else None
 
+    def enable(self) -> Callable[[Any], None]:
+        """Create the publisher of ``cmd_vel``, so that the first command finds its subscriber."""
+        self._publish_velocity = self._publish_velocity or self.make_publisher('cmd_vel')
+        return self._publish_velocity
+
     def command(self, speed: float, yaw_rate: float) -> None:
         """Publish a velocity command [m/s], [rad/s]."""
-        if self._publish_velocity is None:
-            self._publish_velocity = self.make_publisher('cmd_vel')
-        self._publish_velocity(VelocityCommand(self.now_ns(), speed, yaw_rate))
+        self.enable()(VelocityCommand(self.now_ns(), speed, yaw_rate))
+
+    def drive(self, left_rpm: float, right_rpm: float) -> None:
+        """Command the velocity with these wheel speeds [rev/min] of the sides, repeatedly."""
+        if self.emergency_stop:
+            return
+        left, right = (rpm * math.tau / 60.0 * self.params.robot.wheel_radius
+                       for rpm in (left_rpm, right_rpm))
+        self._driven = 0.5 * (left + right), (right - left) / self.params.effective_track
+        self._repeat()
 
     def halt(self) -> None:
-        """Command standstill, if this node has commanded a velocity."""
+        """Command standstill once, if this node has commanded a velocity, and nothing after."""
+        self._driven = None
         if self._publish_velocity is not None:
             self.command(0.0, 0.0)
+
+    def stop(self) -> None:
+        """Command standstill."""
+        self.halt()
+
+    def _repeat(self) -> None:
+        if self._driven is not None:
+            self.command(*self._driven)
 
     def release(self) -> None:
         """Command standstill and end the publisher of ``cmd_vel``, so that others may drive."""
@@ -116,6 +148,8 @@ class Pilot(SmartTireNode[WheelControllerParams]):
 
     def _on_emergency_stop(self, msg: Any) -> None:
         self.emergency_stop = bool(msg.data)
+        if self.emergency_stop and self._driven is not None:
+            self.halt()
 
     def _on_diagnostics(self, msg: Any) -> None:
         for status in msg.status:

@@ -12,23 +12,15 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""
-Quality of service of sensor streams, estimates and commands, as listed in docs/topics.md.
-
-``python -m smart_tire.nodes.qos FILE`` writes the profiles as a file for ``ros2 bag record``; a
-test checks that the one in ``config/`` is current.
-"""
+"""Quality of service of sensor streams, estimates and commands, as listed in docs/topics.md."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 import math
-from pathlib import Path
-import sys
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-from smart_tire.messages import TOPICS
+from smart_tire.messages import find_topic, TOPICS
 from smart_tire.samples import WHEELS
 
 SENSOR_SPAN = 2.0     # s of a sensor stream in the queue of a publisher
@@ -36,6 +28,8 @@ RATE_RESERVE = 5      # own subscriptions queue SENSOR_SPAN at this multiple of 
 ESTIMATE_DEPTH = 250  # messages, 2 s at 125 Hz
 COMMAND_DEPTH = 1     # messages: only the latest command is used
 OTHER_DEPTH = 100     # messages: ground truth, overhead camera, diagnostics
+MIN_RECORDED_DEPTH = 100  # messages of any topic: all commands count, not only the latest
+FOREIGN_DEPTH = 1000  # messages of a topic that is not in TOPICS, while the disk is busy
 LATCHED = ('path', 'friction_map', 'tf_static')
 READ_BY_ESTIMATORS = ('imu/data', 'wheel_states', 'tire_samples', 'wheel_slip', 'odom')
 
@@ -106,31 +100,22 @@ def order_profiles(name: str) -> list[QoSProfile]:
     return [latched(), volatile]
 
 
-def rosbag2_overrides() -> str:
-    """
-    Return the file for ``ros2 bag record --qos-profile-overrides-path``.
-
-    Transient-local topics are left out: rosbag2 adapts to their durability itself.
-    """
-    return '\n'.join((*OVERRIDES_HEADER, *_overrides())) + '\n'
-
-
-OVERRIDES_HEADER = (
-    '# For "ros2 bag record --qos-profile-overrides-path FILE": queues deep enough to lose no',
-    '# message while the disk is busy; the default of rosbag2 is 10 messages per topic.',
-    '# For a robot in a namespace, prefix each topic with it. For a publisher that offers best',
-    '# effort only, change the reliability: a reliable subscription does not connect to it.',
-    '# The depths are those of smart_tire/nodes/qos.py; "make config" writes this file.')
+def matching_qos(name: str, offers: list[QoSProfile]) -> QoSProfile:
+    """Return the strictest profile of a subscription that matches all publishers' ``offers``."""
+    topic = find_topic(name)
+    profile = (QoSProfile(depth=FOREIGN_DEPTH) if topic is None
+               else subscriber_qos(topic.name, wheels=len(WHEELS)))
+    profile.depth = max(profile.depth, MIN_RECORDED_DEPTH)
+    reliable = all(offer.reliability == ReliabilityPolicy.RELIABLE for offer in offers)
+    latched = all(offer.durability == DurabilityPolicy.TRANSIENT_LOCAL for offer in offers)
+    profile.reliability = (
+        ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT)
+    profile.durability = (
+        DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE)
+    return profile
 
 
-def _overrides() -> Iterator[str]:
-    for name in (*(name for name in TOPICS if name not in LATCHED), 'tf', 'diagnostics'):
-        profile = subscriber_qos(name, wheels=len(WHEELS))
-        yield from (
-            f'/{name}:', '  history: keep_last', f'  depth: {max(profile.depth, OTHER_DEPTH)}',
-            f'  reliability: {profile.reliability.short_key}',
-            f'  durability: {profile.durability.short_key}')
-
-
-if __name__ == '__main__':
-    Path(sys.argv[1]).write_text(rosbag2_overrides(), encoding='utf-8')
+def requests_less(new: QoSProfile, old: QoSProfile) -> bool:
+    """Return whether ``new`` matches publishers that ``old`` does not."""
+    return (old.reliability == ReliabilityPolicy.RELIABLE != new.reliability
+            or old.durability == DurabilityPolicy.TRANSIENT_LOCAL != new.durability)

@@ -26,21 +26,17 @@ from typing import Any
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from smart_tire.bags import BagWriter, channel_of, PARAMETERS_KEY, Qos
-from smart_tire.messages import find_topic
 from smart_tire.nodes.base import run, SmartTireNode
 from smart_tire.nodes.compat import message_class, with_info
 from smart_tire.nodes.diagnostics import Status
-from smart_tire.nodes.parameter_collector import ParameterCollector
-from smart_tire.nodes.qos import subscriber_qos
+from smart_tire.nodes.parameters import ParameterCollector
+from smart_tire.nodes.qos import matching_qos, requests_less
 from smart_tire.parameters.files import snapshot_text
-from smart_tire.samples import WHEELS
 
 DISCOVERY_PERIOD = 0.2      # s between queries of the published topics
 FLUSH_PERIOD = 0.25         # s between chunks, half of what a crash may cost
 PROGRESS_PERIOD = 1.0       # s between reports of the progress
 DISCOVERY_GRACE_NS = 2_000_000_000  # ns after start: publishers found until then existed before
-MIN_QUEUE_DEPTH = 100       # messages of any topic: all commands are recorded, not only the latest
-FOREIGN_QUEUE_DEPTH = 1000  # messages of a topic that is not in TOPICS, while the disk is busy
 
 Progress = Callable[[Mapping[str, int], int], None]  # topic -> messages, number of lost ones
 
@@ -214,27 +210,6 @@ class Recorder(SmartTireNode[RecorderParams]):
         if name not in self._skipped:
             self._skipped.add(name)
             self.get_logger().warning(f'{name} {reason}: not recorded')
-
-
-def matching_qos(name: str, offers: list[QoSProfile]) -> QoSProfile:
-    """Return the strictest profile of a subscription that matches all publishers' ``offers``."""
-    topic = find_topic(name)
-    profile = (QoSProfile(depth=FOREIGN_QUEUE_DEPTH) if topic is None
-               else subscriber_qos(topic.name, wheels=len(WHEELS)))
-    profile.depth = max(profile.depth, MIN_QUEUE_DEPTH)
-    reliable = all(offer.reliability == ReliabilityPolicy.RELIABLE for offer in offers)
-    latched = all(offer.durability == DurabilityPolicy.TRANSIENT_LOCAL for offer in offers)
-    profile.reliability = (
-        ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT)
-    profile.durability = (
-        DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE)
-    return profile
-
-
-def requests_less(new: QoSProfile, old: QoSProfile) -> bool:
-    """Return whether ``new`` matches publishers that ``old`` does not."""
-    return (old.reliability == ReliabilityPolicy.RELIABLE != new.reliability
-            or old.durability == DurabilityPolicy.TRANSIENT_LOCAL != new.durability)
 
 
 def recorded_qos(profile: QoSProfile) -> Qos:

@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 import pytest
-from smart_tire.nodes.input_watch import InputLog, RATE_NS, SILENCE_NS, WAIT_FACTOR, WAIT_NS
+from smart_tire.nodes.diagnostics import InputLog, RATE_NS, SILENCE_NS, WAIT_FACTOR, WAIT_NS
 from smart_tire.samples import ImuSample, WheelSample
 from support.graph import node_arguments, Process
 

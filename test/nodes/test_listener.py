@@ -21,7 +21,7 @@ from rclpy.qos import QoSProfile
 
 from smart_tire.messages import TOPICS
 from smart_tire.nodes.compat import message_class
-from smart_tire.nodes.listener import Listener, NodeStatus
+from smart_tire.nodes.observer import Listener, NodeStatus
 from smart_tire.nodes.runner import NodeRunner
 from smart_tire.samples import Icr, Sample
 

@@ -24,7 +24,7 @@ from rclpy.qos import QoSProfile
 
 from smart_tire.messages import TOPICS
 from smart_tire.nodes.compat import message_class
-from smart_tire.nodes.listener import Listener
+from smart_tire.nodes.observer import Listener
 from smart_tire.samples import Icr
 
 pytestmark = [pytest.mark.processes, pytest.mark.skipif(

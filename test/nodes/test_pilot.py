@@ -16,22 +16,23 @@
 
 from __future__ import annotations
 
+from functools import partial
 import math
 
 import pytest
 from smart_tire.messages import TOPICS
 from smart_tire.nodes.compat import message_class
-from smart_tire.nodes.demo_driver import DemoDriver
 from smart_tire.nodes.pilot import Pilot
 from smart_tire.nodes.qos import latched, subscriber_qos
 from smart_tire.nodes.runner import NodeRunner
-from smart_tire.samples import NAN, PathProgress
+from smart_tire.samples import ImuSample, NAN, PathProgress
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
 pytestmark = pytest.mark.processes
 MAX_SPINS = 300  # of 0.1 s
 LINE = ((0.0, 0.0, NAN), (1.0, 0.5, NAN))
+IMU = ImuSample(10 ** 9, (0.0, 0.0, 9.81), (0.0, 0.0, 0.0))
 
 
 def spin_until(runner, condition):
@@ -101,17 +102,44 @@ def test_commands_begin_with_the_first_one_and_end_with_release(isolated_ros):
         assert not [one for one in node.publishers if one.topic_name.endswith('cmd_vel')]
 
 
-def test_the_demo_commands_no_more_after_its_release(isolated_ros):
-    with NodeRunner(DemoDriver, []) as runner:
+def assert_silent(runner, commands):
+    """Check that nothing more is commanded."""
+    runner.spin(0.2)
+    count = len(commands)
+    runner.spin(0.3)
+    assert len(commands) == count
+
+
+def test_wheel_speeds_are_commanded_until_the_emergency_stop_or_the_release(isolated_ros):
+    samples = []
+    with NodeRunner(partial(Pilot, 'driver', samples.append), []) as runner:
         node = runner.node
         commands = listen(node, 'cmd_vel')
+        report = node.make_publisher('imu/data')
+        stop = node.create_publisher(Bool, 'emergency_stop_active', latched())
+        spin_until(runner, lambda: node.listeners('cmd_vel'))
+        runner.spin(0.2)
+        assert node.count_publishers('cmd_vel') == 0  # without a command it cannot drive
         node.drive(60.0, 120.0)
-        spin_until(runner, lambda: any(command.yaw_rate > 0.0 for command in commands))
+        spin_until(runner, lambda: len(commands) > 3)  # repeated
         radius, track = node.params.robot.wheel_radius, node.params.effective_track
         assert commands[-1].v_x == pytest.approx(3.0 * math.pi * radius)
         assert commands[-1].yaw_rate == pytest.approx(2.0 * math.pi * radius / track)
+        stop.publish(Bool(data=True))
+        spin_until(runner, lambda: node.emergency_stop and commands[-1].v_x == 0.0)
+        node.drive(60.0, 60.0)
+        assert_silent(runner, commands)
+        stop.publish(Bool(data=False))
+        spin_until(runner, lambda: not node.emergency_stop)
+        assert_silent(runner, commands)  # a stop ends the command for good
+        node.drive(60.0, 60.0)
+        spin_until(runner, lambda: commands[-1].v_x > 0.0)
+        node.halt()
+        spin_until(runner, lambda: commands[-1].v_x == 0.0)
+        assert_silent(runner, commands)
+        node.drive(60.0, 60.0)
+        spin_until(runner, lambda: report(IMU) or samples)
         node.release()
-        runner.spin(0.2)
-        count = len(commands)
-        runner.spin(0.3)
-        assert len(commands) == count
+        assert_silent(runner, commands)
+        assert IMU in samples and not [
+            one for one in node.publishers if one.topic_name.endswith('cmd_vel')]

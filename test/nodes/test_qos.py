@@ -22,9 +22,9 @@ import pytest
 from rclpy.qos import (
     DurabilityPolicy, HistoryPolicy, qos_check_compatible, QoSCompatibility, QoSProfile,
     ReliabilityPolicy)
+from rosbag2_qos import rosbag2_overrides
 from smart_tire.messages import TOPICS
-from smart_tire.nodes.qos import (
-    LATCHED, order_profiles, publisher_qos, rosbag2_overrides, subscriber_qos)
+from smart_tire.nodes.qos import LATCHED, order_profiles, publisher_qos, subscriber_qos
 import yaml
 
 pytestmark = pytest.mark.processes
