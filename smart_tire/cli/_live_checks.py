@@ -156,7 +156,7 @@ def _listen(seconds: float, heard: Heard) -> Iterator[Finding]:
 
 def robot_findings(heard: Heard, files: list[Path]) -> Iterator[Finding]:
     """Yield the findings on the samples of each robot."""
-    from smart_tire.analysis.checks.catalog import findings
+    from smart_tire.analysis.checks import findings
     from smart_tire.analysis.checks.recording import CheckedRecording
     from smart_tire.parameters import load_robot
     robot = load_robot(files)

@@ -81,7 +81,7 @@ def _with_parameters(bag: Bag, files: Sequence[Path],
                      progress: Progress) -> Iterator[Finding]:
     """Yield the findings on a bag with the parameters in ``files``, or with its own."""
     from smart_tire.analysis.bag_params import bag_params
-    from smart_tire.analysis.checks.catalog import findings
+    from smart_tire.analysis.checks import findings
     from smart_tire.analysis.checks.recording import read
     from smart_tire.parameters import RobotParams
     try:

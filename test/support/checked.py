@@ -20,7 +20,7 @@ from collections.abc import Callable, Iterable
 from functools import lru_cache
 from typing import Any
 
-from smart_tire.analysis.checks.catalog import findings
+from smart_tire.analysis.checks import findings
 from smart_tire.analysis.checks.recording import CheckedRecording, READ
 from smart_tire.findings import Finding, Level
 from smart_tire.parameters import RobotParams

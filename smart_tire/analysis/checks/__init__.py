@@ -12,4 +12,20 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Checks of a recording: each yields findings; no check changes anything."""
+"""Checks of a recording: each function ``check_*`` of these modules yields findings."""
+
+from collections.abc import Callable, Iterable, Iterator
+
+from smart_tire.analysis.checks import films, messages, motion, sensors
+from smart_tire.analysis.checks.recording import CheckedRecording
+from smart_tire.findings import Finding
+
+CHECKS: tuple[Callable[[CheckedRecording], Iterable[Finding]], ...] = tuple(
+    check for module in (messages, sensors, motion, films)
+    for name, check in vars(module).items() if name.startswith('check_'))
+
+
+def findings(recording: CheckedRecording) -> Iterator[Finding]:
+    """Yield the findings of all checks."""
+    for check in CHECKS:
+        yield from check(recording)

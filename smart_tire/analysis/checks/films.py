@@ -25,10 +25,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from smart_tire.analysis.checks.recording import CheckedRecording
+from smart_tire.analysis.checks.recording import CheckedRecording, finding
 from smart_tire.arrays import Array
 from smart_tire.findings import Finding, Level
-from smart_tire.parameters.robot import FilmParams
 from smart_tire.recording import Stream
 from smart_tire.samples import NS_PER_S, WHEELS
 
@@ -52,77 +51,67 @@ LOW_BATTERY = 3.3           # V; a lithium-ion cell is nearly empty
 def check_voltages(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield films with a wrong rest voltage, and films at the rails of the converter."""
     film = recording.robot.film
+    margin = 0.5 * film.code_voltage
     for stream in _streams(recording):
-        for index, volts in enumerate(stream.values.T):
-            where = f'film {index + 1} of {stream.wheel}'
-            half_step = 0.5 * film.code_voltage
-            clipped = float(((volts <= half_step)
-                             | (volts >= film.voltage_range - half_step)).mean())
+        for where, volts in _films(stream):
+            share = float(((volts <= margin) | (volts >= film.voltage_range - margin)).mean())
             rest = float(np.median(volts))
-            if clipped > RAIL_SHARE:
-                yield Finding(Level.ERROR, where, f'at a rail in {clipped:.0%} of the samples',
-                              f'rest voltage {film.rest_voltage:g} V', 'check film and amplifier')
-            elif clipped > CLIPPED_SHARE:
-                yield Finding(Level.WARNING if clipped > MOSTLY_CLIPPED else Level.INFO, where,
-                              f'clipped in {clipped:.1%} of the samples',
-                              f'within 0 to {film.voltage_range:g} V', 'lower the amplifier gain')
-            if clipped <= RAIL_SHARE and abs(rest - film.rest_voltage) > REST_TOLERANCE:
-                yield Finding(Level.WARNING, where, f'rests at {rest:.3f} V',
-                              f'film.rest_voltage {film.rest_voltage:g} V',
-                              'adjust the amplifier, or set film.rest_voltage')
+            if share > RAIL_SHARE:
+                yield finding('film_at_rail', where, share=share, rest=film.rest_voltage)
+                continue
+            if share > CLIPPED_SHARE:
+                yield finding('film_clipped', where, Level.WARNING if share > MOSTLY_CLIPPED
+                              else None, share=share, range=film.voltage_range)
+            if abs(rest - film.rest_voltage) > REST_TOLERANCE:
+                yield finding('film_rest', where, rest=rest, configured=film.rest_voltage)
+
+
+def _films(stream: Stream) -> Iterator[tuple[str, Array]]:
+    """Yield name and voltages of each film, by timestamp."""
+    for index, volts in enumerate(stream.ordered.values.T):
+        yield f'film {index + 1} of {stream.wheel}', volts
 
 
 def check_crossings(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield films without a signal, or with too few patch crossings, while the wheel rolls."""
-    film = recording.robot.film
+    sigma = recording.robot.film.sample_variance ** 0.5
     for stream in _streams(recording):
         angle = _angles(recording, stream)
         revolutions = float(np.nansum(np.abs(np.diff(angle)))) / (2.0 * np.pi)
         rolling = np.abs(np.gradient(angle, stream.ordered.stamp_ns / NS_PER_S)) > MIN_ROLLING
         if revolutions < MIN_REVOLUTIONS or rolling.sum() < MIN_SAMPLES:
             continue
-        for index, volts in enumerate(stream.ordered.values.T):
-            yield from _signal(f'film {index + 1} of {stream.wheel}', volts, rolling,
-                               revolutions, film)
+        for where, volts in _films(stream):
+            spread = float(np.std(volts[rolling]))
+            crossings = _crossings(volts, sigma, QUIET_TIME_SHARE / revolutions)
+            if spread < DEAD_SIGMAS * sigma:
+                yield finding('film_dead', where, revolutions=revolutions, spread=1e3 * spread)
+            elif crossings < MIN_CROSSING_SHARE * revolutions:
+                yield finding('film_crossings', where, crossings=crossings,
+                              revolutions=revolutions)
 
 
-def _signal(where: str, volts: Array, rolling: np.ndarray, revolutions: float,
-            film: FilmParams) -> Iterator[Finding]:
-    if float(np.std(volts[rolling])) < DEAD_SIGMAS * film.sample_variance ** 0.5:
-        yield Finding(Level.ERROR, where, f'no signal while the wheel rolls: {revolutions:.0f} '
-                      f'revolutions, spread {1e3 * np.std(volts[rolling]):.2g} mV',
-                      'a voltage pulse in each revolution', 'check film, cable and amplifier')
-        return
-    limit = max(MIN_CROSSING, MIN_CROSSING_SIGMAS * film.sample_variance ** 0.5)
-    active = np.abs(volts - np.median(volts)) > limit
-    quiet_samples = int(QUIET_TIME_SHARE * len(volts) / revolutions)
+def _crossings(volts: Array, sigma: float, quiet_share: float) -> int:
+    """Return the number of times the signal leaves its rest, apart by a share of all samples."""
+    active = np.abs(volts - np.median(volts)) > max(MIN_CROSSING, MIN_CROSSING_SIGMAS * sigma)
     edges = np.flatnonzero(active)
-    crossings = 1 + int((np.diff(edges) > quiet_samples).sum()) if len(edges) else 0
-    if crossings < MIN_CROSSING_SHARE * revolutions:
-        yield Finding(Level.WARNING, where, f'{crossings} patch crossings in {revolutions:.0f} '
-                      'revolutions', 'one in each', 'check film and amplifier gain')
+    return int((np.diff(edges) > int(quiet_share * len(volts))).sum()) + bool(len(edges))
 
 
 def check_order(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield wheels whose films enter the patch in the opposite order."""
     film, radius = recording.robot.film, recording.robot.wheel_radius
-    if film.count != 2:
-        return
-    spacing = film.centers[1] - film.centers[0]
+    spacing = film.centers[1] - film.centers[0] if film.count == 2 else 0.0
     for stream in _streams(recording):
-        if stream.values.shape[1] != 2:
+        if film.count != 2 or stream.values.shape[1] != 2:
             continue
         shift = _shift(stream.ordered.values, radius * _angles(recording, stream),
                        stream.ordered.stamp_ns / NS_PER_S, 2.0 * np.pi * radius)
-        if shift is not None and abs(shift + spacing) < 0.5 * spacing:
-            yield Finding(Level.ERROR, f'films of {stream.wheel}', f'film 2 enters the patch '
-                          f'{1e3 * -shift:.0f} mm before film 1', f'{1e3 * spacing:.0f} mm after '
-                          'it, rolling forward', 'swap the channels, or the wheel is mounted the '
-                          'wrong way round')
-        elif shift is not None and abs(shift - spacing) > 0.5 * spacing:
-            yield Finding(Level.WARNING, f'films of {stream.wheel}', f'film 2 follows film 1 by '
-                          f'{1e3 * shift:.0f} mm', f'film.spacing {1e3 * spacing:.0f} mm',
-                          'measure film.spacing')
+        if shift is not None and abs(shift - spacing) > 0.5 * spacing:
+            swapped = abs(shift + spacing) < 0.5 * spacing
+            yield finding('films_swapped' if swapped else 'film_spacing',
+                          f'films of {stream.wheel}',
+                          shift=1e3 * shift, lead=-1e3 * shift, spacing=1e3 * spacing)
 
 
 def _shift(volts: Array, distance: Array, time: Array, circumference: float) -> float | None:
@@ -161,8 +150,7 @@ def check_battery(recording: CheckedRecording) -> Iterator[Finding]:
     for stream in recording.of('tire_battery'):
         volts = float(np.median(stream.ordered.values[-10:]))
         if volts < LOW_BATTERY:
-            yield Finding(Level.WARNING, stream.name, f'{volts:.2f} V',
-                          f'at least {LOW_BATTERY:g} V', 'charge the battery of the sensor node')
+            yield finding('battery', stream.name, volts=volts, limit=LOW_BATTERY)
 
 
 def _streams(recording: CheckedRecording) -> list[Stream]:

@@ -29,14 +29,14 @@ import math
 
 import numpy as np
 
-from smart_tire.analysis.checks.recording import CheckedRecording
-from smart_tire.analysis.checks.wheels import unit_of, UNITS
+from smart_tire.analysis.checks.recording import CheckedRecording, finding
+from smart_tire.analysis.checks.sensors import SPEED_UNITS, unit_of
 from smart_tire.arrays import Array
 from smart_tire.calibration.recording import Recording, side_slip, Signal
 from smart_tire.calibration.robot.latency import (
     fit_speed_changes, moving_intervals, PITCHING_ERROR, TURN_SLIP, yaw_motion)
 from smart_tire.errors import EstimatorError
-from smart_tire.findings import Finding, Level
+from smart_tire.findings import Finding
 from smart_tire.numerics.least_squares import Prior, regression, Rows
 from smart_tire.parameters import RobotParams
 from smart_tire.uncertain import Uncertain
@@ -78,34 +78,19 @@ def check_sides(recording: CheckedRecording) -> Iterator[Finding]:
         return
     intervals = _intervals(motion, recording.robot)
     if intervals is None:
-        yield Finding(Level.INFO, 'wheel_states', 'the robot does not drive: wheels and IMU are '
-                      'not compared', action='' if recording.live else 'record a drive with '
-                      'turns, starts and stops')
+        yield finding('not_driving', 'wheel_states', action='' if recording.live else
+                      'record a drive with turns, starts and stops')
         return
     yaw, difference = intervals.yaw_rate, intervals.difference
     if float(np.sqrt(np.mean(yaw ** 2))) < MIN_YAW_RATE:
         return
     if float(np.abs(difference).max()) < 1e-6:
-        yield Finding(Level.WARNING, 'wheel_states', 'left and right wheels always have the same '
-                      'speed although the robot turns', 'a speed of each side', 'record the '
-                      'encoders of both sides')
-        return
-    correlation = float(np.corrcoef(yaw, difference)[0, 1])
-    if correlation < -MIN_CORRELATION:
-        yield _opposite(intervals)
-
-
-def _opposite(intervals: _Intervals) -> Finding:
-    """Return whether the gyro or the wheels are reversed: the lateral force is the third."""
-    turning = float(np.sum(intervals.lateral * intervals.yaw_rate * intervals.mean))
-    if turning > 0.0:
-        return Finding(Level.ERROR, 'wheel_states', 'left and right are swapped: the robot turns '
-                       'opposite to the wheel difference, with the lateral force of the gyro',
-                       'right faster than left in a left turn', 'swap the sides in the driver '
-                       '(addresses, wiring)')
-    return Finding(Level.ERROR, 'imu/data', 'the yaw rate has the opposite sign of the wheel '
-                   'difference and of the lateral force', 'positive counter-clockwise',
-                   'set imu.rotation, or convert to REP-103 axes')
+        yield finding('sides_equal', 'wheel_states')
+    elif float(np.corrcoef(yaw, difference)[0, 1]) < -MIN_CORRELATION:
+        # gyro or wheels are reversed: the lateral force is the third witness
+        turning = float(np.sum(intervals.lateral * yaw * intervals.mean))
+        yield (finding('sides_swapped', 'wheel_states') if turning > 0.0
+               else finding('gyro_sign', 'imu/data'))
 
 
 def check_yaw_rate(recording: CheckedRecording) -> Iterator[Finding]:
@@ -116,19 +101,14 @@ def check_yaw_rate(recording: CheckedRecording) -> Iterator[Finding]:
     geometric = robot.track_width / robot.wheel_radius
     ratio = geometric / fit.slope.value  # yaw rate over that of the wheels without slip
     if ratio > DEGREE_RATIO:
-        yield Finding(Level.ERROR, 'imu/data', f'yaw rate is {ratio:.3g} times that of the '
-                      'wheels: in deg/s', 'rad/s', f'divide angular_velocity by {DEGREES:.4g}')
+        yield finding('gyro_degrees', 'imu/data', ratio=ratio, degrees=DEGREES)
         return
-    track = Uncertain(robot.wheel_radius * fit.slope.value, robot.wheel_radius * fit.slope.sigma)
-    share = track.value / robot.track_width
-    error = SIGMAS * track.sigma / robot.track_width
+    share, error = 1.0 / ratio, SIGMAS * fit.slope.sigma / geometric
     outside = share + error < MIN_TRACK_RATIO or share - error > MAX_TRACK_RATIO
-    yield Finding(
-        Level.WARNING if outside else Level.OK, 'track_width',
-        f'effective track {track.value:.3f} +- {track.sigma:.3f} m with wheel_radius '
-        f'{robot.wheel_radius:g} m, {share:.2f} times track_width {robot.track_width:g} m',
-        f'{MIN_TRACK_RATIO:g} to {MAX_TRACK_RATIO:g} times, for skid steering' if outside else '',
-        'check track_width, wheel_radius and the unit of the wheel speeds' if outside else '')
+    yield finding('track_outside' if outside else 'track', 'track_width',
+                  track=share * robot.track_width, sigma=robot.wheel_radius * fit.slope.sigma,
+                  radius=robot.wheel_radius, share=share, width=robot.track_width,
+                  least=MIN_TRACK_RATIO, most=MAX_TRACK_RATIO)
 
 
 def check_radius(recording: CheckedRecording) -> Iterator[Finding]:
@@ -152,20 +132,15 @@ def check_radius(recording: CheckedRecording) -> Iterator[Finding]:
     slip = MAX_SLIP * robot.wheel_radius if error < 0.0 else 0.0
     if abs(error) <= max(SIGMAS * sigma, MIN_DIFFERENCE * robot.wheel_radius) + slip:
         if abs(error) - slip < sigma < MAX_FITTING_SIGMA * abs(value):
-            yield Finding(Level.OK, 'wheel_radius', f'{robot.wheel_radius:g} m fits wheel speeds '
-                          f'and IMU ({value:.3f} +- {sigma:.3f} m)')
+            yield finding('radius_fits', 'wheel_radius', radius=robot.wheel_radius, value=value,
+                          sigma=sigma)
         return
     if value < 0.0:
-        yield Finding(Level.ERROR, 'imu/data', 'the forward force has the opposite sign of the '
-                      'changes of wheel speed', 'x forward, wheels positive forward',
-                      'set imu.rotation, or correct signs of motor_driver')
+        yield finding('forward_sign', 'imu/data')
         return
-    unit = unit_of(robot.wheel_radius / value, UNITS, UNIT_TOLERANCE)
-    convert = f', or convert the wheel speeds from {unit} to rad/s' if unit else ''
-    yield Finding(
-        Level.ERROR, 'wheel_radius', f'wheel speeds fit the IMU with a radius of {value:.2g} +- '
-        f'{sigma:.1g} m', f'{robot.wheel_radius:g} m as configured',
-        f'measure wheel_radius{convert}')
+    unit = unit_of(robot.wheel_radius / value, SPEED_UNITS, UNIT_TOLERANCE)
+    yield finding('radius', 'wheel_radius', value=value, sigma=sigma, radius=robot.wheel_radius,
+                  convert=f', or convert the wheel speeds from {unit} to rad/s' if unit else '')
 
 
 def check_latency(recording: CheckedRecording) -> Iterator[Finding]:
@@ -177,10 +152,8 @@ def check_latency(recording: CheckedRecording) -> Iterator[Finding]:
     error = fit.latency.value - robot.encoder.latency
     lag = _turning_lag(recording) if error < 0.0 else 0.0
     if abs(error) > max(SIGMAS * fit.latency.sigma, MIN_LATENCY_ERROR) + lag:
-        yield Finding(Level.WARNING, 'encoder.latency', f'timestamps of wheel_states are '
-                      f'{fit.latency.value:.3f} +- {fit.latency.sigma:.3f} s late',
-                      f'{robot.encoder.latency:g} s as configured',
-                      'smart_tire identify geometry')
+        yield finding('latency', 'encoder.latency', value=fit.latency.value,
+                      sigma=fit.latency.sigma, configured=robot.encoder.latency)
 
 
 def _turning_lag(recording: CheckedRecording) -> float:
@@ -213,9 +186,8 @@ def check_imu_position(recording: CheckedRecording) -> Iterator[Finding]:
         configured = robot.imu.position[axis]
         if lever.sigma < MAX_LEVER_SIGMA and (
                 abs(lever.value - configured) - tolerance > SIGMAS * lever.sigma):
-            yield Finding(Level.WARNING, 'imu.position', f'{"xy"[axis]} is {lever.value:.2f} +- '
-                          f'{lever.sigma:.2f} m by the lateral force in turns',
-                          f'{configured:g} m as configured', 'measure imu.position')
+            yield finding('lever_arm', 'imu.position', axis='xy'[axis], value=lever.value,
+                          sigma=lever.sigma, configured=configured)
 
 
 def lateral_fit(motion: Recording, robot: RobotParams, latency: float) -> LateralFit | None:

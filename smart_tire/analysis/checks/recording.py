@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,15 +28,26 @@ from smart_tire.bags import Bag
 from smart_tire.calibration.recording import ImuRecord, Recording, WheelRecord
 from smart_tire.calibration.robot.latency import fit_yaw_rate, YawRateFit
 from smart_tire.errors import EstimatorError
+from smart_tire.findings import Finding, Level
 from smart_tire.messages import TOPICS
 from smart_tire.parameters import RobotParams
 from smart_tire.recording import Faults, Recording as Samples, seconds, Stream
 from smart_tire.rotation import matrix
+import yaml
 
 READ = ('imu/data', 'wheel_states', 'tire_samples', 'tire_battery', 'motor_commands',
         'cmd_vel')
 REST_MARGIN = 1.0  # s before and after motion in which the body may settle
 MIN_READINGS = 20  # of IMU and wheels, for the checks of the motion
+TEXTS: dict[str, dict[str, str]] = yaml.safe_load(
+    Path(__file__).with_name('findings.yaml').read_text(encoding='utf-8'))
+
+
+def finding(name: str, where: str, level: Level | None = None, **values: object) -> Finding:
+    """Return the finding ``name`` of ``findings.yaml`` with ``values`` inserted."""
+    text = TEXTS[name]
+    return Finding(level or Level[text['level']], where, *(
+        text.get(part, '').format(**values) for part in ('found', 'expected', 'action')))
 
 
 @dataclass(frozen=True, eq=False)

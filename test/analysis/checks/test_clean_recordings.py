@@ -19,7 +19,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from smart_tire.analysis.checks.catalog import CHECKS, findings
+from smart_tire.analysis.checks import CHECKS, findings
 from smart_tire.analysis.checks.recording import read
 from smart_tire.bags import Bag
 from smart_tire.findings import Level

@@ -22,7 +22,7 @@ import math
 from benchmarks.faults import delayed, interrupted
 import numpy as np
 import pytest
-from smart_tire.analysis.checks import contents, films, imu, motion, timing, tire, wheels
+from smart_tire.analysis.checks import films, messages, motion, sensors
 from smart_tire.analysis.checks.recording import CheckedRecording
 from smart_tire.bags import SampleReader
 from smart_tire.bags.definitions import empty, Encoder
@@ -57,7 +57,7 @@ def scaled(vector, factor):
 
 def test_samples_of_a_wheel_that_is_not_configured_are_reported():
     robot = RobotParams(film=FilmParams(wheels=('rear_left',)))
-    text = found(contents.check_film_wheels, clean(), robot)
+    text = found(messages.check_film_wheels, clean(), robot)
     assert 'WARNING tire_samples of rear_left: no samples' in text
     assert 'WARNING tire_samples of front_right: samples are not used' in text
 
@@ -65,7 +65,7 @@ def test_samples_of_a_wheel_that_is_not_configured_are_reported():
 def test_another_number_of_films_is_an_error():
     events = changed('tire_samples', lambda one: replace(one, volts=(*one.volts, 1.65)))
     assert 'ERROR tire_samples of front_right: 3 films (expected 2' in found(
-        contents.check_film_wheels, events)
+        messages.check_film_wheels, events)
 
 
 @pytest.mark.parametrize('invalid, level', [(1, 'WARNING'), (10, 'ERROR')])
@@ -81,17 +81,17 @@ def test_invalid_messages_are_counted_with_the_first_reason(invalid, level):
         if (received := read(encode(msg))) is not None:
             samples.add(received, index)
     checked = CheckedRecording(RobotParams(), samples, faults)
-    text = texts(contents.check_rejected(checked))
+    text = texts(messages.check_rejected(checked))
     assert f'{level} imu/data: {invalid} of 500 messages are invalid' in text and 'rad/s' in text
     assert "INFO imu/data: header.frame_id is 'base_imu' in 500 messages (expected 'imu_link')" \
-        in texts(contents.check_frames(checked))
+        in texts(messages.check_frames(checked))
 
 
 def test_missing_positions_and_torques_are_mentioned():
     events = changed('wheel_states', lambda one: replace(one, position=None, effort=None))
-    text = found(contents.check_torques, events)
+    text = found(messages.check_columns, events)
     assert 'INFO wheel_states: effort' in text and 'INFO wheel_states: position' in text
-    assert found(contents.check_torques, clean()) == ''
+    assert found(messages.check_columns, clean()) == ''
 
 
 # --- rates and timestamps -------------------------------------------------------------------
@@ -105,31 +105,31 @@ def kept(topic, share):
 
 def test_slow_inputs_are_reported():
     assert 'WARNING imu/data: 10 Hz (expected at least 20 Hz)' in found(
-        timing.check_rates, kept('imu/data', 10))
-    assert 'INFO imu/data: 50 Hz' in found(timing.check_rates, kept('imu/data', 2))
-    assert 'WARNING wheel_states: 3.2 Hz' in found(timing.check_rates, kept('wheel_states', 5))
+        messages.check_rates, kept('imu/data', 10))
+    assert 'INFO imu/data: 50 Hz' in found(messages.check_rates, kept('imu/data', 2))
+    assert 'WARNING wheel_states: 3.2 Hz' in found(messages.check_rates, kept('wheel_states', 5))
     assert 'WARNING tire_samples of front_right: 200 Hz (expected film.sample_rate 400 Hz)' \
-        in found(timing.check_rates, kept('tire_samples', 2))
+        in found(messages.check_rates, kept('tire_samples', 2))
 
 
 def test_a_gap_is_reported_with_its_time():
     events = interrupted(clean(), 'imu/data', [(10.0, 10.4)])
-    assert '1 gap, the longest 0.41 s, the first at 10.0 s' in found(timing.check_gaps, events)
+    assert '1 gap, the longest 0.41 s, the first at 10.0 s' in found(messages.check_gaps, events)
     events = interrupted(clean(), 'imu/data', [(10.0, 10.06)])
-    assert 'imu/data' not in found(timing.check_gaps, events)
+    assert 'imu/data' not in found(messages.check_gaps, events)
 
 
 def test_many_lost_batches_are_a_warning():
     spans = [(0.4 * count, 0.4 * count + 0.04) for count in range(60)]
     assert 'WARNING tire_samples of front_right: 1' in found(
-        timing.check_gaps, interrupted(clean(), 'tire_samples', spans))
-    assert 'WARNING' not in found(timing.check_gaps, clean())
+        messages.check_gaps, interrupted(clean(), 'tire_samples', spans))
+    assert 'WARNING' not in found(messages.check_gaps, clean())
 
 
 def test_zero_timestamps_are_an_error():
     events = changed('imu/data', lambda one: replace(one, stamp_ns=0))
-    assert 'timestamps are zero' in found(timing.check_stamps, events)
-    assert 'repeated' not in found(timing.check_stamps, events)
+    assert 'timestamps are zero' in found(messages.check_stamps, events)
+    assert 'repeated' not in found(messages.check_stamps, events)
 
 
 def test_timestamps_that_run_backwards_or_repeat_are_reported():
@@ -137,16 +137,17 @@ def test_timestamps_that_run_backwards_or_repeat_are_reported():
     events = changed('imu/data', lambda one: replace(
         one, stamp_ns=one.stamp_ns - 50_000_000 * (next(seen) == 500)))
     assert '1 timestamp before the previous one, by up to 0.04 s' in found(
-        timing.check_stamps, events)
+        messages.check_stamps, events)
     events = sorted([*clean(), *clean()[:50]], key=lambda event: event[0])
-    assert '12 repeated timestamps' in found(timing.check_stamps, events)
+    assert '12 repeated timestamps' in found(messages.check_stamps, events)
 
 
 def test_timestamps_of_arrival_vary():
     rng = np.random.default_rng(1)
     events = changed('imu/data', lambda one: replace(
         one, stamp_ns=one.stamp_ns + round(rng.normal(0.0, 5e6))))
-    assert 'WARNING imu/data: periods of the timestamps vary' in found(timing.check_jitter, events)
+    assert 'WARNING imu/data: periods of the timestamps vary' in found(
+        messages.check_jitter, events)
 
 
 def shifted(topic, seconds):
@@ -156,20 +157,20 @@ def shifted(topic, seconds):
 
 
 def test_clocks_that_differ_are_reported():
-    text = found(timing.check_delays, shifted('wheel_states', -2.0))
+    text = found(messages.check_delays, shifted('wheel_states', -2.0))
     assert 'WARNING wheel_states: timestamps are 2 s before their reception' in text
     assert 'ERROR wheel_states: timestamps are 2 s behind those of' in text
-    text = found(timing.check_delays, shifted('imu/data', 0.1))
+    text = found(messages.check_delays, shifted('imu/data', 0.1))
     assert 'WARNING imu/data: timestamps are 0.098 s after their reception' in text
     assert 'ERROR' not in text
-    assert found(timing.check_delays, shifted('imu/data', 0.03)) == ''
+    assert found(messages.check_delays, shifted('imu/data', 0.03)) == ''
 
 
 @pytest.mark.parametrize('drift, reported', [(2e-3, True), (-2e-3, True), (5e-5, False)])
 def test_a_drifting_clock_is_reported_with_its_sign(drift, reported):
     events = changed('imu/data', lambda one: replace(
         one, stamp_ns=one.stamp_ns + round(drift * (one.stamp_ns - EPOCH_NS))))
-    text = found(timing.check_drift, events)
+    text = found(messages.check_drift, events)
     assert (f'imu/data: timestamps drift by {1e3 * drift:+.0f}00' in text) is reported
     assert 'wheel_states' not in text
 
@@ -184,7 +185,7 @@ def test_held_samples_are_reported():
             held.append(held[-1])
         return replace(held[-1], stamp_ns=sample.stamp_ns)
 
-    text = found(timing.check_held, changed('imu/data', hold))
+    text = found(messages.check_held, changed('imu/data', hold))
     assert '50% of the samples repeat' in text and 'only 50 Hz' in text
 
 
@@ -195,7 +196,7 @@ def test_held_samples_are_reported():
 def test_the_unit_of_the_accelerometer_is_named(factor, unit):
     events = changed('imu/data', lambda one: replace(
         one, acceleration=scaled(one.acceleration, factor)))
-    assert f'at rest: {unit} (expected 9.81 m/s2)' in found(imu.check_gravity, events)
+    assert f'at rest: {unit} (expected 9.81 m/s2)' in found(sensors.check_gravity, events)
 
 
 @pytest.mark.parametrize('change, text', [
@@ -206,7 +207,7 @@ def test_the_unit_of_the_accelerometer_is_named(factor, unit):
     (lambda f: scaled(f, 1.045), 'WARNING imu/data: specific force is 10')])
 def test_a_wrong_direction_or_size_of_gravity_is_reported(change, text):
     events = changed('imu/data', lambda one: replace(one, acceleration=change(one.acceleration)))
-    assert text in found(imu.check_gravity, events)
+    assert text in found(sensors.check_gravity, events)
 
 
 def test_the_mounting_is_taken_into_account():
@@ -219,8 +220,8 @@ def test_the_mounting_is_taken_into_account():
 def test_a_gyro_that_turns_at_rest_is_reported():
     events = changed('imu/data', lambda one: replace(
         one, rate=(one.rate[0], one.rate[1] + 0.1, one.rate[2])))
-    assert 'angular rate at rest is 0.09' in found(imu.check_gyro_bias, events)
-    assert found(imu.check_gyro_bias, clean()) == ''
+    assert 'angular rate at rest is 0.09' in found(sensors.check_gyro_bias, events)
+    assert found(sensors.check_gyro_bias, clean()) == ''
 
 
 # --- wheels ---------------------------------------------------------------------------------
@@ -233,13 +234,13 @@ def with_velocity(change):
 
 
 def test_a_stuck_encoder_is_an_error():
-    text = found(wheels.check_encoders, with_velocity(lambda v: (v[0], v[1], 0.0, v[3])))
+    text = found(sensors.check_encoders, with_velocity(lambda v: (v[0], v[1], 0.0, v[3])))
     assert text.startswith('ERROR wheel_states of rear_left: stands still while front_left turns')
     assert 'right' not in text
 
 
 def test_wheels_of_a_side_with_opposite_signs_are_an_error():
-    text = found(wheels.check_encoders, with_velocity(lambda v: (v[0], v[1], v[2], -v[3])))
+    text = found(sensors.check_encoders, with_velocity(lambda v: (v[0], v[1], v[2], -v[3])))
     assert text.startswith('ERROR wheel_states of front_right and rear_right: turn in opposite')
     assert 'left' not in text
 
@@ -247,20 +248,20 @@ def test_wheels_of_a_side_with_opposite_signs_are_an_error():
 def test_velocities_in_rpm_contradict_positions():
     events = changed('wheel_states', lambda one: replace(one, velocity=scaled(one.velocity, RPM)))
     assert 'velocity is 9.55 times the change of position per second: in rpm?' in found(
-        wheels.check_velocity_unit, events)
+        sensors.check_velocity_unit, events)
 
 
 @pytest.mark.parametrize('factor, text', [(-1.0, 'motors absorb'), (1e3, 'motor torques give')])
 def test_wrong_torques_are_reported(factor, text):
     events = changed('wheel_states', lambda one: replace(one, effort=scaled(one.effort, factor)))
-    assert text in found(wheels.check_torques, events)
+    assert text in found(sensors.check_torques, events)
 
 
 def test_torques_without_a_clear_sign_are_not_reported():
     rng = np.random.default_rng(4)
     events = changed('wheel_states', lambda one: replace(
         one, effort=tuple(rng.normal(0.0, 0.2, 4).tolist())))
-    assert found(wheels.check_torques, events) == ''
+    assert found(sensors.check_torques, events) == ''
 
 
 # --- wheels against IMU ---------------------------------------------------------------------
@@ -390,9 +391,9 @@ def test_a_low_battery_is_reported(volts, reported):
     (30.0, 'critical slip 1.3'), (2000.0, 'times the load'), (52.7, ''), (1000.0, '')])
 def test_an_implausible_stiffness_is_reported(stiffness, text):
     robot = RobotParams(tire=TireParams(longitudinal_stiffness=stiffness))
-    report = found(tire.check_stiffness, clean(), robot)
+    report = found(sensors.check_stiffness, clean(), robot)
     assert text in report and bool(report) is bool(text)
 
 
 def test_late_reception_alone_is_no_clock_error():
-    assert 'ERROR' not in found(timing.check_delays, delayed(clean(), 'imu/data', 0.3))
+    assert 'ERROR' not in found(messages.check_delays, delayed(clean(), 'imu/data', 0.3))

@@ -1,0 +1,250 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Checks of the messages: topics, frames, rates, gaps and timestamps.
+
+The delay of a message is its receive time minus its timestamp. Its smallest values vary little, so
+their change over the recording shows clocks that drift against each other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from smart_tire.analysis.checks.recording import CheckedRecording, finding
+from smart_tire.arrays import Array
+from smart_tire.estimation.streams import INPUTS
+from smart_tire.findings import counted, Finding, Level
+from smart_tire.messages import TOPICS
+from smart_tire.numerics.robust import MAD_TO_SIGMA
+from smart_tire.recording import Stream
+from smart_tire.samples import NS_PER_S
+
+NEEDED_FOR = {'imu/data': 'odom and wheel_slip', 'wheel_states': 'all estimates',
+              'tire_samples': 'tire_friction'}
+MAX_REJECTED_SHARE = 0.01    # of the messages of a topic; above, it is an error
+MIN_RATE = {'imu/data': 20.0, 'wheel_states': 4.0}  # Hz; docs/topics.md
+MIN_MESSAGES = 10
+RATE_TOLERANCE = 0.2         # relative, from the nominal rate; beyond, it is worth a line
+FILM_RATE_TOLERANCE = 0.02   # relative, from film.sample_rate
+MAX_GAP = {'imu/data': 0.1, 'wheel_states': 0.5}  # s; longer ones are bridged by prediction
+MIN_GAP_PERIODS = 3.5        # median periods
+BATCH_GAP_PERIODS = 1.5      # median periods between film samples: a radio batch is missing
+MAX_LOST_SHARE = 0.05        # of the film samples: one crossing in twenty is incomplete
+MAX_JITTER = 0.3             # standard deviation of the period over the period
+MAX_DELAY = 0.5              # s, from timestamp to reception
+MAX_LEAD = 0.05              # s, of a timestamp before reception: clocks differ
+MAX_CLOCK_DIFFERENCE = 0.5   # s, between the median delays of two inputs
+MAX_DRIFT = 200e-6           # s/s; crystals differ by up to 100e-6
+MIN_DRIFT_CHANGE = 0.010     # s, over the recording
+MIN_DRIFT_TIME = 20.0        # s
+DRIFT_BLOCKS = 20            # whose smallest delays give the drift
+SIGMAS = 3.0                 # standard errors
+MAX_HELD_SHARE = 0.05        # of samples equal to the previous one: more is not chance
+
+
+def check_topics(recording: CheckedRecording) -> Iterator[Finding]:
+    """Yield missing inputs; with films expected, missing films are a warning."""
+    for name in INPUTS:
+        films = name == 'tire_samples'
+        if (recording.of(name) or recording.faults.rejected[name]
+                or films and not recording.robot.film.wheels):
+            continue
+        yield finding('input_missing', name, Level.WARNING if films else None,
+                      type=TOPICS[name].type, needed=NEEDED_FOR[name],
+                      action='start its driver' if recording.live else 'record this topic')
+
+
+def check_problems(recording: CheckedRecording) -> Iterator[Finding]:
+    """Yield damage of the bag and topics of another type."""
+    for text in recording.problems:
+        yield finding('problem', 'bag', text=text)
+
+
+def check_rejected(recording: CheckedRecording) -> Iterator[Finding]:
+    """Yield topics with invalid messages, and the first reason."""
+    for topic, count in recording.faults.rejected.items():
+        total = count + sum(map(len, recording.of(topic)))
+        yield finding('rejected', topic,
+                      Level.ERROR if count > MAX_REJECTED_SHARE * total else None,
+                      count=count, total=total,
+                      reason=recording.faults.reasons[topic].removeprefix(f'{topic}: '))
+
+
+def check_frames(recording: CheckedRecording) -> Iterator[Finding]:
+    """Yield unexpected frames; those of imu/data matter if TF is used, others are ignored."""
+    for topic, frames in sorted(recording.faults.frames.items()):
+        expected = TOPICS[topic].frame
+        for frame, count in frames.items():
+            if expected and frame.rpartition('/')[2] != expected:
+                yield finding('frame', topic, frame=frame, count=count, expected=expected, action=(
+                    'not used by the estimators: imu.position and imu.rotation describe the '
+                    'mounting' if topic == 'imu/data' else ''))
+
+
+def check_film_wheels(recording: CheckedRecording) -> Iterator[Finding]:
+    """Yield configured wheels without samples, samples of other wheels, other film counts."""
+    streams, film = recording.of('tire_samples'), recording.robot.film
+    found = [stream.wheel for stream in streams]
+    for wheel in film.wheels if streams else ():
+        if wheel not in found:
+            yield finding('film_wheel_missing', f'tire_samples of {wheel}', wheel=wheel)
+    for stream in streams:
+        if stream.wheel not in film.wheels:
+            yield finding('film_wheel_unused', stream.name, wheels=list(film.wheels),
+                          wheel=stream.wheel)
+        elif stream.values.shape[1] != film.count:
+            yield finding('film_count', stream.name, found=stream.values.shape[1],
+                          count=film.count)
+
+
+def check_columns(recording: CheckedRecording) -> Iterator[Finding]:
+    """Yield that no torques or positions were recorded: slip is then less accurate."""
+    wheels = recording.wheels
+    if wheels is not None and np.isnan(wheels['effort']).all():
+        yield finding('no_torques', wheels.name)
+    if wheels is not None and np.isnan(wheels['position']).any():
+        yield finding('no_positions', wheels.name)
+
+
+def check_rates(recording: CheckedRecording) -> Iterator[Finding]:
+    """Yield rates below what the estimators need, and rates that differ from the nominal one."""
+    for stream in _regular(recording):
+        rate, films = 1.0 / stream.period, stream.topic == 'tire_samples'
+        nominal = recording.robot.film.sample_rate if films else TOPICS[stream.topic].rate
+        least = MIN_RATE.get(stream.topic, 0.0)
+        deviation = abs(rate / nominal - 1.0)
+        kind = ('film_rate' if films and deviation > FILM_RATE_TOLERANCE else
+                'low_rate' if rate < 0.9 * least else
+                'other_rate' if deviation > RATE_TOLERANCE else 'rate')
+        yield finding(kind, stream.name, rate=rate, nominal=nominal, least=least,
+                      count=len(stream))
+
+
+def check_gaps(recording: CheckedRecording) -> Iterator[Finding]:
+    """Yield gaps between timestamps; in film samples these are lost radio batches."""
+    for stream in _regular(recording):
+        stamps = stream.ordered.stamp_ns
+        steps = np.diff(stamps) / NS_PER_S
+        films = stream.topic == 'tire_samples'
+        limit = MAX_GAP.get(stream.topic, 0.0)
+        long = steps > (BATCH_GAP_PERIODS * stream.period if films else max(
+            limit, MIN_GAP_PERIODS * stream.period))
+        if not long.any():
+            continue
+        count = counted(int(long.sum()), 'gap')
+        if films:
+            missing = float(np.sum(np.rint(steps[long] / stream.period) - 1.0))
+            share = missing / (missing + len(stream))
+            yield finding('many_lost_batches' if share > MAX_LOST_SHARE else 'lost_batches',
+                          stream.name, share=share, count=count, limit=MAX_LOST_SHARE)
+        else:
+            first = (stamps[:-1][long][0] - recording.origin_ns) / NS_PER_S
+            yield finding('gap', stream.name, count=count, longest=steps.max(), first=first,
+                          limit=limit)
+
+
+def check_stamps(recording: CheckedRecording) -> Iterator[Finding]:
+    """Yield timestamps that are zero, run backwards or repeat."""
+    for stream in (one for topic in INPUTS for one in recording.of(topic)):
+        steps = np.diff(stream.stamp_ns)
+        zero, back, same = (stream.stamp_ns <= 0).sum(), (steps < 0).sum(), (steps == 0).sum()
+        if zero:
+            yield finding('stamp_zero', stream.name, zero=zero, count=len(stream))
+        if back:
+            yield finding('stamp_back', stream.name, count=counted(back, 'timestamp'),
+                          most=-steps.min() / NS_PER_S)
+        if same and not zero:
+            yield finding('stamp_repeated', stream.name,
+                          count=counted(same, 'repeated timestamp'))
+
+
+def check_jitter(recording: CheckedRecording) -> Iterator[Finding]:
+    """Yield irregular timestamps: those of arrival instead of measurement."""
+    for stream in _regular(recording):
+        steps = np.diff(stream.ordered.stamp_ns) / NS_PER_S
+        jitter = MAD_TO_SIGMA * float(np.median(np.abs(steps - stream.period))) / stream.period
+        if jitter > MAX_JITTER:
+            yield finding('jitter', stream.name, jitter=jitter, limit=MAX_JITTER)
+
+
+def check_delays(recording: CheckedRecording) -> Iterator[Finding]:
+    """Yield timestamps far from reception, and inputs whose clocks differ."""
+    medians: dict[str, float] = {}
+    for stream in _stamped(recording):
+        delay = medians[stream.name] = float(np.median(_delays(stream)))
+        if not -MAX_LEAD <= delay <= MAX_DELAY:
+            yield finding('stamp_ahead' if delay < 0.0 else 'stamp_behind', stream.name,
+                          lead=-delay, delay=delay, limit=MAX_DELAY)
+    if medians and max(medians.values()) - min(medians.values()) > MAX_CLOCK_DIFFERENCE:
+        late, early = max(medians, key=medians.__getitem__), min(medians, key=medians.__getitem__)
+        yield finding('clocks_differ', late, difference=medians[late] - medians[early],
+                      other=early)
+
+
+def check_drift(recording: CheckedRecording) -> Iterator[Finding]:
+    """Yield clocks of timestamps that drift against the clock of the recorder."""
+    for stream in _stamped(recording):
+        drift = _drift(stream)
+        if drift is not None and abs(drift[0]) > max(MAX_DRIFT, SIGMAS * drift[1]) and (
+                abs(drift[0]) * drift[2] > MIN_DRIFT_CHANGE):
+            yield finding('drift', stream.name, drift=drift[0] * 1e6, sigma=drift[1] * 1e6,
+                          limit=MAX_DRIFT * 1e6)
+
+
+def check_held(recording: CheckedRecording) -> Iterator[Finding]:
+    """Yield IMU samples that repeat the previous one."""
+    imu = recording.imu
+    if imu is None or len(imu.ordered) < MIN_MESSAGES:
+        return
+    share = float((np.diff(imu.ordered.values[:, :6], axis=0) == 0.0).all(axis=1).mean())
+    if share > MAX_HELD_SHARE:
+        yield finding('held', imu.name, share=share, rate=(1.0 - share) / imu.period)
+
+
+def _drift(stream: Stream) -> tuple[float, float, float] | None:
+    """Return drift of the timestamps [s/s], standard error and time span [s]."""
+    time = (stream.receive_ns - stream.receive_ns[0]) / NS_PER_S
+    span = float(time[-1])
+    if span < MIN_DRIFT_TIME:
+        return None
+    delay, block = _delays(stream), np.minimum(
+        (time / span * DRIFT_BLOCKS).astype(int), DRIFT_BLOCKS - 1)
+    used = [index for index in range(DRIFT_BLOCKS) if (block == index).any()]
+    lowest = np.array([delay[block == index].min() for index in used])
+    center = (np.array(used) + 0.5) * span / DRIFT_BLOCKS
+    i, j = np.triu_indices(len(used), 1)
+    if not len(i):
+        return None
+    slope = float(np.median((lowest[j] - lowest[i]) / (center[j] - center[i])))  # Theil and Sen
+    residual = lowest - np.median(lowest - slope * center) - slope * center
+    sigma = MAD_TO_SIGMA * float(np.median(np.abs(residual)))
+    spread = float(np.sqrt(np.sum((center - center.mean()) ** 2)))
+    return -slope, sigma / spread, span
+
+
+def _regular(recording: CheckedRecording) -> list[Stream]:
+    return [stream for topic in INPUTS for stream in recording.of(topic)
+            if len(stream.ordered) >= MIN_MESSAGES]
+
+
+def _stamped(recording: CheckedRecording) -> list[Stream]:
+    return [stream for stream in _regular(recording) if (stream.stamp_ns > 0).all()]
+
+
+def _delays(stream: Stream) -> Array:
+    return np.asarray((stream.receive_ns - stream.stamp_ns) / NS_PER_S)
