@@ -21,8 +21,10 @@ the order of ``WHEELS``, wheels 1 to 4 of paper B.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, fields
 import math
+from typing import TypeVar
 
 from smart_tire.uncertain import Uncertain, UNKNOWN
 
@@ -41,6 +43,13 @@ MAX_ANGULAR_RATE = 1e2    # rad/s; gyroscopes of robots measure up to 35 rad/s (
 
 Vector3 = tuple[float, float, float]
 Four = tuple[float, float, float, float]
+Value = TypeVar('Value')
+
+
+def four(values: Iterable[Value]) -> tuple[Value, Value, Value, Value]:
+    """Return one value per wheel; raise ValueError unless there are four."""
+    front_left, front_right, rear_left, rear_right = values
+    return front_left, front_right, rear_left, rear_right
 
 
 @dataclass(frozen=True, slots=True)

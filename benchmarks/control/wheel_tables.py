@@ -22,9 +22,10 @@ from benchmarks.control.wheel_steps import BAND, NEW, Row, SET_POINTS, STEP_TIME
 from benchmarks.tables import new_table, number
 from rich.table import Table
 
-from smart_tire.drivers.roboclaw_line import least_poll_time
+from smart_tire.drivers.roboclaw_line import BOARDS, POLL
 
 BAUD_RATES = (38400, 115200, 230400, 460800)
+BITS_PER_BYTE = 10  # with start and stop bit
 
 
 def wheel_steps_table(rows: Sequence[Row]) -> Table:
@@ -53,7 +54,8 @@ def line_table() -> Table:
         'Line of two motor boards: encoders, currents and duty of both, bytes only (motor_driver '
         'measures the rest and reports line_rate_limit)', 'baud rate', 'one poll\n[ms]',
         'at most\n[Hz]')
+    size = BOARDS * sum(command.request_size + command.reply_size for command in POLL)
     for baud_rate in BAUD_RATES:
-        seconds = least_poll_time(baud_rate)
+        seconds = size * BITS_PER_BYTE / baud_rate
         table.add_row(str(baud_rate), number(1e3 * seconds, 1), number(1.0 / seconds, 0))
     return table

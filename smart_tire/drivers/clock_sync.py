@@ -82,7 +82,6 @@ class ClockSync:
 
     def __init__(self, drift_sigma: float = DRIFT_SIGMA) -> None:
         self._drift_sigma = drift_sigma
-        self.restarts = 0  # detected restarts, without calls of reset
         self._restart(0, 0)
 
     def _restart(self, device_ns: int, receive_ns: int) -> None:
@@ -91,7 +90,7 @@ class ClockSync:
         self._per_bin = 1         # messages
         self.drift = 0.0          # -, host seconds per device second, minus 1
         self._floor = 0.0         # s, lag of the line at the origin
-        self._jitter = MIN_JITTER
+        self.jitter = MIN_JITTER  # s, mean variable delay
         self._late_messages = 0   # consecutive
         self._anchors = ((device_ns, receive_ns), (device_ns, receive_ns))
 
@@ -109,7 +108,6 @@ class ClockSync:
         if self._bins and device_ns == self._anchors[1][0]:
             return self._anchors[1][1]
         if not self.is_consistent(device_ns, receive_ns):
-            self.restarts += bool(self._bins)
             self._restart(device_ns, receive_ns)
         late = self.excess_delay(device_ns, receive_ns) > CLOCK_STEP_THRESHOLD
         self._late_messages = self._late_messages + 1 if late else 0
@@ -132,11 +130,6 @@ class ClockSync:
         rate = (host_1 - host_0) / (device_1 - device_0) if device_1 > device_0 else 1.0
         return host_1 + round((device_ns - device_1) * rate)
 
-    @property
-    def jitter(self) -> float:
-        """Return the mean variable delay [s]."""
-        return self._jitter
-
     def _relative(self, device_ns: int, receive_ns: int) -> tuple[float, float]:
         elapsed = device_ns - self._origin[0]
         return elapsed * S_PER_NS, (receive_ns - self._origin[1] - elapsed) * S_PER_NS
@@ -148,7 +141,7 @@ class ClockSync:
 
     def _add_to_bins(self, device_ns: int, receive_ns: int) -> None:
         time, lag = self._relative(device_ns, receive_ns)
-        max_lag = self._floor + self.drift * time + DELAY_CLIP_JITTERS * self._jitter
+        max_lag = self._floor + self.drift * time + DELAY_CLIP_JITTERS * self.jitter
         message = _Bin(1, time, min(lag, max_lag), time, lag)
         if self._bins and self._bins[-1].count < self._per_bin:
             if not self._bins[-1].merge(message, self.drift):
@@ -173,12 +166,12 @@ class ClockSync:
         mean_time = sum(bin_.sum_time for bin_ in self._bins) / count
         mean_lag = sum(bin_.sum_lag for bin_ in self._bins) / count
         corners = lower_hull([(bin_.low_time, bin_.low_lag) for bin_ in self._bins])
-        weight = count / self._jitter * self._drift_sigma**2
+        weight = count / self.jitter * self._drift_sigma**2
         self.drift, (time, lag) = _best_slope(
             corners, mean_time, weight, DRIFT_HUBER_SIGMAS * self._drift_sigma)
         envelope = lag - self.drift * time
         above = mean_lag - self.drift * mean_time - envelope
-        self._jitter = max(above, MIN_JITTER)
+        self.jitter = max(above, MIN_JITTER)
         # The minimum of n exponential delays is the mean delay / n on average.
         self._floor = envelope - above / count
 
@@ -257,11 +250,6 @@ class ArrivalTimestamps:
         self._period_ns = 0.0
         self._late: list[float] = []
         self._last_ns = 0
-
-    @property
-    def period(self) -> float:
-        """Return the period [s] by the host clock, 0 before it is estimated."""
-        return self._period_ns * 1e-9 * (1.0 + self._clock.drift)
 
     def timestamp(self, receive_ns: int, missed: int = 0) -> int:
         """Return the timestamp of a message received at ``receive_ns``; timestamps ascend."""

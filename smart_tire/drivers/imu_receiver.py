@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from smart_tire.drivers.clock_sync import ArrivalTimestamps, ClockSync
 from smart_tire.drivers.frame_receiver import FrameReceiver
@@ -25,7 +25,7 @@ from smart_tire.protocol import vectornav, vectornav_ascii, xsens
 from smart_tire.protocol.deframer import Deframer
 from smart_tire.samples import ImuSample
 
-Decoder = Callable[[bytes, int], tuple[int | None, ImuSample]]
+Decoder = Callable[[bytes], tuple[int | None, ImuSample]]
 
 
 @dataclass(frozen=True)
@@ -75,12 +75,9 @@ class ImuStream(FrameReceiver):
 
     def receive(self, chunk: bytes, receive_ns: int) -> Iterator[ImuSample]:
         """Take bytes that arrived at ``receive_ns`` and yield the samples they complete."""
-        for device_ns, sample in self._decoded(chunk, receive_ns, self._decode):
+        for device_ns, sample in self._decoded(chunk, receive_ns, self.protocol.decode):
             stamp_ns = self._stamp(device_ns, receive_ns) - self._latency_ns
-            yield ImuSample(stamp_ns, sample.acceleration, sample.rate, sample.orientation)
-
-    def _decode(self, body: bytes) -> tuple[int | None, ImuSample]:
-        return self.protocol.decode(body, 0)
+            yield replace(sample, stamp_ns=stamp_ns)
 
     def _stamp(self, device_ns: int | None, receive_ns: int) -> int:
         if device_ns is None:

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Which serial ports exist, who holds them, and which device answers on them.
+Which serial ports exist, who holds them, which device answers on them, and what is to be done.
 
 Sensors are recognized by listening. Only the port that is configured for the motor boards, and
 those with the USB identifier of a RoboClaw, are written to: a read request for the firmware
@@ -24,10 +24,10 @@ process holds is not opened.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import grp
 import os
 from pathlib import Path
@@ -48,16 +48,17 @@ from smart_tire.protocol.tire_payload import decode_batch
 from smart_tire.protocol.xbee import decode_receive_packet, XBeeDeframer
 
 TIRE_RADIO, MOTOR_BOARDS = 'tire_radio', 'roboclaw'
+NAMES = {TIRE_RADIO: 'XBee coordinator with sensor nodes', MOTOR_BOARDS: 'RoboClaw',
+         'vectornav_binary': 'VectorNav (binary)', 'vectornav_ascii': 'VectorNav (ASCII)',
+         'xsens': 'Xsens'}
 BAUD_RATES = (115200, 57600, 230400, 921600, 38400, 9600)  # of these devices, most usual first
 LISTEN_TIME = 0.3      # s at each baud rate: 7 batches of a sensor node, 12 frames of an IMU
 MIN_FRAMES = 2         # a checksum may fit by chance once
+READ_TIMEOUT = 0.02    # s
 REPLY_TIMEOUT = 0.04   # s; a board replies within a few ms
 NO_HARDWARE = 'n/a'    # of pyserial
 ROBOCLAW_USB = (0x03EB, 0x2404)  # vendor and product
 PROC, BY_ID = Path('/proc'), Path('/dev/serial/by-id')
-NAMES = {TIRE_RADIO: 'XBee coordinator with sensor nodes', MOTOR_BOARDS: 'RoboClaw',
-         'vectornav_binary': 'VectorNav (binary)', 'vectornav_ascii': 'VectorNav (ASCII)',
-         'xsens': 'Xsens'}
 
 
 @dataclass(frozen=True)
@@ -68,6 +69,22 @@ class Device:
     description: str = ''
     by_id: str = ''  # link that stays the same when devices are plugged in in another order
     roboclaw: bool = False  # by its USB identifier
+
+
+@dataclass(frozen=True)
+class Expected:
+    """A configured port."""
+
+    node: str
+    path: str
+    baud_rate: int
+    protocol: str
+    addresses: tuple[int, ...] = ()  # of motor boards or sensor nodes
+
+    @property
+    def where(self) -> str:
+        """Return the node and its port, for a finding."""
+        return f'{self.node} on {self.path}'
 
 
 @dataclass(frozen=True)
@@ -133,62 +150,65 @@ def scan(ports: Mapping[str, Iterable[int]], boards: Iterable[str] = ()) -> list
 
 def scan_port(path: str, baud_rates: tuple[int, ...], ask: bool) -> ScannedPort:
     """Return what answers on one port."""
+    port = ScannedPort(path)
     if not os.path.exists(path):
-        return ScannedPort(path, 'does not exist')
+        return replace(port, problem='does not exist')
     if problem := permission_problem(path):
-        return ScannedPort(path, problem)
+        return replace(port, problem=problem)
     if process := holder(path):
-        return ScannedPort(path, holder=process)
-    received = 0
+        return replace(port, holder=process)
     try:
         for baud_rate in baud_rates:
-            with closing(open_port(path, baud_rate, timeout=0.02)) as port:
-                data = _listen(port)
-                received += len(data)
-                if (found := identify(data)) is not None:
-                    return ScannedPort(path, '', '', found[0], baud_rate, f'{found[1]} frames',
-                                       received, sensor_nodes(data))
-                if ask and not data and baud_rate == baud_rates[0] and (
-                        versions := _versions(port)):
-                    return ScannedPort(
-                        path, '', '', MOTOR_BOARDS, baud_rate, ', '.join(
-                            f'{address} {text}' for address, text in versions.items()),
-                        addresses=tuple(versions))
+            asked = ask and not port.received and baud_rate == baud_rates[0]
+            port = _tried(port, baud_rate, asked)
+            if port.protocol:
+                break
     except LinkError as error:
         return ScannedPort(path, str(error))
     except PORT_ERRORS as error:
         return ScannedPort(path, f'lost: {error}')
-    return ScannedPort(path, received=received)
+    return port
 
 
-def identify(data: bytes) -> tuple[str, int] | None:
-    """Return protocol and number of valid frames in ``data``; None if it is none of these."""
-    counts = {name: _count(protocol.deframer(), data, lambda body, decode=protocol.decode:
-                           decode(body, 0)) for name, protocol in PROTOCOLS.items()}
-    counts[TIRE_RADIO] = _count(XBeeDeframer(), data, lambda body: decode_batch(
-        decode_receive_packet(body).data))
-    name = max(counts, key=counts.__getitem__)
-    return (name, counts[name]) if counts[name] >= MIN_FRAMES else None
+def _tried(scanned: ScannedPort, baud_rate: int, ask: bool) -> ScannedPort:
+    """Return ``scanned`` with what answers at ``baud_rate``; a silent port may be asked."""
+    with closing(open_port(scanned.path, baud_rate, timeout=READ_TIMEOUT)) as port:
+        data = _listen(port)
+        scanned = replace(scanned, received=scanned.received + len(data))
+        protocol, frames = identify(data)
+        if protocol:
+            addresses = sorted(set(frames)) if protocol == TIRE_RADIO else ()
+            return replace(scanned, protocol=protocol, baud_rate=baud_rate,
+                           details=f'{len(frames)} frames', addresses=tuple(addresses))
+        if ask and not data and (versions := _versions(port)):
+            details = ', '.join(f'{address} {text}' for address, text in versions.items())
+            return replace(scanned, protocol=MOTOR_BOARDS, baud_rate=baud_rate, details=details,
+                           addresses=tuple(versions))
+    return scanned
 
 
-def sensor_nodes(data: bytes) -> tuple[int, ...]:
-    """Return the 64-bit addresses of the sensor nodes whose batches are in ``data``."""
-    found = set()
-    for body in XBeeDeframer().extract(data):
-        with suppress(FrameError):
-            packet = decode_receive_packet(body)
-            decode_batch(packet.data)
-            found.add(packet.source)
-    return tuple(sorted(found))
+def identify(data: bytes) -> tuple[str, list[Any]]:
+    """Return protocol and decoded frames in ``data``; '' if it is none of these."""
+    found = {name: _decoded(protocol.deframer(), data, protocol.decode)
+             for name, protocol in PROTOCOLS.items()}
+    found[TIRE_RADIO] = _decoded(XBeeDeframer(), data, _sensor_node)
+    name = max(found, key=lambda name: len(found[name]))
+    return (name, found[name]) if len(found[name]) >= MIN_FRAMES else ('', [])
 
 
-def _count(deframer: Deframer, data: bytes, decode: Any) -> int:
-    count = 0
+def _sensor_node(body: bytes) -> int:
+    """Return the 64-bit address of the sensor node that sent a batch."""
+    packet = decode_receive_packet(body)
+    decode_batch(packet.data)
+    return packet.source
+
+
+def _decoded(deframer: Deframer, data: bytes, decode: Callable[[bytes], Any]) -> list[Any]:
+    frames = []
     for body in deframer.extract(data):
         with suppress(FrameError):
-            decode(body)
-            count += 1
-    return count
+            frames.append(decode(body))
+    return frames
 
 
 def _listen(port: Any) -> bytes:
@@ -212,17 +232,6 @@ def _versions(port: Any) -> dict[int, str]:
     return found
 
 
-@dataclass(frozen=True)
-class Expected:
-    """A configured port."""
-
-    node: str
-    path: str
-    baud_rate: int
-    protocol: str
-    addresses: tuple[int, ...] = ()  # of motor boards or sensor nodes
-
-
 def expected_ports(tire: TireReceiverParams, imu: ImuDriverParams,
                    motor: MotorDriverParams) -> list[Expected]:
     """Return the ports that the parameters of the drivers name."""
@@ -238,8 +247,7 @@ def ports_to_scan(expected: Sequence[Expected],
     """Return path -> baud rates, configured ones first, and the ports that may be RoboClaws."""
     rates: dict[str, tuple[int, ...]] = {device.path: BAUD_RATES for device in devices}
     for one in expected:
-        rates[one.path] = (one.baud_rate, *(rate for rate in BAUD_RATES
-                                            if rate != one.baud_rate))
+        rates[one.path] = tuple(dict.fromkeys((one.baud_rate, *BAUD_RATES)))
     boards = [one.path for one in expected if one.protocol == MOTOR_BOARDS]
     return rates, boards + [device.path for device in devices if device.roboclaw]
 
@@ -247,9 +255,8 @@ def ports_to_scan(expected: Sequence[Expected],
 def port_findings(expected: Sequence[Expected], devices: Sequence[Device],
                   scanned: Sequence[ScannedPort]) -> Iterator[Finding]:
     """Yield a finding on each configured port, then on each other device."""
-    found = {port.path: port for port in scanned}
-    links = {device.path: device.by_id for device in devices if device.by_id}
-    if not devices and not any(not port.problem for port in scanned):
+    found, used = {port.path: port for port in scanned}, {one.path for one in expected}
+    if not devices and all(port.problem for port in scanned):
         yield Finding(Level.WARNING, 'ports', 'this machine has no serial port',
                       ', '.join(one.path for one in expected), 'plug in the devices')
         return
@@ -257,51 +264,54 @@ def port_findings(expected: Sequence[Expected], devices: Sequence[Device],
         yield _configured(one, found[one.path], scanned)
         if found[one.path].protocol == one.protocol:
             yield from _addresses(one, found[one.path])
-    used = {one.path for one in expected}
     for device in devices:
         if device.path not in used:
-            yield _other(device, found[device.path])
-    for path, link in links.items():
-        if path in used:
-            yield Finding(Level.INFO, path, 'its number may change when devices are plugged in',
-                          action=f'use {link}')
+            yield Finding(Level.INFO, device.path, f'{_state(found[device.path])}, no driver is '
+                          f'configured for it ({device.description or "no description"})')
+    for device in devices:
+        if device.path in used and device.by_id:
+            yield Finding(Level.INFO, device.path,
+                          'its number may change when devices are plugged in',
+                          action=f'use {device.by_id}')
 
 
 def _configured(one: Expected, port: ScannedPort, scanned: Sequence[ScannedPort]) -> Finding:
-    where, name = f'{one.node} on {one.path}', NAMES[one.protocol]
-    if port.problem:
-        return Finding(Level.ERROR, where, port.problem, name, _remedy(one, port, scanned))
+    name = NAMES[one.protocol]
     if port.holder:
-        return Finding(Level.INFO, where, f'in use by {port.holder}: not opened')
-    if port.protocol == one.protocol and port.baud_rate == one.baud_rate:
-        return Finding(Level.OK, where, f'{name} answers at {port.baud_rate} baud '
-                       f'({port.details})')
-    if port.protocol == one.protocol:
-        return Finding(Level.ERROR, where, f'{name} answers at {port.baud_rate} baud',
+        return Finding(Level.INFO, one.where, f'in use by {port.holder}: not opened')
+    if port.protocol != one.protocol:
+        remedy = ('check supply, wiring, baud rate and protocol'
+                  if not (port.problem or port.protocol) else _remedy(one, port, scanned))
+        found = f'{NAMES[port.protocol]} answers' if port.protocol else _state(port)
+        return Finding(Level.ERROR, one.where, found, name, remedy)
+    if port.baud_rate != one.baud_rate:
+        return Finding(Level.ERROR, one.where, f'{name} answers at {port.baud_rate} baud',
                        f'{one.baud_rate} as configured', f'set baud_rate: {port.baud_rate}')
+    return Finding(Level.OK, one.where, _state(port))
+
+
+def _state(port: ScannedPort) -> str:
     if port.protocol:
-        return Finding(Level.ERROR, where, f'{NAMES[port.protocol]} answers', name,
-                       _remedy(one, port, scanned))
-    found = f'{port.received} bytes without a valid frame' if port.received else 'silent'
-    return Finding(Level.ERROR, where, found, name, 'check supply, wiring, baud rate and protocol')
+        return f'{NAMES[port.protocol]} answers at {port.baud_rate} baud ({port.details})'
+    if port.holder:
+        return f'in use by {port.holder}'
+    return port.problem or (
+        f'{port.received} bytes without a valid frame' if port.received else 'silent')
 
 
 def _addresses(one: Expected, port: ScannedPort) -> Iterator[Finding]:
     """Yield boards and sensor nodes that are silent, or not configured."""
-    where, boards = f'{one.node} on {one.path}', one.protocol == MOTOR_BOARDS
+    boards = one.protocol == MOTOR_BOARDS
     name, parameter = ('board', 'addresses') if boards else ('sensor node', 'units')
-
-    def text(address: int) -> str:
-        return str(address) if boards else f'{address:016X}'
-
+    text = str if boards else '{:016X}'.format
     for address in one.addresses:
         if address not in port.addresses:
-            yield Finding(Level.ERROR if boards else Level.WARNING, where,
+            yield Finding(Level.ERROR if boards else Level.WARNING, one.where,
                           f'{name} {text(address)} is silent', f'{parameter} lists it',
                           f'check its supply, and {parameter}')
     for address in port.addresses:
         if address not in one.addresses:
-            yield Finding(Level.WARNING, where, f'{name} {text(address)} answers',
+            yield Finding(Level.WARNING, one.where, f'{name} {text(address)} answers',
                           ', '.join(map(text, one.addresses)), f'add it to {parameter}')
 
 
@@ -312,18 +322,6 @@ def _remedy(one: Expected, port: ScannedPort, scanned: Sequence[ScannedPort]) ->
     if port.problem.startswith('no permission'):
         group = port.problem.rpartition(' ')[2]
         return f'sudo usermod -aG {group} $USER, then log in again'
-    if port.protocol in NAMES and one.node == 'imu_driver' and port.protocol not in (
-            TIRE_RADIO, MOTOR_BOARDS):
+    if one.node == 'imu_driver' and port.protocol in PROTOCOLS:
         return f'set protocol: {port.protocol}'
     return 'plug it in, or correct port'
-
-
-def _other(device: Device, port: ScannedPort) -> Finding:
-    state: Mapping[bool, str] = {True: f'in use by {port.holder}', False: port.problem}
-    if port.protocol:
-        text = f'{NAMES[port.protocol]} answers at {port.baud_rate} baud ({port.details})'
-    else:
-        text = state[bool(port.holder)] or (
-            f'{port.received} bytes, no known device' if port.received else 'silent')
-    return Finding(Level.INFO, device.path, f'{text}, no driver is configured for it '
-                   f'({device.description or "no description"})')

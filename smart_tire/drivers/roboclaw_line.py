@@ -35,7 +35,6 @@ POLL = (READ_ENCODERS, READ_CURRENTS, SET_DUTY)  # to each board
 BOARDS = 2
 MAX_EXCHANGES = 41     # latest ones of a command, whose median counts: a busy host adds outliers
 MIN_EXCHANGES = 16     # of a command, before the time is known
-BITS_PER_BYTE = 10     # with start and stop bit
 
 
 class RoboclawLine:
@@ -199,7 +198,7 @@ class LineTiming:
     def __init__(self) -> None:
         self._durations: defaultdict[Command, deque[int]] = defaultdict(
             lambda: deque(maxlen=MAX_EXCHANGES))
-        self.poll_time: float | None = None  # s, None until it is known
+        self.poll_time = 0.0  # s, 0 until it is known
 
     def record(self, command: Command, duration_ns: int) -> None:
         """Record a request with its good reply, which took ``duration_ns``."""
@@ -209,26 +208,13 @@ class LineTiming:
             self.poll_time = BOARDS / NS_PER_S * sum(
                 median(self._durations[one]) for one in POLL if self._durations[one])
 
-    @property
-    def max_rate(self) -> float | None:
-        """Return the maximum rate of polls [Hz], None until it is known."""
-        return None if self.poll_time is None else 1.0 / self.poll_time
-
     def excess(self, rate: float) -> str:
         """Return why the ``rate`` of polls [Hz] is too high, '' if it is not or not known."""
-        if self.max_rate is None or rate <= self.max_rate:
+        if rate * self.poll_time <= 1.0:
             return ''
         return f'rate is {rate:g} Hz, expected less; {self}'
 
     def __str__(self) -> str:
-        """Return poll time and maximum rate as text, '' until they are known."""
-        if self.poll_time is None:
-            return ''
+        """Return poll time and maximum rate, once they are known, as text."""
         return (f'{BOARDS} boards on the line: one poll takes {1e3 * self.poll_time:.1f} ms, '
                 f'at most {int(1.0 / self.poll_time)} Hz')
-
-
-def least_poll_time(baud_rate: int) -> float:
-    """Return the time [s] that the bytes of one poll need on a line with ``baud_rate``."""
-    size = BOARDS * sum(command.request_size + command.reply_size for command in POLL)
-    return size * BITS_PER_BYTE / baud_rate

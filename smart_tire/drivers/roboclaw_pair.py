@@ -50,7 +50,7 @@ from smart_tire.protocol.roboclaw import (
     ACKNOWLEDGE, BATTERY_RESOLUTION, duty_code, duty_from_code, READ_BATTERY, READ_ENCODERS,
     READ_STATUS, READ_TIMEOUT, SET_DUTY, SET_TIMEOUT, STATUS_NORMAL, timeout_code,
     TIMEOUT_RESOLUTION)
-from smart_tire.samples import Four, NS_PER_S, WHEELS, WheelSample
+from smart_tire.samples import four, NS_PER_S, WHEELS, WheelSample
 
 MAX_POLL_PERIOD = 0.0625           # s between encoder readings, for the checks at low sample rates
 KEEP_ALIVE_PERIOD_NS = 30_000_000  # between duties, a fraction of any board time-out
@@ -325,10 +325,5 @@ class RoboclawPair:
             effort += board.torques
             board.begin_span()
         stamp_ns = time.time_ns() - (time.monotonic_ns() - mean_ns)
-        return WheelSample(stamp_ns, _four(velocity), _four(position),
-                           None if all(map(math.isnan, effort)) else _four(effort))
-
-
-def _four(values: list[float]) -> Four:
-    front_left, front_right, rear_left, rear_right = values
-    return front_left, front_right, rear_left, rear_right
+        return WheelSample(stamp_ns, four(velocity), four(position),
+                           None if all(map(math.isnan, effort)) else four(effort))

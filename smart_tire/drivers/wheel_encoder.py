@@ -49,27 +49,20 @@ class WheelEncoder:
 
     def __init__(self, sign: int, counts_per_revolution: float) -> None:
         self.sign = sign
-        self._radians_per_count = math.tau / counts_per_revolution
+        self.resolution = math.tau / counts_per_revolution  # rad, angle of one count
         self._count: int | None = None
         self.position = 0.0  # rad, unwrapped
-        self.step = 0.0      # rad, of the latest reading
         self.jumped = False  # whether the latest step exceeded MAX_SPEED
 
     def add_count(self, count: int, elapsed: float) -> None:
         """Update the angle with a count read ``elapsed`` seconds after the previous one."""
-        self.step, self.jumped = 0.0, False
+        self.jumped = False
         if self._count is not None and elapsed > 0.0:
-            step = self.sign * count_step(count, self._count) * self._radians_per_count
+            step = self.sign * count_step(count, self._count) * self.resolution
             self.jumped = abs(step) > MAX_SPEED * elapsed
             if not self.jumped:
                 self.position += step
-                self.step = step
         self._count = count
-
-    @property
-    def resolution(self) -> float:
-        """Return the angle of one count [rad]."""
-        return self._radians_per_count
 
 
 @dataclass(frozen=True, slots=True)

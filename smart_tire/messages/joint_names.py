@@ -29,7 +29,7 @@ from typing import Any
 
 from smart_tire.errors import MessageError
 from smart_tire.parameters.robot import JointParams, STANDARD_JOINTS
-from smart_tire.samples import Four, WHEELS
+from smart_tire.samples import Four, four, WHEELS
 
 LAYOUT_CACHE_SIZE = 64  # lists of names; a robot has about ten
 TOKEN = re.compile(r'[A-Z]?[a-z]+|[A-Z]+(?![a-z])')  # also splits camelCase
@@ -113,7 +113,7 @@ def wheel_layout(names: tuple[str, ...], joints: JointParams, topic: str, *,
     indices = tuple(names.index(name) if name else None for name in resolved.names)
     signs = [-1.0 if name in resolved.inverted else 1.0 for name in resolved.names]
     torques = [sign / max(wanted.count(name), 1) for sign, name in zip(signs, resolved.names)]
-    return WheelLayout(indices, _four(signs), _four(torques))
+    return WheelLayout(indices, four(signs), four(torques))
 
 
 def resolved_joints(names: Sequence[str], joints: JointParams) -> JointParams:
@@ -146,8 +146,3 @@ def _message(names: Sequence[str], joints: JointParams, topic: str) -> str:
     wanted = ', '.join(dict.fromkeys(filter(None, joints.names)))
     return (f'{topic}: name is {list(names)}, expected each of {wanted} once'
             + (' (or other names in the parameters joints.*)' if joints.is_standard else ''))
-
-
-def _four(values: Sequence[float]) -> Four:
-    a, b, c, d = values
-    return a, b, c, d

@@ -31,7 +31,7 @@ from smart_tire.messages.header import (
 from smart_tire.messages.joint_names import wheel_layout, WheelLayout
 from smart_tire.parameters.robot import JointParams, STANDARD_JOINTS
 from smart_tire.samples import (
-    Four, Friction, FRICTION_QUANTITIES, GROUND_ESTIMATES, GroundState, MAX_WHEEL_SPEED,
+    Four, four, Friction, FRICTION_QUANTITIES, GROUND_ESTIMATES, GroundState, MAX_WHEEL_SPEED,
     MotorCommand, NAN, TireSample, WheelCommand, WHEELS, WheelSample, WheelSlip)
 from smart_tire.uncertain import Uncertain
 
@@ -56,8 +56,7 @@ def _wheel_indices(names: tuple[str, ...], topic: str) -> tuple[int, int, int, i
     if any(names.count(wheel) != 1 for wheel in WHEELS):
         raise MessageError(f'{topic}: name is {list(names)}, '
                            f'expected each of {", ".join(WHEELS)} once')
-    a, b, c, d = (names.index(wheel) for wheel in WHEELS)
-    return a, b, c, d
+    return four(map(names.index, WHEELS))
 
 
 def _four(msg: Any, field: str, topic: str) -> Four:
@@ -86,9 +85,8 @@ def wheels_from_msg(msg: Any, topic: str = 'wheel_states', joints: JointParams =
 def _wheel_values(msg: Any, field: str, factors: Four, layout: WheelLayout, topic: str) -> Four:
     """Return the numbers of the wheels times ``factors``; NaN for wheels without a joint."""
     values = _values(msg, field, topic)
-    a, b, c, d = [NAN if index is None else factor * values[index]
-                  for index, factor in zip(layout.indices, factors)]
-    return a, b, c, d
+    return four([NAN if index is None else factor * values[index]
+                 for index, factor in zip(layout.indices, factors)])
 
 
 def _positions(msg: Any, layout: WheelLayout, topic: str) -> Four | None:

@@ -169,9 +169,9 @@ class MotorDriver(DriverNode[MotorDriverParams]):
     def _fill_line_limit(self, status: Status) -> None:
         """Add the rate that the line permits, log it once, and warn if ``rate`` exceeds it."""
         timing = self._boards.line.timing
-        if timing.max_rate is None:
+        if not timing.poll_time:
             return
-        status.values['line_rate_limit'] = timing.max_rate
+        status.values['line_rate_limit'] = 1.0 / timing.poll_time
         if excess := timing.excess(self.params.rate):
             status.warn(excess)
         if not self._line_logged:

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import math
 
 from smart_tire.parameters.spec import nested, param
-from smart_tire.samples import WHEELS
+from smart_tire.samples import four, WHEELS
 
 SIDES = 'left', 'right'
 MOUNTING_TILT = 0.009    # rad, standard deviation of that of an IMU: half a degree
@@ -110,8 +110,7 @@ class JointParams:
     @property
     def measured(self) -> tuple[bool, bool, bool, bool]:
         """Return whether each of ``WHEELS`` is measured."""
-        a, b, c, d = map(bool, self.names)
-        return a, b, c, d
+        return four(map(bool, self.names))
 
 
 STANDARD_JOINTS = JointParams()

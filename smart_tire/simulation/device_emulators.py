@@ -29,7 +29,7 @@ import numpy as np
 
 from smart_tire.protocol import roboclaw, tire_payload, vectornav, vectornav_ascii, xbee, xsens
 from smart_tire.protocol.tire_payload import TireBatch
-from smart_tire.samples import Four, ImuSample, NS_PER_S
+from smart_tire.samples import Four, four, ImuSample, NS_PER_S
 
 # Initial values such that each counter wraps while the robot drives, as receivers must handle.
 START_SEQUENCE = tire_payload.SEQUENCE_WRAP - 500         # wraps after 20 s at 25 batches/s
@@ -212,9 +212,7 @@ class RoboclawEmulator:
 
     def duty(self, now_ns: int) -> Four:
         """Return the duties [-1, 1] of the motors at true time ``now_ns``."""
-        (front_left, front_right), (rear_left, rear_right) = (
-            board.duty(now_ns) for board in self._boards)
-        return front_left, front_right, rear_left, rear_right
+        return four(duty for board in self._boards for duty in board.duty(now_ns))
 
 
 class _Board:

@@ -23,7 +23,7 @@ import math
 import numpy as np
 
 from smart_tire.parameters.simulation import SimulatorParams
-from smart_tire.samples import Four, ImuSample, NS_PER_S, Sample, TireSample, WheelSample
+from smart_tire.samples import Four, four, ImuSample, NS_PER_S, Sample, TireSample, WheelSample
 from smart_tire.simulation.films import FilmBatch
 from smart_tire.simulation.plant import Plant, TIME_STEP
 from smart_tire.simulation.robot import Observation, PeriodicTimer, Robot
@@ -91,9 +91,8 @@ class _SpeedControl:
     def duties(self, plant: Plant) -> Four:
         dt = CONTROL_PERIOD_STEPS * TIME_STEP
         scheduled = self._schedule(plant.time_ns / NS_PER_S) * 2  # left, right, left, right
-        fl, fr, rl, rr = (self._duty(i, scheduled[i] * RAD_PER_S_PER_RPM, plant.wheel_speed[i], dt)
-                          for i in range(4))
-        return fl, fr, rl, rr
+        return four(self._duty(i, scheduled[i] * RAD_PER_S_PER_RPM, plant.wheel_speed[i], dt)
+                    for i in range(4))
 
     def _duty(self, i: int, scheduled: float, speed: float, dt: float) -> float:
         limit = MAX_SET_POINT_RATE * dt
@@ -142,10 +141,10 @@ class SimulatedHost:
         if last is None or stamp_ns <= last[0]:
             return
         dt = (stamp_ns - last[0]) / NS_PER_S
-        fl, fr, rl, rr = ((new - old) / dt for new, old in zip(angles, last[1]))
-        effort = robot.motors.torques(plant, duty, (fl, fr, rl, rr)) if duty else None
+        velocity = four((new - old) / dt for new, old in zip(angles, last[1]))
+        effort = robot.motors.torques(plant, duty, velocity) if duty else None
         self.events.append((now_ns + WHEEL_DELAY_NS, 'wheel_states',
-                            WheelSample(stamp_ns, (fl, fr, rl, rr), angles, effort)))
+                            WheelSample(stamp_ns, velocity, angles, effort)))
 
     def _receive_batch(self, batch: FilmBatch) -> None:
         """Add the samples of a radio batch, with delay and in order, unless it is lost."""

@@ -26,7 +26,7 @@ from smart_tire.models.vehicle.drive import measured_torque
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.parameters.simulation import SensorErrorParams, SimulatorParams
 from smart_tire.protocol.roboclaw import CURRENT_RESOLUTION
-from smart_tire.samples import Four, GRAVITY, Vector3
+from smart_tire.samples import Four, four, GRAVITY, Vector3
 from smart_tire.simulation.plant import Plant
 
 MOTOR_RNG_STREAM = 4  # index of the random stream of the motors
@@ -67,15 +67,13 @@ def encoder_counts(plant: Plant, counts_per_revolution: float,
                    ahead: float = 0.0) -> tuple[int, int, int, int]:
     """Return the encoder counts since the start, extrapolated ``ahead`` [s] of the plant."""
     scale = counts_per_revolution / math.tau
-    fl, fr, rl, rr = (math.floor((angle + ahead * speed) * scale)
-                      for angle, speed in zip(plant.wheel_angle, plant.wheel_speed))
-    return fl, fr, rl, rr
+    return four(math.floor((angle + ahead * speed) * scale)
+                for angle, speed in zip(plant.wheel_angle, plant.wheel_speed))
 
 
 def wheel_angles(counts: tuple[int, int, int, int], counts_per_revolution: float) -> Four:
     """Return the wheel angles [rad] of ``counts``."""
-    scale = math.tau / counts_per_revolution
-    return counts[0] * scale, counts[1] * scale, counts[2] * scale, counts[3] * scale
+    return four(count * (math.tau / counts_per_revolution) for count in counts)
 
 
 def _vector(values: npt.NDArray[np.float64]) -> Vector3:
@@ -105,16 +103,14 @@ class Motors:
         """Return one reading of the currents [A], positive driving forward."""
         ripple = self._rng.normal(0.0, self._noise, 4)
         currents = (np.array(plant.motor_torque) + self._offset + ripple) / self._torque_constant
-        fl, fr, rl, rr = (np.round(currents / CURRENT_RESOLUTION) * CURRENT_RESOLUTION).tolist()
-        return fl, fr, rl, rr
+        return four((np.round(currents / CURRENT_RESOLUTION) * CURRENT_RESOLUTION).tolist())
 
     def reported(self, currents: Four, duty: Four) -> Four:
         """Return ``currents`` with the sign that the boards report, see ``motor.current_sign``."""
         if self._motor.current_sign == 'signed':
             return currents
-        fl, fr, rl, rr = (current if value > 0.0 else -current if value < 0.0 else -abs(current)
-                          for current, value in zip(currents, duty))
-        return fl, fr, rl, rr
+        return four(current if value > 0.0 else -current if value < 0.0 else -abs(current)
+                    for current, value in zip(currents, duty))
 
     def torques(self, plant: Plant, duty: Four, velocity: Four) -> Four:
         """
@@ -123,8 +119,6 @@ class Motors:
         ``duty`` are the applied duties, ``velocity`` the measured wheel speeds [rad/s].
         """
         reported = self.reported(self.currents(plant), duty)
-        fl, fr, rl, rr = (
-            measured_torque(*one, torque_constant=self._motor.torque_constant,
-                            current_sign=self._motor.current_sign)
-            for one in zip(reported, duty, velocity))
-        return fl, fr, rl, rr
+        return four(measured_torque(*one, torque_constant=self._motor.torque_constant,
+                                    current_sign=self._motor.current_sign)
+                    for one in zip(reported, duty, velocity))

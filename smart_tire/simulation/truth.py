@@ -27,7 +27,7 @@ from smart_tire.messages import topic_of
 from smart_tire.models.tire import brush_tire, strain_charge
 from smart_tire.models.vehicle import skid_steer
 from smart_tire.parameters.robot import RobotParams
-from smart_tire.samples import Four, Friction, NAN, Odometry, WheelSlip
+from smart_tire.samples import four, Friction, NAN, Odometry, WheelSlip
 from smart_tire.simulation.films import FilmSampler, patch_position, WheelTrace
 from smart_tire.simulation.plant import Plant
 from smart_tire.uncertain import Uncertain, UNKNOWN
@@ -60,13 +60,9 @@ def true_slip(plant: Plant, robot: RobotParams, stamp_ns: int) -> WheelSlip:
     rolling = robot.wheel_radius * np.array(plant.wheel_speed)
     v_x = np.array(plant.wheel_v_x)
     ratio = skid_steer.slip_ratio(rolling, v_x, robot.slip.standstill_speed)
-    return WheelSlip(stamp_ns, _four(ratio), _four(rolling - v_x),
-                     _four(np.where(np.isnan(ratio), 1.0, 0.0)))
-
-
-def _four(values: Array) -> Four:
-    fl, fr, rl, rr = values.tolist()
-    return fl, fr, rl, rr
+    sigma = np.where(np.isnan(ratio), 1.0, 0.0)
+    return WheelSlip(stamp_ns, four(ratio.tolist()), four((rolling - v_x).tolist()),
+                     four(sigma.tolist()))
 
 
 class CrossingTruth:

@@ -107,7 +107,6 @@ def test_the_fit_restarts_at_once_with_the_device():
         clock.add_arrival(device[-1], arrival)
     assert not clock.is_consistent(0, arrival + 1_000_000_000)
     assert clock.add_arrival(0, arrival + 1_000_000_000) == arrival + 1_000_000_000
-    assert clock.restarts == 1
 
 
 @pytest.mark.parametrize('jump', [-30_000_000_000, -1_000_000_000, 30_000_000_000])
@@ -135,7 +134,6 @@ def test_a_pause_of_the_reader_does_not_shift_the_timestamps():
         if device[0] - DEVICE_NS > 2_000_000_000:
             worst = max(worst, abs(clock.host_ns(device[-1]) - host[-1]))
     assert worst < 0.5e6
-    assert clock.restarts == 0
 
 
 def test_a_repeated_message_changes_nothing():

@@ -17,8 +17,7 @@
 from __future__ import annotations
 
 import pytest
-from smart_tire.drivers.roboclaw_line import (
-    least_poll_time, LineTiming, MAX_EXCHANGES, MIN_EXCHANGES)
+from smart_tire.drivers.roboclaw_line import LineTiming, MAX_EXCHANGES, MIN_EXCHANGES
 from smart_tire.protocol.roboclaw import READ_CURRENTS, READ_ENCODERS, READ_STATUS, SET_DUTY
 
 MS = 1_000_000
@@ -38,7 +37,6 @@ def polled(count, *, currents=True, encoders=2.0):
 def test_a_poll_is_encoders_currents_and_duty_of_both_boards():
     timing = polled(MIN_EXCHANGES)
     assert timing.poll_time == pytest.approx(2 * 4.5e-3)
-    assert timing.max_rate == pytest.approx(1.0 / 9e-3)
     assert str(timing) == '2 boards on the line: one poll takes 9.0 ms, at most 111 Hz'
 
 
@@ -51,7 +49,7 @@ def test_a_rate_above_that_of_the_line_is_named():
 
 def test_the_time_is_unknown_before_enough_polls():
     timing = polled(MIN_EXCHANGES - 1)
-    assert timing.poll_time is None and timing.max_rate is None and str(timing) == ''
+    assert timing.poll_time == 0.0 and timing.excess(200.0) == ''
 
 
 def test_boards_without_currents_have_no_part_for_them():
@@ -79,8 +77,3 @@ def test_other_commands_are_no_part_of_a_poll():
     timing.record(READ_STATUS, 900 * MS)
     timing.record(SET_DUTY, round(1.5 * MS))
     assert timing.poll_time == pytest.approx(2 * 4.5e-3)
-
-
-def test_the_least_time_follows_from_bytes_and_baud_rate():
-    """Requests and replies of 12, 8 and 9 bytes to each board, 10 bits per byte."""
-    assert least_poll_time(115200) == pytest.approx(2 * 29 * 10 / 115200)

@@ -80,16 +80,21 @@ def device(port, reply) -> Iterator[list[bytes]]:
 
 @pytest.mark.parametrize('protocol', ['vectornav_binary', 'vectornav_ascii', 'xsens'])
 def test_an_imu_is_recognized_by_its_frames(protocol):
-    assert identify(b'\x00\xfa' + imu_bytes(protocol)[3:]) == (protocol, 19)
+    found, frames = identify(b'\x00\xfa' + imu_bytes(protocol)[3:])
+    assert (found, len(frames)) == (protocol, 19)
 
 
 def test_the_radio_is_recognized_and_one_frame_is_not_enough():
-    assert identify(radio_bytes()) == ('tire_radio', 8)
-    assert port_scan.sensor_nodes(radio_bytes()) == (0x13A20040A1B2C3,)
-    assert port_scan.sensor_nodes(imu_bytes('xsens')) == ()
-    assert identify(radio_bytes(2)) == ('tire_radio', 2)
-    assert identify(radio_bytes(1)) is None
-    assert identify(bytes(range(256)) * 8) is None
+    for count in (2, 8):
+        assert identify(radio_bytes(count)) == ('tire_radio', [0x13A20040A1B2C3] * count)
+    assert identify(radio_bytes(1)) == identify(bytes(range(256)) * 8) == ('', [])
+
+
+def test_the_sensor_nodes_of_a_radio_are_listed(port):
+    with device(port.plug_in(), lambda chunk: radio_bytes()):
+        found = scan_port(str(port.path), (115200,), ask=False)
+    assert (found.addresses, found.protocol) == ((0x13A20040A1B2C3,), 'tire_radio')
+    assert found.received > 0 and found.details.endswith(' frames')
 
 
 def test_a_device_that_sends_is_recognized_and_never_written_to(port):
